@@ -1,0 +1,1 @@
+"""Host driver for TraxBot, StingBot and other robots that speak `@command,arguments...e` frames."""

@@ -1,0 +1,187 @@
+"""Robot models: one YAML file each, beside this module or anywhere by path.
+
+A model is geometry, limits, sonar poses, the board parameters of the firmware's defaults and the robot ids it
+accepts.  Sources of the numbers stand in the files.
+"""
+import math
+import os
+from typing import Any, Dict, List, Mapping, NamedTuple, Tuple, Type, TypeVar, get_type_hints
+
+import yaml
+
+from ..errors import ConfigError
+from ..table import PARAMETERS
+
+_FOLDER = os.path.dirname(os.path.abspath(__file__))
+_Section = TypeVar("_Section", bound=tuple)
+
+
+class Drive(NamedTuple):
+    """Differential drive as the odometry needs it."""
+
+    wheel_separation_m: float
+    metres_per_count: float
+
+
+class Limits(NamedTuple):
+    """What the driver asks of the robot at most, unless told otherwise; the board's ceiling stays above."""
+
+    linear_m_s: float
+    angular_rad_s: float
+    linear_acceleration_m_s2: float
+    angular_acceleration_rad_s2: float
+
+
+class Body(NamedTuple):
+    """Outer size and mass."""
+
+    length_m: float
+    width_m: float
+    height_m: float
+    mass_kg: float
+    tracks: bool
+
+
+class SonarMount(NamedTuple):
+    """Where a sonar sits in base_link, and which way it looks (counter-clockwise from forward)."""
+
+    x_m: float
+    y_m: float
+    yaw_deg: float
+
+
+class Battery(NamedTuple):
+    """Battery voltages at which something changes [V], and capacity [Ah]."""
+
+    full_v: float
+    low_v: float
+    empty_v: float
+    off_v: float
+    capacity_ah: float
+
+
+class RobotModel(NamedTuple):
+    """One robot model; `board` maps parameter names (rows of `table.PARAMETERS`) to wire values."""
+
+    name: str
+    ids: Tuple[int, ...]
+    drive: Drive
+    board: Dict[str, int]
+    limits: Limits
+    body: Body
+    sonars: Dict[str, SonarMount]
+    battery: Battery
+
+
+def names() -> List[str]:
+    """Names of the models that come with the package."""
+    return sorted(f[:-5] for f in os.listdir(_FOLDER) if f.endswith(".yaml"))
+
+
+def load(name_or_path: str) -> RobotModel:
+    """The model of that name, or in that YAML file.
+
+    Raises:
+        ConfigError: no such model, or a key is missing, misspelt, of the wrong type or out of range.
+    """
+    path = name_or_path
+    if not path.endswith((".yaml", ".yml")):
+        path = os.path.join(_FOLDER, f"{name_or_path}.yaml")
+    try:
+        with open(path, encoding="utf-8") as file:
+            data = yaml.safe_load(file)
+    except OSError:
+        raise ConfigError(f"robot {name_or_path!r} is unknown, expected {', '.join(names())} "
+                          "or the path of a .yaml file") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: no YAML: {' '.join(str(error).split())}") from None
+    return _Reader(path).model(data)
+
+
+def by_id(robot_id: int) -> str:
+    """Name of the packaged model that lists `robot_id`, or an empty string."""
+    return next((name for name in names() if robot_id in load(name).ids), "")
+
+
+_POSITIVE = (1e-9, 1e6)
+_RANGES = {"x_m": (-10.0, 10.0), "y_m": (-10.0, 10.0), "yaw_deg": (-180.0, 180.0), "off_v": (0.0, 100.0)}
+
+
+class _Reader:
+    """Reads checked values out of parsed YAML; each error names file, key, value and range."""
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+
+    def model(self, data: Any) -> RobotModel:
+        keys = self._keys("", data, RobotModel._fields)
+        sonars = {name: self._section(f"sonars.{name}", value, SonarMount)
+                  for name, value in self._mapping("sonars", keys["sonars"]).items()}
+        return RobotModel(
+            name=self._text("name", keys["name"]), ids=self._ids(keys["ids"]),
+            drive=self._section("drive", keys["drive"], Drive), board=self._board(keys["board"]),
+            limits=self._section("limits", keys["limits"], Limits), body=self._section("body", keys["body"], Body),
+            sonars=sonars, battery=self._section("battery", keys["battery"], Battery))
+
+    def _fail(self, key: str, got: Any, expected: str) -> ConfigError:
+        return ConfigError(f"{self._path}: {key or 'file'} is {got!r}, expected {expected}")
+
+    def _mapping(self, key: str, data: Any) -> Mapping[str, Any]:
+        if not isinstance(data, dict):
+            raise self._fail(key, data, "a mapping of keys to values")
+        return data
+
+    def _keys(self, key: str, data: Any, fields: Tuple[str, ...]) -> Mapping[str, Any]:
+        found = self._mapping(key, data)
+        prefix = f"{key}." if key else ""
+        for name in found:
+            if name not in fields:
+                raise ConfigError(f"{self._path}: key {prefix}{name} is unknown, expected {', '.join(fields)}")
+        for name in fields:
+            if name not in found:
+                raise ConfigError(f"{self._path}: key {prefix}{name} is missing")
+        return found
+
+    def _section(self, key: str, data: Any, kind: Type[_Section]) -> _Section:
+        found = self._keys(key, data, kind._fields)  # type: ignore[attr-defined]
+        hints = get_type_hints(kind)
+        return kind(**{name: self._flag(f"{key}.{name}", found[name]) if hints[name] is bool else
+                       self._number(f"{key}.{name}", found[name], *_RANGES.get(name, _POSITIVE)) for name in hints})
+
+    def _number(self, key: str, value: Any, low: float, high: float) -> float:
+        good = isinstance(value, (int, float)) and not isinstance(value, bool) and low <= value <= high
+        if not good:
+            raise self._fail(key, value, f"a number from {low:g} to {high:g}")
+        return float(value)
+
+    def _flag(self, key: str, value: Any) -> bool:
+        if not isinstance(value, bool):
+            raise self._fail(key, value, "true or false")
+        return value
+
+    def _text(self, key: str, value: Any) -> str:
+        if not isinstance(value, str) or not value:
+            raise self._fail(key, value, "a name")
+        return value
+
+    def _whole(self, key: str, value: Any, low: int, high: int) -> int:
+        if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
+            raise self._fail(key, value, f"a whole number from {low} to {high}")
+        return value
+
+    def _ids(self, value: Any) -> Tuple[int, ...]:
+        if not isinstance(value, list) or not value:
+            raise self._fail("ids", value, "a list of robot ids")
+        return tuple(self._whole("ids", each, 1, 32767) for each in value)
+
+    def _board(self, data: Any) -> Dict[str, int]:
+        rows = {row.name: row for row in PARAMETERS if row.index in BOARD_KEYS}
+        found = self._keys("board", data, tuple(rows))
+        return {name: self._whole(f"board.{name}", found[name], row.low, row.high) for name, row in rows.items()}
+
+
+BOARD_KEYS = range(1, 12)
+"""Indices of the parameters whose defaults differ between models; the others' stand in `COMMON_BOARD`."""
+COMMON_BOARD = {"motor_timeout": 3, "sonar_a": 11767, "sonar_b": 9466, "sonar_c": -3759, "bus_speed": 400,
+                "bus_stop": 0}
+"""Defaults that all models share.  Sonar curve: thesis 2012, b is 0.94657 cut to the wire's 1e-4."""

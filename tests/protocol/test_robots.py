@@ -1,0 +1,87 @@
+"""Robot model files: what is packaged loads, and what is wrong is said in one line."""
+import math
+
+import pytest
+import yaml
+
+from mrl_driver import robots
+from mrl_driver.errors import ConfigError
+
+
+@pytest.fixture
+def traxbot():
+    with open(robots.__file__.replace("__init__.py", "traxbot.yaml"), encoding="utf-8") as file:
+        return yaml.safe_load(file)
+
+
+def load(tmp_path, data):
+    path = tmp_path / "robot.yaml"
+    path.write_text(data if isinstance(data, str) else yaml.safe_dump(data))
+    return robots.load(str(path))
+
+
+def test_packaged_models_load():
+    assert [robots.load(name).name for name in robots.names()] == ["stingbot", "traxbot"]
+
+
+@pytest.mark.parametrize("name, radius_m", [("traxbot", 0.0390), ("stingbot", 0.0327)])
+def test_metres_per_count_gives_the_wheel_radius(name, radius_m):
+    """2796.8 counts a turn."""
+    assert robots.load(name).drive.metres_per_count * 2796.8 / (2 * math.pi) == pytest.approx(radius_m, abs=1e-4)
+
+
+def test_no_id_belongs_to_two_models():
+    ids = [each for name in robots.names() for each in robots.load(name).ids]
+    assert len(ids) == len(set(ids))
+
+
+def test_id_finds_its_model():
+    assert [robots.by_id(1), robots.by_id(5), robots.by_id(6)] == ["traxbot", "stingbot", ""]
+
+
+def test_unknown_name_lists_the_known():
+    with pytest.raises(ConfigError, match="robot 'traxbt' is unknown, expected stingbot, traxbot or the path"):
+        robots.load("traxbt")
+
+
+@pytest.mark.parametrize("section, key, value, message", [
+    ("drive", "wheel_separation_m", "wide", "drive.wheel_separation_m is 'wide', expected a number from"),
+    ("drive", "wheel_separation_m", True, "drive.wheel_separation_m is True"),
+    ("drive", "wheel_separation_m", [0.1], r"drive.wheel_separation_m is \[0.1\]"),
+    ("drive", "metres_per_count", 0, "drive.metres_per_count is 0"),
+    ("drive", "metres_per_count", -1.0, "drive.metres_per_count is -1.0"),
+    ("drive", "metres_per_count", math.nan, "drive.metres_per_count is nan"),
+    ("drive", "metres_per_count", math.inf, "drive.metres_per_count is inf"),
+    ("board", "kp", 700.5, "board.kp is 700.5, expected a whole number from 0 to 32767"),
+    ("board", "kp", 40000, "board.kp is 40000"),
+    ("body", "tracks", 1, "body.tracks is 1, expected true or false"),
+])
+def test_wrong_value_names_key_value_and_range(tmp_path, traxbot, section, key, value, message):
+    traxbot[section][key] = value
+    with pytest.raises(ConfigError, match=message):
+        load(tmp_path, traxbot)
+
+
+def test_misspelt_key_is_named(tmp_path, traxbot):
+    traxbot["drive"]["wheel_seperation_m"] = 0.2
+    with pytest.raises(ConfigError, match="key drive.wheel_seperation_m is unknown"):
+        load(tmp_path, traxbot)
+
+
+def test_missing_key_is_named(tmp_path, traxbot):
+    del traxbot["drive"]["metres_per_count"]
+    with pytest.raises(ConfigError, match="key drive.metres_per_count is missing"):
+        load(tmp_path, traxbot)
+
+
+@pytest.mark.parametrize("text", ["\tname: x", "a: [", "\x00"])
+def test_what_is_no_yaml_is_refused_in_one_line(tmp_path, text):
+    with pytest.raises(ConfigError, match="no YAML") as caught:
+        load(tmp_path, text)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["", "5", "- a"])
+def test_what_is_no_mapping_is_refused(tmp_path, text):
+    with pytest.raises(ConfigError, match="expected a mapping"):
+        load(tmp_path, text)

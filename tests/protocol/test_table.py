@@ -1,0 +1,43 @@
+"""The command table is complete and consistent."""
+from mrl_driver import table
+from mrl_driver.table import BY_CODE, COMMANDS, PARAMETERS
+
+
+def test_codes_run_from_one_without_a_gap():
+    assert [row.code for row in COMMANDS] == list(range(1, len(COMMANDS) + 1))
+
+
+def test_names_are_unique():
+    assert len({row.name for row in COMMANDS}) == len(COMMANDS)
+
+
+def test_every_row_and_field_has_a_sentence():
+    texts = [row.text for row in COMMANDS] + [f.text for row in COMMANDS for f in row.request + row.reply]
+    assert all(text.endswith((".", "?")) for text in texts)
+
+
+def test_every_field_fits_int16():
+    fields = [field for row in COMMANDS for field in row.request + row.reply]
+    assert all(-32768 <= field.low <= field.high <= 32767 for field in fields)
+
+
+def test_parameters_are_indexed_in_order():
+    assert [row.index for row in PARAMETERS] == list(range(len(PARAMETERS)))
+
+
+def test_config_commands_reach_every_parameter():
+    assert table.BY_NAME["read_config"].request[0].high == len(PARAMETERS) - 1
+
+
+def test_streams_repeat_a_stamped_row():
+    assert all(BY_CODE[row.repeats].stamped for row in COMMANDS if row.repeats)
+
+
+def test_status_ranges_match_their_tables():
+    ranges = {field.name: field.high for field in table.BY_NAME["read_status"].reply}
+    assert (ranges["reset_cause"], ranges["stop_reason"]) == (len(table.RESET_CAUSES) - 1, len(table.STOP_REASONS) - 1)
+
+
+def test_longest_frame_is_the_xbee_text():
+    """`@39,` + 4 addresses + length + 8 words + check: the longest row there is [byte]."""
+    assert table.MAX_FRAME == len("@39" + 4 * ",-32768" + ",16" + 8 * ",-32768" + ",-32768" + "e")
