@@ -7,10 +7,12 @@ Grammar: `'@' command { ',' argument } 'e'`; integers are canonical decimals of 
 and the empty string are not).  A '@' inside a frame restarts it.
 """
 from binascii import crc_hqx
-from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple, Union
+from operator import getitem
+from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 from .errors import FrameError
-from .table import BY_CODE, COMMANDS, MAX_ARGUMENTS, MAX_FRAME, MAX_NOISE, STAMP, STOP_CODE, Command, Field
+from .table import (BY_CODE, COMMANDS, INT16_MAX, INT16_MIN, MAX_ARGUMENTS, MAX_FRAME, MAX_NOISE, STAMP, STOP_CODE,
+                    Command, Field)
 
 _AT, _END, _CR, _LF = b"@e\r\n"
 _PRINTABLE = range(0x20, 0x7F)
@@ -41,54 +43,69 @@ class Garbage(NamedTuple):
 Event = Union[Frame, Garbage]
 
 
-class _Shape(NamedTuple):
-    """What the table asks of one frame: argument count, and the ranges that are narrower than int16."""
-
-    least: int
-    most: int
-    narrow: Tuple[Tuple[int, int, int], ...]
-    guarded: bool
-    stamped: bool
-
-
-class Direction:
-    """The shapes of all frames that travel one way; `lines` if each stands on a line of its own."""
-
-    def __init__(self, shapes: Dict[int, _Shape], lines: bool) -> None:
-        self.shapes = shapes
-        self.lines = lines
-
-
-def _shape(fields: Sequence[Field], optional: int, guarded: bool = False, stamped: bool = False) -> _Shape:
-    narrow = tuple((i, f.low, f.high) for i, f in enumerate(fields) if (f.low, f.high) != (-32768, 32767))
-    return _Shape(len(fields) - optional, len(fields), narrow, guarded, stamped)
-
-
-REQUESTS = Direction({row.code: _shape(row.request, row.optional, guarded=row.guarded)
-                      for row in COMMANDS if row.name != "xbee_text"}, lines=False)
-"""Host to board."""
-REPLIES = Direction({row.code: _shape(row.reply, row.optional_reply, stamped=row.stamped)
-                     for row in COMMANDS if row.reply}, lines=True)
-"""Board to host.  Boards also print free text, so a '@' behind text on the same line starts no frame."""
-
-
 class _Integers(Dict[bytes, int]):
-    """Canonical int16 tokens seen so far, at most 65536; looking one up is parsing, range check and strictness."""
+    """Canonical tokens of one range, seen so far: looking one up is parsing, strictness and range check in one."""
+
+    def __init__(self, low: int, high: int) -> None:
+        self.low, self.high = low, high
 
     def __missing__(self, token: bytes) -> int:
-        if len(token) > 6:
-            raise KeyError(token)
-        try:
-            value = int(token)
-        except ValueError:
-            raise KeyError(token) from None
-        if token != b"%d" % value or not -32768 <= value <= 32767:
+        value = _parse(token)
+        if not self.low <= value <= self.high:
             raise KeyError(token)
         self[token] = value
         return value
 
 
-_integer = _Integers().__getitem__
+_INT16 = _Integers(INT16_MIN, INT16_MAX)
+
+
+def _parse(token: bytes) -> int:
+    """The canonical int16 in `token`; KeyError if it is none."""
+    try:
+        value = int(token) if len(token) <= 6 else None
+    except ValueError:
+        value = None
+    if value is None or token != b"%d" % value or not INT16_MIN <= value <= INT16_MAX:
+        raise KeyError(token)
+    return value
+
+
+class _Shape(NamedTuple):
+    """What the table asks of one frame: how many arguments, each one's range; the stamp's two are parsed last."""
+
+    code: int
+    least: int
+    most: int
+    parsers: Tuple[_Integers, ...]
+    guarded: bool
+    stamped: bool
+
+
+def _shape(row: Command, fields: Sequence[Field], optional: int, guarded: bool, stamped: bool) -> _Shape:
+    wide = [_INT16] * (len(STAMP) if stamped else 0)
+    parsers = [_INT16 if (f.low, f.high) == (INT16_MIN, INT16_MAX) else _Integers(f.low, f.high) for f in fields]
+    return _Shape(row.code, len(fields) - optional, len(fields), tuple(parsers + wide), guarded, stamped)
+
+
+class Direction:
+    """The shapes of all frames that travel one way; `lines` if each stands on a line of its own.
+
+    `heads` finds a shape by all that stands before the first argument.
+    """
+
+    def __init__(self, shapes: Sequence[_Shape], lines: bool) -> None:
+        self.shapes = {shape.code: shape for shape in shapes}
+        self.heads = {head % shape.code: shape for shape in shapes for head in (b"@%d", b"\r\n@%d")}
+        self.lines = lines
+
+
+REQUESTS = Direction([_shape(row, row.request, row.optional, row.guarded, False)
+                      for row in COMMANDS if row.name != "xbee_text"], lines=False)
+"""Host to board."""
+REPLIES = Direction([_shape(row, row.reply, row.optional_reply, False, row.stamped)
+                     for row in COMMANDS if row.reply], lines=True)
+"""Board to host.  Boards also print free text, so a '@' behind text on the same line starts no frame."""
 
 
 def check_value(body: bytes) -> int:
@@ -107,6 +124,7 @@ class FrameDecoder:
     def __init__(self, direction: Optional[Direction] = None, checked: bool = False) -> None:
         self.checked = checked
         self._shapes = direction.shapes if direction else {}
+        self._heads = direction.heads if direction else {}
         self._tabled = direction is not None
         self._lines = bool(direction and direction.lines)
         self._frame = bytearray()
@@ -116,56 +134,51 @@ class FrameDecoder:
     def feed(self, data: bytes) -> List[Event]:
         """Frames and garbage completed by `data`, in the order of the wire."""
         events: List[Event] = []
-        pieces = data.split(b"e")
-        rest = pieces.pop()
+        *pieces, rest = data.split(b"e")
+        waiting = iter(pieces)
         quick = self._quick_checked if self.checked else self._quick
-        for piece in pieces:
-            frame = None if self._frame or self._noise or self._text else quick(piece)
-            if frame is not None:
-                events.append(frame)
-            else:
-                self._scan(piece + b"e", events)
-        self._scan(rest, events)
+        odd: Optional[bytes] = b""
+        while odd is not None:
+            between = not (self._frame or self._noise or self._text)
+            odd = quick(waiting, events) if between else next(waiting, None)
+            self._scan(rest if odd is None else odd + b"e", events)
         return events
 
-    def _quick(self, piece: bytes) -> Optional[Frame]:
-        """The frame in `piece` if it is a good plain one that starts a line; None leaves the verdict to `_scan`."""
-        start = 3 if piece[:3] == b"\r\n@" else 1
-        if piece[start - 1:start] != b"@":
-            return None
-        try:
-            code, *args = map(_integer, piece[start:].split(b","))
-        except KeyError:
-            return None
-        shape = self._shapes.get(code)
-        if shape is None or len(args) != shape.most or shape.guarded:
-            return None
-        for i, low, high in shape.narrow:
-            if not low <= args[i] <= high:
-                return None
-        return _new(Frame, (code, tuple(args), None))
+    def _quick(self, waiting: Iterator[bytes], events: List[Event]) -> Optional[bytes]:
+        """Takes plainly good frames that start a line; returns the first piece that is none, for `_scan`."""
+        heads = self._heads
+        for piece in waiting:
+            tokens = piece.split(b",")
+            shape = heads.get(tokens.pop(0))
+            if shape is None or len(tokens) != shape.most or shape.guarded:
+                return piece
+            try:
+                args = tuple(map(getitem, shape.parsers, tokens))
+            except KeyError:
+                return piece
+            events.append(_new(Frame, (shape.code, args, None)))
+        return None
 
-    def _quick_checked(self, piece: bytes) -> Optional[Frame]:
+    def _quick_checked(self, waiting: Iterator[bytes], events: List[Event]) -> Optional[bytes]:
         """As `_quick`, for frames that end in a check value."""
-        body, _, token = piece.rpartition(b",")
-        start = 2 if body[:2] == b"\r\n" else 0
-        if body[start:start + 1] != b"@":
-            return None
-        try:
-            if _integer(token) & 0xFFFF != crc_hqx(body[start:], 0xFFFF):
-                return None
-            code, *args = map(_integer, body[start + 1:].split(b","))
-        except KeyError:
-            return None
-        shape = self._shapes.get(code)
-        if shape is None or len(args) != shape.most + 2 * shape.stamped:
-            return None
-        for i, low, high in shape.narrow:
-            if not low <= args[i] <= high:
-                return None
-        if shape.stamped:
-            return _new(Frame, (code, tuple(args[:-2]), _new(Stamp, args[-2:])))
-        return _new(Frame, (code, tuple(args), None))
+        heads = self._heads
+        for piece in waiting:
+            body, _, check = piece.rpartition(b",")
+            tokens = body.split(b",")
+            shape = heads.get(tokens.pop(0))
+            if shape is None or len(tokens) != len(shape.parsers):
+                return piece
+            try:
+                args = tuple(map(getitem, shape.parsers, tokens))
+                if _INT16[check] & 0xFFFF != crc_hqx(body[2:] if body[:1] == b"\r" else body, 0xFFFF):
+                    return piece
+            except KeyError:
+                return piece
+            stamp = None
+            if shape.stamped:
+                args, stamp = args[:-2], _new(Stamp, args[-2:])
+            events.append(_new(Frame, (shape.code, args, stamp)))
+        return None
 
     def _scan(self, data: bytes, events: List[Event]) -> None:
         """The whole grammar, byte by byte."""
@@ -210,7 +223,7 @@ class FrameDecoder:
         values: List[int] = []
         for token in data[1:-1].split(b","):
             try:
-                values.append(_integer(token))
+                values.append(_INT16[token])
             except KeyError:
                 return Garbage(data, _refuse(token))
         if len(values) > MAX_ARGUMENTS + 1:
@@ -240,7 +253,7 @@ class FrameDecoder:
             return Garbage(data, "argument_count")
         if not shape.least <= len(args) <= shape.most:
             return Garbage(data, "argument_count")
-        if any(i < len(args) and not low <= args[i] <= high for i, low, high in shape.narrow):
+        if not all(parser.low <= value <= parser.high for parser, value in zip(shape.parsers, args)):
             return Garbage(data, "argument_range")
         return Frame(code, tuple(args), stamp)
 

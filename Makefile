@@ -1,0 +1,70 @@
+# mrl-driver.  `make help` lists the targets.  Set-up is idempotent: what is there is not installed again.
+SHELL := /bin/bash
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
+
+VENV := .venv
+PY := $(VENV)/bin/python
+ROBOT ?= traxbot
+ENGINE ?=
+PORT ?=
+DURATION ?=
+SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
+
+# A Noetic under /opt/ros comes with all of ROS; Debian's own packages are the real thing elsewhere.
+ifneq ($(wildcard /opt/ros/noetic/setup.bash),)
+ROS_ENV := source /opt/ros/noetic/setup.bash &&
+APT_ROS :=
+else
+ROS_ENV :=
+APT_ROS := ros-core ros-base python3-rospy python3-rosmaster python3-roslaunch python3-rostopic python3-rosnode \
+  python3-rosbag python3-rostest rosbash python3-tf2-ros python3-tf2-geometry-msgs python3-sensor-msgs \
+  python3-nav-msgs python3-geometry-msgs python3-diagnostic-msgs python3-diagnostic-updater \
+  python3-dynamic-reconfigure python3-move-base-msgs python3-actionlib python3-std-srvs python3-roswtf \
+  libdynamic-reconfigure-config-init-mutex-dev ros-robot-state-publisher joint-state-publisher rosdiagnostic catkin \
+  catkin-lint
+endif
+APT := $(APT_ROS) python3-venv python3-serial python3-yaml gcc g++ gcc-avr avr-libc binutils-avr arduino-core-avr \
+  avrdude libsimavr-dev libelf-dev clang libfuzzer-14-dev psmisc
+
+.PHONY: help setup check test run clean
+
+help: ## List the targets
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
+
+setup: $(VENV)/.ready ## Install what is missing: Debian packages, then a virtual environment in .venv
+
+# Missing Debian packages are asked for by name each time, so that a package removed later is noticed.
+.PHONY: apt
+apt:
+	@missing=$$(for p in $(APT); do dpkg-query -W -f='$${Status}' $$p 2>/dev/null | grep -q 'ok installed' || echo $$p; done); \
+	if [ -n "$$missing" ]; then \
+	  echo "installing" $$missing; \
+	  [ "$$(id -u)" = 0 ] || [ -n "$(SUDO)" ] || { echo "make setup needs root or sudo to install:" $$missing >&2; exit 1; }; \
+	  export DEBIAN_FRONTEND=noninteractive; \
+	  $(SUDO) apt-get update -q && $(SUDO) apt-get install -qy --no-install-recommends $$missing; \
+	fi
+
+# The virtual environment is made from Debian's own python3: its rospy lives there.
+$(VENV)/.ready: setup.py pyproject.toml package.xml | apt
+	@[ -x $(PY) ] || /usr/bin/python3 -m venv --system-site-packages $(VENV)
+	$(PY) -m pip install -q --disable-pip-version-check -e '.[dev]'
+	@touch $@
+
+include firmware/firmware.mk
+
+check: setup ## Format, lint, types, generated files, import rules
+	$(VENV)/bin/ruff format --check -q .
+	$(VENV)/bin/ruff check -q .
+	$(VENV)/bin/mypy
+	$(PY) -m mrl_driver.generate --check
+
+test: check firmware pc-firmware ## Set everything up and run all tests
+	$(ROS_ENV) $(PY) -m pytest -n 2 --dist loadgroup
+
+run: setup firmware ## Drive an emulated robot through ROS with a live view; PORT=/dev/ttyACM0 for a real one
+	@$(ROS_ENV) exec $(PY) -m ros1_bridge.run --robot $(ROBOT) $(if $(ENGINE),--engine $(ENGINE)) \
+	  $(if $(PORT),--port $(PORT)) $(if $(DURATION),--duration $(DURATION))
+
+clean: ## Remove what was built; the virtual environment stays
+	rm -rf build dist *.egg-info
