@@ -20,6 +20,7 @@ BELOW = {
     "robots": {"errors", "table"},
     "odometry": {"errors", "table"},
     "sonar": {"errors", "table"},
+    "clock": {"table"},
     "link": {"errors"},
     "session": None,
     "driver": None,
