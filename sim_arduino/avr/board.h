@@ -1,0 +1,170 @@
+/* One simulated Arduino Uno: libsimavr's ATmega328P core with peripherals of our own where 1.6 is not true to
+ * the chip (USART0, TWI, ADC, EEPROM, watchdog, interrupts).
+ *
+ * libsimavr is GPL. This code is compiled on the user's machine; no binary linked with it is shipped.
+ * All times are CPU cycles since power-up; numbers are from the ATmega328P datasheet unless named otherwise.
+ */
+#ifndef MRL_BOARD_H
+#define MRL_BOARD_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <simavr/sim_avr.h>
+
+#define EXPORT __attribute__((visibility("default")))
+
+enum { I2C_BUFFER = 64, VECTORS = 32, IO_ADDRESSES = 256, PORTS = 3 };
+
+enum { VECTOR_WDT = 6, VECTOR_USART_RX = 18, VECTOR_USART_UDRE = 19, VECTOR_EEPROM = 22, VECTOR_TWI = 24 };
+
+enum run_status { RUN_DONE = 0, RUN_CRASHED = 1, RUN_STOPPED = 2 };
+
+typedef struct board board_t;
+
+/* What the board asks the outside; `cycle` is the moment it happened. */
+typedef int (*i2c_present_fn)(uint8_t address, uint64_t cycle);
+typedef void (*i2c_write_fn)(uint8_t address, const uint8_t *data, int length, uint64_t cycle);
+typedef int (*i2c_read_fn)(uint8_t address, uint8_t *out, int limit, uint64_t cycle);
+typedef double (*adc_fn)(int channel, uint64_t cycle); /* -> V */
+typedef void (*pin_fn)(int port, int bit, int level, uint64_t cycle);
+
+typedef struct {
+    i2c_present_fn present;
+    i2c_write_fn write;
+    i2c_read_fn read;
+    adc_fn adc;
+    pin_fn pin;
+} hooks_t;
+
+typedef struct {
+    double start; /* falling edge of the start bit */
+    double bit;   /* length of one bit */
+    uint8_t data;
+} line_byte_t;
+
+typedef struct {
+    uint64_t start, end;
+    uint8_t data;
+} sent_byte_t;
+
+typedef struct {
+    uint8_t data, frame_error;
+} received_t;
+
+typedef struct {
+    /* transmitter */
+    bool shifting, full;
+    uint8_t shift, buffer;
+    uint64_t shift_start, shift_end;
+    sent_byte_t *sent;
+    size_t sent_count, sent_room;
+    /* receiver */
+    received_t fifo[2], waiting;
+    int fifo_count;
+    bool waiting_full, overrun, receiving;
+    double look_from, frame_start;
+    line_byte_t *line;
+    size_t line_count, line_room;
+    double line_free, host_bit, host_gap;
+    uint64_t lost;
+} usart_t;
+
+enum twi_phase { TWI_IDLE, TWI_START, TWI_STOP, TWI_ADDRESS, TWI_SEND, TWI_RECEIVE };
+enum bus_hang { HANG_NONE = 0, HANG_SDA_LOW = 1, HANG_SCL_LOW = 2 };
+
+typedef struct {
+    enum twi_phase phase;
+    bool owned, address_next, reading, start_after_stop;
+    uint8_t address, buffer[I2C_BUFFER];
+    int length, position;
+    /* faults */
+    enum bus_hang hang;
+    int stretch;        /* cycles a slave adds to every byte */
+    int nack_after;     /* data bytes acknowledged before the first NACK; -1 = all */
+    int release_clocks; /* clock pulses by hand after which a stuck slave lets SDA go; 0 = never */
+} twi_t;
+
+typedef struct {
+    avr_io_t io; /* first: the `wdr` instruction reaches us as an ioctl of this module */
+    board_t *board;
+    uint64_t change_until; /* timed sequence: WDE and WDP may change up to this cycle */
+} watchdog_t;
+
+typedef struct {
+    bool first;
+    uint16_t count;
+} adc_t;
+
+typedef struct {
+    uint64_t cycle;
+    uint8_t port, bit, level;
+} pin_event_t;
+
+typedef struct {
+    board_t *board;
+    int port;
+    avr_io_write_t write;
+    void *param;
+} port_register_t;
+
+typedef struct {
+    port_register_t registers[PORTS][3];
+    uint8_t driven[PORTS], external[PORTS], watched[PORTS];
+    pin_event_t *planned;
+    size_t planned_count, planned_room;
+    pin_event_t *changes;
+    size_t changes_count, changes_room;
+} pins_t;
+
+typedef struct {
+    board_t *board;
+    avr_io_write_t write;
+    void *param;
+} wrapped_t;
+
+struct board {
+    avr_t *avr;
+    hooks_t hooks;
+    usart_t usart;
+    twi_t twi;
+    watchdog_t watchdog;
+    adc_t adc;
+    pins_t pins;
+    avr_int_vector_t *vector[VECTORS];
+    wrapped_t wrapped[IO_ADDRESSES], eeprom_control;
+    bool stop, reset_wanted, asleep;
+    int reset_flags; /* MCUSR after a reset; -1 = what the chip sets */
+    uint32_t crash_pc;
+    uint64_t resets;
+};
+
+/* ATmega328P data addresses */
+enum {
+    PIN_B = 0x23, EECR_ = 0x3F, MCUSR_ = 0x54, WDTCSR_ = 0x60, ADCL_ = 0x78, ADCH_ = 0x79, ADCSRA_ = 0x7A,
+    ADCSRB_ = 0x7B, ADMUX_ = 0x7C, TWBR_ = 0xB8, TWSR_ = 0xB9, TWDR_ = 0xBB, TWCR_ = 0xBC,
+    UCSR0A_ = 0xC0, UCSR0B_ = 0xC1, UCSR0C_ = 0xC2, UBRR0L_ = 0xC4, UBRR0H_ = 0xC5, UDR0_ = 0xC6
+};
+
+void board_on_write(board_t *board, int address, avr_io_write_t handler);
+void board_on_read(board_t *board, int address, avr_io_read_t handler);
+void board_recheck(board_t *board);
+bool board_room(void **items, size_t *room, size_t count, size_t item_size);
+
+void usart_attach(board_t *board);
+void usart_reset(board_t *board);
+void twi_attach(board_t *board);
+void twi_reset(board_t *board);
+void twi_clocked_by_hand(board_t *board);
+void watchdog_attach(board_t *board);
+void watchdog_reset(board_t *board);
+uint8_t watchdog_served(uint8_t control);
+void adc_attach(board_t *board);
+void eeprom_attach(board_t *board);
+bool eeprom_is_ready(const board_t *board);
+void adc_reset(board_t *board);
+void pins_attach(board_t *board);
+void pins_reset(board_t *board);
+void pins_set(board_t *board, int port, int bit, int level);
+
+#endif

@@ -1,0 +1,81 @@
+"""Compiles the harness on the user's machine: libsimavr is GPL, so no binary linked with it is shipped."""
+
+import os
+import subprocess
+from pathlib import Path
+from typing import List
+
+from mrl_driver.errors import SimulatorError
+
+SOURCES = Path(__file__).resolve().parent
+PACKAGES = "gcc libc6-dev libsimavr-dev"
+LIBRARY = "libmrl_board.so"
+LONGEST_REASON = 160  # characters of compiler output in a message
+
+
+class SimulatorMissing(SimulatorError):
+    """The machine lacks what the simulated chip is built from."""
+
+
+def library_path() -> Path:
+    """Where the compiled harness belongs: `build/sim/` of a checkout, else the user's cache folder."""
+    checkout = SOURCES.parent.parent
+    if (checkout / "Makefile").is_file() and (checkout / "firmware").is_dir():
+        return checkout / "build" / "sim" / LIBRARY
+    from platformdirs import user_cache_dir
+
+    return Path(user_cache_dir("mrl-driver")) / LIBRARY
+
+
+def build(library: Path) -> Path:
+    """Compiles the harness to `library` unless that is newer than every source; returns the path.
+
+    Several processes may do so at once: each compiles to a name of its own and renames it into place.
+
+    Raises:
+        SimulatorMissing: there is no compiler or no libsimavr; the message names the Debian packages.
+    """
+    if not _is_current(library):
+        library.parent.mkdir(parents=True, exist_ok=True)
+        draft = library.with_name("{}.{}".format(library.name, os.getpid()))
+        try:
+            _compile(draft)
+            os.replace(str(draft), str(library))
+        finally:
+            if draft.exists():
+                draft.unlink()
+    return library
+
+
+def _is_current(library: Path) -> bool:
+    sources = list(SOURCES.glob("*.[ch]"))
+    return library.exists() and all(library.stat().st_mtime >= source.stat().st_mtime for source in sources)
+
+
+def _compile(target: Path) -> None:
+    try:
+        result = subprocess.run(
+            _command(target), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False
+        )
+    except OSError as error:
+        raise _missing(str(error)) from error
+    if result.returncode:
+        raise _missing(_reason(result.stdout.decode("utf-8", "replace")))
+
+
+def _command(target: Path) -> List[str]:
+    compiler = os.environ.get("CC", "cc").split()
+    sources = sorted(str(source) for source in SOURCES.glob("*.c"))
+    flags = ["-std=gnu11", "-O2", "-Wall", "-Wextra", "-shared", "-fPIC", "-fvisibility=hidden"]
+    return compiler + flags + sources + ["-o", str(target), "-lsimavr", "-lm"]
+
+
+def _reason(output: str) -> str:
+    errors = [line for line in output.splitlines() if "error" in line or "cannot find" in line]
+    return (errors or output.splitlines() or ["the compiler gave no reason"])[0].strip()[:LONGEST_REASON]
+
+
+def _missing(reason: str) -> SimulatorMissing:
+    return SimulatorMissing(
+        "the simulated chip cannot be compiled ({}): on Debian, apt-get install {}".format(reason, PACKAGES)
+    )

@@ -1,0 +1,97 @@
+"""Reads what a simulated chip needs from an AVR ELF file: flash, EEPROM and symbols."""
+
+import struct
+from pathlib import Path
+from typing import Dict, Iterator, List, NamedTuple, Tuple
+
+from mrl_driver.errors import SimulatorError
+
+DATA_BASE = 0x800000
+EEPROM_BASE = 0x810000
+FUSES_BASE = 0x820000
+
+_HEADER = struct.Struct("<16sHHIIIIIHHHHHH")
+_SEGMENT = struct.Struct("<IIIIIIII")
+_SECTION = struct.Struct("<IIIIIIIIII")
+_SYMBOL = struct.Struct("<IIIBBH")
+_MACHINE_AVR = 83
+_SEGMENT_LOAD = 1
+_SECTION_SYMBOLS = 2
+
+
+class Symbol(NamedTuple):
+    """A name of the image: address (SRAM ones without the linker's 0x800000) and size in bytes."""
+
+    address: int
+    size: int
+
+
+class Image(NamedTuple):
+    """An image's contents: `(address, bytes)` pieces of flash and EEPROM, and its symbols by name."""
+
+    flash: List[Tuple[int, bytes]]
+    eeprom: List[Tuple[int, bytes]]
+    symbols: Dict[str, Symbol]
+
+
+def read_image(path: Path) -> Image:
+    """The image in an ELF file made by avr-gcc.
+
+    Raises:
+        SimulatorError: the file is missing or is no AVR ELF file.
+    """
+    try:
+        raw = Path(path).read_bytes()
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise SimulatorError(
+            "firmware image {}: {}; build it with make firmware".format(path, reason)
+        ) from error
+    try:
+        return _parse(raw)
+    except (struct.error, ValueError) as error:
+        raise SimulatorError("firmware image {}: not an AVR ELF file ({})".format(path, error)) from error
+
+
+def _parse(raw: bytes) -> Image:
+    header = _HEADER.unpack_from(raw)
+    if header[0][:5] != b"\x7fELF\x01" or header[2] != _MACHINE_AVR:
+        raise ValueError("starts with {!r}, machine {}".format(raw[:5], header[2]))
+    pieces = list(_loaded(raw, header))
+    flash = [(address, data) for address, data in pieces if address < DATA_BASE]
+    eeprom = [
+        (address - EEPROM_BASE, data) for address, data in pieces if EEPROM_BASE <= address < FUSES_BASE
+    ]
+    return Image(flash, eeprom, dict(_symbols(raw, header)))
+
+
+def _loaded(raw: bytes, header: Tuple) -> Iterator[Tuple[int, bytes]]:
+    offset, entry_size, count = header[5], header[9], header[10]
+    for index in range(count):
+        kind, at, _, physical, size, _, _, _ = _SEGMENT.unpack_from(raw, offset + index * entry_size)
+        if kind == _SEGMENT_LOAD and size:
+            yield physical, raw[at : at + size]
+
+
+def _sections(raw: bytes, header: Tuple) -> List[Tuple]:
+    offset, entry_size, count = header[6], header[11], header[12]
+    return [_SECTION.unpack_from(raw, offset + index * entry_size) for index in range(count)]
+
+
+def _symbols(raw: bytes, header: Tuple) -> Iterator[Tuple[str, Symbol]]:
+    sections = _sections(raw, header)
+    for _, kind, _, _, at, size, link, _, _, _ in sections:
+        if kind != _SECTION_SYMBOLS:
+            continue
+        names = sections[link][4]
+        for entry in range(at, at + size, _SYMBOL.size):
+            name_at, value, length, _, _, section = _SYMBOL.unpack_from(raw, entry)
+            if name_at and section:
+                yield (
+                    _text(raw, names + name_at),
+                    Symbol(value & 0xFFFF if value >= DATA_BASE else value, length),
+                )
+
+
+def _text(raw: bytes, at: int) -> str:
+    return raw[at : raw.index(b"\0", at)].decode("ascii", "replace")

@@ -1,0 +1,276 @@
+/* The board's life: creation, run loop, interrupts, resets. */
+#include "board.h"
+
+#include <simavr/sim_core.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { DATA_SPACE = 0x10000, INTERRUPT_ENTRY_CYCLES = 4, WAKE_UP_CYCLES = 4 };
+enum { PORF_BIT = 0, EXTRF_BIT = 1, WDRF_BIT = 3 };
+
+static char last_message[256];
+
+static void keep_message(avr_t *avr, const int level, const char *format, va_list arguments) {
+    (void)avr;
+    if (level <= LOG_WARNING)
+        vsnprintf(last_message, sizeof last_message, format, arguments);
+}
+
+bool board_room(void **items, size_t *room, size_t count, size_t item_size) {
+    if (count < *room)
+        return true;
+    size_t wanted = *room ? 2 * *room : 64;
+    void *grown = realloc(*items, wanted * item_size);
+    if (!grown)
+        return false;
+    *items = grown;
+    *room = wanted;
+    return true;
+}
+
+/* ---- interrupts ---- */
+
+/* Makes the run loop look at all interrupt sources after the current instruction. */
+void board_recheck(board_t *board) {
+    if (board->avr->interrupt_state == 0)
+        board->avr->interrupt_state = 1;
+}
+
+static void recheck_after_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    wrapped_t *wrapped = param;
+    if (wrapped->write)
+        wrapped->write(avr, address, value, wrapped->param);
+    else
+        avr->data[address] = value;
+    board_recheck(wrapped->board);
+}
+
+/* Enable and flag bits decide at any moment; a register that holds them is watched. */
+static void watch_register(board_t *board, int address) {
+    if (!address || board->wrapped[address].board)
+        return;
+    wrapped_t *wrapped = &board->wrapped[address];
+    *wrapped = (wrapped_t){board, board->avr->io[address - 32].w.c, board->avr->io[address - 32].w.param};
+    board->avr->io[address - 32].w.c = recheck_after_write;
+    board->avr->io[address - 32].w.param = wrapped;
+}
+
+static void collect_vectors(board_t *board) {
+    static const uint8_t levels[] = {VECTOR_USART_RX, VECTOR_USART_UDRE, VECTOR_TWI};
+    avr_int_table_t *table = &board->avr->interrupts;
+    for (int i = 0; i < table->vector_count; i++) {
+        avr_int_vector_t *vector = table->vector[i];
+        if (vector->vector < VECTORS)
+            board->vector[vector->vector] = vector;
+        watch_register(board, vector->enable.reg);
+        watch_register(board, vector->raised.reg);
+    }
+    for (size_t i = 0; i < sizeof levels; i++)
+        board->vector[levels[i]]->raise_sticky = 1; /* the flag stays until its cause is gone */
+}
+
+static bool is_wanted(board_t *board, avr_int_vector_t *vector) {
+    avr_t *avr = board->avr;
+    if (!vector || !avr_regbit_get(avr, vector->enable))
+        return false;
+    if (vector->vector == VECTOR_EEPROM)
+        return eeprom_is_ready(board);
+    return vector->raised.reg ? avr_regbit_get(avr, vector->raised) : vector->pending;
+}
+
+static avr_int_vector_t *most_urgent(board_t *board) {
+    for (int number = 1; number < VECTORS; number++)
+        if (is_wanted(board, board->vector[number]))
+            return board->vector[number];
+    return NULL;
+}
+
+static void enter(board_t *board, avr_int_vector_t *vector) {
+    avr_t *avr = board->avr;
+    avr->cycle += INTERRUPT_ENTRY_CYCLES;
+    if (board->asleep)
+        avr->cycle += WAKE_UP_CYCLES;
+    avr->state = cpu_Running;
+    _avr_push_addr(avr, avr->pc);
+    avr->sreg[S_I] = 0;
+    avr->pc = vector->vector * avr->vector_size;
+    uint8_t watchdog = avr->data[WDTCSR_];
+    avr_clear_interrupt(avr, vector);
+    if (vector->vector == VECTOR_WDT)
+        avr->data[WDTCSR_] = watchdog_served(watchdog);
+}
+
+/* After SEI and RETI one more instruction runs before an interrupt: the core sets -2 there. */
+static void serve_interrupts(board_t *board) {
+    avr_t *avr = board->avr;
+    if (avr->interrupt_state < -1) {
+        avr->interrupt_state = -1;
+        return;
+    }
+    avr->interrupt_state = 0;
+    avr->interrupts.pending.read = avr->interrupts.pending.write;
+    if (!avr->sreg[S_I])
+        return;
+    avr_int_vector_t *vector = most_urgent(board);
+    if (vector)
+        enter(board, vector);
+}
+
+/* ---- run loop ---- */
+
+static avr_cycle_count_t slice_end(avr_t *avr, avr_cycle_count_t when, void *param) {
+    (void)avr, (void)when, (void)param;
+    return 0;
+}
+
+static void reset_now(board_t *board, uint8_t cause);
+
+static void sleep_until(avr_t *avr, avr_cycle_count_t pause, uint64_t target) {
+    uint64_t left = target > avr->cycle ? target - avr->cycle : 0;
+    avr->cycle += pause < left ? (pause ? pause : 1) : left;
+}
+
+static void run_some(board_t *board, uint64_t target) {
+    avr_t *avr = board->avr;
+    board->asleep = avr->state == cpu_Sleeping;
+    if (avr->state == cpu_Running) {
+        avr_flashaddr_t next = avr_run_one(avr);
+        if (avr->state == cpu_Crashed || avr->state == cpu_Stopped)
+            board->crash_pc = avr->pc;
+        avr->pc = next;
+    }
+    avr_cycle_count_t pause = avr_cycle_timer_process(avr);
+    if (board->reset_wanted)
+        reset_now(board, 1 << WDRF_BIT);
+    else if (avr->interrupt_state)
+        serve_interrupts(board);
+    if (avr->state == cpu_Sleeping)
+        sleep_until(avr, pause, target);
+}
+
+/* Runs to the first instruction boundary at or after `target`. */
+EXPORT int mrl_run_until(board_t *board, uint64_t target) {
+    avr_t *avr = board->avr;
+    board->stop = false;
+    if (avr->cycle < target)
+        avr_cycle_timer_register(avr, target - avr->cycle, slice_end, board);
+    while (avr->cycle < target && !board->stop) {
+        run_some(board, target);
+        if (avr->state != cpu_Running && avr->state != cpu_Sleeping)
+            return RUN_CRASHED;
+    }
+    avr_cycle_timer_cancel(avr, slice_end, board);
+    return board->stop ? RUN_STOPPED : RUN_DONE;
+}
+
+/* ---- resets ---- */
+
+static void reset_now(board_t *board, uint8_t cause) {
+    avr_t *avr = board->avr;
+    uint8_t flags = (uint8_t)((avr->data[MCUSR_] | cause) & 0x0F);
+    uint64_t cycle = avr->cycle;
+    avr_reset(avr);
+    avr->cycle = cycle;
+    avr->data[MCUSR_] = board->reset_flags < 0 ? flags : (uint8_t)board->reset_flags;
+    board->reset_wanted = false;
+    board->resets++;
+    usart_reset(board);
+    twi_reset(board);
+    watchdog_reset(board);
+    adc_reset(board);
+    pins_reset(board);
+}
+
+/* Reset line (DTR): SRAM keeps its contents. */
+EXPORT void mrl_reset(board_t *board) {
+    reset_now(board, 1 << EXTRF_BIT);
+}
+
+/* Power comes back: SRAM and registers hold the bytes of `pattern` (2304: from address 0 to RAMEND). */
+EXPORT void mrl_power_cycle(board_t *board, const uint8_t *pattern) {
+    avr_t *avr = board->avr;
+    memcpy(avr->data, pattern, (size_t)avr->ramend + 1);
+    memset(avr->data + 32, 0, (size_t)avr->ioend + 1 - 32);
+    reset_now(board, 1 << PORF_BIT);
+    if (board->reset_flags < 0)
+        avr->data[MCUSR_] = 1 << PORF_BIT;
+}
+
+/* MCUSR as every following start shows it; -1 = as the chip does (a bootloader clears it: 0). */
+EXPORT void mrl_set_reset_flags(board_t *board, int flags) {
+    board->reset_flags = flags;
+}
+
+/* ---- creation ---- */
+
+void board_on_write(board_t *board, int address, avr_io_write_t handler) {
+    board->wrapped[address] = (wrapped_t){board, handler, board};
+    board->avr->io[address - 32].w.c = recheck_after_write;
+    board->avr->io[address - 32].w.param = &board->wrapped[address];
+}
+
+void board_on_read(board_t *board, int address, avr_io_read_t handler) {
+    board->avr->io[address - 32].r.c = handler;
+    board->avr->io[address - 32].r.param = board;
+}
+
+/* A stray write goes through before the core reports it; give it all of the 16-bit space to land in. */
+static bool widen_data_space(avr_t *avr) {
+    uint8_t *data = calloc(1, DATA_SPACE);
+    if (!data)
+        return false;
+    memcpy(data, avr->data, (size_t)avr->ramend + 1);
+    free(avr->data);
+    avr->data = data;
+    return true;
+}
+
+EXPORT board_t *mrl_create(uint32_t frequency_hz, const hooks_t *hooks) {
+    avr_global_logger_set(keep_message);
+    board_t *board = calloc(1, sizeof *board);
+    avr_t *avr = board ? avr_make_mcu_by_name("atmega328p") : NULL;
+    if (!avr)
+        return NULL;
+    avr_init(avr);
+    if (!widen_data_space(avr))
+        return NULL;
+    avr->frequency = frequency_hz;
+    avr->log = LOG_WARNING;
+    board->avr = avr;
+    board->hooks = *hooks;
+    board->reset_flags = -1;
+    usart_attach(board);
+    twi_attach(board);
+    watchdog_attach(board);
+    adc_attach(board);
+    eeprom_attach(board);
+    pins_attach(board);
+    collect_vectors(board);
+    return board;
+}
+
+EXPORT void mrl_load(board_t *board, uint8_t *code, uint32_t size, uint32_t address) {
+    avr_loadcode(board->avr, code, size, address);
+    if (board->avr->codeend < address + size)
+        board->avr->codeend = address + size;
+}
+
+EXPORT void mrl_destroy(board_t *board) {
+    free(board->usart.sent);
+    free(board->usart.line);
+    free(board->pins.planned);
+    free(board->pins.changes);
+    avr_terminate(board->avr);
+    free(board->avr);
+    free(board);
+}
+
+EXPORT void mrl_stop(board_t *board) { board->stop = true; }
+EXPORT uint64_t mrl_cycle(board_t *board) { return board->avr->cycle; }
+EXPORT uint32_t mrl_pc(board_t *board) { return board->avr->pc; }
+EXPORT uint32_t mrl_crash_pc(board_t *board) { return board->crash_pc; }
+EXPORT uint64_t mrl_resets(board_t *board) { return board->resets; }
+EXPORT uint8_t *mrl_data(board_t *board) { return board->avr->data; }
+EXPORT const char *mrl_message(void) { return last_message; }
+EXPORT int mrl_is_asleep(board_t *board) { return board->avr->state == cpu_Sleeping; }

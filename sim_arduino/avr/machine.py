@@ -1,0 +1,306 @@
+"""An Arduino Uno that runs a real firmware image in simulated time: one AvrMachine per board.
+
+Time is the CPU's cycle count since power-up; the same image and inputs give the same cycles on every machine.
+"""
+
+import random
+from pathlib import Path
+from typing import Any, Callable, Dict, Iterable, List, Optional, Union
+
+from mrl_driver.errors import SimulatorError
+from sim_arduino.avr import native
+from sim_arduino.avr.elf import Symbol, read_image
+from sim_arduino.avr.records import PinChange, SentByte, Transfer, bit_of, pin_masks, pin_of, port_of
+
+UNO_HZ = 16000000
+HOST_BAUD = 115200
+LINE_BITS = 10  # 8N1: start, eight data bits, stop
+EEPROM_BYTES = 1024
+RAM_START, RAM_END = 0x100, 0x8FF
+HANGS = {None: 0, "sda": 1, "scl": 2}
+
+
+class MachineCrashed(SimulatorError):
+    """The program left its memory; a real chip would go on, wrongly."""
+
+
+class AvrMachine:
+    """A powered board with `elf` in its flash.
+
+    Attributes:
+        i2c: slaves by 7-bit address; each has `write(data, time_s)`, `read(count, time_s) -> bytes` and
+            optionally `present`.
+        adc_volts: called at each conversion as `adc_volts(channel, time_s)`; returns volts at the pin.
+        on_pin: called as `on_pin(pin, level, time_s)` when a watched pin changes.
+        on_transfer: called with a Transfer for everything that happens on the I2C bus.
+
+    Raises:
+        SimulatorError: no such image.  SimulatorMissing: no compiler or libsimavr.
+    """
+
+    def __init__(self, elf: Union[str, Path], frequency_hz: int = UNO_HZ, seed: int = 0) -> None:
+        image = read_image(Path(elf))
+        self.frequency_hz = frequency_hz
+        self.symbols = image.symbols
+        self.i2c: Dict[int, Any] = {}
+        self.adc_volts: Callable[[int, float], float] = lambda channel, time_s: 0.0
+        self.on_pin: Optional[Callable[[int, int, float], None]] = None
+        self.on_transfer: Optional[Callable[[Transfer], None]] = None
+        self._failure: Optional[BaseException] = None
+        self._native = native.load()
+        self._hooks = self._make_hooks()
+        self._board = self._native.mrl_create(frequency_hz, self._hooks)
+        if not self._board:
+            raise SimulatorError("libsimavr knows no atmega328p: on Debian, apt-get install libsimavr-dev")
+        for address, data in image.flash:
+            self._native.mrl_load(self._board, data, len(data), address)
+        for address, data in image.eeprom:
+            self.write_eeprom(address, data)
+        self.set_host_baud(HOST_BAUD)
+        self.power_cycle(seed)
+
+    def close(self) -> None:
+        """Frees the simulated chip; the machine is of no use afterwards."""
+        board, self._board = self._board, None
+        if board:
+            self._native.mrl_destroy(board)
+
+    def __enter__(self) -> "AvrMachine":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # ---- time and resets
+
+    @property
+    def cycle(self) -> int:
+        """CPU cycles since power first came on; resets do not set it back."""
+        return self._native.mrl_cycle(self._board)
+
+    @property
+    def time_s(self) -> float:
+        """Simulated seconds since power first came on."""
+        return self.cycle / self.frequency_hz
+
+    @property
+    def resets(self) -> int:
+        """Starts of the program so far, the first one included."""
+        return self._native.mrl_resets(self._board)
+
+    def run_until(self, cycle: int) -> None:
+        """Runs to the first instruction boundary at or after `cycle` (at most 4 cycles later).
+
+        Raises:
+            MachineCrashed: the program touched an address that is no memory.
+            Exception: whatever a slave or another callback raised; the machine stands where that happened.
+        """
+        status = self._native.mrl_run_until(self._board, max(0, int(cycle)))
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
+        if status == native.RUN_CRASHED:
+            raise MachineCrashed(self._crash_report())
+
+    def run(self, seconds: float) -> None:
+        """Runs for a simulated duration [s]."""
+        self.run_until(self.cycle + int(round(seconds * self.frequency_hz)))
+
+    def reset(self) -> None:
+        """The reset line: what opening the port does through DTR. SRAM keeps its contents."""
+        self._native.mrl_reset(self._board)
+
+    def power_cycle(self, seed: int = 0) -> None:
+        """Power off and on: SRAM and registers hold noise drawn from `seed`."""
+        noise = random.Random(seed)
+        self._noise = bytes(noise.getrandbits(8) for _ in range(RAM_END + 1))
+        self._native.mrl_power_cycle(self._board, self._noise)
+
+    def set_reset_flags(self, flags: Optional[int]) -> None:
+        """MCUSR as the program finds it after every coming reset: 0 behind a bootloader that clears it,
+        None for what the chip sets."""
+        self._native.mrl_set_reset_flags(self._board, -1 if flags is None else flags)
+
+    # ---- serial line
+
+    def set_host_baud(self, baud: float, gap_s: float = 0.0) -> None:
+        """Speed of the host's transmitter [bit/s] and its pause between bytes [s]."""
+        self._native.mrl_uart_set_host(self._board, self.frequency_hz / baud, gap_s * self.frequency_hz)
+
+    def send(self, data: bytes, at_cycle: Optional[int] = None) -> int:
+        """Puts bytes on the line from `at_cycle` (now), behind those still on it.
+
+        Returns the cycle at which the last stop bit ends.
+        """
+        start = self.cycle if at_cycle is None else at_cycle
+        self._native.mrl_uart_send(self._board, bytes(data), len(data), start)
+        return int(self._native.mrl_uart_line_free(self._board))
+
+    def sent(self) -> List[SentByte]:
+        """The bytes whose stop bit has left the board since the last call."""
+        count = self._native.mrl_uart_sent_count(self._board)
+        buffer = (native.Sent * count)()
+        self._native.mrl_uart_sent(self._board, buffer, count)
+        return [SentByte(one.data, one.start, one.end) for one in buffer]
+
+    @property
+    def bytes_lost(self) -> int:
+        """Received bytes that data overruns have cost so far."""
+        return self._native.mrl_uart_lost(self._board)
+
+    @property
+    def baud(self) -> float:
+        """What the board's baud rate registers say [bit/s]."""
+        return self.frequency_hz / self._native.mrl_uart_bit(self._board)
+
+    # ---- I2C faults
+
+    def hang_bus(self, line: Optional[str], release_clocks: int = 0) -> None:
+        """Holds "sda" or "scl" low, or frees the bus (None).
+
+        A held SDA comes free after `release_clocks` clock pulses made through the port; 0 = never.
+        """
+        if line not in HANGS:
+            raise ValueError("bus line {!r} is none of 'sda', 'scl', None".format(line))
+        self._native.mrl_twi_set_hang(self._board, HANGS[line], release_clocks)
+
+    def stretch_clock(self, cycles: int) -> None:
+        """Every byte on the bus takes so many CPU cycles longer."""
+        self._native.mrl_twi_set_stretch(self._board, cycles)
+
+    def nack_after(self, count: Optional[int]) -> None:
+        """Slaves acknowledge `count` data bytes of a write and no more; None = all."""
+        self._native.mrl_twi_set_nack_after(self._board, -1 if count is None else count)
+
+    # ---- pins
+
+    def pin(self, pin: int) -> int:
+        """Level of a pin (Arduino number, A0 = 14), driven or from outside."""
+        return self._native.mrl_pin_level(self._board, port_of(pin), bit_of(pin))
+
+    def set_pin(self, pin: int, level: int, at_cycle: Optional[int] = None) -> None:
+        """Gives an input a level now or at a later cycle; undriven pins are high."""
+        port, bit = port_of(pin), bit_of(pin)
+        if at_cycle is None:
+            self._native.mrl_pin_set(self._board, port, bit, int(level))
+        else:
+            self._native.mrl_pin_plan(self._board, port, bit, int(level), at_cycle)
+
+    def watch_pins(self, pins: Iterable[int]) -> None:
+        """Chooses the pins whose changes are reported by `pin_changes` and `on_pin`."""
+        for port, mask in pin_masks(pins).items():
+            self._native.mrl_pin_watch(self._board, port, mask)
+
+    def pin_changes(self) -> List[PinChange]:
+        """Changes of the watched pins since the last call."""
+        count = self._native.mrl_pin_changes_count(self._board)
+        buffer = (native.PinEvent * count)()
+        self._native.mrl_pin_changes(self._board, buffer, count)
+        return [PinChange(pin_of(one.port, one.bit), one.level, one.cycle) for one in buffer]
+
+    # ---- memory
+
+    def symbol(self, name: str) -> Symbol:
+        """A name of the image.
+
+        Raises:
+            KeyError: the image has no such symbol.
+        """
+        return self.symbols[name]
+
+    def peek(self, address: int, count: int = 1) -> bytes:
+        """Bytes of the data space (registers, I/O, SRAM), without the side effects of a read."""
+        return bytes(self._native.mrl_data(self._board)[address : address + count])
+
+    def poke(self, address: int, data: bytes) -> None:
+        """Overwrites bytes of the data space, without the side effects of a write."""
+        memory = self._native.mrl_data(self._board)
+        for offset, value in enumerate(data):
+            memory[address + offset] = value
+
+    @property
+    def pc(self) -> int:
+        """Program counter [byte address]."""
+        return self._native.mrl_pc(self._board)
+
+    def sram_untouched(self) -> int:
+        """Bytes between the variables' end and the deepest stack that nothing has written since power-up."""
+        start = self.symbol("_end").address
+        now = self.peek(start, RAM_END + 1 - start)
+        before = self._noise[start:]
+        return next((index for index, value in enumerate(now) if value != before[index]), len(now))
+
+    def read_eeprom(self, address: int = 0, count: int = EEPROM_BYTES) -> bytes:
+        """Bytes of the EEPROM."""
+        buffer = (native.c_uint8 * count)()
+        self._native.mrl_eeprom_get(self._board, buffer, address, count)
+        return bytes(buffer)
+
+    def write_eeprom(self, address: int, data: bytes) -> None:
+        """Overwrites bytes of the EEPROM from outside.
+
+        Raises:
+            ValueError: they do not fit into its 1024 bytes.
+        """
+        if not 0 <= address <= EEPROM_BYTES - len(data):
+            raise ValueError("{} bytes at {} are beyond an EEPROM of 1024".format(len(data), address))
+        self._native.mrl_eeprom_set(self._board, bytes(data), address, len(data))
+
+    # ---- what the board asks
+
+    def _make_hooks(self) -> native.Hooks:
+        return native.Hooks(
+            native.PRESENT(self._guarded(self._present, 0)),
+            native.WRITE(self._guarded(self._write, None)),
+            native.READ(self._guarded(self._read, 0)),
+            native.ADC(self._guarded(self._convert, 0.0)),
+            native.PIN(self._guarded(self._pin_changed, None)),
+        )
+
+    def _guarded(self, function: Callable, fallback: Any) -> Callable:
+        """An exception cannot cross C: it stops the run and is raised by `run_until`."""
+
+        def call(*arguments: Any) -> Any:
+            try:
+                return function(*arguments)
+            except BaseException as failure:  # noqa: B036 - raised again by run_until
+                self._failure = self._failure or failure
+                self._native.mrl_stop(self._board)
+                return fallback
+
+        return call
+
+    def _report(self, kind: str, address: int, data: bytes, cycle: int) -> None:
+        if self.on_transfer is not None:
+            self.on_transfer(Transfer(kind, address, data, cycle))
+
+    def _present(self, address: int, cycle: int) -> int:
+        slave = self.i2c.get(address)
+        there = slave is not None and getattr(slave, "present", True)
+        if not there:
+            self._report("nack", address, b"", cycle)
+        return int(there)
+
+    def _write(self, address: int, data: Any, length: int, cycle: int) -> None:
+        written = bytes(data[:length])
+        self.i2c[address].write(written, cycle / self.frequency_hz)
+        self._report("write", address, written, cycle)
+
+    def _read(self, address: int, out: Any, limit: int, cycle: int) -> int:
+        data = bytes(self.i2c[address].read(limit, cycle / self.frequency_hz))[:limit]
+        for index, value in enumerate(data):
+            out[index] = value
+        self._report("read", address, data, cycle)
+        return len(data)
+
+    def _convert(self, channel: int, cycle: int) -> float:
+        return float(self.adc_volts(channel, cycle / self.frequency_hz))
+
+    def _pin_changed(self, port: int, bit: int, level: int, cycle: int) -> None:
+        if self.on_pin is not None:
+            self.on_pin(pin_of(port, bit), level, cycle / self.frequency_hz)
+
+    def _crash_report(self) -> str:
+        where = self._native.mrl_crash_pc(self._board)
+        message = self._native.mrl_message().decode("ascii", "replace").strip()
+        return "the program crashed at pc 0x{:04x}, cycle {}: {}".format(where, self.cycle, message)

@@ -1,0 +1,104 @@
+"""The harness's C interface for ctypes: structures, callbacks and signatures of `board.h`."""
+
+import ctypes
+from ctypes import (
+    POINTER,
+    Structure,
+    c_char_p,
+    c_double,
+    c_int,
+    c_size_t,
+    c_uint8,
+    c_uint32,
+    c_uint64,
+    c_void_p,
+)
+from typing import Any, Dict, List, Tuple
+
+from sim_arduino.avr.build import SimulatorMissing, build, library_path
+
+RUN_CRASHED = 1
+I2C_BUFFER = 64
+
+PRESENT = ctypes.CFUNCTYPE(c_int, c_uint8, c_uint64)
+WRITE = ctypes.CFUNCTYPE(None, c_uint8, POINTER(c_uint8), c_int, c_uint64)
+READ = ctypes.CFUNCTYPE(c_int, c_uint8, POINTER(c_uint8), c_int, c_uint64)
+ADC = ctypes.CFUNCTYPE(c_double, c_int, c_uint64)
+PIN = ctypes.CFUNCTYPE(None, c_int, c_int, c_int, c_uint64)
+
+
+class Hooks(Structure):
+    """hooks_t: what the board asks the outside."""
+
+    _fields_ = [("present", PRESENT), ("write", WRITE), ("read", READ), ("adc", ADC), ("pin", PIN)]
+
+
+class Sent(Structure):
+    """sent_byte_t: one byte that left the transmitter."""
+
+    _fields_ = [("start", c_uint64), ("end", c_uint64), ("data", c_uint8)]
+
+
+class PinEvent(Structure):
+    """pin_event_t: one change of a watched pin."""
+
+    _fields_ = [("cycle", c_uint64), ("port", c_uint8), ("bit", c_uint8), ("level", c_uint8)]
+
+
+_BOARD = c_void_p
+_SIGNATURES: Dict[str, Tuple[Any, List[Any]]] = {
+    "mrl_create": (_BOARD, [c_uint32, POINTER(Hooks)]),
+    "mrl_destroy": (None, [_BOARD]),
+    "mrl_load": (None, [_BOARD, c_char_p, c_uint32, c_uint32]),
+    "mrl_run_until": (c_int, [_BOARD, c_uint64]),
+    "mrl_stop": (None, [_BOARD]),
+    "mrl_reset": (None, [_BOARD]),
+    "mrl_power_cycle": (None, [_BOARD, c_char_p]),
+    "mrl_set_reset_flags": (None, [_BOARD, c_int]),
+    "mrl_cycle": (c_uint64, [_BOARD]),
+    "mrl_pc": (c_uint32, [_BOARD]),
+    "mrl_crash_pc": (c_uint32, [_BOARD]),
+    "mrl_resets": (c_uint64, [_BOARD]),
+    "mrl_is_asleep": (c_int, [_BOARD]),
+    "mrl_data": (POINTER(c_uint8), [_BOARD]),
+    "mrl_message": (c_char_p, []),
+    "mrl_uart_send": (None, [_BOARD, c_char_p, c_size_t, c_uint64]),
+    "mrl_uart_set_host": (None, [_BOARD, c_double, c_double]),
+    "mrl_uart_line_free": (c_double, [_BOARD]),
+    "mrl_uart_lost": (c_uint64, [_BOARD]),
+    "mrl_uart_bit": (c_uint64, [_BOARD]),
+    "mrl_uart_sent_count": (c_size_t, [_BOARD]),
+    "mrl_uart_sent": (c_size_t, [_BOARD, POINTER(Sent), c_size_t]),
+    "mrl_twi_set_hang": (None, [_BOARD, c_int, c_int]),
+    "mrl_twi_set_stretch": (None, [_BOARD, c_int]),
+    "mrl_twi_set_nack_after": (None, [_BOARD, c_int]),
+    "mrl_pin_set": (None, [_BOARD, c_int, c_int, c_int]),
+    "mrl_pin_plan": (None, [_BOARD, c_int, c_int, c_int, c_uint64]),
+    "mrl_pin_level": (c_int, [_BOARD, c_int, c_int]),
+    "mrl_pin_watch": (None, [_BOARD, c_int, c_int]),
+    "mrl_pin_changes_count": (c_size_t, [_BOARD]),
+    "mrl_pin_changes": (c_size_t, [_BOARD, POINTER(PinEvent), c_size_t]),
+    "mrl_eeprom_get": (c_int, [_BOARD, POINTER(c_uint8), c_int, c_int]),
+    "mrl_eeprom_set": (c_int, [_BOARD, c_char_p, c_int, c_int]),
+}
+
+_loaded: Dict[str, ctypes.CDLL] = {}
+
+
+def load() -> ctypes.CDLL:
+    """The harness, compiled if need be, with its signatures set.
+
+    Raises:
+        SimulatorMissing: it cannot be compiled or loaded here; the message names the Debian packages.
+    """
+    path = str(build(library_path()))
+    if path not in _loaded:
+        try:
+            library = ctypes.CDLL(path)
+        except OSError as error:
+            raise SimulatorMissing("{}: on Debian, apt-get install libsimavr2".format(error)) from error
+        for name, (result, arguments) in _SIGNATURES.items():
+            function = getattr(library, name)
+            function.restype, function.argtypes = result, arguments
+        _loaded[path] = library
+    return _loaded[path]

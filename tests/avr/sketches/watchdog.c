@@ -1,0 +1,54 @@
+/* The watchdog's interrupt leaves a marker in SRAM that no start clears; `mode` chooses what is set up. */
+#include <avr/interrupt.h>
+#include <avr/io.h>
+#include <avr/wdt.h>
+
+volatile uint8_t marker __attribute__((section(".noinit")));
+volatile uint8_t marker_at_start, flags_at_start, control_at_start;
+volatile uint8_t starts __attribute__((section(".noinit")));
+volatile uint8_t mode = 0, interrupts = 0, control_now = 0;
+volatile uint8_t stay_off __attribute__((section(".noinit")));
+
+enum { RESET_ONLY = 1, INTERRUPT_ONLY, INTERRUPT_THEN_RESET, MASKED, FED, NO_SEQUENCE };
+
+ISR(WDT_vect) {
+    interrupts++;
+    marker = 0xA5;
+    if (mode == INTERRUPT_THEN_RESET)
+        for (;;)
+            ;
+}
+
+static void set_up(uint8_t bits) {
+    WDTCSR = _BV(WDCE) | _BV(WDE);
+    WDTCSR = bits;
+}
+
+int main(void) {
+    control_at_start = WDTCSR;
+    marker_at_start = marker;
+    flags_at_start = MCUSR;
+    MCUSR = 0;
+    starts++;
+    if (stay_off == 0x5A)
+        wdt_disable();
+    while (!mode)
+        ;
+    wdt_reset();
+    if (mode == RESET_ONLY)
+        set_up(_BV(WDE));
+    if (mode == INTERRUPT_ONLY)
+        set_up(_BV(WDIE) | _BV(WDP0));
+    if (mode == INTERRUPT_THEN_RESET || mode == MASKED || mode == FED)
+        set_up(_BV(WDIE) | _BV(WDE));
+    if (mode == NO_SEQUENCE) {
+        set_up(_BV(WDE) | _BV(WDP2));
+        WDTCSR = _BV(WDP3);
+    }
+    control_now = WDTCSR;
+    if (mode != MASKED)
+        sei();
+    for (;;)
+        if (mode == FED)
+            wdt_reset();
+}

@@ -1,0 +1,61 @@
+"""Compiling the harness and reading images: what a user without the parts is told."""
+
+import pytest
+
+from mrl_driver.errors import SimulatorError
+from sim_arduino.avr.build import SimulatorMissing, build
+from sim_arduino.avr.elf import read_image
+
+
+def test_without_a_compiler_the_packages_are_named(tmp_path, monkeypatch):
+    """One line that says what to install."""
+    monkeypatch.setenv("CC", str(tmp_path / "no-such-compiler"))
+    with pytest.raises(SimulatorMissing, match="apt-get install .*libsimavr-dev"):
+        build(tmp_path / "board.so")
+
+
+def test_without_libsimavr_the_packages_are_named(tmp_path, monkeypatch):
+    """The compiler's own reason is in the line."""
+    compiler = tmp_path / "cc"
+    compiler.write_text("#!/bin/sh\necho 'ld: cannot find -lsimavr' ; exit 1\n")
+    compiler.chmod(0o755)
+    monkeypatch.setenv("CC", str(compiler))
+    with pytest.raises(SimulatorMissing, match="cannot find -lsimavr.*apt-get install"):
+        build(tmp_path / "board.so")
+
+
+def test_a_failed_build_leaves_nothing(tmp_path, monkeypatch):
+    """No half-made library."""
+    monkeypatch.setenv("CC", "false")
+    with pytest.raises(SimulatorMissing):
+        build(tmp_path / "board.so")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_current_library_is_not_compiled_again(tmp_path, monkeypatch):
+    """Its time stamp is newer than the sources'."""
+    monkeypatch.setenv("CC", "false")
+    library = tmp_path / "board.so"
+    library.write_bytes(b"")
+    assert build(library) == library
+
+
+def test_a_missing_image_says_how_to_build_it(tmp_path):
+    """Path and remedy in one line."""
+    with pytest.raises(SimulatorError, match="firmware.elf: No such file.*make firmware"):
+        read_image(tmp_path / "firmware.elf")
+
+
+@pytest.mark.parametrize("contents", [b"", b"\x7fELF", b"#!/bin/sh\n" * 20, b"\x7fELF\x02" + bytes(100)])
+def test_another_file_is_no_image(tmp_path, contents):
+    """Empty, torn, text, ELF of another machine."""
+    path = tmp_path / "firmware.elf"
+    path.write_bytes(contents)
+    with pytest.raises(SimulatorError, match="not an AVR ELF file"):
+        read_image(path)
+
+
+def test_symbols_have_address_and_size(sketch):
+    """SRAM addresses come without the linker's 0x800000."""
+    symbol = read_image(sketch("uart.c")).symbols["incoming"]
+    assert (0x100 <= symbol.address < 0x900, symbol.size) == (True, 64)

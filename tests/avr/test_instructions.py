@@ -1,0 +1,84 @@
+"""Cycle counts of instructions and interrupt entry, against the ATmega328P datasheet."""
+
+from typing import List
+
+import pytest
+
+MARK_CYCLES = 2  # sbi
+CYCLES = {
+    "nop": (1, 1),
+    "lds": (2, 2),
+    "sts": (3, 2),
+    "push": (4, 2),
+    "pop": (5, 2),
+    "rcall, ret": (6, 7),
+    "call, ret": (7, 8),
+    "mul": (8, 2),
+    "adiw": (9, 2),
+    "ld": (10, 2),
+    "st": (11, 2),
+    "rjmp": (12, 2),
+    "lpm": (13, 3),
+    "skip of one word": (14, 2),
+    "skip of two words": (15, 3),
+    "branch not taken": (16, 2),
+    "branch taken": (17, 3),
+    "ldd": (18, 2),
+    "in": (19, 1),
+    "icall, ret": (21, 9),
+    "jmp": (22, 3),
+}
+
+
+@pytest.fixture
+def gaps(bench) -> List[int]:
+    """Cycles between the marks of cycles.S, the marks' own taken off."""
+    machine = bench("cycles.S").machine
+    machine.watch_pins([13])
+    machine.reset()
+    machine.pin_changes()
+    machine.run(100e-6)
+    cycles = [change.cycle for change in machine.pin_changes()][1:]
+    return [later - earlier - MARK_CYCLES for earlier, later in zip(cycles, cycles[1:])]
+
+
+def test_instructions_take_the_cycles_of_the_datasheet(gaps):
+    """Section "Instruction Set Summary"; call, ret and reti with a 16-bit program counter."""
+    assert {name: gaps[index] for name, (index, _) in CYCLES.items()} == {
+        name: cycles for name, (_, cycles) in CYCLES.items()
+    }
+
+
+def answer_cycle(board, at: int) -> int:
+    """When the pin-change interrupt toggled D13 after D8 changed at cycle `at`."""
+    machine = board.machine
+    board.set("go", 1)
+    machine.run(100e-6)
+    machine.watch_pins([13])
+    machine.set_pin(8, 0, at)
+    machine.run_until(at + 1000)
+    return machine.pin_changes()[-1].cycle
+
+
+def test_interrupt_entry_takes_four_cycles_and_the_jump_three(bench):
+    """4 cycles to the vector, 3 for its jmp; an instruction under way ends first (at most 2 cycles here)."""
+    board = bench("interrupts.c")
+    at = board.machine.cycle + 2001
+    assert 7 <= answer_cycle(board, at) - at <= 9
+
+
+def test_waking_from_sleep_takes_four_cycles_more(bench):
+    """Idle mode: 4 + 4 cycles to the vector, 3 for its jmp."""
+    board = bench("interrupts.c")
+    board.set("asleep", 1)
+    at = board.machine.cycle + 2001
+    assert answer_cycle(board, at) - at == 11
+
+
+def test_waiting_interrupts_are_served_by_vector_number(bench):
+    """Timer 2 compare (7), timer 2 overflow (9), timer 1 compare (11), whatever came first."""
+    board = bench("interrupts.c")
+    board.set("hold", 1)
+    board.set("go", 1)
+    board.machine.run(200e-6)
+    assert board.bytes("order")[:3] == b"co1"

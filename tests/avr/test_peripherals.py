@@ -1,0 +1,174 @@
+"""ADC, input capture, pins, EEPROM, memory."""
+
+import pytest
+
+from sim_arduino.avr.machine import MachineCrashed, PinChange
+
+CONVERSION_CYCLES = 13 * 128  # 104 us at prescaler 128
+FIRST_CONVERSION_CYCLES = 25 * 128
+POLL_CYCLES = 24
+EEPROM_WRITE_S = 3.4e-3
+LED, FAN, DUST = 13, 7, 8
+
+
+def convert(board, channel=0, go=1):
+    board.set("channel", channel)
+    board.set("go", go)
+    board.machine.run(400e-6)
+    return board.get("result")
+
+
+def test_a_conversion_takes_13_adc_clocks(bench):
+    """104 us, after the first one."""
+    board = bench("adc.c")
+    convert(board)
+    convert(board)
+    assert 0 <= board.get("elapsed") - CONVERSION_CYCLES <= POLL_CYCLES + 128
+
+
+def test_the_first_conversion_takes_25_adc_clocks(bench):
+    """The analogue part starts up."""
+    board = bench("adc.c")
+    convert(board)
+    assert 0 <= board.get("elapsed") - FIRST_CONVERSION_CYCLES <= POLL_CYCLES + 128
+
+
+@pytest.mark.parametrize(
+    "volts, count", [(0.0, 0), (1.5, 307), (2.0, 409), (0.8, 163), (2.5, 512), (5.0, 1023), (6.0, 1023)]
+)
+def test_counts_are_volts_over_the_reference(bench, volts, count):
+    """floor(volts x 1024 / 5 V), at most 1023."""
+    board = bench("adc.c")
+    board.machine.adc_volts = lambda channel, time_s: volts
+    assert convert(board) == count
+
+
+def test_each_channel_has_its_voltage(bench):
+    """The multiplexer's channel is asked for."""
+    board = bench("adc.c")
+    board.machine.adc_volts = lambda channel, time_s: 0.5 * channel
+    assert [convert(board, channel) // 102 for channel in range(4)] == [0, 1, 2, 3]
+
+
+def test_the_end_of_a_conversion_interrupts(bench):
+    """Once per conversion."""
+    board = bench("adc.c")
+    convert(board, go=2)
+    assert board.get("interrupts") == 1
+
+
+def test_input_capture_measures_a_pulse(bench):
+    """A low pulse of 10 ms on D8 is 20000 counts of 2 MHz."""
+    board = bench("capture.c")
+    machine = board.machine
+    machine.set_pin(DUST, 0, machine.cycle + 1600)
+    machine.set_pin(DUST, 1, machine.cycle + 1600 + 160000)
+    machine.run(12e-3)
+    falling, rising = board.words("captured")[:2]
+    assert (board.get("count"), (rising - falling) & 0xFFFF) == (2, 20000)
+
+
+def test_watched_pins_report_their_changes(bench):
+    """Up and down with two cycles of sbi between."""
+    board = bench("memory.c")
+    board.machine.set_pin(FAN, 0)
+    board.machine.watch_pins([FAN])
+    board.set("action", 7)
+    board.machine.run(50e-6)
+    first, second = board.machine.pin_changes()
+    assert (first.level, second.level, second.cycle - first.cycle) == (1, 0, 2)
+
+
+def test_pin_changes_are_called_out(bench):
+    """With the time they happened [s]."""
+    board, seen = bench("memory.c"), []
+    board.machine.on_pin = lambda pin, level, time_s: seen.append((pin, level))
+    board.machine.watch_pins([FAN])
+    board.set("action", 7)
+    board.machine.run(50e-6)
+    assert seen == [(FAN, 0), (FAN, 1), (FAN, 0)]
+
+
+def test_an_unknown_pin_is_refused(bench):
+    """The Uno has 20."""
+    with pytest.raises(ValueError, match="pin 20"):
+        bench("memory.c").machine.pin(20)
+
+
+def test_eeprom_is_read(bench):
+    """Bytes set from outside."""
+    board = bench("memory.c")
+    board.machine.write_eeprom(5, b"\x99")
+    board.set("action", 1)
+    board.machine.run(50e-6)
+    assert board.get("eeprom_byte") == 0x99
+
+
+def test_eeprom_is_written(bench):
+    """And read from outside."""
+    board = bench("memory.c")
+    board.set("action", 2)
+    board.machine.run(5e-3)
+    assert board.machine.read_eeprom(5, 1) == b"\x42"
+
+
+def test_writing_eeprom_takes_3_4_ms(bench):
+    """EEPE stays set meanwhile."""
+    board = bench("memory.c")
+    board.set("action", 2)
+    board.machine.run(5e-3)
+    assert board.get("elapsed") * 4e-6 == pytest.approx(EEPROM_WRITE_S, abs=20e-6)
+
+
+def test_eeprom_outlives_power(bench):
+    """Only SRAM turns into noise."""
+    machine = bench("memory.c").machine
+    machine.write_eeprom(0, b"robot")
+    machine.power_cycle(1)
+    assert machine.read_eeprom(0, 5) == b"robot"
+
+
+def test_eeprom_has_an_end(bench):
+    """1024 bytes."""
+    with pytest.raises(ValueError, match="1024"):
+        bench("memory.c").machine.write_eeprom(1020, b"robot")
+
+
+def test_a_stray_write_stops_the_machine(bench):
+    """With the place where it happened."""
+    board = bench("memory.c")
+    board.set("action", 3)
+    with pytest.raises(MachineCrashed, match="pc 0x"):
+        board.machine.run(50e-6)
+
+
+def test_untouched_sram_shrinks_with_the_stack(bench):
+    """Calls that go 640 bytes deeper leave 640 bytes less, give or take their own frames."""
+    board = bench("memory.c")
+    board.set("depth", 32)
+    board.set("action", 4)
+    board.machine.run(200e-6)
+    shallow = board.machine.sram_untouched()
+    board.set("depth", 32 * 11)
+    board.set("action", 4)
+    board.machine.run(2e-3)
+    assert 320 <= shallow - board.machine.sram_untouched() <= 640
+
+
+def test_the_same_inputs_give_the_same_cycles(sketch):
+    """Bytes leave at the same cycles in two runs."""
+    from sim_arduino.avr.machine import AvrMachine
+
+    def run():
+        with AvrMachine(sketch("uart.c"), seed=3) as machine:
+            machine.run(200e-6)
+            machine.poke(machine.symbol("outgoing_count").address, b"\x09")
+            machine.run(2e-3)
+            return machine.sent()
+
+    assert run() == run()
+
+
+def test_pins_name_a_change():
+    """Arduino numbers, A0 is 14."""
+    assert PinChange(LED, 1, 10).pin == 13

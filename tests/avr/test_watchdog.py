@@ -1,0 +1,124 @@
+"""Watchdog: periods, interrupt, reset, the two in a row, and what survives."""
+
+import pytest
+
+SHORTEST_CYCLES = 2048 * 125  # 16 ms at 128 kHz and 16 MHz
+WDRF, EXTRF, PORF = 0x08, 0x02, 0x01
+WDE, WDP2 = 0x08, 0x04
+RESET_ONLY, INTERRUPT_ONLY, INTERRUPT_THEN_RESET, MASKED, FED, NO_SEQUENCE = range(1, 7)
+
+
+def in_mode(bench, mode):
+    """A board whose program has just set its watchdog up, noinit bytes cleared."""
+    board = bench("watchdog.c")
+    board.set("marker", 0)
+    board.set("starts", 0)
+    board.set("stay_off", 0x5A)
+    board.set("mode", mode)
+    board.machine.run(100e-6)
+    return board
+
+
+def test_reset_comes_after_16_ms(bench):
+    """Shortest period: 2048 cycles of 128 kHz."""
+    board = in_mode(bench, RESET_ONLY)
+    board.machine.run(15.5e-3)
+    before = board.get("starts")
+    board.machine.run(1e-3)
+    assert (before, board.get("starts")) == (0, 1)
+
+
+def test_a_fed_watchdog_is_silent(bench):
+    """No reset, no interrupt in 100 ms of a 16 ms period."""
+    board = in_mode(bench, FED)
+    board.machine.run(0.1)
+    assert (board.get("starts"), board.get("interrupts")) == (0, 0)
+
+
+def test_the_interrupt_alone_repeats_at_its_period(bench):
+    """32 ms: three in 100 ms, no reset."""
+    board = in_mode(bench, INTERRUPT_ONLY)
+    board.machine.run(0.1)
+    assert (board.get("interrupts"), board.get("starts")) == (3, 0)
+
+
+def test_reset_follows_the_interrupt_after_another_period(bench):
+    """WDIE falls when the vector is entered; the second time-out, at 32 ms, resets."""
+    board = in_mode(bench, INTERRUPT_THEN_RESET)
+    board.machine.run(31.5e-3)
+    before = (board.get("interrupts"), board.get("starts"))
+    board.machine.run(1e-3)
+    assert (before, board.get("starts")) == ((1, 0), 1)
+
+
+def test_a_masked_interrupt_becomes_a_reset(bench):
+    """Not executed before the next time-out: reset."""
+    board = in_mode(bench, MASKED)
+    board.machine.run(33e-3)
+    assert board.get("starts") == 1
+
+
+def test_a_marker_of_the_interrupt_survives_the_reset(bench):
+    """SRAM that no start clears keeps its contents."""
+    board = in_mode(bench, INTERRUPT_THEN_RESET)
+    board.machine.run(33e-3)
+    assert board.get("marker_at_start") == 0xA5
+
+
+def test_a_watchdog_reset_is_flagged(bench):
+    """WDRF in MCUSR."""
+    board = in_mode(bench, RESET_ONLY)
+    board.machine.run(17e-3)
+    assert board.get("flags_at_start") == WDRF
+
+
+def test_a_bootloader_hides_the_flags(bench):
+    """MCUSR as it was asked for, here 0."""
+    board = in_mode(bench, RESET_ONLY)
+    board.machine.set_reset_flags(0)
+    board.machine.run(17e-3)
+    assert (board.get("starts"), board.get("flags_at_start")) == (1, 0)
+
+
+def test_after_its_reset_the_watchdog_runs_on_at_its_shortest_period(bench):
+    """A program that does not stop it is reset again and again."""
+    board = in_mode(bench, RESET_ONLY)
+    board.set("stay_off", 0)
+    board.machine.run(16.5e-3)
+    assert board.get("control_at_start") & WDE
+    board.machine.run(32e-3)
+    assert board.get("starts") == 3
+
+
+def test_the_period_changes_only_behind_the_timed_sequence(bench):
+    """A bare write leaves WDE and the period as they were."""
+    assert in_mode(bench, NO_SEQUENCE).get("control_now") == WDE | WDP2
+
+
+@pytest.mark.parametrize("action, flags", [("reset", EXTRF), ("power_cycle", PORF)])
+def test_other_resets_have_their_own_flags(bench, action, flags):
+    """External reset and power-on."""
+    board = bench("watchdog.c")
+    getattr(board.machine, action)()
+    board.machine.run(100e-6)
+    assert board.get("flags_at_start") == flags
+
+
+def test_the_reset_line_keeps_sram(bench):
+    """As the chip does."""
+    board = bench("watchdog.c")
+    board.set("marker", 0x77)
+    board.machine.reset()
+    board.machine.run(100e-6)
+    assert board.get("marker_at_start") == 0x77
+
+
+def test_power_cycles_leave_noise_in_sram(bench):
+    """The noise is drawn from the seed."""
+    seen = set()
+    board = bench("watchdog.c")
+    for seed in range(4):
+        board.machine.power_cycle(seed)
+        board.machine.run(100e-6)
+        seen.add(board.get("marker_at_start"))
+    assert len(seen) > 1
