@@ -37,7 +37,7 @@ def build(library: Path) -> Path:
     """
     if not _is_current(library):
         library.parent.mkdir(parents=True, exist_ok=True)
-        draft = library.with_name("{}.{}".format(library.name, os.getpid()))
+        draft = library.with_name(f"{library.name}.{os.getpid()}")
         try:
             _compile(draft)
             os.replace(str(draft), str(library))
@@ -77,5 +77,5 @@ def _reason(output: str) -> str:
 
 def _missing(reason: str) -> SimulatorMissing:
     return SimulatorMissing(
-        "the simulated chip cannot be compiled ({}): on Debian, apt-get install {}".format(reason, PACKAGES)
+        f"the simulated chip cannot be compiled ({reason}): on Debian, apt-get install {PACKAGES}"
     )

@@ -44,19 +44,17 @@ def read_image(path: Path) -> Image:
         raw = Path(path).read_bytes()
     except OSError as error:
         reason = error.strerror or str(error)
-        raise SimulatorError(
-            "firmware image {}: {}; build it with make firmware".format(path, reason)
-        ) from error
+        raise SimulatorError(f"firmware image {path}: {reason}; build it with make firmware") from error
     try:
         return _parse(raw)
     except (struct.error, ValueError) as error:
-        raise SimulatorError("firmware image {}: not an AVR ELF file ({})".format(path, error)) from error
+        raise SimulatorError(f"firmware image {path}: not an AVR ELF file ({error})") from error
 
 
 def _parse(raw: bytes) -> Image:
     header = _HEADER.unpack_from(raw)
     if header[0][:5] != b"\x7fELF\x01" or header[2] != _MACHINE_AVR:
-        raise ValueError("starts with {!r}, machine {}".format(raw[:5], header[2]))
+        raise ValueError(f"starts with {raw[:5]!r}, machine {header[2]}")
     pieces = list(_loaded(raw, header))
     flash = [(address, data) for address, data in pieces if address < DATA_BASE]
     eeprom = [

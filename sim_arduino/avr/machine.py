@@ -39,6 +39,7 @@ class AvrMachine:
     """
 
     def __init__(self, elf: Union[str, Path], frequency_hz: int = UNO_HZ, seed: int = 0) -> None:
+        """Powers the board; `seed` draws the noise its SRAM starts with."""
         image = read_image(Path(elf))
         self.frequency_hz = frequency_hz
         self.symbols = image.symbols
@@ -66,9 +67,11 @@ class AvrMachine:
             self._native.mrl_destroy(board)
 
     def __enter__(self) -> "AvrMachine":
+        """The machine itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
+        """Frees it."""
         self.close()
 
     # ---- time and resets
@@ -161,7 +164,7 @@ class AvrMachine:
         A held SDA comes free after `release_clocks` clock pulses made through the port; 0 = never.
         """
         if line not in HANGS:
-            raise ValueError("bus line {!r} is none of 'sda', 'scl', None".format(line))
+            raise ValueError(f"bus line {line!r} is none of 'sda', 'scl', None")
         self._native.mrl_twi_set_hang(self._board, HANGS[line], release_clocks)
 
     def stretch_clock(self, cycles: int) -> None:
@@ -243,7 +246,7 @@ class AvrMachine:
             ValueError: they do not fit into its 1024 bytes.
         """
         if not 0 <= address <= EEPROM_BYTES - len(data):
-            raise ValueError("{} bytes at {} are beyond an EEPROM of 1024".format(len(data), address))
+            raise ValueError(f"{len(data)} bytes at {address} are beyond an EEPROM of 1024")
         self._native.mrl_eeprom_set(self._board, bytes(data), address, len(data))
 
     # ---- what the board asks
@@ -263,7 +266,7 @@ class AvrMachine:
         def call(*arguments: Any) -> Any:
             try:
                 return function(*arguments)
-            except BaseException as failure:  # noqa: B036 - raised again by run_until
+            except BaseException as failure:  # noqa: BLE001 - raised again by run_until
                 self._failure = self._failure or failure
                 self._native.mrl_stop(self._board)
                 return fallback
@@ -303,4 +306,4 @@ class AvrMachine:
     def _crash_report(self) -> str:
         where = self._native.mrl_crash_pc(self._board)
         message = self._native.mrl_message().decode("ascii", "replace").strip()
-        return "the program crashed at pc 0x{:04x}, cycle {}: {}".format(where, self.cycle, message)
+        return f"the program crashed at pc 0x{where:04x}, cycle {self.cycle}: {message}"

@@ -96,7 +96,7 @@ def load() -> ctypes.CDLL:
         try:
             library = ctypes.CDLL(path)
         except OSError as error:
-            raise SimulatorMissing("{}: on Debian, apt-get install libsimavr2".format(error)) from error
+            raise SimulatorMissing(f"{error}: on Debian, apt-get install libsimavr2") from error
         for name, (result, arguments) in _SIGNATURES.items():
             function = getattr(library, name)
             function.restype, function.argtypes = result, arguments
