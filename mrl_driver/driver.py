@@ -1,0 +1,520 @@
+"""The robot as an object: SI units in and out, one thread that reads, nothing printed.
+
+    with Driver("/dev/ttyACM0") as robot:
+        robot.drive(0.2, 0.0)
+        time.sleep(2)
+        print(robot.pose)
+
+Leaving the block stops the robot.  All methods may be called from any thread, callbacks too.
+"""
+import math
+import threading
+import time
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Union
+
+from . import battery, robots, sonar
+from .errors import BoardTimeout, FrameError, LinkLost, MrlError, WrongRobot
+from .handshake import TIMEOUT_S, Board, Plan
+from .link import BAUD, Link
+from .odometry import Odometry, Pose, Twist, Wheels, fastest_wheel_m_s
+from .robots import RobotModel
+from .session import Counts, Info, Ready, Session, SessionEvent, Sonars, Status
+from .statistics import Statistics
+
+CLOSE_S = 0.8
+"""`close` waits at most this long for telemetry to confirm the stop [s]."""
+CAUTION_S = 3.0
+"""The longest that a gentle stop takes [s]."""
+
+
+class Telemetry(NamedTuple):
+    """What one frame of the stream says."""
+
+    stamp_s: float
+    """When the counters were read, on the clock of `time.monotonic()`; increases from frame to frame."""
+    arrival_s: float
+    """When the frame arrived, on the same clock."""
+    pose: Pose
+    twist: Twist
+    ranges: Dict[str, float]
+    """Sonar name to range [m]: -inf too near, nan no reading, inf nothing in range (REP-117)."""
+    fresh: Tuple[str, ...]
+    """Names of the sonars whose reading is new in this frame."""
+    counts: Wheels
+    """Counters of the wheels without wrap, since the start [count]."""
+    sequence: Optional[int]
+    """Frame number of the board (int16, wraps); None from boards without one."""
+
+
+class Options(NamedTuple):
+    """How a `Driver` behaves; the defaults suit the packaged robots."""
+
+    period_ms: int = 20
+    """Time between frames of the stream, 0 to 10000; 2013 boards stream as fast as they can."""
+    watchdog_ms: int = 250
+    """The board stops the robot when it has heard nothing for so long; 0 turns that off.  2013 boards have none."""
+    check: bool = True
+    """Have every frame carry a check value, where the board can."""
+    command_timeout_s: Optional[float] = None
+    """Stop the robot when `drive` was not called for so long; None: the last command stays in force."""
+    ignore_battery: bool = False
+    """Start, and drive on, with an empty battery."""
+    greeting_s: float = TIMEOUT_S
+    """How long a board may take to answer at first."""
+
+
+Listener = Callable[[Any], None]
+
+
+class Driver:
+    """A robot on a serial port.
+
+    Args:
+        port: device name, or an open `Link`.
+        robot: name of a packaged model, path of a YAML file, a `RobotModel`, or `auto` for the model that lists the
+            id which the board reports.
+        baud: of the port, where `port` is a name.
+        options: see `Options`.
+
+    Raises:
+        ConfigError: the robot model is unknown or wrong (when created, before the port is opened).
+    """
+
+    def __init__(self, port: Union[str, Link], robot: Union[str, RobotModel] = "auto", baud: int = BAUD,
+                 options: Options = Options()) -> None:
+        self._port, self._baud, self._options = port, baud, options
+        self.model: Optional[RobotModel] = None
+        """The robot's model; with `auto` it is None until `connect`."""
+        if isinstance(robot, RobotModel):
+            self.model = robot
+        elif robot != "auto":
+            self.model = robots.load(robot)
+        self._lock = threading.RLock()
+        self._changed = threading.Condition(self._lock)
+        self._settled = threading.Event()
+        self._link: Optional[Link] = None
+        self._session: Optional[Session] = None
+        self._thread: Optional[threading.Thread] = None
+        self._error: Optional[MrlError] = None
+        self._closing = False
+        self._sleeps_until = math.inf
+        self._listeners: Dict[str, List[Listener]] = {"telemetry": [], "status": [], "battery": [], "state": []}
+        self._odometry: Optional[Odometry] = None
+        self._monitor: Optional[battery.BatteryMonitor] = None
+        self._new_readings = sonar.NewReadings()
+        self._ranges: Dict[str, float] = {}
+        self._info: Optional[Board] = None
+        self._telemetry: Optional[Telemetry] = None
+
+    # -- life
+
+    def connect(self) -> Board:
+        """Open the port, greet the board, start its stream; the robot is told to stop and stays still.
+
+        Returns:
+            Who answers, once the first telemetry is there.
+
+        Raises:
+            PortMissing, PortDenied, PortBusy, LinkError: the port cannot be opened.
+            NotARobot: nothing answers, or not in frames.
+            WrongRobot: another robot answers, or one of another protocol.
+            BatteryDead: motor power is off, or the battery too low to start (unless `ignore_battery`).
+            BoardTimeout, LinkLost: it stopped answering, or went away, meanwhile.
+        """
+        if self._thread is not None:
+            raise MrlError("this driver was connected already; create another one to connect again")
+        self._link = self._port if isinstance(self._port, Link) else Link(self._port, self._baud)
+        options = self._options
+        plan = Plan(options.watchdog_ms, options.period_ms, options.check)
+        self._session = Session(self._admit, time.monotonic(), plan, options.command_timeout_s, options.greeting_s)
+        self._thread = threading.Thread(target=self._run, name="mrl-driver", daemon=True)
+        self._thread.start()
+        try:
+            self._settled.wait()
+        except BaseException:
+            self.close()
+            raise
+        if self._error is not None:
+            self.close()
+            raise self._error
+        return self.board
+
+    def close(self) -> None:
+        """Stop the robot, wait at most a second for telemetry to confirm it, and give the port back."""
+        link, thread = self._link, self._thread
+        if link is None:
+            return
+        on_thread = thread is threading.current_thread()
+        if self._error is None and not self._closing:
+            self._say_goodbye(wait=not on_thread)
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+        self._settled.set()
+        link.close()
+        if thread is not None and not on_thread:
+            thread.join()
+
+    def __enter__(self) -> "Driver":
+        self.connect()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def wait(self, timeout_s: Optional[float] = None) -> bool:
+        """Sleep until the driver is closed or has failed; False when `timeout_s` passed before.
+
+        Raises:
+            MrlError: what the driver failed with, such as LinkLost.
+        """
+        with self._changed:
+            ended = self._changed.wait_for(lambda: self._closing or self._error is not None, timeout_s)
+            if self._error is not None:
+                raise self._error
+            return ended
+
+    # -- motion
+
+    def drive(self, linear_m_s: float, angular_rad_s: float) -> bool:
+        """Drive at these speeds until told otherwise; faster than the model's limits is scaled down on the same arc.
+
+        The latest command wins: none is ever queued.  It is repeated to the board by itself, and dropped when the board
+        falls silent or restarts, so the robot then waits for a new one.
+
+        Args:
+            linear_m_s: forward speed.
+            angular_rad_s: yaw rate, counter-clockwise.
+
+        Returns:
+            True when the command is in force; False when the board is silent, being greeted, or the battery empty.
+
+        Raises:
+            FrameError: a speed is NaN or infinite; the robot was stopped.
+            LinkLost: the port went away.
+        """
+        if not (math.isfinite(linear_m_s) and math.isfinite(angular_rad_s)):
+            self.stop()
+            raise FrameError(f"drive({linear_m_s}, {angular_rad_s}): expected finite speeds; the robot was stopped")
+        with self._lock:
+            session = self._demand()
+            if self.model is None or self._powerless():
+                return False
+            linear_m_s, angular_rad_s = limit(linear_m_s, angular_rad_s, self.model)
+            done = session.drive(round(linear_m_s * 1000), round(angular_rad_s * 1000), time.monotonic())
+            self._flush(session)
+            return done
+
+    def stop(self) -> None:
+        """Stop at once; the stop is repeated until telemetry confirms it.
+
+        Raises:
+            LinkLost: the port went away.
+        """
+        with self._lock:
+            session = self._demand()
+            session.stop(time.monotonic())
+            self._flush(session)
+
+    def request(self, code: int, *args: int) -> None:
+        """Send any other request of the command table; what it brings comes to `on_event`.
+
+        Raises:
+            FrameError: the table forbids it.
+            LinkLost: the port went away.
+        """
+        with self._lock:
+            session = self._demand()
+            session.request(code, *args)
+            self._flush(session)
+
+    # -- state
+
+    @property
+    def ready(self) -> bool:
+        """The board is greeted, and its telemetry is not stale."""
+        session = self._session
+        return session is not None and session.ready and self._error is None
+
+    @property
+    def stopped(self) -> bool:
+        """No command is in force, and telemetry has confirmed the last stop."""
+        with self._lock:
+            motion = self._session.motion if self._session else None
+            return motion is None or (motion.target is None and not motion.stopping)
+
+    @property
+    def error(self) -> Optional[MrlError]:
+        """What ended the driver, or None."""
+        return self._error
+
+    @property
+    def board(self) -> Board:
+        """Who answers; battery and temperature are at most 2 s old.
+
+        Raises:
+            BoardTimeout: not connected yet.
+        """
+        if self._info is None:
+            raise BoardTimeout("not connected; call connect() first")
+        return self._info
+
+    @property
+    def telemetry(self) -> Optional[Telemetry]:
+        """The last one, or None before the first."""
+        return self._telemetry
+
+    @property
+    def pose(self) -> Pose:
+        """Pose in the odom frame, (0, 0, 0) at the start; continuous over restarts of the board."""
+        return self._odometry.pose if self._odometry else Pose(0.0, 0.0, 0.0)
+
+    @property
+    def twist(self) -> Twist:
+        """Speeds in base_link, measured."""
+        return self._odometry.twist if self._odometry and self.ready else Twist(0.0, 0.0)
+
+    @property
+    def ranges(self) -> Dict[str, float]:
+        """Sonar name to range [m], REP-117; empty when telemetry is stale."""
+        return dict(self._ranges) if self.ready else {}
+
+    @property
+    def battery_v(self) -> float:
+        """Battery voltage, at most 2 s old; NaN before it is known."""
+        return self._info.battery_v if self._info else math.nan
+
+    @property
+    def battery_state(self) -> str:
+        """`ok`, `low`, `empty` or `off`, see `battery`."""
+        return self._monitor.state if self._monitor else battery.OK
+
+    @property
+    def temperature_c(self) -> float:
+        """Temperature of the motor board; NaN before it is known."""
+        return self._info.temperature_c if self._info else math.nan
+
+    @property
+    def status(self) -> Optional[Status]:
+        """Uptime, stop reason, faults, clamped commands; None from 2013 boards."""
+        return self._session.status if self._session else None
+
+    @property
+    def age_s(self) -> float:
+        """Time since the last telemetry arrived; infinity before the first."""
+        return time.monotonic() - self._session.heard_s if self._session else math.inf
+
+    @property
+    def statistics(self) -> Statistics:
+        """Counters of the link.
+
+        Raises:
+            BoardTimeout: not connected yet.
+        """
+        with self._lock:
+            if self._session is None:
+                raise BoardTimeout("not connected; call connect() first")
+            counters = self._session.counters
+            counters.refused_counts = self._odometry.baseline.refused if self._odometry else 0
+            return counters.snapshot()
+
+    # -- callbacks: run on the reading thread, one after the other, without a lock held
+
+    def on_telemetry(self, callback: Callable[[Telemetry], None]) -> None:
+        """Call for each frame of the stream."""
+        self._listeners["telemetry"].append(callback)
+
+    def on_status(self, callback: Callable[[Status], None]) -> None:
+        """Call for each status of the board, twice a second."""
+        self._listeners["status"].append(callback)
+
+    def on_battery(self, callback: Callable[[Board], None]) -> None:
+        """Call for each new battery voltage and temperature."""
+        self._listeners["battery"].append(callback)
+
+    def on_event(self, callback: Callable[[Union[SessionEvent, MrlError]], None]) -> None:
+        """Call for `Ready`, `Stale` and `Reply` of `session`, and for the `MrlError` that ends the driver."""
+        self._listeners["state"].append(callback)
+
+    # -- the reading thread
+
+    def _run(self) -> None:
+        try:
+            while not self._closing:
+                self._cycle()
+        except MrlError as error:
+            self._fail(error)
+
+    def _cycle(self) -> None:
+        assert self._link is not None and self._session is not None
+        now = time.monotonic()
+        with self._lock:
+            self._sleeps_until = self._session.deadline(now)
+        data = self._link.read(min(1.0, self._sleeps_until - now))
+        now = time.monotonic()
+        with self._lock:
+            if self._closing:
+                return
+            events = self._session.receive(data, now) if data else []
+            events += self._session.tick(now)
+            self._flush(self._session)
+            calls = [call for event in events for call in self._digest(event, now)]
+        self._call(calls)
+
+    def _fail(self, error: MrlError) -> None:
+        with self._changed:
+            if self._closing:
+                return
+            self._error = error
+            self._changed.notify_all()
+        self._settled.set()
+        self._call([("state", error)])
+
+    def _call(self, calls: List[Tuple[str, Any]]) -> None:
+        for kind, value in calls:
+            for listener in self._listeners[kind]:
+                listener(value)
+
+    def _digest(self, event: SessionEvent, now: float) -> List[Tuple[str, Any]]:
+        """Take an event into the driver's state; what the listeners are to be told."""
+        if type(event) is Counts:
+            return self._on_counts(event)
+        if isinstance(event, Sonars):
+            self._on_sonars(event.values, now)
+            return []
+        if isinstance(event, Info):
+            self._on_info(event.board, now)
+            return [("battery", self._info)] if self._info else []
+        if isinstance(event, Status):
+            return [("status", event)]
+        if isinstance(event, Ready):
+            self._on_ready(event)
+        return [("state", event)]
+
+    def _on_ready(self, event: Ready) -> None:
+        assert self.model is not None
+        self._info = event.board
+        if self._odometry is None:
+            exact = self._session is not None and self._session.checked
+            self._odometry = Odometry(self.model.drive, fastest_wheel_m_s(self.model), exact)
+            self._monitor = battery.BatteryMonitor(self.model.battery)
+        elif event.restarted:
+            self._odometry.reset()
+
+    def _on_counts(self, event: Counts) -> List[Tuple[str, Any]]:
+        odometry = self._odometry
+        if odometry is None:
+            return []
+        odometry.update(event.right, event.left, event.time_s)
+        fresh = self._on_sonars(event.sonars, event.arrival_s) if event.sonars else ()
+        self._telemetry = Telemetry(event.stamp_s, event.arrival_s, odometry.pose, odometry.twist, self._ranges, fresh,
+                                    odometry.travel, event.sequence)
+        if not self._settled.is_set():
+            self._settled.set()
+        return [("telemetry", self._telemetry)]
+
+    def _on_sonars(self, values: Tuple[int, ...], now: float) -> Tuple[str, ...]:
+        assert self.model is not None
+        fresh = tuple(name for name in self._new_readings.update(values, now) if name in self.model.sonars)
+        if fresh:
+            version = self._info.version if self._info else 2
+            by_name = dict(zip(sonar.NAMES, values))
+            self._ranges = {name: sonar.range_m(by_name[name], version) for name in sonar.NAMES
+                            if name in self.model.sonars}
+        return fresh
+
+    def _on_info(self, board: Board, now: float) -> None:
+        if self._info is None or self._monitor is None or self._session is None or self.model is None:
+            return
+        self._info = self._info._replace(battery_v=board.battery_v, temperature_c=board.temperature_c)
+        state = self._monitor.update(board.battery_v, now)
+        if state == battery.OFF and self._session.motion.target is not None:
+            self._session.stop(now)
+        elif state == battery.EMPTY and not self._options.ignore_battery:
+            linear = abs((self._session.motion.target or (0, 0))[0]) / 1000
+            self._session.motion.fade(now, min(CAUTION_S, linear / self.model.limits.linear_acceleration_m_s2))
+
+    # -- helpers
+
+    def _admit(self, board: Board) -> None:
+        """Refuse a board that is not the robot, or has no battery; with `auto`, pick the model."""
+        if self.model is None:
+            self.model = model_of(board)
+        elif board.robot_id not in self.model.ids:
+            raise _wrong(board, self.model)
+        if self._odometry is None and not self._options.ignore_battery:
+            battery.demand_charge(board.battery_v, self.model.battery)
+
+    def _powerless(self) -> bool:
+        return not self._options.ignore_battery and self.battery_state in (battery.EMPTY, battery.OFF)
+
+    def _demand(self) -> Session:
+        if self._error is not None:
+            raise self._error
+        if self._session is None or self._closing:
+            raise LinkLost("the driver is not connected, or was closed")
+        return self._session
+
+    def _flush(self, session: Session) -> None:
+        """Send what the session has, under the lock, so that frames never mix; wake the reader where it sleeps too
+        long."""
+        data = session.take()
+        assert self._link is not None
+        if data:
+            try:
+                self._link.write(data)
+            except BoardTimeout:
+                session.counters.blocked_writes += 1
+            except LinkLost as error:
+                if not self._closing:
+                    self._error = self._error or error
+                    self._changed.notify_all()
+                    self._link.wake()
+                    raise
+        if session.deadline(time.monotonic()) < self._sleeps_until and threading.current_thread() is not self._thread:
+            self._link.wake()
+
+    def _say_goodbye(self, wait: bool) -> None:
+        """Stop, have it confirmed, and leave the board as a 2013 host would expect it."""
+        try:
+            with self._lock:
+                session = self._demand()
+                session.stop(time.monotonic())
+                self._flush(session)
+            deadline = time.monotonic() + CLOSE_S
+            while wait and self.ready and not self.stopped and time.monotonic() < deadline:
+                time.sleep(0.01)
+            with self._lock:
+                session.end()
+                self._flush(session)
+        except MrlError:
+            return
+
+
+def limit(linear_m_s: float, angular_rad_s: float, model: RobotModel) -> Tuple[float, float]:
+    """The speeds, scaled down together where one exceeds the model's limits, so that the arc stays the same."""
+    excess = max(abs(linear_m_s) / model.limits.linear_m_s, abs(angular_rad_s) / model.limits.angular_rad_s, 1.0)
+    return linear_m_s / excess, angular_rad_s / excess
+
+
+def model_of(board: Board) -> RobotModel:
+    """The packaged model that lists the board's id.
+
+    Raises:
+        WrongRobot: none does.
+    """
+    name = robots.by_id(board.robot_id)
+    if name:
+        return robots.load(name)
+    if board.robot_id == 0:
+        raise WrongRobot("the board's robot id is not set; choose the model by name and set the id")
+    raise WrongRobot(f"robot id {board.robot_id} is in no packaged model ({', '.join(robots.names())}); name a model "
+                     "file that lists it")
+
+
+def _wrong(board: Board, model: RobotModel) -> WrongRobot:
+    there = robots.by_id(board.robot_id)
+    named = f"{there} (id {board.robot_id})" if there else f"id {board.robot_id}"
+    ids = ", ".join(map(str, model.ids))
+    return WrongRobot(f"the board is {named}, expected {model.name} (id {ids}): choose the other robot model, or set "
+                      "the board's id")

@@ -1,0 +1,174 @@
+"""From an open port to a board that streams: one request after the other, each repeated until it is answered.
+
+Sans I/O: frames and time go in, requests come out.  The robot stays still: a stop goes first.
+"""
+from typing import Callable, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Tuple
+
+from .codec import Frame
+from .errors import BoardError, BoardTimeout, NotARobot, WrongRobot
+from .table import BY_NAME, CAPABILITIES, PROTOCOL_VERSION
+
+RETRY_S = 0.25
+TIMEOUT_S = 8.0
+"""A 2013 board behind its bootloader needs up to 5.4 s to its first answer; row 16 of the fault table allows 8 s."""
+STEP_TIMEOUT_S = 2.0
+JUNK_S = 3.0
+JUNK_BYTES = 32
+"""So many bytes that are no text, and no frame within 3 s of the first byte, mean another baud rate."""
+_TEXT = bytes(range(0x20, 0x7F)) + b"\r\n\t"
+_CODE = {name: row.code for name, row in BY_NAME.items()}
+_ANSWERS: Dict[int, Tuple[int, ...]] = {row.code: (row.code,) for row in BY_NAME.values() if row.reply and not row.repeats}
+"""Codes of the frames that answer a request."""
+_ANSWERS[_CODE["start_stream"]] = (_CODE["read_encoders_and_sonars"], _CODE["read_encoders"])
+
+
+class Board(NamedTuple):
+    """Who answers.  2013 boards have firmware version 1 and count as protocol 1 without capabilities."""
+
+    robot_id: int
+    version: int
+    motor_board_version: float
+    battery_v: float
+    temperature_c: float
+    protocol: int = 1
+    capabilities: FrozenSet[str] = frozenset()
+
+
+class Plan(NamedTuple):
+    """What is set up on a board that can do it."""
+
+    watchdog_ms: int = 250
+    period_ms: int = 20
+    check: bool = True
+
+
+def board_of(args: Tuple[int, ...]) -> Board:
+    """The fields of a `robot_info` reply in SI units."""
+    temperature, motor_board, battery, version, robot_id = args
+    return Board(robot_id, version, motor_board / 100, battery / 100, temperature / 100)
+
+
+class Handshake:
+    """Greets a board.  `board` is set once it is known, `done` once it streams.
+
+    `send(code, *args)` puts a request on its way; `admit(board)` may raise to refuse a board before anything is set.
+    A `patient` one never gives up, as after a board's restart.
+    """
+
+    def __init__(self, plan: Plan, send: Callable[..., None], admit: Callable[[Board], None], now: float,
+                 patient: bool = False, timeout_s: float = TIMEOUT_S) -> None:
+        self._plan, self._send, self._admit, self._patient = plan, send, admit, patient
+        self._give_up_s = now + timeout_s
+        self.due_s = now
+        """When `tick` has something to do next [s]."""
+        self.board: Optional[Board] = None
+        self.done = False
+        self._steps: Iterator[Tuple[int, ...]] = iter(())
+        self._step: Tuple[int, ...] = (_CODE["robot_info"],)
+        self._attempts = 0
+        self._junk: List[float] = []
+        self._seen, self._strange, self._faults = b"", 0, 0
+
+    def heard(self, data: bytes, now: float) -> None:
+        """Bytes came that may be no frames."""
+        if self.board is None and data:
+            self._junk = self._junk or [now]
+            self._seen = self._seen or data[:24]
+            self._strange += len(data.translate(None, _TEXT))
+
+    def tick(self, now: float, checked: bool) -> None:
+        """Send what is due.
+
+        Raises:
+            NotARobot: nothing answers, or not in frames.
+            BoardTimeout: a board that answered stopped doing so.
+        """
+        if now < self.due_s:
+            return
+        if not self._patient:
+            self._judge(now)
+        if self.board is None:
+            self._send(_CODE["stop"])
+            if self._patient or self._attempts % 3 == 2:
+                self._send(*self._step, checked=not checked)
+        self._send(*self._step, checked=checked)
+        self._attempts += 1
+        self.due_s = now + RETRY_S
+
+    def _judge(self, now: float) -> None:
+        if self.board is not None:
+            if now >= self._give_up_s:
+                raise self._mute(self.board)
+        elif self._junk and self._strange >= JUNK_BYTES and now >= self._junk[0] + JUNK_S:
+            raise NotARobot(f"this port sends text at another baud rate, or another device is on it (got "
+                            f"{self._seen!r}, expected '@5,...e'): check baud")
+        elif now >= self._give_up_s:
+            raise NotARobot(self._nothing())
+
+    def _mute(self, board: Board) -> BoardError:
+        if self._faults & 1:
+            return BoardError(f"the motor board of robot {board.robot_id} does not answer its Arduino: check its power "
+                              "and the I2C wires")
+        return BoardTimeout(f"the board (robot id {board.robot_id}) does not answer request {self._step[0]} any more; "
+                            "reset it and try again")
+
+    def _nothing(self) -> str:
+        if self._junk:
+            return (f"no answer to '@5e', but other bytes ({self._seen!r}): another device or firmware, or check baud; "
+                    "flash the board with: make flash PORT=...")
+        return ("no answer to '@5e' within 8 s: check that the board is powered, that this is its port, and that it is "
+                "flashed")
+
+    def on_frame(self, frame: Frame, now: float) -> None:
+        """A frame came.
+
+        Raises:
+            WrongRobot: the board is not one for this driver (raised by `admit` as well).
+        """
+        if frame.code not in _ANSWERS.get(self._step[0], ()) or self.done:
+            return
+        if self.board is None:
+            self.board = board_of(frame.args)
+            self._admit(self.board)
+            self._steps = self._program()
+        elif frame.code == _CODE["read_protocol"]:
+            self._learn(frame.args)
+        elif frame.code == _CODE["read_status"]:
+            self._faults = frame.args[4]
+        self._next(now)
+
+    def _learn(self, args: Tuple[int, ...]) -> None:
+        assert self.board is not None
+        protocol, bits = args
+        if protocol != PROTOCOL_VERSION:
+            raise WrongRobot(f"the board speaks protocol {protocol}, this driver {PROTOCOL_VERSION}: update the older "
+                             "one (the board with: make flash PORT=...)")
+        names = frozenset(name for i, (name, _) in enumerate(CAPABILITIES) if bits >> i & 1)
+        self.board = self.board._replace(protocol=protocol, capabilities=names)
+
+    def _next(self, now: float) -> None:
+        """Go to the next request that is answered; those that are not go out on the way."""
+        self._give_up_s = now + STEP_TIMEOUT_S
+        self._attempts = 0
+        self.due_s = now
+        for step in self._steps:
+            if step[0] in _ANSWERS:
+                self._step = step
+                return
+            self._send(*step)
+        self.done = True
+
+    def _program(self) -> Iterator[Tuple[int, ...]]:
+        """The requests after `robot_info`; later ones may rest on what earlier ones brought."""
+        assert self.board is not None
+        yield (_CODE["stop_stream"],)
+        if self.board.version < 2:
+            yield (_CODE["start_stream"],)
+            return
+        yield (_CODE["read_protocol"],)
+        if "check" in self.board.capabilities and self._plan.check:
+            yield (_CODE["set_check"], 1)
+        if "watchdog" in self.board.capabilities:
+            yield (_CODE["set_watchdog"], self._plan.watchdog_ms)
+        yield (_CODE["read_status"],)
+        yield (_CODE["start_stream"], self._plan.period_ms)

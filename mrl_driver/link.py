@@ -1,0 +1,228 @@
+"""The serial port: bytes in, bytes out, and errors that say what to do.  The only user of pyserial.
+
+On POSIX the bytes move by poll, `os.read` and `os.write` on the descriptor, which costs half of pyserial's own calls
+and never waits longer than asked.
+"""
+import errno
+import fcntl
+import os
+import select
+import stat
+import termios
+import threading
+import time
+from typing import List, Optional, Type
+
+import serial
+from serial.tools import list_ports
+
+from .errors import BoardTimeout, LinkError, LinkLost, PortBusy, PortDenied, PortMissing
+
+BAUD = 115200
+WRITE_TIMEOUT_S = 0.1
+"""A port that takes no bytes for so long is reported; frames are short and the system buffers thousands of bytes."""
+READ_SIZE = 65536
+_PTY_MAJORS = range(136, 144)
+_ERRORS = {errno.ENOENT: PortMissing, errno.ENODEV: PortMissing, errno.ENXIO: PortMissing, errno.ENOTTY: PortMissing,
+           errno.EINVAL: PortMissing, errno.EISDIR: PortMissing, errno.EIO: PortMissing,
+           errno.EACCES: PortDenied, errno.EPERM: PortDenied, errno.EBUSY: PortBusy, errno.EAGAIN: PortBusy}
+
+
+def ports() -> List[str]:
+    """Device names of the serial ports there are."""
+    return sorted(port.device for port in list_ports.comports())
+
+
+class Link:
+    """An open serial port, exclusively ours.
+
+    Open it with `Link(port, baud)`.  One thread may read while others write, and any may close.
+
+    Raises:
+        PortMissing: no such port, or it is no serial port.
+        PortDenied: no permission.
+        PortBusy: another program has it.
+        LinkError: the port refuses its settings.
+    """
+
+    def __init__(self, port: str, baud: int = BAUD) -> None:
+        self.port = port
+        self.closed = False
+        _demand_device(port)
+        self._serial = _open(port, baud)
+        self._fd = self._serial.fileno()
+        self._reading, self._writing, self._waking = threading.RLock(), threading.RLock(), threading.RLock()
+        self._wake_out, self._wake_in = os.pipe()
+        os.set_blocking(self._wake_in, False)
+        _exclude(self._fd, True)
+        self._poll = select.poll()
+        self._poll.register(self._fd, select.POLLIN)
+        self._poll.register(self._wake_out, select.POLLIN)
+
+    def read(self, timeout_s: float) -> bytes:
+        """What has arrived; waits up to `timeout_s` for a first byte, less after `wake`.  Empty once closed.
+
+        Raises:
+            LinkLost: the port went away.
+        """
+        with self._reading:
+            if self.closed:
+                return b""
+            ready = self._poll.poll(max(0.0, timeout_s) * 1000)
+            if any(fd == self._wake_out for fd, _ in ready):
+                os.read(self._wake_out, 4096)
+            if self.closed or not any(fd == self._fd for fd, _ in ready):
+                return b""
+            return self._read_now()
+
+    def _read_now(self) -> bytes:
+        try:
+            data = os.read(self._fd, READ_SIZE)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise self._lost(error.strerror) from None
+        if not data:
+            raise self._lost("hung up")
+        return data
+
+    def write(self, data: bytes) -> None:
+        """Send all of `data`.
+
+        Raises:
+            BoardTimeout: the port took no more bytes for 100 ms; what came before may have been sent.
+            LinkLost: the port went away, or the link is closed.
+        """
+        with self._writing:
+            deadline = time.monotonic() + WRITE_TIMEOUT_S
+            while data:
+                if self.closed:
+                    raise LinkLost(f"{self.port} is closed")
+                data = data[self._write_some(data, deadline):]
+
+    def _write_some(self, data: bytes, deadline: float) -> int:
+        try:
+            return os.write(self._fd, data)
+        except BlockingIOError:
+            self._await_room(deadline)
+            return 0
+        except OSError as error:
+            raise self._lost(error.strerror) from None
+
+    def _await_room(self, deadline: float) -> None:
+        poll = select.poll()
+        poll.register(self._fd, select.POLLOUT)
+        left_s = deadline - time.monotonic()
+        if left_s <= 0 or not poll.poll(left_s * 1000):
+            raise BoardTimeout(f"{self.port} takes no more bytes since {WRITE_TIMEOUT_S * 1000:.0f} ms: "
+                               "the board is stalled; check its cable and power")
+
+    def wake(self) -> None:
+        """Let a waiting `read` return at once."""
+        with self._waking:
+            if self._serial.is_open:
+                self._nudge()
+
+    def _nudge(self) -> None:
+        try:
+            os.write(self._wake_in, b"w")
+        except BlockingIOError:
+            return  # the pipe is full of wake-ups already
+
+    def close(self) -> None:
+        """Give the port back.  A reader in another thread returns at once, with nothing."""
+        if self.closed:
+            return
+        self.closed = True
+        self.wake()
+        with self._reading, self._writing, self._waking:
+            if not self._serial.is_open:
+                return
+            _exclude(self._fd, False)
+            self._serial.close()
+            os.close(self._wake_in)
+            os.close(self._wake_out)
+
+    def _lost(self, why: Optional[str]) -> LinkLost:
+        return LinkLost(f"{self.port} went away ({why}): check the cable and the board's power")
+
+
+def _demand_device(port: str) -> None:
+    """Raise PortMissing unless `port` names a character device, or nothing that a look can judge."""
+    try:
+        mode = os.stat(port).st_mode
+    except FileNotFoundError:
+        raise PortMissing(f"{port!r} does not exist; {_there_are()}") from None
+    except (OSError, ValueError):
+        return
+    if not stat.S_ISCHR(mode):
+        kind = "a folder" if stat.S_ISDIR(mode) else "a plain file" if stat.S_ISREG(mode) else "no device"
+        raise PortMissing(f"{port!r} is {kind}, expected a serial port; {_there_are()}")
+
+
+def _there_are() -> str:
+    found = ports()
+    return f"ports there are: {', '.join(found)}" if found else "there is no serial port; is the board plugged in?"
+
+
+def _open(port: str, baud: int) -> serial.Serial:
+    try:
+        return serial.Serial(port, baud, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
+    except ValueError as error:
+        raise LinkError(f"{port}: baud rate {baud!r} is refused ({error}), expected one such as {BAUD}") from None
+    except (serial.SerialException, OSError) as error:
+        raise _explain(port, error) from None
+    except Exception as error:  # termios.error derives from Exception alone
+        raise PortMissing(f"{port!r} is no serial port ({_words(error)}); {_there_are()}") from None
+
+
+def _explain(port: str, error: OSError) -> LinkError:
+    kind: Type[LinkError] = _ERRORS.get(_errno(error), LinkError)
+    if kind is PortBusy:
+        return PortBusy(f"{port} is in use by {_holder(port)}; end that program, or choose another port")
+    if kind is PortDenied:
+        return PortDenied(f"no permission for {port}; join its group with: sudo usermod -aG dialout $USER, "
+                          "then log out and in")
+    if kind is PortMissing:
+        return PortMissing(f"{port!r} is no serial port ({_words(error)}); {_there_are()}")
+    return LinkError(f"{port} cannot be opened ({_words(error)})")
+
+
+def _errno(error: BaseException) -> int:
+    """The system's error number of a pyserial error, which carries it itself, in its cause, or in its arguments."""
+    seen: Optional[BaseException] = error
+    while seen is not None:
+        number = getattr(seen, "errno", None) or next((a for a in seen.args if isinstance(a, int)), None)
+        if number:
+            return int(number)
+        seen = seen.__cause__ or seen.__context__
+    return 0
+
+
+def _words(error: BaseException) -> str:
+    return " ".join(str(error).split())
+
+
+def _holder(port: str) -> str:
+    """Name and process id of the program that has the port locked, as far as the system tells."""
+    try:
+        inode = str(os.stat(port).st_ino)
+        with open("/proc/locks", encoding="ascii") as locks:
+            owners = [line.split()[4] for line in locks if line.split()[5].rsplit(":", 1)[-1] == inode]
+        with open(f"/proc/{int(owners[0])}/comm", encoding="utf-8", errors="replace") as comm:
+            return f"{comm.read().strip()} (process {owners[0]})"
+    except (OSError, IndexError, ValueError):
+        return "another program"
+
+
+def _exclude(fd: int, on: bool) -> None:
+    """Set or clear TIOCEXCL, which also keeps programs out that do not lock.
+
+    A pseudo terminal is left alone: its server keeps it open, so the mark would outlive a killed driver.
+    """
+    if os.major(os.fstat(fd).st_rdev) in _PTY_MAJORS:
+        return
+    try:
+        fcntl.ioctl(fd, termios.TIOCEXCL if on else termios.TIOCNXCL)
+    except OSError:
+        return

@@ -1,0 +1,179 @@
+"""Wheel counts to pose and twist by exact arcs.  Pure: counts and seconds in, poses out.
+
+Poses are in the odom frame (x forward at the start, y left, yaw counter-clockwise), twists in base_link.
+"""
+import math
+from typing import NamedTuple, Optional
+
+from .robots import Drive, RobotModel
+
+SPEED_MARGIN = 1.5
+"""A wheel may seem this much faster than the board's ceilings allow before its counts are refused."""
+QUANTUM_COUNTS = 3
+"""Counts that a wheel may move in no time at all: rounding of both readings, and one of jitter."""
+CONFIRMATIONS = 3
+"""So many readings in a row that agree with each other, and not with the baseline, make a new baseline."""
+TWIST_INTERVAL_S = 0.015
+"""Without board time, speeds are formed over at least this long, so that a burst makes no spike."""
+
+
+class Pose(NamedTuple):
+    """Position and heading in the odom frame; yaw in (-pi, pi]."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+
+class Twist(NamedTuple):
+    """Speeds in base_link."""
+
+    linear_m_s: float
+    angular_rad_s: float
+
+
+class Wheels(NamedTuple):
+    """One number for each wheel; the unit is said where it is used."""
+
+    right: float
+    left: float
+
+
+class Step(NamedTuple):
+    """Movement between two accepted readings: signed counts, and the time between them [s]."""
+
+    right: int
+    left: int
+    dt_s: float
+
+
+def tick_delta(previous: int, current: int) -> int:
+    """Signed movement between two readings of a 16-bit counter [count].
+
+    Exact while the wheel moves less than half the range between the readings (2.87 m on TraxBot: 32768 counts x
+    8.7512e-5 m).
+    """
+    return ((current - previous + 0x8000) & 0xFFFF) - 0x8000
+
+
+def wrap_angle(angle_rad: float) -> float:
+    """The same direction in (-pi, pi] [rad]."""
+    if -math.pi < angle_rad <= math.pi:
+        return angle_rad
+    wrapped = math.remainder(angle_rad, 2 * math.pi)
+    return math.pi if wrapped == -math.pi else wrapped
+
+
+def fastest_wheel_m_s(model: RobotModel) -> float:
+    """Speed that no wheel of the model exceeds [m/s]: the board's ceilings for both axes together, with a margin."""
+    turning = model.board["angular_ceiling"] / 1000 * model.drive.wheel_separation_m / 2
+    return SPEED_MARGIN * (model.board["linear_ceiling"] / 1000 + turning)
+
+
+class Baseline:
+    """Decides which readings are used: movement since the last accepted one, or nothing.
+
+    The first reading primes.  A reading that no wheel could have reached is refused and the baseline stays, so that
+    the next good one bridges the gap.  When `CONFIRMATIONS` readings in a row agree with each other instead (a
+    counter was preset, the motor board restarted), they become the baseline and the jump is never integrated.
+    """
+
+    def __init__(self, metres_per_count: float, fastest_m_s: float, slack_s: float) -> None:
+        self._counts_per_s = fastest_m_s / metres_per_count
+        self._allowance = QUANTUM_COUNTS + self._counts_per_s * slack_s
+        self._right = self._left = 0
+        self._time_s: Optional[float] = None
+        self._rival: Optional[Step] = None
+        self._agreed = 0
+        self.refused = 0
+        """Readings refused so far."""
+
+    def reset(self) -> None:
+        """The next reading primes again."""
+        self._time_s = self._rival = None
+
+    def update(self, right: int, left: int, time_s: float) -> Optional[Step]:
+        """Movement since the last accepted reading, or None where this one primes or is refused."""
+        if self._time_s is None:
+            self._accept(right, left, time_s)
+            return None
+        step = self._step(self._right, self._left, self._time_s, right, left, time_s)
+        if self._possible(step):
+            self._accept(right, left, time_s)
+            return step
+        self._doubt(right, left, time_s)
+        return None
+
+    def _accept(self, right: int, left: int, time_s: float) -> None:
+        self._right, self._left, self._time_s, self._rival = right, left, time_s, None
+
+    def _possible(self, step: Step) -> bool:
+        bound = min(self._counts_per_s * max(0.0, step.dt_s), 0x7FFF) + self._allowance
+        return abs(step.right) <= bound and abs(step.left) <= bound and step.dt_s * self._counts_per_s < 0x8000
+
+    def _doubt(self, right: int, left: int, time_s: float) -> None:
+        self.refused += 1
+        rival = self._rival
+        agrees = rival is not None and self._possible(self._step(*rival, right, left, time_s))
+        self._agreed = self._agreed + 1 if agrees else 1
+        self._rival = Step(right, left, time_s)
+        if self._agreed >= CONFIRMATIONS:
+            self._accept(right, left, time_s)
+
+    @staticmethod
+    def _step(right_0: int, left_0: int, time_0_s: float, right: int, left: int, time_s: float) -> Step:
+        return Step(tick_delta(right_0, right), tick_delta(left_0, left), time_s - time_0_s)
+
+
+class Odometry:
+    """Pose and twist of a differential drive from its counters.
+
+    `exact_time` says that the times given are the board's own; otherwise they are arrival times, which bunch.
+    """
+
+    def __init__(self, drive: Drive, fastest_m_s: float, exact_time: bool = True,
+                 pose: Pose = Pose(0.0, 0.0, 0.0)) -> None:
+        self._metres = drive.metres_per_count
+        self._separation_m = drive.wheel_separation_m
+        self._interval_s = 0.0 if exact_time else TWIST_INTERVAL_S
+        self._waiting = (0.0, 0.0, 0.0)
+        self.baseline = Baseline(drive.metres_per_count, fastest_m_s, 0.002 if exact_time else 0.1)
+        self.pose = pose
+        self.twist = Twist(0.0, 0.0)
+        self.travel = Wheels(0, 0)
+        """Counts of each wheel since the start, without wrap."""
+
+    def reset(self) -> None:
+        """The board restarted: the next reading primes; the pose stays where it is."""
+        self.baseline.reset()
+        self.twist = Twist(0.0, 0.0)
+        self._waiting = (0.0, 0.0, 0.0)
+
+    def update(self, right: int, left: int, time_s: float) -> bool:
+        """Integrate one reading (int16 counts) taken at `time_s` [s]; False where it primes or is refused."""
+        step = self.baseline.update(right, left, time_s)
+        if step is None:
+            return False
+        self.travel = Wheels(self.travel.right + step.right, self.travel.left + step.left)
+        ds = (step.right + step.left) * self._metres / 2
+        turn = (step.right - step.left) * self._metres / self._separation_m
+        self.pose = advance(self.pose, ds, turn)
+        self._differentiate(ds, turn, step.dt_s)
+        return True
+
+    def _differentiate(self, ds: float, turn: float, dt_s: float) -> None:
+        ds, turn, dt_s = self._waiting[0] + ds, self._waiting[1] + turn, self._waiting[2] + dt_s
+        if dt_s <= self._interval_s:
+            self._waiting = (ds, turn, dt_s)
+            return
+        self._waiting = (0.0, 0.0, 0.0)
+        self.twist = Twist(ds / dt_s, turn / dt_s)
+
+
+def advance(pose: Pose, distance_m: float, turn_rad: float) -> Pose:
+    """The pose at the end of an arc of that length and turn; exact for constant speeds."""
+    half = turn_rad / 2
+    chord = distance_m * (math.sin(half) / half if abs(half) > 1e-8 else 1.0)
+    heading = pose.yaw_rad + half
+    return Pose(pose.x_m + chord * math.cos(heading), pose.y_m + chord * math.sin(heading),
+                wrap_angle(pose.yaw_rad + turn_rad))

@@ -1,0 +1,357 @@
+"""The conversation with a board, without I/O: bytes and time go in, events and bytes come out.
+
+It greets the board, starts its stream, keeps the link fed, repeats commands and stops, and greets the board anew when
+it has restarted.  Times are seconds of one monotonic clock, given by the caller.
+"""
+import math
+from typing import Callable, List, NamedTuple, Optional, Tuple, Union
+
+from .clock import BoardClock
+from .codec import REPLIES, Event, Frame, FrameDecoder, Garbage, encode_request
+from .handshake import Board, Handshake, Plan, board_of
+from .motion import QUICK, SLOW, STOP, Motion
+from .statistics import Counters
+from .table import BY_NAME, FAULTS, RESET_CAUSES, STOP_REASONS
+
+LATE_S = 0.1
+"""Telemetry older than this: no more motion commands are sent."""
+STALE_S = 0.3
+"""Telemetry older than this is reported; the command in force is dropped and the board greeted anew."""
+STATUS_S = 0.5
+"""Period of `read_status`; it also keeps the check value on, which ends after 2 s without a valid frame."""
+INFO_S = 1.0
+POLL_2013_S = 2.0
+SONAR_2013_S = 0.3
+PLAIN_FRAMES = 3
+"""So many frames in a row without check value mean that the board has restarted, not that one was damaged."""
+
+_COUNTS, _SONARS, _BOTH = (BY_NAME[n].code for n in ("read_encoders", "read_sonars", "read_encoders_and_sonars"))
+_INFO, _STATUS, _CHECK = (BY_NAME[n].code for n in ("robot_info", "read_status", "set_check"))
+
+
+class Ready(NamedTuple):
+    """The board is greeted and streams."""
+
+    board: Board
+    restarted: bool
+    """It is a new conversation: counters and board time have a new baseline."""
+
+
+class Counts(NamedTuple):
+    """One frame of the stream: 16-bit counters, and sonars [wire cm] where the frame has them."""
+
+    right: int
+    left: int
+    sonars: Optional[Tuple[int, ...]]
+    time_s: float
+    """Board time where `sequence` is there, else arrival time."""
+    stamp_s: float
+    """When the counters were read, on the caller's clock; the arrival where the board sends no time."""
+    arrival_s: float
+    sequence: Optional[int]
+
+
+class Sonars(NamedTuple):
+    """Sonar values [wire cm] that came by themselves."""
+
+    values: Tuple[int, ...]
+
+
+class Info(NamedTuple):
+    """A fresh `robot_info`."""
+
+    board: Board
+
+
+class Status(NamedTuple):
+    """How the board fares."""
+
+    uptime_s: int
+    reset_cause: str
+    stop_reason: str
+    faults: Tuple[str, ...]
+    clamped: int
+
+
+class Stale(NamedTuple):
+    """No telemetry for `age_s`; the robot is being stopped and greeted anew."""
+
+    age_s: float
+
+
+class Reply(NamedTuple):
+    """Any other frame of the board."""
+
+    frame: Frame
+
+
+SessionEvent = Union[Ready, Counts, Sonars, Info, Status, Stale, Reply]
+
+
+def status_of(args: Tuple[int, ...]) -> Status:
+    """The fields of a `read_status` reply."""
+    high, low, cause, reason, faults, clamped = args
+    names = tuple(name for i, (name, _) in enumerate(FAULTS) if faults >> i & 1)
+    return Status(high * 32768 + low, RESET_CAUSES[cause], STOP_REASONS[reason], names, clamped)
+
+
+class Session:
+    """State of one board on one link.
+
+    `admit(board)` may raise to refuse a board (wrong robot, dead battery) before anything is set on it.
+    """
+
+    def __init__(self, admit: Callable[[Board], None], now: float, plan: Plan = Plan(),
+                 command_timeout_s: Optional[float] = None, greeting_s: float = 8.0) -> None:
+        self._admit, self._plan = admit, plan
+        self._late_s = max(LATE_S, 2.5e-3 * plan.period_ms)
+        self._stale_s = max(STALE_S, 7.5e-3 * plan.period_ms)
+        self._decoder = FrameDecoder(REPLIES)
+        self._other = 0
+        self._out = bytearray()
+        self.counters = Counters()
+        self.motion = Motion(timeout_s=command_timeout_s)
+        self.board: Optional[Board] = None
+        self.status: Optional[Status] = None
+        self._clock = BoardClock()
+        self._sequence: Optional[int] = None
+        self._last: Optional[Tuple[int, int]] = None
+        self.heard_s = -math.inf
+        """Arrival of the last telemetry."""
+        self._greeting: Optional[Handshake] = Handshake(plan, self._send, admit, now, timeout_s=greeting_s)
+        self._restarted = True
+        self._status_s = self._info_s = self._sonar_s = math.inf
+
+    @property
+    def ready(self) -> bool:
+        """The board is greeted, and telemetry is not stale."""
+        return self._greeting is None
+
+    @property
+    def checked(self) -> bool:
+        """Frames carry a check value."""
+        return self._decoder.checked
+
+    def take(self) -> bytes:
+        """Bytes to send now."""
+        data = bytes(self._out)
+        self._out.clear()
+        self.counters.bytes_out += len(data)
+        return data
+
+    def drive(self, linear_mm_s: int, angular_mrad_s: int, now: float) -> bool:
+        """Put a command in force; False (and nothing) unless the board is ready."""
+        if not self.ready:
+            return False
+        self.motion.drive(linear_mm_s, angular_mrad_s, now)
+        self._move(now)
+        return True
+
+    def stop(self, now: float) -> None:
+        """Stop at once, and again until telemetry confirms it."""
+        self.motion.stop()
+        self._move(now)
+
+    def end(self) -> None:
+        """Take leave: no stream, no check value, as a 2013 host expects a board."""
+        self.motion.forget()
+        self._send(BY_NAME["stop_stream"].code)
+        if self.checked:
+            self._send(_CHECK, 0)
+
+    def request(self, code: int, *args: int) -> None:
+        """Send a request; its answer comes as a `Reply` or its own event.
+
+        Raises:
+            FrameError: the table forbids it.
+        """
+        self._send(code, *args)
+
+    def receive(self, data: bytes, now: float) -> List[SessionEvent]:
+        """Events out of bytes that arrived at `now`.
+
+        Raises:
+            BoardError: the board is not one to work with.
+        """
+        self.counters.bytes_in += len(data)
+        events: List[SessionEvent] = []
+        strange = False
+        for event in self._decoder.feed(data):
+            frame = event if type(event) is Frame else self._reread(event, now)
+            if frame is None:
+                strange = True
+                continue
+            self._other = 0
+            self.counters.frames += 1
+            self._on_frame(frame, now, events)
+        if self._greeting is not None and (strange or b"@" not in data):
+            self._greeting.heard(data, now)
+        return events
+
+    def tick(self, now: float) -> List[SessionEvent]:
+        """Do what is due; call it at `deadline()` and after `receive`.
+
+        Raises:
+            NotARobot: nothing answers the greeting, or not in frames.
+            BoardTimeout: the board stopped answering during the greeting.
+        """
+        events: List[SessionEvent] = []
+        if self._greeting is not None:
+            self._greeting.tick(now, self.checked)
+        elif now - self.heard_s >= self._stale_s:
+            events.append(Stale(now - self.heard_s))
+            self._greet_again(now)
+            self._restarted = not self.checked
+        else:
+            self._poll(now)
+        self._move(now)
+        return events
+
+    def deadline(self, now: float) -> float:
+        """When `tick` is due at the latest [s], unless bytes come before."""
+        stop_s = self.motion.due_s() if self.motion.stopping else math.inf
+        if self._greeting is not None:
+            return min(self._greeting.due_s, stop_s)
+        stale_s = self.heard_s + self._stale_s
+        if self.late(now):
+            return min(stale_s, stop_s)
+        return min(stale_s, self._status_s, self._info_s, self._sonar_s, self.motion.due_s())
+
+    def late(self, now: float) -> bool:
+        """Telemetry is so old that no motion is sent."""
+        return now - self.heard_s >= self._late_s
+
+    # -- out
+
+    def _send(self, code: int, *args: int, checked: Optional[bool] = None) -> None:
+        """A request on its way; a stop is always plain, for that works in every state of the board."""
+        checked = self.checked if checked is None else checked
+        self._out += encode_request(code, *args, checked=checked and code != STOP)
+
+    def _move(self, now: float) -> None:
+        for request in self.motion.take(now, self.ready and not self.late(now)):
+            self._send(*request)
+
+    def _poll(self, now: float) -> None:
+        if self.late(now):
+            return
+        if now >= self._status_s:
+            self._status_s = now + STATUS_S
+            self._send(_STATUS)
+        if now >= self._info_s:
+            self._info_s = now + (INFO_S if self.board and self.board.version >= 2 else POLL_2013_S)
+            self._send(_INFO)
+        if now >= self._sonar_s:
+            self._sonar_s = now + SONAR_2013_S
+            self._send(_SONARS)
+
+    # -- in
+
+    def _reread(self, event: Event, now: float) -> Optional[Frame]:
+        """The frame in garbage, if it is one by the rules of the other mode and the board has evidently changed to it.
+
+        Without a check value one frame is no evidence, for a damaged one may look like it: an answer to the greeting
+        or `PLAIN_FRAMES` in a row are.
+        """
+        assert isinstance(event, Garbage)
+        self.counters.count_garbage(event.reason)
+        if event.reason not in ("bad_check", "argument_count"):
+            return None
+        found = FrameDecoder(REPLIES, checked=not self.checked).feed(event.data)
+        if len(found) != 1 or not isinstance(found[0], Frame):
+            return None
+        frame = found[0]
+        self._other += 1
+        greeted = self._greeting is not None and frame.code == _INFO
+        if self.checked and not greeted and self._other < PLAIN_FRAMES:
+            return None
+        self._decoder.checked = not self.checked
+        self._other = 0
+        self._restarted = True
+        if self._greeting is None:
+            self._greet_again(now)
+        return frame
+
+    def _on_frame(self, frame: Frame, now: float, events: List[SessionEvent]) -> None:
+        code = frame.code
+        if code in (_BOTH, _COUNTS):
+            self._on_counts(frame, now, events)
+        elif code == _STATUS:
+            self._on_status(status_of(frame.args), now, events)
+        elif code == _INFO:
+            events.append(Info(board_of(frame.args)))
+        elif code == _SONARS:
+            events.append(Sonars(frame.args))
+        else:
+            events.append(Reply(frame))
+        if self._greeting is not None:
+            if code == _CHECK:
+                self._decoder.checked = bool(frame.args[0])
+            self._greeting.on_frame(frame, now)
+            if self._greeting is not None and self._greeting.done:
+                self._begin(now, events)
+
+    def _on_counts(self, frame: Frame, now: float, events: List[SessionEvent]) -> None:
+        stamp = frame.stamp
+        if self.checked and stamp is not None:
+            if self._is_duplicate(stamp.sequence):
+                return
+            stamp_s = self._clock.update(stamp.time, now).stamp_s
+            time_s = self._clock.board_s()
+        else:
+            time_s = stamp_s = now
+        if self._greeting is not None:
+            return
+        self.heard_s = now
+        args = frame.args
+        if len(args) == 2 and self._sonar_s == math.inf:
+            self._sonar_s = now
+        counts = (args[0], args[1])
+        self.motion.observe(counts != self._last, now)
+        self._last = counts
+        events.append(Counts(args[0], args[1], args[2:] or None, time_s, stamp_s, now,
+                             stamp.sequence if stamp else None))
+
+    def _is_duplicate(self, sequence: int) -> bool:
+        last, self._sequence = self._sequence, sequence
+        if last is None:
+            return False
+        missing = (sequence - last - 1) & 0xFFFF
+        if missing == 0xFFFF:
+            self.counters.duplicates += 1
+            return True
+        self.counters.lost += missing
+        return False
+
+    def _on_status(self, status: Status, now: float, events: List[SessionEvent]) -> None:
+        restarted = self.status is not None and status.uptime_s < self.status.uptime_s
+        self.status = status
+        events.append(status)
+        self._restarted = self._restarted or restarted
+        if restarted and self._greeting is None:
+            self._greet_again(now)
+
+    # -- greeting
+
+    def _greet_again(self, now: float) -> None:
+        """The board restarted or fell silent: stopped until a new command, and greeted from the start."""
+        self.motion.forget()
+        self._status_s = self._info_s = self._sonar_s = math.inf
+        self._greeting = Handshake(self._plan, self._send, self._admit, now, patient=True)
+
+    def _begin(self, now: float, events: List[SessionEvent]) -> None:
+        """The board streams: from here on it is ready."""
+        greeting, self._greeting = self._greeting, None
+        assert greeting is not None and greeting.board is not None
+        self.counters.restarts += self.board is not None
+        self.board = greeting.board
+        old = self.board.version < 2
+        self.motion.pace, self.motion.skip_minus_one = (SLOW, True) if old else (QUICK, False)
+        self._status_s = math.inf if old else now + STATUS_S
+        self._info_s = now + (POLL_2013_S if old else INFO_S)
+        if self._restarted:
+            self._clock = BoardClock()
+            self._sequence = self._last = None
+        self.heard_s = now
+        events.append(Ready(self.board, self._restarted))
+        self._restarted = False

@@ -1,0 +1,66 @@
+import os
+import select
+import threading
+import time
+import tty
+
+import pytest
+
+from .fake_board import FakeBoard
+
+
+class PtyBoard:
+    """A fake board on a pty, in a thread; `lock` guards the board."""
+
+    def __init__(self, board):
+        self.board = board
+        self.master, self.slave = os.openpty()
+        tty.setraw(self.slave)
+        self.path = os.ttyname(self.slave)
+        self.held = threading.Event()
+        self.unplugged = threading.Event()
+        self.received = bytearray()
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
+
+    def _serve(self):
+        while not self._end.is_set():
+            if self.held.is_set():
+                time.sleep(0.002)
+                continue
+            ready, _, _ = select.select([self.master], [], [], 0.002)
+            now = time.monotonic()
+            if ready:
+                data = os.read(self.master, 4096)
+                self.received += data
+                self.board.receive(data, now)
+            out = self.board.advance(now)
+            if out:
+                os.write(self.master, out)
+
+    def unplug(self):
+        self._end.set()
+        self._thread.join()
+        os.close(self.slave)
+        os.close(self.master)
+        self.unplugged.set()
+
+    def close(self):
+        if not self.unplugged.is_set():
+            self.unplug()
+
+
+@pytest.fixture
+def serve():
+    """Puts a fake board on a pty; call it with the arguments of FakeBoard."""
+    boards = []
+
+    def start(**kwargs):
+        boards.append(PtyBoard(FakeBoard(**kwargs)))
+        boards[-1].board.reset(time.monotonic())
+        return boards[-1]
+
+    yield start
+    for board in boards:
+        board.close()

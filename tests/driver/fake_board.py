@@ -1,0 +1,106 @@
+"""A board without physics, on the project's own codec: wheels follow commands at once.  Sans I/O, time injected."""
+from typing import List, Optional
+
+from mrl_driver.codec import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
+from mrl_driver.table import TICK_S
+
+SEPARATION_M, METRES = 0.180, 0.000087512033
+
+
+class FakeBoard:
+    """A TraxBot's board; `version` 1 is 2013 with a stream of `stream_code` 8 or 6."""
+
+    def __init__(self, robot_id: int = 1, version: int = 2, stream_code: int = 8, boot_s: float = 0.0) -> None:
+        self.robot_id, self.version, self.stream_code = robot_id, version, stream_code
+        self.boot_s = boot_s
+        self.battery = 1200
+        self.sonars = (120, 45, 645)
+        self.right = self.left = 0.0
+        self.moves: List[tuple] = []
+        self.heard: List[Frame] = []
+        self.stops = 0
+        self.started_s = 0.0
+        self.time_s = 0.0
+        self.mute = False
+        self.reset(0.0)
+
+    def reset(self, now: float) -> None:
+        self.decoder = FrameDecoder(REQUESTS)
+        self.period_s: Optional[float] = None
+        self.speeds = (0, 0)
+        self.watchdog_s = 0.0
+        self.sequence = 0
+        self.started_s = self.time_s = now
+        self.ready_s = now + self.boot_s
+        self.fed_s = now
+        self.right = self.left = 0.0
+        self.due_s = 0.0
+        self.out = bytearray()
+
+    def receive(self, data: bytes, now: float) -> None:
+        if now < self.ready_s:
+            return
+        for event in self.decoder.feed(data):
+            if isinstance(event, Frame):
+                self.fed_s = now
+                self.heard.append(event)
+                self._do(event, now)
+
+    def advance(self, now: float) -> bytes:
+        dt = now - self.time_s
+        self.time_s = now
+        linear, angular = (each / 1000 for each in self.speeds)
+        self.right += (linear + angular * SEPARATION_M / 2) * dt / METRES
+        self.left += (linear - angular * SEPARATION_M / 2) * dt / METRES
+        if self.watchdog_s and now - self.fed_s > self.watchdog_s:
+            self.speeds = (0, 0)
+        while self.period_s is not None and now >= self.due_s:
+            self.due_s = max(self.due_s + self.period_s, now - self.period_s)
+            self._reply(self.stream_code, now)
+        out, self.out = bytes(self.out), bytearray()
+        return b"" if self.mute else out
+
+    def counts(self) -> tuple:
+        return tuple(((int(each) + 0x8000) & 0xFFFF) - 0x8000 for each in (self.right, self.left))
+
+    def _reply(self, code: int, now: float) -> None:
+        args = self.counts() + (self.sonars if code == 8 else ())
+        self.sequence = ((self.sequence + 0x8001) & 0xFFFF) - 0x8000
+        ticks = ((int((now - self.started_s) / TICK_S) + 0x8000) & 0xFFFF) - 0x8000
+        self.out += encode_reply(code, *args, stamp=Stamp(self.sequence, ticks), checked=self.decoder.checked)
+
+    def _say(self, code: int, *args: int) -> None:
+        self.out += encode_reply(code, *args, checked=self.decoder.checked)
+
+    def _do(self, frame: Frame, now: float) -> None:
+        code, args = frame.code, frame.args
+        if code == 5:
+            self._say(5, 2500, 172, self.battery, self.version, self.robot_id)
+        elif code in (6, 8):
+            self._reply(code, now)
+        elif code == 7:
+            self._say(7, *self.sonars)
+        elif code == 11:
+            self.speeds = args
+            self.moves.append(args)
+        elif code == 13:
+            self.speeds = (0, 0)
+            self.stops += 1
+        elif code == 18:
+            self.period_s, self.due_s = max(0.004, (args or (0,))[0] / 1000), now
+        elif code == 19:
+            self.period_s = None
+        elif self.version >= 2:
+            self._modern(code, args, now)
+
+    def _modern(self, code: int, args: tuple, now: float) -> None:
+        if code == 29:
+            self._say(29, 2, 0b0011111)
+        elif code == 30:
+            self._say(30, 0, int(now - self.started_s), 1, 0, 0, 0)
+        elif code == 32:
+            self._say(32, *args)
+            self.decoder.checked = bool(args[0])
+        elif code == 33:
+            self.watchdog_s = args[0] / 1000
+            self._say(33, *args)
