@@ -172,6 +172,7 @@ static void reset_now(board_t *board, uint8_t cause) {
     uint64_t cycle = avr->cycle;
     avr_reset(avr);
     avr->cycle = cycle;
+    avr->run_cycle_limit = avr->frequency; /* a reset sets 1: control back after every instruction */
     avr->data[MCUSR_] = board->reset_flags < 0 ? flags : (uint8_t)board->reset_flags;
     board->reset_wanted = false;
     board->resets++;
