@@ -1,0 +1,116 @@
+"""Recordings come back byte for byte, and survive crashes, full disks and editors."""
+import os
+import time
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.recording import FROM_BOARD, TO_BOARD, Recorder, Recording
+
+HEADER = '#mrl-recording 1 {"port": "x"}\n'
+
+
+def record(path, chunks, **header):
+    recorder = Recorder(str(path), **header)
+    for way, data in chunks:
+        recorder.add(way, data)
+    recorder.close()
+    return recorder
+
+
+def read(tmp_path, text):
+    path = tmp_path / "log"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode("latin-1"))
+    recording = Recording(str(path))
+    return recording, list(recording)
+
+
+@given(st.lists(st.tuples(st.sampled_from([TO_BOARD, FROM_BOARD]), st.binary(max_size=60)), max_size=20))
+def test_bytes_come_back(tmp_path_factory, chunks):
+    path = tmp_path_factory.mktemp("log") / "log"
+    record(path, chunks)
+    assert [(entry.way, entry.data) for entry in Recording(str(path))] == chunks
+
+
+def test_times_increase(tmp_path):
+    record(tmp_path / "log", [(FROM_BOARD, b"@6,1,2e")] * 5)
+    times = [entry.time_s for entry in Recording(str(tmp_path / "log"))]
+    assert times == sorted(times)
+
+
+def test_header_comes_back(tmp_path):
+    record(tmp_path / "log", [], port="/dev/ttyACM0")
+    assert Recording(str(tmp_path / "log")).header["port"] == "/dev/ttyACM0"
+
+
+def test_frames_can_be_read_by_eye(tmp_path):
+    record(tmp_path / "log", [(FROM_BOARD, b"@6,1,2e\r\n")])
+    assert (tmp_path / "log").read_text().splitlines()[1].endswith(r" < @6,1,2e\r\n")
+
+
+def test_what_was_added_is_on_the_disk_within_a_second(tmp_path):
+    """A program that is killed loses no more."""
+    recorder = Recorder(str(tmp_path / "log"))
+    recorder.add(FROM_BOARD, b"@6,1,2e")
+    deadline_s = time.monotonic() + 1.0
+    while b"@6,1,2e" not in (tmp_path / "log").read_bytes() and time.monotonic() < deadline_s:
+        time.sleep(0.02)
+    found = (tmp_path / "log").read_bytes()
+    recorder.close()
+    assert b"@6,1,2e" in found
+
+
+def test_a_full_disk_is_counted_and_named():
+    recorder = Recorder("/dev/full")
+    recorder.add(FROM_BOARD, b"@6,1,2e")
+    recorder.close()
+    assert (recorder.lost, recorder.error) == (2, os.strerror(28))
+
+
+def test_a_file_that_cannot_be_made_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match="cannot record to .*: Is a directory"):
+        Recorder(str(tmp_path))
+
+
+def test_a_torn_last_line_is_skipped(tmp_path):
+    recording, entries = read(tmp_path, HEADER + "0.1 < @6,1,2e\n0.2 < @6,1")
+    assert (len(entries), recording.skipped) == (1, {3: "torn"})
+
+
+@pytest.mark.parametrize("line, problem", [
+    ("x < @6e", "time is b'x', expected seconds"),
+    ("-1 < @6e", "time is -1.0"),
+    ("nan < @6e", "time is nan"),
+    ("0.05 < @6e", "time 0.05 lies before 0.1"),
+    ("0.2 = @6e", "direction is b'='"),
+    ("0.2 < \\x4", "not escaped"),
+    ("\x00\x00\x00", "time is"),
+])
+def test_a_bad_line_is_skipped_with_its_number(tmp_path, line, problem):
+    recording, entries = read(tmp_path, HEADER + f"0.1 < a\n{line}\n0.3 < b\n")
+    assert [entry.data for entry in entries] == [b"a", b"b"]
+    assert problem in recording.skipped[3]
+
+
+def test_line_ends_of_other_systems_are_read(tmp_path):
+    _, entries = read(tmp_path, (HEADER + "0.1 < a\n").replace("\n", "\r\n"))
+    assert entries[0].data == b"a"
+
+
+@pytest.mark.parametrize("text, message", [
+    ("", "log:1: got b'', expected '#mrl-recording 1"),
+    ("@6,1,2e\n", "not a recording"),
+    (b"\x00" * 50, "not a recording"),
+    ("#mrl-recording 2 {}\n", "recording version 2, this program reads up to 1"),
+    ("#mrl-recording 1 {", "damaged"),
+])
+def test_what_is_no_recording_is_refused(tmp_path, text, message):
+    with pytest.raises(ConfigError, match=message):
+        read(tmp_path, text)
+
+
+def test_a_missing_file_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match="No such file"):
+        Recording(str(tmp_path / "none"))
