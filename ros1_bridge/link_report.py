@@ -1,0 +1,57 @@
+"""The link's state as diagnostics: a level, a line, keys and values.  Pure."""
+
+from typing import Dict, NamedTuple
+
+from mrl_driver.handshake import Board
+from mrl_driver.statistics import Statistics
+
+OK, WARN, ERROR = 0, 1, 2
+"""Levels of diagnostic_msgs/DiagnosticStatus."""
+
+
+class Health(NamedTuple):
+    """A level and the line that explains it."""
+
+    level: int
+    message: str
+
+
+def error_count(statistics: Statistics) -> int:
+    """Everything that went wrong on the link."""
+    return (
+        sum(statistics.garbage.values()) + statistics.lost + statistics.duplicates + statistics.refused_counts
+        + statistics.unanswered + statistics.blocked_writes
+    )  # fmt: skip
+
+
+def health(ready: bool, age_s: float, battery_state: str, battery_v: float) -> Health:
+    """The robot's health from the link's and the battery's."""
+    if not ready:
+        return Health(ERROR, f"the board is silent for {age_s:.1f} s: check its cable and power")
+    if battery_state in ("empty", "off"):
+        return Health(ERROR, f"battery is {battery_state} at {battery_v:.1f} V")
+    if battery_state != "ok":
+        return Health(WARN, f"battery is {battery_state} at {battery_v:.1f} V")
+    return Health(OK, "streaming")
+
+
+def values(port: str, baud: int, board: Board, statistics: Statistics, age_s: float) -> Dict[str, str]:
+    """Keys and values, named as REP-138 does where it has a name."""
+    return {
+        "Serial Port": port,
+        "Serial Baud": str(baud),
+        "Firmware Version": str(board.version),
+        "Motor Board Version": f"{board.motor_board_version:.2f}",
+        "Protocol Version": str(board.protocol),
+        "Device ID": str(board.robot_id),
+        "Telemetry Age": f"{age_s * 1000:.0f} ms",
+        "Errors": str(error_count(statistics)),
+        "Frames": str(statistics.frames),
+        "Lost Frames": str(statistics.lost),
+        "Garbage": ", ".join(f"{name} {count}" for name, count in sorted(statistics.garbage.items()))
+        or "none",
+        "Refused Counts": str(statistics.refused_counts),
+        "Unanswered Requests": str(statistics.unanswered),
+        "Blocked Writes": str(statistics.blocked_writes),
+        "Restarts": str(statistics.restarts),
+    }

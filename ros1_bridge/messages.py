@@ -1,0 +1,156 @@
+"""Fills ROS messages from driver values.  Plain functions: no node, no clock, no maths of the robot.
+
+One message per topic is prepared once and filled again for each publication.
+"""
+
+import math
+from typing import Mapping, Tuple
+
+from genpy import Time
+from geometry_msgs.msg import TransformStamped, Twist
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import BatteryState, Range
+from tf2_msgs.msg import TFMessage
+
+from mrl_driver.robots import Battery, SonarMount
+from mrl_driver.sonar import FARTHEST_M, FIELD_OF_VIEW_RAD, NEAREST_M
+
+UNUSED_VARIANCE = 1e6
+"""Variance on the axes that a robot on the floor does not have; filters take it as "not measured"."""
+POSE_VARIANCE = (1e-3, 1e-3, UNUSED_VARIANCE, UNUSED_VARIANCE, UNUSED_VARIANCE, 3e-3)
+"""x y z [m2], roll pitch yaw [rad2]: 3 cm and 3 deg, what a tracked robot keeps over a few metres."""
+TWIST_VARIANCE = (1e-4, 1e-6, UNUSED_VARIANCE, UNUSED_VARIANCE, UNUSED_VARIANCE, 1e-3)
+"""vx vy vz [m2/s2], rates [rad2/s2]: 1 cm/s; sideways motion is excluded by the wheels, not unknown."""
+SONAR_HEIGHT_M = 0.0
+"""Mounts are given in the plane of base_link."""
+
+
+def sonar_frame(base_frame: str, sonar: str) -> str:
+    """Frame of a sonar with the prefix of `base_frame`: robot1/base_link gives robot1/sonar_front."""
+    prefix, slash, _ = base_frame.rpartition("/")
+    return f"{prefix}{slash}sonar_{sonar}"
+
+
+def new_odometry(odom_frame: str, base_frame: str) -> Odometry:
+    """Odometry with frames and covariances set; pose in `odom_frame`, twist in `base_frame`."""
+    message = Odometry()
+    message.header.frame_id = odom_frame
+    message.child_frame_id = base_frame
+    message.pose.covariance = _diagonal(POSE_VARIANCE)
+    message.twist.covariance = _diagonal(TWIST_VARIANCE)
+    return message
+
+
+def fill_odometry(
+    message: Odometry, stamp: Time, pose: Tuple[float, float, float], twist: Tuple[float, float]
+) -> None:
+    """Write pose (x, y, yaw [m m rad]) and twist (linear, angular [m/s rad/s]) into a prepared message."""
+    message.header.stamp = stamp
+    position, orientation = message.pose.pose.position, message.pose.pose.orientation
+    position.x, position.y, yaw = pose
+    orientation.z, orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
+    message.twist.twist.linear.x, message.twist.twist.angular.z = twist
+
+
+def new_transform(odom_frame: str, base_frame: str) -> TFMessage:
+    """One transform odom_frame to base_frame in a message for /tf."""
+    return TFMessage([_transform(odom_frame, base_frame, 0.0, 0.0, 0.0)])
+
+
+def fill_transform(message: TFMessage, stamp: Time, pose: Tuple[float, float, float]) -> None:
+    """Write a pose (x, y, yaw [m m rad]) into a prepared message."""
+    transform = message.transforms[0]
+    transform.header.stamp = stamp
+    translation, rotation = transform.transform.translation, transform.transform.rotation
+    translation.x, translation.y, yaw = pose
+    rotation.z, rotation.w = math.sin(yaw / 2), math.cos(yaw / 2)
+
+
+def new_mounts(base_frame: str, sonars: Mapping[str, SonarMount], stamp: Time) -> TFMessage:
+    """Static transforms from `base_frame` to each sonar, x along its beam."""
+    message = TFMessage()
+    for name, mount in sonars.items():
+        yaw = math.radians(mount.yaw_deg)
+        transform = _transform(base_frame, sonar_frame(base_frame, name), mount.x_m, mount.y_m, yaw)
+        transform.header.stamp = stamp
+        message.transforms.append(transform)
+    return message
+
+
+def new_range(base_frame: str, sonar: str) -> Range:
+    """Range of an ultrasonic sonar in its own frame."""
+    message = Range(radiation_type=Range.ULTRASOUND, field_of_view=FIELD_OF_VIEW_RAD)
+    message.header.frame_id = sonar_frame(base_frame, sonar)
+    message.min_range, message.max_range = NEAREST_M, FARTHEST_M
+    return message
+
+
+def fill_range(message: Range, stamp: Time, range_m: float) -> None:
+    """Write a range [m]; -inf is too near, nan invalid, +inf nothing in range (REP-117)."""
+    message.header.stamp = stamp
+    message.range = range_m
+
+
+def new_battery(base_frame: str, battery: Battery) -> BatteryState:
+    """State of a NiMH battery; what the board does not measure is NaN or unknown."""
+    message = BatteryState(current=math.nan, charge=math.nan, capacity=math.nan, percentage=math.nan)
+    message.header.frame_id = base_frame
+    message.voltage = math.nan
+    message.design_capacity = battery.capacity_ah
+    message.power_supply_technology = BatteryState.POWER_SUPPLY_TECHNOLOGY_NIMH
+    message.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
+    if hasattr(message, "temperature"):  # Noetic has the field, older releases of the message do not
+        message.temperature = math.nan
+    return message
+
+
+def fill_battery(message: BatteryState, stamp: Time, voltage_v: float, battery: Battery) -> None:
+    """Write a voltage [V]; the share between empty and full is a straight line, 0 to 1."""
+    message.header.stamp = stamp
+    message.voltage = voltage_v
+    message.present = voltage_v >= battery.off_v
+    share = (voltage_v - battery.empty_v) / (battery.full_v - battery.empty_v)
+    message.percentage = min(1.0, max(0.0, share))
+    dead = voltage_v < battery.empty_v
+    message.power_supply_health = (
+        BatteryState.POWER_SUPPLY_HEALTH_DEAD if dead else BatteryState.POWER_SUPPLY_HEALTH_GOOD
+    )
+
+
+def read_twist(message: Twist) -> Tuple[float, float]:
+    """Forward speed [m/s] and yaw rate [rad/s] of a command.
+
+    Raises:
+        ValueError: any of the six fields is NaN or infinite; the text names it.
+    """
+    for part in ("linear", "angular"):
+        vector = getattr(message, part)
+        for axis in "xyz":
+            if not math.isfinite(getattr(vector, axis)):
+                raise ValueError(
+                    f"cmd_vel {part}.{axis} is {getattr(vector, axis)}, expected a finite number"
+                )
+    return message.linear.x, message.angular.z
+
+
+def unused_axes(message: Twist) -> Tuple[str, ...]:
+    """Names of the nonzero fields that a differential drive cannot follow."""
+    linear, angular = message.linear, message.angular
+    if not (linear.y or linear.z or angular.x or angular.y):
+        return ()
+    fields = {"linear.y": linear.y, "linear.z": linear.z, "angular.x": angular.x, "angular.y": angular.y}
+    return tuple(name for name, value in fields.items() if value)
+
+
+def _diagonal(variances: Tuple[float, ...]) -> Tuple[float, ...]:
+    """6 x 6 row-major matrix with these on its diagonal."""
+    return tuple(variances[i // 6] if i % 7 == 0 else 0.0 for i in range(36))
+
+
+def _transform(parent: str, child: str, x_m: float, y_m: float, yaw_rad: float) -> TransformStamped:
+    transform = TransformStamped()
+    transform.header.frame_id, transform.child_frame_id = parent, child
+    translation, rotation = transform.transform.translation, transform.transform.rotation
+    translation.x, translation.y, translation.z = x_m, y_m, SONAR_HEIGHT_M
+    rotation.z, rotation.w = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
+    return transform

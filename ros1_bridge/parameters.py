@@ -1,0 +1,123 @@
+"""The node's private parameters as data: one row each, checked before the port is opened.  Pure, no ROS."""
+
+import math
+from typing import Any, Dict, Mapping, NamedTuple, Optional, Tuple
+
+from mrl_driver.errors import ConfigError
+
+BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 250000, 500000, 1000000)
+
+
+class Row(NamedTuple):
+    """One parameter; `default` None means that it must be given.
+
+    `kind` is str, bool, int or float; `low` and `high` bound numbers in `unit`; `choices` replaces both.
+    """
+
+    name: str
+    kind: type
+    default: Any
+    unit: str
+    text: str
+    low: float = -math.inf
+    high: float = math.inf
+    choices: Tuple[int, ...] = ()
+
+
+ROWS = (
+    Row("port", str, None, "", "Serial port of the board, such as /dev/ttyACM0"),
+    Row("baud", int, 115200, "baud", "Speed of the serial port", choices=BAUDS),
+    Row(
+        "robot",
+        str,
+        "auto",
+        "",
+        "Model name, path of a robot's .yaml file, or auto: by the robot id of the board",
+    ),
+    Row("odom_frame", str, "odom", "", "Frame of the pose"),
+    Row("base_frame", str, "base_link", "", "Frame of the robot; sonar frames take its prefix"),
+    Row("publish_tf", bool, True, "", "Publish odom_frame to base_frame on /tf; false beside an EKF"),
+    Row("cmd_vel_timeout", float, 0.5, "s", "The robot stops when cmd_vel is silent for so long", 0.05, 10.0),
+)
+FRAMES = ("odom_frame", "base_frame")
+
+
+class Parameters(NamedTuple):
+    """Checked values, named as in `ROWS`; `cmd_vel_timeout` in seconds."""
+
+    port: str
+    baud: int
+    robot: str
+    odom_frame: str
+    base_frame: str
+    publish_tf: bool
+    cmd_vel_timeout: float
+
+
+def check(given: Mapping[str, Any], namespace: str) -> Parameters:
+    """The parameters of a node from what its private namespace holds.
+
+    Args:
+        given: name to value, as the parameter server returns `~`.
+        namespace: the node's full name, for the error text.
+
+    Raises:
+        ConfigError: a value is missing, of the wrong type or out of range, or a name is unknown.
+    """
+    for name in given:
+        if name not in Parameters._fields:
+            raise ConfigError(
+                f"parameter {namespace}/{name} is unknown, expected {', '.join(Parameters._fields)}; "
+                f"`rosparam delete {namespace}/{name}` removes one that an earlier run has left"
+            )
+    values: Dict[str, Any] = {row.name: _value(row, given.get(row.name), namespace) for row in ROWS}
+    if values["odom_frame"] == values["base_frame"]:
+        got = values["base_frame"]
+        raise ConfigError(
+            f"parameter {namespace}/base_frame is {got!r}, expected a frame other than odom_frame"
+        )
+    return Parameters(**values)
+
+
+def expected(row: Row) -> str:
+    """What a row allows, in words: `a number from 0.05 to 10 s`."""
+    unit = f" {row.unit}" if row.unit else ""
+    if row.kind is bool:
+        return "true or false"
+    if row.choices:
+        return f"one of {', '.join(map(str, row.choices))}{unit}"
+    if row.kind is float:
+        return f"a number from {row.low:g} to {row.high:g}{unit}"
+    if row.name in FRAMES:
+        return "a frame name without a leading slash or blanks"
+    return f"the {row.text[0].lower()}{row.text[1:]}"
+
+
+def _value(row: Row, got: Any, namespace: str) -> Any:
+    if got is None:
+        if row.default is None:
+            raise ConfigError(f"parameter {namespace}/{row.name} is missing, expected {expected(row)}")
+        return row.default
+    value = _typed(row, got)
+    if value is None:
+        raise ConfigError(f"parameter {namespace}/{row.name} is {got!r}, expected {expected(row)}")
+    return value
+
+
+def _typed(row: Row, got: Any) -> Optional[Any]:
+    """The value in the row's type, or None if the row forbids it."""
+    if row.kind is bool:
+        return got if isinstance(got, bool) else None
+    if row.kind is str:
+        return got if isinstance(got, str) and _is_text(row, got) else None
+    if isinstance(got, bool) or not isinstance(got, (int, float)):
+        return None
+    if row.choices:
+        return int(got) if got in row.choices else None
+    return float(got) if row.low <= got <= row.high else None
+
+
+def _is_text(row: Row, got: str) -> bool:
+    if row.name in FRAMES:
+        return bool(got) and not got.startswith("/") and not any(c.isspace() for c in got)
+    return bool(got.strip()) and got.isprintable()

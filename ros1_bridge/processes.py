@@ -1,0 +1,141 @@
+"""Child processes that never outlive their parent, each with a log."""
+
+import ctypes
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+from typing import Callable, Dict, List, Optional, Sequence
+
+_PR_SET_PDEATHSIG = 1
+_PR_SET_CHILD_SUBREAPER = 36
+_LIBC = ctypes.CDLL(None, use_errno=True)
+_POLL_S = 0.02
+TAIL_LINES = 6
+
+
+class Child:
+    """A started program.
+
+    It leads a session of its own unless it shares the terminal, so that Ctrl-C reaches its parent alone and
+    the parent decides on the order.  If the parent dies without a word, the kernel sends it SIGTERM.
+    """
+
+    def __init__(
+        self, name: str, command: Sequence[str], log: Optional[Path], env: Dict[str, str], cwd: Path
+    ) -> None:
+        """Start `command`; output goes to the file `log`, or to the parent's terminal if that is None."""
+        self.name = name
+        self.log = log
+        output = log.open("wb") if log else None
+        try:
+            self._process = subprocess.Popen(
+                list(command),
+                env=env,
+                cwd=str(cwd),
+                stdin=subprocess.DEVNULL if log else None,
+                stdout=output,
+                stderr=subprocess.STDOUT if log else None,
+                start_new_session=log is not None,
+                preexec_fn=_die_with_parent(os.getpid()),
+            )
+        finally:
+            if output:
+                output.close()
+
+    @property
+    def exit_code(self) -> Optional[int]:
+        """None while it runs; 128 plus the signal if one ended it, as a shell reports it."""
+        code = self._process.poll()
+        return 128 - code if code is not None and code < 0 else code
+
+    def signal(self, number: int) -> None:
+        """Send a signal, unless it has ended."""
+        if self.exit_code is None:
+            self._process.send_signal(number)
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait for the end; False if it did not come in time."""
+        try:
+            self._process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            return False
+        return True
+
+    def stop(self, number: int, timeout_s: float) -> None:
+        """Ask it to end, and end it by force with all of its session after `timeout_s`."""
+        self.signal(number)
+        if not self.wait(timeout_s):
+            self.signal(signal.SIGKILL)
+            self._process.wait()
+
+    def output(self) -> List[str]:
+        """Lines of the log so far."""
+        if self.log is None or not self.log.exists():
+            return []
+        return self.log.read_text(encoding="utf-8", errors="replace").splitlines()
+
+    def last_words(self) -> str:
+        """Name, exit code and the end of the log."""
+        lines = [line for line in self.output() if line.strip()][-TAIL_LINES:]
+        words = f"{self.name} ended with exit code {self.exit_code}"
+        if not lines:
+            return words
+        return "\n  ".join([f"{words}; the end of {self.log}:", *lines])
+
+
+def adopt_orphans() -> None:
+    """Make this process the parent of grandchildren whose own parent dies; `end_orphans` finds them."""
+    _LIBC.prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+
+
+def end_orphans(timeout_s: float = 1.0) -> None:
+    """End every child that is left, by force if it takes longer than `timeout_s`."""
+    deadline = time.monotonic() + timeout_s
+    while _children():
+        number = signal.SIGTERM if time.monotonic() < deadline else signal.SIGKILL
+        for pid in _children():
+            _signal_quietly(pid, number)
+        _reap()
+        time.sleep(_POLL_S)
+
+
+def wait_until(condition: Callable[[], bool], timeout_s: float) -> bool:
+    """Poll until `condition` holds; False if it did not in time."""
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        if time.monotonic() >= deadline:
+            return False
+        time.sleep(_POLL_S)
+    return True
+
+
+def _die_with_parent(parent: int) -> Callable[[], None]:
+    def prepare() -> None:
+        _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
+        if os.getppid() != parent:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    return prepare
+
+
+def _children() -> List[int]:
+    """Process ids of this process's children, the dead ones included."""
+    with open(f"/proc/self/task/{os.getpid()}/children", encoding="ascii") as file:
+        return [int(pid) for pid in file.read().split()]
+
+
+def _signal_quietly(pid: int, number: int) -> None:
+    try:
+        os.kill(pid, number)
+    except ProcessLookupError:
+        pass
+
+
+def _reap() -> None:
+    try:
+        while os.waitpid(-1, os.WNOHANG)[0]:
+            pass
+    except ChildProcessError:
+        pass

@@ -1,0 +1,262 @@
+"""`make run`: roscore, an emulated board, the robot node and the live view, and their orderly end.
+
+Started as `python -m ros1_bridge.run`.  Logs of the children stand in build/run.
+"""
+
+import os
+import signal
+import socket
+import sys
+import time
+import urllib.parse
+import xmlrpc.client
+from pathlib import Path
+from typing import Dict, List, Optional, Tuple
+
+import click
+
+from mrl_driver.errors import ConfigError, MrlError, SimulatorError
+
+from .processes import Child, adopt_orphans, end_orphans, wait_until
+
+ROOT = Path(__file__).resolve().parent.parent
+LOGS = ROOT / "build" / "run"
+IMAGE = ROOT / "build" / "firmware" / "mrl_firmware.elf"
+NODES = ROOT / "ros1_bridge" / "nodes"
+MASTER = "http://127.0.0.1:11311"
+ROSCORE_TIMEOUT_S, SIMULATOR_TIMEOUT_S = 10.0, 30.0
+NODE_END_S, VIEW_END_S, CHILD_END_S = 2.5, 1.0, 3.0
+_POLL_S = 0.05
+_DEFAULT_ROBOT = "traxbot"
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_LOCAL = ("localhost", "127.0.0.1", "::1", socket.gethostname())
+
+
+class RunError(MrlError):
+    """A part of the run did not start, or died; carries the exit code of that part."""
+
+    def __init__(self, message: str, exit_code: int = 1) -> None:
+        super().__init__(message)
+        self.exit_code = exit_code or 1
+
+
+class Stopped(Exception):
+    """A signal asked for the end."""
+
+
+class Run:
+    """The parts in the order of their start; `stop` ends them, the robot first."""
+
+    def __init__(self, env: Dict[str, str]) -> None:
+        self._env = env
+        self._children: List[Child] = []
+        self.signal: Optional[int] = None
+        """The signal that asked for the end, if one did."""
+
+    def on_signal(self, number: int, _frame: object) -> None:
+        """Signal handler: note it; the main loop acts on it."""
+        self.signal = self.signal or number
+
+    def start(self, name: str, command: List[str], terminal: bool = False) -> Child:
+        """Start a part, with the terminal or with a log."""
+        log = None if terminal else LOGS / f"{name}.log"
+        child = Child(name, command, log, self._env, ROOT)
+        self._children.append(child)
+        return child
+
+    def forget(self, child: Child) -> None:
+        """A part has ended as expected."""
+        self._children.remove(child)
+
+    def check(self) -> None:
+        """Raises Stopped after a signal, RunError when a part has died."""
+        if self.signal:
+            raise Stopped
+        for child in self._children:
+            if child.exit_code is not None:
+                raise RunError(child.last_words(), child.exit_code)
+
+    def stop(self) -> None:
+        """End everything: the node stops the robot, then the view gives back the terminal, then the rest."""
+        ends = {"robot_node": (signal.SIGINT, NODE_END_S), "demo_view": (signal.SIGTERM, VIEW_END_S)}
+        order = sorted(
+            self._children, key=lambda child: list(ends).index(child.name) if child.name in ends else 9
+        )
+        for child in order:
+            if child.name in ends:
+                child.signal(ends[child.name][0])
+        for child in order:
+            child.stop(*ends.get(child.name, (signal.SIGINT, CHILD_END_S)))
+        end_orphans()
+
+
+def environment() -> Dict[str, str]:
+    """The children's environment: the local master unless one is set, with it addresses on localhost."""
+    env = dict(os.environ)
+    env.setdefault("ROS_MASTER_URI", MASTER)
+    if not env["ROS_MASTER_URI"]:
+        env["ROS_MASTER_URI"] = MASTER
+    if _host(env)[0] in _LOCAL and not env.get("ROS_IP") and not env.get("ROS_HOSTNAME"):
+        env["ROS_IP"] = "127.0.0.1"
+    env.setdefault("ROS_LOG_DIR", str(LOGS / "ros"))
+    env["PYTHONUNBUFFERED"] = "1"
+    return env
+
+
+def _host(env: Dict[str, str]) -> Tuple[str, int]:
+    """Host and port of the master."""
+    uri = env["ROS_MASTER_URI"]
+    parts = urllib.parse.urlsplit(uri)
+    try:
+        if parts.hostname and parts.port:
+            return parts.hostname, parts.port
+    except ValueError:
+        pass
+    raise ConfigError(f"ROS_MASTER_URI is {uri!r}, expected http://HOST:PORT such as {MASTER}")
+
+
+def master_answers(uri: str) -> bool:
+    """Whether a ROS master runs there."""
+    try:
+        with xmlrpc.client.ServerProxy(uri) as master:
+            reply = master.getPid("/mrl_run")
+            return isinstance(reply, list) and reply[0] == 1
+    except (OSError, xmlrpc.client.Error, ValueError, TypeError, IndexError):
+        return False
+
+
+def start_roscore(run: Run, env: Dict[str, str]) -> None:
+    """Start a roscore unless one runs, which is then used and left running.
+
+    Raises:
+        RunError: it did not start; Stopped: a signal came.
+    """
+    uri = env["ROS_MASTER_URI"]
+    if master_answers(uri):
+        click.echo(f"using the roscore that runs at {uri}")
+        return
+    host, port = _host(env)
+    if host not in _LOCAL:
+        raise RunError(f"no ROS master answers at ROS_MASTER_URI={uri}; start roscore there, or unset it")
+    run.start("roscore", ["roscore", "-p", str(port)])
+    _await(run, lambda: master_answers(uri), ROSCORE_TIMEOUT_S, f"roscore does not answer at {uri}")
+
+
+def start_simulator(run: Run, robot: str, engine: Optional[str]) -> str:
+    """Start the emulated board and return its port; falls back to the Python engine, and says why.
+
+    Raises:
+        RunError: it did not start; Stopped: a signal came.
+    """
+    if engine is None:
+        try:
+            if not IMAGE.exists():
+                raise SimulatorError(f"there is no firmware image {IMAGE.relative_to(ROOT)} (make firmware)")
+            return _serve(run, robot, "avr")
+        except SimulatorError as error:
+            click.echo(f"the board is emulated in Python: {error}")
+    return _serve(run, robot, engine or "python")
+
+
+def _serve(run: Run, robot: str, engine: str) -> str:
+    command = [sys.executable, "-m", "sim_arduino.cli", "--robot", robot, "--engine", engine]
+    child = run.start("mrl-sim", command + (["--image", str(IMAGE)] if engine == "avr" else []))
+
+    def port() -> str:
+        return next((line.split()[0] for line in child.output() if line.startswith("/dev/")), "")
+
+    try:
+        _await(run, lambda: bool(port()), SIMULATOR_TIMEOUT_S, "mrl-sim names no port")
+    except RunError:
+        if child.exit_code == SimulatorError.exit_code:
+            run.forget(child)
+            raise SimulatorError((child.output() or ["mrl-sim has no such engine"])[-1]) from None
+        raise
+    return port()
+
+
+def _await(run: Run, condition, timeout_s: float, failure: str) -> None:  # type: ignore[no-untyped-def]
+    def settled() -> bool:
+        if condition():
+            return True
+        run.check()
+        return False
+
+    if not wait_until(settled, timeout_s):
+        raise RunError(f"{failure} within {timeout_s:.0f} s; its log is in {LOGS}")
+
+
+def start_node(run: Run, port: str, robot: Optional[str]) -> None:
+    """Start the robot node with the system's Python."""
+    command = [str(NODES / "robot_node"), f"_port:={port}", f"_robot:={robot or 'auto'}"]
+    run.start("robot_node", command)
+
+
+def start_view(run: Run, port: str, moves: bool, duration_s: Optional[float]) -> Child:
+    """Start the live view; it drives the square only if `moves`."""
+    command = [
+        sys.executable,
+        str(NODES / "demo_view"),
+        f"_square:={'true' if moves else 'false'}",
+        f"_title:='{port}'",
+        f"_duration:={duration_s or 0.0}",
+    ]
+    return run.start("demo_view", command, terminal=True)
+
+
+def supervise(
+    run: Run, port: str, robot: Optional[str], engine: Optional[str], duration_s: Optional[float]
+) -> int:
+    """Start all parts, wait for the end of the view, and return the exit code.
+
+    Raises:
+        RunError: a part did not start, or died; Stopped: a signal came.
+    """
+    env = environment()
+    start_roscore(run, env)
+    real = bool(port)
+    if not real:
+        robot = robot or _DEFAULT_ROBOT
+        port = start_simulator(run, robot, engine)
+    start_node(run, port, robot)
+    view = start_view(run, port, not real, duration_s)
+    while view.exit_code != 0:
+        run.check()
+        time.sleep(_POLL_S)
+    return 0
+
+
+@click.command()
+@click.option("--robot", metavar="NAME|FILE", help="Model; the board's own by default, emulated: traxbot.")
+@click.option("--port", default="", help="Serial port of a real robot, which is never moved unasked.")
+@click.option("--engine", type=click.Choice(["avr", "python"]), help="What the emulated board runs on.")
+@click.option(
+    "--duration", type=click.FloatRange(min=0, min_open=True), help="End after so many seconds of odometry."
+)
+def main(robot: Optional[str], port: str, engine: Optional[str], duration: Optional[float]) -> None:
+    """Drive a robot through ROS, an emulated one unless --port names a real one, with a live view."""
+    LOGS.mkdir(parents=True, exist_ok=True)
+    adopt_orphans()
+    try:
+        run = Run(environment())
+        for number in _SIGNALS:
+            signal.signal(number, run.on_signal)
+        sys.exit(_run_to_end(run, port, robot, engine, duration))
+    except MrlError as error:
+        click.echo(str(error), err=True)
+        sys.exit(error.exit_code)
+
+
+def _run_to_end(
+    run: Run, port: str, robot: Optional[str], engine: Optional[str], duration_s: Optional[float]
+) -> int:
+    try:
+        return supervise(run, port, robot, engine, duration_s)
+    except Stopped:
+        return 128 + (run.signal or 0)
+    finally:
+        run.stop()
+
+
+if __name__ == "__main__":
+    main()

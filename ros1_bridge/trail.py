@@ -1,0 +1,48 @@
+"""A path seen from above as lines of braille characters, eight dots each.  Pure."""
+
+import math
+from typing import List, Sequence, Tuple
+
+_DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
+"""Bit of each dot in a braille character, by row and column."""
+_BLANK = 0x2800
+_LEAST_SPAN_M = 1.2
+"""The view never zooms in closer."""
+_MARGIN = 1.15
+ARROWS = "→↗↑↖←↙↓↘"
+"""Headings in steps of 45 deg, counter-clockwise from x; y points up."""
+
+Point = Tuple[float, float]
+
+
+def draw(points: Sequence[Point], pose: Tuple[float, float, float], columns: int, rows: int) -> List[str]:
+    """`rows` lines of `columns` characters that show the path and an arrow at the pose; x right, y up.
+
+    Args:
+        points: the path [m].
+        pose: x, y, yaw [m m rad].
+    """
+    seen = [*points, pose[:2]]
+    middle, scale = _fit(seen, columns * 2, rows * 4)
+    cells = [[_BLANK] * columns for _ in range(rows)]
+    for point in points:
+        x, y = _dot(point, middle, scale, columns * 2, rows * 4)
+        cells[y // 4][x // 2] |= _DOTS[y % 4][x % 2]
+    lines = [[" " if cell == _BLANK else chr(cell) for cell in row] for row in cells]
+    x, y = _dot(pose[:2], middle, scale, columns * 2, rows * 4)
+    lines[y // 4][x // 2] = ARROWS[round(pose[2] / (math.pi / 4)) % 8]
+    return ["".join(line) for line in lines]
+
+
+def _fit(points: Sequence[Point], width: int, height: int) -> Tuple[Point, float]:
+    """Centre [m] and scale [dots per metre] at which all points are inside."""
+    xs, ys = [p[0] for p in points], [p[1] for p in points]
+    span_x = max((max(xs) - min(xs)) * _MARGIN, _LEAST_SPAN_M)
+    span_y = max((max(ys) - min(ys)) * _MARGIN, _LEAST_SPAN_M)
+    return ((max(xs) + min(xs)) / 2, (max(ys) + min(ys)) / 2), min(width / span_x, height / span_y)
+
+
+def _dot(point: Point, middle: Point, scale: float, width: int, height: int) -> Tuple[int, int]:
+    x = round(width / 2 + (point[0] - middle[0]) * scale)
+    y = round(height / 2 - (point[1] - middle[1]) * scale)
+    return min(width - 1, max(0, x)), min(height - 1, max(0, y))

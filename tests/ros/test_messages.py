@@ -1,0 +1,111 @@
+"""What stands in the messages."""
+
+import math
+
+import pytest
+from genpy import Time
+from geometry_msgs.msg import Twist, Vector3
+from sensor_msgs.msg import BatteryState, Range
+
+from mrl_driver.robots import SonarMount, load
+from ros1_bridge import messages
+
+STAMP = Time(5, 7)
+BATTERY = load("traxbot").battery
+
+
+def yaw_of(rotation):
+    return 2 * math.atan2(rotation.z, rotation.w)
+
+
+def test_odometry_has_pose_in_the_parent_and_twist_in_the_child_frame():
+    message = messages.new_odometry("odom", "base_link")
+    assert (message.header.frame_id, message.child_frame_id) == ("odom", "base_link")
+
+
+@pytest.mark.parametrize("part", ["pose", "twist"])
+def test_covariance_diagonal_is_positive_and_huge_on_unused_axes(part):
+    covariance = getattr(messages.new_odometry("odom", "base_link"), part).covariance
+    diagonal = [covariance[7 * i] for i in range(6)]
+    assert all(0 < diagonal[i] < 0.1 for i in (0, 1, 5))
+    assert all(diagonal[i] == messages.UNUSED_VARIANCE for i in (2, 3, 4))
+    assert sum(map(abs, covariance)) == pytest.approx(sum(diagonal))
+
+
+def test_odometry_is_filled_with_pose_and_twist():
+    message = messages.new_odometry("odom", "base_link")
+    messages.fill_odometry(message, STAMP, (1.0, -2.0, 0.5), (0.3, -0.4))
+    position = message.pose.pose.position
+    assert (position.x, position.y, position.z) == (1.0, -2.0, 0.0)
+    assert yaw_of(message.pose.pose.orientation) == pytest.approx(0.5)
+    assert (message.twist.twist.linear.x, message.twist.twist.angular.z) == (0.3, -0.4)
+    assert message.header.stamp == STAMP
+
+
+def test_transform_equals_the_pose():
+    message = messages.new_transform("odom", "base_link")
+    messages.fill_transform(message, STAMP, (1.0, -2.0, 3.1))
+    transform = message.transforms[0]
+    assert (transform.header.frame_id, transform.child_frame_id) == ("odom", "base_link")
+    assert (transform.transform.translation.x, transform.transform.translation.y) == (1.0, -2.0)
+    assert yaw_of(transform.transform.rotation) == pytest.approx(3.1)
+
+
+@pytest.mark.parametrize(
+    "base, frame", [("base_link", "sonar_left"), ("robot1/base_link", "robot1/sonar_left")]
+)
+def test_sonar_frame_takes_the_prefix_of_the_base_frame(base, frame):
+    assert messages.sonar_frame(base, "left") == frame
+
+
+def test_mount_turns_x_along_the_beam():
+    mounts = messages.new_mounts("base_link", {"left": SonarMount(0.08, 0.06, 45.0)}, STAMP)
+    transform = mounts.transforms[0]
+    assert transform.child_frame_id == "sonar_left"
+    assert (transform.transform.translation.x, transform.transform.translation.y) == (0.08, 0.06)
+    assert yaw_of(transform.transform.rotation) == pytest.approx(math.radians(45))
+
+
+def test_range_describes_the_sonar():
+    message = messages.new_range("base_link", "front")
+    assert message.radiation_type == Range.ULTRASOUND
+    assert message.field_of_view == pytest.approx(math.radians(36))
+    assert (message.min_range, message.max_range) == (0.15, 6.45)
+
+
+@pytest.mark.parametrize(
+    "volts, percentage", [(13.8, 1.0), (15.0, 1.0), (8.5, 0.0), (8.0, 0.0), (11.15, 0.5)]
+)
+def test_charge_is_between_empty_and_full(volts, percentage):
+    message = messages.new_battery("base_link", BATTERY)
+    messages.fill_battery(message, STAMP, volts, BATTERY)
+    assert message.voltage == volts
+    assert message.percentage == pytest.approx(percentage)
+
+
+def test_what_the_board_does_not_measure_is_nan():
+    message = messages.new_battery("base_link", BATTERY)
+    assert all(math.isnan(value) for value in (message.current, message.charge, message.capacity))
+    assert message.power_supply_technology == BatteryState.POWER_SUPPLY_TECHNOLOGY_NIMH
+
+
+@pytest.mark.parametrize("part", ["linear", "angular"])
+@pytest.mark.parametrize("axis", "xyz")
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_command_with_any_field_not_finite_is_refused_by_name(part, axis, value):
+    message = Twist()
+    setattr(getattr(message, part), axis, value)
+    with pytest.raises(ValueError, match=f"cmd_vel {part}.{axis} is {value}"):
+        messages.read_twist(message)
+
+
+def test_command_is_forward_speed_and_yaw_rate():
+    assert messages.read_twist(Twist(Vector3(0.2, 0, 0), Vector3(0, 0, -0.5))) == (0.2, -0.5)
+
+
+def test_axes_that_the_robot_lacks_are_named():
+    assert messages.unused_axes(Twist(Vector3(1, 2, 0), Vector3(0, -3, 4))) == ("linear.y", "angular.y")
+
+
+def test_negative_zero_is_no_movement():
+    assert messages.unused_axes(Twist(Vector3(0, -0.0, 0), Vector3())) == ()

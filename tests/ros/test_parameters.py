@@ -1,0 +1,89 @@
+"""The node's parameters: what is refused, and how the refusal reads."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrl_driver.errors import ConfigError
+from ros1_bridge.parameters import ROWS, Parameters, check
+
+GOOD = {"port": "/dev/ttyACM0"}
+
+
+def test_only_the_port_must_be_given():
+    assert check(GOOD, "/n") == Parameters("/dev/ttyACM0", 115200, "auto", "odom", "base_link", True, 0.5)
+
+
+def test_missing_port_names_key_and_remedy():
+    expected = "parameter /n/port is missing, expected the serial port of the board, such as /dev/ttyACM0"
+    with pytest.raises(ConfigError, match=expected):
+        check({}, "/n")
+
+
+@pytest.mark.parametrize(
+    "name, value",
+    [
+        ("port", 7),
+        ("port", ""),
+        ("port", ["/dev/ttyACM0"]),
+        ("baud", "fast"),
+        ("baud", True),
+        ("baud", 1),
+        ("baud", 115200.5),
+        ("robot", 1),
+        ("robot", " "),
+        ("odom_frame", "/odom"),
+        ("odom_frame", "my odom"),
+        ("base_frame", ""),
+        ("publish_tf", 1),
+        ("publish_tf", "true"),
+        ("cmd_vel_timeout", "0.5"),
+        ("cmd_vel_timeout", True),
+        ("cmd_vel_timeout", [0.5]),
+        ("cmd_vel_timeout", 0),
+        ("cmd_vel_timeout", -1.0),
+        ("cmd_vel_timeout", 10.1),
+        ("cmd_vel_timeout", math.nan),
+        ("cmd_vel_timeout", math.inf),
+    ],
+)
+def test_refusal_names_key_value_and_range(name, value):
+    with pytest.raises(ConfigError) as error:
+        check({**GOOD, name: value}, "/ns/n")
+    assert str(error.value).startswith(f"parameter /ns/n/{name} is {value!r}, expected ")
+    assert "\n" not in str(error.value)
+
+
+def test_misspelt_name_is_refused_with_the_names_there_are():
+    with pytest.raises(ConfigError, match="/n/prot is unknown, expected port, baud, robot"):
+        check({"prot": "/dev/ttyACM0"}, "/n")
+
+
+def test_odom_and_base_frame_must_differ():
+    with pytest.raises(ConfigError, match="/n/base_frame is 'odom'"):
+        check({**GOOD, "base_frame": "odom"}, "/n")
+
+
+def test_whole_number_will_do_for_a_float():
+    assert check({**GOOD, "cmd_vel_timeout": 1}, "/n").cmd_vel_timeout == 1.0
+
+
+words = st.text("ab/ \n", max_size=4)
+anything = st.one_of(
+    st.none(), st.booleans(), st.integers(), st.floats(), words, st.lists(st.integers(), max_size=1)
+)
+
+
+@given(st.dictionaries(st.sampled_from([row.name for row in ROWS] + ["other"]), anything))
+def test_every_value_is_accepted_in_range_or_refused(given_values):
+    """Nothing but ConfigError comes out, and what is accepted is within the rows."""
+    try:
+        values = check({**GOOD, **given_values}, "/n")
+    except ConfigError:
+        return
+    for row in ROWS:
+        value = getattr(values, row.name)
+        assert type(value) is row.kind
+        assert row.kind is not float or row.low <= value <= row.high
