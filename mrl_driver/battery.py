@@ -1,7 +1,9 @@
 """Battery voltage to a state, with times.  Pure: volts and seconds in.
 
-Levels: 2013 host (below 1 V motor power is off, below 8.5 V low) and thesis 2012 (packs are empty at about 9 V).
+Levels: 2013 host (below 1 V motor power is off, below 8.5 V low) and thesis 2012 (packs are empty at about 9
+V).
 """
+
 from typing import Optional
 
 from .errors import BatteryDead
@@ -22,15 +24,19 @@ def demand_charge(volts: float, levels: Battery) -> None:
         BatteryDead: the motors have no power, or the battery is too low to start.
     """
     if volts < levels.off_v:
-        raise BatteryDead(f"battery reads {volts:.2f} V: motor power is off; switch it on or connect the battery "
-                          f"(expected at least {levels.empty_v:.1f} V)")
+        raise BatteryDead(
+            f"battery reads {volts:.2f} V: motor power is off; switch it on or connect the battery "
+            f"(expected at least {levels.empty_v:.1f} V)"
+        )
     if volts < levels.empty_v:
-        raise BatteryDead(f"battery reads {volts:.2f} V, expected at least {levels.empty_v:.1f} V to start; charge it, "
-                          "or override with --ignore-battery")
+        raise BatteryDead(
+            f"battery reads {volts:.2f} V, expected at least {levels.empty_v:.1f} V to start; charge it, "
+            "or override with --ignore-battery"
+        )
 
 
 class BatteryMonitor:
-    """State of the battery while running: `ok`, `low` (warn), `empty` (stop gently), `off` (no motor power)."""
+    """State of the battery while running: `ok`, `low` (warn), `empty` (stop gently), `off` (no power)."""
 
     def __init__(self, levels: Battery) -> None:
         self._levels = levels

@@ -7,6 +7,7 @@
 
 Leaving the block stops the robot.  All methods may be called from any thread, callbacks too.
 """
+
 import math
 import threading
 import time
@@ -16,7 +17,7 @@ from . import battery, robots, sonar
 from .errors import BoardTimeout, FrameError, LinkLost, MrlError, WrongRobot
 from .handshake import TIMEOUT_S, Board, Plan
 from .link import BAUD, Link
-from .odometry import Odometry, Pose, Twist, Wheels, fastest_wheel_m_s
+from .odometry import ORIGIN, Odometry, Pose, Twist, Wheels, fastest_wheel_m_s
 from .robots import RobotModel
 from .session import Counts, Info, Ready, Session, SessionEvent, Sonars, Status
 from .statistics import Statistics
@@ -52,7 +53,9 @@ class Options(NamedTuple):
     period_ms: int = 20
     """Time between frames of the stream, 0 to 10000; 2013 boards stream as fast as they can."""
     watchdog_ms: int = 250
-    """The board stops the robot when it has heard nothing for so long; 0 turns that off.  2013 boards have none."""
+    """The board stops the robot when it has heard nothing for so long; 0 turns that off.  2013 boards have
+    none.
+    """
     check: bool = True
     """Have every frame carry a check value, where the board can."""
     command_timeout_s: Optional[float] = None
@@ -63,6 +66,7 @@ class Options(NamedTuple):
     """How long a board may take to answer at first."""
 
 
+DEFAULTS = Options()
 Listener = Callable[[Any], None]
 
 
@@ -71,8 +75,8 @@ class Driver:
 
     Args:
         port: device name, or an open `Link`.
-        robot: name of a packaged model, path of a YAML file, a `RobotModel`, or `auto` for the model that lists the
-            id which the board reports.
+        robot: name of a packaged model, path of a YAML file, a `RobotModel`, or `auto` for the model that
+            lists the id which the board reports.
         baud: of the port, where `port` is a name.
         options: see `Options`.
 
@@ -80,8 +84,13 @@ class Driver:
         ConfigError: the robot model is unknown or wrong (when created, before the port is opened).
     """
 
-    def __init__(self, port: Union[str, Link], robot: Union[str, RobotModel] = "auto", baud: int = BAUD,
-                 options: Options = Options()) -> None:
+    def __init__(
+        self,
+        port: Union[str, Link],
+        robot: Union[str, RobotModel] = "auto",
+        baud: int = BAUD,
+        options: Options = DEFAULTS,
+    ) -> None:
         self._port, self._baud, self._options = port, baud, options
         self.model: Optional[RobotModel] = None
         """The robot's model; with `auto` it is None until `connect`."""
@@ -98,7 +107,12 @@ class Driver:
         self._error: Optional[MrlError] = None
         self._closing = False
         self._sleeps_until = math.inf
-        self._listeners: Dict[str, List[Listener]] = {"telemetry": [], "status": [], "battery": [], "state": []}
+        self._listeners: Dict[str, List[Listener]] = {
+            "telemetry": [],
+            "status": [],
+            "battery": [],
+            "state": [],
+        }
         self._odometry: Optional[Odometry] = None
         self._monitor: Optional[battery.BatteryMonitor] = None
         self._new_readings = sonar.NewReadings()
@@ -126,7 +140,9 @@ class Driver:
         self._link = self._port if isinstance(self._port, Link) else Link(self._port, self._baud)
         options = self._options
         plan = Plan(options.watchdog_ms, options.period_ms, options.check)
-        self._session = Session(self._admit, time.monotonic(), plan, options.command_timeout_s, options.greeting_s)
+        self._session = Session(
+            self._admit, time.monotonic(), plan, options.command_timeout_s, options.greeting_s
+        )
         self._thread = threading.Thread(target=self._run, name="mrl-driver", daemon=True)
         self._thread.start()
         try:
@@ -177,17 +193,19 @@ class Driver:
     # -- motion
 
     def drive(self, linear_m_s: float, angular_rad_s: float) -> bool:
-        """Drive at these speeds until told otherwise; faster than the model's limits is scaled down on the same arc.
+        """Drive at these speeds until told otherwise; faster than the model's limits is scaled down on the
+        same arc.
 
-        The latest command wins: none is ever queued.  It is repeated to the board by itself, and dropped when the board
-        falls silent or restarts, so the robot then waits for a new one.
+        The latest command wins: none is ever queued.  It is repeated to the board by itself, and dropped when
+        the board falls silent or restarts, so the robot then waits for a new one.
 
         Args:
             linear_m_s: forward speed.
             angular_rad_s: yaw rate, counter-clockwise.
 
         Returns:
-            True when the command is in force; False when the board is silent, being greeted, or the battery empty.
+            True when the command is in force; False when the board is silent, being greeted, or the battery
+            empty.
 
         Raises:
             FrameError: a speed is NaN or infinite; the robot was stopped.
@@ -195,7 +213,9 @@ class Driver:
         """
         if not (math.isfinite(linear_m_s) and math.isfinite(angular_rad_s)):
             self.stop()
-            raise FrameError(f"drive({linear_m_s}, {angular_rad_s}): expected finite speeds; the robot was stopped")
+            raise FrameError(
+                f"drive({linear_m_s}, {angular_rad_s}): expected finite speeds; the robot was stopped"
+            )
         with self._lock:
             session = self._demand()
             if self.model is None or self._powerless():
@@ -244,6 +264,12 @@ class Driver:
             return motion is None or (motion.target is None and not motion.stopping)
 
     @property
+    def command(self) -> Optional[Twist]:
+        """The command in force, after limits; None while stopped."""
+        target = self._session.motion.target if self._session else None
+        return Twist(target[0] / 1000, target[1] / 1000) if target else None
+
+    @property
     def error(self) -> Optional[MrlError]:
         """What ended the driver, or None."""
         return self._error
@@ -267,7 +293,7 @@ class Driver:
     @property
     def pose(self) -> Pose:
         """Pose in the odom frame, (0, 0, 0) at the start; continuous over restarts of the board."""
-        return self._odometry.pose if self._odometry else Pose(0.0, 0.0, 0.0)
+        return self._odometry.pose if self._odometry else ORIGIN
 
     @property
     def twist(self) -> Twist:
@@ -396,7 +422,7 @@ class Driver:
         self._info = event.board
         if self._odometry is None:
             exact = self._session is not None and self._session.checked
-            self._odometry = Odometry(self.model.drive, fastest_wheel_m_s(self.model), exact)
+            self._odometry = Odometry(self.model.drive, _fastest_m_s(self.model), exact)
             self._monitor = battery.BatteryMonitor(self.model.battery)
         elif event.restarted:
             self._odometry.reset()
@@ -407,8 +433,16 @@ class Driver:
             return []
         odometry.update(event.right, event.left, event.time_s)
         fresh = self._on_sonars(event.sonars, event.arrival_s) if event.sonars else ()
-        self._telemetry = Telemetry(event.stamp_s, event.arrival_s, odometry.pose, odometry.twist, self._ranges, fresh,
-                                    odometry.travel, event.sequence)
+        self._telemetry = Telemetry(
+            event.stamp_s,
+            event.arrival_s,
+            odometry.pose,
+            odometry.twist,
+            self._ranges,
+            fresh,
+            odometry.travel,
+            event.sequence,
+        )
         if not self._settled.is_set():
             self._settled.set()
         return [("telemetry", self._telemetry)]
@@ -419,8 +453,11 @@ class Driver:
         if fresh:
             version = self._info.version if self._info else 2
             by_name = dict(zip(sonar.NAMES, values))
-            self._ranges = {name: sonar.range_m(by_name[name], version) for name in sonar.NAMES
-                            if name in self.model.sonars}
+            self._ranges = {
+                name: sonar.range_m(by_name[name], version)
+                for name in sonar.NAMES
+                if name in self.model.sonars
+            }
         return fresh
 
     def _on_info(self, board: Board, now: float) -> None:
@@ -432,7 +469,9 @@ class Driver:
             self._session.stop(now)
         elif state == battery.EMPTY and not self._options.ignore_battery:
             linear = abs((self._session.motion.target or (0, 0))[0]) / 1000
-            self._session.motion.fade(now, min(CAUTION_S, linear / self.model.limits.linear_acceleration_m_s2))
+            self._session.motion.fade(
+                now, min(CAUTION_S, linear / self.model.limits.linear_acceleration_m_s2)
+            )
 
     # -- helpers
 
@@ -456,8 +495,9 @@ class Driver:
         return self._session
 
     def _flush(self, session: Session) -> None:
-        """Send what the session has, under the lock, so that frames never mix; wake the reader where it sleeps too
-        long."""
+        """Send what the session has, under the lock, so that frames never mix; wake the reader where it
+        sleeps too long.
+        """
         data = session.take()
         assert self._link is not None
         if data:
@@ -471,7 +511,10 @@ class Driver:
                     self._changed.notify_all()
                     self._link.wake()
                     raise
-        if session.deadline(time.monotonic()) < self._sleeps_until and threading.current_thread() is not self._thread:
+        if (
+            session.deadline(time.monotonic()) < self._sleeps_until
+            and threading.current_thread() is not self._thread
+        ):
             self._link.wake()
 
     def _say_goodbye(self, wait: bool) -> None:
@@ -492,8 +535,11 @@ class Driver:
 
 
 def limit(linear_m_s: float, angular_rad_s: float, model: RobotModel) -> Tuple[float, float]:
-    """The speeds, scaled down together where one exceeds the model's limits, so that the arc stays the same."""
-    excess = max(abs(linear_m_s) / model.limits.linear_m_s, abs(angular_rad_s) / model.limits.angular_rad_s, 1.0)
+    """The speeds, scaled down together where one exceeds the model's limits; the arc stays the same."""
+    linear_m_s, angular_rad_s = (max(-1e6, min(1e6, speed)) for speed in (linear_m_s, angular_rad_s))
+    excess = max(
+        abs(linear_m_s) / model.limits.linear_m_s, abs(angular_rad_s) / model.limits.angular_rad_s, 1.0
+    )
     return linear_m_s / excess, angular_rad_s / excess
 
 
@@ -508,13 +554,22 @@ def model_of(board: Board) -> RobotModel:
         return robots.load(name)
     if board.robot_id == 0:
         raise WrongRobot("the board's robot id is not set; choose the model by name and set the id")
-    raise WrongRobot(f"robot id {board.robot_id} is in no packaged model ({', '.join(robots.names())}); name a model "
-                     "file that lists it")
+    raise WrongRobot(
+        f"robot id {board.robot_id} is in no packaged model ({', '.join(robots.names())}); name a model "
+        "file that lists it"
+    )
+
+
+def _fastest_m_s(model: RobotModel) -> float:
+    ceilings = model.board["linear_ceiling"] / 1000, model.board["angular_ceiling"] / 1000
+    return fastest_wheel_m_s(*ceilings, model.drive.wheel_separation_m)
 
 
 def _wrong(board: Board, model: RobotModel) -> WrongRobot:
     there = robots.by_id(board.robot_id)
     named = f"{there} (id {board.robot_id})" if there else f"id {board.robot_id}"
     ids = ", ".join(map(str, model.ids))
-    return WrongRobot(f"the board is {named}, expected {model.name} (id {ids}): choose the other robot model, or set "
-                      "the board's id")
+    return WrongRobot(
+        f"the board is {named}, expected {model.name} (id {ids}): choose the other robot model, or set "
+        "the board's id"
+    )

@@ -2,6 +2,7 @@
 
 Sans I/O: frames and time go in, requests come out.  The robot stays still: a stop goes first.
 """
+
 from typing import Callable, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Tuple
 
 from .codec import Frame
@@ -10,14 +11,18 @@ from .table import BY_NAME, CAPABILITIES, PROTOCOL_VERSION
 
 RETRY_S = 0.25
 TIMEOUT_S = 8.0
-"""A 2013 board behind its bootloader needs up to 5.4 s to its first answer; row 16 of the fault table allows 8 s."""
+"""A 2013 board behind its bootloader needs up to 5.4 s to its first answer; row 16 of the fault table allows
+8 s.
+"""
 STEP_TIMEOUT_S = 2.0
 JUNK_S = 3.0
 JUNK_BYTES = 32
 """So many bytes that are no text, and no frame within 3 s of the first byte, mean another baud rate."""
 _TEXT = bytes(range(0x20, 0x7F)) + b"\r\n\t"
 _CODE = {name: row.code for name, row in BY_NAME.items()}
-_ANSWERS: Dict[int, Tuple[int, ...]] = {row.code: (row.code,) for row in BY_NAME.values() if row.reply and not row.repeats}
+_ANSWERS: Dict[int, Tuple[int, ...]] = {
+    row.code: (row.code,) for row in BY_NAME.values() if row.reply and not row.repeats
+}
 """Codes of the frames that answer a request."""
 _ANSWERS[_CODE["start_stream"]] = (_CODE["read_encoders_and_sonars"], _CODE["read_encoders"])
 
@@ -42,6 +47,9 @@ class Plan(NamedTuple):
     check: bool = True
 
 
+DEFAULT_PLAN = Plan()
+
+
 def board_of(args: Tuple[int, ...]) -> Board:
     """The fields of a `robot_info` reply in SI units."""
     temperature, motor_board, battery, version, robot_id = args
@@ -51,12 +59,19 @@ def board_of(args: Tuple[int, ...]) -> Board:
 class Handshake:
     """Greets a board.  `board` is set once it is known, `done` once it streams.
 
-    `send(code, *args)` puts a request on its way; `admit(board)` may raise to refuse a board before anything is set.
-    A `patient` one never gives up, as after a board's restart.
+    `send(code, *args)` puts a request on its way; `admit(board)` may raise to refuse a board before anything
+    is set. A `patient` one never gives up, as after a board's restart.
     """
 
-    def __init__(self, plan: Plan, send: Callable[..., None], admit: Callable[[Board], None], now: float,
-                 patient: bool = False, timeout_s: float = TIMEOUT_S) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        send: Callable[..., None],
+        admit: Callable[[Board], None],
+        now: float,
+        patient: bool = False,
+        timeout_s: float = TIMEOUT_S,
+    ) -> None:
         self._plan, self._send, self._admit, self._patient = plan, send, admit, patient
         self._give_up_s = now + timeout_s
         self.due_s = now
@@ -100,24 +115,33 @@ class Handshake:
             if now >= self._give_up_s:
                 raise self._mute(self.board)
         elif self._junk and self._strange >= JUNK_BYTES and now >= self._junk[0] + JUNK_S:
-            raise NotARobot(f"this port sends text at another baud rate, or another device is on it (got "
-                            f"{self._seen!r}, expected '@5,...e'): check baud")
+            raise NotARobot(
+                f"this port sends text at another baud rate, or another device is on it (got "
+                f"{self._seen!r}, expected '@5,...e'): check baud"
+            )
         elif now >= self._give_up_s:
             raise NotARobot(self._nothing())
 
     def _mute(self, board: Board) -> BoardError:
         if self._faults & 1:
-            return BoardError(f"the motor board of robot {board.robot_id} does not answer its Arduino: check its power "
-                              "and the I2C wires")
-        return BoardTimeout(f"the board (robot id {board.robot_id}) does not answer request {self._step[0]} any more; "
-                            "reset it and try again")
+            return BoardError(
+                f"the motor board of robot {board.robot_id} does not answer its Arduino: check its power "
+                "and the I2C wires"
+            )
+        return BoardTimeout(
+            f"the board (robot id {board.robot_id}) does not answer request {self._step[0]} any more; "
+            "reset it and try again"
+        )
 
     def _nothing(self) -> str:
         if self._junk:
-            return (f"no answer to '@5e', but other bytes ({self._seen!r}): another device or firmware, or check baud; "
-                    "flash the board with: make flash PORT=...")
-        return ("no answer to '@5e' within 8 s: check that the board is powered, that this is its port, and that it is "
-                "flashed")
+            return (
+                f"no answer to '@5e', but other bytes ({self._seen!r}): another device or firmware, or check "
+                "baud; flash the board with: make flash PORT=..."
+            )
+        return (
+            "no answer to '@5e': check that the board is powered, that this is its port, and that it is flashed"
+        )
 
     def on_frame(self, frame: Frame, now: float) -> None:
         """A frame came.
@@ -141,8 +165,10 @@ class Handshake:
         assert self.board is not None
         protocol, bits = args
         if protocol != PROTOCOL_VERSION:
-            raise WrongRobot(f"the board speaks protocol {protocol}, this driver {PROTOCOL_VERSION}: update the older "
-                             "one (the board with: make flash PORT=...)")
+            raise WrongRobot(
+                f"the board speaks protocol {protocol}, this driver {PROTOCOL_VERSION}: update the older "
+                "one (the board with: make flash PORT=...)"
+            )
         names = frozenset(name for i, (name, _) in enumerate(CAPABILITIES) if bits >> i & 1)
         self.board = self.board._replace(protocol=protocol, capabilities=names)
 

@@ -1,8 +1,9 @@
 """The serial port: bytes in, bytes out, and errors that say what to do.  The only user of pyserial.
 
-On POSIX the bytes move by poll, `os.read` and `os.write` on the descriptor, which costs half of pyserial's own calls
-and never waits longer than asked.
+On POSIX the bytes move by poll, `os.read` and `os.write` on the descriptor, which costs half of pyserial's
+own calls and never waits longer than asked.
 """
+
 import errno
 import fcntl
 import os
@@ -20,12 +21,24 @@ from .errors import BoardTimeout, LinkError, LinkLost, PortBusy, PortDenied, Por
 
 BAUD = 115200
 WRITE_TIMEOUT_S = 0.1
-"""A port that takes no bytes for so long is reported; frames are short and the system buffers thousands of bytes."""
+"""A port that takes no bytes for so long is reported; frames are short and the system buffers thousands of
+bytes.
+"""
 READ_SIZE = 65536
 _PTY_MAJORS = range(136, 144)
-_ERRORS = {errno.ENOENT: PortMissing, errno.ENODEV: PortMissing, errno.ENXIO: PortMissing, errno.ENOTTY: PortMissing,
-           errno.EINVAL: PortMissing, errno.EISDIR: PortMissing, errno.EIO: PortMissing,
-           errno.EACCES: PortDenied, errno.EPERM: PortDenied, errno.EBUSY: PortBusy, errno.EAGAIN: PortBusy}
+_ERRORS = {
+    errno.ENOENT: PortMissing,
+    errno.ENODEV: PortMissing,
+    errno.ENXIO: PortMissing,
+    errno.ENOTTY: PortMissing,
+    errno.EINVAL: PortMissing,
+    errno.EISDIR: PortMissing,
+    errno.EIO: PortMissing,
+    errno.EACCES: PortDenied,
+    errno.EPERM: PortDenied,
+    errno.EBUSY: PortBusy,
+    errno.EAGAIN: PortBusy,
+}
 
 
 def ports() -> List[str]:
@@ -98,7 +111,7 @@ class Link:
             while data:
                 if self.closed:
                     raise LinkLost(f"{self.port} is closed")
-                data = data[self._write_some(data, deadline):]
+                data = data[self._write_some(data, deadline) :]
 
     def _write_some(self, data: bytes, deadline: float) -> int:
         try:
@@ -114,8 +127,10 @@ class Link:
         poll.register(self._fd, select.POLLOUT)
         left_s = deadline - time.monotonic()
         if left_s <= 0 or not poll.poll(left_s * 1000):
-            raise BoardTimeout(f"{self.port} takes no more bytes since {WRITE_TIMEOUT_S * 1000:.0f} ms: "
-                               "the board is stalled; check its cable and power")
+            raise BoardTimeout(
+                f"{self.port} takes no more bytes since {WRITE_TIMEOUT_S * 1000:.0f} ms: "
+                "the board is stalled; check its cable and power"
+            )
 
     def wake(self) -> None:
         """Let a waiting `read` return at once."""
@@ -162,17 +177,23 @@ def _demand_device(port: str) -> None:
 
 def _there_are() -> str:
     found = ports()
-    return f"ports there are: {', '.join(found)}" if found else "there is no serial port; is the board plugged in?"
+    return (
+        f"ports there are: {', '.join(found)}"
+        if found
+        else "there is no serial port; is the board plugged in?"
+    )
 
 
 def _open(port: str, baud: int) -> serial.Serial:
     try:
         return serial.Serial(port, baud, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
     except ValueError as error:
-        raise LinkError(f"{port}: baud rate {baud!r} is refused ({error}), expected one such as {BAUD}") from None
+        raise LinkError(
+            f"{port}: baud rate {baud!r} is refused ({error}), expected one such as {BAUD}"
+        ) from None
     except (serial.SerialException, OSError) as error:
         raise _explain(port, error) from None
-    except Exception as error:  # termios.error derives from Exception alone
+    except termios.error as error:
         raise PortMissing(f"{port!r} is no serial port ({_words(error)}); {_there_are()}") from None
 
 
@@ -181,15 +202,19 @@ def _explain(port: str, error: OSError) -> LinkError:
     if kind is PortBusy:
         return PortBusy(f"{port} is in use by {_holder(port)}; end that program, or choose another port")
     if kind is PortDenied:
-        return PortDenied(f"no permission for {port}; join its group with: sudo usermod -aG dialout $USER, "
-                          "then log out and in")
+        return PortDenied(
+            f"no permission for {port}; join its group with: sudo usermod -aG dialout $USER, "
+            "then log out and in"
+        )
     if kind is PortMissing:
         return PortMissing(f"{port!r} is no serial port ({_words(error)}); {_there_are()}")
     return LinkError(f"{port} cannot be opened ({_words(error)})")
 
 
 def _errno(error: BaseException) -> int:
-    """The system's error number of a pyserial error, which carries it itself, in its cause, or in its arguments."""
+    """The system's error number of a pyserial error, which carries it itself, in its cause, or in its
+    arguments.
+    """
     seen: Optional[BaseException] = error
     while seen is not None:
         number = getattr(seen, "errno", None) or next((a for a in seen.args if isinstance(a, int)), None)

@@ -1,8 +1,9 @@
 """What the robot is asked to do: the latest command wins, and a stop is repeated until it is seen.
 
-Pure, with the time as a parameter.  Commands in units of the wire (mm/s, mrad/s) go in, requests that are due come
-out.
+Pure, with the time as a parameter.  Commands in units of the wire (mm/s, mrad/s) go in, requests that are due
+come out.
 """
+
 import math
 from typing import List, NamedTuple, Optional, Tuple
 
@@ -38,9 +39,12 @@ SLOW = Pace(0.1, 0.5, 0.15)
 class Motion:
     """The command in force, and when it is due on the wire."""
 
-    def __init__(self, pace: Pace = QUICK, timeout_s: Optional[float] = None, skip_minus_one: bool = False) -> None:
-        """`timeout_s` stops the robot when no new command came for so long; `skip_minus_one` is for boards that drop
-        frames with an argument of -1: they get 0 instead, 1 mm/s or 1 mrad/s away."""
+    def __init__(
+        self, pace: Pace = QUICK, timeout_s: Optional[float] = None, skip_minus_one: bool = False
+    ) -> None:
+        """`timeout_s` stops the robot when no new command came for so long; `skip_minus_one` is for boards
+        that drop frames with an argument of -1: they get 0 instead, 1 mm/s or 1 mrad/s away.
+        """
         self.pace = pace
         self.timeout_s = timeout_s
         self.skip_minus_one = skip_minus_one
@@ -96,7 +100,11 @@ class Motion:
 
     def take(self, now: float, allowed: bool = True) -> List[Request]:
         """Requests to send now.  Unless `allowed` (telemetry is late) only stops are."""
-        if self.target is not None and self.timeout_s is not None and now - self._commanded_s >= self.timeout_s:
+        if (
+            self.target is not None
+            and self.timeout_s is not None
+            and now - self._commanded_s >= self.timeout_s
+        ):
             self.stop()
         if self._fade is not None:
             self._fade_on(now)

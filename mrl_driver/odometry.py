@@ -2,10 +2,9 @@
 
 Poses are in the odom frame (x forward at the start, y left, yaw counter-clockwise), twists in base_link.
 """
-import math
-from typing import NamedTuple, Optional
 
-from .robots import Drive, RobotModel
+import math
+from typing import NamedTuple, Optional, Protocol
 
 SPEED_MARGIN = 1.5
 """A wheel may seem this much faster than the board's ceilings allow before its counts are refused."""
@@ -17,12 +16,27 @@ TWIST_INTERVAL_S = 0.015
 """Without board time, speeds are formed over at least this long, so that a burst makes no spike."""
 
 
+class Geometry(Protocol):
+    """What the odometry needs to know of a differential drive; `robots.Drive` is one."""
+
+    @property
+    def wheel_separation_m(self) -> float:
+        """Distance between the points where the wheels touch the ground, as fitted."""
+
+    @property
+    def metres_per_count(self) -> float:
+        """Way of a wheel for one count."""
+
+
 class Pose(NamedTuple):
     """Position and heading in the odom frame; yaw in (-pi, pi]."""
 
     x_m: float
     y_m: float
     yaw_rad: float
+
+
+ORIGIN = Pose(0.0, 0.0, 0.0)
 
 
 class Twist(NamedTuple):
@@ -50,8 +64,8 @@ class Step(NamedTuple):
 def tick_delta(previous: int, current: int) -> int:
     """Signed movement between two readings of a 16-bit counter [count].
 
-    Exact while the wheel moves less than half the range between the readings (2.87 m on TraxBot: 32768 counts x
-    8.7512e-5 m).
+    Exact while the wheel moves less than half the range between the readings (2.87 m on TraxBot: 32768 counts
+    x 8.7512e-5 m).
     """
     return ((current - previous + 0x8000) & 0xFFFF) - 0x8000
 
@@ -64,18 +78,18 @@ def wrap_angle(angle_rad: float) -> float:
     return math.pi if wrapped == -math.pi else wrapped
 
 
-def fastest_wheel_m_s(model: RobotModel) -> float:
-    """Speed that no wheel of the model exceeds [m/s]: the board's ceilings for both axes together, with a margin."""
-    turning = model.board["angular_ceiling"] / 1000 * model.drive.wheel_separation_m / 2
-    return SPEED_MARGIN * (model.board["linear_ceiling"] / 1000 + turning)
+def fastest_wheel_m_s(linear_m_s: float, angular_rad_s: float, wheel_separation_m: float) -> float:
+    """Speed that no wheel exceeds [m/s]: both ceilings of the board together, with a margin."""
+    return SPEED_MARGIN * (linear_m_s + angular_rad_s * wheel_separation_m / 2)
 
 
 class Baseline:
     """Decides which readings are used: movement since the last accepted one, or nothing.
 
-    The first reading primes.  A reading that no wheel could have reached is refused and the baseline stays, so that
-    the next good one bridges the gap.  When `CONFIRMATIONS` readings in a row agree with each other instead (a
-    counter was preset, the motor board restarted), they become the baseline and the jump is never integrated.
+    The first reading primes.  A reading that no wheel could have reached is refused and the baseline stays,
+    so that the next good one bridges the gap.  When `CONFIRMATIONS` readings in a row agree with each other
+    instead (a counter was preset, the motor board restarted), they become the baseline and the jump is never
+    integrated.
     """
 
     def __init__(self, metres_per_count: float, fastest_m_s: float, slack_s: float) -> None:
@@ -109,7 +123,9 @@ class Baseline:
 
     def _possible(self, step: Step) -> bool:
         bound = min(self._counts_per_s * max(0.0, step.dt_s), 0x7FFF) + self._allowance
-        return abs(step.right) <= bound and abs(step.left) <= bound and step.dt_s * self._counts_per_s < 0x8000
+        return (
+            abs(step.right) <= bound and abs(step.left) <= bound and step.dt_s * self._counts_per_s < 0x8000
+        )
 
     def _doubt(self, right: int, left: int, time_s: float) -> None:
         self.refused += 1
@@ -131,8 +147,9 @@ class Odometry:
     `exact_time` says that the times given are the board's own; otherwise they are arrival times, which bunch.
     """
 
-    def __init__(self, drive: Drive, fastest_m_s: float, exact_time: bool = True,
-                 pose: Pose = Pose(0.0, 0.0, 0.0)) -> None:
+    def __init__(
+        self, drive: Geometry, fastest_m_s: float, exact_time: bool = True, pose: Pose = ORIGIN
+    ) -> None:
         self._metres = drive.metres_per_count
         self._separation_m = drive.wheel_separation_m
         self._interval_s = 0.0 if exact_time else TWIST_INTERVAL_S
@@ -175,5 +192,8 @@ def advance(pose: Pose, distance_m: float, turn_rad: float) -> Pose:
     half = turn_rad / 2
     chord = distance_m * (math.sin(half) / half if abs(half) > 1e-8 else 1.0)
     heading = pose.yaw_rad + half
-    return Pose(pose.x_m + chord * math.cos(heading), pose.y_m + chord * math.sin(heading),
-                wrap_angle(pose.yaw_rad + turn_rad))
+    return Pose(
+        pose.x_m + chord * math.cos(heading),
+        pose.y_m + chord * math.sin(heading),
+        wrap_angle(pose.yaw_rad + turn_rad),
+    )

@@ -1,10 +1,10 @@
 """Odometry over whole recordings with NumPy; agrees with `odometry.Odometry` to 1e-9."""
+
 from typing import NamedTuple, Tuple
 
 import numpy as np
 
-from .odometry import QUANTUM_COUNTS, Baseline
-from .robots import Drive
+from .odometry import QUANTUM_COUNTS, Baseline, Geometry
 
 _SLACK_S = {True: 0.002, False: 0.1}
 
@@ -20,8 +20,9 @@ class Track(NamedTuple):
     used: np.ndarray
 
 
-def integrate(counts: np.ndarray, times_s: np.ndarray, drive: Drive, fastest_m_s: float,
-              exact_time: bool = True) -> Track:
+def integrate(
+    counts: np.ndarray, times_s: np.ndarray, drive: Geometry, fastest_m_s: float, exact_time: bool = True
+) -> Track:
     """Poses of a recording, from (0, 0, 0).
 
     Args:
@@ -36,15 +37,17 @@ def integrate(counts: np.ndarray, times_s: np.ndarray, drive: Drive, fastest_m_s
         raise ValueError(f"counts have shape {counts.shape}, expected ({len(times_s)}, 2)")
     steps = np.zeros(counts.shape)
     if len(counts):
-        steps[1:] = ((np.diff(counts.astype(np.int32), axis=0) + 0x8000) & 0xFFFF) - 0x8000
+        moved: np.ndarray = np.diff(counts.astype(np.int32), axis=0) + 0x8000
+        steps[1:] = np.bitwise_and(moved, 0xFFFF) - 0x8000
     used = _plausible(steps, times_s, drive.metres_per_count, fastest_m_s, exact_time)
     if not used[1:].all():
         steps, used = _judge(counts, times_s, drive.metres_per_count, fastest_m_s, exact_time)
     return Track(_arcs(steps, drive), used)
 
 
-def _plausible(steps: np.ndarray, times_s: np.ndarray, metres_per_count: float, fastest_m_s: float,
-               exact_time: bool) -> np.ndarray:
+def _plausible(
+    steps: np.ndarray, times_s: np.ndarray, metres_per_count: float, fastest_m_s: float, exact_time: bool
+) -> np.ndarray:
     """(N,) bool: step is one that wheels can make; the first row primes."""
     rate = fastest_m_s / metres_per_count
     reach = rate * np.diff(times_s, prepend=times_s[:1])
@@ -54,8 +57,9 @@ def _plausible(steps: np.ndarray, times_s: np.ndarray, metres_per_count: float, 
     return good
 
 
-def _judge(counts: np.ndarray, times_s: np.ndarray, metres_per_count: float, fastest_m_s: float,
-           exact_time: bool) -> Tuple[np.ndarray, np.ndarray]:
+def _judge(
+    counts: np.ndarray, times_s: np.ndarray, metres_per_count: float, fastest_m_s: float, exact_time: bool
+) -> Tuple[np.ndarray, np.ndarray]:
     """Steps and use flags of a recording with readings to refuse, one by one."""
     baseline = Baseline(metres_per_count, fastest_m_s, _SLACK_S[exact_time])
     steps, used = np.zeros(counts.shape), np.zeros(len(counts), dtype=bool)
@@ -67,7 +71,7 @@ def _judge(counts: np.ndarray, times_s: np.ndarray, metres_per_count: float, fas
     return steps, used
 
 
-def _arcs(steps: np.ndarray, drive: Drive) -> np.ndarray:
+def _arcs(steps: np.ndarray, drive: Geometry) -> np.ndarray:
     """(N, 3) poses from (N, 2) steps [count]."""
     metres = steps * drive.metres_per_count
     distance, turn = metres.sum(axis=1) / 2, (metres[:, 0] - metres[:, 1]) / drive.wheel_separation_m

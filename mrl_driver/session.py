@@ -1,14 +1,15 @@
 """The conversation with a board, without I/O: bytes and time go in, events and bytes come out.
 
-It greets the board, starts its stream, keeps the link fed, repeats commands and stops, and greets the board anew when
-it has restarted.  Times are seconds of one monotonic clock, given by the caller.
+It greets the board, starts its stream, keeps the link fed, repeats commands and stops, and greets the board
+anew when it has restarted.  Times are seconds of one monotonic clock, given by the caller.
 """
+
 import math
 from typing import Callable, List, NamedTuple, Optional, Tuple, Union
 
 from .clock import BoardClock
 from .codec import REPLIES, Event, Frame, FrameDecoder, Garbage, encode_request
-from .handshake import Board, Handshake, Plan, board_of
+from .handshake import DEFAULT_PLAN, Board, Handshake, Plan, board_of
 from .motion import QUICK, SLOW, STOP, Motion
 from .statistics import Counters
 from .table import BY_NAME, FAULTS, RESET_CAUSES, STOP_REASONS
@@ -25,7 +26,9 @@ SONAR_2013_S = 0.3
 PLAIN_FRAMES = 3
 """So many frames in a row without check value mean that the board has restarted, not that one was damaged."""
 
-_COUNTS, _SONARS, _BOTH = (BY_NAME[n].code for n in ("read_encoders", "read_sonars", "read_encoders_and_sonars"))
+_COUNTS, _SONARS, _BOTH = (
+    BY_NAME[n].code for n in ("read_encoders", "read_sonars", "read_encoders_and_sonars")
+)
 _INFO, _STATUS, _CHECK = (BY_NAME[n].code for n in ("robot_info", "read_status", "set_check"))
 
 
@@ -101,8 +104,14 @@ class Session:
     `admit(board)` may raise to refuse a board (wrong robot, dead battery) before anything is set on it.
     """
 
-    def __init__(self, admit: Callable[[Board], None], now: float, plan: Plan = Plan(),
-                 command_timeout_s: Optional[float] = None, greeting_s: float = 8.0) -> None:
+    def __init__(
+        self,
+        admit: Callable[[Board], None],
+        now: float,
+        plan: Plan = DEFAULT_PLAN,
+        command_timeout_s: Optional[float] = None,
+        greeting_s: float = 8.0,
+    ) -> None:
         self._admit, self._plan = admit, plan
         self._late_s = max(LATE_S, 2.5e-3 * plan.period_ms)
         self._stale_s = max(STALE_S, 7.5e-3 * plan.period_ms)
@@ -248,10 +257,11 @@ class Session:
     # -- in
 
     def _reread(self, event: Event, now: float) -> Optional[Frame]:
-        """The frame in garbage, if it is one by the rules of the other mode and the board has evidently changed to it.
+        """The frame in garbage, if it is one by the rules of the other mode and the board has evidently
+        changed to it.
 
-        Without a check value one frame is no evidence, for a damaged one may look like it: an answer to the greeting
-        or `PLAIN_FRAMES` in a row are.
+        Without a check value one frame is no evidence, for a damaged one may look like it: an answer to the
+        greeting or `PLAIN_FRAMES` in a row are.
         """
         assert isinstance(event, Garbage)
         self.counters.count_garbage(event.reason)
@@ -309,8 +319,11 @@ class Session:
         counts = (args[0], args[1])
         self.motion.observe(counts != self._last, now)
         self._last = counts
-        events.append(Counts(args[0], args[1], args[2:] or None, time_s, stamp_s, now,
-                             stamp.sequence if stamp else None))
+        events.append(
+            Counts(
+                args[0], args[1], args[2:] or None, time_s, stamp_s, now, stamp.sequence if stamp else None
+            )
+        )
 
     def _is_duplicate(self, sequence: int) -> bool:
         last, self._sequence = self._sequence, sequence

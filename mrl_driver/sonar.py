@@ -2,6 +2,7 @@
 
 Ranges follow REP-117: -inf is too near, nan no valid reading, +inf nothing in range.
 """
+
 import math
 from typing import List, Optional, Sequence, Tuple
 
@@ -17,14 +18,15 @@ CYCLE_S = 0.3
 """The chain of three gives each sonar a reading about this often (100 ms for each of them)."""
 
 _A_2013, _A, _B, _C = 1.767, 1.1767, 0.94657, -0.3759
-NOTHING_2013_CM = int(_A_2013 * 640 ** _B + _C)
+NOTHING_2013_CM = int(_A_2013 * 640**_B + _C)
 """What 2013 boards send for counts of 640 (1 count is about 1 cm, 6.45 m is the most): 800."""
 
 
 def range_m(wire_cm: int, version: int = 2) -> float:
     """Range [m] for a sonar value of the wire [cm], from a board of that firmware version.
 
-    Boards of version 1 (2013) have 1.767 as the curve's factor where the thesis has 1.1767; that is undone here.
+    Boards of version 1 (2013) have 1.767 as the curve's factor where the thesis has 1.1767; that is undone
+    here.
     """
     if version < 2:
         return _range_2013(wire_cm)
@@ -48,8 +50,8 @@ def _near(value_m: float) -> float:
 class NewReadings:
     """Tells which sonars have a new reading; the wire repeats the old one in every frame.
 
-    A value that changed is new.  One that did not counts as new once per cycle of the chain, for it was measured
-    again and came out the same.
+    A value that changed is new.  One that did not counts as new once per cycle of the chain, for it was
+    measured again and came out the same.
     """
 
     def __init__(self, cycle_s: float = CYCLE_S) -> None:
@@ -59,7 +61,9 @@ class NewReadings:
 
     def update(self, values: Sequence[int], time_s: float) -> Tuple[str, ...]:
         """Names of the sonars that are new at `time_s` [s]."""
-        new = tuple(i for i, value in enumerate(values) if value != self._values[i] or time_s >= self._due_s[i])
+        new = tuple(
+            i for i, value in enumerate(values) if value != self._values[i] or time_s >= self._due_s[i]
+        )
         for i in new:
             self._values[i], self._due_s[i] = values[i], time_s + self._cycle_s
         return tuple(NAMES[i] for i in new)

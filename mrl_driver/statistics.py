@@ -1,4 +1,5 @@
 """What the link has seen: counters for people and for diagnostics."""
+
 from typing import Dict, NamedTuple
 
 

@@ -1,4 +1,7 @@
-"""A board without physics, on the project's own codec: wheels follow commands at once.  Sans I/O, time injected."""
+"""A board without physics, on the project's own codec: wheels follow commands at once.  Sans I/O, time
+injected.
+"""
+
 from typing import List, Optional
 
 from mrl_driver.codec import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
@@ -10,7 +13,9 @@ SEPARATION_M, METRES = 0.180, 0.000087512033
 class FakeBoard:
     """A TraxBot's board; `version` 1 is 2013 with a stream of `stream_code` 8 or 6."""
 
-    def __init__(self, robot_id: int = 1, version: int = 2, stream_code: int = 8, boot_s: float = 0.0) -> None:
+    def __init__(
+        self, robot_id: int = 1, version: int = 2, stream_code: int = 8, boot_s: float = 0.0
+    ) -> None:
         self.robot_id, self.version, self.stream_code = robot_id, version, stream_code
         self.boot_s = boot_s
         self.battery = 1200

@@ -1,0 +1,45 @@
+"""Keys of a terminal, one at a time and without waiting for Enter."""
+
+import os
+import select
+import sys
+import termios
+import tty
+from typing import Any, List, Optional
+
+_ARROWS = {b"\x1b[A": "up", b"\x1b[B": "down", b"\x1b[C": "right", b"\x1b[D": "left"}
+_NAMES = {b" ": "space", b"\x1b": "escape"}
+
+
+def split(data: bytes) -> List[str]:
+    """Names of the keys in what a terminal sent: `up down left right space escape`, else the letter."""
+    keys = []
+    while data:
+        size = 3 if data[:3].replace(b"\x1bO", b"\x1b[") in _ARROWS else 1
+        key, data = data[:size].replace(b"\x1bO", b"\x1b["), data[size:]
+        keys.append(_ARROWS.get(key) or _NAMES.get(key) or key.decode("ascii", "replace").lower())
+    return keys
+
+
+class Keyboard:
+    """Keys from stdin while the `with` block lasts; the terminal is put back after it."""
+
+    def __init__(self) -> None:
+        self._fd = sys.stdin.fileno()
+        self._settings: Optional[List[Any]] = None
+
+    def __enter__(self) -> "Keyboard":
+        self._settings = termios.tcgetattr(self._fd)
+        tty.setcbreak(self._fd)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._settings is not None:
+            termios.tcsetattr(self._fd, termios.TCSADRAIN, self._settings)
+
+    def read(self, timeout_s: float) -> List[str]:
+        """Names of the keys pressed, after waiting for one at most `timeout_s`; `q` if the terminal is gone."""
+        ready, _, _ = select.select([self._fd], [], [], timeout_s)
+        if not ready:
+            return []
+        return split(os.read(self._fd, 64)) or ["q"]

@@ -1,0 +1,151 @@
+"""A robot on the terminal: a live view, or a line a second where there is no terminal."""
+
+import math
+import time
+from functools import partial
+from typing import Dict, Tuple
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from .driver import Driver
+from .keyboard import Keyboard
+
+REFRESH_HZ = 10
+LINEAR_STEP = 0.05
+"""Share of the model's top speed that one key press adds: a twentieth."""
+BAR_M, BAR_WIDTH = 4.0, 24
+_STEPS: Dict[str, Tuple[int, int]] = {
+    "up": (1, 0),
+    "w": (1, 0),
+    "down": (-1, 0),
+    "s": (-1, 0),
+    "left": (0, 1),
+    "a": (0, 1),
+    "right": (0, -1),
+    "d": (0, -1),
+}
+
+
+def line(driver: Driver) -> str:
+    """Pose, speeds, ranges and battery in one line."""
+    pose, twist = driver.pose, driver.twist
+    ranges = "  ".join(f"{name} {range_text(value)}" for name, value in driver.ranges.items())
+    return (
+        f"x {pose.x_m:7.3f} m  y {pose.y_m:7.3f} m  yaw {math.degrees(pose.yaw_rad):7.2f} deg  "
+        f"v {twist.linear_m_s:6.3f} m/s  w {twist.angular_rad_s:6.3f} rad/s  {ranges}  "
+        f"battery {driver.battery_v:.1f} V ({driver.battery_state})"
+        + ("" if driver.ready else "  NO TELEMETRY")
+    )
+
+
+def range_text(value_m: float) -> str:
+    """A range as people read it."""
+    if math.isnan(value_m):
+        return "no reading"
+    if math.isinf(value_m):
+        return "nothing" if value_m > 0 else "too near"
+    return f"{value_m:.2f} m"
+
+
+def watch(driver: Driver, seconds: float) -> None:
+    """Show the robot for `seconds`, on a terminal live, else a line a second."""
+    console = Console()
+    deadline = time.monotonic() + seconds
+    if not console.is_terminal:
+        while time.monotonic() < deadline and not driver.wait(
+            min(1.0, max(0.0, deadline - time.monotonic()))
+        ):
+            console.print(line(driver), soft_wrap=True, highlight=False)
+        return
+    with Live(console=console, refresh_per_second=REFRESH_HZ, get_renderable=lambda: view(driver)):
+        driver.wait(min(seconds, 1e6))
+
+
+def drive(driver: Driver) -> None:
+    """Drive with the keyboard until `q`: arrows or wasd change the speed, space stops."""
+    wanted = (0.0, 0.0)
+    console = Console()
+    show = partial(view, driver, "arrows or wasd: faster, slower, turn   space: stop   q: quit")
+    with Keyboard() as keyboard, Live(console=console, refresh_per_second=REFRESH_HZ, get_renderable=show):
+        while not driver.wait(0):
+            for key in keyboard.read(0.05):
+                if key in ("q", "escape"):
+                    return
+                wanted = press(driver, key, wanted)
+            if driver.command is None:
+                wanted = (0.0, 0.0)
+
+
+def press(driver: Driver, key: str, wanted: Tuple[float, float]) -> Tuple[float, float]:
+    """Act on a key; the speeds then wanted [m/s, rad/s]."""
+    if key == "space":
+        driver.stop()
+        return 0.0, 0.0
+    if key not in _STEPS or driver.model is None:
+        return wanted
+    limits = driver.model.limits
+    linear = _add(wanted[0], _STEPS[key][0], limits.linear_m_s)
+    angular = _add(wanted[1], _STEPS[key][1], limits.angular_rad_s)
+    driver.drive(linear, angular)
+    return linear, angular
+
+
+def _add(speed: float, steps: int, limit: float) -> float:
+    return max(-limit, min(limit, round(speed + 2 * steps * LINEAR_STEP * limit, 9)))
+
+
+def view(driver: Driver, hint: str = "Ctrl-C: end") -> Panel:
+    """The whole robot as one panel."""
+    body = Group(_motion(driver), Text(), _ranges(driver), Text(), _link(driver))
+    model = driver.model.name if driver.model else "robot"
+    return Panel(body, title=f"{model} {driver.board.robot_id}", subtitle=hint, width=78)
+
+
+def _motion(driver: Driver) -> Table:
+    pose, twist, asked = driver.pose, driver.twist, driver.command
+    grid = Table.grid(padding=(0, 2))
+    grid.add_row(
+        "pose",
+        f"x {pose.x_m:8.3f} m",
+        f"y {pose.y_m:8.3f} m",
+        f"yaw {math.degrees(pose.yaw_rad):7.2f} deg",
+    )
+    grid.add_row("speed", f"{twist.linear_m_s:8.3f} m/s", f"{twist.angular_rad_s:8.3f} rad/s", "")
+    grid.add_row(
+        "asked",
+        *("stopped", "", "") if asked is None else (f"{asked[0]:8.3f} m/s", f"{asked[1]:8.3f} rad/s", ""),
+    )
+    return grid
+
+
+def _ranges(driver: Driver) -> Table:
+    grid = Table.grid(padding=(0, 2))
+    for name, value in driver.ranges.items():
+        grid.add_row(name, bar(value), range_text(value))
+    return grid
+
+
+def bar(value_m: float) -> str:
+    """A range as a bar of up to `BAR_WIDTH` characters for `BAR_M`."""
+    share = 0.0 if math.isnan(value_m) else max(0.0, min(1.0, value_m / BAR_M))
+    return ("#" * round(share * BAR_WIDTH)).ljust(BAR_WIDTH, ".")
+
+
+def _link(driver: Driver) -> Table:
+    seen, status = driver.statistics, driver.status
+    style = {"ok": "", "low": "yellow"}.get(driver.battery_state, "red")
+    charge = Text(f"{driver.battery_v:.1f} V {driver.battery_state}", style=style)
+    damage = f"{seen.lost} lost, {sum(seen.garbage.values())} damaged, {seen.refused_counts} refused"
+    age = f"{driver.age_s * 1000:.0f} ms old" if driver.ready else "NO TELEMETRY"
+    health = "firmware 1 (2013), no watchdog"
+    if status is not None:
+        health = f"last stop: {status.stop_reason}; faults: {', '.join(status.faults) or 'none'}"
+    grid = Table.grid(padding=(0, 2))
+    grid.add_row("battery", charge, f"{driver.temperature_c:.0f} degC")
+    grid.add_row("link", f"{seen.frames} frames", damage)
+    grid.add_row("board", age, health)
+    return grid
