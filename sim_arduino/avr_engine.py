@@ -1,0 +1,70 @@
+"""The engine that runs the real firmware image: a simulated Uno wired to a Plant.
+
+The plant is the Python engine's own, so physics is one; the wire's timing is the chip's.
+"""
+
+from pathlib import Path
+from typing import Any, Union
+
+from sim_arduino.avr.machine import AvrMachine
+
+FAN, SONAR_TRIGGER, SONAR_POWER, HEATER = 7, 12, 13, 15
+WATCHED_PINS = (FAN, SONAR_TRIGGER, SONAR_POWER, HEATER)
+SLICE_S = 1e-3  # the longest a byte waits before a server hears of it
+
+FIRMWARE = Path(__file__).resolve().parent.parent / "build" / "firmware" / "mrl_firmware.elf"
+"""The sonar build's image in a checkout, after `make firmware`."""
+
+
+class AvrEngine:
+    """A board that executes `elf`; time is simulated seconds since power-up.
+
+    Args:
+        plant: what is wired to the board: `i2c` (slaves by address), `adc_volts(channel, time_s)`,
+            `pin_changed(pin, level, time_s)` and `advance(time_s)`.
+        bootloader: the Uno's clears the chip's reset flags before the sketch starts; False shows them.
+
+    Raises:
+        SimulatorError: no such image.  SimulatorMissing: no compiler or libsimavr.
+    """
+
+    def __init__(
+        self, plant: Any, elf: Union[str, Path] = FIRMWARE, bootloader: bool = True, seed: int = 0
+    ) -> None:
+        """Powers the board and wires the plant to it."""
+        self.plant = plant
+        self.machine = AvrMachine(elf, seed=seed)
+        if bootloader:
+            self.machine.set_reset_flags(0)
+            self.machine.reset()
+        self.machine.i2c = plant.i2c
+        self.machine.adc_volts = plant.adc_volts
+        self.machine.on_pin = plant.pin_changed
+        self.machine.watch_pins(WATCHED_PINS)
+
+    def receive(self, data: bytes) -> None:
+        """Bytes from the host, the first of them on the wire from now on."""
+        self.machine.send(data)
+
+    def advance(self, to_s: float) -> bytes:
+        """Runs to a time [s since power-up]; returns the bytes whose stop bit has left the board until then.
+
+        Raises:
+            MachineCrashed: the program touched an address that is no memory.
+        """
+        self.machine.run_until(int(round(to_s * self.machine.frequency_hz)))
+        self.plant.advance(self.machine.time_s)
+        return bytes(byte.data for byte in self.machine.sent())
+
+    @property
+    def next_event_s(self) -> float:
+        """When to call `advance` again if no bytes come [s]: the chip never rests."""
+        return self.machine.time_s + SLICE_S
+
+    def reset(self) -> None:
+        """The reset button, or DTR when a host opens the port."""
+        self.machine.reset()
+
+    def close(self) -> None:
+        """Frees the simulated chip."""
+        self.machine.close()

@@ -1,0 +1,158 @@
+"""The firmware image on the simulated chip with a motor board and sonars that the benchmark controls."""
+
+import random
+from pathlib import Path
+from typing import Callable, Dict, List, NamedTuple, Optional, Tuple
+
+from mrl_driver.codec import encode_request
+from mrl_driver.table import BY_NAME, PARAMETER_BY_NAME
+from sim_arduino.avr.machine import AvrMachine, SentByte, Transfer
+
+MOTOR_BOARD = 0x18
+RIGHT, LEFT = 1234, -567  # counts
+TEMPERATURE, BATTERY = 250, 120  # tenths of degC and V, as on the I2C bus
+SONAR_VOLTS = (1.5, 2.0, 0.8)  # front, left, right
+ENCODERS, VERSION, VERSION_DECIMALS, CONTROL_RATE = 0xD8, 0xFE, 0xFD, 0xD3
+FIRST_READABLE = 0xD8  # D8 D7 D6 encoders, D5 battery, D4 temperature: two bytes each
+SETTLED_S = 1.5  # boot, motor board's configuration and the first sonar chain are over
+
+
+class Reply(NamedTuple):
+    """A line from the board with the cycles of its first and last edge."""
+
+    line: bytes
+    start_cycle: int
+    end_cycle: int
+
+
+def request(name: str, *args: int, checked: bool = False) -> bytes:
+    """The bytes of a request by its row's name."""
+    return encode_request(BY_NAME[name].code, *args, checked=checked)
+
+
+def word(value: int) -> bytes:
+    """Two bytes, high byte first."""
+    return (value & 0xFFFF).to_bytes(2, "big")
+
+
+class MotorBoard:
+    """The OMNI-3MD's registers; remembers commands and when counts were read [s].
+
+    While `changing`, the last digits of both counts differ from read to read, so that a frame tells its read.
+    """
+
+    def __init__(self) -> None:
+        self.present, self.changing = True, False
+        self.commands: List[Tuple[float, bytes]] = []
+        self.count_reads: Dict[Tuple[int, int], float] = {}
+        self._register, self._reads = 0, 0
+
+    def write(self, data: bytes, time_s: float) -> bool:
+        """A register address, or a command with its data."""
+        self._register = data[0]
+        if len(data) > 1:
+            self.commands.append((time_s, data))
+        return True
+
+    def read(self, count: int, time_s: float) -> bytes:
+        """What stands from the addressed register on."""
+        if self._register == ENCODERS:
+            self._note_read(time_s)
+        single = {VERSION: b"\x01", VERSION_DECIMALS: b"\x48", CONTROL_RATE: b"\x14"}
+        if self._register in single:
+            return single[self._register]
+        right, left = self._counts()
+        block = word(left) + word(0) + word(right) + word(BATTERY) + word(TEMPERATURE)
+        return block[2 * (FIRST_READABLE - self._register) :][:count]
+
+    def _counts(self) -> Tuple[int, int]:
+        if not self.changing:
+            return RIGHT, LEFT
+        return RIGHT - RIGHT % 10 + self._reads % 10, -(560 + self._reads // 10 % 10)
+
+    def _note_read(self, time_s: float) -> None:
+        self._reads += 1
+        self.count_reads[self._counts()] = time_s
+
+
+class Rig:
+    """One board on the bench, its line and its bus under observation."""
+
+    def __init__(self, elf: Path, seed: int = 1) -> None:
+        self.random = random.Random(seed)
+        self.machine = AvrMachine(elf, seed=seed)
+        self.motors = MotorBoard()
+        self.machine.i2c[MOTOR_BOARD] = self.motors
+        self.machine.adc_volts = lambda channel, time_s: SONAR_VOLTS[channel] if channel < 3 else 0.0
+        self.transfers: List[Transfer] = []
+        self.machine.on_transfer = self.transfers.append
+        self._partial: List[SentByte] = []
+
+    def settle(self, **parameters: int) -> "Rig":
+        """Waits for the end of boot and sets board parameters, robot id 1 among them; returns the rig."""
+        self.run(SETTLED_S)
+        for name, value in {"robot_id": 1, **parameters}.items():
+            self.ask(request("write_config", PARAMETER_BY_NAME[name].index, value))
+        self.run(0.1)
+        self.replies()
+        return self
+
+    def close(self) -> None:
+        """Frees the chip."""
+        self.machine.close()
+
+    def run(self, seconds: float) -> None:
+        """Lets simulated time pass."""
+        self.machine.run(seconds)
+
+    def microseconds(self, cycles: int) -> float:
+        """Cycles as time [us]."""
+        return cycles * 1e6 / self.machine.frequency_hz
+
+    def send_somewhen(self, request: bytes, within_s: float) -> int:
+        """Puts a request on the line at a random phase; returns the cycle at which its last stop bit ends."""
+        wait = self.random.randrange(int(within_s * self.machine.frequency_hz))
+        return self.machine.send(request, self.machine.cycle + wait)
+
+    def replies(self) -> List[Reply]:
+        """The whole lines that have come since the last call."""
+        lines: List[Reply] = []
+        for byte in self.machine.sent():
+            self._partial.append(byte)
+            if byte.data == 0x0A:
+                text = bytes(one.data for one in self._partial)
+                lines.append(Reply(text, self._partial[0].start_cycle, byte.end_cycle))
+                self._partial = []
+        return lines
+
+    def ask(self, request: bytes, timeout_s: float = 0.1) -> Reply:
+        """Sends a request now and returns the first line that comes back.
+
+        Raises:
+            TimeoutError: nothing came.
+        """
+        self.replies()
+        end = self.machine.send(request)
+        reply = self.await_value(lambda: next(iter(self.replies()), None), end, timeout_s)
+        if reply is None:
+            raise TimeoutError(f"no answer to {request!r} within {timeout_s} s of simulated time")
+        return reply
+
+    def await_value(self, poll: Callable, from_cycle: int, timeout_s: float) -> Optional[Reply]:
+        """Runs on until `poll` returns something, at most `timeout_s` behind a cycle."""
+        last = from_cycle + int(timeout_s * self.machine.frequency_hz)
+        while self.machine.cycle < last:
+            self.run(200e-6)
+            found = poll()
+            if found is not None:
+                return found
+        return None
+
+    def writes(self, command: int) -> List[Transfer]:
+        """Completed I2C writes of one motor board command since the last call of `forget`."""
+        return [one for one in self.transfers if one.kind == "write" and one.data[0] == command]
+
+    def forget(self) -> None:
+        """Drops what was observed so far."""
+        self.transfers.clear()
+        self.replies()

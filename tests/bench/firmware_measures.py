@@ -1,0 +1,307 @@
+"""What is measured on the firmware image, one function per figure; times are simulated.
+
+"Turnaround" runs from the end of the request's last stop bit to the end of the reply's, "command" to that of
+the I2C write that carries it out.  Requests come at random phases of a fixed seed.
+"""
+
+from pathlib import Path
+from statistics import median
+from typing import Dict, Iterable, List, Optional, Tuple
+
+from mrl_driver.codec import REPLIES, Frame, FrameDecoder, encode_request
+from mrl_driver.table import COMMANDS
+from sim_arduino.avr.elf import read_image
+from tests.bench.firmware_board import Reply, Rig, request
+
+REQUESTS = 300
+STREAM_COMMANDS = 1000
+MOVE, STOP = 0xEB, 0xFC  # motor board commands
+WIDEST = 32767
+LINE_BAUD = 115200
+COMMAND_BYTES = 13
+BYTE_CYCLES = 1360  # 10 bits at UBRR 16 with U2X
+
+
+def turnarounds_us(rig: Rig, asked: bytes) -> List[float]:
+    """Turnaround of requests on an idle line."""
+    times = []
+    for _ in range(REQUESTS):
+        rig.replies()
+        end = rig.send_somewhen(asked, 20e-3)
+        reply = rig.await_value(lambda: next(iter(rig.replies()), None), end, 0.1)
+        if reply is None:
+            raise TimeoutError(f"no answer to {asked!r} within 0.1 s of simulated time")
+        times.append(rig.microseconds(reply.end_cycle - end))
+    return times
+
+
+def turnaround_figures(elf: Path) -> Dict[str, float]:
+    """Medians of the three requests of the table."""
+    rig = Rig(elf).settle()
+    keys = {"encoders": b"@6e", "encoders_sonars": b"@8e", "info": b"@5e"}
+    figures = {
+        f"{key}_turnaround_us_median": median(turnarounds_us(rig, asked)) for key, asked in keys.items()
+    }
+    rig.close()
+    return figures
+
+
+def stream_of(rig: Rig, seconds: float) -> List[Reply]:
+    """Frames of a running stream over a duration, the first 50 ms dropped."""
+    rig.run(50e-3)
+    rig.replies()
+    rig.run(seconds)
+    return rig.replies()[1:]
+
+
+def wire_use(frames: List[Reply]) -> float:
+    """Share of the time between the first and the last frame's end in which a byte is on the wire."""
+    sent = sum(len(frame.line) for frame in frames[1:])
+    return sent * BYTE_CYCLES / (frames[-1].end_cycle - frames[0].end_cycle)
+
+
+def stream_figures(elf: Path) -> Dict[str, float]:
+    """Rate, use of the wire, age of the counts and jitter of the stream of 8."""
+    rig = Rig(elf).settle()
+    rig.machine.send(request("start_stream"))
+    frames = stream_of(rig, 2.0)
+    hertz = (len(frames) - 1) / ((frames[-1].end_cycle - frames[0].end_cycle) / rig.machine.frequency_hz)
+    figures = {
+        "stream_typical_hz": hertz,
+        "stream_wire_use": wire_use(frames),
+        "count_age_ms_max": count_age_ms(rig),
+    }
+    rig.machine.send(request("start_stream", 20))
+    starts = [frame.start_cycle for frame in stream_of(rig, 10.0)]
+    gaps = [later - earlier for earlier, later in zip(starts, starts[1:])]
+    rig.close()
+    return {**figures, "stream_jitter_us": rig.microseconds(max(gaps) - min(gaps))}
+
+
+def count_age_ms(rig: Rig) -> float:
+    """Largest time from the reading of counts to the first byte of their frame, in a running stream."""
+    rig.motors.changing = True
+    frames = stream_of(rig, 0.2)
+    rig.motors.changing = False
+    ages = [
+        frame.start_cycle / rig.machine.frequency_hz - rig.motors.count_reads[counts_of(frame)]
+        for frame in frames
+    ]
+    return 1e3 * max(ages)
+
+
+def counts_of(frame: Reply) -> Tuple[int, int]:
+    """Right and left count of an encoder frame."""
+    values = frame.line.split(b"e")[0].split(b",")
+    return int(values[1]), int(values[2])
+
+
+def checked_stream_figures(elf: Path) -> Dict[str, float]:
+    """Use of the wire with check value, sequence and board time, and frames that the decoder refuses."""
+    rig = Rig(elf).settle()
+    rig.ask(request("set_check", 1))
+    rig.machine.send(request("start_stream", checked=True))
+    frames = stream_of(rig, 1.0)
+    decoder = FrameDecoder(REPLIES, checked=True)
+    events = [event for frame in frames for event in decoder.feed(frame.line)]
+    rig.close()
+    bad = sum(not isinstance(event, Frame) for event in events)
+    return {"stream_checked_wire_use": wire_use(frames), "stream_checked_frames_bad": bad}
+
+
+def command_delays_us(rig: Rig, command: bytes, code: int, count: int) -> List[float]:
+    """Delays of commands at random phases, one every 5 to 15 ms."""
+    delays = []
+    for _ in range(count):
+        rig.forget()
+        end = rig.send_somewhen(command, 10e-3)
+        rig.machine.run_until(end + int(5e-3 * rig.machine.frequency_hz))
+        writes = [write for write in rig.writes(code) if write.cycle > end]
+        if not writes:
+            raise TimeoutError(f"{command!r} reached no motor board within 5 ms of simulated time")
+        delays.append(rig.microseconds(writes[0].cycle - end))
+    return delays
+
+
+def command_figures(elf: Path) -> Dict[str, float]:
+    """Delays of move and stop, idle and behind a full-rate stream."""
+    rig = Rig(elf).settle()
+    idle = command_delays_us(rig, b"@11,500,-800e", MOVE, REQUESTS)
+    rig.machine.send(request("start_stream"))
+    moves = command_delays_us(rig, b"@11,500,-800e", MOVE, STREAM_COMMANDS)
+    stops = command_delays_us(rig, b"@13e", STOP, REQUESTS)
+    rig.close()
+    return {
+        "move_idle_us_max": max(idle),
+        "move_streaming_us_max": max(moves),
+        "stop_streaming_us_max": max(stops),
+    }
+
+
+def moves_at(elf: Path, rate_hz: float, seconds: float) -> bool:
+    """Do all 13-byte commands of a rate arrive unaltered and in order behind a full-rate stream?"""
+    rig = Rig(elf).settle()
+    rig.machine.send(request("start_stream"))
+    rig.run(0.1)
+    rig.forget()
+    rig.machine.set_host_baud(
+        LINE_BAUD, max(0.0, 1 / rate_hz - COMMAND_BYTES * 10 / LINE_BAUD) / COMMAND_BYTES
+    )
+    sent = [(100 + i % 400, -100 - i % 700) for i in range(int(rate_hz * seconds))]
+    end = rig.machine.send(b"".join(b"@11,%d,%de" % pair for pair in sent))
+    rig.machine.run_until(end + int(10e-3 * rig.machine.frequency_hz))
+    done = [pair_of(write.data) for write in rig.writes(MOVE)]
+    lost = rig.machine.bytes_lost
+    rig.close()
+    return done == sent and lost == 0
+
+
+def pair_of(data: bytes) -> Tuple[int, int]:
+    """Linear and angular speed of a differential command to the motor board."""
+    return int.from_bytes(data[1:3], "big", signed=True), int.from_bytes(data[3:5], "big", signed=True)
+
+
+def rate_figures(elf: Path) -> Dict[str, float]:
+    """The highest rate that loses nothing in two seconds, in steps of 1 % down from the wire's."""
+    rate = LINE_BAUD / (10 * COMMAND_BYTES)
+    while rate > 1 and not moves_at(elf, rate, 2.0):
+        rate *= 0.99
+    return {"commands_streaming_hz": rate}
+
+
+def exact_figures(elf: Path) -> Dict[str, float]:
+    """How many of all first arguments of command 11 arrive exactly."""
+    rig = Rig(elf).settle(linear_ceiling=WIDEST, angular_ceiling=WIDEST)
+    exact = sum(exact_in(rig, range(start, start + 4096)) for start in range(-32768, 32768, 4096))
+    rig.close()
+    return {"int16_exact": exact}
+
+
+def exact_in(rig: Rig, values: Iterable[int]) -> int:
+    """How many values of a range arrive, each as itself and in its turn."""
+    rig.forget()
+    wanted = list(values)
+    end = rig.machine.send(b"".join(b"@11,%d,0e" % value for value in wanted))
+    rig.machine.run_until(end + int(10e-3 * rig.machine.frequency_hz))
+    arrived = [pair_of(write.data)[0] for write in rig.writes(MOVE)]
+    if len(arrived) == len(wanted):
+        return sum(got == value for got, value in zip(arrived, wanted))
+    return len(set(arrived) & set(wanted))
+
+
+def boot_figures(elf: Path) -> Dict[str, float]:
+    """From the sketch's first instruction to the answer to requests that come every 10 ms."""
+    rig = Rig(elf)
+    for tenth in range(100):
+        rig.machine.send(b"@5e", int((1e-3 + tenth * 10e-3) * rig.machine.frequency_hz))
+    reply = rig.await_value(lambda: next(iter(rig.replies()), None), 0, 5.0)
+    rig.close()
+    if reply is None:
+        raise TimeoutError("no answer within 5 s of the sketch's start")
+    return {"boot_to_answer_ms": 1e3 * reply.end_cycle / rig.machine.frequency_hz}
+
+
+def watchdog_figures(elf: Path) -> Dict[str, float]:
+    """From the last byte of the host to the stop on the bus, watchdog 250 ms, at 30 phases."""
+    rig = Rig(elf).settle()
+    rig.ask(request("set_watchdog", 250))
+    delays = []
+    for _ in range(30):
+        rig.forget()
+        end = rig.send_somewhen(b"@11,300,0e", 0.1)
+        rig.machine.run_until(end + int(0.4 * rig.machine.frequency_hz))
+        stops = [stop for stop in rig.writes(STOP) if stop.cycle > end]
+        delays.append(1e-3 * rig.microseconds(stops[0].cycle - end) if stops else float("inf"))
+    rig.close()
+    return {"watchdog_stop_ms_max": max(delays)}
+
+
+def pauses_ms(rig: Rig, seconds: float) -> List[float]:
+    """Waiting times of a request that needs no I2C, asked again and again."""
+    pauses = []
+    until = rig.machine.cycle + int(seconds * rig.machine.frequency_hz)
+    while rig.machine.cycle < until:
+        rig.replies()
+        end = rig.machine.send(request("get_stream"))
+        reply = rig.await_value(lambda: answer_to(rig, b"@17,"), end, 1.0)
+        pauses.append(1e-3 * rig.microseconds(reply.start_cycle - end) if reply else 1000.0)
+    return pauses
+
+
+def answer_to(rig: Rig, head: bytes) -> Optional[Reply]:
+    """The first new line with this head."""
+    return next((reply for reply in rig.replies() if reply.line.startswith(head)), None)
+
+
+def hang(rig: Rig, kind: str) -> None:
+    """Breaks the bus one way, or mends it ("")."""
+    rig.machine.hang_bus(kind if kind in ("sda", "scl") else None)
+    rig.motors.present = kind != "absent"
+    rig.machine.stretch_clock(160000 if kind == "stretch" else 0)
+
+
+def hang_figures(elf: Path) -> Dict[str, float]:
+    """The longest pause of a board that is asked while its bus breaks in four ways at random phases."""
+    rig = Rig(elf).settle()
+    pauses = []
+    for number in range(40):
+        rig.machine.send(b"@11,300,0e@6e")
+        rig.run(rig.random.random() * 3e-3)
+        hang(rig, ("sda", "scl", "absent", "stretch")[number % 4])
+        pauses += pauses_ms(rig, 0.12)
+        hang(rig, "")
+        pauses += pauses_ms(rig, 0.1)
+    rig.close()
+    return {"bus_hang_blocked_ms_max": max(pauses)}
+
+
+def every_request() -> List[bytes]:
+    """One valid request of every row, least and most arguments, extremes of their ranges."""
+    frames = []
+    for row in COMMANDS:
+        if row.name == "xbee_text":
+            continue
+        for count in {len(row.request) - row.optional, len(row.request)}:
+            fields = row.request[:count]
+            frames.append(encode_request(row.code, *(field.low for field in fields)))
+            frames.append(encode_request(row.code, *(field.high for field in fields)))
+    return frames
+
+
+BAD_INPUT = (
+    b"@99e",
+    b"@11,+5,0e",
+    b"@11,1e",
+    b"@11,1,2,3,4e",
+    b"@11,99999,0e",
+    b"@" * 40,
+    b"x" * 300,
+    bytes(range(256)),
+)
+
+
+def use_everything(rig: Rig) -> None:
+    """All commands, bad input, each stream for a while, and a broken bus while driving."""
+    for frame in every_request() + list(BAD_INPUT):
+        rig.machine.send(frame)
+        rig.run(20e-3)
+    for kind in ("sda", "scl", "absent", ""):
+        rig.machine.send(request("move_differential", 300, -300) + request("start_stream"))
+        hang(rig, kind)
+        rig.run(0.3)
+    for name in ("start_sensor_stream", "start_sensor_ldr_stream", "start_compass_stream"):
+        rig.machine.send(request(name))
+        rig.run(0.1)
+
+
+def memory_figures(elf: Path) -> Dict[str, float]:
+    """SRAM that nothing has touched after everything was used, plain and checked, and flash in use."""
+    rig = Rig(elf).settle()
+    use_everything(rig)
+    rig.machine.send(request("set_check", 1))
+    for frame in every_request():
+        rig.machine.send(frame)
+        rig.run(20e-3)
+    free = rig.machine.sram_untouched()
+    rig.close()
+    return {"sram_free_bytes": free, "flash_bytes": sum(len(data) for _, data in read_image(elf).flash)}
