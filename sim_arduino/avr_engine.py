@@ -6,7 +6,8 @@ The plant is the Python engine's own, so physics is one; the wire's timing is th
 from pathlib import Path
 from typing import Any, Union
 
-from sim_arduino.avr.machine import AvrMachine
+from sim_arduino.avr.line import heard
+from sim_arduino.avr.machine import HOST_BAUD, AvrMachine
 
 FAN, SONAR_TRIGGER, SONAR_POWER, HEATER = 7, 12, 13, 15
 WATCHED_PINS = (FAN, SONAR_TRIGGER, SONAR_POWER, HEATER)
@@ -34,6 +35,7 @@ class AvrEngine:
         """Powers the board and wires the plant to it."""
         self.plant = plant
         self.machine = AvrMachine(elf, seed=seed)
+        self._host_baud: float = HOST_BAUD
         if bootloader:
             self.machine.set_reset_flags(0)
             self.machine.reset()
@@ -54,7 +56,12 @@ class AvrEngine:
         """
         self.machine.run_until(int(round(to_s * self.machine.frequency_hz)))
         self.plant.advance(self.machine.time_s)
-        return bytes(byte.data for byte in self.machine.sent())
+        return heard(self.machine.sent(), self.machine.frequency_hz / self._host_baud)
+
+    def set_host_baud(self, baud: float) -> None:
+        """The host's speed, both ways; at another speed than the board's the bytes turn into others."""
+        self._host_baud = baud
+        self.machine.set_host_baud(baud)
 
     @property
     def next_event_s(self) -> float:

@@ -65,7 +65,7 @@ typedef struct {
     bool waiting_full, overrun, receiving;
     double look_from, frame_start;
     line_byte_t *line;
-    size_t line_count, line_room;
+    size_t line_first, line_count, line_room; /* used: line[line_first] to line[line_count - 1] */
     double line_free, host_bit, host_gap;
     uint64_t lost;
 } usart_t;

@@ -96,7 +96,7 @@ static int bit_of(const line_byte_t *byte, int index) {
 }
 
 static int level_at(const usart_t *usart, double moment) {
-    for (size_t i = 0; i < usart->line_count; i++) {
+    for (size_t i = usart->line_first; i < usart->line_count; i++) {
         const line_byte_t *byte = &usart->line[i];
         if (moment >= byte->start && moment < byte->start + LINE_BITS * byte->bit)
             return bit_of(byte, (int)((moment - byte->start) / byte->bit));
@@ -105,7 +105,7 @@ static int level_at(const usart_t *usart, double moment) {
 }
 
 static bool next_falling_edge(const usart_t *usart, double from, double *edge) {
-    for (size_t i = 0; i < usart->line_count; i++)
+    for (size_t i = usart->line_first; i < usart->line_count; i++)
         for (int bit = 0; bit < LINE_BITS; bit++) {
             const line_byte_t *byte = &usart->line[i];
             double moment = byte->start + bit * byte->bit;
@@ -119,12 +119,15 @@ static bool next_falling_edge(const usart_t *usart, double from, double *edge) {
 }
 
 static void forget_line_before(usart_t *usart, double moment) {
-    size_t gone = 0;
-    while (gone < usart->line_count && usart->line[gone].start + LINE_BITS * usart->line[gone].bit <= moment)
-        gone++;
-    usart->line_count -= gone;
-    if (gone && usart->line_count)
-        memmove(usart->line, usart->line + gone, usart->line_count * sizeof *usart->line);
+    size_t first = usart->line_first;
+    while (first < usart->line_count && usart->line[first].start + LINE_BITS * usart->line[first].bit <= moment)
+        first++;
+    usart->line_first = first;
+    if (first < usart->line_count / 2 || !first)
+        return;
+    usart->line_first = 0;
+    usart->line_count -= first;
+    memmove(usart->line, usart->line + first, usart->line_count * sizeof *usart->line);
 }
 
 /* ---- receiver ---- */

@@ -55,8 +55,8 @@ static void write_control(avr_t *avr, avr_io_addr_t address, uint8_t value, void
         now |= WDE;
     board->watchdog.change_until = opens ? avr->cycle + CHANGE_WINDOW_CYCLES : 0;
     avr->data[address] = now;
-    uint8_t timing = WDIE | WDE | WDP3 | WDP012;
-    if ((before ^ now) & timing)
+    bool was_on = before & (WDIE | WDE), is_on = now & (WDIE | WDE);
+    if (was_on != is_on || ((before ^ now) & (WDP3 | WDP012)))
         restart(board);
 }
 

@@ -5,7 +5,7 @@ import pytest
 SHORTEST_CYCLES = 2048 * 125  # 16 ms at 128 kHz and 16 MHz
 WDRF, EXTRF, PORF = 0x08, 0x02, 0x01
 WDE, WDP2 = 0x08, 0x04
-RESET_ONLY, INTERRUPT_ONLY, INTERRUPT_THEN_RESET, MASKED, FED, NO_SEQUENCE = range(1, 7)
+RESET_ONLY, INTERRUPT_ONLY, INTERRUPT_THEN_RESET, MASKED, FED, NO_SEQUENCE, REARMED = range(1, 8)
 
 
 def in_mode(bench, mode):
@@ -49,6 +49,15 @@ def test_reset_follows_the_interrupt_after_another_period(bench):
     before = (board.get("interrupts"), board.get("starts"))
     board.machine.run(1e-3)
     assert (before, board.get("starts")) == ((1, 0), 1)
+
+
+def test_an_interrupt_that_rearms_itself_puts_the_reset_off(bench):
+    """Two more periods of 16 ms, then interrupt and reset: 64 ms, as the count is not started anew."""
+    board = in_mode(bench, REARMED)
+    board.machine.run(63.5e-3)
+    before = (board.get("interrupts"), board.get("starts"))
+    board.machine.run(1e-3)
+    assert (before, board.get("starts")) == ((3, 0), 1)
 
 
 def test_a_masked_interrupt_becomes_a_reset(bench):

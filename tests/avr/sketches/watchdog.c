@@ -9,11 +9,13 @@ volatile uint8_t starts __attribute__((section(".noinit")));
 volatile uint8_t mode = 0, interrupts = 0, control_now = 0;
 volatile uint8_t stay_off __attribute__((section(".noinit")));
 
-enum { RESET_ONLY = 1, INTERRUPT_ONLY, INTERRUPT_THEN_RESET, MASKED, FED, NO_SEQUENCE };
+enum { RESET_ONLY = 1, INTERRUPT_ONLY, INTERRUPT_THEN_RESET, MASKED, FED, NO_SEQUENCE, REARMED };
 
 ISR(WDT_vect) {
     interrupts++;
     marker = 0xA5;
+    if (mode == REARMED && interrupts < 3)
+        WDTCSR |= _BV(WDIE);
     if (mode == INTERRUPT_THEN_RESET)
         for (;;)
             ;
@@ -39,7 +41,7 @@ int main(void) {
         set_up(_BV(WDE));
     if (mode == INTERRUPT_ONLY)
         set_up(_BV(WDIE) | _BV(WDP0));
-    if (mode == INTERRUPT_THEN_RESET || mode == MASKED || mode == FED)
+    if (mode == INTERRUPT_THEN_RESET || mode == MASKED || mode == FED || mode == REARMED)
         set_up(_BV(WDIE) | _BV(WDE));
     if (mode == NO_SEQUENCE) {
         set_up(_BV(WDE) | _BV(WDP2));

@@ -1,0 +1,48 @@
+"""What a receiver at another speed makes of the bytes that a board sends."""
+
+from typing import List, Sequence
+
+from sim_arduino.avr.records import SentByte
+
+FRAME_BITS = 10  # start, eight data bits, stop
+CLOSE_ENOUGH = 0.04  # difference of speeds at which the middle of the last bit is still hit
+
+
+def heard(sent: Sequence[SentByte], bit_cycles: float) -> bytes:
+    """The bytes that a receiver with this bit length [cycle] reads, framing errors included.
+
+    Bytes at its own speed come through as they are; others are sampled in the middle of the receiver's bits.
+    """
+    if all(
+        abs((byte.end_cycle - byte.start_cycle) / FRAME_BITS / bit_cycles - 1) < CLOSE_ENOUGH for byte in sent
+    ):
+        return bytes(byte.data for byte in sent)
+    received: List[int] = []
+    free_at = 0.0
+    for edge in _falling_edges(sent):
+        if edge >= free_at:
+            samples = (_level(sent, edge + (1.5 + bit) * bit_cycles) << bit for bit in range(8))
+            received.append(sum(samples))
+            free_at = edge + 9.5 * bit_cycles
+    return bytes(received)
+
+
+def _bits(byte: SentByte) -> List[int]:
+    return [0] + [byte.data >> bit & 1 for bit in range(8)] + [1]
+
+
+def _falling_edges(sent: Sequence[SentByte]) -> List[float]:
+    edges = []
+    for byte in sent:
+        bits, length = _bits(byte), (byte.end_cycle - byte.start_cycle) / FRAME_BITS
+        falls = [at for at in range(FRAME_BITS) if not bits[at] and (at == 0 or bits[at - 1])]
+        edges += [byte.start_cycle + at * length for at in falls]
+    return edges
+
+
+def _level(sent: Sequence[SentByte], moment: float) -> int:
+    for byte in sent:
+        if byte.start_cycle <= moment < byte.end_cycle:
+            at = int((moment - byte.start_cycle) * FRAME_BITS / (byte.end_cycle - byte.start_cycle))
+            return _bits(byte)[at]
+    return 1
