@@ -1,0 +1,63 @@
+"""The long run of the damaged frames: `make fuzz MINUTES=n`.  Writes build/bench/reliability.json."""
+import multiprocessing
+import os
+import time
+from typing import List, Tuple
+
+import click
+
+from tests.bench import report
+from tests.fuzz import damage
+
+BATCH = 5000
+Job = Tuple[str, str, int, bool]
+
+
+def run(job: Job) -> Tuple[str, bool, damage.Tally]:
+    """One batch of one kind of damage in one direction."""
+    direction, kind, seed, checked = job
+    return kind, checked, damage.try_random(damage.DIRECTIONS[direction], getattr(damage, kind), BATCH, seed, checked)
+
+
+def jobs(end_s: float, first_seed: int):
+    """Batches of all kinds in turn until the time is over."""
+    kinds = [kind.__name__ for kind in damage.EXACT + damage.LOSSY]
+    seed = first_seed
+    while time.monotonic() < end_s:
+        for direction in damage.DIRECTIONS:
+            for kind in kinds:
+                yield direction, kind, seed, True
+                seed += 1
+        yield "replies", "flip_bit", seed, False
+
+
+def total(found: List[Tuple[str, bool, damage.Tally]], kinds: Tuple[damage.Damage, ...], checked: bool) -> damage.Tally:
+    """Sum over the batches of some kinds."""
+    names = {kind.__name__ for kind in kinds}
+    tallies = [tally for kind, c, tally in found if kind in names and c == checked]
+    return damage.Tally(sum(t.tried for t in tallies), sum(t.wrong for t in tallies))
+
+
+@click.command()
+@click.option("--minutes", type=click.FloatRange(0.01), default=1.0, show_default=True)
+@click.option("--seed", type=int, default=1, show_default=True)
+def main(minutes: float, seed: int) -> None:
+    """Damage frames for so long, and report how many were taken for good."""
+    end_s = time.monotonic() + minutes * 60
+    with multiprocessing.Pool(os.cpu_count()) as pool:
+        found = list(pool.imap_unordered(run, jobs(end_s, seed * 10**6)))
+    exact, lossy = total(found, damage.EXACT, True), total(found, damage.LOSSY, True)
+    bare = total(found, (damage.flip_bit,), False)
+    figures = {
+        "damaged_frames_tried": exact.tried, "wrong_accepted": exact.wrong,
+        "lost_byte_frames_tried": lossy.tried, "lost_byte_wrong_per_million": round(1e6 * lossy.wrong / lossy.tried, 2),
+        "wrong_accepted_unchecked_1bit_percent": round(100 * bare.wrong / bare.tried, 1)}
+    for key, value in figures.items():
+        click.echo(f"{key:40} {value}")
+    click.echo(report.write("reliability", figures))
+    if exact.wrong:
+        raise SystemExit(1)
+
+
+if __name__ == "__main__":
+    main()

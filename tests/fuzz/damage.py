@@ -1,0 +1,109 @@
+"""Damaged frames, and how many of them a decoder takes for good.
+
+`wrong` counts accepted frames that carry a value which was not sent.  A bare stop that comes out of damage is not counted: it
+needs no check value by design, and stops.
+"""
+import random
+from typing import Callable, Iterator, List, NamedTuple
+
+from mrl_driver.codec import REPLIES, REQUESTS, Direction, Frame, FrameDecoder, Stamp, encode_reply, encode_request
+from mrl_driver.table import COMMANDS, STOP_CODE
+
+STOP = Frame(STOP_CODE, ())
+Damage = Callable[[bytes, random.Random], bytes]
+
+
+class Tally(NamedTuple):
+    """How many damaged frames were tried, and how many values that nobody sent were accepted."""
+
+    tried: int
+    wrong: int
+
+
+def flip_bit(wire: bytes, rng: random.Random) -> bytes:
+    """One bit turned over."""
+    i = rng.randrange(len(wire))
+    return wire[:i] + bytes([wire[i] ^ 1 << rng.randrange(8)]) + wire[i + 1:]
+
+
+def change_byte(wire: bytes, rng: random.Random) -> bytes:
+    """One byte replaced by another."""
+    i = rng.randrange(len(wire))
+    return wire[:i] + bytes([wire[i] ^ rng.randrange(1, 256)]) + wire[i + 1:]
+
+
+def lose_byte(wire: bytes, rng: random.Random) -> bytes:
+    """One byte missing."""
+    i = rng.randrange(len(wire))
+    return wire[:i] + wire[i + 1:]
+
+
+def lose_burst(wire: bytes, rng: random.Random) -> bytes:
+    """2 to 64 bytes missing: frames merge."""
+    i = rng.randrange(len(wire))
+    return wire[:i] + wire[i + rng.randrange(2, 65):]
+
+
+def swap_bytes(wire: bytes, rng: random.Random) -> bytes:
+    """Two neighbours exchanged."""
+    i = rng.randrange(len(wire) - 1)
+    return wire[:i] + wire[i + 1:i + 2] + wire[i:i + 1] + wire[i + 2:]
+
+
+def random_stream_frame(rng: random.Random, checked: bool) -> bytes:
+    """A stream frame as a driving robot sends it."""
+    counts = (rng.randrange(-32768, 32768), rng.randrange(-32768, 32768))
+    sonars = [rng.randrange(15, 646) for _ in range(3)]
+    stamp = Stamp(rng.randrange(-32768, 32768), rng.randrange(-32768, 32768))
+    return encode_reply(8, *counts, *sonars, stamp=stamp, checked=checked)
+
+
+def random_request(rng: random.Random, checked: bool) -> bytes:
+    """A move, or now and then any other row of the table."""
+    row = COMMANDS[10] if rng.random() < 0.5 else rng.choice([r for r in COMMANDS if r.name != "xbee_text"])
+    return encode_request(row.code, *(rng.randint(f.low, f.high) for f in row.request), checked=checked)
+
+
+def try_random(direction: Direction, damage: Damage, count: int, seed: int, checked: bool = True) -> Tally:
+    """Damages one of three frames in a row, `count` times, and decodes all three."""
+    rng = random.Random(seed)
+    make = random_stream_frame if direction is REPLIES else random_request
+    wrong = 0
+    for _ in range(count):
+        wires = [make(rng, checked) for _ in range(3)]
+        wrong += _wrong(direction, checked, wires, wires[0] + damage(b"".join(wires[1:]), rng))
+    return Tally(count, wrong)
+
+
+def try_every_fault(direction: Direction, wire: bytes, checked: bool = True) -> Tally:
+    """Every bit flipped, every byte changed to every other, lost, and swapped with its neighbour, once each."""
+    tried = wrong = 0
+    for damaged in every_fault(wire):
+        tried += 1
+        wrong += _wrong(direction, checked, [wire], damaged + b"\r\n" + wire)
+    return Tally(tried, wrong)
+
+
+def every_fault(wire: bytes) -> Iterator[bytes]:
+    """All single faults of one frame; flipped bits are among the changed bytes."""
+    for i in range(len(wire)):
+        yield wire[:i] + wire[i + 1:]
+        if i + 1 < len(wire) and wire[i] != wire[i + 1]:
+            yield wire[:i] + wire[i + 1:i + 2] + wire[i:i + 1] + wire[i + 2:]
+        for byte in range(256):
+            if byte != wire[i]:
+                yield wire[:i] + bytes([byte]) + wire[i + 1:]
+
+
+def _wrong(direction: Direction, checked: bool, sent: List[bytes], received: bytes) -> int:
+    """Accepted frames that were not sent."""
+    good = [event for wire in sent for event in FrameDecoder(direction, checked).feed(wire)]
+    found = FrameDecoder(direction, checked).feed(received)
+    return sum(isinstance(event, Frame) and event not in good and event != STOP for event in found)
+
+
+DIRECTIONS = {"requests": REQUESTS, "replies": REPLIES}
+EXACT = (flip_bit, change_byte)
+"""Damage that the check value catches always."""
+LOSSY = (lose_byte, lose_burst, swap_bytes)
+"""Damage that it catches at the rate of its 16 bits."""
