@@ -21,11 +21,10 @@ from mrl_driver.handshake import Board
 from mrl_driver.robots import RobotModel
 
 from . import link_report, messages
+from .direct import direct_publisher
 from .parameters import Parameters, check
 from .stamps import Stamps
 
-QUEUE = 10
-"""Messages kept for a slow subscriber; the reading thread never waits for one."""
 DIAGNOSTICS_S = 1.0
 WARN_EVERY_S = 1.0
 
@@ -39,18 +38,18 @@ class Publishers:
         self._stamps = Stamps()
         self._stamp = rospy.Time()
         self._odometry = messages.new_odometry(odom, base)
-        self._odometry_out = rospy.Publisher("odom", Odometry, queue_size=QUEUE, tcp_nodelay=True)
+        self._odometry_out = direct_publisher(rospy.Publisher, "odom", Odometry)
         self._transform = messages.new_transform(odom, base)
         self._transform_out = None
         if parameters.publish_tf:
-            self._transform_out = rospy.Publisher("/tf", TFMessage, queue_size=QUEUE, tcp_nodelay=True)
+            self._transform_out = direct_publisher(rospy.Publisher, "/tf", TFMessage)
         self._ranges = {name: messages.new_range(base, name) for name in model.sonars}
         self._ranges_out = {
-            name: rospy.Publisher(f"sonar/{name}", Range, queue_size=QUEUE) for name in model.sonars
+            name: direct_publisher(rospy.Publisher, f"sonar/{name}", Range) for name in model.sonars
         }
         self._battery = messages.new_battery(base, model.battery)
-        self._battery_out = rospy.Publisher("battery", BatteryState, queue_size=QUEUE, latch=True)
-        self._mounts_out = rospy.Publisher("/tf_static", TFMessage, queue_size=QUEUE, latch=True)
+        self._battery_out = direct_publisher(rospy.Publisher, "battery", BatteryState, latch=True)
+        self._mounts_out = direct_publisher(rospy.Publisher, "/tf_static", TFMessage, latch=True)
         self._mounts_out.publish(messages.new_mounts(base, model.sonars, rospy.Time.now()))
 
     def telemetry(self, telemetry: Telemetry) -> None:
