@@ -9,29 +9,25 @@ import click
 from tests.bench import report
 from tests.fuzz import damage
 
-BATCH = 5000
-Job = Tuple[str, str, int, bool]
+BATCH = 1000
+Found = Tuple[str, bool, damage.Tally]
 
 
-def run(job: Job) -> Tuple[str, bool, damage.Tally]:
-    """One batch of one kind of damage in one direction."""
-    direction, kind, seed, checked = job
-    return kind, checked, damage.try_random(damage.DIRECTIONS[direction], getattr(damage, kind), BATCH, seed, checked)
-
-
-def jobs(end_s: float, first_seed: int):
-    """Batches of all kinds in turn until the time is over."""
-    kinds = [kind.__name__ for kind in damage.EXACT + damage.LOSSY]
-    seed = first_seed
-    while time.monotonic() < end_s:
-        for direction in damage.DIRECTIONS:
-            for kind in kinds:
-                yield direction, kind, seed, True
+def work(job: Tuple[int, float]) -> List[Found]:
+    """One process: batches of all kinds in turn until the time is over."""
+    seed, end_s = job
+    found: List[Found] = []
+    kinds = [kind for kind in damage.EXACT + damage.LOSSY]
+    while not found or time.monotonic() < end_s:
+        for kind in kinds:
+            for direction in damage.DIRECTIONS.values():
                 seed += 1
-        yield "replies", "flip_bit", seed, False
+                found.append((kind.__name__, True, damage.try_random(direction, kind, BATCH, seed)))
+        found.append(("flip_bit", False, damage.try_random(damage.REPLIES, damage.flip_bit, BATCH, seed, False)))
+    return found
 
 
-def total(found: List[Tuple[str, bool, damage.Tally]], kinds: Tuple[damage.Damage, ...], checked: bool) -> damage.Tally:
+def total(found: List[Found], kinds: Tuple[damage.Damage, ...], checked: bool) -> damage.Tally:
     """Sum over the batches of some kinds."""
     names = {kind.__name__ for kind in kinds}
     tallies = [tally for kind, c, tally in found if kind in names and c == checked]
@@ -45,7 +41,8 @@ def main(minutes: float, seed: int) -> None:
     """Damage frames for so long, and report how many were taken for good."""
     end_s = time.monotonic() + minutes * 60
     with multiprocessing.Pool(os.cpu_count()) as pool:
-        found = list(pool.imap_unordered(run, jobs(end_s, seed * 10**6)))
+        starts = [((seed * 1000 + i) * 10**6, end_s) for i in range(os.cpu_count() or 1)]
+        found = [each for batches in pool.map(work, starts) for each in batches]
     exact, lossy = total(found, damage.EXACT, True), total(found, damage.LOSSY, True)
     bare = total(found, (damage.flip_bit,), False)
     figures = {
