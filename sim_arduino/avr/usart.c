@@ -89,6 +89,8 @@ EXPORT size_t mrl_uart_sent_count(board_t *board) { return board->usart.sent_cou
 
 /* ---- the line from the host ---- */
 
+static double end_of(const line_byte_t *byte) { return byte->start + LINE_BITS * byte->bit; }
+
 static int bit_of(const line_byte_t *byte, int index) {
     if (index == 0)
         return 0;
@@ -98,7 +100,7 @@ static int bit_of(const line_byte_t *byte, int index) {
 static int level_at(const usart_t *usart, double moment) {
     for (size_t i = usart->line_first; i < usart->line_count; i++) {
         const line_byte_t *byte = &usart->line[i];
-        if (moment >= byte->start && moment < byte->start + LINE_BITS * byte->bit)
+        if (moment >= byte->start && moment < end_of(byte))
             return bit_of(byte, (int)((moment - byte->start) / byte->bit));
     }
     return 1;
@@ -120,7 +122,7 @@ static bool next_falling_edge(const usart_t *usart, double from, double *edge) {
 
 static void forget_line_before(usart_t *usart, double moment) {
     size_t first = usart->line_first;
-    while (first < usart->line_count && usart->line[first].start + LINE_BITS * usart->line[first].bit <= moment)
+    while (first < usart->line_count && end_of(&usart->line[first]) <= moment)
         first++;
     usart->line_first = first;
     if (first < usart->line_count / 2 || !first)

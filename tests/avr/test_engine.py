@@ -1,0 +1,137 @@
+"""The engine around the chip: time, bytes, and the wires to a plant."""
+
+import pytest
+
+from sim_arduino.avr_engine import AvrEngine
+
+BYTE_S = 85e-6
+FAN = 7
+
+
+class Plant:
+    """Remembers what it is told."""
+
+    def __init__(self):
+        self.i2c, self.times, self.pins = {}, [], []
+
+    def advance(self, time_s):
+        self.times.append(time_s)
+
+    def adc_volts(self, channel, time_s):
+        return 2.5
+
+    def pin_changed(self, pin, level, time_s):
+        self.pins.append((pin, level))
+
+
+@pytest.fixture
+def engine(sketch):
+    """Makes an engine on a program of tests/avr/sketches, 200 us after power-up."""
+    made = []
+
+    def start(name):
+        made.append(AvrEngine(Plant(), sketch(name)))
+        made[-1].advance(200e-6)
+        return made[-1]
+
+    yield start
+    for one in made:
+        one.close()
+
+
+def poke(engine, name, value):
+    """Sets a one-byte variable of the program."""
+    engine.machine.poke(engine.machine.symbol(name).address, bytes([value]))
+
+
+def peek(engine, name):
+    """Contents of a variable of the program."""
+    symbol = engine.machine.symbol(name)
+    return engine.machine.peek(symbol.address, symbol.size)
+
+
+def test_bytes_come_out_when_their_stop_bit_has_left(engine):
+    """Two of three after 2.5 byte times."""
+    board = engine("uart.c")
+    poke(board, "outgoing_count", 3)
+    assert board.advance(200e-6 + 2.5 * BYTE_S) == b"ab"
+
+
+def test_no_byte_comes_twice(engine):
+    """The third follows in the next call."""
+    board = engine("uart.c")
+    poke(board, "outgoing_count", 3)
+    board.advance(200e-6 + 2.5 * BYTE_S)
+    assert board.advance(1e-3) == b"c"
+
+
+def test_received_bytes_reach_the_program(engine):
+    """In order."""
+    board = engine("uart.c")
+    board.receive(b"@13e")
+    board.advance(1e-3)
+    assert peek(board, "incoming")[:4] == b"@13e"
+
+
+def test_the_plant_follows_the_boards_time(engine):
+    """To the end of each call, within one instruction."""
+    board = engine("uart.c")
+    board.advance(1e-3)
+    assert board.plant.times[-1] == pytest.approx(1e-3, abs=1e-6)
+
+
+def test_the_next_event_is_ahead(engine):
+    """A server that waits for it makes progress."""
+    board = engine("uart.c")
+    assert board.next_event_s > board.machine.time_s
+
+
+def test_time_that_has_passed_changes_nothing(engine):
+    """Advancing to the past runs no instruction."""
+    board = engine("uart.c")
+    before = board.machine.cycle
+    board.advance(100e-6)
+    assert board.machine.cycle == before
+
+
+def test_reset_starts_the_program_again(engine):
+    """Its variables are initialised anew, time goes on."""
+    board = engine("uart.c")
+    board.receive(b"x")
+    board.advance(1e-3)
+    board.reset()
+    board.advance(2e-3)
+    assert peek(board, "incoming_count") == b"\0"
+
+
+@pytest.mark.parametrize("bootloader, flags", [(True, 0), (False, 1)])
+def test_a_bootloader_hides_the_reset_flags(sketch, bootloader, flags):
+    """Power-on is flagged only without one."""
+    board = AvrEngine(Plant(), sketch("watchdog.c"), bootloader=bootloader)
+    board.advance(200e-6)
+    assert peek(board, "flags_at_start") == bytes([flags])
+    board.close()
+
+
+def test_analogue_voltages_come_from_the_plant(engine):
+    """Half the reference is half the counts."""
+    board = engine("adc.c")
+    poke(board, "go", 1)
+    board.advance(1e-3)
+    assert peek(board, "result") == (512).to_bytes(2, "little")
+
+
+def test_pins_are_reported_to_the_plant(engine):
+    """The fan's, switched on and off."""
+    board = engine("memory.c")
+    poke(board, "action", 7)
+    board.advance(1e-3)
+    assert board.plant.pins[-2:] == [(FAN, 1), (FAN, 0)]
+
+
+def test_another_baud_rate_turns_bytes_into_others(engine):
+    """The host at 57600, the board at 117647."""
+    board = engine("uart.c")
+    board.set_host_baud(57600)
+    poke(board, "outgoing_count", 10)
+    assert b"abc" not in board.advance(2e-3)
