@@ -1,0 +1,115 @@
+"""`make bench-host`: decoding, odometry and the driver's load.  Writes build/bench/host.json."""
+
+import random
+import subprocess
+import sys
+import time
+from typing import Callable, Dict, List, Tuple
+
+import numpy as np
+
+from mrl_driver import robots
+from mrl_driver.codec import REPLIES, FrameDecoder, Stamp, encode_reply
+from mrl_driver.log_codec import decode_log
+from mrl_driver.odometry_log import integrate
+from tests.bench import report
+
+FRAMES = 20000
+PIECE = 4096
+RUNS = 9
+DRIVER_S = 20
+
+GOALS = {
+    "decode_frames_per_s": (">=", 0.8e6),
+    "decode_checked_frames_per_s": (">=", 0.4e6),
+    "log_decode_frames_per_s": (">=", 3e6),
+    "log_decode_checked_frames_per_s": (">=", 0.8e6),
+    "odometry_poses_per_s": (">=", 5e6),
+    "cpu_percent_driver_50hz": ("<=", 1.2),
+}
+
+
+def drive(count: int) -> List[Tuple[int, ...]]:
+    """Readings of a robot that drives in a room: counters run on and wrap, sonars wander."""
+    rng = random.Random(1)
+    right, left, sonars, rows = 12000, -12000, [150, 200, 80], []
+    for _ in range(count):
+        right, left = right + rng.randrange(50, 80), left + rng.randrange(45, 75)
+        sonars = [min(645, max(15, s + rng.randrange(-2, 3))) for s in sonars]
+        rows.append(((right + 32768) % 65536 - 32768, (left + 32768) % 65536 - 32768, *sonars))
+    return rows
+
+
+def stream(checked: bool) -> bytes:
+    """A stream of `@8` frames, as a board sends it."""
+    stamps = (Stamp(i % 32768, (i * 312 + 32768) % 65536 - 32768) for i in range(FRAMES))
+    return b"\r\n" + b"".join(
+        encode_reply(8, *row, stamp=s, checked=checked) for row, s in zip(drive(FRAMES), stamps)
+    )
+
+
+def rate(count: int, work: Callable[[], None]) -> float:
+    """Units of work a second."""
+    start_s = time.perf_counter()
+    work()
+    return count / (time.perf_counter() - start_s)
+
+
+def decode_rate(data: bytes, checked: bool) -> float:
+    pieces = [data[i : i + PIECE] for i in range(0, len(data), PIECE)]
+
+    def work() -> None:
+        decoder = FrameDecoder(REPLIES, checked)
+        assert sum(len(decoder.feed(piece)) for piece in pieces) == FRAMES
+
+    return rate(FRAMES, work)
+
+
+def log_rate(data: bytes, checked: bool, copies: int = 10) -> float:
+    whole = data * copies
+    return rate(FRAMES * copies, lambda: decode_log(whole, checked) and None)
+
+
+def odometry_rate() -> float:
+    counts, times_s = np.array(drive(10 * FRAMES), np.int16)[:, :2], np.arange(10 * FRAMES) * 0.02
+    drive_ = robots.load("traxbot").drive
+    return rate(len(counts), lambda: integrate(counts, times_s, drive_, 1.0) and None)
+
+
+def driver_cpu_percent() -> float:
+    """CPU of a process that runs the driver alone on an emulated board's stream of 50 frames a second [%]."""
+    board = subprocess.Popen(
+        [sys.executable, "-m", "sim_arduino.cli", "--robot", "traxbot"], stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert board.stdout is not None
+        port = board.stdout.readline().split()[0]
+        out = subprocess.run(
+            [sys.executable, "-m", "tests.bench.driver_alone", port, str(DRIVER_S)],
+            capture_output=True, text=True, check=True,
+        )
+        return float(out.stdout)
+    finally:
+        board.terminate()
+        board.wait()
+
+
+def main() -> None:
+    plain, checked = stream(False), stream(True)
+    figures: Dict[str, float] = {
+        "decode_frames_per_s": report.median_of(RUNS, lambda: decode_rate(plain, False)),
+        "decode_checked_frames_per_s": report.median_of(RUNS, lambda: decode_rate(checked, True)),
+        "log_decode_frames_per_s": report.median_of(RUNS, lambda: log_rate(plain, False)),
+        "log_decode_checked_frames_per_s": report.median_of(RUNS, lambda: log_rate(checked, True)),
+        "odometry_poses_per_s": report.median_of(RUNS, odometry_rate),
+        "cpu_percent_driver_50hz": report.median_of(5, driver_cpu_percent),
+    }
+    print(f"{'figure':36}{'ours':>14}  goal")
+    for key, value in figures.items():
+        sign, goal = GOALS[key]
+        print(f"{key:36}{value:14,.2f}  {sign} {goal:,.1f}")
+    print(report.write("host", figures))
+
+
+if __name__ == "__main__":
+    main()
