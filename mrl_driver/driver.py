@@ -11,40 +11,22 @@ Leaving the block stops the robot.  All methods may be called from any thread, c
 import math
 import threading
 import time
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Union
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Union
 
-from . import battery, robots, sonar
-from .errors import BoardTimeout, FrameError, LinkLost, MrlError, WrongRobot
+from . import battery, robots
+from .errors import BoardTimeout, FrameError, LinkLost, MrlError
 from .handshake import TIMEOUT_S, Board, Plan
 from .link import BAUD, Link
-from .odometry import ORIGIN, Odometry, Pose, Twist, Wheels, fastest_wheel_m_s
+from .odometry import ORIGIN, Pose, Twist
 from .robots import RobotModel
-from .session import Counts, Info, Ready, Session, SessionEvent, Sonars, Status
+from .session import Info, Session, SessionEvent, Status
+from .state import Notice, RobotState, Telemetry, limit
 from .statistics import Statistics
 
 CLOSE_S = 0.8
 """`close` waits at most this long for telemetry to confirm the stop [s]."""
-CAUTION_S = 3.0
+GENTLE_S = 3.0
 """The longest that a gentle stop takes [s]."""
-
-
-class Telemetry(NamedTuple):
-    """What one frame of the stream says."""
-
-    stamp_s: float
-    """When the counters were read, on the clock of `time.monotonic()`; increases from frame to frame."""
-    arrival_s: float
-    """When the frame arrived, on the same clock."""
-    pose: Pose
-    twist: Twist
-    ranges: Dict[str, float]
-    """Sonar name to range [m]: -inf too near, nan no reading, inf nothing in range (REP-117)."""
-    fresh: Tuple[str, ...]
-    """Names of the sonars whose reading is new in this frame."""
-    counts: Wheels
-    """Counters of the wheels without wrap, since the start [count]."""
-    sequence: Optional[int]
-    """Frame number of the board (int16, wraps); None from boards without one."""
 
 
 class Options(NamedTuple):
@@ -92,12 +74,8 @@ class Driver:
         options: Options = DEFAULTS,
     ) -> None:
         self._port, self._baud, self._options = port, baud, options
-        self.model: Optional[RobotModel] = None
-        """The robot's model; with `auto` it is None until `connect`."""
-        if isinstance(robot, RobotModel):
-            self.model = robot
-        elif robot != "auto":
-            self.model = robots.load(robot)
+        model = robot if isinstance(robot, RobotModel) else None if robot == "auto" else robots.load(robot)
+        self._state = RobotState(model, options.ignore_battery)
         self._lock = threading.RLock()
         self._changed = threading.Condition(self._lock)
         self._settled = threading.Event()
@@ -113,12 +91,6 @@ class Driver:
             "battery": [],
             "state": [],
         }
-        self._odometry: Optional[Odometry] = None
-        self._monitor: Optional[battery.BatteryMonitor] = None
-        self._new_readings = sonar.NewReadings()
-        self._ranges: Dict[str, float] = {}
-        self._info: Optional[Board] = None
-        self._telemetry: Optional[Telemetry] = None
 
     # -- life
 
@@ -141,7 +113,7 @@ class Driver:
         options = self._options
         plan = Plan(options.watchdog_ms, options.period_ms, options.check)
         self._session = Session(
-            self._admit, time.monotonic(), plan, options.command_timeout_s, options.greeting_s
+            self._state.admit, time.monotonic(), plan, options.command_timeout_s, options.greeting_s
         )
         self._thread = threading.Thread(target=self._run, name="mrl-driver", daemon=True)
         self._thread.start()
@@ -218,7 +190,7 @@ class Driver:
             )
         with self._lock:
             session = self._demand()
-            if self.model is None or self._powerless():
+            if self.model is None or self._state.powerless:
                 return False
             linear_m_s, angular_rad_s = limit(linear_m_s, angular_rad_s, self.model)
             done = session.drive(round(linear_m_s * 1000), round(angular_rad_s * 1000), time.monotonic())
@@ -251,6 +223,11 @@ class Driver:
     # -- state
 
     @property
+    def model(self) -> Optional[RobotModel]:
+        """The robot's model; with `auto` it is None until `connect`."""
+        return self._state.model
+
+    @property
     def ready(self) -> bool:
         """The board is greeted, and its telemetry is not stale."""
         session = self._session
@@ -281,44 +258,44 @@ class Driver:
         Raises:
             BoardTimeout: not connected yet.
         """
-        if self._info is None:
+        if self._state.info is None:
             raise BoardTimeout("not connected; call connect() first")
-        return self._info
+        return self._state.info
 
     @property
     def telemetry(self) -> Optional[Telemetry]:
         """The last one, or None before the first."""
-        return self._telemetry
+        return self._state.telemetry
 
     @property
     def pose(self) -> Pose:
         """Pose in the odom frame, (0, 0, 0) at the start; continuous over restarts of the board."""
-        return self._odometry.pose if self._odometry else ORIGIN
+        return self._state.odometry.pose if self._state.odometry else ORIGIN
 
     @property
     def twist(self) -> Twist:
         """Speeds in base_link, measured."""
-        return self._odometry.twist if self._odometry and self.ready else Twist(0.0, 0.0)
+        return self._state.odometry.twist if self._state.odometry and self.ready else Twist(0.0, 0.0)
 
     @property
     def ranges(self) -> Dict[str, float]:
         """Sonar name to range [m], REP-117; empty when telemetry is stale."""
-        return dict(self._ranges) if self.ready else {}
+        return dict(self._state.ranges) if self.ready else {}
 
     @property
     def battery_v(self) -> float:
         """Battery voltage, at most 2 s old; NaN before it is known."""
-        return self._info.battery_v if self._info else math.nan
+        return self._state.info.battery_v if self._state.info else math.nan
 
     @property
     def battery_state(self) -> str:
         """`ok`, `low`, `empty` or `off`, see `battery`."""
-        return self._monitor.state if self._monitor else battery.OK
+        return self._state.battery_state
 
     @property
     def temperature_c(self) -> float:
         """Temperature of the motor board; NaN before it is known."""
-        return self._info.temperature_c if self._info else math.nan
+        return self._state.info.temperature_c if self._state.info else math.nan
 
     @property
     def status(self) -> Optional[Status]:
@@ -341,7 +318,7 @@ class Driver:
             if self._session is None:
                 raise BoardTimeout("not connected; call connect() first")
             counters = self._session.counters
-            counters.refused_counts = self._odometry.baseline.refused if self._odometry else 0
+            counters.refused_counts = self._state.odometry.baseline.refused if self._state.odometry else 0
             return counters.snapshot()
 
     # -- callbacks: run on the reading thread, one after the other, without a lock held
@@ -370,6 +347,13 @@ class Driver:
                 self._cycle()
         except MrlError as error:
             self._fail(error)
+        finally:
+            if not self._closing and self._error is None:
+                self._fail(
+                    MrlError(
+                        "a callback raised; the driver has ended, and the board's watchdog stops the robot"
+                    )
+                )
 
     def _cycle(self) -> None:
         assert self._link is not None and self._session is not None
@@ -396,96 +380,33 @@ class Driver:
         self._settled.set()
         self._call([("state", error)])
 
-    def _call(self, calls: List[Tuple[str, Any]]) -> None:
+    def _call(self, calls: List[Notice]) -> None:
         for kind, value in calls:
             for listener in self._listeners[kind]:
                 listener(value)
 
-    def _digest(self, event: SessionEvent, now: float) -> List[Tuple[str, Any]]:
-        """Take an event into the driver's state; what the listeners are to be told."""
-        if type(event) is Counts:
-            return self._on_counts(event)
-        if isinstance(event, Sonars):
-            self._on_sonars(event.values, now)
-            return []
-        if isinstance(event, Info):
-            self._on_info(event.board, now)
-            return [("battery", self._info)] if self._info else []
-        if isinstance(event, Status):
-            return [("status", event)]
-        if isinstance(event, Ready):
-            self._on_ready(event)
-        return [("state", event)]
-
-    def _on_ready(self, event: Ready) -> None:
-        assert self.model is not None
-        self._info = event.board
-        if self._odometry is None:
-            exact = self._session is not None and self._session.checked
-            self._odometry = Odometry(self.model.drive, _fastest_m_s(self.model), exact)
-            self._monitor = battery.BatteryMonitor(self.model.battery)
-        elif event.restarted:
-            self._odometry.reset()
-
-    def _on_counts(self, event: Counts) -> List[Tuple[str, Any]]:
-        odometry = self._odometry
-        if odometry is None:
-            return []
-        odometry.update(event.right, event.left, event.time_s)
-        fresh = self._on_sonars(event.sonars, event.arrival_s) if event.sonars else ()
-        self._telemetry = Telemetry(
-            event.stamp_s,
-            event.arrival_s,
-            odometry.pose,
-            odometry.twist,
-            self._ranges,
-            fresh,
-            odometry.travel,
-            event.sequence,
-        )
-        if not self._settled.is_set():
+    def _digest(self, event: SessionEvent, now: float) -> List[Notice]:
+        """Take an event into the robot's state, and stop a robot whose battery gives out."""
+        notices = self._state.digest(event, now)
+        if isinstance(event, Info) and self._state.powerless:
+            self._spare_battery(now)
+        if not self._settled.is_set() and self._state.telemetry is not None:
             self._settled.set()
-        return [("telemetry", self._telemetry)]
+        return notices
 
-    def _on_sonars(self, values: Tuple[int, ...], now: float) -> Tuple[str, ...]:
-        assert self.model is not None
-        fresh = tuple(name for name in self._new_readings.update(values, now) if name in self.model.sonars)
-        if fresh:
-            version = self._info.version if self._info else 2
-            by_name = dict(zip(sonar.NAMES, values))
-            self._ranges = {
-                name: sonar.range_m(by_name[name], version)
-                for name in sonar.NAMES
-                if name in self.model.sonars
-            }
-        return fresh
-
-    def _on_info(self, board: Board, now: float) -> None:
-        if self._info is None or self._monitor is None or self._session is None or self.model is None:
+    def _spare_battery(self, now: float) -> None:
+        """Stop: at once when motor power is off, so that nothing moves when it returns; gently when low."""
+        assert self._session is not None and self.model is not None
+        motion = self._session.motion
+        if motion.target is None:
             return
-        self._info = self._info._replace(battery_v=board.battery_v, temperature_c=board.temperature_c)
-        state = self._monitor.update(board.battery_v, now)
-        if state == battery.OFF and self._session.motion.target is not None:
+        if self._state.battery_state == battery.OFF:
             self._session.stop(now)
-        elif state == battery.EMPTY and not self._options.ignore_battery:
-            linear = abs((self._session.motion.target or (0, 0))[0]) / 1000
-            self._session.motion.fade(
-                now, min(CAUTION_S, linear / self.model.limits.linear_acceleration_m_s2)
-            )
+        else:
+            slowing_s = abs(motion.target[0]) / 1000 / self.model.limits.linear_acceleration_m_s2
+            motion.fade(now, min(GENTLE_S, slowing_s))
 
     # -- helpers
-
-    def _admit(self, board: Board) -> None:
-        """Refuse a board that is not the robot, or has no battery; with `auto`, pick the model."""
-        if self.model is None:
-            self.model = model_of(board)
-        elif board.robot_id not in self.model.ids:
-            raise _wrong(board, self.model)
-        if self._odometry is None and not self._options.ignore_battery:
-            battery.demand_charge(board.battery_v, self.model.battery)
-
-    def _powerless(self) -> bool:
-        return not self._options.ignore_battery and self.battery_state in (battery.EMPTY, battery.OFF)
 
     def _demand(self) -> Session:
         if self._error is not None:
@@ -532,44 +453,3 @@ class Driver:
                 self._flush(session)
         except MrlError:
             return
-
-
-def limit(linear_m_s: float, angular_rad_s: float, model: RobotModel) -> Tuple[float, float]:
-    """The speeds, scaled down together where one exceeds the model's limits; the arc stays the same."""
-    linear_m_s, angular_rad_s = (max(-1e6, min(1e6, speed)) for speed in (linear_m_s, angular_rad_s))
-    excess = max(
-        abs(linear_m_s) / model.limits.linear_m_s, abs(angular_rad_s) / model.limits.angular_rad_s, 1.0
-    )
-    return linear_m_s / excess, angular_rad_s / excess
-
-
-def model_of(board: Board) -> RobotModel:
-    """The packaged model that lists the board's id.
-
-    Raises:
-        WrongRobot: none does.
-    """
-    name = robots.by_id(board.robot_id)
-    if name:
-        return robots.load(name)
-    if board.robot_id == 0:
-        raise WrongRobot("the board's robot id is not set; choose the model by name and set the id")
-    raise WrongRobot(
-        f"robot id {board.robot_id} is in no packaged model ({', '.join(robots.names())}); name a model "
-        "file that lists it"
-    )
-
-
-def _fastest_m_s(model: RobotModel) -> float:
-    ceilings = model.board["linear_ceiling"] / 1000, model.board["angular_ceiling"] / 1000
-    return fastest_wheel_m_s(*ceilings, model.drive.wheel_separation_m)
-
-
-def _wrong(board: Board, model: RobotModel) -> WrongRobot:
-    there = robots.by_id(board.robot_id)
-    named = f"{there} (id {board.robot_id})" if there else f"id {board.robot_id}"
-    ids = ", ".join(map(str, model.ids))
-    return WrongRobot(
-        f"the board is {named}, expected {model.name} (id {ids}): choose the other robot model, or set "
-        "the board's id"
-    )

@@ -38,7 +38,7 @@ class Keyboard:
             termios.tcsetattr(self._fd, termios.TCSADRAIN, self._settings)
 
     def read(self, timeout_s: float) -> List[str]:
-        """Names of the keys pressed, after waiting for one at most `timeout_s`; `q` if the terminal is gone."""
+        """Keys pressed, after waiting for one at most `timeout_s`; `q` once the terminal is gone."""
         ready, _, _ = select.select([self._fd], [], [], timeout_s)
         if not ready:
             return []

@@ -38,6 +38,8 @@ class Ready(NamedTuple):
     board: Board
     restarted: bool
     """It is a new conversation: counters and board time have a new baseline."""
+    checked: bool
+    """Frames carry check value, sequence and board time."""
 
 
 class Counts(NamedTuple):
@@ -366,5 +368,5 @@ class Session:
             self._clock = BoardClock()
             self._sequence = self._last = None
         self.heard_s = now
-        events.append(Ready(self.board, self._restarted))
+        events.append(Ready(self.board, self._restarted, self.checked))
         self._restarted = False

@@ -1,4 +1,5 @@
 """Board time to host time under jitter, drift, wraps and gaps; all time is simulated."""
+
 import random
 
 import pytest
@@ -23,7 +24,11 @@ def run(seed, drift, seconds, jitter_s=USB_JITTER_S, period_s=0.02):
     for n in range(int(seconds / period_s)):
         true_s = start_s + n * period_s
         arrival_s = max(arrival_s, true_s + rng.uniform(0, jitter_s))
-        yield true_s, clock.update(int16(int(n * period_s * (1 + drift) / TICK_S) + 777 * seed), arrival_s), clock
+        yield (
+            true_s,
+            clock.update(int16(int(n * period_s * (1 + drift) / TICK_S) + 777 * seed), arrival_s),
+            clock,
+        )
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -1,4 +1,5 @@
 """Recordings come back byte for byte, and survive crashes, full disks and editors."""
+
 import os
 import time
 
@@ -79,15 +80,18 @@ def test_a_torn_last_line_is_skipped(tmp_path):
     assert (len(entries), recording.skipped) == (1, {3: "torn"})
 
 
-@pytest.mark.parametrize("line, problem", [
-    ("x < @6e", "time is b'x', expected seconds"),
-    ("-1 < @6e", "time is -1.0"),
-    ("nan < @6e", "time is nan"),
-    ("0.05 < @6e", "time 0.05 lies before 0.1"),
-    ("0.2 = @6e", "direction is b'='"),
-    ("0.2 < \\x4", "not escaped"),
-    ("\x00\x00\x00", "time is"),
-])
+@pytest.mark.parametrize(
+    "line, problem",
+    [
+        ("x < @6e", "time is b'x', expected seconds"),
+        ("-1 < @6e", "time is -1.0"),
+        ("nan < @6e", "time is nan"),
+        ("0.05 < @6e", "time 0.05 lies before 0.1"),
+        ("0.2 = @6e", "direction is b'='"),
+        ("0.2 < \\x4", "not escaped"),
+        ("\x00\x00\x00", "time is"),
+    ],
+)
 def test_a_bad_line_is_skipped_with_its_number(tmp_path, line, problem):
     recording, entries = read(tmp_path, HEADER + f"0.1 < a\n{line}\n0.3 < b\n")
     assert [entry.data for entry in entries] == [b"a", b"b"]
@@ -99,13 +103,16 @@ def test_line_ends_of_other_systems_are_read(tmp_path):
     assert entries[0].data == b"a"
 
 
-@pytest.mark.parametrize("text, message", [
-    ("", "log:1: got b'', expected '#mrl-recording 1"),
-    ("@6,1,2e\n", "not a recording"),
-    (b"\x00" * 50, "not a recording"),
-    ("#mrl-recording 2 {}\n", "recording version 2, this program reads up to 1"),
-    ("#mrl-recording 1 {", "damaged"),
-])
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("", "log:1: got b'', expected '#mrl-recording 1"),
+        ("@6,1,2e\n", "not a recording"),
+        (b"\x00" * 50, "not a recording"),
+        ("#mrl-recording 2 {}\n", "recording version 2, this program reads up to 1"),
+        ("#mrl-recording 1 {", "damaged"),
+    ],
+)
 def test_what_is_no_recording_is_refused(tmp_path, text, message):
     with pytest.raises(ConfigError, match=message):
         read(tmp_path, text)

@@ -1,0 +1,170 @@
+"""What is known of the robot: events of the session go in, pose, speeds, ranges, battery come out.  No I/O."""
+
+from typing import Any, Dict, List, NamedTuple, Optional, Tuple
+
+from . import battery, robots, sonar
+from .errors import WrongRobot
+from .handshake import Board
+from .odometry import Odometry, Pose, Twist, Wheels, fastest_wheel_m_s
+from .robots import RobotModel
+from .session import Counts, Info, Ready, SessionEvent, Sonars, Status
+
+Notice = Tuple[str, Any]
+"""Kind (`telemetry`, `status`, `battery`, `state`) and value of something that listeners are told."""
+
+
+class Telemetry(NamedTuple):
+    """What one frame of the stream says."""
+
+    stamp_s: float
+    """When the counters were read, on the clock of `time.monotonic()`; increases from frame to frame."""
+    arrival_s: float
+    """When the frame arrived, on the same clock."""
+    pose: Pose
+    twist: Twist
+    ranges: Dict[str, float]
+    """Sonar name to range [m]: -inf too near, nan no reading, inf nothing in range (REP-117)."""
+    fresh: Tuple[str, ...]
+    """Names of the sonars whose reading is new in this frame."""
+    counts: Wheels
+    """Counters of the wheels without wrap, since the start [count]."""
+    sequence: Optional[int]
+    """Frame number of the board (int16, wraps); None from boards without one."""
+
+
+class RobotState:
+    """Pose, ranges and battery of one robot; without a `model` the packaged one that lists the board's id."""
+
+    def __init__(self, model: Optional[RobotModel], ignore_battery: bool = False) -> None:
+        self.model = model
+        self.info: Optional[Board] = None
+        self.odometry: Optional[Odometry] = None
+        self.battery_state = battery.OK
+        self.ranges: Dict[str, float] = {}
+        self.telemetry: Optional[Telemetry] = None
+        self._ignore_battery = ignore_battery
+        self._monitor: Optional[battery.BatteryMonitor] = None
+        self._new_readings = sonar.NewReadings()
+        self._late_sonars: Tuple[str, ...] = ()
+
+    @property
+    def powerless(self) -> bool:
+        """The battery forbids driving."""
+        return not self._ignore_battery and self.battery_state in (battery.EMPTY, battery.OFF)
+
+    def admit(self, board: Board) -> None:
+        """Accept the board that answers, and take its model where none was given.
+
+        Raises:
+            WrongRobot: it is not the robot.
+            BatteryDead: its battery does not allow a start; not checked again after the start.
+        """
+        if self.model is None:
+            self.model = model_of(board)
+        elif board.robot_id not in self.model.ids:
+            raise _wrong(board, self.model)
+        if self.odometry is None and not self._ignore_battery:
+            battery.demand_charge(board.battery_v, self.model.battery)
+
+    def digest(self, event: SessionEvent, now: float) -> List[Notice]:
+        """Take in an event; what the listeners are to be told."""
+        if type(event) is Counts:
+            return self._on_counts(event)
+        if isinstance(event, Sonars):
+            self._late_sonars = self._on_sonars(event.values, now)
+            return []
+        if isinstance(event, Info):
+            return self._on_info(event.board, now)
+        if isinstance(event, Status):
+            return [("status", event)]
+        if isinstance(event, Ready):
+            self._on_ready(event)
+        return [("state", event)]
+
+    def _on_ready(self, event: Ready) -> None:
+        assert self.model is not None
+        self.info = event.board
+        if self.odometry is None:
+            self.odometry = Odometry(self.model.drive, _fastest_m_s(self.model), event.checked)
+            self._monitor = battery.BatteryMonitor(self.model.battery)
+        elif event.restarted:
+            self.odometry.reset()
+
+    def _on_counts(self, event: Counts) -> List[Notice]:
+        odometry = self.odometry
+        if odometry is None:
+            return []
+        odometry.update(event.right, event.left, event.time_s)
+        fresh = self._on_sonars(event.sonars, event.arrival_s) if event.sonars else self._late_sonars
+        self._late_sonars = ()
+        self.telemetry = Telemetry(
+            event.stamp_s,
+            event.arrival_s,
+            odometry.pose,
+            odometry.twist,
+            self.ranges,
+            fresh,
+            odometry.travel,
+            event.sequence,
+        )
+        return [("telemetry", self.telemetry)]
+
+    def _on_sonars(self, values: Tuple[int, ...], now: float) -> Tuple[str, ...]:
+        assert self.model is not None
+        fresh = tuple(name for name in self._new_readings.update(values, now) if name in self.model.sonars)
+        if fresh:
+            version = self.info.version if self.info else 2
+            self.ranges = {
+                name: sonar.range_m(value, version)
+                for name, value in zip(sonar.NAMES, values)
+                if name in self.model.sonars
+            }
+        return fresh
+
+    def _on_info(self, board: Board, now: float) -> List[Notice]:
+        if self.info is None or self._monitor is None:
+            return []
+        self.info = self.info._replace(battery_v=board.battery_v, temperature_c=board.temperature_c)
+        self.battery_state = self._monitor.update(board.battery_v, now)
+        return [("battery", self.info)]
+
+
+def limit(linear_m_s: float, angular_rad_s: float, model: RobotModel) -> Tuple[float, float]:
+    """The speeds, scaled down together where one exceeds the model's limits; the arc stays the same."""
+    linear_m_s, angular_rad_s = (max(-1e6, min(1e6, speed)) for speed in (linear_m_s, angular_rad_s))
+    excess = max(
+        abs(linear_m_s) / model.limits.linear_m_s, abs(angular_rad_s) / model.limits.angular_rad_s, 1.0
+    )
+    return linear_m_s / excess, angular_rad_s / excess
+
+
+def model_of(board: Board) -> RobotModel:
+    """The packaged model that lists the board's id.
+
+    Raises:
+        WrongRobot: none does.
+    """
+    name = robots.by_id(board.robot_id)
+    if name:
+        return robots.load(name)
+    if board.robot_id == 0:
+        raise WrongRobot("the board's robot id is not set; choose the robot model by name, and set the id")
+    raise WrongRobot(
+        f"robot id {board.robot_id} is in no packaged model ({', '.join(robots.names())}); name a model "
+        "file that lists it"
+    )
+
+
+def _fastest_m_s(model: RobotModel) -> float:
+    ceilings = model.board["linear_ceiling"] / 1000, model.board["angular_ceiling"] / 1000
+    return fastest_wheel_m_s(*ceilings, model.drive.wheel_separation_m)
+
+
+def _wrong(board: Board, model: RobotModel) -> WrongRobot:
+    there = robots.by_id(board.robot_id)
+    named = f"{there} (id {board.robot_id})" if there else f"id {board.robot_id}"
+    ids = ", ".join(map(str, model.ids))
+    return WrongRobot(
+        f"the board is {named}, expected {model.name} (id {ids}): choose the other robot model, or set "
+        "the board's id"
+    )

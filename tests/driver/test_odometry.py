@@ -1,0 +1,213 @@
+import math
+import random
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrl_driver.odometry import (
+    CONFIRMATIONS,
+    ORIGIN,
+    Baseline,
+    Odometry,
+    Pose,
+    advance,
+    fastest_wheel_m_s,
+    tick_delta,
+    wrap_angle,
+)
+from mrl_driver.odometry_log import integrate
+from mrl_driver.robots import load
+
+DRIVE = load("traxbot").drive
+FASTEST_M_S = fastest_wheel_m_s(0.65, 5.0, DRIVE.wheel_separation_m)
+PERIOD_S = 0.02
+TWIN_M = 1e-9
+"""Scalar and vectorised odometry agree to this."""
+
+int16 = st.integers(-32768, 32767)
+
+
+def as_int16(count):
+    return ((int(count) + 0x8000) & 0xFFFF) - 0x8000
+
+
+@given(int16, st.integers(-32768, 32767))
+def test_tick_delta_undoes_the_wrap(start, moved):
+    assert tick_delta(start, as_int16(start + moved)) == moved
+
+
+@pytest.mark.parametrize(
+    ("previous", "current", "moved"), [(32767, -32768, 1), (-32768, 32767, -1), (5, 5, 0)]
+)
+def test_tick_delta_over_the_edge(previous, current, moved):
+    assert tick_delta(previous, current) == moved
+
+
+@given(st.floats(-1e4, 1e4))
+def test_wrapped_angle_is_the_same_direction_in_range(angle):
+    wrapped = wrap_angle(angle)
+    assert -math.pi < wrapped <= math.pi
+    assert math.cos(wrapped - angle) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_wrapping_keeps_plus_pi():
+    assert wrap_angle(-math.pi) == math.pi
+
+
+@given(st.floats(-2, 2), st.floats(-6, 6), st.integers(1, 50))
+def test_an_arc_is_the_sum_of_its_pieces(distance, turn, pieces):
+    """Exact arcs compose: the size of the steps does not matter."""
+    pose = ORIGIN
+    for _ in range(pieces):
+        pose = advance(pose, distance / pieces, turn / pieces)
+    whole = advance(ORIGIN, distance, turn)
+    assert math.dist(pose[:2], whole[:2]) < 1e-9
+    assert abs(wrap_angle(pose.yaw_rad - whole.yaw_rad)) < 1e-9
+
+
+def test_a_quarter_circle():
+    pose = advance(ORIGIN, math.pi / 2, math.pi / 2)
+    assert pose == pytest.approx(Pose(1.0, 1.0, math.pi / 2))
+
+
+def test_first_reading_primes():
+    odometry = Odometry(DRIVE, FASTEST_M_S)
+    assert not odometry.update(12345, -4321, 0.0)
+    assert odometry.pose == ORIGIN
+
+
+def test_second_reading_integrates():
+    odometry = Odometry(DRIVE, FASTEST_M_S)
+    odometry.update(1000, 1000, 0.0)
+    odometry.update(1100, 1100, 0.1)
+    assert odometry.pose == pytest.approx((100 * DRIVE.metres_per_count, 0, 0))
+
+
+def test_twist_comes_from_the_time_given():
+    odometry = Odometry(DRIVE, FASTEST_M_S)
+    odometry.update(0, 0, 0.0)
+    odometry.update(100, 50, 0.1)
+    assert odometry.twist.linear_m_s == pytest.approx(75 * DRIVE.metres_per_count / 0.1)
+    turn = 50 * DRIVE.metres_per_count / DRIVE.wheel_separation_m
+    assert odometry.twist.angular_rad_s == pytest.approx(turn / 0.1)
+
+
+@pytest.mark.parametrize("exact", [True, False])
+def test_no_time_between_readings_makes_no_spike(exact):
+    """A burst after a pause arrives all at once."""
+    odometry = Odometry(DRIVE, FASTEST_M_S, exact_time=exact)
+    odometry.update(0, 0, 0.0)
+    odometry.update(2, 2, 0.0)
+    assert odometry.twist == (0.0, 0.0)
+
+
+def test_arrival_times_that_bunch_give_the_mean_speed():
+    odometry = Odometry(DRIVE, FASTEST_M_S, exact_time=False)
+    for i in range(5):
+        odometry.update(10 * i, 10 * i, 0.016 * (i // 2))
+    assert odometry.twist.linear_m_s == pytest.approx(20 * DRIVE.metres_per_count / 0.016)
+
+
+def test_the_counter_wrap_moves_nothing_extra():
+    odometry = Odometry(DRIVE, FASTEST_M_S)
+    odometry.update(32767, -32768, 0.0)
+    odometry.update(-32768, -32767, PERIOD_S)
+    assert odometry.pose.x_m == pytest.approx(DRIVE.metres_per_count)
+    assert odometry.pose.yaw_rad == 0.0
+
+
+def test_an_impossible_reading_is_refused_and_the_next_good_one_bridges_it():
+    odometry = Odometry(DRIVE, FASTEST_M_S)
+    for i, count in enumerate([0, 20, 9000, 60]):
+        odometry.update(count, count, i * PERIOD_S)
+    assert odometry.baseline.refused == 1
+    assert odometry.pose.x_m == pytest.approx(60 * DRIVE.metres_per_count)
+
+
+def test_a_refused_jump_is_never_integrated():
+    """The counters were reset: after three readings that agree they are the baseline, without a jump."""
+    odometry = Odometry(DRIVE, FASTEST_M_S)
+    odometry.update(20000, 20000, 0.0)
+    for i in range(1, CONFIRMATIONS + 2):
+        odometry.update(i, i, i * PERIOD_S)
+    assert odometry.pose.x_m == pytest.approx(DRIVE.metres_per_count)
+
+
+def test_readings_that_disagree_make_no_baseline():
+    baseline = Baseline(DRIVE.metres_per_count, FASTEST_M_S, 0.0)
+    baseline.update(0, 0, 0.0)
+    for i, count in enumerate([9000, -9000, 15000, -15000, 20000]):
+        assert baseline.update(count, count, (i + 1) * 1e-3) is None
+    assert baseline.update(1, 1, 6e-3) == (1, 1, 6e-3)
+
+
+def test_a_gap_in_which_the_counter_could_have_wrapped_is_not_guessed():
+    """At 1.65 m/s half the counter's range passes in 1.7 s."""
+    odometry = Odometry(DRIVE, FASTEST_M_S)
+    odometry.update(0, 0, 0.0)
+    assert not odometry.update(30000, 30000, 5.0)
+
+
+def test_a_reset_keeps_the_pose():
+    odometry = Odometry(DRIVE, FASTEST_M_S)
+    odometry.update(0, 0, 0.0)
+    odometry.update(100, 100, 0.1)
+    pose = odometry.pose
+    odometry.reset()
+    odometry.update(0, 0, 0.2)
+    assert odometry.pose == pose
+
+
+@given(st.lists(st.tuples(int16, int16, st.floats(0, 1)), max_size=40))
+def test_no_reading_moves_the_robot_faster_than_its_wheels(readings):
+    """Whatever the wire says, no accepted step exceeds what the wheels can do in its time."""
+    baseline = Baseline(DRIVE.metres_per_count, FASTEST_M_S, 0.0)
+    time_s = 0.0
+    for right, left, dt_s in readings:
+        time_s += dt_s
+        step = baseline.update(right, left, time_s)
+        if step is not None:
+            bound = FASTEST_M_S * step.dt_s + 4 * DRIVE.metres_per_count
+            assert max(abs(step.right), abs(step.left)) * DRIVE.metres_per_count <= bound
+
+
+def a_drive(seed, jumps):
+    """(N, 2) counts and (N,) times of a random drive with wraps, and with damaged readings if `jumps`."""
+    rng = random.Random(seed)
+    right = left = rng.randint(-40000, 40000)
+    rows, times, time_s = [], [], 0.0
+    for _ in range(400):
+        right, left, time_s = right + rng.randint(-100, 150), left + rng.randint(-100, 150), time_s + PERIOD_S
+        if jumps and rng.random() < 0.02:
+            right += rng.choice([0, 12000])
+            rows.append((rng.randint(-32768, 32767), 0))
+        else:
+            rows.append((as_int16(right), as_int16(left)))
+        times.append(time_s)
+    return np.array(rows, dtype=np.int16), np.array(times)
+
+
+@pytest.mark.parametrize("exact", [True, False])
+@pytest.mark.parametrize("jumps", [False, True])
+@pytest.mark.parametrize("seed", range(5))
+def test_the_vectorised_twin_agrees(seed, jumps, exact):
+    counts, times_s = a_drive(seed, jumps)
+    odometry = Odometry(DRIVE, FASTEST_M_S, exact)
+    poses, used = [], []
+    for (right, left), time_s in zip(counts.tolist(), times_s.tolist()):
+        used.append(odometry.update(right, left, time_s))
+        poses.append(odometry.pose)
+    track = integrate(counts, times_s, DRIVE, FASTEST_M_S, exact)
+    assert track.used.tolist() == used
+    assert np.abs(track.poses - np.array(poses)).max() < TWIN_M
+
+
+def test_an_empty_recording_has_no_poses():
+    assert integrate(np.zeros((0, 2)), np.zeros(0), DRIVE, FASTEST_M_S).poses.shape == (0, 3)
+
+
+def test_a_recording_of_the_wrong_shape_is_refused():
+    with pytest.raises(ValueError, match="expected"):
+        integrate(np.zeros((3, 3)), np.zeros(3), DRIVE, FASTEST_M_S)
