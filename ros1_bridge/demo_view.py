@@ -17,9 +17,11 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, Range
 
-from .keyboard import Keyboard, Teleop
+from mrl_driver.keyboard import Keyboard
+
 from .report import Recorder, Snapshot, line, summary
 from .square import Square
+from .teleop import Teleop
 
 SONARS = ("front", "left", "right")
 LINK_DIAGNOSTICS = "Link"
@@ -56,7 +58,7 @@ class DemoView:
         if key == "r":
             self._square, self._mode = Square(), SQUARE
         elif self._teleop.press(key, time.monotonic()):
-            self._mode = STOPPED if key == " " else KEYS
+            self._mode = STOPPED if key == "space" else KEYS
 
     def drive(self, now: Snapshot) -> None:
         """Publish the command of the mode; nothing at all while stopped, so that others may drive."""

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ros1_bridge.keyboard import ANGULAR_RAD_S, HOLD_S, LINEAR_M_S, Teleop, split
 from ros1_bridge.report import Recorder, line, range_text, summary
 from ros1_bridge.square import Limits, Square
 from ros1_bridge.stamps import STEP_NS, Stamps
+from ros1_bridge.teleop import ANGULAR_RAD_S, HOLD_S, LINEAR_M_S, Teleop
 from ros1_bridge.trail import ARROWS, draw
 
 STEP_S = 0.05
@@ -54,13 +54,6 @@ def test_square_never_exceeds_its_limits(x, y, yaw):
     assert abs(angular) <= Limits().angular_rad_s
 
 
-@pytest.mark.parametrize(
-    "text, keys", [("wW", ["w", "w"]), ("\x1b[A\x1bOD q", ["w", "a", " ", "q"]), ("\x1b[5\x1b", [])]
-)
-def test_arrows_are_letters_and_other_sequences_are_nothing(text, keys):
-    assert split(text) == keys
-
-
 def test_key_drives_until_it_is_released():
     teleop = Teleop()
     teleop.press("w", 0.0)
@@ -78,14 +71,14 @@ def test_two_keys_drive_a_curve():
 def test_opposite_key_takes_over():
     teleop = Teleop()
     teleop.press("w", 0.0)
-    teleop.press("s", 0.1)
+    teleop.press("down", 0.1)
     assert teleop.command(0.2) == (-LINEAR_M_S, 0.0)
 
 
 def test_space_stops_at_once():
     teleop = Teleop()
     teleop.press("w", 0.0)
-    assert teleop.press(" ", 0.1)
+    assert teleop.press("space", 0.1)
     assert teleop.command(0.1) == (0.0, 0.0)
 
 

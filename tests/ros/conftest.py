@@ -1,0 +1,45 @@
+"""One ROS master for each test worker, and rigs on it."""
+
+import os
+import signal
+
+import pytest
+import rospy
+
+from ros1_bridge.processes import Child, wait_until
+from ros1_bridge.run import master_answers
+
+from . import rig as bench
+
+
+@pytest.fixture(scope="session")
+def master(tmp_path_factory):
+    """Environment of a master on a port of its own, with this process as a node."""
+    folder = tmp_path_factory.mktemp("ros")
+    for _ in range(5):
+        uri = f"http://127.0.0.1:{bench.free_port()}"
+        os.environ.update(ROS_MASTER_URI=uri, ROS_IP="127.0.0.1", ROS_LOG_DIR=str(folder))
+        command = ["rosmaster", "--core", "-p", uri.rsplit(":", 1)[1]]
+        child = Child("rosmaster", command, folder / "rosmaster.log", dict(os.environ), bench.ROOT)
+        if wait_until(lambda: master_answers(uri) or child.exit_code is not None, bench.START_S):  # noqa: B023
+            break
+    rospy.init_node("tests", anonymous=True, disable_signals=True)
+    yield dict(os.environ)
+    rospy.signal_shutdown("the tests are over")
+    child.stop(signal.SIGTERM, 3.0)
+
+
+@pytest.fixture
+def rig(master, tmp_path):
+    """A rig for one test."""
+    made = bench.Rig(tmp_path, master)
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def module_rig(master, tmp_path_factory):
+    """A rig for all tests of a module."""
+    made = bench.Rig(tmp_path_factory.mktemp("rig"), master)
+    yield made
+    made.close()

@@ -1,0 +1,178 @@
+"""A bench for nodes: emulated boards and nodes as processes, a tap on the wire between them, topics as lists."""
+
+import os
+import pty
+import select
+import signal
+import socket
+import sys
+import threading
+import time
+import tty
+from pathlib import Path
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+
+import rospy
+
+from ros1_bridge.processes import Child, wait_until
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+NODE = ROOT / "ros1_bridge" / "nodes" / "robot_node"
+START_S = 20.0
+"""Generous: the machine may be busy with other tests."""
+
+
+def free_port() -> int:
+    """A TCP port that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+class Board(NamedTuple):
+    """An emulated board: the port it serves, and the file that holds its true pose."""
+
+    port: str
+    truth: Path
+    child: Child
+
+
+class Tap:
+    """Passes bytes between a node and a board, and notes when the node sent what."""
+
+    def __init__(self, board_port: str) -> None:
+        self.sent: List[Tuple[float, bytes]] = []
+        self._node, slave = pty.openpty()
+        tty.setraw(slave)
+        self._slave = slave
+        self.port = os.ttyname(slave)
+        self._board = os.open(board_port, os.O_RDWR | os.O_NOCTTY)
+        tty.setraw(self._board)
+        self._end, self._wake = os.pipe()
+        self._thread = threading.Thread(target=self._pass_on, daemon=True)
+        self._thread.start()
+
+    def _pass_on(self) -> None:
+        while True:
+            ready, _, _ = select.select([self._node, self._board, self._end], [], [])
+            if self._end in ready:
+                return
+            if self._node in ready:
+                data = os.read(self._node, 4096)
+                self.sent.append((time.monotonic(), data))
+                os.write(self._board, data)
+            if self._board in ready:
+                os.write(self._node, os.read(self._board, 4096))
+
+    def close(self) -> None:
+        """Stop passing on."""
+        os.close(self._wake)
+        self._thread.join()
+        for fd in (self._node, self._slave, self._board, self._end):
+            os.close(fd)
+
+    def first(self, code: int, since_s: float) -> float:
+        """When the node first sent a command after a time; infinity if it did not."""
+        start = f"@{code}".encode()
+        return next((at for at, data in self.sent if at >= since_s and _holds(data, start)), float("inf"))
+
+    def wait_for(self, code: int, since_s: float, timeout_s: float = 5.0) -> float:
+        """The same, waiting for it."""
+        wait_until(lambda: self.first(code, since_s) < float("inf"), timeout_s)
+        return self.first(code, since_s)
+
+
+def _holds(data: bytes, start: bytes) -> bool:
+    return any(start + end in data for end in (b",", b"e"))
+
+
+class Topic:
+    """The messages of a topic with their arrival times."""
+
+    def __init__(self, name: str, kind: type, **options: Any) -> None:
+        self.arrived: List[Tuple[float, Any]] = []
+        self._subscriber = rospy.Subscriber(name, kind, self._take, tcp_nodelay=True, **options)
+
+    def _take(self, message: Any) -> None:
+        self.arrived.append((time.monotonic(), message))
+
+    @property
+    def messages(self) -> List[Any]:
+        """All so far."""
+        return [message for _, message in self.arrived]
+
+    def wait(self, count: int = 1, timeout_s: float = START_S) -> List[Any]:
+        """Wait until there are `count`, and return all."""
+        assert wait_until(lambda: len(self.arrived) >= count, timeout_s), (
+            f"{len(self.arrived)} of {count} messages"
+        )
+        return self.messages
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        self._subscriber.unregister()
+
+
+class Rig:
+    """Starts parts and ends them all; topics of each rig have a namespace of their own."""
+
+    _count = 0
+
+    def __init__(self, folder: Path, env: Dict[str, str]) -> None:
+        Rig._count += 1
+        self.ns = f"/rig_{os.getpid()}_{Rig._count}"
+        self.name = self.ns.strip("/")
+        self._folder, self.env = folder, env
+        self._ends: List[Callable[[], None]] = []
+
+    def start(self, name: str, *command: str) -> Child:
+        """Start a program."""
+        child = Child(name, command, self._folder / f"{name}_{len(self._ends)}.log", self.env, ROOT)
+        self._ends.append(lambda: child.stop(signal.SIGTERM, 5.0))
+        return child
+
+    def board(self, *options: str) -> Board:
+        """Start an emulated board, a TraxBot unless told otherwise."""
+        truth = self._folder / f"truth_{len(self._ends)}"
+        command = [
+            sys.executable,
+            "-m",
+            "sim_arduino.cli",
+            "--truth",
+            str(truth),
+            *(options or ("--robot", "traxbot")),
+        ]
+        child = self.start("mrl-sim", *command)
+        assert wait_until(lambda: bool(child.output()) or child.exit_code is not None, START_S)
+        assert child.exit_code is None, child.last_words()
+        return Board(child.output()[0].split()[0], truth, child)
+
+    def tap(self, port: str) -> Tap:
+        """Put a tap on a port."""
+        tap = Tap(port)
+        self._ends.append(tap.close)
+        return tap
+
+    def node(self, port: Optional[str], *options: str) -> Child:
+        """Start the robot node in the rig's namespace, with frames that carry the rig's name."""
+        frames = [f"_odom_frame:={self.name}/odom", f"_base_frame:={self.name}/base_link"]
+        given = [f"_port:={port}"] if port else []
+        return self.start("robot_node", str(NODE), f"__ns:={self.ns}", *given, *frames, *options)
+
+    def topic(self, name: str, kind: type, **options: Any) -> Topic:
+        """Subscribe; a relative name is one of the rig's namespace."""
+        topic = Topic(name if name.startswith("/") else f"{self.ns}/{name}", kind, **options)
+        self._ends.append(topic.close)
+        return topic
+
+    def publisher(self, name: str, kind: type) -> rospy.Publisher:
+        """Advertise in the rig's namespace, and wait for the node to subscribe."""
+        publisher = rospy.Publisher(f"{self.ns}/{name}", kind, queue_size=10, tcp_nodelay=True)
+        self._ends.append(publisher.unregister)
+        assert wait_until(lambda: publisher.get_num_connections() > 0, START_S)
+        return publisher
+
+    def close(self) -> None:
+        """End everything, the last started first."""
+        for end in reversed(self._ends):
+            end()
