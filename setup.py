@@ -1,5 +1,7 @@
 """One set-up for pip and for catkin.  The version stands in package.xml alone."""
+
 import os
+import pathlib
 import xml.etree.ElementTree
 
 from setuptools import setup
@@ -11,7 +13,7 @@ setup(
     name="mrl-driver",
     version=_VERSION,
     description="Driver, firmware and emulator for TraxBot, StingBot and other Arduino robots, with a ROS 1 bridge",
-    long_description=open(os.path.join(_HERE, "README.md"), encoding="utf-8").read(),
+    long_description=pathlib.Path(_HERE, "README.md").read_text(encoding="utf-8"),
     long_description_content_type="text/markdown",
     license="BSD-3-Clause",
     python_requires=">=3.8",
@@ -22,9 +24,24 @@ setup(
         "sim_arduino": ["py.typed", "worlds/*.yaml"],
         "sim_arduino.avr": ["*.c", "*.h"],
     },
-    install_requires=["pyserial>=3.5", "numpy>=1.17", "PyYAML>=5.3", "click>=8.0", "rich>=10.0", "platformdirs>=2.0"],
+    install_requires=[
+        "pyserial>=3.5",
+        "numpy>=1.17",
+        "PyYAML>=5.3",
+        "click>=8.0",
+        "rich>=10.0",
+        "platformdirs>=2.0",
+    ],
     extras_require={
-        "dev": ["pytest>=7", "pytest-xdist>=3", "hypothesis>=6", "ruff==0.17.6", "mypy>=1.8", "types-PyYAML", "types-pyserial"],
+        "dev": [
+            "pytest>=7",
+            "pytest-xdist>=3",
+            "hypothesis>=6",
+            "ruff==0.17.6",
+            "mypy>=1.8",
+            "types-PyYAML",
+            "types-pyserial",
+        ],
     },
     entry_points={
         "console_scripts": ["mrl=mrl_driver.cli:main", "mrl-sim=sim_arduino.cli:main"],

@@ -1,11 +1,12 @@
 """Board time to host time.
 
-A frame arrives later than it was stamped by a delay that varies (USB polls every 1 to 16 ms, the host's scheduler) but
-never falls below a least value.  Plotted over board time, the arrivals lie above a straight line: its slope is the drift of the
-board's resonator against the host's clock, and its height is offset plus least delay.  The line is the edge, below the middle of the window, of the
-points' lower convex hull (Moon, Skelly and Towsley, "Estimation and removal of clock skew from network delay
-measurements", INFOCOM 1999).
+A frame arrives later than it was stamped, by a delay that varies (USB polls every 1 to 16 ms, the host's scheduler)
+but never falls below a least value.  Plotted over board time, the arrivals lie above a straight line: its slope is
+the drift of the board's resonator against the host's clock, its height is offset plus least delay.  The line is the
+edge, below the middle of the window, of the points' lower convex hull (Moon, Skelly and Towsley, "Estimation and
+removal of clock skew from network delay measurements", INFOCOM 1999).
 """
+
 from collections import deque
 from typing import Deque, List, NamedTuple, Optional, Tuple
 

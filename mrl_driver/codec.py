@@ -6,13 +6,25 @@ on input and never blocks.  Its C++ twin is `firmware/mrl_firmware/frame_decoder
 Grammar: `'@' command { ',' argument } 'e'`; integers are canonical decimals of int16 (`-1` is one, `+5`, `007`, `-0`
 and the empty string are not).  A '@' inside a frame restarts it.
 """
+
 from binascii import crc_hqx
 from operator import getitem
 from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 from .errors import FrameError
-from .table import (BY_CODE, COMMANDS, INT16_MAX, INT16_MIN, MAX_ARGUMENTS, MAX_FRAME, MAX_NOISE, STAMP, STOP_CODE,
-                    Command, Field)
+from .table import (
+    BY_CODE,
+    COMMANDS,
+    INT16_MAX,
+    INT16_MIN,
+    MAX_ARGUMENTS,
+    MAX_FRAME,
+    MAX_NOISE,
+    STAMP,
+    STOP_CODE,
+    Command,
+    Field,
+)
 
 _AT, _END, _CR, _LF = b"@e\r\n"
 _PRINTABLE = range(0x20, 0x7F)
@@ -84,7 +96,9 @@ class _Shape(NamedTuple):
 
 def _shape(row: Command, fields: Sequence[Field], optional: int, guarded: bool, stamped: bool) -> _Shape:
     wide = [_INT16] * (len(STAMP) if stamped else 0)
-    parsers = [_INT16 if (f.low, f.high) == (INT16_MIN, INT16_MAX) else _Integers(f.low, f.high) for f in fields]
+    parsers = [
+        _INT16 if (f.low, f.high) == (INT16_MIN, INT16_MAX) else _Integers(f.low, f.high) for f in fields
+    ]
     return _Shape(row.code, len(fields) - optional, len(fields), tuple(parsers + wide), guarded, stamped)
 
 
@@ -100,11 +114,19 @@ class Direction:
         self.lines = lines
 
 
-REQUESTS = Direction([_shape(row, row.request, row.optional, row.guarded, False)
-                      for row in COMMANDS if row.name != "xbee_text"], lines=False)
+REQUESTS = Direction(
+    [
+        _shape(row, row.request, row.optional, row.guarded, False)
+        for row in COMMANDS
+        if row.name != "xbee_text"
+    ],
+    lines=False,
+)
 """Host to board."""
-REPLIES = Direction([_shape(row, row.reply, row.optional_reply, False, row.stamped)
-                     for row in COMMANDS if row.reply], lines=True)
+REPLIES = Direction(
+    [_shape(row, row.reply, row.optional_reply, False, row.stamped) for row in COMMANDS if row.reply],
+    lines=True,
+)
 """Board to host.  Boards also print free text, so a '@' behind text on the same line starts no frame."""
 
 
@@ -230,9 +252,10 @@ class FrameDecoder:
             return Garbage(data, "argument_count")
         code, args = values[0], values[1:]
         shape = self._shapes.get(code)
-        if self._must_check(code, args, shape):
-            if not args or check_value(data[:data.rindex(b",")]) != args.pop():
-                return Garbage(data, "bad_check")
+        if self._must_check(code, args, shape) and not (
+            args and check_value(data[: data.rindex(b",")]) == args.pop()
+        ):
+            return Garbage(data, "bad_check")
         if not self._tabled:
             return Frame(code, tuple(args))
         if shape is None:
@@ -307,10 +330,14 @@ def _row(code: int) -> Command:
 
 def _demand(row: Command, fields: Sequence[Field], optional: int, args: Sequence[int]) -> None:
     if not len(fields) - optional <= len(args) <= len(fields):
-        raise FrameError(f"command {row.code} ({row.name}) takes {len(fields)} arguments, got {len(args)}: {args}")
+        raise FrameError(
+            f"command {row.code} ({row.name}) takes {len(fields)} arguments, got {len(args)}: {args}"
+        )
     for field, value in zip(fields, args):
         if not field.low <= value <= field.high:
-            raise FrameError(f"{row.name}: {field.name} is {value}, expected {field.low} to {field.high} {field.unit}")
+            raise FrameError(
+                f"{row.name}: {field.name} is {value}, expected {field.low} to {field.high} {field.unit}"
+            )
 
 
 def _frame(code: int, args: Sequence[int], checked: bool) -> bytes:

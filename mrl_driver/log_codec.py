@@ -83,7 +83,9 @@ class LogDecoder:
         """All that was found so far, the rest that no 'e' ends included."""
         self._take(self._rest, 0)
         self._rest = b""
-        return LogEvents({code: _join(blocks) for code, blocks in sorted(self._blocks.items())}, self._garbage)
+        return LogEvents(
+            {code: _join(blocks) for code, blocks in sorted(self._blocks.items())}, self._garbage
+        )
 
     def _decode(self, data: bytes) -> None:
         """Decodes pieces that all end in 'e'."""
@@ -151,7 +153,9 @@ def _parse(
     return good, LogFrames(ends[good] + 1, values[:count].T, stamps)
 
 
-def _bounds(padded: np.ndarray, starts: np.ndarray, ends: np.ndarray, width: int) -> Tuple[np.ndarray, np.ndarray]:
+def _bounds(
+    padded: np.ndarray, starts: np.ndarray, ends: np.ndarray, width: int
+) -> Tuple[np.ndarray, np.ndarray]:
     """Pieces with `width` commas (M,), and the positions of those and of the 'e' (width + 1, M)."""
     commas = np.flatnonzero(padded == _COMMA)
     first = np.searchsorted(commas, starts)

@@ -5,9 +5,9 @@
     0.004211 < @5,2500,172,1180,2,1e\\r\\n
     1.250000 ! checked
 
-`>` went to the board, `<` came from it, `!` is a remark of the driver.  Times are seconds since the first line's moment on a clock
-that never jumps.  Bytes outside printable ASCII, and the backslash, are escaped as in a Python string.  A line
-torn by a crash or a full disk costs that line alone.
+`>` went to the board, `<` came from it, `!` is a remark of the driver.  Times are seconds since the recording began,
+on a clock that never jumps.  Bytes outside printable ASCII, and the backslash, are escaped as in a Python string.  A
+line torn by a crash or a full disk costs that line alone.
 """
 
 import codecs
@@ -40,8 +40,8 @@ class Entry(NamedTuple):
 class Recorder:
     """Appends to a recording from any thread without ever blocking or stopping its caller.
 
-    A thread of its own writes five times a second, so a kill loses 0.2 s at most.  When the disk refuses, `error` says why,
-    `lost` counts the lines, and writing is tried again.
+    A thread of its own writes five times a second, so a kill loses 0.2 s at most.  When the disk refuses, `error`
+    says why, `lost` counts the lines, and writing is tried again.
 
     Raises:
         ConfigError: the file cannot be created.
@@ -57,7 +57,9 @@ class Recorder:
         try:
             self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
         except OSError as error:
-            raise ConfigError(f"cannot record to {path!r}: {error.strerror}; expected a file that can be written") from None
+            raise ConfigError(
+                f"cannot record to {path!r}: {error.strerror}; expected a file that can be written"
+            ) from None
         self._start_s = time.monotonic()
         header["started"] = datetime.datetime.now(datetime.timezone.utc).isoformat()
         self._write(f"{_MAGIC} {VERSION} {json.dumps(header)}\n", 1)
@@ -69,7 +71,7 @@ class Recorder:
         if len(self._waiting) >= _MOST_WAITING:
             self.lost += 1
             return
-        text = codecs.escape_encode(data)[0].decode("ascii")  # type: ignore[attr-defined]
+        text = codecs.escape_encode(data)[0].decode("ascii")
         self._waiting.append(f"{time.monotonic() - self._start_s:.6f} {way} {text}\n")
 
     def close(self) -> None:
@@ -95,14 +97,15 @@ class Recorder:
             self.lost += data[done:].count(b"\n")
             self.error = "the disk took only a part" if self._torn else ""
         except OSError as error:
-            self.error = error.strerror
+            self.error = error.strerror or str(error)
             self.lost += lines
 
 
 class Recording:
     """Reads a recording as a stream: memory does not grow with the file.
 
-    `header` is what the recorder noted; `skipped` maps the numbers of unreadable lines (at most 100 kept) to the reason.
+    `header` is what the recorder noted; `skipped` maps the numbers of unreadable lines (at most 100 kept) to the
+    reason.
 
     Raises:
         ConfigError: no such file, no recording, or one of a newer version.
@@ -123,9 +126,13 @@ class Recording:
         magic, _, rest = line.decode("latin-1").strip().partition(" ")
         version, _, header = rest.partition(" ")
         if magic != _MAGIC or not version.isdigit():
-            raise ConfigError(f"{self.path}:1: got {line[:40]!r}, expected '{_MAGIC} {VERSION} ...': not a recording")
+            raise ConfigError(
+                f"{self.path}:1: got {line[:40]!r}, expected '{_MAGIC} {VERSION} ...': not a recording"
+            )
         if int(version) > VERSION:
-            raise ConfigError(f"{self.path}:1: recording version {version}, this program reads up to {VERSION}: update it")
+            raise ConfigError(
+                f"{self.path}:1: recording version {version}, this program reads up to {VERSION}: update it"
+            )
         try:
             found = json.loads(header or "{}")
         except ValueError:
@@ -176,6 +183,6 @@ def _parse(line: bytes, last_s: float) -> Tuple[Optional[Entry], str]:
     if time_s < last_s:
         return None, f"time {time_s} lies before {last_s} of an earlier line"
     try:
-        return Entry(time_s, way.decode(), codecs.escape_decode(text)[0]), ""  # type: ignore[attr-defined]
+        return Entry(time_s, way.decode(), codecs.escape_decode(text)[0]), ""
     except ValueError:
         return None, f"bytes {text[:20]!r} are not escaped as in a Python string"

@@ -60,9 +60,9 @@ class Reason(NamedTuple):
 
 
 class Parameter(NamedTuple):
-    """One value of the board's EEPROM configuration, read and written by index."""
+    """One value of the board's EEPROM configuration, read and written by number."""
 
-    index: int
+    number: int
     name: str
     low: int
     high: int

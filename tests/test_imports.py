@@ -1,4 +1,5 @@
 """Imports run one way."""
+
 import ast
 import pathlib
 import subprocess

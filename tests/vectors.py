@@ -1,4 +1,5 @@
 """Reads the golden wire vectors of `vectors.yaml`."""
+
 import os
 from typing import Any, Dict, List, NamedTuple
 
@@ -32,11 +33,13 @@ def _vector(row: Dict[str, Any]) -> Vector:
     stamps = [Stamp(*stamp) for stamp in row.get("stamps", [])]
     events = [_event(entry, stamps) for entry in row["events"]]
     pending = [Garbage(row["pending"].encode("latin-1"), "noise")] if "pending" in row else []
-    return Vector(row["name"], row.get("checked", False), row["wire"].encode("latin-1"), events, events + pending)
+    return Vector(
+        row["name"], row.get("checked", False), row["wire"].encode("latin-1"), events, events + pending
+    )
 
 
 def _event(entry: Any, stamps: List[Stamp]) -> Event:
     if isinstance(entry, dict):
-        (reason, data), = entry.items()
+        ((reason, data),) = entry.items()
         return Garbage(data.encode("latin-1"), reason)
     return Frame(entry[0], tuple(entry[1:]), stamps.pop(0) if stamps else None)

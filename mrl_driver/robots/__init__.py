@@ -3,7 +3,7 @@
 A model is geometry, limits, sonar poses, the board parameters of the firmware's defaults and the robot ids it
 accepts.  Sources of the numbers stand in the files.
 """
-import math
+
 import os
 from typing import Any, Dict, List, Mapping, NamedTuple, Tuple, Type, TypeVar, get_type_hints
 
@@ -91,8 +91,9 @@ def load(name_or_path: str) -> RobotModel:
         with open(path, encoding="utf-8") as file:
             data = yaml.safe_load(file)
     except OSError:
-        raise ConfigError(f"robot {name_or_path!r} is unknown, expected {', '.join(names())} "
-                          "or the path of a .yaml file") from None
+        raise ConfigError(
+            f"robot {name_or_path!r} is unknown, expected {', '.join(names())} or the path of a .yaml file"
+        ) from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: no YAML: {' '.join(str(error).split())}") from None
     return _Reader(path).model(data)
@@ -115,13 +116,20 @@ class _Reader:
 
     def model(self, data: Any) -> RobotModel:
         keys = self._keys("", data, RobotModel._fields)
-        sonars = {name: self._section(f"sonars.{name}", value, SonarMount)
-                  for name, value in self._mapping("sonars", keys["sonars"]).items()}
+        sonars = {
+            name: self._section(f"sonars.{name}", value, SonarMount)
+            for name, value in self._mapping("sonars", keys["sonars"]).items()
+        }
         return RobotModel(
-            name=self._text("name", keys["name"]), ids=self._ids(keys["ids"]),
-            drive=self._section("drive", keys["drive"], Drive), board=self._board(keys["board"]),
-            limits=self._section("limits", keys["limits"], Limits), body=self._section("body", keys["body"], Body),
-            sonars=sonars, battery=self._section("battery", keys["battery"], Battery))
+            name=self._text("name", keys["name"]),
+            ids=self._ids(keys["ids"]),
+            drive=self._section("drive", keys["drive"], Drive),
+            board=self._board(keys["board"]),
+            limits=self._section("limits", keys["limits"], Limits),
+            body=self._section("body", keys["body"], Body),
+            sonars=sonars,
+            battery=self._section("battery", keys["battery"], Battery),
+        )
 
     def _fail(self, key: str, got: Any, expected: str) -> ConfigError:
         return ConfigError(f"{self._path}: {key or 'file'} is {got!r}, expected {expected}")
@@ -136,7 +144,9 @@ class _Reader:
         prefix = f"{key}." if key else ""
         for name in found:
             if name not in fields:
-                raise ConfigError(f"{self._path}: key {prefix}{name} is unknown, expected {', '.join(fields)}")
+                raise ConfigError(
+                    f"{self._path}: key {prefix}{name} is unknown, expected {', '.join(fields)}"
+                )
         for name in fields:
             if name not in found:
                 raise ConfigError(f"{self._path}: key {prefix}{name} is missing")
@@ -145,8 +155,14 @@ class _Reader:
     def _section(self, key: str, data: Any, kind: Type[_Section]) -> _Section:
         found = self._keys(key, data, kind._fields)  # type: ignore[attr-defined]
         hints = get_type_hints(kind)
-        return kind(**{name: self._flag(f"{key}.{name}", found[name]) if hints[name] is bool else
-                       self._number(f"{key}.{name}", found[name], *_RANGES.get(name, _POSITIVE)) for name in hints})
+        return kind(
+            **{
+                name: self._flag(f"{key}.{name}", found[name])
+                if hints[name] is bool
+                else self._number(f"{key}.{name}", found[name], *_RANGES.get(name, _POSITIVE))
+                for name in hints
+            }
+        )
 
     def _number(self, key: str, value: Any, low: float, high: float) -> float:
         good = isinstance(value, (int, float)) and not isinstance(value, bool) and low <= value <= high
@@ -175,13 +191,21 @@ class _Reader:
         return tuple(self._whole("ids", each, 1, 32767) for each in value)
 
     def _board(self, data: Any) -> Dict[str, int]:
-        rows = {row.name: row for row in PARAMETERS if row.index in BOARD_KEYS}
+        rows = {row.name: row for row in PARAMETERS if row.number in BOARD_KEYS}
         found = self._keys("board", data, tuple(rows))
-        return {name: self._whole(f"board.{name}", found[name], row.low, row.high) for name, row in rows.items()}
+        return {
+            name: self._whole(f"board.{name}", found[name], row.low, row.high) for name, row in rows.items()
+        }
 
 
 BOARD_KEYS = range(1, 12)
 """Indices of the parameters whose defaults differ between models; the others' stand in `COMMON_BOARD`."""
-COMMON_BOARD = {"motor_timeout": 3, "sonar_a": 11767, "sonar_b": 9466, "sonar_c": -3759, "bus_speed": 400,
-                "bus_stop": 0}
+COMMON_BOARD = {
+    "motor_timeout": 3,
+    "sonar_a": 11767,
+    "sonar_b": 9466,
+    "sonar_c": -3759,
+    "bus_speed": 400,
+    "bus_stop": 0,
+}
 """Defaults that all models share.  Sonar curve: thesis 2012, b is 0.94657 cut to the wire's 1e-4."""

@@ -86,7 +86,9 @@ def driver_cpu_percent() -> float:
         port = board.stdout.readline().split()[0]
         out = subprocess.run(
             [sys.executable, "-m", "tests.bench.driver_alone", port, str(DRIVER_S)],
-            capture_output=True, text=True, check=True,
+            capture_output=True,
+            text=True,
+            check=True,
         )
         return float(out.stdout)
     finally:

@@ -92,7 +92,7 @@ class Rig:
         """Waits for the end of boot and sets board parameters, robot id 1 among them; returns the rig."""
         self.run(SETTLED_S)
         for name, value in {"robot_id": 1, **parameters}.items():
-            self.ask(request("write_config", PARAMETER_BY_NAME[name].index, value))
+            self.ask(request("write_config", PARAMETER_BY_NAME[name].number, value))
         self.run(0.1)
         self.replies()
         return self

@@ -1,4 +1,5 @@
 """The long run of the damaged frames: `make fuzz MINUTES=n`.  Writes build/bench/reliability.json."""
+
 import multiprocessing
 import os
 import time
@@ -23,7 +24,9 @@ def work(job: Tuple[int, float]) -> List[Found]:
             for direction in damage.DIRECTIONS.values():
                 seed += 1
                 found.append((kind.__name__, True, damage.try_random(direction, kind, BATCH, seed)))
-        found.append(("flip_bit", False, damage.try_random(damage.REPLIES, damage.flip_bit, BATCH, seed, False)))
+        found.append(
+            ("flip_bit", False, damage.try_random(damage.REPLIES, damage.flip_bit, BATCH, seed, False))
+        )
     return found
 
 
@@ -46,9 +49,12 @@ def main(minutes: float, seed: int) -> None:
     exact, lossy = total(found, damage.EXACT, True), total(found, damage.LOSSY, True)
     bare = total(found, (damage.flip_bit,), False)
     figures = {
-        "damaged_frames_tried": exact.tried, "wrong_accepted": exact.wrong,
-        "lost_byte_frames_tried": lossy.tried, "lost_byte_wrong_per_million": round(1e6 * lossy.wrong / lossy.tried, 2),
-        "wrong_accepted_unchecked_1bit_percent": round(100 * bare.wrong / bare.tried, 1)}
+        "damaged_frames_tried": exact.tried,
+        "wrong_accepted": exact.wrong,
+        "lost_byte_frames_tried": lossy.tried,
+        "lost_byte_wrong_per_million": round(1e6 * lossy.wrong / lossy.tried, 2),
+        "wrong_accepted_unchecked_1bit_percent": round(100 * bare.wrong / bare.tried, 1),
+    }
     for key, value in figures.items():
         click.echo(f"{key:40} {value}")
     click.echo(report.write("reliability", figures))

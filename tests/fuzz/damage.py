@@ -1,12 +1,22 @@
 """Damaged frames, and how many of them a decoder takes for good.
 
-`wrong` counts accepted frames that carry a value which was not sent.  A bare stop that comes out of damage is not counted: it
-needs no check value by design, and stops.
+`wrong` counts accepted frames that carry a value which was not sent.  A bare stop that comes out of damage is not
+counted: it needs no check value by design, and stops.
 """
+
 import random
 from typing import Callable, Iterator, List, NamedTuple
 
-from mrl_driver.codec import REPLIES, REQUESTS, Direction, Frame, FrameDecoder, Stamp, encode_reply, encode_request
+from mrl_driver.codec import (
+    REPLIES,
+    REQUESTS,
+    Direction,
+    Frame,
+    FrameDecoder,
+    Stamp,
+    encode_reply,
+    encode_request,
+)
 from mrl_driver.table import COMMANDS, STOP_CODE
 
 STOP = Frame(STOP_CODE, ())
@@ -23,31 +33,31 @@ class Tally(NamedTuple):
 def flip_bit(wire: bytes, rng: random.Random) -> bytes:
     """One bit turned over."""
     i = rng.randrange(len(wire))
-    return wire[:i] + bytes([wire[i] ^ 1 << rng.randrange(8)]) + wire[i + 1:]
+    return wire[:i] + bytes([wire[i] ^ 1 << rng.randrange(8)]) + wire[i + 1 :]
 
 
 def change_byte(wire: bytes, rng: random.Random) -> bytes:
     """One byte replaced by another."""
     i = rng.randrange(len(wire))
-    return wire[:i] + bytes([wire[i] ^ rng.randrange(1, 256)]) + wire[i + 1:]
+    return wire[:i] + bytes([wire[i] ^ rng.randrange(1, 256)]) + wire[i + 1 :]
 
 
 def lose_byte(wire: bytes, rng: random.Random) -> bytes:
     """One byte missing."""
     i = rng.randrange(len(wire))
-    return wire[:i] + wire[i + 1:]
+    return wire[:i] + wire[i + 1 :]
 
 
 def lose_burst(wire: bytes, rng: random.Random) -> bytes:
     """2 to 64 bytes missing: frames merge."""
     i = rng.randrange(len(wire))
-    return wire[:i] + wire[i + rng.randrange(2, 65):]
+    return wire[:i] + wire[i + rng.randrange(2, 65) :]
 
 
 def swap_bytes(wire: bytes, rng: random.Random) -> bytes:
     """Two neighbours exchanged."""
     i = rng.randrange(len(wire) - 1)
-    return wire[:i] + wire[i + 1:i + 2] + wire[i:i + 1] + wire[i + 2:]
+    return wire[:i] + wire[i + 1 : i + 2] + wire[i : i + 1] + wire[i + 2 :]
 
 
 def random_stream_frame(rng: random.Random, checked: bool) -> bytes:
@@ -87,12 +97,12 @@ def try_every_fault(direction: Direction, wire: bytes, checked: bool = True) -> 
 def every_fault(wire: bytes) -> Iterator[bytes]:
     """All single faults of one frame; flipped bits are among the changed bytes."""
     for i in range(len(wire)):
-        yield wire[:i] + wire[i + 1:]
+        yield wire[:i] + wire[i + 1 :]
         if i + 1 < len(wire) and wire[i] != wire[i + 1]:
-            yield wire[:i] + wire[i + 1:i + 2] + wire[i:i + 1] + wire[i + 2:]
+            yield wire[:i] + wire[i + 1 : i + 2] + wire[i : i + 1] + wire[i + 2 :]
         for byte in range(256):
             if byte != wire[i]:
-                yield wire[:i] + bytes([byte]) + wire[i + 1:]
+                yield wire[:i] + bytes([byte]) + wire[i + 1 :]
 
 
 def _wrong(direction: Direction, checked: bool, sent: List[bytes], received: bytes) -> int:

@@ -1,4 +1,5 @@
 """The check value: what it catches always, and what at the rate of its 16 bits."""
+
 import random
 
 import pytest
@@ -24,13 +25,16 @@ def test_every_single_fault_of_a_checked_request_is_caught(request_):
     assert damage.try_every_fault(damage.REQUESTS, encode_request(*request_, checked=True)).wrong == 0
 
 
-@pytest.mark.parametrize("request_", [(2, 700, 400, 200), (5,), (6,), (34, 10), (32, 1), (33, 250), (35, 10, 650), (37,)])
+@pytest.mark.parametrize(
+    "request_", [(2, 700, 400, 200), (5,), (6,), (34, 10), (32, 1), (33, 250), (35, 10, 650), (37,)]
+)
 def test_no_single_fault_makes_a_guarded_request_in_plain_mode(request_):
     """Guarded rows carry their check value always, so nothing is configured by one wrong byte."""
     wire, sent = encode_request(*request_), Frame(request_[0], request_[1:])
     found = {event for damaged in damage.every_fault(wire) for event in FrameDecoder(REQUESTS).feed(damaged)}
-    assert not [event for event in found
-                if isinstance(event, Frame) and BY_CODE[event.code].guarded and event != sent]
+    assert not [
+        event for event in found if isinstance(event, Frame) and BY_CODE[event.code].guarded and event != sent
+    ]
 
 
 @pytest.mark.parametrize("direction", damage.DIRECTIONS)
@@ -47,6 +51,8 @@ def test_lost_and_swapped_bytes_pass_at_the_rate_of_16_bits_at_most(kind):
 
 def test_strict_parsing_alone_lets_a_fifth_of_flipped_bits_pass():
     rng = random.Random(3)
-    wrong = sum(damage._wrong(REPLIES, False, [UNCHECKED_STREAM], damage.flip_bit(UNCHECKED_STREAM, rng))
-                for _ in range(5000))
+    wrong = sum(
+        damage._wrong(REPLIES, False, [UNCHECKED_STREAM], damage.flip_bit(UNCHECKED_STREAM, rng))
+        for _ in range(5000)
+    )
     assert 10 < 100 * wrong / 5000 <= MOST_UNCHECKED_PERCENT

@@ -1,15 +1,27 @@
 """Laws of the codec, held by Hypothesis."""
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrl_driver.codec import (REPLIES, REQUESTS, Frame, FrameDecoder, Garbage, Stamp, check_value, encode_reply,
-                              encode_request)
+from mrl_driver.codec import (
+    REPLIES,
+    REQUESTS,
+    Frame,
+    FrameDecoder,
+    Garbage,
+    Stamp,
+    check_value,
+    encode_reply,
+    encode_request,
+)
 from mrl_driver.errors import FrameError
 from mrl_driver.table import COMMANDS, MAX_FRAME, MAX_NOISE, Command
 
 INT16 = st.integers(-32768, 32767)
-BYTES_OF_FRAMES = st.text("@e,-0123456789\r\nx[\x00\xff", max_size=80).map(lambda text: text.encode("latin-1"))
+BYTES_OF_FRAMES = st.text("@e,-0123456789\r\nx[\x00\xff", max_size=80).map(
+    lambda text: text.encode("latin-1")
+)
 
 
 def arguments(fields):
@@ -20,20 +32,22 @@ def arguments(fields):
 def requests(draw):
     row: Command = draw(st.sampled_from([row for row in COMMANDS if row.name != "xbee_text"]))
     args = draw(arguments(row.request))
-    return row.code, args[:len(args) - draw(st.integers(0, row.optional))]
+    return row.code, args[: len(args) - draw(st.integers(0, row.optional))]
 
 
 @st.composite
 def replies(draw):
     row: Command = draw(st.sampled_from([row for row in COMMANDS if row.reply]))
     args = draw(arguments(row.reply))
-    return row.code, args[:len(args) - draw(st.integers(0, row.optional_reply))], row.stamped
+    return row.code, args[: len(args) - draw(st.integers(0, row.optional_reply))], row.stamped
 
 
 @given(requests(), st.booleans())
 def test_a_request_comes_back(request, checked):
     code, args = request
-    assert FrameDecoder(REQUESTS, checked).feed(encode_request(code, *args, checked=checked)) == [Frame(code, args)]
+    assert FrameDecoder(REQUESTS, checked).feed(encode_request(code, *args, checked=checked)) == [
+        Frame(code, args)
+    ]
 
 
 @given(replies(), INT16, INT16, st.booleans())
@@ -41,7 +55,9 @@ def test_a_reply_comes_back(reply, sequence, time, checked):
     code, args, stamped = reply
     stamp = Stamp(sequence, time)
     wire = encode_reply(code, *args, stamp=stamp, checked=checked)
-    assert FrameDecoder(REPLIES, checked).feed(wire) == [Frame(code, args, stamp if checked and stamped else None)]
+    assert FrameDecoder(REPLIES, checked).feed(wire) == [
+        Frame(code, args, stamp if checked and stamped else None)
+    ]
 
 
 @given(st.lists(BYTES_OF_FRAMES, max_size=4), st.sampled_from([None, REPLIES, REQUESTS]), st.booleans())
@@ -55,7 +71,9 @@ def test_pieces_decode_as_the_whole(pieces, direction, checked):
 def test_single_bytes_decode_as_the_whole(pieces, checked):
     data = b"".join(pieces)
     decoder = FrameDecoder(REPLIES, checked)
-    assert [e for i in range(len(data)) for e in decoder.feed(data[i:i + 1])] == FrameDecoder(REPLIES, checked).feed(data)
+    assert [e for i in range(len(data)) for e in decoder.feed(data[i : i + 1])] == FrameDecoder(
+        REPLIES, checked
+    ).feed(data)
 
 
 @given(st.binary(max_size=400))
@@ -70,12 +88,16 @@ def test_no_byte_but_line_ends_is_lost_silently(data):
     events = FrameDecoder().feed(wire)
     assert all(isinstance(event, Frame) or event.data for event in events)
     garbage = b"".join(event.data for event in events if isinstance(event, Garbage))
-    frames = b"".join(b"@" + b",".join(b"%d" % n for n in (e.code, *e.args)) + b"e" for e in events if isinstance(e, Frame))
+    frames = b"".join(
+        b"@" + b",".join(b"%d" % n for n in (e.code, *e.args)) + b"e" for e in events if isinstance(e, Frame)
+    )
     assert len(garbage) + len(frames) >= len(wire.rstrip(b"@")) - wire.count(b"\r") - wire.count(b"\n")
 
 
 def test_frame_without_end_is_bounded():
-    assert FrameDecoder(REQUESTS).feed(b"@" + b"1" * (MAX_FRAME - 1)) == [Garbage(b"@" + b"1" * (MAX_FRAME - 1), "too_long")]
+    assert FrameDecoder(REQUESTS).feed(b"@" + b"1" * (MAX_FRAME - 1)) == [
+        Garbage(b"@" + b"1" * (MAX_FRAME - 1), "too_long")
+    ]
 
 
 def test_noise_is_bounded():
@@ -91,12 +113,15 @@ def test_check_value_is_signed():
     assert check_value(b"@36") == -10398
 
 
-@pytest.mark.parametrize("code, args, message", [
-    (99, (), "command 99 is not in the table, expected 1 to 40"),
-    (11, (1,), r"command 11 \(move_differential\) takes 2 arguments, got 1"),
-    (11, (40000, 0), "move_differential: linear is 40000, expected -32768 to 32767 mm/s"),
-    (9, (101, 0), "move_motors_pid: motor_1 is 101, expected -100 to 100 %"),
-])
+@pytest.mark.parametrize(
+    "code, args, message",
+    [
+        (99, (), "command 99 is not in the table, expected 1 to 40"),
+        (11, (1,), r"command 11 \(move_differential\) takes 2 arguments, got 1"),
+        (11, (40000, 0), "move_differential: linear is 40000, expected -32768 to 32767 mm/s"),
+        (9, (101, 0), "move_motors_pid: motor_1 is 101, expected -100 to 100 %"),
+    ],
+)
 def test_forbidden_request_raises(code, args, message):
     with pytest.raises(FrameError, match=message):
         encode_request(code, *args)

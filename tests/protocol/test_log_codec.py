@@ -1,4 +1,5 @@
 """The vectorised decoder finds what the incremental one finds."""
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -18,11 +19,28 @@ def frame_8(args, sequence, checked):
 
 GOOD = st.builds(frame_8, st.tuples(INT16, INT16, *[st.integers(-1, 1250)] * 3), INT16, st.booleans())
 ODD = st.one_of(
-    st.sampled_from([b"@8,1,2,3,4e\r\n", b"@8,1,2,3,4,5,6e\r\n", b"@8,1,02,3,4,5e\r\n", b"@8,1,-0,3,4,5e\r\n",
-                     b"@8,1,40000,3,4,5e\r\n", b"@8,1,2,3,4,1251e\r\n", b"@8,1,,3,4,5e\r\n", b"@8,-,2,3,4,5e\r\n",
-                     b"[INFO] the frame @8,1,2,3,4,5e\r\n", b"@8,1@8,1,2,3,4,5e\r\n", b"@6,1,2e", b"@5,1,2,3,4,5e\r\n",
-                     b"@22,1,2,3,4,5,6,7,8e\r\n", b"@8,--1,2,3,4,5e\r\n", b"@8,1,2,3,4,123456e\r\n", b"@88,1e\r\n"]),
-    st.binary(max_size=40))
+    st.sampled_from(
+        [
+            b"@8,1,2,3,4e\r\n",
+            b"@8,1,2,3,4,5,6e\r\n",
+            b"@8,1,02,3,4,5e\r\n",
+            b"@8,1,-0,3,4,5e\r\n",
+            b"@8,1,40000,3,4,5e\r\n",
+            b"@8,1,2,3,4,1251e\r\n",
+            b"@8,1,,3,4,5e\r\n",
+            b"@8,-,2,3,4,5e\r\n",
+            b"[INFO] the frame @8,1,2,3,4,5e\r\n",
+            b"@8,1@8,1,2,3,4,5e\r\n",
+            b"@6,1,2e",
+            b"@5,1,2,3,4,5e\r\n",
+            b"@22,1,2,3,4,5,6,7,8e\r\n",
+            b"@8,--1,2,3,4,5e\r\n",
+            b"@8,1,2,3,4,123456e\r\n",
+            b"@88,1e\r\n",
+        ]
+    ),
+    st.binary(max_size=40),
+)
 
 
 def by_scalar(data, checked):
@@ -31,10 +49,17 @@ def by_scalar(data, checked):
 
 
 def by_log(events):
-    frames = [(end, Frame(code, tuple(args), stamp)) for code, found in events.frames.items()
-              for end, args, stamp in zip(found.end.tolist(), found.args.tolist(),
-                                          [Stamp(*s) for s in found.stamps.tolist()] if found.stamps is not None
-                                          else [None] * len(found.end))]
+    frames = [
+        (end, Frame(code, tuple(args), stamp))
+        for code, found in events.frames.items()
+        for end, args, stamp in zip(
+            found.end.tolist(),
+            found.args.tolist(),
+            [Stamp(*s) for s in found.stamps.tolist()]
+            if found.stamps is not None
+            else [None] * len(found.end),
+        )
+    ]
     return [frame for _, frame in sorted(frames, key=lambda pair: pair[0])], events.garbage
 
 

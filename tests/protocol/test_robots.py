@@ -1,4 +1,5 @@
 """Robot model files: what is packaged loads, and what is wrong is said in one line."""
+
 import math
 
 import pytest
@@ -27,7 +28,9 @@ def test_packaged_models_load():
 @pytest.mark.parametrize("name, radius_m", [("traxbot", 0.0390), ("stingbot", 0.0327)])
 def test_metres_per_count_gives_the_wheel_radius(name, radius_m):
     """2796.8 counts a turn."""
-    assert robots.load(name).drive.metres_per_count * 2796.8 / (2 * math.pi) == pytest.approx(radius_m, abs=1e-4)
+    assert robots.load(name).drive.metres_per_count * 2796.8 / (2 * math.pi) == pytest.approx(
+        radius_m, abs=1e-4
+    )
 
 
 def test_no_id_belongs_to_two_models():
@@ -40,22 +43,27 @@ def test_id_finds_its_model():
 
 
 def test_unknown_name_lists_the_known():
-    with pytest.raises(ConfigError, match="robot 'traxbt' is unknown, expected stingbot, traxbot or the path"):
+    with pytest.raises(
+        ConfigError, match="robot 'traxbt' is unknown, expected stingbot, traxbot or the path"
+    ):
         robots.load("traxbt")
 
 
-@pytest.mark.parametrize("section, key, value, message", [
-    ("drive", "wheel_separation_m", "wide", "drive.wheel_separation_m is 'wide', expected a number from"),
-    ("drive", "wheel_separation_m", True, "drive.wheel_separation_m is True"),
-    ("drive", "wheel_separation_m", [0.1], r"drive.wheel_separation_m is \[0.1\]"),
-    ("drive", "metres_per_count", 0, "drive.metres_per_count is 0"),
-    ("drive", "metres_per_count", -1.0, "drive.metres_per_count is -1.0"),
-    ("drive", "metres_per_count", math.nan, "drive.metres_per_count is nan"),
-    ("drive", "metres_per_count", math.inf, "drive.metres_per_count is inf"),
-    ("board", "kp", 700.5, "board.kp is 700.5, expected a whole number from 0 to 32767"),
-    ("board", "kp", 40000, "board.kp is 40000"),
-    ("body", "tracks", 1, "body.tracks is 1, expected true or false"),
-])
+@pytest.mark.parametrize(
+    "section, key, value, message",
+    [
+        ("drive", "wheel_separation_m", "wide", "drive.wheel_separation_m is 'wide', expected a number from"),
+        ("drive", "wheel_separation_m", True, "drive.wheel_separation_m is True"),
+        ("drive", "wheel_separation_m", [0.1], r"drive.wheel_separation_m is \[0.1\]"),
+        ("drive", "metres_per_count", 0, "drive.metres_per_count is 0"),
+        ("drive", "metres_per_count", -1.0, "drive.metres_per_count is -1.0"),
+        ("drive", "metres_per_count", math.nan, "drive.metres_per_count is nan"),
+        ("drive", "metres_per_count", math.inf, "drive.metres_per_count is inf"),
+        ("board", "kp", 700.5, "board.kp is 700.5, expected a whole number from 0 to 32767"),
+        ("board", "kp", 40000, "board.kp is 40000"),
+        ("body", "tracks", 1, "body.tracks is 1, expected true or false"),
+    ],
+)
 def test_wrong_value_names_key_value_and_range(tmp_path, traxbot, section, key, value, message):
     traxbot[section][key] = value
     with pytest.raises(ConfigError, match=message):

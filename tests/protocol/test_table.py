@@ -1,4 +1,5 @@
 """The command table is complete and consistent."""
+
 from mrl_driver import table
 from mrl_driver.table import BY_CODE, COMMANDS, PARAMETERS
 
@@ -22,7 +23,7 @@ def test_every_field_fits_int16():
 
 
 def test_parameters_are_indexed_in_order():
-    assert [row.index for row in PARAMETERS] == list(range(len(PARAMETERS)))
+    assert [row.number for row in PARAMETERS] == list(range(len(PARAMETERS)))
 
 
 def test_config_commands_reach_every_parameter():
@@ -35,7 +36,10 @@ def test_streams_repeat_a_stamped_row():
 
 def test_status_ranges_match_their_tables():
     ranges = {field.name: field.high for field in table.BY_NAME["read_status"].reply}
-    assert (ranges["reset_cause"], ranges["stop_reason"]) == (len(table.RESET_CAUSES) - 1, len(table.STOP_REASONS) - 1)
+    assert (ranges["reset_cause"], ranges["stop_reason"]) == (
+        len(table.RESET_CAUSES) - 1,
+        len(table.STOP_REASONS) - 1,
+    )
 
 
 def test_longest_frame_is_the_xbee_text():

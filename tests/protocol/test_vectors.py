@@ -1,11 +1,14 @@
 """The golden vectors through the Python codec: whole, byte by byte, and amid noise."""
+
 import pytest
 
 from mrl_driver.codec import REPLIES, REQUESTS, Frame, FrameDecoder, Garbage, Stamp
 from tests.vectors import Vector, load
 
 DIRECTIONS = {"requests": REQUESTS, "replies": REPLIES}
-VECTORS = [pytest.param(name, vector, id=f"{name}: {vector.name}") for name in DIRECTIONS for vector in load(name)]
+VECTORS = [
+    pytest.param(name, vector, id=f"{name}: {vector.name}") for name in DIRECTIONS for vector in load(name)
+]
 
 
 def decode(direction: str, checked: bool, *pieces: bytes):
@@ -32,7 +35,10 @@ def test_amid_noise(direction: str, vector: Vector):
 
 def test_frames_of_the_grammar_need_no_table():
     """A cut frame is garbage; the newer frame survives."""
-    assert FrameDecoder().feed(b"@6,425@6,4250,6430e") == [Garbage(b"@6,425", "restarted"), Frame(6, (4250, 6430))]
+    assert FrameDecoder().feed(b"@6,425@6,4250,6430e") == [
+        Garbage(b"@6,425", "restarted"),
+        Frame(6, (4250, 6430)),
+    ]
 
 
 def test_stamp_is_compared():
