@@ -242,6 +242,23 @@ def test_the_interrupt_repeats_while_twint_stays(bench):
     assert board.get("interrupts") > 20
 
 
+def test_between_two_interrupts_the_program_goes_on(bench):
+    """One instruction each time, even when the flag stays."""
+    board = bench("twi_interrupt.c")
+    board.set("handle", 0)
+    board.set("go", 1)
+    board.machine.run(200e-6)
+    before = board.get("passes")
+    board.machine.run(1e-3)
+    assert board.get("passes") > before
+
+
+def test_switching_the_interface_off_releases_the_bus(bench):
+    """The next START is none of a transfer under way."""
+    board = run_script(bench, [START, send(0x30), (0, 0), START, STOP], Slave())
+    assert list(board.bytes("status")[:4]) == [0x08, 0x18, 0xF8, 0x08]
+
+
 def test_a_slaves_exception_comes_out_of_run(bench):
     """It is not lost on its way through C."""
 

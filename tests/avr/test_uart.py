@@ -6,7 +6,7 @@ BYTE_CYCLES = 1360  # 10 bits x 8 x (16 + 1): 85.0 us at 16 MHz
 HOST_BYTE_S = 10 / 115200
 DATA_OVERRUN = 0x08
 FRAME_ERROR = 0x10
-UDRE, TXC = 0x20, 0x40
+RXC, TXC = 0x80, 0x40
 
 
 def send_from_board(board, count):
@@ -130,6 +130,16 @@ def test_a_low_stop_bit_is_a_frame_error(bench):
     board.machine.send(b"\0")
     board.machine.run(500e-6)
     assert board.bytes("statuses")[0] & FRAME_ERROR
+
+
+def test_the_flag_stands_until_the_byte_is_read(bench):
+    """The vector still sees RXC."""
+    board = bench("uart.c")
+    board.set("use_interrupts", 1)
+    board.machine.run(20e-6)
+    board.machine.send(b"x")
+    board.machine.run(200e-6)
+    assert board.bytes("statuses")[0] & RXC
 
 
 def test_receiving_by_interrupt_reads_every_byte(bench):

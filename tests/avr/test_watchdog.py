@@ -2,7 +2,7 @@
 
 import pytest
 
-SHORTEST_CYCLES = 2048 * 125  # 16 ms at 128 kHz and 16 MHz
+IN_TIME, TOO_EARLY = 0x5A, 0x5B  # the program stops the watchdog after or before it clears the reset flags
 WDRF, EXTRF, PORF = 0x08, 0x02, 0x01
 WDE, WDP2 = 0x08, 0x04
 RESET_ONLY, INTERRUPT_ONLY, INTERRUPT_THEN_RESET, MASKED, FED, NO_SEQUENCE, REARMED = range(1, 8)
@@ -13,7 +13,7 @@ def in_mode(bench, mode):
     board = bench("watchdog.c")
     board.set("marker", 0)
     board.set("starts", 0)
-    board.set("stay_off", 0x5A)
+    board.set("stay_off", IN_TIME)
     board.set("mode", mode)
     board.machine.run(100e-6)
     return board
@@ -97,6 +97,14 @@ def test_after_its_reset_the_watchdog_runs_on_at_its_shortest_period(bench):
     assert board.get("control_at_start") & WDE
     board.machine.run(32e-3)
     assert board.get("starts") == 3
+
+
+def test_the_watchdog_cannot_be_stopped_while_its_flag_stands(bench):
+    """WDRF holds WDE."""
+    board = in_mode(bench, RESET_ONLY)
+    board.set("stay_off", TOO_EARLY)
+    board.machine.run(16.5e-3)
+    assert board.get("control_cleared") & WDE
 
 
 def test_the_period_changes_only_behind_the_timed_sequence(bench):

@@ -18,7 +18,9 @@ int main(void) {
             TWDR = value[i];
         uint16_t start = TCNT1;
         TWCR = control[i];
-        if (control[i] & _BV(TWSTO))
+        if (!(control[i] & _BV(TWEN)))
+            ;
+        else if (control[i] & _BV(TWSTO))
             while (TWCR & _BV(TWSTO))
                 ;
         else

@@ -6,9 +6,10 @@
 volatile uint8_t marker __attribute__((section(".noinit")));
 volatile uint8_t marker_at_start, flags_at_start, control_at_start;
 volatile uint8_t starts __attribute__((section(".noinit")));
-volatile uint8_t mode = 0, interrupts = 0, control_now = 0;
+volatile uint8_t mode = 0, interrupts = 0, control_now = 0, control_cleared;
 volatile uint8_t stay_off __attribute__((section(".noinit")));
 
+enum { IN_TIME = 0x5A, TOO_EARLY = 0x5B };
 enum { RESET_ONLY = 1, INTERRUPT_ONLY, INTERRUPT_THEN_RESET, MASKED, FED, NO_SEQUENCE, REARMED };
 
 ISR(WDT_vect) {
@@ -30,9 +31,12 @@ int main(void) {
     control_at_start = WDTCSR;
     marker_at_start = marker;
     flags_at_start = MCUSR;
+    if (stay_off == TOO_EARLY)
+        wdt_disable();
     MCUSR = 0;
     starts++;
-    if (stay_off == 0x5A)
+    control_cleared = WDTCSR;
+    if (stay_off == IN_TIME)
         wdt_disable();
     while (!mode)
         ;
