@@ -1,8 +1,8 @@
 """Publishing without a queue, from which no subscriber can stall the publisher.
 
 rospy's queued publishers wake one more thread for each message and subscriber, which doubles the cost of a
-topic; its unqueued ones wait for ever for a subscriber that has stopped reading.  Here a message goes straight
-to the sockets, and one that does not read misses messages until it does.
+topic; its unqueued ones wait for ever for a subscriber that has stopped reading.  Here a message goes
+straight to the sockets, and one that does not read misses messages until it does.
 """
 
 import fcntl

@@ -1,4 +1,4 @@
-"""A bench for nodes: emulated boards and nodes as processes, a tap on the wire between them, topics as lists."""
+"""A bench for nodes: emulated boards and nodes as processes, a tap on the wire, topics as lists."""
 
 import os
 import pty
@@ -82,6 +82,24 @@ class Tap:
         return self.first(code, since_s)
 
 
+class SilentPort:
+    """A port on which nobody answers."""
+
+    def __init__(self) -> None:
+        self._master, self._slave = pty.openpty()
+        tty.setraw(self._slave)
+        self.port = os.ttyname(self._slave)
+
+    def wait_for_bytes(self, timeout_s: float) -> bool:
+        """Wait until somebody has sent something."""
+        return bool(select.select([self._master], [], [], timeout_s)[0])
+
+    def close(self) -> None:
+        """Give it back."""
+        os.close(self._master)
+        os.close(self._slave)
+
+
 def _holds(data: bytes, start: bytes) -> bool:
     return any(start + end in data for end in (b",", b"e"))
 
@@ -152,6 +170,12 @@ class Rig:
         tap = Tap(port)
         self._ends.append(tap.close)
         return tap
+
+    def silent_port(self) -> SilentPort:
+        """A port without a board."""
+        port = SilentPort()
+        self._ends.append(port.close)
+        return port
 
     def node(self, port: Optional[str], *options: str) -> Child:
         """Start the robot node in the rig's namespace, with frames that carry the rig's name."""

@@ -1,0 +1,176 @@
+"""The node on an emulated board: topics, frames, commands."""
+
+import math
+import time
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Twist, Vector3
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import BatteryState, Range
+from tf2_msgs.msg import TFMessage
+
+from ros1_bridge.messages import UNUSED_VARIANCE
+
+from .rig import START_S, Topic
+
+MOVE, STOP = 11, 13
+FRAME_HZ = 50
+SONAR_CYCLE_S = 0.3
+TIMEOUT_S = 0.5
+TIMEOUT_LATE_S = 0.05
+
+
+def forward(speed_m_s, **unused):
+    return Twist(Vector3(speed_m_s, unused.get("y", 0.0), 0.0), Vector3())
+
+
+def of_frame(topic: Topic, child: str):
+    """Transforms to a frame on /tf or /tf_static, which all tests share."""
+    return [t for message in topic.messages for t in message.transforms if t.child_frame_id == child]
+
+
+@pytest.fixture(scope="module")
+def robot(module_rig):
+    """A running node; its rig, the tap on its wire, its topics."""
+    rig = module_rig
+    rig.wire = rig.tap(rig.board().port)
+    rig.odom = rig.topic("odom", Odometry)
+    rig.tf, rig.mounts = rig.topic("/tf", TFMessage), rig.topic("/tf_static", TFMessage)
+    rig.sonars = {name: rig.topic(f"sonar/{name}", Range) for name in ("front", "left", "right")}
+    rig.battery = rig.topic("battery", BatteryState)
+    rig.diagnostics = rig.topic("/diagnostics", DiagnosticArray)
+    rig.process = rig.node(rig.wire.port)
+    rig.odom.wait()
+    rig.cmd_vel = rig.publisher("cmd_vel", Twist)
+    return rig
+
+
+def test_odometry_comes_at_the_rate_of_the_stream(robot):
+    begin = len(robot.odom.wait())
+    time.sleep(1.0)
+    assert len(robot.odom.messages) - begin == pytest.approx(FRAME_HZ, rel=0.2)
+
+
+def test_frames_are_those_of_the_parameters(robot):
+    message = robot.odom.wait()[-1]
+    assert message.header.frame_id == f"{robot.name}/odom"
+    assert message.child_frame_id == f"{robot.name}/base_link"
+
+
+def test_covariances_suit_a_filter(robot):
+    message = robot.odom.wait()[-1]
+    for covariance in (message.pose.covariance, message.twist.covariance):
+        assert all(0 < covariance[7 * i] <= UNUSED_VARIANCE for i in range(6))
+
+
+def test_stamps_never_repeat(robot):
+    stamps = [message.header.stamp for message in robot.odom.wait(50)]
+    assert all(a < b for a, b in zip(stamps, stamps[1:]))
+
+
+def test_transform_equals_odometry(robot):
+    robot.odom.wait(20)
+    poses = {m.header.stamp: m.pose.pose.position.x for m in robot.odom.messages}
+    transforms = [t for t in of_frame(robot.tf, f"{robot.name}/base_link") if t.header.stamp in poses]
+    assert transforms
+    assert all(t.transform.translation.x == poses[t.header.stamp] for t in transforms)
+    assert {t.header.frame_id for t in transforms} == {f"{robot.name}/odom"}
+
+
+def test_mount_of_each_sonar_is_a_static_transform(robot):
+    robot.mounts.wait()
+    left = of_frame(robot.mounts, f"{robot.name}/sonar_left")[-1]
+    assert left.header.frame_id == f"{robot.name}/base_link"
+    assert (left.transform.translation.x, left.transform.translation.y) == (0.08, 0.06)
+
+
+def test_sonars_are_published_once_for_each_reading(robot):
+    """The world stands still, so each sonar has one reading for each cycle of the chain."""
+    begin = {name: len(topic.arrived) for name, topic in robot.sonars.items()}
+    time.sleep(5 * SONAR_CYCLE_S)
+    for name, topic in robot.sonars.items():
+        assert 4 <= len(topic.arrived) - begin[name] <= 8
+        assert topic.messages[-1].header.frame_id == f"{robot.name}/sonar_{name}"
+
+
+def test_battery_is_full(robot):
+    message = robot.battery.wait()[-1]
+    assert message.present
+    assert 9.0 < message.voltage < 15.0
+    assert 0.0 < message.percentage <= 1.0
+
+
+def test_diagnostics_tell_of_the_link(robot):
+    robot.diagnostics.wait()
+    status = next(s for s in robot.diagnostics.messages[-1].status if s.name.endswith(": Link"))
+    values = {pair.key: pair.value for pair in status.values}
+    assert values["Serial Port"] == robot.wire.port
+    assert values["Device ID"] == "1"
+
+
+def test_command_is_on_the_wire_at_once(robot):
+    since = time.monotonic()
+    robot.cmd_vel.publish(forward(0.1))
+    assert robot.wire.wait_for(MOVE, since) - since < 0.1
+
+
+def test_robot_follows_the_command(robot):
+    begin = robot.odom.messages[-1].pose.pose.position.x
+    until = time.monotonic() + 1.0
+    while time.monotonic() < until:
+        robot.cmd_vel.publish(forward(0.2))
+        time.sleep(0.1)
+    assert robot.odom.messages[-1].pose.pose.position.x > begin + 0.05
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_command_that_is_no_number_stops_the_robot(robot, value):
+    robot.cmd_vel.publish(forward(0.1))
+    since = time.monotonic()
+    robot.wire.wait_for(MOVE, since - 0.1)
+    robot.cmd_vel.publish(forward(value))
+    assert robot.wire.wait_for(STOP, since) - since < TIMEOUT_S / 2
+
+
+def test_sideways_command_is_ignored_with_one_warning(robot):
+    since = time.monotonic()
+    for _ in range(5):
+        robot.cmd_vel.publish(forward(0.1, y=0.5))
+        time.sleep(0.05)
+    assert robot.wire.first(MOVE, since) < math.inf
+    assert sum("linear.y" in line for line in robot.process.output()) == 1
+
+
+@pytest.mark.parametrize("timeout_s", [0.1, TIMEOUT_S, 1.0])
+def test_robot_stops_when_commands_end(rig, timeout_s):
+    wire = rig.tap(rig.board().port)
+    rig.node(wire.port, f"_cmd_vel_timeout:={timeout_s}")
+    cmd_vel = rig.publisher("cmd_vel", Twist)
+    since = time.monotonic()
+    cmd_vel.publish(forward(0.1))
+    moved = wire.wait_for(MOVE, since)
+    assert timeout_s <= wire.wait_for(STOP, moved) - since < timeout_s + TIMEOUT_LATE_S
+
+
+@pytest.mark.parametrize(
+    "options, exit_code, words",
+    [
+        ((None,), 2, "/port is missing, expected"),
+        (
+            ("/dev/null", "_cmd_vel_timeout:=fast"),
+            2,
+            "/cmd_vel_timeout is 'fast', expected a number from 0.05",
+        ),
+        (("/dev/null", "_robot:=tank"), 2, "'tank' is unknown, expected"),
+        (("/dev/not_there",), 3, "does not exist"),
+        (("/tmp",), 3, "is a folder"),
+    ],
+    ids=["no port", "text for a number", "unknown robot", "port not there", "folder"],
+)
+def test_bad_parameter_ends_the_node_with_one_line(rig, options, exit_code, words):
+    node = rig.node(*options)
+    assert node.wait(START_S)
+    assert node.exit_code == exit_code
+    assert len(node.output()) == 1
+    assert words in node.output()[0]
