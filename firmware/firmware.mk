@@ -1,0 +1,72 @@
+# The sketch with Debian's gcc-avr and arduino-core-avr, and the same C++ for the PC.  Included by the Makefile.
+FW_SOURCE := firmware/mrl_firmware
+FW_BUILD := build/firmware
+ARDUINO_AVR ?= /usr/share/arduino/hardware/arduino/avr
+AVRDUDE ?= avrdude
+
+FW_FLAGS := -mmcu=atmega328p -DF_CPU=16000000L -DARDUINO=10819 -DARDUINO_AVR_UNO -DARDUINO_ARCH_AVR \
+  -Os -g -flto -ffunction-sections -fdata-sections \
+  -I$(ARDUINO_AVR)/cores/arduino -I$(ARDUINO_AVR)/variants/standard
+FW_WARNINGS := -Wall -Wextra -Wconversion -Werror
+FW_CXX := -std=gnu++11 -fno-exceptions -fno-threadsafe-statics
+
+# The core gives main(), init() and the pins; serial line and I2C are our own.
+FW_CORE := main.cpp hooks.c wiring.c wiring_digital.c
+FW_HEADERS := $(wildcard $(FW_SOURCE)/*.h)
+FW_PARTS := $(notdir $(wildcard $(FW_SOURCE)/*.cpp)) mrl_firmware.ino
+
+PC_BUILD := build/pc
+PC_CXX := -std=gnu++11 -g -O1 -fno-exceptions -Wall -Wextra -Wconversion -Werror -I$(FW_SOURCE)
+PC_SOURCES = $(filter-out %/hal_avr.cpp,$(wildcard $(FW_SOURCE)/*.cpp)) tests/firmware/hal_pc.cpp
+
+.PHONY: firmware flash pc-firmware
+
+# $(1) name of the image, $(2) its defines
+define FW_IMAGE
+FW_IMAGES += $$(FW_BUILD)/$(1).elf
+FW_OBJECTS_$(1) := $$(patsubst %,$$(FW_BUILD)/$(1).o/%.o,$$(FW_PARTS)) $$(patsubst %,$$(FW_BUILD)/core/%.o,$$(FW_CORE))
+
+$$(FW_BUILD)/$(1).o/%.cpp.o: $$(FW_SOURCE)/%.cpp $$(FW_HEADERS) firmware/firmware.mk
+	@mkdir -p $$(@D)
+	@avr-g++ $$(FW_FLAGS) $$(FW_CXX) $$(FW_WARNINGS) $(2) -c $$< -o $$@
+
+$$(FW_BUILD)/$(1).o/%.ino.o: $$(FW_SOURCE)/%.ino $$(FW_HEADERS) firmware/firmware.mk
+	@mkdir -p $$(@D)
+	@avr-g++ $$(FW_FLAGS) $$(FW_CXX) $$(FW_WARNINGS) $(2) -x c++ -include Arduino.h -c $$< -o $$@
+
+$$(FW_BUILD)/$(1).elf: $$(FW_OBJECTS_$(1))
+	@avr-gcc $$(FW_FLAGS) -fuse-linker-plugin -Wl,--gc-sections $$^ -o $$@.new
+	@avr-objcopy -O ihex -R .eeprom $$@.new $$(FW_BUILD)/$(1).hex
+	@mv $$@.new $$@
+	@avr-size -B $$@ | awk 'NR == 2 { printf "%-28s flash %5d of 32256, SRAM %4d of 2048 bytes before the stack\n", \
+	  "$(1)", $$$$1 + $$$$2, $$$$2 + $$$$3 }'
+endef
+$(eval $(call FW_IMAGE,mrl_firmware,))
+$(eval $(call FW_IMAGE,mrl_firmware_environment,-DMRL_ENVIRONMENT=1))
+
+$(FW_BUILD)/core/%.c.o: $(ARDUINO_AVR)/cores/arduino/%.c
+	@mkdir -p $(@D)
+	@avr-gcc $(FW_FLAGS) -w -c $< -o $@
+
+$(FW_BUILD)/core/%.cpp.o: $(ARDUINO_AVR)/cores/arduino/%.cpp
+	@mkdir -p $(@D)
+	@avr-g++ $(FW_FLAGS) $(FW_CXX) -w -c $< -o $@
+
+$(ARDUINO_AVR)/cores/arduino/%:
+	@echo "no Arduino core in $(ARDUINO_AVR): apt-get install arduino-core-avr, or set ARDUINO_AVR" >&2; exit 1
+
+firmware: $(FW_IMAGES) ## Build the sketch (sonar and environment-sensor boards)
+
+flash: $(FW_BUILD)/mrl_firmware.elf ## Upload to an Arduino Uno: PORT=/dev/ttyACM0
+	@[ -n "$(PORT)" ] || { echo "make flash: which port? make flash PORT=/dev/ttyACM0" >&2; exit 1; }
+	@[ -c "$(PORT)" ] || { echo "make flash: no board at $(PORT): no such serial port" >&2; exit 1; }
+	@out=$$($(AVRDUDE) -q -q -p m328p -c arduino -b 115200 -P "$(PORT)" -D \
+	  -U flash:w:$(FW_BUILD)/$(IMAGE).hex:i 2>&1) || \
+	  { echo "make flash: no board answers at $(PORT): $$(echo "$$out" | grep . | head -1)" >&2; exit 1; }
+flash: IMAGE ?= mrl_firmware
+
+pc-firmware: $(PC_BUILD)/libmrl_firmware.so ## Build the firmware's C++ for the PC, as the tests use it
+
+$(PC_BUILD)/libmrl_firmware.so: $(PC_SOURCES) $(FW_HEADERS) firmware/firmware.mk
+	@mkdir -p $(@D)
+	@g++ $(PC_CXX) -shared -fPIC $(PC_SOURCES) -o $@.new && mv $@.new $@

@@ -1,0 +1,12 @@
+// Everything wired together.
+#pragma once
+
+namespace mrl {
+namespace board {
+
+void begin();
+// One pass of the loop; returns without waiting for anything.
+void run();
+
+}  // namespace board
+}  // namespace mrl

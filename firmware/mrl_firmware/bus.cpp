@@ -1,0 +1,83 @@
+#include "bus.h"
+
+#include "answers.h"
+#include "board_clock.h"
+#include "commands.h"
+#include "config.h"
+#include "hal.h"
+#include "i2c_sensors.h"
+#include "motor_board.h"
+#include "status.h"
+
+namespace mrl {
+namespace bus {
+namespace {
+
+// The longest transfer, 10 bytes at 100 kHz, takes 1.2 ms; the rest is for slaves that stretch the clock.
+constexpr uint32_t LIMIT = board_clock::of_ms(8);
+constexpr uint32_t REST_AFTER_HANG = board_clock::of_ms(16);
+
+enum class Owner : uint8_t { none, motor_board, sensor } owner;
+uint32_t started, rest_from;
+uint8_t motor_divider;
+bool resting, restart_with_stop;
+
+void end_transfer(Result result) {
+  const Owner who = owner;
+  owner = Owner::none;
+  status::set_fault(FAULT_BUS_HUNG, result == Result::hung);
+  if (result == Result::hung) {
+    hal::bus_recover();
+    resting = true;
+    rest_from = board_clock::now();
+  }
+  if (who == Owner::motor_board) motor::transfer_ended(result);
+  if (who == Owner::sensor) i2c_sensors::transfer_ended(result);
+}
+
+// True if the transfer on the bus has ended.
+bool end_if_over() {
+  const hal::BusState state = hal::bus_state();
+  if (state == hal::BusState::idle) {
+    end_transfer(Result::done);
+  } else if (state == hal::BusState::nack) {
+    end_transfer(Result::refused);
+  } else if (state == hal::BusState::lost || board_clock::passed(started, LIMIT)) {
+    end_transfer(Result::hung);
+  } else {
+    return false;
+  }
+  return true;
+}
+
+Owner next_owner(hal::Transfer& transfer) {
+  transfer.divider = motor_divider;
+  if (motor::next_transfer(transfer)) return Owner::motor_board;
+  // What can wait waits while a command comes in or a stream frame is due, unless it has waited for long.
+  const bool only_overdue = commands::decoder.in_frame() || answers::about_to_read();
+  if (motor::next_poll(transfer, only_overdue)) return Owner::motor_board;
+  if (!only_overdue && i2c_sensors::next_transfer(transfer)) return Owner::sensor;
+  return Owner::none;
+}
+
+}  // namespace
+
+void configure() {
+  const uint16_t khz = static_cast<uint16_t>(config::get(Parameter::bus_speed));
+  motor_divider = static_cast<uint8_t>((16000 / khz - 16 + 1) / 2);
+  restart_with_stop = config::get(Parameter::bus_stop);
+}
+
+void service() {
+  if (owner != Owner::none && !end_if_over()) return;
+  if (resting && !board_clock::passed(rest_from, REST_AFTER_HANG)) return;
+  resting = false;
+  owner = next_owner(hal::transfer);
+  if (owner == Owner::none) return;
+  hal::transfer.stop_between = restart_with_stop;
+  started = board_clock::now();
+  hal::bus_start();
+}
+
+}  // namespace bus
+}  // namespace mrl

@@ -1,0 +1,47 @@
+#include "commands.h"
+
+#include "debug.h"
+#include "failsafe.h"
+#include "flash.h"
+#include "hal.h"
+#include "protocol.h"
+#include "status.h"
+
+namespace mrl {
+namespace commands {
+namespace {
+
+typedef void Handler(const int16_t* args, uint8_t count);
+
+#define HANDLER(code, name, least, most, guarded, stamped, first) handlers::name,
+#define NO_HANDLER(code, name, least, most, guarded, stamped, first) nullptr,
+Handler* const HANDLERS[] PROGMEM = {MRL_COMMANDS(HANDLER, NO_HANDLER)};
+#undef HANDLER
+#undef NO_HANDLER
+
+void execute() {
+  const uint8_t code = decoder.code();
+  failsafe::valid_frame();
+  flash_pointer(&HANDLERS[code - 1])(decoder.arguments(), decoder.count());
+  debug::accepted(code);
+}
+
+}  // namespace
+
+FrameDecoder decoder;
+
+void receive() {
+  for (int16_t byte; (byte = hal::serial_read()) >= 0;) {
+    const Verdict verdict = decoder.feed(static_cast<uint8_t>(byte));
+    if (verdict == Verdict::frame) execute();
+    if (verdict == Verdict::garbage) status::refuse(decoder.reason());
+  }
+}
+
+void discard() {
+  hal::serial_discard();
+  decoder.clear();
+}
+
+}  // namespace commands
+}  // namespace mrl

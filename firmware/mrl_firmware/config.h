@@ -1,0 +1,30 @@
+// The board's parameters: defaults by model, EEPROM with a check value, changes by the host.
+//
+// EEPROM: the robot id as a 4-byte float at address 0, where the firmware of 2013 keeps it; from BLOCK_AT on a layout
+// version, all parameters (id included) as int16, low byte first, and their CRC-16.
+#pragma once
+#include <stdint.h>
+
+#include "protocol.h"
+
+namespace mrl {
+namespace config {
+
+constexpr uint16_t ID_AT = 0;
+constexpr uint16_t BLOCK_AT = 16;
+constexpr uint8_t LAYOUT = 1;
+constexpr uint8_t BLOCK_SIZE = 1 + 2 * PARAMETER_COUNT + 2;
+
+// Loads EEPROM; what does not hold up is replaced by the model's defaults and flagged.
+void begin();
+int16_t get(Parameter parameter);
+// For the handlers that set gains; within the parameter's range.
+void set(Parameter parameter, int16_t value);
+// Writes at most one byte to EEPROM.
+void service();
+// The rows of the replies to 34 and 35, and to 36.
+void report(int16_t index);
+void report_saved(int16_t saved);
+
+}  // namespace config
+}  // namespace mrl

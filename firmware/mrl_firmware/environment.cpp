@@ -1,0 +1,105 @@
+#include "environment.h"
+
+#include "answers.h"
+#include "board_clock.h"
+#include "build.h"
+#include "dust.h"
+#include "hal.h"
+#include "i2c_sensors.h"
+#include "pins.h"
+#include "protocol.h"
+#include "status.h"
+
+namespace mrl {
+namespace environment {
+
+#if MRL_ENVIRONMENT
+
+namespace {
+
+// The dust sensor's pulses are rare: its characteristic holds for half a minute, kept here as six slots.
+constexpr uint32_t SLOT = board_clock::of_ms(5000);
+constexpr uint8_t SLOTS = 6;
+constexpr uint8_t SILENT_SLOTS = 12;  // a minute without one pulse: no sensor
+
+uint32_t low_ticks[SLOTS];
+uint32_t slot_began;
+uint8_t slot, slots_filled, silent_slots;
+int16_t alcohol_count, light_count;
+bool converting_light;
+
+void service_inputs() {
+  const int16_t count = hal::adc_result();
+  if (count < 0) return;
+  (converting_light ? light_count : alcohol_count) = count;
+  converting_light = !converting_light;
+  hal::adc_start(pins::channel(converting_light ? pins::LIGHT : pins::ALCOHOL));
+}
+
+void next_slot() {
+  slot_began += SLOT;
+  slot = static_cast<uint8_t>((slot + 1) % SLOTS);
+  if (slots_filled < SLOTS) slots_filled++;
+  low_ticks[slot] = 0;
+  silent_slots = hal::dust_changed() ? 0 : static_cast<uint8_t>(silent_slots < SILENT_SLOTS ? silent_slots + 1 : SILENT_SLOTS);
+  if (silent_slots == SILENT_SLOTS) status::set_fault(FAULT_SENSOR, true);
+}
+
+void service_dust() {
+  low_ticks[slot] += hal::dust_low_ticks();
+  if (board_clock::passed(slot_began, SLOT)) next_slot();
+}
+
+}  // namespace
+
+void begin() {
+  hal::pin_output(pins::ALCOHOL_HEATER, false);
+  hal::pin_output(pins::FAN, true);
+  hal::adc_start(pins::channel(pins::ALCOHOL));
+  slot_began = board_clock::now();
+}
+
+void service() {
+  service_inputs();
+  service_dust();
+}
+
+int16_t alcohol() { return static_cast<int16_t>(1023 - alcohol_count); }
+
+int16_t light() { return light_count; }
+
+int16_t dust() {
+  uint32_t low = 0;
+  for (uint8_t i = 0; i < SLOTS; i++) low += low_ticks[i];
+  const uint8_t whole = slots_filled < SLOTS ? slots_filled : SLOTS - 1;
+  return dust_per_litre(low, whole * SLOT + (board_clock::now() - slot_began));
+}
+
+#else
+
+void begin() {}
+void service() {}
+int16_t alcohol() { return 0; }
+int16_t light() { return 0; }
+int16_t dust() { return 0; }
+
+#endif
+
+}  // namespace environment
+
+namespace handlers {
+namespace {
+
+void ask_if_there(uint8_t code) {
+  if (!MRL_ENVIRONMENT) return status::refuse(Reason::unavailable);
+  answers::ask(code);
+}
+
+}  // namespace
+
+void read_alcohol(const int16_t*, uint8_t) { ask_if_there(READ_ALCOHOL); }
+void read_dust(const int16_t*, uint8_t) { ask_if_there(READ_DUST); }
+void read_thermopile(const int16_t*, uint8_t) { answers::ask(READ_THERMOPILE); }
+
+}  // namespace handlers
+}  // namespace mrl

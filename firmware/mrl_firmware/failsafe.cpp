@@ -1,0 +1,73 @@
+#include "failsafe.h"
+
+#include "answers.h"
+#include "board_clock.h"
+#include "commands.h"
+#include "frame_writer.h"
+#include "motor_board.h"
+#include "protocol.h"
+
+namespace mrl {
+namespace failsafe {
+namespace {
+
+constexpr uint16_t STALL = static_cast<uint16_t>(board_clock::of_ms(250));
+constexpr uint32_t CHECK_SILENCE = board_clock::of_ms(2000);
+
+uint32_t last_valid;
+uint32_t watchdog;  // [64 us], 0 is off
+int16_t watchdog_ms;
+bool silent;  // the watchdog has stopped the motors and nothing has come since
+
+void set_check(bool on) {
+  commands::decoder.checked = on;
+  writer::set_checked(on);
+}
+
+// What waited through a stall is stale: it is not carried out.
+void recover_from_stall() {
+  commands::discard();
+  motor::stop(StopReason::stall);
+  last_valid = board_clock::now();
+}
+
+}  // namespace
+
+void begin() { last_valid = board_clock::now(); }
+
+void valid_frame() {
+  last_valid = board_clock::now();
+  silent = false;
+}
+
+void service(uint16_t gap) {
+  if (gap > STALL) recover_from_stall();
+  if (watchdog && !silent && board_clock::passed(last_valid, watchdog)) {
+    silent = true;
+    motor::stop(StopReason::link_watchdog);
+  }
+  if (commands::decoder.checked && board_clock::passed(last_valid, CHECK_SILENCE)) {
+    motor::stop(StopReason::check_ended);
+    set_check(false);
+  }
+}
+
+void report_watchdog() { writer::add(watchdog_ms); }
+
+}  // namespace failsafe
+
+namespace handlers {
+
+void set_check(const int16_t* args, uint8_t) {
+  failsafe::set_check(args[0]);
+  answers::ask(SET_CHECK, args[0]);
+}
+
+void set_watchdog(const int16_t* args, uint8_t) {
+  failsafe::watchdog_ms = args[0];
+  failsafe::watchdog = board_clock::of_ms(static_cast<uint32_t>(args[0]));
+  answers::ask(SET_WATCHDOG);
+}
+
+}  // namespace handlers
+}  // namespace mrl

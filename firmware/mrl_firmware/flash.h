@@ -1,0 +1,33 @@
+// Tables that stay in flash on the AVR and are plain constants on a PC.
+#pragma once
+#include <stdint.h>
+
+#ifdef __AVR__
+#include <avr/pgmspace.h>
+#else
+#define PROGMEM
+#endif
+
+namespace mrl {
+
+#ifdef __AVR__
+inline uint8_t flash_byte(const uint8_t* at) { return pgm_read_byte(at); }
+inline char flash_char(const char* at) { return static_cast<char>(pgm_read_byte(at)); }
+inline int16_t flash_int16(const int16_t* at) { return static_cast<int16_t>(pgm_read_word(at)); }
+inline uint16_t flash_uint16(const uint16_t* at) { return pgm_read_word(at); }
+template <typename T>
+inline T* flash_pointer(T* const* at) {
+  return reinterpret_cast<T*>(pgm_read_word(at));
+}
+#else
+inline uint8_t flash_byte(const uint8_t* at) { return *at; }
+inline char flash_char(const char* at) { return *at; }
+inline int16_t flash_int16(const int16_t* at) { return *at; }
+inline uint16_t flash_uint16(const uint16_t* at) { return *at; }
+template <typename T>
+inline T* flash_pointer(T* const* at) {
+  return *at;
+}
+#endif
+
+}  // namespace mrl

@@ -1,0 +1,100 @@
+// What the firmware wants of the hardware.  hal_avr.cpp gives it on the Uno; the tests bring one for the PC.
+#pragma once
+#include <stdint.h>
+
+namespace hal {
+
+// Takes the peripherals; interrupts are on afterwards.
+void begin();
+
+// ---- time
+
+// Free-running counter of 64 us; wraps every 4.194 s.
+uint16_t ticks();
+
+// ---- serial line to the host, 115200 baud 8N1, interrupt-driven both ways
+
+constexpr uint8_t SERIAL_OUT_SIZE = 64;
+
+// The next received byte, or -1.
+int16_t serial_read();
+// Drops all received bytes.
+void serial_discard();
+// Bytes that were lost since the last call; 255 at most.
+uint8_t serial_overruns();
+// Bytes that serial_write() takes now.
+uint8_t serial_room();
+// Bytes that have not reached the transmitter yet.
+uint8_t serial_waiting();
+// Queues one byte; there must be room.
+void serial_write(uint8_t byte);
+
+// ---- I2C master, interrupt-driven: one transfer at a time
+
+// Writes `out`, then, if `in_count` is not 0, reads `in`.
+struct Transfer {
+  uint8_t address;  // 7 bits
+  uint8_t out_count;
+  uint8_t out[9];
+  uint8_t in_count;
+  uint8_t in[10];
+  uint8_t divider;    // SCL is 16 MHz / (16 + 2 divider)
+  bool stop_between;  // stop and start instead of a repeated start before the read
+};
+
+enum class BusState : uint8_t {
+  idle,
+  busy,
+  nack,  // nobody there, or a byte was not acknowledged
+  lost,  // somebody else holds the bus
+};
+
+// Belongs to the caller unless the bus is busy.
+extern Transfer transfer;
+// Starts `transfer`.  The state is `busy` until it has ended, then `idle` if all went well.
+void bus_start();
+BusState bus_state();
+// ticks() at the moment the slave of the last read acknowledged its address.
+uint16_t bus_latched();
+// Ends whatever goes on, clocks a slave that holds SDA out of it; takes 120 us.
+void bus_recover();
+
+// ---- analog inputs: one conversion at a time, 104 us
+
+void adc_start(uint8_t channel);
+// The result, or -1 while the conversion runs.
+int16_t adc_result();
+
+// ---- pins
+
+void pin_output(uint8_t pin, bool level);
+
+// ---- EEPROM
+
+constexpr uint16_t EEPROM_SIZE = 1024;
+
+// False while a byte is being written (3.4 ms); the other two calls need true.
+bool eeprom_ready();
+uint8_t eeprom_read(uint16_t address);
+void eeprom_write(uint16_t address, uint8_t value);
+
+// ---- resets
+
+// What the chip and the marks in RAM that outlive a reset tell of the last one; valid after begin().
+struct ResetTrace {
+  bool power_on, external, brown_out, watchdog;  // the chip's flags, all false behind a bootloader that clears them
+  bool watchdog_marked;                          // the watchdog's interrupt left its mark
+  bool memory_kept;                              // RAM still holds what the last run wrote
+};
+ResetTrace reset_trace();
+// Resets the board 384 ms after the last call.
+void watchdog_kick();
+
+// ---- dust sensor: low pulses on ICP1
+
+// Time for which the input was low since the last call [64 us].
+uint32_t dust_low_ticks();
+// True if the input has changed at all since the last call.
+bool dust_changed();
+
+}  // namespace hal

@@ -1,0 +1,98 @@
+// Commands that go to the motor board: moves, gains, encoders.
+#include "answers.h"
+#include "config.h"
+#include "motor_board.h"
+#include "protocol.h"
+#include "status.h"
+
+namespace mrl {
+namespace {
+
+void forward(const motor::Message& message) {
+  if (!motor::send(message)) status::refuse(Reason::unavailable);
+}
+
+uint16_t magnitude(int16_t value) { return static_cast<uint16_t>(value < 0 ? 0u - static_cast<uint16_t>(value) : static_cast<uint16_t>(value)); }
+
+// The widest ceiling is none: -32768 is one beyond it and is to arrive as it is.
+bool beyond(int16_t value, int16_t ceiling) {
+  return ceiling != INT16_MAX && magnitude(value) > static_cast<uint16_t>(ceiling);
+}
+
+// Rounds towards zero.
+int16_t scaled(int16_t value, int16_t ceiling, uint16_t by) {
+  return static_cast<int16_t>(static_cast<int32_t>(value) * ceiling / static_cast<int32_t>(by));
+}
+
+// Scales both speeds until `limited` meets its ceiling, so that the arc keeps its radius.
+void clamp(int16_t& limited, int16_t& other, int16_t ceiling) {
+  if (!beyond(limited, ceiling)) return;
+  const uint16_t was = magnitude(limited);
+  limited = scaled(limited, ceiling, was);
+  other = scaled(other, ceiling, was);
+}
+
+}  // namespace
+
+namespace handlers {
+
+void calibrate(const int16_t*, uint8_t) { forward(motor::Message(motor::CALIBRATE_MOTORS).byte(1).byte(1).byte(1).keys()); }
+
+void set_pid_gains(const int16_t* args, uint8_t) {
+  if (!motor::available()) return status::refuse(Reason::unavailable);
+  config::set(Parameter::kp, args[0]);
+  config::set(Parameter::ki, args[1]);
+  config::set(Parameter::kd, args[2]);
+  motor::refresh(Parameter::kp);
+}
+
+void set_encoder_prescaler(const int16_t* args, uint8_t) {
+  forward(motor::Message(motor::PRESCALER, 10)
+           .byte(static_cast<uint8_t>(args[0]))
+           .byte(static_cast<uint8_t>(args[1]))
+           .keys());
+}
+
+void preset_encoder(const int16_t* args, uint8_t) {
+  forward(motor::Message(motor::PRESET).byte(static_cast<uint8_t>(args[0])).word(args[1]).keys());
+}
+
+void reset_encoders(const int16_t*, uint8_t) {
+  for (uint8_t encoder = 1; encoder <= 3; encoder++) forward(motor::Message(motor::PRESET).byte(encoder).word(0).keys());
+}
+
+void move_motors_pid(const int16_t* args, uint8_t) {
+  forward(motor::Message(motor::MOVE_PID).word(args[0]).word(0).word(args[1]));
+}
+
+void move_motors(const int16_t* args, uint8_t) {
+  forward(motor::Message(motor::MOVE_PLAIN).word(args[0]).word(0).word(args[1]));
+}
+
+void move_differential(const int16_t* args, uint8_t) {
+  int16_t linear = args[0], angular = args[1];
+  const int16_t linear_ceiling = config::get(Parameter::linear_ceiling);
+  const int16_t angular_ceiling = config::get(Parameter::angular_ceiling);
+  if (beyond(linear, linear_ceiling) || beyond(angular, angular_ceiling)) status::count_clamped();
+  clamp(linear, angular, linear_ceiling);
+  clamp(angular, linear, angular_ceiling);
+  forward(motor::Message(motor::MOVE_SI).word(linear).word(angular));
+}
+
+void move_to_position(const int16_t* args, uint8_t) {
+  forward(motor::Message(motor::MOVE_POSITION)
+           .byte(static_cast<uint8_t>(args[0]))
+           .word(args[1])
+           .word(args[2])
+           .byte(1));
+}
+
+void stop(const int16_t*, uint8_t) {
+  if (!motor::available()) status::refuse(Reason::unavailable);
+  motor::stop(StopReason::host);
+}
+
+void robot_info(const int16_t*, uint8_t) { answers::ask(ROBOT_INFO); }
+
+}  // namespace handlers
+}  // namespace mrl

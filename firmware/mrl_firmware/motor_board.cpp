@@ -1,0 +1,319 @@
+#include "motor_board.h"
+
+#include "board_clock.h"
+#include "config.h"
+#include "frame_writer.h"
+#include "motor_queue.h"
+#include "status.h"
+
+namespace mrl {
+namespace motor {
+namespace {
+
+constexpr uint8_t ADDRESS = 0x18;
+constexpr uint32_t RETRY_PRESENCE = board_clock::of_ms(48);
+constexpr uint32_t POLL_PERIOD = board_clock::of_ms(40);  // shorter than the board's shortest I2C timeout, 100 ms
+constexpr uint32_t POLL_OVERDUE = board_clock::of_ms(64);
+constexpr uint8_t PAUSE_AFTER_FAILURE_MS = 1;
+constexpr uint8_t FAILURES_ALLOWED = 4;
+
+enum class Presence : uint8_t { absent, asking, present };
+// The order in which a board that has appeared is asked; the first one is a stop.
+enum class Ask : uint8_t { stop, version, decimals, battery, temperature, done };
+enum class Kind : uint8_t { stop, ask, set_up, command, counts, poll };
+enum SetUp : uint8_t { SET_GEOMETRY = 1, SET_GAINS = 2, SET_RAMP = 4, SET_TIMEOUT = 8, SET_ALL = 15 };
+
+Queue queue;
+Message current;  // the command on the bus, kept for a retry
+Counts last_counts;
+uint32_t free_at, last_poll, absent_since;
+int16_t version, battery, temperature;
+Presence presence;
+Ask ask_step;
+Kind kind;
+CountsState state;
+uint8_t set_up_todo, set_up_now;
+uint8_t failures;
+bool found, known;
+bool stop_wanted, stop_again;
+bool retry_current, drop_current;
+bool poll_temperature;
+
+bool pausing() { return static_cast<int32_t>(board_clock::now() - free_at) < 0; }
+
+void pause(uint8_t ms) { free_at = board_clock::now() + board_clock::of_ms(ms) + 1; }
+
+void fill(hal::Transfer& transfer, Kind what, const Message& message, uint8_t in_count = 0) {
+  kind = what;
+  transfer.address = ADDRESS;
+  transfer.out_count = message.size;
+  for (uint8_t i = 0; i < message.size; i++) transfer.out[i] = message.bytes[i];
+  transfer.in_count = in_count;
+}
+
+void read(hal::Transfer& transfer, Kind what, uint8_t command, uint8_t count) {
+  fill(transfer, what, Message(command), count);
+}
+
+int16_t word_in(uint8_t at) {
+  return static_cast<int16_t>(hal::transfer.in[at] << 8 | hal::transfer.in[at + 1]);
+}
+
+// The board's tenths as the wire's hundredths.
+int16_t hundredths(int16_t tenths) {
+  return tenths > 3276 ? INT16_MAX : tenths < -3276 ? INT16_MIN : static_cast<int16_t>(tenths * 10);
+}
+
+// ---- presence
+
+void start_asking() {
+  presence = Presence::asking;
+  ask_step = Ask::stop;
+  set_up_todo = SET_ALL;
+  failures = 0;
+}
+
+void lose() {
+  if (presence == Presence::present) status::set_stop_reason(StopReason::motor_board);
+  presence = Presence::absent;
+  absent_since = board_clock::now();
+  known = true;
+  version = battery = temperature = 0;
+  stop_wanted = stop_again = retry_current = false;
+  if (state == CountsState::wanted) state = CountsState::failed;
+  for (uint8_t dropped = queue.clear(); dropped; dropped--) status::refuse(Reason::unavailable);
+}
+
+void ask_next(hal::Transfer& transfer) {
+  switch (ask_step) {
+    case Ask::stop:
+      return fill(transfer, Kind::ask, Message(STOP_MOTORS).keys());
+    case Ask::version:
+      return read(transfer, Kind::ask, READ_VERSION, 1);
+    case Ask::decimals:
+      return read(transfer, Kind::ask, READ_VERSION_DECIMALS, 1);
+    case Ask::battery:
+      return read(transfer, Kind::ask, READ_BATTERY, 2);
+    default:
+      return read(transfer, Kind::ask, READ_TEMPERATURE, 2);
+  }
+}
+
+void take_answer() {
+  switch (ask_step) {
+    case Ask::version:
+      version = static_cast<int16_t>(hal::transfer.in[0] * 100);
+      break;
+    case Ask::decimals:
+      version = static_cast<int16_t>(version + hal::transfer.in[0]);
+      break;
+    case Ask::battery:
+      battery = hundredths(word_in(0));
+      break;
+    case Ask::temperature:
+      temperature = hundredths(word_in(0));
+      break;
+    default:
+      break;
+  }
+  ask_step = static_cast<Ask>(static_cast<uint8_t>(ask_step) + 1);
+  if (ask_step != Ask::done) return;
+  presence = Presence::present;
+  found = known = true;
+}
+
+// ---- set-up
+
+int16_t parameter(Parameter which) { return config::get(which); }
+
+Message set_up_message(uint8_t part) {
+  switch (part) {
+    case SET_GEOMETRY:
+      return Message(GEOMETRY, 20)
+          .word(parameter(Parameter::axis_radius))
+          .word(parameter(Parameter::wheel_radius))
+          .word(parameter(Parameter::gearbox))
+          .word(parameter(Parameter::encoder_counts));
+    case SET_GAINS:
+      return Message(GAINS, 15)
+          .word(parameter(Parameter::kp))
+          .word(parameter(Parameter::ki))
+          .word(parameter(Parameter::kd));
+    case SET_RAMP:
+      return Message(RAMP, 10).word(parameter(Parameter::ramp_time)).word(parameter(Parameter::ramp_gain));
+    default: {
+      const uint8_t timeout = static_cast<uint8_t>(parameter(Parameter::motor_timeout));
+      return Message(TIMEOUT, 5).byte(timeout).byte(KEY_1).byte(timeout).byte(KEY_2);
+    }
+  }
+}
+
+void set_up_next(hal::Transfer& transfer) {
+  set_up_now = static_cast<uint8_t>(set_up_todo & -set_up_todo);
+  set_up_todo &= static_cast<uint8_t>(~set_up_now);
+  fill(transfer, Kind::set_up, set_up_message(set_up_now));
+}
+
+// ---- ends of transfers
+
+void take_counts() {
+  last_counts.left = word_in(0);
+  last_counts.right = word_in(4);
+  last_counts.tick = hal::bus_latched();
+  state = CountsState::ready;
+}
+
+void take_poll() {
+  (poll_temperature ? temperature : battery) = hundredths(word_in(0));
+  poll_temperature = !poll_temperature;
+}
+
+void succeed() {
+  failures = 0;
+  switch (kind) {
+    case Kind::stop:
+      stop_wanted = false;
+      break;
+    case Kind::ask:
+      take_answer();
+      break;
+    case Kind::set_up:
+      pause(set_up_message(set_up_now).pause_ms);
+      break;
+    case Kind::command:
+      if (current.pause_ms) pause(current.pause_ms);
+      break;
+    case Kind::counts:
+      take_counts();
+      break;
+    case Kind::poll:
+      take_poll();
+      break;
+  }
+  if (presence == Presence::present) status::set_fault(FAULT_MOTOR_BOARD, false);
+}
+
+void fail(bus::Result result) {
+  status::set_fault(FAULT_MOTOR_BOARD, true);
+  if (kind == Kind::counts) state = CountsState::failed;
+  if (kind == Kind::set_up) set_up_todo |= set_up_now;
+  if (kind == Kind::command && !drop_current) retry_current = true;
+  failures = static_cast<uint8_t>(failures + (result == bus::Result::hung ? 2 : 1));
+  if (kind == Kind::ask || failures >= FAILURES_ALLOWED) return lose();
+  pause(PAUSE_AFTER_FAILURE_MS);
+}
+
+void command_next(hal::Transfer& transfer) {
+  if (!retry_current) {
+    current = queue.front();
+    queue.pop();
+  }
+  retry_current = drop_current = false;
+  fill(transfer, Kind::command, current);
+}
+
+bool next_stop(hal::Transfer& transfer) {
+  if (!stop_wanted) return false;
+  fill(transfer, Kind::stop, Message(STOP_MOTORS).keys());
+  return true;
+}
+
+}  // namespace
+
+void begin() {
+  status::set_stop_reason(StopReason::boot);
+  free_at = last_poll = board_clock::now();
+  start_asking();
+}
+
+void service() {
+  if (presence == Presence::absent && board_clock::passed(absent_since, RETRY_PRESENCE)) start_asking();
+  if (stop_again && !pausing()) {
+    stop_again = false;
+    stop_wanted = true;
+  }
+}
+
+bool available() { return presence != Presence::absent; }
+
+bool asked() { return known; }
+
+bool ever_found() { return found; }
+
+// While the board is busy with its EEPROM it may miss a stop: it then gets it again.
+void stop(StopReason reason) {
+  status::set_stop_reason(reason);
+  queue.drop_moves();
+  drop_current = current.turns_motors();
+  if (drop_current) retry_current = false;
+  if (presence == Presence::absent) return start_asking();
+  stop_wanted = true;
+  stop_again = pausing();
+}
+
+bool send(const Message& message) {
+  if (!available()) return false;
+  if (!queue.push(message)) status::refuse(Reason::unavailable);
+  return true;
+}
+
+void refresh(Parameter parameter) {
+  if (parameter >= Parameter::axis_radius && parameter <= Parameter::encoder_counts) set_up_todo |= SET_GEOMETRY;
+  if (parameter >= Parameter::kp && parameter <= Parameter::kd) set_up_todo |= SET_GAINS;
+  if (parameter == Parameter::ramp_time || parameter == Parameter::ramp_gain) set_up_todo |= SET_RAMP;
+  if (parameter == Parameter::motor_timeout) set_up_todo |= SET_TIMEOUT;
+}
+
+void refresh_all() { set_up_todo = SET_ALL; }
+
+void want_counts() { state = available() ? CountsState::wanted : CountsState::failed; }
+
+CountsState counts_state() { return state; }
+
+const Counts& counts() { return last_counts; }
+
+void report_info() {
+  writer::add(temperature);
+  writer::add(version);
+  writer::add(battery);
+  writer::add(PROTOCOL_VERSION);
+  writer::add(config::get(Parameter::robot_id));
+}
+
+bool next_transfer(hal::Transfer& transfer) {
+  if (presence == Presence::absent) return false;
+  if (next_stop(transfer)) return true;
+  if (pausing()) return false;
+  if (presence == Presence::asking) {
+    ask_next(transfer);
+  } else if (set_up_todo) {
+    set_up_next(transfer);
+  } else if (retry_current || !queue.empty()) {
+    command_next(transfer);
+  } else if (state == CountsState::wanted) {
+    state = CountsState::reading;
+    read(transfer, Kind::counts, READ_ENCODERS_FROM_1, 6);
+  } else {
+    return false;
+  }
+  return true;
+}
+
+bool next_poll(hal::Transfer& transfer, bool only_overdue) {
+  if (presence != Presence::present || pausing()) return false;
+  if (!board_clock::passed(last_poll, only_overdue ? POLL_OVERDUE : POLL_PERIOD)) return false;
+  last_poll = board_clock::now();
+  read(transfer, Kind::poll, poll_temperature ? READ_TEMPERATURE : READ_BATTERY, 2);
+  return true;
+}
+
+void transfer_ended(bus::Result result) {
+  if (result == bus::Result::done) {
+    succeed();
+  } else {
+    fail(result);
+  }
+}
+
+}  // namespace motor
+}  // namespace mrl

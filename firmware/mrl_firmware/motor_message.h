@@ -1,0 +1,55 @@
+// What the OMNI-3MD motor board understands: a command byte, then data, 16-bit values high byte first.
+#pragma once
+#include <stdint.h>
+
+namespace mrl {
+namespace motor {
+
+enum Command : uint8_t {
+  READ_VERSION = 0xFE,
+  READ_VERSION_DECIMALS = 0xFD,
+  STOP_MOTORS = 0xFC,
+  CALIBRATE_MOTORS = 0xFB,
+  MOVE_PID = 0xF8,
+  MOVE_PLAIN = 0xF7,
+  GAINS = 0xF4,
+  TIMEOUT = 0xF1,
+  PRESCALER = 0xF0,
+  PRESET = 0xEF,
+  MOVE_POSITION = 0xEE,
+  RAMP = 0xEC,
+  MOVE_SI = 0xEB,
+  GEOMETRY = 0xEA,
+  READ_ENCODERS_FROM_1 = 0xD8,
+  READ_BATTERY = 0xD5,
+  READ_TEMPERATURE = 0xD4,
+};
+
+constexpr uint8_t KEY_1 = 0xAA, KEY_2 = 0x55;
+
+// One write; `pause_ms` is how long the board's EEPROM keeps it busy afterwards.
+struct Message {
+  uint8_t size;
+  uint8_t pause_ms;
+  uint8_t bytes[9];
+
+  explicit Message(uint8_t command = 0, uint8_t pause = 0) : size(1), pause_ms(pause) { bytes[0] = command; }
+  Message& byte(uint8_t value) {
+    bytes[size++] = value;
+    return *this;
+  }
+  Message& word(int16_t value) {
+    const uint16_t bits = static_cast<uint16_t>(value);
+    return byte(static_cast<uint8_t>(bits >> 8)).byte(static_cast<uint8_t>(bits));
+  }
+  Message& keys() { return byte(KEY_1).byte(KEY_2); }
+
+  bool turns_motors() const {
+    const uint8_t command = bytes[0];
+    return command == MOVE_SI || command == MOVE_PID || command == MOVE_PLAIN || command == MOVE_POSITION ||
+           command == CALIBRATE_MOTORS;
+  }
+};
+
+}  // namespace motor
+}  // namespace mrl

@@ -1,0 +1,117 @@
+#include "sonar.h"
+
+#include "answers.h"
+#include "board_clock.h"
+#include "build.h"
+#include "config.h"
+#include "frame_writer.h"
+#include "hal.h"
+#include "pins.h"
+#include "protocol.h"
+#include "sonar_curve.h"
+
+namespace mrl {
+namespace sonar {
+
+// Below the lowest count nothing is connected, above the highest the input is saturated; the MB1300 ends its
+// range at 645 cm, which it gives as about 645 counts.
+constexpr uint16_t LOWEST_COUNT = 10, NOTHING_FROM = 640, HIGHEST_COUNT = 700;
+
+int16_t range_cm(uint16_t count) {
+  if (count < LOWEST_COUNT || count > HIGHEST_COUNT) return SONAR_INVALID;
+  if (count >= NOTHING_FROM) return SONAR_NOTHING;
+  return power_law(count, config::get(Parameter::sonar_a), config::get(Parameter::sonar_b),
+                   config::get(Parameter::sonar_c));
+}
+
+#if MRL_ENVIRONMENT
+
+void begin() {}
+void service() {}
+void report() {
+  for (uint8_t i = 0; i < 3; i++) writer::add(SONAR_INVALID);
+}
+
+#else
+
+namespace {
+
+constexpr uint8_t COUNT = 3;
+constexpr uint32_t WARM_UP = board_clock::of_ms(256);
+constexpr uint32_t TRIGGER = 2;  // ticks; the MB1300 wants 20 us or more
+constexpr uint32_t READING = board_clock::of_ms(104);  // 99 ms per the data sheet
+
+enum class Step : uint8_t { warm_up, trigger, ranging, converting } step;
+int16_t ranges[COUNT];
+uint32_t since;
+uint8_t sensor;
+
+void go(Step next) {
+  step = next;
+  since = board_clock::now();
+}
+
+void start_chain() {
+  sensor = 0;
+  hal::pin_output(pins::SONAR_TRIGGER, true);
+  go(Step::trigger);
+}
+
+void start_conversion() {
+  static_assert(pins::SONAR_LEFT == pins::SONAR_FRONT + 1 && pins::SONAR_RIGHT == pins::SONAR_FRONT + 2,
+                "the chain runs front, left, right along the inputs");
+  hal::adc_start(static_cast<uint8_t>(pins::channel(pins::SONAR_FRONT) + sensor));
+  step = Step::converting;
+}
+
+void take_conversion() {
+  const int16_t count = hal::adc_result();
+  if (count < 0) return;
+  ranges[sensor] = range_cm(static_cast<uint16_t>(count));
+  if (++sensor == COUNT) return start_chain();
+  since += READING;
+  step = Step::ranging;
+}
+
+}  // namespace
+
+void begin() {
+  for (uint8_t i = 0; i < COUNT; i++) ranges[i] = SONAR_INVALID;
+  hal::pin_output(pins::SONAR_TRIGGER, false);
+  hal::pin_output(pins::SONAR_POWER, true);
+  go(Step::warm_up);
+}
+
+void service() {
+  switch (step) {
+    case Step::warm_up:
+      if (board_clock::passed(since, WARM_UP)) start_chain();
+      break;
+    case Step::trigger:
+      if (!board_clock::passed(since, TRIGGER)) break;
+      hal::pin_output(pins::SONAR_TRIGGER, false);
+      go(Step::ranging);
+      break;
+    case Step::ranging:
+      if (board_clock::passed(since, READING)) start_conversion();
+      break;
+    case Step::converting:
+      take_conversion();
+      break;
+  }
+}
+
+void report() {
+  for (uint8_t i = 0; i < COUNT; i++) writer::add(ranges[i]);
+}
+
+#endif
+
+}  // namespace sonar
+
+namespace handlers {
+
+void read_sonars(const int16_t*, uint8_t) { answers::ask(READ_SONARS); }
+
+}  // namespace handlers
+}  // namespace mrl

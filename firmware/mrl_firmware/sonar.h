@@ -1,0 +1,18 @@
+// Three MB1300 sonars that fire one after another, so that they do not hear each other.
+#pragma once
+#include <stdint.h>
+
+namespace mrl {
+namespace sonar {
+
+// Powers the sonars; they need 250 ms before their first reading.
+void begin();
+void service();
+// The rows of the reply to 7: front, left, right [cm].
+void report();
+
+// Distance [cm] of an ADC count with the curve of the configuration, or what stands for no distance.
+int16_t range_cm(uint16_t count);
+
+}  // namespace sonar
+}  // namespace mrl

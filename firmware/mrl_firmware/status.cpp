@@ -1,0 +1,92 @@
+#include "status.h"
+
+#include "answers.h"
+#include "board_clock.h"
+#include "build.h"
+#include "debug.h"
+#include "frame_writer.h"
+#include "hal.h"
+
+namespace mrl {
+namespace status {
+namespace {
+
+constexpr int16_t CAPABILITIES = CAPABILITY_CHECK | CAPABILITY_WATCHDOG | CAPABILITY_PERIOD | CAPABILITY_CONFIG |
+                                 (MRL_ENVIRONMENT ? CAPABILITY_ENVIRONMENT : CAPABILITY_SONARS) |
+                                 (MRL_XBEE ? CAPABILITY_XBEE : 0);
+
+int16_t counters[REASON_COUNT];
+int16_t clamped;
+int16_t present_faults, unread_faults;
+ResetCause reset_cause;
+StopReason stop_reason;
+
+void count(int16_t& counter) {
+  if (counter != INT16_MAX) counter++;
+}
+
+// The interrupt's mark outlives a bootloader that clears the chip's flags; kept RAM tells a reset from power-on.
+ResetCause cause_of(const hal::ResetTrace& trace) {
+  if (trace.power_on) return ResetCause::power_on;
+  if (trace.watchdog_marked || trace.watchdog) return ResetCause::watchdog;
+  if (trace.brown_out) return ResetCause::brown_out;
+  if (trace.external || trace.memory_kept) return ResetCause::external;
+  return ResetCause::power_on;
+}
+
+}  // namespace
+
+void begin() { reset_cause = cause_of(hal::reset_trace()); }
+
+void refuse(Reason reason) {
+  count(counters[static_cast<uint8_t>(reason)]);
+  debug::refused(reason);
+}
+
+void count_clamped() { count(clamped); }
+
+void set_stop_reason(StopReason reason) { stop_reason = reason; }
+
+void set_fault(int16_t bit, bool present) {
+  if (present) {
+    present_faults |= bit;
+    unread_faults |= bit;
+  } else {
+    present_faults &= static_cast<int16_t>(~bit);
+  }
+}
+
+void service() {
+  for (uint8_t lost = hal::serial_overruns(); lost; lost--) count(counters[static_cast<uint8_t>(Reason::overrun)]);
+}
+
+void report_protocol() {
+  writer::add(PROTOCOL_VERSION);
+  writer::add(CAPABILITIES);
+}
+
+void report_status() {
+  const uint32_t uptime = board_clock::uptime_s();
+  writer::add(static_cast<int16_t>(uptime >> 15));
+  writer::add(static_cast<int16_t>(uptime & 0x7FFF));
+  writer::add(static_cast<int16_t>(reset_cause));
+  writer::add(static_cast<int16_t>(stop_reason));
+  writer::add(present_faults | unread_faults);
+  writer::add(clamped);
+  unread_faults = present_faults;
+}
+
+void report_counters() {
+  for (uint8_t i = 0; i < REASON_COUNT; i++) writer::add(counters[i]);
+}
+
+}  // namespace status
+
+namespace handlers {
+
+void read_protocol(const int16_t*, uint8_t) { answers::ask(READ_PROTOCOL); }
+void read_status(const int16_t*, uint8_t) { answers::ask(READ_STATUS); }
+void read_counters(const int16_t*, uint8_t) { answers::ask(READ_COUNTERS); }
+
+}  // namespace handlers
+}  // namespace mrl
