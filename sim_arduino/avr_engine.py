@@ -54,7 +54,7 @@ class AvrEngine:
         Raises:
             MachineCrashed: the program touched an address that is no memory.
         """
-        self.machine.run_until(int(round(to_s * self.machine.frequency_hz)))
+        self.machine.run_until(self._cycle_at(to_s))
         self.plant.advance(self.machine.time_s)
         return heard(self.machine.sent(), self.machine.frequency_hz / self._host_baud)
 
@@ -63,10 +63,21 @@ class AvrEngine:
         self._host_baud = baud
         self.machine.set_host_baud(baud)
 
+    def gap(self, to_s: float, waiting: bytes) -> None:
+        """The board did not run from the last `advance` to `to_s`; `waiting` is what the host sent meanwhile.
+
+        The chip sees a CPU that hung: timers and watchdog went on, and the receiver kept its last three bytes.
+        """
+        self.receive(waiting)
+        self.machine.stall_until(self._cycle_at(to_s))
+
     @property
     def next_event_s(self) -> float:
         """When to call `advance` again if no bytes come [s]: the chip never rests."""
         return self.machine.time_s + SLICE_S
+
+    def _cycle_at(self, time_s: float) -> int:
+        return int(round(time_s * self.machine.frequency_hz))
 
     def reset(self) -> None:
         """The reset button, or DTR when a host opens the port."""

@@ -164,6 +164,12 @@ EXPORT int mrl_run_until(board_t *board, uint64_t target) {
     return board->stop ? RUN_STOPPED : RUN_DONE;
 }
 
+/* The CPU stands still until `target` while everything around it goes on. */
+EXPORT void mrl_stall_until(board_t *board, uint64_t target) {
+    if (board->avr->cycle < target)
+        board->avr->cycle = target;
+}
+
 /* ---- resets ---- */
 
 static void reset_now(board_t *board, uint8_t cause) {

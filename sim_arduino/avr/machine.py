@@ -109,6 +109,10 @@ class AvrMachine:
         """Runs for a simulated duration [s]."""
         self.run_until(self.cycle + int(round(seconds * self.frequency_hz)))
 
+    def stall_until(self, cycle: int) -> None:
+        """Stops the CPU alone until `cycle`; timers, watchdog and line go on and are noticed afterwards."""
+        self._native.mrl_stall_until(self._board, cycle)
+
     def reset(self) -> None:
         """The reset line: what opening the port does through DTR. SRAM keeps its contents."""
         self._native.mrl_reset(self._board)

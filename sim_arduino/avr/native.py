@@ -51,6 +51,7 @@ _SIGNATURES: Dict[str, Tuple[Any, List[Any]]] = {
     "mrl_destroy": (None, [_BOARD]),
     "mrl_load": (None, [_BOARD, c_char_p, c_uint32, c_uint32]),
     "mrl_run_until": (c_int, [_BOARD, c_uint64]),
+    "mrl_stall_until": (None, [_BOARD, c_uint64]),
     "mrl_stop": (None, [_BOARD]),
     "mrl_reset": (None, [_BOARD]),
     "mrl_power_cycle": (None, [_BOARD, c_char_p]),

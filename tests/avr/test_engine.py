@@ -135,3 +135,23 @@ def test_another_baud_rate_turns_bytes_into_others(engine):
     board.set_host_baud(57600)
     poke(board, "outgoing_count", 10)
     assert b"abc" not in board.advance(2e-3)
+
+
+def test_after_a_gap_the_line_has_run_full(engine):
+    """Of ten bytes that came meanwhile three are left, the last of them in the shift register."""
+    board = engine("uart.c")
+    board.gap(0.1, b"0123456789")
+    board.advance(0.101)
+    assert peek(board, "incoming")[: peek(board, "incoming_count")[0]] == b"019"
+
+
+def test_a_gap_lets_the_watchdog_bite(engine):
+    """Longer than its period: the program starts again."""
+    board = engine("watchdog.c")
+    poke(board, "starts", 0)
+    poke(board, "stay_off", 0x5A)
+    poke(board, "mode", 1)
+    board.advance(1e-3)
+    board.gap(0.5, b"")
+    board.advance(0.501)
+    assert peek(board, "starts") == b"\1"
