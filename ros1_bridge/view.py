@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from .report import Snapshot, range_text
-from .trail import ARROWS, draw
+from .trail import ARROWS, GRID, GRID_M, draw
 
 KEYS = (("w a s d / arrows", "drive"), ("space", "stop"), ("r", "square"), ("q", "quit"))
 STALE_S = 0.3
@@ -19,7 +19,6 @@ _LEFT_COLUMNS = 38
 _FURTHEST_BAR_M = 3.0
 _BAR = 14
 _NEAR_M = 0.3
-_LINK_ROWS = ("Firmware Version", "Device ID", "Telemetry Age", "Lost Frames")
 
 
 def render(now: Snapshot, title: str, width: int, height: int) -> RenderableType:
@@ -93,9 +92,9 @@ def _link(now: Snapshot) -> Table:
     else:
         grid.add_row("odometry", f"{now.rate_hz:.0f} Hz, {now.frames} frames")
     grid.add_row("errors", Text(str(now.errors), style="red" if now.errors else "green"))
-    for key in _LINK_ROWS:
-        if key in now.link:
-            grid.add_row(key.split()[-1].lower() if key != "Firmware Version" else "firmware", now.link[key])
+    if now.link:
+        grid.add_row("age", f"{now.link['Telemetry Age']}, {now.link['Lost Frames']} frames lost")
+        grid.add_row("board", f"robot {now.link['Device ID']}, firmware {now.link['Firmware Version']}")
     return grid
 
 
@@ -108,9 +107,10 @@ def _trail(now: Snapshot, width: int, height: int) -> Panel:
     lines: List[Text] = []
     for row in draw(now.trail, now.pose, max(4, width - 4), max(2, height - 2)):
         text = Text(row, style="green", no_wrap=True)
+        text.highlight_regex(GRID, "grey37")
         text.highlight_regex(f"[{ARROWS}]", "bold white")
         lines.append(text)
-    return _panel(Group(*lines), "path", "blue")
+    return _panel(Group(*lines), f"path [dim]({GRID} every {GRID_M:g} m)[/]", "blue")
 
 
 def _footer() -> Columns:
