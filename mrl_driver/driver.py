@@ -83,7 +83,7 @@ class Driver:
         self._session: Optional[Session] = None
         self._thread: Optional[threading.Thread] = None
         self._error: Optional[MrlError] = None
-        self._closing = False
+        self._closing = self._leaving = False
         self._sleeps_until = math.inf
         self._listeners: Dict[str, List[Listener]] = {
             "telemetry": [],
@@ -176,8 +176,8 @@ class Driver:
             angular_rad_s: yaw rate, counter-clockwise.
 
         Returns:
-            True when the command is in force; False when the board is silent, being greeted, or the battery
-            empty.
+            True when the command is in force; False when the board is silent, being greeted, the battery
+            empty, or the driver being closed.
 
         Raises:
             FrameError: a speed is NaN or infinite; the robot was stopped.
@@ -190,7 +190,7 @@ class Driver:
             )
         with self._lock:
             session = self._demand()
-            if self.model is None or self._state.powerless:
+            if self.model is None or self._leaving or self._state.powerless:
                 return False
             linear_m_s, angular_rad_s = limit(linear_m_s, angular_rad_s, self.model)
             done = session.drive(round(linear_m_s * 1000), round(angular_rad_s * 1000), time.monotonic())
@@ -442,6 +442,7 @@ class Driver:
         """Stop, have it confirmed, and leave the board as a 2013 host would expect it."""
         try:
             with self._lock:
+                self._leaving = True
                 session = self._demand()
                 session.stop(time.monotonic())
                 self._flush(session)

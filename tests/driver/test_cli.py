@@ -1,0 +1,263 @@
+"""The command `mrl`, as a process."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import click.testing
+import pytest
+
+from mrl_driver import cli, keyboard, live
+
+PATIENCE_S = 20
+
+
+def mrl(*args, **kwargs):
+    command = [sys.executable, "-m", "mrl_driver", *map(str, args)]
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=PATIENCE_S, stdin=subprocess.DEVNULL
+    )
+
+
+def fails(code, *args):
+    """Run `mrl`, expect that exit code and one line on stderr; the line."""
+    done = mrl(*args)
+    assert done.returncode == code, done.stderr
+    assert done.stderr.count("\n") == 1 and "Traceback" not in done.stderr
+    return done.stderr
+
+
+def wait_until(condition):
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline, "it did not happen in time"
+        time.sleep(0.005)
+
+
+def test_info_prints_facts(serve):
+    port = serve(robot_id=2)
+    done = mrl("info", "--port", port.path)
+    assert done.returncode == 0 and "traxbot" in done.stdout and "12.0" in done.stdout
+
+
+def test_info_prints_json(serve):
+    facts = json.loads(mrl("info", "--port", serve().path, "--json").stdout)
+    assert facts["robot"] == "traxbot" and facts["battery_v"] == 12.0 and facts["protocol_version"] == 2
+
+
+def test_info_on_a_2013_board_says_what_it_lacks(serve):
+    facts = json.loads(mrl("info", "--port", serve(version=1).path, "--json").stdout)
+    assert facts["note"].startswith("board firmware 1 (2013): works, without watchdog; flash with")
+
+
+def test_info_does_not_mind_an_empty_battery(serve):
+    port = serve()
+    port.board.battery = 20
+    assert json.loads(mrl("info", "--port", port.path, "--json").stdout)["battery_v"] == 0.2
+
+
+def test_a_timed_drive_ends_where_it_should(serve):
+    port = serve()
+    done = mrl("drive", "--port", port.path, "--linear", "0.2", "--for", "0.5")
+    assert done.returncode == 0
+    assert float(done.stdout.split()[1]) == pytest.approx(0.1, abs=0.03)
+    assert port.board.speeds == (0, 0)
+
+
+def test_monitor_without_a_terminal_prints_a_line_a_second(serve):
+    done = mrl("monitor", "--port", serve().path, "--seconds", "2.5")
+    assert done.returncode == 0
+    assert 2 <= done.stdout.count("\n") <= 3 and "front 1.20 m" in done.stdout
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_stops_the_robot_first(serve, number):
+    port = serve()
+    command = [
+        sys.executable,
+        "-m",
+        "mrl_driver",
+        "drive",
+        "--port",
+        port.path,
+        "--linear",
+        "0.1",
+        "--for",
+        "60",
+    ]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+    wait_until(lambda: port.board.speeds == (100, 0))
+    process.send_signal(number)
+    _, err = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == {signal.SIGINT: 130, signal.SIGTERM: 143}[number]
+    assert port.board.speeds == (0, 0) and port.board.heard[-1].code != 11
+    assert "Traceback" not in err
+
+
+def test_unplugging_has_its_own_exit_code(serve):
+    port = serve()
+    command = [sys.executable, "-m", "mrl_driver", "monitor", "--port", port.path]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+    wait_until(lambda: port.board.period_s is not None)
+    time.sleep(0.1)
+    port.unplug()
+    _, err = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 6 and err.count("\n") == 1 and "went away" in err
+
+
+# -- bad input
+
+
+def test_a_missing_port_option_lists_the_ports():
+    assert "--port is missing" in fails(2, "info")
+
+
+def test_a_port_that_is_not_there():
+    assert "does not exist" in fails(3, "info", "--port", "/dev/nowhere")
+
+
+def test_a_folder(tmp_path):
+    assert "is a folder" in fails(3, "info", "--port", tmp_path)
+
+
+def test_a_plain_file():
+    assert "is a plain file" in fails(3, "info", "--port", __file__)
+
+
+def test_a_busy_port(serve):
+    port = serve()
+    command = [sys.executable, "-m", "mrl_driver", "monitor", "--port", port.path]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    wait_until(lambda: port.board.period_s is not None)
+    assert f"process {process.pid}" in fails(5, "info", "--port", port.path)
+    process.terminate()
+    process.wait(PATIENCE_S)
+
+
+def test_another_robot(serve):
+    assert "expected stingbot" in fails(
+        8, "drive", "--port", serve().path, "--robot", "stingbot", "--for", "1"
+    )
+
+
+def test_a_dead_battery(serve):
+    port = serve()
+    port.board.battery = 20
+    assert "motor power is off" in fails(9, "drive", "--port", port.path, "--linear", "0.1", "--for", "1")
+
+
+def test_an_empty_battery_can_be_overridden(serve):
+    port = serve()
+    port.board.battery = 840
+    drive = ["drive", "--port", port.path, "--linear", "0.1", "--for", "0.2"]
+    assert "--ignore-battery" in fails(9, *drive)
+    assert mrl(*drive, "--ignore-battery").returncode == 0
+
+
+def test_an_unknown_model():
+    assert "expected stingbot, traxbot" in fails(2, "info", "--port", "/dev/null", "--robot", "nix")
+
+
+@pytest.mark.parametrize("linear", ["nan", "inf", "-inf"])
+def test_a_speed_that_is_no_number(linear):
+    assert "expected a finite number" in fails(
+        2, "drive", "--port", "/dev/null", f"--linear={linear}", "--for=1"
+    )
+
+
+@pytest.mark.parametrize("seconds", ["0", "-1", "nan", "1e9"])
+def test_a_time_out_of_range(seconds):
+    assert "expected seconds" in fails(2, "drive", "--port", "/dev/null", "--linear=0.1", f"--for={seconds}")
+
+
+def test_driving_without_a_terminal_says_what_to_give():
+    assert "no terminal" in fails(2, "drive", "--port", "/dev/null")
+
+
+@pytest.mark.parametrize("args", [["--nix"], ["nix"], ["info", "--baud", "fast"]])
+def test_usage_errors_have_exit_code_2(args):
+    done = mrl(*args)
+    assert done.returncode == 2 and "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    "args", [["--help"], ["--version"], ["info", "--help"], ["drive", "-h"], ["monitor", "-h"]]
+)
+def test_help_and_version(args):
+    done = mrl(*args)
+    assert done.returncode == 0 and done.stdout
+
+
+def test_packages_add_sub_commands(monkeypatch):
+    @click.command()
+    def extra():
+        click.echo("from elsewhere")
+
+    class Point:
+        name = "extra"
+
+        @staticmethod
+        def load():
+            return extra
+
+    monkeypatch.setattr(cli, "_registered", lambda: {"extra": Point})
+    runner = click.testing.CliRunner()
+    assert "extra" in runner.invoke(cli.cli, ["--help"]).output
+    assert runner.invoke(cli.cli, ["extra"]).output == "from elsewhere\n"
+
+
+# -- the keyboard and the view
+
+
+@pytest.mark.parametrize(
+    ("data", "keys"),
+    [
+        (b"\x1b[A\x1bOD", ["up", "left"]),
+        (b"wQ ", ["w", "q", "space"]),
+        (b"\x1b", ["escape"]),
+        (b"\xff", ["\ufffd"]),
+    ],
+)
+def test_keys(data, keys):
+    assert keyboard.split(data) == keys
+
+
+def test_driving_with_the_keyboard(serve):
+    """A whole session on a terminal: forward, stop, quit."""
+    import pty
+
+    port = serve()
+    pid, terminal = pty.fork()
+    if pid == 0:
+        os.environ["TERM"] = "xterm"
+        os.execv(sys.executable, [sys.executable, "-m", "mrl_driver", "drive", "--port", port.path])
+    try:
+        wait_until(lambda: port.board.period_s is not None)
+        wait_until(lambda: b"asked" in os.read(terminal, 65536))
+        os.write(terminal, b"\x1b[A")
+        wait_until(lambda: port.board.speeds == (30, 0))
+        os.write(terminal, b" ")
+        wait_until(lambda: port.board.speeds == (0, 0))
+        os.write(terminal, b"wq")
+    except BaseException:
+        os.kill(pid, signal.SIGTERM)
+        raise
+    finally:
+        _, status = os.waitpid(pid, 0)
+        os.close(terminal)
+    assert status == 0 and port.board.speeds == (0, 0)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(1.234, "1.23 m"), (float("inf"), "nothing"), (float("nan"), "no reading")]
+)
+def test_ranges_for_people(value, text):
+    assert live.range_text(value) == text
+
+
+def test_bars_end_at_their_width():
+    assert live.bar(float("inf")) == "#" * live.BAR_WIDTH
+    assert live.bar(float("nan")) == "." * live.BAR_WIDTH

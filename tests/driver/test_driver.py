@@ -1,0 +1,319 @@
+"""The driver with its thread, on a pty with a fake board at the other end."""
+
+import math
+import os
+import threading
+import time
+import tty
+
+import pytest
+
+from mrl_driver.driver import Driver, Options
+from mrl_driver.errors import (
+    BatteryDead,
+    BoardTimeout,
+    ConfigError,
+    FrameError,
+    LinkLost,
+    MrlError,
+    NotARobot,
+    PortBusy,
+    WrongRobot,
+)
+from mrl_driver.robots import load
+
+PATIENCE_S = 10
+"""Longest wait for anything on a busy machine."""
+
+
+def wait_until(condition):
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline, "it did not happen in time"
+        time.sleep(0.002)
+
+
+@pytest.fixture
+def robot(serve):
+    port = serve()
+    with Driver(port.path) as driver:
+        driver.port = port
+        driver.fake = port.board
+        yield driver
+
+
+def test_connecting_says_who_answers(serve):
+    with Driver(serve(robot_id=4).path) as driver:
+        assert (driver.board.robot_id, driver.model.name) == (4, "stingbot")
+
+
+def test_the_first_telemetry_is_there_when_connected(robot):
+    assert robot.ready and robot.telemetry.pose == (0, 0, 0)
+    assert robot.ranges == {"front": 1.2, "left": 0.45, "right": math.inf}
+    assert robot.battery_v == 12.0 and robot.battery_state == "ok"
+
+
+def test_driving_reaches_the_board_in_its_units(robot):
+    assert robot.drive(0.2, -0.8)
+    wait_until(lambda: robot.fake.speeds == (200, -800))
+    assert robot.command == (0.2, -0.8)
+
+
+def test_the_pose_follows(robot):
+    robot.drive(0.3, 0)
+    wait_until(lambda: robot.pose.x_m > 0.02)
+    assert robot.twist.linear_m_s == pytest.approx(0.3, abs=0.05)
+
+
+def test_too_fast_is_scaled_on_the_same_arc(robot):
+    robot.drive(0.6, 0.5)
+    assert robot.command == (0.3, 0.25)
+
+
+@pytest.mark.parametrize("huge", [1e308, -1e308])
+def test_a_huge_speed_is_clamped(robot, huge):
+    robot.drive(huge, 0.0)
+    assert robot.command == (math.copysign(0.3, huge), 0)
+
+
+@pytest.mark.parametrize("speeds", [(math.nan, 0), (0, math.inf), (-math.inf, math.nan)])
+def test_no_number_is_refused_and_stops_the_robot(robot, speeds):
+    robot.drive(0.2, 0)
+    with pytest.raises(FrameError, match="expected finite speeds"):
+        robot.drive(*speeds)
+    wait_until(lambda: robot.fake.speeds == (0, 0))
+    assert robot.command is None
+
+
+def test_a_stop_is_confirmed(robot):
+    robot.drive(0.2, 0)
+    wait_until(lambda: robot.fake.speeds == (200, 0))
+    robot.stop()
+    assert not robot.stopped
+    wait_until(lambda: robot.stopped)
+    assert robot.fake.speeds == (0, 0)
+
+
+def test_leaving_the_block_stops_the_robot_first(serve):
+    port = serve()
+    with Driver(port.path) as driver:
+        driver.drive(0.2, 0)
+        wait_until(lambda: port.board.speeds == (200, 0))
+    wait_until(lambda: port.board.speeds == (0, 0))
+    assert port.board.moves[-1] == (200, 0)
+
+
+def test_an_error_in_the_block_stops_the_robot_too(serve):
+    port = serve()
+    with pytest.raises(ZeroDivisionError), Driver(port.path) as driver:
+        driver.drive(0.2, 0)
+        wait_until(lambda: port.board.speeds == (200, 0))
+        1 / 0  # noqa: B018
+    wait_until(lambda: port.board.speeds == (0, 0))
+
+
+def test_closing_takes_at_most_a_second_with_a_silent_board(robot):
+    robot.port.held.set()
+    start = time.monotonic()
+    robot.close()
+    assert time.monotonic() - start < 1.0 + 0.5
+
+
+def test_closing_twice_and_from_a_callback_is_harmless(serve):
+    driver = Driver(serve().path)
+    driver.connect()
+    driver.on_telemetry(lambda _: driver.close())
+    wait_until(lambda: not driver.ready or driver.wait(0))
+    driver.close()
+    with pytest.raises(LinkLost):
+        driver.drive(0, 0)
+
+
+def test_telemetry_is_called_back_for_each_frame(robot):
+    seen = []
+    robot.on_telemetry(seen.append)
+    wait_until(lambda: len(seen) >= 10)
+    assert [b.sequence - a.sequence for a, b in zip(seen, seen[1:])] == [1] * (len(seen) - 1)
+
+
+def test_a_callback_may_drive(robot):
+    robot.on_telemetry(lambda _: robot.drive(0.1, 0))
+    wait_until(lambda: robot.fake.speeds == (100, 0))
+
+
+def test_a_callback_cannot_start_a_robot_that_is_being_stopped(serve):
+    """A command that comes during the good-bye would undo the stop."""
+    port = serve()
+    with Driver(port.path) as driver:
+        driver.on_telemetry(lambda _: driver.drive(0.1, 0))
+        wait_until(lambda: port.board.speeds == (100, 0))
+    wait_until(lambda: port.board.period_s is None)
+    assert port.board.speeds == (0, 0)
+
+
+def test_a_callback_that_raises_ends_the_driver_with_a_word(robot, monkeypatch):
+    monkeypatch.setattr(threading, "excepthook", lambda args: None)
+    robot.on_telemetry(lambda _: 1 / 0)
+    wait_until(lambda: robot.error is not None)
+    with pytest.raises(MrlError, match="callback"):
+        robot.drive(0.1, 0)
+    wait_until(lambda: robot.fake.speeds == (0, 0))
+
+
+def test_threads_that_drive_at_once_never_mix_frames(robot):
+    def hammer(speed):
+        for _ in range(200):
+            robot.drive(speed, 0)
+            time.sleep(0.0005)
+
+    threads = [threading.Thread(target=hammer, args=(speed,)) for speed in (0.1, -0.1)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    robot.stop()
+    wait_until(lambda: robot.stopped)
+    frames = bytes(robot.port.received).split(b"e")[:-1]
+    assert all(frame.count(b"@") == 1 and frame.startswith(b"@") for frame in frames)
+
+
+def test_unplugging_is_a_lost_link(robot):
+    heard = []
+    robot.on_event(heard.append)
+    robot.port.unplug()
+    start = time.monotonic()
+    with pytest.raises(LinkLost, match="went away"):
+        robot.wait(PATIENCE_S)
+    assert time.monotonic() - start < 1.0
+    assert isinstance(heard[-1], LinkLost) and not robot.ready
+    with pytest.raises(LinkLost):
+        robot.drive(0.1, 0)
+
+
+def test_a_stalled_board_is_stale_and_no_command_is_taken(robot):
+    robot.drive(0.2, 0)
+    robot.port.held.set()
+    wait_until(lambda: not robot.ready)
+    assert not robot.drive(0.2, 0)
+    assert robot.ranges == {} and robot.twist == (0, 0)
+    robot.port.held.clear()
+    wait_until(lambda: robot.ready)
+    assert robot.command is None
+
+
+def test_the_pose_is_continuous_over_a_board_reset(robot):
+    robot.drive(0.3, 0)
+    wait_until(lambda: robot.pose.x_m > 0.05)
+    robot.fake.reset(time.monotonic())
+    before = robot.pose.x_m
+    wait_until(lambda: robot.statistics.restarts == 1 and robot.ready)
+    assert abs(robot.pose.x_m - before) < 0.02
+    assert robot.drive(0.3, 0)
+    wait_until(lambda: robot.pose.x_m > before + 0.02)
+
+
+def test_a_command_expires_with_the_option(serve):
+    with Driver(serve().path, options=Options(command_timeout_s=0.2)) as driver:
+        driver.drive(0.2, 0)
+        wait_until(lambda: driver.command is None)
+
+
+# -- what cannot be connected to
+
+
+def test_another_model_is_refused(serve):
+    with pytest.raises(WrongRobot, match=r"the board is traxbot \(id 1\), expected stingbot \(id 4, 5\)"):
+        Driver(serve().path, "stingbot").connect()
+
+
+@pytest.mark.parametrize(("robot_id", "words"), [(0, "not set"), (99, "99 is in no packaged model")])
+def test_an_unknown_id_is_refused(serve, robot_id, words):
+    with pytest.raises(WrongRobot, match=words):
+        Driver(serve(robot_id=robot_id).path).connect()
+
+
+def test_a_model_object_may_be_given(serve):
+    model = load("traxbot")._replace(name="mine", ids=(42,))
+    with Driver(serve(robot_id=42).path, model) as driver:
+        assert driver.model.name == "mine"
+
+
+@pytest.mark.parametrize(("centivolts", "words"), [(40, "motor power is off"), (840, "at least 8.5 V")])
+def test_a_dead_battery_is_refused(serve, centivolts, words):
+    port = serve()
+    port.board.battery = centivolts
+    with pytest.raises(BatteryDead, match=words):
+        Driver(port.path).connect()
+
+
+def test_a_dead_battery_may_be_ignored(serve):
+    port = serve()
+    port.board.battery = 840
+    with Driver(port.path, options=Options(ignore_battery=True)) as driver:
+        assert driver.drive(0.1, 0)
+
+
+def test_motor_power_that_goes_off_stops_the_robot(robot):
+    robot.drive(0.1, 0)
+    robot.fake.battery = 20
+    wait_until(lambda: robot.battery_state == "off")
+    wait_until(lambda: robot.command is None)
+    assert not robot.drive(0.1, 0)
+
+
+def test_a_busy_port_is_refused(robot):
+    with pytest.raises(PortBusy):
+        Driver(robot.port.path).connect()
+
+
+def test_an_unknown_model_is_refused_before_the_port_is_opened():
+    with pytest.raises(ConfigError, match="'nix' is unknown"):
+        Driver("/nowhere", "nix")
+
+
+def test_a_silent_port_is_no_robot():
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    with pytest.raises(NotARobot, match="no answer"):
+        Driver(os.ttyname(slave), options=Options(greeting_s=0.6)).connect()
+    os.close(master)
+    os.close(slave)
+
+
+def test_a_port_can_be_opened_again_after_a_failure(serve):
+    port = serve()
+    with pytest.raises(WrongRobot):
+        Driver(port.path, "stingbot").connect()
+    with Driver(port.path) as driver:
+        assert driver.ready
+
+
+def test_a_driver_that_is_not_connected_says_so():
+    driver = Driver("/nowhere")
+    with pytest.raises(BoardTimeout, match="not connected"):
+        driver.board  # noqa: B018
+    with pytest.raises(LinkLost, match="not connected"):
+        driver.stop()
+    assert driver.telemetry is None and driver.pose == (0, 0, 0) and math.isnan(driver.battery_v)
+    driver.close()
+
+
+@pytest.mark.parametrize("code", [8, 6])
+def test_2013_boards_work(serve, code):
+    with Driver(serve(version=1, stream_code=code).path) as driver:
+        driver.drive(0.2, 0)
+        wait_until(lambda: driver.pose.x_m > 0.05)
+        wait_until(lambda: "front" in driver.ranges)
+        assert driver.ranges["front"] == pytest.approx(0.798, abs=0.001)
+        assert driver.board.protocol == 1 and driver.status is None
+
+
+def test_a_host_that_was_paused_catches_up(serve):
+    """A reader that could not run for a while ends with fresh telemetry, not with a backlog."""
+    with Driver(serve().path) as driver:
+        slept = []
+        driver.on_telemetry(lambda _: slept or (slept.append(1), time.sleep(0.6)))
+        wait_until(lambda: slept)
+        time.sleep(0.7)
+        wait_until(lambda: driver.ready and driver.age_s < 0.05)
+        assert driver.statistics.lost == 0

@@ -1,0 +1,181 @@
+import os
+import threading
+import time
+import tty
+
+import pytest
+
+from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, MrlError, PortBusy, PortDenied, PortMissing
+from mrl_driver.link import Link
+
+SOON_S = 0.1
+"""A lost port is noticed, and a blocked write given up, in this time; ten times that for a busy machine."""
+BUSY = 10
+
+
+@pytest.fixture
+def pty():
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    yield master, os.ttyname(slave)
+    for fd in (master, slave):
+        try:
+            os.close(fd)
+        except OSError:
+            pass
+
+
+def in_thread(work):
+    """Run `work` aside; the list gets its result or error."""
+    results = []
+
+    def run():
+        try:
+            results.append(work())
+        except MrlError as error:
+            results.append(error)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    return thread, results
+
+
+def test_bytes_come_in(pty):
+    master, path = pty
+    link = Link(path)
+    os.write(master, b"@8,1e")
+    assert link.read(1.0) == b"@8,1e"
+    link.close()
+
+
+def test_bytes_go_out(pty):
+    master, path = pty
+    link = Link(path)
+    link.write(b"@13e")
+    assert os.read(master, 10) == b"@13e"
+    link.close()
+
+
+def test_reading_waits_no_longer_than_asked(pty):
+    link = Link(pty[1])
+    start = time.monotonic()
+    assert link.read(0.05) == b""
+    assert time.monotonic() - start < 0.05 + SOON_S * BUSY
+    link.close()
+
+
+def test_wake_ends_a_wait(pty):
+    link = Link(pty[1])
+    thread, results = in_thread(lambda: link.read(30))
+    link.wake()
+    thread.join(SOON_S * BUSY)
+    assert results == [b""]
+    link.close()
+
+
+def test_closing_wakes_the_reader_without_an_error(pty):
+    link = Link(pty[1])
+    thread, results = in_thread(lambda: link.read(30))
+    time.sleep(0.01)
+    link.close()
+    thread.join(SOON_S * BUSY)
+    assert results == [b""]
+
+
+def test_a_closed_link_reads_nothing_and_cannot_write(pty):
+    link = Link(pty[1])
+    link.close()
+    link.close()
+    link.wake()
+    assert link.read(1.0) == b""
+    with pytest.raises(LinkLost, match="is closed"):
+        link.write(b"@13e")
+
+
+def test_a_hang_up_is_a_lost_link(pty):
+    link = Link(pty[1])
+    thread, results = in_thread(lambda: link.read(30))
+    os.close(pty[0])
+    thread.join(SOON_S * BUSY)
+    assert isinstance(results[0], LinkLost) and "went away" in str(results[0])
+    link.close()
+
+
+def test_writing_to_a_lost_port_is_a_lost_link(pty):
+    link = Link(pty[1])
+    os.close(pty[0])
+    with pytest.raises(LinkLost):
+        link.write(b"@13e")
+    link.close()
+
+
+def test_a_write_that_blocks_is_given_up(pty):
+    link = Link(pty[1])
+    start = time.monotonic()
+    with pytest.raises(BoardTimeout, match="takes no more bytes"):
+        link.write(bytes(1 << 20))
+    assert time.monotonic() - start < SOON_S * BUSY
+    link.close()
+
+
+def test_a_second_program_is_refused_by_name(pty):
+    link = Link(pty[1])
+    with pytest.raises(PortBusy, match=rf"in use by .*\(process {os.getpid()}\)"):
+        Link(pty[1])
+    link.close()
+
+
+def test_a_closed_port_can_be_opened_again(pty):
+    Link(pty[1]).close()
+    Link(pty[1]).close()
+
+
+@pytest.mark.parametrize("kind", ["missing", "folder", "file", "null"])
+def test_what_is_no_port(kind, tmp_path):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "folder").mkdir()
+    path = "/dev/null" if kind == "null" else str(tmp_path / kind)
+    with pytest.raises(PortMissing, match="port") as caught:
+        Link(path)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("path", "words"), [("/nowhere/x", "does not exist"), ("/dev", "is a folder"), (__file__, "a plain file")]
+)
+def test_the_message_says_what_it_is_and_what_there_is(path, words):
+    with pytest.raises(PortMissing, match=f"{words}.*there (are|is)"):
+        Link(path)
+
+
+def test_a_denied_port_names_the_group(pty, monkeypatch):
+    def deny(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("serial.Serial", deny)
+    with pytest.raises(PortDenied, match="dialout"):
+        Link(pty[1])
+
+
+def test_a_port_marked_exclusive_is_busy(pty, monkeypatch):
+    def busy(*_, **__):
+        raise OSError(16, "Device or resource busy")
+
+    monkeypatch.setattr("serial.Serial", busy)
+    with pytest.raises(PortBusy):
+        Link(pty[1])
+
+
+@pytest.mark.parametrize("baud", [-1, "fast"])
+def test_a_baud_rate_that_is_none_is_refused(pty, baud):
+    with pytest.raises(LinkError, match="baud rate"):
+        Link(pty[1], baud)
+
+
+def test_many_closes_during_reads(pty):
+    for _ in range(50):
+        link = Link(pty[1])
+        thread, results = in_thread(lambda link=link: link.read(30))
+        link.close()
+        thread.join(SOON_S * BUSY)
+        assert results == [b""]

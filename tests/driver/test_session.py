@@ -1,0 +1,413 @@
+import pytest
+
+from mrl_driver.codec import Frame, encode_reply
+from mrl_driver.errors import BoardError, BoardTimeout, NotARobot, WrongRobot
+from mrl_driver.handshake import Plan
+from mrl_driver.session import Info, Ready, Sonars, Stale, Status
+
+from .fake_board import FakeBoard
+from .talk import Talk
+
+BOARD_2013_MAX_HZ = 15
+"""2013 boards lose commands above 26 a second while streaming; the driver stays well below."""
+
+
+def codes(talk):
+    return [frame.code for frame in talk.board.heard]
+
+
+# -- greeting
+
+
+def test_a_stop_goes_first():
+    assert Talk().run(0.01).sent[0][1].startswith(b"@13e")
+
+
+def test_the_robot_stays_still_while_it_is_greeted():
+    talk = Talk().until_ready()
+    assert 11 not in codes(talk) and talk.board.stops
+
+
+def test_our_board_gets_check_watchdog_and_period():
+    talk = Talk(plan=Plan(watchdog_ms=300, period_ms=40)).until_ready()
+    assert talk.board.decoder.checked and talk.session.checked
+    assert talk.board.watchdog_s == 0.3
+    assert talk.board.period_s == 0.04
+
+
+def test_ready_says_who_it_is():
+    board = Talk().until_ready().seen(Ready)[0].board
+    assert (board.robot_id, board.version, board.protocol, board.battery_v) == (1, 2, 2, 12.0)
+    assert "check" in board.capabilities
+
+
+def test_a_plan_without_check_stays_plain():
+    talk = Talk(plan=Plan(check=False)).until_ready()
+    assert not talk.session.checked
+    assert talk.run(0.1).counts[-1].sequence is None
+
+
+def test_a_board_that_boots_is_asked_again():
+    talk = Talk(FakeBoard(boot_s=1.1)).until_ready()
+    assert talk.now < 1.5
+
+
+def test_a_2013_board_that_boots_for_long_is_waited_for():
+    Talk(FakeBoard(version=1, boot_s=5.4)).until_ready()
+
+
+@pytest.mark.parametrize("code", [8, 6])
+def test_a_2013_board_is_asked_for_nothing_new(code):
+    talk = Talk(FakeBoard(version=1, stream_code=code)).until_ready().run(3)
+    assert max(codes(talk)) <= 19
+    assert all(not frame.args for frame in talk.board.heard)
+
+
+def test_a_board_left_in_check_mode_is_greeted():
+    """The driver before was killed: the board streams with check values and refuses plain requests."""
+    board = FakeBoard()
+    board.decoder.checked, board.period_s = True, 0.02
+    assert Talk(board).until_ready().now < 0.5
+
+
+def test_a_silent_board_left_in_check_mode_is_greeted():
+    board = FakeBoard()
+    board.decoder.checked = True
+    assert Talk(board).until_ready().now < 1.0
+
+
+def test_no_answer_is_no_robot():
+    board = FakeBoard()
+    board.mute = True
+    talk = Talk(board)
+    with pytest.raises(NotARobot, match="no answer to '@5e'"):
+        talk.run(9)
+    assert talk.now == pytest.approx(8.0, abs=0.3)
+
+
+def test_junk_means_another_baud_rate_three_seconds_after_its_first_byte():
+    board = FakeBoard()
+    board.mute = True
+    talk = Talk(board).run(1.0)
+    talk.to_host = lambda data: bytes(range(128, 256)) if talk.now < 1.1 else b""
+    with pytest.raises(NotARobot, match="check baud"):
+        talk.run(9)
+    assert talk.now == pytest.approx(4.0, abs=0.3)
+
+
+def test_half_a_frame_and_junk_before_the_answer_do_no_harm():
+    talk = Talk()
+    talk.board.out += b"@8,12" + bytes(range(128, 256)) * 4
+    assert talk.until_ready().now < 0.6
+
+
+def test_text_of_another_device_is_told():
+    board = FakeBoard()
+    board.mute = True
+    talk = Talk(board)
+    talk.to_host = lambda data: b"$GPGGA,123519\r\n" if int(talk.now * 1000) % 500 == 0 else b""
+    with pytest.raises(NotARobot, match="another device or firmware"):
+        talk.run(9)
+
+
+def test_a_board_that_is_not_admitted_gets_nothing_set():
+    def refuse(board):
+        raise WrongRobot("another")
+
+    talk = Talk(admit=refuse)
+    with pytest.raises(WrongRobot):
+        talk.run(1)
+    assert set(codes(talk)) <= {5, 13}
+
+
+def test_another_protocol_says_what_to_do():
+    talk = Talk()
+    talk.to_host = lambda data: encode_reply(29, 3, 0) if b"@29" in data else data
+    with pytest.raises(WrongRobot, match="protocol 3, this driver 2"):
+        talk.run(1)
+
+
+def test_a_board_that_dies_in_the_greeting_is_a_timeout():
+    talk = Talk()
+    talk.to_host = lambda data: b"" if b"@29" in data else data
+    with pytest.raises(BoardTimeout, match="robot id 1.*request 29"):
+        talk.run(5)
+
+
+def test_a_missing_motor_board_is_named():
+    talk = Talk()
+    status = encode_reply(30, 0, 1, 1, 0, 1, 0, checked=True)
+    talk.to_host = lambda data: b"" if b"@8," in data else status if b"@30" in data else data
+    with pytest.raises(BoardError, match="motor board of robot 1"):
+        talk.run(5)
+
+
+@pytest.mark.parametrize("lost", [0.1, 0.3])
+def test_a_lossy_line_is_greeted_too(lost, seed=3):
+    import random
+
+    rng = random.Random(seed)
+    talk = Talk()
+    talk.to_board = talk.to_host = lambda data: b"" if rng.random() < lost else data
+    talk.until_ready()
+
+
+# -- telemetry
+
+
+def test_counts_come_with_board_time_and_sequence():
+    counts = Talk().until_ready().run(1).counts
+    assert [b.sequence - a.sequence for a, b in zip(counts, counts[1:])] == [1] * (len(counts) - 1)
+    assert counts[-1].time_s - counts[0].time_s == pytest.approx(0.02 * (len(counts) - 1), abs=2e-3)
+
+
+def test_board_time_runs_on_over_its_wrap():
+    """16 bits of 64 us are 4.194 s."""
+    counts = Talk().until_ready().run(10).counts
+    gaps = [b.time_s - a.time_s for a, b in zip(counts, counts[1:])]
+    assert min(gaps) > 0.015 and max(gaps) < 0.025
+
+
+def test_stamps_increase():
+    counts = Talk().until_ready().run(3).counts
+    assert all(b.stamp_s > a.stamp_s for a, b in zip(counts, counts[1:]))
+
+
+def test_lost_frames_are_counted():
+    talk = Talk().until_ready().run(0.1)
+    dropped = []
+
+    def drop(data):
+        if b"@8," in data and len(dropped) < 3:
+            dropped.append(data)
+            return b""
+        return data
+
+    talk.to_host = drop
+    talk.run(1)
+    assert talk.session.counters.lost == 3
+
+
+def test_duplicates_are_counted_and_not_used():
+    talk = Talk().until_ready()
+    talk.to_host = lambda data: data * 2 if b"@8," in data else data
+    before = len(talk.counts)
+    talk.run(1)
+    assert talk.session.counters.duplicates == len(talk.counts) - before
+
+
+def test_damaged_frames_are_counted_by_reason_and_never_used():
+    talk = Talk().until_ready()
+    talk.to_host = lambda data: data.replace(b",120,", b",121,")
+    before = len(talk.counts)
+    talk.run(0.2)
+    assert talk.session.counters.garbage["bad_check"] >= 5
+    assert len(talk.counts) == before
+
+
+def test_a_stream_of_six_has_its_sonars_polled():
+    talk = Talk(FakeBoard(version=1, stream_code=6)).until_ready().run(2)
+    assert 4 <= len(talk.seen(Sonars)) <= 8
+    assert talk.seen(Sonars)[0].values == (120, 45, 645)
+
+
+def test_a_stream_of_eight_needs_no_poll():
+    talk = Talk(FakeBoard(version=1)).until_ready().run(2)
+    assert 7 not in codes(talk)
+    assert talk.counts[-1].sonars == (120, 45, 645)
+
+
+def test_status_and_battery_are_asked_for():
+    talk = Talk().until_ready().run(3)
+    assert len(talk.seen(Status)) >= 5
+    assert len(talk.seen(Info)) >= 3
+
+
+def test_silence_is_stale_after_300_ms():
+    talk = Talk().until_ready().run(0.5)
+    talk.board.mute = True
+    last = talk.session.heard_s
+    talk.until(lambda: talk.seen(Stale))
+    assert talk.now - last == pytest.approx(0.3, abs=0.01)
+    assert not talk.session.ready
+
+
+# -- motion
+
+
+def test_a_command_goes_out_at_once():
+    talk = Talk().until_ready()
+    assert talk.session.drive(500, -800, talk.now)
+    assert talk.session.take().startswith(b"@11,500,-800,")
+
+
+def test_no_command_is_taken_before_the_board_is_ready():
+    talk = Talk()
+    assert not talk.session.drive(500, 0, 0.0)
+    assert 11 not in codes(talk.run(2))
+
+
+def test_the_watchdog_is_fed_while_driving():
+    talk = Talk().until_ready()
+    talk.session.drive(200, 0, talk.now)
+    talk.run(3)
+    assert talk.board.speeds == (200, 0)
+
+
+def test_the_check_mode_is_fed_while_idle():
+    """It ends after 2 s without a valid frame."""
+    talk = Talk().until_ready()
+    start = talk.now
+    talk.run(5)
+    times = [sent_s for sent_s, data in talk.sent if sent_s > start]
+    assert max(b - a for a, b in zip(times, times[1:])) < 0.6
+
+
+@pytest.mark.parametrize("code", [8, 6])
+def test_a_2013_board_is_not_flooded(code):
+    talk = Talk(FakeBoard(version=1, stream_code=code)).until_ready().run(0.5)
+    start, before = talk.now, len(talk.board.heard)
+    for i in range(1000):
+        talk.session.drive(100 + i % 7, 0, talk.now)
+        talk.run(0.002)
+    assert (len(talk.board.heard) - before) / (talk.now - start) <= BOARD_2013_MAX_HZ
+
+
+def test_a_2013_board_gets_no_minus_one():
+    talk = Talk(FakeBoard(version=1)).until_ready()
+    talk.session.drive(-1, 500, talk.now)
+    talk.run(0.2)
+    assert talk.board.moves[-1] == (0, 500)
+
+
+def test_a_stop_is_plain_and_repeated_until_the_wheels_stand():
+    talk = Talk().until_ready()
+    talk.session.drive(200, 0, talk.now)
+    talk.run(0.5)
+    talk.to_board = lambda data: data.replace(b"@13e", b"@13,")
+    stopped_s = talk.now
+    talk.session.stop(talk.now)
+    talk.run(0.2)
+    assert talk.sent_since(stopped_s).count(b"@13e") >= 4
+    talk.to_board = lambda data: data
+    talk.until(lambda: not talk.session.motion.stopping, 0.3)
+    assert talk.board.speeds == (0, 0)
+
+
+def test_late_telemetry_holds_commands_back():
+    """A stalled board would carry them all out later."""
+    talk = Talk().until_ready()
+    talk.session.drive(200, 0, talk.now)
+    talk.run(0.2)
+    talk.board.mute = True
+    late_s = talk.session.heard_s + 0.1
+    talk.run(1.0)
+    assert b"@11" not in talk.sent_since(late_s)
+
+
+def test_late_telemetry_is_no_busy_loop():
+    talk = Talk().until_ready()
+    talk.session.drive(200, 0, talk.now)
+    talk.board.mute = True
+    talk.run(0.2)
+    assert talk.session.deadline(talk.now) > talk.now
+
+
+def test_a_command_expires_without_successor():
+    talk = Talk(command_timeout_s=0.5).until_ready()
+    talk.session.drive(200, 0, talk.now)
+    start = talk.now
+    talk.until(lambda: talk.board.speeds == (0, 0) and talk.now > start + 0.1)
+    assert talk.now - start == pytest.approx(0.5, abs=0.05)
+
+
+# -- restarts
+
+
+def test_a_board_reset_is_greeted_anew_and_stays_stopped():
+    talk = Talk().until_ready()
+    talk.session.drive(200, 0, talk.now)
+    talk.run(0.5)
+    talk.board.reset(talk.now)
+    reset_s, talk.events = talk.now, []
+    talk.until_ready().run(1.0)
+    assert talk.seen(Ready)[0].restarted
+    assert talk.board.speeds == (0, 0)
+    assert b"@11" not in talk.sent_since(reset_s + 0.3)
+    assert talk.session.counters.restarts == 1
+
+
+def test_a_reset_is_over_within_a_second():
+    talk = Talk().until_ready()
+    talk.board.reset(talk.now)
+    reset_s, talk.events = talk.now, []
+    assert talk.until_ready().now - reset_s < 0.5
+
+
+def test_a_stall_is_no_restart():
+    """The board was held up, and goes on with its counters and its clock."""
+    talk = Talk().until_ready().run(1)
+    talk.board.mute, talk.events = True, []
+    talk.until(lambda: talk.seen(Stale))
+    talk.run(1)
+    talk.board.mute = False
+    assert not talk.until_ready().seen(Ready)[0].restarted
+
+
+def test_a_stall_drops_the_command():
+    talk = Talk().until_ready()
+    talk.session.drive(200, 0, talk.now)
+    talk.board.mute = True
+    talk.run(1)
+    talk.board.mute = False
+    talk.events = []
+    talk.until_ready().run(1)
+    assert talk.session.motion.target is None and talk.board.speeds == (0, 0)
+
+
+def test_a_board_whose_check_has_ended_is_greeted_anew():
+    talk = Talk().until_ready().run(0.5)
+    talk.board.decoder.checked, talk.events = False, []
+    talk.until_ready()
+    assert talk.seen(Ready)[0].restarted and talk.board.decoder.checked
+
+
+def test_one_frame_that_lost_its_check_value_is_not_believed():
+    talk = Talk().until_ready().run(0.5)
+    before = len(talk.counts)
+    plain = encode_reply(8, 1000, 1000, 1, 1, 1)
+    assert talk.session.receive(plain, talk.now) == []
+    talk.run(0.5)
+    assert talk.session.checked and talk.session.counters.restarts == 0
+    assert len(talk.counts) > before
+
+
+def test_a_dead_board_is_greeted_for_ever():
+    talk = Talk().until_ready()
+    talk.board.mute = True
+    talk.run(30)
+    talk.board.mute, talk.events = False, []
+    talk.until_ready()
+
+
+def test_an_uptime_that_runs_backwards_is_a_restart():
+    talk = Talk().until_ready().run(3)
+    talk.board.started_s, talk.events = talk.now, []
+    talk.until_ready()
+    assert talk.seen(Ready)[0].restarted
+
+
+def test_the_end_leaves_the_board_as_2013_hosts_expect_it():
+    talk = Talk().until_ready()
+    talk.session.end()
+    talk.board.receive(talk.session.take(), talk.now)
+    assert talk.board.period_s is None and not talk.board.decoder.checked
+
+
+def test_a_request_of_the_caller_is_answered():
+    from mrl_driver.session import Reply
+
+    talk = Talk().until_ready()
+    talk.session.request(33, 400)
+    talk.run(0.1)
+    assert Reply(Frame(33, (400,))) in talk.events
