@@ -190,6 +190,8 @@ class Session:
         for event in self._decoder.feed(data):
             frame = event if type(event) is Frame else self._reread(event, now)
             if frame is None:
+                assert isinstance(event, Garbage)
+                self.counters.count_garbage(event.reason)
                 strange = True
                 continue
             self._other = 0
@@ -266,7 +268,6 @@ class Session:
         greeting or `PLAIN_FRAMES` in a row are.
         """
         assert isinstance(event, Garbage)
-        self.counters.count_garbage(event.reason)
         if event.reason not in ("bad_check", "argument_count"):
             return None
         found = FrameDecoder(REPLIES, checked=not self.checked).feed(event.data)
