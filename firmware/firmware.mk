@@ -5,7 +5,7 @@ ARDUINO_AVR ?= /usr/share/arduino/hardware/arduino/avr
 AVRDUDE ?= avrdude
 
 FW_FLAGS := -mmcu=atmega328p -DF_CPU=16000000L -DARDUINO=10819 -DARDUINO_AVR_UNO -DARDUINO_ARCH_AVR \
-  -Os -g -flto -ffunction-sections -fdata-sections \
+  -O2 -g -flto -ffunction-sections -fdata-sections \
   -I$(ARDUINO_AVR)/cores/arduino -I$(ARDUINO_AVR)/variants/standard
 FW_WARNINGS := -Wall -Wextra -Wconversion -Werror
 FW_CXX := -std=gnu++11 -fno-exceptions -fno-threadsafe-statics

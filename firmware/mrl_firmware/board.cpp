@@ -26,17 +26,29 @@ void begin() {
   failsafe::begin();
 }
 
+namespace {
+
+void (*const IN_TURN[])() = {motor::service,  bus::service_background, sonar::service, environment::service,
+                             config::service, status::service};
+constexpr uint8_t TURNS = sizeof IN_TURN / sizeof IN_TURN[0];
+uint8_t turn;
+
+}  // namespace
+
+// What depends on the time alone takes turns, one at each tick of the clock: a pass that looks for bytes and for the
+// end of a transfer is never far away, and the answer begins within microseconds.
 void run() {
-  hal::watchdog_kick();
-  failsafe::service(board_clock::update());
+  const uint16_t gap = board_clock::update();
+  if (gap) {
+    hal::watchdog_kick();
+    failsafe::service(gap);
+  }
   commands::receive();
-  motor::service();
   bus::service();
   answers::service();
-  sonar::service();
-  environment::service();
-  config::service();
-  status::service();
+  if (!gap) return;
+  IN_TURN[turn]();
+  turn = static_cast<uint8_t>((turn + 1) % TURNS);
 }
 
 }  // namespace board

@@ -50,10 +50,23 @@ bool end_if_over() {
   return true;
 }
 
-Owner next_owner(hal::Transfer& transfer) {
-  transfer.divider = motor_divider;
-  if (motor::next_transfer(transfer)) return Owner::motor_board;
-  // What can wait waits while a command comes in or a stream frame is due, unless it has waited for long.
+void start(Owner who) {
+  owner = who;
+  hal::transfer.stop_between = restart_with_stop;
+  started = board_clock::now();
+  hal::bus_start();
+}
+
+bool is_free() {
+  if (owner != Owner::none && !end_if_over()) return false;
+  if (resting && !board_clock::passed(rest_from, REST_AFTER_HANG)) return false;
+  resting = false;
+  hal::transfer.divider = motor_divider;
+  return true;
+}
+
+// What can wait waits while a command comes in or a stream frame is due, unless it has waited for long.
+Owner next_background(hal::Transfer& transfer) {
   const bool only_overdue = commands::decoder.in_frame() || answers::about_to_read();
   if (motor::next_poll(transfer, only_overdue)) return Owner::motor_board;
   if (!only_overdue && i2c_sensors::next_transfer(transfer)) return Owner::sensor;
@@ -69,14 +82,14 @@ void configure() {
 }
 
 void service() {
-  if (owner != Owner::none && !end_if_over()) return;
-  if (resting && !board_clock::passed(rest_from, REST_AFTER_HANG)) return;
-  resting = false;
-  owner = next_owner(hal::transfer);
-  if (owner == Owner::none) return;
-  hal::transfer.stop_between = restart_with_stop;
-  started = board_clock::now();
-  hal::bus_start();
+  if (owner == Owner::none && !motor::has_work()) return;
+  if (is_free() && motor::next_transfer(hal::transfer)) start(Owner::motor_board);
+}
+
+void service_background() {
+  if (!is_free()) return;
+  const Owner who = next_background(hal::transfer);
+  if (who != Owner::none) start(who);
 }
 
 }  // namespace bus

@@ -280,6 +280,11 @@ void report_info() {
   writer::add(config::get(Parameter::robot_id));
 }
 
+bool has_work() {
+  return stop_wanted || retry_current || set_up_todo || presence == Presence::asking ||
+         state == CountsState::wanted || !queue.empty();
+}
+
 bool next_transfer(hal::Transfer& transfer) {
   if (presence == Presence::absent) return false;
   if (next_stop(transfer)) return true;

@@ -46,6 +46,8 @@ void report_info();
 
 // ---- for the bus
 
+// A quick look whether next_transfer() may have something.
+bool has_work();
 // Fills in what has to be sent now; false if nothing.
 bool next_transfer(hal::Transfer& transfer);
 // Fills in a battery or temperature read, which can wait; `overdue` tells that it has waited for long.
