@@ -110,7 +110,7 @@ typedef struct {
 
 typedef struct {
     port_register_t registers[PORTS][3];
-    uint8_t driven[PORTS], external[PORTS], watched[PORTS];
+    uint8_t level[PORTS], outputs[PORTS], external[PORTS], watched[PORTS];
     pin_event_t *planned;
     size_t planned_count, planned_room;
     pin_event_t *changes;

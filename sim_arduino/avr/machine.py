@@ -194,7 +194,7 @@ class AvrMachine:
             self._native.mrl_pin_plan(self._board, port, bit, int(level), at_cycle)
 
     def watch_pins(self, pins: Iterable[int]) -> None:
-        """Chooses the pins whose changes are reported by `pin_changes` and `on_pin`."""
+        """Chooses the pins that `pin_changes` and `on_pin` report: new levels, and the start of being driven."""
         for port, mask in pin_masks(pins).items():
             self._native.mrl_pin_watch(self._board, port, mask)
 

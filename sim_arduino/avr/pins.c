@@ -25,13 +25,17 @@ static void note_change(board_t *board, int port, int bit, int level) {
         board->hooks.pin(port, bit, level, cycle);
 }
 
+/* A pin that the board begins to drive is news even if it was at that level before. */
 static void compare_levels(board_t *board, int port) {
-    uint8_t now = levels(board, port), changed = now ^ board->pins.driven[port];
-    board->pins.driven[port] = now;
+    pins_t *pins = &board->pins;
+    uint8_t now = levels(board, port), outputs = board->avr->data[pin_address(port) + 1];
+    uint8_t changed = now ^ pins->level[port], begun = outputs & ~pins->outputs[port];
+    pins->level[port] = now;
+    pins->outputs[port] = outputs;
     if (port == 1 && (changed & 0x20) && !(now & 0x20))
         twi_clocked_by_hand(board);
     for (int bit = 0; bit < 8; bit++)
-        if (changed & board->pins.watched[port] & (1 << bit))
+        if ((changed | begun) & pins->watched[port] & (1 << bit))
             note_change(board, port, bit, (now >> bit) & 1);
 }
 
