@@ -84,7 +84,7 @@ class Driver:
         self._thread: Optional[threading.Thread] = None
         self._error: Optional[MrlError] = None
         self._closing = self._leaving = False
-        self._sleeps_until = math.inf
+        self._sleeps_until = 0.0
         self._listeners: Dict[str, List[Listener]] = {
             "telemetry": [],
             "status": [],
@@ -356,20 +356,22 @@ class Driver:
                 )
 
     def _cycle(self) -> None:
-        assert self._link is not None and self._session is not None
-        now = time.monotonic()
-        with self._lock:
-            self._sleeps_until = self._session.deadline(now)
-        data = self._link.read(min(1.0, self._sleeps_until - now))
+        link, session = self._link, self._session
+        assert link is not None and session is not None
+        data = link.read(min(1.0, self._sleeps_until - time.monotonic()))
         now = time.monotonic()
         with self._lock:
             if self._closing:
                 return
-            events = self._session.receive(data, now) if data else []
-            events += self._session.tick(now)
-            self._flush(self._session)
-            calls = [call for event in events for call in self._digest(event, now)]
-        self._call(calls)
+            events = session.receive(data, now) if data else []
+            due_s = session.deadline(now)
+            if now >= due_s:
+                events += session.tick(now)
+                due_s = session.deadline(now)
+            notices = [notice for event in events for notice in self._digest(event, now)]
+            self._sleeps_until = due_s
+            self._flush(session)
+        self._call(notices)
 
     def _fail(self, error: MrlError) -> None:
         with self._changed:
@@ -416,12 +418,9 @@ class Driver:
         return self._session
 
     def _flush(self, session: Session) -> None:
-        """Send what the session has, under the lock, so that frames never mix; wake the reader where it
-        sleeps too long.
-        """
+        """Send what the session has, under the lock, so that frames never mix."""
         data = session.take()
-        assert self._link is not None
-        if data:
+        if data and self._link is not None:
             try:
                 self._link.write(data)
             except BoardTimeout:
@@ -432,10 +431,12 @@ class Driver:
                     self._changed.notify_all()
                     self._link.wake()
                     raise
-        if (
-            session.deadline(time.monotonic()) < self._sleeps_until
-            and threading.current_thread() is not self._thread
-        ):
+        if threading.current_thread() is not self._thread:
+            self._wake(session)
+
+    def _wake(self, session: Session) -> None:
+        """Wake the reader if something is due before it looks again."""
+        if self._link is not None and session.deadline(time.monotonic()) < self._sleeps_until:
             self._link.wake()
 
     def _say_goodbye(self, wait: bool) -> None:

@@ -81,12 +81,13 @@ class Link:
         with self._reading:
             if self.closed:
                 return b""
-            ready = self._poll.poll(max(0.0, timeout_s) * 1000)
-            if any(fd == self._wake_out for fd, _ in ready):
-                os.read(self._wake_out, 4096)
-            if self.closed or not any(fd == self._fd for fd, _ in ready):
-                return b""
-            return self._read_now()
+            data = b""
+            for fd, _ in self._poll.poll(max(0.0, timeout_s) * 1000):
+                if fd == self._wake_out:
+                    os.read(fd, 4096)
+                elif not self.closed:
+                    data = self._read_now()
+            return data
 
     def _read_now(self) -> bytes:
         try:

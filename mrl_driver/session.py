@@ -145,6 +145,8 @@ class Session:
 
     def take(self) -> bytes:
         """Bytes to send now."""
+        if not self._out:
+            return b""
         data = bytes(self._out)
         self._out.clear()
         self.counters.bytes_out += len(data)
