@@ -1,0 +1,356 @@
+"""PythonBoard: the firmware's behaviour in Python, on a Plant, in the time of its wire.
+
+What a request does stands in `handlers`; here are the line, the order of events, streams and failsafes.
+"""
+
+import math
+from collections import deque
+from typing import Deque, Dict, List, NamedTuple, Optional, Tuple
+
+from mrl_driver.codec import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
+from mrl_driver.table import (
+    BY_CODE,
+    FAULTS,
+    INT16_MAX,
+    REASONS,
+    RESET_CAUSES,
+    SONAR_INVALID,
+    SONAR_NOTHING,
+    STOP_REASONS,
+    TICK_S,
+)
+
+from . import config_store, handlers
+from .config_store import Config
+from .omni3md import Geometry, Omni3MD
+from .plant import SONAR_POWER, SONAR_TRIGGER, Plant
+from .sonars import READING_S, START_S, VOLTS_PER_COUNT
+from .wire import Incoming, Outgoing
+
+BOOT_S = 0.2
+STALL_S = 0.25
+CHECK_SILENCE_S = 2.0
+EEPROM_BYTE_S = 3.4e-3
+ANSWERS = 8
+"""Replies that wait for the wire; one more is dropped and counted as an overrun."""
+VERSION = 2
+_TRUSTED_COUNTS = (10, 700)
+_NOTHING_COUNT = 640
+_FAULT = {name: 1 << bit for bit, (name, _) in enumerate(FAULTS)}
+_HEATER, _FAN = 15, 7
+
+
+class Answer(NamedTuple):
+    """A reply that waits: not before [s], code, and what its handler wants to be reminded of."""
+
+    due_s: float
+    code: int
+    value: int
+
+
+class Stream(NamedTuple):
+    """A running stream: the command that started it, and the time between frames [s], 0 as fast as the wire."""
+
+    code: int
+    period_s: float
+
+
+class PythonBoard:
+    """A board with our firmware.
+
+    Args:
+        plant: What is wired to it.
+        robot_id: Id in its EEPROM; 0 is not set.
+        environment: The environment-sensor build instead of the sonar build.
+        eeprom: 1024 bytes that survive resets, instead of a sound image of the id's defaults.
+
+    Attributes:
+        plant, config: As given, and the parameters in force.
+        counters: Refusals by the names of `table.REASONS`.
+    """
+
+    def __init__(self, plant: Plant, robot_id: Optional[int] = None, environment: bool = False,
+                 eeprom: Optional[bytearray] = None) -> None:
+        self.plant = plant
+        self.environment = environment
+        first_id = plant.model.ids[0] if robot_id is None else robot_id
+        self.eeprom = bytearray(config_store.image(config_store.defaults(first_id))) if eeprom is None else eeprom
+        self.now_s = 0.0
+        self._lost_out = b""
+        self._start("power_on")
+
+    # ---- the Engine interface
+
+    def receive(self, data: bytes) -> None:
+        """Bytes from the host, the first of them on the wire from now on."""
+        self._incoming.put(data, self.now_s)
+
+    def advance(self, to_s: float) -> bytes:
+        """Runs to `to_s` [s]; the bytes that left the board until then."""
+        while True:
+            event_s = self._next_s()
+            if event_s > to_s:
+                break
+            self.now_s = max(self.now_s, event_s)
+            self._run_events()
+        self.now_s = max(self.now_s, to_s)
+        self.plant.advance(self.now_s)
+        return self._outgoing.take(self.now_s)
+
+    @property
+    def next_event_s(self) -> float:
+        """When something happens, or has left, if no bytes come [s]."""
+        return min(self._outgoing.next_s, self._next_s())
+
+    def gap(self, to_s: float, waiting: bytes) -> None:
+        """The loop stood still until `to_s`: what waited for longer than 250 ms is stale and dropped."""
+        if to_s - self.now_s <= STALL_S:
+            self.receive(waiting)
+            return
+        self.motor_board.fed = False
+        self.plant.advance(to_s)
+        self.motor_board.fed = True
+        self.now_s = self._valid_s = self._stream_due_s = to_s
+        self._incoming.clear()
+        self._decoder = FrameDecoder(REQUESTS, self._decoder.checked)
+        self.stop_motors("stall")
+
+    def reset(self) -> None:
+        """The reset line: RAM starts anew, EEPROM stays; the motors get their stop when the sketch is up."""
+        self.motor_board.fed = False
+        self.plant.advance(self.now_s)
+        self._start("external")
+
+    def close(self) -> None:
+        """Nothing to free."""
+
+    # ---- start
+
+    def _start(self, cause: str) -> None:
+        self.started_s = self.now_s
+        self.ready_s = self.now_s + BOOT_S
+        self.reset_cause = RESET_CAUSES.index(cause)
+        self.stop_reason = STOP_REASONS.index("boot")
+        self.counters: Dict[str, int] = {reason.name: 0 for reason in REASONS}
+        self.clamped = 0
+        self.debug = False
+        self.stream: Optional[Stream] = None
+        self.watchdog_ms = 0
+        self._faults = self._unread_faults = 0
+        self._valid_s = self._stream_due_s = self.ready_s
+        self._silent = False
+        self._sequence = 0
+        self._booted = False
+        self._incoming, self._outgoing = Incoming(), Outgoing()
+        self._outgoing.free_s = self.now_s
+        self._decoder = FrameDecoder(REQUESTS)
+        self._answers: Deque[Answer] = deque()
+        self._trigger_s = math.inf
+        self._sonars_from_s = math.inf
+
+    def _boot(self) -> None:
+        self._booted = True
+        self.config = Config(self.eeprom)
+        self.set_fault("eeprom", not self.config.sound)
+        self.set_fault("id_unset", self.config["robot_id"] == 0)
+        if self.environment:
+            self.plant.pin_changed(_HEATER, 0, self.now_s)
+            self.plant.pin_changed(_FAN, 1, self.now_s)
+        else:
+            self.plant.pin_changed(SONAR_POWER, 0, self.now_s)
+            self.plant.pin_changed(SONAR_POWER, 1, self.now_s)
+            self._trigger_s = self.now_s + START_S
+        if self.motor_there():
+            self.motor_board.fed = True
+            self.motor_board.stop(self.now_s)
+            self.set_up_motor_board()
+
+    def _trigger(self) -> None:
+        self.plant.pin_changed(SONAR_TRIGGER, 1, self.now_s)
+        self.plant.pin_changed(SONAR_TRIGGER, 0, self.now_s)
+        self._sonars_from_s, self._trigger_s = self.now_s, math.inf
+
+    # ---- events in time
+
+    def _next_s(self) -> float:
+        if not self._booted:
+            return self.ready_s
+        return min(self._incoming.next_s, self._trigger_s, self._wire_due_s(), self._watchdog_due_s(),
+                   self._check_due_s())
+
+    def _run_events(self) -> None:
+        now = self.now_s
+        if not self._booted:
+            self._boot()
+            return
+        if self._incoming.next_s <= now:
+            self._take(self._incoming.take())
+        if self._trigger_s <= now:
+            self._trigger()
+        if self._watchdog_due_s() <= now:
+            self._silent = True
+            self.stop_motors("link_watchdog")
+        if self._check_due_s() <= now:
+            self.stop_motors("check_ended")
+            self.set_check(False)
+        if self._wire_due_s() <= now:
+            self._send_next()
+
+    def _watchdog_due_s(self) -> float:
+        return self._valid_s + self.watchdog_ms / 1000.0 if self.watchdog_ms and not self._silent else math.inf
+
+    def _check_due_s(self) -> float:
+        return self._valid_s + CHECK_SILENCE_S if self._decoder.checked else math.inf
+
+    def _wire_due_s(self) -> float:
+        """When the next frame goes onto the wire [s]: the line is free, and an answer or the stream is due."""
+        due = min((answer.due_s for answer in self._answers), default=math.inf)
+        if self.stream:
+            due = min(due, self._stream_due_s)
+        return max(due, self._outgoing.free_s)
+
+    def _take(self, data: bytes) -> None:
+        for event in self._decoder.feed(data):
+            if isinstance(event, Frame):
+                self._valid_s, self._silent = self.now_s, False
+                row = BY_CODE[event.code]
+                handlers.REQUESTS[row.name](self, *event.args)
+                self._say("[INFO] " + row.name)
+            else:
+                self.refuse(event.reason)
+
+    # ---- the wire
+
+    def ask(self, code: int, value: int = 0, after_s: float = 0.0) -> None:
+        """Queues the reply `code`."""
+        if len(self._answers) >= ANSWERS:
+            self.count("overrun")
+        else:
+            self._answers.append(Answer(self.now_s + after_s, code, value))
+
+    def _send_next(self) -> None:
+        for answer in self._answers:
+            if answer.due_s <= self.now_s:
+                self._answers.remove(answer)
+                self._send(answer.code, answer.value)
+                return
+        if self.stream:
+            late = self.now_s - self._stream_due_s
+            period = self.stream.period_s
+            self._stream_due_s = self._stream_due_s + period if late < period else self.now_s
+            if not self._send(BY_CODE[self.stream.code].repeats) and period == 0.0:
+                self._stream_due_s = self.now_s + 1e-3
+
+    def _send(self, code: int, value: int = 0) -> bool:
+        """Builds a reply of what holds now; False if there is nothing valid to send."""
+        args = handlers.REPLIES[code](self, value)
+        if args is None:
+            return False
+        stamp = None
+        if self._decoder.checked and BY_CODE[code].stamped:
+            ticks = int((self.now_s - self.started_s) / TICK_S)
+            stamp = Stamp(_int16(self._sequence), _int16(ticks))
+            self._sequence += 1
+        self._outgoing.put(encode_reply(code, *args, stamp=stamp, checked=self._decoder.checked), self.now_s)
+        return True
+
+    def _say(self, text: str) -> None:
+        """Free text for people, if it is asked for and the line is free."""
+        if self.debug and self._outgoing.free_s <= self.now_s:
+            self._outgoing.put(text.encode() + b"\r\n", self.now_s)
+
+    def start_stream(self, code: int, period_ms: int) -> None:
+        """Begins a stream; it replaces one that runs."""
+        self.stream = Stream(code, period_ms / 1000.0)
+        self._stream_due_s = self.now_s
+
+    def stop_stream(self, code: int) -> None:
+        """Ends the stream that `code` started."""
+        if self.stream and self.stream.code == code:
+            self.stream = None
+
+    def set_check(self, on: bool) -> None:
+        """Check value on or off, both ways."""
+        self._decoder.checked = on
+
+    # ---- state that handlers share
+
+    @property
+    def motor_board(self) -> Omni3MD:
+        """The motor board on the plant."""
+        return self.plant.motor_board
+
+    def count(self, reason: str) -> None:
+        """Counts a refusal; a counter stays at its maximum."""
+        self.counters[reason] = min(INT16_MAX, self.counters[reason] + 1)
+
+    def refuse(self, reason: str) -> None:
+        """Counts a refusal, and says so in debug."""
+        self.count(reason)
+        self._say("[ERROR] " + reason)
+
+    def set_fault(self, name: str, present: bool) -> None:
+        """Raises or clears a fault; one that has gone stays visible until it has been read."""
+        self._faults = self._faults | _FAULT[name] if present else self._faults & ~_FAULT[name]
+        self._unread_faults |= self._faults
+
+    def take_faults(self) -> int:
+        """Faults that are present, or came and went since the last call."""
+        faults, self._unread_faults = self._unread_faults, self._faults
+        return faults
+
+    def motor_there(self) -> bool:
+        """Whether the motor board answers; a board that has come back is stopped and set up first."""
+        there = self.motor_board.present
+        was_gone = bool(self._faults & _FAULT["motor_board"])
+        self.set_fault("motor_board", not there)
+        if there and was_gone:
+            self.motor_board.stop(self.now_s)
+            self.set_up_motor_board()
+        elif not there and not was_gone:
+            self.stop_reason = STOP_REASONS.index("motor_board")
+        return there
+
+    def set_up_motor_board(self) -> None:
+        """Tells the motor board all it has to know."""
+        config, motor, now = self.config, self.motor_board, self.now_s
+        motor.set_geometry(now, Geometry(*(config[name] for name in Geometry._fields)))
+        motor.set_gains(now, config["kp"], config["ki"], config["kd"])
+        motor.set_ramp(now, config["ramp_time"], config["ramp_gain"])
+        motor.set_timeout(now, config["motor_timeout"])
+
+    def stop_motors(self, reason: str) -> None:
+        """The motor board's own stop, at once."""
+        self.stop_reason = STOP_REASONS.index(reason)
+        if self.motor_there():
+            self.motor_board.stop(self.now_s)
+
+    def encoders(self) -> Optional[Tuple[int, int]]:
+        """Right and left count, or None without a motor board."""
+        if not self.motor_there():
+            return None
+        return self.motor_board.encoder(3, self.now_s), self.motor_board.encoder(1, self.now_s)
+
+    def adc(self, channel: int) -> int:
+        """ADC count of A0 to A3."""
+        return min(1023, int(self.plant.adc_volts(channel, self.now_s) / VOLTS_PER_COUNT))
+
+    def sonar_cm(self) -> List[int]:
+        """Wire values of the three sonars."""
+        return [self._sonar(channel) for channel in range(3)]
+
+    def _sonar(self, channel: int) -> int:
+        if self.now_s < self._sonars_from_s + READING_S * (channel + 1):
+            return SONAR_INVALID
+        count = self.adc(channel)
+        low, high = _TRUSTED_COUNTS
+        if not low <= count <= high:
+            return SONAR_INVALID
+        if count >= _NOTHING_COUNT:
+            return SONAR_NOTHING
+        a, b, c = (self.config[name] / 1e4 for name in ("sonar_a", "sonar_b", "sonar_c"))
+        return max(0, min(1250, round(a * count ** b + c)))
+
+
+def _int16(value: int) -> int:
+    return (value + 0x8000 & 0xFFFF) - 0x8000

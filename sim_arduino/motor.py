@@ -1,0 +1,177 @@
+"""One motor of the motor board: ramp, PID at the control rate, first-order speed, brake.
+
+Speeds are encoder counts per second [count/s] at a prescaler of 1, so nothing here knows wheel sizes.  Between two
+control ticks the motion has a closed form and any step is exact.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+
+class MotorParams(NamedTuple):
+    """What a motor, its gearbox and its share of the motor board's program are."""
+
+    no_load_counts_s: float
+    """Speed at full duty and nominal voltage [count/s]."""
+    rated_counts_s: float
+    """Speed that 100 % asks for under speed control [count/s]."""
+    nominal_v: float = 12.0
+    """Voltage of `no_load_counts_s` [V]."""
+    time_constant_s: float = 0.08
+    """Time to 63 % of a step of the duty [s]."""
+    brake_counts_s2: float = 22000.0
+    """Deceleration of the short-circuited motor [count/s2]; 2 m/s2 on a TraxBot."""
+    position_gain_hz: float = 4.0
+    """Speed asked for per count of distance while going to a position [1/s]."""
+
+
+@dataclass
+class Gains:
+    """The motor board's settings of its speed control, in its own units."""
+
+    kp: int = 700
+    """Proportional gain [1/1000 duty per full speed]."""
+    ki: int = 400
+    """Integral gain [1/1000 duty per full speed and control period]."""
+    kd: int = 200
+    """Differential gain [1/1000 duty per full speed and control period]."""
+    ramp_ms: int = 2500
+    """Time from standstill to rated speed [ms]; 0 is no ramp."""
+    ramp_gain: int = 0
+    """Speed at which the ramp takes off [1/1000 of rated speed]."""
+
+
+class Mode(Enum):
+    """What the motor board does with a motor."""
+
+    DUTY = "duty"
+    SPEED = "speed"
+    POSITION = "position"
+    BRAKE = "brake"
+
+
+_REST_COUNTS_S = 1.0
+
+
+class Motor:
+    """State of one motor; `travel` and `speed` are the physics, the rest is the board's program.
+
+    Attributes:
+        travel: Way since power-up [count], never wraps.
+        speed: [count/s].
+        duty: Share of the battery voltage on the motor, -1 to 1.
+    """
+
+    def __init__(self, params: MotorParams) -> None:
+        self.params = params
+        self.mode = Mode.BRAKE
+        self.travel = 0.0
+        self.speed = 0.0
+        self.duty = 0.0
+        self.target = 0.0
+        self._setpoint = 0.0
+        self._integral = 0.0
+        self._error = 0.0
+        self._goal = 0.0
+        self._hold = False
+
+    def set_duty(self, share: float) -> None:
+        """Puts a share of the battery voltage on the motor at once, without speed control."""
+        self.mode, self.duty = Mode.DUTY, max(-1.0, min(1.0, share))
+
+    def set_speed(self, counts_s: float) -> None:
+        """Asks for a speed [count/s]; the ramp leads there."""
+        if self.mode is not Mode.SPEED:
+            self._begin_control()
+        self.mode, self.target = Mode.SPEED, counts_s
+
+    def go_to(self, travel: float, counts_s: float, hold: bool) -> None:
+        """Goes to a travel [count] at most so fast [count/s], then holds with torque, or brakes."""
+        if self.mode is not Mode.POSITION:
+            self._begin_control()
+        self.mode, self.target, self._goal, self._hold = Mode.POSITION, abs(counts_s), travel, hold
+
+    def brake(self) -> None:
+        """Shorts the motor at once."""
+        self.mode, self.duty = Mode.BRAKE, 0.0
+
+    @property
+    def at_rest(self) -> bool:
+        """Stands, and nothing will move it before the next command."""
+        still = self.speed == 0.0 and self.duty == 0.0
+        return still and (self.mode in (Mode.DUTY, Mode.BRAKE) or (self.mode is Mode.SPEED and self.target == 0.0))
+
+    def move(self, dt: float, volts: float) -> float:
+        """Goes on for `dt` [s] with the duty as it is; the way made [count]."""
+        way = self._braked(dt) if self.mode is Mode.BRAKE else self._driven(dt, volts)
+        self.travel += way
+        return way
+
+    def control(self, period_s: float, gains: Gains) -> None:
+        """One tick of the board's control loop."""
+        if self.mode is Mode.SPEED:
+            self._setpoint = self._ramped(self.target, period_s, gains)
+            self._pid(gains)
+        elif self.mode is Mode.POSITION:
+            self._approach(period_s, gains)
+        self._settle()
+
+    def _begin_control(self) -> None:
+        self._setpoint, self._integral, self._error = self.speed, self.duty, 0.0
+
+    def _approach(self, period_s: float, gains: Gains) -> None:
+        left = self._goal - self.travel
+        if abs(left) < 0.5 and not self._hold:
+            self.brake()
+            return
+        wanted = max(-self.target, min(self.target, left * self.params.position_gain_hz))
+        speeding_up = abs(wanted) > abs(self._setpoint)
+        self._setpoint = self._ramped(wanted, period_s, gains) if speeding_up else wanted
+        self._pid(gains)
+
+    def _ramped(self, target: float, period_s: float, gains: Gains) -> float:
+        if gains.ramp_ms == 0:
+            return target
+        start = self._setpoint
+        if start == 0.0:
+            start = math.copysign(self.params.rated_counts_s * gains.ramp_gain / 1000.0, target)
+        most = self.params.rated_counts_s * period_s * 1000.0 / gains.ramp_ms
+        if abs(start) > abs(target) and start * target >= 0.0 and self._setpoint == 0.0:
+            return target
+        return start + max(-most, min(most, target - start))
+
+    def _pid(self, gains: Gains) -> None:
+        error = (self._setpoint - self.speed) / self.params.no_load_counts_s
+        self._integral = max(-1.0, min(1.0, self._integral + gains.ki / 1000.0 * error))
+        change, self._error = error - self._error, error
+        duty = gains.kp / 1000.0 * error + self._integral + gains.kd / 1000.0 * change
+        self.duty = max(-1.0, min(1.0, duty))
+
+    def _settle(self) -> None:
+        """A motor that should stand and nearly does, stands."""
+        asked = self.target if self.mode is Mode.SPEED else self.duty
+        if self.mode in (Mode.SPEED, Mode.DUTY) and asked == 0.0 == self._rest_setpoint():
+            if abs(self.speed) < _REST_COUNTS_S:
+                self.speed = self.duty = self._integral = self._error = 0.0
+
+    def _rest_setpoint(self) -> float:
+        return self._setpoint if self.mode is Mode.SPEED else 0.0
+
+    def _driven(self, dt: float, volts: float) -> float:
+        tau = self.params.time_constant_s
+        final = self.duty * self.params.no_load_counts_s * volts / self.params.nominal_v
+        gone = -math.expm1(-dt / tau)
+        way = final * dt + (self.speed - final) * tau * gone
+        self.speed += (final - self.speed) * gone
+        return way
+
+    def _braked(self, dt: float) -> float:
+        speed, slowing = self.speed, self.params.brake_counts_s2
+        to_rest = abs(speed) / slowing
+        if dt >= to_rest:
+            self.speed = 0.0
+            return 0.5 * speed * to_rest
+        self.speed = speed - math.copysign(slowing * dt, speed)
+        return 0.5 * (speed + self.speed) * dt

@@ -1,0 +1,161 @@
+"""The robot's body: motors, pose, battery, temperature.  `Params`, `State`, `Robot.step(dt)`; no bytes, no clock.
+
+The pose follows the wheels' true ways by exact arcs.  Numbers without another source are of the thesis (2012).
+"""
+
+import math
+from bisect import bisect_left
+from dataclasses import dataclass, field
+from typing import NamedTuple, Tuple
+
+from mrl_driver.robots import RobotModel
+
+from .motor import Gains, Motor, MotorParams
+
+MAX_STEP_S = 0.01
+"""Longest piece that is integrated as one arc while the robot moves [s]."""
+_REST_STEP_S = 1.0
+"""Longest piece while it stands, for battery and temperature [s]."""
+
+
+class Params(NamedTuple):
+    """What this robot is.  Left and right are motors 1 and 3 of the motor board; motor 2 turns nothing."""
+
+    motor: MotorParams
+    left_m_per_count: float
+    right_m_per_count: float
+    wheel_separation_m: float
+    turn_slip: float = 0.0
+    """Share of the yaw that the tracks lose to the floor in a turn, 0 to below 1."""
+    control_hz: float = 20.0
+    """Rate of the motor board's control loop [Hz]: 10, 20 or 40."""
+    capacity_ah: float = 4.6
+    rest_curve: Tuple[Tuple[float, float], ...] = ()
+    """Battery voltage at no load [V] over charge (1 full, 0 empty), rising."""
+    resistance_ohm: float = 0.15
+    idle_a: float = 1.3
+    """Current with the motors at rest [A]; with `running_a` the packs last 3 h at 50 mm/s and 2 h at 200 mm/s."""
+    running_a: float = 2.8
+    """Current of one motor at its no-load speed [A]."""
+    starting_a: float = 5.0
+    """Further current of one motor that stands at full duty [A]."""
+    ambient_c: float = 25.0
+    heating_c_per_a: float = 6.0
+    """Final temperature rise of the motor board per ampere through the motors [degC/A]."""
+    heating_s: float = 300.0
+
+
+@dataclass
+class State:
+    """Where the robot is and how it fares.  x forward at the start, y left, yaw counter-clockwise, unwrapped."""
+
+    x_m: float = 0.0
+    y_m: float = 0.0
+    yaw_rad: float = 0.0
+    charge: float = 1.0
+    """Charge of the battery, 1 full, 0 empty, below 0 over-discharged."""
+    battery_v: float = 0.0
+    """Voltage at the motor board, under load [V]."""
+    temperature_c: float = 25.0
+    to_tick_s: float = field(default=0.0, repr=False)
+    """Time to the motor board's next control tick [s]."""
+
+
+def params_for(model: RobotModel, turn_slip: float = 0.0, left_scale: float = 1.0, right_scale: float = 1.0,
+               axle_scale: float = 1.0) -> Params:
+    """Parameters of a robot of that model; the scales are the true sizes over the model's."""
+    per_turn = model.board["gearbox"] * model.board["encoder_counts"] / 100.0
+    per_count = model.drive.metres_per_count
+    rpm = 160.0 / 60.0 * per_turn
+    motor = MotorParams(no_load_counts_s=rpm * 12.0 / 7.2, rated_counts_s=rpm, brake_counts_s2=2.0 / per_count)
+    battery = model.battery
+    return Params(motor, per_count * left_scale, per_count * right_scale,
+                  model.drive.wheel_separation_m * axle_scale, turn_slip, capacity_ah=battery.capacity_ah,
+                  rest_curve=_rest_curve(battery.empty_v, battery.full_v))
+
+
+def _rest_curve(empty_v: float, full_v: float) -> Tuple[Tuple[float, float], ...]:
+    """NiMH: steep at both ends, flat between; beyond them linear to 0 V and to a pack fresh from the charger."""
+    def level(share: float) -> float:
+        return empty_v + share * (full_v - empty_v)
+    return ((-0.05, 0.0), (0.0, level(0.0)), (0.08, level(0.4)), (0.3, level(0.62)), (0.8, level(0.75)),
+            (0.95, level(0.85)), (1.0, full_v), (1.1, full_v + 2.0))
+
+
+def interpolate(pairs: Tuple[Tuple[float, float], ...], x: float) -> float:
+    """Piecewise linear through `pairs` (rising x), constant beyond the ends."""
+    index = bisect_left(pairs, (x, -math.inf))
+    if index == 0:
+        return pairs[0][1]
+    if index == len(pairs):
+        return pairs[-1][1]
+    (x0, y0), (x1, y1) = pairs[index - 1], pairs[index]
+    return y0 + (y1 - y0) * (x - x0) / (x1 - x0)
+
+
+class Robot:
+    """Params, state and motors; `step` carries them on."""
+
+    def __init__(self, params: Params, pose: Tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
+        self.params = params
+        self.state = State(*pose, temperature_c=params.ambient_c, to_tick_s=1.0 / params.control_hz)
+        self.motors = tuple(Motor(params.motor) for _ in range(3))
+        self.gains = Gains()
+        self._update_battery(0.0)
+
+    def set_battery(self, volts: float) -> None:
+        """Gives the battery the charge at which it shows so many volts with the motors at rest."""
+        rest = volts + self.params.idle_a * self.params.resistance_ohm if volts > 0.0 else 0.0
+        self.state.charge = interpolate(tuple((v, c) for c, v in self.params.rest_curve), rest)
+        self._update_battery(0.0)
+
+    def step(self, dt: float) -> None:
+        """Goes on for `dt` [s]; pieces end at the control ticks, the motion between them is exact."""
+        while dt > 0.0:
+            resting = all(motor.at_rest for motor in self.motors)
+            piece = min(dt, _REST_STEP_S) if resting else min(dt, self.state.to_tick_s, MAX_STEP_S)
+            dt -= piece
+            self._piece(piece, resting)
+
+    def _piece(self, dt: float, resting: bool) -> None:
+        state = self.state
+        if not resting:
+            left, _, right = (motor.move(dt, state.battery_v) for motor in self.motors)
+            self._arc(left * self.params.left_m_per_count, right * self.params.right_m_per_count)
+        self._update_battery(dt)
+        state.to_tick_s -= dt
+        if state.to_tick_s <= 1e-9:
+            self._tick(resting)
+
+    def _tick(self, resting: bool) -> None:
+        period = 1.0 / self.params.control_hz
+        self.state.to_tick_s += period * math.ceil((1e-9 - self.state.to_tick_s) / period)
+        if not resting:
+            for motor in self.motors:
+                motor.control(period, self.gains)
+
+    def _arc(self, left_m: float, right_m: float) -> None:
+        """Moves the pose along the circle that wheels with these ways make."""
+        state = self.state
+        way = 0.5 * (left_m + right_m)
+        turn = (right_m - left_m) / self.params.wheel_separation_m * (1.0 - self.params.turn_slip)
+        half = 0.5 * turn
+        chord = way * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
+        state.x_m += chord * math.cos(state.yaw_rad + half)
+        state.y_m += chord * math.sin(state.yaw_rad + half)
+        state.yaw_rad += turn
+
+    def _update_battery(self, dt: float) -> None:
+        params, state = self.params, self.state
+        motors_a = sum(self._motor_a(motor) for motor in self.motors)
+        current = params.idle_a + motors_a
+        state.charge -= current * dt / 3600.0 / params.capacity_ah
+        state.battery_v = max(0.0, interpolate(params.rest_curve, state.charge) - current * params.resistance_ohm)
+        final = params.ambient_c + params.heating_c_per_a * motors_a
+        state.temperature_c += (final - state.temperature_c) * -math.expm1(-dt / params.heating_s)
+
+    def _motor_a(self, motor: Motor) -> float:
+        share = motor.speed / motor.params.no_load_counts_s
+        if share == 0.0 and motor.duty == 0.0:
+            return 0.0
+        return self.params.running_a * abs(share) + self.params.starting_a * abs(motor.duty - share)

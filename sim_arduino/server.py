@@ -1,0 +1,133 @@
+"""Serves an engine on a pty in real time.  Owns the clock; the port owns its descriptors."""
+
+import json
+import os
+import select
+import time
+from typing import Any, Dict, List, Optional, TextIO
+
+from .engine import Engine
+from .plant import Plant
+from .port import PtyPort
+from .wire import IN_BYTE_S
+
+HEARTBEAT_S = 0.1
+"""Longest wait; a longer pause than asked for is a stall of this process."""
+STALL_S = 0.25
+TRUTH_PERIOD_S = 0.05
+_LINE_AHEAD_S = 0.002
+"""How far the host's bytes may run ahead of the line before they are left in the pty."""
+
+
+class PtyServer:
+    """Connects an engine and a port until `stop` is called.
+
+    Args:
+        truth: File that gets the plant's true pose as JSON lines, 20 a second.
+        log: File that gets the bytes of both directions as JSON lines.
+        reset_on_open: Opening the port resets the board, as the DTR line of an Uno does.
+    """
+
+    def __init__(self, engine: Engine, port: PtyPort, plant: Optional[Plant] = None, truth: Optional[TextIO] = None,
+                 log: Optional[TextIO] = None, reset_on_open: bool = False) -> None:
+        self._engine, self._port, self._plant = engine, port, plant
+        self._truth, self._log = truth, log
+        self._reset_on_open = reset_on_open
+        self._wake, self._waker = os.pipe()
+        os.set_blocking(self._waker, False)
+        self._start_s = time.monotonic()
+        self._now_s = self._expected_s = 0.0
+        self._line_free_s = 0.0
+        self._truth_due_s = 0.0 if truth and plant else float("inf")
+        self._running = True
+
+    def stop(self) -> None:
+        """Ends `run`; may be called from a signal handler or another thread."""
+        self._running = False
+        try:
+            os.write(self._waker, b"x")
+        except BlockingIOError:
+            pass
+
+    @property
+    def wake_descriptor(self) -> int:
+        """For signal.set_wakeup_fd."""
+        return self._waker
+
+    def run(self) -> None:
+        """Serves until `stop`."""
+        try:
+            while self._running:
+                self._turn()
+        finally:
+            os.close(self._wake)
+            os.close(self._waker)
+
+    def _turn(self) -> None:
+        self._take_time()
+        self._send(self._engine.advance(self._now_s))
+        if self._now_s >= self._truth_due_s:
+            self._write_truth()
+        self._wait()
+        self._take_time()
+        if self._port.opened_anew() and self._reset_on_open:
+            self._engine.advance(self._now_s)
+            self._engine.reset()
+        if self._line_ready():
+            self._take_input()
+
+    def _take_time(self) -> None:
+        """Reads the clock.  A pause that nobody asked for is one in the board's own time."""
+        self._now_s = time.monotonic() - self._start_s
+        if self._now_s - self._expected_s > STALL_S:
+            waiting = self._port.read_all()
+            self._note("stalled", waiting)
+            self._engine.gap(self._now_s, waiting)
+        self._expected_s = self._now_s
+
+    def _wait(self) -> None:
+        until = min(self._engine.next_event_s, self._truth_due_s, self._now_s + HEARTBEAT_S)
+        watched: List[int] = [self._wake]
+        if self._port.watch is not None:
+            watched.append(self._port.watch)
+        if self._line_ready():
+            watched.append(self._port.master)
+        else:
+            until = min(until, self._line_free_s - _LINE_AHEAD_S)
+        timeout = max(0.0, until - (time.monotonic() - self._start_s))
+        self._expected_s = self._now_s + timeout
+        select.select(watched, [], [], timeout)
+
+    def _line_ready(self) -> bool:
+        return self._line_free_s - _LINE_AHEAD_S <= self._now_s
+
+    def _take_input(self) -> None:
+        data = self._port.read()
+        if data:
+            self._send(self._engine.advance(self._now_s))
+            self._engine.receive(data)
+            self._line_free_s = max(self._line_free_s, self._now_s) + len(data) * IN_BYTE_S
+            self._note("host", data)
+
+    def _send(self, data: bytes) -> None:
+        if data:
+            self._port.write(data)
+            self._note("board", data)
+
+    def _write_truth(self) -> None:
+        assert self._plant and self._truth
+        pose = self._plant.true_pose
+        self._truth_due_s = max(self._truth_due_s + TRUTH_PERIOD_S, self._now_s)
+        _append(self._truth, {"t": round(self._now_s, 6), "x": pose.x_m, "y": pose.y_m, "yaw": pose.yaw_rad,
+                              "host_monotonic": round(self._start_s + self._now_s, 6)})
+
+    def _note(self, who: str, data: bytes) -> None:
+        if self._log:
+            _append(self._log, {"t": round(self._now_s, 6), "from": who, "bytes": data.decode("latin-1")})
+
+
+def _append(file: TextIO, row: Dict[str, Any]) -> None:
+    file.write(json.dumps(row) + "\n")
+    file.flush()
+
+

@@ -1,0 +1,94 @@
+"""Three MB1300 sonars on a chain: power, trigger, turn, echo, volts.
+
+Dead zone, range, cone and 100 ms a reading: data sheet and thesis (2012).  The volts are the inverse of the thesis's
+calibration, so that its curve applied to the ADC count gives the true distance.
+"""
+
+import math
+from typing import Callable, Dict, List, NamedTuple, Sequence
+
+from mrl_driver.robots import SonarMount
+
+from .world import Pose, World
+
+READING_S = 0.1
+START_S = 0.25
+"""Power on to the first possible reading [s]."""
+HALF_CONE_RAD = math.radians(18.0)
+DEAD_ZONE_M, RANGE_M = 0.15, 6.45
+FULL_COUNT = 645
+"""ADC count of a sensor that sees nothing."""
+_A, _B, _C = 1.1767, 0.94657, -0.3759
+VOLTS_PER_COUNT = 5.0 / 1024.0
+
+
+def count_of(range_m: float) -> int:
+    """ADC count with which a sonar reports a distance [m]."""
+    centimetres = 100.0 * max(DEAD_ZONE_M, min(RANGE_M, range_m))
+    return min(FULL_COUNT, round(((centimetres - _C) / _A) ** (1.0 / _B)))
+
+
+class _Sonar(NamedTuple):
+    channel: int
+    mount: SonarMount
+
+
+class SonarChain:
+    """The sensors in their firing order, one each 100 ms, round and round from the first trigger on.
+
+    `pose_at` gives the robot's pose at a time [s]; each echo is taken where the robot is when the sensor fires.
+    """
+
+    def __init__(self, mounts: Dict[str, SonarMount], world: World, pose_at: Callable[[float], Pose]) -> None:
+        order = sorted(mounts, key=lambda name: ("front", "left", "right").index(name) if name in
+                       ("front", "left", "right") else 3)
+        self._sonars: Sequence[_Sonar] = [_Sonar(i, mounts[name]) for i, name in enumerate(order)]
+        self._world = world
+        self._pose_at = pose_at
+        self._powered_s = math.inf
+        self._turn_s = math.inf
+        self._turn = 0
+        self._measured = 0
+        self._counts: List[int] = [0] * len(self._sonars)
+
+    def power(self, on: bool, time_s: float) -> None:
+        """Pin D13: without power all outputs are 0 V, and the next trigger starts the chain anew."""
+        self.advance(time_s)
+        if on and self._powered_s == math.inf:
+            self._powered_s = time_s
+        if not on:
+            self._powered_s = self._turn_s = math.inf
+            self._counts = [0] * len(self._sonars)
+
+    def trigger(self, time_s: float) -> None:
+        """Pin D12 goes high: starts the chain unless it runs, or the sensors are not up yet."""
+        if self._turn_s == math.inf and time_s >= self._powered_s + START_S - 1e-3:
+            self._turn_s, self._turn, self._measured = time_s, 0, -1
+
+    @property
+    def next_s(self) -> float:
+        """Time of the next event in the chain [s]."""
+        return self._turn_s if self._sonars else math.inf
+
+    def advance(self, time_s: float) -> None:
+        """Lets the sensors fire until `time_s` [s]."""
+        while self._turn_s <= time_s and self._sonars:
+            if self._measured >= 0:
+                self._counts[(self._turn - 1) % len(self._sonars)] = self._measured
+            self._measured = self._fire(self._sonars[self._turn % len(self._sonars)], self._turn_s)
+            self._turn += 1
+            self._turn_s += READING_S
+
+    def volts(self, channel: int, time_s: float) -> float:
+        """Voltage of a sensor's output [V]: its last finished reading, 0 without power."""
+        self.advance(time_s)
+        count = self._counts[channel] if channel < len(self._counts) else 0
+        return (count + 0.5) * VOLTS_PER_COUNT if count else 0.0
+
+    def _fire(self, sonar: _Sonar, time_s: float) -> int:
+        robot = self._pose_at(time_s)
+        cos, sin = math.cos(robot.yaw_rad), math.sin(robot.yaw_rad)
+        mount = sonar.mount
+        pose = Pose(robot.x_m + cos * mount.x_m - sin * mount.y_m, robot.y_m + sin * mount.x_m + cos * mount.y_m,
+                    robot.yaw_rad + math.radians(mount.yaw_deg))
+        return count_of(self._world.nearest(pose, HALF_CONE_RAD, RANGE_M))

@@ -1,0 +1,107 @@
+"""The serial line in time: bytes take their turn, each for the time of its ten bits."""
+
+import math
+from collections import deque
+from typing import Deque, Optional, Tuple
+
+OUT_BYTE_S = 85.0e-6
+"""One byte from a Uno set to 115200 baud; it really sends at 117647."""
+IN_BYTE_S = 10.0 / 115200.0
+"""One byte from the host."""
+_ROUNDING_S = 1e-9
+
+
+class Outgoing:
+    """Bytes on their way to the host."""
+
+    def __init__(self) -> None:
+        self.free_s = 0.0
+        self._chunks: Deque[Tuple[float, bytes]] = deque()
+
+    def put(self, data: bytes, at_s: float) -> None:
+        """Sends `data` from `at_s` [s] on, behind what is still on the line."""
+        start = max(at_s, self.free_s)
+        self.free_s = start + len(data) * OUT_BYTE_S
+        self._chunks.append((start, data))
+
+    def take(self, to_s: float) -> bytes:
+        """Bytes whose stop bit has passed by `to_s` [s]."""
+        out = b""
+        while self._chunks:
+            start, data = self._chunks[0]
+            done = int(math.floor((to_s - start + _ROUNDING_S) / OUT_BYTE_S))
+            if done < len(data):
+                if done > 0:
+                    out += data[:done]
+                    self._chunks[0] = (start + done * OUT_BYTE_S, data[done:])
+                return out
+            out += data
+            self._chunks.popleft()
+        return out
+
+    @property
+    def next_s(self) -> float:
+        """When the frame at the head of the line has left [s]; infinite if none is there."""
+        if not self._chunks:
+            return math.inf
+        start, data = self._chunks[0]
+        return start + len(data) * OUT_BYTE_S
+
+
+class Incoming:
+    """Bytes on their way from the host, cut behind each frame end, where the board may have something to do."""
+
+    def __init__(self) -> None:
+        self._free_s = 0.0
+        self._pieces: Deque[Tuple[float, bytes]] = deque()
+
+    def put(self, data: bytes, at_s: float) -> None:
+        """The first byte is on the line from `at_s` [s], or behind what is still there."""
+        start = max(at_s, self._free_s)
+        done = 0
+        for piece in data.split(b"e"):
+            done += len(piece) + 1
+            whole = piece + b"e" if done <= len(data) else piece
+            if whole:
+                self._pieces.append((start + min(done, len(data)) * IN_BYTE_S, whole))
+        self._free_s = start + len(data) * IN_BYTE_S
+
+    @property
+    def next_s(self) -> float:
+        """When the last byte of the next piece is in [s]; infinite if the line is empty."""
+        return self._pieces[0][0] if self._pieces else math.inf
+
+    def take(self) -> bytes:
+        """The next piece."""
+        return self._pieces.popleft()[1]
+
+    def clear(self) -> None:
+        """Loses what is on the line."""
+        self._pieces.clear()
+        self._free_s = 0.0
+
+
+class Ring:
+    """The 2013 board's input buffer: what does not fit is lost."""
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        self.lost = 0
+        self._bytes: Deque[int] = deque()
+
+    def put(self, data: bytes) -> None:
+        """Stores what fits."""
+        fits = max(0, self.size - len(self._bytes))
+        self._bytes.extend(data[:fits])
+        self.lost += len(data) - len(data[:fits])
+
+    def take(self) -> Optional[int]:
+        """The oldest byte, or None."""
+        return self._bytes.popleft() if self._bytes else None
+
+    def __len__(self) -> int:
+        return len(self._bytes)
+
+    def clear(self) -> None:
+        """Drops everything."""
+        self._bytes.clear()
