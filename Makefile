@@ -62,6 +62,10 @@ check: setup ## Format, lint, types, generated files, import rules
 test: check firmware pc-firmware ## Set everything up and run all tests
 	$(ROS_ENV) $(PY) -m pytest -n 2 --dist loadgroup
 
+.PHONY: bench-firmware
+bench-firmware: setup firmware ## Measure the firmware image on the simulated chip; build/bench/firmware.json
+	$(PY) -m tests.bench.bench_firmware
+
 run: setup firmware ## Drive an emulated robot through ROS with a live view; PORT=/dev/ttyACM0 for a real one
 	@$(ROS_ENV) exec $(PY) -m ros1_bridge.run --robot $(ROBOT) $(if $(ENGINE),--engine $(ENGINE)) \
 	  $(if $(PORT),--port $(PORT)) $(if $(DURATION),--duration $(DURATION))

@@ -3,8 +3,9 @@
 The plant is the Python engine's own, so physics is one; the wire's timing is the chip's.
 """
 
+import struct
 from pathlib import Path
-from typing import Any, Union
+from typing import Any, Optional, Union
 
 from sim_arduino.avr.line import heard
 from sim_arduino.avr.machine import HOST_BAUD, AvrMachine
@@ -23,6 +24,8 @@ class AvrEngine:
     Args:
         plant: what is wired to the board: `i2c` (slaves by address), `adc_volts(channel, time_s)`,
             `pin_changed(pin, level, time_s)` and `advance(time_s)`.
+        robot_id: what the EEPROM says where boards have kept it since 2013 (a float at address 0); None leaves it
+            blank, so that the board answers 0.
         bootloader: the Uno's clears the chip's reset flags before the sketch starts; False shows them.
 
     Raises:
@@ -30,12 +33,19 @@ class AvrEngine:
     """
 
     def __init__(
-        self, plant: Any, elf: Union[str, Path] = FIRMWARE, bootloader: bool = True, seed: int = 0
+        self,
+        plant: Any,
+        elf: Union[str, Path] = FIRMWARE,
+        robot_id: Optional[int] = None,
+        bootloader: bool = True,
+        seed: int = 0,
     ) -> None:
         """Powers the board and wires the plant to it."""
         self.plant = plant
         self.machine = AvrMachine(elf, seed=seed)
         self._host_baud: float = HOST_BAUD
+        if robot_id is not None:
+            self.machine.write_eeprom(0, struct.pack("<f", robot_id))
         if bootloader:
             self.machine.set_reset_flags(0)
             self.machine.reset()

@@ -96,7 +96,8 @@ def _make_avr_engine(plant: Plant, board: Dict[str, Any]) -> Engine:
     elf = board["elf"] or os.path.join(checkout, "build", "firmware", image)
     if not os.path.exists(elf):
         raise ConfigError(f"image {elf} is missing; make it with 'make firmware', or name one with --elf")
-    return AvrEngine(plant, elf, seed=board["seed"])
+    robot_id = plant.model.ids[0] if board["robot_id"] is None else board["robot_id"]
+    return AvrEngine(plant, elf, robot_id or None, seed=board["seed"])
 
 
 def _open(stack: ExitStack, option: str, path: Optional[str]) -> Optional[TextIO]:

@@ -113,6 +113,13 @@ def test_a_bootloader_hides_the_reset_flags(sketch, bootloader, flags):
     board.close()
 
 
+def test_the_robot_id_stands_where_2013_boards_have_it(sketch):
+    """A little-endian float at the EEPROM's start."""
+    board = AvrEngine(Plant(), sketch("uart.c"), robot_id=4)
+    assert board.machine.read_eeprom(0, 4) == b"\x00\x00\x80\x40"
+    board.close()
+
+
 def test_analogue_voltages_come_from_the_plant(engine):
     """Half the reference is half the counts."""
     board = engine("adc.c")

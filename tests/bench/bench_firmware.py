@@ -3,20 +3,18 @@
 `make bench-firmware` runs it; the figures go to build/bench/firmware.json as one flat object.
 """
 
-import json
 import sys
 import time
 from pathlib import Path
 from typing import Callable, Dict, List, NamedTuple, Optional, Tuple
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
+from mrl_driver.errors import MrlError
+from tests.bench import firmware_measures as measures
+from tests.bench import report
 
-from mrl_driver.errors import MrlError  # noqa: E402
-from tests.bench import firmware_measures as measures  # noqa: E402
+ROOT = Path(__file__).resolve().parents[2]
 
 ELF = ROOT / "build" / "firmware" / "mrl_firmware.elf"
-RESULT = ROOT / "build" / "bench" / "firmware.json"
 
 
 class Row(NamedTuple):
@@ -113,8 +111,7 @@ def main() -> int:
     except MrlError as error:
         print(error, file=sys.stderr)
         return error.exit_code
-    RESULT.parent.mkdir(parents=True, exist_ok=True)
-    RESULT.write_text(json.dumps(figures, indent=2, sort_keys=True) + "\n")
+    report.write("firmware", figures)
     print("\n".join(table(figures)))
     return 0 if all(reaches(row, figures[row.key]) for row in ROWS) else 1
 

@@ -223,14 +223,20 @@ def pauses_ms(rig: Rig, seconds: float) -> List[float]:
     while rig.machine.cycle < until:
         rig.replies()
         end = rig.machine.send(request("get_stream"))
-        reply = rig.await_value(lambda: answer_to(rig, b"@17,"), end, 1.0)
+        reply = rig.await_value(lambda: stream_answer(rig), end, 1.0)
         pauses.append(1e-3 * rig.microseconds(reply.start_cycle - end) if reply else 1000.0)
     return pauses
 
 
-def answer_to(rig: Rig, head: bytes) -> Optional[Reply]:
-    """The first new line with this head."""
-    return next((reply for reply in rig.replies() if reply.line.startswith(head)), None)
+def stream_answer(rig: Rig) -> Optional[Reply]:
+    """The first new answer to get_stream; it may stand behind a frame that a failed read left unfinished."""
+    for reply in rig.replies():
+        at = reply.line.find(b"@17,")
+        if at >= 0:
+            return Reply(
+                reply.line[at:], reply.end_cycle - BYTE_CYCLES * (len(reply.line) - at), reply.end_cycle
+            )
+    return None
 
 
 def hang(rig: Rig, kind: str) -> None:
