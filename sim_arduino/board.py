@@ -69,14 +69,21 @@ class PythonBoard:
         counters: Refusals by the names of `table.REASONS`.
     """
 
-    def __init__(self, plant: Plant, robot_id: Optional[int] = None, environment: bool = False,
-                 eeprom: Optional[bytearray] = None) -> None:
+    def __init__(
+        self,
+        plant: Plant,
+        robot_id: Optional[int] = None,
+        environment: bool = False,
+        eeprom: Optional[bytearray] = None,
+    ) -> None:
         self.plant = plant
         self.environment = environment
         first_id = plant.model.ids[0] if robot_id is None else robot_id
-        self.eeprom = bytearray(config_store.image(config_store.defaults(first_id))) if eeprom is None else eeprom
+        self.eeprom = (
+            bytearray(config_store.image(config_store.defaults(first_id))) if eeprom is None else eeprom
+        )
         self.now_s = 0.0
-        self._lost_out = b""
+        self._decoder = FrameDecoder(REQUESTS)
         self._start("power_on")
 
     # ---- the Engine interface
@@ -99,8 +106,20 @@ class PythonBoard:
 
     @property
     def next_event_s(self) -> float:
-        """When something happens, or has left, if no bytes come [s]."""
-        return min(self._outgoing.next_s, self._next_s())
+        """When something will have left, or has to happen, if no bytes come [s].
+
+        A frame of the stream is worth a call when it is complete; what it tells is still that of its start.
+        """
+        if not self._booted:
+            return self.ready_s
+        return min(
+            self._outgoing.next_s,
+            self._incoming.next_s,
+            self._trigger_s,
+            self._watchdog_due_s(),
+            self._check_due_s(),
+            self._wire_due_s() + self._frame_s,
+        )
 
     def gap(self, to_s: float, waiting: bytes) -> None:
         """The loop stood still until `to_s`: what waited for longer than 250 ms is stale and dropped."""
@@ -140,6 +159,7 @@ class PythonBoard:
         self._valid_s = self._stream_due_s = self.ready_s
         self._silent = False
         self._sequence = 0
+        self._frame_s = 0.0
         self._booted = False
         self._incoming, self._outgoing = Incoming(), Outgoing()
         self._outgoing.free_s = self.now_s
@@ -175,8 +195,13 @@ class PythonBoard:
     def _next_s(self) -> float:
         if not self._booted:
             return self.ready_s
-        return min(self._incoming.next_s, self._trigger_s, self._wire_due_s(), self._watchdog_due_s(),
-                   self._check_due_s())
+        return min(
+            self._incoming.next_s,
+            self._trigger_s,
+            self._wire_due_s(),
+            self._watchdog_due_s(),
+            self._check_due_s(),
+        )
 
     def _run_events(self) -> None:
         now = self.now_s
@@ -197,7 +222,9 @@ class PythonBoard:
             self._send_next()
 
     def _watchdog_due_s(self) -> float:
-        return self._valid_s + self.watchdog_ms / 1000.0 if self.watchdog_ms and not self._silent else math.inf
+        return (
+            self._valid_s + self.watchdog_ms / 1000.0 if self.watchdog_ms and not self._silent else math.inf
+        )
 
     def _check_due_s(self) -> float:
         return self._valid_s + CHECK_SILENCE_S if self._decoder.checked else math.inf
@@ -251,7 +278,9 @@ class PythonBoard:
             ticks = int((self.now_s - self.started_s) / TICK_S)
             stamp = Stamp(_int16(self._sequence), _int16(ticks))
             self._sequence += 1
-        self._outgoing.put(encode_reply(code, *args, stamp=stamp, checked=self._decoder.checked), self.now_s)
+        frame = encode_reply(code, *args, stamp=stamp, checked=self._decoder.checked)
+        self._outgoing.put(frame, self.now_s)
+        self._frame_s = self._outgoing.free_s - self.now_s
         return True
 
     def _say(self, text: str) -> None:
@@ -346,10 +375,7 @@ class PythonBoard:
         low, high = _TRUSTED_COUNTS
         if not low <= count <= high:
             return SONAR_INVALID
-        if count >= _NOTHING_COUNT:
-            return SONAR_NOTHING
-        a, b, c = (self.config[name] / 1e4 for name in ("sonar_a", "sonar_b", "sonar_c"))
-        return max(0, min(1250, round(a * count ** b + c)))
+        return SONAR_NOTHING if count >= _NOTHING_COUNT else self.config.sonar_cm(count)
 
 
 def _int16(value: int) -> int:

@@ -34,38 +34,72 @@ class _OneLine(click.Command):
 
 @click.command(cls=_OneLine)
 @click.option("--robot", default="traxbot", metavar="NAME|FILE", help="Robot model.", show_default=True)
-@click.option("--id", "robot_id", type=click.IntRange(0, 32767), help="Robot id; the model's first one if absent.")
-@click.option("--engine", type=click.Choice(["python", "avr"]), default="python", show_default=True,
-              help="Emulated in Python, or the real image on a simulated chip.")
-@click.option("--profile", type=click.Choice(PROFILES), default="current", show_default=True, help="Firmware to imitate.")
+@click.option(
+    "--id", "robot_id", type=click.IntRange(0, 32767), help="Robot id; the model's first one if absent."
+)
+@click.option(
+    "--engine",
+    type=click.Choice(["python", "avr"]),
+    default="python",
+    show_default=True,
+    help="Emulated in Python, or the real image on a simulated chip.",
+)
+@click.option(
+    "--profile",
+    type=click.Choice(PROFILES),
+    default="current",
+    show_default=True,
+    help="Firmware to imitate.",
+)
 @click.option("--environment", is_flag=True, help="The environment-sensor build.")
 @click.option("--elf", type=click.Path(dir_okay=False), help="Image for --engine avr.")
 @click.option("--link", metavar="NAME", help="Symbolic link to the port, removed at the end.")
-@click.option("--world", default="room", metavar="NAME|FILE", show_default=True, help="Walls around the robot.")
+@click.option(
+    "--world", default="room", metavar="NAME|FILE", show_default=True, help="Walls around the robot."
+)
 @click.option("--pose", metavar="X,Y,YAW", help="Start in metres and degrees; the world's start if absent.")
 @click.option("--slip", is_flag=True, help="Tracks slip in turns.")
 @click.option("--seed", type=int, default=0, help="Seed of everything that is random.")
-@click.option("--battery", type=click.FloatRange(0.0, 15.0), metavar="V", help="Battery voltage at the start.")
+@click.option(
+    "--battery", type=click.FloatRange(0.0, 15.0), metavar="V", help="Battery voltage at the start."
+)
 @click.option("--truth", metavar="FILE", help="Append the true pose as JSON lines, 20 a second.")
 @click.option("--log", metavar="FILE", help="Append all bytes of both directions as JSON lines.")
 @click.option("--reset-on-open", is_flag=True, help="Opening the port resets the board, as on a real Uno.")
-def main(robot: str, world: str, pose: Optional[str], link: Optional[str], truth: Optional[str], log: Optional[str],
-         reset_on_open: bool, slip: bool, battery: Optional[float], **board: Any) -> None:
+def main(
+    robot: str,
+    world: str,
+    pose: Optional[str],
+    link: Optional[str],
+    truth: Optional[str],
+    log: Optional[str],
+    reset_on_open: bool,
+    slip: bool,
+    battery: Optional[float],
+    **board: Any,
+) -> None:
     """Serve an emulated robot on a virtual serial port.
 
     Prints the port's path when it is ready and runs until Ctrl-C.
     """
     model = robots.load(robot)
     walls = worlds.load(world)
-    plant = Plant(model, walls, worlds.parse_pose(pose, walls.start), slip=slip, battery_v=battery,
-                  sonars=not board["environment"])
+    plant = Plant(
+        model,
+        walls,
+        worlds.parse_pose(pose, walls.start),
+        slip=slip,
+        battery_v=battery,
+        sonars=not board["environment"],
+    )
     with ExitStack() as stack:
         engine = _make_engine(plant, board)
         stack.callback(engine.close)
         port = PtyPort()
         stack.callback(port.close)
-        server = PtyServer(engine, port, plant, _open(stack, "--truth", truth), _open(stack, "--log", log),
-                           reset_on_open)
+        server = PtyServer(
+            engine, port, plant, _open(stack, "--truth", truth), _open(stack, "--log", log), reset_on_open
+        )
         _stop_on_signals(server)
         if link:
             stack.callback(Link(link, port.path).remove)

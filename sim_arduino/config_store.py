@@ -6,7 +6,7 @@ parameters as int16, low byte first, and their CRC-16.
 
 import struct
 from binascii import crc_hqx
-from typing import List, Tuple
+from typing import Dict, List, Tuple
 
 from mrl_driver import robots
 from mrl_driver.table import PARAMETER_BY_NAME, PARAMETERS
@@ -14,6 +14,7 @@ from mrl_driver.table import PARAMETER_BY_NAME, PARAMETERS
 ID_AT, BLOCK_AT, LAYOUT = 0, 16, 1
 EEPROM_BYTES = 1024
 _BODY = struct.Struct(f"<B{len(PARAMETERS)}h")
+_LONGEST_CM = 1250
 _FIRST_MODEL = "traxbot"
 
 
@@ -35,9 +36,9 @@ def store(eeprom: bytearray, values: List[int]) -> int:
     """Writes the parameters; how many bytes had to change."""
     before = bytes(eeprom)
     body = _BODY.pack(LAYOUT, *values)
-    eeprom[ID_AT:ID_AT + 4] = struct.pack("<f", values[0])
+    eeprom[ID_AT : ID_AT + 4] = struct.pack("<f", values[0])
     block = body + struct.pack("<H", crc_hqx(body, 0xFFFF))
-    eeprom[BLOCK_AT:BLOCK_AT + len(block)] = block
+    eeprom[BLOCK_AT : BLOCK_AT + len(block)] = block
     return sum(a != b for a, b in zip(before, eeprom))
 
 
@@ -46,10 +47,11 @@ class Config:
 
     def __init__(self, eeprom: bytearray) -> None:
         self._eeprom = eeprom
+        self._curve: Dict[int, int] = {}
         self.values, good = self._block()
         if not good:
             self.values[0] = self._float_id()
-        self.sound = good and image(self.values)[:ID_AT + 4] == bytes(eeprom[:ID_AT + 4])
+        self.sound = good and image(self.values)[: ID_AT + 4] == bytes(eeprom[: ID_AT + 4])
         if not self.sound:
             self.set_defaults()
 
@@ -58,22 +60,31 @@ class Config:
 
     def __setitem__(self, name: str, value: int) -> None:
         self.values[PARAMETER_BY_NAME[name].number] = value
+        self._curve.clear()
+
+    def sonar_cm(self, count: int) -> int:
+        """The sonar curve at an ADC count [cm]."""
+        if count not in self._curve:
+            a, b, c = (self[name] / 1e4 for name in ("sonar_a", "sonar_b", "sonar_c"))
+            self._curve[count] = max(0, min(_LONGEST_CM, round(a * count**b + c)))
+        return self._curve[count]
 
     def set_defaults(self) -> None:
         """All parameters but the id as the model has them."""
         self.values = defaults(self.values[0])
+        self._curve.clear()
 
     def save(self) -> int:
         """Writes EEPROM; how many bytes had to change."""
         return store(self._eeprom, self.values)
 
     def _block(self) -> Tuple[List[int], bool]:
-        body = bytes(self._eeprom[BLOCK_AT:BLOCK_AT + _BODY.size])
-        crc, = struct.unpack_from("<H", self._eeprom, BLOCK_AT + _BODY.size)
+        body = bytes(self._eeprom[BLOCK_AT : BLOCK_AT + _BODY.size])
+        (crc,) = struct.unpack_from("<H", self._eeprom, BLOCK_AT + _BODY.size)
         layout, *values = _BODY.unpack(body)
         good = layout == LAYOUT and crc == crc_hqx(body, 0xFFFF)
         return values, good and all(row.low <= value <= row.high for row, value in zip(PARAMETERS, values))
 
     def _float_id(self) -> int:
-        number, = struct.unpack_from("<f", self._eeprom, ID_AT)
+        (number,) = struct.unpack_from("<f", self._eeprom, ID_AT)
         return int(number) if 1.0 <= number <= 32767.0 and number == int(number) else 0

@@ -32,7 +32,9 @@ def _request(handler: Callable[..., None]) -> Callable[..., None]:
     return handler
 
 
-def _reply(name: str) -> Callable[[Callable[["PythonBoard", int], Values]], Callable[["PythonBoard", int], Values]]:
+def _reply(
+    name: str,
+) -> Callable[[Callable[["PythonBoard", int], Values]], Callable[["PythonBoard", int], Values]]:
     def register(builder: Callable[["PythonBoard", int], Values]) -> Callable[["PythonBoard", int], Values]:
         REPLIES[BY_NAME[name].code] = builder
         return builder
@@ -167,13 +169,22 @@ def _stream(board: "PythonBoard", _: int) -> Values:
 @_reply("read_protocol")
 def _protocol(board: "PythonBoard", _: int) -> Values:
     build = "environment" if board.environment else "sonars"
-    return PROTOCOL_VERSION, sum(_CAPABILITY[name] for name in ("check", "watchdog", "period", "config", build))
+    return PROTOCOL_VERSION, sum(
+        _CAPABILITY[name] for name in ("check", "watchdog", "period", "config", build)
+    )
 
 
 @_reply("read_status")
 def _status(board: "PythonBoard", _: int) -> Values:
     uptime = int(board.now_s - board.started_s)
-    return uptime >> 15, uptime & 0x7FFF, board.reset_cause, board.stop_reason, board.take_faults(), board.clamped
+    return (
+        uptime >> 15,
+        uptime & 0x7FFF,
+        board.reset_cause,
+        board.stop_reason,
+        board.take_faults(),
+        board.clamped,
+    )
 
 
 @_reply("read_counters")

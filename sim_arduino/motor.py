@@ -101,7 +101,9 @@ class Motor:
     def at_rest(self) -> bool:
         """Stands, and nothing will move it before the next command."""
         still = self.speed == 0.0 and self.duty == 0.0
-        return still and (self.mode in (Mode.DUTY, Mode.BRAKE) or (self.mode is Mode.SPEED and self.target == 0.0))
+        return still and (
+            self.mode in (Mode.DUTY, Mode.BRAKE) or (self.mode is Mode.SPEED and self.target == 0.0)
+        )
 
     def move(self, dt: float, volts: float) -> float:
         """Goes on for `dt` [s] with the duty as it is; the way made [count]."""
@@ -132,14 +134,14 @@ class Motor:
         self._pid(gains)
 
     def _ramped(self, target: float, period_s: float, gains: Gains) -> float:
+        """The next set point on the way to `target`; from standstill the ramp takes off at its gain."""
         if gains.ramp_ms == 0:
             return target
         start = self._setpoint
         if start == 0.0:
-            start = math.copysign(self.params.rated_counts_s * gains.ramp_gain / 1000.0, target)
+            take_off = self.params.rated_counts_s * gains.ramp_gain / 1000.0
+            start = math.copysign(min(take_off, abs(target)), target)
         most = self.params.rated_counts_s * period_s * 1000.0 / gains.ramp_ms
-        if abs(start) > abs(target) and start * target >= 0.0 and self._setpoint == 0.0:
-            return target
         return start + max(-most, min(most, target - start))
 
     def _pid(self, gains: Gains) -> None:
@@ -151,13 +153,12 @@ class Motor:
 
     def _settle(self) -> None:
         """A motor that should stand and nearly does, stands."""
-        asked = self.target if self.mode is Mode.SPEED else self.duty
-        if self.mode in (Mode.SPEED, Mode.DUTY) and asked == 0.0 == self._rest_setpoint():
-            if abs(self.speed) < _REST_COUNTS_S:
-                self.speed = self.duty = self._integral = self._error = 0.0
-
-    def _rest_setpoint(self) -> float:
-        return self._setpoint if self.mode is Mode.SPEED else 0.0
+        if self.mode is Mode.SPEED:
+            should_stand = self.target == 0.0 == self._setpoint
+        else:
+            should_stand = self.mode is Mode.DUTY and self.duty == 0.0
+        if should_stand and abs(self.speed) < _REST_COUNTS_S:
+            self.speed = self.duty = self._integral = self._error = 0.0
 
     def _driven(self, dt: float, volts: float) -> float:
         tau = self.params.time_constant_s

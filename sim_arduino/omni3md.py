@@ -167,8 +167,14 @@ class Omni3MD:
         self._note(time_s, 0xEB, linear_mm_s, angular_mrad_s)
         told, fitted = self.geometry, self._fitted
         half_axle_m = 0.5 * self._track_m * told.axis_radius / fitted.axis_radius
-        counts_per_m = (fitted.wheel_radius / told.wheel_radius * told.gearbox * told.encoder_counts
-                        / (fitted.gearbox * fitted.encoder_counts) / self._m_per_count)
+        counts_per_m = (
+            fitted.wheel_radius
+            / told.wheel_radius
+            * told.gearbox
+            * told.encoder_counts
+            / (fitted.gearbox * fitted.encoder_counts)
+            / self._m_per_count
+        )
         linear, turning = linear_mm_s / 1000.0, angular_mrad_s / 1000.0 * half_axle_m
         left, _, right = self.robot.motors
         left.set_speed((linear - turning) * counts_per_m)
@@ -268,7 +274,7 @@ class Omni3MD:
         self.touch(time_s)
         image, start = self._registers()
         offset = start.get(self._pointer, len(image))
-        return image[offset:offset + count].ljust(count, b"\xff")
+        return image[offset : offset + count].ljust(count, b"\xff")
 
     def _registers(self) -> Tuple[bytes, Dict[int, int]]:
         """Bytes that can be read, in the order in which one transfer runs through them, and where each starts."""
@@ -276,14 +282,27 @@ class Omni3MD:
         words = [counter.read(motor.travel) for counter, motor in zip(self.counters, motors)]
         words += [round(state.battery_v * 10.0), round(state.temperature_c * 10.0)]
         image = struct.pack(">5hB3H2B", *words, round(self.robot.params.control_hz), *self.maxima, *VERSION)
-        start = {0xD8: 0, 0xD7: 2, 0xD6: 4, 0xD5: 6, 0xD4: 8, 0xD3: 10, 0xD2: 11, 0xD1: 13, 0xD0: 15,
-                 0xFE: 17, 0xFD: 18}
+        start = {
+            0xD8: 0,
+            0xD7: 2,
+            0xD6: 4,
+            0xD5: 6,
+            0xD4: 8,
+            0xD3: 10,
+            0xD2: 11,
+            0xD1: 13,
+            0xD0: 15,
+            0xFE: 17,
+            0xFD: 18,
+        }
         return image, start
 
     def _register_writers(self) -> Dict[int, Tuple[str, Callable[..., None]]]:
         """Layout and method of each register that can be written."""
+
         def keyed(method: Callable[..., None], *positions: int) -> Callable[..., None]:
             return _Keyed(method, positions)
+
         return {
             0xFC: ("2B", keyed(self.stop, 0, 1)),
             0xFB: ("5B", keyed(lambda time_s, *ways: self.calibrate(time_s, ways), 3, 4)),

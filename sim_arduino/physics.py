@@ -12,7 +12,7 @@ from mrl_driver.robots import RobotModel
 
 from .motor import Gains, Motor, MotorParams
 
-MAX_STEP_S = 0.01
+MAX_STEP_S = 0.02
 """Longest piece that is integrated as one arc while the robot moves [s]."""
 _REST_STEP_S = 1.0
 """Longest piece while it stands, for battery and temperature [s]."""
@@ -61,25 +61,48 @@ class State:
     """Time to the motor board's next control tick [s]."""
 
 
-def params_for(model: RobotModel, turn_slip: float = 0.0, left_scale: float = 1.0, right_scale: float = 1.0,
-               axle_scale: float = 1.0) -> Params:
+def params_for(
+    model: RobotModel,
+    turn_slip: float = 0.0,
+    left_scale: float = 1.0,
+    right_scale: float = 1.0,
+    axle_scale: float = 1.0,
+) -> Params:
     """Parameters of a robot of that model; the scales are the true sizes over the model's."""
     per_turn = model.board["gearbox"] * model.board["encoder_counts"] / 100.0
     per_count = model.drive.metres_per_count
     rpm = 160.0 / 60.0 * per_turn
-    motor = MotorParams(no_load_counts_s=rpm * 12.0 / 7.2, rated_counts_s=rpm, brake_counts_s2=2.0 / per_count)
+    motor = MotorParams(
+        no_load_counts_s=rpm * 12.0 / 7.2, rated_counts_s=rpm, brake_counts_s2=2.0 / per_count
+    )
     battery = model.battery
-    return Params(motor, per_count * left_scale, per_count * right_scale,
-                  model.drive.wheel_separation_m * axle_scale, turn_slip, capacity_ah=battery.capacity_ah,
-                  rest_curve=_rest_curve(battery.empty_v, battery.full_v))
+    return Params(
+        motor,
+        per_count * left_scale,
+        per_count * right_scale,
+        model.drive.wheel_separation_m * axle_scale,
+        turn_slip,
+        capacity_ah=battery.capacity_ah,
+        rest_curve=_rest_curve(battery.empty_v, battery.full_v),
+    )
 
 
 def _rest_curve(empty_v: float, full_v: float) -> Tuple[Tuple[float, float], ...]:
     """NiMH: steep at both ends, flat between; beyond them linear to 0 V and to a pack fresh from the charger."""
+
     def level(share: float) -> float:
         return empty_v + share * (full_v - empty_v)
-    return ((-0.05, 0.0), (0.0, level(0.0)), (0.08, level(0.4)), (0.3, level(0.62)), (0.8, level(0.75)),
-            (0.95, level(0.85)), (1.0, full_v), (1.1, full_v + 2.0))
+
+    return (
+        (-0.05, 0.0),
+        (0.0, level(0.0)),
+        (0.08, level(0.4)),
+        (0.3, level(0.62)),
+        (0.8, level(0.75)),
+        (0.95, level(0.85)),
+        (1.0, full_v),
+        (1.1, full_v + 2.0),
+    )
 
 
 def interpolate(pairs: Tuple[Tuple[float, float], ...], x: float) -> float:
@@ -101,6 +124,7 @@ class Robot:
         self.state = State(*pose, temperature_c=params.ambient_c, to_tick_s=1.0 / params.control_hz)
         self.motors = tuple(Motor(params.motor) for _ in range(3))
         self.gains = Gains()
+        self._unaccounted_s = 0.0
         self._update_battery(0.0)
 
     def set_battery(self, volts: float) -> None:
@@ -122,12 +146,14 @@ class Robot:
         if not resting:
             left, _, right = (motor.move(dt, state.battery_v) for motor in self.motors)
             self._arc(left * self.params.left_m_per_count, right * self.params.right_m_per_count)
-        self._update_battery(dt)
+        self._unaccounted_s += dt
         state.to_tick_s -= dt
         if state.to_tick_s <= 1e-9:
             self._tick(resting)
 
     def _tick(self, resting: bool) -> None:
+        self._update_battery(self._unaccounted_s)
+        self._unaccounted_s = 0.0
         period = 1.0 / self.params.control_hz
         self.state.to_tick_s += period * math.ceil((1e-9 - self.state.to_tick_s) / period)
         if not resting:
@@ -150,7 +176,9 @@ class Robot:
         motors_a = sum(self._motor_a(motor) for motor in self.motors)
         current = params.idle_a + motors_a
         state.charge -= current * dt / 3600.0 / params.capacity_ah
-        state.battery_v = max(0.0, interpolate(params.rest_curve, state.charge) - current * params.resistance_ohm)
+        state.battery_v = max(
+            0.0, interpolate(params.rest_curve, state.charge) - current * params.resistance_ohm
+        )
         final = params.ambient_c + params.heating_c_per_a * motors_a
         state.temperature_c += (final - state.temperature_c) * -math.expm1(-dt / params.heating_s)
 

@@ -26,9 +26,18 @@ class Plant:
         sonars_fitted: False for the environment-sensor build, whose A0 and A2 carry other sensors.
     """
 
-    def __init__(self, model: RobotModel, world: Optional[World] = None, pose: Optional[Tuple[float, ...]] = None,
-                 slip: bool = False, battery_v: Optional[float] = None, sonars: bool = True,
-                 left_scale: float = 1.0, right_scale: float = 1.0, axle_scale: float = 1.0) -> None:
+    def __init__(
+        self,
+        model: RobotModel,
+        world: Optional[World] = None,
+        pose: Optional[Tuple[float, ...]] = None,
+        slip: bool = False,
+        battery_v: Optional[float] = None,
+        sonars: bool = True,
+        left_scale: float = 1.0,
+        right_scale: float = 1.0,
+        axle_scale: float = 1.0,
+    ) -> None:
         self.model = model
         self.world = load() if world is None else world
         turn_slip = TRACK_SLIP if slip and model.body.tracks else 0.0
@@ -40,9 +49,11 @@ class Plant:
         self.environment = Environment()
         self.sonars_fitted = sonars
         self.sonars = SonarChain(model.sonars if sonars else {}, self.world, self._pose_at)
-        self.i2c: Dict[int, Any] = {ADDRESS: self.motor_board,
-                                    THERMOPILE_ADDRESS: Thermopile(self.environment),
-                                    COMPASS_ADDRESS: Compass(lambda time_s: self._pose_at(time_s).yaw_rad)}
+        self.i2c: Dict[int, Any] = {
+            ADDRESS: self.motor_board,
+            THERMOPILE_ADDRESS: Thermopile(self.environment),
+            COMPASS_ADDRESS: Compass(lambda time_s: self._pose_at(time_s).yaw_rad),
+        }
 
     def advance(self, time_s: float) -> None:
         """Carries everything to `time_s` [s]."""

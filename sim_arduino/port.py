@@ -121,7 +121,7 @@ def _events(watch: Optional[int]) -> Tuple[bool, ...]:
     while data:
         _, mask, _, length = _EVENT.unpack_from(data)
         found.append(bool(mask & _IN_OPEN))
-        data = data[_EVENT.size + length:]
+        data = data[_EVENT.size + length :]
     return tuple(found)
 
 
@@ -141,7 +141,9 @@ class Link:
             os.symlink(target, temporary)
             os.replace(temporary, name)
         except OSError as error:
-            raise ConfigError(f"link {name!r} cannot be made: {os.strerror(error.errno or errno.EIO)}") from None
+            raise ConfigError(
+                f"link {name!r} cannot be made: {os.strerror(error.errno or errno.EIO)}"
+            ) from None
 
     def remove(self) -> None:
         """Removes the link, unless somebody else has taken the name."""

@@ -42,7 +42,7 @@ class _Registers:
     def read(self, count: int, time_s: float) -> bytes:
         """`count` registers from the pointer on; 0xFF past the last."""
         image = self.image(time_s)
-        return image[self._pointer:self._pointer + count].ljust(count, b"\xff")
+        return image[self._pointer : self._pointer + count].ljust(count, b"\xff")
 
     def image(self, time_s: float) -> bytes:
         """All registers."""

@@ -15,6 +15,7 @@ HEARTBEAT_S = 0.1
 """Longest wait; a longer pause than asked for is a stall of this process."""
 STALL_S = 0.25
 TRUTH_PERIOD_S = 0.05
+_PACKET_BYTES, _PACKET_S = 64, 0.002
 _LINE_AHEAD_S = 0.002
 """How far the host's bytes may run ahead of the line before they are left in the pty."""
 
@@ -28,8 +29,15 @@ class PtyServer:
         reset_on_open: Opening the port resets the board, as the DTR line of an Uno does.
     """
 
-    def __init__(self, engine: Engine, port: PtyPort, plant: Optional[Plant] = None, truth: Optional[TextIO] = None,
-                 log: Optional[TextIO] = None, reset_on_open: bool = False) -> None:
+    def __init__(
+        self,
+        engine: Engine,
+        port: PtyPort,
+        plant: Optional[Plant] = None,
+        truth: Optional[TextIO] = None,
+        log: Optional[TextIO] = None,
+        reset_on_open: bool = False,
+    ) -> None:
         self._engine, self._port, self._plant = engine, port, plant
         self._truth, self._log = truth, log
         self._reset_on_open = reset_on_open
@@ -38,6 +46,7 @@ class PtyServer:
         self._start_s = time.monotonic()
         self._now_s = self._expected_s = 0.0
         self._line_free_s = 0.0
+        self._held = b""
         self._truth_due_s = 0.0 if truth and plant else float("inf")
         self._running = True
 
@@ -65,13 +74,13 @@ class PtyServer:
 
     def _turn(self) -> None:
         self._take_time()
-        self._send(self._engine.advance(self._now_s))
+        self._advance()
         if self._now_s >= self._truth_due_s:
             self._write_truth()
         self._wait()
         self._take_time()
         if self._port.opened_anew() and self._reset_on_open:
-            self._engine.advance(self._now_s)
+            self._advance()
             self._engine.reset()
         if self._line_ready():
             self._take_input()
@@ -104,22 +113,37 @@ class PtyServer:
     def _take_input(self) -> None:
         data = self._port.read()
         if data:
-            self._send(self._engine.advance(self._now_s))
+            self._advance()
             self._engine.receive(data)
             self._line_free_s = max(self._line_free_s, self._now_s) + len(data) * IN_BYTE_S
             self._note("host", data)
 
-    def _send(self, data: bytes) -> None:
-        if data:
-            self._port.write(data)
-            self._note("board", data)
+    def _advance(self) -> None:
+        """Runs the board to now.  Its bytes are passed on by the line, as a USB bridge does by the packet."""
+        self._held += self._engine.advance(self._now_s)
+        if self._held and (
+            self._held.endswith(b"\n")
+            or len(self._held) >= _PACKET_BYTES
+            or self._engine.next_event_s > self._now_s + _PACKET_S
+        ):
+            self._port.write(self._held)
+            self._note("board", self._held)
+            self._held = b""
 
     def _write_truth(self) -> None:
         assert self._plant and self._truth
         pose = self._plant.true_pose
         self._truth_due_s = max(self._truth_due_s + TRUTH_PERIOD_S, self._now_s)
-        _append(self._truth, {"t": round(self._now_s, 6), "x": pose.x_m, "y": pose.y_m, "yaw": pose.yaw_rad,
-                              "host_monotonic": round(self._start_s + self._now_s, 6)})
+        _append(
+            self._truth,
+            {
+                "t": round(self._now_s, 6),
+                "x": pose.x_m,
+                "y": pose.y_m,
+                "yaw": pose.yaw_rad,
+                "host_monotonic": round(self._start_s + self._now_s, 6),
+            },
+        )
 
     def _note(self, who: str, data: bytes) -> None:
         if self._log:
@@ -129,5 +153,3 @@ class PtyServer:
 def _append(file: TextIO, row: Dict[str, Any]) -> None:
     file.write(json.dumps(row) + "\n")
     file.flush()
-
-

@@ -40,8 +40,12 @@ class SonarChain:
     """
 
     def __init__(self, mounts: Dict[str, SonarMount], world: World, pose_at: Callable[[float], Pose]) -> None:
-        order = sorted(mounts, key=lambda name: ("front", "left", "right").index(name) if name in
-                       ("front", "left", "right") else 3)
+        order = sorted(
+            mounts,
+            key=lambda name: (
+                ("front", "left", "right").index(name) if name in ("front", "left", "right") else 3
+            ),
+        )
         self._sonars: Sequence[_Sonar] = [_Sonar(i, mounts[name]) for i, name in enumerate(order)]
         self._world = world
         self._pose_at = pose_at
@@ -89,6 +93,9 @@ class SonarChain:
         robot = self._pose_at(time_s)
         cos, sin = math.cos(robot.yaw_rad), math.sin(robot.yaw_rad)
         mount = sonar.mount
-        pose = Pose(robot.x_m + cos * mount.x_m - sin * mount.y_m, robot.y_m + sin * mount.x_m + cos * mount.y_m,
-                    robot.yaw_rad + math.radians(mount.yaw_deg))
+        pose = Pose(
+            robot.x_m + cos * mount.x_m - sin * mount.y_m,
+            robot.y_m + sin * mount.x_m + cos * mount.y_m,
+            robot.yaw_rad + math.radians(mount.yaw_deg),
+        )
         return count_of(self._world.nearest(pose, HALF_CONE_RAD, RANGE_M))

@@ -1,13 +1,13 @@
 """Walls and boxes, read from a short YAML, and what a sonar sees of them.
 
-    start: [0, 0, 90]              # x m, y m, yaw deg; optional
-    walls: [[-2, -2, 2, -2]]       # from x, y to x, y [m]
-    boxes: [[1, 0.5, 0.4, 0.2, 30]]  # middle x, y, length, width [m], yaw [deg]
+start: [0, 0, 90]              # x m, y m, yaw deg; optional
+walls: [[-2, -2, 2, -2]]       # from x, y to x, y [m]
+boxes: [[1, 0.5, 0.4, 0.2, 30]]  # middle x, y, length, width [m], yaw [deg]
 """
 
 import math
 import os
-from typing import Any, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, List, NamedTuple, Optional, Sequence
 
 import yaml
 
@@ -26,6 +26,9 @@ class Pose(NamedTuple):
     yaw_rad: float
 
 
+ORIGIN = Pose(0.0, 0.0, 0.0)
+
+
 class Wall(NamedTuple):
     """A straight wall between two points [m]."""
 
@@ -38,7 +41,7 @@ class Wall(NamedTuple):
 class World:
     """Walls, and the pose at which a robot starts."""
 
-    def __init__(self, walls: Sequence[Wall] = (), start: Pose = Pose(0.0, 0.0, 0.0)) -> None:
+    def __init__(self, walls: Sequence[Wall] = (), start: Pose = ORIGIN) -> None:
         self.walls = list(walls)
         self.start = start
 
@@ -95,8 +98,9 @@ def load(name_or_path: str = "room") -> World:
         with open(path, encoding="utf-8") as file:
             data = yaml.safe_load(file)
     except OSError:
-        raise ConfigError(f"world {name_or_path!r} is unknown, expected {', '.join(names())} "
-                          "or the path of a .yaml file") from None
+        raise ConfigError(
+            f"world {name_or_path!r} is unknown, expected {', '.join(names())} or the path of a .yaml file"
+        ) from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: no YAML: {' '.join(str(error).split())}") from None
     return _read(path, data)
@@ -124,8 +128,9 @@ def _rows(path: str, key: str, data: Any, meaning: str, count: int) -> List[List
 
 def _numbers(path: str, key: str, row: Any, meaning: str, count: int) -> List[float]:
     if not isinstance(row, list) or len(row) != count or not all(map(_is_number, row)):
-        raise ConfigError(f"{path}: {key} is {row!r}, expected [{meaning}], {count} numbers "
-                          f"from {-_FAR_M:g} to {_FAR_M:g}")
+        raise ConfigError(
+            f"{path}: {key} is {row!r}, expected [{meaning}], {count} numbers from {-_FAR_M:g} to {_FAR_M:g}"
+        )
     return [float(value) for value in row]
 
 
@@ -136,7 +141,9 @@ def _is_number(value: Any) -> bool:
 def _sides(x: float, y: float, length: float, width: float, yaw_deg: float) -> List[Wall]:
     cos, sin = math.cos(math.radians(yaw_deg)), math.sin(math.radians(yaw_deg))
     half = ((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5))
-    corners = [(x + cos * a * length - sin * b * width, y + sin * a * length + cos * b * width) for a, b in half]
+    corners = [
+        (x + cos * a * length - sin * b * width, y + sin * a * length + cos * b * width) for a, b in half
+    ]
     return [Wall(*corners[i - 1], *corners[i]) for i in range(4)]
 
 
@@ -155,6 +162,3 @@ def parse_pose(text: Optional[str], default: Pose) -> Pose:
     if not all(map(_is_number, (x, y, yaw))):
         raise ConfigError(f"pose is {text!r}, expected X,Y,YAW in metres and degrees, such as 0.5,0,90")
     return Pose(x, y, math.radians(yaw))
-
-
-PoseTuple = Tuple[float, float, float]
