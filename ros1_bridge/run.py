@@ -1,6 +1,6 @@
 """`make run`: roscore, an emulated board, the robot node and the live view, and their orderly end.
 
-Started as `python -m ros1_bridge.run`.  Logs of the children stand in build/run.
+Started as `python -m ros1_bridge.run`.
 """
 
 import os
@@ -11,7 +11,7 @@ import time
 import urllib.parse
 import xmlrpc.client
 from pathlib import Path
-from typing import Dict, List, Optional, Tuple
+from typing import Callable, Dict, List, NamedTuple, Optional, Tuple
 
 import click
 
@@ -44,11 +44,25 @@ class Stopped(Exception):
     """A signal asked for the end."""
 
 
+class Plan(NamedTuple):
+    """What was asked for."""
+
+    robot: Optional[str]
+    """Model; None for the board's own."""
+    port: str
+    """Of a real robot; empty for an emulated one."""
+    engine: Optional[str]
+    """`avr` or `python`; None for the first if it is there."""
+    duration_s: Optional[float]
+    """None for ever."""
+
+
 class Run:
     """The parts in the order of their start; `stop` ends them, the robot first."""
 
-    def __init__(self, env: Dict[str, str]) -> None:
-        self._env = env
+    def __init__(self, env: Dict[str, str], logs: Path) -> None:
+        self.env = env
+        self.logs = logs
         self._children: List[Child] = []
         self.signal: Optional[int] = None
         """The signal that asked for the end, if one did."""
@@ -59,8 +73,8 @@ class Run:
 
     def start(self, name: str, command: List[str], terminal: bool = False) -> Child:
         """Start a part, with the terminal or with a log."""
-        log = None if terminal else LOGS / f"{name}.log"
-        child = Child(name, command, log, self._env, ROOT)
+        log = None if terminal else self.logs / f"{name}.log"
+        child = Child(name, command, log, self.env, ROOT)
         self._children.append(child)
         return child
 
@@ -90,7 +104,7 @@ class Run:
         end_orphans()
 
 
-def environment() -> Dict[str, str]:
+def environment(logs: Path) -> Dict[str, str]:
     """The children's environment: the local master unless one is set, with it addresses on localhost."""
     env = dict(os.environ)
     env.setdefault("ROS_MASTER_URI", MASTER)
@@ -98,7 +112,7 @@ def environment() -> Dict[str, str]:
         env["ROS_MASTER_URI"] = MASTER
     if _host(env)[0] in _LOCAL and not env.get("ROS_IP") and not env.get("ROS_HOSTNAME"):
         env["ROS_IP"] = "127.0.0.1"
-    env.setdefault("ROS_LOG_DIR", str(LOGS / "ros"))
+    env.setdefault("ROS_LOG_DIR", str(logs / "ros"))
     env["PYTHONUNBUFFERED"] = "1"
     return env
 
@@ -125,20 +139,29 @@ def master_answers(uri: str) -> bool:
         return False
 
 
-def start_roscore(run: Run, env: Dict[str, str]) -> None:
+def start_roscore(run: Run) -> None:
     """Start a roscore unless one runs, which is then used and left running.
+
+    Raises:
+        RunError: the master is elsewhere and does not answer.
+    """
+    uri = run.env["ROS_MASTER_URI"]
+    if master_answers(uri):
+        click.echo(f"using the roscore that runs at {uri}")
+        return
+    host, port = _host(run.env)
+    if host not in _LOCAL:
+        raise RunError(f"no ROS master answers at ROS_MASTER_URI={uri}; start roscore there, or unset it")
+    run.start("roscore", ["roscore", "-p", str(port)])
+
+
+def await_roscore(run: Run) -> None:
+    """Wait for the master.
 
     Raises:
         RunError: it did not start; Stopped: a signal came.
     """
-    uri = env["ROS_MASTER_URI"]
-    if master_answers(uri):
-        click.echo(f"using the roscore that runs at {uri}")
-        return
-    host, port = _host(env)
-    if host not in _LOCAL:
-        raise RunError(f"no ROS master answers at ROS_MASTER_URI={uri}; start roscore there, or unset it")
-    run.start("roscore", ["roscore", "-p", str(port)])
+    uri = run.env["ROS_MASTER_URI"]
     _await(run, lambda: master_answers(uri), ROSCORE_TIMEOUT_S, f"roscore does not answer at {uri}")
 
 
@@ -160,7 +183,7 @@ def start_simulator(run: Run, robot: str, engine: Optional[str]) -> str:
 
 def _serve(run: Run, robot: str, engine: str) -> str:
     command = [sys.executable, "-m", "sim_arduino.cli", "--robot", robot, "--engine", engine]
-    child = run.start("mrl-sim", command + (["--image", str(IMAGE)] if engine == "avr" else []))
+    child = run.start("mrl-sim", command)
 
     def port() -> str:
         return next((line.split()[0] for line in child.output() if line.startswith("/dev/")), "")
@@ -175,7 +198,7 @@ def _serve(run: Run, robot: str, engine: str) -> str:
     return port()
 
 
-def _await(run: Run, condition, timeout_s: float, failure: str) -> None:  # type: ignore[no-untyped-def]
+def _await(run: Run, condition: Callable[[], bool], timeout_s: float, failure: str) -> None:
     def settled() -> bool:
         if condition():
             return True
@@ -183,46 +206,46 @@ def _await(run: Run, condition, timeout_s: float, failure: str) -> None:  # type
         return False
 
     if not wait_until(settled, timeout_s):
-        raise RunError(f"{failure} within {timeout_s:.0f} s; its log is in {LOGS}")
+        raise RunError(f"{failure} within {timeout_s:.0f} s; its log is in {run.logs}")
 
 
-def start_node(run: Run, port: str, robot: Optional[str]) -> None:
+def start_node(run: Run, plan: Plan) -> None:
     """Start the robot node with the system's Python."""
-    command = [str(NODES / "robot_node"), f"_port:={port}", f"_robot:={robot or 'auto'}"]
+    command = [str(NODES / "robot_node"), f"_port:={plan.port}", f"_robot:={plan.robot or 'auto'}"]
     run.start("robot_node", command)
 
 
-def start_view(run: Run, port: str, moves: bool, duration_s: Optional[float]) -> Child:
+def start_view(run: Run, plan: Plan, moves: bool) -> Child:
     """Start the live view; it drives the square only if `moves`."""
     command = [
         sys.executable,
         str(NODES / "demo_view"),
         f"_square:={'true' if moves else 'false'}",
-        f"_title:='{port}'",
-        f"_duration:={duration_s or 0.0}",
+        f"_title:='{plan.robot or 'robot'} on {plan.port}'",
+        f"_duration:={plan.duration_s or 0.0}",
     ]
     return run.start("demo_view", command, terminal=True)
 
 
-def supervise(
-    run: Run, port: str, robot: Optional[str], engine: Optional[str], duration_s: Optional[float]
-) -> int:
+def supervise(run: Run, plan: Plan) -> int:
     """Start all parts, wait for the end of the view, and return the exit code.
 
     Raises:
         RunError: a part did not start, or died; Stopped: a signal came.
     """
-    env = environment()
-    start_roscore(run, env)
-    real = bool(port)
+    start_roscore(run)
+    real = bool(plan.port)
     if not real:
-        robot = robot or _DEFAULT_ROBOT
-        port = start_simulator(run, robot, engine)
-    start_node(run, port, robot)
-    view = start_view(run, port, not real, duration_s)
+        plan = plan._replace(robot=plan.robot or _DEFAULT_ROBOT)
+        plan = plan._replace(port=start_simulator(run, plan.robot or "", plan.engine))
+    await_roscore(run)
+    start_node(run, plan)
+    view = start_view(run, plan, moves=not real)
     while view.exit_code != 0:
         run.check()
         time.sleep(_POLL_S)
+    if run.signal:
+        raise Stopped
     return 0
 
 
@@ -230,28 +253,29 @@ def supervise(
 @click.option("--robot", metavar="NAME|FILE", help="Model; the board's own by default, emulated: traxbot.")
 @click.option("--port", default="", help="Serial port of a real robot, which is never moved unasked.")
 @click.option("--engine", type=click.Choice(["avr", "python"]), help="What the emulated board runs on.")
+@click.option("--duration", type=click.FloatRange(min=0.1), help="End after so many seconds of odometry.")
 @click.option(
-    "--duration", type=click.FloatRange(min=0, min_open=True), help="End after so many seconds of odometry."
+    "--logs", type=click.Path(path_type=Path, file_okay=False), default=LOGS, help="Folder of the logs."
 )
-def main(robot: Optional[str], port: str, engine: Optional[str], duration: Optional[float]) -> None:
+def main(
+    robot: Optional[str], port: str, engine: Optional[str], duration: Optional[float], logs: Path
+) -> None:
     """Drive a robot through ROS, an emulated one unless --port names a real one, with a live view."""
-    LOGS.mkdir(parents=True, exist_ok=True)
+    logs.mkdir(parents=True, exist_ok=True)
     adopt_orphans()
     try:
-        run = Run(environment())
+        run = Run(environment(logs), logs)
         for number in _SIGNALS:
             signal.signal(number, run.on_signal)
-        sys.exit(_run_to_end(run, port, robot, engine, duration))
+        sys.exit(_run_to_end(run, Plan(robot, port, engine, duration)))
     except MrlError as error:
         click.echo(str(error), err=True)
         sys.exit(error.exit_code)
 
 
-def _run_to_end(
-    run: Run, port: str, robot: Optional[str], engine: Optional[str], duration_s: Optional[float]
-) -> int:
+def _run_to_end(run: Run, plan: Plan) -> int:
     try:
-        return supervise(run, port, robot, engine, duration_s)
+        return supervise(run, plan)
     except Stopped:
         return 128 + (run.signal or 0)
     finally:

@@ -18,13 +18,22 @@ END_S = 6.0
 
 
 class Started:
-    """A run on a ROS master of its own; its processes carry a mark in their environment."""
+    """A run on a ROS master of its own, logs in `folder`; its processes carry a mark in their environment."""
 
-    def __init__(self, *options, **env):
+    def __init__(self, folder, *options, **env):
         self._mark = uuid.uuid4().hex
         uri = f"http://127.0.0.1:{free_port()}"
         self.env = {**os.environ, "ROS_MASTER_URI": uri, "MRL_RUN_MARK": self._mark, **env}
-        command = [sys.executable, "-m", "ros1_bridge.run", "--engine", "python", *options]
+        command = [
+            sys.executable,
+            "-m",
+            "ros1_bridge.run",
+            "--engine",
+            "python",
+            "--logs",
+            str(folder),
+            *options,
+        ]
         pipe = subprocess.PIPE
         self.process = subprocess.Popen(
             command,
@@ -64,11 +73,11 @@ class Started:
 
 
 @pytest.fixture
-def start():
+def start(tmp_path):
     runs = []
 
     def starter(*options, **env):
-        runs.append(Started(*options, **env))
+        runs.append(Started(tmp_path, *options, **env))
         return runs[-1]
 
     yield starter

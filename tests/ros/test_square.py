@@ -1,0 +1,70 @@
+"""The main job: a square of 1 m, driven through ROS, ends where odometry says."""
+
+import json
+import math
+import time
+
+import pytest
+from geometry_msgs.msg import Twist, Vector3
+from nav_msgs.msg import Odometry
+
+from mrl_driver.robots import load
+from ros1_bridge.square import Limits, Square
+
+MODEL = "stingbot"
+LIMITS = Limits(linear_m_s=0.5, angular_rad_s=1.8, braking_m_s2=0.35, braking_rad_s2=1.6)
+PERIOD_S = 0.03
+SETTLE_S = 0.4
+COUNT_M = load(MODEL).drive.metres_per_count
+POSE_M = 0.001 + COUNT_M
+YAW_RAD = math.radians(0.1) + COUNT_M / load(MODEL).drive.wheel_separation_m
+
+
+def odom_pose(message):
+    position, orientation = message.pose.pose.position, message.pose.pose.orientation
+    return position.x, position.y, 2 * math.atan2(orientation.z, orientation.w)
+
+
+def true_pose(path):
+    """The newest true pose as seen from the first one."""
+    rows = [json.loads(line) for line in path.read_text().splitlines() if line.endswith("}")]
+    first, last = rows[0], rows[-1]
+    dx, dy = last["x"] - first["x"], last["y"] - first["y"]
+    cos, sin = math.cos(first["yaw"]), math.sin(first["yaw"])
+    return dx * cos + dy * sin, dy * cos - dx * sin, math.remainder(last["yaw"] - first["yaw"], 2 * math.pi)
+
+
+@pytest.fixture(scope="module")
+def driven(module_rig):
+    """Odometry's and the true pose after a square."""
+    board = module_rig.board("--robot", MODEL)
+    module_rig.node(board.port)
+    odom = module_rig.topic("odom", Odometry)
+    cmd_vel = module_rig.publisher("cmd_vel", Twist)
+    odom.wait()
+    square = Square(1.0, LIMITS)
+    until = time.monotonic() + 60.0
+    while square.corner < 4:
+        assert time.monotonic() < until, f"only {square.corner} corners"
+        linear, angular = square.command(odom_pose(odom.messages[-1]))
+        cmd_vel.publish(Twist(Vector3(linear, 0, 0), Vector3(0, 0, angular)))
+        time.sleep(PERIOD_S)
+    cmd_vel.publish(Twist())
+    time.sleep(SETTLE_S)
+    return odom_pose(odom.messages[-1]), true_pose(board.truth)
+
+
+def test_position_equals_the_true_one(driven):
+    odometry, true = driven
+    assert math.dist(odometry[:2], true[:2]) < POSE_M
+
+
+def test_heading_equals_the_true_one(driven):
+    odometry, true = driven
+    assert abs(math.remainder(odometry[2] - true[2], 2 * math.pi)) < YAW_RAD
+
+
+def test_square_is_closed(driven):
+    """The square ends where it began, as far as the brakes allow."""
+    odometry, _ = driven
+    assert math.hypot(*odometry[:2]) < 0.02
