@@ -3,19 +3,47 @@
 The plant is the Python engine's own, so physics is one; the wire's timing is the chip's.
 """
 
-import struct
 from pathlib import Path
 from typing import Any, Optional, Union
 
+from mrl_driver.codec import REPLIES, Frame, FrameDecoder, encode_request
+from mrl_driver.errors import SimulatorError
+from mrl_driver.table import BY_NAME, PARAMETER_BY_NAME
 from sim_arduino.avr.line import heard
 from sim_arduino.avr.machine import HOST_BAUD, AvrMachine
 
 FAN, SONAR_TRIGGER, SONAR_POWER, HEATER = 7, 12, 13, 15
 WATCHED_PINS = (FAN, SONAR_TRIGGER, SONAR_POWER, HEATER)
+BOOT_S, SAVING_S = 0.3, 0.4  # 64 bytes of EEPROM at 3.4 ms fit
 SLICE_S = 1e-3  # the longest a byte waits before a server hears of it
 
 FIRMWARE = Path(__file__).resolve().parent.parent / "build" / "firmware" / "mrl_firmware.elf"
 """The sonar build's image in a checkout, after `make firmware`."""
+
+
+def configured_eeprom(elf: Union[str, Path], robot_id: int) -> bytes:
+    """The EEPROM of a board that was given an id, all else by default: a chip of its own is told over the wire.
+
+    Raises:
+        SimulatorError: the image does not confirm that it has saved.
+    """
+    number = PARAMETER_BY_NAME["robot_id"].number
+    orders = [
+        (BY_NAME["write_config"], number, robot_id),
+        (BY_NAME["default_config"],),
+        (BY_NAME["save_config"],),
+    ]
+    with AvrMachine(elf) as chip:
+        chip.run(BOOT_S)
+        for row, *values in orders:
+            chip.send(encode_request(row.code, *values))
+            chip.run(SAVING_S)
+        answer = bytes(byte.data for byte in chip.sent())
+        if Frame(BY_NAME["save_config"].code, (1,)) not in FrameDecoder(REPLIES).feed(answer):
+            raise SimulatorError(
+                f"image {elf} did not save its robot id, it answered {answer!r}; run make firmware"
+            )
+        return chip.read_eeprom()
 
 
 class AvrEngine:
@@ -24,8 +52,8 @@ class AvrEngine:
     Args:
         plant: what is wired to the board: `i2c` (slaves by address), `adc_volts(channel, time_s)`,
             `pin_changed(pin, level, time_s)` and `advance(time_s)`.
-        robot_id: what the EEPROM says where boards have kept it since 2013 (a float at address 0); None leaves it
-            blank, so that the board answers 0.
+        robot_id: the board comes configured: this id and the model's defaults are saved in its EEPROM; None
+            leaves that blank, as on a new chip.
         bootloader: the Uno's clears the chip's reset flags before the sketch starts; False shows them.
 
     Raises:
@@ -45,7 +73,7 @@ class AvrEngine:
         self.machine = AvrMachine(elf, seed=seed)
         self._host_baud: float = HOST_BAUD
         if robot_id is not None:
-            self.machine.write_eeprom(0, struct.pack("<f", robot_id))
+            self.machine.write_eeprom(0, configured_eeprom(elf, robot_id))
         if bootloader:
             self.machine.set_reset_flags(0)
             self.machine.reset()

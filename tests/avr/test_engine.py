@@ -2,6 +2,7 @@
 
 import pytest
 
+from mrl_driver.errors import SimulatorError
 from sim_arduino.avr_engine import AvrEngine
 
 BYTE_S = 85e-6
@@ -113,11 +114,10 @@ def test_a_bootloader_hides_the_reset_flags(sketch, bootloader, flags):
     board.close()
 
 
-def test_the_robot_id_stands_where_2013_boards_have_it(sketch):
-    """A little-endian float at the EEPROM's start."""
-    board = AvrEngine(Plant(), sketch("uart.c"), robot_id=4)
-    assert board.machine.read_eeprom(0, 4) == b"\x00\x00\x80\x40"
-    board.close()
+def test_an_image_that_saves_no_id_is_refused(sketch):
+    """It is some other sketch."""
+    with pytest.raises(SimulatorError, match="did not save its robot id"):
+        AvrEngine(Plant(), sketch("uart.c"), robot_id=4)
 
 
 def test_analogue_voltages_come_from_the_plant(engine):
