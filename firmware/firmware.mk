@@ -16,7 +16,7 @@ FW_HEADERS := $(wildcard $(FW_SOURCE)/*.h)
 FW_PARTS := $(notdir $(wildcard $(FW_SOURCE)/*.cpp)) mrl_firmware.ino
 
 PC_BUILD := build/pc
-PC_CXX := -std=gnu++11 -g -O1 -fno-exceptions -Wall -Wextra -Wconversion -Werror -I$(FW_SOURCE)
+PC_CXX := -std=gnu++11 -g -O1 -Wall -Wextra -Wconversion -Werror -I$(FW_SOURCE)
 PC_SOURCES = $(filter-out %/hal_avr.cpp,$(wildcard $(FW_SOURCE)/*.cpp)) tests/firmware/hal_pc.cpp
 
 .PHONY: firmware flash pc-firmware
@@ -65,8 +65,31 @@ flash: $(FW_BUILD)/mrl_firmware.elf ## Upload to an Arduino Uno: PORT=/dev/ttyAC
 	  { echo "make flash: no board answers at $(PORT): $$(echo "$$out" | grep . | head -1)" >&2; exit 1; }
 flash: IMAGE ?= mrl_firmware
 
-pc-firmware: $(PC_BUILD)/libmrl_firmware.so ## Build the firmware's C++ for the PC, as the tests use it
+PC_LIBRARIES := $(PC_BUILD)/libmrl_firmware.so $(PC_BUILD)/libmrl_firmware_environment.so
+pc-firmware: $(PC_LIBRARIES) $(PC_BUILD)/fuzz_firmware $(PC_BUILD)/checked_firmware ## The same C++ for the PC's tests
 
-$(PC_BUILD)/libmrl_firmware.so: $(PC_SOURCES) $(FW_HEADERS) firmware/firmware.mk
+$(PC_BUILD)/libmrl_firmware_environment.so: PC_DEFINES := -DMRL_ENVIRONMENT=1
+$(PC_LIBRARIES): $(PC_SOURCES) $(FW_HEADERS) tests/firmware/hal_pc.h firmware/firmware.mk
 	@mkdir -p $(@D)
-	@g++ $(PC_CXX) -shared -fPIC $(PC_SOURCES) -o $@.new && mv $@.new $@
+	@g++ $(PC_CXX) $(PC_DEFINES) -shared -fPIC $(PC_SOURCES) -o $@.new && mv $@.new $@
+
+# libFuzzer looks for inputs and stops at undefined behaviour; what it keeps is then tried under gcc's address and
+# undefined-behaviour sanitizers.  (Debian's clang comes without its own.)
+LIBFUZZER ?= $(wildcard /usr/lib/llvm-*/lib/libFuzzer.a)
+FUZZ_SOURCES := tests/firmware/fuzz.cpp
+FUZZ_NEEDS = $(PC_SOURCES) $(FUZZ_SOURCES) $(FW_HEADERS) tests/firmware/hal_pc.h firmware/firmware.mk
+
+FUZZ_OBJECTS = $(patsubst %.cpp,$(PC_BUILD)/fuzz.o/%.o,$(notdir $(PC_SOURCES) $(FUZZ_SOURCES)))
+vpath %.cpp $(FW_SOURCE) tests/firmware
+
+$(PC_BUILD)/fuzz.o/%.o: %.cpp $(FW_HEADERS) tests/firmware/hal_pc.h firmware/firmware.mk
+	@mkdir -p $(@D)
+	@clang++ $(PC_CXX) -fsanitize=fuzzer-no-link,undefined -fsanitize-trap=undefined -c $< -o $@
+
+$(PC_BUILD)/fuzz_firmware: $(FUZZ_OBJECTS)
+	@clang++ $^ $(lastword $(LIBFUZZER)) -lpthread -o $@.new && mv $@.new $@
+
+$(PC_BUILD)/checked_firmware: $(FUZZ_NEEDS) tests/firmware/replay.cpp
+	@mkdir -p $(@D)
+	@g++ $(PC_CXX) -fsanitize=address,undefined -fno-sanitize-recover=all $(PC_SOURCES) $(FUZZ_SOURCES) \
+	  tests/firmware/replay.cpp -o $@.new && mv $@.new $@

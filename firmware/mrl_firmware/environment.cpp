@@ -99,7 +99,7 @@ void ask_if_there(uint8_t code) {
 
 void read_alcohol(const int16_t*, uint8_t) { ask_if_there(READ_ALCOHOL); }
 void read_dust(const int16_t*, uint8_t) { ask_if_there(READ_DUST); }
-void read_thermopile(const int16_t*, uint8_t) { answers::ask(READ_THERMOPILE); }
+void read_thermopile(const int16_t*, uint8_t) { ask_if_there(READ_THERMOPILE); }
 
 }  // namespace handlers
 }  // namespace mrl

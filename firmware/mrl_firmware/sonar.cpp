@@ -44,7 +44,9 @@ constexpr uint32_t READING = board_clock::of_ms(104);  // 99 ms per the data she
 enum class Step : uint8_t { warm_up, trigger, ranging, converting } step;
 int16_t ranges[COUNT];
 uint32_t since;
-uint8_t sensor;
+uint8_t fired;    // sensors that have fired since the last trigger
+uint8_t ready;    // sensors that have fired at all
+uint8_t channel;  // input that is being converted
 
 void go(Step next) {
   step = next;
@@ -52,25 +54,34 @@ void go(Step next) {
 }
 
 void start_chain() {
-  sensor = 0;
+  fired = 0;
   hal::pin_output(pins::SONAR_TRIGGER, true);
   go(Step::trigger);
 }
 
-void start_conversion() {
+void convert(uint8_t which) {
   static_assert(pins::SONAR_LEFT == pins::SONAR_FRONT + 1 && pins::SONAR_RIGHT == pins::SONAR_FRONT + 2,
                 "the chain runs front, left, right along the inputs");
-  hal::adc_start(static_cast<uint8_t>(pins::channel(pins::SONAR_FRONT) + sensor));
+  channel = which;
+  hal::adc_start(static_cast<uint8_t>(pins::channel(pins::SONAR_FRONT) + channel));
   step = Step::converting;
 }
 
+// A sensor holds its output until it has fired again: all are read after each turn, the one that fired among them.
 void take_conversion() {
   const int16_t count = hal::adc_result();
   if (count < 0) return;
-  ranges[sensor] = range_cm(static_cast<uint16_t>(count));
-  if (++sensor == COUNT) return start_chain();
+  if (channel < ready) ranges[channel] = range_cm(static_cast<uint16_t>(count));
+  if (channel + 1 < COUNT) return convert(static_cast<uint8_t>(channel + 1));
+  if (fired == COUNT) return start_chain();
   since += READING;
   step = Step::ranging;
+}
+
+void end_turn() {
+  fired++;
+  if (ready < fired) ready = fired;
+  convert(0);
 }
 
 }  // namespace
@@ -93,7 +104,7 @@ void service() {
       go(Step::ranging);
       break;
     case Step::ranging:
-      if (board_clock::passed(since, READING)) start_conversion();
+      if (board_clock::passed(since, READING)) end_turn();
       break;
     case Step::converting:
       take_conversion();

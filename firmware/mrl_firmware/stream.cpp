@@ -59,6 +59,14 @@ void report() { writer::add(running != 0); }
 }  // namespace stream
 
 namespace handlers {
+namespace {
+
+void start_with_sensors(uint8_t code, const int16_t* args, uint8_t count) {
+  if (!MRL_ENVIRONMENT) return status::refuse(Reason::unavailable);
+  stream::start(code, args, count);
+}
+
+}  // namespace
 
 void get_stream(const int16_t*, uint8_t) { answers::ask(GET_STREAM); }
 
@@ -67,20 +75,20 @@ void start_stream(const int16_t* args, uint8_t count) { stream::start(READ_ENCOD
 void stop_stream(const int16_t*, uint8_t) { stream::stop(READ_ENCODERS_AND_SONARS); }
 
 void start_sensor_stream(const int16_t* args, uint8_t count) {
-  if (!MRL_ENVIRONMENT) return status::refuse(Reason::unavailable);
-  stream::start(START_SENSOR_STREAM, args, count);
+  start_with_sensors(START_SENSOR_STREAM, args, count);
 }
 
 void stop_sensor_stream(const int16_t*, uint8_t) { stream::stop(START_SENSOR_STREAM); }
 
 void start_sensor_ldr_stream(const int16_t* args, uint8_t count) {
-  if (!MRL_ENVIRONMENT) return status::refuse(Reason::unavailable);
-  stream::start(START_SENSOR_LDR_STREAM, args, count);
+  start_with_sensors(START_SENSOR_LDR_STREAM, args, count);
 }
 
 void stop_sensor_ldr_stream(const int16_t*, uint8_t) { stream::stop(START_SENSOR_LDR_STREAM); }
 
-void start_compass_stream(const int16_t* args, uint8_t count) { stream::start(START_COMPASS_STREAM, args, count); }
+void start_compass_stream(const int16_t* args, uint8_t count) {
+  start_with_sensors(START_COMPASS_STREAM, args, count);
+}
 
 void stop_compass_stream(const int16_t*, uint8_t) { stream::stop(START_COMPASS_STREAM); }
 

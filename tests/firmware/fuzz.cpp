@@ -1,0 +1,79 @@
+// libFuzzer's entry: bytes on the line, amid faults of the bus, must never leave memory or stop the loop.
+#include <stddef.h>
+
+#include "hal_pc.h"
+#include "protocol.h"
+
+namespace {
+
+uint32_t noise = 1;
+bool absent;
+
+// xorshift: the world's answers differ from run to run of the loop, but not from run to run of the program.
+uint8_t random_byte() {
+  noise ^= noise << 13;
+  noise ^= noise >> 17;
+  noise ^= noise << 5;
+  return static_cast<uint8_t>(noise);
+}
+
+int write(uint8_t, const uint8_t*, int, double) { return !absent; }
+
+int read(uint8_t, uint8_t* data, int count, double) {
+  for (int i = 0; i < count; i++) data[i] = random_byte();
+  return !absent;
+}
+
+int adc(int, double) { return random_byte() * 4 + 3; }
+
+void pin(int, int, double) {}
+
+bool start() {
+  static const PcWorld world = {write, read, adc, pin};
+  static uint8_t eeprom[1024];
+  pc_start(&world, 0, 0, PC_POWER_ON, eeprom);
+  return true;
+}
+
+void wait(double us) {
+  pc_advance(pc_now_us() + us);
+  uint8_t out[256];
+  while (pc_sent(out, sizeof out)) {
+  }
+}
+
+// Bytes from 0xF0 on are events of the world, not of the line.
+void step(uint8_t byte) {
+  switch (byte) {
+    case 0xF0:
+      absent = !absent;
+      break;
+    case 0xF1:
+      pc_hang_bus(1, 3);
+      break;
+    case 0xF2:
+      wait(20000);
+      break;
+    case 0xF3:
+      pc_stall(pc_now_us() + 300000);
+      break;
+    case 0xF4:
+      wait(500);
+      break;
+    default:
+      pc_receive(byte);
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  static const bool started = start();
+  (void)started;
+  for (size_t i = 0; i < size; i++) {
+    step(data[i]);
+    wait(64);
+  }
+  wait(2000);
+  return 0;
+}

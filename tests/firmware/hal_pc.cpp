@@ -1,0 +1,236 @@
+#include "hal_pc.h"
+
+#include <string.h>
+
+#include <deque>
+#include <vector>
+
+#include "board.h"
+#include "dust.h"
+#include "frame_decoder.h"
+#include "hal.h"
+#include "ring.h"
+#include "sonar.h"
+#include "sonar_curve.h"
+
+namespace {
+
+constexpr double TICK_US = 64, PASS_US = 16, BYTE_OUT_US = 85.0, BYTE_IN_US = 1e6 * 10 / 115200;
+constexpr double ADC_US = 104, EEPROM_WRITE_US = 3400;
+
+struct Arrival {
+  uint8_t byte;
+  double time_us;
+};
+
+PcWorld world;
+double now_us, start_us, line_free_us, out_free_us, kicked_us, longest_gap_us;
+uint16_t first_tick;
+int flags;
+
+std::deque<Arrival> arriving;
+mrl::Ring<64> received;
+mrl::Ring<hal::SERIAL_OUT_SIZE> sending;
+std::vector<uint8_t> sent;
+uint8_t overruns;
+
+hal::BusState bus;
+double bus_until_us;
+uint16_t latched;
+bool hung;
+int recoveries_left;
+
+int adc_channel;
+double adc_until_us;
+uint8_t eeprom[hal::EEPROM_SIZE];
+double eeprom_until_us;
+bool eeprom_broken;
+uint32_t dust_low;
+bool dust_seen;
+
+void move_serial() {
+  while (!arriving.empty() && arriving.front().time_us <= now_us) {
+    if (received.room()) {
+      received.put(arriving.front().byte);
+    } else if (overruns != 255) {
+      overruns++;
+    }
+    arriving.pop_front();
+  }
+  while (sending.used() && out_free_us <= now_us) {
+    const double began = out_free_us > now_us - PASS_US ? out_free_us : now_us;
+    sent.push_back(sending.take());
+    out_free_us = began + BYTE_OUT_US;
+  }
+}
+
+bool carry_out_transfer() {
+  hal::Transfer& transfer = hal::transfer;
+  if (transfer.out_count && !world.i2c_write(transfer.address, transfer.out, transfer.out_count, now_us)) return false;
+  if (!transfer.in_count) return true;
+  latched = hal::ticks();
+  return world.i2c_read(transfer.address, transfer.in, transfer.in_count, now_us);
+}
+
+void move_bus() {
+  if (bus != hal::BusState::busy || hung || now_us < bus_until_us) return;
+  bus = carry_out_transfer() ? hal::BusState::idle : hal::BusState::nack;
+}
+
+void pass_time(double to_us) {
+  now_us = to_us;
+  move_serial();
+  move_bus();
+}
+
+}  // namespace
+
+namespace hal {
+
+Transfer transfer;
+
+void begin() {}
+
+uint16_t ticks() {
+  return static_cast<uint16_t>(first_tick + static_cast<uint64_t>((now_us - start_us) / TICK_US));
+}
+
+int16_t serial_read() { return received.used() ? received.take() : static_cast<int16_t>(-1); }
+void serial_discard() { received.clear(); }
+uint8_t serial_room() { return sending.room(); }
+uint8_t serial_waiting() { return sending.used(); }
+void serial_write(uint8_t byte) { sending.put(byte); }
+uint8_t serial_overruns() {
+  const uint8_t count = overruns;
+  overruns = 0;
+  return count;
+}
+
+void bus_start() {
+  const int bytes = 1 + transfer.out_count + (transfer.in_count ? 1 + transfer.in_count : 0);
+  bus = BusState::busy;
+  bus_until_us = now_us + (9 * bytes + 3) * (16 + 2 * transfer.divider) / 16.0;
+}
+BusState bus_state() { return bus; }
+uint16_t bus_latched() { return latched; }
+void bus_recover() {
+  bus = BusState::idle;
+  if (recoveries_left && !--recoveries_left) hung = false;
+}
+
+void adc_start(uint8_t channel) {
+  adc_channel = channel;
+  adc_until_us = now_us + ADC_US;
+}
+int16_t adc_result() {
+  return now_us < adc_until_us ? static_cast<int16_t>(-1) : static_cast<int16_t>(world.adc(adc_channel, now_us));
+}
+
+void pin_output(uint8_t pin, bool level) { world.pin(pin, level, now_us); }
+
+bool eeprom_ready() { return now_us >= eeprom_until_us; }
+uint8_t eeprom_read(uint16_t address) { return eeprom[address]; }
+void eeprom_write(uint16_t address, uint8_t value) {
+  if (!eeprom_broken) eeprom[address] = value;
+  eeprom_until_us = now_us + EEPROM_WRITE_US;
+}
+
+ResetTrace reset_trace() {
+  ResetTrace trace;
+  trace.power_on = flags & PC_POWER_ON;
+  trace.external = flags & PC_EXTERNAL;
+  trace.brown_out = flags & PC_BROWN_OUT;
+  trace.watchdog = flags & PC_WATCHDOG;
+  trace.watchdog_marked = flags & PC_MARKED;
+  trace.memory_kept = flags & PC_KEPT;
+  return trace;
+}
+void watchdog_kick() {
+  if (now_us - kicked_us > longest_gap_us) longest_gap_us = now_us - kicked_us;
+  kicked_us = now_us;
+}
+
+uint32_t dust_low_ticks() {
+  const uint32_t low = dust_low;
+  dust_low = 0;
+  return low;
+}
+bool dust_changed() {
+  const bool seen = dust_seen;
+  dust_seen = false;
+  return seen;
+}
+
+}  // namespace hal
+
+void pc_start(const PcWorld* outside, double time_us, uint16_t tick, int reset_flags, const uint8_t* image) {
+  world = *outside;
+  now_us = start_us = kicked_us = line_free_us = out_free_us = time_us;
+  first_tick = tick;
+  flags = reset_flags;
+  memcpy(eeprom, image, sizeof eeprom);
+  mrl::board::begin();
+}
+
+void pc_advance(double time_us) {
+  while (now_us < time_us) {
+    pass_time(now_us + PASS_US);
+    mrl::board::run();
+  }
+}
+
+void pc_stall(double time_us) { pass_time(time_us > now_us ? time_us : now_us); }
+
+double pc_now_us() { return now_us; }
+
+void pc_receive(uint8_t byte) {
+  line_free_us = (line_free_us > now_us ? line_free_us : now_us) + BYTE_IN_US;
+  arriving.push_back({byte, line_free_us});
+}
+
+// A byte counts as sent when its stop bit has left.
+int pc_sent(uint8_t* bytes, int room) {
+  size_t count = sent.size();
+  if (out_free_us > now_us && count) count--;
+  if (count > static_cast<size_t>(room)) count = static_cast<size_t>(room);
+  if (!count) return 0;
+  memcpy(bytes, sent.data(), count);
+  sent.erase(sent.begin(), sent.begin() + static_cast<long>(count));
+  return static_cast<int>(count);
+}
+
+void pc_hang_bus(int on, int recoveries) {
+  hung = on;
+  recoveries_left = recoveries;
+}
+
+void pc_dust(uint32_t low_ticks) {
+  dust_low += low_ticks;
+  dust_seen = true;
+}
+
+const uint8_t* pc_eeprom() { return eeprom; }
+
+void pc_break_eeprom(int on) { eeprom_broken = on; }
+
+double pc_longest_kick_gap_us() { return longest_gap_us; }
+
+static mrl::FrameDecoder decoder;
+
+void pc_decoder_start(int checked) {
+  decoder = mrl::FrameDecoder();
+  decoder.checked = checked;
+}
+int pc_decoder_feed(uint8_t byte) { return static_cast<int>(decoder.feed(byte)); }
+int pc_decoder_code() { return decoder.code(); }
+int pc_decoder_count() { return decoder.count(); }
+const int16_t* pc_decoder_arguments() { return decoder.arguments(); }
+int pc_decoder_reason() { return static_cast<int>(decoder.reason()); }
+int pc_decoder_length() { return decoder.length(); }
+
+int pc_power_law(int count, int a, int b, int c) {
+  return mrl::power_law(static_cast<uint16_t>(count), static_cast<int16_t>(a), static_cast<int16_t>(b),
+                        static_cast<int16_t>(c));
+}
+int pc_range_cm(int count) { return mrl::sonar::range_cm(static_cast<uint16_t>(count)); }
+int pc_dust_per_litre(uint32_t low, uint32_t total) { return mrl::dust_per_litre(low, total); }

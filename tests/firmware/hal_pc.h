@@ -1,0 +1,51 @@
+// The firmware on a PC: hardware as an extern "C" interface, time as a number that the caller moves.
+// One board per loaded library: all state is static, as on the chip.
+#pragma once
+#include <stdint.h>
+
+extern "C" {
+
+// Called for everything that happens outside the board; `time_us` is the board's time.
+struct PcWorld {
+  int (*i2c_write)(uint8_t address, const uint8_t* data, int count, double time_us);  // 0: not acknowledged
+  int (*i2c_read)(uint8_t address, uint8_t* data, int count, double time_us);         // 0: not acknowledged
+  int (*adc)(int channel, double time_us);                                            // count, 0 to 1023
+  void (*pin)(int pin, int level, double time_us);
+};
+
+enum PcResetFlag { PC_POWER_ON = 1, PC_EXTERNAL = 2, PC_BROWN_OUT = 4, PC_WATCHDOG = 8, PC_MARKED = 16, PC_KEPT = 32 };
+
+// Starts the board at a time, with a 16-bit tick counter that begins at `first_tick`.
+void pc_start(const PcWorld* world, double time_us, uint16_t first_tick, int reset_flags, const uint8_t* eeprom);
+// Runs the loop until a time.
+void pc_advance(double time_us);
+// Lets time pass while the loop stands still.
+void pc_stall(double time_us);
+double pc_now_us();
+// Puts a byte on the line to the board, behind those still on it.
+void pc_receive(uint8_t byte);
+// Takes bytes that have left the board; returns how many.
+int pc_sent(uint8_t* bytes, int room);
+// Holds the bus: transfers never end until it is released by hand, or after so many recoveries (0: never).
+void pc_hang_bus(int on, int recoveries);
+void pc_dust(uint32_t low_ticks);
+const uint8_t* pc_eeprom();
+// EEPROM cells that take no more bytes.
+void pc_break_eeprom(int on);
+// Longest time between two kicks of the hardware watchdog so far.
+double pc_longest_kick_gap_us();
+
+// ---- parts on their own
+
+void pc_decoder_start(int checked);
+// 0 nothing, 1 frame, 2 garbage.
+int pc_decoder_feed(uint8_t byte);
+int pc_decoder_code();
+int pc_decoder_count();
+const int16_t* pc_decoder_arguments();
+int pc_decoder_reason();
+int pc_decoder_length();
+int pc_power_law(int count, int a, int b, int c);
+int pc_range_cm(int count);
+int pc_dust_per_litre(uint32_t low, uint32_t total);
+}

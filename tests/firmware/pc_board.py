@@ -1,0 +1,208 @@
+"""The firmware's C++ compiled for the PC, as an engine on a Plant: the same interface as the emulator's boards.
+
+Each board loads a copy of the library of its own, for all of the firmware's state is static, as on the chip.
+"""
+
+import ctypes
+import math
+import os
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any, Callable, List, Optional, Tuple
+
+import _ctypes
+
+BUILD = Path(__file__).resolve().parent.parent.parent / "build" / "pc"
+SONARS, ENVIRONMENT = BUILD / "libmrl_firmware.so", BUILD / "libmrl_firmware_environment.so"
+EEPROM_SIZE = 1024
+VOLTS_PER_COUNT = 5.0 / 1024.0
+POWER_ON, EXTERNAL, BROWN_OUT, WATCHDOG, MARKED, KEPT = 1, 2, 4, 8, 16, 32
+"""What a reset leaves behind: the chip's flags, the mark of the watchdog's interrupt, RAM that kept its contents."""
+
+_BYTES = ctypes.POINTER(ctypes.c_uint8)
+_WRITE = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_uint8, _BYTES, ctypes.c_int, ctypes.c_double)
+_READ = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_uint8, _BYTES, ctypes.c_int, ctypes.c_double)
+_ADC = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int, ctypes.c_double)
+_PIN = ctypes.CFUNCTYPE(None, ctypes.c_int, ctypes.c_int, ctypes.c_double)
+
+
+class _World(ctypes.Structure):
+    _fields_ = [("i2c_write", _WRITE), ("i2c_read", _READ), ("adc", _ADC), ("pin", _PIN)]
+
+
+def load(library: Path) -> Any:
+    """A copy of the library with state of its own.
+
+    Raises:
+        FileNotFoundError: it has not been built.
+    """
+    if not library.exists():
+        raise FileNotFoundError(f"{library} is missing: run `make pc-firmware`")
+    handle, copy = tempfile.mkstemp(suffix=".so")
+    os.close(handle)
+    try:
+        shutil.copyfile(library, copy)
+        native = ctypes.CDLL(copy)
+    finally:
+        os.unlink(copy)
+    native.pc_start.argtypes = (
+        ctypes.POINTER(_World),
+        ctypes.c_double,
+        ctypes.c_uint16,
+        ctypes.c_int,
+        ctypes.c_char_p,
+    )
+    for name in ("pc_advance", "pc_stall"):
+        getattr(native, name).argtypes = (ctypes.c_double,)
+    native.pc_now_us.restype = native.pc_longest_kick_gap_us.restype = ctypes.c_double
+    native.pc_eeprom.restype = _BYTES
+    native.pc_decoder_arguments.restype = ctypes.POINTER(ctypes.c_int16)
+    native.pc_dust.argtypes = (ctypes.c_uint32,)
+    native.pc_dust_per_litre.argtypes = (ctypes.c_uint32, ctypes.c_uint32)
+    return native
+
+
+class PcBoard:
+    """A board on a Plant.
+
+    Args:
+        plant: What is wired to it.
+        eeprom: 1024 bytes; blank if absent.
+        library: Which build.
+        first_tick: Where the 16-bit clock starts, to test its wrap.
+        reset_flags: What the first start finds of the reset.
+
+    Attributes:
+        transfers: I2C writes and reads: time [s], "write" or "read", address, bytes.
+        nack: Called with address and bytes of each transfer; True refuses it.
+    """
+
+    def __init__(
+        self,
+        plant: Any,
+        eeprom: Optional[bytes] = None,
+        library: Path = SONARS,
+        first_tick: int = 0,
+        reset_flags: int = POWER_ON,
+    ) -> None:
+        self.plant = plant
+        self.transfers: List[Tuple[float, str, int, bytes]] = []
+        self.nack: Callable[[int, bytes], bool] = lambda address, data: False
+        self._library, self._first_tick = library, first_tick
+        self._world = _World(_WRITE(self._write), _READ(self._read), _ADC(self._adc), _PIN(self._pin))
+        self._failure: Optional[BaseException] = None
+        self._register = b""
+        self.native: Any = None
+        self._start(0.0, reset_flags, b"\xff" * EEPROM_SIZE if eeprom is None else bytes(eeprom))
+
+    # ---- the Engine interface
+
+    def receive(self, data: bytes) -> None:
+        """Bytes from the host, the first of them on the line from now on."""
+        for byte in data:
+            self.native.pc_receive(byte)
+
+    def advance(self, to_s: float) -> bytes:
+        """Runs to `to_s` [s]; the bytes that left the board until then."""
+        self.native.pc_advance(to_s * 1e6)
+        self._raise_failure()
+        self.plant.advance(max(to_s, self.now_s))
+        buffer = (ctypes.c_uint8 * 65536)()
+        return bytes(buffer[: self.native.pc_sent(buffer, 65536)])
+
+    @property
+    def now_s(self) -> float:
+        """The board's time [s]."""
+        return self.native.pc_now_us() * 1e-6
+
+    @property
+    def next_event_s(self) -> float:
+        """The loop never rests."""
+        return self.now_s + 1e-3
+
+    def gap(self, to_s: float, waiting: bytes) -> None:
+        """The loop stood still until `to_s`; `waiting` is what the host sent meanwhile."""
+        self.receive(waiting)
+        self.native.pc_stall(to_s * 1e6)
+
+    def reset(self, flags: int = EXTERNAL | KEPT) -> None:
+        """The reset line; RAM of the firmware starts anew, EEPROM stays."""
+        now_s, eeprom = self.now_s, self.eeprom
+        self.close()
+        self._start(now_s, flags, eeprom)
+
+    def close(self) -> None:
+        """Unloads the firmware."""
+        if self.native is not None:
+            handle, self.native = self.native._handle, None
+            _ctypes.dlclose(handle)
+
+    # ---- faults and memory
+
+    @property
+    def eeprom(self) -> bytes:
+        """What stands in EEPROM."""
+        return bytes(self.native.pc_eeprom()[:EEPROM_SIZE])
+
+    def hang_bus(self, on: bool, recoveries: int = 0) -> None:
+        """Transfers do not end any more, for ever or until so many attempts to free the bus."""
+        self.native.pc_hang_bus(int(on), recoveries)
+
+    @property
+    def longest_pass_s(self) -> float:
+        """Longest time between two passes of the loop so far [s]."""
+        return self.native.pc_longest_kick_gap_us() * 1e-6
+
+    # ---- what the board asks
+
+    def _start(self, now_s: float, flags: int, eeprom: bytes) -> None:
+        self.native = load(self._library)
+        self.native.pc_start(ctypes.byref(self._world), now_s * 1e6, self._first_tick, flags, eeprom)
+
+    def _guard(self, call: Callable[[], int]) -> int:
+        """An exception cannot cross C: it is raised by `advance`."""
+        try:
+            return call()
+        except Exception as failure:  # noqa: BLE001 - raised again by advance
+            self._failure = self._failure or failure
+            return 0
+
+    def _raise_failure(self) -> None:
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
+
+    def _write(self, address: int, data: Any, count: int, time_us: float) -> int:
+        return self._guard(lambda: self._try_write(address, bytes(data[:count]), time_us * 1e-6))
+
+    def _try_write(self, address: int, data: bytes, time_s: float) -> int:
+        slave = self.plant.i2c.get(address)
+        if slave is None or not getattr(slave, "present", True) or self.nack(address, data):
+            return 0
+        self._register = data
+        self.transfers.append((time_s, "write", address, data))
+        return int(slave.write(data, time_s) is not False)
+
+    def _read(self, address: int, data: Any, count: int, time_us: float) -> int:
+        return self._guard(lambda: self._try_read(address, data, count, time_us * 1e-6))
+
+    def _try_read(self, address: int, data: Any, count: int, time_s: float) -> int:
+        answer = self.plant.i2c[address].read(count, time_s)[:count].ljust(count, b"\xff")
+        self.transfers.append((time_s, "read", address, answer))
+        for place, value in enumerate(answer):
+            data[place] = value
+        return 1
+
+    def _adc(self, channel: int, time_us: float) -> int:
+        return self._guard(lambda: self._count(channel, time_us * 1e-6))
+
+    def _count(self, channel: int, time_s: float) -> int:
+        return max(0, min(1023, math.floor(self.plant.adc_volts(channel, time_s) / VOLTS_PER_COUNT)))
+
+    def _pin(self, pin: int, level: int, time_us: float) -> None:
+        def change() -> int:
+            self.plant.pin_changed(pin, level, time_us * 1e-6)
+            return 0
+
+        self._guard(change)
