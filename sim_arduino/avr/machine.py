@@ -28,6 +28,8 @@ class AvrMachine:
     """A powered board with `elf` in its flash.
 
     Attributes:
+        symbols: names of the image, with address and size.
+        image_flash: the image's `(address, bytes)` pieces.
         i2c: slaves by 7-bit address; each has `write(data, time_s)`, `read(count, time_s) -> bytes` and
             optionally `present`.
         adc_volts: called at each conversion as `adc_volts(channel, time_s)`; returns volts at the pin.
@@ -43,6 +45,7 @@ class AvrMachine:
         image = read_image(Path(elf))
         self.frequency_hz = frequency_hz
         self.symbols = image.symbols
+        self.image_flash = image.flash
         self.i2c: Dict[int, Any] = {}
         self.adc_volts: Callable[[int, float], float] = lambda channel, time_s: 0.0
         self.on_pin: Optional[Callable[[int, int, float], None]] = None
@@ -229,6 +232,10 @@ class AvrMachine:
     def pc(self) -> int:
         """Program counter [byte address]."""
         return self._native.mrl_pc(self._board)
+
+    def patch(self, address: int, code: bytes) -> None:
+        """Overwrites flash from a byte address on."""
+        self._native.mrl_load(self._board, bytes(code), len(code), address)
 
     def sram_untouched(self) -> int:
         """Bytes between the variables' end and the deepest stack that nothing has written since power-up."""

@@ -1,0 +1,299 @@
+"""The real firmware image on the chip: faults that only the hardware has, and input that it must refuse."""
+
+from pathlib import Path
+from typing import Iterator, List
+
+import pytest
+
+from mrl_driver.codec import REPLIES, Frame, FrameDecoder
+from mrl_driver.table import FAULTS, REASONS, RESET_CAUSES, STOP_REASONS
+from tests.bench.firmware_board import Rig, request
+
+ELF = Path(__file__).resolve().parents[2] / "build" / "firmware" / "mrl_firmware.elf"
+MOVE, STOP = 0xEB, 0xFC
+ENDLESS_LOOP = b"\xff\xcf"  # rjmp to itself
+ID, BLOCK = range(0, 4), range(16, 55)  # the id where 2013 boards have it, and the configuration
+READY_S = 0.12  # boot, and the motor board asked and set up
+
+
+@pytest.fixture
+def rig() -> Iterator[Rig]:
+    """The image, booted, with a motor board and sonars."""
+    board = Rig(ELF)
+    board.run(READY_S)
+    yield board
+    board.close()
+
+
+def answers(rig: Rig, asked: bytes, within_s: float = 20e-3) -> List[Frame]:
+    """Frames that come while and after a request is sent."""
+    rig.replies()
+    rig.machine.run_until(rig.machine.send(asked))
+    rig.run(within_s)
+    received = b"".join(reply.line for reply in rig.replies())
+    return [event for event in FrameDecoder(REPLIES).feed(received) if isinstance(event, Frame)]
+
+
+def status(rig: Rig) -> dict:
+    """The answer to read_status by field, faults and causes by name."""
+    ((_, (_, _, cause, reason, faults, clamped), _),) = answers(rig, b"@30e")
+    return {
+        "reset_cause": RESET_CAUSES[cause],
+        "stop_reason": STOP_REASONS[reason],
+        "faults": {name for bit, (name, _) in enumerate(FAULTS) if faults >> bit & 1},
+        "clamped": clamped,
+    }
+
+
+def refused(rig: Rig) -> dict:
+    """How much was refused so far, by reason, zeros left out."""
+    ((_, counts, _),) = answers(rig, b"@31e")
+    return {row.name: count for row, count in zip(REASONS, counts) if count}
+
+
+def drive(rig: Rig) -> None:
+    """Starts driving and forgets what led to it."""
+    answers(rig, b"@11,300,0e")
+    rig.forget()
+
+
+# ---- the motor board and its bus
+
+
+@pytest.mark.parametrize("asked", [b"@6e", b"@8e"])
+def test_counts_are_signed_words_of_the_motor_board(rig, asked):
+    """Right is encoder 3, left is encoder 1."""
+    (frame,) = answers(rig, asked)
+    assert frame.args[:2] == (1234, -567)
+
+
+def test_a_missing_motor_board_gives_no_counts(rig):
+    """No frame instead of a zero."""
+    rig.motors.present = False
+    assert answers(rig, b"@6e", 0.1) == []
+
+
+def test_a_missing_motor_board_is_reported(rig):
+    """In the faults."""
+    rig.motors.present = False
+    rig.run(0.3)
+    assert "motor_board" in status(rig)["faults"]
+
+
+@pytest.mark.parametrize("line", ["sda", "scl"])
+def test_a_hanging_bus_is_reported(rig, line):
+    """In the faults."""
+    rig.machine.hang_bus(line)
+    rig.run(0.3)
+    assert "bus_hung" in status(rig)["faults"]
+
+
+def test_a_slave_that_holds_sda_is_clocked_out(rig):
+    """Nine pulses by hand are enough for one that waits for eight."""
+    rig.machine.hang_bus("sda", release_clocks=8)
+    rig.run(0.3)
+    assert answers(rig, b"@6e") == [Frame(6, (1234, -567))]
+
+
+def test_a_motor_board_that_comes_back_is_stopped_first(rig):
+    """Before its settings."""
+    drive(rig)
+    rig.motors.present = False
+    rig.run(0.3)
+    rig.motors.commands.clear()
+    rig.motors.present = True
+    rig.run(0.3)
+    assert rig.motors.commands[0][1][0] == STOP
+
+
+# ---- failsafes
+
+
+def test_a_silent_host_stops_the_motors(rig):
+    """Link watchdog at 250 ms; the reason is told."""
+    answers(rig, request("set_watchdog", 250))
+    drive(rig)
+    rig.run(0.3)
+    assert rig.writes(STOP) and status(rig)["stop_reason"] == "link_watchdog"
+
+
+def lock_up(rig: Rig) -> float:
+    """Makes the program loop for ever where it is; returns the time to the reset [s], the program mended."""
+    machine, at = rig.machine, rig.machine.pc
+    code = dict(machine.image_flash)
+    begun, resets = machine.time_s, machine.resets
+    machine.patch(at, ENDLESS_LOOP)
+    while machine.resets == resets and machine.time_s < begun + 2:
+        rig.run(1e-3)
+    for address, data in code.items():
+        machine.patch(address, data)
+    return machine.time_s - begun
+
+
+def test_a_lock_up_ends_in_a_reset_within_half_a_second(rig):
+    """The hardware watchdog."""
+    drive(rig)
+    assert lock_up(rig) < 0.5
+
+
+@pytest.mark.parametrize("flags", [0, None])
+def test_a_lock_up_is_told_as_such(rig, flags):
+    """Also behind a bootloader that clears the chip's flags."""
+    rig.machine.set_reset_flags(flags)
+    lock_up(rig)
+    rig.run(READY_S)
+    assert status(rig)["reset_cause"] == "watchdog"
+
+
+def test_after_a_lock_up_the_motors_are_stopped(rig):
+    """The first thing the motor board hears."""
+    drive(rig)
+    lock_up(rig)
+    rig.forget()
+    rig.run(READY_S)
+    assert rig.transfers[0].data[0] == STOP
+
+
+@pytest.mark.parametrize("restart, cause", [("reset", "external"), ("power_cycle", "power_on")])
+@pytest.mark.parametrize("flags", [0, None])
+def test_other_resets_are_told_apart(rig, restart, cause, flags):
+    """By what RAM still holds where the flags are gone."""
+    rig.machine.set_reset_flags(flags)
+    getattr(rig.machine, restart)()
+    rig.run(READY_S)
+    assert status(rig)["reset_cause"] == cause
+
+
+def test_commands_that_waited_through_a_stall_are_not_carried_out(rig):
+    """300 ms in which the CPU stood still."""
+    rig.forget()
+    rig.machine.send(b"@11,300,0e")
+    rig.machine.stall_until(rig.machine.cycle + int(0.3 * rig.machine.frequency_hz))
+    rig.run(20e-3)
+    assert rig.writes(MOVE) == []
+
+
+# ---- EEPROM
+
+
+@pytest.fixture(scope="module")
+def saved() -> bytes:
+    """An EEPROM with robot id 1 saved."""
+    board = Rig(ELF).settle()
+    board.ask(request("save_config"), 0.5)
+    contents = board.machine.read_eeprom()
+    board.close()
+    return contents
+
+
+def booted_with(contents: bytes) -> Rig:
+    """A board that starts with this EEPROM."""
+    board = Rig(ELF)
+    board.machine.write_eeprom(0, contents)
+    board.machine.reset()
+    board.run(READY_S)
+    return board
+
+
+def test_a_saved_configuration_is_no_fault(saved):
+    """And the id is there."""
+    board = booted_with(saved)
+    assert (status(board)["faults"], answers(board, b"@5e")[0].args[4]) == (set(), 1)
+    board.close()
+
+
+@pytest.mark.parametrize("address", [*ID, *BLOCK])
+def test_every_damaged_byte_is_noticed(saved, address):
+    """Whichever byte of the configuration or of the id it is."""
+    damaged = bytearray(saved)
+    damaged[address] ^= 0x10
+    board = booted_with(bytes(damaged))
+    assert "eeprom" in status(board)["faults"]
+    board.close()
+
+
+@pytest.mark.parametrize("byte", [b"\0", b"\xff"])
+def test_an_empty_eeprom_has_no_id(byte):
+    """All zeros and all ones."""
+    board = booted_with(byte * 1024)
+    assert {"eeprom", "id_unset"} <= status(board)["faults"]
+    board.close()
+
+
+# ---- input
+
+BAD = {
+    b"@11,+5,0e": "not_integer",
+    b"@11, 5,0e": "not_integer",
+    b"@11,1x,0e": "not_integer",
+    b"@11,0x10,0e": "not_integer",
+    b"@11,-,0e": "not_integer",
+    b"@11,--5,0e": "not_integer",
+    b"@11,007,0e": "not_integer",
+    b"@11,,0e": "not_integer",
+    b"@11,32768,0e": "beyond_int16",
+    b"@99e": "unknown_command",
+    b"@0e": "unknown_command",
+    b"@11,5e": "argument_count",
+    b"@11,5,0,1e": "argument_count",
+    b"@9,1,40,1,40e": "argument_count",
+    b"@9,101,0e": "argument_range",
+    b"@3,4,0e": "argument_range",
+    b"@33,250e": "bad_check",
+    b"@37e": "bad_check",
+    b"@" + b"1" * 300 + b"e": "too_long",
+}
+
+
+@pytest.mark.parametrize("frame", BAD, ids=[frame[:20].decode() for frame in BAD])
+def test_bad_input_is_refused_counted_and_without_effect(rig, frame):
+    """That reason alone (what is left of too long a frame is noise); the motors hear nothing; all goes on."""
+    before = len(rig.motors.commands)
+    answers(rig, frame)
+    assert (set(refused(rig)) - {"noise"}, len(rig.motors.commands)) == ({BAD[frame]}, before)
+
+
+def test_minus_one_is_a_number(rig):
+    """2013 boards drop it."""
+    rig.forget()
+    answers(rig, b"@11,-1,-1e")
+    assert [write.data for write in rig.writes(MOVE)] == [b"\xeb\xff\xff\xff\xff"]
+
+
+def test_a_second_start_byte_is_counted(rig):
+    """As a frame cut short."""
+    answers(rig, b"@11,5@7e")
+    assert refused(rig) == {"restarted": 1}
+
+
+def test_a_stop_behind_a_cut_frame_stops(rig):
+    """`@` restarts."""
+    rig.forget()
+    answers(rig, b"@11,50@13e")
+    assert rig.writes(STOP) and not rig.writes(MOVE)
+
+
+def test_probes_of_a_modem_manager_do_nothing(rig):
+    """They are no frames."""
+    before = len(rig.motors.commands)
+    answers(rig, b"AT\r\n+++\r\nATZ\r\n")
+    assert len(rig.motors.commands) == before
+
+
+def test_a_flood_of_garbage_does_not_stop_the_stream(rig):
+    """Line rate of zeros, ones and letters: frames keep coming every 20 ms."""
+    answers(rig, b"@18,20e")
+    rig.machine.send(bytes(range(256)) * 10)
+    rig.replies()
+    rig.run(0.2)
+    assert 9 <= len(rig.replies()) <= 11
+
+
+@pytest.mark.parametrize("volts", [0.0, 5.0])
+def test_a_missing_or_saturated_sonar_has_no_reading(rig, volts):
+    """Invalid, not an old value."""
+    rig.run(0.5)
+    rig.machine.adc_volts = lambda channel, time_s: volts
+    rig.run(1.0)
+    (frame,) = answers(rig, b"@7e")
+    assert frame.args == (-1, -1, -1)
