@@ -30,7 +30,12 @@ from .wire import Incoming, Outgoing
 BOOT_S = 0.2
 STALL_S = 0.25
 CHECK_SILENCE_S = 2.0
+WARM_UP_MARGIN_S = 0.006
+ROUND_S = 0.312
+"""Time from one trigger of the sonar chain to the next: three readings and their margin [s]."""
 EEPROM_BYTE_S = 3.4e-3
+RETRY_S = 5e-3
+"""Pause of a full-rate stream whose values cannot be had [s]."""
 ANSWERS = 8
 """Replies that wait for the wire; one more is dropped and counted as an overrun."""
 VERSION = 2
@@ -160,7 +165,9 @@ class PythonBoard:
         self._silent = False
         self._sequence = 0
         self._frame_s = 0.0
+        self._stream_has_turn = False
         self._booted = False
+        self.motors_ever_found = False
         self._incoming, self._outgoing = Incoming(), Outgoing()
         self._outgoing.free_s = self.now_s
         self._decoder = FrameDecoder(REQUESTS)
@@ -179,7 +186,7 @@ class PythonBoard:
         else:
             self.plant.pin_changed(SONAR_POWER, 0, self.now_s)
             self.plant.pin_changed(SONAR_POWER, 1, self.now_s)
-            self._trigger_s = self.now_s + START_S
+            self._trigger_s = self.now_s + START_S + WARM_UP_MARGIN_S
         if self.motor_there():
             self.motor_board.fed = True
             self.motor_board.stop(self.now_s)
@@ -188,7 +195,8 @@ class PythonBoard:
     def _trigger(self) -> None:
         self.plant.pin_changed(SONAR_TRIGGER, 1, self.now_s)
         self.plant.pin_changed(SONAR_TRIGGER, 0, self.now_s)
-        self._sonars_from_s, self._trigger_s = self.now_s, math.inf
+        self._sonars_from_s = min(self._sonars_from_s, self.now_s)
+        self._trigger_s = self.now_s + ROUND_S
 
     # ---- events in time
 
@@ -256,17 +264,24 @@ class PythonBoard:
             self._answers.append(Answer(self.now_s + after_s, code, value))
 
     def _send_next(self) -> None:
-        for answer in self._answers:
-            if answer.due_s <= self.now_s:
-                self._answers.remove(answer)
-                self._send(answer.code, answer.value)
-                return
-        if self.stream:
-            late = self.now_s - self._stream_due_s
-            period = self.stream.period_s
-            self._stream_due_s = self._stream_due_s + period if late < period else self.now_s
-            if not self._send(BY_CODE[self.stream.code].repeats) and period == 0.0:
-                self._stream_due_s = self.now_s + 1e-3
+        """An answer or a frame of the stream; if both are due, by turns."""
+        stream_due = self.stream is not None and self._stream_due_s <= self.now_s
+        answer = next((each for each in self._answers if each.due_s <= self.now_s), None)
+        self._stream_has_turn = stream_due and (answer is None or not self._stream_has_turn)
+        if self._stream_has_turn:
+            self._send_stream()
+        elif answer:
+            self._answers.remove(answer)
+            if not self._send(answer.code, answer.value):
+                self.refuse("unavailable")
+
+    def _send_stream(self) -> None:
+        assert self.stream
+        period = self.stream.period_s
+        sent = self._send(BY_CODE[self.stream.code].repeats)
+        self._stream_due_s += period
+        if self._stream_due_s <= self.now_s:
+            self._stream_due_s = self.now_s + (period if period or sent else RETRY_S)
 
     def _send(self, code: int, value: int = 0) -> bool:
         """Builds a reply of what holds now; False if there is nothing valid to send."""
@@ -333,6 +348,7 @@ class PythonBoard:
         there = self.motor_board.present
         was_gone = bool(self._faults & _FAULT["motor_board"])
         self.set_fault("motor_board", not there)
+        self.motors_ever_found = self.motors_ever_found or there
         if there and was_gone:
             self.motor_board.stop(self.now_s)
             self.set_up_motor_board()
@@ -340,13 +356,17 @@ class PythonBoard:
             self.stop_reason = STOP_REASONS.index("motor_board")
         return there
 
-    def set_up_motor_board(self) -> None:
-        """Tells the motor board all it has to know."""
+    def set_up_motor_board(self, changed: Optional[str] = None) -> None:
+        """Tells the motor board all it has to know, or what depends on one parameter."""
         config, motor, now = self.config, self.motor_board, self.now_s
-        motor.set_geometry(now, Geometry(*(config[name] for name in Geometry._fields)))
-        motor.set_gains(now, config["kp"], config["ki"], config["kd"])
-        motor.set_ramp(now, config["ramp_time"], config["ramp_gain"])
-        motor.set_timeout(now, config["motor_timeout"])
+        if changed is None or changed in Geometry._fields:
+            motor.set_geometry(now, Geometry(*(config[name] for name in Geometry._fields)))
+        if changed in (None, "kp", "ki", "kd"):
+            motor.set_gains(now, config["kp"], config["ki"], config["kd"])
+        if changed in (None, "ramp_time", "ramp_gain"):
+            motor.set_ramp(now, config["ramp_time"], config["ramp_gain"])
+        if changed in (None, "motor_timeout"):
+            motor.set_timeout(now, config["motor_timeout"])
 
     def stop_motors(self, reason: str) -> None:
         """The motor board's own stop, at once."""

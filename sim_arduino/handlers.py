@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Callable, Dict, Optional, Tuple
 from mrl_driver.table import (
     BY_NAME,
     CAPABILITIES,
+    INT16_MAX,
     PARAMETERS,
     PROTOCOL_VERSION,
     REASONS,
@@ -69,8 +70,8 @@ def calibrate(board: "PythonBoard") -> None:
 @_request
 def set_pid_gains(board: "PythonBoard", kp: int, ki: int, kd: int) -> None:
     """2."""
-    board.config["kp"], board.config["ki"], board.config["kd"] = kp, ki, kd
     if _with_motors(board):
+        board.config["kp"], board.config["ki"], board.config["kd"] = kp, ki, kd
         board.motor_board.set_gains(board.now_s, kp, ki, kd)
 
 
@@ -105,12 +106,26 @@ def move_motors(board: "PythonBoard", left: int, right: int) -> None:
 @_request
 def move_differential(board: "PythonBoard", linear: int, angular: int) -> None:
     """11: beyond the ceiling both speeds shrink by the same factor, which keeps the curvature."""
-    excess = max(abs(linear) / board.config["linear_ceiling"], abs(angular) / board.config["angular_ceiling"])
-    if excess > 1.0:
-        linear, angular = int(linear / excess), int(angular / excess)
-        board.clamped = min(32767, board.clamped + 1)
+    linear_ceiling, angular_ceiling = board.config["linear_ceiling"], board.config["angular_ceiling"]
+    fast, turning = _beyond(linear, linear_ceiling), _beyond(angular, angular_ceiling)
+    if fast or turning:
+        board.clamped = min(INT16_MAX, board.clamped + 1)
+        by_linear = not turning or (fast and abs(linear) * angular_ceiling > abs(angular) * linear_ceiling)
+        top, by = (linear_ceiling, abs(linear)) if by_linear else (angular_ceiling, abs(angular))
+        linear, angular = _scaled(linear, top, by), _scaled(angular, top, by)
     if _with_motors(board):
         board.motor_board.move_differential(board.now_s, linear, angular)
+
+
+def _beyond(value: int, ceiling: int) -> bool:
+    """The widest ceiling is none: -32768 is to arrive as it is."""
+    return ceiling != INT16_MAX and abs(value) > ceiling
+
+
+def _scaled(value: int, top: int, by: int) -> int:
+    """`value * top / by`, rounded towards zero."""
+    size = abs(value) * top // by
+    return size if value >= 0 else -size
 
 
 @_request
@@ -202,16 +217,7 @@ def _encoders(board: "PythonBoard", _: int) -> Values:
     return board.encoders()
 
 
-@_request
-def read_sonars(board: "PythonBoard") -> None:
-    """7."""
-    _sensor_row(board, "read_sonars", not board.environment)
-
-
-@_request
-def read_encoders_and_sonars(board: "PythonBoard") -> None:
-    """8."""
-    _sensor_row(board, "read_encoders_and_sonars", not board.environment)
+_asks("read_sonars", "read_encoders_and_sonars")
 
 
 def _sensor_row(board: "PythonBoard", name: str, there: bool) -> None:
@@ -235,7 +241,7 @@ def _encoders_and_sonars(board: "PythonBoard", _: int) -> Values:
 @_request
 def start_stream(board: "PythonBoard", period: int = 0) -> None:
     """18."""
-    _start(board, "start_stream", period, not board.environment)
+    board.start_stream(BY_NAME["start_stream"].code, period)
 
 
 @_request
@@ -336,9 +342,16 @@ def _thermopile(board: "PythonBoard", _: int) -> Values:
     return None if pixels is None else tuple(pixels)
 
 
+def _counts_or_none_needed(board: "PythonBoard") -> Values:
+    """Counts, or what sensor boards without motors have sent since 2013 in their place."""
+    if board.config["robot_id"] > 5 and not board.motors_ever_found:
+        return 999, 999
+    return board.encoders()
+
+
 @_reply("start_sensor_stream")
 def _sensors(board: "PythonBoard", _: int) -> Values:
-    encoders, pixels = board.encoders(), read_registers(board, THERMOPILE_ADDRESS, 2, 8)
+    encoders, pixels = _counts_or_none_needed(board), read_registers(board, THERMOPILE_ADDRESS, 2, 8)
     if encoders is None or pixels is None:
         return None
     return encoders + (1023 - board.adc(0), _dust_value(board), max(pixels))
@@ -389,7 +402,7 @@ def write_config(board: "PythonBoard", index: int, value: int) -> None:
     board.config[row.name] = value
     board.set_fault("id_unset", board.config["robot_id"] == 0)
     if board.motor_there():
-        board.set_up_motor_board()
+        board.set_up_motor_board(row.name)
     board.ask(BY_NAME["write_config"].code, index)
 
 

@@ -5,12 +5,13 @@ calibration, so that its curve applied to the ADC count gives the true distance.
 """
 
 import math
-from typing import Callable, Dict, List, NamedTuple, Sequence
+from typing import Callable, Dict, List, Sequence
 
 from mrl_driver.robots import SonarMount
 
 from .world import Pose, World
 
+_ORDER = ("front", "left", "right")
 READING_S = 0.1
 START_S = 0.25
 """Power on to the first possible reading [s]."""
@@ -28,58 +29,52 @@ def count_of(range_m: float) -> int:
     return min(FULL_COUNT, round(((centimetres - _C) / _A) ** (1.0 / _B)))
 
 
-class _Sonar(NamedTuple):
-    channel: int
-    mount: SonarMount
-
-
 class SonarChain:
-    """The sensors in their firing order, one each 100 ms, round and round from the first trigger on.
+    """The sensors in their firing order: a trigger makes each fire once, one every 100 ms.
 
     `pose_at` gives the robot's pose at a time [s]; each echo is taken where the robot is when the sensor fires.
     """
 
     def __init__(self, mounts: Dict[str, SonarMount], world: World, pose_at: Callable[[float], Pose]) -> None:
-        order = sorted(
-            mounts,
-            key=lambda name: (
-                ("front", "left", "right").index(name) if name in ("front", "left", "right") else 3
-            ),
-        )
-        self._sonars: Sequence[_Sonar] = [_Sonar(i, mounts[name]) for i, name in enumerate(order)]
+        order = sorted(mounts, key=lambda name: _ORDER.index(name) if name in _ORDER else len(_ORDER))
+        self._mounts: Sequence[SonarMount] = [mounts[name] for name in order]
         self._world = world
         self._pose_at = pose_at
         self._powered_s = math.inf
         self._turn_s = math.inf
         self._turn = 0
         self._measured = 0
-        self._counts: List[int] = [0] * len(self._sonars)
+        self._counts: List[int] = [0] * len(self._mounts)
 
     def power(self, on: bool, time_s: float) -> None:
-        """Pin D13: without power all outputs are 0 V, and the next trigger starts the chain anew."""
+        """Pin D13: without power all outputs are 0 V."""
         self.advance(time_s)
         if on and self._powered_s == math.inf:
             self._powered_s = time_s
         if not on:
             self._powered_s = self._turn_s = math.inf
-            self._counts = [0] * len(self._sonars)
+            self._counts = [0] * len(self._mounts)
 
     def trigger(self, time_s: float) -> None:
-        """Pin D12 goes high: starts the chain unless it runs, or the sensors are not up yet."""
-        if self._turn_s == math.inf and time_s >= self._powered_s + START_S - 1e-3:
-            self._turn_s, self._turn, self._measured = time_s, 0, -1
+        """Pin D12 goes high: starts a round, unless one runs or the sensors are not up yet."""
+        self.advance(time_s)
+        if self._turn_s == math.inf and time_s >= self._powered_s + START_S and self._mounts:
+            self._turn_s, self._turn = time_s, 0
 
     @property
     def next_s(self) -> float:
         """Time of the next event in the chain [s]."""
-        return self._turn_s if self._sonars else math.inf
+        return self._turn_s
 
     def advance(self, time_s: float) -> None:
         """Lets the sensors fire until `time_s` [s]."""
-        while self._turn_s <= time_s and self._sonars:
-            if self._measured >= 0:
-                self._counts[(self._turn - 1) % len(self._sonars)] = self._measured
-            self._measured = self._fire(self._sonars[self._turn % len(self._sonars)], self._turn_s)
+        while self._turn_s <= time_s:
+            if self._turn:
+                self._counts[self._turn - 1] = self._measured
+            if self._turn == len(self._mounts):
+                self._turn_s = math.inf
+                return
+            self._measured = self._fire(self._mounts[self._turn], self._turn_s)
             self._turn += 1
             self._turn_s += READING_S
 
@@ -89,10 +84,9 @@ class SonarChain:
         count = self._counts[channel] if channel < len(self._counts) else 0
         return (count + 0.5) * VOLTS_PER_COUNT if count else 0.0
 
-    def _fire(self, sonar: _Sonar, time_s: float) -> int:
+    def _fire(self, mount: SonarMount, time_s: float) -> int:
         robot = self._pose_at(time_s)
         cos, sin = math.cos(robot.yaw_rad), math.sin(robot.yaw_rad)
-        mount = sonar.mount
         pose = Pose(
             robot.x_m + cos * mount.x_m - sin * mount.y_m,
             robot.y_m + sin * mount.x_m + cos * mount.y_m,
