@@ -4,7 +4,7 @@ The plant is the Python engine's own, so physics is one; the wire's timing is th
 """
 
 from pathlib import Path
-from typing import Any, Optional, Union
+from typing import Any, Dict, Optional, Tuple, Union
 
 from mrl_driver.codec import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.errors import SimulatorError
@@ -28,15 +28,15 @@ def configured_eeprom(elf: Union[str, Path], robot_id: int) -> bytes:
         SimulatorError: the image does not confirm that it has saved.
     """
     number = PARAMETER_BY_NAME["robot_id"].number
-    orders = [
-        (BY_NAME["write_config"], number, robot_id),
-        (BY_NAME["default_config"],),
-        (BY_NAME["save_config"],),
-    ]
+    orders: Dict[str, Tuple[int, ...]] = {
+        "write_config": (number, robot_id),
+        "default_config": (),
+        "save_config": (),
+    }
     with AvrMachine(elf) as chip:
         chip.run(BOOT_S)
-        for row, *values in orders:
-            chip.send(encode_request(row.code, *values))
+        for name, values in orders.items():
+            chip.send(encode_request(BY_NAME[name].code, *values))
             chip.run(SAVING_S)
         answer = bytes(byte.data for byte in chip.sent())
         if Frame(BY_NAME["save_config"].code, (1,)) not in FrameDecoder(REPLIES).feed(answer):
