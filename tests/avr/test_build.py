@@ -3,7 +3,7 @@
 import pytest
 
 from mrl_driver.errors import SimulatorError
-from sim_arduino.avr.build import SimulatorMissing, build
+from sim_arduino.avr.build import SimulatorMissing, build, library_path
 from sim_arduino.avr.elf import read_image
 
 
@@ -59,3 +59,10 @@ def test_symbols_have_address_and_size(sketch):
     """SRAM addresses come without the linker's 0x800000."""
     symbol = read_image(sketch("uart.c")).symbols["incoming"]
     assert (0x100 <= symbol.address < 0x900, symbol.size) == (True, 64)
+
+
+def test_outside_a_checkout_the_library_goes_to_the_users_cache(tmp_path, monkeypatch):
+    """An installed package's own folder may not be writable."""
+    monkeypatch.setattr("sim_arduino.avr.build.SOURCES", tmp_path / "sim_arduino" / "avr")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    assert library_path() == tmp_path / "cache" / "mrl-driver" / "libmrl_board.so"
