@@ -5,43 +5,27 @@ What a request does stands in `handlers`; here are the line, the order of events
 
 import math
 from collections import deque
-from typing import Deque, Dict, List, NamedTuple, Optional, Tuple
+from typing import Deque, NamedTuple, Optional, Tuple
 
 from mrl_driver.codec import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
-from mrl_driver.table import (
-    BY_CODE,
-    FAULTS,
-    INT16_MAX,
-    REASONS,
-    RESET_CAUSES,
-    SONAR_INVALID,
-    SONAR_NOTHING,
-    STOP_REASONS,
-    TICK_S,
-)
+from mrl_driver.table import BY_CODE, TICK_S
 
 from . import config_store, handlers
 from .config_store import Config
+from .health import Health
 from .omni3md import Geometry, Omni3MD
-from .plant import SONAR_POWER, SONAR_TRIGGER, Plant
-from .sonars import READING_S, START_S, VOLTS_PER_COUNT
+from .plant import Plant
+from .sonar_task import SonarTask
+from .sonars import VOLTS_PER_COUNT
 from .wire import Incoming, Outgoing
 
 BOOT_S = 0.2
 STALL_S = 0.25
 CHECK_SILENCE_S = 2.0
-WARM_UP_MARGIN_S = 0.006
-ROUND_S = 0.312
-"""Time from one trigger of the sonar chain to the next: three readings and their margin [s]."""
-EEPROM_BYTE_S = 3.4e-3
 RETRY_S = 5e-3
 """Pause of a full-rate stream whose values cannot be had [s]."""
 ANSWERS = 8
 """Replies that wait for the wire; one more is dropped and counted as an overrun."""
-VERSION = 2
-_TRUSTED_COUNTS = (10, 700)
-_NOTHING_COUNT = 640
-_FAULT = {name: 1 << bit for bit, (name, _) in enumerate(FAULTS)}
 _HEATER, _FAN = 15, 7
 
 
@@ -70,8 +54,9 @@ class PythonBoard:
         eeprom: 1024 bytes that survive resets, instead of a sound image of the id's defaults.
 
     Attributes:
-        plant, config: As given, and the parameters in force.
-        counters: Refusals by the names of `table.REASONS`.
+        config: The parameters in force.
+        health: Counters and flags since the last reset.
+        sonars: The sonars' side of the board; None in the environment-sensor build.
     """
 
     def __init__(
@@ -100,7 +85,7 @@ class PythonBoard:
     def advance(self, to_s: float) -> bytes:
         """Runs to `to_s` [s]; the bytes that left the board until then."""
         while True:
-            event_s = self._next_s()
+            event_s = self._next_s(0.0)
             if event_s > to_s:
                 break
             self.now_s = max(self.now_s, event_s)
@@ -115,16 +100,7 @@ class PythonBoard:
 
         A frame of the stream is worth a call when it is complete; what it tells is still that of its start.
         """
-        if not self._booted:
-            return self.ready_s
-        return min(
-            self._outgoing.next_s,
-            self._incoming.next_s,
-            self._trigger_s,
-            self._watchdog_due_s(),
-            self._check_due_s(),
-            self._wire_due_s() + self._frame_s,
-        )
+        return min(self._outgoing.next_s, self._next_s(self._frame_s))
 
     def gap(self, to_s: float, waiting: bytes) -> None:
         """The loop stood still until `to_s`: what waited for longer than 250 ms is stale and dropped."""
@@ -153,62 +129,51 @@ class PythonBoard:
     def _start(self, cause: str) -> None:
         self.started_s = self.now_s
         self.ready_s = self.now_s + BOOT_S
-        self.reset_cause = RESET_CAUSES.index(cause)
-        self.stop_reason = STOP_REASONS.index("boot")
-        self.counters: Dict[str, int] = {reason.name: 0 for reason in REASONS}
-        self.clamped = 0
+        self.health = Health(cause)
+        self.config = Config(self.eeprom)
+        self.sonars: Optional[SonarTask] = None
         self.debug = False
         self.stream: Optional[Stream] = None
         self.watchdog_ms = 0
-        self._faults = self._unread_faults = 0
+        self.motors_ever_found = False
         self._valid_s = self._stream_due_s = self.ready_s
         self._silent = False
         self._sequence = 0
         self._frame_s = 0.0
         self._stream_has_turn = False
         self._booted = False
-        self.motors_ever_found = False
         self._incoming, self._outgoing = Incoming(), Outgoing()
         self._outgoing.free_s = self.now_s
         self._decoder = FrameDecoder(REQUESTS)
         self._answers: Deque[Answer] = deque()
-        self._trigger_s = math.inf
-        self._sonars_from_s = math.inf
 
     def _boot(self) -> None:
         self._booted = True
-        self.config = Config(self.eeprom)
-        self.set_fault("eeprom", not self.config.sound)
-        self.set_fault("id_unset", self.config["robot_id"] == 0)
+        self.health.set_fault("eeprom", not self.config.sound)
+        self.health.set_fault("id_unset", self.config["robot_id"] == 0)
         if self.environment:
             self.plant.pin_changed(_HEATER, 0, self.now_s)
             self.plant.pin_changed(_FAN, 1, self.now_s)
         else:
-            self.plant.pin_changed(SONAR_POWER, 0, self.now_s)
-            self.plant.pin_changed(SONAR_POWER, 1, self.now_s)
-            self._trigger_s = self.now_s + START_S + WARM_UP_MARGIN_S
+            self.sonars = SonarTask(self.plant, self.config, self.adc, self.now_s)
         if self.motor_there():
             self.motor_board.fed = True
             self.motor_board.stop(self.now_s)
             self.set_up_motor_board()
 
-    def _trigger(self) -> None:
-        self.plant.pin_changed(SONAR_TRIGGER, 1, self.now_s)
-        self.plant.pin_changed(SONAR_TRIGGER, 0, self.now_s)
-        self._sonars_from_s = min(self._sonars_from_s, self.now_s)
-        self._trigger_s = self.now_s + ROUND_S
-
     # ---- events in time
 
-    def _next_s(self) -> float:
+    def _next_s(self, frame_s: float) -> float:
+        """When the next event is due [s], that of a frame on the wire `frame_s` later."""
         if not self._booted:
             return self.ready_s
+        trigger_s = self.sonars.next_s if self.sonars else math.inf
         return min(
             self._incoming.next_s,
-            self._trigger_s,
-            self._wire_due_s(),
+            trigger_s,
             self._watchdog_due_s(),
             self._check_due_s(),
+            self._wire_due_s() + frame_s,
         )
 
     def _run_events(self) -> None:
@@ -218,8 +183,8 @@ class PythonBoard:
             return
         if self._incoming.next_s <= now:
             self._take(self._incoming.take())
-        if self._trigger_s <= now:
-            self._trigger()
+        if self.sonars:
+            self.sonars.run(now)
         if self._watchdog_due_s() <= now:
             self._silent = True
             self.stop_motors("link_watchdog")
@@ -239,12 +204,13 @@ class PythonBoard:
 
     def _wire_due_s(self) -> float:
         """When the next frame goes onto the wire [s]: the line is free, and an answer or the stream is due."""
-        due = min((answer.due_s for answer in self._answers), default=math.inf)
-        if self.stream:
-            due = min(due, self._stream_due_s)
+        due = self._stream_due_s if self.stream else math.inf
+        if self._answers:
+            due = min(due, min(answer.due_s for answer in self._answers))
         return max(due, self._outgoing.free_s)
 
     def _take(self, data: bytes) -> None:
+        """Carries out the request that ends `data`, if one does."""
         for event in self._decoder.feed(data):
             if isinstance(event, Frame):
                 self._valid_s, self._silent = self.now_s, False
@@ -259,7 +225,7 @@ class PythonBoard:
     def ask(self, code: int, value: int = 0, after_s: float = 0.0) -> None:
         """Queues the reply `code`."""
         if len(self._answers) >= ANSWERS:
-            self.count("overrun")
+            self.refuse("overrun")
         else:
             self._answers.append(Answer(self.now_s + after_s, code, value))
 
@@ -290,11 +256,9 @@ class PythonBoard:
             return False
         stamp = None
         if self._decoder.checked and BY_CODE[code].stamped:
-            ticks = int((self.now_s - self.started_s) / TICK_S)
-            stamp = Stamp(_int16(self._sequence), _int16(ticks))
+            stamp = Stamp(_int16(self._sequence), _int16(int((self.now_s - self.started_s) / TICK_S)))
             self._sequence += 1
-        frame = encode_reply(code, *args, stamp=stamp, checked=self._decoder.checked)
-        self._outgoing.put(frame, self.now_s)
+        self._outgoing.put(encode_reply(code, *args, stamp=stamp, checked=self._decoder.checked), self.now_s)
         self._frame_s = self._outgoing.free_s - self.now_s
         return True
 
@@ -302,6 +266,8 @@ class PythonBoard:
         """Free text for people, if it is asked for and the line is free."""
         if self.debug and self._outgoing.free_s <= self.now_s:
             self._outgoing.put(text.encode() + b"\r\n", self.now_s)
+
+    # ---- what handlers use
 
     def start_stream(self, code: int, period_ms: int) -> None:
         """Begins a stream; it replaces one that runs."""
@@ -317,43 +283,26 @@ class PythonBoard:
         """Check value on or off, both ways."""
         self._decoder.checked = on
 
-    # ---- state that handlers share
+    def refuse(self, reason: str) -> None:
+        """Counts a refusal, and says so in debug."""
+        self.health.count(reason)
+        self._say("[ERROR] " + reason)
 
     @property
     def motor_board(self) -> Omni3MD:
         """The motor board on the plant."""
         return self.plant.motor_board
 
-    def count(self, reason: str) -> None:
-        """Counts a refusal; a counter stays at its maximum."""
-        self.counters[reason] = min(INT16_MAX, self.counters[reason] + 1)
-
-    def refuse(self, reason: str) -> None:
-        """Counts a refusal, and says so in debug."""
-        self.count(reason)
-        self._say("[ERROR] " + reason)
-
-    def set_fault(self, name: str, present: bool) -> None:
-        """Raises or clears a fault; one that has gone stays visible until it has been read."""
-        self._faults = self._faults | _FAULT[name] if present else self._faults & ~_FAULT[name]
-        self._unread_faults |= self._faults
-
-    def take_faults(self) -> int:
-        """Faults that are present, or came and went since the last call."""
-        faults, self._unread_faults = self._unread_faults, self._faults
-        return faults
-
     def motor_there(self) -> bool:
         """Whether the motor board answers; a board that has come back is stopped and set up first."""
-        there = self.motor_board.present
-        was_gone = bool(self._faults & _FAULT["motor_board"])
-        self.set_fault("motor_board", not there)
-        self.motors_ever_found = self.motors_ever_found or there
+        there, was_gone = self.motor_board.present, self.health.has_fault("motor_board")
+        self.health.set_fault("motor_board", not there)
         if there and was_gone:
             self.motor_board.stop(self.now_s)
             self.set_up_motor_board()
         elif not there and not was_gone:
-            self.stop_reason = STOP_REASONS.index("motor_board")
+            self.health.stopped("motor_board")
+        self.motors_ever_found = self.motors_ever_found or there
         return there
 
     def set_up_motor_board(self, changed: Optional[str] = None) -> None:
@@ -370,7 +319,7 @@ class PythonBoard:
 
     def stop_motors(self, reason: str) -> None:
         """The motor board's own stop, at once."""
-        self.stop_reason = STOP_REASONS.index(reason)
+        self.health.stopped(reason)
         if self.motor_there():
             self.motor_board.stop(self.now_s)
 
@@ -383,19 +332,6 @@ class PythonBoard:
     def adc(self, channel: int) -> int:
         """ADC count of A0 to A3."""
         return min(1023, int(self.plant.adc_volts(channel, self.now_s) / VOLTS_PER_COUNT))
-
-    def sonar_cm(self) -> List[int]:
-        """Wire values of the three sonars."""
-        return [self._sonar(channel) for channel in range(3)]
-
-    def _sonar(self, channel: int) -> int:
-        if self.now_s < self._sonars_from_s + READING_S * (channel + 1):
-            return SONAR_INVALID
-        count = self.adc(channel)
-        low, high = _TRUSTED_COUNTS
-        if not low <= count <= high:
-            return SONAR_INVALID
-        return SONAR_NOTHING if count >= _NOTHING_COUNT else self.config.sonar_cm(count)
 
 
 def _int16(value: int) -> int:
