@@ -35,7 +35,7 @@ def in_thread(work):
         except MrlError as error:
             results.append(error)
 
-    thread = threading.Thread(target=run)
+    thread = threading.Thread(target=run, daemon=True)
     thread.start()
     return thread, results
 
@@ -66,7 +66,7 @@ def test_reading_waits_no_longer_than_asked(pty):
 
 def test_wake_ends_a_wait(pty):
     link = Link(pty[1])
-    thread, results = in_thread(lambda: link.read(30))
+    thread, results = in_thread(lambda: link.read(5))
     link.wake()
     thread.join(SOON_S * BUSY)
     assert results == [b""]
@@ -75,7 +75,7 @@ def test_wake_ends_a_wait(pty):
 
 def test_closing_wakes_the_reader_without_an_error(pty):
     link = Link(pty[1])
-    thread, results = in_thread(lambda: link.read(30))
+    thread, results = in_thread(lambda: link.read(5))
     time.sleep(0.01)
     link.close()
     thread.join(SOON_S * BUSY)
@@ -94,7 +94,7 @@ def test_a_closed_link_reads_nothing_and_cannot_write(pty):
 
 def test_a_hang_up_is_a_lost_link(pty):
     link = Link(pty[1])
-    thread, results = in_thread(lambda: link.read(30))
+    thread, results = in_thread(lambda: link.read(5))
     os.close(pty[0])
     thread.join(SOON_S * BUSY)
     assert isinstance(results[0], LinkLost) and "went away" in str(results[0])
@@ -175,7 +175,7 @@ def test_a_baud_rate_that_is_none_is_refused(pty, baud):
 def test_many_closes_during_reads(pty):
     for _ in range(50):
         link = Link(pty[1])
-        thread, results = in_thread(lambda link=link: link.read(30))
+        thread, results = in_thread(lambda link=link: link.read(5))
         link.close()
         thread.join(SOON_S * BUSY)
         assert results == [b""]

@@ -301,6 +301,8 @@ def test_late_telemetry_holds_commands_back():
     talk.run(0.2)
     talk.board.mute = True
     late_s = talk.session.heard_s + 0.1
+    talk.run(0.15)
+    talk.session.drive(250, 0, talk.now)
     talk.run(1.0)
     assert b"@11" not in talk.sent_since(late_s)
 

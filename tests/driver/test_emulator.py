@@ -1,0 +1,261 @@
+"""Driver and emulated board together: stepped in injected time, and as processes on a pty."""
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from mrl_driver.driver import Driver, Options
+from mrl_driver.errors import BatteryDead, LinkLost, WrongRobot
+from mrl_driver.robots import load
+from mrl_driver.session import Ready
+from mrl_driver.state import RobotState
+from sim_arduino.board import PythonBoard
+from sim_arduino.plant import Plant
+from sim_arduino.profiles import Board2013
+from sim_arduino.world import Wall, World
+
+from .talk import Talk
+
+POSE_M = 0.001
+YAW_RAD = math.radians(0.1)
+"""Largest error of the pose over a square, beyond what one encoder count explains."""
+PATIENCE_S = 20
+
+
+class EngineBoard:
+    """An engine of the emulator as a board for `Talk`."""
+
+    def __init__(self, engine):
+        self.engine = engine
+        self.receive = lambda data, now: engine.receive(data)
+        self.advance = engine.advance
+        self.reset = lambda now: engine.reset()
+
+
+class Robot(Talk):
+    """An emulated robot and the driver's session and state, stepped together; starts at the origin."""
+
+    def __init__(self, name="traxbot", make=PythonBoard, world=None, pose=(0.0, 0.0, 0.0)):
+        self.model = load(name)
+        self.plant = Plant(self.model, world or World(), pose)
+        self.state = RobotState(self.model)
+        super().__init__(EngineBoard(make(self.plant)), self.state.admit)
+        self.digested = 0
+
+    def step(self):
+        super().step()
+        for event in self.events[self.digested :]:
+            self.state.digest(event, self.now)
+        self.digested = len(self.events)
+
+    @property
+    def pose(self):
+        return self.state.odometry.pose
+
+    def error(self):
+        """Distance [m] and angle [rad] between the odometry's pose and the true one."""
+        true = self.plant.true_pose
+        return (
+            math.dist(self.pose[:2], (true.x_m, true.y_m)),
+            abs(math.remainder(self.pose.yaw_rad - true.yaw_rad, math.tau)),
+        )
+
+    def halt(self):
+        self.session.stop(self.now)
+        self.until(lambda: not self.session.motion.stopping)
+
+    def side(self, length_m):
+        x_m, y_m, _ = self.pose
+        self.session.drive(round(self.model.limits.linear_m_s * 1000), 0, self.now)
+        self.until(lambda: math.dist(self.pose[:2], (x_m, y_m)) >= length_m, 30)
+        self.halt()
+
+    def corner(self):
+        start = self.pose.yaw_rad
+        self.session.drive(0, round(self.model.limits.angular_rad_s * 1000), self.now)
+        self.until(lambda: abs(math.remainder(self.pose.yaw_rad - start, math.tau)) >= math.pi / 2, 30)
+        self.halt()
+
+
+@pytest.mark.parametrize("name", ["traxbot", "stingbot"])
+def test_the_pose_of_a_square_is_the_true_one(name):
+    robot = Robot(name).until_ready()
+    count_m = robot.model.drive.metres_per_count
+    for _ in range(4):
+        robot.side(1.0)
+        robot.corner()
+    distance_m, angle_rad = robot.error()
+    assert distance_m <= POSE_M + count_m
+    assert angle_rad <= YAW_RAD + 2 * count_m / robot.model.drive.wheel_separation_m
+
+
+@pytest.mark.parametrize("january", [False, True])
+def test_a_2013_board_drives_a_side_and_a_corner(january):
+    robot = Robot(make=lambda plant: Board2013(plant, january=january)).until_ready()
+    robot.side(0.5)
+    robot.corner()
+    assert robot.error()[0] <= POSE_M + robot.model.drive.metres_per_count
+
+
+def test_the_counters_wrap_without_a_jump():
+    """Preset near the edge before the driver comes, as after 2.87 m."""
+    robot = Robot()
+    robot.run(0.5)
+    for encoder, count in ((3, 32700), (1, 32000)):
+        robot.plant.motor_board.preset_encoder(robot.now, encoder, count)
+    robot.until_ready()
+    robot.side(0.3)
+    assert robot.error()[0] <= POSE_M
+
+
+@pytest.mark.parametrize("january", [None, False, True])
+def test_sonars_see_the_wall_at_its_distance(january):
+    make = PythonBoard if january is None else lambda plant: Board2013(plant, january=january)
+    robot = Robot(make=make, world=World([Wall(2.1, -5.0, 2.1, 5.0)])).until_ready().run(2.0)
+    front = load("traxbot").sonars["front"]
+    assert robot.state.ranges["front"] == pytest.approx(2.1 - front.x_m, abs=0.03)
+
+
+def test_a_board_reset_on_the_move_keeps_the_pose():
+    robot = Robot().until_ready()
+    robot.side(0.3)
+    before = robot.pose
+    robot.session.drive(200, 0, robot.now)
+    robot.run(0.05)
+    robot.board.engine.reset()
+    robot.events, robot.digested = [], 0
+    robot.until(lambda: robot.seen(Ready), 5).run(0.5)
+    assert math.dist(robot.pose[:2], before[:2]) < 0.02
+    assert robot.session.motion.target is None
+
+
+def test_a_command_takes_effect_and_a_silent_host_stops_the_board():
+    robot = Robot().until_ready()
+    robot.session.drive(200, 0, robot.now)
+    robot.run(1.0)
+    assert robot.plant.true_pose.x_m > 0.05
+    robot.to_board = lambda data: b""
+    robot.run(0.6)
+    x_m = robot.plant.true_pose.x_m
+    robot.run(0.3)
+    assert robot.plant.true_pose.x_m == pytest.approx(x_m, abs=1e-4)
+
+
+# -- as processes
+
+
+@pytest.fixture
+def mrl_sim():
+    """Starts an emulator process; call it with its options, it returns the port's path."""
+    started = []
+
+    def start(*args):
+        command = [sys.executable, "-m", "sim_arduino.cli", *map(str, args)]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        started.append(process)
+        path = process.stdout.readline().strip()
+        assert path.startswith("/dev/")
+        start.process = process
+        return path
+
+    yield start
+    for process in started:
+        process.send_signal(signal.SIGCONT)
+        process.terminate()
+        process.wait(PATIENCE_S)
+        process.stdout.close()
+
+
+def wait_until(condition):
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline, "it did not happen in time"
+        time.sleep(0.005)
+
+
+def test_a_drive_on_a_pty_ends_at_the_true_pose(mrl_sim, tmp_path):
+    truth = tmp_path / "truth"
+    with Driver(mrl_sim("--truth", truth, "--pose", "0,0,0")) as robot:
+        robot.drive(0.3, 0.6)
+        wait_until(lambda: robot.pose.x_m > 0.2)
+        robot.stop()
+        wait_until(lambda: robot.stopped)
+        time.sleep(0.15)
+        pose = robot.pose
+    true = json.loads(truth.read_text().splitlines()[-1])
+    assert pose.x_m == pytest.approx(true["x"], abs=POSE_M)
+    assert pose.y_m == pytest.approx(true["y"], abs=POSE_M)
+    assert pose.yaw_rad == pytest.approx(true["yaw"], abs=YAW_RAD)
+
+
+def test_another_robot_on_the_pty(mrl_sim):
+    with pytest.raises(WrongRobot, match="expected stingbot"):
+        Driver(mrl_sim("--robot", "traxbot"), "stingbot").connect()
+
+
+@pytest.mark.parametrize(("volts", "words"), [(0.2, "motor power is off"), (8.2, "expected at least 8.5 V")])
+def test_a_dead_battery_on_the_pty(mrl_sim, volts, words):
+    with pytest.raises(BatteryDead, match=words):
+        Driver(mrl_sim("--battery", volts)).connect()
+
+
+def test_an_uno_that_resets_when_opened(mrl_sim):
+    start = time.monotonic()
+    with Driver(mrl_sim("--reset-on-open")) as robot:
+        assert time.monotonic() - start < 5.0
+        assert robot.command is None
+
+
+def test_a_killed_emulator_is_a_lost_link(mrl_sim):
+    with Driver(mrl_sim()) as robot:
+        mrl_sim.process.kill()
+        start = time.monotonic()
+        with pytest.raises(LinkLost):
+            robot.wait(PATIENCE_S)
+        assert time.monotonic() - start < 1.0
+
+
+def test_a_stalled_board_does_not_move_when_it_goes_on(mrl_sim):
+    with Driver(mrl_sim()) as robot:
+        robot.drive(0.2, 0)
+        wait_until(lambda: robot.pose.x_m > 0.02)
+        os.kill(mrl_sim.process.pid, signal.SIGSTOP)
+        wait_until(lambda: not robot.ready)
+        os.kill(mrl_sim.process.pid, signal.SIGCONT)
+        wait_until(lambda: robot.ready)
+        wait_until(lambda: abs(robot.twist.linear_m_s) < 0.001)
+        assert robot.command is None
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_to_mrl_drive_stops_the_emulated_robot(mrl_sim, number):
+    path = mrl_sim()
+    command = [sys.executable, "-m", "mrl_driver", "drive", "--port", path, "--linear", "0.2", "--for", "60"]
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    time.sleep(1.5)
+    process.send_signal(number)
+    process.wait(PATIENCE_S)
+    with Driver(path) as robot:
+        assert robot.status.stop_reason == "host"
+        time.sleep(0.1)
+        assert robot.twist.linear_m_s == 0
+
+
+def test_a_driver_killed_on_the_move_leaves_a_board_that_can_be_used(mrl_sim):
+    """The board is in check mode and streams; the next driver gets it at once."""
+    path = mrl_sim()
+    code = (
+        f"from mrl_driver.driver import Driver; d = Driver({path!r}); d.connect(); d.drive(.2, 0); d.wait(60)"
+    )
+    process = subprocess.Popen([sys.executable, "-c", code])
+    time.sleep(1.5)
+    process.kill()
+    process.wait(PATIENCE_S)
+    with Driver(path, options=Options(greeting_s=3)) as robot:
+        wait_until(lambda: robot.twist.linear_m_s == 0)
