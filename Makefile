@@ -60,7 +60,7 @@ check: setup ## Format, lint, types, generated files, import rules
 	$(PY) -m mrl_driver.generate --check
 
 test: check firmware pc-firmware ## Set everything up and run all tests
-	$(ROS_ENV) $(PY) -m pytest -n 2 --dist loadgroup
+	$(ROS_ENV) $(PY) -m pytest -n 2 --dist loadfile
 
 .PHONY: bench-firmware
 bench-firmware: setup firmware ## Measure the firmware image on the simulated chip; build/bench/firmware.json

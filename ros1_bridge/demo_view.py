@@ -42,7 +42,7 @@ class DemoView:
         self._teleop = Teleop()
         self._mode = SQUARE if square else STOPPED
         self._cmd_vel = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
-        rospy.Subscriber("odom", Odometry, self._on_odometry, queue_size=1, tcp_nodelay=True)
+        rospy.Subscriber("odom", Odometry, self._on_odometry, queue_size=50, tcp_nodelay=True)
         rospy.Subscriber("battery", BatteryState, self._on_battery, queue_size=1)
         rospy.Subscriber("/diagnostics", DiagnosticArray, self._on_diagnostics, queue_size=10)
         for name in SONARS:

@@ -63,9 +63,8 @@ class Child:
             return False
         return True
 
-    def stop(self, number: int, timeout_s: float) -> None:
-        """Ask it to end, and end it by force with all of its session after `timeout_s`."""
-        self.signal(number)
+    def finish(self, timeout_s: float) -> None:
+        """Wait for the end, and bring it about by force after `timeout_s`."""
         if not self.wait(timeout_s):
             self.signal(signal.SIGKILL)
             self._process.wait()

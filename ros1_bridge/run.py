@@ -25,7 +25,13 @@ IMAGE = ROOT / "build" / "firmware" / "mrl_firmware.elf"
 NODES = ROOT / "ros1_bridge" / "nodes"
 MASTER = "http://127.0.0.1:11311"
 ROSCORE_TIMEOUT_S, SIMULATOR_TIMEOUT_S = 10.0, 30.0
-NODE_END_S, VIEW_END_S, CHILD_END_S = 2.5, 1.0, 3.0
+END_S = 3.0
+"""A part that takes longer to end is killed; the node needs at most 2 s."""
+_ENDS: Tuple[Dict[str, int], ...] = (
+    {"robot_node": signal.SIGINT, "demo_view": signal.SIGTERM},
+    {"mrl-sim": signal.SIGINT, "roscore": signal.SIGINT},
+)
+"""What ends each part, in two stages: the parts of the second serve those of the first."""
 _POLL_S = 0.05
 _DEFAULT_ROBOT = "traxbot"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -91,16 +97,13 @@ class Run:
                 raise RunError(child.last_words(), child.exit_code)
 
     def stop(self) -> None:
-        """End everything: the node stops the robot, then the view gives back the terminal, then the rest."""
-        ends = {"robot_node": (signal.SIGINT, NODE_END_S), "demo_view": (signal.SIGTERM, VIEW_END_S)}
-        order = sorted(
-            self._children, key=lambda child: list(ends).index(child.name) if child.name in ends else 9
-        )
-        for child in order:
-            if child.name in ends:
-                child.signal(ends[child.name][0])
-        for child in order:
-            child.stop(*ends.get(child.name, (signal.SIGINT, CHILD_END_S)))
+        """End everything: the node stops the robot, the view gives back the terminal, then the rest."""
+        for stage in _ENDS:
+            ending = [child for name in stage for child in self._children if child.name == name]
+            for child in ending:
+                child.signal(stage[child.name])
+            for child in ending:
+                child.finish(END_S)
         end_orphans()
 
 

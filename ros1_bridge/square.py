@@ -4,15 +4,17 @@ import math
 from typing import List, NamedTuple, Tuple
 
 ARRIVED_M = 0.003
-"""A corner counts as reached this near, or once it lies behind."""
+"""A corner counts as reached this near along the side, or once it lies behind."""
 ALIGNED_RAD = math.radians(0.3)
 MINIMUM_LINEAR_M_S, MINIMUM_ANGULAR_RAD_S = 0.02, 0.1
 """Slower than this the motors may not turn at all."""
-HEADING_GAIN = 2.0
-"""Yaw rate per heading error while driving straight [1/s]."""
-STEER_UNTIL_M = 0.10
-"""Nearer to the corner than this its direction is too uncertain to steer by."""
-DELAY_S = 0.15
+HEADING_GAIN = 3.0
+"""Yaw rate per heading error while driving a side [1/s]."""
+OFFSET_GAIN = 3.0
+"""Heading towards the side per distance from it [rad/m]; together they settle within some 0.3 m."""
+MOST_HEADING_RAD = 0.4
+"""The heading leaves the side's direction by no more than this."""
+DELAY_S = 0.25
 """From a command to the wheels following it; the braking starts so much earlier."""
 
 Pose = Tuple[float, float, float]
@@ -25,14 +27,14 @@ class Limits(NamedTuple):
     linear_m_s: float = 0.25
     angular_rad_s: float = 0.9
     braking_m_s2: float = 0.15
-    braking_rad_s2: float = 0.8
+    braking_rad_s2: float = 1.0
 
 
 class Square:
     """A square counter-clockwise from the first pose, again and again.
 
-    At each corner the robot stands and turns towards the next one, so the corners are exact and the error of
-    one side is taken out by the next.
+    The robot follows each side, stands at its end and turns to the next one, so the corners are exact and no
+    error is carried on.
     """
 
     def __init__(self, side_m: float = 1.0, limits: Limits = Limits()) -> None:  # noqa: B008 (immutable)
@@ -47,16 +49,23 @@ class Square:
         """Speeds (linear [m/s], angular [rad/s]) for the present pose."""
         if not self._corners:
             self._corners = self._plan(pose)
-        target = self._corners[(self.corner + 1) % 4]
-        away_m = math.hypot(target[0] - pose[0], target[1] - pose[1])
-        error = wrapped(math.atan2(target[1] - pose[1], target[0] - pose[0]) - pose[2])
+        left_m, offset_m, error = self._on_side(pose)
         if self._turning:
             return self._turn(error)
-        if away_m < ARRIVED_M or (away_m < STEER_UNTIL_M and abs(error) > math.pi / 2):
+        if left_m < ARRIVED_M:
             self.corner += 1
             self._turning = True
             return 0.0, 0.0
-        return self._drive(away_m, error)
+        return self._drive(left_m, offset_m, error)
+
+    def _on_side(self, pose: Pose) -> Tuple[float, float, float]:
+        """Distance to the side's end [m], offset to its left [m], and its direction as seen from the robot [rad]."""
+        (x0, y0), (x1, y1) = self._corners[self.corner % 4], self._corners[(self.corner + 1) % 4]
+        direction = math.atan2(y1 - y0, x1 - x0)
+        cos, sin = math.cos(direction), math.sin(direction)
+        left_m = (x1 - pose[0]) * cos + (y1 - pose[1]) * sin
+        offset_m = (pose[1] - y1) * cos - (pose[0] - x1) * sin
+        return left_m, offset_m, wrapped(direction - pose[2])
 
     def _plan(self, pose: Pose) -> List[Tuple[float, float]]:
         x, y, yaw = pose
@@ -75,11 +84,15 @@ class Square:
         speed = _braked(abs(error), limits.angular_rad_s, limits.braking_rad_s2, MINIMUM_ANGULAR_RAD_S)
         return 0.0, math.copysign(speed, error)
 
-    def _drive(self, away_m: float, error: float) -> Tuple[float, float]:
+    def _drive(self, left_m: float, offset_m: float, error: float) -> Tuple[float, float]:
         limits = self._limits
-        linear = _braked(away_m, limits.linear_m_s, limits.braking_m_s2, MINIMUM_LINEAR_M_S)
-        angular = HEADING_GAIN * error if away_m > STEER_UNTIL_M else 0.0
-        return linear, max(-limits.angular_rad_s, min(limits.angular_rad_s, angular))
+        linear = _braked(left_m, limits.linear_m_s, limits.braking_m_s2, MINIMUM_LINEAR_M_S)
+        back = _clamped(OFFSET_GAIN * offset_m, MOST_HEADING_RAD)
+        return linear, _clamped(HEADING_GAIN * (error - back), limits.angular_rad_s)
+
+
+def _clamped(value: float, most: float) -> float:
+    return max(-most, min(most, value))
 
 
 def wrapped(angle: float) -> float:

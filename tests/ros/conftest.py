@@ -26,7 +26,8 @@ def master(tmp_path_factory):
     rospy.init_node("tests", anonymous=True, disable_signals=True)
     yield dict(os.environ)
     rospy.signal_shutdown("the tests are over")
-    child.stop(signal.SIGTERM, 3.0)
+    child.signal(signal.SIGTERM)
+    child.finish(3.0)
 
 
 @pytest.fixture

@@ -131,6 +131,12 @@ class Topic:
         self._subscriber.unregister()
 
 
+def end(child: Child) -> None:
+    """Ask a program to end, and make it."""
+    child.signal(signal.SIGTERM)
+    child.finish(5.0)
+
+
 class Rig:
     """Starts parts and ends them all; topics of each rig have a namespace of their own."""
 
@@ -146,7 +152,7 @@ class Rig:
     def start(self, name: str, *command: str) -> Child:
         """Start a program."""
         child = Child(name, command, self._folder / f"{name}_{len(self._ends)}.log", self.env, ROOT)
-        self._ends.append(lambda: child.stop(signal.SIGTERM, 5.0))
+        self._ends.append(lambda: end(child))
         return child
 
     def board(self, *options: str) -> Board:
@@ -198,5 +204,5 @@ class Rig:
 
     def close(self) -> None:
         """End everything, the last started first."""
-        for end in reversed(self._ends):
-            end()
+        for undo in reversed(self._ends):
+            undo()

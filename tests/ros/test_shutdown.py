@@ -64,7 +64,7 @@ def test_board_that_goes_away_ends_the_node_with_its_own_code(rig):
     board = rig.board()
     node = rig.node(board.port)
     rig.topic("odom", Odometry).wait()
-    board.child.stop(signal.SIGKILL, 1.0)
+    board.child.signal(signal.SIGKILL)
     assert node.wait(START_S)
     assert node.exit_code == 6
     assert "went away" in node.output()[-1]

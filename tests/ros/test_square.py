@@ -9,12 +9,16 @@ from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
 
 from mrl_driver.robots import load
+from ros1_bridge.processes import wait_until
 from ros1_bridge.square import Limits, Square
 
+from .rig import START_S
+
 MODEL = "stingbot"
-LIMITS = Limits(linear_m_s=0.5, angular_rad_s=1.8, braking_m_s2=0.35, braking_rad_s2=1.6)
+LIMITS = Limits(linear_m_s=0.5, angular_rad_s=1.8, braking_m_s2=0.16, braking_rad_s2=1.8)
+CLOSED_M = 0.03
 PERIOD_S = 0.03
-SETTLE_S = 0.4
+STILL_MESSAGES = 15
 COUNT_M = load(MODEL).drive.metres_per_count
 POSE_M = 0.001 + COUNT_M
 YAW_RAD = math.radians(0.1) + COUNT_M / load(MODEL).drive.wheel_separation_m
@@ -34,6 +38,10 @@ def true_pose(path):
     return dx * cos + dy * sin, dy * cos - dx * sin, math.remainder(last["yaw"] - first["yaw"], 2 * math.pi)
 
 
+def is_still(messages):
+    return len({odom_pose(message) for message in messages}) == 1
+
+
 @pytest.fixture(scope="module")
 def driven(module_rig):
     """Odometry's and the true pose after a square."""
@@ -50,7 +58,7 @@ def driven(module_rig):
         cmd_vel.publish(Twist(Vector3(linear, 0, 0), Vector3(0, 0, angular)))
         time.sleep(PERIOD_S)
     cmd_vel.publish(Twist())
-    time.sleep(SETTLE_S)
+    assert wait_until(lambda: is_still(odom.messages[-STILL_MESSAGES:]), START_S)
     return odom_pose(odom.messages[-1]), true_pose(board.truth)
 
 
@@ -67,4 +75,4 @@ def test_heading_equals_the_true_one(driven):
 def test_square_is_closed(driven):
     """The square ends where it began, as far as the brakes allow."""
     odometry, _ = driven
-    assert math.hypot(*odometry[:2]) < 0.02
+    assert math.hypot(*odometry[:2]) < CLOSED_M
