@@ -206,7 +206,7 @@ void default_config(const int16_t*, uint8_t) {
   config::take_defaults();
   config::apply();
   motor::refresh_all();
-  answers::ask(DEFAULT_CONFIG);
+  answers::ask(DEFAULT_CONFIG, 1);
 }
 
 }  // namespace handlers

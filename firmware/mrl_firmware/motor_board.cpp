@@ -35,6 +35,7 @@ CountsState state;
 uint8_t set_up_todo, set_up_now;
 uint8_t failures;
 bool found, known;
+bool eeprom_busy;
 bool stop_wanted, stop_again;
 bool retry_current, drop_current;
 bool poll_temperature;
@@ -42,6 +43,12 @@ bool poll_temperature;
 bool pausing() { return static_cast<int32_t>(board_clock::now() - free_at) < 0; }
 
 void pause(uint8_t ms) { free_at = board_clock::now() + board_clock::of_ms(ms) + 1; }
+
+void pause_for_eeprom(uint8_t ms) {
+  if (!ms) return;
+  pause(ms);
+  eeprom_busy = true;
+}
 
 void fill(hal::Transfer& transfer, Kind what, const Message& message, uint8_t in_count = 0) {
   kind = what;
@@ -178,10 +185,10 @@ void succeed() {
       take_answer();
       break;
     case Kind::set_up:
-      pause(set_up_message(set_up_now).pause_ms);
+      pause_for_eeprom(set_up_message(set_up_now).pause_ms);
       break;
     case Kind::command:
-      if (current.pause_ms) pause(current.pause_ms);
+      pause_for_eeprom(current.pause_ms);
       break;
     case Kind::counts:
       take_counts();
@@ -228,10 +235,10 @@ void begin() {
 
 void service() {
   if (presence == Presence::absent && board_clock::passed(absent_since, RETRY_PRESENCE)) start_asking();
-  if (stop_again && !pausing()) {
-    stop_again = false;
-    stop_wanted = true;
-  }
+  if (pausing()) return;
+  eeprom_busy = false;
+  stop_wanted = stop_wanted || stop_again;
+  stop_again = false;
 }
 
 bool available() { return presence != Presence::absent; }
@@ -248,7 +255,7 @@ void stop(StopReason reason) {
   if (drop_current) retry_current = false;
   if (presence == Presence::absent) return start_asking();
   stop_wanted = true;
-  stop_again = pausing();
+  stop_again = eeprom_busy;
 }
 
 bool send(const Message& message) {

@@ -5,24 +5,28 @@
 namespace mrl {
 namespace {
 
-// Straight lines between 33 points: 1.8e-4 off at most, 0.1 cm at the far end of the sonar's range.
-constexpr uint8_t SEGMENT_BITS = 5;
+// Straight lines between 65 points: 4.4e-5 off at most, 0.03 cm at the far end of the sonar's range.
+constexpr uint8_t SEGMENT_BITS = 6;
 
-// log2(1 + i / 32) in 1 / 65536.
+// log2(1 + i / 64) in 1 / 65536.
 const uint16_t LOG2[] PROGMEM = {
-    0, 2909, 5732, 8473, 11136, 13727, 16248, 18704,
-    21098, 23433, 25711, 27936, 30109, 32234, 34312, 36346,
-    38336, 40286, 42196, 44068, 45904, 47705, 49472, 51207,
-    52911, 54584, 56229, 57845, 59434, 60997, 62534, 64047,
-    65535};
+    0, 1466, 2909, 4331, 5732, 7112, 8473, 9814, 11136, 12440,
+    13727, 14996, 16248, 17484, 18704, 19909, 21098, 22272, 23433, 24579,
+    25711, 26830, 27936, 29029, 30109, 31178, 32234, 33279, 34312, 35334,
+    36346, 37346, 38336, 39316, 40286, 41246, 42196, 43137, 44068, 44990,
+    45904, 46809, 47705, 48593, 49472, 50344, 51207, 52063, 52911, 53751,
+    54584, 55410, 56229, 57040, 57845, 58643, 59434, 60219, 60997, 61769,
+    62534, 63294, 64047, 64794, 65535};
 
-// 2^(i / 32) in 1 / 32768.
+// 2^(i / 64) in 1 / 32768.
 const uint16_t EXP2[] PROGMEM = {
-    32768, 33486, 34219, 34968, 35734, 36516, 37316, 38133,
-    38968, 39821, 40693, 41584, 42495, 43425, 44376, 45348,
-    46341, 47356, 48393, 49452, 50535, 51642, 52773, 53928,
-    55109, 56316, 57549, 58809, 60097, 61413, 62757, 64132,
-    65535};
+    32768, 33125, 33486, 33850, 34219, 34591, 34968, 35349, 35734, 36123,
+    36516, 36914, 37316, 37722, 38133, 38548, 38968, 39392, 39821, 40255,
+    40693, 41136, 41584, 42037, 42495, 42958, 43425, 43898, 44376, 44859,
+    45348, 45842, 46341, 46846, 47356, 47871, 48393, 48920, 49452, 49991,
+    50535, 51085, 51642, 52204, 52773, 53347, 53928, 54515, 55109, 55709,
+    56316, 56929, 57549, 58176, 58809, 59449, 60097, 60751, 61413, 62081,
+    62757, 63441, 64132, 64830, 65535};
 
 // The table's value at a fraction of 16 bits.
 uint16_t between(const uint16_t* table, uint16_t fraction) {
@@ -34,39 +38,42 @@ uint16_t between(const uint16_t* table, uint16_t fraction) {
 }
 
 // log2 of 1..65535 in 1 / 65536.
-uint32_t log2_of(uint16_t value) {
+int32_t log2_of(uint16_t value) {
   uint8_t exponent = 15;
   for (; !(value & 0x8000); value = static_cast<uint16_t>(value << 1)) exponent--;
   const uint16_t fraction = static_cast<uint16_t>(value << 1);
-  return static_cast<uint32_t>(exponent) << 16 | between(LOG2, fraction);
+  return static_cast<int32_t>(static_cast<uint32_t>(exponent) << 16 | between(LOG2, fraction));
 }
 
-constexpr int32_t ONE = 10000;  // 1 in the unit of a, b and c
-constexpr int32_t FARTHEST = 1250;
-constexpr uint32_t LOG2_ONE = 870838;  // log2(10000) in 1 / 65536
+constexpr int32_t ONE = 10000;       // 1 in the unit of a, b and c
+constexpr int32_t LOG2_ONE = 870824;  // log2(10000) in 1 / 65536
+constexpr int16_t FARTHEST = 1250;
+constexpr uint8_t FRACTION_BITS = 15;
+constexpr int32_t UNIT = static_cast<int32_t>(1) << FRACTION_BITS;
 
 // b log2(s), with b in 1e-4 up to 20000, in 1 / 65536; split so that no product leaves 32 bits.
-uint32_t power_of(uint32_t log2_s, uint16_t b) {
-  const uint32_t high = log2_s >> 10, low = log2_s & 0x3FF;
-  const uint32_t product = high * b;
-  return (product / ONE << 10) + ((product % ONE << 10) + low * b) / ONE;
+int32_t power_of(int32_t log2_s, uint16_t b) {
+  const int32_t high = log2_s >> 10, low = log2_s & 0x3FF;
+  const int32_t product = high * b;
+  return (product / ONE) * 1024 + ((product % ONE) * 1024 + low * b) / ONE;
 }
 
-// 2^(log2 / 65536), below 65536.
-uint16_t exp2_of(uint32_t log2) {
-  const uint8_t exponent = static_cast<uint8_t>(log2 >> 16);
-  if (exponent > 15) return UINT16_MAX;
-  return static_cast<uint16_t>(between(EXP2, static_cast<uint16_t>(log2)) >> (15 - exponent));
+// 2^(log2 / 65536) in 1 / 32768; at most 2^11, which is beyond all that the wire carries.
+int32_t exp2_of(int32_t log2) {
+  const int16_t exponent = static_cast<int16_t>(log2 >> 16);
+  if (exponent < -FRACTION_BITS) return 0;
+  if (exponent > 10) return UNIT << 11;
+  const int32_t mantissa = between(EXP2, static_cast<uint16_t>(log2));
+  return exponent < 0 ? mantissa >> -exponent : mantissa << exponent;
 }
 
 }  // namespace
 
 int16_t power_law(uint16_t count, int16_t a, int16_t b, int16_t c) {
-  // Sixteenths of a cm keep the rounding fine; 65535 of them are beyond all that the wire carries.
-  const uint32_t log2_a = log2_of(static_cast<uint16_t>(a)) + (4UL << 16);
-  const uint32_t log2_range = power_of(log2_of(count), static_cast<uint16_t>(b)) + log2_a;
-  const int32_t sixteenths = log2_range < LOG2_ONE ? 0 : exp2_of(log2_range - LOG2_ONE);
-  const int32_t range = (sixteenths * (ONE / 16) + c + ONE / 2) / ONE;
+  const int32_t log2_range =
+      power_of(log2_of(count), static_cast<uint16_t>(b)) + log2_of(static_cast<uint16_t>(a)) - LOG2_ONE;
+  const int32_t offset = c * UNIT / ONE;
+  const int32_t range = (exp2_of(log2_range) + offset + UNIT / 2) >> FRACTION_BITS;
   return static_cast<int16_t>(range < 0 ? 0 : range > FARTHEST ? FARTHEST : range);
 }
 

@@ -49,8 +49,8 @@ void set_stop_reason(StopReason reason) { stop_reason = reason; }
 
 void set_fault(int16_t bit, bool present) {
   if (present) {
+    unread_faults |= static_cast<int16_t>(bit & ~present_faults);
     present_faults |= bit;
-    unread_faults |= bit;
   } else {
     present_faults &= static_cast<int16_t>(~bit);
   }
@@ -73,7 +73,7 @@ void report_status() {
   writer::add(static_cast<int16_t>(stop_reason));
   writer::add(present_faults | unread_faults);
   writer::add(clamped);
-  unread_faults = present_faults;
+  unread_faults = 0;
 }
 
 void report_counters() {

@@ -1,0 +1,99 @@
+"""Boards that run the firmware's C++ on the PC."""
+
+from typing import Callable, Dict, Iterator, List
+
+import pytest
+
+from mrl_driver import robots
+from mrl_driver.codec import REPLIES, Event, Frame, FrameDecoder, encode_request
+from mrl_driver.table import BY_NAME
+from sim_arduino import config_store
+from sim_arduino.plant import Plant
+from tests.firmware.pc_board import PcBoard
+
+BOOT_S = 0.1
+"""The motor board's set-up takes 55 ms of EEPROM pauses."""
+
+
+class Bench:
+    """A PcBoard and the host's end of its line."""
+
+    def __init__(self, model: str = "traxbot", robot_id: int = 1, boot: bool = True, **options) -> None:
+        sonars = options.pop("sonars", True)
+        self.plant = options.pop("plant", None) or Plant(robots.load(model), sonars=sonars)
+        if "eeprom" not in options:
+            options["eeprom"] = config_store.image(config_store.defaults(robot_id))
+        self.board = PcBoard(self.plant, **options)
+        self.decoder = FrameDecoder(REPLIES)
+        self.events: List[Event] = []
+        self.heard = b""
+        if boot:
+            self.run(BOOT_S)
+            self.forget()
+
+    def run(self, seconds: float) -> None:
+        data = self.board.advance(self.board.now_s + seconds)
+        self.heard += data
+        self.events += self.decoder.feed(data)
+
+    def forget(self) -> None:
+        self.events.clear()
+        self.board.transfers.clear()
+        self.heard = b""
+
+    def send(self, name: str, *args: int, wait_s: float = 0.02) -> None:
+        """Sends a request by its row's name and lets time pass."""
+        self.board.receive(encode_request(BY_NAME[name].code, *args, checked=self.decoder.checked))
+        self.run(wait_s)
+
+    def raw(self, data: bytes, wait_s: float = 0.02) -> None:
+        self.board.receive(data)
+        self.run(wait_s)
+
+    def ask(self, name: str, *args: int, reply: str = "", wait_s: float = 0.02) -> Frame:
+        """Sends a request; its answer."""
+        code = BY_NAME[reply or name].code
+        self.events.clear()
+        self.send(name, *args, wait_s=wait_s)
+        return next(event for event in self.events if isinstance(event, Frame) and event.code == code)
+
+    def check(self, on: bool) -> None:
+        self.board.receive(encode_request(BY_NAME["set_check"].code, int(on)))
+        self.decoder.checked = on
+        self.run(0.02)
+
+    def frames(self) -> List[Frame]:
+        return [event for event in self.events if isinstance(event, Frame)]
+
+    def field(self, row: str, name: str, *args: int) -> int:
+        """One field of a reply."""
+        names = [field.name for field in BY_NAME[row].reply]
+        return self.ask(row, *args).args[names.index(name)]
+
+    def counter(self, name: str) -> int:
+        return self.field("read_counters", name)
+
+    def writes(self, code: int = -1) -> List[bytes]:
+        """What was written to the motor board, polls left out."""
+        return [
+            data
+            for _, kind, address, data in self.board.transfers
+            if kind == "write" and address == 0x18 and len(data) > 1 and code in (-1, data[0])
+        ]
+
+    def write_times(self, code: int) -> List[float]:
+        return [t for t, kind, _, data in self.board.transfers if kind == "write" and data[0] == code]
+
+
+@pytest.fixture
+def bench() -> Iterator[Callable[..., Bench]]:
+    """Makes benches and unloads them."""
+    made: Dict[int, Bench] = {}
+
+    def make(**options) -> Bench:
+        made[len(made)] = Bench(**options)
+        return made[len(made) - 1]
+
+    yield make
+    for each in made.values():
+        each.board.close()

@@ -1,0 +1,199 @@
+"""The EEPROM configuration: defaults, damage, saving, and what a change does."""
+
+import struct
+
+import pytest
+
+from mrl_driver import robots
+from mrl_driver.table import FAULTS, PARAMETERS
+from sim_arduino import config_store
+
+FAULT = {name: 1 << bit for bit, (name, _) in enumerate(FAULTS)}
+BLANK = b"\xff" * 1024
+SAVED_S = 0.3
+"""43 bytes of 3.4 ms at most."""
+BLOCK_BYTES = 1 + 2 * len(PARAMETERS) + 2
+USED = [*range(4), *range(config_store.BLOCK_AT, config_store.BLOCK_AT + BLOCK_BYTES)]
+
+
+def parameters(board):
+    return [board.ask("read_config", row.number).args[1] for row in PARAMETERS]
+
+
+def faults(board):
+    return board.field("read_status", "faults")
+
+
+def float_id(value: float) -> bytes:
+    return struct.pack("<f", value) + BLANK[4:]
+
+
+@pytest.mark.parametrize("robot_id", [1, 3, 4, 5])
+def test_sound_image(bench, robot_id):
+    board = bench(robot_id=robot_id)
+    assert parameters(board) == config_store.defaults(robot_id) and faults(board) == 0
+
+
+def test_blank_eeprom(bench):
+    """Id unset, TraxBot's defaults, both faults."""
+    board = bench(eeprom=BLANK)
+    assert parameters(board) == config_store.defaults(0)
+    assert faults(board) == FAULT["eeprom"] | FAULT["id_unset"]
+
+
+@pytest.mark.parametrize("robot_id", [1, 4, 7, 11])
+def test_board_of_2013_keeps_its_id(bench, robot_id):
+    """The float at address 0 alone: defaults of that model."""
+    board = bench(eeprom=float_id(robot_id))
+    assert parameters(board) == config_store.defaults(robot_id) and faults(board) == FAULT["eeprom"]
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -1.0, 0.0, 1.5, 40000.0, 1e30])
+def test_floats_that_are_no_id(bench, value):
+    assert bench(eeprom=float_id(value)).ask("robot_info").args[4] == 0
+
+
+def test_all_zero(bench):
+    board = bench(eeprom=bytes(1024))
+    assert parameters(board) == config_store.defaults(0) and faults(board) & FAULT["eeprom"]
+
+
+@pytest.mark.parametrize("layout", [0, 2])
+def test_other_layout(bench, layout):
+    """Older and newer layouts are not read, even with a right check value."""
+    values = config_store.defaults(1)
+    image = bytearray(config_store.image(values))
+    body = struct.pack(f"<B{len(values)}h", layout, *values[:5], 1, *values[6:])
+    image[16 : 16 + len(body)] = body
+    struct.pack_into("<H", image, 16 + len(body), __import__("binascii").crc_hqx(body, 0xFFFF))
+    board = bench(eeprom=bytes(image))
+    assert parameters(board) == config_store.defaults(1) and faults(board) == FAULT["eeprom"]
+
+
+@pytest.mark.parametrize("place", USED)
+def test_every_damaged_byte_is_caught(bench, place):
+    """A calibrated board with one wrong byte starts with the defaults of its model and says so."""
+    values = config_store.defaults(4)
+    values[1] += 100
+    image = bytearray(config_store.image(values))
+    for flip in (0x01, 0x80, 0xFF):
+        image[place] ^= flip
+        board = bench(eeprom=bytes(image))
+        assert faults(board) == FAULT["eeprom"]
+        assert parameters(board) == config_store.defaults(4)
+        image[place] ^= flip
+
+
+def test_written_parameter_is_in_force_and_answered(bench):
+    board = bench()
+    assert board.ask("write_config", 10, 300).args == (10, 300)
+    board.raw(b"@11,600,0e")
+    assert board.writes(0xEB) == [b"\xeb" + (300).to_bytes(2, "big") + b"\0\0"]
+
+
+def test_written_parameter_is_lost_without_saving(bench):
+    board = bench()
+    board.send("write_config", 10, 300)
+    board.board.reset()
+    board.run(0.1)
+    assert board.ask("read_config", 10).args == (10, 650)
+
+
+def test_saved_parameter_survives_a_reset(bench):
+    board = bench()
+    board.send("write_config", 10, 300)
+    saved = board.ask("save_config", wait_s=SAVED_S)
+    board.board.reset()
+    board.run(0.1)
+    assert saved.args == (1,) and board.ask("read_config", 10).args == (10, 300) and faults(board) == 0
+
+
+def test_saved_image_is_the_documented_one(bench):
+    """Id as float at 0, the block at 16, and nothing else."""
+    board = bench(eeprom=BLANK)
+    board.send("write_config", 0, 5)
+    board.send("save_config", wait_s=SAVED_S)
+    assert board.board.eeprom == config_store.image([5, *config_store.defaults(0)[1:]])
+
+
+def test_saving_does_not_hold_up_the_loop(bench):
+    board = bench(eeprom=BLANK)
+    board.send("save_config", wait_s=0.01)
+    assert board.ask("get_stream").args == (0,)
+    board.run(SAVED_S)
+    assert board.board.longest_pass_s < 1e-3
+
+
+def test_a_change_while_saving_is_saved_too(bench):
+    board = bench(eeprom=BLANK)
+    board.send("save_config", wait_s=0.1)
+    board.send("write_config", 1, 1234, wait_s=SAVED_S)
+    board.board.reset()
+    board.run(0.1)
+    assert board.ask("read_config", 1).args == (1, 1234)
+
+
+def test_eeprom_that_takes_nothing_is_reported(bench):
+    board = bench()
+    board.board.native.pc_break_eeprom(1)
+    board.send("write_config", 10, 300)
+    assert board.ask("save_config", wait_s=SAVED_S).args == (0,) and faults(board) & FAULT["eeprom"]
+
+
+def test_saving_clears_the_fault(bench):
+    board = bench(eeprom=float_id(1))
+    faults(board)
+    board.send("save_config", wait_s=SAVED_S)
+    assert faults(board) == 0
+
+
+@pytest.mark.parametrize("row", PARAMETERS, ids=lambda row: row.name)
+def test_values_outside_a_parameters_range_are_refused(bench, row):
+    board = bench()
+    bad = [value for value in (row.low - 1, row.high + 1) if -32768 <= value <= 32767]
+    for value in bad:
+        board.send("write_config", row.number, value)
+    assert board.counter("argument_range") == len(bad)
+    assert board.ask("read_config", row.number).args[1] == config_store.defaults(1)[row.number]
+
+
+def test_defaults_keep_the_id(bench):
+    board = bench()
+    board.send("write_config", 0, 5)
+    board.send("write_config", 1, 1)
+    assert board.ask("default_config").args == (1,)
+    assert parameters(board) == config_store.defaults(5)
+
+
+GEOMETRY, GAINS, RAMP, TIMEOUT = 0xEA, 0xF4, 0xEC, 0xF1
+
+
+@pytest.mark.parametrize(
+    "name, told",
+    [("axis_radius", [GEOMETRY]), ("encoder_counts", [GEOMETRY]), ("kp", [GAINS]), ("kd", [GAINS]),
+     ("ramp_time", [RAMP]), ("ramp_gain", [RAMP]), ("motor_timeout", [TIMEOUT]), ("linear_ceiling", []),
+     ("sonar_a", []), ("robot_id", [])],
+)  # fmt: skip
+def test_what_the_motor_board_is_told_of_a_change(bench, name, told):
+    """Only what changed: each of its EEPROM writes holds up moves."""
+    board = bench()
+    index = next(row.number for row in PARAMETERS if row.name == name)
+    board.send("write_config", index, 11, wait_s=0.1)
+    assert [data[0] for data in board.writes()] == told
+
+
+def test_gains_of_command_2_are_parameters(bench):
+    board = bench()
+    board.raw(b"@2,1,2,3e")
+    assert parameters(board)[5:8] == [1, 2, 3]
+
+
+@pytest.mark.parametrize("name", robots.names())
+def test_motor_board_is_set_up_with_the_models_numbers(bench, name):
+    model = robots.load(name)
+    board = bench(model=name, robot_id=model.ids[0], boot=False)
+    board.run(0.1)
+    geometry = [model.board[key] for key in ("axis_radius", "wheel_radius", "gearbox", "encoder_counts")]
+    assert board.writes(GEOMETRY) == [b"\xea" + struct.pack(">4H", *geometry)]
+    gains = [model.board[key] for key in ("kp", "ki", "kd")]
+    assert board.writes(GAINS) == [b"\xf4" + struct.pack(">3H", *gains)]

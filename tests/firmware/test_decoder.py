@@ -1,0 +1,67 @@
+"""The firmware's decoder says what the Python one says: same frames, same garbage, same reason, same order."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mrl_driver.codec import REQUESTS, FrameDecoder, Garbage, encode_request
+from mrl_driver.table import COMMANDS, MAX_FRAME, MAX_NOISE
+from tests.firmware.twin import TwinDecoder
+from tests.vectors import load
+
+VECTORS = [pytest.param(vector, id=vector.name) for vector in load("requests")]
+
+
+@pytest.mark.parametrize("vector", VECTORS)
+def test_golden_vector(vector):
+    assert TwinDecoder(vector.checked).feed(vector.wire) == vector.events
+
+
+@pytest.mark.parametrize("vector", VECTORS)
+def test_golden_vector_amid_noise(vector):
+    events = TwinDecoder(vector.checked).feed(b"\x80\xfe\r\n" + vector.wire + b"\r\n@")
+    assert events == [Garbage(b"\x80\xfe", "noise"), *vector.events_at_line_end]
+
+
+@pytest.mark.parametrize("row", [row for row in COMMANDS if row.name != "xbee_text"], ids=lambda row: row.name)
+def test_every_request_is_understood(row):
+    wire = encode_request(row.code, *(field.high for field in row.request))
+    assert TwinDecoder().feed(wire) == FrameDecoder(REQUESTS).feed(wire)
+
+
+@pytest.mark.parametrize("length", [MAX_FRAME - 1, MAX_FRAME, MAX_FRAME + 1, 300])
+def test_long_frames(length):
+    wire = b"@11," + b"1" * (length - 5) + b"e" + b"@13e"
+    assert TwinDecoder().feed(wire) == FrameDecoder(REQUESTS).feed(wire)
+
+
+@pytest.mark.parametrize("length", [MAX_NOISE - 1, MAX_NOISE, MAX_NOISE + 1, 3 * MAX_NOISE])
+def test_long_noise(length):
+    wire = b"x" * length + b"\r@13e"
+    assert TwinDecoder().feed(wire) == FrameDecoder(REQUESTS).feed(wire)
+
+
+PIECES = st.one_of(
+    st.binary(max_size=8),
+    st.sampled_from([b"@", b"e", b",", b"-", b"0", b"13", b"@13e", b"@6e", b"\r\n", b"32768", b"-32769", b"007"]),
+    st.builds(
+        lambda code, args: b"@%d" % code + b"".join(b",%d" % a for a in args) + b"e",
+        st.integers(-2, 300),
+        st.lists(st.integers(-40000, 40000), max_size=18),
+    ),
+)
+
+
+@settings(max_examples=1000, deadline=None)
+@given(st.lists(PIECES, max_size=12), st.booleans())
+def test_any_bytes(pieces, checked):
+    wire = b"".join(pieces)
+    assert TwinDecoder(checked).feed(wire) == FrameDecoder(REQUESTS, checked).feed(wire)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.integers(-32768, 32767), st.integers(-32768, 32767), st.integers(0, 200), st.integers(0, 255))
+def test_damaged_checked_frames(linear, angular, place, flip):
+    wire = bytearray(encode_request(11, linear, angular, checked=True))
+    wire[place % len(wire)] ^= flip
+    assert TwinDecoder(True).feed(bytes(wire)) == FrameDecoder(REQUESTS, True).feed(bytes(wire))

@@ -1,0 +1,297 @@
+"""What stops the motors when nobody says so, and what the host reads about it afterwards."""
+
+import pytest
+
+from mrl_driver import robots
+from mrl_driver.codec import encode_request
+from mrl_driver.table import FAULTS, RESET_CAUSES, STOP_REASONS, TICK_S
+from sim_arduino.plant import Plant
+from tests.firmware import pc_board
+
+STOP = b"\xfc\xaa\x55"
+FAULT = {name: 1 << bit for bit, (name, _) in enumerate(FAULTS)}
+REACTION_S = 1e-3
+
+
+def stop_reason(board):
+    return STOP_REASONS[board.field("read_status", "stop_reason")]
+
+
+def faults(board):
+    return board.field("read_status", "faults")
+
+
+# ---- link watchdog
+
+
+@pytest.mark.parametrize("period_ms", [50, 250, 1000, 10000])
+def test_link_watchdog_stops_in_time(bench, period_ms):
+    board = bench()
+    board.send("set_watchdog", period_ms)
+    board.forget()
+    board.raw(b"@11,100,0e", wait_s=0.0)
+    heard_s = board.board.now_s + 10 * 10 / 115200
+    board.run(period_ms * 1e-3 + 0.05)
+    stopped_s = board.write_times(0xFC)[0]
+    assert period_ms * 1e-3 <= stopped_s - heard_s + TICK_S <= period_ms * 1e-3 + REACTION_S
+
+
+def test_link_watchdog_stops_once(bench):
+    board = bench()
+    board.send("set_watchdog", 50)
+    board.forget()
+    board.run(0.5)
+    assert board.writes() == [STOP] and stop_reason(board) == "link_watchdog"
+
+
+def test_link_watchdog_is_off_until_set(bench):
+    """2013 hosts are silent while they drive."""
+    board = bench()
+    board.raw(b"@11,100,0e", wait_s=11.0)
+    assert STOP not in board.writes()
+
+
+def test_link_watchdog_can_be_turned_off(bench):
+    board = bench()
+    board.send("set_watchdog", 50)
+    board.send("set_watchdog", 0)
+    board.forget()
+    board.run(0.5)
+    assert not board.writes()
+
+
+def test_any_valid_frame_feeds_the_watchdog(bench):
+    board = bench()
+    board.send("set_watchdog", 100)
+    board.forget()
+    for _ in range(10):
+        board.send("get_stream", wait_s=0.08)
+    assert not board.writes()
+
+
+def test_garbage_does_not_feed_the_watchdog(bench):
+    board = bench()
+    board.send("set_watchdog", 100)
+    board.forget()
+    for _ in range(10):
+        board.raw(b"@99e@11,1xe", wait_s=0.08)
+    assert board.writes() == [STOP]
+
+
+def test_watchdog_answers_its_period(bench):
+    assert bench().ask("set_watchdog", 250).args == (250,)
+
+
+def test_watchdog_across_the_wrap_of_the_clock(bench):
+    """The 16-bit clock wraps 10 ms after the last frame: neither a false stop nor a missed one."""
+    board = bench(first_tick=65536 - int(0.13 / TICK_S))
+    board.send("set_watchdog", 100)
+    board.forget()
+    board.run(0.06)
+    early = board.writes()
+    board.run(0.1)
+    assert (early, board.writes()) == ([], [STOP])
+
+
+# ---- check mode
+
+
+def test_check_mode_ends_after_two_silent_seconds_with_a_stop(bench):
+    board = bench()
+    board.check(True)
+    board.forget()
+    board.run(1.9)
+    before = board.writes()
+    board.run(0.2)
+    board.decoder.checked = False
+    assert (before, board.writes()) == ([], [STOP])
+    assert stop_reason(board) == "check_ended"
+
+
+def test_check_mode_lives_on_valid_frames(bench):
+    board = bench()
+    board.check(True)
+    for _ in range(4):
+        board.send("get_stream", wait_s=1.0)
+    assert board.ask("get_stream").args == (0,)
+
+
+# ---- stall
+
+
+def test_after_a_stall_what_waited_is_dropped(bench):
+    """The loop stood still for 300 ms; a move came meanwhile."""
+    board = bench()
+    board.forget()
+    board.board.gap(board.board.now_s + 0.3, b"@11,100,0e")
+    board.run(0.05)
+    assert board.writes() == [STOP] and stop_reason(board) == "stall"
+
+
+def test_a_short_pause_drops_nothing(bench):
+    board = bench()
+    board.forget()
+    board.board.gap(board.board.now_s + 0.24, b"@11,100,0e")
+    board.run(0.05)
+    assert board.writes() == [b"\xeb\x00\x64\x00\x00"]
+
+
+def test_half_a_frame_from_before_a_stall_is_forgotten(bench):
+    board = bench()
+    board.raw(b"@11,100,", wait_s=0.01)
+    board.board.gap(board.board.now_s + 0.3, b"")
+    board.forget()
+    board.raw(b"0e", wait_s=0.02)
+    assert not board.writes(0xEB)
+
+
+# ---- boot
+
+
+def test_motors_are_stopped_first(bench):
+    board = bench(boot=False)
+    board.run(0.1)
+    assert board.writes()[0] == STOP and stop_reason(board) == "boot"
+
+
+def test_a_request_at_once_is_answered_at_once(bench):
+    """Within the 300 ms that a host may wait, with room to spare."""
+    board = bench(boot=False)
+    board.raw(b"@5e", wait_s=0.02)
+    assert board.frames()[0].code == 5
+
+
+@pytest.mark.parametrize(
+    "flags, cause",
+    [
+        (pc_board.POWER_ON, "power_on"),
+        (pc_board.EXTERNAL | pc_board.KEPT, "external"),
+        (pc_board.BROWN_OUT | pc_board.KEPT, "brown_out"),
+        (pc_board.WATCHDOG | pc_board.KEPT, "watchdog"),
+        (pc_board.MARKED | pc_board.KEPT, "watchdog"),
+        (pc_board.KEPT, "external"),
+        (0, "power_on"),
+    ],
+)
+def test_reset_cause(bench, flags, cause):
+    """The last three are behind a bootloader that clears the chip's flags."""
+    board = bench(reset_flags=flags)
+    assert RESET_CAUSES[board.field("read_status", "reset_cause")] == cause
+
+
+# ---- motor board
+
+
+def test_motor_board_gets_its_timeout(bench):
+    """300 ms by default, never 0."""
+    board = bench(boot=False)
+    board.run(0.1)
+    assert board.writes(0xF1) == [b"\xf1\x03\xaa\x03\x55"]
+
+
+@pytest.mark.parametrize("request_name", ["", "start_stream"])
+def test_motor_boards_timeout_is_fed(bench, request_name):
+    """Traffic at least every 100 ms, the shortest timeout there is, idle and behind a full-rate stream."""
+    board = bench()
+    if request_name:
+        board.send(request_name)
+    board.forget()
+    board.run(2.0)
+    times = [t for t, *_ in board.board.transfers]
+    assert max(later - earlier for earlier, later in zip(times, times[1:])) < 0.09
+
+
+def test_motor_board_that_vanishes_is_flagged_and_refused(bench):
+    board = bench()
+    board.plant.motor_board.present = False
+    board.run(0.2)
+    board.raw(b"@11,100,0e")
+    assert faults(board) & FAULT["motor_board"] and board.counter("unavailable") == 1
+    assert stop_reason(board) == "motor_board"
+
+
+def test_motor_board_that_comes_back_is_stopped_and_set_up(bench):
+    board = bench()
+    board.plant.motor_board.present = False
+    board.run(0.2)
+    board.forget()
+    board.plant.motor_board.present = True
+    board.run(0.2)
+    assert [data[0] for data in board.writes()] == [0xFC, 0xEA, 0xF4, 0xEC, 0xF1]
+
+
+def test_fault_stays_until_it_is_read(bench):
+    """A motor board that was away for a moment shows once."""
+    board = bench()
+    board.plant.motor_board.present = False
+    board.run(0.2)
+    board.plant.motor_board.present = True
+    board.run(0.2)
+    assert (faults(board), faults(board)) == (FAULT["motor_board"], 0)
+
+
+def test_a_move_is_tried_again(bench):
+    """Two refusals on the bus, then it arrives."""
+    board = bench()
+    refusals = [True, True]
+    board.board.nack = lambda address, data: data[0] == 0xEB and bool(refusals) and refusals.pop()
+    board.raw(b"@11,100,0e")
+    assert board.writes() == [b"\xeb\x00\x64\x00\x00"]
+
+
+def test_a_stop_drops_the_move_that_is_being_tried_again(bench):
+    board = bench()
+    refusals = [True, True, True]
+    board.board.nack = lambda address, data: data[0] == 0xEB and bool(refusals) and refusals.pop()
+    board.raw(b"@11,100,0e@13e", wait_s=0.03)
+    assert board.writes() == [STOP]
+
+
+def test_a_hung_bus_is_flagged_and_does_not_block(bench):
+    board = bench()
+    board.board.hang_bus(True)
+    board.raw(b"@6e", wait_s=0.3)
+    assert board.ask("get_stream").args == (0,)
+    both = FAULT["motor_board"] | FAULT["bus_hung"]
+    assert faults(board) & both == both and board.board.longest_pass_s < 0.025
+
+
+def test_a_bus_that_comes_free_is_used_again(bench):
+    board = bench()
+    board.board.hang_bus(True, recoveries=2)
+    board.run(0.5)
+    faults(board)
+    assert faults(board) == 0 and board.ask("read_encoders").args == (0, 0)
+
+
+def test_a_stop_during_a_hang_reaches_the_board_afterwards(bench):
+    board = bench()
+    board.board.hang_bus(True, recoveries=5)
+    board.run(0.1)
+    board.forget()
+    board.raw(b"@13e", wait_s=0.3)
+    assert STOP in board.writes()
+
+
+def test_sensor_board_without_motors_keeps_the_convention_of_2013(bench):
+    """Robot 6 and up, motor board never seen: 999 in 23, and nothing for 6."""
+    plant = Plant(robots.load("traxbot"), sonars=False)
+    plant.motor_board.present = False
+    board = bench(plant=plant, robot_id=7, library=pc_board.ENVIRONMENT)
+    board.send("start_sensor_stream", 50, wait_s=0.3)
+    board.send("read_encoders", wait_s=0.1)
+    assert {frame.code for frame in board.frames()} == {23} and board.frames()[0].args[:2] == (999, 999)
+
+
+def test_a_traxbot_without_its_motor_board_sends_no_999(bench):
+    plant = Plant(robots.load("traxbot"), sonars=False)
+    plant.motor_board.present = False
+    board = bench(plant=plant, robot_id=1, library=pc_board.ENVIRONMENT)
+    board.send("start_sensor_stream", 50, wait_s=0.3)
+    assert not board.frames()
+
+
+def test_guarded_requests_need_their_check_value(bench):
+    board = bench()
+    board.raw(b"@33,250e@32,1e@37e@36e@35,10,100e")
+    assert board.counter("bad_check") == 5 and encode_request(33, 250) != b"@33,250e"
