@@ -11,17 +11,18 @@ Leaving the block stops the robot.  All methods may be called from any thread, c
 import math
 import threading
 import time
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Union
+from typing import Any, List, NamedTuple, Optional, Union
 
 from . import battery, robots
-from .errors import BoardTimeout, FrameError, LinkLost, MrlError
+from .errors import BoardTimeout, ConfigError, FrameError, LinkLost, MrlError
 from .handshake import TIMEOUT_S, Board, Plan
 from .link import BAUD, Link
-from .odometry import ORIGIN, Pose, Twist
+from .readout import Readout
 from .robots import RobotModel
-from .session import Info, Session, SessionEvent, Status
+from .session import Info, Session, SessionEvent
 from .state import Notice, RobotState, Telemetry, limit
-from .statistics import Statistics
+
+__all__ = ["Board", "Driver", "Options", "Telemetry"]
 
 CLOSE_S = 0.8
 """`close` waits at most this long for telemetry to confirm the stop [s]."""
@@ -49,10 +50,9 @@ class Options(NamedTuple):
 
 
 DEFAULTS = Options()
-Listener = Callable[[Any], None]
 
 
-class Driver:
+class Driver(Readout):
     """A robot on a serial port.
 
     Args:
@@ -63,7 +63,8 @@ class Driver:
         options: see `Options`.
 
     Raises:
-        ConfigError: the robot model is unknown or wrong (when created, before the port is opened).
+        ConfigError: the robot model is unknown or wrong, or an option out of range (when created, before the
+            port is opened).
     """
 
     def __init__(
@@ -73,26 +74,17 @@ class Driver:
         baud: int = BAUD,
         options: Options = DEFAULTS,
     ) -> None:
+        _demand("baud", baud, 300, 4_000_000, "Bd", int)
+        _demand_options(options)
         self._port, self._baud, self._options = port, baud, options
         model = robot if isinstance(robot, RobotModel) else None if robot == "auto" else robots.load(robot)
-        self._state = RobotState(model, options.ignore_battery)
-        self._lock = threading.RLock()
+        super().__init__(RobotState(model, options.ignore_battery))
         self._changed = threading.Condition(self._lock)
         self._settled = threading.Event()
         self._link: Optional[Link] = None
-        self._session: Optional[Session] = None
         self._thread: Optional[threading.Thread] = None
-        self._error: Optional[MrlError] = None
         self._closing = self._leaving = False
         self._sleeps_until = 0.0
-        self._listeners: Dict[str, List[Listener]] = {
-            "telemetry": [],
-            "status": [],
-            "battery": [],
-            "state": [],
-        }
-
-    # -- life
 
     def connect(self) -> Board:
         """Open the port, greet the board, start its stream; the robot is told to stop and stays still.
@@ -162,8 +154,6 @@ class Driver:
                 raise self._error
             return ended
 
-    # -- motion
-
     def drive(self, linear_m_s: float, angular_rad_s: float) -> bool:
         """Drive at these speeds until told otherwise; faster than the model's limits is scaled down on the
         same arc.
@@ -189,7 +179,7 @@ class Driver:
                 f"drive({linear_m_s}, {angular_rad_s}): expected finite speeds; the robot was stopped"
             )
         with self._lock:
-            session = self._demand()
+            session = self._connected()
             if self.model is None or self._leaving or self._state.powerless:
                 return False
             linear_m_s, angular_rad_s = limit(linear_m_s, angular_rad_s, self.model)
@@ -204,7 +194,7 @@ class Driver:
             LinkLost: the port went away.
         """
         with self._lock:
-            session = self._demand()
+            session = self._connected()
             session.stop(time.monotonic())
             self._flush(session)
 
@@ -216,130 +206,9 @@ class Driver:
             LinkLost: the port went away.
         """
         with self._lock:
-            session = self._demand()
+            session = self._connected()
             session.request(code, *args)
             self._flush(session)
-
-    # -- state
-
-    @property
-    def model(self) -> Optional[RobotModel]:
-        """The robot's model; with `auto` it is None until `connect`."""
-        return self._state.model
-
-    @property
-    def ready(self) -> bool:
-        """The board is greeted, and its telemetry is not stale."""
-        session = self._session
-        return session is not None and session.ready and self._error is None
-
-    @property
-    def stopped(self) -> bool:
-        """No command is in force, and telemetry has confirmed the last stop."""
-        with self._lock:
-            motion = self._session.motion if self._session else None
-            return motion is None or (motion.target is None and not motion.stopping)
-
-    @property
-    def command(self) -> Optional[Twist]:
-        """The command in force, after limits; None while stopped."""
-        target = self._session.motion.target if self._session else None
-        return Twist(target[0] / 1000, target[1] / 1000) if target else None
-
-    @property
-    def error(self) -> Optional[MrlError]:
-        """What ended the driver, or None."""
-        return self._error
-
-    @property
-    def board(self) -> Board:
-        """Who answers; battery and temperature are at most 2 s old.
-
-        Raises:
-            BoardTimeout: not connected yet.
-        """
-        if self._state.info is None:
-            raise BoardTimeout("not connected; call connect() first")
-        return self._state.info
-
-    @property
-    def telemetry(self) -> Optional[Telemetry]:
-        """The last one, or None before the first."""
-        return self._state.telemetry
-
-    @property
-    def pose(self) -> Pose:
-        """Pose in the odom frame, (0, 0, 0) at the start; continuous over restarts of the board."""
-        return self._state.odometry.pose if self._state.odometry else ORIGIN
-
-    @property
-    def twist(self) -> Twist:
-        """Speeds in base_link, measured."""
-        return self._state.odometry.twist if self._state.odometry and self.ready else Twist(0.0, 0.0)
-
-    @property
-    def ranges(self) -> Dict[str, float]:
-        """Sonar name to range [m], REP-117; empty when telemetry is stale."""
-        return dict(self._state.ranges) if self.ready else {}
-
-    @property
-    def battery_v(self) -> float:
-        """Battery voltage, at most 2 s old; NaN before it is known."""
-        return self._state.info.battery_v if self._state.info else math.nan
-
-    @property
-    def battery_state(self) -> str:
-        """`ok`, `low`, `empty` or `off`, see `battery`."""
-        return self._state.battery_state
-
-    @property
-    def temperature_c(self) -> float:
-        """Temperature of the motor board; NaN before it is known."""
-        return self._state.info.temperature_c if self._state.info else math.nan
-
-    @property
-    def status(self) -> Optional[Status]:
-        """Uptime, stop reason, faults, clamped commands; None from 2013 boards."""
-        return self._session.status if self._session else None
-
-    @property
-    def age_s(self) -> float:
-        """Time since the last telemetry arrived; infinity before the first."""
-        return time.monotonic() - self._session.heard_s if self._session else math.inf
-
-    @property
-    def statistics(self) -> Statistics:
-        """Counters of the link.
-
-        Raises:
-            BoardTimeout: not connected yet.
-        """
-        with self._lock:
-            if self._session is None:
-                raise BoardTimeout("not connected; call connect() first")
-            counters = self._session.counters
-            counters.refused_counts = self._state.odometry.baseline.refused if self._state.odometry else 0
-            return counters.snapshot()
-
-    # -- callbacks: run on the reading thread, one after the other, without a lock held
-
-    def on_telemetry(self, callback: Callable[[Telemetry], None]) -> None:
-        """Call for each frame of the stream."""
-        self._listeners["telemetry"].append(callback)
-
-    def on_status(self, callback: Callable[[Status], None]) -> None:
-        """Call for each status of the board, twice a second."""
-        self._listeners["status"].append(callback)
-
-    def on_battery(self, callback: Callable[[Board], None]) -> None:
-        """Call for each new battery voltage and temperature."""
-        self._listeners["battery"].append(callback)
-
-    def on_event(self, callback: Callable[[Union[SessionEvent, MrlError]], None]) -> None:
-        """Call for `Ready`, `Stale` and `Reply` of `session`, and for the `MrlError` that ends the driver."""
-        self._listeners["state"].append(callback)
-
-    # -- the reading thread
 
     def _run(self) -> None:
         try:
@@ -382,11 +251,6 @@ class Driver:
         self._settled.set()
         self._call([("state", error)])
 
-    def _call(self, calls: List[Notice]) -> None:
-        for kind, value in calls:
-            for listener in self._listeners[kind]:
-                listener(value)
-
     def _digest(self, event: SessionEvent, now: float) -> List[Notice]:
         """Take an event into the robot's state, and stop a robot whose battery gives out."""
         notices = self._state.digest(event, now)
@@ -408,9 +272,7 @@ class Driver:
             slowing_s = abs(motion.target[0]) / 1000 / self.model.limits.linear_acceleration_m_s2
             motion.fade(now, min(GENTLE_S, slowing_s))
 
-    # -- helpers
-
-    def _demand(self) -> Session:
+    def _connected(self) -> Session:
         if self._error is not None:
             raise self._error
         if self._session is None or self._closing:
@@ -444,7 +306,7 @@ class Driver:
         try:
             with self._lock:
                 self._leaving = True
-                session = self._demand()
+                session = self._connected()
                 session.stop(time.monotonic())
                 self._flush(session)
             deadline = time.monotonic() + CLOSE_S
@@ -455,3 +317,17 @@ class Driver:
                 self._flush(session)
         except MrlError:
             return
+
+
+def _demand(name: str, value: Any, low: float, high: float, unit: str, *kinds: type) -> None:
+    if type(value) not in kinds or not low <= value <= high:
+        raise ConfigError(f"{name} is {value!r}, expected {low:g} to {high:g} {unit}")
+
+
+def _demand_options(options: Options) -> None:
+    """Raise ConfigError unless each option is in its range; bounds in ms are those of the command table."""
+    _demand("period_ms", options.period_ms, 0, 10000, "ms", int)
+    _demand("watchdog_ms", options.watchdog_ms, 0, 10000, "ms", int)
+    _demand("greeting_s", options.greeting_s, 0.1, 3600, "s", int, float)
+    if options.command_timeout_s is not None:
+        _demand("command_timeout_s", options.command_timeout_s, 0.01, 3600, "s", int, float)

@@ -139,9 +139,7 @@ class Handshake:
                 f"no answer to '@5e', but other bytes ({self._seen!r}): another device or firmware, or check "
                 "baud; flash the board with: make flash PORT=..."
             )
-        return (
-            "no answer to '@5e': check that the board is powered, that this is its port, and that it is flashed"
-        )
+        return "no answer to '@5e': check that the board is powered, that this is its port, and that it is flashed"
 
     def on_frame(self, frame: Frame, now: float) -> None:
         """A frame came.

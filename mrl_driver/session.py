@@ -10,7 +10,7 @@ from typing import Callable, List, NamedTuple, Optional, Tuple, Union
 from .clock import BoardClock
 from .codec import REPLIES, Event, Frame, FrameDecoder, Garbage, encode_request
 from .handshake import DEFAULT_PLAN, Board, Handshake, Plan, board_of
-from .motion import QUICK, SLOW, STOP, Motion
+from .motion import QUICK, SLOW, STOP, Motion, Pace
 from .statistics import Counters
 from .table import BY_NAME, FAULTS, RESET_CAUSES, STOP_REASONS
 
@@ -260,6 +260,11 @@ class Session:
             self._sonar_s = now + SONAR_2013_S
             self._send(_SONARS)
 
+    def _pace(self) -> Pace:
+        """Repeats that keep a watchdog fed, however short, with one of them lost."""
+        watchdog_s = self._plan.watchdog_ms / 1000
+        return QUICK._replace(repeat_s=min(QUICK.repeat_s, watchdog_s / 2.5)) if watchdog_s else QUICK
+
     # -- in
 
     def _reread(self, event: Event, now: float) -> Optional[Frame]:
@@ -364,7 +369,7 @@ class Session:
         self.counters.restarts += self.board is not None
         self.board = greeting.board
         old = self.board.version < 2
-        self.motion.pace, self.motion.skip_minus_one = (SLOW, True) if old else (QUICK, False)
+        self.motion.pace, self.motion.skip_minus_one = SLOW if old else self._pace(), old
         self._status_s = math.inf if old else now + STATUS_S
         self._info_s = now + (POLL_2013_S if old else INFO_S)
         if self._restarted:

@@ -271,6 +271,29 @@ def test_an_unknown_model_is_refused_before_the_port_is_opened():
         Driver("/nowhere", "nix")
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"period_ms": -1},
+        {"period_ms": 20.5},
+        {"watchdog_ms": 10001},
+        {"watchdog_ms": True},
+        {"command_timeout_s": math.nan},
+        {"command_timeout_s": 0},
+        {"greeting_s": "8"},
+    ],
+)
+def test_an_option_out_of_range_is_refused_before_the_port_is_opened(wrong):
+    with pytest.raises(ConfigError, match=f"{next(iter(wrong))} is .*, expected"):
+        Driver("/nowhere", options=Options(**wrong))
+
+
+@pytest.mark.parametrize("baud", [0, "115200", True, 10**9])
+def test_a_baud_rate_that_is_none_is_refused_before_the_port_is_opened(baud):
+    with pytest.raises(ConfigError, match="baud is .*, expected 300 to"):
+        Driver("/nowhere", baud=baud)
+
+
 def test_a_silent_port_is_no_robot():
     master, slave = os.openpty()
     tty.setraw(slave)

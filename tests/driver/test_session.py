@@ -247,11 +247,12 @@ def test_no_command_is_taken_before_the_board_is_ready():
     assert 11 not in codes(talk.run(2))
 
 
-def test_the_watchdog_is_fed_while_driving():
-    talk = Talk().until_ready()
+@pytest.mark.parametrize("watchdog_ms", [60, 250, 2000])
+def test_the_watchdog_is_fed_while_driving(watchdog_ms):
+    talk = Talk(plan=Plan(watchdog_ms=watchdog_ms)).until_ready()
     talk.session.drive(200, 0, talk.now)
-    talk.run(3)
-    assert talk.board.speeds == (200, 0)
+    for _ in range(300):
+        assert talk.run(0.01).board.speeds == (200, 0)
 
 
 def test_the_check_mode_is_fed_while_idle():

@@ -1,0 +1,154 @@
+"""What a driver tells: its properties and its callbacks, apart from what it does."""
+
+import math
+import threading
+import time
+from typing import Any, Callable, Dict, List, Optional, Union
+
+from .errors import BoardTimeout, MrlError
+from .handshake import Board
+from .odometry import ORIGIN, Pose, Twist
+from .robots import RobotModel
+from .session import Session, SessionEvent, Status
+from .state import Notice, RobotState, Telemetry
+from .statistics import Statistics
+
+Listener = Callable[[Any], None]
+
+
+class Readout:
+    """The part of `Driver` that may be read at any time, from any thread."""
+
+    def __init__(self, state: RobotState) -> None:
+        self._lock = threading.RLock()
+        self._state = state
+        self._session: Optional[Session] = None
+        self._error: Optional[MrlError] = None
+        self._listeners: Dict[str, List[Listener]] = {
+            "telemetry": [],
+            "status": [],
+            "battery": [],
+            "state": [],
+        }
+
+    @property
+    def model(self) -> Optional[RobotModel]:
+        """The robot's model; with `auto` it is None until `connect`."""
+        return self._state.model
+
+    @property
+    def ready(self) -> bool:
+        """The board is greeted, and its telemetry is not stale."""
+        session = self._session
+        return session is not None and session.ready and self._error is None
+
+    @property
+    def stopped(self) -> bool:
+        """No command is in force, and telemetry has confirmed the last stop."""
+        with self._lock:
+            motion = self._session.motion if self._session else None
+            return motion is None or (motion.target is None and not motion.stopping)
+
+    @property
+    def command(self) -> Optional[Twist]:
+        """The command in force, after limits; None while stopped."""
+        target = self._session.motion.target if self._session else None
+        return Twist(target[0] / 1000, target[1] / 1000) if target else None
+
+    @property
+    def error(self) -> Optional[MrlError]:
+        """What ended the driver, or None."""
+        return self._error
+
+    @property
+    def board(self) -> Board:
+        """Who answers; battery and temperature are at most 2 s old.
+
+        Raises:
+            BoardTimeout: not connected yet.
+        """
+        if self._state.info is None:
+            raise BoardTimeout("not connected; call connect() first")
+        return self._state.info
+
+    @property
+    def telemetry(self) -> Optional[Telemetry]:
+        """The last one, or None before the first."""
+        return self._state.telemetry
+
+    @property
+    def pose(self) -> Pose:
+        """Pose in the odom frame, (0, 0, 0) at the start; continuous over restarts of the board."""
+        return self._state.odometry.pose if self._state.odometry else ORIGIN
+
+    @property
+    def twist(self) -> Twist:
+        """Speeds in base_link, measured."""
+        return self._state.odometry.twist if self._state.odometry and self.ready else Twist(0.0, 0.0)
+
+    @property
+    def ranges(self) -> Dict[str, float]:
+        """Sonar name to range [m], REP-117; empty when telemetry is stale."""
+        return dict(self._state.ranges) if self.ready else {}
+
+    @property
+    def battery_v(self) -> float:
+        """Battery voltage, at most 2 s old; NaN before it is known."""
+        return self._state.info.battery_v if self._state.info else math.nan
+
+    @property
+    def battery_state(self) -> str:
+        """`ok`, `low`, `empty` or `off`, see `battery`."""
+        return self._state.battery_state
+
+    @property
+    def temperature_c(self) -> float:
+        """Temperature of the motor board; NaN before it is known."""
+        return self._state.info.temperature_c if self._state.info else math.nan
+
+    @property
+    def status(self) -> Optional[Status]:
+        """Uptime, stop reason, faults, clamped commands; None from 2013 boards."""
+        return self._session.status if self._session else None
+
+    @property
+    def age_s(self) -> float:
+        """Time since the last telemetry arrived; infinity before the first."""
+        return time.monotonic() - self._session.heard_s if self._session else math.inf
+
+    @property
+    def statistics(self) -> Statistics:
+        """Counters of the link.
+
+        Raises:
+            BoardTimeout: not connected yet.
+        """
+        with self._lock:
+            if self._session is None:
+                raise BoardTimeout("not connected; call connect() first")
+            counters = self._session.counters
+            counters.refused_counts = self._state.odometry.baseline.refused if self._state.odometry else 0
+            return counters.snapshot()
+
+    # -- callbacks: run on the reading thread, one after the other, without a lock held
+
+    def on_telemetry(self, callback: Callable[[Telemetry], None]) -> None:
+        """Call for each frame of the stream."""
+        self._listeners["telemetry"].append(callback)
+
+    def on_status(self, callback: Callable[[Status], None]) -> None:
+        """Call for each status of the board, twice a second."""
+        self._listeners["status"].append(callback)
+
+    def on_battery(self, callback: Callable[[Board], None]) -> None:
+        """Call for each new battery voltage and temperature."""
+        self._listeners["battery"].append(callback)
+
+    def on_event(self, callback: Callable[[Union[SessionEvent, MrlError]], None]) -> None:
+        """Call for `Ready`, `Stale` and `Reply` of `session`, and for the `MrlError` that ends the driver."""
+        self._listeners["state"].append(callback)
+
+    def _call(self, notices: List[Notice]) -> None:
+        for kind, value in notices:
+            for listener in self._listeners[kind]:
+                listener(value)
