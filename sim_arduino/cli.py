@@ -24,12 +24,15 @@ class _OneLine(click.Command):
     """Ends with one line and the error's own exit code."""
 
     def main(self, *args: Any, **kwargs: Any) -> Any:
-        """As click's, but errors of this project cost one line."""
+        """As click's, but an error costs one line."""
         try:
-            return super().main(*args, **kwargs)
-        except MrlError as error:
-            click.echo(f"mrl-sim: {error}", err=True)
+            super().main(*args, **{**kwargs, "standalone_mode": False})
+        except (MrlError, click.ClickException) as error:
+            text = error.format_message() if isinstance(error, click.ClickException) else str(error)
+            click.echo(f"mrl-sim: {' '.join(text.split())}", err=True)
             sys.exit(error.exit_code)
+        except click.Abort:
+            sys.exit(130)
 
 
 @click.command(cls=_OneLine)

@@ -55,13 +55,8 @@ class PtyServer:
         self._running = False
         try:
             os.write(self._waker, b"x")
-        except BlockingIOError:
+        except OSError:
             pass
-
-    @property
-    def wake_descriptor(self) -> int:
-        """For signal.set_wakeup_fd."""
-        return self._waker
 
     def run(self) -> None:
         """Serves until `stop`."""

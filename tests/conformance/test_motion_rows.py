@@ -1,0 +1,121 @@
+"""Rows that move the motors or set up their board: what reaches the motor board."""
+
+import pytest
+
+
+@pytest.mark.parametrize(
+    "name, args, reached",
+    [
+        ("calibrate", (), [(0xFB, 1, 1, 1)]),
+        ("set_pid_gains", (900, 300, 10), [(0xF4, 900, 300, 10)]),
+        ("set_encoder_prescaler", (3, 1), [(0xF0, 3, 1)]),
+        ("preset_encoder", (1, -5), [(0xEF, 1, -5)]),
+        ("move_motors_pid", (40, -30), [(0xF8, 40, 0, -30)]),
+        ("move_motors", (-40, 30), [(0xF7, -40, 0, 30)]),
+        ("move_differential", (500, -800), [(0xEB, 500, -800)]),
+        ("move_differential", (-1, 0), [(0xEB, -1, 0)]),
+        ("move_to_position", (3, 50, -1000), [(0xEE, 3, 50, -1000, 1)]),
+        ("stop", (), [(0xFC,)]),
+        ("reset_encoders", (), [(0xEF, 1, 0), (0xEF, 2, 0), (0xEF, 3, 0)]),
+    ],
+)
+def test_reaches_the_motor_board(bench, name, args, reached):
+    assert bench.ask(name, *args, wait_s=0.08) == []
+    assert bench.commands() == reached
+
+
+def test_set_up_of_the_motor_board(make):
+    """Boot stops the motors, then tells geometry, gains, ramp and I2C timeout."""
+    bench = make(wake=False)
+    bench.run(0.4)
+    assert bench.commands() == [
+        (0xFC,),
+        (0xEA, 8700, 2700, 437, 640),
+        (0xF4, 700, 400, 200),
+        (0xEC, 2500, 0),
+        (0xF1, 3),
+    ]
+
+
+def test_set_up_respects_the_motor_boards_eeprom(make):
+    assert make().plant.motor_board.too_early == 0
+
+
+def test_speed_beyond_the_ceiling_is_clamped(bench):
+    bench.ask("move_differential", 2000, 0)
+    assert bench.commands() == [(0xEB, 650, 0)]
+    assert bench.status().clamped == 1
+
+
+def test_clamping_keeps_the_curvature(bench):
+    bench.ask("move_differential", 1300, 2000)
+    assert bench.commands() == [(0xEB, 650, 1000)]
+
+
+def test_the_angular_ceiling_holds_too(bench):
+    bench.ask("move_differential", 100, -20000)
+    assert bench.commands() == [(0xEB, 25, -5000)]
+
+
+def test_the_widest_ceiling_passes_everything(bench):
+    bench.write_config("linear_ceiling", 32767)
+    bench.ask("move_differential", -32768, 0)
+    assert bench.commands()[-1] == (0xEB, -32768, 0)
+
+
+def test_drives_at_the_speed_that_was_asked_for(bench):
+    bench.ask("move_differential", 300, 0, wait_s=4.0)
+    before = bench.plant.true_pose.x_m
+    bench.run(1.0)
+    assert bench.plant.true_pose.x_m - before == pytest.approx(0.3, abs=0.003)
+
+
+def test_motor_boards_timeout_is_fed(bench):
+    """Nobody asks for anything; the board itself keeps the motor board's timeout from ending the drive."""
+    bench.ask("move_differential", 200, 0, wait_s=3.0)
+    before = bench.plant.true_pose.x_m
+    bench.run(1.0)
+    assert bench.plant.true_pose.x_m - before > 0.19
+
+
+# ---- without a motor board
+
+
+@pytest.mark.parametrize(
+    "name, args",
+    [
+        ("calibrate", ()),
+        ("set_pid_gains", (1, 1, 1)),
+        ("set_encoder_prescaler", (1, 0)),
+        ("preset_encoder", (1, 0)),
+        ("move_motors_pid", (1, 1)),
+        ("move_motors", (1, 1)),
+        ("move_differential", (1, 1)),
+        ("move_to_position", (1, 1, 1)),
+        ("stop", ()),
+        ("read_encoders", ()),
+        ("read_encoders_and_sonars", ()),
+    ],
+)
+def test_without_a_motor_board_nothing_is_answered_and_the_refusal_is_counted(make, name, args):
+    bench = make(wake=False)
+    bench.plant.motor_board.present = False
+    bench.run(0.4)
+    assert bench.ask(name, *args) == []
+    assert bench.counters() == {"unavailable": 1}
+
+
+def test_a_lost_motor_board_is_a_fault(bench):
+    bench.plant.motor_board.present = False
+    bench.ask("read_encoders", wait_s=0.3)
+    assert bench.status().faults == 1
+
+
+def test_a_motor_board_that_comes_back_is_stopped_and_set_up(bench):
+    bench.plant.motor_board.present = False
+    bench.ask("read_encoders", wait_s=0.3)
+    bench.plant.motor_board.present = True
+    bench.run(0.3)
+    bench.ask("read_encoders")
+    codes = [command[0] for command in bench.commands()]
+    assert codes == [0xFC, 0xEA, 0xF4, 0xEC, 0xF1]

@@ -1,0 +1,236 @@
+"""Rows about the board itself, and what stops the robot when nobody tells it to."""
+
+import pytest
+
+from mrl_driver.codec import Frame, Garbage, encode_request
+from mrl_driver.table import PARAMETER_BY_NAME, RESET_CAUSES, STOP_REASONS
+
+WATCHDOG_MARGIN_S = 0.015
+STALL_S = 0.254
+"""Longer than the 250 ms after which bytes are stale; a CPU that serves no interrupt for 256 ms is reset."""
+
+
+def stop_time(bench):
+    """When the motor board got its last stop [s]."""
+    return [each.time_s for each in bench.plant.motor_board.commands if each.code == 0xFC][-1]
+
+
+def test_robot_info(make):
+    bench = make(robot="stingbot", battery_v=11.4)
+    assert bench.reply("robot_info") == (2500, 172, 1140, 2, 4)
+
+
+def test_protocol_and_capabilities_of_the_sonar_build(bench):
+    assert bench.reply("read_protocol") == (2, 1 + 2 + 4 + 8 + 16)
+
+
+def test_protocol_and_capabilities_of_the_environment_build(sensors):
+    assert sensors.reply("read_protocol") == (2, 1 + 2 + 4 + 8 + 32)
+
+
+def test_status_after_power_on(bench):
+    status = bench.status()
+    assert RESET_CAUSES[status.reset_cause] == "power_on"
+    assert STOP_REASONS[status.stop_reason] == "boot"
+    assert status.faults == 0
+
+
+def test_uptime_counts_seconds(bench):
+    bench.run(2.0)
+    assert bench.status().uptime == 2
+
+
+def test_stop_by_the_host_is_told(bench):
+    bench.ask("stop")
+    assert STOP_REASONS[bench.status().stop_reason] == "host"
+
+
+def test_debug_is_off_at_first_and_can_be_set(bench):
+    assert bench.reply("get_debug") == (0,)
+    bench.ask("set_debug", 1)
+    assert Frame(15, (1,)) in bench.ask("get_debug")
+
+
+def test_debug_text_holds_no_frame(bench):
+    bench.ask("set_debug", 1)
+    assert bench.send(b"@1xe") == b"[ERROR] not_integer\r\n"
+
+
+def test_reset_button(bench):
+    bench.ask("move_differential", 300, 0)
+    bench.board.reset()
+    bench.run(0.6)
+    status = bench.status()
+    assert RESET_CAUSES[status.reset_cause] == "external"
+    assert STOP_REASONS[status.stop_reason] == "boot"
+    assert bench.plant.robot.motors[0].mode.value == "brake"
+
+
+# ---- check value
+
+
+def test_check_mode_adds_check_sequence_and_time(bench):
+    assert bench.reply("set_check", 1) == (1,)
+    first, second = (bench.ask("read_encoders")[0].stamp for _ in range(2))
+    assert second.sequence - first.sequence == 1
+    assert second.time - first.time == pytest.approx(0.05 / 64e-6, abs=0.002 / 64e-6)
+
+
+def test_in_check_mode_a_bare_request_is_refused(bench):
+    bench.ask("set_check", 1)
+    assert bench.send(b"@6e") == b""
+    assert bench.counters() == {"bad_check": 1}
+
+
+def test_a_plain_stop_works_in_check_mode(bench):
+    bench.ask("set_check", 1)
+    bench.send(b"@13e")
+    assert bench.commands() == [(0xFC,)]
+
+
+def test_the_host_ends_check_mode(bench):
+    bench.ask("set_check", 1)
+    assert bench.send(encode_request(32, 0, checked=True)).startswith(b"@32,0e")
+
+
+def test_check_mode_ends_with_the_link_and_stops_the_motors(bench):
+    bench.ask("set_check", 1)
+    bench.ask("move_differential", 200, 0)
+    bench.run(2.1)
+    bench.checked = False
+    assert STOP_REASONS[bench.status().stop_reason] == "check_ended"
+    assert bench.commands()[-1] == (0xFC,)
+
+
+# ---- watchdog
+
+
+@pytest.mark.parametrize("period_ms", [100, 250, 500])
+def test_watchdog_stops_the_motors(bench, period_ms):
+    bench.ask("set_watchdog", period_ms)
+    bench.send(b"@11,200,0e", wait_s=0.0)
+    silent_from = bench.now_s + 10 * 86.8e-6
+    bench.run(period_ms / 1000 + 0.1)
+    assert 0 <= stop_time(bench) - silent_from - period_ms / 1000 + 0.001 <= WATCHDOG_MARGIN_S
+    assert STOP_REASONS[bench.status().stop_reason] == "link_watchdog"
+
+
+def test_watchdog_is_off_until_it_is_set(bench):
+    bench.ask("move_differential", 200, 0)
+    bench.run(3.0)
+    assert (0xFC,) not in bench.commands()
+
+
+def test_watchdog_sleeps_while_frames_come(bench):
+    bench.ask("set_watchdog", 200)
+    bench.commands()
+    for _ in range(10):
+        bench.ask("read_encoders", wait_s=0.1)
+    assert bench.commands() == []
+
+
+def test_garbage_does_not_feed_the_watchdog(bench):
+    bench.ask("set_watchdog", 200)
+    for _ in range(4):
+        bench.send(b"@99e@6xe", wait_s=0.1)
+    assert (0xFC,) in bench.commands()
+
+
+# ---- stalls
+
+
+def test_a_stall_stops_the_motors_and_drops_what_waited(bench):
+    bench.ask("move_differential", 200, 0)
+    bench.commands()
+    bench.now_s += STALL_S
+    bench.board.gap(bench.now_s, b"@11,300,0e" * 40)
+    bench.run(0.1)
+    assert [command for command in bench.commands() if command[0] == 0xEB] == []
+    assert STOP_REASONS[bench.status().stop_reason] == "stall"
+
+
+# ---- configuration
+
+
+def test_parameters_are_read_by_number(bench):
+    number = PARAMETER_BY_NAME["linear_ceiling"].number
+    assert bench.reply("read_config", number) == (number, 650)
+
+
+def test_a_written_parameter_is_in_force_at_once(bench):
+    bench.write_config("linear_ceiling", 100)
+    bench.ask("move_differential", 300, 0)
+    assert bench.commands()[-1] == (0xEB, 100, 0)
+
+
+@pytest.mark.parametrize(
+    "name, value, reached",
+    [
+        ("axis_radius", 9000, (0xEA, 9000, 2700, 437, 640)),
+        ("kp", 800, (0xF4, 800, 400, 200)),
+        ("ramp_time", 1000, (0xEC, 1000, 0)),
+        ("motor_timeout", 5, (0xF1, 5)),
+    ],
+)
+def test_the_motor_board_is_told_what_concerns_it(bench, name, value, reached):
+    bench.write_config(name, value)
+    assert bench.commands() == [reached]
+
+
+def test_a_parameter_out_of_its_range_is_refused(bench):
+    number = PARAMETER_BY_NAME["linear_ceiling"].number
+    assert bench.ask("write_config", number, 0) == []
+    assert bench.counters() == {"argument_range": 1}
+
+
+def test_unsaved_parameters_are_gone_after_a_reset(bench):
+    bench.write_config("linear_ceiling", 100)
+    bench.board.reset()
+    bench.run(0.6)
+    assert bench.reply("read_config", 10) == (10, 650)
+
+
+def test_saved_parameters_survive_a_reset(bench):
+    bench.write_config("linear_ceiling", 100)
+    assert bench.reply("save_config", wait_s=0.3) == (1,)
+    bench.board.reset()
+    bench.run(0.6)
+    assert bench.reply("read_config", 10) == (10, 100)
+    assert bench.status().faults == 0
+
+
+def test_defaults_follow_the_robot_id(bench):
+    bench.write_config("robot_id", 4)
+    assert bench.reply("default_config") == (1,)
+    assert bench.reply("read_config", 1) == (1, 11000)
+    assert bench.reply("read_config", 0) == (0, 4)
+
+
+def test_an_unset_id_is_a_fault(bench):
+    bench.write_config("robot_id", 0)
+    assert bench.status().faults == 8
+
+
+def test_guarded_requests_need_their_check_value(bench):
+    assert bench.send(b"@35,10,100e@36e@37e@33,100e@32,1e") == b""
+    assert bench.counters() == {"bad_check": 5}
+
+
+# ---- what arrives together
+
+
+def test_frames_cut_by_a_newer_one_still_stop(bench):
+    assert bench.send(b"@11,50@13e") == b""
+    assert bench.commands() == [(0xFC,)]
+
+
+def test_many_requests_at_once_are_answered_in_order(bench):
+    got = bench.ask("read_encoders") and bench.send(b"@6e@15e@17e@29e")
+    assert got == b"@6,0,0e\r\n@15,0e\r\n@17,0e\r\n@29,2,31e\r\n"
+
+
+def test_more_questions_than_the_wire_can_answer_are_counted(bench):
+    """Each of 5 bytes asks for 23; those that find no room are lost, the next one is answered."""
+    bench.send(b"@5e" * 100, wait_s=0.5)
+    assert bench.counters()["overrun"] > 0
+    assert not any(isinstance(event, Garbage) for event in bench.ask("robot_info"))
