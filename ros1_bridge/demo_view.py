@@ -170,8 +170,12 @@ def main(argv: Optional[List[str]] = None) -> int:
     else:
         good = run_lines(view, clock)
     view.halt()
-    _say(summary(view.snapshot()) if good else f"no odometry within {PATIENCE_S:.0f} s")
-    return 0 if good else 1
+    if not good:
+        _say(f"no odometry within {PATIENCE_S:.0f} s")
+        return 1
+    if view.snapshot().frames:
+        _say(summary(view.snapshot()))
+    return 0
 
 
 def _say(text: str) -> None:

@@ -1,9 +1,15 @@
 """`make run` as a program: what it prints, how it ends, and that nothing is left behind."""
 
+import fcntl
 import os
+import pty
+import select
 import signal
+import struct
 import subprocess
 import sys
+import termios
+import time
 import uuid
 from pathlib import Path
 
@@ -15,32 +21,22 @@ from ros1_bridge.run import master_answers
 from .rig import ROOT, START_S, free_port
 
 END_S = 6.0
+MOVE = 11
+PYTHON = ("--engine", "python")
 
 
 class Started:
-    """A run on a ROS master of its own, logs in `folder`; its processes carry a mark in their environment."""
+    """A run with its logs in `folder`; its processes carry a mark in their environment."""
 
-    def __init__(self, folder, *options, **env):
+    def __init__(self, folder, *options, uri, terminal=None):
         self._mark = uuid.uuid4().hex
-        uri = f"http://127.0.0.1:{free_port()}"
-        self.env = {**os.environ, "ROS_MASTER_URI": uri, "MRL_RUN_MARK": self._mark, **env}
-        command = [
-            sys.executable,
-            "-m",
-            "ros1_bridge.run",
-            "--engine",
-            "python",
-            "--logs",
-            str(folder),
-            *options,
-        ]
-        pipe = subprocess.PIPE
+        env = {**os.environ, "ROS_MASTER_URI": uri, "MRL_RUN_MARK": self._mark, "TERM": "xterm"}
         self.process = subprocess.Popen(
-            command,
+            [sys.executable, "-m", "ros1_bridge.run", "--logs", str(folder), *options],
             cwd=ROOT,
-            env=self.env,
-            stdin=subprocess.DEVNULL,
-            stdout=pipe,
+            env=env,
+            stdin=subprocess.DEVNULL if terminal is None else terminal,
+            stdout=subprocess.PIPE if terminal is None else terminal,
             stderr=subprocess.STDOUT,
             text=True,
         )
@@ -73,23 +69,36 @@ class Started:
 
 
 @pytest.fixture
-def start(tmp_path):
+def start(tmp_path, master):
+    """Starts runs: on the worker's master, or with `alone` on one that they must start themselves."""
     runs = []
 
-    def starter(*options, **env):
-        runs.append(Started(tmp_path, *options, **env))
+    def starter(*options, alone=False, terminal=None):
+        uri = f"http://127.0.0.1:{free_port()}" if alone else master["ROS_MASTER_URI"]
+        runs.append(Started(tmp_path, *options, uri=uri, terminal=terminal))
         return runs[-1]
 
     yield starter
     for run in runs:
         for pid in run.alive():
             os.kill(pid, signal.SIGKILL)
-        run.process.stdout.close()
+        if run.process.stdout:
+            run.process.stdout.close()
         run.process.wait()
 
 
+@pytest.fixture
+def terminal():
+    """Both ends of a terminal: the user's and the program's."""
+    user, program = pty.openpty()
+    fcntl.ioctl(program, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 100, 0, 0))
+    yield user, program
+    os.close(user)
+    os.close(program)
+
+
 def test_duration_ends_the_run_with_a_summary_and_nothing_left(start):
-    run = start("--duration", "2.5")
+    run = start(*PYTHON, "--duration", "2.5", alone=True)
     output = run.end()
     assert run.process.returncode == 0, output
     assert output.splitlines()[-1].startswith("ran 2.5 s: pose x ")
@@ -97,8 +106,16 @@ def test_duration_ends_the_run_with_a_summary_and_nothing_left(start):
     assert run.alive() == []
 
 
+def test_firmware_image_is_what_is_emulated(start):
+    """The image is there: `make test` has built it."""
+    run = start("--duration", "1")
+    output = run.end()
+    assert run.process.returncode == 0, output
+    assert "emulated in Python" not in output
+
+
 def test_interrupt_ends_everything(start):
-    run = start()
+    run = start(*PYTHON, alone=True)
     run.wait_for_odometry()
     run.process.send_signal(signal.SIGINT)
     output = run.end()
@@ -107,7 +124,7 @@ def test_interrupt_ends_everything(start):
 
 
 def test_killed_supervisor_leaves_nothing(start):
-    run = start()
+    run = start(*PYTHON, alone=True)
     run.wait_for_odometry()
     run.process.kill()
     assert wait_until(lambda: run.alive() == [], END_S), [
@@ -116,7 +133,7 @@ def test_killed_supervisor_leaves_nothing(start):
 
 
 def test_part_that_dies_ends_the_run_with_its_code_and_words(start):
-    run = start()
+    run = start(*PYTHON)
     run.wait_for_odometry()
     os.kill(run.named("sim_arduino"), signal.SIGKILL)
     output = run.end()
@@ -126,7 +143,7 @@ def test_part_that_dies_ends_the_run_with_its_code_and_words(start):
 
 
 def test_foreign_roscore_is_used_and_left_running(start, master):
-    run = start("--duration", "1", ROS_MASTER_URI=master["ROS_MASTER_URI"])
+    run = start(*PYTHON, "--duration", "1")
     assert "using the roscore that runs at" in run.end()
     assert run.process.returncode == 0
     assert master_answers(master["ROS_MASTER_URI"])
@@ -145,3 +162,28 @@ def test_real_robot_is_not_moved_unasked(start, rig):
     assert run.end()
     assert run.process.returncode == 0
     assert not any(b"@11," in data for _, data in wire.sent)
+
+
+def shown(user, words):
+    """Read the terminal until it shows `words`."""
+    seen, until = b"", time.monotonic() + START_S
+    while words not in seen:
+        assert select.select([user], [], [], max(0.0, until - time.monotonic()))[0], seen[-2000:]
+        seen += os.read(user, 65536)
+
+
+def test_keys_drive_a_real_robot_and_q_gives_back_the_terminal(start, rig, terminal):
+    user, program = terminal
+    settings = termios.tcgetattr(program)
+    wire = rig.tap(rig.board().port)
+    run = start("--port", wire.port, terminal=program)
+    shown(user, b" Hz, ")
+    since = time.monotonic()
+    os.write(user, b"w")
+    shown(user, b"keyboard")
+    assert wire.wait_for(MOVE, since) < since + 1.0
+    shown(user, b"stopped")
+    os.write(user, b"q")
+    shown(user, b"ran ")
+    assert run.process.wait(START_S) == 0
+    assert termios.tcgetattr(program) == settings
