@@ -14,7 +14,7 @@ namespace bus {
 namespace {
 
 // The longest transfer, 10 bytes at 100 kHz, takes 1.2 ms; the rest is for slaves that stretch the clock.
-constexpr uint32_t LIMIT = board_clock::of_ms(8);
+constexpr uint32_t LIMIT = board_clock::of_ms(5);
 constexpr uint32_t REST_AFTER_HANG = board_clock::of_ms(16);
 
 enum class Owner : uint8_t { none, motor_board, sensor } owner;

@@ -9,6 +9,7 @@
 #include "frame_writer.h"
 #include "hal.h"
 #include "motor_board.h"
+#include "sonar.h"
 #include "status.h"
 
 namespace mrl {
@@ -137,6 +138,7 @@ bool read_block() {
 void apply() {
   status::set_fault(FAULT_ID_UNSET, !id());
   bus::configure();
+  sonar::configure();
   // A save that is under way starts again, or it would mix old and new values.
   saving = 0;
 }

@@ -202,10 +202,11 @@ void succeed() {
 
 void fail(bus::Result result) {
   status::set_fault(FAULT_MOTOR_BOARD, true);
-  if (kind == Kind::counts) state = CountsState::failed;
+  const bool hung = result == bus::Result::hung;
+  if (kind == Kind::counts || (hung && state == CountsState::wanted)) state = CountsState::failed;
   if (kind == Kind::set_up) set_up_todo |= set_up_now;
   if (kind == Kind::command && !drop_current) retry_current = true;
-  failures = static_cast<uint8_t>(failures + (result == bus::Result::hung ? 2 : 1));
+  failures = static_cast<uint8_t>(failures + (hung ? 2 : 1));
   if (kind == Kind::ask || failures >= FAILURES_ALLOWED) return lose();
   pause(PAUSE_AFTER_FAILURE_MS);
 }

@@ -17,11 +17,16 @@ namespace sonar {
 // range at 645 cm, which it gives as about 645 counts.
 constexpr uint16_t LOWEST_COUNT = 10, NOTHING_FROM = 640, HIGHEST_COUNT = 700;
 
+static PowerLaw curve;
+
 int16_t range_cm(uint16_t count) {
   if (count < LOWEST_COUNT || count > HIGHEST_COUNT) return SONAR_INVALID;
   if (count >= NOTHING_FROM) return SONAR_NOTHING;
-  return power_law(count, config::get(Parameter::sonar_a), config::get(Parameter::sonar_b),
-                   config::get(Parameter::sonar_c));
+  return curve.at(count);
+}
+
+void configure() {
+  curve.set(config::get(Parameter::sonar_a), config::get(Parameter::sonar_b), config::get(Parameter::sonar_c));
 }
 
 #if MRL_ENVIRONMENT

@@ -7,6 +7,8 @@ namespace sonar {
 
 // Powers the sonars; they need 250 ms before their first reading.
 void begin();
+// Takes the curve from the configuration.
+void configure();
 void service();
 // The rows of the reply to 7: front, left, right [cm].
 void report();

@@ -45,18 +45,11 @@ int32_t log2_of(uint16_t value) {
   return static_cast<int32_t>(static_cast<uint32_t>(exponent) << 16 | between(LOG2, fraction));
 }
 
-constexpr int32_t ONE = 10000;       // 1 in the unit of a, b and c
+constexpr int32_t ONE = 10000;        // 1 in the unit of a, b and c
 constexpr int32_t LOG2_ONE = 870824;  // log2(10000) in 1 / 65536
 constexpr int16_t FARTHEST = 1250;
 constexpr uint8_t FRACTION_BITS = 15;
 constexpr int32_t UNIT = static_cast<int32_t>(1) << FRACTION_BITS;
-
-// b log2(s), with b in 1e-4 up to 20000, in 1 / 65536; split so that no product leaves 32 bits.
-int32_t power_of(int32_t log2_s, uint16_t b) {
-  const int32_t high = log2_s >> 10, low = log2_s & 0x3FF;
-  const int32_t product = high * b;
-  return (product / ONE) * 1024 + ((product % ONE) * 1024 + low * b) / ONE;
-}
 
 // 2^(log2 / 65536) in 1 / 32768; at most 2^11, which is beyond all that the wire carries.
 int32_t exp2_of(int32_t log2) {
@@ -69,11 +62,19 @@ int32_t exp2_of(int32_t log2) {
 
 }  // namespace
 
-int16_t power_law(uint16_t count, int16_t a, int16_t b, int16_t c) {
-  const int32_t log2_range =
-      power_of(log2_of(count), static_cast<uint16_t>(b)) + log2_of(static_cast<uint16_t>(a)) - LOG2_ONE;
-  const int32_t offset = c * UNIT / ONE;
-  const int32_t range = (exp2_of(log2_range) + offset + UNIT / 2) >> FRACTION_BITS;
+void PowerLaw::set(int16_t a, int16_t b, int16_t c) {
+  log2_a_ = log2_of(static_cast<uint16_t>(a)) - LOG2_ONE;
+  b_ = (static_cast<uint32_t>(b) << 16) / ONE;
+  c_ = c * UNIT / ONE;
+}
+
+int16_t PowerLaw::at(uint16_t count) const {
+  // 20 bits times 18 bits, in two pieces that leave 32 bits alone.
+  const uint32_t log2_count = static_cast<uint32_t>(log2_of(count));
+  const uint32_t high = log2_count >> 10, low = log2_count & 0x3FF;
+  const uint32_t power = (high * b_ + (low * b_ >> 10)) >> 6;
+  const int32_t log2_range = static_cast<int32_t>(power) + log2_a_;
+  const int32_t range = (exp2_of(log2_range) + c_ + UNIT / 2) >> FRACTION_BITS;
   return static_cast<int16_t>(range < 0 ? 0 : range > FARTHEST ? FARTHEST : range);
 }
 

@@ -229,8 +229,9 @@ int pc_decoder_reason() { return static_cast<int>(decoder.reason()); }
 int pc_decoder_length() { return decoder.length(); }
 
 int pc_power_law(int count, int a, int b, int c) {
-  return mrl::power_law(static_cast<uint16_t>(count), static_cast<int16_t>(a), static_cast<int16_t>(b),
-                        static_cast<int16_t>(c));
+  mrl::PowerLaw curve;
+  curve.set(static_cast<int16_t>(a), static_cast<int16_t>(b), static_cast<int16_t>(c));
+  return curve.at(static_cast<uint16_t>(count));
 }
 int pc_range_cm(int count) { return mrl::sonar::range_cm(static_cast<uint16_t>(count)); }
 int pc_dust_per_litre(uint32_t low, uint32_t total) { return mrl::dust_per_litre(low, total); }

@@ -125,6 +125,7 @@ class PcBoard:
         """The loop stood still until `to_s`; `waiting` is what the host sent meanwhile."""
         self.receive(waiting)
         self.native.pc_stall(to_s * 1e6)
+        self.plant.advance(to_s)
 
     def reset(self, flags: int = EXTERNAL | KEPT) -> None:
         """The reset line; RAM of the firmware starts anew, EEPROM stays."""
