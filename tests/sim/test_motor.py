@@ -1,0 +1,153 @@
+"""One motor against closed forms."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_arduino.motor import Gains, Mode, Motor, MotorParams
+
+PARAMS = MotorParams(no_load_counts_s=12000.0, rated_counts_s=7500.0)
+VOLTS = 12.0
+TICK_S = 0.05
+SETTLED = 1e-3
+"""Share of full speed within which a controlled motor is at its speed."""
+
+
+def run(motor, seconds, gains=Gains(), volts=VOLTS):  # noqa: B008 - never changed
+    for _ in range(round(seconds / TICK_S)):
+        motor.move(TICK_S, volts)
+        motor.control(TICK_S, gains)
+    return motor
+
+
+def spinning(speed):
+    motor = Motor(PARAMS)
+    motor.speed = speed
+    return motor
+
+
+def test_braking_distance():
+    """v^2 / 2a."""
+    motor = spinning(5000.0)
+    motor.move(10.0, VOLTS)
+    assert motor.travel == pytest.approx(5000.0**2 / (2 * PARAMS.brake_counts_s2))
+
+
+def test_brake_ends_at_rest():
+    motor = spinning(-5000.0)
+    motor.move(10.0, VOLTS)
+    assert motor.speed == 0.0
+
+
+def test_step_of_the_duty_is_first_order():
+    """63.2 % of the final speed after one time constant."""
+    motor = Motor(PARAMS)
+    motor.set_duty(0.5)
+    motor.move(PARAMS.time_constant_s, VOLTS)
+    assert motor.speed == pytest.approx(6000.0 * (1 - math.exp(-1)))
+
+
+def test_way_under_constant_duty():
+    """v t - v tau (1 - exp(-t / tau))."""
+    motor = Motor(PARAMS)
+    motor.set_duty(1.0)
+    tau = PARAMS.time_constant_s
+    assert motor.move(1.0, VOLTS) == pytest.approx(12000.0 * (1 - tau * (1 - math.exp(-1 / tau))))
+
+
+@pytest.mark.parametrize("mode", [Mode.DUTY, Mode.BRAKE])
+@given(pieces=st.lists(st.floats(1e-6, 0.2), min_size=1, max_size=20), speed=st.floats(-9000, 9000))
+def test_motion_does_not_depend_on_the_steps(mode, pieces, speed):
+    one, many = spinning(speed), spinning(speed)
+    for motor in (one, many):
+        motor.mode, motor.duty = mode, 0.3 if mode is Mode.DUTY else 0.0
+    one.move(math.fsum(pieces), VOLTS)
+    for piece in pieces:
+        many.move(piece, VOLTS)
+    assert many.travel == pytest.approx(one.travel, abs=1e-6)
+    assert many.speed == pytest.approx(one.speed, abs=1e-6)
+
+
+def test_half_the_voltage_is_half_the_speed():
+    motor = Motor(PARAMS)
+    motor.set_duty(1.0)
+    motor.move(5.0, 6.0)
+    assert motor.speed == pytest.approx(6000.0)
+
+
+def test_duty_is_limited():
+    motor = Motor(PARAMS)
+    motor.set_duty(3.0)
+    assert motor.duty == 1.0
+
+
+@pytest.mark.parametrize("gains", [Gains(), Gains(350, 200, 100, 1500), Gains(1300, 350, 400)], ids=str)
+def test_speed_control_reaches_its_speed(gains):
+    """The gains of both models, and those of 2012."""
+    motor = Motor(PARAMS)
+    motor.set_speed(3000.0)
+    run(motor, 6.0, gains)
+    assert motor.speed == pytest.approx(3000.0, abs=SETTLED * 12000)
+
+
+def test_speed_control_makes_up_for_a_low_battery():
+    motor = Motor(PARAMS)
+    motor.set_speed(3000.0)
+    run(motor, 6.0, volts=9.0)
+    assert motor.speed == pytest.approx(3000.0, abs=SETTLED * 12000)
+
+
+def test_ramp_takes_its_time_to_rated_speed():
+    """2.5 s; the control lags behind by a fraction of a second."""
+    motor = Motor(PARAMS)
+    motor.set_speed(7500.0)
+    run(motor, 1.25)
+    assert motor.speed == pytest.approx(3750.0, abs=750.0)
+
+
+def test_ramp_takes_off_at_its_gain():
+    motor = Motor(PARAMS)
+    motor.set_speed(7500.0)
+    run(motor, TICK_S, Gains(kp=1000, ki=0, kd=0, ramp_gain=500))
+    assert motor.duty >= 0.5 * 7500 / 12000
+
+
+def test_no_ramp_is_a_step():
+    motor = Motor(PARAMS)
+    motor.set_speed(3000.0)
+    run(motor, 1.5, Gains(ramp_ms=0))
+    assert motor.speed == pytest.approx(3000.0, rel=0.02)
+
+
+def test_speed_zero_comes_to_rest():
+    motor = run(spinning(0.0), 0.0)
+    motor.set_speed(4000.0)
+    run(motor, 3.0)
+    motor.set_speed(0.0)
+    run(motor, 5.0)
+    assert motor.at_rest
+
+
+def test_without_power_nothing_turns():
+    motor = Motor(PARAMS)
+    motor.set_speed(4000.0)
+    run(motor, 3.0, volts=0.0)
+    assert motor.travel == 0.0
+
+
+@pytest.mark.parametrize("goal", [5000.0, -5000.0, 3.0])
+def test_position_is_reached_and_held(goal):
+    motor = Motor(PARAMS)
+    motor.go_to(goal, 3000.0, hold=True)
+    run(motor, 8.0)
+    assert motor.travel == pytest.approx(goal, abs=1.0)
+    assert motor.mode is Mode.POSITION
+
+
+def test_position_without_hold_lets_go():
+    motor = Motor(PARAMS)
+    motor.go_to(2000.0, 3000.0, hold=False)
+    run(motor, 8.0)
+    assert motor.mode is Mode.BRAKE

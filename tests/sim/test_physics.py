@@ -1,0 +1,171 @@
+"""Pose, battery and temperature against closed forms; nothing here knows the driver's odometry."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mrl_driver import robots
+from sim_arduino.motor import Mode
+from sim_arduino.physics import Robot, interpolate, params_for
+
+EXACT_M, EXACT_RAD = 1e-9, 1e-9
+TRAXBOT, STINGBOT = robots.load("traxbot"), robots.load("stingbot")
+
+
+def cruising(left_m_s, right_m_s, model=TRAXBOT, **scales):
+    """A robot whose wheels turn at steady speeds [m/s of the model's wheels], without any transient."""
+    robot = Robot(params_for(model, **scales))
+    for index, speed in ((0, left_m_s), (2, right_m_s)):
+        motor = robot.motors[index]
+        motor.mode = Mode.DUTY
+        motor.speed = speed / model.drive.metres_per_count
+        motor.duty = motor.speed / motor.params.no_load_counts_s * motor.params.nominal_v
+    robot.params = robot.params._replace(rest_curve=((0.0, 1.0), (1.0, 1.0)), resistance_ohm=0.0)
+    robot.state.battery_v = 1.0
+    return robot
+
+
+def test_straight_line():
+    robot = cruising(0.3, 0.3)
+    robot.step(10.0)
+    assert (robot.state.x_m, robot.state.y_m, robot.state.yaw_rad) == pytest.approx(
+        (3.0, 0.0, 0.0), abs=EXACT_M
+    )
+
+
+def test_spin_stays_in_place():
+    """w = 2 v / track."""
+    robot = cruising(-0.1, 0.1)
+    robot.step(3.0)
+    assert robot.state.yaw_rad == pytest.approx(3.0 * 0.2 / 0.18, abs=EXACT_RAD)
+    assert math.hypot(robot.state.x_m, robot.state.y_m) < EXACT_M
+
+
+def test_circle_closes():
+    """Radius v / w; after one turn the robot is where it began."""
+    speed, rate = 0.3, 1.0
+    half = 0.5 * 0.18 * rate
+    robot = cruising(speed - half, speed + half)
+    robot.step(2 * math.pi / rate)
+    assert math.hypot(robot.state.x_m, robot.state.y_m) < 1e-8
+    assert robot.state.yaw_rad == pytest.approx(2 * math.pi)
+
+
+def test_half_a_circle_is_two_radii_away():
+    robot = cruising(0.3 - 0.09, 0.3 + 0.09)
+    robot.step(math.pi)
+    assert (robot.state.x_m, robot.state.y_m) == pytest.approx((0.0, 0.6), abs=1e-8)
+
+
+def test_a_wheel_that_stands_is_the_centre():
+    robot = cruising(0.0, 0.18)
+    robot.step(math.pi / 2)
+    assert (robot.state.x_m, robot.state.y_m) == pytest.approx((0.09, 0.09), abs=1e-8)
+
+
+def test_slip_takes_its_share_of_the_yaw():
+    straight, slipping = cruising(-0.1, 0.1), cruising(-0.1, 0.1, turn_slip=0.1)
+    for robot in (straight, slipping):
+        robot.step(1.0)
+    assert slipping.state.yaw_rad == pytest.approx(0.9 * straight.state.yaw_rad)
+
+
+def test_slip_costs_nothing_straight_on():
+    robot = cruising(0.3, 0.3, turn_slip=0.1)
+    robot.step(1.0)
+    assert robot.state.x_m == pytest.approx(0.3)
+
+
+def test_unequal_wheels_turn_at_equal_counts():
+    """1 % between the wheels: yaw is the difference of the ways over the track."""
+    robot = cruising(0.3, 0.3, right_scale=1.01)
+    robot.step(1.0)
+    assert robot.state.yaw_rad == pytest.approx(0.003 / 0.18)
+
+
+def test_a_longer_axle_turns_less():
+    robot = cruising(-0.1, 0.1, axle_scale=1.25)
+    robot.step(1.0)
+    assert robot.state.yaw_rad == pytest.approx(0.2 / (0.18 * 1.25))
+
+
+@settings(max_examples=30, deadline=None)
+@given(pieces=st.lists(st.floats(1e-4, 0.07), min_size=5, max_size=60))
+def test_pose_hardly_depends_on_the_steps(pieces):
+    """Ramps and turns included: below 10 um over a few seconds."""
+    one, many = Robot(params_for(TRAXBOT)), Robot(params_for(TRAXBOT))
+    for robot in (one, many):
+        robot.motors[0].set_speed(1500.0)
+        robot.motors[2].set_speed(4000.0)
+    one.step(math.fsum(pieces))
+    for piece in pieces:
+        many.step(piece)
+    assert (many.state.x_m, many.state.y_m) == pytest.approx((one.state.x_m, one.state.y_m), abs=1e-5)
+    assert many.state.yaw_rad == pytest.approx(one.state.yaw_rad, abs=1e-5)
+
+
+# ---- battery and temperature
+
+
+def hours_until(volts, linear_m_s):
+    """Time until a full battery shows `volts` while the robot drives."""
+    robot = Robot(params_for(TRAXBOT))
+    for index in (0, 2):
+        robot.motors[index].set_speed(linear_m_s / TRAXBOT.drive.metres_per_count)
+    robot.step(10.0)
+    current = robot.params.idle_a + 2 * robot._motor_a(robot.motors[0])
+    drained = (
+        1.0 - charge_at(robot, volts + current * robot.params.resistance_ohm)
+    ) * robot.params.capacity_ah
+    return drained / current
+
+
+def charge_at(robot, rest_v):
+    return interpolate(tuple((v, c) for c, v in robot.params.rest_curve), rest_v)
+
+
+@pytest.mark.parametrize("linear_m_s, hours", [(0.05, 3.0), (0.2, 2.0)])
+def test_battery_lasts_as_long_as_in_the_papers(linear_m_s, hours):
+    """2 to 3 hours of circles until 9 V, shorter with speed."""
+    assert hours_until(9.0, linear_m_s) == pytest.approx(hours, abs=0.35)
+
+
+def test_battery_drains_at_rest():
+    """idle current x time over capacity."""
+    robot = Robot(params_for(TRAXBOT))
+    robot.step(1800.0)
+    assert robot.state.charge == pytest.approx(1.0 - 0.5 * robot.params.idle_a / 4.6, abs=1e-4)
+
+
+def test_load_lowers_the_voltage():
+    robot = Robot(params_for(TRAXBOT))
+    rest = robot.state.battery_v
+    for motor in robot.motors:
+        motor.set_duty(1.0)
+    robot.step(0.05)
+    assert robot.state.battery_v < rest - 0.3
+
+
+@pytest.mark.parametrize("volts", [13.8, 12.0, 9.0, 8.5, 8.0, 0.5, 0.0])
+def test_battery_can_be_set(volts):
+    robot = Robot(params_for(TRAXBOT))
+    robot.set_battery(volts)
+    assert robot.state.battery_v == pytest.approx(volts, abs=1e-9)
+
+
+def test_motors_warm_the_board():
+    robot = Robot(params_for(TRAXBOT))
+    robot.motors[0].set_speed(5000.0)
+    robot.step(60.0)
+    assert robot.state.temperature_c > 26.0
+
+
+def test_a_resting_robot_costs_few_steps():
+    """An hour at rest is counted in steps of a second."""
+    robot = Robot(params_for(STINGBOT))
+    pieces = []
+    robot._piece = lambda dt, resting, inner=robot._piece: (pieces.append(dt), inner(dt, resting))
+    robot.step(3600.0)
+    assert len(pieces) <= 3601
