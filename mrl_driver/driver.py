@@ -218,11 +218,8 @@ class Driver(Readout):
             self._fail(error)
         finally:
             if not self._closing and self._error is None:
-                self._fail(
-                    MrlError(
-                        "a callback raised; the driver has ended, and the board's watchdog stops the robot"
-                    )
-                )
+                self._halt()
+                self._fail(MrlError("a callback raised; the driver has ended and the robot was told to stop"))
 
     def _cycle(self) -> None:
         link, session = self._link, self._session
@@ -241,6 +238,18 @@ class Driver(Readout):
             self._sleeps_until = due_s
             self._flush(session)
         self._call(notices)
+
+    def _halt(self) -> None:
+        """Tell the board to stop, as the last thing; boards of 2013 have no watchdog that would."""
+        session = self._session
+        if session is None:
+            return
+        with self._lock:
+            session.stop(time.monotonic())
+            try:
+                self._flush(session)
+            except MrlError:
+                return
 
     def _fail(self, error: MrlError) -> None:
         with self._changed:

@@ -4,7 +4,7 @@ Poses are in the odom frame (x forward at the start, y left, yaw counter-clockwi
 """
 
 import math
-from typing import NamedTuple, Optional, Protocol
+from typing import NamedTuple, Optional, Protocol, Tuple
 
 SPEED_MARGIN = 1.5
 """A wheel may seem this much faster than the board's ceilings allow before its counts are refused."""
@@ -61,6 +61,9 @@ class Step(NamedTuple):
     dt_s: float
 
 
+_Reading = Tuple[int, int, float]
+
+
 def tick_delta(previous: int, current: int) -> int:
     """Signed movement between two readings of a 16-bit counter [count].
 
@@ -95,50 +98,46 @@ class Baseline:
     def __init__(self, metres_per_count: float, fastest_m_s: float, slack_s: float) -> None:
         self._counts_per_s = fastest_m_s / metres_per_count
         self._allowance = QUANTUM_COUNTS + self._counts_per_s * slack_s
-        self._right = self._left = 0
-        self._time_s: Optional[float] = None
-        self._rival: Optional[Step] = None
+        self._base: Optional[_Reading] = None
+        self._rival: Optional[_Reading] = None
         self._agreed = 0
         self.refused = 0
         """Readings refused so far."""
 
     def reset(self) -> None:
         """The next reading primes again."""
-        self._time_s = self._rival = None
+        self._base = self._rival = None
 
     def update(self, right: int, left: int, time_s: float) -> Optional[Step]:
         """Movement since the last accepted reading, or None where this one primes or is refused."""
-        if self._time_s is None:
-            self._accept(right, left, time_s)
+        step = self._step(self._base, right, left, time_s)
+        if step is None and self._base is not None:
+            self._doubt(right, left, time_s)
             return None
-        step = self._step(self._right, self._left, self._time_s, right, left, time_s)
-        if self._possible(step):
-            self._accept(right, left, time_s)
-            return step
-        self._doubt(right, left, time_s)
-        return None
+        self._base, self._rival = (right, left, time_s), None
+        return step
 
-    def _accept(self, right: int, left: int, time_s: float) -> None:
-        self._right, self._left, self._time_s, self._rival = right, left, time_s, None
-
-    def _possible(self, step: Step) -> bool:
-        bound = min(self._counts_per_s * max(0.0, step.dt_s), 0x7FFF) + self._allowance
-        return (
-            abs(step.right) <= bound and abs(step.left) <= bound and step.dt_s * self._counts_per_s < 0x8000
-        )
+    def _step(self, base: Optional[_Reading], right: int, left: int, time_s: float) -> Optional[Step]:
+        """The movement since `base`, unless there is none, or no wheel could have made it."""
+        if base is None:
+            return None
+        dt_s = time_s - base[2]
+        moved_right = ((right - base[0] + 0x8000) & 0xFFFF) - 0x8000
+        moved_left = ((left - base[1] + 0x8000) & 0xFFFF) - 0x8000
+        reach = self._counts_per_s * dt_s if dt_s > 0 else 0.0
+        bound = reach + self._allowance
+        if reach >= 0x8000 or not (-bound <= moved_right <= bound and -bound <= moved_left <= bound):
+            return None
+        return Step(moved_right, moved_left, dt_s)
 
     def _doubt(self, right: int, left: int, time_s: float) -> None:
+        """A reading that cannot be: refused, unless it is one of several that agree with each other."""
         self.refused += 1
-        rival = self._rival
-        agrees = rival is not None and self._possible(self._step(*rival, right, left, time_s))
+        agrees = self._step(self._rival, right, left, time_s) is not None
         self._agreed = self._agreed + 1 if agrees else 1
-        self._rival = Step(right, left, time_s)
+        self._rival = (right, left, time_s)
         if self._agreed >= CONFIRMATIONS:
-            self._accept(right, left, time_s)
-
-    @staticmethod
-    def _step(right_0: int, left_0: int, time_0_s: float, right: int, left: int, time_s: float) -> Step:
-        return Step(tick_delta(right_0, right), tick_delta(left_0, left), time_s - time_0_s)
+            self._base, self._rival = self._rival, None
 
 
 class Odometry:

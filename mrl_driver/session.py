@@ -5,7 +5,7 @@ anew when it has restarted.  Times are seconds of one monotonic clock, given by 
 """
 
 import math
-from typing import Callable, List, NamedTuple, Optional, Tuple, Union
+from typing import Callable, List, NamedTuple, Optional, Set, Tuple, Union
 
 from .clock import BoardClock
 from .codec import REPLIES, Event, Frame, FrameDecoder, Garbage, encode_request
@@ -119,6 +119,7 @@ class Session:
         self._stale_s = max(STALE_S, 7.5e-3 * plan.period_ms)
         self._decoder = FrameDecoder(REPLIES)
         self._other = 0
+        self._asked: Set[int] = set()
         self._out = bytearray()
         self.counters = Counters()
         self.motion = Motion(timeout_s=command_timeout_s)
@@ -198,6 +199,7 @@ class Session:
                 continue
             self._other = 0
             self.counters.frames += 1
+            self._asked.discard(frame.code)
             self._on_frame(frame, now, events)
         if self._greeting is not None and (strange or b"@" not in data):
             self._greeting.heard(data, now)
@@ -252,13 +254,19 @@ class Session:
             return
         if now >= self._status_s:
             self._status_s = now + STATUS_S
-            self._send(_STATUS)
+            self._ask(_STATUS)
         if now >= self._info_s:
             self._info_s = now + (INFO_S if self.board and self.board.version >= 2 else POLL_2013_S)
-            self._send(_INFO)
+            self._ask(_INFO)
         if now >= self._sonar_s:
             self._sonar_s = now + SONAR_2013_S
-            self._send(_SONARS)
+            self._ask(_SONARS)
+
+    def _ask(self, code: int) -> None:
+        """A request of the poll; one whose answer is still missing at the next turn was lost."""
+        self.counters.unanswered += code in self._asked
+        self._asked.add(code)
+        self._send(code)
 
     def _pace(self) -> Pace:
         """Repeats that keep a watchdog fed, however short, with one of them lost."""
@@ -359,6 +367,7 @@ class Session:
     def _greet_again(self, now: float) -> None:
         """The board restarted or fell silent: stopped until a new command, and greeted from the start."""
         self.motion.forget()
+        self._asked.clear()
         self._status_s = self._info_s = self._sonar_s = math.inf
         self._greeting = Handshake(self._plan, self._send, self._admit, now, patient=True)
 

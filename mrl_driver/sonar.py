@@ -4,7 +4,7 @@ Ranges follow REP-117: -inf is too near, nan no valid reading, +inf nothing in r
 """
 
 import math
-from typing import List, Optional, Sequence, Tuple
+from typing import Tuple
 
 from .table import SONAR_NOTHING
 
@@ -56,14 +56,17 @@ class NewReadings:
 
     def __init__(self, cycle_s: float = CYCLE_S) -> None:
         self._cycle_s = cycle_s
-        self._values: List[Optional[int]] = [None] * len(NAMES)
+        self._values: Tuple[int, ...] = ()
         self._due_s = [-math.inf] * len(NAMES)
+        self._first_due_s = -math.inf
 
-    def update(self, values: Sequence[int], time_s: float) -> Tuple[str, ...]:
+    def update(self, values: Tuple[int, ...], time_s: float) -> Tuple[str, ...]:
         """Names of the sonars that are new at `time_s` [s]."""
-        new = tuple(
-            i for i, value in enumerate(values) if value != self._values[i] or time_s >= self._due_s[i]
-        )
+        if values == self._values and time_s < self._first_due_s:
+            return ()
+        old, self._values = self._values or (None,) * len(NAMES), values
+        new = [i for i, value in enumerate(values) if value != old[i] or time_s >= self._due_s[i]]
         for i in new:
-            self._values[i], self._due_s[i] = values[i], time_s + self._cycle_s
+            self._due_s[i] = time_s + self._cycle_s
+        self._first_due_s = min(self._due_s)
         return tuple(NAMES[i] for i in new)

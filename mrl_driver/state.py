@@ -111,7 +111,10 @@ class RobotState:
 
     def _on_sonars(self, values: Tuple[int, ...], now: float) -> Tuple[str, ...]:
         assert self.model is not None
-        fresh = tuple(name for name in self._new_readings.update(values, now) if name in self.model.sonars)
+        new = self._new_readings.update(values, now)
+        if not new:
+            return new
+        fresh = tuple(name for name in new if name in self.model.sonars)
         if fresh:
             version = self.info.version if self.info else 2
             self.ranges = {

@@ -151,13 +151,18 @@ def test_a_callback_cannot_start_a_robot_that_is_being_stopped(serve):
     assert port.board.speeds == (0, 0)
 
 
-def test_a_callback_that_raises_ends_the_driver_with_a_word(robot, monkeypatch):
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_callback_that_raises_ends_the_driver_and_stops_the_robot(serve, monkeypatch, version):
     monkeypatch.setattr(threading, "excepthook", lambda args: None)
-    robot.on_telemetry(lambda _: 1 / 0)
-    wait_until(lambda: robot.error is not None)
-    with pytest.raises(MrlError, match="callback"):
+    port = serve(version=version)
+    with Driver(port.path) as robot:
         robot.drive(0.1, 0)
-    wait_until(lambda: robot.fake.speeds == (0, 0))
+        wait_until(lambda: port.board.speeds == (100, 0))
+        robot.on_telemetry(lambda _: 1 / 0)
+        wait_until(lambda: robot.error is not None)
+        with pytest.raises(MrlError, match="callback"):
+            robot.drive(0.1, 0)
+        wait_until(lambda: port.board.speeds == (0, 0))
 
 
 def test_threads_that_drive_at_once_never_mix_frames(robot):

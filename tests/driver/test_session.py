@@ -223,6 +223,17 @@ def test_status_and_battery_are_asked_for():
     assert len(talk.seen(Info)) >= 3
 
 
+def test_a_good_line_answers_everything():
+    assert Talk().until_ready().run(5).session.counters.unanswered == 0
+
+
+def test_unanswered_requests_are_counted():
+    talk = Talk().until_ready()
+    talk.to_host = lambda data: b"" if b"@30," in data else data
+    talk.run(3)
+    assert talk.session.counters.unanswered == pytest.approx(5, abs=1)
+
+
 def test_silence_is_stale_after_300_ms():
     talk = Talk().until_ready().run(0.5)
     talk.board.mute = True
