@@ -35,14 +35,19 @@ def integrate(
     counts, times_s = np.asarray(counts), np.asarray(times_s, dtype=float)
     if counts.shape != (len(times_s), 2):
         raise ValueError(f"counts have shape {counts.shape}, expected ({len(times_s)}, 2)")
-    steps = np.zeros(counts.shape)
-    if len(counts):
-        moved: np.ndarray = np.diff(counts.astype(np.int32), axis=0) + 0x8000
-        steps[1:] = np.bitwise_and(moved, 0xFFFF) - 0x8000
+    steps = _steps(counts)
     used = _plausible(steps, times_s, drive.metres_per_count, fastest_m_s, exact_time)
     if not used[1:].all():
         steps, used = _judge(counts, times_s, drive.metres_per_count, fastest_m_s, exact_time)
     return Track(_arcs(steps, drive), used)
+
+
+def _steps(counts: np.ndarray) -> np.ndarray:
+    """(2, N) movement since the row before, rows right left [count]; int16 differences wrap as the counters do."""
+    steps = np.zeros((2, len(counts)))
+    for row, column in zip(steps, counts.astype(np.int16).T):
+        np.subtract(column[1:], column[:-1], out=row[1:], casting="unsafe", dtype=np.int16)
+    return steps
 
 
 def _plausible(
@@ -51,8 +56,11 @@ def _plausible(
     """(N,) bool: step is one that wheels can make; the first row primes."""
     rate = fastest_m_s / metres_per_count
     reach = rate * np.diff(times_s, prepend=times_s[:1])
-    bound = np.clip(reach, 0, 0x7FFF) + QUANTUM_COUNTS + rate * _SLACK_S[exact_time]
-    good = (np.abs(steps[:, 0]) <= bound) & (np.abs(steps[:, 1]) <= bound) & (reach < 0x8000)
+    bound = np.maximum(reach, 0)
+    bound += QUANTUM_COUNTS + rate * _SLACK_S[exact_time]
+    good = reach < 0x8000
+    for row in steps:
+        good &= np.abs(row) <= bound
     good[:1] = False
     return good
 
@@ -62,21 +70,35 @@ def _judge(
 ) -> Tuple[np.ndarray, np.ndarray]:
     """Steps and use flags of a recording with readings to refuse, one by one."""
     baseline = Baseline(metres_per_count, fastest_m_s, _SLACK_S[exact_time])
-    steps, used = np.zeros(counts.shape), np.zeros(len(counts), dtype=bool)
+    steps, used = np.zeros((2, len(counts))), np.zeros(len(counts), dtype=bool)
     for i, ((right, left), time_s) in enumerate(zip(counts.tolist(), times_s.tolist())):
         step = baseline.update(right, left, time_s)
         if step is not None:
-            steps[i] = step[:2]
+            steps[:, i] = step[:2]
             used[i] = True
     return steps, used
 
 
 def _arcs(steps: np.ndarray, drive: Geometry) -> np.ndarray:
-    """(N, 3) poses from (N, 2) steps [count]."""
-    metres = steps * drive.metres_per_count
-    distance, turn = metres.sum(axis=1) / 2, (metres[:, 0] - metres[:, 1]) / drive.wheel_separation_m
-    yaw = np.cumsum(turn)
-    chord = distance * np.sinc(turn / (2 * np.pi))
-    heading = yaw - turn / 2
-    wrapped = np.pi - np.remainder(np.pi - yaw, 2 * np.pi)
-    return np.column_stack((np.cumsum(chord * np.cos(heading)), np.cumsum(chord * np.sin(heading)), wrapped))
+    """(N, 3) poses from (2, N) steps [count]."""
+    half_m = drive.metres_per_count / 2
+    distance, half_turn = (
+        (steps[0] + steps[1]) * half_m,
+        (steps[0] - steps[1]) * (half_m / drive.wheel_separation_m),
+    )
+    yaw = np.cumsum(2 * half_turn)
+    chord = distance * _sinc(half_turn)
+    heading = yaw - half_turn
+    poses = np.empty((len(yaw), 3))
+    np.cumsum(chord * np.cos(heading), out=poses[:, 0])
+    np.cumsum(chord * np.sin(heading), out=poses[:, 1])
+    poses[:, 2] = yaw + 2 * np.pi * np.floor((np.pi - yaw) / (2 * np.pi))
+    return poses
+
+
+def _sinc(angle_rad: np.ndarray) -> np.ndarray:
+    """sin(x) / x; the series where it is exact to 1e-16 anyway, which is everywhere at usual frame rates."""
+    square = angle_rad * angle_rad
+    if square.size and square.max() > 1e-4:
+        return np.sinc(angle_rad / np.pi)
+    return 1 - square / 6 * (1 - square / 20)
