@@ -1,0 +1,73 @@
+"""A running `mrl-sim` and a program at the other end of its port."""
+
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from typing import Any
+
+PATIENCE_S = 10.0
+
+
+class Simulator:
+    """`mrl-sim` with options, ready; a context manager that ends it."""
+
+    def __init__(self, *options: str) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "sim_arduino.cli", *options],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert self.process.stdout
+        self.path = self.process.stdout.readline().strip()
+        assert self.path, self.process.stderr.read()
+
+    def __enter__(self) -> "Simulator":
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.communicate()
+
+    def end(self, number: int = signal.SIGTERM) -> int:
+        self.process.send_signal(number)
+        return self.process.wait(PATIENCE_S)
+
+
+class Client:
+    """A program that has a port open."""
+
+    def __init__(self, path: str) -> None:
+        self.fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+
+    def __enter__(self) -> "Client":
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        os.close(self.fd)
+
+    def send(self, data: bytes) -> None:
+        os.write(self.fd, data)
+
+    def read(self, seconds: float) -> bytes:
+        """Everything that comes within a time."""
+        out, end = b"", time.monotonic() + seconds
+        while select.select([self.fd], [], [], max(0.0, end - time.monotonic()))[0]:
+            out += os.read(self.fd, 65536)
+        return out
+
+    def read_until(self, mark: bytes) -> bytes:
+        """What comes up to and including a mark."""
+        out, end = b"", time.monotonic() + PATIENCE_S
+        while mark not in out:
+            assert select.select([self.fd], [], [], max(0.0, end - time.monotonic()))[0], out
+            out += os.read(self.fd, 65536)
+        return out
+
+    def ask(self, request: bytes) -> bytes:
+        self.send(request)
+        return self.read_until(b"\n")

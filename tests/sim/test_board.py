@@ -1,0 +1,158 @@
+"""What is particular to the Python board; what all boards share stands in tests/conformance."""
+
+import pytest
+
+from mrl_driver import robots
+from mrl_driver.codec import REPLIES, FrameDecoder
+from mrl_driver.table import BY_CODE, COMMANDS, PARAMETERS
+from sim_arduino import config_store, handlers
+from sim_arduino.board import PythonBoard
+from sim_arduino.config_store import Config
+from sim_arduino.plant import Plant
+from sim_arduino.wire import IN_BYTE_S, OUT_BYTE_S
+
+TRAXBOT = robots.load("traxbot")
+UNASKED = {"xbee_text"}
+"""Rows that only the board sends, and only with a radio."""
+RADIO = {"discover_xbee", "xbee_text"}
+
+
+def awake(**options):
+    board = PythonBoard(Plant(TRAXBOT), **options)
+    board.advance(1.0)
+    return board
+
+
+@pytest.mark.parametrize(
+    "row", [row for row in COMMANDS if row.name not in UNASKED], ids=lambda row: row.name
+)
+def test_every_row_has_a_handler(row):
+    assert row.name in handlers.REQUESTS
+
+
+@pytest.mark.parametrize(
+    "row", [row for row in COMMANDS if row.reply and row.name not in RADIO], ids=lambda row: row.name
+)
+def test_every_reply_has_a_builder(row):
+    assert row.code in handlers.REPLIES
+
+
+def test_no_handler_without_a_row():
+    assert set(handlers.REQUESTS) <= {row.name for row in COMMANDS}
+    assert set(handlers.REPLIES) <= set(BY_CODE)
+
+
+def test_boot_takes_200_ms():
+    board = PythonBoard(Plant(TRAXBOT))
+    board.receive(b"@15e")
+    assert board.advance(0.2) == b""
+    assert board.advance(0.21) == b"@15,0e\r\n"
+
+
+def test_a_request_takes_the_wires_time_both_ways():
+    board = awake()
+    board.receive(b"@15e")
+    needed_s = 4 * IN_BYTE_S + 8 * OUT_BYTE_S
+    assert board.advance(1.0 + needed_s - 1e-6) == b"@15,0e\r"
+    assert board.advance(1.0 + needed_s + 1e-6) == b"\n"
+
+
+def talk(steps):
+    """What a driving board streams in 3 s that are made in so many steps."""
+    board = PythonBoard(Plant(TRAXBOT))
+    board.receive(b"@18,20e@11,200,300e")
+    return b"".join(board.advance(3.0 * (i + 1) / steps) for i in range(steps))
+
+
+def test_the_same_steps_give_the_same_bytes():
+    assert talk(150) == talk(150)
+
+
+def test_other_steps_give_the_same_frames():
+    """One long step or many short ones, but for one count where a rounding tips over."""
+    one, many = (FrameDecoder(REPLIES).feed(talk(steps)) for steps in (1, 777))
+    assert len(one) == len(many)
+    for first, second in zip(one, many):
+        assert first.args == pytest.approx(second.args, abs=1)
+
+
+def test_next_event_of_an_idle_board_is_its_sonars():
+    board = awake()
+    assert 0.0 < board.next_event_s - 1.0 <= 0.312
+
+
+def test_next_event_of_a_stream_is_the_end_of_its_frame():
+    board = awake()
+    board.receive(b"@18,100e")
+    board.advance(1.05)
+    frame = b""
+    while not frame:
+        frame = board.advance(board.next_event_s)
+    assert frame.startswith(b"@8,")
+    assert frame.endswith(b"\r\n")
+
+
+def test_a_flood_is_bounded():
+    """A second of requests at line rate: no more answers wait than there is room for."""
+    board = awake()
+    for i in range(100):
+        board.receive(b"@5e" * 38)
+        board.advance(1.0 + (i + 1) / 100)
+    assert len(board._answers) <= 8
+    assert board.health.counters["overrun"] > 0
+
+
+def test_garbage_at_line_rate_leaves_the_stream_alone():
+    board = awake()
+    board.receive(b"@18,20e")
+    board.advance(1.1)
+    out = b""
+    for i in range(100):
+        board.receive(b"\x80@9e," * 23)
+        out += board.advance(1.1 + (i + 1) / 100)
+    assert len(FrameDecoder(REPLIES).feed(out)) == pytest.approx(50, abs=1)
+
+
+def test_short_gap_loses_nothing():
+    board = awake()
+    board.gap(1.2, b"@15e")
+    assert board.advance(1.3) == b"@15,0e\r\n"
+
+
+# ---- EEPROM
+
+
+def test_fresh_image_holds_the_models_defaults():
+    config = Config(bytearray(config_store.image(config_store.defaults(4))))
+    assert (config["robot_id"], config["axis_radius"], config.sound) == (4, 11000, True)
+
+
+def test_blank_eeprom_is_a_fault_and_has_no_id():
+    config = Config(bytearray(b"\xff" * 1024))
+    assert (config["robot_id"], config["axis_radius"], config.sound) == (0, 8700, False)
+
+
+def test_id_of_2013_is_taken_from_its_float():
+    """4.0 as a little-endian float at address 0, all else blank."""
+    config = Config(bytearray(b"\x00\x00\x80\x40".ljust(1024, b"\xff")))
+    assert (config["robot_id"], config["axis_radius"]) == (4, 11000)
+
+
+IMAGE_BYTES = [*range(4), *range(16, 16 + 1 + 2 * len(PARAMETERS) + 2)]
+
+
+@pytest.mark.parametrize("place", IMAGE_BYTES)
+def test_every_damaged_byte_is_noticed(place):
+    eeprom = bytearray(config_store.image(config_store.defaults(1)))
+    eeprom[place] ^= 0x10
+    assert not Config(eeprom).sound
+
+
+def test_eeprom_is_the_callers_own():
+    eeprom = bytearray(config_store.image(config_store.defaults(2)))
+    board = awake(eeprom=eeprom)
+    assert board.config["robot_id"] == 2
+
+
+def test_unset_id():
+    assert awake(robot_id=0).health.has_fault("id_unset")

@@ -1,0 +1,189 @@
+"""`mrl-sim` as a program: what it prints, serves, survives and leaves behind."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from .simulator import PATIENCE_S, Client, Simulator
+
+PAUSE_S = 0.1
+"""Nobody opens a port again at once; the emulator notices within a wake-up."""
+
+
+def fail(*options):
+    """Exit code and stderr of a start that fails."""
+    done = subprocess.run(
+        [sys.executable, "-m", "sim_arduino.cli", *options],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+    )
+    assert done.stdout == ""
+    return done.returncode, done.stderr
+
+
+def test_prints_the_path_that_it_serves():
+    with Simulator() as simulator:
+        assert simulator.path.startswith("/dev/pts/")
+        with Client(simulator.path) as client:
+            assert client.ask(b"@5e") == b"@5,2500,172,1360,2,1e\r\n"
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_ends_cleanly_and_removes_its_link(tmp_path, number):
+    link = tmp_path / "ttyTRAX0"
+    with Simulator("--link", str(link)) as simulator:
+        assert os.readlink(link) == simulator.path
+        assert simulator.end(number) == 0
+        assert not os.path.lexists(link)
+        assert simulator.process.stderr.read() == ""
+
+
+@pytest.mark.parametrize(
+    "options, answer",
+    [
+        (("--robot", "stingbot"), b"@5,2500,172,1360,2,4e\r\n"),
+        (("--id", "3"), b"@5,2500,172,1360,2,3e\r\n"),
+        (("--battery", "8.8"), b"@5,2500,172,880,2,1e\r\n"),
+        (("--profile", "2013-august"), b"@5,2500,172,1360,1,1e\r\n"),
+        (("--profile", "2013-january"), b"@5,2500,172,1360,1,1e\r\n"),
+        (("--engine", "avr"), b"@5,2500,172,1360,2,1e\r\n"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_options_of_the_board(options, answer):
+    with Simulator(*options) as simulator, Client(simulator.path) as client:
+        assert client.ask(b"@5e") == answer
+
+
+def test_environment_build():
+    with Simulator("--environment") as simulator, Client(simulator.path) as client:
+        assert client.ask(b"@29e") == b"@29,2,47e\r\n"
+
+
+def test_world_and_pose(tmp_path):
+    """A wall 2.1 m ahead of where the robot stands: 2 m from the front sonar."""
+    world = tmp_path / "world.yaml"
+    world.write_text("walls: [[-9, 3.1, 9, 3.1]]")
+    with Simulator("--world", str(world), "--pose", "0,1,90") as simulator, Client(simulator.path) as client:
+        time.sleep(0.6)
+        assert client.ask(b"@7e").startswith(b"@7,200,")
+
+
+def test_truth_tells_the_pose(tmp_path):
+    truth = tmp_path / "truth.jsonl"
+    with Simulator("--pose", "1,2,90", "--truth", str(truth)) as simulator:
+        time.sleep(0.3)
+        simulator.end()
+    rows = [json.loads(line) for line in truth.read_text().splitlines()]
+    assert len(rows) >= 4
+    assert set(rows[0]) == {"t", "x", "y", "yaw", "host_monotonic"}
+    assert (rows[-1]["x"], rows[-1]["y"]) == (1.0, 2.0)
+
+
+def test_log_holds_both_directions(tmp_path):
+    log = tmp_path / "log.jsonl"
+    with Simulator("--log", str(log)) as simulator, Client(simulator.path) as client:
+        client.ask(b"@15e")
+        simulator.end()
+    rows = [json.loads(line) for line in log.read_text().splitlines()]
+    assert [(row["from"], row["bytes"]) for row in rows] == [("host", "@15e"), ("board", "@15,0e\r\n")]
+
+
+# ---- programs come and go
+
+
+def test_survives_programs_that_die_and_come_back():
+    with Simulator() as simulator:
+        for _ in range(20):
+            with Client(simulator.path) as client:
+                client.send(b"@18,10e")
+        with Client(simulator.path) as client:
+            client.read_until(b"@8,")
+            client.send(b"@19e@29e")
+            client.read_until(b"@29,2,31e\r\n")
+
+
+def test_survives_a_program_that_floods_and_never_reads():
+    with Simulator() as simulator, Client(simulator.path) as client:
+        end = time.monotonic() + 1.0
+        while time.monotonic() < end:
+            try:
+                client.send(b"@5e\x80garbage@@1,,e" * 50)
+            except BlockingIOError:
+                time.sleep(0.01)
+        time.sleep(0.5)
+        client.read(0.3)
+        client.send(b"\r\n@15e")
+        client.read_until(b"@15,0e\r\n")
+
+
+def test_opening_resets_the_board_only_if_asked():
+    with Simulator() as simulator:
+        for _ in range(2):
+            with Client(simulator.path) as client:
+                client.ask(b"@15e")
+                client.send(b"@16,1e")
+        with Client(simulator.path) as client:
+            client.send(b"@15e")
+            client.read_until(b"@15,1e")
+
+
+def test_opening_resets_the_board():
+    with Simulator("--reset-on-open") as simulator:
+        with Client(simulator.path) as client:
+            client.ask(b"@15e")
+            client.send(b"@16,1e")
+        time.sleep(PAUSE_S)
+        with Client(simulator.path) as client:
+            assert client.ask(b"@15e") == b"@15,0e\r\n"
+
+
+def test_a_stopped_process_is_a_stall_of_the_board():
+    """What waited is dropped, and the motors get a stop: reason 3."""
+    with Simulator() as simulator, Client(simulator.path) as client:
+        client.ask(b"@15e")
+        simulator.process.send_signal(signal.SIGSTOP)
+        time.sleep(0.5)
+        client.send(b"@11,300,0e@16,1e")
+        simulator.process.send_signal(signal.SIGCONT)
+        time.sleep(0.1)
+        assert client.ask(b"@15e") == b"@15,0e\r\n"
+        assert client.ask(b"@30e").endswith(b",3,0,0e\r\n")
+
+
+# ---- bad input
+
+
+@pytest.mark.parametrize(
+    "options, code, text",
+    [
+        (("--robot", "nope"), 2, "robot 'nope' is unknown, expected stingbot, traxbot"),
+        (("--world", "nope"), 2, "world 'nope' is unknown, expected room"),
+        (("--pose", "1,2"), 2, "pose is '1,2', expected X,Y,YAW"),
+        (("--id", "99999"), 2, "99999 is not in the range 0<=x<=32767"),
+        (("--battery", "x"), 2, "'x' is not a valid float"),
+        (("--engine", "pic"), 2, "'pic' is not one of"),
+        (("--engine", "avr", "--elf", "nope.elf"), 2, "image nope.elf is missing"),
+        (("--engine", "avr", "--profile", "2013-august"), 2, "expected --engine python"),
+        (("--truth", "/nope/truth"), 2, "--truth /nope/truth: No such file"),
+        (("--nope",), 2, "No such option"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_one_line_and_its_own_exit_code(options, code, text):
+    got, error = fail(*options)
+    assert got == code
+    assert text in error
+    assert error.startswith("mrl-sim: ")
+    assert error.count("\n") == 1
+
+
+def test_a_link_over_a_file_is_refused(tmp_path):
+    code, error = fail("--link", str(tmp_path))
+    assert (code, error.count("\n")) == (2, 1)

@@ -1,0 +1,156 @@
+"""The pty as a serial device, without a board behind it."""
+
+import fcntl
+import os
+import termios
+import time
+
+import pytest
+
+from mrl_driver.errors import ConfigError
+from sim_arduino.port import Link, PtyPort
+
+from .simulator import Client
+
+
+@pytest.fixture
+def port():
+    port = PtyPort()
+    yield port
+    port.close()
+
+
+def test_bytes_pass_unchanged_both_ways(port):
+    everything = bytes(range(256))
+    with Client(port.path) as client:
+        port.opened_anew()
+        client.send(everything)
+        port.write(everything)
+        assert port.read() == everything
+        assert client.read(0.05) == everything
+
+
+def test_what_the_board_sends_is_no_command(port):
+    """No echo."""
+    with Client(port.path):
+        port.opened_anew()
+        port.write(b"@8,1,2e\r\n")
+        time.sleep(0.01)
+        assert port.read() == b""
+
+
+def test_opening_is_noticed_once(port):
+    with Client(port.path):
+        assert port.opened_anew()
+        assert not port.opened_anew()
+        with Client(port.path):
+            assert not port.opened_anew()
+
+
+def test_opening_again_is_noticed(port):
+    with Client(port.path):
+        port.opened_anew()
+    with Client(port.path):
+        assert port.opened_anew()
+
+
+def test_what_is_sent_while_nobody_listens_is_lost(port):
+    port.write(b"old")
+    with Client(port.path) as client:
+        port.opened_anew()
+        port.write(b"new")
+        assert client.read(0.05) == b"new"
+    assert port.dropped == 3
+
+
+def test_a_new_program_does_not_get_what_the_last_one_left(port):
+    with Client(port.path):
+        port.opened_anew()
+        port.write(b"old")
+    port.opened_anew()
+    with Client(port.path) as client:
+        port.opened_anew()
+        assert client.read(0.02) == b""
+
+
+def test_a_closed_port_keeps_what_its_program_sent_last(port):
+    with Client(port.path) as client:
+        client.send(b"@13e")
+    port.opened_anew()
+    assert port.read() == b"@13e"
+
+
+def test_a_reader_that_stalls_costs_bytes_not_time(port):
+    with Client(port.path):
+        port.opened_anew()
+        for _ in range(300):
+            port.write(b"x" * 1000)
+        assert port.dropped > 100000
+
+
+def test_exclusive_access_ends_with_its_program(port):
+    """The kernel keeps the mark as long as anybody has the device open."""
+    with Client(port.path) as client:
+        port.opened_anew()
+        fcntl.ioctl(client.fd, termios.TIOCEXCL)
+    port.opened_anew()
+    assert not exclusive(port)
+
+
+def exclusive(port):
+    answer = fcntl.ioctl(port._slave, 0x80045440, b"\0" * 4)  # TIOCGEXCL
+    return bool(int.from_bytes(answer, "little"))
+
+
+def test_settings_end_with_their_program(port):
+    before = termios.tcgetattr(port._slave)
+    with Client(port.path) as client:
+        port.opened_anew()
+        changed = termios.tcgetattr(client.fd)
+        changed[3] |= termios.ECHO | termios.ICANON
+        termios.tcsetattr(client.fd, termios.TCSANOW, changed)
+    port.opened_anew()
+    assert termios.tcgetattr(port._slave) == before
+
+
+# ---- link
+
+
+def test_link_points_to_the_port(tmp_path):
+    name = str(tmp_path / "ttyTRAX0")
+    Link(name, "/dev/pts/99")
+    assert os.readlink(name) == "/dev/pts/99"
+
+
+def test_link_replaces_an_old_link(tmp_path):
+    name = str(tmp_path / "ttyTRAX0")
+    Link(name, "/dev/pts/98")
+    Link(name, "/dev/pts/99")
+    assert os.readlink(name) == "/dev/pts/99"
+    assert os.listdir(tmp_path) == ["ttyTRAX0"]
+
+
+def test_link_is_removed(tmp_path):
+    name = str(tmp_path / "ttyTRAX0")
+    Link(name, "/dev/pts/99").remove()
+    assert not os.path.lexists(name)
+
+
+def test_a_link_that_somebody_took_over_stays(tmp_path):
+    name = str(tmp_path / "ttyTRAX0")
+    first = Link(name, "/dev/pts/98")
+    Link(name, "/dev/pts/99")
+    first.remove()
+    assert os.path.lexists(name)
+
+
+def test_a_file_is_not_replaced(tmp_path):
+    name = tmp_path / "precious"
+    name.write_text("x")
+    with pytest.raises(ConfigError, match="expected a free name"):
+        Link(str(name), "/dev/pts/99")
+
+
+def test_a_link_that_cannot_be_made(tmp_path):
+    with pytest.raises(ConfigError, match="cannot be made: No such file"):
+        Link(str(tmp_path / "nowhere" / "tty"), "/dev/pts/99")

@@ -1,0 +1,87 @@
+"""The sonar chain: volts, turns, power."""
+
+import pytest
+
+from mrl_driver import robots
+from sim_arduino.sonars import FULL_COUNT, SonarChain, count_of
+from sim_arduino.world import Pose, Wall, World
+
+MOUNTS = robots.load("traxbot").sonars
+VOLT = 1024 / 5.0
+WALL = World([Wall(1.1, -9, 1.1, 9)])
+"""1 m before the front sonar."""
+
+
+def chain(world=WALL, pose=lambda time_s: Pose(0.0, 0.0, 0.0)):
+    sonars = SonarChain(MOUNTS, world, pose)
+    sonars.power(True, 0.0)
+    return sonars
+
+
+def counts(sonars, time_s):
+    return [int(sonars.volts(channel, time_s) * VOLT) for channel in range(3)]
+
+
+@pytest.mark.parametrize("centimetres", [15, 20, 50, 100, 200, 400])
+def test_the_thesis_curve_gives_the_distance_back(centimetres):
+    count = count_of(centimetres / 100)
+    assert 1.1767 * count**0.94657 - 0.3759 == pytest.approx(centimetres, abs=0.6)
+
+
+def test_what_is_nearer_than_the_dead_zone_reads_as_its_edge():
+    assert count_of(0.05) == count_of(0.15)
+
+
+def test_nothing_in_range_is_the_full_count():
+    assert count_of(float("inf")) == FULL_COUNT
+
+
+def test_no_voltage_before_the_first_reading():
+    sonars = chain()
+    sonars.trigger(0.3)
+    assert counts(sonars, 0.399) == [0, 0, 0]
+
+
+def test_sensors_take_turns_of_100_ms():
+    sonars = chain()
+    sonars.trigger(0.3)
+    ready = [[bool(count) for count in counts(sonars, time_s)] for time_s in (0.41, 0.51, 0.61)]
+    assert ready == [[True, False, False], [True, True, False], [True, True, True]]
+
+
+def test_a_trigger_makes_one_round():
+    sonars = chain()
+    sonars.trigger(0.3)
+    sonars.advance(10.0)
+    assert sonars.next_s == float("inf")
+
+
+def test_a_trigger_during_a_round_changes_nothing():
+    sonars = chain()
+    sonars.trigger(0.3)
+    sonars.trigger(0.35)
+    assert counts(sonars, 0.41)[0] > 0
+
+
+def test_a_trigger_during_warm_up_is_lost():
+    sonars = chain()
+    sonars.trigger(0.2)
+    assert counts(sonars, 1.0) == [0, 0, 0]
+
+
+def test_without_power_outputs_are_0_v():
+    sonars = chain()
+    sonars.trigger(0.3)
+    sonars.power(False, 1.0)
+    assert counts(sonars, 1.0) == [0, 0, 0]
+
+
+def test_echo_is_of_the_moment_the_sensor_fires():
+    """The robot moves on afterwards; the front sonar fired at the start of its round."""
+    sonars = chain(pose=lambda time_s: Pose(0.0 if time_s <= 0.3 else 0.5, 0.0, 0.0))
+    sonars.trigger(0.3)
+    assert counts(sonars, 0.45)[0] == count_of(1.0)
+
+
+def test_an_input_without_a_sonar_is_0_v():
+    assert chain().volts(3, 1.0) == 0.0
