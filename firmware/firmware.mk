@@ -17,7 +17,7 @@ FW_PARTS := $(notdir $(wildcard $(FW_SOURCE)/*.cpp)) mrl_firmware.ino
 
 PC_BUILD := build/pc
 PC_CXX := -std=gnu++11 -g -O1 -Wall -Wextra -Wconversion -Werror -I$(FW_SOURCE)
-PC_SOURCES = $(filter-out %/hal_avr.cpp,$(wildcard $(FW_SOURCE)/*.cpp)) tests/firmware/hal_pc.cpp
+PC_SOURCES = $(filter-out %_avr.cpp,$(wildcard $(FW_SOURCE)/*.cpp)) tests/firmware/hal_pc.cpp
 
 .PHONY: firmware flash pc-firmware
 
@@ -43,6 +43,7 @@ $$(FW_BUILD)/$(1).elf: $$(FW_OBJECTS_$(1))
 endef
 $(eval $(call FW_IMAGE,mrl_firmware,))
 $(eval $(call FW_IMAGE,mrl_firmware_environment,-DMRL_ENVIRONMENT=1))
+$(eval $(call FW_IMAGE,mrl_firmware_xbee,-DMRL_XBEE=1))
 
 $(FW_BUILD)/core/%.c.o: $(ARDUINO_AVR)/cores/arduino/%.c
 	@mkdir -p $(@D)
@@ -55,7 +56,7 @@ $(FW_BUILD)/core/%.cpp.o: $(ARDUINO_AVR)/cores/arduino/%.cpp
 $(ARDUINO_AVR)/cores/arduino/%:
 	@echo "no Arduino core in $(ARDUINO_AVR): apt-get install arduino-core-avr, or set ARDUINO_AVR" >&2; exit 1
 
-firmware: $(FW_IMAGES) ## Build the sketch (sonar and environment-sensor boards)
+firmware: $(FW_IMAGES) ## Build the sketch (sonar, environment-sensor and radio boards)
 
 flash: $(FW_BUILD)/mrl_firmware.elf ## Upload to an Arduino Uno: PORT=/dev/ttyACM0
 	@[ -n "$(PORT)" ] || { echo "make flash: which port? make flash PORT=/dev/ttyACM0" >&2; exit 1; }
@@ -65,10 +66,11 @@ flash: $(FW_BUILD)/mrl_firmware.elf ## Upload to an Arduino Uno: PORT=/dev/ttyAC
 	  { echo "make flash: no board answers at $(PORT): $$(echo "$$out" | grep . | head -1)" >&2; exit 1; }
 flash: IMAGE ?= mrl_firmware
 
-PC_LIBRARIES := $(PC_BUILD)/libmrl_firmware.so $(PC_BUILD)/libmrl_firmware_environment.so
+PC_LIBRARIES := $(patsubst %,$(PC_BUILD)/libmrl_firmware%.so,_xbee _environment) $(PC_BUILD)/libmrl_firmware.so
 pc-firmware: $(PC_LIBRARIES) $(PC_BUILD)/fuzz_firmware $(PC_BUILD)/checked_firmware ## The same C++ for the PC's tests
 
 $(PC_BUILD)/libmrl_firmware_environment.so: PC_DEFINES := -DMRL_ENVIRONMENT=1
+$(PC_BUILD)/libmrl_firmware_xbee.so: PC_DEFINES := -DMRL_XBEE=1
 $(PC_LIBRARIES): $(PC_SOURCES) $(FW_HEADERS) tests/firmware/hal_pc.h firmware/firmware.mk
 	@mkdir -p $(@D)
 	@g++ $(PC_CXX) $(PC_DEFINES) -shared -fPIC $(PC_SOURCES) -o $@.new && mv $@.new $@

@@ -110,8 +110,10 @@ void start_next() {
 
 }  // namespace
 
+bool can_ask() { return waiting < QUESTIONS; }
+
 void ask(uint8_t code, int16_t value) {
-  if (waiting == QUESTIONS) return status::refuse(Reason::overrun);
+  if (!can_ask()) return status::refuse(Reason::overrun);
   questions[(first + waiting) % QUESTIONS] = {code, value};
   waiting++;
   service();

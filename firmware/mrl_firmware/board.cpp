@@ -11,6 +11,7 @@
 #include "motor_board.h"
 #include "sonar.h"
 #include "status.h"
+#include "xbee.h"
 
 namespace mrl {
 namespace board {
@@ -24,12 +25,13 @@ void begin() {
   config::begin();
   motor::begin();
   failsafe::begin();
+  xbee::begin();
 }
 
 namespace {
 
 void (*const IN_TURN[])() = {motor::service,  bus::service_background, sonar::service, environment::service,
-                             config::service, status::service};
+                             config::service, status::service,         xbee::service};
 constexpr uint8_t TURNS = sizeof IN_TURN / sizeof IN_TURN[0];
 uint8_t turn;
 

@@ -90,6 +90,18 @@ ResetTrace reset_trace();
 // Resets the board 384 ms after the last call.
 void watchdog_kick();
 
+// ---- XBee: a second serial line, 9600 baud 8N1, interrupt-driven both ways; only in builds with MRL_XBEE
+
+constexpr uint8_t RADIO_OUT_SIZE = 64;
+
+void radio_begin();
+// The next received byte, or -1.
+int16_t radio_read();
+// Bytes that radio_write() takes now.
+uint8_t radio_room();
+// Queues one byte; there must be room.
+void radio_write(uint8_t byte);
+
 // ---- dust sensor: low pulses on ICP1
 
 // Time for which the input was low since the last call [64 us].

@@ -12,6 +12,7 @@
 #include "sonar.h"
 #include "status.h"
 #include "stream.h"
+#include "xbee.h"
 
 namespace mrl {
 namespace rows {
@@ -109,6 +110,10 @@ void report(uint8_t code, int16_t value, bool with_counts) {
     case READ_CONFIG:
     case WRITE_CONFIG:
       return config::report(value);
+    case XBEE_TEXT:
+      return xbee::report_text();
+    case DISCOVER_XBEE:
+      return xbee::report_node();
     default:  // 32, 36 and 37 answer with the value they were asked with
       return writer::add(value);
   }

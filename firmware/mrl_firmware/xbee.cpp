@@ -1,17 +1,188 @@
-// Texts by radio.
+#include "xbee.h"
+
+#include "answers.h"
+#include "board_clock.h"
 #include "build.h"
+#include "frame_writer.h"
+#include "hal.h"
 #include "protocol.h"
 #include "status.h"
-
-#if !MRL_XBEE
+#include "xbee_packet.h"
 
 namespace mrl {
+
+#if MRL_XBEE
+
+namespace xbee {
+namespace {
+
+enum PacketType : uint8_t { AT_COMMAND = 0x08, TRANSMIT = 0x10, AT_RESPONSE = 0x88, RECEIVED = 0x90 };
+
+constexpr uint8_t FRAME_ID = 1;
+constexpr uint8_t ADDRESS_WORDS = 4;
+constexpr uint8_t PIECE = 16;                                // longest text of one frame to the host
+constexpr uint8_t RECEIVED_ADDRESS = 1, RECEIVED_TEXT = 12;  // places in a receive packet
+constexpr uint8_t NODE_NETWORK = 5, NODE_ADDRESS = 7, NODE_SIZE = 15;
+constexpr uint8_t ENVELOPE = 4;  // delimiter, length and check sum
+constexpr uint32_t BROKEN_OFF = board_clock::of_ms(48);  // 46 bytes at 9600 baud: the packet will not go on
+
+PacketReader reader;
+uint32_t last_byte;
+uint8_t text_at;   // what the host has not got yet of a received text; 0 is nothing
+bool node_waits;   // a node's answer that the host has not got yet
+bool asked;        // the frame for it is queued
+uint8_t sum;
+
+// ---- to the radio
+
+void put(uint8_t byte) {
+  sum = static_cast<uint8_t>(sum + byte);
+  hal::radio_write(byte);
+}
+
+void put_word(int16_t value) {
+  put(static_cast<uint8_t>(static_cast<uint16_t>(value) >> 8));
+  put(static_cast<uint8_t>(value));
+}
+
+// False if the radio is still sending what came before.
+bool begin_packet(uint8_t size, PacketType type) {
+  if (hal::radio_room() < size + ENVELOPE) return false;
+  put(DELIMITER);
+  put(0);
+  put(size);
+  sum = 0;
+  put(type);
+  put(FRAME_ID);
+  return true;
+}
+
+void end_packet() { put(static_cast<uint8_t>(0xFF - sum)); }
+
+bool discover() {
+  if (!begin_packet(4, AT_COMMAND)) return false;
+  put('N');
+  put('D');
+  end_packet();
+  return true;
+}
+
+uint8_t text_byte(const int16_t* words, uint8_t i) {
+  const uint16_t word = static_cast<uint16_t>(words[i / 2]);
+  return static_cast<uint8_t>(i % 2 ? word : word >> 8);
+}
+
+bool send(const int16_t* address, const int16_t* words, uint8_t length) {
+  if (!begin_packet(static_cast<uint8_t>(14 + length), TRANSMIT)) return false;
+  for (uint8_t i = 0; i < ADDRESS_WORDS; i++) put_word(address[i]);
+  put_word(static_cast<int16_t>(0xFFFE));  // the network address is not known
+  put(0);                                  // as far as the network reaches
+  put(0);                                  // no options
+  for (uint8_t i = 0; i < length; i++) put(text_byte(words, i));
+  end_packet();
+  return true;
+}
+
+// ---- from the radio
+
+int16_t word_at(uint8_t place) {
+  return static_cast<int16_t>(reader.data()[place] << 8 | reader.data()[place + 1]);
+}
+
+void add_address(uint8_t place) {
+  for (uint8_t i = 0; i < ADDRESS_WORDS; i++) writer::add(word_at(static_cast<uint8_t>(place + 2 * i)));
+}
+
+void take_packet() {
+  const uint8_t* data = reader.data();
+  if (data[0] == RECEIVED && reader.size() > RECEIVED_TEXT) text_at = RECEIVED_TEXT;
+  const bool is_node = data[0] == AT_RESPONSE && reader.size() >= NODE_SIZE && data[2] == 'N' && data[3] == 'D';
+  if (is_node && data[4] == 0) node_waits = true;
+}
+
+void ask_host() {
+  if (asked || !answers::can_ask()) return;
+  asked = true;
+  answers::ask(text_at ? XBEE_TEXT : DISCOVER_XBEE);
+}
+
+void receive() {
+  for (int16_t byte; !text_at && !node_waits && (byte = hal::radio_read()) >= 0;) {
+    last_byte = board_clock::now();
+    if (reader.feed(static_cast<uint8_t>(byte))) take_packet();
+  }
+  if (reader.in_packet() && board_clock::passed(last_byte, BROKEN_OFF)) reader.clear();
+}
+
+uint8_t piece_size() {
+  const uint8_t left = static_cast<uint8_t>(reader.size() - text_at);
+  return left < PIECE ? left : PIECE;
+}
+
+}  // namespace
+
+void begin() { hal::radio_begin(); }
+
+// The next packet stays in the line's queue until the host has got this one.
+void service() {
+  receive();
+  if (text_at || node_waits) ask_host();
+}
+
+void report_text() {
+  const uint8_t size = piece_size();
+  add_address(RECEIVED_ADDRESS);
+  writer::add(size);
+  for (uint8_t i = 0; i < size; i = static_cast<uint8_t>(i + 2)) {
+    const uint8_t second = i + 1 < size ? reader.data()[text_at + i + 1] : 0;
+    writer::add(static_cast<int16_t>(reader.data()[text_at + i] << 8 | second));
+  }
+  text_at = static_cast<uint8_t>(text_at + size);
+  if (text_at >= reader.size()) text_at = 0;
+  asked = false;
+}
+
+void report_node() {
+  add_address(NODE_ADDRESS);
+  writer::add(word_at(NODE_NETWORK));
+  node_waits = asked = false;
+}
+
+}  // namespace xbee
+
+namespace handlers {
+
+void send_xbee(const int16_t* args, uint8_t count) {
+  const uint8_t length = static_cast<uint8_t>(args[xbee::ADDRESS_WORDS]);
+  const uint8_t words = static_cast<uint8_t>(count - xbee::ADDRESS_WORDS - 1);
+  if (words != (length + 1) / 2) return status::refuse(Reason::argument_count);
+  if (!xbee::send(args, args + xbee::ADDRESS_WORDS + 1, length)) status::refuse(Reason::unavailable);
+}
+
+void discover_xbee(const int16_t*, uint8_t) {
+  if (!xbee::discover()) status::refuse(Reason::unavailable);
+}
+
+}  // namespace handlers
+
+#else
+
+namespace xbee {
+
+void begin() {}
+void service() {}
+void report_text() {}
+void report_node() {}
+
+}  // namespace xbee
+
 namespace handlers {
 
 void send_xbee(const int16_t*, uint8_t) { status::refuse(Reason::unavailable); }
 void discover_xbee(const int16_t*, uint8_t) { status::refuse(Reason::unavailable); }
 
 }  // namespace handlers
-}  // namespace mrl
 
 #endif
+
+}  // namespace mrl

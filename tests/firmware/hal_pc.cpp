@@ -47,6 +47,8 @@ double eeprom_until_us;
 bool eeprom_broken;
 uint32_t dust_low;
 bool dust_seen;
+std::deque<uint8_t> radio_in;
+std::vector<uint8_t> radio_out;
 
 void move_serial() {
   while (!arriving.empty() && arriving.front().time_us <= now_us) {
@@ -150,6 +152,16 @@ void watchdog_kick() {
   kicked_us = now_us;
 }
 
+void radio_begin() {}
+int16_t radio_read() {
+  if (radio_in.empty()) return -1;
+  const uint8_t byte = radio_in.front();
+  radio_in.pop_front();
+  return byte;
+}
+uint8_t radio_room() { return static_cast<uint8_t>(RADIO_OUT_SIZE - radio_out.size()); }
+void radio_write(uint8_t byte) { radio_out.push_back(byte); }
+
 uint32_t dust_low_ticks() {
   const uint32_t low = dust_low;
   dust_low = 0;
@@ -207,6 +219,15 @@ void pc_hang_bus(int on, int recoveries) {
 void pc_dust(uint32_t low_ticks) {
   dust_low += low_ticks;
   dust_seen = true;
+}
+
+void pc_radio_receive(uint8_t byte) { radio_in.push_back(byte); }
+
+int pc_radio_sent(uint8_t* bytes, int room) {
+  int count = 0;
+  for (; count < room && count < static_cast<int>(radio_out.size()); count++) bytes[count] = radio_out[static_cast<size_t>(count)];
+  radio_out.erase(radio_out.begin(), radio_out.begin() + count);
+  return count;
 }
 
 const uint8_t* pc_eeprom() { return eeprom; }

@@ -29,6 +29,9 @@ int pc_sent(uint8_t* bytes, int room);
 // Holds the bus: transfers never end until it is released by hand, or after so many recoveries (0: never).
 void pc_hang_bus(int on, int recoveries);
 void pc_dust(uint32_t low_ticks);
+// A byte from the radio, and bytes to it.
+void pc_radio_receive(uint8_t byte);
+int pc_radio_sent(uint8_t* bytes, int room);
 const uint8_t* pc_eeprom();
 // EEPROM cells that take no more bytes.
 void pc_break_eeprom(int on);
