@@ -14,10 +14,11 @@ from typing import Any, Callable, Dict, List, Optional, Sequence
 
 import click
 
-from . import live
+from . import live, robots
 from .driver import Driver, Options
-from .errors import BoardTimeout, ConfigError, MrlError
+from .errors import BoardRefused, BoardTimeout, ConfigError, MrlError
 from .link import BAUD, ports
+from .table import BY_NAME, PARAMETER_BY_NAME
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
@@ -74,10 +75,14 @@ def _robot_options(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _driver(port: Optional[str], robot: str, baud: int, ignore_battery: bool) -> Driver:
+    return Driver(_demand_port(port), robot, baud, Options(ignore_battery=ignore_battery))
+
+
+def _demand_port(port: Optional[str]) -> str:
     if not port:
         found = ", ".join(ports()) or "none; is the board plugged in?"
         raise ConfigError(f"--port is missing, expected a serial port; ports there are: {found}")
-    return Driver(port, robot, baud, Options(ignore_battery=ignore_battery))
+    return port
 
 
 @cli.command()
@@ -162,6 +167,51 @@ def drive(
             _drive_timed(driver, linear or 0.0, angular or 0.0, seconds or 0.0)
         else:
             live.drive(driver)
+
+
+@cli.command("set-id")
+@_robot_options
+@click.argument("robot_id", type=click.IntRange(1, 32767))
+@click.option("--yes", is_flag=True, help="Do not ask.")
+def set_id(port: Optional[str], robot: str, baud: int, robot_id: int, yes: bool) -> None:
+    """Give a board its robot id, and the defaults of that robot; both are kept in its EEPROM.
+
+    Example: mrl set-id 1 --port /dev/ttyACM0
+    """
+    model = robots.load(robot if robot != "auto" else robots.by_id(robot_id) or _no_model(robot_id))
+    if robot_id not in model.ids:
+        raise ConfigError(
+            f"robot id {robot_id} is no {model.name}, expected {', '.join(map(str, model.ids))}"
+        )
+    options = Options(ignore_battery=True, any_id=True)
+    with Driver(_demand_port(port), model, baud, options) as driver:
+        if not yes:
+            click.confirm(f"change the robot id from {driver.board.robot_id} to {robot_id}?", abort=True)
+        write_id(driver, robot_id)
+    click.echo(f"robot id {robot_id} is set")
+
+
+def _no_model(robot_id: int) -> str:
+    raise ConfigError(f"robot id {robot_id} is in no packaged model; name a model file with --robot")
+
+
+def write_id(driver: Driver, robot_id: int) -> None:
+    """Write the id, the defaults that go with it, and save both.
+
+    Raises:
+        BoardRefused: the board keeps no configuration, or did not take it.
+        BoardTimeout: it does not answer.
+    """
+    if "config" not in driver.board.capabilities:
+        raise BoardRefused(
+            "board firmware 1 (2013) has no command for its id; flash with: make flash PORT=..."
+        )
+    index = PARAMETER_BY_NAME["robot_id"].number
+    if driver.ask(BY_NAME["write_config"].code, index, robot_id) != (index, robot_id):
+        raise BoardRefused(f"the board did not take robot id {robot_id}")
+    driver.ask(BY_NAME["default_config"].code)
+    if driver.ask(BY_NAME["save_config"].code, timeout_s=2.0) != (1,):
+        raise BoardRefused("the board could not save its EEPROM; try again")
 
 
 def _demand_finite(**speeds: float) -> None:

@@ -11,7 +11,7 @@ Leaving the block stops the robot.  All methods may be called from any thread, c
 import math
 import threading
 import time
-from typing import Any, List, NamedTuple, Optional, Union
+from typing import Any, Dict, List, NamedTuple, Optional, Tuple, Union
 
 from . import battery, robots
 from .errors import BoardTimeout, ConfigError, FrameError, LinkLost, MrlError
@@ -19,13 +19,15 @@ from .handshake import TIMEOUT_S, Board, Plan
 from .link import BAUD, Link
 from .readout import Readout
 from .robots import RobotModel
-from .session import Info, Session, SessionEvent
+from .session import Info, Reply, Session, SessionEvent
 from .state import Notice, RobotState, Telemetry, limit
 
 __all__ = ["Board", "Driver", "Options", "Telemetry"]
 
 CLOSE_S = 0.8
 """`close` waits at most this long for telemetry to confirm the stop [s]."""
+ATTEMPTS, ANSWER_S = 3, 0.5
+"""`ask` sends so often, and waits each time so long for the answer [s]."""
 GENTLE_S = 3.0
 """The longest that a gentle stop takes [s]."""
 
@@ -45,6 +47,8 @@ class Options(NamedTuple):
     """Stop the robot when `drive` was not called for so long; None: the last command stays in force."""
     ignore_battery: bool = False
     """Start, and drive on, with an empty battery."""
+    any_id: bool = False
+    """Take a board whatever its robot id, for the model given; meant for setting the id."""
     greeting_s: float = TIMEOUT_S
     """How long a board may take to answer at first."""
 
@@ -78,9 +82,10 @@ class Driver(Readout):
         _demand_options(options)
         self._port, self._baud, self._options = port, baud, options
         model = robot if isinstance(robot, RobotModel) else None if robot == "auto" else robots.load(robot)
-        super().__init__(RobotState(model, options.ignore_battery))
+        super().__init__(RobotState(model, options.ignore_battery, options.any_id))
         self._changed = threading.Condition(self._lock)
         self._settled = threading.Event()
+        self._replies: Dict[int, Tuple[int, ...]] = {}
         self._link: Optional[Link] = None
         self._thread: Optional[threading.Thread] = None
         self._closing = self._leaving = False
@@ -210,6 +215,27 @@ class Driver(Readout):
             session.request(code, *args)
             self._flush(session)
 
+    def ask(self, code: int, *args: int, timeout_s: float = ANSWER_S) -> Tuple[int, ...]:
+        """Send a request that a `Reply` answers, again where none comes; the reply's fields.
+
+        Not for `robot_info`, `read_status` and the counts, which come by themselves, nor on the reading thread.
+
+        Raises:
+            FrameError: the table forbids the request.
+            BoardTimeout: no answer within `timeout_s`, for each of three attempts.
+            LinkLost: the port went away.
+        """
+        for _ in range(ATTEMPTS):
+            with self._changed:
+                self._replies.pop(code, None)
+                self.request(code, *args)
+                if self._changed.wait_for(lambda: code in self._replies or self._error, timeout_s):
+                    self._connected()
+                    return self._replies[code]
+        raise BoardTimeout(
+            f"no answer to request {code} in {ATTEMPTS} attempts of {timeout_s:g} s; try again"
+        )
+
     def _run(self) -> None:
         try:
             while not self._closing:
@@ -265,6 +291,9 @@ class Driver(Readout):
         notices = self._state.digest(event, now)
         if isinstance(event, Info) and self._state.powerless:
             self._spare_battery(now)
+        elif isinstance(event, Reply):
+            self._replies[event.frame.code] = event.frame.args
+            self._changed.notify_all()
         if not self._settled.is_set() and self._state.telemetry is not None:
             self._settled.set()
         return notices

@@ -9,6 +9,7 @@ from .odometry import Odometry, Pose, Twist, Wheels, fastest_wheel_m_s
 from .robots import RobotModel
 from .session import Counts, Info, Ready, SessionEvent, Sonars, Status
 
+UNSET = "the board's robot id is not set; set it with: mrl set-id ID --port PORT"
 Notice = Tuple[str, Any]
 """Kind (`telemetry`, `status`, `battery`, `state`) and value of something that listeners are told."""
 
@@ -35,14 +36,16 @@ class Telemetry(NamedTuple):
 class RobotState:
     """Pose, ranges and battery of one robot; without a `model` the packaged one that lists the board's id."""
 
-    def __init__(self, model: Optional[RobotModel], ignore_battery: bool = False) -> None:
+    def __init__(
+        self, model: Optional[RobotModel], ignore_battery: bool = False, any_id: bool = False
+    ) -> None:
         self.model = model
         self.info: Optional[Board] = None
         self.odometry: Optional[Odometry] = None
         self.battery_state = battery.OK
         self.ranges: Dict[str, float] = {}
         self.telemetry: Optional[Telemetry] = None
-        self._ignore_battery = ignore_battery
+        self._ignore_battery, self._any_id = ignore_battery, any_id
         self._monitor: Optional[battery.BatteryMonitor] = None
         self._new_readings = sonar.NewReadings()
         self._late_sonars: Tuple[str, ...] = ()
@@ -61,7 +64,7 @@ class RobotState:
         """
         if self.model is None:
             self.model = model_of(board)
-        elif board.robot_id not in self.model.ids:
+        elif board.robot_id not in self.model.ids and not self._any_id:
             raise _wrong(board, self.model)
         if self.odometry is None and not self._ignore_battery:
             battery.demand_charge(board.battery_v, self.model.battery)
@@ -151,7 +154,7 @@ def model_of(board: Board) -> RobotModel:
     if name:
         return robots.load(name)
     if board.robot_id == 0:
-        raise WrongRobot("the board's robot id is not set; choose the robot model by name, and set the id")
+        raise WrongRobot(UNSET)
     raise WrongRobot(
         f"robot id {board.robot_id} is in no packaged model ({', '.join(robots.names())}); name a model "
         "file that lists it"
@@ -164,10 +167,12 @@ def _fastest_m_s(model: RobotModel) -> float:
 
 
 def _wrong(board: Board, model: RobotModel) -> WrongRobot:
+    if board.robot_id == 0:
+        return WrongRobot(UNSET)
     there = robots.by_id(board.robot_id)
     named = f"{there} (id {board.robot_id})" if there else f"id {board.robot_id}"
     ids = ", ".join(map(str, model.ids))
     return WrongRobot(
         f"the board is {named}, expected {model.name} (id {ids}): choose the other robot model, or set "
-        "the board's id"
+        "the board's id with: mrl set-id"
     )

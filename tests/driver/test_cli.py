@@ -209,6 +209,17 @@ def test_packages_add_sub_commands(monkeypatch):
     assert runner.invoke(cli.cli, ["extra"]).output == "from elsewhere\n"
 
 
+def test_a_2013_board_keeps_its_id(serve):
+    assert "make flash" in fails(11, "set-id", "2", "--port", serve(version=1).path, "--yes")
+
+
+@pytest.mark.parametrize(
+    ("args", "words"), [(["99"], "in no packaged model"), (["4", "--robot", "traxbot"], "expected 1, 2, 3")]
+)
+def test_an_id_of_no_robot(args, words):
+    assert words in fails(2, "set-id", *args, "--port", "/dev/null")
+
+
 # -- the keyboard and the view
 
 

@@ -231,10 +231,26 @@ def test_another_model_is_refused(serve):
         Driver(serve().path, "stingbot").connect()
 
 
-@pytest.mark.parametrize(("robot_id", "words"), [(0, "not set"), (99, "99 is in no packaged model")])
+@pytest.mark.parametrize(
+    ("robot_id", "words"), [(0, "not set; set it with: mrl set-id"), (99, "99 is in no packaged model")]
+)
 def test_an_unknown_id_is_refused(serve, robot_id, words):
     with pytest.raises(WrongRobot, match=words):
         Driver(serve(robot_id=robot_id).path).connect()
+
+
+def test_a_board_without_id_is_refused_for_a_named_robot_too(serve):
+    with pytest.raises(WrongRobot, match="not set; set it with: mrl set-id"):
+        Driver(serve(robot_id=0).path, "traxbot").connect()
+
+
+def test_asking_brings_the_answer(robot):
+    assert robot.ask(33, 400) == (400,)
+
+
+def test_asking_in_vain_is_a_timeout(robot):
+    with pytest.raises(BoardTimeout, match="no answer to request 34 in 3 attempts"):
+        robot.ask(34, 0, timeout_s=0.05)
 
 
 def test_a_model_object_may_be_given(serve):

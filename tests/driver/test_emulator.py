@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import pathlib
 import signal
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from mrl_driver.errors import BatteryDead, LinkLost, WrongRobot
 from mrl_driver.robots import load
 from mrl_driver.session import Ready
 from mrl_driver.state import RobotState
+from sim_arduino.avr_engine import AvrEngine
 from sim_arduino.board import PythonBoard
 from sim_arduino.plant import Plant
 from sim_arduino.profiles import Board2013
@@ -26,6 +28,7 @@ POSE_M = 0.001
 YAW_RAD = math.radians(0.1)
 """Largest error of the pose over a square, beyond what one encoder count explains."""
 PATIENCE_S = 20
+IMAGE = pathlib.Path(__file__).resolve().parents[2] / "build" / "firmware" / "mrl_firmware.elf"
 
 
 class EngineBoard:
@@ -83,9 +86,16 @@ class Robot(Talk):
         self.halt()
 
 
-@pytest.mark.parametrize("name", ["traxbot", "stingbot"])
-def test_the_pose_of_a_square_is_the_true_one(name):
-    robot = Robot(name).until_ready()
+def real_image(plant):
+    """The firmware's image on a simulated chip; `make test` builds it first."""
+    return AvrEngine(plant, IMAGE, robot_id=plant.model.ids[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "make"), [("traxbot", PythonBoard), ("stingbot", PythonBoard), ("traxbot", real_image)]
+)
+def test_the_pose_of_a_square_is_the_true_one(name, make):
+    robot = Robot(name, make).until_ready()
     count_m = robot.model.drive.metres_per_count
     for _ in range(4):
         robot.side(1.0)
@@ -179,9 +189,10 @@ def wait_until(condition):
         time.sleep(0.005)
 
 
-def test_a_drive_on_a_pty_ends_at_the_true_pose(mrl_sim, tmp_path):
+@pytest.mark.parametrize("engine", ["python", "avr"])
+def test_a_drive_on_a_pty_ends_at_the_true_pose(mrl_sim, tmp_path, engine):
     truth = tmp_path / "truth"
-    with Driver(mrl_sim("--truth", truth, "--pose", "0,0,0")) as robot:
+    with Driver(mrl_sim("--engine", engine, "--truth", truth, "--pose", "0,0,0")) as robot:
         robot.drive(0.3, 0.6)
         wait_until(lambda: robot.pose.x_m > 0.2)
         robot.stop()
@@ -203,6 +214,17 @@ def test_another_robot_on_the_pty(mrl_sim):
 def test_a_dead_battery_on_the_pty(mrl_sim, volts, words):
     with pytest.raises(BatteryDead, match=words):
         Driver(mrl_sim("--battery", volts)).connect()
+
+
+@pytest.mark.parametrize("engine", ["python", "avr"])
+def test_a_board_without_id_gets_one(mrl_sim, engine):
+    path = mrl_sim("--id", 0, "--engine", engine)
+    with pytest.raises(WrongRobot, match="not set"):
+        Driver(path).connect()
+    command = [sys.executable, "-m", "mrl_driver", "set-id", "2", "--port", path, "--yes"]
+    subprocess.run(command, check=True, timeout=PATIENCE_S)
+    with Driver(path) as robot:
+        assert robot.board.robot_id == 2
 
 
 def test_an_uno_that_resets_when_opened(mrl_sim):
