@@ -14,6 +14,7 @@ from mrl_driver.errors import ConfigError
 _IN_OPEN, _IN_CLOSE = 0x20, 0x08 | 0x10
 _EVENT = struct.Struct("iIII")
 READ_BYTES = 256
+_EVERYTHING = 65536
 
 
 class PtyPort:
@@ -36,6 +37,7 @@ class PtyPort:
         self.path = os.ttyname(self._slave)
         self.dropped = 0
         self._clients = 0
+        self._left = b""
         self.watch = _watch(self.path)
 
     @property
@@ -56,26 +58,36 @@ class PtyPort:
         return anew
 
     def _left_alone(self) -> None:
-        """Puts back what the last program changed: a real device forgets it at the last close."""
+        """Keeps what the last program sent, puts back what it changed: a real device forgets it at the last close."""
+        self._left += self._read(_EVERYTHING)
         fcntl.ioctl(self._slave, termios.TIOCNXCL)
         termios.tcsetattr(self._slave, termios.TCSANOW, self._settings)
         termios.tcflush(self._slave, termios.TCIFLUSH)
 
     def read(self, limit: int = READ_BYTES) -> bytes:
-        """What the host has sent, at most `limit` bytes."""
-        try:
-            data = os.read(self.master, limit)
-        except BlockingIOError:
-            return b""
+        """What the host has sent, at most `limit` bytes.
+
+        Openings at the same moment are told as one; bytes show that a program was missed.
+        """
+        if self._left:
+            data, self._left = self._left[:limit], self._left[limit:]
+            return data
+        data = self._read(limit)
         if data and not self._clients:
             self._clients = 1
         return data
+
+    def _read(self, limit: int) -> bytes:
+        try:
+            return os.read(self.master, limit)
+        except BlockingIOError:
+            return b""
 
     def read_all(self) -> bytes:
         """Everything that waits."""
         data = b""
         while True:
-            piece = self.read(4096)
+            piece = self.read(_EVERYTHING)
             if not piece:
                 return data
             data += piece

@@ -64,9 +64,15 @@ class Client:
         """What comes up to and including a mark."""
         out, end = b"", time.monotonic() + PATIENCE_S
         while mark not in out:
-            assert select.select([self.fd], [], [], max(0.0, end - time.monotonic()))[0], out
+            assert select.select([self.fd], [], [], max(0.0, end - time.monotonic()))[0], out[-200:]
             out += os.read(self.fd, 65536)
         return out
+
+    def read_until_quiet(self, seconds: float = 0.3) -> None:
+        """Drops what comes until nothing has come for a time."""
+        end = time.monotonic() + PATIENCE_S
+        while self.read(seconds):
+            assert time.monotonic() < end
 
     def ask(self, request: bytes) -> bytes:
         self.send(request)

@@ -154,3 +154,23 @@ def test_a_file_is_not_replaced(tmp_path):
 def test_a_link_that_cannot_be_made(tmp_path):
     with pytest.raises(ConfigError, match="cannot be made: No such file"):
         Link(str(tmp_path / "nowhere" / "tty"), "/dev/pts/99")
+
+
+def test_last_words_are_no_opening(port):
+    """A program that sends and closes at once is gone, whatever it left to be read."""
+    with Client(port.path) as client:
+        client.send(b"@13e")
+    port.opened_anew()
+    port.read()
+    assert not port.is_open
+
+
+def test_two_programs_that_open_at_the_same_moment(port):
+    """The kernel tells of one opening; when one of them closes, the other one's bytes show that it is there."""
+    with Client(port.path) as stays:
+        with Client(port.path):
+            pass
+        port.opened_anew()
+        stays.send(b"@5e")
+        port.read()
+        assert port.is_open
