@@ -5,14 +5,17 @@ anew when it has restarted.  Times are seconds of one monotonic clock, given by 
 """
 
 import math
-from typing import Callable, List, NamedTuple, Optional, Set, Tuple, Union
+from typing import Callable, List, Optional, Set, Tuple
 
 from .clock import BoardClock
 from .codec import REPLIES, Event, Frame, FrameDecoder, Garbage, encode_request
+from .events import Counts, Info, Ready, Reply, SessionEvent, Sonars, Stale, Status, status_of
 from .handshake import DEFAULT_PLAN, Board, Handshake, Plan, board_of
 from .motion import QUICK, SLOW, STOP, Motion, Pace
 from .statistics import Counters
-from .table import BY_NAME, FAULTS, RESET_CAUSES, STOP_REASONS
+from .table import BY_NAME
+
+__all__ = ["Counts", "Info", "Ready", "Reply", "Session", "SessionEvent", "Sonars", "Stale", "Status"]
 
 LATE_S = 0.1
 """Telemetry older than this: no more motion commands are sent."""
@@ -30,74 +33,6 @@ _COUNTS, _SONARS, _BOTH = (
     BY_NAME[n].code for n in ("read_encoders", "read_sonars", "read_encoders_and_sonars")
 )
 _INFO, _STATUS, _CHECK = (BY_NAME[n].code for n in ("robot_info", "read_status", "set_check"))
-
-
-class Ready(NamedTuple):
-    """The board is greeted and streams."""
-
-    board: Board
-    restarted: bool
-    """It is a new conversation: counters and board time have a new baseline."""
-    checked: bool
-    """Frames carry check value, sequence and board time."""
-
-
-class Counts(NamedTuple):
-    """One frame of the stream: 16-bit counters, and sonars [wire cm] where the frame has them."""
-
-    right: int
-    left: int
-    sonars: Optional[Tuple[int, ...]]
-    time_s: float
-    """Board time where `sequence` is there, else arrival time."""
-    stamp_s: float
-    """When the counters were read, on the caller's clock; the arrival where the board sends no time."""
-    arrival_s: float
-    sequence: Optional[int]
-
-
-class Sonars(NamedTuple):
-    """Sonar values [wire cm] that came by themselves."""
-
-    values: Tuple[int, ...]
-
-
-class Info(NamedTuple):
-    """A fresh `robot_info`."""
-
-    board: Board
-
-
-class Status(NamedTuple):
-    """How the board fares."""
-
-    uptime_s: int
-    reset_cause: str
-    stop_reason: str
-    faults: Tuple[str, ...]
-    clamped: int
-
-
-class Stale(NamedTuple):
-    """No telemetry for `age_s`; the robot is being stopped and greeted anew."""
-
-    age_s: float
-
-
-class Reply(NamedTuple):
-    """Any other frame of the board."""
-
-    frame: Frame
-
-
-SessionEvent = Union[Ready, Counts, Sonars, Info, Status, Stale, Reply]
-
-
-def status_of(args: Tuple[int, ...]) -> Status:
-    """The fields of a `read_status` reply."""
-    high, low, cause, reason, faults, clamped = args
-    names = tuple(name for i, (name, _) in enumerate(FAULTS) if faults >> i & 1)
-    return Status(high * 32768 + low, RESET_CAUSES[cause], STOP_REASONS[reason], names, clamped)
 
 
 class Session:

@@ -1,0 +1,75 @@
+"""What a session tells its caller."""
+
+from typing import NamedTuple, Optional, Tuple, Union
+
+from .codec import Frame
+from .handshake import Board
+from .table import FAULTS, RESET_CAUSES, STOP_REASONS
+
+
+class Ready(NamedTuple):
+    """The board is greeted and streams."""
+
+    board: Board
+    restarted: bool
+    """It is a new conversation: counters and board time have a new baseline."""
+    checked: bool
+    """Frames carry check value, sequence and board time."""
+
+
+class Counts(NamedTuple):
+    """One frame of the stream: 16-bit counters, and sonars [wire cm] where the frame has them."""
+
+    right: int
+    left: int
+    sonars: Optional[Tuple[int, ...]]
+    time_s: float
+    """Board time where `sequence` is there, else arrival time."""
+    stamp_s: float
+    """When the counters were read, on the caller's clock; the arrival where the board sends no time."""
+    arrival_s: float
+    sequence: Optional[int]
+
+
+class Sonars(NamedTuple):
+    """Sonar values [wire cm] that came by themselves."""
+
+    values: Tuple[int, ...]
+
+
+class Info(NamedTuple):
+    """A fresh `robot_info`."""
+
+    board: Board
+
+
+class Status(NamedTuple):
+    """How the board fares."""
+
+    uptime_s: int
+    reset_cause: str
+    stop_reason: str
+    faults: Tuple[str, ...]
+    clamped: int
+
+
+class Stale(NamedTuple):
+    """No telemetry for `age_s`; the robot is being stopped and greeted anew."""
+
+    age_s: float
+
+
+class Reply(NamedTuple):
+    """Any other frame of the board."""
+
+    frame: Frame
+
+
+SessionEvent = Union[Ready, Counts, Sonars, Info, Status, Stale, Reply]
+
+
+def status_of(args: Tuple[int, ...]) -> Status:
+    """The fields of a `read_status` reply."""
+    high, low, cause, reason, faults, clamped = args
+    names = tuple(name for i, (name, _) in enumerate(FAULTS) if faults >> i & 1)
+    return Status(high * 32768 + low, RESET_CAUSES[cause], STOP_REASONS[reason], names, clamped)
