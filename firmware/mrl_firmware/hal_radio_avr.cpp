@@ -15,92 +15,124 @@ namespace {
 static_assert(mrl::pins::XBEE_IN == 2 && mrl::pins::XBEE_OUT == 3, "D2 is INT0; both are on port D here");
 constexpr uint8_t IN = _BV(PD2), OUT = _BV(PD3);
 
-constexpr uint8_t BIT = 52;        // timer ticks of 2 us: 9615 baud
-constexpr uint8_t HALF_BIT = 24;   // a little early: the interrupt comes late
+constexpr uint8_t BIT = 52;  // timer ticks of 2 us: 9615 baud
 constexpr uint8_t FRAME_BITS = 10;
 
 mrl::Ring<64> heard;
 mrl::Ring<RADIO_OUT_SIZE> speaking;
 
-uint8_t in_bits, in_byte;    // bits seen of the byte that comes in, its start bit included
-uint8_t out_bits;            // bits left of the byte that goes out
-uint16_t out_frame;          // they themselves, the next one lowest
+// The timer runs round once a bit and never stops; its rounds are the clock of both directions.
+uint8_t rounds;
 
-void listen() {
-  EIFR = _BV(INTF0);
-  EIMSK |= _BV(INT0);
+// What comes in is told from the times of its edges, so that a late interrupt costs nothing but precision.
+struct Moment {
+  uint8_t round, tick;
+};
+Moment start_edge;
+uint16_t in_frame;  // bits so far, the last one highest
+uint8_t in_bits;
+bool receiving;
+
+uint16_t out_frame;  // bits left, the next one lowest
+uint8_t out_bits;
+
+// The interrupt that ends a round may come before or behind the counter's step to 0: its last tick is waited out.
+Moment moment() {
+  uint8_t tick;
+  do tick = TCNT2;
+  while (tick == BIT - 1);
+  Moment now = {rounds, tick};
+  // The round has just ended, and its interrupt waits behind the one that asks.
+  if ((TIFR2 & _BV(OCF2A)) && now.tick < BIT / 2) now.round++;
+  return now;
 }
 
-void stop_sampling() {
-  TIMSK2 &= static_cast<uint8_t>(~_BV(OCIE2A));
-  listen();
+// Bits from the start edge to `now`, rounded.
+uint8_t bits_until(Moment now) {
+  const uint8_t whole = static_cast<uint8_t>(now.round - start_edge.round);
+  if (now.tick + BIT / 2 < start_edge.tick) return static_cast<uint8_t>(whole - 1);
+  return static_cast<uint8_t>(now.tick >= start_edge.tick + BIT / 2 ? whole + 1 : whole);
 }
 
-}  // namespace
+void fill(uint8_t bits, bool high) {
+  for (; in_bits < bits; in_bits++) in_frame = static_cast<uint16_t>(in_frame >> 1 | (high ? 0x200 : 0));
+}
 
-// The falling edge of a start bit: from its middle on the timer looks once a bit.
-ISR(INT0_vect) {
-  OCR2A = static_cast<uint8_t>(TCNT2 + HALF_BIT);
-  EIMSK &= static_cast<uint8_t>(~_BV(INT0));
+// A frame that has no low start bit or no high stop bit is none.
+void end_frame(bool high) {
+  fill(FRAME_BITS, high);
+  receiving = false;
+  if ((in_frame & 0x201) == 0x200 && heard.room()) heard.put(static_cast<uint8_t>(in_frame >> 1));
+}
+
+void begin_frame(Moment now) {
+  start_edge = now;
   in_bits = 0;
-  TIFR2 = _BV(OCF2A);
-  TIMSK2 |= _BV(OCIE2A);
+  in_frame = 0;
+  receiving = true;
 }
 
-ISR(TIMER2_COMPA_vect) {
-  const bool high = PIND & IN;
-  OCR2A = static_cast<uint8_t>(OCR2A + BIT);
-  const uint8_t bit = in_bits++;
-  if (bit == 0) {
-    if (high) stop_sampling();  // a spike
-  } else if (bit < FRAME_BITS - 1) {
-    in_byte = static_cast<uint8_t>(in_byte >> 1 | (high ? 0x80 : 0));
-  } else {
-    if (high && heard.room()) heard.put(in_byte);
-    stop_sampling();
-  }
-}
-
-ISR(TIMER2_COMPB_vect) {
+inline void put_out_next_bit() {
   if (out_frame & 1) {
     PORTD |= OUT;
   } else {
     PORTD &= static_cast<uint8_t>(~OUT);
   }
-  OCR2B = static_cast<uint8_t>(OCR2B + BIT);
   out_frame >>= 1;
-  if (--out_bits) return;
-  if (speaking.used()) {
-    out_frame = static_cast<uint16_t>(speaking.take() << 1 | 0x200);
-    out_bits = FRAME_BITS;
-  } else {
-    TIMSK2 &= static_cast<uint8_t>(~_BV(OCIE2B));
+  if (--out_bits || !speaking.used()) return;
+  out_frame = static_cast<uint16_t>(speaking.take() << 1 | 0x200);
+  out_bits = FRAME_BITS;
+}
+
+}  // namespace
+
+ISR(INT0_vect) {
+  const Moment now = moment();
+  const bool high = PIND & IN;
+  if (receiving) {
+    const uint8_t bits = bits_until(now);
+    if (bits >= FRAME_BITS) {
+      end_frame(!high);
+    } else if (high && !bits) {
+      receiving = false;  // a spike
+    } else {
+      fill(bits, !high);
+    }
   }
+  if (!receiving && !high) begin_frame(now);
+}
+
+ISR(TIMER2_COMPA_vect) {
+  rounds++;
+  if (out_bits) put_out_next_bit();
+  const bool high = PIND & IN;
+  const bool edge_waits = EIFR & _BV(INTF0);  // the level is then that of the next frame's start
+  if (receiving && !edge_waits && bits_until({rounds, 0}) >= FRAME_BITS) end_frame(high);
 }
 
 void radio_begin() {
   PORTD |= IN | OUT;
   DDRD = static_cast<uint8_t>((DDRD | OUT) & ~IN);
-  TCCR2A = 0;
+  OCR2A = BIT - 1;
+  TCCR2A = _BV(WGM21);
   TCCR2B = _BV(CS21) | _BV(CS20);  // F_CPU / 32
-  EICRA = _BV(ISC01);              // falling edge
-  listen();
+  TIMSK2 = _BV(OCIE2A);
+  EICRA = _BV(ISC00);  // both edges
+  EIFR = _BV(INTF0);
+  EIMSK = _BV(INT0);
 }
 
 int16_t radio_read() { return heard.used() ? heard.take() : static_cast<int16_t>(-1); }
 
 uint8_t radio_room() { return speaking.room(); }
 
-// The first bit that the interrupt puts out is a stop bit, so that a byte in flight is never cut.
+// The first bit that goes out is a stop bit: the line's rest, for one round, starts the transmitter.
 void radio_write(uint8_t byte) {
   speaking.put(byte);
   cli();
-  if (!(TIMSK2 & _BV(OCIE2B))) {
+  if (!out_bits) {
     out_frame = 1;
     out_bits = 1;
-    OCR2B = static_cast<uint8_t>(TCNT2 + BIT);
-    TIFR2 = _BV(OCF2B);
-    TIMSK2 |= _BV(OCIE2B);
   }
   sei();
 }

@@ -1,0 +1,127 @@
+"""The radio build's image on the simulated chip: its second serial line, and what it costs the first."""
+
+from pathlib import Path
+from typing import List
+
+import pytest
+
+from mrl_driver.codec import REPLIES, Frame, FrameDecoder, encode_request
+from sim_arduino.avr.machine import AvrMachine
+from tests.firmware.test_xbee import ADDRESS, ADDRESS_WORDS, packet, received, words
+
+IMAGE = Path(__file__).resolve().parent.parent.parent / "build" / "firmware" / "mrl_firmware_xbee.elf"
+HZ = 16_000_000
+IN, OUT = 2, 3
+BAUD = 9600
+BIT = HZ // BAUD  # cycles
+MOVE = 0xEB
+
+
+class MotorBoard:
+    """Answers every read with zeros and keeps what is written."""
+
+    present = True
+
+    def __init__(self):
+        self.moves: List[int] = []
+
+    def write(self, data, time_s):
+        if data[0] == MOVE:
+            self.moves.append(int.from_bytes(data[1:3], "big"))
+        return True
+
+    def read(self, count, time_s):
+        return bytes(count)
+
+
+@pytest.fixture
+def chip():
+    machine = AvrMachine(IMAGE)
+    machine.i2c[0x18] = MotorBoard()
+    machine.watch_pins([OUT])
+    machine.set_pin(IN, 1)
+    machine.run(0.2)
+    machine.sent()
+    yield machine
+    machine.close()
+
+
+def say(machine: AvrMachine, data: bytes, baud: float = BAUD) -> None:
+    """Puts bytes on the radio's line to the board, from now on."""
+    at, bit, level = float(machine.cycle), HZ / baud, 1
+    for byte in data:
+        for value in (0, *(byte >> n & 1 for n in range(8)), 1):
+            if value != level:
+                machine.set_pin(IN, value, int(at))
+                level = value
+            at += bit
+
+
+def spoken(machine: AvrMachine) -> bytes:
+    """Bytes that the board put on the radio's line, sampled in the middle of each bit."""
+    edges = [(change.cycle, change.level) for change in machine.pin_changes() if change.pin == OUT]
+
+    def level(cycle: float) -> int:
+        return next((value for when, value in reversed(edges) if when <= cycle), 1)
+
+    out, free = b"", 0.0
+    for cycle, value in edges:
+        if value == 0 and cycle >= free:
+            out += bytes([sum(level(cycle + (1.5 + n) * BIT) << n for n in range(8))])
+            free = cycle + 9.5 * BIT
+    return out
+
+
+def frames(machine: AvrMachine):
+    return FrameDecoder(REPLIES).feed(bytes(byte.data for byte in machine.sent()))
+
+
+def test_text_to_the_radio(chip):
+    chip.send(encode_request(38, *ADDRESS_WORDS, *words(b"hello")))
+    chip.run(0.06)
+    assert spoken(chip)[-6:-1] == b"hello"
+
+
+@pytest.mark.parametrize("baud", [9600 * 0.98, 9600, 9600 * 1.02])
+def test_text_from_the_radio(chip, baud):
+    """The XBee's clock may be 2 % off."""
+    say(chip, received(bytes(range(64))), baud)
+    chip.run(0.2)
+    assert b"".join(b"%d" % len(frame.args) for frame in frames(chip)) == b"13" * 4
+
+
+def test_a_spike_is_no_byte(chip):
+    """10 us low, then a text."""
+    chip.set_pin(IN, 0, chip.cycle + 1000)
+    chip.set_pin(IN, 1, chip.cycle + 1160)
+    chip.run(0.01)
+    say(chip, received(b"hello"))
+    chip.run(0.05)
+    assert frames(chip) == [Frame(39, (*ADDRESS_WORDS, *words(b"hello")))]
+
+
+TEXTS, COMMANDS_BETWEEN = 20, 44  # 44 commands take 50 ms, a text of 4 bytes 23 ms on the radio's line
+
+
+def test_radio_costs_no_byte_on_usb(chip):
+    """Both lines full both ways for a second: commands as fast as the wire, a full-rate stream, texts without pause.
+
+    Each command arrives as it was sent and in order, each frame of the stream is whole, and the radio's texts are too.
+    """
+    speeds = [100 + n % 500 for n in range(TEXTS * COMMANDS_BETWEEN)]
+    moves = [b"@11,%d,-100e" % speed for speed in speeds]
+    text = encode_request(38, *ADDRESS_WORDS, *words(b"ping"))
+    chip.send(b"@18e")
+    chip.run(0.05)
+    chip.sent()
+    for first in range(0, len(moves), COMMANDS_BETWEEN):
+        chip.send(b"".join(moves[first : first + COMMANDS_BETWEEN]) + text)
+    say(chip, received(b"0123456789") * 40)
+    chip.run(1.2)
+    events = frames(chip)
+    heard = [event for event in events if isinstance(event, Frame) and event.code == 39]
+    assert chip.bytes_lost == 0
+    assert chip.i2c[0x18].moves == speeds
+    assert all(isinstance(event, Frame) for event in events[1:-1])
+    assert heard == [Frame(39, (*ADDRESS_WORDS, *words(b"0123456789")))] * 40
+    assert spoken(chip) == packet(b"\x10\x01" + ADDRESS + b"\xff\xfe\0\0ping") * TEXTS
