@@ -9,7 +9,7 @@ int16_t dust_per_litre(uint32_t low, uint32_t total) {
   const uint32_t share = low >= total ? 10000 : low * 1000 / (total / 10 ? total / 10 : 1);
   if (share > 4000) return INT16_MAX;
   const int32_t r = static_cast<int32_t>(share);
-  const int32_t slope = 52000 + (11 * (r / 10) * r / 1000) - 38 * r / 10;  // hundredths of particles per percent
+  const int32_t slope = 52000 + 11 * r * r / 1000 - 38 * r / 10;  // hundredths of particles per percent
   const int32_t particles = slope * r / 10000;
   const int32_t per_litre = particles * 10000 / 2832;
   return static_cast<int16_t>(per_litre > INT16_MAX ? INT16_MAX : per_litre);

@@ -1,0 +1,194 @@
+"""The environment-sensor build: its sensors, their absence, and its streams."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrl_driver import robots
+from mrl_driver.table import FAULTS, TICK_S
+from sim_arduino.plant import Plant
+from tests.firmware.pc_board import ENVIRONMENT, load
+
+SENSOR = 1 << [name for name, _ in FAULTS].index("sensor")
+FAN, HEATER, SONAR_TRIGGER, SONAR_POWER = 7, 15, 12, 13
+THERMOPILE, COMPASS = 0x68, 0x60
+LITRES = 0.2832
+"""0.01 cubic feet, the unit of the dust sensor's data sheet [l]."""
+
+
+def pieces_per_litre(percent):
+    """The PPD42NS's characteristic over its low-pulse occupancy [%]."""
+    return (1.1 * percent**3 - 3.8 * percent**2 + 520 * percent) / LITRES
+
+
+class Wired(Plant):
+    """Remembers pin changes."""
+
+    def __init__(self):
+        super().__init__(robots.load("traxbot"), sonars=False)
+        self.pins = []
+
+    def pin_changed(self, pin, level, time_s):
+        self.pins.append((pin, level))
+
+
+@pytest.fixture
+def board(bench):
+    made = bench(plant=Wired(), library=ENVIRONMENT)
+    made.run(0.2)
+    return made
+
+
+@pytest.fixture(scope="module")
+def native():
+    return load(ENVIRONMENT)
+
+
+def faults(board):
+    return board.field("read_status", "faults")
+
+
+def test_alcohol_is_the_complement_of_the_count(board):
+    board.plant.environment.alcohol_count = 300
+    board.run(0.05)
+    assert board.ask("read_alcohol").args == (723,)
+
+
+def test_thermopile(board):
+    board.plant.environment.pixels_c = (20.0, 21.0, 22.0, 23.0, 39.0, 40.0, 10.0, 0.0)
+    assert board.ask("read_thermopile").args == (20, 21, 22, 23, 39, 40, 10, 0)
+
+
+def test_sensor_stream(board):
+    """Right, left, alcohol, dust, hottest pixel."""
+    board.plant.environment.pixels_c = (20.0,) * 7 + (55.0,)
+    board.raw(b"@4,3,7e@4,1,-8e")
+    board.forget()
+    board.send("start_sensor_stream", 20, wait_s=0.3)
+    assert board.frames()[-1].args == (7, -8, 123, 0, 55)
+
+
+def test_sensor_and_light_stream(board):
+    board.plant.environment.light_count = 77
+    board.run(0.05)
+    board.send("start_sensor_ldr_stream", 20, wait_s=0.3)
+    assert board.frames()[-1].args[5] == 77
+
+
+def test_compass_stream(board):
+    board.send("start_compass_stream", 20, wait_s=0.3)
+    assert board.frames()[-1].args == (90,)
+
+
+def test_counts_in_the_sensor_stream_are_fresh(board):
+    """Read within 2 ms before the frame's first byte, whatever the thermopile takes."""
+    board.send("start_sensor_stream", 50, wait_s=0.3)
+    reads = board.write_times(0xD8)
+    assert len(reads) == pytest.approx(len(board.frames()), abs=1)
+
+
+@pytest.mark.parametrize("name", ["start_sensor_stream", "start_sensor_ldr_stream", "start_compass_stream"])
+def test_sensor_streams_end(board, name):
+    board.send(name, wait_s=0.2)
+    board.send(name.replace("start", "stop"), wait_s=0.05)
+    board.forget()
+    board.run(0.2)
+    assert not board.heard
+
+
+@pytest.mark.parametrize(
+    "address, name", [(THERMOPILE, "start_sensor_stream"), (THERMOPILE, "read_thermopile"), (COMPASS, "start_compass_stream")]
+)
+def test_missing_sensor_is_flagged_and_sends_nothing(board, address, name):
+    """Nothing hangs, and the counters are still read."""
+    board.plant.i2c[address].present = False
+    board.send(name, wait_s=0.3)
+    assert not board.frames() and faults(board) & SENSOR
+    assert board.ask("read_encoders").args == (0, 0)
+
+
+def test_sensor_that_vanishes_ends_the_frames(board):
+    """A value older than half a second is none."""
+    board.send("start_compass_stream", 20, wait_s=0.3)
+    board.plant.i2c[COMPASS].present = False
+    board.run(0.6)
+    board.forget()
+    board.run(0.3)
+    assert not board.frames()
+
+
+def test_sensor_that_comes_back_is_used(board):
+    board.plant.i2c[COMPASS].present = False
+    board.send("start_compass_stream", 20, wait_s=0.3)
+    board.plant.i2c[COMPASS].present = True
+    board.run(0.3)
+    faults(board)
+    assert board.frames() and not faults(board) & SENSOR
+
+
+def test_motor_board_is_still_driven_while_sensors_are_read(board):
+    """At 100 kHz a thermopile takes 1.1 ms of the bus."""
+    board.send("start_sensor_stream")
+    board.forget()
+    for speed in range(100, 150):
+        board.raw(b"@11,%d,0e" % speed, wait_s=0.005)
+    assert [data[1:3] for data in board.writes(0xEB)] == [n.to_bytes(2, "big") for n in range(100, 150)]
+
+
+def test_sonars_are_not_there(board):
+    """The pins of the chain are left alone."""
+    board.run(1.0)
+    assert board.ask("read_sonars").args == (-1, -1, -1)
+    assert not {SONAR_POWER, SONAR_TRIGGER} & {pin for pin, _ in board.plant.pins}
+
+
+def test_heater_and_fan_are_on(board):
+    """The heater is on when its pin is low."""
+    assert board.plant.pins == [(HEATER, 0), (FAN, 1)]
+
+
+# ---- dust
+
+
+@given(st.floats(0.0, 20.0))
+def test_dust_characteristic(native, percent):
+    """Within 1 % and 40 pieces, up to 40000 a litre: more reads 32767."""
+    total = int(30 / TICK_S)
+    wanted = min(32767, pieces_per_litre(percent))
+    assert native.pc_dust_per_litre(int(total * percent / 100), total) == pytest.approx(wanted, rel=0.01, abs=40)
+
+
+@pytest.mark.parametrize("low, total, count", [(0, 0, 0), (0, 1000, 0), (1000, 1000, 32767), (5000, 1000, 32767)])
+def test_dust_extremes(native, low, total, count):
+    assert native.pc_dust_per_litre(low, total) == count
+
+
+def dusty(board, seconds, percent):
+    """Low pulses that make up a share of the time."""
+    for _ in range(int(seconds / 0.1)):
+        board.board.native.pc_dust(int(0.1 / TICK_S * percent / 100))
+        board.run(0.1)
+
+
+def test_dust_is_counted_over_half_a_minute(board):
+    dusty(board, 30.0, percent=2.0)
+    assert board.ask("read_dust").args[0] == pytest.approx(pieces_per_litre(2.0), rel=0.03)
+
+
+def test_dust_counts_before_the_first_half_minute_is_over(board):
+    dusty(board, 6.0, percent=2.0)
+    assert board.ask("read_dust").args[0] == pytest.approx(pieces_per_litre(2.0), rel=0.1)
+
+
+def test_old_dust_is_forgotten(board):
+    dusty(board, 10.0, percent=5.0)
+    board.run(31.0)
+    assert board.ask("read_dust").args == (0,)
+
+
+def test_a_silent_dust_sensor_is_flagged(board):
+    """Not one pulse in a minute: even clean air has some."""
+    board.run(55.0)
+    before = faults(board)
+    board.run(15.0)
+    assert (before, faults(board) & SENSOR) == (0, SENSOR)
