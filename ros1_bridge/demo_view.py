@@ -25,7 +25,7 @@ from .teleop import Teleop
 
 SONARS = ("front", "left", "right")
 LINK_DIAGNOSTICS = "Link"
-TICK_S = 0.05
+TICK_S, REFRESH_S = 0.05, 0.1
 STALE_S = 0.3
 PATIENCE_S = 20.0
 """With a duration set, odometry must have begun by then."""
@@ -147,6 +147,7 @@ def run_screen(view: DemoView, clock: Clock, title: str) -> bool:
     live = Live(
         console=console, screen=True, auto_refresh=False, redirect_stdout=False, redirect_stderr=False
     )
+    shown_s = -math.inf
     with Keyboard() as keyboard, live:
         while not rospy.is_shutdown():
             keys: List[str] = keyboard.read(TICK_S)
@@ -156,7 +157,9 @@ def run_screen(view: DemoView, clock: Clock, title: str) -> bool:
             if "q" in keys or clock.ended(now) or clock.overdue(now):
                 return bool(now.frames) or "q" in keys
             view.drive(now)
-            live.update(render(now, title, console.width, console.height), refresh=True)
+            if time.monotonic() >= shown_s + REFRESH_S:
+                shown_s = time.monotonic()
+                live.update(render(now, title, console.width, console.height), refresh=True)
     return True
 
 

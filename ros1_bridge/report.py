@@ -3,8 +3,8 @@
 import math
 from typing import Dict, List, Mapping, NamedTuple, Optional, Tuple
 
-TRAIL_STEP_M = 0.01
-TRAIL_POINTS = 4000
+TRAIL_STEP_M = 0.005
+TRAIL_POINTS = 3000
 _WORDS = {math.inf: "clear", -math.inf: "near"}
 
 
