@@ -30,6 +30,7 @@ from .table import (
     STOP_REASONS,
     Command,
     Field,
+    Parameter,
 )
 
 _ROOT = Path(__file__).resolve().parent.parent
@@ -299,9 +300,8 @@ def _field_cells(field: Field) -> Tuple[str, ...]:
     return (field.name, f"{field.low} to {field.high}", field.unit, field.text)
 
 
-def _parameter_cells(row: Field) -> Tuple[str, ...]:
-    index, name, low, high, unit, text = row  # type: ignore[misc]
-    return (str(index), name, f"{low} to {high}", unit, text)
+def _parameter_cells(row: Parameter) -> Tuple[str, ...]:
+    return (str(row.number), row.name, f"{row.low} to {row.high}", row.unit, row.text)
 
 
 def _defaults_table() -> List[str]:
