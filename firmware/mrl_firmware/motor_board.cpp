@@ -4,6 +4,7 @@
 #include "config.h"
 #include "frame_writer.h"
 #include "motor_queue.h"
+#include "motor_set_up.h"
 #include "status.h"
 
 namespace mrl {
@@ -21,7 +22,6 @@ enum class Presence : uint8_t { absent, asking, present };
 // The order in which a board that has appeared is asked; the first one is a stop.
 enum class Ask : uint8_t { stop, version, decimals, battery, temperature, done };
 enum class Kind : uint8_t { stop, ask, set_up, command, counts, poll };
-enum SetUp : uint8_t { SET_GEOMETRY = 1, SET_GAINS = 2, SET_RAMP = 4, SET_TIMEOUT = 8, SET_ALL = 15 };
 
 Queue queue;
 Message current;  // the command on the bus, kept for a retry
@@ -130,30 +130,6 @@ void take_answer() {
 }
 
 // ---- set-up
-
-int16_t parameter(Parameter which) { return config::get(which); }
-
-Message set_up_message(uint8_t part) {
-  switch (part) {
-    case SET_GEOMETRY:
-      return Message(GEOMETRY, 20)
-          .word(parameter(Parameter::axis_radius))
-          .word(parameter(Parameter::wheel_radius))
-          .word(parameter(Parameter::gearbox))
-          .word(parameter(Parameter::encoder_counts));
-    case SET_GAINS:
-      return Message(GAINS, 15)
-          .word(parameter(Parameter::kp))
-          .word(parameter(Parameter::ki))
-          .word(parameter(Parameter::kd));
-    case SET_RAMP:
-      return Message(RAMP, 10).word(parameter(Parameter::ramp_time)).word(parameter(Parameter::ramp_gain));
-    default: {
-      const uint8_t timeout = static_cast<uint8_t>(parameter(Parameter::motor_timeout));
-      return Message(TIMEOUT, 5).byte(timeout).byte(KEY_1).byte(timeout).byte(KEY_2);
-    }
-  }
-}
 
 void set_up_next(hal::Transfer& transfer) {
   set_up_now = static_cast<uint8_t>(set_up_todo & -set_up_todo);
@@ -266,10 +242,7 @@ bool send(const Message& message) {
 }
 
 void refresh(Parameter parameter) {
-  if (parameter >= Parameter::axis_radius && parameter <= Parameter::encoder_counts) set_up_todo |= SET_GEOMETRY;
-  if (parameter >= Parameter::kp && parameter <= Parameter::kd) set_up_todo |= SET_GAINS;
-  if (parameter == Parameter::ramp_time || parameter == Parameter::ramp_gain) set_up_todo |= SET_RAMP;
-  if (parameter == Parameter::motor_timeout) set_up_todo |= SET_TIMEOUT;
+  set_up_todo = static_cast<uint8_t>(set_up_todo | set_up_part(parameter));
 }
 
 void refresh_all() { set_up_todo = SET_ALL; }

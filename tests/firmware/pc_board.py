@@ -14,7 +14,9 @@ from typing import Any, Callable, List, Optional, Tuple
 import _ctypes
 
 BUILD = Path(__file__).resolve().parent.parent.parent / "build" / "pc"
-SONARS, ENVIRONMENT, XBEE = (BUILD / f"libmrl_firmware{suffix}.so" for suffix in ("", "_environment", "_xbee"))
+SONARS, ENVIRONMENT, XBEE = (
+    BUILD / f"libmrl_firmware{suffix}.so" for suffix in ("", "_environment", "_xbee")
+)
 EEPROM_SIZE = 1024
 VOLTS_PER_COUNT = 5.0 / 1024.0
 POWER_ON, EXTERNAL, BROWN_OUT, WATCHDOG, MARKED, KEPT = 1, 2, 4, 8, 16, 32

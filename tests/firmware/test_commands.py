@@ -114,7 +114,9 @@ def test_robot_info(bench):
     board = bench()
     temperature, motor_version, battery, version, robot_id = board.ask("robot_info").args
     assert (motor_version, version, robot_id) == (172, 2, 1)
-    assert temperature == pytest.approx(100 * board.plant.motor_board.temperature_c(board.board.now_s), abs=10)
+    assert temperature == pytest.approx(
+        100 * board.plant.motor_board.temperature_c(board.board.now_s), abs=10
+    )
     assert battery == pytest.approx(100 * board.plant.motor_board.battery_v(board.board.now_s), abs=10)
 
 

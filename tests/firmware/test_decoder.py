@@ -23,7 +23,9 @@ def test_golden_vector_amid_noise(vector):
     assert events == [Garbage(b"\x80\xfe", "noise"), *vector.events_at_line_end]
 
 
-@pytest.mark.parametrize("row", [row for row in COMMANDS if row.name != "xbee_text"], ids=lambda row: row.name)
+@pytest.mark.parametrize(
+    "row", [row for row in COMMANDS if row.name != "xbee_text"], ids=lambda row: row.name
+)
 def test_every_request_is_understood(row):
     wire = encode_request(row.code, *(field.high for field in row.request))
     assert TwinDecoder().feed(wire) == FrameDecoder(REQUESTS).feed(wire)
@@ -43,7 +45,9 @@ def test_long_noise(length):
 
 PIECES = st.one_of(
     st.binary(max_size=8),
-    st.sampled_from([b"@", b"e", b",", b"-", b"0", b"13", b"@13e", b"@6e", b"\r\n", b"32768", b"-32769", b"007"]),
+    st.sampled_from(
+        [b"@", b"e", b",", b"-", b"0", b"13", b"@13e", b"@6e", b"\r\n", b"32768", b"-32769", b"007"]
+    ),
     st.builds(
         lambda code, args: b"@%d" % code + b"".join(b",%d" % a for a in args) + b"e",
         st.integers(-2, 300),

@@ -97,7 +97,8 @@ def test_sensor_streams_end(board, name):
 
 
 @pytest.mark.parametrize(
-    "address, name", [(THERMOPILE, "start_sensor_stream"), (THERMOPILE, "read_thermopile"), (COMPASS, "start_compass_stream")]
+    "address, name",
+    [(THERMOPILE, "start_sensor_stream"), (THERMOPILE, "read_thermopile"), (COMPASS, "start_compass_stream")],
 )
 def test_missing_sensor_is_flagged_and_sends_nothing(board, address, name):
     """Nothing hangs, and the counters are still read."""
@@ -155,10 +156,14 @@ def test_dust_characteristic(native, percent):
     """Within 1 % and 40 pieces, up to 40000 a litre: more reads 32767."""
     total = int(30 / TICK_S)
     wanted = min(32767, pieces_per_litre(percent))
-    assert native.pc_dust_per_litre(int(total * percent / 100), total) == pytest.approx(wanted, rel=0.01, abs=40)
+    assert native.pc_dust_per_litre(int(total * percent / 100), total) == pytest.approx(
+        wanted, rel=0.01, abs=40
+    )
 
 
-@pytest.mark.parametrize("low, total, count", [(0, 0, 0), (0, 1000, 0), (1000, 1000, 32767), (5000, 1000, 32767)])
+@pytest.mark.parametrize(
+    "low, total, count", [(0, 0, 0), (0, 1000, 0), (1000, 1000, 32767), (5000, 1000, 32767)]
+)
 def test_dust_extremes(native, low, total, count):
     assert native.pc_dust_per_litre(low, total) == count
 

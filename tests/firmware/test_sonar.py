@@ -23,7 +23,10 @@ def formula(count, a, b, c):
 
 def test_thesis_curve_for_all_counts(native):
     """Within 1 cm of 1.1767 s^0.9466 - 0.3759; nearly all exact."""
-    errors = [abs(native.pc_power_law(s, 11767, 9466, -3759) - formula(s, 11767, 9466, -3759)) for s in range(1, 1024)]
+    errors = [
+        abs(native.pc_power_law(s, 11767, 9466, -3759) - formula(s, 11767, 9466, -3759))
+        for s in range(1, 1024)
+    ]
     assert max(errors) <= 1 and sum(errors) < 50
 
 
@@ -48,7 +51,8 @@ class Wired(Plant):
 
 
 @pytest.mark.parametrize(
-    "count, wire", [(0, -1), (9, -1), (10, 10), (307, 266), (639, 532), (640, 645), (700, 645), (701, -1), (1023, -1)]
+    "count, wire",
+    [(0, -1), (9, -1), (10, 10), (307, 266), (639, 532), (640, 645), (700, 645), (701, -1), (1023, -1)],
 )
 def test_thresholds(bench, count, wire):
     """Missing and saturated sensors have no reading; the end of the range is "nothing"."""

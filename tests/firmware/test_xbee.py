@@ -114,14 +114,18 @@ def test_packet_that_breaks_off_is_forgotten(radio):
     assert [frame.args[4:] for frame in radio.frames()] == [words(b"next")]
 
 
-@pytest.mark.parametrize("noise", [b"", b"OK\r", b"\x7e\x7e\x7e", b"\x7e\x01\x00", b"\x7e\x00\x00", b"\x7e\x00\xff"])
+@pytest.mark.parametrize(
+    "noise", [b"", b"OK\r", b"\x7e\x7e\x7e", b"\x7e\x01\x00", b"\x7e\x00\x00", b"\x7e\x00\xff"]
+)
 def test_noise_before_a_packet(radio, noise):
     radio.hear(noise, wait_s=0.1)
     radio.hear(received(b"next"), wait_s=0.1)
     assert [frame.args[4:] for frame in radio.frames()] == [words(b"next")]
 
 
-@pytest.mark.parametrize("data", [b"\x90", b"\x90" + ADDRESS + b"\0\0\1", b"\x88\x01ND\0", b"\x8b\x01\0\0\0\0\0"])
+@pytest.mark.parametrize(
+    "data", [b"\x90", b"\x90" + ADDRESS + b"\0\0\1", b"\x88\x01ND\0", b"\x8b\x01\0\0\0\0\0"]
+)
 def test_packets_without_anything_for_the_host(radio, data):
     radio.hear(packet(data), wait_s=0.1)
     assert radio.frames() == []
