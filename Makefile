@@ -5,7 +5,7 @@ SHELL := /bin/bash
 
 VENV := .venv
 PY := $(VENV)/bin/python
-ROBOT ?= traxbot
+ROBOT ?=
 ENGINE ?=
 PORT ?=
 DURATION ?=
@@ -67,7 +67,7 @@ bench-firmware: setup firmware ## Measure the firmware image on the simulated ch
 	$(PY) -m tests.bench.bench_firmware
 
 run: setup firmware ## Drive an emulated robot through ROS with a live view; PORT=/dev/ttyACM0 for a real one
-	@$(ROS_ENV) exec $(PY) -m ros1_bridge.run --robot $(ROBOT) $(if $(ENGINE),--engine $(ENGINE)) \
+	@$(ROS_ENV) exec $(PY) -m ros1_bridge.run $(if $(ROBOT),--robot $(ROBOT)) $(if $(ENGINE),--engine $(ENGINE)) \
 	  $(if $(PORT),--port $(PORT)) $(if $(DURATION),--duration $(DURATION))
 
 clean: ## Remove what was built; the virtual environment stays
