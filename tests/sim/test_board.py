@@ -156,3 +156,14 @@ def test_eeprom_is_the_callers_own():
 
 def test_unset_id():
     assert awake(robot_id=0).health.has_fault("id_unset")
+
+
+def test_inputs_count_for_nothing_before_a_sonars_first_reading():
+    """Whatever the pins show: the sensors are ready 100 ms after one another."""
+    board = PythonBoard(Plant(TRAXBOT))
+    board.plant.adc_volts = lambda channel, time_s: 1.0
+    ready = []
+    for tenth in (5, 6, 7, 8):
+        board.advance(tenth / 10)
+        ready.append([value > 0 for value in board.sonars.values(board.now_s)])
+    assert ready == [[False] * 3, [True, False, False], [True, True, False], [True] * 3]

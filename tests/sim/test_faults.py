@@ -1,0 +1,321 @@
+"""Injected faults: each does what it says, to the bytes it should, when it should."""
+
+import math
+import random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrl_driver.codec import REPLIES, REQUESTS, Frame, FrameDecoder
+from mrl_driver.errors import ConfigError
+from mrl_driver.robots import load
+from mrl_driver.table import STOP_CODE
+from sim_arduino import line_faults
+from sim_arduino.board import PythonBoard
+from sim_arduino.fault_table import FAULTS, parse, usage
+from sim_arduino.faults import FaultyEngine
+from sim_arduino.plant import Plant
+
+PLENTY = bytes(range(256)) * 400
+INSTANT = ("loss", "flip", "change", "repeat")
+
+
+class Echo:
+    """An engine that sends back what it gets, and notes what is done to it."""
+
+    next_event_s = math.inf
+
+    def __init__(self):
+        self.out, self.calls = b"", []
+
+    def receive(self, data):
+        self.out += data
+
+    def advance(self, to_s):
+        out, self.out = self.out, b""
+        return out
+
+    def gap(self, to_s, waiting):
+        self.calls.append(("gap", to_s, waiting))
+
+    def reset(self):
+        self.calls.append(("reset",))
+
+
+def make(name, seed=1, **values):
+    kind = FAULTS[name]
+    defaults = {p.name: p.default for p in kind.parameters}
+    return kind.make(random.Random(seed), **{**defaults, **values})
+
+
+def passed(engine, times):
+    """What comes out by each of these times."""
+    return [engine.advance(time_s) for time_s in times]
+
+
+def test_lost_bytes_are_as_many_as_said():
+    lost = 1 - len(make("loss", rate=0.01).run(PLENTY, 0.0)) / len(PLENTY)
+    assert lost == pytest.approx(0.01, rel=0.15)
+
+
+def test_a_burst_loses_bytes_in_a_row():
+    out = make("loss", rate=1.0, burst=7).run(b"0123456789", 0.0)
+    assert out == b""
+    few = make("loss", rate=0.0005, burst=20).run(PLENTY, 0.0)
+    assert (len(PLENTY) - len(few)) % 20 == 0
+
+
+def test_a_flip_changes_one_bit():
+    out = make("flip", rate=0.01).run(PLENTY, 0.0)
+    bits = {bin(a ^ b).count("1") for a, b in zip(PLENTY, out)}
+    assert bits == {0, 1}
+    assert len(out) == len(PLENTY)
+
+
+def test_a_changed_byte_differs():
+    out = make("change", rate=1.0).run(PLENTY, 0.0)
+    assert all(a != b for a, b in zip(PLENTY, out))
+
+
+def test_swapped_neighbours():
+    out = make("swap", rate=1.0).run(b"ab", 0.0)
+    assert sorted(out) == sorted(b"ab")
+    assert sorted(make("swap", rate=0.1).run(PLENTY, 0.0)) == sorted(PLENTY)
+
+
+def test_a_repeated_frame_comes_whole_and_twice():
+    fault = make("repeat", rate=1.0)
+    assert fault.run(b"@6,1,", 0.0) + fault.run(b"2e\r\n", 0.0) == b"@6,1,2e@6,1,2e\r\n"
+
+
+@pytest.mark.parametrize("name", INSTANT)
+@given(cuts=st.lists(st.integers(0, 2000), max_size=20))
+def test_the_same_bytes_are_hit_however_they_are_cut(name, cuts):
+    data = b"@6,123,456e\r\n" * 160
+    bounds = [0, *sorted(min(cut, len(data)) for cut in cuts), len(data)]
+    fault = make(name, rate=0.02)
+    pieces = [fault.run(data[a:b], 0.0) for a, b in zip(bounds, bounds[1:])]
+    assert b"".join(pieces) == make(name, rate=0.02).run(data, 0.0)
+
+
+def test_a_delay_keeps_order_and_bounds():
+    engine = FaultyEngine(Echo(), ["delay:delay=0.1,jitter=0.05,direction=to_board"], seed=3)
+    came = b""
+    for i in range(100):
+        engine.receive(bytes([i]))
+        came += engine.advance((i + 1) * 0.01)
+        assert max(0, i + 1 - 16) <= len(came) <= max(0, i + 1 - 9)
+    assert came == bytes(range(len(came)))
+
+
+def test_pieces_are_small_and_apart():
+    engine = FaultyEngine(Echo(), ["split:size=1,gap=0.003,direction=to_host"])
+    engine.receive(b"abc")
+    assert passed(engine, [0.001, 0.0035, 0.004, 0.0065, 1.0]) == [b"a", b"", b"b", b"", b"c"]
+
+
+def test_a_stalled_line_lets_go_at_once():
+    engine = FaultyEngine(Echo(), ["stall:at=1,lasts=2,direction=to_host"])
+    passed(engine, [1.5])
+    engine.receive(b"abc")
+    assert passed(engine, [2.9, 3.0]) == [b"", b"abc"]
+
+
+def test_a_fault_with_a_period_comes_again():
+    engine = FaultyEngine(Echo(), ["loss:rate=1,at=1,lasts=1,every=3,direction=to_board"])
+    through = []
+    for second in range(8):
+        engine.advance(second + 0.5)
+        engine.receive(b"%d" % second)
+        through += engine.advance(second + 0.6)
+    assert bytes(through) == b"02356"
+
+
+def test_the_other_direction_is_spared():
+    engine = FaultyEngine(Echo(), ["loss:rate=1,direction=to_board"])
+    engine.receive(b"abc")
+    assert passed(engine, [1.0]) == [b""]
+    engine.engine.out = b"abc"
+    assert passed(engine, [2.0]) == [b"abc"]
+
+
+def test_junk_comes_at_its_rate():
+    engine = FaultyEngine(Echo(), ["junk:rate=50,direction=to_host"])
+    assert sum(map(len, passed(engine, [i / 100 for i in range(1001)]))) == pytest.approx(500, rel=0.1)
+
+
+def test_a_flood_fills_the_line():
+    engine = FaultyEngine(Echo(), ["flood:direction=to_host,lasts=1"])
+    assert sum(map(len, passed(engine, [i / 100 for i in range(200)]))) == pytest.approx(11520, rel=0.1)
+
+
+def test_foreign_text_stands_on_its_own_line():
+    engine = FaultyEngine(Echo(), ["text:period=1,text=hello e,direction=to_host"])
+    assert b"".join(passed(engine, [0.5, 1.0, 1.2, 2.2])) == b"hello e\r\n" * 2
+
+
+def test_another_baud_rate_makes_other_bytes():
+    out = make("baud", rate=57600).run(b"@8,1,2,3,4,5e\r\n", 0.0)
+    assert 3 <= len(out) <= 15
+    assert not [event for event in FrameDecoder(REPLIES).feed(out * 9) if isinstance(event, Frame)]
+
+
+def test_nearly_the_same_baud_rate_changes_nothing():
+    assert make("baud", rate=117647).run(b"@8,1,2,3,4,5e\r\n", 0.0) == b"@8,1,2,3,4,5e\r\n"
+
+
+def test_nothing_passes_a_pulled_cable():
+    engine = FaultyEngine(Echo(), ["unplug:at=1,lasts=1"])
+    engine.advance(1.0)
+    engine.receive(b"abc")
+    assert (engine.plugged, passed(engine, [1.5])) == (False, [b""])
+    engine.advance(2.0)
+    engine.receive(b"def")
+    assert (engine.plugged, passed(engine, [2.5])) == (True, [b"def"])
+
+
+def test_what_was_on_the_way_is_lost_with_the_cable():
+    engine = FaultyEngine(Echo(), ["delay:delay=1"])
+    engine.receive(b"abc")
+    engine.unplug()
+    engine.advance(0.5)
+    engine.plug()
+    assert passed(engine, [5.0]) == [b""]
+
+
+def test_a_cable_can_be_pulled_for_a_while():
+    engine = FaultyEngine(Echo())
+    engine.advance(1.0)
+    engine.unplug(2.0)
+    engine.advance(2.9)
+    assert not engine.plugged
+    engine.advance(3.0)
+    assert engine.plugged
+
+
+def test_a_frozen_board_gets_what_waited_as_a_gap():
+    engine = FaultyEngine(Echo())
+    engine.advance(1.0)
+    engine.freeze(5.0)
+    engine.advance(1.1)
+    engine.receive(b"@11,500,0e")
+    engine.advance(7.0)
+    assert engine.engine.calls == [("gap", 6.0, b"@11,500,0e")]
+
+
+def test_resets_come_when_they_should():
+    engine = FaultyEngine(Echo(), ["reset:at=1,every=2"])
+    passed(engine, [0.5, 1.5, 2.5, 3.5, 4.0])
+    assert engine.engine.calls == [("reset",)] * 2
+
+
+def test_a_stall_at_will():
+    engine = FaultyEngine(Echo())
+    engine.advance(10.0)
+    engine.stall(2.0)
+    engine.receive(b"abc")
+    assert passed(engine, [11.0, 12.0, 13.0]) == [b"", b"", b"abc"]
+
+
+def test_cleared_faults_are_over():
+    engine = FaultyEngine(Echo(), ["loss:rate=1", "unplug:at=0,lasts=100"])
+    engine.advance(1.0)
+    engine.clear()
+    engine.advance(1.1)
+    engine.receive(b"abc")
+    assert passed(engine, [2.0]) == [b"abc"]
+
+
+def test_without_faults_a_board_answers_as_ever():
+    def talk(engine):
+        engine.advance(0.3)
+        engine.receive(b"@5e@18,20e")
+        return b"".join(passed(engine, [0.3 + i / 500 for i in range(500)]))
+
+    model = load("traxbot")
+    assert talk(FaultyEngine(PythonBoard(Plant(model)))) == talk(PythonBoard(Plant(model)))
+
+
+def test_the_seed_decides():
+    def talk(seed):
+        engine = FaultyEngine(Echo(), ["flip:rate=0.01", "loss:rate=0.01"], seed)
+        engine.receive(PLENTY)
+        return engine.advance(1.0)
+
+    assert talk(1) == talk(1)
+    assert talk(1) != talk(2)
+
+
+def test_a_board_with_a_lossy_line_still_answers_now_and_then():
+    engine = FaultyEngine(PythonBoard(Plant(load("traxbot"))), ["loss:rate=0.01"], seed=2)
+    engine.advance(0.3)
+    out = b""
+    for i in range(200):
+        engine.receive(b"@6e")
+        out += engine.advance(0.3 + (i + 1) * 0.01)
+    frames = [event for event in FrameDecoder(REPLIES).feed(out) if isinstance(event, Frame)]
+    assert 150 < len(frames) < 200
+
+
+# ---- spelling
+
+
+def test_absent_keys_have_their_defaults():
+    fault = parse("loss:rate=0.5")
+    assert fault.values == {"rate": 0.5, "burst": 1}
+    assert fault.direction == "both"
+
+
+@pytest.mark.parametrize(
+    "spec, text",
+    [
+        ("nope", "fault 'nope' is unknown, expected loss, flip"),
+        ("loss:rat=1", "key 'rat' is unknown, expected rate, burst, at, lasts, every, direction"),
+        ("loss:rate=2", "rate is '2', expected 0 to 1"),
+        ("loss:rate=x", "rate is 'x', expected 0 to 1"),
+        ("loss:rate=nan", "rate is 'nan', expected 0 to 1"),
+        ("loss:rate", "rate is '', expected 0 to 1"),
+        ("delay:jitter=-1", "jitter is '-1', expected 0 to 60 s"),
+        ("flip:direction=up", "direction is 'up', expected both, to_board or to_host"),
+        ("unplug:direction=both", "key 'direction' is unknown, expected at, lasts, every"),
+        ("reset:lasts=0", "lasts is '0', expected 0.001 to 1e+09 s"),
+    ],
+)
+def test_a_wrong_spelling_says_key_value_and_range(spec, text):
+    with pytest.raises(ConfigError) as error:
+        parse(spec)
+    assert text in str(error.value)
+
+
+@pytest.mark.parametrize("kind", FAULTS.values(), ids=list(FAULTS))
+def test_the_help_names_every_fault_and_key(kind):
+    assert f"{kind.name}: {kind.text}" in usage()
+    assert all(f"{p.name}=" in usage() for p in kind.parameters)
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_every_fault_works_with_its_defaults(name):
+    engine = FaultyEngine(Echo(), [name])
+    for i in range(300):
+        engine.receive(b"@5e")
+        engine.advance((i + 1) * 0.01)
+
+
+def test_the_default_text_holds_no_frame():
+    """None that a check value would not catch."""
+    text = dict((p.name, p.default) for p in FAULTS["text"].parameters)["text"].encode() + b"\r\n"
+    for direction in (REPLIES, REQUESTS):
+        events = FrameDecoder(direction, checked=True).feed(text)
+        assert {event.code for event in events if isinstance(event, Frame)} <= {STOP_CODE}
+
+
+@given(st.floats(0, 50), st.floats(0.01, 5), st.floats(0, 20), st.lists(st.floats(0, 100), max_size=30))
+def test_a_window_is_switched_only_when_it_says(at, lasts, every, times):
+    window = line_faults.Window(at, lasts, every)
+    now = 0.0
+    for time_s in sorted(times):
+        if time_s < window.next_s(now):
+            state = window.on(now)
+            assert window.on(time_s) == state
+        now = time_s
