@@ -26,7 +26,8 @@ enum class Kind : uint8_t { stop, ask, set_up, command, counts, poll };
 Queue queue;
 Message current;  // the command on the bus, kept for a retry
 Counts last_counts;
-uint32_t free_at, last_poll, absent_since;
+uint32_t paused_at, last_poll, absent_since;
+uint16_t pause_ticks;
 int16_t version, battery, temperature;
 Presence presence;
 Ask ask_step;
@@ -35,14 +36,22 @@ CountsState state;
 uint8_t set_up_todo, set_up_now;
 uint8_t failures;
 bool found, known;
-bool eeprom_busy;
+bool paused, eeprom_busy;
 bool stop_wanted, stop_again;
 bool retry_current, drop_current;
 bool poll_temperature;
 
-bool pausing() { return static_cast<int32_t>(board_clock::now() - free_at) < 0; }
+// A flag, not a comparison with a time that may lie days back: the clock wraps.
+bool pausing() {
+  if (paused && board_clock::passed(paused_at, pause_ticks)) paused = false;
+  return paused;
+}
 
-void pause(uint8_t ms) { free_at = board_clock::now() + board_clock::of_ms(ms) + 1; }
+void pause(uint8_t ms) {
+  paused = true;
+  paused_at = board_clock::now();
+  pause_ticks = static_cast<uint16_t>(board_clock::of_ms(ms) + 1);
+}
 
 void pause_for_eeprom(uint8_t ms) {
   if (!ms) return;
@@ -206,7 +215,7 @@ bool next_stop(hal::Transfer& transfer) {
 
 void begin() {
   status::set_stop_reason(StopReason::boot);
-  free_at = last_poll = board_clock::now();
+  last_poll = board_clock::now();
   start_asking();
 }
 

@@ -3,6 +3,7 @@
 Each board loads a copy of the library of its own, for all of the firmware's state is static, as on the chip.
 """
 
+import _ctypes
 import ctypes
 import math
 import os
@@ -10,8 +11,6 @@ import shutil
 import tempfile
 from pathlib import Path
 from typing import Any, Callable, List, Optional, Tuple
-
-import _ctypes
 
 BUILD = Path(__file__).resolve().parent.parent.parent / "build" / "pc"
 SONARS, ENVIRONMENT, XBEE = (

@@ -1,5 +1,7 @@
 """What stops the motors when nobody says so, and what the host reads about it afterwards."""
 
+import ctypes
+
 import pytest
 
 from mrl_driver import robots
@@ -295,3 +297,43 @@ def test_guarded_requests_need_their_check_value(bench):
     board = bench()
     board.raw(b"@33,250e@32,1e@37e@36e@35,10,100e")
     assert board.counter("bad_check") == 5 and encode_request(33, 250) != b"@33,250e"
+
+
+# ---- days
+
+
+def let_hours_pass(board, hours):
+    """In steps of 4 s, the most that the 16-bit clock tells apart; each is a stall to the board."""
+    steps = int(hours * 900)
+    now_us = board.board.now_s * 1e6
+    for step in range(1, steps + 1):
+        board.board.native.pc_stall(ctypes.c_double(now_us + step * 4e6))
+        board.board.native.pc_advance(board.board.native.pc_now_us() + 1)
+    board.run(0.1)
+    board.forget()
+
+
+@pytest.mark.parametrize("hours", [9.6, 39.0, 77.0])
+def test_everything_works_after_days(bench, hours):
+    """Beyond the wraps of the stream's clock (9.5 h) and of 31 and 32 bits of ticks (38 h, 76 h)."""
+    board = bench()
+    let_hours_pass(board, hours)
+    board.raw(b"@11,100,0e")
+    board.send("start_stream", 20, wait_s=0.5)
+    assert board.writes(0xEB) and len(board.frames()) == pytest.approx(25, abs=2)
+
+
+def test_stream_across_the_wrap_of_its_clock(bench):
+    """The clock of 8 us wraps after 2**32 x 8 us = 9.54 h."""
+    board = bench()
+    let_hours_pass(board, 2**32 * 8e-6 / 3600 - 0.001)
+    board.send("start_stream", 100, wait_s=8.0)
+    assert len(board.frames()) == pytest.approx(80, abs=2)
+
+
+def test_uptime_beyond_int16(bench):
+    """Ten hours are one time 32768 s and a rest."""
+    board = bench()
+    let_hours_pass(board, 10.0)
+    high, low = board.ask("read_status").args[:2]
+    assert high * 32768 + low == pytest.approx(36000, abs=2)
