@@ -310,7 +310,12 @@ def test_the_default_text_holds_no_frame():
         assert {event.code for event in events if isinstance(event, Frame)} <= {STOP_CODE}
 
 
-@given(st.floats(0, 50), st.floats(0.01, 5), st.floats(0, 20), st.lists(st.floats(0, 100), max_size=30))
+@given(
+    st.floats(0, 50),
+    st.floats(0.01, 5),
+    st.one_of(st.just(0.0), st.floats(0.01, 20)),
+    st.lists(st.floats(0, 100), max_size=30),
+)
 def test_a_window_is_switched_only_when_it_says(at, lasts, every, times):
     window = line_faults.Window(at, lasts, every)
     now = 0.0

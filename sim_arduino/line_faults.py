@@ -1,0 +1,326 @@
+"""What a bad line does to the bytes that pass, one direction each: pure, seeded, time injected.
+
+A fault gets bytes with the time at which they come, and returns those that come out then.  Random ones hit the same
+bytes however the stream is cut into pieces.
+"""
+
+import math
+import random
+from collections import deque
+from typing import Deque, Iterator, List, Protocol, Tuple
+
+LINE_BAUD = 115200
+_FLOOD_STEP_S = 0.01
+_LONGEST = 256
+
+
+class Window:
+    """When a fault is on: for `lasts` seconds from `at` on, and again every `every` seconds (0: once)."""
+
+    def __init__(self, at: float = 0.0, lasts: float = math.inf, every: float = 0.0) -> None:
+        self._start_s, self._lasts_s, self._every_s = at, lasts, every
+
+    def on(self, now_s: float) -> bool:
+        """Whether it is on; ask with times that do not decrease."""
+        while self._every_s and now_s >= self._start_s + min(self._lasts_s, self._every_s):
+            self._start_s += self._every_s
+        return self._start_s <= now_s < self._start_s + self._lasts_s
+
+    def next_s(self, now_s: float) -> float:
+        """When it is switched next [s], later than `now_s`; may be infinite."""
+        if self.on(now_s):
+            return self._start_s + min(self._lasts_s, self._every_s or math.inf)
+        return self._start_s if now_s < self._start_s else math.inf
+
+
+class LineFault(Protocol):
+    """One fault on one direction of the line."""
+
+    @property
+    def next_s(self) -> float:
+        """When it has something to let out by itself [s]; may be infinite."""
+
+    def run(self, data: bytes, now_s: float) -> bytes:
+        """What comes out at `now_s` when `data` goes in; nothing may go in as well."""
+
+    def empty(self) -> bytes:
+        """What it still holds; it holds nothing from then on."""
+
+
+class _Hits:
+    """Positions in an endless run of bytes, each hit with the same probability."""
+
+    def __init__(self, rng: random.Random, rate: float) -> None:
+        self._rng, self._rate = rng, rate
+        self._left = self._gap()
+
+    def _gap(self) -> int:
+        """How many bytes pass unharmed before the next hit."""
+        if self._rate >= 1:
+            return 0
+        if self._rate <= 0:
+            return 1 << 62
+        return int(min(1e18, math.log(1 - self._rng.random()) / math.log1p(-self._rate)))
+
+    def among(self, count: int) -> Iterator[int]:
+        """Offsets of the hits among the next `count` bytes."""
+        done = 0
+        while self._left < count - done:
+            done += self._left + 1
+            self._left = self._gap()
+            yield done - 1
+        self._left -= count - done
+
+
+class _Instant:
+    """A fault that holds nothing back."""
+
+    next_s = math.inf
+
+    def empty(self) -> bytes:
+        """Nothing."""
+        return b""
+
+
+class Loss(_Instant):
+    """Bytes that are lost: with `rate` a byte begins a loss of `burst` bytes."""
+
+    def __init__(self, rng: random.Random, rate: float, burst: float) -> None:
+        self._hits, self._burst = _Hits(rng, rate), int(burst)
+        self._losing = 0
+
+    def run(self, data: bytes, now_s: float) -> bytes:
+        """The bytes that are left."""
+        hits = set(self._hits.among(len(data)))
+        if not hits and not self._losing:
+            return data
+        out = bytearray()
+        for i, byte in enumerate(data):
+            if i in hits and not self._losing:
+                self._losing = self._burst
+            if self._losing:
+                self._losing -= 1
+            else:
+                out.append(byte)
+        return bytes(out)
+
+
+class Change(_Instant):
+    """Bytes that turn into others: into any, or where `bits` is set by one flipped bit."""
+
+    def __init__(self, rng: random.Random, rate: float, bits: bool = False) -> None:
+        self._rng, self._hits, self._bits = rng, _Hits(rng, rate), bits
+
+    def run(self, data: bytes, now_s: float) -> bytes:
+        """The bytes with the changes."""
+        out = bytearray(data)
+        for i in self._hits.among(len(data)):
+            out[i] ^= 1 << self._rng.randrange(8) if self._bits else self._rng.randrange(1, 256)
+        return bytes(out)
+
+
+class Flip(Change):
+    """Bytes of which one bit is flipped."""
+
+    def __init__(self, rng: random.Random, rate: float) -> None:
+        super().__init__(rng, rate, bits=True)
+
+
+class Swap(_Instant):
+    """Neighbours that change places; a byte at the end of a piece has none."""
+
+    def __init__(self, rng: random.Random, rate: float) -> None:
+        self._hits = _Hits(rng, rate)
+
+    def run(self, data: bytes, now_s: float) -> bytes:
+        """The bytes with the swaps."""
+        out = bytearray(data)
+        for i in self._hits.among(len(data)):
+            out[i : i + 2] = out[i : i + 2][::-1]
+        return bytes(out)
+
+
+class Repeat(_Instant):
+    """Frames that come twice, each with `rate`."""
+
+    def __init__(self, rng: random.Random, rate: float) -> None:
+        self._rng, self._rate = rng, rate
+        self._frame = b""
+
+    def run(self, data: bytes, now_s: float) -> bytes:
+        """The bytes, some frames once more right behind themselves."""
+        out = bytearray()
+        for part in _behind_e(data):
+            out += part
+            self._frame = (self._frame + part)[-_LONGEST:]
+            if part.endswith(b"e"):
+                if b"@" in self._frame and self._rng.random() < self._rate:
+                    out += self._frame[self._frame.rfind(b"@") :]
+                self._frame = b""
+        return bytes(out)
+
+
+def _behind_e(data: bytes) -> List[bytes]:
+    """`data` cut behind each 'e'."""
+    parts = data.split(b"e")
+    return [part + b"e" for part in parts[:-1]] + [parts[-1]]
+
+
+class _Holding:
+    """A fault that lets bytes out later, in their order."""
+
+    def __init__(self) -> None:
+        self._held: Deque[Tuple[float, bytes]] = deque()
+
+    @property
+    def next_s(self) -> float:
+        """When the first of the held bytes come out [s]."""
+        return self._held[0][0] if self._held else math.inf
+
+    def _due(self, now_s: float) -> bytes:
+        out = bytearray()
+        while self._held and self._held[0][0] <= now_s:
+            out += self._held.popleft()[1]
+        return bytes(out)
+
+    def empty(self) -> bytes:
+        """What is still held."""
+        return self._due(math.inf)
+
+
+class Delay(_Holding):
+    """Pieces that come later by `delay` and up to `jitter` more [s]; none overtakes another."""
+
+    def __init__(self, rng: random.Random, delay: float, jitter: float) -> None:
+        super().__init__()
+        self._rng, self._delay_s, self._jitter_s = rng, delay, jitter
+        self._last_s = -math.inf
+
+    def run(self, data: bytes, now_s: float) -> bytes:
+        """What has been delayed for long enough."""
+        if data:
+            self._last_s = max(self._last_s, now_s + self._delay_s + self._rng.random() * self._jitter_s)
+            self._held.append((self._last_s, data))
+        return self._due(now_s)
+
+
+class Split(_Holding):
+    """Pieces of at most `size` bytes, `gap` apart [s]."""
+
+    def __init__(self, rng: random.Random, size: float, gap: float) -> None:
+        super().__init__()
+        self._rng, self._size, self._gap_s = rng, int(size), gap
+        self._free_s = -math.inf
+
+    def run(self, data: bytes, now_s: float) -> bytes:
+        """The pieces whose turn it is."""
+        while data:
+            size = self._rng.randint(1, self._size)
+            at_s = max(now_s, self._free_s)
+            self._held.append((at_s, data[:size]))
+            self._free_s, data = at_s + self._gap_s, data[size:]
+        return self._due(now_s)
+
+
+class Hold(_Holding):
+    """Everything waits until the fault is over, and then comes at once."""
+
+    def __init__(self, rng: random.Random) -> None:
+        super().__init__()
+
+    def run(self, data: bytes, now_s: float) -> bytes:
+        """Nothing."""
+        if data:
+            self._held.append((math.inf, data))
+        return b""
+
+
+class Junk(_Instant):
+    """Random bytes among the others, so many a second."""
+
+    def __init__(self, rng: random.Random, rate: float) -> None:
+        self._rng, self._rate = rng, rate
+        self._step_s = max(_FLOOD_STEP_S, 1 / rate)
+        self.next_s = -math.inf
+
+    def run(self, data: bytes, now_s: float) -> bytes:
+        """The bytes, junk before them when it is due."""
+        if now_s < self.next_s:
+            return data
+        self.next_s = now_s + self._step_s
+        return bytes(self._rng.randrange(256) for _ in range(round(self._rate * self._step_s))) + data
+
+
+class Text(_Instant):
+    """A line of text for people, once in a while."""
+
+    def __init__(self, rng: random.Random, period: float, text: str) -> None:
+        self._period_s, self._line = period, text.encode("utf-8") + b"\r\n"
+        self.next_s = -math.inf
+
+    def run(self, data: bytes, now_s: float) -> bytes:
+        """The bytes, the text before them when it is due."""
+        if now_s < self.next_s:
+            return data
+        self.next_s = now_s + self._period_s
+        return self._line + data
+
+
+class Baud(_Instant):
+    """Bytes sent at 115200 baud and read at another rate: the receiver samples the line where it takes the bits to be.
+
+    Each piece follows an idle line.
+    """
+
+    def __init__(self, rng: random.Random, rate: float) -> None:
+        self._bits = LINE_BAUD / rate
+
+    def run(self, data: bytes, now_s: float) -> bytes:
+        """What the other end makes of it."""
+        line = [level for byte in data for level in (0, *(byte >> i & 1 for i in range(8)), 1)]
+        out, at = bytearray(), 0.0
+        while True:
+            at = next((i for i in range(math.ceil(at), len(line)) if not line[i]), len(line))
+            if at >= len(line):
+                return bytes(out)
+            out.append(sum(_level(line, at + (i + 1.5) * self._bits) << i for i in range(8)))
+            at += 9.5 * self._bits
+
+
+def _level(line: List[int], at: float) -> int:
+    return line[int(at)] if at < len(line) else 1
+
+
+class Chain:
+    """Faults of one direction, one behind the other, each in its window."""
+
+    def __init__(self) -> None:
+        self._links: List[Tuple[LineFault, Window]] = []
+
+    def add(self, fault: LineFault, window: Window) -> None:
+        """One more fault, nearest to the receiver."""
+        self._links.append((fault, window))
+
+    def clear(self) -> None:
+        """No fault any more; what they hold is lost."""
+        self._links.clear()
+
+    def run(self, data: bytes, now_s: float) -> bytes:
+        """What comes out of the last one at `now_s`."""
+        for fault, window in self._links:
+            data = fault.run(data, now_s) if window.on(now_s) else fault.empty() + data
+        return data
+
+    def empty(self) -> None:
+        """What is on the way is lost."""
+        for fault, _ in self._links:
+            fault.empty()
+
+    def next_s(self, now_s: float) -> float:
+        """When something happens by itself, after `now_s` [s]."""
+        times = [math.inf]
+        for fault, window in self._links:
+            times.append(window.next_s(now_s))
+            if window.on(now_s) and fault.next_s > now_s:
+                times.append(fault.next_s)
+        return min(times)
