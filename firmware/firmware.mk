@@ -3,7 +3,9 @@ FW_SOURCE := firmware/mrl_firmware
 FW_BUILD := build/firmware
 ARDUINO_AVR ?= /usr/share/arduino/hardware/arduino/avr
 AVRDUDE ?= avrdude
+IMAGE ?= mrl_firmware
 
+# -O2 for short answers; the Arduino IDE's -Os costs some 10 us each and saves 1.5 KB.
 FW_FLAGS := -mmcu=atmega328p -DF_CPU=16000000L -DARDUINO=10819 -DARDUINO_AVR_UNO -DARDUINO_ARCH_AVR \
   -O2 -g -flto -ffunction-sections -fdata-sections \
   -I$(ARDUINO_AVR)/cores/arduino -I$(ARDUINO_AVR)/variants/standard
@@ -58,16 +60,18 @@ $(ARDUINO_AVR)/cores/arduino/%:
 
 firmware: $(FW_IMAGES) ## Build the sketch (sonar, environment-sensor and radio boards)
 
-flash: $(FW_BUILD)/mrl_firmware.elf ## Upload to an Arduino Uno: PORT=/dev/ttyACM0
+flash: ## Upload to an Arduino Uno: PORT=/dev/ttyACM0, IMAGE=mrl_firmware_environment for another board
 	@[ -n "$(PORT)" ] || { echo "make flash: which port? make flash PORT=/dev/ttyACM0" >&2; exit 1; }
 	@[ -c "$(PORT)" ] || { echo "make flash: no board at $(PORT): no such serial port" >&2; exit 1; }
+	@$(MAKE) --no-print-directory $(FW_BUILD)/$(IMAGE).elf
 	@out=$$($(AVRDUDE) -q -q -p m328p -c arduino -b 115200 -P "$(PORT)" -D \
 	  -U flash:w:$(FW_BUILD)/$(IMAGE).hex:i 2>&1) || \
 	  { echo "make flash: no board answers at $(PORT): $$(echo "$$out" | grep . | head -1)" >&2; exit 1; }
-flash: IMAGE ?= mrl_firmware
 
 PC_LIBRARIES := $(patsubst %,$(PC_BUILD)/libmrl_firmware%.so,_xbee _environment) $(PC_BUILD)/libmrl_firmware.so
-pc-firmware: $(PC_LIBRARIES) $(PC_BUILD)/fuzz_firmware $(PC_BUILD)/checked_firmware ## The same C++ for the PC's tests
+LIBFUZZER ?= $(wildcard /usr/lib/llvm-*/lib/libFuzzer.a)
+PC_FUZZER := $(if $(LIBFUZZER),$(PC_BUILD)/fuzz_firmware)
+pc-firmware: $(PC_LIBRARIES) $(PC_FUZZER) $(PC_BUILD)/checked_firmware ## The same C++ for the PC's tests
 
 $(PC_BUILD)/libmrl_firmware_environment.so: PC_DEFINES := -DMRL_ENVIRONMENT=1
 $(PC_BUILD)/libmrl_firmware_xbee.so: PC_DEFINES := -DMRL_XBEE=1
@@ -76,8 +80,7 @@ $(PC_LIBRARIES): $(PC_SOURCES) $(FW_HEADERS) tests/firmware/hal_pc.h firmware/fi
 	@g++ $(PC_CXX) $(PC_DEFINES) -shared -fPIC $(PC_SOURCES) -o $@.new && mv $@.new $@
 
 # libFuzzer looks for inputs and stops at undefined behaviour; what it keeps is then tried under gcc's address and
-# undefined-behaviour sanitizers.  (Debian's clang comes without its own.)
-LIBFUZZER ?= $(wildcard /usr/lib/llvm-*/lib/libFuzzer.a)
+# undefined-behaviour sanitizers.  (Debian's clang comes without its own; libfuzzer-14-dev brings the search.)
 FUZZ_SOURCES := tests/firmware/fuzz.cpp
 FUZZ_NEEDS = $(PC_SOURCES) $(FUZZ_SOURCES) $(FW_HEADERS) tests/firmware/hal_pc.h firmware/firmware.mk
 
