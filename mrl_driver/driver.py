@@ -11,13 +11,16 @@ Leaving the block stops the robot.  All methods may be called from any thread, c
 import math
 import threading
 import time
-from typing import Any, Dict, List, NamedTuple, Optional, Tuple, Union
+from typing import Dict, List, Optional, Tuple, Union
 
 from . import battery, robots
-from .errors import BoardTimeout, ConfigError, FrameError, LinkLost, MrlError
-from .handshake import TIMEOUT_S, Board, Plan
+from .errors import BoardError, BoardTimeout, FrameError, LinkLost, MrlError
+from .events import Lost, Reconnected
+from .handshake import Board, Plan
 from .link import BAUD, Link
+from .options import DEFAULTS, Options, demand, demand_options
 from .readout import Readout
+from .reconnect import LOOK_S, Reconnection
 from .robots import RobotModel
 from .session import Info, Reply, Session, SessionEvent
 from .state import Notice, RobotState, Telemetry, limit
@@ -30,30 +33,6 @@ ATTEMPTS, ANSWER_S = 3, 0.5
 """`ask` sends so often, and waits each time so long for the answer [s]."""
 GENTLE_S = 3.0
 """The longest that a gentle stop takes [s]."""
-
-
-class Options(NamedTuple):
-    """How a `Driver` behaves; the defaults suit the packaged robots."""
-
-    period_ms: int = 20
-    """Time between frames of the stream, 0 to 10000; 2013 boards stream as fast as they can."""
-    watchdog_ms: int = 250
-    """The board stops the robot when it has heard nothing for so long; 0 turns that off.  2013 boards have
-    none.
-    """
-    check: bool = True
-    """Have every frame carry a check value, where the board can."""
-    command_timeout_s: Optional[float] = None
-    """Stop the robot when `drive` was not called for so long; None: the last command stays in force."""
-    ignore_battery: bool = False
-    """Start, and drive on, with an empty battery."""
-    any_id: bool = False
-    """Take a board whatever its robot id, for the model given; meant for setting the id."""
-    greeting_s: float = TIMEOUT_S
-    """How long a board may take to answer at first."""
-
-
-DEFAULTS = Options()
 
 
 class Driver(Readout):
@@ -78,8 +57,8 @@ class Driver(Readout):
         baud: int = BAUD,
         options: Options = DEFAULTS,
     ) -> None:
-        _demand("baud", baud, 300, 4_000_000, "Bd", int)
-        _demand_options(options)
+        demand("baud", baud, 300, 4_000_000, "Bd", int)
+        demand_options(options)
         self._port, self._baud, self._options = port, baud, options
         model = robot if isinstance(robot, RobotModel) else None if robot == "auto" else robots.load(robot)
         super().__init__(RobotState(model, options.ignore_battery, options.any_id))
@@ -90,6 +69,8 @@ class Driver(Readout):
         self._thread: Optional[threading.Thread] = None
         self._closing = self._leaving = False
         self._sleeps_until = 0.0
+        self._broken: Optional[LinkLost] = None
+        self._reconnection: Optional[Reconnection] = None
 
     def connect(self) -> Board:
         """Open the port, greet the board, start its stream; the robot is told to stop and stays still.
@@ -106,8 +87,10 @@ class Driver(Readout):
         """
         if self._thread is not None:
             raise MrlError("this driver was connected already; create another one to connect again")
-        self._link = self._port if isinstance(self._port, Link) else Link(self._port, self._baud)
         options = self._options
+        self._link = self._port if isinstance(self._port, Link) else self._open(self._port)
+        if options.reconnect and not isinstance(self._port, Link):
+            self._reconnection = Reconnection(self._port, self._open, options.greeting_s)
         plan = Plan(options.watchdog_ms, options.period_ms, options.check)
         self._session = Session(
             self._state.admit, time.monotonic(), plan, options.command_timeout_s, options.greeting_s
@@ -126,8 +109,8 @@ class Driver(Readout):
 
     def close(self) -> None:
         """Stop the robot, wait at most a second for telemetry to confirm it, and give the port back."""
-        link, thread = self._link, self._thread
-        if link is None:
+        thread = self._thread
+        if thread is None:
             return
         on_thread = thread is threading.current_thread()
         if self._error is None and not self._closing:
@@ -135,9 +118,11 @@ class Driver(Readout):
         with self._changed:
             self._closing = True
             self._changed.notify_all()
+            link = self._link
         self._settled.set()
-        link.close()
-        if thread is not None and not on_thread:
+        if link is not None:
+            link.close()
+        if not on_thread:
             thread.join()
 
     def __enter__(self) -> "Driver":
@@ -212,6 +197,8 @@ class Driver(Readout):
         """
         with self._lock:
             session = self._connected()
+            if self._link is None:
+                raise LinkLost("the port went away and is searched; try again when it is back")
             session.request(code, *args)
             self._flush(session)
 
@@ -239,7 +226,7 @@ class Driver(Readout):
     def _run(self) -> None:
         try:
             while not self._closing:
-                self._cycle()
+                self._turn()
         except MrlError as error:
             self._fail(error)
         finally:
@@ -247,23 +234,89 @@ class Driver(Readout):
                 self._halt()
                 self._fail(MrlError("a callback raised; the driver has ended and the robot was told to stop"))
 
-    def _cycle(self) -> None:
-        link, session = self._link, self._session
-        assert link is not None and session is not None
+    def _turn(self) -> None:
+        """Serve the link that there is, or look for one."""
+        try:
+            if self._link is None:
+                self._seek()
+            else:
+                self._cycle(self._link)
+        except LinkLost as error:
+            self._lose(error)
+        except BoardError as error:
+            if self._reconnection is None or not self._reconnection.searching:
+                raise
+            self._lose(error)
+
+    def _cycle(self, link: Link) -> None:
+        session = self._session
+        assert session is not None
         data = link.read(min(1.0, self._sleeps_until - time.monotonic()))
         now = time.monotonic()
         with self._lock:
             if self._closing:
                 return
+            if self._broken is not None:
+                raise self._broken
             events = session.receive(data, now) if data else []
             due_s = session.deadline(now)
             if now >= due_s:
                 events += session.tick(now)
                 due_s = session.deadline(now)
             notices = [notice for event in events for notice in self._digest(event, now)]
+            if self._reconnection is not None and self._reconnection.searching:
+                notices += self._judge(self._reconnection, session, now)
             self._sleeps_until = due_s
             self._flush(session)
         self._call(notices)
+
+    # -- a lost port
+
+    def _open(self, name: str) -> Link:
+        return Link(name, self._baud)
+
+    def _lose(self, error: MrlError) -> None:
+        """Give the link up and search it, where that is wanted; else raise `error`."""
+        now = time.monotonic()
+        with self._lock:
+            reconnection, session, link = self._searchable(), self._session, self._link
+            if reconnection is None or session is None or link is None:
+                raise error
+            self._link = self._broken = None
+            session.lose(now)
+            first = reconnection.lose(error, now)
+        link.close()
+        if first:
+            self._call([("state", Lost(reconnection.port, str(error)))])
+
+    def _searchable(self) -> Optional[Reconnection]:
+        """What finds a lost port, once there is something to find."""
+        was_there = self._settled.is_set() and not self._closing and self._error is None
+        return self._reconnection if was_there else None
+
+    def _seek(self) -> None:
+        """One look for the port; the robot is greeted on it by the cycles that follow."""
+        reconnection, session = self._reconnection, self._session
+        assert reconnection is not None and session is not None
+        with self._changed:
+            if self._changed.wait_for(lambda: self._closing, LOOK_S):
+                return
+        link = reconnection.look()
+        if link is None:
+            return
+        with self._lock:
+            if self._closing:
+                link.close()
+                return
+            session.relink(time.monotonic(), reconnection.same_board)
+            self._link, self._sleeps_until = link, 0.0
+
+    def _judge(self, reconnection: Reconnection, session: Session, now: float) -> List[Notice]:
+        """Is it the robot that was lost?"""
+        if not reconnection.judge(session.ready, now):
+            return []
+        session.counters.reconnects += 1
+        return [("state", Reconnected(reconnection.port))]
 
     def _halt(self) -> None:
         """Tell the board to stop, as the last thing; boards of 2013 have no watchdog that would."""
@@ -326,7 +379,10 @@ class Driver(Readout):
             except BoardTimeout:
                 session.counters.blocked_writes += 1
             except LinkLost as error:
-                if not self._closing:
+                if self._searchable() is not None:
+                    self._broken = error
+                    self._link.wake()
+                elif not self._closing:
                     self._error = self._error or error
                     self._changed.notify_all()
                     self._link.wake()
@@ -355,17 +411,3 @@ class Driver(Readout):
                 self._flush(session)
         except MrlError:
             return
-
-
-def _demand(name: str, value: Any, low: float, high: float, unit: str, *kinds: type) -> None:
-    if type(value) not in kinds or not low <= value <= high:
-        raise ConfigError(f"{name} is {value!r}, expected {low:g} to {high:g} {unit}")
-
-
-def _demand_options(options: Options) -> None:
-    """Raise ConfigError unless each option is in its range; bounds in ms are those of the command table."""
-    _demand("period_ms", options.period_ms, 0, 10000, "ms", int)
-    _demand("watchdog_ms", options.watchdog_ms, 0, 10000, "ms", int)
-    _demand("greeting_s", options.greeting_s, 0.1, 3600, "s", int, float)
-    if options.command_timeout_s is not None:
-        _demand("command_timeout_s", options.command_timeout_s, 0.01, 3600, "s", int, float)

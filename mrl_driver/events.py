@@ -1,4 +1,4 @@
-"""What a session tells its caller."""
+"""What a session and its driver tell their caller."""
 
 from typing import NamedTuple, Optional, Tuple, Union
 
@@ -59,13 +59,26 @@ class Stale(NamedTuple):
     age_s: float
 
 
+class Lost(NamedTuple):
+    """The port went away; it is searched, and the robot waits for a new command."""
+
+    port: str
+    reason: str
+
+
+class Reconnected(NamedTuple):
+    """The robot answers again, on this port."""
+
+    port: str
+
+
 class Reply(NamedTuple):
     """Any other frame of the board."""
 
     frame: Frame
 
 
-SessionEvent = Union[Ready, Counts, Sonars, Info, Status, Stale, Reply]
+SessionEvent = Union[Ready, Counts, Sonars, Info, Status, Stale, Lost, Reconnected, Reply]
 
 
 def status_of(args: Tuple[int, ...]) -> Status:

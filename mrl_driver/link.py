@@ -6,18 +6,20 @@ own calls and never waits longer than asked.
 
 import errno
 import fcntl
+import glob
 import os
 import select
 import stat
 import termios
 import threading
 import time
-from typing import List, Optional, Type
+from typing import Dict, List, Optional, Type
 
 import serial
 from serial.tools import list_ports
 
 from .errors import BoardTimeout, LinkError, LinkLost, PortBusy, PortDenied, PortMissing
+from .ports import Port
 
 BAUD = 115200
 WRITE_TIMEOUT_S = 0.1
@@ -44,6 +46,59 @@ _ERRORS = {
 def ports() -> List[str]:
     """Device names of the serial ports there are."""
     return sorted(port.device for port in list_ports.comports())
+
+
+def described() -> List[Port]:
+    """The serial ports there are, with their USB ids and their names under /dev/serial/by-id."""
+    links: Dict[str, List[str]] = {}
+    for link in sorted(glob.glob("/dev/serial/by-id/*")):
+        links.setdefault(os.path.realpath(link), []).append(link)
+    return [
+        Port(
+            port.device,
+            tuple(links.get(os.path.realpath(port.device), ())),
+            port.vid,
+            port.pid,
+            port.serial_number,
+        )
+        for port in list_ports.comports()
+    ]
+
+
+def describe(name: str) -> Port:
+    """The port that `name` leads to."""
+    device = os.path.realpath(name)
+    return next((port for port in described() if port.device == device), Port(device))
+
+
+def in_use(name: str) -> bool:
+    """Some program has the port open, as far as the system tells.
+
+    A pseudo terminal is always open at its server, so there it counts that it is a terminal somebody works in.
+    """
+    try:
+        device, number = os.path.realpath(name), os.stat(name).st_rdev
+    except OSError:
+        return False
+    if os.major(number) in _PTY_MAJORS:
+        return any(_terminal(process) == number for process in glob.glob("/proc/[0-9]*/stat"))
+    return any(_target(fd) == device for fd in glob.glob("/proc/[0-9]*/fd/*"))
+
+
+def _terminal(stat_path: str) -> int:
+    """Device number of a process's controlling terminal; 0 where there is none."""
+    try:
+        with open(stat_path, encoding="utf-8", errors="replace") as file:
+            return int(file.read().rpartition(")")[2].split()[4])
+    except (OSError, IndexError, ValueError):
+        return 0
+
+
+def _target(path: str) -> str:
+    try:
+        return os.readlink(path)
+    except OSError:
+        return ""
 
 
 class Link:

@@ -101,6 +101,20 @@ class Session:
         self.motion.stop()
         self._move(now)
 
+    def lose(self, now: float) -> None:
+        """The link is gone: nothing is in force, and nothing is on its way."""
+        self._greet_again(now)
+        self._out.clear()
+
+    def relink(self, now: float, same: bool = True) -> None:
+        """There is a link again: the board is greeted from the start, for as long as it takes.
+
+        `same` says that it is the board of before, which may not have restarted.
+        """
+        self._decoder = FrameDecoder(REPLIES, self.checked)
+        self.lose(now)
+        self._restarted = not (self.checked and same)
+
     def end(self) -> None:
         """Take leave: no stream, no check value, as a 2013 host expects a board."""
         self.motion.forget()

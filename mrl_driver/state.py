@@ -66,6 +66,11 @@ class RobotState:
             self.model = model_of(board)
         elif board.robot_id not in self.model.ids and not self._any_id:
             raise _wrong(board, self.model)
+        if self.info is not None and board.robot_id != self.info.robot_id and not self._any_id:
+            raise WrongRobot(
+                f"robot id {board.robot_id} answers, expected {self.info.robot_id}, the robot of before: "
+                "connect that one, or start anew"
+            )
         if self.odometry is None and not self._ignore_battery:
             battery.demand_charge(board.battery_v, self.model.battery)
 

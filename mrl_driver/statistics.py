@@ -23,6 +23,8 @@ class Statistics(NamedTuple):
     """Requests whose answer did not come in time."""
     blocked_writes: int
     """Writes that the port did not take within 100 ms."""
+    reconnects: int
+    """Times the port was lost and the robot found again."""
 
 
 class Counters:
@@ -31,6 +33,7 @@ class Counters:
     def __init__(self) -> None:
         self.bytes_in = self.bytes_out = self.frames = self.lost = self.duplicates = 0
         self.refused_counts = self.restarts = self.unanswered = self.blocked_writes = 0
+        self.reconnects = 0
         self.garbage: Dict[str, int] = {}
 
     def count_garbage(self, reason: str) -> None:

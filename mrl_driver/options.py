@@ -1,0 +1,53 @@
+"""How a driver behaves: its options, and what they may be."""
+
+from typing import Any, NamedTuple, Optional
+
+from .errors import ConfigError
+from .handshake import TIMEOUT_S
+
+
+class Options(NamedTuple):
+    """How a `Driver` behaves; the defaults suit the packaged robots."""
+
+    period_ms: int = 20
+    """Time between frames of the stream, 0 to 10000; 2013 boards stream as fast as they can."""
+    watchdog_ms: int = 250
+    """The board stops the robot when it has heard nothing for so long; 0 turns that off.  2013 boards have
+    none.
+    """
+    check: bool = True
+    """Have every frame carry a check value, where the board can."""
+    command_timeout_s: Optional[float] = None
+    """Stop the robot when `drive` was not called for so long; None: the last command stays in force."""
+    ignore_battery: bool = False
+    """Start, and drive on, with an empty battery."""
+    any_id: bool = False
+    """Take a board whatever its robot id, for the model given; meant for setting the id."""
+    greeting_s: float = TIMEOUT_S
+    """How long a board may take to answer at first."""
+    reconnect: bool = False
+    """Search a port that went away, once connected, instead of failing with LinkLost: the same name, or another
+    port of the same USB vendor and product, that the same robot id answers on.  `on_event` tells of `Lost` and
+    `Reconnected`; between them `drive` returns False, and after them the robot waits for a new command.  An open
+    `Link` given as port is not searched.
+    """
+
+
+DEFAULTS = Options()
+
+
+def demand(name: str, value: Any, low: float, high: float, unit: str, *kinds: type) -> None:
+    """Raise ConfigError unless `value` is of one of `kinds` and in its range."""
+    if type(value) not in kinds or not low <= value <= high:
+        raise ConfigError(f"{name} is {value!r}, expected {low:g} to {high:g} {unit}")
+
+
+def demand_options(options: Options) -> None:
+    """Raise ConfigError unless each option is in its range; bounds in ms are those of the command table."""
+    demand("period_ms", options.period_ms, 0, 10000, "ms", int)
+    demand("watchdog_ms", options.watchdog_ms, 0, 10000, "ms", int)
+    demand("greeting_s", options.greeting_s, 0.1, 3600, "s", int, float)
+    if type(options.reconnect) is not bool:
+        raise ConfigError(f"reconnect is {options.reconnect!r}, expected True or False")
+    if options.command_timeout_s is not None:
+        demand("command_timeout_s", options.command_timeout_s, 0.01, 3600, "s", int, float)

@@ -1,0 +1,136 @@
+"""Which ports are opened in the search for a lost robot, and in which order."""
+
+import os
+import pty
+import subprocess
+import sys
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrl_driver.link import in_use
+from mrl_driver.ports import AGAIN_S, WRONG_AGAIN_S, Port, Search, candidates
+
+BY_ID = "/dev/serial/by-id/usb-Arduino_A1"
+ROBOT = Port("/dev/ttyACM0", (BY_ID,), 0x2341, 0x0043, "A1")
+MOVED = ROBOT._replace(device="/dev/ttyACM3")
+SISTER = Port("/dev/ttyACM1", ("/dev/serial/by-id/usb-Arduino_B2",), 0x2341, 0x0043, "B2")
+GPS = Port("/dev/ttyACM2", (), 0x1546, 0x01A7, None)
+NAME = "/dev/ttyACM0"
+
+
+def found(*there, name=NAME, lost=ROBOT, device=None):
+    return candidates(name, device or name, lost, there)
+
+
+def test_the_name_of_before_comes_first():
+    assert found(SISTER, ROBOT) == [NAME, "/dev/ttyACM1"]
+
+
+def test_the_same_device_leads_under_another_name():
+    assert found(SISTER, MOVED)[0] == "/dev/ttyACM3"
+
+
+def test_the_same_device_leads_even_where_another_took_its_name():
+    sister = SISTER._replace(device=NAME)
+    assert found(sister, MOVED) == ["/dev/ttyACM3", NAME]
+
+
+def test_other_vendors_and_products_are_never_opened():
+    other_product = SISTER._replace(device="/dev/ttyACM4", product=0x0001)
+    assert found(GPS, other_product, Port("/dev/ttyS0")) == [NAME]
+
+
+def test_a_foreign_device_under_the_name_that_the_user_gave_comes_last():
+    assert found(GPS._replace(device=NAME), SISTER) == ["/dev/ttyACM1", NAME]
+
+
+def test_a_port_without_usb_ids_is_searched_by_its_name_alone():
+    lost = Port("/dev/pts/3")
+    assert found(ROBOT, SISTER, Port("/dev/ttyS0"), name="/run/robot", lost=lost) == ["/run/robot"]
+
+
+def test_devices_without_serial_number_are_told_by_their_link():
+    plain = [ROBOT._replace(serial=None), SISTER._replace(serial=None)]
+    assert found(plain[1], plain[0]._replace(device="/dev/ttyACM3"), lost=plain[0])[0] == "/dev/ttyACM3"
+
+
+def test_two_devices_without_serial_number_and_link_are_alike():
+    plain = ROBOT._replace(serial=None, links=())
+    assert not plain.is_same(plain) and plain.is_like(plain)
+
+
+def test_a_link_given_as_name_leads_to_its_device_once():
+    assert found(ROBOT, SISTER, name=BY_ID, device=ROBOT.device) == [BY_ID, "/dev/ttyACM1"]
+
+
+PORTS = st.lists(
+    st.builds(
+        Port,
+        st.sampled_from([f"/dev/ttyACM{i}" for i in range(5)]),
+        st.just(()),
+        st.sampled_from([None, 1, 2]),
+        st.sampled_from([1, 2]),
+        st.sampled_from([None, "a", "b"]),
+    ),
+    unique_by=lambda port: port.device,
+)
+
+
+@given(PORTS, st.builds(Port, st.just(NAME), st.just(()), st.sampled_from([None, 1]), st.just(1)))
+def test_only_the_named_port_and_its_like_are_opened_each_once(there, lost):
+    names = found(*there, lost=lost)
+    like = {port.device for port in there if port.is_like(lost)}
+    assert set(names) == like | {NAME} and len(names) == len(set(names))
+
+
+def test_a_port_that_stays_silent_lets_the_next_have_a_turn():
+    search = Search(NAME, ROBOT)
+    search.refuse(NAME, 5.0)
+    assert search.next(NAME, [ROBOT, SISTER], 5.0) == "/dev/ttyACM1"
+    assert search.next(NAME, [ROBOT, SISTER], 5.0 + AGAIN_S) == NAME
+
+
+def test_another_robot_is_left_alone_until_it_was_unplugged():
+    search = Search(NAME, ROBOT)
+    search.refuse("/dev/ttyACM1", 5.0, wrong=True)
+    search.refuse(NAME, 5.0, wrong=True)
+    assert search.next(NAME, [SISTER], 5.0 + WRONG_AGAIN_S / 2) is None
+    search.next(NAME, [], 6.0)
+    assert search.next(NAME, [SISTER], 6.0) == "/dev/ttyACM1"
+
+
+# -- what is in use
+
+
+def test_a_pseudo_terminal_that_somebody_works_in_is_in_use():
+    """Its shell has it as controlling terminal; a name of before may lead there by now."""
+    script = "import sys; print(1, flush=True); sys.stdin.readline()"
+    pid, master = pty.fork()
+    if not pid:
+        os.execv(sys.executable, [sys.executable, "-c", script])
+    os.read(master, 1)
+    name = os.readlink(f"/proc/{pid}/fd/0")
+    assert in_use(name)
+    os.write(master, b"\n")
+    os.waitpid(pid, 0)
+    os.close(master)
+
+
+def test_a_pseudo_terminal_of_an_emulator_is_free():
+    master, slave = os.openpty()
+    assert not in_use(os.ttyname(slave))
+    os.close(master)
+    os.close(slave)
+
+
+def test_a_device_that_another_program_holds_is_in_use():
+    with subprocess.Popen(
+        [sys.executable, "-c", "input()"], stdin=subprocess.PIPE, stdout=open("/dev/full")
+    ) as p:
+        assert in_use("/dev/full")
+        p.communicate(b"\n")
+
+
+def test_a_port_that_is_gone_is_not_in_use():
+    assert not in_use("/nowhere")

@@ -1,0 +1,215 @@
+"""A port that goes away and comes back, on ptys behind a symbolic link."""
+
+import math
+import os
+import time
+
+import pytest
+
+from mrl_driver import reconnect
+from mrl_driver.driver import Driver, Options
+from mrl_driver.errors import LinkLost
+from mrl_driver.events import Lost, Reconnected
+from mrl_driver.ports import Port
+
+from .test_driver import PATIENCE_S, wait_until
+
+BUSY = 5
+"""Times are held this many times over on a busy machine; the benchmark measures them."""
+NOTICED_S, BACK_S = 0.1, 2.0
+
+
+class Cable:
+    """A link in a folder that leads to the board that is plugged in."""
+
+    def __init__(self, serve, path):
+        self.serve, self.path = serve, str(path)
+        self.plug()
+
+    def plug(self, **board):
+        self.port = self.serve(**board)
+        os.symlink(self.port.path, self.path + ".new")
+        os.replace(self.path + ".new", self.path)
+
+    def unplug(self):
+        self.port.unplug()
+
+
+@pytest.fixture
+def cable(serve, tmp_path):
+    return Cable(serve, tmp_path / "robot")
+
+
+@pytest.fixture
+def robot(cable):
+    with Driver(cable.path, options=Options(reconnect=True)) as driver:
+        driver.heard = []
+        driver.on_event(driver.heard.append)
+        yield driver
+
+
+def heard(robot, kind):
+    return [event for event in robot.heard if isinstance(event, kind)]
+
+
+def test_an_unplugged_port_is_noticed_and_told(robot, cable):
+    robot.drive(0.2, 0)
+    cable.unplug()
+    start = time.monotonic()
+    wait_until(lambda: heard(robot, Lost))
+    assert time.monotonic() - start < NOTICED_S * BUSY
+    assert heard(robot, Lost) == [Lost(cable.path, heard(robot, Lost)[0].reason)]
+    assert "went away" in heard(robot, Lost)[0].reason
+    assert not robot.ready and robot.error is None and robot.command is None
+
+
+def test_a_robot_comes_back_under_another_name(robot, cable):
+    cable.unplug()
+    wait_until(lambda: heard(robot, Lost))
+    before = cable.port.path
+    somebody = os.openpty()
+    cable.plug()
+    start = time.monotonic()
+    wait_until(lambda: heard(robot, Reconnected))
+    assert time.monotonic() - start < BACK_S * BUSY
+    assert robot.ready and robot.statistics.reconnects == 1
+    assert cable.port.path != before
+    for descriptor in somebody:
+        os.close(descriptor)
+
+
+def test_it_waits_for_a_new_command(robot, cable):
+    robot.drive(0.2, 0)
+    cable.unplug()
+    wait_until(lambda: heard(robot, Lost))
+    assert not robot.drive(0.2, 0)
+    cable.plug()
+    wait_until(lambda: heard(robot, Reconnected))
+    time.sleep(0.3)
+    assert cable.port.board.moves == [] and robot.command is None
+    assert robot.drive(0.2, 0)
+    wait_until(lambda: cable.port.board.speeds == (200, 0))
+
+
+def test_the_pose_goes_on_where_it_was(robot, cable):
+    robot.drive(0.3, 0.5)
+    wait_until(lambda: robot.pose.x_m > 0.05)
+    cable.unplug()
+    wait_until(lambda: heard(robot, Lost))
+    before = robot.pose
+    cable.plug()
+    cable.port.board.right = cable.port.board.left = 12345.0
+    wait_until(lambda: heard(robot, Reconnected))
+    time.sleep(0.2)
+    assert robot.pose == before
+    robot.drive(0.3, 0)
+    wait_until(lambda: math.dist(robot.pose[:2], before[:2]) > 0.02)
+
+
+def test_the_same_board_that_ran_on_bridges_the_gap(robot, cable):
+    """It still speaks with check values, so its counters and its clock go on."""
+    robot.drive(0.1, 0)
+    wait_until(lambda: robot.pose.x_m > 0.02)
+    board = cable.port.board
+    cable.unplug()
+    wait_until(lambda: heard(robot, Lost))
+    cable.plug()
+    cable.port.board = board
+    wait_until(lambda: heard(robot, Reconnected))
+    true_m = (board.right + board.left) / 2 * 0.000087512033
+    wait_until(lambda: robot.pose.x_m == pytest.approx(true_m, abs=0.001))
+
+
+def test_another_robot_is_not_taken(robot, cable):
+    cable.unplug()
+    wait_until(lambda: heard(robot, Lost))
+    cable.plug(robot_id=2)
+    wait_until(lambda: any(frame.code == 5 for frame in cable.port.board.heard))
+    time.sleep(0.3)
+    assert not robot.ready and not heard(robot, Reconnected) and robot.error is None
+    assert cable.port.board.period_s is None
+
+
+def test_a_silent_port_is_given_up_for_the_next_try(serve, tmp_path):
+    cable = Cable(serve, tmp_path / "robot")
+    with Driver(cable.path, options=Options(reconnect=True, greeting_s=0.5)) as robot:
+        cable.unplug()
+        wait_until(lambda: not robot.ready)
+        cable.plug(boot_s=3600)
+        wait_until(lambda: cable.port.received)
+        cable.unplug()
+        cable.plug()
+        wait_until(lambda: robot.ready)
+
+
+def test_unplugging_twice(robot, cable):
+    for _ in range(2):
+        robot.heard.clear()
+        cable.unplug()
+        wait_until(lambda: heard(robot, Lost))
+        cable.plug()
+        wait_until(lambda: heard(robot, Reconnected))
+    assert robot.statistics.reconnects == 2
+
+
+def test_a_2013_board_comes_back_too(serve, tmp_path):
+    cable = Cable(serve, tmp_path / "robot")
+    cable.unplug()
+    cable.plug(version=1)
+    with Driver(cable.path, options=Options(reconnect=True)) as robot:
+        cable.unplug()
+        wait_until(lambda: not robot.ready)
+        cable.plug(version=1)
+        wait_until(lambda: robot.ready)
+        assert robot.drive(0.1, 0)
+
+
+def test_closing_in_the_search(robot, cable):
+    cable.unplug()
+    wait_until(lambda: heard(robot, Lost))
+    start = time.monotonic()
+    robot.close()
+    assert time.monotonic() - start < 1.0
+    assert robot.wait(0)
+
+
+def test_a_request_in_the_search_says_so(robot, cable):
+    cable.unplug()
+    wait_until(lambda: heard(robot, Lost))
+    with pytest.raises(LinkLost, match="is searched"):
+        robot.request(14)
+    robot.stop()
+
+
+def test_a_loss_while_a_command_is_written_starts_the_search_too(robot, cable, monkeypatch):
+    def lost(_):
+        raise LinkLost("the port went away")
+
+    monkeypatch.setattr(robot._link, "write", lost)
+    robot.drive(0.1, 0)
+    wait_until(lambda: heard(robot, Lost))
+    wait_until(lambda: heard(robot, Reconnected))
+
+
+def test_a_port_with_usb_ids_is_found_under_its_new_device(serve, monkeypatch):
+    """As the kernel hands out ttyACM1 while ttyACM0 is still held open."""
+    there = []
+    monkeypatch.setattr(reconnect, "described", lambda: list(there))
+    monkeypatch.setattr(reconnect, "describe", lambda name: next(p for p in there if p.device == name))
+    first, foreign = serve(), serve()
+    there[:] = [Port(first.path, (), 1, 2, "A"), Port(foreign.path, (), 1, 3, "F")]
+    with Driver(first.path, options=Options(reconnect=True)) as robot:
+        there.pop(0)
+        first.unplug()
+        wait_until(lambda: not robot.ready)
+        second, sister = serve(), serve(robot_id=2)
+        there += [Port(sister.path, (), 1, 2, "B"), Port(second.path, (), 1, 2, "A")]
+        wait_until(lambda: robot.ready)
+        assert second.received and not sister.received and not foreign.received
+
+
+def test_without_the_option_a_lost_port_is_an_error(cable):
+    with Driver(cable.path) as robot:
+        cable.unplug()
+        with pytest.raises(LinkLost):
+            robot.wait(PATIENCE_S)
