@@ -1,5 +1,5 @@
-// A serial line at 9600 baud made of two pins, INT0 and timer 2.  No interrupt lasts longer than a few microseconds,
-// so that the USB line at 115200 baud, whose receiver bridges 170 us, never loses a byte to it.
+// A serial line at 9600 baud made of two pins, INT0 and timer 2.  No interrupt lasts longer than 15 us, so that
+// the USB line at 115200 baud, whose receiver bridges 170 us, never loses a byte to it.
 #include "build.h"
 #if defined(__AVR__) && MRL_XBEE
 #include <avr/interrupt.h>
