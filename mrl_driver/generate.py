@@ -266,6 +266,16 @@ A plain `@13e` stops the motors in every state.
 A move beyond the ceiling of parameters 10 and 11 is scaled down as a whole, so that the arc keeps its radius, and is
 counted; a ceiling of 32767 is none.  Command 3's prescalers live in the motor board; all that it gets from the
 parameters is sent again when it comes back after a loss of power.
+
+Counters are read when they are asked for.  When that fails nothing is sent; an answer to 6 or 8 whose first bytes were
+already on the wire stays unfinished.  Boards of robots from 6 on that have never seen a motor board send 999 in 23
+and 25, as they did in 2013.  At most 8 answers wait for the wire; questions beyond are dropped and counted as overruns.
+
+One stream runs at a time: starting one ends the other, and each stop ends its own alone.  In the environment-sensor
+build the sonars of 7, 8 and 18 read -1; the sonar build refuses 20 to 23, 25 and 27.
+
+A text by radio (38, 39) has one argument for each two bytes, the last one padded with 0.  Longer texts than 16 bytes
+come as several frames 39.  The answers to 40 come one by one, for as long as the XBee waits for nodes (6 s).
 """
 
 
