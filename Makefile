@@ -51,7 +51,7 @@ $(VENV)/.ready: setup.py pyproject.toml package.xml | apt
 	$(PY) -m pip install -q --disable-pip-version-check -e '.[dev]'
 	@touch $@
 
-include firmware/firmware.mk
+include firmware/firmware.mk $(wildcard ros1_bridge/ros.mk tests/long.mk)
 
 check: setup ## Format, lint, types, generated files, import rules
 	$(VENV)/bin/ruff format --check -q .
@@ -62,9 +62,12 @@ check: setup ## Format, lint, types, generated files, import rules
 test: check firmware pc-firmware ## Set everything up and run all tests
 	$(ROS_ENV) $(PY) -m pytest -n 2 --dist loadfile
 
-.PHONY: bench-firmware
+.PHONY: bench-firmware bench-host
 bench-firmware: setup firmware ## Measure the firmware image on the simulated chip; build/bench/firmware.json
 	$(PY) -m tests.bench.bench_firmware
+
+bench-host: setup ## Measure codec, odometry and the driver alone; build/bench/host.json
+	$(PY) -m tests.bench.bench_host
 
 run: setup firmware ## Drive an emulated robot through ROS with a live view; PORT=/dev/ttyACM0 for a real one
 	@$(ROS_ENV) exec $(PY) -m ros1_bridge.run $(if $(ROBOT),--robot $(ROBOT)) $(if $(ENGINE),--engine $(ENGINE)) \
