@@ -4,15 +4,18 @@ import os
 import signal
 import sys
 from contextlib import ExitStack
-from typing import Any, Dict, Optional, TextIO
+from typing import Any, Callable, Dict, Optional, TextIO, Tuple
 
 import click
 
 from mrl_driver import robots
 from mrl_driver.errors import ConfigError, MrlError
 
+from . import fault_table
 from . import world as worlds
+from .control import ORDERS, Control
 from .engine import Engine
+from .faults import FaultyEngine
 from .plant import Plant
 from .port import Link, PtyPort
 from .server import PtyServer
@@ -35,7 +38,13 @@ class _OneLine(click.Command):
             sys.exit(130)
 
 
-@click.command(cls=_OneLine)
+_EPILOG = "\b\nFaults, such as --fault loss:rate=0.01,at=5 (keys with their defaults):\n{}\n\n\b\nOrders:\n{}".format(
+    "\n".join("  " + line for line in fault_table.usage().splitlines()),
+    "\n".join(f"  {order:18}{text}" for order, text in ORDERS),
+)
+
+
+@click.command(cls=_OneLine, epilog=_EPILOG)
 @click.option("--robot", default="traxbot", metavar="NAME|FILE", help="Robot model.", show_default=True)
 @click.option(
     "--id", "robot_id", type=click.IntRange(0, 32767), help="Robot id; the model's first one if absent."
@@ -62,13 +71,20 @@ class _OneLine(click.Command):
 )
 @click.option("--pose", metavar="X,Y,YAW", help="Start in metres and degrees; the world's start if absent.")
 @click.option("--slip", is_flag=True, help="Tracks slip in turns.")
-@click.option("--seed", type=int, default=0, help="Seed of everything that is random.")
+@click.option(
+    "--seed",
+    type=int,
+    default=0,
+    help="Seed of the faults, and of the RAM noise that the simulated chip starts with.",
+)
 @click.option(
     "--battery", type=click.FloatRange(0.0, 15.0), metavar="V", help="Battery voltage at the start."
 )
 @click.option("--truth", metavar="FILE", help="Append the true pose as JSON lines, 20 a second.")
 @click.option("--log", metavar="FILE", help="Append all bytes of both directions as JSON lines.")
 @click.option("--reset-on-open", is_flag=True, help="Opening the port resets the board, as on a real Uno.")
+@click.option("--fault", "faults", multiple=True, metavar="FAULT", help="What goes wrong; may be repeated.")
+@click.option("--control", is_flag=True, help="Take orders as lines on stdin.")
 def main(
     robot: str,
     world: str,
@@ -79,12 +95,15 @@ def main(
     reset_on_open: bool,
     slip: bool,
     battery: Optional[float],
+    faults: Tuple[str, ...],
+    control: bool,
     **board: Any,
 ) -> None:
     """Serve an emulated robot on a virtual serial port.
 
     Prints the port's path when it is ready and runs until Ctrl-C.
     """
+    parsed = [fault_table.parse(spec) for spec in faults]
     model = robots.load(robot)
     walls = worlds.load(world)
     plant = Plant(
@@ -96,19 +115,40 @@ def main(
         sonars=not board["environment"],
     )
     with ExitStack() as stack:
-        engine = _make_engine(plant, board)
+        files = _open(stack, "--truth", truth), _open(stack, "--log", log)
+        engine = FaultyEngine(_make_engine(plant, board), parsed, board["seed"])
         stack.callback(engine.close)
         port = PtyPort()
         stack.callback(port.close)
+        tell = _announcer(stack, link)
+        orders = sys.stdin.fileno() if control else None
+        attendant = Control(engine, orders, tell, _complain) if parsed or control else None
         server = PtyServer(
-            engine, port, plant, _open(stack, "--truth", truth), _open(stack, "--log", log), reset_on_open
+            engine if attendant else engine.engine, port, plant, *files, reset_on_open, attendant
         )
         _stop_on_signals(server)
-        if link:
-            stack.callback(Link(link, port.path).remove)
-        click.echo(port.path)
-        sys.stdout.flush()
+        tell(port.path)
         server.run()
+
+
+def _announcer(stack: ExitStack, name: Optional[str]) -> Callable[[str], None]:
+    """Prints the path of each port that is plugged in, and has the link lead to it."""
+    link = Link(name) if name else None
+    if link:
+        stack.callback(link.remove)
+
+    def tell(path: str) -> None:
+        if link:
+            link.move(path)
+        if path:
+            click.echo(path)
+            sys.stdout.flush()
+
+    return tell
+
+
+def _complain(text: str) -> None:
+    click.echo(f"mrl-sim: {text}", err=True)
 
 
 def _make_engine(plant: Plant, board: Dict[str, Any]) -> Engine:

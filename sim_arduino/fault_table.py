@@ -116,9 +116,13 @@ def usage() -> str:
     lines = []
     for kind in FAULTS.values():
         lines.append(f"{kind.name}: {kind.text}")
-        lines += [f"    {p.name}={_show(p.default)} {p.unit} {p.text}".rstrip() for p in kind.parameters]
+        lines += [f"    {p.name}={_show(p.default)}  {p.text}{_unit(p)}" for p in kind.parameters]
     lines.append("Each takes at, lasts and every [s], those of the line direction=both, to_board or to_host.")
     return "\n".join(lines)
+
+
+def _unit(parameter: Parameter) -> str:
+    return f" [{parameter.unit}]" if parameter.unit else ""
 
 
 def _show(value: Union[float, str]) -> str:

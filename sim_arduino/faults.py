@@ -87,14 +87,17 @@ class FaultyEngine:
             chain.clear()
         for switch in (self._unplugged, self._frozen, self._resetting):
             switch.off()
+        self._switch()
 
     def unplug(self, seconds: float = math.inf) -> None:
         """Pull the cable, and put it back after `seconds`."""
         self._unplugged.until_s = self.now_s + seconds
+        self._switch()
 
     def plug(self) -> None:
         """Put the cable back."""
         self._unplugged.off()
+        self._switch()
 
     def stall(self, seconds: float) -> None:
         """The line holds everything for `seconds`."""
@@ -103,6 +106,7 @@ class FaultyEngine:
     def freeze(self, seconds: float) -> None:
         """The board stands still for `seconds`."""
         self._frozen.until_s = self.now_s + seconds
+        self._switch()
 
     # ---- the Engine interface
 

@@ -1,4 +1,4 @@
-"""The emulated USB port: a pseudo-terminal that behaves like a serial device which stays plugged in."""
+"""The emulated USB port: a pseudo-terminal that behaves like a serial device, which may be unplugged."""
 
 import ctypes
 import errno
@@ -24,26 +24,51 @@ class PtyPort:
     board sends is lost, as on a real port; so are the bytes for which a program that does not read leaves no room.
 
     Attributes:
-        path: The device that the host opens.
-        is_open: Whether a program has it open, as far as is known.
+        path: The device that the host opens; another one after each plugging in.
+        master: Descriptor of the board's side; None while unplugged.
+        watch: Descriptor that tells of openings; None where there is none.
         dropped: Bytes from the board that nobody took.
     """
 
     def __init__(self) -> None:
-        self.master, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        self._settings = termios.tcgetattr(self._slave)
-        os.set_blocking(self.master, False)
-        self.path = os.ttyname(self._slave)
+        self.path = ""
         self.dropped = 0
+        self.master: Optional[int] = None
+        self.watch: Optional[int] = None
+        self.plug()
+
+    def plug(self) -> None:
+        """Plugs the device in, under another name than it had."""
+        if self.master is not None:
+            return
+        master, slave = os.openpty()
+        if os.ttyname(slave) == self.path:
+            taken = master, slave
+            master, slave = os.openpty()
+            for descriptor in taken:
+                os.close(descriptor)
+        tty.setraw(slave)
+        os.set_blocking(master, False)
+        self.master, self._slave = master, slave
+        self._settings = termios.tcgetattr(slave)
+        self.path = os.ttyname(slave)
         self._clients = 0
         self._left = b""
         self.watch = _watch(self.path)
 
+    def unplug(self) -> None:
+        """Takes the device away; a program that has it open gets an error."""
+        if self.master is None:
+            return
+        for descriptor in (self.master, self._slave, self.watch):
+            if descriptor is not None:
+                os.close(descriptor)
+        self.master = self.watch = None
+
     @property
     def is_open(self) -> bool:
-        """True too where openings cannot be watched."""
-        return self._clients > 0 or self.watch is None
+        """Whether a program has it open; true too where openings cannot be watched."""
+        return self.master is not None and (self._clients > 0 or self.watch is None)
 
     def opened_anew(self) -> bool:
         """Takes note of programs that opened or closed the port; True if it was closed before and is open now."""
@@ -78,6 +103,8 @@ class PtyPort:
         return data
 
     def _read(self, limit: int) -> bytes:
+        if self.master is None:
+            return b""
         try:
             return os.read(self.master, limit)
         except BlockingIOError:
@@ -95,7 +122,7 @@ class PtyPort:
     def write(self, data: bytes) -> None:
         """Sends to the host what it has room for; the rest is lost."""
         sent = 0
-        if data and self.is_open:
+        if data and self.master is not None and self.is_open:
             try:
                 sent = os.write(self.master, data)
             except BlockingIOError:
@@ -103,10 +130,8 @@ class PtyPort:
         self.dropped += len(data) - sent
 
     def close(self) -> None:
-        """Unplugs the device."""
-        for descriptor in (self.master, self._slave, self.watch):
-            if descriptor is not None:
-                os.close(descriptor)
+        """Unplugs the device for good."""
+        self.unplug()
 
 
 def _watch(path: str) -> Optional[int]:
@@ -141,20 +166,31 @@ class Link:
     """A symbolic link to the port, replaced in one step and removed if it is still ours.
 
     Raises:
-        ConfigError: there is something else under that name, or it cannot be made.
+        ConfigError: there is something else under that name.
     """
 
-    def __init__(self, name: str, target: str) -> None:
-        self._name, self._target = name, target
+    def __init__(self, name: str, target: str = "") -> None:
+        self._name, self._target = name, ""
         if os.path.lexists(name) and not os.path.islink(name):
             raise ConfigError(f"link {name!r} is a file or folder, expected a free name or a symbolic link")
-        temporary = f"{name}.{os.getpid()}"
+        self.move(target)
+
+    def move(self, target: str) -> None:
+        """Points to another port; to none ("") is no link.
+
+        Raises:
+            ConfigError: it cannot be made.
+        """
+        if not target:
+            self.remove()
+            return
+        self._target, temporary = target, f"{self._name}.{os.getpid()}"
         try:
             os.symlink(target, temporary)
-            os.replace(temporary, name)
+            os.replace(temporary, self._name)
         except OSError as error:
             raise ConfigError(
-                f"link {name!r} cannot be made: {os.strerror(error.errno or errno.EIO)}"
+                f"link {self._name!r} cannot be made: {os.strerror(error.errno or errno.EIO)}"
             ) from None
 
     def remove(self) -> None:

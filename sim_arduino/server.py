@@ -6,6 +6,7 @@ import select
 import time
 from typing import Any, Dict, List, Optional, TextIO
 
+from .control import Control
 from .engine import Engine
 from .plant import Plant
 from .port import PtyPort
@@ -27,6 +28,7 @@ class PtyServer:
         truth: File that gets the plant's true pose as JSON lines, 20 a second.
         log: File that gets the bytes of both directions as JSON lines.
         reset_on_open: Opening the port resets the board, as the DTR line of an Uno does.
+        control: Pulls the cable, and takes orders.
     """
 
     def __init__(
@@ -37,10 +39,11 @@ class PtyServer:
         truth: Optional[TextIO] = None,
         log: Optional[TextIO] = None,
         reset_on_open: bool = False,
+        control: Optional[Control] = None,
     ) -> None:
         self._engine, self._port, self._plant = engine, port, plant
         self._truth, self._log = truth, log
-        self._reset_on_open = reset_on_open
+        self._reset_on_open, self._control = reset_on_open, control
         self._wake, self._waker = os.pipe()
         os.set_blocking(self._waker, False)
         self._start_s = time.monotonic()
@@ -70,6 +73,8 @@ class PtyServer:
     def _turn(self) -> None:
         self._take_time()
         self._advance()
+        if self._control:
+            self._control.attend(self._port)
         if self._now_s >= self._truth_due_s:
             self._write_truth()
         self._wait()
@@ -92,10 +97,10 @@ class PtyServer:
     def _wait(self) -> None:
         until = min(self._engine.next_event_s, self._truth_due_s, self._now_s + HEARTBEAT_S)
         watched: List[int] = [self._wake]
-        if self._port.watch is not None:
-            watched.append(self._port.watch)
+        control = self._control.fd if self._control else None
+        watched += [fd for fd in (self._port.watch, control) if fd is not None]
         if self._line_ready():
-            watched.append(self._port.master)
+            watched += [self._port.master] if self._port.master is not None else []
         else:
             until = min(until, self._line_free_s - _LINE_AHEAD_S)
         timeout = max(0.0, until - (time.monotonic() - self._start_s))

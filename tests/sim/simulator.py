@@ -17,6 +17,7 @@ class Simulator:
     def __init__(self, *options: str) -> None:
         self.process = subprocess.Popen(
             [sys.executable, "-m", "sim_arduino.cli", *options],
+            stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -32,6 +33,11 @@ class Simulator:
         if self.process.poll() is None:
             self.process.kill()
         self.process.communicate()
+
+    def order(self, line: str) -> None:
+        assert self.process.stdin
+        self.process.stdin.write(line + "\n")
+        self.process.stdin.flush()
 
     def end(self, number: int = signal.SIGTERM) -> int:
         self.process.send_signal(number)
