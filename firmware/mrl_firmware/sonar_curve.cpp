@@ -37,10 +37,10 @@ uint16_t between(const uint16_t* table, uint16_t fraction) {
   return static_cast<uint16_t>(low + (static_cast<uint32_t>(rise) * rest >> 16));
 }
 
-// log2 of 1..65535 in 1 / 65536.
+// log2 of 1..65535 in 1 / 65536; 0 counts as 1.
 int32_t log2_of(uint16_t value) {
   uint8_t exponent = 15;
-  for (; !(value & 0x8000); value = static_cast<uint16_t>(value << 1)) exponent--;
+  for (; exponent && !(value & 0x8000); value = static_cast<uint16_t>(value << 1)) exponent--;
   const uint16_t fraction = static_cast<uint16_t>(value << 1);
   return static_cast<int32_t>(static_cast<uint32_t>(exponent) << 16 | between(LOG2, fraction));
 }
