@@ -1,7 +1,7 @@
 """The environment-sensor build: its sensors, their absence, and its streams."""
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrl_driver import robots
@@ -151,6 +151,7 @@ def test_heater_and_fan_are_on(board):
 # ---- dust
 
 
+@settings(deadline=None)
 @given(st.floats(0.0, 20.0))
 def test_dust_characteristic(native, percent):
     """Within 1 % and 40 pieces, up to 40000 a litre: more reads 32767."""

@@ -1,7 +1,7 @@
 """Sonars: the curve in integers, thresholds, the chain's timing."""
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrl_driver import robots
@@ -30,6 +30,7 @@ def test_thesis_curve_for_all_counts(native):
     assert max(errors) <= 1 and sum(errors) < 50
 
 
+@settings(deadline=None)
 @given(st.integers(10, 700), st.integers(1, 32767), st.integers(1, 20000), st.integers(-32768, 32767))
 def test_any_curve(native, count, a, b, c):
     assert abs(native.pc_power_law(count, a, b, c) - formula(count, a, b, c)) <= 1
