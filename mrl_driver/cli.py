@@ -4,13 +4,14 @@ Errors are one line on stderr and an exit code of `errors.py`.  Other packages a
 entry points group `mrl.commands`.
 """
 
+import contextlib
 import json
 import math
 import signal
 import sys
 import time
 from importlib import metadata
-from typing import Any, Callable, Dict, List, Optional, Sequence
+from typing import Any, Callable, Dict, Iterator, List, Optional, Sequence
 
 import click
 
@@ -74,8 +75,23 @@ def _robot_options(command: Callable[..., None]) -> Callable[..., None]:
     return command
 
 
-def _driver(port: Optional[str], robot: str, baud: int, ignore_battery: bool) -> Driver:
-    return Driver(_demand_port(port), robot, baud, Options(ignore_battery=ignore_battery))
+@contextlib.contextmanager
+def _driver(
+    port: Optional[str], robot: str, baud: int, ignore_battery: bool, record: Optional[str] = None
+) -> Iterator[Driver]:
+    """A connected driver; says in the end what a recording lacks."""
+    options = Options(ignore_battery=ignore_battery, record=record)
+    driver = Driver(_demand_port(port), robot, baud, options)
+    try:
+        with driver:
+            yield driver
+    finally:
+        recorder = driver.recorder
+        if recorder is not None and recorder.lost:
+            click.echo(f"mrl: {recorder.path} lacks {recorder.lost} lines: {recorder.error}", err=True)
+
+
+_record_option = click.option("--record", metavar="FILE", help="Keep every byte both ways, for mrl replay.")
 
 
 def _demand_port(port: Optional[str]) -> str:
@@ -142,6 +158,7 @@ def _human(value: Any) -> str:
 @click.option("--angular", type=float, help="Yaw rate, counter-clockwise [rad/s].")
 @click.option("--for", "seconds", type=float, help="Drive for so long [s], then stop.")
 @click.option("--ignore-battery", is_flag=True, help="Drive with an empty battery too.")
+@_record_option
 def drive(
     port: Optional[str],
     robot: str,
@@ -150,6 +167,7 @@ def drive(
     angular: Optional[float],
     seconds: Optional[float],
     ignore_battery: bool,
+    record: Optional[str],
 ) -> None:
     """Drive with the keyboard, or at given speeds for a given time.
 
@@ -162,7 +180,7 @@ def drive(
             raise ConfigError(f"--for is {seconds}, expected seconds from above 0 to 3600")
     elif not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise ConfigError("there is no terminal to drive from; give --linear or --angular, and --for SECONDS")
-    with _driver(port, robot, baud, ignore_battery) as driver:
+    with _driver(port, robot, baud, ignore_battery, record) as driver:
         if timed:
             _drive_timed(driver, linear or 0.0, angular or 0.0, seconds or 0.0)
         else:
@@ -238,17 +256,39 @@ def _drive_timed(driver: Driver, linear_m_s: float, angular_rad_s: float, second
     click.echo(live.line(driver))
 
 
+_seconds_option = click.option(
+    "--seconds", type=float, default=FOREVER_S, help="End after so long [s]; without it at Ctrl-C."
+)
+
+
 @cli.command()
 @_robot_options
-@click.option("--seconds", type=float, default=FOREVER_S, help="End after so long [s].")
-def monitor(port: Optional[str], robot: str, baud: int, seconds: float) -> None:
+@_seconds_option
+@_record_option
+def monitor(port: Optional[str], robot: str, baud: int, seconds: float, record: Optional[str]) -> None:
     """Watch a robot: pose, speeds, ranges, battery, link.
 
     Without a terminal it prints a line a second.  Example: mrl monitor --port /dev/ttyACM0
     """
+    _watch(port, robot, baud, seconds, record)
+
+
+@cli.command("record")
+@_robot_options
+@_seconds_option
+@click.argument("file")
+def record_(port: Optional[str], robot: str, baud: int, seconds: float, file: str) -> None:
+    """Watch a robot, and keep every byte both ways in FILE.
+
+    Example: mrl record --port /dev/ttyACM0 drive.mrl; see mrl replay.
+    """
+    _watch(port, robot, baud, seconds, file)
+
+
+def _watch(port: Optional[str], robot: str, baud: int, seconds: float, record: Optional[str]) -> None:
     if not seconds > 0:
         raise ConfigError(f"--seconds is {seconds}, expected a number above 0")
-    with _driver(port, robot, baud, True) as driver:
+    with _driver(port, robot, baud, True, record) as driver:
         try:
             live.watch(driver, seconds)
         except KeyboardInterrupt:

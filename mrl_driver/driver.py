@@ -14,16 +14,18 @@ import time
 from typing import Dict, List, Optional, Tuple, Union
 
 from . import battery, robots
-from .errors import BoardError, BoardTimeout, FrameError, LinkLost, MrlError
+from .errors import BoardError, BoardTimeout, ConfigError, FrameError, LinkLost, MrlError
 from .events import Lost, Reconnected
 from .handshake import Board, Plan
 from .link import BAUD, Link
 from .options import DEFAULTS, Options, demand, demand_options
 from .readout import Readout
 from .reconnect import LOOK_S, Reconnection
+from .recording import Recorder
 from .robots import RobotModel
 from .session import Info, Reply, Session, SessionEvent
 from .state import Notice, RobotState, Telemetry, limit
+from .tape import Tape
 
 __all__ = ["Board", "Driver", "Options", "Telemetry"]
 
@@ -59,6 +61,8 @@ class Driver(Readout):
     ) -> None:
         demand("baud", baud, 300, 4_000_000, "Bd", int)
         demand_options(options)
+        if options.record is not None and isinstance(port, Link):
+            raise ConfigError("record is given with an open link, expected a port by name")
         self._port, self._baud, self._options = port, baud, options
         model = robot if isinstance(robot, RobotModel) else None if robot == "auto" else robots.load(robot)
         super().__init__(RobotState(model, options.ignore_battery, options.any_id))
@@ -71,6 +75,7 @@ class Driver(Readout):
         self._sleeps_until = 0.0
         self._broken: Optional[LinkLost] = None
         self._reconnection: Optional[Reconnection] = None
+        self._tape: Optional[Tape] = None
 
     def connect(self) -> Board:
         """Open the port, greet the board, start its stream; the robot is told to stop and stays still.
@@ -79,6 +84,7 @@ class Driver(Readout):
             Who answers, once the first telemetry is there.
 
         Raises:
+            ConfigError: the recording cannot be written.
             PortMissing, PortDenied, PortBusy, LinkError: the port cannot be opened.
             NotARobot: nothing answers, or not in frames.
             WrongRobot: another robot answers, or one of another protocol.
@@ -88,7 +94,7 @@ class Driver(Readout):
         if self._thread is not None:
             raise MrlError("this driver was connected already; create another one to connect again")
         options = self._options
-        self._link = self._port if isinstance(self._port, Link) else self._open(self._port)
+        self._link = self._first_link()
         if options.reconnect and not isinstance(self._port, Link):
             self._reconnection = Reconnection(self._port, self._open, options.greeting_s)
         plan = Plan(options.watchdog_ms, options.period_ms, options.check)
@@ -124,6 +130,11 @@ class Driver(Readout):
             link.close()
         if not on_thread:
             thread.join()
+        self._end_tape()
+
+    def _end_tape(self) -> None:
+        if self._tape is not None:
+            self._tape.close()
 
     def __enter__(self) -> "Driver":
         self.connect()
@@ -131,6 +142,11 @@ class Driver(Readout):
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    @property
+    def recorder(self) -> Optional[Recorder]:
+        """What writes the recording, with the lines it `lost` and its last `error`; None without one."""
+        return self._tape.recorder if self._tape is not None else None
 
     def wait(self, timeout_s: Optional[float] = None) -> bool:
         """Sleep until the driver is closed or has failed; False when `timeout_s` passed before.
@@ -259,6 +275,8 @@ class Driver(Readout):
             if self._broken is not None:
                 raise self._broken
             events = session.receive(data, now) if data else []
+            if self._tape is not None:
+                self._tape.note(session.checked)
             due_s = session.deadline(now)
             if now >= due_s:
                 events += session.tick(now)
@@ -272,8 +290,19 @@ class Driver(Readout):
 
     # -- a lost port
 
+    def _first_link(self) -> Link:
+        if isinstance(self._port, Link):
+            return self._port
+        if self._options.record is not None:
+            self._tape = Tape(self._options.record, self._port, self._baud)
+        try:
+            return self._open(self._port)
+        except BaseException:
+            self._end_tape()
+            raise
+
     def _open(self, name: str) -> Link:
-        return Link(name, self._baud)
+        return self._tape.open(name, self._baud) if self._tape is not None else Link(name, self._baud)
 
     def _lose(self, error: MrlError) -> None:
         """Give the link up and search it, where that is wanted; else raise `error`."""

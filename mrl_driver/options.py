@@ -31,6 +31,8 @@ class Options(NamedTuple):
     `Reconnected`; between them `drive` returns False, and after them the robot waits for a new command.  An open
     `Link` given as port is not searched.
     """
+    record: Optional[str] = None
+    """File that gets every byte both ways with its time, see `recording`; one that is there is overwritten."""
 
 
 DEFAULTS = Options()
@@ -49,5 +51,7 @@ def demand_options(options: Options) -> None:
     demand("greeting_s", options.greeting_s, 0.1, 3600, "s", int, float)
     if type(options.reconnect) is not bool:
         raise ConfigError(f"reconnect is {options.reconnect!r}, expected True or False")
+    if options.record is not None and (not isinstance(options.record, str) or not options.record):
+        raise ConfigError(f"record is {options.record!r}, expected the name of a file")
     if options.command_timeout_s is not None:
         demand("command_timeout_s", options.command_timeout_s, 0.01, 3600, "s", int, float)

@@ -1,0 +1,137 @@
+"""What a driver records while it drives."""
+
+import re
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from mrl_driver.codec import REPLIES, REQUESTS, Frame, FrameDecoder
+from mrl_driver.driver import Driver, Options
+from mrl_driver.errors import ConfigError, PortMissing
+from mrl_driver.link import Link
+from mrl_driver.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
+
+PATIENCE_S = 20
+
+
+def wait_until(condition):
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline, "it did not happen in time"
+        time.sleep(0.005)
+
+
+@pytest.fixture
+def recorded(serve, tmp_path):
+    """Entries of a short drive, and the board that it was with."""
+    board, path = serve(), str(tmp_path / "drive.mrl")
+    with Driver(board.path, options=Options(record=path)) as robot:
+        robot.drive(0.2, 0.0)
+        wait_until(lambda: robot.pose.x_m > 0.01)
+    recording = Recording(path)
+    return list(recording), board, recording
+
+
+def joined(entries, way):
+    return b"".join(entry.data for entry in entries if entry.way == way)
+
+
+def test_what_went_to_the_board_is_on_the_tape(recorded):
+    entries, board, _ = recorded
+    wait_until(lambda: bytes(board.received) == joined(entries, TO_BOARD))
+
+
+def test_what_came_from_the_board_is_on_the_tape(recorded):
+    """Plain until the check value is switched on."""
+    entries, _, _ = recorded
+    switch = next(i for i, entry in enumerate(entries) if entry.data == b"checked")
+    frames = [
+        event
+        for part, checked in ((entries[:switch], False), (entries[switch:], True))
+        for event in FrameDecoder(REPLIES, checked).feed(joined(part, FROM_BOARD))
+    ]
+    assert all(isinstance(event, Frame) for event in frames)
+    assert len([frame for frame in frames if frame.code == 8]) > 3
+
+
+def test_remarks_tell_the_port_and_the_check_value(recorded):
+    entries, board, _ = recorded
+    remarks = [entry.data for entry in entries if entry.way == REMARK]
+    assert remarks[:3] == [b"opened " + board.path.encode(), b"plain", b"checked"]
+
+
+def test_the_header_tells_the_port(recorded):
+    _, board, recording = recorded
+    assert recording.header["port"] == board.path
+
+
+def test_the_stop_at_the_end_is_on_the_tape(recorded):
+    entries, _, _ = recorded
+    assert Frame(13, ()) in FrameDecoder(REQUESTS, checked=True).feed(joined(entries, TO_BOARD))
+
+
+def test_a_full_disk_does_not_stop_the_robot(serve):
+    with Driver(serve().path, options=Options(record="/dev/full")) as robot:
+        robot.drive(0.2, 0.0)
+        wait_until(lambda: robot.pose.x_m > 0.01 and robot.recorder.lost > 10)
+        assert robot.command is not None
+        assert "No space" in robot.recorder.error
+
+
+def test_a_file_that_cannot_be_made_is_refused_before_the_port_is_opened(tmp_path):
+    with pytest.raises(ConfigError, match="cannot record to"):
+        Driver("/dev/nothing", options=Options(record=str(tmp_path))).connect()
+
+
+@pytest.mark.parametrize("record", [5, ""])
+def test_a_wrong_option_is_refused(record):
+    with pytest.raises(ConfigError, match="record is .*, expected the name of a file"):
+        Driver("/dev/nothing", options=Options(record=record))
+
+
+def test_an_open_link_is_not_recorded(serve, tmp_path):
+    link = Link(serve().path)
+    with pytest.raises(ConfigError, match="with an open link"):
+        Driver(link, options=Options(record=str(tmp_path / "x")))
+    link.close()
+
+
+def test_a_port_that_is_not_there_leaves_no_thread(tmp_path):
+    before = threading.active_count()
+    with pytest.raises(PortMissing):
+        Driver("/dev/nothing", options=Options(record=str(tmp_path / "x"))).connect()
+    assert threading.active_count() == before
+
+
+# -- as a command
+
+
+def mrl(*args):
+    command = [sys.executable, "-m", "mrl_driver", *map(str, args)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("record", "--seconds", "0.3", "FILE"),
+        ("monitor", "--seconds", "0.3", "--record", "FILE"),
+        ("drive", "--linear", "0.1", "--for", "0.3", "--record", "FILE"),
+    ],
+    ids=lambda command: command[0],
+)
+def test_commands_record(serve, tmp_path, command):
+    path = tmp_path / "drive.mrl"
+    name, *rest = (str(path) if word == "FILE" else word for word in command)
+    done = mrl(name, "--port", serve().path, *rest)
+    assert done.returncode == 0, done.stderr
+    assert len(list(Recording(str(path)))) > 10
+
+
+def test_a_full_disk_is_said_in_the_end(serve):
+    done = mrl("record", "--port", serve().path, "--seconds", "0.5", "/dev/full")
+    assert done.returncode == 0
+    assert re.fullmatch(r"mrl: /dev/full lacks \d+ lines: No space left on device\n", done.stderr)
