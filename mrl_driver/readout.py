@@ -130,6 +130,12 @@ class Readout:
             counters.refused_counts = self._state.odometry.baseline.refused if self._state.odometry else 0
             return counters.snapshot()
 
+    def reset_pose(self, pose: Pose = ORIGIN) -> None:
+        """Let the odometry go on from `pose`; counts and speeds stay as they are."""
+        with self._lock:
+            if self._state.odometry is not None:
+                self._state.odometry.pose = pose
+
     # -- callbacks: run on the reading thread, one after the other, without a lock held
 
     def on_telemetry(self, callback: Callable[[Telemetry], None]) -> None:

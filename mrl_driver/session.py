@@ -260,6 +260,8 @@ class Session:
         elif code == _SONARS:
             events.append(Sonars(frame.args))
         else:
+            if frame.stamp is not None:
+                self._is_duplicate(frame.stamp.sequence)  # numbers run over the frames of all streams
             events.append(Reply(frame))
         if self._greeting is not None:
             if code == _CHECK:

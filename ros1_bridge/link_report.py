@@ -1,8 +1,10 @@
 """The link's state as diagnostics: a level, a line, keys and values.  Pure."""
 
-from typing import Dict, NamedTuple
+import math
+from typing import Dict, NamedTuple, Optional
 
 from mrl_driver.handshake import Board
+from mrl_driver.state import Telemetry
 from mrl_driver.statistics import Statistics
 
 OK, WARN, ERROR = 0, 1, 2
@@ -24,19 +26,22 @@ def error_count(statistics: Statistics) -> int:
     )  # fmt: skip
 
 
-def health(ready: bool, age_s: float, battery_state: str, battery_v: float) -> Health:
-    """The robot's health from the link's and the battery's."""
+def health(ready: bool, age_s: float) -> Health:
+    """The link's health."""
     if not ready:
         return Health(ERROR, f"the board is silent for {age_s:.1f} s: check its cable and power")
-    if battery_state in ("empty", "off"):
-        return Health(ERROR, f"battery is {battery_state} at {battery_v:.1f} V")
-    if battery_state != "ok":
-        return Health(WARN, f"battery is {battery_state} at {battery_v:.1f} V")
     return Health(OK, "streaming")
 
 
-def values(port: str, baud: int, board: Board, statistics: Statistics, age_s: float) -> Dict[str, str]:
-    """Keys and values, named as REP-138 does where it has a name."""
+def values(
+    port: str, baud: int, board: Board, statistics: Statistics, age_s: float, telemetry: Optional[Telemetry]
+) -> Dict[str, str]:
+    """Keys and values, named as REP-138 does where it has a name.
+
+    The latency is the last frame's way from the reading of its counters to the host, beyond the least there
+    is; boards without a clock have none.
+    """
+    latency_ms = 1000 * (telemetry.arrival_s - telemetry.stamp_s) if telemetry else math.nan
     return {
         "Serial Port": port,
         "Serial Baud": str(baud),
@@ -44,6 +49,8 @@ def values(port: str, baud: int, board: Board, statistics: Statistics, age_s: fl
         "Motor Board Version": f"{board.motor_board_version:.2f}",
         "Protocol Version": str(board.protocol),
         "Device ID": str(board.robot_id),
+        "Computed Latency": f"{latency_ms:.2f} ms",
+        "Capabilities": ", ".join(sorted(board.capabilities)) or "none",
         "Telemetry Age": f"{age_s * 1000:.0f} ms",
         "Errors": str(error_count(statistics)),
         "Frames": str(statistics.frames),
@@ -54,4 +61,7 @@ def values(port: str, baud: int, board: Board, statistics: Statistics, age_s: fl
         "Unanswered Requests": str(statistics.unanswered),
         "Blocked Writes": str(statistics.blocked_writes),
         "Restarts": str(statistics.restarts),
+        "Reconnects": str(statistics.reconnects),
+        "Bytes Received": str(statistics.bytes_in),
+        "Bytes Sent": str(statistics.bytes_out),
     }

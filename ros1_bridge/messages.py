@@ -4,25 +4,23 @@ One message per topic is prepared once and filled again for each publication.
 """
 
 import math
-from typing import Mapping, Tuple
+from typing import List, Mapping, Sequence, Tuple
 
 from genpy import Time
 from geometry_msgs.msg import TransformStamped, Twist
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import BatteryState, Range
+from sensor_msgs.msg import BatteryState, JointState, Range, Temperature
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.robots import Battery, SonarMount
 from mrl_driver.sonar import FARTHEST_M, FIELD_OF_VIEW_RAD, NEAREST_M
 
-UNUSED_VARIANCE = 1e6
-"""Variance on the axes that a robot on the floor does not have; filters take it as "not measured"."""
-POSE_VARIANCE = (1e-3, 1e-3, UNUSED_VARIANCE, UNUSED_VARIANCE, UNUSED_VARIANCE, 3e-3)
-"""x y z [m2], roll pitch yaw [rad2]: 3 cm and 3 deg, what a tracked robot keeps over a few metres."""
-TWIST_VARIANCE = (1e-4, 1e-6, UNUSED_VARIANCE, UNUSED_VARIANCE, UNUSED_VARIANCE, 1e-3)
-"""vx vy vz [m2/s2], rates [rad2/s2]: 1 cm/s; sideways motion is excluded by the wheels, not unknown."""
+from . import covariance
+
 SONAR_HEIGHT_M = 0.0
 """Mounts are given in the plane of base_link."""
+JOINTS = ("right_wheel_joint", "left_wheel_joint")
+"""Joints of the description, in the order of the counters."""
 
 
 def sonar_frame(base_frame: str, sonar: str) -> str:
@@ -31,13 +29,16 @@ def sonar_frame(base_frame: str, sonar: str) -> str:
     return f"{prefix}{slash}sonar_{sonar}"
 
 
-def new_odometry(odom_frame: str, base_frame: str) -> Odometry:
-    """Odometry with frames and covariances set; pose in `odom_frame`, twist in `base_frame`."""
+def new_odometry(odom_frame: str, base_frame: str, pose_covariance: List[float]) -> Odometry:
+    """Odometry with frames set; pose in `odom_frame`, twist in `base_frame`.
+
+    `pose_covariance` (36,), row-major, is shared: who owns it keeps it up to date.
+    """
     message = Odometry()
     message.header.frame_id = odom_frame
     message.child_frame_id = base_frame
-    message.pose.covariance = _diagonal(POSE_VARIANCE)
-    message.twist.covariance = _diagonal(TWIST_VARIANCE)
+    message.pose.covariance = pose_covariance
+    message.twist.covariance = covariance.twist_diagonal()
     return message
 
 
@@ -50,6 +51,7 @@ def fill_odometry(
     position.x, position.y, yaw = pose
     orientation.z, orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
     message.twist.twist.linear.x, message.twist.twist.angular.z = twist
+    covariance.fill_twist(message.twist.covariance, *twist)
 
 
 def new_transform(odom_frame: str, base_frame: str) -> TFMessage:
@@ -85,10 +87,37 @@ def new_range(base_frame: str, sonar: str) -> Range:
     return message
 
 
-def fill_range(message: Range, stamp: Time, range_m: float) -> None:
-    """Write a range [m]; -inf is too near, nan invalid, +inf nothing in range (REP-117)."""
+def fill_range(message: Range, stamp: Time, range_m: float, clear_with_max: bool = False) -> None:
+    """Write a range [m]; -inf is too near, nan invalid, +inf nothing in range (REP-117).
+
+    With `clear_with_max`, nothing in range is max_range, for costmap layers that clear only then.
+    """
     message.header.stamp = stamp
-    message.range = range_m
+    message.range = message.max_range if clear_with_max and range_m == math.inf else range_m
+
+
+def new_joints(names: Sequence[str]) -> JointState:
+    """State of the wheels, in the order of `names`; effort is not measured."""
+    return JointState(name=list(names), position=[0.0] * len(names), velocity=[0.0] * len(names))
+
+
+def fill_joints(message: JointState, stamp: Time, angles: List[float], rates: List[float]) -> None:
+    """Write the wheels' angles [rad] and rates [rad/s]."""
+    message.header.stamp = stamp
+    message.position, message.velocity = angles, rates
+
+
+def new_temperature(base_frame: str) -> Temperature:
+    """Temperature of the motor board, of unknown variance."""
+    message = Temperature(temperature=math.nan)
+    message.header.frame_id = base_frame
+    return message
+
+
+def fill_temperature(message: Temperature, stamp: Time, temperature_c: float) -> None:
+    """Write a temperature [degC]."""
+    message.header.stamp = stamp
+    message.temperature = temperature_c
 
 
 def new_battery(base_frame: str, battery: Battery) -> BatteryState:
@@ -140,11 +169,6 @@ def unused_axes(message: Twist) -> Tuple[str, ...]:
         return ()
     fields = {"linear.y": linear.y, "linear.z": linear.z, "angular.x": angular.x, "angular.y": angular.y}
     return tuple(name for name, value in fields.items() if value)
-
-
-def _diagonal(variances: Tuple[float, ...]) -> Tuple[float, ...]:
-    """6 x 6 row-major matrix with these on its diagonal."""
-    return tuple(variances[i // 6] if i % 7 == 0 else 0.0 for i in range(36))
 
 
 def _transform(parent: str, child: str, x_m: float, y_m: float, yaw_rad: float) -> TransformStamped:

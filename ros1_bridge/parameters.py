@@ -6,6 +6,7 @@ from typing import Any, Dict, Mapping, NamedTuple, Optional, Tuple
 from mrl_driver.errors import ConfigError
 
 BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 250000, 500000, 1000000)
+_OWN = "0 is the model's own, which is also the most"
 
 
 class Row(NamedTuple):
@@ -37,8 +38,27 @@ ROWS = (
     Row("odom_frame", str, "odom", "", "Frame of the pose"),
     Row("base_frame", str, "base_link", "", "Frame of the robot; sonar frames take its prefix"),
     Row("publish_tf", bool, True, "", "Publish odom_frame to base_frame on /tf; false beside an EKF"),
+    Row(
+        "publish_mounts",
+        bool,
+        True,
+        "",
+        "Publish base_frame to the sonars; false beside robot_state_publisher",
+    ),
+    Row("rate", float, 50.0, "Hz", "Rate of odom, as the board streams", 1.0, 400.0),
     Row("cmd_vel_timeout", float, 0.5, "s", "The robot stops when cmd_vel is silent for so long", 0.05, 10.0),
+    Row("max_linear_speed", float, 0.0, "m/s", f"Fastest way forward or back; {_OWN}", 0.0, 10.0),
+    Row("max_angular_speed", float, 0.0, "rad/s", f"Fastest turn; {_OWN}", 0.0, 100.0),
+    Row("max_linear_acceleration", float, 0.0, "m/s2", f"Speeding up, not slowing down; {_OWN}", 0.0, 100.0),
+    Row("max_angular_acceleration", float, 0.0, "rad/s2", f"The same for turns; {_OWN}", 0.0, 1000.0),
+    Row("clear_with_max_range", bool, False, "", "Sonars that see nothing report max_range instead of +Inf"),
+    Row("reconnect", bool, True, "", "Search a port that went away; false ends the node"),
+    Row("ignore_battery", bool, False, "", "Start, and drive on, with an empty battery"),
+    Row("allow_calibration", bool, False, "", "Offer the service calibrate, which turns the wheels"),
+    Row("allow_gains", bool, False, "", "Offer gains by dynamic_reconfigure; the motor board stores them"),
 )
+GROUPS = ("limits", "gains")
+"""Namespaces that dynamic_reconfigure keeps its own parameters in."""
 FRAMES = ("odom_frame", "base_frame")
 
 
@@ -51,7 +71,18 @@ class Parameters(NamedTuple):
     odom_frame: str
     base_frame: str
     publish_tf: bool
+    publish_mounts: bool
+    rate: float
     cmd_vel_timeout: float
+    max_linear_speed: float
+    max_angular_speed: float
+    max_linear_acceleration: float
+    max_angular_acceleration: float
+    clear_with_max_range: bool
+    reconnect: bool
+    ignore_battery: bool
+    allow_calibration: bool
+    allow_gains: bool
 
 
 def check(given: Mapping[str, Any], namespace: str) -> Parameters:
@@ -65,7 +96,7 @@ def check(given: Mapping[str, Any], namespace: str) -> Parameters:
         ConfigError: a value is missing, of the wrong type or out of range, or a name is unknown.
     """
     for name in given:
-        if name not in Parameters._fields:
+        if name not in Parameters._fields and name not in GROUPS:
             raise ConfigError(
                 f"parameter {namespace}/{name} is unknown, expected {', '.join(Parameters._fields)}; "
                 f"`rosparam delete {namespace}/{name}` removes one that an earlier run has left"

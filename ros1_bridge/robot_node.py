@@ -1,79 +1,46 @@
 """ROS node `robot_node`: one robot on a serial port.
 
-Publishes `odom`, `sonar/*`, `battery`, /tf, /tf_static and /diagnostics; subscribes `cmd_vel`.  The driver's
-reading thread publishes, and a command goes to the port from the subscriber's own thread.
+The driver's reading thread publishes, and a command goes to the port from the subscriber's own thread.  Topics,
+services and parameters stand in this package's README.
 """
 
+import signal
+import threading
 import time
-from typing import List, Optional
+from typing import Any, Callable, Dict, List, Optional
 
 import diagnostic_updater
 import rospy
+from diagnostic_msgs.msg import KeyValue
 from geometry_msgs.msg import Twist
-from nav_msgs.msg import Odometry
-from sensor_msgs.msg import BatteryState, Range
-from tf2_msgs.msg import TFMessage
+from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 from mrl_driver.battery import EMPTY, LOW, OFF
-from mrl_driver.driver import Driver, Options, Telemetry
+from mrl_driver.driver import Driver, Telemetry
 from mrl_driver.errors import LinkLost, MrlError
+from mrl_driver.events import Lost, Ready, Reconnected, Reply
 from mrl_driver.handshake import Board
-from mrl_driver.robots import RobotModel
+from mrl_driver.options import Options
+from mrl_driver.robots import Limits, RobotModel
 
-from . import link_report, messages
-from .direct import direct_publisher
-from .parameters import Parameters, check
-from .stamps import Stamps
+from . import environment, link_report, messages, reconfigure, robot_status
+from .commander import NOT_FINITE, Commander, lowered
+from .environment import Environment
+from .parameters import GROUPS, Parameters, check
+from .publishers import Publishers
+from .services import Answer, Services
 
 DIAGNOSTICS_S = 1.0
+STATUS_S = 0.1
+"""A change of the robot's state is told within this time."""
 WARN_EVERY_S = 1.0
 
-
-class Publishers:
-    """One prepared message and one publisher for each topic; `/tf` is one of them."""
-
-    def __init__(self, parameters: Parameters, model: RobotModel) -> None:
-        odom, base = parameters.odom_frame, parameters.base_frame
-        self._model = model
-        self._stamps = Stamps()
-        self._stamp = rospy.Time()
-        self._odometry = messages.new_odometry(odom, base)
-        self._odometry_out = direct_publisher(rospy.Publisher, "odom", Odometry)
-        self._transform = messages.new_transform(odom, base)
-        self._transform_out = None
-        if parameters.publish_tf:
-            self._transform_out = direct_publisher(rospy.Publisher, "/tf", TFMessage)
-        self._ranges = {name: messages.new_range(base, name) for name in model.sonars}
-        self._ranges_out = {
-            name: direct_publisher(rospy.Publisher, f"sonar/{name}", Range) for name in model.sonars
-        }
-        self._battery = messages.new_battery(base, model.battery)
-        self._battery_out = direct_publisher(rospy.Publisher, "battery", BatteryState, latch=True)
-        self._mounts_out = direct_publisher(rospy.Publisher, "/tf_static", TFMessage, latch=True)
-        self._mounts_out.publish(messages.new_mounts(base, model.sonars, rospy.Time.now()))
-
-    def telemetry(self, telemetry: Telemetry) -> None:
-        """Publish pose and twist, and the sonars that have a new reading."""
-        stamp = self._stamp
-        stamp_ns = self._stamps.next(telemetry.stamp_s, time.monotonic_ns(), time.time_ns())
-        stamp.secs, stamp.nsecs = divmod(stamp_ns, 1_000_000_000)
-        messages.fill_odometry(self._odometry, stamp, telemetry.pose, telemetry.twist)
-        self._odometry_out.publish(self._odometry)
-        if self._transform_out is not None:
-            messages.fill_transform(self._transform, stamp, telemetry.pose)
-            self._transform_out.publish(self._transform)
-        for name in telemetry.fresh:
-            messages.fill_range(self._ranges[name], stamp, telemetry.ranges[name])
-            self._ranges_out[name].publish(self._ranges[name])
-
-    def battery(self, board: Board) -> None:
-        """Publish the battery's voltage."""
-        messages.fill_battery(self._battery, rospy.Time.now(), board.battery_v, self._model.battery)
-        self._battery_out.publish(self._battery)
+Wrapper = Any
+"""A diagnostic_updater.DiagnosticStatusWrapper."""
 
 
 class RobotNode:
-    """Connects a driver with its topics."""
+    """Connects a driver with its topics and services."""
 
     def __init__(self, parameters: Parameters) -> None:
         """Checks the robot model; the port is opened by `run`.
@@ -82,7 +49,12 @@ class RobotNode:
             ConfigError: the robot model is unknown or wrong.
         """
         self._parameters = parameters
-        options = Options(command_timeout_s=parameters.cmd_vel_timeout)
+        options = Options(
+            period_ms=round(1000 / parameters.rate),
+            command_timeout_s=parameters.cmd_vel_timeout,
+            ignore_battery=parameters.ignore_battery,
+            reconnect=parameters.reconnect,
+        )
         self._driver = Driver(parameters.port, parameters.robot, parameters.baud, options)
         self._battery_state = ""
 
@@ -97,7 +69,8 @@ class RobotNode:
             return
         try:
             board = self._driver.connect()
-            self._wire(board)
+            assert self._driver.model is not None
+            self._wire(board, self._driver.model)
             self._serve(board)
         except LinkLost:
             if self._driver.error is not None or not rospy.is_shutdown():
@@ -105,68 +78,114 @@ class RobotNode:
         finally:
             self._driver.close()
 
-    def _wire(self, board: Board) -> None:
-        model = self._driver.model
-        assert model is not None
-        publishers = Publishers(self._parameters, model)
-        self._driver.on_telemetry(publishers.telemetry)
-        self._driver.on_battery(publishers.battery)
-        self._driver.on_battery(self._on_battery)
-        publishers.battery(board)
+    def _wire(self, board: Board, model: RobotModel) -> None:
+        parameters, driver = self._parameters, self._driver
+        limits = lowered(
+            model.limits,
+            parameters.max_linear_speed,
+            parameters.max_angular_speed,
+            parameters.max_linear_acceleration,
+            parameters.max_angular_acceleration,
+        )
+        self._commander = Commander(driver, limits, parameters.cmd_vel_timeout)
+        self._publishers = Publishers(rospy.Publisher, parameters, model)
+        if not board.capabilities or "sonars" in board.capabilities:
+            self._publishers.sonars(rospy.Time.now())
+        self._environment = Environment(
+            rospy.Publisher, parameters.base_frame, board.capabilities, rospy.Time.now
+        )
+        self._publishers.battery(board, rospy.Time.now())
+        driver.on_telemetry(self._on_telemetry)
+        driver.on_battery(self._on_battery)
+        driver.on_event(self._on_event)
+        self._start_environment()
+        self._offer_services()
         rospy.Subscriber("cmd_vel", Twist, self._on_cmd_vel, queue_size=1, tcp_nodelay=True)
+        if "xbee" in board.capabilities:
+            rospy.Subscriber(environment.RADIO_OUT, KeyValue, self._on_radio, queue_size=10)
+        self._offer_reconfigure(model, limits)
         rospy.loginfo(
-            f"{model.name} (robot id {board.robot_id}, firmware {board.version}) on {self._parameters.port}, "
+            f"{model.name} (robot id {board.robot_id}, firmware {board.version}) on {parameters.port}, "
             f"battery {board.battery_v:.1f} V"
         )
 
-    def _serve(self, board: Board) -> None:
-        updater = diagnostic_updater.Updater()
-        updater.setHardwareID(f"{self._parameters.port} robot {board.robot_id}")
-        updater.add("Link", self._diagnose)
-        while not self._driver.wait(DIAGNOSTICS_S):
-            updater.update()
-
-    def _diagnose(
-        self, status: diagnostic_updater.DiagnosticStatusWrapper
-    ) -> diagnostic_updater.DiagnosticStatusWrapper:
-        driver, parameters = self._driver, self._parameters
-        health = link_report.health(driver.ready, driver.age_s, driver.battery_state, driver.battery_v)
-        status.summary(health.level, health.message)
-        values = link_report.values(
-            parameters.port, parameters.baud, driver.board, driver.statistics, driver.age_s
+    def _offer_services(self) -> None:
+        services = self._services = Services(self._driver, self._commander, self._publishers.covariance.reset)
+        triggers: Dict[str, Callable[[], Answer]] = {
+            "reset_odometry": services.reset_odometry,
+            "stop": services.stop,
+            "release_stop": services.release_stop,
+        }
+        if self._parameters.allow_calibration:
+            triggers["calibrate"] = services.calibrate
+        for name, action in triggers.items():
+            rospy.Service(name, Trigger, lambda _, act=action: TriggerResponse(*act()))
+        rospy.Service(
+            "enable_motors", SetBool, lambda request: SetBoolResponse(*services.enable_motors(request.data))
         )
-        for key, value in values.items():
-            status.add(key, value)
-        return status
 
-    def _on_cmd_vel(self, message: Twist) -> None:
+    def _offer_reconfigure(self, model: RobotModel, limits: Limits) -> None:
+        from dynamic_reconfigure.server import Server  # late: it takes a second, and cmd_vel should not wait
+
+        for group in GROUPS:  # what an earlier run has left must not outvote this run's parameters
+            if rospy.has_param(f"~{group}"):
+                rospy.delete_param(f"~{group}")
+        self._servers = [Server(reconfigure.limits_description(model, limits), self._on_limits, "limits")]
+        if self._parameters.allow_gains:
+            self._servers.append(Server(reconfigure.gains_description(model), self._on_gains, "gains"))
+
+    def _serve(self, board: Board) -> None:
+        hardware_id = f"{self._parameters.port} robot {board.robot_id}"
+        updater = diagnostic_updater.Updater()
+        updater.setHardwareID(hardware_id)
+        for name, task in (
+            ("Link", self._diagnose_link),
+            ("Motion", self._diagnose_motion),
+            ("Battery", self._diagnose_battery),
+            ("Board", self._diagnose_board),
+        ):
+            updater.add(name, task)
+        status = robot_status.new_status(rospy.get_name(), hardware_id)
+        due_s = time.monotonic()
+        while not self._driver.wait(STATUS_S):
+            if robot_status.fill_status(status, self._commander):
+                self._publishers.status(status)
+            if time.monotonic() >= due_s:
+                due_s += DIAGNOSTICS_S
+                updater.update()
+                self._request(self._environment.polls())
+
+    # -- from the driver, on its reading thread
+
+    def _on_telemetry(self, telemetry: Telemetry) -> None:
+        self._publishers.telemetry(telemetry)
         try:
-            self._command(message)
+            self._commander.tick()
         except MrlError:
             return  # the driver keeps the error, and the main thread reports it
 
-    def _command(self, message: Twist) -> None:
-        try:
-            linear_m_s, angular_rad_s = messages.read_twist(message)
-        except ValueError as error:
-            self._driver.stop()
-            rospy.logwarn_throttle(WARN_EVERY_S, f"{error}; the robot was stopped")
-            return
-        unused = messages.unused_axes(message)
-        if unused:
-            rospy.logwarn_throttle(
-                WARN_EVERY_S,
-                f"cmd_vel {', '.join(unused)} ignored: the robot follows linear.x and angular.z alone",
-            )
-        if not self._driver.drive(linear_m_s, angular_rad_s):
-            rospy.logwarn_throttle(WARN_EVERY_S, f"cmd_vel refused: {self._why_not()}")
+    def _on_event(self, event: Any) -> None:
+        if isinstance(event, Reply):
+            self._environment.on_frame(event.frame)
+        elif isinstance(event, Ready):
+            self._start_environment()
+        elif isinstance(event, Lost):
+            rospy.logerr(f"{event.reason}; the robot waits for a new command, the port is searched")
+        elif isinstance(event, Reconnected):
+            rospy.loginfo(f"the robot answers again, on {event.port}")
 
-    def _why_not(self) -> str:
-        if self._driver.ready:
-            return f"the battery is {self._driver.battery_state} at {self._driver.battery_v:.1f} V, charge it"
-        return "the board is silent or just restarting; send the command again when telemetry is back"
+    def _start_environment(self) -> None:
+        self._request(self._environment.starts())
+
+    def _request(self, requests: List[Any]) -> None:
+        try:
+            for request in requests:
+                self._driver.request(*request)
+        except MrlError:
+            return
 
     def _on_battery(self, board: Board) -> None:
+        self._publishers.battery(board, rospy.Time.now())
         state, before = self._driver.battery_state, self._battery_state
         if state == before:
             return
@@ -178,20 +197,113 @@ class RobotNode:
         elif state == OFF:
             rospy.logerr(f"battery reads {board.battery_v:.1f} V: motor power is off; switch it on")
 
+    # -- from ROS
+
+    def _on_cmd_vel(self, message: Twist) -> None:
+        try:
+            self._command(message)
+        except MrlError:
+            return
+
+    def _command(self, message: Twist) -> None:
+        try:
+            linear_m_s, angular_rad_s = messages.read_twist(message)
+        except ValueError as error:
+            self._commander.stop(NOT_FINITE)
+            rospy.logwarn_throttle(WARN_EVERY_S, f"{error}; the robot was stopped")
+            return
+        unused = messages.unused_axes(message)
+        if unused:
+            rospy.logwarn_throttle(
+                WARN_EVERY_S,
+                f"cmd_vel {', '.join(unused)} ignored: the robot follows linear.x and angular.z alone",
+            )
+        if not self._commander.drive(linear_m_s, angular_rad_s):
+            rospy.logwarn_throttle(WARN_EVERY_S, f"cmd_vel refused: {self._commander.refusal()}")
+
+    def _on_radio(self, message: KeyValue) -> None:
+        try:
+            self._request([environment.send_request(message)])
+        except ValueError as error:
+            rospy.logwarn_throttle(WARN_EVERY_S, str(error))
+
+    def _on_limits(self, config: Any, _level: int) -> Any:
+        self._commander.limits = Limits(
+            config["max_linear_speed"],
+            config["max_angular_speed"],
+            config["max_linear_acceleration"],
+            config["max_angular_acceleration"],
+        )
+        return config
+
+    def _on_gains(self, config: Any, level: int) -> Any:
+        if level != -1:  # the start: the board keeps what it has
+            done, text = self._services.set_gains(config["kp"], config["ki"], config["kd"])
+            (rospy.loginfo if done else rospy.logerr)(text)
+        return config
+
+    # -- diagnostics
+
+    def _diagnose_link(self, status: Wrapper) -> Wrapper:
+        driver, parameters = self._driver, self._parameters
+        health = link_report.health(driver.ready, driver.age_s)
+        values = link_report.values(
+            parameters.port, parameters.baud, driver.board, driver.statistics, driver.age_s, driver.telemetry
+        )
+        return _filled(status, health, values)
+
+    def _diagnose_motion(self, status: Wrapper) -> Wrapper:
+        commander = self._commander
+        health = robot_status.motion_health(commander)
+        return _filled(status, health, robot_status.motion_values(commander))
+
+    def _diagnose_battery(self, status: Wrapper) -> Wrapper:
+        driver = self._driver
+        assert driver.model is not None
+        state, volts = driver.battery_state, driver.battery_v
+        values = robot_status.battery_values(volts, state, driver.model.battery.capacity_ah)
+        return _filled(status, robot_status.battery_health(state, volts), values)
+
+    def _diagnose_board(self, status: Wrapper) -> Wrapper:
+        report = self._driver.status
+        values = robot_status.board_values(report, self._driver.temperature_c)
+        return _filled(status, robot_status.board_health(report), values)
+
+
+def _filled(status: Wrapper, health: link_report.Health, values: Dict[str, str]) -> Wrapper:
+    status.summary(health.level, health.message)
+    for key, value in values.items():
+        status.add(key, value)
+    return status
+
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the node; returns the exit code, that of the error if there was one."""
     try:
-        rospy.init_node("robot_node", argv=argv)
+        rospy.init_node("robot_node", argv=argv, disable_signals=True)
+        _end_on_signals()
         RobotNode(_parameters()).run()
-    except rospy.ROSInterruptException:
-        return 0
+    except rospy.ROSException:  # a publisher or a service that the shutdown closed meanwhile
+        if not rospy.is_shutdown():
+            raise
     except MrlError as error:
         if rospy.is_shutdown():
             return 0
         rospy.logfatal(str(error))
         return error.exit_code
     return 0
+
+
+def _end_on_signals() -> None:
+    """Shut down from a thread: rospy's own handler runs within the main thread, which may hold the locks that
+    the shutdown needs.
+    """
+
+    def end(number: int, _frame: Any) -> None:
+        threading.Thread(target=rospy.signal_shutdown, args=(f"signal {number}",)).start()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, end)
 
 
 def _parameters() -> Parameters:

@@ -8,7 +8,7 @@ from geometry_msgs.msg import Twist, Vector3
 from sensor_msgs.msg import BatteryState, Range
 
 from mrl_driver.robots import SonarMount, load
-from ros1_bridge import messages
+from ros1_bridge import covariance, messages
 
 STAMP = Time(5, 7)
 BATTERY = load("traxbot").battery
@@ -18,22 +18,16 @@ def yaw_of(rotation):
     return 2 * math.atan2(rotation.z, rotation.w)
 
 
+def odometry():
+    return messages.new_odometry("odom", "base_link", covariance.diagonal((1e-6,) * 6))
+
+
 def test_odometry_has_pose_in_the_parent_and_twist_in_the_child_frame():
-    message = messages.new_odometry("odom", "base_link")
-    assert (message.header.frame_id, message.child_frame_id) == ("odom", "base_link")
-
-
-@pytest.mark.parametrize("part", ["pose", "twist"])
-def test_covariance_diagonal_is_positive_and_huge_on_unused_axes(part):
-    covariance = getattr(messages.new_odometry("odom", "base_link"), part).covariance
-    diagonal = [covariance[7 * i] for i in range(6)]
-    assert all(0 < diagonal[i] < 0.1 for i in (0, 1, 5))
-    assert all(diagonal[i] == messages.UNUSED_VARIANCE for i in (2, 3, 4))
-    assert sum(map(abs, covariance)) == pytest.approx(sum(diagonal))
+    assert (odometry().header.frame_id, odometry().child_frame_id) == ("odom", "base_link")
 
 
 def test_odometry_is_filled_with_pose_and_twist():
-    message = messages.new_odometry("odom", "base_link")
+    message = odometry()
     messages.fill_odometry(message, STAMP, (1.0, -2.0, 0.5), (0.3, -0.4))
     position = message.pose.pose.position
     assert (position.x, position.y, position.z) == (1.0, -2.0, 0.0)
@@ -71,6 +65,19 @@ def test_range_describes_the_sonar():
     assert message.radiation_type == Range.ULTRASOUND
     assert message.field_of_view == pytest.approx(math.radians(36))
     assert (message.min_range, message.max_range) == (0.15, 6.45)
+
+
+def test_nothing_in_range_may_be_the_longest_range():
+    message = messages.new_range("base_link", "front")
+    messages.fill_range(message, STAMP, math.inf, clear_with_max=True)
+    assert message.range == message.max_range
+
+
+@pytest.mark.parametrize("range_m", [math.inf, -math.inf, 1.5])
+def test_range_follows_rep_117(range_m):
+    message = messages.new_range("base_link", "front")
+    messages.fill_range(message, STAMP, range_m)
+    assert message.range == range_m
 
 
 @pytest.mark.parametrize(

@@ -7,13 +7,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
-from ros1_bridge.parameters import ROWS, Parameters, check
+from ros1_bridge.parameters import GROUPS, ROWS, Parameters, check
 
 GOOD = {"port": "/dev/ttyACM0"}
 
 
 def test_only_the_port_must_be_given():
-    assert check(GOOD, "/n") == Parameters("/dev/ttyACM0", 115200, "auto", "odom", "base_link", True, 0.5)
+    defaults = {row.name: row.default for row in ROWS if row.name != "port"}
+    assert check(GOOD, "/n") == Parameters(port="/dev/ttyACM0", **defaults)
+
+
+def test_rows_and_fields_are_the_same():
+    assert tuple(row.name for row in ROWS) == Parameters._fields
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_what_dynamic_reconfigure_left_is_no_error(group):
+    check({**GOOD, group: {"kp": 700}}, "/n")
 
 
 def test_missing_port_names_key_and_remedy():

@@ -10,7 +10,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, Range
 from tf2_msgs.msg import TFMessage
 
-from ros1_bridge.messages import UNUSED_VARIANCE
+from ros1_bridge.covariance import UNUSED_VARIANCE
 
 from .rig import START_S, Topic
 

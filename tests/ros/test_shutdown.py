@@ -62,7 +62,7 @@ def test_signal_during_the_greeting_ends_the_node(rig):
 
 def test_board_that_goes_away_ends_the_node_with_its_own_code(rig):
     board = rig.board()
-    node = rig.node(board.port)
+    node = rig.node(board.port, "_reconnect:=false")
     rig.topic("odom", Odometry).wait()
     board.child.signal(signal.SIGKILL)
     assert node.wait(START_S)

@@ -1,0 +1,166 @@
+"""What reaches the driver of the commands that the node gets: limits, timeout, emergency stop.  No ROS.
+
+Speeding up is limited; slowing down and stopping are not, so that a stop is never delayed.
+"""
+
+import threading
+import time
+from typing import Any, Callable, Optional, Tuple
+
+from mrl_driver.robots import Limits
+
+FIRST_STEP_S, LONGEST_STEP_S = 0.02, 0.1
+"""A command from standstill takes effect at once, as if it had been there for one frame of the stream; after
+a pause no more than the longer time is made up for.
+"""
+EMERGENCY, DISABLED, LINK, BATTERY = "emergency stop", "motors disabled", "no telemetry", "battery"
+TIMEOUT, NOT_FINITE, NONE = "command timeout", "command not finite", "none"
+REFUSALS = {
+    EMERGENCY: "the emergency stop is latched; call the service release_stop",
+    DISABLED: "the motors are disabled; call the service enable_motors with true",
+}
+_FASTEST = 1e6
+"""Beyond this [m/s, rad/s] the arc of a command is not kept; near the largest numbers the scale overflows."""
+
+Speeds = Tuple[float, float]
+
+
+class Commander:
+    """Stands between the node's callbacks and a `Driver`; any thread may call it.
+
+    Each method that moves or stops the robot raises what the driver's does.
+    """
+
+    def __init__(
+        self, driver: Any, limits: Limits, timeout_s: float, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._driver, self._clock = driver, clock
+        self._timeout_s = timeout_s
+        self._lock = threading.Lock()
+        self._target: Optional[Speeds] = None
+        self._now: Speeds = (0.0, 0.0)
+        self._commanded_s = self._stepped_s = float("-inf")
+        self._cause = NONE
+        self.limits = limits
+        """In force; may be replaced at any time."""
+        self.latched = False
+        """The emergency stop is on: nothing moves until `release`."""
+        self.enabled = True
+
+    def drive(self, linear_m_s: float, angular_rad_s: float) -> bool:
+        """Take a command; False when the robot may not move now (see `refusal`)."""
+        with self._lock:
+            if self.latched or not self.enabled:
+                return False
+            self._commanded_s, self._cause = self._clock(), NONE
+            self._target = scaled(linear_m_s, angular_rad_s, self.limits)
+            return self._step()
+
+    def tick(self) -> None:
+        """Go on speeding up, and stop when commands have ended; called for each frame of the stream."""
+        with self._lock:
+            if self._target is None:
+                return
+            if self._clock() - self._commanded_s >= self._timeout_s:
+                self._halt(TIMEOUT)
+            elif self._now != self._target:
+                self._step()
+
+    def stop(self, cause: str = NONE) -> None:
+        """Stop at once; the next command drives on."""
+        with self._lock:
+            self._halt(cause)
+
+    def latch(self) -> None:
+        """Emergency stop: stop, and refuse commands until `release`."""
+        with self._lock:
+            self.latched = True
+            self._halt(NONE)
+
+    def release(self) -> None:
+        """End the emergency stop; the robot stands until the next command."""
+        self.latched = False
+
+    def enable(self, enabled: bool) -> None:
+        """Let the motors follow commands, or stop them and refuse."""
+        with self._lock:
+            self.enabled = enabled
+            if not enabled:
+                self._halt(NONE)
+
+    @property
+    def moving(self) -> bool:
+        """A command other than standstill is in force."""
+        command = self._driver.command
+        return command is not None and any(command)
+
+    @property
+    def stopped_by(self) -> str:
+        """What keeps the robot from moving, or made it stop; `none` where nothing did."""
+        if self.latched or not self.enabled:
+            return EMERGENCY if self.latched else DISABLED
+        if not self._driver.ready:
+            return LINK
+        if self._driver.battery_state in ("empty", "off"):
+            return BATTERY
+        return self._cause
+
+    @property
+    def ready(self) -> bool:
+        """The next command would move the robot."""
+        return self.stopped_by in (NONE, TIMEOUT, NOT_FINITE)
+
+    def refusal(self) -> str:
+        """Why a command was refused, and what to do."""
+        cause = self.stopped_by
+        if cause == BATTERY:
+            driver = self._driver
+            return f"the battery is {driver.battery_state} at {driver.battery_v:.1f} V, charge it"
+        return REFUSALS.get(
+            cause, "the board is silent or just restarting; send the command again when telemetry is back"
+        )
+
+    def _halt(self, cause: str) -> None:
+        self._target, self._now, self._cause = None, (0.0, 0.0), cause
+        self._driver.stop()
+
+    def _step(self) -> bool:
+        assert self._target is not None
+        now = self._clock()
+        dt_s, self._stepped_s = min(LONGEST_STEP_S, now - self._stepped_s), now
+        if self._driver.command is None:  # stopped meanwhile, by whatever
+            self._now = (0.0, 0.0)
+        if not any(self._now):
+            dt_s = FIRST_STEP_S
+        linear, angular = self._target
+        self._now = (
+            approached(self._now[0], linear, self.limits.linear_acceleration_m_s2 * dt_s),
+            approached(self._now[1], angular, self.limits.angular_acceleration_rad_s2 * dt_s),
+        )
+        if not self._driver.drive(*self._now):
+            self._target, self._now = None, (0.0, 0.0)
+            return False
+        return True
+
+
+def approached(speed: float, target: float, rise: float) -> float:
+    """The speed that follows `speed` on the way to `target`: faster by at most `rise`, slower at once."""
+    if speed * target < 0:
+        speed = 0.0
+    if abs(target) <= abs(speed) + rise:
+        return target
+    return speed + rise if target > 0 else speed - rise
+
+
+def scaled(linear_m_s: float, angular_rad_s: float, limits: Limits) -> Speeds:
+    """The speeds, scaled down together where one exceeds its limit; the arc stays the same."""
+    linear_m_s, angular_rad_s = (
+        max(-_FASTEST, min(_FASTEST, speed)) for speed in (linear_m_s, angular_rad_s)
+    )
+    excess = max(abs(linear_m_s) / limits.linear_m_s, abs(angular_rad_s) / limits.angular_rad_s, 1.0)
+    return linear_m_s / excess, angular_rad_s / excess
+
+
+def lowered(limits: Limits, *wanted: float) -> Limits:
+    """The model's limits, each lowered to what is wanted (in their order); 0 leaves the model's own."""
+    return Limits(*(min(most, own) if most > 0 else own for most, own in zip(wanted, limits)))

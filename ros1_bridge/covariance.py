@@ -1,0 +1,88 @@
+"""How sure odometry is of its pose: wheel noise propagated along the way.  Pure.
+
+First-order propagation for a differential drive (Siegwart, Nourbakhsh: Introduction to Autonomous Mobile
+Robots, section 5.2.4): the variance of each wheel's way grows with its length, the wheels independently.
+"""
+
+import math
+from typing import List, Tuple
+
+from mrl_driver.robots import RobotModel
+
+UNUSED_VARIANCE = 1e6
+"""Variance on the axes that a robot on the floor does not have; filters take it as "not measured"."""
+WHEEL_NOISE_M, TRACK_NOISE_M = 1e-4, 4e-4
+"""Variance per way [m2/m]: 1 cm over 1 m for wheels, 2 cm for tracks, which slip in every turn."""
+START_POSITION_M2, START_YAW_RAD2 = 1e-6, 1e-6
+"""1 mm and 1 mrad: what a standing robot starts with, as filters refuse zeros."""
+STILL_M2_S2, STILL_RAD2_S2, SIDEWAYS_M2_S2 = 1e-4, 1e-3, 1e-6
+"""Twist variances of a standing robot; sideways motion is excluded by the wheels, not unknown."""
+SPEED_SHARE = 0.05
+"""Standard deviation of a speed as a share of it."""
+
+
+class PoseCovariance:
+    """The 6 x 6 row-major covariance (36,) of a pose, kept up to date in `matrix`."""
+
+    def __init__(self, model: RobotModel) -> None:
+        self._metres = model.drive.metres_per_count
+        self._base_m = model.drive.wheel_separation_m
+        self._noise_m = TRACK_NOISE_M if model.body.tracks else WHEEL_NOISE_M
+        self._counts = (0.0, 0.0)
+        self.matrix: List[float] = diagonal((0.0, 0.0) + (UNUSED_VARIANCE,) * 3 + (0.0,))
+        self.reset()
+
+    def reset(self) -> None:
+        """The pose was set: as sure as at the start."""
+        self._store(START_POSITION_M2, 0.0, 0.0, START_POSITION_M2, 0.0, START_YAW_RAD2)
+
+    def update(self, counts: Tuple[float, float], yaw_rad: float) -> None:
+        """The counters (right, left, without wrap) stand at `counts`, and the heading is now `yaw_rad`."""
+        if counts == self._counts:
+            return
+        right_m = (counts[0] - self._counts[0]) * self._metres
+        left_m = (counts[1] - self._counts[1]) * self._metres
+        self._counts = counts
+        self._propagate(right_m, left_m, yaw_rad - (right_m - left_m) / self._base_m / 2)
+
+    def _propagate(self, right_m: float, left_m: float, heading_rad: float) -> None:
+        m, base_m, way_m = self.matrix, self._base_m, (right_m + left_m) / 2
+        cos, sin = math.cos(heading_rad), math.sin(heading_rad)
+        right, left = self._noise_m * abs(right_m), self._noise_m * abs(left_m)
+        lean = way_m / 2 / base_m
+        xr, xl = cos / 2 - lean * sin, cos / 2 + lean * sin
+        yr, yl = sin / 2 + lean * cos, sin / 2 - lean * cos
+        dx, dy = -way_m * sin, way_m * cos
+        xx, xy, xt, yy, yt, tt = m[0], m[1], m[5], m[7], m[11], m[35]
+        self._store(
+            xx + dx * (2 * xt + dx * tt) + xr * xr * right + xl * xl * left,
+            xy + dx * yt + dy * xt + dx * dy * tt + xr * yr * right + xl * yl * left,
+            xt + dx * tt + (xr * right - xl * left) / base_m,
+            yy + dy * (2 * yt + dy * tt) + yr * yr * right + yl * yl * left,
+            yt + dy * tt + (yr * right - yl * left) / base_m,
+            tt + (right + left) / base_m / base_m,
+        )
+
+    def _store(self, xx: float, xy: float, xt: float, yy: float, yt: float, tt: float) -> None:
+        m = self.matrix
+        m[0], m[7], m[35] = xx, yy, tt
+        m[1] = m[6] = xy
+        m[5] = m[30] = xt
+        m[11] = m[31] = yt
+
+
+def twist_diagonal() -> List[float]:
+    """The 6 x 6 row-major covariance (36,) of a standing robot's twist."""
+    return diagonal((STILL_M2_S2, SIDEWAYS_M2_S2) + (UNUSED_VARIANCE,) * 3 + (STILL_RAD2_S2,))
+
+
+def fill_twist(matrix: List[float], linear_m_s: float, angular_rad_s: float) -> None:
+    """Write the variances of these speeds into a twist's covariance."""
+    linear, angular = SPEED_SHARE * linear_m_s, SPEED_SHARE * angular_rad_s
+    matrix[0] = STILL_M2_S2 + linear * linear
+    matrix[35] = STILL_RAD2_S2 + angular * angular
+
+
+def diagonal(variances: Tuple[float, ...]) -> List[float]:
+    """6 x 6 row-major matrix (36,) with these six on its diagonal."""
+    return [variances[i // 6] if i % 7 == 0 else 0.0 for i in range(36)]

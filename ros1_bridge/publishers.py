@@ -1,0 +1,112 @@
+"""The node's topics: one prepared message and one publisher each.  The publisher class comes from the node."""
+
+import math
+import time
+from typing import Any, Callable, Dict
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from genpy import Time
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import BatteryState, JointState, Range, Temperature
+from tf2_msgs.msg import TFMessage
+
+from mrl_driver.driver import Telemetry
+from mrl_driver.handshake import Board
+from mrl_driver.robots import RobotModel
+
+from . import messages
+from .covariance import PoseCovariance
+from .direct import direct_publisher
+from .parameters import Parameters
+from .stamps import Stamps
+
+LATCHED = {"battery": BatteryState, "board_temperature": Temperature, "status": DiagnosticStatus}
+
+
+class Publishers:
+    """Topics that every board feeds; `/tf` is one of them."""
+
+    def __init__(
+        self, publisher_class: Callable[..., Any], parameters: Parameters, model: RobotModel
+    ) -> None:
+        odom, base = parameters.odom_frame, parameters.base_frame
+        self._class, self._model, self._parameters = publisher_class, model, parameters
+        self._stamps, self._stamp = Stamps(), Time()
+        self.covariance = PoseCovariance(model)
+        self._odometry = messages.new_odometry(odom, base, self.covariance.matrix)
+        self._odometry_out = direct_publisher(publisher_class, "odom", Odometry)
+        self._transform = messages.new_transform(odom, base)
+        self._transform_out = None
+        if parameters.publish_tf:
+            self._transform_out = direct_publisher(publisher_class, "/tf", TFMessage)
+        self._joints = messages.new_joints(messages.JOINTS)
+        self._joints_out = direct_publisher(publisher_class, "joint_states", JointState)
+        counts_a_turn = model.board["gearbox"] / 10 * model.board["encoder_counts"] / 10
+        self._rad_per_count = 2 * math.pi / counts_a_turn
+        self._rad_per_m = self._rad_per_count / model.drive.metres_per_count
+        self._ranges = {name: messages.new_range(base, name) for name in model.sonars}
+        self._ranges_out: Dict[str, Any] = {}
+        self._battery = messages.new_battery(base, model.battery)
+        self._temperature = messages.new_temperature(base)
+        self._latched = {
+            name: direct_publisher(publisher_class, name, kind, latch=True) for name, kind in LATCHED.items()
+        }
+
+    def sonars(self, now: Time) -> None:
+        """Advertise the sonars, and where they sit; for boards that have them."""
+        base, model = self._parameters.base_frame, self._model
+        self._ranges_out = {
+            name: direct_publisher(self._class, f"sonar/{name}", Range) for name in model.sonars
+        }
+        if self._parameters.publish_mounts:
+            self._mounts_out = direct_publisher(self._class, "/tf_static", TFMessage, latch=True)
+            self._mounts_out.publish(messages.new_mounts(base, model.sonars, now))
+
+    def telemetry(self, telemetry: Telemetry) -> None:
+        """Publish pose and twist, wheels, and the sonars that have a new reading."""
+        stamp = self._stamp
+        stamp_ns = self._stamps.next(telemetry.stamp_s, time.monotonic_ns(), time.time_ns())
+        stamp.secs, stamp.nsecs = divmod(stamp_ns, 1_000_000_000)
+        self.covariance.update(telemetry.counts, telemetry.pose.yaw_rad)
+        messages.fill_odometry(self._odometry, stamp, telemetry.pose, telemetry.twist)
+        self._odometry_out.publish(self._odometry)
+        if self._transform_out is not None:
+            messages.fill_transform(self._transform, stamp, telemetry.pose)
+            self._transform_out.publish(self._transform)
+        if self._joints_out.impl.has_connections():
+            self._publish_joints(telemetry)
+        if telemetry.fresh:
+            self._publish_ranges(telemetry)
+
+    def _publish_joints(self, telemetry: Telemetry) -> None:
+        counts, (linear, angular) = telemetry.counts, telemetry.twist
+        half = angular * self._model.drive.wheel_separation_m / 2
+        scale = self._rad_per_count
+        messages.fill_joints(
+            self._joints,
+            self._stamp,
+            [counts.right * scale, counts.left * scale],
+            [(linear + half) * self._rad_per_m, (linear - half) * self._rad_per_m],
+        )
+        self._joints_out.publish(self._joints)
+
+    def _publish_ranges(self, telemetry: Telemetry) -> None:
+        for name in telemetry.fresh:
+            publisher = self._ranges_out.get(name)
+            if publisher is not None:
+                message = self._ranges[name]
+                messages.fill_range(
+                    message, self._stamp, telemetry.ranges[name], self._parameters.clear_with_max_range
+                )
+                publisher.publish(message)
+
+    def battery(self, board: Board, now: Time) -> None:
+        """Publish battery and temperature of the motor board."""
+        messages.fill_battery(self._battery, now, board.battery_v, self._model.battery)
+        self._latched["battery"].publish(self._battery)
+        messages.fill_temperature(self._temperature, now, board.temperature_c)
+        self._latched["board_temperature"].publish(self._temperature)
+
+    def status(self, status: DiagnosticStatus) -> None:
+        """Publish what the robot does."""
+        self._latched["status"].publish(status)

@@ -1,0 +1,174 @@
+"""Limits, timeout and emergency stop, with a driver that only notes what it is told."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrl_driver.errors import LinkLost
+from mrl_driver.robots import Limits
+from ros1_bridge import commander as module
+from ros1_bridge.commander import Commander, approached, lowered
+
+LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
+TIMEOUT_S, FRAME_S = 0.5, 0.02
+SPEEDS = st.floats(-2, 2)
+
+
+class Noted:
+    """A driver's commands, and what it would say of itself."""
+
+    def __init__(self):
+        self.command, self.ready, self.battery_state, self.battery_v = None, True, "ok", 12.0
+        self.stops, self.lost = 0, False
+
+    def drive(self, linear, angular):
+        if not self.ready:
+            return False
+        self.command = (linear, angular)
+        return True
+
+    def stop(self):
+        if self.lost:
+            raise LinkLost("gone")
+        self.stops += 1
+        self.command = None
+
+
+class Bench:
+    """A commander with a clock of its own."""
+
+    def __init__(self):
+        self.now_s = 100.0
+        self.driver = Noted()
+        self.commander = Commander(self.driver, LIMITS, TIMEOUT_S, lambda: self.now_s)
+
+    def run(self, seconds, linear=None, angular=0.0):
+        """Frames of the stream, with a command before each where there is one."""
+        for _ in range(round(seconds / FRAME_S)):
+            self.now_s += FRAME_S
+            if linear is not None:
+                self.commander.drive(linear, angular)
+            self.commander.tick()
+
+
+@pytest.fixture
+def bench():
+    return Bench()
+
+
+def test_first_command_is_in_force_at_once(bench):
+    assert bench.commander.drive(0.3, 0.0)
+    assert bench.driver.command == (pytest.approx(0.2 * FRAME_S), 0.0)
+
+
+def test_speeding_up_takes_as_long_as_the_limit_says(bench):
+    bench.run(1.0, 0.3)
+    assert bench.driver.command[0] == pytest.approx(0.2, abs=0.01)
+    bench.run(0.6, 0.3)
+    assert bench.driver.command[0] == 0.3
+
+
+def test_single_command_goes_on_speeding_up_with_the_stream(bench):
+    bench.commander.drive(0.3, 0.0)
+    bench.run(0.4)
+    assert bench.driver.command[0] == pytest.approx(0.2 * 0.42, abs=0.01)
+
+
+def test_slowing_down_is_not_delayed(bench):
+    bench.run(1.6, 0.3)
+    bench.commander.drive(0.05, 0.0)
+    assert bench.driver.command == (0.05, 0.0)
+
+
+def test_reversing_starts_from_standstill(bench):
+    bench.run(1.6, 0.3)
+    bench.now_s += FRAME_S
+    bench.commander.drive(-0.3, 0.0)
+    assert bench.driver.command[0] == pytest.approx(-0.2 * FRAME_S)
+
+
+def test_too_fast_a_command_keeps_its_arc(bench):
+    bench.run(3.0, 3.0, 5.0)
+    assert bench.driver.command == (pytest.approx(0.3), pytest.approx(0.5))
+
+
+def test_largest_number_is_clamped(bench):
+    bench.run(3.0, 1e308)
+    assert bench.driver.command == (pytest.approx(0.3), 0.0)
+
+
+def test_robot_stops_when_commands_end(bench):
+    bench.run(0.2, 0.3)
+    bench.run(TIMEOUT_S - 2 * FRAME_S)
+    assert bench.driver.command is not None
+    bench.run(3 * FRAME_S)
+    assert bench.driver.command is None
+    assert bench.commander.stopped_by == module.TIMEOUT
+
+
+def test_robot_that_the_driver_stopped_starts_from_standstill(bench):
+    bench.run(1.6, 0.3)
+    bench.driver.command = None
+    bench.commander.drive(0.3, 0.0)
+    assert bench.driver.command[0] == pytest.approx(0.2 * FRAME_S)
+
+
+def test_emergency_stop_is_latched(bench):
+    bench.run(0.2, 0.3)
+    bench.commander.latch()
+    assert bench.driver.command is None
+    assert not bench.commander.drive(0.1, 0.0)
+    assert bench.commander.stopped_by == module.EMERGENCY
+    assert "release_stop" in bench.commander.refusal()
+
+
+def test_released_robot_stands_until_the_next_command(bench):
+    bench.run(0.2, 0.3)
+    bench.commander.latch()
+    bench.commander.release()
+    bench.run(0.2)
+    assert bench.driver.command is None
+    assert bench.commander.drive(0.1, 0.0)
+
+
+def test_emergency_stop_is_latched_even_when_the_link_is_gone(bench):
+    bench.driver.lost = True
+    with pytest.raises(LinkLost):
+        bench.commander.latch()
+    assert bench.commander.latched
+
+
+def test_disabled_motors_refuse(bench):
+    bench.commander.enable(False)
+    assert bench.driver.stops == 1
+    assert not bench.commander.drive(0.1, 0.0)
+    bench.commander.enable(True)
+    assert bench.commander.drive(0.1, 0.0)
+
+
+def test_refused_command_is_not_taken_up_later(bench):
+    bench.driver.ready = False
+    assert not bench.commander.drive(0.3, 0.0)
+    assert bench.commander.stopped_by == module.LINK
+    bench.driver.ready = True
+    bench.run(0.2)
+    assert bench.driver.command is None
+
+
+def test_empty_battery_is_named(bench):
+    bench.driver.battery_state = "empty"
+    assert not bench.commander.ready
+    assert "charge it" in bench.commander.refusal()
+
+
+def test_limits_are_lowered_never_raised():
+    assert lowered(LIMITS, 0.1, 5.0, 0.0, 0.5) == Limits(0.1, 1.0, 0.2, 0.5)
+
+
+@given(SPEEDS, SPEEDS, st.floats(0, 0.5))
+def test_step_never_overshoots_and_never_delays_a_stop(speed, target, rise):
+    after = approached(speed, target, rise)
+    assert abs(after) <= max(abs(speed), abs(target)) + 1e-12
+    assert abs(after) <= abs(speed) + rise + 1e-12 or after == target and abs(target) <= abs(speed) + rise
+    if target == 0:
+        assert after == 0

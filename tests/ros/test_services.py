@@ -1,0 +1,229 @@
+"""Services, status, wheels and run-time limits of the node on an emulated board."""
+
+import subprocess
+import time
+
+import pytest
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from dynamic_reconfigure.client import Client
+from geometry_msgs.msg import Twist, Vector3
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState, Temperature
+from std_srvs.srv import SetBool, Trigger
+
+from ros1_bridge.processes import wait_until
+
+from .rig import START_S
+
+MOVE, STOP, CALIBRATE, GAINS = 11, 13, 1, 2
+SPEED_M_S = 0.2
+
+
+def values_of(status):
+    return {pair.key: pair.value for pair in status.values}
+
+
+@pytest.fixture(scope="module")
+def robot(module_rig):
+    """A node with every opt-in; its rig, the tap on its wire, its topics."""
+    rig = module_rig
+    rig.wire = rig.tap(rig.board().port)
+    rig.odom = rig.topic("odom", Odometry)
+    rig.status = rig.topic("status", DiagnosticStatus)
+    rig.joints = rig.topic("joint_states", JointState)
+    rig.temperature = rig.topic("board_temperature", Temperature)
+    rig.diagnostics = rig.topic("/diagnostics", DiagnosticArray)
+    rig.process = rig.node(rig.wire.port, "_allow_calibration:=true", "_allow_gains:=true")
+    rig.cmd_vel = rig.publisher("cmd_vel", Twist)
+    rig.odom.wait()
+    rospy.wait_for_service(f"{rig.ns}/robot_node/gains/set_parameters", START_S)
+    return rig
+
+
+def call(robot, name, *args):
+    kind = SetBool if args else Trigger
+    return rospy.ServiceProxy(f"{robot.ns}/{name}", kind)(*args)
+
+
+def drive(robot, seconds, speed_m_s=SPEED_M_S):
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        robot.cmd_vel.publish(Twist(Vector3(speed_m_s, 0, 0), Vector3()))
+        time.sleep(0.05)
+
+
+def stands(robot):
+    def still():
+        message = robot.odom.messages[-1]
+        return abs(message.twist.twist.linear.x) < 1e-3
+
+    robot.cmd_vel.publish(Twist())
+    time.sleep(0.1)
+    assert wait_until(still, START_S)
+
+
+def status_is(robot, **wanted):
+    def holds():
+        return bool(robot.status.messages) and all(
+            values_of(robot.status.messages[-1])[key.replace("_", " ")] == value
+            for key, value in wanted.items()
+        )
+
+    return wait_until(holds, 5.0)
+
+
+def test_covariance_grows_as_the_robot_moves(robot):
+    before = robot.odom.messages[-1].pose.covariance
+    drive(robot, 1.0)
+    after = robot.odom.messages[-1].pose.covariance
+    assert after[0] > before[0] and after[35] > before[35]
+    stands(robot)
+
+
+def test_status_tells_that_the_robot_moves(robot):
+    drive(robot, 0.5)
+    assert status_is(robot, mode="drive", moving="true", stopped_by="none")
+    stands(robot)
+
+
+def test_status_tells_that_commands_ended(robot):
+    drive(robot, 0.2)
+    assert status_is(robot, ready="true", moving="false", stopped_by="command timeout")
+
+
+def test_emergency_stop_holds_until_released(robot):
+    drive(robot, 0.5)
+    since = time.monotonic()
+    assert call(robot, "stop").success
+    assert robot.wire.wait_for(STOP, since) - since < 0.1
+    assert status_is(robot, mode="emergency stop", ready="false", stopped_by="emergency stop")
+    since = time.monotonic()
+    drive(robot, 0.2)
+    assert robot.wire.first(MOVE, since) == float("inf")
+    assert call(robot, "release_stop").success
+    since = time.monotonic()
+    drive(robot, 0.2)
+    assert robot.wire.first(MOVE, since) < float("inf")
+    stands(robot)
+
+
+def test_disabled_motors_do_not_follow(robot):
+    assert call(robot, "enable_motors", False).success
+    since = time.monotonic()
+    drive(robot, 0.2)
+    assert robot.wire.first(MOVE, since) == float("inf")
+    assert call(robot, "enable_motors", True).success
+
+
+def test_reset_sets_the_pose_to_the_origin(robot):
+    drive(robot, 0.5)
+    stands(robot)
+    assert call(robot, "reset_odometry").success
+    assert wait_until(lambda: abs(robot.odom.messages[-1].pose.pose.position.x) < 1e-6, 2.0)
+
+
+def test_reset_is_refused_while_the_robot_moves(robot):
+    drive(robot, 0.6)
+    answer = call(robot, "reset_odometry")
+    assert not answer.success and "stop it first" in answer.message
+    stands(robot)
+
+
+def test_wheels_turn_with_the_way(robot):
+    drive(robot, 0.5)
+    stands(robot)
+    assert wait_until(lambda: not any(robot.joints.messages[-1].velocity), START_S)
+    joints, odometry = robot.joints.messages[-1], robot.odom.messages[-1]
+    assert joints.name == ["right_wheel_joint", "left_wheel_joint"]
+    assert joints.position[0] > 0
+    assert joints.position[0] == pytest.approx(joints.position[1], rel=0.2)
+    assert odometry.header.stamp.to_sec() == pytest.approx(joints.header.stamp.to_sec(), abs=0.2)
+
+
+def test_temperature_of_the_board_is_told(robot):
+    assert 0.0 < robot.temperature.wait()[-1].temperature < 80.0
+
+
+def test_speeding_up_is_limited(robot):
+    """TraxBot speeds up by 0.2 m/s2."""
+    stands(robot)
+    since = time.monotonic()
+    drive(robot, 0.5, 0.3)
+    speeds = [
+        int(part.split(b",")[1])
+        for at, data in robot.wire.sent
+        if at >= since
+        for part in data.split(b"@")
+        if part.startswith(b"11,")
+    ]
+    assert speeds == sorted(speeds)
+    assert speeds[0] < 10 < speeds[-1] < 150
+    stands(robot)
+
+
+def test_limits_change_while_the_node_runs(robot):
+    client = Client(f"{robot.ns}/robot_node/limits", timeout=START_S)
+    client.update_configuration({"max_linear_speed": 0.05})
+    drive(robot, 0.5)
+    assert robot.odom.messages[-1].twist.twist.linear.x < 0.08
+    client.update_configuration({"max_linear_speed": 5.0})
+    assert client.get_configuration(START_S)["max_linear_speed"] == 0.3
+    client.close()
+    stands(robot)
+
+
+def test_gains_go_to_the_board(robot):
+    client = Client(f"{robot.ns}/robot_node/gains", timeout=START_S)
+    since = time.monotonic()
+    client.update_configuration({"kp": 650})
+    assert robot.wire.wait_for(GAINS, since) < float("inf")
+    client.close()
+
+
+def test_calibration_is_refused_while_the_robot_moves(robot):
+    drive(robot, 0.6)
+    assert not call(robot, "calibrate").success
+    stands(robot)
+
+
+def test_calibration_is_passed_on(robot):
+    stands(robot)
+    time.sleep(0.1)
+    since = time.monotonic()
+    answer = call(robot, "calibrate")
+    assert answer.success, answer.message
+    assert robot.wire.wait_for(CALIBRATE, since) < float("inf")
+
+
+@pytest.mark.parametrize("part", ["Link", "Motion", "Battery", "Board"])
+def test_diagnostics_cover(robot, part):
+    name = f": {part}"
+
+    def told():
+        return any(s.name.endswith(name) for m in robot.diagnostics.messages for s in m.status)
+
+    assert wait_until(told, START_S)
+
+
+@pytest.mark.parametrize(
+    "key",
+    ["Serial Port", "Serial Baud", "Firmware Version", "Protocol Version", "Device ID", "Computed Latency"],
+)
+def test_diagnostics_have_the_keys_of_rep_138(robot, key):
+    assert wait_until(lambda: bool(robot.diagnostics.messages), START_S)
+
+    def told():
+        every = [s for m in robot.diagnostics.messages for s in m.status if s.name.endswith(": Link")]
+        return bool(every) and bool(values_of(every[-1]).get(key))
+
+    assert wait_until(told, START_S)
+
+
+def test_opt_ins_are_off_by_default(rig):
+    rig.node(rig.board().port)
+    rospy.wait_for_service(f"{rig.ns}/robot_node/limits/set_parameters", START_S)
+    listed = subprocess.run(["rosservice", "list"], env=rig.env, capture_output=True, text=True, check=True)
+    offered = [name for name in listed.stdout.split() if name.startswith(rig.ns)]
+    assert f"{rig.ns}/reset_odometry" in offered
+    assert not any("calibrate" in name or "gains" in name for name in offered)
