@@ -41,8 +41,11 @@ void next_slot() {
   slot = static_cast<uint8_t>((slot + 1) % SLOTS);
   if (slots_filled < SLOTS) slots_filled++;
   low_ticks[slot] = 0;
-  silent_slots = hal::dust_changed() ? 0 : static_cast<uint8_t>(silent_slots < SILENT_SLOTS ? silent_slots + 1 : SILENT_SLOTS);
-  if (silent_slots == SILENT_SLOTS) status::set_fault(FAULT_SENSOR, true);
+  if (hal::dust_changed()) {
+    silent_slots = 0;
+  } else if (silent_slots < SILENT_SLOTS) {
+    silent_slots++;
+  }
 }
 
 void service_dust() {
@@ -62,6 +65,7 @@ void begin() {
 void service() {
   service_inputs();
   service_dust();
+  status::set_fault(FAULT_SENSOR, silent_slots == SILENT_SLOTS || i2c_sensors::failing());
 }
 
 int16_t alcohol() { return static_cast<int16_t>(1023 - alcohol_count); }

@@ -3,7 +3,6 @@
 #include "board_clock.h"
 #include "frame_writer.h"
 #include "protocol.h"
-#include "status.h"
 
 namespace mrl {
 namespace i2c_sensors {
@@ -18,7 +17,7 @@ constexpr uint32_t VALID_FOR = board_clock::of_ms(504);
 
 struct Sensor {
   uint32_t wanted_at, asked_at, answered_at;
-  bool wanted, known, answered;
+  bool wanted, known, answered, failed;
 };
 
 Sensor thermopile, compass;
@@ -28,7 +27,7 @@ int16_t bearing_deg;
 
 void want(Sensor& sensor) {
   if (!sensor.wanted) {
-    sensor.known = sensor.answered = false;
+    sensor.known = sensor.answered = sensor.failed = false;
     sensor.asked_at = board_clock::now() - READ_PERIOD;
   }
   sensor.wanted = true;
@@ -74,6 +73,7 @@ bool compass_valid() { return valid(compass); }
 bool thermopile_known() { return thermopile.known; }
 bool compass_known() { return compass.known; }
 int16_t bearing() { return bearing_deg; }
+bool failing() { return (thermopile.wanted && thermopile.failed) || (compass.wanted && compass.failed); }
 
 int16_t hottest() {
   uint8_t most = 0;
@@ -100,7 +100,7 @@ void transfer_ended(bus::Result result) {
     asked->answered = true;
     asked->answered_at = board_clock::now();
   }
-  status::set_fault(FAULT_SENSOR, !good);
+  asked->failed = !good;
 }
 
 }  // namespace i2c_sensors

@@ -17,6 +17,8 @@ bool compass_valid();
 // True once the sensor has answered, or failed to, since it was first wanted.
 bool thermopile_known();
 bool compass_known();
+// True if a sensor that is wanted did not answer when it was last asked.
+bool failing();
 
 int16_t hottest();
 void report_pixels();

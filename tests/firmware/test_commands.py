@@ -258,6 +258,15 @@ def test_debug_text_leaves_frames_whole(bench):
     assert not bad and len(board.frames()) > 50
 
 
+def test_debug_text_never_cuts_an_answer_that_has_begun(bench):
+    """`@6,` is out and its counters are on their way (0.28 ms) when the second '@' (0.17 ms) is refused."""
+    board = bench()
+    board.send("set_debug", 1)
+    board.forget()
+    board.raw(b"@6e@@", wait_s=0.02)
+    assert b"@6,0,0e\r\n" in board.heard
+
+
 def test_debug_flag(bench):
     board = bench()
     before = board.ask("get_debug").args

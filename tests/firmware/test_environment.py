@@ -198,3 +198,18 @@ def test_a_silent_dust_sensor_is_flagged(board):
     before = faults(board)
     board.run(15.0)
     assert (before, faults(board) & SENSOR) == (0, SENSOR)
+
+
+def test_one_sensors_fault_is_not_cleared_by_another(board):
+    """The dust sensor is silent, the thermopile answers."""
+    board.send("start_sensor_stream", 50)
+    board.run(70.0)
+    faults(board)
+    assert faults(board) & SENSOR
+
+
+def test_dust_sensor_that_comes_back_clears_the_fault(board):
+    board.run(70.0)
+    dusty(board, 6.0, percent=1.0)
+    faults(board)
+    assert faults(board) == 0

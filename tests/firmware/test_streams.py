@@ -62,6 +62,17 @@ def test_cadence(bench):
     assert max(gaps) - min(gaps) < 300e-6
 
 
+def test_a_pause_is_not_made_up_for(bench):
+    """The loop stood still for 200 ms: the cadence starts anew, without a burst of late frames."""
+    board = bench()
+    board.send("start_stream", 20, wait_s=0.05)
+    board.board.gap(board.board.now_s + 0.2, b"")
+    board.run(0.001)
+    board.forget()
+    board.run(0.1)
+    assert len(board.frames()) <= 6
+
+
 def test_full_rate_leaves_no_gap_on_the_wire(bench):
     board = bench()
     board.send("start_stream", wait_s=0.1)
