@@ -93,7 +93,7 @@ class RobotState:
         assert self.model is not None
         self.info = event.board
         if self.odometry is None:
-            self.odometry = Odometry(self.model.drive, _fastest_m_s(self.model), event.checked)
+            self.odometry = Odometry(self.model.drive, fastest_m_s(self.model), event.checked)
             self._monitor = battery.BatteryMonitor(self.model.battery)
         elif event.restarted:
             self.odometry.reset()
@@ -166,7 +166,8 @@ def model_of(board: Board) -> RobotModel:
     )
 
 
-def _fastest_m_s(model: RobotModel) -> float:
+def fastest_m_s(model: RobotModel) -> float:
+    """Speed that no wheel of this model exceeds [m/s]; counts that say otherwise are refused."""
     ceilings = model.board["linear_ceiling"] / 1000, model.board["angular_ceiling"] / 1000
     return fastest_wheel_m_s(*ceilings, model.drive.wheel_separation_m)
 
