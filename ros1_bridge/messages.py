@@ -4,7 +4,7 @@ One message per topic is prepared once and filled again for each publication.
 """
 
 import math
-from typing import List, Mapping, Sequence, Tuple
+from typing import List, Mapping, Tuple
 
 from genpy import Time
 from geometry_msgs.msg import TransformStamped, Twist
@@ -16,17 +16,7 @@ from mrl_driver.robots import Battery, SonarMount
 from mrl_driver.sonar import FARTHEST_M, FIELD_OF_VIEW_RAD, NEAREST_M
 
 from . import covariance
-
-SONAR_HEIGHT_M = 0.0
-"""Mounts are given in the plane of base_link."""
-JOINTS = ("right_wheel_joint", "left_wheel_joint")
-"""Joints of the description, in the order of the counters."""
-
-
-def sonar_frame(base_frame: str, sonar: str) -> str:
-    """Frame of a sonar with the prefix of `base_frame`: robot1/base_link gives robot1/sonar_front."""
-    prefix, slash, _ = base_frame.rpartition("/")
-    return f"{prefix}{slash}sonar_{sonar}"
+from .frames import JOINTS, SONAR_HEIGHT_M, sonar_frame
 
 
 def new_odometry(odom_frame: str, base_frame: str, pose_covariance: List[float]) -> Odometry:
@@ -96,9 +86,9 @@ def fill_range(message: Range, stamp: Time, range_m: float, clear_with_max: bool
     message.range = message.max_range if clear_with_max and range_m == math.inf else range_m
 
 
-def new_joints(names: Sequence[str]) -> JointState:
-    """State of the wheels, in the order of `names`; effort is not measured."""
-    return JointState(name=list(names), position=[0.0] * len(names), velocity=[0.0] * len(names))
+def new_joints() -> JointState:
+    """State of the wheels; effort is not measured."""
+    return JointState(name=list(JOINTS))
 
 
 def fill_joints(message: JointState, stamp: Time, angles: List[float], rates: List[float]) -> None:

@@ -39,7 +39,7 @@ class Publishers:
         self._transform_out = None
         if parameters.publish_tf:
             self._transform_out = direct_publisher(publisher_class, "/tf", TFMessage)
-        self._joints = messages.new_joints(messages.JOINTS)
+        self._joints = messages.new_joints()
         self._joints_out = direct_publisher(publisher_class, "joint_states", JointState)
         counts_a_turn = model.board["gearbox"] / 10 * model.board["encoder_counts"] / 10
         self._rad_per_count = 2 * math.pi / counts_a_turn

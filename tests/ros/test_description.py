@@ -1,0 +1,119 @@
+"""The URDF files: current, valid, and at one with the geometry."""
+
+import math
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+
+from mrl_driver.robots import load, names
+from ros1_bridge import description
+from ros1_bridge.frames import JOINTS, sonar_frame
+
+from .rig import ROOT
+
+FILES = [path for path, _ in description.files()]
+
+
+def tree(name, **options):
+    return ElementTree.fromstring(description.render(load(name), **options))
+
+
+def joint(robot, name):
+    return next(each for each in robot.iter("joint") if each.get("name") == name)
+
+
+def numbers(element, key):
+    return [float(part) for part in element.get(key).split()]
+
+
+@pytest.mark.parametrize("path, text", description.files(), ids=lambda each: getattr(each, "stem", ""))
+def test_committed_file_is_current(path, text):
+    assert path.read_text(encoding="utf-8") == text
+
+
+def test_stale_file_is_named(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(description, "FOLDER", tmp_path)
+    assert description.main(["--check"]) == 1
+    assert "traxbot.urdf is stale; render it with" in capsys.readouterr().err
+    assert description.main([]) == 0
+    assert description.main(["--check"]) == 0
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_check_urdf_accepts(path):
+    done = subprocess.run(["check_urdf", str(path)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "root Link: base_link" in done.stdout
+
+
+@pytest.mark.parametrize("name", names())
+def test_masses_add_up_to_the_robot(name):
+    model = load(name)
+    mass = sum(float(each.get("value")) for each in tree(name).iter("mass"))
+    assert mass == pytest.approx(model.body.mass_kg + 0.005 * len(model.sonars), rel=1e-3)
+
+
+@pytest.mark.parametrize("name", names())
+def test_inertias_are_those_of_a_body(name):
+    for each in tree(name, laser=True).iter("inertia"):
+        moments = sorted(float(each.get(key)) for key in ("ixx", "iyy", "izz"))
+        assert moments[0] > 0
+        assert moments[0] + moments[1] >= moments[2] * 0.999
+
+
+def test_inertia_of_a_box():
+    assert description.inertia(description.Part((1.0, 2.0, 3.0)), 12.0) == (13.0, 10.0, 5.0)
+
+
+@pytest.mark.parametrize("name, radius_m", [("traxbot", 0.0390), ("stingbot", 0.0327)])
+def test_wheels_have_their_true_radius(name, radius_m):
+    assert description.wheel_radius_m(load(name)) == pytest.approx(radius_m, abs=1e-4)
+
+
+@pytest.mark.parametrize("name", names())
+def test_wheels_stand_as_far_apart_as_odometry_believes(name):
+    robot = tree(name)
+    right, left = (numbers(joint(robot, each).find("origin"), "xyz")[1] for each in JOINTS)
+    assert left - right == pytest.approx(load(name).drive.wheel_separation_m)
+
+
+@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize("sonar", ["front", "left", "right"])
+def test_sonar_sits_where_the_node_publishes_it(name, sonar):
+    mount, origin = load(name).sonars[sonar], joint(tree(name), f"sonar_{sonar}_joint").find("origin")
+    assert numbers(origin, "xyz")[:2] == [mount.x_m, mount.y_m]
+    assert numbers(origin, "rpy")[2] == pytest.approx(math.radians(mount.yaw_deg), abs=1e-5)
+
+
+def test_prefix_goes_before_each_link():
+    robot = tree("traxbot", prefix="robot1/", laser=True)
+    links = [each.get("name") for each in robot.findall("link")]
+    assert all(link.startswith("robot1/") for link in links)
+    assert sonar_frame("robot1/base_link", "left") in links
+
+
+def test_laser_is_optional():
+    assert not any(each.get("name") == "laser" for each in tree("traxbot").findall("link"))
+    assert any(each.get("name") == "laser" for each in tree("traxbot", laser=True).findall("link"))
+
+
+def test_node_prints_the_description():
+    node = ROOT / "ros1_bridge" / "nodes" / "robot_description"
+    done = subprocess.run([str(node), "stingbot"], capture_output=True, text=True, check=True)
+    assert done.stdout == description.render(load("stingbot"))
+
+
+def test_unknown_model_costs_one_line():
+    node = ROOT / "ros1_bridge" / "nodes" / "robot_description"
+    done = subprocess.run([str(node), "tank"], capture_output=True, text=True)
+    assert done.returncode != 0
+    assert (
+        done.stderr.startswith("robot_description: robot 'tank' is unknown") and done.stderr.count("\n") == 1
+    )
+
+
+def test_check_is_a_command():
+    command = [sys.executable, "-m", "ros1_bridge.description", "--check"]
+    assert subprocess.run(command, cwd=ROOT).returncode == 0
