@@ -60,11 +60,13 @@ def test_a_stop_leaves_other_commands_alone(bench):
 
 
 def test_the_last_move_survives_a_crowd(bench):
-    """More moves than can wait arrive in a pause of the motor board: the newest is carried out."""
+    """13 moves arrive in a pause of the motor board, eight can wait: the newest is the last one carried out."""
     board = bench()
     board.send("set_pid_gains", 1, 2, 3, wait_s=0.003)
-    board.raw(b"".join(b"@11,%d,0e" % n for n in range(100, 115)), wait_s=0.05)
-    assert board.writes(0xEB)[-1] == b"\xeb" + word(114) + word(0)
+    board.raw(b"".join(b"@11,%d,0e" % n for n in range(100, 113)), wait_s=0.05)
+    carried_out = [*range(100, 107), 112]
+    assert board.writes(0xEB) == [b"\xeb" + word(speed) + word(0) for speed in carried_out]
+    assert board.counter("unavailable") == 5
 
 
 def test_pauses_of_the_motor_boards_eeprom_are_kept(bench):
@@ -184,6 +186,12 @@ def test_refusals_are_counted_by_reason(bench, wire, reason):
     board.raw(wire, wait_s=0.03)
     counters = dict(zip((row.name for row in REASONS), board.ask("read_counters").args))
     assert counters[reason] == 1
+
+
+def test_counters_stay_at_their_maximum(bench):
+    board = bench()
+    board.raw(b"@" * 32800 + b"13e", wait_s=2.9)
+    assert board.counter("restarted") == 32767
 
 
 BAD_MOVES = [

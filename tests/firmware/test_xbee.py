@@ -123,6 +123,13 @@ def test_noise_before_a_packet(radio, noise):
     assert [frame.args[4:] for frame in radio.frames()] == [words(b"next")]
 
 
+@pytest.mark.parametrize("length", [97, 200, 255])
+def test_packet_longer_than_any_is_not_waited_for(radio, length):
+    """Its length is wrong: what follows is looked at again."""
+    radio.hear(b"\x7e\x00" + bytes([length]) + received(b"next"), wait_s=0.04)
+    assert [frame.args[4:] for frame in radio.frames()] == [words(b"next")]
+
+
 @pytest.mark.parametrize(
     "data", [b"\x90", b"\x90" + ADDRESS + b"\0\0\1", b"\x88\x01ND\0", b"\x8b\x01\0\0\0\0\0"]
 )
