@@ -23,9 +23,10 @@ from .readout import Readout
 from .reconnect import LOOK_S, Reconnection
 from .recording import Recorder
 from .robots import RobotModel
-from .session import Info, Reply, Session, SessionEvent
+from .session import Counts, Info, Reply, Session, SessionEvent
 from .state import Notice, RobotState, Telemetry, limit
 from .tape import Tape
+from .wheel_watch import WheelWatch, wheel_watch
 
 __all__ = ["Board", "Driver", "Options", "Telemetry"]
 
@@ -74,6 +75,7 @@ class Driver(Readout):
         self._closing = self._leaving = False
         self._sleeps_until = 0.0
         self._broken: Optional[LinkLost] = None
+        self._watch: Optional[WheelWatch] = None
         self._reconnection: Optional[Reconnection] = None
         self._tape: Optional[Tape] = None
 
@@ -172,15 +174,15 @@ class Driver(Readout):
             angular_rad_s: yaw rate, counter-clockwise.
 
         Returns:
-            True when the command is in force; False when the board is silent, being greeted, the battery
-            empty, or the driver being closed.
+            True when the command is in force; False when the board is silent, being greeted, lost and searched,
+            the battery empty, a wheel not doing what it was told (see `mismatch`), or the driver being closed.
 
         Raises:
             FrameError: a speed is NaN or infinite; the robot was stopped.
             LinkLost: the port went away.
         """
         if not (math.isfinite(linear_m_s) and math.isfinite(angular_rad_s)):
-            self.stop()
+            self._stop("not_a_number")
             raise FrameError(
                 f"drive({linear_m_s}, {angular_rad_s}): expected finite speeds; the robot was stopped"
             )
@@ -188,6 +190,9 @@ class Driver(Readout):
             session = self._connected()
             if self.model is None or self._leaving or self._state.powerless:
                 return False
+            if self._mismatch is not None and (linear_m_s or angular_rad_s):
+                return False
+            self._mismatch = None
             linear_m_s, angular_rad_s = limit(linear_m_s, angular_rad_s, self.model)
             done = session.drive(round(linear_m_s * 1000), round(angular_rad_s * 1000), time.monotonic())
             self._flush(session)
@@ -199,9 +204,13 @@ class Driver(Readout):
         Raises:
             LinkLost: the port went away.
         """
+        self._stop("user")
+
+    def _stop(self, reason: str) -> None:
         with self._lock:
             session = self._connected()
-            session.stop(time.monotonic())
+            self._mismatch = self._watch = None
+            session.stop(time.monotonic(), reason)
             self._flush(session)
 
     def request(self, code: int, *args: int) -> None:
@@ -353,7 +362,7 @@ class Driver(Readout):
         if session is None:
             return
         with self._lock:
-            session.stop(time.monotonic())
+            session.stop(time.monotonic(), "closed")
             try:
                 self._flush(session)
             except MrlError:
@@ -371,7 +380,9 @@ class Driver(Readout):
     def _digest(self, event: SessionEvent, now: float) -> List[Notice]:
         """Take an event into the robot's state, and stop a robot whose battery gives out."""
         notices = self._state.digest(event, now)
-        if isinstance(event, Info) and self._state.powerless:
+        if type(event) is Counts:
+            notices += self._check_wheels(event, now)
+        elif isinstance(event, Info) and self._state.powerless:
             self._spare_battery(now)
         elif isinstance(event, Reply):
             self._replies[event.frame.code] = event.frame.args
@@ -380,6 +391,24 @@ class Driver(Readout):
             self._settled.set()
         return notices
 
+    def _check_wheels(self, event: Counts, now: float) -> List[Notice]:
+        """Stop a robot of which a wheel does not do what it was told."""
+        session, telemetry, model = self._session, self._state.telemetry, self.model
+        assert session is not None
+        target = session.motion.target
+        if target is None or telemetry is None or model is None:
+            self._watch = None
+            return []
+        if self._watch is None:
+            self._watch = wheel_watch(model, session.motion.pace)
+        self._mismatch = self._watch.update(
+            target[0] / 1000, target[1] / 1000, telemetry.counts, event.time_s
+        )
+        if self._mismatch is None:
+            return []
+        session.stop(now, "wheel_mismatch")
+        return [("state", self._mismatch)]
+
     def _spare_battery(self, now: float) -> None:
         """Stop: at once when motor power is off, so that nothing moves when it returns; gently when low."""
         assert self._session is not None and self.model is not None
@@ -387,7 +416,7 @@ class Driver(Readout):
         if motion.target is None:
             return
         if self._state.battery_state == battery.OFF:
-            self._session.stop(now)
+            self._session.stop(now, "battery")
         else:
             slowing_s = abs(motion.target[0]) / 1000 / self.model.limits.linear_acceleration_m_s2
             motion.fade(now, min(GENTLE_S, slowing_s))
@@ -430,7 +459,7 @@ class Driver(Readout):
             with self._lock:
                 self._leaving = True
                 session = self._connected()
-                session.stop(time.monotonic())
+                session.stop(time.monotonic(), "closed")
                 self._flush(session)
             deadline = time.monotonic() + CLOSE_S
             while wait and self.ready and not self.stopped and time.monotonic() < deadline:

@@ -34,6 +34,11 @@ QUICK = Pace(0.005, 0.1, 0.05)
 """Our boards: they carry out some 880 commands a second."""
 SLOW = Pace(0.1, 0.5, 0.15)
 """2013 boards lose commands above 26 a second while they stream, and have no watchdog to feed."""
+STOPS = (
+    "none", "user", "not_a_number", "command_timeout", "battery", "wheel_mismatch", "stale", "restarted", "link_lost",
+    "closed",
+)  # fmt: skip
+"""Why this program stops the robot; boards have their own reasons, `table.STOP_REASONS`."""
 
 
 class Motion:
@@ -50,6 +55,8 @@ class Motion:
         self.skip_minus_one = skip_minus_one
         self.target: Optional[Speeds] = None
         """Speeds in force [mm/s, mrad/s], None while stopped."""
+        self.stop_reason = "none"
+        """Why this program last stopped the robot, see `STOPS`."""
         self._new = self.stopping = False
         self._commanded_s = self._sent_s = -math.inf
         self._fade: Optional[Tuple[float, float, Speeds]] = None
@@ -61,14 +68,17 @@ class Motion:
         self.target, self._commanded_s = (linear_mm_s, angular_mrad_s), now
         self._new, self.stopping, self._fade = True, False, None
 
-    def stop(self) -> None:
+    def stop(self, reason: str = "user") -> None:
         """Stop; due at once, and again until `observe` has seen it."""
+        self.stop_reason = reason
         self.target = self._fade = self._still_since_s = None
         self.stopping = self._new = True
         self._still = 0
 
-    def forget(self) -> None:
+    def forget(self, reason: str) -> None:
         """Drop the command without a stop: the board is stopped already, or gone."""
+        if self.target is not None:
+            self.stop_reason = reason
         self.target = self._fade = None
         self._new = self.stopping = False
 
@@ -105,7 +115,7 @@ class Motion:
             and self.timeout_s is not None
             and now - self._commanded_s >= self.timeout_s
         ):
-            self.stop()
+            self.stop("command_timeout")
         if self._fade is not None:
             self._fade_on(now)
         if now < self.due_s() or not (self.stopping or allowed):
@@ -118,7 +128,7 @@ class Motion:
         start_s, duration_s, speeds = self._fade
         left = 1 - (now - start_s) / duration_s if duration_s > 0 else 0.0
         if left <= 0:
-            self.stop()
+            self.stop("battery")
         else:
             self.target = (int(speeds[0] * left), int(speeds[1] * left))
 

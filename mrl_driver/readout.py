@@ -12,6 +12,7 @@ from .robots import RobotModel
 from .session import Session, SessionEvent, Status
 from .state import Notice, RobotState, Telemetry
 from .statistics import Statistics
+from .wheel_watch import Mismatch
 
 Listener = Callable[[Any], None]
 
@@ -24,6 +25,7 @@ class Readout:
         self._state = state
         self._session: Optional[Session] = None
         self._error: Optional[MrlError] = None
+        self._mismatch: Optional[Mismatch] = None
         self._listeners: Dict[str, List[Listener]] = {
             "telemetry": [],
             "status": [],
@@ -48,6 +50,22 @@ class Readout:
         with self._lock:
             motion = self._session.motion if self._session else None
             return motion is None or (motion.target is None and not motion.stopping)
+
+    @property
+    def stop_reason(self) -> str:
+        """Why the robot was last stopped, as far as is known.
+
+        By this program, `motion.STOPS`: `user`, `not_a_number`, `command_timeout`, `battery`, `wheel_mismatch`,
+        `stale` (no telemetry), `restarted` (the board did), `link_lost`, `closed`.  By the board,
+        `table.STOP_REASONS`: `link_watchdog`, `stall`, `motor_board`, `boot`, `check_ended`; those are known within
+        half a second.  `none` before the first.
+        """
+        return self._session.motion.stop_reason if self._session else "none"
+
+    @property
+    def mismatch(self) -> Optional[Mismatch]:
+        """The wheel that did not do what it was told; until `stop` or a command of zero no other is taken."""
+        return self._mismatch
 
     @property
     def command(self) -> Optional[Twist]:
@@ -150,8 +168,10 @@ class Readout:
         """Call for each new battery voltage and temperature."""
         self._listeners["battery"].append(callback)
 
-    def on_event(self, callback: Callable[[Union[SessionEvent, MrlError]], None]) -> None:
-        """Call for `Ready`, `Stale` and `Reply` of `session`, and for the `MrlError` that ends the driver."""
+    def on_event(self, callback: Callable[[Union[SessionEvent, Mismatch, MrlError]], None]) -> None:
+        """Call for `Ready`, `Stale`, `Lost`, `Reconnected` and `Reply` of `events`, for a wheel's `Mismatch`, and for
+        the `MrlError` that ends the driver.
+        """
         self._listeners["state"].append(callback)
 
     def _call(self, notices: List[Notice]) -> None:

@@ -96,14 +96,14 @@ class Session:
         self._move(now)
         return True
 
-    def stop(self, now: float) -> None:
-        """Stop at once, and again until telemetry confirms it."""
-        self.motion.stop()
+    def stop(self, now: float, reason: str = "user") -> None:
+        """Stop at once, and again until telemetry confirms it; `reason` is one of `motion.STOPS`."""
+        self.motion.stop(reason)
         self._move(now)
 
     def lose(self, now: float) -> None:
         """The link is gone: nothing is in force, and nothing is on its way."""
-        self._greet_again(now)
+        self._greet_again(now, "link_lost")
         self._out.clear()
 
     def relink(self, now: float, same: bool = True) -> None:
@@ -117,7 +117,7 @@ class Session:
 
     def end(self) -> None:
         """Take leave: no stream, no check value, as a 2013 host expects a board."""
-        self.motion.forget()
+        self.motion.forget("closed")
         self._send(BY_NAME["stop_stream"].code)
         if self.checked:
             self._send(_CHECK, 0)
@@ -166,7 +166,7 @@ class Session:
             self._greeting.tick(now, self.checked)
         elif now - self.heard_s >= self._stale_s:
             events.append(Stale(now - self.heard_s))
-            self._greet_again(now)
+            self._greet_again(now, "stale")
             self._restarted = not self.checked
         else:
             self._poll(now)
@@ -246,7 +246,7 @@ class Session:
         self._other = 0
         self._restarted = True
         if self._greeting is None:
-            self._greet_again(now)
+            self._greet_again(now, "restarted")
         return frame
 
     def _on_frame(self, frame: Frame, now: float, events: List[SessionEvent]) -> None:
@@ -306,18 +306,20 @@ class Session:
         return False
 
     def _on_status(self, status: Status, now: float, events: List[SessionEvent]) -> None:
-        restarted = self.status is not None and status.uptime_s < self.status.uptime_s
-        self.status = status
+        before, self.status = self.status, status
+        restarted = before is not None and status.uptime_s < before.uptime_s
+        if status.stop_reason not in ("none", "host", before.stop_reason if before else ""):
+            self.motion.stop_reason = status.stop_reason
         events.append(status)
         self._restarted = self._restarted or restarted
         if restarted and self._greeting is None:
-            self._greet_again(now)
+            self._greet_again(now, "restarted")
 
     # -- greeting
 
-    def _greet_again(self, now: float) -> None:
+    def _greet_again(self, now: float, reason: str) -> None:
         """The board restarted or fell silent: stopped until a new command, and greeted from the start."""
-        self.motion.forget()
+        self.motion.forget(reason)
         self._asked.clear()
         self._status_s = self._info_s = self._sonar_s = math.inf
         self._greeting = Handshake(self._plan, self._send, self._admit, now, patient=True)

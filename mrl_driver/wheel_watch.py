@@ -1,0 +1,187 @@
+"""Commanded against measured motion of each wheel: dead or reversed encoders, blocked wheels, motors without power.
+
+Pure: commands, counts and seconds in, a mismatch out.  A wheel is expected to have moved at least as far as a slow
+robot would: its command is late, its ramp takes twice as long as the model says, and it comes to rest before it turns
+round.  One that makes less than a tenth of that way over a quarter of a second is not doing what it is told.
+"""
+
+import math
+from collections import deque
+from typing import Deque, List, NamedTuple, Optional, Set, Tuple
+
+from .motion import Pace
+from .odometry import Geometry, Wheels
+from .robots import RobotModel
+
+TICK_S = 0.05
+"""Motion is compared this often [s]; frames in between cost nothing."""
+WINDOW = 5
+"""So many ticks in a row must show the mismatch."""
+LEAST_SHARE = 0.1
+"""Less than this share of the expected way is a mismatch."""
+REVERSED_SHARE = -0.3
+"""At least this share of the expected way, backwards, is a wheel or encoder that runs the wrong way."""
+LEAST_WAY_M = 0.004
+"""Expected way over the window from which on a wheel is judged: 16 mm/s; a slower motor may stick."""
+SLOWNESS = 0.5
+"""The ramp may take longer than the model says: least acceleration over that of the model."""
+LAG_S = 0.3
+"""A motor under control follows its ramp so late; weak gains at the slowest control rate of the motor board."""
+HIDDEN_S = 0.5
+"""So long a wheel that was sent the other way may still gain speed that way."""
+LEAST_RAMP_MS = 500
+"""No motor is believed to reach full speed faster."""
+ON_ITS_WAY_S = 0.05
+"""A command may take so long to the motors when none is lost."""
+STILL_M, STILL_TICKS = 0.0002, 5
+"""A wheel with less than this way per tick, for so long, has come to rest [m]."""
+GAP_S = 0.15
+"""Readings further apart than this, and than three periods, begin anew: the board may have stopped meanwhile."""
+
+DEAD = "encoder dead or unplugged, or the wheel blocked"
+REVERSED = "encoder or motor wires swapped: it counts against the command"
+POWERLESS = "motor power off, or the motor board stopped"
+
+
+class Mismatch(NamedTuple):
+    """A wheel does not do what it was told; the robot was stopped."""
+
+    wheel: str
+    """`right`, `left` or `both`."""
+    cause: str
+    """What it most likely is."""
+    expected_m: float
+    """Least way that the wheel should have made in the last quarter of a second."""
+    moved_m: float
+    """Way that its counts say; negative is against the command."""
+
+    def __str__(self) -> str:
+        """One line for people."""
+        wheels = "both wheels" if self.wheel == "both" else f"{self.wheel} wheel"
+        return (
+            f"{wheels} moved {self.moved_m * 1000:.0f} mm, expected at least {self.expected_m * 1000:.0f} mm: "
+            f"{self.cause}"
+        )
+
+
+class _Wheel:
+    """One wheel.
+
+    `reference` is the speed of the slowest ramp that a sound wheel may have [m/s, along the command]; below zero it
+    still runs the other way.  `expected` follows it as slowly as a motor follows its ramp.
+    """
+
+    def __init__(self, acceleration_m_s2: float, latency_ticks: int) -> None:
+        self._acceleration_m_s2 = SLOWNESS * acceleration_m_s2
+        self._hidden_m_s = HIDDEN_S * acceleration_m_s2
+        self._targets: Deque[float] = deque([0.0] * (latency_ticks + 1), maxlen=latency_ticks + 1)
+        self._ways: Deque[Tuple[float, float]] = deque(maxlen=WINDOW)
+        self._reference = self._expected = 0.0
+        self._direction = 0.0
+        self._asked: Set[float] = set()
+        self._still = 0
+
+    def tick(self, target_m_s: float, moved_m: float, dt_s: float) -> Optional[Tuple[float, float]]:
+        """Expected and actual way over the window [m], along the command; None where nothing can be said."""
+        self._targets.append(target_m_s)
+        if target_m_s:
+            self._asked.add(math.copysign(1.0, target_m_s))
+        self._still = self._still + 1 if abs(moved_m) < STILL_M else 0
+        floor = _least(self._targets)
+        if floor == 0.0:
+            self._direction = 0.0
+            self._ways.clear()
+            return None
+        direction = math.copysign(1.0, floor)
+        along_m = moved_m * direction
+        if direction != self._direction:
+            self._turn(direction, along_m / dt_s)
+        self._follow(abs(floor), dt_s)
+        if self._expected <= 0.0:
+            self._ways.clear()
+            return None
+        self._ways.append((self._expected * dt_s, along_m))
+        if len(self._ways) < WINDOW:
+            return None
+        expected, moved = (sum(way) for way in zip(*self._ways))
+        return (expected, moved) if expected >= LEAST_WAY_M else None
+
+    def _turn(self, direction: float, speed: float) -> None:
+        """A command in a new direction: a wheel that was sent the other way is still about to go there."""
+        hidden = self._hidden_m_s if -direction in self._asked else 0.0
+        self._reference, self._expected = min(0.0, speed) - hidden, 0.0
+        self._direction, self._asked = direction, {direction}
+
+    def _follow(self, floor: float, dt_s: float) -> None:
+        ramped = self._reference + self._acceleration_m_s2 * dt_s
+        if self._reference < 0.0 and self._still >= STILL_TICKS:
+            ramped = 0.0
+        self._reference = min(floor, ramped)
+        share = dt_s / (dt_s + LAG_S)
+        lagging = self._expected + share * (self._reference - self._expected)
+        self._expected = max(0.0, min(floor, lagging))
+
+
+def _least(targets: Deque[float]) -> float:
+    """The slowest of some speeds, 0 where they differ in direction."""
+    low, high = min(targets), max(targets)
+    return low if low > 0.0 else high if high < 0.0 else 0.0
+
+
+class WheelWatch:
+    """Watches both wheels of a differential drive.
+
+    Args:
+        drive: its geometry.
+        acceleration_m_s2: of a wheel's ramp, by the model.
+        latency_s: how long a command may take to reach the motors, one that was lost included.
+    """
+
+    def __init__(self, drive: Geometry, acceleration_m_s2: float, latency_s: float) -> None:
+        self._metres, self._half_m = drive.metres_per_count, drive.wheel_separation_m / 2
+        self._make = (acceleration_m_s2, math.ceil(latency_s / TICK_S))
+        self.reset()
+
+    def reset(self) -> None:
+        """The robot was stopped: begin anew."""
+        self._right, self._left = _Wheel(*self._make), _Wheel(*self._make)
+        self._time_s = -math.inf
+        self._next_s = -math.inf
+        self._travel = Wheels(0, 0)
+
+    def update(
+        self, linear_m_s: float, angular_rad_s: float, travel: Wheels, time_s: float
+    ) -> Optional[Mismatch]:
+        """Compare the command in force with `travel` [count, without wrap] read at `time_s` [s]."""
+        if time_s < self._next_s:
+            return None
+        dt_s, last = time_s - self._time_s, self._travel
+        self._time_s, self._next_s, self._travel = time_s, time_s + TICK_S, travel
+        if dt_s > GAP_S:
+            self.reset()
+            self._time_s, self._next_s, self._travel = time_s, time_s + TICK_S, travel
+            return None
+        turning = angular_rad_s * self._half_m
+        right = self._right.tick(linear_m_s + turning, (travel.right - last.right) * self._metres, dt_s)
+        left = self._left.tick(linear_m_s - turning, (travel.left - last.left) * self._metres, dt_s)
+        return _judge(right, left)
+
+
+def wheel_watch(model: RobotModel, pace: Pace) -> WheelWatch:
+    """The watch for a robot of that model whose commands go out at that pace."""
+    ramp_ms = max(LEAST_RAMP_MS, model.board["ramp_time"])
+    return WheelWatch(model.drive, model.board["linear_ceiling"] / ramp_ms, pace.repeat_s + ON_ITS_WAY_S)
+
+
+def _judge(right: Optional[Tuple[float, float]], left: Optional[Tuple[float, float]]) -> Optional[Mismatch]:
+    bad: List[Tuple[str, float, float]] = [
+        (name, *ways)
+        for name, ways in (("right", right), ("left", left))
+        if ways is not None and ways[1] < LEAST_SHARE * ways[0]
+    ]
+    if not bad:
+        return None
+    name, expected, moved = bad[0] if len(bad) == 1 else ("both", bad[0][1], bad[0][2])
+    backwards = moved < REVERSED_SHARE * expected
+    cause = REVERSED if backwards else POWERLESS if name == "both" else DEAD
+    return Mismatch(name, cause, expected, moved)
