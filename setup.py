@@ -45,5 +45,6 @@ setup(
     },
     entry_points={
         "console_scripts": ["mrl=mrl_driver.cli:main", "mrl-sim=sim_arduino.cli:main"],
+        "mrl.commands": ["replay=sim_arduino.replay:main"],
     },
 )

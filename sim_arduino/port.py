@@ -110,6 +110,12 @@ class PtyPort:
         except BlockingIOError:
             return b""
 
+    def unread(self) -> int:
+        """Bytes that a program could read now; they are lost if the port is unplugged first."""
+        return (
+            struct.unpack("i", fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4)))[0] if self.is_open else 0
+        )
+
     def read_all(self) -> bytes:
         """Everything that waits."""
         data = b""

@@ -1,0 +1,239 @@
+"""`mrl replay`: what a recording holds, and a recording as a board."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+
+from mrl_driver import log_summary
+from mrl_driver.codec import Stamp, encode_reply, encode_request
+from mrl_driver.log_summary import summarise
+from mrl_driver.odometry import Odometry
+from mrl_driver.recording import FROM_BOARD, TO_BOARD, Entry, Recording
+from mrl_driver.robots import load
+from sim_arduino import replay
+
+from .simulator import PATIENCE_S, Client
+
+HEADER = '#mrl-recording 1 {"port": "/dev/ttyX", "started": "2026-01-01T00:00:00+00:00"}\n'
+INFO = "@5,2500,172,1360,2,1e\\r\\n"
+MRL = os.path.join(os.path.dirname(sys.executable), "mrl")
+"""As installed, for sub-commands are found through the installation."""
+WAY_M, YAW_RAD = 1e-6, 1e-6
+
+
+def write(path, lines):
+    path.write_text(HEADER + "".join(line + "\n" for line in lines))
+    return str(path)
+
+
+def circle(count, start=32000):
+    """Readings of a robot on a circle, through the counters' wrap."""
+    return [
+        tuple((start + 60 * i + 32768) % 65536 - 32768 if wheel else 50 * i for wheel in (1, 0))
+        for i in range(count)
+    ]
+
+
+def checked_lines(readings, gap=()):
+    """Entries of a checked stream at 50 Hz; numbers in `gap` are lost."""
+    yield "0.0 ! checked"
+    for i, (right, left) in enumerate(readings):
+        if i not in gap:
+            ticks = (i * 312 + 32768) % 65536 - 32768
+            wire = encode_reply(8, right, left, 100, 100, 100, stamp=Stamp(i, ticks), checked=True)
+            yield f"{0.01 + i * 0.02:.6f} < {wire.decode().strip()}\\r\\n"
+
+
+def drive(path, gap=(), count=400):
+    return write(path, [f"0.0 < {INFO}", *checked_lines(circle(count), gap)])
+
+
+def true_pose(readings):
+    odometry = Odometry(load("traxbot").drive, 10.0)
+    for i, (right, left) in enumerate(readings):
+        odometry.update(right, left, i * 0.02)
+    return odometry.pose
+
+
+def test_frames_are_counted_by_name(tmp_path):
+    found = summarise(Recording(drive(tmp_path / "log")))
+    assert found["frames"] == {"robot_info": 1, "read_encoders_and_sonars": 400}
+
+
+def test_the_duration_is_that_of_the_last_entry(tmp_path):
+    assert summarise(Recording(drive(tmp_path / "log")))["duration_s"] == pytest.approx(7.99)
+
+
+@pytest.mark.parametrize("batch", [300, 5000, 1 << 20])
+def test_the_pose_is_that_of_the_odometry_however_it_is_cut(tmp_path, monkeypatch, batch):
+    monkeypatch.setattr(log_summary, "BATCH_BYTES", batch)
+    found = summarise(Recording(drive(tmp_path / "log")))
+    expected = true_pose(circle(400))
+    assert found["pose"]["x_m"] == pytest.approx(expected.x_m, abs=WAY_M)
+    assert found["pose"]["y_m"] == pytest.approx(expected.y_m, abs=WAY_M)
+    assert math.remainder(found["pose"]["yaw_rad"] - expected.yaw_rad, math.tau) == pytest.approx(
+        0, abs=YAW_RAD
+    )
+
+
+@pytest.mark.parametrize("batch", [300, 1 << 20])
+def test_lost_frames_are_counted_by_sequence(tmp_path, monkeypatch, batch):
+    monkeypatch.setattr(log_summary, "BATCH_BYTES", batch)
+    assert summarise(Recording(drive(tmp_path / "log", gap={7, 8, 300})))["lost"] == 3
+
+
+def test_a_repeated_frame_is_a_duplicate(tmp_path):
+    lines = list(checked_lines(circle(5)))
+    found = summarise(Recording(write(tmp_path / "log", [*lines, lines[-1]])))
+    assert (found["duplicates"], found["lost"]) == (1, 0)
+
+
+def test_damage_is_counted_by_reason(tmp_path):
+    lines = [f"0.0 < {INFO}", "0.1 < @6,1,+2e", "0.2 < @6,1,2,3e", "0.3 < boo\\r\\n"]
+    found = summarise(Recording(write(tmp_path / "log", lines)))
+    assert found["garbage"] == {"argument_count": 1, "not_integer": 1, "text": 1}
+
+
+def test_requests_are_counted(tmp_path):
+    guarded = encode_request(32, 1).decode()
+    found = summarise(Recording(write(tmp_path / "log", ["0.0 > @5e@13e", f"0.1 > {guarded}"])))
+    assert found["requests"] == {"robot_info": 1, "stop": 1, "set_check": 1}
+
+
+def test_frames_cut_between_entries_are_whole(tmp_path):
+    found = summarise(Recording(write(tmp_path / "log", ["0.0 < @6,1", "0.1 < ,2e\\r\\n@6,3,", "0.2 < 4e"])))
+    assert (found["frames"], found["garbage"]) == ({"read_encoders": 2}, {})
+
+
+def test_a_restart_without_way(tmp_path):
+    """Counters begin anew after a reset; the way does not jump."""
+    lines = [f"0.0 < {INFO}"]
+    for start_s, first in ((1.0, 9000), (2.0, 0)):
+        lines.append(f"{start_s} ! plain")
+        lines += [f"{start_s + i * 0.02:.3f} < @6,{first + 60 * i},{first + 60 * i}e" for i in range(11)]
+    found = summarise(Recording(write(tmp_path / "log", lines)))
+    assert found["pose"]["x_m"] == pytest.approx(1200 * load("traxbot").drive.metres_per_count)
+
+
+def test_a_robot_that_is_not_known_has_no_pose(tmp_path):
+    found = summarise(Recording(write(tmp_path / "log", ["0.0 < @6,1,2e"])))
+    assert (found["robot"], found["pose"], found["refused_counts"]) == (None, None, None)
+
+
+def test_a_long_recording_takes_no_more_memory(tmp_path, monkeypatch):
+    """The board's bytes that wait are at most a batch and one entry."""
+    monkeypatch.setattr(log_summary, "BATCH_BYTES", 2000)
+    reader, most = log_summary._Reader(None), 0
+    for entry in Recording(drive(tmp_path / "log")):
+        reader.read(*entry)
+        most = max(most, sum(map(len, reader._chunks)))
+    assert most < 2000
+
+
+# -- as a command
+
+
+def mrl(*args):
+    command = [MRL, "replay", *map(str, args)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+
+
+def test_json_is_one_object(tmp_path):
+    found = json.loads(mrl(drive(tmp_path / "log"), "--json").stdout)
+    assert found["robot"] == "traxbot"
+    assert found["port"] == "/dev/ttyX"
+
+
+def test_skipped_lines_are_named(tmp_path):
+    path = write(tmp_path / "log", [f"0.0 < {INFO}", "nonsense", "0.1 < @6,1,2e"])
+    out = mrl(path).stdout
+    assert f"{path}:3: skipped: time is b'nonsense', expected seconds" in out
+    assert "skipped lines  1" in out
+
+
+@pytest.mark.parametrize(
+    "args, text",
+    [
+        (("/nowhere",), "cannot read '/nowhere'"),
+        (("FILE", "--robot", "nope"), "robot 'nope' is unknown"),
+        (("FILE", "--speed", "2"), "without --pty"),
+        (("FILE", "--pty", "--speed", "-1"), "--speed is -1.0, expected 0 to 1e6"),
+        (("FILE", "--pty", "--json"), "expected one of them"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_one_line_and_exit_code_2(tmp_path, args, text):
+    path = drive(tmp_path / "log", count=3)
+    done = mrl(*(path if word == "FILE" else word for word in args))
+    assert done.returncode == 2
+    assert text in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+class Replay:
+    """`mrl replay --pty`, ready."""
+
+    def __init__(self, *args):
+        command = [MRL, "replay", "--pty", *map(str, args)]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        self.path = self.process.stdout.readline().strip()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.process.terminate()
+        self.process.wait(PATIENCE_S)
+        self.process.stdout.close()
+
+
+def read_to_the_end(client):
+    out = b""
+    os.set_blocking(client.fd, True)
+    while True:
+        try:
+            data = os.read(client.fd, 4096)
+        except OSError:
+            return out
+        if not data:
+            return out
+        out += data
+
+
+def test_a_pty_gets_every_byte_of_the_board(tmp_path):
+    path, link = drive(tmp_path / "log"), tmp_path / "link"
+    expected = b"".join(entry.data for entry in Recording(path) if entry.way == FROM_BOARD)
+    with Replay(path, "--speed", 0, "--link", link) as replayed:
+        assert os.readlink(link) == replayed.path
+        with Client(replayed.path) as client:
+            assert read_to_the_end(client) == expected
+        assert replayed.process.wait(PATIENCE_S) == 0
+    assert not os.path.lexists(link)
+
+
+def test_a_signal_ends_the_replay_and_removes_its_link(tmp_path):
+    link = tmp_path / "link"
+    with Replay(drive(tmp_path / "log"), "--link", link) as replayed:
+        replayed.process.terminate()
+        assert replayed.process.wait(PATIENCE_S) == 0
+    assert not os.path.lexists(link)
+
+
+@pytest.mark.parametrize("speed, seconds", [(2.0, 0.05), (1.0, 0.1)])
+def test_bytes_come_at_their_time(speed, seconds):
+    """Never earlier; times of the recording count from its first byte."""
+    entries = [Entry(5.0, FROM_BOARD, b"a"), Entry(5.1, FROM_BOARD, b"b")]
+    start_s = time.monotonic()
+    assert list(replay.paced(iter(entries), speed)) == [b"a", b"b"]
+    assert time.monotonic() - start_s >= seconds
+
+
+def test_only_the_boards_side_is_played(tmp_path):
+    path = write(tmp_path / "log", ["0 > @5e", "0 < x", "0 ! plain"])
+    assert [entry.way for entry in Recording(path)][0] == TO_BOARD
+    assert [entry.data for entry in replay._board_side(Recording(path))] == [b"x"]
