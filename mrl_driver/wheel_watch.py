@@ -7,7 +7,7 @@ round.  One that makes less than a tenth of that way over a quarter of a second 
 
 import math
 from collections import deque
-from typing import Deque, List, NamedTuple, Optional, Set, Tuple
+from typing import Deque, NamedTuple, Optional, Set, Tuple
 
 from .motion import Pace
 from .odometry import Geometry, Wheels
@@ -20,14 +20,15 @@ WINDOW = 5
 LEAST_SHARE = 0.1
 """Less than this share of the expected way is a mismatch."""
 REVERSED_SHARE = -0.3
-"""At least this share of the expected way, backwards, is a wheel or encoder that runs the wrong way."""
+"""At least this share of the expected way, backwards in the newest ticks, is a wheel that runs the wrong way."""
+NEWEST = 2
 LEAST_WAY_M = 0.004
-"""Expected way over the window from which on a wheel is judged: 16 mm/s; a slower motor may stick."""
+"""Expected way over the window from which on a wheel is judged: some 15 mm/s; a slower motor may stick."""
 SLOWNESS = 0.5
 """The ramp may take longer than the model says: least acceleration over that of the model."""
 LAG_S = 0.3
 """A motor under control follows its ramp so late; weak gains at the slowest control rate of the motor board."""
-HIDDEN_S = 0.5
+HIDDEN_S = 0.8
 """So long a wheel that was sent the other way may still gain speed that way."""
 LEAST_RAMP_MS = 500
 """No motor is believed to reach full speed faster."""
@@ -75,15 +76,17 @@ class _Wheel:
         self._acceleration_m_s2 = SLOWNESS * acceleration_m_s2
         self._hidden_m_s = HIDDEN_S * acceleration_m_s2
         self._targets: Deque[float] = deque([0.0] * (latency_ticks + 1), maxlen=latency_ticks + 1)
+        self._speeds = self._targets.copy()
         self._ways: Deque[Tuple[float, float]] = deque(maxlen=WINDOW)
         self._reference = self._expected = 0.0
-        self._direction = 0.0
+        self._direction = self._last = 0.0
         self._asked: Set[float] = set()
         self._still = 0
 
-    def tick(self, target_m_s: float, moved_m: float, dt_s: float) -> Optional[Tuple[float, float]]:
-        """Expected and actual way over the window [m], along the command; None where nothing can be said."""
+    def tick(self, target_m_s: float, moved_m: float, dt_s: float) -> Optional[Mismatch]:
+        """What is wrong by now, with `wheel` left to the caller; None where nothing is, or nothing can be said."""
         self._targets.append(target_m_s)
+        self._speeds.append(moved_m / dt_s)
         if target_m_s:
             self._asked.add(math.copysign(1.0, target_m_s))
         self._still = self._still + 1 if abs(moved_m) < STILL_M else 0
@@ -93,24 +96,31 @@ class _Wheel:
             self._ways.clear()
             return None
         direction = math.copysign(1.0, floor)
-        along_m = moved_m * direction
         if direction != self._direction:
-            self._turn(direction, along_m / dt_s)
+            self._turn(direction, self._speeds[0] * direction)
         self._follow(abs(floor), dt_s)
         if self._expected <= 0.0:
             self._ways.clear()
             return None
-        self._ways.append((self._expected * dt_s, along_m))
-        if len(self._ways) < WINDOW:
-            return None
+        self._ways.append((self._expected * dt_s, moved_m * direction))
+        return self._judge() if len(self._ways) == WINDOW else None
+
+    def _judge(self) -> Optional[Mismatch]:
         expected, moved = (sum(way) for way in zip(*self._ways))
-        return (expected, moved) if expected >= LEAST_WAY_M else None
+        if expected < LEAST_WAY_M or moved >= LEAST_SHARE * expected:
+            return None
+        lately, way = (sum(way) for way in zip(*list(self._ways)[-NEWEST:]))
+        return Mismatch("", REVERSED if way < REVERSED_SHARE * lately else DEAD, expected, moved)
 
     def _turn(self, direction: float, speed: float) -> None:
-        """A command in a new direction: a wheel that was sent the other way is still about to go there."""
+        """A command in a new direction, at which the wheel had that speed; one that was sent the other way is still
+        about to go there.
+        """
         hidden = self._hidden_m_s if -direction in self._asked else 0.0
-        self._reference, self._expected = min(0.0, speed) - hidden, 0.0
-        self._direction, self._asked = direction, {direction}
+        still_back = self._reference if direction == self._last else 0.0
+        self._reference, self._expected = min(still_back, min(0.0, speed) - hidden), 0.0
+        self._direction = self._last = direction
+        self._asked = {direction}
 
     def _follow(self, floor: float, dt_s: float) -> None:
         ramped = self._reference + self._acceleration_m_s2 * dt_s
@@ -164,7 +174,7 @@ class WheelWatch:
         turning = angular_rad_s * self._half_m
         right = self._right.tick(linear_m_s + turning, (travel.right - last.right) * self._metres, dt_s)
         left = self._left.tick(linear_m_s - turning, (travel.left - last.left) * self._metres, dt_s)
-        return _judge(right, left)
+        return _together(right, left)
 
 
 def wheel_watch(model: RobotModel, pace: Pace) -> WheelWatch:
@@ -173,15 +183,12 @@ def wheel_watch(model: RobotModel, pace: Pace) -> WheelWatch:
     return WheelWatch(model.drive, model.board["linear_ceiling"] / ramp_ms, pace.repeat_s + ON_ITS_WAY_S)
 
 
-def _judge(right: Optional[Tuple[float, float]], left: Optional[Tuple[float, float]]) -> Optional[Mismatch]:
-    bad: List[Tuple[str, float, float]] = [
-        (name, *ways)
-        for name, ways in (("right", right), ("left", left))
-        if ways is not None and ways[1] < LEAST_SHARE * ways[0]
-    ]
-    if not bad:
-        return None
-    name, expected, moved = bad[0] if len(bad) == 1 else ("both", bad[0][1], bad[0][2])
-    backwards = moved < REVERSED_SHARE * expected
-    cause = REVERSED if backwards else POWERLESS if name == "both" else DEAD
-    return Mismatch(name, cause, expected, moved)
+def _together(right: Optional[Mismatch], left: Optional[Mismatch]) -> Optional[Mismatch]:
+    """Both wheels' verdicts as one."""
+    if right and left:
+        return right._replace(
+            wheel="both", cause=POWERLESS if right.cause == left.cause == DEAD else REVERSED
+        )
+    if right:
+        return right._replace(wheel="right")
+    return left._replace(wheel="left") if left else None

@@ -2,7 +2,7 @@
 injected.
 """
 
-from typing import List, Optional
+from typing import List, Optional, Set
 
 from mrl_driver.codec import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
 from mrl_driver.table import TICK_S
@@ -27,12 +27,15 @@ class FakeBoard:
         self.started_s = 0.0
         self.time_s = 0.0
         self.mute = False
+        self.dead: Set[str] = set()
+        """Wheels (`right`, `left`) whose counter stands still."""
         self.reset(0.0)
 
     def reset(self, now: float) -> None:
         self.decoder = FrameDecoder(REQUESTS)
         self.period_s: Optional[float] = None
         self.speeds = (0, 0)
+        self.stop_reason = 0
         self.watchdog_s = 0.0
         self.sequence = 0
         self.started_s = self.time_s = now
@@ -55,10 +58,13 @@ class FakeBoard:
         dt = now - self.time_s
         self.time_s = now
         linear, angular = (each / 1000 for each in self.speeds)
-        self.right += (linear + angular * SEPARATION_M / 2) * dt / METRES
-        self.left += (linear - angular * SEPARATION_M / 2) * dt / METRES
+        if "right" not in self.dead:
+            self.right += (linear + angular * SEPARATION_M / 2) * dt / METRES
+        if "left" not in self.dead:
+            self.left += (linear - angular * SEPARATION_M / 2) * dt / METRES
         if self.watchdog_s and now - self.fed_s > self.watchdog_s:
             self.speeds = (0, 0)
+            self.stop_reason = 2
         while self.period_s is not None and now >= self.due_s:
             self.due_s = max(self.due_s + self.period_s, now - self.period_s)
             self._reply(self.stream_code, now)
@@ -91,6 +97,7 @@ class FakeBoard:
         elif code == 13:
             self.speeds = (0, 0)
             self.stops += 1
+            self.stop_reason = 1
         elif code == 18:
             self.period_s, self.due_s = max(0.004, (args or (0,))[0] / 1000), now
         elif code == 19:
@@ -102,7 +109,7 @@ class FakeBoard:
         if code == 29:
             self._say(29, 2, 0b0011111)
         elif code == 30:
-            self._say(30, 0, int(now - self.started_s), 1, 0, 0, 0)
+            self._say(30, 0, int(now - self.started_s), 1, self.stop_reason, 0, 0)
         elif code == 32:
             self._say(32, *args)
             self.decoder.checked = bool(args[0])

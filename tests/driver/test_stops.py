@@ -1,0 +1,136 @@
+"""What stops a robot by itself, what is told of it, and when it may go on."""
+
+import math
+import os
+import time
+
+import pytest
+
+from mrl_driver.driver import Driver, Options
+from mrl_driver.errors import FrameError
+from mrl_driver.motion import STOPS
+from mrl_driver.table import STOP_REASONS
+from mrl_driver.wheel_watch import DEAD, POWERLESS, Mismatch
+
+from .test_driver import wait_until
+
+MISMATCH_S, BUSY = 0.5, 3
+
+
+@pytest.fixture
+def robot(serve):
+    """Drives at 0.2 m/s."""
+    port = serve()
+    with Driver(port.path) as driver:
+        driver.fake, driver.port_of = port.board, port
+        driver.heard = []
+        driver.on_event(driver.heard.append)
+        driver.drive(0.2, 0.0)
+        wait_until(lambda: port.board.speeds == (200, 0))
+        yield driver
+
+
+def mismatches(robot):
+    return [event for event in robot.heard if isinstance(event, Mismatch)]
+
+
+@pytest.mark.parametrize(
+    ("dead", "wheel", "cause"),
+    [({"left"}, "left", DEAD), ({"right"}, "right", DEAD), ({"left", "right"}, "both", POWERLESS)],
+)
+def test_a_dead_wheel_stops_the_robot_and_is_named(robot, dead, wheel, cause):
+    time.sleep(0.6)
+    start = time.monotonic()
+    robot.fake.dead = dead
+    wait_until(lambda: robot.fake.speeds == (0, 0))
+    assert time.monotonic() - start < MISMATCH_S * BUSY
+    wait_until(lambda: mismatches(robot))
+    assert (mismatches(robot)[0].wheel, mismatches(robot)[0].cause) == (wheel, cause)
+    assert robot.stop_reason == "wheel_mismatch" and robot.mismatch == mismatches(robot)[0]
+
+
+def test_after_a_mismatch_a_stop_must_come_before_the_next_command(robot):
+    """A planner that goes on sending must not drag a blocked wheel along in jerks."""
+    robot.fake.dead = {"left"}
+    wait_until(lambda: robot.mismatch)
+    assert not robot.drive(0.2, 0.0)
+    assert robot.fake.moves[-1] == (200, 0) and robot.command is None
+    robot.fake.dead = set()
+    assert robot.drive(0.0, 0.0) and robot.mismatch is None
+    assert robot.drive(0.2, 0.0)
+    wait_until(lambda: robot.fake.speeds == (200, 0))
+
+
+def test_a_stop_allows_the_next_command_too(robot):
+    robot.fake.dead = {"right"}
+    wait_until(lambda: robot.mismatch)
+    robot.stop()
+    assert robot.mismatch is None and robot.drive(0.1, 0.0)
+
+
+def test_stop_and_go_is_no_mismatch(robot):
+    """Each stop brakes; what was expected before it counts no more."""
+    robot.fake.dead = {"left", "right"}
+    for _ in range(12):
+        time.sleep(0.1)
+        robot.stop()
+        assert robot.drive(0.2, 0.0)
+    assert not mismatches(robot)
+
+
+# -- the reason of the last stop
+
+
+def test_reasons_of_both_sides_differ():
+    assert set(STOPS) & set(STOP_REASONS) == {"none"}
+
+
+def test_a_stop_by_the_user(robot):
+    robot.stop()
+    assert robot.stop_reason == "user"
+
+
+def test_a_stop_because_of_nan(robot):
+    with pytest.raises(FrameError):
+        robot.drive(math.nan, 0.0)
+    assert robot.stop_reason == "not_a_number"
+
+
+def test_a_stop_because_no_command_came(serve):
+    with Driver(serve().path, options=Options(command_timeout_s=0.1)) as robot:
+        robot.drive(0.1, 0.0)
+        wait_until(lambda: robot.command is None)
+        assert robot.stop_reason == "command_timeout"
+
+
+def test_a_stop_because_motor_power_went_off(robot):
+    robot.fake.battery = 20
+    wait_until(lambda: robot.command is None)
+    assert robot.stop_reason == "battery"
+
+
+def test_a_stop_because_telemetry_stays_away(robot):
+    robot.fake.mute = True
+    wait_until(lambda: robot.command is None)
+    assert robot.stop_reason == "stale"
+
+
+def test_a_stop_because_the_port_went_away(serve, tmp_path):
+    port = serve()
+    os.symlink(port.path, tmp_path / "robot")
+    with Driver(str(tmp_path / "robot"), options=Options(reconnect=True)) as robot:
+        robot.drive(0.1, 0.0)
+        port.unplug()
+        wait_until(lambda: not robot.ready)
+        assert robot.stop_reason == "link_lost"
+
+
+def test_a_stop_by_the_board_is_told_with_its_status(robot):
+    robot.fake.stop_reason = STOP_REASONS.index("motor_board")
+    wait_until(lambda: robot.stop_reason == "motor_board")
+
+
+def test_the_reason_of_a_robot_that_was_never_stopped(serve):
+    assert Driver("/nowhere").stop_reason == "none"
+    with Driver(serve().path) as robot:
+        assert robot.stop_reason == "none"

@@ -1,0 +1,197 @@
+"""Wheels that do not do what they are told, and all the driving in which they do, on the emulated motors."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mrl_driver.motion import QUICK, SLOW
+from mrl_driver.odometry import Wheels
+from mrl_driver.robots import load
+from mrl_driver.wheel_watch import DEAD, GAP_S, POWERLESS, REVERSED, Mismatch, wheel_watch
+from sim_arduino.omni3md import Omni3MD
+from sim_arduino.physics import Robot, params_for
+
+NOTICED_S = 0.5
+FRAME_S, FRAME_2013_S = 0.02, 1 / 325
+MODELS = ("traxbot", "stingbot")
+
+
+def sound(right, left):
+    return right, left
+
+
+class Drive:
+    """A robot's motors and board, its counts as the driver gets them, and the watch."""
+
+    def __init__(self, name="traxbot", control_hz=20, frame_s=FRAME_S, pace=QUICK, volts=12.0):
+        model = load(name)
+        self.robot = Robot(params_for(model)._replace(control_hz=control_hz))
+        self.robot.set_battery(volts)
+        self.motors = Omni3MD(self.robot, model)
+        self.motors.set_gains(0, *(model.board[key] for key in ("kp", "ki", "kd")))
+        self.motors.set_ramp(0, model.board["ramp_time"], model.board["ramp_gain"])
+        self.watch = wheel_watch(model, pace)
+        self.frame_s, self.now, self.told = frame_s, 0.0, (0.0, 0.0)
+        self.fault = sound
+        self.found = None
+
+    def travel(self):
+        left, _, right = (math.floor(motor.travel) for motor in self.robot.motors)
+        return Wheels(*self.fault(right, left))
+
+    def command(self, linear_m_s, angular_rad_s):
+        self.told = linear_m_s, angular_rad_s
+        self.motors.move_differential(self.now, round(linear_m_s * 1000), round(angular_rad_s * 1000))
+
+    def run(self, seconds, late=None):
+        """Until a mismatch; `late` is a command that is in force already, and reaches the motors on the way."""
+        end, due = self.now + seconds, math.inf
+        if late:
+            self.told, due = late[1:], self.now + late[0]
+        while self.now < end and self.found is None:
+            self.now += self.frame_s
+            if self.now >= due:
+                self.command(*self.told)
+                due = math.inf
+            self.motors.advance(self.now)
+            self.found = self.watch.update(*self.told, self.travel(), self.now)
+        if due < math.inf:
+            self.command(*self.told)
+        return self.found
+
+
+def frozen_right(drive):
+    at = drive.travel().right
+    return lambda right, left: (at, left)
+
+
+def frozen_left(drive):
+    at = drive.travel().left
+    return lambda right, left: (right, at)
+
+
+def negated_left(drive):
+    at = drive.travel().left
+    return lambda right, left: (right, 2 * at - left)
+
+
+def negated_right(drive):
+    at = drive.travel().right
+    return lambda right, left: (2 * at - right, left)
+
+
+def both_frozen(drive):
+    at = drive.travel()
+    return lambda right, left: at
+
+
+FAULTS = [
+    (frozen_right, "right", DEAD),
+    (frozen_left, "left", DEAD),
+    (negated_right, "right", REVERSED),
+    (negated_left, "left", REVERSED),
+    (both_frozen, "both", POWERLESS),
+]
+SPEEDS = [(0.3, 0.0), (-0.2, 0.0), (0.0, 1.0), (0.2, -0.5), (0.05, 0.0)]
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("speeds", SPEEDS)
+@pytest.mark.parametrize(("fault", "wheel", "cause"), FAULTS)
+def test_a_wheel_that_fails_on_the_move_is_named_in_time(name, speeds, fault, wheel, cause):
+    drive = Drive(name)
+    drive.command(*speeds)
+    assert drive.run(4.0) is None
+    drive.fault, failed_s = fault(drive), drive.now
+    found = drive.run(2.0)
+    assert (found.wheel, found.cause) == (wheel, cause)
+    assert drive.now - failed_s <= NOTICED_S
+
+
+@pytest.mark.parametrize("phase", range(10))
+def test_the_moment_of_the_fault_does_not_matter(phase):
+    drive = Drive(frame_s=0.005)
+    drive.command(0.2, 0.0)
+    drive.run(4.0 + phase * 0.005)
+    drive.fault, failed_s = frozen_left(drive), drive.now
+    drive.run(2.0)
+    assert drive.now - failed_s <= NOTICED_S
+
+
+@pytest.mark.parametrize(("fault", "wheel", "cause"), FAULTS)
+def test_a_robot_that_cannot_start_is_noticed_within_a_second(fault, wheel, cause):
+    """The ramp takes 2.5 s to full speed, so there is little to see at first."""
+    drive = Drive()
+    drive.fault = fault(drive)
+    drive.command(0.3, 0.0)
+    assert drive.run(1.0) is not None
+    assert (drive.found.wheel, drive.found.cause) == (wheel, cause)
+
+
+def test_a_2013_board_is_watched_too():
+    drive = Drive(frame_s=FRAME_2013_S, pace=SLOW)
+    drive.command(0.2, 0.0)
+    assert drive.run(3.0) is None
+    drive.fault, failed_s = frozen_right(drive), drive.now
+    assert drive.run(2.0).wheel == "right"
+    assert drive.now - failed_s <= NOTICED_S
+
+
+COMMANDS = st.lists(
+    st.tuples(
+        st.one_of(st.sampled_from([-0.3, 0.0, 0.3]), st.floats(-0.3, 0.3), st.floats(-0.03, 0.03)),
+        st.one_of(st.sampled_from([-1.0, 0.0, 1.0]), st.floats(-1.0, 1.0), st.floats(-0.1, 0.1)),
+        st.sampled_from([0.05, 0.1, 0.3, 1.0, 3.0]),
+        st.floats(0.0, 1.0),
+    ),
+    min_size=1,
+    max_size=12,
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(COMMANDS, st.sampled_from(MODELS), st.sampled_from([10, 20, 40]), st.booleans(), st.floats(8.5, 13.8))
+def test_no_driving_is_a_mismatch(commands, name, control_hz, old, volts):
+    """Ramps, reversals, turns in place, creeping, late commands, at each control rate and state of charge."""
+    frame_s, pace, late_s = (FRAME_2013_S, SLOW, 0.5) if old else (FRAME_S, QUICK, 0.12)
+    drive = Drive(name, control_hz, frame_s, pace, volts)
+    for linear, angular, seconds, lateness in commands:
+        late = min(late_s * lateness, seconds)
+        assert drive.run(seconds, (late, linear, angular)) is None
+
+
+@pytest.mark.parametrize("control_hz", [10, 20, 40])
+@pytest.mark.parametrize("name", MODELS)
+def test_to_and_fro_is_no_mismatch(name, control_hz):
+    drive = Drive(name, control_hz)
+    for seconds in (2.0, 1.0, 0.5, 0.3, 0.2, 0.1) * 3:
+        for speed in (0.3, -0.3):
+            drive.command(speed, 0.0)
+            assert drive.run(seconds) is None
+
+
+def test_a_wheel_slower_than_15_mm_s_is_not_judged():
+    """A real motor may stick at such speeds."""
+    drive = Drive()
+    drive.fault = both_frozen(drive)
+    drive.command(0.012, 0.0)
+    assert drive.run(5.0) is None
+
+
+def test_after_a_gap_the_watch_begins_anew():
+    """The board may have stopped the robot meanwhile, and starts it again on the next command."""
+    drive = Drive()
+    drive.command(0.3, 0.0)
+    drive.run(3.0)
+    drive.motors.stop(drive.now)
+    drive.now += GAP_S + 0.1
+    drive.command(0.3, 0.0)
+    assert drive.run(3.0) is None
+
+
+def test_the_words_name_wheel_way_and_cause():
+    assert str(Mismatch("left", DEAD, 0.05, 0.001)) == (
+        "left wheel moved 1 mm, expected at least 50 mm: encoder dead or unplugged, or the wheel blocked"
+    )
