@@ -66,8 +66,9 @@ test: check firmware pc-firmware ## Set everything up and run all tests
 bench-firmware: setup firmware ## Measure the firmware image on the simulated chip; build/bench/firmware.json
 	$(PY) -m tests.bench.bench_firmware
 
-bench-host: setup ## Measure codec, odometry and the driver alone; build/bench/host.json
+bench-host: setup ## Measure codec, odometry, recording and the driver alone; build/bench/host.json
 	$(PY) -m tests.bench.bench_host
+	$(PY) -m tests.bench.bench_recording
 
 run: setup firmware ## Drive an emulated robot through ROS with a live view; PORT=/dev/ttyACM0 for a real one
 	@$(ROS_ENV) exec $(PY) -m ros1_bridge.run $(if $(ROBOT),--robot $(ROBOT)) $(if $(ENGINE),--engine $(ENGINE)) \
