@@ -51,6 +51,25 @@ void report_sensors(bool with_counts) {
   writer::add(i2c_sensors::hottest());
 }
 
+// Codes 20 to 28.
+void report_environment(uint8_t code, bool with_counts) {
+  switch (code) {
+    case READ_ALCOHOL:
+      return writer::add(environment::alcohol());
+    case READ_DUST:
+      return writer::add(environment::dust());
+    case READ_THERMOPILE:
+      return i2c_sensors::report_pixels();
+    case START_SENSOR_STREAM:
+      return report_sensors(with_counts);
+    case START_SENSOR_LDR_STREAM:
+      report_sensors(with_counts);
+      return writer::add(environment::light());
+    default:
+      return writer::add(i2c_sensors::bearing());
+  }
+}
+
 }  // namespace
 
 bool needs_counts(uint8_t code) {
@@ -72,6 +91,7 @@ Readiness sensors(uint8_t code) {
 }
 
 void report(uint8_t code, int16_t value, bool with_counts) {
+  if (code >= READ_ALCOHOL && code <= STOP_COMPASS_STREAM) return report_environment(code, with_counts);
   switch (code) {
     case ROBOT_INFO:
       return motor::report_info();
@@ -86,19 +106,6 @@ void report(uint8_t code, int16_t value, bool with_counts) {
       return debug::report();
     case GET_STREAM:
       return stream::report();
-    case READ_ALCOHOL:
-      return writer::add(environment::alcohol());
-    case READ_DUST:
-      return writer::add(environment::dust());
-    case READ_THERMOPILE:
-      return i2c_sensors::report_pixels();
-    case START_SENSOR_STREAM:
-      return report_sensors(with_counts);
-    case START_SENSOR_LDR_STREAM:
-      report_sensors(with_counts);
-      return writer::add(environment::light());
-    case START_COMPASS_STREAM:
-      return writer::add(i2c_sensors::bearing());
     case READ_PROTOCOL:
       return status::report_protocol();
     case READ_STATUS:
