@@ -27,6 +27,7 @@ class Row(NamedTuple):
 
 ROWS = (
     Row("port", str, None, "", "Serial port of the board, such as /dev/ttyACM0"),
+    Row("port_timeout", float, 0.0, "s", "Wait so long for the port to appear", 0.0, 600.0),
     Row("baud", int, 115200, "baud", "Speed of the serial port", choices=BAUDS),
     Row(
         "robot",
@@ -66,6 +67,7 @@ class Parameters(NamedTuple):
     """Checked values, named as in `ROWS`; `cmd_vel_timeout` in seconds."""
 
     port: str
+    port_timeout: float
     baud: int
     robot: str
     odom_frame: str

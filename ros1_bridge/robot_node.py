@@ -4,6 +4,7 @@ The driver's reading thread publishes, and a command goes to the port from the s
 services and parameters stand in this package's README.
 """
 
+import os
 import signal
 import threading
 import time
@@ -33,6 +34,7 @@ from .services import Answer, Services
 DIAGNOSTICS_S = 1.0
 STATUS_S = 0.1
 """A change of the robot's state is told within this time."""
+PORT_LOOK_S = 0.1
 WARN_EVERY_S = 1.0
 
 Wrapper = Any
@@ -65,6 +67,7 @@ class RobotNode:
             MrlError: the robot cannot be reached, is not the one, or went away.
         """
         rospy.on_shutdown(self._driver.close)
+        self._await_port()
         if rospy.is_shutdown():
             return
         try:
@@ -77,6 +80,13 @@ class RobotNode:
                 raise
         finally:
             self._driver.close()
+
+    def _await_port(self) -> None:
+        until_s = time.monotonic() + self._parameters.port_timeout
+        while time.monotonic() < until_s and not os.path.exists(self._parameters.port):
+            if rospy.is_shutdown():
+                return
+            time.sleep(PORT_LOOK_S)
 
     def _wire(self, board: Board, model: RobotModel) -> None:
         parameters, driver = self._parameters, self._driver

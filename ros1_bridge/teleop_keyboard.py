@@ -1,0 +1,64 @@
+"""ROS node `teleop_keyboard`: keys of the terminal to `cmd_vel`; silent while no key is held."""
+
+import sys
+import time
+from typing import List, Optional
+
+import rospy
+from geometry_msgs.msg import Twist
+
+from mrl_driver.keyboard import Keyboard
+
+from .teleop import ANGULAR_RAD_S, LINEAR_M_S, Teleop
+
+PERIOD_S = 0.05
+HELP = "arrow keys or w a s d drive, space stops, q ends"
+
+
+class TeleopKeyboard:
+    """Drives from one terminal."""
+
+    def __init__(self) -> None:
+        self._linear = float(rospy.get_param("~linear_speed", LINEAR_M_S)) / LINEAR_M_S
+        self._angular = float(rospy.get_param("~angular_speed", ANGULAR_RAD_S)) / ANGULAR_RAD_S
+        self._out = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
+        self._driving = False
+
+    def run(self, keyboard: Keyboard) -> None:
+        """Until `q` or the shutdown."""
+        teleop = Teleop()
+        while not rospy.is_shutdown():
+            for key in keyboard.read(PERIOD_S):
+                if key in ("q", "escape", "\x03"):
+                    return
+                teleop.press(key, time.monotonic())
+                self._driving = self._driving or key == "space"
+            self._publish(*teleop.command(time.monotonic()))
+
+    def _publish(self, linear: float, angular: float) -> None:
+        moving = bool(linear or angular)
+        if moving or self._driving:
+            twist = Twist()
+            twist.linear.x, twist.angular.z = linear * self._linear, angular * self._angular
+            self._out.publish(twist)
+        self._driving = moving
+
+    def stop(self) -> None:
+        """One stop, as the last word."""
+        self._out.publish(Twist())
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run the node; returns the exit code."""
+    rospy.init_node("teleop_keyboard", argv=argv or sys.argv)
+    if not sys.stdin.isatty():
+        rospy.logfatal("stdin is no terminal; start the node in one, not in the background")
+        return 2
+    node = TeleopKeyboard()
+    rospy.loginfo(HELP)
+    try:
+        with Keyboard() as keyboard:
+            node.run(keyboard)
+    finally:
+        node.stop()
+    return 0

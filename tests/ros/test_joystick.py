@@ -1,0 +1,68 @@
+"""Joystick layouts, and the node on messages."""
+
+import time
+
+import pytest
+from geometry_msgs.msg import Twist
+from hypothesis import given
+from hypothesis import strategies as st
+from sensor_msgs.msg import Joy
+
+from ros1_bridge.joystick import LAYOUTS, read
+
+from .rig import ROOT, START_S
+
+PS3, WIIMOTE = LAYOUTS["ps3"], LAYOUTS["wiimote"]
+
+
+def pressed(*indices):
+    return [int(i in indices) for i in range(17)]
+
+
+def test_nothing_moves_without_the_dead_man_button():
+    assert read(PS3, [1.0, 1.0], pressed()) is None
+
+
+def test_stick_drives():
+    assert read(PS3, [0.5, 1.0], pressed(PS3.dead_man)) == (1.0, 0.5)
+
+
+def test_stick_at_rest_does_not_creep():
+    assert read(PS3, [0.05, -0.05], pressed(PS3.dead_man)) == (0.0, 0.0)
+
+
+def test_wiimote_drives_with_its_cross():
+    """Held sideways: its right is forward, its up is left."""
+    assert read(WIIMOTE, [0.1, 9.8, 0.2], pressed(WIIMOTE.dead_man, 7, 8)) == (1.0, 1.0)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=list(LAYOUTS))
+def test_message_that_is_too_short_moves_nothing(layout):
+    assert read(layout, [], []) is None
+
+
+@given(st.lists(st.floats(width=32), max_size=4), st.lists(st.integers(0, 1), max_size=17))
+def test_shares_are_at_most_one(axes, buttons):
+    for layout in LAYOUTS.values():
+        shares = read(layout, axes, buttons)
+        assert shares is None or all(-1 <= share <= 1 for share in shares)
+
+
+def test_node_passes_on_and_ends_with_one_stop(rig):
+    rig.start("joystick", str(ROOT / "ros1_bridge" / "nodes" / "teleop_joystick"), f"__ns:={rig.ns}")
+    joy, twists = rig.publisher("joy", Joy), rig.topic("cmd_vel", Twist)
+    joy.publish(axes=[0.0, 1.0], buttons=pressed(PS3.dead_man))
+    assert twists.wait()[0].linear.x == 0.25
+    joy.publish(axes=[0.0, 1.0], buttons=pressed())
+    assert twists.wait(2)[1] == Twist()
+    joy.publish(axes=[0.0, 1.0], buttons=pressed())
+    time.sleep(0.3)
+    assert len(twists.messages) == 2
+
+
+def test_unknown_layout_is_named(rig):
+    node = ROOT / "ros1_bridge" / "nodes" / "teleop_joystick"
+    started = rig.start("joystick", str(node), f"__ns:={rig.ns}", "_layout:=tank")
+    assert started.wait(START_S)
+    assert started.exit_code == 2
+    assert any("'tank', expected one of ps3, wiimote" in line for line in started.output())
