@@ -102,6 +102,8 @@ class Handshake:
             return
         if not self._patient:
             self._judge(now)
+        elif self.board is not None and now >= self._give_up_s:
+            self.board, self._step = None, (_CODE["robot_info"],)  # it restarted meanwhile, in another mode
         if self.board is None:
             self._send(_CODE["stop"])
             if self._patient or self._attempts % 3 == 2:

@@ -19,6 +19,15 @@ def codes(talk):
 # -- greeting
 
 
+def test_a_board_that_restarts_amid_a_greeting_is_greeted_anew():
+    """It has told who it is under the check value, and is plain from then on."""
+    talk = Talk().until_ready()
+    talk.session.lose(talk.now)
+    talk.until(lambda: talk.session._greeting.board is not None)
+    talk.board.reset(talk.now)
+    talk.until(lambda: talk.session.ready, seconds=5.0)
+
+
 def test_a_stop_goes_first():
     assert Talk().run(0.01).sent[0][1].startswith(b"@13e")
 
