@@ -1,0 +1,193 @@
+"""A driver's session and an emulated board over a link with random faults, stepped together in injected time."""
+
+import math
+import random
+from typing import List, NamedTuple, Set, Tuple
+
+from mrl_driver.codec import REPLIES, REQUESTS, Frame, FrameDecoder
+from mrl_driver.events import Counts
+from mrl_driver.odometry import QUANTUM_COUNTS
+from mrl_driver.robots import load
+from mrl_driver.session import Session
+from mrl_driver.state import RobotState, fastest_m_s
+from mrl_driver.table import STOP_CODE
+from sim_arduino.board import PythonBoard
+from sim_arduino.faults import FaultyEngine
+from sim_arduino.plant import Plant
+from sim_arduino.world import World
+
+STEP_S = 0.002
+FIRST_FAULT_S = 1.0
+"""By then the driver is connected."""
+SLACK_S = 0.1
+"""What the odometry allows beyond the time between two readings, where it has no board time."""
+
+BAD_BYTES = ("loss", "flip", "change", "swap", "repeat")
+NUISANCES = (
+    "loss:rate=0.003,burst=40",
+    "delay:delay=0.002,jitter=0.016,direction=to_host",
+    "split:size=20,gap=0.002",
+    "junk:rate=300",
+    "text:period=0.05",
+    "flood:at=3,lasts=0.5",
+    "stall:at=2.5,lasts=0.7",
+    "stall:at=2.5,lasts=0.2,every=1,direction=to_host",
+    "freeze:at=3,lasts=0.6",
+)
+BREAKS = ("unplug:at=3,lasts=0.5", "reset:at=3", "reset:at=2,every=1.7")
+
+
+class Scene(NamedTuple):
+    """What goes wrong, and whether the board's counters or the link start anew in between."""
+
+    faults: Tuple[str, ...]
+    breaks: bool
+
+
+def scene(rng: random.Random) -> Scene:
+    """A random choice of faults."""
+    faults = [f"{rng.choice(BAD_BYTES)}:rate={10 ** rng.uniform(-4, -2):.5f},at={FIRST_FAULT_S}"]
+    for fault in rng.sample(NUISANCES, rng.randint(0, 2)):
+        faults.append(fault if "at=" in fault else f"{fault},at={FIRST_FAULT_S}")
+    breaks = rng.random() < 0.4
+    return Scene((*faults, rng.choice(BREAKS)) if breaks else tuple(faults), breaks)
+
+
+class WatchedBoard(PythonBoard):
+    """A board that notes what it carries out under the check value, and what it sends."""
+
+    def __init__(self, plant: Plant) -> None:
+        self.carried_out: List[Frame] = []
+        super().__init__(plant)
+        self._twin, self._twin_of = FrameDecoder(REQUESTS), self._decoder
+
+    def _take(self, data: bytes) -> None:
+        """Decoded twice, for the board tells nobody what it decodes."""
+        if self._twin_of is not self._decoder:
+            self._twin, self._twin_of = FrameDecoder(REQUESTS), self._decoder
+        self._twin.checked = self._decoder.checked
+        found = self._twin.feed(data)
+        if self._decoder.checked:
+            self.carried_out += [event for event in found if isinstance(event, Frame)]
+        super()._take(data)
+
+
+class FaultyRobot:
+    """Robot, bad link and driver.
+
+    Attributes:
+        wrong: Values accepted under the check value, on either side, that the other side did not send.
+        jump_m: Largest step of the pose beyond what the wheels can do in the time.
+    """
+
+    def __init__(self, faults: Tuple[str, ...], seed: int) -> None:
+        self.model = load("traxbot")
+        self.plant = Plant(self.model, World(), (0.0, 0.0, 0.0))
+        self.board = WatchedBoard(self.plant)
+        self.engine = FaultyEngine(_Tap(self.board), faults, seed)
+        self.state = RobotState(self.model)
+        self.now = 0.0
+        self.session = Session(self.state.admit, self.now)
+        self.wrong: List[object] = []
+        self.jump_m = -math.inf
+        self.accepted = 0
+        self._asked: Set[Frame] = set()
+        self._pose, self._pose_s = None, 0.0
+        self._plugged = True
+
+    def run(self, seconds: float) -> "FaultyRobot":
+        """Both run for a time."""
+        end = self.now + seconds
+        while self.now < end:
+            self._step()
+        return self
+
+    def _step(self) -> None:
+        self.now += STEP_S
+        data = self.engine.advance(self.now)
+        self._follow_cable()
+        events = self.session.receive(data, self.now) if data else []
+        if data or self.now >= self.session.deadline(self.now):
+            events += self.session.tick(self.now)
+        for event in events:
+            self.state.digest(event, self.now)
+            if isinstance(event, Counts):
+                self._judge(event)
+        out = self.session.take()
+        if out and self._plugged:
+            self._note_requests(out)
+            self.engine.receive(out)
+        self._judge_board()
+
+    def _follow_cable(self) -> None:
+        """What the driver does when its port goes away, and when it is found again."""
+        if self._plugged and not self.engine.plugged:
+            self.session.lose(self.now)
+        elif self.engine.plugged and not self._plugged:
+            self.session.relink(self.now)
+        self._plugged = self.engine.plugged
+
+    def _note_requests(self, out: bytes) -> None:
+        for part in out.split(b"@")[1:]:
+            numbers = [int(token) for token in part[:-1].split(b",")]
+            self._asked.add(Frame(numbers[0], tuple(numbers[1:-1])))
+
+    def _judge_board(self) -> None:
+        self.wrong += [f for f in self.board.carried_out if f not in self._asked and f.code != STOP_CODE]
+        self.board.carried_out.clear()
+
+    def _judge(self, event: Counts) -> None:
+        if event.sequence is not None:
+            self.accepted += 1
+            if (event.right, event.left, event.sonars, event.sequence) not in self.engine.engine.sent:
+                self.wrong.append(event)
+        pose = self.state.odometry.pose
+        if self._pose is not None:
+            reach_m = fastest_m_s(self.model) * (self.now - self._pose_s + SLACK_S)
+            reach_m += QUANTUM_COUNTS * self.model.drive.metres_per_count
+            self.jump_m = max(self.jump_m, math.dist(pose[:2], self._pose[:2]) - reach_m)
+        if pose != self._pose:
+            self._pose, self._pose_s = pose, self.now
+
+    @property
+    def error_m(self) -> float:
+        """Distance between the odometry's position and the true one."""
+        true = self.plant.true_pose
+        return math.dist(self.state.odometry.pose[:2], (true.x_m, true.y_m))
+
+    def moves(self, seconds: float = 0.2) -> bool:
+        """Whether the robot moves within a time."""
+        before = self.plant.true_pose
+        self.run(seconds)
+        return math.dist(before[:2], self.plant.true_pose[:2]) > 1e-5
+
+
+class _Tap:
+    """An engine that notes the stamped frames which a board really sends."""
+
+    def __init__(self, board: WatchedBoard) -> None:
+        self._board = board
+        self._decoder = FrameDecoder(REPLIES, checked=True)
+        self.sent: Set[Tuple[object, ...]] = set()
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._board, name)
+
+    def advance(self, to_s: float) -> bytes:
+        """As the board's; what is sent is noted."""
+        data = self._board.advance(to_s)
+        for event in self._decoder.feed(data):
+            if isinstance(event, Frame) and event.stamp is not None:
+                args = event.args
+                self.sent.add((args[0], args[1], args[2:] or None, event.stamp.sequence))
+        return data
+
+
+def drive_about(robot: FaultyRobot, rng: random.Random, seconds: float) -> None:
+    """Random commands, as a person gives them."""
+    end = robot.now + seconds
+    while robot.now < end:
+        robot.session.drive(rng.randint(-300, 300), rng.randint(-1500, 1500), robot.now)
+        if rng.random() < 0.15:
+            robot.session.stop(robot.now)
+        robot.run(rng.uniform(0.05, 0.6))

@@ -1,0 +1,48 @@
+"""Driver and board over links with random faults: no wrong value, no jump, and a stop in the end."""
+
+import random
+
+import pytest
+
+from tests.fuzz.faulty_robot import FIRST_FAULT_S, FaultyRobot, drive_about, scene
+
+SEEDS = range(24)
+DRIVE_S = 5.0
+SETTLE_S = 3.0
+WATCHDOG_S = 0.25
+STOPPING_S = 0.35
+"""Motors run down from full speed."""
+POSE_M = 0.02
+"""Largest error of a drive of some metres, most of it from arcs between frames that were not lost."""
+
+
+def drive(seed):
+    """A robot that has been driven about while things went wrong, and what they were."""
+    rng = random.Random(seed)
+    what = scene(rng)
+    robot = FaultyRobot(what.faults, seed).run(FIRST_FAULT_S)
+    assert robot.session.ready
+    drive_about(robot, rng, DRIVE_S)
+    return robot, what
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_drive_with_faults_has_no_wrong_value_and_no_jump_and_ends_stopped(seed):
+    robot, what = drive(seed)
+    assert robot.accepted > 20, what
+    if seed % 2:
+        robot.session.drive(300, 0, robot.now)
+        robot.session.take()
+        robot.session.stop(robot.now)
+        robot.run(WATCHDOG_S + STOPPING_S)
+    else:
+        robot.engine.stall(60)
+        robot.run(WATCHDOG_S + STOPPING_S)
+    assert not robot.moves(), what
+    robot.engine.clear()
+    robot.run(SETTLE_S)
+    assert robot.session.ready, what
+    assert not robot.moves(), what
+    assert robot.wrong == [], what
+    assert robot.jump_m <= 0, what
+    assert what.breaks or robot.error_m < POSE_M, what
