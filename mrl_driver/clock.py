@@ -7,15 +7,15 @@ edge, below the middle of the window, of the points' lower convex hull (Moon, Sk
 removal of clock skew from network delay measurements", INFOCOM 1999).
 """
 
-from collections import deque
-from typing import Deque, List, NamedTuple, Optional, Tuple
+from typing import List, NamedTuple, Optional, Tuple
 
 from .table import TICK_S
 
 MAX_DRIFT = 0.01
 """Largest drift believed [s/s]; the Uno's ceramic resonator is good to 0.5 %."""
 _BUCKET_S = 0.25
-_BUCKETS = 80
+_BUCKETS, _SPARE = 80, 20
+"""The window is 20 s; it grows by a quarter before its oldest part is dropped at once, which costs a new hull."""
 _LEAST_SPAN_S = 1.0
 
 _Point = Tuple[float, float]
@@ -31,7 +31,7 @@ class HostTime(NamedTuple):
 class BoardClock:
     """Estimates offset and drift of one board's clock from its stamped frames.
 
-    Host times are seconds of any clock that never jumps (`time.monotonic`).  Nothing is estimated beyond the last 20 s.
+    Host times are seconds of any clock that never jumps (`time.monotonic`).  Estimates rest on the last 20 to 25 s.
     """
 
     def __init__(self) -> None:
@@ -39,7 +39,8 @@ class BoardClock:
         self._time = 0
         self._arrival_s = 0.0
         self._stamp_s = float("-inf")
-        self._lows: Deque[_Point] = deque(maxlen=_BUCKETS)
+        self._lows: List[_Point] = []
+        self._hull: List[_Point] = []
         self._bucket_end_s = 0.0
         self._line: _Point = (0.0, 0.0)
         self.drift = 0.0
@@ -79,31 +80,39 @@ class BoardClock:
         if not self._lows or board_s >= self._bucket_end_s:
             self._lows.append(point)
             self._bucket_end_s = board_s + _BUCKET_S
+            self._shorten()
+            _append(self._hull, point)
             self._fit()
         elif offset - self.drift * board_s < self._lows[-1][1] - self.drift * self._lows[-1][0]:
             self._lows[-1] = point
+            self._hull.pop()
+            _append(self._hull, point)
             if offset < height + self.drift * (board_s - at):
                 self._fit()
 
+    def _shorten(self) -> None:
+        """Drops what is older than the window, and rebuilds the hull of all but the newest point."""
+        if len(self._lows) > _BUCKETS + _SPARE:
+            del self._lows[:-_BUCKETS]
+            self._hull.clear()
+            for low in self._lows[:-1]:
+                _append(self._hull, low)
+
     def _fit(self) -> None:
-        hull = _lower_hull(self._lows)
+        hull = self._hull
         middle = (self._lows[0][0] + self._lows[-1][0]) / 2
         for (x0, y0), (x1, y1) in zip(hull, hull[1:]):
             if x1 >= middle and x1 - x0 >= _LEAST_SPAN_S:
                 self.drift = min(MAX_DRIFT, max(-MAX_DRIFT, (y1 - y0) / (x1 - x0)))
                 break
-        x, y = min(self._lows, key=lambda p: p[1] - self.drift * p[0])
-        self._line = (x, y)
+        self._line = min(hull, key=lambda p: p[1] - self.drift * p[0])
 
 
-def _lower_hull(points: "Deque[_Point]") -> List[_Point]:
-    """Lower convex hull of points sorted by x."""
-    hull: List[_Point] = []
-    for p in points:
-        while len(hull) > 1 and _turn(hull[-2], hull[-1], p) <= 0:
-            hull.pop()
-        hull.append(p)
-    return hull
+def _append(hull: List[_Point], point: _Point) -> None:
+    """One more point, right of all others, for a lower convex hull."""
+    while len(hull) > 1 and _turn(hull[-2], hull[-1], point) <= 0:
+        hull.pop()
+    hull.append(point)
 
 
 def _turn(a: _Point, b: _Point, c: _Point) -> float:

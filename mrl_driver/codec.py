@@ -27,6 +27,8 @@ from .table import (
 )
 
 _AT, _END, _CR, _LF = b"@e\r\n"
+_QUIET = (b"", b"\r\n")
+"""What a feed may end with and say nothing by it, between frames."""
 _PRINTABLE = range(0x20, 0x7F)
 
 
@@ -163,7 +165,8 @@ class FrameDecoder:
         while odd is not None:
             between = not (self._frame or self._noise or self._text)
             odd = quick(waiting, events) if between else next(waiting, None)
-            self._scan(rest if odd is None else odd + b"e", events)
+            if odd is not None or rest not in _QUIET or self._frame or self._noise or self._text:
+                self._scan(rest if odd is None else odd + b"e", events)
         return events
 
     def _quick(self, waiting: Iterator[bytes], events: List[Event]) -> Optional[bytes]:
