@@ -1,0 +1,63 @@
+"""An emulated robot on a pty in this process: what reached its motor board, and when, on the host's clock."""
+
+import pathlib
+import threading
+import time
+from typing import List, Optional
+
+from mrl_driver.robots import load
+from sim_arduino.avr_engine import AvrEngine
+from sim_arduino.board import PythonBoard
+from sim_arduino.plant import Plant
+from sim_arduino.port import PtyPort
+from sim_arduino.server import PtyServer
+
+IMAGE = pathlib.Path(__file__).resolve().parents[2] / "build" / "firmware" / "mrl_firmware.elf"
+STOP, MOVE = 0xFC, 0xEB
+"""Registers of the motor board."""
+
+
+class Emulator:
+    """Serves until `close`; `engine` is `python`, or `avr` for the firmware's image, which `make test` builds."""
+
+    def __init__(self, engine: str = "python", name: str = "traxbot") -> None:
+        model = load(name)
+        self.plant = Plant(model)
+        if engine == "avr":
+            self._engine = AvrEngine(self.plant, IMAGE, robot_id=model.ids[0])
+        else:
+            self._engine = PythonBoard(self.plant)
+        self._port = PtyPort()
+        self.path = self._port.path
+        self._start_s = time.monotonic()
+        self._server = PtyServer(self._engine, self._port, self.plant)
+        self._thread = threading.Thread(target=self._server.run, daemon=True)
+        self._thread.start()
+
+    def times(self, code: int, since_s: float = 0.0) -> List[float]:
+        """When the motor board was told so, on `time.monotonic()` [s]."""
+        commands = list(self.plant.motor_board.commands)
+        times = [self._start_s + command.time_s for command in commands if command.code == code]
+        return [time_s for time_s in times if time_s >= since_s]
+
+    def wait_for(self, code: int, since_s: float, patience_s: float = 10.0) -> Optional[float]:
+        """When the motor board was first told so since then [s]; None where it was not."""
+        deadline = time.monotonic() + patience_s
+        while time.monotonic() < deadline:
+            found = self.times(code, since_s)
+            if found:
+                return found[0]
+            time.sleep(0.002)
+        return None
+
+    @property
+    def moves(self) -> bool:
+        """Some wheel turns."""
+        return any(motor.speed != 0.0 for motor in self.plant.robot.motors)
+
+    def close(self) -> None:
+        """Unplugs it."""
+        self._server.stop()
+        self._thread.join()
+        self._engine.close()
+        self._port.close()

@@ -1,0 +1,201 @@
+"""Faults that hurt users of such drivers, each with the figure that must hold, on the emulated robot in real time."""
+
+import math
+import os
+import pathlib
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+import mrl_driver
+from mrl_driver.driver import Driver, Options
+from mrl_driver.events import Stale
+
+from .emulator import MOVE, STOP, Emulator
+from .test_driver import wait_until
+from .test_emulator import PATIENCE_S, mrl_sim  # noqa: F401
+
+BUSY_S = 0.15
+"""What a busy machine may add to any time; the long runs measure the times themselves."""
+HOST_DEAD_S, WATCHDOG_S = 0.3, 0.25
+SILENT_S = 0.3
+SIGNAL_STOP_S, SIGNAL_EXIT_S = 0.1, 2.0
+BLOCKED_S = 0.1
+SIGNALS = 5
+
+DRIVE = (
+    "import sys; from mrl_driver.driver import Driver; d = Driver(sys.argv[1]); d.connect(); d.drive(.2, 0); "
+    "print(flush=True); d.wait(60)"
+)
+
+
+@pytest.fixture
+def emulate():
+    """Starts an emulator in this process."""
+    started = []
+
+    def start(*args):
+        started.append(Emulator(*args))
+        return started[-1]
+
+    yield start
+    for emulator in started:
+        emulator.close()
+
+
+@pytest.mark.parametrize("engine", ["python", "avr"])
+def test_a_killed_driver_leaves_a_robot_that_stops(emulate, engine):
+    robot = emulate(engine)
+    process = subprocess.Popen([sys.executable, "-c", DRIVE, robot.path], stdout=subprocess.PIPE)
+    process.stdout.readline()
+    wait_until(lambda: robot.moves)
+    process.kill()
+    killed_s = time.monotonic()
+    process.wait(PATIENCE_S)
+    process.stdout.close()
+    stopped_s = robot.wait_for(STOP, killed_s)
+    assert stopped_s - killed_s <= HOST_DEAD_S + BUSY_S
+    wait_until(lambda: not robot.moves)
+
+
+@pytest.mark.parametrize("timeout_s", [0.1, 0.25, 0.6])
+def test_a_command_source_that_dies_stops_the_robot(emulate, timeout_s):
+    robot = emulate()
+    with Driver(robot.path, options=Options(command_timeout_s=timeout_s)) as driver:
+        for _ in range(10):
+            driver.drive(0.2, 0.0)
+            last_s = time.monotonic()
+            time.sleep(0.05)
+        stopped_s = robot.wait_for(STOP, last_s)
+    assert timeout_s <= stopped_s - last_s + 0.01
+    assert stopped_s - last_s <= timeout_s + 0.05 + BUSY_S
+
+
+def test_a_stop_that_is_lost_is_repeated(emulate, monkeypatch):
+    """The line swallows the first three stops; the board's watchdog is off, so nothing else helps."""
+    robot = emulate()
+    with Driver(robot.path, options=Options(watchdog_ms=0)) as driver:
+        driver.drive(0.2, 0.0)
+        wait_until(lambda: robot.moves)
+        write, lost = driver._link.write, []
+
+        def swallow(data):
+            if b"@13e" in data and len(lost) < 3:
+                lost.append(data)
+                data = data.replace(b"@13e", b"@11,50")
+            write(data)
+
+        monkeypatch.setattr(driver._link, "write", swallow)
+        begun_s = time.monotonic()
+        driver.stop()
+        assert robot.wait_for(STOP, begun_s) is not None
+        wait_until(lambda: driver.stopped)
+        assert len(lost) == 3
+
+
+def test_a_silent_board_is_stale_in_time(mrl_sim):  # noqa: F811
+    with Driver(mrl_sim()) as driver:
+        heard = []
+        driver.on_event(lambda event: heard.append((time.monotonic(), event)))
+        driver.drive(0.1, 0.0)
+        os.kill(mrl_sim.process.pid, signal.SIGSTOP)
+        stopped_s = time.monotonic()
+        wait_until(lambda: any(isinstance(event, Stale) for _, event in heard))
+        told_s = next(at for at, event in heard if isinstance(event, Stale))
+        assert told_s - stopped_s <= SILENT_S + BUSY_S
+
+
+def test_a_board_that_stood_still_does_not_carry_out_what_waited(mrl_sim, tmp_path):  # noqa: F811
+    """Longer than the 2 s after which the check value ends."""
+    log = tmp_path / "log"
+    with Driver(mrl_sim("--log", log)) as driver:
+        driver.drive(0.2, 0.0)
+        wait_until(lambda: driver.pose.x_m > 0.01)
+        os.kill(mrl_sim.process.pid, signal.SIGSTOP)
+        deadline = time.monotonic() + 2.5
+        while time.monotonic() < deadline:
+            driver.drive(0.2, 0.0)
+            time.sleep(0.02)
+        os.kill(mrl_sim.process.pid, signal.SIGCONT)
+        wait_until(lambda: driver.ready)
+        pose = driver.pose
+        time.sleep(0.3)
+        assert driver.pose == pose and driver.twist == (0, 0) and driver.command is None
+    waited = [line for line in log.read_text().splitlines() if '"stalled"' in line]
+    assert sum(line.count("@11,") for line in waited) <= math.ceil(0.1 / 0.02) + 2
+
+
+def test_a_port_that_takes_no_bytes_blocks_nobody_for_long(serve):
+    port = serve()
+    with Driver(port.path) as driver:
+        port.held.set()
+        longest_s = 0.0
+        deadline = time.monotonic() + PATIENCE_S
+        while not driver.statistics.blocked_writes:
+            assert time.monotonic() < deadline
+            begun_s = time.monotonic()
+            driver.request(30)
+            longest_s = max(longest_s, time.monotonic() - begun_s)
+        assert longest_s <= BLOCKED_S + BUSY_S
+        port.held.clear()
+        wait_until(lambda: driver.ready)
+
+
+def stop_by(robot, number):
+    """Seconds from a signal at `mrl drive` to the stop at the motor board, to its exit, and its exit code."""
+    command = [sys.executable, "-m", "mrl_driver", "drive", "--port", robot.path, "--linear", "0.2"]
+    begun_s = time.monotonic()
+    process = subprocess.Popen([*command, "--for", "60"], stderr=subprocess.DEVNULL)
+    assert robot.wait_for(MOVE, begun_s) is not None
+    sent_s = time.monotonic()
+    process.send_signal(number)
+    stopped_s = robot.wait_for(STOP, sent_s)
+    process.wait(PATIENCE_S)
+    return stopped_s - sent_s, time.monotonic() - sent_s, process.returncode
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_signals_stop_the_robot_and_end_the_program(emulate, number, code):
+    robot = emulate()
+    for _ in range(SIGNALS):
+        stop_s, exit_s, found = stop_by(robot, number)
+        assert stop_s <= SIGNAL_STOP_S + BUSY_S and exit_s <= SIGNAL_EXIT_S + BUSY_S
+        assert found == code
+        wait_until(lambda: not robot.moves)
+
+
+@pytest.mark.parametrize("jump_s", [3600.0, -3600.0])
+def test_the_wall_clock_may_jump(serve, monkeypatch, jump_s):
+    with Driver(serve().path, options=Options(command_timeout_s=2.0)) as driver:
+        driver.drive(0.2, 0.0)
+        wait_until(lambda: driver.twist.linear_m_s > 0.15)
+        seen = []
+        driver.on_telemetry(seen.append)
+        real = time.time
+        monkeypatch.setattr(time, "time", lambda: real() + jump_s)
+        wait_until(lambda: len(seen) > 20)
+        assert all(0.1 < each.twist.linear_m_s < 0.3 for each in seen)
+        assert driver.command == (0.2, 0.0) and driver.age_s < 1.0
+
+
+def test_nothing_in_the_driver_asks_for_the_time_of_day():
+    """Recordings carry the date they were made on; nothing else depends on it."""
+    files = pathlib.Path(mrl_driver.__file__).parent.glob("*.py")
+    users = {file.name for file in files if re.search(r"time\.time\(|datetime|time_ns", file.read_text())}
+    assert users <= {"recording.py", "tape.py", "log_summary.py"}
+
+
+def test_opening_and_closing_again_and_again(emulate):
+    robot = emulate()
+    for _ in range(20):
+        driver = Driver(robot.path)
+        driver.connect()
+        begun_s = time.monotonic()
+        driver.close()
+        assert time.monotonic() - begun_s <= 1.0 + BUSY_S
+    assert threading.active_count() < 10
