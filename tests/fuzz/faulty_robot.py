@@ -5,8 +5,8 @@ import random
 from typing import List, NamedTuple, Set, Tuple
 
 from mrl_driver.codec import REPLIES, REQUESTS, Frame, FrameDecoder
-from mrl_driver.events import Counts
-from mrl_driver.odometry import QUANTUM_COUNTS
+from mrl_driver.events import Counts, Ready
+from mrl_driver.odometry import ORIGIN, QUANTUM_COUNTS
 from mrl_driver.robots import load
 from mrl_driver.session import Session
 from mrl_driver.state import RobotState, fastest_m_s
@@ -19,8 +19,8 @@ from sim_arduino.world import World
 STEP_S = 0.002
 FIRST_FAULT_S = 1.0
 """By then the driver is connected."""
-SLACK_S = 0.1
-"""What the odometry allows beyond the time between two readings, where it has no board time."""
+SLACK_S = 0.002
+"""What the odometry allows beyond the board's time between two readings."""
 
 BAD_BYTES = ("loss", "flip", "change", "swap", "repeat")
 NUISANCES = (
@@ -92,7 +92,7 @@ class FaultyRobot:
         self.jump_m = -math.inf
         self.accepted = 0
         self._asked: Set[Frame] = set()
-        self._pose, self._pose_s = None, 0.0
+        self._pose, self._used_s, self._refused = ORIGIN, 0.0, 0
         self._plugged = True
 
     def run(self, seconds: float) -> "FaultyRobot":
@@ -111,6 +111,8 @@ class FaultyRobot:
             events += self.session.tick(self.now)
         for event in events:
             self.state.digest(event, self.now)
+            if isinstance(event, Ready) and event.restarted:
+                self._used_s = 0.0
             if isinstance(event, Counts):
                 self._judge(event)
         out = self.session.take()
@@ -141,13 +143,17 @@ class FaultyRobot:
             self.accepted += 1
             if (event.right, event.left, event.sonars, event.sequence) not in self.engine.engine.sent:
                 self.wrong.append(event)
-        pose = self.state.odometry.pose
-        if self._pose is not None:
-            reach_m = fastest_m_s(self.model) * (self.now - self._pose_s + SLACK_S)
-            reach_m += QUANTUM_COUNTS * self.model.drive.metres_per_count
-            self.jump_m = max(self.jump_m, math.dist(pose[:2], self._pose[:2]) - reach_m)
-        if pose != self._pose:
-            self._pose, self._pose_s = pose, self.now
+        self._measure(event.time_s)
+
+    def _measure(self, time_s: float) -> None:
+        """How far the pose went, and how far it could at most."""
+        pose, refused = self.state.odometry.pose, self.state.odometry.baseline.refused
+        reach_m = fastest_m_s(self.model) * (time_s - self._used_s + SLACK_S)
+        reach_m += QUANTUM_COUNTS * self.model.drive.metres_per_count
+        self.jump_m = max(self.jump_m, math.dist(pose[:2], self._pose[:2]) - reach_m)
+        if refused == self._refused:
+            self._used_s = time_s
+        self._pose, self._refused = pose, refused
 
     @property
     def error_m(self) -> float:
@@ -183,11 +189,13 @@ class _Tap:
         return data
 
 
-def drive_about(robot: FaultyRobot, rng: random.Random, seconds: float) -> None:
-    """Random commands, as a person gives them."""
+def drive_about(robot: FaultyRobot, rng: random.Random, seconds: float, breaks: bool) -> None:
+    """Random commands, as a person gives them; with `breaks` the motor board loses its counts now and then."""
     end = robot.now + seconds
     while robot.now < end:
         robot.session.drive(rng.randint(-300, 300), rng.randint(-1500, 1500), robot.now)
         if rng.random() < 0.15:
             robot.session.stop(robot.now)
+        if breaks and rng.random() < 0.15:
+            robot.plant.motor_board.preset_encoder(robot.now, rng.choice((1, 3)), rng.randint(-32768, 32767))
         robot.run(rng.uniform(0.05, 0.6))

@@ -12,7 +12,7 @@ SETTLE_S = 3.0
 WATCHDOG_S = 0.25
 STOPPING_S = 0.35
 """Motors run down from full speed."""
-POSE_M = 0.02
+POSE_M = 0.03
 """Largest error of a drive of some metres, most of it from arcs between frames that were not lost."""
 
 
@@ -22,7 +22,7 @@ def drive(seed):
     what = scene(rng)
     robot = FaultyRobot(what.faults, seed).run(FIRST_FAULT_S)
     assert robot.session.ready
-    drive_about(robot, rng, DRIVE_S)
+    drive_about(robot, rng, DRIVE_S, what.breaks)
     return robot, what
 
 
