@@ -11,8 +11,7 @@ import click
 from mrl_driver import robots
 from mrl_driver.errors import ConfigError, MrlError
 
-from . import fault_table
-from . import world as worlds
+from . import fault_table, world_file
 from .control import ORDERS, Control
 from .engine import Engine
 from .faults import FaultyEngine
@@ -105,11 +104,11 @@ def main(
     """
     parsed = [fault_table.parse(spec) for spec in faults]
     model = robots.load(robot)
-    walls = worlds.load(world)
+    walls = world_file.load(world)
     plant = Plant(
         model,
         walls,
-        worlds.parse_pose(pose, walls.start),
+        world_file.parse_pose(pose, walls.start),
         slip=slip,
         battery_v=battery,
         sonars=not board["environment"],

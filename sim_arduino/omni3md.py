@@ -12,6 +12,7 @@ from typing import Callable, Deque, Dict, List, NamedTuple, Tuple
 from mrl_driver.robots import RobotModel
 
 from .motor import Gains
+from .omni import shares_for
 from .physics import Robot
 
 ADDRESS = 0x18
@@ -59,6 +60,10 @@ def _int16(value: int) -> int:
     return (value + 0x8000 & 0xFFFF) - 0x8000
 
 
+def _share(percent: int) -> float:
+    return max(-100, min(100, percent)) / 100.0
+
+
 class Omni3MD:
     """The motor board of one robot, wired to its motors.
 
@@ -68,6 +73,7 @@ class Omni3MD:
         busy_nack: True refuses writes while the EEPROM is being written, as the real board may.
         too_early: Writes that came in such a time.
         commands: The last commands that had an effect, oldest first.
+        saved: Encoder counts in its EEPROM, with which it starts.
     """
 
     def __init__(self, robot: Robot, model: RobotModel) -> None:
@@ -86,6 +92,7 @@ class Omni3MD:
         self.geometry = self._fitted
         self.counters = (_Counter(), _Counter(), _Counter())
         self.maxima = [0, 0, 0]
+        self.saved = (0, 0, 0)
         self._traffic_s = 0.0
         self._calibrated_s = math.inf
         self._busy_until_s = 0.0
@@ -152,8 +159,7 @@ class Omni3MD:
             self._move_one(motor - 1, percent, pid)
 
     def _move_one(self, index: int, percent: int, pid: bool) -> None:
-        motor = self.robot.motors[index]
-        share = max(-100, min(100, percent)) / 100.0
+        motor, share = self.robot.motors[index], _share(percent)
         if pid:
             motor.set_speed(share * motor.params.rated_counts_s)
         else:
@@ -179,6 +185,14 @@ class Omni3MD:
         left, _, right = self.robot.motors
         left.set_speed((linear - turning) * counts_per_m)
         right.set_speed((linear + turning) * counts_per_m)
+
+    def move_omni(self, time_s: float, speed: int, rotation: int, direction: int) -> None:
+        """Moves a robot with three wheels: speed and rotation -100 to 100 [%], direction 0 to 360 [deg]
+        counter-clockwise from forward."""
+        self._note(time_s, 0xFA, speed, rotation, direction)
+        shares = shares_for(_share(speed), _share(rotation), math.radians(direction))
+        for motor, share in zip(self.robot.motors, shares):
+            motor.set_speed(share * motor.params.rated_counts_s)
 
     def move_to_position(self, time_s: float, motor: int, percent: int, position: int, hold: bool) -> None:
         """Turns motor 1, 2 or 3 until its counter shows `position`, at most so fast [%], and holds it or not."""
@@ -230,6 +244,21 @@ class Omni3MD:
         self._note(time_s, 0xEF, encoder, count)
         if 1 <= encoder <= 3:
             self.counters[encoder - 1].preset(count, self.robot.motors[encoder - 1].travel)
+
+    def save_positions(self, time_s: float) -> None:
+        """Puts the counts into the EEPROM; 10 ms, as for the ramp's four bytes."""
+        self._note(time_s, 0xED)
+        left, rear, right = (c.read(m.travel) for c, m in zip(self.counters, self.robot.motors))
+        self.saved = left, rear, right
+        self._busy(0.010)
+
+    def power_cycle(self, time_s: float) -> None:
+        """Motor power off and on: the motors stop, the counts are those saved last."""
+        self.advance(time_s)
+        for motor, counter, count in zip(self.robot.motors, self.counters, self.saved):
+            motor.brake()
+            counter.preset(count, motor.travel)
+        self._calibrated_s = self._traffic_s = math.inf
 
     def _busy(self, duration_s: float) -> None:
         self._busy_until_s = self.time_s + duration_s
@@ -306,6 +335,8 @@ class Omni3MD:
         return {
             0xFC: ("2B", keyed(self.stop, 0, 1)),
             0xFB: ("5B", keyed(lambda time_s, *ways: self.calibrate(time_s, ways), 3, 4)),
+            0xFA: ("b2h", self.move_omni),
+            0xED: ("2B", keyed(self.save_positions, 0, 1)),
             0xF8: ("3h", lambda time_s, *percents: self.move_percent(time_s, percents, True)),
             0xF7: ("3h", lambda time_s, *percents: self.move_percent(time_s, percents, False)),
             0xF6: ("Bh", lambda time_s, motor, percent: self.move_motor(time_s, motor, percent, True)),

@@ -6,11 +6,13 @@ The pose follows the wheels' true ways by exact arcs.  Numbers without another s
 import math
 from bisect import bisect_left
 from dataclasses import dataclass, field
-from typing import NamedTuple, Tuple
+from typing import Callable, NamedTuple, Optional, Tuple
 
 from mrl_driver.robots import RobotModel
 
 from .motor import Gains, Motor, MotorParams
+from .omni import twist_of
+from .shapes import Pose
 
 MAX_STEP_S = 0.02
 """Longest piece that is integrated as one arc while the robot moves [s]."""
@@ -19,7 +21,8 @@ _REST_STEP_S = 1.0
 
 
 class Params(NamedTuple):
-    """What this robot is.  Left and right are motors 1 and 3 of the motor board; motor 2 turns nothing."""
+    """What this robot is.  Left and right are motors 1 and 3 of the motor board; motor 2 turns nothing, or the rear
+    wheel of a robot with three."""
 
     motor: MotorParams
     left_m_per_count: float
@@ -27,6 +30,8 @@ class Params(NamedTuple):
     wheel_separation_m: float
     turn_slip: float = 0.0
     """Share of the yaw that the tracks lose to the floor in a turn, 0 to below 1."""
+    omni_radius_m: float = 0.0
+    """Distance of three wheels across from the middle [m]; 0 is two wheels or tracks side by side."""
     control_hz: float = 20.0
     """Rate of the motor board's control loop [Hz]: 10, 20 or 40."""
     capacity_ah: float = 4.6
@@ -57,18 +62,29 @@ class State:
     battery_v: float = 0.0
     """Voltage at the motor board, under load [V]."""
     temperature_c: float = 25.0
+    bumped: bool = False
+    """Something kept the robot from a part of its last motion; its wheels slipped."""
     to_tick_s: float = field(default=0.0, repr=False)
     """Time to the motor board's next control tick [s]."""
 
 
-def params_for(
-    model: RobotModel,
-    turn_slip: float = 0.0,
-    left_scale: float = 1.0,
-    right_scale: float = 1.0,
-    axle_scale: float = 1.0,
-) -> Params:
-    """Parameters of a robot of that model; the scales are the true sizes over the model's."""
+class Errors(NamedTuple):
+    """How one robot differs from its model, as calibration finds it."""
+
+    left_scale: float = 1.0
+    right_scale: float = 1.0
+    """True size of each wheel over the model's."""
+    axle_scale: float = 1.0
+    """True distance of the wheels over the model's."""
+    turn_slip: float = 0.0
+    """Share of the yaw that is lost in a turn."""
+
+
+AS_MODELLED = Errors()
+
+
+def params_for(model: RobotModel, errors: Errors = AS_MODELLED, omni: bool = False) -> Params:
+    """Parameters of a robot of that model, with three wheels across if `omni`."""
     per_turn = model.board["gearbox"] * model.board["encoder_counts"] / 100.0
     per_count = model.drive.metres_per_count
     rpm = 160.0 / 60.0 * per_turn
@@ -76,12 +92,14 @@ def params_for(
         no_load_counts_s=rpm * 12.0 / 7.2, rated_counts_s=rpm, brake_counts_s2=2.0 / per_count
     )
     battery = model.battery
+    axle_m = model.drive.wheel_separation_m * errors.axle_scale
     return Params(
         motor,
-        per_count * left_scale,
-        per_count * right_scale,
-        model.drive.wheel_separation_m * axle_scale,
-        turn_slip,
+        per_count * errors.left_scale,
+        per_count * errors.right_scale,
+        axle_m,
+        errors.turn_slip,
+        0.5 * axle_m if omni else 0.0,
         capacity_ah=battery.capacity_ah,
         rest_curve=_rest_curve(battery.empty_v, battery.full_v),
     )
@@ -116,14 +134,23 @@ def interpolate(pairs: Tuple[Tuple[float, float], ...], x: float) -> float:
     return y0 + (y1 - y0) * (x - x0) / (x1 - x0)
 
 
+Way = Callable[[Pose, float, Callable[[float], Pose], float], float]
+"""Share of a motion that can be made: see `bumper.Bumper.share`."""
+
+
 class Robot:
-    """Params, state and motors; `step` carries them on."""
+    """Params, state and motors; `step` carries them on.
+
+    Attributes:
+        way: What stands in the way; None is an endless empty floor.
+    """
 
     def __init__(self, params: Params, pose: Tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
         self.params = params
         self.state = State(*pose, temperature_c=params.ambient_c, to_tick_s=1.0 / params.control_hz)
         self.motors = tuple(Motor(params.motor) for _ in range(3))
         self.gains = Gains()
+        self.way: Optional[Way] = None
         self._unaccounted_s = 0.0
         self._update_battery(0.0)
 
@@ -144,8 +171,13 @@ class Robot:
     def _piece(self, dt: float, resting: bool) -> None:
         state = self.state
         if not resting:
-            left, _, right = (motor.move(dt, state.battery_v) for motor in self.motors)
-            self._arc(left * self.params.left_m_per_count, right * self.params.right_m_per_count)
+            left, rear, right = (motor.move(dt, state.battery_v) for motor in self.motors)
+            self._roll(
+                left * self.params.left_m_per_count,
+                rear * self.params.left_m_per_count,
+                right * self.params.right_m_per_count,
+                dt,
+            )
         self._unaccounted_s += dt
         state.to_tick_s -= dt
         if state.to_tick_s <= 1e-9:
@@ -160,16 +192,27 @@ class Robot:
             for motor in self.motors:
                 motor.control(period, self.gains)
 
-    def _arc(self, left_m: float, right_m: float) -> None:
-        """Moves the pose along the circle that wheels with these ways make."""
+    def _roll(self, left_m: float, rear_m: float, right_m: float, dt: float) -> None:
+        """Moves the pose as the wheels roll, as far as nothing stands in the way."""
         state = self.state
-        way = 0.5 * (left_m + right_m)
-        turn = (right_m - left_m) / self.params.wheel_separation_m * (1.0 - self.params.turn_slip)
-        half = 0.5 * turn
-        chord = way * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
-        state.x_m += chord * math.cos(state.yaw_rad + half)
-        state.y_m += chord * math.sin(state.yaw_rad + half)
-        state.yaw_rad += turn
+        forward, aside, turn = self._twist(left_m, rear_m, right_m)
+        old = Pose(state.x_m, state.y_m, state.yaw_rad)
+
+        def after(share: float) -> Pose:
+            return _along_arc(old, share * forward, share * aside, share * turn)
+
+        furthest = max(abs(left_m), abs(rear_m if self.params.omni_radius_m else 0.0), abs(right_m))
+        share = 1.0 if self.way is None else self.way(old, furthest, after, dt)
+        state.bumped = share < 1.0
+        state.x_m, state.y_m, state.yaw_rad = after(share)
+
+    def _twist(self, left_m: float, rear_m: float, right_m: float) -> Tuple[float, float, float]:
+        """Forward, to the left [m] and turned [rad] for these ways of the wheels."""
+        keeps = 1.0 - self.params.turn_slip
+        if self.params.omni_radius_m:
+            forward, aside, turn = twist_of((left_m, rear_m, right_m), self.params.omni_radius_m)
+            return forward, aside, turn * keeps
+        return 0.5 * (left_m + right_m), 0.0, (right_m - left_m) / self.params.wheel_separation_m * keeps
 
     def _update_battery(self, dt: float) -> None:
         params, state = self.params, self.state
@@ -187,3 +230,11 @@ class Robot:
         if share == 0.0 and motor.duty == 0.0:
             return 0.0
         return self.params.running_a * abs(share) + self.params.starting_a * abs(motor.duty - share)
+
+
+def _along_arc(start: Pose, forward_m: float, aside_m: float, turn_rad: float) -> Pose:
+    """Where steady speeds lead that make these ways in the robot's own frame: along a circle."""
+    half = 0.5 * turn_rad
+    shrink = math.sin(half) / half if abs(half) > 1e-9 else 1.0
+    middle = Pose(start.x_m, start.y_m, start.yaw_rad + half)
+    return Pose(*middle.beside(forward_m * shrink, aside_m * shrink)[:2], start.yaw_rad + turn_rad)

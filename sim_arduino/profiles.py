@@ -237,7 +237,7 @@ class Board2013:
             16: (1, self._set_debug),
             17: (0, lambda: (int(self._stream != 0),)),
             20: (0, lambda: (1023 - self._adc(0),)),
-            21: (0, lambda: (round(self.plant.environment.dust_pcs_l),)),
+            21: (0, lambda: (round(self.plant.sensed(self.now_s).dust_pcs_l),)),
             22: (0, self._pixels),
         }
         for start, end in ((18, 19), (23, 24), (25, 26), (27, 28)):
@@ -296,7 +296,11 @@ class Board2013:
 
     def _sensors(self) -> Tuple[int, ...]:
         counts = self._encoders() if self.motors_there else _NO_COUNTS
-        return counts + (1023 - self._adc(0), round(self.plant.environment.dust_pcs_l), max(self._pixels()))
+        return counts + (
+            1023 - self._adc(0),
+            round(self.plant.sensed(self.now_s).dust_pcs_l),
+            max(self._pixels()),
+        )
 
     def _pixels(self) -> Tuple[int, ...]:
         return tuple(self._registers(THERMOPILE_ADDRESS, 2, 8))

@@ -129,7 +129,7 @@ def read_registers(board: "PythonBoard", address: int, first: int, count: int) -
 
 
 def _dust_value(board: "PythonBoard") -> int:
-    return min(32767, round(board.plant.environment.dust_pcs_l))
+    return min(32767, round(board.plant.sensed(board.now_s).dust_pcs_l))
 
 
 @reply("read_alcohol")

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Callable, Tuple
 
 THERMOPILE_ADDRESS, COMPASS_ADDRESS = 0x68, 0x60
+PIXELS = 8
 
 
 @dataclass
@@ -52,28 +53,28 @@ class _Registers:
 class Thermopile(_Registers):
     """TPA81: register 0 version, 1 ambient, 2 to 9 pixels [degC]."""
 
-    def __init__(self, environment: Environment) -> None:
+    def __init__(self, sensed_at: Callable[[float], Environment]) -> None:
         super().__init__()
-        self._environment = environment
+        self._sensed_at = sensed_at
 
     def image(self, time_s: float) -> bytes:
         """All registers."""
-        around = self._environment
+        around = self._sensed_at(time_s)
         return bytes([7, _byte(around.ambient_c), *map(_byte, around.pixels_c)])
 
 
 class Compass(_Registers):
     """CMPS10: register 0 version, 1 bearing in 1/256 turn, 2-3 bearing [0.1 deg], 4 pitch, 5 roll.
 
-    Bearings run clockwise from north; north is the world's y.
+    Bearings run clockwise from north.
     """
 
-    def __init__(self, yaw_at: Callable[[float], float]) -> None:
+    def __init__(self, yaw_at: Callable[[float], float], north_rad: float = math.pi / 2) -> None:
         super().__init__()
-        self._yaw_at = yaw_at
+        self._yaw_at, self._north_rad = yaw_at, north_rad
 
     def image(self, time_s: float) -> bytes:
         """All registers."""
-        bearing = (90.0 - math.degrees(self._yaw_at(time_s))) % 360.0
+        bearing = math.degrees(self._north_rad - self._yaw_at(time_s)) % 360.0
         tenths = round(bearing * 10.0) % 3600
         return bytes([16, int(bearing / 360.0 * 256.0) & 0xFF, tenths >> 8, tenths & 0xFF, 0, 0])

@@ -5,11 +5,13 @@ calibration, so that its curve applied to the ADC count gives the true distance.
 """
 
 import math
-from typing import Callable, Dict, List, Sequence
+import random
+from typing import Callable, Dict, List, NamedTuple, Sequence
 
 from mrl_driver.robots import SonarMount
 
-from .world import Pose, World
+from .shapes import Pose
+from .world import World
 
 _ORDER = ("front", "left", "right")
 READING_S = 0.1
@@ -29,13 +31,37 @@ def count_of(range_m: float) -> int:
     return min(FULL_COUNT, round(((centimetres - _C) / _A) ** (1.0 / _B)))
 
 
+class SonarErrors(NamedTuple):
+    """What is wrong with readings; nothing by default."""
+
+    noise: float = 0.0
+    """Standard deviation [m]."""
+    missed: float = 0.0
+    """Share of readings whose echo goes astray, so that nothing seems to be in range."""
+    crosstalk: float = 0.0
+    """Share of readings that hear the echo of the sensor before in the chain, if that one is nearer."""
+
+
+FLAWLESS = SonarErrors()
+
+
 class SonarChain:
     """The sensors in their firing order: a trigger makes each fire once, one every 100 ms.
 
-    `pose_at` gives the robot's pose at a time [s]; each echo is taken where the robot is when the sensor fires.
+    Args:
+        pose_at: The robot's pose at a time [s]; each echo is taken where the robot is when the sensor fires.
+        name: The robot's name in the world; it does not hear itself.
     """
 
-    def __init__(self, mounts: Dict[str, SonarMount], world: World, pose_at: Callable[[float], Pose]) -> None:
+    def __init__(
+        self,
+        mounts: Dict[str, SonarMount],
+        world: World,
+        pose_at: Callable[[float], Pose],
+        name: str = "",
+        errors: SonarErrors = FLAWLESS,
+        seed: int = 0,
+    ) -> None:
         order = sorted(mounts, key=lambda name: _ORDER.index(name) if name in _ORDER else len(_ORDER))
         self._mounts: Sequence[SonarMount] = [mounts[name] for name in order]
         self._world = world
@@ -45,6 +71,9 @@ class SonarChain:
         self._turn = 0
         self._measured = 0
         self._counts: List[int] = [0] * len(self._mounts)
+        self._name, self._errors = name, errors
+        self._rng = random.Random(f"sonars {seed}")
+        self._before_m = math.inf
 
     def power(self, on: bool, time_s: float) -> None:
         """Pin D13: without power all outputs are 0 V."""
@@ -85,11 +114,13 @@ class SonarChain:
         return (count + 0.5) * VOLTS_PER_COUNT if count else 0.0
 
     def _fire(self, mount: SonarMount, time_s: float) -> int:
-        robot = self._pose_at(time_s)
-        cos, sin = math.cos(robot.yaw_rad), math.sin(robot.yaw_rad)
-        pose = Pose(
-            robot.x_m + cos * mount.x_m - sin * mount.y_m,
-            robot.y_m + sin * mount.x_m + cos * mount.y_m,
-            robot.yaw_rad + math.radians(mount.yaw_deg),
-        )
-        return count_of(self._world.nearest(pose, HALF_CONE_RAD, RANGE_M))
+        pose = self._pose_at(time_s).beside(mount.x_m, mount.y_m, math.radians(mount.yaw_deg))
+        range_m = self._world.nearest(pose, HALF_CONE_RAD, RANGE_M, self._name)
+        return count_of(self._spoilt(range_m) if any(self._errors) else range_m)
+
+    def _spoilt(self, range_m: float) -> float:
+        """A reading with the sensor's errors."""
+        missed, confused, noise = self._rng.random(), self._rng.random(), self._rng.gauss(0.0, 1.0)
+        heard = min(range_m, self._before_m) if confused < self._errors.crosstalk else range_m
+        self._before_m = range_m
+        return math.inf if missed < self._errors.missed else heard + self._errors.noise * noise

@@ -1,164 +1,122 @@
-"""Walls and boxes, read from a short YAML, and what a sonar sees of them.
+"""The world around the robots: walls that stand, robots that move, things to sense.
 
-start: [0, 0, 90]              # x m, y m, yaw deg; optional
-walls: [[-2, -2, 2, -2]]       # from x, y to x, y [m]
-boxes: [[1, 0.5, 0.4, 0.2, 30]]  # middle x, y, length, width [m], yaw [deg]
+    world = world_file.load("l-course")                     # a packaged world, a world file, or a map_server map
+    world.nearest(pose, math.radians(18), 6.45)             # what a sonar hears
+    world.scan(pose, -1.57, 0.006136, 512, 4.095)           # what a laser sees
+
+Answers are exact for straight walls.  How worlds are written stands in `world_file`.
 """
 
 import math
-import os
-from typing import Any, List, NamedTuple, Optional, Sequence
+from typing import Any, List, Optional, Sequence, Tuple
 
-import yaml
+from .crowd import Crowd, LocalCrowd, Mover
+from .scene import Scene
+from .shapes import ORIGIN, Footprint, Pose, Wall, nearest_in_cone
+from .wall_index import WallIndex
 
-from mrl_driver.errors import ConfigError
-
-_FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "worlds")
-_KEYS = ("start", "walls", "boxes")
-_FAR_M = 1000.0
-
-
-class Pose(NamedTuple):
-    """Where something stands in the world: metres, and radians counter-clockwise from x."""
-
-    x_m: float
-    y_m: float
-    yaw_rad: float
-
-
-ORIGIN = Pose(0.0, 0.0, 0.0)
-
-
-class Wall(NamedTuple):
-    """A straight wall between two points [m]."""
-
-    x1: float
-    y1: float
-    x2: float
-    y2: float
+__all__ = ["ORIGIN", "Footprint", "Pose", "Wall", "World"]
 
 
 class World:
-    """Walls, and the pose at which a robot starts."""
+    """Walls, the robots among them, what there is to sense, and the pose at which a robot starts.
 
-    def __init__(self, walls: Sequence[Wall] = (), start: Pose = ORIGIN) -> None:
-        self.walls = list(walls)
+    Attributes:
+        crowd: The robots; one of several processes' where the world is shared.
+        scene: Heat, gas, dust, light and north.
+    """
+
+    def __init__(
+        self, walls: Sequence[Wall] = (), start: Pose = ORIGIN, scene: Optional[Scene] = None
+    ) -> None:
         self.start = start
+        self.scene = Scene() if scene is None else scene
+        self.crowd: Crowd = LocalCrowd()
+        self._index = WallIndex(walls)
 
-    def nearest(self, pose: Pose, half_angle_rad: float, range_m: float) -> float:
-        """Distance from `pose` to the nearest point of any wall inside a cone along its x [m]; infinite if none
-        is within `range_m`.
+    @property
+    def walls(self) -> List[Wall]:
+        """The walls that stand still."""
+        return self._index.walls
+
+    def place(self, name: str, pose: Pose, footprint: Footprint) -> None:
+        """Puts a robot into the world, or moves it."""
+        self.crowd.place(name, pose, footprint)
+
+    def remove(self, name: str) -> None:
+        """Takes a robot out of the world, if it is there."""
+        self.crowd.remove(name)
+
+    def robots(self, without: str = "") -> List[Mover]:
+        """All robots but one."""
+        return self.crowd.others(without)
+
+    def outlines(self, x: float, y: float, range_m: float, without: str = "") -> List[Wall]:
+        """Sides of the robots that come nearer to a point than `range_m`."""
+        return [
+            side
+            for mover in self.crowd.others(without)
+            if _gap(mover, x, y) < range_m
+            for side in mover.footprint.outline(mover.pose)
+        ]
+
+    def nearest(self, pose: Pose, half_angle_rad: float, range_m: float, without: str = "") -> float:
+        """Distance from `pose` to the nearest point of anything inside a cone along its x [m]; infinite if there is
+        nothing within `range_m`.
 
         Exact for the flat cone: an echo comes from the nearest surface, and nothing nearer can hide it.
         """
-        cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-        slope = math.tan(half_angle_rad)
-        least = range_m * range_m
-        for x1, y1, x2, y2 in self.walls:
-            dx, dy = x1 - pose.x_m, y1 - pose.y_m
-            u, v = cos * dx + sin * dy, cos * dy - sin * dx
-            dx, dy = x2 - x1, y2 - y1
-            du, dv = cos * dx + sin * dy, cos * dy - sin * dx
-            least = min(least, _in_cone(u, v, du, dv, slope))
-        return math.sqrt(least) if least < range_m * range_m else math.inf
+        still = self._index.nearest(pose, half_angle_rad, range_m)
+        moving = self.outlines(pose.x_m, pose.y_m, range_m, without)
+        return min(still, nearest_in_cone(moving, pose, half_angle_rad, range_m)) if moving else still
+
+    def scan(
+        self, pose: Pose, first_rad: float, step_rad: float, count: int, range_m: float, without: str = ""
+    ) -> Any:
+        """Distances along `count` rays from `pose` [m], an array `(count,)`; infinite where nothing is in range.
+
+        The first ray leaves at `first_rad` from the pose's x, each next one `step_rad` further to the left.
+        """
+        from . import rays
+
+        walls = self._index.array()
+        moving = self.outlines(pose.x_m, pose.y_m, range_m, without)
+        if moving:
+            walls = rays.np.concatenate((walls, rays.np.array(moving)))
+        return rays.cast(walls, pose, first_rad, step_rad, count, range_m)
+
+    def sees(self, from_x: float, from_y: float, to_x: float, to_y: float) -> bool:
+        """Whether no wall stands between two points."""
+        way = Wall(from_x, from_y, to_x, to_y)
+        return not any(_cross(way, wall) for wall in self.walls)
+
+    def clearance(self, x: float, y: float, without: str = "") -> float:
+        """Distance from a point to the nearest wall or robot [m], a robot counted as the circle around it."""
+        gaps = [_gap(mover, x, y) for mover in self.crowd.others(without)]
+        return min(self._index.clearance(x, y), *gaps, math.inf)
+
+    def touching(self, pose: Pose, footprint: Footprint, without: str = "") -> List[Wall]:
+        """Walls, and sides of other robots, that reach into a robot at `pose`."""
+        reach = footprint.radius_m
+        near = self._index.near(pose.x_m, pose.y_m, reach)
+        near += self.outlines(pose.x_m, pose.y_m, reach, without)
+        return [wall for wall in near if footprint.touches(pose, wall)]
+
+    def bounds(self) -> Tuple[float, float, float, float]:
+        """Least x and y, greatest x and y of walls and start [m]."""
+        xs = [self.start.x_m, *(x for wall in self.walls for x in (wall.x1, wall.x2))]
+        ys = [self.start.y_m, *(y for wall in self.walls for y in (wall.y1, wall.y2))]
+        return min(xs), min(ys), max(xs), max(ys)
 
 
-def _in_cone(u: float, v: float, du: float, dv: float, slope: float) -> float:
-    """Squared distance from the origin to the part of the segment (u, v) + t (du, dv) where |v| <= slope u."""
-    low, high = 0.0, 1.0
-    for base, change in ((slope * u - v, slope * du - dv), (slope * u + v, slope * du + dv)):
-        if base < 0.0 and base + change < 0.0:
-            return math.inf
-        if base < 0.0:
-            low = max(low, -base / change)
-        elif base + change < 0.0:
-            high = min(high, -base / change)
-    length2 = du * du + dv * dv
-    if low > high or length2 == 0.0:
-        return math.inf
-    t = min(high, max(low, -(u * du + v * dv) / length2))
-    return (u + t * du) ** 2 + (v + t * dv) ** 2
+def _gap(mover: Mover, x: float, y: float) -> float:
+    return math.hypot(mover.pose.x_m - x, mover.pose.y_m - y) - mover.footprint.radius_m
 
 
-def names() -> List[str]:
-    """Names of the worlds that come with the package."""
-    return sorted(f[:-5] for f in os.listdir(_FOLDER) if f.endswith(".yaml"))
+def _cross(a: Wall, b: Wall) -> bool:
+    """Whether two walls cross."""
 
+    def side(of: Wall, x: float, y: float) -> float:
+        return (of.x2 - of.x1) * (y - of.y1) - (of.y2 - of.y1) * (x - of.x1)
 
-def load(name_or_path: str = "room") -> World:
-    """The world of that name, or in that YAML file.
-
-    Raises:
-        ConfigError: no such world, or a key is misspelt, of the wrong type or out of range.
-    """
-    path = name_or_path
-    if not path.endswith((".yaml", ".yml")):
-        path = os.path.join(_FOLDER, f"{name_or_path}.yaml")
-    try:
-        with open(path, encoding="utf-8") as file:
-            data = yaml.safe_load(file)
-    except OSError:
-        raise ConfigError(
-            f"world {name_or_path!r} is unknown, expected {', '.join(names())} or the path of a .yaml file"
-        ) from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: no YAML: {' '.join(str(error).split())}") from None
-    return _read(path, data)
-
-
-def _read(path: str, data: Any) -> World:
-    if not isinstance(data, dict):
-        raise ConfigError(f"{path}: file is {data!r}, expected the keys {', '.join(_KEYS)}")
-    for key in data:
-        if key not in _KEYS:
-            raise ConfigError(f"{path}: key {key} is unknown, expected {', '.join(_KEYS)}")
-    walls = [Wall(*row) for row in _rows(path, "walls", data, "from x, y to x, y", 4)]
-    for row in _rows(path, "boxes", data, "x, y, length, width, yaw", 5):
-        walls += _sides(*row)
-    start = _numbers(path, "start", data.get("start", [0, 0, 0]), "x, y, yaw", 3)
-    return World(walls, Pose(start[0], start[1], math.radians(start[2])))
-
-
-def _rows(path: str, key: str, data: Any, meaning: str, count: int) -> List[List[float]]:
-    rows = data.get(key) or []
-    if not isinstance(rows, list):
-        raise ConfigError(f"{path}: {key} is {rows!r}, expected a list of [{meaning}]")
-    return [_numbers(path, f"{key}[{i}]", row, meaning, count) for i, row in enumerate(rows)]
-
-
-def _numbers(path: str, key: str, row: Any, meaning: str, count: int) -> List[float]:
-    if not isinstance(row, list) or len(row) != count or not all(map(_is_number, row)):
-        raise ConfigError(
-            f"{path}: {key} is {row!r}, expected [{meaning}], {count} numbers from {-_FAR_M:g} to {_FAR_M:g}"
-        )
-    return [float(value) for value in row]
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= _FAR_M
-
-
-def _sides(x: float, y: float, length: float, width: float, yaw_deg: float) -> List[Wall]:
-    cos, sin = math.cos(math.radians(yaw_deg)), math.sin(math.radians(yaw_deg))
-    half = ((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5))
-    corners = [
-        (x + cos * a * length - sin * b * width, y + sin * a * length + cos * b * width) for a, b in half
-    ]
-    return [Wall(*corners[i - 1], *corners[i]) for i in range(4)]
-
-
-def parse_pose(text: Optional[str], default: Pose) -> Pose:
-    """`X,Y,YAW` in metres and degrees, or `default` for None.
-
-    Raises:
-        ConfigError: it is something else.
-    """
-    if text is None:
-        return default
-    try:
-        x, y, yaw = (float(part) for part in text.split(","))
-    except ValueError:
-        x = y = yaw = math.nan
-    if not all(map(_is_number, (x, y, yaw))):
-        raise ConfigError(f"pose is {text!r}, expected X,Y,YAW in metres and degrees, such as 0.5,0,90")
-    return Pose(x, y, math.radians(yaw))
+    return side(a, b.x1, b.y1) * side(a, b.x2, b.y2) < 0.0 and side(b, a.x1, a.y1) * side(b, a.x2, a.y2) < 0.0

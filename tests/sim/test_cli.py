@@ -162,7 +162,11 @@ def test_a_stopped_process_is_a_stall_of_the_board():
     "options, code, text",
     [
         (("--robot", "nope"), 2, "robot 'nope' is unknown, expected stingbot, traxbot"),
-        (("--world", "nope"), 2, "world 'nope' is unknown, expected room"),
+        (
+            ("--world", "nope"),
+            2,
+            "world 'nope' is unknown, expected corridor, hazards, l-course, room, square",
+        ),
         (("--pose", "1,2"), 2, "pose is '1,2', expected X,Y,YAW"),
         (("--id", "99999"), 2, "99999 is not in the range 0<=x<=32767"),
         (("--battery", "x"), 2, "'x' is not a valid float"),

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from mrl_driver import robots
 from sim_arduino.motor import Mode
-from sim_arduino.physics import Robot, interpolate, params_for
+from sim_arduino.physics import Errors, Robot, interpolate, params_for
 
 EXACT_M, EXACT_RAD = 1e-9, 1e-9
 TRAXBOT, STINGBOT = robots.load("traxbot"), robots.load("stingbot")
@@ -16,7 +16,7 @@ TRAXBOT, STINGBOT = robots.load("traxbot"), robots.load("stingbot")
 
 def cruising(left_m_s, right_m_s, model=TRAXBOT, **scales):
     """A robot whose wheels turn at steady speeds [m/s of the model's wheels], without any transient."""
-    robot = Robot(params_for(model, **scales))
+    robot = Robot(params_for(model, Errors(**scales)))
     for index, speed in ((0, left_m_s), (2, right_m_s)):
         motor = robot.motors[index]
         motor.mode = Mode.DUTY

@@ -7,7 +7,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
-from sim_arduino.world import Pose, Wall, World, load, names, parse_pose
+from sim_arduino.world import Pose, Wall, World
+from sim_arduino.world_file import load, names, parse_pose
 
 CONE_RAD = math.radians(18)
 RANGE_M = 6.45
@@ -116,7 +117,7 @@ def test_start(tmp_path):
 @pytest.mark.parametrize(
     "text, message",
     [
-        ("walls: [[0, 0, 1]]", r"walls\[0\] is \[0, 0, 1\], expected \[from x, y to x, y\], 4 numbers"),
+        ("walls: [[0, 0, 1]]", r"walls\[0\] is \[0, 0, 1\], expected \[x1, y1, x2, y2\], 4 numbers"),
         ("walls: [[0, 0, 1, one]]", r"walls\[0\]"),
         ("walls: [[0, 0, 1, .nan]]", "from -1000 to 1000"),
         ("walls: [[0, 0, 1, true]]", r"walls\[0\]"),
