@@ -8,9 +8,11 @@ from typing import List, Tuple
 import click
 
 from tests.bench import report
-from tests.fuzz import damage
+from tests.fuzz import damage, faulty_robot
 
 BATCH = 1000
+DRIVE_S, DRIVING_SHARE = 5.0, 0.2
+"""Simulated length of one drive, and the share of the time that goes to drives."""
 Found = Tuple[str, bool, damage.Tally]
 
 
@@ -30,6 +32,17 @@ def work(job: Tuple[int, float]) -> List[Found]:
     return found
 
 
+def work_driving(job: Tuple[int, float]) -> List[Tuple[int, int, float]]:
+    """One process: drives over faulty links until the time is over; accepted frames, wrong ones, and jump [m]."""
+    seed, end_s = job
+    found: List[Tuple[int, int, float]] = []
+    while not found or time.monotonic() < end_s:
+        seed += 1
+        robot, _ = faulty_robot.drive(seed, DRIVE_S)
+        found.append((robot.accepted, len(robot.wrong), robot.jump_m))
+    return found
+
+
 def total(found: List[Found], kinds: Tuple[damage.Damage, ...], checked: bool) -> damage.Tally:
     """Sum over the batches of some kinds."""
     names = {kind.__name__ for kind in kinds}
@@ -42,10 +55,12 @@ def total(found: List[Found], kinds: Tuple[damage.Damage, ...], checked: bool) -
 @click.option("--seed", type=int, default=1, show_default=True)
 def main(minutes: float, seed: int) -> None:
     """Damage frames for so long, and report how many were taken for good."""
-    end_s = time.monotonic() + minutes * 60
+    end_s = time.monotonic() + (1 - DRIVING_SHARE) * minutes * 60
     with multiprocessing.Pool(os.cpu_count()) as pool:
         starts = [((seed * 1000 + i) * 10**6, end_s) for i in range(os.cpu_count() or 1)]
         found = [each for batches in pool.map(work, starts) for each in batches]
+        starts = [(start, time.monotonic() + DRIVING_SHARE * minutes * 60) for start, _ in starts]
+        drives = [each for some in pool.map(work_driving, starts) for each in some]
     exact, lossy = total(found, damage.EXACT, True), total(found, damage.LOSSY, True)
     bare = total(found, (damage.flip_bit,), False)
     figures = {
@@ -53,12 +68,15 @@ def main(minutes: float, seed: int) -> None:
         "wrong_accepted": exact.wrong,
         "lost_byte_frames_tried": lossy.tried,
         "lost_byte_wrong_per_million": round(1e6 * lossy.wrong / lossy.tried, 2),
+        "drive_frames_accepted": sum(accepted for accepted, _, _ in drives),
+        "drive_wrong_accepted": sum(wrong for _, wrong, _ in drives),
+        "odometry_jump_mm_max": round(1000 * max(0.0, *(jump_m for _, _, jump_m in drives)), 3),
         "wrong_accepted_unchecked_1bit_percent": round(100 * bare.wrong / bare.tried, 1),
     }
     for key, value in figures.items():
         click.echo(f"{key:40} {value}")
     click.echo(report.write("reliability", figures))
-    if exact.wrong:
+    if exact.wrong or figures["drive_wrong_accepted"]:
         raise SystemExit(1)
 
 

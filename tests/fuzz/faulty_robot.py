@@ -189,6 +189,15 @@ class _Tap:
         return data
 
 
+def drive(seed: int, seconds: float) -> "Tuple[FaultyRobot, Scene]":
+    """A robot that was driven about while things went wrong, and what they were."""
+    rng = random.Random(seed)
+    what = scene(rng)
+    robot = FaultyRobot(what.faults, seed).run(FIRST_FAULT_S)
+    drive_about(robot, rng, seconds, what.breaks)
+    return robot, what
+
+
 def drive_about(robot: FaultyRobot, rng: random.Random, seconds: float, breaks: bool) -> None:
     """Random commands, as a person gives them; with `breaks` the motor board loses its counts now and then."""
     end = robot.now + seconds

@@ -1,10 +1,8 @@
 """Driver and board over links with random faults: no wrong value, no jump, and a stop in the end."""
 
-import random
-
 import pytest
 
-from tests.fuzz.faulty_robot import FIRST_FAULT_S, FaultyRobot, drive_about, scene
+from tests.fuzz.faulty_robot import drive
 
 SEEDS = range(24)
 DRIVE_S = 5.0
@@ -16,19 +14,9 @@ POSE_M = 0.03
 """Largest error of a drive of some metres, most of it from arcs between frames that were not lost."""
 
 
-def drive(seed):
-    """A robot that has been driven about while things went wrong, and what they were."""
-    rng = random.Random(seed)
-    what = scene(rng)
-    robot = FaultyRobot(what.faults, seed).run(FIRST_FAULT_S)
-    assert robot.session.ready
-    drive_about(robot, rng, DRIVE_S, what.breaks)
-    return robot, what
-
-
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_drive_with_faults_has_no_wrong_value_and_no_jump_and_ends_stopped(seed):
-    robot, what = drive(seed)
+    robot, what = drive(seed, DRIVE_S)
     assert robot.accepted > 20, what
     if seed % 2:
         robot.session.drive(300, 0, robot.now)

@@ -1,0 +1,273 @@
+"""What `soak` measures, each so many times over; all on emulated robots in real time."""
+
+import random
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from contextlib import contextmanager
+from typing import Callable, Dict, Iterator, List, Tuple
+
+from mrl_driver.codec import REQUESTS, Frame, FrameDecoder
+from mrl_driver.driver import Driver, Options
+from mrl_driver.events import Lost, Reconnected, Stale
+from tests.driver.conftest import PtyBoard
+from tests.driver.emulator import MOVE, STOP, Emulator
+from tests.driver.fake_board import FakeBoard
+from tests.driver.test_clock import run as jittered
+from tests.fuzz.faulty_robot import FIRST_FAULT_S, FaultyRobot, drive_about, scene
+
+PATIENCE_S = 20.0
+TIMEOUT_S = 0.25
+DRIVE = (
+    "import sys; from mrl_driver.driver import Driver; d = Driver(sys.argv[1]); d.connect(); d.drive(.2, 0); "
+    "print(flush=True); d.wait(60)"
+)
+
+
+def wait_until(condition: Callable[[], bool], step_s: float = 0.001) -> float:
+    """When it came true, on `time.monotonic()` [s]."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline, "it did not happen in time"
+        time.sleep(step_s)
+    return time.monotonic()
+
+
+@contextmanager
+def emulator() -> Iterator[Emulator]:
+    """A robot in this process."""
+    robot = Emulator()
+    try:
+        yield robot
+    finally:
+        robot.close()
+
+
+@contextmanager
+def mrl_sim(*args: str) -> Iterator[Tuple[subprocess.Popen, str]]:
+    """A robot in a process of its own, and its port."""
+    command = [sys.executable, "-m", "sim_arduino.cli", *args]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        try:
+            yield process, process.stdout.readline().split()[0]
+        finally:
+            process.send_signal(signal.SIGCONT)
+            process.terminate()
+
+
+def _reaction(robot: Emulator, since_s: float) -> float:
+    stopped_s = robot.wait_for(STOP, since_s, PATIENCE_S)
+    assert stopped_s is not None, "the robot was not stopped"
+    return 1000 * (stopped_s - since_s)
+
+
+def host_dead(count: int) -> Dict[str, float]:
+    """kill -9 of a program that drives, to the stop at the motor board."""
+    times: List[float] = []
+    with emulator() as robot:
+        for _ in range(count):
+            begun_s = time.monotonic()
+            with subprocess.Popen(
+                [sys.executable, "-c", DRIVE, robot.path], stdout=subprocess.PIPE
+            ) as process:
+                assert robot.wait_for(MOVE, begun_s, PATIENCE_S) is not None
+                time.sleep(random.uniform(0.2, 0.4))
+                process.kill()
+                times.append(_reaction(robot, time.monotonic()))
+    return {"stop_host_dead_ms_max": max(times)}
+
+
+def source_dead(count: int) -> Dict[str, float]:
+    """The last command to the stop at the motor board, with a timeout of 250 ms."""
+    times: List[float] = []
+    with emulator() as robot, Driver(robot.path, options=Options(command_timeout_s=TIMEOUT_S)) as driver:
+        for _ in range(count):
+            for _ in range(random.randint(2, 20)):
+                driver.drive(0.2, 0.0)
+                last_s = time.monotonic()
+                time.sleep(0.02)
+            times.append(_reaction(robot, last_s))
+    return {"stop_cmd_source_dead_ms_max": max(times)}
+
+
+def unplugged(count: int) -> Dict[str, float]:
+    """An unplugged cable to the event `Lost`; the cable plugged in to telemetry under another name."""
+    noticed: List[float] = []
+    back: List[float] = []
+    with tempfile.TemporaryDirectory() as folder, mrl_sim("--link", f"{folder}/robot", "--control") as (
+        sim,
+        _,
+    ):
+        with Driver(f"{folder}/robot", options=Options(reconnect=True)) as driver:
+            heard: List[type] = []
+            driver.on_event(lambda event: heard.append(type(event)))
+            for _ in range(count):
+                heard.clear()
+                begun_s = _order(sim, "unplug")
+                noticed.append(1000 * (wait_until(lambda: Lost in heard) - begun_s))
+                time.sleep(random.uniform(0.05, 1.0))
+                begun_s = _order(sim, "plug")
+                back.append(wait_until(lambda: Reconnected in heard) - begun_s)
+                assert driver.command is None
+    return {"link_loss_noticed_ms_max": max(noticed), "reconnect_s_max": max(back)}
+
+
+def _order(sim: subprocess.Popen, order: str) -> float:
+    assert sim.stdin is not None
+    begun_s = time.monotonic()
+    sim.stdin.write(order + "\n")
+    sim.stdin.flush()
+    return begun_s
+
+
+def silent(count: int) -> Dict[str, float]:
+    """SIGSTOP of the board to the event `Stale`."""
+    times: List[float] = []
+    with mrl_sim() as (sim, port), Driver(port) as driver:
+        heard: List[type] = []
+        driver.on_event(lambda event: heard.append(type(event)))
+        for _ in range(count):
+            heard.clear()
+            sim.send_signal(signal.SIGSTOP)
+            begun_s = time.monotonic()
+            times.append(1000 * (wait_until(lambda: Stale in heard) - begun_s))
+            sim.send_signal(signal.SIGCONT)
+            wait_until(lambda: driver.ready)
+            time.sleep(random.uniform(0.1, 0.2))
+    return {"silent_noticed_ms_max": max(times)}
+
+
+def jumps(count: int) -> Dict[str, float]:
+    """Steps of the pose beyond what the wheels can do, over links with random faults; stepped time."""
+    farthest_m = 0.0
+    for seed in range(count):
+        rng = random.Random(seed)
+        robot = FaultyRobot(scene(rng).faults, seed).run(FIRST_FAULT_S)
+        drive_about(robot, rng, 5.0)
+        farthest_m = max(farthest_m, robot.jump_m)
+    return {"odometry_jump_mm_max": 1000 * farthest_m}
+
+
+def stamps(count: int) -> Dict[str, float]:
+    """Error of stamps under 0 to 16 ms of USB jitter, after 10 s; simulated time."""
+    errors: List[float] = []
+    for seed in range(count):
+        drift = random.Random(seed).uniform(-0.005, 0.005)
+        errors += [abs(host.stamp_s - true_s) for true_s, host, _ in list(jittered(seed, drift, 40))[500:]]
+    return {"stamp_error_ms_p99": 1000 * sorted(errors)[int(0.99 * len(errors))]}
+
+
+def signals(count: int) -> Dict[str, float]:
+    """Ctrl-C and SIGTERM in turn at `mrl drive`: to the stop at the motor board, and to its exit."""
+    stops: List[float] = []
+    exits: List[float] = []
+    with emulator() as robot:
+        for i in range(count):
+            command = ["drive", "--port", robot.path, "--linear", "0.2", "--for", "60"]
+            begun_s = time.monotonic()
+            with subprocess.Popen(
+                [sys.executable, "-m", "mrl_driver", *command], stderr=subprocess.DEVNULL
+            ) as process:
+                assert robot.wait_for(MOVE, begun_s, PATIENCE_S) is not None
+                time.sleep(random.uniform(0.0, 0.2))
+                sent_s = time.monotonic()
+                process.send_signal((signal.SIGINT, signal.SIGTERM)[i % 2])
+                stops.append(_reaction(robot, sent_s))
+                process.wait(PATIENCE_S)
+                exits.append(1000 * (time.monotonic() - sent_s))
+    return {"signal_stop_ms_max": max(stops), "signal_exit_ms_max": max(exits)}
+
+
+def threads(count: int) -> Dict[str, float]:
+    """Two threads that command at once: frames that arrive at the board torn or mixed, out of `count` or more."""
+    board = PtyBoard(FakeBoard())
+    try:
+        with Driver(board.path) as driver:
+            end = threading.Event()
+
+            def hammer(speed: float) -> None:
+                while not end.is_set():
+                    driver.drive(speed, 0.0)
+                    driver.request(30)
+
+            workers = [threading.Thread(target=hammer, args=(speed,)) for speed in (0.1, -0.1)]
+            for worker in workers:
+                worker.start()
+            while board.received.count(b"e") < count:
+                time.sleep(0.2)
+            end.set()
+            for worker in workers:
+                worker.join()
+    finally:
+        board.close()
+    found = FrameDecoder(REQUESTS).feed(_unchecked(bytes(board.received)))
+    torn = sum(not isinstance(event, Frame) for event in found)
+    return {"interleaved_frames": torn, "frames_of_two_threads": len(found) - torn}
+
+
+def _unchecked(data: bytes) -> bytes:
+    """The same frames in the plain form: each good one of check mode without its check value."""
+    frames = []
+    for piece in data.split(b"e"):
+        whole = piece + b"e"
+        checked = FrameDecoder(REQUESTS, checked=True).feed(whole)
+        good = len(checked) == 1 and isinstance(checked[0], Frame) and piece.count(b",") > 0
+        guarded = piece.split(b",")[0] in (b"@32", b"@33", b"@35", b"@36", b"@37")
+        frames.append(piece.rpartition(b",")[0] + b"e" if good and not guarded else whole)
+    return b"".join(frames[:-1])
+
+
+def closes(count: int) -> Dict[str, float]:
+    """Closing a driver while it reads, and opening the port again."""
+    times: List[float] = []
+    with emulator() as robot:
+        for _ in range(count):
+            driver = Driver(robot.path)
+            driver.connect()
+            begun_s = time.monotonic()
+            driver.close()
+            times.append(1000 * (time.monotonic() - begun_s))
+    return {"close_ms_max": max(times), "closes": count}
+
+
+def long_drive(minutes: float) -> Dict[str, float]:
+    """Driving about at 100 frames a second: growth of this process's memory, and frames that were lost."""
+    with mrl_sim() as (_, port), Driver(port, options=Options(period_ms=10)) as driver:
+        rng = random.Random(0)
+        _drive(driver, rng, 5.0)
+        before_mb, end_s = _memory_mb(), time.monotonic() + minutes * 60
+        while time.monotonic() < end_s:
+            _drive(driver, rng, 1.0)
+        counters = driver.statistics
+        growth_mb = _memory_mb() - before_mb
+        lost = counters.lost + counters.duplicates + counters.refused_counts + sum(counters.garbage.values())
+    return {
+        "soak_minutes": minutes,
+        "soak_memory_growth_mb": growth_mb,
+        "soak_lost_frames": lost,
+        "soak_frames": counters.frames,
+    }
+
+
+def _drive(driver: Driver, rng: random.Random, seconds: float) -> None:
+    end_s = time.monotonic() + seconds
+    while time.monotonic() < end_s:
+        driver.drive(rng.uniform(-0.2, 0.2), rng.uniform(-1.0, 1.0))
+        time.sleep(0.05)
+
+
+def _memory_mb() -> float:
+    """Memory of this process that is in RAM."""
+    with open("/proc/self/statm", encoding="ascii") as file:
+        return int(file.read().split()[1]) * resource.getpagesize() / 1e6
+
+
+__all__ = [
+    "closes", "host_dead", "jumps", "long_drive", "signals", "silent", "source_dead", "stamps", "threads",
+    "unplugged",
+]  # fmt: skip
