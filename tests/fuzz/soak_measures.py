@@ -102,18 +102,17 @@ def unplugged(count: int) -> Dict[str, float]:
     with tempfile.TemporaryDirectory() as folder, mrl_sim("--link", f"{folder}/robot", "--control") as (
         sim,
         _,
-    ):
-        with Driver(f"{folder}/robot", options=Options(reconnect=True)) as driver:
-            heard: List[type] = []
-            driver.on_event(lambda event: heard.append(type(event)))
-            for _ in range(count):
-                heard.clear()
-                begun_s = _order(sim, "unplug")
-                noticed.append(1000 * (wait_until(lambda: Lost in heard) - begun_s))
-                time.sleep(random.uniform(0.05, 1.0))
-                begun_s = _order(sim, "plug")
-                back.append(wait_until(lambda: Reconnected in heard) - begun_s)
-                assert driver.command is None
+    ), Driver(f"{folder}/robot", options=Options(reconnect=True)) as driver:
+        heard: List[type] = []
+        driver.on_event(lambda event: heard.append(type(event)))
+        for _ in range(count):
+            heard.clear()
+            begun_s = _order(sim, "unplug")
+            noticed.append(1000 * (wait_until(lambda: Lost in heard) - begun_s))
+            time.sleep(random.uniform(0.05, 1.0))
+            begun_s = _order(sim, "plug")
+            back.append(wait_until(lambda: Reconnected in heard) - begun_s)
+            assert driver.command is None
     return {"link_loss_noticed_ms_max": max(noticed), "reconnect_s_max": max(back)}
 
 
@@ -147,8 +146,9 @@ def jumps(count: int) -> Dict[str, float]:
     farthest_m = 0.0
     for seed in range(count):
         rng = random.Random(seed)
-        robot = FaultyRobot(scene(rng).faults, seed).run(FIRST_FAULT_S)
-        drive_about(robot, rng, 5.0)
+        what = scene(rng)
+        robot = FaultyRobot(what.faults, seed).run(FIRST_FAULT_S)
+        drive_about(robot, rng, 5.0, what.breaks)
         farthest_m = max(farthest_m, robot.jump_m)
     return {"odometry_jump_mm_max": 1000 * farthest_m}
 

@@ -1,0 +1,11 @@
+# The long runs; short forms of them are part of `make test`.
+MINUTES ?= 10
+
+.PHONY: fuzz soak
+fuzz: setup pc-firmware ## Damage frames and feed the decoders random bytes for MINUTES=n each; build/bench/reliability.json
+	$(PY) -m tests.fuzz --minutes $(MINUTES)
+	@if [ -n "$(PC_FUZZER)" ]; then cd $(PC_BUILD) && ./fuzz_firmware -max_total_time=$$(( $(MINUTES) * 60 )) -print_final_stats=1; \
+	else echo "no libFuzzer here: the firmware's decoder was not fuzzed"; fi
+
+soak: setup firmware ## Kill, unplug, stop, close again and again, then drive on for MINUTES=n; build/bench/reliability.json
+	$(PY) -m tests.fuzz.soak --minutes $(MINUTES)
