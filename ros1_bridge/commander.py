@@ -14,6 +14,7 @@ FIRST_STEP_S, LONGEST_STEP_S = 0.02, 0.1
 a pause no more than the longer time is made up for.
 """
 EMERGENCY, DISABLED, LINK, BATTERY = "emergency stop", "motors disabled", "no telemetry", "battery"
+WHEEL = "wheel mismatch"
 TIMEOUT, NOT_FINITE, NONE = "command timeout", "command not finite", "none"
 REFUSALS = {
     EMERGENCY: "the emergency stop is latched; call the service release_stop",
@@ -103,12 +104,15 @@ class Commander:
             return LINK
         if self._driver.battery_state in ("empty", "off"):
             return BATTERY
-        return self._cause
+        if self._driver.mismatch is not None:
+            return WHEEL
+        told = self._driver.stop_reason
+        return self._cause if self._cause != NONE or told in ("none", "user") else told.replace("_", " ")
 
     @property
     def ready(self) -> bool:
         """The next command would move the robot."""
-        return self.stopped_by in (NONE, TIMEOUT, NOT_FINITE)
+        return self.stopped_by not in (EMERGENCY, DISABLED, LINK, BATTERY, WHEEL)
 
     def refusal(self) -> str:
         """Why a command was refused, and what to do."""
@@ -116,6 +120,8 @@ class Commander:
         if cause == BATTERY:
             driver = self._driver
             return f"the battery is {driver.battery_state} at {driver.battery_v:.1f} V, charge it"
+        if cause == WHEEL:
+            return f"{self._driver.mismatch}; once that is put right, a command of zero lets it drive again"
         return REFUSALS.get(
             cause, "the board is silent or just restarting; send the command again when telemetry is back"
         )

@@ -23,6 +23,7 @@ from mrl_driver.events import Lost, Ready, Reconnected, Reply
 from mrl_driver.handshake import Board
 from mrl_driver.options import Options
 from mrl_driver.robots import Limits, RobotModel
+from mrl_driver.wheel_watch import Mismatch
 
 from . import environment, link_report, messages, reconfigure, robot_status
 from .commander import NOT_FINITE, Commander, lowered
@@ -181,6 +182,8 @@ class RobotNode:
             self._start_environment()
         elif isinstance(event, Lost):
             rospy.logerr(f"{event.reason}; the robot waits for a new command, the port is searched")
+        elif isinstance(event, Mismatch):
+            rospy.logerr(f"{event}; the robot was stopped")
         elif isinstance(event, Reconnected):
             rospy.loginfo(f"the robot answers again, on {event.port}")
 

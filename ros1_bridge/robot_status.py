@@ -6,10 +6,22 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from mrl_driver.events import Status
 
-from .commander import BATTERY, DISABLED, EMERGENCY, LINK, NONE, Commander
+from .commander import BATTERY, DISABLED, EMERGENCY, LINK, NONE, WHEEL, Commander
 from .link_report import ERROR, OK, WARN, Health
 
-MODES = {EMERGENCY: "emergency stop", DISABLED: "disabled", LINK: "no link", BATTERY: "battery"}
+MODES = {
+    EMERGENCY: "emergency stop",
+    DISABLED: "disabled",
+    LINK: "no link",
+    BATTERY: "battery",
+    WHEEL: "wheel mismatch",
+}
+    EMERGENCY: "emergency stop",
+    DISABLED: "disabled",
+    LINK: "no link",
+    BATTERY: "battery",
+    WHEEL: "wheel mismatch",
+}
 """Mode by what keeps the robot from moving; `drive` where nothing does."""
 
 
@@ -83,7 +95,7 @@ def motion_health(commander: Commander) -> Health:
     cause = commander.stopped_by
     if commander.moving or cause == NONE:
         return Health(OK, "moving" if commander.moving else "ready")
-    level = ERROR if cause in (LINK, BATTERY) else WARN if cause in MODES else OK
+    level = ERROR if cause in (LINK, BATTERY, WHEEL) else WARN if cause in MODES else OK
     return Health(level, f"stopped by {cause}")
 
 

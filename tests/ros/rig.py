@@ -126,6 +126,10 @@ class Topic:
         )
         return self.messages
 
+    def wait_for_publisher(self) -> None:
+        """Wait until somebody publishes it."""
+        assert wait_until(lambda: self._subscriber.get_num_connections() > 0, START_S)
+
     def close(self) -> None:
         """Unsubscribe."""
         self._subscriber.unregister()

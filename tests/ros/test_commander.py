@@ -20,6 +20,7 @@ class Noted:
     def __init__(self):
         self.command, self.ready, self.battery_state, self.battery_v = None, True, "ok", 12.0
         self.stops, self.lost = 0, False
+        self.mismatch, self.stop_reason = None, "none"
 
     def drive(self, linear, angular):
         if not self.ready:
@@ -159,6 +160,18 @@ def test_empty_battery_is_named(bench):
     bench.driver.battery_state = "empty"
     assert not bench.commander.ready
     assert "charge it" in bench.commander.refusal()
+
+
+def test_wheel_that_does_not_follow_is_named(bench):
+    bench.driver.mismatch = "right wheel: encoder dead"
+    assert bench.commander.stopped_by == module.WHEEL
+    assert "encoder dead" in bench.commander.refusal()
+
+
+def test_stop_of_the_driver_is_named(bench):
+    bench.driver.stop_reason = "restarted"
+    assert bench.commander.stopped_by == "restarted"
+    assert bench.commander.ready
 
 
 def test_limits_are_lowered_never_raised():

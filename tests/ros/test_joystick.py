@@ -51,6 +51,7 @@ def test_shares_are_at_most_one(axes, buttons):
 def test_node_passes_on_and_ends_with_one_stop(rig):
     rig.start("joystick", str(ROOT / "ros1_bridge" / "nodes" / "teleop_joystick"), f"__ns:={rig.ns}")
     joy, twists = rig.publisher("joy", Joy), rig.topic("cmd_vel", Twist)
+    twists.wait_for_publisher()
     joy.publish(axes=[0.0, 1.0], buttons=pressed(PS3.dead_man))
     assert twists.wait()[0].linear.x == 0.25
     joy.publish(axes=[0.0, 1.0], buttons=pressed())

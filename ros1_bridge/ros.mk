@@ -1,0 +1,12 @@
+# The bridge's own targets, included by the Makefile.
+APT += rviz liburdfdom-tools xvfb x11-utils imagemagick libgl1-mesa-dri
+
+.PHONY: bench-ros description check-description
+bench-ros: setup ## Measure the ROS node beside a bare rospy loop; build/bench/ros.json; FAST=1 is shorter
+	$(ROS_ENV) $(PY) -m tests.bench.bench_ros
+
+description: ## Render the robots' URDF files out of their geometry
+	$(PY) -m ros1_bridge.description
+
+check-description: ## Are the URDF files current?
+	$(PY) -m ros1_bridge.description --check

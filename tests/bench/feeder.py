@@ -1,0 +1,131 @@
+"""Boards for `bench_ros`: ptys that answer the greeting and stream frames at a set rate, with the time of each.
+
+Both counters go up by eight with each frame, so the pose tells which frame it came from.  Lines on stdin: `rate HZ`
+streams and forgets what was noted, `pause` ends the stream and prints what was noted as one line of JSON.
+"""
+
+import json
+import os
+import pty
+import select
+import sys
+import time
+import tty
+from typing import Dict, List, Tuple
+
+from mrl_driver.codec import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
+from mrl_driver.table import BY_NAME, TICK_S
+
+CODE = {name: row.code for name, row in BY_NAME.items()}
+CAPABILITIES = 0b10111
+"""Check, watchdog, period, sonars."""
+COUNTS_A_FRAME = 8
+"""Enough for a driver that watches whether the wheels follow commands, not too fast for a wheel at 2000 Hz."""
+SONARS = (150, 200, 80)
+LATEST_S = 0.05
+"""A frame that is this late is left out rather than sent in a burst."""
+
+
+class Board:
+    """One pty, its conversation, and notes of what came and went when."""
+
+    def __init__(self) -> None:
+        self.master, self._slave = pty.openpty()
+        tty.setraw(self._slave)
+        self.port = os.ttyname(self._slave)
+        self._decoder = FrameDecoder(REQUESTS)
+        self._stamps = self._count = 0
+        self.streams = False
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget the notes; the counters start anew."""
+        self.written: Dict[int, float] = {}
+        self.moves: List[Tuple[float, int, int]] = []
+
+    def receive(self) -> None:
+        """Answer what has come."""
+        data, now = os.read(self.master, 4096), time.monotonic()
+        for event in self._decoder.feed(data):
+            if isinstance(event, Frame):
+                self._answer(event, now)
+
+    def _answer(self, frame: Frame, now: float) -> None:
+        code, args = frame.code, frame.args
+        if code == CODE["move_differential"]:
+            self.moves.append((now, args[0], args[1]))
+        elif code == CODE["robot_info"]:
+            self._reply(code, 2500, 172, 1250, 2, 1)
+        elif code == CODE["read_protocol"]:
+            self._reply(code, 2, CAPABILITIES)
+        elif code == CODE["set_check"]:
+            self._decoder.checked = bool(args[0])
+            self._reply(code, args[0])
+        elif code == CODE["set_watchdog"]:
+            self._reply(code, args[0])
+        elif code == CODE["read_status"]:
+            self._reply(code, 0, int(now) % 32768, 1, 0, 0, 0)
+        elif code in (CODE["start_stream"], CODE["stop_stream"]):
+            self.streams = code == CODE["start_stream"]
+
+    def _reply(self, code: int, *args: int) -> None:
+        os.write(self.master, encode_reply(code, *args, checked=self._decoder.checked))
+
+    def stream(self) -> None:
+        """One more frame, and when it went."""
+        if not self.streams:
+            return
+        self._count += 1
+        checked, stamp = self._decoder.checked, None
+        if checked:
+            self._stamps += 1
+            ticks = round(time.monotonic() / TICK_S)
+            stamp = Stamp(_int16(self._stamps), _int16(ticks))
+        count = _int16(self._count * COUNTS_A_FRAME)
+        frame = encode_reply(
+            CODE["read_encoders_and_sonars"], count, count, *SONARS, stamp=stamp, checked=checked
+        )
+        self.written[self._count] = time.monotonic()
+        os.write(self.master, frame)
+
+
+def _int16(value: int) -> int:
+    return (value + 0x8000 & 0xFFFF) - 0x8000
+
+
+def serve(boards: List[Board]) -> None:
+    """Until stdin ends."""
+    masters = {board.master: board for board in boards}
+    gap_s, turn, due_s = float("inf"), 0, float("inf")
+    while True:
+        wait_s = max(0.0, min(1.0, due_s - time.monotonic()))
+        ready, _, _ = select.select([sys.stdin.fileno(), *masters], [], [], wait_s)
+        if sys.stdin.fileno() in ready:
+            line = sys.stdin.readline().split()
+            if not line:
+                return
+            if line[0] == "rate":
+                for board in boards:
+                    board.forget()
+                gap_s, due_s = 1 / float(line[1]) / len(boards), time.monotonic()
+            else:
+                gap_s = due_s = float("inf")
+                print(json.dumps([[board.written, board.moves] for board in boards]), flush=True)
+        now = time.monotonic()
+        while due_s <= now:
+            boards[turn].stream()
+            turn = (turn + 1) % len(boards)
+            due_s = due_s + gap_s if now - due_s < LATEST_S else now + gap_s
+        for fd in ready:
+            if fd in masters:
+                masters[fd].receive()
+
+
+def main() -> None:
+    boards = [Board() for _ in range(int(sys.argv[1]))]
+    print(" ".join(board.port for board in boards), flush=True)
+    serve(boards)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,218 @@
+"""The parts of `bench_ros`: master, feeder, node or reference, and this process as subscriber."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any, Dict, List, Tuple
+
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Twist, Vector3
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import BatteryState, JointState, Range
+from tf2_msgs.msg import TFMessage
+
+from mrl_driver.robots import load
+from ros1_bridge.processes import Child, wait_until
+from ros1_bridge.run import master_answers
+from tests.bench.feeder import COUNTS_A_FRAME
+from tests.ros.rig import free_port
+
+ROOT = Path(__file__).resolve().parents[2]
+LOGS = ROOT / "build" / "bench" / "ros"
+NODE = [str(ROOT / "ros1_bridge" / "nodes" / "robot_node")]
+BARE = ["/usr/bin/python3", str(ROOT / "tests" / "bench" / "bare_rospy.py")]
+METRES_A_FRAME = COUNTS_A_FRAME * load("traxbot").drive.metres_per_count
+START_S = 30.0
+FULL = {
+    "sonar/front": Range,
+    "sonar/left": Range,
+    "sonar/right": Range,
+    "joint_states": JointState,
+    "battery": BatteryState,
+}
+_TICK_HZ = os.sysconf("SC_CLK_TCK")
+
+
+class Master:
+    """A ROS master of this benchmark's own, on localhost, with this process as a node."""
+
+    def __init__(self) -> None:
+        LOGS.mkdir(parents=True, exist_ok=True)
+        port = free_port()
+        uri = f"http://127.0.0.1:{port}"
+        os.environ.update(ROS_MASTER_URI=uri, ROS_IP="127.0.0.1", ROS_LOG_DIR=str(LOGS))
+        command = ["rosmaster", "--core", "-p", str(port)]
+        self._child = Child("rosmaster", command, LOGS / "rosmaster.log", dict(os.environ), ROOT)
+        assert wait_until(lambda: master_answers(uri), START_S), self._child.last_words()
+        rospy.init_node("bench", disable_signals=True)
+
+    def __enter__(self) -> "Master":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        rospy.signal_shutdown("done")
+        self._child.signal(signal.SIGTERM)
+        self._child.finish(3.0)
+
+
+class Feeder:
+    """The process that plays the boards."""
+
+    def __init__(self, boards: int) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "tests.bench.feeder", str(boards)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            cwd=str(ROOT),
+        )
+        assert self._process.stdout is not None
+        self.ports = self._process.stdout.readline().split()
+
+    def rate(self, hz: float) -> None:
+        """Stream at this rate, and note anew."""
+        self._say(f"rate {hz}")
+
+    def pause(self) -> List[Tuple[Dict[int, float], List[Tuple[float, int, int]]]]:
+        """End the stream; for each board when which frame went, and which movement commands came when."""
+        self._say("pause")
+        assert self._process.stdout is not None
+        notes = json.loads(self._process.stdout.readline())
+        return [({int(n): at for n, at in written.items()}, moves) for written, moves in notes]
+
+    def _say(self, line: str) -> None:
+        assert self._process.stdin is not None
+        self._process.stdin.write(line + "\n")
+        self._process.stdin.flush()
+
+    def close(self) -> None:
+        """End it."""
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self._process.stdin.close()
+        self._process.wait()
+        self._process.stdout.close()
+
+
+class Bench:
+    """A feeder with a node, or the reference, on each of its boards, and subscribers."""
+
+    _count = 0
+
+    def __init__(self, program: List[str], boards: int = 1, full: bool = False, hz: float = 50.0) -> None:
+        Bench._count += 1
+        self.feeder = Feeder(boards)
+        self.spaces = [f"/bench{Bench._count}_{i}" for i in range(boards)]
+        self.arrived: List[List[Tuple[float, float]]] = [[] for _ in range(boards)]
+        self.feeder.rate(hz)
+        self.nodes = [
+            Child(
+                "node",
+                [*program, f"__ns:={ns}", f"_port:={port}"],
+                LOGS / f"node{i}.log",
+                dict(os.environ),
+                ROOT,
+            )
+            for i, (ns, port) in enumerate(zip(self.spaces, self.feeder.ports))
+        ]
+        self._subscribers = [
+            rospy.Subscriber(f"{ns}/odom", Odometry, self._take, callback_args=i, tcp_nodelay=True)
+            for i, ns in enumerate(self.spaces)
+        ]
+        self._subscribers.append(rospy.Subscriber("/tf", TFMessage, lambda _: None, tcp_nodelay=True))
+        if full:
+            topics = {f"{ns}/{name}": kind for ns in self.spaces for name, kind in FULL.items()}
+            topics["/diagnostics"] = DiagnosticArray
+            for name, kind in topics.items():
+                self._subscribers.append(rospy.Subscriber(name, kind, lambda _: None, tcp_nodelay=True))
+        self._commands = rospy.Publisher(f"{self.spaces[0]}/cmd_vel", Twist, queue_size=10, tcp_nodelay=True)
+        came = wait_until(lambda: all(len(each) > 20 for each in self.arrived), START_S)
+        assert came, self.nodes[0].last_words()
+        time.sleep(1.0)
+
+    def __enter__(self) -> "Bench":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for node in self.nodes:
+            node.signal(signal.SIGINT)
+        for node in self.nodes:
+            node.finish(5.0)
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+        self._commands.unregister()
+        self.feeder.close()
+
+    def _take(self, message: Any, board: int) -> None:
+        self.arrived[board].append((time.monotonic(), message.pose.pose.position.x))
+
+    def latencies_s(self, hz: float, seconds: float) -> List[List[float]]:
+        """Frame on the pty to message here, for each board, in the order of the frames."""
+        self.feeder.rate(hz)
+        for each in self.arrived:
+            each.clear()
+        time.sleep(seconds)
+        notes = self.feeder.pause()
+        time.sleep(0.5)
+        return [_matched(written, arrived) for (written, _), arrived in zip(notes, self.arrived)]
+
+    def command_latencies_s(self, rounds: int) -> List[float]:
+        """Command published here to frame on the pty.
+
+        Speeds go down step by step, each once, so that a frame tells its command and no ramp comes between.
+        """
+        found: List[float] = []
+        for _ in range(rounds):
+            self.feeder.rate(50.0)
+            time.sleep(1.0)  # the pause has made the node greet its board anew
+            for _ in range(100):  # up to full speed
+                self._commands.publish(Twist(Vector3(0.3, 0, 0), Vector3()))
+                time.sleep(0.02)
+            sent = {}
+            for speed in range(290, 90, -1):
+                time.sleep(0.0131)
+                sent[speed] = time.monotonic()
+                self._commands.publish(Twist(Vector3(speed / 1000, 0, 0), Vector3()))
+            time.sleep(0.1)
+            moves = self.feeder.pause()[0][1]
+            for speed, at in sent.items():
+                came = [arrival for arrival, linear, _ in moves if linear == speed and arrival > at]
+                found += [came[0] - at] if came else []
+        return found
+
+    def cpu_percent(self, seconds: float) -> float:
+        """CPU share of the first node, at the rate in force [%]."""
+        begin_s, used_s = time.monotonic(), self._cpu_s()
+        time.sleep(seconds)
+        return 100 * (self._cpu_s() - used_s) / (time.monotonic() - begin_s)
+
+    def rss_mib(self) -> float:
+        """Resident memory of the first node."""
+        with open(f"/proc/{self._pid()}/status", encoding="ascii", errors="replace") as file:
+            line = next(line for line in file if line.startswith("VmRSS"))
+        return int(line.split()[1]) / 1024
+
+    def _pid(self) -> int:
+        return self.nodes[0]._process.pid  # noqa: SLF001
+
+    def _cpu_s(self) -> float:
+        with open(f"/proc/{self._pid()}/stat", encoding="ascii", errors="replace") as file:
+            fields = file.read().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / _TICK_HZ
+
+
+def _matched(written: Dict[int, float], arrived: List[Tuple[float, float]]) -> List[float]:
+    """Delays of the frames that arrived; the last frame gave the last message."""
+    if not arrived:
+        return []
+    offset = max(written) - round(arrived[-1][1] / METRES_A_FRAME)
+    delays = []
+    for at, x_m in arrived:
+        frame = round(x_m / METRES_A_FRAME) + offset
+        if frame in written:
+            delays.append(at - written[frame])
+    return delays
