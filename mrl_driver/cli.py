@@ -17,7 +17,7 @@ import click
 
 from . import live, robots
 from .driver import Driver, Options
-from .errors import BoardRefused, BoardTimeout, ConfigError, MrlError
+from .errors import BoardRefused, BoardTimeout, ConfigError, MrlError, WheelFault
 from .link import BAUD, ports
 from .table import BY_NAME, PARAMETER_BY_NAME
 
@@ -141,11 +141,14 @@ def describe(driver: Driver, port: str) -> Dict[str, Any]:
             stop_reason=status.stop_reason,
             faults=list(status.faults),
         )
-    if board.version < 2:
-        facts["note"] = (
-            "board firmware 1 (2013): works, without watchdog; flash with: make flash PORT=" + port
-        )
+    if driver.warning:
+        facts["note"] = driver.warning.replace("PORT=...", f"PORT={port}")
     return facts
+
+
+def _warn(driver: Driver) -> None:
+    if driver.warning:
+        click.echo(f"mrl: warning: {driver.warning}", err=True)
 
 
 def _human(value: Any) -> str:
@@ -181,6 +184,7 @@ def drive(
     elif not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise ConfigError("there is no terminal to drive from; give --linear or --angular, and --for SECONDS")
     with _driver(port, robot, baud, ignore_battery, record) as driver:
+        _warn(driver)
         if timed:
             _drive_timed(driver, linear or 0.0, angular or 0.0, seconds or 0.0)
         else:
@@ -245,8 +249,10 @@ def _drive_timed(driver: Driver, linear_m_s: float, angular_rad_s: float, second
     while time.monotonic() < deadline:
         driver.wait(min(0.05, deadline - time.monotonic()))
         if driver.command is None:
+            if driver.mismatch is not None:
+                raise WheelFault(f"stopped early: {driver.mismatch}")
             raise BoardTimeout(
-                f"stopped early: telemetry is {driver.age_s * 1000:.0f} ms old, "
+                f"stopped early ({driver.stop_reason}): telemetry is {driver.age_s * 1000:.0f} ms old, "
                 f"battery is {driver.battery_state} ({driver.battery_v:.1f} V)"
             )
     driver.stop()
@@ -289,6 +295,7 @@ def _watch(port: Optional[str], robot: str, baud: int, seconds: float, record: O
     if not seconds > 0:
         raise ConfigError(f"--seconds is {seconds}, expected a number above 0")
     with _driver(port, robot, baud, True, record) as driver:
+        _warn(driver)
         try:
             live.watch(driver, seconds)
         except KeyboardInterrupt:

@@ -13,6 +13,7 @@
     |   +-- BatteryDead         9   the motors have no power, or too little to start
     |   +-- BoardTimeout       10   a known board did not answer in time (also a TimeoutError)
     |   +-- BoardRefused       11   the board said no
+    |   +-- WheelFault         14   a wheel does not do what it was told
     +-- FrameError             12   this program asked for a frame that the table forbids (also a ValueError)
     +-- SimulatorError         13   the emulator cannot be built or started
 
@@ -93,6 +94,12 @@ class BoardRefused(BoardError):
     """The board answered that it will not."""
 
     exit_code = 11
+
+
+class WheelFault(BoardError):
+    """A wheel does not do what it was told: encoder, wiring, power, or something in its way."""
+
+    exit_code = 14
 
 
 class FrameError(MrlError, ValueError):

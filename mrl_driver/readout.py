@@ -90,6 +90,13 @@ class Readout:
         return self._state.info
 
     @property
+    def warning(self) -> str:
+        """What a user should know about the board that answers; empty where there is nothing."""
+        if self._state.info is None or self._state.info.version >= 2:
+            return ""
+        return "board firmware 1 (2013): works, without watchdog; flash with: make flash PORT=..."
+
+    @property
     def telemetry(self) -> Optional[Telemetry]:
         """The last one, or None before the first."""
         return self._state.telemetry

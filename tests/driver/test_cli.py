@@ -272,3 +272,19 @@ def test_ranges_for_people(value, text):
 def test_bars_end_at_their_width():
     assert live.bar(float("inf")) == "#" * live.BAR_WIDTH
     assert live.bar(float("nan")) == "." * live.BAR_WIDTH
+
+
+@pytest.mark.parametrize(
+    "command", [("drive", "--linear", "0.1", "--for", "0.2"), ("monitor", "--seconds", "0.2")]
+)
+def test_a_2013_board_is_warned_of(serve, command):
+    result = mrl(*command, "--port", serve(version=1).path)
+    assert result.returncode == 0
+    assert "mrl: warning: board firmware 1 (2013): works, without watchdog" in result.stderr
+
+
+def test_a_blocked_wheel_has_its_own_exit_code(serve):
+    port = serve()
+    port.board.dead = {"left"}
+    line = fails(14, "drive", "--linear", "0.2", "--for", "20", "--port", port.path)
+    assert "left wheel" in line and "blocked" in line

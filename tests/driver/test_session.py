@@ -248,7 +248,7 @@ def test_silence_is_stale_after_300_ms():
     talk.board.mute = True
     last = talk.session.heard_s
     talk.until(lambda: talk.seen(Stale))
-    assert talk.now - last == pytest.approx(0.3, abs=0.01)
+    assert 0.25 < talk.now - last <= 0.3
     assert not talk.session.ready
 
 
