@@ -20,7 +20,9 @@ __all__ = ["Counts", "Info", "Ready", "Reply", "Session", "SessionEvent", "Sonar
 LATE_S = 0.1
 """Telemetry older than this: no more motion commands are sent."""
 STALE_S = 0.28
-"""Telemetry older than this is reported, so that it is known within 300 ms; the command in force is dropped and the board greeted anew."""
+"""Telemetry older than this is reported, so that it is known within 300 ms; the command in force is dropped and the
+board greeted anew.
+"""
 STATUS_S = 0.5
 """Period of `read_status`; it also keeps the check value on, which ends after 2 s without a valid frame."""
 INFO_S = 1.0

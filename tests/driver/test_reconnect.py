@@ -130,6 +130,16 @@ def test_another_robot_is_not_taken(robot, cable):
     assert cable.port.board.period_s is None
 
 
+def test_a_terminal_that_somebody_works_in_is_left_alone(robot, cable, monkeypatch):
+    """The name of before may be another program's pseudo terminal by now."""
+    monkeypatch.setattr(reconnect, "in_use", lambda name: True)
+    cable.unplug()
+    cable.plug()
+    wait_until(lambda: heard(robot, Lost))
+    time.sleep(0.3)
+    assert not cable.port.received
+
+
 def test_a_silent_port_is_given_up_for_the_next_try(serve, tmp_path):
     cable = Cable(serve, tmp_path / "robot")
     with Driver(cable.path, options=Options(reconnect=True, greeting_s=0.5)) as robot:

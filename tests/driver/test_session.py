@@ -252,6 +252,39 @@ def test_silence_is_stale_after_300_ms():
     assert not talk.session.ready
 
 
+# -- a new link
+
+
+def relinked(same):
+    """A board that ran on while its cable was out, greeted again."""
+    talk = Talk().until_ready().run(0.3)
+    talk.session.lose(talk.now)
+    talk.run(0.1)
+    talk.events.clear()
+    talk.session.relink(talk.now, same)
+    return talk.until_ready()
+
+
+@pytest.mark.parametrize("same", [True, False])
+def test_a_board_that_ran_on_keeps_its_baseline_unless_another_answered_meanwhile(same):
+    assert [event.restarted for event in relinked(same).seen(Ready)] == [not same]
+
+
+def test_half_a_frame_of_the_lost_link_is_forgotten():
+    talk = Talk().until_ready()
+    talk.session.receive(b"@8,12", talk.now)
+    talk.session.relink(talk.now)
+    talk.until_ready()
+    assert talk.session.counters.garbage == {}
+
+
+def test_nothing_waits_for_the_new_link():
+    talk = Talk().until_ready()
+    talk.session.drive(200, 0, talk.now)
+    talk.session.lose(talk.now)
+    assert talk.session.take() == b"" and talk.session.motion.target is None
+
+
 # -- motion
 
 
