@@ -16,12 +16,6 @@ MODES = {
     BATTERY: "battery",
     WHEEL: "wheel mismatch",
 }
-    EMERGENCY: "emergency stop",
-    DISABLED: "disabled",
-    LINK: "no link",
-    BATTERY: "battery",
-    WHEEL: "wheel mismatch",
-}
 """Mode by what keeps the robot from moving; `drive` where nothing does."""
 
 
