@@ -54,6 +54,15 @@ def test_drift_is_found():
     assert clock.drift == pytest.approx(-0.004, abs=1e-4)
 
 
+def test_a_drift_that_changes_is_forgotten_with_its_window():
+    """As a resonator's does when the board warms up."""
+    clock, rng, ticks = BoardClock(), random.Random(2), 0.0
+    for n in range(5000):
+        ticks += 0.02 * (1 + (0.004 if n < 2500 else -0.004)) / TICK_S
+        clock.update(int16(int(ticks)), 0.02 * n + rng.uniform(0, USB_JITTER_S))
+    assert clock.drift == pytest.approx(0.004, abs=2e-4)
+
+
 def test_latency_is_the_delay_beyond_the_least():
     *_, (true_s, host, _) = run(5, 0.0, 30)
     assert host.latency_s == pytest.approx(host.stamp_s + host.latency_s - true_s, abs=STAMP_ERROR_S)

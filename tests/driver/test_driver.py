@@ -182,6 +182,25 @@ def test_threads_that_drive_at_once_never_mix_frames(robot):
     assert all(frame.count(b"@") == 1 and frame.startswith(b"@") for frame in frames)
 
 
+def test_frames_leave_in_one_piece_whatever_the_link_does(robot, monkeypatch):
+    """The driver's own lock, with a link that has none."""
+    sent = bytearray()
+
+    def crawl(data):
+        for byte in data:
+            sent.append(byte)
+            time.sleep(0.0001)
+
+    monkeypatch.setattr(robot._link, "write", crawl)
+    threads = [threading.Thread(target=lambda: [robot.request(30) for _ in range(20)]) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    frames = bytes(sent).split(b"e")[:-1]
+    assert len(frames) >= 40 and all(frame.count(b"@") == 1 and frame[0] == ord("@") for frame in frames)
+
+
 def test_unplugging_is_a_lost_link(robot):
     heard = []
     robot.on_event(heard.append)

@@ -118,6 +118,22 @@ def test_a_write_that_blocks_is_given_up(pty):
     link.close()
 
 
+def test_writes_of_two_threads_stay_whole(pty, monkeypatch):
+    """Even where the port takes them byte by byte."""
+    link, write = Link(pty[1]), os.write
+    monkeypatch.setattr(
+        os, "write", lambda fd, data: write(fd, data[:1]) if time.sleep(0.0002) is None else 0
+    )
+    threads = [
+        in_thread(lambda text=text: [link.write(text) for _ in range(20)]) for text in (b"@1111e", b"@2222e")
+    ]
+    for thread, _ in threads:
+        thread.join()
+    frames = os.read(pty[0], 4096).split(b"e")[:-1]
+    assert len(frames) == 40 and set(frames) == {b"@1111", b"@2222"}
+    link.close()
+
+
 def test_a_second_program_is_refused_by_name(pty):
     link = Link(pty[1])
     with pytest.raises(PortBusy, match=rf"in use by .*\(process {os.getpid()}\)"):

@@ -180,6 +180,17 @@ def test_a_wheel_slower_than_15_mm_s_is_not_judged():
     assert drive.run(5.0) is None
 
 
+@pytest.mark.parametrize("name", MODELS)
+def test_a_motor_that_breaks_loose_late_is_no_mismatch(name):
+    """Friction holds it until the control has built up voltage."""
+    drive = Drive(name)
+    drive.fault = both_frozen(drive)
+    drive.command(0.3, 0.0)
+    assert drive.run(0.45) is None
+    drive.fault = sound
+    assert drive.run(2.0) is None
+
+
 def test_after_a_gap_the_watch_begins_anew():
     """The board may have stopped the robot meanwhile, and starts it again on the next command."""
     drive = Drive()
