@@ -12,6 +12,7 @@ from mrl_driver.table import BY_NAME, PARAMETER_BY_NAME
 from sim_arduino.avr.line import heard
 from sim_arduino.avr.machine import HOST_BAUD, AvrMachine
 
+DUST = 8
 FAN, SONAR_TRIGGER, SONAR_POWER, HEATER = 7, 12, 13, 15
 WATCHED_PINS = (FAN, SONAR_TRIGGER, SONAR_POWER, HEATER)
 BOOT_S, SAVING_S = 0.3, 0.4  # 64 bytes of EEPROM at 3.4 ms fit
@@ -81,6 +82,7 @@ class AvrEngine:
         self.machine.adc_volts = plant.adc_volts
         self.machine.on_pin = plant.pin_changed
         self.machine.watch_pins(WATCHED_PINS)
+        self._dust_edges = getattr(plant, "dust_edges", lambda to_s: ())
 
     def receive(self, data: bytes) -> None:
         """Bytes from the host, the first of them on the wire from now on."""
@@ -92,6 +94,8 @@ class AvrEngine:
         Raises:
             MachineCrashed: the program touched an address that is no memory.
         """
+        for time_s, level in self._dust_edges(self.machine.time_s):
+            self.machine.set_pin(DUST, level, self._cycle_at(max(time_s, self.machine.time_s)))
         self.machine.run_until(self._cycle_at(to_s))
         self.plant.advance(self.machine.time_s)
         return heard(self.machine.sent(), self.machine.frequency_hz / self._host_baud)

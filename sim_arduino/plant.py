@@ -2,14 +2,14 @@
 
 import dataclasses
 import math
-from typing import Any, Dict, Optional, Tuple
+from typing import Any, Dict, List, Optional, Tuple
 
 from mrl_driver.robots import RobotModel
 
 from .bumper import Bumper, footprint_for
 from .omni3md import ADDRESS, Omni3MD
 from .physics import AS_MODELLED, Errors, Robot, params_for
-from .sensors import COMPASS_ADDRESS, THERMOPILE_ADDRESS, Compass, Environment, Thermopile
+from .sensors import COMPASS_ADDRESS, THERMOPILE_ADDRESS, Compass, DustPulses, Environment, Thermopile
 from .shapes import Pose
 from .sonars import FLAWLESS, VOLTS_PER_COUNT, SonarChain, SonarErrors
 from .world import World
@@ -79,6 +79,7 @@ class Plant:
                 lambda time_s: self._pose_at(time_s).yaw_rad, self.world.scene.north_rad
             ),
         }
+        self._dust = DustPulses(lambda time_s: self.sensed(time_s).dust_pcs_l)
         self._shown: Optional[Pose] = None
         self._show()
 
@@ -109,6 +110,10 @@ class Plant:
     def sensed(self, time_s: float) -> Environment:
         """What the environment sensors sense where the robot is."""
         return self.world.scene.sensed(self.environment, self._pose_at(time_s), self.world.sees)
+
+    def dust_edges(self, to_s: float) -> List[Tuple[float, int]]:
+        """Edges at D8 of the dust pulses that begin until `to_s`: times [s] and levels."""
+        return [] if self.sonars_fitted else self._dust.edges(to_s)
 
     def adc_volts(self, channel: int, time_s: float) -> float:
         """Voltage at A0 to A3 [V]: sonars in firing order, or alcohol on A0 and light on A2."""

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Callable, Tuple
+from typing import Callable, List, Tuple
 
 THERMOPILE_ADDRESS, COMPASS_ADDRESS = 0x68, 0x60
 PIXELS = 8
@@ -61,6 +61,42 @@ class Thermopile(_Registers):
         """All registers."""
         around = self._sensed_at(time_s)
         return bytes([7, _byte(around.ambient_c), *map(_byte, around.pixels_c)])
+
+
+_LITRES = 0.2832
+"""0.01 cubic feet, the volume that the PPD42NS's curve counts particles in [l]."""
+_LONGEST_S, _SHORTEST_S, _USUAL_S = 0.09, 0.01, 1.0
+
+
+def dust_share(pcs_l: float) -> float:
+    """Share of the time that the PPD42NS holds its output low: its curve p = 1.1 r^3 - 3.8 r^2 + 520 r backwards,
+    particles per 0.01 cubic feet at r percent; 0 to 0.4."""
+    low, high = 0.0, 40.0
+    for _ in range(40):
+        r = 0.5 * (low + high)
+        low, high = (r, high) if ((1.1 * r - 3.8) * r + 520.0) * r < pcs_l * _LITRES else (low, r)
+    return low / 100.0
+
+
+class DustPulses:
+    """Output of the PPD42NS: low pulses of 10 to 90 ms whose share of the time tells the concentration."""
+
+    def __init__(self, pcs_l_at: Callable[[float], float]) -> None:
+        self._pcs_l_at = pcs_l_at
+        self._next_s = _USUAL_S
+
+    def edges(self, to_s: float) -> List[Tuple[float, int]]:
+        """Times [s] and levels of the edges of all pulses that begin until `to_s`."""
+        found: List[Tuple[float, int]] = []
+        while self._next_s <= to_s:
+            begin_s, share = self._next_s, dust_share(self._pcs_l_at(self._next_s))
+            if share < 1e-6:
+                self._next_s += _USUAL_S
+                continue
+            width_s = min(_LONGEST_S, max(_SHORTEST_S, share * _USUAL_S))
+            found += [(begin_s, 0), (begin_s + width_s, 1)]
+            self._next_s += width_s / share
+        return found
 
 
 class Compass(_Registers):

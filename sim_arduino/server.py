@@ -3,8 +3,9 @@
 import json
 import os
 import select
+import threading
 import time
-from typing import Any, Dict, List, Optional, TextIO
+from typing import Any, Dict, List, Optional, Protocol, Sequence, TextIO
 
 from .control import Control
 from .engine import Engine
@@ -21,14 +22,29 @@ _LINE_AHEAD_S = 0.002
 """How far the host's bytes may run ahead of the line before they are left in the pty."""
 
 
+class Watcher(Protocol):
+    """Something that looks at the robot now and then."""
+
+    due_s: float
+    """When it wants to look next, in the board's time [s]."""
+
+    def look(self, now_s: float) -> None:
+        """Looks, and puts `due_s` forward."""
+
+
 class PtyServer:
     """Connects an engine and a port until `stop` is called.
 
     Args:
+        speed: Times as fast as real time; where the machine cannot follow, as fast as it goes.
+        watchers: What else looks at the robot.
         truth: File that gets the plant's true pose as JSON lines, 20 a second.
         log: File that gets the bytes of both directions as JSON lines.
         reset_on_open: Opening the port resets the board, as the DTR line of an Uno does.
         control: Pulls the cable, and takes orders.
+
+    Attributes:
+        lock: Held while the board runs; take it to look at the board from another thread.
     """
 
     def __init__(
@@ -40,7 +56,11 @@ class PtyServer:
         log: Optional[TextIO] = None,
         reset_on_open: bool = False,
         control: Optional[Control] = None,
+        speed: float = 1.0,
+        watchers: Sequence[Watcher] = (),
     ) -> None:
+        self.lock = threading.RLock()
+        self._speed, self._watchers = speed, watchers
         self._engine, self._port, self._plant = engine, port, plant
         self._truth, self._log = truth, log
         self._reset_on_open, self._control = reset_on_open, control
@@ -71,31 +91,49 @@ class PtyServer:
             os.close(self._waker)
 
     def _turn(self) -> None:
-        self._take_time()
-        self._advance()
-        if self._control:
-            self._control.attend(self._port)
+        with self.lock:
+            self._take_time()
+            self._advance()
+            if self._control:
+                self._control.attend(self._port)
+            self._let_look()
+        self._wait()
+        with self.lock:
+            self._take_time()
+            if self._port.opened_anew() and self._reset_on_open:
+                self._advance()
+                self._engine.reset()
+            if self._line_ready():
+                self._take_input()
+
+    def _let_look(self) -> None:
         if self._now_s >= self._truth_due_s:
             self._write_truth()
-        self._wait()
-        self._take_time()
-        if self._port.opened_anew() and self._reset_on_open:
-            self._advance()
-            self._engine.reset()
-        if self._line_ready():
-            self._take_input()
+        for watcher in self._watchers:
+            if self._now_s >= watcher.due_s:
+                watcher.look(self._now_s)
+
+    def _clock(self) -> float:
+        """The board's time now [s]."""
+        return (time.monotonic() - self._start_s) * self._speed
 
     def _take_time(self) -> None:
-        """Reads the clock.  A pause that nobody asked for is one in the board's own time."""
-        self._now_s = time.monotonic() - self._start_s
-        if self._now_s - self._expected_s > STALL_S:
+        """Reads the clock.  A pause that nobody asked for is one in the board's own time, at speed 1: at another speed
+        its time slows down."""
+        self._now_s = self._clock()
+        late_s = self._now_s - self._expected_s
+        if self._speed != 1.0 and late_s > HEARTBEAT_S:
+            self._start_s += (late_s - HEARTBEAT_S) / self._speed
+            self._now_s -= late_s - HEARTBEAT_S
+        elif late_s > STALL_S:
             waiting = self._port.read_all()
             self._note("stalled", waiting)
             self._engine.gap(self._now_s, waiting)
         self._expected_s = self._now_s
 
     def _wait(self) -> None:
-        until = min(self._engine.next_event_s, self._truth_due_s, self._now_s + HEARTBEAT_S)
+        until = min(self._engine.next_event_s, self._truth_due_s, self._now_s + HEARTBEAT_S * self._speed)
+        until = min([until, *(watcher.due_s for watcher in self._watchers)])
         watched: List[int] = [self._wake]
         control = self._control.fd if self._control else None
         watched += [fd for fd in (self._port.watch, control) if fd is not None]
@@ -103,9 +141,9 @@ class PtyServer:
             watched += [self._port.master] if self._port.master is not None else []
         else:
             until = min(until, self._line_free_s - _LINE_AHEAD_S)
-        timeout = max(0.0, until - (time.monotonic() - self._start_s))
+        timeout = max(0.0, until - self._clock())
         self._expected_s = self._now_s + timeout
-        select.select(watched, [], [], timeout)
+        select.select(watched, [], [], timeout / self._speed)
 
     def _line_ready(self) -> bool:
         return self._line_free_s - _LINE_AHEAD_S <= self._now_s
@@ -141,7 +179,7 @@ class PtyServer:
                 "x": pose.x_m,
                 "y": pose.y_m,
                 "yaw": pose.yaw_rad,
-                "host_monotonic": round(self._start_s + self._now_s, 6),
+                "host_monotonic": round(self._start_s + self._now_s / self._speed, 6),
             },
         )
 

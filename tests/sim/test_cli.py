@@ -77,13 +77,13 @@ def test_world_and_pose(tmp_path):
 
 def test_truth_tells_the_pose(tmp_path):
     truth = tmp_path / "truth.jsonl"
-    with Simulator("--pose", "1,2,90", "--truth", str(truth)) as simulator:
+    with Simulator("--pose", "1,1.5,90", "--truth", str(truth)) as simulator:
         time.sleep(0.3)
         simulator.end()
     rows = [json.loads(line) for line in truth.read_text().splitlines()]
     assert len(rows) >= 4
     assert set(rows[0]) == {"t", "x", "y", "yaw", "host_monotonic"}
-    assert (rows[-1]["x"], rows[-1]["y"]) == (1.0, 2.0)
+    assert (rows[-1]["x"], rows[-1]["y"]) == (1.0, 1.5)
 
 
 def test_log_holds_both_directions(tmp_path):

@@ -1,0 +1,97 @@
+"""Mirrors of real robots: each stands in a shared world where its odometry says, and emulated robots meet it there.
+
+    python -m sim_arduino.mirror --world-name lab1 --name trax2 --pose 1,0,90 < poses
+
+reads JSON lines `{"x": 0.1, "y": 0.0, "yaw": 0.0}` [m, m, rad] from stdin, so that they may come over any pipe.
+"""
+
+import json
+import math
+import sys
+from typing import Iterable, Tuple
+
+import click
+
+from mrl_driver import robots
+from mrl_driver.errors import ConfigError
+
+from .bumper import footprint_for
+from .one_line import OneLine
+from .shapes import ORIGIN, Footprint, Pose
+from .shared_crowd import SharedCrowd
+from .world_file import FAR_M, parse_pose
+
+
+class Mirror:
+    """A real robot's place in a shared world; a context manager that takes it out again.
+
+    Args:
+        origin: Where in the world its odometry began.
+
+    Raises:
+        ConfigError: a name is none, or taken.
+    """
+
+    def __init__(self, world_name: str, name: str, footprint: Footprint, origin: Pose = ORIGIN) -> None:
+        self._crowd = SharedCrowd(world_name)
+        self._name, self._footprint, self._origin = name, footprint, origin
+        self.moved(0.0, 0.0, 0.0)
+
+    def moved(self, x_m: float, y_m: float, yaw_rad: float) -> Pose:
+        """Takes the robot's pose by its odometry; returns where it stands in the world."""
+        pose = self._origin.beside(x_m, y_m, yaw_rad)
+        self._crowd.place(self._name, pose, self._footprint)
+        return pose
+
+    def close(self) -> None:
+        """Takes it out of the world."""
+        self._crowd.close()
+
+    def __enter__(self) -> "Mirror":
+        """The mirror itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Takes it out of the world."""
+        self.close()
+
+
+def follow(mirror: Mirror, lines: Iterable[str]) -> None:
+    """Moves a mirror as JSON lines come.
+
+    Raises:
+        ConfigError: a line is no pose; it is named by its number.
+    """
+    for number, line in enumerate(lines, 1):
+        if line.strip():
+            mirror.moved(*_pose(number, line))
+
+
+def _pose(number: int, line: str) -> Tuple[float, float, float]:
+    try:
+        row = json.loads(line)
+        x, y, yaw = float(row["x"]), float(row["y"]), float(row["yaw"])
+    except (ValueError, KeyError, TypeError):
+        x = y = yaw = math.nan
+    if not (abs(x) <= FAR_M and abs(y) <= FAR_M and abs(yaw) <= 1e6):
+        raise ConfigError(
+            f'line {number} is {line.strip()[:80]!r}, expected {{"x": m, "y": m, "yaw": rad}} within {FAR_M:g} m'
+        )
+    return x, y, yaw
+
+
+@click.command("mrl-mirror", cls=OneLine)
+@click.option("--world-name", required=True, metavar="NAME", help="The shared world.")
+@click.option("--name", required=True, help="The robot's name there.")
+@click.option("--robot", default="traxbot", metavar="NAME|FILE", show_default=True, help="Robot model.")
+@click.option("--pose", metavar="X,Y,YAW", help="Where its odometry began, metres and degrees.")
+def main(world_name: str, name: str, robot: str, pose: str) -> None:
+    """Show a real robot to the emulated ones: its poses come as JSON lines on stdin."""
+    footprint = footprint_for(robots.load(robot))
+    assert footprint
+    with Mirror(world_name, name, footprint, parse_pose(pose, ORIGIN)) as mirror:
+        follow(mirror, sys.stdin)
+
+
+if __name__ == "__main__":
+    main()

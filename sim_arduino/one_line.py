@@ -1,0 +1,23 @@
+"""Commands that end with one line on stderr and the error's own exit code."""
+
+import sys
+from typing import Any
+
+import click
+
+from mrl_driver.errors import MrlError
+
+
+class OneLine(click.Command):
+    """A click command without tracebacks."""
+
+    def main(self, *args: Any, **kwargs: Any) -> Any:
+        """As click's, but an error costs one line."""
+        try:
+            super().main(*args, **{**kwargs, "standalone_mode": False})
+        except (MrlError, click.ClickException) as error:
+            text = error.format_message() if isinstance(error, click.ClickException) else str(error)
+            click.echo(f"{self.name}: {' '.join(text.split())}", err=True)
+            sys.exit(error.exit_code)
+        except (click.Abort, KeyboardInterrupt):
+            sys.exit(130)
