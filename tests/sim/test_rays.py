@@ -1,0 +1,139 @@
+"""Arrays of walls against one wall at a time, and a laser against closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from sim_arduino import rays
+from sim_arduino.laser import URG_04LX, LaserScanner
+from sim_arduino.shapes import Footprint, Pose, Wall, distance, nearest_in_cone, polygon
+from sim_arduino.world import World
+
+CONE_RAD, RANGE_M, EXACT_M = math.radians(18), 6.45, 1e-9
+coordinate = st.floats(-5, 5)
+walls = st.lists(st.builds(Wall, coordinate, coordinate, coordinate, coordinate), min_size=1, max_size=8)
+poses = st.builds(Pose, coordinate, coordinate, st.floats(-7, 7))
+SQUARE = World(polygon([(-2, -2), (2, -2), (2, 2), (-2, 2)]))
+
+
+@given(walls=walls, pose=poses)
+def test_arrays_and_the_loop_hear_the_same(walls, pose):
+    one_by_one = nearest_in_cone(walls, pose, CONE_RAD, RANGE_M)
+    assert rays.nearest_in_cone(np.array(walls), pose, CONE_RAD, RANGE_M) == pytest.approx(one_by_one)
+
+
+@given(walls=walls, pose=poses)
+def test_arrays_and_the_loop_measure_the_same_distances(walls, pose):
+    each = [distance(wall, pose.x_m, pose.y_m) for wall in walls]
+    assert rays.distances(np.array(walls), pose.x_m, pose.y_m) == pytest.approx(each)
+
+
+def along(wall, pose, angle):
+    """Distance to a wall along one ray, by solving the two lines."""
+    dx, dy = math.cos(pose.yaw_rad + angle), math.sin(pose.yaw_rad + angle)
+    ex, ey = wall.x2 - wall.x1, wall.y2 - wall.y1
+    cross = dx * ey - dy * ex
+    if abs(cross) < 1e-9:
+        return math.inf
+    px, py = wall.x1 - pose.x_m, wall.y1 - pose.y_m
+    far, part = (px * ey - py * ex) / cross, (px * dy - py * dx) / cross
+    return far if far >= 0 and 0 <= part <= 1 else math.inf
+
+
+def beside_line(wall, pose):
+    """Distance from the line that a wall lies on; 0 for a wall of no length."""
+    ex, ey = wall.x2 - wall.x1, wall.y2 - wall.y1
+    length = math.hypot(ex, ey)
+    return abs(ex * (pose.y_m - wall.y1) - ey * (pose.x_m - wall.x1)) / length if length > 0.01 else 0.0
+
+
+@settings(deadline=None, max_examples=40)
+@given(walls=walls, pose=poses, first=st.floats(-4, 4))
+def test_each_ray_of_a_fan_is_exact(walls, pose, first):
+    assume(all(beside_line(wall, pose) > 0.05 for wall in walls))
+    got = rays.cast(np.array(walls), pose, first, 0.09, 69, 100.0)
+    for i, far in enumerate(got):
+        each = [min(along(wall, pose, first + 0.09 * i + e) for wall in walls) for e in (-1e-6, 0.0, 1e-6)]
+        assert min(each) - 0.01 <= far <= max(each) + 0.01 if far < math.inf else max(each) == math.inf
+
+
+@pytest.mark.parametrize("yaw_deg", range(0, 360, 15))
+def test_a_square_room_all_around(yaw_deg):
+    """2 m over the larger of cosine and sine of the ray's direction."""
+    yaw = math.radians(yaw_deg)
+    got = SQUARE.scan(Pose(0, 0, yaw), -math.pi, math.tau / 360, 360, 10.0)
+    angles = yaw - math.pi + np.arange(360) * math.tau / 360
+    assert got == pytest.approx(2.0 / np.maximum(abs(np.cos(angles)), abs(np.sin(angles))), abs=EXACT_M)
+
+
+def test_no_ray_slips_through_a_corner():
+    """Rays that meet the corners exactly."""
+    got = SQUARE.scan(Pose(0, 0, 0), -0.75 * math.pi, math.pi / 2, 4, 10.0)
+    assert got == pytest.approx([2 * math.sqrt(2)] * 4)
+
+
+def test_nothing_in_range_is_infinite():
+    assert SQUARE.scan(Pose(0, 0, 0), 0.0, 0.1, 1, 1.99)[0] == math.inf
+
+
+def test_a_wall_seen_end_on():
+    assert World([Wall(1, 0, 2, 0)]).scan(Pose(0, 0, 0), 0.0, 0.1, 1, 9.0)[0] == pytest.approx(1.0)
+
+
+def test_no_walls():
+    assert (World().scan(Pose(0, 0, 0), 0.0, 0.1, 5, 9.0) == math.inf).all()
+
+
+def test_a_ray_meets_another_robot():
+    world = World()
+    world.place("other", Pose(1.0, 0.0, 0.0), Footprint(0.2, 0.2))
+    assert world.scan(Pose(0, 0, 0), 0.0, 0.1, 1, 9.0)[0] == pytest.approx(0.9)
+
+
+def test_a_robot_does_not_see_itself():
+    world = World()
+    world.place("me", Pose(0.0, 0.0, 0.0), Footprint(0.2, 0.2))
+    assert world.scan(Pose(0, 0, 0), 0.0, 0.1, 1, 9.0, without="me")[0] == math.inf
+
+
+# ---- the laser
+
+
+def test_the_laser_sits_before_the_middle():
+    """In the middle of the room the wall ahead is 2 - 0.085 m away."""
+    scan = LaserScanner(SQUARE, exact=True).scan(Pose(0, 0, 0))
+    assert scan[256] == pytest.approx(2 - URG_04LX.x_m)
+
+
+def test_the_laser_sees_half_a_turn():
+    assert len(LaserScanner(SQUARE).scan(Pose(0, 0, 0))) == 512
+    assert math.degrees(512 * URG_04LX.step_rad) == pytest.approx(180.0)
+
+
+def errors_at(range_m):
+    world = World([Wall(URG_04LX.x_m + range_m, -50, URG_04LX.x_m + range_m, 50)])
+    scanner, exact = LaserScanner(world, seed=3), LaserScanner(world, exact=True)
+    true = exact.scan(Pose(0, 0, 0))
+    near = np.isfinite(true) & (true < range_m * 1.05) & (true <= 4.0)
+    return np.concatenate([scanner.scan(Pose(0, 0, 0))[near] - true[near] for _ in range(20)])
+
+
+def test_errors_below_a_metre_stay_within_10_mm():
+    assert 0.005 < abs(errors_at(0.8)).max() <= 0.010 + EXACT_M
+
+
+def test_errors_beyond_stay_within_2_percent():
+    assert 0.03 < abs(errors_at(3.0)).max() <= 0.02 * 3.0 * 1.05
+
+
+def test_the_same_seed_gives_the_same_scan():
+    one, two = (LaserScanner(SQUARE, seed=5).scan(Pose(0, 0, 0)) for _ in range(2))
+    assert (one == two).all()
+
+
+def test_too_near_is_minus_infinite():
+    world = World([Wall(URG_04LX.x_m + 0.01, -1, URG_04LX.x_m + 0.01, 1)])
+    assert LaserScanner(world, exact=True).scan(Pose(0, 0, 0))[256] == -math.inf
