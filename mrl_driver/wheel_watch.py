@@ -26,8 +26,6 @@ LEAST_WAY_M = 0.004
 """Expected way over the window from which on a wheel is judged: some 15 mm/s; a slower motor may stick."""
 SLOWNESS = 0.5
 """The ramp may take longer than the model says: least acceleration over that of the model."""
-LAG_S = 0.3
-"""A motor under control follows its ramp so late; weak gains at the slowest control rate of the motor board."""
 HIDDEN_S = 0.8
 """So long a wheel that was sent the other way may still gain speed that way."""
 LEAST_RAMP_MS = 500
@@ -68,8 +66,8 @@ class Mismatch(NamedTuple):
 class _Wheel:
     """One wheel.
 
-    `reference` is the speed of the slowest ramp that a sound wheel may have [m/s, along the command]; below zero it
-    still runs the other way.  `expected` follows it as slowly as a motor follows its ramp.
+    `reference` is the speed on the slowest ramp that a sound wheel may have [m/s, along the command]; below zero it
+    still runs the other way.
     """
 
     def __init__(self, acceleration_m_s2: float, latency_ticks: int) -> None:
@@ -78,7 +76,7 @@ class _Wheel:
         self._targets: Deque[float] = deque([0.0] * (latency_ticks + 1), maxlen=latency_ticks + 1)
         self._speeds = self._targets.copy()
         self._ways: Deque[Tuple[float, float]] = deque(maxlen=WINDOW)
-        self._reference = self._expected = 0.0
+        self._reference = 0.0
         self._direction = self._last = 0.0
         self._asked: Set[float] = set()
         self._still = 0
@@ -99,10 +97,10 @@ class _Wheel:
         if direction != self._direction:
             self._turn(direction, self._speeds[0] * direction)
         self._follow(abs(floor), dt_s)
-        if self._expected <= 0.0:
+        if self._reference <= 0.0:
             self._ways.clear()
             return None
-        self._ways.append((self._expected * dt_s, moved_m * direction))
+        self._ways.append((self._reference * dt_s, moved_m * direction))
         return self._judge() if len(self._ways) == WINDOW else None
 
     def _judge(self) -> Optional[Mismatch]:
@@ -118,7 +116,7 @@ class _Wheel:
         """
         hidden = self._hidden_m_s if -direction in self._asked else 0.0
         still_back = self._reference if direction == self._last else 0.0
-        self._reference, self._expected = min(still_back, min(0.0, speed) - hidden), 0.0
+        self._reference = min(still_back, min(0.0, speed) - hidden)
         self._direction = self._last = direction
         self._asked = {direction}
 
@@ -127,9 +125,6 @@ class _Wheel:
         if self._reference < 0.0 and self._still >= STILL_TICKS:
             ramped = 0.0
         self._reference = min(floor, ramped)
-        share = dt_s / (dt_s + LAG_S)
-        lagging = self._expected + share * (self._reference - self._expected)
-        self._expected = max(0.0, min(floor, lagging))
 
 
 def _least(targets: Deque[float]) -> float:
