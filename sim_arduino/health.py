@@ -21,6 +21,7 @@ class Health:
         self.reset_cause = RESET_CAUSES.index(reset_cause)
         self.stop_reason = STOP_REASONS.index("boot")
         self.clamped = 0
+        self._turning = False
         self._present = self._unread = 0
 
     def count(self, reason: str) -> None:
@@ -31,9 +32,15 @@ class Health:
         """Counts a move beyond the ceiling."""
         self.clamped = min(INT16_MAX, self.clamped + 1)
 
+    def turned(self) -> None:
+        """Notes that the motors were told to turn."""
+        self._turning = True
+
     def stopped(self, reason: str) -> None:
-        """Notes why the motors were stopped."""
-        self.stop_reason = STOP_REASONS.index(reason)
+        """Notes why the motors were stopped; a stop of motors that nobody had turned keeps the earlier reason."""
+        if self._turning:
+            self.stop_reason = STOP_REASONS.index(reason)
+        self._turning = False
 
     def set_fault(self, name: str, present: bool) -> None:
         """Raises or clears a fault; one that has gone stays visible until it has been read."""

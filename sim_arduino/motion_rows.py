@@ -14,14 +14,16 @@ if TYPE_CHECKING:
 def calibrate(board: "PythonBoard") -> None:
     """1."""
     if with_motors(board):
+        board.health.turned()
         board.motor_board.calibrate(board.now_s)
 
 
 @request
 def set_pid_gains(board: "PythonBoard", kp: int, ki: int, kd: int) -> None:
-    """2."""
-    if with_motors(board):
-        board.config["kp"], board.config["ki"], board.config["kd"] = kp, ki, kd
+    """2: gains that are in force already are not written to the motor board's EEPROM again."""
+    config = board.config
+    if with_motors(board) and (kp, ki, kd) != (config["kp"], config["ki"], config["kd"]):
+        config["kp"], config["ki"], config["kd"] = kp, ki, kd
         board.motor_board.set_gains(board.now_s, kp, ki, kd)
 
 
@@ -43,6 +45,7 @@ def preset_encoder(board: "PythonBoard", encoder: int, count: int) -> None:
 def move_motors_pid(board: "PythonBoard", left: int, right: int) -> None:
     """9."""
     if with_motors(board):
+        board.health.turned()
         board.motor_board.move_percent(board.now_s, (left, 0, right), pid=True)
 
 
@@ -50,6 +53,7 @@ def move_motors_pid(board: "PythonBoard", left: int, right: int) -> None:
 def move_motors(board: "PythonBoard", left: int, right: int) -> None:
     """10."""
     if with_motors(board):
+        board.health.turned()
         board.motor_board.move_percent(board.now_s, (left, 0, right), pid=False)
 
 
@@ -64,6 +68,7 @@ def move_differential(board: "PythonBoard", linear: int, angular: int) -> None:
         top, by = (linear_ceiling, abs(linear)) if by_linear else (angular_ceiling, abs(angular))
         linear, angular = _scaled(linear, top, by), _scaled(angular, top, by)
     if with_motors(board):
+        board.health.turned()
         board.motor_board.move_differential(board.now_s, linear, angular)
 
 
@@ -82,6 +87,7 @@ def _scaled(value: int, top: int, by: int) -> int:
 def move_to_position(board: "PythonBoard", motor: int, speed: int, position: int) -> None:
     """12: holds with torque."""
     if with_motors(board):
+        board.health.turned()
         board.motor_board.move_to_position(board.now_s, motor, speed, position, hold=True)
 
 

@@ -53,10 +53,13 @@ void calibrate(const int16_t*, uint8_t) { forward(motor::Message(motor::CALIBRAT
 
 void set_pid_gains(const int16_t* args, uint8_t) {
   if (!motor::available()) return status::refuse(Reason::unavailable);
-  config::set(Parameter::kp, args[0]);
-  config::set(Parameter::ki, args[1]);
-  config::set(Parameter::kd, args[2]);
-  motor::refresh(Parameter::kp);
+  const Parameter gains[] = {Parameter::kp, Parameter::ki, Parameter::kd};
+  bool changed = false;
+  for (uint8_t i = 0; i < 3; i++) {
+    changed = changed || config::get(gains[i]) != args[i];
+    config::set(gains[i], args[i]);
+  }
+  if (changed) motor::refresh(Parameter::kp);  // each time writes the motor board's EEPROM
 }
 
 void set_encoder_prescaler(const int16_t* args, uint8_t) {

@@ -13,6 +13,9 @@ namespace {
 
 constexpr uint8_t ADDRESS = 0x18;
 constexpr uint32_t RETRY_PRESENCE = board_clock::of_ms(48);
+// A board that comes and goes (a loose wire) is set up once a second at most: that writes its EEPROM.
+constexpr uint32_t RETRY_AT_MOST = board_clock::of_ms(1000);
+constexpr uint32_t STEADY = board_clock::of_ms(5000);
 constexpr uint32_t POLL_PERIOD = board_clock::of_ms(40);  // shorter than the board's shortest I2C timeout, 100 ms
 constexpr uint32_t POLL_OVERDUE = board_clock::of_ms(64);
 constexpr uint8_t PAUSE_AFTER_FAILURE_MS = 1;
@@ -26,7 +29,8 @@ enum class Kind : uint8_t { stop, ask, set_up, command, counts, poll };
 Queue queue;
 Message current;  // the command on the bus, kept for a retry
 Counts last_counts;
-uint32_t paused_at, last_poll, absent_since;
+uint32_t paused_at, last_poll, absent_since, present_since;
+uint32_t retry_presence = RETRY_PRESENCE;
 uint16_t pause_ticks;
 int16_t version, battery, temperature;
 Presence presence;
@@ -38,6 +42,7 @@ uint8_t failures;
 bool found, known;
 bool paused, eeprom_busy;
 bool stop_wanted, stop_again;
+bool turning;  // a move has come since the last stop
 bool retry_current, drop_current;
 bool poll_temperature;
 
@@ -89,8 +94,23 @@ void start_asking() {
   failures = 0;
 }
 
+// A stop of motors that nobody had turned keeps the reason of the one before.
+void note_stop(StopReason reason) {
+  if (turning) status::set_stop_reason(reason);
+  turning = false;
+}
+
+void back_off() {
+  const bool steady = board_clock::passed(present_since, STEADY);
+  retry_presence = steady ? RETRY_PRESENCE : retry_presence * 2;
+  if (retry_presence > RETRY_AT_MOST) retry_presence = RETRY_AT_MOST;
+}
+
 void lose() {
-  if (presence == Presence::present) status::set_stop_reason(StopReason::motor_board);
+  if (presence == Presence::present) {
+    note_stop(StopReason::motor_board);
+    back_off();
+  }
   presence = Presence::absent;
   absent_since = board_clock::now();
   known = true;
@@ -135,6 +155,7 @@ void take_answer() {
   ask_step = static_cast<Ask>(static_cast<uint8_t>(ask_step) + 1);
   if (ask_step != Ask::done) return;
   presence = Presence::present;
+  present_since = board_clock::now();
   found = known = true;
 }
 
@@ -220,7 +241,7 @@ void begin() {
 }
 
 void service() {
-  if (presence == Presence::absent && board_clock::passed(absent_since, RETRY_PRESENCE)) start_asking();
+  if (presence == Presence::absent && board_clock::passed(absent_since, retry_presence)) start_asking();
   if (pausing()) return;
   eeprom_busy = false;
   stop_wanted = stop_wanted || stop_again;
@@ -235,7 +256,7 @@ bool ever_found() { return found; }
 
 // While the board is busy with its EEPROM it may miss a stop: it then gets it again.
 void stop(StopReason reason) {
-  status::set_stop_reason(reason);
+  note_stop(reason);
   queue.drop_moves();
   drop_current = current.turns_motors();
   if (drop_current) retry_current = false;
@@ -247,6 +268,7 @@ void stop(StopReason reason) {
 bool send(const Message& message) {
   if (!available()) return false;
   if (!queue.push(message)) status::refuse(Reason::unavailable);
+  turning = turning || message.turns_motors();
   return true;
 }
 

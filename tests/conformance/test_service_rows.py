@@ -41,8 +41,14 @@ def test_uptime_counts_seconds(bench):
 
 
 def test_stop_by_the_host_is_told(bench):
+    bench.ask("move_differential", 100, 0)
     bench.ask("stop")
     assert STOP_REASONS[bench.status().stop_reason] == "host"
+
+
+def test_stop_of_a_standing_robot_keeps_the_reason_of_the_last_one(bench):
+    bench.ask("stop")
+    assert STOP_REASONS[bench.status().stop_reason] == "boot"
 
 
 def test_debug_is_off_at_first_and_can_be_set(bench):

@@ -41,6 +41,7 @@ def test_link_watchdog_stops_in_time(bench, period_ms):
 def test_link_watchdog_stops_once(bench):
     board = bench()
     board.send("set_watchdog", 50)
+    board.send("move_differential", 100, 0)
     board.forget()
     board.run(0.5)
     assert board.writes() == [STOP] and stop_reason(board) == "link_watchdog"
@@ -101,6 +102,7 @@ def test_watchdog_across_the_wrap_of_the_clock(bench):
 def test_check_mode_ends_after_two_silent_seconds_with_a_stop(bench):
     board = bench()
     board.check(True)
+    board.send("move_differential", 100, 0)
     board.forget()
     board.run(1.9)
     before = board.writes()
@@ -124,6 +126,7 @@ def test_check_mode_lives_on_valid_frames(bench):
 def test_after_a_stall_what_waited_is_dropped(bench):
     """The loop stood still for 300 ms; a move came meanwhile."""
     board = bench()
+    board.send("move_differential", 100, 0)
     board.forget()
     board.board.gap(board.board.now_s + 0.3, b"@11,100,0e")
     board.run(0.05)
@@ -205,6 +208,7 @@ def test_motor_boards_timeout_is_fed(bench, request_name):
 
 def test_motor_board_that_vanishes_is_flagged_and_refused(bench):
     board = bench()
+    board.send("move_differential", 100, 0)
     board.plant.motor_board.present = False
     board.run(0.2)
     board.raw(b"@11,100,0e")
@@ -271,7 +275,7 @@ def test_a_stop_during_a_hang_reaches_the_board_afterwards(bench):
     board.board.hang_bus(True, recoveries=5)
     board.run(0.1)
     board.forget()
-    board.raw(b"@13e", wait_s=0.3)
+    board.raw(b"@13e", wait_s=0.8)
     assert STOP in board.writes()
 
 
