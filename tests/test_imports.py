@@ -10,7 +10,7 @@ import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 FILES = sorted(p for d in ("mrl_driver", "sim_arduino", "ros1_bridge") for p in (ROOT / d).rglob("*.py"))
-NODES = {"robot_node", "demo_view", "teleop_keyboard", "teleop_joystick"}
+NODES = {"robot_node", "demo_view", "teleop_keyboard", "teleop_joystick", "go_to_goal"}
 """Modules of ros1_bridge that are nodes: the ones that may import rospy."""
 SHARED = {"table", "codec", "errors", "robots"}
 """Modules of mrl_driver that the emulator may use."""

@@ -1,0 +1,141 @@
+"""Goals: the seeker on a point that moves as it is told, and the node on an emulated robot."""
+
+import math
+
+import actionlib
+import pytest
+import rospy
+from geometry_msgs.msg import PoseStamped, Twist
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+from nav_msgs.msg import Odometry, Path
+
+from mrl_driver.odometry import Pose, advance
+from mrl_driver.robots import Limits
+from ros1_bridge import goal_seeker
+from ros1_bridge.goal_seeker import GoalSeeker, carried
+from ros1_bridge.processes import wait_until
+
+from .rig import ROOT, START_S
+
+LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
+STEP_S = 0.05
+FREE = {"front": math.inf, "left": math.inf, "right": math.inf}
+PLACE_M, HEADING_RAD = 0.06, 0.1
+
+
+def round_obstacle(pose, middle, radius_m):
+    """Ranges of three sonars that see one round thing."""
+    ranges = {}
+    for name, yaw in (("front", 0.0), ("left", math.pi / 4), ("right", -math.pi / 4)):
+        dx, dy = middle[0] - pose[0], middle[1] - pose[1]
+        off = abs(math.remainder(math.atan2(dy, dx) - pose[2] - yaw, 2 * math.pi))
+        away = math.hypot(dx, dy)
+        cone = math.radians(18) + math.asin(min(1.0, radius_m / max(away, radius_m)))
+        ranges[name] = away - radius_m if off < cone else math.inf
+    return ranges
+
+
+def sought(goal, see=lambda pose: FREE, seconds=120.0):
+    """Where the seeker ends, and the poses on the way."""
+    seeker, pose, way = GoalSeeker(goal, LIMITS, 0.0), Pose(0.0, 0.0, 0.0), []
+    for i in range(round(seconds / STEP_S)):
+        linear, angular = seeker.command(pose, see(pose), i * STEP_S)
+        assert abs(linear) <= LIMITS.linear_m_s and abs(angular) <= LIMITS.angular_rad_s
+        if seeker.reached or seeker.blocked:
+            break
+        pose = advance(pose, linear * STEP_S, angular * STEP_S)
+        way.append(pose)
+    return seeker, pose, way
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(-3, 3), st.floats(-3, 3), st.floats(-math.pi, math.pi))
+def test_any_goal_on_a_free_floor_is_reached(x, y, yaw):
+    seeker, pose, _ = sought((x, y, yaw))
+    assert seeker.reached
+    assert math.hypot(pose.x_m - x, pose.y_m - y) < PLACE_M
+    assert abs(math.remainder(pose.yaw_rad - yaw, 2 * math.pi)) < HEADING_RAD
+
+
+@pytest.mark.parametrize("offset_m", [-0.2, -0.05, 0.0, 0.05, 0.2])
+def test_round_thing_on_the_way_is_passed(offset_m):
+    middle, radius_m = (1.0, offset_m), 0.2
+    seeker, _, way = sought((2.0, 0.0, 0.0), lambda pose: round_obstacle(pose, middle, radius_m))
+    assert seeker.reached
+    assert min(math.hypot(p.x_m - middle[0], p.y_m - middle[1]) for p in way) > radius_m + 0.1
+
+
+def test_walled_in_robot_gives_up():
+    near = {"front": 0.2, "left": 0.2, "right": 0.2}
+    seeker, _, _ = sought((2.0, 0.0, 0.0), lambda pose: near)
+    assert seeker.blocked and not seeker.reached
+
+
+def test_sonar_without_reading_does_not_stop_the_robot():
+    assert goal_seeker.room(math.nan) == goal_seeker.FARTHEST_M
+    assert goal_seeker.room(-math.inf) == 0.0
+
+
+def test_pose_is_carried_into_the_parent_frame():
+    x, y, yaw = carried((1.0, 0.0, 0.5), (2.0, 3.0, math.pi / 2))
+    assert (x, y, yaw) == (pytest.approx(2.0), pytest.approx(4.0), pytest.approx(math.pi / 2 + 0.5))
+
+
+@pytest.fixture(scope="module")
+def robot(module_rig):
+    rig = module_rig
+    rig.node(rig.board().port)
+    rig.odom = rig.topic("odom", Odometry)
+    rig.odom.wait()
+    rig.start("go_to_goal", str(ROOT / "ros1_bridge" / "nodes" / "go_to_goal"), f"__ns:={rig.ns}")
+    rig.client = actionlib.SimpleActionClient(f"{rig.ns}/move_base", MoveBaseAction)
+    assert rig.client.wait_for_server(rospy.Duration(START_S))
+    return rig
+
+
+def goal(robot, x, y, frame=None):
+    pose = PoseStamped()
+    pose.header.frame_id = frame or f"{robot.name}/odom"
+    pose.pose.position.x, pose.pose.position.y, pose.pose.orientation.w = x, y, 1.0
+    return pose
+
+
+def distance(robot, x, y):
+    at = robot.odom.messages[-1].pose.pose.position
+    return math.hypot(at.x - x, at.y - y)
+
+
+def test_client_of_move_base_reaches_its_goal(robot):
+    state = robot.client.send_goal_and_wait(MoveBaseGoal(goal(robot, 0.3, 0.1)), rospy.Duration(30))
+    assert state == actionlib.GoalStatus.SUCCEEDED
+    assert distance(robot, 0.3, 0.1) < PLACE_M
+
+
+def test_goal_in_an_unknown_frame_is_aborted(robot):
+    state = robot.client.send_goal_and_wait(MoveBaseGoal(goal(robot, 1, 1, "nowhere")), rospy.Duration(10))
+    assert state == actionlib.GoalStatus.ABORTED
+
+
+def test_cancelled_goal_stops_the_robot(robot):
+    twists = robot.topic("cmd_vel", Twist)
+    robot.client.send_goal(MoveBaseGoal(goal(robot, 0.9, 0.1)))
+    twists.wait(5)
+    robot.client.cancel_goal()
+    assert robot.client.wait_for_result(rospy.Duration(5))
+    assert wait_until(lambda: twists.messages[-1] == Twist(), 2.0)
+
+
+def test_goal_of_rviz_is_taken(robot):
+    robot.publisher("move_base_simple/goal", PoseStamped).publish(goal(robot, 0.5, 0.1))
+    assert wait_until(lambda: distance(robot, 0.5, 0.1) < PLACE_M, 30.0)
+
+
+def test_waypoints_are_visited_in_turn(robot):
+    waypoints = robot.publisher("waypoints", Path)
+    begin = len(robot.odom.messages)
+    waypoints.publish(Path(poses=[goal(robot, 0.3, 0.0), goal(robot, 0.3, 0.2)]))
+    assert wait_until(lambda: distance(robot, 0.3, 0.2) < PLACE_M, 60.0)
+    way = [m.pose.pose.position for m in robot.odom.messages[begin:]]
+    assert min(math.hypot(p.x - 0.3, p.y) for p in way) < PLACE_M
