@@ -39,12 +39,16 @@ setup(
             "hypothesis>=6",
             "ruff==0.17.6",
             "mypy>=1.8",
+            "matplotlib>=3.5",
             "types-PyYAML",
             "types-pyserial",
         ],
+        "test": ["pytest>=7"],
+        "plot": ["matplotlib>=3.5"],
     },
     entry_points={
         "console_scripts": ["mrl=mrl_driver.cli:main", "mrl-sim=sim_arduino.cli:main"],
+        "pytest11": ["mrl_sim=sim_arduino.pytest_plugin"],
         "mrl.commands": ["replay=sim_arduino.replay:main"],
     },
 )

@@ -76,6 +76,10 @@ class PtyServer:
     def stop(self) -> None:
         """Ends `run`; may be called from a signal handler or another thread."""
         self._running = False
+        self.wake()
+
+    def wake(self) -> None:
+        """Has the board run to now at once; may be called from a signal handler or another thread."""
         try:
             os.write(self._waker, b"x")
         except OSError:
@@ -143,7 +147,9 @@ class PtyServer:
             until = min(until, self._line_free_s - _LINE_AHEAD_S)
         timeout = max(0.0, until - self._clock())
         self._expected_s = self._now_s + timeout
-        select.select(watched, [], [], timeout / self._speed)
+        ready, _, _ = select.select(watched, [], [], timeout / self._speed)
+        if self._wake in ready:
+            os.read(self._wake, 4096)
 
     def _line_ready(self) -> bool:
         return self._line_free_s - _LINE_AHEAD_S <= self._now_s

@@ -145,6 +145,7 @@ def test_opening_resets_the_board():
 def test_a_stopped_process_is_a_stall_of_the_board():
     """What waited is dropped, and the motors get a stop: reason 3."""
     with Simulator() as simulator, Client(simulator.path) as client:
+        client.send(b"@11,100,0e")
         client.ask(b"@15e")
         simulator.process.send_signal(signal.SIGSTOP)
         time.sleep(0.5)
