@@ -180,7 +180,7 @@ class RobotNode:
             self._environment.on_frame(event.frame)
         elif isinstance(event, Ready):
             self._start_environment()
-        elif isinstance(event, Lost):
+        elif isinstance(event, Lost) and not rospy.is_shutdown():
             rospy.logerr(f"{event.reason}; the robot waits for a new command, the port is searched")
         elif isinstance(event, Mismatch):
             rospy.logerr(f"{event}; the robot was stopped")

@@ -8,8 +8,7 @@ import rospy
 from geometry_msgs.msg import Twist
 
 from mrl_driver.keyboard import Keyboard
-
-from .teleop import ANGULAR_RAD_S, LINEAR_M_S, Teleop
+from mrl_driver.teleop import ANGULAR_RAD_S, LINEAR_M_S, Teleop
 
 PERIOD_S = 0.05
 HELP = "arrow keys or w a s d drive, space stops, q ends"

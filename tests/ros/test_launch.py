@@ -108,11 +108,13 @@ def test_team_has_a_robot_for_each_port(packages):
 
 def test_sim_drives_with_its_description(rig, packages, tmp_path):
     """Frames of robot_state_publisher meet those of the node; each has one parent."""
-    rig.env = {**packages, **{key: rig.env[key] for key in ("ROS_MASTER_URI", "ROS_IP")}}
+    unique = f"{rig.name}_{os.getpid()}"  # names of port and world are this test's own
+    rig.env = {**packages, "USER": unique, **{key: rig.env[key] for key in ("ROS_MASTER_URI", "ROS_IP")}}
     program = "import sys, roslaunch; roslaunch.main(sys.argv)"
     launch = rig.start(
         "roslaunch",
         *(sys.executable, "-c", program, str(LAUNCH / "team.launch"), "ports:=sim", "models:=stingbot"),
+        f"world_name:={unique}",
     )
     odom, joints = rig.topic("/robot1/odom", Odometry), rig.topic("/robot1/joint_states", JointState)
     static, moving = rig.topic("/tf_static", TFMessage), rig.topic("/tf", TFMessage)

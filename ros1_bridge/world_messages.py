@@ -1,0 +1,68 @@
+"""Fills the messages of the simulated world.  Plain functions: values in, messages out."""
+
+import math
+from typing import Any, Sequence, Tuple
+
+from genpy import Time
+from nav_msgs.msg import OccupancyGrid, Odometry
+from sensor_msgs.msg import LaserScan
+
+Pose = Tuple[float, float, float]
+"""x [m], y [m], yaw [rad]."""
+STILL_S = 1.0
+"""Two poses further apart than this say nothing about the speed."""
+
+
+def new_scan(frame: str, first_rad: float, step_rad: float, rays: int, rate_hz: float) -> LaserScan:
+    """A scan of a laser that turns counter-clockwise; its ranges are still to be set."""
+    message = LaserScan(angle_min=first_rad, angle_increment=step_rad)
+    message.header.frame_id = frame
+    message.angle_max = first_rad + step_rad * (rays - 1)
+    message.scan_time = 1.0 / rate_hz
+    return message
+
+
+def fill_scan(message: LaserScan, stamp: Time, ranges: Any, near_m: float, far_m: float) -> None:
+    """Write ranges [m], an array `(rays,)`; REP-117."""
+    message.header.stamp = stamp
+    message.range_min, message.range_max = near_m, far_m
+    message.ranges = ranges.tolist()
+
+
+def new_truth(map_frame: str, base_frame: str) -> Odometry:
+    """The true pose in the map's frame, exact."""
+    message = Odometry()
+    message.header.frame_id, message.child_frame_id = map_frame, base_frame
+    return message
+
+
+def fill_truth(message: Odometry, stamp: Time, pose: Pose, before: Tuple[float, Pose], now_s: float) -> None:
+    """Write a pose, and the speeds since the one `before` (its time and itself)."""
+    message.header.stamp = stamp
+    at, rotation = message.pose.pose.position, message.pose.pose.orientation
+    at.x, at.y = pose[0], pose[1]
+    rotation.z, rotation.w = math.sin(pose[2] / 2), math.cos(pose[2] / 2)
+    then_s, (x, y, yaw) = before
+    dt_s = now_s - then_s
+    twist = message.twist.twist
+    if not 0 < dt_s < STILL_S:
+        twist.linear.x = twist.linear.y = twist.angular.z = 0.0
+        return
+    vx, vy = (pose[0] - x) / dt_s, (pose[1] - y) / dt_s
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    twist.linear.x, twist.linear.y = cos * vx + sin * vy, cos * vy - sin * vx
+    twist.angular.z = math.remainder(pose[2] - yaw, 2 * math.pi) / dt_s
+
+
+def new_map(
+    frame: str, stamp: Time, cells: Sequence[Sequence[int]], resolution_m: float, x: float, y: float
+) -> OccupancyGrid:
+    """A map of `cells` (rows from the least y), 100 occupied, 0 free, -1 unknown, with its corner at x, y [m]."""
+    message = OccupancyGrid()
+    message.header.frame_id, message.header.stamp = frame, stamp
+    message.info.map_load_time, message.info.resolution = stamp, resolution_m
+    message.info.height, message.info.width = len(cells), len(cells[0])
+    message.info.origin.position.x, message.info.origin.position.y = x, y
+    message.info.origin.orientation.w = 1.0
+    message.data = [int(cell) for row in cells for cell in row]
+    return message

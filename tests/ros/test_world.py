@@ -1,0 +1,86 @@
+"""The simulated world in ROS: messages, and two robots of one world."""
+
+import math
+import os
+
+import numpy as np
+import pytest
+from nav_msgs.msg import OccupancyGrid, Odometry
+from sensor_msgs.msg import LaserScan
+
+from ros1_bridge import world_messages
+
+from .rig import ROOT
+
+
+def test_speeds_are_those_between_two_poses():
+    message = world_messages.new_truth("map", "base_link")
+    world_messages.fill_truth(message, None, (0.0, 0.1, math.pi / 2), (5.0, (0.0, 0.0, math.pi / 2)), 5.5)
+    assert message.twist.twist.linear.x == pytest.approx(0.2)
+    assert message.twist.twist.linear.y == pytest.approx(0.0)
+
+
+def test_pose_after_a_pause_says_nothing_of_speed():
+    message = world_messages.new_truth("map", "base_link")
+    world_messages.fill_truth(message, None, (1.0, 0.0, 0.0), (0.0, (0.0, 0.0, 0.0)), 60.0)
+    assert message.twist.twist.linear.x == 0.0
+
+
+def test_scan_angles_end_with_the_last_ray():
+    message = world_messages.new_scan("laser", -1.0, 0.5, 5, 10.0)
+    assert message.angle_max == 1.0
+    world_messages.fill_scan(message, None, np.array([1.0, math.inf, 2.0, 1.0, 1.0]), 0.02, 4.0)
+    assert message.ranges[1] == math.inf
+
+
+def test_map_has_its_rows_from_below():
+    message = world_messages.new_map("map", None, [[0, 100, 0], [-1, 0, 0]], 0.05, -1.0, -2.0)
+    assert (message.info.width, message.info.height) == (3, 2)
+    assert list(message.data) == [0, 100, 0, -1, 0, 0]
+    assert message.info.origin.position.y == -2.0
+
+
+@pytest.fixture(scope="module")
+def world(module_rig):
+    """Two robots nose to nose, half a metre apart."""
+    rig, name = module_rig, f"test_{os.getpid()}"
+    for robot, pose in (("one", "0,0,0"), ("two", "0.8,0,180")):
+        rig.board("--robot", "traxbot", "--world-name", name, "--name", robot, f"--pose={pose}")
+    rig.start(
+        "world", str(ROOT / "ros1_bridge" / "nodes" / "world_node"), f"__ns:={rig.ns}", f"_world_name:={name}"
+    )
+    rig.scan, rig.truth = rig.topic("one/scan", LaserScan), rig.topic("one/base_pose_ground_truth", Odometry)
+    rig.two, rig.map = rig.topic("two/base_pose_ground_truth", Odometry), rig.topic("map", OccupancyGrid)
+    return rig
+
+
+def test_true_pose_is_that_of_the_emulator(world):
+    at = world.two.wait()[-1].pose.pose
+    assert (at.position.x, at.position.y) == (pytest.approx(0.8), pytest.approx(0.0))
+    assert abs(at.orientation.z) == pytest.approx(1.0)
+
+
+def test_laser_sees_the_other_robot(world):
+    """The laser sits 0.085 m before base_link, the other's front half its length before its own."""
+    scan = world.scan.wait(3)[-1]
+    assert scan.header.frame_id == "one/laser"
+    assert len(scan.ranges) == 512
+    ahead = scan.ranges[round(-scan.angle_min / scan.angle_increment)]
+    assert ahead == pytest.approx(0.8 - 0.085 - 0.225 / 2, abs=0.03)
+
+
+def test_walls_of_the_room_are_in_map_and_scan(world):
+    grid = world.map.wait()[-1]
+    assert {0, 100} <= set(grid.data)
+    assert len(grid.data) == grid.info.width * grid.info.height
+    finite = [value for value in world.scan.wait()[-1].ranges if math.isfinite(value)]
+    assert len(finite) > 100
+
+
+def test_unknown_world_costs_one_line(rig):
+    node = rig.start(
+        "world", str(ROOT / "ros1_bridge" / "nodes" / "world_node"), f"__ns:={rig.ns}", "_world:=moon"
+    )
+    assert node.wait(20.0)
+    assert node.exit_code == 2
+    assert any("'moon' is unknown" in line for line in node.output())
