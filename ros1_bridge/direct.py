@@ -56,8 +56,16 @@ def _dropping(connection: socket.socket, write: Callable[[bytes], Any]) -> Calla
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _TIMEVAL)
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
 
+    most = BACKLOG_BYTES  # unread at most, as far as is known: asking the kernel costs as much as packing a message
+
     def write_or_drop(data: bytes) -> Any:
-        return True if _unread(connection) > BACKLOG_BYTES else write(data)
+        nonlocal most
+        most += len(data)
+        if most > BACKLOG_BYTES:
+            most = _unread(connection) + len(data)
+            if most - len(data) > BACKLOG_BYTES:
+                return True
+        return write(data)
 
     return write_or_drop
 

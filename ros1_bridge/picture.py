@@ -61,7 +61,7 @@ def take(file: Path) -> None:
         _demand(wait_until(lambda: master_answers(env["ROS_MASTER_URI"]), START_S), master)
         robot = start("robot", "roslaunch", str(LAUNCH / "sim.launch"), "name:=picture", "laser:=true")
         _demand(wait_until(lambda: any("battery" in line for line in robot.output()), START_S), robot)
-        rviz = start("rviz", "roslaunch", str(LAUNCH / "rviz.launch"))
+        rviz = start("rviz", "roslaunch", str(LAUNCH / "rviz.launch"), "fixed_frame:=map")
         drive = start("drive", "rostopic", "pub", "-r", "10", "cmd_vel", "geometry_msgs/Twist", ARC)
         time.sleep(DRIVE_S)
         drive.signal(signal.SIGINT)

@@ -33,7 +33,7 @@ from .publishers import Publishers
 from .services import Answer, Services
 
 DIAGNOSTICS_S = 1.0
-STATUS_S = 0.1
+STATUS_S = 0.2
 """A change of the robot's state is told within this time."""
 PORT_LOOK_S = 0.1
 WARN_EVERY_S = 1.0

@@ -10,3 +10,7 @@ description: ## Render the robots' URDF files out of their geometry
 
 check-description: ## Are the URDF files current?
 	$(PY) -m ros1_bridge.description --check
+
+.PHONY: picture
+picture: setup ## Take the picture of rviz for the README, without a screen
+	$(ROS_ENV) $(PY) -m ros1_bridge.picture ros1_bridge/rviz.png

@@ -54,6 +54,14 @@ def fill_truth(message: Odometry, stamp: Time, pose: Pose, before: Tuple[float, 
     twist.angular.z = math.remainder(pose[2] - yaw, 2 * math.pi) / dt_s
 
 
+def correction(truth: Pose, odometry: Pose) -> Pose:
+    """Pose of the odom frame in the map, such that both say the same place."""
+    yaw = math.remainder(truth[2] - odometry[2], 2 * math.pi)
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    x, y = odometry[0], odometry[1]
+    return truth[0] - cos * x + sin * y, truth[1] - sin * x - cos * y, yaw
+
+
 def new_map(
     frame: str, stamp: Time, cells: Sequence[Sequence[int]], resolution_m: float, x: float, y: float
 ) -> OccupancyGrid:

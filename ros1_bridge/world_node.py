@@ -2,8 +2,10 @@
 
 The robots are those of `mrl-sim` processes that share a world by its name.  Each has `base_pose_ground_truth` and
 `scan` in a namespace of its own name; `map` is latched.  With `~only` there is one robot, without a namespace.
+Unless `~localise` is false, /tf has the true place of each robot's odom in the map.
 """
 
+import math
 import sys
 import time
 from typing import Any, Dict, List, Optional, Tuple
@@ -11,21 +13,30 @@ from typing import Any, Dict, List, Optional, Tuple
 import rospy
 from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import LaserScan
+from tf2_msgs.msg import TFMessage
 
 from mrl_driver.errors import MrlError
 from sim_arduino import grid_map, world_file
 from sim_arduino.laser import URG_04LX, LaserScanner
 from sim_arduino.shared_crowd import SharedCrowd
 
-from . import world_messages
+from . import messages, world_messages
 from .direct import direct_publisher
 
 
 class Robot:
     """Topics of one robot."""
 
-    def __init__(self, world: Any, name: str, space: str, prefix: str, map_frame: str) -> None:
+    def __init__(
+        self, world: Any, name: str, space: str, prefix: str, map_frame: str, localise: bool
+    ) -> None:
         self._name = name
+        self._odometry: Optional[Odometry] = None
+        self._place = messages.new_transform(map_frame, f"{prefix}odom")
+        self._place_out = None
+        if localise:
+            self._place_out = direct_publisher(rospy.Publisher, "/tf", TFMessage)
+            rospy.Subscriber(f"{space}odom", Odometry, self._on_odometry, queue_size=1, tcp_nodelay=True)
         self._scanner = LaserScanner(world, seed=sum(name.encode()))
         laser = self._scanner.laser
         self._scan = world_messages.new_scan(
@@ -36,12 +47,21 @@ class Robot:
         self._truth_out = direct_publisher(rospy.Publisher, f"{space}base_pose_ground_truth", Odometry)
         self._before: Tuple[float, Any] = (-1e9, (0.0, 0.0, 0.0))
 
+    def _on_odometry(self, message: Odometry) -> None:
+        self._odometry = message
+
     def publish(self, pose: Any) -> None:
         """Publish pose and scan of now."""
         stamp, now_s = rospy.Time.now(), time.monotonic()
         world_messages.fill_truth(self._truth, stamp, tuple(pose), self._before, now_s)
         self._before = now_s, tuple(pose)
         self._truth_out.publish(self._truth)
+        odometry = self._odometry
+        if self._place_out is not None and odometry is not None:
+            at, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
+            told = at.x, at.y, 2 * math.atan2(turn.z, turn.w)
+            messages.fill_transform(self._place, stamp, world_messages.correction(tuple(pose), told))
+            self._place_out.publish(self._place)
         if self._scan_out.impl.has_connections():
             ranges = self._scanner.scan(pose, without=self._name)
             world_messages.fill_scan(
@@ -63,6 +83,7 @@ class WorldNode:
         self._world.crowd = SharedCrowd(str(rospy.get_param("~world_name", "world")))
         self._only = str(rospy.get_param("~only", ""))
         self._prefix = str(rospy.get_param("~prefix", ""))
+        self._localise = bool(rospy.get_param("~localise", True))
         self._frame = str(rospy.get_param("~map_frame", "map"))
         self._robots: Dict[str, Robot] = {}
         grid = grid_map.draw(self._world, float(rospy.get_param("~resolution", 0.025)))
@@ -90,7 +111,7 @@ class WorldNode:
     def _robot(self, name: str) -> Robot:
         if name not in self._robots:
             space, prefix = ("", self._prefix) if self._only else (f"{name}/", f"{name}/")
-            self._robots[name] = Robot(self._world, name, space, prefix, self._frame)
+            self._robots[name] = Robot(self._world, name, space, prefix, self._frame, self._localise)
         return self._robots[name]
 
 

@@ -5,10 +5,13 @@ import os
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import LaserScan
 
 from ros1_bridge import world_messages
+from ros1_bridge.goal_seeker import carried
 
 from .rig import ROOT
 
@@ -31,6 +34,13 @@ def test_scan_angles_end_with_the_last_ray():
     assert message.angle_max == 1.0
     world_messages.fill_scan(message, None, np.array([1.0, math.inf, 2.0, 1.0, 1.0]), 0.02, 4.0)
     assert message.ranges[1] == math.inf
+
+
+@given(*[st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(-3, 3))] * 2)
+def test_correction_puts_odometry_at_the_true_place(truth, odometry):
+    placed = carried(odometry, world_messages.correction(truth, odometry))
+    assert placed[:2] == pytest.approx(truth[:2], abs=1e-9)
+    assert math.remainder(placed[2] - truth[2], math.tau) == pytest.approx(0, abs=1e-9)
 
 
 def test_map_has_its_rows_from_below():
