@@ -94,7 +94,7 @@ class AvrEngine:
         Raises:
             MachineCrashed: the program touched an address that is no memory.
         """
-        for time_s, level in self._dust_edges(self.machine.time_s):
+        for time_s, level in self._dust_edges(to_s):
             self.machine.set_pin(DUST, level, self._cycle_at(max(time_s, self.machine.time_s)))
         self.machine.run_until(self._cycle_at(to_s))
         self.plant.advance(self.machine.time_s)

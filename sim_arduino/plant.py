@@ -79,7 +79,7 @@ class Plant:
                 lambda time_s: self._pose_at(time_s).yaw_rad, self.world.scene.north_rad
             ),
         }
-        self._dust = DustPulses(lambda time_s: self.sensed(time_s).dust_pcs_l)
+        self._dust = DustPulses(lambda time_s: self._sensed_now().dust_pcs_l)
         self._shown: Optional[Pose] = None
         self._show()
 
@@ -109,10 +109,14 @@ class Plant:
 
     def sensed(self, time_s: float) -> Environment:
         """What the environment sensors sense where the robot is."""
-        return self.world.scene.sensed(self.environment, self._pose_at(time_s), self.world.sees)
+        self._pose_at(time_s)
+        return self._sensed_now()
+
+    def _sensed_now(self) -> Environment:
+        return self.world.scene.sensed(self.environment, self._pose(), self.world.sees)
 
     def dust_edges(self, to_s: float) -> List[Tuple[float, int]]:
-        """Edges at D8 of the dust pulses that begin until `to_s`: times [s] and levels."""
+        """Edges at D8 of the dust pulses that begin until `to_s`, in the air of now: times [s] and levels."""
         return [] if self.sonars_fitted else self._dust.edges(to_s)
 
     def adc_volts(self, channel: int, time_s: float) -> float:

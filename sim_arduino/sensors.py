@@ -83,7 +83,7 @@ class DustPulses:
 
     def __init__(self, pcs_l_at: Callable[[float], float]) -> None:
         self._pcs_l_at = pcs_l_at
-        self._next_s = _USUAL_S
+        self._next_s = 0.1 * _USUAL_S
 
     def edges(self, to_s: float) -> List[Tuple[float, int]]:
         """Times [s] and levels of the edges of all pulses that begin until `to_s`."""

@@ -102,6 +102,12 @@ class Footprint(NamedTuple):
         half_x, half_y = 0.5 * self.length_m, 0.5 * (self.length_m if self.is_circle else self.width_m)
         return polygon([pose.beside(x * half_x, y * half_y)[:2] for x, y in corners])
 
+    def inside(self, pose: Pose) -> List[Wall]:
+        """Its diagonals: what a robot that stands within the outline touches."""
+        outline = self.outline(pose)
+        half = len(outline) // 2
+        return [Wall(*outline[i][:2], *outline[i + half][:2]) for i in range(0, half, max(1, half // 2))]
+
     def touches(self, pose: Pose, wall: Wall) -> bool:
         """Whether a wall reaches into it."""
         if self.is_circle:

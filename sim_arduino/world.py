@@ -99,7 +99,9 @@ class World:
         """Walls, and sides of other robots, that reach into a robot at `pose`."""
         reach = footprint.radius_m
         near = self._index.near(pose.x_m, pose.y_m, reach)
-        near += self.outlines(pose.x_m, pose.y_m, reach, without)
+        for mover in self.crowd.others(without):
+            if _gap(mover, pose.x_m, pose.y_m) < reach:
+                near += mover.footprint.outline(mover.pose) + mover.footprint.inside(mover.pose)
         return [wall for wall in near if footprint.touches(pose, wall)]
 
     def bounds(self) -> Tuple[float, float, float, float]:

@@ -96,7 +96,7 @@ def test_a_robot_is_not_put_into_another():
         EmulatedBoard(world, name="two", pose="0.1,0,0")
 
 
-def test_a_closed_board_leaves_no_port():
+def test_a_closed_board_leaves_no_thread():
     with EmulatedBoard(FREE) as board:
-        path = board.port
-    assert not os.path.exists(path)
+        pass
+    assert not board._thread.is_alive()

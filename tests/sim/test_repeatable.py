@@ -1,0 +1,181 @@
+"""The same seed gives the same bytes; time may run faster; pictures."""
+
+import subprocess
+import sys
+import time
+
+import pytest
+
+from mrl_driver import robots
+from sim_arduino import picture
+from sim_arduino.boards import Options, make
+from sim_arduino.plant import Plant
+from sim_arduino.shapes import Wall
+from sim_arduino.sonars import READING_S, SonarChain, SonarErrors, count_of
+from sim_arduino.trail import Trail, frame
+from sim_arduino.view import Canvas, draw
+from sim_arduino.world import ORIGIN, World
+from sim_arduino.world_file import load
+from tests.sim.simulator import Client, Simulator
+
+NOISY = "noise=0.02,missed=0.1,crosstalk=0.1"
+
+
+def bytes_of(**options):
+    """Six seconds of a robot that wanders in the L-course, on a bad line."""
+    robot = make(
+        Options(world="l-course", sonar=NOISY, faults=("loss:rate=0.001", "flip:rate=0.001"), **options)
+    )
+    out = b""
+    for i in range(120):
+        out += robot.engine.advance(i / 20)
+        robot.engine.receive({12: b"@18,20e", 20: b"@11,200,300e", 60: b"@11,300,-600e"}.get(i, b""))
+    return out
+
+
+def test_the_same_seed_gives_the_same_bytes():
+    assert bytes_of(seed=7) == bytes_of(seed=7)
+
+
+def test_another_seed_gives_others():
+    assert bytes_of(seed=7) != bytes_of(seed=8)
+
+
+# ---- errors of the sonars
+
+ROUND_S = 3 * READING_S
+
+
+def counts(errors, rounds=300, channel=0):
+    """Readings of a sonar with a wall 1 m before the front one."""
+    world = World([Wall(1.1, -0.2, 1.1, 0.2)])
+    chain = SonarChain(robots.load("traxbot").sonars, world, lambda time_s: ORIGIN, errors=errors, seed=1)
+    chain.power(True, 0.0)
+    found = []
+    for i in range(rounds):
+        chain.trigger(1.0 + i * (ROUND_S + 0.02))
+        found.append(int(chain.volts(channel, 1.0 + i * (ROUND_S + 0.02) + ROUND_S + 0.01) * 1024 / 5.0))
+    return found
+
+
+def test_noise_has_its_size():
+    found = counts(SonarErrors(noise=0.03))
+    mean = sum(found) / len(found)
+    deviation = (sum((each - mean) ** 2 for each in found) / len(found)) ** 0.5
+    per_m = (count_of(1.1) - count_of(0.9)) / 0.2
+    assert mean == pytest.approx(count_of(1.0), abs=1.0)
+    assert deviation / per_m == pytest.approx(0.03, rel=0.2)
+
+
+def test_missed_echoes_read_as_nothing_in_range():
+    found = counts(SonarErrors(missed=0.2))
+    assert found.count(645) / len(found) == pytest.approx(0.2, abs=0.07)
+
+
+def test_crosstalk_is_the_echo_of_the_sensor_before():
+    """The left one sees nothing, but hears the front one's echo."""
+    found = counts(SonarErrors(crosstalk=0.3), channel=1)
+    assert set(found) == {645, count_of(1.0)}
+    assert found.count(count_of(1.0)) / len(found) == pytest.approx(0.3, abs=0.08)
+
+
+# ---- time
+
+
+def test_a_fast_board_boots_fast():
+    """The answer to a waiting request takes 0.2 s of the board's time, and 10 s pass in less than 5."""
+    with Simulator("--speed", "20", "--truth", "/dev/stderr") as simulator, Client(simulator.path) as client:
+        assert client.ask(b"@15e") == b"@15,0e\r\n"
+        time.sleep(0.5)
+        simulator.process.terminate()
+        _, truth = simulator.process.communicate()
+    last_s = float(truth.splitlines()[-1].split('"t": ')[1].split(",")[0])
+    assert last_s > 5.0
+
+
+# ---- pictures
+
+
+def moved():
+    plant = Plant(robots.load("traxbot"), load("hazards"))
+    trail = Trail(plant)
+    plant.motor_board.move_differential(0.0, 300, 200)
+    for i in range(100):
+        plant.advance(i / 20)
+        trail.look(i / 20)
+    return trail
+
+
+def test_the_trail_has_the_robots_way():
+    trail = moved()
+    assert trail.way_m() == pytest.approx(
+        trail.plant.robot.motors[0].travel * 0.0000875 * 0.5
+        + trail.plant.robot.motors[2].travel * 0.0000875 * 0.5,
+        rel=0.02,
+    )
+
+
+def test_a_long_trail_grows_sparse(monkeypatch):
+    monkeypatch.setattr("sim_arduino.trail._MOST", 20)
+    assert len(moved().poses) <= 20
+
+
+@pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
+def test_a_picture_is_drawn(tmp_path, ending):
+    path = tmp_path / f"run.{ending}"
+    picture.demand(str(path))
+    picture.draw(moved(), str(path))
+    assert path.stat().st_size > 5000
+
+
+def test_mrl_sim_draws_at_its_end(tmp_path):
+    path = tmp_path / "run.png"
+    with Simulator("--plot", str(path), "--view") as simulator:
+        time.sleep(0.4)
+        assert simulator.end() == 0
+    assert path.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    "path, message",
+    [
+        ("run.gif", "expected a file that ends in .png, .pdf, .svg"),
+        ("/nope/run.png", "folder /nope cannot be written"),
+    ],
+)
+def test_bad_picture(path, message):
+    command = [sys.executable, "-m", "sim_arduino.cli", "--plot", path]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=20)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert message in done.stderr
+
+
+def test_without_matplotlib_one_line_says_what_to_install():
+    code = (
+        "import sys; sys.modules['matplotlib'] = None; sys.argv[1:] = ['--plot', 'run.png']; "
+        "from sim_arduino.cli import main; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=20)
+    assert done.returncode == 2
+    assert (
+        done.stderr == "mrl-sim: --plot needs matplotlib; install it with: pip install 'mrl-driver[plot]'\n"
+    )
+
+
+def test_a_line_on_the_canvas():
+    """From the lower left to the lower right: the lowest dots of both characters."""
+    canvas = Canvas(2, 1, (0.0, 0.0, 3.0, 3.0))
+    canvas.line(Wall(0.0, 0.0, 3.0, 0.0))
+    assert canvas.text() == ["\u28c0\u28c0"]
+
+
+def test_the_view_fits_and_tells_the_pose():
+    lines = draw(moved(), 60, 20)
+    assert len(lines) == 20
+    assert max(map(len, lines[:-1])) <= 60
+    assert "battery" in lines[-1]
+
+
+def test_all_walls_are_in_the_frame():
+    left, bottom, right, top = frame(moved().plant, [])
+    assert (left, bottom, right, top) == pytest.approx((-0.2, -0.2, 4.2, 4.8))

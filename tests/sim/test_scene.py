@@ -1,0 +1,131 @@
+"""What the environment sensors sense, up to the frames of both engines."""
+
+import math
+
+import pytest
+
+from mrl_driver import robots
+from sim_arduino.avr_engine import FIRMWARE, AvrEngine
+from sim_arduino.board import PythonBoard
+from sim_arduino.plant import Plant
+from sim_arduino.scene import PIXEL_RAD, Scene, Source
+from sim_arduino.sensors import DustPulses, Environment, dust_share
+from sim_arduino.shapes import Pose, Wall
+from sim_arduino.world import World
+from sim_arduino.world_file import load
+
+TRAXBOT = robots.load("traxbot")
+HERE = Pose(0.0, 0.0, 0.0)
+AMBIENT = Environment()
+
+
+def sensed(pose=HERE, walls=(), **sources):
+    world = World(walls, scene=Scene(**sources))
+    return world.scene.sensed(AMBIENT, pose, world.sees)
+
+
+def test_without_sources_all_is_ambient():
+    assert sensed() is AMBIENT
+
+
+def test_a_source_is_its_value_at_its_middle():
+    assert sensed(dust=(Source(0, 0, 9000, 0.5),)).dust_pcs_l == 9000
+
+
+def test_at_its_reach_1_over_e_is_left():
+    got = sensed(light=(Source(0.5, 0, 900, 0.5),)).light_count
+    assert got == round(500 + 400 / math.e)
+
+
+def test_gas_lowers_the_count():
+    assert sensed(gas=(Source(0, 0, 250, 0.5),)).alcohol_count == 250
+
+
+def test_far_away_nothing_is_left():
+    assert sensed(gas=(Source(50, 0, 250, 0.5),)).alcohol_count == AMBIENT.alcohol_count
+
+
+def test_something_hot_ahead_warms_the_middle_pixels():
+    pixels = sensed(heat=(Source(2, 0, 60, 0.1),)).pixels_c
+    assert pixels[3] == pytest.approx(pixels[4])
+    assert pixels[3] > 40.0
+    assert pixels[0] == pixels[7] == 22.0
+
+
+def test_a_pixel_that_is_filled_shows_the_temperature():
+    assert sensed(heat=(Source(0.2, 0, 60, 0.5),)).pixels_c == pytest.approx((60.0,) * 8)
+
+
+def test_the_first_pixel_is_the_leftmost():
+    angle = 3.5 * PIXEL_RAD
+    pixels = sensed(heat=(Source(math.cos(angle), math.sin(angle), 60, 0.02),)).pixels_c
+    assert pixels.index(max(pixels)) == 0
+
+
+def test_a_wall_hides_heat():
+    assert sensed(walls=[Wall(1, -1, 1, 1)], heat=(Source(2, 0, 60, 0.1),)).pixels_c == AMBIENT.pixels_c
+
+
+def test_heat_behind_the_robot_is_not_seen():
+    assert sensed(Pose(0, 0, math.pi), heat=(Source(2, 0, 60, 0.1),)).pixels_c == AMBIENT.pixels_c
+
+
+@pytest.mark.parametrize("pcs_l", [50, 300, 5500, 9000, 30000])
+def test_share_of_low_time_is_the_curve_backwards(pcs_l):
+    r = 100 * dust_share(pcs_l)
+    assert (1.1 * r**3 - 3.8 * r**2 + 520 * r) / 0.2832 == pytest.approx(pcs_l, rel=1e-6)
+
+
+@pytest.mark.parametrize("pcs_l", [300, 5500, 20000])
+def test_dust_pulses_have_their_length_and_share(pcs_l):
+    edges = DustPulses(lambda time_s: pcs_l).edges(1000.0)
+    widths = [rise - fall for (fall, _), (rise, _) in zip(edges[::2], edges[1::2])]
+    assert 0.0099 <= min(widths) <= max(widths) <= 0.0901
+    assert sum(widths) / 1000.0 == pytest.approx(dust_share(pcs_l), rel=0.02)
+
+
+def test_clean_air_makes_no_pulses():
+    assert DustPulses(lambda time_s: 0.0).edges(100.0) == []
+
+
+def test_a_board_reports_the_hazards_of_its_place():
+    plant = Plant(TRAXBOT, load("hazards"), (3.3, 3.8, 0.0), sonars=False)
+    board = PythonBoard(plant, environment=True)
+    board.receive(b"@21e@20e")
+    out = board.advance(0.5)
+    assert b"@21,9000e" in out
+    assert b"@20,123e" in out
+
+
+def test_dust_reaches_the_real_image():
+    """Eight seconds of pulses: within 10 % of what the air holds."""
+    plant = Plant(TRAXBOT, load("hazards"), (3.3, 3.8, 0.0), sonars=False)
+    board = AvrEngine(plant, FIRMWARE.with_name("mrl_firmware_environment.elf"), robot_id=1)
+    board.advance(8.0)
+    board.receive(b"@21e")
+    out = board.advance(8.1)
+    board.close()
+    value = int(out.split(b"@21,")[1].split(b"e")[0])
+    assert value == pytest.approx(9000, rel=0.1)
+
+
+def bearing(north_deg, yaw_deg):
+    world = World(scene=Scene(north_rad=math.radians(north_deg)))
+    plant = Plant(TRAXBOT, world, (0.0, 0.0, math.radians(yaw_deg)))
+    plant.i2c[0x60].write(b"\x02", 0.0)
+    return int.from_bytes(plant.i2c[0x60].read(2, 0.0), "big") / 10
+
+
+@pytest.mark.parametrize(
+    "north, yaw, expected", [(90, 90, 0), (90, 0, 90), (0, 0, 0), (0, 90, 270), (30, 0, 30)]
+)
+def test_the_compass_counts_clockwise_from_the_worlds_north(north, yaw, expected):
+    assert bearing(north, yaw) == pytest.approx(expected)
+
+
+def test_a_worlds_ambient_may_be_changed_for_one_robot():
+    """Without touching the world's own."""
+    world = load("hazards")
+    plant = Plant(TRAXBOT, world)
+    plant.environment.dust_pcs_l = 1.0
+    assert world.scene.ambient.dust_pcs_l == 300

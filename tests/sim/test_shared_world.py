@@ -1,0 +1,157 @@
+"""Several processes in one world."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import uuid
+
+import pytest
+
+from mrl_driver.errors import ConfigError
+from sim_arduino import shared_crowd
+from sim_arduino.mirror import Mirror, follow
+from sim_arduino.shapes import Footprint, Pose
+from sim_arduino.shared_crowd import SharedCrowd
+from tests.sim.simulator import PATIENCE_S, Client, Simulator
+
+BOX = Footprint(0.2, 0.1)
+
+
+@pytest.fixture
+def lab(tmp_path, monkeypatch):
+    """Name of a world of this test's own."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr(shared_crowd, "_LOOK_S", 0.0)
+    return f"lab-{uuid.uuid4().hex[:8]}"
+
+
+@pytest.fixture
+def crowds(lab):
+    """Two processes' views of one world, as far as locks and files go."""
+    made = [SharedCrowd(lab), SharedCrowd(lab)]
+    yield made
+    for crowd in made:
+        crowd.close()
+
+
+def test_robots_of_other_processes_are_there(crowds):
+    crowds[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
+    assert crowds[1].others("two") == [("one", Pose(1.0, 2.0, 3.0), BOX)]
+
+
+def test_they_move(crowds):
+    crowds[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
+    crowds[1].others("")
+    crowds[0].place("one", Pose(4.0, 5.0, 6.0), BOX)
+    assert crowds[1].others("")[0].pose == (4.0, 5.0, 6.0)
+
+
+def test_one_does_not_meet_itself(crowds):
+    crowds[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
+    assert crowds[0].others("one") == []
+
+
+def test_a_process_meets_its_own_other_robots(crowds):
+    crowds[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
+    assert [mover.name for mover in crowds[0].others("two")] == ["one"]
+
+
+def test_who_leaves_is_gone(crowds):
+    crowds[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
+    crowds[1].others("")
+    crowds[0].remove("one")
+    assert crowds[1].others("") == []
+
+
+def test_who_comes_back_under_its_name_is_seen(crowds):
+    crowds[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
+    crowds[1].others("")
+    crowds[0].remove("one")
+    crowds[0].place("one", Pose(7.0, 8.0, 9.0), BOX)
+    assert crowds[1].others("")[0].pose == (7.0, 8.0, 9.0)
+
+
+def test_a_name_is_taken_once(crowds):
+    crowds[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
+    with pytest.raises(ConfigError, match="robot 'one' is in world .* already"):
+        crowds[1].place("one", Pose(1.0, 2.0, 3.0), BOX)
+
+
+def test_a_robot_whose_process_was_killed_is_gone(crowds, lab):
+    code = (
+        f"from sim_arduino.shared_crowd import *; c = SharedCrowd({lab!r}); "
+        "c.place('dead', Pose(0, 0, 0), Footprint(1, 1)); print(flush=True); input()"
+    )
+    process = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    process.stdout.readline()
+    before = [mover.name for mover in crowds[0].others("")]
+    process.kill()
+    process.communicate()
+    assert (before, crowds[0].others("")) == (["dead"], [])
+
+
+@pytest.mark.parametrize("name", ["", "a b", "../x", "x" * 41])
+def test_bad_world_names(name):
+    with pytest.raises(ConfigError, match="expected 1 to 40 letters, digits, - or _"):
+        SharedCrowd(name)
+
+
+# ---- mirrors
+
+
+def test_a_mirror_stands_where_the_odometry_says(crowds, lab):
+    """Odometry that began at (1, 0), looking along y."""
+    with Mirror(lab, "real", BOX, Pose(1.0, 0.0, 1.5707963267948966)) as mirror:
+        follow(mirror, ['{"x": 0.5, "y": 0.0, "yaw": 0.0}\n', "\n"])
+        assert crowds[0].others("")[0].pose == pytest.approx((1.0, 0.5, 1.5707963))
+    assert crowds[0].others("") == []
+
+
+@pytest.mark.parametrize(
+    "line", ["junk", '{"x": 1}', '{"x": 1, "y": NaN, "yaw": 0}', "[1, 2, 3]", '{"x": "a"}']
+)
+def test_a_bad_line_is_named_by_its_number(lab, line):
+    with Mirror(lab, "real", BOX) as mirror, pytest.raises(ConfigError, match="line 2 is"):
+        follow(mirror, ["\n", line])
+
+
+# ---- boards
+
+
+def test_boards_of_two_processes_bump_into_each_other(lab, tmp_path):
+    """One drives 1 m towards the other, which stands; bow to bow they are 0.225 m apart."""
+    truth = tmp_path / "truth"
+    shared = ("--world-name", lab, "--world", "square")
+    moving = ("--name", "one", "--truth", str(truth), "--speed", "4")
+    other = Simulator(*shared, "--name", "two", "--pose", "0.6,0,180")
+    with other, Simulator(*shared, *moving) as one, Client(one.path) as client:
+        client.ask(b"@15e")
+        client.send(b"@11,400,0e")
+        end = time.monotonic() + PATIENCE_S
+        while last(truth) < 0.37 and time.monotonic() < end:
+            time.sleep(0.05)
+        time.sleep(0.2)
+    assert last(truth) == pytest.approx(0.6 - 0.225, abs=1e-3)
+
+
+def last(truth):
+    rows = truth.read_text().splitlines()
+    return json.loads(rows[-1])["x"] if rows and rows[-1].endswith("}") else 0.0
+
+
+def test_a_board_is_not_put_into_another(lab):
+    shared = [sys.executable, "-m", "sim_arduino.cli", "--world-name", lab]
+    with Simulator("--world-name", lab, "--name", "one"):
+        done = subprocess.run([*shared, "--name", "two"], capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "another robot (one), expected free floor; give one with --pose X,Y,YAW" in done.stderr
+
+
+def test_nothing_is_left_behind(lab, tmp_path):
+    with Simulator("--world-name", lab, "--name", "one") as simulator:
+        simulator.end(signal.SIGTERM)
+    assert os.listdir(tmp_path / "mrl-sim" / lab) == []
