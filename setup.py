@@ -36,6 +36,7 @@ setup(
         "dev": [
             "pytest>=7",
             "pytest-xdist>=3",
+            "pytest-timeout>=2",
             "hypothesis>=6",
             "ruff==0.17.6",
             "mypy>=1.8",
