@@ -49,13 +49,14 @@ class BoardClock:
         """Board time of the newest frame since the first one [s], wraps undone."""
         return (self._ticks or 0) * TICK_S
 
-    def update(self, time: int, arrival_s: float) -> HostTime:
+    def update(self, time: int, arrival_s: float, next_one: bool = False) -> HostTime:
         """Host time of a frame with board time `time` [64 us, int16] that arrived at `arrival_s`.
 
         Frames of one board in order.  A gap may be as long as the host's clock tells it to within 2 s.  Stamps are
-        strictly increasing.
+        strictly increasing.  `next_one`: the frame follows the one before within one wrap of the board's time, however
+        late it arrives.
         """
-        self._unwrap(time, arrival_s)
+        self._unwrap(time, arrival_s, next_one)
         board_s = self.board_s()
         self._collect((board_s, arrival_s - board_s))
         at, offset = self._line
@@ -63,13 +64,13 @@ class BoardClock:
         self._stamp_s = max(min(estimate, arrival_s), self._stamp_s + 1e-6)
         return HostTime(self._stamp_s, max(0.0, arrival_s - estimate))
 
-    def _unwrap(self, time: int, arrival_s: float) -> None:
+    def _unwrap(self, time: int, arrival_s: float, next_one: bool) -> None:
         if self._ticks is None:
             self._ticks = 0
         else:
             expected = round((arrival_s - self._arrival_s) / TICK_S)
             step = (time - self._time) & 0xFFFF
-            self._ticks += step + max(0, (expected - step + 0x8000) >> 16 << 16)
+            self._ticks += step if next_one else step + max(0, (expected - step + 0x8000) >> 16 << 16)
         self._time = time
         self._arrival_s = arrival_s
 

@@ -253,6 +253,7 @@ class Driver(Readout):
             while not self._closing:
                 self._turn()
         except MrlError as error:
+            self._halt()
             self._fail(error)
         finally:
             if not self._closing and self._error is None:

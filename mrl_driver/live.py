@@ -3,7 +3,7 @@
 import math
 import time
 from functools import partial
-from typing import Dict, Tuple
+from typing import Tuple
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -13,21 +13,10 @@ from rich.text import Text
 
 from .driver import Driver
 from .keyboard import Keyboard
+from .teleop import Teleop
 
 REFRESH_HZ = 10
-LINEAR_STEP = 0.05
-"""Share of the model's top speed that one key press adds: a twentieth."""
 BAR_M, BAR_WIDTH = 4.0, 24
-_STEPS: Dict[str, Tuple[int, int]] = {
-    "up": (1, 0),
-    "w": (1, 0),
-    "down": (-1, 0),
-    "s": (-1, 0),
-    "left": (0, 1),
-    "a": (0, 1),
-    "right": (0, -1),
-    "d": (0, -1),
-}
 
 
 def line(driver: Driver) -> str:
@@ -66,36 +55,28 @@ def watch(driver: Driver, seconds: float) -> None:
 
 
 def drive(driver: Driver) -> None:
-    """Drive with the keyboard until `q`: arrows or wasd change the speed, space stops."""
-    wanted = (0.0, 0.0)
+    """Drive with the keyboard until `q`: arrows or wasd drive while they are held, space stops.
+
+    A press lasts for `teleop.HOLD_S`, so a terminal that is cut off stops the robot.
+    """
+    teleop = Teleop()
     console = Console()
-    show = partial(view, driver, "arrows or wasd: faster, slower, turn   space: stop   q: quit")
+    show = partial(view, driver, "hold arrows or wasd: drive   space: stop   q: quit")
     with Keyboard() as keyboard, Live(console=console, refresh_per_second=REFRESH_HZ, get_renderable=show):
         while not driver.wait(0):
             for key in keyboard.read(0.05):
                 if key in ("q", "escape"):
                     return
-                wanted = press(driver, key, wanted)
-            if driver.command is None:
-                wanted = (0.0, 0.0)
+                teleop.press(key, time.monotonic())
+            steer(driver, teleop.command(time.monotonic()))
 
 
-def press(driver: Driver, key: str, wanted: Tuple[float, float]) -> Tuple[float, float]:
-    """Act on a key; the speeds then wanted [m/s, rad/s]."""
-    if key == "space":
+def steer(driver: Driver, wanted: Tuple[float, float]) -> None:
+    """Put the speeds of the keys that are held in force; stop when none is."""
+    if any(wanted):
+        driver.drive(*wanted)
+    elif driver.command is not None:
         driver.stop()
-        return 0.0, 0.0
-    if key not in _STEPS or driver.model is None:
-        return wanted
-    limits = driver.model.limits
-    linear = _add(wanted[0], _STEPS[key][0], limits.linear_m_s)
-    angular = _add(wanted[1], _STEPS[key][1], limits.angular_rad_s)
-    driver.drive(linear, angular)
-    return linear, angular
-
-
-def _add(speed: float, steps: int, limit: float) -> float:
-    return max(-limit, min(limit, round(speed + 2 * steps * LINEAR_STEP * limit, 9)))
 
 
 def view(driver: Driver, hint: str = "Ctrl-C: end") -> Panel:

@@ -36,7 +36,7 @@ SLOW = Pace(0.1, 0.5, 0.15)
 """2013 boards lose commands above 26 a second while they stream, and have no watchdog to feed."""
 STOPS = (
     "none", "user", "not_a_number", "command_timeout", "battery", "wheel_mismatch", "stale", "restarted", "link_lost",
-    "closed",
+    "host_paused", "closed",
 )  # fmt: skip
 """Why this program stops the robot; boards have their own reasons, `table.STOP_REASONS`."""
 
@@ -74,6 +74,11 @@ class Motion:
         self.target = self._fade = self._still_since_s = None
         self.stopping = self._new = True
         self._still = 0
+
+    def make_sure(self) -> None:
+        """Stop a robot that should stand, until `observe` has seen it; why it was last stopped stays."""
+        if self.target is None:
+            self.stop(self.stop_reason)
 
     def forget(self, reason: str) -> None:
         """Drop the command without a stop: the board is stopped already, or gone."""

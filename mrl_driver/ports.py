@@ -5,7 +5,7 @@ it has the USB vendor and product of the one that was lost; opening resets an Un
 """
 
 import math
-from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 AGAIN_S = 1.0
 """A port that could not be opened, or stayed silent, is left alone for so long."""
@@ -72,12 +72,14 @@ class Search:
         self.name, self.lost = name, lost
         self._refused: Dict[str, float] = {}
 
-    def next(self, device: str, there: Sequence[Port], now: float) -> Optional[str]:
+    def next(
+        self, device: str, there: Sequence[Port], now: float, exists: Callable[[str], bool] = bool
+    ) -> Optional[str]:
         """The name to open at `now` [s], or None; `device` is what the user's name leads to."""
         present = {port.device for port in there} | {self.name}
         self._refused = {name: until for name, until in self._refused.items() if name in present}
         for name in candidates(self.name, device, self.lost, there):
-            if now >= self._refused.get(name, -math.inf):
+            if now >= self._refused.get(name, -math.inf) and exists(name):
                 return name
         return None
 

@@ -50,8 +50,8 @@ class Reconnection:
         search, now = self._search, time.monotonic()
         assert search is not None
         there = described() if search.lost.vendor is not None else []
-        name = search.next(os.path.realpath(self._name), there, now)
-        if name is None or not os.path.exists(name):
+        name = search.next(os.path.realpath(self._name), there, now, os.path.exists)
+        if name is None:
             return None
         if in_use(name):
             search.refuse(name, now)
@@ -59,6 +59,7 @@ class Reconnection:
         try:
             link = self._open_link(name)
         except LinkError:
+            search.refuse(name, now)
             return None
         self.port, self._trial_ends_s = name, now + self._patience_s
         return link

@@ -28,6 +28,17 @@ STATUS_S = 0.5
 INFO_S = 1.0
 POLL_2013_S = 2.0
 SONAR_2013_S = 0.3
+ATTENTION_S = 0.1
+PAUSE_S = 0.25
+"""With a command in force this program looks at the link every `ATTENTION_S`.  After a pause of its own longer than
+`PAUSE_S` (a stopped process, a suspended machine) the command is stale, and the board's watchdog has stopped the robot.
+"""
+BUSY_S = 3.0
+"""A motion that was requested by itself, such as the calibration, is watched closely for so long, which feeds the
+board's watchdog.
+"""
+WRAP_MS = 2000
+"""Half a wrap of the board's time: streams with a longer period need the host's clock to count the wraps."""
 PLAIN_FRAMES = 3
 """So many frames in a row without check value mean that the board has restarted, not that one was damaged."""
 
@@ -35,6 +46,9 @@ _COUNTS, _SONARS, _BOTH = (
     BY_NAME[n].code for n in ("read_encoders", "read_sonars", "read_encoders_and_sonars")
 )
 _INFO, _STATUS, _CHECK = (BY_NAME[n].code for n in ("robot_info", "read_status", "set_check"))
+
+
+_TURNING = {BY_NAME[n].code for n in ("calibrate", "move_motors_pid", "move_motors", "move_to_position")}
 
 
 class Session:
@@ -70,6 +84,9 @@ class Session:
         self._greeting: Optional[Handshake] = Handshake(plan, self._send, admit, now, timeout_s=greeting_s)
         self._restarted = True
         self._status_s = self._info_s = self._sonar_s = math.inf
+        self._attended_s = now
+        self._busy = False
+        self._busy_until_s = -math.inf
 
     @property
     def ready(self) -> bool:
@@ -94,6 +111,7 @@ class Session:
         """Put a command in force; False (and nothing) unless the board is ready."""
         if not self.ready:
             return False
+        self._attended_s = now
         self.motion.drive(linear_mm_s, angular_mrad_s, now)
         self._move(now)
         return True
@@ -131,6 +149,8 @@ class Session:
             FrameError: the table forbids it.
         """
         self._send(code, *args)
+        if code in _TURNING and self._status_s < math.inf:
+            self._busy, self._status_s = True, -math.inf
 
     def receive(self, data: bytes, now: float) -> List[SessionEvent]:
         """Events out of bytes that arrived at `now`.
@@ -138,6 +158,7 @@ class Session:
         Raises:
             BoardError: the board is not one to work with.
         """
+        self._attend(now)
         self.counters.bytes_in += len(data)
         events: List[SessionEvent] = []
         strange = False
@@ -163,6 +184,7 @@ class Session:
             NotARobot: nothing answers the greeting, or not in frames.
             BoardTimeout: the board stopped answering during the greeting.
         """
+        self._attend(now)
         events: List[SessionEvent] = []
         if self._greeting is not None:
             self._greeting.tick(now, self.checked)
@@ -181,6 +203,8 @@ class Session:
         if self._greeting is not None:
             return min(self._greeting.due_s, stop_s)
         stale_s = self.heard_s + self._stale_s
+        if self.motion.target is not None:
+            stale_s = min(stale_s, self._attended_s + ATTENTION_S)
         if self.late(now):
             return min(stale_s, stop_s)
         return min(stale_s, self._status_s, self._info_s, self._sonar_s, self.motion.due_s())
@@ -188,6 +212,11 @@ class Session:
     def late(self, now: float) -> bool:
         """Telemetry is so old that no motion is sent."""
         return now - self.heard_s >= self._late_s
+
+    def _attend(self, now: float) -> None:
+        if now - self._attended_s > PAUSE_S and self.motion.target is not None:
+            self.motion.stop("host_paused")
+        self._attended_s = now
 
     # -- out
 
@@ -203,8 +232,10 @@ class Session:
     def _poll(self, now: float) -> None:
         if self.late(now):
             return
+        if self._busy:
+            self._busy, self._busy_until_s = False, now + BUSY_S
         if now >= self._status_s:
-            self._status_s = now + STATUS_S
+            self._status_s = now + (self._pace().repeat_s if now < self._busy_until_s else STATUS_S)
             self._ask(_STATUS)
         if now >= self._info_s:
             self._info_s = now + (INFO_S if self.board and self.board.version >= 2 else POLL_2013_S)
@@ -275,9 +306,11 @@ class Session:
     def _on_counts(self, frame: Frame, now: float, events: List[SessionEvent]) -> None:
         stamp = frame.stamp
         if self.checked and stamp is not None:
+            lost = self.counters.lost
             if self._is_duplicate(stamp.sequence):
                 return
-            stamp_s = self._clock.update(stamp.time, now).stamp_s
+            next_one = lost == self.counters.lost and self._plan.period_ms <= WRAP_MS
+            stamp_s = self._clock.update(stamp.time, now, next_one).stamp_s
             time_s = self._clock.board_s()
         else:
             time_s = stamp_s = now
@@ -311,6 +344,8 @@ class Session:
         before, self.status = self.status, status
         restarted = before is not None and status.uptime_s < before.uptime_s
         if status.stop_reason not in ("none", "host", before.stop_reason if before else ""):
+            if self.motion.target is not None:
+                self.motion.stop(status.stop_reason)  # nor does it drive on by itself
             self.motion.stop_reason = status.stop_reason
         events.append(status)
         self._restarted = self._restarted or restarted
@@ -340,5 +375,6 @@ class Session:
             self._clock = BoardClock()
             self._sequence = self._last = None
         self.heard_s = now
+        self.motion.make_sure()
         events.append(Ready(self.board, self._restarted, self.checked))
         self._restarted = False

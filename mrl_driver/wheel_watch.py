@@ -81,12 +81,15 @@ class _Wheel:
         self._asked: Set[float] = set()
         self._still = 0
 
+    def ask(self, target_m_s: float) -> None:
+        """A new command, however soon the next one replaces it."""
+        if target_m_s:
+            self._asked.add(math.copysign(1.0, target_m_s))
+
     def tick(self, target_m_s: float, moved_m: float, dt_s: float) -> Optional[Mismatch]:
         """What is wrong by now, with `wheel` left to the caller; None where nothing is, or nothing can be said."""
         self._targets.append(target_m_s)
         self._speeds.append(moved_m / dt_s)
-        if target_m_s:
-            self._asked.add(math.copysign(1.0, target_m_s))
         self._still = self._still + 1 if abs(moved_m) < STILL_M else 0
         floor = _least(self._targets)
         if floor == 0.0:
@@ -153,11 +156,16 @@ class WheelWatch:
         self._time_s = -math.inf
         self._next_s = -math.inf
         self._travel = Wheels(0, 0)
+        self._command = (0.0, 0.0)
 
     def update(
         self, linear_m_s: float, angular_rad_s: float, travel: Wheels, time_s: float
     ) -> Optional[Mismatch]:
         """Compare the command in force with `travel` [count, without wrap] read at `time_s` [s]."""
+        if (linear_m_s, angular_rad_s) != self._command:
+            self._command = (linear_m_s, angular_rad_s)
+            self._right.ask(linear_m_s + angular_rad_s * self._half_m)
+            self._left.ask(linear_m_s - angular_rad_s * self._half_m)
         if time_s < self._next_s:
             return None
         dt_s, last = time_s - self._time_s, self._travel

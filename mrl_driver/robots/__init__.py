@@ -105,7 +105,14 @@ def by_id(robot_id: int) -> str:
 
 
 _POSITIVE = (1e-9, 1e6)
-_RANGES = {"x_m": (-10.0, 10.0), "y_m": (-10.0, 10.0), "yaw_deg": (-180.0, 180.0), "off_v": (0.0, 100.0)}
+_RANGES = {
+    "linear_m_s": (1e-3, 32.7),
+    "angular_rad_s": (1e-3, 32.7),
+    "x_m": (-10.0, 10.0),
+    "y_m": (-10.0, 10.0),
+    "yaw_deg": (-180.0, 180.0),
+    "off_v": (0.0, 100.0),
+}
 
 
 class _Reader:

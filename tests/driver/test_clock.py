@@ -79,3 +79,11 @@ def test_a_gap_of_many_wraps_is_bridged_by_the_host_clock(wraps, rest_s):
 def test_drift_beyond_belief_is_cut():
     *_, (_, _, clock) = run(1, 0.05, 10)
     assert clock.drift == -MAX_DRIFT
+
+
+def test_a_late_burst_is_no_wrap():
+    """Frames that waited three seconds follow each other in board time."""
+    clock = BoardClock()
+    clock.update(0, 100.0, next_one=True)
+    clock.update(312, 103.0, next_one=True)
+    assert clock.board_s() == pytest.approx(312 * TICK_S)

@@ -289,7 +289,7 @@ def test_nothing_waits_for_the_new_link():
 
 
 def test_a_command_goes_out_at_once():
-    talk = Talk().until_ready()
+    talk = Talk().until_ready().run(0.01)
     assert talk.session.drive(500, -800, talk.now)
     assert talk.session.take().startswith(b"@11,500,-800,")
 
@@ -467,3 +467,46 @@ def test_a_request_of_the_caller_is_answered():
     talk.session.request(33, 400)
     talk.run(0.1)
     assert Reply(Frame(33, (400,))) in talk.events
+
+
+# -- who stops the robot, and what starts it again
+
+
+def test_a_stop_is_confirmed_after_every_greeting():
+    """The stop before the silence may have been lost with all that the greeting sent."""
+    talk = Talk(plan=Plan(watchdog_ms=0)).until_ready()
+    talk.session.drive(300, 0, talk.now)
+    talk.run(0.3)
+    talk.session.stop(talk.now)
+    talk.to_board = talk.to_host = lambda data: b""
+    talk.run(0.6)
+    talk.to_host = lambda data: data
+    talk.to_board = lambda data: data.replace(b"@13e", b"") if not talk.session.ready else data
+    talk.run(2.0)
+    assert talk.session.ready and talk.board.speeds == (0, 0)
+
+
+def test_a_paused_host_does_not_drive_on():
+    talk = Talk(plan=Plan(watchdog_ms=0)).until_ready()
+    talk.session.drive(300, 0, talk.now)
+    talk.run(0.2)
+    talk.now += 0.3
+    talk.run(0.2)
+    assert talk.session.motion.target is None
+
+
+def test_a_board_that_stopped_by_itself_is_not_driven_on():
+    talk = Talk().until_ready()
+    talk.session.drive(300, 0, talk.now)
+    status = talk.session.status._replace(stop_reason="stall")
+    talk.session._on_status(status, talk.now, [])
+    assert talk.session.motion.target is None
+
+
+def test_a_calibration_is_watched_within_the_boards_watchdog():
+    talk = Talk().until_ready().run(0.2)
+    begun_s = talk.now
+    talk.session.request(1)
+    talk.run(1.0)
+    times = [sent_s for sent_s, _ in talk.sent if sent_s >= begun_s]
+    assert max(b - a for a, b in zip(times, times[1:])) < 0.25

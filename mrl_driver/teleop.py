@@ -1,0 +1,41 @@
+"""Speeds from the keys of a terminal.  Pure."""
+
+import math
+from typing import Dict, Tuple
+
+HOLD_S = 0.6
+"""A terminal reports presses, not releases; a held key repeats after about 0.5 s, so a press lasts longer."""
+LINEAR_M_S, ANGULAR_RAD_S = 0.25, 0.9
+_LETTERS = {"w": "up", "s": "down", "a": "left", "d": "right"}
+_DIRECTIONS: Dict[str, Tuple[float, float]] = {
+    "up": (1, 0),
+    "down": (-1, 0),
+    "left": (0, 1),
+    "right": (0, -1),
+}
+_OPPOSITES = {"up": "down", "down": "up", "left": "right", "right": "left"}
+
+
+class Teleop:
+    """Speeds from key names: each press drives for `HOLD_S`; two directions together drive a curve."""
+
+    def __init__(self) -> None:
+        self._until_s: Dict[str, float] = {}
+
+    def press(self, key: str, now_s: float) -> bool:
+        """Take a key; True if it asks for a movement or, as the space bar, for a stop."""
+        if key == "space":
+            self._until_s.clear()
+            return True
+        direction = _LETTERS.get(key, key)
+        if direction not in _DIRECTIONS:
+            return False
+        self._until_s.pop(_OPPOSITES[direction], None)
+        self._until_s[direction] = now_s + HOLD_S
+        return True
+
+    def command(self, now_s: float) -> Tuple[float, float]:
+        """Speeds (linear [m/s], angular [rad/s]) at a time; zero once every key is released."""
+        held = [_DIRECTIONS[key] for key, until_s in self._until_s.items() if now_s < until_s]
+        linear, angular = math.fsum(d[0] for d in held), math.fsum(d[1] for d in held)
+        return linear * LINEAR_M_S, angular * ANGULAR_RAD_S
