@@ -51,13 +51,14 @@ $(VENV)/.ready: setup.py pyproject.toml package.xml | apt
 	$(PY) -m pip install -q --disable-pip-version-check -e '.[dev]'
 	@touch $@
 
-include firmware/firmware.mk $(wildcard ros1_bridge/ros.mk tests/long.mk)
+include firmware/firmware.mk $(wildcard ros1_bridge/ros.mk sim_arduino/sim.mk tests/long.mk)
 
 check: setup ## Format, lint, types, generated files, import rules
 	$(VENV)/bin/ruff format --check -q .
 	$(VENV)/bin/ruff check -q .
 	$(VENV)/bin/mypy
 	$(PY) -m mrl_driver.generate --check
+	$(PY) -m ros1_bridge.description --check
 
 test: check firmware pc-firmware ## Set everything up and run all tests
 	$(ROS_ENV) $(PY) -m pytest -n 2 --dist loadfile

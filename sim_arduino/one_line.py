@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from mrl_driver.errors import MrlError
+from mrl_driver.errors import MrlError, SimulatorError
 
 
 class OneLine(click.Command):
@@ -19,5 +19,8 @@ class OneLine(click.Command):
             text = error.format_message() if isinstance(error, click.ClickException) else str(error)
             click.echo(f"{self.name}: {' '.join(text.split())}", err=True)
             sys.exit(error.exit_code)
+        except OSError as error:
+            click.echo(f"{self.name}: {error}; what was logged last is lost", err=True)
+            sys.exit(SimulatorError.exit_code)
         except (click.Abort, KeyboardInterrupt):
             sys.exit(130)

@@ -190,3 +190,13 @@ def test_one_line_and_its_own_exit_code(options, code, text):
 def test_a_link_over_a_file_is_refused(tmp_path):
     code, error = fail("--link", str(tmp_path))
     assert (code, error.count("\n")) == (2, 1)
+
+
+def test_a_full_disk_under_the_log_does_not_stop_the_board():
+    with Simulator("--log", "/dev/full", "--truth", "/dev/full") as simulator, Client(
+        simulator.path
+    ) as client:
+        assert client.ask(b"@15e") == b"@15,0e\r\n"
+        client.ask(b"@15e")
+        assert simulator.end() == 13
+        assert "No space left" in simulator.process.stderr.read()
