@@ -6,11 +6,12 @@ straight to the sockets, and one that does not read misses messages until it doe
 """
 
 import fcntl
+import io
 import socket
 import struct
 import termios
 import warnings
-from typing import Any, Callable
+from typing import Any, Callable, Type
 
 BACKLOG_BYTES = 32768
 """More than this unread, beside what the subscriber's own socket holds: it misses messages."""
@@ -18,6 +19,7 @@ BUFFER_BYTES = 131072
 """Room in a socket (the kernel grants twice that); far above the backlog, so that sending never waits."""
 STALL_S = 0.02
 """Should sending wait nevertheless, then no longer than this; the subscriber is disconnected."""
+_LENGTH = struct.Struct("<I")
 _TIMEVAL = struct.pack("ll", 0, round(STALL_S * 1e6))
 
 
@@ -49,6 +51,49 @@ def direct_publisher(
         publisher = publisher_class(topic, message_class, queue_size=None, tcp_nodelay=True, **options)
     publisher.impl.add_subscriber_listener(_Guard(publisher))
     return publisher
+
+
+class Fast:
+    """Publishes through an unlatched publisher of `direct_publisher`, past what rospy does for each message.
+
+    That is checks and locks which one thread with one prepared message does not need; rospy itself is asked
+    only after a connection has failed, and takes that one away.
+    """
+
+    def __init__(self, publisher: Any, lost: Type[Exception], with_header: bool = True) -> None:
+        """`lost` is what a connection that broke raises; `with_header` messages are numbered."""
+        self._publisher, self._impl = publisher, publisher.impl
+        self._lost, self._with_header = (lost, OSError), with_header
+        self._buffer, self._broken = io.BytesIO(), False
+
+    def publish(self, message: Any) -> None:
+        """Send `message` to everybody who subscribes."""
+        connections = self._impl.connections
+        if not connections:
+            return
+        if self._broken:
+            self._broken = False
+            self._publisher.publish(message)
+            return
+        if self._with_header:
+            message.header.seq += 1
+        data = self._packed(message)
+        for connection in connections:
+            try:
+                connection.write_data(data)
+            except self._lost:
+                self._broken = True
+
+    def _packed(self, message: Any) -> bytes:
+        """The message as it goes over the wire: its length, then itself."""
+        buffer = self._buffer
+        buffer.seek(4)
+        message.serialize(buffer)
+        end = buffer.tell()
+        buffer.seek(0)
+        buffer.write(_LENGTH.pack(end - 4))
+        buffer.truncate(end)
+        return buffer.getvalue()
 
 
 def _dropping(connection: socket.socket, write: Callable[[bytes], Any]) -> Callable[[bytes], Any]:

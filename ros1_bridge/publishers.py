@@ -2,7 +2,7 @@
 
 import math
 import time
-from typing import Any, Callable, Dict
+from typing import Any, Callable, Dict, Optional, Type
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from genpy import Time
@@ -16,7 +16,7 @@ from mrl_driver.robots import RobotModel
 
 from . import messages
 from .covariance import PoseCovariance
-from .direct import direct_publisher
+from .direct import Fast, direct_publisher
 from .parameters import Parameters
 from .stamps import Stamps
 
@@ -27,18 +27,23 @@ class Publishers:
     """Topics that every board feeds; `/tf` is one of them."""
 
     def __init__(
-        self, publisher_class: Callable[..., Any], parameters: Parameters, model: RobotModel
+        self,
+        publisher_class: Callable[..., Any],
+        lost: Type[Exception],
+        parameters: Parameters,
+        model: RobotModel,
     ) -> None:
+        """`lost` is what a connection that broke raises in rospy."""
         odom, base = parameters.odom_frame, parameters.base_frame
         self._class, self._model, self._parameters = publisher_class, model, parameters
         self._stamps, self._stamp = Stamps(), Time()
         self.covariance = PoseCovariance(model)
         self._odometry = messages.new_odometry(odom, base, self.covariance.matrix)
-        self._odometry_out = direct_publisher(publisher_class, "odom", Odometry)
+        self._odometry_out = Fast(direct_publisher(publisher_class, "odom", Odometry), lost)
         self._transform = messages.new_transform(odom, base)
-        self._transform_out = None
+        self._transform_out: Optional[Fast] = None
         if parameters.publish_tf:
-            self._transform_out = direct_publisher(publisher_class, "/tf", TFMessage)
+            self._transform_out = Fast(direct_publisher(publisher_class, "/tf", TFMessage), lost, False)
         self._joints = messages.new_joints()
         self._joints_out = direct_publisher(publisher_class, "joint_states", JointState)
         counts_a_turn = model.board["gearbox"] / 10 * model.board["encoder_counts"] / 10

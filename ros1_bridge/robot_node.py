@@ -4,6 +4,7 @@ The driver's reading thread publishes, and a command goes to the port from the s
 services and parameters stand in this package's README.
 """
 
+import gc
 import os
 import signal
 import threading
@@ -99,7 +100,7 @@ class RobotNode:
             parameters.max_angular_acceleration,
         )
         self._commander = Commander(driver, limits, parameters.cmd_vel_timeout)
-        self._publishers = Publishers(rospy.Publisher, parameters, model)
+        self._publishers = Publishers(rospy.Publisher, rospy.exceptions.TransportException, parameters, model)
         if not board.capabilities or "sonars" in board.capabilities:
             self._publishers.sonars(rospy.Time.now())
         self._environment = Environment(
@@ -115,6 +116,8 @@ class RobotNode:
         if "xbee" in board.capabilities:
             rospy.Subscriber(environment.RADIO_OUT, KeyValue, self._on_radio, queue_size=10)
         self._offer_reconfigure(model, limits)
+        gc.collect()
+        gc.freeze()  # what is there now stays: collections need not walk it again and again
         rospy.loginfo(
             f"{model.name} (robot id {board.robot_id}, firmware {board.version}) on {parameters.port}, "
             f"battery {board.battery_v:.1f} V"

@@ -8,7 +8,7 @@ import pytest
 import rospy
 from nav_msgs.msg import Odometry
 
-from ros1_bridge.direct import BACKLOG_BYTES, _dropping, direct_publisher
+from ros1_bridge.direct import BACKLOG_BYTES, Fast, _dropping, direct_publisher
 from ros1_bridge.processes import wait_until
 
 from .rig import START_S
@@ -76,3 +76,57 @@ def test_stalled_subscriber_neither_holds_up_nor_loses_its_connection(rig):
 
     assert wait_until(newest_arrives, START_S)
     publisher.unregister()
+
+
+class Broken(Exception):
+    """What a connection that broke raises."""
+
+
+class Connection:
+    def __init__(self, good=True):
+        self.good, self.sent = good, []
+
+    def write_data(self, data):
+        if not self.good:
+            raise Broken
+        self.sent.append(data)
+
+
+class Publisher:
+    """A publisher with connections, as rospy's."""
+
+    def __init__(self, *connections):
+        self.impl, self.connections, self.asked = self, connections, []
+
+    def publish(self, message):
+        self.asked.append(message)
+
+
+def test_fast_message_is_what_rospy_sends():
+    connection, message = Connection(), Odometry()
+    message.header.frame_id, message.child_frame_id = "odom", "base_link"
+    Fast(Publisher(connection), Broken).publish(message)
+    size, body = connection.sent[0][:4], connection.sent[0][4:]
+    assert int.from_bytes(size, "little") == len(body)
+    assert Odometry().deserialize(body) == message
+    assert message.header.seq == 1
+
+
+def test_shorter_message_leaves_nothing_of_the_longer_one():
+    connection, message = Connection(), Odometry()
+    fast = Fast(Publisher(connection), Broken)
+    message.child_frame_id = "a_long_name"
+    fast.publish(message)
+    message.child_frame_id = ""
+    fast.publish(message)
+    assert len(connection.sent[1]) == len(connection.sent[0]) - len("a_long_name")
+
+
+def test_broken_connection_costs_the_others_nothing_and_is_left_to_rospy():
+    good, publisher = Connection(), Publisher(Connection(good=False), Connection())
+    publisher.connections = (publisher.connections[0], good)
+    fast = Fast(publisher, Broken)
+    fast.publish(Odometry())
+    assert len(good.sent) == 1 and not publisher.asked
+    fast.publish(Odometry())
+    assert len(publisher.asked) == 1
