@@ -67,7 +67,7 @@ def test_refusal_names_key_value_and_range(name, value):
 
 
 def test_misspelt_name_is_refused_with_the_names_there_are():
-    with pytest.raises(ConfigError, match="/n/prot is unknown, expected port, baud, robot"):
+    with pytest.raises(ConfigError, match="/n/prot is unknown, expected port, port_timeout, baud, robot"):
         check({"prot": "/dev/ttyACM0"}, "/n")
 
 
