@@ -1,0 +1,187 @@
+"""`make bench-sim`: what emulated boards cost, and how many a machine carries.  Writes build/bench/sim.json."""
+
+import os
+import random
+import select
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from typing import Any, Dict, List, Tuple
+
+import yaml
+
+from mrl_driver import robots
+from sim_arduino.avr_engine import AvrEngine
+from sim_arduino.board import PythonBoard
+from sim_arduino.plant import Plant
+from sim_arduino.world_file import load
+from tests.bench import report
+
+RUNS = 5
+WATCH_S = 10.0
+SETTLE_S = 1.0
+STEPPED_S, AVR_STEPPED_S = 60.0, 10.0
+STEP_S = 0.02
+ON_TIME = 0.99
+"""A board holds real time if it sends this share of the frames that are due, and its own clock is as far."""
+GOALS = {
+    "python_board_cpu_percent_50hz": ("<=", 3.0),
+    "python_boards_realtime": (">=", 20.0),
+    "python_stepped_speedup": (">=", 50.0),
+    "avr_stepped_speedup": (">=", 3.0),
+    "avr_boards_realtime": (">=", 3.0),
+}
+
+
+def world_of_100_walls(folder: str, name: str = "walls.yaml") -> str:
+    """A room of 8 x 8 m with 24 boxes around a free middle: 100 walls."""
+    rng = random.Random(1)
+    edge = [[-4, -4, 4, -4], [4, -4, 4, 4], [4, 4, -4, 4], [-4, 4, -4, -4]]
+    boxes: List[List[float]] = []
+    while len(boxes) < 24:
+        x, y = rng.uniform(-3.5, 3.5), rng.uniform(-3.5, 3.5)
+        if max(abs(x), abs(y)) > 2.6:
+            boxes.append([x, y, 0.3, 0.2, rng.uniform(-90, 90)])
+    path = os.path.join(folder, name)
+    with open(path, "w", encoding="utf-8") as file:
+        yaml.safe_dump({"walls": edge, "boxes": boxes}, file)
+    return path
+
+
+class Served:
+    """A board in a process of its own with a program that reads its stream."""
+
+    def __init__(self, *options: str) -> None:
+        command = [sys.executable, "-m", "sim_arduino.cli", *options]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        assert self.process.stdout
+        self.fd = os.open(self.process.stdout.readline().strip(), os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        self.frames = 0
+
+    def cpu_s(self) -> float:
+        """CPU time of its process so far [s]."""
+        with open(f"/proc/{self.process.pid}/stat", encoding="ascii") as file:
+            user, system = file.read().rsplit(")", 1)[1].split()[11:13]
+        return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+
+    def take(self) -> None:
+        """Reads what has come."""
+        try:
+            self.frames += os.read(self.fd, 65536).count(b"e")
+        except BlockingIOError:
+            pass
+
+    def close(self) -> None:
+        """Ends it."""
+        os.close(self.fd)
+        self.process.send_signal(signal.SIGTERM)
+        self.process.communicate()
+
+
+def watch(boards: List[Served], seconds: float) -> None:
+    """Reads all boards' streams for a time."""
+    end_s = time.monotonic() + seconds
+    while time.monotonic() < end_s:
+        select.select([board.fd for board in boards], [], [], 0.1)
+        for board in boards:
+            board.take()
+        time.sleep(0.01)
+
+
+def begin(boards: List[Served], period_ms: int) -> None:
+    """Has all boards drive a circle in the middle of the world and stream; none is fed, so the watchdog is off."""
+    watch(boards, SETTLE_S)
+    for board in boards:
+        os.write(board.fd, b"@11,150,600e@18,%de" % period_ms)
+    watch(boards, SETTLE_S)
+    for board in boards:
+        board.frames = 0
+
+
+def cpu_percent(world: str) -> float:
+    """CPU of one board's process at a stream of 50 frames a second [%]."""
+    board = Served("--world", world)
+    try:
+        begin([board], 20)
+        before_s, start_s = board.cpu_s(), time.monotonic()
+        watch([board], WATCH_S)
+        return 100.0 * (board.cpu_s() - before_s) / (time.monotonic() - start_s)
+    finally:
+        board.close()
+
+
+def holds(count: int, period_ms: int, *options: str) -> bool:
+    """Whether so many boards send their frames in time."""
+    spots = [(x, y) for x in range(-2, 3) for y in range(-2, 3)]
+    boards: List[Served] = []
+    try:
+        for i in range(count):
+            pose = "{},{},0".format(*spots[i % len(spots)])
+            boards.append(Served("--name", f"r{i}", "--pose", pose, *options))
+        begin(boards, period_ms)
+        start_s = time.monotonic()
+        watch(boards, WATCH_S / 2)
+        due = (time.monotonic() - start_s) * 1000.0 / period_ms
+        return min(board.frames for board in boards) >= ON_TIME * due - 1
+    finally:
+        for board in boards:
+            board.close()
+
+
+def most(counts: Tuple[int, ...], period_ms: int, *options: str) -> int:
+    """The largest of rising counts of boards that hold real time; 0 if none does."""
+    held = 0
+    for count in counts:
+        if not holds(count, period_ms, *options):
+            break
+        held = count
+    return held
+
+
+def speedup(board: Any, seconds: float) -> float:
+    """Times as fast as real time, stepped by 20 ms with a 50 Hz stream, driving in circles."""
+    board.advance(0.5)
+    board.receive(b"@11,150,600e@18,20e")
+    start_s, steps = time.perf_counter(), round(seconds / STEP_S)
+    for i in range(steps):
+        board.advance(0.5 + (i + 1) * STEP_S)
+    return seconds / (time.perf_counter() - start_s)
+
+
+def avr_speedup(world: str) -> float:
+    """`speedup` of the real image."""
+    board = AvrEngine(Plant(robots.load("traxbot"), load(world)), robot_id=1)
+    try:
+        return speedup(board, AVR_STEPPED_S)
+    finally:
+        board.close()
+
+
+def main() -> None:
+    """Measures, prints, writes."""
+    with tempfile.TemporaryDirectory() as folder:
+        world = world_of_100_walls(folder)
+        os.environ["XDG_RUNTIME_DIR"] = folder
+
+        def stepped() -> float:
+            return speedup(PythonBoard(Plant(robots.load("traxbot"), load(world))), STEPPED_S)
+
+        team = ("--world", world, "--world-name", "bench")
+        figures: Dict[str, float] = {
+            "python_stepped_speedup": report.median_of(RUNS, stepped),
+            "avr_stepped_speedup": report.median_of(RUNS, lambda: avr_speedup(world)),
+            "python_board_cpu_percent_50hz": report.median_of(RUNS, lambda: cpu_percent(world)),
+            "avr_boards_realtime": most((1, 2, 3, 4, 6, 8), 50, "--world", world, "--engine", "avr"),
+            "python_boards_realtime": most((10, 20, 25), 50, *team),
+        }
+    print(f"{'figure':36}{'ours':>10}  goal")
+    for key, value in figures.items():
+        sign, goal = GOALS[key]
+        print(f"{key:36}{value:10,.2f}  {sign} {goal:g}")
+    print(report.write("sim", figures))
+
+
+if __name__ == "__main__":
+    main()
