@@ -76,8 +76,9 @@ def cast(walls: Any, pose: Pose, first_rad: float, step_rad: float, count: int, 
 
 def _covered(start: Any, span: Any, step_rad: float, count: int) -> Any:
     """Pairs of wall and ray: the rays between `start` and `start + span` [rad from the first ray], in any turn."""
+    start = np.remainder(start, math.tau)
     lows, highs, walls = [], [], []
-    for turn in (-1.0, 0.0, 1.0):
+    for turn in (-1.0, 0.0):
         low = np.ceil((start + turn * math.tau) / step_rad - _EDGE)
         high = np.floor((start + span + turn * math.tau) / step_rad + _EDGE)
         low, high = np.maximum(low, 0.0), np.minimum(high, count - 1.0)

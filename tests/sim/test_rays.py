@@ -69,6 +69,13 @@ def test_a_square_room_all_around(yaw_deg):
     assert got == pytest.approx(2.0 / np.maximum(abs(np.cos(angles)), abs(np.sin(angles))), abs=EXACT_M)
 
 
+def test_a_fan_that_begins_behind_a_wall_and_ends_on_it():
+    """The wall covers 90 to 225 deg; the fan goes round once from 115 deg, its last rays meet the wall's beginning."""
+    wall, pose = Wall(-1.0, 0.0, 0.0, 2.0), Pose(0.0, 1.0, 0.0)
+    got = rays.cast(np.array([wall]), pose, 2.0, 0.09, 69, 100.0)
+    assert got[68] == pytest.approx(along(wall, pose, 2.0 + 68 * 0.09))
+
+
 def test_no_ray_slips_through_a_corner():
     """Rays that meet the corners exactly."""
     got = SQUARE.scan(Pose(0, 0, 0), -0.75 * math.pi, math.pi / 2, 4, 10.0)
