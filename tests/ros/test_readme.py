@@ -47,12 +47,9 @@ class Offered:
         return [name for name, nodes in self._master.getSystemState()[index] if self._name in nodes]
 
     def topics(self, index):
-        types = dict(self._master.getTopicTypes())
-        return {
-            name.replace(f"{self._ns}/", ""): types[name]
-            for name in self._of_node(index)
-            if name not in SHARED
-        }
+        names = [name for name in self._of_node(index) if name not in SHARED]
+        types = dict(self._master.getTopicTypes())  # asked later, so that it knows each of the names
+        return {name.replace(f"{self._ns}/", ""): types[name] for name in names}
 
     def services(self):
         names = [name for name in self._of_node(2) if not LOGGERS.match(name)]
