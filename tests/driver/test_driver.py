@@ -151,6 +151,20 @@ def test_a_callback_cannot_start_a_robot_that_is_being_stopped(serve):
     assert port.board.speeds == (0, 0)
 
 
+def test_an_error_of_its_own_ends_the_driver_and_stops_the_robot(serve):
+    """A 2013 board has no watchdog that would."""
+    port = serve(version=1)
+
+    def refuse(_):
+        raise FrameError("no such frame")
+
+    with Driver(port.path) as robot:
+        robot.drive(0.1, 0)
+        wait_until(lambda: port.board.speeds == (100, 0))
+        robot.on_telemetry(refuse)
+        wait_until(lambda: port.board.speeds == (0, 0))
+
+
 @pytest.mark.parametrize("version", [1, 2])
 def test_a_callback_that_raises_ends_the_driver_and_stops_the_robot(serve, monkeypatch, version):
     monkeypatch.setattr(threading, "excepthook", lambda args: None)
