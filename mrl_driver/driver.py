@@ -8,25 +8,23 @@
 Leaving the block stops the robot.  All methods may be called from any thread, callbacks too.
 """
 
-import math
 import threading
 import time
-from typing import Dict, List, Optional, Tuple, Union
+from typing import List, Optional, Tuple, Union
 
-from . import battery, robots
-from .errors import BoardError, BoardTimeout, ConfigError, FrameError, LinkLost, MrlError
+from . import robots
+from .core import Core
+from .errors import BoardError, BoardTimeout, ConfigError, LinkLost, MrlError
 from .events import Lost, Reconnected
-from .handshake import Board, Plan
+from .handshake import Board
 from .link import BAUD, Link
 from .options import DEFAULTS, Options, demand, demand_options
 from .readout import Readout
 from .reconnect import LOOK_S, Reconnection
 from .recording import Recorder
 from .robots import RobotModel
-from .session import Counts, Info, Reply, Session, SessionEvent
-from .state import Notice, RobotState, Telemetry, limit
+from .state import Notice, Telemetry
 from .tape import Tape
-from .wheel_watch import WheelWatch, wheel_watch
 
 __all__ = ["Board", "Driver", "Options", "Telemetry"]
 
@@ -34,8 +32,6 @@ CLOSE_S = 0.8
 """`close` waits at most this long for telemetry to confirm the stop [s]."""
 ATTEMPTS, ANSWER_S = 3, 0.5
 """`ask` sends so often, and waits each time so long for the answer [s]."""
-GENTLE_S = 3.0
-"""The longest that a gentle stop takes [s]."""
 
 
 class Driver(Readout):
@@ -66,16 +62,15 @@ class Driver(Readout):
             raise ConfigError("record is given with an open link, expected a port by name")
         self._port, self._baud, self._options = port, baud, options
         model = robot if isinstance(robot, RobotModel) else None if robot == "auto" else robots.load(robot)
-        super().__init__(RobotState(model, options.ignore_battery, options.any_id))
+        super().__init__(Core(model, options))
         self._changed = threading.Condition(self._lock)
         self._settled = threading.Event()
-        self._replies: Dict[int, Tuple[int, ...]] = {}
         self._link: Optional[Link] = None
         self._thread: Optional[threading.Thread] = None
-        self._closing = self._leaving = False
+        self._closing = False
+        self._asking = 0
         self._sleeps_until = 0.0
         self._broken: Optional[LinkLost] = None
-        self._watch: Optional[WheelWatch] = None
         self._reconnection: Optional[Reconnection] = None
         self._tape: Optional[Tape] = None
 
@@ -99,10 +94,7 @@ class Driver(Readout):
         self._link = self._first_link()
         if options.reconnect and not isinstance(self._port, Link):
             self._reconnection = Reconnection(self._port, self._open, options.greeting_s)
-        plan = Plan(options.watchdog_ms, options.period_ms, options.check)
-        self._session = Session(
-            self._state.admit, time.monotonic(), plan, options.command_timeout_s, options.greeting_s
-        )
+        self._core.begin(time.monotonic())
         self._thread = threading.Thread(target=self._run, name="mrl-driver", daemon=True)
         self._thread.start()
         try:
@@ -181,22 +173,12 @@ class Driver(Readout):
             FrameError: a speed is NaN or infinite; the robot was stopped.
             LinkLost: the port went away.
         """
-        if not (math.isfinite(linear_m_s) and math.isfinite(angular_rad_s)):
-            self._stop("not_a_number")
-            raise FrameError(
-                f"drive({linear_m_s}, {angular_rad_s}): expected finite speeds; the robot was stopped"
-            )
         with self._lock:
-            session = self._connected()
-            if self.model is None or self._leaving or self._state.powerless:
-                return False
-            if self._mismatch is not None and (linear_m_s or angular_rad_s):
-                return False
-            self._mismatch = None
-            linear_m_s, angular_rad_s = limit(linear_m_s, angular_rad_s, self.model)
-            done = session.drive(round(linear_m_s * 1000), round(angular_rad_s * 1000), time.monotonic())
-            self._flush(session)
-            return done
+            core = self._connected()
+            try:
+                return core.drive(linear_m_s, angular_rad_s, time.monotonic())
+            finally:
+                self._flush()
 
     def stop(self) -> None:
         """Stop at once; the stop is repeated until telemetry confirms it.
@@ -204,14 +186,9 @@ class Driver(Readout):
         Raises:
             LinkLost: the port went away.
         """
-        self._stop("user")
-
-    def _stop(self, reason: str) -> None:
         with self._lock:
-            session = self._connected()
-            self._mismatch = self._watch = None
-            session.stop(time.monotonic(), reason)
-            self._flush(session)
+            self._connected().stop(time.monotonic(), "user")
+            self._flush()
 
     def request(self, code: int, *args: int) -> None:
         """Send any other request of the command table; what it brings comes to `on_event`.
@@ -221,11 +198,11 @@ class Driver(Readout):
             LinkLost: the port went away.
         """
         with self._lock:
-            session = self._connected()
+            core = self._connected()
             if self._link is None:
                 raise LinkLost("the port went away and is searched; try again when it is back")
-            session.request(code, *args)
-            self._flush(session)
+            core.session.request(code, *args)
+            self._flush()
 
     def ask(self, code: int, *args: int, timeout_s: float = ANSWER_S) -> Tuple[int, ...]:
         """Send a request that a `Reply` answers, again where none comes; the reply's fields.
@@ -237,13 +214,17 @@ class Driver(Readout):
             BoardTimeout: no answer within `timeout_s`, for each of three attempts.
             LinkLost: the port went away.
         """
+        replies = self._core.replies
         for _ in range(ATTEMPTS):
             with self._changed:
-                self._replies.pop(code, None)
+                replies.pop(code, None)
                 self.request(code, *args)
-                if self._changed.wait_for(lambda: code in self._replies or self._error, timeout_s):
+                self._asking += 1
+                answered = self._changed.wait_for(lambda: code in replies or self._error, timeout_s)
+                self._asking -= 1
+                if answered:
                     self._connected()
-                    return self._replies[code]
+                    return replies[code]
         raise BoardTimeout(
             f"no answer to request {code} in {ATTEMPTS} attempts of {timeout_s:g} s; try again"
         )
@@ -275,8 +256,7 @@ class Driver(Readout):
             self._lose(error)
 
     def _cycle(self, link: Link) -> None:
-        session = self._session
-        assert session is not None
+        core = self._core
         data = link.read(min(1.0, self._sleeps_until - time.monotonic()))
         now = time.monotonic()
         with self._lock:
@@ -284,18 +264,17 @@ class Driver(Readout):
                 return
             if self._broken is not None:
                 raise self._broken
-            events = session.receive(data, now) if data else []
+            notices = core.turn(data, now)
             if self._tape is not None:
-                self._tape.note(session.checked)
-            due_s = session.deadline(now)
-            if now >= due_s:
-                events += session.tick(now)
-                due_s = session.deadline(now)
-            notices = [notice for event in events for notice in self._digest(event, now)]
+                self._tape.note(core.session.checked)
             if self._reconnection is not None and self._reconnection.searching:
-                notices += self._judge(self._reconnection, session, now)
-            self._sleeps_until = due_s
-            self._flush(session)
+                notices += self._judge(self._reconnection, now)
+            self._sleeps_until = core.session.deadline(now)
+            self._flush()
+            if self._asking:
+                self._changed.notify_all()
+        if not self._settled.is_set() and core.state.telemetry is not None:
+            self._settled.set()
         self._call(notices)
 
     # -- a lost port
@@ -318,11 +297,11 @@ class Driver(Readout):
         """Give the link up and search it, where that is wanted; else raise `error`."""
         now = time.monotonic()
         with self._lock:
-            reconnection, session, link = self._searchable(), self._session, self._link
-            if reconnection is None or session is None or link is None:
+            reconnection, link = self._searchable(), self._link
+            if reconnection is None or link is None:
                 raise error
             self._link = self._broken = None
-            session.lose(now)
+            self._core.session.lose(now)
             first = reconnection.lose(error, now)
         link.close()
         if first:
@@ -335,8 +314,8 @@ class Driver(Readout):
 
     def _seek(self) -> None:
         """One look for the port; the robot is greeted on it by the cycles that follow."""
-        reconnection, session = self._reconnection, self._session
-        assert reconnection is not None and session is not None
+        reconnection = self._reconnection
+        assert reconnection is not None
         with self._changed:
             if self._changed.wait_for(lambda: self._closing, LOOK_S):
                 return
@@ -347,11 +326,12 @@ class Driver(Readout):
             if self._closing:
                 link.close()
                 return
-            session.relink(time.monotonic(), reconnection.same_board)
+            self._core.session.relink(time.monotonic(), reconnection.same_board)
             self._link, self._sleeps_until = link, 0.0
 
-    def _judge(self, reconnection: Reconnection, session: Session, now: float) -> List[Notice]:
+    def _judge(self, reconnection: Reconnection, now: float) -> List[Notice]:
         """Is it the robot that was lost?"""
+        session = self._core.session
         if not reconnection.judge(session.ready, now):
             return []
         session.counters.reconnects += 1
@@ -359,13 +339,10 @@ class Driver(Readout):
 
     def _halt(self) -> None:
         """Tell the board to stop, as the last thing; boards of 2013 have no watchdog that would."""
-        session = self._session
-        if session is None:
-            return
         with self._lock:
-            session.stop(time.monotonic(), "closed")
+            self._core.session.stop(time.monotonic(), "closed")
             try:
-                self._flush(session)
+                self._flush()
             except MrlError:
                 return
 
@@ -378,59 +355,16 @@ class Driver(Readout):
         self._settled.set()
         self._call([("state", error)])
 
-    def _digest(self, event: SessionEvent, now: float) -> List[Notice]:
-        """Take an event into the robot's state, and stop a robot whose battery gives out."""
-        notices = self._state.digest(event, now)
-        if type(event) is Counts:
-            notices += self._check_wheels(event, now)
-        elif isinstance(event, Info) and self._state.powerless:
-            self._spare_battery(now)
-        elif isinstance(event, Reply):
-            self._replies[event.frame.code] = event.frame.args
-            self._changed.notify_all()
-        if not self._settled.is_set() and self._state.telemetry is not None:
-            self._settled.set()
-        return notices
-
-    def _check_wheels(self, event: Counts, now: float) -> List[Notice]:
-        """Stop a robot of which a wheel does not do what it was told."""
-        session, telemetry, model = self._session, self._state.telemetry, self.model
-        assert session is not None
-        target = session.motion.target
-        if target is None or telemetry is None or model is None:
-            self._watch = None
-            return []
-        if self._watch is None:
-            self._watch = wheel_watch(model, session.motion.pace)
-        self._mismatch = self._watch.update(
-            target[0] / 1000, target[1] / 1000, telemetry.counts, event.time_s
-        )
-        if self._mismatch is None:
-            return []
-        session.stop(now, "wheel_mismatch")
-        return [("state", self._mismatch)]
-
-    def _spare_battery(self, now: float) -> None:
-        """Stop: at once when motor power is off, so that nothing moves when it returns; gently when low."""
-        assert self._session is not None and self.model is not None
-        motion = self._session.motion
-        if motion.target is None:
-            return
-        if self._state.battery_state == battery.OFF:
-            self._session.stop(now, "battery")
-        else:
-            slowing_s = abs(motion.target[0]) / 1000 / self.model.limits.linear_acceleration_m_s2
-            motion.fade(now, min(GENTLE_S, slowing_s))
-
-    def _connected(self) -> Session:
+    def _connected(self) -> Core:
         if self._error is not None:
             raise self._error
-        if self._session is None or self._closing:
+        if not self._core.begun or self._closing:
             raise LinkLost("the driver is not connected, or was closed")
-        return self._session
+        return self._core
 
-    def _flush(self, session: Session) -> None:
+    def _flush(self) -> None:
         """Send what the session has, under the lock, so that frames never mix."""
+        session = self._core.session
         data = session.take()
         if data and self._link is not None:
             try:
@@ -447,26 +381,26 @@ class Driver(Readout):
                     self._link.wake()
                     raise
         if threading.current_thread() is not self._thread:
-            self._wake(session)
+            self._wake()
 
-    def _wake(self, session: Session) -> None:
+    def _wake(self) -> None:
         """Wake the reader if something is due before it looks again."""
-        if self._link is not None and session.deadline(time.monotonic()) < self._sleeps_until:
+        if self._link is not None and self._core.session.deadline(time.monotonic()) < self._sleeps_until:
             self._link.wake()
 
     def _say_goodbye(self, wait: bool) -> None:
         """Stop, have it confirmed, and leave the board as a 2013 host would expect it."""
         try:
             with self._lock:
-                self._leaving = True
-                session = self._connected()
-                session.stop(time.monotonic(), "closed")
-                self._flush(session)
+                core = self._connected()
+                core.leaving = True
+                core.session.stop(time.monotonic(), "closed")
+                self._flush()
             deadline = time.monotonic() + CLOSE_S
             while wait and self.ready and not self.stopped and time.monotonic() < deadline:
                 time.sleep(0.01)
             with self._lock:
-                session.end()
-                self._flush(session)
+                core.session.end()
+                self._flush()
         except MrlError:
             return

@@ -5,11 +5,13 @@ import threading
 import time
 from typing import Any, Callable, Dict, List, Optional, Union
 
+from .core import Core
 from .errors import BoardTimeout, MrlError
 from .handshake import Board
+from .motion import Motion
 from .odometry import ORIGIN, Pose, Twist
 from .robots import RobotModel
-from .session import Session, SessionEvent, Status
+from .session import SessionEvent, Status
 from .state import Notice, RobotState, Telemetry
 from .statistics import Statistics
 from .wheel_watch import Mismatch
@@ -18,20 +20,31 @@ Listener = Callable[[Any], None]
 
 
 class Readout:
-    """The part of `Driver` that may be read at any time, from any thread."""
+    """The part of a driver that may be read at any time, from any thread."""
 
-    def __init__(self, state: RobotState) -> None:
+    def __init__(self, core: Core) -> None:
         self._lock = threading.RLock()
-        self._state = state
-        self._session: Optional[Session] = None
+        self._core = core
         self._error: Optional[MrlError] = None
-        self._mismatch: Optional[Mismatch] = None
         self._listeners: Dict[str, List[Listener]] = {
             "telemetry": [],
             "status": [],
             "battery": [],
             "state": [],
         }
+
+    @property
+    def _state(self) -> RobotState:
+        return self._core.state
+
+    @property
+    def _motion(self) -> Optional[Motion]:
+        return self._core.session.motion if self._core.begun else None
+
+    @property
+    def now_s(self) -> float:
+        """The driver's clock: that of `time.monotonic()`, or simulated time."""
+        return time.monotonic()
 
     @property
     def model(self) -> Optional[RobotModel]:
@@ -41,14 +54,13 @@ class Readout:
     @property
     def ready(self) -> bool:
         """The board is greeted, and its telemetry is not stale."""
-        session = self._session
-        return session is not None and session.ready and self._error is None
+        return self._core.begun and self._core.session.ready and self._error is None
 
     @property
     def stopped(self) -> bool:
         """No command is in force, and telemetry has confirmed the last stop."""
         with self._lock:
-            motion = self._session.motion if self._session else None
+            motion = self._motion
             return motion is None or (motion.target is None and not motion.stopping)
 
     @property
@@ -60,17 +72,19 @@ class Readout:
         `table.STOP_REASONS`: `link_watchdog`, `stall`, `motor_board`, `boot`, `check_ended`; those are known within
         half a second.  `none` before the first.
         """
-        return self._session.motion.stop_reason if self._session else "none"
+        motion = self._motion
+        return motion.stop_reason if motion else "none"
 
     @property
     def mismatch(self) -> Optional[Mismatch]:
         """The wheel that did not do what it was told; until `stop` or a command of zero no other is taken."""
-        return self._mismatch
+        return self._core.mismatch
 
     @property
     def command(self) -> Optional[Twist]:
         """The command in force, after limits; None while stopped."""
-        target = self._session.motion.target if self._session else None
+        motion = self._motion
+        target = motion.target if motion else None
         return Twist(target[0] / 1000, target[1] / 1000) if target else None
 
     @property
@@ -134,12 +148,12 @@ class Readout:
     @property
     def status(self) -> Optional[Status]:
         """Uptime, stop reason, faults, clamped commands; None from 2013 boards."""
-        return self._session.status if self._session else None
+        return self._core.session.status if self._core.begun else None
 
     @property
     def age_s(self) -> float:
         """Time since the last telemetry arrived; infinity before the first."""
-        return time.monotonic() - self._session.heard_s if self._session else math.inf
+        return self.now_s - self._core.session.heard_s if self._core.begun else math.inf
 
     @property
     def statistics(self) -> Statistics:
@@ -149,9 +163,9 @@ class Readout:
             BoardTimeout: not connected yet.
         """
         with self._lock:
-            if self._session is None:
+            if not self._core.begun:
                 raise BoardTimeout("not connected; call connect() first")
-            counters = self._session.counters
+            counters = self._core.session.counters
             counters.refused_counts = self._state.odometry.baseline.refused if self._state.odometry else 0
             return counters.snapshot()
 

@@ -1,0 +1,132 @@
+"""The driver without I/O and without a thread: one robot's session, state and guards.
+
+Bytes and time go in, bytes and notices come out.  `Driver` runs it on a port in real time, `SteppedDriver` on an
+emulated board in simulated time.  Times are seconds of one monotonic clock, given by the caller.
+"""
+
+import math
+from typing import Dict, List, Optional, Tuple
+
+from . import battery
+from .errors import FrameError, LinkLost
+from .handshake import Plan
+from .options import Options
+from .robots import RobotModel
+from .session import Counts, Info, Reply, Session, SessionEvent
+from .state import Notice, RobotState, limit
+from .wheel_watch import Mismatch, WheelWatch, wheel_watch
+
+GENTLE_S = 3.0
+"""The longest that a gentle stop takes [s]."""
+
+
+class Core:
+    """One robot.  Without a `model` it is the packaged one that lists the id which the board reports."""
+
+    def __init__(self, model: Optional[RobotModel], options: Options) -> None:
+        self._options = options
+        self.state = RobotState(model, options.ignore_battery, options.any_id)
+        self.mismatch: Optional[Mismatch] = None
+        """The wheel that did not do what it was told."""
+        self.replies: Dict[int, Tuple[int, ...]] = {}
+        """Fields of the last reply to each request that was sent by itself."""
+        self.leaving = False
+        """No more commands are taken."""
+        self._session: Optional[Session] = None
+        self._watch: Optional[WheelWatch] = None
+
+    def begin(self, now: float) -> None:
+        """Greet the board; how it goes comes out of `turn`."""
+        options = self._options
+        plan = Plan(options.watchdog_ms, options.period_ms, options.check)
+        self._session = Session(self.state.admit, now, plan, options.command_timeout_s, options.greeting_s)
+
+    @property
+    def begun(self) -> bool:
+        """There is a session."""
+        return self._session is not None
+
+    @property
+    def session(self) -> Session:
+        """The conversation with the board.
+
+        Raises:
+            LinkLost: it has not begun.
+        """
+        if self._session is None:
+            raise LinkLost("the driver is not connected; call connect() first")
+        return self._session
+
+    def turn(self, data: bytes, now: float) -> List[Notice]:
+        """Take in what arrived and do what is due; what the listeners are to be told.
+
+        Raises:
+            BoardError: the board is not one to work with.
+        """
+        session = self.session
+        events = session.receive(data, now) if data else []
+        if now >= session.deadline(now):
+            events += session.tick(now)
+        return [notice for event in events for notice in self._digest(event, now)]
+
+    def drive(self, linear_m_s: float, angular_rad_s: float, now: float) -> bool:
+        """Put a command in force, see `Driver.drive`.
+
+        Raises:
+            FrameError: a speed is NaN or infinite; the robot was stopped.
+        """
+        session, model = self.session, self.state.model
+        if not (math.isfinite(linear_m_s) and math.isfinite(angular_rad_s)):
+            self.stop(now, "not_a_number")
+            raise FrameError(
+                f"drive({linear_m_s}, {angular_rad_s}): expected finite speeds; the robot was stopped"
+            )
+        if model is None or self.leaving or self.state.powerless:
+            return False
+        if self.mismatch is not None and (linear_m_s or angular_rad_s):
+            return False
+        self.mismatch = None
+        linear_m_s, angular_rad_s = limit(linear_m_s, angular_rad_s, model)
+        return session.drive(round(linear_m_s * 1000), round(angular_rad_s * 1000), now)
+
+    def stop(self, now: float, reason: str) -> None:
+        """Stop at once; `reason` is one of `motion.STOPS`."""
+        self.mismatch = self._watch = None
+        self.session.stop(now, reason)
+
+    def _digest(self, event: SessionEvent, now: float) -> List[Notice]:
+        """Take an event into the robot's state, and stop a robot whose wheels or battery give cause."""
+        notices = self.state.digest(event, now)
+        if type(event) is Counts:
+            notices += self._check_wheels(event, now)
+        elif isinstance(event, Info) and self.state.powerless:
+            self._spare_battery(now)
+        elif isinstance(event, Reply):
+            self.replies[event.frame.code] = event.frame.args
+        return notices
+
+    def _check_wheels(self, event: Counts, now: float) -> List[Notice]:
+        """Stop a robot of which a wheel does not do what it was told."""
+        session, telemetry, model = self.session, self.state.telemetry, self.state.model
+        target = session.motion.target
+        if target is None or telemetry is None or model is None:
+            self._watch = None
+            return []
+        if self._watch is None:
+            self._watch = wheel_watch(model, session.motion.pace)
+        self.mismatch = self._watch.update(target[0] / 1000, target[1] / 1000, telemetry.counts, event.time_s)
+        if self.mismatch is None:
+            return []
+        session.stop(now, "wheel_mismatch")
+        return [("state", self.mismatch)]
+
+    def _spare_battery(self, now: float) -> None:
+        """Stop: at once when motor power is off, so that nothing moves when it returns; gently when low."""
+        motion, model = self.session.motion, self.state.model
+        if motion.target is None or model is None:
+            return
+        if self.state.battery_state == battery.OFF:
+            self.session.stop(now, "battery")
+        else:
+            slowing_s = abs(motion.target[0]) / 1000 / model.limits.linear_acceleration_m_s2
+            motion.fade(now, min(GENTLE_S, slowing_s))
