@@ -1,0 +1,108 @@
+"""The driver in simulated time, on the emulator's board."""
+
+import pytest
+
+from mrl_driver.driver import Driver, Options
+from mrl_driver.errors import BoardTimeout, LinkLost, NotARobot, WrongRobot
+from mrl_driver.readout import Readout
+from mrl_driver.stepped import SteppedDriver
+from mrl_driver.table import BY_NAME
+from sim_arduino import boards
+
+POSE_ERROR_M = 2e-4
+
+
+@pytest.fixture
+def emulated():
+    emulated = boards.make(boards.Options(robot="traxbot", world="square"))
+    yield emulated
+    emulated.close()
+
+
+@pytest.fixture
+def robot(emulated):
+    with SteppedDriver(emulated.engine) as robot:
+        yield robot
+
+
+class Silent:
+    """A board that never says anything."""
+
+    next_event_s = float("inf")
+
+    def receive(self, data):
+        pass
+
+    def advance(self, to_s):
+        return b""
+
+
+def test_it_offers_what_the_driver_offers():
+    """A procedure is written once for both."""
+    offered = {name for name in vars(Driver) if not name.startswith("_")} - {"recorder"}
+    assert offered <= set(vars(SteppedDriver)) | set(vars(Readout))
+
+
+def test_a_wait_lasts_as_long_as_it_says(robot):
+    start_s = robot.now_s
+    robot.wait(1.25)
+    assert robot.now_s == pytest.approx(start_s + 1.25, abs=1e-9)
+
+
+def test_the_pose_is_the_true_one(robot, emulated):
+    robot.drive(0.2, 0.0)
+    robot.wait(2.0)
+    robot.stop()
+    robot.wait(1.0)
+    assert robot.pose.x_m == pytest.approx(emulated.plant.true_pose.x_m, abs=POSE_ERROR_M)
+
+
+def test_two_runs_are_the_same():
+    def run():
+        emulated = boards.make(boards.Options(robot="stingbot", seed=7))
+        with SteppedDriver(emulated.engine) as robot:
+            robot.drive(0.1, 0.3)
+            robot.wait(3.0)
+            return robot.telemetry, robot.statistics
+
+    assert run() == run()
+
+
+def test_leaving_the_block_stops_the_robot(emulated):
+    with SteppedDriver(emulated.engine) as robot:
+        robot.drive(0.2, 0.0)
+        robot.wait(1.0)
+    assert robot.stopped and all(motor.speed == 0 for motor in emulated.plant.robot.motors)
+
+
+def test_a_command_times_out_in_simulated_time(emulated):
+    with SteppedDriver(emulated.engine, options=Options(command_timeout_s=0.5)) as robot:
+        robot.drive(0.2, 0.0)
+        robot.wait(0.6)
+        assert robot.stop_reason == "command_timeout"
+
+
+def test_a_question_is_answered(robot):
+    assert robot.ask(BY_NAME["read_counters"].code)
+
+
+def test_a_question_without_an_answer_ends_in_simulated_time(robot):
+    with pytest.raises(BoardTimeout, match="3 attempts"):
+        robot.ask(BY_NAME["stop"].code)
+
+
+def test_silence_is_no_robot():
+    with pytest.raises(NotARobot):
+        SteppedDriver(Silent()).connect()
+
+
+def test_another_robot_is_refused(emulated):
+    with pytest.raises(WrongRobot):
+        SteppedDriver(emulated.engine, "stingbot").connect()
+
+
+def test_a_closed_driver_takes_nothing(emulated):
+    with SteppedDriver(emulated.engine) as robot:
+        pass
+    with pytest.raises(LinkLost):
+        robot.drive(0.1, 0.0)
