@@ -18,10 +18,9 @@ from move_base_msgs.msg import MoveBaseAction, MoveBaseFeedback, MoveBaseGoal, M
 from nav_msgs.msg import Odometry, Path
 from sensor_msgs.msg import Range
 
+from mrl_driver.goal_seeker import GoalSeeker, Pose, carried
 from mrl_driver.robots import Limits
 from mrl_driver.sonar import NAMES
-
-from .goal_seeker import GoalSeeker, Pose, carried
 
 RATE_HZ = 20.0
 ODOM_LATE_S = 0.5

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 from nav_msgs.msg import Odometry, Path
 
+from mrl_driver import goal_seeker
+from mrl_driver.goal_seeker import GoalSeeker, carried
 from mrl_driver.odometry import Pose, advance
 from mrl_driver.robots import Limits
-from ros1_bridge import goal_seeker
-from ros1_bridge.goal_seeker import GoalSeeker, carried
 from ros1_bridge.processes import wait_until
 
 from .rig import ROOT, START_S

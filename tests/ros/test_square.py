@@ -9,8 +9,8 @@ from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
 
 from mrl_driver.robots import load
+from mrl_driver.square import Limits, Square
 from ros1_bridge.processes import wait_until
-from ros1_bridge.square import Limits, Square
 
 from .rig import START_S
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import LaserScan
 
+from mrl_driver.goal_seeker import carried
 from ros1_bridge import world_messages
-from ros1_bridge.goal_seeker import carried
 
 from .rig import ROOT
 

@@ -7,8 +7,8 @@ the robot turns to the side with more room, goes past for half a metre, and take
 import math
 from typing import Mapping, NamedTuple, Optional, Tuple
 
-from mrl_driver.robots import Limits
-from mrl_driver.sonar import FARTHEST_M
+from .robots import Limits
+from .sonar import FARTHEST_M
 
 Pose = Tuple[float, float, float]
 """x [m], y [m], yaw [rad]."""
