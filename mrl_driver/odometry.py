@@ -25,7 +25,19 @@ class Geometry(Protocol):
 
     @property
     def metres_per_count(self) -> float:
-        """Way of a wheel for one count."""
+        """Way of a wheel for one count, mean of both."""
+
+    @property
+    def right_m_per_count(self) -> float:
+        """Way of the right wheel for one count."""
+
+    @property
+    def left_m_per_count(self) -> float:
+        """Way of the left wheel for one count."""
+
+    @property
+    def turning_separation_m(self) -> float:
+        """Difference of the wheels' ways that turns the robot by 1 rad, slip included."""
 
 
 class Pose(NamedTuple):
@@ -149,8 +161,8 @@ class Odometry:
     def __init__(
         self, drive: Geometry, fastest_m_s: float, exact_time: bool = True, pose: Pose = ORIGIN
     ) -> None:
-        self._metres = drive.metres_per_count
-        self._separation_m = drive.wheel_separation_m
+        self._forward = Wheels(drive.right_m_per_count / 2, drive.left_m_per_count / 2)
+        self._turning = Wheels(*(2 * half_m / drive.turning_separation_m for half_m in self._forward))
         self._interval_s = 0.0 if exact_time else TWIST_INTERVAL_S
         self._waiting = (0.0, 0.0, 0.0)
         self.baseline = Baseline(drive.metres_per_count, fastest_m_s, 0.002 if exact_time else 0.1)
@@ -171,8 +183,8 @@ class Odometry:
         if step is None:
             return False
         self.travel = Wheels(self.travel.right + step.right, self.travel.left + step.left)
-        ds = (step.right + step.left) * self._metres / 2
-        turn = (step.right - step.left) * self._metres / self._separation_m
+        ds = step.right * self._forward[0] + step.left * self._forward[1]
+        turn = step.right * self._turning[0] - step.left * self._turning[1]
         self.pose = advance(self.pose, ds, turn)
         self._differentiate(ds, turn, step.dt_s)
         return True

@@ -81,11 +81,8 @@ def _judge(
 
 def _arcs(steps: np.ndarray, drive: Geometry) -> np.ndarray:
     """(N, 3) poses from (2, N) steps [count]."""
-    half_m = drive.metres_per_count / 2
-    distance, half_turn = (
-        (steps[0] + steps[1]) * half_m,
-        (steps[0] - steps[1]) * (half_m / drive.wheel_separation_m),
-    )
+    right_m, left_m = steps[0] * (drive.right_m_per_count / 2), steps[1] * (drive.left_m_per_count / 2)
+    distance, half_turn = right_m + left_m, (right_m - left_m) / drive.turning_separation_m
     yaw = np.cumsum(2 * half_turn)
     chord = distance * _sinc(half_turn)
     heading = yaw - half_turn

@@ -5,7 +5,7 @@ accepts.  Sources of the numbers stand in the files.
 """
 
 import os
-from typing import Any, Dict, List, Mapping, NamedTuple, Tuple, Type, TypeVar, get_type_hints
+from typing import Any, Container, Dict, List, Mapping, NamedTuple, Tuple, Type, TypeVar, get_type_hints
 
 import yaml
 
@@ -21,6 +21,39 @@ class Drive(NamedTuple):
 
     wheel_separation_m: float
     metres_per_count: float
+    """Mean of both wheels."""
+    wheel_offset: float = 0.0
+    """The thesis's Cm: the right wheel's metres per count less the left's, as a share of their mean."""
+    turn_slip: float = 0.0
+    """The thesis's Cs: share of the yaw that tracks lose to the floor in a turn."""
+
+    @property
+    def right_m_per_count(self) -> float:
+        """Way of the right wheel for one count."""
+        return self.metres_per_count * (1 + self.wheel_offset / 2)
+
+    @property
+    def left_m_per_count(self) -> float:
+        """Way of the left wheel for one count."""
+        return self.metres_per_count * (1 - self.wheel_offset / 2)
+
+    @property
+    def turning_separation_m(self) -> float:
+        """Distance of wheels that do not slip and turn the robot as much."""
+        return self.wheel_separation_m / (1 - self.turn_slip)
+
+
+class Noise(NamedTuple):
+    """How much odometry errs at random; where a model has none, `ON_WHEELS` or `ON_TRACKS`."""
+
+    wheel_m2_per_m: float
+    """Variance of a wheel's way, per way."""
+    turn_rad2_per_rad: float
+    """Variance of the yaw by slip, per angle turned."""
+
+
+ON_WHEELS, ON_TRACKS = Noise(1e-4, 0.0), Noise(4e-4, 0.0)
+"""1 cm over 1 m for wheels; 2 cm for tracks, which slip in every turn."""
 
 
 class Limits(NamedTuple):
@@ -71,6 +104,7 @@ class RobotModel(NamedTuple):
     body: Body
     sonars: Dict[str, SonarMount]
     battery: Battery
+    noise: Noise = ON_WHEELS
 
 
 def names() -> List[str]:
@@ -112,6 +146,10 @@ _RANGES = {
     "y_m": (-10.0, 10.0),
     "yaw_deg": (-180.0, 180.0),
     "off_v": (0.0, 100.0),
+    "wheel_offset": (-0.2, 0.2),
+    "turn_slip": (-0.5, 0.9),
+    "wheel_m2_per_m": (0.0, 1.0),
+    "turn_rad2_per_rad": (0.0, 1.0),
 }
 
 
@@ -122,7 +160,11 @@ class _Reader:
         self._path = path
 
     def model(self, data: Any) -> RobotModel:
-        keys = self._keys("", data, RobotModel._fields)
+        keys = self._keys("", data, RobotModel._fields, RobotModel._field_defaults)
+        body = self._section("body", keys["body"], Body)
+        noise = ON_TRACKS if body.tracks else ON_WHEELS
+        if "noise" in keys:
+            noise = self._section("noise", keys["noise"], Noise)
         sonars = {
             name: self._section(f"sonars.{name}", value, SonarMount)
             for name, value in self._mapping("sonars", keys["sonars"]).items()
@@ -133,9 +175,10 @@ class _Reader:
             drive=self._section("drive", keys["drive"], Drive),
             board=self._board(keys["board"]),
             limits=self._section("limits", keys["limits"], Limits),
-            body=self._section("body", keys["body"], Body),
+            body=body,
             sonars=sonars,
             battery=self._section("battery", keys["battery"], Battery),
+            noise=noise,
         )
 
     def _fail(self, key: str, got: Any, expected: str) -> ConfigError:
@@ -146,7 +189,9 @@ class _Reader:
             raise self._fail(key, data, "a mapping of keys to values")
         return data
 
-    def _keys(self, key: str, data: Any, fields: Tuple[str, ...]) -> Mapping[str, Any]:
+    def _keys(
+        self, key: str, data: Any, fields: Tuple[str, ...], optional: Container[str] = ()
+    ) -> Mapping[str, Any]:
         found = self._mapping(key, data)
         prefix = f"{key}." if key else ""
         for name in found:
@@ -155,12 +200,13 @@ class _Reader:
                     f"{self._path}: key {prefix}{name} is unknown, expected {', '.join(fields)}"
                 )
         for name in fields:
-            if name not in found:
+            if name not in found and name not in optional:
                 raise ConfigError(f"{self._path}: key {prefix}{name} is missing")
         return found
 
     def _section(self, key: str, data: Any, kind: Type[_Section]) -> _Section:
-        found = self._keys(key, data, kind._fields)  # type: ignore[attr-defined]
+        defaults = kind._field_defaults  # type: ignore[attr-defined]
+        found = self._keys(key, data, kind._fields, defaults)  # type: ignore[attr-defined]
         hints = get_type_hints(kind)
         return kind(
             **{
@@ -168,6 +214,7 @@ class _Reader:
                 if hints[name] is bool
                 else self._number(f"{key}.{name}", found[name], *_RANGES.get(name, _POSITIVE))
                 for name in hints
+                if name in found
             }
         )
 

@@ -211,3 +211,29 @@ def test_an_empty_recording_has_no_poses():
 def test_a_recording_of_the_wrong_shape_is_refused():
     with pytest.raises(ValueError, match="expected"):
         integrate(np.zeros((3, 3)), np.zeros(3), DRIVE, FASTEST_M_S)
+
+
+def test_unequal_wheels_and_slip_turn_as_calibrated():
+    """Right wheel 1 % larger, a tenth of each turn lost: 5000 counts each, and 5000 counts of the right one more."""
+    drive = DRIVE._replace(wheel_offset=0.01, turn_slip=0.1)
+    odometry = Odometry(drive, 2.0)
+    odometry.update(0, 0, 0.0)
+    odometry.update(5000, 5000, 1.0)
+    kept_rad_per_m = 0.9 / DRIVE.wheel_separation_m
+    assert odometry.pose.yaw_rad == pytest.approx(5000 * DRIVE.metres_per_count * 0.01 * kept_rad_per_m)
+    assert math.hypot(*odometry.pose[:2]) == pytest.approx(5000 * DRIVE.metres_per_count, rel=1e-3)
+    before = odometry.pose.yaw_rad
+    odometry.update(10000, 5000, 2.0)
+    turned = 5000 * DRIVE.metres_per_count * 1.005 * kept_rad_per_m
+    assert wrap_angle(odometry.pose.yaw_rad - before) == pytest.approx(wrap_angle(turned))
+
+
+def test_vectorised_odometry_knows_unequal_wheels_and_slip():
+    drive = DRIVE._replace(wheel_offset=-0.02, turn_slip=0.15)
+    rng = random.Random(3)
+    counts = np.cumsum([(rng.randrange(-50, 90), rng.randrange(-50, 90)) for _ in range(300)], axis=0)
+    odometry = Odometry(drive, FASTEST_M_S)
+    for i, (right, left) in enumerate(counts.tolist()):
+        odometry.update(right, left, i * PERIOD_S)
+    track = integrate(counts, np.arange(300) * PERIOD_S, drive, FASTEST_M_S)
+    assert np.abs(track.poses[-1] - odometry.pose).max() < TWIN_M

@@ -55,6 +55,8 @@ def test_unknown_name_lists_the_known():
         ("drive", "wheel_separation_m", "wide", "drive.wheel_separation_m is 'wide', expected a number from"),
         ("drive", "wheel_separation_m", True, "drive.wheel_separation_m is True"),
         ("drive", "wheel_separation_m", [0.1], r"drive.wheel_separation_m is \[0.1\]"),
+        ("drive", "wheel_offset", 0.3, "drive.wheel_offset is 0.3, expected a number from -0.2 to 0.2"),
+        ("drive", "turn_slip", 1.0, "drive.turn_slip is 1.0, expected a number from -0.5 to 0.9"),
         ("drive", "metres_per_count", 0, "drive.metres_per_count is 0"),
         ("drive", "metres_per_count", -1.0, "drive.metres_per_count is -1.0"),
         ("drive", "metres_per_count", math.nan, "drive.metres_per_count is nan"),
@@ -93,3 +95,18 @@ def test_what_is_no_yaml_is_refused_in_one_line(tmp_path, text):
 def test_what_is_no_mapping_is_refused(tmp_path, text):
     with pytest.raises(ConfigError, match="expected a mapping"):
         load(tmp_path, text)
+
+
+def test_noise_of_a_model_without_one_is_that_of_its_wheels_or_tracks(tmp_path, traxbot):
+    assert load(tmp_path, traxbot).noise == robots.ON_TRACKS
+    traxbot["body"]["tracks"] = False
+    assert load(tmp_path, traxbot).noise == robots.ON_WHEELS
+
+
+def test_calibrated_keys_are_read(tmp_path, traxbot):
+    traxbot["drive"].update(wheel_offset=-0.01, turn_slip=0.1)
+    traxbot["noise"] = {"wheel_m2_per_m": 2e-5, "turn_rad2_per_rad": 0.001}
+    model = load(tmp_path, traxbot)
+    assert model.noise == robots.Noise(2e-5, 0.001)
+    assert model.drive.right_m_per_count / model.drive.left_m_per_count == pytest.approx(0.995 / 1.005)
+    assert model.drive.turning_separation_m == pytest.approx(0.2)
