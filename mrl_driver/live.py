@@ -11,33 +11,13 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from .commands.text import line, range_text
 from .driver import Driver
 from .keyboard import Keyboard
 from .teleop import Teleop
 
 REFRESH_HZ = 10
 BAR_M, BAR_WIDTH = 4.0, 24
-
-
-def line(driver: Driver) -> str:
-    """Pose, speeds, ranges and battery in one line."""
-    pose, twist = driver.pose, driver.twist
-    ranges = "  ".join(f"{name} {range_text(value)}" for name, value in driver.ranges.items())
-    return (
-        f"x {pose.x_m:7.3f} m  y {pose.y_m:7.3f} m  yaw {math.degrees(pose.yaw_rad):7.2f} deg  "
-        f"v {twist.linear_m_s:6.3f} m/s  w {twist.angular_rad_s:6.3f} rad/s  {ranges}  "
-        f"battery {driver.battery_v:.1f} V ({driver.battery_state})"
-        + ("" if driver.ready else "  NO TELEMETRY")
-    )
-
-
-def range_text(value_m: float) -> str:
-    """A range as people read it."""
-    if math.isnan(value_m):
-        return "no reading"
-    if math.isinf(value_m):
-        return "nothing" if value_m > 0 else "too near"
-    return f"{value_m:.2f} m"
 
 
 def watch(driver: Driver, seconds: float) -> None:

@@ -1,0 +1,94 @@
+"""`mrl drive`: with the keyboard, or at given speeds for a given time."""
+
+import math
+import sys
+import time
+from typing import TYPE_CHECKING, Optional
+
+import click
+
+from ..errors import BoardTimeout, ConfigError, WheelFault
+from ..names import Target
+from .shared import battery_option, connected, json_option, record_option, robot_options, say_json, warn
+from .text import line, snapshot
+
+if TYPE_CHECKING:
+    from ..driver import Driver
+
+TICK_S = 0.05
+
+
+@click.command()
+@robot_options
+@click.option("--linear", type=float, help="Forward speed [m/s].")
+@click.option("--angular", type=float, help="Yaw rate, counter-clockwise [rad/s].")
+@click.option("--for", "seconds", type=float, help="Drive for so long [s], then stop.")
+@battery_option
+@record_option
+@json_option
+def drive(
+    target: Target,
+    linear: Optional[float],
+    angular: Optional[float],
+    seconds: Optional[float],
+    ignore_battery: bool,
+    record: Optional[str],
+    as_json: bool,
+) -> None:
+    """Drive with the keyboard, or at given speeds for a given time.
+
+    \b
+    Examples:
+      mrl drive --port /dev/ttyACM0                         hold arrows or w a s d
+      mrl drive --robot lab3 --linear 0.2 --for 2           0.4 m forward
+      mrl drive --robot lab3 --angular 0.5 --for 3.14       a quarter turn left
+    """
+    timed = (linear, angular, seconds) != (None, None, None)
+    if timed:
+        _demand_finite(linear=linear or 0.0, angular=angular or 0.0)
+        if seconds is None or not 0 < seconds <= 3600:
+            raise ConfigError(f"--for is {seconds}, expected seconds from above 0 to 3600")
+    elif as_json or not (sys.stdin.isatty() and sys.stdout.isatty()):
+        raise ConfigError("there is no terminal to drive from; give --linear or --angular, and --for SECONDS")
+    with connected(target, ignore_battery=ignore_battery, record=record) as driver:
+        warn(driver)
+        if not timed:
+            from .. import live
+
+            live.drive(driver)
+            return
+        drive_for(driver, linear or 0.0, angular or 0.0, seconds or 0.0)
+        if as_json:
+            say_json(snapshot(driver))
+        else:
+            click.echo(line(driver))
+
+
+def _demand_finite(**speeds: float) -> None:
+    for name, value in speeds.items():
+        if not math.isfinite(value):
+            raise ConfigError(f"--{name} is {value}, expected a finite number")
+
+
+def drive_for(driver: "Driver", linear_m_s: float, angular_rad_s: float, seconds: float) -> None:
+    """Drive for `seconds`, stop, and wait up to 2 s for telemetry to confirm it.
+
+    Raises:
+        WheelFault: a wheel did not do what it was told.
+        BoardTimeout: the robot stopped early for another reason.
+    """
+    deadline = time.monotonic() + seconds
+    driver.drive(linear_m_s, angular_rad_s)
+    while time.monotonic() < deadline:
+        driver.wait(min(TICK_S, deadline - time.monotonic()))
+        if driver.command is None:
+            if driver.mismatch is not None:
+                raise WheelFault(f"stopped early: {driver.mismatch}")
+            raise BoardTimeout(
+                f"stopped early ({driver.stop_reason}): telemetry is {driver.age_s * 1000:.0f} ms old, "
+                f"battery is {driver.battery_state} ({driver.battery_v:.1f} V)"
+            )
+    driver.stop()
+    while not driver.stopped and not driver.wait(0.02):
+        if time.monotonic() > deadline + 2:
+            break

@@ -1,0 +1,184 @@
+"""What sub-commands share: the options that name a robot, a connected driver, JSON, confirmation."""
+
+import contextlib
+import functools
+import json
+import math
+import os
+import sys
+from typing import TYPE_CHECKING, Any, Callable, Iterator, List, Optional
+
+import click
+
+from .. import names, robots
+from ..errors import ConfigError
+from ..names import Target
+
+if TYPE_CHECKING:
+    from ..driver import Driver
+    from ..robots import RobotModel
+
+FOREVER_S = 1e9
+
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, for programs.")
+record_option = click.option(
+    "--record", metavar="FILE", type=click.Path(), help="Keep every byte both ways, for mrl replay and plot."
+)
+battery_option = click.option("--ignore-battery", is_flag=True, help="Drive with an empty battery too.")
+seconds_option = click.option(
+    "--seconds", type=float, default=FOREVER_S, help="End after so long [s]; without it at Ctrl-C."
+)
+yes_option = click.option("--yes", is_flag=True, help="Do not ask.")
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C while a robot was connected; it was stopped."""
+
+
+def _complete_port(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
+    from ..link import ports
+
+    return [port for port in ports() if port.startswith(incomplete)]
+
+
+def _complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
+    try:
+        known = [*names.read(), *robots.names(), "auto"]
+    except ConfigError:
+        return []
+    return [name for name in known if name.startswith(incomplete)]
+
+
+def robot_options(command: Callable[..., None]) -> Callable[..., None]:
+    """The options that name a robot; the command gets them as `target`."""
+
+    @click.option(
+        "--port",
+        metavar="PORT",
+        shell_complete=_complete_port,
+        help="Serial port, such as /dev/ttyACM0 [env: MRL_PORT].",
+    )
+    @click.option(
+        "--robot",
+        metavar="ROBOT",
+        shell_complete=_complete_robot,
+        help="A name (see mrl names), a model, or a .yaml file; without it the board's id tells the model "
+        "[env: MRL_ROBOT].",
+    )
+    @click.option("--baud", type=int, help="Baud rate of the port  [default: 115200]")
+    @functools.wraps(command)
+    def wrapper(
+        *args: Any, port: Optional[str], robot: Optional[str], baud: Optional[int], **kwargs: Any
+    ) -> None:
+        command(*args, target=aim(port, robot, baud), **kwargs)
+
+    return wrapper
+
+
+def aim(port: Optional[str], robot: Optional[str], baud: Optional[int]) -> Target:
+    """The robot that the options mean; those before the sub-command come second, the environment last.
+
+    Raises:
+        ConfigError: the robot is unknown, or the baud rate out of range.
+    """
+    outer = click.get_current_context().find_root().params
+    if baud is not None:
+        names.demand_baud(baud, "--")
+    robot = robot or outer.get("robot") or os.environ.get("MRL_ROBOT") or "auto"
+    target = names.resolve(robot, port or outer.get("port"), baud)
+    return target._replace(port=target.port or os.environ.get("MRL_PORT") or None)
+
+
+def demand_port(target: Target) -> str:
+    """The target's port.
+
+    Raises:
+        ConfigError: none was given; lists those there are.
+    """
+    if not target.port:
+        from ..link import ports
+
+        found = ", ".join(ports()) or "none; is the board plugged in?"
+        raise ConfigError(
+            f"--port is missing, expected a serial port, or a named robot; ports there are: {found}"
+        )
+    return target.port
+
+
+@contextlib.contextmanager
+def connected(target: Target, model: Optional["RobotModel"] = None, **options: Any) -> Iterator["Driver"]:
+    """A connected driver with these options; says in the end what a recording lacks.
+
+    `model` replaces the target's.
+
+    Raises:
+        Interrupted: Ctrl-C, once the robot was stopped.
+    """
+    from ..driver import Driver, Options
+
+    driver = Driver(demand_port(target), model or target.model, target.baud, Options(**options))
+    try:
+        with driver:
+            yield driver
+    except Interrupted:
+        raise
+    except KeyboardInterrupt:
+        raise Interrupted("interrupted; the robot was stopped") from None
+    finally:
+        recorder = driver.recorder
+        if recorder is not None and recorder.lost:
+            complain(f"{recorder.path} lacks {recorder.lost} lines: {recorder.error}")
+
+
+def warn(driver: "Driver") -> None:
+    """Say what a user should know about the board that answers."""
+    if driver.warning:
+        complain(f"warning: {driver.warning}")
+
+
+def complain(text: str) -> None:
+    """One line on stderr."""
+    click.echo(f"mrl: {text}", err=True)
+
+
+def say_json(value: Any) -> None:
+    """Print JSON: no reading is null, and infinity, which JSON lacks, the string "inf"."""
+    click.echo(json.dumps(_plain(value)))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(each) for each in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else "inf" if value > 0 else "-inf"
+    return value
+
+
+def human(value: Any) -> str:
+    """A value of a table of facts as people read it."""
+    if isinstance(value, (list, tuple)):
+        return ", ".join(map(str, value)) or "none"
+    return "unknown" if value is None else str(value)
+
+
+def agree(question: str, yes: bool) -> None:
+    """Ask, unless `yes`.
+
+    Raises:
+        ConfigError: there is nobody to ask.
+        click.Abort: the answer is no.
+    """
+    if yes:
+        return
+    if not sys.stdin.isatty():
+        raise ConfigError(f"{question} There is no terminal to answer from; give --yes to agree")
+    if not click.confirm(question):
+        raise click.Abort("nothing was changed")
+
+
+def demand_seconds(seconds: float, option: str = "--seconds") -> None:
+    """Raise ConfigError unless a time span is above 0."""
+    if not seconds > 0:
+        raise ConfigError(f"{option} is {seconds}, expected a number above 0")

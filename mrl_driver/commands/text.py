@@ -1,0 +1,50 @@
+"""A robot's state as one line for people, and as a mapping for programs."""
+
+import math
+from typing import TYPE_CHECKING, Any, Dict
+
+if TYPE_CHECKING:
+    from ..readout import Readout
+
+
+def range_text(value_m: float) -> str:
+    """A range as people read it."""
+    if math.isnan(value_m):
+        return "no reading"
+    if math.isinf(value_m):
+        return "nothing" if value_m > 0 else "too near"
+    return f"{value_m:.2f} m"
+
+
+def line(driver: "Readout") -> str:
+    """Pose, speeds, ranges and battery in one line."""
+    pose, twist = driver.pose, driver.twist
+    ranges = "  ".join(f"{name} {range_text(value)}" for name, value in driver.ranges.items())
+    return (
+        f"x {pose.x_m:7.3f} m  y {pose.y_m:7.3f} m  yaw {math.degrees(pose.yaw_rad):7.2f} deg  "
+        f"v {twist.linear_m_s:6.3f} m/s  w {twist.angular_rad_s:6.3f} rad/s  {ranges}  "
+        f"battery {driver.battery_v:.1f} V ({driver.battery_state})"
+        + ("" if driver.ready else "  NO TELEMETRY")
+    )
+
+
+def snapshot(driver: "Readout") -> Dict[str, Any]:
+    """The same, and the state of the link, for JSON; SI units, the unit in the key's end."""
+    seen, command = driver.statistics, driver.command
+    return {
+        "pose": driver.pose._asdict(),
+        "twist": driver.twist._asdict(),
+        "command": command._asdict() if command else None,
+        "ranges_m": driver.ranges,
+        "battery_v": driver.battery_v,
+        "battery_state": driver.battery_state,
+        "temperature_c": driver.temperature_c,
+        "ready": driver.ready,
+        "age_s": driver.age_s,
+        "stop_reason": driver.stop_reason,
+        "frames": seen.frames,
+        "lost": seen.lost,
+        "garbage": dict(seen.garbage),
+        "refused_counts": seen.refused_counts,
+        "restarts": seen.restarts,
+    }
