@@ -18,7 +18,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, Range
 
 from mrl_driver.keyboard import Keyboard
-from mrl_driver.square import Square
+from mrl_driver.course import Square
 from mrl_driver.teleop import Teleop
 
 from .report import Recorder, Snapshot, line, summary

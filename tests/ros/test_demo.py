@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrl_driver.square import Limits, Square
+from mrl_driver.course import Limits, Square
 from mrl_driver.teleop import ANGULAR_RAD_S, HOLD_S, LINEAR_M_S, Teleop
 from ros1_bridge.report import Recorder, line, range_text, summary
 from ros1_bridge.stamps import STEP_NS, Stamps
