@@ -23,6 +23,8 @@ OWN: Dict[str, str] = {
     "drive": "mrl_driver.commands.drive:drive",
     "info": "mrl_driver.commands.info:info",
     "monitor": "mrl_driver.commands.monitor:monitor",
+    "names": "mrl_driver.commands.names:names",
+    "ports": "mrl_driver.commands.ports:ports",
     "record": "mrl_driver.commands.monitor:record",
     "set-id": "mrl_driver.commands.set_id:set_id",
 }

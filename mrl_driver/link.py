@@ -256,7 +256,9 @@ def _open(port: str, baud: int) -> serial.Serial:
 def _explain(port: str, error: OSError) -> LinkError:
     kind: Type[LinkError] = _ERRORS.get(_errno(error), LinkError)
     if kind is PortBusy:
-        return PortBusy(f"{port} is in use by {_holder(port)}; end that program, or choose another port")
+        return PortBusy(
+            f"{port} is in use by {locked_by(port) or 'another program'}; end that program, or choose another port"
+        )
     if kind is PortDenied:
         return PortDenied(
             f"no permission for {port}; join its group with: sudo usermod -aG dialout $USER, "
@@ -284,8 +286,8 @@ def _words(error: BaseException) -> str:
     return " ".join(str(error).split())
 
 
-def _holder(port: str) -> str:
-    """Name and process id of the program that has the port locked, as far as the system tells."""
+def locked_by(port: str) -> str:
+    """Name and process id of the program that has the port locked; empty where the system tells of none."""
     try:
         inode = str(os.stat(port).st_ino)
         with open("/proc/locks", encoding="ascii") as locks:
@@ -293,7 +295,7 @@ def _holder(port: str) -> str:
         with open(f"/proc/{int(owners[0])}/comm", encoding="utf-8", errors="replace") as comm:
             return f"{comm.read().strip()} (process {owners[0]})"
     except (OSError, IndexError, ValueError):
-        return "another program"
+        return ""
 
 
 def _exclude(fd: int, on: bool) -> None:

@@ -35,13 +35,15 @@ class Interrupted(KeyboardInterrupt):
     """Ctrl-C while a robot was connected; it was stopped."""
 
 
-def _complete_port(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
+def complete_port(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
+    """Ports for the shell."""
     from ..link import ports
 
     return [port for port in ports() if port.startswith(incomplete)]
 
 
-def _complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
+def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
+    """Robots for the shell."""
     try:
         known = [*names.read(), *robots.names(), "auto"]
     except ConfigError:
@@ -55,13 +57,13 @@ def robot_options(command: Callable[..., None]) -> Callable[..., None]:
     @click.option(
         "--port",
         metavar="PORT",
-        shell_complete=_complete_port,
+        shell_complete=complete_port,
         help="Serial port, such as /dev/ttyACM0 [env: MRL_PORT].",
     )
     @click.option(
         "--robot",
         metavar="ROBOT",
-        shell_complete=_complete_robot,
+        shell_complete=complete_robot,
         help="A name (see mrl names), a model, or a .yaml file; without it the board's id tells the model "
         "[env: MRL_ROBOT].",
     )

@@ -1,0 +1,60 @@
+"""The list of `mrl ports` on a terminal."""
+
+import os
+from typing import Any, Dict, List
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+Row = Dict[str, Any]
+
+
+def show(rows: List[Row], probed: bool) -> None:
+    """Print the ports; says what to do where there is none, or none was asked."""
+    console = Console(highlight=False)
+    if not rows:
+        console.print("there is no serial port; is the board plugged in?  Look with: dmesg | tail")
+        return
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for title in ("port", "what it is", "state", *(["robot"] if probed else [])):
+        table.add_column(title, overflow="fold")
+    for row in rows:
+        table.add_row(_port(row), _kind(row), _state(row), *([_robot(row)] if probed else []))
+    console.print(table)
+    if not probed and any(row["arduino"] or row["name"] for row in rows):
+        console.print("\nwho answers:  mrl ports --probe   (resets the boards)", style="dim")
+
+
+def _port(row: Row) -> Text:
+    text = Text(row["device"])
+    if row["name"]:
+        text.append(f"\n{row['name']}", style="bold cyan")
+    return text
+
+
+def _kind(row: Row) -> Text:
+    text = Text(row["kind"])
+    detail = "  ".join(part for part in (row["usb"], row["serial"]) if part)
+    return text.append(f"\n{detail}", style="dim") if detail else text
+
+
+def _state(row: Row) -> Text:
+    if row["used_by"]:
+        return Text(f"in use by {row['used_by']}", style="yellow")
+    if not os.path.exists(row["device"]):
+        return Text("not there", style="red")
+    if not row["permitted"]:
+        return Text(f"no permission; join group {row['group'] or 'dialout'}", style="red")
+    return Text("free", style="green")
+
+
+def _robot(row: Row) -> Text:
+    if not row["asked"]:
+        why = "in use" if row["used_by"] else f"not asked; mrl ports --probe {row['device']}"
+        return Text(why, style="dim")
+    if row["error"]:
+        return Text(row["error"], style="yellow")
+    model = row["model"] or ("no id set" if not row["robot_id"] else "unknown model")
+    text = Text(f"{model} {row['robot_id'] or ''}".strip(), style="bold green")
+    return text.append(f"\nfirmware {row['firmware_version']}, {row['battery_v']:.1f} V", style="dim")
