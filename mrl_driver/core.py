@@ -18,6 +18,10 @@ from .wheel_watch import Mismatch, WheelWatch, wheel_watch
 
 GENTLE_S = 3.0
 """The longest that a gentle stop takes [s]."""
+SLOWEST_MS = 50
+"""The board streams at least this often, so that its silence shows in time; listeners who want fewer frames are told
+every n-th.
+"""
 
 
 class Core:
@@ -34,11 +38,14 @@ class Core:
         """No more commands are taken."""
         self._session: Optional[Session] = None
         self._watch: Optional[WheelWatch] = None
+        self._every = max(1, math.ceil(options.period_ms / SLOWEST_MS))
+        self._untold = 0
+        self._fresh: Tuple[str, ...] = ()
 
     def begin(self, now: float) -> None:
         """Greet the board; how it goes comes out of `turn`."""
         options = self._options
-        plan = Plan(options.watchdog_ms, options.period_ms, options.check)
+        plan = Plan(options.watchdog_ms, round(options.period_ms / self._every), options.check)
         self._session = Session(self.state.admit, now, plan, options.command_timeout_s, options.greeting_s)
 
     @property
@@ -98,12 +105,25 @@ class Core:
         """Take an event into the robot's state, and stop a robot whose wheels or battery give cause."""
         notices = self.state.digest(event, now)
         if type(event) is Counts:
+            if self._every > 1:
+                notices = self._thin(notices)
             notices += self._check_wheels(event, now)
         elif isinstance(event, Info) and self.state.powerless:
             self._spare_battery(now)
         elif isinstance(event, Reply):
             self.replies[event.frame.code] = event.frame.args
         return notices
+
+    def _thin(self, notices: List[Notice]) -> List[Notice]:
+        """Every n-th telemetry, with the sonars that were new in those between."""
+        told = []
+        for kind, telemetry in notices:
+            self._fresh = tuple(dict.fromkeys(self._fresh + telemetry.fresh))
+            self._untold = (self._untold + 1) % self._every
+            if not self._untold:
+                told.append((kind, telemetry._replace(fresh=self._fresh)))
+                self._fresh = ()
+        return told
 
     def _check_wheels(self, event: Counts, now: float) -> List[Notice]:
         """Stop a robot of which a wheel does not do what it was told."""

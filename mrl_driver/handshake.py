@@ -44,6 +44,7 @@ class Plan(NamedTuple):
 
     watchdog_ms: int = 250
     period_ms: int = 20
+    """Of the stream: at most 50, so that telemetry is late after 100 ms of silence, whatever frame was lost before."""
     check: bool = True
 
 

@@ -10,7 +10,9 @@ class Options(NamedTuple):
     """How a `Driver` behaves; the defaults suit the packaged robots."""
 
     period_ms: int = 20
-    """Time between frames of the stream, 0 to 10000; 2013 boards stream as fast as they can."""
+    """Time between frames that listeners are told of, 0 to 10000.  Above 50 the board streams a whole number of times
+    as often, so that its silence is noticed as soon.  2013 boards stream as fast as they can.
+    """
     watchdog_ms: int = 250
     """The board stops the robot when it has heard nothing for so long; 0 turns that off.  2013 boards have
     none.

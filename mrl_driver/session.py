@@ -37,8 +37,6 @@ BUSY_S = 3.0
 """A motion that was requested by itself, such as the calibration, is watched closely for so long, which feeds the
 board's watchdog.
 """
-WRAP_MS = 2000
-"""Half a wrap of the board's time: streams with a longer period need the host's clock to count the wraps."""
 PLAIN_FRAMES = 3
 """So many frames in a row without check value mean that the board has restarted, not that one was damaged."""
 
@@ -66,8 +64,6 @@ class Session:
         greeting_s: float = 8.0,
     ) -> None:
         self._admit, self._plan = admit, plan
-        self._late_s = max(LATE_S, 2.5e-3 * plan.period_ms)
-        self._stale_s = max(STALE_S, 7.5e-3 * plan.period_ms)
         self._decoder = FrameDecoder(REPLIES)
         self._other = 0
         self._asked: Set[int] = set()
@@ -188,7 +184,7 @@ class Session:
         events: List[SessionEvent] = []
         if self._greeting is not None:
             self._greeting.tick(now, self.checked)
-        elif now - self.heard_s >= self._stale_s:
+        elif now - self.heard_s >= STALE_S:
             events.append(Stale(now - self.heard_s))
             self._greet_again(now, "stale")
             self._restarted = not self.checked
@@ -202,7 +198,7 @@ class Session:
         stop_s = self.motion.due_s() if self.motion.stopping else math.inf
         if self._greeting is not None:
             return min(self._greeting.due_s, stop_s)
-        stale_s = self.heard_s + self._stale_s
+        stale_s = self.heard_s + STALE_S
         if self.motion.target is not None:
             stale_s = min(stale_s, self._attended_s + ATTENTION_S)
         if self.late(now):
@@ -211,7 +207,7 @@ class Session:
 
     def late(self, now: float) -> bool:
         """Telemetry is so old that no motion is sent."""
-        return now - self.heard_s >= self._late_s
+        return now - self.heard_s >= LATE_S
 
     def _attend(self, now: float) -> None:
         if now - self._attended_s > PAUSE_S and self.motion.target is not None:
@@ -309,7 +305,7 @@ class Session:
             lost = self.counters.lost
             if self._is_duplicate(stamp.sequence):
                 return
-            next_one = lost == self.counters.lost and self._plan.period_ms <= WRAP_MS
+            next_one = lost == self.counters.lost
             stamp_s = self._clock.update(stamp.time, now, next_one).stamp_s
             time_s = self._clock.board_s()
         else:
