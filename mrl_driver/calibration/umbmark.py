@@ -1,0 +1,95 @@
+"""UMBmark (Borenstein and Feng 1996): square paths both ways round tell unequal wheels from a wrong wheelbase.
+
+The robot stands at the origin and looks along x; a counter-clockwise square lies to its left.  An error is the
+measured end less that of the odometry.  A wrong wheelbase (type A) turns each corner by the same angle too far,
+whichever way it goes; unequal wheels (type B) bend each side the same way.
+"""
+
+import math
+from typing import NamedTuple, Sequence, Tuple
+
+from ..errors import ConfigError
+from ..robots import Drive
+
+LEAST_LAPS, MOST_LAPS = 2, 50
+"""Laps each way: fewer show no spread.  The paper drives 5."""
+
+Point = Tuple[float, float]
+
+
+class Result(NamedTuple):
+    """What the end positions say; angles in rad, positive counter-clockwise."""
+
+    left_centre: Point
+    """Mean error of the counter-clockwise laps [m]."""
+    right_centre: Point
+    """Mean error of the clockwise laps [m]."""
+    corner_excess_rad: float
+    """Type A: by so much the robot really turns more than the odometry says, in a corner."""
+    side_bend_rad: float
+    """Type B: so much the robot really turns on a straight side."""
+    wheel_ratio: float
+    """E_d: true ratio of right to left wheel over the one in use."""
+    wheelbase_ratio: float
+    """E_b: true wheelbase over the one in use."""
+    worst_m: float
+    """The paper's measure of accuracy: the larger distance of the two centres from no error."""
+
+
+def evaluate(left: Sequence[Point], right: Sequence[Point], side_m: float, separation_m: float) -> Result:
+    """The paper's closed form, exact for small errors.
+
+    Args:
+        left, right: errors of the counter-clockwise and the clockwise laps, (x, y) [m].
+        side_m: side of the square.
+        separation_m: effective wheelbase in use.
+
+    Raises:
+        ConfigError: too few laps.
+    """
+    demand_laps(len(left), "counter-clockwise")
+    demand_laps(len(right), "clockwise")
+    xl, yl = _centre(left)
+    xr, yr = _centre(right)
+    corner = ((xl + xr) + (yr - yl)) / (8 * side_m)
+    bend = ((xl - xr) - (yl + yr)) / (8 * side_m)
+    return Result(
+        (xl, yl),
+        (xr, yr),
+        corner,
+        bend,
+        wheel_ratio(bend, side_m, separation_m),
+        (math.pi / 2) / (math.pi / 2 + corner),
+        max(math.hypot(xl, yl), math.hypot(xr, yr)),
+    )
+
+
+def demand_laps(laps: int, way: str) -> None:
+    """Refuse what is too little to go by.
+
+    Raises:
+        ConfigError: too few laps, or too many.
+    """
+    if not LEAST_LAPS <= laps <= MOST_LAPS:
+        raise ConfigError(f"there are {laps} {way} laps, expected {LEAST_LAPS} to {MOST_LAPS}")
+
+
+def wheel_ratio(bend_rad: float, side_m: float, separation_m: float) -> float:
+    """E_d of a robot that turns `bend_rad` on a side."""
+    if bend_rad == 0.0:
+        return 1.0
+    radius_m = side_m / 2 / math.sin(bend_rad / 2)
+    return (radius_m + separation_m / 2) / (radius_m - separation_m / 2)
+
+
+def corrected(drive: Drive, result: Result, tracks: bool) -> Drive:
+    """The drive with both corrections; on tracks the wheelbase stays, and the slip takes its correction."""
+    ratio = drive.right_m_per_count / drive.left_m_per_count * result.wheel_ratio
+    drive = drive._replace(wheel_offset=2 * (ratio - 1) / (ratio + 1))
+    if tracks:
+        return drive._replace(turn_slip=1 - (1 - drive.turn_slip) / result.wheelbase_ratio)
+    return drive._replace(wheel_separation_m=drive.wheel_separation_m * result.wheelbase_ratio)
+
+
+def _centre(points: Sequence[Point]) -> Point:
+    return sum(x for x, _ in points) / len(points), sum(y for _, y in points) / len(points)
