@@ -17,7 +17,15 @@ setup(
     long_description_content_type="text/markdown",
     license="BSD-3-Clause",
     python_requires=">=3.8",
-    packages=["mrl_driver", "mrl_driver.commands", "mrl_driver.robots", "sim_arduino", "sim_arduino.avr", "ros1_bridge"],
+    packages=[
+        "mrl_driver",
+        "mrl_driver.commands",
+        "mrl_driver.doctor",
+        "mrl_driver.robots",
+        "sim_arduino",
+        "sim_arduino.avr",
+        "ros1_bridge",
+    ],
     package_data={
         "mrl_driver": ["py.typed"],
         "mrl_driver.robots": ["*.yaml"],
