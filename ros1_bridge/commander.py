@@ -59,6 +59,8 @@ class Commander:
 
     def tick(self) -> None:
         """Go on speeding up, and stop when commands have ended; called for each frame of the stream."""
+        if self._target is None:  # most of the time, and then the lock is not worth its cost
+            return
         with self._lock:
             if self._target is None:
                 return

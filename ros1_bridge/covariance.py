@@ -21,40 +21,45 @@ SPEED_SHARE = 0.05
 """Standard deviation of a speed as a share of it."""
 
 
+Unknowns = Tuple[float, float, float, float, float, float]
+"""The part of a symmetric covariance that changes: xx, xy, x-yaw, yy, y-yaw, yaw-yaw."""
+_START: Unknowns = (START_POSITION_M2, 0.0, 0.0, START_POSITION_M2, 0.0, START_YAW_RAD2)
+
+
 class PoseCovariance:
-    """The 6 x 6 row-major covariance (36,) of a pose, kept up to date in `matrix`."""
+    """The covariance of a pose in the plane, kept up to date in `unknowns`."""
 
     def __init__(self, model: RobotModel) -> None:
         self._metres = model.drive.metres_per_count
         self._base_m = model.drive.wheel_separation_m
         self._noise_m = TRACK_NOISE_M if model.body.tracks else WHEEL_NOISE_M
         self._counts = (0.0, 0.0)
-        self.matrix: List[float] = diagonal((0.0, 0.0) + (UNUSED_VARIANCE,) * 3 + (0.0,))
-        self.reset()
+        self.unknowns = _START
 
     def reset(self) -> None:
         """The pose was set: as sure as at the start."""
-        self._store(START_POSITION_M2, 0.0, 0.0, START_POSITION_M2, 0.0, START_YAW_RAD2)
+        self.unknowns = _START
 
     def update(self, counts: Tuple[float, float], yaw_rad: float) -> None:
         """The counters (right, left, without wrap) stand at `counts`, and the heading is now `yaw_rad`."""
-        if counts == self._counts:
+        before = self._counts
+        if counts == before:
             return
-        right_m = (counts[0] - self._counts[0]) * self._metres
-        left_m = (counts[1] - self._counts[1]) * self._metres
+        right_m = (counts[0] - before[0]) * self._metres
+        left_m = (counts[1] - before[1]) * self._metres
         self._counts = counts
         self._propagate(right_m, left_m, yaw_rad - (right_m - left_m) / self._base_m / 2)
 
     def _propagate(self, right_m: float, left_m: float, heading_rad: float) -> None:
-        m, base_m, way_m = self.matrix, self._base_m, (right_m + left_m) / 2
+        base_m, way_m = self._base_m, (right_m + left_m) / 2
         cos, sin = math.cos(heading_rad), math.sin(heading_rad)
         right, left = self._noise_m * abs(right_m), self._noise_m * abs(left_m)
         lean = way_m / 2 / base_m
         xr, xl = cos / 2 - lean * sin, cos / 2 + lean * sin
         yr, yl = sin / 2 + lean * cos, sin / 2 - lean * cos
         dx, dy = -way_m * sin, way_m * cos
-        xx, xy, xt, yy, yt, tt = m[0], m[1], m[5], m[7], m[11], m[35]
-        self._store(
+        xx, xy, xt, yy, yt, tt = self.unknowns
+        self.unknowns = (
             xx + dx * (2 * xt + dx * tt) + xr * xr * right + xl * xl * left,
             xy + dx * yt + dy * xt + dx * dy * tt + xr * yr * right + xl * yl * left,
             xt + dx * tt + (xr * right - xl * left) / base_m,
@@ -63,24 +68,27 @@ class PoseCovariance:
             tt + (right + left) / base_m / base_m,
         )
 
-    def _store(self, xx: float, xy: float, xt: float, yy: float, yt: float, tt: float) -> None:
-        m = self.matrix
-        m[0], m[7], m[35] = xx, yy, tt
-        m[1] = m[6] = xy
-        m[5] = m[30] = xt
-        m[11] = m[31] = yt
+
+def pose_matrix(unknowns: Unknowns) -> List[float]:
+    """The 6 x 6 row-major covariance (36,) of a pose."""
+    xx, xy, xt, yy, yt, tt = unknowns
+    matrix = diagonal((xx, yy) + (UNUSED_VARIANCE,) * 3 + (tt,))
+    matrix[1] = matrix[6] = xy
+    matrix[5] = matrix[30] = xt
+    matrix[11] = matrix[31] = yt
+    return matrix
 
 
-def twist_diagonal() -> List[float]:
-    """The 6 x 6 row-major covariance (36,) of a standing robot's twist."""
-    return diagonal((STILL_M2_S2, SIDEWAYS_M2_S2) + (UNUSED_VARIANCE,) * 3 + (STILL_RAD2_S2,))
+def twist_matrix(linear_m_s: float, angular_rad_s: float) -> List[float]:
+    """The 6 x 6 row-major covariance (36,) of a twist."""
+    along, turning = twist_variances(linear_m_s, angular_rad_s)
+    return diagonal((along, SIDEWAYS_M2_S2) + (UNUSED_VARIANCE,) * 3 + (turning,))
 
 
-def fill_twist(matrix: List[float], linear_m_s: float, angular_rad_s: float) -> None:
-    """Write the variances of these speeds into a twist's covariance."""
+def twist_variances(linear_m_s: float, angular_rad_s: float) -> Tuple[float, float]:
+    """The variances of these speeds."""
     linear, angular = SPEED_SHARE * linear_m_s, SPEED_SHARE * angular_rad_s
-    matrix[0] = STILL_M2_S2 + linear * linear
-    matrix[35] = STILL_RAD2_S2 + angular * angular
+    return STILL_M2_S2 + linear * linear, STILL_RAD2_S2 + angular * angular
 
 
 def diagonal(variances: Tuple[float, ...]) -> List[float]:

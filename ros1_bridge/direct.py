@@ -33,7 +33,7 @@ class _Guard:
         """A subscriber has connected."""
         for connection in self._publisher.impl.connections:
             if connection.socket is not None and "write_data" not in vars(connection):
-                connection.write_data = _dropping(connection.socket, connection.write_data)
+                _make_dropping(connection)
 
     def peer_unsubscribe(self, _topic: str, _peers: int) -> None:
         """A subscriber has gone."""
@@ -56,33 +56,35 @@ def direct_publisher(
 class Fast:
     """Publishes through an unlatched publisher of `direct_publisher`, past what rospy does for each message.
 
-    That is checks and locks which one thread with one prepared message does not need; rospy itself is asked
-    only after a connection has failed, and takes that one away.
+    That is checks and locks which one thread does not need.
     """
 
-    def __init__(self, publisher: Any, lost: Type[Exception], with_header: bool = True) -> None:
-        """`lost` is what a connection that broke raises; `with_header` messages are numbered."""
-        self._publisher, self._impl = publisher, publisher.impl
-        self._lost, self._with_header = (lost, OSError), with_header
-        self._buffer, self._broken = io.BytesIO(), False
+    def __init__(self, publisher: Any, lost: Type[Exception]) -> None:
+        """`lost` is what a connection that broke raises."""
+        self._impl, self._lost = publisher.impl, (lost, OSError)
+        self._buffer = io.BytesIO()
+        self.sequence = 1
+        """Number of the message that is sent next."""
+
+    @property
+    def wanted(self) -> bool:
+        """Somebody subscribes."""
+        return bool(self._impl.connections)
 
     def publish(self, message: Any) -> None:
-        """Send `message` to everybody who subscribes."""
-        connections = self._impl.connections
-        if not connections:
-            return
-        if self._broken:
-            self._broken = False
-            self._publisher.publish(message)
-            return
-        if self._with_header:
-            message.header.seq += 1
-        data = self._packed(message)
-        for connection in connections:
+        """Send `message`, which has a header, to everybody who subscribes."""
+        if self._impl.connections:
+            message.header.seq = self.sequence
+            self.send(self._packed(message))
+
+    def send(self, data: bytes) -> None:
+        """Send a message as it goes over the wire."""
+        self.sequence = (self.sequence + 1) & 0xFFFFFFFF
+        for connection in self._impl.connections:
             try:
                 connection.write_data(data)
             except self._lost:
-                self._broken = True
+                connection.close()  # and a new list without it replaces the one that is walked here
 
     def _packed(self, message: Any) -> bytes:
         """The message as it goes over the wire: its length, then itself."""
@@ -96,23 +98,30 @@ class Fast:
         return buffer.getvalue()
 
 
-def _dropping(connection: socket.socket, write: Callable[[bytes], Any]) -> Callable[[bytes], Any]:
-    """`write` unless too much is unread."""
-    connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _TIMEVAL)
-    connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
+def _make_dropping(connection: Any) -> None:
+    """Let a connection of rospy's drop messages while too much is unread."""
+    near = connection.socket
+    near.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _TIMEVAL)
+    near.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
+    send = near.sendall
 
     most = BACKLOG_BYTES  # unread at most, as far as is known: asking the kernel costs as much as packing a message
 
-    def write_or_drop(data: bytes) -> Any:
+    def write_or_drop(data: bytes) -> bool:
         nonlocal most
-        most += len(data)
+        size = len(data)
+        most += size
         if most > BACKLOG_BYTES:
-            most = _unread(connection) + len(data)
-            if most - len(data) > BACKLOG_BYTES:
+            unread = _unread(near)
+            most = unread + size
+            if unread > BACKLOG_BYTES:
                 return True
-        return write(data)
+        send(data)
+        connection.stat_bytes += size
+        connection.stat_num_msg += 1
+        return True
 
-    return write_or_drop
+    connection.write_data = write_or_drop
 
 
 def _unread(connection: socket.socket) -> int:

@@ -1,6 +1,6 @@
 """Fills ROS messages from driver values.  Plain functions: no node, no clock, no maths of the robot.
 
-One message per topic is prepared once and filled again for each publication.
+One message per topic is prepared once and filled again for each publication; those of every frame are in `packed`.
 """
 
 import math
@@ -8,40 +8,13 @@ from typing import List, Mapping, Tuple
 
 from genpy import Time
 from geometry_msgs.msg import TransformStamped, Twist
-from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, JointState, Range, Temperature
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.robots import Battery, SonarMount
 from mrl_driver.sonar import FARTHEST_M, FIELD_OF_VIEW_RAD, NEAREST_M
 
-from . import covariance
 from .frames import JOINTS, SONAR_HEIGHT_M, sonar_frame
-
-
-def new_odometry(odom_frame: str, base_frame: str, pose_covariance: List[float]) -> Odometry:
-    """Odometry with frames set; pose in `odom_frame`, twist in `base_frame`.
-
-    `pose_covariance` (36,), row-major, is shared: who owns it keeps it up to date.
-    """
-    message = Odometry()
-    message.header.frame_id = odom_frame
-    message.child_frame_id = base_frame
-    message.pose.covariance = pose_covariance
-    message.twist.covariance = covariance.twist_diagonal()
-    return message
-
-
-def fill_odometry(
-    message: Odometry, stamp: Time, pose: Tuple[float, float, float], twist: Tuple[float, float]
-) -> None:
-    """Write pose (x, y, yaw [m m rad]) and twist (linear, angular [m/s rad/s]) into a prepared message."""
-    message.header.stamp = stamp
-    position, orientation = message.pose.pose.position, message.pose.pose.orientation
-    position.x, position.y, yaw = pose
-    orientation.z, orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
-    message.twist.twist.linear.x, message.twist.twist.angular.z = twist
-    covariance.fill_twist(message.twist.covariance, *twist)
 
 
 def new_transform(odom_frame: str, base_frame: str) -> TFMessage:

@@ -2,7 +2,7 @@
 
 import math
 import time
-from typing import Any, Callable, Dict, Optional, Type
+from typing import Any, Callable, Dict, Type
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from genpy import Time
@@ -17,6 +17,7 @@ from mrl_driver.robots import RobotModel
 from . import messages
 from .covariance import PoseCovariance
 from .direct import Fast, direct_publisher
+from .packed import PackedOdometry, PackedTransform
 from .parameters import Parameters
 from .stamps import Stamps
 
@@ -35,50 +36,52 @@ class Publishers:
     ) -> None:
         """`lost` is what a connection that broke raises in rospy."""
         odom, base = parameters.odom_frame, parameters.base_frame
-        self._class, self._model, self._parameters = publisher_class, model, parameters
+        self._class, self._lost = publisher_class, lost
+        self._model, self._parameters = model, parameters
         self._stamps, self._stamp = Stamps(), Time()
         self.covariance = PoseCovariance(model)
-        self._odometry = messages.new_odometry(odom, base, self.covariance.matrix)
-        self._odometry_out = Fast(direct_publisher(publisher_class, "odom", Odometry), lost)
-        self._transform = messages.new_transform(odom, base)
-        self._transform_out: Optional[Fast] = None
-        if parameters.publish_tf:
-            self._transform_out = Fast(direct_publisher(publisher_class, "/tf", TFMessage), lost, False)
-        self._joints = messages.new_joints()
-        self._joints_out = direct_publisher(publisher_class, "joint_states", JointState)
+        self._odometry, self._odometry_out = PackedOdometry(odom, base), self._fast("odom", Odometry)
+        self._transform = PackedTransform(odom, base)
+        self._transform_out = self._fast("/tf", TFMessage) if parameters.publish_tf else None
+        self._joints, self._joints_out = messages.new_joints(), self._fast("joint_states", JointState)
         counts_a_turn = model.board["gearbox"] / 10 * model.board["encoder_counts"] / 10
         self._rad_per_count = 2 * math.pi / counts_a_turn
         self._rad_per_m = self._rad_per_count / model.drive.metres_per_count
         self._ranges = {name: messages.new_range(base, name) for name in model.sonars}
-        self._ranges_out: Dict[str, Any] = {}
+        self._ranges_out: Dict[str, Fast] = {}
         self._battery = messages.new_battery(base, model.battery)
         self._temperature = messages.new_temperature(base)
         self._latched = {
             name: direct_publisher(publisher_class, name, kind, latch=True) for name, kind in LATCHED.items()
         }
 
+    def _fast(self, topic: str, kind: type) -> Fast:
+        return Fast(direct_publisher(self._class, topic, kind), self._lost)
+
     def sonars(self, now: Time) -> None:
         """Advertise the sonars, and where they sit; for boards that have them."""
         base, model = self._parameters.base_frame, self._model
-        self._ranges_out = {
-            name: direct_publisher(self._class, f"sonar/{name}", Range) for name in model.sonars
-        }
+        self._ranges_out = {name: self._fast(f"sonar/{name}", Range) for name in model.sonars}
         if self._parameters.publish_mounts:
             self._mounts_out = direct_publisher(self._class, "/tf_static", TFMessage, latch=True)
             self._mounts_out.publish(messages.new_mounts(base, model.sonars, now))
 
     def telemetry(self, telemetry: Telemetry) -> None:
         """Publish pose and twist, wheels, and the sonars that have a new reading."""
-        stamp = self._stamp
+        (x_m, y_m, yaw_rad), counts = telemetry.pose, telemetry.counts
         stamp_ns = self._stamps.next(telemetry.stamp_s, time.monotonic_ns(), time.time_ns())
-        stamp.secs, stamp.nsecs = divmod(stamp_ns, 1_000_000_000)
-        self.covariance.update(telemetry.counts, telemetry.pose.yaw_rad)
-        messages.fill_odometry(self._odometry, stamp, telemetry.pose, telemetry.twist)
-        self._odometry_out.publish(self._odometry)
-        if self._transform_out is not None:
-            messages.fill_transform(self._transform, stamp, telemetry.pose)
-            self._transform_out.publish(self._transform)
-        if self._joints_out.impl.has_connections():
+        stamp = divmod(stamp_ns, 1_000_000_000)
+        planar = x_m, y_m, math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
+        self.covariance.update(counts, yaw_rad)
+        out = self._odometry_out
+        if out.wanted:
+            unknowns = self.covariance.unknowns
+            out.send(self._odometry.pack(out.sequence, stamp, planar, unknowns, telemetry.twist))
+        tf_out = self._transform_out
+        if tf_out is not None and tf_out.wanted:
+            tf_out.send(self._transform.pack(stamp, planar))
+        self._stamp.secs, self._stamp.nsecs = stamp
+        if self._joints_out.wanted:
             self._publish_joints(telemetry)
         if telemetry.fresh:
             self._publish_ranges(telemetry)
@@ -98,7 +101,7 @@ class Publishers:
     def _publish_ranges(self, telemetry: Telemetry) -> None:
         for name in telemetry.fresh:
             publisher = self._ranges_out.get(name)
-            if publisher is not None:
+            if publisher is not None and publisher.wanted:
                 message = self._ranges[name]
                 messages.fill_range(
                     message, self._stamp, telemetry.ranges[name], self._parameters.clear_with_max_range

@@ -8,7 +8,7 @@ import pytest
 import rospy
 from nav_msgs.msg import Odometry
 
-from ros1_bridge.direct import BACKLOG_BYTES, Fast, _dropping, direct_publisher
+from ros1_bridge.direct import BACKLOG_BYTES, Fast, _make_dropping, direct_publisher
 from ros1_bridge.processes import wait_until
 
 from .rig import START_S
@@ -36,9 +36,24 @@ def pair():
     far.close()
 
 
+class Transport:
+    """A connection of rospy's, as far as it is used."""
+
+    stat_bytes = stat_num_msg = 0
+
+    def __init__(self, near):
+        self.socket = near
+
+
+def writer(near):
+    """What writes to this socket, or drops."""
+    transport = Transport(near)
+    _make_dropping(transport)
+    return transport
+
+
 def test_connection_that_nobody_reads_drops_messages(pair):
-    near, _ = pair
-    write = _dropping(near, near.sendall)
+    write = writer(pair[0]).write_data
     longest_s = 0.0
     for _ in range(MESSAGES):
         begin = time.monotonic()
@@ -49,13 +64,20 @@ def test_connection_that_nobody_reads_drops_messages(pair):
 
 def test_reader_that_wakes_up_gets_whole_messages(pair):
     near, far = pair
-    write = _dropping(near, near.sendall)
+    write = writer(near).write_data
     for _ in range(MESSAGES):
         write(bytes(1000))
     near.shutdown(socket.SHUT_WR)
     received = sum(iter(lambda: len(far.recv(65536)), 0))
     assert BACKLOG_BYTES < received < MESSAGES * 1000
     assert received % 1000 == 0
+
+
+def test_rospy_is_told_what_was_sent(pair):
+    transport = writer(pair[0])
+    transport.write_data(bytes(70))
+    transport.write_data(bytes(30))
+    assert (transport.stat_bytes, transport.stat_num_msg) == (100, 2)
 
 
 def test_stalled_subscriber_neither_holds_up_nor_loses_its_connection(rig):
@@ -84,22 +106,22 @@ class Broken(Exception):
 
 class Connection:
     def __init__(self, good=True):
-        self.good, self.sent = good, []
+        self.good, self.sent, self.closed = good, [], False
 
     def write_data(self, data):
         if not self.good:
             raise Broken
         self.sent.append(data)
 
+    def close(self):
+        self.closed = True
+
 
 class Publisher:
     """A publisher with connections, as rospy's."""
 
     def __init__(self, *connections):
-        self.impl, self.connections, self.asked = self, connections, []
-
-    def publish(self, message):
-        self.asked.append(message)
+        self.impl, self.connections = self, connections
 
 
 def test_fast_message_is_what_rospy_sends():
@@ -122,11 +144,23 @@ def test_shorter_message_leaves_nothing_of_the_longer_one():
     assert len(connection.sent[1]) == len(connection.sent[0]) - len("a_long_name")
 
 
-def test_broken_connection_costs_the_others_nothing_and_is_left_to_rospy():
-    good, publisher = Connection(), Publisher(Connection(good=False), Connection())
-    publisher.connections = (publisher.connections[0], good)
-    fast = Fast(publisher, Broken)
-    fast.publish(Odometry())
-    assert len(good.sent) == 1 and not publisher.asked
-    fast.publish(Odometry())
-    assert len(publisher.asked) == 1
+def test_broken_connection_is_closed_and_costs_the_others_nothing():
+    broken, good = Connection(good=False), Connection()
+    Fast(Publisher(broken, good), Broken).publish(Odometry())
+    assert (len(good.sent), broken.closed, good.closed) == (1, True, False)
+
+
+def test_subscriber_that_dies_is_forgotten(rig):
+    topic = f"{rig.ns}/odom"
+    publisher = direct_publisher(rospy.Publisher, topic, Odometry)
+    fast = Fast(publisher, rospy.exceptions.TransportException)
+    dying = rig.start("dying", "/usr/bin/python3", "-c", SLEEPY_SUBSCRIBER.format(topic=topic))
+    assert wait_until(lambda: fast.wanted, START_S)
+    dying.signal(signal.SIGKILL)
+
+    def is_forgotten():
+        fast.publish(Odometry())
+        return not fast.wanted
+
+    assert wait_until(is_forgotten, START_S)
+    publisher.unregister()

@@ -8,7 +8,7 @@ from geometry_msgs.msg import Twist, Vector3
 from sensor_msgs.msg import BatteryState, Range
 
 from mrl_driver.robots import SonarMount, load
-from ros1_bridge import covariance, frames, messages
+from ros1_bridge import frames, messages
 
 STAMP = Time(5, 7)
 BATTERY = load("traxbot").battery
@@ -16,24 +16,6 @@ BATTERY = load("traxbot").battery
 
 def yaw_of(rotation):
     return 2 * math.atan2(rotation.z, rotation.w)
-
-
-def odometry():
-    return messages.new_odometry("odom", "base_link", covariance.diagonal((1e-6,) * 6))
-
-
-def test_odometry_has_pose_in_the_parent_and_twist_in_the_child_frame():
-    assert (odometry().header.frame_id, odometry().child_frame_id) == ("odom", "base_link")
-
-
-def test_odometry_is_filled_with_pose_and_twist():
-    message = odometry()
-    messages.fill_odometry(message, STAMP, (1.0, -2.0, 0.5), (0.3, -0.4))
-    position = message.pose.pose.position
-    assert (position.x, position.y, position.z) == (1.0, -2.0, 0.0)
-    assert yaw_of(message.pose.pose.orientation) == pytest.approx(0.5)
-    assert (message.twist.twist.linear.x, message.twist.twist.angular.z) == (0.3, -0.4)
-    assert message.header.stamp == STAMP
 
 
 def test_transform_equals_the_pose():

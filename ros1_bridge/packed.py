@@ -1,0 +1,71 @@
+"""The messages of every frame as bytes, packed at once from numbers.  Pure.
+
+The bytes are those that genpy makes of the same message, for a tenth of its time.  Layouts: ROS messages are
+little-endian and unpadded, a string or an array that is not fixed in length begins with its length (uint32), and
+TCPROS puts the length of the message before it.
+"""
+
+import struct
+from typing import List, Tuple
+
+from .covariance import Unknowns, pose_matrix, twist_matrix, twist_variances
+
+_PLANAR = "2d24x2d"
+"""x, y; z and the rotation's x, y are zero; the rotation's z, w."""
+_ROW = "2d24xd"
+"""First, second and last entry of a row of a covariance."""
+
+Planar = Tuple[float, float, float, float]
+"""x, y [m], and z, w of the quaternion of the heading."""
+
+
+class PackedOdometry:
+    """nav_msgs/Odometry of a robot on the floor, with frames set."""
+
+    def __init__(self, odom_frame: str, base_frame: str) -> None:
+        self._names = _text(odom_frame) + _text(base_frame)
+        self._axes = _doubles(pose_matrix((0.0,) * 6)[12:30])  # the rows of z, roll and pitch
+        self._between = _doubles(twist_matrix(0.0, 0.0)[1:35])
+        self._layout = struct.Struct(
+            f"<4I{len(self._names)}s{_PLANAR}{_ROW}{_ROW}{len(self._axes)}s{_ROW}"  # header and pose
+            f"d32xd d{len(self._between)}sd"  # twist
+        )
+        self._size = self._layout.size - 4
+
+    def pack(
+        self,
+        sequence: int,
+        stamp: Tuple[int, int],
+        planar: Planar,
+        unknowns: Unknowns,
+        twist: Tuple[float, float],
+    ) -> bytes:
+        """The message on the wire; `stamp` in s and ns, `twist` linear and angular [m/s rad/s]."""
+        xx, xy, xt, yy, yt, tt = unknowns
+        along, turning = twist_variances(*twist)
+        return self._layout.pack(
+            self._size, sequence, *stamp, self._names, *planar, xx, xy, xt, xy, yy, yt, self._axes, xt, yt, tt,
+            *twist, along, self._between, turning,
+        )  # fmt: skip
+
+
+class PackedTransform:
+    """tf2_msgs/TFMessage with one transform of a robot on the floor, with frames set."""
+
+    def __init__(self, parent_frame: str, child_frame: str) -> None:
+        self._names = _text(parent_frame) + _text(child_frame)
+        self._layout = struct.Struct(f"<5I{len(self._names)}s{_PLANAR}")
+        self._size = self._layout.size - 4
+
+    def pack(self, stamp: Tuple[int, int], planar: Planar) -> bytes:
+        """The message on the wire; `stamp` in s and ns."""
+        return self._layout.pack(self._size, 1, 0, *stamp, self._names, *planar)
+
+
+def _text(text: str) -> bytes:
+    data = text.encode()
+    return struct.pack("<I", len(data)) + data
+
+
+def _doubles(values: List[float]) -> bytes:
+    return struct.pack(f"<{len(values)}d", *values)

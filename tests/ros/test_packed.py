@@ -1,0 +1,49 @@
+"""Packed messages are byte for byte what genpy makes."""
+
+import io
+
+from genpy import Time
+from geometry_msgs.msg import TransformStamped
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from nav_msgs.msg import Odometry
+from tf2_msgs.msg import TFMessage
+
+from ros1_bridge.covariance import pose_matrix, twist_matrix
+from ros1_bridge.packed import PackedOdometry, PackedTransform
+
+WORDS = st.integers(0, 2**32 - 1)
+NUMBERS = st.floats()
+SPEEDS = st.floats(-10, 10)
+FRAMES = st.text(max_size=30)
+STAMPS = st.tuples(WORDS, st.integers(0, 10**9 - 1))
+
+
+def wire(message):
+    """The message as rospy sends it."""
+    buffer = io.BytesIO()
+    message.serialize(buffer)
+    return len(buffer.getvalue()).to_bytes(4, "little") + buffer.getvalue()
+
+
+@settings(max_examples=50)
+@given(FRAMES, FRAMES, WORDS, STAMPS, st.tuples(*[NUMBERS] * 4), st.tuples(*[NUMBERS] * 6), SPEEDS, SPEEDS)
+def test_packed_odometry_is_that_of_genpy(odom, base, sequence, stamp, planar, unknowns, linear, angular):
+    message = Odometry(child_frame_id=base)
+    message.header.seq, message.header.stamp, message.header.frame_id = sequence, Time(*stamp), odom
+    pose, twist = message.pose.pose, message.twist.twist
+    pose.position.x, pose.position.y, pose.orientation.z, pose.orientation.w = planar
+    twist.linear.x, twist.angular.z = linear, angular
+    message.pose.covariance, message.twist.covariance = pose_matrix(unknowns), twist_matrix(linear, angular)
+    packed = PackedOdometry(odom, base).pack(sequence, stamp, planar, unknowns, (linear, angular))
+    assert packed == wire(message)
+
+
+@settings(max_examples=50)
+@given(FRAMES, FRAMES, STAMPS, st.tuples(*[NUMBERS] * 4))
+def test_packed_transform_is_that_of_genpy(odom, base, stamp, planar):
+    transform = TransformStamped(child_frame_id=base)
+    transform.header.stamp, transform.header.frame_id = Time(*stamp), odom
+    at, turn = transform.transform.translation, transform.transform.rotation
+    at.x, at.y, turn.z, turn.w = planar
+    assert PackedTransform(odom, base).pack(stamp, planar) == wire(TFMessage([transform]))
