@@ -20,6 +20,7 @@ INTERRUPTED = 130
 TERMINATED = 143
 
 OWN: Dict[str, str] = {
+    "doctor": "mrl_driver.commands.doctor:doctor",
     "drive": "mrl_driver.commands.drive:drive",
     "info": "mrl_driver.commands.info:info",
     "monitor": "mrl_driver.commands.monitor:monitor",

@@ -1,0 +1,33 @@
+"""What a check found."""
+
+from typing import Iterable, NamedTuple
+
+OK, NOTE, WARNING, FAULT = "ok", "note", "warning", "fault"
+
+
+class Finding(NamedTuple):
+    """The result of one check."""
+
+    level: str
+    """`ok`, `note` (good to know), `warning` (works, but), or `fault` (does not work)."""
+    subject: str
+    """What was looked at, in a word or two."""
+    text: str
+    """What was found."""
+    advice: str = ""
+    """What to do about it."""
+
+
+def verdict(findings: Iterable[Finding]) -> str:
+    """All findings in one sentence."""
+    levels = [finding.level for finding in findings]
+    faults, warnings = levels.count(FAULT), levels.count(WARNING)
+    if faults:
+        return f"{_count(faults, 'fault')}, {_count(warnings, 'warning')}: see the advice above"
+    if warnings:
+        return f"{_count(warnings, 'warning')}; the robot can be used"
+    return "everything is in order"
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
