@@ -23,6 +23,7 @@ from .table import (
     PROTOCOL_VERSION,
     REASONS,
     RESET_CAUSES,
+    SENSORS,
     SONAR_INVALID,
     SONAR_NOTHING,
     STAMP,
@@ -31,6 +32,7 @@ from .table import (
     Command,
     Field,
     Parameter,
+    Sensor,
 )
 
 _ROOT = Path(__file__).resolve().parent.parent
@@ -61,6 +63,7 @@ def header() -> str:
         "}  // namespace mrl",
         "",
         *_request_rows(),
+        *_sensor_rows(),
         *_parameter_rows(),
         *_model_rows(),
     ]
@@ -85,6 +88,9 @@ def reference() -> str:
         "## Fields",
         "",
         *_field_tables(),
+        "## Sensors",
+        "",
+        *_table(("sensor", "cmd", "board", "where", "asked each"), map(_sensor_cells, SENSORS)),
         "## Stamp and check value",
         "",
         *_table(("field", "range", "unit", "meaning"), map(_field_cells, STAMP + (CHECK,))),
@@ -182,8 +188,50 @@ def _requests() -> List[Command]:
 
 def _handlers() -> List[str]:
     lines = ["// One handler for each request; a forgotten one fails to link.", "namespace handlers {"]
-    lines += [f"void {row.name}(const int16_t* args, uint8_t count);  // {row.code}" for row in _requests()]
+    own = {row.code for row in SENSORS}
+    lines += [
+        f"void {row.name}(const int16_t* args, uint8_t count);  // {row.code}"
+        for row in _requests()
+        if row.code not in own
+    ]
+    return lines + ["}  // namespace handlers", "", *_sensor_functions()]
+
+
+def _sensor_functions() -> List[str]:
+    """One function for each sensor; its handler is the same for all of them."""
+    lines = [
+        "// One function for each sensor; a forgotten one fails to link.  On the I2C bus: values out of the bytes of",
+        "// its registers, false if they are none.  On the Uno's own pins: the value.",
+        "namespace sensors {",
+        "void ask(uint8_t code);",
+    ]
+    for row in SENSORS:
+        kind, arguments = ("bool", "const uint8_t* bytes, int16_t* values") if row.i2c else ("int16_t", "")
+        lines.append(f"{kind} {row.name}({arguments});  // {row.code}")
+    lines += ["}  // namespace sensors", "", "namespace handlers {"]
+    lines += [
+        f"inline void read_{row.name}(const int16_t*, uint8_t) {{ sensors::ask({row.command.name.upper()}); }}"
+        for row in SENSORS
+    ]
     return lines + ["}  // namespace handlers", ""]
+
+
+def _sensor_rows() -> List[str]:
+    on_bus, on_pins = [], []
+    for row in SENSORS:
+        there = f"MRL_{row.capability.upper()}" if row.capability else "1"
+        if row.i2c:
+            where, count = row.i2c, len(row.fields)
+            cells = (where.address, where.register, where.width * count, count, int(not row.capability))
+            on_bus.append(f"SENSOR({row.name}, {row.code}, {there}, {', '.join(map(str, cells))})")
+        else:
+            on_pins.append(f"SENSOR({row.name}, {row.code}, {there})")
+    return [
+        "// name, code, in this build, I2C address, register, bytes, values, may be absent",
+        *_macro("MRL_BUS_SENSORS(SENSOR)", on_bus),
+        "// name, code, in this build",
+        *_macro("MRL_PIN_SENSORS(SENSOR)", on_pins),
+    ]
 
 
 def _request_rows() -> List[str]:
@@ -272,7 +320,8 @@ already on the wire stays unfinished.  Boards of robots from 6 on that have neve
 and 25, as they did in 2013.  At most 8 answers wait for the wire; questions beyond are dropped and counted as overruns.
 
 One stream runs at a time: starting one ends the other, and each stop ends its own alone.  In the environment-sensor
-build the sonars of 7, 8 and 18 read -1; the sonar build refuses 20 to 23, 25 and 27.
+build the sonars of 7, 8 and 18 read -1; the sonar build refuses 20 to 23, 25, 27, 41 and 42.  A sensor on the I2C bus
+is asked in the background while somebody wants it, and its answer waits for the first reading.
 
 A text by radio (38, 39) has one argument for each two bytes, the last one padded with 0.  Longer texts than 16 bytes
 come as several frames 39.  The answers to 40 come one by one, for as long as the XBee waits for nodes (6 s).
@@ -308,6 +357,11 @@ def _field_tables() -> List[str]:
 
 def _field_cells(field: Field) -> Tuple[str, ...]:
     return (field.name, f"{field.low} to {field.high}", field.unit, field.text)
+
+
+def _sensor_cells(row: Sensor) -> Tuple[str, ...]:
+    where = f"I2C 0x{row.i2c.address:02X}, register {row.i2c.register}" if row.i2c else "own pins"
+    return (row.name, str(row.code), row.capability or "every", where, f"{row.period_ms} ms")
 
 
 def _parameter_cells(row: Parameter) -> Tuple[str, ...]:

@@ -4,7 +4,7 @@ The codec, the driver and the emulator read these rows; `mrl_driver.generate` re
 firmware's `protocol.h` and into `firmware/PROTOCOL.md`.  Codes 1 to 28 are those of the boards in the
 field (firmware of January and August 2013); from 29 on they are this project's.
 """
-from typing import Dict, NamedTuple, Tuple
+from typing import Dict, NamedTuple, Optional, Tuple
 
 INT16_MIN, INT16_MAX = -32768, 32767
 PROTOCOL_VERSION = 2
@@ -31,6 +31,18 @@ class Field(NamedTuple):
     unit: str
     text: str
 
+    @property
+    def scale(self) -> float:
+        """One count of the wire in `base_unit`: 0.01 for the unit "0.01 degC", else 1."""
+        number = self.unit.partition(" ")[0]
+        return float(number) if number[:1].isdigit() else 1.0
+
+    @property
+    def base_unit(self) -> str:
+        """The unit without its factor: "degC" for "0.01 degC"."""
+        number, _, rest = self.unit.partition(" ")
+        return rest if number[:1].isdigit() else self.unit
+
 
 class Command(NamedTuple):
     """One row of the wire.
@@ -50,6 +62,39 @@ class Command(NamedTuple):
     guarded: bool = False
     stamped: bool = False
     repeats: int = 0
+
+
+class I2c(NamedTuple):
+    """Where a sensor keeps its values on the I2C bus: from `register` on, one number of `width` bytes for each field
+    of its row, high byte first, `per_unit` counts to the field's base unit; signed if the field may be negative."""
+
+    address: int
+    register: int
+    width: int
+    per_unit: float
+
+
+class Sensor(NamedTuple):
+    """A sensor, and so its command `read_<name>`, which answers with `fields`.
+
+    `usual` is what there is to sense far from everything, in the fields' base unit, for emulated ones.
+    `capability` is the build that has it; one without is asked for by every build, and may be absent.
+    Without `i2c` it sits on the Uno's own pins.  The host asks each `period_ms`.
+    """
+
+    code: int
+    name: str
+    text: str
+    fields: Tuple[Field, ...]
+    usual: float
+    capability: str = ""
+    i2c: Optional[I2c] = None
+    period_ms: int = 500
+
+    @property
+    def command(self) -> Command:
+        """Its row among the commands."""
+        return Command(self.code, f"read_{self.name}", self.text, (), self.fields)
 
 
 class Reason(NamedTuple):
@@ -98,6 +143,7 @@ _ALCOHOL = Field("alcohol", 0, 1023, "count", "1023 minus the ADC count of the M
 _DUST = _count("dust", "Particles of 1 um and larger per litre, PPD42NS; larger values read 32767.")
 _HOTTEST = Field("hottest", 0, 255, "degC", "Hottest of the TPA81's eight pixels.")
 _LDR = Field("ldr", 0, 1023, "count", "ADC count of the light sensor.")
+_BEARING = Field("bearing", 0, 359, "deg", "Clockwise from north, CMPS10.")
 _CHECKED = _flag("checked", "1: every frame both ways carries a check value.")
 _INDEX = Field("index", 0, 17, "", "Row of the parameter table.")
 _VALUE = _int16("value", "", "The parameter's value in the unit of its row.")
@@ -106,7 +152,18 @@ _ADDRESS = tuple(_int16(f"address_{i}", "", f"Bits {16 * i + 15} to {16 * i} of 
 _TEXT = (Field("length", 1, 16, "byte", "Length of the text."),) + tuple(
     _int16(f"text_{i}", "", f"Bytes {2 * i} (high) and {2 * i + 1} (low) of the text.") for i in range(8))
 
-COMMANDS: Tuple[Command, ...] = (
+SENSORS: Tuple[Sensor, ...] = (
+    Sensor(20, "alcohol", "Read the alcohol sensor.", (_ALCOHOL,), 123, "environment"),
+    Sensor(21, "dust", "Read the dust sensor.", (_DUST,), 300, "environment"),
+    Sensor(22, "thermopile", "Read the thermopile array.", tuple(
+        Field(f"pixel_{i}", 0, 255, "degC", f"Pixel {i} of the TPA81.") for i in range(1, 9)),
+        22, "environment", I2c(0x68, 2, 1, 1)),
+    Sensor(41, "light", "Read the light sensor.", (_LDR,), 500, "environment"),
+    Sensor(42, "compass", "Read the compass.", (_BEARING,), 0, "environment", I2c(0x60, 2, 2, 10), 100),
+)
+"""Sensors; a new one is one row here and one function in the firmware, see firmware/SENSORS.md."""
+
+_OTHERS: Tuple[Command, ...] = (
     Command(1, "calibrate", "Motor board finds its PID working points; the wheels turn."),
     Command(2, "set_pid_gains", "Set the gains of the motor board's speed control.", (
         _count("kp", "Proportional gain."), _count("ki", "Integral gain."), _count("kd", "Derivative gain."))),
@@ -138,18 +195,14 @@ COMMANDS: Tuple[Command, ...] = (
     Command(17, "get_stream", "Is a stream running?", (), (_flag("stream", "1: yes."),)),
     Command(18, "start_stream", "Repeat the reply of 8 until stopped.", _PERIOD, optional=1, repeats=8),
     Command(19, "stop_stream", "End the stream."),
-    Command(20, "read_alcohol", "Read the alcohol sensor.", (), (_ALCOHOL,)),
-    Command(21, "read_dust", "Read the dust sensor.", (), (_DUST,)),
-    Command(22, "read_thermopile", "Read the thermopile array.", (), tuple(
-        Field(f"pixel_{i}", 0, 255, "degC", f"Pixel {i} of the TPA81.") for i in range(1, 9))),
     Command(23, "start_sensor_stream", "Repeat encoders and sensors.", _PERIOD,
             _ENCODERS + (_ALCOHOL, _DUST, _HOTTEST), optional=1, stamped=True, repeats=23),
     Command(24, "stop_sensor_stream", "End the sensor stream."),
     Command(25, "start_sensor_ldr_stream", "Repeat encoders, sensors and light.", _PERIOD,
             _ENCODERS + (_ALCOHOL, _DUST, _HOTTEST, _LDR), optional=1, stamped=True, repeats=25),
     Command(26, "stop_sensor_ldr_stream", "End the sensor and light stream."),
-    Command(27, "start_compass_stream", "Repeat the compass bearing.", _PERIOD, (
-        Field("bearing", 0, 359, "deg", "Clockwise from north, CMPS10."),), optional=1, stamped=True, repeats=27),
+    Command(27, "start_compass_stream", "Repeat the compass bearing.", _PERIOD, (_BEARING,),
+            optional=1, stamped=True, repeats=27),
     Command(28, "stop_compass_stream", "End the compass stream."),
     Command(29, "read_protocol", "What this board can do.", (), (
         Field("protocol", 2, INT16_MAX, "", "Protocol version."),
@@ -188,9 +241,11 @@ COMMANDS: Tuple[Command, ...] = (
     Command(40, "discover_xbee", "Ask who is there; one reply for each node.", (),
             _ADDRESS + (_int16("network", "", "The node's 16-bit address."),)),
 )
+COMMANDS: Tuple[Command, ...] = tuple(sorted(_OTHERS + tuple(row.command for row in SENSORS)))
 
 BY_CODE: Dict[int, Command] = {row.code: row for row in COMMANDS}
 BY_NAME: Dict[str, Command] = {row.name: row for row in COMMANDS}
+SENSOR_BY_NAME: Dict[str, Sensor] = {row.name: row for row in SENSORS}
 
 STAMP: Tuple[Field, ...] = (
     _int16("sequence", "", "One more in each stamped frame; wraps at 16 bits."),

@@ -9,7 +9,16 @@ from mrl_driver.robots import RobotModel
 from .bumper import Bumper, footprint_for
 from .omni3md import ADDRESS, Omni3MD
 from .physics import AS_MODELLED, Errors, Robot, params_for
-from .sensors import COMPASS_ADDRESS, THERMOPILE_ADDRESS, Compass, DustPulses, Environment, Thermopile
+from .sensors import (
+    COMPASS_ADDRESS,
+    OTHERS,
+    THERMOPILE_ADDRESS,
+    Compass,
+    DustPulses,
+    Environment,
+    PlainSensor,
+    Thermopile,
+)
 from .shapes import Pose
 from .sonars import FLAWLESS, VOLTS_PER_COUNT, SonarChain, SonarErrors
 from .world import World
@@ -79,6 +88,7 @@ class Plant:
                 lambda time_s: self._pose_at(time_s).yaw_rad, self.world.scene.north_rad
             ),
         }
+        self.i2c.update({row.i2c.address: PlainSensor(row, self.sensed) for row in OTHERS if row.i2c})
         self._dust = DustPulses(lambda time_s: self._sensed_now().dust_pcs_l)
         self._shown: Optional[Pose] = None
         self._show()

@@ -4,8 +4,9 @@ Between ambient and a source's own value the field falls as exp(-(d / reach)^2) 
 the thermopile, pixel by pixel, along lines of sight.
 """
 
+import dataclasses
 import math
-from typing import Callable, NamedTuple, Tuple
+from typing import Callable, Dict, NamedTuple, Tuple
 
 from .sensors import PIXELS, Environment
 from .shapes import Pose
@@ -39,6 +40,8 @@ class Scene(NamedTuple):
     light: Sources = ()
     north_rad: float = math.pi / 2
     """Direction of north, counter-clockwise from x."""
+    others: Dict[str, Sources] = {}  # noqa: RUF012 - never changed
+    """Sources for all other sensors of the table, by name, in the unit of their fields."""
 
     def sensed(self, base: Environment, pose: Pose, sees: Sight) -> Environment:
         """What the sensors sense at a pose, `base` being what there is far from all sources.
@@ -46,14 +49,17 @@ class Scene(NamedTuple):
         Args:
             sees: Whether two points see each other: x, y of one, x, y of the other [m].
         """
-        if not (self.heat or self.gas or self.dust or self.light):
+        if not (self.heat or self.gas or self.dust or self.light or self.others):
             return base
-        return Environment(
+        return dataclasses.replace(
+            base,
             alcohol_count=round(_field(self.gas, base.alcohol_count, pose)),
             light_count=round(_field(self.light, base.light_count, pose)),
             dust_pcs_l=_field(self.dust, base.dust_pcs_l, pose),
-            ambient_c=base.ambient_c,
             pixels_c=self._pixels(base, pose, sees),
+            others={
+                name: _field(self.others.get(name, ()), value, pose) for name, value in base.others.items()
+            },
         )
 
     def _pixels(self, base: Environment, pose: Pose, sees: Sight) -> Tuple[float, ...]:

@@ -1,11 +1,12 @@
 """Rows of the table that read encoders, sonars and environment sensors, once or as a stream."""
 
-from typing import TYPE_CHECKING, Optional, Tuple
+import math
+from typing import TYPE_CHECKING, Callable, Dict, Optional, Tuple
 
-from mrl_driver.table import BY_NAME, SONAR_INVALID
+from mrl_driver.table import BY_NAME, SENSOR_BY_NAME, SONAR_INVALID, Field, Sensor
+from mrl_driver.table import SENSORS as SENSORS_OF_TABLE
 
-from .rows import Values, asks, reply, request
-from .sensors import COMPASS_ADDRESS, THERMOPILE_ADDRESS
+from .rows import REQUESTS, Values, asks, reply, request
 from .sonar_task import SONARS
 
 if TYPE_CHECKING:
@@ -20,13 +21,6 @@ def _encoders(board: "PythonBoard", _: int) -> Values:
 
 
 asks("read_sonars", "read_encoders_and_sonars")
-
-
-def _sensor_row(board: "PythonBoard", name: str, there: bool) -> None:
-    if there:
-        board.ask(BY_NAME[name].code)
-    else:
-        board.refuse("unavailable")
 
 
 def _sonar_values(board: "PythonBoard") -> Tuple[int, ...]:
@@ -66,22 +60,65 @@ def _start(board: "PythonBoard", name: str, period: int, there: bool) -> None:
 # ---- environment sensors
 
 
-@request
-def read_alcohol(board: "PythonBoard") -> None:
-    """20."""
-    _sensor_row(board, "read_alcohol", board.environment)
+def _ask(board: "PythonBoard", sensor: Sensor) -> None:
+    if sensor.capability == "environment" and not board.environment:
+        board.refuse("unavailable")
+    else:
+        board.ask(sensor.code)
 
 
-@request
-def read_dust(board: "PythonBoard") -> None:
-    """21."""
-    _sensor_row(board, "read_dust", board.environment)
+def _values(board: "PythonBoard", sensor: Sensor) -> Values:
+    """What a sensor answers; None without an answer on the bus."""
+    where = sensor.i2c
+    if where is None:
+        return (PINS[sensor.name](board),)
+    data = read_registers(board, sensor, where.width * len(sensor.fields))
+    if data is None:
+        return None
+    parts = (data[i * where.width :][: where.width] for i in range(len(sensor.fields)))
+    return tuple(_wire(field, part, where.per_unit) for field, part in zip(sensor.fields, parts))
 
 
-@request
-def read_thermopile(board: "PythonBoard") -> None:
-    """22."""
-    _sensor_row(board, "read_thermopile", board.environment)
+def _wire(field: Field, data: bytes, per_unit: float) -> int:
+    count = int.from_bytes(data, "big", signed=field.low < 0)
+    return max(field.low, min(field.high, math.floor(count / (per_unit * field.scale) + 1e-9)))
+
+
+def read_registers(board: "PythonBoard", sensor: Sensor, count: int) -> Optional[bytes]:
+    """Registers of an I2C sensor, or None if it does not answer; absence of one that may be absent is no fault."""
+    assert sensor.i2c is not None
+    slave = board.plant.i2c[sensor.i2c.address]
+    there = slave.write(bytes([sensor.i2c.register]), board.now_s)
+    if sensor.capability or there:
+        board.health.set_fault("sensor", not there)
+    return slave.read(count, board.now_s) if there else None
+
+
+def _dust_value(board: "PythonBoard") -> int:
+    return min(32767, round(board.plant.sensed(board.now_s).dust_pcs_l))
+
+
+PINS: Dict[str, Callable[["PythonBoard"], int]] = {
+    "alcohol": lambda board: 1023 - board.adc(0),
+    "light": lambda board: board.adc(2),
+    "dust": _dust_value,
+}
+"""Sensors on the Uno's own pins."""
+
+
+def _register(sensor: Sensor) -> None:
+    """The request and the reply of a sensor's row."""
+    name = sensor.command.name
+    REQUESTS[name] = lambda board: _ask(board, sensor)
+    reply(name)(lambda board, _: _values(board, sensor))
+
+
+for _each in SENSORS_OF_TABLE:
+    _register(_each)
+_THERMOPILE, _COMPASS = SENSOR_BY_NAME["thermopile"], SENSOR_BY_NAME["compass"]
+
+
+# ---- streams of sensors
 
 
 @request
@@ -120,34 +157,6 @@ def stop_compass_stream(board: "PythonBoard") -> None:
     board.stop_stream(BY_NAME["start_compass_stream"].code)
 
 
-def read_registers(board: "PythonBoard", address: int, first: int, count: int) -> Optional[bytes]:
-    """Registers of an I2C sensor, or None if it does not answer."""
-    slave = board.plant.i2c[address]
-    there = slave.write(bytes([first]), board.now_s)
-    board.health.set_fault("sensor", not there)
-    return slave.read(count, board.now_s) if there else None
-
-
-def _dust_value(board: "PythonBoard") -> int:
-    return min(32767, round(board.plant.sensed(board.now_s).dust_pcs_l))
-
-
-@reply("read_alcohol")
-def _alcohol(board: "PythonBoard", _: int) -> Values:
-    return (1023 - board.adc(0),)
-
-
-@reply("read_dust")
-def _dust(board: "PythonBoard", _: int) -> Values:
-    return (_dust_value(board),)
-
-
-@reply("read_thermopile")
-def _thermopile(board: "PythonBoard", _: int) -> Values:
-    pixels = read_registers(board, THERMOPILE_ADDRESS, 2, 8)
-    return None if pixels is None else tuple(pixels)
-
-
 def _counts_or_none_needed(board: "PythonBoard") -> Values:
     """Counts, or what sensor boards without motors have sent since 2013 in their place."""
     if board.config["robot_id"] > 5 and not board.motors_ever_found:
@@ -157,19 +166,18 @@ def _counts_or_none_needed(board: "PythonBoard") -> Values:
 
 @reply("start_sensor_stream")
 def _sensors(board: "PythonBoard", _: int) -> Values:
-    encoders, pixels = _counts_or_none_needed(board), read_registers(board, THERMOPILE_ADDRESS, 2, 8)
+    encoders, pixels = _counts_or_none_needed(board), _values(board, _THERMOPILE)
     if encoders is None or pixels is None:
         return None
-    return encoders + (1023 - board.adc(0), _dust_value(board), max(pixels))
+    return encoders + (PINS["alcohol"](board), PINS["dust"](board), max(pixels))
 
 
 @reply("start_sensor_ldr_stream")
 def _sensors_and_light(board: "PythonBoard", value: int) -> Values:
     sensors = _sensors(board, value)
-    return None if sensors is None else sensors + (board.adc(2),)
+    return None if sensors is None else sensors + (PINS["light"](board),)
 
 
 @reply("start_compass_stream")
 def _compass(board: "PythonBoard", _: int) -> Values:
-    bearing = read_registers(board, COMPASS_ADDRESS, 2, 2)
-    return None if bearing is None else (int.from_bytes(bearing, "big") // 10 % 360,)
+    return _values(board, _COMPASS)

@@ -1,10 +1,16 @@
 """Environment sensors as the board sees them: two I2C slaves and the values of the analog ones."""
 
 import math
-from dataclasses import dataclass
-from typing import Callable, List, Tuple
+from dataclasses import dataclass, field
+from typing import Callable, Dict, List, Tuple
+
+from mrl_driver.table import SENSORS, Sensor
 
 THERMOPILE_ADDRESS, COMPASS_ADDRESS = 0x68, 0x60
+OWN_KIND = ("alcohol", "dust", "thermopile", "light", "compass")
+"""Sensors that the emulator knows more of than their row tells."""
+OTHERS: Tuple[Sensor, ...] = tuple(row for row in SENSORS if row.name not in OWN_KIND)
+"""Sensors that are emulated as their row says: one number where the robot stands."""
 PIXELS = 8
 
 
@@ -21,6 +27,8 @@ class Environment:
     ambient_c: float = 22.0
     pixels_c: Tuple[float, ...] = (22.0,) * 8
     """What the eight pixels of the TPA81 see [degC]."""
+    others: Dict[str, float] = field(default_factory=lambda: {row.name: row.usual for row in OTHERS})
+    """What all other sensors of the table sense, by name, in the unit of their fields."""
 
 
 def _byte(value: float) -> int:
@@ -61,6 +69,25 @@ class Thermopile(_Registers):
         """All registers."""
         around = self._sensed_at(time_s)
         return bytes([7, _byte(around.ambient_c), *map(_byte, around.pixels_c)])
+
+
+class PlainSensor(_Registers):
+    """A sensor whose registers are what its row says, and nothing else; all of its fields have one value."""
+
+    def __init__(self, row: Sensor, sensed_at: Callable[[float], Environment]) -> None:
+        super().__init__()
+        self._row, self._sensed_at = row, sensed_at
+
+    def image(self, time_s: float) -> bytes:
+        """All registers."""
+        row, where = self._row, self._row.i2c
+        assert where is not None
+        count, image = round(self._sensed_at(time_s).others[row.name] * where.per_unit), bytes(where.register)
+        for each in row.fields:
+            bits = 8 * where.width
+            least, most = (-(1 << bits - 1), (1 << bits - 1) - 1) if each.low < 0 else (0, (1 << bits) - 1)
+            image += max(least, min(most, count)).to_bytes(where.width, "big", signed=each.low < 0)
+        return image
 
 
 _LITRES = 0.2832

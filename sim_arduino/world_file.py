@@ -10,6 +10,8 @@ gas: [[1, 1, 300, 0.5]]              # x, y [m], ADC count of the alcohol sensor
 dust: [[1, 1, 9000, 0.8]]            # x, y [m], particles per litre there, reach [m]
 light: [[1, 1, 900, 0.8]]            # x, y [m], ADC count of the light sensor there, reach [m]
 map: lab.yaml                        # walls out of a map_server map as well
+
+Each other sensor of the table that a sensor of one's own has added is a key of `ambient` and a key of sources.
 """
 
 import math
@@ -21,17 +23,19 @@ import yaml
 from mrl_driver.errors import ConfigError
 
 from .scene import Scene, Source
-from .sensors import PIXELS, Environment
+from .sensors import OTHERS, PIXELS, Environment
 from .shapes import Pose, Wall, polygon
 from .world import World
 
 _FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "worlds")
 FAR_M = 1000.0
-_KEYS = ("start", "walls", "boxes", "north", "ambient", "heat", "gas", "dust", "light", "map")
+_OTHERS = {row.name: row.fields[0] for row in OTHERS}
+_KEYS = ("start", "walls", "boxes", "north", "ambient", "heat", "gas", "dust", "light", "map", *_OTHERS)
 _COORDINATE = (-FAR_M, FAR_M)
 _SIZE = (0.001, FAR_M)
 _ANGLE = (-360.0, 360.0)
 _RANGES = {"temperature": (0.0, 255.0), "alcohol": (0, 1023), "dust": (0, 32767), "light": (0, 1023)}
+_RANGES.update({name: (field.low * field.scale, field.high * field.scale) for name, field in _OTHERS.items()})
 _SOURCES = {"heat": "temperature", "gas": "alcohol", "dust": "dust", "light": "light"}
 """Keys of sources, and whose range their values have."""
 _Limits = Sequence[Tuple[float, float]]
@@ -101,7 +105,13 @@ class _Reader:
     def _scene(self) -> Scene:
         north = self._number("north", self._get("north", 90.0), _ANGLE)
         sources = {key: self._sources(key, _RANGES[unit]) for key, unit in _SOURCES.items()}
-        return Scene(self._ambient(), north_rad=math.radians(north), **sources)
+        others = {name: self._sources(name, _RANGES[name]) for name in _OTHERS}
+        return Scene(
+            self._ambient(),
+            north_rad=math.radians(north),
+            others={name: found for name, found in others.items() if found},
+            **sources,
+        )
 
     def _ambient(self) -> Environment:
         found = self._get("ambient", {})
@@ -110,11 +120,12 @@ class _Reader:
         self._known("ambient.", found, tuple(_RANGES))
         usual = Environment()
         defaults = (usual.ambient_c, usual.alcohol_count, usual.dust_pcs_l, usual.light_count)
-        temperature, alcohol, dust, light = (
+        temperature, alcohol, dust, light, *others = (
             self._number(f"ambient.{key}", found.get(key, default), _RANGES[key])
-            for key, default in zip(_RANGES, defaults)
+            for key, default in zip(_RANGES, (*defaults, *usual.others.values()))
         )
-        return Environment(round(alcohol), round(light), dust, temperature, (temperature,) * PIXELS)
+        pixels, named = (temperature,) * PIXELS, dict(zip(usual.others, others))
+        return Environment(round(alcohol), round(light), dust, temperature, pixels, named)
 
     def _sources(self, key: str, values: Tuple[float, float]) -> Tuple[Source, ...]:
         rows = self._rows(key, "x, y, value, reach", [_COORDINATE, _COORDINATE, values, _SIZE])

@@ -69,7 +69,7 @@ void fetch_counts() {
 }
 
 void await_sensors() {
-  const rows::Readiness readiness = rows::sensors(job.code);
+  const rows::Readiness readiness = rows::readiness(job.code);
   if (readiness == rows::Readiness::impossible) return give_up();
   if (readiness == rows::Readiness::wait) return;
   with_counts = rows::needs_counts(job.code);

@@ -5,8 +5,8 @@
 #include "commands.h"
 #include "config.h"
 #include "hal.h"
-#include "i2c_sensors.h"
 #include "motor_board.h"
+#include "sensors.h"
 #include "status.h"
 
 namespace mrl {
@@ -32,7 +32,7 @@ void end_transfer(Result result) {
     rest_from = board_clock::now();
   }
   if (who == Owner::motor_board) motor::transfer_ended(result);
-  if (who == Owner::sensor) i2c_sensors::transfer_ended(result);
+  if (who == Owner::sensor) sensors::transfer_ended(result);
 }
 
 // True if the transfer on the bus has ended.
@@ -69,7 +69,7 @@ bool is_free() {
 Owner next_background(hal::Transfer& transfer) {
   const bool only_overdue = commands::decoder.in_frame() || answers::about_to_read();
   if (motor::next_poll(transfer, only_overdue)) return Owner::motor_board;
-  if (!only_overdue && i2c_sensors::next_transfer(transfer)) return Owner::sensor;
+  if (!only_overdue && sensors::next_transfer(transfer)) return Owner::sensor;
   return Owner::none;
 }
 

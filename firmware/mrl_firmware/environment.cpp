@@ -1,13 +1,12 @@
 #include "environment.h"
 
-#include "answers.h"
 #include "board_clock.h"
 #include "build.h"
 #include "dust.h"
 #include "hal.h"
-#include "i2c_sensors.h"
 #include "pins.h"
 #include "protocol.h"
+#include "sensors.h"
 #include "status.h"
 
 namespace mrl {
@@ -65,13 +64,20 @@ void begin() {
 void service() {
   service_inputs();
   service_dust();
-  status::set_fault(FAULT_SENSOR, silent_slots == SILENT_SLOTS || i2c_sensors::failing());
+  status::set_fault(FAULT_SENSOR, silent_slots == SILENT_SLOTS || sensors::failing());
 }
+
+}  // namespace environment
+
+namespace sensors {
+
+using namespace environment;
 
 int16_t alcohol() { return static_cast<int16_t>(1023 - alcohol_count); }
 
 int16_t light() { return light_count; }
 
+// Particles per litre.
 int16_t dust() {
   uint32_t low = 0;
   for (uint8_t i = 0; i < SLOTS; i++) low += low_ticks[i];
@@ -79,31 +85,23 @@ int16_t dust() {
   return dust_per_litre(low, whole * SLOT + (board_clock::now() - slot_began));
 }
 
+}  // namespace sensors
+
 #else
 
 void begin() {}
-void service() {}
+void service() { status::set_fault(FAULT_SENSOR, sensors::failing()); }
+
+}  // namespace environment
+
+namespace sensors {
+
 int16_t alcohol() { return 0; }
 int16_t light() { return 0; }
 int16_t dust() { return 0; }
 
+}  // namespace sensors
+
 #endif
 
-}  // namespace environment
-
-namespace handlers {
-namespace {
-
-void ask_if_there(uint8_t code) {
-  if (!MRL_ENVIRONMENT) return status::refuse(Reason::unavailable);
-  answers::ask(code);
-}
-
-}  // namespace
-
-void read_alcohol(const int16_t*, uint8_t) { ask_if_there(READ_ALCOHOL); }
-void read_dust(const int16_t*, uint8_t) { ask_if_there(READ_DUST); }
-void read_thermopile(const int16_t*, uint8_t) { ask_if_there(READ_THERMOPILE); }
-
-}  // namespace handlers
 }  // namespace mrl

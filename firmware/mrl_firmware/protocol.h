@@ -8,7 +8,7 @@ constexpr uint8_t PROTOCOL_VERSION = 2;  // what read_protocol reports
 constexpr uint8_t MAX_ARGUMENTS = 14;  // of any frame, the check value included
 constexpr uint8_t MAX_FRAME = 98;  // bytes from '@' to 'e'
 constexpr uint8_t MAX_NOISE = 64;  // bytes outside a frame that are counted as one run
-constexpr uint8_t MAX_CODE = 40;  // codes run from 1 to this
+constexpr uint8_t MAX_CODE = 42;  // codes run from 1 to this
 constexpr uint8_t STOP_CODE = 13;  // accepted without a check value in every state
 constexpr int16_t SONAR_INVALID = -1;  // no reading
 constexpr int16_t SONAR_NOTHING = 645;  // cm, nothing in range
@@ -58,6 +58,8 @@ enum Code : uint8_t {
   SEND_XBEE = 38,
   XBEE_TEXT = 39,
   DISCOVER_XBEE = 40,
+  READ_LIGHT = 41,
+  READ_COMPASS = 42,
 };
 
 // Why bytes were refused; the order of read_counters.
@@ -152,9 +154,6 @@ void set_debug(const int16_t* args, uint8_t count);  // 16
 void get_stream(const int16_t* args, uint8_t count);  // 17
 void start_stream(const int16_t* args, uint8_t count);  // 18
 void stop_stream(const int16_t* args, uint8_t count);  // 19
-void read_alcohol(const int16_t* args, uint8_t count);  // 20
-void read_dust(const int16_t* args, uint8_t count);  // 21
-void read_thermopile(const int16_t* args, uint8_t count);  // 22
 void start_sensor_stream(const int16_t* args, uint8_t count);  // 23
 void stop_sensor_stream(const int16_t* args, uint8_t count);  // 24
 void start_sensor_ldr_stream(const int16_t* args, uint8_t count);  // 25
@@ -172,6 +171,25 @@ void save_config(const int16_t* args, uint8_t count);  // 36
 void default_config(const int16_t* args, uint8_t count);  // 37
 void send_xbee(const int16_t* args, uint8_t count);  // 38
 void discover_xbee(const int16_t* args, uint8_t count);  // 40
+}  // namespace handlers
+
+// One function for each sensor; a forgotten one fails to link.  On the I2C bus: values out of the bytes of
+// its registers, false if they are none.  On the Uno's own pins: the value.
+namespace sensors {
+void ask(uint8_t code);
+int16_t alcohol();  // 20
+int16_t dust();  // 21
+bool thermopile(const uint8_t* bytes, int16_t* values);  // 22
+int16_t light();  // 41
+bool compass(const uint8_t* bytes, int16_t* values);  // 42
+}  // namespace sensors
+
+namespace handlers {
+inline void read_alcohol(const int16_t*, uint8_t) { sensors::ask(READ_ALCOHOL); }
+inline void read_dust(const int16_t*, uint8_t) { sensors::ask(READ_DUST); }
+inline void read_thermopile(const int16_t*, uint8_t) { sensors::ask(READ_THERMOPILE); }
+inline void read_light(const int16_t*, uint8_t) { sensors::ask(READ_LIGHT); }
+inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); }
 }  // namespace handlers
 
 }  // namespace mrl
@@ -217,7 +235,9 @@ void discover_xbee(const int16_t* args, uint8_t count);  // 40
   REQUEST(37, default_config, 0, 0, 1, 0, 26) \
   REQUEST(38, send_xbee, 6, 13, 0, 0, 26) \
   NO_REQUEST(39, xbee_text, 0, 0, 0, 0, 39) \
-  REQUEST(40, discover_xbee, 0, 0, 0, 0, 39)
+  REQUEST(40, discover_xbee, 0, 0, 0, 0, 39) \
+  REQUEST(41, read_light, 0, 0, 0, 0, 39) \
+  REQUEST(42, read_compass, 0, 0, 0, 0, 39)
 
 // lowest and highest value of each request's arguments
 #define MRL_ARGUMENT_RANGES(RANGE) \
@@ -274,6 +294,17 @@ void discover_xbee(const int16_t* args, uint8_t count);  // 40
   REASON(bad_check) \
   REASON(unavailable) \
   REASON(overrun)
+
+// name, code, in this build, I2C address, register, bytes, values, may be absent
+#define MRL_BUS_SENSORS(SENSOR) \
+  SENSOR(thermopile, 22, MRL_ENVIRONMENT, 104, 2, 8, 8, 0) \
+  SENSOR(compass, 42, MRL_ENVIRONMENT, 96, 2, 2, 1, 0)
+
+// name, code, in this build
+#define MRL_PIN_SENSORS(SENSOR) \
+  SENSOR(alcohol, 20, MRL_ENVIRONMENT) \
+  SENSOR(dust, 21, MRL_ENVIRONMENT) \
+  SENSOR(light, 41, MRL_ENVIRONMENT)
 
 // lowest and highest value of each parameter
 #define MRL_PARAMETER_RANGES(RANGE) \

@@ -2,13 +2,12 @@
 
 #include "config.h"
 #include "debug.h"
-#include "environment.h"
 #include "failsafe.h"
 #include "flash.h"
 #include "frame_writer.h"
-#include "i2c_sensors.h"
 #include "motor_board.h"
 #include "protocol.h"
+#include "sensors.h"
 #include "sonar.h"
 #include "status.h"
 #include "stream.h"
@@ -32,10 +31,11 @@ bool has_no_motors() {
   return motor::asked() && !motor::ever_found() && config::get(Parameter::robot_id) > LAST_WITH_MOTORS;
 }
 
-bool needs_thermopile(uint8_t code) { return is_sensor_stream(code) || code == READ_THERMOPILE; }
-
-Readiness sensor(bool valid, bool known) {
-  return valid ? Readiness::ready : known ? Readiness::impossible : Readiness::wait;
+// The sensor that a frame has to wait for, if any.
+uint8_t sensor_of(uint8_t code) {
+  if (is_sensor_stream(code)) return READ_THERMOPILE;
+  if (code == START_COMPASS_STREAM) return READ_COMPASS;
+  return code;
 }
 
 void report_encoders(bool with_counts) {
@@ -46,28 +46,9 @@ void report_encoders(bool with_counts) {
 
 void report_sensors(bool with_counts) {
   report_encoders(with_counts);
-  writer::add(environment::alcohol());
-  writer::add(environment::dust());
-  writer::add(i2c_sensors::hottest());
-}
-
-// Codes 20 to 28.
-void report_environment(uint8_t code, bool with_counts) {
-  switch (code) {
-    case READ_ALCOHOL:
-      return writer::add(environment::alcohol());
-    case READ_DUST:
-      return writer::add(environment::dust());
-    case READ_THERMOPILE:
-      return i2c_sensors::report_pixels();
-    case START_SENSOR_STREAM:
-      return report_sensors(with_counts);
-    case START_SENSOR_LDR_STREAM:
-      report_sensors(with_counts);
-      return writer::add(environment::light());
-    default:
-      return writer::add(i2c_sensors::bearing());
-  }
+  writer::add(sensors::alcohol());
+  writer::add(sensors::dust());
+  writer::add(sensors::largest(READ_THERMOPILE));
 }
 
 }  // namespace
@@ -80,18 +61,15 @@ bool needs_counts(uint8_t code) {
 bool is_stamped(uint8_t code) { return flash_byte(&STAMPED_ROWS[code - 1]); }
 
 void want_sensors(uint8_t code) {
-  if (needs_thermopile(code)) i2c_sensors::want_thermopile();
-  if (code == START_COMPASS_STREAM) i2c_sensors::want_compass();
+  if (code >= READ_ALCOHOL) sensors::want(sensor_of(code));
 }
 
-Readiness sensors(uint8_t code) {
-  if (needs_thermopile(code)) return sensor(i2c_sensors::thermopile_valid(), i2c_sensors::thermopile_known());
-  if (code == START_COMPASS_STREAM) return sensor(i2c_sensors::compass_valid(), i2c_sensors::compass_known());
+Readiness readiness(uint8_t code) {
+  if (code >= READ_ALCOHOL) return sensors::readiness(sensor_of(code));
   return code == ROBOT_INFO && !motor::asked() ? Readiness::wait : Readiness::ready;
 }
 
 void report(uint8_t code, int16_t value, bool with_counts) {
-  if (code >= READ_ALCOHOL && code <= STOP_COMPASS_STREAM) return report_environment(code, with_counts);
   switch (code) {
     case ROBOT_INFO:
       return motor::report_info();
@@ -102,6 +80,13 @@ void report(uint8_t code, int16_t value, bool with_counts) {
     case READ_ENCODERS_AND_SONARS:
       report_encoders(with_counts);
       return sonar::report();
+    case START_SENSOR_STREAM:
+      return report_sensors(with_counts);
+    case START_SENSOR_LDR_STREAM:
+      report_sensors(with_counts);
+      return writer::add(sensors::light());
+    case START_COMPASS_STREAM:
+      return sensors::report(READ_COMPASS);
     case GET_DEBUG:
       return debug::report();
     case GET_STREAM:
@@ -122,7 +107,7 @@ void report(uint8_t code, int16_t value, bool with_counts) {
     case DISCOVER_XBEE:
       return xbee::report_node();
     default:  // 32, 36 and 37 answer with the value they were asked with
-      return writer::add(value);
+      return sensors::knows(code) ? sensors::report(code) : writer::add(value);
   }
 }
 

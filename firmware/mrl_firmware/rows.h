@@ -14,7 +14,7 @@ bool is_stamped(uint8_t code);
 // Asks for what else the frame carries.
 void want_sensors(uint8_t code);
 // Whether all but the counters is there.
-Readiness sensors(uint8_t code);
+Readiness readiness(uint8_t code);
 // Hands the frame's numbers to the writer; `value` is what its handler wanted to be reminded of.
 void report(uint8_t code, int16_t value, bool with_counts);
 

@@ -4,7 +4,6 @@
 #include "board_clock.h"
 #include "build.h"
 #include "frame_writer.h"
-#include "i2c_sensors.h"
 #include "protocol.h"
 #include "status.h"
 

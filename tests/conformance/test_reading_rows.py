@@ -119,6 +119,8 @@ def test_another_streams_end_leaves_this_one_running(bench):
         "read_alcohol",
         "read_dust",
         "read_thermopile",
+        "read_light",
+        "read_compass",
         "start_sensor_stream",
         "start_sensor_ldr_stream",
         "start_compass_stream",
@@ -144,6 +146,14 @@ def test_alcohol_is_1023_minus_the_count(sensors):
 def test_thermopile(sensors):
     sensors.plant.environment.pixels_c = tuple(range(30, 38))
     assert sensors.reply("read_thermopile", wait_s=0.2) == tuple(range(30, 38))
+
+
+def test_light_and_compass_by_request(sensors):
+    """Facing the world's x, east."""
+    sensors.plant.environment.light_count = 321
+    sensors.run(0.1)
+    assert sensors.reply("read_light") == (321,)
+    assert sensors.reply("read_compass", wait_s=0.2) == (90,)
 
 
 def test_missing_thermopile_is_refused_and_a_fault(sensors):
