@@ -7,6 +7,7 @@ services and parameters stand in this package's README.
 import gc
 import os
 import signal
+import sys
 import threading
 import time
 from typing import Any, Callable, Dict, List, Optional
@@ -26,11 +27,13 @@ from mrl_driver.options import Options
 from mrl_driver.robots import Limits, RobotModel
 from mrl_driver.wheel_watch import Mismatch
 
-from . import environment, link_report, messages, reconfigure, robot_status
+from . import environment, messages, reconfigure
 from .commander import NOT_FINITE, Commander, lowered
+from .diagnostics import Diagnostics
 from .environment import Environment
 from .parameters import GROUPS, Parameters, check
 from .publishers import Publishers
+from .robot_status import StatusTeller
 from .services import Answer, Services
 
 DIAGNOSTICS_S = 1.0
@@ -38,9 +41,8 @@ STATUS_S = 0.2
 """A change of the robot's state is told within this time."""
 PORT_LOOK_S = 0.1
 WARN_EVERY_S = 1.0
-
-Wrapper = Any
-"""A diagnostic_updater.DiagnosticStatusWrapper."""
+SWITCH_S = 0.0005
+"""A frame waits no longer than this for a thread that is busy with a service; Python's own limit is 5 ms."""
 
 
 class RobotNode:
@@ -61,6 +63,7 @@ class RobotNode:
         )
         self._driver = Driver(parameters.port, parameters.robot, parameters.baud, options)
         self._battery_state = ""
+        self._tell_s = 0.0
 
     def run(self) -> None:
         """Serve until the node is shut down.
@@ -107,6 +110,9 @@ class RobotNode:
             rospy.Publisher, parameters.base_frame, board.capabilities, rospy.Time.now
         )
         self._publishers.battery(board, rospy.Time.now())
+        self._status = StatusTeller(
+            self._commander, self._publishers.status, rospy.get_name(), self._hardware_id(board)
+        )
         driver.on_telemetry(self._on_telemetry)
         driver.on_battery(self._on_battery)
         driver.on_event(self._on_event)
@@ -132,10 +138,17 @@ class RobotNode:
         }
         if self._parameters.allow_calibration:
             triggers["calibrate"] = services.calibrate
+
+        def told(answer: Answer) -> Answer:
+            self._status.tell()
+            return answer
+
         for name, action in triggers.items():
-            rospy.Service(name, Trigger, lambda _, act=action: TriggerResponse(*act()))
+            rospy.Service(name, Trigger, lambda _, act=action: TriggerResponse(*told(act())))
         rospy.Service(
-            "enable_motors", SetBool, lambda request: SetBoolResponse(*services.enable_motors(request.data))
+            "enable_motors",
+            SetBool,
+            lambda request: SetBoolResponse(*told(services.enable_motors(request.data))),
         )
 
     def _offer_reconfigure(self, model: RobotModel, limits: Limits) -> None:
@@ -149,25 +162,17 @@ class RobotNode:
             self._servers.append(Server(reconfigure.gains_description(model), self._on_gains, "gains"))
 
     def _serve(self, board: Board) -> None:
-        hardware_id = f"{self._parameters.port} robot {board.robot_id}"
         updater = diagnostic_updater.Updater()
-        updater.setHardwareID(hardware_id)
-        for name, task in (
-            ("Link", self._diagnose_link),
-            ("Motion", self._diagnose_motion),
-            ("Battery", self._diagnose_battery),
-            ("Board", self._diagnose_board),
-        ):
-            updater.add(name, task)
-        status = robot_status.new_status(rospy.get_name(), hardware_id)
-        due_s = time.monotonic()
-        while not self._driver.wait(STATUS_S):
-            if robot_status.fill_status(status, self._commander):
-                self._publishers.status(status)
-            if time.monotonic() >= due_s:
-                due_s += DIAGNOSTICS_S
+        updater.setHardwareID(self._hardware_id(board))
+        Diagnostics(self._driver, self._commander, self._parameters).add_to(updater)
+        while not self._driver.wait(DIAGNOSTICS_S):
+            self._status.tell()
+            if updater.publisher.get_num_connections():
                 updater.update()
-                self._request(self._environment.polls())
+            self._request(self._environment.polls())
+
+    def _hardware_id(self, board: Board) -> str:
+        return f"{self._parameters.port} robot {board.robot_id}"
 
     # -- from the driver, on its reading thread
 
@@ -177,6 +182,9 @@ class RobotNode:
             self._commander.tick()
         except MrlError:
             return  # the driver keeps the error, and the main thread reports it
+        if telemetry.arrival_s >= self._tell_s:
+            self._tell_s = telemetry.arrival_s + STATUS_S
+            self._status.tell()
 
     def _on_event(self, event: Any) -> None:
         if isinstance(event, Reply):
@@ -189,6 +197,7 @@ class RobotNode:
             rospy.logerr(f"{event}; the robot was stopped")
         elif isinstance(event, Reconnected):
             rospy.loginfo(f"the robot answers again, on {event.port}")
+        self._status.tell()
 
     def _start_environment(self) -> None:
         self._request(self._environment.starts())
@@ -258,43 +267,10 @@ class RobotNode:
             (rospy.loginfo if done else rospy.logerr)(text)
         return config
 
-    # -- diagnostics
-
-    def _diagnose_link(self, status: Wrapper) -> Wrapper:
-        driver, parameters = self._driver, self._parameters
-        health = link_report.health(driver.ready, driver.age_s)
-        values = link_report.values(
-            parameters.port, parameters.baud, driver.board, driver.statistics, driver.age_s, driver.telemetry
-        )
-        return _filled(status, health, values)
-
-    def _diagnose_motion(self, status: Wrapper) -> Wrapper:
-        commander = self._commander
-        health = robot_status.motion_health(commander)
-        return _filled(status, health, robot_status.motion_values(commander))
-
-    def _diagnose_battery(self, status: Wrapper) -> Wrapper:
-        driver = self._driver
-        assert driver.model is not None
-        state, volts = driver.battery_state, driver.battery_v
-        values = robot_status.battery_values(volts, state, driver.model.battery.capacity_ah)
-        return _filled(status, robot_status.battery_health(state, volts), values)
-
-    def _diagnose_board(self, status: Wrapper) -> Wrapper:
-        report = self._driver.status
-        values = robot_status.board_values(report, self._driver.temperature_c)
-        return _filled(status, robot_status.board_health(report), values)
-
-
-def _filled(status: Wrapper, health: link_report.Health, values: Dict[str, str]) -> Wrapper:
-    status.summary(health.level, health.message)
-    for key, value in values.items():
-        status.add(key, value)
-    return status
-
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the node; returns the exit code, that of the error if there was one."""
+    sys.setswitchinterval(SWITCH_S)
     try:
         rospy.init_node("robot_node", argv=argv, disable_signals=True)
         _end_on_signals()

@@ -1,6 +1,7 @@
 """What the robot does, as `status` and as diagnostics: levels, lines, keys and values.  Pure."""
 
-from typing import Any, Dict
+import threading
+from typing import Any, Callable, Dict, Optional, Tuple
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
@@ -19,31 +20,44 @@ MODES = {
 """Mode by what keeps the robot from moving; `drive` where nothing does."""
 
 
-def mode_of(commander: Commander) -> str:
-    """`drive`, or what keeps the robot from it."""
-    return MODES.get(commander.stopped_by, "drive")
+class StatusTeller:
+    """Publishes what the robot does, as soon as that has changed and `tell` is called; any thread may."""
+
+    def __init__(
+        self,
+        commander: Commander,
+        publish: Callable[[DiagnosticStatus], None],
+        node_name: str,
+        hardware_id: str,
+    ) -> None:
+        self._commander, self._publish = commander, publish
+        self._name, self._hardware_id = f"{node_name}: status", hardware_id
+        self._lock = threading.Lock()
+        self._told: Optional[Tuple[bool, str]] = None
+
+    def tell(self) -> None:
+        """Publish the state, unless that was done already."""
+        with self._lock:
+            state = self._commander.moving, self._commander.stopped_by
+            if state != self._told:
+                self._told = state
+                self._publish(self._message(*state))
+
+    def _message(self, moving: bool, cause: str) -> DiagnosticStatus:
+        level, line = motion_health(moving, cause)
+        values = {
+            "mode": mode_of(cause),
+            "ready": _yes(cause not in MODES),
+            "moving": _yes(moving),
+            "stopped by": NONE if moving else cause,
+        }
+        pairs = [KeyValue(key, value) for key, value in values.items()]
+        return DiagnosticStatus(level, self._name, line, self._hardware_id, pairs)
 
 
-def new_status(node_name: str, hardware_id: str) -> DiagnosticStatus:
-    """A status message of a node."""
-    return DiagnosticStatus(name=f"{node_name}: status", hardware_id=hardware_id)
-
-
-def fill_status(message: DiagnosticStatus, commander: Commander) -> bool:
-    """Write mode, readiness and stop cause; False where the message says so already."""
-    moving = commander.moving
-    values = {
-        "mode": mode_of(commander),
-        "ready": _yes(commander.ready),
-        "moving": _yes(moving),
-        "stopped by": NONE if moving else commander.stopped_by,
-    }
-    pairs = [KeyValue(key, value) for key, value in values.items()]
-    if pairs == message.values:
-        return False
-    message.values = pairs
-    message.level, message.message = motion_health(commander)
-    return True
+def mode_of(cause: str) -> str:
+    """`drive`, or what keeps the robot from it; from `Commander.stopped_by`."""
+    return MODES.get(cause, "drive")
 
 
 def battery_health(state: str, volts: float) -> Health:
@@ -84,11 +98,10 @@ def board_values(status: Any, temperature_c: float) -> Dict[str, str]:
     return values
 
 
-def motion_health(commander: Commander) -> Health:
-    """Level and line of the motion."""
-    cause = commander.stopped_by
-    if commander.moving or cause == NONE:
-        return Health(OK, "moving" if commander.moving else "ready")
+def motion_health(moving: bool, cause: str) -> Health:
+    """Level and line of the motion; `cause` is `Commander.stopped_by`."""
+    if moving or cause == NONE:
+        return Health(OK, "moving" if moving else "ready")
     level = ERROR if cause in (LINK, BATTERY, WHEEL) else WARN if cause in MODES else OK
     return Health(level, f"stopped by {cause}")
 
@@ -97,7 +110,7 @@ def motion_values(commander: Commander) -> Dict[str, str]:
     """Keys and values of the motion."""
     limits = commander.limits
     return {
-        "Mode": mode_of(commander),
+        "Mode": mode_of(commander.stopped_by),
         "Moving": _yes(commander.moving),
         "Stop Reason": commander.stopped_by,
         "Linear Speed Limit": f"{limits.linear_m_s:g} m/s",
