@@ -1,6 +1,7 @@
 """Boards for `bench_ros`: ptys that answer the greeting and stream frames at a set rate, with the time of each.
 
-Both counters go up by eight with each frame, so the pose tells which frame it came from.  Lines on stdin: `rate HZ`
+Both counters go up by eight with each frame, so the pose tells which frame it came from; after a stop they stand long
+enough to confirm it, for a robot that does not stop is told again and again.  Lines on stdin: `rate HZ`
 streams and forgets what was noted, `pause` ends the stream and prints what was noted as one line of JSON.
 """
 
@@ -22,6 +23,8 @@ CAPABILITIES = 0b10111
 COUNTS_A_FRAME = 8
 """Enough for a driver that watches whether the wheels follow commands, not too fast for a wheel at 2000 Hz."""
 SONARS = (150, 200, 80)
+STILL_S = 0.2
+"""So long do the wheels stand after a stop."""
 LATEST_S = 0.05
 """A frame that is this late is left out rather than sent in a burst."""
 
@@ -36,6 +39,7 @@ class Board:
         self._decoder = FrameDecoder(REQUESTS)
         self._stamps = self._count = 0
         self.streams = False
+        self._still_until_s = 0.0
         self.forget()
 
     def forget(self) -> None:
@@ -54,6 +58,8 @@ class Board:
         code, args = frame.code, frame.args
         if code == CODE["move_differential"]:
             self.moves.append((now, args[0], args[1]))
+        elif code == CODE["stop"]:
+            self._still_until_s = now + STILL_S
         elif code == CODE["robot_info"]:
             self._reply(code, 2500, 172, 1250, 2, 1)
         elif code == CODE["read_protocol"]:
@@ -75,17 +81,20 @@ class Board:
         """One more frame, and when it went."""
         if not self.streams:
             return
-        self._count += 1
+        now = time.monotonic()
+        still = now < self._still_until_s
+        self._count += not still
         checked, stamp = self._decoder.checked, None
         if checked:
             self._stamps += 1
-            ticks = round(time.monotonic() / TICK_S)
+            ticks = round(now / TICK_S)
             stamp = Stamp(_int16(self._stamps), _int16(ticks))
         count = _int16(self._count * COUNTS_A_FRAME)
         frame = encode_reply(
             CODE["read_encoders_and_sonars"], count, count, *SONARS, stamp=stamp, checked=checked
         )
-        self.written[self._count] = time.monotonic()
+        if not still:
+            self.written[self._count] = time.monotonic()
         os.write(self.master, frame)
 
 

@@ -205,13 +205,11 @@ class Bench:
 
 
 def _matched(written: Dict[int, float], arrived: List[Tuple[float, float]]) -> List[float]:
-    """Delays of the frames that arrived; the last frame gave the last message."""
+    """Delays of the frames that arrived, of each place the first; the last frame gave the last message."""
     if not arrived:
         return []
     offset = max(written) - round(arrived[-1][1] / METRES_A_FRAME)
-    delays = []
+    first: Dict[int, float] = {}
     for at, x_m in arrived:
-        frame = round(x_m / METRES_A_FRAME) + offset
-        if frame in written:
-            delays.append(at - written[frame])
-    return delays
+        first.setdefault(round(x_m / METRES_A_FRAME) + offset, at)
+    return [at - written[frame] for frame, at in first.items() if frame in written]
