@@ -17,6 +17,7 @@ _ORDER = ("front", "left", "right")
 READING_S = 0.1
 START_S = 0.25
 """Power on to the first possible reading [s]."""
+SOUND_M_S = 343.0
 HALF_CONE_RAD = math.radians(18.0)
 DEAD_ZONE_M, RANGE_M = 0.15, 6.45
 FULL_COUNT = 645
@@ -39,7 +40,8 @@ class SonarErrors(NamedTuple):
     missed: float = 0.0
     """Share of readings whose echo goes astray, so that nothing seems to be in range."""
     crosstalk: float = 0.0
-    """Share of readings that hear the echo of the sensor before in the chain, if that one is nearer."""
+    """Share of foreign pings that are taken for an echo if they come first: echoes of the sensor before in the chain,
+    and what sonars of other robots send straight into this one, which fire whenever they like."""
 
 
 FLAWLESS = SonarErrors()
@@ -114,13 +116,42 @@ class SonarChain:
         return (count + 0.5) * VOLTS_PER_COUNT if count else 0.0
 
     def _fire(self, mount: SonarMount, time_s: float) -> int:
-        pose = self._pose_at(time_s).beside(mount.x_m, mount.y_m, math.radians(mount.yaw_deg))
+        pose = _mounted(self._pose_at(time_s), mount)
         range_m = self._world.nearest(pose, HALF_CONE_RAD, RANGE_M, self._name)
-        return count_of(self._spoilt(range_m) if any(self._errors) else range_m)
+        return count_of(self._spoilt(range_m, pose) if any(self._errors) else range_m)
 
-    def _spoilt(self, range_m: float) -> float:
+    def _spoilt(self, range_m: float, pose: Pose) -> float:
         """A reading with the sensor's errors."""
         missed, confused, noise = self._rng.random(), self._rng.random(), self._rng.gauss(0.0, 1.0)
         heard = min(range_m, self._before_m) if confused < self._errors.crosstalk else range_m
         self._before_m = range_m
+        if self._errors.crosstalk:
+            heard = min([heard, *self._strangers(pose)])
         return math.inf if missed < self._errors.missed else heard + self._errors.noise * noise
+
+    def _strangers(self, pose: Pose) -> List[float]:
+        """Distances that pings of other robots pretend.  Those carry the same sonars; where their chains are in their
+        rounds is left to chance."""
+        found = []
+        for mover in self._world.robots(self._name):
+            for mount in self._mounts:
+                sender = _mounted(mover.pose, mount)
+                if not (_in_cone(pose, sender) and _in_cone(sender, pose)):
+                    continue
+                if not self._world.sees(pose.x_m, pose.y_m, sender.x_m, sender.y_m):
+                    continue
+                arrives_s = self._rng.uniform(0.0, READING_S * len(self._mounts))
+                if self._rng.random() < self._errors.crosstalk:
+                    found.append(0.5 * SOUND_M_S * arrives_s)
+        return [range_m for range_m in found if range_m < RANGE_M]
+
+
+def _mounted(robot: Pose, mount: SonarMount) -> Pose:
+    return robot.beside(mount.x_m, mount.y_m, math.radians(mount.yaw_deg))
+
+
+def _in_cone(sonar: Pose, other: Pose) -> bool:
+    """Whether a sonar's cone reaches another one."""
+    dx, dy = other.x_m - sonar.x_m, other.y_m - sonar.y_m
+    off = math.remainder(math.atan2(dy, dx) - sonar.yaw_rad, math.tau)
+    return abs(off) <= HALF_CONE_RAD and math.hypot(dx, dy) <= RANGE_M

@@ -1,5 +1,6 @@
 """The same seed gives the same bytes; time may run faster; pictures."""
 
+import math
 import subprocess
 import sys
 import time
@@ -10,7 +11,7 @@ from mrl_driver import robots
 from sim_arduino import picture
 from sim_arduino.boards import Options, make
 from sim_arduino.plant import Plant
-from sim_arduino.shapes import Wall
+from sim_arduino.shapes import Footprint, Pose, Wall
 from sim_arduino.sonars import READING_S, SonarChain, SonarErrors, count_of
 from sim_arduino.trail import Trail, frame
 from sim_arduino.view import Canvas, draw
@@ -46,9 +47,11 @@ def test_another_seed_gives_others():
 ROUND_S = 3 * READING_S
 
 
-def counts(errors, rounds=300, channel=0):
-    """Readings of a sonar with a wall 1 m before the front one."""
-    world = World([Wall(1.1, -0.2, 1.1, 0.2)])
+def counts(errors, rounds=300, channel=0, others=(), wall_x=1.1):
+    """Readings of a sonar with a wall before the front one, and other robots."""
+    world = World([Wall(wall_x, -0.2, wall_x, 0.2)])
+    for number, pose in enumerate(others):
+        world.place(f"r{number}", pose, Footprint(0.01, 0.01))
     chain = SonarChain(robots.load("traxbot").sonars, world, lambda time_s: ORIGIN, errors=errors, seed=1)
     chain.power(True, 0.0)
     found = []
@@ -77,6 +80,23 @@ def test_crosstalk_is_the_echo_of_the_sensor_before():
     found = counts(SonarErrors(crosstalk=0.3), channel=1)
     assert set(found) == {645, count_of(1.0)}
     assert found.count(count_of(1.0)) / len(found) == pytest.approx(0.3, abs=0.08)
+
+
+FACING, TURNED = Pose(5.0, 0.0, math.pi), Pose(5.0, 0.0, 0.0)
+
+
+def test_a_robot_that_faces_this_one_is_heard_now_and_then():
+    """Its ping comes at any moment of 0.3 s; one of the first 28 ms beats the echo from the other robot, 4.9 m away."""
+    found = [each for each in counts(SonarErrors(crosstalk=1.0), 400, 0, [FACING], wall_x=9.0)]
+    echo = count_of(4.9 - 0.005)
+    assert max(found) == echo
+    share = sum(each < echo for each in found) / len(found)
+    assert share == pytest.approx(2 * 4.9 / 343.0 / 0.3, abs=0.04)
+
+
+@pytest.mark.parametrize("other, wall_x", [(TURNED, 9.0), (FACING, 3.0), (Pose(0.0, 5.0, math.pi), 9.0)])
+def test_a_robot_that_faces_away_or_stands_behind_a_wall_is_not_heard(other, wall_x):
+    assert len(set(counts(SonarErrors(crosstalk=1.0), 100, 0, [other], wall_x))) == 1
 
 
 # ---- time
