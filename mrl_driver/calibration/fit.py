@@ -12,14 +12,28 @@ from ..robots import Drive, Noise
 from .run import Run, errors, length_m, path, spread, unit_spreads
 
 STEPS, ENOUGH = 20, 1e-10
-MEASURED_M, MEASURED_RAD = 0.002, 0.01
-"""How well people measure an end: 2 mm and half a degree."""
 LEAST_RUNS_FOR_NOISE = 6
 OUTLIER = 6.0
 """A run this many times as far off as is usual among the others was not measured right."""
 
 SCALE, OFFSET, SLIP, AXLE = "metres_per_count", "wheel_offset", "turn_slip", "wheel_separation_m"
 _DELTA = 1e-6
+
+
+class Measured(NamedTuple):
+    """How well ends are measured, as standard deviations."""
+
+    position_m: float
+    heading_rad: float
+
+    @property
+    def variances(self) -> Tuple[float, float, float]:
+        """Of x, y and heading."""
+        return self.position_m**2, self.position_m**2, self.heading_rad**2
+
+
+BY_TAPE, BY_TRUTH = Measured(0.002, 0.01), Measured(2e-4, 1e-3)
+"""People reach 2 mm and half a degree; of emulated robots the counts' own rounding is left."""
 
 
 class Fit(NamedTuple):
@@ -30,7 +44,9 @@ class Fit(NamedTuple):
     deviations: Tuple[float, ...]
 
 
-def fit(runs: Sequence[Run], start: Drive, free: Sequence[str], noise: Noise) -> Fit:
+def fit(
+    runs: Sequence[Run], start: Drive, free: Sequence[str], noise: Noise, measured: Measured = BY_TAPE
+) -> Fit:
     """The drive whose `free` numbers explain best where the runs ended.
 
     Args:
@@ -41,7 +57,7 @@ def fit(runs: Sequence[Run], start: Drive, free: Sequence[str], noise: Noise) ->
         ConfigError: the runs do not tell these numbers.
     """
     drive, runs = start, list(runs)
-    roots = [_root(start, run, noise) for run in runs]
+    roots = [_root(run, spread(start, run.steps, noise) + np.diag(measured.variances)) for run in runs]
     for _ in range(STEPS):
         found = _weighted(roots, errors(drive, runs))
         slopes = np.stack([_slope(drive, name, runs, roots) for name in free], axis=1)
@@ -73,9 +89,8 @@ def _slope(drive: Drive, name: str, runs: List[Run], roots: List[np.ndarray]) ->
     return _weighted(roots, ends / (2 * _DELTA))
 
 
-def _root(drive: Drive, run: Run, noise: Noise) -> np.ndarray:
-    """What makes a run's measured errors (K, 3) uncorrelated and of unit size."""
-    cover = spread(drive, run.steps, noise) + np.diag([MEASURED_M**2, MEASURED_M**2, MEASURED_RAD**2])
+def _root(run: Run, cover: np.ndarray) -> np.ndarray:
+    """What makes a run's measured errors, of covariance `cover`, uncorrelated and of unit size (K, 3)."""
     known = np.isfinite(run.end)
     picked = np.eye(3)[known]
     if not known.any():
@@ -99,7 +114,7 @@ def outlier(runs: Sequence[Run], fitted: Fit) -> int:
     return worst if off[worst] > max(OUTLIER * usual, 0.01) else -1
 
 
-def estimate_noise(runs: Sequence[Run], fitted: Fit, free: int) -> Noise:
+def estimate_noise(runs: Sequence[Run], fitted: Fit, free: int, measured: Measured = BY_TAPE) -> Noise:
     """The noise that makes what the fit has left most likely.
 
     Args:
@@ -115,7 +130,7 @@ def estimate_noise(runs: Sequence[Run], fitted: Fit, free: int) -> Noise:
     known = np.isfinite(fitted.errors)
     off = np.nan_to_num(fitted.errors)
     wheels, turns = (np.array(part) for part in zip(*(unit_spreads(fitted.drive, r.steps) for r in runs)))
-    doubt = np.where(known, [MEASURED_M**2, MEASURED_M**2, MEASURED_RAD**2], _UNKNOWN)[:, :, None] * np.eye(3)
+    doubt = np.where(known, measured.variances, _UNKNOWN)[:, :, None] * np.eye(3)
     share = max(0.1, 1 - free / int(known.sum()))
 
     def unlikelihood(wheel: float, turn: float) -> float:

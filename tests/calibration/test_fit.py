@@ -98,10 +98,11 @@ def test_noise_comes_out_of_the_runs_and_the_errors_of_a_hundred_others_agree_wi
     """Normalised error squared of 100 drives: its mean lies in its 95 % bounds, chi2 of 300 over 100."""
     rng = np.random.default_rng(4)
     true = BELIEVED._replace(turn_slip=0.1)
-    runs = laps(true, 30, NOISE, rng)
+    kinds = [paths.straight(2.0), paths.turn(6.0), paths.turn(-6.0), paths.square(), paths.square(left=False)]
+    runs = [paths.driven(moves, BELIEVED, true, NOISE, rng) for moves in kinds for _ in range(12)]
     found = fit.fit(runs, BELIEVED, [fit.OFFSET, fit.SLIP], TRAXBOT.noise)
-    noise = fit.estimate_noise(runs, found, 2)
-    yaw = [spread(true, runs[0].steps, each)[2, 2] for each in (noise, NOISE)]
+    noise = fit.estimate_noise(runs, found, 2, fit.BY_TRUTH)
+    yaw = [spread(true, runs[-1].steps, each)[2, 2] for each in (noise, NOISE)]
     assert yaw[0] == pytest.approx(yaw[1], rel=0.2)
     squared = []
     for i in range(100):
