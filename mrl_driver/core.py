@@ -112,6 +112,9 @@ class Core:
             self._spare_battery(now)
         elif isinstance(event, Reply):
             self.replies[event.frame.code] = event.frame.args
+            name = self.session.sensors.name_of(event.frame.code)
+            if name:
+                notices.append(("sensor", (name, self.session.sensors.readings[name])))
         return notices
 
     def _thin(self, notices: List[Notice]) -> List[Notice]:

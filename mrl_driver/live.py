@@ -11,7 +11,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from .commands.text import line, range_text
+from .commands.text import line, range_text, sensor_texts
 from .driver import Driver
 from .keyboard import Keyboard
 from .teleop import Teleop
@@ -61,7 +61,7 @@ def steer(driver: Driver, wanted: Tuple[float, float]) -> None:
 
 def view(driver: Driver, hint: str = "Ctrl-C: end") -> Panel:
     """The whole robot as one panel."""
-    body = Group(_motion(driver), Text(), _ranges(driver), Text(), _link(driver))
+    body = Group(_motion(driver), Text(), _ranges(driver), _sensors(driver), Text(), _link(driver))
     model = driver.model.name if driver.model else "robot"
     return Panel(body, title=f"{model} {driver.board.robot_id}", subtitle=hint, width=78)
 
@@ -87,6 +87,13 @@ def _ranges(driver: Driver) -> Table:
     grid = Table.grid(padding=(0, 2))
     for name, value in driver.ranges.items():
         grid.add_row(name, bar(value), range_text(value))
+    return grid
+
+
+def _sensors(driver: Driver) -> Table:
+    grid = Table.grid(padding=(0, 2))
+    for name, value in sensor_texts(driver).items():
+        grid.add_row(name, value)
     return grid
 
 

@@ -3,7 +3,7 @@
 import math
 import threading
 import time
-from typing import Any, Callable, Dict, List, Optional, Union
+from typing import Any, Callable, Dict, List, Optional, Tuple, Union
 
 from .core import Core
 from .errors import BoardTimeout, MrlError
@@ -11,6 +11,7 @@ from .handshake import Board
 from .motion import Motion
 from .odometry import ORIGIN, Pose, Twist
 from .robots import RobotModel
+from .sensors import Reading
 from .session import SessionEvent, Status
 from .state import Notice, RobotState, Telemetry
 from .statistics import Statistics
@@ -31,6 +32,7 @@ class Readout:
             "status": [],
             "battery": [],
             "state": [],
+            "sensor": [],
         }
 
     @property
@@ -131,6 +133,12 @@ class Readout:
         return dict(self._state.ranges) if self.ready else {}
 
     @property
+    def sensors(self) -> Dict[str, Reading]:
+        """Sensors of `table.SENSORS` that answer, by name; old readings are left out."""
+        with self._lock:
+            return self._core.session.sensors.fresh(self.now_s) if self._core.begun and self.ready else {}
+
+    @property
     def battery_v(self) -> float:
         """Battery voltage, at most 2 s old; NaN before it is known."""
         return self._state.info.battery_v if self._state.info else math.nan
@@ -188,6 +196,10 @@ class Readout:
     def on_battery(self, callback: Callable[[Board], None]) -> None:
         """Call for each new battery voltage and temperature."""
         self._listeners["battery"].append(callback)
+
+    def on_sensor(self, callback: Callable[[Tuple[str, Reading]], None]) -> None:
+        """Call for each answer of a sensor of `table.SENSORS`, with its name and reading."""
+        self._listeners["sensor"].append(callback)
 
     def on_event(self, callback: Callable[[Union[SessionEvent, Mismatch, MrlError]], None]) -> None:
         """Call for `Ready`, `Stale`, `Lost`, `Reconnected` and `Reply` of `events`, for a wheel's `Mismatch`, and for

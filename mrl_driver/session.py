@@ -12,6 +12,7 @@ from .codec import REPLIES, Event, Frame, FrameDecoder, Garbage, encode_request
 from .events import Counts, Info, Ready, Reply, SessionEvent, Sonars, Stale, Status, status_of
 from .handshake import DEFAULT_PLAN, Board, Handshake, Plan, board_of
 from .motion import QUICK, SLOW, STOP, Motion, Pace
+from .sensors import SensorPoll
 from .statistics import Counters
 from .table import BY_NAME
 
@@ -70,6 +71,7 @@ class Session:
         self._out = bytearray()
         self.counters = Counters()
         self.motion = Motion(timeout_s=command_timeout_s)
+        self.sensors = SensorPoll()
         self.board: Optional[Board] = None
         self.status: Optional[Status] = None
         self._clock = BoardClock()
@@ -203,7 +205,8 @@ class Session:
             stale_s = min(stale_s, self._attended_s + ATTENTION_S)
         if self.late(now):
             return min(stale_s, stop_s)
-        return min(stale_s, self._status_s, self._info_s, self._sonar_s, self.motion.due_s())
+        asked_s = min(self._status_s, self._info_s, self._sonar_s, self.sensors.next_s)
+        return min(stale_s, asked_s, self.motion.due_s())
 
     def late(self, now: float) -> bool:
         """Telemetry is so old that no motion is sent."""
@@ -239,6 +242,9 @@ class Session:
         if now >= self._sonar_s:
             self._sonar_s = now + SONAR_2013_S
             self._ask(_SONARS)
+        if now >= self.sensors.next_s:
+            for code in self.sensors.take(now):
+                self._send(code)
 
     def _ask(self, code: int) -> None:
         """A request of the poll; one whose answer is still missing at the next turn was lost."""
@@ -291,6 +297,7 @@ class Session:
         else:
             if frame.stamp is not None:
                 self._is_duplicate(frame.stamp.sequence)  # numbers run over the frames of all streams
+            self.sensors.heard(frame, now)
             events.append(Reply(frame))
         if self._greeting is not None:
             if code == _CHECK:
@@ -354,6 +361,7 @@ class Session:
         """The board restarted or fell silent: stopped until a new command, and greeted from the start."""
         self.motion.forget(reason)
         self._asked.clear()
+        self.sensors.end()
         self._status_s = self._info_s = self._sonar_s = math.inf
         self._greeting = Handshake(self._plan, self._send, self._admit, now, patient=True)
 
@@ -367,6 +375,7 @@ class Session:
         self.motion.pace, self.motion.skip_minus_one = SLOW if old else self._pace(), old
         self._status_s = math.inf if old else now + STATUS_S
         self._info_s = now + (POLL_2013_S if old else INFO_S)
+        self.sensors.begin(self.board.capabilities, self.board.version, now)
         if self._restarted:
             self._clock = BoardClock()
             self._sequence = self._last = None

@@ -3,6 +3,9 @@
 import math
 from typing import TYPE_CHECKING, Any, Dict
 
+from ..sensors import text
+from ..table import SENSOR_BY_NAME
+
 if TYPE_CHECKING:
     from ..readout import Readout
 
@@ -24,8 +27,14 @@ def line(driver: "Readout") -> str:
         f"x {pose.x_m:7.3f} m  y {pose.y_m:7.3f} m  yaw {math.degrees(pose.yaw_rad):7.2f} deg  "
         f"v {twist.linear_m_s:6.3f} m/s  w {twist.angular_rad_s:6.3f} rad/s  {ranges}  "
         f"battery {driver.battery_v:.1f} V ({driver.battery_state})"
+        + "".join(f"  {name} {value}" for name, value in sensor_texts(driver).items())
         + ("" if driver.ready else "  NO TELEMETRY")
     )
+
+
+def sensor_texts(driver: "Readout") -> Dict[str, str]:
+    """Reading of each sensor that answers, by name: `500 count`."""
+    return {name: text(SENSOR_BY_NAME[name], found) for name, found in driver.sensors.items()}
 
 
 def snapshot(driver: "Readout") -> Dict[str, Any]:
@@ -36,6 +45,7 @@ def snapshot(driver: "Readout") -> Dict[str, Any]:
         "twist": driver.twist._asdict(),
         "command": command._asdict() if command else None,
         "ranges_m": driver.ranges,
+        "sensors": {name: list(found.values) for name, found in driver.sensors.items()},
         "battery_v": driver.battery_v,
         "battery_state": driver.battery_state,
         "temperature_c": driver.temperature_c,

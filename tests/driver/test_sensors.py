@@ -1,0 +1,78 @@
+"""The sensors of the table, from the board's answers to the driver's readings."""
+
+import pytest
+
+from mrl_driver.codec import Frame
+from mrl_driver.commands.text import line
+from mrl_driver.sensors import ABSENT_S, Reading, SensorPoll, of_board, reading, text
+from mrl_driver.stepped import SteppedDriver
+from mrl_driver.table import SENSOR_BY_NAME, SENSORS, Field, Sensor
+from sim_arduino import boards
+
+ENVIRONMENT = frozenset({"environment"})
+TENTHS = Sensor(99, "tenths", "Read it.", (Field("it", -100, 100, "0.1 degC", "It."),), 20)
+
+
+@pytest.fixture(scope="module")
+def robot():
+    emulated = boards.make(boards.Options(environment=True))
+    emulated.plant.environment.light_count = 321
+    with SteppedDriver(emulated.engine) as driver:
+        driver.told = []
+        driver.on_sensor(driver.told.append)
+        driver.wait(2.0)
+        driver.plant = emulated.plant
+        yield driver
+    emulated.close()
+
+
+def test_all_sensors_of_the_board_are_read_beside_the_odometry(robot):
+    values = {name: found.values for name, found in robot.sensors.items()}
+    expected = {"alcohol": (123,), "dust": (300,), "light": (321,), "thermopile": (22,) * 8, "compass": (90,)}
+    assert (values, robot.statistics.lost, robot.ready) == (expected, 0, True)
+
+
+def test_each_answer_is_told(robot):
+    """The compass ten times a second, the others twice."""
+    names = [name for name, _ in robot.told]
+    assert names.count("compass") > 4 * names.count("light") > 4
+
+
+def test_they_stand_in_the_line_for_people(robot):
+    assert "light 321 count" in line(robot)
+
+
+def test_one_that_falls_silent_is_left_out(robot):
+    robot.plant.i2c[0x60].present = False
+    robot.wait(4.0)
+    assert set(robot.sensors) == {row.name for row in SENSORS} - {"compass"}
+
+
+def test_sonar_boards_are_asked_for_none_of_the_environment():
+    assert not any(row.capability for row in of_board(frozenset({"sonars"}), 2))
+
+
+def test_readings_are_in_the_base_unit():
+    found = reading(TENTHS, (-55,), 1.0)
+    assert (found, text(TENTHS, found)) == (Reading((-5.5,), 1.0), "-5.5 degC")
+
+
+def test_one_that_may_be_absent_is_asked_rarely_until_it_answers(monkeypatch):
+    monkeypatch.setattr("mrl_driver.sensors.SENSORS", (TENTHS,))
+    monkeypatch.setattr("mrl_driver.sensors._BY_CODE", {99: TENTHS})
+    poll, now, asked = SensorPoll(), 0.0, []
+    poll.begin(ENVIRONMENT, 2, now)
+    while now < 13.0:
+        now = poll.next_s
+        asked += [now for _ in poll.take(now)]
+    assert asked == [0.5, 1.0, 1.5, 1.5 + ABSENT_S, 1.5 + 2 * ABSENT_S]
+    poll.heard(Frame(99, (7,)), now)
+    assert poll.next_s == now + TENTHS.period_ms / 1000
+
+
+def test_scale_and_unit_stand_in_the_unit():
+    field = SENSOR_BY_NAME["compass"].fields[0]
+    assert [(each.scale, each.base_unit) for each in (TENTHS.fields[0], field)] == [
+        (0.1, "degC"),
+        (1.0, "deg"),
+    ]
