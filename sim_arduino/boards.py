@@ -76,8 +76,8 @@ def make(options: Options, world: Optional[World] = None) -> Emulated:
     model = robots.load(options.robot)
     errors, sonar = spelling.robot_errors(options.error), spelling.sonar_errors(options.sonar)
     around = _world(options) if world is None else world
-    pose = world_file.parse_pose(options.pose, around.start)
     name = options.name or f"robot{os.getpid()}"
+    pose = world_file.parse_pose(options.pose, around.start_of(name))
     _demand_room(around, pose, footprint_for(model, options.footprint), name)
     plant = Plant(
         model,

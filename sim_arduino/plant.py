@@ -68,7 +68,7 @@ class Plant:
         self.name = name
         if slip and model.body.tracks and not errors.turn_slip:
             errors = errors._replace(turn_slip=TRACK_SLIP)
-        start = self.world.start if pose is None else Pose(*pose)
+        start = self.world.start_of(name) if pose is None else Pose(*pose)
         self.robot = Robot(params_for(model, errors, omni), start)
         self.footprint = footprint_for(model, footprint)
         if self.footprint:

@@ -8,7 +8,7 @@ Answers are exact for straight walls.  How worlds are written stands in `world_f
 """
 
 import math
-from typing import Any, List, Optional, Sequence, Tuple
+from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 from .crowd import Crowd, LocalCrowd, Mover
 from .scene import Scene
@@ -24,6 +24,7 @@ class World:
     Attributes:
         crowd: The robots; one of several processes' where the world is shared.
         scene: Heat, gas, dust, light and north.
+        standing: Robots that stand there by name, each until one of its name comes and takes its place.
     """
 
     def __init__(
@@ -32,6 +33,7 @@ class World:
         self.start = start
         self.scene = Scene() if scene is None else scene
         self.crowd: Crowd = LocalCrowd()
+        self.standing: Dict[str, Mover] = {}
         self._index = WallIndex(walls)
 
     @property
@@ -49,13 +51,21 @@ class World:
 
     def robots(self, without: str = "") -> List[Mover]:
         """All robots but one."""
-        return self.crowd.others(without)
+        there = self.crowd.others(without)
+        if not self.standing:
+            return there
+        taken = {without, *(mover.name for mover in there)}
+        return there + [mover for name, mover in self.standing.items() if name not in taken]
+
+    def start_of(self, name: str) -> Pose:
+        """Where a robot of that name starts: where it stands already, or where all do."""
+        return self.standing[name].pose if name in self.standing else self.start
 
     def outlines(self, x: float, y: float, range_m: float, without: str = "") -> List[Wall]:
         """Sides of the robots that come nearer to a point than `range_m`."""
         return [
             side
-            for mover in self.crowd.others(without)
+            for mover in self.robots(without)
             if _gap(mover, x, y) < range_m
             for side in mover.footprint.outline(mover.pose)
         ]
@@ -92,14 +102,14 @@ class World:
 
     def clearance(self, x: float, y: float, without: str = "") -> float:
         """Distance from a point to the nearest wall or robot [m], a robot counted as the circle around it."""
-        gaps = [_gap(mover, x, y) for mover in self.crowd.others(without)]
+        gaps = [_gap(mover, x, y) for mover in self.robots(without)]
         return min(self._index.clearance(x, y), *gaps, math.inf)
 
     def touching(self, pose: Pose, footprint: Footprint, without: str = "") -> List[Wall]:
         """Walls, and sides of other robots, that reach into a robot at `pose`."""
         reach = footprint.radius_m
         near = self._index.near(pose.x_m, pose.y_m, reach)
-        for mover in self.crowd.others(without):
+        for mover in self.robots(without):
             if _gap(mover, pose.x_m, pose.y_m) < reach:
                 near += mover.footprint.outline(mover.pose) + mover.footprint.inside(mover.pose)
         return [wall for wall in near if footprint.touches(pose, wall)]

@@ -3,6 +3,7 @@
 start: [0, 0, 90]                    # x m, y m, yaw deg; optional like all the rest
 walls: [[-2, -2, 2, -2]]             # from x, y to x, y [m]
 boxes: [[1, 0.5, 0.4, 0.2, 30]]      # middle x, y, length, width [m], yaw [deg]
+robots: {two: [0.5, -1, 180]}        # name: x, y [m], yaw [deg] and maybe a model; a board of that name starts there
 north: 90                            # direction of north from x, counter-clockwise [deg]
 ambient: {temperature: 22, alcohol: 900, dust: 300, light: 500}
 heat: [[1, 1, 60, 0.1]]              # x, y [m], temperature [degC], radius [m]
@@ -20,17 +21,33 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 import yaml
 
+from mrl_driver import robots
 from mrl_driver.errors import ConfigError
 
+from .crowd import Mover
 from .scene import Scene, Source
 from .sensors import OTHERS, PIXELS, Environment
-from .shapes import Pose, Wall, polygon
+from .shapes import Footprint, Pose, Wall, polygon
 from .world import World
 
 _FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "worlds")
 FAR_M = 1000.0
+_FIRST_MODEL = "traxbot"
 _OTHERS = {row.name: row.fields[0] for row in OTHERS}
-_KEYS = ("start", "walls", "boxes", "north", "ambient", "heat", "gas", "dust", "light", "map", *_OTHERS)
+_KEYS = (
+    "start",
+    "walls",
+    "boxes",
+    "robots",
+    "north",
+    "ambient",
+    "heat",
+    "gas",
+    "dust",
+    "light",
+    "map",
+    *_OTHERS,
+)
 _COORDINATE = (-FAR_M, FAR_M)
 _SIZE = (0.001, FAR_M)
 _ANGLE = (-360.0, 360.0)
@@ -100,7 +117,28 @@ class _Reader:
         start = self._numbers(
             "start", self._get("start", [0, 0, 0]), "x, y, yaw", [_COORDINATE, _COORDINATE, _ANGLE]
         )
-        return World(walls, Pose(start[0], start[1], math.radians(start[2])), self._scene())
+        world = World(walls, Pose(start[0], start[1], math.radians(start[2])), self._scene())
+        world.standing = {mover.name: mover for mover in self._robots()}
+        return world
+
+    def _robots(self) -> List[Mover]:
+        found = self._get("robots", {})
+        if not isinstance(found, dict):
+            raise self._fail("robots", found, "names with [x, y, yaw] or [x, y, yaw, model]")
+        return [self._robot(str(name), row) for name, row in found.items()]
+
+    def _robot(self, name: str, row: Any) -> Mover:
+        key, model = f"robots.{name}", _FIRST_MODEL
+        if isinstance(row, list) and len(row) == 4:
+            *row, model = row
+        if not isinstance(model, str):
+            raise self._fail(key, model, f"as its model one of {', '.join(robots.names())}, or a file")
+        x, y, yaw = self._numbers(key, row, "x, y, yaw", [_COORDINATE, _COORDINATE, _ANGLE])
+        try:
+            body = robots.load(model).body
+        except ConfigError as error:
+            raise ConfigError(f"{self._path}: {key}: {error}") from None
+        return Mover(name, Pose(x, y, math.radians(yaw)), Footprint(body.length_m, body.width_m))
 
     def _scene(self) -> Scene:
         north = self._number("north", self._get("north", 90.0), _ANGLE)

@@ -7,6 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
+from sim_arduino.boards import Options, make
 from sim_arduino.world import Pose, Wall, World
 from sim_arduino.world_file import load, names, parse_pose
 
@@ -114,6 +115,22 @@ def test_start(tmp_path):
     assert load(write(tmp_path, "start: [1, 2, 90]")).start == pytest.approx((1, 2, math.pi / 2))
 
 
+def test_a_robot_of_the_file_stands_there_until_a_board_of_its_name_comes(tmp_path):
+    world = load(write(tmp_path, "robots: {two: [1, 0, 90, stingbot]}"))
+    footprint = world.standing["two"].footprint
+    assert world.nearest(ORIGIN, CONE_RAD, RANGE_M) == pytest.approx(1.0 - 0.5 * footprint.width_m)
+    assert world.nearest(ORIGIN, CONE_RAD, RANGE_M, "two") == math.inf
+    world.place("two", Pose(0.0, 3.0, 0.0), footprint)
+    assert world.nearest(ORIGIN, CONE_RAD, RANGE_M) == math.inf
+
+
+def test_a_board_starts_where_its_robot_stands(tmp_path):
+    path = write(tmp_path, "start: [5, 5, 0]\nrobots: {two: [1, 2, 90]}")
+    poses = {name: make(Options(world=path, name=name)).plant.true_pose for name in ("one", "two")}
+    assert poses["one"][:2] == (5.0, 5.0)
+    assert poses["two"] == pytest.approx((1, 2, math.pi / 2))
+
+
 @pytest.mark.parametrize(
     "text, message",
     [
@@ -126,6 +143,10 @@ def test_start(tmp_path):
         ("boxes: [[0, 0, 1, 1]]", r"boxes\[0\]"),
         ("wals: []", "key wals is unknown, expected start, walls, boxes"),
         ("start: [0, 0]", "start is"),
+        ("robots: [one]", r"robots is \['one'\], expected names"),
+        ("robots: {one: [0, 0]}", r"robots.one is \[0, 0\], expected \[x, y, yaw\], 3 numbers"),
+        ("robots: {one: [0, 0, 0, 7]}", "robots.one is 7, expected as its model one of"),
+        ("robots: {one: [0, 0, 0, r2d2]}", "robots.one: "),
         ("[]", "expected the keys"),
         ("walls: [", "no YAML"),
         ("walls:\n\t- 1", "no YAML"),
