@@ -21,19 +21,20 @@ from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 from mrl_driver.battery import EMPTY, LOW, OFF
 from mrl_driver.driver import Driver, Telemetry
 from mrl_driver.errors import LinkLost, MrlError
-from mrl_driver.events import Lost, Ready, Reconnected, Reply
+from mrl_driver.events import Lost, Reconnected, Reply
 from mrl_driver.handshake import Board
 from mrl_driver.options import Options
 from mrl_driver.robots import Limits, RobotModel
 from mrl_driver.wheel_watch import Mismatch
 
-from . import environment, messages, reconfigure
+from . import messages, radio, reconfigure
 from .commander import NOT_FINITE, Commander, lowered
 from .diagnostics import Diagnostics
-from .environment import Environment
 from .parameters import GROUPS, Parameters, check
 from .publishers import Publishers
+from .radio import Radio
 from .robot_status import StatusTeller
+from .sensor_topics import SensorTopics
 from .services import Answer, Services
 
 DIAGNOSTICS_S = 1.0
@@ -106,8 +107,9 @@ class RobotNode:
         self._publishers = Publishers(rospy.Publisher, rospy.exceptions.TransportException, parameters, model)
         if not board.capabilities or "sonars" in board.capabilities:
             self._publishers.sonars(rospy.Time.now())
-        self._environment = Environment(
-            rospy.Publisher, parameters.base_frame, board.capabilities, rospy.Time.now
+        self._radio = Radio(rospy.Publisher, board.capabilities)
+        sensors = SensorTopics(
+            rospy.Publisher, parameters.base_frame, board.capabilities, board.version, rospy.Time.now
         )
         self._publishers.battery(board, rospy.Time.now())
         self._status = StatusTeller(
@@ -116,11 +118,11 @@ class RobotNode:
         driver.on_telemetry(self._on_telemetry)
         driver.on_battery(self._on_battery)
         driver.on_event(self._on_event)
-        self._start_environment()
+        driver.on_sensor(sensors.on_sensor)
         self._offer_services()
         rospy.Subscriber("cmd_vel", Twist, self._on_cmd_vel, queue_size=1, tcp_nodelay=True)
         if "xbee" in board.capabilities:
-            rospy.Subscriber(environment.RADIO_OUT, KeyValue, self._on_radio, queue_size=10)
+            rospy.Subscriber(radio.RADIO_OUT, KeyValue, self._on_radio, queue_size=10)
         self._offer_reconfigure(model, limits)
         gc.collect()
         gc.freeze()  # what is there now stays: collections need not walk it again and again
@@ -169,7 +171,6 @@ class RobotNode:
             self._status.tell()
             if updater.publisher.get_num_connections():
                 updater.update()
-            self._request(self._environment.polls())
 
     def _hardware_id(self, board: Board) -> str:
         return f"{self._parameters.port} robot {board.robot_id}"
@@ -188,9 +189,7 @@ class RobotNode:
 
     def _on_event(self, event: Any) -> None:
         if isinstance(event, Reply):
-            self._environment.on_frame(event.frame)
-        elif isinstance(event, Ready):
-            self._start_environment()
+            self._radio.on_frame(event.frame)
         elif isinstance(event, Lost) and not rospy.is_shutdown():
             rospy.logerr(f"{event.reason}; the robot waits for a new command, the port is searched")
         elif isinstance(event, Mismatch):
@@ -198,9 +197,6 @@ class RobotNode:
         elif isinstance(event, Reconnected):
             rospy.loginfo(f"the robot answers again, on {event.port}")
         self._status.tell()
-
-    def _start_environment(self) -> None:
-        self._request(self._environment.starts())
 
     def _request(self, requests: List[Any]) -> None:
         try:
@@ -248,7 +244,7 @@ class RobotNode:
 
     def _on_radio(self, message: KeyValue) -> None:
         try:
-            self._request([environment.send_request(message)])
+            self._request([radio.send_request(message)])
         except ValueError as error:
             rospy.logwarn_throttle(WARN_EVERY_S, str(error))
 

@@ -10,9 +10,16 @@ from hypothesis import strategies as st
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Float32, Float32MultiArray, UInt16
 
+from mrl_driver.errors import ConfigError
 from mrl_driver.table import BY_NAME
-from ros1_bridge import environment
+from ros1_bridge import radio, sensor_topics
 from ros1_bridge.processes import wait_until
+
+COMPASS = sensor_topics.load()["compass"]
+
+
+def compass():
+    return sensor_topics.new_message(COMPASS, "base_link")
 
 
 def yaw_of(message):
@@ -21,14 +28,42 @@ def yaw_of(message):
 
 @pytest.mark.parametrize("bearing_deg, yaw_deg", [(0, 90), (90, 0), (180, -90), (45, 45)])
 def test_bearing_from_north_becomes_yaw_from_east(bearing_deg, yaw_deg):
-    message = environment.new_compass("base_link")
-    environment.fill_compass(message, None, bearing_deg)
+    message = compass()
+    sensor_topics.fill(message, COMPASS, (bearing_deg,), None)
     assert math.degrees(yaw_of(message)) == pytest.approx(yaw_deg)
 
 
 def test_compass_says_that_it_has_no_rates():
-    message = environment.new_compass("base_link")
+    message = compass()
     assert message.angular_velocity_covariance[0] == message.linear_acceleration_covariance[0] == -1
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("lux: {type: std_msgs/Float32}", "lux.sensor is 'lux', expected alcohol, dust"),
+        ("light: {type: std_msgs/Byte}", "light.type is 'std_msgs/Byte', expected std_msgs/UInt16"),
+        ("light: {typ: std_msgs/UInt16}", "light.typ is unknown, expected sensor, type"),
+        ("light: {}", "light.type is None, expected"),
+        ("light: {type: std_msgs/UInt16, factor: 0}", "light.factor is 0, expected a number but 0"),
+        ("light: {type: std_msgs/UInt16, variance: -1}", "light.variance is -1, expected 0 or more"),
+        ("light: 3", "light is 3, expected the keys sensor"),
+        ("[1]", r"file is \[1\], expected topics"),
+        ("a: [", "expected topics as YAML"),
+    ],
+)
+def test_wrong_sensor_topics_are_refused_by_name(tmp_path, text, message):
+    (tmp_path / "sensors.yaml").write_text(text)
+    with pytest.raises(ConfigError, match=message):
+        sensor_topics.load(str(tmp_path / "sensors.yaml"))
+
+
+def test_frame_takes_the_robots_prefix_and_values_their_factor():
+    entry = sensor_topics.Entry("light", "sensor_msgs/Illuminance", factor=0.5, variance=4.0, frame="nose")
+    message = sensor_topics.new_message(entry, "one/base_link")
+    sensor_topics.fill(message, entry, (10.0,), 7)
+    got = (message.header.frame_id, message.header.stamp, message.illuminance, message.variance)
+    assert got == ("one/nose", 7, 5.0, 4.0)
 
 
 @given(
@@ -36,21 +71,21 @@ def test_compass_says_that_it_has_no_rates():
     st.text(st.characters(min_codepoint=32, max_codepoint=126), min_size=1, max_size=16),
 )
 def test_text_survives_the_words_of_the_wire(address, text):
-    code, *fields = environment.send_request(KeyValue(f"{address:x}", text))
+    code, *fields = radio.send_request(KeyValue(f"{address:x}", text))
     assert code == BY_NAME["send_xbee"].code
-    assert environment.read_text(tuple(fields)) == (address, text)
+    assert radio.read_text(tuple(fields)) == (address, text)
 
 
 @pytest.mark.parametrize("key", ["", "robot", "-1", "1" * 17])
 def test_address_that_is_none_is_refused_by_name(key):
     with pytest.raises(ValueError, match="xbee/send key is"):
-        environment.send_request(KeyValue(key, "hello"))
+        radio.send_request(KeyValue(key, "hello"))
 
 
 @pytest.mark.parametrize("value", ["", "x" * 17, "\u00e9"])
 def test_text_that_the_wire_cannot_carry_is_refused(value):
     with pytest.raises(ValueError, match="expected 1 to 16 ASCII"):
-        environment.send_request(KeyValue("1", value))
+        radio.send_request(KeyValue("1", value))
 
 
 @pytest.fixture(scope="module")
