@@ -30,6 +30,7 @@ setup(
         "mrl_driver": ["py.typed"],
         "mrl_driver.robots": ["*.yaml"],
         "sim_arduino": ["py.typed", "worlds/*.yaml"],
+        "ros1_bridge": ["*.yaml"],
         "sim_arduino.avr": ["*.c", "*.h"],
     },
     install_requires=[
@@ -58,6 +59,6 @@ setup(
     entry_points={
         "console_scripts": ["mrl=mrl_driver.cli:main", "mrl-sim=sim_arduino.cli:main"],
         "pytest11": ["mrl_sim=sim_arduino.pytest_plugin"],
-        "mrl.commands": ["replay=sim_arduino.replay:main"],
+        "mrl.commands": ["replay=sim_arduino.replay:main", "mirror=sim_arduino.mirror:main"],
     },
 )

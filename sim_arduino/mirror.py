@@ -1,8 +1,9 @@
 """Mirrors of real robots: each stands in a shared world where its odometry says, and emulated robots meet it there.
 
-    python -m sim_arduino.mirror --world-name lab1 --name trax2 --pose 1,0,90 < poses
+    mrl monitor --robot lab3 --json | mrl mirror --world-name lab1 --name lab3 --pose 1,0,90
 
-reads JSON lines `{"x": 0.1, "y": 0.0, "yaw": 0.0}` [m, m, rad] from stdin, so that they may come over any pipe.
+reads JSON lines `{"x_m": 0.1, "y_m": 0.0, "yaw_rad": 0.0}` from stdin, or such an object under the key `pose`, so that
+they may come from anywhere over any pipe.
 """
 
 import json
@@ -70,17 +71,19 @@ def follow(mirror: Mirror, lines: Iterable[str]) -> None:
 def _pose(number: int, line: str) -> Tuple[float, float, float]:
     try:
         row = json.loads(line)
-        x, y, yaw = float(row["x"]), float(row["y"]), float(row["yaw"])
-    except (ValueError, KeyError, TypeError):
+        pose = row.get("pose", row)
+        x, y, yaw = (float(pose[key]) for key in Pose._fields)
+    except (ValueError, KeyError, TypeError, AttributeError):
         x = y = yaw = math.nan
     if not (abs(x) <= FAR_M and abs(y) <= FAR_M and abs(yaw) <= 1e6):
         raise ConfigError(
-            f'line {number} is {line.strip()[:80]!r}, expected {{"x": m, "y": m, "yaw": rad}} within {FAR_M:g} m'
+            f"line {number} is {line.strip()[:80]!r}, expected JSON with {', '.join(Pose._fields)} "
+            f"within {FAR_M:g} m"
         )
     return x, y, yaw
 
 
-@click.command("mrl-mirror", cls=OneLine)
+@click.command("mirror", cls=OneLine)
 @click.option("--world-name", required=True, metavar="NAME", help="The shared world.")
 @click.option("--name", required=True, help="The robot's name there.")
 @click.option("--robot", default="traxbot", metavar="NAME|FILE", show_default=True, help="Robot model.")

@@ -20,11 +20,19 @@ TESTS = [text for text in PYTHON if "def test_" in text]
 YAML = re.findall(r"```yaml\n(.*?)```", README, re.S)
 
 
+SETUP = (ROOT / "setup.py").read_text(encoding="utf-8")
+PLUGIN = re.search(r'"pytest11": \["(.*?)"\]', SETUP).group(1)
+
+
 def run_pytest(folder, text):
-    """The text as a test file of somebody else, with the plugin as pytest loads it when it is installed."""
+    """The text as a test file of somebody else, with the plugin as pytest finds it once it is installed."""
     (folder / "test_robot.py").write_text(text)
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "sim_arduino.pytest_plugin", "test_robot.py"]
+    installed = folder / "site" / "mrl_driver-0.dist-info"
+    installed.mkdir(parents=True)
+    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: mrl-driver\nVersion: 0\n")
+    (installed / "entry_points.txt").write_text(f"[pytest11]\n{PLUGIN}\n")
+    environment = {**os.environ, "PYTHONPATH": f"{ROOT}:{installed.parent}"}
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_robot.py"]
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
     return done.stdout + done.stderr
 
@@ -59,21 +67,16 @@ def test_the_world_of_the_readme_loads(tmp_path):
 
 
 def commands():
-    lines = re.findall(r"^    ((?:mrl-sim|python -m).*)$", README, re.M)
-    return [*lines, *re.findall(r"`(python -m [^`]*)`", README)]
+    return re.findall(r"^    (?:.*\| )?(mrl-sim .*|mrl mirror .*)$", README, re.M)
 
 
 @pytest.mark.parametrize("line", commands())
 def test_commands_of_the_readme_parse(line):
     words = line.split()
-    command = mirror if "sim_arduino.mirror" in words else main
-    command.make_context("mrl-sim", words[3:] if words[0] == "python" else words[1:])
+    command, options = (mirror, words[2:]) if words[0] == "mrl" else (main, words[1:])
+    command.make_context(words[0], options)
 
 
 def test_the_worlds_named_are_those_there_are():
     named = re.search(r"takes a name \((.*?)\)", README, re.S).group(1)
     assert sorted(re.findall(r"`([\w-]+)`", named)) == world_file.names()
-
-
-def test_pytest_finds_the_fixtures_once_installed():
-    assert '"pytest11": ["mrl_sim=sim_arduino.pytest_plugin"]' in (ROOT / "setup.py").read_text()

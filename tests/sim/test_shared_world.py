@@ -102,16 +102,18 @@ def test_bad_world_names(name):
 # ---- mirrors
 
 
-def test_a_mirror_stands_where_the_odometry_says(crowds, lab):
+@pytest.mark.parametrize("line", ["POSE", '{"pose": POSE, "battery_v": 12.1}'])
+def test_a_mirror_stands_where_the_odometry_says(crowds, lab, line):
     """Odometry that began at (1, 0), looking along y."""
     with Mirror(lab, "real", BOX, Pose(1.0, 0.0, 1.5707963267948966)) as mirror:
-        follow(mirror, ['{"x": 0.5, "y": 0.0, "yaw": 0.0}\n', "\n"])
+        pose = '{"x_m": 0.5, "y_m": 0.0, "yaw_rad": 0.0}'
+        follow(mirror, [line.replace("POSE", pose), "\n"])
         assert crowds[0].others("")[0].pose == pytest.approx((1.0, 0.5, 1.5707963))
     assert crowds[0].others("") == []
 
 
 @pytest.mark.parametrize(
-    "line", ["junk", '{"x": 1}', '{"x": 1, "y": NaN, "yaw": 0}', "[1, 2, 3]", '{"x": "a"}']
+    "line", ["junk", '{"x_m": 1}', '{"x_m": 1, "y_m": NaN, "yaw_rad": 0}', "[1, 2, 3]", '{"pose": 7}']
 )
 def test_a_bad_line_is_named_by_its_number(lab, line):
     with Mirror(lab, "real", BOX) as mirror, pytest.raises(ConfigError, match="line 2 is"):
