@@ -282,8 +282,9 @@ class Driver(Readout):
     def _first_link(self) -> Link:
         if isinstance(self._port, Link):
             return self._port
-        if self._options.record is not None:
-            self._tape = Tape(self._options.record, self._port, self._baud)
+        record, tap = self._options.record, self._options.tap
+        if record is not None or tap is not None:
+            self._tape = Tape(record, self._port, self._baud, tap)
         try:
             return self._open(self._port)
         except BaseException:

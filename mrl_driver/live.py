@@ -1,119 +1,185 @@
-"""A robot on the terminal: a live view, or a line a second where there is no terminal."""
+"""A robot on the terminal: a live view with keys to drive."""
 
+import contextlib
 import math
+import sys
 import time
-from functools import partial
-from typing import Tuple
+from typing import TYPE_CHECKING, Callable, Iterator, List, NamedTuple, Tuple
 
-from rich.console import Console, Group
+from rich.console import Console
 from rich.live import Live
-from rich.panel import Panel
-from rich.table import Table
-from rich.text import Text
 
-from .commands.text import line, range_text, sensor_texts
-from .driver import Driver
+from .canvas import Point
+from .frame_log import FrameLog
 from .keyboard import Keyboard
+from .live_view import Shown, render
+from .state import Telemetry
 from .teleop import Teleop
 
-REFRESH_HZ = 10
-BAR_M, BAR_WIDTH = 4.0, 24
+if TYPE_CHECKING:
+    from .driver import Driver
+
+TICK_S, REFRESH_S = 0.05, 0.1
+TRAIL_STEP_M = 0.01
+TRAIL_POINTS = 4000
 
 
-def watch(driver: Driver, seconds: float) -> None:
-    """Show the robot for `seconds`, on a terminal live, else a line a second."""
-    console = Console()
-    deadline = time.monotonic() + seconds
-    if not console.is_terminal:
-        while time.monotonic() < deadline and not driver.wait(
-            min(1.0, max(0.0, deadline - time.monotonic()))
-        ):
-            console.print(line(driver), soft_wrap=True, highlight=False)
-        return
-    with Live(console=console, refresh_per_second=REFRESH_HZ, get_renderable=lambda: view(driver)):
-        driver.wait(min(seconds, 1e6))
+class Trail:
+    """The way so far: a point each centimetre; a long one is thinned out."""
+
+    def __init__(self) -> None:
+        self.points: List[Point] = []
+        self.distance_m = 0.0
+        self._step_m = TRAIL_STEP_M
+
+    def add(self, telemetry: Telemetry) -> None:
+        """A new pose."""
+        point = telemetry.pose.x_m, telemetry.pose.y_m
+        if not self.points:
+            self.points.append(point)
+        step_m = math.dist(point, self.points[-1])
+        if step_m < self._step_m:
+            return
+        self.points.append(point)
+        self.distance_m += step_m
+        if len(self.points) > TRAIL_POINTS:
+            self.points, self._step_m = self.points[::2], self._step_m * 2
+
+    def clear(self) -> None:
+        """Forget all but the newest point."""
+        self.points = self.points[-1:]
+        self.distance_m, self._step_m = 0.0, TRAIL_STEP_M
 
 
-def drive(driver: Driver) -> None:
-    """Drive with the keyboard until `q`: arrows or wasd drive while they are held, space stops.
+class Rate:
+    """Frames per second over the last second."""
 
-    A press lasts for `teleop.HOLD_S`, so a terminal that is cut off stops the robot.
+    def __init__(self) -> None:
+        self._seen: List[Tuple[float, int]] = []
+
+    def update(self, frames: int, now_s: float) -> float:
+        """The rate, by a counter of frames [Hz]."""
+        self._seen = [each for each in self._seen if now_s - each[0] <= 1.0][-20:]
+        self._seen.append((now_s, frames))
+        (first_s, first), (last_s, last) = self._seen[0], self._seen[-1]
+        return (last - first) / (last_s - first_s) if last_s > first_s else 0.0
+
+
+class Settings(NamedTuple):
+    """What the live view begins with."""
+
+    port: str = ""
+    record: str = ""
+    """File of the recording; empty without one."""
+    keys_drive: bool = False
+    """Keys drive from the start; else Enter has to be pressed first."""
+    ignore_battery: bool = False
+
+
+class Screen:
+    """The live view: takes keys, drives, and tells what is to be shown."""
+
+    def __init__(self, driver: "Driver", settings: Settings, log: FrameLog) -> None:
+        self._driver, self._settings, self._log = driver, settings, log
+        self._trail, self._rate, self._teleop = Trail(), Rate(), Teleop()
+        self._keys_drive, self._shows_log, self._notice = settings.keys_drive, True, ""
+        self._start_s = time.monotonic()
+        self._frames = 0
+        self.ended = False
+        driver.on_telemetry(self._on_telemetry)
+
+    def _on_telemetry(self, telemetry: Telemetry) -> None:
+        self._frames += 1
+        self._trail.add(telemetry)
+
+    def press(self, key: str, now_s: float) -> None:
+        """Take a key."""
+        if key in ("q", "escape"):
+            self.ended = True
+        elif key in ("\r", "\n"):
+            self._toggle_keys()
+        elif key == "f":
+            self._shows_log = not self._shows_log
+        elif key == "c":
+            self._trail.clear()
+        elif key == "space":
+            self._teleop.press(key, now_s)
+            self._driver.stop()
+            self._notice = ""
+        elif self._keys_drive:
+            self._teleop.press(key, now_s)
+        elif self._teleop.moves(key):
+            self._notice = "press Enter first to drive with the keys"
+
+    def _toggle_keys(self) -> None:
+        empty = self._driver.battery_state in ("empty", "off") and not self._settings.ignore_battery
+        self._keys_drive = not self._keys_drive and not empty
+        self._notice = f"the battery is {self._driver.battery_state}: no driving" if empty else ""
+
+    def steer(self, now_s: float) -> None:
+        """Put the speeds of the keys that are held in force; stop when none is."""
+        wanted = self._teleop.command(now_s) if self._keys_drive else (0.0, 0.0)
+        if any(wanted):
+            self._driver.drive(*wanted)
+        elif self._driver.command is not None:
+            self._driver.stop()
+
+    def shown(self, now_s: float) -> Shown:
+        """What is to be seen now."""
+        mismatch = self._driver.mismatch
+        return Shown(
+            self._driver,
+            self._settings.port,
+            self._settings.record,
+            now_s - self._start_s,
+            self._rate.update(self._frames, now_s),
+            self._trail.points,
+            self._trail.distance_m,
+            self._log.lines() if self._shows_log else None,
+            self._keys_drive,
+            f"{mismatch}; space goes on" if mismatch is not None else self._notice,
+            now_s,
+        )
+
+
+def show(driver: "Driver", settings: Settings, log: FrameLog, seconds: float) -> None:
+    """Show the robot for `seconds`, or until `q`.
+
+    Raises:
+        MrlError: what the driver failed with.
     """
-    teleop = Teleop()
-    console = Console()
-    show = partial(view, driver, "hold arrows or wasd: drive   space: stop   q: quit")
-    with Keyboard() as keyboard, Live(console=console, refresh_per_second=REFRESH_HZ, get_renderable=show):
-        while not driver.wait(0):
-            for key in keyboard.read(0.05):
-                if key in ("q", "escape"):
-                    return
-                teleop.press(key, time.monotonic())
-            steer(driver, teleop.command(time.monotonic()))
+    _run(driver, Screen(driver, settings, log), Console(), seconds)
 
 
-def steer(driver: Driver, wanted: Tuple[float, float]) -> None:
-    """Put the speeds of the keys that are held in force; stop when none is."""
-    if any(wanted):
-        driver.drive(*wanted)
-    elif driver.command is not None:
-        driver.stop()
-
-
-def view(driver: Driver, hint: str = "Ctrl-C: end") -> Panel:
-    """The whole robot as one panel."""
-    body = Group(_motion(driver), Text(), _ranges(driver), _sensors(driver), Text(), _link(driver))
-    model = driver.model.name if driver.model else "robot"
-    return Panel(body, title=f"{model} {driver.board.robot_id}", subtitle=hint, width=78)
-
-
-def _motion(driver: Driver) -> Table:
-    pose, twist, asked = driver.pose, driver.twist, driver.command
-    grid = Table.grid(padding=(0, 2))
-    grid.add_row(
-        "pose",
-        f"x {pose.x_m:8.3f} m",
-        f"y {pose.y_m:8.3f} m",
-        f"yaw {math.degrees(pose.yaw_rad):7.2f} deg",
+def _run(driver: "Driver", screen: Screen, console: Console, seconds: float) -> None:
+    start_s, shown_s = time.monotonic(), -math.inf
+    live = Live(
+        console=console, screen=True, auto_refresh=False, redirect_stdout=False, redirect_stderr=False
     )
-    grid.add_row("speed", f"{twist.linear_m_s:8.3f} m/s", f"{twist.angular_rad_s:8.3f} rad/s", "")
-    grid.add_row(
-        "asked",
-        *("stopped", "", "") if asked is None else (f"{asked[0]:8.3f} m/s", f"{asked[1]:8.3f} rad/s", ""),
-    )
-    return grid
+    with _keyboard() as read, live:
+        while not screen.ended and time.monotonic() - start_s < seconds:
+            keys = read(TICK_S)
+            now_s = time.monotonic()
+            for key in keys:
+                screen.press(key, now_s)
+            screen.steer(now_s)
+            if now_s >= shown_s + REFRESH_S:
+                shown_s = now_s
+                live.update(render(screen.shown(now_s), console.width, console.height), refresh=True)
+            if driver.wait(0):
+                return
 
 
-def _ranges(driver: Driver) -> Table:
-    grid = Table.grid(padding=(0, 2))
-    for name, value in driver.ranges.items():
-        grid.add_row(name, bar(value), range_text(value))
-    return grid
+@contextlib.contextmanager
+def _keyboard() -> Iterator[Callable[[float], List[str]]]:
+    """Keys, where stdin is a terminal; elsewhere none ever come."""
+    if not sys.stdin.isatty():
+        yield _no_keys
+        return
+    with Keyboard() as keyboard:
+        yield keyboard.read
 
 
-def _sensors(driver: Driver) -> Table:
-    grid = Table.grid(padding=(0, 2))
-    for name, value in sensor_texts(driver).items():
-        grid.add_row(name, value)
-    return grid
-
-
-def bar(value_m: float) -> str:
-    """A range as a bar of up to `BAR_WIDTH` characters for `BAR_M`."""
-    share = 0.0 if math.isnan(value_m) else max(0.0, min(1.0, value_m / BAR_M))
-    return ("#" * round(share * BAR_WIDTH)).ljust(BAR_WIDTH, ".")
-
-
-def _link(driver: Driver) -> Table:
-    seen, status = driver.statistics, driver.status
-    style = {"ok": "", "low": "yellow"}.get(driver.battery_state, "red")
-    charge = Text(f"{driver.battery_v:.1f} V {driver.battery_state}", style=style)
-    damage = f"{seen.lost} lost, {sum(seen.garbage.values())} damaged, {seen.refused_counts} refused"
-    age = f"{driver.age_s * 1000:.0f} ms old" if driver.ready else "NO TELEMETRY"
-    health = "firmware 1 (2013), no watchdog"
-    if status is not None:
-        health = f"last stop: {status.stop_reason}; faults: {', '.join(status.faults) or 'none'}"
-    grid = Table.grid(padding=(0, 2))
-    grid.add_row("battery", charge, f"{driver.temperature_c:.0f} degC")
-    grid.add_row("link", f"{seen.frames} frames", damage)
-    grid.add_row("board", age, health)
-    return grid
+def _no_keys(timeout_s: float) -> List[str]:
+    time.sleep(timeout_s)
+    return []

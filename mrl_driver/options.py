@@ -1,6 +1,6 @@
 """How a driver behaves: its options, and what they may be."""
 
-from typing import Any, NamedTuple, Optional
+from typing import Any, Callable, NamedTuple, Optional
 
 from .errors import ConfigError
 from .handshake import TIMEOUT_S
@@ -35,6 +35,10 @@ class Options(NamedTuple):
     """
     record: Optional[str] = None
     """File that gets every byte both ways with its time, see `recording`; one that is there is overwritten."""
+    tap: Optional[Callable[[str, bytes], None]] = None
+    """Called with each chunk of bytes, and which way it goes: `>` to the board before it is sent, `<` from it as it
+    comes.  It must be quick, and not raise; an open `Link` given as port is not listened to.
+    """
 
 
 DEFAULTS = Options()

@@ -1,6 +1,6 @@
-"""Recording while driving: links that tell a recorder every byte, and remarks on how to read them."""
+"""Listening while driving: links that tell a recorder, or any listener, every byte."""
 
-from typing import Optional
+from typing import Callable, Optional
 
 from .link import Link
 from .recording import FROM_BOARD, REMARK, TO_BOARD, Recorder
@@ -9,41 +9,52 @@ CHECKED, PLAIN = b"checked", b"plain"
 """Remarks: from here on the board's frames carry a check value, or none."""
 
 
-class RecordedLink(Link):
-    """A link that gives each chunk to `recorder`: what is sent before it goes, what comes when it is read."""
+Tap = Callable[[str, bytes], None]
+"""Told of each chunk of bytes: which way (`>` to the board, `<` from it), and the bytes."""
 
-    def __init__(self, port: str, baud: int, recorder: Recorder) -> None:
+
+class RecordedLink(Link):
+    """A link that gives each chunk to `tap`: what is sent before it goes, what comes when it is read."""
+
+    def __init__(self, port: str, baud: int, tap: Tap) -> None:
         super().__init__(port, baud)
-        self._recorder = recorder
+        self._tap = tap
 
     def read(self, timeout_s: float) -> bytes:
         """As `Link.read`."""
         data = super().read(timeout_s)
         if data:
-            self._recorder.add(FROM_BOARD, data)
+            self._tap(FROM_BOARD, data)
         return data
 
     def write(self, data: bytes) -> None:
         """As `Link.write`."""
-        self._recorder.add(TO_BOARD, data)
+        self._tap(TO_BOARD, data)
         super().write(data)
 
 
 class Tape:
-    """The recording of one driver, over all links that it opens.
+    """The recording of one driver, over all links that it opens; `recorder` is None without a `path`.
 
     Raises:
         ConfigError: the file cannot be created.
     """
 
-    def __init__(self, path: str, port: str, baud: int) -> None:
-        self.recorder = Recorder(path, port=port, baud=baud)
+    def __init__(self, path: Optional[str], port: str, baud: int, tap: Optional[Tap] = None) -> None:
+        self.recorder = Recorder(path, port=port, baud=baud) if path is not None else None
+        self._tap = tap
         self._checked: Optional[bool] = None
 
+    def _hear(self, way: str, data: bytes) -> None:
+        if self.recorder is not None:
+            self.recorder.add(way, data)
+        if self._tap is not None and way != REMARK:
+            self._tap(way, data)
+
     def open(self, port: str, baud: int) -> RecordedLink:
-        """A link that is recorded; as `Link`."""
-        link = RecordedLink(port, baud, self.recorder)
-        self.recorder.add(REMARK, b"opened " + port.encode("utf-8", "replace"))
+        """A link that is listened to; as `Link`."""
+        link = RecordedLink(port, baud, self._hear)
+        self._hear(REMARK, b"opened " + port.encode("utf-8", "replace"))
         self._checked = None
         return link
 
@@ -51,8 +62,9 @@ class Tape:
         """The board's frames carry a check value from now on, or none; remarked when it changes."""
         if checked != self._checked:
             self._checked = checked
-            self.recorder.add(REMARK, CHECKED if checked else PLAIN)
+            self._hear(REMARK, CHECKED if checked else PLAIN)
 
     def close(self) -> None:
         """Write what waits, and close the file."""
-        self.recorder.close()
+        if self.recorder is not None:
+            self.recorder.close()

@@ -34,6 +34,11 @@ class Teleop:
         self._until_s[direction] = now_s + HOLD_S
         return True
 
+    @staticmethod
+    def moves(key: str) -> bool:
+        """The key is one that drives."""
+        return _LETTERS.get(key, key) in _DIRECTIONS
+
     def command(self, now_s: float) -> Tuple[float, float]:
         """Speeds (linear [m/s], angular [rad/s]) at a time; zero once every key is released."""
         held = [_DIRECTIONS[key] for key, until_s in self._until_s.items() if now_s < until_s]

@@ -9,7 +9,17 @@ import click
 
 from ..errors import BoardTimeout, ConfigError, WheelFault
 from ..names import Target
-from .shared import battery_option, connected, json_option, record_option, robot_options, say_json, warn
+from .monitor import watch_live
+from .shared import (
+    FOREVER_S,
+    battery_option,
+    connected,
+    json_option,
+    record_option,
+    robot_options,
+    say_json,
+    warn,
+)
 from .text import line, snapshot
 
 if TYPE_CHECKING:
@@ -50,13 +60,11 @@ def drive(
             raise ConfigError(f"--for is {seconds}, expected seconds from above 0 to 3600")
     elif as_json or not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise ConfigError("there is no terminal to drive from; give --linear or --angular, and --for SECONDS")
+    if not timed:
+        watch_live(target, FOREVER_S, record, ignore_battery, keys_drive=True)
+        return
     with connected(target, ignore_battery=ignore_battery, record=record) as driver:
         warn(driver)
-        if not timed:
-            from .. import live
-
-            live.drive(driver)
-            return
         drive_for(driver, linear or 0.0, angular or 0.0, seconds or 0.0)
         if as_json:
             say_json(snapshot(driver))

@@ -1,27 +1,52 @@
 """`mrl monitor` and `mrl record`: watch a robot, and drive it."""
 
-from typing import Optional
+import sys
+import time
+from typing import TYPE_CHECKING, Optional
 
 import click
 
 from ..names import Target
-from .shared import connected, demand_seconds, record_option, robot_options, seconds_option, warn
+from .shared import (
+    battery_option,
+    connected,
+    demand_port,
+    demand_seconds,
+    json_option,
+    record_option,
+    robot_options,
+    say_json,
+    seconds_option,
+    warn,
+)
+from .text import line, snapshot
+
+if TYPE_CHECKING:
+    from ..driver import Driver
+
+LINE_S = 1.0
 
 
 @click.command()
 @robot_options
 @seconds_option
+@battery_option
 @record_option
-def monitor(target: Target, seconds: float, record: Optional[str]) -> None:
-    """Watch a robot: pose, speeds, ranges, battery, link.
+@json_option
+def monitor(
+    target: Target, seconds: float, ignore_battery: bool, record: Optional[str], as_json: bool
+) -> None:
+    """Watch a robot: path, speeds, ranges, battery, link, frames; Enter lets the keys drive.
 
-    Without a terminal it prints a line a second.
+    Without a terminal it prints a line a second; with --json an object a line.
 
     \b
-    Example:
+    Examples:
       mrl monitor --port /dev/ttyACM0
+      mrl monitor --robot lab3 --record drive.mrl
+      mrl monitor --robot lab3 --json --seconds 10 > drive.jsonl
     """
-    _watch(target, seconds, record)
+    _watch(target, seconds, record, as_json, ignore_battery)
 
 
 @click.command()
@@ -32,19 +57,69 @@ def record(target: Target, seconds: float, file: str) -> None:
     """Watch a robot, and keep every byte both ways in FILE.
 
     \b
-    Example:
-      mrl record --port /dev/ttyACM0 drive.mrl; mrl replay drive.mrl
+    Examples:
+      mrl record --port /dev/ttyACM0 drive.mrl
+      mrl replay drive.mrl; mrl plot drive.mrl
     """
     _watch(target, seconds, file)
 
 
-def _watch(target: Target, seconds: float, file: Optional[str]) -> None:
+def _watch(
+    target: Target,
+    seconds: float,
+    file: Optional[str],
+    as_json: bool = False,
+    ignore_battery: bool = False,
+) -> None:
     demand_seconds(seconds)
+    if not as_json and sys.stdout.isatty():
+        watch_live(target, seconds, file, ignore_battery)
+        return
     with connected(target, ignore_battery=True, record=file) as driver:
         warn(driver)
-        from .. import live
-
         try:
-            live.watch(driver, seconds)
+            _print_lines(driver, seconds, as_json)
         except KeyboardInterrupt:
             return
+
+
+def _print_lines(driver: "Driver", seconds: float, as_json: bool) -> None:
+    end_s = time.monotonic() + seconds
+    while time.monotonic() < end_s and not driver.wait(min(LINE_S, max(0.0, end_s - time.monotonic()))):
+        if as_json:
+            say_json(snapshot(driver))
+        else:
+            click.echo(line(driver))
+        sys.stdout.flush()
+
+
+def watch_live(
+    target: Target,
+    seconds: float,
+    file: Optional[str] = None,
+    ignore_battery: bool = False,
+    keys_drive: bool = False,
+) -> None:
+    """The live view; with `keys_drive` an empty battery is refused, as for driving."""
+    from ..frame_log import FrameLog
+    from ..live import Settings, show
+    from .progress import waiting
+
+    log = FrameLog()
+    settings = Settings(demand_port(target), file or "", keys_drive, ignore_battery)
+    connection = connected(
+        target,
+        ignore_battery=ignore_battery or not keys_drive,
+        record=file,
+        tap=lambda way, data: log.hear(way, data, time.monotonic()),
+    )
+    with waiting("waiting for the board to answer"):
+        driver = connection.__enter__()
+    try:
+        warn(driver)
+        show(driver, settings, log, seconds)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        connection.__exit__(None, None, None)
+    click.echo(line(driver))

@@ -10,7 +10,7 @@ import time
 import click.testing
 import pytest
 
-from mrl_driver import cli, keyboard, live
+from mrl_driver import cli, keyboard
 from mrl_driver.commands import text
 
 PATIENCE_S = 20
@@ -267,11 +267,6 @@ def test_driving_with_the_keyboard(serve):
 )
 def test_ranges_for_people(value, words):
     assert text.range_text(value) == words
-
-
-def test_bars_end_at_their_width():
-    assert live.bar(float("inf")) == "#" * live.BAR_WIDTH
-    assert live.bar(float("nan")) == "." * live.BAR_WIDTH
 
 
 @pytest.mark.parametrize(

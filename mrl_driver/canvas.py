@@ -1,0 +1,121 @@
+"""A place seen from above, drawn with braille characters: eight dots each.  Pure."""
+
+import math
+from typing import List, NamedTuple, Sequence, Tuple
+
+_BITS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
+"""Bit of each dot in a braille character, by row and column."""
+_BLANK = 0x2800
+_SPANS_M = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0, 24.0, 32.0)
+"""Widths of view; the view jumps from one to the next instead of growing all the time."""
+_STEP_M = 0.5
+_MARGIN_M = 0.3
+ARROWS = "→↗↑↖←↙↓↘"
+"""Headings in steps of 45 deg, counter-clockwise from x; y points up."""
+
+Point = Tuple[float, float]
+
+
+class View(NamedTuple):
+    """What part of the plane is seen: its middle [m], and how large it is drawn [dots per metre]."""
+
+    x_m: float
+    y_m: float
+    scale: float
+
+
+class Run(NamedTuple):
+    """Neighbouring characters of one style, a key of the caller's."""
+
+    text: str
+    style: str
+
+
+def fit(points: Sequence[Point], columns: int, rows: int) -> View:
+    """A view that holds all points, in steps, so that it stands still while the robot drives."""
+    xs, ys = [point[0] for point in points], [point[1] for point in points]
+    x_m = round((max(xs) + min(xs)) / 2 / _STEP_M) * _STEP_M
+    y_m = round((max(ys) + min(ys)) / 2 / _STEP_M) * _STEP_M
+    reach_x = max(abs(x - x_m) for x in xs) + _MARGIN_M
+    reach_y = max(abs(y - y_m) for y in ys) + _MARGIN_M
+    for span_m in _SPANS_M:
+        scale = min(columns * 2, rows * 4) / span_m
+        if reach_x * scale <= columns and reach_y * scale <= rows * 2:
+            return View(x_m, y_m, scale)
+    return View(x_m, y_m, min(columns / reach_x, rows * 2 / reach_y))
+
+
+class Canvas:
+    """Dots and characters on `rows` lines of `columns`; what is drawn later lies on top."""
+
+    def __init__(self, columns: int, rows: int, view: View) -> None:
+        self.columns, self.rows, self.view = columns, rows, view
+        self._bits = [[0] * columns for _ in range(rows)]
+        self._marks = [[""] * columns for _ in range(rows)]
+        self._styles = [[""] * columns for _ in range(rows)]
+
+    def dot(self, point: Point, style: str) -> None:
+        """Set the dot at a place [m]; outside nothing happens."""
+        column, row = self._at(point)
+        if 0 <= column < self.columns * 2 and 0 <= row < self.rows * 4:
+            self._bits[row // 4][column // 2] |= _BITS[row % 4][column % 2]
+            self._styles[row // 4][column // 2] = style
+
+    def line(self, start: Point, end: Point, style: str, every: int = 1) -> None:
+        """Set each `every`th dot from one place to another."""
+        length = math.hypot(end[0] - start[0], end[1] - start[1]) * self.view.scale
+        steps = min(4000, max(1, math.ceil(length / every)))
+        for i in range(steps + 1):
+            share = i / steps
+            self.dot((start[0] + (end[0] - start[0]) * share, start[1] + (end[1] - start[1]) * share), style)
+
+    def arc(self, middle: Point, radius_m: float, from_rad: float, to_rad: float, style: str) -> None:
+        """Set the dots of an arc."""
+        steps = min(2000, max(2, math.ceil(abs(to_rad - from_rad) * radius_m * self.view.scale)))
+        for i in range(steps + 1):
+            angle = from_rad + (to_rad - from_rad) * i / steps
+            self.dot((middle[0] + radius_m * math.cos(angle), middle[1] + radius_m * math.sin(angle)), style)
+
+    def mark(self, point: Point, character: str, style: str, over: bool = True) -> None:
+        """Put a character at a place [m]; unless `over`, only where nothing is."""
+        column, row = (each // size for each, size in zip(self._at(point), (2, 4)))
+        if not (0 <= column < self.columns and 0 <= row < self.rows):
+            return
+        if over or not (self._bits[row][column] or self._marks[row][column]):
+            self._marks[row][column], self._styles[row][column] = character, style
+
+    def grid(self, step_m: float, style: str) -> None:
+        """A point at each multiple of `step_m`, where nothing else is."""
+        half_x, half_y = self.columns / self.view.scale, self.rows * 2 / self.view.scale
+        for x in _multiples(self.view.x_m, half_x, step_m):
+            for y in _multiples(self.view.y_m, half_y, step_m):
+                self.mark((x, y), "·", style, over=False)
+
+    def lines(self) -> List[List[Run]]:
+        """What was drawn, line by line."""
+        return [_runs(*row) for row in zip(self._bits, self._marks, self._styles)]
+
+    def _at(self, point: Point) -> Tuple[int, int]:
+        column = self.columns + (point[0] - self.view.x_m) * self.view.scale
+        row = self.rows * 2 - (point[1] - self.view.y_m) * self.view.scale
+        return math.floor(_bounded(column)), math.floor(_bounded(row))
+
+
+def _bounded(value: float) -> float:
+    return max(-1e6, min(1e6, value))
+
+
+def _multiples(middle: float, half: float, step: float) -> List[float]:
+    first, last = math.ceil((middle - half) / step), math.floor((middle + half) / step)
+    return [i * step for i in range(first, last + 1)]
+
+
+def _runs(bits: List[int], marks: List[str], styles: List[str]) -> List[Run]:
+    found: List[Run] = []
+    for cell, mark, style in zip(bits, marks, styles):
+        character = mark or (chr(_BLANK + cell) if cell else " ")
+        if found and found[-1].style == style:
+            found[-1] = Run(found[-1].text + character, style)
+        else:
+            found.append(Run(character, style))
+    return found

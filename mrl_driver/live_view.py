@@ -1,0 +1,236 @@
+"""The live view: what is known of a robot as panels of a terminal.  Pure but for the terminal library."""
+
+import math
+from typing import TYPE_CHECKING, List, NamedTuple, Optional, Sequence, Tuple
+
+from rich.console import Group, RenderableType
+from rich.layout import Layout
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from .canvas import Point
+from .commands.text import range_text
+from .frame_log import Line
+from .live_map import draw
+from .table import SENSOR_BY_NAME
+
+if TYPE_CHECKING:
+    from .readout import Readout
+
+LEFT_COLUMNS = 37
+NARROW, LOW = 72, 18
+"""A terminal of fewer columns shows no map; one of fewer rows no frames."""
+_BAR = 12
+_FARTHEST_BAR_M = 3.0
+_NEAR_M = 0.3
+_STALE_S = 0.3
+_FRESH_S, _OLD_S = 0.3, 3.0
+_BATTERY_STYLES = {"ok": "green", "low": "yellow"}
+
+
+class Shown(NamedTuple):
+    """State of the view at one moment."""
+
+    driver: "Readout"
+    port: str
+    record: str
+    elapsed_s: float
+    rate_hz: float
+    trail: Sequence[Point]
+    distance_m: float
+    log: Optional[List[Line]]
+    """None while it is hidden."""
+    keys_drive: bool
+    notice: str
+    """What the user should know now; empty for nothing."""
+    now_s: float
+
+
+def render(now: Shown, width: int, height: int) -> RenderableType:
+    """The whole screen of `width` x `height` characters."""
+    screen = Layout()
+    rows = [Layout(_header(now, width), size=1), Layout(name="body"), Layout(_footer(now, width), size=1)]
+    screen.split_column(*rows)
+    inner = height - 2
+    if width < NARROW:
+        screen["body"].update(_left(now, inner))
+        return screen
+    columns = width - LEFT_COLUMNS
+    log_rows = 0 if now.log is None or height < LOW else max(5, min(len(now.log), inner // 3)) + 2
+    right = Layout()
+    parts = [Layout(_map(now, columns, inner - log_rows), name="map")]
+    if log_rows:
+        parts.append(Layout(_frames(now, columns, log_rows - 2), size=log_rows))
+    right.split_column(*parts)
+    screen["body"].split_row(Layout(_left(now, inner), size=LEFT_COLUMNS), right)
+    return screen
+
+
+def _header(now: Shown, width: int) -> Text:
+    driver = now.driver
+    model = driver.model.name if driver.model else "robot"
+    text = Text(no_wrap=True, overflow="crop", style="reverse")
+    text.append(f" {model} {driver.board.robot_id} ", style="bold")
+    text.append(f" {now.port}  ")
+    silent = driver.age_s > _STALE_S or not driver.ready
+    text.append(f"NO TELEMETRY for {driver.age_s:.1f} s" if silent else f"{now.rate_hz:.0f} Hz", style="bold")
+    minutes, seconds = divmod(int(now.elapsed_s), 60)
+    right = f"{'recording ' + now.record if now.record else ''}  {minutes:02d}:{seconds:02d} "
+    text.append(" " * max(1, width - len(text.plain) - len(right)) + right)
+    return text
+
+
+def _footer(now: Shown, width: int) -> Text:
+    if now.notice:
+        return Text(f" {now.notice}", style="bold red", no_wrap=True, overflow="ellipsis")
+    keys = (
+        [("arrows wasd", "drive"), ("space", "stop"), ("Enter", "lock keys")]
+        if now.keys_drive
+        else [("Enter", "drive with keys"), ("space", "stop")]
+    )
+    text = Text(no_wrap=True, overflow="crop")
+    for key, what in [*keys, ("f", "frames"), ("c", "clear path"), ("q", "quit")]:
+        text.append(f" {key} ", style="reverse").append(f" {what}  ", style="dim")
+    return text
+
+
+def _panel(content: RenderableType, title: str, style: str = "blue") -> Panel:
+    return Panel(content, title=f"[bold]{title}[/]", title_align="left", border_style=style, padding=(0, 1))
+
+
+def _grid() -> Table:
+    grid = Table.grid(padding=(0, 1))
+    grid.add_column(style="dim", min_width=8, max_width=8, no_wrap=True)
+    grid.add_column(no_wrap=True)
+    return grid
+
+
+def _left(now: Shown, height: int) -> RenderableType:
+    """Panels of numbers; on a low terminal without frames around them."""
+    silent = now.driver.age_s > _STALE_S or not now.driver.ready
+    parts: List[Tuple[Table, str, str]] = [
+        (_motion(now), "motion", "green" if now.driver.command else "blue"),
+        (_ranges(now.driver), "sonars", "blue"),
+        (_supply(now.driver), "board", "blue"),
+        (_link(now), "link", "red" if silent else "blue"),
+    ]
+    if now.driver.sensors:
+        parts.insert(2, (_sensors(now.driver), "sensors", "blue"))
+    if height < sum(part.row_count + 2 for part, _, _ in parts):
+        return Group(*(part for part, _, _ in parts))
+    return Group(*(_panel(*part) for part in parts))
+
+
+def _motion(now: Shown) -> Table:
+    driver, grid = now.driver, _grid()
+    pose, twist, asked = driver.pose, driver.twist, driver.command
+    grid.add_row("pose", f"x {pose.x_m:+.3f}  y {pose.y_m:+.3f} m")
+    grid.add_row("heading", f"{math.degrees(pose.yaw_rad):+.1f} deg")
+    grid.add_row("speed", f"{twist.linear_m_s:+.3f} m/s  {twist.angular_rad_s:+.2f} rad/s")
+    if asked is None:
+        reason = driver.stop_reason
+        grid.add_row(
+            "asked", Text("stopped" if reason in ("none", "user") else f"stopped: {reason}", style="yellow")
+        )
+    else:
+        grid.add_row("asked", Text(f"{asked[0]:+.3f} m/s  {asked[1]:+.2f} rad/s", style="green"))
+    grid.add_row("way", f"{now.distance_m:.2f} m")
+    return grid
+
+
+def _ranges(driver: "Readout") -> Table:
+    grid = _grid()
+    order = [name for name in ("left", "front", "right") if name in driver.ranges]
+    for name in [*order, *(name for name in driver.ranges if name not in order)]:
+        value = driver.ranges[name]
+        share = 0.0 if math.isnan(value) else max(0.0, min(1.0, value / _FARTHEST_BAR_M))
+        text = _bar(share, "red" if value < _NEAR_M else "yellow" if value < 2 * _NEAR_M else "cyan")
+        grid.add_row(name, text.append(f" {range_text(value)}", style="default"))
+    if not driver.ranges:
+        grid.add_row("", Text("none", style="dim"))
+    return grid
+
+
+def _sensors(driver: "Readout") -> Table:
+    grid = _grid()
+    for name, reading in driver.sensors.items():
+        unit = SENSOR_BY_NAME[name].fields[0].base_unit
+        grid.add_row(name, " ".join(f"{value:g}" for value in reading.values) + f" {unit}")
+    return grid
+
+
+def _supply(driver: "Readout") -> Table:
+    grid, status, style = _grid(), driver.status, _BATTERY_STYLES.get(driver.battery_state, "red")
+    volts, share = driver.battery_v, 0.0
+    if driver.model is not None:
+        levels = driver.model.battery
+        share = (volts - levels.empty_v) / (levels.full_v - levels.empty_v)
+    words = "" if driver.battery_state == "ok" else f" {driver.battery_state}"
+    grid.add_row("battery", _bar(share, style).append(f" {volts:.1f} V{words}", style=style))
+    heat = f"{driver.temperature_c:.0f} degC"
+    if status is None:
+        grid.add_row("firmware", "1 (2013), no watchdog")
+        return grid
+    grid.add_row("firmware", f"{driver.board.version}, up {_span(status.uptime_s)}, {heat}")
+    grid.add_row("stopped", f"by {status.stop_reason.replace('_', ' ')}")
+    faults = ", ".join(status.faults)
+    grid.add_row("faults", Text(faults or "none", style="bold red" if faults else ""))
+    return grid
+
+
+def _span(seconds: int) -> str:
+    if seconds < 600:
+        return f"{seconds} s"
+    return f"{seconds // 60} min" if seconds < 36000 else f"{seconds // 3600} h"
+
+
+def _link(now: Shown) -> Table:
+    grid, seen = _grid(), now.driver.statistics
+    if not now.driver.ready:
+        grid.add_row("state", Text(f"silent for {now.driver.age_s:.1f} s", style="bold red"))
+    else:
+        grid.add_row("state", f"{now.rate_hz:.0f} Hz, newest {now.driver.age_s * 1000:.0f} ms ago")
+    damage = sum(seen.garbage.values())
+    bad = f"{seen.lost} lost, {damage} damaged" + (f", {seen.restarts} resets" if seen.restarts else "")
+    grid.add_row("errors", Text(bad, style="yellow" if seen.lost or damage or seen.restarts else ""))
+    return grid
+
+
+def _bar(share: float, style: str) -> Text:
+    full = round(min(1.0, max(0.0, share)) * _BAR)
+    return Text("━" * full, style=style).append("╌" * (_BAR - full), style="grey37")
+
+
+def _map(now: Shown, columns: int, rows: int) -> Panel:
+    canvas, step_m = draw(now.driver, now.trail, max(4, columns - 4), max(2, rows - 2))
+    lines = []
+    for runs in canvas.lines():
+        text = Text(no_wrap=True)
+        for run in runs:
+            text.append(run.text, style=run.style)
+        lines.append(text)
+    return _panel(Group(*lines), f"path and sonars[/] [dim]· each {step_m:g} m")
+
+
+def _frames(now: Shown, columns: int, rows: int) -> Panel:
+    """The kinds of frames that came last, in the order in which they first came."""
+    lines = sorted(now.log or [], key=lambda line: line.time_s)[-rows:]
+    shown = [line for line in now.log or [] if line in lines]
+    room = columns - 4
+    return _panel(
+        Group(*(_frame(line, now.now_s, room) for line in shown)), "frames[/] [dim]> to the board  < from it"
+    )
+
+
+def _frame(line: Line, now_s: float, room: int) -> Text:
+    """One kind of frame; its name where there is room."""
+    age_s = now_s - line.time_s
+    style = "yellow" if line.name == "text" else "bold" if age_s < _FRESH_S and line.times < 20 else ""
+    text = Text(no_wrap=True, overflow="ellipsis", style="dim" if age_s > _OLD_S else "")
+    text.append(line.way, style="magenta" if line.way == ">" else "green")
+    text.append(f"{line.times:>6}x ", style="dim")
+    text.append(line.text, style=style)
+    name = line.name.replace("_", " ")
+    space = room - len(text.plain) - len(name)
+    return text.append(" " * space + name, style="dim") if space > 1 else text
