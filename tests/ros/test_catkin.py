@@ -1,0 +1,163 @@
+"""Built by catkin, in devel and in install space, the package is what it is unbuilt; a run of it is clean."""
+
+import contextlib
+import os
+import re
+import shutil
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from ros1_bridge.processes import Child, wait_until
+from ros1_bridge.run import master_answers
+
+from .rig import ROOT, START_S, free_port
+
+SPACES = ("devel", "install")
+PARTS = ("LICENSE", "README.md", "package.xml", "CMakeLists.txt", "setup.py")
+PACKAGES = ("mrl_driver", "sim_arduino", "ros1_bridge")
+TESTS = ("tests/ros/robot.test", "tests/ros/drive_and_stop")
+OF_THE_MACHINE = ("Please update rosdep", "missing core ROS Python modules: rosdep2")
+"""What roswtf says where rosdep is not installed."""
+UNCONNECTED = "node subscriptions are unconnected"
+LISTEN_S = 1.0
+
+
+class Workspace:
+    """A catkin workspace with this package alone."""
+
+    def __init__(self, folder):
+        self.folder, self.source = folder, folder / "src" / "mrl_robots"
+        self.env = {
+            k: v for k, v in os.environ.items() if k.startswith(("ROS_D", "CMAKE", "PYTHON", "LD_", "PKG"))
+        }
+        self.env.update(
+            PATH=os.pathsep.join(("/usr/bin:/bin", os.environ["PATH"])),  # Debian's python3, no other
+            HOME=str(folder),
+            USER=folder.name,
+            ROS_IP="127.0.0.1",
+            ROS_MASTER_URI=f"http://127.0.0.1:{free_port()}",
+            ROS_ROOT=str(folder / "ros"),
+            PYTHONDONTWRITEBYTECODE="1",
+        )
+
+    def build(self):
+        """Copies what belongs to the package, and installs it."""
+        unwanted = shutil.ignore_patterns("__pycache__", "*.pyc", "*.png")
+        for name in PACKAGES:
+            shutil.copytree(ROOT / name, self.source / name, ignore=unwanted)
+        (self.source / "tests" / "ros").mkdir(parents=True)
+        (self.folder / "ros").mkdir()
+        for name in (*PARTS, *TESTS):
+            shutil.copy(ROOT / name, self.source / name)
+        build = self.folder / "build"
+        prefixes = [
+            f"-DCATKIN_DEVEL_PREFIX={self.folder}/devel",
+            f"-DCMAKE_INSTALL_PREFIX={self.folder}/install",
+        ]
+        self.demand("cmake", "-S", str(self.source), "-B", str(build), *prefixes)
+        return self.demand("cmake", "--build", str(build), "--target", "install")
+
+    def in_space(self, space, *command):
+        """A command as it runs in a shell that has sourced a space."""
+        return ("sh", "-c", '. "$0" && exec "$@"', f"{self.folder}/{space}/setup.sh", *command)
+
+    def demand(self, *command):
+        """Run it and return what it said; it must succeed."""
+        done = subprocess.run(
+            command, env=self.env, cwd=str(self.folder), capture_output=True, text=True, timeout=110
+        )
+        said = done.stdout + done.stderr
+        assert done.returncode == 0, said
+        return said
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory):
+    made = Workspace(tmp_path_factory.mktemp("catkin"))
+    made.build()
+    return made
+
+
+@contextlib.contextmanager
+def running(workspace, space):
+    """A running sim.launch of a space, ended by Ctrl-C; demands that it ends without a rest and without a warning."""
+    folder, uri = workspace.folder, workspace.env["ROS_MASTER_URI"]
+    launch = (
+        "roslaunch",
+        "-p",
+        uri.rsplit(":", 1)[1],
+        "mrl_robots",
+        "sim.launch",
+        f"name:={folder.name}_{space}",
+    )
+    command = workspace.in_space(space, *launch)
+    child = Child("roslaunch", command, folder / f"{space}.log", workspace.env, folder)
+    try:
+        assert wait_until(lambda: master_answers(uri) or child.exit_code is not None, START_S)
+        yield child
+    finally:
+        child.signal(signal.SIGINT)
+        child.finish(START_S)
+    assert child.exit_code == 0
+    assert processes(folder) == ""
+    logs = [path for path in (folder / ".ros" / "log").rglob("*.log") if "master" not in path.name]
+    said = "\n".join(child.output() + [path.read_text(errors="replace") for path in logs])
+    assert "shutting down" in said and not re.search(r"WARN|\[ERROR|Traceback|escalating", said), said
+
+
+def processes(folder):
+    """Those that have the folder's name among their arguments, as each process of the workspace has."""
+    return subprocess.run(["pgrep", "-af", str(folder)], capture_output=True, text=True, check=False).stdout
+
+
+def test_catkin_lint_is_clean(workspace):
+    said = workspace.demand("catkin_lint", "-W2", "--strict", "--offline", str(workspace.source))
+    assert "found 0 problems" in said
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_files_have_the_same_path_in_the_package(workspace, space):
+    found = Path(workspace.demand(*workspace.in_space(space, "rospack", "find", "mrl_robots")).strip())
+    assert workspace.folder in found.parents
+    for part in ("launch", "navigation", "rviz", "urdf"):
+        names = [path.relative_to(ROOT) for path in (ROOT / "ros1_bridge" / part).iterdir()]
+        assert names and all((found / name).is_file() for name in names)
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_nodes_are_found(workspace, space):
+    folder = workspace.folder / space / "lib" / "mrl_robots"
+    nodes = {path.name for path in (ROOT / "ros1_bridge" / "nodes").iterdir()}
+    assert nodes == {path.name for path in folder.iterdir() if os.access(path, os.X_OK)}
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_modules_are_those_of_the_workspace(workspace, space):
+    code = "import mrl_driver.driver as a, sim_arduino.board as b, ros1_bridge.robot_node as c; "
+    code += "print(*(m.__file__ for m in (a, b, c)))"
+    files = workspace.demand(*workspace.in_space(space, "/usr/bin/python3", "-c", code)).split()
+    assert len(files) == 3 and all(file.startswith(str(workspace.folder)) for file in files)
+
+
+def test_devel_space_passes_rostest(workspace):
+    with running(workspace, "devel"):
+        command = ("rostest", "-r", "mrl_robots", "robot.test", "sim:=false")
+        assert "RESULT: SUCCESS" in workspace.demand(*workspace.in_space("devel", *command))
+
+
+def test_install_space_runs_without_a_warning(workspace):
+    """Neither does a node warn, nor tf2 of repeated data, nor roswtf, but of cmd_vel that nobody publishes."""
+    with running(workspace, "install"):
+        listen = ("/usr/bin/python3", str(ROOT / "tests" / "ros" / "listen.py"), f"{LISTEN_S}")
+        listened = workspace.demand(*workspace.in_space("install", *listen))
+        assert re.fullmatch(r"ready\nodom \d+\n", listened), listened
+        assert int(listened.split()[-1]) > 25 * LISTEN_S
+        assert "robot_node" in processes(workspace.folder)
+        said = workspace.demand(*workspace.in_space("install", "roswtf"))
+    found = [line for line in said.splitlines() if re.search("WARNING|ERROR", line)]
+    own = [line for line in found if not any(known in line for known in OF_THE_MACHINE)]
+    assert len(own) == 1 and UNCONNECTED in own[0], said
+    assert re.findall(r"\* (/\S+)", said.split(UNCONNECTED)[1]) == ["/robot_node:", "/cmd_vel"]
