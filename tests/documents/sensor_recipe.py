@@ -1,0 +1,62 @@
+"""What a tree with the recipe's sensor does: run in that tree, prints one JSON object."""
+
+import json
+import sys
+
+from mrl_driver import log_codec
+from mrl_driver.commands import text
+from mrl_driver.stepped import SteppedDriver
+from mrl_driver.table import SENSOR_BY_NAME
+from ros1_bridge import sensor_topics
+from sim_arduino import boards
+
+RUN_S = 1.6
+
+
+class Heard:
+    """An engine that keeps what the board sends, as a recording does."""
+
+    def __init__(self, engine):
+        self.engine, self.data = engine, b""
+
+    def __getattr__(self, name):
+        return getattr(self.engine, name)
+
+    def advance(self, to_s):
+        sent = self.engine.advance(to_s)
+        self.data += sent
+        return sent
+
+
+class Publisher:
+    published = {}
+
+    def publish(self, message):
+        Publisher.published["message"] = message
+
+
+def seen(engine, pose):
+    emulated = boards.make(boards.Options(engine=engine, world=sys.argv[1], pose=pose))
+    heard = Heard(emulated.engine)
+    with SteppedDriver(heard) as robot:
+        topics = sensor_topics.SensorTopics(
+            None, "one/base_link", robot.board.capabilities, robot.board.version, lambda: 7
+        )
+        robot.on_sensor(topics.on_sensor)
+        robot.wait(RUN_S)
+        result = {
+            "values": robot.sensors["air_temperature"].values,
+            "line": text.line(robot),
+            "faults": robot.status.faults,
+            "lost": robot.statistics.lost,
+        }
+    frames = log_codec.decode_log(heard.data, checked=True).frames
+    result["recorded"] = frames[SENSOR_BY_NAME["air_temperature"].code].args[-1].tolist()
+    message = Publisher.published["message"]
+    result["topic"] = [message.header.frame_id, message.temperature, message.variance]
+    emulated.close()
+    return result
+
+
+sensor_topics.direct_publisher = lambda *_, **__: Publisher()
+print(json.dumps({"far": seen("python", "-1,0,0"), "near": seen("avr", "1,0,0")}))

@@ -1,0 +1,107 @@
+"""The recipe for a sensor of one's own is carried out as it is written, in a copy of the tree."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from .blocks import ROOT, blocks, files
+
+RECIPE = "firmware/SENSORS.md"
+PARTS = (
+    "Makefile",
+    "firmware",
+    "mrl_driver",
+    "sim_arduino",
+    "ros1_bridge",
+    "build/firmware/core",
+    "build/sim",
+)
+STEP_C = 0.0625
+"""One count of the example's wire [degC]."""
+MOST_FLASH = 20480
+
+
+def run(tree, *command):
+    environment = {**os.environ, "PYTHONPATH": str(tree), "MAKEFLAGS": ""}
+    done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def carry_out(tree):
+    """The three steps of the recipe."""
+    for name, block in files(RECIPE).items():
+        target = tree / name
+        if name == "mrl_driver/table.py":
+            head, rest = target.read_text().split("SENSORS: Tuple[Sensor, ...] = (\n")
+            rows, end, rest = rest.partition("\n)\n")
+            text = head + "SENSORS: Tuple[Sensor, ...] = (\n" + rows + "\n" + block.text.rstrip() + end + rest
+        else:
+            text = (target.read_text() if target.exists() else "") + block.text
+        target.write_text(text)
+    run(tree, sys.executable, "-m", "mrl_driver.generate")
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory):
+    made = tmp_path_factory.mktemp("tree")
+    for part in PARTS:
+        source = ROOT / part
+        if source.is_dir():
+            shutil.copytree(source, made / part, ignore=shutil.ignore_patterns("__pycache__"))
+        elif source.exists():
+            shutil.copy2(source, made / part)
+    carry_out(made)
+    return made
+
+
+@pytest.fixture(scope="module")
+def result(tree):
+    run(tree, "make", "-s", "build/firmware/mrl_firmware.elf")
+    (tree / "world.yaml").write_text(blocks(RECIPE)[-1].text)
+    script = ROOT / "tests" / "documents" / "sensor_recipe.py"
+    return json.loads(run(tree, sys.executable, str(script), "world.yaml"))
+
+
+def test_the_recipe_has_its_three_places():
+    assert set(files(RECIPE)) == {
+        "mrl_driver/table.py",
+        "firmware/mrl_firmware/air_temperature.cpp",
+        "ros1_bridge/sensors.yaml",
+    }
+
+
+@pytest.mark.parametrize("place, wanted_c", [("far", 18.0), ("near", 45.0)])
+def test_the_sensor_is_read_by_the_driver(result, place, wanted_c):
+    """Far from the warm place by the Python engine, in its middle by the real image on the simulated chip."""
+    found = result[place]
+    assert found["values"] == pytest.approx([wanted_c], abs=STEP_C)
+    assert found["lost"] == 0 and not found["faults"]
+
+
+@pytest.mark.parametrize("place, shown", [("far", "18.0"), ("near", "45.0")])
+def test_it_is_shown_recorded_and_a_topic(result, place, shown):
+    found = result[place]
+    assert f"air_temperature {shown}" in found["line"]
+    assert found["recorded"] == pytest.approx([float(shown) / STEP_C], abs=1)
+    assert found["topic"] == ["one/air", pytest.approx(float(shown), abs=STEP_C), 0.25]
+
+
+def test_the_firmware_stays_small(tree, result):
+    size = run(tree, "avr-size", "-B", "build/firmware/mrl_firmware.elf").splitlines()[1].split()
+    assert int(size[0]) + int(size[1]) <= MOST_FLASH
+
+
+def test_without_the_function_the_firmware_does_not_link(tree, result):
+    source = tree / "firmware" / "mrl_firmware" / "air_temperature.cpp"
+    text = source.read_text()
+    source.write_text("// nothing\n")
+    done = subprocess.run(
+        ["make", "-s", "build/firmware/mrl_firmware.elf"], cwd=tree, capture_output=True, text=True
+    )
+    source.write_text(text)
+    assert done.returncode != 0 and "air_temperature" in done.stderr
