@@ -57,8 +57,12 @@ class Garbage(NamedTuple):
 Event = Union[Frame, Garbage]
 
 
+_MOST_TOKENS = 24576
+"""Kept of one range: 3 MB.  All 65536 would take 7 MB after ten minutes of driving."""
+
+
 class _Integers(Dict[bytes, int]):
-    """Canonical tokens of one range, seen so far: looking one up is parsing, strictness and range check in one."""
+    """Canonical tokens of one range, the first seen: looking one up is parsing, strictness and range check in one."""
 
     def __init__(self, low: int, high: int) -> None:
         self.low, self.high = low, high
@@ -67,7 +71,8 @@ class _Integers(Dict[bytes, int]):
         value = _parse(token)
         if not self.low <= value <= self.high:
             raise KeyError(token)
-        self[token] = value
+        if len(self) < _MOST_TOKENS:
+            self[token] = value
         return value
 
 
@@ -195,7 +200,8 @@ class FrameDecoder:
                 return piece
             try:
                 args = tuple(map(getitem, shape.parsers, tokens))
-                if _INT16[check] & 0xFFFF != crc_hqx(body[2:] if body[:1] == b"\r" else body, 0xFFFF):
+                crc = crc_hqx(body[2:] if body[:1] == b"\r" else body, 0xFFFF)
+                if check != b"%d" % (crc - 65536 if crc > 32767 else crc):
                     return piece
             except KeyError:
                 return piece

@@ -1,6 +1,7 @@
 """Benchmark figures as flat JSON under build/bench/."""
 
 import json
+import os
 import pathlib
 import statistics
 from typing import Callable, Dict, Union
@@ -13,7 +14,9 @@ def write(name: str, figures: Dict[str, Union[int, float]]) -> pathlib.Path:
     FOLDER.mkdir(parents=True, exist_ok=True)
     path = FOLDER / f"{name}.json"
     known = json.loads(path.read_text()) if path.exists() else {}
-    path.write_text(json.dumps({**known, **figures}, indent=2, sort_keys=True) + "\n")
+    new = path.with_name(f".{name}.{os.getpid()}")
+    new.write_text(json.dumps({**known, **figures}, indent=2, sort_keys=True) + "\n")
+    new.replace(path)
     return path
 
 

@@ -11,6 +11,7 @@ from mrl_driver.codec import (
     REPLIES,
     REQUESTS,
     Direction,
+    Event,
     Frame,
     FrameDecoder,
     Stamp,
@@ -20,6 +21,8 @@ from mrl_driver.codec import (
 from mrl_driver.table import COMMANDS, STOP_CODE
 
 STOP = Frame(STOP_CODE, ())
+USES = 10
+"""A frame of the pool is damaged so often, each time anew: to make one costs as much as to damage three."""
 Damage = Callable[[bytes, random.Random], bytes]
 
 
@@ -75,22 +78,27 @@ def random_request(rng: random.Random, checked: bool) -> bytes:
 
 
 def try_random(direction: Direction, damage: Damage, count: int, seed: int, checked: bool = True) -> Tally:
-    """Damages one of three frames in a row, `count` times, and decodes all three."""
+    """Damages one of three frames in a row, `count` times, and decodes all three; frames are drawn from a pool."""
     rng = random.Random(seed)
     make = random_stream_frame if direction is REPLIES else random_request
+    pool = [make(rng, checked) for _ in range(count // USES + 3)]
+    good = [FrameDecoder(direction, checked).feed(wire) for wire in pool]
     wrong = 0
-    for _ in range(count):
-        wires = [make(rng, checked) for _ in range(3)]
-        wrong += _wrong(direction, checked, wires, wires[0] + damage(b"".join(wires[1:]), rng))
+    for i in range(count):
+        at = i // USES
+        received = pool[at] + damage(pool[at + 1] + pool[at + 2], rng)
+        sent = good[at] + good[at + 1] + good[at + 2]
+        wrong += _wrong(direction, checked, sent, received)
     return Tally(count, wrong)
 
 
 def try_every_fault(direction: Direction, wire: bytes, checked: bool = True) -> Tally:
     """Every bit flipped, every byte changed to every other, lost, and swapped with its neighbour, once each."""
     tried = wrong = 0
+    sent = FrameDecoder(direction, checked).feed(wire)
     for damaged in every_fault(wire):
         tried += 1
-        wrong += _wrong(direction, checked, [wire], damaged + b"\r\n" + wire)
+        wrong += _wrong(direction, checked, sent, damaged + b"\r\n" + wire)
     return Tally(tried, wrong)
 
 
@@ -105,11 +113,10 @@ def every_fault(wire: bytes) -> Iterator[bytes]:
                 yield wire[:i] + bytes([byte]) + wire[i + 1 :]
 
 
-def _wrong(direction: Direction, checked: bool, sent: List[bytes], received: bytes) -> int:
+def _wrong(direction: Direction, checked: bool, sent: List[Event], received: bytes) -> int:
     """Accepted frames that were not sent."""
-    good = [event for wire in sent for event in FrameDecoder(direction, checked).feed(wire)]
     found = FrameDecoder(direction, checked).feed(received)
-    return sum(isinstance(event, Frame) and event not in good and event != STOP for event in found)
+    return sum(type(event) is Frame and event not in sent and event != STOP for event in found)
 
 
 DIRECTIONS = {"requests": REQUESTS, "replies": REPLIES}

@@ -8,7 +8,7 @@ from typing import Callable, Dict, NamedTuple, Tuple
 
 import click
 
-from tests.bench import report
+from tests.fuzz import goals
 from tests.fuzz import soak_measures as measures
 
 FULL_MINUTES = 10.0
@@ -32,21 +32,6 @@ PARTS: Tuple[Part, ...] = (
     Part(measures.threads, 100000),
     Part(measures.closes, 1000),
 )
-GOALS = {
-    "stop_host_dead_ms_max": 300,
-    "stop_cmd_source_dead_ms_max": 300,
-    "link_loss_noticed_ms_max": 100,
-    "silent_noticed_ms_max": 300,
-    "reconnect_s_max": 2,
-    "odometry_jump_mm_max": 0,
-    "stamp_error_ms_p99": 1,
-    "signal_stop_ms_max": 100,
-    "signal_exit_ms_max": 2000,
-    "interleaved_frames": 0,
-    "close_ms_max": 1000,
-    "soak_memory_growth_mb": 5,
-    "soak_lost_frames": 0,
-}
 
 
 def run(minutes: float) -> Dict[str, float]:
@@ -67,14 +52,7 @@ def run(minutes: float) -> Dict[str, float]:
 @click.option("--minutes", type=click.FloatRange(0.1), default=FULL_MINUTES, show_default=True)
 def main(minutes: float) -> None:
     """Measure reactions again and again, then drive on for so long; exit code 1 if a figure misses its goal."""
-    figures = run(minutes)
-    for key, value in figures.items():
-        goal = GOALS.get(key)
-        verdict = "" if goal is None else f"<= {goal}{'' if value <= goal else '  MISSED'}"
-        click.echo(f"{key:32}{value:12.2f}  {verdict}".rstrip())
-    click.echo(report.write("reliability", {key: round(value, 3) for key, value in figures.items()}))
-    if any(value > GOALS.get(key, value) for key, value in figures.items()):
-        raise SystemExit(1)
+    goals.conclude(run(minutes))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,79 @@
+"""What the long runs report, and a short form of the longest."""
+
+import gc
+import tracemalloc
+
+import pytest
+
+from mrl_driver import codec
+from mrl_driver.codec import REPLIES, FrameDecoder
+from mrl_driver.options import Options
+from mrl_driver.stepped import SteppedDriver
+from sim_arduino import boards
+from tests.fuzz import goals
+from tests.fuzz.soak_measures import sorted_out
+
+LEAK_BYTES = 25000
+"""More than what a few buffers may hold, less than 100 bytes a frame."""
+
+
+def hear_every_number():
+    FrameDecoder(REPLIES).feed(b"\r\n".join(b"@6,%d,0e" % number for number in range(-32768, 32768)))
+
+
+def test_the_decoder_does_not_remember_every_number():
+    """All of them would take 7 MB; growth over hours is to stay below 5 MB."""
+    hear_every_number()
+    assert 0 < len(codec._INT16) < 32768
+
+
+def test_a_drive_at_100_hz_keeps_no_memory_and_loses_nothing():
+    hear_every_number()
+    emulated = boards.make(boards.Options(robot="traxbot"))
+    with SteppedDriver(emulated.engine, options=Options(period_ms=10)) as robot:
+        robot.drive(0.1, 0.5)
+        robot.wait(4.0)
+        tracemalloc.start(1)
+        robot.wait(1.0)
+        gc.collect()
+        before = tracemalloc.get_traced_memory()[0]
+        robot.wait(3.0)
+        gc.collect()
+        grown = tracemalloc.get_traced_memory()[0] - before
+        tracemalloc.stop()
+        counters = robot.statistics
+        assert counters.frames > 750
+        assert (
+            counters.lost + counters.duplicates + counters.refused_counts + sum(counters.garbage.values())
+            == 0
+        )
+    emulated.close()
+    assert grown < LEAK_BYTES
+
+
+@pytest.mark.parametrize(
+    ("received", "blocked", "mixed"),
+    [
+        (b"@11,100,0e@30e@11,-100,0e", 0, 0),
+        (b"@11,1@30e00,0e@30e", 0, 2),
+        (b"@11,1@30e00,0e@30e", 5, 1),
+        (b"@11,1@30e@30e", 1, 0),
+        (b"@11,1@30e@30e", 0, 1),
+        (b"@30e@11,10", 0, 0),
+        (b"@@30e13e@30e", 1, 1),
+    ],
+)
+def test_a_frame_cut_in_two_by_another_is_found_even_among_blocked_writes(received, blocked, mixed):
+    assert sorted_out(received, blocked)[1] == mixed
+
+
+def test_a_figure_beyond_its_goal_is_missed():
+    assert goals.misses({"signal_stop_ms_max": 101, "close_ms_max": 999, "closes": 7}) == [
+        "signal_stop_ms_max"
+    ]
+
+
+@pytest.mark.parametrize(("tried", "missed"), [(100_000, False), (10_000_000, True)])
+def test_a_share_measured_on_few_frames_may_miss_by_chance(tried, missed):
+    figures = {"lost_byte_wrong_per_million": 40, "lost_byte_frames_tried": tried}
+    assert bool(goals.misses(figures)) == missed
