@@ -22,10 +22,14 @@ _Point = Tuple[float, float]
 
 
 class HostTime(NamedTuple):
-    """When a frame was stamped, in host time [s], and how long it took to arrive beyond the least delay [s]."""
+    """When a frame was stamped."""
 
     stamp_s: float
+    """Host time [s]."""
+    board_s: float
+    """Board time since the first frame [s], wraps undone."""
     latency_s: float
+    """How long the frame took to arrive beyond the least delay."""
 
 
 class BoardClock:
@@ -43,11 +47,8 @@ class BoardClock:
         self._hull: List[_Point] = []
         self._bucket_end_s = 0.0
         self._line: _Point = (0.0, 0.0)
+        self._low = 0.0
         self.drift = 0.0
-
-    def board_s(self) -> float:
-        """Board time of the newest frame since the first one [s], wraps undone."""
-        return (self._ticks or 0) * TICK_S
 
     def update(self, time: int, arrival_s: float, next_one: bool = False) -> HostTime:
         """Host time of a frame with board time `time` [64 us, int16] that arrived at `arrival_s`.
@@ -56,40 +57,45 @@ class BoardClock:
         strictly increasing.  `next_one`: the frame follows the one before within one wrap of the board's time, however
         late it arrives.
         """
-        self._unwrap(time, arrival_s, next_one)
-        board_s = self.board_s()
-        self._collect((board_s, arrival_s - board_s))
-        at, offset = self._line
-        estimate = board_s + offset + self.drift * (board_s - at)
-        self._stamp_s = max(min(estimate, arrival_s), self._stamp_s + 1e-6)
-        return HostTime(self._stamp_s, max(0.0, arrival_s - estimate))
-
-    def _unwrap(self, time: int, arrival_s: float, next_one: bool) -> None:
         if self._ticks is None:
             self._ticks = 0
         else:
-            expected = round((arrival_s - self._arrival_s) / TICK_S)
             step = (time - self._time) & 0xFFFF
-            self._ticks += step if next_one else step + max(0, (expected - step + 0x8000) >> 16 << 16)
-        self._time = time
-        self._arrival_s = arrival_s
+            self._ticks += step if next_one else step + self._wraps(step, arrival_s)
+        self._time, self._arrival_s = time, arrival_s
+        board_s = self._ticks * TICK_S
+        offset = arrival_s - board_s
+        if board_s >= self._bucket_end_s or offset - self.drift * board_s < self._low:
+            self._collect((board_s, offset))
+        at, height = self._line
+        estimate = board_s + height + self.drift * (board_s - at)
+        stamp_s = estimate if estimate < arrival_s else arrival_s
+        if stamp_s < self._stamp_s + 1e-6:
+            stamp_s = self._stamp_s + 1e-6
+        self._stamp_s = stamp_s
+        latency_s = arrival_s - estimate
+        return _new(HostTime, (stamp_s, board_s, latency_s if latency_s > 0.0 else 0.0))
+
+    def _wraps(self, step: int, arrival_s: float) -> int:
+        """Ticks of the whole wraps that the host's clock says have passed besides `step`."""
+        expected = round((arrival_s - self._arrival_s) / TICK_S)
+        return max(0, (expected - step + 0x8000) >> 16 << 16)
 
     def _collect(self, point: _Point) -> None:
-        """Keeps the lowest point of each bucket; a new low, or a full bucket, moves the line."""
-        board_s, offset = point
-        at, height = self._line
-        if not self._lows or board_s >= self._bucket_end_s:
+        """Takes the first point of a bucket, or one lower than all others of its own, which moves the line."""
+        if point[0] >= self._bucket_end_s:
+            self._bucket_end_s = point[0] + _BUCKET_S
             self._lows.append(point)
-            self._bucket_end_s = board_s + _BUCKET_S
             self._shorten()
-            _append(self._hull, point)
-            self._fit()
-        elif offset - self.drift * board_s < self._lows[-1][1] - self.drift * self._lows[-1][0]:
+            fits = False
+        else:
             self._lows[-1] = point
             self._hull.pop()
-            _append(self._hull, point)
-            if offset < height + self.drift * (board_s - at):
-                self._fit()
+            fits = point[1] >= self._line[1] + self.drift * (point[0] - self._line[0])
+        _append(self._hull, point)
+        if not fits:
+            self._fit()
+        self._low = point[1] - self.drift * point[0]
 
     def _shorten(self) -> None:
         """Drops what is older than the window, and rebuilds the hull of all but the newest point."""
@@ -106,7 +112,8 @@ class BoardClock:
             if x1 >= middle and x1 - x0 >= _LEAST_SPAN_S:
                 self.drift = min(MAX_DRIFT, max(-MAX_DRIFT, (y1 - y0) / (x1 - x0)))
                 break
-        self._line = min(hull, key=lambda p: p[1] - self.drift * p[0])
+        drift = self.drift
+        self._line = min([(y - drift * x, x, y) for x, y in hull])[1:]
 
 
 def _append(hull: List[_Point], point: _Point) -> None:
@@ -118,3 +125,6 @@ def _append(hull: List[_Point], point: _Point) -> None:
 
 def _turn(a: _Point, b: _Point, c: _Point) -> float:
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+_new = tuple.__new__

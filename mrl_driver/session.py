@@ -313,8 +313,7 @@ class Session:
             if self._is_duplicate(stamp.sequence):
                 return
             next_one = lost == self.counters.lost
-            stamp_s = self._clock.update(stamp.time, now, next_one).stamp_s
-            time_s = self._clock.board_s()
+            stamp_s, time_s, _ = self._clock.update(stamp.time, now, next_one)
         else:
             time_s = stamp_s = now
         if self._greeting is not None:
