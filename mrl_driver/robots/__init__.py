@@ -130,6 +130,15 @@ def load(name_or_path: str) -> RobotModel:
         ) from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: no YAML: {' '.join(str(error).split())}") from None
+    return parse(data, path)
+
+
+def parse(data: Any, path: str) -> RobotModel:
+    """The model that parsed YAML describes; `path` is where it came from.
+
+    Raises:
+        ConfigError: a key is missing, misspelt, of the wrong type or out of range.
+    """
     return _Reader(path).model(data)
 
 
@@ -246,14 +255,19 @@ class _Reader:
 
     def _board(self, data: Any) -> Dict[str, int]:
         rows = {row.name: row for row in PARAMETERS if row.number in BOARD_KEYS}
-        found = self._keys("board", data, tuple(rows))
+        rows.update((row.name, row) for row in PARAMETERS if row.name in CURVE_KEYS)
+        found = self._keys("board", data, tuple(rows), CURVE_KEYS)
         return {
-            name: self._whole(f"board.{name}", found[name], row.low, row.high) for name, row in rows.items()
+            name: self._whole(f"board.{name}", found[name], row.low, row.high)
+            for name, row in rows.items()
+            if name in found
         }
 
 
 BOARD_KEYS = range(1, 12)
 """Indices of the parameters whose defaults differ between models; the others' stand in `COMMON_BOARD`."""
+CURVE_KEYS = ("sonar_a", "sonar_b", "sonar_c")
+"""Parameters of which a model may have its own, once calibrated."""
 COMMON_BOARD = {
     "motor_timeout": 3,
     "sonar_a": 11767,

@@ -1,0 +1,152 @@
+"""Speed control of the motors: what each motor is, out of steps of its duty, and which gains suit both.
+
+The law that gains are chosen for, with the error as a share of full speed and once per control period:
+duty = kp/1000 error + sum(ki/1000 error) + kd/1000 change of error, limited to -1..1.
+"""
+
+from typing import List, NamedTuple, Sequence, Tuple
+
+import numpy as np
+
+from ..errors import ConfigError
+
+LEAST_READINGS = 10
+OVERSHOOT = 0.05
+"""Gains may overshoot by this share."""
+TRIED = 2.0
+"""Steps are judged over so long [s]."""
+
+
+class Plant(NamedTuple):
+    """One motor with its share of the robot: a first-order lag behind a delay."""
+
+    full_counts_s: float
+    """Speed at full duty."""
+    time_constant_s: float
+    delay_s: float
+
+
+class Gains(NamedTuple):
+    """The motor board's own units, 0 to 32767."""
+
+    kp: int
+    ki: int
+    kd: int
+
+
+class Response(NamedTuple):
+    """A step of the speed in figures."""
+
+    rise_s: float
+    """From 10 to 90 % of the speed asked for; NaN if it did not get there."""
+    overshoot: float
+    """Share of the speed asked for."""
+    settle_s: float
+    """Time from which on it stays within 5 %; NaN if it did not."""
+    offset: float
+    """Mean error of the last quarter, share of the speed asked for."""
+
+
+def identify(times_s: Sequence[float], travel: Sequence[float], duty: float) -> Plant:
+    """The motor whose way after a step of the duty, at time 0 and from rest, is `travel` [count] at `times_s`.
+
+    Raises:
+        ConfigError: too few readings, or the wheel did not turn the way it was told.
+    """
+    t, way = np.asarray(times_s, float), np.asarray(travel, float)
+    if len(t) < LEAST_READINGS:
+        raise ConfigError(f"a step has {len(t)} readings, expected {LEAST_READINGS} or more")
+    if way[-1] * duty <= 0 or abs(way[-1]) < 50:
+        raise ConfigError(
+            f"a wheel made {way[-1]:.0f} counts at a duty of {duty:g}, expected it to turn so: run mrl calibrate wiring"
+        )
+    best = min(
+        (
+            _misfit(t, way, tau, delay)
+            for tau in np.geomspace(0.01, 1.0, 60)
+            for delay in np.arange(0, 0.201, 0.01)
+        ),
+        key=lambda found: found[0],
+    )
+    return Plant(abs(best[1] / duty), best[2], best[3])
+
+
+def _misfit(t: np.ndarray, way: np.ndarray, tau: float, delay: float) -> Tuple[float, float, float, float]:
+    since = np.maximum(0.0, t - delay)
+    shape = since - tau * -np.expm1(-since / tau)
+    square = float(shape @ shape)
+    speed = float(shape @ way) / square if square > 0 else 0.0
+    off = way - speed * shape
+    return float(off @ off), speed, float(tau), float(delay)
+
+
+def simulate(plants: Sequence[Plant], gains: np.ndarray, target: float, period_s: float) -> np.ndarray:
+    """(G, P, T) speeds, as shares of `target`, after a step from rest, for each of G gains (G, 3) and P plants.
+
+    `target` is a share of the slowest plant's full speed; T control periods make up `TRIED`.
+    """
+    full = np.array([plant.full_counts_s for plant in plants])
+    decay = np.exp(-period_s / np.array([plant.time_constant_s for plant in plants]))
+    late = [int(round(plant.delay_s / period_s)) for plant in plants]
+    speed = np.zeros((len(gains), len(plants)))
+    total, before = np.zeros_like(speed), np.zeros_like(speed)
+    wanted, rows = target * full.min(), []
+    kp, ki, kd = (gains[:, i, None] / 1000.0 for i in range(3))
+    duties: List[np.ndarray] = []
+    for _ in range(int(TRIED / period_s)):
+        error = (wanted - speed) / full.max()
+        total = np.clip(total + ki * error, -1, 1)
+        duties.append(np.clip(kp * error + total + kd * (error - before), -1, 1))
+        before = error
+        applied = np.stack(
+            [duties[-1 - lag][:, i] if len(duties) > lag else 0 * speed[:, i] for i, lag in enumerate(late)],
+            axis=1,
+        )
+        speed = applied * full + (speed - applied * full) * decay
+        rows.append(speed / wanted)
+    return np.stack(rows, axis=2)
+
+
+def suggest(plants: Sequence[Plant], period_s: float = 0.05) -> Gains:
+    """Gains with the smallest time-weighted error, without more overshoot than `OVERSHOOT`, for the worse wheel.
+
+    Raises:
+        ConfigError: none of those tried does.
+    """
+    steps = np.geomspace(50, 3000, 19)
+    tried = np.array([(p, i, d * p) for p in steps for i in steps for d in (0.0, 0.15, 0.3)])
+    heights = simulate(plants, tried, 0.4, period_s)
+    times = period_s * np.arange(1, heights.shape[2] + 1)
+    cost = (np.abs(1 - heights) * times).sum(axis=2).max(axis=1)
+    softer = simulate(plants, 1.5 * tried, 0.4, period_s)
+    steady = (heights.max(axis=2) < 1 + OVERSHOOT).all(axis=1) & (softer.max(axis=2) < 1.25).all(axis=1)
+    if not steady.any():
+        raise ConfigError(f"no gains keep {plants} below {OVERSHOOT:.0%} of overshoot; check the steps")
+    best = tried[np.argmin(np.where(steady, cost, np.inf))]
+    return Gains(*(int(round(value)) for value in best))
+
+
+def describe(times_s: Sequence[float], travel: Sequence[float], target_counts_s: float) -> Response:
+    """Figures of a step of the speed at time 0, out of counts [count]."""
+    t, way = np.asarray(times_s, float), np.asarray(travel, float)
+    middle, speed = speeds(t, way)
+    share = speed / target_counts_s
+    low, high = _first(middle, share >= 0.1), _first(middle, share >= 0.9)
+    outside = np.flatnonzero(np.abs(share - 1) > 0.05)
+    settled = (
+        float(middle[outside[-1] + 1]) if len(outside) and outside[-1] + 1 < len(middle) else float("nan")
+    )
+    settled = float(middle[0]) if not len(outside) else settled
+    last = share[-max(1, len(share) // 4) :]
+    return Response(high - low, max(0.0, float(share.max()) - 1), settled, float(1 - last.mean()))
+
+
+def speeds(times_s: np.ndarray, travel: np.ndarray, over_s: float = 0.05) -> Tuple[np.ndarray, np.ndarray]:
+    """Times and speeds [count/s] over about `over_s` each."""
+    step = max(1, int(round(over_s / max(1e-4, float(np.median(np.diff(times_s)))))))
+    dt = times_s[step:] - times_s[:-step]
+    return (times_s[step:] + times_s[:-step]) / 2, (travel[step:] - travel[:-step]) / dt
+
+
+def _first(times_s: np.ndarray, there: np.ndarray) -> float:
+    return float(times_s[np.argmax(there)]) if there.any() else float("nan")

@@ -1,0 +1,151 @@
+"""The sonars' curve: range_cm = a s^b + c for the ADC count s, fitted to a wall at known distances."""
+
+from typing import List, NamedTuple, Sequence, Tuple
+
+import numpy as np
+
+from ..errors import ConfigError
+from ..table import PARAMETER_BY_NAME
+
+LEAST_DISTANCES = 8
+LEAST_REACH = 2.5
+"""The farthest distance is at least so many times the nearest."""
+MISSED_M = 0.05
+"""A reading this far off the curve, and `OUTLIERS` usual errors, did not hear the wall."""
+OUTLIERS = 5.0
+MOST_MISSED = 0.2
+_B_RANGE = (0.5, 1.6)
+
+
+class Curve(NamedTuple):
+    """range_cm = a s^b + c."""
+
+    a: float
+    b: float
+    c: float
+
+    def range_m(self, counts: np.ndarray) -> np.ndarray:
+        """Ranges [m] of ADC counts."""
+        ranges: np.ndarray = (self.a * np.asarray(counts, float) ** self.b + self.c) / 100
+        return ranges
+
+    def counts(self, ranges_m: np.ndarray) -> np.ndarray:
+        """ADC counts, not rounded, at which the curve gives these ranges [m]."""
+        base = np.maximum(0.0, (100 * np.asarray(ranges_m, float) - self.c) / self.a)
+        counts: np.ndarray = base ** (1 / self.b)
+        return counts
+
+    def on_wire(self) -> "Curve":
+        """The curve as the board's parameters can hold it."""
+        limits = (PARAMETER_BY_NAME[f"sonar_{name}"] for name in self._fields)
+        return Curve(*(min(p.high, max(p.low, round(v * 1e4))) / 1e4 for p, v in zip(limits, self)))
+
+
+THESIS = Curve(1.1767, 0.94657, -0.3759)
+"""Thesis 2012, R2 0.9992."""
+
+
+class Fit(NamedTuple):
+    """A curve and how well it fits: `errors_m` (N,) curve less truth, `used` (N,) bool heard the wall."""
+
+    curve: Curve
+    r2: float
+    errors_m: np.ndarray
+    used: np.ndarray
+
+    @property
+    def worst_m(self) -> float:
+        """Largest error of the readings used."""
+        return float(np.abs(self.errors_m[self.used]).max())
+
+
+def fit(counts: Sequence[float], ranges_m: Sequence[float]) -> Fit:
+    """The curve through readings of a wall; single readings that missed it are left out.
+
+    Args:
+        counts: (N,) ADC counts; NaN for nothing in range, or no reading.
+        ranges_m: (N,) true distances from the sonar.
+
+    Raises:
+        ConfigError: too few distances, or the wall was missed too often: where, is said.
+    """
+    s, truth = np.asarray(counts, float), np.asarray(ranges_m, float)
+    heard = np.isfinite(s) & (s > 0)
+    demand_wall(truth, heard)
+    curve = _least_squares(s[heard], truth[heard])
+    for _ in range(10):
+        off = np.where(heard, curve.range_m(np.where(heard, s, 1.0)) - truth, np.inf)
+        usual = 1.4826 * float(np.median(np.abs(off[heard])))
+        kept = np.abs(off) <= max(MISSED_M, OUTLIERS * usual)
+        demand_wall(truth, kept)
+        better = _least_squares(s[kept], truth[kept])
+        if better == curve:
+            break
+        curve = better
+    left = off[kept]
+    r2 = 1 - float(left @ left) / float(np.sum((truth[kept] - truth[kept].mean()) ** 2))
+    return Fit(curve, r2, np.where(heard, off, np.nan), kept)
+
+
+def demand_wall(ranges_m: np.ndarray, heard: np.ndarray) -> None:
+    """Refuse readings without a wall in them.
+
+    Raises:
+        ConfigError: too few distances, or the wall was missed too often.
+    """
+    distances = np.unique(np.round(ranges_m[heard], 3))
+    lost = [d for d in np.unique(np.round(ranges_m, 3)) if not heard[np.abs(ranges_m - d) < 1e-3].any()]
+    if lost or np.mean(~heard) > MOST_MISSED:
+        where = ", ".join(f"{d:.2f}" for d in lost[:4]) or "several distances"
+        raise ConfigError(
+            f"the sonar missed the wall {int(np.sum(~heard))} times of {len(heard)}, always at {where} m: expected a "
+            "flat wall straight ahead at each distance"
+        )
+    reach = distances[-1] / max(distances[0], 1e-3) if len(distances) else 0.0
+    if len(distances) < LEAST_DISTANCES or reach < LEAST_REACH:
+        raise ConfigError(
+            f"there are {len(distances)} distances up to {reach:.1f} times the nearest, expected {LEAST_DISTANCES} or "
+            f"more up to {LEAST_REACH} times"
+        )
+
+
+def _least_squares(s: np.ndarray, ranges_m: np.ndarray) -> Curve:
+    """For each b the best a and c have a closed form; b is found by golden section."""
+    low, high = _B_RANGE
+    ratio = (5**0.5 - 1) / 2
+    x, y = high - ratio * (high - low), low + ratio * (high - low)
+    at_x, at_y = _with(x, s, ranges_m)[0], _with(y, s, ranges_m)[0]
+    while high - low > 1e-6:
+        if at_x < at_y:
+            high, y, at_y = y, x, at_x
+            x = high - ratio * (high - low)
+            at_x = _with(x, s, ranges_m)[0]
+        else:
+            low, x, at_x = x, y, at_y
+            y = low + ratio * (high - low)
+            at_y = _with(y, s, ranges_m)[0]
+    return _with((low + high) / 2, s, ranges_m)[1]
+
+
+def _with(b: float, s: np.ndarray, ranges_m: np.ndarray) -> Tuple[float, Curve]:
+    """Squared error and curve for this b; c stays where the board can hold it."""
+    power, truth = s**b, 100 * ranges_m
+    spread = power - power.mean()
+    a = float(spread @ truth / (spread @ spread))
+    c = float(truth.mean() - a * power.mean())
+    if abs(c) > 3.27:
+        c = float(np.copysign(3.27, c))
+        a = float(power @ (truth - c) / (power @ power))
+    off = a * power + c - truth
+    return float(off @ off), Curve(a, b, c)
+
+
+def medians(counts: Sequence[float], ranges_m: Sequence[float]) -> Tuple[List[float], List[float]]:
+    """One reading for each distance: the median of those that heard something; NaN where most did not."""
+    s, truth = np.asarray(counts, float), np.round(np.asarray(ranges_m, float), 4)
+    distances = np.unique(truth)
+    found = []
+    for distance in distances:
+        here = s[truth == distance]
+        found.append(float(np.nanmedian(here)) if np.isfinite(here).mean() > 0.5 else float("nan"))
+    return found, distances.tolist()

@@ -1,0 +1,78 @@
+"""Which wires are swapped or reversed: one motor at a time is driven forward, and what turns and counts is noted."""
+
+from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
+
+LEFT, RIGHT = "left", "right"
+_OTHER = {LEFT: RIGHT, RIGHT: LEFT}
+LEAST_COUNTS = 50
+"""Less than this is no movement [count]; 4 mm on a TraxBot."""
+
+
+class Trial(NamedTuple):
+    """One motor was driven forward.
+
+    `seen` is the wheel that turned, to whoever looked (None: nobody looked), `direction` +1 forward, -1 backward, and 0
+    with no wheel where none turned.
+    """
+
+    motor: str
+    right: int
+    left: int
+    seen: Optional[str] = None
+    direction: int = 0
+
+
+def diagnose(trials: Sequence[Trial]) -> List[str]:
+    """What is wrong, one line each with the remedy; empty where all is right."""
+    found: List[str] = []
+    for trial in trials:
+        found += _motor(trial) + _encoder(trial)
+    return _together(found, trials)
+
+
+def turned_by(yaw_rad: float) -> Tuple[str, int]:
+    """The wheel and direction that turn a robot so, if exactly one motor was driven and it was the left one.
+
+    Without anybody to look, a true yaw tells a forward left wheel (clockwise) from a forward right one.
+    """
+    return (RIGHT, 1) if yaw_rad > 0 else (LEFT, 1)
+
+
+def _motor(trial: Trial) -> List[str]:
+    """Of the motor's own wires; nothing where nobody looked."""
+    if trial.seen is None:
+        return []
+    if trial.direction == 0:
+        return [f"{trial.motor} motor does not turn: check its plug and the motor power"]
+    if trial.seen != trial.motor:
+        return ["motors swapped: change the plugs of motor 1 and motor 3"]
+    if trial.direction < 0:
+        return [f"{trial.motor} motor runs backward: change its two wires"]
+    return []
+
+
+def _encoder(trial: Trial) -> List[str]:
+    """Of the encoder of the wheel that turned."""
+    wheel, direction = trial.seen or trial.motor, trial.direction or 1
+    if trial.seen is not None and trial.direction == 0:
+        return []
+    counts: Dict[str, int] = {LEFT: trial.left, RIGHT: trial.right}
+    own, other = counts[wheel], counts[_OTHER[wheel]]
+    if abs(own) < LEAST_COUNTS and abs(other) < LEAST_COUNTS:
+        return [f"{wheel} encoder does not count: check its plug"]
+    who = "" if trial.seen else " or motors"
+    if abs(own) < LEAST_COUNTS:
+        backward = other * direction < 0
+        also = [f"{wheel} encoder{who} reversed: change its two signal wires"] if backward else []
+        return [f"encoders{who} swapped: change the plugs of encoder 1 and encoder 3"] + also
+    if own * direction < 0:
+        return [f"{wheel} encoder{who} reversed: change its two signal wires"]
+    return []
+
+
+def _together(found: List[str], trials: Sequence[Trial]) -> List[str]:
+    """Each finding once; both wheels dead is one cause."""
+    still = [trial for trial in trials if max(abs(trial.right), abs(trial.left)) < LEAST_COUNTS]
+    if len(still) == len(trials) > 1 and all(trial.seen is None or trial.direction == 0 for trial in trials):
+        return ["no wheel moved and none counted: check the motor power and the motor board's plugs"]
+    return list(dict.fromkeys(found))
