@@ -1,5 +1,5 @@
 # The bridge's own targets, included by the Makefile.
-APT += rviz liburdfdom-tools xvfb x11-utils imagemagick libgl1-mesa-dri
+APT += rviz liburdfdom-tools xvfb x11-utils imagemagick libgl1-mesa-dri iproute2
 # rostest for catkin; a Noetic has it.
 APT += $(if $(APT_ROS),librostest-dev)
 

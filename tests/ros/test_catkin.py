@@ -109,8 +109,12 @@ def running(workspace, space):
 
 
 def processes(folder):
-    """Those that have the folder's name among their arguments, as each process of the workspace has."""
-    return subprocess.run(["pgrep", "-af", str(folder)], capture_output=True, text=True, check=False).stdout
+    """Command lines that name the folder, as that of each process of the workspace does."""
+    found = []
+    for file in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            found.append(file.read_text(errors="replace").replace("\0", " "))
+    return "\n".join(line for line in found if str(folder) in line)
 
 
 def test_catkin_lint_is_clean(workspace):

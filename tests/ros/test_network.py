@@ -1,0 +1,49 @@
+"""The master on one machine, the robot on another: two network namespaces with a cable between them.
+
+Needs root, or a kernel that lets users make namespaces (sysctl kernel.unprivileged_userns_clone=1), and iproute2.
+"""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from .rig import ROOT
+from .two_machines import PERIOD_S, TIMEOUT_S
+
+STOP_LATE_S = 0.4
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory):
+    """What the trial of `two_machines` has seen."""
+    folder = tmp_path_factory.mktemp("network")
+    user = [] if os.geteuid() == 0 else ["--user", "--map-root-user"]
+    command = [
+        "unshare",
+        *user,
+        "--net",
+        "--mount",
+        sys.executable,
+        "-m",
+        "tests.ros.two_machines",
+        str(folder),
+    ]
+    done = subprocess.run(command, cwd=str(ROOT), capture_output=True, text=True, timeout=110)
+    assert done.returncode == 0, f"{done.stderr}\n{(__doc__ or '').splitlines()[-1]}"
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_odometry_and_commands_pass_between_the_machines(seen):
+    assert seen["moved"]
+
+
+def test_robot_stops_when_the_cable_is_pulled(seen):
+    """The last command before the cut is up to a period old."""
+    assert TIMEOUT_S - PERIOD_S - STOP_LATE_S < seen["stop_s"] < TIMEOUT_S + STOP_LATE_S
+
+
+def test_robot_drives_on_when_the_cable_is_back(seen):
+    assert seen["again_s"] < 10.0 and seen["odom_again"]
