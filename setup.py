@@ -2,36 +2,81 @@
 
 import os
 import pathlib
+import shutil
 import xml.etree.ElementTree
 
-from setuptools import setup
+from setuptools import find_packages, setup
+from setuptools.command.build_py import build_py
+from setuptools.command.sdist import sdist
 
-_HERE = os.path.dirname(os.path.abspath(__file__))
-_VERSION = xml.etree.ElementTree.parse(os.path.join(_HERE, "package.xml")).findtext("version")
+_HERE = pathlib.Path(os.path.dirname(os.path.abspath(__file__)))
+_VERSION = xml.etree.ElementTree.parse(str(_HERE / "package.xml")).findtext("version")
+_IMAGES = os.path.join("mrl_driver", "images")
+
+
+def _add_images(tree):
+    """Copies what `make firmware` has built into the tree of a package; one that comes with images keeps them."""
+    for image in sorted((_HERE / "build" / "firmware").glob("*.hex")):
+        folder = pathlib.Path(tree, _IMAGES)
+        folder.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(str(image), str(folder / image.name))
+
+
+class BuildWithImages(build_py):
+    """Packages with the firmware's images among the driver's data."""
+
+    def run(self):
+        """Builds, then adds the images; an editable install finds them in the checkout."""
+        super().run()
+        if not getattr(self, "editable_mode", False):
+            _add_images(self.build_lib)
+
+
+class SdistWithImages(sdist):
+    """Sources with the images, so that a wheel built from them has them without a cross compiler."""
+
+    def make_release_tree(self, base_dir, files):
+        """Fills the tree, then adds the images."""
+        super().make_release_tree(base_dir, files)
+        _add_images(base_dir)
+
 
 setup(
     name="mrl-driver",
     version=_VERSION,
     description="Driver, firmware and emulator for TraxBot, StingBot and other Arduino robots, with a ROS 1 bridge",
-    long_description=pathlib.Path(_HERE, "README.md").read_text(encoding="utf-8"),
+    long_description=(_HERE / "README.md").read_text(encoding="utf-8"),
     long_description_content_type="text/markdown",
+    author="mrl-driver maintainers",
     license="BSD-3-Clause",
-    python_requires=">=3.8",
-    packages=[
-        "mrl_driver",
-        "mrl_driver.commands",
-        "mrl_driver.doctor",
-        "mrl_driver.robots",
-        "sim_arduino",
-        "sim_arduino.avr",
-        "ros1_bridge",
+    keywords="arduino robot ros odometry sonar serial emulator",
+    classifiers=[
+        "Development Status :: 4 - Beta",
+        "Environment :: Console",
+        "Framework :: Pytest",
+        "Intended Audience :: Education",
+        "Intended Audience :: Science/Research",
+        "Operating System :: POSIX :: Linux",
+        "Programming Language :: C++",
+        "Programming Language :: Python :: 3",
+        "Programming Language :: Python :: 3.8",
+        "Programming Language :: Python :: 3.9",
+        "Programming Language :: Python :: 3.10",
+        "Programming Language :: Python :: 3.11",
+        "Programming Language :: Python :: 3.12",
+        "Programming Language :: Python :: 3.13",
+        "Topic :: Scientific/Engineering",
+        "Topic :: System :: Hardware :: Hardware Drivers",
+        "Typing :: Typed",
     ],
+    python_requires=">=3.8",
+    packages=find_packages(str(_HERE), include=["mrl_driver*", "sim_arduino*", "ros1_bridge*"]),
     package_data={
-        "mrl_driver": ["py.typed"],
+        "mrl_driver": ["py.typed", "images/*.hex"],
         "mrl_driver.robots": ["*.yaml"],
         "sim_arduino": ["py.typed", "worlds/*.yaml"],
-        "ros1_bridge": ["*.yaml"],
         "sim_arduino.avr": ["*.c", "*.h"],
+        "ros1_bridge": ["*.yaml"],
     },
     install_requires=[
         "pyserial>=3.5",
@@ -50,6 +95,7 @@ setup(
             "ruff==0.17.6",
             "mypy>=1.8",
             "matplotlib>=3.5",
+            "pdoc>=14; python_version >= '3.9'",
             "types-PyYAML",
             "types-pyserial",
         ],
@@ -61,4 +107,5 @@ setup(
         "pytest11": ["mrl_sim=sim_arduino.pytest_plugin"],
         "mrl.commands": ["replay=sim_arduino.replay:main", "mirror=sim_arduino.mirror:main"],
     },
+    cmdclass={"build_py": BuildWithImages, "sdist": SdistWithImages},
 )

@@ -5,6 +5,7 @@ from typing import NamedTuple, Optional, Tuple
 
 from mrl_driver import robots
 from mrl_driver.errors import ConfigError
+from mrl_driver.images import image_path
 
 from . import fault_table, spelling, world_file
 from .bumper import footprint_for
@@ -136,9 +137,7 @@ def _avr_engine(plant: Plant, options: Options) -> Engine:
 
     if options.profile != "current":
         raise ConfigError(f"profile {options.profile} has no image, expected --engine python")
-    image = "mrl_firmware_environment.elf" if options.environment else "mrl_firmware.elf"
-    checkout = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-    elf = options.elf or os.path.join(checkout, "build", "firmware", image)
+    elf = options.elf or image_path("environment" if options.environment else "sonar")
     if not os.path.exists(elf):
         raise ConfigError(f"image {elf} is missing; make it with 'make firmware', or name one with --elf")
     robot_id = plant.model.ids[0] if options.robot_id is None else options.robot_id

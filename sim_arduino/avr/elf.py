@@ -1,10 +1,12 @@
-"""Reads what a simulated chip needs from an AVR ELF file: flash, EEPROM and symbols."""
+"""Reads what a simulated chip needs from an AVR ELF file, flash, EEPROM and symbols, or from Intel HEX: flash."""
 
 import struct
 from pathlib import Path
 from typing import Dict, Iterator, List, NamedTuple, Tuple
 
 from mrl_driver.errors import SimulatorError
+
+from . import intel_hex
 
 DATA_BASE = 0x800000
 EEPROM_BASE = 0x810000
@@ -35,10 +37,10 @@ class Image(NamedTuple):
 
 
 def read_image(path: Path) -> Image:
-    """The image in an ELF file made by avr-gcc.
+    """The image in an ELF file made by avr-gcc, or in an Intel HEX file, which has no symbols.
 
     Raises:
-        SimulatorError: the file is missing or is no AVR ELF file.
+        SimulatorError: the file is missing or is neither.
     """
     try:
         raw = Path(path).read_bytes()
@@ -46,9 +48,11 @@ def read_image(path: Path) -> Image:
         reason = error.strerror or str(error)
         raise SimulatorError(f"firmware image {path}: {reason}; build it with make firmware") from error
     try:
+        if raw[:1] == b":":
+            return Image(intel_hex.read(raw.decode("ascii", "replace")), [], {})
         return _parse(raw)
     except (struct.error, ValueError) as error:
-        raise SimulatorError(f"firmware image {path}: not an AVR ELF file ({error})") from error
+        raise SimulatorError(f"firmware image {path}: not an AVR ELF or Intel HEX file ({error})") from error
 
 
 def _parse(raw: bytes) -> Image:

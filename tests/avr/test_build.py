@@ -51,7 +51,7 @@ def test_another_file_is_no_image(tmp_path, contents):
     """Empty, torn, text, ELF of another machine."""
     path = tmp_path / "firmware.elf"
     path.write_bytes(contents)
-    with pytest.raises(SimulatorError, match="not an AVR ELF file"):
+    with pytest.raises(SimulatorError, match="not an AVR ELF or Intel HEX file"):
         read_image(path)
 
 
