@@ -9,7 +9,7 @@ from typing import Any, Callable, List, NamedTuple, Optional, Protocol, Tuple
 import numpy as np
 
 from ..errors import BoardTimeout, ConfigError, WheelFault
-from ..odometry import Pose, Twist, Wheels, wrap_angle
+from ..odometry import Pose, Twist, Wheels, advance, wrap_angle
 from ..robots import RobotModel
 from ..state import Telemetry
 from ..statistics import Statistics
@@ -74,24 +74,24 @@ class Track:
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
-        self._rows: List[Tuple[float, float, float]] = []
+        self._rows: List[Tuple[float, ...]] = []
         self._on = False
         self._refused = 0
         robot.on_telemetry(self._note)
 
     def _note(self, telemetry: Telemetry) -> None:
         if self._on:
-            self._rows.append((telemetry.stamp_s, *telemetry.counts))
+            self._rows.append(_row(telemetry))
 
     def begin(self) -> None:
         """From here on."""
         telemetry = self._robot.telemetry
-        self._rows = [(telemetry.stamp_s, *telemetry.counts)] if telemetry else []
+        self._rows = [_row(telemetry)] if telemetry else []
         self._refused = self._robot.statistics.refused_counts
         self._on = True
 
     def end(self) -> np.ndarray:
-        """(N, 3) readings since `begin`, columns time, right, left [s, count, count], counters without wrap.
+        """(N, 4) readings since `begin`: time [s], right, left [count, without wrap], range of the front sonar [m].
 
         Raises:
             ConfigError: counts jumped in between, so the run is worth nothing.
@@ -103,12 +103,16 @@ class Track:
                 f"the counts jumped {jumps} times in this run, expected none: look at encoder plugs and motor power, "
                 "then drive it again"
             )
-        return np.array(self._rows).reshape(-1, 3)
+        return np.array(self._rows).reshape(-1, 4)
+
+
+def _row(telemetry: Telemetry) -> Tuple[float, ...]:
+    return (telemetry.stamp_s, *telemetry.counts, telemetry.ranges.get("front", math.nan))
 
 
 def steps_of(rows: np.ndarray) -> np.ndarray:
     """(N, 2) counts between the readings of a track in which a wheel moved."""
-    steps = np.diff(rows[:, 1:], axis=0).astype(np.int64)
+    steps = np.diff(rows[:, 1:3], axis=0).astype(np.int64)
     moved: np.ndarray = steps[np.any(steps != 0, axis=1)]
     return moved
 
@@ -161,9 +165,9 @@ def follow(robot: Robot, steer: Callable[[Pose], Command], patience_s: float) ->
     settle(robot)
 
 
-def straight(robot: Robot, distance_m: float, speeds: Speeds) -> None:
-    """Drive so far straight ahead, or back."""
-    start, sign = robot.pose, math.copysign(1.0, distance_m)
+def straight(robot: Robot, distance_m: float, speeds: Speeds, line: Optional[Pose] = None) -> None:
+    """Drive so far straight ahead, or back; `line` is where that way should have begun, if not here."""
+    start, sign = line or robot.pose, math.copysign(1.0, distance_m)
     cos, sin = math.cos(start.yaw_rad), math.sin(start.yaw_rad)
 
     def steer(pose: Pose) -> Command:
@@ -199,14 +203,14 @@ def turn(robot: Robot, angle_rad: float, speeds: Speeds) -> None:
 def square(
     robot: Robot, side_m: float, left: bool, speeds: Speeds, at_rest: Callable[[], Any] = lambda: None
 ) -> None:
-    """One lap; `at_rest` is called at each of the eight stops."""
+    """One lap whose corners do not add up their errors; `at_rest` is called at each of the eight stops."""
     corner = math.pi / 2 if left else -math.pi / 2
-    heading = robot.pose.yaw_rad
+    line = robot.pose
     for _ in range(4):
-        straight(robot, side_m, speeds)
+        straight(robot, side_m, speeds, line)
         at_rest()
-        heading += corner
-        turn(robot, _near(wrap_angle(heading - robot.pose.yaw_rad), corner), speeds)
+        line = advance(advance(line, side_m, 0.0), 0.0, corner)
+        turn(robot, _near(wrap_angle(line.yaw_rad - robot.pose.yaw_rad), corner), speeds)
         at_rest()
 
 

@@ -142,11 +142,12 @@ def estimate_noise(runs: Sequence[Run], fitted: Fit, free: int, measured: Measur
 
 
 _UNKNOWN = 1e6
-_LEAST, _MOST = -10.0, -1.0
+_LEAST, _MOST = -6.0, -1.0
+"""Powers of ten: no robot is believed to err less than 1 mm over 1 m."""
 
 
 def _lowest(height: Callable[[float, float], float]) -> Tuple[float, float]:
-    """The pair at which `height` is lowest: a grid over nine decades, refined around its best node."""
+    """The pair at which `height` is lowest: a grid over five decades, refined around its best node."""
 
     def at(exponents: Tuple[float, float]) -> float:
         return height(10.0 ** exponents[0], 10.0 ** exponents[1])

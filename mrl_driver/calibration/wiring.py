@@ -7,6 +7,9 @@ _OTHER = {LEFT: RIGHT, RIGHT: LEFT}
 LEAST_COUNTS = 50
 """Less than this is no movement [count]; 4 mm on a TraxBot."""
 
+LEAST_M, LEAST_RAD = 0.003, 0.02
+"""Less than this is no movement of a robot whose true pose is known."""
+
 
 class Trial(NamedTuple):
     """One motor was driven forward.
@@ -30,12 +33,12 @@ def diagnose(trials: Sequence[Trial]) -> List[str]:
     return _together(found, trials)
 
 
-def turned_by(yaw_rad: float) -> Tuple[str, int]:
-    """The wheel and direction that turn a robot so, if exactly one motor was driven and it was the left one.
-
-    Without anybody to look, a true yaw tells a forward left wheel (clockwise) from a forward right one.
-    """
-    return (RIGHT, 1) if yaw_rad > 0 else (LEFT, 1)
+def seen_in(x_m: float, yaw_rad: float) -> Tuple[Optional[str], int]:
+    """Wheel and direction that move a robot so, if one wheel turned; for robots whose true pose is known."""
+    if abs(x_m) < LEAST_M and abs(yaw_rad) < LEAST_RAD:
+        return LEFT, 0
+    direction = 1 if x_m > 0 else -1
+    return (RIGHT if yaw_rad * direction > 0 else LEFT), direction
 
 
 def _motor(trial: Trial) -> List[str]:
