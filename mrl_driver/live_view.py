@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 LEFT_COLUMNS = 37
 NARROW, LOW = 72, 18
 """A terminal of fewer columns shows no map; one of fewer rows no frames."""
-_BAR = 12
+_BAR = 10
 _FARTHEST_BAR_M = 3.0
 _NEAR_M = 0.3
 _STALE_S = 0.3
@@ -101,7 +101,7 @@ def _panel(content: RenderableType, title: str, style: str = "blue") -> Panel:
 
 def _grid() -> Table:
     grid = Table.grid(padding=(0, 1))
-    grid.add_column(style="dim", min_width=8, max_width=8, no_wrap=True)
+    grid.add_column(style="dim", min_width=10, max_width=10, no_wrap=True)
     grid.add_column(no_wrap=True)
     return grid
 
@@ -112,11 +112,11 @@ def _left(now: Shown, height: int) -> RenderableType:
     parts: List[Tuple[Table, str, str]] = [
         (_motion(now), "motion", "green" if now.driver.command else "blue"),
         (_ranges(now.driver), "sonars", "blue"),
+        (_sensors(now.driver), "sensors", "blue"),
         (_supply(now.driver), "board", "blue"),
         (_link(now), "link", "red" if silent else "blue"),
     ]
-    if now.driver.sensors:
-        parts.insert(2, (_sensors(now.driver), "sensors", "blue"))
+    parts = [part for part in parts if part[0].row_count]
     if height < sum(part.row_count + 2 for part, _, _ in parts):
         return Group(*(part for part, _, _ in parts))
     return Group(*(_panel(*part) for part in parts))
@@ -140,16 +140,19 @@ def _motion(now: Shown) -> Table:
 
 
 def _ranges(driver: "Readout") -> Table:
-    grid = _grid()
-    order = [name for name in ("left", "front", "right") if name in driver.ranges]
-    for name in [*order, *(name for name in driver.ranges if name not in order)]:
-        value = driver.ranges[name]
+    grid, ranges = _grid(), driver.ranges if has_sonars(driver) else {}
+    order = [name for name in ("left", "front", "right") if name in ranges]
+    for name in [*order, *(name for name in ranges if name not in order)]:
+        value = ranges[name]
         share = 0.0 if math.isnan(value) else max(0.0, min(1.0, value / _FARTHEST_BAR_M))
         text = _bar(share, "red" if value < _NEAR_M else "yellow" if value < 2 * _NEAR_M else "cyan")
         grid.add_row(name, text.append(f" {range_text(value)}", style="default"))
-    if not driver.ranges:
-        grid.add_row("", Text("none", style="dim"))
     return grid
+
+
+def has_sonars(driver: "Readout") -> bool:
+    """The board's build has sonars; those of 2013 do not tell."""
+    return driver.board.version < 2 or "sonars" in driver.board.capabilities
 
 
 def _sensors(driver: "Readout") -> Table:

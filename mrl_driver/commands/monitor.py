@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from ..driver import Driver
 
 LINE_S = 1.0
+STALL_S = 0.5
+"""A terminal that takes no more output (Ctrl-S, a stalled connection) halts the view, and so the robot."""
 
 
 @click.command()
@@ -111,6 +113,7 @@ def watch_live(
         target,
         ignore_battery=ignore_battery or not keys_drive,
         record=file,
+        command_timeout_s=STALL_S,
         tap=lambda way, data: log.hear(way, data, time.monotonic()),
     )
     with waiting("waiting for the board to answer"):

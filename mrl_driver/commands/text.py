@@ -46,7 +46,6 @@ def snapshot(driver: "Readout") -> Dict[str, Any]:
         "command": command._asdict() if command else None,
         "ranges_m": driver.ranges,
         "sensors": {name: list(found.values) for name, found in driver.sensors.items()},
-        "sensors": {name: list(reading.values) for name, reading in driver.sensors.items()},
         "battery_v": driver.battery_v,
         "battery_state": driver.battery_state,
         "temperature_c": driver.temperature_c,
