@@ -6,6 +6,7 @@ import time
 from typing import List, Optional
 
 from mrl_driver.robots import load
+from mrl_driver.table import STOP_REASONS
 from sim_arduino.avr_engine import AvrEngine
 from sim_arduino.board import PythonBoard
 from sim_arduino.plant import Plant
@@ -54,6 +55,12 @@ class Emulator:
     def moves(self) -> bool:
         """Some wheel turns."""
         return any(motor.speed != 0.0 for motor in self.plant.robot.motors)
+
+    @property
+    def stop_reason(self) -> str:
+        """Why the board last stopped the motors; of the python engine."""
+        assert isinstance(self._engine, PythonBoard)
+        return STOP_REASONS[self._engine.health.stop_reason]
 
     def close(self) -> None:
         """Unplugs it."""

@@ -2,18 +2,23 @@
 
 import pytest
 
-from mrl_driver.events import Stale
+from mrl_driver.events import Counts, Ready, Stale
+from mrl_driver.handshake import Board
 from mrl_driver.options import Options
 from mrl_driver.robots import load
+from mrl_driver.state import RobotState
 from mrl_driver.stepped import SteppedDriver
 from sim_arduino.board import PythonBoard
 from sim_arduino.faults import FaultyEngine
 from sim_arduino.plant import Plant
+from sim_arduino.profiles import Board2013
 
 from .emulator import MOVE, STOP
 
 HOST_DEAD_S, BEYOND_TIMEOUT_S = 0.3, 0.05
 LATE_S, STALE_S = 0.1, 0.3
+READY_S, READY_2013_S = 5.0, 8.0
+AGE_S = 0.05
 FROZEN_S, COMMAND_S = 5.0, 0.02
 ON_THE_WAY_S = 0.005
 """A frame on the wire, and one in the making."""
@@ -111,3 +116,75 @@ def test_a_slow_period_is_kept_though_the_board_streams_faster():
     assert gaps == pytest.approx([0.2] * 14, abs=ON_THE_WAY_S)
     assert {name for telemetry in told for name in telemetry.fresh} == {"front", "left", "right"}
     assert sum(len(telemetry.fresh) for telemetry in told) >= 3 * 9
+
+
+def test_a_line_that_stalls_drops_the_command():
+    """Without the board's watchdog, which would have stopped the robot as well."""
+    bench = Bench(watchdog_ms=0)
+    bench.drive(0.5)
+    bench.engine.stall(0.6)
+    bench.robot.wait(1.5)
+    assert bench.robot.ready and bench.robot.command is None and bench.robot.stopped
+
+
+def test_a_restart_moves_nothing_however_few_the_counts():
+    """Ten counts back to none could as well be a movement."""
+    state = RobotState(load("traxbot"))
+    board = Board(1, 2, 1.72, 12.0, 25.0)
+    for restarted, count, time_s in ((True, 0, 0.0), (False, 10, 0.02), (True, 0, 0.04)):
+        if restarted:
+            state.digest(Ready(board, True, True), time_s)
+        state.digest(Counts(count, count, None, time_s, time_s, time_s, 0), time_s)
+    assert state.odometry.pose.x_m == 10 * load("traxbot").drive.metres_per_count
+
+
+class Bootloader:
+    """A board that is deaf for a time after the port was opened, and babbles at the end of it."""
+
+    def __init__(self, board, deaf_s):
+        self.board, self.deaf_s = board, deaf_s
+        self.babbled = False
+        self.now_s = 0.0
+
+    @property
+    def next_event_s(self):
+        return self.deaf_s if self.now_s < self.deaf_s else self.deaf_s + self.board.next_event_s
+
+    def receive(self, data):
+        if self.now_s >= self.deaf_s:
+            self.board.receive(data)
+
+    def advance(self, to_s):
+        self.now_s = to_s
+        if to_s < self.deaf_s:
+            return b""
+        junk, self.babbled = b"" if self.babbled else b"\xf0\x00@5,2" + bytes(range(0x80, 0xC0)), True
+        return junk + self.board.advance(to_s - self.deaf_s)
+
+
+@pytest.mark.parametrize(
+    ("make", "deaf_s", "limit_s"), [(PythonBoard, 2.0, READY_S), (Board2013, 5.2, READY_2013_S)]
+)
+def test_a_board_that_opening_has_reset_is_ready_in_time_and_stays_still(make, deaf_s, limit_s):
+    plant = Plant(load("traxbot"))
+    robot = SteppedDriver(Bootloader(make(plant), deaf_s))
+    robot.connect()
+    assert deaf_s < robot.now_s <= limit_s
+    assert [command for command in plant.motor_board.commands if command.code == MOVE] == []
+
+
+def test_after_a_pause_of_the_host_telemetry_is_fresh_and_speeds_are_true():
+    """What waited for 5 s comes all at once; each frame follows the one before in the board's time."""
+    bench = Bench()
+    bench.drive(2.0)
+    told = []
+    bench.robot.on_telemetry(told.append)
+    core, resumed_s = bench.robot._core, bench.robot.now_s + FROZEN_S
+    waited = bench.engine.advance(resumed_s)
+    bench.robot._now_s = resumed_s
+    bench.robot._call(core.turn(waited, resumed_s))
+    assert len(told) > 50
+    assert told[0].twist.linear_m_s == pytest.approx(0.2, abs=0.02)
+    bench.robot.wait(1.0)
+    assert bench.robot.ready and bench.robot.command is None
+    assert bench.robot.now_s - bench.robot.telemetry.stamp_s <= AGE_S

@@ -167,6 +167,7 @@ def test_signals_stop_the_robot_and_end_the_program(emulate, number, code):
         stop_s, exit_s, found = stop_by(robot, number)
         assert stop_s <= SIGNAL_STOP_S + BUSY_S and exit_s <= SIGNAL_EXIT_S + BUSY_S
         assert found == code
+        assert robot.stop_reason == "host"  # not its watchdog
         wait_until(lambda: not robot.moves)
 
 

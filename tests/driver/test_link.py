@@ -1,4 +1,6 @@
+import fcntl
 import os
+import struct
 import threading
 import time
 import tty
@@ -8,6 +10,8 @@ import pytest
 from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, MrlError, PortBusy, PortDenied, PortMissing
 from mrl_driver.link import Link
 
+TIOCGEXCL = 0x80045440
+"""Linux tells the mark that TIOCEXCL sets."""
 SOON_S = 0.1
 """A lost port is noticed, and a blocked write given up, in this time; ten times that for a busy machine."""
 BUSY = 10
@@ -129,9 +133,25 @@ def test_writes_of_two_threads_stay_whole(pty, monkeypatch):
     ]
     for thread, _ in threads:
         thread.join()
-    frames = os.read(pty[0], 4096).split(b"e")[:-1]
+    received = b""
+    while len(received) < 40 * 6:
+        received += os.read(pty[0], 4096)
+    frames = received.split(b"e")[:-1]
     assert len(frames) == 40 and set(frames) == {b"@1111", b"@2222"}
     link.close()
+
+
+def test_a_serial_port_is_marked_exclusive_while_it_is_open(pty, monkeypatch):
+    """The mark keeps out programs that do not lock; root alone gets in, so the mark itself is asked for."""
+    monkeypatch.setattr("mrl_driver.link._PTY_MAJORS", ())
+    observer = os.open(pty[1], os.O_RDWR | os.O_NOCTTY)
+    marks = []
+    link = Link(pty[1])
+    for _ in range(2):
+        marks.append(struct.unpack("i", fcntl.ioctl(observer, TIOCGEXCL, bytes(4)))[0])
+        link.close()
+    os.close(observer)
+    assert marks == [1, 0]
 
 
 def test_a_second_program_is_refused_by_name(pty):

@@ -11,6 +11,8 @@ from sensor_msgs.msg import BatteryState, Range
 from tf2_msgs.msg import TFMessage
 
 from ros1_bridge.covariance import UNUSED_VARIANCE
+from ros1_bridge.parameters import check
+from ros1_bridge.robot_node import RobotNode
 
 from .rig import START_S, Topic
 
@@ -125,12 +127,21 @@ def test_robot_follows_the_command(robot):
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_command_that_is_no_number_stops_the_robot(robot, value):
+def test_command_that_is_no_number_stops_the_robot_with_one_warning_a_second(robot, value):
+    def warnings():
+        return sum(
+            "expected a finite number; the robot was stopped" in line for line in robot.process.output()
+        )
+
+    before = warnings()
     robot.cmd_vel.publish(forward(0.1))
     since = time.monotonic()
     robot.wire.wait_for(MOVE, since - 0.1)
-    robot.cmd_vel.publish(forward(value))
-    assert robot.wire.wait_for(STOP, since) - since < TIMEOUT_S / 2
+    for _ in range(5):
+        robot.cmd_vel.publish(forward(value))
+        time.sleep(0.02)
+    assert robot.wire.first(STOP, since) - since < TIMEOUT_S / 2
+    assert warnings() - before <= 1 <= warnings()
 
 
 def test_sideways_command_is_ignored_with_one_warning(robot):
@@ -140,6 +151,12 @@ def test_sideways_command_is_ignored_with_one_warning(robot):
         time.sleep(0.05)
     assert robot.wire.first(MOVE, since) < math.inf
     assert sum("linear.y" in line for line in robot.process.output()) == 1
+
+
+def test_driver_has_the_timeout_too():
+    """It stops the robot when the node itself is stuck."""
+    node = RobotNode(check({"port": "/dev/null", "cmd_vel_timeout": 0.3}, "node"))
+    assert node._driver._options.command_timeout_s == 0.3
 
 
 @pytest.mark.parametrize("timeout_s", [0.1, TIMEOUT_S, 1.0])
