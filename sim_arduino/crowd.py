@@ -1,8 +1,12 @@
 """The robots that are in a world, as the others meet them; here those of one process."""
 
+import re
 from typing import Dict, List, NamedTuple, Protocol
 
 from .shapes import Footprint, Pose
+
+NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
+NAME_TEXT = "1 to 40 letters, digits, - or _"
 
 
 class Mover(NamedTuple):

@@ -43,17 +43,18 @@ def read(path: str, data: Dict[str, Any]) -> GridMap:
             raise ConfigError(f"{path}: key {key} is unknown, expected {', '.join(_KEYS)}")
     resolution = _number(path, "resolution", data, 0.001, 10.0, None)
     occupied = _number(path, "occupied_thresh", data, 0.0, 1.0, 0.65)
-    free = _number(path, "free_thresh", data, 0.0, 1.0, 0.196)
+    free = _number(path, "free_thresh", data, 0.0, occupied, min(0.196, occupied))
     negate = _number(path, "negate", data, 0, 1, 0)
     if data.get("mode", "trinary") not in ("trinary", "scale"):
         raise ConfigError(f"{path}: mode is {data['mode']!r}, expected trinary or scale")
     image = data.get("image")
     if not isinstance(image, str) or not image:
         raise ConfigError(f"{path}: image is {image!r}, expected the name of a PGM file")
-    shares = _read_pgm(os.path.join(os.path.dirname(path), image))
+    values, most = _read_pgm(os.path.join(os.path.dirname(path), image))
+    shares = np.arange(most + 1) / most
     darkness = shares if negate else 1.0 - shares
-    cells = np.where(darkness > occupied, OCCUPIED, np.where(darkness < free, FREE, UNKNOWN))
-    return GridMap(cells.astype(np.int8)[::-1], resolution, _origin(path, data))
+    states = np.where(darkness > occupied, OCCUPIED, np.where(darkness < free, FREE, UNKNOWN)).astype(np.int8)
+    return GridMap(states[values][::-1], resolution, _origin(path, data))
 
 
 def _number(path: str, key: str, data: Dict[str, Any], low: float, high: float, default: Any) -> float:
@@ -74,11 +75,12 @@ def _finite(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= 1e6
 
 
-_HEADER = re.compile(rb"(P[25])(?:\s+|#[^\n]*\n)+(\d+)(?:\s+|#[^\n]*\n)+(\d+)(?:\s+|#[^\n]*\n)+(\d+)\s")
+_GAP = rb"(?:\s+|#[^\n]*\n)+"
+_HEADER = re.compile(rb"(P[25])" + _GAP + (rb"(\d{1,9})" + _GAP) * 2 + rb"(\d{1,9})(?:\r\n|\s)")
 
 
-def _read_pgm(path: str) -> Any:
-    """Shares of white, `(height, width)`, 0 to 1, row 0 at the top."""
+def _read_pgm(path: str) -> Tuple[Any, int]:
+    """Grey values, whole numbers `(height, width)` with row 0 at the top, and the one that is white."""
     try:
         with open(path, "rb") as file:
             data = file.read()
@@ -95,20 +97,26 @@ def _read_pgm(path: str) -> Any:
             f"{path}: {width} x {height} pixels up to {most}, expected 1 to {_MOST_CELLS} pixels up to 65535"
         )
     body = data[header.end() :]
-    if header.group(1) == b"P5":
-        kind = np.dtype(np.uint8 if most < 256 else ">u2")
-        values: Any = np.frombuffer(body[: len(body) // kind.itemsize * kind.itemsize], kind)
-    else:
-        values = _plain_values(path, body)
+    values = _plain_values(path, body) if header.group(1) == b"P2" else _raw_values(body, most)
     if len(values) < width * height:
         raise ConfigError(f"{path}: has {len(values)} pixels, expected {width} x {height} = {width * height}")
-    return values[: width * height].reshape(height, width) / float(most)
+    values = values[: width * height].reshape(height, width)
+    if values.min() < 0 or values.max() > most:
+        raise ConfigError(
+            f"{path}: has pixels from {values.min()} to {values.max()}, expected 0 to {most}, the maximum it names"
+        )
+    return values, most
+
+
+def _raw_values(body: bytes, most: int) -> Any:
+    kind = np.dtype(np.uint8 if most < 256 else ">u2")
+    return np.frombuffer(body[: len(body) // kind.itemsize * kind.itemsize], kind)
 
 
 def _plain_values(path: str, body: bytes) -> Any:
     try:
-        return np.array(re.sub(rb"#[^\n]*", b"", body).split(), dtype=float)
-    except ValueError as error:
+        return np.array(re.sub(rb"#[^\n]*", b"", body).split()).astype(np.int64)
+    except (ValueError, OverflowError) as error:
         raise ConfigError(f"{path}: {error}, expected whole numbers") from None
 
 

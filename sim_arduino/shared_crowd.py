@@ -7,7 +7,6 @@ holds the file's lock, so one that was killed is gone as well.
 import fcntl
 import mmap
 import os
-import re
 import struct
 import tempfile
 import time
@@ -15,7 +14,7 @@ from typing import Dict, List, NamedTuple, Optional
 
 from mrl_driver.errors import ConfigError
 
-from .crowd import Mover
+from .crowd import NAME, NAME_TEXT, Mover
 from .shapes import Footprint, Pose
 
 _ROW = struct.Struct("<Q5d?7x")
@@ -24,7 +23,6 @@ _SUFFIX = ".robot"
 _LOOK_S = 0.5
 """How often the folder is searched for robots that came or went [s]."""
 _TRIES = 20
-_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
 
 
 class _Row(NamedTuple):
@@ -56,8 +54,8 @@ def folder_of(world_name: str) -> str:
 
 
 def _checked(what: str, name: str) -> str:
-    if not _NAME.fullmatch(name):
-        raise ConfigError(f"{what} is {name!r}, expected 1 to 40 letters, digits, - or _")
+    if not NAME.fullmatch(name):
+        raise ConfigError(f"{what} is {name!r}, expected {NAME_TEXT}")
     return name
 
 

@@ -3,12 +3,12 @@
 import math
 from typing import Any, Dict, NamedTuple, Tuple
 
-import yaml
-
 from mrl_driver.errors import ConfigError
 
+from . import yaml_file
 from .physics import Errors
 from .sonars import SonarErrors
+from .yaml_file import short
 
 
 class Key(NamedTuple):
@@ -26,11 +26,15 @@ ROBOT_KEYS = (
     Key("wheel_size", 1.0, 0.5, 2.0, "both wheels over the model's"),
     Key("axle", 1.0, 0.5, 2.0, "distance of the wheels over the model's"),
     Key("slip", 0.0, 0.0, 0.9, "share of the yaw lost in turns"),
+    Key("load", 1.0, 0.1, 5.0, "mass over the model's"),
+    Key("control", 20.0, 10.0, 40.0, "rate of the motor board's control loop [Hz]"),
 )
 SONAR_KEYS = (
     Key("noise", 0.0, 0.0, 1.0, "standard deviation [m]"),
     Key("missed", 0.0, 0.0, 1.0, "share of readings without an echo"),
-    Key("crosstalk", 0.0, 0.0, 1.0, "share that may hear the sonar before in the chain"),
+    Key(
+        "crosstalk", 0.0, 0.0, 1.0, "share of foreign pings taken for an echo: of the chain, of other robots"
+    ),
 )
 
 
@@ -43,7 +47,7 @@ def robot_errors(text: str) -> Errors:
     values = _values("--error", text, ROBOT_KEYS)
     ratio, size = values["wheel_ratio"], values["wheel_size"]
     left = 2.0 / (1.0 + ratio) * size
-    return Errors(left, left * ratio, values["axle"], values["slip"])
+    return Errors(left, left * ratio, *(values[key] for key in ("axle", "slip", "load", "control")))
 
 
 def sonar_errors(text: str) -> SonarErrors:
@@ -75,15 +79,9 @@ def _given(source: str, text: str) -> Dict[str, Any]:
     if not text.endswith((".yaml", ".yml")):
         parts = (part.partition("=") for part in text.split(",") if part)
         return {name.strip(): value for name, _, value in parts}
-    try:
-        with open(text, encoding="utf-8") as file:
-            data = yaml.safe_load(file)
-    except OSError as error:
-        raise ConfigError(f"{source}: {error.strerror}, expected a YAML file") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{source}: no YAML: {' '.join(str(error).split())}") from None
+    data = yaml_file.read(text, "a YAML file")
     if not isinstance(data, dict):
-        raise ConfigError(f"{source}: file is {data!r}, expected keys and numbers")
+        raise ConfigError(f"{source}: file is {short(data)}, expected keys and numbers")
     return {str(name): value for name, value in data.items()}
 
 

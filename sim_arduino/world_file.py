@@ -19,16 +19,16 @@ import math
 import os
 from typing import Any, Dict, List, Optional, Sequence, Tuple
 
-import yaml
-
 from mrl_driver import robots
 from mrl_driver.errors import ConfigError
 
-from .crowd import Mover
+from . import yaml_file
+from .crowd import NAME, NAME_TEXT, Mover
 from .scene import Scene, Source
 from .sensors import OTHERS, PIXELS, Environment
 from .shapes import Footprint, Pose, Wall, polygon
 from .world import World
+from .yaml_file import short
 
 _FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "worlds")
 FAR_M = 1000.0
@@ -76,20 +76,10 @@ def load(name_or_path: str = "room") -> World:
         raise ConfigError(
             f"world {name_or_path!r} is unknown, expected {', '.join(names())} or the path of a .yaml file"
         )
-    data = _parse(path)
+    data = yaml_file.read(path, "a world as YAML")
     if isinstance(data, dict) and "image" in data:
         return World(_map_walls(path, data))
     return _Reader(path, data).world()
-
-
-def _parse(path: str) -> Any:
-    try:
-        with open(path, encoding="utf-8") as file:
-            return yaml.safe_load(file)
-    except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror}, expected a world as YAML") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: no YAML: {' '.join(str(error).split())}") from None
 
 
 def _map_walls(path: str, data: Dict[str, Any]) -> List[Wall]:
@@ -103,7 +93,7 @@ class _Reader:
 
     def __init__(self, path: str, data: Any) -> None:
         if not isinstance(data, dict):
-            raise ConfigError(f"{path}: file is {data!r}, expected the keys {', '.join(_KEYS)}")
+            raise ConfigError(f"{path}: file is {short(data)}, expected the keys {', '.join(_KEYS)}")
         self._path, self._data = path, data
         self._known("", data, _KEYS)
 
@@ -129,6 +119,8 @@ class _Reader:
 
     def _robot(self, name: str, row: Any) -> Mover:
         key, model = f"robots.{name}", _FIRST_MODEL
+        if not NAME.fullmatch(name):
+            raise self._fail(key, row, f"as its name {NAME_TEXT}")
         if isinstance(row, list) and len(row) == 4:
             *row, model = row
         if not isinstance(model, str):
@@ -176,9 +168,9 @@ class _Reader:
         if not name:
             return []
         path = os.path.join(os.path.dirname(self._path), name)
-        data = _parse(path)
+        data = yaml_file.read(path, "a map_server YAML")
         if not isinstance(data, dict):
-            raise ConfigError(f"{path}: file is {data!r}, expected a map_server YAML")
+            raise ConfigError(f"{path}: file is {short(data)}, expected a map_server YAML")
         return _map_walls(path, data)
 
     def _get(self, key: str, default: Any) -> Any:
@@ -186,7 +178,7 @@ class _Reader:
         return default if value is None else value
 
     def _fail(self, key: str, got: Any, expected: str) -> ConfigError:
-        return ConfigError(f"{self._path}: {key} is {got!r}, expected {expected}")
+        return ConfigError(f"{self._path}: {key} is {short(got)}, expected {expected}")
 
     def _known(self, prefix: str, found: Dict[Any, Any], keys: Sequence[str]) -> None:
         for key in found:

@@ -47,6 +47,12 @@ def test_two_bytes_a_pixel(tmp_path):
     assert grid_map.read(str(tmp_path / "map.yaml"), GOOD).cells.tolist() == [[OCCUPIED, FREE]]
 
 
+@pytest.mark.parametrize("header", [b"P5\r\n2 1\r\n255\r\n", b"P5 # made by\n# hand\n2 # wide\n 1\n255\n"])
+def test_headers_of_other_programs(tmp_path, header):
+    write(tmp_path, picture=header + bytes([0, 254]))
+    assert grid_map.read(str(tmp_path / "map.yaml"), GOOD).cells.tolist() == [[OCCUPIED, FREE]]
+
+
 def test_outlines_are_joined(tmp_path):
     """Two cells of 0.1 m side by side: a box of 0.2 x 0.1 m out of four walls."""
     walls = load(write(tmp_path)).walls
@@ -112,6 +118,15 @@ def test_a_drawn_map_comes_back(tmp_path):
         ({"picture": b"P5 4 3 255\n123"}, "has 3 pixels, expected 4 x 3 = 12"),
         ({"picture": b"P5 0 3 255\n"}, "0 x 3 pixels"),
         ({"picture": b"P2 1 1 255\nwhite"}, "expected whole numbers"),
+        ({"picture": b"P2 1 1 255\nnan"}, "expected whole numbers"),
+        ({"picture": b"P2 1 1 255\n" + b"9" * 30}, "expected whole numbers"),
+        ({"picture": b"P2 2 1 255\n-1 0"}, "has pixels from -1 to 0, expected 0 to 255"),
+        ({"picture": b"P5 1 1 9\n\x0a"}, "has pixels from 10 to 10, expected 0 to 9"),
+        ({"picture": b"P5 " + b"9" * 5000 + b" 1 255\n"}, "expected a PGM header"),
+        ({"picture": b"P5 9000 9000 255\n"}, "9000 x 9000 pixels up to 255, expected 1 to 64000000"),
+        ({"picture": b"P5 1 1 65536\n"}, "pixels up to 65536, expected 1 to 64000000 pixels up to 65535"),
+        ({"free_thresh": 0.7}, "free_thresh is 0.7, expected a number from 0 to 0.65"),
+        ({"mode": "scale", "negate": True}, "negate is True"),
     ],
 )
 def test_bad_maps_name_file_key_and_value(tmp_path, changes, message):
