@@ -9,6 +9,7 @@ from typing import Any, Callable, List, NamedTuple, Optional, Protocol, Tuple
 import numpy as np
 
 from ..errors import BoardTimeout, ConfigError, WheelFault
+from ..handshake import Board
 from ..odometry import Pose, Twist, Wheels, advance, wrap_angle
 from ..robots import RobotModel
 from ..state import Telemetry
@@ -28,7 +29,9 @@ LEAST_M_S, LEAST_RAD_S = 0.03, 0.15
 LATENCY_S = 0.2
 """From a command to the wheels following it."""
 HEADING_GAIN, OFFSET_GAIN = 3.0, 3.0
-STOP, MOVE_PID, MOVE = (BY_NAME[name].code for name in ("stop", "move_motors_pid", "move_motors"))
+MOVE_PID, MOVE, SET_GAINS = (
+    BY_NAME[name].code for name in ("move_motors_pid", "move_motors", "set_pid_gains")
+)
 
 Command = Optional[Tuple[float, float]]
 
@@ -38,6 +41,8 @@ class Robot(Protocol):
 
     @property
     def model(self) -> Optional[RobotModel]: ...  # noqa: D102
+    @property
+    def board(self) -> Board: ...  # noqa: D102
     @property
     def pose(self) -> Pose: ...  # noqa: D102
     @property

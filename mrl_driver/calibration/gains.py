@@ -4,12 +4,13 @@ The law that gains are chosen for, with the error as a share of full speed and o
 duty = kp/1000 error + sum(ki/1000 error) + kd/1000 change of error, limited to -1..1.
 """
 
-from typing import List, NamedTuple, Sequence, Tuple
+from typing import List, NamedTuple, Sequence, Tuple, Union
 
 import numpy as np
 
 from ..errors import ConfigError
 
+Numbers = Union[Sequence[float], np.ndarray]
 LEAST_READINGS = 10
 OVERSHOOT = 0.05
 """Gains may overshoot by this share."""
@@ -47,7 +48,7 @@ class Response(NamedTuple):
     """Mean error of the last quarter, share of the speed asked for."""
 
 
-def identify(times_s: Sequence[float], travel: Sequence[float], duty: float) -> Plant:
+def identify(times_s: Numbers, travel: Numbers, duty: float) -> Plant:
     """The motor whose way after a step of the duty, at time 0 and from rest, is `travel` [count] at `times_s`.
 
     Raises:
@@ -126,7 +127,7 @@ def suggest(plants: Sequence[Plant], period_s: float = 0.05) -> Gains:
     return Gains(*(int(round(value)) for value in best))
 
 
-def describe(times_s: Sequence[float], travel: Sequence[float], target_counts_s: float) -> Response:
+def describe(times_s: Numbers, travel: Numbers, target_counts_s: float) -> Response:
     """Figures of a step of the speed at time 0, out of counts [count]."""
     t, way = np.asarray(times_s, float), np.asarray(travel, float)
     middle, speed = speeds(t, way)

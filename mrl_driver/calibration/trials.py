@@ -1,0 +1,195 @@
+"""The calibrations of parts: wires, the sonars' curve, the motors' gains.  Drives, and hands to the pure modules."""
+
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
+
+from ..errors import ConfigError
+from ..odometry import Pose
+from ..robots import Drive
+from . import board, driving, gains, sonar_curve, wiring
+from .driving import MOVE, MOVE_PID, Robot, Speeds, Track
+from .gains import Gains, Plant, Response
+from .measure import Ruler
+from .sonar_curve import Curve
+
+DUTY_PERCENT, WIRING_S = 35, 0.5
+STEP_PERCENT, STEP_S = 40, 1.5
+STAND_S, FRESH_S = 1.5, 0.7
+"""The robot stands so long before the wall; what the sonar says is from this stand after so much of it [s]."""
+
+Look = Callable[[str, Pose], Tuple[Optional[str], int]]
+"""Which wheel turned, and which way, when this motor was driven and the ruler says that; see `wiring.Trial`."""
+
+
+def check_wiring(robot: Robot, track: Track, ruler: Ruler, look: Look) -> List[str]:
+    """Turn each motor forward by itself, without speed control; what is wrong with the wires."""
+    trials = []
+    for motor, percents in ((wiring.LEFT, (DUTY_PERCENT, 0)), (wiring.RIGHT, (0, DUTY_PERCENT))):
+        ruler.begin(f"{motor} motor alone")
+        track.begin()
+        driving.spin_motors(robot, MOVE, *percents, WIRING_S)
+        driving.settle(robot)
+        rows = track.end()
+        right, left = (int(value) for value in rows[-1, 1:3] - rows[0, 1:3])
+        trials.append(wiring.Trial(motor, right, left, *look(motor, ruler.end(f"{motor} motor alone"))))
+    return wiring.diagnose(trials)
+
+
+# -- sonar
+
+
+class SonarPlan(NamedTuple):
+    """Where the robot stands before the wall: from `start_m` on, `step_m` nearer each time, to `stop_m`."""
+
+    start_m: float = 2.0
+    stop_m: float = 0.2
+    step_m: float = 0.05
+
+    def distances(self) -> List[float]:
+        """All of them [m].
+
+        Raises:
+            ConfigError: they are too few, or do not approach the wall.
+        """
+        good = 0.15 <= self.stop_m < self.start_m <= 6.0 and 0.01 <= self.step_m <= 0.5
+        count = int((self.start_m - self.stop_m) / self.step_m + 1e-6) + 1 if good else 0
+        if count < sonar_curve.LEAST_DISTANCES:
+            raise ConfigError(
+                f"from {self.start_m:g} m by {self.step_m:g} m to {self.stop_m:g} m are {count} distances, expected "
+                f"{sonar_curve.LEAST_DISTANCES} or more between 6 m and 0.15 m"
+            )
+        return [self.start_m - i * self.step_m for i in range(count)]
+
+
+def approach_wall(
+    robot: Robot, track: Track, plan: SonarPlan, speeds: Speeds, say: Callable[[str], None]
+) -> np.ndarray:
+    """Drive up to the wall and stand at each distance; the track's rows."""
+    distances = plan.distances()
+    line = robot.pose
+    track.begin()
+    for number, distance_m in enumerate(distances):
+        if number:
+            driving.straight(robot, plan.start_m - distance_m, speeds, line)
+        say(f"{distance_m:.2f} m")
+        robot.wait(STAND_S)
+    return track.end()
+
+
+def stands(rows: np.ndarray, drive: Drive, start_m: float) -> Tuple[List[float], List[float]]:
+    """Ranges that the front sonar told [m], NaN for none, and distances by odometry [m], for each stand of a track.
+
+    Args:
+        rows: (N, 4) time, right, left, range; see `Track.end`.
+        start_m: distance from the wall at the first row.
+    """
+    times_s = rows[:, 0]
+    way = (rows[:, 1:3] - rows[0, 1:3]) @ (drive.right_m_per_count / 2, drive.left_m_per_count / 2)
+    moved = np.flatnonzero(np.any(np.diff(rows[:, 1:3], axis=0) != 0, axis=1)) + 1
+    edges = [0, *moved.tolist(), len(rows)]
+    ranges, distances = [], []
+    for begin, end in zip(edges, edges[1:]):
+        stood = times_s[begin:end] - times_s[begin]
+        if not len(stood) or stood[-1] < STAND_S - 0.2:
+            continue
+        said = rows[begin:end, 3][stood >= FRESH_S]
+        ranges.append(float(np.median(np.where(np.isfinite(said), said, np.nan))))
+        distances.append(start_m - float(way[begin]))
+    return ranges, distances
+
+
+def curve_in_force(robot: Robot) -> Curve:
+    """The curve by which ranges come from counts now; boards of 2013 are corrected to the thesis's."""
+    if not board.can_configure(robot):
+        return sonar_curve.THESIS
+    values = board.read(robot, "sonar_a", "sonar_b", "sonar_c")
+    return Curve(*(value / 1e4 for value in values.values()))
+
+
+def curve_values(curve: Curve) -> Dict[str, int]:
+    """The board's parameters for a curve."""
+    return {f"sonar_{name}": round(value * 1e4) for name, value in curve.on_wire()._asdict().items()}
+
+
+# -- gains
+
+
+class Steps(NamedTuple):
+    """A step of each wheel: times from the step [s], and ways (right, left) from there [count]."""
+
+    times_s: np.ndarray
+    right: np.ndarray
+    left: np.ndarray
+
+    def response(self, left: bool) -> Response:
+        """Figures of one wheel, the steady speed being that of the last quarter."""
+        way = np.abs(self.left if left else self.right)
+        _, speed = gains.speeds(self.times_s, way)
+        return gains.describe(self.times_s, way, float(speed[-max(1, len(speed) // 4) :].mean()))
+
+
+def step(robot: Robot, track: Track, code: int, percent: int, seconds: float = STEP_S) -> Steps:
+    """Turn in place from rest: left motor back, right motor forward."""
+    track.begin()
+    driving.spin_motors(robot, code, -percent, percent, seconds)
+    rows = track.end()
+    driving.settle(robot)
+    return steps_of_rows(rows)
+
+
+def steps_of_rows(rows: np.ndarray) -> Steps:
+    """Rows of a track that begins with the step."""
+    if len(rows) < gains.LEAST_READINGS:
+        raise ConfigError(f"a step has {len(rows)} readings, expected {gains.LEAST_READINGS} or more")
+    return Steps(rows[:, 0] - rows[0, 0], rows[:, 1] - rows[0, 1], rows[:, 2] - rows[0, 2])
+
+
+def identify(steps: Steps, percent: int = STEP_PERCENT) -> Tuple[Plant, Plant]:
+    """Right and left motor, out of a step of the duty."""
+    duty = percent / 100
+    return (
+        gains.identify(steps.times_s, steps.right, duty),
+        gains.identify(steps.times_s, steps.left, -duty),
+    )
+
+
+class Tuned(NamedTuple):
+    """What tuning found."""
+
+    plants: Tuple[Plant, Plant]
+    before: Gains
+    after: Gains
+    steps_before: Steps
+    steps_after: Steps
+
+
+def tune(robot: Robot, track: Track, present: Gains, say: Callable[[str], None]) -> Tuned:
+    """Steps of the duty, gains from them, and steps of the speed with the old and the new ones; the old ones and the
+    ramp are in force again at the end, whatever happens.
+    """
+    ramped = board.can_configure(robot)
+    ramp = board.read(robot, "ramp_time") if ramped else {}
+    try:
+        if ramped:
+            board.write(robot, {"ramp_time": 0})
+        say(f"step of the duty, {STEP_PERCENT} %")
+        plants = identify(step(robot, track, MOVE, STEP_PERCENT))
+        wanted = gains.suggest(plants)
+        taken = []
+        for name, trial in (("present", present), ("suggested", wanted)):
+            say(f"step of the speed, {name} gains {trial.kp} {trial.ki} {trial.kd}")
+            set_gains(robot, trial)
+            taken.append(step(robot, track, MOVE_PID, STEP_PERCENT))
+        return Tuned(plants, present, wanted, taken[0], taken[1])
+    finally:
+        robot.stop()
+        set_gains(robot, present)
+        if ramped:
+            board.write(robot, ramp)
+
+
+def set_gains(robot: Robot, wanted: Sequence[int]) -> None:
+    """Put gains in force, until the board restarts."""
+    robot.request(driving.SET_GAINS, *wanted)
+    robot.wait(0.1)
