@@ -32,8 +32,9 @@ LEAST_RAMP_MS = 500
 """No motor is believed to reach full speed faster."""
 ON_ITS_WAY_S = 0.05
 """A command may take so long to the motors when none is lost."""
-STILL_M, STILL_TICKS = 0.0002, 5
-"""A wheel with less than this way per tick, for so long, has come to rest [m]."""
+STILL_M, STILL_TICKS = 0.0002, 10
+"""A wheel with less than this way per tick, for so long, has come to rest [m]: one that turns round sticks for up to
+0.5 s, until the speed control has made up for friction at a control rate of 10 Hz."""
 GAP_S = 0.15
 """Readings further apart than this, and than three periods, begin anew: the board may have stopped meanwhile."""
 

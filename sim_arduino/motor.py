@@ -21,6 +21,8 @@ class MotorParams(NamedTuple):
     """Voltage of `no_load_counts_s` [V]."""
     time_constant_s: float = 0.08
     """Time to 63 % of a step of the duty [s]."""
+    friction_counts_s: float = 0.0
+    """Speed that friction costs at any duty [count/s]; a duty worth less does not turn a motor that stands."""
     brake_counts_s2: float = 22000.0
     """Deceleration of the short-circuited motor [count/s2]; 2 m/s2 on a TraxBot."""
     position_gain_hz: float = 4.0
@@ -161,12 +163,20 @@ class Motor:
             self.speed = self.duty = self._integral = self._error = 0.0
 
     def _driven(self, dt: float, volts: float) -> float:
-        tau = self.params.time_constant_s
-        final = self.duty * self.params.no_load_counts_s * volts / self.params.nominal_v
-        gone = -math.expm1(-dt / tau)
-        way = final * dt + (self.speed - final) * tau * gone
-        self.speed += (final - self.speed) * gone
-        return way
+        tau, friction = self.params.time_constant_s, self.params.friction_counts_s
+        free = self.duty * self.params.no_load_counts_s * volts / self.params.nominal_v
+        if self.speed == 0.0 and abs(free) <= friction:
+            return 0.0
+        speed, final = self.speed, free - math.copysign(friction, self.speed or free)
+        turns_back = friction > 0.0 and speed * final < 0.0
+        to_rest = tau * math.log1p(-speed / final) if turns_back else math.inf
+        gone = -math.expm1(-min(dt, to_rest) / tau)
+        way = final * min(dt, to_rest) + (speed - final) * tau * gone
+        if dt < to_rest:
+            self.speed = speed + (final - speed) * gone
+            return way
+        self.speed = 0.0
+        return way + self._driven(dt - to_rest, volts)
 
     def _braked(self, dt: float) -> float:
         speed, slowing = self.speed, self.params.brake_counts_s2

@@ -18,6 +18,11 @@ MAX_STEP_S = 0.02
 """Longest piece that is integrated as one arc while the robot moves [s]."""
 _REST_STEP_S = 1.0
 """Longest piece while it stands, for battery and temperature [s]."""
+_ROTOR_S, _BODY_S = 0.057, 0.023
+"""Parts of a motor's time constant [s]: its own rotor, and the body of one load on 39 mm wheels at 1.8 Nm of stall
+torque; estimated."""
+_TRACK_FRICTION, _WHEEL_FRICTION = 0.02, 0.006
+"""Share of the no-load speed that rolling one load costs: 0.1 of its weight on tracks, 0.03 on wheels; estimated."""
 
 
 class Params(NamedTuple):
@@ -78,6 +83,10 @@ class Errors(NamedTuple):
     """True distance of the wheels over the model's."""
     turn_slip: float = 0.0
     """Share of the yaw that is lost in a turn."""
+    load: float = 1.0
+    """True mass over the model's."""
+    control_hz: float = 20.0
+    """Rate of the motor board's control loop [Hz]: 10, 20 or 40."""
 
 
 AS_MODELLED = Errors()
@@ -88,8 +97,14 @@ def params_for(model: RobotModel, errors: Errors = AS_MODELLED, omni: bool = Fal
     per_turn = model.board["gearbox"] * model.board["encoder_counts"] / 100.0
     per_count = model.drive.metres_per_count
     rpm = 160.0 / 60.0 * per_turn
+    time_constant_s = _ROTOR_S + _BODY_S * errors.load
+    friction = errors.load * (_TRACK_FRICTION if model.body.tracks else _WHEEL_FRICTION)
     motor = MotorParams(
-        no_load_counts_s=rpm * 12.0 / 7.2, rated_counts_s=rpm, brake_counts_s2=2.0 / per_count
+        no_load_counts_s=rpm * 12.0 / 7.2,
+        rated_counts_s=rpm,
+        time_constant_s=time_constant_s,
+        friction_counts_s=friction * rpm * 12.0 / 7.2,
+        brake_counts_s2=2.0 / per_count * (_ROTOR_S + _BODY_S) / time_constant_s,
     )
     battery = model.battery
     axle_m = model.drive.wheel_separation_m * errors.axle_scale
@@ -100,6 +115,7 @@ def params_for(model: RobotModel, errors: Errors = AS_MODELLED, omni: bool = Fal
         axle_m,
         errors.turn_slip,
         0.5 * axle_m if omni else 0.0,
+        errors.control_hz,
         capacity_ah=battery.capacity_ah,
         rest_curve=_rest_curve(battery.empty_v, battery.full_v),
     )

@@ -9,21 +9,22 @@ from hypothesis import strategies as st
 from sim_arduino.motor import Gains, Mode, Motor, MotorParams
 
 PARAMS = MotorParams(no_load_counts_s=12000.0, rated_counts_s=7500.0)
+LOADED = PARAMS._replace(friction_counts_s=240.0)
 VOLTS = 12.0
 TICK_S = 0.05
 SETTLED = 1e-3
 """Share of full speed within which a controlled motor is at its speed."""
 
 
-def run(motor, seconds, gains=Gains(), volts=VOLTS):  # noqa: B008 - never changed
-    for _ in range(round(seconds / TICK_S)):
-        motor.move(TICK_S, volts)
-        motor.control(TICK_S, gains)
+def run(motor, seconds, gains=Gains(), volts=VOLTS, tick_s=TICK_S):  # noqa: B008 - never changed
+    for _ in range(round(seconds / tick_s)):
+        motor.move(tick_s, volts)
+        motor.control(tick_s, gains)
     return motor
 
 
-def spinning(speed):
-    motor = Motor(PARAMS)
+def spinning(speed, params=PARAMS):
+    motor = Motor(params)
     motor.speed = speed
     return motor
 
@@ -57,17 +58,37 @@ def test_way_under_constant_duty():
     assert motor.move(1.0, VOLTS) == pytest.approx(12000.0 * (1 - tau * (1 - math.exp(-1 / tau))))
 
 
-@pytest.mark.parametrize("mode", [Mode.DUTY, Mode.BRAKE])
+@pytest.mark.parametrize("mode, duty", [(Mode.DUTY, 0.3), (Mode.DUTY, 0.0), (Mode.BRAKE, 0.0)])
 @given(pieces=st.lists(st.floats(1e-6, 0.2), min_size=1, max_size=20), speed=st.floats(-9000, 9000))
-def test_motion_does_not_depend_on_the_steps(mode, pieces, speed):
-    one, many = spinning(speed), spinning(speed)
+def test_motion_does_not_depend_on_the_steps(mode, duty, pieces, speed):
+    """Friction that brings it to rest, or lets it turn back, in the midst of a step included."""
+    one, many = spinning(speed, LOADED), spinning(speed, LOADED)
     for motor in (one, many):
-        motor.mode, motor.duty = mode, 0.3 if mode is Mode.DUTY else 0.0
+        motor.mode, motor.duty = mode, duty
     one.move(math.fsum(pieces), VOLTS)
     for piece in pieces:
         many.move(piece, VOLTS)
     assert many.travel == pytest.approx(one.travel, abs=1e-6)
     assert many.speed == pytest.approx(one.speed, abs=1e-6)
+
+
+def test_coasting_ends_where_friction_has_it():
+    """v' = -(v + f) / tau from v0: at rest after tau ln(1 + v0 / f), having gone tau v0 less f times that."""
+    motor, tau, friction = spinning(3000.0, LOADED), LOADED.time_constant_s, LOADED.friction_counts_s
+    motor.set_duty(0.0)
+    to_rest = tau * math.log(1 + 3000.0 / friction)
+    motor.move(to_rest - 1e-6, VOLTS)
+    assert 0.0 < motor.speed < 1.0
+    motor.move(1.0, VOLTS)
+    assert (motor.speed, motor.travel) == pytest.approx((0.0, tau * 3000.0 - friction * to_rest))
+
+
+@pytest.mark.parametrize("duty, speed", [(0.02, 0.0), (0.021, 12.0), (-0.021, -12.0), (1.0, 11760.0)])
+def test_friction_holds_what_is_too_weak_and_slows_the_rest(duty, speed):
+    motor = Motor(LOADED)
+    motor.set_duty(duty)
+    motor.move(5.0, VOLTS)
+    assert motor.speed == pytest.approx(speed)
 
 
 def test_half_the_voltage_is_half_the_speed():
@@ -86,9 +107,18 @@ def test_duty_is_limited():
 @pytest.mark.parametrize("gains", [Gains(), Gains(350, 200, 100, 1500), Gains(1300, 350, 400)], ids=str)
 def test_speed_control_reaches_its_speed(gains):
     """The gains of both models, and those of 2012."""
-    motor = Motor(PARAMS)
+    motor = Motor(LOADED)
     motor.set_speed(3000.0)
     run(motor, 6.0, gains)
+    assert motor.speed == pytest.approx(3000.0, abs=SETTLED * 12000)
+
+
+@pytest.mark.parametrize("tick_s", [0.1, 0.05, 0.025])
+def test_speed_control_settles_at_each_control_rate(tick_s):
+    """10, 20 and 40 Hz."""
+    motor = Motor(LOADED)
+    motor.set_speed(3000.0)
+    run(motor, 8.0, tick_s=tick_s)
     assert motor.speed == pytest.approx(3000.0, abs=SETTLED * 12000)
 
 
@@ -139,15 +169,15 @@ def test_without_power_nothing_turns():
 
 @pytest.mark.parametrize("goal", [5000.0, -5000.0, 3.0])
 def test_position_is_reached_and_held(goal):
-    motor = Motor(PARAMS)
+    motor = Motor(LOADED)
     motor.go_to(goal, 3000.0, hold=True)
     run(motor, 8.0)
-    assert motor.travel == pytest.approx(goal, abs=1.0)
+    assert motor.travel == pytest.approx(goal, abs=2.0)
     assert motor.mode is Mode.POSITION
 
 
 def test_position_without_hold_lets_go():
-    motor = Motor(PARAMS)
+    motor = Motor(LOADED)
     motor.go_to(2000.0, 3000.0, hold=False)
     run(motor, 8.0)
     assert motor.mode is Mode.BRAKE

@@ -21,6 +21,7 @@ def cruising(left_m_s, right_m_s, model=TRAXBOT, **scales):
         motor = robot.motors[index]
         motor.mode = Mode.DUTY
         motor.speed = speed / model.drive.metres_per_count
+        motor.params = motor.params._replace(friction_counts_s=0.0)
         motor.duty = motor.speed / motor.params.no_load_counts_s * motor.params.nominal_v
     robot.params = robot.params._replace(rest_curve=((0.0, 1.0), (1.0, 1.0)), resistance_ohm=0.0)
     robot.state.battery_v = 1.0
@@ -155,11 +156,87 @@ def test_battery_can_be_set(volts):
     assert robot.state.battery_v == pytest.approx(volts, abs=1e-9)
 
 
-def test_motors_warm_the_board():
+def test_the_charge_is_what_has_flowed():
+    """Amperes out of the drop from the voltage at no load, summed, are what the battery has lost."""
     robot = Robot(params_for(TRAXBOT))
-    robot.motors[0].set_speed(5000.0)
-    robot.step(60.0)
-    assert robot.state.temperature_c > 26.0
+    robot.motors[0].set_speed(6000.0)
+    robot.motors[2].set_speed(-2000.0)
+    coulombs = 0.0
+    for _ in range(1200):
+        robot.step(0.05)
+        no_load_v = interpolate(robot.params.rest_curve, robot.state.charge)
+        coulombs += (no_load_v - robot.state.battery_v) / robot.params.resistance_ohm * 0.05
+    assert (1.0 - robot.state.charge) * 3600.0 * robot.params.capacity_ah == pytest.approx(coulombs, rel=1e-6)
+
+
+def test_an_empty_battery_takes_the_motors_with_it():
+    robot = Robot(params_for(TRAXBOT))
+    for index in (0, 2):
+        robot.motors[index].set_speed(5000.0)
+    robot.step(5.0)
+    robot.state.charge = -0.05
+    robot.step(5.0)
+    assert (robot.state.battery_v, robot.motors[0].speed) == (0.0, 0.0)
+
+
+def test_the_board_warms_to_its_end_exponentially():
+    """Motors that are held at full duty: rise x (1 - exp(-t / 300 s))."""
+    robot = Robot(params_for(TRAXBOT)._replace(capacity_ah=1e9))
+    for motor in robot.motors:
+        motor.params = motor.params._replace(no_load_counts_s=1.0, friction_counts_s=2.0)
+        motor.set_duty(1.0)
+    robot.step(150.0)
+    rise_c = 3 * robot.params.starting_a * robot.params.heating_c_per_a
+    assert robot.state.temperature_c == pytest.approx(25.0 + rise_c * (1 - math.exp(-0.5)), rel=1e-6)
+
+
+# ---- what must hold however it drives
+
+way = st.floats(-0.02, 0.02)
+
+
+@settings(max_examples=50, deadline=None)
+@given(ways=st.lists(st.tuples(way, way), min_size=1, max_size=40))
+def test_there_and_back_is_the_start(ways):
+    robot = Robot(params_for(TRAXBOT, Errors(axle_scale=0.97)), (0.4, -0.3, 1.0))
+    for left, right in [*ways, *((-left, -right) for left, right in reversed(ways))]:
+        robot._roll(left, 0.0, right, 0.02)
+    assert (robot.state.x_m, robot.state.y_m, robot.state.yaw_rad) == pytest.approx(
+        (0.4, -0.3, 1.0), abs=1e-12
+    )
+
+
+def test_each_wheel_goes_over_the_floor_as_far_as_it_rolls():
+    """Wheels of a rigid axle that do not slip: the places where they touch the floor tell their ways."""
+    model = params_for(STINGBOT, Errors(left_scale=0.99, right_scale=1.02, axle_scale=1.03))
+    robot = Robot(model)
+    robot.motors[0].set_speed(3000.0)
+    robot.motors[2].set_speed(5000.0)
+    half, gone, last = 0.5 * model.wheel_separation_m, [0.0, 0.0], None
+    for _ in range(2000):
+        robot.step(0.002)
+        state = robot.state
+        cos, sin = math.cos(state.yaw_rad), math.sin(state.yaw_rad)
+        places = [(state.x_m - side * half * sin, state.y_m + side * half * cos) for side in (1, -1)]
+        if last:
+            gone = [so_far + math.dist(old, new) for so_far, old, new in zip(gone, last, places)]
+        last = places
+    rolled = robot.motors[0].travel * model.left_m_per_count, robot.motors[2].travel * model.right_m_per_count
+    assert gone == pytest.approx(rolled, rel=2e-4)
+
+
+@pytest.mark.parametrize("load", [0.5, 1.0, 3.0])
+def test_a_heavier_robot_starts_slower_and_costs_more(load):
+    def started(load):
+        robot = Robot(params_for(TRAXBOT, Errors(load=load)))
+        for index in (0, 2):
+            robot.motors[index].set_duty(0.5)
+        robot.step(0.1)
+        return robot.motors[0].speed, robot.state.battery_v
+
+    lighter, heavier = started(load), started(load * 1.1)
+    assert lighter[0] > heavier[0]
+    assert lighter[1] > heavier[1]
 
 
 def test_a_resting_robot_costs_few_steps():
