@@ -4,7 +4,6 @@ First-order propagation for a differential drive (Siegwart, Nourbakhsh: Introduc
 Robots, section 5.2.4): the variance of each wheel's way grows with its length, the wheels independently.
 """
 
-import math
 from typing import List, Tuple
 
 from mrl_driver.robots import RobotModel
@@ -40,20 +39,23 @@ class PoseCovariance:
         """The pose was set: as sure as at the start."""
         self.unknowns = _START
 
-    def update(self, counts: Tuple[float, float], yaw_rad: float) -> None:
-        """The counters (right, left, without wrap) stand at `counts`, and the heading is now `yaw_rad`."""
+    def update(self, counts: Tuple[float, float], half_sin: float, half_cos: float) -> None:
+        """The counters (right, left, without wrap) stand at `counts`, and the heading is now the one whose half has
+        this sine and cosine, as quaternions do.
+        """
         before = self._counts
         if counts == before:
             return
-        right_m = (counts[0] - before[0]) * self._metres
-        left_m = (counts[1] - before[1]) * self._metres
         self._counts = counts
-        self._propagate(right_m, left_m, yaw_rad - (right_m - left_m) / self._base_m / 2)
-
-    def _propagate(self, right_m: float, left_m: float, heading_rad: float) -> None:
-        base_m, way_m = self._base_m, (right_m + left_m) / 2
-        cos, sin = math.cos(heading_rad), math.sin(heading_rad)
-        right, left = self._noise_m * abs(right_m), self._noise_m * abs(left_m)
+        metres, base_m, noise_m = self._metres, self._base_m, self._noise_m
+        right_m, left_m = (counts[0] - before[0]) * metres, (counts[1] - before[1]) * metres
+        way_m, back_rad = (right_m + left_m) / 2, (right_m - left_m) / base_m / 2
+        cos, sin = half_cos * half_cos - half_sin * half_sin, 2 * half_sin * half_cos
+        cos, sin = (
+            cos + sin * back_rad,
+            sin - cos * back_rad,
+        )  # at the middle of the way, where turns are small
+        right, left = noise_m * abs(right_m), noise_m * abs(left_m)
         lean = way_m / 2 / base_m
         xr, xl = cos / 2 - lean * sin, cos / 2 + lean * sin
         yr, yl = sin / 2 + lean * cos, sin / 2 - lean * cos

@@ -61,26 +61,22 @@ class Fast:
 
     def __init__(self, publisher: Any, lost: Type[Exception]) -> None:
         """`lost` is what a connection that broke raises."""
-        self._impl, self._lost = publisher.impl, (lost, OSError)
+        self.impl, self._lost = publisher.impl, (lost, OSError)
+        """rospy's part of the publisher; it has `connections` where somebody subscribes."""
         self._buffer = io.BytesIO()
         self.sequence = 1
         """Number of the message that is sent next."""
 
-    @property
-    def wanted(self) -> bool:
-        """Somebody subscribes."""
-        return bool(self._impl.connections)
-
     def publish(self, message: Any) -> None:
         """Send `message`, which has a header, to everybody who subscribes."""
-        if self._impl.connections:
+        if self.impl.connections:
             message.header.seq = self.sequence
             self.send(self._packed(message))
 
     def send(self, data: bytes) -> None:
         """Send a message as it goes over the wire."""
         self.sequence = (self.sequence + 1) & 0xFFFFFFFF
-        for connection in self._impl.connections:
+        for connection in self.impl.connections:
             try:
                 connection.write_data(data)
             except self._lost:

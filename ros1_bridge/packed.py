@@ -15,9 +15,6 @@ _PLANAR = "2d24x2d"
 _ROW = "2d24xd"
 """First, second and last entry of a row of a covariance."""
 
-Planar = Tuple[float, float, float, float]
-"""x, y [m], and z, w of the quaternion of the heading."""
-
 
 class PackedOdometry:
     """nav_msgs/Odometry of a robot on the floor, with frames set."""
@@ -26,26 +23,32 @@ class PackedOdometry:
         self._names = _text(odom_frame) + _text(base_frame)
         self._axes = _doubles(pose_matrix((0.0,) * 6)[12:30])  # the rows of z, roll and pitch
         self._between = _doubles(twist_matrix(0.0, 0.0)[1:35])
-        self._layout = struct.Struct(
+        layout = struct.Struct(
             f"<4I{len(self._names)}s{_PLANAR}{_ROW}{_ROW}{len(self._axes)}s{_ROW}"  # header and pose
             f"d32xd d{len(self._between)}sd"  # twist
         )
-        self._size = self._layout.size - 4
+        self._size, self._pack = layout.size - 4, layout.pack
 
     def pack(
         self,
         sequence: int,
-        stamp: Tuple[int, int],
-        planar: Planar,
+        secs: int,
+        nsecs: int,
+        x_m: float,
+        y_m: float,
+        half_sin: float,
+        half_cos: float,
         unknowns: Unknowns,
         twist: Tuple[float, float],
     ) -> bytes:
-        """The message on the wire; `stamp` in s and ns, `twist` linear and angular [m/s rad/s]."""
+        """The message on the wire; heading as its half's sine and cosine, `twist` linear and angular [m/s rad/s]."""
         xx, xy, xt, yy, yt, tt = unknowns
-        along, turning = twist_variances(*twist)
-        return self._layout.pack(
-            self._size, sequence, *stamp, self._names, *planar, xx, xy, xt, xy, yy, yt, self._axes, xt, yt, tt,
-            *twist, along, self._between, turning,
+        linear, angular = twist
+        along, turning = twist_variances(linear, angular)
+        return self._pack(
+            self._size, sequence, secs, nsecs, self._names, x_m, y_m, half_sin, half_cos,
+            xx, xy, xt, xy, yy, yt, self._axes, xt, yt, tt,
+            linear, angular, along, self._between, turning,
         )  # fmt: skip
 
 
@@ -54,12 +57,12 @@ class PackedTransform:
 
     def __init__(self, parent_frame: str, child_frame: str) -> None:
         self._names = _text(parent_frame) + _text(child_frame)
-        self._layout = struct.Struct(f"<5I{len(self._names)}s{_PLANAR}")
-        self._size = self._layout.size - 4
+        layout = struct.Struct(f"<5I{len(self._names)}s{_PLANAR}")
+        self._size, self._pack = layout.size - 4, layout.pack
 
-    def pack(self, stamp: Tuple[int, int], planar: Planar) -> bytes:
-        """The message on the wire; `stamp` in s and ns."""
-        return self._layout.pack(self._size, 1, 0, *stamp, self._names, *planar)
+    def pack(self, secs: int, nsecs: int, x_m: float, y_m: float, half_sin: float, half_cos: float) -> bytes:
+        """The message on the wire; the heading as its half's sine and cosine."""
+        return self._pack(self._size, 1, 0, secs, nsecs, self._names, x_m, y_m, half_sin, half_cos)
 
 
 def _text(text: str) -> bytes:

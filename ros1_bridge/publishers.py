@@ -68,25 +68,26 @@ class Publishers:
 
     def telemetry(self, telemetry: Telemetry) -> None:
         """Publish pose and twist, wheels, and the sonars that have a new reading."""
-        (x_m, y_m, yaw_rad), counts = telemetry.pose, telemetry.counts
-        stamp_ns = self._stamps.next(telemetry.stamp_s, time.monotonic_ns(), time.time_ns())
-        stamp = divmod(stamp_ns, 1_000_000_000)
-        planar = x_m, y_m, math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
-        self.covariance.update(counts, yaw_rad)
+        stamp_s, _, (x_m, y_m, yaw_rad), twist, _, fresh, counts, _ = telemetry
+        stamp_ns = self._stamps.next(stamp_s, time.monotonic_ns(), time.time_ns())
+        secs, nsecs = stamp_ns // 1_000_000_000, stamp_ns % 1_000_000_000
+        z, w = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
+        self.covariance.update(counts, z, w)
         out = self._odometry_out
-        if out.wanted:
+        if out.impl.connections:
             unknowns = self.covariance.unknowns
-            out.send(self._odometry.pack(out.sequence, stamp, planar, unknowns, telemetry.twist))
+            out.send(self._odometry.pack(out.sequence, secs, nsecs, x_m, y_m, z, w, unknowns, twist))
         tf_out = self._transform_out
-        if tf_out is not None and tf_out.wanted:
-            tf_out.send(self._transform.pack(stamp, planar))
-        self._stamp.secs, self._stamp.nsecs = stamp
-        if self._joints_out.wanted:
+        if tf_out is not None and tf_out.impl.connections:
+            tf_out.send(self._transform.pack(secs, nsecs, x_m, y_m, z, w))
+        if fresh or self._joints_out.impl.connections:
+            self._stamp.secs, self._stamp.nsecs = secs, nsecs
             self._publish_joints(telemetry)
-        if telemetry.fresh:
             self._publish_ranges(telemetry)
 
     def _publish_joints(self, telemetry: Telemetry) -> None:
+        if not self._joints_out.impl.connections:
+            return
         counts, (linear, angular) = telemetry.counts, telemetry.twist
         half = angular * self._model.drive.wheel_separation_m / 2
         scale = self._rad_per_count
@@ -101,7 +102,7 @@ class Publishers:
     def _publish_ranges(self, telemetry: Telemetry) -> None:
         for name in telemetry.fresh:
             publisher = self._ranges_out.get(name)
-            if publisher is not None and publisher.wanted:
+            if publisher is not None and publisher.impl.connections:
                 message = self._ranges[name]
                 messages.fill_range(
                     message, self._stamp, telemetry.ranges[name], self._parameters.clear_with_max_range

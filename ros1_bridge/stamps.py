@@ -18,7 +18,8 @@ class Stamps:
         `monotonic_ns` and `wall_ns` are both clocks read now.
         """
         stamp_ns = wall_ns - monotonic_ns + round(event_s * 1e9)
-        if self._last_ns - JUMP_NS < stamp_ns < self._last_ns + STEP_NS:
-            stamp_ns = self._last_ns + STEP_NS
+        least_ns = self._last_ns + STEP_NS
+        if stamp_ns < least_ns and stamp_ns > self._last_ns - JUMP_NS:
+            stamp_ns = least_ns
         self._last_ns = stamp_ns
         return stamp_ns

@@ -18,13 +18,17 @@ BASE_M = MODEL.drive.wheel_separation_m
 XX, YY, TT, YT = 0, 7, 35, 11
 
 
+def half(yaw_rad):
+    return math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
+
+
 def driven(right_m, left_m, steps=200):
     """The covariance after both wheels went so far at constant speeds."""
     made = PoseCovariance(MODEL)
     for i in range(1, steps + 1):
         share = i / steps
         counts = (right_m * share * COUNTS_A_METRE, left_m * share * COUNTS_A_METRE)
-        made.update(counts, (right_m - left_m) * share / BASE_M)
+        made.update(counts, *half((right_m - left_m) * share / BASE_M))
     return pose_matrix(made.unknowns)
 
 
@@ -32,7 +36,7 @@ def test_standing_robot_is_as_sure_as_at_the_start():
     made = PoseCovariance(MODEL)
     start = made.unknowns
     for _ in range(10):
-        made.update((0, 0), 0.0)
+        made.update((0, 0), 0.0, 1.0)
     assert made.unknowns == start
 
 
@@ -73,14 +77,14 @@ def test_covariance_agrees_with_random_wheels():
 def test_tracks_are_less_sure_than_wheels():
     made = PoseCovariance(load("traxbot"))
     metres = MODEL.drive.metres_per_count / load("traxbot").drive.metres_per_count
-    made.update((COUNTS_A_METRE * metres,) * 2, 0.0)
+    made.update((COUNTS_A_METRE * metres,) * 2, 0.0, 1.0)
     assert made.unknowns[0] > driven(1.0, 1.0, 1)[XX]
 
 
 def test_reset_is_as_sure_as_the_start():
     made = PoseCovariance(MODEL)
     start = made.unknowns
-    made.update((5000, 4000), 0.3)
+    made.update((5000, 4000), *half(0.3))
     made.reset()
     assert made.unknowns == start
 
@@ -91,7 +95,7 @@ def test_covariance_stays_symmetric_and_positive(moves):
     made, right, left = PoseCovariance(MODEL), 0, 0
     for move_right, move_left in moves:
         right, left = right + move_right, left + move_left
-        made.update((right, left), (right - left) * MODEL.drive.metres_per_count / BASE_M)
+        made.update((right, left), *half((right - left) * MODEL.drive.metres_per_count / BASE_M))
     m = pose_matrix(made.unknowns)
     assert all(m[6 * i + j] == m[6 * j + i] for i in range(6) for j in range(6))
     assert m[0] > 0 and m[0] * m[7] - m[1] * m[6] > 0

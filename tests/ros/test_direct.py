@@ -155,12 +155,12 @@ def test_subscriber_that_dies_is_forgotten(rig):
     publisher = direct_publisher(rospy.Publisher, topic, Odometry)
     fast = Fast(publisher, rospy.exceptions.TransportException)
     dying = rig.start("dying", "/usr/bin/python3", "-c", SLEEPY_SUBSCRIBER.format(topic=topic))
-    assert wait_until(lambda: fast.wanted, START_S)
+    assert wait_until(lambda: fast.impl.connections, START_S)
     dying.signal(signal.SIGKILL)
 
     def is_forgotten():
         fast.publish(Odometry())
-        return not fast.wanted
+        return not fast.impl.connections
 
     assert wait_until(is_forgotten, START_S)
     publisher.unregister()

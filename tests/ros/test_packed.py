@@ -35,7 +35,7 @@ def test_packed_odometry_is_that_of_genpy(odom, base, sequence, stamp, planar, u
     pose.position.x, pose.position.y, pose.orientation.z, pose.orientation.w = planar
     twist.linear.x, twist.angular.z = linear, angular
     message.pose.covariance, message.twist.covariance = pose_matrix(unknowns), twist_matrix(linear, angular)
-    packed = PackedOdometry(odom, base).pack(sequence, stamp, planar, unknowns, (linear, angular))
+    packed = PackedOdometry(odom, base).pack(sequence, *stamp, *planar, unknowns, (linear, angular))
     assert packed == wire(message)
 
 
@@ -46,4 +46,4 @@ def test_packed_transform_is_that_of_genpy(odom, base, stamp, planar):
     transform.header.stamp, transform.header.frame_id = Time(*stamp), odom
     at, turn = transform.transform.translation, transform.transform.rotation
     at.x, at.y, turn.z, turn.w = planar
-    assert PackedTransform(odom, base).pack(stamp, planar) == wire(TFMessage([transform]))
+    assert PackedTransform(odom, base).pack(*stamp, *planar) == wire(TFMessage([transform]))
