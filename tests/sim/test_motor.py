@@ -98,10 +98,11 @@ def test_half_the_voltage_is_half_the_speed():
     assert motor.speed == pytest.approx(6000.0)
 
 
-def test_duty_is_limited():
+@pytest.mark.parametrize("sign", [1, -1])
+def test_duty_is_limited(sign):
     motor = Motor(PARAMS)
-    motor.set_duty(3.0)
-    assert motor.duty == 1.0
+    motor.set_duty(sign * 3.0)
+    assert motor.duty == sign
 
 
 @pytest.mark.parametrize("gains", [Gains(), Gains(350, 200, 100, 1500), Gains(1300, 350, 400)], ids=str)
@@ -181,3 +182,91 @@ def test_position_without_hold_lets_go():
     motor.go_to(2000.0, 3000.0, hold=False)
     run(motor, 8.0)
     assert motor.mode is Mode.BRAKE
+
+
+# ---- limits
+
+
+@pytest.mark.parametrize("wanted", [3000.0, -3000.0])
+def test_the_control_does_not_wind_up(wanted):
+    """Half a minute without power asks for no more than all there is, and is forgotten a second after it returns."""
+    motor = Motor(LOADED)
+    motor.set_speed(wanted)
+    run(motor, 30.0, volts=0.0)
+    assert abs(motor.duty) == 1.0
+    run(motor, 1.5)
+    assert motor.speed == pytest.approx(wanted, rel=0.1)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_ramp_leads_down_as_well(sign):
+    motor = Motor(PARAMS)
+    motor.set_speed(sign * 7500.0)
+    run(motor, 5.0)
+    motor.set_speed(0.0)
+    run(motor, 1.25)
+    assert motor.speed == pytest.approx(sign * 3750.0, abs=750.0)
+
+
+def test_a_slow_speed_takes_off_no_faster_than_it_is():
+    motor = Motor(PARAMS)
+    motor.set_speed(-120.0)
+    run(motor, TICK_S, Gains(kp=1000, ki=0, kd=0, ramp_gain=500))
+    assert motor.duty == pytest.approx(-120 / 12000)
+
+
+@pytest.mark.parametrize("goal", [20000.0, -20000.0])
+def test_a_position_is_approached_no_faster_than_told(goal):
+    motor = Motor(LOADED)
+    motor.go_to(goal, 3000.0, hold=True)
+    fastest = max(abs(run(motor, TICK_S).speed) for _ in range(160))
+    assert fastest == pytest.approx(3000.0, rel=0.1)
+
+
+@pytest.mark.parametrize("again", ["set_speed", "go_to"])
+def test_a_command_that_is_repeated_changes_nothing(again):
+    once, often = Motor(LOADED), Motor(LOADED)
+    command = {"set_speed": (6000.0,), "go_to": (9000.0, 6000.0, True)}[again]
+    getattr(once, again)(*command)
+    for _ in range(40):
+        getattr(often, again)(*command)
+        run(often, TICK_S)
+    assert run(once, 2.0).travel == often.travel
+
+
+@pytest.mark.parametrize("again", ["set_speed", "go_to"])
+def test_control_takes_over_without_a_jerk(again):
+    motor = Motor(LOADED)
+    motor.set_duty(0.5)
+    motor.move(5.0, VOLTS)
+    speed = motor.speed
+    motor.set_speed(speed) if again == "set_speed" else motor.go_to(1e6, speed, True)
+    slowest = min(run(motor, TICK_S).speed for _ in range(20))
+    assert slowest > 0.99 * speed
+
+
+@pytest.mark.parametrize(
+    "begin, rests",
+    [
+        (lambda motor: motor.set_duty(0.0), True),
+        (lambda motor: motor.set_duty(0.01), False),
+        (lambda motor: motor.set_speed(0.0), True),
+        (lambda motor: motor.set_speed(100.0), False),
+        (lambda motor: motor.go_to(0.0, 100.0, True), False),
+        (lambda motor: setattr(motor, "speed", 5.0), False),
+        (lambda motor: motor.brake(), True),
+    ],
+)
+def test_who_is_at_rest(begin, rests):
+    """Only a motor that nothing will move before the next command."""
+    motor = Motor(LOADED)
+    begin(motor)
+    assert motor.at_rest is rests
+
+
+def test_a_slow_motor_is_not_stood_by_the_control():
+    """Below a count a second it may stand only if that is what is asked for."""
+    motor = spinning(0.5)
+    motor.set_speed(2000.0)
+    motor.control(TICK_S, Gains())
+    assert motor.speed == 0.5
