@@ -20,14 +20,19 @@ INTERRUPTED = 130
 TERMINATED = 143
 
 OWN: Dict[str, str] = {
+    "completion": "mrl_driver.commands.completion:completion",
+    "config": "mrl_driver.commands.config:config",
     "doctor": "mrl_driver.commands.doctor:doctor",
     "drive": "mrl_driver.commands.drive:drive",
+    "flash": "mrl_driver.commands.flash:flash",
     "info": "mrl_driver.commands.info:info",
     "monitor": "mrl_driver.commands.monitor:monitor",
     "names": "mrl_driver.commands.names:names",
+    "plot": "mrl_driver.commands.plot:plot",
     "ports": "mrl_driver.commands.ports:ports",
     "record": "mrl_driver.commands.monitor:record",
     "set-id": "mrl_driver.commands.set_id:set_id",
+    "system": "mrl_driver.commands.system:system",
 }
 """Name of each sub-command of this package, and where it stands."""
 
