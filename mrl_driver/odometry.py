@@ -73,6 +73,8 @@ class Step(NamedTuple):
     dt_s: float
 
 
+_NOTHING = (0.0, 0.0, 0.0)
+
 _Reading = Tuple[int, int, float]
 
 
@@ -122,32 +124,35 @@ class Baseline:
 
     def update(self, right: int, left: int, time_s: float) -> Optional[Step]:
         """Movement since the last accepted reading, or None where this one primes or is refused."""
-        step = self._step(self._base, right, left, time_s)
+        reading = (right, left, time_s)
+        step = self._step(self._base, reading)
         if step is None and self._base is not None:
-            self._doubt(right, left, time_s)
+            self._doubt(reading)
             return None
-        self._base, self._rival = (right, left, time_s), None
+        self._base, self._rival = reading, None
         return step
 
-    def _step(self, base: Optional[_Reading], right: int, left: int, time_s: float) -> Optional[Step]:
+    def _step(self, base: Optional[_Reading], reading: _Reading) -> Optional[Step]:
         """The movement since `base`, unless there is none, or no wheel could have made it."""
         if base is None:
             return None
-        dt_s = time_s - base[2]
-        moved_right = ((right - base[0] + 0x8000) & 0xFFFF) - 0x8000
-        moved_left = ((left - base[1] + 0x8000) & 0xFFFF) - 0x8000
+        right, left, time_s = reading
+        base_right, base_left, base_s = base
+        dt_s = time_s - base_s
+        right = ((right - base_right + 0x8000) & 0xFFFF) - 0x8000
+        left = ((left - base_left + 0x8000) & 0xFFFF) - 0x8000
         reach = self._counts_per_s * dt_s if dt_s > 0 else 0.0
         bound = reach + self._allowance
-        if reach >= 0x8000 or not (-bound <= moved_right <= bound and -bound <= moved_left <= bound):
+        if reach >= 0x8000 or not (-bound <= right <= bound and -bound <= left <= bound):
             return None
-        return Step(moved_right, moved_left, dt_s)
+        return _new(Step, (right, left, dt_s))
 
-    def _doubt(self, right: int, left: int, time_s: float) -> None:
+    def _doubt(self, reading: _Reading) -> None:
         """A reading that cannot be: refused, unless it is one of several that agree with each other."""
         self.refused += 1
-        agrees = self._step(self._rival, right, left, time_s) is not None
+        agrees = self._step(self._rival, reading) is not None
         self._agreed = self._agreed + 1 if agrees else 1
-        self._rival = (right, left, time_s)
+        self._rival = reading
         if self._agreed >= CONFIRMATIONS:
             self._base, self._rival = self._rival, None
 
@@ -164,7 +169,7 @@ class Odometry:
         self._forward = Wheels(drive.right_m_per_count / 2, drive.left_m_per_count / 2)
         self._turning = Wheels(*(2 * half_m / drive.turning_separation_m for half_m in self._forward))
         self._interval_s = 0.0 if exact_time else TWIST_INTERVAL_S
-        self._waiting = (0.0, 0.0, 0.0)
+        self._waiting = _NOTHING
         self.baseline = Baseline(drive.metres_per_count, fastest_m_s, 0.002 if exact_time else 0.1)
         self.pose = pose
         self.twist = Twist(0.0, 0.0)
@@ -175,36 +180,49 @@ class Odometry:
         """The board restarted: the next reading primes; the pose stays where it is."""
         self.baseline.reset()
         self.twist = Twist(0.0, 0.0)
-        self._waiting = (0.0, 0.0, 0.0)
+        self._waiting = _NOTHING
 
     def update(self, right: int, left: int, time_s: float) -> bool:
         """Integrate one reading (int16 counts) taken at `time_s` [s]; False where it primes or is refused."""
         step = self.baseline.update(right, left, time_s)
         if step is None:
             return False
-        self.travel = Wheels(self.travel.right + step.right, self.travel.left + step.left)
-        ds = step.right * self._forward[0] + step.left * self._forward[1]
-        turn = step.right * self._turning[0] - step.left * self._turning[1]
-        self.pose = advance(self.pose, ds, turn)
-        self._differentiate(ds, turn, step.dt_s)
+        right, left, dt_s = step
+        if right or left:
+            travel = self.travel
+            self.travel = _new(Wheels, (travel.right + right, travel.left + left))
+            ds = right * self._forward[0] + left * self._forward[1]
+            turn = right * self._turning[0] - left * self._turning[1]
+            self.pose = advance(self.pose, ds, turn)
+        else:
+            ds = turn = 0.0
+        if dt_s > self._interval_s and self._waiting is _NOTHING:
+            self.twist = _new(Twist, (ds / dt_s, turn / dt_s))
+        else:
+            self._differentiate(ds, turn, dt_s)
         return True
 
     def _differentiate(self, ds: float, turn: float, dt_s: float) -> None:
+        """Form speeds together with the readings that were too close for it."""
         ds, turn, dt_s = self._waiting[0] + ds, self._waiting[1] + turn, self._waiting[2] + dt_s
         if dt_s <= self._interval_s:
             self._waiting = (ds, turn, dt_s)
             return
-        self._waiting = (0.0, 0.0, 0.0)
+        self._waiting = _NOTHING
         self.twist = Twist(ds / dt_s, turn / dt_s)
 
 
 def advance(pose: Pose, distance_m: float, turn_rad: float) -> Pose:
     """The pose at the end of an arc of that length and turn; exact for constant speeds."""
+    x_m, y_m, yaw_rad = pose
     half = turn_rad / 2
-    chord = distance_m * (math.sin(half) / half if abs(half) > 1e-8 else 1.0)
-    heading = pose.yaw_rad + half
-    return Pose(
-        pose.x_m + chord * math.cos(heading),
-        pose.y_m + chord * math.sin(heading),
-        wrap_angle(pose.yaw_rad + turn_rad),
-    )
+    heading = yaw_rad + half
+    if not -1e-8 <= half <= 1e-8:
+        distance_m *= math.sin(half) / half
+    yaw_rad += turn_rad
+    if not -math.pi < yaw_rad <= math.pi:
+        yaw_rad = wrap_angle(yaw_rad)
+    return _new(Pose, (x_m + distance_m * math.cos(heading), y_m + distance_m * math.sin(heading), yaw_rad))
+
+
+_new = tuple.__new__
