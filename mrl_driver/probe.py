@@ -22,6 +22,7 @@ class Answer(NamedTuple):
     """Packaged model that lists the id; empty where none does."""
     firmware_version: Optional[int] = None
     battery_v: Optional[float] = None
+    capabilities: Tuple[str, ...] = ()
     error: str = ""
     """Why there is no answer."""
 
@@ -33,7 +34,13 @@ def probe(port: str, baud: int = BAUD) -> Answer:
             board = driver.board
     except MrlError as error:
         return Answer(error=str(error))
-    return Answer(board.robot_id, robots.by_id(board.robot_id), board.version, board.battery_v)
+    return Answer(
+        board.robot_id,
+        robots.by_id(board.robot_id),
+        board.version,
+        board.battery_v,
+        tuple(sorted(board.capabilities)),
+    )
 
 
 def probe_all(ports: Iterable[Tuple[str, int]]) -> Iterator[Tuple[str, Answer]]:

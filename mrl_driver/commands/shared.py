@@ -51,6 +51,13 @@ def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) 
     return [name for name in known if name.startswith(incomplete)]
 
 
+def complete_parameter(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
+    """Board parameters for the shell."""
+    from ..table import PARAMETERS
+
+    return [row.name for row in PARAMETERS if row.name.startswith(incomplete)]
+
+
 def robot_options(command: Callable[..., None]) -> Callable[..., None]:
     """The options that name a robot; the command gets them as `target`."""
 
