@@ -6,7 +6,7 @@ from typing import Any, Dict, List, Optional, Tuple
 import numpy as np
 
 from . import robots
-from .codec import REQUESTS, Frame, FrameDecoder
+from .codec import REPLIES, REQUESTS, Frame, FrameDecoder
 from .log_codec import LogEvents, decode_log
 from .odometry import ORIGIN, Pose, advance
 from .odometry_log import integrate
@@ -18,6 +18,8 @@ from .tape import CHECKED, PLAIN
 
 BATCH_BYTES = 1 << 19
 """So many bytes of the board are decoded together: memory stays the same however long the recording is."""
+TAIL_BYTES = 4096
+"""So many of the last bytes wait: the remark that a check value begins or ends comes behind the first such frames."""
 _MOST_DOUBTED = 1000
 _INFO = BY_NAME["robot_info"].code
 _ENCODERS = [
@@ -61,6 +63,23 @@ def summarise(recording: Recording, model: Optional[RobotModel] = None) -> Dict[
 
 def _named(codes: Dict[int, int]) -> Dict[str, int]:
     return {BY_CODE[code].name: count for code, count in sorted(codes.items())}
+
+
+def _switch(data: bytes, checked: bool) -> int:
+    """Offset of the first frame near the end of `data` from which on only the rules of `checked` make frames."""
+    found = end = len(data)
+    while end > max(0, len(data) - TAIL_BYTES):
+        start = data.rfind(b"e", 0, end - 1) + 1
+        frame = b"\r\n" + data[start:end]
+        if _is_frame(frame, not checked):
+            break
+        found = start if _is_frame(frame, checked) else found
+        end = start
+    return found
+
+
+def _is_frame(data: bytes, checked: bool) -> bool:
+    return any(isinstance(event, Frame) for event in FrameDecoder(REPLIES, checked).feed(data))
 
 
 class _Way:
@@ -140,10 +159,24 @@ class _Reader:
         """A change of rules, or another port: a new baseline."""
         if text not in (CHECKED, PLAIN) and not text.startswith(b"opened"):
             return
-        self.decode()
+        checked = text == CHECKED
+        data = b"".join(self._chunks)
+        cut = _switch(data, checked) if checked != self._checked and text in (CHECKED, PLAIN) else len(data)
+        self._take(data[:cut])
+        self._drop(cut)
         self._forget()
-        self._checked = text == CHECKED
-        self._asked.checked = self._checked
+        self._checked = self._asked.checked = checked
+
+    def _drop(self, size: int) -> None:
+        """The first `size` bytes are decoded; the others keep their times."""
+        self._waiting -= size
+        whole = 0
+        while whole < len(self._chunks) and size >= len(self._chunks[whole]):
+            size -= len(self._chunks[whole])
+            whole += 1
+        del self._chunks[:whole], self._arrivals_s[:whole]
+        if size:
+            self._chunks[0] = self._chunks[0][size:]
 
     def _forget(self) -> None:
         self.way.forget()
@@ -153,16 +186,15 @@ class _Reader:
     def decode(self) -> None:
         """Decodes all that waits."""
         self._take(b"".join(self._chunks))
-        self._chunks, self._arrivals_s, self._waiting = [], [], 0
+        self._drop(self._waiting)
 
     def _decode_frames(self) -> None:
-        """Decodes up to the last end of a frame, if there is one not long ago; what follows waits."""
+        """Decodes up to the end of a frame near the last byte, if there is one; what follows waits."""
         data = b"".join(self._chunks)
-        cut = (data.rfind(b"e") + 1) or len(data)
+        tail = min(TAIL_BYTES, len(data) // 2)
+        cut = (data.rfind(b"e", 0, len(data) - tail) + 1) or len(data)
         self._take(data[:cut])
-        rest = data[cut:]
-        self._chunks, self._arrivals_s = ([rest], self._arrivals_s[-1:]) if rest else ([], [])
-        self._waiting = len(rest)
+        self._drop(cut)
 
     def _take(self, data: bytes) -> None:
         if not data:

@@ -1,3 +1,4 @@
+import errno
 import fcntl
 import os
 import struct
@@ -102,6 +103,22 @@ def test_a_hang_up_is_a_lost_link(pty):
     os.close(pty[0])
     thread.join(SOON_S * BUSY)
     assert isinstance(results[0], LinkLost) and "went away" in str(results[0])
+    link.close()
+
+
+def test_a_port_that_cannot_be_read_is_a_lost_link(pty, monkeypatch):
+    """As some USB drivers tell an unplugged cable."""
+    link, read = Link(pty[1]), os.read
+
+    def fail(fd, size):
+        if fd == link._fd:
+            raise OSError(errno.EIO, "Input/output error")
+        return read(fd, size)
+
+    os.write(pty[0], b"@")
+    monkeypatch.setattr(os, "read", fail)
+    with pytest.raises(LinkLost, match="went away \\(Input/output error\\)"):
+        link.read(5)
     link.close()
 
 

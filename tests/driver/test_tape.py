@@ -12,6 +12,7 @@ from mrl_driver.codec import REPLIES, REQUESTS, Frame, FrameDecoder
 from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import ConfigError, PortMissing
 from mrl_driver.link import Link
+from mrl_driver.log_summary import summarise
 from mrl_driver.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
 
 PATIENCE_S = 20
@@ -55,6 +56,20 @@ def test_what_came_from_the_board_is_on_the_tape(recorded):
     ]
     assert all(isinstance(event, Frame) for event in frames)
     assert len([frame for frame in frames if frame.code == 8]) > 3
+
+
+def test_a_summary_counts_the_frames_that_the_driver_counted(serve, tmp_path):
+    """Also those around the beginning and the end of the check value, which the remark comes behind."""
+    board, path = serve(), str(tmp_path / "drive.mrl")
+    with Driver(board.path, options=Options(record=path)) as robot:
+        wait_until(lambda: robot.statistics.frames > 20)
+        board.board.reset(time.monotonic())
+        wait_until(lambda: robot.statistics.restarts == 1 and robot.ready)
+        before = robot.statistics
+        wait_until(lambda: robot.statistics.frames > before.frames + 20)
+    found = summarise(Recording(path))
+    assert found["garbage"] == {}
+    assert sum(found["frames"].values()) == robot.statistics.frames
 
 
 def test_remarks_tell_the_port_and_the_check_value(recorded):

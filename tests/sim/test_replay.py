@@ -110,6 +110,16 @@ def test_frames_cut_between_entries_are_whole(tmp_path):
     assert (found["frames"], found["garbage"]) == ({"read_encoders": 2}, {})
 
 
+@pytest.mark.parametrize("batch", [300, 1 << 20])
+def test_bytes_that_wait_keep_their_times(tmp_path, monkeypatch, batch):
+    """Boards without a clock have no others; at one moment no wheel moves."""
+    monkeypatch.setattr(log_summary, "BATCH_BYTES", batch)
+    lines = [f"0.0 < {INFO}", *(f"{1 + i * 0.02:.2f} < @6,{60 * i},{60 * i}e" for i in range(200))]
+    found = summarise(Recording(write(tmp_path / "log", lines)))
+    assert found["refused_counts"] == 0
+    assert found["pose"]["x_m"] == pytest.approx(199 * 60 * load("traxbot").drive.metres_per_count)
+
+
 def test_a_restart_without_way(tmp_path):
     """Counters begin anew after a reset; the way does not jump."""
     lines = [f"0.0 < {INFO}"]
