@@ -1,4 +1,4 @@
-"""The command `mrl`, as a process."""
+"""The command `mrl`: the robot on a port, bad input, signals, keys."""
 
 import contextlib
 import json
@@ -15,22 +15,9 @@ import pytest
 from mrl_driver import cli, keyboard
 from mrl_driver.commands import text
 
+from .run import fails, mrl
+
 PATIENCE_S = 20
-
-
-def mrl(*args, **kwargs):
-    command = [sys.executable, "-m", "mrl_driver", *map(str, args)]
-    return subprocess.run(
-        command, capture_output=True, text=True, timeout=PATIENCE_S, stdin=subprocess.DEVNULL
-    )
-
-
-def fails(code, *args):
-    """Run `mrl`, expect that exit code and one line on stderr; the line."""
-    done = mrl(*args)
-    assert done.returncode == code, done.stderr
-    assert done.stderr.count("\n") == 1 and "Traceback" not in done.stderr
-    return done.stderr
 
 
 def wait_until(condition):
