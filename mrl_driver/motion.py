@@ -57,6 +57,8 @@ class Motion:
         """Speeds in force [mm/s, mrad/s], None while stopped."""
         self.stop_reason = "none"
         """Why this program last stopped the robot, see `STOPS`."""
+        self.lead_s = 0.0
+        """`take` repeats what is due so soon, when it is called then [s]."""
         self._new = self.stopping = False
         self._commanded_s = self._sent_s = -math.inf
         self._fade: Optional[Tuple[float, float, Speeds]] = None
@@ -123,7 +125,10 @@ class Motion:
             self.stop("command_timeout")
         if self._fade is not None:
             self._fade_on(now)
-        if now < self.due_s() or not (self.stopping or allowed):
+        if self.target is None and not self.stopping:
+            return []
+        lead_s = 0.0 if self._new or self._fade else self.lead_s
+        if now + lead_s < self.due_s() or not (self.stopping or allowed):
             return []
         self._sent_s, self._new = now, False
         return [(STOP,)] if self.target is None else [(MOVE, *map(self._spell, self.target))]

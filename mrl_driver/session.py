@@ -44,6 +44,7 @@ PLAIN_FRAMES = 3
 _COUNTS, _SONARS, _BOTH = (
     BY_NAME[n].code for n in ("read_encoders", "read_sonars", "read_encoders_and_sonars")
 )
+_STREAMS = (_BOTH, _COUNTS)
 _INFO, _STATUS, _CHECK = (BY_NAME[n].code for n in ("robot_info", "read_status", "set_check"))
 
 
@@ -76,12 +77,17 @@ class Session:
         self.status: Optional[Status] = None
         self._clock = BoardClock()
         self._sequence: Optional[int] = None
-        self._last: Optional[Tuple[int, int]] = None
+        self._last: Optional[Tuple[int, ...]] = None
         self.heard_s = -math.inf
         """Arrival of the last telemetry."""
         self._greeting: Optional[Handshake] = Handshake(plan, self._send, admit, now, timeout_s=greeting_s)
         self._restarted = True
         self._status_s = self._info_s = self._sonar_s = math.inf
+        self._ask_s = -math.inf
+        """No question is due before this time."""
+        self.lead_s = plan.period_ms / 2000
+        """What falls due within this time is better done with the frame that has just come, which saves a wake-up."""
+        self.motion.lead_s = self.lead_s
         self._attended_s = now
         self._busy = False
         self._busy_until_s = -math.inf
@@ -148,7 +154,7 @@ class Session:
         """
         self._send(code, *args)
         if code in _TURNING and self._status_s < math.inf:
-            self._busy, self._status_s = True, -math.inf
+            self._busy, self._status_s, self._ask_s = True, -math.inf, -math.inf
 
     def receive(self, data: bytes, now: float) -> List[SessionEvent]:
         """Events out of bytes that arrived at `now`.
@@ -157,20 +163,23 @@ class Session:
             BoardError: the board is not one to work with.
         """
         self._attend(now)
-        self.counters.bytes_in += len(data)
+        counters = self.counters
+        counters.bytes_in += len(data)
         events: List[SessionEvent] = []
         strange = False
         for event in self._decoder.feed(data):
             frame = event if type(event) is Frame else self._reread(event, now)
             if frame is None:
                 assert isinstance(event, Garbage)
-                self.counters.count_garbage(event.reason)
+                counters.count_garbage(event.reason)
                 strange = True
                 continue
             self._other = 0
-            self.counters.frames += 1
-            self._asked.discard(frame.code)
-            self._on_frame(frame, now, events)
+            counters.frames += 1
+            if frame.code in _STREAMS:
+                self._on_counts(frame, now, events)
+            if frame.code not in _STREAMS or self._greeting is not None:
+                self._on_frame(frame, now, events)
         if self._greeting is not None and (strange or b"@" not in data):
             self._greeting.heard(data, now)
         return events
@@ -197,16 +206,16 @@ class Session:
 
     def deadline(self, now: float) -> float:
         """When `tick` is due at the latest [s], unless bytes come before."""
-        stop_s = self.motion.due_s() if self.motion.stopping else math.inf
+        motion = self.motion
         if self._greeting is not None:
-            return min(self._greeting.due_s, stop_s)
-        stale_s = self.heard_s + STALE_S
-        if self.motion.target is not None:
-            stale_s = min(stale_s, self._attended_s + ATTENTION_S)
-        if self.late(now):
-            return min(stale_s, stop_s)
-        asked_s = min(self._status_s, self._info_s, self._sonar_s, self.sensors.next_s)
-        return min(stale_s, asked_s, self.motion.due_s())
+            return min(self._greeting.due_s, motion.due_s()) if motion.stopping else self._greeting.due_s
+        due_s = self.heard_s + STALE_S
+        if motion.target is not None:
+            due_s = min(due_s, self._attended_s + ATTENTION_S)
+        late = self.late(now)
+        if motion.stopping or (motion.target is not None and not late):
+            due_s = min(due_s, motion.due_s())
+        return due_s if late or due_s < self._ask_s else self._ask_s
 
     def late(self, now: float) -> bool:
         """Telemetry is so old that no motion is sent."""
@@ -233,18 +242,22 @@ class Session:
             return
         if self._busy:
             self._busy, self._busy_until_s = False, now + BUSY_S
-        if now >= self._status_s:
-            self._status_s = now + (self._pace().repeat_s if now < self._busy_until_s else STATUS_S)
+        soon = now + self.lead_s
+        if soon >= self._status_s:
+            period_s = self._pace().repeat_s if now < self._busy_until_s else STATUS_S
+            self._status_s = max(now, self._status_s) + period_s
             self._ask(_STATUS)
-        if now >= self._info_s:
-            self._info_s = now + (INFO_S if self.board and self.board.version >= 2 else POLL_2013_S)
+        if soon >= self._info_s:
+            period_s = INFO_S if self.board and self.board.version >= 2 else POLL_2013_S
+            self._info_s = max(now, self._info_s) + period_s
             self._ask(_INFO)
-        if now >= self._sonar_s:
-            self._sonar_s = now + SONAR_2013_S
+        if soon >= self._sonar_s:
+            self._sonar_s = max(now, self._sonar_s) + SONAR_2013_S
             self._ask(_SONARS)
-        if now >= self.sensors.next_s:
-            for code in self.sensors.take(now):
+        if soon >= self.sensors.next_s:
+            for code in self.sensors.take(soon):
                 self._send(code)
+        self._ask_s = min(self._status_s, self._info_s, self._sonar_s, self.sensors.next_s)
 
     def _ask(self, code: int) -> None:
         """A request of the poll; one whose answer is still missing at the next turn was lost."""
@@ -285,18 +298,19 @@ class Session:
         return frame
 
     def _on_frame(self, frame: Frame, now: float, events: List[SessionEvent]) -> None:
+        """Any frame but plain telemetry of a board that is ready."""
         code = frame.code
-        if code in (_BOTH, _COUNTS):
-            self._on_counts(frame, now, events)
-        elif code == _STATUS:
+        self._asked.discard(code)
+        self._ask_s = -math.inf
+        if code == _STATUS:
             self._on_status(status_of(frame.args), now, events)
         elif code == _INFO:
             events.append(Info(board_of(frame.args)))
         elif code == _SONARS:
             events.append(Sonars(frame.args))
-        else:
+        elif code not in _STREAMS:
             if frame.stamp is not None:
-                self._is_duplicate(frame.stamp.sequence)  # numbers run over the frames of all streams
+                self._missing(frame.stamp.sequence)  # numbers run over the frames of all streams
             self.sensors.heard(frame, now)
             events.append(Reply(frame))
         if self._greeting is not None:
@@ -307,40 +321,38 @@ class Session:
                 self._begin(now, events)
 
     def _on_counts(self, frame: Frame, now: float, events: List[SessionEvent]) -> None:
-        stamp = frame.stamp
-        if self.checked and stamp is not None:
-            lost = self.counters.lost
-            if self._is_duplicate(stamp.sequence):
+        _, args, stamp = frame
+        if stamp is not None and self._decoder.checked:
+            sequence: Optional[int] = stamp.sequence
+            missing = self._missing(stamp.sequence)
+            if missing < 0:
                 return
-            next_one = lost == self.counters.lost
-            stamp_s, time_s, _ = self._clock.update(stamp.time, now, next_one)
+            stamp_s, time_s, _ = self._clock.update(stamp.time, now, next_one=not missing)
         else:
             time_s = stamp_s = now
+            sequence = stamp.sequence if stamp else None
         if self._greeting is not None:
             return
         self.heard_s = now
-        args = frame.args
-        if len(args) == 2 and self._sonar_s == math.inf:
-            self._sonar_s = now
-        counts = (args[0], args[1])
-        self.motion.observe(counts != self._last, now)
+        counts = args[:2]
+        if counts == args and self._sonar_s == math.inf:
+            self._sonar_s, self._ask_s = now, -math.inf
+        if self.motion.stopping:
+            self.motion.observe(counts != self._last, now)
         self._last = counts
-        events.append(
-            Counts(
-                args[0], args[1], args[2:] or None, time_s, stamp_s, now, stamp.sequence if stamp else None
-            )
-        )
+        events.append(_new(Counts, (*counts, args[2:] or None, time_s, stamp_s, now, sequence)))
 
-    def _is_duplicate(self, sequence: int) -> bool:
+    def _missing(self, sequence: int) -> int:
+        """Stream frames lost before the one of this number; -1 where it came before."""
         last, self._sequence = self._sequence, sequence
         if last is None:
-            return False
+            return 0
         missing = (sequence - last - 1) & 0xFFFF
         if missing == 0xFFFF:
             self.counters.duplicates += 1
-            return True
+            return -1
         self.counters.lost += missing
-        return False
+        return missing
 
     def _on_status(self, status: Status, now: float, events: List[SessionEvent]) -> None:
         before, self.status = self.status, status
@@ -375,6 +387,7 @@ class Session:
         self._status_s = math.inf if old else now + STATUS_S
         self._info_s = now + (POLL_2013_S if old else INFO_S)
         self.sensors.begin(self.board.capabilities, self.board.version, now)
+        self._ask_s = -math.inf
         if self._restarted:
             self._clock = BoardClock()
             self._sequence = self._last = None
@@ -382,3 +395,6 @@ class Session:
         self.motion.make_sure()
         events.append(Ready(self.board, self._restarted, self.checked))
         self._restarted = False
+
+
+_new = tuple.__new__
