@@ -145,6 +145,31 @@ def test_a_long_recording_takes_no_more_memory(tmp_path, monkeypatch):
     assert most < 2000
 
 
+MEASURE = """
+import resource, sys
+from mrl_driver.log_summary import summarise
+from mrl_driver.recording import Recording
+for path in sys.argv[1:]:
+    frames = summarise(Recording(path))["frames"]
+    print(frames["read_encoders_and_sonars"], resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+MEMORY_KB = 4000
+
+
+def test_memory_does_not_grow_with_the_file(tmp_path):
+    """1 MB of frames against 4 MB with 50 MB of NULs behind, as a crash leaves them."""
+    readings = list(checked_lines(circle(600)))[1:]
+    data = "".join(line.split(" ", 2)[2] for line in readings)
+    for name, lines, nuls in (("short", 40, 0), ("long", 160, 50_000_000)):
+        write(tmp_path / name, [f"0.0 < {INFO}", "0.0 ! checked", *[f"1.0 < {data}"] * lines])
+        os.truncate(tmp_path / name, os.path.getsize(tmp_path / name) + nuls)
+    command = [sys.executable, "-c", MEASURE, tmp_path / "short", tmp_path / "long"]
+    out = subprocess.run(command, capture_output=True, text=True, check=True, timeout=PATIENCE_S).stdout
+    (few, before_kb), (many, after_kb) = (map(int, line.split()) for line in out.splitlines())
+    assert (few, many) == (40 * 600, 160 * 600)
+    assert after_kb - before_kb < MEMORY_KB
+
+
 # -- as a command
 
 
