@@ -71,8 +71,8 @@ def render(model: RobotModel, prefix: str = "", laser: bool = False) -> str:
 def files() -> List[Tuple[Path, str]]:
     """The committed files and their text."""
     made = []
-    for name in robots.names():
-        model = robots.load(name)
+    for name in robots.packaged():
+        model = robots.load_packaged(name)
         made.append((FOLDER / f"{name}.urdf", render(model)))
         made.append((FOLDER / f"{name}_laser.urdf", render(model, laser=True)))
     return made

@@ -4,47 +4,59 @@ The plant is the Python engine's own, so physics is one; the wire's timing is th
 """
 
 from pathlib import Path
-from typing import Any, Dict, Optional, Tuple, Union
+from typing import Any, List, Optional, Sequence, Tuple, Union
 
 from mrl_driver.codec import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.errors import SimulatorError
 from mrl_driver.table import BY_NAME, PARAMETER_BY_NAME
+from sim_arduino import config_store
 from sim_arduino.avr.line import heard
 from sim_arduino.avr.machine import HOST_BAUD, AvrMachine
 
 DUST = 8
 FAN, SONAR_TRIGGER, SONAR_POWER, HEATER = 7, 12, 13, 15
 WATCHED_PINS = (FAN, SONAR_TRIGGER, SONAR_POWER, HEATER)
-BOOT_S, SAVING_S = 0.3, 0.4  # 64 bytes of EEPROM at 3.4 ms fit
+BOOT_S, TELLING_S, SAVING_S = 0.3, 0.05, 0.4  # 64 bytes of EEPROM at 3.4 ms fit
 SLICE_S = 1e-3  # the longest a byte waits before a server hears of it
 
 FIRMWARE = Path(__file__).resolve().parent.parent / "build" / "firmware" / "mrl_firmware.elf"
 """The sonar build's image in a checkout, after `make firmware`."""
 
 
-def configured_eeprom(elf: Union[str, Path], robot_id: int) -> bytes:
-    """The EEPROM of a board that was given an id, all else by default: a chip of its own is told over the wire.
+def configured_eeprom(elf: Union[str, Path], robot_id: int, told: Sequence[Tuple[int, int]] = ()) -> bytes:
+    """The EEPROM of a board that was given an id, and `told` parameters (number, value), all else by default: a chip of
+    its own is told over the wire.
 
     Raises:
         SimulatorError: the image does not confirm that it has saved.
     """
     number = PARAMETER_BY_NAME["robot_id"].number
-    orders: Dict[str, Tuple[int, ...]] = {
-        "write_config": (number, robot_id),
-        "default_config": (),
-        "save_config": (),
-    }
+    orders: List[Tuple[str, float, Tuple[int, ...]]] = [
+        ("write_config", TELLING_S, (number, robot_id)),
+        ("default_config", TELLING_S, ()),
+        *(("write_config", TELLING_S, each) for each in told),
+        ("save_config", SAVING_S, ()),
+    ]
     with AvrMachine(elf) as chip:
         chip.run(BOOT_S)
-        for name, values in orders.items():
+        for name, wait_s, values in orders:
             chip.send(encode_request(BY_NAME[name].code, *values))
-            chip.run(SAVING_S)
+            chip.run(wait_s)
         answer = bytes(byte.data for byte in chip.sent())
         if Frame(BY_NAME["save_config"].code, (1,)) not in FrameDecoder(REPLIES).feed(answer):
             raise SimulatorError(
                 f"image {elf} did not save its robot id, it answered {answer!r}; run make firmware"
             )
         return chip.read_eeprom()
+
+
+def _told(plant: Any, robot_id: int) -> List[Tuple[int, int]]:
+    """What a new board of a robot that the firmware does not know has to be told."""
+    model = getattr(plant, "model", None)
+    if model is None or robot_id not in model.ids:
+        return []
+    wanted, known = config_store.configured(robot_id, model), config_store.defaults(robot_id)
+    return [(number, value) for number, value in enumerate(wanted) if value != known[number]]
 
 
 class AvrEngine:
@@ -74,7 +86,7 @@ class AvrEngine:
         self.machine = AvrMachine(elf, seed=seed)
         self._host_baud: float = HOST_BAUD
         if robot_id is not None:
-            self.machine.write_eeprom(0, configured_eeprom(elf, robot_id))
+            self.machine.write_eeprom(0, configured_eeprom(elf, robot_id, _told(plant, robot_id)))
         if bootloader:
             self.machine.set_reset_flags(0)
             self.machine.reset()

@@ -70,7 +70,9 @@ class PythonBoard:
         self.environment = environment
         first_id = plant.model.ids[0] if robot_id is None else robot_id
         self.eeprom = (
-            bytearray(config_store.image(config_store.defaults(first_id))) if eeprom is None else eeprom
+            bytearray(config_store.image(config_store.first(first_id, plant.model)))
+            if eeprom is None
+            else eeprom
         )
         self.now_s = 0.0
         self._decoder = FrameDecoder(REQUESTS)

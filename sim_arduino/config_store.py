@@ -21,10 +21,22 @@ _FIRST_MODEL = "traxbot"
 
 
 def defaults(robot_id: int) -> List[int]:
-    """Parameters of a board with that id, in the table's order; an id of no model gets TraxBot's."""
-    model = robots.load(robots.by_id(robot_id) or _FIRST_MODEL)
+    """Parameters that the firmware gives a board with that id, in the table's order; one of no model gets TraxBot's."""
+    models = {name: robots.load_packaged(name) for name in robots.packaged()}
+    return configured(
+        robot_id, next((each for each in models.values() if robot_id in each.ids), models[_FIRST_MODEL])
+    )
+
+
+def configured(robot_id: int, model: robots.RobotModel) -> List[int]:
+    """Parameters of a board that was told its id and its model, in the table's order."""
     by_name = {"robot_id": robot_id, **model.board, **robots.COMMON_BOARD}
     return [by_name[row.name] for row in PARAMETERS]
+
+
+def first(robot_id: int, model: robots.RobotModel) -> List[int]:
+    """Parameters of a new board of a robot: its model's, if the id is one of the model's."""
+    return configured(robot_id, model) if robot_id in model.ids else defaults(robot_id)
 
 
 def image(values: List[int]) -> bytes:

@@ -12,6 +12,7 @@ from .shared import agree, connected, robot_options, yes_option
 
 if TYPE_CHECKING:
     from ..driver import Driver
+    from ..robots import RobotModel
 
 
 @click.command("set-id")
@@ -34,7 +35,7 @@ def set_id(target: Target, robot_id: int, yes: bool) -> None:
         )
     with connected(target, model, ignore_battery=True, any_id=True) as driver:
         agree(f"Change the robot id from {driver.board.robot_id} to {robot_id}?", yes)
-        write_id(driver, robot_id)
+        write_id(driver, robot_id, model)
     click.echo(f"robot id {robot_id} is set")
 
 
@@ -61,16 +62,22 @@ def save(driver: "Driver") -> None:
         raise BoardRefused("the board could not save its EEPROM; try again")
 
 
-def write_id(driver: "Driver", robot_id: int) -> None:
-    """Write the id, the defaults that go with it, and save both.
+def write_id(driver: "Driver", robot_id: int, model: "RobotModel") -> None:
+    """Write the id and the model's parameters, of which the firmware need not know, and save all.
 
     Raises:
         BoardRefused: the board keeps no configuration, or did not take it.
         BoardTimeout: it does not answer.
     """
     demand_config(driver)
-    index = PARAMETER_BY_NAME["robot_id"].number
-    if driver.ask(BY_NAME["write_config"].code, index, robot_id) != (index, robot_id):
-        raise BoardRefused(f"the board did not take robot id {robot_id}")
+    _write(driver, "robot_id", robot_id)
     driver.ask(BY_NAME["default_config"].code)
+    for name, value in model.board.items():
+        _write(driver, name, value)
     save(driver)
+
+
+def _write(driver: "Driver", name: str, value: int) -> None:
+    index = PARAMETER_BY_NAME[name].number
+    if driver.ask(BY_NAME["write_config"].code, index, value) != (index, value):
+        raise BoardRefused(f"the board did not take {name} {value}")

@@ -1,4 +1,4 @@
-"""Robot models: one YAML file each, beside this module or anywhere by path.
+"""Robot models: one YAML file each, beside this module, in the user's own folder, or anywhere by path.
 
 A model is geometry, limits, sonar poses, the board parameters of the firmware's defaults and the robot ids it
 accepts.  Sources of the numbers stand in the files.
@@ -107,26 +107,50 @@ class RobotModel(NamedTuple):
     noise: Noise = ON_WHEELS
 
 
-def names() -> List[str]:
+def packaged() -> List[str]:
     """Names of the models that come with the package."""
-    return sorted(f[:-5] for f in os.listdir(_FOLDER) if f.endswith(".yaml"))
+    return _names_in(_FOLDER)
+
+
+def own_folder() -> str:
+    """Where the user keeps models of his own, one YAML file each; it need not be there."""
+    config = os.environ.get("XDG_CONFIG_HOME") or os.path.expanduser("~/.config")
+    return os.path.join(config, "mrl-driver", "robots")
+
+
+def names() -> List[str]:
+    """Names of all models: the packaged ones and the user's own."""
+    return sorted({*packaged(), *_names_in(own_folder())})
+
+
+def _names_in(folder: str) -> List[str]:
+    try:
+        return sorted(f[:-5] for f in os.listdir(folder) if f.endswith(".yaml"))
+    except OSError:
+        return []
+
+
+def _path_of(name: str) -> str:
+    """The user's own file of that name, else the packaged one."""
+    own = os.path.join(own_folder(), f"{name}.yaml")
+    return own if os.path.isfile(own) else os.path.join(_FOLDER, f"{name}.yaml")
 
 
 def load(name_or_path: str) -> RobotModel:
-    """The model of that name, or in that YAML file.
+    """The model of that name, or in that YAML file; the user's own comes before a packaged one of the same name.
 
     Raises:
         ConfigError: no such model, or a key is missing, misspelt, of the wrong type or out of range.
     """
-    path = name_or_path
-    if not path.endswith((".yaml", ".yml")):
-        path = os.path.join(_FOLDER, f"{name_or_path}.yaml")
+    is_path = name_or_path.endswith((".yaml", ".yml"))
+    path = name_or_path if is_path else _path_of(name_or_path)
     try:
         with open(path, encoding="utf-8") as file:
             data = yaml.safe_load(file)
-    except OSError:
+    except OSError as error:
         raise ConfigError(
-            f"robot {name_or_path!r} is unknown, expected {', '.join(names())} or the path of a .yaml file"
+            f"robot {name_or_path!r} {error.strerror if is_path else 'is unknown'}, expected {', '.join(names())} "
+            f"or the path of a .yaml file; files in {own_folder()} are known by name"
         ) from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: no YAML: {' '.join(str(error).split())}") from None
@@ -143,8 +167,19 @@ def parse(data: Any, path: str) -> RobotModel:
 
 
 def by_id(robot_id: int) -> str:
-    """Name of the packaged model that lists `robot_id`, or an empty string."""
-    return next((name for name in names() if robot_id in load(name).ids), "")
+    """Name of the model that lists `robot_id`, the user's own first, or an empty string."""
+    own = _names_in(own_folder())
+    ordered = [*own, *(name for name in packaged() if name not in own)]
+    return next((name for name in ordered if robot_id in load(name).ids), "")
+
+
+def load_packaged(name: str) -> RobotModel:
+    """The model of that name that comes with the package, whatever the user has: what the firmware knows.
+
+    Raises:
+        ConfigError: there is none.
+    """
+    return load(os.path.join(_FOLDER, f"{name}.yaml"))
 
 
 _POSITIVE = (1e-9, 1e6)

@@ -22,7 +22,7 @@ def load(tmp_path, data):
 
 
 def test_packaged_models_load():
-    assert [robots.load(name).name for name in robots.names()] == ["stingbot", "traxbot"]
+    assert [robots.load_packaged(name).name for name in robots.packaged()] == ["stingbot", "traxbot"]
 
 
 @pytest.mark.parametrize("name, radius_m", [("traxbot", 0.0390), ("stingbot", 0.0327)])
@@ -34,7 +34,7 @@ def test_metres_per_count_gives_the_wheel_radius(name, radius_m):
 
 
 def test_no_id_belongs_to_two_models():
-    ids = [each for name in robots.names() for each in robots.load(name).ids]
+    ids = [each for name in robots.packaged() for each in robots.load_packaged(name).ids]
     assert len(ids) == len(set(ids))
 
 

@@ -1,0 +1,81 @@
+"""The robot of CONTRIBUTING.md: one YAML file, found by name, that drives in the emulator."""
+
+import pytest
+
+from mrl_driver import robots
+from mrl_driver.commands.set_id import write_id
+from mrl_driver.errors import ConfigError
+from mrl_driver.options import Options
+from mrl_driver.stepped import SteppedDriver
+from mrl_driver.table import PARAMETER_BY_NAME
+from sim_arduino import boards, config_store
+
+from .blocks import blocks
+
+TEXT = next(block.text for block in blocks("CONTRIBUTING.md") if "name: eswarbot" in block.text)
+PLACE_M, WAY_M = 0.01, 0.4
+
+
+@pytest.fixture
+def home(tmp_path, monkeypatch):
+    """A user's folder of models with the eSwarBot in it."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    folder = tmp_path / "mrl-driver" / "robots"
+    folder.mkdir(parents=True)
+    (folder / "eswarbot.yaml").write_text(TEXT)
+    return folder
+
+
+def test_it_is_found_by_name_and_by_id(home):
+    assert (robots.load("eswarbot").name, robots.by_id(12)) == ("eswarbot", "eswarbot")
+    assert robots.names() == ["eswarbot", *robots.packaged()]
+
+
+@pytest.mark.parametrize("engine", ["python", "avr"])
+def test_it_drives_as_far_as_it_is_told(home, engine):
+    """And its board's idea of its wheels agrees with the driver's."""
+    emulated = boards.make(boards.Options(robot="eswarbot", engine=engine, world="corridor"))
+    with SteppedDriver(emulated.engine) as robot:
+        start = emulated.plant.true_pose
+        robot.drive(0.2, 0.0)
+        robot.wait(WAY_M / 0.2 + 0.15)
+        robot.stop()
+        robot.wait(0.2)
+        assert robot.model.name == "eswarbot"
+        went_m = emulated.plant.true_pose.x_m - start.x_m
+        assert robot.pose.x_m == pytest.approx(went_m, abs=PLACE_M)
+        assert went_m == pytest.approx(WAY_M, abs=0.1)
+    emulated.close()
+
+
+def test_a_blank_board_becomes_one(home):
+    """The firmware's own defaults for an unknown id are TraxBot's."""
+    model, board = robots.load("eswarbot"), boards.make(boards.Options(robot="traxbot", robot_id=0)).engine
+    with SteppedDriver(board, model, Options(any_id=True)) as robot:
+        write_id(robot, 11, model)
+    values = config_store.Config(board.eeprom)
+    assert {name: values[name] for name in model.board} == model.board and values["robot_id"] == 11
+
+
+def test_a_users_file_comes_before_the_packaged_one(home):
+    text = TEXT.replace("[11, 12, 13]", "[2]").replace("0.120", "0.181")
+    (home / "my-traxbot.yaml").write_text(text.replace("name: eswarbot", "name: my-traxbot"))
+    assert [robots.by_id(1), robots.by_id(2)] == ["traxbot", "my-traxbot"]
+    (home / "traxbot.yaml").write_text(text)
+    assert robots.load("traxbot").drive.wheel_separation_m == 0.181
+    assert robots.load_packaged("traxbot").drive.wheel_separation_m == 0.180
+
+
+def test_an_unknown_name_tells_where_files_belong(home):
+    with pytest.raises(ConfigError, match=f"expected eswarbot, stingbot.*files in {home} are known by name"):
+        robots.load("eswarbt")
+
+
+def test_a_path_that_is_none_says_why(tmp_path):
+    with pytest.raises(ConfigError, match="nowhere.yaml' No such file"):
+        robots.load(str(tmp_path / "nowhere.yaml"))
+
+
+def test_emulated_boards_know_no_parameter_that_the_model_lacks(home):
+    values = config_store.configured(11, robots.load("eswarbot"))
+    assert len(values) == len(PARAMETER_BY_NAME)
