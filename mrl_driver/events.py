@@ -65,11 +65,19 @@ class Lost(NamedTuple):
     port: str
     reason: str
 
+    def __str__(self) -> str:
+        """One line for people."""
+        return f"{self.reason}; the port is searched, and the robot waits for a new command"
+
 
 class Reconnected(NamedTuple):
     """The robot answers again, on this port."""
 
     port: str
+
+    def __str__(self) -> str:
+        """One line for people."""
+        return f"the robot answers again, on {self.port}"
 
 
 class Reply(NamedTuple):

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.live import Live
 
 from .canvas import Point
+from .events import Lost, Reconnected
 from .frame_log import FrameLog
 from .keyboard import Keyboard
 from .live_view import Shown, render
@@ -87,10 +88,15 @@ class Screen:
         self._frames = 0
         self.ended = False
         driver.on_telemetry(self._on_telemetry)
+        driver.on_event(self._on_event)
 
     def _on_telemetry(self, telemetry: Telemetry) -> None:
         self._frames += 1
         self._trail.add(telemetry)
+
+    def _on_event(self, event: object) -> None:
+        if isinstance(event, (Lost, Reconnected)):
+            self._notice = str(event)
 
     def press(self, key: str, now_s: float) -> None:
         """Take a key."""

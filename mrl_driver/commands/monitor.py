@@ -13,10 +13,12 @@ from .shared import (
     demand_port,
     demand_seconds,
     json_option,
+    reconnect_option,
     record_option,
     robot_options,
     say_json,
     seconds_option,
+    tell_losses,
     warn,
 )
 from .text import line, snapshot
@@ -34,9 +36,15 @@ STALL_S = 0.5
 @seconds_option
 @battery_option
 @record_option
+@reconnect_option
 @json_option
 def monitor(
-    target: Target, seconds: float, ignore_battery: bool, record: Optional[str], as_json: bool
+    target: Target,
+    seconds: float,
+    ignore_battery: bool,
+    record: Optional[str],
+    reconnect: bool,
+    as_json: bool,
 ) -> None:
     """Watch a robot: path, speeds, ranges, battery, link, frames; Enter lets the keys drive.
 
@@ -48,14 +56,15 @@ def monitor(
       mrl monitor --robot lab3 --record drive.mrl
       mrl monitor --robot lab3 --json --seconds 10 > drive.jsonl
     """
-    _watch(target, seconds, record, as_json, ignore_battery)
+    _watch(target, seconds, record, reconnect, as_json, ignore_battery)
 
 
 @click.command()
 @robot_options
 @seconds_option
+@reconnect_option
 @click.argument("file", type=click.Path())
-def record(target: Target, seconds: float, file: str) -> None:
+def record(target: Target, seconds: float, reconnect: bool, file: str) -> None:
     """Watch a robot, and keep every byte both ways in FILE.
 
     \b
@@ -63,22 +72,24 @@ def record(target: Target, seconds: float, file: str) -> None:
       mrl record --port /dev/ttyACM0 drive.mrl
       mrl replay drive.mrl; mrl plot drive.mrl
     """
-    _watch(target, seconds, file)
+    _watch(target, seconds, file, reconnect)
 
 
 def _watch(
     target: Target,
     seconds: float,
     file: Optional[str],
+    reconnect: bool,
     as_json: bool = False,
     ignore_battery: bool = False,
 ) -> None:
     demand_seconds(seconds)
     if not as_json and sys.stdout.isatty():
-        watch_live(target, seconds, file, ignore_battery)
+        watch_live(target, seconds, file, ignore_battery, reconnect=reconnect)
         return
-    with connected(target, ignore_battery=True, record=file) as driver:
+    with connected(target, ignore_battery=True, record=file, reconnect=reconnect) as driver:
         warn(driver)
+        tell_losses(driver)
         try:
             _print_lines(driver, seconds, as_json)
         except KeyboardInterrupt:
@@ -101,6 +112,7 @@ def watch_live(
     file: Optional[str] = None,
     ignore_battery: bool = False,
     keys_drive: bool = False,
+    reconnect: bool = True,
 ) -> None:
     """The live view; with `keys_drive` an empty battery is refused, as for driving."""
     from ..frame_log import FrameLog
@@ -113,6 +125,7 @@ def watch_live(
         target,
         ignore_battery=ignore_battery or not keys_drive,
         record=file,
+        reconnect=reconnect,
         command_timeout_s=STALL_S,
         tap=lambda way, data: log.hear(way, data, time.monotonic()),
     )

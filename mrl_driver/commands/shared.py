@@ -12,6 +12,7 @@ import click
 
 from .. import names, robots
 from ..errors import ConfigError
+from ..events import Lost, Reconnected
 from ..names import Target
 
 if TYPE_CHECKING:
@@ -27,6 +28,12 @@ record_option = click.option(
 battery_option = click.option("--ignore-battery", is_flag=True, help="Drive with an empty battery too.")
 seconds_option = click.option(
     "--seconds", type=float, default=FOREVER_S, help="End after so long [s]; without it at Ctrl-C."
+)
+reconnect_option = click.option(
+    "--reconnect/--no-reconnect",
+    default=True,
+    show_default=True,
+    help="Search the robot when its port goes away, or end with exit code 6.",
 )
 yes_option = click.option("--yes", is_flag=True, help="Do not ask.")
 
@@ -137,6 +144,16 @@ def connected(target: Target, model: Optional["RobotModel"] = None, **options: A
         recorder = driver.recorder
         if recorder is not None and recorder.lost:
             complain(f"{recorder.path} lacks {recorder.lost} lines: {recorder.error}")
+
+
+def tell_losses(driver: "Driver") -> None:
+    """Say in a line when the port goes away, and when the robot is found again."""
+
+    def tell(event: object) -> None:
+        if isinstance(event, (Lost, Reconnected)):
+            complain(str(event))
+
+    driver.on_event(tell)
 
 
 def warn(driver: "Driver") -> None:

@@ -14,6 +14,7 @@ import pytest
 
 from mrl_driver import cli, keyboard
 from mrl_driver.commands import text
+from mrl_driver.recording import Recording
 
 from .run import fails, mrl
 
@@ -89,13 +90,35 @@ def test_a_signal_stops_the_robot_first(serve, number):
 
 def test_unplugging_has_its_own_exit_code(serve):
     port = serve()
-    command = [sys.executable, "-m", "mrl_driver", "monitor", "--port", port.path]
+    command = [sys.executable, "-m", "mrl_driver", "monitor", "--port", port.path, "--no-reconnect"]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
     wait_until(lambda: port.board.period_s is not None)
     time.sleep(0.1)
     port.unplug()
     _, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 6 and err.count("\n") == 1 and "went away" in err
+
+
+def test_monitor_finds_a_robot_again_that_was_unplugged(serve, tmp_path):
+    """One line when it is lost, one when it is found, and the recording has both ports."""
+    link, log = str(tmp_path / "robot"), str(tmp_path / "log")
+    port = serve()
+    os.symlink(port.path, link)
+    command = [sys.executable, "-m", "mrl_driver", "record", "--port", link, log]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+    wait_until(lambda: port.board.period_s is not None)
+    time.sleep(0.1)
+    port.unplug()
+    lost = process.stderr.readline()
+    again = serve()
+    os.remove(link)
+    os.symlink(again.path, link)
+    found = process.stderr.readline()
+    process.send_signal(signal.SIGINT)
+    _, rest = process.communicate(timeout=PATIENCE_S)
+    assert "went away" in lost and f"the robot answers again, on {link}" in found and rest == ""
+    assert process.returncode == 0
+    assert [entry.data for entry in Recording(log)].count(b"opened " + link.encode()) == 2
 
 
 # -- bad input
