@@ -10,10 +10,12 @@ from typing import Dict, List, Optional, Tuple
 from . import battery
 from .errors import FrameError, LinkLost
 from .handshake import Plan
+from .motion import Motion
+from .odometry import Wheels
 from .options import Options
 from .robots import RobotModel
 from .session import Counts, Info, Reply, Session, SessionEvent
-from .state import Notice, RobotState, limit
+from .state import Notice, RobotState, Telemetry, limit
 from .wheel_watch import Mismatch, WheelWatch, wheel_watch
 
 GENTLE_S = 3.0
@@ -36,6 +38,8 @@ class Core:
         """Fields of the last reply to each request that was sent by itself."""
         self.leaving = False
         """No more commands are taken."""
+        self.due_s = -math.inf
+        """When `turn` is due at the latest [s], unless bytes come before."""
         self._session: Optional[Session] = None
         self._watch: Optional[WheelWatch] = None
         self._every = max(1, math.ceil(options.period_ms / SLOWEST_MS))
@@ -72,9 +76,18 @@ class Core:
         """
         session = self.session
         events = session.receive(data, now) if data else []
-        if now >= session.deadline(now):
+        due_s = session.deadline(now)
+        if now >= due_s - (session.lead_s if data else 0.0):
             events += session.tick(now)
-        return [notice for event in events for notice in self._digest(event, now)]
+            due_s = session.deadline(now)
+        self.due_s = due_s
+        notices: List[Notice] = []
+        for event in events:
+            if type(event) is Counts:
+                self._on_counts(event, now, notices)
+            else:
+                notices += self._digest(event, now)
+        return notices
 
     def drive(self, linear_m_s: float, angular_rad_s: float, now: float) -> bool:
         """Put a command in force, see `Driver.drive`.
@@ -102,13 +115,9 @@ class Core:
         self.session.stop(now, reason)
 
     def _digest(self, event: SessionEvent, now: float) -> List[Notice]:
-        """Take an event into the robot's state, and stop a robot whose wheels or battery give cause."""
+        """Take an event into the robot's state, and stop a robot whose battery gives cause."""
         notices = self.state.digest(event, now)
-        if type(event) is Counts:
-            if self._every > 1:
-                notices = self._thin(notices)
-            notices += self._check_wheels(event, now)
-        elif isinstance(event, Info) and self.state.powerless:
+        if isinstance(event, Info) and self.state.powerless:
             self._spare_battery(now)
         elif isinstance(event, Reply):
             self.replies[event.frame.code] = event.frame.args
@@ -117,31 +126,40 @@ class Core:
                 notices.append(("sensor", (name, self.session.sensors.readings[name])))
         return notices
 
-    def _thin(self, notices: List[Notice]) -> List[Notice]:
-        """Every n-th telemetry, with the sonars that were new in those between."""
-        told = []
-        for kind, telemetry in notices:
-            self._fresh = tuple(dict.fromkeys(self._fresh + telemetry.fresh))
-            self._untold = (self._untold + 1) % self._every
-            if not self._untold:
-                told.append((kind, telemetry._replace(fresh=self._fresh)))
-                self._fresh = ()
-        return told
-
-    def _check_wheels(self, event: Counts, now: float) -> List[Notice]:
-        """Stop a robot of which a wheel does not do what it was told."""
-        session, telemetry, model = self.session, self.state.telemetry, self.state.model
-        target = session.motion.target
-        if target is None or telemetry is None or model is None:
+    def _on_counts(self, event: Counts, now: float, notices: List[Notice]) -> None:
+        """Take telemetry into the robot's state, and stop a robot of which a wheel does not do what it was told."""
+        telemetry = self.state.on_counts(event)
+        if telemetry is None:
+            return
+        if self._every == 1:
+            notices.append(("telemetry", telemetry))
+        else:
+            notices += self._thin(telemetry)
+        motion = self.session.motion
+        if motion.target is None:
             self._watch = None
+        else:
+            self.mismatch = self._check_wheels(motion, telemetry.counts, event.time_s)
+            if self.mismatch is not None:
+                self.session.stop(now, "wheel_mismatch")
+                self.due_s = now
+                notices.append(("state", self.mismatch))
+
+    def _thin(self, telemetry: Telemetry) -> List[Notice]:
+        """Every n-th telemetry, with the sonars that were new in those between."""
+        self._fresh = tuple(dict.fromkeys(self._fresh + telemetry.fresh))
+        self._untold = (self._untold + 1) % self._every
+        if self._untold:
             return []
+        telemetry, self._fresh = telemetry._replace(fresh=self._fresh), ()
+        return [("telemetry", telemetry)]
+
+    def _check_wheels(self, motion: Motion, travel: Wheels, time_s: float) -> Optional[Mismatch]:
+        assert motion.target is not None and self.state.model is not None
         if self._watch is None:
-            self._watch = wheel_watch(model, session.motion.pace)
-        self.mismatch = self._watch.update(target[0] / 1000, target[1] / 1000, telemetry.counts, event.time_s)
-        if self.mismatch is None:
-            return []
-        session.stop(now, "wheel_mismatch")
-        return [("state", self.mismatch)]
+            self._watch = wheel_watch(self.state.model, motion.pace)
+        linear_mm_s, angular_mrad_s = motion.target
+        return self._watch.update(linear_mm_s / 1000, angular_mrad_s / 1000, travel, time_s)
 
     def _spare_battery(self, now: float) -> None:
         """Stop: at once when motor power is off, so that nothing moves when it returns; gently when low."""
@@ -150,6 +168,8 @@ class Core:
             return
         if self.state.battery_state == battery.OFF:
             self.session.stop(now, "battery")
+            self.due_s = now
         else:
+            self.due_s = now
             slowing_s = abs(motion.target[0]) / 1000 / model.limits.linear_acceleration_m_s2
             motion.fade(now, min(GENTLE_S, slowing_s))

@@ -8,6 +8,7 @@
 Leaving the block stops the robot.  All methods may be called from any thread, callbacks too.
 """
 
+import math
 import threading
 import time
 from typing import List, Optional, Tuple, Union
@@ -69,7 +70,7 @@ class Driver(Readout):
         self._thread: Optional[threading.Thread] = None
         self._closing = False
         self._asking = 0
-        self._sleeps_until = 0.0
+        self._settling = True
         self._broken: Optional[LinkLost] = None
         self._reconnection: Optional[Reconnection] = None
         self._tape: Optional[Tape] = None
@@ -257,7 +258,7 @@ class Driver(Readout):
 
     def _cycle(self, link: Link) -> None:
         core = self._core
-        data = link.read(min(1.0, self._sleeps_until - time.monotonic()))
+        data = link.read(min(1.0, core.due_s - time.monotonic()))
         now = time.monotonic()
         with self._lock:
             if self._closing:
@@ -269,11 +270,11 @@ class Driver(Readout):
                 self._tape.note(core.session.checked)
             if self._reconnection is not None and self._reconnection.searching:
                 notices += self._judge(self._reconnection, now)
-            self._sleeps_until = core.session.deadline(now)
-            self._flush()
+            self._send()
             if self._asking:
                 self._changed.notify_all()
-        if not self._settled.is_set() and core.state.telemetry is not None:
+        if self._settling and core.state.telemetry is not None:
+            self._settling = False
             self._settled.set()
         self._call(notices)
 
@@ -328,7 +329,7 @@ class Driver(Readout):
                 link.close()
                 return
             self._core.session.relink(time.monotonic(), reconnection.same_board)
-            self._link, self._sleeps_until = link, 0.0
+            self._link, self._core.due_s = link, -math.inf
 
     def _judge(self, reconnection: Reconnection, now: float) -> List[Notice]:
         """Is it the robot that was lost?"""
@@ -364,6 +365,12 @@ class Driver(Readout):
         return self._core
 
     def _flush(self) -> None:
+        """Send what the session has, and let the reader know if that leaves it less time to sleep."""
+        self._send()
+        if threading.current_thread() is not self._thread:
+            self._wake()
+
+    def _send(self) -> None:
         """Send what the session has, under the lock, so that frames never mix."""
         session = self._core.session
         data = session.take()
@@ -381,12 +388,10 @@ class Driver(Readout):
                     self._changed.notify_all()
                     self._link.wake()
                     raise
-        if threading.current_thread() is not self._thread:
-            self._wake()
 
     def _wake(self) -> None:
         """Wake the reader if something is due before it looks again."""
-        if self._link is not None and self._core.session.deadline(time.monotonic()) < self._sleeps_until:
+        if self._link is not None and self._core.session.deadline(time.monotonic()) < self._core.due_s:
             self._link.wake()
 
     def _say_goodbye(self, wait: bool) -> None:

@@ -26,7 +26,8 @@ WRITE_TIMEOUT_S = 0.1
 """A port that takes no bytes for so long is reported; frames are short and the system buffers thousands of
 bytes.
 """
-READ_SIZE = 65536
+READ_SIZE = 4096
+"""The most that a terminal gives at once."""
 _PTY_MAJORS = range(136, 144)
 _ERRORS = {
     errno.ENOENT: PortMissing,

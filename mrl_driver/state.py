@@ -76,8 +76,9 @@ class RobotState:
 
     def digest(self, event: SessionEvent, now: float) -> List[Notice]:
         """Take in an event; what the listeners are to be told."""
-        if type(event) is Counts:
-            return self._on_counts(event)
+        if isinstance(event, Counts):
+            telemetry = self.on_counts(event)
+            return [("telemetry", telemetry)] if telemetry else []
         if isinstance(event, Sonars):
             self._late_sonars = self._on_sonars(event.values, now)
             return []
@@ -98,24 +99,20 @@ class RobotState:
         elif event.restarted:
             self.odometry.reset()
 
-    def _on_counts(self, event: Counts) -> List[Notice]:
+    def on_counts(self, event: Counts) -> Optional[Telemetry]:
+        """Take in one frame of the stream; what it says, or None while no board is greeted."""
         odometry = self.odometry
         if odometry is None:
-            return []
-        odometry.update(event.right, event.left, event.time_s)
-        fresh = self._on_sonars(event.sonars, event.arrival_s) if event.sonars else self._late_sonars
+            return None
+        right, left, sonars, time_s, stamp_s, arrival_s, sequence = event
+        odometry.update(right, left, time_s)
+        fresh = self._on_sonars(sonars, arrival_s) if sonars else self._late_sonars
         self._late_sonars = ()
-        self.telemetry = Telemetry(
-            event.stamp_s,
-            event.arrival_s,
-            odometry.pose,
-            odometry.twist,
-            self.ranges,
-            fresh,
-            odometry.travel,
-            event.sequence,
+        pose, twist, travel = odometry.pose, odometry.twist, odometry.travel
+        telemetry = self.telemetry = _new(
+            Telemetry, (stamp_s, arrival_s, pose, twist, self.ranges, fresh, travel, sequence)
         )
-        return [("telemetry", self.telemetry)]
+        return telemetry
 
     def _on_sonars(self, values: Tuple[int, ...], now: float) -> Tuple[str, ...]:
         assert self.model is not None
@@ -182,3 +179,6 @@ def _wrong(board: Board, model: RobotModel) -> WrongRobot:
         f"the board is {named}, expected {model.name} (id {ids}): choose the other robot model, or set "
         "the board's id with: mrl set-id"
     )
+
+
+_new = tuple.__new__
