@@ -26,7 +26,7 @@ SLOWING_M = 0.5
 SLOWEST_M_S, SLOWEST_RAD_S = 0.03, 0.15
 """Slower than this the motors may not turn at all."""
 PROGRESS_M, PATIENCE_S = 0.1, 30.0
-"""Blocked is who has not come nearer by so much for so long."""
+"""Blocked is who has not come nearer by so much for so long, unless told otherwise."""
 
 
 class Detour(NamedTuple):
@@ -39,8 +39,8 @@ class Detour(NamedTuple):
 class GoalSeeker:
     """Seeks one goal (x, y, yaw) in the frame of the poses."""
 
-    def __init__(self, goal: Pose, limits: Limits, now_s: float) -> None:
-        self._goal, self._limits = goal, limits
+    def __init__(self, goal: Pose, limits: Limits, now_s: float, patience_s: float = PATIENCE_S) -> None:
+        self._goal, self._limits, self._patience_s = goal, limits, patience_s
         self._detour: Optional[Detour] = None
         self._there = False
         self._best_m, self._best_s = math.inf, now_s
@@ -65,7 +65,7 @@ class GoalSeeker:
     def _watch_progress(self, away_m: float, now_s: float) -> None:
         if away_m < self._best_m - PROGRESS_M:
             self._best_m, self._best_s = away_m, now_s
-        elif now_s - self._best_s > PATIENCE_S and not self._there:
+        elif now_s - self._best_s > self._patience_s and not self._there:
             self.blocked = True
 
     def _align(self, pose: Pose) -> Speeds:

@@ -5,6 +5,7 @@ Takes goals by the action, by `move_base_simple/goal` (rviz's 2D Nav Goal), and 
 """
 
 import math
+import queue
 import sys
 import threading
 from typing import Dict, List, Optional
@@ -12,32 +13,48 @@ from typing import Dict, List, Optional
 import actionlib
 import rospy
 import tf2_ros
+from actionlib_msgs.msg import GoalID, GoalStatus
 from geometry_msgs.msg import Pose as PoseMessage
 from geometry_msgs.msg import PoseStamped, Twist
-from move_base_msgs.msg import MoveBaseAction, MoveBaseFeedback, MoveBaseGoal, MoveBaseResult
+from move_base_msgs.msg import (
+    MoveBaseAction,
+    MoveBaseActionGoal,
+    MoveBaseActionResult,
+    MoveBaseFeedback,
+    MoveBaseGoal,
+    MoveBaseResult,
+)
 from nav_msgs.msg import Odometry, Path
 from sensor_msgs.msg import Range
+from std_msgs.msg import Header
 
+from mrl_driver.errors import ConfigError
 from mrl_driver.goal_seeker import GoalSeeker, Pose, carried
 from mrl_driver.robots import Limits
 from mrl_driver.sonar import NAMES
 
+from .node_rows import GO_TO_GOAL
+from .parameters import read
+from .planar import planar, yaw_of
+
 RATE_HZ = 20.0
 ODOM_LATE_S = 0.5
 TF_TIMEOUT_S = 1.0
+POLL_S = 0.2
 
 
 class GoToGoal:
     """Serves one robot."""
 
     def __init__(self) -> None:
-        self._limits = Limits(
-            float(rospy.get_param("~linear_speed", 0.25)),
-            float(rospy.get_param("~angular_speed", 0.9)),
-            math.inf,
-            math.inf,
-        )
-        self._avoid = bool(rospy.get_param("~avoid", True))
+        """Reads the private parameters.
+
+        Raises:
+            ConfigError: a parameter is wrong.
+        """
+        given = read(GO_TO_GOAL, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+        self._limits = Limits(given["linear_speed"], given["angular_speed"], math.inf, math.inf)
+        self._avoid, self._patience_s = given["avoid"], given["patience"]
         self._odometry: Optional[Odometry] = None
         self._odometry_s = -math.inf
         self._ranges: Dict[str, float] = {}
@@ -48,13 +65,15 @@ class GoToGoal:
         self._server = actionlib.SimpleActionServer(
             "move_base", MoveBaseAction, self._execute, auto_start=False
         )
-        self._client = actionlib.SimpleActionClient("move_base", MoveBaseAction)
+        self._goal_out = rospy.Publisher("move_base/goal", MoveBaseActionGoal, queue_size=5)
+        self._awaited: Dict[str, queue.Queue[int]] = {}
+        self._tour = self._goals = 0
+        rospy.Subscriber("move_base/result", MoveBaseActionResult, self._on_result)
         rospy.Subscriber("odom", Odometry, self._on_odometry, queue_size=1, tcp_nodelay=True)
         for name in NAMES:
             rospy.Subscriber(f"sonar/{name}", Range, self._on_range, callback_args=name, queue_size=1)
         rospy.Subscriber("move_base_simple/goal", PoseStamped, self._on_goal, queue_size=1)
         rospy.Subscriber("waypoints", Path, self._on_waypoints, queue_size=1)
-        self._tour = 0
         self._server.start()
 
     def _on_odometry(self, message: Odometry) -> None:
@@ -65,7 +84,7 @@ class GoToGoal:
 
     def _on_goal(self, message: PoseStamped) -> None:
         self._tour += 1
-        self._client.send_goal(MoveBaseGoal(message))
+        self._send(message, self._new_id())
 
     def _on_waypoints(self, message: Path) -> None:
         self._tour += 1
@@ -73,25 +92,61 @@ class GoToGoal:
 
     def _visit(self, path: Path, tour: int) -> None:
         """Each pose in turn, until one cannot be reached or other goals come."""
-        for pose in path.poses:
+        for number, pose in enumerate(path.poses, 1):
+            pose.header.frame_id = pose.header.frame_id or path.header.frame_id
+            end = self._outcome(pose)
             if tour != self._tour or rospy.is_shutdown():
                 return
-            pose.header.frame_id = pose.header.frame_id or path.header.frame_id
-            self._client.send_goal_and_wait(MoveBaseGoal(pose))
-            if self._client.get_state() != actionlib.GoalStatus.SUCCEEDED:
-                rospy.logwarn("waypoints given up: one could not be reached")
+            if end != GoalStatus.SUCCEEDED:
+                rospy.logwarn(f"waypoint {number} of {len(path.poses)} was not reached; the rest is given up")
                 return
+
+    def _outcome(self, pose: PoseStamped) -> int:
+        """Send a goal to this node's own action, and wait for the status it ends with."""
+        goal_id = self._new_id()
+        answer: queue.Queue[int] = queue.Queue()
+        self._awaited[goal_id] = answer
+        self._send(pose, goal_id)
+        while not rospy.is_shutdown():
+            try:
+                return answer.get(timeout=POLL_S)
+            except queue.Empty:
+                continue
+        return GoalStatus.LOST
+
+    def _on_result(self, message: MoveBaseActionResult) -> None:
+        answer = self._awaited.pop(message.status.goal_id.id, None)
+        if answer is not None:
+            answer.put(message.status.status)
+
+    def _new_id(self) -> str:
+        self._goals += 1
+        return f"{rospy.get_name()}-{self._goals}-{rospy.get_time():.3f}"
+
+    def _send(self, pose: PoseStamped, goal_id: str) -> None:
+        now = rospy.Time.now()
+        header, name = Header(stamp=now), GoalID(now, goal_id)
+        self._goal_out.publish(MoveBaseActionGoal(header, name, MoveBaseGoal(pose)))
 
     def _execute(self, goal: MoveBaseGoal) -> None:
         """Called by the action server for each goal, on its own thread."""
-        rate = rospy.Rate(RATE_HZ)
-        target = self._in_odom(goal.target_pose)
-        if target is None:
-            self._server.set_aborted(
-                MoveBaseResult(), "no odometry, or no transform from the goal's frame to it"
-            )
+        try:
+            target = self._target(goal.target_pose)
+        except ValueError as error:
+            self._cmd_vel.publish(Twist())  # the goal before, if there was one, is over
+            rospy.logwarn(f"goal refused: {error}")
+            self._server.set_aborted(MoveBaseResult(), str(error))
             return
-        seeker = GoalSeeker(target, self._limits, rospy.get_time())
+        try:
+            self._seek(target)
+        except rospy.ROSException:
+            if not rospy.is_shutdown():  # it closes the topics, and ends waiting
+                raise
+
+    def _seek(self, target: Pose) -> None:
+        """Drive until the goal is reached or given up."""
+        rate = rospy.Rate(RATE_HZ)
+        seeker = GoalSeeker(target, self._limits, rospy.get_time(), self._patience_s)
         self._show(target)
         while not rospy.is_shutdown():
             if self._server.is_preempt_requested():
@@ -116,7 +171,7 @@ class GoToGoal:
         if odometry is None or now_s - self._odometry_s > ODOM_LATE_S:
             return False
         ranges = self._ranges if self._avoid else {}
-        linear, angular = seeker.command(_planar(odometry.pose.pose), ranges, now_s)
+        linear, angular = seeker.command(planar(odometry.pose.pose), ranges, now_s)
         if seeker.reached or seeker.blocked:
             return False
         twist = Twist()
@@ -125,21 +180,24 @@ class GoToGoal:
         self._server.publish_feedback(MoveBaseFeedback(PoseStamped(odometry.header, odometry.pose.pose)))
         return True
 
-    def _in_odom(self, goal: PoseStamped) -> Optional[Pose]:
+    def _target(self, goal: PoseStamped) -> Pose:
+        """The goal in the frame of odom.
+
+        Raises:
+            ValueError: it cannot be had; the text says why.
+        """
         odometry = self._odometry
         if odometry is None:
-            return None
-        frame, pose = odometry.header.frame_id, _planar(goal.pose)
-        if goal.header.frame_id in ("", frame):
+            raise ValueError("there is no odometry yet")
+        pose, frame, given = planar(goal.pose), odometry.header.frame_id, goal.header.frame_id
+        if given in ("", frame):
             return pose
         try:
-            found = self._buffer.lookup_transform(
-                frame, goal.header.frame_id, rospy.Time(), rospy.Duration(TF_TIMEOUT_S)
-            ).transform
+            found = self._buffer.lookup_transform(frame, given, rospy.Time(), rospy.Duration(TF_TIMEOUT_S))
         except tf2_ros.TransformException as error:
-            rospy.logwarn(f"goal refused: {error}")
-            return None
-        return carried(pose, (found.translation.x, found.translation.y, _yaw(found.rotation)))
+            raise ValueError(f"no transform from {given} to {frame}: {error}") from None
+        place = found.transform
+        return carried(pose, (place.translation.x, place.translation.y, yaw_of(place.rotation)))
 
     def _show(self, target: Pose) -> None:
         odometry = self._odometry
@@ -150,19 +208,14 @@ class GoToGoal:
         self._plan.publish(Path(odometry.header, [PoseStamped(odometry.header, odometry.pose.pose), end]))
 
 
-def _planar(pose: PoseMessage) -> Pose:
-    return pose.position.x, pose.position.y, _yaw(pose.orientation)
-
-
-def _yaw(rotation: object) -> float:
-    x, y, z, w = (getattr(rotation, axis) for axis in "xyzw")
-    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-
-
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the node; returns the exit code."""
     rospy.init_node("go_to_goal", argv=argv or sys.argv)
-    node = GoToGoal()
+    try:
+        node = GoToGoal()
+    except ConfigError as error:
+        rospy.logfatal(str(error))
+        return error.exit_code
     rospy.spin()
     del node
     return 0

@@ -1,7 +1,10 @@
-"""The node's private parameters as data: one row each, checked before the port is opened.  Pure, no ROS."""
+"""Private parameters as data: one row each, checked before a node does anything.  Pure, no ROS.
+
+`ROWS` are those of robot_node; `node_rows` has those of the other nodes.
+"""
 
 import math
-from typing import Any, Dict, Mapping, NamedTuple, Optional, Tuple
+from typing import Any, Dict, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.errors import ConfigError
 
@@ -12,7 +15,8 @@ _OWN = "0 is the model's own, which is also the most"
 class Row(NamedTuple):
     """One parameter; `default` None means that it must be given.
 
-    `kind` is str, bool, int or float; `low` and `high` bound numbers in `unit`; `choices` replaces both.
+    `kind` is str, bool, int or float; `low` and `high` bound numbers in `unit`; `choices` replaces both.  A text may be
+    empty if the default is.
     """
 
     name: str
@@ -22,7 +26,7 @@ class Row(NamedTuple):
     text: str
     low: float = -math.inf
     high: float = math.inf
-    choices: Tuple[int, ...] = ()
+    choices: Tuple[Any, ...] = ()
 
 
 ROWS = (
@@ -60,7 +64,7 @@ ROWS = (
 )
 GROUPS = ("limits", "gains")
 """Namespaces that dynamic_reconfigure keeps its own parameters in."""
-FRAMES = ("odom_frame", "base_frame")
+FRAMES = ("odom_frame", "base_frame", "map_frame")
 
 
 class Parameters(NamedTuple):
@@ -88,7 +92,7 @@ class Parameters(NamedTuple):
 
 
 def check(given: Mapping[str, Any], namespace: str) -> Parameters:
-    """The parameters of a node from what its private namespace holds.
+    """The parameters of robot_node from what its private namespace holds.
 
     Args:
         given: name to value, as the parameter server returns `~`.
@@ -97,19 +101,29 @@ def check(given: Mapping[str, Any], namespace: str) -> Parameters:
     Raises:
         ConfigError: a value is missing, of the wrong type or out of range, or a name is unknown.
     """
-    for name in given:
-        if name not in Parameters._fields and name not in GROUPS:
-            raise ConfigError(
-                f"parameter {namespace}/{name} is unknown, expected {', '.join(Parameters._fields)}; "
-                f"`rosparam delete {namespace}/{name}` removes one that an earlier run has left"
-            )
-    values: Dict[str, Any] = {row.name: _value(row, given.get(row.name), namespace) for row in ROWS}
+    values = read(ROWS, {name: value for name, value in given.items() if name not in GROUPS}, namespace)
     if values["odom_frame"] == values["base_frame"]:
         got = values["base_frame"]
         raise ConfigError(
             f"parameter {namespace}/base_frame is {got!r}, expected a frame other than odom_frame"
         )
     return Parameters(**values)
+
+
+def read(rows: Sequence[Row], given: Any, namespace: str) -> Dict[str, Any]:
+    """Name to value of a node's parameters; `given` is what its private namespace holds.
+
+    Raises:
+        ConfigError: a value is missing, of the wrong type or out of range, or a name is unknown.
+    """
+    found, names = given if isinstance(given, dict) else {}, [row.name for row in rows]
+    for name in found:
+        if name not in names:
+            raise ConfigError(
+                f"parameter {namespace}/{name} is unknown, expected {', '.join(names)}; "
+                f"`rosparam delete {namespace}/{name}` removes one that an earlier run has left"
+            )
+    return {row.name: _value(row, found.get(row.name), namespace) for row in rows}
 
 
 def expected(row: Row) -> str:
@@ -142,7 +156,8 @@ def _typed(row: Row, got: Any) -> Optional[Any]:
     if row.kind is bool:
         return got if isinstance(got, bool) else None
     if row.kind is str:
-        return got if isinstance(got, str) and _is_text(row, got) else None
+        good = isinstance(got, str) and (got in row.choices if row.choices else _is_text(row, got))
+        return got if good else None
     if isinstance(got, bool) or not isinstance(got, (int, float)):
         return None
     if row.choices:
@@ -153,4 +168,4 @@ def _typed(row: Row, got: Any) -> Optional[Any]:
 def _is_text(row: Row, got: str) -> bool:
     if row.name in FRAMES:
         return bool(got) and not got.startswith("/") and not any(c.isspace() for c in got)
-    return bool(got.strip()) and got.isprintable()
+    return (bool(got.strip()) or got == row.default) and got.isprintable()

@@ -11,7 +11,11 @@ import rospy
 from geometry_msgs.msg import Twist
 from sensor_msgs.msg import Joy
 
+from mrl_driver.errors import ConfigError
+
+from . import parameters
 from .joystick import LAYOUTS, read
+from .node_rows import TELEOP_JOYSTICK
 
 
 class TeleopJoystick:
@@ -21,16 +25,11 @@ class TeleopJoystick:
         """Reads the private parameters.
 
         Raises:
-            ValueError: a parameter is wrong; the text says which.
+            ConfigError: a parameter is wrong.
         """
-        name = rospy.get_param("~layout", "ps3")
-        if name not in LAYOUTS:
-            raise ValueError(
-                f"parameter {rospy.get_name()}/layout is {name!r}, expected one of {', '.join(LAYOUTS)}"
-            )
-        self._layout = LAYOUTS[name]
-        self._linear_m_s = float(rospy.get_param("~linear_speed", 0.25))
-        self._angular_rad_s = float(rospy.get_param("~angular_speed", 0.9))
+        given = parameters.read(TELEOP_JOYSTICK, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+        self._layout = LAYOUTS[given["layout"]]
+        self._linear_m_s, self._angular_rad_s = given["linear_speed"], given["angular_speed"]
         self._driving = False
         self._out = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
         rospy.Subscriber("joy", Joy, self._on_joy, queue_size=1, tcp_nodelay=True)
@@ -52,9 +51,9 @@ def main(argv: Optional[List[str]] = None) -> int:
     rospy.init_node("teleop_joystick", argv=argv or sys.argv)
     try:
         node = TeleopJoystick()
-    except ValueError as error:
+    except ConfigError as error:
         rospy.logfatal(str(error))
-        return 2
+        return error.exit_code
     rospy.spin()
     del node
     return 0

@@ -7,8 +7,12 @@ from typing import List, Optional
 import rospy
 from geometry_msgs.msg import Twist
 
+from mrl_driver.errors import ConfigError
 from mrl_driver.keyboard import Keyboard
 from mrl_driver.teleop import ANGULAR_RAD_S, LINEAR_M_S, Teleop
+
+from .node_rows import TELEOP_KEYBOARD
+from .parameters import read
 
 PERIOD_S = 0.05
 HELP = "arrow keys or w a s d drive, space stops, q ends"
@@ -18,8 +22,16 @@ class TeleopKeyboard:
     """Drives from one terminal."""
 
     def __init__(self) -> None:
-        self._linear = float(rospy.get_param("~linear_speed", LINEAR_M_S)) / LINEAR_M_S
-        self._angular = float(rospy.get_param("~angular_speed", ANGULAR_RAD_S)) / ANGULAR_RAD_S
+        """Reads the private parameters.
+
+        Raises:
+            ConfigError: a parameter is wrong.
+        """
+        given = read(TELEOP_KEYBOARD, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+        self._linear, self._angular = (
+            given["linear_speed"] / LINEAR_M_S,
+            given["angular_speed"] / ANGULAR_RAD_S,
+        )
         self._out = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
         self._driving = False
 
@@ -53,7 +65,11 @@ def main(argv: Optional[List[str]] = None) -> int:
     if not sys.stdin.isatty():
         rospy.logfatal("stdin is no terminal; start the node in one, not in the background")
         return 2
-    node = TeleopKeyboard()
+    try:
+        node = TeleopKeyboard()
+    except ConfigError as error:
+        rospy.logfatal(str(error))
+        return error.exit_code
     rospy.loginfo(HELP)
     try:
         with Keyboard() as keyboard:

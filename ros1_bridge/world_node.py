@@ -20,8 +20,9 @@ from sim_arduino import grid_map, world_file
 from sim_arduino.laser import URG_04LX, LaserScanner
 from sim_arduino.shared_crowd import SharedCrowd
 
-from . import messages, world_messages
+from . import messages, parameters, world_messages
 from .direct import direct_publisher
+from .node_rows import WORLD_NODE
 
 
 class Robot:
@@ -77,16 +78,15 @@ class WorldNode:
         """Reads the private parameters.
 
         Raises:
-            ConfigError: there is no such world.
+            ConfigError: a parameter is wrong, or there is no such world.
         """
-        self._world = world_file.load(str(rospy.get_param("~world", "room")))
-        self._world.crowd = SharedCrowd(str(rospy.get_param("~world_name", "world")))
-        self._only = str(rospy.get_param("~only", ""))
-        self._prefix = str(rospy.get_param("~prefix", ""))
-        self._localise = bool(rospy.get_param("~localise", True))
-        self._frame = str(rospy.get_param("~map_frame", "map"))
+        given = parameters.read(WORLD_NODE, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+        self._world = world_file.load(given["world"])
+        self._world.crowd = SharedCrowd(given["world_name"])
+        self._only, self._prefix, self._localise = given["only"], given["prefix"], given["localise"]
+        self._frame = given["map_frame"]
         self._robots: Dict[str, Robot] = {}
-        grid = grid_map.draw(self._world, float(rospy.get_param("~resolution", 0.025)))
+        grid = grid_map.draw(self._world, given["resolution"])
         self._map_out = direct_publisher(rospy.Publisher, "map", OccupancyGrid, latch=True)
         self._map_out.publish(
             world_messages.new_map(

@@ -1,28 +1,33 @@
 """Goals: the seeker on a point that moves as it is told, and the node on an emulated robot."""
 
 import math
+import signal
 
 import actionlib
 import pytest
 import rospy
-from geometry_msgs.msg import PoseStamped, Twist
+from geometry_msgs.msg import PoseStamped, Quaternion, Twist
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 from nav_msgs.msg import Odometry, Path
+from std_srvs.srv import Trigger
 
 from mrl_driver import goal_seeker
 from mrl_driver.goal_seeker import GoalSeeker, carried
 from mrl_driver.odometry import Pose, advance
 from mrl_driver.robots import Limits
+from ros1_bridge.planar import planar, yaw_of
 from ros1_bridge.processes import wait_until
 
 from .rig import ROOT, START_S
+from .tables import Offered, first_two, table
 
 LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
 STEP_S = 0.05
 FREE = {"front": math.inf, "left": math.inf, "right": math.inf}
 PLACE_M, HEADING_RAD = 0.06, 0.1
+SUCCEEDED = actionlib.GoalStatus.SUCCEEDED
 
 
 def round_obstacle(pose, middle, radius_m):
@@ -83,13 +88,27 @@ def test_pose_is_carried_into_the_parent_frame():
     assert (x, y, yaw) == (pytest.approx(2.0), pytest.approx(4.0), pytest.approx(math.pi / 2 + 0.5))
 
 
+@given(st.floats(-3, 3), st.floats(0.1, 10))
+def test_yaw_of_a_quaternion_of_any_length(yaw, length):
+    half = Quaternion(0, 0, length * math.sin(yaw / 2), length * math.cos(yaw / 2))
+    assert yaw_of(half) == pytest.approx(yaw)
+
+
+@pytest.mark.parametrize("w", [0.0, math.nan, math.inf])
+def test_quaternion_without_direction_is_refused(w):
+    with pytest.raises(ValueError, match="expected a quaternion of length 1"):
+        yaw_of(Quaternion(0, 0, 0, w))
+
+
 @pytest.fixture(scope="module")
 def robot(module_rig):
     rig = module_rig
     rig.node(rig.board().port)
     rig.odom = rig.topic("odom", Odometry)
     rig.odom.wait()
-    rig.start("go_to_goal", str(ROOT / "ros1_bridge" / "nodes" / "go_to_goal"), f"__ns:={rig.ns}")
+    rig.seeker = rig.start(
+        "go_to_goal", str(ROOT / "ros1_bridge" / "nodes" / "go_to_goal"), f"__ns:={rig.ns}", "_patience:=8"
+    )
     rig.client = actionlib.SimpleActionClient(f"{rig.ns}/move_base", MoveBaseAction)
     assert rig.client.wait_for_server(rospy.Duration(START_S))
     return rig
@@ -109,13 +128,58 @@ def distance(robot, x, y):
 
 def test_client_of_move_base_reaches_its_goal(robot):
     state = robot.client.send_goal_and_wait(MoveBaseGoal(goal(robot, 0.3, 0.1)), rospy.Duration(30))
-    assert state == actionlib.GoalStatus.SUCCEEDED
+    assert state == SUCCEEDED
     assert distance(robot, 0.3, 0.1) < PLACE_M
 
 
-def test_goal_in_an_unknown_frame_is_aborted(robot):
-    state = robot.client.send_goal_and_wait(MoveBaseGoal(goal(robot, 1, 1, "nowhere")), rospy.Duration(10))
+@pytest.mark.parametrize(
+    "x, frame, text",
+    [(1.0, "nowhere", "no transform from nowhere"), (math.nan, None, "expected finite numbers")],
+)
+def test_goal_that_cannot_be_had_ends_the_one_before(robot, x, frame, text):
+    twists = robot.topic("cmd_vel", Twist)
+    robot.client.send_goal(MoveBaseGoal(goal(robot, 2.0, 0.1)))
+    twists.wait(5)
+    state = robot.client.send_goal_and_wait(MoveBaseGoal(goal(robot, x, 1.0, frame)), rospy.Duration(10))
     assert state == actionlib.GoalStatus.ABORTED
+    assert text in robot.client.get_goal_status_text()
+    assert wait_until(lambda: twists.messages[-1] == Twist(), 2.0)
+
+
+def test_goal_in_the_robots_frame_is_ahead_of_it(robot):
+    at = robot.odom.messages[-1].pose.pose
+    ahead = carried((0.1, 0.0, 0.0), planar(at))
+    target = goal(robot, 0.1, 0.0, f"{robot.name}/base_link")
+    assert robot.client.send_goal_and_wait(MoveBaseGoal(target), rospy.Duration(30)) == SUCCEEDED
+    assert distance(robot, *ahead[:2]) < PLACE_M
+
+
+def test_goal_of_another_client_takes_the_place_of_the_first(robot):
+    ended = []
+    robot.client.send_goal(MoveBaseGoal(goal(robot, 2.0, 0.1)), done_cb=lambda state, _: ended.append(state))
+    other = actionlib.SimpleActionClient(f"{robot.ns}/move_base", MoveBaseAction)
+    assert other.wait_for_server(rospy.Duration(START_S))
+    here = robot.odom.messages[-1].pose.pose
+    target = PoseStamped(robot.odom.messages[-1].header, here)
+    assert other.send_goal_and_wait(MoveBaseGoal(target), rospy.Duration(30)) == SUCCEEDED
+    assert wait_until(lambda: ended == [actionlib.GoalStatus.PREEMPTED], 5.0)
+
+
+def test_goal_is_given_up_when_the_robot_comes_no_nearer(robot):
+    assert rospy.ServiceProxy(f"{robot.ns}/stop", Trigger)().success
+    state = robot.client.send_goal_and_wait(MoveBaseGoal(goal(robot, 2.0, 0.1)), rospy.Duration(30))
+    assert rospy.ServiceProxy(f"{robot.ns}/release_stop", Trigger)().success
+    assert (state, robot.client.get_goal_status_text()) == (actionlib.GoalStatus.ABORTED, "blocked")
+
+
+def test_topics_of_the_node_are_those_of_the_table(robot):
+    node = Offered(robot, "go_to_goal")
+    rows = table("## Node `go_to_goal`", "topic")
+    for index, way in enumerate(("out", "in")):
+        topics = node.topics(index)
+        assert topics["move_base/goal"] == "move_base_msgs/MoveBaseActionGoal"
+        own = {name: kind for name, kind in topics.items() if not name.startswith("move_base/")}
+        assert own == first_two([row for row in rows if row[2] == way])
 
 
 def test_cancelled_goal_stops_the_robot(robot):
@@ -139,3 +203,13 @@ def test_waypoints_are_visited_in_turn(robot):
     assert wait_until(lambda: distance(robot, 0.3, 0.2) < PLACE_M, 60.0)
     way = [m.pose.pose.position for m in robot.odom.messages[begin:]]
     assert min(math.hypot(p.x - 0.3, p.y) for p in way) < PLACE_M
+
+
+def test_node_that_ends_while_it_drives_ends_in_peace(robot):
+    """The last test: it ends the node."""
+    robot.client.send_goal(MoveBaseGoal(goal(robot, 2.0, 0.1)))
+    twists = robot.topic("cmd_vel", Twist)
+    twists.wait(5)
+    robot.seeker.signal(signal.SIGINT)
+    assert robot.seeker.wait(START_S) and robot.seeker.exit_code == 0
+    assert not [line for line in robot.seeker.output() if "Traceback" in line or "ERROR" in line]

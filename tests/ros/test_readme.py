@@ -3,57 +3,17 @@
 import re
 
 import pytest
-import rosgraph
 import rospy
-import rosservice
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu
 from tf2_msgs.msg import TFMessage
 
+from ros1_bridge import node_rows
 from ros1_bridge.parameters import ROWS
 from ros1_bridge.processes import wait_until
 
 from .rig import ROOT, START_S
-
-README = (ROOT / "ros1_bridge" / "README.md").read_text(encoding="utf-8")
-SHARED = {"/rosout": "rosgraph_msgs/Log"}
-LOGGERS = re.compile(r".*/(get_loggers|set_logger_level)$")
-
-
-def table(heading, first):
-    """Rows of the table under a heading whose first column is `first`, as lists of cells."""
-    after = README.split(heading, 1)[1]
-    lines = after[after.index(f"| {first} |") :].splitlines()
-    rows = []
-    for line in lines[2:]:
-        if not line.startswith("|"):
-            break
-        rows.append([cell.strip().strip("`") for cell in line.strip("|").split("|")])
-    return rows
-
-
-def first_two(rows):
-    return {row[0]: row[1] for row in rows}
-
-
-class Offered:
-    """What a node offers, with the rig's namespace taken off."""
-
-    def __init__(self, rig):
-        self._ns, self._name = rig.ns, f"{rig.ns}/robot_node"
-        self._master = rosgraph.Master("/tests")
-
-    def _of_node(self, index):
-        return [name for name, nodes in self._master.getSystemState()[index] if self._name in nodes]
-
-    def topics(self, index):
-        names = [name for name in self._of_node(index) if name not in SHARED]
-        types = dict(self._master.getTopicTypes())  # asked later, so that it knows each of the names
-        return {name.replace(f"{self._ns}/", ""): types[name] for name in names}
-
-    def services(self):
-        names = [name for name in self._of_node(2) if not LOGGERS.match(name)]
-        return {name.replace(f"{self._ns}/", ""): rosservice.get_service_type(name) for name in names}
+from .tables import README, Offered, cells_of, first_two, table
 
 
 @pytest.fixture(scope="module")
@@ -102,21 +62,19 @@ def test_environment_topics_are_those_of_the_table(rig):
     assert not any(name.startswith("sonar/") for name in topics)
 
 
-@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
-def test_parameter_is_in_the_table(row):
-    cells = next(cells for cells in table("### Parameters", "parameter") if cells[0] == f"~{row.name}")
-    if row.kind is bool:
-        default, allowed = str(row.default).lower(), "true, false"
-    elif row.kind is float:
-        default, allowed = f"{row.default:g}", f"{row.low:g} to {row.high:g}"
-    else:
-        default = "none: must be given" if row.default is None else str(row.default)
-        allowed = ", ".join(map(str, row.choices)) or "text"
-    assert cells[1:] == [default, allowed, row.unit, row.text]
-
-
-def test_table_has_no_other_parameters():
-    assert [cells[0] for cells in table("### Parameters", "parameter")] == [f"~{row.name}" for row in ROWS]
+@pytest.mark.parametrize(
+    "heading, rows",
+    [
+        ("### Parameters", ROWS),
+        ("### Parameters of `go_to_goal`", node_rows.GO_TO_GOAL),
+        ("### Parameters of `world_node`", node_rows.WORLD_NODE),
+        ("### Parameters of `teleop_keyboard`", node_rows.TELEOP_KEYBOARD),
+        ("### Parameters of `teleop_joystick`", node_rows.TELEOP_JOYSTICK),
+    ],
+    ids=lambda each: each if isinstance(each, str) else "",
+)
+def test_parameters_are_those_of_the_table(heading, rows):
+    assert table(heading, "parameter") == [cells_of(row) for row in rows]
 
 
 def test_launch_files_are_those_of_the_table():

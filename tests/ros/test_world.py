@@ -2,9 +2,11 @@
 
 import math
 import os
+import subprocess
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from nav_msgs.msg import OccupancyGrid, Odometry
@@ -14,6 +16,7 @@ from mrl_driver.goal_seeker import carried
 from ros1_bridge import world_messages
 
 from .rig import ROOT
+from .tables import Offered, first_two, table
 
 
 def test_speeds_are_those_between_two_poses():
@@ -85,6 +88,26 @@ def test_walls_of_the_room_are_in_map_and_scan(world):
     assert len(grid.data) == grid.info.width * grid.info.height
     finite = [value for value in world.scan.wait()[-1].ranges if math.isfinite(value)]
     assert len(finite) > 100
+
+
+def test_topics_of_the_node_are_those_of_the_table(world):
+    node, rows = Offered(world, "world_node"), table("## Node `world_node`", "topic")
+    for index, way in enumerate(("out", "in")):
+        wanted = first_two([row for row in rows if row[2] == way])
+        wanted = {name.replace("robot1/", "one/"): kind for name, kind in wanted.items()}
+        topics = {name: kind for name, kind in node.topics(index).items() if not name.startswith("two/")}
+        assert topics == wanted
+
+
+def test_map_for_map_server_is_that_of_the_node(world, tmp_path):
+    program, file = ROOT / "ros1_bridge" / "nodes" / "save_map", tmp_path / "room.yaml"
+    subprocess.run([str(program), "room", str(file), "--resolution", "0.025"], check=True)
+    told, grid = yaml.safe_load(file.read_text()), world.map.wait()[-1]
+    kind, size, _, pixels = (tmp_path / told["image"]).read_bytes().split(b"\n", 3)
+    assert (kind, size) == (b"P5", f"{grid.info.width} {grid.info.height}".encode())
+    assert told["origin"][:2] == pytest.approx([grid.info.origin.position.x, grid.info.origin.position.y])
+    assert pixels.count(b"\0") == list(grid.data).count(100)
+    assert pixels.count(bytes([254])) == list(grid.data).count(0)
 
 
 def test_unknown_world_costs_one_line(rig):
