@@ -20,6 +20,7 @@ INTERRUPTED = 130
 TERMINATED = 143
 
 OWN: Dict[str, str] = {
+    "calibrate": "mrl_driver.commands.calibrate:calibrate",
     "completion": "mrl_driver.commands.completion:completion",
     "config": "mrl_driver.commands.config:config",
     "doctor": "mrl_driver.commands.doctor:doctor",

@@ -10,7 +10,7 @@ from . import driving, fit, umbmark
 from .driving import Robot, Speeds, Track
 from .fit import AXLE, OFFSET, SCALE, SLIP, Measured
 from .measure import Ruler
-from .run import LEFT, NEITHER, RIGHT, Run, demand_plausible, demand_sense, errors
+from .run import LEFT, NEITHER, RIGHT, Run, demand_plausible, demand_sense, errors, sense
 from .store import Key
 
 STRAIGHT, TURN, UMBMARK = "straight", "turn", "umbmark"
@@ -103,6 +103,18 @@ def check(drive: Drive, run: Run, sense: str, name: str) -> None:
     """
     demand_sense(drive, run, sense, name)
     demand_plausible(drive, run, name)
+
+
+def check_recorded(procedure: str, drive: Drive, run: Run, name: str) -> None:
+    """Refuse a recorded run that is none of this procedure's.
+
+    Raises:
+        ConfigError: it is not, or its end is nowhere near.
+    """
+    found = sense(drive, run)
+    if (found == NEITHER) != (procedure == STRAIGHT):
+        raise ConfigError(f"{name} went {found}, which is no run of {procedure}")
+    check(drive, run, found, name)
 
 
 def free_numbers(procedure: str, tracks: bool) -> Tuple[str, ...]:

@@ -52,9 +52,10 @@ class Progress:
             )
         return [from_json(each) for each in found["runs"]]
 
-    def all_runs(self) -> List[Run]:
-        """Of all procedures, evaluated or not."""
-        return [from_json(each) for found in self._data["procedures"].values() for each in found["runs"]]
+    def other_runs(self, procedure: str) -> List[Run]:
+        """Those of all other procedures, evaluated or not."""
+        others = (found for name, found in self._data["procedures"].items() if name != procedure)
+        return [from_json(each) for found in others for each in found["runs"]]
 
     def add(self, procedure: str, settings: Mapping[str, Any], run: Run) -> None:
         """One more; it is on the disk when this returns."""
@@ -154,10 +155,13 @@ def write_model(source: str, output: str, values: Mapping[Key, float], note: str
 
 
 def source_of(model_name: str) -> str:
-    """Path of the YAML that a packaged name, or a path, means."""
+    """Path of the YAML that a model's name, or a path, means."""
     if model_name.endswith((".yaml", ".yml")):
         return model_name
-    return os.path.join(os.path.dirname(robots.__file__), f"{model_name}.yaml")
+    own = os.path.join(robots.own_folder(), f"{model_name}.yaml")
+    return (
+        own if os.path.isfile(own) else os.path.join(os.path.dirname(robots.__file__), f"{model_name}.yaml")
+    )
 
 
 def _text_of(path: str) -> str:

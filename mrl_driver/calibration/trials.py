@@ -6,8 +6,8 @@ import numpy as np
 
 from ..errors import ConfigError
 from ..odometry import Pose
-from ..robots import Drive
-from . import board, driving, gains, sonar_curve, wiring
+from ..robots import Drive, RobotModel
+from . import board, driving, gains, replayed, sonar_curve, wiring
 from .driving import MOVE, MOVE_PID, Robot, Speeds, Track
 from .gains import Gains, Plant, Response
 from .measure import Ruler
@@ -193,3 +193,56 @@ def set_gains(robot: Robot, wanted: Sequence[int]) -> None:
     """Put gains in force, until the board restarts."""
     robot.request(driving.SET_GAINS, *wanted)
     robot.wait(0.1)
+
+
+def gains_in_force(robot: Robot, default: Gains) -> Gains:
+    """Those of the board's configuration; `default` for boards that keep none."""
+    if not board.can_configure(robot):
+        return default
+    return Gains(**board.read(robot, *Gains._fields))
+
+
+# -- recordings
+
+
+def recorded_gains(path: str, model: RobotModel) -> Tuple[Tuple[Plant, Plant], Gains]:
+    """Motors and gains out of a recorded step of the duty, both motors against each other or alike.
+
+    Raises:
+        ConfigError: there is no such step.
+    """
+    rows, (left, right) = replayed.step_of(replayed.read(path, model), MOVE)
+    steps = steps_of_rows(rows)
+    if not left or not right:
+        raise ConfigError(f"{path}: the first step turns one motor, expected both")
+    plants = (
+        gains.identify(steps.times_s, steps.right, right / 100),
+        gains.identify(steps.times_s, steps.left, left / 100),
+    )
+    return plants, gains.suggest(plants)
+
+
+def recorded_wiring(path: str, model: RobotModel) -> List[str]:
+    """What is wrong with the wires, out of a recording of `check_wiring`; nobody saw which wheel turned.
+
+    Raises:
+        ConfigError: no motor was turned by itself in it.
+    """
+    recorded = replayed.read(path, model)
+    times_s = recorded.rows[:, 0]
+    found: Dict[str, Tuple[float, float]] = {}
+    for time_s, frame in recorded.requests:
+        if frame.code == MOVE and (frame.args[0] > 0) != (frame.args[1] > 0):
+            motor = wiring.LEFT if frame.args[0] > 0 else wiring.RIGHT
+            begin, last = found.get(motor, (time_s, time_s))
+            found[motor] = (begin, time_s)
+    trials = []
+    for motor, (begin_s, last_s) in found.items():
+        first, last = np.searchsorted(times_s, (begin_s, last_s + driving.SETTLED_S))
+        moved = recorded.rows[min(last, len(times_s) - 1)] - recorded.rows[max(0, first - 1)]
+        trials.append(wiring.Trial(motor, int(moved[1]), int(moved[2])))
+    if not trials:
+        raise ConfigError(
+            f"{path}: no motor was turned by itself, expected a recording of mrl calibrate wiring"
+        )
+    return wiring.diagnose(trials)

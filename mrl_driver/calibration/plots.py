@@ -1,0 +1,117 @@
+"""Pictures of calibrations, as PNG, PDF or SVG.  Needs matplotlib, an extra of the package."""
+
+import os
+from typing import Any, Sequence
+
+import numpy as np
+
+from ..errors import ConfigError
+from .gains import speeds
+from .run import LEFT
+from .sonar_curve import THESIS, Fit
+from .trials import Steps, Tuned
+
+ENDINGS = (".png", ".pdf", ".svg")
+BLUE, ORANGE, GREEN, GREY = "#0072b2", "#d55e00", "#009e73", "#999999"
+"""Okabe and Ito's colours, told apart by everybody and in print."""
+
+
+def demand(path: str) -> None:
+    """Refuse early what cannot be drawn at the end.
+
+    Raises:
+        ConfigError: no matplotlib, another ending, or a folder that is not there.
+    """
+    if os.path.splitext(path)[1] not in ENDINGS:
+        raise ConfigError(f"--plot {path}: expected a file that ends in {', '.join(ENDINGS)}")
+    folder = os.path.dirname(path) or "."
+    if not os.access(folder, os.W_OK):
+        raise ConfigError(f"--plot {path}: folder {folder} cannot be written, expected one that can")
+    try:
+        import matplotlib  # noqa: F401 - looked for, not used
+    except ImportError:
+        raise ConfigError(
+            "--plot needs matplotlib; install it with: pip install 'mrl-driver[plot]'"
+        ) from None
+
+
+def _figure(width: float, height: float) -> Any:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def draw_ends(path: str, before: np.ndarray, after: np.ndarray, senses: Sequence[str]) -> None:
+    """Errors of the ends, (R, 3) x y yaw, before and after, by the way round; as in Borenstein and Feng 1996."""
+    figure = _figure(6.0, 5.6)
+    axes = figure.add_subplot()
+    for sense, colour, name in ((LEFT, BLUE, LEFT), ("", ORANGE, "clockwise, or straight")):
+        mine = np.array([(each == LEFT) == (sense == LEFT) for each in senses])
+        if not mine.any():
+            continue
+        axes.plot(*(1000 * before[mine, :2].T), "o", mfc="none", color=colour, label=f"{name}, before")
+        axes.plot(*(1000 * after[mine, :2].T), "+", color=colour, label=f"{name}, after")
+    axes.axhline(0, color=GREY, linewidth=0.8)
+    axes.axvline(0, color=GREY, linewidth=0.8)
+    axes.set(
+        xlabel="measured end less odometry, x [mm]",
+        ylabel="measured end less odometry, y [mm]",
+        aspect="equal",
+        title="Where runs really end",
+    )
+    axes.margins(0.15)
+    axes.legend(fontsize="small")
+    figure.savefig(path, dpi=150)
+
+
+def draw_sonar(path: str, counts: np.ndarray, ranges_m: np.ndarray, fit: Fit) -> None:
+    """Curve and readings (N,), and what is left."""
+    figure = _figure(7.0, 6.0)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
+    heard = np.isfinite(counts)
+    line = np.linspace(max(1.0, counts[heard].min() * 0.8), counts[heard].max() * 1.05, 200)
+    a, b, c = fit.curve
+    upper.plot(
+        line, 100 * fit.curve.range_m(line), color=BLUE, label=f"{a:.4f} s^{b:.5f} {c:+.4f}, R² {fit.r2:.5f}"
+    )
+    upper.plot(
+        line,
+        100 * THESIS.range_m(line),
+        "--",
+        color=GREY,
+        label="thesis 2012: 1.1767 s^0.94657 -0.3759, R² 0.9992",
+    )
+    upper.plot(counts[fit.used], 100 * ranges_m[fit.used], "o", color=ORANGE, markersize=4, label="readings")
+    upper.set(ylabel="distance [cm]", title="Sonar curve")
+    upper.legend(fontsize="small")
+    lower.axhline(0, color=GREY, linewidth=0.8)
+    lower.plot(counts[fit.used], 100 * fit.errors_m[fit.used], "o", color=ORANGE, markersize=4)
+    lower.set(xlabel="ADC count s", ylabel="curve less\ndistance [cm]")
+    figure.savefig(path, dpi=150)
+
+
+def draw_gains(path: str, tuned: Tuned) -> None:
+    """Steps of both wheels with the old and the new gains."""
+    figure = _figure(7.0, 5.6)
+    pair = figure.subplots(2, 1, sharex=True)
+    for axes, name in zip(pair, ("left", "right")):
+        for steps, gains, colour, style in (
+            (tuned.steps_before, tuned.before, GREY, "--"),
+            (tuned.steps_after, tuned.after, BLUE, "-"),
+        ):
+            times_s, speed = _speed(steps, name)
+            axes.plot(
+                times_s, speed, style, color=colour, label=f"kp {gains.kp}, ki {gains.ki}, kd {gains.kd}"
+            )
+        axes.set(ylabel=f"{name} wheel [count/s]")
+        axes.legend(fontsize="small", loc="lower right")
+    pair[0].set(title="Step of the speed")
+    pair[1].set(xlabel="time since the step [s]")
+    figure.savefig(path, dpi=150)
+
+
+def _speed(steps: Steps, name: str) -> Any:
+    return speeds(steps.times_s, np.abs(steps.left if name == "left" else steps.right))

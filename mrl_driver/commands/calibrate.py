@@ -1,0 +1,24 @@
+"""`mrl calibrate`: find a robot's own numbers, by driving it or from recordings, and write them down."""
+
+import click
+
+from . import calibrate_geometry, calibrate_parts
+
+
+@click.group()
+def calibrate() -> None:
+    """Find a robot's own numbers; write them to its YAML and EEPROM.
+
+    \b
+    In this order, on a hard floor with a tape measure:
+      mrl calibrate wiring      are motors and encoders wired right?
+      mrl calibrate gains       speed control of the motors
+      mrl calibrate straight    counts per metre, left/right offset Cm
+      mrl calibrate turn        slip offset Cs of tracks, wheelbase of wheels
+      mrl calibrate umbmark     squares both ways round: wheel ratio and wheelbase, noise
+      mrl calibrate sonar       range_cm = a s^b + c
+    """
+
+
+for _command in (*calibrate_geometry.COMMANDS, *calibrate_parts.COMMANDS):
+    calibrate.add_command(_command)

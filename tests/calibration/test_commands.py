@@ -1,0 +1,233 @@
+"""`mrl calibrate` as a whole, on emulated boards in simulated time."""
+
+import contextlib
+import json
+import math
+import sys
+
+import numpy as np
+import pytest
+
+from mrl_driver import cli, robots
+from mrl_driver.calibration import driving
+from mrl_driver.calibration.measure import Truth
+from mrl_driver.calibration.run import Run, errors
+from mrl_driver.codec import encode_reply
+from mrl_driver.commands import calibrate_job, calibrate_view
+from mrl_driver.odometry import Pose
+from mrl_driver.options import Options
+from mrl_driver.stepped import SteppedDriver
+from sim_arduino import boards
+
+from . import paths
+
+END_M, END_RAD = 0.01, math.radians(0.5)
+BELIEVED = robots.load("traxbot").drive
+
+
+class Lab:
+    """Emulated robots, a new one for each command, and the command line."""
+
+    def __init__(self, capsys):
+        self.options, self.rewire, self.emulated = {}, None, None
+        self._capsys = capsys
+
+    @contextlib.contextmanager
+    def connect(self, job):
+        with self.robot(job.target.model) as robot:
+            yield robot
+
+    def robot(self, model, period_ms=50):
+        options = {"footprint": "none", **self.options}
+        self.emulated = boards.make(boards.Options(robot="traxbot", **options))
+        if self.rewire:
+            self.rewire(self.emulated.plant.motor_board)
+        return SteppedDriver(self.emulated.engine, model, Options(period_ms=period_ms))
+
+    def pose(self):
+        return Pose(*self.emulated.plant.true_pose)
+
+    def mrl(self, *args):
+        """Run `mrl calibrate`; exit code, stdout, lines of stderr."""
+        with pytest.raises(SystemExit) as ended:
+            cli.main(["calibrate", *map(str, args)])
+        out, err = self._capsys.readouterr()
+        assert "Traceback" not in err
+        return ended.value.code, out, err.strip().splitlines()
+
+    def refused(self, *args):
+        """Run it, expect exit code 2; the last line of stderr."""
+        code, _, lines = self.mrl(*args)
+        assert code == 2, lines
+        return lines[-1]
+
+
+@pytest.fixture
+def lab(monkeypatch, tmp_path, capsys):
+    made = Lab(capsys)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    monkeypatch.setattr(calibrate_job, "connect", made.connect)
+    monkeypatch.setattr(calibrate_view, "truth_file", lambda path: made.pose)
+    return made
+
+
+def lap_error(lab, model):
+    """Error of the odometry after one square each way round, worst of both: metres and radians."""
+    worst = np.zeros(2)
+    with lab.robot(model) as robot:
+        track = driving.Track(robot)
+        for left in (True, False):
+            ruler = Truth(lab.pose)
+            track.begin()
+            driving.square(robot, 1.0, left, driving.Speeds())
+            off = errors(robot.model.drive, [Run(driving.steps_of(track.end()), ruler.end(""))])[0]
+            worst = np.maximum(worst, (np.hypot(*off[:2]), abs(off[2])))
+    return worst
+
+
+def test_calibration_removes_the_errors_of_a_square(lab, tmp_path):
+    """Hidden errors put a square off by the papers' 8-10 cm; straight runs and UMBmark leave less than 1 cm."""
+    lab.options = {"error": "wheel_ratio=1.003,wheel_size=1.01,axle=1.005,slip=0.015"}
+    before_m, _ = lap_error(lab, "traxbot")
+    assert before_m > 0.08
+    code, _, _ = lab.mrl("straight", "--count", 2, "--distance", 1, "--truth", "t", "--yes")
+    assert code == 0
+    own = ("--robot", "traxbot-1.yaml", "--truth", "t", "--yes", "--plot", "ends.png", "--json")
+    code, out, _ = lab.mrl("umbmark", "--laps", 2, *own)
+    assert code == 0 and json.loads(out)["umbmark"]["worst_m"] > 0.05
+    end_m, end_rad = lap_error(lab, "traxbot-1.yaml")
+    assert end_m < END_M and end_rad < END_RAD
+    assert (tmp_path / "ends.png").stat().st_size > 5000
+    assert (tmp_path / "traxbot-1.yaml.1.bak").exists()
+    assert "thesis 2012" in (tmp_path / "traxbot-1.yaml").read_text()
+
+
+def test_an_interrupted_calibration_goes_on_where_it_was(lab, monkeypatch):
+    lab.options = {"error": "slip=0.1"}
+    end, calls = Truth.end, []
+
+    def interrupted(self, run):
+        calls.append(run)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return end(self, run)
+
+    monkeypatch.setattr(Truth, "end", interrupted)
+    turn = ("turn", "--count", 2, "--turns", 1, "--truth", "t", "--yes")
+    assert lab.mrl(*turn)[0] == cli.INTERRUPTED
+    assert "runs of turn with turns 1, count 2" in lab.refused("turn", "--count", 4, "--turns", 1, *turn[5:])
+    code, _, lines = lab.mrl(*turn)
+    assert code == 0 and lines[0].startswith("1 of 2 runs are there already") and len(calls) == 3
+    assert robots.load("traxbot-1.yaml").drive.turn_slip == pytest.approx(0.1, abs=2e-3)
+
+
+def test_a_file_that_the_robot_does_not_come_from_is_not_replaced(lab, tmp_path):
+    (tmp_path / "traxbot-1.yaml").write_text("mine")
+    assert "traxbot-1.yaml is there already" in lab.refused("straight", "--truth", "t", "--yes")
+    assert (tmp_path / "traxbot-1.yaml").read_text() == "mine"
+
+
+def test_swapped_encoders_are_found(lab):
+    def swap(board):
+        encoder = board.encoder
+        board.encoder = lambda number, time_s: encoder(4 - number, time_s)
+
+    lab.rewire = swap
+    code, _, lines = lab.mrl("wiring", "--truth", "t")
+    assert code == 14 and lines[-1] == "mrl: encoders swapped: change the plugs of encoder 1 and encoder 3"
+
+
+def test_sonar_curve_is_fitted_to_a_wall_and_saved_on_the_board(lab):
+    """Front sonar 0.10 m ahead of base_link, wall at x = 2 m."""
+    lab.options = {"pose": "0.4,0,0", "sonar": "noise=0.01", "footprint": "box"}
+    sonar = ("sonar", "--start", 1.5, "--step", 0.15, "--yes", "--eeprom", "--plot", "curve.png", "--json")
+    code, out, lines = lab.mrl(*sonar)
+    assert code == 0 and json.loads(out)["r2"] > 0.999, lines
+    board = robots.load("traxbot-1.yaml").board
+    assert lab.emulated.engine.config["sonar_a"] == board["sonar_a"] != 11767
+
+
+def test_without_a_wall_nothing_is_written(lab, tmp_path):
+    (tmp_path / "empty.yaml").write_text("walls: []\n")
+    lab.options = {"world": str(tmp_path / "empty.yaml")}
+    line = lab.refused("sonar", "--start", 1.0, "--step", 0.1, "--yes")
+    assert "missed the wall" in line and not (tmp_path / "traxbot-1.yaml").exists()
+
+
+def test_gains_are_suggested_and_the_ramp_comes_back(lab):
+    code, out, _ = lab.mrl("gains", "--yes", "--json", "--plot", "gains.png")
+    found = json.loads(out)
+    assert code == 0 and found["after"]["left"]["rise_s"] < found["before"]["left"]["rise_s"]
+    assert robots.load("traxbot-1.yaml").board["kp"] == found["gains_after"]["kp"]
+    gains = lab.emulated.plant.robot.gains
+    assert (gains.kp, gains.ki, gains.kd, gains.ramp_ms) == (700, 400, 200, 2500)
+
+
+# -- recordings
+
+
+def record(path, moves, start=(30000, -30000), jump=0):
+    """A recording of these moves as the believed drive makes them, 20 readings a second, counters near their wrap."""
+    sums = np.concatenate(([(0, 0)], np.cumsum(paths.counts(moves, BELIEVED), axis=0))).astype(int) + start
+    lines = ["#mrl-recording 1 {}"]
+    for i, (right, left) in enumerate(sums.tolist()):
+        right += jump * (len(sums) // 2 <= i < len(sums) // 2 + 2)
+        counts = [(value + 0x8000 & 0xFFFF) - 0x8000 for value in (right, left)]
+        lines.append(f"{i * 0.05:.6f} < {encode_reply(6, *counts).decode().strip()}\\r\\n")
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def run(path, moves, true):
+    x, y, yaw = paths.end(paths.counts(moves, BELIEVED), true)
+    return "--run", f"{record(path, moves)}:{x:.4f},{y:.4f},{math.degrees(yaw):.3f}"
+
+
+def test_umbmark_from_recordings(lab, tmp_path):
+    true = BELIEVED._replace(wheel_offset=0.004, turn_slip=0.02)
+    runs = [
+        word
+        for left in (True, False)
+        for i in (1, 2)
+        for word in run(tmp_path / f"{left}{i}.mrl", paths.square(left=left), true)
+    ]
+    code, _, lines = lab.mrl("umbmark", "--robot", "traxbot", "--output", "mine.yaml", "--yes", *runs)
+    assert code == 0, lines
+    assert robots.load("mine.yaml").drive == pytest.approx(true, abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    "way, jump, said",
+    [
+        (paths.straight(1.0), 0, "went straight, which is no run of umbmark"),
+        (paths.square(), 9000, "the counts jump 2 times"),
+        (paths.square(), 0, "there are 1 counter-clockwise laps, expected 2 to 50"),
+    ],
+)
+def test_a_recording_that_does_not_do_is_refused(lab, tmp_path, way, jump, said):
+    end = "1,0" if way == paths.straight(1.0) else "0,0"
+    file = record(tmp_path / "a.mrl", way, jump=jump)
+    words = ("--robot", "traxbot", "--output", "mine.yaml", "--yes")
+    assert said in lab.refused("umbmark", *words, "--run", f"{file}:{end}")
+    assert not (tmp_path / "mine.yaml").exists()
+
+
+def test_a_plot_without_matplotlib_is_refused_before_anything_moves(lab, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert "pip install 'mrl-driver[plot]'" in lab.refused("straight", "--plot", "a.png", "--truth", "t")
+    assert lab.emulated is None
+
+
+def test_points_of_a_sonar_are_read_from_a_file(lab, tmp_path):
+    distances = np.arange(0.2, 2.0, 0.1)
+    (tmp_path / "wall.csv").write_text(
+        "# distance,reading\n" + "".join(f"{d:.2f},{1.2 * d:.3f}\n" for d in distances)
+    )
+    words = ("sonar", "--robot", "traxbot", "--output", "mine.yaml", "--points", "wall.csv", "--yes")
+    assert lab.mrl(*words)[0] == 0
+    assert robots.load("mine.yaml").board["sonar_a"] == pytest.approx(11767 / 1.2, rel=0.05)
+    (tmp_path / "wall.csv").write_text("0.2,0.2\n0.3;0.3\n")
+    assert "wall.csv:2: got '0.3;0.3', expected distance,reading" in lab.refused(
+        *words[:-3], "--points", "wall.csv", "--output", "b.yaml"
+    )
