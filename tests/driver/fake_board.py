@@ -98,6 +98,8 @@ class FakeBoard:
             self.speeds = (0, 0)
             self.stops += 1
             self.stop_reason = 1
+        elif code == 15:
+            self._say(15, 0)
         elif code == 18:
             self.period_s, self.due_s = max(0.004, (args or (0,))[0] / 1000), now
         elif code == 19:
@@ -110,6 +112,8 @@ class FakeBoard:
             self._say(29, 2, 0b0011111)
         elif code == 30:
             self._say(30, 0, int(now - self.started_s), 1, self.stop_reason, 0, 0)
+        elif code == 31:
+            self._say(31, *[0] * 11)
         elif code == 32:
             self._say(32, *args)
             self.decoder.checked = bool(args[0])

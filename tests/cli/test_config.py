@@ -1,0 +1,65 @@
+"""`mrl config` against an emulated board."""
+
+import json
+
+import pytest
+
+from .run import fails, mrl
+
+
+def get(port, *names):
+    return {
+        row["name"]: row for row in json.loads(mrl("config", "get", *names, "--json", "--port", port).stdout)
+    }
+
+
+def test_all_parameters_with_the_models_own(emulated_board):
+    found = get(emulated_board.port)
+    assert len(found) == 18 and found["kp"]["value"] == found["kp"]["default"] == 700
+
+
+def test_a_change_is_saved_and_marked(emulated_board):
+    done = mrl("config", "set", "kp", "800", "ki", "350", "--yes", "--port", emulated_board.port)
+    assert done.stdout == "kp 700 to 800, ki 400 to 350: saved\n"
+    emulated_board.faults.reset()
+    assert get(emulated_board.port, "kp", "kd")["kp"]["value"] == 800
+    assert "* 700" in mrl("config", "get", "kp", "--port", emulated_board.port).stdout
+
+
+def test_a_trial_ends_with_the_next_reset(emulated_board):
+    mrl("config", "set", "kp", "800", "--try", "--yes", "--port", emulated_board.port)
+    emulated_board.faults.reset()
+    assert get(emulated_board.port, "kp")["kp"]["value"] == 700
+
+
+def test_defaults_undo_changes(emulated_board):
+    mrl("config", "set", "kp", "800", "--yes", "--port", emulated_board.port)
+    assert mrl("config", "defaults", "--yes", "--port", emulated_board.port).returncode == 0
+    assert get(emulated_board.port, "kp")["kp"]["value"] == 700
+
+
+def test_nothing_changes_unasked(emulated_board):
+    line = fails(2, "config", "set", "kp", "800", "--port", emulated_board.port)
+    assert "Change kp 700 to 800 on robot 1?" in line and "--yes" in line
+    assert get(emulated_board.port, "kp")["kp"]["value"] == 700
+
+
+def test_a_2013_board_keeps_nothing(serve):
+    assert "mrl flash" in fails(11, "config", "get", "--port", serve(version=1).path)
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["kq", "1"], "parameter 'kq' is unknown, expected kp, ki, kd"),
+        (["kp"], "'kp' has no value"),
+        (["kp", "many"], "kp is 'many', expected a whole number from 0 to 32767"),
+        (["kp", "1.5"], "kp is '1.5'"),
+        (["kp", "-1"], "from 0 to 32767"),
+        (["bus_speed", "401"], "expected a whole number from 100 to 400 [kHz]"),
+        (["kp", "1", "kp", "2"], "given twice"),
+        (["robot_id", "3"], "mrl set-id"),
+    ],
+)
+def test_wrong_words_are_refused_before_the_port_is_opened(words, line):
+    assert line in fails(2, "config", "set", "--port", "/dev/nowhere", "--", *words)

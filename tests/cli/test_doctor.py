@@ -1,0 +1,239 @@
+"""`mrl doctor`: what it finds, what it advises, and that nothing moves unasked."""
+
+import json
+import math
+import re
+
+import pytest
+
+from mrl_driver import robots
+from mrl_driver.doctor import board, computer, wheels
+from mrl_driver.doctor.findings import FAULT, NOTE, OK, WARNING, Finding, verdict
+from mrl_driver.doctor.wheels import Moved
+from mrl_driver.handshake import Board
+from mrl_driver.ports import Port
+from mrl_driver.session import Status
+
+from .run import fails, mrl
+
+TRAXBOT = robots.load("traxbot")
+GOOD = Board(1, 2, 1.72, 12.0, 25.0, 2, frozenset(["check", "watchdog", "period", "config", "sonars"]))
+HEALTHY = Status(100, "power_on", "host", (), 0)
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Moments instead of seconds."""
+    monkeypatch.setattr(board.watch, "__defaults__", (0.3, 5))
+    monkeypatch.setattr(wheels, "TURN_S", 0.8)
+
+
+def levels(findings):
+    return {finding.subject: finding.level for finding in findings}
+
+
+def examine(*args):
+    done = mrl("doctor", "--json", *args)
+    found = json.loads(done.stdout)
+    return done.returncode, {each["subject"]: each for each in found["findings"]}, found
+
+
+# -- the whole command
+
+
+def test_a_sound_robot_is_in_order_and_stands_still(quick, emulated_board, emulated_motors):
+    code, findings, found = examine("--port", emulated_board.port)
+    assert code == 0 and found["verdict"] == "everything is in order"
+    assert {each["level"] for each in findings.values()} <= {OK, NOTE}
+    assert {"permission", "robot", "firmware", "battery", "latency", "sonar front"} <= set(findings)
+    assert not [each for each in emulated_motors.commands("move_differential") if any(each.values)]
+
+
+def test_wheels_turn_one_after_the_other_when_asked(quick, emulated_board):
+    _, findings, _ = examine("--drive", "--yes", "--port", emulated_board.port)
+    assert findings["right wheel"]["level"] == findings["left wheel"]["level"] == OK
+    assert emulated_board.true_speed_m_s == 0.0
+
+
+def test_wheels_do_not_turn_without_an_answer(serve):
+    port = serve()
+    assert "wheels lifted" in fails(2, "doctor", "--drive", "--port", port.path)
+    assert not port.received
+
+
+def test_a_dead_encoder_is_found(quick, serve):
+    port = serve()
+    port.board.dead = {"right"}
+    code, findings, _ = examine("--drive", "--yes", "--port", port.path)
+    assert code == 1 and findings["left wheel"]["level"] == OK
+    assert "no counter moved" in findings["right wheel"]["text"]
+
+
+def test_a_2013_board_gets_the_advice_to_flash_it(quick, serve):
+    port = serve(version=1)
+    code, findings, found = examine("--port", port.path)
+    assert code == 0 and found["verdict"] == "1 warning; the robot can be used"
+    assert findings["firmware"]["advice"] == f"mrl flash --port {port.path}"
+
+
+def test_an_id_that_is_not_set_is_told_and_the_rest_examined(quick, serve):
+    code, findings, _ = examine("--port", serve(robot_id=0).path)
+    assert code == 1 and "mrl set-id" in findings["board"]["advice"] and findings["battery"]["level"] == OK
+
+
+def test_the_report_can_be_pasted(quick, serve):
+    text = mrl("doctor", "--report", "--port", serve().path).stdout
+    assert re.search(r"^mrl-driver \d.*Python 3\.\d+", text, re.MULTILINE)
+    assert "verdict: " in text and "refused_by_board" in text and "\x1b" not in text
+
+
+def test_output_without_a_terminal_is_plain_lines(quick, serve):
+    lines = mrl("doctor", "--port", serve(version=1).path).stdout.splitlines()
+    assert all(line == line.rstrip() and "\x1b" not in line for line in lines)
+    assert "!  firmware         1 (2013): works, without watchdog and check value" in lines
+
+
+@pytest.mark.parametrize(("port", "code"), [("/dev/nowhere", 3), ("/", 3), (__file__, 3), ("/dev/null", 3)])
+def test_a_port_that_is_none(port, code):
+    done, findings, _ = examine("--port", port)
+    assert (
+        done == code
+        and findings["port"]["level"] == FAULT
+        and findings["port"]["advice"].startswith("ports there")
+    )
+
+
+def test_options_that_do_not_go_together():
+    assert "expected one of them" in fails(2, "doctor", "--port", "/dev/null", "--json", "--report")
+    assert "no terminal" in fails(2, "doctor", "--port", "/dev/null", "--sonars")
+
+
+# -- single checks
+
+
+@pytest.mark.parametrize(("volts", "level"), [(12.0, OK), (8.9, WARNING), (8.4, FAULT), (0.3, FAULT)])
+def test_battery(volts, level):
+    assert levels(board.supply(GOOD._replace(battery_v=volts), TRAXBOT))["battery"] == level
+
+
+@pytest.mark.parametrize("fault", ["motor_board", "bus_hung", "eeprom", "id_unset", "sensor"])
+def test_each_fault_of_the_board_has_its_advice(fault):
+    found = [each for each in board.health(HEALTHY._replace(faults=(fault,))) if each.level == FAULT]
+    assert len(found) == 1 and found[0].advice
+
+
+@pytest.mark.parametrize(
+    ("cause", "level"), [("power_on", OK), ("external", OK), ("watchdog", WARNING), ("brown_out", WARNING)]
+)
+def test_why_the_board_last_started(cause, level):
+    assert levels(board.health(HEALTHY._replace(reset_cause=cause)))["last start"] == level
+
+
+@pytest.mark.parametrize(
+    ("seen", "subject"),
+    [
+        (board.Link(30.0, 50.0, 0, {}, [0.003]), "telemetry"),
+        (board.Link(50.0, 50.0, 2, {}, [0.003]), "damage"),
+        (board.Link(50.0, 50.0, 0, {"noise": 3}, [0.003]), "damage"),
+        (board.Link(50.0, 50.0, 0, {}, [0.001, 0.08, 0.09]), "latency"),
+    ],
+)
+def test_a_poor_link(seen, subject):
+    found = levels(board.link(seen))
+    assert found.pop(subject) == WARNING and set(found.values()) == {OK}
+
+
+def test_a_sonar_without_a_reading_names_its_pin():
+    found = {
+        each.subject: each for each in board.sonars({"front": 1.0, "left": math.nan, "right": math.inf}, GOOD)
+    }
+    assert found["sonar left"].level == FAULT and "A1" in found["sonar left"].advice
+    assert found["sonar right"].text == "nothing in range"
+
+
+def test_the_build_for_environment_sensors_has_no_sonars():
+    bare = GOOD._replace(capabilities=frozenset(["check", "watchdog", "environment"]))
+    assert [each.level for each in board.sonars({"front": math.nan}, bare)] == [NOTE]
+
+
+def test_noise_alone_is_usual():
+    assert list(board.refusals({"noise": 4, "bad_check": 0})) == []
+    assert "2 x check value wrong" in next(board.refusals({"noise": 4, "bad_check": 2})).text
+
+
+@pytest.mark.parametrize(
+    ("right_m", "left_m", "words"),
+    [
+        (0.1, 0.0, "turns and counts forward"),
+        (-0.1, 0.0, "counts backwards"),
+        (0.0, 0.1, "the other wheel's counter moved"),
+        (0.0, 0.0, "no counter moved"),
+        (0.1, 0.1, "both counters moved"),
+    ],
+)
+def test_what_the_counters_say_of_a_wheel(right_m, left_m, words):
+    assert words in wheels.judge("right", Moved(right_m, left_m, "")).text
+    assert words in wheels.judge("left", Moved(left_m, right_m, "")).text
+
+
+@pytest.mark.parametrize(
+    ("ranges", "name"),
+    [
+        ({"front": 0.3, "left": 1.0, "right": math.inf}, "front"),
+        ({"front": 1.0, "left": -math.inf, "right": 1.0}, "left"),
+        ({"front": 0.3, "left": 0.4, "right": 1.0}, ""),
+        ({"front": 0.5, "left": 0.65, "right": 1.0}, ""),
+        ({"front": math.nan, "left": 0.3, "right": 1.0}, "left"),
+        ({"front": 1.0, "left": 1.0, "right": 1.0}, ""),
+    ],
+)
+def test_the_sonar_with_a_hand_before_it(ranges, name):
+    assert wheels.nearest(ranges) == name
+
+
+def test_swapped_sonars_are_found():
+    hands = iter([{"front": 1.0, "left": 0.3}, {"front": 0.3, "left": 1.0}])
+    now = {"front": 1.0, "left": 1.0}
+
+    def ask(question):
+        now.update(next(hands))
+        return True
+
+    found = list(wheels.sonar_order(lambda: now, ask))
+    assert [each.text for each in found] == ["the left one saw the hand", "the front one saw the hand"]
+
+
+def test_the_users_eyes_overrule_the_counters(monkeypatch):
+    monkeypatch.setattr(
+        wheels, "turn", lambda driver, side: Moved(*((0.1, 0.0) if side == "right" else (0.0, 0.1)), "")
+    )
+
+    class Driver:
+        battery_state = "ok"
+
+    found = list(wheels.check(Driver(), lambda question: "left" in question))
+    assert [(each.subject, each.level) for each in found] == [("right wheel", FAULT), ("left wheel", OK)]
+
+
+def test_modem_manager_matters_to_usb_ports_alone(monkeypatch):
+    monkeypatch.setattr(computer, "programs_named", lambda name: [1])
+    assert not list(computer._modem_manager(Port("/dev/ttyS0")))
+    copy = Port("/dev/ttyUSB7", (), 0x1A86, 0x7523)
+    assert [each.level for each in computer._modem_manager(copy)] == [WARNING]
+    monkeypatch.setattr(computer, "udev_properties", lambda device: {"ID_MM_DEVICE_IGNORE": "1"})
+    assert [each.level for each in computer._modem_manager(copy)] == [OK]
+
+
+@pytest.mark.parametrize(("groups", "advice"), [([], "sudo usermod -aG dialout"), (["dialout"], "log out")])
+def test_without_permission_it_says_which_group(monkeypatch, groups, advice):
+    monkeypatch.setattr(computer.os, "access", lambda name, mode: False)
+    monkeypatch.setattr(computer, "group_of", lambda name: "dialout")
+    monkeypatch.setattr(computer, "_groups_by_file", lambda: groups)
+    found = list(computer._permission("/dev/null"))
+    assert found[0].level == FAULT and advice in found[0].advice
+
+
+def test_the_verdict_counts():
+    fault, warning = Finding(FAULT, "", ""), Finding(WARNING, "", "")
+    assert verdict([fault, warning, warning]) == "1 fault, 2 warnings: see the advice above"
+    assert verdict([warning]) == "1 warning; the robot can be used"

@@ -1,0 +1,185 @@
+"""`mrl flash`: the real avrdude against a bootloader on a pty, and what it says when things go wrong."""
+
+import os
+import pathlib
+import stat
+import sys
+
+import pytest
+
+from mrl_driver import flashing, images, port_facts
+from mrl_driver.commands import flash as command
+from mrl_driver.errors import (
+    BoardRefused,
+    ConfigError,
+    LinkLost,
+    MrlError,
+    NotARobot,
+    PortBusy,
+    PortDenied,
+    PortMissing,
+)
+from mrl_driver.names import Target
+from mrl_driver.ports import Port
+from mrl_driver.probe import Answer
+
+from .bootloader import Bootloader
+from .run import fails, mrl
+
+HEX = ":10000000000102030405060708090A0B0C0D0E0F78\n:00000001FF\n"
+NOT_IN_SYNC = "avrdude warning: attempt {0} of 10: not in sync: resp=0x00\n"
+"""Of avrdude 7.1, as all the words below."""
+
+
+@pytest.fixture
+def image(tmp_path):
+    path = tmp_path / "image.hex"
+    path.write_text(HEX)
+    return str(path)
+
+
+@pytest.fixture
+def bootloader():
+    made = []
+
+    def make(**options):
+        made.append(Bootloader(**options))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()
+
+
+@pytest.fixture
+def stand_in(tmp_path, monkeypatch):
+    """A program called avrdude that notes its words, says something, and ends so."""
+
+    def install(says="", code=0):
+        program = tmp_path / "bin" / "avrdude"
+        program.parent.mkdir()
+        noted = tmp_path / "noted"
+        program.write_text(
+            f"#!{sys.executable}\nimport sys, time\nopen({str(noted)!r}, 'w').write('\\n'.join(sys.argv[1:]))\n"
+            f"sys.stderr.write({says!r})\nsys.stderr.flush()\n"
+            f"time.sleep({30 if 'attempt 3' in says else 0})\nsys.exit({code})\n"
+        )
+        program.chmod(program.stat().st_mode | stat.S_IXUSR)
+        monkeypatch.setenv("PATH", f"{program.parent}{os.pathsep}{os.environ['PATH']}")
+        return noted
+
+    return install
+
+
+def test_the_real_avrdude_writes_the_image_and_reads_it_back(bootloader, image):
+    board, marks = bootloader(), []
+    flashing.upload(board.path, image, advance=marks.append)
+    assert board.flash[:16] == bytes(range(16)) and sum(marks) == flashing.MARKS
+
+
+def test_another_chip_is_not_written(bootloader, image):
+    board = bootloader(signature=b"\x1e\x95\x16")
+    with pytest.raises(BoardRefused, match="no ATmega328P"):
+        flashing.upload(board.path, image)
+    assert set(board.flash) == {0xFF}
+
+
+def test_what_reads_back_differently_is_told(bootloader, image):
+    with pytest.raises(BoardRefused, match="reads back differently"):
+        flashing.upload(bootloader(damaged=True).path, image)
+
+
+def test_a_damaged_image_is_told(bootloader, tmp_path):
+    bad = tmp_path / "bad.hex"
+    bad.write_text(":1000000nonsense\n")
+    with pytest.raises(ConfigError, match="expected Intel HEX"):
+        flashing.upload(bootloader().path, str(bad))
+
+
+def test_a_board_that_is_not_in_sync_is_given_up_after_the_third_attempt(stand_in, image):
+    noted = stand_in("".join(map(NOT_IN_SYNC.format, (1, 2, 3))))
+    with pytest.raises(NotARobot, match="press reset"):
+        flashing.upload("/dev/ttyACM7", image)
+    words = noted.read_text().splitlines()
+    assert words == flashing.command("/dev/ttyACM7", image)[1:]
+    assert "-c arduino -b 115200 -P /dev/ttyACM7" in " ".join(words)
+
+
+@pytest.mark.parametrize(
+    ("said", "kind"),
+    [
+        ("avrdude OS error: cannot open port /dev/ttyACM7: No such file or directory", PortMissing),
+        ("avrdude OS error: cannot open port /dev/ttyACM7: Permission denied", PortDenied),
+        ("avrdude OS error: cannot open port /dev/ttyACM7: Device or resource busy", PortBusy),
+        ("avrdude OS error: cannot set attributes for port x: Inappropriate ioctl for device", PortMissing),
+        ("avrdude error: programmer is not responding", NotARobot),
+        ("avrdude OS error: unable to read: Input/output error", LinkLost),
+        ("avrdude: stk500_getsync() attempt 1 of 10: not in sync: resp=0x00", NotARobot),
+        ("avrdude: Expected signature for ATmega328P is 1E 95 0F", BoardRefused),
+        ("avrdude: verification error, first mismatch at byte 0x0000", BoardRefused),
+        ("avrdude error: the moon is full", MrlError),
+    ],
+)
+def test_words_of_avrdude_become_errors_of_ours(said, kind):
+    error = flashing.explain(said, "/dev/ttyACM7", "image.hex")
+    assert type(error) is kind and "\n" not in str(error)
+
+
+def test_without_avrdude_it_says_how_to_get_it(monkeypatch, serve, image):
+    monkeypatch.setenv("PATH", "/nonexistent")
+    line = fails(2, "flash", "--port", serve().path, "--image", image, "--yes")
+    assert "sudo apt install avrdude" in line
+
+
+def test_the_whole_command(stand_in, serve):
+    port = serve()
+    noted = stand_in()
+    done = mrl("flash", "--port", port.path, "--yes")
+    assert done.stdout == f"{port.path} has the sonar build (as it is now); robot 1 answers with firmware 2\n"
+    assert noted.read_text().splitlines()[-1].startswith("flash:w:")
+
+
+def test_nothing_is_written_unasked(stand_in, serve):
+    noted = stand_in()
+    assert "--yes" in fails(2, "flash", "--port", serve().path, "--build", "xbee")
+    assert not noted.exists()
+
+
+@pytest.mark.parametrize(
+    ("answer", "build"),
+    [
+        (Answer(error="silent"), "sonar"),
+        (Answer(1, "traxbot", 1), "sonar"),
+        (Answer(7, "", 1), "environment"),
+        (Answer(12, "", 2, capabilities=("check", "environment")), "environment"),
+        (Answer(2, "traxbot", 2, capabilities=("sonars", "xbee")), "xbee"),
+    ],
+)
+def test_the_build_follows_the_board(monkeypatch, answer, build):
+    monkeypatch.setattr("mrl_driver.probe.probe", lambda port, baud: answer)
+    assert command._build_of(Target("/dev/ttyACM7"))[0] == build
+
+
+def test_without_a_port_the_only_arduino_is_taken(monkeypatch):
+    uno = Port("/dev/ttyACM7", (), 0x2341, 0x0043)
+    monkeypatch.setattr(port_facts, "described", lambda: [Port("/dev/ttyS7"), uno])
+    assert "'/dev/ttyACM7' does not exist" in fails(3, "flash", "--yes")
+    monkeypatch.setattr(port_facts, "described", lambda: [uno, uno._replace(device="/dev/ttyACM8")])
+    assert "several boards are there" in fails(2, "flash", "--yes")
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (["--build", "sonar", "--image", "x.hex"], "expected one of them"),
+        (["--build", "nix"], "'nix' is not one of"),
+        (["--image", "/nowhere/x.hex", "--yes"], "does not exist, expected a .hex file"),
+    ],
+)
+def test_wrong_options(serve, args, words):
+    assert words in fails(2, "flash", "--port", serve().path, *args)
+
+
+def test_every_build_has_an_image():
+    for build in images.BUILDS:
+        assert pathlib.Path(images.image_path(build)).read_text().startswith(":")

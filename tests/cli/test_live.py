@@ -1,0 +1,219 @@
+"""The live view: what is drawn, what the keys do, what the frame log keeps."""
+
+import io
+import time
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from mrl_driver import live
+from mrl_driver.canvas import Canvas, fit
+from mrl_driver.driver import Driver
+from mrl_driver.frame_log import MOST_LINES, FrameLog
+from mrl_driver.live import Screen, Settings, Trail
+from mrl_driver.live_view import render
+from mrl_driver.options import Options
+
+METRES = st.floats(-50, 50)
+
+
+@pytest.fixture
+def watched(serve):
+    """A connected driver, its board, and its frame log."""
+    port, log = serve(), FrameLog()
+    with Driver(
+        port.path, options=Options(tap=lambda way, data: log.hear(way, data, time.monotonic()))
+    ) as driver:
+        yield driver, port.board, log
+
+
+def picture(screen, width, height, color=None):
+    out = io.StringIO()
+    console = Console(file=out, width=width, height=height, color_system=color, force_terminal=True)
+    console.print(render(screen.shown(time.monotonic()), width, height), end="")
+    return out.getvalue()
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (60, 16), (20, 6), (200, 60)])
+def test_the_view_fits_terminals_of_all_sizes(watched, size):
+    driver, _, log = watched
+    lines = picture(Screen(driver, Settings("/dev/ttyACM7"), log), *size).split("\n")
+    assert all(len(line) <= size[0] for line in lines) and len(lines) <= size[1] + 1
+
+
+def test_the_view_shows_what_matters(watched):
+    driver, _, log = watched
+    text = picture(Screen(driver, Settings("/dev/ttyACM7", "drive.mrl"), log), 100, 30)
+    for words in (
+        "traxbot 1",
+        "/dev/ttyACM7",
+        "recording drive.mrl",
+        "12.0 V",
+        "1.20 m",
+        "stopped",
+        "@8,",
+        "·",
+        "→",
+    ):
+        assert words in text, words
+
+
+def test_silence_is_told_at_the_top(watched):
+    driver, board, log = watched
+    board.mute = True
+    driver.wait(0.5)
+    assert "NO TELEMETRY" in picture(Screen(driver, Settings(), log), 80, 24).splitlines()[0]
+
+
+def test_keys_drive_only_after_enter(watched):
+    driver, board, log = watched
+    screen = Screen(driver, Settings(), log)
+    screen.press("up", 0.0)
+    screen.steer(0.0)
+    assert driver.command is None and "press Enter first" in picture(screen, 80, 24)
+    screen.press("\n", 0.0)
+    screen.press("up", 0.0)
+    screen.steer(0.1)
+    assert driver.command == (0.25, 0.0)
+    screen.steer(5.0)
+    assert driver.command is None
+
+
+@pytest.mark.parametrize("key", ["\n", "space"])
+def test_enter_and_space_stop(watched, key):
+    driver, _, log = watched
+    screen = Screen(driver, Settings(keys_drive=True), log)
+    screen.press("w", 0.0)
+    screen.steer(0.0)
+    assert driver.command is not None
+    screen.press(key, 0.1)
+    screen.steer(0.1)
+    assert driver.command is None
+
+
+def test_an_empty_battery_cannot_be_driven_by_keys(watched):
+    driver, _, log = watched
+    driver._core.state.battery_state = "empty"
+    screen = Screen(driver, Settings(), log)
+    screen.press("\n", 0.0)
+    assert "the battery is empty" in picture(screen, 80, 24)
+    screen.press("up", 0.0)
+    screen.steer(0.0)
+    assert driver.command is None
+
+
+def test_a_mismatch_is_told_and_space_goes_on(watched):
+    driver, board, log = watched
+    board.dead = {"left"}
+    driver.drive(0.2, 0.0)
+    end_s = time.monotonic() + 5
+    while driver.mismatch is None and time.monotonic() < end_s:
+        driver.wait(0.02)
+    screen = Screen(driver, Settings(), log)
+    assert "left wheel" in picture(screen, 120, 24)
+    screen.press("space", 0.0)
+    assert driver.mismatch is None
+
+
+@pytest.mark.parametrize("key", ["q", "escape"])
+def test_the_end(watched, key):
+    driver, _, log = watched
+    screen = Screen(driver, Settings(), log)
+    screen.press(key, 0.0)
+    assert screen.ended
+
+
+def test_frames_can_be_hidden(watched):
+    driver, _, log = watched
+    screen = Screen(driver, Settings(), log)
+    screen.press("f", 0.0)
+    assert "@8," not in picture(screen, 100, 30)
+
+
+# -- the path
+
+
+class At:
+    """As much of a telemetry as the trail looks at."""
+
+    def __init__(self, x_m, y_m):
+        self.pose = type("Pose", (), {"x_m": x_m, "y_m": y_m})
+
+
+def test_a_long_way_is_thinned_out_and_keeps_its_length(monkeypatch):
+    monkeypatch.setattr(live, "TRAIL_POINTS", 100)
+    trail = Trail()
+    for i in range(1001):
+        trail.add(At(i * 0.01, 0.0))
+    assert len(trail.points) <= 101 and trail.distance_m == pytest.approx(10.0, abs=0.3)
+
+
+def test_a_cleared_path_begins_where_the_robot_is():
+    trail = Trail()
+    for i in range(10):
+        trail.add(At(i * 0.1, 0.0))
+    trail.clear()
+    assert trail.points == [(0.9, 0.0)] and trail.distance_m == 0.0
+
+
+# -- the canvas
+
+
+@given(st.lists(st.tuples(METRES, METRES), min_size=1, max_size=20), st.integers(4, 200), st.integers(2, 60))
+def test_every_point_is_in_view(points, columns, rows):
+    canvas = Canvas(columns, rows, fit(points, columns, rows))
+    for point in points:
+        column, row = canvas._at(point)
+        assert 0 <= column < columns * 2 and 0 <= row < rows * 4
+
+
+def test_metres_are_as_long_across_as_up():
+    canvas = Canvas(40, 20, fit([(0.0, 0.0)], 40, 20))
+    (x0, y0), (x1, _), (_, y1) = (canvas._at(point) for point in ((0, 0), (0.5, 0), (0, 0.5)))
+    assert x1 - x0 == y0 - y1 > 0
+
+
+def test_the_view_stands_still_while_the_robot_moves_a_little():
+    assert fit([(0.0, 0.0), (0.1, 0.0)], 80, 24) == fit([(0.0, 0.0), (0.2, 0.1)], 80, 24)
+
+
+# -- the frame log
+
+
+def test_frames_are_kept_by_kind_with_the_newest_text():
+    log = FrameLog()
+    log.hear("<", b"@6,1,2e\r\n@6,3,4e\r\n", 1.0)
+    log.hear(">", b"@13e", 2.0)
+    assert [(line.way, line.name, line.text, line.times) for line in log.lines()] == [
+        ("<", "read_encoders", "@6,3,4e", 2),
+        (">", "stop", "@13e", 1),
+    ]
+
+
+@given(st.data())
+def test_pieces_do_not_matter(data):
+    wire = b"@5,2500,172,1200,2,1e\r\nboot\r\n@6,1,2e\r\n@8,1,2,3,4,5e\r\n"
+    cuts = sorted(data.draw(st.lists(st.integers(0, len(wire)))))
+    whole, pieces = FrameLog(), FrameLog()
+    whole.hear("<", wire, 0.0)
+    for start, end in zip([0, *cuts], [*cuts, len(wire)]):
+        pieces.hear("<", wire[start:end], 0.0)
+    frames = [line for line in whole.lines() if line.name != "text"]
+    assert [line for line in pieces.lines() if line.name != "text"] == frames and len(frames) == 3
+
+
+@given(st.binary(max_size=400))
+def test_any_bytes_are_shown_in_printable_characters(data):
+    log = FrameLog()
+    for way in "<>":
+        log.hear(way, data + b"e", 0.0)
+    assert all(line.text.isprintable() for line in log.lines())
+
+
+def test_the_log_does_not_grow():
+    log = FrameLog()
+    for code in range(100, 400):
+        log.hear("<", f"@{code},1e\r\n".encode(), float(code))
+    assert len(log.lines()) == MOST_LINES and log.lines()[-1].name == "command 399"

@@ -1,0 +1,72 @@
+"""`mrl ports`: what may be opened, and what it says of each port."""
+
+import json
+
+import pytest
+
+from mrl_driver import port_facts
+from mrl_driver.link import Link
+from mrl_driver.ports import Port
+
+from .run import fails, mrl
+
+UNO = Port("/dev/ttyACM7", ("/dev/serial/by-id/usb-Arduino_7",), 0x2341, 0x0043, "7")
+COPY = Port("/dev/ttyUSB7", (), 0x1A86, 0x7523, None)
+
+
+@pytest.fixture
+def there(monkeypatch):
+    """Lets these ports be there."""
+    return lambda *ports: monkeypatch.setattr(port_facts, "described", lambda: list(ports))
+
+
+def rows(*args):
+    return {row["device"]: row for row in json.loads(mrl("ports", "--json", *args).stdout)}
+
+
+def test_ports_are_told_by_their_usb_ids(there):
+    there(UNO, COPY, Port("/dev/ttyS7"))
+    found = rows()
+    assert [found[name]["kind"].partition(",")[0] for name in sorted(found)] == [
+        "Arduino Uno R3",
+        "serial port",
+        "CH340 adapter",
+    ]
+    assert "asked" not in found["/dev/ttyACM7"]
+
+
+def test_a_probe_asks_boards_of_arduino_named_robots_and_ports_given_but_no_others(there, serve):
+    given, named, other = (serve(robot_id=i) for i in (1, 2, 3))
+    there(Port(other.path), COPY, UNO)
+    mrl("names", "add", "lab2", "--port", named.path)
+    found = rows("--probe", given.path)
+    assert {name for name, row in found.items() if row["asked"]} == {given.path, named.path, UNO.device}
+    assert (found[given.path]["robot_id"], found[named.path]["robot_id"]) == (1, 2)
+    assert found[named.path]["name"] == "lab2" and not other.received
+
+
+def test_a_port_in_use_is_never_opened(there, serve):
+    port = serve()
+    there(Port(port.path, (), 0x2341, 0x0043))
+    link = Link(port.path)
+    try:
+        row = rows("--probe")[port.path]
+    finally:
+        link.close()
+    assert not row["asked"] and "process" in row["used_by"] and not port.received
+
+
+def test_the_list_for_people(there, serve):
+    port = serve()
+    there(UNO, Port(port.path))
+    done = mrl("ports", "--probe", port.path)
+    assert "Arduino Uno R3" in done.stdout and "traxbot 1" in done.stdout and "not there" in done.stdout
+
+
+def test_no_port_at_all(there):
+    there()
+    assert "is the board plugged in?" in mrl("ports").stdout
+
+
+def test_a_port_without_probe():
+    assert "--probe" in fails(2, "ports", "/dev/null")
