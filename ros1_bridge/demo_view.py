@@ -17,8 +17,8 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, Range
 
-from mrl_driver.keyboard import Keyboard
 from mrl_driver.course import Square
+from mrl_driver.keyboard import Keyboard
 from mrl_driver.teleop import Teleop
 
 from .report import Recorder, Snapshot, line, summary
