@@ -15,6 +15,8 @@ from .table import BY_CODE, STAMP
 _COMMA, _MINUS, _ZERO = b",-0"
 _PAD = 8
 _CHUNK = 1 << 18
+_PLACES = 10 ** np.arange(5, dtype=np.int32)
+"""Taken as arrays of one: times a scalar, NumPy before 2.0 would stay at the eight bits of a digit."""
 """Bytes decoded at a time: the temporary arrays then fit a processor's cache."""
 
 
@@ -190,7 +192,7 @@ def _decimals(padded: np.ndarray, end: np.ndarray, digits: np.ndarray) -> Tuple[
             inside = digits[column] > place
             digit = (padded.take(end[column] - (place + 1)) - np.uint8(_ZERO)) * inside
             fine &= digit <= 9
-            value += digit * np.int32(10**place)
+            value += digit * _PLACES[place : place + 1]
     return values, numeric
 
 
