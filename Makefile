@@ -75,5 +75,11 @@ run: setup firmware ## Drive an emulated robot through ROS with a live view; POR
 	@$(ROS_ENV) exec $(PY) -m ros1_bridge.run $(if $(ROBOT),--robot $(ROBOT)) $(if $(ENGINE),--engine $(ENGINE)) \
 	  $(if $(PORT),--port $(PORT)) $(if $(DURATION),--duration $(DURATION))
 
+.PHONY: docs
+docs: setup ## API documentation in build/docs; fails on a warning
+	@mkdir -p build
+	@$(ROS_ENV) $(PY) -m pdoc --docformat google -o build/docs mrl_driver sim_arduino ros1_bridge 2>build/docs.log; code=$$?; \
+	if [ $$code != 0 ] || grep -q Warn build/docs.log; then cat build/docs.log >&2; exit 1; fi; echo "build/docs/index.html"
+
 clean: ## Remove what was built; the virtual environment stays
 	rm -rf build dist *.egg-info

@@ -1,7 +1,7 @@
 """The live view: what is known of a robot as panels of a terminal.  Pure but for the terminal library."""
 
 import math
-from typing import TYPE_CHECKING, List, NamedTuple, Optional, Sequence, Tuple
+from typing import List, NamedTuple, Optional, Sequence, Tuple
 
 from rich.console import Group, RenderableType
 from rich.layout import Layout
@@ -13,10 +13,8 @@ from .canvas import Point
 from .commands.text import range_text
 from .frame_log import Line
 from .live_map import draw
+from .readout import Readout
 from .table import SENSOR_BY_NAME
-
-if TYPE_CHECKING:
-    from .readout import Readout
 
 LEFT_COLUMNS = 37
 NARROW, LOW = 72, 18
@@ -32,7 +30,7 @@ _BATTERY_STYLES = {"ok": "green", "low": "yellow"}
 class Shown(NamedTuple):
     """State of the view at one moment."""
 
-    driver: "Readout"
+    driver: Readout
     port: str
     record: str
     elapsed_s: float
@@ -139,7 +137,7 @@ def _motion(now: Shown) -> Table:
     return grid
 
 
-def _ranges(driver: "Readout") -> Table:
+def _ranges(driver: Readout) -> Table:
     grid, ranges = _grid(), driver.ranges if has_sonars(driver) else {}
     order = [name for name in ("left", "front", "right") if name in ranges]
     for name in [*order, *(name for name in ranges if name not in order)]:
@@ -150,12 +148,12 @@ def _ranges(driver: "Readout") -> Table:
     return grid
 
 
-def has_sonars(driver: "Readout") -> bool:
+def has_sonars(driver: Readout) -> bool:
     """The board's build has sonars; those of 2013 do not tell."""
     return driver.board.version < 2 or "sonars" in driver.board.capabilities
 
 
-def _sensors(driver: "Readout") -> Table:
+def _sensors(driver: Readout) -> Table:
     grid = _grid()
     for name, reading in driver.sensors.items():
         unit = SENSOR_BY_NAME[name].fields[0].base_unit
@@ -163,7 +161,7 @@ def _sensors(driver: "Readout") -> Table:
     return grid
 
 
-def _supply(driver: "Readout") -> Table:
+def _supply(driver: Readout) -> Table:
     grid, status, style = _grid(), driver.status, _BATTERY_STYLES.get(driver.battery_state, "red")
     volts, share = driver.battery_v, 0.0
     if driver.model is not None:
