@@ -1,0 +1,102 @@
+"""Help, completion, start: every command has examples, and the examples are words that `mrl` takes."""
+
+import os
+import pathlib
+import re
+import shlex
+import subprocess
+import sys
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from mrl_driver import cli
+
+from .run import mrl
+
+
+def every(command=cli.cli, path=("mrl",)):
+    """All commands, each with the words that lead to it."""
+    found = [(path, command)]
+    if isinstance(command, click.Group):
+        ctx = click.Context(command)
+        for name in command.list_commands(ctx):
+            found += every(command.get_command(ctx, name), (*path, name))
+    return found
+
+
+COMMANDS = dict(every())
+EXAMPLES = sorted(
+    {
+        part.strip()
+        for command in COMMANDS.values()
+        for line in (command.help or "").splitlines()
+        if line.strip().startswith("mrl ")
+        for part in re.split(r";| > |\|", re.split(r"\s{3,}", line.strip())[0])
+        if part.strip().startswith("mrl ")
+    }
+)
+
+
+@pytest.mark.parametrize("path", COMMANDS, ids=" ".join)
+def test_each_command_says_what_it_does(path):
+    command = COMMANDS[path]
+    assert command.help and len(command.get_short_help_str(200)) > 10
+    assert all(option.help for option in command.params if isinstance(option, click.Option))
+
+
+def test_there_are_examples():
+    assert len(EXAMPLES) > 20
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_examples_parse(example):
+    words = shlex.split(example)[1:]
+    ctx = cli.cli.make_context("mrl", words)
+    while isinstance(ctx.command, click.Group) and ctx._protected_args + ctx.args:
+        rest = [*ctx._protected_args, *ctx.args]
+        _, command, rest = ctx.command.resolve_command(ctx, rest)
+        ctx = command.make_context(command.name, rest, parent=ctx)
+
+
+def test_words_alone_bring_the_help():
+    assert "Where to begin" in mrl().stdout
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh"])
+def test_the_script_of_a_shell(shell):
+    assert "_MRL_COMPLETE" in mrl("completion", shell).stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [(["mo"], "monitor"), (["config", "set", "ra"], "ramp_time"), (["info", "--robot", "st"], "stingbot")],
+)
+def test_what_the_shell_completes(words, expected):
+    env = {
+        "_MRL_COMPLETE": "bash_complete",
+        "COMP_WORDS": " ".join(["mrl", *words]),
+        "COMP_CWORD": str(len(words)),
+    }
+    out = CliRunner().invoke(cli.cli, [], env=env, prog_name="mrl").output
+    assert expected in out
+
+
+def test_info_loads_no_terminal_library_no_plots_and_no_arrays():
+    """`mrl info` starts in a tenth of a second."""
+    code = (
+        "import sys, mrl_driver.cli as c, mrl_driver.driver\n"
+        "c.cli.get_command(None, 'info')\n"
+        "print([m for m in ('rich', 'numpy', 'matplotlib', 'importlib.metadata') if m in sys.modules])"
+    )
+    root = pathlib.Path(__file__).resolve().parents[2]
+    out = subprocess.run(
+        [sys.executable, "-S", "-c", code],
+        cwd=root,
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )
+    assert out.stdout.strip() == "[]"

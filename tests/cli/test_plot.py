@@ -1,0 +1,110 @@
+"""`mrl plot`: recordings to columns and pictures."""
+
+import builtins
+import json
+import math
+
+import pytest
+
+from mrl_driver import chronicle
+from mrl_driver.codec import Stamp, encode_reply, encode_request
+from mrl_driver.recording import Recording
+
+from .run import fails, mrl
+
+METRES_PER_COUNT = 0.000087512033
+"""TraxBot's."""
+
+
+def entry(time_s, way, data):
+    return f"{time_s:.6f} {way} {data.decode().strip()}\n"
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    """Half a metre straight ahead in 2 s, with check values from the start, a torn line, and a second baseline."""
+    lines = [
+        '#mrl-recording 1 {"port": "x", "started": "2026-03-01T12:00:00+00:00"}\n',
+        "0.000000 ! checked\n",
+    ]
+    lines.append(entry(0.0, "<", encode_reply(5, 2500, 172, 1200, 2, 1, checked=True)))
+    lines.append(entry(0.01, ">", encode_request(11, 250, 0, checked=True)))
+    for i in range(101):
+        count = round(i * 0.005 / METRES_PER_COUNT)
+        frame = encode_reply(8, count, count, 100, 200, 645, stamp=Stamp(i, i * 312), checked=True)
+        lines.append(entry(0.02 + i * 0.02, "<", frame))
+    lines += [entry(2.1, ">", encode_request(13)), "what is this\n"]
+    path = tmp_path / "drive.mrl"
+    path.write_text("".join(lines))
+    return path
+
+
+def test_columns_of_a_recording(recorded):
+    found = chronicle.read(Recording(str(recorded)))
+    assert found.poses[-1] == pytest.approx((2.02, 0.5, 0.0, 0.0), abs=1e-4)
+    assert found.twists[-1][1] == pytest.approx(0.25, abs=0.01)
+    assert found.commands == [(0.01, 0.25, 0.0), (2.1, 0.0, 0.0)]
+    assert found.ranges["front"][0][1] == 1.0 and math.isinf(found.ranges["right"][0][1])
+    assert found.battery == [(0.0, 12.0)] and (found.model.name, found.robot_id) == ("traxbot", 1)
+
+
+def test_a_port_that_was_opened_again_moves_nothing(recorded):
+    with open(recorded, "a", encoding="utf-8") as file:
+        file.write("3.000000 ! opened x\n3.000001 ! checked\n")
+        file.write(entry(3.1, "<", encode_reply(8, 0, 0, 100, 200, 645, stamp=Stamp(0, 0), checked=True)))
+    assert chronicle.read(Recording(str(recorded))).poses[-1][1] == pytest.approx(0.5, abs=1e-4)
+
+
+def test_a_picture_beside_the_recording(recorded):
+    done = mrl("plot", recorded)
+    picture = recorded.with_suffix(".png")
+    assert done.stdout == f"{picture}\n" and picture.read_bytes().startswith(b"\x89PNG")
+    assert ":107: skipped: time is b'what'" in done.stderr
+
+
+def test_parts_and_other_formats(recorded, tmp_path):
+    target = tmp_path / "path.svg"
+    figures = json.loads(mrl("plot", recorded, "--part", "path", "-o", target, "--json").stdout)
+    text = target.read_text()
+    assert figures["way_m"] == pytest.approx(0.5, abs=1e-3) and figures["skipped_lines"] == 1
+    assert "<svg" in text
+
+
+def test_without_matplotlib_one_line_says_how_to_get_it(monkeypatch, recorded):
+    real = builtins.__import__
+
+    def without(name, *args, **kwargs):
+        if name.startswith("matplotlib"):
+            raise ImportError(name)
+        return real(name, *args, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    assert "pip install 'mrl-driver[plot]'" in fails(2, "plot", recorded)
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (["/nowhere/drive.mrl"], "folder '/nowhere' cannot be written"),
+        (["/nowhere/drive.mrl", "-o", "x.png"], "cannot read '/nowhere/drive.mrl'"),
+        ([__file__, "-o", "x.png"], "not a recording"),
+        (["drive.mrl", "-o", "x.jpeg"], "expected .png, .pdf, .svg"),
+        (["drive.mrl", "-o", "x.png", "--robot", "nix"], "cannot read"),
+    ],
+)
+def test_what_cannot_be_drawn(args, words, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    assert words in fails(2, "plot", *args)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "no odometry in it"),
+        ("0.0 < @5,2500,172,1200,2,99e\\r\\n\n", "robot id 99 is in no packaged model"),
+    ],
+)
+def test_a_recording_without_odometry(tmp_path, text, words):
+    path = tmp_path / "empty.mrl"
+    path.write_text("#mrl-recording 1 {}\n" + text)
+    assert words in fails(2, "plot", path)
