@@ -5,87 +5,68 @@ section 5.2.4): the variance of each wheel's way grows with its length, the whee
 grows further with the angle turned, as tracks slip in turns.
 """
 
-import math
-from typing import NamedTuple, Tuple
+from typing import Tuple
 
-from .odometry import Geometry
-from .robots import Noise
+from .robots import RobotModel
 
 START_POSITION_M2, START_YAW_RAD2 = 1e-6, 1e-6
 """1 mm and 1 mrad: what a standing robot starts with, as filters refuse zeros."""
 
-
-class Spread(NamedTuple):
-    """Covariance of x, y and yaw: the upper triangle, row by row [m2, m rad, rad2]."""
-
-    xx: float
-    xy: float
-    xt: float
-    yy: float
-    yt: float
-    tt: float
-
-
-AT_START = Spread(START_POSITION_M2, 0.0, 0.0, START_POSITION_M2, 0.0, START_YAW_RAD2)
+Spread = Tuple[float, float, float, float, float, float]
+"""The part of a symmetric covariance that changes: xx, xy, x-yaw, yy, y-yaw, yaw-yaw [m2, m rad, rad2]."""
+AT_START: Spread = (START_POSITION_M2, 0.0, 0.0, START_POSITION_M2, 0.0, START_YAW_RAD2)
 
 
 class Uncertainty:
-    """Carries a `Spread` along the counts of one robot."""
+    """The covariance of a pose in the plane, kept up to date in `unknowns`."""
 
-    def __init__(self, drive: Geometry, noise: Noise, spread: Spread = AT_START) -> None:
+    def __init__(self, model: RobotModel, start: Spread = AT_START) -> None:
+        drive = model.drive
         self._metres = drive.right_m_per_count, drive.left_m_per_count
         self._base_m = drive.turning_separation_m
-        self._noise = noise
-        self.spread = spread
+        self._noise = model.noise
+        self._counts = (0.0, 0.0)
+        self._start = start
+        self.unknowns = start
 
-    def move(self, right: float, left: float, yaw_rad: float) -> Spread:
-        """The wheels went so far [count], and the heading is now `yaw_rad`; the spread from now on."""
-        right_m, left_m = right * self._metres[0], left * self._metres[1]
-        turn = (right_m - left_m) / self._base_m
-        self.spread = propagate(
-            self.spread, right_m, left_m, yaw_rad - turn / 2, self._base_m, turn, self._noise
+    def reset(self) -> None:
+        """The pose was set: as sure as at the start."""
+        self.unknowns = self._start
+
+    def update(self, counts: Tuple[float, float], half_sin: float, half_cos: float) -> None:
+        """The counters (right, left, without wrap) stand at `counts`, and the heading is now the one whose half has
+        this sine and cosine, as quaternions do.
+        """
+        before = self._counts
+        if counts == before:
+            return
+        self._counts = counts
+        (right_m, left_m), base_m, (noise_m, noise_rad) = self._metres, self._base_m, self._noise
+        right_m, left_m = (counts[0] - before[0]) * right_m, (counts[1] - before[1]) * left_m
+        way_m, back_rad = (right_m + left_m) / 2, (right_m - left_m) / base_m / 2
+        cos, sin = half_cos * half_cos - half_sin * half_sin, 2 * half_sin * half_cos
+        cos, sin = (
+            cos + sin * back_rad,
+            sin - cos * back_rad,
+        )  # at the middle of the way, where turns are small
+        right, left, slip = noise_m * abs(right_m), noise_m * abs(left_m), noise_rad * abs(back_rad)
+        lean = way_m / 2 / base_m
+        xr, xl = cos / 2 - lean * sin, cos / 2 + lean * sin
+        yr, yl = sin / 2 + lean * cos, sin / 2 - lean * cos
+        dx, dy = -way_m * sin, way_m * cos
+        xx, xy, xt, yy, yt, tt = self.unknowns
+        whole, half = tt + slip / 2, tt + slip  # slip is that of half the turn
+        self.unknowns = (
+            xx + dx * (2 * xt + dx * whole) + xr * xr * right + xl * xl * left,
+            xy + dx * yt + dy * xt + dx * dy * whole + xr * yr * right + xl * yl * left,
+            xt + dx * half + (xr * right - xl * left) / base_m,
+            yy + dy * (2 * yt + dy * whole) + yr * yr * right + yl * yl * left,
+            yt + dy * half + (yr * right - yl * left) / base_m,
+            tt + 2 * slip + (right + left) / base_m / base_m,
         )
-        return self.spread
 
 
-def propagate(
-    spread: Tuple[float, ...],
-    right_m: float,
-    left_m: float,
-    heading_rad: float,
-    base_m: float,
-    turn_rad: float,
-    noise: Noise,
-) -> Spread:
-    """The spread after one step.
-
-    Args:
-        right_m, left_m: ways of the wheels.
-        heading_rad: in the middle of the step.
-        base_m: `turning_separation_m` of the drive.
-        turn_rad: yaw of this step.
-    """
-    xx, xy, xt, yy, yt, tt = spread
-    way_m = (right_m + left_m) / 2
-    cos, sin = math.cos(heading_rad), math.sin(heading_rad)
-    right, left = noise[0] * abs(right_m), noise[0] * abs(left_m)
-    lean = way_m / 2 / base_m
-    xr, xl = cos / 2 - lean * sin, cos / 2 + lean * sin
-    yr, yl = sin / 2 + lean * cos, sin / 2 - lean * cos
-    dx, dy = -way_m * sin, way_m * cos
-    slip = noise[1] * abs(turn_rad)
-    hx, hy = dx / 2 * slip, dy / 2 * slip
-    return Spread(
-        xx + dx * (2 * xt + dx * tt) + xr * xr * right + xl * xl * left + hx * dx / 2,
-        xy + dx * yt + dy * xt + dx * dy * tt + xr * yr * right + xl * yl * left + hx * dy / 2,
-        xt + dx * tt + (xr * right - xl * left) / base_m + hx,
-        yy + dy * (2 * yt + dy * tt) + yr * yr * right + yl * yl * left + hy * dy / 2,
-        yt + dy * tt + (yr * right - yl * left) / base_m + hy,
-        tt + (right + left) / base_m / base_m + slip,
-    )
-
-
-def error_squared(spread: Spread, dx_m: float, dy_m: float, dyaw_rad: float) -> float:
+def error_squared(spread: Tuple[float, ...], dx_m: float, dy_m: float, dyaw_rad: float) -> float:
     """The normalised estimation error squared of a pose that is off by so much; on average 3 where `spread` holds.
 
     Raises:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrl_driver.odometry import ORIGIN, advance
-from mrl_driver.robots import load
+from mrl_driver.robots import ON_WHEELS, load
 from ros1_bridge import covariance
 from ros1_bridge.covariance import UNUSED_VARIANCE, PoseCovariance, pose_matrix
 
@@ -46,7 +46,7 @@ def test_unused_axes_are_not_measured():
 
 
 def test_yaw_variance_after_a_straight_metre_is_that_of_both_wheels():
-    expected = 2 * covariance.WHEEL_NOISE_M / BASE_M**2
+    expected = 2 * ON_WHEELS.wheel_m2_per_m / BASE_M**2
     assert driven(1.0, 1.0)[TT] == pytest.approx(expected, rel=0.01)
 
 
@@ -60,7 +60,7 @@ def test_covariance_agrees_with_random_wheels():
     """Monte Carlo: 2000 robots whose wheels err independently; 12 % is some four standard errors."""
     rng, steps, ends = random.Random(5), 40, []
     way_m = 1.0 / steps
-    spread = math.sqrt(covariance.WHEEL_NOISE_M * way_m)
+    spread = math.sqrt(ON_WHEELS.wheel_m2_per_m * way_m)
     for _ in range(2000):
         pose = ORIGIN
         for _ in range(steps):
