@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Dict, Iterable, List
 import click
 
 from ..doctor.findings import FAULT, NOTE, Finding, verdict
-from ..errors import ConfigError, MrlError, WrongRobot
+from ..errors import ConfigError, MrlError, PortBusy, PortDenied, WrongRobot
 from ..names import Target
 from .info import describe
 from .progress import waiting
@@ -80,7 +80,9 @@ class Checkup:
             self._examine()
         except MrlError as error:
             self.code = error.exit_code
-            self._add([_of_error(error, port)])
+            known = any(each.level == FAULT for each in self.findings)
+            if not (known and isinstance(error, (PortDenied, PortBusy))):
+                self._add([_of_error(error, port)])
         if any(finding.level == FAULT for finding in self.findings):
             self.code = self.code or 1
 

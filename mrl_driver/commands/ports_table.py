@@ -45,7 +45,8 @@ def _state(row: Row) -> Text:
     if not os.path.exists(row["device"]):
         return Text("not there", style="red")
     if not row["permitted"]:
-        return Text(f"no permission; join group {row['group'] or 'dialout'}", style="red")
+        who = "for root alone" if row["group"] in ("", "root") else f"join group {row['group']}"
+        return Text(f"no permission; {who}", style="red")
     return Text("free", style="green")
 
 

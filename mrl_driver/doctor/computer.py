@@ -31,6 +31,13 @@ def _permission(name: str) -> Iterator[Finding]:
     group = group_of(name)
     if os.access(name, os.R_OK | os.W_OK):
         yield Finding(OK, "permission", f"you may open {name}" + (f" (group {group})" if group else ""))
+    elif group in ("", "root"):
+        yield Finding(
+            FAULT,
+            "permission",
+            f"only root may open {name}",
+            "have udev give serial ports to group dialout: sudo mrl system install",
+        )
     elif group in _groups_by_file():
         yield Finding(
             FAULT,
@@ -42,8 +49,8 @@ def _permission(name: str) -> Iterator[Finding]:
         yield Finding(
             FAULT,
             "permission",
-            f"you may not open {name}: it belongs to group {group or 'unknown'}",
-            f"sudo usermod -aG {group or 'dialout'} $USER, then log out and in",
+            f"you may not open {name}: it belongs to group {group}",
+            f"sudo usermod -aG {group} $USER, then log out and in",
         )
 
 
@@ -70,8 +77,7 @@ def _modem_manager(port: Port) -> Iterator[Finding]:
             NOTE if known else WARNING,
             "ModemManager",
             "runs, and may keep the port busy for some seconds after the board is plugged in",
-            f'udev rule: ATTRS{{idVendor}}=="{port.vendor:04x}", ENV{{ID_MM_DEVICE_IGNORE}}="1"'
-            ", or: sudo systemctl disable --now ModemManager",
+            "sudo mrl system install, or: sudo systemctl disable --now ModemManager",
         )
 
 
