@@ -1,0 +1,183 @@
+"""Every command that a document shows: run, or parsed where it sets the machine up, needs a person or takes minutes."""
+
+import importlib.util
+import json
+import re
+import shutil
+import xml.etree.ElementTree
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from mrl_driver import generate
+from mrl_driver.cli import cli
+from sim_arduino.cli import main as mrl_sim
+
+from .blocks import ROOT, blocks
+from .shown import shown
+from .test_robot_recipe import TEXT
+
+SHOWN = shown()
+PORT = "/dev/ttyACM0"
+OUTSIDE = {"export", "git", "rosbag", "roscore", "rostopic", "rviz", "usermod"}
+"""Programs of other projects."""
+ENDS = {
+    "info": [],
+    "monitor": ["--seconds", "0.5"],
+    "record": ["--seconds", "0.5"],
+    "set-id": ["--yes"],
+    "ports": [],
+}
+"""Sub-commands that are run against an emulated board, and what makes them end by themselves."""
+
+
+def of(*programs):
+    found = [each for each in SHOWN if each.words[0].rpartition("/")[2] in programs]
+    return pytest.mark.parametrize("words", [each.words for each in found], ids=map(str, found))
+
+
+@pytest.fixture(autouse=True)
+def place(tmp_path, monkeypatch):
+    """A folder with what the documents' commands speak of."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    folder = tmp_path / "mrl-driver" / "robots"
+    folder.mkdir(parents=True)
+    (folder / "eswarbot.yaml").write_text(TEXT)
+    (folder.parent / "robots.yaml").write_text(f"lab3: {{port: {PORT}}}\n")
+    (tmp_path / "drive.log").write_text('#mrl-recording 1 {"port": "x"}\n0.0 < @5,2500,172,1180,2,1e\\r\\n\n')
+
+
+def test_every_command_is_of_a_known_kind():
+    """One that is not has no test."""
+    tested = {"make", "mrl", "mrl-sim", "pip", "pytest", "python", "roslaunch", "rosrun"} | OUTSIDE
+    assert {each.words[0].rpartition("/")[2] for each in SHOWN} <= tested
+
+
+@of("make")
+def test_targets_and_variables_exist(words):
+    makefiles = [ROOT / "Makefile", *ROOT.glob("*/*.mk")]
+    text = "\n".join(path.read_text() for path in makefiles)
+    targets = {name for line in re.findall(r"^([a-z][\w -]*):", text, re.M) for name in line.split()}
+    for word in words[1:]:
+        name, given, _ = word.partition("=")
+        assert f"$({name})" in text if given else name in targets
+
+
+def parse(command, words):
+    """The context of the innermost command; raises what a user would see."""
+    name, parent = "mrl", None
+    while isinstance(command, click.Group):
+        context = click.Context(command, parent, info_name=name)
+        _, words, _ = command.make_parser(context).parse_args(args=list(words))
+        if not words:
+            return context
+        name, parent, command = words[0], context, command.get_command(context, words[0])
+        assert command is not None, f"{context.command_path} has no {name}"
+        words = words[1:]
+    return command.make_context(name, list(words), parent=parent)
+
+
+def ends_by_itself(words):
+    """On an emulated TraxBot in place of the port."""
+    return PORT in words and "eswarbot" not in words and (words[0] in ENDS or "--for" in words)
+
+
+@of("mrl")
+def test_mrl_is_run_or_parsed(words, request):
+    """`mrl system` and what needs a keyboard or a person is parsed."""
+    words = words[1:]
+    if ends_by_itself(words):
+        port = request.getfixturevalue("emulated_board").port
+        words = [port if word == PORT else word for word in words] + ENDS.get(words[0], [])
+        done = CliRunner().invoke(cli, words, standalone_mode=False)
+        assert done.exception is None and done.output
+    elif words[0] == "replay" and "--pty" not in words:
+        CliRunner().invoke(cli, words, standalone_mode=False, catch_exceptions=False)
+    else:
+        try:
+            parse(cli, words)
+        except click.exceptions.Exit as ended:
+            assert ended.exit_code == 0
+
+
+@of("mrl-sim")
+def test_emulators_options_are_read(words):
+    try:
+        mrl_sim.make_context("mrl-sim", words[1:])
+    except click.exceptions.Exit as ended:
+        assert ended.exit_code == 0
+
+
+@of("python")
+def test_modules_exist(words):
+    assert words[1] == "-m" and importlib.util.find_spec(words[2])
+
+
+def test_generated_files_are_current():
+    assert generate.main(["--check"]) == 0
+
+
+@of("pip")
+def test_extras_exist(words):
+    text = (ROOT / "setup.py").read_text()
+    assert all(f'"{extra}": [' in text for word in words for extra in re.findall(r"\[(\w+)\]", word))
+
+
+@of("pytest")
+def test_folders_of_tests_exist(words):
+    assert all((ROOT / word).is_dir() for word in words[1:] if word.startswith("tests"))
+
+
+def launch_file(words):
+    return ROOT / words[1] if "/" in words[1] else ROOT / "ros1_bridge" / "launch" / words[2]
+
+
+@of("roslaunch")
+def test_launch_files_and_their_arguments_exist(words):
+    if words[1].startswith("--"):
+        return
+    root = xml.etree.ElementTree.parse(launch_file(words)).getroot()
+    known = {each.get("name") for each in root.findall("arg")}
+    assert {word.partition(":=")[0] for word in words if ":=" in word} <= known
+
+
+@of("rosrun")
+def test_nodes_exist(words):
+    assert words[1] == "mrl_robots" and (ROOT / "ros1_bridge" / "nodes" / words[2]).is_file()
+
+
+@of(*OUTSIDE)
+def test_other_programs_are_named_as_they_are(words):
+    needed = {"rostopic", "roscore", "rosbag"}
+    assert words[0] not in needed or shutil.which(words[0]) or shutil.which(f"/opt/ros/noetic/bin/{words[0]}")
+
+
+@pytest.mark.parametrize("document", ["README.md"])
+def test_python_of_the_document_runs(document, emulated_board):
+    code = [block.text for block in blocks(document) if block.language == "python"]
+    for text in code:
+        exec(compile(text.replace(PORT, emulated_board.port), document, "exec"), {})
+    assert code
+
+
+def test_links_between_documents_lead_somewhere():
+    for document in (
+        "README.md",
+        "CONTRIBUTING.md",
+        "HARDWARE.md",
+        "firmware/README.md",
+        "ros1_bridge/README.md",
+    ):
+        path = ROOT / document
+        for link in re.findall(r"\]\(([^)#]+)", path.read_text(encoding="utf-8")):
+            assert link.startswith("http") or (path.parent / link).exists(), f"{document}: {link}"
+
+
+def test_json_of_the_monitor_has_sensors(emulated_board):
+    """As SENSORS.md says."""
+    done = CliRunner().invoke(
+        cli, ["monitor", "--port", emulated_board.port, "--json", "--seconds", "0.5"], standalone_mode=False
+    )
+    assert json.loads(done.output.splitlines()[-1])["sensors"] == {}
