@@ -13,6 +13,7 @@ import time
 from typing import Any, Callable, Dict, List, Optional
 
 import diagnostic_updater
+import rosgraph
 import rospy
 from diagnostic_msgs.msg import KeyValue
 from geometry_msgs.msg import Twist
@@ -30,6 +31,7 @@ from mrl_driver.wheel_watch import Mismatch
 from . import messages, radio, reconfigure
 from .commander import NOT_FINITE, Commander, lowered
 from .diagnostics import Diagnostics
+from .master_watch import MasterWatch
 from .parameters import GROUPS, Parameters, check
 from .publishers import Publishers
 from .radio import Radio
@@ -167,8 +169,12 @@ class RobotNode:
         updater = diagnostic_updater.Updater()
         updater.setHardwareID(self._hardware_id(board))
         Diagnostics(self._driver, self._commander, self._parameters).add_to(updater)
+        master = MasterWatch(rosgraph.get_master_uri())
         while not self._driver.wait(DIAGNOSTICS_S):
             self._status.tell()
+            words = master.look()
+            if words:
+                rospy.logerr(words)
             if updater.publisher.get_num_connections():
                 updater.update()
 

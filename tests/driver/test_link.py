@@ -82,7 +82,9 @@ def test_closing_wakes_the_reader_without_an_error(pty):
     link = Link(pty[1])
     thread, results = in_thread(lambda: link.read(5))
     time.sleep(0.01)
+    start = time.monotonic()
     link.close()
+    assert time.monotonic() - start < SOON_S * BUSY
     thread.join(SOON_S * BUSY)
     assert results == [b""]
 

@@ -1,0 +1,59 @@
+"""The node without ROS's own infrastructure: a master that dies, a simulated clock that stands still."""
+
+import signal
+import time
+import xmlrpc.client
+from contextlib import suppress
+
+import pytest
+
+from ros1_bridge.processes import Child, wait_until
+from ros1_bridge.run import master_answers
+
+from . import rig as bench
+
+MOVE, STOP = 11, 13
+TIMEOUT_S, TIMEOUT_LATE_S = 0.5, 0.05
+BUSY_S = 0.15
+
+
+@pytest.fixture
+def own_master(master, tmp_path):
+    """A master beside that of the other tests, and its environment."""
+    uri = f"http://127.0.0.1:{bench.free_port()}"
+    env = {**master, "ROS_MASTER_URI": uri}
+    child = Child(
+        "master", ["rosmaster", "--core", "-p", uri.rsplit(":", 1)[1]], tmp_path / "master", env, bench.ROOT
+    )
+    assert wait_until(lambda: master_answers(uri), bench.START_S)
+    yield child, env
+    with suppress(ProcessLookupError):
+        child.signal(signal.SIGKILL)
+    child.finish(3.0)
+
+
+def test_robot_is_driven_on_and_stopped_in_time_without_master_and_clock(own_master, tmp_path):
+    """Simulated time stands at zero all the while; timers are monotonic."""
+    child, env = own_master
+    parameters = xmlrpc.client.ServerProxy(env["ROS_MASTER_URI"])
+    parameters.setParam("/test", "/use_sim_time", True)
+    rig = bench.Rig(tmp_path, env)
+    try:
+        wire = rig.tap(rig.board().port)
+        node = rig.node(wire.port, f"_cmd_vel_timeout:={TIMEOUT_S}")
+        wire.wait_for(STOP, 0.0, bench.START_S)
+        parameters.deleteParam("/test", "/use_sim_time")
+        words = ["pub", "-r", "20", f"{rig.ns}/cmd_vel", "geometry_msgs/Twist", "{linear: {x: 0.1}}"]
+        source = rig.start("rostopic", "rostopic", *words)
+        assert wait_until(lambda: wire.first(MOVE, 0.0) < float("inf"), bench.START_S)
+        child.signal(signal.SIGKILL)
+        assert wait_until(
+            lambda: any("no ROS master answers" in line for line in node.output()), bench.START_S
+        )
+        assert wire.wait_for(MOVE, time.monotonic()) < float("inf")
+        source.signal(signal.SIGKILL)
+        since = time.monotonic()
+        assert wire.wait_for(STOP, since) - since <= TIMEOUT_S + TIMEOUT_LATE_S + BUSY_S
+        assert node.exit_code is None
+    finally:
+        rig.close()
