@@ -4,6 +4,7 @@ The pose follows the wheels' true ways by exact arcs.  Numbers without another s
 """
 
 import math
+import random
 from bisect import bisect_left
 from dataclasses import dataclass, field
 from typing import Callable, NamedTuple, Optional, Tuple
@@ -53,6 +54,10 @@ class Params(NamedTuple):
     heating_c_per_a: float = 6.0
     """Final temperature rise of the motor board per ampere through the motors [degC/A]."""
     heating_s: float = 300.0
+    wheel_noise: float = 0.0
+    """Variance of a wheel's way on the floor, per way [m2/m]."""
+    turn_noise: float = 0.0
+    """Variance of the yaw by slip, per angle turned [rad2/rad]."""
 
 
 @dataclass
@@ -87,6 +92,10 @@ class Errors(NamedTuple):
     """True mass over the model's."""
     control_hz: float = 20.0
     """Rate of the motor board's control loop [Hz]: 10, 20 or 40."""
+    wheel_noise: float = 0.0
+    """Variance of a wheel's way on the floor, per way [m2/m]."""
+    turn_noise: float = 0.0
+    """Variance of the yaw by slip, per angle turned [rad2/rad]."""
 
 
 AS_MODELLED = Errors()
@@ -110,14 +119,16 @@ def params_for(model: RobotModel, errors: Errors = AS_MODELLED, omni: bool = Fal
     axle_m = model.drive.wheel_separation_m * errors.axle_scale
     return Params(
         motor,
-        per_count * errors.left_scale,
-        per_count * errors.right_scale,
+        model.drive.left_m_per_count * errors.left_scale,
+        model.drive.right_m_per_count * errors.right_scale,
         axle_m,
-        errors.turn_slip,
+        1.0 - (1.0 - model.drive.turn_slip) * (1.0 - errors.turn_slip),
         0.5 * axle_m if omni else 0.0,
         errors.control_hz,
         capacity_ah=battery.capacity_ah,
         rest_curve=_rest_curve(battery.empty_v, battery.full_v),
+        wheel_noise=errors.wheel_noise,
+        turn_noise=errors.turn_noise,
     )
 
 
@@ -161,12 +172,15 @@ class Robot:
         way: What stands in the way; None is an endless empty floor.
     """
 
-    def __init__(self, params: Params, pose: Tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
+    def __init__(
+        self, params: Params, pose: Tuple[float, float, float] = (0.0, 0.0, 0.0), seed: int = 0
+    ) -> None:
         self.params = params
         self.state = State(*pose, temperature_c=params.ambient_c, to_tick_s=1.0 / params.control_hz)
         self.motors = tuple(Motor(params.motor) for _ in range(3))
         self.gains = Gains()
         self.way: Optional[Way] = None
+        self._rng = random.Random(f"wheels {seed}")
         self._unaccounted_s = 0.0
         self._update_battery(0.0)
 
@@ -211,7 +225,9 @@ class Robot:
     def _roll(self, left_m: float, rear_m: float, right_m: float, dt: float) -> None:
         """Moves the pose as the wheels roll, as far as nothing stands in the way."""
         state = self.state
-        forward, aside, turn = self._twist(left_m, rear_m, right_m)
+        forward, aside, turn = self._twist(*map(self._jittered, (left_m, rear_m, right_m)))
+        if self.params.turn_noise:
+            turn += self._rng.gauss(0.0, math.sqrt(self.params.turn_noise * abs(turn)))
         old = Pose(state.x_m, state.y_m, state.yaw_rad)
 
         def after(share: float) -> Pose:
@@ -221,6 +237,11 @@ class Robot:
         share = 1.0 if self.way is None else self.way(old, furthest, after, dt)
         state.bumped = share < 1.0
         state.x_m, state.y_m, state.yaw_rad = after(share)
+
+    def _jittered(self, way_m: float) -> float:
+        """The way that a wheel makes on the floor, for what its encoder sees."""
+        noise = self.params.wheel_noise
+        return way_m + self._rng.gauss(0.0, math.sqrt(noise * abs(way_m))) if noise else way_m
 
     def _twist(self, left_m: float, rear_m: float, right_m: float) -> Tuple[float, float, float]:
         """Forward, to the left [m] and turned [rad] for these ways of the wheels."""

@@ -37,7 +37,7 @@ class Plant:
         slip: Tracks lose a share of each turn.
         sonars: False for the environment-sensor build, whose A0 and A2 carry other sensors.
         errors: How this robot differs from its model.
-        sonar_errors: Noise and the like of the sonars, drawn from `seed`.
+        sonar_errors: Noise and the like of the sonars, drawn from `seed`, as is the noise of the wheels.
         footprint: What of it bumps into things, see `bumper.footprint_for`.
         omni: Three wheels across instead of two side by side.
         name: In the world, among other robots.
@@ -69,7 +69,7 @@ class Plant:
         if slip and model.body.tracks and not errors.turn_slip:
             errors = errors._replace(turn_slip=TRACK_SLIP)
         start = self.world.start_of(name) if pose is None else Pose(*pose)
-        self.robot = Robot(params_for(model, errors, omni), start)
+        self.robot = Robot(params_for(model, errors, omni), start, seed)
         self.footprint = footprint_for(model, footprint)
         if self.footprint:
             self.robot.way = Bumper(self.world, self.footprint, name).share

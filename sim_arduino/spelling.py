@@ -28,6 +28,8 @@ ROBOT_KEYS = (
     Key("slip", 0.0, 0.0, 0.9, "share of the yaw lost in turns"),
     Key("load", 1.0, 0.1, 5.0, "mass over the model's"),
     Key("control", 20.0, 10.0, 40.0, "rate of the motor board's control loop [Hz]"),
+    Key("noise", 0.0, 0.0, 0.01, "variance of a wheel's way per way [m2/m]"),
+    Key("turn_noise", 0.0, 0.0, 0.1, "variance of the yaw per angle turned [rad2/rad]"),
 )
 SONAR_KEYS = (
     Key("noise", 0.0, 0.0, 1.0, "standard deviation [m]"),
@@ -47,7 +49,8 @@ def robot_errors(text: str) -> Errors:
     values = _values("--error", text, ROBOT_KEYS)
     ratio, size = values["wheel_ratio"], values["wheel_size"]
     left = 2.0 / (1.0 + ratio) * size
-    return Errors(left, left * ratio, *(values[key] for key in ("axle", "slip", "load", "control")))
+    others = ("axle", "slip", "load", "control", "noise", "turn_noise")
+    return Errors(left, left * ratio, *(values[key] for key in others))
 
 
 def sonar_errors(text: str) -> SonarErrors:
