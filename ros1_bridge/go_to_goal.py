@@ -76,6 +76,11 @@ class GoToGoal:
         rospy.Subscriber("waypoints", Path, self._on_waypoints, queue_size=1)
         self._server.start()
 
+    def stop(self) -> None:
+        """One stop if there is a goal; to be called before the topics are closed."""
+        if self._server.is_active():
+            self._cmd_vel.publish(Twist())
+
     def _on_odometry(self, message: Odometry) -> None:
         self._odometry, self._odometry_s = message, rospy.get_time()
 
@@ -216,6 +221,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     except ConfigError as error:
         rospy.logfatal(str(error))
         return error.exit_code
+    rospy.on_shutdown(node.stop)
     rospy.spin()
     del node
     return 0

@@ -45,6 +45,11 @@ class TeleopJoystick:
             twist.angular.z = shares[1] * self._angular_rad_s
         self._out.publish(twist)
 
+    def stop(self) -> None:
+        """One stop if it drives; to be called before the topics are closed."""
+        if self._driving:
+            self._out.publish(Twist())
+
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the node; returns the exit code."""
@@ -54,6 +59,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     except ConfigError as error:
         rospy.logfatal(str(error))
         return error.exit_code
+    rospy.on_shutdown(node.stop)
     rospy.spin()
     del node
     return 0

@@ -55,7 +55,7 @@ class TeleopKeyboard:
         self._driving = moving
 
     def stop(self) -> None:
-        """One stop, as the last word."""
+        """One stop, as the last word; to be called before the topics are closed."""
         self._out.publish(Twist())
 
 
@@ -70,10 +70,8 @@ def main(argv: Optional[List[str]] = None) -> int:
     except ConfigError as error:
         rospy.logfatal(str(error))
         return error.exit_code
+    rospy.on_shutdown(node.stop)
     rospy.loginfo(HELP)
-    try:
-        with Keyboard() as keyboard:
-            node.run(keyboard)
-    finally:
-        node.stop()
+    with Keyboard() as keyboard:
+        node.run(keyboard)
     return 0

@@ -9,7 +9,7 @@ import rospy
 from geometry_msgs.msg import PoseStamped, Quaternion, Twist
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+from move_base_msgs.msg import MoveBaseAction, MoveBaseActionResult, MoveBaseGoal
 from nav_msgs.msg import Odometry, Path
 from std_srvs.srv import Trigger
 
@@ -198,11 +198,19 @@ def test_goal_of_rviz_is_taken(robot):
 
 def test_waypoints_are_visited_in_turn(robot):
     waypoints = robot.publisher("waypoints", Path)
-    begin = len(robot.odom.messages)
-    waypoints.publish(Path(poses=[goal(robot, 0.3, 0.0), goal(robot, 0.3, 0.2)]))
-    assert wait_until(lambda: distance(robot, 0.3, 0.2) < PLACE_M, 60.0)
-    way = [m.pose.pose.position for m in robot.odom.messages[begin:]]
-    assert min(math.hypot(p.x - 0.3, p.y) for p in way) < PLACE_M
+    ended = robot.topic("move_base/result", MoveBaseActionResult)
+    ended.wait_for_publisher()
+    at = robot.odom.messages[-1].pose.pose.position
+    plans = robot.topic("plan", Path)
+    waypoints.publish(Path(poses=[goal(robot, at.x + ahead, at.y) for ahead in (0.1, 0.2)]))
+
+    def arrived():
+        states = [message.status.status for message in ended.messages]
+        return states[-2:] == [SUCCEEDED, SUCCEEDED] and distance(robot, at.x + 0.2, at.y) < PLACE_M
+
+    assert wait_until(arrived, 60.0)
+    ways = [plan.poses[-1].pose.position.x for plan in plans.messages[-2:]]
+    assert ways == pytest.approx([at.x + 0.1, at.x + 0.2])
 
 
 def test_node_that_ends_while_it_drives_ends_in_peace(robot):
@@ -212,4 +220,5 @@ def test_node_that_ends_while_it_drives_ends_in_peace(robot):
     twists.wait(5)
     robot.seeker.signal(signal.SIGINT)
     assert robot.seeker.wait(START_S) and robot.seeker.exit_code == 0
+    assert wait_until(lambda: twists.messages[-1] == Twist(), 5.0)
     assert not [line for line in robot.seeker.output() if "Traceback" in line or "ERROR" in line]
