@@ -45,6 +45,19 @@ class Gains:
     """Speed at which the ramp takes off [1/1000 of rated speed]."""
 
 
+class Geometry(NamedTuple):
+    """The differential geometry in the motor board's own units."""
+
+    axis_radius: int
+    """Half the axle [0.01 mm]."""
+    wheel_radius: int
+    """[0.01 mm]."""
+    gearbox: int
+    """Motor turns per wheel turn [0.1]."""
+    encoder_counts: int
+    """Counts per motor turn [0.1]."""
+
+
 class Mode(Enum):
     """What the motor board does with a motor."""
 

@@ -1,23 +1,20 @@
-"""The motor board (Bot'n Roll OMNI-3MD): its program as methods, and its registers as an I2C slave at 0x18.
+"""The motor board (Bot'n Roll OMNI-3MD): its program as methods; its registers stand in `omni3md_i2c`.
 
-Every call says when it happens; the physics is carried to that moment first.  Registers: 16-bit values, high byte
-first; the key bytes AA 55 guard what must not happen by accident.
+Every call says when it happens; the physics is carried to that moment first.
 """
 
 import math
-import struct
 from collections import deque
-from typing import Callable, Deque, Dict, List, NamedTuple, Tuple
+from typing import Deque, NamedTuple, Tuple
 
 from mrl_driver.robots import RobotModel
 
-from .motor import Gains
+from .motor import Gains, Geometry
 from .omni import shares_for
+from .omni3md_i2c import I2cSlave
 from .physics import Robot
 
 ADDRESS = 0x18
-VERSION = (1, 72)
-KEY = b"\xaa\x55"
 _PRESCALES = (1, 10, 100, 1000, 10000)
 _CALIBRATION_S = 1.0
 
@@ -28,19 +25,6 @@ class MotorCommand(NamedTuple):
     time_s: float
     code: int
     values: Tuple[int, ...]
-
-
-class Geometry(NamedTuple):
-    """The differential geometry in the motor board's own units."""
-
-    axis_radius: int
-    """Half the axle [0.01 mm]."""
-    wheel_radius: int
-    """[0.01 mm]."""
-    gearbox: int
-    """Motor turns per wheel turn [0.1]."""
-    encoder_counts: int
-    """Counts per motor turn [0.1]."""
 
 
 class _Counter:
@@ -74,6 +58,7 @@ class Omni3MD:
         too_early: Writes that came in such a time.
         commands: The last commands that had an effect, oldest first.
         saved: Encoder counts in its EEPROM, with which it starts.
+        write, read: Those of an I2C slave, see `omni3md_i2c.I2cSlave`.
     """
 
     def __init__(self, robot: Robot, model: RobotModel) -> None:
@@ -96,8 +81,8 @@ class Omni3MD:
         self._traffic_s = 0.0
         self._calibrated_s = math.inf
         self._busy_until_s = 0.0
-        self._pointer = 0
-        self._writers = self._register_writers()
+        slave = I2cSlave(self)
+        self.write, self.read = slave.write, slave.read
 
     # ---- time
 
@@ -248,8 +233,7 @@ class Omni3MD:
     def save_positions(self, time_s: float) -> None:
         """Puts the counts into the EEPROM; 10 ms, as for the ramp's four bytes."""
         self._note(time_s, 0xED)
-        left, rear, right = (c.read(m.travel) for c, m in zip(self.counters, self.robot.motors))
-        self.saved = left, rear, right
+        self.saved = self.counts()
         self._busy(0.010)
 
     def power_cycle(self, time_s: float) -> None:
@@ -265,10 +249,19 @@ class Omni3MD:
 
     # ---- readings
 
+    def is_busy(self, time_s: float) -> bool:
+        """Whether it is writing its EEPROM."""
+        return time_s < self._busy_until_s
+
     def encoder(self, number: int, time_s: float) -> int:
         """Count of encoder 1, 2 or 3 (int16)."""
         self.touch(time_s)
-        return self.counters[number - 1].read(self.robot.motors[number - 1].travel)
+        return self.counts()[number - 1]
+
+    def counts(self) -> Tuple[int, int, int]:
+        """Counts of the three encoders (int16) at the time of the last call."""
+        left, rear, right = (c.read(m.travel) for c, m in zip(self.counters, self.robot.motors))
+        return left, rear, right
 
     def battery_v(self, time_s: float) -> float:
         """Battery voltage [V]."""
@@ -279,90 +272,3 @@ class Omni3MD:
         """Temperature of the board [degC]."""
         self.touch(time_s)
         return self.robot.state.temperature_c
-
-    # ---- the I2C slave
-
-    def write(self, data: bytes, time_s: float) -> bool:
-        """One I2C write: a register, then its data.  False if the board did not acknowledge."""
-        if not data:
-            return self.present
-        early = time_s < self._busy_until_s
-        self.too_early += early
-        if not self.present or (early and self.busy_nack):
-            return False
-        self.touch(time_s)
-        self._pointer = data[0]
-        shape, writer = self._writers.get(data[0], ("", None))
-        fields = struct.Struct(">" + shape)
-        if writer is not None and len(data) == 1 + fields.size:
-            writer(time_s, *fields.unpack(data[1:]))
-        return True
-
-    def read(self, count: int, time_s: float) -> bytes:
-        """One I2C read from the register of the last write; past the last register all bits are 1."""
-        self.touch(time_s)
-        image, start = self._registers()
-        offset = start.get(self._pointer, len(image))
-        return image[offset : offset + count].ljust(count, b"\xff")
-
-    def _registers(self) -> Tuple[bytes, Dict[int, int]]:
-        """Bytes that can be read, in the order in which one transfer runs through them, and where each starts."""
-        state, motors = self.robot.state, self.robot.motors
-        words = [counter.read(motor.travel) for counter, motor in zip(self.counters, motors)]
-        words += [round(state.battery_v * 10.0), round(state.temperature_c * 10.0)]
-        image = struct.pack(">5hB3H2B", *words, round(self.robot.params.control_hz), *self.maxima, *VERSION)
-        start = {
-            0xD8: 0,
-            0xD7: 2,
-            0xD6: 4,
-            0xD5: 6,
-            0xD4: 8,
-            0xD3: 10,
-            0xD2: 11,
-            0xD1: 13,
-            0xD0: 15,
-            0xFE: 17,
-            0xFD: 18,
-        }
-        return image, start
-
-    def _register_writers(self) -> Dict[int, Tuple[str, Callable[..., None]]]:
-        """Layout and method of each register that can be written."""
-
-        def keyed(method: Callable[..., None], *positions: int) -> Callable[..., None]:
-            return _Keyed(method, positions)
-
-        return {
-            0xFC: ("2B", keyed(self.stop, 0, 1)),
-            0xFB: ("5B", keyed(lambda time_s, *ways: self.calibrate(time_s, ways), 3, 4)),
-            0xFA: ("b2h", self.move_omni),
-            0xED: ("2B", keyed(self.save_positions, 0, 1)),
-            0xF8: ("3h", lambda time_s, *percents: self.move_percent(time_s, percents, True)),
-            0xF7: ("3h", lambda time_s, *percents: self.move_percent(time_s, percents, False)),
-            0xF6: ("Bh", lambda time_s, motor, percent: self.move_motor(time_s, motor, percent, True)),
-            0xF5: ("Bh", lambda time_s, motor, percent: self.move_motor(time_s, motor, percent, False)),
-            0xF4: ("3H", self.set_gains),
-            0xF1: ("4B", self._write_timeout),
-            0xF0: ("4B", keyed(self.set_prescaler, 2, 3)),
-            0xEF: ("Bh2B", keyed(self.preset_encoder, 2, 3)),
-            0xEE: ("BhhB", lambda time_s, m, s, p, hold: self.move_to_position(time_s, m, s, p, bool(hold))),
-            0xEC: ("2H", self.set_ramp),
-            0xEB: ("2h", self.move_differential),
-            0xEA: ("4H", lambda time_s, *values: self.set_geometry(time_s, Geometry(*values))),
-        }
-
-    def _write_timeout(self, time_s: float, first: int, key1: int, again: int, key2: int) -> None:
-        if first == again and bytes((key1, key2)) == KEY:
-            self.set_timeout(time_s, first)
-
-
-class _Keyed:
-    """Calls a method if the key bytes stand where they must, without them."""
-
-    def __init__(self, method: Callable[..., None], positions: Tuple[int, ...]) -> None:
-        self._method, self._positions = method, positions
-
-    def __call__(self, time_s: float, *values: int) -> None:
-        if bytes(values[i] for i in self._positions) == KEY:
-            rest: List[int] = [value for i, value in enumerate(values) if i not in self._positions]
-            self._method(time_s, *rest)

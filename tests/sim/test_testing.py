@@ -5,6 +5,7 @@ import os
 import pytest
 
 from mrl_driver.errors import ConfigError
+from sim_arduino.omni3md_i2c import I2cSlave
 from sim_arduino.shapes import Wall
 from sim_arduino.testing import COMMANDS, EmulatedBoard
 from sim_arduino.world import World
@@ -54,7 +55,7 @@ def test_an_unknown_option_is_told():
 
 
 def test_every_command_of_the_motor_board_has_a_name(shared):
-    assert set(COMMANDS.values()) | {0xF2} == set(shared.plant.motor_board._writers) | {0xF2}
+    assert set(COMMANDS.values()) | {0xF2} == set(I2cSlave(shared.plant.motor_board)._writers) | {0xF2}
 
 
 def test_wheels_that_turn_and_stand():

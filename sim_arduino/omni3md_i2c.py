@@ -1,0 +1,97 @@
+"""The motor board's registers, as an I2C slave at 0x18.
+
+16-bit values go high byte first; the key bytes AA 55 guard what must not happen by accident.
+"""
+
+import struct
+from typing import TYPE_CHECKING, Callable, Dict, Tuple
+
+from .motor import Geometry
+
+if TYPE_CHECKING:
+    from .omni3md import Omni3MD
+
+VERSION = (1, 72)
+KEY = b"\xaa\x55"
+_OFFSETS = {
+    **{register: 2 * i for i, register in enumerate((0xD8, 0xD7, 0xD6, 0xD5, 0xD4))},
+    **{0xD3: 10, 0xD2: 11, 0xD1: 13, 0xD0: 15, 0xFE: 17, 0xFD: 18},
+}
+"""Where registers start in what one transfer runs through."""
+
+
+class I2cSlave:
+    """The I2C side of a motor board."""
+
+    def __init__(self, board: "Omni3MD") -> None:
+        self._board = board
+        self._pointer = 0
+        self._writers = self._register_writers()
+
+    def write(self, data: bytes, time_s: float) -> bool:
+        """One I2C write: a register, then its data.  False if the board did not acknowledge."""
+        board = self._board
+        if not data:
+            return board.present
+        early = board.is_busy(time_s)
+        board.too_early += early
+        if not board.present or (early and board.busy_nack):
+            return False
+        board.touch(time_s)
+        self._pointer = data[0]
+        shape, writer = self._writers.get(data[0], ("", None))
+        fields = struct.Struct(">" + shape)
+        if writer is not None and len(data) == 1 + fields.size:
+            writer(time_s, *fields.unpack(data[1:]))
+        return True
+
+    def read(self, count: int, time_s: float) -> bytes:
+        """One I2C read from the register of the last write; past the last register all bits are 1."""
+        self._board.touch(time_s)
+        image = self._registers()
+        offset = _OFFSETS.get(self._pointer, len(image))
+        return image[offset : offset + count].ljust(count, b"\xff")
+
+    def _registers(self) -> bytes:
+        """Bytes that can be read, in the order in which one transfer runs through them."""
+        board, state = self._board, self._board.robot.state
+        words = [*board.counts(), round(state.battery_v * 10.0), round(state.temperature_c * 10.0)]
+        return struct.pack(">5hB3H2B", *words, round(board.robot.params.control_hz), *board.maxima, *VERSION)
+
+    def _register_writers(self) -> Dict[int, Tuple[str, Callable[..., None]]]:
+        """Layout and method of each register that can be written."""
+        board = self._board
+        return {
+            0xFC: ("2B", _Keyed(board.stop, 0, 1)),
+            0xFB: ("5B", _Keyed(lambda time_s, *ways: board.calibrate(time_s, ways), 3, 4)),
+            0xFA: ("b2h", board.move_omni),
+            0xED: ("2B", _Keyed(board.save_positions, 0, 1)),
+            0xF8: ("3h", lambda time_s, *percents: board.move_percent(time_s, percents, True)),
+            0xF7: ("3h", lambda time_s, *percents: board.move_percent(time_s, percents, False)),
+            0xF6: ("Bh", lambda time_s, motor, percent: board.move_motor(time_s, motor, percent, True)),
+            0xF5: ("Bh", lambda time_s, motor, percent: board.move_motor(time_s, motor, percent, False)),
+            0xF4: ("3H", board.set_gains),
+            0xF1: ("4B", self._write_timeout),
+            0xF0: ("4B", _Keyed(board.set_prescaler, 2, 3)),
+            0xEF: ("Bh2B", _Keyed(board.preset_encoder, 2, 3)),
+            0xEE: ("BhhB", lambda time_s, m, s, p, hold: board.move_to_position(time_s, m, s, p, bool(hold))),
+            0xEC: ("2H", board.set_ramp),
+            0xEB: ("2h", board.move_differential),
+            0xEA: ("4H", lambda time_s, *values: board.set_geometry(time_s, Geometry(*values))),
+        }
+
+    def _write_timeout(self, time_s: float, first: int, key1: int, again: int, key2: int) -> None:
+        if first == again and bytes((key1, key2)) == KEY:
+            self._board.set_timeout(time_s, first)
+
+
+class _Keyed:
+    """Calls a method if the key bytes stand where they must, without them."""
+
+    def __init__(self, method: Callable[..., None], *positions: int) -> None:
+        self._method, self._positions = method, positions
+
+    def __call__(self, time_s: float, *values: int) -> None:
+        if bytes(values[i] for i in self._positions) == KEY:
+            rest = [value for i, value in enumerate(values) if i not in self._positions]
+            self._method(time_s, *rest)
