@@ -24,6 +24,7 @@ _FASTEST = 1e6
 """Beyond this [m/s, rad/s] the arc of a command is not kept; near the largest numbers the scale overflows."""
 
 Speeds = Tuple[float, float]
+STANDING: Speeds = (0.0, 0.0)
 
 
 class Commander:
@@ -39,7 +40,7 @@ class Commander:
         self._timeout_s = timeout_s
         self._lock = threading.Lock()
         self._target: Optional[Speeds] = None
-        self._now: Speeds = (0.0, 0.0)
+        self._now = STANDING
         self._commanded_s = self._stepped_s = float("-inf")
         self._cause = NONE
         self.limits = limits
@@ -53,9 +54,10 @@ class Commander:
         with self._lock:
             if self.latched or not self.enabled:
                 return False
-            self._commanded_s, self._cause = self._clock(), NONE
+            now = self._commanded_s = self._clock()
+            self._cause = NONE
             self._target = scaled(linear_m_s, angular_rad_s, self.limits)
-            return self._step()
+            return self._step(now)
 
     def tick(self) -> None:
         """Go on speeding up, and stop when commands have ended; called for each frame of the stream."""
@@ -64,10 +66,11 @@ class Commander:
         with self._lock:
             if self._target is None:
                 return
-            if self._clock() - self._commanded_s >= self._timeout_s:
+            now = self._clock()
+            if now - self._commanded_s >= self._timeout_s:
                 self._halt(TIMEOUT)
             elif self._now != self._target:
-                self._step()
+                self._step(now)
 
     def stop(self, cause: str = NONE) -> None:
         """Stop at once; the next command drives on."""
@@ -129,26 +132,24 @@ class Commander:
         )
 
     def _halt(self, cause: str) -> None:
-        self._target, self._now, self._cause = None, (0.0, 0.0), cause
+        self._target, self._now, self._cause = None, STANDING, cause
         self._driver.stop()
 
-    def _step(self) -> bool:
+    def _step(self, now: float) -> bool:
         assert self._target is not None
-        now = self._clock()
+        limits, (linear, angular) = self.limits, self._target
         dt_s, self._stepped_s = min(LONGEST_STEP_S, now - self._stepped_s), now
-        if self._driver.command is None:  # stopped meanwhile, by whatever
-            self._now = (0.0, 0.0)
-        if not any(self._now):
-            dt_s = FIRST_STEP_S
-        linear, angular = self._target
-        self._now = (
-            approached(self._now[0], linear, self.limits.linear_acceleration_m_s2 * dt_s),
-            approached(self._now[1], angular, self.limits.angular_acceleration_rad_s2 * dt_s),
+        before = self._now
+        if before == STANDING or self._driver.command is None:  # stopped meanwhile, by whatever
+            before, dt_s = STANDING, FIRST_STEP_S
+        self._now = speeds = (
+            approached(before[0], linear, limits.linear_acceleration_m_s2 * dt_s),
+            approached(before[1], angular, limits.angular_acceleration_rad_s2 * dt_s),
         )
-        if not self._driver.drive(*self._now):
-            self._target, self._now = None, (0.0, 0.0)
-            return False
-        return True
+        if self._driver.drive(*speeds):
+            return True
+        self._target, self._now = None, STANDING
+        return False
 
 
 def approached(speed: float, target: float, rise: float) -> float:
@@ -162,9 +163,10 @@ def approached(speed: float, target: float, rise: float) -> float:
 
 def scaled(linear_m_s: float, angular_rad_s: float, limits: Limits) -> Speeds:
     """The speeds, scaled down together where one exceeds its limit; the arc stays the same."""
-    linear_m_s, angular_rad_s = (
-        max(-_FASTEST, min(_FASTEST, speed)) for speed in (linear_m_s, angular_rad_s)
-    )
+    if abs(linear_m_s) <= limits.linear_m_s and abs(angular_rad_s) <= limits.angular_rad_s:
+        return linear_m_s, angular_rad_s
+    linear_m_s = max(-_FASTEST, min(_FASTEST, linear_m_s))
+    angular_rad_s = max(-_FASTEST, min(_FASTEST, angular_rad_s))
     excess = max(abs(linear_m_s) / limits.linear_m_s, abs(angular_rad_s) / limits.angular_rad_s, 1.0)
     return linear_m_s / excess, angular_rad_s / excess
 

@@ -115,14 +115,18 @@ def read_twist(message: Twist) -> Tuple[float, float]:
     Raises:
         ValueError: any of the six fields is NaN or infinite; the text names it.
     """
+    linear, angular = message.linear, message.angular
+    if not math.isfinite(linear.x + linear.y + linear.z + angular.x + angular.y + angular.z):
+        _demand_finite(message)
+    return linear.x, angular.z
+
+
+def _demand_finite(message: Twist) -> None:
     for part in ("linear", "angular"):
-        vector = getattr(message, part)
         for axis in "xyz":
-            if not math.isfinite(getattr(vector, axis)):
-                raise ValueError(
-                    f"cmd_vel {part}.{axis} is {getattr(vector, axis)}, expected a finite number"
-                )
-    return message.linear.x, message.angular.z
+            value = getattr(getattr(message, part), axis)
+            if not math.isfinite(value):
+                raise ValueError(f"cmd_vel {part}.{axis} is {value}, expected a finite number")
 
 
 def unused_axes(message: Twist) -> Tuple[str, ...]:

@@ -92,6 +92,10 @@ def test_command_is_forward_speed_and_yaw_rate():
     assert messages.read_twist(Twist(Vector3(0.2, 0, 0), Vector3(0, 0, -0.5))) == (0.2, -0.5)
 
 
+def test_numbers_whose_sum_is_infinite_are_finite():
+    assert messages.read_twist(Twist(Vector3(1e308, 1e308, 0), Vector3())) == (1e308, 0.0)
+
+
 def test_axes_that_the_robot_lacks_are_named():
     assert messages.unused_axes(Twist(Vector3(1, 2, 0), Vector3(0, -3, 4))) == ("linear.y", "angular.y")
 
