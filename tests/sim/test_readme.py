@@ -11,6 +11,8 @@ import yaml
 
 from sim_arduino import world_file
 from sim_arduino.cli import main
+from sim_arduino.control import ORDERS
+from sim_arduino.fault_table import FAULTS, parse
 from sim_arduino.mirror import main as mirror
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -75,6 +77,24 @@ def test_commands_of_the_readme_parse(line):
     words = line.split()
     command, options = (mirror, words[2:]) if words[0] == "mrl" else (main, words[1:])
     command.make_context(words[0], options)
+
+
+def first_column(title):
+    table = README[README.index(f"| {title} |") :].split("\n\n")[0]
+    return [name for row in table.splitlines()[2:] for name in re.findall(r"`([^`]+)`", row.split("|")[1])]
+
+
+def test_the_faults_named_are_those_there_are():
+    assert sorted(first_column("fault")) == sorted(FAULTS)
+
+
+def test_the_orders_named_are_those_there_are():
+    assert sorted(first_column("order")) == sorted(order for order, _ in ORDERS)
+
+
+@pytest.mark.parametrize("fault", re.findall(r"--fault (\w+:\S+)", README))
+def test_the_faults_spelt_out_can_be_read(fault):
+    parse(fault.strip("`"))
 
 
 def test_the_worlds_named_are_those_there_are():
