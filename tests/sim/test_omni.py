@@ -134,6 +134,7 @@ def test_errors_of_sonars():
         ("axle", "axle is '', expected 0.5 to 2"),
         ("axle=nan", "axle is 'nan'"),
         ("slip=1", "slip is '1', expected 0 to 0.9"),
+        ("slip=-0.1", "slip is '-0.1', expected 0 to 0.9"),
         ("nowhere.yaml", "No such file"),
     ],
 )

@@ -69,6 +69,13 @@ def test_a_trigger_during_warm_up_is_lost():
     assert counts(sonars, 1.0) == [0, 0, 0]
 
 
+def test_power_that_is_on_already_begins_no_new_warm_up():
+    sonars = chain()
+    sonars.power(True, 0.2)
+    sonars.trigger(0.3)
+    assert counts(sonars, 0.41)[0] > 0
+
+
 def test_without_power_outputs_are_0_v():
     sonars = chain()
     sonars.trigger(0.3)
