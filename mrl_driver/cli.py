@@ -6,6 +6,7 @@ Sub-commands are loaded when they are asked for; other packages add theirs throu
 
 import difflib
 import importlib
+import io
 import os
 import signal
 import sys
@@ -121,6 +122,9 @@ def main(args: Optional[Sequence[str]] = None) -> None:
     """Run `mrl`; always ends in SystemExit.  Signals stop the robot before that."""
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, _terminate)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without such characters shows `?`
     words = list(sys.argv[1:] if args is None else args)
     asked_by_shell = "_MRL_COMPLETE" in os.environ
     try:

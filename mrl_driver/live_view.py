@@ -16,7 +16,7 @@ from .live_map import draw
 from .readout import Readout
 from .table import SENSOR_BY_NAME
 
-LEFT_COLUMNS = 37
+LEFT_COLUMNS = 39
 NARROW, LOW = 72, 18
 """A terminal of fewer columns shows no map; one of fewer rows no frames."""
 _BAR = 10
@@ -127,7 +127,7 @@ def _motion(now: Shown) -> Table:
     grid.add_row("heading", f"{math.degrees(pose.yaw_rad):+.1f} deg")
     grid.add_row("speed", f"{twist.linear_m_s:+.3f} m/s  {twist.angular_rad_s:+.2f} rad/s")
     if asked is None:
-        reason = driver.stop_reason
+        reason = driver.stop_reason.replace("_", " ")
         grid.add_row(
             "asked", Text("stopped" if reason in ("none", "user") else f"stopped: {reason}", style="yellow")
         )
@@ -193,7 +193,7 @@ def _link(now: Shown) -> Table:
     else:
         grid.add_row("state", f"{now.rate_hz:.0f} Hz, newest {now.driver.age_s * 1000:.0f} ms ago")
     damage = sum(seen.garbage.values())
-    bad = f"{seen.lost} lost, {damage} damaged" + (f", {seen.restarts} resets" if seen.restarts else "")
+    bad = f"{seen.lost} lost, {damage} bad" + (f", {seen.restarts} resets" if seen.restarts else "")
     grid.add_row("errors", Text(bad, style="yellow" if seen.lost or damage or seen.restarts else ""))
     return grid
 

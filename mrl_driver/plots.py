@@ -142,7 +142,7 @@ def _draw_speeds(axes: Any, chronicle: Chronicle) -> None:
     turn.set_ylabel("yaw rate [rad/s]", color=ORANGE)
     _level(axes, turn)
     handles = [*axes.get_lines(), *turn.get_lines()]
-    axes.legend(handles, [line.get_label() for line in handles], fontsize="x-small", ncols=2)
+    axes.legend(handles, [line.get_label() for line in handles], fontsize="x-small", ncol=2)
 
 
 def _level(*axes: Any) -> None:
@@ -171,7 +171,7 @@ def _draw_ranges(axes: Any, chronicle: Chronicle) -> None:
     axes.set_ylabel("range [m]")
     axes.set_ylim(bottom=0)
     axes.legend(
-        fontsize="x-small", ncols=3, title="sonars; a gap is no reading or nothing", title_fontsize="x-small"
+        fontsize="x-small", ncol=3, title="sonars; a gap is no reading or nothing", title_fontsize="x-small"
     )
 
 
@@ -182,7 +182,7 @@ def _draw_battery(axes: Any, chronicle: Chronicle) -> None:
     axes.axhline(levels.low_v, color=ORANGE, linestyle="--", label="low")
     axes.axhline(levels.empty_v, color="black", linestyle=":", label="empty")
     axes.set_ylabel("battery [V]")
-    axes.legend(fontsize="x-small", ncols=3)
+    axes.legend(fontsize="x-small", ncol=3)
 
 
 _OVER_TIME: Dict[str, Callable[[Any, Chronicle], None]] = {
