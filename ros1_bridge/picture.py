@@ -11,6 +11,7 @@ import sys
 import time
 from pathlib import Path
 from typing import Dict, List, Sequence
+from xmlrpc.client import ServerProxy
 
 from .processes import Child, wait_until
 from .run import master_answers
@@ -22,8 +23,10 @@ DISPLAY, PORT = ":87", 11387
 SIZE = "1200x800"
 COLOURS = 128
 """Of the palette: the file stays below 300 KiB."""
-START_S, DRIVE_S, DRAW_S = 60.0, 9.0, 4.0
+START_S, DRIVE_S, DRAW_S = 60.0, 7.0, 4.0
 ARC = "{linear: {x: 0.2}, angular: {z: 0.25}}"
+GOAL = "{header: {frame_id: odom}, pose: {position: {x: 0.3, y: 1.6}, orientation: {w: 1.0}}}"
+"""Left ahead after the arc, so that the plan is in the picture."""
 
 
 def environment() -> Dict[str, str]:
@@ -61,10 +64,14 @@ def take(file: Path) -> None:
         _demand(wait_until(lambda: master_answers(env["ROS_MASTER_URI"]), START_S), master)
         robot = start("robot", "roslaunch", str(LAUNCH / "sim.launch"), "name:=picture", "laser:=true")
         _demand(wait_until(lambda: any("battery" in line for line in robot.output()), START_S), robot)
+        seeker = start("seeker", "roslaunch", str(LAUNCH / "go_to_goal.launch"))
         rviz = start("rviz", "roslaunch", str(LAUNCH / "rviz.launch"), "fixed_frame:=map")
+        _demand(wait_until(lambda: _subscribed("/rviz", "/odom"), START_S), rviz)
         drive = start("drive", "rostopic", "pub", "-r", "10", "cmd_vel", "geometry_msgs/Twist", ARC)
         time.sleep(DRIVE_S)
         drive.signal(signal.SIGINT)
+        _demand(wait_until(lambda: _subscribed("/go_to_goal", "/odom"), START_S), seeker)
+        start("goal", "rostopic", "pub", "-1", "move_base_simple/goal", "geometry_msgs/PoseStamped", GOAL)
         time.sleep(DRAW_S)
         _demand(rviz.exit_code is None, rviz)
         _shoot(file, env)
@@ -72,6 +79,12 @@ def take(file: Path) -> None:
         for part in reversed(parts):
             part.signal(signal.SIGINT)
             part.finish(10.0)
+
+
+def _subscribed(node: str, topic: str) -> bool:
+    """Whether a node subscribes to a topic, by the master's account."""
+    _, _, (_, subscribers, _) = ServerProxy(f"http://127.0.0.1:{PORT}").getSystemState("/picture")  # type: ignore
+    return any(name == topic and node in nodes for name, nodes in subscribers)  # type: ignore
 
 
 def _shoot(file: Path, env: Dict[str, str]) -> None:
