@@ -31,7 +31,8 @@ def read(path: str, expected: str) -> Any:
 def _demand_flat(path: str, text: str) -> None:
     """Loaders recurse: thousands of brackets would end them, and libyaml's with the whole program."""
     depth = 0
-    for event in yaml.parse(text, Loader=_LOADER):
+    events: Any = yaml.parse(text, Loader=_LOADER)
+    for event in events:
         depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
         if depth > _DEEPEST:
             line = event.start_mark.line + 1
