@@ -1,0 +1,62 @@
+"""package.xml names what the package uses, by keys that rosdep knows."""
+
+import ast
+import importlib.util
+import sys
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+import rospkg
+
+from .rig import ROOT
+from .test_launch import STAND_INS
+
+ROOTS = ElementTree.parse(ROOT / "package.xml").getroot()
+DEPENDS = {element.text for element in ROOTS if element.tag.endswith("depend")}
+CONDITIONAL = {element.text for element in ROOTS if element.get("condition")}
+SYSTEM = {
+    "click": "python3-click",
+    "numpy": "python3-numpy",
+    "serial": "python3-serial",
+    "yaml": "python3-yaml",
+    "pytest": "python3-pytest",
+    "setuptools": "python3-setuptools",
+    "check_urdf": "liburdfdom-tools",
+}
+"""Programs and modules by their key in rosdep's base.yaml and python.yaml."""
+NO_KEY = {"rich"}
+"""For the live view of `make run` alone, which has it in its virtual environment."""
+OWN = {"mrl_driver", "sim_arduino", "ros1_bridge"}
+
+
+def imported(path):
+    """Top-level names that a module imports."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.split(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            yield node.module.split(".")[0]
+
+
+def test_modules_that_the_bridge_imports_are_dependencies():
+    used = {name for path in (ROOT / "ros1_bridge").glob("*.py") for name in imported(path)}
+    used -= OWN | NO_KEY | set(getattr(sys, "stdlib_module_names", ())) | {"__future__"}
+    assert {SYSTEM.get(name, name) for name in used} <= DEPENDS
+
+
+def test_packages_that_launch_files_start_are_dependencies():
+    files = [*(ROOT / "ros1_bridge" / "launch").iterdir(), ROOT / "tests" / "ros" / "robot.test"]
+    parts = [part for path in files for part in ElementTree.parse(path).getroot().iter()]
+    used = {part.get("pkg") for part in parts if part.tag in ("node", "test")}
+    assert used - {"mrl_robots"} <= DEPENDS
+
+
+def test_packages_that_debian_lacks_are_asked_for_with_a_condition_alone():
+    assert set(STAND_INS) == CONDITIONAL
+
+
+@pytest.mark.parametrize("key", sorted(DEPENDS - CONDITIONAL))
+def test_key_is_one_that_rosdep_knows(key):
+    """A ROS package's name is its key; of some Debian has the Python modules alone."""
+    is_ros = key in rospkg.RosPack().list() or importlib.util.find_spec(key) is not None
+    assert key in SYSTEM.values() or is_ros
