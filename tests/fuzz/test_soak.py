@@ -5,30 +5,18 @@ import tracemalloc
 
 import pytest
 
-from mrl_driver import codec
-from mrl_driver.codec import REPLIES, FrameDecoder
+from mrl_driver.errors import BoardTimeout
 from mrl_driver.options import Options
 from mrl_driver.stepped import SteppedDriver
 from sim_arduino import boards
-from tests.fuzz import goals
+from tests.fuzz import goals, soak
 from tests.fuzz.soak_measures import sorted_out
 
 LEAK_BYTES = 25000
 """More than what a few buffers may hold, less than 100 bytes a frame."""
 
 
-def hear_every_number():
-    FrameDecoder(REPLIES).feed(b"\r\n".join(b"@6,%d,0e" % number for number in range(-32768, 32768)))
-
-
-def test_the_decoder_does_not_remember_every_number():
-    """All of them would take 7 MB; growth over hours is to stay below 5 MB."""
-    hear_every_number()
-    assert 0 < len(codec._INT16) < 32768
-
-
 def test_a_drive_at_100_hz_keeps_no_memory_and_loses_nothing():
-    hear_every_number()
     emulated = boards.make(boards.Options(robot="traxbot"))
     with SteppedDriver(emulated.engine, options=Options(period_ms=10)) as robot:
         robot.drive(0.1, 0.5)
@@ -65,6 +53,14 @@ def test_a_drive_at_100_hz_keeps_no_memory_and_loses_nothing():
 )
 def test_a_frame_cut_in_two_by_another_is_found_even_among_blocked_writes(received, blocked, mixed):
     assert sorted_out(received, blocked)[1] == mixed
+
+
+def test_a_part_that_fails_is_a_miss_and_does_not_end_the_others():
+    def fail():
+        raise BoardTimeout("no answer")
+
+    figures = soak.attempt("closes", fail)
+    assert goals.misses({**figures, "close_ms_max": 3}) == ["failed_closes"]
 
 
 def test_a_figure_beyond_its_goal_is_missed():
