@@ -127,7 +127,7 @@ def test_parser(request_bytes, reached):
 
 def test_some_speeds_come_out_one_off():
     """Through single-precision metres and back, cut off: 740 of the 65536 values."""
-    from sim_arduino.profiles import _scaled
+    from sim_arduino.profile_rows import _scaled
 
     assert sum(_scaled(value) != value for value in range(-32768, 32768)) == 740
 
