@@ -187,7 +187,7 @@ class Odometry:
         step = self.baseline.update(right, left, time_s)
         if step is None:
             return False
-        right, left, dt_s = step
+        right, left, dt_s = step.right, step.left, step.dt_s
         if right or left:
             travel = self.travel
             self.travel = _new(Wheels, (travel.right + right, travel.left + left))
@@ -214,15 +214,16 @@ class Odometry:
 
 def advance(pose: Pose, distance_m: float, turn_rad: float) -> Pose:
     """The pose at the end of an arc of that length and turn; exact for constant speeds."""
-    x_m, y_m, yaw_rad = pose
     half = turn_rad / 2
+    yaw_rad = pose.yaw_rad
     heading = yaw_rad + half
     if not -1e-8 <= half <= 1e-8:
         distance_m *= math.sin(half) / half
     yaw_rad += turn_rad
     if not -math.pi < yaw_rad <= math.pi:
         yaw_rad = wrap_angle(yaw_rad)
-    return _new(Pose, (x_m + distance_m * math.cos(heading), y_m + distance_m * math.sin(heading), yaw_rad))
+    x_m, y_m = pose.x_m + distance_m * math.cos(heading), pose.y_m + distance_m * math.sin(heading)
+    return _new(Pose, (x_m, y_m, yaw_rad))
 
 
 _new = tuple.__new__

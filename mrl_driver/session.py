@@ -321,13 +321,14 @@ class Session:
                 self._begin(now, events)
 
     def _on_counts(self, frame: Frame, now: float, events: List[SessionEvent]) -> None:
-        _, args, stamp = frame
+        args, stamp = frame.args, frame.stamp
         if stamp is not None and self._decoder.checked:
             sequence: Optional[int] = stamp.sequence
             missing = self._missing(stamp.sequence)
             if missing < 0:
                 return
-            stamp_s, time_s, _ = self._clock.update(stamp.time, now, next_one=not missing)
+            taken = self._clock.update(stamp.time, now, not missing)
+            stamp_s, time_s = taken.stamp_s, taken.board_s
         else:
             time_s = stamp_s = now
             sequence = stamp.sequence if stamp else None

@@ -104,13 +104,13 @@ class RobotState:
         odometry = self.odometry
         if odometry is None:
             return None
-        right, left, sonars, time_s, stamp_s, arrival_s, sequence = event
-        odometry.update(right, left, time_s)
+        odometry.update(event.right, event.left, event.time_s)
+        arrival_s, sonars = event.arrival_s, event.sonars
         fresh = self._on_sonars(sonars, arrival_s) if sonars else self._late_sonars
         self._late_sonars = ()
         pose, twist, travel = odometry.pose, odometry.twist, odometry.travel
         telemetry = self.telemetry = _new(
-            Telemetry, (stamp_s, arrival_s, pose, twist, self.ranges, fresh, travel, sequence)
+            Telemetry, (event.stamp_s, arrival_s, pose, twist, self.ranges, fresh, travel, event.sequence)
         )
         return telemetry
 
