@@ -58,5 +58,16 @@ def seen(engine, pose):
     return result
 
 
+def absent():
+    """The faults of a board whose sensor was never there, and what it reads."""
+    emulated = boards.make(boards.Options(engine="avr"))
+    emulated.plant.i2c[SENSOR_BY_NAME["air_temperature"].i2c.address].present = False
+    with SteppedDriver(emulated.engine) as robot:
+        robot.wait(RUN_S)
+        found = {"faults": robot.status.faults, "sensors": list(robot.sensors)}
+    emulated.close()
+    return found
+
+
 sensor_topics.direct_publisher = lambda *_, **__: Publisher()
-print(json.dumps({"far": seen("python", "-1,0,0"), "near": seen("avr", "1,0,0")}))
+print(json.dumps({"far": seen("python", "-1,0,0"), "near": seen("avr", "1,0,0"), "absent": absent()}))

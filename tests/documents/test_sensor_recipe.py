@@ -91,6 +91,10 @@ def test_it_is_shown_recorded_and_a_topic(result, place, shown):
     assert found["topic"] == ["one/air", pytest.approx(float(shown), abs=STEP_C), 0.25]
 
 
+def test_a_board_without_it_has_no_fault(result):
+    assert result["absent"] == {"faults": [], "sensors": []}
+
+
 def test_the_firmware_stays_small(tree, result):
     size = run(tree, "avr-size", "-B", "build/firmware/mrl_firmware.elf").splitlines()[1].split()
     assert int(size[0]) + int(size[1]) <= MOST_FLASH

@@ -11,7 +11,7 @@ from sensor_msgs.msg import Imu
 from std_msgs.msg import Float32, Float32MultiArray, UInt16
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.table import BY_NAME
+from mrl_driver.table import BY_NAME, SENSORS
 from ros1_bridge import radio, sensor_topics
 from ros1_bridge.processes import wait_until
 
@@ -56,6 +56,10 @@ def test_wrong_sensor_topics_are_refused_by_name(tmp_path, text, message):
     (tmp_path / "sensors.yaml").write_text(text)
     with pytest.raises(ConfigError, match=message):
         sensor_topics.load(str(tmp_path / "sensors.yaml"))
+
+
+def test_each_sensor_of_the_table_is_a_topic():
+    assert {entry.sensor for entry in sensor_topics.load().values()} == {row.name for row in SENSORS}
 
 
 def test_frame_takes_the_robots_prefix_and_values_their_factor():
