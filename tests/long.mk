@@ -9,3 +9,7 @@ fuzz: setup pc-firmware ## Damage frames and feed the decoders random bytes for 
 
 soak: setup firmware ## Kill, unplug, stop, close again and again, then drive on for MINUTES=n; build/bench/reliability.json
 	$(PY) -m tests.fuzz.soak --minutes $(MINUTES)
+
+.PHONY: bench-calibration
+bench-calibration: setup ## Calibrate 20 emulated robots with hidden errors; build/bench/calibration.json
+	$(PY) -m tests.bench.bench_calibration

@@ -37,7 +37,7 @@ class Lab:
         with self.robot(job.target.model) as robot:
             yield robot
 
-    def robot(self, model, period_ms=50):
+    def robot(self, model, period_ms=100):
         options = {"footprint": "none", **self.options}
         self.emulated = boards.make(boards.Options(robot="traxbot", **options))
         if self.rewire:
@@ -73,29 +73,23 @@ def lab(monkeypatch, tmp_path, capsys):
 
 
 def lap_error(lab, model):
-    """Error of the odometry after one square each way round, worst of both: metres and radians."""
-    worst = np.zeros(2)
+    """Error of the odometry after a clockwise square: metres and radians."""
     with lab.robot(model) as robot:
-        track = driving.Track(robot)
-        for left in (True, False):
-            ruler = Truth(lab.pose)
-            track.begin()
-            driving.square(robot, 1.0, left, driving.Speeds())
-            off = errors(robot.model.drive, [Run(driving.steps_of(track.end()), ruler.end(""))])[0]
-            worst = np.maximum(worst, (np.hypot(*off[:2]), abs(off[2])))
-    return worst
+        track, ruler = driving.Track(robot), Truth(lab.pose)
+        track.begin()
+        driving.square(robot, 1.0, False, driving.Speeds())
+        off = errors(robot.model.drive, [Run(driving.steps_of(track.end()), ruler.end(""))])[0]
+        return np.hypot(*off[:2]), abs(off[2])
 
 
 def test_calibration_removes_the_errors_of_a_square(lab, tmp_path):
     """Hidden errors put a square off by the papers' 8-10 cm; straight runs and UMBmark leave less than 1 cm."""
     lab.options = {"error": "wheel_ratio=1.003,wheel_size=1.01,axle=1.005,slip=0.015"}
-    before_m, _ = lap_error(lab, "traxbot")
-    assert before_m > 0.08
-    code, _, _ = lab.mrl("straight", "--count", 2, "--distance", 1, "--truth", "t", "--yes")
+    code, _, _ = lab.mrl("straight", "--count", 2, "--distance", 0.5, "--truth", "t", "--yes")
     assert code == 0
     own = ("--robot", "traxbot-1.yaml", "--truth", "t", "--yes", "--plot", "ends.png", "--json")
     code, out, _ = lab.mrl("umbmark", "--laps", 2, *own)
-    assert code == 0 and json.loads(out)["umbmark"]["worst_m"] > 0.05
+    assert code == 0 and json.loads(out)["umbmark"]["worst_m"] > 0.08
     end_m, end_rad = lap_error(lab, "traxbot-1.yaml")
     assert end_m < END_M and end_rad < END_RAD
     assert (tmp_path / "ends.png").stat().st_size > 5000

@@ -1,0 +1,107 @@
+"""Calibrates random emulated robots through the driver, in simulated time; build/bench/calibration.json.
+
+Each robot hides wheel, axle and slip errors and is calibrated by two straight runs and UMBmark with two laps each way;
+then a 1 m square is driven each way round.
+"""
+
+import math
+import random
+import time
+from typing import List, Tuple
+
+import numpy as np
+
+from mrl_driver.calibration import procedures
+from mrl_driver.calibration.driving import Speeds, Track
+from mrl_driver.calibration.measure import Truth
+from mrl_driver.calibration.run import Run, errors
+from mrl_driver.odometry import Pose
+from mrl_driver.options import Options
+from mrl_driver.robots import RobotModel, load
+from mrl_driver.stepped import SteppedDriver
+from sim_arduino import boards
+
+from . import report
+
+ROBOTS = 20
+END_M, END_RAD = 0.01, math.radians(0.5)
+PERIOD_MS = 100
+_SPEEDS = Speeds()
+Runs = List[Run]
+
+
+class Emulated:
+    """A new robot with these errors, which stands in an endless empty room."""
+
+    def __init__(self, model: RobotModel, hidden: str) -> None:
+        self._made = boards.make(boards.Options(robot=model.name, footprint="none", error=hidden))
+        self._driver = SteppedDriver(self._made.engine, model, Options(period_ms=PERIOD_MS))
+        self._driver.connect()
+        self._track = Track(self._driver)
+
+    def drive(self, legs: List[procedures.Leg]) -> Runs:
+        """Drives and measures all of them."""
+        runs: Runs = []
+        ruler = Truth(lambda: Pose(*self._made.plant.true_pose))
+        procedures.gather(self._driver, legs, ruler, runs.append, self._track)
+        return runs
+
+
+def hidden_errors(rng: random.Random) -> str:
+    """Errors of the size that puts a square some 8-10 cm off."""
+    return (
+        f"wheel_ratio={rng.uniform(0.996, 1.004):.5f},wheel_size={rng.uniform(0.98, 1.02):.5f},"
+        f"axle={rng.uniform(0.99, 1.01):.5f},slip={rng.uniform(0.0, 0.015):.5f}"
+    )
+
+
+def calibrate(hidden: str) -> Tuple[np.ndarray, np.ndarray, float]:
+    """Errors (2, 3) of the odometry after a square each way round before and after, and how far from its start the
+    calibrated robot ended, at most [m].
+    """
+    plain = load("traxbot")
+    model = plain
+    robot = Emulated(model, hidden)
+    runs = robot.drive(procedures.straight_legs(2, 2.0, _SPEEDS))
+    model = model._replace(drive=procedures.evaluate(procedures.STRAIGHT, runs, model).after)
+    laps = robot.drive(procedures.umbmark_legs(2, 1.0, _SPEEDS))
+    model = model._replace(drive=procedures.evaluate(procedures.UMBMARK, laps, model).after)
+    tried = Emulated(model, hidden).drive(procedures.umbmark_legs(1, 1.0, _SPEEDS))
+    missed_m = max(math.hypot(run.end.x_m, run.end.y_m) for run in tried)
+    return errors(plain.drive, [laps[0], laps[-1]]), errors(model.drive, tried), missed_m
+
+
+def main() -> None:
+    """Calibrates `ROBOTS` robots, one line each, and writes the figures."""
+    rng, good, befores, afters, misses = random.Random(7), 0, [], [], []
+    for number in range(1, ROBOTS + 1):
+        hidden, begin_s = hidden_errors(rng), time.process_time()
+        before, after, missed_m = calibrate(hidden)
+        before_m, after_m = (float(np.hypot(*each[:, :2].T).max()) for each in (before, after))
+        turned = float(np.abs(after[:, 2]).max())
+        good += max(after_m, missed_m) < END_M and turned < END_RAD
+        befores.append(before_m)
+        afters.append((after_m, math.degrees(turned)))
+        misses.append(missed_m)
+        print(
+            f"{number:2} {hidden}: {before_m * 100:.2f} cm before, {after_m * 100:.3f} cm "
+            f"{math.degrees(turned):.3f} deg after, ends {missed_m * 100:.2f} cm from its start; "
+            f"{time.process_time() - begin_s:.1f} s"
+        )
+    report.write(
+        "calibration",
+        {
+            "robots": ROBOTS,
+            "robots_good": good,
+            "square_before_cm_median": float(np.median(befores)) * 100,
+            "square_after_cm_max": max(each[0] for each in afters) * 100,
+            "square_after_deg_max": max(each[1] for each in afters),
+            "square_from_start_cm_max": max(misses) * 100,
+        },
+    )
+    if good < ROBOTS:
+        raise SystemExit(f"{good} of {ROBOTS} robots end within {END_M * 100:g} cm and 0.5 deg")
+
+
+if __name__ == "__main__":
+    main()
