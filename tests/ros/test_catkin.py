@@ -15,6 +15,7 @@ from ros1_bridge.run import master_answers
 
 from .rig import ROOT, START_S, free_port
 
+pytestmark = pytest.mark.timeout(300)
 SPACES = ("devel", "install")
 PARTS = ("LICENSE", "README.md", "package.xml", "CMakeLists.txt", "setup.py")
 PACKAGES = ("mrl_driver", "sim_arduino", "ros1_bridge")
@@ -67,7 +68,7 @@ class Workspace:
     def demand(self, *command):
         """Run it and return what it said; it must succeed."""
         done = subprocess.run(
-            command, env=self.env, cwd=str(self.folder), capture_output=True, text=True, timeout=110
+            command, env=self.env, cwd=str(self.folder), capture_output=True, text=True, timeout=200
         )
         said = done.stdout + done.stderr
         assert done.returncode == 0, said
