@@ -6,7 +6,7 @@ from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple, Union
 from mrl_driver.errors import ConfigError
 
 from . import line_faults
-from .line_faults import LineFault
+from .fault_chain import LineFault
 
 FOREVER_S = 1e9
 TO_BOARD, TO_HOST, BOTH = "to_board", "to_host", "both"

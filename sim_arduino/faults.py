@@ -10,8 +10,8 @@ import random
 from typing import Iterable, List, Protocol, Union
 
 from .engine import Engine
+from .fault_chain import Chain, Window
 from .fault_table import BOTH, TO_BOARD, TO_HOST, Fault, parse
-from .line_faults import Chain, Window
 
 
 class _Timed(Protocol):

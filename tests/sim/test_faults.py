@@ -11,8 +11,8 @@ from mrl_driver.codec import REPLIES, REQUESTS, Frame, FrameDecoder
 from mrl_driver.errors import ConfigError
 from mrl_driver.robots import load
 from mrl_driver.table import STOP_CODE
-from sim_arduino import line_faults
 from sim_arduino.board import PythonBoard
+from sim_arduino.fault_chain import Window
 from sim_arduino.fault_table import FAULTS, parse, usage
 from sim_arduino.faults import FaultyEngine
 from sim_arduino.plant import Plant
@@ -317,7 +317,7 @@ def test_the_default_text_holds_no_frame():
     st.lists(st.floats(0, 100), max_size=30),
 )
 def test_a_window_is_switched_only_when_it_says(at, lasts, every, times):
-    window = line_faults.Window(at, lasts, every)
+    window = Window(at, lasts, every)
     now = 0.0
     for time_s in sorted(times):
         if time_s < window.next_s(now):
