@@ -84,7 +84,7 @@ class Core:
         notices: List[Notice] = []
         for event in events:
             if type(event) is Counts:
-                self._on_counts(event, now, notices)
+                self._on_counts(event, session, now, notices)
             else:
                 notices += self._digest(event, now)
         return notices
@@ -126,7 +126,7 @@ class Core:
                 notices.append(("sensor", (name, self.session.sensors.readings[name])))
         return notices
 
-    def _on_counts(self, event: Counts, now: float, notices: List[Notice]) -> None:
+    def _on_counts(self, event: Counts, session: Session, now: float, notices: List[Notice]) -> None:
         """Take telemetry into the robot's state, and stop a robot of which a wheel does not do what it was told."""
         telemetry = self.state.on_counts(event)
         if telemetry is None:
@@ -135,13 +135,13 @@ class Core:
             notices.append(("telemetry", telemetry))
         else:
             notices += self._thin(telemetry)
-        motion = self.session.motion
+        motion = session.motion
         if motion.target is None:
             self._watch = None
         else:
             self.mismatch = self._check_wheels(motion, telemetry.counts, event.time_s)
             if self.mismatch is not None:
-                self.session.stop(now, "wheel_mismatch")
+                session.stop(now, "wheel_mismatch")
                 self.due_s = now
                 notices.append(("state", self.mismatch))
 

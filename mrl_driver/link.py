@@ -142,19 +142,15 @@ class Link:
                 if fd == self._wake_out:
                     os.read(fd, 4096)
                 elif not self.closed:
-                    data = self._read_now()
+                    try:
+                        data = os.read(fd, READ_SIZE)
+                    except BlockingIOError:
+                        return b""
+                    except OSError as error:
+                        raise self._lost(error.strerror) from None
+                    if not data:
+                        raise self._lost("hung up")
             return data
-
-    def _read_now(self) -> bytes:
-        try:
-            data = os.read(self._fd, READ_SIZE)
-        except BlockingIOError:
-            return b""
-        except OSError as error:
-            raise self._lost(error.strerror) from None
-        if not data:
-            raise self._lost("hung up")
-        return data
 
     def write(self, data: bytes) -> None:
         """Send all of `data`.

@@ -162,7 +162,9 @@ class Session:
         Raises:
             BoardError: the board is not one to work with.
         """
-        self._attend(now)
+        if now - self._attended_s > PAUSE_S:
+            self._resume()
+        self._attended_s = now
         counters = self.counters
         counters.bytes_in += len(data)
         events: List[SessionEvent] = []
@@ -191,7 +193,9 @@ class Session:
             NotARobot: nothing answers the greeting, or not in frames.
             BoardTimeout: the board stopped answering during the greeting.
         """
-        self._attend(now)
+        if now - self._attended_s > PAUSE_S:
+            self._resume()
+        self._attended_s = now
         events: List[SessionEvent] = []
         if self._greeting is not None:
             self._greeting.tick(now, self.checked)
@@ -212,7 +216,7 @@ class Session:
         due_s = self.heard_s + STALE_S
         if motion.target is not None:
             due_s = min(due_s, self._attended_s + ATTENTION_S)
-        late = self.late(now)
+        late = now - self.heard_s >= LATE_S
         if motion.stopping or (motion.target is not None and not late):
             due_s = min(due_s, motion.due_s())
         return due_s if late or due_s < self._ask_s else self._ask_s
@@ -221,10 +225,10 @@ class Session:
         """Telemetry is so old that no motion is sent."""
         return now - self.heard_s >= LATE_S
 
-    def _attend(self, now: float) -> None:
-        if now - self._attended_s > PAUSE_S and self.motion.target is not None:
+    def _resume(self) -> None:
+        """This program was not there for a while."""
+        if self.motion.target is not None:
             self.motion.stop("host_paused")
-        self._attended_s = now
 
     # -- out
 

@@ -80,7 +80,7 @@ class RobotState:
             telemetry = self.on_counts(event)
             return [("telemetry", telemetry)] if telemetry else []
         if isinstance(event, Sonars):
-            self._late_sonars = self._on_sonars(event.values, now)
+            self._late_sonars = self._on_new(self._new_readings.update(event.values, now), event.values)
             return []
         if isinstance(event, Info):
             return self._on_info(event.board, now)
@@ -106,19 +106,20 @@ class RobotState:
             return None
         odometry.update(event.right, event.left, event.time_s)
         arrival_s, sonars = event.arrival_s, event.sonars
-        fresh = self._on_sonars(sonars, arrival_s) if sonars else self._late_sonars
-        self._late_sonars = ()
+        if sonars:
+            new = self._new_readings.update(sonars, arrival_s)
+            fresh = self._on_new(new, sonars) if new else new
+        else:
+            fresh, self._late_sonars = self._late_sonars, ()
         pose, twist, travel = odometry.pose, odometry.twist, odometry.travel
         telemetry = self.telemetry = _new(
             Telemetry, (event.stamp_s, arrival_s, pose, twist, self.ranges, fresh, travel, event.sequence)
         )
         return telemetry
 
-    def _on_sonars(self, values: Tuple[int, ...], now: float) -> Tuple[str, ...]:
+    def _on_new(self, new: Tuple[str, ...], values: Tuple[int, ...]) -> Tuple[str, ...]:
+        """Take in sonar values of which some are new; the names of those that this robot has."""
         assert self.model is not None
-        new = self._new_readings.update(values, now)
-        if not new:
-            return new
         fresh = tuple(name for name in new if name in self.model.sonars)
         if fresh:
             version = self.info.version if self.info else 2
