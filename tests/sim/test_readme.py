@@ -21,22 +21,35 @@ PYTHON = re.findall(r"```python\n(.*?)```", README, re.S)
 TESTS = [text for text in PYTHON if "def test_" in text]
 YAML = re.findall(r"```yaml\n(.*?)```", README, re.S)
 
-
 SETUP = (ROOT / "setup.py").read_text(encoding="utf-8")
-PLUGIN = re.search(r'"pytest11": \["(.*?)"\]', SETUP).group(1)
+ENTRY_POINT = re.search(r'"pytest11": \["(.*?)"\]', SETUP).group(1)
+PLUGIN = ENTRY_POINT.partition("=")[2]
 
 
-def run_pytest(folder, text):
-    """The text as a test file of somebody else, with the plugin as pytest finds it once it is installed."""
+def run_pytest(folder, text, *options, **environment):
+    """The text as a test file of somebody else; the plugin is named unless `options` do otherwise."""
     (folder / "test_robot.py").write_text(text)
-    installed = folder / "site" / "mrl_driver-0.dist-info"
-    installed.mkdir(parents=True)
-    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: mrl-driver\nVersion: 0\n")
-    (installed / "entry_points.txt").write_text(f"[pytest11]\n{PLUGIN}\n")
-    environment = {**os.environ, "PYTHONPATH": f"{ROOT}:{installed.parent}"}
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_robot.py"]
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(ROOT),
+        "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
+        **environment,
+    }
+    command = [sys.executable, "-m", "pytest", "-q", *(options or ("-p", PLUGIN)), "test_robot.py"]
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
     return done.stdout + done.stderr
+
+
+def test_pytest_finds_the_fixtures_once_installed(tmp_path):
+    """By what an installation leaves behind beside the packages."""
+    installed = tmp_path / "mrl_driver-0.dist-info"
+    installed.mkdir()
+    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: mrl-driver\nVersion: 0\n")
+    (installed / "entry_points.txt").write_text(f"[pytest11]\n{ENTRY_POINT}\n")
+    found = {"PYTHONPATH": f"{ROOT}:{tmp_path}", "PYTEST_DISABLE_PLUGIN_AUTOLOAD": ""}
+    out = run_pytest(tmp_path, "", "--fixtures", **found)
+    assert "emulated_board" in out
+    assert "true_pose" in out
 
 
 @pytest.mark.parametrize("text", TESTS, ids=[re.findall(r"def (test_\w+)", text)[0] for text in TESTS])
