@@ -75,7 +75,11 @@ run: setup firmware ## Drive an emulated robot through ROS with a live view; POR
 	@$(ROS_ENV) exec $(PY) -m ros1_bridge.run $(if $(ROBOT),--robot $(ROBOT)) $(if $(ENGINE),--engine $(ENGINE)) \
 	  $(if $(PORT),--port $(PORT)) $(if $(DURATION),--duration $(DURATION))
 
-.PHONY: docs
+.PHONY: docs generate
+generate: setup ## Render protocol.h and PROTOCOL.md out of the table, the URDFs out of the robot models
+	$(PY) -m mrl_driver.generate
+	$(PY) -m ros1_bridge.description
+
 docs: setup ## API documentation in build/docs; fails on a warning
 	@mkdir -p build
 	@$(ROS_ENV) $(PY) -m pdoc --docformat google -o build/docs mrl_driver sim_arduino ros1_bridge 2>build/docs.log; code=$$?; \

@@ -20,7 +20,9 @@ from .test_robot_recipe import TEXT
 
 SHOWN = shown()
 PORT = "/dev/ttyACM0"
-OUTSIDE = {"export", "git", "rosbag", "roscore", "rostopic", "rviz", "usermod"}
+OUTSIDE = set(
+    ". catkin_make cd export git rosbag roscore rosnode rosparam rosservice rostest rostopic roswtf rqt rviz source usermod".split()
+)
 """Programs of other projects."""
 ENDS = {
     "info": [],
@@ -150,7 +152,7 @@ def test_nodes_exist(words):
 
 @of(*OUTSIDE)
 def test_other_programs_are_named_as_they_are(words):
-    needed = {"rostopic", "roscore", "rosbag"}
+    needed = {"rostopic", "roscore", "rosbag", "rosnode", "rosservice", "roswtf"}
     assert words[0] not in needed or shutil.which(words[0]) or shutil.which(f"/opt/ros/noetic/bin/{words[0]}")
 
 
