@@ -81,6 +81,8 @@ def _demand_finite(**speeds: float) -> None:
 def drive_for(driver: "Driver", linear_m_s: float, angular_rad_s: float, seconds: float) -> None:
     """Drive for `seconds`, stop, and wait up to 2 s for telemetry to confirm it.
 
+    Prints nothing meanwhile: a terminal that takes no more output would delay the stop.
+
     Raises:
         WheelFault: a wheel did not do what it was told.
         BoardTimeout: the robot stopped early for another reason.

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import pty
 import signal
 import subprocess
 import sys
@@ -249,37 +250,63 @@ def test_keys(data, keys):
     assert keyboard.split(data) == keys
 
 
-def drain(terminal, seen):
-    """What a program shows on a terminal, so that it never waits."""
-    with contextlib.suppress(OSError):
-        while True:
-            seen += os.read(terminal, 65536)
+class Terminal:
+    """`mrl drive` on a terminal of its own, which takes what the program shows until `stalled` is set."""
+
+    def __init__(self, path):
+        self.pid, self._fd = pty.fork()
+        if self.pid == 0:
+            os.environ["TERM"] = "xterm"
+            os.execv(sys.executable, [sys.executable, "-m", "mrl_driver", "drive", "--port", path])
+        self.seen = bytearray()
+        self.stalled = threading.Event()
+        threading.Thread(target=self._drain, daemon=True).start()
+
+    def _drain(self):
+        with contextlib.suppress(OSError):
+            while not self.stalled.is_set():
+                self.seen += os.read(self._fd, 65536)
+
+    def press(self, keys):
+        os.write(self._fd, keys)
+
+    def end(self, number=0):
+        """Wait for the end, after a signal if need be; the status."""
+        if number:
+            os.kill(self.pid, number)
+        _, status = os.waitpid(self.pid, 0)
+        os.close(self._fd)
+        return status
 
 
 def test_driving_with_the_keyboard(serve):
-    """A whole session on a terminal: a key that is let go of stops the robot, and so does a cut connection."""
-    import pty
-
+    """A whole session: a key that is let go of stops the robot."""
     port = serve()
-    pid, terminal = pty.fork()
-    if pid == 0:
-        os.environ["TERM"] = "xterm"
-        os.execv(sys.executable, [sys.executable, "-m", "mrl_driver", "drive", "--port", port.path])
-    seen = bytearray()
-    threading.Thread(target=drain, args=(terminal, seen), daemon=True).start()
+    terminal = Terminal(port.path)
     try:
-        wait_until(lambda: b"asked" in seen)
-        os.write(terminal, b"\x1b[A")
+        wait_until(lambda: b"asked" in terminal.seen)
+        terminal.press(b"\x1b[A")
         wait_until(lambda: port.board.speeds == (250, 0))
         wait_until(lambda: port.board.speeds == (0, 0))
-        os.write(terminal, b"wq")
+        terminal.press(b"wq")
     except BaseException:
-        os.kill(pid, signal.SIGKILL)
+        terminal.end(signal.SIGKILL)
         raise
+    assert terminal.end() == 0 and port.board.speeds == (0, 0)
+
+
+def test_a_terminal_that_takes_no_more_output_stops_the_robot(serve):
+    """Ctrl-S, or a connection that hangs: the view waits, and nobody knows whether the key is still held."""
+    port = serve()
+    terminal = Terminal(port.path)
+    try:
+        wait_until(lambda: b"asked" in terminal.seen)
+        terminal.press(b"\x1b[A")
+        wait_until(lambda: port.board.speeds == (250, 0))
+        terminal.stalled.set()
+        wait_until(lambda: port.board.speeds == (0, 0))
     finally:
-        _, status = os.waitpid(pid, 0)
-        os.close(terminal)
-    assert status == 0 and port.board.speeds == (0, 0)
+        terminal.end(signal.SIGKILL)
 
 
 @pytest.mark.parametrize(
