@@ -3,7 +3,7 @@
 import pytest
 
 from mrl_driver.events import Counts, Ready, Stale
-from mrl_driver.handshake import Board
+from mrl_driver.handshake import RETRY_S, Board
 from mrl_driver.options import Options
 from mrl_driver.robots import load
 from mrl_driver.state import RobotState
@@ -14,6 +14,7 @@ from sim_arduino.plant import Plant
 from sim_arduino.profiles import Board2013
 
 from .emulator import MOVE, STOP
+from .talk import Talk
 
 HOST_DEAD_S, BEYOND_TIMEOUT_S = 0.3, 0.05
 LATE_S, STALE_S = 0.1, 0.3
@@ -171,6 +172,13 @@ def test_a_board_that_opening_has_reset_is_ready_in_time_and_stays_still(make, d
     robot.connect()
     assert deaf_s < robot.now_s <= limit_s
     assert [command for command in plant.motor_board.commands if command.code == MOVE] == []
+
+
+def test_half_a_frame_at_connect_costs_nothing_but_itself():
+    """The answer right behind it counts: nothing has to be asked again."""
+    talk = Talk()
+    talk.board.out += b"@8,12"
+    assert talk.until_ready().now < RETRY_S
 
 
 def test_after_a_pause_of_the_host_telemetry_is_fresh_and_all_of_it_is_true():
