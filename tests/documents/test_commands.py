@@ -35,6 +35,7 @@ ENDS = {
 
 def of(*programs):
     found = [each for each in SHOWN if each.words[0].rpartition("/")[2] in programs]
+    assert found, f"no document shows {programs}"
     return pytest.mark.parametrize("words", [each.words for each in found], ids=map(str, found))
 
 
@@ -150,9 +151,11 @@ def test_nodes_exist(words):
     assert words[1] == "mrl_robots" and (ROOT / "ros1_bridge" / "nodes" / words[2]).is_file()
 
 
-@of("rosbag", "roscore", "rosnode", "rosservice", "rostopic", "roswtf")
-def test_programs_of_ros_are_named_as_they_are(words):
-    assert shutil.which(words[0]) or shutil.which(f"/opt/ros/noetic/bin/{words[0]}")
+def test_programs_of_ros_are_named_as_they_are():
+    """Those that `make setup` installs."""
+    wanted = {"rosbag", "roscore", "rosnode", "rosservice", "rostopic", "roswtf"}
+    for name in wanted & {each.words[0] for each in SHOWN}:
+        assert shutil.which(name) or shutil.which(f"/opt/ros/noetic/bin/{name}")
 
 
 @pytest.mark.parametrize("document", ["README.md"])
