@@ -6,7 +6,7 @@ import os
 from typing import Callable, Protocol
 
 from ..errors import ConfigError
-from ..odometry import Pose, wrap_angle
+from ..odometry import ORIGIN, Pose, wrap_angle
 
 _TAIL_BYTES = 4096
 
@@ -26,7 +26,7 @@ class Truth:
 
     def __init__(self, pose: Callable[[], Pose]) -> None:
         self._pose = pose
-        self._start = pose()
+        self._start = ORIGIN
 
     def begin(self, run: str) -> None:
         """Remember where the robot is."""

@@ -65,6 +65,11 @@ class Progress:
         found["runs"].append(as_json(run))
         self._write()
 
+    def replace(self, procedure: str, number: int, run: Run) -> None:
+        """Run `number`, from 0 on, was driven again."""
+        self._data["procedures"][procedure]["runs"][number] = as_json(run)
+        self._write()
+
     def forget(self, procedure: str) -> None:
         """Begin anew."""
         if self._data["procedures"].pop(procedure, None) is not None:

@@ -1,6 +1,7 @@
 """`mrl calibrate straight`, `turn` and `umbmark`."""
 
-from typing import TYPE_CHECKING, Any, Callable, List, Mapping, Sequence, Tuple
+from functools import partial
+from typing import TYPE_CHECKING, Any, List, Mapping, NamedTuple, Sequence, Tuple
 
 import click
 
@@ -19,68 +20,84 @@ from .calibrate_job import (
 from .shared import say_json, warn
 
 if TYPE_CHECKING:
+    from ..calibration.measure import Ruler
     from ..calibration.procedures import Leg, Outcome
     from ..calibration.run import Run
-    from ..calibration.store import Key
+    from ..calibration.store import Key, Progress
     from ..driver import Driver
     from ..robots import RobotModel
 
 
-def _geometry(
-    procedure: str, settings: Mapping[str, float], legs: Callable[[], List["Leg"]], job: Job, runs: Any
-) -> None:
-    """One calibration of geometry, driven or from recordings."""
-    if runs:
-        _from_recordings(procedure, settings, job, runs)
+class Plan(NamedTuple):
+    """One calibration of geometry: what is driven, and how; or recordings of it."""
+
+    procedure: str
+    settings: Mapping[str, float]
+    legs: List["Leg"]
+    recorded: Sequence[str]
+    again: Sequence[int]
+
+
+def _geometry(plan: Plan, job: Job) -> None:
+    """Drive, or take recordings; evaluate, and write what came out."""
+    from ..calibration import fit, procedures
+    from .calibrate_view import ruler_for
+
+    if plan.recorded:
+        _from_recordings(plan, job)
         return
+    ruler = ruler_for(job.truth)
     with calibrate_job.connect(job) as driver:
         warn(driver)
-        _driven(procedure, settings, legs(), job, driver)
-
-
-def _driven(
-    procedure: str, settings: Mapping[str, float], legs: List["Leg"], job: Job, driver: "Driver"
-) -> None:
-    from ..calibration import fit, procedures
-    from .calibrate_view import console, ruler_for
-
-    model = model_of(driver)
-    output = output_for(job, model, driver.board.robot_id)
-    progress = open_progress(output, model, driver.board.robot_id)
-    if job.restart:
-        progress.forget(procedure)
-    done = progress.runs(procedure, settings)
-    if done:
-        console.print(f"{len(done)} of {len(legs)} runs are there already, in {progress.path}")
-    procedures.gather(
-        driver, legs[len(done) :], ruler_for(job.truth), lambda run: progress.add(procedure, settings, run)
-    )
-    runs = progress.runs(procedure, settings)
-    measured = fit.BY_TRUTH if job.truth else fit.BY_TAPE
-    side_m = settings.get("side_m", 1.0)
-    outcome = procedures.evaluate(procedure, runs, model, side_m, measured, progress.other_runs(procedure))
-    values = procedures.values_for(model, outcome)
-    if report(procedure, outcome, runs, model, values, output, job):
-        progress.finish(procedure)
+        model = model_of(driver)
+        output = output_for(job, model, driver.board.robot_id)
+        progress = open_progress(output, model, driver.board.robot_id)
+        if job.restart:
+            progress.forget(plan.procedure)
+        _gather(plan, driver, progress, ruler)
+        runs, others = progress.runs(plan.procedure, plan.settings), progress.other_runs(plan.procedure)
+        measured = fit.BY_TRUTH if job.truth else fit.BY_TAPE
+        side_m = plan.settings.get("side_m", 1.0)
+        outcome = procedures.evaluate(plan.procedure, runs, model, side_m, measured, others)
+        values = procedures.values_for(model, outcome)
+        report(plan.procedure, outcome, runs, model, values, output, job)
+        progress.finish(plan.procedure)
         offer_eeprom(driver, values, job)
 
 
-def _from_recordings(procedure: str, settings: Mapping[str, float], job: Job, given: Sequence[str]) -> None:
+def _gather(plan: Plan, driver: "Driver", progress: "Progress", ruler: "Ruler") -> None:
+    """Drive the runs that are missing, and those that are wanted again."""
+    from ..calibration import driving, procedures
+    from .calibrate_view import console
+
+    procedure, settings, legs = plan.procedure, plan.settings, plan.legs
+    done, track = len(progress.runs(procedure, settings)), driving.Track(driver)
+    if done:
+        console.print(f"{done} of {len(legs)} runs are there already, in {progress.path}")
+    for number in plan.again:
+        if not 1 <= number <= done:
+            raise ConfigError(f"--again is {number}, expected one of the {done} runs that are there")
+        put = partial(progress.replace, procedure, number - 1)
+        procedures.gather(driver, [legs[number - 1]], ruler, put, track)
+    procedures.gather(driver, legs[done:], ruler, partial(progress.add, procedure, settings), track)
+
+
+def _from_recordings(plan: Plan, job: Job) -> None:
     from ..calibration import procedures, replayed
     from ..calibration.measure import parse_pose
 
     model = recorded_model(job)
     output = output_for(job, model, None)
     runs = []
-    for text in given:
+    for text in plan.recorded:
         path, colon, end = text.rpartition(":")
         if not colon:
             raise ConfigError(f"--run {text}: expected FILE:X,Y or FILE:X,Y,HEADING, in metres and degrees")
         run = replayed.run_of(path, parse_pose(end), model)
-        procedures.check_recorded(procedure, model.drive, run, path)
+        procedures.check_recorded(plan.procedure, model.drive, run, path)
         runs.append(run)
-    outcome = procedures.evaluate(procedure, runs, model, settings.get("side_m", 1.0))
-    report(procedure, outcome, runs, model, procedures.values_for(model, outcome), output, job)
+    outcome = procedures.evaluate(plan.procedure, runs, model, plan.settings.get("side_m", 1.0))
+    report(plan.procedure, outcome, runs, model, procedures.values_for(model, outcome), output, job)
 
 
 def report(
@@ -91,8 +108,8 @@ def report(
     values: Mapping["Key", float],
     output: str,
     job: Job,
-) -> bool:
-    """Show before and after, draw, write the YAML if that is wanted; whether it was written."""
+) -> None:
+    """Show before and after, draw, and write the YAML after asking."""
     from .calibrate_view import facts_of, say_outcome, show_values
 
     if job.plot is not None:
@@ -106,7 +123,7 @@ def report(
         for line in say_outcome(outcome):
             click.echo(line)
         show_values(model, values)
-    return write_yaml(procedure, values, output, job, model)
+    write_yaml(procedure, values, output, job, model)
 
 
 _run_option = click.option(
@@ -115,6 +132,9 @@ _run_option = click.option(
     multiple=True,
     metavar="FILE:X,Y[,DEG]",
     help="A recording of one run and where it ended, instead of driving; one each.",
+)
+_again_option = click.option(
+    "--again", multiple=True, type=int, metavar="N", help="Drive run N of an interrupted calibration again."
 )
 _speed_option = click.option(
     "--speed", type=click.FloatRange(0.03, 1.0), default=0.2, show_default=True, help="Speed [m/s]."
@@ -135,7 +155,10 @@ def _speeds(speed: float) -> Any:
 )
 @_speed_option
 @_run_option
-def straight(job: Job, distance: float, count: int, speed: float, runs: Tuple[str, ...]) -> None:
+@_again_option
+def straight(
+    job: Job, distance: float, count: int, speed: float, runs: Tuple[str, ...], again: Tuple[int, ...]
+) -> None:
     """Counts per metre, and the left/right offset Cm.
 
     \b
@@ -146,7 +169,8 @@ def straight(job: Job, distance: float, count: int, speed: float, runs: Tuple[st
     from ..calibration.procedures import STRAIGHT, straight_legs
 
     settings = {"distance_m": distance, "count": count}
-    _geometry(STRAIGHT, settings, lambda: straight_legs(count, distance, _speeds(speed)), job, runs)
+    legs = straight_legs(count, distance, _speeds(speed))
+    _geometry(Plan(STRAIGHT, settings, legs, runs, again), job)
 
 
 @click.command()
@@ -159,7 +183,10 @@ def straight(job: Job, distance: float, count: int, speed: float, runs: Tuple[st
 )
 @_speed_option
 @_run_option
-def turn(job: Job, turns: int, count: int, speed: float, runs: Tuple[str, ...]) -> None:
+@_again_option
+def turn(
+    job: Job, turns: int, count: int, speed: float, runs: Tuple[str, ...], again: Tuple[int, ...]
+) -> None:
     """Slip offset Cs of tracks, or the wheelbase of wheels, by turning in place.
 
     The first two runs are one turn, so that the others cannot be miscounted.
@@ -170,9 +197,8 @@ def turn(job: Job, turns: int, count: int, speed: float, runs: Tuple[str, ...]) 
     """
     from ..calibration.procedures import TURN, turn_legs
 
-    _geometry(
-        TURN, {"turns": turns, "count": count}, lambda: turn_legs(count, turns, _speeds(speed)), job, runs
-    )
+    legs = turn_legs(count, turns, _speeds(speed))
+    _geometry(Plan(TURN, {"turns": turns, "count": count}, legs, runs, again), job)
 
 
 @click.command()
@@ -183,7 +209,10 @@ def turn(job: Job, turns: int, count: int, speed: float, runs: Tuple[str, ...]) 
 @click.option("--laps", type=int, default=5, show_default=True, help="Laps each way round, 2 or more.")
 @_speed_option
 @_run_option
-def umbmark(job: Job, side: float, laps: int, speed: float, runs: Tuple[str, ...]) -> None:
+@_again_option
+def umbmark(
+    job: Job, side: float, laps: int, speed: float, runs: Tuple[str, ...], again: Tuple[int, ...]
+) -> None:
     """Wheel ratio, wheelbase and noise, by squares both ways round (Borenstein and Feng 1996).
 
     \b
@@ -196,7 +225,8 @@ def umbmark(job: Job, side: float, laps: int, speed: float, runs: Tuple[str, ...
 
     demand_laps(laps, "counter-clockwise")
     settings = {"side_m": side, "laps": laps}
-    _geometry(UMBMARK, settings, lambda: umbmark_legs(laps, side, _speeds(speed)), job, runs)
+    legs = umbmark_legs(laps, side, _speeds(speed))
+    _geometry(Plan(UMBMARK, settings, legs, runs, again), job)
 
 
 COMMANDS = (straight, turn, umbmark)

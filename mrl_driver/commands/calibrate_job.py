@@ -116,15 +116,14 @@ def open_progress(output: str, model: "RobotModel", robot_id: int) -> "Progress"
 
 def write_yaml(
     procedure: str, values: Mapping["Key", float], output: str, job: Job, model: "RobotModel"
-) -> bool:
-    """Write the robot's YAML after asking; whether it was written."""
+) -> None:
+    """Write the robot's YAML after asking."""
     from ..calibration import store
 
     agree(f"Write {output}?", job.yes)
     source = job.target.model if job.target.model != "auto" else model.name
     kept = store.write_model(store.source_of(source), output, values, f"mrl calibrate {procedure}")
     complain(f"{output} is written{f', the old one is {kept}' if kept else ''}; use it with --robot {output}")
-    return True
 
 
 def offer_eeprom(driver: "Driver", values: Mapping["Key", float], job: Job) -> None:

@@ -42,11 +42,11 @@ def wiring(job: Job, unseen: bool, recording: Optional[str]) -> None:
     if recording is not None:
         found = trials.recorded_wiring(recording, recorded_model(job))
     else:
+        if job.truth is None and not unseen:
+            demand_terminal("--unseen, so that nobody is asked which wheel turned")
+        ruler = ruler_for(job.truth) if job.truth is not None else NoTape()
         with calibrate_job.connect(job) as driver:
             warn(driver)
-            if job.truth is None and not unseen:
-                demand_terminal("--unseen, so that nobody is asked which wheel turned")
-            ruler = ruler_for(job.truth) if job.truth is not None else NoTape()
             found = trials.check_wiring(driver, Track(driver), ruler, looker_for(job.truth, unseen))
     if job.as_json:
         say_json({"findings": found})
