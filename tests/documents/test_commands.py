@@ -137,18 +137,14 @@ def launch_file(words):
     return ROOT / words[1] if "/" in words[1] else ROOT / "ros1_bridge" / "launch" / words[2]
 
 
-@of("roslaunch")
-def test_launch_files_and_their_arguments_exist(words):
-    if words[1].startswith("--"):
-        return
-    root = xml.etree.ElementTree.parse(launch_file(words)).getroot()
-    known = {each.get("name") for each in root.findall("arg")}
-    assert {word.partition(":=")[0] for word in words if ":=" in word} <= known
-
-
-@of("rosrun")
-def test_nodes_exist(words):
-    assert words[1] == "mrl_robots" and (ROOT / "ros1_bridge" / "nodes" / words[2]).is_file()
+@of("roslaunch", "rosrun")
+def test_launch_files_with_their_arguments_and_nodes_exist(words):
+    if words[0] == "rosrun":
+        assert words[1] == "mrl_robots" and (ROOT / "ros1_bridge" / "nodes" / words[2]).is_file()
+    elif not words[1].startswith("--"):
+        root = xml.etree.ElementTree.parse(launch_file(words)).getroot()
+        known = {each.get("name") for each in root.findall("arg")}
+        assert {word.partition(":=")[0] for word in words if ":=" in word} <= known
 
 
 def test_programs_of_ros_are_named_as_they_are():
