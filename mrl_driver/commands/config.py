@@ -42,7 +42,9 @@ def config() -> None:
 @robot_options
 @json_option
 def get(target: Target, names: Tuple[str, ...], as_json: bool) -> None:
-    """Show parameters: all, or those named; what differs from the robot model is marked.
+    """Show parameters: all, or those named.
+
+    What differs from the robot model is marked.
 
     \b
     Examples:
@@ -70,9 +72,10 @@ def get(target: Target, names: Tuple[str, ...], as_json: bool) -> None:
 @yes_option
 @json_option
 def set_(target: Target, words: Tuple[str, ...], only_try: bool, yes: bool, as_json: bool) -> None:
-    """Change parameters, in force at once, and save them in the EEPROM.
+    """Change parameters and save them.
 
-    Values are whole numbers in the unit that mrl config get shows.  The id has its own command, mrl set-id.
+    They are in force at once, and kept in the EEPROM.  Values are whole numbers in the unit that mrl config
+    get shows.  The id has its own command, mrl set-id.
 
     \b
     Examples:
@@ -115,7 +118,9 @@ def save_(target: Target, yes: bool) -> None:
 @robot_options
 @yes_option
 def defaults(target: Target, yes: bool) -> None:
-    """Set all parameters but the id to the robot model's, and save them.
+    """Set all but the id to the robot model's.
+
+    The parameters are saved.
 
     \b
     Example:

@@ -34,10 +34,11 @@ _BEFORE_ADVICE = re.compile(r"; |: (?=check|choose|flash|set )")
 @json_option
 @yes_option
 def doctor(target: Target, drives: bool, hands: bool, report: bool, as_json: bool, yes: bool) -> None:
-    """Check computer, port, board and robot, with plain advice for what is wrong.
+    """Check computer, port, board and robot.
 
-    Opening the port resets an Arduino Uno.  Nothing moves without --drive.  The exit code is 0 where no fault was
-    found, the error's own where the robot cannot be reached, else 1.
+    Each thing that is wrong comes with plain advice.  Opening the port resets an Arduino Uno.  Nothing moves
+    without --drive.  The exit code is 0 where no fault was found, the error's own where the robot cannot be
+    reached, else 1.
 
     \b
     Examples:

@@ -25,10 +25,10 @@ PIONEERS = range(6, 11)
 @yes_option
 @json_option
 def flash(target: Target, build: Optional[str], image: Optional[str], yes: bool, as_json: bool) -> None:
-    """Upload the firmware to an Arduino Uno, read it back, and see that it answers.
+    """Upload the firmware to an Arduino Uno.
 
-    Without a port it takes the only board made by Arduino that is plugged in.  Needs avrdude.  The robot id and the
-    other parameters in the EEPROM stay.
+    What was written is read back, and the board asked who it is.  Without a port it takes the only board made
+    by Arduino that is plugged in.  Needs avrdude.  The robot id and the other parameters in the EEPROM stay.
 
     \b
     Examples:

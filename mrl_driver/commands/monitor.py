@@ -46,9 +46,10 @@ def monitor(
     reconnect: bool,
     as_json: bool,
 ) -> None:
-    """Watch a robot: path, speeds, ranges, battery, link, frames; Enter lets the keys drive.
+    """Watch a robot live, and drive it with the keys.
 
-    Without a terminal it prints a line a second; with --json an object a line.
+    Path, speeds, ranges, battery, link and frames on the whole screen; Enter lets the keys drive.  Without a
+    terminal it prints a line a second; with --json an object a line.
 
     \b
     Examples:

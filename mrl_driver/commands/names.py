@@ -16,9 +16,10 @@ from .shared import complete_port, json_option, say_json
 @json_option
 @click.pass_context
 def names(ctx: click.Context, as_json: bool) -> None:
-    """Give robots names: mrl --robot lab3 instead of port, model and baud rate.
+    """Give robots names, list and forget them.
 
-    Without a sub-command it lists them.
+    A name stands for port, model and baud rate: mrl --robot lab3 info.  Without a sub-command they are
+    listed.
 
     \b
     Examples:

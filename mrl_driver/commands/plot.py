@@ -33,7 +33,9 @@ from .shared import complete_robot, json_option, say_json
 )
 @json_option
 def plot(file: str, output: Optional[str], parts: Tuple[str, ...], robot: str, as_json: bool) -> None:
-    """Draw a recording: path, speeds asked for and measured, ranges, battery.
+    """Draw a recording as a picture.
+
+    Path, speeds asked for and measured, ranges, battery.
 
     \b
     Examples:

@@ -21,7 +21,7 @@ Row = Dict[str, Any]
 )
 @json_option
 def ports(port: Tuple[str, ...], probe: bool, as_json: bool) -> None:
-    """List the serial ports, and with --probe the robots on them.
+    """List serial ports, and the robots on them.
 
     Opens nothing unless told to, for opening resets an Arduino Uno, and other devices are not ours: --probe opens
     boards whose USB vendor is Arduino, the ports of named robots, and each PORT.  A port that is in use is never

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 @click.argument("robot_id", type=click.IntRange(1, 32767))
 @yes_option
 def set_id(target: Target, robot_id: int, yes: bool) -> None:
-    """Give a board its robot id, and the defaults of that robot; both are kept in its EEPROM.
+    """Give a board its robot id.
+
+    It gets the defaults of that robot too; both are kept in its EEPROM.
 
     \b
     Example:
