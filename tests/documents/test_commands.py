@@ -113,24 +113,25 @@ def test_emulators_options_are_read(words):
         assert ended.exit_code == 0
 
 
-@of("python")
-def test_modules_exist(words):
-    assert words[1] == "-m" and importlib.util.find_spec(words[2])
+def words_of(program):
+    return [each.words for each in SHOWN if each.words[0].rpartition("/")[2] == program]
+
+
+def test_modules_and_folders_of_tests_exist():
+    for words in words_of("python"):
+        assert words[1] == "-m" and importlib.util.find_spec(words[2])
+    for words in words_of("pytest"):
+        assert all((ROOT / word).is_dir() for word in words[1:] if word.startswith("tests"))
 
 
 def test_generated_files_are_current():
     assert generate.main(["--check"]) == 0
 
 
-@of("pip")
-def test_extras_exist(words):
+def test_extras_exist():
     text = (ROOT / "setup.py").read_text()
-    assert all(f'"{extra}": [' in text for word in words for extra in re.findall(r"\[(\w+)\]", word))
-
-
-@of("pytest")
-def test_folders_of_tests_exist(words):
-    assert all((ROOT / word).is_dir() for word in words[1:] if word.startswith("tests"))
+    extras = {extra for words in words_of("pip") for extra in re.findall(r"\[(\w+)\]", " ".join(words))}
+    assert extras and all(f'"{extra}": [' in text for extra in extras)
 
 
 def launch_file(words):
