@@ -105,7 +105,11 @@ setup(
     entry_points={
         "console_scripts": ["mrl=mrl_driver.cli:main", "mrl-sim=sim_arduino.cli:main"],
         "pytest11": ["mrl_sim=sim_arduino.pytest_plugin"],
-        "mrl.commands": ["replay=sim_arduino.replay:main", "mirror=sim_arduino.mirror:main"],
+        "mrl.commands": [
+            "replay=sim_arduino.replay:main",
+            "mirror=sim_arduino.mirror:main",
+            "experiment=sim_arduino.experiments.cli:main",
+        ],
     },
     cmdclass={"build_py": BuildWithImages, "sdist": SdistWithImages},
 )

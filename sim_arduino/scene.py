@@ -53,8 +53,8 @@ class Scene(NamedTuple):
             return base
         return dataclasses.replace(
             base,
-            alcohol_count=round(_field(self.gas, base.alcohol_count, pose)),
-            light_count=round(_field(self.light, base.light_count, pose)),
+            alcohol_count=_adc_count(_field(self.gas, base.alcohol_count, pose)),
+            light_count=_adc_count(_field(self.light, base.light_count, pose)),
             dust_pcs_l=_field(self.dust, base.dust_pcs_l, pose),
             pixels_c=self._pixels(base, pose, sees),
             others={
@@ -76,6 +76,11 @@ class Scene(NamedTuple):
                 covered = min(left, middle + half) - max(left - PIXEL_RAD, middle - half)
                 pixels[i] += max(0.0, covered / PIXEL_RAD) * (source.value - pixels[i])
         return tuple(pixels)
+
+
+def _adc_count(value: float) -> int:
+    """What the converter makes of it; sources that add up to more saturate it."""
+    return max(0, min(1023, round(value)))
 
 
 def _field(sources: Sources, base: float, pose: Pose) -> float:

@@ -129,3 +129,9 @@ def test_a_worlds_ambient_may_be_changed_for_one_robot():
     plant = Plant(TRAXBOT, world)
     plant.environment.dust_pcs_l = 1.0
     assert world.scene.ambient.dust_pcs_l == 300
+
+
+def test_sources_that_add_up_to_more_than_the_converter_takes_saturate_it():
+    scene = Scene(gas=(Source(0.0, 0.0, 0.0, 1.0),) * 2, light=(Source(0.0, 0.0, 1000.0, 1.0),) * 3)
+    sensed = scene.sensed(scene.ambient, Pose(0.0, 0.0, 0.0), lambda *_: True)
+    assert (sensed.alcohol_count, sensed.light_count) == (0, 1023)

@@ -1,0 +1,136 @@
+"""`mrl experiment`: the papers' experiments, one after the other or two at a time."""
+
+import concurrent.futures
+import importlib
+import multiprocessing
+import os
+import time
+from typing import Iterator, List, NamedTuple, Optional, Sequence, Tuple
+
+import click
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from mrl_driver.errors import ConfigError
+
+from ..one_line import OneLine
+from . import plots
+from .report import Result, save, spelt
+from .stage import Setting
+
+
+class Experiment(NamedTuple):
+    """One of them; `module` has `run(setting)`."""
+
+    module: str
+    text: str
+
+
+EXPERIMENTS = {
+    "square": Experiment("square", "square of 1 m by odometry, before and after calibration"),
+    "sonar-calibration": Experiment(
+        "sonar_curve", "wall from 5 cm to 2 m before the sonar, and the curve through it"
+    ),
+    "l-course": Experiment("l_course", "L-shaped course mapped with sonars and with a laser"),
+    "power": Experiment("power", "endless circles until the packs are empty"),
+    "step-test": Experiment("step_test", "point to point over a grid, mirrored live"),
+    "mixed-team": Experiment("mixed_team", "two real robots and a virtual one wander in one arena"),
+    "shared-waypoint": Experiment("shared_waypoint", "three robots share a waypoint"),
+    "environment": Experiment("environment", "map of heat, dust and alcohol in the arena"),
+    "turnaround": Experiment("turnaround", "time of messages between PC and motor board"),
+}
+WORKERS = 2
+
+
+@click.command("experiment", cls=OneLine)
+@click.argument("names", nargs=-1, metavar="[NAME|all]...")
+@click.option("--list", "listed", is_flag=True, help="Say what there is.")
+@click.option(
+    "--port", metavar="PORT", help="Drive the robot there, where the experiment can; else emulated ones."
+)
+@click.option("--robot", default="traxbot", metavar="NAME|FILE", show_default=True, help="Robot model.")
+@click.option(
+    "--out", default="build/experiments", metavar="FOLDER", show_default=True, help="Gets what comes out."
+)
+@click.option(
+    "--seed", default=1, show_default=True, type=click.IntRange(0, 2**31), help="Of everything random."
+)
+def main(names: Sequence[str], listed: bool, port: Optional[str], robot: str, out: str, seed: int) -> None:
+    """Repeat an experiment of the papers: its figures beside the published ones, and a picture.
+
+    \b
+    Examples:
+      mrl experiment --list
+      mrl experiment l-course
+      mrl experiment all
+    """
+    if listed or not names:
+        _list()
+        return
+    chosen = _chosen(names)
+    plots.demand_matplotlib()
+    setting = Setting(_folder(out), port, robot, seed)
+    console = Console()
+    for name, result, seconds in _results(chosen, setting, console):
+        save(result, setting.folder)
+        console.print(_table(name, result, seconds, setting.folder))
+    console.print(f"report: {os.path.join(setting.folder, 'report.md')}", soft_wrap=True)
+
+
+def _list() -> None:
+    width = max(map(len, EXPERIMENTS))
+    for name, experiment in EXPERIMENTS.items():
+        click.echo(f"{name:{width}}  {experiment.text}")
+
+
+def _chosen(names: Sequence[str]) -> List[str]:
+    unknown = [name for name in names if name not in EXPERIMENTS and name != "all"]
+    if unknown:
+        raise ConfigError(f"experiment {unknown[0]!r} is unknown, expected all, {', '.join(EXPERIMENTS)}")
+    return list(EXPERIMENTS) if "all" in names else list(dict.fromkeys(names))
+
+
+def _folder(out: str) -> str:
+    try:
+        os.makedirs(out, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"--out {out}: {error.strerror}, expected a folder that can be written") from None
+    if not os.access(out, os.W_OK):
+        raise ConfigError(f"--out {out}: it cannot be written, expected a folder that can")
+    return out
+
+
+def _results(
+    chosen: Sequence[str], setting: Setting, console: Console
+) -> Iterator[Tuple[str, Result, float]]:
+    """Each one's result as soon as it is there, with the time it took [s]; two at a time."""
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    workers = min(WORKERS, len(chosen)) if setting.port is None else 1
+    with Progress(
+        *columns, console=console, transient=True
+    ) as progress, concurrent.futures.ProcessPoolExecutor(
+        workers, mp_context=multiprocessing.get_context("spawn")
+    ) as pool:
+        waiting = {pool.submit(timed, name, setting): progress.add_task(name) for name in chosen}
+        for future in concurrent.futures.as_completed(waiting):
+            progress.remove_task(waiting[future])
+            yield future.result()
+
+
+def timed(name: str, setting: Setting) -> Tuple[str, Result, float]:
+    """One experiment's name, result and duration [s]."""
+    start_s = time.monotonic()
+    module = importlib.import_module(f"{__package__}.{EXPERIMENTS[name].module}")
+    result: Result = module.run(setting)
+    return name, result, time.monotonic() - start_s
+
+
+def _table(name: str, result: Result, seconds: float, folder: str) -> Table:
+    files = ", ".join(os.path.join(folder, picture) for picture in result.pictures)
+    table = Table(title=result.title, caption=f"{name}: {seconds:.0f} s, {files}", title_justify="left")
+    for column in ("figure", "ours", "published"):
+        table.add_column(column)
+    for row in result.rows:
+        table.add_row(row.text, spelt(row), row.published)
+    return table

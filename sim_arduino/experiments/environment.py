@@ -1,0 +1,165 @@
+"""Alcohol, dust and heat in the 4.0 x 4.6 m arena: a sweep, and a map of where each is above its alert level."""
+
+import math
+from typing import Any, List, NamedTuple, Tuple
+
+import numpy as np
+
+from mrl_driver.course import Course, Limits
+from mrl_driver.table import BY_NAME
+
+from .. import world_file
+from ..scene import PIXEL_RAD
+from ..shapes import Pose
+from ..world import World
+from . import plots
+from .occupancy import Grid, points
+from .report import Result, Row
+from .stage import Actor, Setting, actor, follow
+
+LANE_M = 0.5
+EDGE_M = 0.5
+"""The sweep keeps this far from the walls: the robot and its turns need it."""
+EVERY_TICKS = 6
+CELL_M, VIEWS = 0.1, 4
+"""The thermopile's map has cells of this side; heat is what so many hot pixels agree on."""
+SPEEDS = Limits(linear_m_s=0.3, angular_rad_s=0.8)
+
+
+class Variable(NamedTuple):
+    """Something that is mapped.
+
+    Attributes:
+        request: Of the command table; the value is the largest field from `first` on.
+        alert: From here on it is drawn (thesis, JINT paper 2013; none is published for alcohol: a quarter more than
+            in clean air).
+        scene: Name of its sources in a world.
+        looks: It is seen from afar, by pixels side by side; where it is comes out of many views.
+    """
+
+    title: str
+    request: str
+    first: int
+    alert: float
+    unit: str
+    scene: str
+    colour: str
+    looks: bool = False
+
+
+VARIABLES = (
+    Variable("heat", "read_thermopile", 1, 39.0, "degC", "heat", plots.ORANGE, looks=True),
+    Variable("dust", "read_dust", 0, 5500.0, "pcs/l", "dust", plots.GREY),
+    Variable("alcohol", "read_alcohol", 0, 154.0, "counts", "gas", plots.GREEN),
+)
+
+
+class Sample(NamedTuple):
+    """Values of all variables at a pose by odometry."""
+
+    pose: Pose
+    values: Tuple[Tuple[int, ...], ...]
+
+
+def run(setting: Setting) -> Result:
+    """Sweeps the arena, and draws the three maps over each other."""
+    world = world_file.load("hazards")
+    with actor(setting, world, environment=True) as robot:
+        samples = _sweep(robot, world)
+    rows = [row for index, each in enumerate(VARIABLES) for row in _judged(index, each, samples, world)]
+    remark = "Published: the map of the three variables matches the scene; where each source stood is not published."
+    return Result(
+        "environment",
+        "Map of heat, dust and alcohol in the arena",
+        rows,
+        [_draw(setting, world, samples)],
+        remark,
+    )
+
+
+def _sweep(robot: Actor, world: World) -> List[Sample]:
+    driver, samples, turn = robot.driver, [], [0]
+    robot.reset_pose(world.start)
+    codes = [BY_NAME[each.request].code for each in VARIABLES]
+
+    def look() -> None:
+        turn[0] += 1
+        if turn[0] % EVERY_TICKS == 0:
+            values = [driver.ask(code)[each.first :] for code, each in zip(codes, VARIABLES)]
+            samples.append(Sample(Pose(*driver.pose), tuple(values)))
+
+    follow(robot, Course(_lanes(world), SPEEDS), look)
+    return samples
+
+
+def _lanes(world: World) -> List[Tuple[float, float]]:
+    """Lanes up and down from the left to the right, then lanes across on the way back, so that all is seen from two
+    sides.
+    """
+    left, bottom, right, top = world.bounds()
+    low, high = (left + EDGE_M, bottom + EDGE_M), (right - EDGE_M, top - EDGE_M)
+    columns, lines = (np.arange(a, b + 1e-9, LANE_M) for a, b in zip(low, high))
+    way = [(x, y) for lane, x in enumerate(columns) for y in (low[1], high[1])[:: 1 - 2 * (lane % 2)]]
+    up = way[-1][1] == low[1]
+    for lane, y in enumerate(lines if up else lines[::-1]):
+        way += [(x, y) for x in (high[0], low[0])[:: 1 - 2 * (lane % 2)]]
+    return [(float(x), float(y)) for x, y in way]
+
+
+def _above(index: int, each: Variable, samples: List[Sample], world: World) -> Any:
+    """Where a variable is above its alert level, `(N, 2)` [m]."""
+    if each.looks:
+        return _looked_at(index, each, samples, world)
+    return np.array([s.pose[:2] for s in samples if max(s.values[index]) >= each.alert]).reshape(-1, 2)
+
+
+def _looked_at(index: int, each: Variable, samples: List[Sample], world: World) -> Any:
+    """Cells that pixels above the level look at from several places, and no pixel below it."""
+    left, bottom, right, top = world.bounds()
+    grid = Grid((left, bottom), (right, top), CELL_M)
+    for sample in samples:
+        pixels = sample.values[index]
+        for number, value in enumerate(pixels):
+            aside = (len(pixels) / 2 - number - 0.5) * PIXEL_RAD
+            view = sample.pose.beside(0.0, 0.0, aside)
+            grid.wedge(view, PIXEL_RAD / 2, 0.5 if value >= each.alert else -1.0)
+    return points(grid.odds >= VIEWS / 2, grid.map())
+
+
+def _judged(index: int, each: Variable, samples: List[Sample], world: World) -> List[Row]:
+    """How far the alerts lie from the nearest source, and how many of the sources were found."""
+    sources = np.array([source[:2] for source in getattr(world.scene, each.scene)])
+    spots = _above(index, each, samples, world)
+    most = max(max(s.values[index]) for s in samples)
+    apart = [min(np.hypot(*(sources - spot).T)) for spot in spots]
+    median = float(np.median(apart)) if apart else math.nan
+    return [
+        Row(f"{each.title}_most", f"most {each.title}", most, each.unit, f"alert from {each.alert:g}"),
+        Row(f"{each.title}_alerts", f"places with {each.title} above it", len(spots)),
+        Row(f"{each.title}_distance_m", "their distance from a source, median", median, "m"),
+    ]
+
+
+def _draw(setting: Setting, world: World, samples: List[Sample]) -> str:
+    made, (axes,) = plots.figure(1, 6.4, 6.4)
+    plots.walls(axes, world.walls)
+    plots.path(axes, [s.pose for s in samples], plots.BLUE, "path by odometry", ":")
+    for index, each in enumerate(VARIABLES):
+        spots = _above(index, each, samples, world)
+        strengths = [max(s.values[index]) / each.alert for s in samples if max(s.values[index]) >= each.alert]
+        axes.scatter(
+            spots[:, 0],
+            spots[:, 1],
+            s=25 if each.looks else [90 * min(4.0, strength) for strength in strengths],
+            color=each.colour,
+            alpha=0.35,
+            edgecolors="black",
+            linewidths=0.4,
+            label=f"{each.title} from {each.alert:g} {each.unit}",
+        )
+        sources = getattr(world.scene, each.scene)
+        axes.plot([s.x_m for s in sources], [s.y_m for s in sources], "x", color=each.colour, markersize=9)
+    axes.plot([], [], "kx", label="sources")
+    plots.floor(axes)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3, fontsize="small")
+    return plots.save(made, setting.folder, "environment")

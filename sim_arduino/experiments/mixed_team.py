@@ -1,0 +1,80 @@
+"""Two real robots and a virtual one wander through one arena; the real ones are mirrored into the virtual world."""
+
+import math
+from contextlib import ExitStack
+from typing import Mapping, Tuple
+
+from mrl_driver.goal_seeker import room
+from mrl_driver.robots import Limits
+
+from .. import world_file
+from ..shapes import Pose
+from . import plots
+from .report import Result, Row
+from .stage import TICK_S, Setting, demand_emulated
+from .team import Member, Team, gather
+
+MEMBERS = (
+    Member("real1", Pose(-1.2, -1.2, 0.7), virtual=False),
+    Member("real2", Pose(1.2, 1.0, -2.0), virtual=False, robot="stingbot"),
+    Member("virtual", Pose(1.2, -1.2, 2.2), virtual=True),
+)
+DURATION_S = 300.0
+NEAR_M, STOP_M, SIDE_M = 0.7, 0.35, 0.4
+SHARE = 0.6
+"""Of the robot's limit: two that meet come nearer twice as fast as one meets a wall, and sonars are slow."""
+
+
+class Wanderer:
+    """Goes on until something is near, then turns to the side with more room until the way is free."""
+
+    def __init__(self, limits: Limits) -> None:
+        self._linear, self._angular = SHARE * limits.linear_m_s, SHARE * limits.angular_rad_s
+        self._side = 0
+
+    def command(self, ranges: Mapping[str, float]) -> Tuple[float, float]:
+        """Speeds for what the sonars hear [m]."""
+        front, left, right = (room(ranges.get(name, math.nan)) for name in ("front", "left", "right"))
+        free = front > NEAR_M and min(left, right) > SIDE_M
+        if free:
+            self._side = 0
+            return self._linear, 0.0
+        if self._side == 0:
+            self._side = 1 if left >= right else -1
+        share = max(0.0, min(front, left, right) - STOP_M) / NEAR_M
+        return min(0.5, share) * self._linear, self._side * self._angular
+
+
+def run(setting: Setting) -> Result:
+    """Lets the team wander, and draws where it has been."""
+    demand_emulated(setting, "mixed-team")
+    with ExitStack() as stack:
+        team = gather(stack, setting, "room", MEMBERS)
+        minds = [Wanderer(player.robot.driver.model.limits) for player in team.players]  # type: ignore[union-attr]
+        for _ in range(round(DURATION_S / TICK_S)):
+            team.tick([mind.command(player.ranges()) for mind, player in zip(minds, team.players)])
+        return _result(setting, team)
+
+
+def _result(setting: Setting, team: Team) -> Result:
+    way = sum(math.dist(a[:2], b[:2]) for p in team.players for a, b in zip(p.path, p.path[1:]))
+    rows = [
+        Row("collisions", "ticks of 50 ms with a collision", team.collisions, "", "none"),
+        Row("nearest_m", "least distance of two middles", team.nearest_m, "m"),
+        Row("way_m", "way of all robots", way, "m"),
+        Row("duration_s", "duration", DURATION_S, "s"),
+    ]
+    title = "Two real robots and a virtual one wander in one arena"
+    return Result("mixed-team", title, rows, [draw(setting, team, "room", "mixed-team")])
+
+
+def draw(setting: Setting, team: Team, world: str, name: str) -> str:
+    """Paths of a team in its world."""
+    made, (axes,) = plots.figure(1, 6.0, 6.0)
+    plots.walls(axes, world_file.load(world).walls)
+    for player, colour, line in zip(team.players, (plots.BLUE, plots.GREEN, plots.ORANGE), plots.LINES):
+        plots.path(axes, player.path, colour, f"{player.member.name} ({player.member.robot})", line)
+        axes.plot(*player.path[0][:2], "o", color=colour, markersize=5)
+    plots.floor(axes)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2, fontsize="small")
+    return plots.save(made, setting.folder, name)

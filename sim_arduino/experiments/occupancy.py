@@ -1,0 +1,122 @@
+"""Occupancy grids out of ranges and known poses: beams of a laser, cones of a sonar.
+
+Cells hold log odds.  A laser's beam ends in an occupied cell and is free before it.  A sonar tells more than a beam and
+less: the nearest thing in its whole cone is at that range, so nothing in the cone is nearer, and somewhere on the arc
+there is something.  Where, is known when many cones have carved away what is free.
+"""
+
+import math
+from typing import Any, NamedTuple, Tuple
+
+import numpy as np
+
+from ..grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
+from ..shapes import Pose
+
+MOST = 12.0
+"""Log odds never grow beyond this, so that a cell can change its mind."""
+
+
+class Sensor(NamedTuple):
+    """What one reading says.
+
+    Attributes:
+        hit, free: Log odds of a cell where it ends, and of one before.
+        free_m: So much nearer than the reading nothing is; covers its noise.
+        thick_m: The end is somewhere within this [m], to both sides.
+    """
+
+    hit: float
+    free: float
+    free_m: float
+    thick_m: float
+
+
+LASER = Sensor(hit=1.0, free=-0.4, free_m=0.03, thick_m=0.0)
+SONAR = Sensor(hit=0.5, free=-1.0, free_m=0.045, thick_m=0.02)
+
+
+class Grid:
+    """A grid from (x, y) = `low_m` to `high_m`, all cells unknown at first."""
+
+    def __init__(
+        self, low_m: Tuple[float, float], high_m: Tuple[float, float], resolution_m: float = 0.025
+    ) -> None:
+        self.resolution_m, self._low = resolution_m, low_m
+        width, height = (math.ceil((b - a) / resolution_m) for a, b in zip(low_m, high_m))
+        self.odds = np.zeros((height, width))
+        rows, columns = np.mgrid[0:height, 0:width]
+        self._x = low_m[0] + (columns + 0.5) * resolution_m
+        self._y = low_m[1] + (rows + 0.5) * resolution_m
+
+    def beams(self, pose: Pose, angles_rad: Any, ranges_m: Any, far_m: float, sensor: Sensor = LASER) -> None:
+        """Takes in a scan from `pose`; `angles_rad` and `ranges_m` are `(N,)`, +inf is free up to `far_m`."""
+        known = ~np.isnan(ranges_m) & (ranges_m > 0)
+        angles, ranges = angles_rad[known] + pose.yaw_rad, np.minimum(ranges_m[known], far_m)
+        hits = np.isfinite(ranges_m[known]) & (ranges < far_m)
+        steps = np.arange(0.0, far_m, self.resolution_m / 2)
+        reach = np.where(hits, ranges - sensor.free_m, ranges)
+        beam, step = np.nonzero(steps[None, :] < reach[:, None])
+        free = self._mask(
+            pose.x_m + steps[step] * np.cos(angles[beam]), pose.y_m + steps[step] * np.sin(angles[beam])
+        )
+        ends = self._mask(
+            pose.x_m + (ranges * np.cos(angles))[hits], pose.y_m + (ranges * np.sin(angles))[hits]
+        )
+        self._add(ends, sensor.hit)
+        self._add(free & ~ends, sensor.free)
+
+    def cone(
+        self, pose: Pose, half_angle_rad: float, range_m: float, far_m: float, sensor: Sensor = SONAR
+    ) -> None:
+        """Takes in a sonar's reading from `pose`; +inf is free up to `far_m`."""
+        if math.isnan(range_m) or range_m < 0:
+            return
+        away = np.hypot(self._x - pose.x_m, self._y - pose.y_m)
+        bearing = np.arctan2(self._y - pose.y_m, self._x - pose.x_m) - pose.yaw_rad
+        inside = np.abs(np.remainder(bearing + math.pi, math.tau) - math.pi) <= half_angle_rad
+        hits = range_m < far_m
+        self._add(inside & (away < (range_m - sensor.free_m if hits else far_m)), sensor.free)
+        if hits:
+            self._add(inside & (np.abs(away - range_m) <= sensor.thick_m), sensor.hit)
+
+    def wedge(self, pose: Pose, half_angle_rad: float, odds: float) -> None:
+        """Adds to all cells that are seen from `pose` within an angle, however far."""
+        bearing = np.arctan2(self._y - pose.y_m, self._x - pose.x_m) - pose.yaw_rad
+        self._add(np.abs(np.remainder(bearing + math.pi, math.tau) - math.pi) <= half_angle_rad, odds)
+
+    def _mask(self, x: Any, y: Any) -> Any:
+        """Cells that the points lie in, `(height, width)`."""
+        mask = np.zeros(self.odds.shape, bool)
+        columns = np.floor((x - self._low[0]) / self.resolution_m).astype(int)
+        rows = np.floor((y - self._low[1]) / self.resolution_m).astype(int)
+        inside = (rows >= 0) & (rows < mask.shape[0]) & (columns >= 0) & (columns < mask.shape[1])
+        mask[rows[inside], columns[inside]] = True
+        return mask
+
+    def _add(self, mask: Any, odds: float) -> None:
+        self.odds[mask] = np.clip(self.odds[mask] + odds, -MOST, MOST)
+
+    def map(self, occupied: float = 0.0) -> GridMap:
+        """The map: cells with more than `occupied` are walls, with less than 0 free."""
+        cells = np.where(self.odds > occupied, OCCUPIED, np.where(self.odds < 0, FREE, UNKNOWN))
+        return GridMap(cells.astype(np.int8), self.resolution_m, Pose(*self._low, 0.0))
+
+
+def points(mask: Any, grid: GridMap) -> Any:
+    """Middles of the cells in `mask`, `(N, 2)` [m]."""
+    rows, columns = np.nonzero(mask)
+    return np.column_stack(
+        (
+            grid.origin.x_m + (columns + 0.5) * grid.resolution_m,
+            grid.origin.y_m + (rows + 0.5) * grid.resolution_m,
+        )
+    )
+
+
+def share_near(of: Any, others: Any, within_m: float) -> float:
+    """Share of the points `of` that have one of `others` within a distance; both `(N, 2)`."""
+    if not len(of) or not len(others):
+        return 0.0
+    least = [np.min(np.hypot(*(others - point).T)) for point in of]
+    return float(np.mean(np.array(least) <= within_m))

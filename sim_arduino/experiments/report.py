@@ -1,0 +1,101 @@
+"""What an experiment ends in: figures beside the published ones, a picture, a JSON file."""
+
+import json
+import os
+from typing import List, NamedTuple, Optional, Sequence, Union
+
+from mrl_driver.errors import ConfigError
+
+Number = Union[int, float, str]
+
+
+class Row(NamedTuple):
+    """One figure.
+
+    Attributes:
+        key: Its name in the JSON file.
+        published: The papers' value, as they give it; empty where they give none.
+    """
+
+    key: str
+    text: str
+    ours: Number
+    unit: str = ""
+    published: str = ""
+
+
+class Result(NamedTuple):
+    """Of one experiment.
+
+    Attributes:
+        pictures: Names of the files drawn, in the folder of the report.
+        remark: What to know when comparing.
+    """
+
+    name: str
+    title: str
+    rows: Sequence[Row]
+    pictures: Sequence[str] = ()
+    remark: str = ""
+
+
+def spelt(row: Row) -> str:
+    """The figure with its unit."""
+    value = f"{row.ours:.4g}" if isinstance(row.ours, float) else str(row.ours)
+    return f"{value} {row.unit}".strip()
+
+
+def save(result: Result, folder: str) -> None:
+    """Writes `NAME.json`, and the report of all results that are in the folder.
+
+    Raises:
+        ConfigError: the folder cannot be written.
+    """
+    data = {
+        "title": result.title,
+        "remark": result.remark,
+        "pictures": list(result.pictures),
+        "rows": [row._asdict() for row in result.rows],
+    }
+    try:
+        _write(os.path.join(folder, f"{result.name}.json"), json.dumps(data, indent=1) + "\n")
+        _write(os.path.join(folder, "report.md"), _report(folder))
+    except OSError as error:
+        raise ConfigError(
+            f"{error.filename}: {error.strerror}, expected a folder that can be written"
+        ) from None
+
+
+def _write(path: str, text: str) -> None:
+    """Whole or not at all."""
+    new = f"{path}.{os.getpid()}.new"
+    with open(new, "w", encoding="utf-8") as file:
+        file.write(text)
+    os.replace(new, path)
+
+
+def read(folder: str, name: str) -> Optional[Result]:
+    """A result that was saved; None where there is none."""
+    try:
+        with open(os.path.join(folder, f"{name}.json"), encoding="utf-8") as file:
+            data = json.load(file)
+    except OSError:
+        return None
+    rows = [Row(**row) for row in data["rows"]]
+    return Result(name, data["title"], rows, data["pictures"], data["remark"])
+
+
+def _report(folder: str) -> str:
+    names = sorted(file[:-5] for file in os.listdir(folder) if file.endswith(".json"))
+    parts = ["# Experiments\n"]
+    for result in filter(None, (read(folder, name) for name in names)):
+        parts.append(f"## {result.title}\n\n" + "\n".join(table(result)) + "\n")
+        parts += [f"{result.remark}\n"] if result.remark else []
+        parts += [f"![{result.title}]({picture})\n" for picture in result.pictures]
+    return "\n".join(parts)
+
+
+def table(result: Result) -> List[str]:
+    """The rows as a Markdown table."""
+    lines = ["| figure | ours | published |", "|---|---|---|"]
+    return lines + [f"| {row.text} | {spelt(row)} | {row.published} |" for row in result.rows]

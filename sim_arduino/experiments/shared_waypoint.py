@@ -1,0 +1,125 @@
+"""Three robots cycle through waypoints, one of which they share: who claims it first gets it, the others wait."""
+
+import math
+from contextlib import ExitStack
+from typing import Dict, List, Optional, Sequence, Tuple
+
+from mrl_driver.goal_seeker import GoalSeeker
+
+from ..shapes import Pose
+from .mixed_team import draw
+from .report import Result, Row
+from .stage import TICK_S, Setting, demand_emulated
+from .team import Member, Player, Team, gather
+
+Point = Tuple[float, float]
+SHARED: Point = (0.0, 0.0)
+ROUNDS = 3
+MOST_S = 900.0
+MEMBERS = (
+    Member("real1", Pose(-1.4, -1.4, math.pi / 4), virtual=False),
+    Member("real2", Pose(1.4, 1.4, -3 * math.pi / 4), virtual=False, robot="stingbot"),
+    Member("virtual", Pose(1.4, -1.4, 3 * math.pi / 4), virtual=True),
+)
+OWN: Dict[str, Sequence[Point]] = {
+    "real1": ((-1.4, -0.3), (-1.4, -1.4)),
+    "real2": ((1.4, 0.5), (1.4, 1.4)),
+    "virtual": ((0.4, -1.4), (1.4, -1.4)),
+}
+"""Waypoints of each robot, after the shared one."""
+
+
+class Claims:
+    """Who has the shared waypoint."""
+
+    def __init__(self) -> None:
+        self.holder: Optional[str] = None
+        self.waits = 0
+
+    def ask(self, name: str) -> bool:
+        """Claims it; False while another one has it."""
+        if self.holder is None:
+            self.holder = name
+        return self.holder == name
+
+    def release(self, name: str) -> None:
+        """Gives it back, if `name` has it."""
+        if self.holder == name:
+            self.holder = None
+
+
+class Cycle:
+    """One robot's way: the shared waypoint, its own ones, and again.
+
+    It holds the shared one until it has reached the first of its own.
+    """
+
+    def __init__(self, player: Player, claims: Claims) -> None:
+        self._player, self._claims = player, claims
+        self._points: List[Point] = [SHARED, *OWN[player.member.name]]
+        self._next, self.rounds = 0, 0
+        self._seeker: Optional[GoalSeeker] = None
+        self.waited_s = 0.0
+
+    def command(self) -> Tuple[float, float]:
+        """Speeds for the next tick."""
+        if self.rounds == ROUNDS:
+            return 0.0, 0.0
+        name, driver = self._player.member.name, self._player.robot.driver
+        if self._seeker is None:
+            if self._next == 0 and not self._claims.ask(name):
+                self.waited_s += TICK_S
+                return 0.0, 0.0
+            self._seeker = self._seek(self._points[self._next])
+        speeds = self._seeker.command(self._player.pose, self._player.ranges(), driver.now_s)
+        if self._seeker.reached or self._seeker.blocked:
+            self._arrive(name, self._seeker.reached)
+            return 0.0, 0.0
+        return speeds
+
+    def _seek(self, point: Point) -> GoalSeeker:
+        driver, pose = self._player.robot.driver, self._player.pose
+        assert driver.model is not None
+        heading = math.atan2(point[1] - pose.y_m, point[0] - pose.x_m)
+        return GoalSeeker((*point, heading), driver.model.limits, driver.now_s)
+
+    def _arrive(self, name: str, reached: bool) -> None:
+        """On to the next waypoint, or, from a way that was blocked, another try."""
+        self._seeker = None
+        if not reached:
+            return
+        if self._next == 1:
+            self._claims.release(name)
+        self._next = (self._next + 1) % len(self._points)
+        self.rounds += self._next == 0
+
+
+def run(setting: Setting) -> Result:
+    """Lets all robots do their rounds, and draws where they have been."""
+    demand_emulated(setting, "shared-waypoint")
+    with ExitStack() as stack:
+        team = gather(stack, setting, "room", MEMBERS)
+        claims = Claims()
+        cycles = [Cycle(player, claims) for player in team.players]
+        ticks = 0
+        while any(cycle.rounds < ROUNDS for cycle in cycles) and ticks * TICK_S < MOST_S:
+            team.tick([cycle.command() for cycle in cycles])
+            ticks += 1
+        return _result(setting, team, cycles, ticks * TICK_S)
+
+
+def _result(setting: Setting, team: Team, cycles: Sequence[Cycle], duration_s: float) -> Result:
+    rows = [
+        Row("collisions", "ticks of 50 ms with a collision", team.collisions, "", "none"),
+        Row("rounds", "rounds of all robots", sum(cycle.rounds for cycle in cycles)),
+        Row("nearest_m", "least distance of two middles", team.nearest_m, "m"),
+        Row(
+            "waited_s",
+            "time that robots waited for the shared waypoint",
+            sum(c.waited_s for c in cycles),
+            "s",
+        ),
+        Row("duration_s", "duration", duration_s, "s"),
+    ]
+    title = "Three robots with a shared waypoint"
+    return Result("shared-waypoint", title, rows, [draw(setting, team, "room", "shared-waypoint")])

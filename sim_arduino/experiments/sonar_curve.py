@@ -1,0 +1,75 @@
+"""A wall before the front sonar, nearer at each stand: the power law that turns ADC counts into ranges."""
+
+from typing import List, Sequence, Tuple
+
+import numpy as np
+
+from mrl_driver.calibration import sonar_curve, trials
+from mrl_driver.calibration.driving import Speeds, Track
+from mrl_driver.calibration.sonar_curve import Curve
+
+from ..shapes import Wall
+from ..world import World
+from . import plots
+from .report import Result, Row
+from .stage import NOISE, Setting, actor
+
+PLAN = trials.SonarPlan()
+STANDS = 3
+"""The way to the wall is made so often: noise of 1 cm needs more than one reading at each distance."""
+THESIS = Curve(1.1767, 0.94657, -0.3759)
+THESIS_R2 = 0.9992
+WIDE_M = 10.0
+"""The wall reaches so far to both sides."""
+
+
+def run(setting: Setting) -> Result:
+    """Approaches the wall, and fits the curve.  A real robot stands 2 m before one."""
+    counts: List[float] = []
+    distances: List[float] = []
+    for number in range(STANDS if setting.port is None else 1):
+        ranges, found = _approach(setting._replace(seed=setting.seed + number))
+        counts += THESIS.counts(np.array(ranges)).tolist()
+        distances += found
+    fit = sonar_curve.fit(counts, distances)
+    points = np.arange(0.2, 2.001, 0.05)
+    off = np.abs(fit.curve.range_m(THESIS.counts(points)) - points)
+    rows = [
+        Row("a", "a of a s^b + c [cm]", fit.curve.a, "", f"{THESIS.a}"),
+        Row("b", "b", fit.curve.b, "", f"{THESIS.b}"),
+        Row("c", "c", fit.curve.c, "", f"{THESIS.c}"),
+        Row("r2", "R2", round(fit.r2, 5), "", f"{THESIS_R2}"),
+        Row(
+            "error_cm", "most that it differs from the true curve, 20 to 200 cm", 100 * float(off.max()), "cm"
+        ),
+    ]
+    remark = f"Emulated: {STANDS} approaches with 1 cm of noise; 15 cm are the sonar's dead zone."
+    return Result(
+        "sonar-calibration", "Sonar before a wall", rows, [_draw(setting, counts, distances, fit)], remark
+    )
+
+
+def _approach(setting: Setting) -> Tuple[Sequence[float], Sequence[float]]:
+    """Ranges by the curve in force, and true distances, for each stand [m]."""
+    sonar_x_m = 0.1
+    wall_m = sonar_x_m + PLAN.start_m
+    world = World([Wall(wall_m, -WIDE_M, wall_m, WIDE_M)])
+    with actor(setting, world, sonar=NOISE, footprint="none") as robot:
+        driver = robot.driver
+        assert driver.model is not None
+        rows = trials.approach_wall(driver, Track(driver), PLAN, Speeds(), lambda _: None)
+        return trials.stands(rows, driver.model.drive, PLAN.start_m)
+
+
+def _draw(setting: Setting, counts: Sequence[float], distances: Sequence[float], fit: sonar_curve.Fit) -> str:
+    made, (curve, left) = plots.figure(2, 9.5, 4.5)
+    s = np.linspace(10, max(counts), 200)
+    curve.plot(counts, 100 * np.array(distances), "o", color=plots.BLUE, fillstyle="none", label="readings")
+    curve.plot(s, 100 * fit.curve.range_m(s), color=plots.ORANGE, label=f"fit, R2 {fit.r2:.4f}")
+    curve.plot(s, 100 * THESIS.range_m(s), ":", color="black", label="published, R2 0.9992")
+    curve.set(xlabel="ADC count", ylabel="distance [cm]")
+    curve.legend(loc="upper left")
+    left.plot(100 * np.array(distances), 100 * fit.errors_m, "o", color=plots.BLUE, fillstyle="none")
+    left.axhline(0.0, color="black", linewidth=0.8)
+    left.set(xlabel="distance [cm]", ylabel="fit less distance [cm]")
+    return plots.save(made, setting.folder, "sonar-calibration")

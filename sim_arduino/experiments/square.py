@@ -1,0 +1,148 @@
+"""The square of 1 m by odometry alone: how far off does it end, before and after UMBmark?"""
+
+import math
+import random
+from typing import Dict, List, NamedTuple, Sequence, Tuple
+
+from mrl_driver.calibration import driving
+from mrl_driver.calibration.measure import Truth
+from mrl_driver.calibration.procedures import UMBMARK, evaluate, gather, umbmark_legs
+from mrl_driver.calibration.run import LEFT, RIGHT, Run, errors, sense
+from mrl_driver.odometry import Pose
+from mrl_driver.robots import Drive
+
+from . import plots
+from .report import Result, Row
+from .stage import Actor, Setting, actor, demand_emulated
+
+SIDE_M = 1.0
+LAPS = 2
+"""Each way round, for the calibration."""
+TEAM = 20
+PUBLISHED = {LEFT: (9.67, -4.93), RIGHT: (7.71, 2.13)}
+"""Distance [cm] and angle [deg] from the start after one lap (thesis 2012)."""
+LIKE_PUBLISHED = {"wheel_ratio": 0.9989, "axle": 1.0099}
+"""Errors of a robot whose odometry closes with the published angles: half their sum over four sides, and half their
+difference over four corners.
+"""
+SPREAD, MOST_SLIP = 0.005, 0.02
+"""Hidden errors of the other robots, so that squares end some 8 to 10 cm off: standard deviation of wheel ratio and
+axle, and the most slip.
+"""
+SPEEDS = driving.Speeds()
+
+
+class Lap(NamedTuple):
+    """One lap: where it ended, less where the odometry says; in the frame of its start."""
+
+    sense: str
+    error: Pose
+    true: List[Pose]
+
+    @property
+    def error_cm(self) -> float:
+        """Distance of the two."""
+        return 100 * math.hypot(self.error.x_m, self.error.y_m)
+
+    @property
+    def error_deg(self) -> float:
+        """Angle between the two."""
+        return math.degrees(self.error.yaw_rad)
+
+
+class Robot(NamedTuple):
+    """A robot's laps before and after the calibration, counter-clockwise and clockwise."""
+
+    before: Sequence[Lap]
+    after: Sequence[Lap]
+
+
+def run(setting: Setting) -> Result:
+    """Drives, calibrates and drives again: one robot as published, and twenty others."""
+    demand_emulated(setting, "square")
+    like = _robot(setting, **LIKE_PUBLISHED)
+    rng = random.Random(f"square {setting.seed}")
+    others = [_robot(setting, **_errors(rng)) for _ in range(TEAM)]
+    rows = [row for lap in like.before for row in _rows(lap, "before")]
+    rows += [row for lap in like.after for row in _rows(lap, "after")]
+    before = sorted(lap.error_cm for robot in others for lap in robot.before)
+    after = [lap for robot in others for lap in robot.after]
+    rows += [
+        Row("others_before_cm", f"{TEAM} robots drawn at random, median", before[len(before) // 2], "cm"),
+        Row("others_after_cm", "their worst lap after calibration", max(lap.error_cm for lap in after), "cm"),
+        Row("others_after_deg", "", max(abs(lap.error_deg) for lap in after), "deg"),
+    ]
+    remark = "An error is the true end of a lap less what the odometry says. Calibrated by UMBmark, two laps each way."
+    return Result("square", "Square of 1 m by odometry alone", rows, [_draw(setting, like, others)], remark)
+
+
+def _errors(rng: random.Random) -> Dict[str, float]:
+    ratio, axle = rng.gauss(1.0, SPREAD), rng.gauss(1.0, SPREAD)
+    return {"wheel_ratio": ratio, "axle": axle, "slip": rng.uniform(0.0, MOST_SLIP)}
+
+
+def _rows(lap: Lap, when: str) -> List[Row]:
+    cm, deg = PUBLISHED[lap.sense]
+    way = lap.sense.replace("-", "_")
+    published = ("", "") if when == "after" else (f"{cm} cm", f"{deg} deg")
+    return [
+        Row(f"{way}_{when}_cm", f"{lap.sense}, {when} calibration", lap.error_cm, "cm", published[0]),
+        Row(f"{way}_{when}_deg", "", lap.error_deg, "deg", published[1]),
+    ]
+
+
+def _robot(setting: Setting, **hidden: float) -> Robot:
+    """Drives a robot with hidden errors: laps, the calibration, and laps with what it found."""
+    spelt = ",".join(f"{key}={value:.5f}" for key, value in hidden.items())
+    with actor(setting, error=spelt) as robot:
+        model = robot.driver.model
+        assert model is not None
+        laps = _laps(robot, LAPS)
+        found = evaluate(UMBMARK, [each for each, _ in laps], model).after
+        before = [_lap(model.drive, *each) for each in laps]
+    with actor(setting, error=spelt, drive=found) as robot:
+        after = [_lap(found, *each) for each in _laps(robot, 1)]
+    return Robot([before[0], before[LAPS]], after)
+
+
+def _laps(robot: Actor, count: int) -> List[Tuple[Run, List[Pose]]]:
+    """Drives so many laps each way round; the runs, and the true paths in the frame of their starts."""
+    runs: List[Run] = []
+    paths: List[List[Pose]] = [[]]
+    truth = Truth(lambda: Pose(*robot.true_pose))
+    robot.driver.on_telemetry(lambda _: paths[-1].append(truth.end("")))
+
+    def keep(driven: Run) -> None:
+        runs.append(driven)
+        paths.append([])
+
+    gather(robot.driver, umbmark_legs(count, SIDE_M, SPEEDS), truth, keep)
+    return list(zip(runs, paths))
+
+
+def _lap(drive: Drive, driven: Run, true: List[Pose]) -> Lap:
+    return Lap(sense(drive, driven), Pose(*errors(drive, [driven])[0]), true)
+
+
+def _draw(setting: Setting, like: Robot, others: Sequence[Robot]) -> str:
+    made, (floor, ends) = plots.figure(2, 9.5, 5.6)
+    for lap_before, lap_after, colour in zip(like.before, like.after, (plots.BLUE, plots.ORANGE)):
+        plots.path(floor, lap_before.true, colour, f"{lap_before.sense}, before", "--")
+        plots.path(floor, lap_after.true, colour, f"{lap_after.sense}, after")
+    plots.floor(floor, "true paths of a robot as published")
+    floor.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), fontsize="small")
+    marks = (("before", plots.ORANGE, "x"), ("after", plots.BLUE, "o"))
+    for when, colour, mark in marks:
+        laps = [each for robot in others for each in getattr(robot, when)]
+        x, y = ([100 * getattr(each.error, axis) for each in laps] for axis in ("x_m", "y_m"))
+        ends.plot(x, y, mark, color=colour, label=f"{when} calibration", fillstyle="none")
+    for cm, _ in PUBLISHED.values():
+        ends.add_patch(plots.circle(cm, plots.GREY, "published distances" if cm > 9 else None))
+    ends.set(
+        xlabel="error in x [cm]",
+        ylabel="error in y [cm]",
+        aspect="equal",
+        title=f"ends of {TEAM} robots' laps",
+    )
+    ends.legend(loc="upper right", fontsize="small")
+    return plots.save(made, setting.folder, "square")

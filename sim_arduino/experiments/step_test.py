@@ -1,0 +1,170 @@
+"""Point to point over the grid, sonars reactive, mirrored live in a simulator that another process runs."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+import threading
+import time
+from typing import Callable, Dict, List, NamedTuple, Tuple
+
+from mrl_driver.driver import Driver, Telemetry
+from mrl_driver.errors import MrlError
+from mrl_driver.goal_seeker import GoalSeeker
+from mrl_driver.options import Options
+
+from ..shared_crowd import SharedCrowd
+from ..testing import EmulatedBoard
+from . import plots
+from .report import Result, Row
+from .stage import PERIOD_MS, TICK_S, Setting
+
+WAYPOINTS = ((0.4, 0.0), (0.4, 0.4), (0.8, 0.4), (0.8, 0.8), (1.2, 0.8), (1.2, 1.2))
+MOST_S = 120.0
+LOOK_S = 0.001
+START_S = 10.0
+"""The mirror's process has so long to begin."""
+
+
+class Drive(NamedTuple):
+    """What was seen: poses by odometry, true ones, those of the mirror, and the mirror's delays [s]."""
+
+    odometry: List[Tuple[float, ...]]
+    true: List[Tuple[float, ...]]
+    mirrored: List[Tuple[float, ...]]
+    delays_s: List[float]
+
+
+class Mirrored:
+    """A mirror in a process of its own, and how late it is: a pose is sent, and looked for in the shared world."""
+
+    def __init__(self, robot: str) -> None:
+        self._name = f"step-test-{os.getpid()}"
+        command = [sys.executable, "-m", "sim_arduino.mirror", "--world-name", self._name, "--name", "mirror"]
+        self._process = subprocess.Popen([*command, "--robot", robot], stdin=subprocess.PIPE, text=True)
+        assert self._process.stdin is not None
+        self._pipe = self._process.stdin
+        self._crowd = SharedCrowd(self._name)
+        self._sent: Dict[Tuple[float, ...], float] = {}
+        self._ending = False
+        self.poses: List[Tuple[float, ...]] = []
+        self.delays_s: List[float] = []
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+        self._thread.start()
+
+    def tell(self, telemetry: Telemetry) -> None:
+        """Sends a pose on its way."""
+        pose = tuple(telemetry.pose)
+        if pose not in self._sent and self._process.poll() is None:
+            self._sent[pose] = telemetry.stamp_s
+            self._pipe.write(json.dumps(dict(zip(("x_m", "y_m", "yaw_rad"), pose))) + "\n")
+            self._pipe.flush()
+
+    def _watch(self) -> None:
+        last = None
+        while not self._ending:
+            for mover in self._crowd.others(""):
+                pose = tuple(mover.pose)
+                if pose != last and pose in self._sent:
+                    self.delays_s.append(time.monotonic() - self._sent[pose])
+                    self.poses.append(pose)
+                last = pose
+            time.sleep(LOOK_S)
+
+    def close(self) -> None:
+        """Ends the process."""
+        self._ending = True
+        self._thread.join()
+        self._process.terminate()
+        self._process.communicate()
+        self._crowd.close()
+
+
+def run(setting: Setting) -> Result:
+    """Drives the steps in real time, and draws robot and mirror."""
+    drive = _real(setting) if setting.port is not None else _emulated(setting)
+    delays = sorted(1000 * delay for delay in drive.delays_s)
+    if not delays:
+        raise MrlError("the mirror has shown nothing; is there room in the folder for shared worlds?")
+    end = drive.true[-1]
+    away = 1000 * math.hypot(end[0] - WAYPOINTS[-1][0], end[1] - WAYPOINTS[-1][1])
+    rows = [
+        Row(
+            "mirror_delay_ms_median",
+            "delay of the mirror, median",
+            delays[len(delays) // 2],
+            "ms",
+            "below 1 s",
+        ),
+        Row("mirror_delay_ms_max", "delay of the mirror, most", delays[-1], "ms", "below 1 s"),
+        Row("end_error_mm", "true end from the last waypoint", away, "mm"),
+    ]
+    title = "Steps over a 400 x 400 mm grid, mirrored live"
+    return Result(
+        "step-test", title, rows, [_draw(setting, drive)], "In real time; goals count as reached within 3 cm."
+    )
+
+
+def _emulated(setting: Setting) -> Drive:
+    with EmulatedBoard(robot=setting.robot, world="square", seed=setting.seed) as board:
+        return _drive(setting, board.port, lambda _: tuple(board.true_pose))
+
+
+def _real(setting: Setting) -> Drive:
+    assert setting.port is not None
+    return _drive(setting, setting.port, lambda driver: tuple(driver.pose))
+
+
+def _drive(setting: Setting, port: str, truth: Callable[[Driver], Tuple[float, ...]]) -> Drive:
+    seen = Drive([], [], [], [])
+
+    def look(driver: Driver) -> None:
+        seen.odometry.append(driver.pose)
+        seen.true.append(truth(driver))
+
+    with Driver(port, setting.robot, options=Options(period_ms=PERIOD_MS)) as driver:
+        mirror = Mirrored(setting.robot)
+        try:
+            driver.on_telemetry(mirror.tell)
+            _await(mirror)
+            for waypoint in WAYPOINTS:
+                _go(driver, waypoint, look)
+            driver.stop()
+            driver.wait(0.5)
+        finally:
+            mirror.close()
+    return seen._replace(mirrored=mirror.poses, delays_s=mirror.delays_s)
+
+
+def _await(mirror: Mirrored) -> None:
+    """The first poses wait until the process has begun; they do not count."""
+    end_s = time.monotonic() + START_S
+    while not mirror.poses and time.monotonic() < end_s:
+        time.sleep(0.05)
+    mirror.delays_s.clear()
+
+
+def _go(driver: Driver, waypoint: Tuple[float, float], look: Callable[[Driver], None]) -> None:
+    assert driver.model is not None
+    heading = math.atan2(waypoint[1] - driver.pose.y_m, waypoint[0] - driver.pose.x_m)
+    seeker = GoalSeeker((*waypoint, heading), driver.model.limits, driver.now_s)
+    end_s = driver.now_s + MOST_S
+    while not seeker.reached:
+        if seeker.blocked or driver.now_s > end_s:
+            raise MrlError(f"waypoint {waypoint} is not reached from {driver.pose}; is the way free?")
+        driver.drive(*seeker.command(driver.pose, driver.ranges, driver.now_s))
+        driver.wait(TICK_S)
+        look(driver)
+
+
+def _draw(setting: Setting, drive: Drive) -> str:
+    made, (floor, late) = plots.figure(2, 9.0, 4.6)
+    plots.path(floor, drive.true, plots.BLUE, "true path")
+    plots.path(floor, drive.mirrored, plots.ORANGE, "mirror", "--")
+    floor.plot(*zip(*WAYPOINTS), "s", color=plots.GREEN, markersize=7, fillstyle="none", label="waypoints")
+    plots.floor(floor)
+    floor.legend(loc="upper left", fontsize="small")
+    late.hist([1000 * delay for delay in drive.delays_s], bins=40, color=plots.SKY, edgecolor=plots.BLUE)
+    late.set(xlabel="delay of the mirror [ms]", ylabel="poses")
+    return plots.save(made, setting.folder, "step-test")

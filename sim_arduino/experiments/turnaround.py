@@ -1,0 +1,134 @@
+"""How long messages take from the PC to the motor board and back, against their number, on the real firmware image."""
+
+from typing import Any, List, Sequence, Tuple
+
+from mrl_driver.options import Options
+from mrl_driver.stepped import SteppedDriver
+from mrl_driver.table import BY_NAME
+
+from .. import boards
+from ..engine import Engine
+from . import plots
+from .report import Result, Row
+from .stage import Setting, demand_emulated
+
+COUNTS = (1, 2, 5, 10, 20, 30, 40, 50)
+"""Messages in a second."""
+STEP_S = 1e-4
+"""Answers are looked for so often, in simulated time [s]."""
+PUBLISHED_MS, PUBLISHED_COUNT, LESS = 36.0, 20, 0.35
+"""Time of 20 messages with rosserial, and by how much the 2012 frame driver was quicker (thesis)."""
+MEASURED_MS = {"2013 firmware": 2.445, "rosserial": 2.896}
+"""One request for the encoders, on the same simulated chip, to the 2013 firmware and to an equal sketch of rosserial;
+medians of 300.
+"""
+REQUEST = "read_encoders"
+COUNTERS = ((1, -567), (3, 1234))
+"""What stands in the answer: 15 bytes of a plain one."""
+
+
+class Fine:
+    """An engine that is looked at often enough to time it."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._now_s = 0.0
+
+    @property
+    def next_event_s(self) -> float:
+        """Soon."""
+        return self._now_s + STEP_S
+
+    def receive(self, data: bytes) -> None:
+        """As the engine's."""
+        self._engine.receive(data)
+
+    def advance(self, to_s: float) -> bytes:
+        """As the engine's."""
+        self._now_s = to_s
+        return self._engine.advance(to_s)
+
+
+def run(setting: Setting) -> Result:
+    """Sends messages, evenly spread over a second, and draws how long they took."""
+    demand_emulated(setting, "turnaround")
+    checked = [(count, _total_ms(setting, count, True)) for count in COUNTS]
+    plain = [(count, _total_ms(setting, count, False)) for count in COUNTS]
+    rows = [
+        Row(
+            "plain_20_ms",
+            "20 messages",
+            dict(plain)[20],
+            "ms",
+            f"{PUBLISHED_MS:g} ms (rosserial), 35 % less (frames)",
+        ),
+        Row(
+            "checked_20_ms", "20 messages with check value, sequence and board time", dict(checked)[20], "ms"
+        ),
+        Row(
+            "rosserial_20_ms",
+            "20 messages of rosserial on the same chip",
+            20 * MEASURED_MS["rosserial"],
+            "ms",
+        ),
+        Row(
+            "firmware_2013_20_ms", "20 messages of the 2013 firmware", 20 * MEASURED_MS["2013 firmware"], "ms"
+        ),
+    ]
+    remark = (
+        "A message is a request for the encoders: sent, read from the motor board, answered. The wire alone takes "
+        "1.6 ms of a plain one; what the published time was measured with is not known."
+    )
+    title = "Time of messages between PC and motor board"
+    return Result("turnaround", title, rows, [_draw(setting, plain, checked)], remark)
+
+
+def _total_ms(setting: Setting, count: int, check: bool) -> float:
+    """Time that so many messages take together."""
+    made = boards.make(boards.Options(robot=setting.robot, engine="avr", seed=setting.seed))
+    code, total_s = BY_NAME[REQUEST].code, 0.0
+    try:
+        with SteppedDriver(Fine(made.engine), setting.robot, Options(period_ms=0, check=check)) as driver:
+            driver.request(BY_NAME["stop_stream"].code)
+            for wheel, counts in COUNTERS:
+                driver.request(BY_NAME["preset_encoder"].code, wheel, counts)
+            driver.wait(0.1)
+            for _ in range(count):
+                total_s += _one_s(driver, code)
+                driver.wait(max(0.0, 1.0 / count - total_s / count))
+    finally:
+        made.close()
+    return 1000 * total_s
+
+
+def _one_s(driver: SteppedDriver, code: int) -> float:
+    """From the request to the telemetry that answers it [s]."""
+    begin_s, before = driver.now_s, driver.telemetry
+    driver.request(code)
+    while driver.telemetry is before:
+        driver.wait(STEP_S)
+    return driver.now_s - begin_s
+
+
+def _draw(setting: Setting, plain: Sequence[Tuple[int, float]], checked: Sequence[Tuple[int, float]]) -> str:
+    made, (axes,) = plots.figure()
+    lines: List[Tuple[str, Any, str, str]] = [
+        ("rosserial, measured", [(n, n * MEASURED_MS["rosserial"]) for n in COUNTS], plots.GREY, ":"),
+        (
+            "2013 firmware, measured",
+            [(n, n * MEASURED_MS["2013 firmware"]) for n in COUNTS],
+            plots.GREY,
+            "-.",
+        ),
+        ("with check value", checked, plots.ORANGE, "--"),
+        ("plain", plain, plots.BLUE, "-"),
+    ]
+    for label, points, colour, line in lines:
+        plots.path(axes, points, colour, label, line)
+    axes.plot(PUBLISHED_COUNT, PUBLISHED_MS, "s", color=plots.GREEN, label="published: rosserial")
+    axes.plot(PUBLISHED_COUNT, PUBLISHED_MS * (1 - LESS), "^", color=plots.GREEN, label="published: frames")
+    axes.set(
+        xlabel="messages in a second", ylabel="time of all together [ms]", xlim=(0, None), ylim=(0, None)
+    )
+    axes.legend(loc="upper left")
+    return plots.save(made, setting.folder, "turnaround")

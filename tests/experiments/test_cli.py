@@ -1,0 +1,62 @@
+"""`mrl experiment` on the command line."""
+
+import builtins
+
+import pytest
+from click.testing import CliRunner
+
+from mrl_driver.errors import ConfigError
+from sim_arduino.experiments import cli, report
+
+
+def run(*args):
+    return CliRunner().invoke(cli.main, args, prog_name="experiment")
+
+
+def test_list_names_all_experiments():
+    listed = {line.split()[0] for line in run("--list").output.splitlines()}
+    assert listed == set(cli.EXPERIMENTS)
+
+
+@pytest.mark.parametrize("name", cli.EXPERIMENTS)
+def test_each_experiment_can_be_run(name):
+    module = __import__(f"sim_arduino.experiments.{cli.EXPERIMENTS[name].module}", fromlist=["run"])
+    assert callable(module.run)
+
+
+def test_unknown_experiment_is_one_line():
+    result = run("squares")
+    assert result.exit_code == ConfigError.exit_code
+    assert result.output.count("\n") == 1 and "square" in result.output
+
+
+def test_all_are_run_once():
+    assert cli._chosen(["square", "all"]) == list(cli.EXPERIMENTS)
+
+
+def test_folder_that_cannot_be_made_is_one_line(tmp_path):
+    (tmp_path / "file").write_text("")
+    result = run("square", "--out", str(tmp_path / "file" / "folder"))
+    assert result.exit_code == ConfigError.exit_code and "--out" in result.output
+
+
+def test_missing_matplotlib_is_said_before_anything_is_driven(tmp_path, monkeypatch):
+    load = builtins.__import__
+
+    def without(name, *args, **kwargs):
+        if name == "matplotlib":
+            raise ImportError(name)
+        return load(name, *args, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    result = run("square", "--out", str(tmp_path))
+    assert "pip install" in result.output and not list(tmp_path.iterdir())
+
+
+def test_figures_and_picture_are_named(tmp_path):
+    result = run("sonar-calibration", "--out", str(tmp_path))
+    assert result.exit_code == 0, result.output
+    assert (
+        report.read(str(tmp_path), "sonar-calibration") is not None
+        and (tmp_path / "sonar-calibration.png").exists()
+    )
