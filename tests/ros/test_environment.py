@@ -7,6 +7,7 @@ from diagnostic_msgs.msg import DiagnosticArray, KeyValue
 from geometry_msgs.msg import Twist
 from hypothesis import given
 from hypothesis import strategies as st
+from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Float32, Float32MultiArray, UInt16
 
@@ -129,3 +130,12 @@ def test_streams_beside_the_odometry_lose_no_frame(robot):
     robot.sensors["compass"].wait(20)
     assert wait_until(lambda: bool(link()), 20.0)
     assert link()["Lost Frames"] == "0"
+
+
+def test_odometry_goes_on_beside_the_sensors(robot):
+    """50 Hz beside the compass's 10."""
+    odometry, compass = robot.topic("odom", Odometry), robot.sensors["compass"]
+    odometry.wait()
+    before = len(odometry.messages), len(compass.messages)
+    compass.wait(before[1] + 20)
+    assert len(odometry.messages) - before[0] > 3 * 20
