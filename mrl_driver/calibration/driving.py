@@ -231,7 +231,10 @@ def _braked(left: float, top: float, braking: float, least: float) -> float:
 
 
 def spin_motors(robot: Robot, code: int, left_percent: int, right_percent: int, seconds: float) -> None:
-    """Have the motors turn at these shares of full speed; they go on until the next command or a stop."""
+    """Have the motors of a settled robot turn at these shares of full speed; they go on until they are stopped.
+
+    Before it has settled, the driver still repeats its stop.
+    """
     robot.request(code, left_percent, right_percent)
     for _ in range(max(1, round(seconds / KEEP_ALIVE_S)) - 1):
         robot.wait(KEEP_ALIVE_S)

@@ -26,6 +26,7 @@ def check_wiring(robot: Robot, track: Track, ruler: Ruler, look: Look) -> List[s
     """Turn each motor forward by itself, without speed control; what is wrong with the wires."""
     trials = []
     for motor, percents in ((wiring.LEFT, (DUTY_PERCENT, 0)), (wiring.RIGHT, (0, DUTY_PERCENT))):
+        driving.settle(robot)
         ruler.begin(f"{motor} motor alone")
         track.begin()
         driving.spin_motors(robot, MOVE, *percents, WIRING_S)
@@ -131,6 +132,7 @@ class Steps(NamedTuple):
 
 def step(robot: Robot, track: Track, code: int, percent: int, seconds: float = STEP_S) -> Steps:
     """Turn in place from rest: left motor back, right motor forward."""
+    driving.settle(robot)
     track.begin()
     driving.spin_motors(robot, code, -percent, percent, seconds)
     rows = track.end()
