@@ -13,7 +13,7 @@ from .odometry_log import integrate
 from .recording import FROM_BOARD, REMARK, TO_BOARD, Recording
 from .robots import RobotModel
 from .state import fastest_m_s
-from .table import BY_CODE, BY_NAME, TICK_S
+from .table import BY_CODE, BY_NAME, SENSORS, TICK_S
 from .tape import CHECKED, PLAIN
 
 BATCH_BYTES = 1 << 19
@@ -33,7 +33,8 @@ def summarise(recording: Recording, model: Optional[RobotModel] = None) -> Dict[
     """Figures of a whole recording, ready for JSON; units stand in the ends of the keys.
 
     Without `model` the packaged one of the id that the board reports; where there is none, pose and `refused_counts`
-    are None.  Garbage is counted by the name of its reason, `lost` and `duplicates` by sequence number.
+    are None.  Garbage is counted by the name of its reason, `lost` and `duplicates` by sequence number.  Sensors have
+    the least and the largest of their values, in `unit`.
     """
     reader = _Reader(model)
     for time_s, way, data in recording:
@@ -56,6 +57,7 @@ def summarise(recording: Recording, model: Optional[RobotModel] = None) -> Dict[
         "duplicates": reader.duplicates,
         "refused_counts": reader.way.refused if reader.model else None,
         "pose": pose,
+        "sensors": reader.sensors,
         "skipped_lines": recording.skipped_count,
         "skipped": {str(number): reason for number, reason in recording.skipped.items()},
     }
@@ -131,6 +133,7 @@ class _Reader:
         self.garbage: Counter[str] = Counter()
         self.lost = self.duplicates = 0
         self.way = _Way()
+        self.sensors: Dict[str, Dict[str, Any]] = {}
         self._checked = False
         self._asked = FrameDecoder(REQUESTS)
         self._chunks: List[bytes] = []
@@ -204,7 +207,19 @@ class _Reader:
         self.frames.update({code: len(frames.end) for code, frames in events.frames.items()})
         self._look_for_model(events)
         self._count_losses(events)
+        self._sense(events)
         self._move(events)
+
+    def _sense(self, events: LogEvents) -> None:
+        for row in SENSORS:
+            if row.code not in events.frames:
+                continue
+            values = events.frames[row.code].args * [field.scale for field in row.fields]
+            known = self.sensors.setdefault(
+                row.name, {"least": np.inf, "most": -np.inf, "unit": row.fields[0].base_unit}
+            )
+            known["least"] = float(min(known["least"], values.min()))
+            known["most"] = float(max(known["most"], values.max()))
 
     def _look_for_model(self, events: LogEvents) -> None:
         if _INFO not in events.frames or self.robot_id is not None:

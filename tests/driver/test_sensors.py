@@ -2,8 +2,10 @@
 
 import pytest
 
-from mrl_driver.codec import Frame
+from mrl_driver.codec import Frame, encode_reply
 from mrl_driver.commands.text import line
+from mrl_driver.log_summary import summarise
+from mrl_driver.recording import Recording
 from mrl_driver.sensors import ABSENT_S, Reading, SensorPoll, of_board, reading, text
 from mrl_driver.stepped import SteppedDriver
 from mrl_driver.table import SENSOR_BY_NAME, SENSORS, Field, Sensor
@@ -68,6 +70,15 @@ def test_one_that_may_be_absent_is_asked_rarely_until_it_answers(monkeypatch):
     assert asked == [0.5, 1.0, 1.5, 1.5 + ABSENT_S, 1.5 + 2 * ABSENT_S]
     poll.heard(Frame(99, (7,)), now)
     assert poll.next_s == now + TENTHS.period_ms / 1000
+
+
+def test_the_summary_of_a_recording_has_their_range(tmp_path):
+    lines = [
+        f"{i}.0 < {encode_reply(41, value).decode().strip()}\\r\\n\n" for i, value in enumerate((321, 77))
+    ]
+    (tmp_path / "light.log").write_text("#mrl-recording 1 {}\n" + "".join(lines))
+    figures = summarise(Recording(str(tmp_path / "light.log")))
+    assert figures["sensors"] == {"light": {"least": 77.0, "most": 321.0, "unit": "count"}}
 
 
 def test_scale_and_unit_stand_in_the_unit():
