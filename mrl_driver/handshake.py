@@ -140,7 +140,7 @@ class Handshake:
         if self._junk:
             return (
                 f"no answer to '@5e', but other bytes ({self._seen!r}): another device or firmware, or check "
-                "baud; flash the board with: make flash PORT=..."
+                "baud; flash the board with: mrl flash --port PORT"
             )
         return "no answer to '@5e': check that the board is powered, that this is its port, and that it is flashed"
 
@@ -168,7 +168,7 @@ class Handshake:
         if protocol != PROTOCOL_VERSION:
             raise WrongRobot(
                 f"the board speaks protocol {protocol}, this driver {PROTOCOL_VERSION}: update the older "
-                "one (the board with: make flash PORT=...)"
+                "one (the board with: mrl flash --port PORT)"
             )
         names = frozenset(name for i, (name, _) in enumerate(CAPABILITIES) if bits >> i & 1)
         self.board = self.board._replace(protocol=protocol, capabilities=names)

@@ -110,7 +110,7 @@ class Readout:
         """What a user should know about the board that answers; empty where there is nothing."""
         if self._state.info is None or self._state.info.version >= 2:
             return ""
-        return "board firmware 1 (2013): works, without watchdog; flash with: make flash PORT=..."
+        return "board firmware 1 (2013): works, without watchdog; flash with: mrl flash --port PORT"
 
     @property
     def telemetry(self) -> Optional[Telemetry]:

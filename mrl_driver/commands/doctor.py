@@ -161,7 +161,7 @@ def _ask(question: str) -> bool:
 
 def _of_error(error: MrlError, port: str) -> Finding:
     """An error as a finding: what it says before its advice, and the advice."""
-    text, advice, *_ = [*_BEFORE_ADVICE.split(str(error).replace("PORT=...", f"PORT={port}"), 1), ""]
+    text, advice, *_ = [*_BEFORE_ADVICE.split(str(error).replace("--port PORT", f"--port {port}"), 1), ""]
     subjects = {"LinkError": "port", "BoardError": "board"}
     kinds = [kind.__name__ for kind in type(error).__mro__]
     subject = next((word for name, word in subjects.items() if name in kinds), "check")

@@ -55,5 +55,5 @@ def describe(driver: "Driver", port: str) -> Dict[str, Any]:
             faults=list(status.faults),
         )
     if driver.warning:
-        facts["note"] = driver.warning.replace("PORT=...", f"PORT={port}")
+        facts["note"] = driver.warning.replace("--port PORT", f"--port {port}")
     return facts

@@ -25,7 +25,7 @@ HEALTHY = Status(100, "power_on", "host", (), 0)
 def quick(monkeypatch):
     """Moments instead of seconds."""
     monkeypatch.setattr(board.watch, "__defaults__", (0.3, 5))
-    monkeypatch.setattr(wheels, "TURN_S", 0.8)
+    monkeypatch.setattr(wheels, "TURN_S", 0.6)
 
 
 def levels(findings):
