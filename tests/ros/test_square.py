@@ -8,8 +8,8 @@ import pytest
 from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
 
-from mrl_driver.robots import load
 from mrl_driver.course import Limits, Square
+from mrl_driver.robots import load
 from ros1_bridge.processes import wait_until
 
 from .rig import START_S
