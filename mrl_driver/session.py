@@ -5,6 +5,7 @@ anew when it has restarted.  Times are seconds of one monotonic clock, given by 
 """
 
 import math
+from functools import lru_cache
 from typing import Callable, List, Optional, Set, Tuple
 
 from .clock import BoardClock
@@ -47,7 +48,8 @@ _COUNTS, _SONARS, _BOTH = (
 _STREAMS = (_BOTH, _COUNTS)
 _INFO, _STATUS, _CHECK = (BY_NAME[n].code for n in ("robot_info", "read_status", "set_check"))
 
-
+_encode = lru_cache(maxsize=32)(encode_request)
+"""Questions, repeats and stops are the same bytes again and again."""
 _TURNING = {BY_NAME[n].code for n in ("calibrate", "move_motors_pid", "move_motors", "move_to_position")}
 
 
@@ -235,7 +237,7 @@ class Session:
     def _send(self, code: int, *args: int, checked: Optional[bool] = None) -> None:
         """A request on its way; a stop is always plain, for that works in every state of the board."""
         checked = self.checked if checked is None else checked
-        self._out += encode_request(code, *args, checked=checked and code != STOP)
+        self._out += _encode(code, *args, checked=checked and code != STOP)
 
     def _move(self, now: float) -> None:
         for request in self.motion.take(now, self.ready and not self.late(now)):
