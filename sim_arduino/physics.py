@@ -44,7 +44,7 @@ class Params(NamedTuple):
     rest_curve: Tuple[Tuple[float, float], ...] = ()
     """Battery voltage at no load [V] over charge (1 full, 0 empty), rising."""
     resistance_ohm: float = 0.15
-    idle_a: float = 1.3
+    idle_a: float = 0.98
     """Current with the motors at rest [A]; with `running_a` the packs last 3 h at 50 mm/s and 2 h at 200 mm/s."""
     running_a: float = 2.8
     """Current of one motor at its no-load speed [A]."""
