@@ -69,8 +69,7 @@ class Publishers:
     def telemetry(self, telemetry: Telemetry) -> None:
         """Publish pose and twist, wheels, and the sonars that have a new reading."""
         stamp_s, _, (x_m, y_m, yaw_rad), twist, _, fresh, counts, _ = telemetry
-        stamp_ns = self._stamps.next(stamp_s, time.monotonic_ns(), time.time_ns())
-        secs, nsecs = stamp_ns // 1_000_000_000, stamp_ns % 1_000_000_000
+        secs, nsecs = self._stamps.next(stamp_s, time.monotonic(), time.time())
         z, w = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
         self.covariance.update(counts, z, w)
         out = self._odometry_out

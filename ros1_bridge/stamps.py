@@ -1,8 +1,10 @@
-"""Arrival times of one clock as stamps of another that never repeat.  Pure, integers throughout."""
+"""Arrival times of one clock as stamps of another that never repeat.  Pure."""
 
-STEP_NS = 1000
-"""Two frames out of one read differ at least by this."""
-JUMP_NS = 1_000_000_000
+from typing import Tuple
+
+STEP_S = 1e-6
+"""Two frames out of one read differ at least by this; four times what a float of today's seconds tells apart."""
+JUMP_S = 1.0
 """A clock set back further than this was set on purpose, and is followed."""
 
 
@@ -10,16 +12,16 @@ class Stamps:
     """Wall-clock stamps for events that were timed by the monotonic clock."""
 
     def __init__(self) -> None:
-        self._last_ns = 0
+        self._least_s = 0.0
 
-    def next(self, event_s: float, monotonic_ns: int, wall_ns: int) -> int:
-        """Wall time [ns] of an event at `event_s` of the monotonic clock, later than the one before.
+    def next(self, event_s: float, monotonic_s: float, wall_s: float) -> Tuple[int, int]:
+        """Wall time [s, ns] of an event at `event_s` of the monotonic clock, later than the one before.
 
-        `monotonic_ns` and `wall_ns` are both clocks read now.
+        `monotonic_s` and `wall_s` are both clocks read now.
         """
-        stamp_ns = wall_ns - monotonic_ns + round(event_s * 1e9)
-        least_ns = self._last_ns + STEP_NS
-        if stamp_ns < least_ns and stamp_ns > self._last_ns - JUMP_NS:
-            stamp_ns = least_ns
-        self._last_ns = stamp_ns
-        return stamp_ns
+        stamp_s = wall_s - monotonic_s + event_s
+        if stamp_s < self._least_s and stamp_s > self._least_s - JUMP_S:
+            stamp_s = self._least_s
+        self._least_s = stamp_s + STEP_S
+        secs = int(stamp_s)
+        return secs, int((stamp_s - secs) * 1e9)

@@ -1,4 +1,4 @@
-"""The pure parts of the demonstration: square, keys, trail, stamps, text."""
+"""The pure parts of the demonstration: square, keys, trail, text."""
 
 import math
 
@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from mrl_driver.course import Limits, Square
 from mrl_driver.teleop import ANGULAR_RAD_S, HOLD_S, LINEAR_M_S, Teleop
 from ros1_bridge.report import Recorder, line, range_text, summary
-from ros1_bridge.stamps import STEP_NS, Stamps
 from ros1_bridge.trail import ARROWS, draw
 
 STEP_S = 0.05
@@ -91,30 +90,6 @@ def test_trail_fills_its_frame_and_shows_the_robot(points, yaw):
 
 def test_arrow_points_where_the_robot_looks():
     assert any("↑" in text for text in draw([], (0.0, 0.0, math.pi / 2), 10, 5))
-
-
-def test_stamp_is_the_wall_time_of_the_event():
-    assert Stamps().next(1.5, 2_000_000_000, 1_000_000_000_000) == 999_500_000_000
-
-
-def test_two_frames_out_of_one_read_get_two_stamps():
-    stamps = Stamps()
-    first = stamps.next(1.0, 10**9, 10**18)
-    assert stamps.next(1.0, 10**9, 10**18) == first + STEP_NS
-
-
-def test_clock_that_is_set_back_is_followed():
-    stamps = Stamps()
-    stamps.next(1.0, 10**9, 10**18)
-    assert stamps.next(1.0, 10**9, 10**18 - 3600 * 10**9) == 10**18 - 3600 * 10**9
-
-
-@given(st.lists(st.floats(0, 0.9), min_size=1))
-def test_stamps_never_repeat(events):
-    """Whatever the jitter below a second."""
-    stamps = Stamps()
-    made = [stamps.next(event_s, 10**9, 10**18) for event_s in events]
-    assert len(set(made)) == len(made)
 
 
 @pytest.mark.parametrize(
