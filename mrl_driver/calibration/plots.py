@@ -70,7 +70,7 @@ def draw_ends(path: str, before: np.ndarray, after: np.ndarray, senses: Sequence
 def draw_sonar(path: str, counts: np.ndarray, ranges_m: np.ndarray, fit: Fit) -> None:
     """Curve and readings (N,), and what is left."""
     figure = _figure(7.0, 6.0)
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
+    upper, lower = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [2, 1]})
     heard = np.isfinite(counts)
     line = np.linspace(max(1.0, counts[heard].min() * 0.8), counts[heard].max() * 1.05, 200)
     a, b, c = fit.curve

@@ -8,6 +8,7 @@ import numpy as np
 from rich.console import Console
 from rich.prompt import Confirm, Prompt
 from rich.table import Table
+from rich.text import Text
 
 from ..calibration.gains import Response
 from ..calibration.measure import Ruler, Truth, parse_pose, truth_file
@@ -18,8 +19,9 @@ from ..errors import ConfigError
 from ..odometry import Pose
 from ..robots import RobotModel
 
-console = Console(stderr=True, highlight=False)
+console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
 """Prompts and progress go to stderr, results to stdout."""
+MEASURED = Text("Measured from the mark: x y [m], heading [deg] if you can")
 
 
 class Tape:
@@ -27,15 +29,14 @@ class Tape:
 
     def begin(self, run: str) -> None:
         """Ask for the mark on the floor."""
-        console.print(
-            f"\n[bold]{run}[/bold]: mark where the robot stands and where it looks; the way must be free."
-        )
-        Prompt.ask("Enter drives", console=console, default="", show_default=False)
+        console.print(f"\n{run}", style="bold")
+        console.print("Mark where the robot stands and where it looks; the way must be free.")
+        Prompt.ask(Text("Enter drives"), console=console, default="", show_default=False)
 
     def end(self, run: str) -> Pose:
         """Ask where the robot is now, until the answer is one."""
         while True:
-            text = Prompt.ask("Measured from the mark: x y [m], heading [deg] if you can", console=console)
+            text = Prompt.ask(MEASURED, console=console)
             try:
                 return parse_pose(text)
             except ConfigError as error:
@@ -96,12 +97,14 @@ def looker_for(truth: Optional[str], unseen: bool) -> Any:
 
 
 def _ask_wheel(motor: str, _: Pose) -> Tuple[Optional[str], int]:
-    wheel = Prompt.ask("Which wheel turned", console=console, choices=["left", "right", "none", "unseen"])
+    wheel = Prompt.ask(
+        Text("Which wheel turned"), console=console, choices=["left", "right", "none", "unseen"]
+    )
     if wheel == "unseen":
         return None, 0
     if wheel == "none":
         return motor, 0
-    forward = Prompt.ask("Which way", console=console, choices=["forward", "back"])
+    forward = Prompt.ask(Text("Which way"), console=console, choices=["forward", "back"])
     return wheel, 1 if forward == "forward" else -1
 
 
@@ -109,7 +112,7 @@ def agree_here(question: str, yes: bool) -> bool:
     """Ask at the terminal; True without asking for `yes`, False where there is nobody."""
     if yes:
         return True
-    return sys.stdin.isatty() and Confirm.ask(question, console=console)
+    return sys.stdin.isatty() and Confirm.ask(Text(question), console=console)
 
 
 def show_values(model: RobotModel, values: Mapping[Key, float]) -> None:

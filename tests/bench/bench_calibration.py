@@ -1,7 +1,8 @@
 """Calibrates random emulated robots through the driver, in simulated time; build/bench/calibration.json.
 
 Each robot hides wheel, axle and slip errors and is calibrated by two straight runs and UMBmark with two laps each way;
-then a 1 m square is driven each way round.
+then a 1 m square is driven each way round.  One more robot is noisy: its calibration finds how much, and the normalised
+estimation error squared of 100 drives tells whether the uncertainty is right.
 """
 
 import math
@@ -11,14 +12,16 @@ from typing import List, Tuple
 
 import numpy as np
 
-from mrl_driver.calibration import procedures
+from mrl_driver.calibration import driving, fit, procedures
 from mrl_driver.calibration.driving import Speeds, Track
 from mrl_driver.calibration.measure import Truth
 from mrl_driver.calibration.run import Run, errors
 from mrl_driver.odometry import Pose
 from mrl_driver.options import Options
 from mrl_driver.robots import RobotModel, load
+from mrl_driver.state import Telemetry
 from mrl_driver.stepped import SteppedDriver
+from mrl_driver.uncertainty import Uncertainty, error_squared
 from sim_arduino import boards
 
 from . import report
@@ -26,6 +29,11 @@ from . import report
 ROBOTS = 20
 END_M, END_RAD = 0.01, math.radians(0.5)
 PERIOD_MS = 100
+DRIVES, BOUNDS = 100, (2.54, 3.50)
+"""95 % of the means of 100 normalised errors squared with 3 degrees of freedom: chi2 of 300, over 100."""
+NOISY = "slip=0.05,wheel_ratio=1.002,noise=2e-5,turn_noise=2e-4"
+WINDING = ((0.5, 1.0), (0.4, -2.0), (0.3, 0.7))
+"""Way ahead [m] and turn then [rad]."""
 _SPEEDS = Speeds()
 Runs = List[Run]
 
@@ -33,11 +41,13 @@ Runs = List[Run]
 class Emulated:
     """A new robot with these errors, which stands in an endless empty room."""
 
-    def __init__(self, model: RobotModel, hidden: str) -> None:
-        self._made = boards.make(boards.Options(robot=model.name, footprint="none", error=hidden))
+    def __init__(self, model: RobotModel, hidden: str, seed: int = 0) -> None:
+        options = boards.Options(robot=model.name, footprint="none", error=hidden, seed=seed)
+        self._made = boards.make(options)
         self._driver = SteppedDriver(self._made.engine, model, Options(period_ms=PERIOD_MS))
         self._driver.connect()
         self._track = Track(self._driver)
+        self._model = model
 
     def drive(self, legs: List[procedures.Leg]) -> Runs:
         """Drives and measures all of them."""
@@ -45,6 +55,22 @@ class Emulated:
         ruler = Truth(lambda: Pose(*self._made.plant.true_pose))
         procedures.gather(self._driver, legs, ruler, runs.append, self._track)
         return runs
+
+    def error_squared(self) -> float:
+        """Normalised estimation error squared at the end of a winding drive, by the driver's odometry."""
+        driver, sure = self._driver, Uncertainty(self._model)
+
+        def carry(telemetry: Telemetry) -> None:
+            half = telemetry.pose.yaw_rad / 2
+            sure.update(telemetry.counts, math.sin(half), math.cos(half))
+
+        driver.on_telemetry(carry)
+        for way_m, turn_rad in WINDING:
+            driving.straight(driver, way_m, _SPEEDS)
+            driving.turn(driver, turn_rad, _SPEEDS)
+        off = np.subtract(self._made.plant.true_pose, driver.pose)
+        off[2] = math.remainder(off[2], math.tau)
+        return error_squared(sure.unknowns, *off)
 
 
 def hidden_errors(rng: random.Random) -> str:
@@ -71,6 +97,23 @@ def calibrate(hidden: str) -> Tuple[np.ndarray, np.ndarray, float]:
     return errors(plain.drive, [laps[0], laps[-1]]), errors(model.drive, tried), missed_m
 
 
+def consistency() -> float:
+    """Mean of the normalised estimation error squared of `DRIVES` drives, after a calibration of the noise too."""
+    model, runs = load("traxbot"), []
+    robot = Emulated(model, NOISY)
+    for procedure, legs in (
+        (procedures.STRAIGHT, procedures.straight_legs(20, 1.0, _SPEEDS)),
+        (procedures.TURN, procedures.turn_legs(20, 1, _SPEEDS)),
+        (procedures.UMBMARK, procedures.umbmark_legs(10, 0.5, _SPEEDS)),
+    ):
+        new = robot.drive(legs)
+        found = procedures.evaluate(procedure, new, model, 0.5, fit.BY_TRUTH, runs)
+        model = model._replace(drive=found.after, noise=found.noise or model.noise)
+        runs += new
+    print(f"noise {model.noise}, {model.drive}")
+    return float(np.mean([Emulated(model, NOISY, 1 + seed).error_squared() for seed in range(DRIVES)]))
+
+
 def main() -> None:
     """Calibrates `ROBOTS` robots, one line each, and writes the figures."""
     rng, good, befores, afters, misses = random.Random(7), 0, [], [], []
@@ -88,6 +131,10 @@ def main() -> None:
             f"{math.degrees(turned):.3f} deg after, ends {missed_m * 100:.2f} cm from its start; "
             f"{time.process_time() - begin_s:.1f} s"
         )
+    mean = consistency()
+    print(
+        f"mean normalised error squared of {DRIVES} drives: {mean:.2f}, expected {BOUNDS[0]} to {BOUNDS[1]}"
+    )
     report.write(
         "calibration",
         {
@@ -97,8 +144,11 @@ def main() -> None:
             "square_after_cm_max": max(each[0] for each in afters) * 100,
             "square_after_deg_max": max(each[1] for each in afters),
             "square_from_start_cm_max": max(misses) * 100,
+            "error_squared_mean": mean,
         },
     )
+    if not BOUNDS[0] < mean < BOUNDS[1]:
+        raise SystemExit(f"the uncertainty does not hold: {mean:.2f} is not in {BOUNDS}")
     if good < ROBOTS:
         raise SystemExit(f"{good} of {ROBOTS} robots end within {END_M * 100:g} cm and 0.5 deg")
 

@@ -3,17 +3,20 @@
 import contextlib
 import json
 import math
+import os
+import pathlib
 import sys
 
 import numpy as np
 import pytest
 
 from mrl_driver import cli, robots
-from mrl_driver.calibration import driving
-from mrl_driver.calibration.measure import Truth
+from mrl_driver.calibration import driving, store, trials
+from mrl_driver.calibration.measure import Truth, relative
 from mrl_driver.calibration.run import Run, errors
 from mrl_driver.codec import encode_reply
 from mrl_driver.commands import calibrate_job, calibrate_view
+from mrl_driver.errors import ConfigError
 from mrl_driver.odometry import Pose
 from mrl_driver.options import Options
 from mrl_driver.stepped import SteppedDriver
@@ -225,3 +228,62 @@ def test_points_of_a_sonar_are_read_from_a_file(lab, tmp_path):
     assert "wall.csv:2: got '0.3;0.3', expected distance,reading" in lab.refused(
         *words[:-3], "--points", "wall.csv", "--output", "b.yaml"
     )
+
+
+# -- the terminal, and what may be wrong with files
+
+
+def test_a_person_is_guided_and_asked_again_after_a_slip_of_the_pen(lab, monkeypatch):
+    """A turn each way measured with a protractor, one answer mistyped."""
+    lab.options = {"error": "slip=0.1"}
+    start, answers = [], []
+
+    def ask(question, **_):
+        if str(question).startswith("Enter"):
+            start[:] = [lab.pose()]
+            return ""
+        answers.append(question)
+        if len(answers) == 1:
+            return "0.1; 2"
+        x, y, yaw = relative(start[0], lab.pose())
+        return f"{x:.3f}, {y:.3f}, {math.degrees(yaw):.1f}"
+
+    monkeypatch.setattr(calibrate_view, "demand_terminal", lambda instead: None)
+    monkeypatch.setattr(calibrate_view.Prompt, "ask", ask)
+    code, _, lines = lab.mrl("turn", "--count", 2, "--turns", 1, "--yes")
+    assert code == 0 and any(line.startswith("got '0.1; 2', expected x y [m]") for line in lines)
+    assert len(answers) == 3
+    assert robots.load("traxbot-1.yaml").drive.turn_slip == pytest.approx(0.1, abs=5e-3)
+
+
+def test_without_a_terminal_nothing_is_asked_and_nothing_moves(lab):
+    assert "there is no terminal to ask at; give --truth FILE" in lab.refused("turn", "--yes")
+    assert lab.emulated is None
+
+
+def test_a_step_is_not_cut_by_the_stop_of_the_greeting(lab):
+    """The driver repeats its first stop until it is confirmed; a motor turned meanwhile would stand again."""
+    with lab.robot("traxbot", period_ms=20) as robot:
+        robot.drive(0.1, 0.0)
+        robot.wait(0.5)
+        robot.stop()
+        taken = trials.step(robot, driving.Track(robot), driving.MOVE, 40)
+    speeds = np.diff(taken.right) / np.diff(taken.times_s)
+    assert taken.right[0] == 0 and speeds[10:].min() > 4000
+
+
+def test_a_damaged_state_is_not_written_over(lab, tmp_path):
+    (tmp_path / "traxbot-1.calibration.json").write_text('{"version": 1')
+    assert "no state of a calibration; move it away" in lab.refused("turn", "--truth", "t", "--yes")
+    assert (tmp_path / "traxbot-1.calibration.json").read_text() == '{"version": 1'
+
+
+def test_a_yaml_that_cannot_be_edited_line_by_line_stays(tmp_path):
+    file = tmp_path / "flow.yaml"
+    text = pathlib.Path(store.source_of("traxbot")).read_text()
+    head, rest = text[: text.index("drive:")], text[text.index("board:") :]
+    file.write_text(f"{head}drive: {{wheel_separation_m: 0.18, metres_per_count: 0.0000875}}\n{rest}")
+    before = file.read_text()
+    with pytest.raises(ConfigError, match="nothing was changed"):
+        store.write_model(str(file), str(file), {("drive", "turn_slip"): 0.1}, "test")
+    assert file.read_text() == before and os.listdir(tmp_path) == ["flow.yaml"]
