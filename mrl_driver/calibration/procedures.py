@@ -84,7 +84,7 @@ def gather(
     """
     track = track or Track(robot)
     assert robot.model is not None
-    drive = robot.model.drive
+    drive = robot.model.differential
     for leg in legs:
         ruler.begin(leg.name)
         track.begin()
@@ -140,7 +140,7 @@ def evaluate(
     Raises:
         ConfigError: too few runs, or one that the others gainsay.
     """
-    before, start, result = model.drive, model.drive, None
+    before, start, result = model.differential, model.differential, None
     free = free_numbers(procedure, model.body.tracks)
     found = errors(before, runs)
     if procedure == UMBMARK:

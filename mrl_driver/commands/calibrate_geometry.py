@@ -94,7 +94,7 @@ def _from_recordings(plan: Plan, job: Job) -> None:
         if not colon:
             raise ConfigError(f"--run {text}: expected FILE:X,Y or FILE:X,Y,HEADING, in metres and degrees")
         run = replayed.run_of(path, parse_pose(end), model)
-        procedures.check_recorded(plan.procedure, model.drive, run, path)
+        procedures.check_recorded(plan.procedure, model.differential, run, path)
         runs.append(run)
     outcome = procedures.evaluate(plan.procedure, runs, model, plan.settings.get("side_m", 1.0))
     report(plan.procedure, outcome, runs, model, procedures.values_for(model, outcome), output, job)

@@ -96,7 +96,7 @@ def sonar(
         else:
             from ..calibration import replayed
 
-            ranges, distances = trials.stands(replayed.read(str(recording), model).rows, model.drive, start)
+            ranges, distances = trials.stands(replayed.read(str(recording), model).rows, model.differential, start)
         values = _fit_sonar(ranges, distances, _told_curve(model) or THESIS, job)
         write_yaml("sonar", values, output, job, model)
         return
@@ -106,7 +106,7 @@ def sonar(
         output = output_for(job, model, driver.board.robot_id)
         console.print(f"The robot drives from {start:g} m up to {stop:g} m before the wall ahead.")
         rows = trials.approach_wall(driver, Track(driver), plan, Speeds(), console.print)
-        ranges, distances = trials.stands(rows, model.drive, start)
+        ranges, distances = trials.stands(rows, model.differential, start)
         values = _fit_sonar(ranges, distances, trials.curve_in_force(driver), job)
         write_yaml("sonar", values, output, job, model)
         offer_eeprom(driver, values, job)

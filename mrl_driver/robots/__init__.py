@@ -11,36 +11,12 @@ import yaml
 
 from ..errors import ConfigError
 from ..table import PARAMETERS
+from .drives import DIFFERENTIAL, EXTRA, KINDS, Base, Drive, MecanumDrive, OmniDrive, kind_of
+
+__all__ = ["Base", "Drive", "MecanumDrive", "OmniDrive", "RobotModel", "kind_of", "load", "names", "packaged"]
 
 _FOLDER = os.path.dirname(os.path.abspath(__file__))
 _Section = TypeVar("_Section", bound=tuple)
-
-
-class Drive(NamedTuple):
-    """Differential drive as the odometry needs it."""
-
-    wheel_separation_m: float
-    metres_per_count: float
-    """Mean of both wheels."""
-    wheel_offset: float = 0.0
-    """The thesis's Cm: the right wheel's metres per count less the left's, as a share of their mean."""
-    turn_slip: float = 0.0
-    """The thesis's Cs: share of the yaw that tracks lose to the floor in a turn."""
-
-    @property
-    def right_m_per_count(self) -> float:
-        """Way of the right wheel for one count."""
-        return self.metres_per_count * (1 + self.wheel_offset / 2)
-
-    @property
-    def left_m_per_count(self) -> float:
-        """Way of the left wheel for one count."""
-        return self.metres_per_count * (1 - self.wheel_offset / 2)
-
-    @property
-    def turning_separation_m(self) -> float:
-        """Distance of wheels that do not slip and turn the robot as much."""
-        return self.wheel_separation_m / (1 - self.turn_slip)
 
 
 class Noise(NamedTuple):
@@ -98,13 +74,27 @@ class RobotModel(NamedTuple):
 
     name: str
     ids: Tuple[int, ...]
-    drive: Drive
+    drive: Base
     board: Dict[str, int]
     limits: Limits
     body: Body
     sonars: Dict[str, SonarMount]
     battery: Battery
     noise: Noise = ON_WHEELS
+
+    @property
+    def differential(self) -> Drive:
+        """Its drive, for what only two wheels or tracks can do.
+
+        Raises:
+            ConfigError: it has another one.
+        """
+        if not isinstance(self.drive, Drive):
+            raise ConfigError(
+                f"robot {self.name} has a drive of kind {kind_of(self.drive)}, expected differential or tracked: "
+                "this is for robots with two wheels or tracks"
+            )
+        return self.drive
 
 
 def packaged() -> List[str]:
@@ -216,7 +206,7 @@ class _Reader:
         return RobotModel(
             name=self._text("name", keys["name"]),
             ids=self._ids(keys["ids"]),
-            drive=self._section("drive", keys["drive"], Drive),
+            drive=self._drive(keys["drive"]),
             board=self._board(keys["board"]),
             limits=self._section("limits", keys["limits"], Limits),
             body=body,
@@ -224,6 +214,20 @@ class _Reader:
             battery=self._section("battery", keys["battery"], Battery),
             noise=noise,
         )
+
+    def _drive(self, data: Any) -> Base:
+        """The section of the kind that it says, which is differential where it says none."""
+        found = dict(self._mapping("drive", data))
+        kind = found.pop("kind", DIFFERENTIAL)
+        if kind not in KINDS:
+            raise self._fail("drive.kind", kind, ", ".join(KINDS))
+        for name in EXTRA.get(kind, ()):
+            if name not in found:
+                raise ConfigError(f"{self._path}: key drive.{name} is missing, {kind} drives need it")
+        try:
+            return self._section("drive", found, KINDS[kind])  # type: ignore[return-value]
+        except ConfigError as error:
+            raise ConfigError(f"{error} (kind {kind})") from None
 
     def _fail(self, key: str, got: Any, expected: str) -> ConfigError:
         return ConfigError(f"{self._path}: {key or 'file'} is {got!r}, expected {expected}")
@@ -254,12 +258,27 @@ class _Reader:
         hints = get_type_hints(kind)
         return kind(
             **{
-                name: self._flag(f"{key}.{name}", found[name])
-                if hints[name] is bool
-                else self._number(f"{key}.{name}", found[name], *_RANGES.get(name, _POSITIVE))
+                name: self._value(f"{key}.{name}", found[name], hints[name])
                 for name in hints
                 if name in found
             }
+        )
+
+    def _value(self, key: str, value: Any, kind: Any) -> Any:
+        if kind is bool:
+            return self._flag(key, value)
+        if kind is float:
+            return self._number(key, value, *_RANGES.get(key.rpartition(".")[2], _POSITIVE))
+        return self._angles(key, value)
+
+    def _angles(self, key: str, value: Any) -> Tuple[float, ...]:
+        """Three wheels in the motor board's order and spacing, as a whole turned by any angle."""
+        if isinstance(value, list) and len(value) == 3:
+            first, second, third = (self._number(key, each, -360.0, 360.0) for each in value)
+            if all(abs((b - a) % 360.0 - 120.0) < 1e-6 for a, b in ((first, second), (second, third))):
+                return first, second, third
+        raise self._fail(
+            key, value, "three angles, each 120 deg on from the one before, such as [60, 180, 300]"
         )
 
     def _number(self, key: str, value: Any, low: float, high: float) -> float:

@@ -58,7 +58,7 @@ def _approach(setting: Setting) -> Tuple[Sequence[float], Sequence[float]]:
         driver = robot.driver
         assert driver.model is not None
         rows = trials.approach_wall(driver, Track(driver), PLAN, Speeds(), lambda _: None)
-        return trials.stands(rows, driver.model.drive, PLAN.start_m)
+        return trials.stands(rows, driver.model.differential, PLAN.start_m)
 
 
 def _draw(setting: Setting, counts: Sequence[float], distances: Sequence[float], fit: sonar_curve.Fit) -> str:

@@ -99,7 +99,7 @@ def _robot(setting: Setting, **hidden: float) -> Robot:
         assert model is not None
         laps = _laps(robot, LAPS)
         found = evaluate(UMBMARK, [each for each, _ in laps], model).after
-        before = [_lap(model.drive, *each) for each in laps]
+        before = [_lap(model.differential, *each) for each in laps]
     with actor(setting, error=spelt, drive=found) as robot:
         after = [_lap(found, *each) for each in _laps(robot, 1)]
     return Robot([before[0], before[LAPS]], after)
