@@ -115,13 +115,21 @@ def agree_here(question: str, yes: bool) -> bool:
     return sys.stdin.isatty() and Confirm.ask(Text(question), console=console)
 
 
+_THESIS = {"wheel_offset": " (Cm)", "turn_slip": " (Cs)"}
+"""What the thesis calls them."""
+
+
 def show_values(model: RobotModel, values: Mapping[Key, float]) -> None:
     """Numbers of the robot's file, before and after."""
     table = Table(box=None, pad_edge=False, show_edge=False)
     for name, justify in (("number", "left"), ("before", "right"), ("after", "right")):
         table.add_column(name, justify=justify)  # type: ignore[arg-type]
     for (section, name), value in values.items():
-        table.add_row(f"{section}.{name}", number(value_of(model, (section, name))), number(value))
+        table.add_row(
+            f"{section}.{name}{_THESIS.get(name, '')}",
+            number(value_of(model, (section, name))),
+            number(value),
+        )
     Console(highlight=False, width=100).print(table)
 
 
@@ -147,6 +155,9 @@ def say_outcome(outcome: Outcome) -> Sequence[str]:
         lines.append(
             f"ends off {name}: mean {off_m.mean() * 1000:.1f} mm, worst {off_m.max() * 1000:.1f} mm, {turned}"
         )
+    if outcome.after.metres_per_count != outcome.before.metres_per_count:
+        before, after = (1 / drive.metres_per_count for drive in (outcome.before, outcome.after))
+        lines.append(f"counts per metre: {before:.1f} before, {after:.1f} after")
     if outcome.square is not None:
         square = outcome.square
         lines.append(

@@ -125,6 +125,18 @@ def test_a_file_that_the_robot_does_not_come_from_is_not_replaced(lab, tmp_path)
     assert (tmp_path / "traxbot-1.yaml").read_text() == "mine"
 
 
+def test_counts_that_jump_spoil_the_run(lab, tmp_path):
+    """An encoder that reads 9000 more for a moment; the odometry bridges that, a calibration does not take it."""
+
+    def jump(board):
+        encoder = board.encoder
+        board.encoder = lambda number, time_s: encoder(number, time_s) + 9000 * (2.0 < time_s < 2.15)
+
+    lab.rewire = jump
+    line = lab.refused("straight", "--count", 2, "--distance", 0.5, "--truth", "t", "--yes")
+    assert "the counts jumped" in line and os.listdir(tmp_path) == []
+
+
 def test_swapped_encoders_are_found(lab):
     def swap(board):
         encoder = board.encoder
