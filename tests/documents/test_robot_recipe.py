@@ -7,7 +7,7 @@ from mrl_driver.commands.set_id import write_id
 from mrl_driver.errors import ConfigError
 from mrl_driver.options import Options
 from mrl_driver.stepped import SteppedDriver
-from mrl_driver.table import PARAMETER_BY_NAME
+from mrl_driver.table import BY_NAME, PARAMETER_BY_NAME
 from sim_arduino import boards, config_store
 
 from .blocks import blocks
@@ -42,6 +42,8 @@ def test_it_drives_as_far_as_it_is_told(home, engine):
         robot.stop()
         robot.wait(0.2)
         assert robot.model.name == "eswarbot"
+        number = PARAMETER_BY_NAME["axis_radius"].number
+        assert robot.ask(BY_NAME["read_config"].code, number) == (number, robot.model.board["axis_radius"])
         went_m = emulated.plant.true_pose.x_m - start.x_m
         assert robot.pose.x_m == pytest.approx(went_m, abs=PLACE_M)
         assert went_m == pytest.approx(WAY_M, abs=0.1)
@@ -67,7 +69,7 @@ def test_a_users_file_comes_before_the_packaged_one(home):
 
 
 def test_an_unknown_name_tells_where_files_belong(home):
-    with pytest.raises(ConfigError, match=f"expected eswarbot, stingbot.*files in {home} are known by name"):
+    with pytest.raises(ConfigError, match=f"expected eswarbot, .*stingbot.*files in {home} are known by name"):
         robots.load("eswarbt")
 
 
