@@ -283,7 +283,9 @@ def _model_rows() -> List[str]:
 
 def _models() -> List[robots.RobotModel]:
     """Models in the order of their ids; the first one's defaults serve boards whose id no model lists."""
-    return sorted((robots.load_packaged(name) for name in robots.packaged()), key=lambda model: min(model.ids))
+    return sorted(
+        (robots.load_packaged(name) for name in robots.packaged()), key=lambda model: min(model.ids)
+    )
 
 
 def _macro(head: str, rows: Iterable[str]) -> List[str]:

@@ -69,7 +69,9 @@ def test_a_users_file_comes_before_the_packaged_one(home):
 
 
 def test_an_unknown_name_tells_where_files_belong(home):
-    with pytest.raises(ConfigError, match=f"expected eswarbot, .*stingbot.*files in {home} are known by name"):
+    with pytest.raises(
+        ConfigError, match=f"expected eswarbot, .*stingbot.*files in {home} are known by name"
+    ):
         robots.load("eswarbt")
 
 
