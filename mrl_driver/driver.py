@@ -14,6 +14,7 @@ import time
 from typing import List, Optional, Tuple, Union
 
 from . import robots
+from .address import demand_port
 from .core import Core
 from .errors import BoardError, BoardTimeout, ConfigError, LinkLost, MrlError
 from .events import Lost, Reconnected
@@ -26,6 +27,7 @@ from .recording import Recorder
 from .robots import RobotModel
 from .state import Notice, Telemetry
 from .tape import Tape
+from .wires import AGAIN_S, CONNECT_S, open_link
 
 __all__ = ["Board", "Driver", "Options", "Telemetry"]
 
@@ -39,7 +41,7 @@ class Driver(Readout):
     """A robot on a serial port.
 
     Args:
-        port: device name, or an open `Link`.
+        port: device name, an URL (`tcp://host:port`, `udp://host:port`, those of pyserial), or an open `Link`.
         robot: name of a packaged model, path of a YAML file, a `RobotModel`, or `auto` for the model that
             lists the id which the board reports.
         baud: of the port, where `port` is a name.
@@ -59,6 +61,8 @@ class Driver(Readout):
     ) -> None:
         demand("baud", baud, 300, 4_000_000, "Bd", int)
         demand_options(options)
+        if isinstance(port, str):
+            demand_port(port)
         if options.record is not None and isinstance(port, Link):
             raise ConfigError("record is given with an open link, expected a port by name")
         self._port, self._baud, self._options = port, baud, options
@@ -287,13 +291,14 @@ class Driver(Readout):
         if record is not None or tap is not None:
             self._tape = Tape(record, self._port, self._baud, tap)
         try:
-            return self._open(self._port)
+            return self._open(self._port, CONNECT_S)
         except BaseException:
             self._end_tape()
             raise
 
-    def _open(self, name: str) -> Link:
-        return self._tape.open(name, self._baud) if self._tape is not None else Link(name, self._baud)
+    def _open(self, name: str, patience_s: float = AGAIN_S) -> Link:
+        opener = self._tape.open if self._tape is not None else open_link
+        return opener(name, self._baud, patience_s)
 
     def _lose(self, error: MrlError) -> None:
         """Give the link up and search it, where that is wanted; else raise `error`."""

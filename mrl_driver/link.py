@@ -115,15 +115,18 @@ class Link:
     """
 
     def __init__(self, port: str, baud: int = BAUD) -> None:
-        self.port = port
-        self.closed = False
         _demand_device(port)
         self._serial = _open(port, baud)
-        self._fd = self._serial.fileno()
+        self._begin(port, self._serial.fileno())
+        _exclude(self._fd, True)
+
+    def _begin(self, port: str, fd: int) -> None:
+        """Work on an open descriptor that never blocks."""
+        self.port, self._fd = port, fd
+        self.closed, self._open = False, True
         self._reading, self._writing, self._waking = threading.RLock(), threading.RLock(), threading.RLock()
         self._wake_out, self._wake_in = os.pipe()
         os.set_blocking(self._wake_in, False)
-        _exclude(self._fd, True)
         self._poll = select.poll()
         self._poll.register(self._fd, select.POLLIN)
         self._poll.register(self._wake_out, select.POLLIN)
@@ -149,8 +152,11 @@ class Link:
                     except OSError as error:
                         raise self._lost(error.strerror) from None
                     if not data:
-                        raise self._lost("hung up")
+                        self._end_of_data()
             return data
+
+    def _end_of_data(self) -> None:
+        raise self._lost("hung up")
 
     def write(self, data: bytes) -> None:
         """Send all of `data`.
@@ -188,7 +194,7 @@ class Link:
     def wake(self) -> None:
         """Let a waiting `read` return at once."""
         with self._waking:
-            if self._serial.is_open:
+            if self._open:
                 self._nudge()
 
     def _nudge(self) -> None:
@@ -204,12 +210,21 @@ class Link:
         self.closed = True
         self.wake()
         with self._reading, self._writing, self._waking:
-            if not self._serial.is_open:
+            if not self._open:
                 return
-            _exclude(self._fd, False)
-            self._serial.close()
+            self._open = False
+            self._give_back()
             os.close(self._wake_in)
             os.close(self._wake_out)
+
+    def _give_back(self) -> None:
+        """Close what `_begin` was given."""
+        _exclude(self._fd, False)
+        self._serial.close()
+
+    def fileno(self) -> int:
+        """The descriptor that has something to read when data came."""
+        return self._fd
 
     def _lost(self, why: Optional[str]) -> LinkLost:
         return LinkLost(f"{self.port} went away ({why}): check the cable and the board's power")

@@ -4,6 +4,7 @@ import os
 import time
 from typing import Callable, Optional
 
+from .address import is_url
 from .errors import BoardTimeout, LinkError, MrlError, WrongRobot
 from .link import Link, describe, described, in_use
 from .ports import Search
@@ -50,7 +51,7 @@ class Reconnection:
         search, now = self._search, time.monotonic()
         assert search is not None
         there = described() if search.lost.vendor is not None else []
-        name = search.next(os.path.realpath(self._name), there, now, os.path.exists)
+        name = search.next(os.path.realpath(self._name), there, now, _may_be_there)
         if name is None:
             return None
         if in_use(name):
@@ -76,3 +77,8 @@ class Reconnection:
         elif now >= self._trial_ends_s:
             raise BoardTimeout(f"{self.port} does not answer")
         return ready
+
+
+def _may_be_there(name: str) -> bool:
+    """An URL is tried, a device only if there is one."""
+    return is_url(name) or os.path.exists(name)

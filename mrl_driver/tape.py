@@ -4,6 +4,7 @@ from typing import Callable, Optional
 
 from .link import Link
 from .recording import FROM_BOARD, REMARK, TO_BOARD, Recorder
+from .wires import open_link
 
 CHECKED, PLAIN = b"checked", b"plain"
 """Remarks: from here on the board's frames carry a check value, or none."""
@@ -16,13 +17,13 @@ Tap = Callable[[str, bytes], None]
 class RecordedLink(Link):
     """A link that gives each chunk to `tap`: what is sent before it goes, what comes when it is read."""
 
-    def __init__(self, port: str, baud: int, tap: Tap) -> None:
-        super().__init__(port, baud)
-        self._tap = tap
+    def __init__(self, link: Link, tap: Tap) -> None:
+        self.port, self._link, self._tap = link.port, link, tap
+        self.wake, self.close, self.fileno = link.wake, link.close, link.fileno  # type: ignore[method-assign]
 
     def read(self, timeout_s: float) -> bytes:
         """As `Link.read`."""
-        data = super().read(timeout_s)
+        data = self._link.read(timeout_s)
         if data:
             self._tap(FROM_BOARD, data)
         return data
@@ -30,7 +31,7 @@ class RecordedLink(Link):
     def write(self, data: bytes) -> None:
         """As `Link.write`."""
         self._tap(TO_BOARD, data)
-        super().write(data)
+        self._link.write(data)
 
 
 class Tape:
@@ -51,9 +52,9 @@ class Tape:
         if self._tap is not None and way != REMARK:
             self._tap(way, data)
 
-    def open(self, port: str, baud: int) -> RecordedLink:
-        """A link that is listened to; as `Link`."""
-        link = RecordedLink(port, baud, self._hear)
+    def open(self, port: str, baud: int, patience_s: float) -> RecordedLink:
+        """A link that is listened to; as `open_link`."""
+        link = RecordedLink(open_link(port, baud, patience_s), self._hear)
         self._hear(REMARK, b"opened " + port.encode("utf-8", "replace"))
         self._checked = None
         return link
