@@ -17,7 +17,7 @@ from .calibrate_job import (
     recorded_model,
     write_yaml,
 )
-from .shared import say_json, warn
+from .shared import complain, say_json, warn
 
 if TYPE_CHECKING:
     from ..calibration.measure import Ruler
@@ -54,7 +54,12 @@ def _geometry(plan: Plan, job: Job) -> None:
         progress = open_progress(output, model, driver.board.robot_id)
         if job.restart:
             progress.forget(plan.procedure)
-        _gather(plan, driver, progress, ruler)
+        try:
+            _gather(plan, driver, progress, ruler)
+        except KeyboardInterrupt:
+            kept = len(progress.runs(plan.procedure, plan.settings))
+            complain(f"{kept} of {len(plan.legs)} runs are kept in {progress.path}; the same command goes on")
+            raise
         runs, others = progress.runs(plan.procedure, plan.settings), progress.other_runs(plan.procedure)
         measured = fit.BY_TRUTH if job.truth else fit.BY_TAPE
         side_m = plan.settings.get("side_m", 1.0)

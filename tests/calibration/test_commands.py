@@ -112,7 +112,8 @@ def test_an_interrupted_calibration_goes_on_where_it_was(lab, monkeypatch):
 
     monkeypatch.setattr(Truth, "end", interrupted)
     turn = ("turn", "--count", 2, "--turns", 1, "--truth", "t", "--yes")
-    assert lab.mrl(*turn)[0] == cli.INTERRUPTED
+    code, _, lines = lab.mrl(*turn)
+    assert code == cli.INTERRUPTED and any("1 of 2 runs are kept in" in line for line in lines)
     assert "runs of turn with turns 1, count 2" in lab.refused("turn", "--count", 4, "--turns", 1, *turn[5:])
     code, _, lines = lab.mrl(*turn)
     assert code == 0 and lines[0].startswith("1 of 2 runs are there already") and len(calls) == 3
