@@ -96,7 +96,9 @@ def sonar(
         else:
             from ..calibration import replayed
 
-            ranges, distances = trials.stands(replayed.read(str(recording), model).rows, model.differential, start)
+            ranges, distances = trials.stands(
+                replayed.read(str(recording), model).rows, model.differential, start
+            )
         values = _fit_sonar(ranges, distances, _told_curve(model) or THESIS, job)
         write_yaml("sonar", values, output, job, model)
         return
