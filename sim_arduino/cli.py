@@ -12,8 +12,9 @@ from mrl_driver.errors import ConfigError
 from . import boards, fault_table, picture, spelling
 from .control import ORDERS, Control
 from .one_line import OneLine
-from .port import Link, PtyPort
+from .port import Link, Port, PtyPort
 from .server import PtyServer, Watcher
+from .socket_port import SocketPort
 from .trail import Trail
 
 
@@ -53,6 +54,11 @@ _EPILOG = "\b\nKeys of --error:\n{}\n\n\b\nKeys of --sonar:\n{}\n\n{}".format(
 @click.option("--environment", is_flag=True, help="The environment-sensor build.")
 @click.option("--elf", type=click.Path(dir_okay=False), help="Image for --engine avr.")
 @click.option("--link", metavar="NAME", help="Symbolic link to the port, removed at the end.")
+@click.option(
+    "--listen",
+    metavar="URL",
+    help="Serve one client on tcp://ADDRESS:PORT or udp://ADDRESS:PORT instead; 127.0.0.1 is this computer alone.",
+)
 @click.option(
     "--world",
     default="room",
@@ -99,6 +105,7 @@ _EPILOG = "\b\nKeys of --error:\n{}\n\n\b\nKeys of --sonar:\n{}\n\n{}".format(
 @click.option("--control", is_flag=True, help="Take orders as lines on stdin.")
 def main(
     link: Optional[str],
+    listen: Optional[str],
     truth: Optional[str],
     log: Optional[str],
     reset_on_open: bool,
@@ -114,11 +121,15 @@ def main(
     """
     if plot:
         picture.demand(plot)
+    if link and listen:
+        raise ConfigError(
+            "--link and --listen are given, expected one of them: an address has no file to link to"
+        )
     robot = boards.make(boards.Options(**options))
     with ExitStack() as stack:
         stack.callback(robot.close)
         files = _open(stack, "--truth", truth), _open(stack, "--log", log)
-        port = PtyPort()
+        port: Port = SocketPort(listen) if listen else PtyPort()
         stack.callback(port.close)
         tell = _announcer(stack, link)
         orders = sys.stdin.fileno() if control else None
@@ -130,6 +141,8 @@ def main(
         )
         _stop_on_signals(server)
         tell(port.path)
+        if listen:
+            _complain(f"listens on {port.path}: who reaches this address drives the robot")
         server.run()
 
 

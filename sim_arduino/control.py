@@ -7,7 +7,7 @@ from typing import Callable, Dict, List, Optional, Tuple
 from mrl_driver.errors import ConfigError
 
 from .faults import FaultyEngine
-from .port import PtyPort
+from .port import Port
 
 _LONGEST_LINE = 4096
 
@@ -80,17 +80,17 @@ class Control:
         self._faults, self._plugged, self._complain = faults, plugged, complain
         self._rest = b""
 
-    def attend(self, port: PtyPort) -> None:
+    def attend(self, port: Port) -> None:
         """Obeys what has arrived, then plugs or unplugs `port`."""
         for line in self._lines():
             try:
                 obey(self._faults, line)
             except ConfigError as error:
                 self._complain(str(error))
-        if self._faults.plugged and port.master is None:
+        if self._faults.plugged and not port.plugged:
             port.plug()
             self._plugged(port.path)
-        elif not self._faults.plugged and port.master is not None:
+        elif not self._faults.plugged and port.plugged:
             self._plugged("")
             port.unplug()
 

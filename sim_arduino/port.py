@@ -7,7 +7,7 @@ import os
 import struct
 import termios
 import tty
-from typing import Optional, Tuple
+from typing import Optional, Protocol, Tuple
 
 from mrl_driver.errors import ConfigError
 
@@ -15,6 +15,45 @@ _IN_OPEN, _IN_CLOSE = 0x20, 0x08 | 0x10
 _EVENT = struct.Struct("iIII")
 READ_BYTES = 256
 _EVERYTHING = 65536
+
+
+class Port(Protocol):
+    """What a board is reached by, see `PtyPort`."""
+
+    path: str
+
+    @property
+    def master(self) -> Optional[int]:
+        """Descriptor that tells of data."""
+
+    @property
+    def watch(self) -> Optional[int]:
+        """Descriptor that tells of openings."""
+
+    @property
+    def plugged(self) -> bool:
+        """It is plugged in."""
+
+    def plug(self) -> None:
+        """Plugs it in."""
+
+    def unplug(self) -> None:
+        """Takes it away."""
+
+    def opened_anew(self) -> bool:
+        """A program came."""
+
+    def read(self, limit: int = READ_BYTES) -> bytes:
+        """What the host has sent."""
+
+    def read_all(self) -> bytes:
+        """Everything that waits."""
+
+    def write(self, data: bytes) -> None:
+        """Sends to the host."""
+
+    def close(self) -> None:
+        """Ends it."""
 
 
 class PtyPort:
@@ -64,6 +103,11 @@ class PtyPort:
             if descriptor is not None:
                 os.close(descriptor)
         self.master = self.watch = None
+
+    @property
+    def plugged(self) -> bool:
+        """It is plugged in."""
+        return self.master is not None
 
     @property
     def is_open(self) -> bool:

@@ -11,7 +11,7 @@ from typing import Any, Dict, List, Optional, Protocol, Sequence, TextIO
 from .control import Control
 from .engine import Engine
 from .plant import Plant
-from .port import PtyPort
+from .port import Port
 from .wire import IN_BYTE_S
 
 HEARTBEAT_S = 0.1
@@ -51,7 +51,7 @@ class PtyServer:
     def __init__(
         self,
         engine: Engine,
-        port: PtyPort,
+        port: Port,
         plant: Optional[Plant] = None,
         truth: Optional[TextIO] = None,
         log: Optional[TextIO] = None,
