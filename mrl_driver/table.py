@@ -131,6 +131,7 @@ _ENCODERS = (
     _int16("right", "count", "Right wheel's counter, encoder 3 of the motor board; wraps at 16 bits."),
     _int16("left", "count", "Left wheel's counter, encoder 1 of the motor board; wraps at 16 bits."),
 )
+_REAR = _int16("rear", "count", "Third wheel's counter, encoder 2 of the motor board; wraps at 16 bits.")
 _SONARS = tuple(
     Field(name, SONAR_INVALID, 1250, "cm", f"{name.capitalize()} sonar; -1 no reading, 645 nothing in range.")
     for name in ("front", "left", "right")
@@ -194,7 +195,7 @@ _OTHERS: Tuple[Command, ...] = (
     Command(16, "set_debug", "Print free text, or not.", (_flag("debug", "1: yes."),)),
     Command(17, "get_stream", "Is a stream running?", (), (_flag("stream", "1: yes."),)),
     Command(18, "start_stream", "Repeat the reply of 8 until stopped.", _PERIOD, optional=1, repeats=8),
-    Command(19, "stop_stream", "End the stream."),
+    Command(19, "stop_stream", "End the stream of 18 or 44."),
     Command(23, "start_sensor_stream", "Repeat encoders and sensors.", _PERIOD,
             _ENCODERS + (_ALCOHOL, _DUST, _HOTTEST), optional=1, stamped=True, repeats=23),
     Command(24, "stop_sensor_stream", "End the sensor stream."),
@@ -240,6 +241,12 @@ _OTHERS: Tuple[Command, ...] = (
             _ADDRESS + _TEXT, optional_reply=7),
     Command(40, "discover_xbee", "Ask who is there; one reply for each node.", (),
             _ADDRESS + (_int16("network", "", "The node's 16-bit address."),)),
+    Command(43, "move_omni", "Move a robot with three wheels across, in any direction while it turns.", (
+        Field("speed", 0, 100, "%", "Share of full speed; a wheel that would have to turn faster slows down all."),
+        Field("rotation", -100, 100, "%", "Share of full speed of all wheels, counter-clockwise."),
+        Field("direction", 0, 359, "deg", "Of the translation, counter-clockwise from forward."))),
+    Command(44, "start_omni_stream", "Repeat three counters and the sonars until stopped.", _PERIOD,
+            _ENCODERS + (_REAR,) + _SONARS, optional=1, stamped=True, repeats=44),
 )
 COMMANDS: Tuple[Command, ...] = tuple(sorted(_OTHERS + tuple(row.command for row in SENSORS)))
 
@@ -264,6 +271,7 @@ CAPABILITIES: Tuple[Tuple[str, str], ...] = (
     ("sonars", "Sonar build: 7, 8 and 18 have sonars."),
     ("environment", "Environment-sensor build: 20 to 28 have sensors."),
     ("xbee", "Radio build (38 to 40)."),
+    ("omni", "Three wheels across (43, 44)."),
 )
 FAULTS: Tuple[Tuple[str, str], ...] = (
     ("motor_board", "The motor board does not answer."),

@@ -7,13 +7,13 @@ height of the axle, in the middle between the wheels.
 import math
 import sys
 from pathlib import Path
-from typing import Iterator, List, NamedTuple, Sequence, Tuple
+from typing import Dict, Iterator, List, NamedTuple, Sequence, Tuple
 from xml.sax.saxutils import quoteattr
 
 from mrl_driver import robots
-from mrl_driver.robots import RobotModel
+from mrl_driver.robots import OmniDrive, RobotModel
 
-from .frames import JOINTS, SONAR_HEIGHT_M
+from .frames import JOINTS, OMNI_JOINTS, SONAR_HEIGHT_M
 
 FOLDER = Path(__file__).resolve().parent / "urdf"
 WHEEL_WIDTH_M, TRACK_WIDTH_M = 0.026, 0.035
@@ -31,6 +31,7 @@ COLOURS = {
     "grey": "0.55 0.57 0.6 1",
     "traxbot": "0.1 0.35 0.7 1",
     "stingbot": "0.85 0.55 0.1 1",
+    "omni": "0.1 0.5 0.25 1",
 }
 
 Point = Tuple[float, float, float]
@@ -81,18 +82,20 @@ def files() -> List[Tuple[Path, str]]:
 def _base(model: RobotModel, prefix: str) -> Lines:
     body, radius = model.body, wheel_radius_m(model)
     width = model.drive.wheel_separation_m - (TRACK_WIDTH_M if body.tracks else WHEEL_WIDTH_M) - 0.01
-    middle = body.height_m / 2 - radius + 0.008
-    chassis = Part((body.length_m, width, body.height_m - 0.016), (0.0, 0.0, middle), colour=_colour(model))
+    middle, height = body.height_m / 2 - radius + 0.008, body.height_m - 0.016
+    round_body = isinstance(model.drive, OmniDrive)
+    size = (width / 2, height) if round_body else (body.length_m, width, height)
+    chassis = Part(size, (0.0, 0.0, middle), colour=_colour(model))
     parts = [chassis]
     side_m = model.drive.wheel_separation_m / 2
     if body.tracks:
         track = (body.length_m - 2 * radius, TRACK_WIDTH_M, 2 * radius)
         for sign in (1, -1):
             parts.append(Part(track, (0.0, sign * side_m, 0.0), colour="dark"))
-    else:
+    elif not round_body:
         tail = -body.length_m / 2 + 2 * CASTER_RADIUS_M
         parts.append(Part((CASTER_RADIUS_M,), (tail, 0.0, CASTER_RADIUS_M - radius), colour="dark"))
-    mass = body.mass_kg * (1 - 2 * WHEEL_MASS_SHARE)
+    mass = body.mass_kg * (1 - len(_places(model)) * WHEEL_MASS_SHARE)
     yield f"  <link name={quoteattr(prefix + 'base_link')}/>"  # KDL forbids a root link with inertia
     yield from _link(prefix + "chassis", parts, mass, chassis, collisions=parts)
     yield from _joint(
@@ -100,17 +103,30 @@ def _base(model: RobotModel, prefix: str) -> Lines:
     )
 
 
+def _places(model: RobotModel) -> List[Tuple[str, Point, float]]:
+    """Joint of each wheel, where it is, and which way the wheel rolls [rad] when its counter counts up."""
+    drive = model.drive
+    if isinstance(drive, OmniDrive):
+        left, rear, right = map(math.radians, drive.angles_deg)
+        return [
+            (joint, (drive.radius_m * math.cos(at), drive.radius_m * math.sin(at), 0.0), at + math.pi / 2)
+            for joint, at in zip(OMNI_JOINTS, (right, left, rear))
+        ]
+    side_m = drive.wheel_separation_m / 2
+    return [(joint, (0.0, sign * side_m, 0.0), 0.0) for joint, sign in zip(JOINTS, (-1, 1))]
+
+
 def _wheels(model: RobotModel, prefix: str) -> Lines:
-    radius, side_m = wheel_radius_m(model), model.drive.wheel_separation_m / 2
+    radius = wheel_radius_m(model)
     width = TRACK_WIDTH_M if model.body.tracks else WHEEL_WIDTH_M
     wheel = Part((radius, width), roll_rad=math.pi / 2, colour="dark")
     hub = Part((radius / 3, width + 0.004), roll_rad=math.pi / 2)
     spoke = Part((1.5 * radius, width + 0.002, radius / 6))
-    for joint, sign in zip(JOINTS, (-1, 1)):
+    for joint, at, yaw_rad in _places(model):
         link = prefix + joint.replace("_joint", "")
         mass = model.body.mass_kg * WHEEL_MASS_SHARE
         yield from _link(link, [wheel, hub, spoke], mass, wheel, collisions=[wheel])
-        yield from _joint(joint, "continuous", prefix + "base_link", link, (0.0, sign * side_m, 0.0), 0.0)
+        yield from _joint(joint, "continuous", prefix + "base_link", link, at, yaw_rad)
 
 
 def _sonars(model: RobotModel, prefix: str) -> Lines:
@@ -132,12 +148,11 @@ def _laser(prefix: str) -> Lines:
 
 
 def _gazebo(model: RobotModel, prefix: str) -> Lines:
-    """Gazebo's own differential drive, in place of board and driver."""
+    """Gazebo's own drive, in place of board and driver."""
+    if isinstance(model.drive, OmniDrive):
+        yield from _plugin("planar_move", {"odometryRate": "50"}, prefix)
+        return
     values = {
-        "commandTopic": "cmd_vel",
-        "odometryTopic": "odom",
-        "odometryFrame": prefix + "odom",
-        "robotBaseFrame": prefix + "base_link",
         "leftJoint": JOINTS[1],
         "rightJoint": JOINTS[0],
         "wheelSeparation": f"{model.drive.wheel_separation_m:g}",
@@ -145,8 +160,19 @@ def _gazebo(model: RobotModel, prefix: str) -> Lines:
         "wheelAcceleration": f"{model.limits.linear_acceleration_m_s2:g}",
         "updateRate": "50",
     }
+    yield from _plugin("diff_drive", values, prefix)
+
+
+def _plugin(name: str, values: Dict[str, str], prefix: str) -> Lines:
+    values = {
+        "commandTopic": "cmd_vel",
+        "odometryTopic": "odom",
+        "odometryFrame": prefix + "odom",
+        "robotBaseFrame": prefix + "base_link",
+        **values,
+    }
     yield "  <gazebo>"
-    yield '    <plugin name="drive" filename="libgazebo_ros_diff_drive.so">'
+    yield f'    <plugin name="drive" filename="libgazebo_ros_{name}.so">'
     yield from (f"      <{key}>{value}</{key}>" for key, value in values.items())
     yield "    </plugin>"
     yield "  </gazebo>"

@@ -2,6 +2,8 @@
 
 JOINTS = ("right_wheel_joint", "left_wheel_joint")
 """Joints of the description, in the order of the counters."""
+OMNI_JOINTS = (*JOINTS, "rear_wheel_joint")
+"""Those of a robot with three wheels."""
 SONAR_HEIGHT_M = 0.0
 """Sonars are mounted at the height of base_link, the axle."""
 

@@ -84,6 +84,14 @@ def _scaled(value: int, top: int, by: int) -> int:
 
 
 @request
+def move_omni(board: "PythonBoard", speed: int, rotation: int, direction: int) -> None:
+    """43."""
+    if with_motors(board):
+        board.health.turned()
+        board.motor_board.move_omni(board.now_s, speed, rotation, direction)
+
+
+@request
 def move_to_position(board: "PythonBoard", motor: int, speed: int, position: int) -> None:
     """12: holds with torque."""
     if with_motors(board):

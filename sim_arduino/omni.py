@@ -10,10 +10,12 @@ from typing import Sequence, Tuple
 OMNI_ANGLES_RAD = (math.pi / 3, math.pi, -math.pi / 3)
 
 
-def twist_of(ways: Sequence[float], radius_m: float) -> Tuple[float, float, float]:
-    """Forward, to the left [m] and turned [rad], when the wheels roll `ways` [m]."""
-    forward = sum(-math.sin(angle) * way for angle, way in zip(OMNI_ANGLES_RAD, ways)) * 2.0 / 3.0
-    aside = sum(math.cos(angle) * way for angle, way in zip(OMNI_ANGLES_RAD, ways)) * 2.0 / 3.0
+def twist_of(
+    ways: Sequence[float], radius_m: float, angles_rad: Sequence[float] = OMNI_ANGLES_RAD
+) -> Tuple[float, float, float]:
+    """Forward, to the left [m] and turned [rad], when the wheels at these angles roll `ways` [m]."""
+    forward = sum(-math.sin(angle) * way for angle, way in zip(angles_rad, ways)) * 2.0 / 3.0
+    aside = sum(math.cos(angle) * way for angle, way in zip(angles_rad, ways)) * 2.0 / 3.0
     return forward, aside, sum(ways) / (3.0 * radius_m)
 
 

@@ -9,10 +9,10 @@ from bisect import bisect_left
 from dataclasses import dataclass, field
 from typing import Callable, NamedTuple, Optional, Tuple
 
-from mrl_driver.robots import RobotModel
+from mrl_driver.robots import OmniDrive, RobotModel
 
 from .motor import Gains, Motor, MotorParams
-from .omni import twist_of
+from .omni import OMNI_ANGLES_RAD, twist_of
 from .shapes import Pose
 
 MAX_STEP_S = 0.02
@@ -38,6 +38,8 @@ class Params(NamedTuple):
     """Share of the yaw that the tracks lose to the floor in a turn, 0 to below 1."""
     omni_radius_m: float = 0.0
     """Distance of three wheels across from the middle [m]; 0 is two wheels or tracks side by side."""
+    omni_angles_rad: Tuple[float, ...] = OMNI_ANGLES_RAD
+    """Where the wheels of motors 1, 2 and 3 sit, counter-clockwise from forward."""
     control_hz: float = 20.0
     """Rate of the motor board's control loop [Hz]: 10, 20 or 40."""
     capacity_ah: float = 4.6
@@ -105,7 +107,9 @@ def params_for(model: RobotModel, errors: Errors = AS_MODELLED, omni: bool = Fal
     """Parameters of a robot of that model, with three wheels across if `omni`."""
     per_turn = model.board["gearbox"] * model.board["encoder_counts"] / 100.0
     per_count = model.drive.metres_per_count
-    rpm = 160.0 / 60.0 * per_turn
+    drive = model.drive
+    three = isinstance(drive, OmniDrive)
+    rpm = drive.full_speed_m_s / per_count if isinstance(drive, OmniDrive) else 160.0 / 60.0 * per_turn
     time_constant_s = _ROTOR_S + _BODY_S * errors.load
     friction = errors.load * (_TRACK_FRICTION if model.body.tracks else _WHEEL_FRICTION)
     motor = MotorParams(
@@ -123,7 +127,8 @@ def params_for(model: RobotModel, errors: Errors = AS_MODELLED, omni: bool = Fal
         model.drive.right_m_per_count * errors.right_scale,
         axle_m,
         1.0 - (1.0 - model.drive.turn_slip) * (1.0 - errors.turn_slip),
-        0.5 * axle_m if omni else 0.0,
+        0.5 * axle_m if omni or three else 0.0,
+        tuple(map(math.radians, drive.angles_deg)) if isinstance(drive, OmniDrive) else OMNI_ANGLES_RAD,
         errors.control_hz,
         capacity_ah=battery.capacity_ah,
         rest_curve=_rest_curve(battery.empty_v, battery.full_v),
@@ -247,7 +252,9 @@ class Robot:
         """Forward, to the left [m] and turned [rad] for these ways of the wheels."""
         keeps = 1.0 - self.params.turn_slip
         if self.params.omni_radius_m:
-            forward, aside, turn = twist_of((left_m, rear_m, right_m), self.params.omni_radius_m)
+            forward, aside, turn = twist_of(
+                (left_m, rear_m, right_m), self.params.omni_radius_m, self.params.omni_angles_rad
+            )
             return forward, aside, turn * keeps
         return 0.5 * (left_m + right_m), 0.0, (right_m - left_m) / self.params.wheel_separation_m * keeps
 

@@ -48,6 +48,20 @@ def start_stream(board: "PythonBoard", period: int = 0) -> None:
 def stop_stream(board: "PythonBoard") -> None:
     """19."""
     board.stop_stream(BY_NAME["start_stream"].code)
+    board.stop_stream(BY_NAME["start_omni_stream"].code)
+
+
+@request
+def start_omni_stream(board: "PythonBoard", period: int = 0) -> None:
+    """44."""
+    board.start_stream(BY_NAME["start_omni_stream"].code, period)
+
+
+@reply("start_omni_stream")
+def _omni(board: "PythonBoard", _: int) -> Values:
+    encoders = board.encoders()
+    rear = board.motor_board.encoder(2, board.now_s)
+    return None if encoders is None else (*encoders, rear, *_sonar_values(board))
 
 
 def _start(board: "PythonBoard", name: str, period: int, there: bool) -> None:

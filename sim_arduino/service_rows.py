@@ -44,7 +44,7 @@ def _stream(board: "PythonBoard", _: int) -> Values:
 def _protocol(board: "PythonBoard", _: int) -> Values:
     build = "environment" if board.environment else "sonars"
     return PROTOCOL_VERSION, sum(
-        _CAPABILITY[name] for name in ("check", "watchdog", "period", "config", build)
+        _CAPABILITY[name] for name in ("check", "watchdog", "period", "config", "omni", build)
     )
 
 

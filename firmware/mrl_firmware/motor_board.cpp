@@ -171,6 +171,7 @@ void set_up_next(hal::Transfer& transfer) {
 
 void take_counts() {
   last_counts.left = word_in(0);
+  last_counts.rear = word_in(2);
   last_counts.right = word_in(4);
   last_counts.tick = hal::bus_latched();
   state = CountsState::ready;

@@ -33,7 +33,7 @@ void refresh_all();
 
 enum class CountsState : uint8_t { idle, wanted, reading, ready, failed };
 struct Counts {
-  int16_t right, left;
+  int16_t right, left, rear;
   uint16_t tick;  // when the board latched them
 };
 void want_counts();

@@ -10,6 +10,7 @@ enum Command : uint8_t {
   READ_VERSION_DECIMALS = 0xFD,
   STOP_MOTORS = 0xFC,
   CALIBRATE_MOTORS = 0xFB,
+  MOVE_OMNI = 0xFA,
   MOVE_PID = 0xF8,
   MOVE_PLAIN = 0xF7,
   GAINS = 0xF4,
@@ -47,7 +48,7 @@ struct Message {
   bool turns_motors() const {
     const uint8_t command = bytes[0];
     return command == MOVE_SI || command == MOVE_PID || command == MOVE_PLAIN || command == MOVE_POSITION ||
-           command == CALIBRATE_MOTORS;
+           command == MOVE_OMNI || command == CALIBRATE_MOTORS;
   }
 };
 

@@ -8,7 +8,7 @@ constexpr uint8_t PROTOCOL_VERSION = 2;  // what read_protocol reports
 constexpr uint8_t MAX_ARGUMENTS = 14;  // of any frame, the check value included
 constexpr uint8_t MAX_FRAME = 98;  // bytes from '@' to 'e'
 constexpr uint8_t MAX_NOISE = 64;  // bytes outside a frame that are counted as one run
-constexpr uint8_t MAX_CODE = 42;  // codes run from 1 to this
+constexpr uint8_t MAX_CODE = 44;  // codes run from 1 to this
 constexpr uint8_t STOP_CODE = 13;  // accepted without a check value in every state
 constexpr int16_t SONAR_INVALID = -1;  // no reading
 constexpr int16_t SONAR_NOTHING = 645;  // cm, nothing in range
@@ -60,6 +60,8 @@ enum Code : uint8_t {
   DISCOVER_XBEE = 40,
   READ_LIGHT = 41,
   READ_COMPASS = 42,
+  MOVE_OMNI = 43,
+  START_OMNI_STREAM = 44,
 };
 
 // Why bytes were refused; the order of read_counters.
@@ -84,6 +86,7 @@ constexpr int16_t CAPABILITY_CONFIG = 8;
 constexpr int16_t CAPABILITY_SONARS = 16;
 constexpr int16_t CAPABILITY_ENVIRONMENT = 32;
 constexpr int16_t CAPABILITY_XBEE = 64;
+constexpr int16_t CAPABILITY_OMNI = 128;
 
 constexpr int16_t FAULT_MOTOR_BOARD = 1;
 constexpr int16_t FAULT_BUS_HUNG = 2;
@@ -171,6 +174,8 @@ void save_config(const int16_t* args, uint8_t count);  // 36
 void default_config(const int16_t* args, uint8_t count);  // 37
 void send_xbee(const int16_t* args, uint8_t count);  // 38
 void discover_xbee(const int16_t* args, uint8_t count);  // 40
+void move_omni(const int16_t* args, uint8_t count);  // 43
+void start_omni_stream(const int16_t* args, uint8_t count);  // 44
 }  // namespace handlers
 
 // One function for each sensor; a forgotten one fails to link.  On the I2C bus: values out of the bytes of
@@ -237,7 +242,9 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   NO_REQUEST(39, xbee_text, 0, 0, 0, 0, 39) \
   REQUEST(40, discover_xbee, 0, 0, 0, 0, 39) \
   REQUEST(41, read_light, 0, 0, 0, 0, 39) \
-  REQUEST(42, read_compass, 0, 0, 0, 0, 39)
+  REQUEST(42, read_compass, 0, 0, 0, 0, 39) \
+  REQUEST(43, move_omni, 3, 3, 0, 0, 39) \
+  REQUEST(44, start_omni_stream, 0, 1, 0, 1, 42)
 
 // lowest and highest value of each request's arguments
 #define MRL_ARGUMENT_RANGES(RANGE) \
@@ -279,7 +286,11 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   RANGE(INT16_MIN, 32767) \
   RANGE(INT16_MIN, 32767) \
   RANGE(INT16_MIN, 32767) \
-  RANGE(INT16_MIN, 32767)
+  RANGE(INT16_MIN, 32767) \
+  RANGE(0, 100) \
+  RANGE(-100, 100) \
+  RANGE(0, 359) \
+  RANGE(0, 10000)
 
 // names of the reasons, for the debug text
 #define MRL_REASONS(REASON) \
@@ -327,10 +338,11 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   RANGE(100, 400) \
   RANGE(0, 1)
 
-// lowest and highest robot id, then the parameters from axis_radius on: traxbot, stingbot
+// lowest and highest robot id, then the parameters from axis_radius on: traxbot, stingbot, omni
 #define MRL_MODELS(MODEL) \
   MODEL(1, 3, 8700, 2700, 437, 640, 700, 400, 200, 2500, 0, 650, 5000) \
-  MODEL(4, 5, 11000, 1900, 437, 640, 350, 200, 100, 1500, 0, 600, 4000)
+  MODEL(4, 5, 11000, 1900, 437, 640, 350, 200, 100, 1500, 0, 600, 4000) \
+  MODEL(21, 22, 10000, 3000, 437, 640, 700, 400, 200, 1500, 0, 500, 5000)
 
 // the parameters behind those, the same for all models
 #define MRL_COMMON_DEFAULTS(VALUE) \

@@ -6,6 +6,7 @@
 #include "flash.h"
 #include "frame_writer.h"
 #include "motor_board.h"
+#include "omni.h"
 #include "protocol.h"
 #include "sensors.h"
 #include "sonar.h"
@@ -55,7 +56,7 @@ void report_sensors(bool with_counts) {
 
 bool needs_counts(uint8_t code) {
   if (is_sensor_stream(code)) return !has_no_motors();
-  return code == READ_ENCODERS || code == READ_ENCODERS_AND_SONARS;
+  return code == READ_ENCODERS || code == READ_ENCODERS_AND_SONARS || code == START_OMNI_STREAM;
 }
 
 bool is_stamped(uint8_t code) { return flash_byte(&STAMPED_ROWS[code - 1]); }
@@ -79,6 +80,9 @@ void report(uint8_t code, int16_t value, bool with_counts) {
       return sonar::report();
     case READ_ENCODERS_AND_SONARS:
       report_encoders(with_counts);
+      return sonar::report();
+    case START_OMNI_STREAM:
+      omni::report_encoders();
       return sonar::report();
     case START_SENSOR_STREAM:
       return report_sensors(with_counts);

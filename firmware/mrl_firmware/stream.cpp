@@ -71,7 +71,12 @@ void get_stream(const int16_t*, uint8_t) { answers::ask(GET_STREAM); }
 
 void start_stream(const int16_t* args, uint8_t count) { stream::start(READ_ENCODERS_AND_SONARS, args, count); }
 
-void stop_stream(const int16_t*, uint8_t) { stream::stop(READ_ENCODERS_AND_SONARS); }
+void start_omni_stream(const int16_t* args, uint8_t count) { stream::start(START_OMNI_STREAM, args, count); }
+
+void stop_stream(const int16_t*, uint8_t) {
+  stream::stop(READ_ENCODERS_AND_SONARS);
+  stream::stop(START_OMNI_STREAM);
+}
 
 void start_sensor_stream(const int16_t* args, uint8_t count) {
   start_with_sensors(START_SENSOR_STREAM, args, count);

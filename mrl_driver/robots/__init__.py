@@ -219,7 +219,7 @@ class _Reader:
         """The section of the kind that it says, which is differential where it says none."""
         found = dict(self._mapping("drive", data))
         kind = found.pop("kind", DIFFERENTIAL)
-        if kind not in KINDS:
+        if not isinstance(kind, str) or kind not in KINDS:
             raise self._fail("drive.kind", kind, ", ".join(KINDS))
         for name in EXTRA.get(kind, ()):
             if name not in found:

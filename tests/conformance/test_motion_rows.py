@@ -119,3 +119,36 @@ def test_a_motor_board_that_comes_back_is_stopped_and_set_up(bench):
     bench.ask("read_encoders")
     codes = [command[0] for command in bench.commands()]
     assert codes == [0xFC, 0xEA, 0xF4, 0xEC, 0xF1]
+
+
+# ---- three wheels across
+
+
+def test_three_wheels_move_sideways_and_turn(make):
+    """To the left while it turns: what reaches the motor board, and where the robot goes."""
+    bench = make(robot="omni")
+    assert bench.ask("move_omni", 40, -5, 90, wait_s=2.0) == []
+    assert bench.commands() == [(0xFA, 40, -5, 90)]
+    pose = bench.plant.true_pose
+    assert pose.y_m > 0.2 and pose.yaw_rad < -0.2
+
+
+def test_omni_stream_carries_three_counters_until_the_stop(make):
+    """Each counter at its place, then the sonars; row 19 ends it."""
+    bench = make(robot="omni")
+    for encoder, count in ((1, 111), (2, -222), (3, 333)):
+        bench.ask("preset_encoder", encoder, count)
+    events = bench.ask("start_omni_stream", 20, wait_s=0.1)
+    assert {(event.code, event.args[:3]) for event in events} == {(44, (333, 111, -222))}
+    assert 4 <= len(events) <= 6 and len(events[0].args) == 6
+    bench.ask("stop_stream")
+    assert bench.run(0.1) == b""
+
+
+def test_omni_moves_end_with_the_watchdog(make):
+    """As any other move: silence stops the motors, and the board says why."""
+    bench = make(robot="omni")
+    assert bench.reply("set_watchdog", 250) == (250,)
+    bench.ask("move_omni", 30, 0, 45, wait_s=0.6)
+    assert bench.commands()[-2:] == [(0xFA, 30, 0, 45), (0xFC,)]
+    assert bench.status().stop_reason == 2

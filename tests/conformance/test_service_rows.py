@@ -21,11 +21,11 @@ def test_robot_info(make):
 
 
 def test_protocol_and_capabilities_of_the_sonar_build(bench):
-    assert bench.reply("read_protocol") == (2, 1 + 2 + 4 + 8 + 16)
+    assert bench.reply("read_protocol") == (2, 1 + 2 + 4 + 8 + 16 + 128)
 
 
 def test_protocol_and_capabilities_of_the_environment_build(sensors):
-    assert sensors.reply("read_protocol") == (2, 1 + 2 + 4 + 8 + 32)
+    assert sensors.reply("read_protocol") == (2, 1 + 2 + 4 + 8 + 32 + 128)
 
 
 def test_status_after_power_on(bench):
@@ -232,7 +232,7 @@ def test_frames_cut_by_a_newer_one_still_stop(bench):
 
 def test_many_requests_at_once_are_answered_in_order(bench):
     got = bench.ask("read_encoders") and bench.send(b"@6e@15e@17e@29e")
-    assert got == b"@6,0,0e\r\n@15,0e\r\n@17,0e\r\n@29,2,31e\r\n"
+    assert got == b"@6,0,0e\r\n@15,0e\r\n@17,0e\r\n@29,2,159e\r\n"
 
 
 def test_more_questions_than_the_wire_can_answer_are_counted(bench):

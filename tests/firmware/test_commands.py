@@ -141,7 +141,7 @@ def test_replies_end_with_cr_lf(bench):
 
 
 def test_protocol_and_capabilities(bench):
-    wanted = sum(CAPABILITY[name] for name in ("check", "watchdog", "period", "config", "sonars"))
+    wanted = sum(CAPABILITY[name] for name in ("check", "watchdog", "period", "config", "sonars", "omni"))
     assert bench().ask("read_protocol").args == (PROTOCOL_VERSION, wanted)
 
 

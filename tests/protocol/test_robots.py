@@ -1,6 +1,7 @@
 """Robot model files: what is packaged loads, and what is wrong is said in one line."""
 
 import math
+import os
 
 import pytest
 import yaml
@@ -22,7 +23,7 @@ def load(tmp_path, data):
 
 
 def test_packaged_models_load():
-    assert [robots.load_packaged(name).name for name in robots.packaged()] == ["stingbot", "traxbot"]
+    assert [robots.load_packaged(name).name for name in robots.packaged()] == ["omni", "stingbot", "traxbot"]
 
 
 @pytest.mark.parametrize("name, radius_m", [("traxbot", 0.0390), ("stingbot", 0.0327)])
@@ -44,7 +45,7 @@ def test_id_finds_its_model():
 
 def test_unknown_name_lists_the_known():
     with pytest.raises(
-        ConfigError, match="robot 'traxbt' is unknown, expected stingbot, traxbot or the path"
+        ConfigError, match="robot 'traxbt' is unknown, expected omni, stingbot, traxbot or the path"
     ):
         robots.load("traxbt")
 
@@ -110,3 +111,73 @@ def test_calibrated_keys_are_read(tmp_path, traxbot):
     assert model.noise == robots.Noise(2e-5, 0.001)
     assert model.drive.right_m_per_count / model.drive.left_m_per_count == pytest.approx(0.995 / 1.005)
     assert model.drive.turning_separation_m == pytest.approx(0.2)
+
+
+# ---- other bases
+
+
+@pytest.fixture
+def omni():
+    with open(os.path.join(os.path.dirname(robots.__file__), "omni.yaml"), encoding="utf-8") as file:
+        return yaml.safe_load(file)
+
+
+def test_a_drive_says_its_kind_or_is_differential(tmp_path, traxbot, omni):
+    mecanum = {"kind": "mecanum", "half_length_m": 0.2, "half_width_m": 0.15, "wheel_radius_m": 0.05}
+    drives = [
+        traxbot["drive"],
+        {"kind": "differential", **traxbot["drive"]},
+        {"kind": "tracked", "turn_slip": 0.1, **traxbot["drive"]},
+        {key: value for key, value in omni["drive"].items() if key != "angles_deg"},
+        {**mecanum, "counts_per_turn": 2000, "full_speed_m_s": 1.0},
+    ]
+    kinds = [robots.kind_of(load(tmp_path, {**traxbot, "drive": drive}).drive) for drive in drives]
+    assert kinds == ["differential", "differential", "tracked", "omni", "mecanum"]
+
+
+@pytest.mark.parametrize(
+    "key, value, message",
+    [
+        ("kind", "omnni", "drive.kind is 'omnni', expected differential, tracked, omni, mecanum"),
+        ("kind", ["omni"], r"drive.kind is \['omni'\], expected differential, "),
+        ("radius_m", None, r"key drive.radius_m is missing \(kind omni\)"),
+        (
+            "wheel_separation_m",
+            0.2,
+            r"key drive.wheel_separation_m is unknown, expected radius_m, .*\(kind omni\)",
+        ),
+        (
+            "kind",
+            None,
+            r"key drive.angles_deg is unknown, expected wheel_separation_m, .*\(kind differential\)",
+        ),
+        (
+            "angles_deg",
+            [0, 90, 180],
+            r"drive.angles_deg is \[0, 90, 180\], expected three angles, each 120 deg on",
+        ),
+        ("angles_deg", [60, 180], "expected three angles"),
+        ("angles_deg", [60, "left", 300], "drive.angles_deg is 'left', expected a number from -360 to 360"),
+        ("full_speed_m_s", 0, "drive.full_speed_m_s is 0"),
+    ],
+)
+def test_wrong_drives_are_told_in_one_line(tmp_path, omni, key, value, message):
+    omni["drive"][key] = value
+    if value is None:
+        del omni["drive"][key]
+    with pytest.raises(ConfigError, match=message) as caught:
+        load(tmp_path, omni)
+    assert "\n" not in str(caught.value)
+
+
+def test_tracks_need_their_slip(tmp_path, traxbot):
+    traxbot["drive"]["kind"] = "tracked"
+    with pytest.raises(ConfigError, match="key drive.turn_slip is missing, tracked drives need it"):
+        load(tmp_path, traxbot)
+
+
+def test_what_is_for_two_wheels_says_so():
+    with pytest.raises(
+        ConfigError, match="robot omni has a drive of kind omni, expected differential or tracked"
+    ):
+        _ = robots.load("omni").differential

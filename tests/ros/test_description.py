@@ -9,7 +9,7 @@ import pytest
 
 from mrl_driver.robots import load, names
 from ros1_bridge import description
-from ros1_bridge.frames import JOINTS, sonar_frame
+from ros1_bridge.frames import JOINTS, OMNI_JOINTS, sonar_frame
 
 from .rig import ROOT
 
@@ -72,11 +72,23 @@ def test_wheels_have_their_true_radius(name, radius_m):
     assert description.wheel_radius_m(load(name)) == pytest.approx(radius_m, abs=1e-4)
 
 
-@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize("name", ["stingbot", "traxbot"])
 def test_wheels_stand_as_far_apart_as_odometry_believes(name):
     robot = tree(name)
     right, left = (numbers(joint(robot, each).find("origin"), "xyz")[1] for each in JOINTS)
     assert left - right == pytest.approx(load(name).drive.wheel_separation_m)
+
+
+def test_three_wheels_roll_across():
+    """Each at its radius from the middle, rolling at a right angle to it, counter-clockwise."""
+    robot = tree("omni")
+    for each in OMNI_JOINTS:
+        origin = joint(robot, each).find("origin")
+        (x_m, y_m, _), yaw_rad = numbers(origin, "xyz"), numbers(origin, "rpy")[2]
+        assert math.hypot(x_m, y_m) == pytest.approx(load("omni").drive.radius_m, rel=1e-4)
+        assert math.remainder(yaw_rad - math.atan2(y_m, x_m), math.tau) == pytest.approx(
+            math.pi / 2, abs=1e-4
+        )
 
 
 @pytest.mark.parametrize("name", names())

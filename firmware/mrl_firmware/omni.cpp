@@ -1,0 +1,29 @@
+#include "omni.h"
+
+#include "frame_writer.h"
+#include "motor_board.h"
+#include "protocol.h"
+#include "status.h"
+
+namespace mrl {
+namespace omni {
+
+void report_encoders() {
+  const motor::Counts& counts = motor::counts();
+  writer::add(counts.right);
+  writer::add(counts.left);
+  writer::add(counts.rear);
+}
+
+}  // namespace omni
+
+namespace handlers {
+
+void move_omni(const int16_t* args, uint8_t) {
+  const motor::Message message =
+      motor::Message(motor::MOVE_OMNI).byte(static_cast<uint8_t>(args[0])).word(args[1]).word(args[2]);
+  if (!motor::send(message)) status::refuse(Reason::unavailable);
+}
+
+}  // namespace handlers
+}  // namespace mrl

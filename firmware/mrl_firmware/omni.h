@@ -1,0 +1,11 @@
+// Robots with three wheels across: the motor board's own omnidirectional mode, and its third encoder.
+#pragma once
+
+namespace mrl {
+namespace omni {
+
+// Right, left, rear.
+void report_encoders();
+
+}  // namespace omni
+}  // namespace mrl
