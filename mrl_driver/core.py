@@ -14,7 +14,7 @@ from .motion import Motion
 from .odometry import Wheels
 from .options import Options
 from .robots import RobotModel
-from .session import Counts, Info, Reply, Session, SessionEvent
+from .session import Counts, Info, Ready, Reply, Session, SessionEvent
 from .state import Notice, RobotState, Telemetry, limit
 from .wheel_watch import Mismatch, WheelWatch, wheel_watch
 
@@ -117,7 +117,9 @@ class Core:
     def _digest(self, event: SessionEvent, now: float) -> List[Notice]:
         """Take an event into the robot's state, and stop a robot whose battery gives cause."""
         notices = self.state.digest(event, now)
-        if isinstance(event, Info) and self.state.powerless:
+        if isinstance(event, Ready):
+            self._watch = None  # a board that restarted counts its time from zero again
+        elif isinstance(event, Info) and self.state.powerless:
             self._spare_battery(now)
         elif isinstance(event, Reply):
             self.replies[event.frame.code] = event.frame.args

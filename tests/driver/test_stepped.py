@@ -106,3 +106,18 @@ def test_a_closed_driver_takes_nothing(emulated):
         pass
     with pytest.raises(LinkLost):
         robot.drive(0.1, 0.0)
+
+
+def test_a_wheel_is_watched_from_the_first_command_after_a_restart_of_the_board(emulated):
+    """The board's time begins at zero again, in the middle of a stream of commands."""
+    with SteppedDriver(emulated.engine) as robot:
+        robot.drive(0.1, 0.0)
+        robot.wait(6.0)
+        emulated.engine.reset()
+        while robot.statistics.restarts == 0 or not robot.drive(0.1, 0.0):
+            robot.wait(0.001)
+        emulated.plant.robot.motors[0].move = lambda dt, volts: 0.0
+        for _ in range(30):
+            robot.drive(0.1, 0.0)
+            robot.wait(0.1)
+        assert robot.mismatch is not None
