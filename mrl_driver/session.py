@@ -42,6 +42,11 @@ board's watchdog.
 PLAIN_FRAMES = 3
 """So many frames in a row without check value mean that the board has restarted, not that one was damaged."""
 
+_OVERTAKEN = 0x10000 - 1024
+"""A frame numbered up to 1024 before the last one was overtaken on its way (datagrams are); numbers further back are a
+gap, for they wrap.
+"""
+
 _COUNTS, _SONARS, _BOTH = (
     BY_NAME[n].code for n in ("read_encoders", "read_sonars", "read_encoders_and_sonars")
 )
@@ -85,6 +90,7 @@ class Session:
         self._greeting: Optional[Handshake] = Handshake(plan, self._send, admit, now, timeout_s=greeting_s)
         self._restarted = True
         self._status_s = self._info_s = self._sonar_s = math.inf
+        self._status_heard_s = -math.inf
         self._ask_s = -math.inf
         """No question is due before this time."""
         self.lead_s = plan.period_ms / 2000
@@ -315,8 +321,8 @@ class Session:
         elif code == _SONARS:
             events.append(Sonars(frame.args))
         elif code not in _STREAMS:
-            if frame.stamp is not None:
-                self._missing(frame.stamp.sequence)  # numbers run over the frames of all streams
+            if frame.stamp is not None and self._missing(frame.stamp.sequence) < 0:
+                return  # numbers run over the frames of all streams
             self.sensors.heard(frame, now)
             events.append(Reply(frame))
         if self._greeting is not None:
@@ -350,20 +356,27 @@ class Session:
         events.append(_new(Counts, (*counts, args[2:] or None, time_s, stamp_s, now, sequence)))
 
     def _missing(self, sequence: int) -> int:
-        """Stream frames lost before the one of this number; -1 where it came before."""
+        """Stream frames lost before the one of this number; -1 where it or a later one came before."""
         last, self._sequence = self._sequence, sequence
         if last is None:
             return 0
         missing = (sequence - last - 1) & 0xFFFF
-        if missing == 0xFFFF:
-            self.counters.duplicates += 1
+        if missing >= _OVERTAKEN:
+            self._sequence = last
+            if missing == 0xFFFF:
+                self.counters.duplicates += 1
+            else:
+                self.counters.overtaken += 1
             return -1
         self.counters.lost += missing
         return missing
 
     def _on_status(self, status: Status, now: float, events: List[SessionEvent]) -> None:
-        before, self.status = self.status, status
+        before, before_s = self.status, self._status_heard_s
         restarted = before is not None and status.uptime_s < before.uptime_s
+        if restarted and status.uptime_s > now - before_s + 1.0:
+            return  # older than the one before, which has overtaken it
+        self.status, self._status_heard_s = status, now
         if status.stop_reason not in ("none", "host", before.stop_reason if before else ""):
             if self.motion.target is not None:
                 self.motion.stop(status.stop_reason)  # nor does it drive on by itself
@@ -379,6 +392,7 @@ class Session:
         """The board restarted or fell silent: stopped until a new command, and greeted from the start."""
         self.motion.forget(reason)
         self._asked.clear()
+        self._status_heard_s = -math.inf
         self.sensors.end()
         self._status_s = self._info_s = self._sonar_s = math.inf
         self._greeting = Handshake(self._plan, self._send, self._admit, now, patient=True)

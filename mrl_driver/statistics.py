@@ -15,6 +15,9 @@ class Statistics(NamedTuple):
     lost: int
     """Stream frames that the sequence numbers say are missing (boards with check value)."""
     duplicates: int
+    """Stream frames that came once more."""
+    overtaken: int
+    """Stream frames that came after a later one, as datagrams may; not used, and counted as lost before."""
     refused_counts: int
     """Readings that no wheel could have made; never used."""
     restarts: int
@@ -32,6 +35,7 @@ class Counters:
 
     def __init__(self) -> None:
         self.bytes_in = self.bytes_out = self.frames = self.lost = self.duplicates = 0
+        self.overtaken = 0
         self.refused_counts = self.restarts = self.unanswered = self.blocked_writes = 0
         self.reconnects = 0
         self.garbage: Dict[str, int] = {}

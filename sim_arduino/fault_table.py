@@ -5,7 +5,7 @@ from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple, Union
 
 from mrl_driver.errors import ConfigError
 
-from . import line_faults
+from . import frame_faults, line_faults
 from .fault_chain import LineFault
 
 FOREVER_S = 1e9
@@ -62,7 +62,14 @@ _KINDS = (
     Kind("flip", "one bit of a byte is flipped", _rate("share of bytes"), line_faults.Flip),
     Kind("change", "a byte turns into another", _rate("share of bytes"), line_faults.Change),
     Kind("swap", "a byte and the next change places", _rate("share of bytes"), line_faults.Swap),
-    Kind("repeat", "a frame comes twice", _rate("share of frames"), line_faults.Repeat),
+    Kind("drop", "a frame is lost whole, as a datagram is", _rate("share of frames"), frame_faults.Drop),
+    Kind("repeat", "a frame comes twice", _rate("share of frames"), frame_faults.Repeat),
+    Kind(
+        "overtake",
+        "a frame comes after later ones",
+        (*_rate("share of frames"), Parameter("delay", 0.05, 0.0, 60.0, "s", "it is late by up to this")),
+        frame_faults.Overtake,
+    ),
     Kind(
         "delay",
         "bytes come late, in their order",

@@ -11,7 +11,6 @@ from typing import Deque, Iterator, List, Tuple
 
 LINE_BAUD = 115200
 _FLOOD_STEP_S = 0.01
-_LONGEST = 256
 
 
 class _Hits:
@@ -105,32 +104,6 @@ class Swap(_Instant):
         for i in self._hits.among(len(data)):
             out[i : i + 2] = out[i : i + 2][::-1]
         return bytes(out)
-
-
-class Repeat(_Instant):
-    """Frames that come twice, each with `rate`."""
-
-    def __init__(self, rng: random.Random, rate: float) -> None:
-        self._rng, self._rate = rng, rate
-        self._frame = b""
-
-    def run(self, data: bytes, now_s: float) -> bytes:
-        """The bytes, some frames once more right behind themselves."""
-        out = bytearray()
-        for part in _behind_e(data):
-            out += part
-            self._frame = (self._frame + part)[-_LONGEST:]
-            if part.endswith(b"e"):
-                if b"@" in self._frame and self._rng.random() < self._rate:
-                    out += self._frame[self._frame.rfind(b"@") :]
-                self._frame = b""
-        return bytes(out)
-
-
-def _behind_e(data: bytes) -> List[bytes]:
-    """`data` cut behind each 'e'."""
-    parts = data.split(b"e")
-    return [part + b"e" for part in parts[:-1]] + [parts[-1]]
 
 
 class _Holding:
