@@ -1,0 +1,282 @@
+"""Zones: never faster than asked, never into the protective zone, never stuck; and a robot that drives at a wall."""
+
+import math
+from collections import deque
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mrl_driver import robots
+from mrl_driver.errors import ConfigError
+from mrl_driver.robots import SonarMount
+from mrl_driver.stepped import SteppedDriver
+from mrl_driver.zones import AHEAD, BEHIND, STALE_S, Scan, Settings, Zones, demand, looks
+from sim_arduino import boards, world_file
+
+MODEL = robots.load("traxbot")
+FRONT_M = MODEL.body.length_m / 2
+ZONES = Settings()
+TICK_S, SONAR_S = 0.02, 0.3
+STEP_ERROR_M = 1e-5
+"""Of a motion in steps of TICK_S."""
+ODD_RANGES = st.one_of(st.floats(0.15, 6.45), st.sampled_from([math.inf, -math.inf, math.nan]))
+
+
+def zones_of(kind=ZONES, sonars=None, laser=False):
+    return Zones(kind, MODEL.body, MODEL.sonars if sonars is None else sonars, laser)
+
+
+def told(zones, front, left=math.inf, right=math.inf, now=0.0):
+    for name, range_m in (("front", front), ("left", left), ("right", right)):
+        zones.on_range(name, range_m, now)
+    return zones
+
+
+def saw(zones, room_m, now=0.0):
+    """A laser with one ray says how much way is free before the body."""
+    zones.on_scan(Scan([room_m + FRONT_M], 0.0, 0.01, 0.02, (0.0, 0.0, 0.0)), now)
+    return zones
+
+
+def with_laser(kind=ZONES):
+    return zones_of(kind, {}, laser=True)
+
+
+# -- what a reading allows
+
+
+def test_far_from_everything_the_robot_does_what_it_is_asked():
+    zones = told(zones_of(), math.inf)
+    assert zones.limit(0.3, 0.1) == 0.3
+    assert zones.warning_clear and zones.protective_clear
+
+
+def test_the_warning_zone_slows():
+    zones = told(zones_of(), 0.6)
+    assert ZONES.slow_m_s <= zones.limit(0.3, 0.1) < 0.3
+    assert not zones.warning_clear and zones.protective_clear
+
+
+def test_a_zone_reaches_further_the_faster_the_robot_is():
+    zones = told(zones_of(), 0.8)
+    assert zones.limit(0.1, 0.1) == 0.1 and zones.warning_clear
+    assert zones.limit(0.3, 0.1) < 0.3 and not zones.warning_clear
+
+
+def test_the_protective_zone_stops_and_lets_go_by_the_hysteresis_later():
+    zones = with_laser()
+    edge_m = ZONES.protective_m
+    moves = [saw(zones, edge_m + more).limit(0.1, 0.0) > 0 for more in (0.01, -0.01, 0.01, 0.04, 0.06, 0.01)]
+    assert moves == [True, False, False, False, True, True]
+
+
+def test_before_a_wall_the_robot_may_drive_away():
+    zones = told(zones_of(), -math.inf)
+    assert zones.limit(0.2, 0.0) == 0 and not zones.protective_clear
+    assert zones.limit(-0.2, 0.0) == -ZONES.slow_m_s and zones.protective_clear
+
+
+def test_nobody_knows_what_is_behind_so_the_way_back_is_slow():
+    assert told(zones_of(), math.inf).limit(-0.3, 0.0) == -ZONES.slow_m_s
+
+
+def test_a_sonar_behind_frees_the_way_back():
+    zones = zones_of(sonars={"back": SonarMount(-0.1, 0.0, 180)})
+    zones.on_range("back", math.inf, 0.0)
+    assert zones.limit(-0.3, 0.0) == -0.3
+    zones.on_range("back", 0.2, 0.0)
+    assert zones.limit(-0.3, 0.0) == 0
+
+
+def test_a_sonar_without_a_valid_reading_means_slow():
+    assert told(zones_of(), math.nan).limit(0.3, 0.0) == ZONES.slow_m_s
+
+
+def test_an_invalid_reading_does_not_make_the_one_before_forgotten():
+    zones = told(zones_of(), 0.2)
+    told(zones, math.nan, now=0.3)
+    assert zones.limit(0.3, 0.3) == 0
+
+
+def test_a_silent_sonar_stops_the_robot():
+    zones = told(zones_of(), math.inf)
+    assert zones.limit(0.3, STALE_S + 0.1) == 0
+    assert zones_of().limit(0.3, 0.0) == 0
+    assert zones.limit(-0.3, STALE_S + 0.1) == -ZONES.slow_m_s
+
+
+def test_what_passes_beside_is_not_in_the_way():
+    assert told(zones_of(), math.inf, 0.3, 0.3).limit(0.3, 0.0) == 0.3
+
+
+def test_what_touches_the_way_from_beside_is():
+    assert told(zones_of(), math.inf, 0.16).limit(0.3, 0.0) < 0.3
+
+
+def test_way_made_since_a_reading_counts():
+    zones = saw(with_laser(), 0.3)
+    zones.moved(0.11, 0.1)
+    assert zones.limit(0.3, 0.1) == 0
+
+
+@pytest.mark.parametrize("yaw, ways", [(0, (AHEAD,)), (45, (AHEAD,)), (80, ()), (-90, ()), (180, (BEHIND,))])
+def test_where_a_sonar_looks(yaw, ways):
+    assert looks(math.radians(yaw)) == ways
+
+
+# -- laser
+
+
+def scan(range_m, span_deg=240, mount=(0.085, 0.0, 0.0), near_m=0.02):
+    rays = span_deg + 1
+    return Scan([range_m] * rays, -math.radians(span_deg) / 2, math.radians(1), near_m, mount)
+
+
+def test_a_laser_sees_the_nearest_in_the_way():
+    zones = with_laser()
+    zones.on_scan(scan(2.0), 0.0)
+    assert zones.limit(0.3, 0.0) == 0.3
+    zones.on_scan(scan(0.22), 0.0)
+    assert zones.limit(0.3, 0.0) == 0
+
+
+def test_a_laser_that_looks_all_around_frees_the_way_back():
+    zones = with_laser()
+    zones.on_scan(scan(2.0, 360), 0.0)
+    assert zones.limit(-0.3, 0.0) == -0.3
+
+
+def test_a_laser_sees_no_further_than_its_fan():
+    zones = with_laser()
+    zones.on_scan(scan(2.0), 0.0)
+    assert zones.limit(-0.3, 0.0) == -ZONES.slow_m_s
+
+
+@pytest.mark.parametrize(
+    "range_m, allowed", [(math.nan, ZONES.slow_m_s), (0.0, ZONES.slow_m_s), (-math.inf, 0.0)]
+)
+def test_a_scan_without_a_valid_range_slows_and_too_near_a_one_stops(range_m, allowed):
+    zones = with_laser()
+    zones.on_scan(scan(range_m), 0.0)
+    assert zones.limit(0.3, 0.0) == allowed
+
+
+def test_a_laser_that_has_not_sent_a_scan_stops_the_robot():
+    assert with_laser().limit(0.3, 0.0) == 0
+
+
+# -- laws
+
+
+@given(
+    st.lists(st.tuples(st.floats(-2, 2), ODD_RANGES, ODD_RANGES, ODD_RANGES, st.floats(0, 1.5)), max_size=20)
+)
+def test_never_faster_than_asked_and_never_turned_around(steps):
+    zones, now = zones_of(), 0.0
+    for asked, front, left, right, wait_s in steps:
+        told(zones, front, left, right, now)
+        now += wait_s
+        allowed = zones.limit(asked, now)
+        assert abs(allowed) <= abs(asked) and allowed * asked >= 0
+
+
+@given(
+    st.floats(0.3, 3.0),
+    st.lists(st.tuples(st.floats(0, 1.5), st.integers(1, 40)), min_size=1, max_size=8),
+    st.sampled_from([(0, 0), (5, 5), (0, 10), (10, 0)]),
+    st.floats(0.05, 2.0),
+)
+@settings(max_examples=40)
+def test_never_into_the_protective_zone(start_m, plan, delays, braking):
+    """A robot that slows down no better than the model, by readings and commands up to 0.2 s late."""
+    kind = ZONES._replace(braking_m_s2=braking, reaction_s=0.25)
+    zones, room_m, speed, now = with_laser(kind), start_m, 0.0, 0.0
+    sensed, commands = deque([room_m] * (delays[0] + 1)), deque([0.0] * (delays[1] + 1))
+    for asked, ticks in plan:
+        for _ in range(ticks * 2):
+            if round(now / TICK_S) % round(SONAR_S / TICK_S) == 0:
+                saw(zones, sensed[0], now)
+            commands.append(zones.limit(asked, now))
+            commands.popleft()
+            speed = max(commands[0], speed - braking * TICK_S)
+            room_m -= speed * TICK_S
+            sensed.append(room_m)
+            sensed.popleft()
+            now += TICK_S
+            zones.moved(speed * TICK_S, now)
+            assert room_m >= kind.protective_m - STEP_ERROR_M
+
+
+@given(st.lists(st.tuples(ODD_RANGES, ODD_RANGES, ODD_RANGES), max_size=10), st.floats(0.01, 1))
+@settings(max_examples=40)
+def test_no_deadlock(readings, asked):
+    """Whatever was seen, the robot may always go back, and goes on as soon as the way is free."""
+    zones = zones_of()
+    for reading in readings:
+        told(zones, *reading)
+        zones.limit(asked, 0.0)
+        assert zones.limit(-asked, 0.0) < 0
+    assert told(zones, math.inf).limit(asked, 0.0) == asked
+
+
+# -- settings
+
+
+@pytest.mark.parametrize(
+    "wrong, words",
+    [
+        ({"protective_m": 0.5}, "warning_m is 0.5, expected more than 0.55"),
+        ({"protective_m": -0.1}, "protective_m is -0.1, expected a number from 0"),
+        ({"warning_m": math.nan}, "warning_m is nan"),
+        ({"braking_m_s2": 0.0}, "braking_m_s2 is 0"),
+        ({"reaction_s": math.inf}, "reaction_s is inf"),
+    ],
+)
+def test_zones_that_contradict_each_other_are_refused(wrong, words):
+    with pytest.raises(ConfigError, match=words) as caught:
+        demand(ZONES._replace(**wrong))
+    assert "\n" not in str(caught.value)
+
+
+# -- on the emulated robot
+
+
+def drive(walls, asked_m_s, seconds, tmp_path):
+    """Drive along x between walls; the true rooms before the body on the way, and the driver's last pose."""
+    file = tmp_path / "world.yaml"
+    file.write_text(f"start: [0, 0, 0]\nwalls: {walls}\n")
+    emulated = boards.make(boards.Options(robot="traxbot"), world_file.load(str(file)))
+    xs = []
+    zones = zones_of(ZONES._replace(braking_m_s2=MODEL.limits.linear_acceleration_m_s2))
+
+    def watch(telemetry):
+        for name in telemetry.fresh:
+            zones.on_range(name, telemetry.ranges[name], robot.now_s)
+
+    try:
+        with SteppedDriver(emulated.engine) as robot:
+            robot.on_telemetry(watch)
+            last_m = 0.0
+            while robot.now_s < seconds:
+                robot.wait(0.05)
+                zones.moved(robot.pose.x_m - last_m, robot.now_s)
+                last_m = robot.pose.x_m
+                robot.drive(zones.limit(asked_m_s, robot.now_s), 0.0)
+                xs.append(emulated.plant.true_pose.x_m)
+    finally:
+        emulated.close()
+    return xs
+
+
+def test_a_robot_that_drives_at_a_wall_stops_before_it(tmp_path):
+    xs = drive("[[1.5, -2, 1.5, 2]]", 0.3, 25.0, tmp_path)
+    room_m = 1.5 - FRONT_M - max(xs)
+    assert ZONES.protective_m - 0.02 <= room_m < ZONES.protective_m + 0.1
+    assert max(xs) - xs[-20] < 0.01
+
+
+def test_a_slowed_robot_still_gets_through_a_door(tmp_path):
+    """0.6 m wide, three times the robot."""
+    xs = drive("[[1.0, 0.3, 1.0, 2], [1.0, -0.3, 1.0, -2]]", 0.3, 25.0, tmp_path)
+    assert xs[-1] > 1.5
