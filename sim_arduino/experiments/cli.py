@@ -104,9 +104,15 @@ def _folder(out: str) -> str:
 def _results(
     chosen: Sequence[str], setting: Setting, console: Console
 ) -> Iterator[Tuple[str, Result, float]]:
-    """Each one's result as soon as it is there, with the time it took [s]; two at a time."""
+    """Each one's result as soon as it is there, with the time it took [s]; emulated ones two at a time.
+
+    A real robot is driven by this process, which stops it on any signal; another one would drive on without this one.
+    """
+    if setting.port is not None:
+        yield from (timed(name, setting) for name in chosen)
+        return
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    workers = min(WORKERS, len(chosen)) if setting.port is None else 1
+    workers = min(WORKERS, len(chosen))
     with Progress(
         *columns, console=console, transient=True
     ) as progress, concurrent.futures.ProcessPoolExecutor(

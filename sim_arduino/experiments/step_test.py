@@ -123,17 +123,17 @@ def _drive(setting: Setting, port: str, truth: Callable[[Driver], Tuple[float, .
         seen.odometry.append(driver.pose)
         seen.true.append(truth(driver))
 
-    with Driver(port, setting.robot, options=Options(period_ms=PERIOD_MS)) as driver:
-        mirror = Mirrored(setting.robot)
-        try:
+    mirror = Mirrored(setting.robot)
+    try:  # the robot is stopped before the mirror takes its time to end
+        with Driver(port, setting.robot, options=Options(period_ms=PERIOD_MS)) as driver:
             driver.on_telemetry(mirror.tell)
             _await(mirror)
             for waypoint in WAYPOINTS:
                 _go(driver, waypoint, look)
             driver.stop()
             driver.wait(0.5)
-        finally:
-            mirror.close()
+    finally:
+        mirror.close()
     return seen._replace(mirrored=mirror.poses, delays_s=mirror.delays_s)
 
 

@@ -1,12 +1,16 @@
 """`mrl experiment` on the command line."""
 
 import builtins
+import os
+from unittest import mock
 
 import pytest
 from click.testing import CliRunner
+from rich.console import Console
 
-from mrl_driver.errors import ConfigError
-from sim_arduino.experiments import cli, report
+from mrl_driver.errors import ConfigError, MrlError
+from sim_arduino.experiments import cli, report, step_test
+from sim_arduino.experiments.stage import Setting
 
 
 def run(*args):
@@ -60,3 +64,23 @@ def test_figures_and_picture_are_named(tmp_path):
         report.read(str(tmp_path), "sonar-calibration") is not None
         and (tmp_path / "sonar-calibration.png").exists()
     )
+
+
+def test_a_real_robot_is_driven_by_this_process(monkeypatch):
+    """So that a signal which ends it stops the robot too."""
+    monkeypatch.setattr(cli, "timed", lambda name, setting: (name, None, os.getpid()))
+    found = list(cli._results(["square"], Setting("", port="/dev/ttyACM0"), Console()))
+    assert found == [("square", None, os.getpid())]
+
+
+def test_a_step_test_that_fails_stops_the_robot_before_it_ends_the_mirror(monkeypatch):
+    ended = []
+    driver, mirror = mock.MagicMock(), mock.MagicMock()
+    driver.return_value.__exit__.side_effect = lambda *_: ended.append("robot")
+    mirror.return_value.close.side_effect = lambda: ended.append("mirror")
+    monkeypatch.setattr(step_test, "Driver", driver)
+    monkeypatch.setattr(step_test, "Mirrored", mirror)
+    monkeypatch.setattr(step_test, "_go", mock.Mock(side_effect=MrlError("not reached")))
+    with pytest.raises(MrlError):
+        step_test.run(Setting("", port="/dev/ttyACM0"))
+    assert ended == ["robot", "mirror"]
