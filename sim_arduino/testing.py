@@ -20,9 +20,10 @@ from .control import Control
 from .fault_table import Fault, parse
 from .faults import FaultyEngine
 from .omni3md import MotorCommand
-from .port import PtyPort
+from .port import Port, PtyPort
 from .server import PtyServer
 from .shapes import Pose
+from .socket_port import SocketPort
 from .world import World
 
 PATIENCE_S = 5.0
@@ -55,6 +56,7 @@ class EmulatedBoard:
     Args:
         world: A world, or the name of a packaged one, or the path of a world file or map.
         speed: Times as fast as real time.
+        listen: URL to serve instead of a pty, such as `udp://127.0.0.1:0`.
         options: The rest by the names of `boards.Options`, which are those of `mrl-sim`.
 
     Attributes:
@@ -66,7 +68,13 @@ class EmulatedBoard:
         ConfigError: an option is unknown or out of range.
     """
 
-    def __init__(self, world: Union[World, str] = "room", speed: float = 1.0, **options: Any) -> None:
+    def __init__(
+        self,
+        world: Union[World, str] = "room",
+        speed: float = 1.0,
+        listen: Optional[str] = None,
+        **options: Any,
+    ) -> None:
         unknown = set(options) - set(boards.Options._fields)
         if unknown:
             raise ConfigError(
@@ -77,7 +85,7 @@ class EmulatedBoard:
         else:
             self._robot = boards.make(boards.Options(world=world, **options))
         self.plant = self._robot.plant
-        self._port = PtyPort()
+        self._port: Port = SocketPort(listen) if listen else PtyPort()
         control = Control(self._robot.board, None, lambda path: None, lambda text: None)
         self._server = PtyServer(self._robot.board, self._port, self.plant, control=control, speed=speed)
         self.lock = self._server.lock

@@ -1,0 +1,256 @@
+"""Robots behind other wires than a cable: datagrams that get lost, come twice or late, and connections."""
+
+import math
+import socket
+import threading
+import time
+from contextlib import closing
+
+import pytest
+
+from mrl_driver import network
+from mrl_driver.driver import Driver, Options
+from mrl_driver.errors import ConfigError, LinkLost, NotARobot, PortMissing
+from mrl_driver.events import Lost, Stale
+from mrl_driver.stepped import SteppedDriver
+from mrl_driver.table import BY_NAME
+from mrl_driver.wires import open_link
+from sim_arduino import boards
+from sim_arduino.testing import EmulatedBoard
+
+from .talk import Talk
+from .test_driver import wait_until
+
+DATAGRAMS = ("drop:rate=0.05", "repeat:rate=0.05", "overtake:rate=0.05,delay=0.06")
+"""5 % of the datagrams are lost, 5 % come twice, 5 % are overtaken by up to three others; in both directions."""
+POSE_ERROR_M, YAW_ERROR_RAD = 2e-4, 5e-4
+WATCHDOG_S, LATE_S = 0.25, 0.05
+
+
+class Watched:
+    """A driver in simulated time on a board behind a wire with these faults, and what it told."""
+
+    def __init__(self, *faults):
+        self.emulated = boards.make(boards.Options(robot="traxbot", world="square", faults=faults, seed=3))
+        self.robot = SteppedDriver(self.emulated.board)
+        self.robot.connect()
+        self.telemetry, self.events = [], []
+        self.robot.on_telemetry(self.telemetry.append)
+        self.robot.on_event(self.events.append)
+
+    def close(self):
+        self.robot.close()
+        self.emulated.close()
+
+    def commands(self, name):
+        code = {"stop": 0xFC, "move": 0xEB}[name]
+        return [each.time_s for each in self.emulated.plant.motor_board.commands if each.code == code]
+
+
+@pytest.fixture(scope="module")
+def driven():
+    """A robot that drove, turned and stopped eight times over bad datagrams."""
+    watched = Watched(*DATAGRAMS)
+    for _ in range(8):
+        watched.robot.drive(0.2, 0.0)
+        watched.robot.wait(2.0)
+        watched.robot.drive(0.1, 0.6)
+        watched.robot.wait(1.5)
+        watched.robot.stop()
+        watched.robot.wait(0.7)
+    yield watched
+    watched.close()
+
+
+# -- bad datagrams, in simulated time
+
+
+def test_the_pose_over_bad_datagrams_is_the_true_one(driven):
+    pose, true = driven.robot.pose, driven.emulated.plant.true_pose
+    assert math.hypot(pose.x_m - true.x_m, pose.y_m - true.y_m) < POSE_ERROR_M
+    assert abs(math.remainder(pose.yaw_rad - true.yaw_rad, 2 * math.pi)) < YAW_ERROR_RAD
+
+
+def test_counters_and_stamps_never_run_backwards(driven):
+    """The wheels only turned forwards."""
+    pairs = list(zip(driven.telemetry, driven.telemetry[1:]))
+    assert all(b.counts.left >= a.counts.left and b.counts.right >= a.counts.right for a, b in pairs)
+    assert all(b.stamp_s > a.stamp_s for a, b in pairs)
+
+
+def test_bad_datagrams_are_counted_and_nothing_is_wrong(driven):
+    seen = driven.robot.statistics
+    assert min(seen.lost, seen.duplicates, seen.overtaken) > 30
+    assert (seen.garbage, seen.refused_counts, seen.restarts) == ({}, 0, 0)
+
+
+def test_the_robot_stops_within_the_watchdog_when_datagrams_cease():
+    watched = Watched("drop:rate=1,at=3", *DATAGRAMS)
+    watched.robot.drive(0.3, 0.0)
+    watched.robot.wait(4.0 - watched.robot.now_s)
+    stopped_s = next(time_s for time_s in watched.commands("stop") if time_s > 2.9)
+    assert stopped_s < 3.0 + WATCHDOG_S + LATE_S
+    assert any(isinstance(event, Stale) for event in watched.events)
+    watched.close()
+
+
+def test_an_overtaken_status_is_no_restart():
+    """Its uptime is smaller than the one that came before."""
+    talk = Talk().until_ready().run(3.0)
+    late = []
+
+    def hold(data):
+        if b"@%d," % BY_NAME["read_status"].code in data and not late:
+            late.append(data)
+            return b""
+        return data
+
+    talk.to_host = hold
+    talk.run(1.2)
+    talk.to_host = lambda data: data
+    talk.events += talk.session.receive(late[0], talk.now)
+    assert talk.session.ready and talk.session.counters.restarts == 0
+
+
+# -- sockets
+
+
+@pytest.fixture(params=["tcp", "udp"])
+def scheme(request):
+    return request.param
+
+
+def test_a_robot_drives_over_a_socket(scheme):
+    with EmulatedBoard("square", listen=f"{scheme}://127.0.0.1:0") as board, Driver(board.port) as robot:
+        robot.drive(0.2, 0.0)
+        board.wait_until(lambda: board.true_pose.x_m > 0.02)
+        robot.stop()
+        board.wait_until(lambda: robot.stopped)
+        assert robot.pose.x_m == pytest.approx(board.true_pose.x_m, abs=POSE_ERROR_M)
+
+
+def test_a_board_that_returns_to_its_address_is_found(scheme):
+    with EmulatedBoard("square", listen=f"{scheme}://127.0.0.1:0") as board:
+        heard = []
+        with Driver(board.port, options=Options(reconnect=True)) as robot:
+            robot.on_event(heard.append)
+            board.faults.unplug()
+            wait_until(lambda: any(isinstance(event, (Lost, Stale)) for event in heard))
+            board.faults.plug()
+            wait_until(lambda: robot.ready)
+            wait_until(lambda: robot.drive(0.2, 0.0))
+            board.wait_until(lambda: board.true_speed_m_s > 0.1)
+
+
+def test_a_second_program_is_turned_away():
+    with EmulatedBoard("square", listen="tcp://127.0.0.1:0") as board, Driver(board.port) as robot:
+        with pytest.raises(LinkLost, match="closed the connection; it may serve another program"):
+            Driver(board.port).connect()
+        assert robot.ready
+
+
+@pytest.mark.parametrize("wire", ["socket://{0}", "spy://{1}?file={2}"])
+def test_urls_of_pyserial_are_ports(wire, serve, tmp_path):
+    log = tmp_path / "spy.txt"
+    with EmulatedBoard("square", listen="tcp://127.0.0.1:0") as board:
+        url = wire.format(board.port.partition("//")[2], serve().path, log)
+        with Driver(url, options=Options(any_id=True)) as robot:
+            wait_until(lambda: robot.telemetry is not None)
+
+
+def test_a_url_of_pyserial_brings_back_what_was_sent():
+    link = open_link("loop://")
+    link.write(b"@5e")
+    assert link.read(1.0) == b"@5e"
+    link.close()
+
+
+# -- what is wrong with an address, or with who is there
+
+
+@pytest.mark.parametrize(
+    "url",
+    ["tcp://", "tcp://host", "tcp://host:x", "tcp://host:0", "tcp://host:70000", "tcp://[::1:7", "ftp://host:7",
+     "udp://host:7?bnd=1", "udp://host:7?bind=", "tcp://host:7?bind=host:7", "tcp://host:7/x"],
+)  # fmt: skip
+def test_a_url_that_does_not_parse_is_refused_before_it_is_opened(url):
+    with pytest.raises(ConfigError, match="expected (tcp://|udp://|a device name|nothing behind)"):
+        Driver(url)
+
+
+def test_a_refused_connection_says_what_to_do():
+    with closing(socket.socket()) as free:
+        free.bind(("127.0.0.1", 0))
+        url = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+        with pytest.raises(
+            PortMissing, match=r"connection refused\): nothing listens there; start the bridge"
+        ):
+            Driver(url).connect()
+
+
+def test_datagrams_that_are_refused_say_what_to_do():
+    with closing(socket.socket(type=socket.SOCK_DGRAM)) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    with pytest.raises(LinkLost, match=r"connection refused\): nothing listens there"):
+        Driver(f"udp://127.0.0.1:{port}").connect()
+
+
+def test_a_name_that_does_not_resolve_is_told(monkeypatch):
+    def fail(*_, **__):
+        raise socket.gaierror(-2, "Name or service not known")
+
+    monkeypatch.setattr(network.socket, "getaddrinfo", fail)
+    with pytest.raises(PortMissing, match="'robot.lan': name or service not known.: check the name"):
+        Driver("tcp://robot.lan:3333").connect()
+
+
+def test_a_host_that_does_not_answer_is_given_up():
+    """The listening queue is full, so the connection is neither taken nor refused."""
+    with closing(socket.socket()) as deaf, closing(socket.socket()) as first, closing(
+        socket.socket()
+    ) as second:
+        deaf.bind(("127.0.0.1", 0))
+        deaf.listen(0)
+        for end in (first, second):
+            end.setblocking(False)
+            end.connect_ex(deaf.getsockname())
+        start_s = time.monotonic()
+        with pytest.raises(PortMissing, match="timed out.: check the address, the bridge's power"):
+            open_link(f"tcp://127.0.0.1:{deaf.getsockname()[1]}", patience_s=0.2)
+        assert 0.15 < time.monotonic() - start_s < 1.5
+
+
+class Peer:
+    """Another program that listens: it says `greeting`, and closes if told so."""
+
+    def __init__(self, greeting, hang_up):
+        self._listening = socket.create_server(("127.0.0.1", 0))
+        self.url = f"tcp://127.0.0.1:{self._listening.getsockname()[1]}"
+        self._greeting, self._hang_up, self._end = greeting, hang_up, None
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self):
+        self._end, _ = self._listening.accept()
+        self._end.sendall(self._greeting)
+        if self._hang_up:
+            self._end.close()
+
+    def close(self):
+        self._listening.close()
+        if self._end is not None:
+            self._end.close()
+
+
+def test_a_peer_that_speaks_something_else_is_no_robot():
+    with closing(Peer(b"SSH-2.0-OpenSSH_9.2p1\r\n", False)) as peer, pytest.raises(
+        NotARobot, match="SSH-2.0"
+    ):
+        Driver(peer.url, options=Options(greeting_s=0.3)).connect()
+
+
+def test_a_peer_that_hangs_up_is_told():
+    with closing(Peer(b"", True)) as peer, pytest.raises(
+        LinkLost, match="closed the connection|reset by peer"
+    ):
+        Driver(peer.url).connect()
