@@ -44,7 +44,7 @@ class Settings(NamedTuple):
     braking_m_s2: float = 0.2
     """Slowing down that the robot surely does."""
     reaction_s: float = 0.5
-    """From what a sensor measures to the wheels: a cycle of the sonars is 0.3 s."""
+    """Twice the delays of sensors and commands together."""
     hysteresis_m: float = 0.05
     clearance_m: float = 0.05
     """Counts as in the way although it is so far beside the body."""
