@@ -51,7 +51,7 @@ class Reconnection:
         search, now = self._search, time.monotonic()
         assert search is not None
         there = described() if search.lost.vendor is not None else []
-        name = search.next(os.path.realpath(self._name), there, now, _may_be_there)
+        name = search.next(os.path.realpath(self._name), there, now, may_be_there)
         if name is None:
             return None
         if in_use(name):
@@ -79,6 +79,6 @@ class Reconnection:
         return ready
 
 
-def _may_be_there(name: str) -> bool:
+def may_be_there(name: str) -> bool:
     """An URL is tried, a device only if there is one."""
     return is_url(name) or os.path.exists(name)

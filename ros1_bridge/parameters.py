@@ -6,6 +6,7 @@
 import math
 from typing import Any, Dict, Mapping, NamedTuple, Optional, Sequence, Tuple
 
+from mrl_driver.address import demand_port
 from mrl_driver.errors import ConfigError
 
 BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 250000, 500000, 1000000)
@@ -30,7 +31,7 @@ class Row(NamedTuple):
 
 
 ROWS = (
-    Row("port", str, None, "", "Serial port of the board, such as /dev/ttyACM0"),
+    Row("port", str, None, "", "Serial port of the board, such as /dev/ttyACM0, or tcp://HOST:PORT"),
     Row("port_timeout", float, 0.0, "s", "Wait so long for the port to appear", 0.0, 600.0),
     Row("baud", int, 115200, "baud", "Speed of the serial port", choices=BAUDS),
     Row(
@@ -102,6 +103,10 @@ def check(given: Mapping[str, Any], namespace: str) -> Parameters:
         ConfigError: a value is missing, of the wrong type or out of range, or a name is unknown.
     """
     values = read(ROWS, {name: value for name, value in given.items() if name not in GROUPS}, namespace)
+    try:
+        demand_port(values["port"])
+    except ConfigError as error:
+        raise ConfigError(f"parameter {namespace}/{error}") from None
     if values["odom_frame"] == values["base_frame"]:
         got = values["base_frame"]
         raise ConfigError(

@@ -5,7 +5,6 @@ services and parameters stand in this package's README.
 """
 
 import gc
-import os
 import signal
 import sys
 import threading
@@ -25,6 +24,7 @@ from mrl_driver.errors import LinkLost, MrlError
 from mrl_driver.events import Lost, Reconnected, Reply
 from mrl_driver.handshake import Board
 from mrl_driver.options import Options
+from mrl_driver.reconnect import may_be_there
 from mrl_driver.robots import Limits, RobotModel
 from mrl_driver.wheel_watch import Mismatch
 
@@ -91,7 +91,7 @@ class RobotNode:
 
     def _await_port(self) -> None:
         until_s = time.monotonic() + self._parameters.port_timeout
-        while time.monotonic() < until_s and not os.path.exists(self._parameters.port):
+        while time.monotonic() < until_s and not may_be_there(self._parameters.port):
             if rospy.is_shutdown():
                 return
             time.sleep(PORT_LOOK_S)

@@ -7,6 +7,7 @@ import click
 
 from .. import names as book
 from .. import robots
+from ..address import demand_port, is_url
 from ..errors import ConfigError
 from ..names import Target
 from .shared import complete_port, json_option, say_json
@@ -79,13 +80,14 @@ def add(name: str, port: str, model: str, baud: int) -> None:
     book.demand_baud(baud, "--")
     if not port.strip():
         raise ConfigError(f"--port is {port!r}, expected a serial port such as /dev/ttyACM0")
+    demand_port(port)
     if model != "auto":
         robots.load(model)
     if model.endswith((".yaml", ".yml")):
         model = os.path.abspath(model)
     named = book.read()
     lasting = _lasting(port)
-    named[name] = Target(lasting or os.path.abspath(port), model, baud, name)
+    named[name] = Target(lasting or (port if is_url(port) else os.path.abspath(port)), model, baud, name)
     book.write(named)
     click.echo(f"{name} is {named[name].port}" + (", wherever it is plugged in" if lasting else ""))
 

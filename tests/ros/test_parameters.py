@@ -97,3 +97,14 @@ def test_every_value_is_accepted_in_range_or_refused(given_values):
         value = getattr(values, row.name)
         assert type(value) is row.kind
         assert row.kind is not float or row.low <= value <= row.high
+
+
+def test_a_port_may_be_an_address():
+    assert check({"port": "tcp://10.0.0.7:3333"}, "/n").port == "tcp://10.0.0.7:3333"
+
+
+def test_an_address_that_does_not_parse_is_refused():
+    with pytest.raises(
+        ConfigError, match="parameter /n/port 'tcp://10.0.0.7' does not parse, expected tcp://HOST:PORT"
+    ):
+        check({"port": "tcp://10.0.0.7"}, "/n")
