@@ -45,7 +45,7 @@ class Params(NamedTuple):
     capacity_ah: float = 4.6
     rest_curve: Tuple[Tuple[float, float], ...] = ()
     """Battery voltage at no load [V] over charge (1 full, 0 empty), rising."""
-    resistance_ohm: float = 0.15
+    resistance_ohm: float = 0.2
     idle_a: float = 0.98
     """Current with the motors at rest [A]; with `running_a` the packs last 3 h at 50 mm/s and 2 h at 200 mm/s."""
     running_a: float = 2.8
