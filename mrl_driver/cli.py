@@ -33,6 +33,7 @@ OWN: Dict[str, str] = {
     "plot": "mrl_driver.commands.plot:plot",
     "ports": "mrl_driver.commands.ports:ports",
     "record": "mrl_driver.commands.monitor:record",
+    "serve": "mrl_driver.commands.serve:serve",
     "set-id": "mrl_driver.commands.set_id:set_id",
     "system": "mrl_driver.commands.system:system",
 }

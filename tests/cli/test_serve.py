@@ -1,0 +1,87 @@
+"""`mrl serve`: a board's serial port on the network."""
+
+import threading
+
+import pytest
+
+from mrl_driver.bridge import Bridge
+from mrl_driver.driver import Driver
+from mrl_driver.errors import LinkLost
+from mrl_driver.link import Link
+from mrl_driver.listener import listen
+from mrl_driver.wires import open_link
+from sim_arduino.testing import EmulatedBoard
+
+from .run import fails
+
+ADDRESS = "127.0.0.1:0"
+
+
+class Served:
+    """An emulated board behind a bridge, in threads of this process."""
+
+    def __init__(self, scheme):
+        self.board = EmulatedBoard("square")
+        self.link, listener = Link(self.board.port), listen(f"{scheme}://{ADDRESS}")
+        self.url = str(listener.address)
+        self.told = []
+        self._bridge = Bridge(self.link, listener, self.told.append)
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self):
+        try:
+            self._bridge.run()
+        except LinkLost as error:
+            self.told.append(str(error))
+
+    def close(self):
+        self._bridge.stop()
+        self._thread.join()
+        self.link.close()
+        self.board.close()
+
+
+@pytest.fixture(params=["tcp", "udp"])
+def served(request):
+    served = Served(request.param)
+    yield served
+    served.close()
+
+
+def test_a_driver_drives_through_it(served):
+    with Driver(served.url) as robot:
+        robot.drive(0.2, 0.0)
+        served.board.wait_until(lambda: robot.pose.x_m > 0.02)
+
+
+def test_the_robot_stops_when_its_client_is_gone(served):
+    """The client ends without a word, and has set no watchdog on the board."""
+    client = open_link(served.url)
+    client.write(b"@11,200,0e")
+    served.board.wait_until(lambda: served.board.true_speed_m_s > 0.1)
+    client.close()
+    served.board.wait_until(lambda: served.board.true_speed_m_s == 0.0)
+    assert any("has left; the robot is stopped" in line for line in served.told)
+
+
+def test_an_address_must_be_given():
+    assert "--listen" in fails(2, "serve", "--port", "/dev/ttyACM0")
+
+
+@pytest.mark.parametrize(
+    ("url", "code", "words"),
+    [
+        ("tcp://:7000", 2, "expected tcp://HOST:PORT"),
+        ("rfc2217://127.0.0.1:7000", 2, "expected tcp://HOST:PORT or udp://HOST:PORT"),
+        ("tcp://192.0.2.1:7000", 2, "no address of this computer"),
+    ],
+)
+def test_an_address_that_cannot_be_listened_on_is_refused(url, code, words):
+    assert words in fails(code, "serve", "--port", "/dev/ttyACM0", "--listen", url)
+
+
+def test_an_address_in_use_is_refused():
+    listener = listen(f"tcp://{ADDRESS}")
+    assert "in use" in fails(5, "serve", "--port", "/dev/ttyACM0", "--listen", str(listener.address))
+    listener.close()
