@@ -45,10 +45,10 @@ class Params(NamedTuple):
     capacity_ah: float = 4.6
     rest_curve: Tuple[Tuple[float, float], ...] = ()
     """Battery voltage at no load [V] over charge (1 full, 0 empty), rising."""
-    resistance_ohm: float = 0.2
-    idle_a: float = 0.98
-    """Current with the motors at rest [A]; with `running_a` the packs last 3 h at 50 mm/s and 2 h at 200 mm/s."""
-    running_a: float = 2.8
+    resistance_ohm: float = 0.15
+    idle_a: float = 1.3
+    """Current with the motors at rest [A]; with `running_a` the packs last 2.5 h at 50 mm/s and 2 h at 200 mm/s."""
+    running_a: float = 1.6
     """Current of one motor at its no-load speed [A]."""
     starting_a: float = 5.0
     """Further current of one motor that stands at full duty [A]."""
