@@ -8,6 +8,7 @@ import time
 from typing import Any, Callable, Optional, Tuple
 
 from mrl_driver.robots import Limits
+from mrl_driver.zones import Zones
 
 FIRST_STEP_S, LONGEST_STEP_S = 0.02, 0.1
 """A command from standstill takes effect at once, as if it had been there for one frame of the stream; after
@@ -15,6 +16,7 @@ a pause no more than the longer time is made up for.
 """
 EMERGENCY, DISABLED, LINK, BATTERY = "emergency stop", "motors disabled", "no telemetry", "battery"
 WHEEL = "wheel mismatch"
+ZONE = "protective zone"
 TIMEOUT, NOT_FINITE, NONE = "command timeout", "command not finite", "none"
 REFUSALS = {
     EMERGENCY: "the emergency stop is latched; call the service release_stop",
@@ -48,6 +50,11 @@ class Commander:
         self.latched = False
         """The emergency stop is on: nothing moves until `release`."""
         self.enabled = True
+        self.zones: Optional[Zones] = None
+        """Where there are zones, they limit each command."""
+        self.seeking = False
+        """Commands come from the node itself, which seeks a pose."""
+        self._held = False
 
     def drive(self, linear_m_s: float, angular_rad_s: float) -> bool:
         """Take a command; False when the robot may not move now (see `refusal`)."""
@@ -69,6 +76,9 @@ class Commander:
             now = self._clock()
             if now - self._commanded_s >= self._timeout_s:
                 self._halt(TIMEOUT)
+            elif self.zones is not None:
+                if self._within_zones(now) != self._now:
+                    self._step(now)
             elif self._now != self._target:
                 self._step(now)
 
@@ -111,6 +121,8 @@ class Commander:
             return BATTERY
         if self._driver.mismatch is not None:
             return WHEEL
+        if self._held:
+            return ZONE
         told = self._driver.stop_reason
         return self._cause if self._cause != NONE or told in ("none", "user") else told.replace("_", " ")
 
@@ -132,12 +144,12 @@ class Commander:
         )
 
     def _halt(self, cause: str) -> None:
-        self._target, self._now, self._cause = None, STANDING, cause
+        self._target, self._now, self._cause, self._held = None, STANDING, cause, False
         self._driver.stop()
 
     def _step(self, now: float) -> bool:
         assert self._target is not None
-        limits, (linear, angular) = self.limits, self._target
+        limits, (linear, angular) = self.limits, self._within_zones(now)
         dt_s, self._stepped_s = min(LONGEST_STEP_S, now - self._stepped_s), now
         before = self._now
         if before == STANDING or self._driver.command is None:  # stopped meanwhile, by whatever
@@ -148,8 +160,18 @@ class Commander:
         )
         if self._driver.drive(*speeds):
             return True
-        self._target, self._now = None, STANDING
+        self._target, self._now, self._held = None, STANDING, False
         return False
+
+    def _within_zones(self, now: float) -> Speeds:
+        """The speeds that are wanted, as far as the zones allow them."""
+        assert self._target is not None
+        if self.zones is None:
+            return self._target
+        linear, angular = self._target
+        allowed = self.zones.limit(linear, now)
+        self._held = linear != 0 and allowed == 0
+        return allowed, angular
 
 
 def approached(speed: float, target: float, rise: float) -> float:

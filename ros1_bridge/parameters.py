@@ -9,6 +9,8 @@ from typing import Any, Dict, Mapping, NamedTuple, Optional, Sequence, Tuple
 from mrl_driver.address import demand_port
 from mrl_driver.errors import ConfigError
 
+from .zone_watch import demand_zones
+
 BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 250000, 500000, 1000000)
 _OWN = "0 is the model's own, which is also the most"
 
@@ -62,7 +64,57 @@ ROWS = (
     Row("ignore_battery", bool, False, "", "Start, and drive on, with an empty battery"),
     Row("allow_calibration", bool, False, "", "Offer the service calibrate, which turns the wheels"),
     Row("allow_gains", bool, False, "", "Offer gains by dynamic_reconfigure; the motor board stores them"),
+    Row(
+        "parts",
+        str,
+        "all",
+        "",
+        "What the node does: all, or some of odometry, sonars, commands, status, sensors",
+    ),
+    Row(
+        "zones",
+        str,
+        "none",
+        "",
+        "What the warning and the protective zone are watched by",
+        choices=("none", "sonars", "scan", "both"),
+    ),
+    Row(
+        "zone_warning",
+        float,
+        0.5,
+        "m",
+        "Before the body: nearer things slow the robot, at speed earlier",
+        0.0,
+        10.0,
+    ),
+    Row(
+        "zone_protective",
+        float,
+        0.2,
+        "m",
+        "Before the body: nearer things stop it, at speed earlier",
+        0.0,
+        10.0,
+    ),
+    Row("zone_slow_speed", float, 0.1, "m/s", "The warning zone slows no further", 0.01, 10.0),
+    Row(
+        "zone_braking", float, 0.0, "m/s2", "Surely reached; 0 is the model's linear acceleration", 0.0, 100.0
+    ),
+    Row("zone_reaction", float, 0.5, "s", "Twice the delays of sensors and commands together", 0.0, 10.0),
+    Row(
+        "zone_hysteresis",
+        float,
+        0.05,
+        "m",
+        "A zone is clear again when the way is free by so much more",
+        0.0,
+        1.0,
+    ),
+    Row("zone_clearance", float, 0.05, "m", "What is so near beside the body's way is in it", 0.0, 1.0),
 )
+PARTS = ("odometry", "sonars", "commands", "status", "sensors")
+"""What a node may be made of."""
 GROUPS = ("limits", "gains")
 """Namespaces that dynamic_reconfigure keeps its own parameters in."""
 FRAMES = ("odom_frame", "base_frame", "map_frame")
@@ -90,6 +142,19 @@ class Parameters(NamedTuple):
     ignore_battery: bool
     allow_calibration: bool
     allow_gains: bool
+    parts: str
+    zones: str
+    zone_warning: float
+    zone_protective: float
+    zone_slow_speed: float
+    zone_braking: float
+    zone_reaction: float
+    zone_hysteresis: float
+    zone_clearance: float
+
+    def has(self, part: str) -> bool:
+        """Whether the node does that one of `PARTS`."""
+        return part in split_parts(self.parts)
 
 
 def check(given: Mapping[str, Any], namespace: str) -> Parameters:
@@ -102,7 +167,10 @@ def check(given: Mapping[str, Any], namespace: str) -> Parameters:
     Raises:
         ConfigError: a value is missing, of the wrong type or out of range, or a name is unknown.
     """
-    values = read(ROWS, {name: value for name, value in given.items() if name not in GROUPS}, namespace)
+    given = {name: value for name, value in given.items() if name not in GROUPS}
+    if isinstance(given.get("parts"), list):
+        given["parts"] = ", ".join(map(str, given["parts"]))
+    values = read(ROWS, given, namespace)
     try:
         demand_port(values["port"])
     except ConfigError as error:
@@ -112,7 +180,29 @@ def check(given: Mapping[str, Any], namespace: str) -> Parameters:
         raise ConfigError(
             f"parameter {namespace}/base_frame is {got!r}, expected a frame other than odom_frame"
         )
-    return Parameters(**values)
+    parameters = Parameters(**values)
+    _demand_parts(parameters, namespace)
+    demand_zones(parameters, namespace)
+    return parameters
+
+
+def split_parts(text: str) -> Tuple[str, ...]:
+    """The parts that a text with commas or blanks names; `all` names each."""
+    return PARTS if text.strip() == "all" else tuple(text.replace(",", " ").split())
+
+
+def _demand_parts(parameters: Parameters, namespace: str) -> None:
+    named = split_parts(parameters.parts)
+    unknown = [name for name in named if name not in PARTS]
+    if unknown or not named:
+        got = f"{unknown[0]!r} in {parameters.parts!r}" if unknown else repr(parameters.parts)
+        raise ConfigError(
+            f"parameter {namespace}/parts is {got}, expected all, or some of {', '.join(PARTS)}"
+        )
+    if parameters.zones != "none" and "commands" not in named:
+        raise ConfigError(
+            f"parameter {namespace}/zones needs the part commands, expected it in parts or zones none"
+        )
 
 
 def read(rows: Sequence[Row], given: Any, namespace: str) -> Dict[str, Any]:

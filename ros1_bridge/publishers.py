@@ -2,7 +2,8 @@
 
 import math
 import time
-from typing import Any, Callable, Dict, Type
+from types import SimpleNamespace
+from typing import Any, Callable, Dict, Type, Union
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from genpy import Time
@@ -24,6 +25,19 @@ from .stamps import Stamps
 LATCHED = {"battery": BatteryState, "board_temperature": Temperature, "status": DiagnosticStatus}
 
 
+class Unpublished:
+    """Stands for a topic of a part that the node does not do."""
+
+    impl = SimpleNamespace(connections=())
+    sequence = 0
+
+    def send(self, data: bytes) -> None:
+        """Never called."""
+
+    def publish(self, message: Any) -> None:
+        """To nobody."""
+
+
 class Publishers:
     """Topics that every board feeds; `/tf` is one of them."""
 
@@ -40,10 +54,10 @@ class Publishers:
         self._model, self._parameters = model, parameters
         self._stamps, self._stamp = Stamps(), Time()
         self.covariance = PoseCovariance(model)
-        self._odometry, self._odometry_out = PackedOdometry(odom, base), self._fast("odom", Odometry)
+        self._odometry, self._odometry_out = PackedOdometry(odom, base), self._way("odom", Odometry)
         self._transform = PackedTransform(odom, base)
-        self._transform_out = self._fast("/tf", TFMessage) if parameters.publish_tf else None
-        self._joints, self._joints_out = messages.new_joints(), self._fast("joint_states", JointState)
+        self._transform_out = self._way("/tf", TFMessage) if parameters.publish_tf else None
+        self._joints, self._joints_out = messages.new_joints(), self._way("joint_states", JointState)
         counts_a_turn = model.board["gearbox"] / 10 * model.board["encoder_counts"] / 10
         self._rad_per_count = 2 * math.pi / counts_a_turn
         self._rad_per_m = self._rad_per_count / model.drive.metres_per_count
@@ -51,9 +65,15 @@ class Publishers:
         self._ranges_out: Dict[str, Fast] = {}
         self._battery = messages.new_battery(base, model.battery)
         self._temperature = messages.new_temperature(base)
+        told = parameters.has("status")
         self._latched = {
-            name: direct_publisher(publisher_class, name, kind, latch=True) for name, kind in LATCHED.items()
+            name: direct_publisher(publisher_class, name, kind, latch=True) if told else Unpublished()
+            for name, kind in LATCHED.items()
         }
+
+    def _way(self, topic: str, kind: type) -> Union[Fast, Unpublished]:
+        """A topic of the part odometry."""
+        return self._fast(topic, kind) if self._parameters.has("odometry") else Unpublished()
 
     def _fast(self, topic: str, kind: type) -> Fast:
         return Fast(direct_publisher(self._class, topic, kind), self._lost)

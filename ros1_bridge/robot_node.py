@@ -15,7 +15,8 @@ import diagnostic_updater
 import rosgraph
 import rospy
 from diagnostic_msgs.msg import KeyValue
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import PoseStamped, Twist
+from sensor_msgs.msg import LaserScan
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 from mrl_driver.battery import EMPTY, LOW, OFF
@@ -32,17 +33,22 @@ from . import messages, radio, reconfigure
 from .commander import NOT_FINITE, Commander, lowered
 from .diagnostics import Diagnostics
 from .master_watch import MasterWatch
+from .mount_finder import MountFinder
 from .parameters import GROUPS, Parameters, check
+from .pose_goal import PoseGoal
 from .publishers import Publishers
 from .radio import Radio
 from .robot_status import StatusTeller
 from .sensor_topics import SensorTopics
 from .services import Answer, Services
+from .zone_watch import ZoneWatch, sources
 
 DIAGNOSTICS_S = 1.0
 STATUS_S = 0.2
 """A change of the robot's state is told within this time."""
 PORT_LOOK_S = 0.1
+ANSWER_S = 0.2
+"""The answer of the service shutdown gets out in this time."""
 WARN_EVERY_S = 1.0
 SWITCH_S = 0.0005
 """A frame waits no longer than this for a thread that is busy with a service; Python's own limit is 5 ms."""
@@ -107,12 +113,15 @@ class RobotNode:
         )
         self._commander = Commander(driver, limits, parameters.cmd_vel_timeout)
         self._publishers = Publishers(rospy.Publisher, rospy.exceptions.TransportException, parameters, model)
-        if not board.capabilities or "sonars" in board.capabilities:
+        has_sonars = not board.capabilities or "sonars" in board.capabilities
+        if has_sonars and parameters.has("sonars"):
             self._publishers.sonars(rospy.Time.now())
-        self._radio = Radio(rospy.Publisher, board.capabilities)
-        sensors = SensorTopics(
-            rospy.Publisher, parameters.base_frame, board.capabilities, board.version, rospy.Time.now
-        )
+        self._radio = Radio(rospy.Publisher, board.capabilities if parameters.has("sensors") else frozenset())
+        self._pose_goal = PoseGoal(self._commander, parameters.odom_frame, parameters.base_frame)
+        self._zones: Optional[ZoneWatch] = None
+        if parameters.zones != "none":
+            self._zones = ZoneWatch(parameters, model, has_sonars)
+            self._commander.zones = self._zones.zones
         self._publishers.battery(board, rospy.Time.now())
         self._status = StatusTeller(
             self._commander, self._publishers.status, rospy.get_name(), self._hardware_id(board)
@@ -120,12 +129,16 @@ class RobotNode:
         driver.on_telemetry(self._on_telemetry)
         driver.on_battery(self._on_battery)
         driver.on_event(self._on_event)
-        driver.on_sensor(sensors.on_sensor)
+        if parameters.has("sensors"):
+            self._offer_sensors(board)
         self._offer_services()
-        rospy.Subscriber("cmd_vel", Twist, self._on_cmd_vel, queue_size=1, tcp_nodelay=True)
-        if "xbee" in board.capabilities:
-            rospy.Subscriber(radio.RADIO_OUT, KeyValue, self._on_radio, queue_size=10)
-        self._offer_reconfigure(model, limits)
+        if parameters.has("commands"):
+            rospy.Subscriber("cmd_vel", Twist, self._on_cmd_vel, queue_size=1, tcp_nodelay=True)
+            rospy.Subscriber("pose", PoseStamped, self._on_pose, queue_size=1)
+            if self._zones is not None and sources(parameters)[1]:
+                self._finder = MountFinder(parameters.base_frame)
+                rospy.Subscriber("scan", LaserScan, self._on_scan, queue_size=1, tcp_nodelay=True)
+            self._offer_reconfigure(model, limits)
         gc.collect()
         gc.freeze()  # what is there now stays: collections need not walk it again and again
         rospy.loginfo(
@@ -133,14 +146,23 @@ class RobotNode:
             f"battery {board.battery_v:.1f} V"
         )
 
+    def _offer_sensors(self, board: Board) -> None:
+        sensors = SensorTopics(
+            rospy.Publisher, self._parameters.base_frame, board.capabilities, board.version, rospy.Time.now
+        )
+        self._driver.on_sensor(sensors.on_sensor)
+        if "xbee" in board.capabilities:
+            rospy.Subscriber(radio.RADIO_OUT, KeyValue, self._on_radio, queue_size=10)
+
     def _offer_services(self) -> None:
+        parameters = self._parameters
         services = self._services = Services(self._driver, self._commander, self._publishers.covariance.reset)
-        triggers: Dict[str, Callable[[], Answer]] = {
-            "reset_odometry": services.reset_odometry,
-            "stop": services.stop,
-            "release_stop": services.release_stop,
-        }
-        if self._parameters.allow_calibration:
+        triggers: Dict[str, Callable[[], Answer]] = {"shutdown": self._end_node}
+        if parameters.has("odometry"):
+            triggers["reset_odometry"] = services.reset_odometry
+        if parameters.has("commands"):
+            triggers.update(stop=services.stop, release_stop=services.release_stop)
+        if parameters.has("commands") and parameters.allow_calibration:
             triggers["calibrate"] = services.calibrate
 
         def told(answer: Answer) -> Answer:
@@ -149,11 +171,18 @@ class RobotNode:
 
         for name, action in triggers.items():
             rospy.Service(name, Trigger, lambda _, act=action: TriggerResponse(*told(act())))
-        rospy.Service(
-            "enable_motors",
-            SetBool,
-            lambda request: SetBoolResponse(*told(services.enable_motors(request.data))),
-        )
+        if parameters.has("commands"):
+            rospy.Service(
+                "enable_motors",
+                SetBool,
+                lambda request: SetBoolResponse(*told(services.enable_motors(request.data))),
+            )
+
+    def _end_node(self) -> Answer:
+        """Stop now; the node closes the port and ends once the answer is out."""
+        done, text = self._services.stop()
+        threading.Timer(ANSWER_S, rospy.signal_shutdown, ("the service shutdown was called",)).start()
+        return done, "stopped; the node closes the port and ends" if done else f"{text}; the node ends"
 
     def _offer_reconfigure(self, model: RobotModel, limits: Limits) -> None:
         from dynamic_reconfigure.server import Server  # late: it takes a second, and cmd_vel should not wait
@@ -168,7 +197,8 @@ class RobotNode:
     def _serve(self, board: Board) -> None:
         updater = diagnostic_updater.Updater()
         updater.setHardwareID(self._hardware_id(board))
-        Diagnostics(self._driver, self._commander, self._parameters).add_to(updater)
+        if self._parameters.has("status"):
+            Diagnostics(self._driver, self._commander, self._parameters).add_to(updater)
         master = MasterWatch(rosgraph.get_master_uri())
         while not self._driver.wait(DIAGNOSTICS_S):
             self._status.tell()
@@ -186,6 +216,12 @@ class RobotNode:
     def _on_telemetry(self, telemetry: Telemetry) -> None:
         self._publishers.telemetry(telemetry)
         try:
+            if self._zones is not None:
+                self._zones.on_telemetry(telemetry, self._driver.command is None)
+            if self._pose_goal.active:
+                ended = self._pose_goal.on_telemetry(telemetry)
+                if ended:
+                    rospy.loginfo(ended)
             self._commander.tick()
         except MrlError:
             return  # the driver keeps the error, and the main thread reports it
@@ -232,7 +268,22 @@ class RobotNode:
         except MrlError:
             return
 
+    def _on_pose(self, message: PoseStamped) -> None:
+        try:
+            self._pose_goal.start(message, self._driver.pose)
+        except ValueError as error:
+            rospy.logwarn(f"pose refused: {error}")
+
+    def _on_scan(self, message: LaserScan) -> None:
+        mount = self._finder.mount(message.header.frame_id)
+        if mount is None:
+            rospy.logwarn_throttle(WARN_EVERY_S, f"scan not used: {self._finder.trouble}")
+        elif self._zones is not None:
+            self._zones.on_scan(message, mount, time.monotonic())
+
     def _command(self, message: Twist) -> None:
+        if self._pose_goal.active:
+            self._pose_goal.cancel()
         try:
             linear_m_s, angular_rad_s = messages.read_twist(message)
         except ValueError as error:

@@ -17,7 +17,10 @@ MODES = {
     BATTERY: "battery",
     WHEEL: "wheel mismatch",
 }
-"""Mode by what keeps the robot from moving; `drive` where nothing does."""
+"""Mode by what keeps the robot from moving; `drive` or `pose` where nothing does."""
+HARMLESS = (NONE, "user", DISABLED, "closed")
+"""What stops the robot without being a safety stop."""
+State = Tuple[bool, str, bool, Tuple[str, str]]
 
 
 class StatusTeller:
@@ -33,31 +36,43 @@ class StatusTeller:
         self._commander, self._publish = commander, publish
         self._name, self._hardware_id = f"{node_name}: status", hardware_id
         self._lock = threading.Lock()
-        self._told: Optional[Tuple[bool, str]] = None
+        self._told: Optional[State] = None
 
     def tell(self) -> None:
         """Publish the state, unless that was done already."""
         with self._lock:
-            state = self._commander.moving, self._commander.stopped_by
+            commander = self._commander
+            state = commander.moving, commander.stopped_by, commander.seeking, zones_clear(commander)
             if state != self._told:
                 self._told = state
                 self._publish(self._message(*state))
 
-    def _message(self, moving: bool, cause: str) -> DiagnosticStatus:
+    def _message(self, moving: bool, cause: str, seeking: bool, clear: Tuple[str, str]) -> DiagnosticStatus:
         level, line = motion_health(moving, cause)
         values = {
-            "mode": mode_of(cause),
+            "mode": mode_of(cause, seeking),
             "ready": _yes(cause not in MODES),
             "moving": _yes(moving),
+            "warning zone clear": clear[0],
+            "protective zone clear": clear[1],
+            "safety stop": _yes(not moving and cause not in HARMLESS),
             "stopped by": NONE if moving else cause,
         }
         pairs = [KeyValue(key, value) for key, value in values.items()]
         return DiagnosticStatus(level, self._name, line, self._hardware_id, pairs)
 
 
-def mode_of(cause: str) -> str:
-    """`drive`, or what keeps the robot from it; from `Commander.stopped_by`."""
-    return MODES.get(cause, "drive")
+def mode_of(cause: str, seeking: bool = False) -> str:
+    """`drive`, `pose` while one is sought, or what keeps the robot from it; from `Commander.stopped_by`."""
+    return MODES.get(cause, "pose" if seeking else "drive")
+
+
+def zones_clear(commander: Commander) -> Tuple[str, str]:
+    """Whether the warning and the protective zone are clear; `not watched` where there are no zones."""
+    zones = commander.zones
+    if zones is None:
+        return "not watched", "not watched"
+    return _yes(zones.warning_clear), _yes(zones.protective_clear)
 
 
 def battery_health(state: str, volts: float) -> Health:
@@ -110,7 +125,7 @@ def motion_values(commander: Commander) -> Dict[str, str]:
     """Keys and values of the motion."""
     limits = commander.limits
     return {
-        "Mode": mode_of(commander.stopped_by),
+        "Mode": mode_of(commander.stopped_by, commander.seeking),
         "Moving": _yes(commander.moving),
         "Stop Reason": commander.stopped_by,
         "Linear Speed Limit": f"{limits.linear_m_s:g} m/s",

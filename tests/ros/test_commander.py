@@ -174,6 +174,34 @@ def test_stop_of_the_driver_is_named(bench):
     assert bench.commander.ready
 
 
+class Wall:
+    """Zones that allow so much ahead."""
+
+    def __init__(self, allowed):
+        self.allowed = allowed
+
+    def limit(self, linear, now):
+        return min(linear, self.allowed)
+
+
+def test_zones_slow_a_robot_between_two_commands(bench):
+    bench.commander.zones = wall = Wall(0.3)
+    bench.run(1.6, 0.3)
+    wall.allowed = 0.1
+    bench.commander.tick()
+    assert bench.driver.command == (0.1, 0.0)
+
+
+def test_a_robot_that_the_zones_hold_may_turn_and_says_why_it_stands(bench):
+    bench.commander.zones = wall = Wall(0.0)
+    bench.run(1.0, 0.3, 0.5)
+    assert bench.driver.command == (0.0, 0.5)
+    assert bench.commander.stopped_by == module.ZONE and bench.commander.ready
+    wall.allowed = 1.0
+    bench.run(1.0, 0.3)
+    assert bench.driver.command[0] > 0.1 and bench.commander.stopped_by == module.NONE
+
+
 def test_limits_are_lowered_never_raised():
     assert lowered(LIMITS, 0.1, 5.0, 0.0, 0.5) == Limits(0.1, 1.0, 0.2, 0.5)
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
-from ros1_bridge.parameters import GROUPS, ROWS, Parameters, check
+from ros1_bridge.parameters import GROUPS, PARTS, ROWS, Parameters, check
 
 GOOD = {"port": "/dev/ttyACM0"}
 
@@ -108,3 +108,27 @@ def test_an_address_that_does_not_parse_is_refused():
         ConfigError, match="parameter /n/port 'tcp://10.0.0.7' does not parse, expected tcp://HOST:PORT"
     ):
         check({"port": "tcp://10.0.0.7"}, "/n")
+
+
+@pytest.mark.parametrize("parts", ["odometry, status", "odometry status", ["odometry", "status"]])
+def test_parts_are_a_list_or_a_text(parts):
+    made = check({**GOOD, "parts": parts}, "/n")
+    assert [made.has(part) for part in PARTS] == [True, False, False, True, False]
+
+
+@pytest.mark.parametrize(
+    "wrong, words",
+    [
+        (
+            {"parts": "odometry, wings"},
+            "/n/parts is 'wings' in 'odometry, wings', expected all, or some of odometry,",
+        ),
+        ({"parts": []}, "/n/parts is"),
+        ({"zones": "sonars", "parts": "odometry"}, "/n/zones needs the part commands"),
+        ({"zones": "scan", "zone_protective": 0.5}, "zone_.*warning_m is 0.5, expected more than 0.55"),
+        ({"zones": "both", "zone_warning": math.nan}, "/n/zone_warning is nan"),
+    ],
+)
+def test_parts_and_zones_that_cannot_be_are_refused(wrong, words):
+    with pytest.raises(ConfigError, match=words):
+        check({**GOOD, **wrong}, "/n")

@@ -19,7 +19,7 @@ from .tables import README, Offered, cells_of, first_two, table
 @pytest.fixture(scope="module")
 def offered(module_rig):
     rig = module_rig
-    rig.node(rig.board().port, "_allow_calibration:=true", "_allow_gains:=true")
+    rig.node(rig.board().port, "_allow_calibration:=true", "_allow_gains:=true", "_zones:=both")
     rig.tf, rig.static = rig.topic("/tf", TFMessage), rig.topic("/tf_static", TFMessage)
     rig.topic("odom", Odometry).wait()
     rospy.wait_for_service(f"{rig.ns}/robot_node/gains/set_parameters", START_S)

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from ros1_bridge.commander import BATTERY, EMERGENCY, NONE, TIMEOUT
+from ros1_bridge.commander import BATTERY, EMERGENCY, NONE, TIMEOUT, ZONE
 from ros1_bridge.link_report import ERROR, OK, WARN
 from ros1_bridge.robot_status import StatusTeller
 
@@ -14,7 +14,9 @@ class Told(list):
 
     def __init__(self):
         super().__init__()
-        self._commander = SimpleNamespace(moving=False, stopped_by=NONE)
+        self.commander = self._commander = SimpleNamespace(
+            moving=False, stopped_by=NONE, seeking=False, zones=None
+        )
         self._teller = StatusTeller(self._commander, self.append, "/robot_node", "port robot 1")
 
     def tell(self, moving, stopped_by):
@@ -56,3 +58,28 @@ def test_status_says_what_keeps_the_robot_from_moving(cause, level, mode, ready)
         ready,
         cause,
     )
+
+
+def values_of(message):
+    return {pair.key: pair.value for pair in message.values}
+
+
+def test_zones_are_told_where_there_are_some():
+    told = Told()
+    told.tell(False, NONE)
+    told.commander.zones = SimpleNamespace(warning_clear=False, protective_clear=True)
+    told.tell(False, NONE)
+    keys = "warning zone clear", "protective zone clear"
+    assert [[values_of(each)[key] for key in keys] for each in told] == [
+        ["not watched"] * 2,
+        ["false", "true"],
+    ]
+
+
+@pytest.mark.parametrize(
+    "cause, safety", [(NONE, "false"), ("user", "false"), (TIMEOUT, "true"), (ZONE, "true")]
+)
+def test_safety_stop_is_a_stop_that_the_user_did_not_ask_for(cause, safety):
+    told = Told()
+    told.tell(False, cause)
+    assert values_of(told[0])["safety stop"] == safety

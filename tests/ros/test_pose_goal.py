@@ -1,0 +1,97 @@
+"""The command `pose`, with a commander that only notes what it is told."""
+
+import math
+from types import SimpleNamespace
+
+import pytest
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
+from std_msgs.msg import Header
+
+from mrl_driver.robots import Limits
+from ros1_bridge.pose_goal import BLOCKED, REACHED, STEP_S, PoseGoal
+
+HERE = (1.0, 2.0, math.pi / 2)
+
+
+class Noted:
+    def __init__(self):
+        self.limits, self.seeking, self.willing = Limits(0.3, 1.0, 0.2, 1.0), False, True
+        self.speeds, self.stops = None, 0
+
+    def drive(self, *speeds):
+        self.speeds = speeds
+        return self.willing
+
+    def stop(self):
+        self.stops += 1
+
+    def refusal(self):
+        return "the motors are disabled"
+
+
+def message(frame, x, y, w=1.0):
+    return PoseStamped(Header(frame_id=frame), Pose(Point(x, y, 0), Quaternion(0, 0, 0, w)))
+
+
+@pytest.fixture
+def noted():
+    return Noted()
+
+
+@pytest.fixture
+def goal(noted):
+    return PoseGoal(noted, "odom", "base_link")
+
+
+def at(pose, seconds):
+    return SimpleNamespace(pose=pose, ranges={}, arrival_s=seconds)
+
+
+@pytest.mark.parametrize("frame", ["odom", ""])
+def test_in_the_frame_of_odom_a_pose_is_absolute(goal, frame):
+    assert goal.start(message(frame, 3.0, 4.0), HERE) == (3.0, 4.0, 0.0)
+
+
+def test_in_the_robots_own_frame_it_is_relative(goal):
+    assert goal.start(message("base_link", 1.0, 0.0), HERE) == pytest.approx((1.0, 3.0, math.pi / 2))
+
+
+@pytest.mark.parametrize(
+    "wrong, words",
+    [
+        (message("map", 1, 1), "pose is in map, expected odom"),
+        (message("odom", math.nan, 1), "finite"),
+        (message("odom", 1, 1, 0.0), "quaternion"),
+    ],
+)
+def test_a_wrong_pose_is_refused_and_the_one_before_stays(goal, wrong, words):
+    goal.start(message("odom", 3.0, 4.0), HERE)
+    with pytest.raises(ValueError, match=words):
+        goal.start(wrong, HERE)
+    assert goal.active
+
+
+def test_it_drives_there_and_stops(goal, noted):
+    goal.start(message("odom", 1.0, 0.0), HERE)
+    assert goal.on_telemetry(at((0.0, 0.0, 0.0), 1.0)) == "" and noted.speeds[0] > 0 and noted.seeking
+    assert goal.on_telemetry(at((1.0, 0.0, 0.0), 1.0 + STEP_S)) == REACHED
+    assert (noted.stops, noted.seeking, goal.active) == (1, False, False)
+
+
+def test_it_gives_up_when_it_comes_no_nearer(goal, noted):
+    goal.start(message("odom", 1.0, 0.0), HERE)
+    ends = [goal.on_telemetry(at((0.0, 0.0, 0.0), float(second))) for second in range(40)]
+    assert BLOCKED in ends and noted.stops == 1
+
+
+def test_it_gives_up_when_the_robot_may_not_move(goal, noted):
+    noted.willing = False
+    goal.start(message("odom", 1.0, 0.0), HERE)
+    assert "motors are disabled" in goal.on_telemetry(at((0.0, 0.0, 0.0), 1.0))
+    assert not goal.active
+
+
+def test_another_command_takes_its_place(goal, noted):
+    goal.start(message("odom", 1.0, 0.0), HERE)
+    goal.cancel()
+    assert goal.on_telemetry(at((0.0, 0.0, 0.0), 1.0)) == "" and noted.speeds is None

@@ -1,0 +1,79 @@
+"""Zones, the commands `pose` and `shutdown`, and nodes of some parts, on an emulated board."""
+
+import time
+
+import pytest
+import rospy
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Twist, Vector3
+from nav_msgs.msg import Odometry
+from std_msgs.msg import Header
+from std_srvs.srv import Trigger
+
+from ros1_bridge.processes import wait_until
+
+from .rig import START_S
+from .tables import Offered
+
+WALL_M, PROTECTIVE_M, BODY_M = 0.62, 0.3, 0.225
+ARRIVAL_S, EXIT_S = 15.0, 3.0
+
+
+@pytest.fixture
+def robot(rig, tmp_path):
+    """A node with zones, half a metre before a wall."""
+    world = tmp_path / "wall.yaml"
+    world.write_text(f"walls: [[{WALL_M}, -2, {WALL_M}, 2]]\n")
+    board = rig.board("--robot", "traxbot", "--world", str(world))
+    rig.odom, rig.status = rig.topic("odom", Odometry), rig.topic("status", DiagnosticStatus)
+    rig.process = rig.node(board.port, "_zones:=sonars", f"_zone_protective:={PROTECTIVE_M}")
+    rig.cmd_vel, rig.pose = rig.publisher("cmd_vel", Twist), rig.publisher("pose", PoseStamped)
+    rig.odom.wait()
+    return rig
+
+
+def says(robot, **wanted):
+    def said():
+        values = {pair.key.replace(" ", "_"): pair.value for pair in robot.status.messages[-1].values}
+        return wanted.items() <= values.items()
+
+    return said
+
+
+def drive_until(robot, condition, speed_m_s):
+    """Command at 20 Hz until something is so."""
+    until_s = time.monotonic() + ARRIVAL_S
+    while time.monotonic() < until_s:
+        robot.cmd_vel.publish(Twist(Vector3(speed_m_s, 0, 0), Vector3()))
+        time.sleep(0.05)
+        if condition():
+            return True
+    return False
+
+
+def test_a_robot_before_a_wall_stops_turns_away_by_pose_and_ends_by_shutdown(robot):
+    assert wait_until(says(robot, protective_zone_clear="true"), START_S)
+    held = says(
+        robot, stopped_by="protective zone", protective_zone_clear="false", safety_stop="true", ready="true"
+    )
+    assert drive_until(robot, held, 0.3), robot.status.messages[-1]
+    room_m = WALL_M - BODY_M / 2 - robot.odom.messages[-1].pose.pose.position.x
+    assert PROTECTIVE_M - 0.03 < room_m < PROTECTIVE_M + 0.1
+    turned = PoseStamped(Header(frame_id=f"{robot.name}/base_link"), Pose(Point(), Quaternion(0, 0, 1, 1)))
+    robot.pose.publish(turned)
+    assert wait_until(says(robot, mode="pose", moving="true"), START_S)
+    assert wait_until(says(robot, mode="drive", moving="false"), START_S)
+    assert robot.odom.messages[-1].pose.pose.orientation.z == pytest.approx(0.7, abs=0.1)
+    assert rospy.ServiceProxy(f"{robot.ns}/shutdown", Trigger)().success
+    assert wait_until(lambda: robot.process.exit_code is not None, EXIT_S)
+    assert robot.process.exit_code == 0
+
+
+def test_a_node_does_the_parts_that_are_named(rig):
+    rig.node(rig.board().port, "_parts:=[odometry, status]")
+    rig.topic("odom", Odometry).wait()
+    offered = Offered(rig)
+    wanted = {"odom", "/tf", "joint_states", "status", "battery", "board_temperature", "/diagnostics"}
+    assert wait_until(lambda: offered.topics(0).keys() == wanted, START_S), offered.topics(0)
+    assert not offered.topics(1)
+    assert offered.services().keys() == {"reset_odometry", "shutdown"}
