@@ -9,6 +9,8 @@ from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 AGAIN_S = 1.0
 """A port that could not be opened, or stayed silent, is left alone for so long."""
+AGAIN_SOON_S = 0.2
+"""The same for an address on a network, where a look resets nothing."""
 WRONG_AGAIN_S = 10.0
 """The same for a port of unknown kind on which another robot answers; one with USB ids is left alone until it was
 unplugged.
@@ -85,5 +87,6 @@ class Search:
 
     def refuse(self, name: str, now: float, wrong: bool = False) -> None:
         """Leave `name` alone for some time; one of a `wrong` robot until it was unplugged."""
-        wait_s = AGAIN_S if not wrong else WRONG_AGAIN_S if name == self.name else math.inf
+        again_s = AGAIN_SOON_S if "://" in name else AGAIN_S
+        wait_s = again_s if not wrong else WRONG_AGAIN_S if name == self.name else math.inf
         self._refused[name] = now + wait_s

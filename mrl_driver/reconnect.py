@@ -5,7 +5,7 @@ import time
 from typing import Callable, Optional
 
 from .address import is_url
-from .errors import BoardTimeout, LinkError, MrlError, WrongRobot
+from .errors import BoardTimeout, LinkError, LinkLost, MrlError, WrongRobot
 from .link import Link, describe, described, in_use
 from .ports import Search
 
@@ -43,7 +43,8 @@ class Reconnection:
             self._search, self.same_board = Search(self._name, self._described), True
             return True
         self._search.refuse(self.port, now, isinstance(error, WrongRobot))
-        self.same_board = False
+        if not (is_url(self.port) and isinstance(error, LinkLost)):  # an address opens where nobody answers
+            self.same_board = False
         return False
 
     def look(self) -> Optional[Link]:
