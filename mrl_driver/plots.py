@@ -7,11 +7,11 @@ import math
 import os
 from typing import Any, Callable, Dict, List, Sequence, Tuple
 
+from . import pictures
 from .chronicle import Chronicle, way_m
 from .errors import ConfigError
+from .pictures import BLUE, GREEN, GREY, ORANGE, PINK
 
-BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#999999"
-ENDINGS = (".png", ".pdf", ".svg")
 PARTS = ("path", "speeds", "ranges", "battery")
 _SONARS = {"left": (GREEN, "--"), "front": (BLUE, "-"), "right": (ORANGE, ":")}
 _MOST_POINTS = 20000
@@ -21,35 +21,16 @@ _SMOOTH_S = 0.1
 """Measured speeds are averaged over this time: one count in one frame of 20 ms is 4 mm/s."""
 
 
-def demand(path: str) -> None:
-    """Raise ConfigError unless a picture can be drawn to `path`."""
-    if os.path.splitext(path)[1].lower() not in ENDINGS:
-        raise ConfigError(f"picture {path!r} has another ending, expected {', '.join(ENDINGS)}")
-    folder = os.path.dirname(path) or "."
-    if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
-        raise ConfigError(f"picture {path!r}: folder {folder!r} cannot be written, expected one that can")
-    try:
-        import matplotlib  # noqa: F401 - looked for, not used
-    except ImportError:
-        raise ConfigError(
-            "plots need matplotlib; install it with: pip install 'mrl-driver[plot]', or apt install python3-matplotlib"
-        ) from None
-
-
 def draw(chronicle: Chronicle, path: str, parts: Sequence[str] = PARTS) -> None:
     """Draw the parts, those over time below each other beside the path.
 
     Raises:
         ConfigError: the file cannot be written.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     columns = [part for part in parts if part != "path" and _has(chronicle, part)]
     with_path = "path" in parts
     size = (6.5 * with_path + 6.5 * bool(columns) or 6.5, max(5.5, 1.9 * len(columns)))
-    figure = Figure(figsize=size, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = pictures.figure(*size)
     figure.suptitle(_title(chronicle), fontsize="large")
     grid = figure.add_gridspec(max(1, len(columns)), with_path + bool(columns) or 1)
     if with_path:
@@ -165,7 +146,7 @@ def _smooth(times: List[float], values: List[float]) -> List[float]:
 def _draw_ranges(axes: Any, chronicle: Chronicle) -> None:
     for name, readings in chronicle.ranges.items():
         times, values = _thin(readings)
-        colour, dashes = _SONARS.get(name, (PURPLE, "-"))
+        colour, dashes = _SONARS.get(name, (PINK, "-"))
         seen = [value if math.isfinite(value) else math.nan for value in values]
         axes.plot(times, seen, color=colour, linestyle=dashes, label=name)
     axes.set_ylabel("range [m]")

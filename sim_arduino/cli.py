@@ -7,6 +7,7 @@ from typing import Any, Callable, List, Optional, TextIO
 
 import click
 
+from mrl_driver import pictures
 from mrl_driver.errors import ConfigError
 
 from . import boards, fault_table, picture, spelling
@@ -120,7 +121,7 @@ def main(
     Prints the port's path when it is ready and runs until Ctrl-C.
     """
     if plot:
-        picture.demand(plot)
+        pictures.demand(plot)
     if link and listen:
         raise ConfigError(
             "--link and --listen are given, expected one of them: an address has no file to link to"

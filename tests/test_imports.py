@@ -12,7 +12,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 FILES = sorted(p for d in ("mrl_driver", "sim_arduino", "ros1_bridge") for p in (ROOT / d).rglob("*.py"))
 NODES = {"robot_node", "demo_view", "teleop_keyboard", "teleop_joystick", "go_to_goal", "world_node"}
 """Modules of ros1_bridge that are nodes: the ones that may import rospy."""
-SHARED = {"table", "codec", "errors", "robots", "images", "address", "listener"}
+SHARED = {"table", "codec", "errors", "robots", "images", "pictures", "address", "listener"}
 """Modules of mrl_driver that the emulator may use."""
 COMMANDS = {"replay": {"recording", "log_summary"}}
 """What else the sub-commands of `mrl` that live with the emulator use."""

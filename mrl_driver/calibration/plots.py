@@ -1,52 +1,20 @@
 """Pictures of calibrations, as PNG, PDF or SVG.  Needs matplotlib, an extra of the package."""
 
-import os
 from typing import Any, Sequence
 
 import numpy as np
 
-from ..errors import ConfigError
+from .. import pictures
+from ..pictures import BLUE, GREY, ORANGE
 from .gains import speeds
 from .run import LEFT
 from .sonar_curve import THESIS, Fit
 from .trials import Steps, Tuned
 
-ENDINGS = (".png", ".pdf", ".svg")
-BLUE, ORANGE, GREEN, GREY = "#0072b2", "#d55e00", "#009e73", "#999999"
-"""Okabe and Ito's colours, told apart by everybody and in print."""
-
-
-def demand(path: str) -> None:
-    """Refuse early what cannot be drawn at the end.
-
-    Raises:
-        ConfigError: no matplotlib, another ending, or a folder that is not there.
-    """
-    if os.path.splitext(path)[1] not in ENDINGS:
-        raise ConfigError(f"--plot {path}: expected a file that ends in {', '.join(ENDINGS)}")
-    folder = os.path.dirname(path) or "."
-    if not os.access(folder, os.W_OK):
-        raise ConfigError(f"--plot {path}: folder {folder} cannot be written, expected one that can")
-    try:
-        import matplotlib  # noqa: F401 - looked for, not used
-    except ImportError:
-        raise ConfigError(
-            "--plot needs matplotlib; install it with: pip install 'mrl-driver[plot]'"
-        ) from None
-
-
-def _figure(width: float, height: float) -> Any:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
 
 def draw_ends(path: str, before: np.ndarray, after: np.ndarray, senses: Sequence[str]) -> None:
     """Errors of the ends, (R, 3) x y yaw, before and after, by the way round; as in Borenstein and Feng 1996."""
-    figure = _figure(6.0, 5.6)
+    figure = pictures.figure(6.0, 5.6)
     axes = figure.add_subplot()
     for sense, colour, name in ((LEFT, BLUE, LEFT), ("", ORANGE, "clockwise, or straight")):
         mine = np.array([(each == LEFT) == (sense == LEFT) for each in senses])
@@ -69,7 +37,7 @@ def draw_ends(path: str, before: np.ndarray, after: np.ndarray, senses: Sequence
 
 def draw_sonar(path: str, counts: np.ndarray, ranges_m: np.ndarray, fit: Fit) -> None:
     """Curve and readings (N,), and what is left."""
-    figure = _figure(7.0, 6.0)
+    figure = pictures.figure(7.0, 6.0)
     upper, lower = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [2, 1]})
     heard = np.isfinite(counts)
     line = np.linspace(max(1.0, counts[heard].min() * 0.8), counts[heard].max() * 1.05, 200)
@@ -95,7 +63,7 @@ def draw_sonar(path: str, counts: np.ndarray, ranges_m: np.ndarray, fit: Fit) ->
 
 def draw_gains(path: str, tuned: Tuned) -> None:
     """Steps of both wheels with the old and the new gains."""
-    figure = _figure(7.0, 5.6)
+    figure = pictures.figure(7.0, 5.6)
     pair = figure.subplots(2, 1, sharex=True)
     for axes, name in zip(pair, ("left", "right")):
         for steps, gains, colour, style in (

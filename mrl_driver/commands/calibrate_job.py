@@ -51,9 +51,9 @@ def job_options(command: Callable[..., None]) -> Callable[..., None]:
     def wrapper(*args: Any, **options: Any) -> None:
         job = Job(**{name: options.pop(name) for name in Job._fields})
         if job.plot is not None:
-            from ..calibration import plots
+            from .. import pictures
 
-            plots.demand(job.plot)
+            pictures.demand(job.plot)
         if job.output is not None:
             from ..calibration.store import demand_writable
 

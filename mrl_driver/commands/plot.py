@@ -42,10 +42,10 @@ def plot(file: str, output: Optional[str], parts: Tuple[str, ...], robot: str, a
       mrl plot drive.mrl
       mrl plot drive.mrl --part path -o path.svg
     """
-    from .. import chronicle, plots
+    from .. import chronicle, pictures, plots
 
     picture = output or f"{os.path.splitext(file)[0]}.png"
-    plots.demand(picture)
+    pictures.demand(picture, "picture")
     recording = Recording(file)
     name = resolve(robot).model
     with progress(f"reading {os.path.basename(file)}", 1.0) as advance:

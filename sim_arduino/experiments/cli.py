@@ -12,10 +12,10 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from mrl_driver import pictures
 from mrl_driver.errors import ConfigError
 
 from ..one_line import OneLine
-from . import plots
 from .report import Result, save, spelt
 from .stage import Setting
 
@@ -69,7 +69,7 @@ def main(names: Sequence[str], listed: bool, port: Optional[str], robot: str, ou
         _list()
         return
     chosen = _chosen(names)
-    plots.demand_matplotlib()
+    pictures.demand_matplotlib("mrl experiment")
     setting = Setting(_folder(out), port, robot, seed)
     console = Console()
     for name, result, seconds in _results(chosen, setting, console):

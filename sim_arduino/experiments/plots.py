@@ -3,36 +3,18 @@
 import os
 from typing import Any, Iterable, Optional, Sequence, Tuple
 
-from mrl_driver.errors import ConfigError
+from mrl_driver import pictures
+from mrl_driver.pictures import BLUE, GREEN, GREY, ORANGE, PINK, SKY
 
 from ..shapes import Wall
 
-BLUE, ORANGE, GREEN, PINK, SKY, GREY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#777777"
-"""Okabe and Ito's colours."""
+__all__ = ["BLUE", "GREEN", "GREY", "ORANGE", "PINK", "SKY"]
 LINES = ("-", "--", ":", "-.")
-
-
-def demand_matplotlib() -> None:
-    """Refuses early what cannot be drawn.
-
-    Raises:
-        ConfigError: there is no matplotlib.
-    """
-    try:
-        import matplotlib  # noqa: F401 - looked for, not used
-    except ImportError:
-        raise ConfigError(
-            "experiments end in pictures and need matplotlib; install it with: pip install 'mrl-driver[plot]'"
-        ) from None
 
 
 def figure(columns: int = 1, width_in: float = 7.0, height_in: float = 4.5) -> Tuple[Any, Sequence[Any]]:
     """A figure and its axes, side by side."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    made = Figure(figsize=(width_in, height_in), layout="constrained")
-    FigureCanvasAgg(made)
+    made = pictures.figure(width_in, height_in)
     axes = made.subplots(1, columns, squeeze=False)[0]
     for each in axes:
         each.grid(True, color="#dddddd", linewidth=0.6)

@@ -85,10 +85,10 @@ def test_without_matplotlib_one_line_says_how_to_get_it(monkeypatch, recorded):
 @pytest.mark.parametrize(
     ("args", "words"),
     [
-        (["/nowhere/drive.mrl"], "folder '/nowhere' cannot be written"),
+        (["/nowhere/drive.mrl"], "folder /nowhere cannot be written"),
         (["/nowhere/drive.mrl", "-o", "x.png"], "cannot read '/nowhere/drive.mrl'"),
         ([__file__, "-o", "x.png"], "not a recording"),
-        (["drive.mrl", "-o", "x.jpeg"], "expected .png, .pdf, .svg"),
+        (["drive.mrl", "-o", "x.jpeg"], "expected a file that ends in .png, .pdf, .svg"),
         (["drive.mrl", "-o", "x.png", "--robot", "nix"], "cannot read"),
     ],
 )

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from mrl_driver import robots
+from mrl_driver import pictures, robots
 from sim_arduino import picture
 from sim_arduino.boards import Options, make
 from sim_arduino.plant import Plant
@@ -148,7 +148,7 @@ def test_a_long_trail_grows_sparse(monkeypatch):
 @pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
 def test_a_picture_is_drawn(tmp_path, ending):
     path = tmp_path / f"run.{ending}"
-    picture.demand(str(path))
+    pictures.demand(str(path))
     picture.draw(moved(), str(path))
     assert path.stat().st_size > 5000
 
