@@ -39,6 +39,10 @@ BUSY_S = 3.0
 """A motion that was requested by itself, such as the calibration, is watched closely for so long, which feeds the
 board's watchdog.
 """
+SAME_BOOT_S, BOOTED_S = 1.5, 3
+"""A board that has been up for `BOOTED_S`, and tells to within `SAME_BOOT_S` (uptimes are whole seconds) that it started
+when it did before the link was lost, has not restarted: its counters went on.
+"""
 PLAIN_FRAMES = 3
 """So many frames in a row without check value mean that the board has restarted, not that one was damaged."""
 
@@ -91,6 +95,8 @@ class Session:
         self._restarted = True
         self._status_s = self._info_s = self._sonar_s = math.inf
         self._status_heard_s = -math.inf
+        self._boot_s = self._boot_before_s = math.nan
+        """When the board started, by its last status, and by the last one before it was greeted."""
         self._ask_s = -math.inf
         """No question is due before this time."""
         self.lead_s = plan.period_ms / 2000
@@ -146,6 +152,8 @@ class Session:
         self._decoder = FrameDecoder(REPLIES, self.checked)
         self.lose(now)
         self._restarted = not (self.checked and same)
+        if not same:
+            self._boot_before_s = math.nan
 
     def end(self) -> None:
         """Take leave: no stream, no check value, as a 2013 host expects a board."""
@@ -376,7 +384,7 @@ class Session:
         restarted = before is not None and status.uptime_s < before.uptime_s
         if restarted and status.uptime_s > now - before_s + 1.0:
             return  # older than the one before, which has overtaken it
-        self.status, self._status_heard_s = status, now
+        self.status, self._status_heard_s, self._boot_s = status, now, now - status.uptime_s
         if status.stop_reason not in ("none", "host", before.stop_reason if before else ""):
             if self.motion.target is not None:
                 self.motion.stop(status.stop_reason)  # nor does it drive on by itself
@@ -392,6 +400,9 @@ class Session:
         """The board restarted or fell silent: stopped until a new command, and greeted from the start."""
         self.motion.forget(reason)
         self._asked.clear()
+        if self._greeting is None:
+            long_up = self.status is not None and self.status.uptime_s >= BOOTED_S
+            self._boot_before_s = self._boot_s if long_up else math.nan
         self._status_heard_s = -math.inf
         self.sensors.end()
         self._status_s = self._info_s = self._sonar_s = math.inf
@@ -409,6 +420,8 @@ class Session:
         self._info_s = now + (POLL_2013_S if old else INFO_S)
         self.sensors.begin(self.board.capabilities, self.board.version, now)
         self._ask_s = -math.inf
+        if abs(self._boot_s - self._boot_before_s) < SAME_BOOT_S:
+            self._restarted = False
         if self._restarted:
             self._clock = BoardClock()
             self._sequence = self._last = None
