@@ -9,11 +9,13 @@ from typing import Dict, List, Optional, Tuple
 
 from . import battery
 from .errors import FrameError, LinkLost
-from .handshake import Plan
+from .handshake import Board, Plan
+from .kinematics import cannot_sideways
 from .motion import Motion
-from .odometry import Wheels
+from .odometry import AnyWheels
+from .omni import OmniCommands, demand_drivable
 from .options import Options
-from .robots import RobotModel
+from .robots import OmniDrive, RobotModel, kind_of
 from .session import Counts, Info, Ready, Reply, Session, SessionEvent
 from .state import Notice, RobotState, Telemetry, limit
 from .wheel_watch import Mismatch, WheelWatch, wheel_watch
@@ -30,7 +32,10 @@ class Core:
     """One robot.  Without a `model` it is the packaged one that lists the id which the board reports."""
 
     def __init__(self, model: Optional[RobotModel], options: Options) -> None:
+        if model is not None:
+            demand_drivable(model)
         self._options = options
+        self._omni: Optional[OmniCommands] = None
         self.state = RobotState(model, options.ignore_battery, options.any_id)
         self.mismatch: Optional[Mismatch] = None
         """The wheel that did not do what it was told."""
@@ -50,7 +55,15 @@ class Core:
         """Greet the board; how it goes comes out of `turn`."""
         options = self._options
         plan = Plan(options.watchdog_ms, round(options.period_ms / self._every), options.check)
-        self._session = Session(self.state.admit, now, plan, options.command_timeout_s, options.greeting_s)
+        self._session = Session(self._admit, now, plan, options.command_timeout_s, options.greeting_s)
+
+    def _admit(self, board: Board) -> Optional[str]:
+        """Accept the board, and let its commands be those of the robot's base."""
+        stream, model = self.state.admit(board), self.state.model
+        if model is not None and isinstance(model.drive, OmniDrive):
+            self._omni = OmniCommands(model, model.drive)
+            self.session.motion.request_of = self._omni.spell
+        return stream
 
     @property
     def begun(self) -> bool:
@@ -89,23 +102,31 @@ class Core:
                 notices += self._digest(event, now)
         return notices
 
-    def drive(self, linear_m_s: float, angular_rad_s: float, now: float) -> bool:
+    def drive(self, linear_m_s: float, angular_rad_s: float, now: float, lateral_m_s: float = 0.0) -> bool:
         """Put a command in force, see `Driver.drive`.
 
         Raises:
-            FrameError: a speed is NaN or infinite; the robot was stopped.
+            FrameError: a speed is NaN or infinite, or lateral where the base cannot; the robot was stopped.
         """
         session, model = self.session, self.state.model
-        if not (math.isfinite(linear_m_s) and math.isfinite(angular_rad_s)):
+        if not (math.isfinite(linear_m_s) and math.isfinite(angular_rad_s) and math.isfinite(lateral_m_s)):
             self.stop(now, "not_a_number")
+            lateral = f", {lateral_m_s}" if lateral_m_s else ""
             raise FrameError(
-                f"drive({linear_m_s}, {angular_rad_s}): expected finite speeds; the robot was stopped"
+                f"drive({linear_m_s}, {angular_rad_s}{lateral}): expected finite speeds; the robot was stopped"
             )
+        if lateral_m_s and model is not None and self._omni is None:
+            self.stop(now, "user")
+            raise FrameError(f"{cannot_sideways(lateral_m_s, kind_of(model.drive))}; the robot was stopped")
         if model is None or self.leaving or self.state.powerless:
             return False
-        if self.mismatch is not None and (linear_m_s or angular_rad_s):
+        if self.mismatch is not None and (linear_m_s or angular_rad_s or lateral_m_s):
             return False
         self.mismatch = None
+        if self._omni is not None:
+            twist = self._omni.limited(linear_m_s, angular_rad_s, lateral_m_s)
+            linear_mm_s, angular_mrad_s, lateral_mm_s = (round(speed * 1000) for speed in twist)
+            return session.drive(linear_mm_s, angular_mrad_s, now, lateral_mm_s)
         linear_m_s, angular_rad_s = limit(linear_m_s, angular_rad_s, model)
         return session.drive(round(linear_m_s * 1000), round(angular_rad_s * 1000), now)
 
@@ -156,12 +177,13 @@ class Core:
         telemetry, self._fresh = telemetry._replace(fresh=self._fresh), ()
         return [("telemetry", telemetry)]
 
-    def _check_wheels(self, motion: Motion, travel: Wheels, time_s: float) -> Optional[Mismatch]:
+    def _check_wheels(self, motion: Motion, travel: AnyWheels, time_s: float) -> Optional[Mismatch]:
         assert motion.target is not None and self.state.model is not None
         if self._watch is None:
             self._watch = wheel_watch(self.state.model, motion.pace)
-        linear_mm_s, angular_mrad_s = motion.target
-        return self._watch.update(linear_mm_s / 1000, angular_mrad_s / 1000, travel, time_s)
+        linear_mm_s, angular_mrad_s, *lateral_mm_s = motion.target
+        lateral_m_s = lateral_mm_s[0] / 1000 if lateral_mm_s else 0.0
+        return self._watch.update(linear_mm_s / 1000, angular_mrad_s / 1000, travel, time_s, lateral_m_s)
 
     def _spare_battery(self, now: float) -> None:
         """Stop: at once when motor power is off, so that nothing moves when it returns; gently when low."""
@@ -173,5 +195,9 @@ class Core:
             self.due_s = now
         else:
             self.due_s = now
-            slowing_s = abs(motion.target[0]) / 1000 / model.limits.linear_acceleration_m_s2
+            slowing_s = (
+                math.hypot(motion.target[0], *motion.target[2:])
+                / 1000
+                / model.limits.linear_acceleration_m_s2
+            )
             motion.fade(now, min(GENTLE_S, slowing_s))

@@ -159,7 +159,7 @@ class Driver(Readout):
                 raise self._error
             return ended
 
-    def drive(self, linear_m_s: float, angular_rad_s: float) -> bool:
+    def drive(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) -> bool:
         """Drive at these speeds until told otherwise; faster than the model's limits is scaled down on the
         same arc.
 
@@ -175,14 +175,15 @@ class Driver(Readout):
             the battery empty, a wheel not doing what it was told (see `mismatch`), or the driver being closed.
 
         Raises:
-            FrameError: a speed is NaN or infinite; the robot was stopped.
+            FrameError: a speed is NaN or infinite, or lateral where the base cannot; the robot was stopped.
             LinkLost: the port went away.
         """
         with self._lock:
             core = self._connected()
             try:
-                return core.drive(linear_m_s, angular_rad_s, time.monotonic())
+                return core.drive(linear_m_s, angular_rad_s, time.monotonic(), lateral_m_s)
             finally:
+            lateral_m_s: speed to the left, where the base can.
                 self._flush()
 
     def stop(self) -> None:

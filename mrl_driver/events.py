@@ -29,6 +29,8 @@ class Counts(NamedTuple):
     """When the counters were read, on the caller's clock; the arrival where the board sends no time."""
     arrival_s: float
     sequence: Optional[int]
+    rear: Optional[int] = None
+    """Counter of the third wheel, where there is one."""
 
 
 class Sonars(NamedTuple):

@@ -24,6 +24,7 @@ _ANSWERS: Dict[int, Tuple[int, ...]] = {
     row.code: (row.code,) for row in BY_NAME.values() if row.reply and not row.repeats
 }
 """Codes of the frames that answer a request."""
+_ANSWERS[_CODE["start_omni_stream"]] = (_CODE["start_omni_stream"],)
 _ANSWERS[_CODE["start_stream"]] = (_CODE["read_encoders_and_sonars"], _CODE["read_encoders"])
 
 
@@ -61,14 +62,15 @@ class Handshake:
     """Greets a board.  `board` is set once it is known, `done` once it streams.
 
     `send(code, *args)` puts a request on its way; `admit(board)` may raise to refuse a board before anything
-    is set. A `patient` one never gives up, as after a board's restart.
+    is set, and names the row of the stream that is wanted if it is not the usual one.  A `patient` one never gives
+    up, as after a board's restart.
     """
 
     def __init__(
         self,
         plan: Plan,
         send: Callable[..., None],
-        admit: Callable[[Board], None],
+        admit: Callable[[Board], Optional[str]],
         now: float,
         patient: bool = False,
         timeout_s: float = TIMEOUT_S,
@@ -79,6 +81,7 @@ class Handshake:
         """When `tick` has something to do next [s]."""
         self.board: Optional[Board] = None
         self.done = False
+        self._stream = "start_stream"
         self._steps: Iterator[Tuple[int, ...]] = iter(())
         self._step: Tuple[int, ...] = (_CODE["robot_info"],)
         self._attempts = 0
@@ -154,7 +157,7 @@ class Handshake:
             return
         if self.board is None:
             self.board = board_of(frame.args)
-            self._admit(self.board)
+            self._stream = self._admit(self.board) or "start_stream"
             self._steps = self._program()
         elif frame.code == _CODE["read_protocol"]:
             self._learn(frame.args)
@@ -190,12 +193,23 @@ class Handshake:
         assert self.board is not None
         yield (_CODE["stop_stream"],)
         if self.board.version < 2:
+            self._demand_stream()
             yield (_CODE["start_stream"],)
             return
         yield (_CODE["read_protocol"],)
+        self._demand_stream()
         if "check" in self.board.capabilities and self._plan.check:
             yield (_CODE["set_check"], 1)
         if "watchdog" in self.board.capabilities:
             yield (_CODE["set_watchdog"], self._plan.watchdog_ms)
         yield (_CODE["read_status"],)
-        yield (_CODE["start_stream"], self._plan.period_ms)
+        yield (_CODE[self._stream], self._plan.period_ms)
+
+    def _demand_stream(self) -> None:
+        """The board has the stream that is wanted."""
+        assert self.board is not None
+        if self._stream != "start_stream" and "omni" not in self.board.capabilities:
+            raise WrongRobot(
+                f"the firmware of the board does not know three wheels (no request {_CODE[self._stream]}), which "
+                "this robot model needs: update it with: make flash PORT=..., or choose another model"
+            )

@@ -5,13 +5,14 @@ come out.
 """
 
 import math
-from typing import List, NamedTuple, Optional, Tuple
+from typing import Callable, List, NamedTuple, Optional, Tuple
 
 from .table import BY_NAME
 
 MOVE, STOP = BY_NAME["move_differential"].code, BY_NAME["stop"].code
 
-Speeds = Tuple[int, int]
+Speeds = Tuple[int, ...]
+"""Linear and angular [mm/s, mrad/s], and lateral [mm/s] where the base can."""
 Request = Tuple[int, ...]
 
 STILL_S = 0.08
@@ -55,6 +56,8 @@ class Motion:
         self.skip_minus_one = skip_minus_one
         self.target: Optional[Speeds] = None
         """Speeds in force [mm/s, mrad/s], None while stopped."""
+        self.request_of: Callable[[Speeds], Request] = self._differential
+        """The request that brings speeds about."""
         self.stop_reason = "none"
         """Why this program last stopped the robot, see `STOPS`."""
         self.lead_s = 0.0
@@ -65,9 +68,9 @@ class Motion:
         self._still_since_s: Optional[float] = None
         self._still = 0
 
-    def drive(self, linear_mm_s: int, angular_mrad_s: int, now: float) -> None:
-        """Make this the command in force."""
-        self.target, self._commanded_s = (linear_mm_s, angular_mrad_s), now
+    def drive(self, linear_mm_s: int, angular_mrad_s: int, now: float, *lateral_mm_s: int) -> None:
+        """Make this the command in force; only some bases have a lateral speed."""
+        self.target, self._commanded_s = (linear_mm_s, angular_mrad_s, *lateral_mm_s), now
         self._new, self.stopping, self._fade = True, False, None
 
     def stop(self, reason: str = "user") -> None:
@@ -131,7 +134,7 @@ class Motion:
         if now + lead_s < self.due_s() or not (self.stopping or allowed):
             return []
         self._sent_s, self._new = now, False
-        return [(STOP,)] if self.target is None else [(MOVE, *map(self._spell, self.target))]
+        return [(STOP,)] if self.target is None else [self.request_of(self.target)]
 
     def _fade_on(self, now: float) -> None:
         assert self._fade is not None
@@ -140,7 +143,10 @@ class Motion:
         if left <= 0:
             self.stop("battery")
         else:
-            self.target = (int(speeds[0] * left), int(speeds[1] * left))
+            self.target = tuple(int(speed * left) for speed in speeds)
+
+    def _differential(self, speeds: Speeds) -> Request:
+        return (MOVE, *map(self._spell, speeds))
 
     def _spell(self, value: int) -> int:
         return 0 if value == -1 and self.skip_minus_one else value

@@ -4,7 +4,7 @@ Poses are in the odom frame (x forward at the start, y left, yaw counter-clockwi
 """
 
 import math
-from typing import NamedTuple, Optional, Protocol, Tuple
+from typing import Any, NamedTuple, Optional, Protocol, Tuple, Union
 
 SPEED_MARGIN = 1.5
 """A wheel may seem this much faster than the board's ceilings allow before its counts are refused."""
@@ -57,12 +57,38 @@ class Twist(NamedTuple):
     linear_m_s: float
     angular_rad_s: float
 
+    @property
+    def lateral_m_s(self) -> float:
+        """To the left: none, for the wheels exclude it."""
+        return 0.0
+
+
+class OmniTwist(NamedTuple):
+    """Speeds in base_link of a robot that moves sideways as well."""
+
+    linear_m_s: float
+    angular_rad_s: float
+    lateral_m_s: float
+    """To the left."""
+
 
 class Wheels(NamedTuple):
     """One number for each wheel; the unit is said where it is used."""
 
     right: float
     left: float
+
+
+class OmniWheels(NamedTuple):
+    """One number for each of three wheels."""
+
+    right: float
+    left: float
+    rear: float
+
+
+AnyTwist = Union[Twist, OmniTwist]
+AnyWheels = Union[Wheels, OmniWheels]
 
 
 class Step(NamedTuple):
@@ -75,7 +101,7 @@ class Step(NamedTuple):
 
 _NOTHING = (0.0, 0.0, 0.0)
 
-_Reading = Tuple[int, int, float]
+_Reading = Tuple[Any, ...]
 
 
 def tick_delta(previous: int, current: int) -> int:
@@ -125,14 +151,14 @@ class Baseline:
     def update(self, right: int, left: int, time_s: float) -> Optional[Step]:
         """Movement since the last accepted reading, or None where this one primes or is refused."""
         reading = (right, left, time_s)
-        step = self._step(self._base, reading)
+        step: Optional[Step] = self._step(self._base, reading)
         if step is None and self._base is not None:
             self._doubt(reading)
             return None
         self._base, self._rival = reading, None
         return step
 
-    def _step(self, base: Optional[_Reading], reading: _Reading) -> Optional[Step]:
+    def _step(self, base: Optional[_Reading], reading: _Reading) -> Optional[Any]:
         """The movement since `base`, unless there is none, or no wheel could have made it."""
         if base is None:
             return None
@@ -172,8 +198,8 @@ class Odometry:
         self._waiting = _NOTHING
         self.baseline = Baseline(drive.metres_per_count, fastest_m_s, 0.002 if exact_time else 0.1)
         self.pose = pose
-        self.twist = Twist(0.0, 0.0)
-        self.travel = Wheels(0, 0)
+        self.twist: AnyTwist = Twist(0.0, 0.0)
+        self.travel: AnyWheels = Wheels(0, 0)
         """Counts of each wheel since the start, without wrap."""
 
     def reset(self) -> None:

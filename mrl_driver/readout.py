@@ -9,7 +9,7 @@ from .core import Core
 from .errors import BoardTimeout, MrlError
 from .handshake import Board
 from .motion import Motion
-from .odometry import ORIGIN, Pose, Twist
+from .odometry import ORIGIN, AnyTwist, OmniTwist, Pose, Twist
 from .robots import RobotModel
 from .sensors import Reading
 from .session import SessionEvent, Status
@@ -83,11 +83,14 @@ class Readout:
         return self._core.mismatch
 
     @property
-    def command(self) -> Optional[Twist]:
+    def command(self) -> Optional[AnyTwist]:
         """The command in force, after limits; None while stopped."""
         motion = self._motion
         target = motion.target if motion else None
-        return Twist(target[0] / 1000, target[1] / 1000) if target else None
+        if target is None:
+            return None
+        speeds = [speed / 1000 for speed in target]
+        return OmniTwist(*speeds) if len(speeds) == 3 else Twist(*speeds)
 
     @property
     def error(self) -> Optional[MrlError]:
@@ -123,7 +126,7 @@ class Readout:
         return self._state.odometry.pose if self._state.odometry else ORIGIN
 
     @property
-    def twist(self) -> Twist:
+    def twist(self) -> AnyTwist:
         """Speeds in base_link, measured."""
         return self._state.odometry.twist if self._state.odometry and self.ready else Twist(0.0, 0.0)
 

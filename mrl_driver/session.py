@@ -54,7 +54,8 @@ gap, for they wrap.
 _COUNTS, _SONARS, _BOTH = (
     BY_NAME[n].code for n in ("read_encoders", "read_sonars", "read_encoders_and_sonars")
 )
-_STREAMS = (_BOTH, _COUNTS)
+_OMNI = BY_NAME["start_omni_stream"].code
+_STREAMS = (_BOTH, _COUNTS, _OMNI)
 _INFO, _STATUS, _CHECK = (BY_NAME[n].code for n in ("robot_info", "read_status", "set_check"))
 
 _encode = lru_cache(maxsize=32)(encode_request)
@@ -65,12 +66,13 @@ _TURNING = {BY_NAME[n].code for n in ("calibrate", "move_motors_pid", "move_moto
 class Session:
     """State of one board on one link.
 
-    `admit(board)` may raise to refuse a board (wrong robot, dead battery) before anything is set on it.
+    `admit(board)` may raise to refuse a board (wrong robot, dead battery) before anything is set on it, and names the
+    row of the stream that is wanted if it is not the usual one.
     """
 
     def __init__(
         self,
-        admit: Callable[[Board], None],
+        admit: Callable[[Board], Optional[str]],
         now: float,
         plan: Plan = DEFAULT_PLAN,
         command_timeout_s: Optional[float] = None,
@@ -125,12 +127,12 @@ class Session:
         self.counters.bytes_out += len(data)
         return data
 
-    def drive(self, linear_mm_s: int, angular_mrad_s: int, now: float) -> bool:
+    def drive(self, linear_mm_s: int, angular_mrad_s: int, now: float, *lateral_mm_s: int) -> bool:
         """Put a command in force; False (and nothing) unless the board is ready."""
         if not self.ready:
             return False
         self._attended_s = now
-        self.motion.drive(linear_mm_s, angular_mrad_s, now)
+        self.motion.drive(linear_mm_s, angular_mrad_s, now, *lateral_mm_s)
         self._move(now)
         return True
 
@@ -355,13 +357,15 @@ class Session:
         if self._greeting is not None:
             return
         self.heard_s = now
-        counts = args[:2]
-        if counts == args and self._sonar_s == math.inf:
+        counts, sonars, rear = args[:2], args[2:] or None, None
+        if frame.code == _OMNI:
+            counts, sonars, rear = args[:3], args[3:], args[2]
+        elif counts == args and self._sonar_s == math.inf:
             self._sonar_s, self._ask_s = now, -math.inf
         if self.motion.stopping:
             self.motion.observe(counts != self._last, now)
         self._last = counts
-        events.append(_new(Counts, (*counts, args[2:] or None, time_s, stamp_s, now, sequence)))
+        events.append(_new(Counts, (args[0], args[1], sonars, time_s, stamp_s, now, sequence, rear)))
 
     def _missing(self, sequence: int) -> int:
         """Stream frames lost before the one of this number; -1 where it or a later one came before."""

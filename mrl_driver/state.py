@@ -5,8 +5,9 @@ from typing import Any, Dict, List, NamedTuple, Optional, Tuple
 from . import battery, robots, sonar
 from .errors import WrongRobot
 from .handshake import Board
-from .odometry import Odometry, Pose, Twist, Wheels, fastest_wheel_m_s
-from .robots import RobotModel
+from .odometry import AnyTwist, AnyWheels, Odometry, Pose, fastest_wheel_m_s
+from .omni import STREAM, OmniOdometry, demand_drivable
+from .robots import OmniDrive, RobotModel
 from .session import Counts, Info, Ready, SessionEvent, Sonars, Status
 
 UNSET = "the board's robot id is not set; set it with: mrl set-id ID --port PORT"
@@ -22,12 +23,12 @@ class Telemetry(NamedTuple):
     arrival_s: float
     """When the frame arrived, on the same clock."""
     pose: Pose
-    twist: Twist
+    twist: AnyTwist
     ranges: Dict[str, float]
     """Sonar name to range [m]: -inf too near, nan no reading, inf nothing in range (REP-117)."""
     fresh: Tuple[str, ...]
     """Names of the sonars whose reading is new in this frame."""
-    counts: Wheels
+    counts: AnyWheels
     """Counters of the wheels without wrap, since the start [count]."""
     sequence: Optional[int]
     """Frame number of the board (int16, wraps); None from boards without one."""
@@ -55,10 +56,14 @@ class RobotState:
         """The battery forbids driving."""
         return not self._ignore_battery and self.battery_state in (battery.EMPTY, battery.OFF)
 
-    def admit(self, board: Board) -> None:
+    def admit(self, board: Board) -> Optional[str]:
         """Accept the board that answers, and take its model where none was given.
 
+        Returns:
+            The row of the stream that it is to send, if it is not the usual one.
+
         Raises:
+            ConfigError: no board moves such a base.
             WrongRobot: it is not the robot.
             BatteryDead: its battery does not allow a start; not checked again after the start.
         """
@@ -73,6 +78,8 @@ class RobotState:
             )
         if self.odometry is None and not self._ignore_battery:
             battery.demand_charge(board.battery_v, self.model.battery)
+        demand_drivable(self.model)
+        return STREAM if isinstance(self.model.drive, OmniDrive) else None
 
     def digest(self, event: SessionEvent, now: float) -> List[Notice]:
         """Take in an event; what the listeners are to be told."""
@@ -94,7 +101,7 @@ class RobotState:
         assert self.model is not None
         self.info = event.board
         if self.odometry is None:
-            self.odometry = Odometry(self.model.drive, fastest_m_s(self.model), event.checked)
+            self.odometry = odometry_of(self.model, event.checked)
             self._monitor = battery.BatteryMonitor(self.model.battery)
         elif event.restarted:
             self.odometry.reset()
@@ -104,7 +111,10 @@ class RobotState:
         odometry = self.odometry
         if odometry is None:
             return None
-        odometry.update(event.right, event.left, event.time_s)
+        if event.rear is None:
+            odometry.update(event.right, event.left, event.time_s)
+        elif isinstance(odometry, OmniOdometry):
+            odometry.update(event.right, event.left, event.time_s, event.rear)
         arrival_s, sonars = event.arrival_s, event.sonars
         if sonars:
             new = self._new_readings.update(sonars, arrival_s)
@@ -145,6 +155,13 @@ def limit(linear_m_s: float, angular_rad_s: float, model: RobotModel) -> Tuple[f
         abs(linear_m_s) / model.limits.linear_m_s, abs(angular_rad_s) / model.limits.angular_rad_s, 1.0
     )
     return linear_m_s / excess, angular_rad_s / excess
+
+
+def odometry_of(model: RobotModel, exact_time: bool) -> Odometry:
+    """What integrates the counters of a robot of this model."""
+    if isinstance(model.drive, OmniDrive):
+        return OmniOdometry(model.drive, fastest_m_s(model), exact_time)
+    return Odometry(model.drive, fastest_m_s(model), exact_time)
 
 
 def model_of(board: Board) -> RobotModel:

@@ -76,11 +76,11 @@ class SteppedDriver(Readout):
             self._step(math.inf)
         return self.board
 
-    def drive(self, linear_m_s: float, angular_rad_s: float) -> bool:
+    def drive(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) -> bool:
         """As `Driver.drive`."""
         core = self._connected()
         try:
-            return core.drive(linear_m_s, angular_rad_s, self._now_s)
+            return core.drive(linear_m_s, angular_rad_s, self._now_s, lateral_m_s)
         finally:
             self._flush()
 

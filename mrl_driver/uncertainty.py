@@ -5,9 +5,11 @@ section 5.2.4): the variance of each wheel's way grows with its length, the whee
 grows further with the angle turned, as tracks slip in turns.
 """
 
-from typing import Tuple
+import math
+from typing import Sequence, Tuple
 
-from .robots import RobotModel
+from .kinematics import kinematics_of
+from .robots import OmniDrive, RobotModel
 
 START_POSITION_M2, START_YAW_RAD2 = 1e-6, 1e-6
 """1 mm and 1 mrad: what a standing robot starts with, as filters refuse zeros."""
@@ -25,7 +27,7 @@ class Uncertainty:
         self._metres = drive.right_m_per_count, drive.left_m_per_count
         self._base_m = drive.turning_separation_m
         self._noise = model.noise
-        self._counts = (0.0, 0.0)
+        self._counts: Sequence[float] = (0.0, 0.0)
         self._start = start
         self.unknowns = start
 
@@ -33,7 +35,7 @@ class Uncertainty:
         """The pose was set: as sure as at the start."""
         self.unknowns = self._start
 
-    def update(self, counts: Tuple[float, float], half_sin: float, half_cos: float) -> None:
+    def update(self, counts: Sequence[float], half_sin: float, half_cos: float) -> None:
         """The counters (right, left, without wrap) stand at `counts`, and the heading is now the one whose half has
         this sine and cosine, as quaternions do.
         """
@@ -64,6 +66,45 @@ class Uncertainty:
             yt + dy * half + (yr * right - yl * left) / base_m,
             tt + 2 * slip + (right + left) / base_m / base_m,
         )
+
+
+class OmniUncertainty(Uncertainty):
+    """The covariance of the pose of three wheels across: that of each step, turned into the odom frame, is added to
+    what there was, carried along the way.
+    """
+
+    def __init__(self, model: RobotModel, start: Spread = AT_START) -> None:
+        super().__init__(model, start)
+        self._m_per_count, self._kinematics = model.drive.metres_per_count, kinematics_of(model.drive)
+        self._counts = (0.0, 0.0, 0.0)
+
+    def update(self, counts: Sequence[float], half_sin: float, half_cos: float) -> None:
+        """As `Uncertainty.update`, for the counters right, left, rear."""
+        before = self._counts
+        if counts == before:
+            return
+        self._counts = counts
+        right_m, left_m, rear_m = ((now - was) * self._m_per_count for now, was in zip(counts, before))
+        ways = (left_m, rear_m, right_m)
+        forward, left, turn = self._kinematics.step(ways)
+        yaw_rad = 2 * math.atan2(half_sin, half_cos) - turn / 2  # at the middle of the way
+        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+        dx, dy = -(sin * forward + cos * left), cos * forward - sin * left
+        fxx, fxl, fxt, fll, flt, ftt = self._kinematics.covariance(ways, *self._noise)
+        xx, xy, xt, yy, yt, tt = self.unknowns
+        self.unknowns = (
+            xx + dx * (2 * xt + dx * tt) + cos * cos * fxx - 2 * cos * sin * fxl + sin * sin * fll,
+            xy + dx * yt + dy * xt + dx * dy * tt + cos * sin * (fxx - fll) + (cos * cos - sin * sin) * fxl,
+            xt + dx * tt + cos * fxt - sin * flt,
+            yy + dy * (2 * yt + dy * tt) + sin * sin * fxx + 2 * cos * sin * fxl + cos * cos * fll,
+            yt + dy * tt + sin * fxt + cos * flt,
+            tt + ftt,
+        )
+
+
+def uncertainty_of(model: RobotModel) -> Uncertainty:
+    """What keeps the covariance of the pose of a robot of this model."""
+    return OmniUncertainty(model) if isinstance(model.drive, OmniDrive) else Uncertainty(model)
 
 
 def error_squared(spread: Tuple[float, ...], dx_m: float, dy_m: float, dyaw_rad: float) -> float:

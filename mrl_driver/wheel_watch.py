@@ -9,9 +9,10 @@ import math
 from collections import deque
 from typing import Deque, NamedTuple, Optional, Set, Tuple
 
+from .kinematics import Planar, kinematics_of
 from .motion import Pace
-from .odometry import Geometry, Wheels
-from .robots import RobotModel
+from .odometry import AnyWheels, Geometry, OmniWheels, Wheels
+from .robots import OmniDrive, RobotModel
 
 TICK_S = 0.05
 """Motion is compared this often [s]; frames in between cost nothing."""
@@ -47,7 +48,7 @@ class Mismatch(NamedTuple):
     """A wheel does not do what it was told; the robot was stopped."""
 
     wheel: str
-    """`right`, `left` or `both`."""
+    """`right`, `left`, `rear`, or `both` or `several` of them."""
     cause: str
     """What it most likely is."""
     expected_m: float
@@ -57,7 +58,7 @@ class Mismatch(NamedTuple):
 
     def __str__(self) -> str:
         """One line for people."""
-        wheels = "both wheels" if self.wheel == "both" else f"{self.wheel} wheel"
+        wheels = f"{self.wheel} wheel" + ("s" if self.wheel in ("both", "several") else "")
         return (
             f"{wheels} moved {self.moved_m * 1000:.0f} mm, expected at least {self.expected_m * 1000:.0f} mm: "
             f"{self.cause}"
@@ -156,11 +157,16 @@ class WheelWatch:
         self._right, self._left = _Wheel(*self._make), _Wheel(*self._make)
         self._time_s = -math.inf
         self._next_s = -math.inf
-        self._travel = Wheels(0, 0)
+        self._travel: AnyWheels = Wheels(0, 0)
         self._command = (0.0, 0.0)
 
     def update(
-        self, linear_m_s: float, angular_rad_s: float, travel: Wheels, time_s: float
+        self,
+        linear_m_s: float,
+        angular_rad_s: float,
+        travel: AnyWheels,
+        time_s: float,
+        lateral_m_s: float = 0.0,
     ) -> Optional[Mismatch]:
         """Compare the command in force with `travel` [count, without wrap] read at `time_s` [s]."""
         if (linear_m_s, angular_rad_s) != self._command:
@@ -181,9 +187,63 @@ class WheelWatch:
         return _together(right, left)
 
 
+class OmniWheelWatch(WheelWatch):
+    """Watches three wheels across."""
+
+    def __init__(self, drive: OmniDrive, acceleration_m_s2: float, latency_s: float) -> None:
+        self._kinematics = kinematics_of(drive)
+        super().__init__(drive, acceleration_m_s2, latency_s)
+
+    def reset(self) -> None:
+        """The robot was stopped: begin anew."""
+        super().reset()
+        self._three = tuple(_Wheel(*self._make) for _ in range(3))
+        self._travel = OmniWheels(0, 0, 0)
+        self._asked: Tuple[float, ...] = ()
+
+    def update(
+        self,
+        linear_m_s: float,
+        angular_rad_s: float,
+        travel: AnyWheels,
+        time_s: float,
+        lateral_m_s: float = 0.0,
+    ) -> Optional[Mismatch]:
+        """Compare the command in force with `travel` [count, without wrap] read at `time_s` [s]."""
+        left, rear, right = self._kinematics.ways(Planar(linear_m_s, lateral_m_s, angular_rad_s))
+        targets = (right, left, rear)
+        if targets != self._asked:
+            self._asked = targets
+            for wheel, target in zip(self._three, targets):
+                wheel.ask(target)
+        if time_s < self._next_s:
+            return None
+        dt_s, last = time_s - self._time_s, self._travel
+        if dt_s > GAP_S:
+            self.reset()
+        self._time_s, self._next_s, self._travel = time_s, time_s + TICK_S, travel
+        if dt_s > GAP_S:
+            return None
+        metres = self._metres
+        verdicts = [
+            wheel.tick(target, (now - before) * metres, dt_s)
+            for wheel, target, now, before in zip(self._three, targets, travel, last)
+        ]
+        found = [(verdict, name) for verdict, name in zip(verdicts, OmniWheels._fields) if verdict]
+        if not found:
+            return None
+        if len(found) == len(verdicts) and all(verdict.cause == DEAD for verdict, _ in found):
+            return found[0][0]._replace(wheel="several", cause=POWERLESS)
+        verdict, name = found[0]
+        return verdict._replace(wheel=name if len(found) == 1 else "several")
+
+
 def wheel_watch(model: RobotModel, pace: Pace) -> WheelWatch:
     """The watch for a robot of that model whose commands go out at that pace."""
     ramp_ms = max(LEAST_RAMP_MS, model.board["ramp_time"])
+    if isinstance(model.drive, OmniDrive):
+        acceleration = 1000 * model.drive.full_speed_m_s / ramp_ms
+        return OmniWheelWatch(model.drive, acceleration, pace.repeat_s + ON_ITS_WAY_S)
     return WheelWatch(model.drive, model.board["linear_ceiling"] / ramp_ms, pace.repeat_s + ON_ITS_WAY_S)
 
 

@@ -4,7 +4,7 @@ One message per topic is prepared once and filled again for each publication; th
 """
 
 import math
-from typing import List, Mapping, Tuple
+from typing import List, Mapping, Sequence, Tuple
 
 from genpy import Time
 from geometry_msgs.msg import TransformStamped, Twist
@@ -59,9 +59,9 @@ def fill_range(message: Range, stamp: Time, range_m: float, clear_with_max: bool
     message.range = message.max_range if clear_with_max and range_m == math.inf else range_m
 
 
-def new_joints() -> JointState:
+def new_joints(names: Sequence[str] = JOINTS) -> JointState:
     """State of the wheels; effort is not measured."""
-    return JointState(name=list(JOINTS))
+    return JointState(name=list(names))
 
 
 def fill_joints(message: JointState, stamp: Time, angles: List[float], rates: List[float]) -> None:
@@ -129,13 +129,13 @@ def _demand_finite(message: Twist) -> None:
                 raise ValueError(f"cmd_vel {part}.{axis} is {value}, expected a finite number")
 
 
-def unused_axes(message: Twist) -> Tuple[str, ...]:
-    """Names of the nonzero fields that a differential drive cannot follow."""
+def unused_axes(message: Twist, sideways: bool = False) -> Tuple[str, ...]:
+    """Names of the nonzero fields that a differential drive, or one that moves `sideways` as well, cannot follow."""
     linear, angular = message.linear, message.angular
-    if not (linear.y or linear.z or angular.x or angular.y):
+    if not ((linear.y and not sideways) or linear.z or angular.x or angular.y):
         return ()
     fields = {"linear.y": linear.y, "linear.z": linear.z, "angular.x": angular.x, "angular.y": angular.y}
-    return tuple(name for name, value in fields.items() if value)
+    return tuple(name for name, value in fields.items() if value and not (sideways and name == "linear.y"))
 
 
 def _transform(parent: str, child: str, x_m: float, y_m: float, yaw_rad: float) -> TransformStamped:

@@ -6,7 +6,7 @@ TCPROS puts the length of the message before it.
 """
 
 import struct
-from typing import List, Tuple
+from typing import List, Sequence
 
 from .covariance import Unknowns, pose_matrix, twist_matrix, twist_variances
 
@@ -39,7 +39,7 @@ class PackedOdometry:
         half_sin: float,
         half_cos: float,
         unknowns: Unknowns,
-        twist: Tuple[float, float],
+        twist: Sequence[float],
     ) -> bytes:
         """The message on the wire; heading as its half's sine and cosine, `twist` linear and angular [m/s rad/s]."""
         xx, xy, xt, yy, yt, tt = unknowns
@@ -49,6 +49,42 @@ class PackedOdometry:
             self._size, sequence, secs, nsecs, self._names, x_m, y_m, half_sin, half_cos,
             xx, xy, xt, xy, yy, yt, self._axes, xt, yt, tt,
             linear, angular, along, self._between, turning,
+        )  # fmt: skip
+
+
+class PackedOmniOdometry(PackedOdometry):
+    """nav_msgs/Odometry of a robot that moves sideways as well; `twist` is linear, angular, lateral."""
+
+    def __init__(self, odom_frame: str, base_frame: str) -> None:
+        super().__init__(odom_frame, base_frame)
+        self._between = _doubles(twist_matrix(0.0, 0.0)[8:35])
+        layout = struct.Struct(
+            f"<4I{len(self._names)}s{_PLANAR}{_ROW}{_ROW}{len(self._axes)}s{_ROW}"  # header and pose
+            f"2d24xd d48xd{len(self._between)}sd"  # twist
+        )
+        self._size, self._pack = layout.size - 4, layout.pack
+
+    def pack(
+        self,
+        sequence: int,
+        secs: int,
+        nsecs: int,
+        x_m: float,
+        y_m: float,
+        half_sin: float,
+        half_cos: float,
+        unknowns: Unknowns,
+        twist: Sequence[float],
+    ) -> bytes:
+        """The message on the wire, as `PackedOdometry.pack`."""
+        xx, xy, xt, yy, yt, tt = unknowns
+        linear, angular, lateral = twist
+        along, turning = twist_variances(linear, angular)
+        aside, _ = twist_variances(lateral, 0.0)
+        return self._pack(
+            self._size, sequence, secs, nsecs, self._names, x_m, y_m, half_sin, half_cos,
+            xx, xy, xt, xy, yy, yt, self._axes, xt, yt, tt,
+            linear, lateral, angular, along, aside, self._between, turning,
         )  # fmt: skip
 
 

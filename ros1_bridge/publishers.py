@@ -13,12 +13,14 @@ from tf2_msgs.msg import TFMessage
 
 from mrl_driver.driver import Telemetry
 from mrl_driver.handshake import Board
-from mrl_driver.robots import RobotModel
+from mrl_driver.kinematics import Planar, kinematics_of
+from mrl_driver.robots import OmniDrive, RobotModel
+from mrl_driver.uncertainty import uncertainty_of
 
 from . import messages
-from .covariance import PoseCovariance
 from .direct import Fast, direct_publisher
-from .packed import PackedOdometry, PackedTransform
+from .frames import JOINTS, OMNI_JOINTS
+from .packed import PackedOdometry, PackedOmniOdometry, PackedTransform
 from .parameters import Parameters
 from .stamps import Stamps
 
@@ -53,14 +55,23 @@ class Publishers:
         self._class, self._lost = publisher_class, lost
         self._model, self._parameters = model, parameters
         self._stamps, self._stamp = Stamps(), Time()
-        self.covariance = PoseCovariance(model)
-        self._odometry, self._odometry_out = PackedOdometry(odom, base), self._way("odom", Odometry)
+        self.covariance = uncertainty_of(model)
+        omni = isinstance(model.drive, OmniDrive)
+        packed = PackedOmniOdometry if omni else PackedOdometry
+        self._odometry, self._odometry_out = packed(odom, base), self._way("odom", Odometry)
         self._transform = PackedTransform(odom, base)
         self._transform_out = self._way("/tf", TFMessage) if parameters.publish_tf else None
-        self._joints, self._joints_out = messages.new_joints(), self._way("joint_states", JointState)
+        self._joints, self._joints_out = (
+            messages.new_joints(OMNI_JOINTS if omni else JOINTS),
+            self._way("joint_states", JointState),
+        )
         counts_a_turn = model.board["gearbox"] / 10 * model.board["encoder_counts"] / 10
         self._rad_per_count = 2 * math.pi / counts_a_turn
         self._rad_per_m = self._rad_per_count / model.drive.metres_per_count
+        self._kinematics = kinematics_of(model.drive)
+        self._order = (
+            (2, 0, 1) if omni else (0, 1)
+        )  # joints are right, left, rear; the motors left, rear, right
         self._ranges = {name: messages.new_range(base, name) for name in model.sonars}
         self._ranges_out: Dict[str, Fast] = {}
         self._battery = messages.new_battery(base, model.battery)
@@ -107,14 +118,13 @@ class Publishers:
     def _publish_joints(self, telemetry: Telemetry) -> None:
         if not self._joints_out.impl.connections:
             return
-        counts, (linear, angular) = telemetry.counts, telemetry.twist
-        half = angular * self._model.drive.wheel_separation_m / 2
-        scale = self._rad_per_count
+        twist, scale = telemetry.twist, self._rad_per_count
+        speeds = self._kinematics.ways(Planar(twist.linear_m_s, twist.lateral_m_s, twist.angular_rad_s))
         messages.fill_joints(
             self._joints,
             self._stamp,
-            [counts.right * scale, counts.left * scale],
-            [(linear + half) * self._rad_per_m, (linear - half) * self._rad_per_m],
+            [count * scale for count in telemetry.counts],
+            [speeds[at] * self._rad_per_m for at in self._order],
         )
         self._joints_out.publish(self._joints)
 

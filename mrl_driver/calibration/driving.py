@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import BoardTimeout, ConfigError, WheelFault
 from ..handshake import Board
-from ..odometry import Pose, Twist, Wheels, advance, wrap_angle
+from ..odometry import AnyTwist, Pose, Wheels, advance, wrap_angle
 from ..robots import RobotModel
 from ..state import Telemetry
 from ..statistics import Statistics
@@ -54,7 +54,7 @@ class Robot(Protocol):
     @property
     def mismatch(self) -> Optional[Mismatch]: ...  # noqa: D102
     @property
-    def command(self) -> Optional[Twist]: ...  # noqa: D102
+    def command(self) -> Optional[AnyTwist]: ...  # noqa: D102
     @property
     def statistics(self) -> Statistics: ...  # noqa: D102
     def drive(self, linear_m_s: float, angular_rad_s: float) -> bool: ...  # noqa: D102
@@ -112,7 +112,7 @@ class Track:
 
 
 def _row(telemetry: Telemetry) -> Tuple[float, ...]:
-    return (telemetry.stamp_s, *telemetry.counts, telemetry.ranges.get("front", math.nan))
+    return (telemetry.stamp_s, *telemetry.counts[:2], telemetry.ranges.get("front", math.nan))
 
 
 def steps_of(rows: np.ndarray) -> np.ndarray:
@@ -141,7 +141,7 @@ def settle(robot: Robot) -> None:
 
 
 def _counts(robot: Robot) -> Wheels:
-    return robot.telemetry.counts if robot.telemetry else Wheels(0, 0)
+    return Wheels(*robot.telemetry.counts[:2]) if robot.telemetry else Wheels(0, 0)
 
 
 def follow(robot: Robot, steer: Callable[[Pose], Command], patience_s: float) -> None:

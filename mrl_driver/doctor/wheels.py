@@ -73,7 +73,7 @@ def turn(driver: "Driver", side: str) -> Moved:
 
 def _counts(driver: "Driver") -> Wheels:
     telemetry = driver.telemetry
-    return telemetry.counts if telemetry else Wheels(0, 0)
+    return Wheels(*telemetry.counts[:2]) if telemetry else Wheels(0, 0)
 
 
 def judge(side: str, moved: Moved) -> Finding:

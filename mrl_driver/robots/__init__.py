@@ -39,6 +39,8 @@ class Limits(NamedTuple):
     angular_rad_s: float
     linear_acceleration_m_s2: float
     angular_acceleration_rad_s2: float
+    lateral_m_s: float = 0.0
+    """Sideways, where the base can; 0 is as fast as forward."""
 
 
 class Body(NamedTuple):
@@ -175,6 +177,7 @@ def load_packaged(name: str) -> RobotModel:
 _POSITIVE = (1e-9, 1e6)
 _RANGES = {
     "linear_m_s": (1e-3, 32.7),
+    "lateral_m_s": (0.0, 32.7),
     "angular_rad_s": (1e-3, 32.7),
     "x_m": (-10.0, 10.0),
     "y_m": (-10.0, 10.0),

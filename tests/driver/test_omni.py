@@ -1,0 +1,214 @@
+"""A robot with three wheels across, from the command to the pose, on emulated boards in simulated time."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrl_driver import robots
+from mrl_driver.codec import Frame
+from mrl_driver.core import Core
+from mrl_driver.errors import ConfigError, FrameError, WrongRobot
+from mrl_driver.handshake import Handshake, Plan
+from mrl_driver.kinematics import Planar, kinematics_of
+from mrl_driver.odometry import CONFIRMATIONS, OmniTwist, OmniWheels
+from mrl_driver.omni import MOVE_OMNI, OmniCommands, OmniOdometry
+from mrl_driver.options import DEFAULTS
+from mrl_driver.stepped import SteppedDriver
+from mrl_driver.uncertainty import OmniUncertainty
+from sim_arduino.boards import Options, make
+
+OMNI = robots.load("omni")
+POSE_M, YAW_RAD = 0.002, 0.005
+"""Odometry against the truth after some metres: counts round to 0.07 mm, chords of a frame to less."""
+speed = st.floats(-2, 2)
+
+
+@pytest.fixture
+def robot(request):
+    """A driver on an emulated omni: `robot.driver`, `robot.plant`."""
+    made = make(Options(robot="omni", engine=getattr(request, "param", "python")))
+    driver = SteppedDriver(made.engine, OMNI)
+    driver.connect()
+    made.plant.driver = driver
+    yield made.plant
+    driver.close()
+    made.close()
+
+
+@pytest.mark.parametrize("robot", ["python", "avr"], indirect=True)
+def test_it_goes_where_odometry_says(robot):
+    """Forward, to the left, in an arc that slides, back across: the true pose, from the start on."""
+    driver, start = robot.driver, robot.true_pose
+    for linear, angular, lateral in ((0.2, 0.0, 0.0), (0.0, 0.0, 0.2), (0.1, 1.0, 0.1), (-0.15, 0.0, -0.15)):
+        assert driver.drive(linear, angular, lateral)
+        driver.wait(1.5)
+        assert driver.twist == pytest.approx((linear, angular, lateral), abs=0.04)
+        assert driver.command == OmniTwist(linear, angular, lateral)
+    driver.stop()
+    driver.wait(1.0)
+    pose, true = driver.pose, robot.true_pose
+    x_m, y_m = true.x_m - start.x_m, true.y_m - start.y_m
+    cos, sin = math.cos(start.yaw_rad), math.sin(start.yaw_rad)
+    assert math.hypot(pose.x_m - (cos * x_m + sin * y_m), pose.y_m - (cos * y_m - sin * x_m)) < POSE_M
+    assert math.remainder(pose.yaw_rad - true.yaw_rad + start.yaw_rad, math.tau) == pytest.approx(
+        0.0, abs=YAW_RAD
+    )
+    assert driver.stopped and driver.mismatch is None and driver.statistics.refused_counts == 0
+    assert isinstance(driver.telemetry.counts, OmniWheels)
+
+
+def test_silence_of_the_program_stops_it_too(robot):
+    """The stop is the same one: row 13, confirmed by three counters."""
+    driver = robot.driver
+    driver.drive(0.0, 0.0, 0.3)
+    driver.wait(1.0)
+    driver.stop()
+    assert not driver.stopped
+    driver.wait(1.5)
+    assert driver.stopped
+    assert [each.code for each in robot.motor_board.commands][-1] == 0xFC
+    assert max(abs(motor.speed) for motor in robot.robot.motors) == 0.0
+
+
+def test_commands_are_repeated_and_the_latest_wins(robot):
+    driver, before = robot.driver, len(robot.motor_board.commands)
+    for percent in range(20):
+        driver.drive(0.0, 0.0, 0.01 * percent)
+    driver.wait(1.0)
+    moves = [each.values for each in list(robot.motor_board.commands)[before:] if each.code == 0xFA]
+    assert moves[-1] == (38, 0, 90)
+    assert 8 <= len(moves) <= 14  # every 100 ms, which feeds the watchdog
+
+
+def test_a_blocked_rear_wheel_stops_it(robot):
+    """Its encoder alone shows it: going straight ahead it rests, to the side it turns fastest."""
+    driver, motor = robot.driver, robot.robot.motors[1]
+    driver.drive(0.2, 0.0)
+    driver.wait(2.0)
+    assert driver.mismatch is None
+    motor.move = lambda dt, volts: 0.0
+    driver.drive(0.0, 0.0, 0.2)
+    driver.wait(2.0)
+    assert driver.mismatch.wheel == "rear"
+    assert str(driver.mismatch).startswith("rear wheel moved 0 mm, expected at least")
+    assert not driver.drive(0.0, 0.0, 0.2)
+
+
+@given(linear=speed, angular=speed, lateral=speed)
+def test_limits_keep_direction_and_arc(linear, angular, lateral):
+    limits, drive = OMNI.limits, OMNI.drive
+    kept = OmniCommands(OMNI, drive).limited(linear, angular, lateral)
+    assert math.hypot(kept.linear_m_s, kept.lateral_m_s) <= limits.linear_m_s + 1e-12
+    assert abs(kept.angular_rad_s) <= limits.angular_rad_s + 1e-12
+    ways = kinematics_of(drive).ways(Planar(kept.linear_m_s, kept.lateral_m_s, kept.angular_rad_s))
+    assert max(map(abs, ways)) <= drive.full_speed_m_s + 1e-12
+    assert kept.linear_m_s * angular == pytest.approx(linear * kept.angular_rad_s, abs=1e-9)
+    assert kept.linear_m_s * lateral == pytest.approx(linear * kept.lateral_m_s, abs=1e-9)
+
+
+@given(linear=st.integers(-350, 350), angular=st.integers(-3000, 3000), lateral=st.integers(-350, 350))
+def test_the_wire_carries_it_to_a_percent_and_a_degree(linear, angular, lateral):
+    code, share, rotation, direction = OmniCommands(OMNI, OMNI.drive).spell((linear, angular, lateral))
+    assert code == MOVE_OMNI and 0 <= share <= 100 and 0 <= direction < 360
+    way = share * 5.0  # 1 % is 5 mm/s
+    assert way * math.cos(math.radians(direction)) == pytest.approx(linear, abs=2.5 + 0.009 * way)
+    assert way * math.sin(math.radians(direction)) == pytest.approx(lateral, abs=2.5 + 0.009 * way)
+    assert rotation * 50 == pytest.approx(angular, abs=25.01)
+
+
+def test_wheels_that_sit_elsewhere_turn_the_direction():
+    """The motor board counts its directions from its own motors: 60 deg is where motor 1 is."""
+    drive = OMNI.drive._replace(angles_deg=(0.0, 120.0, 240.0))
+    assert OmniCommands(OMNI, drive).spell((100, 0, 0)) == (MOVE_OMNI, 20, 0, 60)
+
+
+def test_counters_that_wrap_and_one_that_jumps():
+    """The wrap is movement; a jump of one counter is refused until it is confirmed, and never integrated."""
+    odometry = OmniOdometry(OMNI.drive, 1.5)
+    odometry.update(32767, -32768, 0.0, 10)
+    assert odometry.update(-32767, -32766, 0.01, 12)
+    assert odometry.travel == (2, 2, 2)
+    assert odometry.pose[:2] == pytest.approx((0.0, 0.0), abs=1e-12)
+    for frame in range(CONFIRMATIONS):
+        assert not odometry.update(-32767, -32766, 0.02 + 0.01 * frame, 20000)
+    assert odometry.update(-32767, -32766, 0.1, 20001)
+    assert odometry.travel == (2, 2, 3) and odometry.baseline.refused == CONFIRMATIONS
+
+
+def test_covariance_of_a_way_to_the_side():
+    """To the left the rear wheel does two thirds of the work: sideways errors are larger than forward ones."""
+    made = OmniUncertainty(OMNI)
+    ways = kinematics_of(OMNI.drive).ways(Planar(0.0, 1.0, 0.0))
+    left, rear, right = (way / OMNI.drive.metres_per_count for way in ways)
+    before = made.unknowns
+    made.update(OmniWheels(right, left, rear), 0.0, 1.0)
+    expected = kinematics_of(OMNI.drive).covariance(ways, *OMNI.noise)
+    xx, _, _, yy, _, tt = (a - b for a, b in zip(made.unknowns, before))
+    assert (yy, tt) == pytest.approx((expected[3], expected[5]))
+    assert xx == pytest.approx(expected[0] + before[5])  # the yaw of the start, over a metre
+    assert yy > expected[0]
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.7])
+def test_covariance_is_carried_along_the_way(turned):
+    """In small steps straight ahead: sideways grow the errors of the wheels, of the yaw, and of both together."""
+    made, steps = OmniUncertainty(OMNI), 1000
+    left, rear, right = (
+        way / OMNI.drive.metres_per_count for way in kinematics_of(OMNI.drive).ways(Planar(1.0, 0.0, 0.0))
+    )
+    for step in range(1, steps + 1):
+        share = step / steps
+        made.update(
+            OmniWheels(right * share, left * share, rear * share), math.sin(turned / 2), math.cos(turned / 2)
+        )
+    xx, xy, xt, yy, yt, tt = made.unknowns
+    sin, cos = math.sin(turned), math.cos(turned)
+    along = cos * cos * xx + 2 * cos * sin * xy + sin * sin * yy
+    aside = sin * sin * xx - 2 * cos * sin * xy + cos * cos * yy
+    per_m = OMNI.noise.wheel_m2_per_m * abs(right * OMNI.drive.metres_per_count)
+    yaw = 2 * per_m / 9 / OMNI.drive.radius_m**2
+    assert along == pytest.approx(1e-6 + 2 * per_m / 3, rel=1e-3)
+    assert tt == pytest.approx(1e-6 + yaw, rel=1e-3)
+    assert aside == pytest.approx(
+        1e-6 + 1e-6 + yaw / 3 + 2 * per_m / 9 + 2 * per_m / 9 / OMNI.drive.radius_m, rel=1e-2
+    )
+
+
+# ---- bad input
+
+
+def test_two_wheels_refuse_to_go_sideways_and_stop():
+    made = make(Options(robot="traxbot"))
+    with SteppedDriver(made.engine, "traxbot") as driver:
+        driver.drive(0.2, 0.0)
+        driver.wait(0.5)
+        with pytest.raises(
+            FrameError, match="0.1 m/s sideways asked of a differential base, expected 0: .*stopped"
+        ):
+            driver.drive(0.2, 0.0, 0.1)
+        assert driver.command is None
+    made.close()
+
+
+def test_not_a_number_sideways_stops(robot):
+    with pytest.raises(FrameError, match=r"drive\(0.1, 0.0, nan\): expected finite speeds"):
+        robot.driver.drive(0.1, 0.0, math.nan)
+
+
+def test_a_base_that_no_board_moves():
+    drive = robots.MecanumDrive(0.2, 0.15, 0.05, 2000, 1.0)
+    with pytest.raises(ConfigError, match="drive of kind mecanum, which no board with three motors moves"):
+        Core(OMNI._replace(drive=drive), DEFAULTS)
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_board_that_does_not_know_three_wheels(version):
+    """2013's firmware, or ours of before: the greeting says what to do, and starts no stream."""
+    sent = []
+    greeting = Handshake(Plan(), lambda *args, **_: sent.append(args), lambda _: "start_omni_stream", 0.0)
+    with pytest.raises(WrongRobot, match="does not know three wheels .*make flash"):
+        greeting.on_frame(Frame(5, (2500, 172, 1200, version, 21)), 0.1)
+        greeting.on_frame(Frame(29, (2, 31)), 0.2)
+    assert not {18, 44} & {args[0] for args in sent}
