@@ -5,10 +5,13 @@
         time.sleep(2)
         print(robot.pose)
 
-Leaving the block stops the robot.  All methods may be called from any thread, callbacks too.
+Leaving the block stops the robot, and so does the end of the program.  All methods may be called from any thread; `ask`
+and `wait` not from callbacks, which run on the thread that reads.
 """
 
+import atexit
 import math
+import os
 import threading
 import time
 from typing import List, Optional, Tuple, Union
@@ -25,12 +28,14 @@ from .readout import Readout
 from .reconnect import LOOK_S, Reconnection
 from .recording import Recorder
 from .robots import RobotModel
+from .session import PAUSE_S
 from .state import Notice, Telemetry
 from .tape import Tape
 from .wires import AGAIN_S, CONNECT_S, open_link
 
 __all__ = ["Board", "Driver", "Options", "Telemetry"]
 
+CLOCK_BOOTTIME = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 CLOSE_S = 0.8
 """`close` waits at most this long for telemetry to confirm the stop [s]."""
 ATTEMPTS, ANSWER_S = 3, 0.5
@@ -78,6 +83,8 @@ class Driver(Readout):
         self._broken: Optional[LinkLost] = None
         self._reconnection: Optional[Reconnection] = None
         self._tape: Optional[Tape] = None
+        self._slept_s = _slept_s()
+        self._process = os.getpid()
 
     def connect(self) -> Board:
         """Open the port, greet the board, start its stream; the robot is told to stop and stays still.
@@ -102,6 +109,7 @@ class Driver(Readout):
         self._core.begin(time.monotonic())
         self._thread = threading.Thread(target=self._run, name="mrl-driver", daemon=True)
         self._thread.start()
+        atexit.register(self._end_with_program)
         try:
             self._settled.wait()
         except BaseException:
@@ -130,6 +138,12 @@ class Driver(Readout):
         if not on_thread:
             thread.join()
         self._end_tape()
+        atexit.unregister(self._end_with_program)
+
+    def _end_with_program(self) -> None:
+        """A program that ends in an error may not have closed; boards of 2013 would drive on."""
+        if os.getpid() == self._process:  # a forked one leaves the robot to its parent
+            self.close()
 
     def _end_tape(self) -> None:
         if self._tape is not None:
@@ -169,6 +183,7 @@ class Driver(Readout):
         Args:
             linear_m_s: forward speed.
             angular_rad_s: yaw rate, counter-clockwise.
+            lateral_m_s: speed to the left, where the base can.
 
         Returns:
             True when the command is in force; False when the board is silent, being greeted, lost and searched,
@@ -183,7 +198,6 @@ class Driver(Readout):
             try:
                 return core.drive(linear_m_s, angular_rad_s, time.monotonic(), lateral_m_s)
             finally:
-            lateral_m_s: speed to the left, where the base can.
                 self._flush()
 
     def stop(self) -> None:
@@ -270,6 +284,7 @@ class Driver(Readout):
                 return
             if self._broken is not None:
                 raise self._broken
+            self._notice_sleep(now)
             notices = core.turn(data, now)
             if self._tape is not None:
                 self._tape.note(core.session.checked)
@@ -282,6 +297,12 @@ class Driver(Readout):
             self._settling = False
             self._settled.set()
         self._call(notices)
+
+    def _notice_sleep(self, now: float) -> None:
+        """After a sleep of the machine, which the driver's clock does not see, the command is stale."""
+        before, self._slept_s = self._slept_s, _slept_s()
+        if self._slept_s > before + PAUSE_S and self.command is not None:
+            self._core.stop(now, "host_paused")
 
     # -- a lost port
 
@@ -416,3 +437,8 @@ class Driver(Readout):
                 self._flush()
         except MrlError:
             return
+
+
+def _slept_s() -> float:
+    """Time that the machine was suspended since it was started [s]."""
+    return time.clock_gettime(CLOCK_BOOTTIME) - time.monotonic()

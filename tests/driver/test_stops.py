@@ -2,10 +2,13 @@
 
 import math
 import os
+import subprocess
+import sys
 import time
 
 import pytest
 
+from mrl_driver import driver
 from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import FrameError
 from mrl_driver.motion import STOPS
@@ -123,6 +126,41 @@ def test_a_stop_because_the_port_went_away(serve, tmp_path):
         port.unplug()
         wait_until(lambda: not robot.ready)
         assert robot.stop_reason == "link_lost"
+
+
+def test_a_stop_because_the_machine_was_suspended(robot, monkeypatch):
+    """The clock of timers stands still meanwhile; only that of the boot goes on."""
+    monkeypatch.setattr(driver, "_slept_s", lambda: 3600.0)
+    wait_until(lambda: robot.command is None)
+    wait_until(lambda: robot.fake.speeds == (0, 0))
+    assert robot.stop_reason == "host_paused"
+
+
+FORGETFUL = """
+import sys, time
+from mrl_driver.driver import Driver
+robot = Driver(sys.argv[1])
+robot.connect()
+robot.drive(0.1, 0.0)
+time.sleep(0.3)
+raise RuntimeError("of the user's own")
+"""
+
+
+def test_the_end_of_a_program_stops_a_robot_that_was_not_closed(serve):
+    """A board of 2013 has no watchdog."""
+    port = serve(version=1)
+    subprocess.run(
+        [sys.executable, "-c", FORGETFUL, port.path], stderr=subprocess.DEVNULL, check=False, timeout=20
+    )
+    wait_until(lambda: port.board.speeds == (0, 0))
+    assert port.board.moves
+
+
+def test_the_end_of_a_forked_program_leaves_the_robot_to_its_parent(robot, monkeypatch):
+    monkeypatch.setattr(os, "getpid", lambda: -1)
+    robot._end_with_program()
+    assert robot.drive(0.1, 0.0)
 
 
 def test_a_stop_by_the_board_is_told_with_its_status(robot):
