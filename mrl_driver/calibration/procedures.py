@@ -156,7 +156,7 @@ def evaluate(
         off_m = float(np.hypot(*fitted.errors[odd, :2]))
         raise ConfigError(
             f"run {odd + 1} of {len(runs)} ends {off_m:.3f} m from where the others would have it: measured wrong, or "
-            "something slipped; drive it again with --again {odd + 1}"
+            f"something slipped; drive it again with --again {odd + 1}"
         )
     together = [*runs, *others]
     noise = None

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver.calibration import fit, umbmark
+from mrl_driver.calibration import fit, procedures, umbmark
 from mrl_driver.calibration.run import Run, errors, spread
 from mrl_driver.errors import ConfigError
 from mrl_driver.odometry import Pose, advance
@@ -74,6 +74,13 @@ def test_an_end_measured_wrong_is_an_outlier():
     runs[4] = Run(runs[4].steps, runs[4].end._replace(x_m=runs[4].end.x_m + 0.3))
     found = fit.fit(runs, BELIEVED, [fit.OFFSET, fit.SLIP], TRAXBOT.noise)
     assert fit.outlier(runs, found) == 4
+
+
+def test_an_outlier_is_named_with_what_drives_it_again():
+    runs = laps(BELIEVED._replace(turn_slip=0.05), 3)
+    runs[4] = Run(runs[4].steps, runs[4].end._replace(x_m=runs[4].end.x_m + 0.3))
+    with pytest.raises(ConfigError, match="--again 5$"):
+        procedures.evaluate(procedures.UMBMARK, runs, TRAXBOT)
 
 
 def test_runs_without_any_measured_end_tell_nothing():
