@@ -48,6 +48,8 @@ class Robot(Protocol):
     @property
     def telemetry(self) -> Optional[Telemetry]: ...  # noqa: D102
     @property
+    def ready(self) -> bool: ...  # noqa: D102
+    @property
     def stopped(self) -> bool: ...  # noqa: D102
     @property
     def stop_reason(self) -> str: ...  # noqa: D102
@@ -234,9 +236,15 @@ def spin_motors(robot: Robot, code: int, left_percent: int, right_percent: int, 
     """Have the motors of a settled robot turn at these shares of full speed; they go on until they are stopped.
 
     Before it has settled, the driver still repeats its stop.
+
+    Raises:
+        BoardTimeout: telemetry has ended, and the robot was stopped.
     """
-    robot.request(code, left_percent, right_percent)
-    for _ in range(max(1, round(seconds / KEEP_ALIVE_S)) - 1):
-        robot.wait(KEEP_ALIVE_S)
+    for _ in range(max(1, round(seconds / KEEP_ALIVE_S))):
+        if not robot.ready:
+            robot.stop()
+            raise BoardTimeout(
+                f"telemetry ended while the motors turned ({robot.stop_reason}); see mrl doctor"
+            )
         robot.request(code, left_percent, right_percent)
-    robot.wait(KEEP_ALIVE_S)
+        robot.wait(KEEP_ALIVE_S)
