@@ -72,7 +72,7 @@ setup(
     python_requires=">=3.8",
     packages=find_packages(str(_HERE), include=["mrl_driver*", "sim_arduino*", "ros1_bridge*"]),
     package_data={
-        "mrl_driver": ["py.typed", "images/*.hex"],
+        "mrl_driver": ["py.typed", "images/*.hex", "bases/*.yaml"],
         "mrl_driver.robots": ["*.yaml"],
         "sim_arduino": ["py.typed", "worlds/*.yaml"],
         "sim_arduino.avr": ["*.c", "*.h"],

@@ -36,6 +36,7 @@ OWN: Dict[str, str] = {
     "serve": "mrl_driver.commands.serve:serve",
     "set-id": "mrl_driver.commands.set_id:set_id",
     "system": "mrl_driver.commands.system:system",
+    "tip-over": "mrl_driver.commands.tip_over:tip_over",
 }
 """Name of each sub-command of this package, and where it stands."""
 

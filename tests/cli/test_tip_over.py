@@ -1,0 +1,35 @@
+"""`mrl tip-over`: margins, limits, a picture."""
+
+import json
+
+import pytest
+
+from .run import fails, mrl
+
+
+def test_margins_and_limits():
+    done = mrl("tip-over", "mecanum-arm")
+    assert done.returncode == 0
+    assert "26 kg" in done.stdout and "margin at rest on flat ground: 40.3 deg" in done.stdout
+    assert "left                    8.31              5.73" in done.stdout
+
+
+def test_json_and_a_picture(tmp_path):
+    picture = tmp_path / "arm.png"
+    done = mrl("tip-over", "mecanum-arm", "--reserve", "15", "--slope", "5", "--plot", picture, "--json")
+    told = json.loads(done.stdout)
+    assert told["limit_m_s2"]["left"] < told["tips_m_s2"]["left"] < 8.31
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    "words, expected",
+    [
+        (("nope",), "is unknown, expected mecanum-arm"),
+        (("mecanum-arm", "--slope", "95"), "--slope is 95, expected 0 to less than 90 deg"),
+        (("mecanum-arm", "--reserve", "nan"), "--reserve is nan"),
+        (("mecanum-arm", "--plot", "arm.txt"), "expected a file that ends in .png"),
+    ],
+)
+def test_what_cannot_be_is_one_line(words, expected):
+    assert expected in fails(2, "tip-over", *words)
