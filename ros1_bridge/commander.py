@@ -3,6 +3,7 @@
 Speeding up is limited; slowing down and stopping are not, so that a stop is never delayed.
 """
 
+import math
 import threading
 import time
 from typing import Any, Callable, Optional, Tuple
@@ -25,7 +26,8 @@ REFUSALS = {
 _FASTEST = 1e6
 """Beyond this [m/s, rad/s] the arc of a command is not kept; near the largest numbers the scale overflows."""
 
-Speeds = Tuple[float, float]
+Speeds = Tuple[float, ...]
+"""Linear and angular, and lateral of robots that move sideways."""
 STANDING: Speeds = (0.0, 0.0)
 
 
@@ -56,14 +58,14 @@ class Commander:
         """Commands come from the node itself, which seeks a pose."""
         self._held = False
 
-    def drive(self, linear_m_s: float, angular_rad_s: float) -> bool:
-        """Take a command; False when the robot may not move now (see `refusal`)."""
+    def drive(self, linear_m_s: float, angular_rad_s: float, *lateral_m_s: float) -> bool:
+        """Take a command; False when the robot may not move now (see `refusal`).  Only some bases go sideways."""
         with self._lock:
             if self.latched or not self.enabled:
                 return False
             now = self._commanded_s = self._clock()
             self._cause = NONE
-            self._target = scaled(linear_m_s, angular_rad_s, self.limits)
+            self._target = scaled(linear_m_s, angular_rad_s, self.limits, *lateral_m_s)
             return self._step(now)
 
     def tick(self) -> None:
@@ -149,15 +151,19 @@ class Commander:
 
     def _step(self, now: float) -> bool:
         assert self._target is not None
-        limits, (linear, angular) = self.limits, self._within_zones(now)
+        limits, wanted = self.limits, self._within_zones(now)
         dt_s, self._stepped_s = min(LONGEST_STEP_S, now - self._stepped_s), now
         before = self._now
-        if before == STANDING or self._driver.command is None:  # stopped meanwhile, by whatever
-            before, dt_s = STANDING, FIRST_STEP_S
-        self._now = speeds = (
-            approached(before[0], linear, limits.linear_acceleration_m_s2 * dt_s),
-            approached(before[1], angular, limits.angular_acceleration_rad_s2 * dt_s),
-        )
+        if not any(before) or self._driver.command is None:  # stopped meanwhile, by whatever
+            before, dt_s = (0.0,) * len(wanted), FIRST_STEP_S
+        rise = limits.linear_acceleration_m_s2 * dt_s
+        angular = approached(before[1], wanted[1], limits.angular_acceleration_rad_s2 * dt_s)
+        if len(wanted) == 3:
+            linear, lateral = approached_in_plane(before[0::2], wanted[0::2], rise)
+            speeds: Speeds = (linear, angular, lateral)
+        else:
+            speeds = (approached(before[0], wanted[0], rise), angular)
+        self._now = speeds
         if self._driver.drive(*speeds):
             return True
         self._target, self._now, self._held = None, STANDING, False
@@ -168,7 +174,7 @@ class Commander:
         assert self._target is not None
         if self.zones is None:
             return self._target
-        linear, angular = self._target
+        linear, angular = self._target[:2]  # to the side zones see nothing, so nothing goes there
         allowed = self.zones.limit(linear, now)
         self._held = linear != 0 and allowed == 0
         return allowed, angular
@@ -183,14 +189,37 @@ def approached(speed: float, target: float, rise: float) -> float:
     return speed + rise if target > 0 else speed - rise
 
 
-def scaled(linear_m_s: float, angular_rad_s: float, limits: Limits) -> Speeds:
-    """The speeds, scaled down together where one exceeds its limit; the arc stays the same."""
+def approached_in_plane(speed: Speeds, target: Speeds, rise: float) -> Speeds:
+    """`approached` for a velocity, forward and to the left; its direction is the target's at once."""
+    along = speed[0] * target[0] + speed[1] * target[1]
+    before, wanted = math.hypot(*speed) if along >= 0 else 0.0, math.hypot(*target)
+    if wanted <= before + rise:
+        return target
+    share = (before + rise) / wanted
+    return target[0] * share, target[1] * share
+
+
+def scaled(linear_m_s: float, angular_rad_s: float, limits: Limits, *lateral_m_s: float) -> Speeds:
+    """The speeds, scaled down together where one exceeds its limit; the arc and the direction stay the same."""
+    if lateral_m_s:
+        return _scaled_in_plane(linear_m_s, angular_rad_s, limits, lateral_m_s[0])
     if abs(linear_m_s) <= limits.linear_m_s and abs(angular_rad_s) <= limits.angular_rad_s:
         return linear_m_s, angular_rad_s
     linear_m_s = max(-_FASTEST, min(_FASTEST, linear_m_s))
     angular_rad_s = max(-_FASTEST, min(_FASTEST, angular_rad_s))
     excess = max(abs(linear_m_s) / limits.linear_m_s, abs(angular_rad_s) / limits.angular_rad_s, 1.0)
     return linear_m_s / excess, angular_rad_s / excess
+
+
+def _scaled_in_plane(linear_m_s: float, angular_rad_s: float, limits: Limits, lateral_m_s: float) -> Speeds:
+    speeds = [max(-_FASTEST, min(_FASTEST, speed)) for speed in (linear_m_s, angular_rad_s, lateral_m_s)]
+    excess = max(
+        math.hypot(speeds[0], speeds[2]) / limits.linear_m_s,
+        abs(speeds[1]) / limits.angular_rad_s,
+        abs(speeds[2]) / (limits.lateral_m_s or limits.linear_m_s),
+        1.0,
+    )
+    return tuple(speed / excess for speed in speeds)
 
 
 def lowered(limits: Limits, *wanted: float) -> Limits:

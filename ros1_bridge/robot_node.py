@@ -26,7 +26,7 @@ from mrl_driver.events import Lost, Reconnected, Reply
 from mrl_driver.handshake import Board
 from mrl_driver.options import Options
 from mrl_driver.reconnect import may_be_there
-from mrl_driver.robots import Limits, RobotModel
+from mrl_driver.robots import Limits, OmniDrive, RobotModel
 from mrl_driver.wheel_watch import Mismatch
 
 from . import messages, radio, reconfigure
@@ -72,6 +72,7 @@ class RobotNode:
         )
         self._driver = Driver(parameters.port, parameters.robot, parameters.baud, options)
         self._battery_state = ""
+        self._sideways = False
         self._tell_s = 0.0
 
     def run(self) -> None:
@@ -122,6 +123,7 @@ class RobotNode:
         if parameters.zones != "none":
             self._zones = ZoneWatch(parameters, model, has_sonars)
             self._commander.zones = self._zones.zones
+        self._sideways = isinstance(model.drive, OmniDrive) and self._zones is None  # zones see nothing there
         self._publishers.battery(board, rospy.Time.now())
         self._status = StatusTeller(
             self._commander, self._publishers.status, rospy.get_name(), self._hardware_id(board)
@@ -290,13 +292,14 @@ class RobotNode:
             self._commander.stop(NOT_FINITE)
             rospy.logwarn_throttle(WARN_EVERY_S, f"{error}; the robot was stopped")
             return
-        unused = messages.unused_axes(message)
+        unused = messages.unused_axes(message, self._sideways)
         if unused:
+            followed = "linear.x, linear.y and angular.z" if self._sideways else "linear.x and angular.z"
             rospy.logwarn_throttle(
-                WARN_EVERY_S,
-                f"cmd_vel {', '.join(unused)} ignored: the robot follows linear.x and angular.z alone",
+                WARN_EVERY_S, f"cmd_vel {', '.join(unused)} ignored: the robot follows {followed} alone"
             )
-        if not self._commander.drive(linear_m_s, angular_rad_s):
+        lateral_m_s = (message.linear.y,) if self._sideways else ()
+        if not self._commander.drive(linear_m_s, angular_rad_s, *lateral_m_s):
             rospy.logwarn_throttle(WARN_EVERY_S, f"cmd_vel refused: {self._commander.refusal()}")
 
     def _on_radio(self, message: KeyValue) -> None:

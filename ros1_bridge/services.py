@@ -72,5 +72,5 @@ class Services:
 
     def _still(self) -> bool:
         twist = self._driver.twist
-        fast = math.fabs(twist[0]) > STILL_M_S or math.fabs(twist[1]) > STILL_RAD_S
+        fast = math.hypot(twist[0], *twist[2:]) > STILL_M_S or math.fabs(twist[1]) > STILL_RAD_S
         return not fast and not self._commander.moving

@@ -1,5 +1,7 @@
 """Limits, timeout and emergency stop, with a driver that only notes what it is told."""
 
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -22,10 +24,10 @@ class Noted:
         self.stops, self.lost = 0, False
         self.mismatch, self.stop_reason = None, "none"
 
-    def drive(self, linear, angular):
+    def drive(self, *speeds):
         if not self.ready:
             return False
-        self.command = (linear, angular)
+        self.command = speeds
         return True
 
     def stop(self):
@@ -213,3 +215,31 @@ def test_step_never_overshoots_and_never_delays_a_stop(speed, target, rise):
     assert abs(after) <= abs(speed) + rise + 1e-12 or after == target and abs(target) <= abs(speed) + rise
     if target == 0:
         assert after == 0
+
+
+# ---- robots that move sideways
+
+
+@given(SPEEDS, SPEEDS, SPEEDS)
+def test_a_slide_keeps_direction_and_arc_within_the_limits(linear, angular, lateral):
+    bench = Bench()
+    for _ in range(200):
+        bench.now_s += FRAME_S
+        bench.commander.drive(linear, angular, lateral)
+    forward, turn, left = bench.driver.command
+    assert math.hypot(forward, left) <= 0.3 + 1e-12 and abs(turn) <= 1.0
+    assert forward * lateral == pytest.approx(left * linear, abs=1e-9)
+    assert forward * angular == pytest.approx(turn * linear, abs=1e-9)
+
+
+def test_a_slide_speeds_up_as_the_limit_says_and_turns_its_direction_at_once(bench):
+    bench.commander.drive(0.0, 0.0, 0.3)
+    assert bench.driver.command == (0.0, 0.0, pytest.approx(0.2 * FRAME_S))
+    for _ in range(50):
+        bench.now_s += FRAME_S
+        bench.commander.tick() if bench.now_s < 100.3 else bench.commander.drive(0.3, 0.0, 0.3)
+    forward, _, left = bench.driver.command
+    assert forward == left == pytest.approx(0.2 / math.sqrt(2), rel=0.1)
+    assert bench.commander.moving
+    bench.commander.drive(0.0, 0.0, -0.3)
+    assert abs(bench.driver.command[2]) <= 0.2 * FRAME_S + 1e-12  # the other way it begins anew

@@ -100,5 +100,10 @@ def test_axes_that_the_robot_lacks_are_named():
     assert messages.unused_axes(Twist(Vector3(1, 2, 0), Vector3(0, -3, 4))) == ("linear.y", "angular.y")
 
 
+def test_a_robot_that_moves_sideways_has_one_more():
+    assert messages.unused_axes(Twist(Vector3(1, 2, 0), Vector3()), sideways=True) == ()
+    assert messages.unused_axes(Twist(Vector3(1, 2, 3), Vector3()), sideways=True) == ("linear.z",)
+
+
 def test_negative_zero_is_no_movement():
     assert messages.unused_axes(Twist(Vector3(0, -0.0, 0), Vector3())) == ()

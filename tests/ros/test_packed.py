@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 from tf2_msgs.msg import TFMessage
 
-from ros1_bridge.covariance import pose_matrix, twist_matrix
-from ros1_bridge.packed import PackedOdometry, PackedTransform
+from ros1_bridge.covariance import pose_matrix, twist_matrix, twist_variances
+from ros1_bridge.packed import PackedOdometry, PackedOmniOdometry, PackedTransform
 
 WORDS = st.integers(0, 2**32 - 1)
 NUMBERS = st.floats()
@@ -36,6 +36,25 @@ def test_packed_odometry_is_that_of_genpy(odom, base, sequence, stamp, planar, u
     twist.linear.x, twist.angular.z = linear, angular
     message.pose.covariance, message.twist.covariance = pose_matrix(unknowns), twist_matrix(linear, angular)
     packed = PackedOdometry(odom, base).pack(sequence, *stamp, *planar, unknowns, (linear, angular))
+    assert packed == wire(message)
+
+
+@settings(max_examples=50)
+@given(SPEEDS, SPEEDS, SPEEDS)
+def test_sideways_speed_and_its_variance_are_packed_too(linear, angular, lateral):
+    message = Odometry(child_frame_id="base_link")
+    message.header.seq, message.header.stamp, message.header.frame_id = 7, Time(8, 9), "odom"
+    pose, twist = message.pose.pose, message.twist.twist
+    pose.position.x, pose.position.y, pose.orientation.z, pose.orientation.w = 1.0, 2.0, 0.6, 0.8
+    twist.linear.x, twist.linear.y, twist.angular.z = linear, lateral, angular
+    message.pose.covariance, message.twist.covariance = (
+        pose_matrix((1, 2, 3, 4, 5, 6)),
+        twist_matrix(linear, angular),
+    )
+    message.twist.covariance[7] = twist_variances(lateral, 0.0)[0]
+    packed = PackedOmniOdometry("odom", "base_link").pack(
+        7, 8, 9, 1.0, 2.0, 0.6, 0.8, (1, 2, 3, 4, 5, 6), (linear, angular, lateral)
+    )
     assert packed == wire(message)
 
 
