@@ -43,6 +43,8 @@ SAME_BOOT_S, BOOTED_S = 1.5, 3
 """A board that has been up for `BOOTED_S`, and tells to within `SAME_BOOT_S` (uptimes are whole seconds) that it started
 when it did before the link was lost, has not restarted: its counters went on.
 """
+STAMP_STEP_S = 1e-6
+"""Frames without board time that came in one piece are told apart by this."""
 PLAIN_FRAMES = 3
 """So many frames in a row without check value mean that the board has restarted, not that one was damaged."""
 
@@ -89,6 +91,7 @@ class Session:
         self.board: Optional[Board] = None
         self.status: Optional[Status] = None
         self._clock = BoardClock()
+        self._stamp_s = -math.inf
         self._sequence: Optional[int] = None
         self._last: Optional[Tuple[int, ...]] = None
         self.heard_s = -math.inf
@@ -352,7 +355,8 @@ class Session:
             taken = self._clock.update(stamp.time, now, not missing)
             stamp_s, time_s = taken.stamp_s, taken.board_s
         else:
-            time_s = stamp_s = now
+            time_s = now
+            stamp_s = self._stamp_s = max(now, self._stamp_s + STAMP_STEP_S)
             sequence = stamp.sequence if stamp else None
         if self._greeting is not None:
             return

@@ -179,6 +179,22 @@ def test_board_time_runs_on_over_its_wrap():
     assert min(gaps) > 0.015 and max(gaps) < 0.025
 
 
+def test_stamps_of_a_2013_board_increase_though_frames_come_in_bursts():
+    talk, held = Talk(FakeBoard(version=1)).until_ready(), bytearray()
+
+    def burst(data):
+        held.extend(data)
+        if len(held) < 200:
+            return b""
+        data = bytes(held)
+        held.clear()
+        return data
+
+    talk.to_host = burst
+    stamps = [event.stamp_s for event in talk.run(1.0).counts]
+    assert len(stamps) > 50 and all(a < b for a, b in zip(stamps, stamps[1:]))
+
+
 def test_stamps_increase():
     counts = Talk().until_ready().run(3).counts
     assert all(b.stamp_s > a.stamp_s for a, b in zip(counts, counts[1:]))
