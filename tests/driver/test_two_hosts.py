@@ -1,0 +1,39 @@
+"""A board reached over TCP and UDP from another host: two network namespaces with a cable between them.
+
+Needs root, or a kernel that lets users make namespaces (sysctl kernel.unprivileged_userns_clone=1), and iproute2.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+POSE_ERROR_M = 1e-3
+BACK_S = 2.0 + 3.0
+"""2 s, and patience for a busy machine."""
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory):
+    """What the trials of `two_hosts` have seen."""
+    user = [] if os.geteuid() == 0 else ["--user", "--map-root-user"]
+    command = ["unshare", *user, "--net", sys.executable, "-m", "tests.driver.two_hosts"]
+    folder = tmp_path_factory.mktemp("hosts")
+    done = subprocess.run([*command, str(folder)], cwd=str(ROOT), capture_output=True, text=True, timeout=110)
+    assert done.returncode == 0, f"{done.stderr}\n{(__doc__ or '').splitlines()[-1]}"
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.mark.parametrize("scheme", ["tcp", "udp"])
+def test_the_pose_is_the_true_one(seen, scheme):
+    assert seen[scheme]["error_m"] < POSE_ERROR_M
+
+
+@pytest.mark.parametrize("scheme", ["tcp", "udp"])
+def test_the_robot_stands_when_the_cable_is_pulled_and_drives_when_it_is_back(seen, scheme):
+    assert seen[scheme]["rolled_m"] == 0.0
+    assert seen[scheme]["again_s"] < BACK_S

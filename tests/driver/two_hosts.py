@@ -1,0 +1,96 @@
+"""A desk and a robot, each in a network of its own with a cable between them; run it with `unshare --net`.
+
+The board is served on the robot's address, by TCP and by UDP, and driven from the desk; then the cable is pulled.
+Prints what was seen as JSON: metres, seconds.
+"""
+
+import json
+import math
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from mrl_driver.driver import Driver, Options
+
+DESK, ROBOT = "10.78.0.1", "10.78.0.2"
+START_S, CUT_S = 10.0, 0.6
+
+
+def ip(*words, within=""):
+    """One `ip` command, in the robot's network if its process is given."""
+    enter = ["nsenter", f"--net=/proc/{within}/ns/net"] if within else []
+    subprocess.run([*enter, "ip", *words], check=True)
+
+
+def lay_cable(holder):
+    """Two networks; `holder` is the process that holds the robot's."""
+    robot = holder.stdout.readline().strip()
+    ip("link", "add", "desk0", "type", "veth", "peer", "name", "robot0", "netns", robot)
+    for device, address, within in (("desk0", DESK, ""), ("robot0", ROBOT, robot)):
+        ip("address", "add", f"{address}/24", "dev", device, within=within)
+        for name in ("lo", device):
+            ip("link", "set", name, "up", within=within)
+    return robot
+
+
+def wait_until(condition):
+    end_s = time.monotonic() + START_S
+    while not condition():
+        assert time.monotonic() < end_s, "it did not happen in time"
+        time.sleep(0.01)
+
+
+def last(truth):
+    return json.loads(truth.read_text().splitlines()[-1])
+
+
+def trial(scheme, robot_net, folder):
+    """Drive, pull the cable, plug it in again."""
+    truth = folder / f"{scheme}.jsonl"
+    command = ["nsenter", f"--net=/proc/{robot_net}/ns/net", sys.executable, "-m", "sim_arduino.cli"]
+    command += ["--world", "square", "--listen", f"{scheme}://{ROBOT}:7000", "--truth", str(truth)]
+    board = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        port = board.stdout.readline().strip()
+        with Driver(port, options=Options(reconnect=True)) as robot:
+            robot.drive(0.2, 0.3)
+            wait_until(lambda: robot.pose.x_m > 0.1)
+            robot.stop()
+            wait_until(lambda: robot.stopped)
+            robot.wait(0.1)
+            true = last(truth)
+            error_m = math.hypot(robot.pose.x_m - true["x"], robot.pose.y_m - true["y"])
+            robot.drive(0.2, 0.0)
+            robot.wait(0.5)
+            ip("link", "set", "desk0", "down")
+            time.sleep(CUT_S)
+            cut = last(truth)
+            time.sleep(0.2)
+            rolled_m = last(truth)["x"] - cut["x"]
+            ip("link", "set", "desk0", "up")
+            up_s = time.monotonic()
+            wait_until(lambda: robot.drive(0.2, 0.0))
+            again_s = time.monotonic() - up_s
+            return {"error_m": error_m, "rolled_m": rolled_m, "again_s": again_s}
+    finally:
+        board.terminate()
+        board.wait()
+
+
+def main(folder):
+    """Both trials; their files go to `folder`."""
+    holder = subprocess.Popen(
+        ["unshare", "--net", "sh", "-c", "echo $$; exec sleep 1000"], stdout=subprocess.PIPE, text=True
+    )
+    try:
+        robot_net = lay_cable(holder)
+        seen = {scheme: trial(scheme, robot_net, folder) for scheme in ("tcp", "udp")}
+        sys.stdout.write(json.dumps(seen) + "\n")
+    finally:
+        holder.kill()
+        holder.wait()
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
