@@ -293,7 +293,8 @@ class Session:
     def _pace(self) -> Pace:
         """Repeats that keep a watchdog fed, however short, with one of them lost."""
         watchdog_s = self._plan.watchdog_ms / 1000
-        return QUICK._replace(repeat_s=min(QUICK.repeat_s, watchdog_s / 2.5)) if watchdog_s else QUICK
+        repeat_s = min(QUICK.repeat_s, watchdog_s / 2.5) if watchdog_s else QUICK.repeat_s
+        return QUICK._replace(repeat_s=repeat_s, gap_s=max(QUICK.gap_s, self._plan.gap_s))
 
     # -- in
 
@@ -334,7 +335,7 @@ class Session:
         elif code == _SONARS:
             events.append(Sonars(frame.args))
         elif code not in _STREAMS:
-            if frame.stamp is not None and self._missing(frame.stamp.sequence) < 0:
+            if frame.stamp is not None and self._missing(frame.stamp.sequence, now) < 0:
                 return  # numbers run over the frames of all streams
             self.sensors.heard(frame, now)
             events.append(Reply(frame))
@@ -349,7 +350,7 @@ class Session:
         args, stamp = frame.args, frame.stamp
         if stamp is not None and self._decoder.checked:
             sequence: Optional[int] = stamp.sequence
-            missing = self._missing(stamp.sequence)
+            missing = self._missing(stamp.sequence, now)
             if missing < 0:
                 return
             taken = self._clock.update(stamp.time, now, not missing)
@@ -371,13 +372,14 @@ class Session:
         self._last = counts
         events.append(_new(Counts, (args[0], args[1], sonars, time_s, stamp_s, now, sequence, rear)))
 
-    def _missing(self, sequence: int) -> int:
+    def _missing(self, sequence: int, now: float) -> int:
         """Stream frames lost before the one of this number; -1 where it or a later one came before."""
         last, self._sequence = self._sequence, sequence
         if last is None:
             return 0
         missing = (sequence - last - 1) & 0xFFFF
-        if missing >= _OVERTAKEN:
+        silent = now - self.heard_s >= STALE_S  # numbers may have gone once round meanwhile, nearly
+        if missing == 0xFFFF or (missing >= _OVERTAKEN and not silent):
             self._sequence = last
             if missing == 0xFFFF:
                 self.counters.duplicates += 1
