@@ -53,7 +53,7 @@ class BoardClock:
     def update(self, time: int, arrival_s: float, next_one: bool = False) -> HostTime:
         """Host time of a frame with board time `time` [64 us, int16] that arrived at `arrival_s`.
 
-        Frames of one board in order.  A gap may be as long as the host's clock tells it to within 2 s.  Stamps are
+        Frames of one board in order.  A gap may be as long as the host's clock tells it to within 2 s, drift undone: hours.  Stamps are
         strictly increasing.  `next_one`: the frame follows the one before within one wrap of the board's time, however
         late it arrives.
         """
@@ -78,7 +78,7 @@ class BoardClock:
 
     def _wraps(self, step: int, arrival_s: float) -> int:
         """Ticks of the whole wraps that the host's clock says have passed besides `step`."""
-        expected = round((arrival_s - self._arrival_s) / TICK_S)
+        expected = round((arrival_s - self._arrival_s) / (1.0 + self.drift) / TICK_S)
         return max(0, (expected - step + 0x8000) >> 16 << 16)
 
     def _collect(self, point: _Point) -> None:

@@ -49,6 +49,15 @@ def test_a_stamp_is_not_after_its_arrival(seed, drift):
     assert all(host.latency_s >= 0.0 for _, host, _ in run(seed, drift, 5))
 
 
+@pytest.mark.parametrize("drift", [0.005, -0.005])
+def test_a_quarter_of_an_hour_out_of_reach_is_told_by_the_drift_of_before(drift):
+    """870 s are 4.35 s of drift, more than the board's time takes to wrap."""
+    clock = BoardClock()
+    times = [0.02 * n for n in range(1500)] + [900.0, 901.0, 910.0]
+    *_, last = (clock.update(int16(int(time / (1 + drift) / TICK_S)), time) for time in times)
+    assert last.stamp_s == pytest.approx(910.0, abs=STAMP_ERROR_S)
+
+
 def test_drift_is_found():
     *_, (_, _, clock) = run(3, 0.004, 30)
     assert clock.drift == pytest.approx(-0.004, abs=1e-4)
