@@ -11,6 +11,7 @@ from . import battery
 from .errors import FrameError, LinkLost
 from .handshake import Board, Plan
 from .kinematics import cannot_sideways
+from .line_rate import command_gap_s, least_period_ms
 from .motion import Motion
 from .odometry import AnyWheels
 from .omni import OmniCommands, demand_drivable
@@ -47,14 +48,17 @@ class Core:
         """When `turn` is due at the latest [s], unless bytes come before."""
         self._session: Optional[Session] = None
         self._watch: Optional[WheelWatch] = None
-        self._every = max(1, math.ceil(options.period_ms / SLOWEST_MS))
+        least_ms = least_period_ms(options.line_baud)
+        self._every = max(1, math.ceil(options.period_ms / max(SLOWEST_MS, least_ms)))
+        self._period_ms = max(least_ms, round(options.period_ms / self._every))
         self._untold = 0
         self._fresh: Tuple[str, ...] = ()
 
     def begin(self, now: float) -> None:
         """Greet the board; how it goes comes out of `turn`."""
         options = self._options
-        plan = Plan(options.watchdog_ms, round(options.period_ms / self._every), options.check)
+        gap_s = command_gap_s(options.line_baud)
+        plan = Plan(options.watchdog_ms, self._period_ms, options.check, gap_s)
         self._session = Session(self._admit, now, plan, options.command_timeout_s, options.greeting_s)
 
     def _admit(self, board: Board) -> Optional[str]:

@@ -49,7 +49,8 @@ class Driver(Readout):
         port: device name, an URL (`tcp://host:port`, `udp://host:port`, those of pyserial), or an open `Link`.
         robot: name of a packaged model, path of a YAML file, a `RobotModel`, or `auto` for the model that
             lists the id which the board reports.
-        baud: of the port, where `port` is a name.
+        baud: of the port, where `port` is a name; of the line behind a network address.  Below 115200 the board
+            streams no faster than the line carries.
         options: see `Options`.
 
     Raises:
@@ -70,6 +71,7 @@ class Driver(Readout):
             demand_port(port)
         if options.record is not None and isinstance(port, Link):
             raise ConfigError("record is given with an open link, expected a port by name")
+        options = options._replace(line_baud=min(baud, options.line_baud))
         self._port, self._baud, self._options = port, baud, options
         model = robot if isinstance(robot, RobotModel) else None if robot == "auto" else robots.load(robot)
         super().__init__(Core(model, options))

@@ -45,8 +45,12 @@ class Plan(NamedTuple):
 
     watchdog_ms: int = 250
     period_ms: int = 20
-    """Of the stream: at most 50, so that telemetry is late after 100 ms of silence, whatever frame was lost before."""
+    """Of the stream: at most 50, so that telemetry is late after 100 ms of silence, whatever frame was lost before;
+    longer only where the line carries no more.
+    """
     check: bool = True
+    gap_s: float = 0.0
+    """Least time between two commands, where the line needs more than usual."""
 
 
 DEFAULT_PLAN = Plan()

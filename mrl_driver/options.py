@@ -35,6 +35,10 @@ class Options(NamedTuple):
     """
     record: Optional[str] = None
     """File that gets every byte both ways with its time, see `recording`; one that is there is overwritten."""
+    line_baud: int = 115200
+    """What the line carries [Bd], where that is less than the port's baud rate, as with radios: the stream's period and
+    the commands' pace are as slow as it demands.
+    """
     tap: Optional[Callable[[str, bytes], None]] = None
     """Called with each chunk of bytes, and which way it goes: `>` to the board before it is sent, `<` from it as it
     comes.  It must be quick, and not raise; an open `Link` given as port is not listened to.
@@ -55,6 +59,7 @@ def demand_options(options: Options) -> None:
     demand("period_ms", options.period_ms, 0, 10000, "ms", int)
     demand("watchdog_ms", options.watchdog_ms, 0, 10000, "ms", int)
     demand("greeting_s", options.greeting_s, 0.1, 3600, "s", int, float)
+    demand("line_baud", options.line_baud, 300, 4_000_000, "Bd", int)
     if type(options.reconnect) is not bool:
         raise ConfigError(f"reconnect is {options.reconnect!r}, expected True or False")
     if options.record is not None and (not isinstance(options.record, str) or not options.record):

@@ -40,8 +40,8 @@ BUSY_S = 3.0
 board's watchdog.
 """
 SAME_BOOT_S, BOOTED_S = 1.5, 3
-"""A board that has been up for `BOOTED_S`, and tells to within `SAME_BOOT_S` (uptimes are whole seconds) that it started
-when it did before the link was lost, has not restarted: its counters went on.
+"""A board that has been up for `BOOTED_S`, and tells to within `SAME_BOOT_S` (uptimes are whole seconds) that it
+started when it did before the link was lost, has not restarted: its counters went on.
 """
 STAMP_STEP_S = 1e-6
 """Frames without board time that came in one piece are told apart by this."""

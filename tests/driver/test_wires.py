@@ -30,10 +30,11 @@ WATCHDOG_S, LATE_S = 0.25, 0.05
 class Watched:
     """A driver in simulated time on a board behind a wire with these faults, and what it told."""
 
-    def __init__(self, *faults):
+    def __init__(self, *faults, **options):
         self.emulated = boards.make(boards.Options(robot="traxbot", world="square", faults=faults, seed=3))
-        self.robot = SteppedDriver(self.emulated.board)
+        self.robot = SteppedDriver(self.emulated.board, options=Options(**options))
         self.robot.connect()
+        self.begun_s = self.robot.now_s
         self.telemetry, self.events = [], []
         self.robot.on_telemetry(self.telemetry.append)
         self.robot.on_event(self.events.append)
@@ -118,6 +119,28 @@ def test_an_overtaken_status_is_no_restart():
     talk.to_host = lambda data: data
     talk.events += talk.session.receive(late[0], talk.now)
     assert talk.session.ready and talk.session.counters.restarts == 0
+
+
+# -- slow lines, in simulated time
+
+
+@pytest.mark.parametrize(("baud", "rate_hz"), [(9600, 13.3), (19200, 26.3)])
+def test_a_slow_line_is_never_full(baud, rate_hz):
+    """A program that commands 100 times a second neither delays telemetry nor its own stop, nor is it refused."""
+    watched = Watched(f"split:size=1,gap={10 / baud}", line_baud=baud)
+    for i in range(300):
+        assert watched.robot.drive(0.2 + 0.001 * (i % 5), 0.0)
+        watched.robot.wait(0.01)
+    begun_s, byte_s = watched.robot.now_s, 10 / baud
+    watched.robot.stop()
+    watched.robot.wait(0.3)
+    stopped_s = next(time_s for time_s in watched.commands("stop") if time_s > begun_s)
+    assert stopped_s - begun_s < 50 * byte_s
+    assert max(each.arrival_s - each.stamp_s for each in watched.telemetry) < 100 * byte_s
+    assert len(watched.telemetry) / (watched.robot.now_s - watched.begun_s) == pytest.approx(
+        rate_hz, rel=0.05
+    )
+    watched.close()
 
 
 # -- sockets
