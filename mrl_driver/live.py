@@ -13,7 +13,7 @@ from .canvas import Point
 from .events import Lost, Reconnected
 from .frame_log import FrameLog
 from .keyboard import Keyboard
-from .live_view import Shown, render
+from .live_view import Shown, render, sideways
 from .state import Telemetry
 from .teleop import Teleop
 
@@ -124,7 +124,9 @@ class Screen:
 
     def steer(self, now_s: float) -> None:
         """Put the speeds of the keys that are held in force; stop when none is."""
-        wanted = self._teleop.command(now_s) if self._keys_drive else (0.0, 0.0)
+        wanted: Tuple[float, ...] = self._teleop.command(now_s) if self._keys_drive else ()
+        if wanted and sideways(self._driver):
+            wanted = (*wanted, self._teleop.slide(now_s))
         if any(wanted):
             self._driver.drive(*wanted)
         elif self._driver.command is not None:

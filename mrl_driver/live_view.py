@@ -14,6 +14,7 @@ from .commands.text import range_text
 from .frame_log import Line
 from .live_map import draw
 from .readout import Readout
+from .robots import OmniDrive
 from .table import SENSOR_BY_NAME
 
 LEFT_COLUMNS = 39
@@ -43,6 +44,11 @@ class Shown(NamedTuple):
     notice: str
     """What the user should know now; empty for nothing."""
     now_s: float
+
+
+def sideways(driver: Readout) -> bool:
+    """The robot moves sideways as well."""
+    return driver.model is not None and isinstance(driver.model.drive, OmniDrive)
 
 
 def render(now: Shown, width: int, height: int) -> RenderableType:
@@ -87,6 +93,8 @@ def _footer(now: Shown, width: int) -> Text:
         if now.keys_drive
         else [("Enter", "drive with keys"), ("space", "stop")]
     )
+    if now.keys_drive and sideways(now.driver):
+        keys.insert(1, (", .", "sideways"))
     text = Text(no_wrap=True, overflow="crop")
     for key, what in [*keys, ("f", "frames"), ("c", "clear path"), ("q", "quit")]:
         text.append(f" {key} ", style="reverse").append(f" {what}  ", style="dim")
@@ -125,7 +133,8 @@ def _motion(now: Shown) -> Table:
     pose, twist, asked = driver.pose, driver.twist, driver.command
     grid.add_row("pose", f"x {pose.x_m:+.3f}  y {pose.y_m:+.3f} m")
     grid.add_row("heading", f"{math.degrees(pose.yaw_rad):+.1f} deg")
-    grid.add_row("speed", f"{twist.linear_m_s:+.3f} m/s  {twist.angular_rad_s:+.2f} rad/s")
+    aside = f"  {twist.lateral_m_s:+.3f} m/s to the left" if len(twist) == 3 else ""
+    grid.add_row("speed", f"{twist.linear_m_s:+.3f} m/s  {twist.angular_rad_s:+.2f} rad/s{aside}")
     if asked is None:
         reason = driver.stop_reason.replace("_", " ")
         grid.add_row(

@@ -1,7 +1,7 @@
 """Speeds from the keys of a terminal.  Pure."""
 
 import math
-from typing import Dict, Tuple
+from typing import Dict, List, Tuple
 
 HOLD_S = 0.6
 """A terminal reports presses, not releases; a held key repeats after about 0.5 s, so a press lasts longer."""
@@ -13,7 +13,9 @@ _DIRECTIONS: Dict[str, Tuple[float, float]] = {
     "left": (0, 1),
     "right": (0, -1),
 }
-_OPPOSITES = {"up": "down", "down": "up", "left": "right", "right": "left"}
+_SLIDES = {",": 1, ".": -1}
+"""Sideways, of robots that can: `,` to the left, `.` to the right."""
+_OPPOSITES = {"up": "down", "down": "up", "left": "right", "right": "left", ",": ".", ".": ","}
 
 
 class Teleop:
@@ -28,7 +30,7 @@ class Teleop:
             self._until_s.clear()
             return True
         direction = _LETTERS.get(key, key)
-        if direction not in _DIRECTIONS:
+        if direction not in _DIRECTIONS and direction not in _SLIDES:
             return False
         self._until_s.pop(_OPPOSITES[direction], None)
         self._until_s[direction] = now_s + HOLD_S
@@ -41,6 +43,13 @@ class Teleop:
 
     def command(self, now_s: float) -> Tuple[float, float]:
         """Speeds (linear [m/s], angular [rad/s]) at a time; zero once every key is released."""
-        held = [_DIRECTIONS[key] for key, until_s in self._until_s.items() if now_s < until_s]
+        held = [_DIRECTIONS[key] for key in self._held(now_s) if key in _DIRECTIONS]
         linear, angular = math.fsum(d[0] for d in held), math.fsum(d[1] for d in held)
         return linear * LINEAR_M_S, angular * ANGULAR_RAD_S
+
+    def slide(self, now_s: float) -> float:
+        """Speed to the left at a time [m/s], for robots that can; 0 once every key is released."""
+        return LINEAR_M_S * sum(_SLIDES.get(key, 0) for key in self._held(now_s))
+
+    def _held(self, now_s: float) -> List[str]:
+        return [key for key, until_s in self._until_s.items() if now_s < until_s]

@@ -44,13 +44,15 @@ class TeleopKeyboard:
                     return
                 teleop.press(key, time.monotonic())
                 self._driving = self._driving or key == "space"
-            self._publish(*teleop.command(time.monotonic()))
+            now_s = time.monotonic()
+            self._publish(*teleop.command(now_s), teleop.slide(now_s))
 
-    def _publish(self, linear: float, angular: float) -> None:
-        moving = bool(linear or angular)
+    def _publish(self, linear: float, angular: float, lateral: float) -> None:
+        moving = bool(linear or angular or lateral)
         if moving or self._driving:
             twist = Twist()
             twist.linear.x, twist.angular.z = linear * self._linear, angular * self._angular
+            twist.linear.y = lateral * self._linear
             self._out.publish(twist)
         self._driving = moving
 

@@ -31,6 +31,7 @@ TICK_S = 0.05
 @click.command()
 @robot_options
 @click.option("--linear", type=float, help="Forward speed [m/s].")
+@click.option("--lateral", type=float, help="Speed to the left, of robots that can [m/s].")
 @click.option("--angular", type=float, help="Yaw rate, counter-clockwise [rad/s].")
 @click.option("--for", "seconds", type=float, help="Drive for so long [s], then stop.")
 @battery_option
@@ -39,6 +40,7 @@ TICK_S = 0.05
 def drive(
     target: Target,
     linear: Optional[float],
+    lateral: Optional[float],
     angular: Optional[float],
     seconds: Optional[float],
     ignore_battery: bool,
@@ -52,10 +54,11 @@ def drive(
       mrl drive --port /dev/ttyACM0                         hold arrows or w a s d
       mrl drive --robot lab3 --linear 0.2 --for 2           0.4 m forward
       mrl drive --robot lab3 --angular 0.5 --for 3.14       a quarter turn left
+      mrl drive --robot omni1 --lateral 0.2 --for 2         0.4 m to the left, on three wheels
     """
-    timed = (linear, angular, seconds) != (None, None, None)
+    timed = (linear, lateral, angular, seconds) != (None, None, None, None)
     if timed:
-        _demand_finite(linear=linear or 0.0, angular=angular or 0.0)
+        _demand_finite(linear=linear or 0.0, lateral=lateral or 0.0, angular=angular or 0.0)
         if seconds is None or not 0 < seconds <= 3600:
             raise ConfigError(f"--for is {seconds}, expected seconds from above 0 to 3600")
     elif as_json or not (sys.stdin.isatty() and sys.stdout.isatty()):
@@ -65,7 +68,7 @@ def drive(
         return
     with connected(target, ignore_battery=ignore_battery, record=record) as driver:
         warn(driver)
-        drive_for(driver, linear or 0.0, angular or 0.0, seconds or 0.0)
+        drive_for(driver, linear or 0.0, angular or 0.0, seconds or 0.0, lateral or 0.0)
         if as_json:
             say_json(snapshot(driver))
         else:
@@ -78,17 +81,20 @@ def _demand_finite(**speeds: float) -> None:
             raise ConfigError(f"--{name} is {value}, expected a finite number")
 
 
-def drive_for(driver: "Driver", linear_m_s: float, angular_rad_s: float, seconds: float) -> None:
+def drive_for(
+    driver: "Driver", linear_m_s: float, angular_rad_s: float, seconds: float, lateral_m_s: float = 0.0
+) -> None:
     """Drive for `seconds`, stop, and wait up to 2 s for telemetry to confirm it.
 
     Prints nothing meanwhile: a terminal that takes no more output would delay the stop.
 
     Raises:
+        FrameError: the base cannot go sideways.
         WheelFault: a wheel did not do what it was told.
         BoardTimeout: the robot stopped early for another reason.
     """
     deadline = time.monotonic() + seconds
-    driver.drive(linear_m_s, angular_rad_s)
+    driver.drive(linear_m_s, angular_rad_s, lateral_m_s)
     while time.monotonic() < deadline:
         driver.wait(min(TICK_S, deadline - time.monotonic()))
         if driver.command is None:

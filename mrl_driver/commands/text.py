@@ -22,10 +22,11 @@ def range_text(value_m: float) -> str:
 def line(driver: "Readout") -> str:
     """Pose, speeds, ranges and battery in one line."""
     pose, twist = driver.pose, driver.twist
+    aside = f"sideways {twist.lateral_m_s:6.3f} m/s  " if len(twist) == 3 else ""
     ranges = "  ".join(f"{name} {range_text(value)}" for name, value in driver.ranges.items())
     return (
         f"x {pose.x_m:7.3f} m  y {pose.y_m:7.3f} m  yaw {math.degrees(pose.yaw_rad):7.2f} deg  "
-        f"v {twist.linear_m_s:6.3f} m/s  w {twist.angular_rad_s:6.3f} rad/s  {ranges}  "
+        f"v {twist.linear_m_s:6.3f} m/s  {aside}w {twist.angular_rad_s:6.3f} rad/s  {ranges}  "
         f"battery {driver.battery_v:.1f} V ({driver.battery_state})"
         + "".join(f"  {name} {value}" for name, value in sensor_texts(driver).items())
         + ("" if driver.ready else "  NO TELEMETRY")
