@@ -29,6 +29,8 @@ AHEAD, BEHIND = 1, -1
 """Directions of motion."""
 STALE_S = 1.0
 """A sensor is silent when nothing was heard of it for so long: three cycles of the sonars, ten scans."""
+LEAST_M_S = 0.02
+"""Where no more than this is allowed the robot stands, instead of creeping on for ever."""
 LASER = "laser"
 
 Point = Tuple[float, float]
@@ -215,7 +217,8 @@ class Zones:
     def _cap(self, direction: int, asked_m_s: float, now: float) -> float:
         settings = self.settings
         room_m, certain = self._room(direction, now)
-        edge_m = settings.protective_m + (settings.hysteresis_m if self._held[direction] else 0.0)
+        edge_m = settings.protective_m + settings.growth_m(LEAST_M_S)
+        edge_m += settings.hysteresis_m if self._held[direction] else 0.0
         self._held[direction] = room_m < edge_m
         far_m = settings.warning_m + settings.growth_m(asked_m_s)
         far_m += settings.hysteresis_m if self._warned[direction] else 0.0

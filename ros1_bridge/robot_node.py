@@ -220,7 +220,7 @@ class RobotNode:
         try:
             if self._zones is not None:
                 self._zones.on_telemetry(telemetry, self._driver.command is None)
-            if self._pose_goal.active:
+            if self._commander.seeking:
                 ended = self._pose_goal.on_telemetry(telemetry)
                 if ended:
                     rospy.loginfo(ended)
@@ -284,7 +284,7 @@ class RobotNode:
             self._zones.on_scan(message, mount, time.monotonic())
 
     def _command(self, message: Twist) -> None:
-        if self._pose_goal.active:
+        if self._commander.seeking:
             self._pose_goal.cancel()
         try:
             linear_m_s, angular_rad_s = messages.read_twist(message)

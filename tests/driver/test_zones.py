@@ -11,7 +11,7 @@ from mrl_driver import robots
 from mrl_driver.errors import ConfigError
 from mrl_driver.robots import SonarMount
 from mrl_driver.stepped import SteppedDriver
-from mrl_driver.zones import AHEAD, BEHIND, STALE_S, Scan, Settings, Zones, demand, looks
+from mrl_driver.zones import AHEAD, BEHIND, LEAST_M_S, STALE_S, Scan, Settings, Zones, demand, looks
 from sim_arduino import boards, world_file
 
 MODEL = robots.load("traxbot")
@@ -66,7 +66,7 @@ def test_a_zone_reaches_further_the_faster_the_robot_is():
 
 def test_the_protective_zone_stops_and_lets_go_by_the_hysteresis_later():
     zones = with_laser()
-    edge_m = ZONES.protective_m
+    edge_m = ZONES.protective_m + ZONES.growth_m(LEAST_M_S)
     moves = [saw(zones, edge_m + more).limit(0.1, 0.0) > 0 for more in (0.01, -0.01, 0.01, 0.04, 0.06, 0.01)]
     assert moves == [True, False, False, False, True, True]
 
@@ -272,7 +272,7 @@ def drive(walls, asked_m_s, seconds, tmp_path):
 def test_a_robot_that_drives_at_a_wall_stops_before_it(tmp_path):
     xs = drive("[[1.5, -2, 1.5, 2]]", 0.3, 25.0, tmp_path)
     room_m = 1.5 - FRONT_M - max(xs)
-    assert ZONES.protective_m - 0.02 <= room_m < ZONES.protective_m + 0.1
+    assert ZONES.protective_m <= room_m < ZONES.protective_m + 0.06
     assert max(xs) - xs[-20] < 0.01
 
 

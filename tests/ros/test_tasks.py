@@ -5,10 +5,21 @@ import time
 import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Twist, Vector3
+from geometry_msgs.msg import (
+    Point,
+    Pose,
+    PoseStamped,
+    Quaternion,
+    Transform,
+    TransformStamped,
+    Twist,
+    Vector3,
+)
 from nav_msgs.msg import Odometry
+from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
 
 from ros1_bridge.processes import wait_until
 
@@ -77,3 +88,26 @@ def test_a_node_does_the_parts_that_are_named(rig):
     assert wait_until(lambda: offered.topics(0).keys() == wanted, START_S), offered.topics(0)
     assert not offered.topics(1)
     assert offered.services().keys() == {"reset_odometry", "shutdown"}
+
+
+def test_a_laser_watches_the_zones_once_tf_tells_where_it_sits(rig):
+    rig.status = rig.topic("status", DiagnosticStatus)
+    rig.node(rig.board().port, "_zones:=scan", "_publish_mounts:=false")
+    out = rig.publisher("scan", LaserScan)
+    scan = LaserScan(angle_min=-1.0, angle_max=1.0, angle_increment=0.1, range_min=0.02, range_max=4.0)
+    scan.header.frame_id = f"{rig.name}/laser"
+
+    def seen(range_m, **wanted):
+        scan.ranges = [range_m] * 21
+        return wait_until(lambda: out.publish(scan) or says(rig, **wanted)(), START_S)
+
+    rig.status.wait()
+    assert seen(3.0, protective_zone_clear="false"), "nobody knows yet where the laser looks"
+    mount = TransformStamped(Header(frame_id=f"{rig.name}/base_link"), f"{rig.name}/laser", Transform())
+    mount.transform.translation.x, mount.transform.rotation.w = 0.085, 1.0
+    static = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
+    static.publish(TFMessage([mount]))
+    assert seen(3.0, protective_zone_clear="true", warning_zone_clear="true")
+    assert seen(0.5, protective_zone_clear="true", warning_zone_clear="false")
+    assert seen(0.15, protective_zone_clear="false")
+    static.unregister()
