@@ -53,9 +53,9 @@ class BoardClock:
     def update(self, time: int, arrival_s: float, next_one: bool = False) -> HostTime:
         """Host time of a frame with board time `time` [64 us, int16] that arrived at `arrival_s`.
 
-        Frames of one board in order.  A gap may be as long as the host's clock tells it to within 2 s, drift undone: hours.  Stamps are
-        strictly increasing.  `next_one`: the frame follows the one before within one wrap of the board's time, however
-        late it arrives.
+        Frames of one board in order.  A gap may be as long as the host's clock, its drift undone, tells it to within
+        2 s.  Stamps are strictly increasing.  `next_one`: the frame follows the one before within one wrap of the
+        board's time, however late it arrives.
         """
         if self._ticks is None:
             self._ticks = 0
