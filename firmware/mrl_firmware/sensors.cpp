@@ -143,11 +143,12 @@ bool next_transfer(hal::Transfer& transfer) {
 
 void transfer_ended(bus::Result result) {
   State& state = states[asked];
-  const bool good =
-      result == bus::Result::done && flash_pointer(&TAKES[asked])(hal::transfer.in, values_of(asked));
+  const bool arrived = result == bus::Result::done;
+  const bool good = arrived && flash_pointer(&TAKES[asked])(hal::transfer.in, values_of(asked));
   state.known = true;
+  if (arrived) state.answered = good;  // bytes that are no reading may have been written over the last one
   if (good) {
-    state.answered = state.seen = true;
+    state.seen = true;
     state.answered_at = board_clock::now();
   }
   state.failed = !good;

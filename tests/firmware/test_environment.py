@@ -118,6 +118,19 @@ def test_sensor_that_vanishes_ends_the_frames(board):
     assert not board.frames()
 
 
+def test_nonsense_of_a_sensor_is_no_reading(board):
+    """A compass that answers FFFF, 6553 deg, between two good readings."""
+    board.send("start_compass_stream", 20, wait_s=0.3)
+    compass = board.plant.i2c[COMPASS]
+    compass.read = lambda count, time_s: b"\xff" * count
+    board.run(0.1)
+    assert {frame.args for frame in board.frames()} == {(90,)} and faults(board) & SENSOR
+    del compass.read
+    board.forget()
+    board.run(0.2)
+    assert {frame.args for frame in board.frames()} == {(90,)}
+
+
 def test_sensor_that_comes_back_is_used(board):
     board.plant.i2c[COMPASS].present = False
     board.send("start_compass_stream", 20, wait_s=0.3)
