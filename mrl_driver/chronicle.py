@@ -8,15 +8,17 @@ from . import robots
 from .codec import REQUESTS, Frame, FrameDecoder
 from .errors import ConfigError
 from .odometry import Odometry
+from .omni import MOVE_OMNI, OmniCommands, OmniOdometry
 from .recording import REMARK, TO_BOARD, Recording
-from .robots import RobotModel
+from .robots import OmniDrive, RobotModel
 from .sonar import NAMES, range_m
-from .state import fastest_m_s
+from .state import odometry_of
 from .table import BY_NAME
 from .tape import CHECKED, PLAIN
 
 _CODE = {name: row.code for name, row in BY_NAME.items()}
-_COUNTS = (_CODE["read_encoders"], _CODE["read_encoders_and_sonars"])
+_OMNI = _CODE["start_omni_stream"]
+_COUNTS = (_CODE["read_encoders"], _CODE["read_encoders_and_sonars"], _OMNI)
 _REPORT_EVERY = 2000
 
 
@@ -120,6 +122,8 @@ class _Reader:
             self.commands.append((time_s, 0.0, 0.0))
         elif frame.code == _CODE["move_differential"]:
             self.commands.append((time_s, frame.args[0] / 1000, frame.args[1] / 1000))
+        elif frame.code == MOVE_OMNI and self.model is not None and isinstance(self.model.drive, OmniDrive):
+            self.commands.append((time_s, *OmniCommands(self.model, self.model.drive).read(frame.args)[:2]))
 
     def _on_reply(self, frame: Frame, time_s: float) -> None:
         if frame.code == _CODE["robot_info"]:
@@ -132,12 +136,19 @@ class _Reader:
 
     def _on_counts(self, frame: Frame, time_s: float, model: RobotModel) -> None:
         if self._odometry is None:
-            self._odometry = Odometry(model.drive, fastest_m_s(model), False)
-        self._odometry.update(frame.args[0], frame.args[1], time_s)
+            self._odometry = odometry_of(model, False)
+        sonars = frame.args[2:5]
+        if isinstance(self._odometry, OmniOdometry):
+            if frame.code != _OMNI:
+                return
+            self._odometry.update(frame.args[0], frame.args[1], time_s, frame.args[2])
+            sonars = frame.args[3:6]
+        else:
+            self._odometry.update(frame.args[0], frame.args[1], time_s)
         pose, twist = self._odometry.pose, self._odometry.twist
         self.poses.append((time_s, pose.x_m, pose.y_m, pose.yaw_rad))
         self.twists.append((time_s, twist.linear_m_s, twist.angular_rad_s))
-        for name, value in zip(NAMES, frame.args[2:5]):
+        for name, value in zip(NAMES, sonars):
             if name in model.sonars:
                 self.ranges[name].append((time_s, range_m(value, self._version)))
 

@@ -10,8 +10,9 @@ from .codec import REPLIES, REQUESTS, Frame, FrameDecoder
 from .log_codec import LogEvents, decode_log
 from .odometry import ORIGIN, Pose, advance
 from .odometry_log import integrate
+from .omni import STREAM, OmniOdometry
 from .recording import FROM_BOARD, REMARK, TO_BOARD, Recording
-from .robots import RobotModel
+from .robots import OmniDrive, RobotModel
 from .state import fastest_m_s
 from .table import BY_CODE, BY_NAME, SENSORS, TICK_S
 from .tape import CHECKED, PLAIN
@@ -25,8 +26,9 @@ _INFO = BY_NAME["robot_info"].code
 _ENCODERS = [
     code
     for code, row in BY_CODE.items()
-    if row.stamped and [f.name for f in row.reply[:2]] == ["right", "left"]
+    if row.stamped and [f.name for f in row.reply[:2]] == ["right", "left"] and row.name != STREAM
 ]
+_OMNI = [BY_NAME[STREAM].code]
 
 
 def summarise(recording: Recording, model: Optional[RobotModel] = None) -> Dict[str, Any]:
@@ -90,15 +92,23 @@ class _Way:
     def __init__(self) -> None:
         self.pose = ORIGIN
         self.refused = 0
+        self._three: Optional[OmniOdometry] = None
         self.forget()
 
     def forget(self) -> None:
         """The next reading primes."""
         self._counts = np.zeros((0, 2), np.int16)
         self._times_s = np.zeros(0)
+        if self._three is not None:
+            self._three.reset()
 
     def go(self, counts: np.ndarray, times_s: np.ndarray, model: RobotModel, exact_time: bool) -> None:
-        """Moves the pose by readings (N, 2) int16, columns right left [count], at (N,) times [s]."""
+        """Moves the pose by readings (N, 2) int16, columns right left [count], at (N,) times [s]; three wheels have a
+        third column, rear.
+        """
+        if isinstance(model.drive, OmniDrive):
+            self._slide(model.drive, counts, times_s, fastest_m_s(model), exact_time)
+            return
         old = len(self._times_s)
         counts, times_s = np.concatenate((self._counts, counts)), np.concatenate((self._times_s, times_s))
         if not len(counts):
@@ -108,6 +118,14 @@ class _Way:
         self.pose = _behind(self.pose, track.poses[-1])
         last = int(np.flatnonzero(track.used)[-1]) if track.used.any() else 0
         self._counts, self._times_s = counts[last:][-_MOST_DOUBTED:], times_s[last:][-_MOST_DOUBTED:]
+
+    def _slide(
+        self, drive: OmniDrive, counts: np.ndarray, times_s: np.ndarray, fastest: float, exact_time: bool
+    ) -> None:
+        self._three = self._three or OmniOdometry(drive, fastest, exact_time)
+        for (right, left, rear), time_s in zip(counts.tolist(), times_s.tolist()):
+            self._three.update(right, left, time_s, rear)
+        self.pose, self.refused = self._three.pose, self._three.baseline.refused
 
 
 def _behind(pose: Pose, step: np.ndarray) -> Pose:
@@ -246,12 +264,15 @@ class _Reader:
         self._sequence = int(sequence[-1])
 
     def _move(self, events: LogEvents) -> None:
-        found = [events.frames[code] for code in _ENCODERS if code in events.frames]
-        if not found or self.model is None:
+        if self.model is None:
+            return
+        three = isinstance(self.model.drive, OmniDrive)
+        found = [events.frames[code] for code in (_OMNI if three else _ENCODERS) if code in events.frames]
+        if not found:
             return
         order = np.argsort(np.concatenate([frames.end for frames in found]))
         arrivals_s = self._arrival_s(np.concatenate([frames.end for frames in found])[order])
-        counts = np.concatenate([frames.args[:, :2] for frames in found])[order]
+        counts = np.concatenate([frames.args[:, : 3 if three else 2] for frames in found])[order]
         if self._checked:
             stamps = [frames.stamps[:, 1] for frames in found if frames.stamps is not None]
             arrivals_s = self._board_s(np.concatenate(stamps)[order], arrivals_s)

@@ -147,3 +147,10 @@ class OmniCommands:
             max(-100, min(100, round(angular * self._radius_m * percent))),
             round(direction_deg) % 360,
         )
+
+    def read(self, arguments: Tuple[int, ...]) -> OmniTwist:
+        """The speeds that a request of row 43 asks for."""
+        share, rotation, direction_deg = arguments
+        way_m_s, heading = share * self._full_m_s / 100, math.radians(direction_deg + self._turned_deg)
+        turn_rad_s = rotation * self._full_m_s / 100 / self._radius_m
+        return OmniTwist(way_m_s * math.cos(heading), turn_rad_s, way_m_s * math.sin(heading))

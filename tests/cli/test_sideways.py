@@ -4,19 +4,30 @@ import json
 
 import pytest
 
+from mrl_driver import chronicle
+from mrl_driver.log_summary import summarise
+from mrl_driver.recording import Recording
 from mrl_driver.teleop import HOLD_S, LINEAR_M_S, Teleop
 
 from .run import fails, mrl
 
 
 @pytest.mark.emulated_board(robot="omni")
-def test_a_timed_drive_to_the_left(emulated_board):
-    """The model is found by the board's id; JSON tells the lateral speed as well."""
-    done = mrl("drive", "--port", emulated_board.port, "--lateral", "0.3", "--for", "1", "--json")
+def test_a_timed_drive_to_the_left(emulated_board, tmp_path):
+    """The model is found by the board's id; JSON tells the lateral speed as well, and the recording where it went."""
+    log = tmp_path / "left.mrllog"
+    done = mrl(
+        "drive", "--port", emulated_board.port, "--lateral", "0.3", "--for", "1", "--json", "--record", log
+    )
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert told["pose"]["y_m"] > 0.1 > abs(told["pose"]["x_m"])
     assert set(told["twist"]) == {"linear_m_s", "angular_rad_s", "lateral_m_s"}
+    there = Recording(str(log))
+    assert summarise(there)["pose"] == pytest.approx(told["pose"], abs=2e-4)
+    seen = chronicle.read(there)
+    assert seen.poses[-1][1:] == pytest.approx(tuple(told["pose"].values()), abs=2e-4)
+    assert seen.ranges["front"] and (0.0, 0.0) in [each[1:] for each in seen.commands]
     assert "sideways" in mrl("monitor", "--port", emulated_board.port, "--seconds", "0.2").stdout
 
 

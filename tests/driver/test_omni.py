@@ -116,6 +116,8 @@ def test_the_wire_carries_it_to_a_percent_and_a_degree(linear, angular, lateral)
     assert way * math.cos(math.radians(direction)) == pytest.approx(linear, abs=2.5 + 0.009 * way)
     assert way * math.sin(math.radians(direction)) == pytest.approx(lateral, abs=2.5 + 0.009 * way)
     assert rotation * 50 == pytest.approx(angular, abs=25.01)
+    told = OmniCommands(OMNI, OMNI.drive).read((share, rotation, direction))
+    assert told == pytest.approx((linear / 1000, angular / 1000, lateral / 1000), abs=0.026)
 
 
 def test_wheels_that_sit_elsewhere_turn_the_direction():
