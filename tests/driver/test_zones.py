@@ -283,4 +283,4 @@ def test_a_slowed_robot_still_gets_through_a_door(tmp_path):
     xs = drive("[[1.0, 0.2, 1.0, 2], [1.0, -0.2, 1.0, -2]]", 0.3, 15.0, tmp_path)
     before = [x for x in xs if 0.4 < x < 1.2]
     slowest_m_s = min(b - a for a, b in zip(before, before[1:])) / STEP_S
-    assert slowest_m_s < 0.15 and xs[-1] > 1.5
+    assert slowest_m_s < 0.25 and xs[-1] > 1.5
