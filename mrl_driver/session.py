@@ -98,6 +98,8 @@ class Session:
         """Arrival of the last telemetry."""
         self._greeting: Optional[Handshake] = Handshake(plan, self._send, admit, now, timeout_s=greeting_s)
         self._restarted = True
+        self._lost_before = 0
+        """Frames lost until the board was greeted."""
         self._status_s = self._info_s = self._sonar_s = math.inf
         self._status_heard_s = -math.inf
         self._boot_s = self._boot_before_s = math.nan
@@ -413,6 +415,7 @@ class Session:
         if self._greeting is None:
             long_up = self.status is not None and self.status.uptime_s >= BOOTED_S
             self._boot_before_s = self._boot_s if long_up else math.nan
+            self._lost_before = self.counters.lost
         self._status_heard_s = -math.inf
         self.sensors.end()
         self._status_s = self._info_s = self._sonar_s = math.inf
@@ -435,6 +438,7 @@ class Session:
         if self._restarted:
             self._clock = BoardClock()
             self._sequence = self._last = None
+            self.counters.lost = self._lost_before  # numbers that begin anew lost none
         self.heard_s = now
         self.motion.make_sure()
         events.append(Ready(self.board, self._restarted, self.checked))

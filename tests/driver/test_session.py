@@ -422,6 +422,14 @@ def test_a_board_reset_is_greeted_anew_and_stays_stopped():
     assert talk.session.counters.restarts == 1
 
 
+def test_frame_numbers_that_begin_anew_with_the_board_are_no_lost_frames():
+    talk = Talk().until_ready().run(0.5)
+    talk.board.reset(talk.now)
+    talk.events = []
+    talk.until_ready().run(0.2)
+    assert talk.seen(Ready)[0].restarted and talk.session.counters.lost == 0
+
+
 def test_a_reset_is_over_within_a_second():
     talk = Talk().until_ready()
     talk.board.reset(talk.now)
