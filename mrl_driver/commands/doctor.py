@@ -11,6 +11,7 @@ import click
 from ..doctor.findings import FAULT, NOTE, Finding, verdict
 from ..errors import ConfigError, MrlError, PortBusy, PortDenied, WrongRobot
 from ..names import Target
+from ..robots import Drive
 from .info import describe
 from .progress import waiting
 from .shared import agree, connected, demand_port, json_option, robot_options, say_json, yes_option
@@ -139,7 +140,15 @@ class Checkup:
         self._add(board.link(seen))
         self._add(board.refusals(counts))
         self._add(board.sonars(_settled_ranges(driver), driver.board))
-        if self._drives:
+        if self._drives and driver.model is not None and not isinstance(driver.model.drive, Drive):
+            self._add(
+                [
+                    Finding(
+                        NOTE, "wheels", "not tried: this check knows two wheels", "see them turn: mrl drive"
+                    )
+                ]
+            )
+        elif self._drives:
             self._add(wheels.check(driver, _ask if sys.stdin.isatty() else None))
         else:
             self._add([Finding(NOTE, "wheels", "not tried", "lift them, then: mrl doctor --drive")])
