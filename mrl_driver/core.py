@@ -122,9 +122,12 @@ class Core:
         if lateral_m_s and model is not None and self._omni is None:
             self.stop(now, "user")
             raise FrameError(f"{cannot_sideways(lateral_m_s, kind_of(model.drive))}; the robot was stopped")
+        moves = bool(linear_m_s or angular_rad_s or lateral_m_s)
+        if self.state.powerless and session.motion.target is not None and not moves:
+            self.stop(now, "battery")  # at once, not gently any more
         if model is None or self.leaving or self.state.powerless:
             return False
-        if self.mismatch is not None and (linear_m_s or angular_rad_s or lateral_m_s):
+        if self.mismatch is not None and moves:
             return False
         self.mismatch = None
         if self._omni is not None:

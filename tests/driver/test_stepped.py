@@ -121,3 +121,14 @@ def test_a_wheel_is_watched_from_the_first_command_after_a_restart_of_the_board(
             robot.drive(0.1, 0.0)
             robot.wait(0.1)
         assert robot.mismatch is not None
+
+
+def test_a_command_of_zero_stops_a_robot_that_slows_down_for_its_battery(robot, emulated):
+    robot.drive(0.4, 0.0)
+    robot.wait(3.0)
+    emulated.plant.robot.set_battery(8.3)
+    while robot.battery_state != "empty":
+        robot.wait(0.01)
+    assert robot.command.linear_m_s > 0.2
+    robot.drive(0.0, 0.0)
+    assert robot.command is None and robot.stop_reason == "battery"
