@@ -8,6 +8,8 @@ from mrl_driver.robots import RobotModel
 from mrl_driver.state import Telemetry
 from mrl_driver.zones import Scan, Settings, Zones, demand
 
+LEAST_RATE_HZ = 5.0
+"""Frames that come more slowly carry ranges too late for zones."""
 LONGEST_S = 0.5
 """A longer gap between two frames says nothing about the way made in it."""
 Mount = Tuple[float, float, float]
@@ -72,10 +74,14 @@ def demand_zones(parameters: Any, namespace: str) -> None:
     """Check the zones of the parameters.
 
     Raises:
-        ConfigError: they contradict each other.
+        ConfigError: they contradict each other, or the stream is too slow for them.
     """
     if parameters.zones == "none":
         return
+    if parameters.rate < LEAST_RATE_HZ:
+        raise ConfigError(
+            f"parameter {namespace}/rate is {parameters.rate:g}, expected {LEAST_RATE_HZ:g} Hz or more with zones"
+        )
     try:
         demand(settings_of(parameters, parameters.zone_braking or 1.0))
     except ConfigError as error:

@@ -126,6 +126,7 @@ def test_parts_are_a_list_or_a_text(parts):
         ({"parts": []}, "/n/parts is"),
         ({"zones": "sonars", "parts": "odometry"}, "/n/zones needs the part commands"),
         ({"zones": "scan", "zone_protective": 0.5}, "zone_.*warning_m is 0.5, expected more than 0.55"),
+        ({"zones": "sonars", "rate": 2}, "/n/rate is 2, expected 5 Hz or more with zones"),
         ({"zones": "both", "zone_warning": math.nan}, "/n/zone_warning is nan"),
     ],
 )

@@ -1,0 +1,62 @@
+"""What the zones of a node are told."""
+
+from types import SimpleNamespace
+
+import pytest
+from geometry_msgs.msg import Quaternion, Transform, Vector3
+
+from mrl_driver import robots
+from mrl_driver.errors import ConfigError
+from ros1_bridge.parameters import check
+from ros1_bridge.zone_watch import ZoneWatch, mount_of
+
+MODEL = robots.load("traxbot")
+
+
+def watch(has_sonars=True, **given):
+    return ZoneWatch(check({"port": "/dev/x", "zones": "sonars", **given}, "/n"), MODEL, has_sonars)
+
+
+def frame(stamp_s, speed_m_s, front_m=None):
+    fresh = () if front_m is None else ("front", "left", "right")
+    ranges = {"front": front_m, "left": 3.0, "right": 3.0}
+    return SimpleNamespace(
+        stamp_s=stamp_s, arrival_s=stamp_s, twist=(speed_m_s, 0.0), ranges=ranges, fresh=fresh
+    )
+
+
+def test_braking_is_the_models_acceleration_unless_given():
+    assert watch().zones.settings.braking_m_s2 == MODEL.limits.linear_acceleration_m_s2
+    assert watch(zone_braking=0.7).zones.settings.braking_m_s2 == 0.7
+
+
+def test_way_and_ranges_come_from_the_telemetry():
+    made = watch()
+    made.on_telemetry(frame(10.0, 0.0, 0.5), standing=True)
+    assert made.zones.protective_clear and not made.zones.warning_clear
+    for step in range(1, 21):
+        made.on_telemetry(frame(10.0 + step / 50, 1.0), standing=True)
+    assert made.zones.limit(0.1, 10.4) == 0
+
+
+def test_a_gap_in_the_stream_makes_no_way():
+    made = watch()
+    made.on_telemetry(frame(10.0, 0.5, 0.6), standing=True)
+    made.on_telemetry(frame(10.9, 0.5), standing=True)
+    assert made.zones.limit(0.1, 10.9) > 0
+
+
+def test_a_board_without_sonars_needs_a_laser():
+    with pytest.raises(
+        ConfigError, match="zones is sonars, but this board has no sonars, expected scan or none"
+    ):
+        watch(has_sonars=False)
+    watch(has_sonars=False, zones="scan")
+
+
+def test_a_laser_lies_flat_and_upright():
+    assert mount_of(Transform(Vector3(0.1, 0.02, 0.3), Quaternion(0, 0, 1, 0))) == pytest.approx(
+        (0.1, 0.02, 3.14159), abs=1e-5
+    )
+    with pytest.raises(ValueError, match="upside down"):
+        mount_of(Transform(Vector3(), Quaternion(1, 0, 0, 0)))
