@@ -1,0 +1,33 @@
+"""The node on an emulated robot with three wheels."""
+
+import math
+
+from geometry_msgs.msg import Twist, Vector3
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState
+
+from ros1_bridge.frames import OMNI_JOINTS
+from ros1_bridge.processes import wait_until
+
+from .rig import START_S
+
+
+def test_linear_y_drives_it_to_the_left(rig):
+    """The model is found by the board's id; pose, speed and wheels tell the slide, and the silence ends it."""
+    odom, joints = rig.topic("odom", Odometry), rig.topic("joint_states", JointState)
+    rig.node(rig.board("--robot", "omni").port)
+    odom.wait()
+    cmd_vel = rig.publisher("cmd_vel", Twist)
+
+    def slid() -> bool:
+        cmd_vel.publish(Twist(Vector3(0.0, 0.2, 0.0), Vector3()))
+        return odom.messages[-1].pose.pose.position.y > 0.15
+
+    assert wait_until(slid, START_S)
+    message = odom.messages[-1]
+    assert abs(message.pose.pose.position.x) < 0.08
+    assert max(each.twist.twist.linear.y for each in odom.messages) > 0.15
+    assert message.twist.covariance[7] > 1e-4
+    assert joints.wait()[-1].name == list(OMNI_JOINTS)
+    assert joints.messages[-1].position[2] < 0 < joints.messages[-1].position[0]
+    assert wait_until(lambda: math.isclose(odom.messages[-1].twist.twist.linear.y, 0.0, abs_tol=1e-9), 5.0)
