@@ -18,6 +18,9 @@ STEP_PERCENT, STEP_S = 40, 1.5
 STAND_S, FRESH_S = 1.5, 0.7
 """The robot stands so long before the wall; what the sonar says is from this stand after so much of it [s]."""
 
+LOOKS, LEAST_OF_WAY = 5, 0.7
+"""Before it drives on the robot looks so often; less than this share of the distance is not the sonar's curve."""
+
 Look = Callable[[str, Pose], Tuple[Optional[str], int]]
 """Which wheel turned, and which way, when this motor was driven and the ruler says that; see `wiring.Trial`."""
 
@@ -66,7 +69,11 @@ class SonarPlan(NamedTuple):
 def approach_wall(
     robot: Robot, track: Track, plan: SonarPlan, speeds: Speeds, say: Callable[[str], None]
 ) -> np.ndarray:
-    """Drive up to the wall and stand at each distance; the track's rows."""
+    """Drive up to the wall and stand at each distance; the track's rows.
+
+    Raises:
+        ConfigError: the wall, or something else, is much nearer than it should be.
+    """
     distances = plan.distances()
     line = robot.pose
     track.begin()
@@ -74,8 +81,26 @@ def approach_wall(
         if number:
             driving.straight(robot, plan.start_m - distance_m, speeds, line)
         say(f"{distance_m:.2f} m")
-        robot.wait(STAND_S)
+        _demand_way(_look_ahead(robot), distance_m)
     return track.end()
+
+
+def _look_ahead(robot: Robot) -> float:
+    """What the front sonar says while the robot stands [m]; NaN for nothing."""
+    said = []
+    for _ in range(LOOKS):
+        robot.wait(STAND_S / LOOKS)
+        said.append(robot.telemetry.ranges.get("front", np.nan) if robot.telemetry else np.nan)
+    return float(np.median(said))
+
+
+def _demand_way(said_m: float, distance_m: float) -> None:
+    """Refuse to drive on into a wall that is nearer than was said; a sonar is not that wrong."""
+    if said_m < LEAST_OF_WAY * distance_m:
+        raise ConfigError(
+            f"the front sonar says {max(said_m, 0.0):.2f} m, expected about {distance_m:.2f} m to the wall: measure "
+            "--start from the sonar to the wall, and clear the way"
+        )
 
 
 def stands(rows: np.ndarray, drive: Drive, start_m: float) -> Tuple[List[float], List[float]]:

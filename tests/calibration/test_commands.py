@@ -229,6 +229,14 @@ def test_a_plot_without_matplotlib_is_refused_before_anything_moves(lab, monkeyp
     assert lab.emulated is None
 
 
+def test_a_robot_that_was_put_too_near_to_the_wall_does_not_drive_into_it(lab):
+    """0.8 m away, said to be 1.5."""
+    lab.options = {"pose": "1.1,0,0", "footprint": "box"}
+    line = lab.refused("sonar", "--start", 1.5, "--step", 0.15, "--yes")
+    assert "the front sonar says 0.8" in line and "about 1.50 m" in line
+    assert lab.pose().x_m == pytest.approx(1.1, abs=END_M)
+
+
 def test_points_of_a_sonar_are_read_from_a_file(lab, tmp_path):
     distances = np.arange(0.2, 2.0, 0.1)
     (tmp_path / "wall.csv").write_text(
