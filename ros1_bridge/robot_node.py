@@ -113,17 +113,13 @@ class RobotNode:
             parameters.max_angular_acceleration,
         )
         self._commander = Commander(driver, limits, parameters.cmd_vel_timeout)
+        self._pose_goal = PoseGoal(self._commander, parameters.odom_frame, parameters.base_frame)
         self._publishers = Publishers(rospy.Publisher, rospy.exceptions.TransportException, parameters, model)
         has_sonars = not board.capabilities or "sonars" in board.capabilities
         if has_sonars and parameters.has("sonars"):
             self._publishers.sonars(rospy.Time.now())
         self._radio = Radio(rospy.Publisher, board.capabilities if parameters.has("sensors") else frozenset())
-        self._pose_goal = PoseGoal(self._commander, parameters.odom_frame, parameters.base_frame)
-        self._zones: Optional[ZoneWatch] = None
-        if parameters.zones != "none":
-            self._zones = ZoneWatch(parameters, model, has_sonars)
-            self._commander.zones = self._zones.zones
-        self._sideways = isinstance(model.drive, OmniDrive) and self._zones is None  # zones see nothing there
+        self._watch_zones(model, has_sonars)
         self._publishers.battery(board, rospy.Time.now())
         self._status = StatusTeller(
             self._commander, self._publishers.status, rospy.get_name(), self._hardware_id(board)
@@ -135,11 +131,7 @@ class RobotNode:
             self._offer_sensors(board)
         self._offer_services()
         if parameters.has("commands"):
-            rospy.Subscriber("cmd_vel", Twist, self._on_cmd_vel, queue_size=1, tcp_nodelay=True)
-            rospy.Subscriber("pose", PoseStamped, self._on_pose, queue_size=1)
-            if self._zones is not None and sources(parameters)[1]:
-                self._finder = MountFinder(parameters.base_frame)
-                rospy.Subscriber("scan", LaserScan, self._on_scan, queue_size=1, tcp_nodelay=True)
+            self._take_commands()
             self._offer_reconfigure(model, limits)
         gc.collect()
         gc.freeze()  # what is there now stays: collections need not walk it again and again
@@ -147,6 +139,20 @@ class RobotNode:
             f"{model.name} (robot id {board.robot_id}, firmware {board.version}) on {parameters.port}, "
             f"battery {board.battery_v:.1f} V"
         )
+
+    def _watch_zones(self, model: RobotModel, has_sonars: bool) -> None:
+        self._zones: Optional[ZoneWatch] = None
+        if self._parameters.zones != "none":
+            self._zones = ZoneWatch(self._parameters, model, has_sonars)
+            self._commander.zones = self._zones.zones
+        self._sideways = isinstance(model.drive, OmniDrive) and self._zones is None  # zones see nothing there
+
+    def _take_commands(self) -> None:
+        rospy.Subscriber("cmd_vel", Twist, self._on_cmd_vel, queue_size=1, tcp_nodelay=True)
+        rospy.Subscriber("pose", PoseStamped, self._on_pose, queue_size=1)
+        if self._zones is not None and sources(self._parameters)[1]:
+            self._finder = MountFinder(self._parameters.base_frame)
+            rospy.Subscriber("scan", LaserScan, self._on_scan, queue_size=1, tcp_nodelay=True)
 
     def _offer_sensors(self, board: Board) -> None:
         sensors = SensorTopics(
