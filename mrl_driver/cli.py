@@ -10,7 +10,7 @@ import io
 import os
 import signal
 import sys
-from typing import Any, Dict, List, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 import click
 
@@ -19,6 +19,8 @@ from .errors import MrlError
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
 TERMINATED = 143
+_GROUP_ALONE: Any = getattr(click.exceptions, "NoArgsIsHelpError", ())
+"""What click 8.2 and later raise with the help for it; before, they show it."""
 
 OWN: Dict[str, str] = {
     "calibrate": "mrl_driver.commands.calibrate:calibrate",
@@ -93,9 +95,31 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
         ctx.exit()
 
 
+def _known(function: str) -> Callable[[click.Context, click.Parameter, str], List[str]]:
+    """Completion by that function of the sub-commands, which is loaded only if the shell asks."""
+
+    def complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
+        found: List[str] = getattr(importlib.import_module("mrl_driver.commands.shared"), function)(
+            ctx, param, incomplete
+        )
+        return found
+
+    return complete
+
+
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
-@click.option("--port", metavar="PORT", help="Serial port, for any command that takes one.")
-@click.option("--robot", metavar="ROBOT", help="Named robot, model or .yaml file, likewise.")
+@click.option(
+    "--port",
+    metavar="PORT",
+    help="Serial port, for any command that takes one.",
+    shell_complete=_known("complete_port"),
+)
+@click.option(
+    "--robot",
+    metavar="ROBOT",
+    help="Named robot, model or .yaml file, likewise.",
+    shell_complete=_known("complete_robot"),
+)
 @click.option(
     "--version",
     is_flag=True,
@@ -135,6 +159,9 @@ def main(args: Optional[Sequence[str]] = None) -> None:
             or 0
         )
     except click.ClickException as error:
+        if isinstance(error, _GROUP_ALONE):
+            click.echo(error.format_message())
+            sys.exit(0)
         _complain(_one_line(error))
         sys.exit(error.exit_code)
     except (click.Abort, KeyboardInterrupt) as error:

@@ -89,14 +89,14 @@ def _footer(now: Shown, width: int) -> Text:
     if now.notice:
         return Text(f" {now.notice}", style="bold red", no_wrap=True, overflow="ellipsis")
     keys = (
-        [("arrows wasd", "drive"), ("space", "stop"), ("Enter", "lock keys")]
+        [("arrows wasd", "drive"), ("space", "stop"), ("Enter", "lock")]
         if now.keys_drive
         else [("Enter", "drive with keys"), ("space", "stop")]
     )
     if now.keys_drive and sideways(now.driver):
         keys.insert(1, (", .", "sideways"))
     text = Text(no_wrap=True, overflow="crop")
-    for key, what in [*keys, ("f", "frames"), ("c", "clear path"), ("q", "quit")]:
+    for key, what in [*keys, ("f", "frames"), ("c", "clear"), ("q", "quit")]:
         text.append(f" {key} ", style="reverse").append(f" {what}  ", style="dim")
     return text
 
@@ -183,7 +183,7 @@ def _supply(driver: Readout) -> Table:
         grid.add_row("firmware", "1 (2013), no watchdog")
         return grid
     grid.add_row("firmware", f"{driver.board.version}, up {_span(status.uptime_s)}, {heat}")
-    grid.add_row("stopped", f"by {status.stop_reason.replace('_', ' ')}")
+    grid.add_row("last stop", f"by {status.stop_reason.replace('_', ' ')}")
     faults = ", ".join(status.faults)
     grid.add_row("faults", Text(faults or "none", style="bold red" if faults else ""))
     return grid

@@ -59,7 +59,9 @@ def drive(
     timed = (linear, lateral, angular, seconds) != (None, None, None, None)
     if timed:
         _demand_finite(linear=linear or 0.0, lateral=lateral or 0.0, angular=angular or 0.0)
-        if seconds is None or not 0 < seconds <= 3600:
+        if seconds is None:
+            raise ConfigError("--for is missing, expected the seconds to drive, such as: --for 2")
+        if not 0 < seconds <= 3600:
             raise ConfigError(f"--for is {seconds}, expected seconds from above 0 to 3600")
     elif as_json or not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise ConfigError("there is no terminal to drive from; give --linear or --angular, and --for SECONDS")

@@ -173,7 +173,7 @@ def test_an_empty_battery_can_be_overridden(serve):
 
 def test_an_unknown_model():
     line = fails(2, "info", "--port", "/dev/null", "--robot", "nix")
-    assert "a model (stingbot, traxbot)" in line and "mrl names add nix" in line
+    assert "a model (omni, stingbot, traxbot)" in line and "mrl names add nix" in line
 
 
 @pytest.mark.parametrize("linear", ["nan", "inf", "-inf"])

@@ -66,8 +66,13 @@ def test_examples_parse(example):
         ctx = command.make_context(command.name, rest, parent=ctx)
 
 
-def test_words_alone_bring_the_help():
-    assert "Where to begin" in mrl().stdout
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [([], "Where to begin"), (["config"], "Usage: mrl config [OPTIONS] COMMAND [ARGS]...\n")],
+)
+def test_words_alone_bring_the_help(words, expected):
+    result = mrl(*words)
+    assert expected in result.stdout and result.returncode == 0
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh"])
@@ -77,7 +82,12 @@ def test_the_script_of_a_shell(shell):
 
 @pytest.mark.parametrize(
     ("words", "expected"),
-    [(["mo"], "monitor"), (["config", "set", "ra"], "ramp_time"), (["info", "--robot", "st"], "stingbot")],
+    [
+        (["mo"], "monitor"),
+        (["config", "set", "ra"], "ramp_time"),
+        (["info", "--robot", "st"], "stingbot"),
+        (["--robot", "st"], "stingbot"),
+    ],
 )
 def test_what_the_shell_completes(words, expected):
     env = {

@@ -52,12 +52,22 @@ def test_the_view_shows_what_matters(watched):
         "recording drive.mrl",
         "12.0 V",
         "1.20 m",
-        "stopped",
+        "last stop",
         "@8,",
         "·",
         "→",
     ):
         assert words in text, words
+
+
+def test_the_way_out_is_told_on_a_small_terminal(watched):
+    driver, _, log = watched
+    assert (
+        picture(Screen(driver, Settings(keys_drive=True), log), 80, 24)
+        .splitlines()[-1]
+        .rstrip()
+        .endswith("quit")
+    )
 
 
 def test_silence_is_told_at_the_top(watched):
