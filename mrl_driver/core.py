@@ -19,6 +19,7 @@ from .options import Options
 from .robots import OmniDrive, RobotModel, kind_of
 from .session import Counts, Info, Ready, Reply, Session, SessionEvent
 from .state import Notice, RobotState, Telemetry, limit
+from .table import COMMANDS
 from .wheel_watch import Mismatch, WheelWatch, wheel_watch
 
 GENTLE_S = 3.0
@@ -27,6 +28,13 @@ SLOWEST_MS = 50
 """The board streams at least this often, so that its silence shows in time; listeners who want fewer frames are told
 every n-th.
 """
+
+INDEXED = {
+    row.code
+    for row in COMMANDS
+    if row.request and row.reply and row.request[0].name == row.reply[0].name == "index"
+}
+"""Requests that are answered with the index they name."""
 
 
 class Core:
@@ -68,6 +76,11 @@ class Core:
             self._omni = OmniCommands(model, model.drive)
             self.session.motion.request_of = self._omni.spell
         return stream
+
+    def answer(self, code: int, args: Tuple[int, ...]) -> Optional[Tuple[int, ...]]:
+        """The reply to a request that was sent by itself; one to another index, which came late, is none."""
+        reply = self.replies.get(code)
+        return None if reply is None or (code in INDEXED and reply[0] != args[0]) else reply
 
     @property
     def begun(self) -> bool:

@@ -236,17 +236,18 @@ class Driver(Readout):
             BoardTimeout: no answer within `timeout_s`, for each of three attempts.
             LinkLost: the port went away.
         """
-        replies = self._core.replies
+        core = self._core
         for _ in range(ATTEMPTS):
             with self._changed:
-                replies.pop(code, None)
+                core.replies.pop(code, None)
                 self.request(code, *args)
                 self._asking += 1
-                answered = self._changed.wait_for(lambda: code in replies or self._error, timeout_s)
+                self._changed.wait_for(lambda: core.answer(code, args) or self._error, timeout_s)
                 self._asking -= 1
-                if answered:
-                    self._connected()
-                    return replies[code]
+                self._connected()
+                reply = core.answer(code, args)
+                if reply is not None:
+                    return reply
         raise BoardTimeout(
             f"no answer to request {code} in {ATTEMPTS} attempts of {timeout_s:g} s; try again"
         )

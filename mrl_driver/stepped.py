@@ -96,15 +96,16 @@ class SteppedDriver(Readout):
 
     def ask(self, code: int, *args: int, timeout_s: float = ANSWER_S) -> Tuple[int, ...]:
         """As `Driver.ask`."""
-        replies = self._core.replies
+        core = self._core
         for _ in range(ATTEMPTS):
-            replies.pop(code, None)
+            core.replies.pop(code, None)
             self.request(code, *args)
             end_s = self._now_s + timeout_s
-            while code not in replies and self._now_s < end_s:
+            while core.answer(code, args) is None and self._now_s < end_s:
                 self._step(end_s)
-            if code in replies:
-                return replies[code]
+            reply = core.answer(code, args)
+            if reply is not None:
+                return reply
         raise BoardTimeout(
             f"no answer to request {code} in {ATTEMPTS} attempts of {timeout_s:g} s; try again"
         )

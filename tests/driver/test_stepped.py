@@ -6,7 +6,7 @@ from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import BoardTimeout, LinkLost, NotARobot, WrongRobot
 from mrl_driver.readout import Readout
 from mrl_driver.stepped import SteppedDriver
-from mrl_driver.table import BY_NAME
+from mrl_driver.table import BY_NAME, PARAMETER_BY_NAME
 from sim_arduino import boards
 
 POSE_ERROR_M = 2e-4
@@ -132,3 +132,15 @@ def test_a_command_of_zero_stops_a_robot_that_slows_down_for_its_battery(robot, 
     assert robot.command.linear_m_s > 0.2
     robot.drive(0.0, 0.0)
     assert robot.command is None and robot.stop_reason == "battery"
+
+
+def test_a_late_answer_to_another_index_is_none(robot):
+    """As after a question that was repeated: both answers come, the second one to the next question."""
+    read, kp, ramp = (
+        BY_NAME["read_config"].code,
+        PARAMETER_BY_NAME["kp"].number,
+        PARAMETER_BY_NAME["ramp_time"].number,
+    )
+    expected = robot.ask(read, ramp)
+    robot.request(read, kp)
+    assert robot.ask(read, ramp) == expected
