@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from mrl_driver import robots
 from mrl_driver.errors import ConfigError
-from mrl_driver.robots import SonarMount
+from mrl_driver.goal_seeker import GoalSeeker
+from mrl_driver.robots import Limits, SonarMount
 from mrl_driver.stepped import SteppedDriver
 from mrl_driver.zones import AHEAD, BEHIND, LEAST_M_S, STALE_S, Scan, Settings, Zones, demand, looks
 from sim_arduino import boards, world_file
@@ -242,45 +243,72 @@ def test_zones_that_contradict_each_other_are_refused(wrong, words):
 # -- on the emulated robot
 
 STEP_S = 0.05
+READY_S = 2.0
+"""Before that the sonars have no readings."""
 
 
-def drive(walls, asked_m_s, seconds, tmp_path):
-    """Drive along x between walls; the true rooms before the body on the way, and the driver's last pose."""
-    file = tmp_path / "world.yaml"
-    file.write_text(f"start: [0, 0, 0]\nwalls: {walls}\n")
-    emulated = boards.make(boards.Options(robot="traxbot"), world_file.load(str(file)))
-    xs = []
-    zones = zones_of(ZONES._replace(braking_m_s2=MODEL.limits.linear_acceleration_m_s2))
+class Course:
+    """A robot in zones, driven by a planner for some time: where it was, what it asked for, what was allowed."""
 
-    def watch(telemetry):
+    def __init__(self, tmp_path, walls, planner, seconds):
+        file = tmp_path / "world.yaml"
+        file.write_text(f"start: [0, 0, 0]\nwalls: {walls}\n")
+        self._emulated = boards.make(boards.Options(robot="traxbot"), world_file.load(str(file)))
+        self._zones = zones_of(ZONES._replace(braking_m_s2=MODEL.limits.linear_acceleration_m_s2))
+        self.xs, self.ys, self.shares = [], [], []
+        try:
+            with SteppedDriver(self._emulated.engine) as self._robot:
+                self._robot.on_telemetry(self._watch)
+                while self._robot.now_s < seconds and not self._step(planner):
+                    pass
+        finally:
+            self._emulated.close()
+
+    def _watch(self, telemetry):
         for name in telemetry.fresh:
-            zones.on_range(name, telemetry.ranges[name], robot.now_s)
+            self._zones.on_range(name, telemetry.ranges[name], self._robot.now_s)
 
-    try:
-        with SteppedDriver(emulated.engine) as robot:
-            robot.on_telemetry(watch)
-            last_m = 0.0
-            while robot.now_s < seconds:
-                robot.wait(STEP_S)
-                zones.moved(robot.pose.x_m - last_m, robot.now_s)
-                last_m = robot.pose.x_m
-                robot.drive(zones.limit(asked_m_s, robot.now_s), 0.0)
-                xs.append(emulated.plant.true_pose.x_m)
-    finally:
-        emulated.close()
-    return xs
+    def _step(self, planner):
+        robot = self._robot
+        robot.wait(STEP_S)
+        self._zones.moved(robot.twist.linear_m_s * STEP_S, robot.now_s)
+        wanted = planner(robot)
+        if wanted is None:
+            return True
+        allowed = self._zones.limit(wanted[0], robot.now_s)
+        robot.drive(allowed, wanted[1])
+        self.xs.append(self._emulated.plant.true_pose.x_m)
+        self.ys.append(self._emulated.plant.true_pose.y_m)
+        self.shares.append(allowed / wanted[0] if wanted[0] and robot.now_s > READY_S else 1.0)
+        return False
+
+
+class Seeker:
+    """A planner that is not told of the zones."""
+
+    def __init__(self, goal):
+        self._seeker = GoalSeeker(goal, Limits(0.3, 1.0, math.inf, math.inf), 0.0)
+
+    def __call__(self, robot):
+        speeds = self._seeker.command(tuple(robot.pose)[:3], robot.ranges, robot.now_s)
+        assert not self._seeker.blocked
+        return None if self._seeker.reached else speeds
 
 
 def test_a_robot_that_drives_at_a_wall_stops_before_it(tmp_path):
-    xs = drive("[[1.5, -2, 1.5, 2]]", 0.3, 15.0, tmp_path)
+    xs = Course(tmp_path, "[[1.5, -2, 1.5, 2]]", lambda _: (0.3, 0.0), 15.0).xs
     room_m = 1.5 - FRONT_M - max(xs)
     assert ZONES.protective_m <= room_m < ZONES.protective_m + 0.06
     assert max(xs) - xs[-20] < 0.01
 
 
-def test_a_slowed_robot_still_gets_through_a_door(tmp_path):
-    """0.4 m wide, twice the robot."""
-    xs = drive("[[1.0, 0.2, 1.0, 2], [1.0, -0.2, 1.0, -2]]", 0.3, 15.0, tmp_path)
-    before = [x for x in xs if 0.4 < x < 1.2]
-    slowest_m_s = min(b - a for a, b in zip(before, before[1:])) / STEP_S
-    assert slowest_m_s < 0.25 and xs[-1] > 1.5
+@pytest.mark.parametrize(
+    "walls",
+    ["[[1.0, 0.22, 1.0, 2], [1.0, -0.22, 1.0, -2]]", "[[0.9, -0.1, 0.9, 0.1]]"],
+    ids=["door", "board"],
+)
+def test_a_planner_that_asks_for_too_much_is_held_and_not_stuck(tmp_path, walls):
+    """Through a door of 0.44 m, and around a board in its way."""
+    course = Course(tmp_path, walls, Seeker((2.0, 0.0, 0.0)), 40.0)
+    assert course.xs[-1] == pytest.approx(2.0, abs=0.05)
+    assert min(course.shares) == 0 and max(map(abs, course.ys)) < 1.0
