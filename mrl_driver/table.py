@@ -131,6 +131,9 @@ _ENCODERS = (
     _int16("right", "count", "Right wheel's counter, encoder 3 of the motor board; wraps at 16 bits."),
     _int16("left", "count", "Left wheel's counter, encoder 1 of the motor board; wraps at 16 bits."),
 )
+BAUDS = (115200, 250000, 500000, 1000000)
+"""Speeds of the line; all but the first are exact on the Uno."""
+_BAUD = Field("rate", 0, 3, "", "Baud rate: 0 is 115200, 1 is 250000, 2 is 500000, 3 is 1000000.")
 _REAR = _int16("rear", "count", "Third wheel's counter, encoder 2 of the motor board; wraps at 16 bits.")
 _SONARS = tuple(
     Field(name, SONAR_INVALID, 1250, "cm", f"{name.capitalize()} sonar; -1 no reading, 645 nothing in range.")
@@ -247,6 +250,8 @@ _OTHERS: Tuple[Command, ...] = (
         Field("direction", 0, 359, "deg", "Of the translation, counter-clockwise from forward."))),
     Command(44, "start_omni_stream", "Repeat three counters and the sonars until stopped.", _PERIOD,
             _ENCODERS + (_REAR,) + _SONARS, optional=1, stamped=True, repeats=44),
+    Command(45, "set_baud", "Change the speed of the line, once the answer has left; it is 115200 again after 1 s "
+                            "without a valid frame.", (_BAUD,), (_BAUD,), guarded=True),
 )
 COMMANDS: Tuple[Command, ...] = tuple(sorted(_OTHERS + tuple(row.command for row in SENSORS)))
 
@@ -272,6 +277,7 @@ CAPABILITIES: Tuple[Tuple[str, str], ...] = (
     ("environment", "Environment-sensor build: 20 to 28 have sensors."),
     ("xbee", "Radio build (38 to 40)."),
     ("omni", "Three wheels across (43, 44)."),
+    ("baud", "Faster serial line (45)."),
 )
 FAULTS: Tuple[Tuple[str, str], ...] = (
     ("motor_board", "The motor board does not answer."),

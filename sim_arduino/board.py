@@ -8,7 +8,7 @@ from collections import deque
 from typing import Deque, NamedTuple, Optional, Tuple
 
 from mrl_driver.codec import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
-from mrl_driver.table import BY_CODE, TICK_S
+from mrl_driver.table import BAUDS, BY_CODE, TICK_S
 
 from . import config_store, handlers
 from .config_store import Config
@@ -17,11 +17,16 @@ from .omni3md import Geometry, Omni3MD
 from .plant import Plant
 from .sonar_task import SonarTask
 from .sonars import VOLTS_PER_COUNT
-from .wire import Incoming, Outgoing
+from .wire import OUT_BYTE_S, Incoming, Outgoing
 
 BOOT_S = 0.2
 STALL_S = 0.25
 CHECK_SILENCE_S = 2.0
+BAUD_SILENCE_S = 1.0
+BAUD_QUIET_S = 4 * TICK_S
+"""What the chip waits after its queue is empty: two bytes are in the transmitter."""
+SAME_BAUD = 0.05
+"""Speeds that differ by less understand each other."""
 RETRY_S = 5e-3
 """Pause of a full-rate stream whose values cannot be had [s]."""
 ANSWERS = 8
@@ -76,13 +81,14 @@ class PythonBoard:
         )
         self.now_s = 0.0
         self._decoder = FrameDecoder(REQUESTS)
+        self._host_baud = float(BAUDS[0])
         self._start("power_on")
 
     # ---- the Engine interface
 
     def receive(self, data: bytes) -> None:
         """Bytes from the host, the first of them on the wire from now on."""
-        self._incoming.put(data, self.now_s)
+        self._incoming.put(self._through_line(data), self.now_s)
 
     def advance(self, to_s: float) -> bytes:
         """Runs to `to_s` [s]; the bytes that left the board until then."""
@@ -94,7 +100,17 @@ class PythonBoard:
             self._run_events()
         self.now_s = max(self.now_s, to_s)
         self.plant.advance(self.now_s)
-        return self._outgoing.take(self.now_s)
+        left, self._left = self._left + self._through_line(self._outgoing.take(self.now_s)), b""
+        return left
+
+    def set_host_baud(self, baud: float) -> None:
+        """The host's speed, both ways; at another speed than the board's the bytes turn into others."""
+        self._host_baud = baud
+        self._incoming.byte_s = 10.0 / baud
+
+    def _through_line(self, data: bytes) -> bytes:
+        same = abs(self._host_baud / BAUDS[self.baud] - 1.0) < SAME_BAUD
+        return data if same else b"\xff" * len(data)
 
     @property
     def next_event_s(self) -> float:
@@ -145,6 +161,9 @@ class PythonBoard:
         self._stream_has_turn = False
         self._booted = False
         self._incoming, self._outgoing = Incoming(), Outgoing()
+        self._incoming.byte_s = 10.0 / self._host_baud
+        self.baud = self._wanted_baud = 0
+        self._left = b""
         self._outgoing.free_s = self.now_s
         self._decoder = FrameDecoder(REQUESTS)
         self._answers: Deque[Answer] = deque()
@@ -175,6 +194,7 @@ class PythonBoard:
             trigger_s,
             self._watchdog_due_s(),
             self._check_due_s(),
+            self._baud_due_s(),
             self._wire_due_s() + frame_s,
         )
 
@@ -193,8 +213,21 @@ class PythonBoard:
         if self._check_due_s() <= now:
             self.stop_motors("check_ended")
             self.set_check(False)
+        if self._baud_due_s() <= now:
+            self._change_baud(self._wanted_baud if self._wanted_baud != self.baud else 0)
         if self._wire_due_s() <= now:
             self._send_next()
+
+    def _baud_due_s(self) -> float:
+        """When the line's speed changes: once the answer has left, or back when nothing valid comes."""
+        if self._wanted_baud != self.baud:
+            return math.inf if self._answers else self._outgoing.free_s + BAUD_QUIET_S
+        return self._valid_s + BAUD_SILENCE_S if self.baud else math.inf
+
+    def _change_baud(self, row: int) -> None:
+        self._left += self._through_line(self._outgoing.take(self.now_s))
+        self.baud = self._wanted_baud = row
+        self._outgoing.byte_s = OUT_BYTE_S if row == 0 else 10.0 / BAUDS[row]
 
     def _watchdog_due_s(self) -> float:
         return (
@@ -206,7 +239,7 @@ class PythonBoard:
 
     def _wire_due_s(self) -> float:
         """When the next frame goes onto the wire [s]: the line is free, and an answer or the stream is due."""
-        due = self._stream_due_s if self.stream else math.inf
+        due = self._stream_due_s if self.stream and self._wanted_baud == self.baud else math.inf
         if self._answers:
             due = min(due, min(answer.due_s for answer in self._answers))
         return max(due, self._outgoing.free_s)
@@ -233,7 +266,9 @@ class PythonBoard:
 
     def _send_next(self) -> None:
         """An answer or a frame of the stream; if both are due, by turns."""
-        stream_due = self.stream is not None and self._stream_due_s <= self.now_s
+        stream_due = (
+            self.stream is not None and self._stream_due_s <= self.now_s and self._wanted_baud == self.baud
+        )
         answer = next((each for each in self._answers if each.due_s <= self.now_s), None)
         self._stream_has_turn = stream_due and (answer is None or not self._stream_has_turn)
         if self._stream_has_turn:
@@ -280,6 +315,10 @@ class PythonBoard:
         """Ends the stream that `code` started."""
         if self.stream and self.stream.code == code:
             self.stream = None
+
+    def want_baud(self, row: int) -> None:
+        """Changes the line's speed to that of a row of `table.BAUDS`, once what is to be sent has left."""
+        self._wanted_baud = row
 
     def set_check(self, on: bool) -> None:
         """Check value on or off, both ways."""

@@ -44,7 +44,7 @@ def _stream(board: "PythonBoard", _: int) -> Values:
 def _protocol(board: "PythonBoard", _: int) -> Values:
     build = "environment" if board.environment else "sonars"
     return PROTOCOL_VERSION, sum(
-        _CAPABILITY[name] for name in ("check", "watchdog", "period", "config", "omni", build)
+        _CAPABILITY[name] for name in ("check", "watchdog", "period", "config", "omni", "baud", build)
     )
 
 
@@ -121,6 +121,14 @@ def _config(board: "PythonBoard", index: int) -> Values:
 REPLIES[BY_NAME["write_config"].code] = _config
 
 
+@request
+def set_baud(board: "PythonBoard", rate: int) -> None:
+    """45: the change comes once the answer has left."""
+    board.ask(BY_NAME["set_baud"].code, rate)
+    board.want_baud(rate)
+
+
+@reply("set_baud")
 @reply("set_check")
 @reply("save_config")
 @reply("default_config")

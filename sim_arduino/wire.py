@@ -12,16 +12,16 @@ _ROUNDING_S = 1e-9
 
 
 class Outgoing:
-    """Bytes on their way to the host."""
+    """Bytes on their way to the host, one each `byte_s` [s]."""
 
     def __init__(self) -> None:
-        self.free_s = 0.0
+        self.free_s, self.byte_s = 0.0, OUT_BYTE_S
         self._chunks: Deque[Tuple[float, bytes]] = deque()
 
     def put(self, data: bytes, at_s: float) -> None:
         """Sends `data` from `at_s` [s] on, behind what is still on the line."""
         start = max(at_s, self.free_s)
-        self.free_s = start + len(data) * OUT_BYTE_S
+        self.free_s = start + len(data) * self.byte_s
         self._chunks.append((start, data))
 
     def take(self, to_s: float) -> bytes:
@@ -29,11 +29,11 @@ class Outgoing:
         out = b""
         while self._chunks:
             start, data = self._chunks[0]
-            done = int(math.floor((to_s - start + _ROUNDING_S) / OUT_BYTE_S))
+            done = int(math.floor((to_s - start + _ROUNDING_S) / self.byte_s))
             if done < len(data):
                 if done > 0:
                     out += data[:done]
-                    self._chunks[0] = (start + done * OUT_BYTE_S, data[done:])
+                    self._chunks[0] = (start + done * self.byte_s, data[done:])
                 return out
             out += data
             self._chunks.popleft()
@@ -45,14 +45,16 @@ class Outgoing:
         if not self._chunks:
             return math.inf
         start, data = self._chunks[0]
-        return start + len(data) * OUT_BYTE_S
+        return start + len(data) * self.byte_s
 
 
 class Incoming:
-    """Bytes on their way from the host, cut behind each frame end, where the board may have something to do."""
+    """Bytes on their way from the host, one each `byte_s` [s]; cut behind each frame end, where the board may have
+    something to do.
+    """
 
     def __init__(self) -> None:
-        self._free_s = 0.0
+        self._free_s, self.byte_s = 0.0, IN_BYTE_S
         self._pieces: Deque[Tuple[float, bytes]] = deque()
 
     def put(self, data: bytes, at_s: float) -> None:
@@ -63,8 +65,8 @@ class Incoming:
             done += len(piece) + 1
             whole = piece + b"e" if done <= len(data) else piece
             if whole:
-                self._pieces.append((start + min(done, len(data)) * IN_BYTE_S, whole))
-        self._free_s = start + len(data) * IN_BYTE_S
+                self._pieces.append((start + min(done, len(data)) * self.byte_s, whole))
+        self._free_s = start + len(data) * self.byte_s
 
     @property
     def next_s(self) -> float:

@@ -1,5 +1,6 @@
 #include "answers.h"
 
+#include "baud.h"
 #include "bus.h"
 #include "frame_writer.h"
 #include "hal.h"
@@ -98,7 +99,7 @@ void start_answer() {
 
 void start_next() {
   if (!writer::idle() || hal::serial_waiting() > LOW_WATER) return;
-  const bool stream_due = stream::due();
+  const bool stream_due = stream::due() && !baud::changing();
   if (waiting && !(stream_due && !stream_had_last_turn)) {
     stream_had_last_turn = false;
     start_answer();
@@ -118,6 +119,8 @@ void ask(uint8_t code, int16_t value) {
   waiting++;
   service();
 }
+
+bool silent() { return !waiting && stage == Stage::none && writer::idle() && !hal::serial_waiting(); }
 
 bool about_to_read() {
   if (stage == Stage::none) return waiting || stream::almost_due();

@@ -12,6 +12,8 @@ void ask(uint8_t code, int16_t value = 0);
 bool can_ask();
 // Carries on with the frame on the wire, or begins the next one.
 void service();
+// True if nothing is on its way to the transmitter, nor waits to be asked for.
+bool silent();
 // True if counters are being read, or will be very soon: a transfer that can wait should.
 bool about_to_read();
 

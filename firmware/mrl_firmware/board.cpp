@@ -1,6 +1,7 @@
 #include "board.h"
 
 #include "answers.h"
+#include "baud.h"
 #include "board_clock.h"
 #include "bus.h"
 #include "commands.h"
@@ -44,6 +45,7 @@ void run() {
   if (gap) {
     hal::watchdog_kick();
     failsafe::service(gap);
+    baud::service();
   }
   commands::receive();
   bus::service();

@@ -1,6 +1,7 @@
 #include "failsafe.h"
 
 #include "answers.h"
+#include "baud.h"
 #include "board_clock.h"
 #include "commands.h"
 #include "frame_writer.h"
@@ -13,6 +14,7 @@ namespace {
 
 constexpr uint16_t STALL = static_cast<uint16_t>(board_clock::of_ms(250));
 constexpr uint32_t CHECK_SILENCE = board_clock::of_ms(2000);
+constexpr uint32_t BAUD_SILENCE = board_clock::of_ms(1000);
 
 uint32_t last_valid;
 uint32_t watchdog;  // [64 us], 0 is off
@@ -46,6 +48,7 @@ void service(uint16_t gap) {
     silent = true;
     motor::stop(StopReason::link_watchdog);
   }
+  if (baud::raised() && board_clock::passed(last_valid, BAUD_SILENCE)) baud::reset();
   if (commands::decoder.checked && board_clock::passed(last_valid, CHECK_SILENCE)) {
     motor::stop(StopReason::check_ended);
     set_check(false);

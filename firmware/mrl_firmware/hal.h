@@ -12,9 +12,10 @@ void begin();
 // Free-running counter of 64 us; wraps every 4.194 s.
 uint16_t ticks();
 
-// ---- serial line to the host, 115200 baud 8N1, interrupt-driven both ways
+// ---- serial line to the host, 8N1, interrupt-driven both ways
 
 constexpr uint8_t SERIAL_OUT_SIZE = 64;
+constexpr uint8_t SERIAL_DIVIDER = 16;  // at first; the speed is 16 MHz / (8 (divider + 1))
 
 // The next received byte, or -1.
 int16_t serial_read();
@@ -26,6 +27,8 @@ uint8_t serial_overruns();
 uint8_t serial_room();
 // Bytes that have not reached the transmitter yet.
 uint8_t serial_waiting();
+// Changes the speed, of what comes in as well; nothing may be waiting to be sent.
+void serial_speed(uint8_t divider);
 // Queues one byte; there must be room.
 void serial_write(uint8_t byte);
 

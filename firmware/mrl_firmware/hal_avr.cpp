@@ -14,7 +14,6 @@ static_assert(F_CPU == 16000000UL, "baud rate, ticks and I2C clock are computed 
 namespace hal {
 namespace {
 
-constexpr uint16_t BAUD_DIVIDER = 16;  // 117647 baud with U2X, 2.1 % above 115200
 constexpr uint8_t RUNNING_MARK = 0xA5, WATCHDOG_MARK = 0x5A;
 
 mrl::Ring<64> received;
@@ -135,9 +134,11 @@ void serial_write(uint8_t byte) {
   sei();
 }
 
+void serial_speed(uint8_t divider) { UBRR0 = divider; }
+
 static void start_serial() {
   UCSR0A = _BV(U2X0);
-  UBRR0 = BAUD_DIVIDER;
+  UBRR0 = SERIAL_DIVIDER;
   UCSR0C = _BV(UCSZ01) | _BV(UCSZ00);
   UCSR0B = _BV(RXEN0) | _BV(TXEN0) | _BV(RXCIE0);
 }

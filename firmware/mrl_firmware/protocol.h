@@ -8,7 +8,7 @@ constexpr uint8_t PROTOCOL_VERSION = 2;  // what read_protocol reports
 constexpr uint8_t MAX_ARGUMENTS = 14;  // of any frame, the check value included
 constexpr uint8_t MAX_FRAME = 98;  // bytes from '@' to 'e'
 constexpr uint8_t MAX_NOISE = 64;  // bytes outside a frame that are counted as one run
-constexpr uint8_t MAX_CODE = 44;  // codes run from 1 to this
+constexpr uint8_t MAX_CODE = 45;  // codes run from 1 to this
 constexpr uint8_t STOP_CODE = 13;  // accepted without a check value in every state
 constexpr int16_t SONAR_INVALID = -1;  // no reading
 constexpr int16_t SONAR_NOTHING = 645;  // cm, nothing in range
@@ -62,6 +62,7 @@ enum Code : uint8_t {
   READ_COMPASS = 42,
   MOVE_OMNI = 43,
   START_OMNI_STREAM = 44,
+  SET_BAUD = 45,
 };
 
 // Why bytes were refused; the order of read_counters.
@@ -87,6 +88,7 @@ constexpr int16_t CAPABILITY_SONARS = 16;
 constexpr int16_t CAPABILITY_ENVIRONMENT = 32;
 constexpr int16_t CAPABILITY_XBEE = 64;
 constexpr int16_t CAPABILITY_OMNI = 128;
+constexpr int16_t CAPABILITY_BAUD = 256;
 
 constexpr int16_t FAULT_MOTOR_BOARD = 1;
 constexpr int16_t FAULT_BUS_HUNG = 2;
@@ -176,6 +178,7 @@ void send_xbee(const int16_t* args, uint8_t count);  // 38
 void discover_xbee(const int16_t* args, uint8_t count);  // 40
 void move_omni(const int16_t* args, uint8_t count);  // 43
 void start_omni_stream(const int16_t* args, uint8_t count);  // 44
+void set_baud(const int16_t* args, uint8_t count);  // 45
 }  // namespace handlers
 
 // One function for each sensor; a forgotten one fails to link.  On the I2C bus: values out of the bytes of
@@ -244,7 +247,8 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   REQUEST(41, read_light, 0, 0, 0, 0, 39) \
   REQUEST(42, read_compass, 0, 0, 0, 0, 39) \
   REQUEST(43, move_omni, 3, 3, 0, 0, 39) \
-  REQUEST(44, start_omni_stream, 0, 1, 0, 1, 42)
+  REQUEST(44, start_omni_stream, 0, 1, 0, 1, 42) \
+  REQUEST(45, set_baud, 1, 1, 1, 0, 43)
 
 // lowest and highest value of each request's arguments
 #define MRL_ARGUMENT_RANGES(RANGE) \
@@ -290,7 +294,8 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   RANGE(0, 100) \
   RANGE(-100, 100) \
   RANGE(0, 359) \
-  RANGE(0, 10000)
+  RANGE(0, 10000) \
+  RANGE(0, 3)
 
 // names of the reasons, for the debug text
 #define MRL_REASONS(REASON) \

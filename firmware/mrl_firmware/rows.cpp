@@ -110,7 +110,7 @@ void report(uint8_t code, int16_t value, bool with_counts) {
       return xbee::report_text();
     case DISCOVER_XBEE:
       return xbee::report_node();
-    default:  // 32, 36 and 37 answer with the value they were asked with
+    default:  // 32, 36, 37 and 45 answer with the value they were asked with
       return sensors::knows(code) ? sensors::report(code) : writer::add(value);
   }
 }

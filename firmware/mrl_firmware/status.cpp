@@ -12,7 +12,7 @@ namespace status {
 namespace {
 
 constexpr int16_t CAPABILITIES = CAPABILITY_CHECK | CAPABILITY_WATCHDOG | CAPABILITY_PERIOD | CAPABILITY_CONFIG |
-                                 CAPABILITY_OMNI |
+                                 CAPABILITY_OMNI | CAPABILITY_BAUD |
                                  (MRL_ENVIRONMENT ? CAPABILITY_ENVIRONMENT : CAPABILITY_SONARS) |
                                  (MRL_XBEE ? CAPABILITY_XBEE : 0);
 

@@ -101,7 +101,7 @@ def test_get_stream(bench):
 def test_requests_are_answered_between_the_frames_of_a_full_stream(bench):
     bench.ask("start_stream")
     got = bench.ask("read_protocol", wait_s=0.02)
-    assert Frame(29, (2, 159)) in got
+    assert Frame(29, (2, 415)) in got
 
 
 def test_another_streams_end_leaves_this_one_running(bench):

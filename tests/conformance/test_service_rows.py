@@ -3,7 +3,7 @@
 import pytest
 
 from mrl_driver.codec import Frame, Garbage, encode_request
-from mrl_driver.table import PARAMETER_BY_NAME, RESET_CAUSES, STOP_REASONS
+from mrl_driver.table import BAUDS, PARAMETER_BY_NAME, RESET_CAUSES, STOP_REASONS
 
 WATCHDOG_MARGIN_S = 0.015
 STALL_S = 0.254
@@ -21,11 +21,11 @@ def test_robot_info(make):
 
 
 def test_protocol_and_capabilities_of_the_sonar_build(bench):
-    assert bench.reply("read_protocol") == (2, 1 + 2 + 4 + 8 + 16 + 128)
+    assert bench.reply("read_protocol") == (2, 1 + 2 + 4 + 8 + 16 + 128 + 256)
 
 
 def test_protocol_and_capabilities_of_the_environment_build(sensors):
-    assert sensors.reply("read_protocol") == (2, 1 + 2 + 4 + 8 + 32 + 128)
+    assert sensors.reply("read_protocol") == (2, 1 + 2 + 4 + 8 + 32 + 128 + 256)
 
 
 def test_status_after_power_on(bench):
@@ -232,7 +232,7 @@ def test_frames_cut_by_a_newer_one_still_stop(bench):
 
 def test_many_requests_at_once_are_answered_in_order(bench):
     got = bench.ask("read_encoders") and bench.send(b"@6e@15e@17e@29e")
-    assert got == b"@6,0,0e\r\n@15,0e\r\n@17,0e\r\n@29,2,159e\r\n"
+    assert got == b"@6,0,0e\r\n@15,0e\r\n@17,0e\r\n@29,2,415e\r\n"
 
 
 def test_more_questions_than_the_wire_can_answer_are_counted(bench):
@@ -240,3 +240,38 @@ def test_more_questions_than_the_wire_can_answer_are_counted(bench):
     bench.send(b"@5e" * 100, wait_s=0.5)
     assert bench.counters()["overrun"] > 0
     assert not any(isinstance(event, Garbage) for event in bench.ask("robot_info"))
+
+
+# ---- speed of the line
+
+
+@pytest.mark.parametrize("rate", [1, 2, 3])
+def test_the_speed_changes_once_the_answer_has_left(bench, rate):
+    assert bench.reply("set_baud", rate) == (rate,)
+    bench.board.set_host_baud(BAUDS[rate])
+    assert bench.reply("read_protocol")[0] == 2
+    assert bench.reply("set_baud", 0) == (0,)
+    bench.board.set_host_baud(BAUDS[0])
+    assert bench.reply("read_protocol")[0] == 2
+
+
+def test_a_speed_that_the_host_does_not_follow_is_left_again(bench):
+    """Bytes at another speed are no valid frames."""
+    bench.reply("set_baud", 2)
+    for _ in range(4):
+        assert not any(isinstance(event, Frame) for event in bench.ask("read_protocol", wait_s=0.2))
+    bench.run(0.4)
+    assert bench.reply("read_protocol")[0] == 2
+
+
+def test_a_running_stream_goes_on_at_the_new_speed(bench):
+    bench.ask("start_stream")
+    bench.ask("set_baud", 2)
+    bench.board.set_host_baud(BAUDS[2])
+    bench.run(0.05)
+    assert sum(isinstance(event, Frame) for event in bench.ask("read_protocol", wait_s=0.2)) > 100
+
+
+def test_a_change_of_speed_is_guarded(bench):
+    bench.send(b"@45,2e")
+    assert bench.counters() == {"bad_check": 1}

@@ -15,7 +15,7 @@
 
 namespace {
 
-constexpr double TICK_US = 64, PASS_US = 16, BYTE_OUT_US = 85.0, BYTE_IN_US = 1e6 * 10 / 115200;
+constexpr double TICK_US = 64, PASS_US = 16, BITS = 10;
 constexpr double ADC_US = 104, EEPROM_WRITE_US = 3400;
 
 struct Arrival {
@@ -50,10 +50,22 @@ bool dust_seen;
 std::deque<uint8_t> radio_in;
 std::vector<uint8_t> radio_out;
 
+uint8_t divider;
+double host_baud;
+
+double byte_out_us() { return BITS * 8 * (divider + 1) / 16.0; }
+double byte_in_us() { return 1e6 * BITS / host_baud; }
+
+// At another speed bytes turn into others.
+uint8_t through_line(uint8_t byte) {
+  const double ratio = byte_out_us() / byte_in_us();
+  return ratio > 0.95 && ratio < 1.05 ? byte : 0xFF;
+}
+
 void move_serial() {
   while (!arriving.empty() && arriving.front().time_us <= now_us) {
     if (received.room()) {
-      received.put(arriving.front().byte);
+      received.put(through_line(arriving.front().byte));
     } else if (overruns != 255) {
       overruns++;
     }
@@ -61,8 +73,8 @@ void move_serial() {
   }
   while (sending.used() && out_free_us <= now_us) {
     const double began = out_free_us > now_us - PASS_US ? out_free_us : now_us;
-    sent.push_back(sending.take());
-    out_free_us = began + BYTE_OUT_US;
+    sent.push_back(through_line(sending.take()));
+    out_free_us = began + byte_out_us();
   }
 }
 
@@ -102,6 +114,7 @@ void serial_discard() { received.clear(); }
 uint8_t serial_room() { return sending.room(); }
 uint8_t serial_waiting() { return sending.used(); }
 void serial_write(uint8_t byte) { sending.put(byte); }
+void serial_speed(uint8_t to) { divider = to; }
 uint8_t serial_overruns() {
   const uint8_t count = overruns;
   overruns = 0;
@@ -180,6 +193,8 @@ void pc_start(const PcWorld* outside, double time_us, uint16_t tick, int reset_f
   now_us = start_us = kicked_us = line_free_us = out_free_us = time_us;
   first_tick = tick;
   flags = reset_flags;
+  divider = hal::SERIAL_DIVIDER;
+  host_baud = 115200;
   memcpy(eeprom, image, sizeof eeprom);
   mrl::board::begin();
 }
@@ -195,8 +210,10 @@ void pc_stall(double time_us) { pass_time(time_us > now_us ? time_us : now_us); 
 
 double pc_now_us() { return now_us; }
 
+void pc_set_host_baud(double baud) { host_baud = baud; }
+
 void pc_receive(uint8_t byte) {
-  line_free_us = (line_free_us > now_us ? line_free_us : now_us) + BYTE_IN_US;
+  line_free_us = (line_free_us > now_us ? line_free_us : now_us) + byte_in_us();
   arriving.push_back({byte, line_free_us});
 }
 

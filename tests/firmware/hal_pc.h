@@ -24,6 +24,8 @@ void pc_stall(double time_us);
 double pc_now_us();
 // Puts a byte on the line to the board, behind those still on it.
 void pc_receive(uint8_t byte);
+// Speed of the host's end, 115200 at first.
+void pc_set_host_baud(double baud);
 // Takes bytes that have left the board; returns how many.
 int pc_sent(uint8_t* bytes, int room);
 // Holds the bus: transfers never end until it is released by hand, or after so many recoveries (0: never).

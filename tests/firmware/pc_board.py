@@ -54,7 +54,7 @@ def load(library: Path) -> Any:
         ctypes.c_int,
         ctypes.c_char_p,
     )
-    for name in ("pc_advance", "pc_stall"):
+    for name in ("pc_advance", "pc_stall", "pc_set_host_baud"):
         getattr(native, name).argtypes = (ctypes.c_double,)
     native.pc_now_us.restype = native.pc_longest_kick_gap_us.restype = ctypes.c_double
     native.pc_eeprom.restype = _BYTES
@@ -111,6 +111,10 @@ class PcBoard:
         self.plant.advance(max(to_s, self.now_s))
         buffer = (ctypes.c_uint8 * 65536)()
         return bytes(buffer[: self.native.pc_sent(buffer, 65536)])
+
+    def set_host_baud(self, baud: float) -> None:
+        """The host's speed, both ways; at another speed than the board's the bytes turn into others."""
+        self.native.pc_set_host_baud(baud)
 
     @property
     def now_s(self) -> float:

@@ -116,7 +116,7 @@ def test_check_value_is_signed():
 @pytest.mark.parametrize(
     "code, args, message",
     [
-        (99, (), "command 99 is not in the table, expected 1 to 44"),
+        (99, (), "command 99 is not in the table, expected 1 to 45"),
         (11, (1,), r"command 11 \(move_differential\) takes 2 arguments, got 1"),
         (11, (40000, 0), "move_differential: linear is 40000, expected -32768 to 32767 mm/s"),
         (9, (101, 0), "move_motors_pid: motor_1 is 101, expected -100 to 100 %"),

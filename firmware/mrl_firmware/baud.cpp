@@ -1,0 +1,53 @@
+#include "baud.h"
+
+#include "answers.h"
+#include "flash.h"
+#include "hal.h"
+#include "protocol.h"
+
+namespace mrl {
+namespace baud {
+namespace {
+
+// 16 MHz / (8 (divider + 1)): 117647, which is 2.1 % above 115200, and exactly 250000, 500000, 1000000 baud.
+const uint8_t DIVIDERS[] PROGMEM = {hal::SERIAL_DIVIDER, 7, 3, 1};
+// The last two bytes of an answer stand in the transmitter, not in the queue, and take 170 us at 117647 baud.
+constexpr uint8_t QUIET_TICKS = 4;
+
+uint8_t in_force, wanted, quiet;
+
+void change() {
+  in_force = wanted;
+  hal::serial_speed(flash_byte(&DIVIDERS[in_force]));
+}
+
+}  // namespace
+
+bool changing() { return wanted != in_force; }
+
+bool raised() { return in_force; }
+
+void reset() {
+  wanted = 0;
+  change();
+}
+
+void service() {
+  if (!changing()) return;
+  quiet = answers::silent() ? static_cast<uint8_t>(quiet + 1) : static_cast<uint8_t>(0);
+  if (quiet < QUIET_TICKS) return;
+  quiet = 0;
+  change();
+}
+
+}  // namespace baud
+
+namespace handlers {
+
+void set_baud(const int16_t* args, uint8_t) {
+  if (answers::can_ask()) baud::wanted = static_cast<uint8_t>(args[0]);
+  answers::ask(SET_BAUD, args[0]);
+}
+
+}  // namespace handlers
+}  // namespace mrl
