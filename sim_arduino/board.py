@@ -100,7 +100,8 @@ class PythonBoard:
             self._run_events()
         self.now_s = max(self.now_s, to_s)
         self.plant.advance(self.now_s)
-        left, self._left = self._left + self._through_line(self._outgoing.take(self.now_s)), b""
+        left = self._left + self._through_line(self._outgoing.take(self.now_s))
+        self._left = b""
         return left
 
     def set_host_baud(self, baud: float) -> None:
