@@ -236,8 +236,10 @@ def supervise(run: Run, plan: Plan) -> int:
     Raises:
         RunError: a part did not start, or died; Stopped: a signal came.
     """
-    start_roscore(run)
     real = bool(plan.port)
+    board = f"the robot on {plan.port}" if real else f"an emulated {plan.robot or _DEFAULT_ROBOT}"
+    click.echo(f"starting the ROS node for {board}; Ctrl-C ends everything")
+    start_roscore(run)
     if not real:
         plan = plan._replace(robot=plan.robot or _DEFAULT_ROBOT)
         plan = plan._replace(port=start_simulator(run, plan.robot or "", plan.engine))

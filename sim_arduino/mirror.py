@@ -83,7 +83,7 @@ def _pose(number: int, line: str) -> Tuple[float, float, float]:
     return x, y, yaw
 
 
-@click.command("mirror", cls=OneLine)
+@click.command("mirror", cls=OneLine, short_help="Show a real robot to the emulated ones.")
 @click.option("--world-name", required=True, metavar="NAME", help="The shared world.")
 @click.option("--name", required=True, help="The robot's name there.")
 @click.option("--robot", default="traxbot", metavar="NAME|FILE", show_default=True, help="Robot model.")

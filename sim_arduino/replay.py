@@ -22,7 +22,7 @@ POLL_S = 0.02
 QUIET_POLLS = 5
 
 
-@click.command()
+@click.command(short_help="Say what a recording holds, or play it again.")
 @click.argument("file")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 @click.option(

@@ -178,7 +178,7 @@ def straight(
     _geometry(Plan(STRAIGHT, settings, legs, runs, again), job)
 
 
-@click.command()
+@click.command(short_help="Slip offset Cs of tracks, or wheelbase of wheels.")
 @job_options
 @click.option(
     "--turns", type=click.IntRange(1, 20), default=2, show_default=True, help="Whole turns of a run."
@@ -206,7 +206,7 @@ def turn(
     _geometry(Plan(TURN, {"turns": turns, "count": count}, legs, runs, again), job)
 
 
-@click.command()
+@click.command(short_help="Wheel ratio, wheelbase and noise, by squares.")
 @job_options
 @click.option(
     "--side", type=click.FloatRange(0.3, 10.0), default=1.0, show_default=True, help="Side of the square [m]."

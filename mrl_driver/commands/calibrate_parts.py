@@ -56,7 +56,7 @@ def wiring(job: Job, unseen: bool, recording: Optional[str]) -> None:
         click.echo("motors and encoders are wired right")
 
 
-@click.command()
+@click.command(short_help="Curve of the sonars, range_cm = a s^b + c.")
 @job_options
 @click.option(
     "--start",

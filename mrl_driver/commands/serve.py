@@ -8,7 +8,7 @@ from ..names import Target
 from .shared import complain, demand_port, robot_options
 
 
-@click.command()
+@click.command(short_help="Put a robot's port on the network.")
 @robot_options
 @click.option(
     "--listen",

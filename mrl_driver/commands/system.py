@@ -14,7 +14,7 @@ root_option = click.option(
 dry_option = click.option("--dry-run", is_flag=True, help="Show what would be done, and do nothing.")
 
 
-@click.group()
+@click.group(short_help="Make this machine know robots when plugged in.")
 def system() -> None:
     """Make this machine know robots: names, permissions, no ModemManager, a ROS node at plugging in.
 
@@ -26,7 +26,7 @@ def system() -> None:
     """
 
 
-@system.command()
+@system.command(short_help="Write the udev rule and the unit; let USER open ports.")
 @click.option("--user", metavar="USER", help="Who drives the robots; by default who asks, or called sudo.")
 @root_option
 @dry_option

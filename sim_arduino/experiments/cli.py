@@ -43,7 +43,7 @@ EXPERIMENTS = {
 WORKERS = 2
 
 
-@click.command("experiment", cls=OneLine)
+@click.command("experiment", cls=OneLine, short_help="Repeat an experiment of the papers.")
 @click.argument("names", nargs=-1, metavar="[NAME|all]...")
 @click.option("--list", "listed", is_flag=True, help="Say what there is.")
 @click.option(

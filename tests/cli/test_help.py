@@ -75,6 +75,11 @@ def test_words_alone_bring_the_help(words, expected):
     assert expected in result.stdout and result.returncode == 0
 
 
+def test_every_summary_fits_a_line_of_the_list():
+    groups = [path[1:] for path, command in COMMANDS.items() if isinstance(command, click.Group)]
+    assert [path for path in groups if "...\n" in mrl(*path, "--help").stdout.split("Commands:")[1]] == []
+
+
 @pytest.mark.parametrize("shell", ["bash", "zsh"])
 def test_the_script_of_a_shell(shell):
     assert "_MRL_COMPLETE" in mrl("completion", shell).stdout
