@@ -224,4 +224,5 @@ def _scaled_in_plane(linear_m_s: float, angular_rad_s: float, limits: Limits, la
 
 def lowered(limits: Limits, *wanted: float) -> Limits:
     """The model's limits, each lowered to what is wanted (in their order); 0 leaves the model's own."""
-    return Limits(*(min(most, own) if most > 0 else own for most, own in zip(wanted, limits)))
+    lower = (min(most, own) if most > 0 else own for most, own in zip(wanted, limits))
+    return Limits(*lower, *limits[len(wanted) :])

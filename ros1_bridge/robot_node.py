@@ -320,6 +320,7 @@ class RobotNode:
             config["max_angular_speed"],
             config["max_linear_acceleration"],
             config["max_angular_acceleration"],
+            self._commander.limits.lateral_m_s,
         )
         return config
 

@@ -108,6 +108,13 @@ def test_limits_keep_direction_and_arc(linear, angular, lateral):
     assert kept.linear_m_s * lateral == pytest.approx(linear * kept.lateral_m_s, abs=1e-9)
 
 
+def test_sideways_has_a_limit_of_its_own():
+    model = OMNI._replace(limits=OMNI.limits._replace(lateral_m_s=0.1))
+    commands = OmniCommands(model, OMNI.drive)
+    assert commands.limited(0.3, 0.0, 0.0) == (0.3, 0.0, 0.0)
+    assert commands.limited(0.2, 0.4, 0.2) == pytest.approx((0.1, 0.2, 0.1))
+
+
 @given(linear=st.integers(-350, 350), angular=st.integers(-3000, 3000), lateral=st.integers(-350, 350))
 def test_the_wire_carries_it_to_a_percent_and_a_degree(linear, angular, lateral):
     code, share, rotation, direction = OmniCommands(OMNI, OMNI.drive).spell((linear, angular, lateral))

@@ -232,6 +232,14 @@ def test_a_slide_keeps_direction_and_arc_within_the_limits(linear, angular, late
     assert forward * angular == pytest.approx(turn * linear, abs=1e-9)
 
 
+def test_sideways_has_a_limit_of_its_own(bench):
+    bench.commander.limits = LIMITS._replace(lateral_m_s=0.1)
+    for _ in range(200):
+        bench.now_s += FRAME_S
+        bench.commander.drive(0.2, 0.4, 0.2)
+    assert bench.driver.command == pytest.approx((0.1, 0.2, 0.1))
+
+
 def test_a_slide_speeds_up_as_the_limit_says_and_turns_its_direction_at_once(bench):
     bench.commander.drive(0.0, 0.0, 0.3)
     assert bench.driver.command == (0.0, 0.0, pytest.approx(0.2 * FRAME_S))
