@@ -102,6 +102,9 @@ class _Sight(NamedTuple):
     way_m: float
 
 
+_UNHEARD = _Sight(-math.inf, -math.inf, math.inf, 0.0)
+
+
 class Scan(NamedTuple):
     """Ranges of a laser [m], the angle of the first and between two (counter-clockwise), and where it sits."""
 
@@ -154,13 +157,12 @@ class Zones:
         self._sonars = sonars
         self._front_m, self._half_m = body.length_m / 2, body.width_m / 2 + settings.clearance_m
         self._lock = threading.Lock()
-        unheard = _Sight(-math.inf, -math.inf, math.inf, 0.0)
         self._sights: Dict[int, Dict[str, _Sight]] = {AHEAD: {}, BEHIND: {}}
         for name, mount in sonars.items():
             for direction in looks(math.radians(mount.yaw_deg)):
-                self._sights[direction][name] = unheard
+                self._sights[direction][name] = _UNHEARD
         if laser:
-            self._sights[AHEAD][LASER] = unheard
+            self._sights[AHEAD][LASER] = _UNHEARD
         self._way_m = 0.0
         self._ways: Deque[Tuple[float, float]] = deque()
         self._held = {AHEAD: False, BEHIND: False}
@@ -244,7 +246,7 @@ class Zones:
     def _hear(self, direction: int, name: str, room_m: float, now: float) -> None:
         with self._lock:
             if math.isnan(room_m):
-                before = self._sights[direction][name]
+                before = self._sights[direction].get(name, _UNHEARD)
                 self._sights[direction][name] = before._replace(heard_s=now)
             else:
                 # the reading may be as old as the reaction, and where the robot was then is not known exactly

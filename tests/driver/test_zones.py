@@ -148,6 +148,12 @@ def test_a_laser_that_looks_all_around_frees_the_way_back():
     assert zones.limit(-0.3, 0.0) == -0.3
 
 
+def test_a_laser_that_looks_all_around_and_sees_nothing_valid_slows_both_ways():
+    zones = with_laser()
+    zones.on_scan(scan(math.nan, 360), 0.0)
+    assert (zones.limit(0.3, 0.0), zones.limit(-0.3, 0.0)) == (ZONES.slow_m_s, -ZONES.slow_m_s)
+
+
 def test_a_laser_sees_no_further_than_its_fan():
     zones = with_laser()
     zones.on_scan(scan(2.0), 0.0)
