@@ -82,6 +82,7 @@ class PythonBoard:
         self.now_s = 0.0
         self._decoder = FrameDecoder(REQUESTS)
         self._host_baud = float(BAUDS[0])
+        self._left = b""
         self._start("power_on")
 
     # ---- the Engine interface
