@@ -141,7 +141,8 @@ def _motion(now: Shown) -> Table:
             "asked", Text("stopped" if reason in ("none", "user") else f"stopped: {reason}", style="yellow")
         )
     else:
-        grid.add_row("asked", Text(f"{asked[0]:+.3f} m/s  {asked[1]:+.2f} rad/s", style="green"))
+        aside = f"  {asked.lateral_m_s:+.3f} m/s to the left" if len(asked) == 3 else ""
+        grid.add_row("asked", Text(f"{asked[0]:+.3f} m/s  {asked[1]:+.2f} rad/s{aside}", style="green"))
     grid.add_row("way", f"{now.distance_m:.2f} m")
     return grid
 
