@@ -92,13 +92,14 @@ def real_image(plant):
 
 
 @pytest.mark.parametrize(
-    ("name", "make"), [("traxbot", PythonBoard), ("stingbot", PythonBoard), ("traxbot", real_image)]
+    ("name", "make", "side_m"),
+    [("traxbot", PythonBoard, 1.0), ("stingbot", PythonBoard, 1.0), ("traxbot", real_image, 0.3)],
 )
-def test_the_pose_of_a_square_is_the_true_one(name, make):
+def test_the_pose_of_a_square_is_the_true_one(name, make, side_m):
     robot = Robot(name, make).until_ready()
     count_m = robot.model.drive.metres_per_count
     for _ in range(4):
-        robot.side(1.0)
+        robot.side(side_m)
         robot.corner()
     distance_m, angle_rad = robot.error()
     assert distance_m <= POSE_M + count_m

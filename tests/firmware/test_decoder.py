@@ -56,14 +56,14 @@ PIECES = st.one_of(
 )
 
 
-@settings(max_examples=1000, deadline=None)
+@settings(max_examples=300, deadline=None)
 @given(st.lists(PIECES, max_size=12), st.booleans())
 def test_any_bytes(pieces, checked):
     wire = b"".join(pieces)
     assert TwinDecoder(checked).feed(wire) == FrameDecoder(REQUESTS, checked).feed(wire)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(st.integers(-32768, 32767), st.integers(-32768, 32767), st.integers(0, 200), st.integers(0, 255))
 def test_damaged_checked_frames(linear, angular, place, flip):
     wire = bytearray(encode_request(11, linear, angular, checked=True))

@@ -317,14 +317,15 @@ def let_hours_pass(board, hours):
     board.forget()
 
 
-@pytest.mark.parametrize("hours", [9.6, 39.0, 77.0])
-def test_everything_works_after_days(bench, hours):
+def test_everything_works_after_days(bench):
     """Beyond the wraps of the stream's clock (9.5 h) and of 31 and 32 bits of ticks (38 h, 76 h)."""
     board = bench()
-    let_hours_pass(board, hours)
-    board.raw(b"@11,100,0e")
-    board.send("start_stream", 20, wait_s=0.5)
-    assert board.writes(0xEB) and len(board.frames()) == pytest.approx(25, abs=2)
+    for hours in (9.6, 39.0 - 9.6, 77.0 - 39.0):
+        let_hours_pass(board, hours)
+        board.raw(b"@11,100,0e")
+        board.send("start_stream", 20, wait_s=0.5)
+        assert board.writes(0xEB) and len(board.frames()) == pytest.approx(25, abs=2)
+        board.send("stop_stream")
 
 
 def test_stream_across_the_wrap_of_its_clock(bench):

@@ -107,7 +107,7 @@ def robot(module_rig):
     rig.odom = rig.topic("odom", Odometry)
     rig.odom.wait()
     rig.seeker = rig.start(
-        "go_to_goal", str(ROOT / "ros1_bridge" / "nodes" / "go_to_goal"), f"__ns:={rig.ns}", "_patience:=8"
+        "go_to_goal", str(ROOT / "ros1_bridge" / "nodes" / "go_to_goal"), f"__ns:={rig.ns}", "_patience:=4"
     )
     rig.client = actionlib.SimpleActionClient(f"{rig.ns}/move_base", MoveBaseAction)
     assert rig.client.wait_for_server(rospy.Duration(START_S))
@@ -127,9 +127,9 @@ def distance(robot, x, y):
 
 
 def test_client_of_move_base_reaches_its_goal(robot):
-    state = robot.client.send_goal_and_wait(MoveBaseGoal(goal(robot, 0.3, 0.1)), rospy.Duration(30))
+    state = robot.client.send_goal_and_wait(MoveBaseGoal(goal(robot, 0.2, 0.0)), rospy.Duration(30))
     assert state == SUCCEEDED
-    assert distance(robot, 0.3, 0.1) < PLACE_M
+    assert distance(robot, 0.2, 0.0) < PLACE_M
 
 
 @pytest.mark.parametrize(

@@ -98,10 +98,10 @@ def terminal():
 
 
 def test_duration_ends_the_run_with_a_summary_and_nothing_left(start):
-    run = start(*PYTHON, "--duration", "2.5", alone=True)
+    run = start(*PYTHON, "--duration", "1.5", alone=True)
     output = run.end()
     assert run.process.returncode == 0, output
-    assert output.splitlines()[-1].startswith("ran 2.5 s: pose x ")
+    assert output.splitlines()[-1].startswith("ran 1.5 s: pose x ")
     assert "0 link errors" in output
     assert run.alive() == []
 
@@ -158,7 +158,7 @@ def test_real_robot_that_is_not_there_is_one_line(start):
 
 def test_real_robot_is_not_moved_unasked(start, rig):
     wire = rig.tap(rig.board().port)
-    run = start("--port", wire.port, "--duration", "2")
+    run = start("--port", wire.port, "--duration", "1")
     assert run.end()
     assert run.process.returncode == 0
     assert not any(b"@11," in data for _, data in wire.sent)

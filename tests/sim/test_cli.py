@@ -100,7 +100,7 @@ def test_log_holds_both_directions(tmp_path):
 
 def test_survives_programs_that_die_and_come_back():
     with Simulator() as simulator:
-        for _ in range(20):
+        for _ in range(8):
             with Client(simulator.path) as client:
                 client.send(b"@18,10e")
         with Client(simulator.path) as client:
@@ -111,7 +111,7 @@ def test_survives_programs_that_die_and_come_back():
 
 def test_survives_a_program_that_floods_and_never_reads():
     with Simulator() as simulator, Client(simulator.path) as client:
-        end = time.monotonic() + 1.0
+        end = time.monotonic() + 0.4
         while time.monotonic() < end:
             try:
                 client.send(b"@5e\x80garbage@@1,,e" * 50)
