@@ -1,5 +1,6 @@
 """A robot with three wheels across, from the command to the pose, on emulated boards in simulated time."""
 
+import cmath
 import math
 
 import pytest
@@ -22,6 +23,7 @@ from sim_arduino.boards import Options, make
 OMNI = robots.load("omni")
 POSE_M, YAW_RAD = 0.002, 0.005
 """Odometry against the truth after some metres: counts round to 0.07 mm, chords of a frame to less."""
+SQUARE_M = 0.001
 speed = st.floats(-2, 2)
 
 
@@ -57,6 +59,32 @@ def test_it_goes_where_odometry_says(robot):
     )
     assert driver.stopped and driver.mismatch is None and driver.statistics.refused_counts == 0
     assert isinstance(driver.telemetry.counts, OmniWheels)
+
+
+def test_a_square_of_a_metre_while_it_turns(robot):
+    """Over the wire, in whole counts: odometry knows to 1 mm where the robot has come to rest."""
+    driver, start = robot.driver, robot.true_pose
+    for corner in ((1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0)):
+        for _ in range(200):
+            x_m, y_m, yaw_rad = driver.pose
+            away = complex(corner[0] - x_m, corner[1] - y_m) * cmath.rect(1.0, -yaw_rad)
+            if abs(away) < 0.02:
+                break
+            slide = away / abs(away) * min(0.25, 2 * abs(away))
+            driver.drive(slide.real, 0.4, slide.imag)
+            driver.wait(0.1)
+        moved = complex(robot.true_pose.x_m - start.x_m, robot.true_pose.y_m - start.y_m)
+        moved *= cmath.rect(1.0, -start.yaw_rad)
+        assert abs(moved - complex(*corner)) < 0.03
+    driver.stop()
+    driver.wait(1.0)
+    moved = complex(robot.true_pose.x_m - start.x_m, robot.true_pose.y_m - start.y_m) * cmath.rect(
+        1.0, -start.yaw_rad
+    )
+    assert abs(moved - complex(*driver.pose[:2])) < SQUARE_M
+    assert (
+        abs(math.remainder(driver.pose.yaw_rad - robot.true_pose.yaw_rad + start.yaw_rad, math.tau)) < YAW_RAD
+    )
 
 
 def test_silence_of_the_program_stops_it_too(robot):
