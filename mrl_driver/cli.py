@@ -147,7 +147,8 @@ def _terminate(*_: Any) -> None:
 def main(args: Optional[Sequence[str]] = None) -> None:
     """Run `mrl`; always ends in SystemExit.  Signals stop the robot before that."""
     for number in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, _terminate)
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup leaves it
+            signal.signal(number, _terminate)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without such characters shows `?`

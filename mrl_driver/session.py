@@ -10,6 +10,7 @@ from typing import Callable, List, Optional, Set, Tuple
 
 from .clock import BoardClock
 from .codec import REPLIES, Event, Frame, FrameDecoder, Garbage, encode_request
+from .errors import BoardTimeout
 from .events import Counts, Info, Ready, Reply, SessionEvent, Sonars, Stale, Status, status_of
 from .handshake import DEFAULT_PLAN, Board, Handshake, Plan, board_of
 from .motion import QUICK, SLOW, STOP, Motion, Pace
@@ -174,7 +175,12 @@ class Session:
 
         Raises:
             FrameError: the table forbids it.
+            BoardTimeout: it would turn motors, and the board is silent or being greeted; it was not sent.
         """
+        if code in _TURNING and not self.ready:
+            raise BoardTimeout(
+                "the board is silent or being greeted, nothing was sent; try again when it is ready"
+            )
         self._send(code, *args)
         if code in _TURNING and self._status_s < math.inf:
             self._busy, self._status_s, self._ask_s = True, -math.inf, -math.inf

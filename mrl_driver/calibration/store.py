@@ -3,10 +3,12 @@
 Files are replaced whole or not at all, and an older YAML is kept beside the new one.
 """
 
+import contextlib
 import datetime
 import json
 import os
 import re
+import shutil
 from typing import Any, Dict, List, Mapping, Tuple
 
 import yaml
@@ -106,19 +108,24 @@ def _spelt(settings: Any) -> str:
 
 
 def replace_file(path: str, text: str) -> None:
-    """Write a file whole, or leave the old one.
+    """Write a file whole, or leave the old one; a link stays a link, and permissions stay as they are.
 
     Raises:
         ConfigError: it cannot be written.
     """
-    temporary = f"{path}.new"
+    target = os.path.realpath(path)
+    temporary = f"{target}.new"
     try:
         with open(temporary, "w", encoding="utf-8") as file:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
-        os.replace(temporary, path)
+        if os.path.exists(target):
+            shutil.copymode(target, temporary)
+        os.replace(temporary, target)
     except OSError as error:
+        with contextlib.suppress(OSError):
+            os.unlink(temporary)
         raise ConfigError(f"{path} cannot be written: {error.strerror}; nothing was changed") from None
 
 

@@ -197,6 +197,8 @@ def tune(robot: Robot, track: Track, present: Gains, say: Callable[[str], None])
     """
     ramped = board.can_configure(robot)
     ramp = board.read(robot, "ramp_time") if ramped else {}
+    if ramped and not ramp["ramp_time"] and robot.model is not None:
+        ramp = {"ramp_time": robot.model.board["ramp_time"]}  # what a run that was killed has left
     try:
         if ramped:
             board.write(robot, {"ramp_time": 0})

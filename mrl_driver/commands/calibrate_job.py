@@ -65,7 +65,7 @@ def job_options(command: Callable[..., None]) -> Callable[..., None]:
 
 def connect(job: Job) -> ContextManager["Driver"]:
     """The robot, connected; tests put one in simulated time in its place."""
-    return connected(job.target, ignore_battery=job.ignore_battery, record=job.record)
+    return connected(job.target, ignore_battery=job.ignore_battery, record=job.record, command_timeout_s=0.5)
 
 
 def recorded_model(job: Job) -> "RobotModel":

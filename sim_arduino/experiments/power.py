@@ -44,7 +44,7 @@ def run(setting: Setting) -> Result:
 def _circle(setting: Setting, speed_mm_s: int) -> Run:
     linear = speed_mm_s / 1000
     driven = Run(speed_mm_s, [], [])
-    with actor(setting, "square", period_ms=PERIOD_MS) as robot:
+    with actor(setting, "square", period_ms=PERIOD_MS, command_timeout_s=2 * LOOK_S) as robot:
         driver = robot.driver
         start_s = driver.now_s
         while not driven.volts or driven.volts[-1] > EMPTY_V:

@@ -70,6 +70,7 @@ def actor(
     world: Union[World, str] = "square",
     drive: Optional[Drive] = None,
     period_ms: int = PERIOD_MS,
+    command_timeout_s: Optional[float] = 0.5,
     **emulated: Any,
 ) -> Iterator[Actor]:
     """One robot, connected, at the start of a world.
@@ -78,7 +79,7 @@ def actor(
         drive: What the driver takes for its drive, instead of the model's.
         emulated: Options of `boards.Options`.
     """
-    options = Options(period_ms=period_ms)
+    options = Options(period_ms=period_ms, command_timeout_s=command_timeout_s)
     if setting.port is not None:
         with Driver(setting.port, setting.robot, options=options) as driver:
             yield Actor(driver)

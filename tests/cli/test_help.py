@@ -121,3 +121,12 @@ def test_info_loads_no_terminal_library_no_plots_and_no_arrays():
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     )
     assert out.stdout.strip() == "[]"
+
+
+def test_a_hang_up_that_nohup_ignores_stays_ignored():
+    code = "import signal; from mrl_driver.cli import main\ntry:\n main(['--version'])\nexcept SystemExit: pass\n"
+    code += "print(signal.getsignal(signal.SIGHUP) is signal.SIG_IGN)"
+    ignoring = "import signal, os, sys; signal.signal(signal.SIGHUP, signal.SIG_IGN); "
+    ignoring += f"os.execv(sys.executable, [sys.executable, '-c', {code!r}])"
+    done = subprocess.run([sys.executable, "-c", ignoring], capture_output=True, text=True, timeout=20)
+    assert done.stdout.endswith("True\n"), done

@@ -6,6 +6,7 @@ from mrl_driver.codec import Frame, encode_reply
 from mrl_driver.errors import BoardError, BoardTimeout, NotARobot, WrongRobot
 from mrl_driver.handshake import Plan
 from mrl_driver.session import Info, Ready, Sonars, Stale, Status
+from mrl_driver.table import BY_NAME
 
 from .fake_board import FakeBoard
 from .talk import Talk
@@ -547,3 +548,11 @@ def test_a_calibration_is_watched_within_the_boards_watchdog():
     talk.run(1.0)
     times = [sent_s for sent_s, _ in talk.sent if sent_s >= begun_s]
     assert max(b - a for a, b in zip(times, times[1:])) < 0.25
+
+
+def test_motors_are_not_turned_by_a_request_while_the_board_is_silent():
+    talk = Talk().until_ready()
+    talk.board.mute = True
+    talk.run(0.5)
+    with pytest.raises(BoardTimeout, match="nothing was sent"):
+        talk.session.request(BY_NAME["move_motors"].code, 50, 50)
