@@ -159,7 +159,8 @@ class Commander:
         rise = limits.linear_acceleration_m_s2 * dt_s
         angular = approached(before[1], wanted[1], limits.angular_acceleration_rad_s2 * dt_s)
         if len(wanted) == 3:
-            linear, lateral = approached_in_plane(before[0::2], wanted[0::2], rise)
+            plane = (before[0], before[2] if len(before) == 3 else 0.0)
+            linear, lateral = approached_in_plane(plane, wanted[0::2], rise)
             speeds: Speeds = (linear, angular, lateral)
         else:
             speeds = (approached(before[0], wanted[0], rise), angular)

@@ -240,6 +240,18 @@ def test_sideways_has_a_limit_of_its_own(bench):
     assert bench.driver.command == pytest.approx((0.1, 0.2, 0.1))
 
 
+def test_a_slide_may_follow_a_command_without_one(bench):
+    """As when cmd_vel takes over from a pose that is sought; and the other way round."""
+    bench.commander.drive(0.1, 0.0)
+    bench.now_s += FRAME_S
+    bench.commander.drive(0.1, 0.0, 0.1)
+    forward, _, left = bench.driver.command
+    assert 0 < forward == left
+    bench.now_s += FRAME_S
+    bench.commander.drive(0.1, 0.0)
+    assert len(bench.driver.command) == 2
+
+
 def test_a_slide_speeds_up_as_the_limit_says_and_turns_its_direction_at_once(bench):
     bench.commander.drive(0.0, 0.0, 0.3)
     assert bench.driver.command == (0.0, 0.0, pytest.approx(0.2 * FRAME_S))
