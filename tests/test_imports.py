@@ -22,6 +22,8 @@ BELOW = {
     "codec": {"errors", "table"},
     "robots": {"errors", "table"},
     "odometry": {"errors", "table"},
+    "kinematics": {"errors", "odometry", "robots"},
+    "omni": {"errors", "table", "odometry", "robots", "kinematics"},
     "sonar": {"errors", "table"},
     "clock": {"table"},
     "ports": set(),
