@@ -17,10 +17,11 @@ import time
 from typing import List, Optional, Tuple, Union
 
 from . import robots
-from .address import demand_port
+from .address import demand_port, is_url
 from .core import Core
 from .errors import BoardError, BoardTimeout, ConfigError, LinkLost, MrlError
 from .events import Lost, Reconnected
+from .fast_line import BACK_S, speed_up
 from .handshake import Board
 from .link import BAUD, Link
 from .options import DEFAULTS, Options, demand, demand_options
@@ -30,12 +31,15 @@ from .recording import Recorder
 from .robots import RobotModel
 from .session import PAUSE_S
 from .state import Notice, Telemetry
+from .table import BY_NAME
 from .tape import Tape
 from .wires import AGAIN_S, CONNECT_S, open_link
 
 __all__ = ["Board", "Driver", "Options", "Telemetry"]
 
 CLOCK_BOOTTIME = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+ERRORS, ERROR_SHARE = 20, 100
+"""More damaged pieces than these and one frame in so many: a line at a higher speed goes back to 115200."""
 CLOSE_S = 0.8
 """`close` waits at most this long for telemetry to confirm the stop [s]."""
 ATTEMPTS, ANSWER_S = 3, 0.5
@@ -87,6 +91,7 @@ class Driver(Readout):
         self._tape: Optional[Tape] = None
         self._slept_s = _slept_s()
         self._process = os.getpid()
+        self._fast, self._well_s, self._errors = False, 0.0, 0
 
     def connect(self) -> Board:
         """Open the port, greet the board, start its stream; the robot is told to stop and stays still.
@@ -217,6 +222,7 @@ class Driver(Readout):
 
         Raises:
             FrameError: the table forbids it.
+            BoardTimeout: it would turn motors, and the board is silent; it was not sent.
             LinkLost: the port went away.
         """
         with self._lock:
@@ -296,10 +302,27 @@ class Driver(Readout):
             self._send()
             if self._asking:
                 self._changed.notify_all()
+            if self._fast:
+                self._watch_speed(link, now)
         if self._settling and core.state.telemetry is not None:
             self._settling = False
             self._settled.set()
         self._call(notices)
+
+    def _watch_speed(self, link: Link, now: float) -> None:
+        """A line that fails at the higher speed goes back to the usual one, as the board does."""
+        session = self._core.session
+        errors = sum(session.counters.garbage.values())
+        if self._errors < 0:
+            self._errors = errors
+        if session.ready:
+            self._well_s = now
+        if (
+            now - self._well_s > BACK_S
+            or errors - self._errors > session.counters.frames // ERROR_SHARE + ERRORS
+        ):
+            self._fast = False
+            link.set_baud(BAUD)
 
     def _notice_sleep(self, now: float) -> None:
         """After a sleep of the machine, which the driver's clock does not see, the command is stale."""
@@ -323,7 +346,10 @@ class Driver(Readout):
 
     def _open(self, name: str, patience_s: float = AGAIN_S) -> Link:
         opener = self._tape.open if self._tape is not None else open_link
-        return opener(name, self._baud, patience_s)
+        link = opener(name, self._baud, patience_s)
+        self._fast = self._options.fast and self._baud == BAUD and not is_url(name) and speed_up(link)
+        self._well_s, self._errors = time.monotonic(), -1
+        return link
 
     def _lose(self, error: MrlError) -> None:
         """Give the link up and search it, where that is wanted; else raise `error`."""
@@ -437,6 +463,8 @@ class Driver(Readout):
                 time.sleep(0.01)
             with self._lock:
                 core.session.end()
+                if self._fast:
+                    core.session.request(BY_NAME["set_baud"].code, 0)
                 self._flush()
         except MrlError:
             return

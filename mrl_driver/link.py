@@ -222,6 +222,18 @@ class Link:
         _exclude(self._fd, False)
         self._serial.close()
 
+    def set_baud(self, baud: int) -> None:
+        """Change the port's speed, once all is sent; a network has none.
+
+        Raises:
+            LinkLost: the port went away.
+        """
+        try:
+            termios.tcdrain(self._fd)
+            self._serial.baudrate = baud
+        except (ValueError, OSError, termios.error) as error:
+            raise self._lost(_words(error)) from None
+
     def fileno(self) -> int:
         """The descriptor that has something to read when data came."""
         return self._fd

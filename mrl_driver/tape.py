@@ -20,6 +20,7 @@ class RecordedLink(Link):
     def __init__(self, link: Link, tap: Tap) -> None:
         self.port, self._link, self._tap = link.port, link, tap
         self.wake, self.close, self.fileno = link.wake, link.close, link.fileno  # type: ignore[method-assign]
+        self.set_baud = link.set_baud  # type: ignore[method-assign]
 
     def read(self, timeout_s: float) -> bytes:
         """As `Link.read`."""

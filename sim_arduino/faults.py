@@ -127,6 +127,10 @@ class FaultyEngine:
         """When `advance` should be called next if no bytes come [s]."""
         return self._own_s() if self._was_frozen else min(self._own_s(), self.engine.next_event_s)
 
+    def set_host_baud(self, baud: float) -> None:
+        """The host's speed, where the engine knows speeds."""
+        getattr(self.engine, "set_host_baud", lambda _: None)(baud)
+
     def gap(self, to_s: float, waiting: bytes) -> None:
         """The board did not run until `to_s`; `waiting` is what the host sent meanwhile."""
         self.now_s = max(self.now_s, to_s)

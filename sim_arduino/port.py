@@ -14,6 +14,9 @@ from mrl_driver.errors import ConfigError
 _IN_OPEN, _IN_CLOSE = 0x20, 0x08 | 0x10
 _EVENT = struct.Struct("iIII")
 READ_BYTES = 256
+USUAL_BAUD = 115200
+_FAST = {termios.B500000: 500000, termios.B1000000: 1000000, 0o010000: 250000}
+"""Speeds by their code; that of 250000 says that it is told elsewhere.  Any other one is taken for the usual."""
 _EVERYTHING = 65536
 
 
@@ -33,6 +36,10 @@ class Port(Protocol):
     @property
     def plugged(self) -> bool:
         """It is plugged in."""
+
+    @property
+    def baud(self) -> int:
+        """Speed that the host has set."""
 
     def plug(self) -> None:
         """Plugs it in."""
@@ -108,6 +115,11 @@ class PtyPort:
     def plugged(self) -> bool:
         """It is plugged in."""
         return self.master is not None
+
+    @property
+    def baud(self) -> int:
+        """Speed that the host has set, if that is one of the higher ones."""
+        return _FAST.get(termios.tcgetattr(self._slave)[5], USUAL_BAUD) if self.plugged else USUAL_BAUD
 
     @property
     def is_open(self) -> bool:

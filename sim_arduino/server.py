@@ -11,7 +11,7 @@ from typing import Any, Dict, List, Optional, Protocol, Sequence, TextIO
 from .control import Control
 from .engine import Engine
 from .plant import Plant
-from .port import Port
+from .port import USUAL_BAUD, Port
 from .wire import IN_BYTE_S
 
 HEARTBEAT_S = 0.1
@@ -70,7 +70,7 @@ class PtyServer:
         self._start_s = time.monotonic()
         self._now_s = self._expected_s = 0.0
         self._line_free_s = 0.0
-        self._held = b""
+        self._held, self._baud = b"", USUAL_BAUD
         self._truth_due_s = 0.0 if truth and plant else float("inf")
         self._running = True
 
@@ -155,7 +155,16 @@ class PtyServer:
     def _line_ready(self) -> bool:
         return self._line_free_s - _LINE_AHEAD_S <= self._now_s
 
+    def _follow_speed(self) -> None:
+        """Tells the engine of the speed at which the host has set the port."""
+        baud = self._port.baud
+        if baud != self._baud:
+            self._advance()
+            self._baud = baud
+            getattr(self._engine, "set_host_baud", lambda _: None)(float(baud))
+
     def _take_input(self) -> None:
+        self._follow_speed()
         data = self._port.read()
         if data:
             self._advance()

@@ -4,7 +4,7 @@ from typing import Optional
 
 from mrl_driver.listener import Listener, listen
 
-from .port import READ_BYTES
+from .port import READ_BYTES, USUAL_BAUD
 
 _EVERYTHING = 65536
 
@@ -36,6 +36,8 @@ class SocketPort:
     def watch(self) -> Optional[int]:
         """Descriptor that tells of clients; None where there is none."""
         return self._listener.watch if self._listener else None
+
+    baud = USUAL_BAUD
 
     @property
     def plugged(self) -> bool:

@@ -143,6 +143,41 @@ def test_a_slow_line_is_never_full(baud, rate_hz):
     watched.close()
 
 
+# -- a faster line
+
+
+def speed_of(board):
+    """Row of the speed that an emulated board is set to."""
+    return board._robot.board.engine.baud
+
+
+def test_the_line_is_raised_and_left_as_it_was():
+    with EmulatedBoard("square") as board:
+        with Driver(board.port, options=Options(fast=True)) as robot:
+            assert speed_of(board) == 2
+            robot.drive(0.2, 0.0)
+            board.wait_until(lambda: robot.pose.x_m > 0.02)
+            assert robot.statistics.garbage == {}
+        board.wait_until(lambda: speed_of(board) == 0)
+
+
+def test_a_raised_line_that_fails_goes_back():
+    """For 1.5 s it turns bytes into others; the robot is then found at the usual speed."""
+    with EmulatedBoard("square") as board, Driver(board.port, options=Options(fast=True)) as robot:
+        with board.lock:
+            start_s = board._robot.board.now_s
+        board._robot.board.add(f"baud:rate=57600,at={start_s},lasts=1.5")
+        wait_until(lambda: not robot.ready)
+        wait_until(lambda: robot.drive(0.1, 0.0))
+        assert speed_of(board) == 0
+
+
+def test_a_board_that_knows_no_other_speed_is_driven_as_it_is():
+    slow = EmulatedBoard("square", profile="2013-august")
+    with slow as board, Driver(board.port, options=Options(fast=True)) as robot:
+        wait_until(lambda: robot.telemetry is not None)
+
+
 # -- sockets
 
 
