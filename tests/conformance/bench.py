@@ -2,14 +2,13 @@
 
 from typing import Any, Callable, Dict, List, NamedTuple, Tuple
 
-from mrl_driver import robots
 from mrl_driver.codec import REPLIES, Event, Frame, FrameDecoder, encode_request
 from mrl_driver.table import BY_NAME, PARAMETER_BY_NAME, REASONS
-from sim_arduino import config_store
 from sim_arduino.avr_engine import FIRMWARE, AvrEngine
 from sim_arduino.board import PythonBoard
 from sim_arduino.plant import Plant
 from tests.firmware.pc_board import ENVIRONMENT, SONARS, PcBoard
+from tests.models import eeprom, model
 
 READY_S = 0.4
 """Boot, and the motor board set up."""
@@ -57,11 +56,10 @@ class Bench:
     """
 
     def __init__(self, engine: str, robot: str = "traxbot", environment: bool = False, **plant: Any) -> None:
-        self.model = robots.load(robot)
+        self.model = model(robot)
         self.plant = Plant(self.model, sonars=not environment, **plant)
         self.environment = environment
-        eeprom = config_store.image(config_store.defaults(self.model.ids[0]))
-        self.board = ENGINES[engine](self.plant, eeprom, environment)
+        self.board = ENGINES[engine](self.plant, eeprom(self.model.ids[0]), environment)
         self.now_s = 0.0
         self.checked = False
         self.text = b""

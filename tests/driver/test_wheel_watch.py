@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 
 from mrl_driver.motion import QUICK, SLOW
 from mrl_driver.odometry import Wheels
-from mrl_driver.robots import load
 from mrl_driver.wheel_watch import DEAD, GAP_S, POWERLESS, REVERSED, Mismatch, wheel_watch
 from sim_arduino.omni3md import Omni3MD
 from sim_arduino.physics import Robot, params_for
+from tests.models import model as load
 
 NOTICED_S = 0.5
 FRAME_S, FRAME_2013_S = 0.02, 1 / 325

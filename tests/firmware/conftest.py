@@ -4,11 +4,10 @@ from typing import Callable, Dict, Iterator, List
 
 import pytest
 
-from mrl_driver import robots
 from mrl_driver.codec import REPLIES, Event, Frame, FrameDecoder, encode_request
 from mrl_driver.table import BY_NAME
-from sim_arduino import config_store
 from sim_arduino.plant import Plant
+from tests import models
 from tests.firmware.pc_board import PcBoard
 
 BOOT_S = 0.1
@@ -20,9 +19,9 @@ class Bench:
 
     def __init__(self, model: str = "traxbot", robot_id: int = 1, boot: bool = True, **options) -> None:
         sonars = options.pop("sonars", True)
-        self.plant = options.pop("plant", None) or Plant(robots.load(model), sonars=sonars)
+        self.plant = options.pop("plant", None) or Plant(models.model(model), sonars=sonars)
         if "eeprom" not in options:
-            options["eeprom"] = config_store.image(config_store.defaults(robot_id))
+            options["eeprom"] = models.eeprom(robot_id)
         self.board = PcBoard(self.plant, **options)
         self.decoder = FrameDecoder(REPLIES)
         self.events: List[Event] = []

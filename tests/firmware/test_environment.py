@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver import robots
 from mrl_driver.table import FAULTS, TICK_S
 from sim_arduino.plant import Plant
 from tests.firmware.pc_board import ENVIRONMENT, load
+from tests.models import model
 
 SENSOR = 1 << [name for name, _ in FAULTS].index("sensor")
 FAN, HEATER, SONAR_TRIGGER, SONAR_POWER = 7, 15, 12, 13
@@ -25,7 +25,7 @@ class Wired(Plant):
     """Remembers pin changes."""
 
     def __init__(self):
-        super().__init__(robots.load("traxbot"), sonars=False)
+        super().__init__(model("traxbot"), sonars=False)
         self.pins = []
 
     def pin_changed(self, pin, level, time_s):
