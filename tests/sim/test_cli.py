@@ -63,7 +63,7 @@ def test_options_of_the_board(options, answer):
 
 def test_environment_build():
     with Simulator("--environment") as simulator, Client(simulator.path) as client:
-        assert client.ask(b"@29e") == b"@29,2,47e\r\n"
+        assert client.ask(b"@29e") == b"@29,2,431e\r\n"
 
 
 def test_world_and_pose(tmp_path):
@@ -106,7 +106,7 @@ def test_survives_programs_that_die_and_come_back():
         with Client(simulator.path) as client:
             client.read_until(b"@8,")
             client.send(b"@19e@29e")
-            client.read_until(b"@29,2,31e\r\n")
+            client.read_until(b"@29,2,415e\r\n")
 
 
 def test_survives_a_program_that_floods_and_never_reads():
@@ -162,7 +162,7 @@ def test_a_stopped_process_is_a_stall_of_the_board():
 @pytest.mark.parametrize(
     "options, code, text",
     [
-        (("--robot", "nope"), 2, "robot 'nope' is unknown, expected stingbot, traxbot"),
+        (("--robot", "nope"), 2, "robot 'nope' is unknown, expected omni, stingbot, traxbot"),
         (
             ("--world", "nope"),
             2,
