@@ -14,12 +14,14 @@ import click
 from mrl_driver import robots
 from mrl_driver.errors import ConfigError
 from mrl_driver.log_summary import summarise
-from mrl_driver.recording import FROM_BOARD, Entry, Recording
+from mrl_driver.recording import FROM_BOARD, TO_BOARD, Entry, Recording
 
 from .port import Link, PtyPort
 
 POLL_S = 0.02
 QUIET_POLLS = 5
+LISTENER_S = 1.0
+"""A program that has asked nothing for so long only listens."""
 
 
 @click.command(short_help="Say what a recording holds, or play it again.")
@@ -36,7 +38,8 @@ def main(
 ) -> None:
     """Say what a recording holds, or play it on a virtual serial port.
 
-    With --pty it prints the port's path, begins when a program opens the port, and ends with the recording.
+    With --pty it prints the port's path, begins when a program opens the port and asks, or listens for 1 s, and ends
+    with the recording.
 
     Example: mrl replay drive.mrl --pty --speed 4
     """
@@ -88,6 +91,8 @@ def serve(recording: Recording, speed: float, link: Optional[str] = None) -> Non
         click.echo(port.path)
         sys.stdout.flush()
         _await_program(port)
+        if _begins_with_a_question(recording):
+            _await_question(port)
         for data in paced(_board_side(recording), speed):
             _write_all(port, data)
         _drain(port)
@@ -124,6 +129,18 @@ def _await_program(port: PtyPort) -> None:
         if port.watch is None:
             return
         select.select([port.watch], [], [], POLL_S)
+
+
+def _begins_with_a_question(recording: Recording) -> bool:
+    first = next((entry.way for entry in recording if entry.way in (TO_BOARD, FROM_BOARD)), FROM_BOARD)
+    return first == TO_BOARD
+
+
+def _await_question(port: PtyPort) -> None:
+    """Answers that come before a program asks are lost, for programs empty a port that they open."""
+    end_s = time.monotonic() + LISTENER_S
+    while not port.read_all() and port.master is not None and time.monotonic() < end_s:
+        select.select([port.master], [], [], POLL_S)
 
 
 def _write_all(port: PtyPort, data: bytes) -> None:

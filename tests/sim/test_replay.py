@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -249,6 +250,25 @@ def test_a_pty_gets_every_byte_of_the_board(tmp_path):
             assert read_to_the_end(client) == expected
         assert replayed.process.wait(PATIENCE_S) == 0
     assert not os.path.lexists(link)
+
+
+def test_answers_wait_until_the_program_asks(tmp_path, monkeypatch):
+    """What comes before it is lost to a program that empties the port when it opens it, as the driver does."""
+    port = replay.PtyPort()
+    monkeypatch.setattr(replay, "PtyPort", lambda: port)
+    monkeypatch.setattr(replay, "LISTENER_S", 60.0)
+    monkeypatch.setattr(replay.signal, "signal", lambda *_: None)
+
+    def ask():
+        with Client(port.path) as client:
+            early = client.read(0.2)
+            client.send(b"@5e")
+            return early, client.read_until(b"\n")
+
+    with ThreadPoolExecutor() as other:
+        program = other.submit(ask)
+        replay.serve(Recording(write(tmp_path / "log", ["0 > @5e", f"0 < {INFO}"])), 1.0)
+        assert program.result(PATIENCE_S) == (b"", b"@5,2500,172,1360,2,1e\r\n")
 
 
 def test_a_signal_ends_the_replay_and_removes_its_link(tmp_path):
