@@ -72,7 +72,7 @@ def robot_options(command: Callable[..., None]) -> Callable[..., None]:
         "--port",
         metavar="PORT",
         shell_complete=complete_port,
-        help="Serial port, such as /dev/ttyACM0 [env: MRL_PORT].",
+        help="Serial port, such as /dev/ttyACM0, or tcp://HOST:PORT, udp://HOST:PORT [env: MRL_PORT].",
     )
     @click.option(
         "--robot",
