@@ -33,7 +33,9 @@ _EPILOG = "\b\nKeys of --error:\n{}\n\n\b\nKeys of --sonar:\n{}\n\n{}".format(
 )
 
 
-@click.command("mrl-sim", cls=OneLine, epilog=_EPILOG)
+@click.command(
+    "mrl-sim", cls=OneLine, epilog=_EPILOG, context_settings={"help_option_names": ["-h", "--help"]}
+)
 @click.option("--robot", default="traxbot", metavar="NAME|FILE", help="Robot model.", show_default=True)
 @click.option(
     "--id", "robot_id", type=click.IntRange(0, 32767), help="Robot id; the model's first one if absent."
@@ -104,6 +106,9 @@ _EPILOG = "\b\nKeys of --error:\n{}\n\n\b\nKeys of --sonar:\n{}\n\n{}".format(
 @click.option("--plot", metavar="FILE", help="At the end, draw the path from above; needs matplotlib.")
 @click.option("--view", is_flag=True, help="Draw it live on the terminal (stderr).")
 @click.option("--control", is_flag=True, help="Take orders as lines on stdin.")
+@click.version_option(
+    package_name="mrl-driver", message="mrl-sim, version %(version)s", help="Show the version."
+)
 def main(
     link: Optional[str],
     listen: Optional[str],

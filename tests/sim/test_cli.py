@@ -9,6 +9,8 @@ import time
 
 import pytest
 
+from sim_arduino import cli
+
 from .simulator import PATIENCE_S, Client, Simulator
 
 PAUSE_S = 0.1
@@ -25,6 +27,12 @@ def fail(*options):
     )
     assert done.stdout == ""
     return done.returncode, done.stderr
+
+
+@pytest.mark.parametrize(("option", "words"), [("-h", "Usage: mrl-sim "), ("--version", "mrl-sim, version ")])
+def test_options_that_mrl_has_too(capsys, option, words):
+    cli.main([option])
+    assert capsys.readouterr().out.startswith(words)
 
 
 def test_prints_the_path_that_it_serves():
