@@ -154,7 +154,7 @@ def test_devel_space_passes_rostest(workspace):
 
 
 def test_install_space_runs_without_a_warning(workspace):
-    """Neither does a node warn, nor tf2 of repeated data, nor roswtf, but of cmd_vel that nobody publishes."""
+    """Neither does a node warn, nor tf2 of repeated data, nor roswtf, but of cmd_vel and pose that nobody publishes."""
     with running(workspace, "install"):
         listen = ("/usr/bin/python3", str(ROOT / "tests" / "ros" / "listen.py"), f"{LISTEN_S}")
         listened = workspace.demand(*workspace.in_space("install", *listen))
@@ -165,4 +165,4 @@ def test_install_space_runs_without_a_warning(workspace):
     found = [line for line in said.splitlines() if re.search("WARNING|ERROR", line)]
     own = [line for line in found if not any(known in line for known in OF_THE_MACHINE)]
     assert len(own) == 1 and UNCONNECTED in own[0], said
-    assert re.findall(r"\* (/\S+)", said.split(UNCONNECTED)[1]) == ["/robot_node:", "/cmd_vel"]
+    assert re.findall(r"\* (/\S+)", said.split(UNCONNECTED)[1]) == ["/robot_node:", "/cmd_vel", "/pose"]
