@@ -31,7 +31,7 @@ def fail(*options):
 
 @pytest.mark.parametrize(("option", "words"), [("-h", "Usage: mrl-sim "), ("--version", "mrl-sim, version ")])
 def test_options_that_mrl_has_too(capsys, option, words):
-    cli.main([option])
+    cli.main([option], prog_name="mrl-sim")
     assert capsys.readouterr().out.startswith(words)
 
 
