@@ -61,7 +61,7 @@ check: setup ## Format, lint, types, generated files, import rules
 	$(PY) -m ros1_bridge.description --check
 
 test: check firmware pc-firmware ## Set everything up and run all tests
-	$(ROS_ENV) $(PY) -m pytest -n 2 --dist loadfile
+	$(ROS_ENV) $(PY) -m pytest -n 3 --dist loadfile
 
 .PHONY: bench-firmware bench-host
 bench-firmware: setup firmware ## Measure the firmware image on the simulated chip; build/bench/firmware.json

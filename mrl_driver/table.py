@@ -215,7 +215,7 @@ _OTHERS: Tuple[Command, ...] = (
         _count("uptime_high", "Time since reset in units of 32768 s."),
         Field("uptime", 0, INT16_MAX, "s", "Remainder of the time since reset."),
         Field("reset_cause", 0, 4, "", "Row of the reset cause table."),
-        Field("stop_reason", 0, 6, "", "Row of the stop reason table: why turning motors were last stopped."),
+        Field("stop_reason", 0, 6, "", "Row of the stop reason table: why motors stopped; none while they turn."),
         Field("faults", 0, INT16_MAX, "bits", "Sum of the rows of the fault table."),
         _count("clamped", "Commands that asked for more than the speed ceiling."))),
     Command(31, "read_counters", "How much was refused, by reason; each stays at 32767.", (), tuple(

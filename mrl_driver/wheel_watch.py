@@ -23,8 +23,8 @@ LEAST_SHARE = 0.1
 REVERSED_SHARE = -0.3
 """At least this share of the expected way, backwards in the newest ticks, is a wheel that runs the wrong way."""
 NEWEST = 2
-LEAST_WAY_M = 0.004
-"""Expected way over the window from which on a wheel is judged: some 15 mm/s; a slower motor may stick."""
+LEAST_WAY_M = 0.006
+"""Expected way over the window from which on a wheel is judged: 24 mm/s; a slower motor may stick for half a second."""
 SLOWNESS = 0.5
 """The ramp may take longer than the model says: least acceleration over that of the model."""
 HIDDEN_S = 0.8

@@ -4,6 +4,7 @@ Robot id as a 4-byte float at address 0, where the firmware of 2013 keeps it; fr
 parameters as int16, low byte first, and their CRC-16.
 """
 
+import functools
 import struct
 from binascii import crc_hqx
 from typing import Dict, List, Tuple
@@ -22,15 +23,21 @@ _FIRST_MODEL = "traxbot"
 
 def defaults(robot_id: int) -> List[int]:
     """Parameters that the firmware gives a board with that id, in the table's order; one of no model gets TraxBot's."""
-    models = {name: robots.load_packaged(name) for name in robots.packaged()}
+    models = _packaged()
     return configured(
         robot_id, next((each for each in models.values() if robot_id in each.ids), models[_FIRST_MODEL])
     )
 
 
+@functools.lru_cache(maxsize=None)
+def _packaged() -> Dict[str, robots.RobotModel]:
+    """The models that come with the package; reading them takes longer than starting a board."""
+    return {name: robots.load_packaged(name) for name in robots.packaged()}
+
+
 def configured(robot_id: int, model: robots.RobotModel) -> List[int]:
     """Parameters of a board that was told its id and its model, in the table's order."""
-    by_name = {"robot_id": robot_id, **model.board, **robots.COMMON_BOARD}
+    by_name = {"robot_id": robot_id, **robots.COMMON_BOARD, **model.board}
     return [by_name[row.name] for row in PARAMETERS]
 
 

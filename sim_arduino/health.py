@@ -33,7 +33,9 @@ class Health:
         self.clamped = min(INT16_MAX, self.clamped + 1)
 
     def turned(self) -> None:
-        """Notes that the motors were told to turn."""
+        """Notes that the motors were told to turn; the next stop is another one, even for the same reason."""
+        if not self._turning:
+            self.stop_reason = STOP_REASONS.index("none")
         self._turning = True
 
     def stopped(self, reason: str) -> None:

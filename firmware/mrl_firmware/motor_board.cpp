@@ -269,7 +269,10 @@ void stop(StopReason reason) {
 bool send(const Message& message) {
   if (!available()) return false;
   if (!queue.push(message)) status::refuse(Reason::unavailable);
-  turning = turning || message.turns_motors();
+  if (message.turns_motors() && !turning) {
+    status::set_stop_reason(StopReason::none);  // so that a second stop for the same reason is seen as one
+    turning = true;
+  }
   return true;
 }
 

@@ -276,6 +276,7 @@ EXPORT void mrl_destroy(board_t *board) {
 EXPORT void mrl_stop(board_t *board) { board->stop = true; }
 EXPORT uint64_t mrl_cycle(board_t *board) { return board->avr->cycle; }
 EXPORT uint32_t mrl_pc(board_t *board) { return board->avr->pc; }
+EXPORT int mrl_interrupts_on(board_t *board) { return board->avr->sreg[S_I]; }
 EXPORT uint32_t mrl_crash_pc(board_t *board) { return board->crash_pc; }
 EXPORT uint64_t mrl_resets(board_t *board) { return board->resets; }
 EXPORT uint8_t *mrl_data(board_t *board) { return board->avr->data; }

@@ -233,6 +233,11 @@ class AvrMachine:
         """Program counter [byte address]."""
         return self._native.mrl_pc(self._board)
 
+    @property
+    def interrupts_on(self) -> bool:
+        """The program can be interrupted."""
+        return bool(self._native.mrl_interrupts_on(self._board))
+
     def patch(self, address: int, code: bytes) -> None:
         """Overwrites flash from a byte address on."""
         self._native.mrl_load(self._board, bytes(code), len(code), address)

@@ -58,6 +58,7 @@ _SIGNATURES: Dict[str, Tuple[Any, List[Any]]] = {
     "mrl_set_reset_flags": (None, [_BOARD, c_int]),
     "mrl_cycle": (c_uint64, [_BOARD]),
     "mrl_pc": (c_uint32, [_BOARD]),
+    "mrl_interrupts_on": (c_int, [_BOARD]),
     "mrl_crash_pc": (c_uint32, [_BOARD]),
     "mrl_resets": (c_uint64, [_BOARD]),
     "mrl_is_asleep": (c_int, [_BOARD]),

@@ -29,8 +29,8 @@ MARGIN_M = 0.3
 WAY = ((1.5, 0.5), (1.5, 1.25), (1.5, 0.5), (0.35, 0.5), (1.0, 0.5))
 SLOW = Limits(linear_m_s=0.12, angular_rad_s=0.35)
 """So slow that each sonar, which measures every 0.3 s, does so every few degrees and centimetres."""
-OCCUPIED_FROM = {"sonars": 0.9, "laser": 8.0}
-"""Log odds from which on a cell counts as a wall: two arcs that nothing contradicts, or eight beams."""
+OCCUPIED_FROM = {"sonars": 0.9, "laser": 6.0}
+"""Log odds from which on a cell counts as a wall: two arcs that nothing contradicts, or six beams."""
 VIEW_RAYS = 73
 
 

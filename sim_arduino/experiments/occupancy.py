@@ -24,15 +24,18 @@ class Sensor(NamedTuple):
         hit, free: Log odds of a cell where it ends, and of one before.
         free_m: So much nearer than the reading nothing is; covers its noise.
         thick_m: The end is somewhere within this [m], to both sides.
+        sure_m: Ends farther away are too vague for a cell.
     """
 
     hit: float
     free: float
     free_m: float
     thick_m: float
+    sure_m: float = math.inf
 
 
-LASER = Sensor(hit=1.0, free=-0.4, free_m=0.03, thick_m=0.0)
+LASER = Sensor(hit=1.0, free=-0.4, free_m=0.05, thick_m=0.0, sure_m=1.5)
+"""The URG-04LX errs by 1 cm up to 1 m and by 2 % beyond."""
 SONAR = Sensor(hit=0.5, free=-1.0, free_m=0.045, thick_m=0.02)
 
 
@@ -60,8 +63,9 @@ class Grid:
         free = self._mask(
             pose.x_m + steps[step] * np.cos(angles[beam]), pose.y_m + steps[step] * np.sin(angles[beam])
         )
+        sure = hits & (ranges < sensor.sure_m)
         ends = self._mask(
-            pose.x_m + (ranges * np.cos(angles))[hits], pose.y_m + (ranges * np.sin(angles))[hits]
+            pose.x_m + (ranges * np.cos(angles))[sure], pose.y_m + (ranges * np.sin(angles))[sure]
         )
         self._add(ends, sensor.hit)
         self._add(free & ~ends, sensor.free)

@@ -134,8 +134,11 @@ def test_a_silent_host_stops_the_motors(rig):
 
 
 def lock_up(rig: Rig, longest_s: float = 2.0) -> float:
-    """Makes the program loop where it is, interrupts going on; the time until it was mended or reset [s]."""
-    machine, at = rig.machine, rig.machine.pc
+    """Makes the program loop where it can be interrupted next; the time until it was mended or reset [s]."""
+    machine = rig.machine
+    while not machine.interrupts_on:
+        rig.run(1e-6)
+    at = machine.pc
     code = dict(machine.image_flash)
     begun, resets = machine.time_s, machine.resets
     machine.patch(at, ENDLESS_LOOP)
