@@ -141,7 +141,9 @@ def test_replies_end_with_cr_lf(bench):
 
 
 def test_protocol_and_capabilities(bench):
-    wanted = sum(CAPABILITY[name] for name in ("check", "watchdog", "period", "config", "sonars", "omni", "baud"))
+    wanted = sum(
+        CAPABILITY[name] for name in ("check", "watchdog", "period", "config", "sonars", "omni", "baud")
+    )
     assert bench().ask("read_protocol").args == (PROTOCOL_VERSION, wanted)
 
 
