@@ -88,6 +88,7 @@ setup(
     ],
     extras_require={
         "dev": [
+            "wheel",
             "pytest>=7",
             "pytest-xdist>=3",
             "pytest-timeout>=2",

@@ -223,6 +223,7 @@ def test_unplugging_is_a_lost_link(robot):
     with pytest.raises(LinkLost, match="went away"):
         robot.wait(PATIENCE_S)
     assert time.monotonic() - start < 1.0
+    wait_until(lambda: heard)
     assert isinstance(heard[-1], LinkLost) and not robot.ready
     with pytest.raises(LinkLost):
         robot.drive(0.1, 0)
