@@ -81,14 +81,12 @@ class _Form(NamedTuple):
     """How a frame with all its arguments reads on the wire, for those that plainly match."""
 
     code: int
-    numbers: int
-    """So many stand behind the code: arguments, and with a check value also the stamp and that value."""
     spelling: bytes
-    """Takes the numbers."""
+    """Takes the numbers behind the code: arguments, and with a check value also the stamp and that value."""
     begin: int
     """Where the '@' stands."""
     pack: Callable[..., bytes]
-    """Raises unless all numbers are int16."""
+    """Raises unless there are as many numbers as there should be, and all are int16."""
     narrow: Tuple[Tuple[int, int, int], ...]
     """Index and range of the arguments that may not be every int16."""
     stamped: bool
@@ -104,7 +102,7 @@ def _form(shape: _Shape, checked: bool, lead: bytes) -> _Form:
     narrow = [(i, *limits) for i, limits in enumerate(shape.ranges) if limits != (INT16_MIN, INT16_MAX)]
     spelling = b"%s@%d" % (lead, shape.code) + b",%d" * count
     pack = Struct(f"{count}h").pack
-    return _Form(shape.code, count, spelling, len(lead), pack, tuple(narrow), checked and shape.stamped)
+    return _Form(shape.code, spelling, len(lead), pack, tuple(narrow), checked and shape.stamped)
 
 
 class Direction:
@@ -186,31 +184,24 @@ class FrameDecoder:
         forms, append = self._forms[checked], events.append
         for piece in waiting:
             tokens = piece.split(b",")
-            form = forms.get(tokens.pop(0))
-            if form is None:
-                return piece
-            code, count, spelling, begin, pack, narrow, stamped = form
-            if len(tokens) != count:
-                return piece
             try:
+                code, spelling, begin, pack, narrow, stamped = forms[tokens.pop(0)]
                 values = tuple(map(int, tokens))
                 pack(*values)
-            except (ValueError, StructError):
+            except (KeyError, ValueError, StructError):
                 return piece
             if not tidy and spelling % values != piece:
                 return piece
             for i, low, high in narrow:
                 if not low <= values[i] <= high:
                     return piece
-            stamp = None
             if checked:
                 if values[-1] & 0xFFFF != crc_hqx(piece[begin : -1 - len(tokens[-1])], 0xFFFF):
                     return piece
-                if stamped:
-                    values, stamp = values[:-3], _new(Stamp, values[-3:-1])
-                else:
-                    values = values[:-1]
-            append(_new(Frame, (code, values, stamp)))
+                stamp = _new(Stamp, values[-3:-1]) if stamped else None
+                append(_new(Frame, (code, values[:-3] if stamped else values[:-1], stamp)))
+            else:
+                append(_new(Frame, (code, values, None)))
         return None
 
     def _scan(self, data: bytes, events: List[Event]) -> None:
