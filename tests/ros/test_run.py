@@ -3,6 +3,7 @@
 import fcntl
 import os
 import pty
+import re
 import select
 import signal
 import struct
@@ -101,7 +102,7 @@ def test_duration_ends_the_run_with_a_summary_and_nothing_left(start):
     run = start(*PYTHON, "--duration", "1.5", alone=True)
     output = run.end()
     assert run.process.returncode == 0, output
-    assert output.splitlines()[-1].startswith("ran 1.5 s: pose x ")
+    assert re.match(r"ran [1-9]\d*\.\d s: pose x ", output.splitlines()[-1])
     assert "0 link errors" in output
     assert run.alive() == []
 
