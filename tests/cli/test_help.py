@@ -20,7 +20,7 @@ def every(command=cli.cli, path=("mrl",)):
     """All commands, each with the words that lead to it."""
     found = [(path, command)]
     if isinstance(command, click.Group):
-        ctx = click.Context(command)
+        ctx = click.Context(command, **command.context_settings)
         for name in command.list_commands(ctx):
             found += every(command.get_command(ctx, name), (*path, name))
     return found

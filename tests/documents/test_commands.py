@@ -72,7 +72,7 @@ def parse(command, words):
     """Raises what a user would see; a command without any words is its mere name."""
     name, parent = "mrl", None
     while isinstance(command, click.Group):
-        context = click.Context(command, parent, info_name=name)
+        context = click.Context(command, parent, info_name=name, **command.context_settings)
         _, words, _ = command.make_parser(context).parse_args(args=list(words))
         if not words:
             return
