@@ -17,12 +17,13 @@ import time
 from typing import List, Optional, Tuple, Union
 
 from . import robots
-from .address import demand_port, is_url
+from .address import demand_port
 from .core import Core
 from .errors import BoardError, BoardTimeout, ConfigError, LinkLost, MrlError
-from .events import Lost, Reconnected
+from .events import Lost, Reconnected, Slowed
 from .fast_line import BACK_S, speed_up
 from .handshake import Board
+from .line_rate import FAST_BAUD, demand_raisable
 from .link import BAUD, Link
 from .options import DEFAULTS, Options, demand, demand_options
 from .readout import Readout
@@ -75,6 +76,8 @@ class Driver(Readout):
             demand_port(port)
         if options.record is not None and isinstance(port, Link):
             raise ConfigError("record is given with an open link, expected a port by name")
+        if options.fast:
+            demand_raisable(port, baud)
         options = options._replace(line_baud=min(baud, options.line_baud))
         self._port, self._baud, self._options = port, baud, options
         model = robot if isinstance(robot, RobotModel) else None if robot == "auto" else robots.load(robot)
@@ -162,6 +165,11 @@ class Driver(Readout):
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    @property
+    def line_baud(self) -> int:
+        """Speed of the line now [Bd]: with the option `fast` 500000 where board and line can, else the port's."""
+        return FAST_BAUD if self._fast else self._baud
 
     @property
     def recorder(self) -> Optional[Recorder]:
@@ -303,13 +311,13 @@ class Driver(Readout):
             if self._asking:
                 self._changed.notify_all()
             if self._fast:
-                self._watch_speed(link, now)
+                notices += self._watch_speed(link, now)
         if self._settling and core.state.telemetry is not None:
             self._settling = False
             self._settled.set()
         self._call(notices)
 
-    def _watch_speed(self, link: Link, now: float) -> None:
+    def _watch_speed(self, link: Link, now: float) -> List[Notice]:
         """A line that fails at the higher speed goes back to the usual one, as the board does."""
         session = self._core.session
         errors = sum(session.counters.garbage.values())
@@ -317,12 +325,12 @@ class Driver(Readout):
             self._errors = errors
         if session.ready:
             self._well_s = now
-        if (
-            now - self._well_s > BACK_S
-            or errors - self._errors > session.counters.frames // ERROR_SHARE + ERRORS
-        ):
-            self._fast = False
-            link.set_baud(BAUD)
+        most = session.counters.frames // ERROR_SHARE + ERRORS
+        if now - self._well_s <= BACK_S and errors - self._errors <= most:
+            return []
+        self._fast = False
+        link.set_baud(BAUD)
+        return [("state", Slowed(BAUD))]
 
     def _notice_sleep(self, now: float) -> None:
         """After a sleep of the machine, which the driver's clock does not see, the command is stale."""
@@ -347,7 +355,7 @@ class Driver(Readout):
     def _open(self, name: str, patience_s: float = AGAIN_S) -> Link:
         opener = self._tape.open if self._tape is not None else open_link
         link = opener(name, self._baud, patience_s)
-        self._fast = self._options.fast and self._baud == BAUD and not is_url(name) and speed_up(link)
+        self._fast = self._options.fast and speed_up(link)
         self._well_s, self._errors = time.monotonic(), -1
         return link
 

@@ -82,13 +82,23 @@ class Reconnected(NamedTuple):
         return f"the robot answers again, on {self.port}"
 
 
+class Slowed(NamedTuple):
+    """The line failed at the higher speed, and goes on at this one [Bd]."""
+
+    baud: int
+
+    def __str__(self) -> str:
+        """One line for people."""
+        return f"the line shows errors at its higher speed and goes back to {self.baud} baud"
+
+
 class Reply(NamedTuple):
     """Any other frame of the board."""
 
     frame: Frame
 
 
-SessionEvent = Union[Ready, Counts, Sonars, Info, Status, Stale, Lost, Reconnected, Reply]
+SessionEvent = Union[Ready, Counts, Sonars, Info, Status, Stale, Lost, Reconnected, Slowed, Reply]
 
 
 def status_of(args: Tuple[int, ...]) -> Status:

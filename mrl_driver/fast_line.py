@@ -9,6 +9,7 @@ from typing import Optional, Tuple
 
 from .codec import REPLIES, Frame, FrameDecoder, encode_request
 from .errors import BoardTimeout
+from .line_rate import FAST_BAUD
 from .link import BAUD, Link
 from .table import BAUDS, BY_NAME
 
@@ -27,7 +28,7 @@ _BIT = 256
 """Capability `baud`."""
 
 
-def speed_up(link: Link, baud: int = BAUDS[2]) -> bool:
+def speed_up(link: Link, baud: int = FAST_BAUD) -> bool:
     """Set board and link to `baud`; False, and 115200 on both, where that does not work.
 
     Raises:

@@ -36,8 +36,8 @@ class Options(NamedTuple):
     record: Optional[str] = None
     """File that gets every byte both ways with its time, see `recording`; one that is there is overwritten."""
     fast: bool = False
-    """Raise the line to 500000 baud where board and line can, and go back to 115200 when errors show.  Only for device
-    names, opened at 115200.
+    """Raise the line to 500000 baud where board and line can, and go back to 115200 when errors show, which `on_event`
+    tells as `Slowed`.  Only for device names, opened at 115200.
     """
     line_baud: int = 115200
     """What the line carries [Bd], where that is less than the port's baud rate, as with radios: the stream's period and

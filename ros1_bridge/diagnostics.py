@@ -3,6 +3,7 @@
 from typing import Any, Dict
 
 from mrl_driver.driver import Driver
+from mrl_driver.line_rate import FAST_BAUD
 
 from . import link_report, robot_status
 from .commander import Commander
@@ -27,9 +28,10 @@ class Diagnostics:
 
     def _link(self, status: Wrapper) -> Wrapper:
         driver, parameters = self._driver, self._parameters
-        health = link_report.health(driver.ready, driver.age_s)
+        slowed = parameters.fast and driver.line_baud != FAST_BAUD
+        health = link_report.health(driver.ready, driver.age_s, slowed)
         values = link_report.values(
-            parameters.port, parameters.baud, driver.board, driver.statistics, driver.age_s, driver.telemetry
+            parameters.port, driver.line_baud, driver.board, driver.statistics, driver.age_s, driver.telemetry
         )
         return _filled(status, health, values)
 

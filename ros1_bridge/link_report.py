@@ -4,6 +4,7 @@ import math
 from typing import Dict, NamedTuple, Optional
 
 from mrl_driver.handshake import Board
+from mrl_driver.line_rate import SLOW
 from mrl_driver.state import Telemetry
 from mrl_driver.statistics import Statistics
 
@@ -26,10 +27,12 @@ def error_count(statistics: Statistics) -> int:
     )  # fmt: skip
 
 
-def health(ready: bool, age_s: float) -> Health:
-    """The link's health."""
+def health(ready: bool, age_s: float, slowed: bool = False) -> Health:
+    """The link's health; `slowed` is one that was to be faster."""
     if not ready:
         return Health(ERROR, f"the board is silent for {age_s:.1f} s: check its cable and power")
+    if slowed:
+        return Health(WARN, f"streaming, but not at the higher speed, since {SLOW}")
     return Health(OK, "streaming")
 
 

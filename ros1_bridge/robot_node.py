@@ -22,7 +22,7 @@ from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 from mrl_driver.battery import EMPTY, LOW, OFF
 from mrl_driver.driver import Driver, Telemetry
 from mrl_driver.errors import LinkLost, MrlError
-from mrl_driver.events import Lost, Reconnected, Reply
+from mrl_driver.events import Lost, Reconnected, Reply, Slowed
 from mrl_driver.handshake import Board
 from mrl_driver.options import Options
 from mrl_driver.reconnect import may_be_there
@@ -69,6 +69,7 @@ class RobotNode:
             command_timeout_s=parameters.cmd_vel_timeout,
             ignore_battery=parameters.ignore_battery,
             reconnect=parameters.reconnect,
+            fast=parameters.fast,
         )
         self._driver = Driver(parameters.port, parameters.robot, parameters.baud, options)
         self._battery_state = ""
@@ -136,7 +137,8 @@ class RobotNode:
         gc.collect()
         gc.freeze()  # what is there now stays: collections need not walk it again and again
         rospy.loginfo(
-            f"{model.name} (robot id {board.robot_id}, firmware {board.version}) on {parameters.port}, "
+            f"{model.name} (robot id {board.robot_id}, firmware {board.version}) on {parameters.port} at "
+            f"{driver.line_baud} baud, "
             f"battery {board.battery_v:.1f} V"
         )
 
@@ -244,6 +246,8 @@ class RobotNode:
             rospy.logerr(f"{event.reason}; the robot waits for a new command, the port is searched")
         elif isinstance(event, Mismatch):
             rospy.logerr(f"{event}; the robot was stopped")
+        elif isinstance(event, Slowed):
+            rospy.logwarn(str(event))
         elif isinstance(event, Reconnected):
             rospy.loginfo(f"the robot answers again, on {event.port}")
         self._status.tell()

@@ -14,10 +14,12 @@ from .shared import (
     FOREVER_S,
     battery_option,
     connected,
+    fast_option,
     json_option,
     record_option,
     robot_options,
     say_json,
+    tell_losses,
     warn,
 )
 from .text import line, snapshot
@@ -36,6 +38,7 @@ TICK_S = 0.05
 @click.option("--for", "seconds", type=float, help="Drive for so long [s], then stop.")
 @battery_option
 @record_option
+@fast_option
 @json_option
 def drive(
     target: Target,
@@ -45,6 +48,7 @@ def drive(
     seconds: Optional[float],
     ignore_battery: bool,
     record: Optional[str],
+    fast: bool,
     as_json: bool,
 ) -> None:
     """Drive with the keyboard, or at given speeds for a given time.
@@ -66,10 +70,11 @@ def drive(
     elif as_json or not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise ConfigError("there is no terminal to drive from; give --linear or --angular, and --for SECONDS")
     if not timed:
-        watch_live(target, FOREVER_S, record, ignore_battery, keys_drive=True)
+        watch_live(target, FOREVER_S, record, ignore_battery, keys_drive=True, fast=fast)
         return
-    with connected(target, ignore_battery=ignore_battery, record=record) as driver:
+    with connected(target, ignore_battery=ignore_battery, record=record, fast=fast) as driver:
         warn(driver)
+        tell_losses(driver)
         drive_for(driver, linear or 0.0, angular or 0.0, seconds or 0.0, lateral or 0.0)
         if as_json:
             say_json(snapshot(driver))

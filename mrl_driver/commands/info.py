@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Dict
 import click
 
 from ..names import Target
-from .shared import connected, demand_port, human, json_option, robot_options, say_json
+from .shared import connected, demand_port, fast_option, human, json_option, robot_options, say_json
 
 if TYPE_CHECKING:
     from ..driver import Driver
@@ -13,8 +13,9 @@ if TYPE_CHECKING:
 
 @click.command()
 @robot_options
+@fast_option
 @json_option
-def info(target: Target, as_json: bool) -> None:
+def info(target: Target, fast: bool, as_json: bool) -> None:
     """Say who answers on a port.
 
     \b
@@ -23,7 +24,7 @@ def info(target: Target, as_json: bool) -> None:
       mrl info --robot lab3 --json
     """
     port = demand_port(target)
-    with connected(target, ignore_battery=True) as driver:
+    with connected(target, ignore_battery=True, fast=fast) as driver:
         facts = describe(driver, port)
     if as_json:
         say_json(facts)
@@ -37,6 +38,7 @@ def describe(driver: "Driver", port: str) -> Dict[str, Any]:
     board, status = driver.board, driver.status
     facts: Dict[str, Any] = {
         "port": port,
+        "line_baud": driver.line_baud,
         "robot": driver.model.name if driver.model else None,
         "robot_id": board.robot_id,
         "firmware_version": board.version,

@@ -12,6 +12,7 @@ from .shared import (
     connected,
     demand_port,
     demand_seconds,
+    fast_option,
     json_option,
     reconnect_option,
     record_option,
@@ -37,6 +38,7 @@ STALL_S = 0.5
 @battery_option
 @record_option
 @reconnect_option
+@fast_option
 @json_option
 def monitor(
     target: Target,
@@ -44,6 +46,7 @@ def monitor(
     ignore_battery: bool,
     record: Optional[str],
     reconnect: bool,
+    fast: bool,
     as_json: bool,
 ) -> None:
     """Watch a robot live, and drive it with the keys.
@@ -57,15 +60,16 @@ def monitor(
       mrl monitor --robot lab3 --record drive.mrl
       mrl monitor --robot lab3 --json --seconds 10 > drive.jsonl
     """
-    _watch(target, seconds, record, reconnect, as_json, ignore_battery)
+    _watch(target, seconds, record, reconnect, fast, as_json, ignore_battery)
 
 
 @click.command()
 @robot_options
 @seconds_option
 @reconnect_option
+@fast_option
 @click.argument("file", type=click.Path())
-def record(target: Target, seconds: float, reconnect: bool, file: str) -> None:
+def record(target: Target, seconds: float, reconnect: bool, fast: bool, file: str) -> None:
     """Watch a robot, and keep every byte both ways in FILE.
 
     \b
@@ -73,7 +77,7 @@ def record(target: Target, seconds: float, reconnect: bool, file: str) -> None:
       mrl record --port /dev/ttyACM0 drive.mrl
       mrl replay drive.mrl; mrl plot drive.mrl
     """
-    _watch(target, seconds, file, reconnect)
+    _watch(target, seconds, file, reconnect, fast)
 
 
 def _watch(
@@ -81,14 +85,15 @@ def _watch(
     seconds: float,
     file: Optional[str],
     reconnect: bool,
+    fast: bool,
     as_json: bool = False,
     ignore_battery: bool = False,
 ) -> None:
     demand_seconds(seconds)
     if not as_json and sys.stdout.isatty():
-        watch_live(target, seconds, file, ignore_battery, reconnect=reconnect)
+        watch_live(target, seconds, file, ignore_battery, reconnect=reconnect, fast=fast)
         return
-    with connected(target, ignore_battery=True, record=file, reconnect=reconnect) as driver:
+    with connected(target, ignore_battery=True, record=file, reconnect=reconnect, fast=fast) as driver:
         warn(driver)
         tell_losses(driver)
         try:
@@ -114,6 +119,7 @@ def watch_live(
     ignore_battery: bool = False,
     keys_drive: bool = False,
     reconnect: bool = True,
+    fast: bool = False,
 ) -> None:
     """The live view; with `keys_drive` an empty battery is refused, as for driving."""
     from ..frame_log import FrameLog
@@ -127,6 +133,7 @@ def watch_live(
         ignore_battery=ignore_battery or not keys_drive,
         record=file,
         reconnect=reconnect,
+        fast=fast,
         command_timeout_s=STALL_S,
         tap=lambda way, data: log.hear(way, data, time.monotonic()),
     )

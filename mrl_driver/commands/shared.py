@@ -12,7 +12,8 @@ import click
 
 from .. import names, robots
 from ..errors import ConfigError
-from ..events import Lost, Reconnected
+from ..events import Lost, Reconnected, Slowed
+from ..line_rate import FAST_BAUD, SLOW
 from ..names import Target
 
 if TYPE_CHECKING:
@@ -26,6 +27,9 @@ record_option = click.option(
     "--record", metavar="FILE", type=click.Path(), help="Keep every byte both ways, for mrl replay and plot."
 )
 battery_option = click.option("--ignore-battery", is_flag=True, help="Drive with an empty battery too.")
+fast_option = click.option(
+    "--fast", is_flag=True, help="Raise the line to 500000 baud where board and line can; for cables."
+)
 seconds_option = click.option(
     "--seconds", type=float, default=FOREVER_S, help="End after so long [s]; without it at Ctrl-C."
 )
@@ -135,6 +139,8 @@ def connected(target: Target, model: Optional["RobotModel"] = None, **options: A
     driver = Driver(demand_port(target), model or target.model, target.baud, Options(**options))
     try:
         with driver:
+            if options.get("fast") and driver.line_baud != FAST_BAUD:
+                complain(f"warning: the line stays at {driver.line_baud} baud, since {SLOW}")
             yield driver
     except Interrupted:
         raise
@@ -147,10 +153,10 @@ def connected(target: Target, model: Optional["RobotModel"] = None, **options: A
 
 
 def tell_losses(driver: "Driver") -> None:
-    """Say in a line when the port goes away, and when the robot is found again."""
+    """Say in a line when the port goes away, when the robot is found again, and when the line is slowed."""
 
     def tell(event: object) -> None:
-        if isinstance(event, (Lost, Reconnected)):
+        if isinstance(event, (Lost, Reconnected, Slowed)):
             complain(str(event))
 
     driver.on_event(tell)

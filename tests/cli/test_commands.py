@@ -45,6 +45,12 @@ def test_info_on_a_2013_board_says_what_it_lacks(serve):
     assert facts["note"].startswith("board firmware 1 (2013): works, without watchdog; flash with")
 
 
+def test_a_board_that_cannot_be_raised_is_said_to_stay_at_its_speed(serve):
+    done = mrl("info", "--port", serve().path, "--fast", "--json")
+    assert json.loads(done.stdout)["line_baud"] == 115200
+    assert "warning: the line stays at 115200 baud, since the board knows no other speed" in done.stderr
+
+
 def test_info_does_not_mind_an_empty_battery(serve):
     port = serve()
     port.board.battery = 20

@@ -11,7 +11,7 @@ import pytest
 from mrl_driver import network
 from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import ConfigError, LinkLost, NotARobot, PortMissing
-from mrl_driver.events import Lost, Ready, Stale
+from mrl_driver.events import Lost, Ready, Slowed, Stale
 from mrl_driver.stepped import SteppedDriver
 from mrl_driver.table import BY_NAME
 from mrl_driver.wires import open_link
@@ -157,19 +157,24 @@ def test_the_line_is_raised_and_left_as_it_was():
             assert speed_of(board) == 2
             robot.drive(0.2, 0.0)
             board.wait_until(lambda: robot.pose.x_m > 0.02)
-            assert robot.statistics.garbage == {}
+            assert robot.statistics.garbage == {} and robot.line_baud == 500000
         board.wait_until(lambda: speed_of(board) == 0)
 
 
 def test_a_raised_line_that_fails_goes_back():
     """For 1.5 s it turns bytes into others; the robot is then found at the usual speed."""
     with EmulatedBoard("square") as board, Driver(board.port, options=Options(fast=True)) as robot:
+        heard = []
+        robot.on_event(heard.append)
         with board.lock:
             start_s = board._robot.board.now_s
         board._robot.board.add(f"baud:rate=57600,at={start_s},lasts=1.5")
         wait_until(lambda: not robot.ready)
         wait_until(lambda: robot.drive(0.1, 0.0))
-        assert speed_of(board) == 0
+        assert speed_of(board) == 0 and robot.line_baud == 115200
+        assert [str(event) for event in heard if isinstance(event, Slowed)] == [
+            "the line shows errors at its higher speed and goes back to 115200 baud"
+        ]
 
 
 def test_a_board_that_knows_no_other_speed_is_driven_as_it_is():

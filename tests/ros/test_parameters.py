@@ -66,8 +66,22 @@ def test_refusal_names_key_value_and_range(name, value):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(
+    "other, words",
+    [
+        ({"port": "tcp://a:1"}, "port tcp://a:1, expected a device name"),
+        ({"baud": 9600}, "baud 9600, expected 115200"),
+    ],
+)
+def test_only_a_device_at_the_usual_speed_is_raised(other, words):
+    with pytest.raises(ConfigError, match=f"^parameter /n/fast is given with {words}"):
+        check({**GOOD, "fast": True, **other}, "/n")
+
+
 def test_misspelt_name_is_refused_with_the_names_there_are():
-    with pytest.raises(ConfigError, match="/n/prot is unknown, expected port, port_timeout, baud, robot"):
+    with pytest.raises(
+        ConfigError, match="/n/prot is unknown, expected port, port_timeout, baud, fast, robot"
+    ):
         check({"prot": "/dev/ttyACM0"}, "/n")
 
 
