@@ -15,6 +15,9 @@ TIMEOUT_S = 8.0
 8 s.
 """
 STEP_TIMEOUT_S = 2.0
+"""A board that has told who it is and then is silent for so long is greeted once more from the start: it may have
+restarted, or ended the check value, while this program did not look.
+"""
 JUNK_S = 3.0
 JUNK_BYTES = 32
 """So many bytes that are no text, and no frame within 3 s of the first byte, mean another baud rate."""
@@ -89,6 +92,7 @@ class Handshake:
         self._steps: Iterator[Tuple[int, ...]] = iter(())
         self._step: Tuple[int, ...] = (_CODE["robot_info"],)
         self._attempts = 0
+        self._silent: Optional[Board] = None
         self._junk: List[float] = []
         self._seen, self._strange, self._faults = b"", 0, 0
 
@@ -108,22 +112,31 @@ class Handshake:
         """
         if now < self.due_s:
             return
+        if now - self.due_s > RETRY_S:
+            self._give_up_s += now - self.due_s  # nobody looked meanwhile
         if not self._patient:
             self._judge(now)
-        elif self.board is not None and now >= self._give_up_s:
-            self.board, self._step = None, (_CODE["robot_info"],)  # it restarted meanwhile, in another mode
+        if self.board is not None and now >= self._give_up_s:
+            self._begin_again(now)
         if self.board is None:
             self._send(_CODE["stop"])
-            if self._patient or self._attempts % 3 == 2:
+            if self._patient or self._silent or self._attempts % 3 == 2:
                 self._send(*self._step, checked=not checked)
         self._send(*self._step, checked=checked)
         self._attempts += 1
         self.due_s = now + RETRY_S
 
+    def _begin_again(self, now: float) -> None:
+        """Ask who is there, in both modes."""
+        self._silent, self.board = self.board, None
+        self._step, self._attempts = (_CODE["robot_info"],), 0
+        self._give_up_s = now + STEP_TIMEOUT_S
+
     def _judge(self, now: float) -> None:
-        if self.board is not None:
-            if now >= self._give_up_s:
-                raise self._mute(self.board)
+        board = self.board or self._silent
+        if board is not None:
+            if now >= self._give_up_s and (self._silent or self._faults & 1):
+                raise self._mute(board)
         elif self._junk and self._strange >= JUNK_BYTES and now >= self._junk[0] + JUNK_S:
             raise NotARobot(
                 f"this port sends text at another baud rate, or another device is on it (got "

@@ -146,6 +146,21 @@ def test_a_board_that_dies_in_the_greeting_is_a_timeout():
         talk.run(5)
 
 
+def test_a_pause_of_this_program_in_the_greeting_is_not_held_against_the_board():
+    talk = Talk().run(0.002)
+    talk.now += 9.0
+    talk.session.tick(talk.now)
+    assert talk.until_ready().now < 10.0
+
+
+def test_a_board_that_ended_the_check_amid_the_greeting_is_greeted_once_more():
+    """It heard nothing for 2 s, as when this program was suspended."""
+    talk = Talk()
+    talk.until(lambda: talk.session.checked)
+    talk.board.decoder.checked = False
+    assert talk.until_ready().now < 3.0
+
+
 def test_a_missing_motor_board_is_named():
     talk = Talk()
     status = encode_reply(30, 0, 1, 1, 0, 1, 0, checked=True)
