@@ -149,7 +149,7 @@ _HOTTEST = Field("hottest", 0, 255, "degC", "Hottest of the TPA81's eight pixels
 _LDR = Field("ldr", 0, 1023, "count", "ADC count of the light sensor.")
 _BEARING = Field("bearing", 0, 359, "deg", "Clockwise from north, CMPS10.")
 _CHECKED = _flag("checked", "1: every frame both ways carries a check value.")
-_INDEX = Field("index", 0, 17, "", "Row of the parameter table.")
+_INDEX = Field("index", 0, 18, "", "Row of the parameter table.")
 _VALUE = _int16("value", "", "The parameter's value in the unit of its row.")
 _ADDRESS = tuple(_int16(f"address_{i}", "", f"Bits {16 * i + 15} to {16 * i} of the XBee's 64-bit address.")
                  for i in (3, 2, 1, 0))
@@ -244,7 +244,8 @@ _OTHERS: Tuple[Command, ...] = (
             _ADDRESS + _TEXT, optional_reply=7),
     Command(40, "discover_xbee", "Ask who is there; one reply for each node.", (),
             _ADDRESS + (_int16("network", "", "The node's 16-bit address."),)),
-    Command(43, "move_omni", "Move a robot with three wheels across, in any direction while it turns.", (
+    Command(43, "move_omni", "Move a robot with three wheels across, in any direction while it turns; clamped "
+                             "to the board's ceiling.", (
         Field("speed", 0, 100, "%", "Share of full speed; a wheel that would have to turn faster slows down all."),
         Field("rotation", -100, 100, "%", "Share of full speed of all wheels, counter-clockwise."),
         Field("direction", 0, 359, "deg", "Of the translation, counter-clockwise from forward."))),
@@ -308,6 +309,7 @@ PARAMETERS: Tuple[Parameter, ...] = (
     Parameter(15, "sonar_c", INT16_MIN, INT16_MAX, "1e-4 cm", "Offset c."),
     Parameter(16, "bus_speed", 100, 400, "kHz", "I2C clock towards the motor board."),
     Parameter(17, "bus_stop", 0, 1, "", "1: stop and start between the register and the read, for old motor boards."),
+    Parameter(18, "full_speed", 1, 1000, "1/min", "Turns of a wheel at 100 %, by which the ceilings hold for 43."),
 )
 PARAMETER_BY_NAME: Dict[str, Parameter] = {row.name: row for row in PARAMETERS}
 

@@ -12,7 +12,7 @@ from typing import Dict, List, Tuple
 from mrl_driver import robots
 from mrl_driver.table import PARAMETER_BY_NAME, PARAMETERS
 
-ID_AT, BLOCK_AT, LAYOUT = 0, 16, 1
+ID_AT, BLOCK_AT, LAYOUT = 0, 16, 2
 EEPROM_BYTES = 1024
 EEPROM_BYTE_S = 3.4e-3
 """Time to write one byte [s]."""

@@ -1,6 +1,6 @@
 """Rows of the table that move the motors or set up their board."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Tuple
 
 from mrl_driver.table import INT16_MAX
 
@@ -8,6 +8,9 @@ from .rows import request, with_motors
 
 if TYPE_CHECKING:
     from .board import PythonBoard
+
+_PER_MM_S = 95492
+"""6e5 / (2 pi): a ceiling [mm/s] by this, over full_speed [1/min] times wheel_radius [0.01 mm], is in %."""
 
 
 @request
@@ -59,17 +62,40 @@ def move_motors(board: "PythonBoard", left: int, right: int) -> None:
 
 @request
 def move_differential(board: "PythonBoard", linear: int, angular: int) -> None:
-    """11: beyond the ceiling both speeds shrink by the same factor, which keeps the curvature."""
-    linear_ceiling, angular_ceiling = board.config["linear_ceiling"], board.config["angular_ceiling"]
-    fast, turning = _beyond(linear, linear_ceiling), _beyond(angular, angular_ceiling)
-    if fast or turning:
-        board.health.count_clamped()
-        by_linear = not turning or (fast and abs(linear) * angular_ceiling > abs(angular) * linear_ceiling)
-        top, by = (linear_ceiling, abs(linear)) if by_linear else (angular_ceiling, abs(angular))
-        linear, angular = _scaled(linear, top, by), _scaled(angular, top, by)
+    """11."""
+    config = board.config
+    linear, angular = _clamped(board, linear, angular, config["linear_ceiling"], config["angular_ceiling"])
     if with_motors(board):
         board.health.turned()
         board.motor_board.move_differential(board.now_s, linear, angular)
+
+
+@request
+def move_omni(board: "PythonBoard", speed: int, rotation: int, direction: int) -> None:
+    """43: the ceilings hold for what the shares of full speed come to."""
+    config = board.config
+    linear, angular = config["linear_ceiling"], config["angular_ceiling"]
+    full = config["full_speed"] * config["wheel_radius"]
+    most_speed = INT16_MAX if linear == INT16_MAX else min(100, linear * _PER_MM_S // full)
+    turning = angular * config["axis_radius"] // 355 * 339  # 3 / pi
+    most_rotation = INT16_MAX if angular == INT16_MAX else min(100, turning // full)
+    speed, rotation = _clamped(board, speed, rotation, most_speed, most_rotation)
+    if with_motors(board):
+        board.health.turned()
+        board.motor_board.move_omni(board.now_s, speed, rotation, direction)
+
+
+def _clamped(
+    board: "PythonBoard", linear: int, angular: int, most_linear: int, most_angular: int
+) -> Tuple[int, int]:
+    """Beyond a ceiling both speeds shrink by the same factor, which keeps the curvature."""
+    fast, turning = _beyond(linear, most_linear), _beyond(angular, most_angular)
+    if not (fast or turning):
+        return linear, angular
+    board.health.count_clamped()
+    by_linear = not turning or (fast and abs(linear) * most_angular > abs(angular) * most_linear)
+    top, by = (most_linear, abs(linear)) if by_linear else (most_angular, abs(angular))
+    return _scaled(linear, top, by), _scaled(angular, top, by)
 
 
 def _beyond(value: int, ceiling: int) -> bool:
@@ -81,14 +107,6 @@ def _scaled(value: int, top: int, by: int) -> int:
     """`value * top / by`, rounded towards zero."""
     size = abs(value) * top // by
     return size if value >= 0 else -size
-
-
-@request
-def move_omni(board: "PythonBoard", speed: int, rotation: int, direction: int) -> None:
-    """43."""
-    if with_motors(board):
-        board.health.turned()
-        board.motor_board.move_omni(board.now_s, speed, rotation, direction)
 
 
 @request

@@ -12,7 +12,7 @@ namespace config {
 
 constexpr uint16_t ID_AT = 0;
 constexpr uint16_t BLOCK_AT = 16;
-constexpr uint8_t LAYOUT = 1;
+constexpr uint8_t LAYOUT = 2;
 constexpr uint8_t BLOCK_SIZE = 1 + 2 * PARAMETER_COUNT + 2;
 
 // Loads EEPROM; what does not hold up is replaced by the model's defaults and flagged.

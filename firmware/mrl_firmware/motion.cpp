@@ -1,5 +1,6 @@
 // Commands that go to the motor board: moves, gains, encoders.
 #include "answers.h"
+#include "ceiling.h"
 #include "config.h"
 #include "motor_board.h"
 #include "protocol.h"
@@ -10,39 +11,6 @@ namespace {
 
 void forward(const motor::Message& message) {
   if (!motor::send(message)) status::refuse(Reason::unavailable);
-}
-
-uint16_t magnitude(int16_t value) {
-  const uint16_t bits = static_cast<uint16_t>(value);
-  return static_cast<uint16_t>(value < 0 ? 0u - bits : bits);
-}
-
-// The widest ceiling is none: -32768 is one beyond it and is to arrive as it is.
-bool beyond(int16_t value, int16_t ceiling) {
-  return ceiling != INT16_MAX && magnitude(value) > static_cast<uint16_t>(ceiling);
-}
-
-uint32_t product(int16_t value, int16_t ceiling) {
-  return static_cast<uint32_t>(magnitude(value)) * static_cast<uint16_t>(ceiling);
-}
-
-// Rounds towards zero.
-int16_t scaled(int16_t value, int16_t ceiling, uint16_t by) {
-  return static_cast<int16_t>(static_cast<int32_t>(value) * ceiling / static_cast<int32_t>(by));
-}
-
-// Scales both speeds by the factor of the one that is further beyond its ceiling, so that the arc keeps its radius.
-void clamp(int16_t& linear, int16_t& angular) {
-  const int16_t linear_ceiling = config::get(Parameter::linear_ceiling);
-  const int16_t angular_ceiling = config::get(Parameter::angular_ceiling);
-  const bool fast = beyond(linear, linear_ceiling), turning = beyond(angular, angular_ceiling);
-  if (!fast && !turning) return;
-  status::count_clamped();
-  const bool by_linear = !turning || (fast && product(linear, angular_ceiling) > product(angular, linear_ceiling));
-  const int16_t ceiling = by_linear ? linear_ceiling : angular_ceiling;
-  const uint16_t was = magnitude(by_linear ? linear : angular);
-  linear = scaled(linear, ceiling, was);
-  angular = scaled(angular, ceiling, was);
 }
 
 }  // namespace
@@ -87,7 +55,7 @@ void move_motors(const int16_t* args, uint8_t) {
 
 void move_differential(const int16_t* args, uint8_t) {
   int16_t linear = args[0], angular = args[1];
-  clamp(linear, angular);
+  ceiling::clamp(linear, angular);
   forward(motor::Message(motor::MOVE_SI).word(linear).word(angular));
 }
 

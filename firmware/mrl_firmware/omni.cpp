@@ -1,5 +1,6 @@
 #include "omni.h"
 
+#include "ceiling.h"
 #include "frame_writer.h"
 #include "motor_board.h"
 #include "protocol.h"
@@ -20,8 +21,10 @@ void report_encoders() {
 namespace handlers {
 
 void move_omni(const int16_t* args, uint8_t) {
+  int16_t speed = args[0], rotation = args[1];
+  ceiling::clamp_shares(speed, rotation);
   const motor::Message message =
-      motor::Message(motor::MOVE_OMNI).byte(static_cast<uint8_t>(args[0])).word(args[1]).word(args[2]);
+      motor::Message(motor::MOVE_OMNI).byte(static_cast<uint8_t>(speed)).word(rotation).word(args[2]);
   if (!motor::send(message)) status::refuse(Reason::unavailable);
 }
 

@@ -13,7 +13,7 @@ constexpr uint8_t STOP_CODE = 13;  // accepted without a check value in every st
 constexpr int16_t SONAR_INVALID = -1;  // no reading
 constexpr int16_t SONAR_NOTHING = 645;  // cm, nothing in range
 constexpr uint8_t REASON_COUNT = 11;
-constexpr uint8_t PARAMETER_COUNT = 18;
+constexpr uint8_t PARAMETER_COUNT = 19;
 constexpr uint8_t MODEL_PARAMETER_FIRST = 1;  // parameters whose defaults differ by model
 constexpr uint8_t MODEL_PARAMETER_COUNT = 11;
 
@@ -136,6 +136,7 @@ enum class Parameter : uint8_t {
   sonar_c = 15,
   bus_speed = 16,
   bus_stop = 17,
+  full_speed = 18,
 };
 
 // One handler for each request; a forgotten one fails to link.
@@ -275,8 +276,8 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   RANGE(0, 10000) \
   RANGE(0, 1) \
   RANGE(0, 10000) \
-  RANGE(0, 17) \
-  RANGE(0, 17) \
+  RANGE(0, 18) \
+  RANGE(0, 18) \
   RANGE(INT16_MIN, 32767) \
   RANGE(INT16_MIN, 32767) \
   RANGE(INT16_MIN, 32767) \
@@ -341,7 +342,8 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   RANGE(1, 20000) \
   RANGE(INT16_MIN, 32767) \
   RANGE(100, 400) \
-  RANGE(0, 1)
+  RANGE(0, 1) \
+  RANGE(1, 1000)
 
 // lowest and highest robot id, then the parameters from axis_radius on: traxbot, stingbot, omni
 #define MRL_MODELS(MODEL) \
@@ -356,4 +358,5 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   VALUE(9466) \
   VALUE(-3759) \
   VALUE(400) \
-  VALUE(0)
+  VALUE(0) \
+  VALUE(160)

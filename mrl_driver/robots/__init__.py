@@ -312,8 +312,8 @@ class _Reader:
 
     def _board(self, data: Any) -> Dict[str, int]:
         rows = {row.name: row for row in PARAMETERS if row.number in BOARD_KEYS}
-        rows.update((row.name, row) for row in PARAMETERS if row.name in CURVE_KEYS)
-        found = self._keys("board", data, tuple(rows), CURVE_KEYS)
+        rows.update((row.name, row) for row in PARAMETERS if row.name in OWN_KEYS)
+        found = self._keys("board", data, tuple(rows), OWN_KEYS)
         return {
             name: self._whole(f"board.{name}", found[name], row.low, row.high)
             for name, row in rows.items()
@@ -325,6 +325,8 @@ BOARD_KEYS = range(1, 12)
 """Indices of the parameters whose defaults differ between models; the others' stand in `COMMON_BOARD`."""
 CURVE_KEYS = ("sonar_a", "sonar_b", "sonar_c")
 """Parameters of which a model may have its own, once calibrated."""
+OWN_KEYS = (*CURVE_KEYS, "full_speed")
+"""What a model need not, but may say of the parameters that all share."""
 COMMON_BOARD = {
     "motor_timeout": 3,
     "sonar_a": 11767,
@@ -332,5 +334,9 @@ COMMON_BOARD = {
     "sonar_c": -3759,
     "bus_speed": 400,
     "bus_stop": 0,
+    "full_speed": 160,
 }
-"""Defaults that all models share.  Sonar curve: thesis 2012, b is 0.94657 cut to the wire's 1e-4."""
+"""Defaults that all models share.
+
+Thesis 2012: 160 rpm at 7.2 V; the sonar curve, of which b is 0.94657 cut to the wire's 1e-4.
+"""

@@ -133,6 +133,34 @@ def test_three_wheels_move_sideways_and_turn(make):
     assert pose.y_m > 0.2 and pose.yaw_rad < -0.2
 
 
+@pytest.mark.parametrize(
+    "asked, told",
+    [
+        ((100, 0, 90), (50, 0, 90)),
+        ((50, 40, 0), (50, 40, 0)),
+        ((100, -40, 0), (50, -20, 0)),
+        ((40, -80, 359), (20, -40, 359)),
+        ((0, 100, 0), (0, 40, 0)),
+    ],
+)
+def test_omni_moves_keep_below_the_ceilings(make, asked, told):
+    """Ceilings of half of full speed and two fifths of full rotation: both shares shrink alike, and are counted."""
+    bench = make(robot="omni")
+    bench.write_config("linear_ceiling", 252)  # full speed is 160 / 60 * 2 pi * 30 mm = 502.65 mm/s
+    bench.write_config("angular_ceiling", 2011)  # at 100 mm from the middle
+    bench.ask("move_omni", *asked)
+    assert bench.commands() == [(0xFA, *told)]
+    assert bench.status().clamped == (asked != told)
+
+
+def test_the_widest_ceilings_leave_omni_moves_as_they_are(make):
+    bench = make(robot="omni")
+    for name in ("linear_ceiling", "angular_ceiling"):
+        bench.write_config(name, 32767)
+    bench.ask("move_omni", 100, -100, 0)
+    assert bench.commands() == [(0xFA, 100, -100, 0)]
+
+
 def test_omni_stream_carries_three_counters_until_the_stop(make):
     """Each counter at its place, then the sonars; row 19 ends it."""
     bench = make(robot="omni")

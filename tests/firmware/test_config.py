@@ -59,7 +59,7 @@ def test_all_zero(bench):
     assert parameters(board) == config_store.defaults(0) and faults(board) & FAULT["eeprom"]
 
 
-@pytest.mark.parametrize("layout", [0, 2])
+@pytest.mark.parametrize("layout", [0, 1, 3])
 def test_other_layout(bench, layout):
     """Older and newer layouts are not read, even with a right check value."""
     values = config_store.defaults(1)
