@@ -17,6 +17,7 @@ from .world import World
 
 PROFILES = ("current", "2013-august", "2013-january")
 ENGINES = ("python", "avr")
+_LIMITS = {"robot_id": (0, 32767), "battery": (0.0, 15.0)}
 
 
 class Options(NamedTuple):
@@ -73,6 +74,8 @@ def make(options: Options, world: Optional[World] = None) -> Emulated:
     Raises:
         ConfigError: an option is out of range, or the robot would stand in a wall or in another robot.
     """
+    for name, limits in _LIMITS.items():
+        _demand_in(name, getattr(options, name), *limits)
     faults = [fault_table.parse(spec) for spec in options.faults]
     model = robots.load(options.robot)
     errors, sonar = spelling.robot_errors(options.error), spelling.sonar_errors(options.sonar)
@@ -97,6 +100,11 @@ def make(options: Options, world: Optional[World] = None) -> Emulated:
     return Emulated(plant, FaultyEngine(_engine(plant, options), faults, options.seed), bool(faults))
 
 
+def _demand_in(name: str, value: Optional[float], low: float, high: float) -> None:
+    if value is not None and not low <= value <= high:
+        raise ConfigError(f"{name} is {value!r}, expected {low:g} to {high:g}")
+
+
 def _world(options: Options) -> World:
     world = world_file.load(options.world)
     if options.world_name is not None:
@@ -107,7 +115,9 @@ def _world(options: Options) -> World:
 
 
 def _demand_room(world: World, pose: Pose, footprint: Optional[Footprint], name: str) -> None:
-    if footprint is not None and world.touching(pose, footprint, name):
+    if footprint is None:
+        return
+    if world.touching(pose, footprint, name) or world.is_solid(pose.x_m, pose.y_m):
         where = f"{pose.x_m:g},{pose.y_m:g}"
         others = [mover.name for mover in world.robots(name)]
         raise ConfigError(

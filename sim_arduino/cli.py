@@ -14,7 +14,7 @@ from . import boards, fault_table, picture, spelling
 from .control import ORDERS, Control
 from .one_line import OneLine
 from .port import Link, Port, PtyPort
-from .server import PtyServer, Watcher
+from .server import FASTEST, SLOWEST, PtyServer, Watcher
 from .socket_port import SocketPort
 from .trail import Trail
 
@@ -85,7 +85,7 @@ _EPILOG = "\b\nKeys of --error:\n{}\n\n\b\nKeys of --sonar:\n{}\n\n{}".format(
 @click.option("--omni", is_flag=True, help="Three wheels across instead of two side by side.")
 @click.option(
     "--speed",
-    type=click.FloatRange(0.01, 1000.0),
+    type=click.FloatRange(SLOWEST, FASTEST),
     default=1.0,
     show_default=True,
     help="Times as fast as real time.",

@@ -176,9 +176,10 @@ def _value(spec: str, parameter: Parameter, text: str) -> Union[float, str]:
         value = float(text)
     except ValueError:
         value = math.nan
-    if not parameter.low <= value <= parameter.high:
+    whole = isinstance(parameter.default, int)
+    if not parameter.low <= value <= parameter.high or (whole and value % 1.0):
         raise ConfigError(
-            f"fault {spec!r}: {parameter.name} is {text!r}, expected {parameter.low:g} to "
+            f"fault {spec!r}: {parameter.name} is {text!r}, expected {'whole, ' if whole else ''}{parameter.low:g} to "
             f"{parameter.high:g} {parameter.unit}".rstrip()
         )
     return value

@@ -200,7 +200,7 @@ class Board2013:
 
 def _number(token: bytes) -> int:
     """A number as the 2013 parser reads it: what is no digit is skipped, 16 bits are kept, nothing at all is -1."""
-    digits = bytes(byte for byte in token if chr(byte).isdigit())
+    digits = bytes(byte for byte in token if byte in b"0123456789")
     if not digits or len(digits) > DIGITS:
         return MISSING
     value = -int(digits) if token[:1] == b"-" else int(digits)

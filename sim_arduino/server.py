@@ -8,6 +8,8 @@ import threading
 import time
 from typing import Any, Dict, List, Optional, Protocol, Sequence, TextIO
 
+from mrl_driver.errors import ConfigError
+
 from .control import Control
 from .engine import Engine
 from .plant import Plant
@@ -18,6 +20,7 @@ HEARTBEAT_S = 0.1
 """Longest wait; a longer pause than asked for is a stall of this process."""
 STALL_S = 0.25
 TRUTH_PERIOD_S = 0.05
+SLOWEST, FASTEST = 0.01, 1000.0
 _PACKET_BYTES, _PACKET_S = 64, 0.002
 _LINE_AHEAD_S = 0.002
 """How far the host's bytes may run ahead of the line before they are left in the pty."""
@@ -46,6 +49,9 @@ class PtyServer:
 
     Attributes:
         lock: Held while the board runs; take it to look at the board from another thread.
+
+    Raises:
+        ConfigError: the speed is out of range.
     """
 
     def __init__(
@@ -60,6 +66,8 @@ class PtyServer:
         speed: float = 1.0,
         watchers: Sequence[Watcher] = (),
     ) -> None:
+        if not SLOWEST <= speed <= FASTEST:
+            raise ConfigError(f"speed is {speed!r}, expected {SLOWEST:g} to {FASTEST:g} times real time")
         self.lock = threading.RLock()
         self._speed, self._watchers = speed, watchers
         self._engine, self._port, self._plant = engine, port, plant

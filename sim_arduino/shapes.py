@@ -77,6 +77,15 @@ def polygon(corners: Sequence[Sequence[float]]) -> List[Wall]:
     return [Wall(*corners[i - 1], *corners[i]) for i in range(len(corners))]
 
 
+def encloses(outlines: Iterable[Wall], x: float, y: float) -> bool:
+    """Whether a point is inside closed lines, by the even-odd rule."""
+    inside = False
+    for x1, y1, x2, y2 in outlines:
+        if (y1 > y) != (y2 > y) and x < x1 + (y - y1) / (y2 - y1) * (x2 - x1):
+            inside = not inside
+    return inside
+
+
 _CIRCLE_CORNERS = 24
 
 

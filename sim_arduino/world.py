@@ -12,7 +12,7 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 from .crowd import Crowd, LocalCrowd, Mover
 from .scene import Scene
-from .shapes import ORIGIN, Footprint, Pose, Wall, nearest_in_cone
+from .shapes import ORIGIN, Footprint, Pose, Wall, encloses, nearest_in_cone
 from .wall_index import WallIndex
 
 __all__ = ["ORIGIN", "Footprint", "Pose", "Wall", "World"]
@@ -25,6 +25,7 @@ class World:
         crowd: The robots; one of several processes' where the world is shared.
         scene: Heat, gas, dust, light and north.
         standing: Robots that stand there by name, each until one of its name comes and takes its place.
+        solids: Closed lines among the walls, each of which is full inside: boxes, a map.
     """
 
     def __init__(
@@ -34,6 +35,7 @@ class World:
         self.scene = Scene() if scene is None else scene
         self.crowd: Crowd = LocalCrowd()
         self.standing: Dict[str, Mover] = {}
+        self.solids: List[List[Wall]] = []
         self._index = WallIndex(walls)
 
     @property
@@ -113,6 +115,10 @@ class World:
             if _gap(mover, pose.x_m, pose.y_m) < reach:
                 near += mover.footprint.outline(mover.pose) + mover.footprint.inside(mover.pose)
         return [wall for wall in near if footprint.touches(pose, wall)]
+
+    def is_solid(self, x: float, y: float) -> bool:
+        """Whether a point is in something that is full inside."""
+        return any(encloses(outline, x, y) for outline in self.solids)
 
     def bounds(self) -> Tuple[float, float, float, float]:
         """Least x and y, greatest x and y of walls and start [m]."""

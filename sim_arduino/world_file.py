@@ -78,7 +78,10 @@ def load(name_or_path: str = "room") -> World:
         )
     data = yaml_file.read(path, "a world as YAML")
     if isinstance(data, dict) and "image" in data:
-        return World(_map_walls(path, data))
+        walls = _map_walls(path, data)
+        world = World(walls)
+        world.solids = [walls]
+        return world
     return _Reader(path, data).world()
 
 
@@ -100,14 +103,15 @@ class _Reader:
     def world(self) -> World:
         """All of it."""
         walls = [Wall(*row) for row in self._rows("walls", "x1, y1, x2, y2", [_COORDINATE] * 4)]
-        boxes = [_COORDINATE, _COORDINATE, _SIZE, _SIZE, _ANGLE]
-        for row in self._rows("boxes", "x, y, length, width, yaw", boxes):
-            walls += _sides(*row)
-        walls += self._map()
+        limits = [_COORDINATE, _COORDINATE, _SIZE, _SIZE, _ANGLE]
+        solids = [_sides(*row) for row in self._rows("boxes", "x, y, length, width, yaw", limits)]
+        solids.append(self._map())
+        walls += [side for solid in solids for side in solid]
         start = self._numbers(
             "start", self._get("start", [0, 0, 0]), "x, y, yaw", [_COORDINATE, _COORDINATE, _ANGLE]
         )
         world = World(walls, Pose(start[0], start[1], math.radians(start[2])), self._scene())
+        world.solids = solids
         world.standing = {mover.name: mover for mover in self._robots()}
         return world
 

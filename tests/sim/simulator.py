@@ -80,6 +80,18 @@ class Client:
         while self.read(seconds):
             assert time.monotonic() < end
 
+    def ask_until(self, request: bytes, beginning: bytes) -> bytes:
+        """Repeats a request until a line that begins so has come; what came up to that line's end."""
+        out, end = b"", time.monotonic() + PATIENCE_S
+        while True:
+            if time.monotonic() > end:
+                raise AssertionError(f"no line that begins with {beginning!r}, got {out[-200:]!r}")
+            self.send(request)
+            out += self.read(0.1)
+            at = out.find(beginning)
+            if at >= 0 and b"\n" in out[at:]:
+                return out[: out.index(b"\n", at) + 1]
+
     def ask(self, request: bytes) -> bytes:
         self.send(request)
         return self.read_until(b"\n")

@@ -79,14 +79,15 @@ def test_world_and_pose(tmp_path):
     world = tmp_path / "world.yaml"
     world.write_text("walls: [[-9, 3.1, 9, 3.1]]")
     with Simulator("--world", str(world), "--pose", "0,1,90") as simulator, Client(simulator.path) as client:
-        time.sleep(0.6)
-        assert client.ask(b"@7e").startswith(b"@7,200,")
+        assert client.ask_until(b"@7e", b"@7,200,")
 
 
 def test_truth_tells_the_pose(tmp_path):
     truth = tmp_path / "truth.jsonl"
     with Simulator("--pose", "1,1.5,90", "--truth", str(truth)) as simulator:
-        time.sleep(0.3)
+        end = time.monotonic() + PATIENCE_S
+        while truth.read_text().count("\n") < 4 and time.monotonic() < end:
+            time.sleep(0.02)
         simulator.end()
     rows = [json.loads(line) for line in truth.read_text().splitlines()]
     assert len(rows) >= 4
@@ -159,9 +160,8 @@ def test_a_stopped_process_is_a_stall_of_the_board():
         time.sleep(0.5)
         client.send(b"@11,300,0e@16,1e")
         simulator.process.send_signal(signal.SIGCONT)
-        time.sleep(0.1)
-        assert client.ask(b"@15e") == b"@15,0e\r\n"
-        assert client.ask(b"@30e").endswith(b",3,0,0e\r\n")
+        assert client.ask_until(b"@15e", b"@15,").endswith(b"@15,0e\r\n")
+        assert client.ask_until(b"@30e", b"@30,").endswith(b",3,0,0e\r\n")
 
 
 # ---- bad input
@@ -179,6 +179,8 @@ def test_a_stopped_process_is_a_stall_of_the_board():
         (("--pose", "1,2"), 2, "pose is '1,2', expected X,Y,YAW"),
         (("--id", "99999"), 2, "99999 is not in the range 0<=x<=32767"),
         (("--battery", "x"), 2, "'x' is not a valid float"),
+        (("--battery", "nan"), 2, "battery is nan, expected 0 to 15"),
+        (("--speed", "nan"), 2, "speed is nan, expected 0.01 to 1000 times real time"),
         (("--engine", "pic"), 2, "'pic' is not one of"),
         (("--engine", "avr", "--elf", "nope.elf"), 2, "image nope.elf is missing"),
         (("--engine", "avr", "--profile", "2013-august"), 2, "expected --engine python"),

@@ -53,6 +53,11 @@ def test_headers_of_other_programs(tmp_path, header):
     assert grid_map.read(str(tmp_path / "map.yaml"), GOOD).cells.tolist() == [[OCCUPIED, FREE]]
 
 
+def test_occupied_cells_are_solid(tmp_path):
+    world = load(write(tmp_path))
+    assert [world.is_solid(x, 0.15) for x in (0.05, 0.15, 0.25, 0.35)] == [False, True, True, False]
+
+
 def test_outlines_are_joined(tmp_path):
     """Two cells of 0.1 m side by side: a box of 0.2 x 0.1 m out of four walls."""
     walls = load(write(tmp_path)).walls

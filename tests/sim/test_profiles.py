@@ -109,6 +109,7 @@ def test_commands_behind_a_slow_enough_host_all_arrive():
         (b"@11,50@13e@13e", [(0xFC,)]),
         (b"@13xe", [(0xFC,)]),
         (b"@1x3e", [(0xFC,)]),
+        (b"@1\xb23e", [(0xFC,)]),
         (b"@11,5x0,0e", [(0xEB, 50, 0)]),
         (b"@13,7,8e", [(0xFC,)]),
         (b"@9,1,40,1,40e", [(0xF8, 1, 0, 40)]),

@@ -163,6 +163,13 @@ def test_bad_worlds_name_file_key_and_value(tmp_path, text, message):
     assert "\n" not in str(caught.value)
 
 
+def test_a_robot_is_not_put_inside_a_box(tmp_path):
+    """It touches none of its sides."""
+    path = write(tmp_path, "boxes: [[0, 0, 2, 2, 30]]")
+    with pytest.raises(ConfigError, match="pose 0,0 is in a wall"):
+        make(Options(world=path))
+
+
 def test_unknown_world_names_those_there_are():
     with pytest.raises(ConfigError, match="room"):
         load("nowhere")
