@@ -1,3 +1,4 @@
+import contextlib
 import os
 import select
 import threading
@@ -16,6 +17,7 @@ class PtyBoard:
         self.board = board
         self.master, self.slave = os.openpty()
         tty.setraw(self.slave)
+        os.set_blocking(self.master, False)
         self.path = os.ttyname(self.slave)
         self.held = threading.Event()
         self.unplugged = threading.Event()
@@ -37,11 +39,17 @@ class PtyBoard:
                 self.board.receive(data, now)
             out = self.board.advance(now)
             if out:
-                os.write(self.master, out)
+                self._send(out)
+
+    def _send(self, data):
+        """What there is room for: a line waits for nobody, nor may the end of a test wait for a reader."""
+        with contextlib.suppress(BlockingIOError):
+            os.write(self.master, data)
 
     def unplug(self):
         self._end.set()
-        self._thread.join()
+        self._thread.join(10.0)
+        assert not self._thread.is_alive(), "the fake board hangs"
         os.close(self.slave)
         os.close(self.master)
         self.unplugged.set()

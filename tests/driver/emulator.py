@@ -65,6 +65,7 @@ class Emulator:
     def close(self) -> None:
         """Unplugs it."""
         self._server.stop()
-        self._thread.join()
+        self._thread.join(10.0)
+        assert not self._thread.is_alive(), "the emulator hangs"
         self._engine.close()
         self._port.close()

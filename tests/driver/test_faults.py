@@ -147,6 +147,14 @@ def test_a_port_that_takes_no_bytes_blocks_nobody_for_long(serve):
         wait_until(lambda: driver.ready)
 
 
+def test_a_fake_board_that_nobody_reads_can_be_unplugged(serve):
+    """Or the end of a test might wait for ever."""
+    port = serve()
+    port.board.out += bytes(200_000)
+    wait_until(lambda: not port.board.out)
+    port.unplug()
+
+
 def stop_by(robot, number):
     """Seconds from a signal at `mrl drive` to the stop at the motor board, to its exit, and its exit code."""
     command = [sys.executable, "-m", "mrl_driver", "drive", "--port", robot.path, "--linear", "0.2"]
