@@ -176,7 +176,6 @@ def _announcer(stack: ExitStack, name: Optional[str]) -> Callable[[str], None]:
             link.move(path)
         if path:
             click.echo(path)
-            sys.stdout.flush()
 
     return tell
 

@@ -104,6 +104,20 @@ def test_log_holds_both_directions(tmp_path):
     assert [(row["from"], row["bytes"]) for row in rows] == [("host", "@15e"), ("board", "@15,0e\r\n")]
 
 
+def test_runs_with_its_stdout_closed(tmp_path):
+    """As a service may start it; the link tells where."""
+    link = tmp_path / "ttyTRAX0"
+    command = 'exec "$@" >&-', "sh", sys.executable, "-m", "sim_arduino.cli", "--link", str(link)
+    process = subprocess.Popen(["sh", "-c", *command], stderr=subprocess.PIPE, text=True)
+    end = time.monotonic() + PATIENCE_S
+    while not os.path.lexists(link) and process.poll() is None and time.monotonic() < end:
+        time.sleep(0.02)
+    with Client(str(link)) as client:
+        assert client.ask(b"@15e") == b"@15,0e\r\n"
+    process.terminate()
+    assert (process.communicate(timeout=PATIENCE_S)[1], process.returncode) == ("", 0)
+
+
 # ---- programs come and go
 
 
