@@ -11,12 +11,11 @@ and `wait` not from callbacks, which run on the thread that reads.
 
 import atexit
 import math
-import os
 import threading
 import time
 from typing import List, Optional, Tuple, Union
 
-from . import robots
+from . import forks, robots
 from .address import demand_port
 from .core import Core
 from .errors import BoardError, BoardTimeout, ConfigError, LinkLost, MrlError
@@ -93,7 +92,6 @@ class Driver(Readout):
         self._reconnection: Optional[Reconnection] = None
         self._tape: Optional[Tape] = None
         self._slept_s = _slept_s()
-        self._process = os.getpid()
         self._fast, self._well_s, self._errors = False, 0.0, 0
 
     def connect(self) -> Board:
@@ -110,7 +108,7 @@ class Driver(Readout):
             BatteryDead: motor power is off, or the battery too low to start (unless `ignore_battery`).
             BoardTimeout, LinkLost: it stopped answering, or went away, meanwhile.
         """
-        if self._thread is not None:
+        if self._thread is not None or self._closing:
             raise MrlError("this driver was connected already; create another one to connect again")
         options = self._options
         self._link = self._first_link()
@@ -119,6 +117,7 @@ class Driver(Readout):
         self._core.begin(time.monotonic())
         self._thread = threading.Thread(target=self._run, name="mrl-driver", daemon=True)
         self._thread.start()
+        forks.leave_to_parent(self)
         atexit.register(self._end_with_program)
         try:
             self._settled.wait()
@@ -152,8 +151,17 @@ class Driver(Readout):
 
     def _end_with_program(self) -> None:
         """A program that ends in an error may not have closed; boards of 2013 would drive on."""
-        if os.getpid() == self._process:  # a forked one leaves the robot to its parent
-            self.close()
+        self.close()
+
+    def abandon(self) -> None:
+        """In a forked child, which leaves the robot to its parent: closed, and every call says why."""
+        self._lock = threading.RLock()
+        self._changed, self._settled = threading.Condition(self._lock), threading.Event()
+        self._link = self._thread = self._reconnection = self._tape = None
+        self._closing = True
+        self._error = LinkLost(
+            "this process was forked from the one that drives the robot; connect in one of them"
+        )
 
     def _end_tape(self) -> None:
         if self._tape is not None:

@@ -18,6 +18,7 @@ from typing import Dict, List, Optional, Type
 import serial
 from serial.tools import list_ports
 
+from . import forks
 from .errors import BoardTimeout, LinkError, LinkLost, PortBusy, PortDenied, PortMissing
 from .ports import Port
 
@@ -130,6 +131,16 @@ class Link:
         self._poll = select.poll()
         self._poll.register(self._fd, select.POLLIN)
         self._poll.register(self._wake_out, select.POLLIN)
+        forks.leave_to_parent(self)
+
+    def abandon(self) -> None:
+        """In a forked child: give up the copies of the descriptors; port, mark and lock are the parent's."""
+        if self._open:
+            self.closed, self._open = True, False
+            self._reading, self._writing, self._waking = (threading.RLock() for _ in range(3))
+            os.close(self._wake_in)
+            os.close(self._wake_out)
+            self._release()
 
     def read(self, timeout_s: float) -> bytes:
         """What has arrived; waits up to `timeout_s` for a first byte, less after `wake`.  Empty once closed.
@@ -220,6 +231,10 @@ class Link:
     def _give_back(self) -> None:
         """Close what `_begin` was given."""
         _exclude(self._fd, False)
+        self._release()
+
+    def _release(self) -> None:
+        """Close this process's descriptors."""
         self._serial.close()
 
     def set_baud(self, baud: int) -> None:

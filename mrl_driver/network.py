@@ -38,6 +38,9 @@ class TcpLink(Link):
         self._begin(port, self._socket.fileno())
 
     def _give_back(self) -> None:
+        self._release()
+
+    def _release(self) -> None:
         self._socket.close()
 
     def _end_of_data(self) -> None:
@@ -68,6 +71,9 @@ class UdpLink(Link):
         self._begin(port, self._socket.fileno())
 
     def _give_back(self) -> None:
+        self._release()
+
+    def _release(self) -> None:
         self._socket.close()
 
     def _end_of_data(self) -> None:

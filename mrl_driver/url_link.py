@@ -69,6 +69,14 @@ class UrlLink(Link):
         except Exception:  # noqa: BLE001 - it is given up anyway
             return
 
+    def _release(self) -> None:
+        """In a forked child: pyserial's close would end a connection for the parent too."""
+        if "_socket" in vars(self._serial):
+            vars(self._serial)["_socket"] = None
+        else:
+            self._serial.close()
+        os.close(self._fd)
+
 
 def _open(port: str, baud: int) -> serial.Serial:
     scheme = scheme_of(port)

@@ -157,12 +157,6 @@ def test_the_end_of_a_program_stops_a_robot_that_was_not_closed(serve):
     assert port.board.moves
 
 
-def test_the_end_of_a_forked_program_leaves_the_robot_to_its_parent(robot, monkeypatch):
-    monkeypatch.setattr(os, "getpid", lambda: -1)
-    robot._end_with_program()
-    assert robot.drive(0.1, 0.0)
-
-
 def test_a_stop_by_the_board_is_told_with_its_status(robot):
     robot.fake.stop_reason = STOP_REASONS.index("motor_board")
     wait_until(lambda: robot.stop_reason == "motor_board")

@@ -1,0 +1,77 @@
+"""A program with a driver that forks: the child neither hangs, nor touches the robot, nor keeps the port."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from mrl_driver.link import Link
+
+from .test_driver import wait_until
+
+BEGINNING = """
+import os, signal, sys
+from mrl_driver.driver import Driver
+from mrl_driver.errors import LinkLost
+
+with Driver(sys.argv[1]) as robot:
+    robot.drive(0.2, 0.0)
+    child = os.fork()
+    if not child:
+        signal.alarm(10)
+"""
+LEAVES = """
+        sys.exit(7)
+    print(os.waitpid(child, 0)[1], robot.command is not None, flush=True)
+    sys.stdin.readline()
+"""
+DRIVES = """
+        try:
+            robot.drive(0.1, 0.0)
+        except LinkLost as error:
+            os._exit(7 if "forked" in str(error) else 8)
+    print(os.waitpid(child, 0)[1], robot.command is not None, flush=True)
+    sys.stdin.readline()
+"""
+STAYS = """
+        print(flush=True)
+        sys.stdin.readline()
+        os._exit(0)
+    signal.pause()
+"""
+
+
+@pytest.fixture
+def run(serve):
+    """Starts one of the programs on a fake board; `run.port` is the board's end."""
+    started = []
+
+    def start(program):
+        start.port = serve()
+        command = [sys.executable, "-c", BEGINNING + program, start.port.path]
+        started.append(subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True))
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+@pytest.mark.parametrize("program", [LEAVES, DRIVES])
+def test_a_child_ends_and_leaves_the_robot_to_its_parent(run, program):
+    process = run(program)
+    status, in_force = process.stdout.readline().split()
+    assert os.WEXITSTATUS(int(status)) == 7 and in_force == "True"
+    wait_until(lambda: run.port.board.speeds == (200, 0))
+    process.communicate("\n")
+    assert process.returncode == 0 and run.port.board.moves[-1] == (200, 0)
+
+
+def test_a_child_does_not_keep_the_port_beyond_its_parents_end(run):
+    process = run(STAYS)
+    process.stdout.readline()
+    process.kill()
+    process.wait()
+    Link(run.port.path).close()
