@@ -125,7 +125,7 @@ class Motion:
             and self.timeout_s is not None
             and now - self._commanded_s >= self.timeout_s
         ):
-            self.stop("command_timeout")
+            self.stop("command_timeout" if any(self.target) else "user")
         if self._fade is not None:
             self._fade_on(now)
         if self.target is None and not self.stopping:

@@ -77,7 +77,7 @@ class Commander:
                 return
             now = self._clock()
             if now - self._commanded_s >= self._timeout_s:
-                self._halt(TIMEOUT)
+                self._halt(TIMEOUT if any(self._target) else NONE)
             elif self.zones is not None:
                 if self._within_zones(now) != self._now:
                     self._step(now)
@@ -126,6 +126,8 @@ class Commander:
         if self._held:
             return ZONE
         told = self._driver.stop_reason
+        if told == "boot" and self._commanded_s == float("-inf"):
+            return NONE  # a board that was switched on before anybody drove
         return self._cause if self._cause != NONE or told in ("none", "user") else told.replace("_", " ")
 
     @property

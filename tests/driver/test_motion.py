@@ -88,6 +88,13 @@ def test_a_command_without_successor_expires(timeout_s):
     assert timeout_s <= stopped_s < timeout_s + 0.002
 
 
+def test_a_command_to_stand_that_expires_was_the_users_stop():
+    motion = Motion(timeout_s=0.2)
+    motion.drive(0, 0, 0.0)
+    drain(motion, 0.0, 1.0)
+    assert (motion.target, motion.stop_reason) == (None, "user")
+
+
 def test_an_expiry_is_a_deadline():
     motion = Motion(QUICK, timeout_s=0.03)
     motion.drive(200, 0, 0.0)

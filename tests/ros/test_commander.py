@@ -109,6 +109,23 @@ def test_robot_stops_when_commands_end(bench):
     assert bench.commander.stopped_by == module.TIMEOUT
 
 
+def test_robot_that_was_told_to_stand_is_not_stopped_by_the_timeout(bench):
+    """As a joystick does: one zero, then silence."""
+    bench.run(0.5, 0.2)
+    bench.run(FRAME_S, 0.0)
+    bench.run(2 * TIMEOUT_S)
+    assert (bench.driver.command, bench.commander.stopped_by) == (None, module.NONE)
+
+
+def test_board_that_was_switched_on_is_no_stop_until_the_robot_has_driven(bench):
+    """A board that restarts on the way is one."""
+    bench.driver.stop_reason = "boot"
+    assert bench.commander.stopped_by == module.NONE
+    bench.run(FRAME_S, 0.2)
+    bench.driver.command = None
+    assert bench.commander.stopped_by == "boot"
+
+
 def test_robot_that_the_driver_stopped_starts_from_standstill(bench):
     bench.run(1.6, 0.3)
     bench.driver.command = None
