@@ -2,26 +2,19 @@
 
 import json
 import math
-import os
-import select
 import signal
 import sys
-import time
-from typing import Any, Dict, Iterator, Optional
+from typing import Any, Dict, Optional
 
 import click
 
 from mrl_driver import robots
 from mrl_driver.errors import ConfigError
 from mrl_driver.log_summary import summarise
-from mrl_driver.recording import FROM_BOARD, TO_BOARD, Entry, Recording
+from mrl_driver.recording import Recording
 
+from .playback import play
 from .port import Link, PtyPort
-
-POLL_S = 0.02
-QUIET_POLLS = 5
-LISTENER_S = 1.0
-"""A program that has asked nothing for so long only listens."""
 
 
 @click.command(short_help="Say what a recording holds, or play it again.")
@@ -38,8 +31,8 @@ def main(
 ) -> None:
     """Say what a recording holds, or play it on a virtual serial port.
 
-    With --pty it prints the port's path, begins when a program opens the port and asks, or listens for 1 s, and ends
-    with the recording.
+    With --pty it prints the port's path.  Each program that opens the port gets the recording from its start: answers
+    when it asks, or after 1 s if it only listens, the rest in its time.  Ends when one has got all of it.
 
     Example: mrl replay drive.mrl --pty --speed 4
     """
@@ -79,7 +72,7 @@ def _human(value: Any) -> str:
 
 
 def serve(recording: Recording, speed: float, link: Optional[str] = None) -> None:
-    """Plays what came from the board on a pty, once a program has opened it.
+    """Plays what came from the board on a pty, from its start for each program that opens it, until one got all.
 
     Raises:
         ConfigError: the link cannot be made.
@@ -90,12 +83,8 @@ def serve(recording: Recording, speed: float, link: Optional[str] = None) -> Non
     try:
         click.echo(port.path)
         sys.stdout.flush()
-        _await_program(port)
-        if _begins_with_a_question(recording):
-            _await_question(port)
-        for data in paced(_board_side(recording), speed):
-            _write_all(port, data)
-        _drain(port)
+        play(recording, port, speed, _tell)
+        _tell(f"{recording.path} is over")
     except KeyboardInterrupt:
         return
     finally:
@@ -104,63 +93,9 @@ def serve(recording: Recording, speed: float, link: Optional[str] = None) -> Non
         port.close()
 
 
+def _tell(text: str) -> None:
+    click.echo(f"mrl: {text}", err=True)
+
+
 def _end(*_: Any) -> None:
     raise KeyboardInterrupt
-
-
-def _board_side(recording: Recording) -> Iterator[Entry]:
-    return (entry for entry in recording if entry.way == FROM_BOARD)
-
-
-def paced(entries: Iterator[Entry], speed: float) -> Iterator[bytes]:
-    """The bytes of the entries, each not before its time; the first at once."""
-    start_s: Optional[float] = None
-    for entry in entries:
-        due_s = entry.time_s / speed
-        now_s = time.monotonic()
-        start_s = now_s - due_s if start_s is None else start_s
-        if start_s + due_s > now_s:
-            time.sleep(start_s + due_s - now_s)
-        yield entry.data
-
-
-def _await_program(port: PtyPort) -> None:
-    while not port.opened_anew():
-        if port.watch is None:
-            return
-        select.select([port.watch], [], [], POLL_S)
-
-
-def _begins_with_a_question(recording: Recording) -> bool:
-    first = next((entry.way for entry in recording if entry.way in (TO_BOARD, FROM_BOARD)), FROM_BOARD)
-    return first == TO_BOARD
-
-
-def _await_question(port: PtyPort) -> None:
-    """Answers that come before a program asks are lost, for programs empty a port that they open."""
-    end_s = time.monotonic() + LISTENER_S
-    while not port.read_all() and port.master is not None and time.monotonic() < end_s:
-        select.select([port.master], [], [], POLL_S)
-
-
-def _write_all(port: PtyPort, data: bytes) -> None:
-    """Sends all of `data`, as slowly as the program reads; what that sends is thrown away."""
-    port.read_all()
-    port.opened_anew()
-    while data and port.master is not None and port.is_open:
-        if not select.select([], [port.master], [], POLL_S)[1]:
-            port.opened_anew()
-            continue
-        data = data[os.write(port.master, data) :]
-
-
-def _drain(port: PtyPort) -> None:
-    """Waits until the program has read everything, or is gone: a port that closes takes the rest with it.
-
-    The system refills what can be read from further buffers, so nothing must be there for some time.
-    """
-    quiet = 0
-    while port.is_open and quiet < QUIET_POLLS:
-        quiet = 0 if port.unread() else quiet + 1
-        time.sleep(POLL_S)
-        port.opened_anew()

@@ -5,18 +5,22 @@ import math
 import os
 import subprocess
 import sys
+import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 from mrl_driver import log_summary
 from mrl_driver.codec import Stamp, encode_reply, encode_request
+from mrl_driver.driver import Driver
 from mrl_driver.log_summary import summarise
 from mrl_driver.odometry import Odometry
-from mrl_driver.recording import FROM_BOARD, TO_BOARD, Entry, Recording
+from mrl_driver.options import Options
+from mrl_driver.recording import FROM_BOARD, Recording
 from mrl_driver.robots import load
-from sim_arduino import replay
+from sim_arduino import playback
+from sim_arduino.port import PtyPort
+from tests.driver.emulator import Emulator
 
 from .simulator import PATIENCE_S, Client
 
@@ -216,7 +220,7 @@ class Replay:
 
     def __init__(self, *args):
         command = [MRL, "replay", "--pty", *map(str, args)]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         self.path = self.process.stdout.readline().strip()
 
     def __enter__(self):
@@ -226,6 +230,7 @@ class Replay:
         self.process.terminate()
         self.process.wait(PATIENCE_S)
         self.process.stdout.close()
+        self.process.stderr.close()
 
 
 def read_to_the_end(client):
@@ -249,26 +254,76 @@ def test_a_pty_gets_every_byte_of_the_board(tmp_path):
         with Client(replayed.path) as client:
             assert read_to_the_end(client) == expected
         assert replayed.process.wait(PATIENCE_S) == 0
+        assert replayed.process.stderr.read() == f"mrl: {path} is over\n"
     assert not os.path.lexists(link)
 
 
-def test_answers_wait_until_the_program_asks(tmp_path, monkeypatch):
+@pytest.fixture
+def playing(monkeypatch):
+    """Plays a recording on a pty in a thread; gives the pty's path, and what awaits the end and has what was told."""
+    monkeypatch.setattr(playback, "LISTENER_S", 60.0)
+    ports = []
+
+    def play(path, speed=1.0):
+        told, port = [], PtyPort()
+        ports.append(port)
+        args = Recording(path), port, speed, told.append
+        thread = threading.Thread(target=playback.play, args=args, daemon=True)
+        thread.start()
+
+        def end():
+            thread.join(PATIENCE_S)
+            assert not thread.is_alive()
+            return told
+
+        return port.path, end
+
+    yield play
+    for port in ports:
+        port.close()
+
+
+GREETING = ["0 > @13e@5e", f"0 < {INFO}", "0 > @19e@29e", "0 < @29,2,415e\\r\\n", "0 > @18,20e"]
+
+
+def test_answers_wait_until_the_program_asks(tmp_path, playing):
     """What comes before it is lost to a program that empties the port when it opens it, as the driver does."""
-    port = replay.PtyPort()
-    monkeypatch.setattr(replay, "PtyPort", lambda: port)
-    monkeypatch.setattr(replay, "LISTENER_S", 60.0)
-    monkeypatch.setattr(replay.signal, "signal", lambda *_: None)
+    path, end = playing(write(tmp_path / "log", [*GREETING, "0 < @8,1,2,3,4,5e\\r\\n"]))
+    with Client(path) as client:
+        assert client.read(0.1) == b""
+        assert client.ask(b"@13e@5e") == b"@5,2500,172,1360,2,1e\r\n"
+        assert client.read(0.1) == b""
+        assert client.ask(b"@29e") == b"@29,2,415e\r\n"
+        assert client.ask(b"@18,20e") == b"@8,1,2,3,4,5e\r\n"
+        assert end() == []
 
-    def ask():
-        with Client(port.path) as client:
-            early = client.read(0.2)
-            client.send(b"@5e")
-            return early, client.read_until(b"\n")
 
-    with ThreadPoolExecutor() as other:
-        program = other.submit(ask)
-        replay.serve(Recording(write(tmp_path / "log", ["0 > @5e", f"0 < {INFO}"])), 1.0)
-        assert program.result(PATIENCE_S) == (b"", b"@5,2500,172,1360,2,1e\r\n")
+def test_each_program_gets_the_recording_from_its_start(tmp_path, playing):
+    path, end = playing(write(tmp_path / "log", [*GREETING, "0 < @8,1,2,3,4,5e\\r\\n"]))
+    for asked, mark in ((b"@5e", b"@5,"), (b"@5e@29", b"@5,"), (b"@5e@29e@18,20e", b"@8,1,2,3,4,5e\r\n")):
+        with Client(path) as client:
+            client.send(asked)
+            assert client.read_until(mark).startswith(b"@5,2500")
+            if b"@18" in asked:
+                told = end()
+    assert len(told) == 2 and "from its start" in told[0]
+
+
+@pytest.mark.parametrize("speed, programs", [(math.inf, 1), (4.0, 2)])
+def test_drivers_connect_one_after_the_other(tmp_path, playing, speed, programs):
+    """Each switches the check value on anew, as the recorded one did."""
+    log, board = str(tmp_path / "log"), Emulator()
+    try:
+        with Driver(board.path, options=Options(record=log)) as driver:
+            driver.wait(1.0)
+    finally:
+        board.close()
+    path, end = playing(log, speed)
+    for program in range(1, programs + 1):
+        with Driver(path, options=Options(reconnect=False)) as driver:
+            assert driver.board.protocol == 2
+            if program == programs:
+                assert len(end()) == programs - 1
 
 
 def test_a_signal_ends_the_replay_and_removes_its_link(tmp_path):
@@ -282,13 +337,14 @@ def test_a_signal_ends_the_replay_and_removes_its_link(tmp_path):
 @pytest.mark.parametrize("speed, seconds", [(2.0, 0.05), (1.0, 0.1)])
 def test_bytes_come_at_their_time(speed, seconds):
     """Never earlier; times of the recording count from its first byte."""
-    entries = [Entry(5.0, FROM_BOARD, b"a"), Entry(5.1, FROM_BOARD, b"b")]
-    start_s = time.monotonic()
-    assert list(replay.paced(iter(entries), speed)) == [b"a", b"b"]
+    pace, start_s = playback.Pace(speed, time.sleep), time.monotonic()
+    for time_s in (5.0, 5.1):
+        pace.await_time(time_s)
     assert time.monotonic() - start_s >= seconds
 
 
-def test_only_the_boards_side_is_played(tmp_path):
-    path = write(tmp_path / "log", ["0 > @5e", "0 < x", "0 ! plain"])
-    assert [entry.way for entry in Recording(path)][0] == TO_BOARD
-    assert [entry.data for entry in replay._board_side(Recording(path))] == [b"x"]
+def test_only_the_boards_side_is_played(tmp_path, playing):
+    path, end = playing(write(tmp_path / "log", ["0 > @13e", "0 < x", "0 ! plain", "0 < y"]))
+    with Client(path) as client:
+        assert client.read_until(b"y") == b"xy"
+        end()
