@@ -14,7 +14,7 @@ NODES = {"robot_node", "demo_view", "teleop_keyboard", "teleop_joystick", "go_to
 """Modules of ros1_bridge that are nodes: the ones that may import rospy."""
 SHARED = {"table", "codec", "errors", "robots", "images", "pictures", "address", "listener"}
 """Modules of mrl_driver that the emulator may use."""
-COMMANDS = {"replay": {"recording", "log_summary"}}
+COMMANDS = {"replay": {"recording", "log_summary"}, "playback": {"recording"}}
 """What else the sub-commands of `mrl` that live with the emulator use."""
 BELOW = {
     "errors": set(),
