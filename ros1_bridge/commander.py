@@ -177,10 +177,14 @@ class Commander:
         assert self._target is not None
         if self.zones is None:
             return self._target
-        linear, angular = self._target[:2]  # to the side zones see nothing, so nothing goes there
-        allowed = self.zones.limit(linear, now)
-        self._held = linear != 0 and allowed == 0
-        return allowed, angular
+        linear, angular, *lateral = self._target
+        if not lateral:
+            allowed = self.zones.limit(linear, now)
+            self._held = linear != 0 and allowed == 0
+            return allowed, angular
+        forward, left = self.zones.limited((linear, lateral[0]), now)
+        self._held = bool(linear or lateral[0]) and not (forward or left)
+        return forward, angular, left
 
 
 def approached(speed: float, target: float, rise: float) -> float:

@@ -39,7 +39,8 @@ class ZoneWatch:
         zones, before, now = self.zones, self._stamp_s, telemetry.arrival_s
         self._stamp_s = telemetry.stamp_s
         if before is not None and telemetry.stamp_s - before < LONGEST_S:
-            zones.moved(telemetry.twist[0] * (telemetry.stamp_s - before), now)
+            dt_s = telemetry.stamp_s - before
+            zones.moved(telemetry.twist[0] * dt_s, now, sum(telemetry.twist[2:]) * dt_s)
         for name in telemetry.fresh:
             zones.on_range(name, telemetry.ranges[name], now)
         if standing:

@@ -4,6 +4,8 @@ import json
 
 import pytest
 
+from mrl_driver.table import PARAMETERS
+
 from .run import fails, mrl
 
 
@@ -15,7 +17,7 @@ def get(port, *names):
 
 def test_all_parameters_with_the_models_own(emulated_board):
     found = get(emulated_board.port)
-    assert len(found) == 18 and found["kp"]["value"] == found["kp"]["default"] == 700
+    assert len(found) == len(PARAMETERS) and found["kp"]["value"] == found["kp"]["default"] == 700
 
 
 def test_a_change_is_saved_and_marked(emulated_board):

@@ -4,15 +4,17 @@ import math
 from collections import deque
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mrl_driver import robots
 from mrl_driver.errors import ConfigError
 from mrl_driver.goal_seeker import GoalSeeker
 from mrl_driver.robots import Limits, SonarMount
+from mrl_driver.sights import Outline, Scan, looks, sonar_room
+from mrl_driver.sonar import FIELD_OF_VIEW_RAD
 from mrl_driver.stepped import SteppedDriver
-from mrl_driver.zones import AHEAD, BEHIND, LEAST_M_S, STALE_S, Scan, Settings, Zones, demand, looks
+from mrl_driver.zones import LEAST_M_S, STALE_S, Settings, Zones, demand
 from sim_arduino import boards, world_file
 
 MODEL = robots.load("traxbot")
@@ -22,6 +24,9 @@ TICK_S, SONAR_S = 0.02, 0.3
 STEP_ERROR_M = 1e-5
 """Of a motion in steps of TICK_S."""
 ODD_RANGES = st.one_of(st.floats(0.15, 6.45), st.sampled_from([math.inf, -math.inf, math.nan]))
+
+
+WAYS = {"f": (1.0, 0.0), "l": (0.0, 1.0), "b": (-1.0, 0.0), "r": (0.0, -1.0)}
 
 
 def zones_of(kind=ZONES, sonars=None, laser=False):
@@ -121,9 +126,10 @@ def test_way_made_since_a_reading_counts():
     assert zones.limit(0.3, 0.1) == 0
 
 
-@pytest.mark.parametrize("yaw, ways", [(0, (AHEAD,)), (45, (AHEAD,)), (80, ()), (-90, ()), (180, (BEHIND,))])
+@pytest.mark.parametrize("yaw, ways", [(0, "f"), (45, "fl"), (80, "l"), (-90, "r"), (180, "b")])
 def test_where_a_sonar_looks(yaw, ways):
-    assert looks(math.radians(yaw)) == ways
+    mount = SonarMount(0.0, 0.0, yaw)
+    assert "".join(name for name, way in WAYS.items() if looks(mount, way)) == ways
 
 
 # -- laser
@@ -171,6 +177,68 @@ def test_a_scan_without_a_valid_range_slows_and_too_near_a_one_stops(range_m, al
 
 def test_a_laser_that_has_not_sent_a_scan_stops_the_robot():
     assert with_laser().limit(0.3, 0.0) == 0
+
+
+# -- sideways
+
+
+def sideways(**sonars):
+    """Zones that know of the readings of sonars at these yaws."""
+    mounts = {name: SonarMount(0.0, 0.0, yaw) for name, (yaw, _) in sonars.items()}
+    zones = zones_of(sonars=mounts)
+    for name, (_, range_m) in sonars.items():
+        zones.on_range(name, range_m, 0.0)
+    return zones
+
+
+def test_a_zone_lies_where_the_robot_goes():
+    """Something near on the left: in the way to the left, and slantwise, and in no other."""
+    around = {f"s{yaw}": (yaw, 3.0) for yaw in (0, 45, 135, 180, 225, 270, 315)}
+    zones = sideways(s90=(90, 0.3), **around)
+    assert zones.limited((0.0, 0.2), 0.0) == (0.0, 0.0) and not zones.protective_clear
+    slant = zones.limited((0.14, 0.14), 0.0)
+    assert 0 < slant[0] < 0.14 and slant[0] == pytest.approx(slant[1])
+    assert [zones.limited(away, 0.0) for away in ((0.2, 0.0), (0.0, -0.2), (-0.2, 0.0))] == [
+        (0.2, 0.0), (0.0, -0.2), (-0.2, 0.0)
+    ]  # fmt: skip
+
+
+def test_way_made_to_the_side_counts():
+    zones = sideways(s90=(90, 0.6))
+    assert zones.limited((0.0, 0.2), 0.0)[1] > 0
+    zones.moved(0.0, 0.1, left_m=0.3)
+    assert zones.limited((0.0, 0.2), 0.1) == (0.0, 0.0)
+
+
+def test_a_side_that_a_sonar_sees_only_slantwise_is_slow():
+    zones = told(zones_of(), math.inf)
+    assert zones.limited((0.0, 0.3), 0.0) == (0.0, ZONES.slow_m_s)
+
+
+def test_a_turn_in_place_before_a_wall_is_not_held():
+    zones = told(zones_of(), -math.inf, -math.inf, -math.inf)
+    assert zones.limited((0.0, 0.0), 0.0) == (0.0, 0.0)
+    assert zones.limited((0.0, 0.1), 0.0)[1] == 0
+
+
+@given(
+    st.floats(0.15, 3.0),
+    st.floats(-180, 180),
+    st.floats(-math.pi, math.pi),
+    st.floats(-0.1, 0.1),
+    st.floats(-0.1, 0.1),
+)
+def test_the_nearest_in_a_sonars_cone_is_found_in_any_direction(range_m, yaw_deg, heading, x_m, y_m):
+    """As near as any of many places in it, to the bend of an arc between two of them."""
+    mount = SonarMount(x_m, y_m, yaw_deg)
+    outline, way = Outline(0.12, 0.1, 0.05), (math.cos(heading), math.sin(heading))
+    half, steps = FIELD_OF_VIEW_RAD / 2, 90
+    angles = [math.radians(yaw_deg) + half * (2 * i / steps - 1) for i in range(steps + 1)]
+    places = [(x_m + range_m * math.cos(angle), y_m + range_m * math.sin(angle)) for angle in angles]
+    nearest_m = min(outline.room(place, way) for place in places)
+    assume(looks(mount, way))
+    found_m = sonar_room(outline, mount, range_m, way)
+    assert max(0.0, found_m) <= max(0.0, nearest_m) + STEP_ERROR_M
 
 
 # -- laws
@@ -256,11 +324,13 @@ READY_S = 2.0
 class Course:
     """A robot in zones, driven by a planner for some time: where it was, what it asked for, what was allowed."""
 
-    def __init__(self, tmp_path, walls, planner, seconds):
+    def __init__(self, tmp_path, walls, planner, seconds, robot="traxbot"):
         file = tmp_path / "world.yaml"
         file.write_text(f"start: [0, 0, 0]\nwalls: {walls}\n")
-        self._emulated = boards.make(boards.Options(robot="traxbot"), world_file.load(str(file)))
-        self._zones = zones_of(ZONES._replace(braking_m_s2=MODEL.limits.linear_acceleration_m_s2))
+        self._emulated = boards.make(boards.Options(robot=robot), world_file.load(str(file)))
+        model = robots.load(robot)
+        kind = ZONES._replace(braking_m_s2=model.limits.linear_acceleration_m_s2)
+        self._zones = Zones(kind, model.body, model.sonars)
         self.xs, self.ys, self.shares = [], [], []
         try:
             with SteppedDriver(self._emulated.engine) as self._robot:
@@ -277,12 +347,12 @@ class Course:
     def _step(self, planner):
         robot = self._robot
         robot.wait(STEP_S)
-        self._zones.moved(robot.twist.linear_m_s * STEP_S, robot.now_s)
+        self._zones.moved(robot.twist[0] * STEP_S, robot.now_s, sum(robot.twist[2:]) * STEP_S)
         wanted = planner(robot)
         if wanted is None:
             return True
-        allowed = self._zones.limit(wanted[0], robot.now_s)
-        robot.drive(allowed, wanted[1])
+        allowed, left = self._zones.limited((wanted[0], sum(wanted[2:])), robot.now_s)
+        robot.drive(allowed, wanted[1], left)
         self.xs.append(self._emulated.plant.true_pose.x_m)
         self.ys.append(self._emulated.plant.true_pose.y_m)
         self.shares.append(allowed / wanted[0] if wanted[0] and robot.now_s > READY_S else 1.0)
@@ -318,3 +388,16 @@ def test_a_planner_that_asks_for_too_much_is_held_and_not_stuck(tmp_path, walls)
     course = Course(tmp_path, walls, Seeker((2.0, 0.0, 0.0)), 40.0)
     assert course.xs[-1] == pytest.approx(2.0, abs=0.05)
     assert min(course.shares) == 0 and max(map(abs, course.ys)) < 1.0
+
+
+def test_three_wheels_stop_before_a_wall_beside_them(tmp_path):
+    """Its sonars look 45 deg aside; what they see of the wall is nearer than the wall is."""
+    ys = Course(tmp_path, "[[-2, 1, 2, 1]]", lambda _: (0.0, 0.0, 0.3), 20.0, "omni").ys
+    room_m = 1.0 - robots.load("omni").body.width_m / 2 - max(ys)
+    assert ZONES.protective_m <= room_m < 0.5
+    assert max(ys) - ys[-20] < 0.01 and max(ys) > 0.2
+
+
+def test_three_wheels_pass_sideways_before_a_wall(tmp_path):
+    ys = Course(tmp_path, "[[0.7, -2, 0.7, 2]]", lambda _: (0.0, 0.0, 0.3), 10.0, "omni").ys
+    assert max(ys) > 0.5

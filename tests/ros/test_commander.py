@@ -45,12 +45,12 @@ class Bench:
         self.driver = Noted()
         self.commander = Commander(self.driver, LIMITS, TIMEOUT_S, lambda: self.now_s)
 
-    def run(self, seconds, linear=None, angular=0.0):
+    def run(self, seconds, linear=None, angular=0.0, *lateral):
         """Frames of the stream, with a command before each where there is one."""
         for _ in range(round(seconds / FRAME_S)):
             self.now_s += FRAME_S
             if linear is not None:
-                self.commander.drive(linear, angular)
+                self.commander.drive(linear, angular, *lateral)
             self.commander.tick()
 
 
@@ -219,6 +219,17 @@ def test_a_robot_that_the_zones_hold_may_turn_and_says_why_it_stands(bench):
     wall.allowed = 1.0
     bench.run(1.0, 0.3)
     assert bench.driver.command[0] > 0.1 and bench.commander.stopped_by == module.NONE
+
+
+def test_zones_slow_a_robot_that_goes_sideways_in_its_direction(bench):
+    wall = Wall(0.0)
+    wall.limited = lambda velocity, now: (velocity[0] / 2, velocity[1] / 2)
+    bench.commander.zones = wall
+    bench.run(2.0, 0.1, 0.5, -0.2)
+    assert bench.driver.command == pytest.approx((0.05, 0.5, -0.1))
+    wall.limited = lambda velocity, now: (0.0, 0.0)
+    bench.commander.tick()
+    assert bench.driver.command == (0.0, 0.5, 0.0) and bench.commander.stopped_by == module.ZONE
 
 
 def test_limits_are_lowered_never_raised():
