@@ -139,7 +139,9 @@ REPLIES = Direction(
     [_shape(row, row.reply, row.optional_reply, False, row.stamped) for row in COMMANDS if row.reply],
     lines=True,
 )
-"""Board to host.  Boards also print free text, so a '@' behind text on the same line starts no frame."""
+"""Board to host.  Boards also print free text, in which they repeat requests: a frame behind text on the same line counts
+only with a check value, and if it cannot be a request.  A line with bytes that nobody prints is noise, not text.
+"""
 
 
 def check_value(body: bytes) -> int:
@@ -163,7 +165,7 @@ class FrameDecoder:
         self._lines = bool(direction and direction.lines)
         self._frame = bytearray()
         self._noise = bytearray()
-        self._text = False
+        self._text = self._strange = False
 
     def feed(self, data: bytes) -> List[Event]:
         """Frames and garbage completed by `data`, in the order of the wire."""
@@ -207,13 +209,12 @@ class FrameDecoder:
     def _scan(self, data: bytes, events: List[Event]) -> None:
         """The whole grammar, byte by byte."""
         for byte in data:
-            if byte == _AT and not self._text:
+            if byte == _AT and (self.checked or not self._text):
                 self._start(events)
             elif self._frame:
                 self._frame.append(byte)
                 if byte == _END:
-                    events.append(self._judge(bytes(self._frame)))
-                    self._frame.clear()
+                    self._end(events)
                 elif len(self._frame) >= MAX_FRAME:
                     events.append(Garbage(bytes(self._frame), "too_long"))
                     self._frame.clear()
@@ -226,13 +227,22 @@ class FrameDecoder:
             events.append(Garbage(bytes(self._frame), "restarted"))
         self._frame[:] = b"@"
 
+    def _end(self, events: List[Event]) -> None:
+        data = bytes(self._frame)
+        self._frame.clear()
+        event = self._judge(data)
+        if self._text and (type(event) is not Frame or _may_be_echo(event)):
+            event = Garbage(data, "text")
+        events.append(event)
+
     def _skip(self, byte: int, events: List[Event]) -> None:
         """One byte outside a frame: line ends are silent, anything else is noise or text."""
         if byte in (_CR, _LF):
             self._drop_noise(events)
-            self._text = False
+            self._text = self._strange = False
             return
-        self._text = self._text or (self._lines and byte in _PRINTABLE)
+        self._strange = self._strange or byte not in _PRINTABLE
+        self._text = self._lines and not self._strange
         self._noise.append(byte)
         if len(self._noise) >= MAX_NOISE:
             self._drop_noise(events)
@@ -281,6 +291,12 @@ class FrameDecoder:
         if not all(low <= value <= high for (low, high), value in zip(shape.ranges, args)):
             return Garbage(data, "argument_range")
         return Frame(code, tuple(args), stamp)
+
+
+def _may_be_echo(frame: Frame) -> bool:
+    """A request looks just like it."""
+    shape = REQUESTS.shapes.get(frame.code)
+    return shape is not None and shape.least <= len(frame.args) <= shape.most
 
 
 def _tidy(data: bytes) -> bool:

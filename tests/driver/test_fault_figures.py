@@ -21,6 +21,7 @@ LATE_S, STALE_S = 0.1, 0.3
 READY_S, READY_2013_S = 5.0, 8.0
 AGE_S = 0.05
 FROZEN_S, COMMAND_S = 5.0, 0.02
+FLOOD_S = 2.5
 ON_THE_WAY_S = 0.005
 """A frame on the wire, and one in the making."""
 
@@ -105,6 +106,54 @@ def test_a_late_board_is_sent_no_motion_whatever_the_period(period_ms):
     bench.engine.receive = lambda data: (sent.append((bench.robot.now_s, data)), receive(data))
     bench.drive(0.5)
     assert max(time_s for time_s, data in sent if b"@11," in data) - silent_s <= LATE_S + ON_THE_WAY_S
+
+
+class Flood:
+    """A line on which garbage fills the time between the board's frames, at 115200 baud."""
+
+    def __init__(self, board, garbage):
+        self.board, self.garbage = board, garbage
+        self.now_s, self.room, self.amid, self.sent = 0.0, 0.0, False, []
+        self.on = False
+
+    @property
+    def next_event_s(self):
+        return min(self.board.next_event_s, self.now_s + 0.001)
+
+    def receive(self, data):
+        self.sent += [(self.now_s, frame) for frame in data.split(b"@")[1:]]
+        self.board.receive(data)
+
+    def advance(self, to_s):
+        data = self.board.advance(to_s)
+        self.room += (to_s - self.now_s) * 11520 - len(data)
+        self.now_s = to_s
+        self.amid = not data.endswith(b"\n") if data else self.amid
+        if self.amid or not self.on:
+            return data
+        count, garbage = max(0, int(self.room)), self.garbage
+        self.room, self.garbage = self.room - count, garbage[count:] + garbage[:count]
+        return data + garbage[:count]
+
+
+@pytest.mark.parametrize("garbage", [bytes(range(256)), b"@8,12345,-2", b"7" * 99])
+def test_a_flood_of_garbage_leaves_commands_and_telemetry_their_period(garbage):
+    """What feeds the board's watchdog goes on every 100 ms, questions every 500 ms; the robot drives on."""
+    plant = Plant(load("traxbot"))
+    flood = Flood(PythonBoard(plant), garbage)
+    robot = SteppedDriver(flood)
+    robot.connect()
+    told = []
+    robot.on_telemetry(lambda telemetry: told.append(robot.now_s))
+    robot.drive(0.2, 0.0)
+    flood.on, begun_s = True, robot.now_s
+    robot.wait(FLOOD_S)
+    for start, period_s in ((b"11,", 0.1), (b"30,", 0.5)):
+        times = [time_s for time_s, frame in flood.sent if frame.startswith(start) and time_s > begun_s]
+        assert len(times) == pytest.approx(FLOOD_S / period_s, rel=0.1, abs=1)
+        assert all(b - a == pytest.approx(period_s, rel=0.1) for a, b in zip(times, times[1:]))
+    assert len(told) == pytest.approx(FLOOD_S / 0.02, rel=0.1)
+    assert robot.ready and robot.command == (0.2, 0.0) and robot.statistics.unanswered == 0
 
 
 def test_a_slow_period_is_kept_though_the_board_streams_faster():

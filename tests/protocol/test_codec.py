@@ -130,3 +130,24 @@ def test_forbidden_request_raises(code, args, message):
 def test_reply_without_its_stamp_raises():
     with pytest.raises(FrameError, match="stamped"):
         encode_reply(6, 1, 2, checked=True)
+
+
+NUMBERED = encode_reply(8, 1, 2, 3, 4, 5, stamp=Stamp(6, 7), checked=True)
+
+
+@pytest.mark.parametrize("before", [b"[INFO] ", b"7" * 500, b"@8,1,2,3,"])
+def test_a_checked_frame_behind_text_counts(before):
+    """A flood of text would keep all of them out."""
+    assert FrameDecoder(REPLIES, True).feed(before + NUMBERED)[-1] == Frame(8, (1, 2, 3, 4, 5), Stamp(6, 7))
+
+
+def test_a_request_repeated_in_text_is_no_answer_to_itself():
+    """`set_watchdog` and its answer are the same bytes."""
+    (event,) = FrameDecoder(REPLIES, True).feed(encode_request(33, 250, checked=True))
+    assert isinstance(event, Frame)
+    events = FrameDecoder(REPLIES, True).feed(b"[INFO] received " + encode_request(33, 250, checked=True))
+    assert not any(isinstance(event, Frame) for event in events)
+
+
+def test_a_line_with_bytes_that_nobody_prints_is_noise_and_hides_no_frame():
+    assert FrameDecoder(REPLIES).feed(b"x\xf0y@6,1,2e\r\n")[-1] == Frame(6, (1, 2))
