@@ -139,8 +139,8 @@ REPLIES = Direction(
     [_shape(row, row.reply, row.optional_reply, False, row.stamped) for row in COMMANDS if row.reply],
     lines=True,
 )
-"""Board to host.  Boards also print free text, in which they repeat requests: a frame behind text on the same line counts
-only with a check value, and if it cannot be a request.  A line with bytes that nobody prints is noise, not text.
+"""Board to host.  Boards also print free text, in which they repeat requests: a frame behind text on the same line
+counts only with a check value, and if it cannot be a request.  A line with bytes that nobody prints is noise.
 """
 
 

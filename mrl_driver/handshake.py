@@ -120,6 +120,10 @@ class Handshake:
             self._begin_again(now)
         if self.board is None:
             self._send(_CODE["stop"])
+            if self._junk:
+                self._send(
+                    _CODE["set_debug"], 0, checked=False
+                )  # text hides what stands behind it on its line
             if self._patient or self._silent or self._attempts % 3 == 2:
                 self._send(*self._step, checked=not checked)
         self._send(*self._step, checked=checked)

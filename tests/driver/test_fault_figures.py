@@ -223,6 +223,15 @@ def test_a_board_that_opening_has_reset_is_ready_in_time_and_stays_still(make, d
     assert [command for command in plant.motor_board.commands if command.code == MOVE] == []
 
 
+def test_a_2013_board_left_in_debug_mode_is_greeted():
+    """Its text stands before each answer, on the same line, so it is told to print none."""
+    board = Board2013(Plant(load("traxbot")))
+    board.debug = True
+    robot = SteppedDriver(board)
+    robot.connect()
+    assert robot.now_s <= READY_2013_S and not board.debug
+
+
 def test_half_a_frame_at_connect_costs_nothing_but_itself():
     """The answer right behind it counts: nothing has to be asked again."""
     talk = Talk()
