@@ -83,7 +83,7 @@ class Screen:
     def __init__(self, driver: "Driver", settings: Settings, log: FrameLog) -> None:
         self._driver, self._settings, self._log = driver, settings, log
         self._trail, self._rate, self._teleop = Trail(), Rate(), Teleop()
-        self._keys_drive, self._shows_log, self._notice = settings.keys_drive, True, ""
+        self._keys_drive, self._shows_log, self._notice = settings.keys_drive, True, driver.warning
         self._start_s = time.monotonic()
         self._frames = 0
         self.ended = False

@@ -1,6 +1,8 @@
 """The live view: what is known of a robot as panels of a terminal.  Pure but for the terminal library."""
 
+import itertools
 import math
+import textwrap
 from typing import List, NamedTuple, Optional, Sequence, Tuple
 
 from rich.console import Group, RenderableType
@@ -20,6 +22,10 @@ from .table import SENSOR_BY_NAME
 LEFT_COLUMNS = 39
 NARROW, LOW = 72, 18
 """A terminal of fewer columns shows no map; one of fewer rows no frames."""
+_NAME = 10
+_ROOM = LEFT_COLUMNS - _NAME - 5
+"""Characters of a value on the left: less its name, the panel's frame and the gaps."""
+_NOTICE_ROWS = 3
 _BAR = 10
 _FARTHEST_BAR_M = 3.0
 _NEAR_M = 0.3
@@ -54,9 +60,14 @@ def sideways(driver: Readout) -> bool:
 def render(now: Shown, width: int, height: int) -> RenderableType:
     """The whole screen of `width` x `height` characters."""
     screen = Layout()
-    rows = [Layout(_header(now, width), size=1), Layout(name="body"), Layout(_footer(now, width), size=1)]
+    footer = _footer(now, width, height)
+    rows = [
+        Layout(_header(now, width), size=1),
+        Layout(name="body"),
+        Layout(Group(*footer), size=len(footer)),
+    ]
     screen.split_column(*rows)
-    inner = height - 2
+    inner = height - 1 - len(footer)
     if width < NARROW:
         screen["body"].update(_left(now, inner))
         return screen
@@ -72,22 +83,35 @@ def render(now: Shown, width: int, height: int) -> RenderableType:
 
 
 def _header(now: Shown, width: int) -> Text:
+    """The robot, its link and the time; names of port and recording share what room is left."""
     driver = now.driver
     model = driver.model.name if driver.model else "robot"
-    text = Text(no_wrap=True, overflow="crop", style="reverse")
-    text.append(f" {model} {driver.board.robot_id} ", style="bold")
-    text.append(f" {now.port}  ")
     silent = driver.age_s > _STALE_S or not driver.ready
-    text.append(f"NO TELEMETRY for {driver.age_s:.1f} s" if silent else f"{now.rate_hz:.0f} Hz", style="bold")
+    state = f"NO TELEMETRY for {driver.age_s:.1f} s" if silent else f"{now.rate_hz:.0f} Hz"
     minutes, seconds = divmod(int(now.elapsed_s), 60)
-    right = f"{'recording ' + now.record if now.record else ''}  {minutes:02d}:{seconds:02d} "
-    text.append(" " * max(1, width - len(text.plain) - len(right)) + right)
-    return text
+    name, clock = f" {model} {driver.board.robot_id} ", f"  {minutes:02d}:{seconds:02d} "
+    room = width - len(name) - len(state) - len(clock) - 3
+    record = f"recording {_tail(now.record, max(8, room // 2 - 10))}" if now.record else ""
+    port = _tail(now.port, max(8, room - len(record) - 1))
+    text = Text(no_wrap=True, overflow="crop", style="reverse")
+    text.append(name, style="bold").append(f" {port}  ").append(state, style="bold")
+    return text.append(" " * max(1, width - len(text.plain) - len(record) - len(clock)) + record + clock)
 
 
-def _footer(now: Shown, width: int) -> Text:
-    if now.notice:
-        return Text(f" {now.notice}", style="bold red", no_wrap=True, overflow="ellipsis")
+def _tail(text: str, room: int) -> str:
+    """The end of a name, where files and devices differ."""
+    return text if len(text) <= room else "…" + text[1 - room :]
+
+
+def _footer(now: Shown, width: int, height: int) -> List[Text]:
+    """The keys, below what the user should know now; that alone on a low terminal."""
+    most = _NOTICE_ROWS if height >= LOW else 1
+    lines = textwrap.wrap(now.notice, width - 1, max_lines=most, placeholder=" …")
+    notice = [Text(f" {line}", style="bold red", no_wrap=True, overflow="ellipsis") for line in lines]
+    return notice if notice and height < LOW else [*notice, _keys(now)]
+
+
+def _keys(now: Shown) -> Text:
     keys = (
         [("arrows wasd", "drive"), ("space", "stop"), ("Enter", "lock")]
         if now.keys_drive
@@ -107,13 +131,20 @@ def _panel(content: RenderableType, title: str, style: str = "blue") -> Panel:
 
 def _grid() -> Table:
     grid = Table.grid(padding=(0, 1))
-    grid.add_column(style="dim", min_width=10, max_width=10, no_wrap=True)
+    grid.add_column(style="dim", min_width=_NAME, max_width=_NAME, no_wrap=True)
     grid.add_column(no_wrap=True)
     return grid
 
 
+def _add(grid: Table, name: str, value: str, style: str = "") -> None:
+    """Adds a value by its name, in as many rows as they need."""
+    names = textwrap.wrap(name.replace("_", " "), _NAME)
+    for title, line in itertools.zip_longest(names, textwrap.wrap(value, _ROOM), fillvalue=""):
+        grid.add_row(title, Text(line, style=style))
+
+
 def _left(now: Shown, height: int) -> RenderableType:
-    """Panels of numbers; on a low terminal without frames around them."""
+    """Panels of numbers; on a low terminal all in one, or without a frame."""
     silent = now.driver.age_s > _STALE_S or not now.driver.ready
     parts: List[Tuple[Table, str, str]] = [
         (_motion(now), "motion", "green" if now.driver.command else "blue"),
@@ -123,26 +154,26 @@ def _left(now: Shown, height: int) -> RenderableType:
         (_link(now), "link", "red" if silent else "blue"),
     ]
     parts = [part for part in parts if part[0].row_count]
-    if height < sum(part.row_count + 2 for part, _, _ in parts):
-        return Group(*(part for part, _, _ in parts))
-    return Group(*(_panel(*part) for part in parts))
+    rows = sum(part.row_count for part, _, _ in parts)
+    if height >= rows + 2 * len(parts):
+        return Group(*(_panel(*part) for part in parts))
+    together = Group(*(part for part, _, _ in parts))
+    return _panel(together, "robot", "red" if silent else "blue") if height >= rows + 2 else together
 
 
 def _motion(now: Shown) -> Table:
     driver, grid = now.driver, _grid()
     pose, twist, asked = driver.pose, driver.twist, driver.command
-    grid.add_row("pose", f"x {pose.x_m:+.3f}  y {pose.y_m:+.3f} m")
+    _add(grid, "pose", f"x {pose.x_m:+.3f}  y {pose.y_m:+.3f} m")
     grid.add_row("heading", f"{math.degrees(pose.yaw_rad):+.1f} deg")
     aside = f"  {twist.lateral_m_s:+.3f} m/s to the left" if len(twist) == 3 else ""
-    grid.add_row("speed", f"{twist.linear_m_s:+.3f} m/s  {twist.angular_rad_s:+.2f} rad/s{aside}")
+    _add(grid, "speed", f"{twist.linear_m_s:+.3f} m/s  {twist.angular_rad_s:+.2f} rad/s{aside}")
     if asked is None:
         reason = driver.stop_reason.replace("_", " ")
-        grid.add_row(
-            "asked", Text("stopped" if reason in ("none", "user") else f"stopped: {reason}", style="yellow")
-        )
+        _add(grid, "asked", "stopped" if reason in ("none", "user") else f"stopped: {reason}", "yellow")
     else:
         aside = f"  {asked.lateral_m_s:+.3f} m/s to the left" if len(asked) == 3 else ""
-        grid.add_row("asked", Text(f"{asked[0]:+.3f} m/s  {asked[1]:+.2f} rad/s{aside}", style="green"))
+        _add(grid, "asked", f"{asked[0]:+.3f} m/s  {asked[1]:+.2f} rad/s{aside}", "green")
     grid.add_row("way", f"{now.distance_m:.2f} m")
     return grid
 
@@ -167,7 +198,7 @@ def _sensors(driver: Readout) -> Table:
     grid = _grid()
     for name, reading in driver.sensors.items():
         unit = SENSOR_BY_NAME[name].fields[0].base_unit
-        grid.add_row(name, " ".join(f"{value:g}" for value in reading.values) + f" {unit}")
+        _add(grid, name, " ".join(f"{value:g}" for value in reading.values) + f" {unit}")
     return grid
 
 
@@ -183,10 +214,10 @@ def _supply(driver: Readout) -> Table:
     if status is None:
         grid.add_row("firmware", "1 (2013), no watchdog")
         return grid
-    grid.add_row("firmware", f"{driver.board.version}, up {_span(status.uptime_s)}, {heat}")
-    grid.add_row("last stop", f"by {status.stop_reason.replace('_', ' ')}")
-    faults = ", ".join(status.faults)
-    grid.add_row("faults", Text(faults or "none", style="bold red" if faults else ""))
+    _add(grid, "firmware", f"{driver.board.version}, up {_span(status.uptime_s)}, {heat}")
+    _add(grid, "last stop", f"by {status.stop_reason.replace('_', ' ')}")
+    faults = ", ".join(status.faults).replace("_", " ")
+    _add(grid, "faults", faults or "none", "bold red" if faults else "")
     return grid
 
 
@@ -199,12 +230,12 @@ def _span(seconds: int) -> str:
 def _link(now: Shown) -> Table:
     grid, seen = _grid(), now.driver.statistics
     if not now.driver.ready:
-        grid.add_row("state", Text(f"silent for {now.driver.age_s:.1f} s", style="bold red"))
+        _add(grid, "state", f"silent for {now.driver.age_s:.1f} s", "bold red")
     else:
-        grid.add_row("state", f"{now.rate_hz:.0f} Hz, newest {now.driver.age_s * 1000:.0f} ms ago")
+        _add(grid, "state", f"{now.rate_hz:.0f} Hz, newest {now.driver.age_s * 1000:.0f} ms ago")
     damage = sum(seen.garbage.values())
     bad = f"{seen.lost} lost, {damage} bad" + (f", {seen.restarts} resets" if seen.restarts else "")
-    grid.add_row("errors", Text(bad, style="yellow" if seen.lost or damage or seen.restarts else ""))
+    _add(grid, "errors", bad, "yellow" if seen.lost or damage or seen.restarts else "")
     return grid
 
 

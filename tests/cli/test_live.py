@@ -15,6 +15,7 @@ from mrl_driver.frame_log import MOST_LINES, FrameLog
 from mrl_driver.live import Screen, Settings, Trail
 from mrl_driver.live_view import render
 from mrl_driver.options import Options
+from mrl_driver.wheel_watch import DEAD, Mismatch
 
 METRES = st.floats(-50, 50)
 
@@ -68,6 +69,20 @@ def test_the_way_out_is_told_on_a_small_terminal(watched):
         .rstrip()
         .endswith("quit")
     )
+
+
+@pytest.mark.parametrize("size", [(80, 24), (100, 30), (120, 40)])
+def test_nothing_that_went_wrong_is_cut(watched, monkeypatch, size):
+    """However long it is."""
+    driver, _, log = watched
+    wrong = driver.statistics._replace(lost=12345, garbage={"checksum": 678}, restarts=12)
+    status = driver.status._replace(faults=("motor_board", "bus_hung", "eeprom", "id_unset"))
+    cause = Mismatch("both", DEAD, 0.037, 0.0)
+    for name, value in (("statistics", wrong), ("status", status), ("mismatch", cause)):
+        monkeypatch.setattr(Driver, name, value)
+    text = picture(Screen(driver, Settings("/dev/" + "x" * 80 + "-if00", "d" * 80 + ".mrl"), log), *size)
+    words = f"12345 lost, 678 bad, 12 resets id unset {cause}; space goes on quit -if00 .mrl 00:00"
+    assert [word for word in words.split() if word not in text] == []
 
 
 def test_silence_is_told_at_the_top(watched):
