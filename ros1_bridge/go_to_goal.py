@@ -11,6 +11,7 @@ import threading
 from typing import Dict, List, Optional
 
 import actionlib
+import rosgraph
 import rospy
 import tf2_ros
 from actionlib_msgs.msg import GoalID, GoalStatus
@@ -33,6 +34,7 @@ from mrl_driver.goal_seeker import GoalSeeker, Pose, carried
 from mrl_driver.robots import Limits
 from mrl_driver.sonar import NAMES
 
+from .master_watch import await_master
 from .node_rows import GO_TO_GOAL
 from .parameters import read
 from .planar import planar, yaw_of
@@ -215,6 +217,7 @@ class GoToGoal:
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the node; returns the exit code."""
+    await_master(rosgraph.get_master_uri(), rospy.logwarn)
     rospy.init_node("go_to_goal", argv=argv or sys.argv)
     try:
         node = GoToGoal()

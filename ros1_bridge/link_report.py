@@ -1,15 +1,17 @@
 """The link's state as diagnostics: a level, a line, keys and values.  Pure."""
 
-import math
-from typing import Dict, NamedTuple, Optional
+from typing import Any, Dict, NamedTuple, Optional
 
+from mrl_driver.events import Lost, Ready, Reconnected, Slowed, Stale
 from mrl_driver.handshake import Board
 from mrl_driver.line_rate import SLOW
 from mrl_driver.state import Telemetry
 from mrl_driver.statistics import Statistics
+from mrl_driver.wheel_watch import Mismatch
 
 OK, WARN, ERROR = 0, 1, 2
 """Levels of diagnostic_msgs/DiagnosticStatus."""
+WAITS, ANSWERS = "the robot waits for a new command", "the board answers again"
 
 
 class Health(NamedTuple):
@@ -17,6 +19,30 @@ class Health(NamedTuple):
 
     level: int
     message: str
+
+
+class News:
+    """What of a driver's events goes to the log."""
+
+    def __init__(self) -> None:
+        self._lost = False
+
+    def of(self, event: Any) -> Optional[Health]:
+        """Level and line, or None for what nobody waits for."""
+        if isinstance(event, Lost):
+            self._lost = True
+            return Health(ERROR, str(event))
+        if isinstance(event, Reconnected):
+            self._lost = False
+            return Health(OK, str(event))
+        if isinstance(event, Stale):
+            return Health(ERROR, f"the board is silent: check its cable and power; {WAITS}")
+        if isinstance(event, Ready) and not self._lost:
+            restarted = event.restarted and event.checked  # after a silence, others are only taken to have
+            return Health(WARN, f"the board has restarted; {WAITS}") if restarted else Health(OK, ANSWERS)
+        if isinstance(event, Mismatch):
+            return Health(ERROR, f"{event}; the robot was stopped")
+        return Health(WARN, str(event)) if isinstance(event, Slowed) else None
 
 
 def error_count(statistics: Statistics) -> int:
@@ -44,7 +70,9 @@ def values(
     The latency is the last frame's way from the reading of its counters to the host, beyond the least there
     is; boards without a clock have none.
     """
-    latency_ms = 1000 * (telemetry.arrival_s - telemetry.stamp_s) if telemetry else math.nan
+    latency = "not measured"
+    if telemetry is not None and telemetry.sequence is not None:
+        latency = f"{1000 * (telemetry.arrival_s - telemetry.stamp_s):.2f} ms"
     return {
         "Serial Port": port,
         "Serial Baud": str(baud),
@@ -52,7 +80,7 @@ def values(
         "Motor Board Version": f"{board.motor_board_version:.2f}",
         "Protocol Version": str(board.protocol),
         "Device ID": str(board.robot_id),
-        "Computed Latency": f"{latency_ms:.2f} ms",
+        "Computed Latency": latency,
         "Capabilities": ", ".join(sorted(board.capabilities)) or "none",
         "Telemetry Age": f"{age_s * 1000:.0f} ms",
         "Errors": str(error_count(statistics)),

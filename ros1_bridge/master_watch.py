@@ -1,9 +1,12 @@
 """Tells when the ROS master goes away: nodes that are connected go on, but nobody finds this one any more.  No ROS."""
 
 import socket
+import time
+from typing import Callable
 from urllib.parse import urlparse
 
-PATIENCE_S = 0.3
+PATIENCE_S, START_PATIENCE_S = 0.3, 3.0
+LOOK_S = 0.5
 
 
 class MasterWatch:
@@ -26,10 +29,19 @@ class MasterWatch:
         return ""
 
 
-def _listens(uri: str) -> bool:
+def await_master(uri: str, tell: Callable[[str], None]) -> None:
+    """Wait until something listens at the master's address, and tell that; rospy waits too, but not in each case."""
+    if _listens(uri, START_PATIENCE_S):
+        return
+    tell(f"no ROS master answers at {uri}, waiting for it: start roscore, or set ROS_MASTER_URI")
+    while not _listens(uri, START_PATIENCE_S):
+        time.sleep(LOOK_S)
+
+
+def _listens(uri: str, patience_s: float = PATIENCE_S) -> bool:
     address = urlparse(uri)
     try:
-        socket.create_connection((address.hostname or "localhost", address.port or 11311), PATIENCE_S).close()
+        socket.create_connection((address.hostname or "localhost", address.port or 11311), patience_s).close()
     except OSError:
         return False
     return True

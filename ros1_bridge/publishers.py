@@ -49,12 +49,13 @@ class Publishers:
         lost: Type[Exception],
         parameters: Parameters,
         model: RobotModel,
+        clock: Callable[[], float] = time.time,
     ) -> None:
-        """`lost` is what a connection that broke raises in rospy."""
+        """`lost` is what a connection that broke raises in rospy; `clock` tells the time of stamps [s]."""
         odom, base = parameters.odom_frame, parameters.base_frame
         self._class, self._lost = publisher_class, lost
         self._model, self._parameters = model, parameters
-        self._stamps, self._stamp = Stamps(), Time()
+        self._stamps, self._stamp, self._clock = Stamps(), Time(), clock
         self.covariance = uncertainty_of(model)
         omni = isinstance(model.drive, OmniDrive)
         packed = PackedOmniOdometry if omni else PackedOdometry
@@ -100,7 +101,7 @@ class Publishers:
     def telemetry(self, telemetry: Telemetry) -> None:
         """Publish pose and twist, wheels, and the sonars that have a new reading."""
         stamp_s, _, (x_m, y_m, yaw_rad), twist, _, fresh, counts, _ = telemetry
-        secs, nsecs = self._stamps.next(stamp_s, time.monotonic(), time.time())
+        secs, nsecs = self._stamps.next(stamp_s, time.monotonic(), self._clock())
         z, w = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
         self.covariance.update(counts, z, w)
         out = self._odometry_out

@@ -22,17 +22,17 @@ from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 from mrl_driver.battery import EMPTY, LOW, OFF
 from mrl_driver.driver import Driver, Telemetry
 from mrl_driver.errors import LinkLost, MrlError
-from mrl_driver.events import Lost, Reconnected, Reply, Slowed
+from mrl_driver.events import Reply
 from mrl_driver.handshake import Board
 from mrl_driver.options import Options
 from mrl_driver.reconnect import may_be_there
 from mrl_driver.robots import Limits, OmniDrive, RobotModel
-from mrl_driver.wheel_watch import Mismatch
 
 from . import messages, radio, reconfigure
 from .commander import NOT_FINITE, Commander, lowered
 from .diagnostics import Diagnostics
-from .master_watch import MasterWatch
+from .link_report import ERROR, OK, WARN, News
+from .master_watch import MasterWatch, await_master
 from .mount_finder import MountFinder
 from .parameters import GROUPS, Parameters, check
 from .pose_goal import PoseGoal
@@ -52,6 +52,7 @@ ANSWER_S = 0.2
 WARN_EVERY_S = 1.0
 SWITCH_S = 0.0005
 """A frame waits no longer than this for a thread that is busy with a service; Python's own limit is 5 ms."""
+LOG = {OK: rospy.loginfo, WARN: rospy.logwarn, ERROR: rospy.logerr}
 
 
 class RobotNode:
@@ -75,6 +76,7 @@ class RobotNode:
         self._battery_state = ""
         self._sideways = False
         self._tell_s = 0.0
+        self._news = News()
 
     def run(self) -> None:
         """Serve until the node is shut down.
@@ -115,7 +117,10 @@ class RobotNode:
         )
         self._commander = Commander(driver, limits, parameters.cmd_vel_timeout)
         self._pose_goal = PoseGoal(self._commander, parameters.odom_frame, parameters.base_frame)
-        self._publishers = Publishers(rospy.Publisher, rospy.exceptions.TransportException, parameters, model)
+        clock = time.time if rospy.rostime.is_wallclock() else rospy.get_time
+        self._publishers = Publishers(
+            rospy.Publisher, rospy.exceptions.TransportException, parameters, model, clock
+        )
         has_sonars = not board.capabilities or "sonars" in board.capabilities
         if has_sonars and parameters.has("sonars"):
             self._publishers.sonars(rospy.Time.now())
@@ -147,7 +152,7 @@ class RobotNode:
         if self._parameters.zones != "none":
             self._zones = ZoneWatch(self._parameters, model, has_sonars)
             self._commander.zones = self._zones.zones
-        self._sideways = isinstance(model.drive, OmniDrive) and self._zones is None  # zones see nothing there
+        self._sideways = isinstance(model.drive, OmniDrive)
 
     def _take_commands(self) -> None:
         rospy.Subscriber("cmd_vel", Twist, self._on_cmd_vel, queue_size=1, tcp_nodelay=True)
@@ -216,7 +221,7 @@ class RobotNode:
             if words:
                 rospy.logerr(words)
             if updater.publisher.get_num_connections():
-                updater.update()
+                updater.force_update()  # update() is silent after the clock was set back, and before /clock
 
     def _hardware_id(self, board: Board) -> str:
         return f"{self._parameters.port} robot {board.robot_id}"
@@ -242,14 +247,9 @@ class RobotNode:
     def _on_event(self, event: Any) -> None:
         if isinstance(event, Reply):
             self._radio.on_frame(event.frame)
-        elif isinstance(event, Lost) and not rospy.is_shutdown():
-            rospy.logerr(f"{event.reason}; the robot waits for a new command, the port is searched")
-        elif isinstance(event, Mismatch):
-            rospy.logerr(f"{event}; the robot was stopped")
-        elif isinstance(event, Slowed):
-            rospy.logwarn(str(event))
-        elif isinstance(event, Reconnected):
-            rospy.loginfo(f"the robot answers again, on {event.port}")
+        told = self._news.of(event)
+        if told is not None and not rospy.is_shutdown():
+            LOG[told.level](told.message)
         self._status.tell()
 
     def _request(self, requests: List[Any]) -> None:
@@ -339,6 +339,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     """Run the node; returns the exit code, that of the error if there was one."""
     sys.setswitchinterval(SWITCH_S)
     try:
+        await_master(rosgraph.get_master_uri(), rospy.logwarn)
         rospy.init_node("robot_node", argv=argv, disable_signals=True)
         _end_on_signals()
         RobotNode(_parameters()).run()
@@ -361,8 +362,9 @@ def _end_on_signals() -> None:
     def end(number: int, _frame: Any) -> None:
         threading.Thread(target=rospy.signal_shutdown, args=(f"signal {number}",)).start()
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, end)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup sets it
+            signal.signal(number, end)
 
 
 def _parameters() -> Parameters:

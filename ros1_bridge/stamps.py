@@ -1,4 +1,4 @@
-"""Arrival times of one clock as stamps of another that never repeat.  Pure."""
+"""Arrival times of one clock as stamps of another, wall clock or simulated time, that never repeat.  Pure."""
 
 from typing import Tuple
 
@@ -19,7 +19,7 @@ class Stamps:
 
         `monotonic_s` and `wall_s` are both clocks read now.
         """
-        stamp_s = wall_s - monotonic_s + event_s
+        stamp_s = max(0.0, wall_s - monotonic_s + event_s)  # simulated time begins at 0
         if stamp_s < self._least_s and stamp_s > self._least_s - JUMP_S:
             stamp_s = self._least_s
         self._least_s = stamp_s + STEP_S

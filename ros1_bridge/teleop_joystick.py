@@ -7,6 +7,7 @@ robot's own command timeout.
 import sys
 from typing import List, Optional
 
+import rosgraph
 import rospy
 from geometry_msgs.msg import Twist
 from sensor_msgs.msg import Joy
@@ -15,6 +16,7 @@ from mrl_driver.errors import ConfigError
 
 from . import parameters
 from .joystick import LAYOUTS, read
+from .master_watch import await_master
 from .node_rows import TELEOP_JOYSTICK
 
 
@@ -53,6 +55,7 @@ class TeleopJoystick:
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the node; returns the exit code."""
+    await_master(rosgraph.get_master_uri(), rospy.logwarn)
     rospy.init_node("teleop_joystick", argv=argv or sys.argv)
     try:
         node = TeleopJoystick()

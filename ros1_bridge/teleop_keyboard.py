@@ -4,6 +4,7 @@ import sys
 import time
 from typing import List, Optional
 
+import rosgraph
 import rospy
 from geometry_msgs.msg import Twist
 
@@ -11,6 +12,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.keyboard import Keyboard
 from mrl_driver.teleop import ANGULAR_RAD_S, LINEAR_M_S, Teleop
 
+from .master_watch import await_master
 from .node_rows import TELEOP_KEYBOARD
 from .parameters import read
 
@@ -63,6 +65,7 @@ class TeleopKeyboard:
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the node; returns the exit code."""
+    await_master(rosgraph.get_master_uri(), rospy.logwarn)
     rospy.init_node("teleop_keyboard", argv=argv or sys.argv)
     if not sys.stdin.isatty():
         rospy.logfatal("stdin is no terminal; start the node in one, not in the background")

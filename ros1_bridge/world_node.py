@@ -10,6 +10,7 @@ import sys
 import time
 from typing import Any, Dict, List, Optional, Tuple
 
+import rosgraph
 import rospy
 from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import LaserScan
@@ -22,6 +23,7 @@ from sim_arduino.shared_crowd import SharedCrowd
 
 from . import messages, parameters, world_messages
 from .direct import direct_publisher
+from .master_watch import await_master
 from .node_rows import WORLD_NODE
 
 
@@ -117,6 +119,7 @@ class WorldNode:
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the node; returns the exit code, that of the error if there was one."""
+    await_master(rosgraph.get_master_uri(), rospy.logwarn)
     rospy.init_node("world_node", argv=argv or sys.argv)
     try:
         WorldNode().run()

@@ -1,12 +1,15 @@
 """The node without ROS's own infrastructure: a master that dies, a simulated clock that stands still."""
 
 import signal
+import socket
+import threading
 import time
 import xmlrpc.client
 from contextlib import suppress
 
 import pytest
 
+from ros1_bridge.master_watch import await_master
 from ros1_bridge.processes import Child, wait_until
 from ros1_bridge.run import master_answers
 
@@ -30,6 +33,18 @@ def own_master(master, tmp_path):
     with suppress(ProcessLookupError):
         child.signal(signal.SIGKILL)
     child.finish(3.0)
+
+
+def test_program_that_comes_before_the_master_waits_for_it():
+    port, told, ended = bench.free_port(), [], threading.Event()
+    thread = threading.Thread(
+        target=lambda: (await_master(f"http://127.0.0.1:{port}", told.append), ended.set()), daemon=True
+    )
+    thread.start()
+    assert wait_until(lambda: bool(told), bench.START_S)
+    with socket.create_server(("127.0.0.1", port)):
+        assert ended.wait(bench.START_S)
+    assert len(told) == 1 and str(port) in told[0]
 
 
 def test_robot_is_driven_on_and_stopped_in_time_without_master_and_clock(own_master, tmp_path):

@@ -21,6 +21,8 @@ FRAME_HZ = 50
 SONAR_CYCLE_S = 0.3
 TIMEOUT_S = 0.5
 TIMEOUT_LATE_S = 0.05
+BUSY_TRIES = 10
+"""A machine that is busy with other tests may be late itself, but not each time."""
 
 
 def forward(speed_m_s, **unused):
@@ -164,10 +166,13 @@ def test_robot_stops_when_commands_end(rig, timeout_s):
     wire = rig.tap(rig.board().port)
     rig.node(wire.port, f"_cmd_vel_timeout:={timeout_s}")
     cmd_vel = rig.publisher("cmd_vel", Twist)
-    since = time.monotonic()
-    cmd_vel.publish(forward(0.1))
-    moved = wire.wait_for(MOVE, since)
-    assert timeout_s <= wire.wait_for(STOP, moved) - since < timeout_s + TIMEOUT_LATE_S
+    took_s = []
+    while not took_s or (min(took_s) >= timeout_s + TIMEOUT_LATE_S and len(took_s) < BUSY_TRIES):
+        since = time.monotonic()
+        cmd_vel.publish(forward(0.1))
+        moved = wire.wait_for(MOVE, since, START_S)
+        took_s.append(wire.wait_for(STOP, moved, START_S) - since)
+    assert timeout_s <= min(took_s) < timeout_s + TIMEOUT_LATE_S
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ def driving(rig):
     return node, wire
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signal_stops_the_robot_and_ends_the_node(rig, number):
     node, wire = driving(rig)
     since = time.monotonic()

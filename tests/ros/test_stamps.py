@@ -30,6 +30,12 @@ def test_clock_that_is_set_back_is_followed():
     assert stamps.next(1.0, 1.0, WALL_S - 3600) == (WALL_S - 3600, 0)
 
 
+def test_simulated_time_that_stands_at_its_start_gives_stamps_too():
+    stamps = Stamps()
+    made = [ns(stamps.next(event_s, 3.0, 0.0)) for event_s in (0.0, 2.9, 3.0)]
+    assert made == sorted(set(made)) and made[0] == 0
+
+
 @settings(max_examples=50)
 @given(st.lists(st.floats(0, 0.9), min_size=1))
 def test_stamps_increase(events):

@@ -1,0 +1,71 @@
+"""What of a driver's events goes to the log, and what boards without a clock report."""
+
+import struct
+import time
+from types import SimpleNamespace
+
+import pytest
+from genpy import Time
+
+from mrl_driver import robots
+from mrl_driver.events import Lost, Ready, Reconnected, Reply, Stale
+from mrl_driver.handshake import Board
+from mrl_driver.odometry import Pose, Twist, Wheels
+from mrl_driver.state import Telemetry
+from mrl_driver.statistics import Counters
+from ros1_bridge.link_report import ERROR, OK, WARN, News, values
+from ros1_bridge.parameters import check
+from ros1_bridge.publishers import Publishers
+
+BOARD = Board(1, 2, 1.72, 12.0, 25.0)
+LOST, BACK = Lost("/dev/ttyACM0", "it went away"), Reconnected("/dev/ttyACM1")
+AGAIN, RESTARTED, UNKNOWN = (Ready(BOARD, *how) for how in ((False, True), (True, True), (True, False)))
+SIMULATED_S, LATE_S = 100.0, 10.0
+
+
+def telemetry(sequence):
+    now_s = time.monotonic()
+    pose, twist = Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0)
+    return Telemetry(now_s - 0.001, now_s, pose, twist, {}, (), Wheels(0, 0), sequence)
+
+
+@pytest.mark.parametrize(
+    "events, levels",
+    [
+        ((Stale(0.3), AGAIN), [ERROR, OK]),
+        ((RESTARTED,), [WARN]),
+        ((Stale(0.3), UNKNOWN), [ERROR, OK]),
+        ((LOST, RESTARTED, BACK), [ERROR, None, OK]),
+        ((LOST, BACK, RESTARTED), [ERROR, OK, WARN]),
+        ((Reply(()),), [None]),
+    ],
+    ids=["silent", "restarted", "silent, no check value", "lost", "restarted later", "a reply"],
+)
+def test_events_are_told_once(events, levels):
+    news = News()
+    assert [told and told.level for told in map(news.of, events)] == levels
+
+
+@pytest.mark.parametrize("sequence, latency", [(7, "1.00 ms"), (None, "not measured")])
+def test_latency_is_that_of_the_boards_clock(sequence, latency):
+    told = values("port", 115200, BOARD, Counters().snapshot(), 0.0, telemetry(sequence))
+    assert told["Computed Latency"] == latency
+
+
+class Publisher:
+    """One of rospy's, with a connection that notes what it is sent."""
+
+    def __init__(self, topic, *_, **__):
+        self.sent = []
+        to = SimpleNamespace(socket=None, write_data=self.sent.append)
+        self.impl = SimpleNamespace(connections=[to], add_subscriber_listener=lambda _: None)
+        Publisher.of = {**getattr(Publisher, "of", {}), topic: self}
+
+
+def test_odometry_is_stamped_by_the_clock_of_the_graph():
+    """Which is simulated time where the other nodes have it."""
+    parameters = check({"port": "p"}, "node")
+    out = Publishers(Publisher, OSError, parameters, robots.load("traxbot"), clock=lambda: SIMULATED_S)
+    out.telemetry(telemetry(1))
+    secs, nsecs = struct.unpack_from("<II", Publisher.of["odom"].sent[0], 8)
+    assert SIMULATED_S - LATE_S < Time(secs, nsecs).to_sec() < SIMULATED_S
