@@ -91,10 +91,10 @@ def _header(now: Shown, width: int) -> Text:
     minutes, seconds = divmod(int(now.elapsed_s), 60)
     name, clock = f" {model} {driver.board.robot_id} ", f"  {minutes:02d}:{seconds:02d} "
     room = width - len(name) - len(state) - len(clock) - 3
-    record = f"recording {_tail(now.record, max(8, room // 2 - 10))}" if now.record else ""
-    port = _tail(now.port, max(8, room - len(record) - 1))
+    record = f"recording {_tail(now.record, room // 2 - 10)}" if now.record and room > 30 else ""
+    port = f" {_tail(now.port, room - len(record) - 1)}  " if room > 8 else ""
     text = Text(no_wrap=True, overflow="crop", style="reverse")
-    text.append(name, style="bold").append(f" {port}  ").append(state, style="bold")
+    text.append(name, style="bold").append(port).append(state, style="bold")
     return text.append(" " * max(1, width - len(text.plain) - len(record) - len(clock)) + record + clock)
 
 
