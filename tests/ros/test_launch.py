@@ -17,6 +17,7 @@ from roslaunch import arg_dump, substitution_args
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
+from mrl_driver import robots
 from ros1_bridge.parameters import ROWS
 from ros1_bridge.processes import wait_until
 
@@ -121,6 +122,25 @@ def test_parameters_of_the_launch_file_are_those_of_the_node(packages):
     """A row that robot.launch passes and the node does not know would end the node."""
     given = {name.split("/")[-1] for name in loaded("robot.launch").params if "robot_node/" in name}
     assert given == {row.name for row in ROWS}
+
+
+@pytest.mark.parametrize("name", robots.packaged())
+def test_description_of_a_packaged_model_is_the_committed_file(name, packages):
+    shown = loaded("describe.launch", f"robot:={name}").params["/robot_description"].value
+    assert shown == (ROOT / "ros1_bridge" / "urdf" / f"{name}.urdf").read_text()
+
+
+def test_description_of_a_models_own_file_is_rendered(packages, tmp_path):
+    own = tmp_path / "my robot.yaml"
+    own.write_text((ROOT / "mrl_driver" / "robots" / "traxbot.yaml").read_text())
+    shown = loaded("robot.launch", f"robot:={own}").params["/robot_description"].value
+    assert "sonar_left" in shown
+
+
+def test_unknown_model_is_named(packages, capfd):
+    with pytest.raises(roslaunch.RLException):
+        loaded("sim.launch", "robot:=tank")
+    assert "robot 'tank' is unknown, expected" in capfd.readouterr().err
 
 
 def test_team_has_a_robot_for_each_port(packages):
