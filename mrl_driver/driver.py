@@ -18,7 +18,7 @@ from typing import List, Optional, Tuple, Union
 from . import forks, robots
 from .address import demand_port
 from .core import Core
-from .errors import BoardError, BoardTimeout, ConfigError, LinkLost, MrlError
+from .errors import BoardError, BoardTimeout, ConfigError, LinkLost, MrlError, WrongRobot
 from .events import Lost, Reconnected, Slowed
 from .fast_line import BACK_S, speed_up
 from .handshake import Board
@@ -406,8 +406,13 @@ class Driver(Readout):
     def _judge(self, reconnection: Reconnection, now: float) -> List[Notice]:
         """Is it the robot that was lost?"""
         session = self._core.session
-        if not reconnection.judge(session.ready, now):
-            return []
+        try:
+            if not reconnection.judge(session.ready, now):
+                return []
+        except WrongRobot:
+            session.end()
+            self._send()
+            raise
         session.counters.reconnects += 1
         return [("state", Reconnected(reconnection.port))]
 

@@ -20,7 +20,7 @@ from serial.tools import list_ports
 
 from . import forks
 from .errors import BoardTimeout, LinkError, LinkLost, PortBusy, PortDenied, PortMissing
-from .ports import Port
+from .ports import Port, described_as
 
 BAUD = 115200
 WRITE_TIMEOUT_S = 0.1
@@ -51,7 +51,7 @@ def ports() -> List[str]:
 
 
 def described() -> List[Port]:
-    """The serial ports there are, with their USB ids and their names under /dev/serial/by-id."""
+    """The serial ports there are, with their USB ids, their names under /dev/serial/by-id, and their sockets."""
     links: Dict[str, List[str]] = {}
     for link in sorted(glob.glob("/dev/serial/by-id/*")):
         links.setdefault(os.path.realpath(link), []).append(link)
@@ -62,6 +62,7 @@ def described() -> List[Port]:
             port.vid,
             port.pid,
             port.serial_number,
+            port.location,
         )
         for port in list_ports.comports()
     ]
@@ -69,8 +70,7 @@ def described() -> List[Port]:
 
 def describe(name: str) -> Port:
     """The port that `name` leads to."""
-    device = os.path.realpath(name)
-    return next((port for port in described() if port.device == device), Port(device))
+    return described_as(os.path.realpath(name), described())
 
 
 def in_use(name: str) -> bool:

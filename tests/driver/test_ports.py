@@ -60,6 +60,19 @@ def test_two_devices_without_serial_number_and_link_are_alike():
     assert not plain.is_same(plain) and plain.is_like(plain)
 
 
+def test_devices_without_serial_number_are_told_by_their_socket_rather_than_their_link():
+    """Copies share one link, which leads to the one that was plugged in last."""
+    plain = ROBOT._replace(serial=None, location="1-2")
+    assert plain.is_same(plain._replace(device="/dev/ttyACM3"))
+    assert not plain.is_same(plain._replace(location="1-3"))
+
+
+def test_of_two_with_the_same_serial_number_the_one_in_the_socket_of_before_leads():
+    lost = ROBOT._replace(location="1-2")
+    twins = [lost._replace(location="1-1"), lost._replace(device="/dev/ttyACM3")]
+    assert found(*twins, lost=lost) == ["/dev/ttyACM3", NAME]
+
+
 def test_a_link_given_as_name_leads_to_its_device_once():
     assert found(ROBOT, SISTER, name=BY_ID, device=ROBOT.device) == [BY_ID, "/dev/ttyACM1"]
 
@@ -98,6 +111,56 @@ def test_another_robot_is_left_alone_until_it_was_unplugged():
     assert search.next(NAME, [SISTER], 5.0 + WRONG_AGAIN_S / 2) is None
     search.next(NAME, [], 6.0)
     assert search.next(NAME, [SISTER], 6.0) == "/dev/ttyACM1"
+
+
+# -- several robots with the same id
+
+ALIKE = [Port(f"/dev/ttyUSB{i}", (), 0x1A86, 0x7523) for i in range(3)]
+LOST = ALIKE[0]
+
+
+def search_for(*others, name=LOST.device):
+    return Search(name, LOST, others, lambda name: name != LOST.device)
+
+
+def take(search, port, there):
+    return search.take(port.device, port, LOST.device, there)
+
+
+def test_a_port_that_was_there_beside_the_robot_is_never_opened():
+    assert search_for(ALIKE[1]).next(LOST.device, [ALIKE[1]], 0.0) is None
+    assert search_for(ALIKE[1]).next(LOST.device, ALIKE[1:], 0.0) == ALIKE[2].device
+
+
+def test_a_link_that_leads_to_another_port_by_now_is_not_opened():
+    assert search_for(ALIKE[1], name="/dev/robot").next(ALIKE[1].device, [ALIKE[1]], 0.0) is None
+
+
+def test_the_only_one_that_answers_is_taken():
+    assert take(search_for(), ALIKE[1], [ALIKE[1]])
+
+
+def test_another_like_it_is_asked_before_one_is_taken():
+    search = search_for()
+    assert not take(search, ALIKE[1], ALIKE[1:]) and not search.rivals
+    assert search.next("", ALIKE[1:], 0.0) == ALIKE[2].device
+    search.refuse(ALIKE[2].device, 0.0)
+    assert search.next("", ALIKE[1:], 0.0) == ALIKE[1].device
+    assert take(search, ALIKE[1], ALIKE[1:])
+
+
+def test_none_of_two_that_answer_is_taken_until_one_is_unplugged():
+    search = search_for()
+    for port in ALIKE[1:]:
+        assert not take(search, port, ALIKE[1:])
+    assert search.rivals == [port.device for port in ALIKE[1:]]
+    assert search.next("", ALIKE[1:], 0.5) is None
+    assert search.next("", [ALIKE[2]], 0.5) == ALIKE[2].device
+    assert take(search, ALIKE[2], [ALIKE[2]])
+
+
+def test_the_very_same_device_is_taken_whoever_else_is_there():
+    assert Search(NAME, ROBOT).take("/dev/ttyACM3", MOVED, NAME, [SISTER, MOVED])
 
 
 # -- what is in use

@@ -205,7 +205,6 @@ def test_a_port_with_usb_ids_is_found_under_its_new_device(serve, monkeypatch):
     """As the kernel hands out ttyACM1 while ttyACM0 is still held open."""
     there = []
     monkeypatch.setattr(reconnect, "described", lambda: list(there))
-    monkeypatch.setattr(reconnect, "describe", lambda name: next(p for p in there if p.device == name))
     first, foreign = serve(), serve()
     there[:] = [Port(first.path, (), 1, 2, "A"), Port(foreign.path, (), 1, 3, "F")]
     with Driver(first.path, options=Options(reconnect=True)) as robot:
@@ -216,6 +215,26 @@ def test_a_port_with_usb_ids_is_found_under_its_new_device(serve, monkeypatch):
         there += [Port(sister.path, (), 1, 2, "B"), Port(second.path, (), 1, 2, "A")]
         wait_until(lambda: robot.ready)
         assert second.received and not sister.received and not foreign.received
+
+
+def test_of_two_with_the_robots_id_none_is_taken_until_one_is_unplugged(serve, monkeypatch):
+    """Copies without serial number, both plugged in after the robot was lost."""
+    there = []
+    monkeypatch.setattr(reconnect, "described", lambda: list(there))
+    first = serve()
+    there[:] = [Port(first.path, (), 1, 2)]
+    with Driver(first.path, options=Options(reconnect=True)) as robot:
+        told = []
+        robot.on_event(lambda event: told.append(str(event)))
+        twins = [serve(), serve()]
+        there[:] = [Port(twin.path, (), 1, 2) for twin in twins]
+        first.unplug()
+        wait_until(lambda: any("nothing tells them apart" in text for text in told))
+        assert not robot.ready and not robot.drive(0.1, 0)
+        wait_until(lambda: all(twin.board.period_s is None for twin in twins))
+        del there[0]
+        wait_until(lambda: robot.ready)
+        assert twins[1].board.period_s and robot.drive(0.1, 0)
 
 
 def test_without_the_option_a_lost_port_is_an_error(cable):
