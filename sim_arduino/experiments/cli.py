@@ -1,23 +1,23 @@
 """`mrl experiment`: the papers' experiments, one after the other or two at a time."""
 
-import concurrent.futures
 import importlib
-import multiprocessing
 import os
 import time
-from typing import Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import click
-from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 from mrl_driver import pictures
 from mrl_driver.errors import ConfigError
 
 from ..one_line import OneLine
-from .report import Result, save, spelt
-from .stage import Setting
+
+if TYPE_CHECKING:  # for the list of all commands loads this module
+    from rich.console import Console
+    from rich.table import Table
+
+    from .report import Result
+    from .stage import Setting
 
 
 class Experiment(NamedTuple):
@@ -70,6 +70,11 @@ def main(names: Sequence[str], listed: bool, port: Optional[str], robot: str, ou
         return
     chosen = _chosen(names)
     pictures.demand_matplotlib("mrl experiment")
+    from rich.console import Console
+
+    from .report import save
+    from .stage import Setting
+
     setting = Setting(_folder(out), port, robot, seed)
     console = Console()
     for name, result, seconds in _results(chosen, setting, console):
@@ -102,8 +107,8 @@ def _folder(out: str) -> str:
 
 
 def _results(
-    chosen: Sequence[str], setting: Setting, console: Console
-) -> Iterator[Tuple[str, Result, float]]:
+    chosen: Sequence[str], setting: "Setting", console: "Console"
+) -> Iterator[Tuple[str, "Result", float]]:
     """Each one's result as soon as it is there, with the time it took [s]; emulated ones two at a time.
 
     A real robot is driven by this process, which stops it on any signal; another one would drive on without this one.
@@ -111,6 +116,11 @@ def _results(
     if setting.port is not None:
         yield from (timed(name, setting) for name in chosen)
         return
+    import concurrent.futures
+    import multiprocessing
+
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     workers = min(WORKERS, len(chosen))
     with Progress(
@@ -124,7 +134,7 @@ def _results(
             yield future.result()
 
 
-def timed(name: str, setting: Setting) -> Tuple[str, Result, float]:
+def timed(name: str, setting: "Setting") -> Tuple[str, "Result", float]:
     """One experiment's name, result and duration [s]."""
     start_s = time.monotonic()
     module = importlib.import_module(f"{__package__}.{EXPERIMENTS[name].module}")
@@ -132,7 +142,11 @@ def timed(name: str, setting: Setting) -> Tuple[str, Result, float]:
     return name, result, time.monotonic() - start_s
 
 
-def _table(name: str, result: Result, seconds: float, folder: str) -> Table:
+def _table(name: str, result: "Result", seconds: float, folder: str) -> "Table":
+    from rich.table import Table
+
+    from .report import spelt
+
     files = ", ".join(os.path.join(folder, picture) for picture in result.pictures)
     table = Table(title=result.title, caption=f"{name}: {seconds:.0f} s, {files}", title_justify="left")
     for column in ("figure", "ours", "published"):
