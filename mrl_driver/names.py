@@ -11,8 +11,6 @@ import os
 import re
 from typing import Any, Dict, Mapping, NamedTuple, Optional
 
-import yaml
-
 from . import robots
 from .errors import ConfigError
 
@@ -47,6 +45,8 @@ def read() -> Dict[str, Target]:
     Raises:
         ConfigError: the file cannot be read, or a key or value in it is wrong.
     """
+    import yaml
+
     file_name = path()
     try:
         with open(file_name, encoding="utf-8") as file:
@@ -123,6 +123,8 @@ def write(named: Mapping[str, Target]) -> None:
     Raises:
         ConfigError: it cannot be written.
     """
+    import yaml
+
     file_name = path()
     data = {
         name: {"port": each.port, "model": each.model, "baud": each.baud}

@@ -10,11 +10,7 @@ import click
 
 from mrl_driver import robots
 from mrl_driver.errors import ConfigError
-from mrl_driver.log_summary import summarise
 from mrl_driver.recording import Recording
-
-from .playback import play
-from .port import Link, PtyPort
 
 
 @click.command(short_help="Say what a recording holds, or play it again.")
@@ -40,6 +36,8 @@ def main(
     if not pty:
         if speed is not None or link is not None:
             raise ConfigError("--speed or --link is given without --pty, expected both or none")
+        from mrl_driver.log_summary import summarise
+
         show(summarise(recording, None if robot == "auto" else robots.load(robot)), as_json)
         return
     if as_json:
@@ -77,6 +75,9 @@ def serve(recording: Recording, speed: float, link: Optional[str] = None) -> Non
     Raises:
         ConfigError: the link cannot be made.
     """
+    from .playback import play
+    from .port import Link, PtyPort
+
     port = PtyPort()
     name = Link(link, port.path) if link else None
     signal.signal(signal.SIGTERM, _end)

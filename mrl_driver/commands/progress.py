@@ -1,21 +1,21 @@
 """Progress bars on stderr, where that is a terminal; elsewhere nothing."""
 
 import contextlib
+import sys
 from typing import Callable, Iterator
-
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 
 @contextlib.contextmanager
 def progress(what: str, total: float) -> Iterator[Callable[[float], None]]:
     """A bar while the block lasts; call what it gives with the amount that was done."""
-    console = Console(stderr=True)
-    if not console.is_terminal or not total:
+    if not sys.stderr.isatty() or not total:
         yield lambda amount: None
         return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=console, transient=True) as bar:
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=total)
         yield lambda amount: bar.advance(task, amount)
 
@@ -23,9 +23,10 @@ def progress(what: str, total: float) -> Iterator[Callable[[float], None]]:
 @contextlib.contextmanager
 def waiting(what: str) -> Iterator[None]:
     """A spinner while the block lasts."""
-    console = Console(stderr=True)
-    if not console.is_terminal:
+    if not sys.stderr.isatty():
         yield
         return
-    with console.status(what):
+    from rich.console import Console
+
+    with Console(stderr=True).status(what):
         yield

@@ -7,8 +7,6 @@ accepts.  Sources of the numbers stand in the files.
 import os
 from typing import Any, Container, Dict, List, Mapping, NamedTuple, Tuple, Type, TypeVar, get_type_hints
 
-import yaml
-
 from ..errors import ConfigError
 from ..table import PARAMETERS
 from .drives import DIFFERENTIAL, EXTRA, KINDS, Base, Drive, MecanumDrive, OmniDrive, kind_of
@@ -134,6 +132,8 @@ def load(name_or_path: str) -> RobotModel:
     Raises:
         ConfigError: no such model, or a key is missing, misspelt, of the wrong type or out of range.
     """
+    import yaml
+
     is_path = name_or_path.endswith((".yaml", ".yml"))
     path = name_or_path if is_path else _path_of(name_or_path)
     try:
