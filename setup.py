@@ -111,6 +111,7 @@ setup(
             "mirror=sim_arduino.mirror:main",
             "experiment=sim_arduino.experiments.cli:main",
         ],
+        "mrl.experiments": ["ros=ros1_bridge.experiments.legs"],
     },
     cmdclass={"build_py": BuildWithImages, "sdist": SdistWithImages},
 )

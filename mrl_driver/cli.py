@@ -71,10 +71,14 @@ class Commands(click.Group):
 
 
 def _registered() -> Dict[str, Any]:
+    return registered("mrl.commands")
+
+
+def registered(group: str) -> Dict[str, Any]:
+    """The entry points that packages have in a group, by their names."""
     from importlib import metadata
 
     points: Any = metadata.entry_points()
-    group = "mrl.commands"
     found = points.select(group=group) if hasattr(points, "select") else points.get(group, [])
     return {point.name: point for point in found}
 

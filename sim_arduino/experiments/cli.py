@@ -3,11 +3,12 @@
 import importlib
 import os
 import time
-from typing import TYPE_CHECKING, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import click
 
 from mrl_driver import pictures
+from mrl_driver.cli import registered
 from mrl_driver.errors import ConfigError
 
 from ..one_line import OneLine
@@ -38,7 +39,7 @@ EXPERIMENTS = {
     "mixed-team": Experiment("mixed_team", "two real robots and a virtual one wander in one arena"),
     "shared-waypoint": Experiment("shared_waypoint", "three robots share a waypoint"),
     "environment": Experiment("environment", "map of heat, dust and alcohol in the arena"),
-    "turnaround": Experiment("turnaround", "time of messages between PC and motor board"),
+    "turnaround": Experiment("turnaround", "time of messages between PC or topic and motor board"),
 }
 WORKERS = 2
 
@@ -56,7 +57,20 @@ WORKERS = 2
 @click.option(
     "--seed", default=1, show_default=True, type=click.IntRange(0, 2**31), help="Of everything random."
 )
-def main(names: Sequence[str], listed: bool, port: Optional[str], robot: str, out: str, seed: int) -> None:
+@click.option(
+    "--ros/--no-ros",
+    default=None,
+    help="Those that are about ROS run through ROS, in real time, or in simulated time; default: as ROS is there.",
+)
+def main(
+    names: Sequence[str],
+    listed: bool,
+    port: Optional[str],
+    robot: str,
+    out: str,
+    seed: int,
+    ros: Optional[bool],
+) -> None:
     """Repeat an experiment of the papers: its figures beside the published ones, and a picture.
 
     \b
@@ -75,7 +89,7 @@ def main(names: Sequence[str], listed: bool, port: Optional[str], robot: str, ou
     from .report import save
     from .stage import Setting
 
-    setting = Setting(_folder(out), port, robot, seed)
+    setting = Setting(_folder(out), port, robot, seed, port is None and _through_ros(chosen, ros))
     console = Console()
     for name, result, seconds in _results(chosen, setting, console):
         save(result, setting.folder)
@@ -94,6 +108,32 @@ def _chosen(names: Sequence[str]) -> List[str]:
     if unknown:
         raise ConfigError(f"experiment {unknown[0]!r} is unknown, expected all, {', '.join(EXPERIMENTS)}")
     return list(EXPERIMENTS) if "all" in names else list(dict.fromkeys(names))
+
+
+def _legs() -> Any:
+    """The module that runs experiments through ROS; None where the bridge is not installed."""
+    point = registered("mrl.experiments").get("ros")
+    return point.load() if point else None
+
+
+def _through_ros(chosen: Sequence[str], wanted: Optional[bool]) -> bool:
+    """Whether to go through ROS; says in one line what it does without.
+
+    Raises:
+        ConfigError: it is wanted, and not there.
+    """
+    legs = _legs() if wanted is not False else None
+    if legs is None:
+        return False
+    about = [name for name in chosen if name in legs.NODES]
+    if not about:
+        return False
+    missing = legs.missing()
+    if missing and wanted:
+        raise ConfigError(missing)
+    if missing:
+        click.echo(f"{missing}; without it: {', '.join(about)}", err=True)
+    return not missing
 
 
 def _folder(out: str) -> str:
@@ -137,8 +177,11 @@ def _results(
 def timed(name: str, setting: "Setting") -> Tuple[str, "Result", float]:
     """One experiment's name, result and duration [s]."""
     start_s = time.monotonic()
-    module = importlib.import_module(f"{__package__}.{EXPERIMENTS[name].module}")
-    result: Result = module.run(setting)
+    legs = _legs() if setting.ros else None
+    if legs and name in legs.NODES:
+        result: Result = legs.run(name, setting)
+    else:
+        result = importlib.import_module(f"{__package__}.{EXPERIMENTS[name].module}").run(setting)
     return name, result, time.monotonic() - start_s
 
 

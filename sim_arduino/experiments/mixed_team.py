@@ -19,7 +19,9 @@ MEMBERS = (
     Member("real2", Pose(1.2, 1.0, -2.0), virtual=False, robot="stingbot"),
     Member("virtual", Pose(1.2, -1.2, 2.2), virtual=True),
 )
+WORLD = "room"
 DURATION_S = 300.0
+SIMULATED = "In simulated time, without ROS."
 NEAR_M, STOP_M, SIDE_M = 0.7, 0.35, 0.4
 SHARE = 0.6
 """Of the robot's limit: two that meet come nearer twice as fast as one meets a wall, and sonars are slow."""
@@ -49,32 +51,39 @@ def run(setting: Setting) -> Result:
     """Lets the team wander, and draws where it has been."""
     demand_emulated(setting, "mixed-team")
     with ExitStack() as stack:
-        team = gather(stack, setting, "room", MEMBERS)
-        minds = [Wanderer(player.robot.driver.model.limits) for player in team.players]  # type: ignore[union-attr]
-        for _ in range(round(DURATION_S / TICK_S)):
-            team.tick([mind.command(player.ranges()) for mind, player in zip(minds, team.players)])
-        return _result(setting, team)
+        return play(setting, gather(stack, setting, WORLD, MEMBERS), DURATION_S)
 
 
-def _result(setting: Setting, team: Team) -> Result:
+def play(setting: Setting, team: Team, duration_s: float, remark: str = SIMULATED) -> Result:
+    """The same with a team that is there."""
+    minds = [Wanderer(player.robot.model.limits) for player in team.players]
+    for _ in range(round(duration_s / TICK_S)):
+        team.tick([mind.command(player.ranges()) for mind, player in zip(minds, team.players)])
+    return _result(setting, team, duration_s, remark)
+
+
+def _result(setting: Setting, team: Team, duration_s: float, remark: str) -> Result:
     way = sum(math.dist(a[:2], b[:2]) for p in team.players for a, b in zip(p.path, p.path[1:]))
     rows = [
         Row("collisions", "ticks of 50 ms with a collision", team.collisions, "", "none"),
         Row("nearest_m", "least distance of two middles", team.nearest_m, "m"),
         Row("way_m", "way of all robots", way, "m"),
-        Row("duration_s", "duration", DURATION_S, "s"),
+        Row("duration_s", "duration", duration_s, "s"),
     ]
     title = "Two real robots and a virtual one wander in one arena"
-    return Result("mixed-team", title, rows, [draw(setting, team, "room", "mixed-team")])
+    return Result("mixed-team", title, rows, [draw(setting, team, "mixed-team")], remark)
 
 
-def draw(setting: Setting, team: Team, world: str, name: str) -> str:
+def draw(setting: Setting, team: Team, name: str) -> str:
     """Paths of a team in its world."""
     made, (axes,) = plots.figure(1, 6.0, 6.0)
-    plots.walls(axes, world_file.load(world).walls)
+    plots.walls(axes, world_file.load(WORLD).walls)
+    for index, player in enumerate(team.players):
+        plots.band(axes, player.told, "by odometry" if index == 0 else None)
     for player, colour, line in zip(team.players, (plots.BLUE, plots.GREEN, plots.ORANGE), plots.LINES):
         plots.path(axes, player.path, colour, f"{player.member.name} ({player.member.robot})", line)
         axes.plot(*player.path[0][:2], "o", color=colour, markersize=5)
+    axes.plot([], [], "o", color=plots.GREY, markersize=5, label="starts")
     plots.floor(axes)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2, fontsize="small")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3, fontsize="small")
     return plots.save(made, setting.folder, name)

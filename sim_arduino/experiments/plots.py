@@ -44,6 +44,11 @@ def path(axes: Any, points: Sequence[Sequence[float]], colour: str, label: str, 
     axes.plot([p[0] for p in points], [p[1] for p in points], line, color=colour, linewidth=1.3, label=label)
 
 
+def band(axes: Any, points: Sequence[Sequence[float]], label: Optional[str]) -> None:
+    """Draws a path as a pale band, for another one to lie on."""
+    axes.plot([p[0] for p in points], [p[1] for p in points], color="#d0d0d0", linewidth=4.0, label=label)
+
+
 def circle(radius: float, colour: str, label: Optional[str]) -> Any:
     """A dashed circle about the origin."""
     from matplotlib.patches import Circle

@@ -2,14 +2,12 @@
 
 import math
 from contextlib import ExitStack
-from typing import Dict, List, Optional, Sequence, Tuple
-
-from mrl_driver.goal_seeker import GoalSeeker
+from typing import Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 
 from ..shapes import Pose
-from .mixed_team import draw
+from .mixed_team import SIMULATED, WORLD, draw
 from .report import Result, Row
-from .stage import TICK_S, Setting, demand_emulated
+from .stage import TICK_S, Setting, Step, demand_emulated
 from .team import Member, Player, Team, gather
 
 Point = Tuple[float, float]
@@ -54,38 +52,37 @@ class Cycle:
     It holds the shared one until it has reached the first of its own.
     """
 
-    def __init__(self, player: Player, claims: Claims) -> None:
-        self._player, self._claims = player, claims
+    def __init__(self, player: Player, claims: Claims, rounds: int) -> None:
+        self._player, self._claims, self._most = player, claims, rounds
         self._points: List[Point] = [SHARED, *OWN[player.member.name]]
         self._next, self.rounds = 0, 0
-        self._seeker: Optional[GoalSeeker] = None
+        self._seek: Optional[Callable[[Mapping[str, float]], Step]] = None
         self.waited_s = 0.0
 
     def command(self) -> Tuple[float, float]:
         """Speeds for the next tick."""
-        if self.rounds == ROUNDS:
+        if self.rounds == self._most:
             return 0.0, 0.0
-        name, driver = self._player.member.name, self._player.robot.driver
-        if self._seeker is None:
+        name = self._player.member.name
+        if self._seek is None:
             if self._next == 0 and not self._claims.ask(name):
                 self.waited_s += TICK_S
                 return 0.0, 0.0
-            self._seeker = self._seek(self._points[self._next])
-        speeds = self._seeker.command(self._player.pose, self._player.ranges(), driver.now_s)
-        if self._seeker.reached or self._seeker.blocked:
-            self._arrive(name, self._seeker.reached)
+            self._seek = self._begin(self._points[self._next])
+        step = self._seek(self._player.ranges())
+        if step.reached or step.blocked:
+            self._arrive(name, step.reached)
             return 0.0, 0.0
-        return speeds
+        return step.speeds
 
-    def _seek(self, point: Point) -> GoalSeeker:
-        driver, pose = self._player.robot.driver, self._player.pose
-        assert driver.model is not None
+    def _begin(self, point: Point) -> Callable[[Mapping[str, float]], Step]:
+        pose = self._player.robot.pose
         heading = math.atan2(point[1] - pose.y_m, point[0] - pose.x_m)
-        return GoalSeeker((*point, heading), driver.model.limits, driver.now_s)
+        return self._player.robot.seek(Pose(*point, heading))
 
     def _arrive(self, name: str, reached: bool) -> None:
         """On to the next waypoint, or, from a way that was blocked, another try."""
-        self._seeker = None
+        self._seek = None
         if not reached:
             return
         if self._next == 1:
@@ -98,17 +95,21 @@ def run(setting: Setting) -> Result:
     """Lets all robots do their rounds, and draws where they have been."""
     demand_emulated(setting, "shared-waypoint")
     with ExitStack() as stack:
-        team = gather(stack, setting, "room", MEMBERS)
-        claims = Claims()
-        cycles = [Cycle(player, claims) for player in team.players]
-        ticks = 0
-        while any(cycle.rounds < ROUNDS for cycle in cycles) and ticks * TICK_S < MOST_S:
-            team.tick([cycle.command() for cycle in cycles])
-            ticks += 1
-        return _result(setting, team, cycles, ticks * TICK_S)
+        return play(setting, gather(stack, setting, WORLD, MEMBERS), ROUNDS, MOST_S)
 
 
-def _result(setting: Setting, team: Team, cycles: Sequence[Cycle], duration_s: float) -> Result:
+def play(setting: Setting, team: Team, rounds: int, most_s: float, remark: str = SIMULATED) -> Result:
+    """The same with a team that is there: so many rounds of each robot, if they are done in time."""
+    claims = Claims()
+    cycles = [Cycle(player, claims, rounds) for player in team.players]
+    ticks = 0
+    while any(cycle.rounds < rounds for cycle in cycles) and ticks * TICK_S < most_s:
+        team.tick([cycle.command() for cycle in cycles])
+        ticks += 1
+    return _result(setting, team, cycles, ticks * TICK_S, remark)
+
+
+def _result(setting: Setting, team: Team, cycles: Sequence[Cycle], duration_s: float, remark: str) -> Result:
     rows = [
         Row("collisions", "ticks of 50 ms with a collision", team.collisions, "", "none"),
         Row("rounds", "rounds of all robots", sum(cycle.rounds for cycle in cycles)),
@@ -122,4 +123,4 @@ def _result(setting: Setting, team: Team, cycles: Sequence[Cycle], duration_s: f
         Row("duration_s", "duration", duration_s, "s"),
     ]
     title = "Three robots with a shared waypoint"
-    return Result("shared-waypoint", title, rows, [draw(setting, team, "room", "shared-waypoint")])
+    return Result("shared-waypoint", title, rows, [draw(setting, team, "shared-waypoint")], remark)

@@ -1,15 +1,16 @@
 """Robots for the experiments: emulated ones in simulated time, or a real one on a port."""
 
 from contextlib import contextmanager
-from typing import Any, Callable, Iterator, NamedTuple, Optional, Union
+from typing import Any, Callable, Iterator, Mapping, NamedTuple, Optional, Tuple, Union
 
 from mrl_driver.calibration import driving
 from mrl_driver.course import Course
 from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
+from mrl_driver.goal_seeker import GoalSeeker
 from mrl_driver.odometry import Pose as OdometryPose
 from mrl_driver.options import Options
-from mrl_driver.robots import Drive
+from mrl_driver.robots import Drive, RobotModel
 from mrl_driver.stepped import SteppedDriver
 
 from .. import boards
@@ -34,12 +35,22 @@ class Setting(NamedTuple):
         port: A real robot's; None for emulated ones.
         robot: Model of the robot.
         seed: Of everything that is drawn at random.
+        ros: Through ROS, where the experiment is about ROS.
     """
 
     folder: str
     port: Optional[str] = None
     robot: str = "traxbot"
     seed: int = 1
+    ros: bool = False
+
+
+class Step(NamedTuple):
+    """Of a robot on its way to a goal."""
+
+    speeds: Tuple[float, float]
+    reached: bool
+    blocked: bool
 
 
 class Actor(NamedTuple):
@@ -52,6 +63,45 @@ class Actor(NamedTuple):
     def true_pose(self) -> Pose:
         """Where an emulated robot really is; for a real one, what its odometry says."""
         return self.plant.true_pose if self.plant else Pose(*self.driver.pose)
+
+    @property
+    def pose(self) -> Pose:
+        """By its odometry."""
+        return Pose(*self.driver.pose)
+
+    @property
+    def ranges(self) -> Mapping[str, float]:
+        """What its sonars hear [m]."""
+        return self.driver.ranges
+
+    @property
+    def model(self) -> RobotModel:
+        """Of the robot."""
+        assert self.driver.model is not None
+        return self.driver.model
+
+    @property
+    def bumped(self) -> bool:
+        """Something stands in an emulated robot's way."""
+        return self.plant is not None and self.plant.robot.state.bumped
+
+    def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
+        """Takes these speeds."""
+        self.driver.drive(linear_m_s, angular_rad_s)
+
+    def wait(self, seconds: float) -> None:
+        """Lets time pass."""
+        self.driver.wait(seconds)
+
+    def seek(self, goal: Pose) -> Callable[[Mapping[str, float]], "Step"]:
+        """What takes it to a goal, tick by tick: ranges in [m], the next step out."""
+        seeker = GoalSeeker(goal, self.model.limits, self.driver.now_s)
+
+        def step(ranges: Mapping[str, float]) -> Step:
+            speeds = seeker.command(self.pose, ranges, self.driver.now_s)
+            return Step(speeds, seeker.reached, seeker.blocked)
+
+        return step
 
     def reset_pose(self, pose: Pose) -> None:
         """Lets the odometry go on from here."""

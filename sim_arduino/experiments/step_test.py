@@ -9,7 +9,7 @@ import threading
 import time
 from typing import Callable, Dict, List, NamedTuple, Tuple
 
-from mrl_driver.driver import Driver, Telemetry
+from mrl_driver.driver import Driver
 from mrl_driver.errors import MrlError
 from mrl_driver.goal_seeker import GoalSeeker
 from mrl_driver.options import Options
@@ -22,6 +22,8 @@ from .stage import PERIOD_MS, TICK_S, Setting
 
 WAYPOINTS = ((0.4, 0.0), (0.4, 0.4), (0.8, 0.4), (0.8, 0.8), (1.2, 0.8), (1.2, 1.2))
 MOST_S = 120.0
+SIMPLE = "In real time, without ROS."
+REACHED = "Goals count as reached within 3 cm."
 LOOK_S = 0.001
 START_S = 10.0
 """The mirror's process has so long to begin."""
@@ -53,11 +55,10 @@ class Mirrored:
         self._thread = threading.Thread(target=self._watch, daemon=True)
         self._thread.start()
 
-    def tell(self, telemetry: Telemetry) -> None:
-        """Sends a pose on its way."""
-        pose = tuple(telemetry.pose)
+    def tell(self, pose: Tuple[float, ...], stamp_s: float) -> None:
+        """Sends the pose of a moment [s, monotonic] on its way."""
         if pose not in self._sent and self._process.poll() is None:
-            self._sent[pose] = telemetry.stamp_s
+            self._sent[pose] = stamp_s
             self._pipe.write(json.dumps(dict(zip(("x_m", "y_m", "yaw_rad"), pose))) + "\n")
             self._pipe.flush()
 
@@ -72,6 +73,13 @@ class Mirrored:
                 last = pose
             time.sleep(LOOK_S)
 
+    def wait(self) -> None:
+        """The first poses wait until the process has begun; they do not count."""
+        end_s = time.monotonic() + START_S
+        while not self.poses and time.monotonic() < end_s:
+            time.sleep(0.05)
+        self.delays_s.clear()
+
     def close(self) -> None:
         """Ends the process."""
         self._ending = True
@@ -83,7 +91,15 @@ class Mirrored:
 
 def run(setting: Setting) -> Result:
     """Drives the steps in real time, and draws robot and mirror."""
-    drive = _real(setting) if setting.port is not None else _emulated(setting)
+    return outcome(setting, _real(setting) if setting.port is not None else _emulated(setting), SIMPLE)
+
+
+def outcome(setting: Setting, drive: Drive, remark: str) -> Result:
+    """Figures and picture of a drive.
+
+    Raises:
+        MrlError: the mirror has shown nothing.
+    """
     delays = sorted(1000 * delay for delay in drive.delays_s)
     if not delays:
         raise MrlError("the mirror has shown nothing; is there room in the folder for shared worlds?")
@@ -101,9 +117,7 @@ def run(setting: Setting) -> Result:
         Row("end_error_mm", "true end from the last waypoint", away, "mm"),
     ]
     title = "Steps over a 400 x 400 mm grid, mirrored live"
-    return Result(
-        "step-test", title, rows, [_draw(setting, drive)], "In real time; goals count as reached within 3 cm."
-    )
+    return Result("step-test", title, rows, [_draw(setting, drive)], f"{remark} {REACHED}")
 
 
 def _emulated(setting: Setting) -> Drive:
@@ -126,8 +140,8 @@ def _drive(setting: Setting, port: str, truth: Callable[[Driver], Tuple[float, .
     mirror = Mirrored(setting.robot)
     try:  # the robot is stopped before the mirror takes its time to end
         with Driver(port, setting.robot, options=Options(period_ms=PERIOD_MS)) as driver:
-            driver.on_telemetry(mirror.tell)
-            _await(mirror)
+            driver.on_telemetry(lambda each: mirror.tell(tuple(each.pose), each.stamp_s))
+            mirror.wait()
             for waypoint in WAYPOINTS:
                 _go(driver, waypoint, look)
             driver.stop()
@@ -135,14 +149,6 @@ def _drive(setting: Setting, port: str, truth: Callable[[Driver], Tuple[float, .
     finally:
         mirror.close()
     return seen._replace(mirrored=mirror.poses, delays_s=mirror.delays_s)
-
-
-def _await(mirror: Mirrored) -> None:
-    """The first poses wait until the process has begun; they do not count."""
-    end_s = time.monotonic() + START_S
-    while not mirror.poses and time.monotonic() < end_s:
-        time.sleep(0.05)
-    mirror.delays_s.clear()
 
 
 def _go(driver: Driver, waypoint: Tuple[float, float], look: Callable[[Driver], None]) -> None:

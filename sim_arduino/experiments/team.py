@@ -7,7 +7,7 @@ hear, and what its mirror would.
 
 import math
 from contextlib import ExitStack
-from typing import Dict, Iterator, List, NamedTuple, Sequence, Tuple
+from typing import Callable, Dict, Iterator, List, Mapping, NamedTuple, Protocol, Sequence, Tuple
 
 from mrl_driver import robots
 
@@ -16,7 +16,7 @@ from ..bumper import footprint_for
 from ..shapes import Footprint, Pose
 from ..sonars import HALF_CONE_RAD, RANGE_M
 from ..world import World
-from .stage import NOISE, TICK_S, Actor, Setting, actor
+from .stage import NOISE, TICK_S, Setting, Step, actor
 
 
 class Member(NamedTuple):
@@ -28,29 +28,64 @@ class Member(NamedTuple):
     robot: str = "traxbot"
 
 
+class OnStage(Protocol):
+    """A robot as the experiments need it: `stage.Actor` is one, and so is a robot behind topics."""
+
+    @property
+    def model(self) -> robots.RobotModel:
+        """Of the robot."""
+
+    @property
+    def pose(self) -> Pose:
+        """By its odometry, in the world's frame."""
+
+    @property
+    def true_pose(self) -> Pose:
+        """Where it really is."""
+
+    @property
+    def ranges(self) -> Mapping[str, float]:
+        """What its sonars hear: name to range [m]."""
+
+    @property
+    def bumped(self) -> bool:
+        """Something stands in its way."""
+
+    def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
+        """Takes these speeds."""
+
+    def wait(self, seconds: float) -> None:
+        """Lets time pass."""
+
+    def seek(self, goal: Pose) -> Callable[[Mapping[str, float]], Step]:
+        """What takes it to a goal, tick by tick."""
+
+    def reset_pose(self, pose: Pose) -> None:
+        """Its odometry begins here."""
+
+
 class Player:
     """A robot that plays.
 
     Attributes:
         path: Where it has truly been.
+        told: Where it has been by its odometry.
         bumps: Ticks in which something stood in its way.
     """
 
-    def __init__(self, member: Member, robot: Actor, footprint: Footprint, virtual_world: World) -> None:
-        self.member, self.robot = member, robot
-        self._footprint, self._virtual = footprint, virtual_world
+    def __init__(self, member: Member, robot: OnStage, virtual_world: World) -> None:
+        self.member, self.robot, self._virtual = member, robot, virtual_world
+        self.footprint = footprint_of(member)
         self.path: List[Pose] = []
+        self.told: List[Pose] = []
         self.bumps = 0
         robot.reset_pose(member.start)
-
-    @property
-    def pose(self) -> Pose:
-        """By its odometry, in the world's frame."""
-        return Pose(*self.robot.driver.pose)
+        if not member.virtual:
+            virtual_world.place(member.name, member.start, self.footprint)
 
     def ranges(self) -> Dict[str, float]:
         """What it hears: sonar name to range [m]."""
-        heard = dict(self.robot.driver.ranges)
+        heard = dict(self.robot.ranges)
         if not self.member.virtual:
             for name, range_m in heard.items():
                 virtual_m = self._in_virtual(name)
@@ -58,22 +93,20 @@ class Player:
         return heard
 
     def _in_virtual(self, name: str) -> float:
-        """What the mirror's sonar of that name would hear of the other robots [m]."""
-        model = self.robot.driver.model
-        assert model is not None
-        mount = model.sonars[name]
-        at = self.pose.beside(mount.x_m, mount.y_m, math.radians(mount.yaw_deg))
+        """What the mirror's sonar of that name would hear [m]."""
+        mount = self.robot.model.sonars[name]
+        at = self.robot.pose.beside(mount.x_m, mount.y_m, math.radians(mount.yaw_deg))
         return self._virtual.nearest(at, HALF_CONE_RAD, RANGE_M, self.member.name)
 
     def step(self, speeds: Tuple[float, float]) -> None:
         """Drives for a tick."""
-        self.robot.driver.drive(*speeds)
-        self.robot.driver.wait(TICK_S)
+        self.robot.drive(*speeds)
+        self.robot.wait(TICK_S)
         if not self.member.virtual:
-            self._virtual.place(self.member.name, self.pose, self._footprint)
-        assert self.robot.plant is not None
-        self.bumps += self.robot.plant.robot.state.bumped
+            self._virtual.place(self.member.name, self.robot.pose, self.footprint)
+        self.bumps += self.robot.bumped
         self.path.append(self.robot.true_pose)
+        self.told.append(self.robot.pose)
 
 
 class Team:
@@ -104,17 +137,26 @@ def pairs(players: Sequence[Player]) -> Iterator[Tuple[Player, Player]]:
             yield player, other
 
 
+def footprint_of(member: Member) -> Footprint:
+    """The robot's body from above."""
+    footprint = footprint_for(robots.load(member.robot))
+    assert footprint is not None
+    return footprint
+
+
+def spelt_pose(pose: Pose) -> str:
+    """As the emulator's options take it."""
+    return f"{pose.x_m},{pose.y_m},{math.degrees(pose.yaw_rad)}"
+
+
 def gather(stack: ExitStack, setting: Setting, world: str, members: Sequence[Member]) -> Team:
     """Puts a team into a packaged world, and the mirrors of its real robots into the virtual one."""
     real, virtual = world_file.load(world), world_file.load(world)
     players = []
     for number, member in enumerate(members):
         place = virtual if member.virtual else real
-        pose = f"{member.start.x_m},{member.start.y_m},{math.degrees(member.start.yaw_rad)}"
         its = setting._replace(robot=member.robot, seed=setting.seed + number)
+        pose = spelt_pose(member.start)
         on_stage = stack.enter_context(actor(its, place, sonar=NOISE, name=member.name, pose=pose))
-        footprint = footprint_for(robots.load(member.robot))
-        assert footprint is not None
-        players.append(Player(member, on_stage, footprint, virtual))
-        virtual.place(member.name, member.start, footprint)
+        players.append(Player(member, on_stage, virtual))
     return Team(players)

@@ -1,6 +1,6 @@
 """How long messages take from the PC to the motor board and back, against their number, on the real firmware image."""
 
-from typing import Any, List, Sequence, Tuple
+from typing import Any, List, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.options import Options
 from mrl_driver.stepped import SteppedDriver
@@ -22,9 +22,23 @@ MEASURED_MS = {"2013 firmware": 2.445, "rosserial": 2.896}
 """One request for the encoders, on the same simulated chip, to the 2013 firmware and to an equal sketch of rosserial;
 medians of 300.
 """
+TO_TOPICS = (
+    "The ways to and from topics are medians of 200 messages in real time: a frame's way begins when it has left the "
+    "board, a command's ends with its last byte on the wire."
+)
 REQUEST = "read_encoders"
 COUNTERS = ((1, -567), (3, 1234))
 """What stands in the answer: 15 bytes of a plain one."""
+Point = Tuple[int, float]
+"""So many messages in a second, and the time of all together [ms]."""
+
+
+class Topics(NamedTuple):
+    """The ways between the board and ROS, of one message [ms]: frame to Odometry in a subscriber, cmd_vel to the motor
+    board."""
+
+    odometry_ms: float
+    command_ms: float
 
 
 class Fine:
@@ -49,19 +63,14 @@ class Fine:
         return self._engine.advance(to_s)
 
 
-def run(setting: Setting) -> Result:
-    """Sends messages, evenly spread over a second, and draws how long they took."""
+def run(setting: Setting, topics: Optional[Topics] = None) -> Result:
+    """Sends messages, evenly spread over a second, and draws how long they took; with those of ROS, if given."""
     demand_emulated(setting, "turnaround")
     checked = [(count, _total_ms(setting, count, True)) for count in COUNTS]
     plain = [(count, _total_ms(setting, count, False)) for count in COUNTS]
+    published = f"{PUBLISHED_MS:g} ms (rosserial), 35 % less (frames)"
     rows = [
-        Row(
-            "plain_20_ms",
-            "20 messages",
-            dict(plain)[20],
-            "ms",
-            f"{PUBLISHED_MS:g} ms (rosserial), 35 % less (frames)",
-        ),
+        Row("plain_20_ms", "20 messages", dict(plain)[20], "ms", published),
         Row(
             "checked_20_ms", "20 messages with check value, sequence and board time", dict(checked)[20], "ms"
         ),
@@ -75,12 +84,24 @@ def run(setting: Setting) -> Result:
             "firmware_2013_20_ms", "20 messages of the 2013 firmware", 20 * MEASURED_MS["2013 firmware"], "ms"
         ),
     ]
+    if topics:
+        rows += _rows(topics, dict(plain)[20], published)
     remark = (
         "A message is a request for the encoders: sent, read from the motor board, answered. The wire alone takes "
         "1.6 ms of a plain one; what the published time was measured with is not known."
-    )
+    ) + (f" {TO_TOPICS}" if topics else "")
     title = "Time of messages between PC and motor board"
-    return Result("turnaround", title, rows, [_draw(setting, plain, checked)], remark)
+    return Result("turnaround", title, rows, [_draw(setting, plain, checked, topics)], remark)
+
+
+def _rows(topics: Topics, plain_ms: float, published: str) -> List[Row]:
+    """Figures of 20 messages through ROS."""
+    odometry, commands = 20 * topics.odometry_ms, 20 * topics.command_ms
+    return [
+        Row("ros_odometry_20_ms", "20 frames from the board to Odometry in a subscriber", odometry, "ms"),
+        Row("ros_commands_20_ms", "20 commands from cmd_vel to the motor board", commands, "ms"),
+        Row("ros_20_ms", "20 messages and the way to a topic", plain_ms + odometry, "ms", published),
+    ]
 
 
 def _total_ms(setting: Setting, count: int, check: bool) -> float:
@@ -110,7 +131,9 @@ def _one_s(driver: SteppedDriver, code: int) -> float:
     return driver.now_s - begin_s
 
 
-def _draw(setting: Setting, plain: Sequence[Tuple[int, float]], checked: Sequence[Tuple[int, float]]) -> str:
+def _draw(
+    setting: Setting, plain: Sequence[Point], checked: Sequence[Point], topics: Optional[Topics]
+) -> str:
     made, (axes,) = plots.figure()
     lines: List[Tuple[str, Any, str, str]] = [
         ("rosserial, measured", [(n, n * MEASURED_MS["rosserial"]) for n in COUNTS], plots.GREY, ":"),
@@ -123,6 +146,11 @@ def _draw(setting: Setting, plain: Sequence[Tuple[int, float]], checked: Sequenc
         ("with check value", checked, plots.ORANGE, "--"),
         ("plain", plain, plots.BLUE, "-"),
     ]
+    if topics:
+        lines += [
+            ("ROS: cmd_vel to motor board", [(n, n * topics.command_ms) for n in COUNTS], plots.PINK, "--"),
+            ("ROS: frame to odom", [(n, n * topics.odometry_ms) for n in COUNTS], plots.SKY, "-"),
+        ]
     for label, points, colour, line in lines:
         plots.path(axes, points, colour, label, line)
     axes.plot(PUBLISHED_COUNT, PUBLISHED_MS, "s", color=plots.GREEN, label="published: rosserial")

@@ -1,0 +1,65 @@
+"""Which experiments go through ROS, and how to run one.  No rospy: the nodes are processes."""
+
+import importlib.util
+import os
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+from typing import Dict
+
+from mrl_driver.errors import MrlError
+from sim_arduino.experiments import report
+from sim_arduino.experiments.report import Result
+from sim_arduino.experiments.stage import Setting
+
+from ..processes import Child, wait_until
+from .parts import ROOT, end, environment
+
+NODES = {
+    "step-test": "step_node",
+    "mixed-team": "team_node",
+    "shared-waypoint": "team_node",
+    "turnaround": "turnaround_node",
+}
+"""Experiments by name, and the module of the node that runs each."""
+NEEDED = ("rospy", "tf2_ros", "actionlib", "move_base_msgs", "nav_msgs", "sensor_msgs")
+REMEDY = "install ROS Noetic, or Debian's ros-base, python3-tf2-ros and python3-move-base-msgs"
+MOST_S = 1800.0
+
+
+def missing() -> str:
+    """What of ROS is not there, and the remedy; empty where all is."""
+    absent = [name for name in NEEDED if importlib.util.find_spec(name) is None]
+    if not absent and shutil.which("rosmaster") is None:
+        absent = ["rosmaster"]
+    return f"ROS is missing here ({', '.join(absent)}); {REMEDY}" if absent else ""
+
+
+def run(name: str, setting: Setting) -> Result:
+    """Runs an experiment through ROS, in real time; its picture goes into the setting's folder.
+
+    Raises:
+        MrlError: it failed; the last line that it said.
+    """
+    with tempfile.TemporaryDirectory(prefix="mrl-experiment-") as folder:
+        child = Child(name, _command(name, setting), Path(folder) / "log", _environment(folder), ROOT)
+        try:
+            wait_until(lambda: child.exit_code is not None, MOST_S)
+        finally:
+            end(child)
+        result = report.read(folder, name)
+        if result is None:
+            said = [line for line in child.output() if line.strip()]
+            raise MrlError(f"experiment {name}: {said[-1] if said else f'exit code {child.exit_code}'}")
+        return result
+
+
+def _command(name: str, setting: Setting) -> list:
+    module = f"{__package__}.{NODES[name]}"
+    return [sys.executable, "-m", module, name, setting.folder, setting.robot, str(setting.seed)]
+
+
+def _environment(folder: str) -> Dict[str, str]:
+    """A master of its own; what the parts write is in the folder, and goes with it."""
+    return environment(folder, {**os.environ, "PYTHONUNBUFFERED": "1"})

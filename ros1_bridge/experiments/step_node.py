@@ -1,0 +1,76 @@
+"""The node that drives the step test: goals for `go_to_goal`, and a mirror that follows `odom` in another process."""
+
+import math
+import sys
+import time
+from contextlib import ExitStack
+from typing import List
+
+import rospy
+from nav_msgs.msg import Odometry
+
+from mrl_driver.errors import MrlError
+from sim_arduino.experiments import step_test
+from sim_arduino.experiments.report import Result
+from sim_arduino.experiments.stage import Setting
+from sim_arduino.experiments.step_test import Drive, Mirrored
+from sim_arduino.experiments.team import Member, Player
+from sim_arduino.shapes import ORIGIN, Pose
+
+from ..planar import planar
+from .parts import Parts
+from .playing import play_as_node
+from .team_node import TopicRobot, gather
+
+REMARK = (
+    "Through ROS, in real time: the delay is that of a pose from the board, which read its counters at the message's "
+    "stamp, to the mirror."
+)
+
+
+def play(_: str, parts: Parts, setting: Setting) -> Result:
+    """Drives the steps; the mirror hears of each pose by its message."""
+    mirror = Mirrored(setting.robot)
+    try:
+        with ExitStack() as stack:
+            members = [Member("robot", ORIGIN, virtual=False, robot=setting.robot)]
+            (player,) = gather(stack, parts, setting, members, navigated=True, world="square").players
+            robot = player.robot
+            assert isinstance(robot, TopicRobot)
+            robot.on_odometry = lambda message: mirror.tell(planar(message.pose.pose), _monotonic_s(message))
+            mirror.wait()
+            for waypoint in step_test.WAYPOINTS:
+                _go(parts, player, Pose(*waypoint, 0.0))
+    finally:
+        mirror.close()
+    odometry, true = ([tuple(pose) for pose in way] for way in (player.told, player.path))
+    return step_test.outcome(setting, Drive(odometry, true, mirror.poses, mirror.delays_s), REMARK)
+
+
+def _monotonic_s(message: Odometry) -> float:
+    """When the board read its counters."""
+    return time.monotonic() - (rospy.Time.now() - message.header.stamp).to_sec()
+
+
+def _go(parts: Parts, player: Player, point: Pose) -> None:
+    """To a waypoint, looking the way it came."""
+    pose = player.robot.pose
+    heading = math.atan2(point.y_m - pose.y_m, point.x_m - pose.x_m)
+    seek = player.robot.seek(point._replace(yaw_rad=heading))
+    end_s = time.monotonic() + step_test.MOST_S
+    step = seek(player.ranges())
+    while not step.reached:
+        parts.check()
+        if step.blocked or time.monotonic() > end_s:
+            raise MrlError(f"waypoint {point[:2]} is not reached from {pose}; is the way free?")
+        player.step(step.speeds)
+        step = seek(player.ranges())
+
+
+def main(arguments: List[str]) -> int:
+    """Run the node; returns the exit code."""
+    return play_as_node(rospy, play, arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,244 @@
+"""The node that plays with a team: emulated boards, each behind its robot node; the real robots of the team are
+mirrored by their odometry into the virtual one's world.
+
+In `mixed-team` it drives by `cmd_vel` from what it hears on `sonar/...`; in `shared-waypoint` it is a client of each
+robot's action `move_base`.
+"""
+
+import math
+import os
+import sys
+import time
+from contextlib import ExitStack
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence
+
+import actionlib
+import rospy
+import tf2_ros
+from actionlib_msgs.msg import GoalStatus
+from geometry_msgs.msg import PoseStamped, TransformStamped, Twist, Vector3
+from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import Range
+from std_msgs.msg import Header
+
+from mrl_driver import robots
+from mrl_driver.errors import MrlError
+from mrl_driver.sonar import NAMES
+from sim_arduino import world_file
+from sim_arduino.experiments import mixed_team, shared_waypoint
+from sim_arduino.experiments.report import Result
+from sim_arduino.experiments.stage import NOISE, Setting, Step
+from sim_arduino.experiments.team import Member, Player, Team, footprint_of, spelt_pose
+from sim_arduino.shapes import ORIGIN, Pose
+from sim_arduino.shared_crowd import SharedCrowd
+from sim_arduino.world import World
+
+from ..planar import planar
+from ..processes import wait_until
+from .parts import START_S, Parts
+from .playing import play_as_node
+
+RATE_HZ = 20
+WANDER_S, ROUNDS, MOST_S = 120.0, 2, 600.0
+"""In real time, so shorter than the simulated ones."""
+TOUCH_M = 0.005
+"""Bodies that are nearer to something than this have bumped into it."""
+REMARK = (
+    "Through ROS, in real time: robot nodes on emulated boards, true poses and odometry from their topics; "
+    "a collision is less than 5 mm between bodies or walls."
+)
+_OVER = (GoalStatus.ABORTED, GoalStatus.REJECTED, GoalStatus.PREEMPTED, GoalStatus.RECALLED, GoalStatus.LOST)
+
+
+class TopicRobot:
+    """A robot behind its topics, as `team.OnStage` has it.
+
+    Args:
+        member: What it is in the team; its name is its namespace.
+        truth: Gets its true pose, and tells what it touches.
+        navigated: Its `go_to_goal` drives it; else this node does.
+    """
+
+    def __init__(self, member: Member, truth: World, navigated: bool) -> None:
+        self.member, self.model = member, robots.load(member.robot)
+        self.ranges: Dict[str, float] = {}
+        self._truth, self._origin = truth, ORIGIN
+        body = footprint_of(member)
+        self._body = body
+        self._grown = body._replace(length_m=body.length_m + 2 * TOUCH_M, width_m=body.width_m + 2 * TOUCH_M)
+        self._odom: Optional[Pose] = None
+        self._true: Optional[Pose] = None
+        self._due_s = time.monotonic()
+        self.on_odometry: Callable[[Odometry], None] = lambda message: None
+        """Is told each message."""
+        space = f"/{member.name}"
+        self._cmd_vel = (
+            None if navigated else rospy.Publisher(f"{space}/cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
+        )
+        self._move_base = (
+            actionlib.SimpleActionClient(f"{space}/move_base", MoveBaseAction) if navigated else None
+        )
+        self._heard = {
+            name: rospy.Publisher(f"{space}/heard/{name}", Range, queue_size=1) for name in NAMES if navigated
+        }
+        rospy.Subscriber(f"{space}/odom", Odometry, self._on_odometry, queue_size=1, tcp_nodelay=True)
+        world = "virtual" if member.virtual else "real"
+        rospy.Subscriber(f"/{world}{space}/base_pose_ground_truth", Odometry, self._on_truth, queue_size=1)
+        for name in NAMES:
+            rospy.Subscriber(f"{space}/sonar/{name}", Range, self._on_range, callback_args=name, queue_size=1)
+
+    def _on_odometry(self, message: Odometry) -> None:
+        self._odom = Pose(*planar(message.pose.pose))
+        self.on_odometry(message)
+
+    def _on_truth(self, message: Odometry) -> None:
+        self._true = Pose(*planar(message.pose.pose))
+
+    def _on_range(self, message: Range, name: str) -> None:
+        self.ranges = {**self.ranges, name: message.range}
+
+    @property
+    def ready(self) -> bool:
+        """All topics have come, and the action is there."""
+        heard = None not in (self._odom, self._true) and len(self.ranges) == len(NAMES)
+        return heard and (self._move_base is None or self._move_base.wait_for_server(rospy.Duration(0.01)))
+
+    @property
+    def pose(self) -> Pose:
+        """By its odometry, in the world's frame."""
+        assert self._odom is not None
+        return self._origin.beside(*self._odom)
+
+    @property
+    def true_pose(self) -> Pose:
+        """Where it really is."""
+        assert self._true is not None
+        return self._true
+
+    @property
+    def bumped(self) -> bool:
+        """Its body is at something."""
+        return bool(self._truth.touching(self.true_pose, self._grown, self.member.name))
+
+    def reset_pose(self, pose: Pose) -> None:
+        """Its odometry begins here."""
+        self._origin = pose
+
+    def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
+        """Takes these speeds, unless `go_to_goal` drives."""
+        if self._cmd_vel is not None:
+            self._cmd_vel.publish(Twist(Vector3(linear_m_s, 0, 0), Vector3(0, 0, angular_rad_s)))
+
+    def wait(self, seconds: float) -> None:
+        """Sleeps until so long after the wait before."""
+        now_s = time.monotonic()
+        self._due_s = max(self._due_s + seconds, now_s)
+        time.sleep(self._due_s - now_s)
+        self._truth.place(self.member.name, self.true_pose, self._body)
+
+    def seek(self, goal: Pose) -> Callable[[Mapping[str, float]], Step]:
+        """Sends a goal; what it hears goes to `go_to_goal` at each step."""
+        client = self._move_base
+        assert client is not None
+        client.send_goal(MoveBaseGoal(_stamped(goal)))
+
+        def step(ranges: Mapping[str, float]) -> Step:
+            for name, range_m in ranges.items():
+                self._heard[name].publish(Range(range=range_m))
+            state = client.get_state()
+            return Step((0.0, 0.0), state == GoalStatus.SUCCEEDED, state in _OVER)
+
+        return step
+
+    def stop(self) -> None:
+        """Stands still."""
+        self.drive(0.0, 0.0)
+        if self._move_base is not None:
+            self._move_base.cancel_all_goals()
+
+
+def _stamped(pose: Pose) -> PoseStamped:
+    message = PoseStamped(header=Header(frame_id="map"))
+    _write(pose, message.pose.position, message.pose.orientation)
+    return message
+
+
+def _write(pose: Pose, at: Any, turn: Any) -> None:
+    at.x, at.y = pose.x_m, pose.y_m
+    turn.z, turn.w = math.sin(pose.yaw_rad / 2), math.cos(pose.yaw_rad / 2)
+
+
+def gather(
+    stack: ExitStack,
+    parts: Parts,
+    setting: Setting,
+    members: Sequence[Member],
+    navigated: bool,
+    world: str = mixed_team.WORLD,
+) -> Team:
+    """Starts boards and nodes of a team in a real and a virtual world, and waits until all are there.
+
+    Raises:
+        MrlError: a part has failed.
+    """
+    truth, virtual = world_file.load(world), world_file.load(world)
+    virtual.crowd = crowd = SharedCrowd(_shared("virtual"))
+    stack.callback(crowd.close)
+    for space in sorted({"virtual" if member.virtual else "real" for member in members}):
+        parts.node("world_node", space, world=world, world_name=_shared(space), localise=False)
+    for number, member in enumerate(members):
+        _start(parts, member, world, setting.seed + number, navigated)
+    places = tf2_ros.StaticTransformBroadcaster()
+    places.sendTransform([_place(member) for member in members])
+    stage = [TopicRobot(member, truth, navigated) for member in members]
+    for robot in stage:
+        stack.callback(robot.stop)
+    wait_until(lambda: parts.check() or all(robot.ready for robot in stage), START_S)  # type: ignore[func-returns-value]
+    late = [robot.member.name for robot in stage if not robot.ready]
+    if late:
+        raise MrlError(
+            f"no odometry, sonars, true pose or move_base of {', '.join(late)} after {START_S:g} s"
+        )
+    return Team([Player(robot.member, robot, virtual) for robot in stage])
+
+
+def _shared(space: str) -> str:
+    """Name of a world that this process's boards share."""
+    return f"{space}-{os.getpid()}"
+
+
+def _start(parts: Parts, member: Member, world: str, seed: int, navigated: bool) -> None:
+    """Board, robot node and, if it is navigated, go_to_goal of a robot."""
+    space = _shared("virtual" if member.virtual else "real")
+    options = ("--world", world, "--world-name", space, "--pose", spelt_pose(member.start))
+    port = parts.board(member.name, "--robot", member.robot, "--sonar", NOISE, "--seed", str(seed), *options)
+    parts.robot(member.name, port, member.robot, RATE_HZ)
+    if navigated:
+        parts.node("go_to_goal", member.name, *(f"sonar/{name}:=heard/{name}" for name in NAMES))
+
+
+def _place(member: Member) -> TransformStamped:
+    """Where in the map a robot's odometry begins."""
+    message = TransformStamped(header=Header(frame_id="map"), child_frame_id=f"{member.name}/odom")
+    _write(member.start, message.transform.translation, message.transform.rotation)
+    return message
+
+
+def play(name: str, parts: Parts, setting: Setting) -> Result:
+    """Gathers the team of an experiment, and plays."""
+    with ExitStack() as stack:
+        if name == "mixed-team":
+            team = gather(stack, parts, setting, mixed_team.MEMBERS, navigated=False)
+            return mixed_team.play(setting, team, WANDER_S, REMARK)
+        team = gather(stack, parts, setting, shared_waypoint.MEMBERS, navigated=True)
+        return shared_waypoint.play(setting, team, ROUNDS, MOST_S, REMARK)
+
+
+def main(arguments: List[str]) -> int:
+    """Run the node; returns the exit code."""
+    return play_as_node(rospy, play, arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
