@@ -174,6 +174,11 @@ def load_packaged(name: str) -> RobotModel:
     return load(os.path.join(_FOLDER, f"{name}.yaml"))
 
 
+def packaged_models() -> List[RobotModel]:
+    """The models that come with the package by their ids; boards whose id none lists have the defaults of the first."""
+    return sorted((load_packaged(name) for name in packaged()), key=lambda model: min(model.ids))
+
+
 _POSITIVE = (1e-9, 1e6)
 _RANGES = {
     "linear_m_s": (1e-3, 32.7),
