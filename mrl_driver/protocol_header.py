@@ -1,4 +1,4 @@
-"""The firmware's `protocol.h`: codes, handlers' prototypes and tables, out of the command table and the robot models."""
+"""The firmware's `protocol.h`: codes, prototypes and tables, out of the command table and the robot models."""
 
 from typing import Iterable, List, Sequence
 
