@@ -367,7 +367,7 @@ def _demand(row: Command, fields: Sequence[Field], optional: int, args: Sequence
 
 
 def _frame(code: int, args: Sequence[int], checked: bool) -> bytes:
-    body = b"@" + b",".join(b"%d" % value for value in (code, *args))
+    body = (b"@%d" + b",%d" * len(args)) % (code, *args)
     return b"%s,%de" % (body, check_value(body)) if checked else body + b"e"
 
 
