@@ -279,12 +279,12 @@ class Driver(Readout):
             while not self._closing:
                 self._turn()
         except MrlError as error:
-            self._halt()
-            self._fail(error)
+            self._give_up(error)
         finally:
             if not self._closing and self._error is None:
-                self._halt()
-                self._fail(MrlError("a callback raised; the driver has ended and the robot was told to stop"))
+                self._give_up(
+                    MrlError("a callback raised; the driver has ended and the robot was told to stop")
+                )
 
     def _turn(self) -> None:
         """Serve the link that there is, or look for one."""
@@ -416,14 +416,28 @@ class Driver(Readout):
         session.counters.reconnects += 1
         return [("state", Reconnected(reconnection.port))]
 
+    def _give_up(self, error: MrlError) -> None:
+        try:
+            self._halt()
+        except MrlError:
+            return
+        finally:
+            self._fail(error)
+
     def _halt(self) -> None:
-        """Tell the board to stop, as the last thing; boards of 2013 have no watchdog that would."""
+        """Stop, as the last thing, until telemetry confirms it; boards of 2013 have no watchdog that would."""
+        core, link = self._core, self._link
+        session = core.session
         with self._lock:
-            self._core.session.stop(time.monotonic(), "closed")
-            try:
-                self._flush()
-            except MrlError:
-                return
+            core.leaving = True
+            session.stop(time.monotonic(), "closed")
+            self._flush()
+        deadline = time.monotonic() + CLOSE_S
+        while link is not None and session.ready and session.motion.stopping and time.monotonic() < deadline:
+            data = link.read(min(core.due_s, deadline) - time.monotonic())
+            with self._lock:
+                core.turn(data, time.monotonic())
+                self._send()
 
     def _fail(self, error: MrlError) -> None:
         with self._changed:

@@ -4,6 +4,7 @@ import math
 import os
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
@@ -134,6 +135,28 @@ def test_a_stop_because_the_machine_was_suspended(robot, monkeypatch):
     wait_until(lambda: robot.command is None)
     wait_until(lambda: robot.fake.speeds == (0, 0))
     assert robot.stop_reason == "host_paused"
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_the_stop_of_a_driver_that_fails_is_repeated_until_it_is_seen(serve, monkeypatch, version):
+    """A callback raises, the line swallows two stops, and no watchdog helps."""
+    monkeypatch.setattr(threading, "excepthook", lambda args: None)
+    port = serve(version=version)
+    with Driver(port.path, options=Options(watchdog_ms=0)) as robot:
+        robot.drive(0.1, 0.0)
+        wait_until(lambda: port.board.speeds == (100, 0))
+        write, lost = robot._link.write, []
+
+        def swallow(data):
+            if b"@13e" in data and len(lost) < 2:
+                lost.append(data)
+                data = data.replace(b"@13e", b"")
+            write(data)
+
+        monkeypatch.setattr(robot._link, "write", swallow)
+        robot.on_telemetry(lambda _: 1 / 0)
+        wait_until(lambda: robot.error is not None)
+        assert port.board.speeds == (0, 0) and len(lost) == 2
 
 
 FORGETFUL = """
