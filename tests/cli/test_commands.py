@@ -19,7 +19,7 @@ from mrl_driver.recording import Recording
 
 from .run import fails, mrl
 
-PATIENCE_S = 20
+PATIENCE_S = 30
 
 
 def wait_until(condition):

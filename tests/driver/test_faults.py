@@ -20,13 +20,14 @@ from .emulator import MOVE, STOP, Emulator
 from .test_driver import wait_until
 from .test_emulator import PATIENCE_S, mrl_sim  # noqa: F401
 
-BUSY_S = 0.15
-"""What a busy machine may add to any time; the long runs measure the times themselves."""
+BUSY_S = 1.0
+"""What a busy machine may add to any time: these tests are there for what never happens.  `test_fault_figures` has the
+figures in simulated time; the long runs measure them."""
 HOST_DEAD_S, WATCHDOG_S = 0.3, 0.25
 SILENT_S = 0.3
 SIGNAL_STOP_S, SIGNAL_EXIT_S = 0.1, 2.0
 BLOCKED_S = 0.1
-SIGNALS = 5
+SIGNALS = 2
 
 DRIVE = (
     "import sys; from mrl_driver.driver import Driver; d = Driver(sys.argv[1]); d.connect(); d.drive(.2, 0); "
@@ -63,11 +64,11 @@ def test_a_killed_driver_leaves_a_robot_that_stops(emulate, engine):
     wait_until(lambda: not robot.moves)
 
 
-@pytest.mark.parametrize("timeout_s", [0.1, 0.25, 0.6])
-def test_a_command_source_that_dies_stops_the_robot(emulate, timeout_s):
-    robot = emulate()
+def test_a_command_source_that_dies_stops_the_robot(emulate):
+    """At another time than that of the default."""
+    robot, timeout_s = emulate(), 0.8
     with Driver(robot.path, options=Options(command_timeout_s=timeout_s)) as driver:
-        for _ in range(10):
+        for _ in range(3):
             driver.drive(0.2, 0.0)
             last_s = time.monotonic()
             time.sleep(0.05)
@@ -123,7 +124,8 @@ def test_a_board_that_stood_still_does_not_carry_out_what_waited(mrl_sim, tmp_pa
             time.sleep(0.02)
         os.kill(mrl_sim.process.pid, signal.SIGCONT)
         wait_until(lambda: driver.ready)
-        time.sleep(0.1)  # the first frame behind the gap tells how far the robot ran on
+        frames = driver.statistics.frames  # the first behind the gap tells how far the robot ran on
+        wait_until(lambda: driver.statistics.frames > frames + 5)
         pose = driver.pose
         time.sleep(0.2)
         assert driver.pose == pose and driver.twist == (0, 0) and driver.command is None
@@ -201,11 +203,11 @@ def test_nothing_in_the_driver_asks_for_the_time_of_day():
 
 
 def test_opening_and_closing_again_and_again(emulate):
-    robot = emulate()
-    for _ in range(20):
+    robot, before = emulate(), set(threading.enumerate())
+    for _ in range(5):
         driver = Driver(robot.path)
         driver.connect()
         begun_s = time.monotonic()
         driver.close()
         assert time.monotonic() - begun_s <= 1.0 + BUSY_S
-    assert threading.active_count() < 10
+    assert not [each for each in set(threading.enumerate()) - before if each.name == "mrl-driver"]

@@ -14,8 +14,8 @@ from mrl_driver.link import Link
 TIOCGEXCL = 0x80045440
 """Linux tells the mark that TIOCEXCL sets."""
 SOON_S = 0.1
-"""A lost port is noticed, and a blocked write given up, in this time; ten times that for a busy machine."""
-BUSY = 10
+"""A lost port is noticed, and a blocked write given up, in this time; twenty times that for a busy machine."""
+BUSY = 20
 
 
 @pytest.fixture

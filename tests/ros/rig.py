@@ -18,7 +18,7 @@ from ros1_bridge.processes import Child, wait_until
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 NODE = ROOT / "ros1_bridge" / "nodes" / "robot_node"
-START_S = 20.0
+START_S = 30.0
 """Generous: the machine may be busy with other tests."""
 
 
@@ -76,7 +76,7 @@ class Tap:
         start = f"@{code}".encode()
         return next((at for at, data in self.sent if at >= since_s and _holds(data, start)), float("inf"))
 
-    def wait_for(self, code: int, since_s: float, timeout_s: float = 5.0) -> float:
+    def wait_for(self, code: int, since_s: float, timeout_s: float = START_S) -> float:
         """The same, waiting for it."""
         wait_until(lambda: self.first(code, since_s) < float("inf"), timeout_s)
         return self.first(code, since_s)

@@ -15,7 +15,8 @@ from .rig import START_S
 
 MESSAGES = 3000
 """Far more than the buffers of a connection hold."""
-PATIENCE_S = 0.1
+PATIENCE_S = 2.0
+"""A write that waits for the reader would wait for good."""
 SLEEPY_SUBSCRIBER = """
 import rospy
 from nav_msgs.msg import Odometry

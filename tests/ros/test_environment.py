@@ -16,6 +16,8 @@ from mrl_driver.table import BY_NAME, SENSORS
 from ros1_bridge import radio, sensor_topics
 from ros1_bridge.processes import wait_until
 
+from .rig import START_S
+
 COMPASS = sensor_topics.load()["compass"]
 
 
@@ -128,7 +130,7 @@ def test_streams_beside_the_odometry_lose_no_frame(robot):
         return {pair.key: pair.value for pair in every[-1].values} if every else {}
 
     robot.sensors["compass"].wait(20)
-    assert wait_until(lambda: bool(link()), 20.0)
+    assert wait_until(lambda: bool(link()), START_S)
     assert link()["Lost Frames"] == "0"
 
 

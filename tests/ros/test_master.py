@@ -17,7 +17,7 @@ from . import rig as bench
 
 MOVE, STOP = 11, 13
 TIMEOUT_S, TIMEOUT_LATE_S = 0.5, 0.05
-BUSY_S = 0.15
+BUSY_S = 2.0
 
 
 @pytest.fixture

@@ -12,8 +12,9 @@ from nav_msgs.msg import Odometry
 from .rig import START_S
 
 MOVE, STOP = 11, 13
-STOP_LATE_S = 0.1
-EXIT_S = 2.0
+STOP_LATE_S = 1.0
+EXIT_S = 2.0 + 3.0
+"""Patient for a busy machine, and far from the 5 s after which the robot would stop by itself."""
 
 
 def driving(rig):

@@ -30,4 +30,6 @@ def test_linear_y_drives_it_to_the_left(rig):
     assert message.twist.covariance[7] > 1e-4
     assert joints.wait()[-1].name == list(OMNI_JOINTS)
     assert joints.messages[-1].position[2] < 0 < joints.messages[-1].position[0]
-    assert wait_until(lambda: math.isclose(odom.messages[-1].twist.twist.linear.y, 0.0, abs_tol=1e-9), 5.0)
+    assert wait_until(
+        lambda: math.isclose(odom.messages[-1].twist.twist.linear.y, 0.0, abs_tol=1e-9), START_S
+    )

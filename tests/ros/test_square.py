@@ -16,7 +16,9 @@ from .rig import START_S
 
 MODEL = "stingbot"
 LIMITS = Limits(linear_m_s=0.5, angular_rad_s=1.8, braking_m_s2=0.16, braking_rad_s2=1.8)
-SIDE_M = 0.3
+SIDE_M = 0.2
+SPEED = 2
+"""The board's time runs so many times as fast."""
 CLOSED_M = 0.03
 PERIOD_S = 0.03
 STILL_MESSAGES = 15
@@ -46,7 +48,7 @@ def is_still(messages):
 @pytest.fixture(scope="module")
 def driven(module_rig):
     """Odometry's and the true pose after a square."""
-    board = module_rig.board("--robot", MODEL)
+    board = module_rig.board("--robot", MODEL, "--speed", str(SPEED))
     module_rig.node(board.port)
     odom = module_rig.topic("odom", Odometry)
     cmd_vel = module_rig.publisher("cmd_vel", Twist)

