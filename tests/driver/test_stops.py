@@ -16,9 +16,10 @@ from mrl_driver.motion import STOPS
 from mrl_driver.table import STOP_REASONS
 from mrl_driver.wheel_watch import DEAD, POWERLESS, Mismatch
 
-from .test_driver import wait_until
+from .test_driver import PATIENCE_S, wait_until
 
-MISMATCH_S, BUSY = 0.5, 3
+MISMATCH_S, BUSY = 0.5, 10
+"""`test_wheel_watch` has the time itself."""
 
 
 @pytest.fixture
@@ -174,7 +175,10 @@ def test_the_end_of_a_program_stops_a_robot_that_was_not_closed(serve):
     """A board of 2013 has no watchdog."""
     port = serve(version=1)
     subprocess.run(
-        [sys.executable, "-c", FORGETFUL, port.path], stderr=subprocess.DEVNULL, check=False, timeout=20
+        [sys.executable, "-c", FORGETFUL, port.path],
+        stderr=subprocess.DEVNULL,
+        check=False,
+        timeout=PATIENCE_S,
     )
     wait_until(lambda: port.board.speeds == (0, 0))
     assert port.board.moves
