@@ -193,7 +193,9 @@ def approached(speed: float, target: float, rise: float) -> float:
         speed = 0.0
     if abs(target) <= abs(speed) + rise:
         return target
-    return speed + rise if target > 0 else speed - rise
+    if target > 0:
+        return speed + rise
+    return speed - rise if target < 0 else target  # NaN is for the driver to refuse
 
 
 def approached_in_plane(speed: Speeds, target: Speeds, rise: float) -> Speeds:

@@ -1,11 +1,13 @@
 """Descriptions for dynamic_reconfigure made in code, so that nothing has to be built.  Pure."""
 
-from typing import Any, Dict, List, NamedTuple, Sequence, Union
+import math
+from typing import Any, Dict, List, MutableMapping, NamedTuple, Sequence, Union
 
 from mrl_driver.robots import Limits, RobotModel
 from mrl_driver.table import INT16_MAX
 
 Number = Union[int, float]
+LIMITS = ("max_linear_speed", "max_angular_speed", "max_linear_acceleration", "max_angular_acceleration")
 
 
 class Value(NamedTuple):
@@ -36,12 +38,20 @@ def limits_description(model: RobotModel, start: Limits) -> Description:
     own = model.limits
     return Description(
         (
-            Value("max_linear_speed", start[0], 0.01, own[0], "Fastest way forward or back [m/s]"),
-            Value("max_angular_speed", start[1], 0.01, own[1], "Fastest turn [rad/s]"),
-            Value("max_linear_acceleration", start[2], 0.01, own[2], "Speeding up [m/s2]"),
-            Value("max_angular_acceleration", start[3], 0.01, own[3], "Speeding up a turn [rad/s2]"),
+            Value(LIMITS[0], start[0], 0.01, own[0], "Fastest way forward or back [m/s]"),
+            Value(LIMITS[1], start[1], 0.01, own[1], "Fastest turn [rad/s]"),
+            Value(LIMITS[2], start[2], 0.01, own[2], "Speeding up [m/s2]"),
+            Value(LIMITS[3], start[3], 0.01, own[3], "Speeding up a turn [rad/s2]"),
         )
     )
+
+
+def limits_of(config: MutableMapping[str, Any], before: Limits) -> Limits:
+    """The limits of a configuration; NaN, which dynamic_reconfigure lets through, is replaced by the limit before."""
+    for name, limit in zip(LIMITS, before):
+        if math.isnan(config[name]):
+            config[name] = limit
+    return Limits(*(config[name] for name in LIMITS), *before[len(LIMITS) :])
 
 
 def gains_description(model: RobotModel) -> Description:

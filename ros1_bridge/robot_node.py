@@ -319,13 +319,7 @@ class RobotNode:
             rospy.logwarn_throttle(WARN_EVERY_S, str(error))
 
     def _on_limits(self, config: Any, _level: int) -> Any:
-        self._commander.limits = Limits(
-            config["max_linear_speed"],
-            config["max_angular_speed"],
-            config["max_linear_acceleration"],
-            config["max_angular_acceleration"],
-            self._commander.limits.lateral_m_s,
-        )
+        self._commander.limits = reconfigure.limits_of(config, self._commander.limits)
         return config
 
     def _on_gains(self, config: Any, level: int) -> Any:

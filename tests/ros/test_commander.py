@@ -9,9 +9,11 @@ from hypothesis import strategies as st
 from mrl_driver.errors import LinkLost
 from mrl_driver.robots import Limits
 from ros1_bridge import commander as module
+from ros1_bridge import reconfigure
 from ros1_bridge.commander import Commander, approached, lowered
 
 LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
+REQUESTED = dict(zip(reconfigure.LIMITS, (0.1, 0.5, 0.05, 0.2)))
 TIMEOUT_S, FRAME_S = 0.5, 0.02
 SPEEDS = st.floats(-2, 2)
 
@@ -98,6 +100,24 @@ def test_too_fast_a_command_keeps_its_arc(bench):
 def test_largest_number_is_clamped(bench):
     bench.run(3.0, 1e308)
     assert bench.driver.command == (pytest.approx(0.3), 0.0)
+
+
+def test_limits_change_in_their_order():
+    assert reconfigure.limits_of(dict(REQUESTED), LIMITS) == Limits(0.1, 0.5, 0.05, 0.2)
+
+
+@pytest.mark.parametrize("name", reconfigure.LIMITS)
+def test_limit_that_is_no_number_stays_as_it_was(name):
+    """And the answer says so."""
+    config = {**REQUESTED, name: math.nan}
+    at = reconfigure.LIMITS.index(name)
+    assert reconfigure.limits_of(config, LIMITS)[at] == config[name] == LIMITS[at]
+
+
+@given(st.floats(-1, 1), st.floats(0.001, 1))
+def test_speed_approaches_no_number_by_becoming_none(speed, rise):
+    """Which the driver refuses."""
+    assert math.isnan(approached(speed, math.nan, rise))
 
 
 def test_robot_stops_when_commands_end(bench):
