@@ -19,7 +19,11 @@ COMMANDS = {"replay": {"recording", "log_summary"}, "playback": {"recording"}}
 BELOW = {
     "errors": set(),
     "table": set(),
-    "codec": {"errors", "table"},
+    "frames": set(),
+    "runs": {"frames", "table"},
+    "directions": {"runs", "table"},
+    "encoder": {"errors", "frames", "table"},
+    "codec": {"directions", "encoder", "frames", "table"},
     "robots": {"errors", "table"},
     "odometry": {"errors", "table"},
     "kinematics": {"errors", "odometry", "robots"},
