@@ -19,6 +19,7 @@ from .shapes import Footprint, Pose
 
 _ROW = struct.Struct("<Q5d?7x")
 """Version, odd while being written; x y yaw, length width, whether a circle."""
+_VERSION = struct.Struct("<Q")
 _SUFFIX = ".robot"
 _LOOK_S = 0.5
 """How often the folder is searched for robots that came or went [s]."""
@@ -84,10 +85,12 @@ class SharedCrowd:
         if row is None:
             self._join(name, pose, footprint)
             return
-        version = struct.unpack_from("<Q", row.memory)[0]
-        struct.pack_into("<Q", row.memory, 0, version + 1)
-        _ROW.pack_into(row.memory, 0, version + 1, *pose, *footprint)
-        struct.pack_into("<Q", row.memory, 0, version + 2)
+        version = _VERSION.unpack_from(row.memory)[0]
+        data = _ROW.pack(version + 2, *pose, *footprint)
+        # not by pack_into, which writes zeros first: a robot at the origin, of version 0
+        row.memory[: _VERSION.size] = _VERSION.pack(version + 1)
+        row.memory[_VERSION.size :] = data[_VERSION.size :]
+        row.memory[: _VERSION.size] = data[: _VERSION.size]
 
     def remove(self, name: str) -> None:
         """Takes one of this process's robots out of the world."""
@@ -170,7 +173,7 @@ class SharedCrowd:
         """Where a robot is; its last known place if its owner never stops writing."""
         for _ in range(_TRIES):
             version, x, y, yaw, length, width, circle = _ROW.unpack_from(row.memory)
-            if version % 2 == 0 and struct.unpack_from("<Q", row.memory)[0] == version:
+            if version % 2 == 0 and _VERSION.unpack_from(row.memory)[0] == version:
                 self._last[name] = Mover(name, Pose(x, y, yaw), Footprint(length, width, circle))
                 break
         return self._last.get(name)

@@ -157,3 +157,29 @@ def test_nothing_is_left_behind(lab, tmp_path):
     with Simulator("--world-name", lab, "--name", "one") as simulator:
         simulator.end(signal.SIGTERM)
     assert os.listdir(tmp_path / "mrl-sim" / lab) == []
+
+
+class Watched(bytearray):
+    """Memory of a robot that keeps what a reader could see after each write."""
+
+    def __init__(self, data):
+        super().__init__(data)
+        self.seen = []
+
+    def __setitem__(self, where, data):
+        super().__setitem__(where, data)
+        self.seen.append(bytes(self))
+
+
+def test_reader_amid_a_move_sees_the_place_before_or_after(crowds):
+    """Whatever is not marked as being written is a whole row; zeros would be a robot at the origin."""
+    crowd = crowds[0]
+    crowd.place("one", Pose(1.0, 2.0, 3.0), BOX)
+    row = crowd._mine["one"]
+    memory = Watched(row.memory[:])
+    crowd._mine["one"] = row._replace(memory=memory)
+    crowd.place("one", Pose(4.0, 5.0, 6.0), BOX)
+    crowd._mine["one"] = row
+    rows = [shared_crowd._ROW.unpack(data) for data in memory.seen]
+    whole = [each[1:4] for each in rows if each[0] % 2 == 0]
+    assert rows[0][0] % 2 == 1 and whole == [(4.0, 5.0, 6.0)]
