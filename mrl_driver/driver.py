@@ -117,7 +117,7 @@ class Driver(Readout):
         self._core.begin(time.monotonic())
         self._thread = threading.Thread(target=self._run, name="mrl-driver", daemon=True)
         self._thread.start()
-        forks.leave_to_parent(self)
+        forks.leave_to_parent(self._abandon)
         atexit.register(self._end_with_program)
         try:
             self._settled.wait()
@@ -153,7 +153,7 @@ class Driver(Readout):
         """A program that ends in an error may not have closed; boards of 2013 would drive on."""
         self.close()
 
-    def abandon(self) -> None:
+    def _abandon(self) -> None:
         """In a forked child, which leaves the robot to its parent: closed, and every call says why."""
         self._lock = threading.RLock()
         self._changed, self._settled = threading.Condition(self._lock), threading.Event()

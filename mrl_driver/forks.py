@@ -8,29 +8,26 @@ the child up.
 import contextlib
 import os
 import weakref
-from typing import Protocol
+from typing import Any, Callable
+
+_owners: "weakref.WeakKeyDictionary[Any, Callable[[Any], None]]" = weakref.WeakKeyDictionary()
 
 
-class Owner(Protocol):
-    """Something that owns a port or a thread."""
+def leave_to_parent(abandon: Callable[[], None]) -> None:
+    """Call the method `abandon` in each process that is forked from now on, as long as there is its object.
 
-    def abandon(self) -> None:
-        """In the child: be closed, with new locks, and without a byte or an order to what is the parent's."""
-
-
-_owners: "weakref.WeakSet[Owner]" = weakref.WeakSet()
-
-
-def leave_to_parent(owner: Owner) -> None:
-    """Have `owner` abandoned in each process that is forked from now on."""
-    _owners.add(owner)
+    It is to close the object in the child, with new locks, and without a byte or an order to what is the parent's.
+    """
+    method: Any = abandon
+    _owners[method.__self__] = method.__func__
 
 
-def _abandon_all() -> None:
-    for owner in list(_owners):
-        with contextlib.suppress(OSError):
-            owner.abandon()
+def _in_child() -> None:
+    owners = dict(_owners)
     _owners.clear()
+    for owner, abandon in owners.items():
+        with contextlib.suppress(OSError):
+            abandon(owner)
 
 
-os.register_at_fork(after_in_child=_abandon_all)
+os.register_at_fork(after_in_child=_in_child)

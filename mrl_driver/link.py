@@ -131,9 +131,9 @@ class Link:
         self._poll = select.poll()
         self._poll.register(self._fd, select.POLLIN)
         self._poll.register(self._wake_out, select.POLLIN)
-        forks.leave_to_parent(self)
+        forks.leave_to_parent(self._abandon)
 
-    def abandon(self) -> None:
+    def _abandon(self) -> None:
         """In a forked child: give up the copies of the descriptors; port, mark and lock are the parent's."""
         if self._open:
             self.closed, self._open = True, False

@@ -6,16 +6,16 @@ anew when it has restarted.  Times are seconds of one monotonic clock, given by 
 
 import math
 from functools import lru_cache
-from typing import Callable, List, Optional, Set, Tuple
+from typing import Callable, List, Optional, Tuple
 
-from .clock import BoardClock
 from .codec import REPLIES, Event, Frame, FrameDecoder, Garbage, encode_request
 from .errors import BoardTimeout
 from .events import Counts, Info, Ready, Reply, SessionEvent, Sonars, Stale, Status, status_of
 from .handshake import DEFAULT_PLAN, Board, Handshake, Plan, board_of
 from .motion import QUICK, SLOW, STOP, Motion, Pace
-from .sensors import SensorPoll
+from .poll import INFO, SONARS, STATUS, Poll
 from .statistics import Counters
+from .stream import Stream
 from .table import BY_NAME
 
 __all__ = ["Counts", "Info", "Ready", "Reply", "Session", "SessionEvent", "Sonars", "Stale", "Status"]
@@ -26,40 +26,23 @@ STALE_S = 0.28
 """Telemetry older than this is reported, so that it is known within 300 ms; the command in force is dropped and the
 board greeted anew.
 """
-STATUS_S = 0.5
-"""Period of `read_status`; it also keeps the check value on, which ends after 2 s without a valid frame."""
-INFO_S = 1.0
-POLL_2013_S = 2.0
-SONAR_2013_S = 0.3
 ATTENTION_S = 0.1
 PAUSE_S = 0.25
 """With a command in force this program looks at the link every `ATTENTION_S`.  After a pause of its own longer than
 `PAUSE_S` (a stopped process, a suspended machine) the command is stale, and the board's watchdog has stopped the robot.
 """
-BUSY_S = 3.0
-"""A motion that was requested by itself, such as the calibration, is watched closely for so long, which feeds the
-board's watchdog.
-"""
 SAME_BOOT_S, BOOTED_S = 1.5, 3
 """A board that has been up for `BOOTED_S`, and tells to within `SAME_BOOT_S` (uptimes are whole seconds) that it
 started when it did before the link was lost, has not restarted: its counters went on.
 """
-STAMP_STEP_S = 1e-6
-"""Frames without board time that came in one piece are told apart by this."""
 PLAIN_FRAMES = 3
 """So many frames in a row without check value mean that the board has restarted, not that one was damaged."""
 
-_OVERTAKEN = 0x10000 - 1024
-"""A frame numbered up to 1024 before the last one was overtaken on its way (datagrams are); numbers further back are a
-gap, for they wrap.
-"""
-
-_COUNTS, _SONARS, _BOTH = (
-    BY_NAME[n].code for n in ("read_encoders", "read_sonars", "read_encoders_and_sonars")
+_COUNTS, _BOTH, _OMNI = (
+    BY_NAME[n].code for n in ("read_encoders", "read_encoders_and_sonars", "start_omni_stream")
 )
-_OMNI = BY_NAME["start_omni_stream"].code
 _STREAMS = (_BOTH, _COUNTS, _OMNI)
-_INFO, _STATUS, _CHECK = (BY_NAME[n].code for n in ("robot_info", "read_status", "set_check"))
+_CHECK = BY_NAME["set_check"].code
 
 _encode = lru_cache(maxsize=32)(encode_request)
 """Questions, repeats and stops are the same bytes again and again."""
@@ -84,16 +67,12 @@ class Session:
         self._admit, self._plan = admit, plan
         self._decoder = FrameDecoder(REPLIES)
         self._other = 0
-        self._asked: Set[int] = set()
         self._out = bytearray()
         self.counters = Counters()
         self.motion = Motion(timeout_s=command_timeout_s)
-        self.sensors = SensorPoll()
         self.board: Optional[Board] = None
         self.status: Optional[Status] = None
-        self._clock = BoardClock()
-        self._stamp_s = -math.inf
-        self._sequence: Optional[int] = None
+        self._stream = Stream(self.counters)
         self._last: Optional[Tuple[int, ...]] = None
         self.heard_s = -math.inf
         """Arrival of the last telemetry."""
@@ -101,18 +80,15 @@ class Session:
         self._restarted = True
         self._lost_before = 0
         """Frames lost until the board was greeted."""
-        self._status_s = self._info_s = self._sonar_s = math.inf
         self._status_heard_s = -math.inf
         self._boot_s = self._boot_before_s = math.nan
         """When the board started, by its last status, and by the last one before it was greeted."""
-        self._ask_s = -math.inf
-        """No question is due before this time."""
         self.lead_s = plan.period_ms / 2000
         """What falls due within this time is better done with the frame that has just come, which saves a wake-up."""
         self.motion.lead_s = self.lead_s
+        self._poll = Poll(self._send, self.counters, self.lead_s)
+        self.sensors = self._poll.sensors
         self._attended_s = now
-        self._busy = False
-        self._busy_until_s = -math.inf
 
     @property
     def ready(self) -> bool:
@@ -182,8 +158,8 @@ class Session:
                 "the board is silent or being greeted, nothing was sent; try again when it is ready"
             )
         self._send(code, *args)
-        if code in _TURNING and self._status_s < math.inf:
-            self._busy, self._status_s, self._ask_s = True, -math.inf, -math.inf
+        if code in _TURNING:
+            self._poll.hurry()
 
     def receive(self, data: bytes, now: float) -> List[SessionEvent]:
         """Events out of bytes that arrived at `now`.
@@ -232,8 +208,8 @@ class Session:
             events.append(Stale(now - self.heard_s))
             self._greet_again(now, "stale")
             self._restarted = not self.checked
-        else:
-            self._poll(now)
+        elif not self.late(now):
+            self._poll.take(now, self.motion.pace.repeat_s)
         self._move(now)
         return events
 
@@ -248,7 +224,7 @@ class Session:
         late = now - self.heard_s >= LATE_S
         if motion.stopping or (motion.target is not None and not late):
             due_s = min(due_s, motion.due_s())
-        return due_s if late or due_s < self._ask_s else self._ask_s
+        return due_s if late else min(due_s, self._poll.due_s)
 
     def late(self, now: float) -> bool:
         """Telemetry is so old that no motion is sent."""
@@ -269,34 +245,6 @@ class Session:
     def _move(self, now: float) -> None:
         for request in self.motion.take(now, self.ready and not self.late(now)):
             self._send(*request)
-
-    def _poll(self, now: float) -> None:
-        if self.late(now):
-            return
-        if self._busy:
-            self._busy, self._busy_until_s = False, now + BUSY_S
-        soon = now + self.lead_s
-        if soon >= self._status_s:
-            period_s = self._pace().repeat_s if now < self._busy_until_s else STATUS_S
-            self._status_s = max(now, self._status_s) + period_s
-            self._ask(_STATUS)
-        if soon >= self._info_s:
-            period_s = INFO_S if self.board and self.board.version >= 2 else POLL_2013_S
-            self._info_s = max(now, self._info_s) + period_s
-            self._ask(_INFO)
-        if soon >= self._sonar_s:
-            self._sonar_s = max(now, self._sonar_s) + SONAR_2013_S
-            self._ask(_SONARS)
-        if soon >= self.sensors.next_s:
-            for code in self.sensors.take(soon):
-                self._send(code)
-        self._ask_s = min(self._status_s, self._info_s, self._sonar_s, self.sensors.next_s)
-
-    def _ask(self, code: int) -> None:
-        """A request of the poll; one whose answer is still missing at the next turn was lost."""
-        self.counters.unanswered += code in self._asked
-        self._asked.add(code)
-        self._send(code)
 
     def _pace(self) -> Pace:
         """Repeats that keep a watchdog fed, however short, with one of them lost."""
@@ -321,7 +269,7 @@ class Session:
             return None
         frame = found[0]
         self._other += 1
-        greeted = self._greeting is not None and frame.code == _INFO
+        greeted = self._greeting is not None and frame.code == INFO
         if self.checked and not greeted and self._other < PLAIN_FRAMES:
             return None
         self._decoder.checked = not self.checked
@@ -334,16 +282,15 @@ class Session:
     def _on_frame(self, frame: Frame, now: float, events: List[SessionEvent]) -> None:
         """Any frame but plain telemetry of a board that is ready."""
         code = frame.code
-        self._asked.discard(code)
-        self._ask_s = -math.inf
-        if code == _STATUS:
+        self._poll.answered(code)
+        if code == STATUS:
             self._on_status(status_of(frame.args), now, events)
-        elif code == _INFO:
+        elif code == INFO:
             events.append(Info(board_of(frame.args)))
-        elif code == _SONARS:
+        elif code == SONARS:
             events.append(Sonars(frame.args))
         elif code not in _STREAMS:
-            if frame.stamp is not None and self._missing(frame.stamp.sequence, now) < 0:
+            if frame.stamp is not None and self._stream.missing(frame.stamp.sequence, self._silent(now)) < 0:
                 return  # numbers run over the frames of all streams
             self.sensors.heard(frame, now)
             events.append(Reply(frame))
@@ -357,45 +304,28 @@ class Session:
     def _on_counts(self, frame: Frame, now: float, events: List[SessionEvent]) -> None:
         args, stamp = frame.args, frame.stamp
         if stamp is not None and self._decoder.checked:
-            sequence: Optional[int] = stamp.sequence
-            missing = self._missing(stamp.sequence, now)
-            if missing < 0:
-                return
-            taken = self._clock.update(stamp.time, now, not missing)
-            stamp_s, time_s = taken.stamp_s, taken.board_s
+            made = self._stream.numbered(stamp, now, self._silent(now))
         else:
-            time_s = now
-            stamp_s = self._stamp_s = max(now, self._stamp_s + STAMP_STEP_S)
-            sequence = stamp.sequence if stamp else None
+            made = self._stream.unnumbered(now)
+        if made is None:
+            return
         if self._greeting is not None:
             return
         self.heard_s = now
         counts, sonars, rear = args[:2], args[2:] or None, None
         if frame.code == _OMNI:
             counts, sonars, rear = args[:3], args[3:], args[2]
-        elif counts == args and self._sonar_s == math.inf:
-            self._sonar_s, self._ask_s = now, -math.inf
+        elif counts == args:
+            self._poll.add_sonars(now)
         if self.motion.stopping:
             self.motion.observe(counts != self._last, now)
         self._last = counts
-        events.append(_new(Counts, (args[0], args[1], sonars, time_s, stamp_s, now, sequence, rear)))
+        sequence = stamp.sequence if stamp is not None else None
+        times = made.board_s, made.stamp_s, now
+        events.append(_new(Counts, (args[0], args[1], sonars, *times, sequence, rear)))
 
-    def _missing(self, sequence: int, now: float) -> int:
-        """Stream frames lost before the one of this number; -1 where it or a later one came before."""
-        last, self._sequence = self._sequence, sequence
-        if last is None:
-            return 0
-        missing = (sequence - last - 1) & 0xFFFF
-        silent = now - self.heard_s >= STALE_S  # numbers may have gone once round meanwhile, nearly
-        if missing == 0xFFFF or (missing >= _OVERTAKEN and not silent):
-            self._sequence = last
-            if missing == 0xFFFF:
-                self.counters.duplicates += 1
-            else:
-                self.counters.overtaken += 1
-            return -1
-        self.counters.lost += missing
-        return missing
+    def _silent(self, now: float) -> bool:
+        return now - self.heard_s >= STALE_S
 
     def _on_status(self, status: Status, now: float, events: List[SessionEvent]) -> None:
         before, before_s = self.status, self._status_heard_s
@@ -417,14 +347,12 @@ class Session:
     def _greet_again(self, now: float, reason: str) -> None:
         """The board restarted or fell silent: stopped until a new command, and greeted from the start."""
         self.motion.forget(reason)
-        self._asked.clear()
+        self._poll.end()
         if self._greeting is None:
             long_up = self.status is not None and self.status.uptime_s >= BOOTED_S
             self._boot_before_s = self._boot_s if long_up else math.nan
             self._lost_before = self.counters.lost
         self._status_heard_s = -math.inf
-        self.sensors.end()
-        self._status_s = self._info_s = self._sonar_s = math.inf
         self._greeting = Handshake(self._plan, self._send, self._admit, now, patient=True)
 
     def _begin(self, now: float, events: List[SessionEvent]) -> None:
@@ -435,15 +363,12 @@ class Session:
         self.board = greeting.board
         old = self.board.version < 2
         self.motion.pace, self.motion.skip_minus_one = SLOW if old else self._pace(), old
-        self._status_s = math.inf if old else now + STATUS_S
-        self._info_s = now + (POLL_2013_S if old else INFO_S)
-        self.sensors.begin(self.board.capabilities, self.board.version, now)
-        self._ask_s = -math.inf
+        self._poll.begin(self.board, now)
         if abs(self._boot_s - self._boot_before_s) < SAME_BOOT_S:
             self._restarted = False
         if self._restarted:
-            self._clock = BoardClock()
-            self._sequence = self._last = None
+            self._stream.begin_anew()
+            self._last = None
             self.counters.lost = self._lost_before  # numbers that begin anew lost none
         self.heard_s = now
         self.motion.make_sure()

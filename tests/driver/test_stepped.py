@@ -39,7 +39,7 @@ class Silent:
 
 def test_it_offers_what_the_driver_offers():
     """A procedure is written once for both."""
-    offered = {name for name in vars(Driver) if not name.startswith("_")} - {"recorder"}
+    offered = {name for name in vars(Driver) if not name.startswith("_")} - {"recorder", "line_baud"}
     assert offered <= set(vars(SteppedDriver)) | set(vars(Readout))
 
 
