@@ -14,7 +14,7 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 import click
 
-from .errors import MrlError
+from .errors import MrlError, OutputError
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
@@ -178,6 +178,11 @@ def main(args: Optional[Sequence[str]] = None) -> None:
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(1)
+    except OSError as error:
+        what = f"{error.filename} cannot be used" if error.filename else "the output cannot be written"
+        _complain(f"{what}: {error.strerror or error}; make room, or choose another place")
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # else Python complains once more as it ends
+        sys.exit(OutputError.exit_code)
 
 
 def _one_line(error: click.ClickException) -> str:

@@ -1,6 +1,7 @@
 """What all pictures share: colours, kinds of files, and matplotlib, which is an extra of the package."""
 
 import os
+import warnings
 from typing import Any
 
 from .errors import ConfigError
@@ -16,6 +17,8 @@ def demand_matplotlib(what: str = "--plot") -> None:
     Raises:
         ConfigError: there is no matplotlib.
     """
+    # a newer matplotlib beside Debian's three-dimensional half warns of that, which draws nothing here
+    warnings.filterwarnings("ignore", "Unable to import Axes3D")
     try:
         import matplotlib  # noqa: F401 - looked for, not used
     except ImportError:

@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from mrl_driver import cli
+from mrl_driver.errors import OutputError
 
 from .run import mrl
 
@@ -128,6 +129,15 @@ def test_what_a_quick_command_does_not_load(code, heavy):
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     )
     assert out.stdout.strip() == "[]"
+
+
+def test_output_that_cannot_be_written_costs_a_line():
+    command = [sys.executable, "-m", "mrl_driver", "names"]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=20)
+    assert done.returncode == OutputError.exit_code
+    text = "mrl: the output cannot be written: No space left on device; make room, or choose another place\n"
+    assert done.stderr == text
 
 
 def test_a_hang_up_that_nohup_ignores_stays_ignored():
