@@ -126,6 +126,8 @@ class Commander:
         if self._held:
             return ZONE
         told = self._driver.stop_reason
+        if self._driver.command is not None:
+            return NONE  # if it stands, then because it was told to
         if told == "boot" and self._commanded_s == float("-inf"):
             return NONE  # a board that was switched on before anybody drove
         return self._cause if self._cause != NONE or told in ("none", "user") else told.replace("_", " ")

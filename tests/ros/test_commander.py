@@ -137,6 +137,13 @@ def test_robot_that_was_told_to_stand_is_not_stopped_by_the_timeout(bench):
     assert (bench.driver.command, bench.commander.stopped_by) == (None, module.NONE)
 
 
+@pytest.mark.parametrize("before", ["boot", "command_timeout", "link_watchdog"])
+def test_command_to_stand_ends_what_stopped_the_robot_before(bench, before):
+    bench.driver.stop_reason = before
+    bench.run(FRAME_S, 0.0)
+    assert bench.commander.stopped_by == module.NONE
+
+
 def test_board_that_was_switched_on_is_no_stop_until_the_robot_has_driven(bench):
     """A board that restarts on the way is one."""
     bench.driver.stop_reason = "boot"
