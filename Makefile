@@ -60,7 +60,8 @@ check: setup ## Format, lint, types, generated files, import rules
 	$(PY) -m mrl_driver.generate --check
 	$(PY) -m ros1_bridge.description --check
 
-test: check firmware pc-firmware ## Set everything up and run all tests
+test: setup ## Set everything up and run all tests
+	@$(MAKE) --no-print-directory -j3 -Otarget check firmware pc-firmware
 	$(ROS_ENV) $(PY) -m pytest -n 3 --dist loadfile
 
 .PHONY: bench-firmware bench-host

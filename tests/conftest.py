@@ -23,17 +23,35 @@ HELD_UP_S = 0.1
 """The shortest delay that any process here takes amiss; a test that fails sooner was not held up."""
 TRIES_END_S = 40.0
 """No further try so long after the first began; the time-out of pytest holds for all of them together."""
+FIRST = (
+    "ros/test_catkin",
+    "experiments/test_exp",
+    "ros/test_run",
+    "ros/",
+    "driver/test_emulator",
+    "driver/",
+    "sim/",
+)
 LOST_CASES = 3
 """So many tests of one worker that fail every try are no accident: the rest get one try."""
 
 _lost = []
 
 
-def pytest_configure():
+def pytest_configure(config):
     """A shell ignores signals for what it starts in the background, and programs inherit that."""
+    if hasattr(config.option, "loadscopereorder"):
+        config.option.loadscopereorder = False  # files by their number of tests: the longest have few
     for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, usual)
+
+
+def pytest_collection_modifyitems(items):
+    """Long files first, so that no worker has one left when the others are done."""
+    items.sort(
+        key=lambda item: next((i for i, name in enumerate(FIRST) if f"/{name}" in item.nodeid), len(FIRST))
+    )
 
 
 def pytest_addoption(parser):

@@ -1,33 +1,26 @@
 """An emulated robot on a pty in this process: what reached its motor board, and when, on the host's clock."""
 
-import pathlib
 import threading
 import time
 from typing import List, Optional
 
 from mrl_driver.robots import load
 from mrl_driver.table import STOP_REASONS
-from sim_arduino.avr_engine import AvrEngine
 from sim_arduino.board import PythonBoard
 from sim_arduino.plant import Plant
 from sim_arduino.port import PtyPort
 from sim_arduino.server import PtyServer
 
-IMAGE = pathlib.Path(__file__).resolve().parents[2] / "build" / "firmware" / "mrl_firmware.elf"
 STOP, MOVE = 0xFC, 0xEB
 """Registers of the motor board."""
 
 
 class Emulator:
-    """Serves until `close`; `engine` is `python`, or `avr` for the firmware's image, which `make test` builds."""
+    """Serves until `close`."""
 
-    def __init__(self, engine: str = "python", name: str = "traxbot") -> None:
-        model = load(name)
-        self.plant = Plant(model)
-        if engine == "avr":
-            self._engine = AvrEngine(self.plant, IMAGE, robot_id=model.ids[0])
-        else:
-            self._engine = PythonBoard(self.plant)
+    def __init__(self, name: str = "traxbot") -> None:
+        self.plant = Plant(load(name))
+        self._engine = PythonBoard(self.plant)
         self._port = PtyPort()
         self.path = self._port.path
         self._start_s = time.monotonic()
@@ -58,8 +51,7 @@ class Emulator:
 
     @property
     def stop_reason(self) -> str:
-        """Why the board last stopped the motors; of the python engine."""
-        assert isinstance(self._engine, PythonBoard)
+        """Why the board last stopped the motors."""
         return STOP_REASONS[self._engine.health.stop_reason]
 
     def close(self) -> None:

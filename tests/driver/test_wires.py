@@ -178,7 +178,7 @@ def test_a_raised_line_that_fails_goes_back():
 
 
 def test_a_board_that_knows_no_other_speed_is_driven_as_it_is():
-    slow = EmulatedBoard("square", profile="2013-august")
+    slow = EmulatedBoard("square", profile="2013-august", speed=4.0)
     with slow as board, Driver(board.port, options=Options(fast=True)) as robot:
         wait_until(lambda: robot.telemetry is not None)
 

@@ -8,7 +8,7 @@ import sys
 import time
 from typing import Any
 
-PATIENCE_S = 30.0
+PATIENCE_S, AGAIN_S = 30.0, 3.0
 
 
 class Simulator:
@@ -93,5 +93,9 @@ class Client:
                 return out[: out.index(b"\n", at) + 1]
 
     def ask(self, request: bytes) -> bytes:
-        self.send(request)
+        """The answer; asked again where the board has missed the request, as after a stall of its process."""
+        for _ in range(int(PATIENCE_S / AGAIN_S)):
+            self.send(request)
+            if select.select([self.fd], [], [], AGAIN_S)[0]:
+                break
         return self.read_until(b"\n")
