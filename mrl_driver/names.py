@@ -11,7 +11,7 @@ import os
 import re
 from typing import Any, Dict, Mapping, NamedTuple, Optional
 
-from . import robots
+from . import robots, yaml_file
 from .errors import ConfigError
 
 BAUD = 115200
@@ -45,18 +45,13 @@ def read() -> Dict[str, Target]:
     Raises:
         ConfigError: the file cannot be read, or a key or value in it is wrong.
     """
-    import yaml
-
     file_name = path()
     try:
-        with open(file_name, encoding="utf-8") as file:
-            data = yaml.safe_load(file)
+        data = yaml_file.read(file_name)
     except FileNotFoundError:
         return {}
     except OSError as error:
         raise ConfigError(f"{file_name} cannot be read: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{file_name}: no YAML: {' '.join(str(error).split())}") from None
     if data is None:
         return {}
     if not isinstance(data, dict):

@@ -4,9 +4,7 @@ import math
 import os
 from typing import Any, Dict, List, Mapping, Sequence, Tuple
 
-import yaml
-
-from . import robots
+from . import robots, yaml_file
 from .errors import ConfigError
 from .robots import RobotModel
 from .robots.drives import MecanumDrive, OmniDrive
@@ -45,12 +43,9 @@ def read(path: str) -> Vehicle:
         ConfigError: it cannot be read, or a key is missing, misspelt, of the wrong type or out of range.
     """
     try:
-        with open(path, encoding="utf-8") as file:
-            data = yaml.safe_load(file)
+        data = yaml_file.read(path)
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}, expected a vehicle's or a robot's .yaml") from None
-    except (yaml.YAMLError, ValueError) as error:
-        raise ConfigError(f"{path}: no YAML: {' '.join(str(error).split())}") from None
     if isinstance(data, dict) and "drive" in data:
         return of_model(robots.parse(data, path))
     return parse(data, path)

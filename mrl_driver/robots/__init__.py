@@ -7,6 +7,7 @@ accepts.  Sources of the numbers stand in the files.
 import os
 from typing import Any, Container, Dict, List, Mapping, NamedTuple, Tuple, Type, TypeVar, get_type_hints
 
+from .. import yaml_file
 from ..errors import ConfigError
 from ..table import PARAMETERS
 from .drives import DIFFERENTIAL, EXTRA, KINDS, Base, Drive, MecanumDrive, OmniDrive, kind_of
@@ -132,20 +133,15 @@ def load(name_or_path: str) -> RobotModel:
     Raises:
         ConfigError: no such model, or a key is missing, misspelt, of the wrong type or out of range.
     """
-    import yaml
-
     is_path = name_or_path.endswith((".yaml", ".yml"))
     path = name_or_path if is_path else _path_of(name_or_path)
     try:
-        with open(path, encoding="utf-8") as file:
-            data = yaml.safe_load(file)
+        data = yaml_file.read(path)
     except OSError as error:
         raise ConfigError(
             f"robot {name_or_path!r} {error.strerror if is_path else 'is unknown'}, expected {', '.join(names())} "
             f"or the path of a .yaml file; files in {own_folder()} are known by name"
         ) from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: no YAML: {' '.join(str(error).split())}") from None
     return parse(data, path)
 
 

@@ -70,6 +70,8 @@ def test_without_names_it_says_how_to_give_one():
         ("'a b': {port: /dev/one}\n", "name is 'a b'"),
         ("lab3:\n\tport: /dev/one\n", "no YAML"),
         ("lab3: {port: [\n", "no YAML"),
+        ("lab3: {port: 2020-01-99}\n", "no YAML"),
+        ("[" * 5000, "no YAML"),
     ],
 )
 def test_a_wrong_file_names_key_value_and_what_was_expected(text, words):

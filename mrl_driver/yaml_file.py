@@ -1,0 +1,25 @@
+"""YAML files that people write, with errors of one line.  Pure but for the reading."""
+
+from typing import Any
+
+from .errors import ConfigError
+
+
+def read(path: str) -> Any:
+    """What a YAML file holds.
+
+    Raises:
+        OSError: it cannot be opened.
+        ConfigError: it is no YAML, or nested beyond all sense.
+    """
+    import yaml
+
+    with open(path, encoding="utf-8") as file:
+        try:
+            return yaml.safe_load(file)
+        except (
+            yaml.YAMLError,
+            ValueError,
+            RecursionError,
+        ) as error:  # ValueError: bytes, or the 99th of a month
+            raise ConfigError(f"{path}: no YAML: {' '.join(str(error).split())}") from None
