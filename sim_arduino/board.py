@@ -31,6 +31,10 @@ RETRY_S = 5e-3
 """Pause of a full-rate stream whose values cannot be had [s]."""
 ANSWERS = 8
 """Replies that wait for the wire; one more is dropped and counted as an overrun."""
+FETCH_S = {18: 0.34e-3, 44: 0.34e-3, 23: 0.64e-3, 25: 0.65e-3, 27: 0.0}
+"""What the values of a frame of a stream take to read, on the simulated ATmega328P [s]: a fast line waits for them."""
+LOW_WATER = 9
+"""Bytes of the frame before that are still to leave when the reading begins."""
 _HEATER, _FAN = 15, 7
 
 
@@ -93,6 +97,8 @@ class PythonBoard:
 
     def advance(self, to_s: float) -> bytes:
         """Runs to `to_s` [s]; the bytes that left the board until then."""
+        if self._booted and self.motor_board.present == self.health.has_fault("motor_board"):
+            self.motor_there()
         while True:
             event_s = self._next_s(0.0)
             if event_s > to_s:
@@ -287,6 +293,9 @@ class PythonBoard:
         self._stream_due_s += period
         if self._stream_due_s <= self.now_s:
             self._stream_due_s = self.now_s + (period if period or sent else RETRY_S)
+        if sent and not period:
+            wait_s = max(0.0, FETCH_S[self.stream.code] - LOW_WATER * self._outgoing.byte_s)
+            self._stream_due_s = self._outgoing.free_s + wait_s
 
     def _send(self, code: int, value: int = 0) -> bool:
         """Builds a reply of what holds now; False if there is nothing valid to send."""

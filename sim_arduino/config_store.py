@@ -14,8 +14,8 @@ from mrl_driver.table import PARAMETER_BY_NAME, PARAMETERS
 
 ID_AT, BLOCK_AT, LAYOUT = 0, 16, 2
 EEPROM_BYTES = 1024
-EEPROM_BYTE_S = 3.4e-3
-"""Time to write one byte [s]."""
+EEPROM_BYTE_S, EEPROM_LOOK_S = 3.4e-3, 20.2e-3
+"""Time to write one byte, and to look at all that are kept before the answer to a save [s]."""
 _BODY = struct.Struct(f"<B{len(PARAMETERS)}h")
 _LONGEST_CM = 1250
 _FIRST_MODEL = "traxbot"

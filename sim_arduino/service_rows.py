@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from mrl_driver.table import BY_NAME, CAPABILITIES, PARAMETERS, PROTOCOL_VERSION, REASONS
 
-from .config_store import EEPROM_BYTE_S
+from .config_store import EEPROM_BYTE_S, EEPROM_LOOK_S
 from .rows import REPLIES, Values, asks, reply, request
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def save_config(board: "PythonBoard") -> None:
     """36: the answer comes when the last byte is written."""
     changed = board.config.save()
     board.health.set_fault("eeprom", False)
-    board.ask(BY_NAME["save_config"].code, 1, after_s=changed * EEPROM_BYTE_S)
+    board.ask(BY_NAME["save_config"].code, 1, after_s=EEPROM_LOOK_S + changed * EEPROM_BYTE_S)
 
 
 @request

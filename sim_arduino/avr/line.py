@@ -1,5 +1,6 @@
 """What a receiver at another speed makes of the bytes that a board sends."""
 
+from bisect import bisect_right
 from typing import List, Sequence
 
 from sim_arduino.avr.records import SentByte
@@ -19,9 +20,10 @@ def heard(sent: Sequence[SentByte], bit_cycles: float) -> bytes:
         return bytes(byte.data for byte in sent)
     received: List[int] = []
     free_at = 0.0
+    starts = [byte.start_cycle for byte in sent]
     for edge in _falling_edges(sent):
         if edge >= free_at:
-            samples = (_level(sent, edge + (1.5 + bit) * bit_cycles) << bit for bit in range(8))
+            samples = (_level(sent, starts, edge + (1.5 + bit) * bit_cycles) << bit for bit in range(8))
             received.append(sum(samples))
             free_at = edge + 9.5 * bit_cycles
     return bytes(received)
@@ -40,9 +42,10 @@ def _falling_edges(sent: Sequence[SentByte]) -> List[float]:
     return edges
 
 
-def _level(sent: Sequence[SentByte], moment: float) -> int:
-    for byte in sent:
-        if byte.start_cycle <= moment < byte.end_cycle:
-            at = int((moment - byte.start_cycle) * FRAME_BITS / (byte.end_cycle - byte.start_cycle))
-            return _bits(byte)[at]
-    return 1
+def _level(sent: Sequence[SentByte], starts: Sequence[int], moment: float) -> int:
+    """What is on the line at a moment [cycle]; a search, for a second may hold ten thousands of bytes."""
+    byte = sent[max(0, bisect_right(starts, moment) - 1)]
+    if not byte.start_cycle <= moment < byte.end_cycle:
+        return 1
+    at = int((moment - byte.start_cycle) * FRAME_BITS / (byte.end_cycle - byte.start_cycle))
+    return _bits(byte)[at]

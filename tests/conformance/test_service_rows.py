@@ -242,6 +242,23 @@ def test_more_questions_than_the_wire_can_answer_are_counted(bench):
     assert not any(isinstance(event, Garbage) for event in bench.ask("robot_info"))
 
 
+def test_a_motor_board_that_goes_and_comes_is_told_though_nobody_asked_it(bench):
+    bench.plant.motor_board.present = False
+    bench.run(0.2)
+    assert bench.status().faults == 1
+    bench.commands()
+    bench.plant.motor_board.present = True
+    bench.run(0.4)
+    assert (0xFC,) in bench.commands()
+
+
+def test_answers_overtake_that_of_a_save(bench):
+    """It looks at each byte of the EEPROM first, even if none has to change."""
+    bench.send(encode_request(36) + encode_request(29))
+    assert b"@29," in bench.text and b"@36,1e" in bench.text
+    assert bench.text.index(b"@29,") < bench.text.index(b"@36,1e")
+
+
 # ---- speed of the line
 
 

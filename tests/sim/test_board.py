@@ -3,7 +3,7 @@
 import pytest
 
 from mrl_driver import robots
-from mrl_driver.codec import REPLIES, FrameDecoder
+from mrl_driver.codec import REPLIES, FrameDecoder, encode_request
 from mrl_driver.table import BY_CODE, COMMANDS, PARAMETERS
 from sim_arduino import config_store, handlers
 from sim_arduino.board import PythonBoard
@@ -90,6 +90,18 @@ def test_next_event_of_a_stream_is_the_end_of_its_frame():
         frame = board.advance(board.next_event_s)
     assert frame.startswith(b"@8,")
     assert frame.endswith(b"\r\n")
+
+
+@pytest.mark.parametrize("code, rate_hz", [(18, 1310.0), (23, 922.0), (27, 5555.0)])
+def test_a_fast_line_waits_for_what_it_has_to_tell(code, rate_hz):
+    """Rates of the image on the simulated chip at 500000 baud, frames of 30, 31 and 9 bytes."""
+    board = awake(environment=code != 18)
+    board.receive(encode_request(45, 2))
+    board.advance(1.1)
+    board.set_host_baud(500000.0)
+    board.receive(b"@4,1,12345e@4,3,-23456e@%de" % code)
+    board.advance(1.2)
+    assert board.advance(1.7).count(b"\n") / 0.5 == pytest.approx(rate_hz, rel=0.06)
 
 
 def test_a_flood_is_bounded():
