@@ -104,7 +104,7 @@ setup(
         "plot": ["matplotlib>=3.5"],
     },
     entry_points={
-        "console_scripts": ["mrl=mrl_driver.cli:main", "mrl-sim=sim_arduino.cli:main"],
+        "console_scripts": ["mrl=mrl_driver.__main__:main", "mrl-sim=sim_arduino.cli:main"],
         "pytest11": ["mrl_sim=sim_arduino.pytest_plugin"],
         "mrl.commands": [
             "replay=sim_arduino.replay:main",

@@ -4,6 +4,7 @@ import os
 import pathlib
 import re
 import shlex
+import signal
 import subprocess
 import sys
 
@@ -138,6 +139,21 @@ def test_output_that_cannot_be_written_costs_a_line():
     assert done.returncode == OutputError.exit_code
     text = "mrl: the output cannot be written: No space left on device; make room, or choose another place\n"
     assert done.stderr == text
+
+
+def test_ctrl_c_while_it_still_loads_says_nothing(tmp_path):
+    (tmp_path / "click.py").write_text(
+        "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(20)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "mrl_driver", "--help"],
+        capture_output=True,
+        text=True,
+        timeout=20,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        cwd=pathlib.Path(__file__).resolve().parents[2],
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")
 
 
 def test_a_hang_up_that_nohup_ignores_stays_ignored():
