@@ -210,9 +210,10 @@ class RobotNode:
             self._servers.append(Server(reconfigure.gains_description(model), self._on_gains, "gains"))
 
     def _serve(self, board: Board) -> None:
-        updater = diagnostic_updater.Updater()
-        updater.setHardwareID(self._hardware_id(board))
+        updater = None
         if self._parameters.has("status"):
+            updater = diagnostic_updater.Updater()
+            updater.setHardwareID(self._hardware_id(board))
             Diagnostics(self._driver, self._commander, self._parameters).add_to(updater)
         master = MasterWatch(rosgraph.get_master_uri())
         while not self._driver.wait(DIAGNOSTICS_S):
@@ -220,7 +221,7 @@ class RobotNode:
             words = master.look()
             if words:
                 rospy.logerr(words)
-            if updater.publisher.get_num_connections():
+            if updater is not None and updater.publisher.get_num_connections():
                 updater.force_update()  # update() is silent after the clock was set back, and before /clock
 
     def _hardware_id(self, board: Board) -> str:
