@@ -76,7 +76,7 @@ def decode_rate(data: bytes, checked: bool) -> float:
 
 
 def bare_rate(data: bytes) -> float:
-    """The least that a loop over frames can do with the same pieces: split and convert what is there, right or wrong."""
+    """The least that a loop over frames can do with the same pieces: split and convert all, right or wrong."""
     pieces = pieces_of(data)
 
     def work() -> None:
