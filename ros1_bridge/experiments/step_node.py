@@ -20,7 +20,7 @@ from sim_arduino.shapes import ORIGIN, Pose
 from ..planar import planar
 from .parts import Parts
 from .playing import play_as_node
-from .team_node import TopicRobot, gather
+from .team_node import TopicRobot, gather, ignore
 
 REMARK = (
     "Through ROS, in real time: the delay is that of a pose from the board, which read its counters at the message's "
@@ -30,21 +30,26 @@ REMARK = (
 
 def play(_: str, parts: Parts, setting: Setting) -> Result:
     """Drives the steps; the mirror hears of each pose by its message."""
-    mirror = Mirrored(setting.robot)
-    try:
-        with ExitStack() as stack:
-            members = [Member("robot", ORIGIN, virtual=False, robot=setting.robot)]
-            (player,) = gather(stack, parts, setting, members, navigated=True, world="square").players
-            robot = player.robot
-            assert isinstance(robot, TopicRobot)
-            robot.on_odometry = lambda message: mirror.tell(planar(message.pose.pose), _monotonic_s(message))
-            mirror.wait()
-            for waypoint in step_test.WAYPOINTS:
-                _go(parts, player, Pose(*waypoint, 0.0))
-    finally:
-        mirror.close()
+    with ExitStack() as stack:
+        members = [Member("robot", ORIGIN, virtual=False, robot=setting.robot)]
+        (player,) = gather(stack, parts, setting, members, navigated=True, world="square").players
+        assert isinstance(player.robot, TopicRobot)
+        mirror = Mirrored(setting.robot)
+        try:
+            _drive(parts, player, player.robot, mirror)
+        finally:
+            player.robot.stop()
+            player.robot.on_odometry = ignore
+            mirror.close()
     odometry, true = ([tuple(pose) for pose in way] for way in (player.told, player.path))
     return step_test.outcome(setting, Drive(odometry, true, mirror.poses, mirror.delays_s), REMARK)
+
+
+def _drive(parts: Parts, player: Player, robot: TopicRobot, mirror: Mirrored) -> None:
+    robot.on_odometry = lambda message: mirror.tell(planar(message.pose.pose), _monotonic_s(message))
+    mirror.wait()
+    for waypoint in step_test.WAYPOINTS:
+        _go(parts, player, Pose(*waypoint, 0.0))
 
 
 def _monotonic_s(message: Odometry) -> float:

@@ -70,7 +70,7 @@ class TopicRobot:
         self._odom: Optional[Pose] = None
         self._true: Optional[Pose] = None
         self._due_s = time.monotonic()
-        self.on_odometry: Callable[[Odometry], None] = lambda message: None
+        self.on_odometry: Callable[[Odometry], None] = ignore
         """Is told each message."""
         space = f"/{member.name}"
         self._cmd_vel = (
@@ -156,6 +156,10 @@ class TopicRobot:
         self.drive(0.0, 0.0)
         if self._move_base is not None:
             self._move_base.cancel_all_goals()
+
+
+def ignore(_: Odometry) -> None:
+    """Does nothing with a message."""
 
 
 def _stamped(pose: Pose) -> PoseStamped:

@@ -9,7 +9,7 @@ import click
 
 from mrl_driver import pictures
 from mrl_driver.cli import registered
-from mrl_driver.errors import ConfigError
+from mrl_driver.errors import ConfigError, MrlError
 
 from ..one_line import OneLine
 
@@ -157,21 +157,32 @@ def _results(
         yield from (timed(name, setting) for name in chosen)
         return
     import concurrent.futures
-    import multiprocessing
 
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+    from .workers import pool
+
+    failures: List[MrlError] = []
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    workers = min(WORKERS, len(chosen))
-    with Progress(
-        *columns, console=console, transient=True
-    ) as progress, concurrent.futures.ProcessPoolExecutor(
-        workers, mp_context=multiprocessing.get_context("spawn")
-    ) as pool:
-        waiting = {pool.submit(timed, name, setting): progress.add_task(name) for name in chosen}
+    with Progress(*columns, console=console, transient=True) as progress, pool(
+        min(WORKERS, len(chosen))
+    ) as submit:
+        waiting = {submit(timed, name, setting): progress.add_task(name) for name in chosen}
         for future in concurrent.futures.as_completed(waiting):
             progress.remove_task(waiting[future])
-            yield future.result()
+            try:
+                yield future.result()
+            except MrlError as error:
+                failures.append(error)
+    if failures:
+        raise _joined(failures)
+
+
+def _joined(failures: Sequence[MrlError]) -> MrlError:
+    """One error of several, with the first one's exit code."""
+    joined = MrlError("; ".join(map(str, failures)))
+    joined.exit_code = failures[0].exit_code
+    return joined
 
 
 def timed(name: str, setting: "Setting") -> Tuple[str, "Result", float]:

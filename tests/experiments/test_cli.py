@@ -2,6 +2,8 @@
 
 import builtins
 import os
+from concurrent.futures import Future
+from contextlib import contextmanager
 from unittest import mock
 
 import pytest
@@ -9,12 +11,33 @@ from click.testing import CliRunner
 from rich.console import Console
 
 from mrl_driver.errors import ConfigError, MrlError
-from sim_arduino.experiments import cli, report, step_test
+from sim_arduino.experiments import cli, report, step_test, workers
 from sim_arduino.experiments.stage import Setting
 
 
 def run(*args):
     return CliRunner().invoke(cli.main, args, prog_name="experiment")
+
+
+@contextmanager
+def at_once(_count):
+    """A pool without processes."""
+
+    def submit(function, *args):
+        future = Future()
+        try:
+            future.set_result(function(*args))
+        except MrlError as error:
+            future.set_exception(error)
+        return future
+
+    yield submit
+
+
+def outcome(name, _setting):
+    if name != "l-course":
+        raise ConfigError(f"{name}: no")
+    return name, None, 0.0
 
 
 def test_list_names_all_experiments():
@@ -84,3 +107,13 @@ def test_a_step_test_that_fails_stops_the_robot_before_it_ends_the_mirror(monkey
     with pytest.raises(MrlError):
         step_test.run(Setting("", port="/dev/ttyACM0"))
     assert ended == ["robot", "mirror"]
+
+
+def test_others_go_on_when_one_fails(monkeypatch):
+    """The failure comes when all are done, in one line."""
+    monkeypatch.setattr(cli, "timed", outcome)
+    monkeypatch.setattr(workers, "pool", at_once)
+    found = []
+    with pytest.raises(MrlError, match="(power|square): no; (power|square): no") as caught:
+        found.extend(cli._results(["power", "square", "l-course"], Setting(""), Console(quiet=True)))
+    assert [name for name, *_ in found] == ["l-course"] and caught.value.exit_code == ConfigError.exit_code

@@ -1,0 +1,65 @@
+"""Processes that do work, and end with the one that gives it, however that ends."""
+
+import concurrent.futures
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+from contextlib import contextmanager
+from typing import Any, Callable, Iterator
+
+TERMINATED = 143
+POLL_S = 0.1
+Submit = Callable[..., "concurrent.futures.Future[Any]"]
+
+_ending, _idle = threading.Event(), threading.Event()
+"""In a worker: nothing more is begun; nothing is being done."""
+
+
+@contextmanager
+def pool(count: int) -> Iterator[Submit]:
+    """So many workers, as a function that takes another one and its arguments; an exception, and that is a signal too,
+    ends what they do."""
+    context = multiprocessing.get_context("spawn")
+    with concurrent.futures.ProcessPoolExecutor(count, context, _watch_parent) as executor:
+        try:
+            yield lambda function, *args: executor.submit(_work, function, *args)
+        except BaseException:
+            for worker in multiprocessing.active_children():
+                worker.terminate()
+            raise
+
+
+def _work(function: Callable[..., Any], *args: Any) -> Any:
+    if _ending.is_set():
+        sys.exit(TERMINATED)
+    _idle.clear()
+    try:
+        return function(*args)
+    finally:
+        _idle.set()
+
+
+def _watch_parent() -> None:
+    """In a worker: SIGTERM ends the work in order, and so does the parent's death."""
+    _idle.set()
+    signal.signal(signal.SIGTERM, _end)
+    threading.Thread(target=_follow_parent, daemon=True).start()
+
+
+def _end(*_: object) -> None:
+    _ending.set()
+    sys.exit(TERMINATED)
+
+
+def _follow_parent() -> None:
+    """The first signal ends the work; a worker that then waits for more needs another one."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    while True:
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(POLL_S)
+        _idle.wait()

@@ -1,0 +1,61 @@
+"""Workers end with the process that gives them work."""
+
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from sim_arduino.experiments.workers import pool
+
+LONG_S, PATIENCE_S = 60.0, 20.0
+
+
+def work(folder):
+    """Takes long; notes when it begins, and when it is ended."""
+    (folder / "begun").write_text(str(os.getpid()))
+    try:
+        time.sleep(LONG_S)
+    finally:
+        (folder / "ended").touch()
+
+
+def awaited(condition):
+    end_s = time.monotonic() + PATIENCE_S
+    while not condition() and time.monotonic() < end_s:
+        time.sleep(0.02)
+    return condition()
+
+
+def is_alive(pid):
+    try:
+        return "Z" not in pathlib.Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+    except OSError:
+        return False
+
+
+def test_an_interrupt_ends_what_is_begun_and_what_waits(tmp_path):
+    with pytest.raises(KeyboardInterrupt), pool(1) as submit:
+        for folder in (tmp_path, tmp_path / "not-there"):
+            submit(work, folder)
+        assert awaited((tmp_path / "begun").exists)
+        raise KeyboardInterrupt
+    assert (tmp_path / "ended").exists()
+
+
+def test_worker_whose_parent_is_killed_ends_its_work_and_itself(tmp_path):
+    code = (
+        "import pathlib, sys; from sim_arduino.experiments.workers import pool; "
+        "from tests.experiments.test_workers import work\n"
+        "with pool(1) as submit: submit(work, pathlib.Path(sys.argv[1])).result()"
+    )
+    begun = tmp_path / "begun"
+    parent = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stderr=subprocess.DEVNULL)
+    assert awaited(lambda: begun.exists() and begun.read_text())
+    parent.send_signal(signal.SIGKILL)
+    parent.wait()
+    assert awaited((tmp_path / "ended").exists)
+    assert awaited(lambda: not is_alive(int(begun.read_text())))
