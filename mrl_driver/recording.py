@@ -135,7 +135,7 @@ class Recording:
             )
         try:
             found = json.loads(header or "{}")
-        except ValueError:
+        except (ValueError, RecursionError):
             found = None
         if not isinstance(found, dict):
             raise ConfigError(f"{self.path}:1: the header {header[:40]!r} is damaged, expected a JSON object")

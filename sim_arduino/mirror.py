@@ -73,7 +73,7 @@ def _pose(number: int, line: str) -> Tuple[float, float, float]:
         row = json.loads(line)
         pose = row.get("pose", row)
         x, y, yaw = (float(pose[key]) for key in Pose._fields)
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         x = y = yaw = math.nan
     if not (abs(x) <= FAR_M and abs(y) <= FAR_M and abs(yaw) <= 1e6):
         raise ConfigError(
@@ -89,7 +89,12 @@ def _pose(number: int, line: str) -> Tuple[float, float, float]:
 @click.option("--robot", default="traxbot", metavar="NAME|FILE", show_default=True, help="Robot model.")
 @click.option("--pose", metavar="X,Y,YAW", help="Where its odometry began, metres and degrees.")
 def main(world_name: str, name: str, robot: str, pose: str) -> None:
-    """Show a real robot to the emulated ones: its poses come as JSON lines on stdin."""
+    """Show a real robot to the emulated ones: its poses come as JSON lines on stdin.
+
+    \b
+    Example:
+      mrl monitor --robot lab3 --json | mrl mirror --world-name lab1 --name lab3 --pose 1,0,90
+    """
     footprint = footprint_for(robots.load(robot))
     assert footprint
     with Mirror(world_name, name, footprint, parse_pose(pose, ORIGIN)) as mirror:

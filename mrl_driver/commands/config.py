@@ -34,6 +34,7 @@ def config() -> None:
       mrl config get --port /dev/ttyACM0
       mrl config set kp 800 ki 350 --robot lab3
       mrl config defaults --robot lab3
+      mrl config save --robot lab3
     """
 
 

@@ -25,7 +25,8 @@ def names(ctx: click.Context, as_json: bool) -> None:
     \b
     Examples:
       mrl names add lab3 --port /dev/ttyACM0
-      mrl names
+      mrl names list --json
+      mrl names remove lab3
       mrl --robot lab3 monitor
     """
     if ctx.invoked_subcommand is None:

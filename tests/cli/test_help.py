@@ -48,6 +48,14 @@ def test_each_command_says_what_it_does(path):
     assert all(option.help for option in command.params if isinstance(option, click.Option))
 
 
+def test_each_command_has_an_example_in_its_own_help_or_its_groups():
+    def shown(path):
+        text = (COMMANDS[path].help or "") + (COMMANDS[path[:-1]].help or "")
+        return isinstance(COMMANDS[path], click.Group) or " ".join(path) in text
+
+    assert [path for path in COMMANDS if len(path) > 1 and not shown(path)] == []
+
+
 def test_there_are_examples():
     assert len(EXAMPLES) > 20
 
