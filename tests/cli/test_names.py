@@ -71,7 +71,7 @@ def test_without_names_it_says_how_to_give_one():
         ("lab3:\n\tport: /dev/one\n", "no YAML"),
         ("lab3: {port: [\n", "no YAML"),
         ("lab3: {port: 2020-01-99}\n", "no YAML"),
-        ("[" * 5000, "no YAML"),
+        pytest.param("[" * 5000, "no YAML", id="deep"),
     ],
 )
 def test_a_wrong_file_names_key_value_and_what_was_expected(text, words):

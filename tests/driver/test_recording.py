@@ -113,7 +113,7 @@ def test_line_ends_of_other_systems_are_read(tmp_path):
         (b"\x00" * 50, "not a recording"),
         ("#mrl-recording 2 {}\n", "recording version 2, this program reads up to 1"),
         ("#mrl-recording 1 {", "damaged"),
-        ("#mrl-recording 1 " + "[" * 100000, "damaged"),
+        pytest.param("#mrl-recording 1 " + "[" * 100000, "damaged", id="deep"),
     ],
 )
 def test_what_is_no_recording_is_refused(tmp_path, text, message):

@@ -85,7 +85,9 @@ def test_missing_key_is_named(tmp_path, traxbot):
         load(tmp_path, traxbot)
 
 
-@pytest.mark.parametrize("text", ["\tname: x", "a: [", "\x00", "a: 2020-01-99", "[" * 5000])
+@pytest.mark.parametrize(
+    "text", ["\tname: x", "a: [", "\x00", "a: 2020-01-99", pytest.param("[" * 5000, id="deep")]
+)
 def test_what_is_no_yaml_is_refused_in_one_line(tmp_path, text):
     with pytest.raises(ConfigError, match="no YAML") as caught:
         load(tmp_path, text)

@@ -114,7 +114,14 @@ def test_a_mirror_stands_where_the_odometry_says(crowds, lab, line):
 
 @pytest.mark.parametrize(
     "line",
-    ["junk", '{"x_m": 1}', '{"x_m": 1, "y_m": NaN, "yaw_rad": 0}', "[1, 2, 3]", '{"pose": 7}', "[" * 100000],
+    [
+        "junk",
+        '{"x_m": 1}',
+        '{"x_m": 1, "y_m": NaN, "yaw_rad": 0}',
+        "[1, 2, 3]",
+        '{"pose": 7}',
+        pytest.param("[" * 100000, id="deep"),
+    ],
 )
 def test_a_bad_line_is_named_by_its_number(lab, line):
     with Mirror(lab, "real", BOX) as mirror, pytest.raises(ConfigError, match="line 2 is"):
