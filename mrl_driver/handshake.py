@@ -18,6 +18,8 @@ STEP_TIMEOUT_S = 2.0
 """A board that has told who it is and then is silent for so long is greeted once more from the start: it may have
 restarted, or ended the check value, while this program did not look.
 """
+DEAF = 6
+"""So many answers to `robot_info` without one to `read_protocol`: the board knows no more than those of 2013."""
 JUNK_S = 3.0
 JUNK_BYTES = 32
 """So many bytes that are no text, and no frame within 3 s of the first byte, mean another baud rate."""
@@ -32,7 +34,9 @@ _ANSWERS[_CODE["start_stream"]] = (_CODE["read_encoders_and_sonars"], _CODE["rea
 
 
 class Board(NamedTuple):
-    """Who answers.  2013 boards have firmware version 1 and count as protocol 1 without capabilities."""
+    """Who answers.  Boards that do not tell their protocol, as those of 2013 (firmware version 1), count as protocol 1
+    without capabilities.
+    """
 
     robot_id: int
     version: int
@@ -93,6 +97,7 @@ class Handshake:
         self._step: Tuple[int, ...] = (_CODE["robot_info"],)
         self._attempts = 0
         self._silent: Optional[Board] = None
+        self._deaf = 0
         self._junk: List[float] = []
         self._seen, self._strange, self._faults = b"", 0, 0
 
@@ -126,6 +131,8 @@ class Handshake:
                 )  # text hides what stands behind it on its line
             if self._patient or self._silent or self._attempts % 3 == 2:
                 self._send(*self._step, checked=not checked)
+        elif self._step[0] == _CODE["read_protocol"] and self._attempts:
+            self._send(_CODE["robot_info"], checked=checked)
         self._send(*self._step, checked=checked)
         self._attempts += 1
         self.due_s = now + RETRY_S
@@ -174,17 +181,32 @@ class Handshake:
         Raises:
             WrongRobot: the board is not one for this driver (raised by `admit` as well).
         """
+        if frame.code == _CODE["robot_info"] and self._step[0] == _CODE["read_protocol"]:
+            self._deaf += 1
+            if self._deaf >= DEAF:
+                self._do_without()
+                self._next(now)
         if frame.code not in _ANSWERS.get(self._step[0], ()) or self.done:
             return
         if self.board is None:
             self.board = board_of(frame.args)
             self._stream = self._admit(self.board) or "start_stream"
-            self._steps = self._program()
+            self._steps, self._deaf = self._program(), 0
         elif frame.code == _CODE["read_protocol"]:
             self._learn(frame.args)
         elif frame.code == _CODE["read_status"]:
             self._faults = frame.args[4]
         self._next(now)
+
+    def _do_without(self) -> None:
+        """The board does not know `read_protocol`."""
+        assert self.board is not None
+        if self.board.version > PROTOCOL_VERSION:
+            raise WrongRobot(
+                f"the board has firmware {self.board.version} and does not tell its protocol, this driver knows "
+                f"firmware up to {PROTOCOL_VERSION}: flash it with: mrl flash --port PORT, or update the driver"
+            )
+        self._steps = self._plain_program()
 
     def _learn(self, args: Tuple[int, ...]) -> None:
         assert self.board is not None
@@ -214,8 +236,7 @@ class Handshake:
         assert self.board is not None
         yield (_CODE["stop_stream"],)
         if self.board.version < 2:
-            self._demand_stream()
-            yield (_CODE["start_stream"],)
+            yield from self._plain_program()
             return
         yield (_CODE["read_protocol"],)
         self._demand_stream()
@@ -225,6 +246,10 @@ class Handshake:
             yield (_CODE["set_watchdog"], self._plan.watchdog_ms)
         yield (_CODE["read_status"],)
         yield (_CODE[self._stream], self._plan.period_ms)
+
+    def _plain_program(self) -> Iterator[Tuple[int, ...]]:
+        self._demand_stream()
+        yield (_CODE["start_stream"],)
 
     def _demand_stream(self) -> None:
         """The board has the stream that is wanted."""

@@ -40,11 +40,11 @@ class Poll:
 
     def begin(self, board: Board, now: float) -> None:
         """The board is greeted."""
-        old = board.version < 2
+        old = board.protocol < 2
         self._info_period_s = POLL_2013_S if old else INFO_S
         self._status_s = math.inf if old else now + STATUS_S
         self._info_s = now + self._info_period_s
-        self.sensors.begin(board.capabilities, board.version, now)
+        self.sensors.begin(board.capabilities, board.protocol, now)
         self.due_s = -math.inf
 
     def end(self) -> None:

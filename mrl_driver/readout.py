@@ -111,9 +111,11 @@ class Readout:
     @property
     def warning(self) -> str:
         """What a user should know about the board that answers; empty where there is nothing."""
-        if self._state.info is None or self._state.info.version >= 2:
+        info = self._state.info
+        if info is None or info.protocol >= 2:
             return ""
-        return "board firmware 1 (2013): works, without watchdog; flash with: mrl flash --port PORT"
+        name = "1 (2013)" if info.version < 2 else f"{info.version} without protocol"
+        return f"board firmware {name}: works, without watchdog; flash with: mrl flash --port PORT"
 
     @property
     def telemetry(self) -> Optional[Telemetry]:

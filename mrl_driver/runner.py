@@ -145,7 +145,11 @@ class Runner(Readout):
     def _open(self, name: str, patience_s: float = AGAIN_S) -> Link:
         opener = self._tape.open if self._tape is not None else open_link
         link = opener(name, self._baud, patience_s)
-        self._fast = self._options.fast and speed_up(link)
+        try:
+            self._fast = self._options.fast and speed_up(link)
+        except LinkLost:
+            link.close()
+            raise
         self._well_s, self._errors = time.monotonic(), -1
         return link
 

@@ -361,7 +361,7 @@ class Session:
         assert greeting is not None and greeting.board is not None
         self.counters.restarts += self.board is not None
         self.board = greeting.board
-        old = self.board.version < 2
+        old = self.board.protocol < 2
         self.motion.pace, self.motion.skip_minus_one = SLOW if old else self._pace(), old
         self._poll.begin(self.board, now)
         if abs(self._boot_s - self._boot_before_s) < SAME_BOOT_S:

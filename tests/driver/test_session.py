@@ -5,6 +5,7 @@ import pytest
 from mrl_driver.codec import Frame, encode_reply
 from mrl_driver.errors import BoardError, BoardTimeout, NotARobot, WrongRobot
 from mrl_driver.handshake import Plan
+from mrl_driver.motion import SLOW
 from mrl_driver.session import Info, Ready, Sonars, Stale, Status
 from mrl_driver.table import BY_NAME
 
@@ -57,6 +58,22 @@ def test_a_plan_without_check_stays_plain():
     talk = Talk(plan=Plan(check=False)).until_ready()
     assert not talk.session.checked
     assert talk.run(0.1).counts[-1].sequence is None
+
+
+def test_a_board_without_protocol_is_taken_as_one_of_2013():
+    """It answers who it is again and again, and never what it speaks."""
+    board = FakeBoard()
+    board._modern = lambda code, args, now: None
+    talk = Talk(board).until_ready().run(3)
+    assert talk.session.board.protocol == 1 and not talk.session.checked
+    assert talk.session.counters.unanswered == 0 and talk.session.motion.pace == SLOW
+
+
+def test_a_board_of_unknown_firmware_is_refused_with_a_remedy():
+    board = FakeBoard(version=99)
+    board._modern = lambda code, args, now: None
+    with pytest.raises(WrongRobot, match="firmware 99 .* mrl flash"):
+        Talk(board).run(4)
 
 
 def test_a_board_that_boots_is_asked_again():
