@@ -35,6 +35,8 @@ FETCH_S = {18: 0.34e-3, 44: 0.34e-3, 23: 0.64e-3, 25: 0.65e-3, 27: 0.0}
 """What the values of a frame of a stream take to read, on the simulated ATmega328P [s]: a fast line waits for them."""
 LOW_WATER = 9
 """Bytes of the frame before that are still to leave when the reading begins."""
+QUEUE_BYTES, SENDING_BYTES = 64, 2
+"""What waits for the line at most, and what stands in the transmitter beside that."""
 _HEATER, _FAN = 15, 7
 
 
@@ -167,6 +169,7 @@ class PythonBoard:
         self._sequence = 0
         self._frame_s = 0.0
         self._stream_has_turn = False
+        self._counts_s = 0.0
         self._booted = False
         self._incoming, self._outgoing = Incoming(), Outgoing()
         self._incoming.byte_s = 10.0 / self._host_baud
@@ -259,6 +262,8 @@ class PythonBoard:
                 self._valid_s, self._silent = self.now_s, False
                 row = BY_CODE[event.code]
                 handlers.REQUESTS[row.name](self, *event.args)
+                if self.debug and self._answers and self._wire_due_s() <= self.now_s:
+                    self._send_next()
                 self._say("[INFO] " + row.name)
             else:
                 self.refuse(event.reason)
@@ -283,6 +288,8 @@ class PythonBoard:
             self._send_stream()
         elif answer:
             self._answers.remove(answer)
+            if BY_CODE[answer.code].stamped:
+                self._counts_s = self.now_s + FETCH_S[18]
             if not self._send(answer.code, answer.value):
                 self.refuse("unavailable")
 
@@ -311,9 +318,12 @@ class PythonBoard:
         return True
 
     def _say(self, text: str) -> None:
-        """Free text for people, if it is asked for and the line is free."""
-        if self.debug and self._outgoing.free_s <= self.now_s:
-            self._outgoing.put(text.encode() + b"\r\n", self.now_s)
+        """Free text for people, if it is asked for and fits behind what is to leave; lost while an answer waits for its
+        counters."""
+        line = text.encode() + b"\r\n"
+        queued = (self._outgoing.free_s - self.now_s) / self._outgoing.byte_s - SENDING_BYTES
+        if self.debug and self.now_s >= self._counts_s and queued + len(line) <= QUEUE_BYTES:
+            self._outgoing.put(line, self.now_s)
 
     # ---- what handlers use
 
