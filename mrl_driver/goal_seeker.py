@@ -1,53 +1,74 @@
 """Drives to a pose, around what the sonars see.  Pure: pose, ranges and time in, speeds out.
 
-The robot turns towards the goal, drives, and turns to the goal's heading.  Where the front sonar sees something near,
-the robot turns to the side with more room, goes past for half a metre, and takes up the goal again.
+The robot turns towards the goal, drives, and turns to the goal's heading.  What its sonars see on the way is drawn on a
+map; where the straight way is not free it follows the shortest one that the map leaves, slowly towards what is near,
+and turns on the spot where something is nearer than the least.
 """
 
 import math
-from typing import Mapping, NamedTuple, Optional, Tuple
+from collections import deque
+from typing import Deque, List, Mapping, Optional, Tuple
 
-from .robots import Limits
+from .floor_map import FloorMap, Point, Pose, beside
+from .robots import Limits, SonarMount
 from .sonar import FARTHEST_M
 
-Pose = Tuple[float, float, float]
-"""x [m], y [m], yaw [rad]."""
 Speeds = Tuple[float, float]
 
+MOUNTS = {
+    "front": SonarMount(0.10, 0.0, 0.0),
+    "left": SonarMount(0.08, 0.06, 45.0),
+    "right": SonarMount(0.08, -0.06, -45.0),
+}
+"""Where the sonars of TraxBot and StingBot sit."""
 ARRIVED_M, ALIGNED_RAD = 0.03, math.radians(3.0)
-NEAR_M, STOP_M, SIDE_M = 0.55, 0.3, 0.28
-"""Ranges at which a detour begins, at which the robot only turns, and that it keeps from what lies beside it."""
-PASS_M = 0.5
-"""Way straight on after the front has become free."""
+NEAR_M, STOP_M, SIDE_M = 0.55, 0.25, 0.16
+"""Ranges before the robot from which it slows down and at which it only turns, and that it keeps beside it."""
+SLOW_BESIDE_M = 0.3
+"""With something so near beside it the robot goes at half its speed, to see more of it."""
 TURN_FIRST_RAD = 0.5
-"""Further off the goal's direction than this, the robot turns on the spot."""
+"""Further off the way's direction than this, the robot turns on the spot."""
 HEADING_GAIN = 2.0
 SLOWING_M = 0.5
 SLOWEST_M_S, SLOWEST_RAD_S = 0.03, 0.15
 """Slower than this the motors may not turn at all."""
-PROGRESS_M, PATIENCE_S = 0.1, 30.0
+TIGHT_M, RETREAT_M, BESIDE_TRAIL_M = 0.2, 0.2, 0.05
+"""With something so near beside it the robot does not turn on the spot, where its corners need room: it goes back so
+far first, if that is where it has come from.
+"""
+STRIDE_M, TRAIL = 0.03, 20
+AHEAD_M = 0.4
+"""The robot steers for the point of its way so far ahead, or the last that it sees straight."""
+REPLAN_S, AGAIN_S = 0.5, 2.0
+"""A way is sought anew so often while there is no straight one, and where there was none at all."""
+PROGRESS_M, PATIENCE_S = 0.1, 60.0
 """Blocked is who has not come nearer by so much for so long, unless told otherwise."""
 
 
-class Detour(NamedTuple):
-    """Around something: to the left (1) or right (-1), and where the front became free."""
-
-    side: int
-    free_at: Optional[Tuple[float, float]] = None
-
-
 class GoalSeeker:
-    """Seeks one goal (x, y, yaw) in the frame of the poses."""
+    """Seeks one goal (x, y, yaw) in the frame of the poses; `sonars` are where those sit that ranges are given of."""
 
-    def __init__(self, goal: Pose, limits: Limits, now_s: float, patience_s: float = PATIENCE_S) -> None:
+    def __init__(
+        self,
+        goal: Pose,
+        limits: Limits,
+        now_s: float,
+        patience_s: float = PATIENCE_S,
+        sonars: Mapping[str, SonarMount] = MOUNTS,
+    ) -> None:
         self._goal, self._limits, self._patience_s = goal, limits, patience_s
-        self._detour: Optional[Detour] = None
+        self._map = FloorMap(sonars)
+        self._way: List[Point] = []
+        self._planned_s = -math.inf
+        self._trail: Deque[Point] = deque(maxlen=TRAIL)
+        self._retreat: Optional[Point] = None
         self._there = False
         self._best_m, self._best_s = math.inf, now_s
         self.reached = self.blocked = False
 
     def command(self, pose: Pose, ranges: Mapping[str, float], now_s: float) -> Speeds:
         """Speeds (linear [m/s], angular [rad/s]) at a pose; `ranges` maps sonar names to metres (REP-117)."""
+        pose = pose[0], pose[1], pose[2]
         away_m = math.hypot(self._goal[0] - pose[0], self._goal[1] - pose[1])
         self._watch_progress(away_m, now_s)
         self._there = self._there or away_m < ARRIVED_M
@@ -55,12 +76,19 @@ class GoalSeeker:
             return self._align(pose)
         if self.blocked:
             return 0.0, 0.0
-        front, left, right = (room(ranges.get(name, math.nan)) for name in ("front", "left", "right"))
-        if self._detour is None and front < min(NEAR_M, away_m + STOP_M):
-            self._detour = Detour(1 if left >= right else -1)
-        if self._detour is not None:
-            return self._go_round(self._detour, pose, front, left, right)
-        return self._approach(pose, away_m, left, right)
+        self._map.see(pose, ranges)
+        if self._retreats(pose):
+            return -max(SLOWEST_M_S, 0.4 * self._limits.linear_m_s), 0.0
+        target = self._target(pose, now_s)
+        if target is None:
+            return 0.0, 0.5 * self._limits.angular_rad_s
+        return self._approach(pose, target, away_m, ranges)
+
+    @property
+    def why(self) -> str:
+        """Why it is blocked."""
+        no_way = "" if self._way or self._map.empty else ", and the sonars leave no way"
+        return f"{self._best_m:.1f} m away it came no nearer for {self._patience_s:g} s{no_way}"
 
     def _watch_progress(self, away_m: float, now_s: float) -> None:
         if away_m < self._best_m - PROGRESS_M:
@@ -75,25 +103,62 @@ class GoalSeeker:
             return 0.0, 0.0
         return 0.0, self._turn(error)
 
-    def _approach(self, pose: Pose, away_m: float, left: float, right: float) -> Speeds:
-        error = wrapped(math.atan2(self._goal[1] - pose[1], self._goal[0] - pose[0]) - pose[2])
-        if abs(error) > TURN_FIRST_RAD:
-            return 0.0, self._turn(error)
-        linear = self._limits.linear_m_s * min(1.0, away_m / SLOWING_M) * math.cos(error)
-        return max(SLOWEST_M_S, linear), self._bounded(HEADING_GAIN * error + self._shy(left, right))
+    def _target(self, pose: Pose, now_s: float) -> Optional[Point]:
+        """What to steer for; None where the map leaves no way."""
+        here, goal = (pose[0], pose[1]), (self._goal[0], self._goal[1])
+        if self._map.empty or self._map.is_free(here, goal):
+            self._way, self._planned_s = [], -math.inf
+            return goal
+        if now_s - self._planned_s > (REPLAN_S if self._way else AGAIN_S):
+            self._planned_s = now_s
+            self._way = self._map.way(here, goal) or []
+        return self._ahead(here)
 
-    def _go_round(self, detour: Detour, pose: Pose, front: float, left: float, right: float) -> Speeds:
-        if front < NEAR_M:
-            self._detour = Detour(detour.side)
-            share = max(0.0, (front - STOP_M) / (NEAR_M - STOP_M))
-            turn = detour.side * max(SLOWEST_RAD_S, 0.6 * self._limits.angular_rad_s)
-            return 0.3 * self._limits.linear_m_s * share, turn
-        if detour.free_at is None:
-            self._detour = detour = Detour(detour.side, (pose[0], pose[1]))
-        assert detour.free_at is not None
-        if math.hypot(pose[0] - detour.free_at[0], pose[1] - detour.free_at[1]) > PASS_M:
-            self._detour = None
-        return 0.6 * self._limits.linear_m_s, self._bounded(self._shy(left, right))
+    def _ahead(self, here: Point) -> Optional[Point]:
+        """The farthest point of the way that is in sight and not too far."""
+        if not self._way:
+            return None
+        nearest = min(range(len(self._way)), key=lambda k: _away_m(here, self._way[k]))
+        self._way = self._way[nearest:]
+        found = self._way[min(2, len(self._way) - 1)]
+        for point in self._way:
+            if _away_m(here, point) > AHEAD_M or not self._map.is_free(here, point):
+                break
+            found = point
+        return found
+
+    def _approach(self, pose: Pose, target: Point, away_m: float, ranges: Mapping[str, float]) -> Speeds:
+        front, left, right = (room(ranges.get(name, math.nan)) for name in ("front", "left", "right"))
+        error = wrapped(math.atan2(target[1] - pose[1], target[0] - pose[0]) - pose[2])
+        if abs(error) > TURN_FIRST_RAD:
+            if min(left, right) < TIGHT_M and self._came_from_behind(pose, RETREAT_M):
+                self._retreat = pose[0], pose[1]
+            return 0.0, self._turn(error)
+        if front < STOP_M:
+            return 0.0, math.copysign(
+                0.6 * self._limits.angular_rad_s, error if abs(error) > 0.1 else left - right
+            )
+        share = min(1.0, away_m / SLOWING_M, max(0.0, front - STOP_M) / (NEAR_M - STOP_M)) * math.cos(error)
+        if min(left, right) < SLOW_BESIDE_M:
+            share *= 0.5
+        linear = max(SLOWEST_M_S, self._limits.linear_m_s * share)
+        return linear, self._bounded(HEADING_GAIN * error + self._shy(left, right))
+
+    def _retreats(self, pose: Pose) -> bool:
+        """It is on its way back from something; else note the way."""
+        here = pose[0], pose[1]
+        if self._retreat is not None:
+            if _away_m(here, self._retreat) < RETREAT_M and self._came_from_behind(pose, RETREAT_M / 2):
+                return True
+            self._retreat = None
+            self._trail.clear()
+        if not self._trail or _away_m(here, self._trail[-1]) > STRIDE_M:
+            self._trail.append(here)
+        return False
+
+    def _came_from_behind(self, pose: Pose, way_m: float) -> bool:
+        behind = beside(pose, -way_m, 0.0)
+        return any(_away_m(behind, point) < BESIDE_TRAIL_M for point in self._trail)
 
     def _shy(self, left: float, right: float) -> float:
         """Yaw rate away from what is too near beside."""
@@ -105,6 +170,10 @@ class GoalSeeker:
 
     def _bounded(self, rate: float) -> float:
         return max(-self._limits.angular_rad_s, min(self._limits.angular_rad_s, rate))
+
+
+def _away_m(one: Point, other: Point) -> float:
+    return math.hypot(other[0] - one[0], other[1] - one[1])
 
 
 def room(range_m: float) -> float:

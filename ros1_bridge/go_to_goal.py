@@ -169,7 +169,7 @@ class GoToGoal:
             self._server.set_succeeded(MoveBaseResult(), "reached")
         else:
             self._server.set_aborted(
-                MoveBaseResult(), "blocked" if seeker.blocked else "odometry has stopped"
+                MoveBaseResult(), f"blocked: {seeker.why}" if seeker.blocked else "odometry has stopped"
             )
 
     def _drive(self, seeker: GoalSeeker) -> bool:

@@ -14,7 +14,7 @@ from .planar import planar
 STEP_S = 0.05
 """The speeds are found anew so often, or with each frame where those come more slowly."""
 REACHED = "the pose is reached"
-BLOCKED = "the pose is given up: the robot comes no nearer"
+BLOCKED = "the pose is given up"
 
 
 class PoseGoal:
@@ -77,7 +77,7 @@ class PoseGoal:
             self._seeker = GoalSeeker(goal, free, now)
         speeds = self._seeker.command(pose, ranges, now)
         if self._seeker.reached or self._seeker.blocked:
-            end = REACHED if self._seeker.reached else BLOCKED
+            end = REACHED if self._seeker.reached else f"{BLOCKED}: {self._seeker.why}"
             self._end()
             self._commander.stop()
             return end

@@ -378,16 +378,18 @@ def test_a_robot_that_drives_at_a_wall_stops_before_it(tmp_path):
     assert max(xs) - xs[-20] < 0.01
 
 
-@pytest.mark.parametrize(
-    "walls",
-    ["[[1.0, 0.22, 1.0, 2], [1.0, -0.22, 1.0, -2]]", "[[0.9, -0.1, 0.9, 0.1]]"],
-    ids=["door", "board"],
-)
-def test_a_planner_that_asks_for_too_much_is_held_and_not_stuck(tmp_path, walls):
-    """Through a door of 0.44 m, and around a board in its way."""
-    course = Course(tmp_path, walls, Seeker((2.0, 0.0, 0.0)), 40.0)
+def test_a_robot_passes_a_door_that_is_just_wide_enough_slowly(tmp_path):
+    """0.44 m wide, for a body of 0.2 m and what is to stay free beside it."""
+    walls = "[[1.0, 0.22, 1.0, 2], [1.0, -0.22, 1.0, -2]]"
+    course = Course(tmp_path, walls, lambda robot: (0.3, -robot.pose.yaw_rad), 20.0)
+    assert course.xs[-1] > 1.5 and min(course.shares) < 0.8
+
+
+def test_a_planner_that_asks_for_too_much_is_slowed_and_not_stuck(tmp_path):
+    """Around a board in its way."""
+    course = Course(tmp_path, "[[0.9, -0.1, 0.9, 0.1]]", Seeker((2.0, 0.0, 0.0)), 40.0)
     assert course.xs[-1] == pytest.approx(2.0, abs=0.05)
-    assert min(course.shares) == 0 and max(map(abs, course.ys)) < 1.0
+    assert min(course.shares) < 0.5 and max(map(abs, course.ys)) < 1.0
 
 
 def test_three_wheels_stop_before_a_wall_beside_them(tmp_path):

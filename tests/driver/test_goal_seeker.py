@@ -1,0 +1,98 @@
+"""Goals round walls and boxes: an emulated robot in simulated time, with its three sonars and its odometry alone."""
+
+import math
+import random
+
+import pytest
+
+from mrl_driver.floor_map import FloorMap
+from mrl_driver.goal_seeker import MOUNTS, GoalSeeker
+from mrl_driver.odometry import Pose
+from mrl_driver.robots import Limits
+from mrl_driver.stepped import SteppedDriver
+from sim_arduino import boards, world_file
+
+LIMITS = Limits(0.25, 0.9, math.inf, math.inf)
+STEP_S, READY_S, MOST_S = 0.05, 1.0, 150.0
+PLACE_M, HEADING_RAD = 0.06, 0.1
+TRAP = ", [0.3, -0.6, 0.3, 0.6], [-0.7, 0.6, 0.3, 0.6], [-0.7, -0.6, 0.3, -0.6]"
+
+
+def seek(tmp_path, floor, start, goal, patience_s=60.0):
+    """The seeker at the end, where the robot truly is, and how often it touched something."""
+    file = tmp_path / "world.yaml"
+    file.write_text(f"start: [{start[0]}, {start[1]}, {math.degrees(start[2])}]\n{floor}")
+    emulated = boards.make(boards.Options(robot="traxbot"), world_file.load(str(file)))
+    bumps = 0
+    try:
+        with SteppedDriver(emulated.engine) as robot:
+            robot.reset_pose(Pose(*start))
+            robot.wait(READY_S)
+            seeker = GoalSeeker(goal, LIMITS, robot.now_s, patience_s)
+            while robot.now_s < MOST_S:
+                speeds = seeker.command(tuple(robot.pose)[:3], robot.ranges, robot.now_s)
+                if seeker.reached or seeker.blocked:
+                    break
+                robot.drive(*speeds)
+                robot.wait(STEP_S)
+                bumps += emulated.plant.robot.state.bumped
+            return seeker, emulated.plant.true_pose, bumps
+    finally:
+        emulated.close()
+
+
+def room(walls="", boxes=""):
+    return (
+        f"walls: [[-2, -2, 2, -2], [2, -2, 2, 2], [2, 2, -2, 2], [-2, 2, -2, -2]{walls}]\nboxes: [{boxes}]\n"
+    )
+
+
+def across(seed):
+    """Start and goal on the two sides of a room."""
+    chance = random.Random(seed)
+    sides = [
+        (side * chance.uniform(1.2, 1.6), chance.uniform(-1.5, 1.5), chance.uniform(-3, 3))
+        for side in (-1, 1)
+    ]
+    chance.shuffle(sides)
+    return sides
+
+
+@pytest.mark.parametrize(
+    "floor, start, goal",
+    [
+        (room(", [0, -2, 0, 0.8]"), (-1.4, -0.5, 0.0), (1.4, -0.5, 0.0)),
+        (room(", [-1.21, -0.368, 0.344, 0.194]"), (1.027, 0.708, 1.469), (-1.307, -1.351, 0.783)),
+        (room(boxes="[0, 0.3, 1.0, 1.0, 0]"), (1.4, 0.4, 3.0), (-1.4, 0.1, 0.0)),
+        (room(TRAP), (-1.4, 0.0, 0.0), (1.4, 0.0, 0.0)),
+        (room(boxes="[0.1, -0.1, 0.6, 0.9, 30]"), *across(2)),
+    ],
+    ids=["to-the-side", "its-end-unseen", "box", "trap", "turned-box"],
+)  # fmt: skip
+def test_a_goal_behind_something_is_reached_and_nothing_touched(tmp_path, floor, start, goal):
+    seeker, pose, bumps = seek(tmp_path, floor, start, goal)
+    assert seeker.reached and bumps == 0
+    assert math.hypot(pose.x_m - goal[0], pose.y_m - goal[1]) < PLACE_M
+    assert abs(math.remainder(pose.yaw_rad - goal[2], math.tau)) < HEADING_RAD
+
+
+def test_a_goal_in_a_wall_is_given_up_after_the_patience(tmp_path):
+    seeker, _, bumps = seek(tmp_path, room(), (0.0, 0.0, 0.0), (2.4, 0.0, 0.0), patience_s=8.0)
+    assert seeker.blocked and bumps == 0
+    assert seeker.why.endswith("it came no nearer for 8 s") or seeker.why.endswith("leave no way")
+
+
+def test_what_is_seen_near_closes_the_way_and_is_forgotten_where_later_looks_are_free():
+    floor = FloorMap(MOUNTS)
+    floor.see((0.0, 0.0, 0.0), {"front": 0.3})
+    assert not floor.is_free((0.0, 0.0), (1.0, 0.0)) and floor.way((0.0, 0.0), (1.0, 0.0))
+    for step in range(-10, 11):
+        floor.see((0.0, 0.0, 0.04 * step), {"front": 3.0 + 0.01 * step})
+    assert floor.is_free((0.0, 0.0), (1.0, 0.0))
+
+
+def test_a_robot_that_is_walled_in_has_no_way():
+    floor = FloorMap(MOUNTS)
+    for step in range(72):
+        floor.see((0.0, 0.0, math.radians(5 * step)), {"front": 0.3 + 0.001 * (step % 2)})
+    assert floor.way((0.0, 0.0), (2.0, 0.0)) is None
