@@ -106,7 +106,7 @@ def _tail(text: str, room: int) -> str:
 def _footer(now: Shown, width: int, height: int) -> List[Text]:
     """The keys, below what the user should know now; that alone on a low terminal."""
     most = _NOTICE_ROWS if height >= LOW else 1
-    lines = textwrap.wrap(now.notice, width - 1, max_lines=most, placeholder=" …")
+    lines = textwrap.wrap(now.notice, max(1, width - 1), max_lines=most, placeholder=" …")
     notice = [Text(f" {line}", style="bold red", no_wrap=True, overflow="ellipsis") for line in lines]
     return notice if notice and height < LOW else [*notice, _keys(now)]
 

@@ -15,6 +15,7 @@ from .shared import (
     battery_option,
     connected,
     fast_option,
+    full_screen,
     json_option,
     record_option,
     robot_options,
@@ -67,7 +68,7 @@ def drive(
             raise ConfigError("--for is missing, expected the seconds to drive, such as: --for 2")
         if not 0 < seconds <= 3600:
             raise ConfigError(f"--for is {seconds}, expected seconds from above 0 to 3600")
-    elif as_json or not (sys.stdin.isatty() and sys.stdout.isatty()):
+    elif as_json or not (sys.stdin.isatty() and full_screen()):
         raise ConfigError("there is no terminal to drive from; give --linear or --angular, and --for SECONDS")
     if not timed:
         watch_live(target, FOREVER_S, record, ignore_battery, keys_drive=True, fast=fast)

@@ -12,6 +12,7 @@ from .shared import (
     connected,
     demand_port,
     demand_seconds,
+    full_screen,
     fast_option,
     json_option,
     reconnect_option,
@@ -90,7 +91,7 @@ def _watch(
     ignore_battery: bool = False,
 ) -> None:
     demand_seconds(seconds)
-    if not as_json and sys.stdout.isatty():
+    if not as_json and full_screen():
         watch_live(target, seconds, file, ignore_battery, reconnect=reconnect, fast=fast)
         return
     with connected(target, ignore_battery=True, record=file, reconnect=reconnect, fast=fast) as driver:

@@ -195,6 +195,11 @@ def human(value: Any) -> str:
     return "unknown" if value is None else str(value)
 
 
+def full_screen() -> bool:
+    """Output goes to a terminal that can show a view, not only one line after the other."""
+    return sys.stdout.isatty() and os.environ.get("TERM") not in ("dumb", "unknown")
+
+
 def agree(question: str, yes: bool) -> None:
     """Ask, unless `yes`.
 

@@ -14,7 +14,7 @@ import click.testing
 import pytest
 
 from mrl_driver import cli, keyboard
-from mrl_driver.commands import text
+from mrl_driver.commands import shared, text
 from mrl_driver.recording import Recording
 
 from .run import fails, mrl
@@ -69,6 +69,13 @@ def test_monitor_without_a_terminal_prints_a_line_a_second(serve):
     done = mrl("monitor", "--port", serve().path, "--seconds", "2.5")
     assert done.returncode == 0
     assert 2 <= done.stdout.count("\n") <= 3 and "front 1.20 m" in done.stdout
+
+
+@pytest.mark.parametrize("term, shows", [("xterm", True), ("dumb", False)])
+def test_a_terminal_that_knows_only_lines_gets_lines(monkeypatch, term, shows):
+    monkeypatch.setenv("TERM", term)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    assert shared.full_screen() is shows
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
