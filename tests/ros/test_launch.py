@@ -143,6 +143,12 @@ def test_unknown_model_is_named(packages, capfd):
     assert "robot 'tank' is unknown, expected" in capfd.readouterr().err
 
 
+@pytest.mark.parametrize("ns, place", [("", "/"), ("robot1", "/robot1/"), ("/deep/er/", "/deep/er/")])
+def test_bag_has_topics_by_their_full_names(ns, place, packages):
+    (node,) = loaded("record.launch", f"ns:={ns}", "topics:=odom  sonar/front").nodes
+    assert node.args.split()[-5:] == [f"{place}odom", f"{place}sonar/front", "/tf", "/tf_static", "/diagnostics"]
+
+
 def test_team_has_a_robot_for_each_port(packages):
     nodes = nodes_of("team.launch", "ports:=sim,/dev/ttyACM7,sim")
     assert {f"/robot{i}/robot_node" for i in (1, 2, 3)} <= nodes
