@@ -31,7 +31,7 @@ __all__ = [
     "encode_request",
 ]
 _AT, _END, _CR, _LF = b"@e\r\n"
-_QUIET = (b"", b"\r\n")
+_QUIET = (b"", b"\r\n", b"\r", b"\n")
 """What a feed may end with and say nothing by it, between frames."""
 _PRINTABLE = range(0x20, 0x7F)
 _RUN = 400

@@ -64,7 +64,7 @@ class Direction:
             checked: {
                 b"%s@%d" % (lead, shape.code): tuple(_form(shape, checked, lead))
                 for shape in shapes
-                for lead in (b"", b"\r\n")
+                for lead in (b"", b"\r\n", b"\n")
                 if checked or not shape.guarded
             }
             for checked in (False, True)
