@@ -146,7 +146,13 @@ def test_unknown_model_is_named(packages, capfd):
 @pytest.mark.parametrize("ns, place", [("", "/"), ("robot1", "/robot1/"), ("/deep/er/", "/deep/er/")])
 def test_bag_has_topics_by_their_full_names(ns, place, packages):
     (node,) = loaded("record.launch", f"ns:={ns}", "topics:=odom  sonar/front").nodes
-    assert node.args.split()[-5:] == [f"{place}odom", f"{place}sonar/front", "/tf", "/tf_static", "/diagnostics"]
+    assert node.args.split()[-5:] == [
+        f"{place}odom",
+        f"{place}sonar/front",
+        "/tf",
+        "/tf_static",
+        "/diagnostics",
+    ]
 
 
 def test_team_has_a_robot_for_each_port(packages):
