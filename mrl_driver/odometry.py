@@ -11,6 +11,8 @@ SPEED_MARGIN = 1.5
 QUANTUM_COUNTS = 3
 """Counts that a wheel may move in no time at all: rounding of both readings, and one of jitter."""
 CONFIRMATIONS = 3
+NEAR_S = 0.02
+"""Arrival times tell of no shorter time than this."""
 """So many readings in a row that agree with each other, and not with the baseline, make a new baseline."""
 TWIST_INTERVAL_S = 0.015
 """Without board time, speeds are formed over at least this long, so that a burst makes no spike."""
@@ -133,11 +135,15 @@ class Baseline:
     so that the next good one bridges the gap.  When `CONFIRMATIONS` readings in a row agree with each other
     instead (a counter was preset, the motor board restarted), they become the baseline and the jump is never
     integrated.
+
+    With a `slack_s` for arrivals that bunch, a restart's way back to zero may look like one that wheels can make.  So
+    counters that come to zero faster than in the time that has passed are refused too.
     """
 
     def __init__(self, metres_per_count: float, fastest_m_s: float, slack_s: float) -> None:
         self._counts_per_s = fastest_m_s / metres_per_count
         self._allowance = QUANTUM_COUNTS + self._counts_per_s * slack_s
+        self._least_reach = self._counts_per_s * NEAR_S if slack_s > NEAR_S else math.inf
         self._base: Optional[_Reading] = None
         self._rival: Optional[_Reading] = None
         self._agreed = 0
@@ -170,6 +176,9 @@ class Baseline:
         reach = self._counts_per_s * dt_s if dt_s > 0 else 0.0
         bound = reach + self._allowance
         if reach >= 0x8000 or not (-bound <= right <= bound and -bound <= left <= bound):
+            return None
+        near = QUANTUM_COUNTS + max(reach, self._least_reach)
+        if not (-near <= right <= near and -near <= left <= near) and max(map(abs, reading[:2])) <= near:
             return None
         return _new(Step, (right, left, dt_s))
 

@@ -4,7 +4,7 @@ from typing import NamedTuple, Tuple
 
 import numpy as np
 
-from .odometry import QUANTUM_COUNTS, Baseline, Geometry
+from .odometry import NEAR_S, QUANTUM_COUNTS, Baseline, Geometry
 
 _SLACK_S = {True: 0.002, False: 0.1}
 
@@ -37,6 +37,8 @@ def integrate(
         raise ValueError(f"counts have shape {counts.shape}, expected ({len(times_s)}, 2)")
     steps = _steps(counts)
     used = _plausible(steps, times_s, drive.metres_per_count, fastest_m_s, exact_time)
+    if not exact_time:
+        used &= ~_comes_to_zero(counts, steps, times_s, fastest_m_s / drive.metres_per_count)
     if not used[1:].all():
         steps, used = _judge(counts, times_s, drive.metres_per_count, fastest_m_s, exact_time)
     return Track(_arcs(steps, drive), used)
@@ -63,6 +65,12 @@ def _plausible(
         good &= np.abs(row) <= bound
     good[:1] = False
     return good
+
+
+def _comes_to_zero(counts: np.ndarray, steps: np.ndarray, times_s: np.ndarray, rate: float) -> np.ndarray:
+    """(N,) bool: counters that are near zero after a step of more than the time allows."""
+    near = QUANTUM_COUNTS + rate * np.maximum(np.diff(times_s, prepend=times_s[:1]), NEAR_S)
+    return (np.abs(steps).max(axis=0) > near) & (np.abs(counts.astype(int)).max(axis=1) <= near)
 
 
 def _judge(

@@ -135,6 +135,19 @@ def test_a_refused_jump_is_never_integrated():
     assert odometry.pose.x_m == pytest.approx(DRIVE.metres_per_count)
 
 
+@pytest.mark.parametrize("count", [1000, 2000])
+@pytest.mark.parametrize("exact", [True, False])
+def test_counters_that_start_from_zero_again_move_nothing(count, exact):
+    """A board that goes on streaming after its restart, with little on its counters."""
+    odometry = Odometry(DRIVE, FASTEST_M_S, exact)
+    for i in range(10):
+        odometry.update(count + 60 * i, count + 60 * i, i * PERIOD_S)
+    before = odometry.pose
+    for i in range(10, 20):
+        odometry.update(60 * (i - 10), 60 * (i - 10), i * PERIOD_S)
+    assert 0 <= odometry.pose.x_m - before.x_m <= 10 * 60 * DRIVE.metres_per_count
+
+
 def test_readings_that_disagree_make_no_baseline():
     baseline = Baseline(DRIVE.metres_per_count, FASTEST_M_S, 0.0)
     baseline.update(0, 0, 0.0)
@@ -180,7 +193,10 @@ def a_drive(seed, jumps):
     rows, times, time_s = [], [], 0.0
     for _ in range(400):
         right, left, time_s = right + rng.randint(-100, 150), left + rng.randint(-100, 150), time_s + PERIOD_S
-        if jumps and rng.random() < 0.02:
+        if jumps and rng.random() < 0.01:
+            right = left = 0
+            rows.append((0, 0))
+        elif jumps and rng.random() < 0.02:
             right += rng.choice([0, 12000])
             rows.append((rng.randint(-32768, 32767), 0))
         else:
