@@ -7,6 +7,7 @@ from urllib.parse import urlparse
 
 PATIENCE_S, START_PATIENCE_S = 0.3, 3.0
 LOOK_S = 0.5
+EXAMPLE = "http://localhost:11311"
 
 
 class MasterWatch:
@@ -33,15 +34,19 @@ def await_master(uri: str, tell: Callable[[str], None]) -> None:
     """Wait until something listens at the master's address, and tell that; rospy waits too, but not in each case."""
     if _listens(uri, START_PATIENCE_S):
         return
-    tell(f"no ROS master answers at {uri}, waiting for it: start roscore, or set ROS_MASTER_URI")
+    tell(
+        f"no ROS master answers at {uri}, waiting for it: start roscore, or set ROS_MASTER_URI, such as {EXAMPLE}"
+    )
     while not _listens(uri, START_PATIENCE_S):
         time.sleep(LOOK_S)
 
 
 def _listens(uri: str, patience_s: float = PATIENCE_S) -> bool:
-    address = urlparse(uri)
     try:
-        socket.create_connection((address.hostname or "localhost", address.port or 11311), patience_s).close()
-    except OSError:
+        address = urlparse(uri)
+        if not address.hostname:
+            return False
+        socket.create_connection((address.hostname, address.port or 11311), patience_s).close()
+    except (OSError, ValueError):  # no such port, or none at all
         return False
     return True

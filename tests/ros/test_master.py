@@ -9,7 +9,7 @@ from contextlib import suppress
 
 import pytest
 
-from ros1_bridge.master_watch import await_master
+from ros1_bridge.master_watch import MasterWatch, await_master
 from ros1_bridge.processes import Child, wait_until
 from ros1_bridge.run import master_answers
 
@@ -33,6 +33,11 @@ def own_master(master, tmp_path):
     with suppress(ProcessLookupError):
         child.signal(signal.SIGKILL)
     child.finish(3.0)
+
+
+@pytest.mark.parametrize("uri", ["localhost:11311", "", "http://localhost:port", "http://localhost:99999"])
+def test_address_that_is_none_has_no_master(uri):
+    assert "no ROS master answers" in MasterWatch(uri).look()
 
 
 def test_program_that_comes_before_the_master_waits_for_it():
