@@ -155,10 +155,19 @@ def test_part_that_dies_ends_the_run_with_its_code_and_words(start):
     assert run.alive() == []
 
 
-def test_foreign_roscore_is_used_and_left_running(start, master):
-    run = start(*PYTHON, "--duration", "1")
-    assert "using the roscore that runs at" in run.end()
-    assert run.process.returncode == 0
+@pytest.fixture(scope="module")
+def of_real_robot(tmp_path_factory, master, module_rig):
+    """A run with a port on a roscore that was there, at its end: its exit code, output and what the board was sent."""
+    wire = module_rig.tap(module_rig.board().port)
+    with starting(tmp_path_factory.mktemp("run"), master) as starter:
+        run = starter("--port", wire.port, "--duration", "1")
+        output = run.end()
+        yield run.process.returncode, output, [data for _, data in wire.sent]
+
+
+def test_foreign_roscore_is_used_and_left_running(of_real_robot, master):
+    code, output, _ = of_real_robot
+    assert code == 0 and "using the roscore that runs at" in output
     assert master_answers(master["ROS_MASTER_URI"])
 
 
@@ -169,12 +178,10 @@ def test_real_robot_that_is_not_there_is_one_line(start):
     assert "does not exist" in output
 
 
-def test_real_robot_is_not_moved_unasked(start, rig):
-    wire = rig.tap(rig.board().port)
-    run = start("--port", wire.port, "--duration", "1")
-    assert run.end()
-    assert run.process.returncode == 0
-    assert not any(b"@11," in data for _, data in wire.sent)
+def test_real_robot_is_not_moved_unasked(of_real_robot):
+    code, _, sent = of_real_robot
+    assert code == 0 and sent
+    assert not any(b"@11," in data for data in sent)
 
 
 def shown(user, words):
