@@ -17,9 +17,5 @@ def read(path: str) -> Any:
     with open(path, encoding="utf-8") as file:
         try:
             return yaml.safe_load(file)
-        except (
-            yaml.YAMLError,
-            ValueError,
-            RecursionError,
-        ) as error:  # ValueError: bytes, or the 99th of a month
+        except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: no text, or no date
             raise ConfigError(f"{path}: no YAML: {' '.join(str(error).split())}") from None
