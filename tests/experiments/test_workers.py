@@ -19,6 +19,7 @@ def work(folder):
     (folder / "begun").write_text(str(os.getpid()))
     try:
         time.sleep(LONG_S)
+        (folder / "done").touch()
     finally:
         (folder / "ended").touch()
 
@@ -38,12 +39,14 @@ def is_alive(pid):
 
 
 def test_an_interrupt_ends_what_is_begun_and_what_waits(tmp_path):
+    first, second = tmp_path / "first", tmp_path / "second"
     with pytest.raises(KeyboardInterrupt), pool(1) as submit:
-        for folder in (tmp_path, tmp_path / "not-there"):
+        for folder in (first, second):
+            folder.mkdir()
             submit(work, folder)
-        assert awaited((tmp_path / "begun").exists)
+        assert awaited((first / "begun").exists)
         raise KeyboardInterrupt
-    assert (tmp_path / "ended").exists()
+    assert (first / "ended").exists() and not (first / "done").exists() and not list(second.iterdir())
 
 
 def test_worker_whose_parent_is_killed_ends_its_work_and_itself(tmp_path):

@@ -46,6 +46,7 @@ def test_real_robot_reaches_a_goal_of_the_map_and_its_mirror_follows(parts):
         (mirror,) = player._virtual.robots()
         goal = START.beside(AHEAD_M, 0.0)
         assert step.reached and not player.bumps
+        assert all(out.get_num_connections() for out in player.robot._heard.values()), "go_to_goal hears both"
         for pose in player.robot.true_pose, player.robot.pose, mirror.pose:
             assert math.dist(pose[:2], goal[:2]) < NEAR_M
 
