@@ -8,6 +8,7 @@ from mrl_driver.errors import ConfigError
 
 from .faults import FaultyEngine
 from .port import Port
+from .yaml_file import short
 
 _LONGEST_LINE = 4096
 
@@ -17,7 +18,7 @@ ORDERS: Tuple[Tuple[str, str], ...] = (
     ("reset", "the reset button"),
     ("stall SECONDS", "the line holds everything"),
     ("freeze SECONDS", "the board stands still"),
-    ("fault FAULT", "one more, spelt as with --fault"),
+    ("fault FAULT", "one more, spelt as with --fault; its times count from now"),
     ("clear", "no fault any more"),
 )
 """What `Control` understands, with one sentence each."""
@@ -43,10 +44,10 @@ def obey(faults: FaultyEngine, order: str) -> None:
     elif word == "unplug":
         faults.unplug(_seconds(order, rest or "1e9"))
     elif word == "fault":
-        faults.add(rest.strip())
+        faults.inject(rest.strip())
     else:
         expected = ", ".join(usage for usage, _ in ORDERS)
-        raise ConfigError(f"order {order!r} is unknown, expected one of: {expected}")
+        raise ConfigError(f"order {short(order)} is unknown, expected one of: {expected}")
 
 
 def _seconds(order: str, text: str) -> float:
@@ -55,7 +56,7 @@ def _seconds(order: str, text: str) -> float:
     except ValueError:
         seconds = -1.0
     if not 0.001 <= seconds <= 1e9:
-        raise ConfigError(f"order {order!r}: {text!r} is given, expected 0.001 to 1e9 seconds")
+        raise ConfigError(f"order {short(order)}: {short(text)} is given, expected 0.001 to 1e9 seconds")
     return seconds
 
 

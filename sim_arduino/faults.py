@@ -81,6 +81,16 @@ class FaultyEngine:
                 rng = random.Random(f"{self._seed} {self._count} {name}")
                 chain.add(kind.make(rng, **values), Window(*times))
 
+    def inject(self, fault: Union[Fault, str]) -> None:
+        """One more fault; its times count from now.
+
+        Raises:
+            ConfigError: it cannot be read.
+        """
+        found = parse(fault) if isinstance(fault, str) else fault
+        at_s, lasts_s, every_s = found.window
+        self.add(found._replace(window=(at_s + self.now_s, lasts_s, every_s)))
+
     def clear(self) -> None:
         """No fault any more; what the line held back is lost."""
         for chain in self._chains.values():

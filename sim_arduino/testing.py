@@ -17,7 +17,7 @@ from mrl_driver.errors import ConfigError
 
 from . import boards
 from .control import Control
-from .fault_table import Fault, parse
+from .fault_table import Fault
 from .faults import FaultyEngine
 from .omni3md import MotorCommand
 from .port import Port, PtyPort
@@ -179,10 +179,8 @@ class Faults:
         Raises:
             ConfigError: it cannot be read.
         """
-        found = parse(fault) if isinstance(fault, str) else fault
         with self._held():
-            at_s, lasts_s, every_s = found.window
-            self._board.add(found._replace(window=(at_s + self._board.now_s, lasts_s, every_s)))
+            self._board.inject(fault)
 
     def clear(self) -> None:
         """No fault any more."""

@@ -140,3 +140,14 @@ def test_orders_in_pieces_are_joined():
         port.close()
         os.close(out)
         os.close(into)
+
+
+def test_times_of_an_ordered_fault_count_from_now():
+    engine = FaultyEngine(Echo())
+    engine.advance(5.0)
+    obey(engine, "fault unplug:at=1,lasts=1")
+    plugged = []
+    for time_s in (5.5, 6.5, 7.5):
+        engine.advance(time_s)
+        plugged.append(engine.plugged)
+    assert plugged == [True, False, True]
