@@ -1,7 +1,7 @@
 """Ports that are no device names: `tcp://HOST:PORT`, `udp://HOST:PORT?bind=HOST:PORT`, and pyserial's URLs.  Pure."""
 
 from typing import Dict, List, NamedTuple, Tuple
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import SplitResult, parse_qs, urlsplit
 
 from .errors import ConfigError
 
@@ -40,8 +40,17 @@ def is_network(port: str) -> bool:
 
 def demand_port(port: str) -> None:
     """Raise ConfigError where an URL does not parse; of device names nothing is demanded."""
-    if is_url(port) and scheme_of(port) in TCP + UDP:
+    if not is_url(port):
+        return
+    scheme = scheme_of(port)
+    if scheme in TCP + UDP:
         parse(port)
+    elif scheme == "rfc2217":
+        _split(port, scheme)
+    elif scheme != "loop" and not port.partition("://")[2]:
+        raise ConfigError(
+            f"port {port!r} names nothing, expected a device behind it, such as {port}/dev/ttyACM0"
+        )
 
 
 def scheme_of(url: str) -> str:
@@ -66,23 +75,30 @@ def parse(url: str, listening: bool = False) -> Address:
     scheme = scheme_of(url)
     if scheme not in TCP + UDP:
         raise ConfigError(f"port {url!r} is no network address, expected tcp://HOST:PORT or udp://HOST:PORT")
+    parts, host, port = _split(url, scheme, listening)
+    try:
+        queries = parse_qs(parts.query, True, True)
+    except ValueError as error:
+        raise _no_address(url, scheme, f" ({error})") from None
+    if parts.path not in ("", "/") or parts.username is not None or parts.fragment:
+        raise _no_address(url, scheme)
+    return Address(scheme, host, port, _bind(url, scheme, queries))
+
+
+def _split(url: str, scheme: str, listening: bool = False) -> Tuple[SplitResult, str, int]:
+    """The parts of an URL, its host and its port."""
     try:
         parts = urlsplit(url)
-        host, port, queries = parts.hostname, parts.port, parse_qs(parts.query, True, True)
+        host, port = parts.hostname, parts.port
     except ValueError as error:
-        raise ConfigError(
-            f"port {url!r} does not parse ({error}), {_EXAMPLE.format(scheme=scheme)}"
-        ) from None
-    if (
-        not host
-        or port is None
-        or not (port or listening)
-        or parts.path not in ("", "/")
-        or parts.username is not None
-        or parts.fragment
-    ):
-        raise ConfigError(f"port {url!r} does not parse, {_EXAMPLE.format(scheme=scheme)}")
-    return Address(scheme, host, port, _bind(url, scheme, queries))
+        raise _no_address(url, scheme, f" ({error})") from None
+    if not host or port is None or not (port or listening):
+        raise _no_address(url, scheme)
+    return parts, host, port
+
+
+def _no_address(url: str, scheme: str, why: str = "") -> ConfigError:
+    return ConfigError(f"port {url!r} does not parse{why}, {_EXAMPLE.format(scheme=scheme)}")
 
 
 def _bind(url: str, scheme: str, queries: Dict[str, List[str]]) -> Tuple[str, int]:

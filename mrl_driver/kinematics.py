@@ -80,6 +80,10 @@ class Kinematics:
             FrameError: it is to move sideways and cannot.
         """
         excess = max(map(abs, self.ways(twist))) / most_m_s
+        if math.isinf(excess):  # the sum of a wheel's ways overflows, or the quotient
+            most = max(map(abs, twist))
+            twist = Planar(twist.forward / most, twist.left / most, twist.turn / most)
+            excess = max(map(abs, self.ways(twist))) / most_m_s
         if excess <= 1.0:
             return twist
         return Planar(twist.forward / excess, twist.left / excess, twist.turn / excess)

@@ -24,6 +24,10 @@ _REMEDY = {
 }
 
 
+HEARD = 24
+"""Bytes of a connection's beginning that are told when it ends without a frame."""
+
+
 class TcpLink(Link):
     """A connection to `tcp://host:port`, on which the board's bytes pass as they are.
 
@@ -35,6 +39,7 @@ class TcpLink(Link):
 
     def __init__(self, port: str, patience_s: float) -> None:
         self._socket = _connect(parse(port), port, patience_s)
+        self._heard = b""
         self._begin(port, self._socket.fileno())
 
     def _give_back(self) -> None:
@@ -43,7 +48,19 @@ class TcpLink(Link):
     def _release(self) -> None:
         self._socket.close()
 
+    def read(self, timeout_s: float) -> bytes:
+        """As `Link.read`."""
+        data = super().read(timeout_s)
+        if len(self._heard) < HEARD:
+            self._heard = (self._heard + data)[:HEARD]
+        return data
+
     def _end_of_data(self) -> None:
+        if self._heard and b"@" not in self._heard:
+            raise LinkLost(
+                f"{self.port}: the other end sent {self._heard!r} and closed the connection, expected frames of a "
+                "board: another service listens there; check the address and the port number"
+            )
         raise LinkLost(
             f"{self.port}: the other end closed the connection; it may serve another program, or have lost its board"
         )

@@ -64,7 +64,13 @@ def tip_over(vehicle: str, reserve: float, slope: float, picture: Optional[str],
         f"{found.name}: {mass.mass_kg:g} kg, centre of mass at x {mass.x_m:.3f} m, y {mass.y_m:.3f} m, "
         f"height {mass.height_m:.3f} m"
     )
-    click.echo(f"margin at rest on flat ground: {math.degrees(stability.least(margins).angle_rad):.1f} deg")
+    margin_deg = math.degrees(stability.least(margins).angle_rad)
+    tips_at_rest = (
+        ""
+        if margin_deg > 0
+        else "; it tips over where it stands: its centre of mass is not above its contacts"
+    )
+    click.echo(f"margin at rest on flat ground: {margin_deg:.1f} deg{tips_at_rest}")
     click.echo(f"{'accelerating':14}{'tips over at':>14}{f'{reserve:g} deg kept to':>18}   [m/s2]")
     for name in tips:
         click.echo(f"{name:14}{tips[name]:14.2f}{kept[name]:18.2f}")

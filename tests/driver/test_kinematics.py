@@ -90,6 +90,15 @@ def test_mecanum_odometry_is_the_best_fit(ways, other):
 
 
 @pytest.mark.parametrize("base", BASES.values(), ids=BASES)
+@pytest.mark.parametrize("size", [1e30, 1.7e308])
+def test_saturation_keeps_the_direction_of_the_largest_twists(base, size):
+    kept = base.saturated(Planar(size, size if base.sideways else 0.0, -size / 2), 0.3)
+    assert kept.forward > 0 and kept.turn == pytest.approx(-kept.forward / 2)
+    assert kept.left == (kept.forward if base.sideways else 0.0)
+    assert max(map(abs, base.ways(kept))) == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("base", BASES.values(), ids=BASES)
 @given(twist=twists, most=st.floats(0.05, 1.0))
 def test_saturation_keeps_the_direction(base, twist, most):
     told = possible(base, twist)

@@ -242,10 +242,10 @@ def test_a_url_of_pyserial_brings_back_what_was_sent():
 @pytest.mark.parametrize(
     "url",
     ["tcp://", "tcp://host", "tcp://host:x", "tcp://host:0", "tcp://host:70000", "tcp://[::1:7", "ftp://host:7",
-     "udp://host:7?bnd=1", "udp://host:7?bind=", "tcp://host:7?bind=host:7", "tcp://host:7/x"],
+     "rfc2217://", "rfc2217://host", "spy://", "udp://host:7?bnd=1", "udp://host:7?bind=", "tcp://host:7?bind=host:7", "tcp://host:7/x"],
 )  # fmt: skip
 def test_a_url_that_does_not_parse_is_refused_before_it_is_opened(url):
-    with pytest.raises(ConfigError, match="expected (tcp://|udp://|a device name|nothing behind)"):
+    with pytest.raises(ConfigError, match="expected (tcp://|udp://|rfc2217://|a device|nothing behind)"):
         Driver(url)
 
 
@@ -318,6 +318,14 @@ def test_a_peer_that_speaks_something_else_is_no_robot():
         NotARobot, match="SSH-2.0"
     ):
         Driver(peer.url, options=Options(greeting_s=0.3)).connect()
+
+
+def test_a_peer_that_speaks_something_else_and_hangs_up_is_quoted():
+    greeting = b"HTTP/1.1 400 Bad Request\r\n\r\n"
+    told = pytest.raises(LinkLost, match="sent b'HTTP/1.1 400 Bad Request' and closed .* another service")
+    with closing(Peer(greeting, True)) as peer, closing(open_link(peer.url)) as link, told:
+        while link.read(10.0):
+            pass
 
 
 def test_a_peer_that_hangs_up_is_told():
