@@ -13,7 +13,7 @@ from typing import Iterator, List, Optional, Sequence
 
 from .directions import REPLIES, REQUESTS, Direction, Shape
 from .encoder import encode_reply, encode_request
-from .frames import Event, Frame, Garbage, Stamp, check_value, describe
+from .frames import Event, Frame, Garbage, Stamp, check_value
 from .table import INT16_MAX, INT16_MIN, MAX_ARGUMENTS, MAX_FRAME, MAX_NOISE, STAMP, STOP_CODE
 
 __all__ = [
@@ -26,7 +26,6 @@ __all__ = [
     "Garbage",
     "Stamp",
     "check_value",
-    "describe",
     "encode_reply",
     "encode_request",
 ]

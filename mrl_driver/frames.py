@@ -33,8 +33,3 @@ def check_value(body: bytes) -> int:
     """CRC-16 of `body` as signed int16: polynomial 0x1021, initial 0xFFFF, unreflected (CRC-16/IBM-3740)."""
     crc = crc_hqx(body, 0xFFFF)
     return crc - 65536 if crc > 32767 else crc
-
-
-def describe(garbage: Garbage) -> str:
-    """One line for people: the reason and the bytes."""
-    return f"{garbage.reason.replace('_', ' ')}: {garbage.data!r}"
