@@ -10,6 +10,7 @@ import glob
 import os
 import select
 import stat
+import sys
 import termios
 import threading
 import time
@@ -230,6 +231,7 @@ class Link:
 
     def _give_back(self) -> None:
         """Close what `_begin` was given."""
+        _drop_unsent(self._fd)
         _exclude(self._fd, False)
         self._release()
 
@@ -335,6 +337,26 @@ def locked_by(port: str) -> str:
             return f"{comm.read().strip()} (process {owners[0]})"
     except (OSError, IndexError, ValueError):
         return ""
+
+
+def _drop_unsent(fd: int) -> None:
+    """What an adapter that hangs has not taken is given up: the system's close would wait for it, 30 s at most."""
+    try:
+        before, since_s = unsent(fd), time.monotonic()
+        while before and time.monotonic() < since_s + WRITE_TIMEOUT_S:
+            time.sleep(0.002)
+            left = unsent(fd)
+            if left < before:
+                before, since_s = left, time.monotonic()
+        if before:
+            termios.tcflush(fd, termios.TCOFLUSH)
+    except (OSError, termios.error):
+        return
+
+
+def unsent(fd: int) -> int:
+    """Bytes that were written and are still in this computer; 0 on a pseudo terminal."""
+    return int.from_bytes(fcntl.ioctl(fd, termios.TIOCOUTQ, bytes(4)), sys.byteorder)
 
 
 def _exclude(fd: int, on: bool) -> None:

@@ -2,6 +2,7 @@ import errno
 import fcntl
 import os
 import struct
+import termios
 import threading
 import time
 import tty
@@ -210,6 +211,16 @@ def test_a_denied_port_names_the_group(pty, monkeypatch):
     monkeypatch.setattr("serial.Serial", deny)
     with pytest.raises(PortDenied, match="dialout"):
         Link(pty[1])
+
+
+@pytest.mark.parametrize(("left", "flushes"), [([100] * 1000, 1), ([3, 2, 1, 0], 0)])
+def test_a_close_waits_only_while_the_adapter_takes_what_was_sent(pty, monkeypatch, left, flushes):
+    """For one that hangs the system would wait 30 s."""
+    link, flushed = Link(pty[1]), []
+    monkeypatch.setattr("mrl_driver.link.unsent", lambda fd: left.pop(0))
+    monkeypatch.setattr(termios, "tcflush", lambda fd, what: flushed.append(what))
+    link.close()
+    assert flushed == [termios.TCOFLUSH] * flushes
 
 
 def test_a_port_marked_exclusive_is_busy(pty, monkeypatch):
