@@ -59,6 +59,8 @@ class Bumper:
         self._free_m -= 2.0 * way_m + OTHERS_M_S * dt
         if self._free_m > 0.0 or self._gets_to(old, at(1.0)):
             return 1.0
+        if not self._gets_to(old, at(0.5**_HALVINGS)):
+            return 0.0  # leans on it already, as it mostly does
         low, high = 0.0, 1.0
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)

@@ -40,6 +40,15 @@ def test_its_wheels_go_on():
     assert plant.robot.motors[0].travel * TRAXBOT.drive.metres_per_count > 1.0
 
 
+def test_leaning_on_a_wall_takes_few_looks(monkeypatch):
+    """At 50 steps a second; the first contact alone is searched for."""
+    plant, looks = driven(World([Wall(0.5, -1, 0.5, 1)])), []
+    touching = World.touching
+    monkeypatch.setattr(World, "touching", lambda *args: looks.append(args) or touching(*args))
+    plant.advance(5.0)
+    assert 50 <= len(looks) <= 500
+
+
 def test_it_can_back_out():
     world = World([Wall(0.5, -1, 0.5, 1)])
     plant = driven(world)
