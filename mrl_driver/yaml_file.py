@@ -12,9 +12,9 @@ def read(path: str) -> Any:
         OSError: it cannot be opened.
         ConfigError: it is no YAML, or nested beyond all sense.
     """
-    import yaml
-
     with open(path, encoding="utf-8") as file:
+        import yaml  # late: most users have no such file, and it takes a tenth of a short command's time
+
         try:
             return yaml.safe_load(file)
         except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: no text, or no date

@@ -20,7 +20,6 @@ from .bumper import footprint_for
 from .one_line import OneLine
 from .shapes import ORIGIN, Footprint, Pose
 from .shared_crowd import SharedCrowd
-from .world_file import FAR_M, parse_pose
 
 
 class Mirror:
@@ -69,6 +68,8 @@ def follow(mirror: Mirror, lines: Iterable[str]) -> None:
 
 
 def _pose(number: int, line: str) -> Tuple[float, float, float]:
+    from .world_file import FAR_M
+
     try:
         row = json.loads(line)
         pose = row.get("pose", row)
@@ -95,6 +96,8 @@ def main(world_name: str, name: str, robot: str, pose: str) -> None:
     Example:
       mrl monitor --robot lab3 --json | mrl mirror --world-name lab1 --name lab3 --pose 1,0,90
     """
+    from .world_file import parse_pose
+
     footprint = footprint_for(robots.load(robot))
     assert footprint
     with Mirror(world_name, name, footprint, parse_pose(pose, ORIGIN)) as mirror:

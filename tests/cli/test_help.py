@@ -121,7 +121,7 @@ def test_what_the_shell_completes(words, expected):
             "c.cli.get_command(None, 'info'); import mrl_driver.driver",
             ["rich.console", "numpy", "importlib.metadata"],
         ),
-        ("c.cli.get_help(c.cli.make_context('mrl', ['info']))", ["rich.console", "numpy", "serial"]),
+        ("c.cli.get_help(c.cli.make_context('mrl', ['info']))", ["rich.console", "numpy", "serial", "yaml"]),
     ],
     ids=["info", "the list of commands"],
 )
