@@ -15,6 +15,7 @@ from typing import Callable, Dict, List, NamedTuple, Optional, Tuple
 
 import click
 
+from mrl_driver.commands.shared import Between
 from mrl_driver.errors import ConfigError, MrlError, SimulatorError
 
 from .processes import Child, adopt_orphans, end_orphans, wait_until
@@ -258,7 +259,7 @@ def supervise(run: Run, plan: Plan) -> int:
 @click.option("--robot", metavar="NAME|FILE", help="Model; the board's own by default, emulated: traxbot.")
 @click.option("--port", default="", help="Serial port of a real robot, which is never moved unasked.")
 @click.option("--engine", type=click.Choice(["avr", "python"]), help="What the emulated board runs on.")
-@click.option("--duration", type=click.FloatRange(min=0.1), help="End after so many seconds of odometry.")
+@click.option("--duration", type=Between(min=0.1), help="End after so many seconds of odometry.")
 @click.option(
     "--logs", type=click.Path(path_type=Path, file_okay=False), default=LOGS, help="Folder of the logs."
 )

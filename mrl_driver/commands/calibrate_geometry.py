@@ -17,7 +17,7 @@ from .calibrate_job import (
     recorded_model,
     write_yaml,
 )
-from .shared import complain, say_json, warn
+from .shared import Between, complain, say_json, warn
 
 if TYPE_CHECKING:
     from ..calibration.measure import Ruler
@@ -142,7 +142,7 @@ _again_option = click.option(
     "--again", multiple=True, type=int, metavar="N", help="Drive run N of an interrupted calibration again."
 )
 _speed_option = click.option(
-    "--speed", type=click.FloatRange(0.03, 1.0), default=0.2, show_default=True, help="Speed [m/s]."
+    "--speed", type=Between(0.03, 1.0), default=0.2, show_default=True, help="Speed [m/s]."
 )
 
 
@@ -154,7 +154,7 @@ def _speeds(speed: float) -> Any:
 
 @click.command()
 @job_options
-@click.option("--distance", type=click.FloatRange(0.3, 20.0), default=2.0, show_default=True, help="Way [m].")
+@click.option("--distance", type=Between(0.3, 20.0), default=2.0, show_default=True, help="Way [m].")
 @click.option(
     "--count", type=click.IntRange(2, 50), default=4, show_default=True, help="Runs, there and back in turn."
 )
@@ -209,7 +209,7 @@ def turn(
 @click.command(short_help="Wheel ratio, wheelbase and noise, by squares.")
 @job_options
 @click.option(
-    "--side", type=click.FloatRange(0.3, 10.0), default=1.0, show_default=True, help="Side of the square [m]."
+    "--side", type=Between(0.3, 10.0), default=1.0, show_default=True, help="Side of the square [m]."
 )
 @click.option("--laps", type=int, default=5, show_default=True, help="Laps each way round, 2 or more.")
 @_speed_option

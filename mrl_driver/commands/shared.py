@@ -42,6 +42,17 @@ reconnect_option = click.option(
 yes_option = click.option("--yes", is_flag=True, help="Do not ask.")
 
 
+class Between(click.FloatRange):
+    """A number in a range; click's own takes NaN, which is on neither side of a limit."""
+
+    def convert(self, value: Any, param: Optional[click.Parameter], ctx: Optional[click.Context]) -> Any:
+        """The number; fails with the range."""
+        number = super().convert(value, param, ctx)
+        if math.isnan(number):
+            self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)
+        return number
+
+
 class Interrupted(KeyboardInterrupt):
     """Ctrl-C while a robot was connected; it was stopped."""
 

@@ -201,6 +201,10 @@ def test_a_time_out_of_range(seconds):
     assert "expected seconds" in fails(2, "drive", "--port", "/dev/null", "--linear=0.1", f"--for={seconds}")
 
 
+def test_a_distance_that_is_no_number():
+    assert "nan is not in the range" in fails(2, "calibrate", "straight", "--distance=nan")
+
+
 def test_driving_without_a_terminal_says_what_to_give():
     assert "no terminal" in fails(2, "drive", "--port", "/dev/null")
 
