@@ -10,9 +10,9 @@ from sim_arduino.plant import Plant
 from tests.firmware.pc_board import ENVIRONMENT, SONARS, PcBoard
 from tests.models import eeprom, model
 
-READY_S = 0.4
+READY_S = 0.25
 """Boot, and the motor board set up."""
-ANSWER_S = 0.05
+ANSWER_S = 0.03
 
 
 class Status(NamedTuple):

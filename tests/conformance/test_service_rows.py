@@ -5,6 +5,8 @@ import pytest
 from mrl_driver.codec import Frame, Garbage, encode_request
 from mrl_driver.table import BAUDS, PARAMETER_BY_NAME, RESET_CAUSES, STOP_REASONS
 
+from .bench import ANSWER_S
+
 WATCHDOG_MARGIN_S = 0.015
 STALL_S = 0.254
 """Longer than the 250 ms after which bytes are stale; a CPU that serves no interrupt for 256 ms is reset."""
@@ -91,7 +93,7 @@ def test_check_mode_adds_check_sequence_and_time(bench):
     assert bench.reply("set_check", 1) == (1,)
     first, second = (bench.ask("read_encoders")[0].stamp for _ in range(2))
     assert second.sequence - first.sequence == 1
-    assert second.time - first.time == pytest.approx(0.05 / 64e-6, abs=0.002 / 64e-6)
+    assert second.time - first.time == pytest.approx(ANSWER_S / 64e-6, abs=0.002 / 64e-6)
 
 
 def test_in_check_mode_a_bare_request_is_refused(bench):
