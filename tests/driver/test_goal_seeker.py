@@ -96,3 +96,16 @@ def test_a_robot_that_is_walled_in_has_no_way():
     for step in range(72):
         floor.see((0.0, 0.0, math.radians(5 * step)), {"front": 0.3 + 0.001 * (step % 2)})
     assert floor.way((0.0, 0.0), (2.0, 0.0)) is None
+
+
+@pytest.mark.parametrize("yaw, backs", [(0.0, True), (1.2, False)], ids=["from-behind", "from-aside"])
+def test_with_something_close_beside_it_goes_back_where_it_came_from_before_it_turns(yaw, backs):
+    """Its corners need room to turn; what is behind is known only where it has just been."""
+    seeker = GoalSeeker((0.35, 2.0, 0.0) if not yaw else (0.35, -2.0, 0.0), LIMITS, 0.0)
+    free, close = {name: math.inf for name in MOUNTS}, {"front": math.inf, "left": 0.17, "right": math.inf}
+    for step in range(13):
+        seeker.command((0.03 * step, 0.0, 0.0), free, 0.05 * step)
+    seeker.command((0.36, 0.0, yaw), close, 0.7)
+    speeds = [seeker.command((0.36 - 0.01 * step, 0.0, yaw), close, 0.75 + 0.05 * step) for step in range(30)]
+    assert (speeds[0][0] < 0 and speeds[0][1] == 0) is backs
+    assert sum(linear < 0 for linear, _ in speeds) < 24
