@@ -5,7 +5,7 @@ What a request does stands in `handlers`; here are the line, the order of events
 
 import math
 from collections import deque
-from typing import Deque, NamedTuple, Optional, Tuple
+from typing import Deque, NamedTuple, Optional
 
 from mrl_driver.codec import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
 from mrl_driver.table import BAUDS, BY_CODE, TICK_S
@@ -13,7 +13,8 @@ from mrl_driver.table import BAUDS, BY_CODE, TICK_S
 from . import config_store, handlers
 from .config_store import Config
 from .health import Health
-from .omni3md import Geometry, Omni3MD
+from .motors import Motors
+from .omni3md import Omni3MD
 from .plant import Plant
 from .sonar_task import SonarTask
 from .sonars import VOLTS_PER_COUNT
@@ -67,6 +68,7 @@ class PythonBoard:
     Attributes:
         config: The parameters in force.
         health: Counters and flags since the last reset.
+        motors: The motor board as the firmware sees it.
         sonars: The sonars' side of the board; None in the environment-sensor build.
     """
 
@@ -99,7 +101,7 @@ class PythonBoard:
 
     def advance(self, to_s: float) -> bytes:
         """Runs to `to_s` [s]; the bytes that left the board until then."""
-        if self._booted and self.motor_board.present == self.health.has_fault("motor_board"):
+        if self._booted and self.motors.changed():
             self.motor_there()
         while True:
             event_s = self._next_s(0.0)
@@ -159,11 +161,11 @@ class PythonBoard:
         self.ready_s = self.now_s + BOOT_S
         self.health = Health(cause)
         self.config = Config(self.eeprom)
+        self.motors = Motors(self.plant.motor_board, self.config, self.health)
         self.sonars: Optional[SonarTask] = None
         self.debug = False
         self.stream: Optional[Stream] = None
         self.watchdog_ms = 0
-        self.motors_ever_found = False
         self._valid_s = self._stream_due_s = self.ready_s
         self._silent = False
         self._sequence = 0
@@ -191,7 +193,7 @@ class PythonBoard:
         if self.motor_there():
             self.motor_board.fed = True
             self.motor_board.stop(self.now_s)
-            self.set_up_motor_board()
+            self.motors.set_up(self.now_s)
 
     # ---- events in time
 
@@ -356,40 +358,12 @@ class PythonBoard:
         return self.plant.motor_board
 
     def motor_there(self) -> bool:
-        """Whether the motor board answers; a board that has come back is stopped and set up first."""
-        there, was_gone = self.motor_board.present, self.health.has_fault("motor_board")
-        self.health.set_fault("motor_board", not there)
-        if there and was_gone:
-            self.motor_board.stop(self.now_s)
-            self.set_up_motor_board()
-        elif not there and not was_gone:
-            self.health.stopped("motor_board")
-        self.motors_ever_found = self.motors_ever_found or there
-        return there
-
-    def set_up_motor_board(self, changed: Optional[str] = None) -> None:
-        """Tells the motor board all it has to know, or what depends on one parameter."""
-        config, motor, now = self.config, self.motor_board, self.now_s
-        if changed is None or changed in Geometry._fields:
-            motor.set_geometry(now, Geometry(*(config[name] for name in Geometry._fields)))
-        if changed in (None, "kp", "ki", "kd"):
-            motor.set_gains(now, config["kp"], config["ki"], config["kd"])
-        if changed in (None, "ramp_time", "ramp_gain"):
-            motor.set_ramp(now, config["ramp_time"], config["ramp_gain"])
-        if changed in (None, "motor_timeout"):
-            motor.set_timeout(now, config["motor_timeout"])
+        """Whether the motor board answers now."""
+        return self.motors.there(self.now_s)
 
     def stop_motors(self, reason: str) -> None:
         """The motor board's own stop, at once."""
-        self.health.stopped(reason)
-        if self.motor_there():
-            self.motor_board.stop(self.now_s)
-
-    def encoders(self) -> Optional[Tuple[int, int]]:
-        """Right and left count, or None without a motor board."""
-        if not self.motor_there():
-            return None
-        return self.motor_board.encoder(3, self.now_s), self.motor_board.encoder(1, self.now_s)
+        self.motors.stop(self.now_s, reason)
 
     def adc(self, channel: int) -> int:
         """ADC count of A0 to A3."""

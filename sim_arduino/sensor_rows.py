@@ -17,7 +17,7 @@ asks("read_encoders")
 
 @reply("read_encoders")
 def _encoders(board: "PythonBoard", _: int) -> Values:
-    return board.encoders()
+    return board.motors.encoders(board.now_s)
 
 
 asks("read_sonars", "read_encoders_and_sonars")
@@ -34,7 +34,7 @@ def _sonars(board: "PythonBoard", _: int) -> Values:
 
 @reply("read_encoders_and_sonars")
 def _encoders_and_sonars(board: "PythonBoard", _: int) -> Values:
-    encoders = board.encoders()
+    encoders = board.motors.encoders(board.now_s)
     return None if encoders is None else encoders + _sonar_values(board)
 
 
@@ -59,7 +59,7 @@ def start_omni_stream(board: "PythonBoard", period: int = 0) -> None:
 
 @reply("start_omni_stream")
 def _omni(board: "PythonBoard", _: int) -> Values:
-    encoders = board.encoders()
+    encoders = board.motors.encoders(board.now_s)
     rear = board.motor_board.encoder(2, board.now_s)
     return None if encoders is None else (*encoders, rear, *_sonar_values(board))
 
@@ -173,9 +173,9 @@ def stop_compass_stream(board: "PythonBoard") -> None:
 
 def _counts_or_none_needed(board: "PythonBoard") -> Values:
     """Counts, or what sensor boards without motors have sent since 2013 in their place."""
-    if board.config["robot_id"] > 5 and not board.motors_ever_found:
+    if board.config["robot_id"] > 5 and not board.motors.ever_found:
         return 999, 999
-    return board.encoders()
+    return board.motors.encoders(board.now_s)
 
 
 @reply("start_sensor_stream")

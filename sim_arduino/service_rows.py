@@ -92,7 +92,7 @@ def write_config(board: "PythonBoard", index: int, value: int) -> None:
     board.config[row.name] = value
     board.health.set_fault("id_unset", board.config["robot_id"] == 0)
     if board.motor_there():
-        board.set_up_motor_board(row.name)
+        board.motors.set_up(board.now_s, row.name)
     board.ask(BY_NAME["write_config"].code, index)
 
 
@@ -109,7 +109,7 @@ def default_config(board: "PythonBoard") -> None:
     """37."""
     board.config.set_defaults()
     if board.motor_there():
-        board.set_up_motor_board()
+        board.motors.set_up(board.now_s)
     board.ask(BY_NAME["default_config"].code, 1)
 
 
