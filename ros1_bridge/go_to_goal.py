@@ -34,6 +34,7 @@ from mrl_driver.goal_seeker import GoalSeeker, Pose, carried
 from mrl_driver.robots import Limits
 from mrl_driver.sonar import NAMES
 
+from .cmd_vel import CmdVel
 from .master_watch import await_master
 from .node_rows import GO_TO_GOAL
 from .parameters import read
@@ -60,7 +61,7 @@ class GoToGoal:
         self._odometry: Optional[Odometry] = None
         self._odometry_s = -math.inf
         self._ranges: Dict[str, float] = {}
-        self._cmd_vel = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
+        self._cmd_vel = CmdVel()
         self._plan = rospy.Publisher("plan", Path, queue_size=1, latch=True)
         self._buffer = tf2_ros.Buffer()
         self._listener = tf2_ros.TransformListener(self._buffer)
@@ -77,11 +78,6 @@ class GoToGoal:
         rospy.Subscriber("move_base_simple/goal", PoseStamped, self._on_goal, queue_size=1)
         rospy.Subscriber("waypoints", Path, self._on_waypoints, queue_size=1)
         self._server.start()
-
-    def stop(self) -> None:
-        """One stop if there is a goal; to be called before the topics are closed."""
-        if self._server.is_active():
-            self._cmd_vel.publish(Twist())
 
     def _on_odometry(self, message: Odometry) -> None:
         self._odometry, self._odometry_s = message, rospy.get_time()
@@ -224,7 +220,6 @@ def main(argv: Optional[List[str]] = None) -> int:
     except ConfigError as error:
         rospy.logfatal(str(error))
         return error.exit_code
-    rospy.on_shutdown(node.stop)
     rospy.spin()
     del node
     return 0

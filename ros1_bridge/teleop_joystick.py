@@ -15,6 +15,7 @@ from sensor_msgs.msg import Joy
 from mrl_driver.errors import ConfigError
 
 from . import parameters
+from .cmd_vel import CmdVel
 from .joystick import LAYOUTS, read
 from .master_watch import await_master
 from .node_rows import TELEOP_JOYSTICK
@@ -33,7 +34,7 @@ class TeleopJoystick:
         self._layout = LAYOUTS[given["layout"]]
         self._linear_m_s, self._angular_rad_s = given["linear_speed"], given["angular_speed"]
         self._driving = False
-        self._out = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
+        self._out = CmdVel()
         rospy.Subscriber("joy", Joy, self._on_joy, queue_size=1, tcp_nodelay=True)
 
     def _on_joy(self, message: Joy) -> None:
@@ -47,11 +48,6 @@ class TeleopJoystick:
             twist.angular.z = shares[1] * self._angular_rad_s
         self._out.publish(twist)
 
-    def stop(self) -> None:
-        """One stop if it drives; to be called before the topics are closed."""
-        if self._driving:
-            self._out.publish(Twist())
-
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the node; returns the exit code."""
@@ -62,7 +58,6 @@ def main(argv: Optional[List[str]] = None) -> int:
     except ConfigError as error:
         rospy.logfatal(str(error))
         return error.exit_code
-    rospy.on_shutdown(node.stop)
     rospy.spin()
     del node
     return 0

@@ -12,6 +12,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.keyboard import Keyboard
 from mrl_driver.teleop import ANGULAR_RAD_S, LINEAR_M_S, Teleop
 
+from .cmd_vel import CmdVel
 from .master_watch import await_master
 from .node_rows import TELEOP_KEYBOARD
 from .parameters import read
@@ -34,7 +35,7 @@ class TeleopKeyboard:
             given["linear_speed"] / LINEAR_M_S,
             given["angular_speed"] / ANGULAR_RAD_S,
         )
-        self._out = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
+        self._out = CmdVel()
         self._driving = False
 
     def run(self, keyboard: Keyboard) -> None:
@@ -58,10 +59,6 @@ class TeleopKeyboard:
             self._out.publish(twist)
         self._driving = moving
 
-    def stop(self) -> None:
-        """One stop, as the last word; to be called before the topics are closed."""
-        self._out.publish(Twist())
-
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the node; returns the exit code."""
@@ -75,7 +72,6 @@ def main(argv: Optional[List[str]] = None) -> int:
     except ConfigError as error:
         rospy.logfatal(str(error))
         return error.exit_code
-    rospy.on_shutdown(node.stop)
     rospy.loginfo(HELP)
     with Keyboard() as keyboard:
         node.run(keyboard)

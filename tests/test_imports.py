@@ -10,8 +10,16 @@ import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 FILES = sorted(p for d in ("mrl_driver", "sim_arduino", "ros1_bridge") for p in (ROOT / d).rglob("*.py"))
-NODES = {"robot_node", "demo_view", "teleop_keyboard", "teleop_joystick", "go_to_goal", "world_node"}
-"""Modules of ros1_bridge that are nodes: the ones that may import rospy."""
+NODES = {
+    "robot_node",
+    "demo_view",
+    "teleop_keyboard",
+    "teleop_joystick",
+    "go_to_goal",
+    "world_node",
+    "cmd_vel",
+}
+"""Modules of ros1_bridge that are nodes, or part of them: the ones that may import rospy."""
 EXPERIMENTS = {"team_node", "turnaround_node", "step_node"}
 """The same of its experiments, which also use the emulator and its experiments."""
 SHARED = {"table", "codec", "errors", "robots", "images", "pictures", "address", "listener"}

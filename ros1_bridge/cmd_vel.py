@@ -1,0 +1,33 @@
+"""`cmd_vel` of a node that drives: its last word is a stop.  For nodes."""
+
+import threading
+
+import rospy
+from geometry_msgs.msg import Twist
+
+LEAVES_S = 0.1
+"""rospy sends in the background, and drops what has not left when it closes the topics."""
+
+
+class CmdVel:
+    """Publishes twists until the node ends; then a stop, if the robot was not stopped, and nothing behind it."""
+
+    def __init__(self) -> None:
+        self._out = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
+        self._lock = threading.RLock()  # a signal may end the node in the midst of `publish`
+        self._moving = self._ended = False
+        rospy.on_shutdown(self._end)
+
+    def publish(self, twist: Twist) -> None:
+        """Sends a twist, unless the node ends."""
+        with self._lock:
+            if not self._ended:
+                self._moving = twist != Twist()
+                self._out.publish(twist)
+
+    def _end(self) -> None:
+        with self._lock:
+            self._ended = True
+            if self._moving:
+                self._out.publish(Twist())
+                rospy.rostime.wallsleep(LEAVES_S)
