@@ -23,6 +23,8 @@ REFUSALS = {
     EMERGENCY: "the emergency stop is latched; call the service release_stop",
     DISABLED: "the motors are disabled; call the service enable_motors with true",
 }
+SILENT_S = 0.28
+"""Whoever commands with each telemetry, and has not for so long, had none."""
 _FASTEST = 1e6
 """Beyond this [m/s, rad/s] the arc of a command is not kept; near the largest numbers the scale overflows."""
 
@@ -56,7 +58,7 @@ class Commander:
         """Where there are zones, they limit each command."""
         self.seeking = False
         """Commands come from the node itself, which seeks a pose."""
-        self._held = False
+        self._held = self._dropped = False
 
     def drive(self, linear_m_s: float, angular_rad_s: float, *lateral_m_s: float) -> bool:
         """Take a command; False when the robot may not move now (see `refusal`).  Only some bases go sideways."""
@@ -64,7 +66,7 @@ class Commander:
             if self.latched or not self.enabled:
                 return False
             now = self._commanded_s = self._clock()
-            self._cause = NONE
+            self._cause, self._dropped = NONE, False
             self._target = scaled(linear_m_s, angular_rad_s, self.limits, *lateral_m_s)
             return self._step(now)
 
@@ -78,6 +80,8 @@ class Commander:
             now = self._clock()
             if now - self._commanded_s >= self._timeout_s:
                 self._halt(TIMEOUT if any(self._target) else NONE)
+            elif self._driver.command is None:  # stopped by driver or board: a new command is to drive on
+                self._target, self._now, self._held, self._dropped = None, STANDING, False, True
             elif self.zones is not None:
                 if self._within_zones(now) != self._now:
                     self._step(now)
@@ -111,6 +115,15 @@ class Commander:
         """A command other than standstill is in force."""
         command = self._driver.command
         return command is not None and any(command)
+
+    @property
+    def dropped(self) -> bool:
+        """The driver has dropped the last command, as when the link was lost, or the board has stopped by itself."""
+        with self._lock:
+            if self._target is None:
+                return self._dropped
+            silent = self._clock() - self._commanded_s >= SILENT_S
+            return self._driver.command is None and (silent or self._driver.stop_reason != "command_timeout")
 
     @property
     def stopped_by(self) -> str:

@@ -70,6 +70,9 @@ class PoseGoal:
     def _step(self, goal: Optional[Pose], pose: Pose, ranges: Mapping[str, float], now: float) -> str:
         if goal is None:
             return ""
+        if self._seeker is not None and self._commander.dropped:
+            self._end()
+            return f"{BLOCKED}: the robot was stopped ({self._commander.stopped_by})"
         self._due_s = now + STEP_S
         limits = self._commander.limits
         if self._seeker is None:

@@ -160,6 +160,27 @@ def test_robot_that_the_driver_stopped_starts_from_standstill(bench):
     assert bench.driver.command[0] == pytest.approx(0.2 * FRAME_S)
 
 
+@pytest.mark.parametrize("reason", ["link_lost", "restarted", "link_watchdog"])
+def test_robot_that_the_driver_stopped_waits_for_a_new_command(bench, reason):
+    """Though it was still speeding up, and its commands have not ended."""
+    bench.run(0.2, 0.3)
+    bench.driver.command, bench.driver.stop_reason = None, reason
+    assert bench.commander.dropped
+    bench.run(2 * FRAME_S)
+    assert (bench.driver.command, bench.commander.dropped) == (None, True)
+    bench.run(FRAME_S, 0.3)
+    assert bench.driver.command and not bench.commander.dropped
+
+
+def test_command_that_only_timed_out_was_not_dropped(bench):
+    """Unless nobody could command meanwhile, for there was no telemetry."""
+    bench.run(0.2, 0.3)
+    bench.driver.command, bench.driver.stop_reason = None, "command_timeout"
+    assert not bench.commander.dropped
+    bench.now_s += module.SILENT_S
+    assert bench.commander.dropped
+
+
 def test_emergency_stop_is_latched(bench):
     bench.run(0.2, 0.3)
     bench.commander.latch()

@@ -17,6 +17,7 @@ class Noted:
     def __init__(self):
         self.limits, self.seeking, self.willing = Limits(0.3, 1.0, 0.2, 1.0), False, True
         self.speeds, self.stops = None, 0
+        self.dropped, self.stopped_by = False, "link lost"
 
     def drive(self, *speeds):
         self.speeds = speeds
@@ -82,6 +83,16 @@ def test_it_gives_up_when_it_comes_no_nearer(goal, noted):
     goal.start(message("odom", 1.0, 0.0), HERE)
     ends = [goal.on_telemetry(at((0.0, 0.0, 0.0), float(second))) for second in range(70)]
     assert f"{BLOCKED}: 1.0 m away it came no nearer for 60 s" in ends and noted.stops == 1
+
+
+def test_it_gives_up_when_the_driver_has_stopped_the_robot(goal, noted):
+    """As when the link was lost: back again, the robot waits for a new command."""
+    noted.dropped = True  # by the goal before; a new one is a new command
+    goal.start(message("odom", 1.0, 0.0), HERE)
+    assert goal.on_telemetry(at((0.0, 0.0, 0.0), 1.0)) == "" and noted.speeds
+    noted.speeds = None
+    assert goal.on_telemetry(at((0.0, 0.0, 0.0), 2.0)) == f"{BLOCKED}: the robot was stopped (link lost)"
+    assert (noted.speeds, noted.seeking, goal.active) == (None, False, False)
 
 
 def test_it_gives_up_when_the_robot_may_not_move(goal, noted):
