@@ -181,9 +181,12 @@ class Zones:
     def limited(self, velocity_m_s: Point, now: float) -> Point:
         """The velocity that is allowed of one that is asked for, forward and to the left [m/s]: slower, if anything.
 
-        One of 0, such as that of a turn in place, asks about the way ahead, and is always allowed.
+        One of 0, such as that of a turn in place, asks about the way ahead, and is always allowed.  One that is not
+        finite stays what it is, for the driver to refuse.
         """
         speed_m_s = math.hypot(*velocity_m_s)
+        if not math.isfinite(speed_m_s):
+            return velocity_m_s
         way = (velocity_m_s[0] / speed_m_s, velocity_m_s[1] / speed_m_s) if speed_m_s > 0 else AHEAD
         with self._lock:
             self._sector = round(math.atan2(way[1], way[0]) / (2 * math.pi) * SECTORS) % SECTORS

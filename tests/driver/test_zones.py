@@ -58,6 +58,12 @@ def test_far_from_everything_the_robot_does_what_it_is_asked():
     assert zones.warning_clear and zones.protective_clear
 
 
+@pytest.mark.parametrize("odd", [math.nan, math.inf])
+def test_a_speed_that_is_none_does_not_become_one(odd):
+    """It is for the driver to refuse, which stops the robot."""
+    assert str(told(zones_of(), 2.0).limited((odd, 0.0), 0.1)) == str((odd, 0.0))
+
+
 def test_the_warning_zone_slows():
     zones = told(zones_of(), 0.6)
     assert ZONES.slow_m_s <= zones.limit(0.3, 0.1) < 0.3
