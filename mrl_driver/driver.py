@@ -107,10 +107,11 @@ class Driver(Runner):
         with self._changed:
             self._closing = True
             self._changed.notify_all()
-            link = self._link
+            links = self._link, self._trial
         self._settled.set()
-        if link is not None:
-            link.close()
+        for link in links:
+            if link is not None:
+                link.close()
         if not on_thread:
             thread.join()
         self._end_tape()

@@ -4,6 +4,7 @@ The exchange is over before the session begins.  A board that does not know the 
 the rate, is left at 115200 baud; the board itself returns to that after 1 s without a valid frame.
 """
 
+import contextlib
 import time
 from typing import Optional, Tuple
 
@@ -21,9 +22,11 @@ BACK_S = 1.1
 """After so long without a valid frame the board is at 115200 again."""
 PROOFS, PROOF_S = 20, 0.1
 """So many exchanges in a row have to be without fault; each takes 2 ms."""
-_BAUD, _INFO, _PROTOCOL, _STOP_STREAM = (
-    BY_NAME[name].code for name in ("set_baud", "robot_info", "read_protocol", "stop_stream")
+_BAUD, _INFO, _PROTOCOL, _STOP, _STOP_STREAM = (
+    BY_NAME[name].code for name in ("set_baud", "robot_info", "read_protocol", "stop", "stop_stream")
 )
+_QUIET = encode_request(_STOP) + encode_request(_STOP_STREAM)
+"""Goes first: a robot that drives is not to do so until the session begins."""
 _BIT = 256
 """Capability `baud`."""
 
@@ -54,7 +57,8 @@ def _is_able(link: Link) -> bool:
     """The board knows the request."""
     end_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < end_s:
-        link.write(encode_request(_STOP_STREAM))
+        with contextlib.suppress(BoardTimeout):
+            link.write(_QUIET)
         info = _ask(link, ANSWER_S, _INFO)
         if info is not None and info[3] < 2:
             return False

@@ -246,7 +246,9 @@ class Link:
             LinkLost: the port went away.
         """
         try:
-            termios.tcdrain(self._fd)
+            _drop_unsent(self._fd)
+            if not unsent(self._fd):  # else the adapter hangs, and the drain would for ever
+                termios.tcdrain(self._fd)
             self._serial.baudrate = baud
         except (ValueError, OSError, termios.error) as error:
             raise self._lost(_words(error)) from None

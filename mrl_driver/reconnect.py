@@ -80,7 +80,7 @@ class Reconnection:
             return None
         try:
             link = self._open_link(name)
-        except LinkError:
+        except (LinkError, BoardTimeout):
             search.refuse(name, now)
             return None
         self.port, self._trial_ends_s = name, now + self._patience_s

@@ -36,6 +36,7 @@ class Runner(Readout):
         self._changed = threading.Condition(self._lock)
         self._settled = threading.Event()
         self._link: Optional[Link] = None
+        self._trial: Optional[Link] = None
         self._thread: Optional[threading.Thread] = None
         self._closing = False
         self._asking = 0
@@ -146,12 +147,23 @@ class Runner(Readout):
         opener = self._tape.open if self._tape is not None else open_link
         link = opener(name, self._baud, patience_s)
         try:
-            self._fast = self._options.fast and speed_up(link)
-        except LinkLost:
+            self._fast = self._options.fast and self._speed_up(link)
+        except BaseException:
             link.close()
             raise
         self._well_s, self._errors = time.monotonic(), -1
         return link
+
+    def _speed_up(self, link: Link) -> bool:
+        """As `speed_up`; a `close` meanwhile ends it, for it takes seconds where nothing answers."""
+        with self._lock:
+            if self._closing:
+                raise LinkLost("the driver was closed")
+            self._trial = link
+        try:
+            return speed_up(link)
+        finally:
+            self._trial = None
 
     def _end_tape(self) -> None:
         if self._tape is not None:
@@ -302,7 +314,7 @@ class Runner(Readout):
         """In a forked child, which leaves the robot to its parent: closed, and every call says why."""
         self._lock = threading.RLock()
         self._changed, self._settled = threading.Condition(self._lock), threading.Event()
-        self._link = self._thread = self._reconnection = self._tape = None
+        self._link = self._trial = self._thread = self._reconnection = self._tape = None
         self._closing = True
         self._error = LinkLost(
             "this process was forked from the one that drives the robot; connect in one of them"

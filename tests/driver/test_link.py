@@ -1,3 +1,4 @@
+import contextlib
 import errno
 import fcntl
 import os
@@ -221,6 +222,16 @@ def test_a_close_waits_only_while_the_adapter_takes_what_was_sent(pty, monkeypat
     monkeypatch.setattr(termios, "tcflush", lambda fd, what: flushed.append(what))
     link.close()
     assert flushed == [termios.TCOFLUSH] * flushes
+
+
+def test_a_change_of_speed_does_not_wait_for_an_adapter_that_hangs(pty, monkeypatch):
+    """Nor for one that has nothing to flush; the driver's lock is held meanwhile, and a stop would wait with it."""
+    drained = []
+    monkeypatch.setattr("mrl_driver.link.unsent", lambda fd: 100)
+    monkeypatch.setattr(termios, "tcdrain", drained.append)
+    with contextlib.closing(Link(pty[1])) as link:
+        link.set_baud(57600)
+    assert drained == []
 
 
 def test_a_port_marked_exclusive_is_busy(pty, monkeypatch):

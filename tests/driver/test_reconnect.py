@@ -8,7 +8,7 @@ import pytest
 
 from mrl_driver import reconnect
 from mrl_driver.driver import Driver, Options
-from mrl_driver.errors import LinkLost
+from mrl_driver.errors import BoardTimeout, LinkLost
 from mrl_driver.events import Lost, Reconnected
 from mrl_driver.ports import Port
 
@@ -189,6 +189,35 @@ def test_closing_in_the_search(robot, cable):
     robot.close()
     assert time.monotonic() - start < CLOSE_S * BUSY
     assert robot.wait(0)
+
+
+@pytest.mark.parametrize("error", [LinkLost, BoardTimeout])
+def test_a_line_that_cannot_be_raised_in_the_search_is_tried_again(cable, monkeypatch, error):
+    failures = []
+
+    def speed_up(link):
+        if failures:
+            raise failures.pop()
+        return False
+
+    monkeypatch.setattr("mrl_driver.runner.speed_up", speed_up)
+    with Driver(cable.path, options=Options(reconnect=True, fast=True)) as robot:
+        failures.append(error("the port takes no more bytes"))
+        cable.unplug()
+        cable.plug()
+        wait_until(lambda: not failures and robot.ready)
+
+
+def test_a_close_ends_the_raising_of_a_line(cable):
+    """In the search, with a board that never answers."""
+    with Driver(cable.path, options=Options(reconnect=True, fast=True)) as robot:
+        cable.unplug()
+        cable.plug()
+        cable.port.held.set()
+        wait_until(lambda: robot._trial is not None)
+        trial = robot._trial
+        robot.close()
+        assert trial.closed and not robot._thread.is_alive()
 
 
 def test_a_request_in_the_search_says_so(robot, cable):

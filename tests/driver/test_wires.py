@@ -8,9 +8,9 @@ from contextlib import closing
 
 import pytest
 
-from mrl_driver import network
+from mrl_driver import fast_line, network
 from mrl_driver.driver import Driver, Options
-from mrl_driver.errors import ConfigError, LinkLost, NotARobot, PortMissing
+from mrl_driver.errors import BoardTimeout, ConfigError, LinkLost, NotARobot, PortMissing
 from mrl_driver.events import Lost, Ready, Slowed, Stale
 from mrl_driver.stepped import SteppedDriver
 from mrl_driver.table import BY_NAME
@@ -159,6 +159,22 @@ def test_the_line_is_raised_and_left_as_it_was():
             board.wait_until(lambda: robot.pose.x_m > 0.02)
             assert robot.statistics.garbage == {} and robot.line_baud == 500000
         board.wait_until(lambda: speed_of(board) == 0)
+
+
+def test_a_stop_goes_before_all_else(serve):
+    """A 2013 board drives on until it gets one."""
+    board = serve()
+    with Driver(board.path, options=Options(fast=True)):
+        assert board.received.startswith(b"@13e")
+
+
+def test_a_line_that_takes_no_bytes_is_not_raised(monkeypatch):
+    class Blocked:
+        def write(self, _):
+            raise BoardTimeout("the port takes no more bytes")
+
+    monkeypatch.setattr(fast_line, "PATIENCE_S", 0.01)
+    assert not fast_line.speed_up(Blocked())
 
 
 def test_a_raised_line_that_fails_goes_back():
