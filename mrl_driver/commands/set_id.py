@@ -77,9 +77,21 @@ def write_id(driver: "Driver", robot_id: int, model: "RobotModel") -> None:
     for name, value in model.board.items():
         _write(driver, name, value)
     save(driver)
+    for name, value in {"robot_id": robot_id, **model.board}.items():
+        _demand(driver, name, value)
 
 
 def _write(driver: "Driver", name: str, value: int) -> None:
     index = PARAMETER_BY_NAME[name].number
     if driver.ask(BY_NAME["write_config"].code, index, value) != (index, value):
         raise BoardRefused(f"the board did not take {name} {value}")
+
+
+def _demand(driver: "Driver", name: str, value: int) -> None:
+    """A board that restarted before it saved has forgotten what it was told."""
+    index = PARAMETER_BY_NAME[name].number
+    answer = driver.ask(BY_NAME["read_config"].code, index)
+    if answer != (index, value):
+        raise BoardRefused(
+            f"the board was told {name} {value} and says {answer[-1]}: it restarted; try again"
+        )

@@ -4,7 +4,7 @@ import pytest
 
 from mrl_driver import robots
 from mrl_driver.commands.set_id import write_id
-from mrl_driver.errors import ConfigError
+from mrl_driver.errors import BoardRefused, ConfigError
 from mrl_driver.options import Options
 from mrl_driver.stepped import SteppedDriver
 from mrl_driver.table import BY_NAME, PARAMETER_BY_NAME
@@ -57,6 +57,22 @@ def test_a_blank_board_becomes_one(home):
         write_id(robot, 11, model)
     values = config_store.Config(board.eeprom)
     assert {name: values[name] for name in model.board} == model.board and values["robot_id"] == 11
+
+
+def test_a_board_that_restarts_before_it_saves_is_told_of(home, monkeypatch):
+    model, board = robots.load("eswarbot"), boards.make(boards.Options(robot="traxbot", robot_id=0)).engine
+    with SteppedDriver(board, model, Options(any_id=True)) as robot:
+        ask = robot.ask
+
+        def restart_first(code, *args, **options):
+            if code == BY_NAME["save_config"].code:
+                board.reset()
+                robot.wait(2.0)
+            return ask(code, *args, **options)
+
+        monkeypatch.setattr(robot, "ask", restart_first)
+        with pytest.raises(BoardRefused, match="told robot_id 11 and says 0"):
+            write_id(robot, 11, model)
 
 
 def test_a_users_file_comes_before_the_packaged_one(home):
