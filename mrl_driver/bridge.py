@@ -44,8 +44,8 @@ class Bridge:
                 self._turn()
         finally:
             self._listener.close()
-            if self._client:
-                self._send(STOP)
+            if self._client or self._stops:
+                self._send(STOP * STOPS)
 
     def _turn(self) -> None:
         watched: List[Optional[int]] = [self._link.fileno(), self._listener.watch, self._listener.data]

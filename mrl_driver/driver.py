@@ -98,8 +98,12 @@ class Driver(Runner):
 
     def close(self) -> None:
         """Stop the robot, wait at most a second for telemetry to confirm it, and give the port back."""
-        thread = self._thread
+        with self._lock:
+            thread, trial = self._thread, self._trial
+            self._closing = self._closing or (thread is None and self._beginning)
         if thread is None:
+            if trial is not None:
+                trial.close()
             return
         on_thread = thread is threading.current_thread()
         if self._error is None and not self._closing:

@@ -38,7 +38,7 @@ class Runner(Readout):
         self._link: Optional[Link] = None
         self._trial: Optional[Link] = None
         self._thread: Optional[threading.Thread] = None
-        self._closing = False
+        self._beginning = self._closing = False
         self._asking = 0
         self._settling = True
         self._broken: Optional[LinkLost] = None
@@ -49,13 +49,28 @@ class Runner(Readout):
 
     def _begin(self) -> None:
         """Open the port and greet the board; `_settled` is set when that is done, or has failed."""
-        self._link = self._first_link()
-        if self._options.reconnect and not isinstance(self._port, Link):
-            self._reconnection = Reconnection(self._port, self._open, self._options.greeting_s)
-        self._core.begin(time.monotonic())
-        self._thread = threading.Thread(target=self._run, name="mrl-driver", daemon=True)
-        self._thread.start()
+        self._beginning = True
+        try:
+            link = self._first_link()
+            if self._options.reconnect and not isinstance(self._port, Link):
+                self._reconnection = Reconnection(self._port, self._open, self._options.greeting_s)
+            self._start(link)
+        finally:
+            self._beginning = False
         forks.leave_to_parent(self._abandon)
+
+    def _start(self, link: Link) -> None:
+        """Begin the conversation, unless the driver was closed while the port opened."""
+        with self._lock:
+            if not self._closing:
+                self._link = link
+                self._core.begin(time.monotonic())
+                self._thread = threading.Thread(target=self._run, name="mrl-driver", daemon=True)
+                self._thread.start()
+                return
+        link.close()
+        self._end_tape()
+        raise LinkLost("the driver was closed while it connected")
 
     def _run(self) -> None:
         try:
@@ -260,13 +275,18 @@ class Runner(Readout):
     # -- the end
 
     def _say_goodbye(self, wait: bool) -> None:
-        """Stop, have it confirmed, and leave the board as a 2013 host would expect it."""
+        """Stop, have it confirmed, and leave the board as a 2013 host would expect it.
+
+        Who cannot `wait` for the thread that reads is that thread, and reads here.
+        """
         try:
             with self._lock:
                 core = self._connected()
                 core.leaving = True
                 core.session.stop(time.monotonic(), "closed")
                 self._flush()
+            if not wait:
+                self._halt()
             deadline = time.monotonic() + CLOSE_S
             while wait and self.ready and not self.stopped and time.monotonic() < deadline:
                 time.sleep(0.01)

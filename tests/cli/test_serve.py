@@ -1,6 +1,7 @@
 """`mrl serve`: a board's serial port on the network."""
 
 import threading
+from types import SimpleNamespace
 
 import pytest
 
@@ -63,6 +64,16 @@ def test_the_robot_stops_when_its_client_is_gone(served):
     client.close()
     served.board.wait_until(lambda: served.board.true_speed_m_s == 0.0)
     assert any("has left; the robot is stopped" in line for line in served.told)
+
+
+def test_the_stop_at_the_end_goes_more_than_once():
+    """A 2013 board drops a stop that breaks off a frame which the client had begun."""
+    sent = []
+    bridge = Bridge(SimpleNamespace(write=sent.append), SimpleNamespace(close=lambda: None), sent.append)
+    bridge._client = "somebody"
+    bridge.stop()
+    bridge.run()
+    assert b"".join(sent).count(b"@13e") > 1
 
 
 def test_an_address_must_be_given():

@@ -8,6 +8,7 @@ import tty
 
 import pytest
 
+from mrl_driver import wires
 from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import (
     BatteryDead,
@@ -129,6 +130,47 @@ def test_closing_twice_and_from_a_callback_is_harmless(serve):
     driver.close()
     with pytest.raises(LinkLost):
         driver.drive(0, 0)
+
+
+def test_a_close_from_a_callback_repeats_a_stop_that_was_lost(serve):
+    """A board of 2013 would drive on."""
+    port = serve(version=1)
+    driver = Driver(port.path)
+    driver.connect()
+    driver.drive(0.2, 0.0)
+    wait_until(lambda: port.board.speeds == (200, 0) and driver.twist.linear_m_s > 0.1)
+    write, lost = driver._link.write, []
+
+    def lose_first_stop(data):
+        if b"@13e" in data and not lost:
+            lost.append(data)
+        else:
+            write(data)
+
+    driver._link.write = lose_first_stop
+    driver.on_telemetry(lambda _: driver.close())
+    wait_until(lambda: port.board.speeds == (0, 0))
+    assert lost
+    driver.close()
+
+
+def test_a_close_while_the_port_opens_ends_the_connecting(serve, monkeypatch):
+    """As by Ctrl-C in another thread, with a host that does not answer."""
+    closing, opening = threading.Event(), threading.Event()
+
+    def slow(*args):
+        opening.set()
+        closing.wait(PATIENCE_S)
+        return wires.open_link(*args)
+
+    monkeypatch.setattr("mrl_driver.runner.open_link", slow)
+    driver = Driver(serve().path)
+    closer = threading.Thread(target=lambda: (opening.wait(PATIENCE_S), driver.close(), closing.set()))
+    closer.start()
+    with pytest.raises(LinkLost, match="closed while it connected"):
+        driver.connect()
+    closer.join()
+    assert driver.wait(0)
 
 
 def test_telemetry_is_called_back_for_each_frame(robot):
