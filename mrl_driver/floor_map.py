@@ -109,10 +109,10 @@ class FloorMap:
         return self._around[FREE_ZONE].get(cell_of(point), 0) > 0
 
     def is_free(self, start: Point, end: Point) -> bool:
-        """The straight way between two points keeps away from things."""
-        away_m = math.hypot(end[0] - start[0], end[1] - start[1])
-        steps = int(away_m / CELL_M) + 1
-        dx, dy = (end[0] - start[0]) / steps, (end[1] - start[1]) / steps
+        """The straight way between two points, or as much of it as a search looks at, keeps away from things."""
+        away = math.hypot(end[0] - start[0], end[1] - start[1]) / CELL_M
+        steps = int(min(away, MOST_CELLS)) + 1
+        dx, dy = (end[0] - start[0]) / max(steps, away), (end[1] - start[1]) / max(steps, away)
         return not any(self.is_near((start[0] + dx * k, start[1] + dy * k)) for k in range(steps + 1))
 
     def way(self, start: Point, goal: Point) -> Optional[List[Point]]:

@@ -5,6 +5,8 @@ from typing import Any
 
 from mrl_driver.goal_seeker import Pose
 
+FARTHEST_M = 1e8
+"""Beyond what any map's frame needs, and within what a grid of cells can count."""
 _LEAST_LENGTH = 1e-3
 """A shorter quaternion has no direction."""
 
@@ -13,11 +15,13 @@ def planar(pose: Any) -> Pose:
     """x [m], y [m], yaw [rad] of a geometry_msgs/Pose.
 
     Raises:
-        ValueError: a number is not finite, or the orientation is none.
+        ValueError: a number is not finite or beyond `FARTHEST_M`, or the orientation is none.
     """
     at = pose.position
-    if not (math.isfinite(at.x) and math.isfinite(at.y)):
-        raise ValueError(f"position is {at.x:g}, {at.y:g}, expected finite numbers")
+    if not (abs(at.x) <= FARTHEST_M and abs(at.y) <= FARTHEST_M):
+        raise ValueError(
+            f"position is {at.x:g}, {at.y:g}, expected finite numbers of at most {FARTHEST_M:g} m"
+        )
     return at.x, at.y, yaw_of(pose.orientation)
 
 

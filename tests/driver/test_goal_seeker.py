@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from mrl_driver.floor_map import FloorMap
+from mrl_driver.floor_map import CELL_M, MOST_CELLS, FloorMap
 from mrl_driver.goal_seeker import MOUNTS, GoalSeeker
 from mrl_driver.odometry import Pose
 from mrl_driver.robots import Limits
@@ -39,6 +39,15 @@ def seek(tmp_path, floor, start, goal, patience_s=60.0):
             return seeker, emulated.plant.true_pose, bumps
     finally:
         emulated.close()
+
+
+def test_the_way_to_a_far_goal_is_looked_at_only_so_far(monkeypatch):
+    """Speeds are found on the thread that reads; a pose in millimetres must not hold it up."""
+    looks = []
+    monkeypatch.setattr(FloorMap, "is_near", lambda _, point: looks.append(point))
+    assert FloorMap(MOUNTS).is_free((0.0, 0.0), (1e5, 0.0))
+    assert len(looks) <= MOST_CELLS + 2
+    assert looks[1] == pytest.approx((CELL_M, 0.0))
 
 
 def room(walls="", boxes=""):

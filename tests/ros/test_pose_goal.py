@@ -62,6 +62,7 @@ def test_in_the_robots_own_frame_it_is_relative(goal):
     [
         (message("map", 1, 1), "pose is in map, expected odom"),
         (message("odom", math.nan, 1), "finite"),
+        (message("odom", 1e308, 1), "at most 1e"),
         (message("odom", 1, 1, 0.0), "quaternion"),
     ],
 )
