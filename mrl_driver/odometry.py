@@ -10,9 +10,9 @@ SPEED_MARGIN = 1.5
 """A wheel may seem this much faster than the board's ceilings allow before its counts are refused."""
 QUANTUM_COUNTS = 3
 """Counts that a wheel may move in no time at all: rounding of both readings, and one of jitter."""
-CONFIRMATIONS = 3
 NEAR_S = 0.02
 """Arrival times tell of no shorter time than this."""
+CONFIRMATIONS = 3
 """So many readings in a row that agree with each other, and not with the baseline, make a new baseline."""
 TWIST_INTERVAL_S = 0.015
 """Without board time, speeds are formed over at least this long, so that a burst makes no spike."""

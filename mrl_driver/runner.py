@@ -291,6 +291,8 @@ class Runner(Readout):
             while wait and self.ready and not self.stopped and time.monotonic() < deadline:
                 time.sleep(0.01)
             with self._lock:
+                if not self.stopped:  # nor will telemetry tell, perhaps, whether the stop arrived
+                    core.session.stop(time.monotonic(), "closed")
                 core.session.end()
                 if self._fast:
                     core.session.request(BY_NAME["set_baud"].code, 0)

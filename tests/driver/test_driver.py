@@ -132,6 +132,14 @@ def test_closing_twice_and_from_a_callback_is_harmless(serve):
         driver.drive(0, 0)
 
 
+def test_a_close_repeats_a_stop_that_a_silent_board_cannot_confirm(robot):
+    """The first may break off a frame, and then a board of 2013 drops both."""
+    robot.port.board.mute = True
+    wait_until(lambda: not robot.ready)
+    robot.close()
+    wait_until(lambda: b"@13e@13e@19" in robot.port.received)
+
+
 def test_a_close_from_a_callback_repeats_a_stop_that_was_lost(serve):
     """A board of 2013 would drive on."""
     port = serve(version=1)
