@@ -48,7 +48,7 @@ apt:
 # The virtual environment is made from Debian's own python3: its rospy lives there.
 $(VENV)/.ready: setup.py pyproject.toml package.xml | apt
 	@[ -x $(PY) ] || /usr/bin/python3 -m venv --system-site-packages $(VENV)
-	$(PY) -m pip install -q --disable-pip-version-check -e '.[dev]'
+	$(PY) -m pip install -q --disable-pip-version-check --no-compile -e '.[dev]'
 	@touch $@
 
 include firmware/firmware.mk $(wildcard ros1_bridge/ros.mk sim_arduino/sim.mk tests/long.mk)
@@ -60,9 +60,9 @@ check: setup ## Format, lint, types, generated files, import rules
 	$(PY) -m mrl_driver.generate --check
 	$(PY) -m ros1_bridge.description --check
 
-test: setup ## Set everything up and run all tests
+test: apt ## Set everything up and run all tests
 	@$(MAKE) --no-print-directory -j3 -Otarget check firmware pc-firmware
-	$(ROS_ENV) $(PY) -m pytest -n 3 --dist loadfile
+	$(ROS_ENV) $(PY) -m pytest -n 4 --dist loadfile
 
 .PHONY: bench-firmware bench-host
 bench-firmware: setup firmware ## Measure the firmware image on the simulated chip; build/bench/firmware.json

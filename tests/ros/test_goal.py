@@ -166,6 +166,7 @@ def test_goal_of_another_client_takes_the_place_of_the_first(robot):
     robot.client.send_goal(MoveBaseGoal(goal(robot, 2.0, 0.1)), done_cb=lambda state, _: ended.append(state))
     other = actionlib.SimpleActionClient(f"{robot.ns}/move_base", MoveBaseAction)
     assert other.wait_for_server(rospy.Duration(START_S))
+    assert wait_until(lambda: robot.client.get_state() == actionlib.GoalStatus.ACTIVE, START_S)
     here = robot.odom.messages[-1].pose.pose
     target = PoseStamped(robot.odom.messages[-1].header, here)
     assert other.send_goal_and_wait(MoveBaseGoal(target), rospy.Duration(START_S)) == SUCCEEDED
