@@ -44,6 +44,8 @@ RATE_HZ = 20.0
 ODOM_LATE_S = 0.5
 TF_TIMEOUT_S = 1.0
 POLL_S = 0.2
+END_S = 1.5
+"""What a goal may take to end with the node: more than a transform is waited for."""
 
 
 class GoToGoal:
@@ -71,13 +73,21 @@ class GoToGoal:
         self._goal_out = rospy.Publisher("move_base/goal", MoveBaseActionGoal, queue_size=5)
         self._awaited: Dict[str, queue.Queue[int]] = {}
         self._tour = self._goals = 0
+        self._ending, self._idle = threading.Event(), threading.Event()
+        self._idle.set()
         rospy.Subscriber("move_base/result", MoveBaseActionResult, self._on_result)
         rospy.Subscriber("odom", Odometry, self._on_odometry, queue_size=1, tcp_nodelay=True)
         for name in NAMES:
             rospy.Subscriber(f"sonar/{name}", Range, self._on_range, callback_args=name, queue_size=1)
         rospy.Subscriber("move_base_simple/goal", PoseStamped, self._on_goal, queue_size=1)
         rospy.Subscriber("waypoints", Path, self._on_waypoints, queue_size=1)
+        rospy.on_shutdown(self._end)
         self._server.start()
+
+    def _end(self) -> None:
+        """The client hears how its goal ended, before the topics are closed."""
+        self._ending.set()
+        self._idle.wait(END_S)
 
     def _on_odometry(self, message: Odometry) -> None:
         self._odometry, self._odometry_s = message, rospy.get_time()
@@ -133,6 +143,16 @@ class GoToGoal:
 
     def _execute(self, goal: MoveBaseGoal) -> None:
         """Called by the action server for each goal, on its own thread."""
+        self._idle.clear()
+        try:
+            self._attempt(goal)
+        except rospy.ROSException:
+            if not rospy.is_shutdown():  # it closes the topics, and ends waiting
+                raise
+        finally:
+            self._idle.set()
+
+    def _attempt(self, goal: MoveBaseGoal) -> None:
         try:
             target = self._target(goal.target_pose)
         except ValueError as error:
@@ -140,18 +160,14 @@ class GoToGoal:
             rospy.logwarn(f"goal refused: {error}")
             self._server.set_aborted(MoveBaseResult(), str(error))
             return
-        try:
-            self._seek(target)
-        except rospy.ROSException:
-            if not rospy.is_shutdown():  # it closes the topics, and ends waiting
-                raise
+        self._seek(target)
 
     def _seek(self, target: Pose) -> None:
         """Drive until the goal is reached or given up."""
         rate = rospy.Rate(RATE_HZ)
         seeker = GoalSeeker(target, self._limits, rospy.get_time(), self._patience_s)
         self._show(target)
-        while not rospy.is_shutdown():
+        while not self._ending.is_set():
             if self._server.is_preempt_requested():
                 if not self._server.is_new_goal_available():
                     self._cmd_vel.publish(Twist())
@@ -164,9 +180,8 @@ class GoToGoal:
         if seeker.reached:
             self._server.set_succeeded(MoveBaseResult(), "reached")
         else:
-            self._server.set_aborted(
-                MoveBaseResult(), f"blocked: {seeker.why}" if seeker.blocked else "odometry has stopped"
-            )
+            why = "the node ends" if self._ending.is_set() else "odometry has stopped"
+            self._server.set_aborted(MoveBaseResult(), f"blocked: {seeker.why}" if seeker.blocked else why)
 
     def _drive(self, seeker: GoalSeeker) -> bool:
         """One step; False at the end."""

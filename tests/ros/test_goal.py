@@ -229,4 +229,6 @@ def test_node_that_ends_while_it_drives_ends_in_peace(robot):
     robot.seeker.signal(signal.SIGINT)
     assert robot.seeker.wait(START_S) and robot.seeker.exit_code == 0
     assert wait_until(lambda: twists.messages[-1] == Twist(), START_S)
+    assert wait_until(lambda: robot.client.get_state() == actionlib.GoalStatus.ABORTED, START_S)
+    assert robot.client.get_goal_status_text() == "the node ends"
     assert not [line for line in robot.seeker.output() if "Traceback" in line or "ERROR" in line]
