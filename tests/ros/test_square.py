@@ -19,7 +19,7 @@ LIMITS = Limits(linear_m_s=0.5, angular_rad_s=1.8, braking_m_s2=0.16, braking_ra
 SIDE_M = 0.2
 SPEED = 2
 """The board's time runs so many times as fast."""
-CLOSED_M = 0.03
+CLOSED_M = 0.08
 PERIOD_S = 0.03
 STILL_MESSAGES = 15
 COUNT_M = load(MODEL).drive.metres_per_count
