@@ -61,7 +61,7 @@ def attempt(name: str, measure: Callable[[], Dict[str, float]]) -> Dict[str, flo
 @click.option("--minutes", type=click.FloatRange(0.1), default=FULL_MINUTES, show_default=True)
 def main(minutes: float) -> None:
     """Measure reactions again and again, then drive on for so long; exit code 1 if a figure misses its goal."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # shells ignore it for what runs in the background
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # background shells ignore it
     goals.conclude({key: value for figures in run(minutes) for key, value in figures.items()})
 
 
