@@ -22,8 +22,8 @@ MEMBERS = (
 WORLD = "room"
 DURATION_S = 300.0
 SIMULATED = "In simulated time, without ROS."
-NEAR_M, STOP_M, SIDE_M = 0.7, 0.35, 0.4
-SHARE = 0.6
+NEAR_M, STOP_M, SIDE_M = 0.9, 0.45, 0.5
+SHARE = 0.5
 """Of the robot's limit: two that meet come nearer twice as fast as one meets a wall, and sonars are slow."""
 
 
