@@ -34,17 +34,6 @@ help: ## List the targets
 
 setup: $(VENV)/.ready ## Install what is missing: Debian packages, then a virtual environment in .venv
 
-# Missing Debian packages are asked for by name each time, so that a package removed later is noticed.
-.PHONY: apt
-apt:
-	@missing=$$(for p in $(APT); do dpkg-query -W -f='$${Status}' $$p 2>/dev/null | grep -q 'ok installed' || echo $$p; done); \
-	if [ -n "$$missing" ]; then \
-	  echo "installing" $$missing; \
-	  [ "$$(id -u)" = 0 ] || [ -n "$(SUDO)" ] || { echo "make setup needs root or sudo to install:" $$missing >&2; exit 1; }; \
-	  export DEBIAN_FRONTEND=noninteractive; \
-	  $(SUDO) apt-get update -q && $(SUDO) apt-get install -qy --no-install-recommends $$missing; \
-	fi
-
 # The virtual environment is made from Debian's own python3: its rospy lives there.
 $(VENV)/.ready: setup.py pyproject.toml package.xml | apt
 	@[ -x $(PY) ] || /usr/bin/python3 -m venv --system-site-packages $(VENV)
@@ -52,6 +41,18 @@ $(VENV)/.ready: setup.py pyproject.toml package.xml | apt
 	@touch $@
 
 include firmware/firmware.mk $(wildcard ros1_bridge/ros.mk sim_arduino/sim.mk tests/long.mk)
+
+# What is missing is asked each time, so that a package removed later is noticed; where all is there, `apt` does nothing.
+INSTALLED := $(shell dpkg-query -W -f='$${db:Status-Abbrev}$${Package}\n' $(APT) 2>/dev/null | sed -n 's/^ii //p')
+MISSING := $(filter-out $(INSTALLED),$(APT))
+.PHONY: apt
+apt:
+ifneq ($(MISSING),)
+	@echo "installing $(MISSING)"
+	@[ "$$(id -u)" = 0 ] || [ -n "$(SUDO)" ] || { echo "make setup needs root or sudo to install: $(MISSING)" >&2; exit 1; }
+	@apt="$(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get -q"; \
+	$$apt update && $$apt install -y --no-install-recommends $(MISSING)
+endif
 
 check: setup ## Format, lint, types, generated files, import rules
 	$(VENV)/bin/ruff format --check -q .

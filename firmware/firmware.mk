@@ -28,11 +28,11 @@ define FW_IMAGE
 FW_IMAGES += $$(FW_BUILD)/$(1).elf
 FW_OBJECTS_$(1) := $$(patsubst %,$$(FW_BUILD)/$(1).o/%.o,$$(FW_PARTS)) $$(patsubst %,$$(FW_BUILD)/core/%.o,$$(FW_CORE))
 
-$$(FW_BUILD)/$(1).o/%.cpp.o: $$(FW_SOURCE)/%.cpp $$(FW_HEADERS) firmware/firmware.mk
+$$(FW_BUILD)/$(1).o/%.cpp.o: $$(FW_SOURCE)/%.cpp $$(FW_HEADERS) firmware/firmware.mk | apt
 	@mkdir -p $$(@D)
 	@avr-g++ $$(FW_FLAGS) $$(FW_CXX) $$(FW_WARNINGS) $(2) -c $$< -o $$@
 
-$$(FW_BUILD)/$(1).o/%.ino.o: $$(FW_SOURCE)/%.ino $$(FW_HEADERS) firmware/firmware.mk
+$$(FW_BUILD)/$(1).o/%.ino.o: $$(FW_SOURCE)/%.ino $$(FW_HEADERS) firmware/firmware.mk | apt
 	@mkdir -p $$(@D)
 	@avr-g++ $$(FW_FLAGS) $$(FW_CXX) $$(FW_WARNINGS) $(2) -x c++ -include Arduino.h -c $$< -o $$@
 
@@ -47,16 +47,13 @@ $(eval $(call FW_IMAGE,mrl_firmware,))
 $(eval $(call FW_IMAGE,mrl_firmware_environment,-DMRL_ENVIRONMENT=1))
 $(eval $(call FW_IMAGE,mrl_firmware_xbee,-DMRL_XBEE=1))
 
-$(FW_BUILD)/core/%.c.o: $(ARDUINO_AVR)/cores/arduino/%.c
+# The core's files belong to a package that `apt` may install while make runs.  A rule that names them would let make
+# delete them afterwards, as files of its own making, so no rule here names a file outside the checkout.
+$(FW_BUILD)/core/%.o: firmware/firmware.mk | apt
 	@mkdir -p $(@D)
-	@avr-gcc $(FW_FLAGS) -w -c $< -o $@
-
-$(FW_BUILD)/core/%.cpp.o: $(ARDUINO_AVR)/cores/arduino/%.cpp
-	@mkdir -p $(@D)
-	@avr-g++ $(FW_FLAGS) $(FW_CXX) -w -c $< -o $@
-
-$(ARDUINO_AVR)/cores/arduino/%:
-	@echo "no Arduino core in $(ARDUINO_AVR): apt-get install arduino-core-avr, or set ARDUINO_AVR" >&2; exit 1
+	@[ -f "$(ARDUINO_AVR)/cores/arduino/$*" ] || \
+	  { echo "no Arduino core in $(ARDUINO_AVR): apt-get install arduino-core-avr, or set ARDUINO_AVR" >&2; exit 1; }
+	@$(if $(filter %.c,$*),avr-gcc $(FW_FLAGS),avr-g++ $(FW_FLAGS) $(FW_CXX)) -w -c "$(ARDUINO_AVR)/cores/arduino/$*" -o $@
 
 firmware: $(FW_IMAGES) ## Build the sketch (sonar, environment-sensor and radio boards)
 
@@ -75,7 +72,7 @@ pc-firmware: $(PC_LIBRARIES) $(PC_FUZZER) $(PC_BUILD)/checked_firmware ## The sa
 
 $(PC_BUILD)/libmrl_firmware_environment.so: PC_DEFINES := -DMRL_ENVIRONMENT=1
 $(PC_BUILD)/libmrl_firmware_xbee.so: PC_DEFINES := -DMRL_XBEE=1
-$(PC_LIBRARIES): $(PC_SOURCES) $(FW_HEADERS) tests/firmware/hal_pc.h firmware/firmware.mk
+$(PC_LIBRARIES): $(PC_SOURCES) $(FW_HEADERS) tests/firmware/hal_pc.h firmware/firmware.mk | apt
 	@mkdir -p $(@D)
 	@g++ $(PC_CXX) $(PC_DEFINES) -shared -fPIC $(PC_SOURCES) -o $@.new && mv $@.new $@
 
@@ -87,14 +84,14 @@ FUZZ_NEEDS = $(PC_SOURCES) $(FUZZ_SOURCES) $(FW_HEADERS) tests/firmware/hal_pc.h
 FUZZ_OBJECTS = $(patsubst %.cpp,$(PC_BUILD)/fuzz.o/%.o,$(notdir $(PC_SOURCES) $(FUZZ_SOURCES)))
 vpath %.cpp $(FW_SOURCE) tests/firmware
 
-$(PC_BUILD)/fuzz.o/%.o: %.cpp $(FW_HEADERS) tests/firmware/hal_pc.h firmware/firmware.mk
+$(PC_BUILD)/fuzz.o/%.o: %.cpp $(FW_HEADERS) tests/firmware/hal_pc.h firmware/firmware.mk | apt
 	@mkdir -p $(@D)
 	@clang++ $(PC_CXX) -fsanitize=fuzzer-no-link,undefined -fsanitize-trap=undefined -c $< -o $@
 
 $(PC_BUILD)/fuzz_firmware: $(FUZZ_OBJECTS)
 	@clang++ $^ $(lastword $(LIBFUZZER)) -lpthread -o $@.new && mv $@.new $@
 
-$(PC_BUILD)/checked_firmware: $(FUZZ_NEEDS) tests/firmware/replay.cpp
+$(PC_BUILD)/checked_firmware: $(FUZZ_NEEDS) tests/firmware/replay.cpp | apt
 	@mkdir -p $(@D)
 	@g++ $(PC_CXX) -fsanitize=address,undefined -fno-sanitize-recover=all $(PC_SOURCES) $(FUZZ_SOURCES) \
 	  tests/firmware/replay.cpp -o $@.new && mv $@.new $@

@@ -1,0 +1,62 @@
+"""What `make` builds lies in the checkout; the Arduino core's files are read and left alone."""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+ARDUINO = Path("/usr/share/arduino/hardware/arduino/avr")
+PACKAGE_APPEARS = f"""\
+include firmware/firmware.mk
+.PHONY: apt
+apt:
+	@cp -rL {ARDUINO} $(ARDUINO_AVR)
+	@echo core installed
+"""
+"""The rules of the firmware, with `apt` as the Makefile has it on a machine without the Arduino core."""
+
+
+def make(*words, **options):
+    return subprocess.run(
+        ["make", *map(str, words)], capture_output=True, text=True, cwd=ROOT, check=False, **options
+    )
+
+
+def files(tree):
+    return {path.relative_to(tree): path.read_bytes() for path in tree.rglob("*") if path.is_file()}
+
+
+@pytest.fixture
+def build(tmp_path):
+    """Builds goals against a core that appears while make runs: (what make did, the core's folder)."""
+    rules, core = tmp_path / "rules.mk", tmp_path / "avr"
+    rules.write_text(PACKAGE_APPEARS)
+
+    def run(*goals):
+        folders = f"FW_BUILD={tmp_path / 'firmware'}", f"ARDUINO_AVR={core}"
+        return make("-f", rules, *folders, *goals), core
+
+    return run
+
+
+@pytest.mark.parametrize("order", [("apt",), ("-j2",)], ids=["set-up first", "both at once"])
+def test_core_installed_by_the_same_make_stays_whole(build, order, tmp_path):
+    done, core = build(*order, tmp_path / "firmware" / "mrl_firmware.elf")
+    assert done.returncode == 0 and done.stdout.count("core installed") == 1, done.stderr
+    assert files(core) == files(ARDUINO)
+
+
+def test_missing_core_is_named(tmp_path):
+    goal = tmp_path / "firmware" / "core" / "wiring.c.o"
+    done = make(f"FW_BUILD={tmp_path / 'firmware'}", f"ARDUINO_AVR={tmp_path / 'avr'}", goal)
+    assert done.returncode != 0
+    assert f"no Arduino core in {tmp_path / 'avr'}: " in done.stderr
+
+
+def test_no_rule_makes_a_file_outside_the_checkout():
+    """`make -p` prints every rule; only names of files that no rule makes stand below "Not a target"."""
+    printed = make("-pnq", "firmware", "pc-firmware").stdout
+    rules = printed.replace("# Not a target:\n/", "").splitlines()
+    assert "firmware: " in printed
+    assert [rule for rule in rules if rule.startswith("/")] == []
