@@ -13,7 +13,7 @@ from typing import Callable, Dict, List, Sequence
 from .protocol_header import header
 from .protocol_reference import reference
 
-_ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parent.parent
 
 FILES: Dict[str, Callable[[], str]] = {
     "firmware/mrl_firmware/protocol.h": header,
@@ -23,7 +23,7 @@ FILES: Dict[str, Callable[[], str]] = {
 
 def stale() -> List[str]:
     """Names of the generated files that do not hold what the table says."""
-    return [name for name, render in FILES.items() if _read(_ROOT / name) != render()]
+    return [name for name, render in FILES.items() if _read(ROOT / name) != render()]
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -34,7 +34,7 @@ def main(arguments: Sequence[str]) -> int:
             sys.stderr.write(f"{name} is stale: run `python -m mrl_driver.generate`\n")
         return 1 if names else 0
     for name in names:
-        (_ROOT / name).write_text(FILES[name](), encoding="utf-8")
+        (ROOT / name).write_text(FILES[name](), encoding="utf-8")
     return 0
 
 

@@ -21,12 +21,16 @@ _OFFSETS = {
 
 
 class I2cSlave:
-    """The I2C side of a motor board."""
+    """The I2C side of a motor board.
+
+    Attributes:
+        writers: Layout and method of each register that can be written.
+    """
 
     def __init__(self, board: "Omni3MD") -> None:
         self._board = board
         self._pointer = 0
-        self._writers = self._register_writers()
+        self.writers = self._register_writers()
 
     def write(self, data: bytes, time_s: float) -> bool:
         """One I2C write: a register, then its data.  False if the board did not acknowledge."""
@@ -39,7 +43,7 @@ class I2cSlave:
             return False
         board.touch(time_s)
         self._pointer = data[0]
-        shape, writer = self._writers.get(data[0], ("", None))
+        shape, writer = self.writers.get(data[0], ("", None))
         fields = struct.Struct(">" + shape)
         if writer is not None and len(data) == 1 + fields.size:
             writer(time_s, *fields.unpack(data[1:]))

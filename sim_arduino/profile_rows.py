@@ -54,7 +54,9 @@ class Rows:
             11: (
                 2,
                 lambda linear, angular: self._drive(
-                    motor.move_differential, _scaled(linear), _scaled(angular)
+                    motor.move_differential,
+                    through_single_precision(linear),
+                    through_single_precision(angular),
                 ),
             ),
             12: (3, lambda *args: self._drive(motor.move_to_position, *args, True)),
@@ -144,7 +146,7 @@ class Rows:
         return min(1023, int(self._plant.adc_volts(channel, self._board.now_s) / VOLTS_PER_COUNT))
 
 
-def _scaled(wire: int) -> int:
+def through_single_precision(wire: int) -> int:
     """A speed as it reaches the motor board: to SI in single precision and back, cut off."""
 
     def single(value: float) -> float:

@@ -21,7 +21,7 @@ _ROW = struct.Struct("<Q5d?7x")
 """Version, odd while being written; x y yaw, length width, whether a circle."""
 _VERSION = struct.Struct("<Q")
 _SUFFIX = ".robot"
-_LOOK_S = 0.5
+LOOK_S = 0.5
 """How often the folder is searched for robots that came or went [s]."""
 _TRIES = 20
 
@@ -103,7 +103,7 @@ class SharedCrowd:
         """All robots but that one."""
         now_s = time.monotonic()
         if now_s >= self._look_due_s:
-            self._look_due_s = now_s + _LOOK_S
+            self._look_due_s = now_s + LOOK_S
             self._look()
         found = (self._read(other, row) for other, row in self._theirs.items() if other != name)
         return [mover for mover in found if mover is not None]

@@ -7,7 +7,7 @@ from .plant import Plant
 from .shapes import Pose
 
 PERIOD_S = 0.05
-_MOST = 20000
+MOST_POSES = 20000
 
 
 class Trail:
@@ -30,7 +30,7 @@ class Trail:
         pose = self.plant.true_pose
         if not self.poses or pose != self.poses[-1]:
             self.poses.append(pose)
-        if len(self.poses) > _MOST:
+        if len(self.poses) > MOST_POSES:
             self.poses = self.poses[::2]
             self._period_s *= 2.0
 

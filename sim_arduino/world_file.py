@@ -34,7 +34,7 @@ _FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "worlds")
 FAR_M = 1000.0
 _FIRST_MODEL = "traxbot"
 _OTHERS = {row.name: row.fields[0] for row in OTHERS}
-_KEYS = (
+KEYS = (
     "start",
     "walls",
     "boxes",
@@ -96,9 +96,9 @@ class _Reader:
 
     def __init__(self, path: str, data: Any) -> None:
         if not isinstance(data, dict):
-            raise ConfigError(f"{path}: file is {short(data)}, expected the keys {', '.join(_KEYS)}")
+            raise ConfigError(f"{path}: file is {short(data)}, expected the keys {', '.join(KEYS)}")
         self._path, self._data = path, data
-        self._known("", data, _KEYS)
+        self._known("", data, KEYS)
 
     def world(self) -> World:
         """All of it."""

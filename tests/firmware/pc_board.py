@@ -3,7 +3,6 @@
 Each board loads a copy of the library of its own, for all of the firmware's state is static, as on the chip.
 """
 
-import _ctypes
 import ctypes
 import math
 import os
@@ -21,6 +20,8 @@ VOLTS_PER_COUNT = 5.0 / 1024.0
 POWER_ON, EXTERNAL, BROWN_OUT, WATCHDOG, MARKED, KEPT = 1, 2, 4, 8, 16, 32
 """What a reset leaves behind: the chip's flags, the mark of the watchdog's interrupt, RAM that kept its contents."""
 
+_SYSTEM = ctypes.CDLL(None)
+_SYSTEM.dlopen.restype, _SYSTEM.dlclose.argtypes = ctypes.c_void_p, [ctypes.c_void_p]
 _BYTES = ctypes.POINTER(ctypes.c_uint8)
 _WRITE = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_uint8, _BYTES, ctypes.c_int, ctypes.c_double)
 _READ = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_uint8, _BYTES, ctypes.c_int, ctypes.c_double)
@@ -40,13 +41,17 @@ def load(library: Path) -> Any:
     """
     if not library.exists():
         raise FileNotFoundError(f"{library} is missing: run `make pc-firmware`")
-    handle, copy = tempfile.mkstemp(suffix=".so")
-    os.close(handle)
+    descriptor, copy = tempfile.mkstemp(suffix=".so")
+    os.close(descriptor)
     try:
         shutil.copyfile(library, copy)
-        native = ctypes.CDLL(copy)
+        handle = _SYSTEM.dlopen(os.fsencode(copy), os.RTLD_NOW)
     finally:
         os.unlink(copy)
+    if not handle:
+        raise OSError(f"{library} cannot be loaded: run `make pc-firmware`")
+    native = ctypes.CDLL(str(library), handle=handle)
+    native.handle = handle
     native.pc_start.argtypes = (
         ctypes.POINTER(_World),
         ctypes.c_double,
@@ -141,8 +146,8 @@ class PcBoard:
     def close(self) -> None:
         """Unloads the firmware."""
         if self.native is not None:
-            handle, self.native = self.native._handle, None
-            _ctypes.dlclose(handle)
+            handle, self.native = self.native.handle, None
+            _SYSTEM.dlclose(handle)
 
     # ---- faults and memory
 

@@ -24,7 +24,7 @@ def test_check_is_silent_when_all_is_current(capsys):
 
 
 def test_stale_file_is_written(monkeypatch, tmp_path):
-    monkeypatch.setattr(generate, "_ROOT", tmp_path)
+    monkeypatch.setattr(generate, "ROOT", tmp_path)
     monkeypatch.setattr(generate, "FILES", {"one": lambda: "text"})
     assert generate.main([]) == 0 and (tmp_path / "one").read_text() == "text"
 

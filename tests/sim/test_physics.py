@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrl_driver import robots
-from sim_arduino.motor import Mode
+from sim_arduino.motor import Mode, Motor
 from sim_arduino.physics import Errors, Robot, interpolate, params_for
 
 EXACT_M, EXACT_RAD = 1e-9, 1e-9
@@ -17,15 +17,20 @@ TRAXBOT, STINGBOT = robots.load("traxbot"), robots.load("stingbot")
 def cruising(left_m_s, right_m_s, model=TRAXBOT, **scales):
     """A robot whose wheels turn at steady speeds [m/s of the model's wheels], without any transient."""
     robot = Robot(params_for(model, Errors(**scales)))
+    cruise(robot, left_m_s, right_m_s, model)
+    robot.params = robot.params._replace(rest_curve=((0.0, 1.0), (1.0, 1.0)), resistance_ohm=0.0)
+    robot.state.battery_v = 1.0
+    return robot
+
+
+def cruise(robot, left_m_s, right_m_s, model=TRAXBOT):
+    """Gives the wheels steady speeds."""
     for index, speed in ((0, left_m_s), (2, right_m_s)):
         motor = robot.motors[index]
         motor.mode = Mode.DUTY
         motor.speed = speed / model.drive.metres_per_count
         motor.params = motor.params._replace(friction_counts_s=0.0)
         motor.duty = motor.speed / motor.params.no_load_counts_s * motor.params.nominal_v
-    robot.params = robot.params._replace(rest_curve=((0.0, 1.0), (1.0, 1.0)), resistance_ohm=0.0)
-    robot.state.battery_v = 1.0
-    return robot
 
 
 def test_straight_line():
@@ -116,7 +121,8 @@ def hours_until(volts, linear_m_s):
     for index in (0, 2):
         robot.motors[index].set_speed(linear_m_s / TRAXBOT.drive.metres_per_count)
     robot.step(10.0)
-    current = robot.params.idle_a + 2 * robot._motor_a(robot.motors[0])
+    no_load_v = interpolate(robot.params.rest_curve, robot.state.charge)
+    current = (no_load_v - robot.state.battery_v) / robot.params.resistance_ohm
     drained = (
         1.0 - charge_at(robot, volts + current * robot.params.resistance_ohm)
     ) * robot.params.capacity_ah
@@ -198,12 +204,12 @@ way = st.floats(-0.02, 0.02)
 @settings(max_examples=50, deadline=None)
 @given(ways=st.lists(st.tuples(way, way), min_size=1, max_size=40))
 def test_there_and_back_is_the_start(ways):
-    robot = Robot(params_for(TRAXBOT, Errors(axle_scale=0.97)), (0.4, -0.3, 1.0))
+    """Ways of the wheels in steps of 20 ms [m]."""
+    robot = cruising(0.0, 0.0, axle_scale=0.97)
     for left, right in [*ways, *((-left, -right) for left, right in reversed(ways))]:
-        robot._roll(left, 0.0, right, 0.02)
-    assert (robot.state.x_m, robot.state.y_m, robot.state.yaw_rad) == pytest.approx(
-        (0.4, -0.3, 1.0), abs=1e-12
-    )
+        cruise(robot, left / 0.02, right / 0.02)
+        robot.step(0.02)
+    assert (robot.state.x_m, robot.state.y_m, robot.state.yaw_rad) == pytest.approx((0, 0, 0), abs=EXACT_M)
 
 
 def test_each_wheel_goes_over_the_floor_as_far_as_it_rolls():
@@ -239,10 +245,20 @@ def test_a_heavier_robot_starts_slower_and_costs_more(load):
     assert lighter[1] > heavier[1]
 
 
+class Counted(Motor):
+    """A motor at rest that counts how often it is looked at, which is once for each step."""
+
+    looks = 0
+
+    @property
+    def at_rest(self):
+        self.looks += 1
+        return True
+
+
 def test_a_resting_robot_costs_few_steps():
     """An hour at rest is counted in steps of a second."""
     robot = Robot(params_for(STINGBOT))
-    pieces = []
-    robot._piece = lambda dt, resting, inner=robot._piece: (pieces.append(dt), inner(dt, resting))
+    robot.motors = tuple(Counted(motor.params) for motor in robot.motors)
     robot.step(3600.0)
-    assert len(pieces) <= 3601
+    assert 0 < robot.motors[0].looks <= 3601

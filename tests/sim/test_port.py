@@ -98,19 +98,21 @@ def test_exclusive_access_ends_with_its_program(port):
 
 
 def exclusive(port):
-    answer = fcntl.ioctl(port._slave, 0x80045440, b"\0" * 4)  # TIOCGEXCL
+    with Client(port.path) as client:
+        answer = fcntl.ioctl(client.fd, 0x80045440, b"\0" * 4)  # TIOCGEXCL
     return bool(int.from_bytes(answer, "little"))
 
 
 def test_settings_end_with_their_program(port):
-    before = termios.tcgetattr(port._slave)
+    before = termios.tcgetattr(port.master)
     with Client(port.path) as client:
         port.opened_anew()
         changed = termios.tcgetattr(client.fd)
         changed[3] |= termios.ECHO | termios.ICANON
         termios.tcsetattr(client.fd, termios.TCSANOW, changed)
+        assert termios.tcgetattr(port.master) != before
     port.opened_anew()
-    assert termios.tcgetattr(port._slave) == before
+    assert termios.tcgetattr(port.master) == before
 
 
 # ---- link

@@ -5,6 +5,7 @@ import pytest
 from mrl_driver import robots
 from mrl_driver.codec import REPLIES, Frame, FrameDecoder
 from sim_arduino.plant import Plant
+from sim_arduino.profile_rows import through_single_precision
 from sim_arduino.profiles import Board2013August, Board2013January
 from sim_arduino.world import Wall, World
 
@@ -128,9 +129,7 @@ def test_parser(request_bytes, reached):
 
 def test_some_speeds_come_out_one_off():
     """Through single-precision metres and back, cut off: 740 of the 65536 values."""
-    from sim_arduino.profile_rows import _scaled
-
-    assert sum(_scaled(value) != value for value in range(-32768, 32768)) == 740
+    assert sum(through_single_precision(value) != value for value in range(-32768, 32768)) == 740
 
 
 # ---- what it does not do

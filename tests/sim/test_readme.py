@@ -78,7 +78,7 @@ def test_other_code_of_the_readme_runs(tmp_path):
 def test_the_world_of_the_readme_loads(tmp_path):
     (tmp_path / "world.yaml").write_text(YAML[0])
     assert len(world_file.load(str(tmp_path / "world.yaml")).walls) == 5
-    assert set(yaml.safe_load(YAML[0])) | {"map"} == set(world_file._KEYS)
+    assert set(yaml.safe_load(YAML[0])) | {"map"} == set(world_file.KEYS)
 
 
 def commands():

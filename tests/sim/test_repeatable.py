@@ -142,7 +142,7 @@ def test_the_trail_has_the_robots_way():
 
 
 def test_a_long_trail_grows_sparse(monkeypatch):
-    monkeypatch.setattr("sim_arduino.trail._MOST", 20)
+    monkeypatch.setattr("sim_arduino.trail.MOST_POSES", 20)
     assert len(moved().poses) <= 20
 
 

@@ -140,16 +140,6 @@ def test_a_robot_that_is_not_known_has_no_pose(tmp_path):
     assert (found["robot"], found["pose"], found["refused_counts"]) == (None, None, None)
 
 
-def test_a_long_recording_takes_no_more_memory(tmp_path, monkeypatch):
-    """The board's bytes that wait are at most a batch and one entry."""
-    monkeypatch.setattr(log_summary, "BATCH_BYTES", 2000)
-    reader, most = log_summary._Reader(None), 0
-    for entry in Recording(drive(tmp_path / "log")):
-        reader.read(*entry)
-        most = max(most, sum(map(len, reader._chunks)))
-    assert most < 2000
-
-
 MEASURE = """
 import resource, sys
 from mrl_driver.log_summary import summarise

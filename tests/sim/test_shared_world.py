@@ -24,7 +24,7 @@ BOX = Footprint(0.2, 0.1)
 def lab(tmp_path, monkeypatch):
     """Name of a world of this test's own."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.setattr(shared_crowd, "_LOOK_S", 0.0)
+    monkeypatch.setattr(shared_crowd, "LOOK_S", 0.0)
     return f"lab-{uuid.uuid4().hex[:8]}"
 
 
@@ -167,27 +167,41 @@ def test_nothing_is_left_behind(lab, tmp_path):
     assert os.listdir(tmp_path / "mrl-sim" / lab) == []
 
 
-class Watched(bytearray):
-    """Memory of a robot that keeps what a reader could see after each write."""
+def at_each_step(action, look):
+    """Does `action`, and calls `look` before each of its Python instructions."""
 
-    def __init__(self, data):
-        super().__init__(data)
-        self.seen = []
+    def trace(frame, event, _):
+        frame.f_trace_opcodes = True
+        if event == "opcode":
+            look()
+        return trace
 
-    def __setitem__(self, where, data):
-        super().__setitem__(where, data)
-        self.seen.append(bytes(self))
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        action()
+    finally:
+        sys.settrace(before)
 
 
-def test_reader_amid_a_move_sees_the_place_before_or_after(crowds):
-    """Whatever is not marked as being written is a whole row; zeros would be a robot at the origin."""
-    crowd = crowds[0]
-    crowd.place("one", Pose(1.0, 2.0, 3.0), BOX)
-    row = crowd._mine["one"]
-    memory = Watched(row.memory[:])
-    crowd._mine["one"] = row._replace(memory=memory)
-    crowd.place("one", Pose(4.0, 5.0, 6.0), BOX)
-    crowd._mine["one"] = row
-    rows = [shared_crowd._ROW.unpack(data) for data in memory.seen]
-    whole = [each[1:4] for each in rows if each[0] % 2 == 0]
-    assert rows[0][0] % 2 == 1 and whole == [(4.0, 5.0, 6.0)]
+def test_reader_in_the_middle_of_a_move_sees_the_place_before_or_after(crowds):
+    before, after = Pose(1.0, 2.0, 3.0), Pose(4.0, 5.0, 6.0)
+    crowds[0].place("one", before, BOX)
+    seen = [crowds[1].others("")[0].pose]
+    at_each_step(
+        lambda: crowds[0].place("one", after, BOX), lambda: seen.append(crowds[1].others("")[0].pose)
+    )
+    assert set(seen) <= {before, after} and (seen[0], crowds[1].others("")[0].pose) == (before, after)
+
+
+def test_a_row_is_marked_while_it_is_written(crowds, lab, tmp_path):
+    """By an odd version, which the first 8 bytes hold: another process may read at any instruction."""
+    file = tmp_path / "mrl-sim" / lab / "one.robot"
+    crowds[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
+    seen = [file.read_bytes()]
+    at_each_step(
+        lambda: crowds[0].place("one", Pose(4.0, 5.0, 6.0), BOX), lambda: seen.append(file.read_bytes())
+    )
+    changes = [data for data, previous in zip(seen[1:], seen) if data != previous]
+    versions = [int.from_bytes(data[:8], "little") % 2 for data in changes]
+    assert versions == [1, 1, 0] and changes[0][8:] == seen[0][8:] and changes[1][8:] == changes[2][8:]

@@ -1,6 +1,7 @@
 """Emulated boards as other people's tests see them."""
 
 import os
+import threading
 
 import pytest
 
@@ -55,7 +56,7 @@ def test_an_unknown_option_is_told():
 
 
 def test_every_command_of_the_motor_board_has_a_name(shared):
-    assert set(COMMANDS.values()) | {0xF2} == set(I2cSlave(shared.plant.motor_board)._writers) | {0xF2}
+    assert set(COMMANDS.values()) == set(I2cSlave(shared.plant.motor_board).writers)
 
 
 def test_wheels_that_turn_and_stand():
@@ -98,6 +99,7 @@ def test_a_robot_is_not_put_into_another():
 
 
 def test_a_closed_board_leaves_no_thread():
-    with EmulatedBoard(FREE) as board:
-        pass
-    assert not board._thread.is_alive()
+    before = set(threading.enumerate())
+    with EmulatedBoard(FREE):
+        (made,) = set(threading.enumerate()) - before
+    assert not made.is_alive()
