@@ -92,6 +92,8 @@ setup(
             "pytest>=7",
             "pytest-xdist>=3",
             "pytest-timeout>=2",
+            "pytest-randomly>=3.12",
+            "pytest-rerunfailures>=11",
             "hypothesis>=6",
             "ruff==0.17.6",
             "mypy>=1.8",

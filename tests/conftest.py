@@ -1,28 +1,25 @@
-"""A failure that the machine made is told from a defect: a test that was possibly held up gets another try.
+"""Every test runs once and in random order; those of the marker `realtime` run alone, and few may have a second try.
 
-Much here runs in real time: drivers, boards and ROS nodes with time-outs of tenths of a second.  A busy machine may
-hold any process up for longer, and then a robot rightly stops that a test wanted to see moving.  A defect fails every
-try; each has fixtures of its own, those of the module too.  `pytest --once` shows what needs another try.
+The last lines name the seed, which gives the same order again, and count what the markers allow.
 """
 
-import contextlib
 import signal
-import time
 
 import pytest
-from _pytest.runner import runtestprotocol
 from hypothesis import HealthCheck, settings
+
+from tests.waiting import PATIENCE
 
 settings.register_profile(
     "any_machine", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("any_machine")
 
-TRIES = 4
-HELD_UP_S = 0.1
-"""The shortest delay that any process here takes amiss; a test that fails sooner was not held up."""
-TRIES_END_S = 70.0
-"""No further try so long after the first began; the time-out of pytest holds for all of them together."""
+REALTIME, REALTIME_S = 40, 60.0
+"""The most tests that may assert a wall-clock limit, and how long they may take together [s]."""
+FLAKY, RERUNS = 10, 2
+"""The most tests that may have a second try, and the most second tries of one run."""
+REFUSED = pytest.StashKey[str]()
 FIRST = (
     "ros/test_catkin",
     "experiments/test_exp",
@@ -32,14 +29,11 @@ FIRST = (
     "driver/",
     "sim/",
 )
-LOST_CASES = 3
-"""So many tests of one worker that fail every try are no accident: the rest get one try."""
-
-_lost = []
 
 
 def pytest_configure(config):
     """A shell ignores signals for what it starts in the background, and programs inherit that."""
+    config.addinivalue_line("markers", "realtime: asserts a wall-clock limit; runs alone, after all others")
     if hasattr(config.option, "loadscopereorder"):
         config.option.loadscopereorder = False  # files by their number of tests: the longest have few
     for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
@@ -47,58 +41,68 @@ def pytest_configure(config):
             signal.signal(number, usual)
 
 
-def pytest_collection_modifyitems(items):
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config, items):
     """Long files first, so that no worker has one left when the others are done."""
+    _check_markers(items)
     items.sort(
         key=lambda item: next((i for i, name in enumerate(FIRST) if f"/{name}" in item.nodeid), len(FIRST))
     )
+    if PATIENCE != 1.0:
+        for item in items:
+            own = item.get_closest_marker("timeout")
+            usual_s = own.args[0] if own else float(config.getini("timeout"))
+            item.add_marker(pytest.mark.timeout(usual_s * PATIENCE), append=False)
 
 
-def pytest_addoption(parser):
-    parser.addoption("--once", action="store_true", help="no second try for a test that fails")
+def _check_markers(items):
+    """Tests that must not be marked as they are fail; workers of xdist cannot end the run."""
+    for name, most in (("realtime", REALTIME), ("flaky", FLAKY)):
+        marked = [item for item in items if item.get_closest_marker(name)]
+        if len(marked) > most:
+            for item in marked:
+                item.stash[REFUSED] = f"{len(marked)} tests are marked {name}, expected at most {most}"
+    for item in items:
+        flaky = item.get_closest_marker("flaky")
+        if flaky and not (flaky.kwargs.get("reason") and flaky.kwargs.get("reruns") == 1):
+            item.stash[REFUSED] = f'{flaky}: expected flaky(reruns=1, reason="...")'
 
 
-def _outcome(item, nextitem):
-    """The reports of one try, and why it failed; None where it did not."""
-    reports = runtestprotocol(item, nextitem=nextitem, log=False)
-    failed = next((report for report in reports if report.failed), None)
-    return reports, failed and f"{failed.when}: {failed.longreprtext.strip().splitlines()[-1]}"
+def pytest_runtest_setup(item):
+    """Refuses a test for its markers."""
+    if REFUSED in item.stash:
+        pytest.fail(item.stash[REFUSED], pytrace=False)
 
 
-def _tries(item, nextitem):
-    begun_s, reasons = time.monotonic(), []
-    for _ in range(TRIES):
-        try_s = time.monotonic()
-        reports, reason = _outcome(item, nextitem)
-        if reason is None:
-            break
-        reasons.append(reason)
-        now = time.monotonic()
-        if now - try_s < HELD_UP_S or now - begun_s > TRIES_END_S:
-            break
-        with contextlib.suppress(Exception):
-            item.session._setupstate.teardown_exact(item.getparent(pytest.Module).parent)
-    return reports, reasons, reason is None
+def _reports(config, name=""):
+    """Reports of all phases of the tests with this marker."""
+    terminal = config.pluginmanager.get_plugin("terminalreporter")
+    reports = sum(terminal.stats.values(), []) if terminal else []
+    return [report for report in reports if name in getattr(report, "keywords", ())]
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_runtest_protocol(item, nextitem):
-    if item.config.getoption("once") or len(_lost) >= LOST_CASES:
-        return None
-    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
-    reports, reasons, passed = _tries(item, nextitem)
-    if len(reasons) > 1 and not passed:
-        _lost.append(item.nodeid)
-    for report in reports:
-        if passed and reasons and report.when == "call":
-            report.user_properties.append(("failed_before", "; ".join(reasons)))
-        item.ihook.pytest_runtest_logreport(report=report)
-    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
-    return True
+def _reruns(config):
+    return sum(report.outcome == "rerun" for report in _reports(config, "flaky"))
 
 
-def pytest_terminal_summary(terminalreporter):
-    """Names what passed only at a later try."""
-    for report in terminalreporter.getreports("passed"):
-        for reasons in (text for name, text in report.user_properties if name == "failed_before"):
-            terminalreporter.line(f"another try passed: {report.nodeid}: {reasons}")
+def _realtime_s(config):
+    return sum(report.duration for report in _reports(config, "realtime"))
+
+
+def pytest_sessionfinish(session, exitstatus):
+    """Too many second tries, or too long in real time, fail the run."""
+    over = _reruns(session.config) > RERUNS or _realtime_s(session.config) > REALTIME_S * PATIENCE
+    if over and exitstatus == pytest.ExitCode.OK:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter, config):
+    """The seed, and what the markers have used."""
+    line = terminalreporter.write_line
+    if "randomly_seed" in config.option:
+        line(f"order: --randomly-seed={config.option.randomly_seed}")
+    realtime = {report.nodeid for report in _reports(config, "realtime")}
+    if realtime:
+        line(f"realtime: {len(realtime)} tests, {_realtime_s(config):.1f} s of at most {REALTIME_S:g} s")
+    flaky = {report.nodeid for report in _reports(config, "flaky")}
+    line(f"second tries: {_reruns(config)} of at most {RERUNS}, for {len(flaky)} tests that may have one")

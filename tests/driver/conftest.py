@@ -7,7 +7,7 @@ import tty
 
 import pytest
 
-from .fake_board import FakeBoard
+from tests.fake_board import FakeBoard
 
 
 class PtyBoard:

@@ -2,8 +2,7 @@
 
 from mrl_driver.handshake import DEFAULT_PLAN
 from mrl_driver.session import Counts, Ready, Session
-
-from .fake_board import FakeBoard
+from tests.fake_board import FakeBoard
 
 STEP_S = 0.002
 

@@ -49,6 +49,7 @@ def emulate():
         emulator.close()
 
 
+@pytest.mark.realtime
 def test_a_killed_driver_leaves_a_robot_that_stops(emulate):
     """The firmware's image has its watchdog tested in simulated time."""
     robot = emulate()
@@ -64,6 +65,7 @@ def test_a_killed_driver_leaves_a_robot_that_stops(emulate):
     wait_until(lambda: not robot.moves)
 
 
+@pytest.mark.realtime
 def test_a_command_source_that_dies_stops_the_robot(emulate):
     """At another time than that of the default."""
     robot, timeout_s = emulate(), 0.8
@@ -99,6 +101,7 @@ def test_a_stop_that_is_lost_is_repeated(emulate, monkeypatch):
         assert len(lost) == 3
 
 
+@pytest.mark.realtime
 def test_a_silent_board_is_stale_in_time(mrl_sim):  # noqa: F811
     with Driver(mrl_sim()) as driver:
         heard = []
@@ -170,6 +173,7 @@ def stop_by(robot, number):
     return stopped_s - sent_s, time.monotonic() - sent_s, process.returncode
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_signals_stop_the_robot_and_end_the_program(emulate, number, code):
     robot = emulate()
@@ -202,6 +206,7 @@ def test_nothing_in_the_driver_asks_for_the_time_of_day():
     assert users <= {"recording.py", "tape.py", "log_summary.py"}
 
 
+@pytest.mark.realtime
 def test_opening_and_closing_again_and_again(emulate):
     robot, before = emulate(), set(threading.enumerate())
     for _ in range(5):

@@ -8,8 +8,8 @@ from mrl_driver.handshake import Plan
 from mrl_driver.motion import SLOW
 from mrl_driver.session import Info, Ready, Sonars, Stale, Status
 from mrl_driver.table import BY_NAME
+from tests.fake_board import FakeBoard
 
-from .fake_board import FakeBoard
 from .talk import Talk
 
 BOARD_2013_MAX_HZ = 15

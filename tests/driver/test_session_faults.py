@@ -10,8 +10,8 @@ from mrl_driver.odometry import fastest_wheel_m_s
 from mrl_driver.robots import load
 from mrl_driver.session import Counts, Ready
 from mrl_driver.state import RobotState
+from tests.fake_board import FakeBoard
 
-from .fake_board import FakeBoard
 from .talk import STEP_S, Talk
 
 MODEL = load("traxbot")

@@ -16,8 +16,8 @@ from mrl_driver.driver import Driver, Options
 from mrl_driver.events import Lost, Reconnected, Stale
 from tests.driver.conftest import PtyBoard
 from tests.driver.emulator import MOVE, STOP, Emulator
-from tests.driver.fake_board import FakeBoard
 from tests.driver.test_clock import run as jittered
+from tests.fake_board import FakeBoard
 from tests.fuzz.faulty_robot import FIRST_FAULT_S, FaultyRobot, drive_about, scene
 
 _WHOLE = re.compile(rb"\d+(,-?\d+)*e")
