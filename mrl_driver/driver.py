@@ -1,12 +1,14 @@
 """The robot as an object: SI units in and out, one thread that reads, nothing printed.
 
     with Driver("/dev/ttyACM0") as robot:
-        robot.drive(0.2, 0.0)
-        time.sleep(2)
+        for _ in range(20):
+            robot.drive(0.2, 0.0)
+            robot.wait(0.1)
         print(robot.pose)
 
-Leaving the block stops the robot, and so does the end of the program.  All methods may be called from any thread; `ask`
-and `wait` not from callbacks, which run on the thread that reads.
+A robot stops 0.5 s after the last `drive`; `Options(command_timeout_s=...)` changes that.  Leaving the block stops the
+robot, and so does the end of the program.  All methods may be called from any thread; `ask` and `wait` not from
+callbacks, which run on the thread that reads.
 """
 
 import atexit
@@ -155,11 +157,11 @@ class Driver(Runner):
             return ended
 
     def drive(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) -> bool:
-        """Drive at these speeds until told otherwise; faster than the model's limits is scaled down on the
-        same arc.
+        """Drive at these speeds for at most 0.5 s; call it again before that to go on.
 
-        The latest command wins: none is ever queued.  It is repeated to the board by itself, and dropped when
-        the board falls silent or restarts, so the robot then waits for a new one.
+        The option `command_timeout_s` sets another time.  Speeds above the model's limits are scaled down on the same
+        arc.  The latest command wins: none is ever queued.  It is dropped when the board falls silent or restarts, so
+        the robot then waits for a new one.
 
         Args:
             linear_m_s: forward speed.

@@ -5,6 +5,9 @@ from typing import Any, Callable, NamedTuple, Optional
 from .errors import ConfigError
 from .handshake import TIMEOUT_S
 
+COMMAND_TIMEOUT_S = 0.5
+"""A robot drives at most this long after the last `drive`, unless its program chose otherwise [s]."""
+
 
 class Options(NamedTuple):
     """How a `Driver` behaves; the defaults suit the packaged robots."""
@@ -19,8 +22,10 @@ class Options(NamedTuple):
     """
     check: bool = True
     """Have every frame carry a check value, where the board can."""
-    command_timeout_s: Optional[float] = None
-    """Stop the robot when `drive` was not called for so long; None: the last command stays in force."""
+    command_timeout_s: Optional[float] = COMMAND_TIMEOUT_S
+    """Stop the robot when `drive` was not called for this long, 0.01 to 3600.  None keeps the last command in force
+    until `stop`, `close` or the end of the program: the robot then drives on if the program hangs.
+    """
     ignore_battery: bool = False
     """Start, and drive on, with an empty battery."""
     any_id: bool = False

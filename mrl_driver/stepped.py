@@ -2,8 +2,9 @@
 
     board = boards.make(boards.Options(robot="traxbot")).engine
     with SteppedDriver(board) as robot:
-        robot.drive(0.2, 0.0)
-        robot.wait(2.0)
+        for _ in range(20):
+            robot.drive(0.2, 0.0)
+            robot.wait(0.1)
         print(robot.pose)
 
 It is faster than real time and repeats itself exactly.  What holds for `Driver` holds here, in simulated seconds.

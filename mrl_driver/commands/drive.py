@@ -102,10 +102,11 @@ def drive_for(
         BoardTimeout: the robot stopped early for another reason.
     """
     deadline = time.monotonic() + seconds
-    driver.drive(linear_m_s, angular_rad_s, lateral_m_s)
+    taken = driver.drive(linear_m_s, angular_rad_s, lateral_m_s)
     while time.monotonic() < deadline:
         driver.wait(min(TICK_S, deadline - time.monotonic()))
-        if driver.command is None:
+        taken = taken and driver.command is not None and driver.drive(linear_m_s, angular_rad_s, lateral_m_s)
+        if not taken:
             if driver.mismatch is not None:
                 raise WheelFault(f"stopped early: {driver.mismatch}")
             raise BoardTimeout(

@@ -58,9 +58,9 @@ def turn(driver: "Driver", side: str) -> Moved:
     metres, separation_m = model.drive.metres_per_count, model.drive.wheel_separation_m
     start = _counts(driver)
     yaw_rate = WHEEL_M_S / separation_m
-    driver.drive(WHEEL_M_S / 2, yaw_rate if side == "right" else -yaw_rate)
+    command = WHEEL_M_S / 2, yaw_rate if side == "right" else -yaw_rate
     end_s = time.monotonic() + TURN_S
-    while time.monotonic() < end_s and driver.command is not None:
+    while driver.drive(*command) and time.monotonic() < end_s:
         driver.wait(0.02)
     cause = "" if driver.mismatch is None else driver.mismatch.cause
     driver.stop()

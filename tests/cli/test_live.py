@@ -132,9 +132,9 @@ def test_an_empty_battery_cannot_be_driven_by_keys(watched):
 def test_a_mismatch_is_told_and_space_goes_on(watched):
     driver, board, log = watched
     board.dead = {"left"}
-    driver.drive(0.2, 0.0)
     end_s = time.monotonic() + 30
     while driver.mismatch is None and time.monotonic() < end_s:
+        driver.drive(0.2, 0.0)
         driver.wait(0.02)
     screen = Screen(driver, Settings(), log)
     assert "left wheel" in picture(screen, 120, 24)

@@ -35,7 +35,7 @@ def test_it_is_found_by_name_and_by_id(home):
 def test_it_drives_as_far_as_it_is_told(home, engine):
     """And its board's idea of its wheels agrees with the driver's."""
     emulated = boards.make(boards.Options(robot="eswarbot", engine=engine, world="corridor"))
-    with SteppedDriver(emulated.engine) as robot:
+    with SteppedDriver(emulated.engine, options=Options(command_timeout_s=None)) as robot:
         start = emulated.plant.true_pose
         robot.drive(0.2, 0.0)
         robot.wait(WAY_M / 0.2 + 0.15)

@@ -39,7 +39,7 @@ def wait_until(condition):
 @pytest.fixture
 def robot(serve):
     port = serve()
-    with Driver(port.path) as driver:
+    with Driver(port.path, options=Options(command_timeout_s=None)) as driver:
         driver.port = port
         driver.fake = port.board
         yield driver
@@ -99,7 +99,7 @@ def test_a_stop_is_confirmed(robot):
 
 def test_leaving_the_block_stops_the_robot_first(serve):
     port = serve()
-    with Driver(port.path) as driver:
+    with Driver(port.path, options=Options(command_timeout_s=None)) as driver:
         driver.drive(0.2, 0)
         wait_until(lambda: port.board.speeds == (200, 0))
     wait_until(lambda: port.board.speeds == (0, 0))
@@ -108,7 +108,9 @@ def test_leaving_the_block_stops_the_robot_first(serve):
 
 def test_an_error_in_the_block_stops_the_robot_too(serve):
     port = serve()
-    with pytest.raises(ZeroDivisionError), Driver(port.path) as driver:
+    with pytest.raises(ZeroDivisionError), Driver(
+        port.path, options=Options(command_timeout_s=None)
+    ) as driver:
         driver.drive(0.2, 0)
         wait_until(lambda: port.board.speeds == (200, 0))
         1 / 0  # noqa: B018
@@ -143,7 +145,7 @@ def test_a_close_repeats_a_stop_that_a_silent_board_cannot_confirm(robot):
 def test_a_close_from_a_callback_repeats_a_stop_that_was_lost(serve):
     """A board of 2013 would drive on."""
     port = serve(version=1)
-    driver = Driver(port.path)
+    driver = Driver(port.path, options=Options(command_timeout_s=None))
     driver.connect()
     driver.drive(0.2, 0.0)
     wait_until(lambda: port.board.speeds == (200, 0) and driver.twist.linear_m_s > 0.1)
@@ -210,7 +212,7 @@ def test_an_error_of_its_own_ends_the_driver_and_stops_the_robot(serve):
     def refuse(_):
         raise FrameError("no such frame")
 
-    with Driver(port.path) as robot:
+    with Driver(port.path, options=Options(command_timeout_s=None)) as robot:
         robot.drive(0.1, 0)
         wait_until(lambda: port.board.speeds == (100, 0))
         robot.on_telemetry(refuse)
@@ -221,7 +223,7 @@ def test_an_error_of_its_own_ends_the_driver_and_stops_the_robot(serve):
 def test_a_callback_that_raises_ends_the_driver_and_stops_the_robot(serve, monkeypatch, version):
     monkeypatch.setattr(threading, "excepthook", lambda args: None)
     port = serve(version=version)
-    with Driver(port.path) as robot:
+    with Driver(port.path, options=Options(command_timeout_s=None)) as robot:
         robot.drive(0.1, 0)
         wait_until(lambda: port.board.speeds == (100, 0))
         robot.on_telemetry(lambda _: 1 / 0)
@@ -428,7 +430,7 @@ def test_a_driver_that_is_not_connected_says_so():
 
 @pytest.mark.parametrize("code", [8, 6])
 def test_2013_boards_work(serve, code):
-    with Driver(serve(version=1, stream_code=code).path) as driver:
+    with Driver(serve(version=1, stream_code=code).path, options=Options(command_timeout_s=None)) as driver:
         driver.drive(0.2, 0)
         wait_until(lambda: driver.pose.x_m > 0.05)
         wait_until(lambda: "front" in driver.ranges)

@@ -251,7 +251,7 @@ def test_a_killed_emulator_is_a_lost_link(mrl_sim):
 
 
 def test_a_stalled_board_does_not_move_when_it_goes_on(mrl_sim):
-    with Driver(mrl_sim()) as robot:
+    with Driver(mrl_sim(), options=Options(command_timeout_s=None)) as robot:
         robot.drive(0.2, 0)
         wait_until(lambda: robot.pose.x_m > 0.02)
         os.kill(mrl_sim.process.pid, signal.SIGSTOP)
@@ -267,7 +267,8 @@ def test_a_driver_killed_on_the_move_leaves_a_board_that_can_be_used(mrl_sim, tm
     truth = tmp_path / "truth"
     path = mrl_sim("--truth", truth, "--pose", "0,0,0")
     code = (
-        f"from mrl_driver.driver import Driver; d = Driver({path!r}); d.connect(); d.drive(.2, 0); d.wait(60)"
+        "from mrl_driver.driver import Driver, Options; "
+        f"d = Driver({path!r}, options=Options(command_timeout_s=None)); d.connect(); d.drive(.2, 0); d.wait(60)"
     )
     process = subprocess.Popen([sys.executable, "-c", code])
     wait_until(lambda: true_pose(truth)[0] > 0.01)

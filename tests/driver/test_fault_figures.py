@@ -141,7 +141,7 @@ def test_a_flood_of_garbage_leaves_commands_and_telemetry_their_period(garbage):
     """What feeds the board's watchdog goes on every 100 ms, questions every 500 ms; the robot drives on."""
     plant = Plant(load("traxbot"))
     flood = Flood(PythonBoard(plant), garbage)
-    robot = SteppedDriver(flood)
+    robot = SteppedDriver(flood, options=Options(command_timeout_s=None))
     robot.connect()
     told = []
     robot.on_telemetry(lambda telemetry: told.append(robot.now_s))

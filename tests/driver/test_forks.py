@@ -12,10 +12,10 @@ from .test_driver import wait_until
 
 BEGINNING = """
 import os, signal, sys
-from mrl_driver.driver import Driver
+from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import LinkLost
 
-with Driver(sys.argv[1]) as robot:
+with Driver(sys.argv[1], options=Options(command_timeout_s=None)) as robot:
     robot.drive(0.2, 0.0)
     child = os.fork()
     if not child:

@@ -16,6 +16,7 @@ from mrl_driver.kinematics import Planar, kinematics_of
 from mrl_driver.odometry import CONFIRMATIONS, OmniTwist, OmniWheels
 from mrl_driver.omni import MOVE_OMNI, OmniCommands, OmniOdometry
 from mrl_driver.options import DEFAULTS
+from mrl_driver.options import Options as DriverOptions
 from mrl_driver.stepped import SteppedDriver
 from mrl_driver.uncertainty import OmniUncertainty
 from sim_arduino.boards import Options, make
@@ -31,7 +32,7 @@ speed = st.floats(-2, 2)
 def robot(request):
     """A driver on an emulated omni: `robot.driver`, `robot.plant`."""
     made = make(Options(robot="omni", engine=getattr(request, "param", "python")))
-    driver = SteppedDriver(made.engine, OMNI)
+    driver = SteppedDriver(made.engine, OMNI, DriverOptions(command_timeout_s=None))
     driver.connect()
     made.plant.driver = driver
     yield made.plant

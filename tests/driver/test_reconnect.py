@@ -42,7 +42,7 @@ def cable(serve, tmp_path):
 
 @pytest.fixture
 def robot(cable):
-    with Driver(cable.path, options=Options(reconnect=True)) as driver:
+    with Driver(cable.path, options=Options(reconnect=True, command_timeout_s=None)) as driver:
         driver.heard = []
         driver.on_event(driver.heard.append)
         yield driver

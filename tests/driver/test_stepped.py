@@ -4,12 +4,16 @@ import pytest
 
 from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import BoardTimeout, LinkLost, NotARobot, WrongRobot
+from mrl_driver.options import COMMAND_TIMEOUT_S
 from mrl_driver.readout import Readout
 from mrl_driver.stepped import SteppedDriver
 from mrl_driver.table import BY_NAME, PARAMETER_BY_NAME
 from sim_arduino import boards
 
+LASTING = Options(command_timeout_s=None)
 POSE_ERROR_M = 2e-4
+BRAKING_S = 0.3
+"""From the stop to standing still; the motor board brakes at once."""
 
 
 @pytest.fixture
@@ -21,7 +25,8 @@ def emulated():
 
 @pytest.fixture
 def robot(emulated):
-    with SteppedDriver(emulated.engine) as robot:
+    """Its commands stay in force."""
+    with SteppedDriver(emulated.engine, options=LASTING) as robot:
         yield robot
 
 
@@ -60,7 +65,7 @@ def test_the_pose_is_the_true_one(robot, emulated):
 def test_two_runs_are_the_same():
     def run():
         emulated = boards.make(boards.Options(robot="stingbot", seed=7))
-        with SteppedDriver(emulated.engine) as robot:
+        with SteppedDriver(emulated.engine, options=LASTING) as robot:
             robot.drive(0.1, 0.3)
             robot.wait(3.0)
             return robot.telemetry, robot.statistics
@@ -69,17 +74,33 @@ def test_two_runs_are_the_same():
 
 
 def test_leaving_the_block_stops_the_robot(emulated):
-    with SteppedDriver(emulated.engine) as robot:
+    with SteppedDriver(emulated.engine, options=LASTING) as robot:
         robot.drive(0.2, 0.0)
         robot.wait(1.0)
     assert robot.stopped and all(motor.speed == 0 for motor in emulated.plant.robot.motors)
 
 
-def test_a_command_times_out_in_simulated_time(emulated):
-    with SteppedDriver(emulated.engine, options=Options(command_timeout_s=0.5)) as robot:
+def test_a_command_that_is_not_repeated_ends_after_half_a_second(emulated):
+    """Unless the program sets another time: one that hangs leaves no robot driving."""
+    with SteppedDriver(emulated.engine) as robot:
         robot.drive(0.2, 0.0)
-        robot.wait(0.6)
-        assert robot.stop_reason == "command_timeout"
+        robot.wait(9.0)
+        assert robot.stopped and robot.stop_reason == "command_timeout"
+        assert robot.pose.x_m < 0.2 * (COMMAND_TIMEOUT_S + BRAKING_S)
+
+
+def test_a_repeated_command_lasts(emulated):
+    with SteppedDriver(emulated.engine) as robot:
+        for _ in range(90):
+            robot.drive(0.2, 0.0)
+            robot.wait(0.1)
+        assert robot.command == (0.2, 0.0)
+
+
+def test_a_command_without_timeout_stays_in_force(robot):
+    robot.drive(0.2, 0.0)
+    robot.wait(5.0)
+    assert robot.command == (0.2, 0.0)
 
 
 def test_a_question_is_answered(robot):
@@ -110,7 +131,7 @@ def test_a_closed_driver_takes_nothing(emulated):
 
 def test_a_wheel_is_watched_from_the_first_command_after_a_restart_of_the_board(emulated):
     """The board's time begins at zero again, in the middle of a stream of commands."""
-    with SteppedDriver(emulated.engine) as robot:
+    with SteppedDriver(emulated.engine, options=LASTING) as robot:
         robot.drive(0.1, 0.0)
         robot.wait(6.0)
         emulated.engine.reset()

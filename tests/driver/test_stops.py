@@ -26,7 +26,7 @@ MISMATCH_S, BUSY = 0.5, 10
 def robot(serve):
     """Drives at 0.2 m/s."""
     port = serve()
-    with Driver(port.path) as driver:
+    with Driver(port.path, options=Options(command_timeout_s=None)) as driver:
         driver.fake, driver.port_of = port.board, port
         driver.heard = []
         driver.on_event(driver.heard.append)
@@ -128,7 +128,7 @@ def test_a_stop_because_telemetry_stays_away(robot):
 def test_a_stop_because_the_port_went_away(serve, tmp_path):
     port = serve()
     os.symlink(port.path, tmp_path / "robot")
-    with Driver(str(tmp_path / "robot"), options=Options(reconnect=True)) as robot:
+    with Driver(str(tmp_path / "robot"), options=Options(reconnect=True, command_timeout_s=None)) as robot:
         robot.drive(0.1, 0.0)
         port.unplug()
         wait_until(lambda: not robot.ready)
@@ -148,7 +148,7 @@ def test_the_stop_of_a_driver_that_fails_is_repeated_until_it_is_seen(serve, mon
     """A callback raises, the line swallows two stops, and no watchdog helps."""
     monkeypatch.setattr(threading, "excepthook", lambda args: None)
     port = serve(version=version)
-    with Driver(port.path, options=Options(watchdog_ms=0)) as robot:
+    with Driver(port.path, options=Options(watchdog_ms=0, command_timeout_s=None)) as robot:
         robot.drive(0.1, 0.0)
         wait_until(lambda: port.board.speeds == (100, 0))
         write, lost = robot._link.write, []
@@ -167,8 +167,8 @@ def test_the_stop_of_a_driver_that_fails_is_repeated_until_it_is_seen(serve, mon
 
 FORGETFUL = """
 import sys, time
-from mrl_driver.driver import Driver
-robot = Driver(sys.argv[1])
+from mrl_driver.driver import Driver, Options
+robot = Driver(sys.argv[1], options=Options(command_timeout_s=None))
 robot.connect()
 robot.drive(0.1, 0.0)
 time.sleep(0.3)

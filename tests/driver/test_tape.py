@@ -29,7 +29,7 @@ def wait_until(condition):
 def recorded(serve, tmp_path):
     """Entries of a short drive, and the board that it was with."""
     board, path = serve(), str(tmp_path / "drive.mrl")
-    with Driver(board.path, options=Options(record=path)) as robot:
+    with Driver(board.path, options=Options(record=path, command_timeout_s=None)) as robot:
         robot.drive(0.2, 0.0)
         wait_until(lambda: robot.pose.x_m > 0.01)
     recording = Recording(path)
@@ -89,7 +89,7 @@ def test_the_stop_at_the_end_is_on_the_tape(recorded):
 
 
 def test_a_full_disk_does_not_stop_the_robot(serve):
-    with Driver(serve().path, options=Options(record="/dev/full")) as robot:
+    with Driver(serve().path, options=Options(record="/dev/full", command_timeout_s=None)) as robot:
         robot.drive(0.2, 0.0)
         wait_until(lambda: robot.pose.x_m > 0.01 and robot.recorder.lost > 10)
         assert robot.command is not None

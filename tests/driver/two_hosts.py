@@ -62,7 +62,7 @@ def trial(scheme, robot_net, folder):
     board = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:
         port = board.stdout.readline().strip()
-        with Driver(port, options=Options(reconnect=True)) as robot:
+        with Driver(port, options=Options(reconnect=True, command_timeout_s=None)) as robot:
             robot.drive(0.2, 0.3)
             wait_until(lambda: robot.pose.x_m > 0.1)
             robot.stop()

@@ -25,7 +25,8 @@ _BEGINNING = re.compile(rb"[\d,-]*")
 PATIENCE_S = 20.0
 TIMEOUT_S = 0.25
 DRIVE = (
-    "import sys; from mrl_driver.driver import Driver; d = Driver(sys.argv[1]); d.connect(); d.drive(.2, 0); "
+    "import sys; from mrl_driver.driver import Driver, Options; "
+    "d = Driver(sys.argv[1], options=Options(command_timeout_s=None)); d.connect(); d.drive(.2, 0); "
     "print(flush=True); d.wait(60)"
 )
 
