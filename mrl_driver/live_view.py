@@ -179,7 +179,7 @@ def _motion(now: Shown) -> Table:
 
 
 def _ranges(driver: Readout) -> Table:
-    grid, ranges = _grid(), driver.ranges if has_sonars(driver) else {}
+    grid, ranges = _grid(), driver.ranges
     order = [name for name in ("left", "front", "right") if name in ranges]
     for name in [*order, *(name for name in ranges if name not in order)]:
         value = ranges[name]
@@ -187,11 +187,6 @@ def _ranges(driver: Readout) -> Table:
         text = _bar(share, "red" if value < _NEAR_M else "yellow" if value < 2 * _NEAR_M else "cyan")
         grid.add_row(name, text.append(f" {range_text(value)}", style="default"))
     return grid
-
-
-def has_sonars(driver: Readout) -> bool:
-    """The board's build has sonars; those of 2013 do not tell."""
-    return driver.board.version < 2 or "sonars" in driver.board.capabilities
 
 
 def _sensors(driver: Readout) -> Table:

@@ -133,6 +133,11 @@ class Readout:
         return self._state.odometry.twist if self._state.odometry and self.ready else Twist(0.0, 0.0)
 
     @property
+    def has_sonars(self) -> bool:
+        """The board measures ranges; False before it is connected."""
+        return self._state.has_sonars
+
+    @property
     def ranges(self) -> Dict[str, float]:
         """Sonar name to range [m], REP-117; empty when telemetry is stale."""
         return dict(self._state.ranges) if self.ready else {}

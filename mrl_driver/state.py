@@ -34,6 +34,10 @@ class Telemetry(NamedTuple):
     """Frame number of the board (int16, wraps); None from boards without one."""
 
 
+SENSOR_BOARD_IDS = range(6, 11)
+"""Boards of 2013 with environment sensors, on robots that drive by other means."""
+
+
 class RobotState:
     """Pose, ranges and battery of one robot; without a `model` the packaged one that lists the board's id."""
 
@@ -55,6 +59,15 @@ class RobotState:
     def powerless(self) -> bool:
         """The battery forbids driving."""
         return not self._ignore_battery and self.battery_state in (battery.EMPTY, battery.OFF)
+
+    @property
+    def has_sonars(self) -> bool:
+        """The board measures ranges.  Those of 2013 do not tell: with them model and robot id decide."""
+        if self.model is None or self.info is None or not self.model.sonars:
+            return False
+        if self.info.capabilities:
+            return "sonars" in self.info.capabilities
+        return self.info.robot_id not in SENSOR_BOARD_IDS
 
     def admit(self, board: Board) -> Optional[str]:
         """Accept the board that answers, and take its model where none was given.
@@ -129,6 +142,8 @@ class RobotState:
 
     def _on_new(self, new: Tuple[str, ...], values: Tuple[int, ...]) -> Tuple[str, ...]:
         """Take in sonar values of which some are new; the names of those that this robot has."""
+        if not self.has_sonars:
+            return ()
         assert self.model is not None
         fresh = tuple(name for name in new if name in self.model.sonars)
         if fresh:

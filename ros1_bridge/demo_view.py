@@ -11,6 +11,7 @@ import threading
 import time
 from typing import List, Optional, Tuple
 
+import rosgraph
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist
@@ -21,6 +22,7 @@ from mrl_driver.course import Square
 from mrl_driver.keyboard import Keyboard
 from mrl_driver.teleop import Teleop
 
+from .cmd_vel import CmdVel
 from .report import Recorder, Snapshot, line, summary
 
 SONARS = ("front", "left", "right")
@@ -41,7 +43,7 @@ class DemoView:
         self._square = Square()
         self._teleop = Teleop()
         self._mode = SQUARE if square else STOPPED
-        self._cmd_vel = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
+        self._cmd_vel = CmdVel()
         rospy.Subscriber("odom", Odometry, self._on_odometry, queue_size=50, tcp_nodelay=True)
         rospy.Subscriber("battery", BatteryState, self._on_battery, queue_size=1)
         rospy.Subscriber("/diagnostics", DiagnosticArray, self._on_diagnostics, queue_size=10)
@@ -147,7 +149,7 @@ def run_screen(view: DemoView, clock: Clock, title: str) -> bool:
     live = Live(
         console=console, screen=True, auto_refresh=False, redirect_stdout=False, redirect_stderr=False
     )
-    shown_s = -math.inf
+    shown_s, note = -math.inf, f"ROS_MASTER_URI={rosgraph.get_master_uri()}"
     with Keyboard() as keyboard, live:
         while not rospy.is_shutdown():
             keys: List[str] = keyboard.read(TICK_S)
@@ -159,7 +161,7 @@ def run_screen(view: DemoView, clock: Clock, title: str) -> bool:
             view.drive(now)
             if time.monotonic() >= shown_s + REFRESH_S:
                 shown_s = time.monotonic()
-                live.update(render(now, title, console.width, console.height), refresh=True)
+                live.update(render(now, title, console.width, console.height, note), refresh=True)
     return True
 
 

@@ -121,7 +121,7 @@ class RobotNode:
         self._publishers = Publishers(
             rospy.Publisher, rospy.exceptions.TransportException, parameters, model, clock
         )
-        has_sonars = not board.capabilities or "sonars" in board.capabilities
+        has_sonars = driver.has_sonars
         if has_sonars and parameters.has("sonars"):
             self._publishers.sonars(rospy.Time.now())
         self._radio = Radio(rospy.Publisher, board.capabilities if parameters.has("sensors") else frozenset())

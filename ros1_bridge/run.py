@@ -1,22 +1,24 @@
 """`make run`: roscore, an emulated board, the robot node and the live view, and their orderly end.
 
-Started as `python -m ros1_bridge.run`.
+Started as `python -m ros1_bridge.run`.  The roscore is always its own, on a free port of localhost: on a shared one the
+demonstration's `/cmd_vel` would drive other robots too.
 """
 
+import fcntl
+import itertools
 import os
 import signal
 import socket
 import sys
 import time
-import urllib.parse
 import xmlrpc.client
 from pathlib import Path
-from typing import Callable, Dict, List, NamedTuple, Optional, Tuple
+from typing import IO, Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 import click
 
 from mrl_driver.commands.shared import Between
-from mrl_driver.errors import ConfigError, MrlError, SimulatorError
+from mrl_driver.errors import MrlError, SimulatorError
 
 from .processes import Child, adopt_orphans, end_orphans, wait_until
 
@@ -24,8 +26,7 @@ ROOT = Path(__file__).resolve().parent.parent
 LOGS = ROOT / "build" / "run"
 IMAGE = ROOT / "build" / "firmware" / "mrl_firmware.elf"
 NODES = ROOT / "ros1_bridge" / "nodes"
-MASTER = "http://127.0.0.1:11311"
-ROSCORE_TIMEOUT_S, SIMULATOR_TIMEOUT_S = 10.0, 30.0
+ROSCORE_TIMEOUT_S = SIMULATOR_TIMEOUT_S = 30.0
 END_S = 3.0
 """A part that takes longer to end is killed; the node needs at most 2 s."""
 _ENDS: Tuple[Dict[str, int], ...] = (
@@ -36,7 +37,8 @@ _ENDS: Tuple[Dict[str, int], ...] = (
 _POLL_S = 0.05
 _DEFAULT_ROBOT = "traxbot"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-_LOCAL = ("localhost", "127.0.0.1", "::1", socket.gethostname())
+_LOCALHOST = "127.0.0.1"
+_OF_ROSCORE = {"/rosout"}
 
 
 class RunError(MrlError):
@@ -108,29 +110,34 @@ class Run:
         end_orphans()
 
 
+def free_port() -> int:
+    """A TCP port of localhost that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind((_LOCALHOST, 0))
+        return int(probe.getsockname()[1])
+
+
 def environment(logs: Path) -> Dict[str, str]:
-    """The children's environment: the local master unless one is set, with it addresses on localhost."""
-    env = dict(os.environ)
-    env.setdefault("ROS_MASTER_URI", MASTER)
-    if not env["ROS_MASTER_URI"]:
-        env["ROS_MASTER_URI"] = MASTER
-    if _host(env)[0] in _LOCAL and not env.get("ROS_IP") and not env.get("ROS_HOSTNAME"):
-        env["ROS_IP"] = "127.0.0.1"
+    """The children's environment: a master of their own, and all addresses on localhost."""
+    env = {name: value for name, value in os.environ.items() if name != "ROS_HOSTNAME"}
+    env["ROS_MASTER_URI"], env["ROS_IP"] = f"http://{_LOCALHOST}:{free_port()}", _LOCALHOST
     env.setdefault("ROS_LOG_DIR", str(logs / "ros"))
     env["PYTHONUNBUFFERED"] = "1"
     return env
 
 
-def _host(env: Dict[str, str]) -> Tuple[str, int]:
-    """Host and port of the master."""
-    uri = env["ROS_MASTER_URI"]
-    parts = urllib.parse.urlsplit(uri)
-    try:
-        if parts.hostname and parts.port:
-            return parts.hostname, parts.port
-    except ValueError:
-        pass
-    raise ConfigError(f"ROS_MASTER_URI is {uri!r}, expected http://HOST:PORT such as {MASTER}")
+def lock_folder(wanted: Path) -> Tuple[Path, IO[str]]:
+    """A folder for logs that no other run uses: `wanted`, or it with a number, and the lock to hold on to."""
+    for number in itertools.count(1):
+        folder = wanted if number == 1 else wanted.with_name(f"{wanted.name}-{number}")
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = (folder / "lock").open("w")
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return folder, lock
+        except BlockingIOError:
+            lock.close()
+    raise AssertionError("unreachable: the numbers do not end")
 
 
 def master_answers(uri: str) -> bool:
@@ -143,30 +150,36 @@ def master_answers(uri: str) -> bool:
         return False
 
 
-def start_roscore(run: Run) -> None:
-    """Start a roscore unless one runs, which is then used and left running.
+def require_alone(uri: str) -> None:
+    """Check that no other node would hear this run's commands.
 
     Raises:
-        RunError: the master is elsewhere and does not answer.
+        RunError: a node is registered at the master; the text names it.
     """
-    uri = run.env["ROS_MASTER_URI"]
-    if master_answers(uri):
-        click.echo(f"using the roscore that runs at {uri}")
-        return
-    host, port = _host(run.env)
-    if host not in _LOCAL:
-        raise RunError(f"no ROS master answers at ROS_MASTER_URI={uri}; start roscore there, or unset it")
-    run.start("roscore", ["roscore", "-p", str(port)])
+    with xmlrpc.client.ServerProxy(uri) as master:
+        reply: Any = master.getSystemState("/mrl_run")
+    others = {node for kind in reply[2] for _, nodes in kind for node in nodes} - _OF_ROSCORE
+    if others:
+        raise RunError(
+            f"{', '.join(sorted(others))} on the ROS master {uri}, expected no other node: the demonstration would "
+            "drive its robot; end it, or run again for another port"
+        )
+
+
+def start_roscore(run: Run) -> None:
+    """Start the run's own roscore."""
+    run.start("roscore", ["roscore", "-p", run.env["ROS_MASTER_URI"].rsplit(":", 1)[1]])
 
 
 def await_roscore(run: Run) -> None:
     """Wait for the master.
 
     Raises:
-        RunError: it did not start; Stopped: a signal came.
+        RunError: it did not start, or has other nodes; Stopped: a signal came.
     """
     uri = run.env["ROS_MASTER_URI"]
     _await(run, lambda: master_answers(uri), ROSCORE_TIMEOUT_S, f"roscore does not answer at {uri}")
+    require_alone(uri)
 
 
 def start_simulator(run: Run, robot: str, engine: Optional[str]) -> str:
@@ -245,6 +258,8 @@ def supervise(run: Run, plan: Plan) -> int:
         plan = plan._replace(robot=plan.robot or _DEFAULT_ROBOT)
         plan = plan._replace(port=start_simulator(run, plan.robot or "", plan.engine))
     await_roscore(run)
+    uri = run.env["ROS_MASTER_URI"]
+    click.echo(f"for rostopic, rosbag and rviz in another terminal: export ROS_MASTER_URI={uri}")
     start_node(run, plan)
     view = start_view(run, plan, moves=not real)
     while view.exit_code != 0:
@@ -267,7 +282,7 @@ def main(
     robot: Optional[str], port: str, engine: Optional[str], duration: Optional[float], logs: Path
 ) -> None:
     """Drive a robot through ROS, an emulated one unless --port names a real one, with a live view."""
-    logs.mkdir(parents=True, exist_ok=True)
+    logs, lock = lock_folder(logs)
     adopt_orphans()
     try:
         run = Run(environment(logs), logs)
@@ -277,6 +292,8 @@ def main(
     except MrlError as error:
         click.echo(str(error), err=True)
         sys.exit(error.exit_code)
+    finally:
+        lock.close()
 
 
 def _run_to_end(run: Run, plan: Plan) -> int:

@@ -21,11 +21,12 @@ _BAR = 14
 _NEAR_M = 0.3
 
 
-def render(now: Snapshot, title: str, width: int, height: int) -> RenderableType:
-    """The whole screen of `width` x `height` characters."""
+def render(now: Snapshot, title: str, width: int, height: int, note: str = "") -> RenderableType:
+    """The whole screen of `width` x `height` characters; `note` stands below the path."""
     screen = Layout()
     screen.split_column(Layout(name="body"), Layout(_footer(), name="keys", size=1))
     trail = _trail(now, width - _LEFT_COLUMNS, height - 1)
+    trail.subtitle = note
     screen["body"].split_row(Layout(_left(now, title), size=_LEFT_COLUMNS), Layout(trail))
     return screen
 

@@ -17,6 +17,10 @@ __all__ = ["Base", "Drive", "MecanumDrive", "OmniDrive", "RobotModel", "kind_of"
 _FOLDER = os.path.dirname(os.path.abspath(__file__))
 _Section = TypeVar("_Section", bound=tuple)
 
+SONAR, ENVIRONMENT = "sonar", "environment"
+BUILDS = (SONAR, ENVIRONMENT)
+"""Boards of 2013 do not tell which one they are, and send gas and light in place of ranges: the model says it."""
+
 
 class Noise(NamedTuple):
     """How much odometry errs at random; where a model has none, `ON_WHEELS` or `ON_TRACKS`."""
@@ -82,6 +86,8 @@ class RobotModel(NamedTuple):
     sonars: Dict[str, SonarMount]
     battery: Battery
     noise: Noise = ON_WHEELS
+    build: str = SONAR
+    """What the board's sensor pins carry; `sonars` is empty where that is not sonars."""
 
     @property
     def differential(self) -> Drive:
@@ -207,6 +213,9 @@ class _Reader:
             name: self._section(f"sonars.{name}", value, SonarMount)
             for name, value in self._mapping("sonars", keys["sonars"]).items()
         }
+        build = keys.get("build", SONAR)
+        if build not in BUILDS:
+            raise self._fail("build", build, " or ".join(BUILDS))
         return RobotModel(
             name=self._text("name", keys["name"]),
             ids=self._ids(keys["ids"]),
@@ -214,7 +223,8 @@ class _Reader:
             board=self._board(keys["board"]),
             limits=self._section("limits", keys["limits"], Limits),
             body=body,
-            sonars=sonars,
+            sonars=sonars if build == SONAR else {},
+            build=build,
             battery=self._section("battery", keys["battery"], Battery),
             noise=noise,
         )

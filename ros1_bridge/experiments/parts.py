@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import sys
 from pathlib import Path
 from typing import Dict, List, Optional
@@ -10,19 +9,12 @@ from typing import Dict, List, Optional
 from mrl_driver.errors import MrlError
 
 from ..processes import Child, wait_until
-from ..run import master_answers
+from ..run import free_port, master_answers
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 START_S = 30.0
 """A part that is not there after this has failed; generous, the machine may be busy."""
 END_S = 5.0
-
-
-def free_port() -> int:
-    """A TCP port that nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def environment(folder: str, given: Dict[str, str]) -> Dict[str, str]:
