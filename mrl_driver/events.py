@@ -55,10 +55,16 @@ class Status(NamedTuple):
     clamped: int
 
 
+WAITS = "the robot waits for a new command"
+MAY_MOVE = "the robot may still be moving, for its board has no watchdog: stop it by hand"
+
+
 class Stale(NamedTuple):
     """No telemetry for `age_s`; the robot is being stopped and greeted anew."""
 
     age_s: float
+    may_move: bool = False
+    """The robot was driving, and its board does not stop by itself."""
 
 
 class Lost(NamedTuple):
@@ -66,10 +72,12 @@ class Lost(NamedTuple):
 
     port: str
     reason: str
+    may_move: bool = False
+    """The robot was driving, and its board does not stop by itself."""
 
     def __str__(self) -> str:
         """One line for people."""
-        return f"{self.reason}; the port is searched, and the robot waits for a new command"
+        return f"{self.reason}; the port is searched; {MAY_MOVE if self.may_move else WAITS}"
 
 
 class Reconnected(NamedTuple):

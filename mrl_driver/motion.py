@@ -62,6 +62,8 @@ class Motion:
         """Why this program last stopped the robot, see `STOPS`."""
         self.lead_s = 0.0
         """`take` repeats what is due so soon, when it is called then [s]."""
+        self.unconfirmed = False
+        """A command was forgotten while the robot was moving, and nothing has shown a standstill since."""
         self._new = self.stopping = False
         self._commanded_s = self._sent_s = -math.inf
         self._fade: Optional[Tuple[float, float, Speeds]] = None
@@ -82,6 +84,7 @@ class Motion:
 
     def make_sure(self) -> None:
         """Stop a robot that should stand, until `observe` has seen it; why it was last stopped stays."""
+        self.unconfirmed = False
         if self.target is None:
             self.stop(self.stop_reason)
 
@@ -89,6 +92,7 @@ class Motion:
         """Drop the command without a stop: the board is stopped already, or gone."""
         if self.target is not None:
             self.stop_reason = reason
+        self.unconfirmed = self.unconfirmed or self.stopping or any(self.target or ())
         self.target = self._fade = None
         self._new = self.stopping = False
 

@@ -63,7 +63,12 @@ class Readout:
         """No command is in force, and telemetry has confirmed the last stop."""
         with self._lock:
             motion = self._motion
-            return motion is None or (motion.target is None and not motion.stopping)
+            return motion is None or not (motion.target or motion.stopping or self.may_be_moving)
+
+    @property
+    def may_be_moving(self) -> bool:
+        """Nothing is known of the robot, which moved, and its board does not stop by itself: those of 2013."""
+        return self._core.begun and self._core.session.may_be_moving
 
     @property
     def stop_reason(self) -> str:
@@ -115,7 +120,10 @@ class Readout:
         if info is None or info.protocol >= 2:
             return ""
         name = "1 (2013)" if info.version < 2 else f"{info.version} without protocol"
-        return f"board firmware {name}: works, without watchdog; flash with: mrl flash --port PORT"
+        return (
+            f"board firmware {name} has no watchdog: the robot drives on when the program dies or the cable is "
+            "pulled; flash with: mrl flash --port PORT"
+        )
 
     @property
     def telemetry(self) -> Optional[Telemetry]:

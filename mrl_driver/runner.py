@@ -193,10 +193,10 @@ class Runner(Readout):
                 raise error
             self._link = self._broken = None
             self._core.session.lose(now)
-            first = reconnection.lose(error, now)
+            first, may_move = reconnection.lose(error, now), self._core.session.may_be_moving
         link.close()
         if first:
-            self._call([("state", Lost(reconnection.port, str(error)))])
+            self._call([("state", Lost(reconnection.port, str(error), may_move))])
 
     def _searchable(self) -> Optional[Reconnection]:
         """What finds a lost port, once there is something to find."""

@@ -96,6 +96,14 @@ class Session:
         return self._greeting is None
 
     @property
+    def may_be_moving(self) -> bool:
+        """The board was cut off while the robot moved, and has no watchdog to stop it."""
+        watched = (
+            self.board is not None and "watchdog" in self.board.capabilities and self._plan.watchdog_ms > 0
+        )
+        return not self.ready and self.motion.unconfirmed and not watched
+
+    @property
     def checked(self) -> bool:
         """Frames carry a check value."""
         return self._decoder.checked
@@ -205,8 +213,8 @@ class Session:
         if self._greeting is not None:
             self._greeting.tick(now, self.checked)
         elif now - self.heard_s >= STALE_S:
-            events.append(Stale(now - self.heard_s))
             self._greet_again(now, "stale")
+            events.append(Stale(now - self.heard_s, self.may_be_moving))
             self._restarted = not self.checked
         elif not self.late(now):
             self._poll.take(now, self.motion.pace.repeat_s)

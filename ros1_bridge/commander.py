@@ -17,6 +17,8 @@ a pause no more than the longer time is made up for.
 """
 EMERGENCY, DISABLED, LINK, BATTERY = "emergency stop", "motors disabled", "no telemetry", "battery"
 WHEEL = "wheel mismatch"
+ADRIFT = "no telemetry, may still be moving"
+"""A board without watchdog was cut off while it drove."""
 ZONE = "protective zone"
 TIMEOUT, NOT_FINITE, NONE = "command timeout", "command not finite", "none"
 REFUSALS = {
@@ -128,6 +130,8 @@ class Commander:
     @property
     def stopped_by(self) -> str:
         """What keeps the robot from moving, or made it stop; `none` where nothing did."""
+        if not self._driver.ready and self._driver.may_be_moving:
+            return ADRIFT
         if self.latched or not self.enabled:
             return EMERGENCY if self.latched else DISABLED
         if not self._driver.ready:
@@ -148,7 +152,7 @@ class Commander:
     @property
     def ready(self) -> bool:
         """The next command would move the robot."""
-        return self.stopped_by not in (EMERGENCY, DISABLED, LINK, BATTERY, WHEEL)
+        return self.stopped_by not in (EMERGENCY, DISABLED, LINK, ADRIFT, BATTERY, WHEEL)
 
     def refusal(self) -> str:
         """Why a command was refused, and what to do."""

@@ -2,7 +2,7 @@
 
 from typing import Any, Dict, NamedTuple, Optional
 
-from mrl_driver.events import Lost, Ready, Reconnected, Slowed, Stale
+from mrl_driver.events import MAY_MOVE, WAITS, Lost, Ready, Reconnected, Slowed, Stale
 from mrl_driver.handshake import Board
 from mrl_driver.line_rate import SLOW
 from mrl_driver.state import Telemetry
@@ -11,7 +11,7 @@ from mrl_driver.wheel_watch import Mismatch
 
 OK, WARN, ERROR = 0, 1, 2
 """Levels of diagnostic_msgs/DiagnosticStatus."""
-WAITS, ANSWERS = "the robot waits for a new command", "the board answers again"
+ANSWERS = "the board answers again"
 
 
 class Health(NamedTuple):
@@ -36,7 +36,8 @@ class News:
             self._lost = False
             return Health(OK, str(event))
         if isinstance(event, Stale):
-            return Health(ERROR, f"the board is silent: check its cable and power; {WAITS}")
+            then = MAY_MOVE if event.may_move else WAITS
+            return Health(ERROR, f"the board is silent: check its cable and power; {then}")
         if isinstance(event, Ready) and not self._lost:
             restarted = event.restarted and event.checked  # after a silence, others are only taken to have
             return Health(WARN, f"the board has restarted; {WAITS}") if restarted else Health(OK, ANSWERS)

@@ -5,15 +5,16 @@ from typing import Any, Callable, Dict, Optional, Tuple
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-from mrl_driver.events import Status
+from mrl_driver.events import MAY_MOVE, Status
 
-from .commander import BATTERY, DISABLED, EMERGENCY, LINK, NONE, WHEEL, Commander
+from .commander import ADRIFT, BATTERY, DISABLED, EMERGENCY, LINK, NONE, WHEEL, Commander
 from .link_report import ERROR, OK, WARN, Health
 
 MODES = {
     EMERGENCY: "emergency stop",
     DISABLED: "disabled",
     LINK: "no link",
+    ADRIFT: "no link",
     BATTERY: "battery",
     WHEEL: "wheel mismatch",
 }
@@ -52,7 +53,7 @@ class StatusTeller:
         values = {
             "mode": mode_of(cause, seeking),
             "ready": _yes(cause not in MODES),
-            "moving": _yes(moving),
+            "moving": "unknown" if cause == ADRIFT else _yes(moving),
             "warning zone clear": clear[0],
             "protective zone clear": clear[1],
             "safety stop": _yes(not moving and cause not in HARMLESS),
@@ -115,6 +116,8 @@ def board_values(status: Any, temperature_c: float) -> Dict[str, str]:
 
 def motion_health(moving: bool, cause: str) -> Health:
     """Level and line of the motion; `cause` is `Commander.stopped_by`."""
+    if cause == ADRIFT:
+        return Health(ERROR, f"no telemetry; {MAY_MOVE}")
     if moving or cause == NONE:
         return Health(OK, "moving" if moving else "ready")
     level = ERROR if cause in (LINK, BATTERY, WHEEL) else WARN if cause in MODES else OK
@@ -126,7 +129,7 @@ def motion_values(commander: Commander) -> Dict[str, str]:
     limits = commander.limits
     return {
         "Mode": mode_of(commander.stopped_by, commander.seeking),
-        "Moving": _yes(commander.moving),
+        "Moving": "unknown" if commander.stopped_by == ADRIFT else _yes(commander.moving),
         "Stop Reason": commander.stopped_by,
         "Linear Speed Limit": f"{limits.linear_m_s:g} m/s",
         "Angular Speed Limit": f"{limits.angular_rad_s:g} rad/s",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Optional
 import click
 
 from ..errors import BoardTimeout, ConfigError, WheelFault
+from ..events import MAY_MOVE
 from ..names import Target
 from .monitor import watch_live
 from .shared import (
@@ -99,7 +100,7 @@ def drive_for(
     Raises:
         FrameError: the base cannot go sideways.
         WheelFault: a wheel did not do what it was told.
-        BoardTimeout: the robot stopped early for another reason.
+        BoardTimeout: the robot stopped early for another reason, or nobody knows whether it stopped.
     """
     deadline = time.monotonic() + seconds
     taken = driver.drive(linear_m_s, angular_rad_s, lateral_m_s)
@@ -109,6 +110,8 @@ def drive_for(
         if not taken:
             if driver.mismatch is not None:
                 raise WheelFault(f"stopped early: {driver.mismatch}")
+            if driver.may_be_moving:
+                raise BoardTimeout(f"no telemetry for {driver.age_s * 1000:.0f} ms; {MAY_MOVE}")
             raise BoardTimeout(
                 f"stopped early ({driver.stop_reason}): telemetry is {driver.age_s * 1000:.0f} ms old, "
                 f"battery is {driver.battery_state} ({driver.battery_v:.1f} V)"
@@ -117,3 +120,5 @@ def drive_for(
     while not driver.stopped and not driver.wait(0.02):
         if time.monotonic() > deadline + 2:
             break
+    if driver.may_be_moving:
+        raise BoardTimeout(f"the stop was sent, but not confirmed; {MAY_MOVE}")

@@ -42,7 +42,7 @@ def test_info_prints_json(serve):
 
 def test_info_on_a_2013_board_says_what_it_lacks(serve):
     facts = json.loads(mrl("info", "--port", serve(version=1).path, "--json").stdout)
-    assert facts["note"].startswith("board firmware 1 (2013): works, without watchdog; flash with")
+    assert facts["note"].startswith("board firmware 1 (2013) has no watchdog: the robot drives on")
 
 
 def test_a_board_that_cannot_be_raised_is_said_to_stay_at_its_speed(serve):
@@ -339,7 +339,7 @@ def test_ranges_for_people(value, words):
 def test_a_2013_board_is_warned_of(serve, command):
     result = mrl(*command, "--port", serve(version=1).path)
     assert result.returncode == 0
-    assert "mrl: warning: board firmware 1 (2013): works, without watchdog" in result.stderr
+    assert "mrl: warning: board firmware 1 (2013) has no watchdog: the robot drives on when" in result.stderr
 
 
 def test_a_blocked_wheel_has_its_own_exit_code(serve):

@@ -23,7 +23,7 @@ class Noted:
 
     def __init__(self):
         self.command, self.ready, self.battery_state, self.battery_v = None, True, "ok", 12.0
-        self.stops, self.lost = 0, False
+        self.stops, self.lost, self.may_be_moving = 0, False, False
         self.mismatch, self.stop_reason = None, "none"
 
     def drive(self, *speeds):

@@ -1,0 +1,96 @@
+"""A board without watchdog drives on when the line to it is cut: what cannot be known is said."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from mrl_driver.commands.drive import drive_for
+from mrl_driver.errors import BoardTimeout
+from mrl_driver.events import MAY_MOVE, WAITS, Lost, Stale
+from mrl_driver.stepped import SteppedDriver
+from sim_arduino import boards
+from sim_arduino.faults import FaultyEngine
+
+DRIVE_S, SILENT_S = 0.4, 1.0
+
+
+@pytest.fixture
+def cut():
+    """Makes drivers of a board whose cable is pulled while it drives, or stands."""
+    ends = []
+
+    def make(profile, speed_m_s=0.2):
+        emulated = boards.make(boards.Options(profile=profile))
+        line = FaultyEngine(emulated.engine)
+        driver = SteppedDriver(line)
+        driver.connect()
+        events = []
+        driver.on_event(events.append)
+        ends.append(emulated.close)
+        if speed_m_s:
+            driver.drive(speed_m_s, 0.0)
+        driver.wait(DRIVE_S)
+        if not speed_m_s:
+            driver.stop()
+            driver.wait(SILENT_S)
+        line.unplug()
+        driver.wait(SILENT_S)
+        return SimpleNamespace(driver=driver, line=line, events=events)
+
+    yield make
+    for end in ends:
+        end()
+
+
+def stale(bench):
+    return next(event for event in bench.events if isinstance(event, Stale))
+
+
+def test_driving_board_of_2013_that_is_cut_off_may_still_be_moving(cut):
+    bench = cut("2013-august")
+    assert bench.driver.may_be_moving and not bench.driver.stopped
+
+
+def test_its_silence_is_told_so(cut):
+    assert stale(cut("2013-august")).may_move
+
+
+def test_standing_board_of_2013_that_is_cut_off_is_not_moving(cut):
+    bench = cut("2013-august", speed_m_s=0.0)
+    assert not bench.driver.may_be_moving and not stale(bench).may_move
+
+
+def test_board_with_a_watchdog_stops_by_itself(cut):
+    bench = cut("current")
+    assert not bench.driver.may_be_moving and not stale(bench).may_move
+
+
+def test_telemetry_that_is_back_shows_it(cut):
+    bench = cut("2013-august")
+    bench.line.plug()
+    bench.driver.wait(5.0)
+    assert bench.driver.ready and not bench.driver.may_be_moving and bench.driver.stopped
+
+
+@pytest.mark.parametrize("may_move, words", [(True, MAY_MOVE), (False, WAITS)])
+def test_lost_port_is_told_with_what_the_robot_may_do(may_move, words):
+    assert str(Lost("/dev/ttyACM0", "it went away", may_move)).endswith(words)
+
+
+class Clock:
+    """Stands for the module time: the driver's own, simulated time."""
+
+    def __init__(self, driver):
+        self.monotonic = lambda: driver.now_s
+
+
+@pytest.mark.parametrize("cut_s", [0.5, 0.98], ids=["on-the-way", "at-the-end"])
+def test_timed_drive_says_that_the_robot_may_still_be_moving(monkeypatch, cut_s):
+    emulated = boards.make(boards.Options(profile="2013-august"))
+    line = FaultyEngine(emulated.engine)
+    with SteppedDriver(line) as driver:
+        line.add(f"unplug:at={driver.now_s + cut_s},lasts=100")
+        monkeypatch.setattr("mrl_driver.commands.drive.time", Clock(driver))
+        with pytest.raises(BoardTimeout, match=MAY_MOVE):
+            drive_for(driver, 0.2, 0.0, 1.0)
+    emulated.close()

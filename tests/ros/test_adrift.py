@@ -1,0 +1,51 @@
+"""A board of 2013 that is cut off while it drives: status, diagnostics and log say that it may still be moving."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from mrl_driver.events import MAY_MOVE, WAITS, Stale
+from ros1_bridge import commander as module
+from ros1_bridge import robot_status
+from ros1_bridge.link_report import ERROR, News
+from ros1_bridge.robot_status import StatusTeller
+
+
+def cut_off(may_be_moving):
+    """A commander whose driver has lost a board."""
+    driver = SimpleNamespace(ready=False, may_be_moving=may_be_moving, command=None, stop_reason="stale")
+    return module.Commander(driver, None, 0.5)
+
+
+def values_of(commander):
+    told = []
+    StatusTeller(commander, told.append, "/robot_node", "port robot 1").tell()
+    return told[0], {pair.key: pair.value for pair in told[0].values}
+
+
+def test_status_does_not_know_whether_it_moves():
+    message, values = values_of(cut_off(True))
+    assert (message.level, message.message) == (ERROR, f"no telemetry; {MAY_MOVE}")
+    assert (values["moving"], values["mode"], values["ready"]) == ("unknown", "no link", "false")
+
+
+def test_status_of_a_board_that_stops_by_itself_says_that_it_stands():
+    message, values = values_of(cut_off(False))
+    assert (message.message, values["moving"]) == ("stopped by no telemetry", "false")
+
+
+def test_diagnostics_say_it_too():
+    assert robot_status.motion_health(False, module.ADRIFT).message == f"no telemetry; {MAY_MOVE}"
+
+
+@pytest.mark.parametrize("latched", [True, False])
+def test_emergency_stop_does_not_hide_it(latched):
+    commander = cut_off(True)
+    commander.latched = latched
+    assert commander.stopped_by == module.ADRIFT
+
+
+@pytest.mark.parametrize("may_move, words", [(True, MAY_MOVE), (False, WAITS)])
+def test_log_says_what_the_robot_may_do(may_move, words):
+    told = News().of(Stale(0.3, may_move))
+    assert told.level == ERROR and told.message.endswith(words)
