@@ -55,6 +55,17 @@ SWITCH_S = 0.0005
 LOG = {OK: rospy.loginfo, WARN: rospy.logwarn, ERROR: rospy.logerr}
 
 
+def driver_options(parameters: Parameters) -> Options:
+    """What the driver is told.  It has the timeout of commands too, for a node that is stuck."""
+    return Options(
+        period_ms=round(1000 / parameters.rate),
+        command_timeout_s=parameters.cmd_vel_timeout,
+        ignore_battery=parameters.ignore_battery,
+        reconnect=parameters.reconnect,
+        fast=parameters.fast,
+    )
+
+
 class RobotNode:
     """Connects a driver with its topics and services."""
 
@@ -65,14 +76,7 @@ class RobotNode:
             ConfigError: the robot model is unknown or wrong.
         """
         self._parameters = parameters
-        options = Options(
-            period_ms=round(1000 / parameters.rate),
-            command_timeout_s=parameters.cmd_vel_timeout,
-            ignore_battery=parameters.ignore_battery,
-            reconnect=parameters.reconnect,
-            fast=parameters.fast,
-        )
-        self._driver = Driver(parameters.port, parameters.robot, parameters.baud, options)
+        self._driver = Driver(parameters.port, parameters.robot, parameters.baud, driver_options(parameters))
         self._battery_state = ""
         self._sideways = False
         self._tell_s = 0.0

@@ -6,8 +6,9 @@ import signal
 import pytest
 import rospy
 
-from ros1_bridge.processes import Child, wait_until
+from ros1_bridge.processes import Child
 from ros1_bridge.run import master_answers
+from tests.waiting import wait_until
 
 from . import rig as bench
 
@@ -21,7 +22,8 @@ def master(tmp_path_factory):
         os.environ.update(ROS_MASTER_URI=uri, ROS_IP="127.0.0.1", ROS_LOG_DIR=str(folder))
         command = ["rosmaster", "--core", "-p", uri.rsplit(":", 1)[1]]
         child = Child("rosmaster", command, folder / "rosmaster.log", dict(os.environ), bench.ROOT)
-        if wait_until(lambda: master_answers(uri) or child.exit_code is not None, bench.START_S):  # noqa: B023
+        wait_until(lambda: master_answers(uri) or child.exit_code is not None)  # noqa: B023
+        if child.exit_code is None:
             break
     rospy.init_node("tests", anonymous=True, disable_signals=True)
     yield dict(os.environ)

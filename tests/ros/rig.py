@@ -14,12 +14,12 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 import rospy
 
-from ros1_bridge.processes import Child, wait_until
+from ros1_bridge.processes import Child
+from tests.waiting import PATIENCE_S, wait_until
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 NODE = ROOT / "ros1_bridge" / "nodes" / "robot_node"
-START_S = 30.0
-"""Generous: the machine may be busy with other tests."""
+START_S = PATIENCE_S
 
 
 def free_port() -> int:
@@ -76,9 +76,9 @@ class Tap:
         start = f"@{code}".encode()
         return next((at for at, data in self.sent if at >= since_s and _holds(data, start)), float("inf"))
 
-    def wait_for(self, code: int, since_s: float, timeout_s: float = START_S) -> float:
+    def wait_for(self, code: int, since_s: float) -> float:
         """The same, waiting for it."""
-        wait_until(lambda: self.first(code, since_s) < float("inf"), timeout_s)
+        wait_until(lambda: self.first(code, since_s) < float("inf"), what=f"command {code}")
         return self.first(code, since_s)
 
 
@@ -90,9 +90,9 @@ class SilentPort:
         tty.setraw(self._slave)
         self.port = os.ttyname(self._slave)
 
-    def wait_for_bytes(self, timeout_s: float) -> bool:
+    def wait_for_bytes(self) -> None:
         """Wait until somebody has sent something."""
-        return bool(select.select([self._master], [], [], timeout_s)[0])
+        wait_until(lambda: select.select([self._master], [], [], 0)[0], what="a byte")
 
     def close(self) -> None:
         """Give it back."""
@@ -119,16 +119,19 @@ class Topic:
         """All so far."""
         return [message for _, message in self.arrived]
 
-    def wait(self, count: int = 1, timeout_s: float = START_S) -> List[Any]:
+    def wait(self, count: int = 1) -> List[Any]:
         """Wait until there are `count`, and return all."""
-        assert wait_until(lambda: len(self.arrived) >= count, timeout_s), (
-            f"{len(self.arrived)} of {count} messages"
-        )
+        wait_until(lambda: len(self.arrived) >= count, what=f"message {count} of {self._subscriber.name}")
         return self.messages
+
+    def wait_for_more(self, count: int) -> List[Any]:
+        """Wait for so many from now on, and return them."""
+        begin = len(self.arrived)
+        return self.wait(begin + count)[begin:]
 
     def wait_for_publisher(self) -> None:
         """Wait until somebody publishes it."""
-        assert wait_until(lambda: self._subscriber.get_num_connections() > 0, START_S)
+        wait_until(lambda: self._subscriber.get_num_connections() > 0, what="a publisher")
 
     def close(self) -> None:
         """Unsubscribe."""
@@ -171,7 +174,7 @@ class Rig:
             *(options or ("--robot", "traxbot")),
         ]
         child = self.start("mrl-sim", *command)
-        assert wait_until(lambda: bool(child.output()) or child.exit_code is not None, START_S)
+        wait_until(lambda: bool(child.output()) or child.exit_code is not None)
         assert child.exit_code is None, child.last_words()
         return Board(child.output()[0].split()[0], truth, child)
 
@@ -203,7 +206,7 @@ class Rig:
         """Advertise in the rig's namespace, and wait for the node to subscribe."""
         publisher = rospy.Publisher(f"{self.ns}/{name}", kind, queue_size=10, tcp_nodelay=True)
         self._ends.append(publisher.unregister)
-        assert wait_until(lambda: publisher.get_num_connections() > 0, START_S)
+        wait_until(lambda: publisher.get_num_connections() > 0)
         return publisher
 
     def close(self) -> None:

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from ros1_bridge.processes import Child, wait_until
+from ros1_bridge.processes import Child
 from ros1_bridge.run import master_answers
+from tests.waiting import wait_until
 
 from .rig import ROOT, START_S, free_port
 
@@ -97,7 +98,7 @@ def running(workspace, space):
     command = workspace.in_space(space, *launch)
     child = Child("roslaunch", command, folder / f"{space}.log", workspace.env, folder)
     try:
-        assert wait_until(lambda: master_answers(uri) or child.exit_code is not None, START_S)
+        wait_until(lambda: master_answers(uri) or child.exit_code is not None)
         yield child
     finally:
         child.signal(signal.SIGINT)

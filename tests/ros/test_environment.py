@@ -14,9 +14,7 @@ from std_msgs.msg import Float32, Float32MultiArray, UInt16
 from mrl_driver.errors import ConfigError
 from mrl_driver.table import BY_NAME, SENSORS
 from ros1_bridge import radio, sensor_topics
-from ros1_bridge.processes import wait_until
-
-from .rig import START_S
+from tests.waiting import wait_until
 
 COMPASS = sensor_topics.load()["compass"]
 
@@ -130,7 +128,7 @@ def test_streams_beside_the_odometry_lose_no_frame(robot):
         return {pair.key: pair.value for pair in every[-1].values} if every else {}
 
     robot.sensors["compass"].wait(20)
-    assert wait_until(lambda: bool(link()), START_S)
+    wait_until(lambda: bool(link()))
     assert link()["Lost Frames"] == "0"
 
 

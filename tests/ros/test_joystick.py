@@ -1,7 +1,5 @@
 """Joystick layouts, and the node on messages."""
 
-import time
-
 import pytest
 from geometry_msgs.msg import Twist
 from hypothesis import given
@@ -9,7 +7,7 @@ from hypothesis import strategies as st
 from sensor_msgs.msg import Joy
 
 from ros1_bridge.joystick import LAYOUTS, read
-from ros1_bridge.processes import wait_until
+from tests.waiting import wait_until
 
 from .rig import ROOT, START_S
 
@@ -59,13 +57,15 @@ def test_node_passes_on_and_ends_with_one_stop(rig):
         joy.publish(axes=[0.0, 1.0], buttons=pressed(PS3.dead_man))
         return bool(twists.messages)
 
-    assert wait_until(driven, START_S)
+    wait_until(driven)
     assert twists.messages[0].linear.x == 0.25
     joy.publish(axes=[0.0, 1.0], buttons=pressed())
-    assert wait_until(lambda: twists.messages[-1] == Twist(), START_S)
+    wait_until(lambda: twists.messages[-1] == Twist())
     joy.publish(axes=[0.0, 1.0], buttons=pressed())
-    time.sleep(0.3)
-    assert twists.messages.count(Twist()) == 1 and twists.messages[-1] == Twist()
+    count = len(twists.messages)
+    joy.publish(axes=[0.0, 1.0], buttons=pressed(PS3.dead_man))
+    assert twists.wait(count + 1)[count].linear.x == 0.25
+    assert twists.messages.count(Twist()) == 1
 
 
 def test_unknown_layout_is_named(rig):

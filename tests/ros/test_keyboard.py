@@ -9,7 +9,7 @@ import termios
 import pytest
 from geometry_msgs.msg import Twist
 
-from ros1_bridge.processes import wait_until
+from tests.waiting import wait_until
 
 from .rig import ROOT, START_S
 
@@ -27,7 +27,7 @@ def keys(rig):
     )
     rig.twists = rig.topic("cmd_vel", Twist)
     rig.twists.wait_for_publisher()
-    assert wait_until(lambda: not termios.tcgetattr(slave)[3] & termios.ICANON, START_S)
+    wait_until(lambda: not termios.tcgetattr(slave)[3] & termios.ICANON)
     yield rig, node, master
     if node.poll() is None:
         node.kill()
@@ -43,13 +43,13 @@ def test_keys_drive_until_they_are_let_go_and_q_ends(keys):
     os.write(master, b"w\x1b[D")
     driving = rig.twists.wait(2)[1]
     assert (driving.linear.x, driving.angular.z) == (0.2, 0.9)
-    assert wait_until(lambda: rig.twists.messages[-1] == Twist(), START_S)
+    wait_until(lambda: rig.twists.messages[-1] == Twist())
     assert rig.twists.messages.count(Twist()) == 1
     os.write(master, b"s")
-    assert wait_until(lambda: rig.twists.messages[-1].linear.x == -0.2, START_S)
+    wait_until(lambda: rig.twists.messages[-1].linear.x == -0.2)
     os.write(master, b"q")
     assert node.wait(START_S) == 0
-    assert wait_until(lambda: rig.twists.messages[-1] == Twist(), START_S)
+    wait_until(lambda: rig.twists.messages[-1] == Twist())
 
 
 def test_ctrl_c_amid_driving_is_a_stop(keys):
@@ -58,7 +58,7 @@ def test_ctrl_c_amid_driving_is_a_stop(keys):
     rig.twists.wait(2)
     node.send_signal(signal.SIGINT)
     assert node.wait(START_S) == 0
-    assert wait_until(lambda: rig.twists.messages[-1] == Twist(), START_S)
+    wait_until(lambda: rig.twists.messages[-1] == Twist())
 
 
 def test_node_without_a_terminal_says_so(rig):

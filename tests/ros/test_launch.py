@@ -19,9 +19,9 @@ from tf2_msgs.msg import TFMessage
 
 from mrl_driver import robots
 from ros1_bridge.parameters import ROWS
-from ros1_bridge.processes import wait_until
+from tests.waiting import wait_until
 
-from .rig import ROOT, START_S
+from .rig import ROOT
 
 LAUNCH = ROOT / "ros1_bridge" / "launch"
 FILES = sorted(LAUNCH.glob("*.launch"))
@@ -173,7 +173,7 @@ def test_team_has_its_descriptions_and_frames_each(rig, packages):
     )
     static, moving = rig.topic("/tf_static", TFMessage), rig.topic("/tf", TFMessage)
     for name in ("robot1", "robot2"):
-        rig.topic(f"/{name}/odom", Odometry).wait(1, 3 * START_S)
+        rig.topic(f"/{name}/odom", Odometry).wait()
         rig.topic(f"/{name}/joint_states", JointState).wait()
 
     def parents():
@@ -181,7 +181,7 @@ def test_team_has_its_descriptions_and_frames_each(rig, packages):
         return {(t.child_frame_id, t.header.frame_id) for t in every if t.child_frame_id.startswith("robot")}
 
     wanted = {(f"{n}/{c}", f"{n}/{p}") for n in ("robot1", "robot2") for c, p in LINKS}
-    assert wait_until(lambda: wanted <= parents(), START_S), parents()
+    wait_until(lambda: wanted <= parents()), parents()
     assert len({child for child, _ in parents()}) == len(parents())
     said = "\n".join(launch.output())
     assert not any(word in said for word in ("WARN", "ERROR", "Traceback")), said

@@ -10,7 +10,7 @@ from tf2_msgs.msg import TFMessage
 
 from ros1_bridge import node_rows
 from ros1_bridge.parameters import ROWS
-from ros1_bridge.processes import wait_until
+from tests.waiting import wait_until
 
 from .rig import ROOT, START_S
 from .tables import README, Offered, cells_of, first_two, table
@@ -25,7 +25,7 @@ def offered(module_rig):
     rospy.wait_for_service(f"{rig.ns}/robot_node/gains/set_parameters", START_S)
     made = Offered(rig)
     made.rig = rig
-    assert wait_until(lambda: "/diagnostics" in made.topics(0), START_S)
+    wait_until(lambda: "/diagnostics" in made.topics(0))
     return made
 
 
@@ -49,7 +49,7 @@ def test_frames_are_those_of_the_table(offered):
         own = [t for t in every if t.child_frame_id.startswith(f"{rig.name}/")]
         return {t.child_frame_id.split("/")[1]: t.header.frame_id.split("/")[1] for t in own}
 
-    assert wait_until(lambda: seen() == wanted, START_S), seen()
+    wait_until(lambda: seen() == wanted), seen()
 
 
 def test_environment_topics_are_those_of_the_table(rig):

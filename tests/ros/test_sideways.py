@@ -7,9 +7,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 
 from ros1_bridge.frames import OMNI_JOINTS
-from ros1_bridge.processes import wait_until
-
-from .rig import START_S
+from tests.waiting import wait_until
 
 
 def test_linear_y_drives_it_to_the_left(rig):
@@ -23,13 +21,11 @@ def test_linear_y_drives_it_to_the_left(rig):
         cmd_vel.publish(Twist(Vector3(0.0, 0.2, 0.0), Vector3()))
         return odom.messages[-1].pose.pose.position.y > 0.15
 
-    assert wait_until(slid, START_S)
+    wait_until(slid)
     message = odom.messages[-1]
     assert abs(message.pose.pose.position.x) < 0.08
     assert max(each.twist.twist.linear.y for each in odom.messages) > 0.15
     assert message.twist.covariance[7] > 1e-4
     assert joints.wait()[-1].name == list(OMNI_JOINTS)
     assert joints.messages[-1].position[2] < 0 < joints.messages[-1].position[0]
-    assert wait_until(
-        lambda: math.isclose(odom.messages[-1].twist.twist.linear.y, 0.0, abs_tol=1e-9), START_S
-    )
+    wait_until(lambda: math.isclose(odom.messages[-1].twist.twist.linear.y, 0.0, abs_tol=1e-9))

@@ -10,9 +10,7 @@ from nav_msgs.msg import Odometry
 
 from mrl_driver.course import Limits, Square
 from mrl_driver.robots import load
-from ros1_bridge.processes import wait_until
-
-from .rig import START_S
+from tests.waiting import wait_until
 
 MODEL = "stingbot"
 LIMITS = Limits(linear_m_s=0.5, angular_rad_s=1.8, braking_m_s2=0.16, braking_rad_s2=1.8)
@@ -61,7 +59,7 @@ def driven(module_rig):
         cmd_vel.publish(Twist(Vector3(linear, 0, 0), Vector3(0, 0, angular)))
         time.sleep(PERIOD_S)
     cmd_vel.publish(Twist())
-    assert wait_until(lambda: is_still(odom.messages[-STILL_MESSAGES:]), START_S)
+    wait_until(lambda: is_still(odom.messages[-STILL_MESSAGES:]))
     return odom_pose(odom.messages[-1]), true_pose(board.truth)
 
 

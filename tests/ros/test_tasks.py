@@ -1,7 +1,5 @@
 """Zones, the commands `pose` and `shutdown`, and nodes of some parts, on an emulated board."""
 
-import time
-
 import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -21,13 +19,12 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
-from ros1_bridge.processes import wait_until
+from tests.waiting import wait_until
 
 from .rig import START_S
 from .tables import Offered
 
 WALL_M, PROTECTIVE_M, BODY_M = 0.62, 0.3, 0.225
-ARRIVAL_S, EXIT_S = 40.0, 20.0
 
 
 @pytest.fixture
@@ -52,32 +49,31 @@ def says(robot, **wanted):
 
 
 def drive_until(robot, condition, speed_m_s):
-    """Command at 20 Hz until something is so."""
-    until_s = time.monotonic() + ARRIVAL_S
-    while time.monotonic() < until_s:
+    """Command with every other odometry until something is so."""
+
+    def holds():
         robot.cmd_vel.publish(Twist(Vector3(speed_m_s, 0, 0), Vector3()))
-        time.sleep(0.05)
-        if condition():
-            return True
-    return False
+        robot.odom.wait_for_more(2)
+        return condition()
+
+    wait_until(holds)
 
 
 def test_a_robot_before_a_wall_stops_turns_away_by_pose_and_ends_by_shutdown(robot):
-    assert wait_until(says(robot, protective_zone_clear="true"), START_S)
+    wait_until(says(robot, protective_zone_clear="true"))
     held = says(
         robot, stopped_by="protective zone", protective_zone_clear="false", safety_stop="true", ready="true"
     )
-    assert drive_until(robot, held, 0.3), robot.status.messages[-1]
+    drive_until(robot, held, 0.3)
     room_m = WALL_M - BODY_M / 2 - robot.odom.messages[-1].pose.pose.position.x
     assert PROTECTIVE_M - 0.03 < room_m < PROTECTIVE_M + 0.1
     turned = PoseStamped(Header(frame_id=f"{robot.name}/base_link"), Pose(Point(), Quaternion(0, 0, 1, 1)))
     robot.pose.publish(turned)
-    assert wait_until(says(robot, mode="pose", moving="true"), START_S)
-    assert wait_until(says(robot, mode="drive", moving="false"), START_S)
+    wait_until(says(robot, mode="pose", moving="true"))
+    wait_until(says(robot, mode="drive", moving="false"))
     assert robot.odom.messages[-1].pose.pose.orientation.z == pytest.approx(0.7, abs=0.1)
     assert rospy.ServiceProxy(f"{robot.ns}/shutdown", Trigger)().success
-    assert wait_until(lambda: robot.process.exit_code is not None, EXIT_S)
-    assert robot.process.exit_code == 0
+    assert robot.process.wait(START_S) and robot.process.exit_code == 0
 
 
 def test_a_node_does_the_parts_that_are_named(rig):
@@ -98,7 +94,7 @@ def test_a_laser_watches_the_zones_once_tf_tells_where_it_sits(rig):
 
     def seen(range_m, **wanted):
         scan.ranges = [range_m] * 21
-        return wait_until(lambda: out.publish(scan) or says(rig, **wanted)(), START_S)
+        return wait_until(lambda: out.publish(scan) or says(rig, **wanted)())
 
     rig.status.wait()
     assert seen(3.0, protective_zone_clear="false"), "nobody knows yet where the laser looks"

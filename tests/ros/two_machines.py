@@ -15,10 +15,10 @@ import rospy
 from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
 
-from ros1_bridge.processes import wait_until
 from ros1_bridge.run import master_answers
+from tests.waiting import wait_until
 
-from .rig import NODE, START_S, Rig
+from .rig import NODE, Rig
 
 DESK, ROBOT, PORT = "10.77.0.1", "10.77.0.2", "11311"
 MASTER = f"http://desk:{PORT}"
@@ -35,7 +35,7 @@ def ip(*words: str, within: str = "") -> None:
 def lay_cable(folder: Path, rig: Rig) -> str:
     """Two networks and names; returns the process that holds the robot's."""
     holder = rig.start("holder", "unshare", "--net", "sh", "-c", "echo $$; exec sleep 1000")
-    assert wait_until(lambda: bool(holder.output()), START_S)
+    wait_until(lambda: bool(holder.output()))
     robot = holder.output()[0]
     ip("link", "add", "desk0", "type", "veth", "peer", "name", "robot0", "netns", robot)
     for device, address, within in (("desk0", DESK, ""), ("robot0", ROBOT, robot)):
@@ -50,7 +50,7 @@ def lay_cable(folder: Path, rig: Rig) -> str:
 def start(rig: Rig, robot: str) -> None:
     """Master on the desk, board and node on the robot."""
     rig.start("master", "rosmaster", "--core", "-p", PORT)
-    assert wait_until(lambda: master_answers(MASTER), START_S)
+    wait_until(lambda: master_answers(MASTER))
     rospy.init_node("desk", disable_signals=True)
     rig.wire = rig.tap(rig.board().port)
     there = {name: value for name, value in rig.env.items() if name != "ROS_HOSTNAME"}
@@ -65,18 +65,18 @@ def trial(rig: Rig) -> dict:
     odom, wire = rig.topic("/odom", Odometry), rig.wire
     odom.wait(10)
     cmd_vel = rospy.Publisher("/cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
-    assert wait_until(lambda: cmd_vel.get_num_connections() > 0, START_S)
+    wait_until(lambda: cmd_vel.get_num_connections() > 0)
     twist = Twist(Vector3(0.2, 0, 0), Vector3())
     timer = rospy.Timer(rospy.Duration(PERIOD_S), lambda _: cmd_vel.publish(twist))
-    moved = wait_until(lambda: odom.messages[-1].pose.pose.position.x > 0.02, START_S)
+    moved = wait_until(lambda: odom.messages[-1].pose.pose.position.x > 0.02)
     cut_s = time.monotonic()
     ip("link", "set", "desk0", "down")
     stop_s = wire.wait_for(STOP, cut_s) - cut_s
     time.sleep(max(0.0, cut_s + CUT_S - time.monotonic()))
     count, back_s = len(odom.messages), time.monotonic()
     ip("link", "set", "desk0", "up")
-    again_s = wire.wait_for(MOVE, back_s, START_S) - back_s
-    more = wait_until(lambda: len(odom.messages) > count + 10, START_S)
+    again_s = wire.wait_for(MOVE, back_s) - back_s
+    more = wait_until(lambda: len(odom.messages) > count + 10)
     timer.shutdown()
     return {"moved": moved, "stop_s": stop_s, "again_s": again_s, "odom_again": more}
 
