@@ -20,9 +20,10 @@ restarted, or ended the check value, while this program did not look.
 """
 DEAF = 6
 """So many answers to `robot_info` without one to `read_protocol`: the board knows no more than those of 2013."""
-JUNK_S = 3.0
+JUNK_S = 4.0
 JUNK_BYTES = 32
-"""So many bytes that are no text, and no frame within 3 s of the first byte, mean another baud rate."""
+"""So many bytes that are no text, and no frame within 4 s of the first byte, mean another baud rate: a
+board of August 2013 is silent for 3.35 s after its bootloader."""
 _TEXT = bytes(range(0x20, 0x7F)) + b"\r\n\t"
 _CODE = {name: row.code for name, row in BY_NAME.items()}
 _ANSWERS: Dict[int, Tuple[int, ...]] = {

@@ -143,8 +143,8 @@ class Plant:
         self.advance(time_s)
         if pin == SONAR_POWER:
             self.sonars.power(bool(level), time_s)
-        elif pin == SONAR_TRIGGER and level:
-            self.sonars.trigger(time_s)
+        elif pin == SONAR_TRIGGER:
+            self.sonars.hold(bool(level), time_s)
 
     def _pose_at(self, time_s: float) -> Pose:
         self.motor_board.advance(time_s)

@@ -48,7 +48,8 @@ FLAWLESS = SonarErrors()
 
 
 class SonarChain:
-    """The sensors in their firing order: a trigger makes each fire once, one every 100 ms.
+    """The sensors in their firing order: a trigger makes each fire once, one every 100 ms; while it is held high, round
+    follows round.
 
     Args:
         pose_at: The robot's pose at a time [s]; each echo is taken where the robot is when the sensor fires.
@@ -71,6 +72,7 @@ class SonarChain:
         self._powered_s = math.inf
         self._turn_s = math.inf
         self._turn = 0
+        self._held = False
         self._measured = 0
         self._counts: List[int] = [0] * len(self._mounts)
         self._name, self._errors = name, errors
@@ -82,15 +84,27 @@ class SonarChain:
         self.advance(time_s)
         if on and self._powered_s == math.inf:
             self._powered_s = time_s
+            self._begin(time_s)
         if not on:
             self._powered_s = self._turn_s = math.inf
             self._counts = [0] * len(self._mounts)
 
     def trigger(self, time_s: float) -> None:
-        """Pin D12 goes high: starts a round, unless one runs or the sensors are not up yet."""
+        """A pulse on pin D12: starts a round, unless one runs or the sensors are not up yet."""
+        self.hold(True, time_s)
+        self.hold(False, time_s)
+
+    def hold(self, high: bool, time_s: float) -> None:
+        """Level of pin D12: while it is high, a round starts as soon as the sensors are up and no other one runs."""
         self.advance(time_s)
-        if self._turn_s == math.inf and time_s >= self._powered_s + START_S and self._mounts:
-            self._turn_s, self._turn = time_s, 0
+        self._held = high
+        self._begin(time_s)
+        if not high and self._turn == 0 and self._turn_s > time_s:
+            self._turn_s = math.inf
+
+    def _begin(self, time_s: float) -> None:
+        if self._held and self._turn_s == math.inf and self._mounts:
+            self._turn_s, self._turn = max(time_s, self._powered_s + START_S), 0
 
     @property
     def next_s(self) -> float:
@@ -103,8 +117,10 @@ class SonarChain:
             if self._turn:
                 self._counts[self._turn - 1] = self._measured
             if self._turn == len(self._mounts):
-                self._turn_s = math.inf
-                return
+                self._turn = 0
+                if not self._held:
+                    self._turn_s = math.inf
+                    return
             self._measured = self._fire(self._mounts[self._turn], self._turn_s)
             self._turn += 1
             self._turn_s += READING_S

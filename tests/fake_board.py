@@ -99,7 +99,11 @@ class FakeBoard:
             self.stops += 1
             self.stop_reason = 1
         elif code == 15:
+            if self.version < 2:
+                self.out += b"[INFO] Debug mode is OFF...\r\n"
             self._say(15, 0)
+        elif code == 17:
+            self._say(17, int(self.period_s is not None))
         elif code == 18:
             self.period_s, self.due_s = max(0.004, (args or (0,))[0] / 1000), now
         elif code == 19:

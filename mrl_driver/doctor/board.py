@@ -146,7 +146,7 @@ def watch(driver: "Driver", seconds: float = WATCH_S, trips: int = ROUND_TRIPS) 
 
 def _round_trip_s(driver: "Driver") -> float:
     start_s = time.perf_counter()
-    driver.ask(BY_NAME["get_debug"].code)
+    driver.ask(BY_NAME["get_stream"].code)  # 2013 boards answer get_debug with text as well
     return time.perf_counter() - start_s
 
 

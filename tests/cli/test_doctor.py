@@ -13,6 +13,7 @@ from mrl_driver.doctor.wheels import Moved
 from mrl_driver.handshake import Board
 from mrl_driver.ports import Port
 from mrl_driver.session import Status
+from sim_arduino.testing import EmulatedBoard
 
 from .run import fails, mrl
 
@@ -74,6 +75,14 @@ def test_a_2013_board_gets_the_advice_to_flash_it(quick, serve):
     code, findings, found = examine("--port", port.path)
     assert code == 0 and found["verdict"] == "1 warning; the robot can be used"
     assert findings["firmware"]["advice"] == f"mrl flash --port {port.path}"
+
+
+@pytest.mark.parametrize("profile", ["2013-august", "2013-january"])
+def test_a_sound_2013_board_is_not_blamed_for_its_texts(quick, profile):
+    """It answers `get_debug` with a line of text, which a damaged line would look like."""
+    with EmulatedBoard(profile=profile) as emulated:
+        _, findings, _ = examine("--port", emulated.port)
+    assert findings["damage"]["text"] == "no frame lost or damaged"
 
 
 def test_an_id_that_is_not_set_is_told_and_the_rest_examined(quick, serve):

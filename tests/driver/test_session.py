@@ -114,14 +114,14 @@ def test_no_answer_is_no_robot():
     assert talk.now == pytest.approx(8.0, abs=0.3)
 
 
-def test_junk_means_another_baud_rate_three_seconds_after_its_first_byte():
+def test_junk_means_another_baud_rate_four_seconds_after_its_first_byte():
     board = FakeBoard()
     board.mute = True
     talk = Talk(board).run(1.0)
     talk.to_host = lambda data: bytes(range(128, 256)) if talk.now < 1.1 else b""
     with pytest.raises(NotARobot, match="check baud"):
         talk.run(9)
-    assert talk.now == pytest.approx(4.0, abs=0.3)
+    assert talk.now == pytest.approx(5.0, abs=0.3)
 
 
 def test_half_a_frame_and_junk_before_the_answer_do_no_harm():

@@ -17,10 +17,10 @@ class Bench:
     """A board of 2013, awake."""
 
     def __init__(self, profile=Board2013August, **options):
-        self.plant = Plant(TRAXBOT, options.pop("world", None))
+        self.plant = Plant(TRAXBOT, options.pop("world", None), sonars=options.pop("sonars", True))
         self.board = profile(self.plant, **options)
         self.now_s = 0.0
-        self.run(3.2)
+        self.run(3.5)
         self.commands()
 
     def run(self, seconds):
@@ -42,12 +42,33 @@ def test_reports_version_1(profile):
     assert Bench(profile).send(b"@5e") == b"@5,2500,172,1360,1,1e\r\n"
 
 
-@BOTH
-def test_boots_for_seconds_and_then_answers_what_waited(profile):
+@pytest.mark.parametrize("profile, boot_s", [(Board2013August, 3.35), (Board2013January, 0.10)])
+def test_sets_itself_up_and_then_answers_what_waited(profile, boot_s):
+    """On the chip the first answer begins 3.35 s (August: a pause of 3 s for its sensors) and 0.10 s after a reset."""
     board = profile(Plant(TRAXBOT))
-    board.receive(b"@15e")
-    assert board.advance(2.4) == b""
-    assert board.advance(2.6) == b"@15,0e\r\n"
+    board.receive(b"@17e")
+    assert board.advance(boot_s - 0.01) == b""
+    assert board.advance(boot_s + 0.01) == b"@17,0e\r\n"
+
+
+@BOTH
+def test_set_up_tells_the_motor_board_11_ms_after_a_reset(profile):
+    """Stop, no time-out, counts of 0, prescalers of 1, gains, ramp and geometry."""
+    plant = Plant(TRAXBOT)
+    profile(plant).advance(0.09)
+    told = [(command.code, *command.values) for command in plant.motor_board.commands]
+    assert plant.motor_board.commands[0].time_s == pytest.approx(0.011)
+    assert told == [
+        (0xFC,),
+        (0xF1, 0),
+        (0xEF, 1, 0),
+        (0xEF, 3, 0),
+        (0xF0, 1, 0),
+        (0xF0, 3, 0),
+        (0xF4, 700, 400, 200),
+        (0xEC, 2500, 0),
+        (0xEA, 8700, 2700, 437, 640),
+    ]
 
 
 @pytest.mark.parametrize("profile, code", [(Board2013August, 8), (Board2013January, 6)])
@@ -60,8 +81,45 @@ def test_stream(profile, code):
 def test_stream_rate_of_august():
     """325.5 Hz on the chip, with frames of 27 bytes."""
     bench = Bench()
-    bench.send(b"@4,3,-567e@4,1,1234e@18e")
+    bench.send(b"@4,3,-567e@4,1,1234e@7e", wait_s=0.5)
+    bench.send(b"@18e")
     assert bench.run(1.0).count(b"\n") == pytest.approx(325.5, abs=2)
+
+
+@pytest.mark.parametrize(
+    "profile, start, hz",
+    [
+        (Board2013January, 18, 759),
+        (Board2013August, 23, 168),
+        (Board2013August, 25, 163),
+        (Board2013August, 27, 1054),
+    ],
+)
+def test_rates_of_the_other_streams(profile, start, hz):
+    """As on the chip, with a robot that stands at (0, 0), north ahead; the thermopile takes most of 23 and 25."""
+    bench = Bench(profile, sonars=start == 18)
+    bench.send(b"@%de" % start)
+    assert bench.run(1.0).count(b"\n") == pytest.approx(hz, rel=0.02)
+
+
+def test_streams_of_august_go_on_until_each_is_stopped():
+    """18 comes before 23, 23 before 27, 27 before 25; 17 tells of 18 alone."""
+    bench = Bench(sonars=False)
+    bench.send(b"@25e@27e@23e@18e")
+    seen = []
+    for stop in (b"@19e", b"@24e", b"@28e", b"@26e"):
+        seen += [
+            {frame.code for frame in FrameDecoder(REPLIES).feed(bench.run(0.2)) if isinstance(frame, Frame)}
+        ]
+        bench.send(stop, wait_s=0.3)
+    assert seen == [{8}, {23}, {27}, {25}]
+    bench.send(b"@23e")
+    assert b"@17,0e\r\n" in bench.send(b"@17e", wait_s=0.3)
+
+
+def test_january_knows_nothing_beyond_19():
+    bench = Bench(Board2013January)
+    assert b"".join(bench.send(b"@%de" % code) for code in range(20, 29)) == b""
 
 
 def test_stream_has_no_period():
@@ -72,6 +130,7 @@ def test_stream_has_no_period():
 def test_command_behind_a_stream_waits_for_a_frame_per_byte():
     """One byte a pass: the 13 bytes of a move take about 13 frames, 40 ms."""
     bench = Bench()
+    bench.send(b"@7e", wait_s=0.5)
     bench.send(b"@18e")
     before = bench.now_s
     bench.send(b"@11,500,-800e")
@@ -109,9 +168,17 @@ def test_commands_behind_a_slow_enough_host_all_arrive():
         (b"@11,50@13e", []),
         (b"@11,50@13e@13e", [(0xFC,)]),
         (b"@13xe", [(0xFC,)]),
-        (b"@1x3e", [(0xFC,)]),
-        (b"@1\xb23e", [(0xFC,)]),
-        (b"@11,5x0,0e", [(0xEB, 50, 0)]),
+        (b"@1x3e", [(0xFB, 1, 0, 0)]),
+        (b"@1 3e", [(0xFB, 1, 0, 0)]),
+        (b"@1\xb23e", [(0xFB, 1, 0, 0)]),
+        (b"@x1e", []),
+        (b"@ 13e", [(0xFC,)]),
+        (b"@+13e", [(0xFC,)]),
+        (b"@-13e", []),
+        (b"@11,5x0,0e", [(0xEB, 5, 0)]),
+        (b"@11,x,0e", [(0xEB, 0, 0)]),
+        (b"@11,,5e", []),
+        (b"@11,65535,0e", []),
         (b"@13,7,8e", [(0xFC,)]),
         (b"@9,1,40,1,40e", [(0xF8, 1, 0, 40)]),
         (b"@11,12345678,0e", []),
@@ -119,6 +186,11 @@ def test_commands_behind_a_slow_enough_host_all_arrive():
         (b"@99e", []),
         (b"@e", []),
         (b"@11,100,200,300,400,500,600,700,800e@13e", [(0xFC,)]),
+        (b"@13," + b"7" * 26 + b"e", [(0xFC,)]),
+        (b"@13," + b"7" * 27 + b"e", []),
+        (b"@13," + b"7" * 28 + b"@14e", []),
+        (b"@13," + b"7" * 29 + b"@13e", [(0xFC,)]),
+        (b"@14e", []),
     ],
 )
 def test_parser(request_bytes, reached):
@@ -128,8 +200,8 @@ def test_parser(request_bytes, reached):
 
 
 def test_some_speeds_come_out_one_off():
-    """Through single-precision metres and back, cut off: 740 of the 65536 values."""
-    assert sum(through_single_precision(value) != value for value in range(-32768, 32768)) == 740
+    """Through single-precision metres and back, cut off: 739 of the 65536 values."""
+    assert sum(through_single_precision(value) != value for value in range(-32768, 32768)) == 739
 
 
 # ---- what it does not do
@@ -145,7 +217,7 @@ def test_a_failed_read_is_reported_as_0():
     bench = Bench()
     bench.send(b"@4,1,5e")
     bench.plant.motor_board.present = False
-    assert bench.send(b"@6e") == b"@6,0,0e\r\n"
+    assert bench.send(b"@6e@5e") == b"@6,0,0e\r\n@5,0,25755,0,1,1e\r\n"
 
 
 def test_stale_commands_are_carried_out_after_a_stall():
@@ -167,19 +239,96 @@ def test_commands_of_later_firmware_are_unknown(request_bytes):
 def test_sonars_read_half_as_far_again():
     """The curve's first constant is 1.767 instead of 1.1767: 1 m reads 150 cm."""
     bench = Bench(world=World([Wall(1.1, -9, 1.1, 9)]))
+    bench.send(b"@7e")
     frame = FrameDecoder(REPLIES).feed(bench.send(b"@7e"))[0]
     assert frame.args[0] == pytest.approx(150, abs=2)
 
 
+@BOTH
+def test_sonars_read_0_until_the_first_request_has_started_them(profile):
+    bench = Bench(profile, world=World([Wall(1.1, -9, 1.1, 9)]))
+    assert bench.send(b"@7e", wait_s=0.5) == b"@7,0,0,0e\r\n"
+    frame = FrameDecoder(REPLIES).feed(bench.send(b"@7e", wait_s=0.5))[0]
+    assert min(frame.args) > 0
+
+
+def test_sonars_of_august_go_on_by_themselves_after_the_first_request():
+    """Its trigger stays high: 1 s later the range is that of a robot that has moved meanwhile."""
+    bench = Bench(world=World([Wall(2.1, -9, 2.1, 9)]))
+    bench.send(b"@7e@11,200,0e", wait_s=5.0)
+    frame = FrameDecoder(REPLIES).feed(bench.send(b"@7e"))[0]
+    true_m = 2.0 - bench.plant.true_pose.x_m
+    assert frame.args[0] == pytest.approx(150 * true_m, abs=12)
+
+
 def test_nothing_in_range_is_a_long_distance():
     bench = Bench(world=World())
-    assert bench.send(b"@7e") == b"@7,806,806,806e\r\n"
+    bench.send(b"@7e", wait_s=0.5)
+    assert bench.send(b"@7e") == b"@7,805,805,805e\r\n"
 
 
-def test_debug_text_stands_on_the_line_of_the_reply_and_echoes_the_frame():
+@pytest.mark.parametrize(
+    "request_bytes, text",
+    [
+        (b"@15e", b"[INFO] Debug mode is OFF...\r\n@15,0e\r\n"),
+        (b"@16,1e", b"[INFO] Debug mode is ON!\r\n"),
+        (b"@16,0e", b"[INFO] Debug mode is OFF...\r\n"),
+        (b"@16,256e", b"[INFO] Debug mode is OFF...\r\n"),
+        (b"@19e@24e@26e@28e", b""),
+    ],
+)
+def test_debug_mode_is_told_in_words_even_when_it_is_off(request_bytes, text):
+    assert Bench().send(request_bytes) == text
+
+
+@pytest.mark.parametrize(
+    "request_bytes, text",
+    [
+        (b"@6e", b"[INFO] Got message: @6e\r\n@6,0,0e\r\n"),
+        (b"@15e", b"[INFO] Got message: @15e\r\n[INFO] Debug mode is ON!\r\n@15,1e\r\n"),
+        (b"@99e", b"[INFO] Got message: @99e\r\n[ERROR] Unknown action: 99\r\n"),
+        (
+            b"@e",
+            b"[INFO] Got message: @e\r\n[ERROR] Could not find an action in the message!\r\n"
+            b"[ERROR] Unknown action: -1\r\n",
+        ),
+        (
+            b"@11,5e",
+            b"[INFO] Got message: @11,5e\r\n[ERROR] Insufficient number of parameters for this action!\r\n",
+        ),
+        (b"@11,50@13e", b"[ERROR] Got start byte in the middle of a message!\r\n"),
+        (b"@13," + b"7" * 30 + b"e", b"[ERROR] Buffer size exceeded!\r\n"),
+        (b"@16,0e", b"[INFO] Got message: @16,0e\r\n[INFO] Debug mode is OFF...\r\n"),
+    ],
+)
+def test_debug_text_has_lines_of_its_own_and_echoes_the_frame(request_bytes, text):
     bench = Bench()
     bench.send(b"@16,1e")
-    assert bench.send(b"@6e") == b"[INFO] received @6e @6,0,0e\r\n"
+    assert bench.send(request_bytes) == text
+
+
+def test_encoder_reset_goes_to_an_address_where_nobody_is():
+    bench = Bench()
+    bench.send(b"@4,1,1234e@14e")
+    assert bench.send(b"@6e") == b"@6,0,1234e\r\n"
+
+
+def test_the_thermopile_is_read_from_its_ambient_on():
+    """The last pixel is missing, in 22 and for the hottest pixel of 23."""
+    bench = Bench(sonars=False)
+    bench.plant.environment.ambient_c = 20.0
+    bench.plant.environment.pixels_c = (31.0, 32.0, 33.0, 34.0, 35.0, 36.0, 37.0, 99.0)
+    assert bench.send(b"@22e") == b"@22,20,31,32,33,34,35,36,37e\r\n"
+    assert bench.send(b"@23e").split(b"\r\n")[0].endswith(b",37e")
+
+
+@pytest.mark.parametrize("request_bytes, address", [(b"@22e", 0x68), (b"@27e", 0x60)])
+def test_a_sensor_that_is_missing_hangs_the_board_until_a_reset(request_bytes, address):
+    bench = Bench(sonars=False)
+    bench.plant.i2c[address].present = False
+    assert bench.send(request_bytes + b"@17e", wait_s=5.0) == b""
+    bench.board.reset()
+    assert bench.send(b"@17e", wait_s=4.0) == b"@17,0e\r\n"
 
 
 def test_boards_without_motors_report_999():
@@ -215,7 +364,7 @@ def test_answers_every_command_of_2013():
             16: b",0",
         }
         events = FrameDecoder(REPLIES).feed(bench.send(b"@%d" % code + arguments.get(code, b"") + b"e"))
-        answered |= {event.code for event in events}
+        answered |= {event.code for event in events if isinstance(event, Frame)}
     assert answered == {5, 6, 7, 8, 15, 17, 20, 21, 22}
 
 
@@ -223,5 +372,5 @@ def test_reset_button_boots_again():
     bench = Bench()
     bench.send(b"@18e")
     bench.board.reset()
-    assert bench.run(2.0) == b""
+    assert bench.run(3.0) == b""
     assert bench.send(b"@17e", wait_s=1.0) == b"@17,0e\r\n"
