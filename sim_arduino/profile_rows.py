@@ -78,7 +78,7 @@ class Rows:
                 lambda now, *speeds: motor.move_differential(now, *map(through_single_precision, speeds)),
                 0.0,
             ),
-            (12, 3, lambda now, *args: motor.move_to_position(now, *args, True), POSITION_S),
+            (12, 3, partial(motor.move_to_position, hold=True), POSITION_S),
             (13, 0, motor.stop, 0.0),
             (14, 0, lambda now: None, 0.0),  # sent to I2C address 0, where no device is
         )

@@ -40,7 +40,7 @@ class Board2013:
         self.january = january
         first_id = plant.model.ids[0] if robot_id is None else robot_id
         self.eeprom = bytearray(config_store.image(config_store.defaults(first_id)))
-        self.now_s = 0.0
+        self.now_s = self._busy_s = 0.0
         self._line: List[Tuple[float, int]] = []
         self._line_s = 0.0
         self._input = Ring(INPUT_BYTES)
@@ -79,7 +79,8 @@ class Board2013:
     def gap(self, to_s: float, waiting: bytes) -> None:
         """The loop stood still until `to_s`; the input buffer kept what it has room for, and it is carried out."""
         self.plant.advance(to_s)
-        self.now_s, self._busy_s = to_s, max(to_s, self._busy_s)
+        self.now_s = to_s
+        self._busy_s = max(to_s, self._busy_s)
         self._hear(to_s)
         self._input.put(waiting)
 
