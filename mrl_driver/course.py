@@ -3,6 +3,8 @@
 import math
 from typing import List, NamedTuple, Optional, Sequence, Tuple
 
+from .odometry import wrap_angle
+
 ARRIVED_M = 0.003
 """A corner counts as reached this near along the leg, or once it lies behind."""
 ALIGNED_RAD = math.radians(0.3)
@@ -66,7 +68,13 @@ class Course:
             self._begin = (pose[0], pose[1])
         if self.corner == len(self._points):
             return self._end(pose)
-        left_m, offset_m, error = self._on_leg(self._begin, self._points[self.corner], pose)
+        end = self._points[self.corner]
+        if (
+            math.hypot(end[0] - self._begin[0], end[1] - self._begin[1]) < ARRIVED_M
+        ):  # a leg without direction
+            self._reach()
+            return 0.0, 0.0
+        left_m, offset_m, error = self._on_leg(self._begin, end, pose)
         if self._turning:
             return self._turn(error)
         if left_m < ARRIVED_M:
@@ -83,7 +91,7 @@ class Course:
         if self.done or self._final_yaw_rad is None:
             self.done = True
             return 0.0, 0.0
-        speeds = self._turn(wrapped(self._final_yaw_rad - pose[2]))
+        speeds = self._turn(wrap_angle(self._final_yaw_rad - pose[2]))
         self.done = not self._turning
         return speeds
 
@@ -94,7 +102,7 @@ class Course:
         cos, sin = math.cos(direction), math.sin(direction)
         left_m = (end[0] - pose[0]) * cos + (end[1] - pose[1]) * sin
         offset_m = (pose[1] - end[1]) * cos - (pose[0] - end[0]) * sin
-        return left_m, offset_m, wrapped(direction - pose[2])
+        return left_m, offset_m, wrap_angle(direction - pose[2])
 
     def _turn(self, error: float) -> Tuple[float, float]:
         if abs(error) < ALIGNED_RAD:
@@ -142,11 +150,6 @@ def square(start: Pose, side_m: float, clockwise: bool = False) -> List[Point]:
 
 def _clamped(value: float, most: float) -> float:
     return max(-most, min(most, value))
-
-
-def wrapped(angle: float) -> float:
-    """The same angle in [-pi, pi] [rad]."""
-    return math.remainder(angle, 2 * math.pi)
 
 
 def _braked(left: float, top: float, braking: float, least: float) -> float:

@@ -55,23 +55,18 @@ class FloorMap:
         self._scores: Dict[Cell, int] = {}
         self._taken: Set[Cell] = set()
         self._around: List[Dict[Cell, int]] = [{} for _ in ZONES]
-        self._heard: Dict[str, float] = {}
 
     @property
     def empty(self) -> bool:
         """Nothing stands anywhere."""
         return not self._taken
 
-    def see(self, pose: Pose, ranges: Mapping[str, float]) -> bool:
-        """Take the readings that differ from those before (REP-117); whether there were some."""
-        changed = False
-        for name, range_m in ranges.items():
+    def see(self, pose: Pose, readings: Mapping[str, float]) -> None:
+        """Draw new readings (REP-117) of a robot at a pose; NaN tells nothing."""
+        for name, range_m in readings.items():
             mount = self._sonars.get(name)
-            if mount is not None and range_m == range_m and self._heard.get(name) != range_m:
-                self._heard[name] = range_m
-                self._draw(pose, mount, TOO_NEAR_M if range_m < TOO_NEAR_M else range_m)
-                changed = True
-        return changed
+            if mount is not None and not math.isnan(range_m):
+                self._draw(pose, mount, max(TOO_NEAR_M, range_m))
 
     def _draw(self, pose: Pose, mount: SonarMount, range_m: float) -> None:
         x, y = beside(pose, mount.x_m, mount.y_m)

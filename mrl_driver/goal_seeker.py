@@ -7,20 +7,15 @@ and turns on the spot where something is nearer than the least.
 
 import math
 from collections import deque
-from typing import Deque, List, Mapping, Optional, Tuple
+from typing import Deque, Dict, List, Mapping, Optional, Tuple
 
 from .floor_map import FloorMap, Point, Pose, beside
+from .odometry import wrap_angle
 from .robots import Limits, SonarMount
-from .sonar import FARTHEST_M
+from .sonar import CYCLE_S, FARTHEST_M
 
 Speeds = Tuple[float, float]
 
-MOUNTS = {
-    "front": SonarMount(0.10, 0.0, 0.0),
-    "left": SonarMount(0.08, 0.06, 45.0),
-    "right": SonarMount(0.08, -0.06, -45.0),
-}
-"""Where the sonars of TraxBot and StingBot sit."""
 ARRIVED_M, ALIGNED_RAD = 0.03, math.radians(3.0)
 NEAR_M, STOP_M, SIDE_M = 0.55, 0.25, 0.16
 """Ranges before the robot from which it slows down and at which it only turns, and that it keeps beside it."""
@@ -42,22 +37,30 @@ AHEAD_M = 0.4
 REPLAN_S, AGAIN_S = 0.5, 2.0
 """A way is sought anew so often while there is no straight one, and where there was none at all."""
 PROGRESS_M, PATIENCE_S = 0.1, 60.0
-"""Blocked is who has not come nearer by so much for so long, unless told otherwise."""
+"""Give up when the robot has not come this much closer to the goal for this long, unless the caller says otherwise."""
+BLIND_S = 1.0
+"""The robot stands when one of its sonars has given no valid reading for this long: three cycles of the chain."""
 
 
 class GoalSeeker:
-    """Seeks one goal (x, y, yaw) in the frame of the poses; `sonars` are where those sit that ranges are given of."""
+    """Seeks one goal (x, y, yaw) in the frame of the poses.
+
+    Args:
+        sonars: Mounting pose of each sonar, by name; may grow while the goal is sought.
+    """
 
     def __init__(
         self,
         goal: Pose,
         limits: Limits,
         now_s: float,
+        sonars: Mapping[str, SonarMount],
         patience_s: float = PATIENCE_S,
-        sonars: Mapping[str, SonarMount] = MOUNTS,
     ) -> None:
         self._goal, self._limits, self._patience_s = goal, limits, patience_s
         self._map = FloorMap(sonars)
+        self._drawn: Dict[str, Tuple[float, float]] = {}
+        self._valid_s: Dict[str, float] = {}
         self._way: List[Point] = []
         self._planned_s = -math.inf
         self._trail: Deque[Point] = deque(maxlen=TRAIL)
@@ -65,9 +68,15 @@ class GoalSeeker:
         self._there = False
         self._best_m, self._best_s = math.inf, now_s
         self.reached = self.blocked = False
+        self.blind: Tuple[str, ...] = ()
+        """Sonars without a valid reading for `BLIND_S`: the robot stands until they have one."""
 
     def command(self, pose: Pose, ranges: Mapping[str, float], now_s: float) -> Speeds:
-        """Speeds (linear [m/s], angular [rad/s]) at a pose; `ranges` maps sonar names to metres (REP-117)."""
+        """Speeds (linear [m/s], angular [rad/s]) at a pose.
+
+        `ranges` maps the name of each sonar to metres (REP-117); NaN for one that is silent.  A sonar that was never
+        in it counts as not fitted.
+        """
         pose = pose[0], pose[1], pose[2]
         away_m = math.hypot(self._goal[0] - pose[0], self._goal[1] - pose[1])
         self._watch_progress(away_m, now_s)
@@ -76,17 +85,36 @@ class GoalSeeker:
             return self._align(pose)
         if self.blocked:
             return 0.0, 0.0
-        self._map.see(pose, ranges)
+        self._map.see(pose, self._new_readings(ranges, now_s))
+        if self.blind:
+            return 0.0, 0.0
         if self._retreats(pose):
             return -max(SLOWEST_M_S, 0.4 * self._limits.linear_m_s), 0.0
         target = self._target(pose, now_s)
         if target is None:
             return 0.0, 0.5 * self._limits.angular_rad_s
-        return self._approach(pose, target, away_m, ranges)
+        return self._approach(pose, target, away_m)
+
+    def _new_readings(self, ranges: Mapping[str, float], now_s: float) -> Dict[str, float]:
+        """Readings that changed, and those that were measured again and came out the same: once in a cycle."""
+        new = {}
+        for name, range_m in ranges.items():
+            if math.isnan(range_m):
+                self._valid_s.setdefault(name, now_s)
+                continue
+            self._valid_s[name] = now_s
+            before, drawn_s = self._drawn.get(name, (math.nan, -math.inf))
+            if range_m != before or now_s - drawn_s >= CYCLE_S:
+                self._drawn[name] = range_m, now_s
+                new[name] = range_m
+        self.blind = tuple(name for name, valid_s in self._valid_s.items() if now_s - valid_s > BLIND_S)
+        return new
 
     @property
     def why(self) -> str:
         """Why it is blocked."""
+        if self.blind:
+            return f"no valid reading of sonar {', '.join(self.blind)}: check its cable"
         no_way = "" if self._way or self._map.empty else ", and the sonars leave no way"
         return f"{self._best_m:.1f} m away it came no nearer for {self._patience_s:g} s{no_way}"
 
@@ -97,7 +125,7 @@ class GoalSeeker:
             self.blocked = True
 
     def _align(self, pose: Pose) -> Speeds:
-        error = wrapped(self._goal[2] - pose[2])
+        error = wrap_angle(self._goal[2] - pose[2])
         if abs(error) < ALIGNED_RAD:
             self.reached = True
             return 0.0, 0.0
@@ -127,9 +155,9 @@ class GoalSeeker:
             found = point
         return found
 
-    def _approach(self, pose: Pose, target: Point, away_m: float, ranges: Mapping[str, float]) -> Speeds:
-        front, left, right = (room(ranges.get(name, math.nan)) for name in ("front", "left", "right"))
-        error = wrapped(math.atan2(target[1] - pose[1], target[0] - pose[0]) - pose[2])
+    def _approach(self, pose: Pose, target: Point, away_m: float) -> Speeds:
+        front, left, right = (self._room(name) for name in ("front", "left", "right"))
+        error = wrap_angle(math.atan2(target[1] - pose[1], target[0] - pose[0]) - pose[2])
         if abs(error) > TURN_FIRST_RAD:
             if min(left, right) < TIGHT_M and self._came_from_behind(pose, RETREAT_M):
                 self._retreat = pose[0], pose[1]
@@ -155,6 +183,10 @@ class GoalSeeker:
         if not self._trail or _away_m(here, self._trail[-1]) > STRIDE_M:
             self._trail.append(here)
         return False
+
+    def _room(self, name: str) -> float:
+        """Free way before a sonar by its last valid reading [m]."""
+        return room(self._drawn.get(name, (math.nan, 0.0))[0])
 
     def _came_from_behind(self, pose: Pose, way_m: float) -> bool:
         behind = beside(pose, -way_m, 0.0)
@@ -183,16 +215,11 @@ def room(range_m: float) -> float:
     return min(FARTHEST_M, max(0.0, range_m))
 
 
-def wrapped(angle_rad: float) -> float:
-    """The same angle in [-pi, pi] [rad]."""
-    return math.remainder(angle_rad, 2 * math.pi)
-
-
 def carried(pose: Pose, frame: Pose) -> Pose:
     """A pose given in a frame, in the frame's parent, where `frame` is the frame's own pose."""
     cos, sin = math.cos(frame[2]), math.sin(frame[2])
     return (
         frame[0] + cos * pose[0] - sin * pose[1],
         frame[1] + sin * pose[0] + cos * pose[1],
-        wrapped(pose[2] + frame[2]),
+        wrap_angle(pose[2] + frame[2]),
     )

@@ -103,7 +103,8 @@ class Commander:
 
     def release(self) -> None:
         """End the emergency stop; the robot stands until the next command."""
-        self.latched = False
+        with self._lock:
+            self.latched = False
 
     def enable(self, enabled: bool) -> None:
         """Let the motors follow commands, or stop them and refuse."""

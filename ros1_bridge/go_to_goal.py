@@ -8,7 +8,7 @@ import math
 import queue
 import sys
 import threading
-from typing import Dict, List, Optional
+from typing import Dict, List, Optional, Tuple
 
 import actionlib
 import rosgraph
@@ -31,7 +31,7 @@ from std_msgs.msg import Header
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.goal_seeker import GoalSeeker, Pose, carried
-from mrl_driver.robots import Limits
+from mrl_driver.robots import Limits, SonarMount
 from mrl_driver.sonar import NAMES
 
 from .cmd_vel import CmdVel
@@ -42,10 +42,39 @@ from .planar import planar, yaw_of
 
 RATE_HZ = 20.0
 ODOM_LATE_S = 0.5
+SILENT_S = 0.5
+"""A range counts for this long; sonars give one every 0.3 s."""
 TF_TIMEOUT_S = 1.0
+WARN_EVERY_S = 5.0
 POLL_S = 0.2
 END_S = 1.5
 """What a goal may take to end with the node: more than a transform is waited for."""
+
+
+class Ranges:
+    """The last range of each sonar; any thread may call."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._heard: Dict[str, Tuple[float, str, float]] = {}
+
+    def hear(self, name: str, range_m: float, frame: str, now_s: float) -> None:
+        """Take a range, measured in the sonar's own frame."""
+        with self._lock:
+            self._heard[name] = range_m, frame, now_s
+
+    def frames(self) -> Dict[str, str]:
+        """Frame of each sonar that was ever heard."""
+        with self._lock:
+            return {name: frame for name, (_, frame, _) in self._heard.items()}
+
+    def now(self, now_s: float) -> Dict[str, float]:
+        """Range of each sonar that was ever heard [m]; NaN for those that have been silent for `SILENT_S`."""
+        with self._lock:
+            return {
+                name: range_m if now_s - heard_s <= SILENT_S else math.nan
+                for name, (range_m, _, heard_s) in self._heard.items()
+            }
 
 
 class GoToGoal:
@@ -62,7 +91,9 @@ class GoToGoal:
         self._avoid, self._patience_s = given["avoid"], given["patience"]
         self._odometry: Optional[Odometry] = None
         self._odometry_s = -math.inf
-        self._ranges: Dict[str, float] = {}
+        self._located = threading.Event()
+        self._ranges = Ranges()
+        self._sonars: Dict[str, SonarMount] = {}
         self._cmd_vel = CmdVel()
         self._plan = rospy.Publisher("plan", Path, queue_size=1, latch=True)
         self._buffer = tf2_ros.Buffer()
@@ -71,6 +102,7 @@ class GoToGoal:
             "move_base", MoveBaseAction, self._execute, auto_start=False
         )
         self._goal_out = rospy.Publisher("move_base/goal", MoveBaseActionGoal, queue_size=5)
+        self._lock = threading.Lock()  # guards the three below
         self._awaited: Dict[str, queue.Queue[int]] = {}
         self._tour = self._goals = 0
         self._ending, self._idle = threading.Event(), threading.Event()
@@ -91,17 +123,23 @@ class GoToGoal:
 
     def _on_odometry(self, message: Odometry) -> None:
         self._odometry, self._odometry_s = message, rospy.get_time()
+        self._located.set()
 
     def _on_range(self, message: Range, name: str) -> None:
-        self._ranges[name] = message.range
+        self._ranges.hear(name, message.range, message.header.frame_id, rospy.get_time())
 
     def _on_goal(self, message: PoseStamped) -> None:
-        self._tour += 1
+        self._new_tour()
         self._send(message, self._new_id())
 
     def _on_waypoints(self, message: Path) -> None:
-        self._tour += 1
-        threading.Thread(target=self._visit, args=(message, self._tour), daemon=True).start()
+        threading.Thread(target=self._visit, args=(message, self._new_tour()), daemon=True).start()
+
+    def _new_tour(self) -> int:
+        """Whoever visits waypoints gives up for this."""
+        with self._lock:
+            self._tour += 1
+            return self._tour
 
     def _visit(self, path: Path, tour: int) -> None:
         """Each pose in turn, until one cannot be reached or other goals come."""
@@ -118,7 +156,8 @@ class GoToGoal:
         """Send a goal to this node's own action, and wait for the status it ends with."""
         goal_id = self._new_id()
         answer: queue.Queue[int] = queue.Queue()
-        self._awaited[goal_id] = answer
+        with self._lock:
+            self._awaited[goal_id] = answer
         self._send(pose, goal_id)
         while not rospy.is_shutdown():
             try:
@@ -128,13 +167,15 @@ class GoToGoal:
         return GoalStatus.LOST
 
     def _on_result(self, message: MoveBaseActionResult) -> None:
-        answer = self._awaited.pop(message.status.goal_id.id, None)
+        with self._lock:
+            answer = self._awaited.pop(message.status.goal_id.id, None)
         if answer is not None:
             answer.put(message.status.status)
 
     def _new_id(self) -> str:
-        self._goals += 1
-        return f"{rospy.get_name()}-{self._goals}-{rospy.get_time():.3f}"
+        with self._lock:
+            self._goals += 1
+            return f"{rospy.get_name()}-{self._goals}-{rospy.get_time():.3f}"
 
     def _send(self, pose: PoseStamped, goal_id: str) -> None:
         now = rospy.Time.now()
@@ -165,7 +206,7 @@ class GoToGoal:
     def _seek(self, target: Pose) -> None:
         """Drive until the goal is reached or given up."""
         rate = rospy.Rate(RATE_HZ)
-        seeker = GoalSeeker(target, self._limits, rospy.get_time(), self._patience_s)
+        seeker = GoalSeeker(target, self._limits, rospy.get_time(), self._sonars, self._patience_s)
         self._show(target)
         while not self._ending.is_set():
             if self._server.is_preempt_requested():
@@ -178,24 +219,49 @@ class GoToGoal:
             rate.sleep()
         self._cmd_vel.publish(Twist())
         if seeker.reached:
+            rospy.loginfo("goal reached")
             self._server.set_succeeded(MoveBaseResult(), "reached")
-        else:
-            why = "the node ends" if self._ending.is_set() else "odometry has stopped"
-            self._server.set_aborted(MoveBaseResult(), f"blocked: {seeker.why}" if seeker.blocked else why)
+            return
+        why = "the node ends" if self._ending.is_set() else "odometry has stopped"
+        why = f"blocked: {seeker.why}" if seeker.blocked else why
+        rospy.logwarn(f"goal given up: {why}")
+        self._server.set_aborted(MoveBaseResult(), why)
 
     def _drive(self, seeker: GoalSeeker) -> bool:
         """One step; False at the end."""
         odometry, now_s = self._odometry, rospy.get_time()
         if odometry is None or now_s - self._odometry_s > ODOM_LATE_S:
             return False
-        ranges = self._ranges if self._avoid else {}
+        ranges = self._placed_ranges(odometry.child_frame_id, now_s) if self._avoid else {}
         linear, angular = seeker.command(planar(odometry.pose.pose), ranges, now_s)
         if seeker.reached or seeker.blocked:
             return False
+        if seeker.blind:
+            rospy.logwarn_throttle(WARN_EVERY_S, f"the robot waits: {seeker.why}")
         twist = Twist()
         twist.linear.x, twist.angular.z = linear, angular
         self._cmd_vel.publish(twist)
         self._server.publish_feedback(MoveBaseFeedback(PoseStamped(odometry.header, odometry.pose.pose)))
+        return True
+
+    def _placed_ranges(self, base: str, now_s: float) -> Dict[str, float]:
+        """Range of each sonar; NaN for one of which nobody knows where it sits on the robot."""
+        ranges = self._ranges.now(now_s)
+        for name, frame in self._ranges.frames().items():
+            if name not in self._sonars and not self._find_place(name, frame, base):
+                ranges[name] = math.nan
+        return ranges
+
+    def _find_place(self, name: str, frame: str, base: str) -> bool:
+        """Ask tf once where a sonar sits, as it does not move; False where there is no answer yet."""
+        try:
+            place = self._buffer.lookup_transform(base, frame, rospy.Time()).transform
+        except tf2_ros.TransformException as error:
+            words = f"sonar {name} is not used: no transform from {frame or 'its frame'} to {base}: {error}"
+            rospy.logwarn_throttle(WARN_EVERY_S, words)
+            return False
+        yaw_deg = math.degrees(yaw_of(place.rotation))
+        self._sonars[name] = SonarMount(place.translation.x, place.translation.y, yaw_deg)
         return True
 
     def _target(self, goal: PoseStamped) -> Pose:
@@ -204,6 +270,7 @@ class GoToGoal:
         Raises:
             ValueError: it cannot be had; the text says why.
         """
+        self._located.wait(ODOM_LATE_S)  # a node that has just started
         odometry = self._odometry
         if odometry is None:
             raise ValueError("there is no odometry yet")

@@ -5,7 +5,7 @@ import threading
 from typing import Any, Mapping, Optional
 
 from mrl_driver.goal_seeker import GoalSeeker, Pose, carried
-from mrl_driver.robots import Limits
+from mrl_driver.robots import Limits, SonarMount
 from mrl_driver.state import Telemetry
 
 from .commander import Commander
@@ -20,7 +20,11 @@ BLOCKED = "the pose is given up"
 class PoseGoal:
     """Seeks one pose at a time; any thread may call."""
 
-    def __init__(self, commander: Commander, odom_frame: str, base_frame: str) -> None:
+    def __init__(
+        self, commander: Commander, odom_frame: str, base_frame: str, sonars: Mapping[str, SonarMount]
+    ) -> None:
+        """`sonars` are where the robot's sonars sit."""
+        self._sonars = sonars
         self._commander, self._odom, self._base = commander, odom_frame, base_frame
         self._lock = threading.Lock()
         self._goal: Optional[Pose] = None
@@ -77,7 +81,7 @@ class PoseGoal:
         limits = self._commander.limits
         if self._seeker is None:
             free = Limits(limits.linear_m_s, limits.angular_rad_s, math.inf, math.inf)
-            self._seeker = GoalSeeker(goal, free, now)
+            self._seeker = GoalSeeker(goal, free, now, self._sonars)
         speeds = self._seeker.command(pose, ranges, now)
         if self._seeker.reached or self._seeker.blocked:
             end = REACHED if self._seeker.reached else f"{BLOCKED}: {self._seeker.why}"

@@ -120,7 +120,9 @@ class RobotNode:
             parameters.max_angular_acceleration,
         )
         self._commander = Commander(driver, limits, parameters.cmd_vel_timeout)
-        self._pose_goal = PoseGoal(self._commander, parameters.odom_frame, parameters.base_frame)
+        self._pose_goal = PoseGoal(
+            self._commander, parameters.odom_frame, parameters.base_frame, model.sonars
+        )
         clock = time.time if rospy.rostime.is_wallclock() else rospy.get_time
         self._publishers = Publishers(
             rospy.Publisher, rospy.exceptions.TransportException, parameters, model, clock
@@ -299,8 +301,7 @@ class RobotNode:
             self._zones.on_scan(message, mount, time.monotonic())
 
     def _command(self, message: Twist) -> None:
-        if self._commander.seeking:
-            self._pose_goal.cancel()
+        self._pose_goal.cancel()
         try:
             linear_m_s, angular_rad_s = messages.read_twist(message)
         except ValueError as error:

@@ -34,6 +34,7 @@ from sim_arduino.shapes import ORIGIN, Pose
 from sim_arduino.shared_crowd import SharedCrowd
 from sim_arduino.world import World
 
+from ..frames import sonar_frame
 from ..planar import planar
 from ..processes import wait_until
 from .parts import START_S, Parts
@@ -145,7 +146,8 @@ class TopicRobot:
 
         def step(ranges: Mapping[str, float]) -> Step:
             for name, range_m in ranges.items():
-                self._heard[name].publish(Range(range=range_m))
+                header = Header(frame_id=sonar_frame(f"{self.member.name}/base_link", name))
+                self._heard[name].publish(Range(header=header, range=range_m))
             state = client.get_state()
             return Step((0.0, 0.0), state == GoalStatus.SUCCEEDED, state in _OVER)
 

@@ -95,7 +95,7 @@ class Actor(NamedTuple):
 
     def seek(self, goal: Pose) -> Callable[[Mapping[str, float]], "Step"]:
         """What takes it to a goal, tick by tick: ranges in [m], the next step out."""
-        seeker = GoalSeeker(goal, self.model.limits, self.driver.now_s)
+        seeker = GoalSeeker(goal, self.model.limits, self.driver.now_s, self.model.sonars)
 
         def step(ranges: Mapping[str, float]) -> Step:
             speeds = seeker.command(self.pose, ranges, self.driver.now_s)

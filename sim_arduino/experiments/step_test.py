@@ -154,7 +154,7 @@ def _drive(setting: Setting, port: str, truth: Callable[[Driver], Tuple[float, .
 def _go(driver: Driver, waypoint: Tuple[float, float], look: Callable[[Driver], None]) -> None:
     assert driver.model is not None
     heading = math.atan2(waypoint[1] - driver.pose.y_m, waypoint[0] - driver.pose.x_m)
-    seeker = GoalSeeker((*waypoint, heading), driver.model.limits, driver.now_s)
+    seeker = GoalSeeker((*waypoint, heading), driver.model.limits, driver.now_s, driver.model.sonars)
     end_s = driver.now_s + MOST_S
     while not seeker.reached:
         if seeker.blocked or driver.now_s > end_s:

@@ -5,13 +5,15 @@ import random
 
 import pytest
 
+from mrl_driver import robots
 from mrl_driver.floor_map import CELL_M, MOST_CELLS, FloorMap
-from mrl_driver.goal_seeker import MOUNTS, GoalSeeker
+from mrl_driver.goal_seeker import BLIND_S, GoalSeeker
 from mrl_driver.odometry import Pose
-from mrl_driver.robots import Limits
+from mrl_driver.robots import Limits, SonarMount
 from mrl_driver.stepped import SteppedDriver
 from sim_arduino import boards, world_file
 
+SONARS = robots.load("traxbot").sonars
 LIMITS = Limits(0.25, 0.9, math.inf, math.inf)
 STEP_S, READY_S, MOST_S = 0.05, 1.0, 150.0
 PLACE_M, HEADING_RAD = 0.06, 0.1
@@ -28,7 +30,7 @@ def seek(tmp_path, floor, start, goal, patience_s=60.0):
         with SteppedDriver(emulated.engine) as robot:
             robot.reset_pose(Pose(*start))
             robot.wait(READY_S)
-            seeker = GoalSeeker(goal, LIMITS, robot.now_s, patience_s)
+            seeker = GoalSeeker(goal, LIMITS, robot.now_s, SONARS, patience_s)
             while robot.now_s < MOST_S:
                 speeds = seeker.command(tuple(robot.pose)[:3], robot.ranges, robot.now_s)
                 if seeker.reached or seeker.blocked:
@@ -45,7 +47,7 @@ def test_the_way_to_a_far_goal_is_looked_at_only_so_far(monkeypatch):
     """Speeds are found on the thread that reads; a pose in millimetres must not hold it up."""
     looks = []
     monkeypatch.setattr(FloorMap, "is_near", lambda _, point: looks.append(point))
-    assert FloorMap(MOUNTS).is_free((0.0, 0.0), (1e5, 0.0))
+    assert FloorMap(SONARS).is_free((0.0, 0.0), (1e5, 0.0))
     assert len(looks) <= MOST_CELLS + 2
     assert looks[1] == pytest.approx((CELL_M, 0.0))
 
@@ -92,29 +94,92 @@ def test_a_goal_in_a_wall_is_given_up_after_the_patience(tmp_path):
 
 
 def test_what_is_seen_near_closes_the_way_and_is_forgotten_where_later_looks_are_free():
-    floor = FloorMap(MOUNTS)
+    floor = FloorMap(SONARS)
     floor.see((0.0, 0.0, 0.0), {"front": 0.3})
     assert not floor.is_free((0.0, 0.0), (1.0, 0.0)) and floor.way((0.0, 0.0), (1.0, 0.0))
     for step in range(-10, 11):
-        floor.see((0.0, 0.0, 0.04 * step), {"front": 3.0 + 0.01 * step})
+        floor.see((0.0, 0.0, 0.04 * step), {"front": 3.0})
     assert floor.is_free((0.0, 0.0), (1.0, 0.0))
 
 
 def test_a_robot_that_is_walled_in_has_no_way():
-    floor = FloorMap(MOUNTS)
+    floor = FloorMap(SONARS)
     for step in range(72):
-        floor.see((0.0, 0.0, math.radians(5 * step)), {"front": 0.3 + 0.001 * (step % 2)})
+        floor.see((0.0, 0.0, math.radians(5 * step)), {"front": 0.3})
     assert floor.way((0.0, 0.0), (2.0, 0.0)) is None
 
 
 @pytest.mark.parametrize("yaw, backs", [(0.0, True), (1.2, False)], ids=["from-behind", "from-aside"])
 def test_with_something_close_beside_it_goes_back_where_it_came_from_before_it_turns(yaw, backs):
     """Its corners need room to turn; what is behind is known only where it has just been."""
-    seeker = GoalSeeker((0.35, 2.0, 0.0) if not yaw else (0.35, -2.0, 0.0), LIMITS, 0.0)
-    free, close = {name: math.inf for name in MOUNTS}, {"front": math.inf, "left": 0.17, "right": math.inf}
+    seeker = GoalSeeker((0.35, 2.0, 0.0) if not yaw else (0.35, -2.0, 0.0), LIMITS, 0.0, SONARS)
+    free, close = {name: math.inf for name in SONARS}, {"front": math.inf, "left": 0.17, "right": math.inf}
     for step in range(13):
         seeker.command((0.03 * step, 0.0, 0.0), free, 0.05 * step)
     seeker.command((0.36, 0.0, yaw), close, 0.7)
     speeds = [seeker.command((0.36 - 0.01 * step, 0.0, yaw), close, 0.75 + 0.05 * step) for step in range(30)]
     assert (speeds[0][0] < 0 and speeds[0][1] == 0) is backs
     assert sum(linear < 0 for linear, _ in speeds) < 24
+
+
+def test_wall_at_a_constant_distance_beside_the_way_is_drawn_all_along():
+    """A sonar looks to the left, along it the robot drives: each reading comes out the same."""
+    floor = FloorMap({"left": SonarMount(0.0, 0.0, 90.0)})
+    for x_m in (0.0, 1.0, 2.0):
+        floor.see((x_m, 0.0, 0.0), {"left": 0.3})
+    assert all(floor.is_near((x_m, 0.3)) for x_m in (0.0, 1.0, 2.0))
+
+
+def beside_a_wall(now_s):
+    """A seeker that has driven 1 m beside a wall by readings that all came out the same, one in each 50 ms."""
+    seeker = GoalSeeker((3.0, 0.0, 0.0), LIMITS, 0.0, {"left": SonarMount(0.0, 0.0, 90.0)})
+    for step in range(round(now_s / STEP_S)):
+        seeker.command((0.25 * step * STEP_S, 0.0, 0.0), {"left": 0.3}, step * STEP_S)
+    return seeker
+
+
+def test_equal_readings_are_drawn_once_in_a_cycle_of_the_sonars(monkeypatch):
+    drawn = []
+    monkeypatch.setattr(FloorMap, "see", lambda _, pose, readings: drawn.extend(readings))
+    beside_a_wall(3.0)
+    assert len(drawn) == 10
+
+
+@pytest.mark.parametrize("name", ["front", "left", "right"])
+@pytest.mark.parametrize("silent", [(), (math.nan,)], ids=["absent", "nan"])
+def test_robot_stands_when_a_sonar_falls_silent(name, silent):
+    seeker = GoalSeeker((3.0, 0.0, 0.0), LIMITS, 0.0, SONARS)
+    free = {each: math.inf for each in SONARS}
+    assert seeker.command((0.0, 0.0, 0.0), free, 0.0)[0] > 0
+    heard = {each: math.inf for each in SONARS if each != name}
+    heard.update((name, range_m) for range_m in silent)
+    assert seeker.command((0.2, 0.0, 0.0), heard, BLIND_S)[0] > 0
+    assert seeker.command((0.2, 0.0, 0.0), heard, BLIND_S + 0.01) == (0.0, 0.0)
+    assert seeker.blind == (name,)
+
+
+def test_robot_drives_on_when_the_sonar_is_heard_again():
+    seeker = GoalSeeker((3.0, 0.0, 0.0), LIMITS, 0.0, SONARS)
+    for now_s, front_m in ((0.0, math.inf), (2.0, math.nan), (2.1, math.inf)):
+        linear, _ = seeker.command((0.0, 0.0, 0.0), {"front": front_m}, now_s)
+    assert linear > 0
+
+
+def test_goal_given_up_for_a_silent_sonar_says_so():
+    seeker = GoalSeeker((3.0, 0.0, 0.0), LIMITS, 0.0, SONARS, patience_s=5.0)
+    for second in range(8):
+        seeker.command((0.0, 0.0, 0.0), {"front": math.nan}, float(second))
+    assert seeker.blocked and seeker.why == "no valid reading of sonar front: check its cable"
+
+
+def test_last_range_counts_while_a_reading_is_invalid():
+    """Something is 0.2 m ahead; for the next half second the sonar says nothing."""
+    seeker = GoalSeeker((3.0, 0.0, 0.0), LIMITS, 0.0, SONARS)
+    seeker.command((0.0, 0.0, 0.0), {"front": 0.2}, 0.0)
+    assert seeker.command((0.0, 0.0, 0.0), {"front": math.nan}, 0.5)[0] == 0.0
+
+
+def test_obstacles_are_drawn_where_the_robots_own_sonars_look():
+    floor = FloorMap({"front": SonarMount(-0.1, 0.0, 180.0)})
+    floor.see((0.0, 0.0, 0.0), {"front": 0.3})
+    assert floor.is_near((-0.4, 0.0)) and not floor.is_near((0.4, 0.0))

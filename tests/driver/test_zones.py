@@ -369,7 +369,9 @@ class Seeker:
     """A planner that is not told of the zones."""
 
     def __init__(self, goal):
-        self._seeker = GoalSeeker(goal, Limits(0.3, 1.0, math.inf, math.inf), 0.0)
+        self._seeker = GoalSeeker(
+            goal, Limits(0.3, 1.0, math.inf, math.inf), 0.0, robots.load("traxbot").sonars
+        )
 
     def __call__(self, robot):
         speeds = self._seeker.command(tuple(robot.pose)[:3], robot.ranges, robot.now_s)

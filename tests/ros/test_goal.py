@@ -13,7 +13,7 @@ from move_base_msgs.msg import MoveBaseAction, MoveBaseActionResult, MoveBaseGoa
 from nav_msgs.msg import Odometry, Path
 from std_srvs.srv import Trigger
 
-from mrl_driver import goal_seeker
+from mrl_driver import goal_seeker, robots
 from mrl_driver.goal_seeker import GoalSeeker, carried
 from mrl_driver.odometry import Pose, advance
 from mrl_driver.robots import Limits
@@ -24,6 +24,7 @@ from .rig import ROOT, START_S
 from .tables import Offered, first_two, table
 
 LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
+SONARS = robots.load("traxbot").sonars
 STEP_S = 0.05
 FREE = {"front": math.inf, "left": math.inf, "right": math.inf}
 PLACE_M, HEADING_RAD = 0.06, 0.1
@@ -44,7 +45,7 @@ def round_obstacle(pose, middle, radius_m):
 
 def sought(goal, see=lambda pose: FREE, seconds=120.0):
     """Where the seeker ends, and the poses on the way."""
-    seeker, pose, way = GoalSeeker(goal, LIMITS, 0.0), Pose(0.0, 0.0, 0.0), []
+    seeker, pose, way = GoalSeeker(goal, LIMITS, 0.0, SONARS), Pose(0.0, 0.0, 0.0), []
     for i in range(round(seconds / STEP_S)):
         linear, angular = seeker.command(pose, see(pose), i * STEP_S)
         assert abs(linear) <= LIMITS.linear_m_s and abs(angular) <= LIMITS.angular_rad_s
@@ -141,7 +142,7 @@ def distance(robot, x, y):
 
 def test_client_of_move_base_reaches_its_goal(robot):
     state = robot.client.send_goal_and_wait(MoveBaseGoal(goal(robot, 0.2, 0.0)), rospy.Duration(START_S))
-    assert state == SUCCEEDED
+    assert state == SUCCEEDED, robot.client.get_goal_status_text()
     assert distance(robot, 0.2, 0.0) < PLACE_M
 
 

@@ -7,6 +7,7 @@ import pytest
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from std_msgs.msg import Header
 
+from mrl_driver import robots
 from mrl_driver.robots import Limits
 from ros1_bridge.pose_goal import BLOCKED, REACHED, STEP_S, PoseGoal
 
@@ -41,7 +42,7 @@ def noted():
 
 @pytest.fixture
 def goal(noted):
-    return PoseGoal(noted, "odom", "base_link")
+    return PoseGoal(noted, "odom", "base_link", robots.load("traxbot").sonars)
 
 
 def at(pose, seconds):

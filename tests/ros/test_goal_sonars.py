@@ -1,0 +1,120 @@
+"""`go_to_goal` and its sonars: ranges that end, sonars that appear, and where they sit."""
+
+import math
+import threading
+
+import pytest
+import rospy
+from geometry_msgs.msg import PoseStamped, Twist
+from move_base_msgs.msg import MoveBaseActionResult
+from nav_msgs.msg import Odometry, Path
+from sensor_msgs.msg import Range
+from tf2_msgs.msg import TFMessage
+
+from mrl_driver.robots import SonarMount
+from ros1_bridge.go_to_goal import SILENT_S, Ranges
+from ros1_bridge.messages import new_mounts
+from ros1_bridge.processes import wait_until
+
+from .rig import ROOT, START_S
+
+PERIOD_S = 0.05
+
+
+def test_range_counts_for_a_while():
+    ranges = Ranges()
+    ranges.hear("front", math.inf, "sonar_front", 10.0)
+    assert ranges.now(10.0 + SILENT_S) == {"front": math.inf}
+
+
+def test_range_of_a_silent_sonar_expires():
+    ranges = Ranges()
+    ranges.hear("front", math.inf, "sonar_front", 10.0)
+    assert math.isnan(ranges.now(10.01 + SILENT_S)["front"])
+
+
+def test_sonar_that_appears_does_not_change_the_ranges_that_are_being_read():
+    ranges = Ranges()
+    ranges.hear("front", 1.0, "sonar_front", 10.0)
+    for _ in ranges.now(10.0):
+        ranges.hear("left", 1.0, "sonar_left", 10.0)
+    assert set(ranges.now(10.0)) == {"front", "left"}
+
+
+class Robot:
+    """A robot that stands, with a sonar ahead that sees nothing; its odometry never ends."""
+
+    def __init__(self, rig, frame):
+        self._odom = rospy.Publisher(f"{rig.ns}/odom", Odometry, queue_size=1)
+        self._sonar = rospy.Publisher(f"{rig.ns}/sonar/front", Range, queue_size=1)
+        self._odometry = Odometry(child_frame_id=f"{rig.name}/base_link")
+        self._odometry.header.frame_id = f"{rig.name}/odom"
+        self._odometry.pose.pose.orientation.w = 1.0
+        self._range = Range(range=math.inf)
+        self._range.header.frame_id = frame
+        self.hears = True
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._publish)
+        self._thread.start()
+
+    def _publish(self):
+        while not self._end.wait(PERIOD_S):
+            self._odom.publish(self._odometry)
+            if self.hears:
+                self._sonar.publish(self._range)
+
+    def close(self):
+        self._end.set()
+        self._thread.join()
+
+
+@pytest.fixture
+def robot(rig):
+    mounts = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
+    mounts.publish(
+        new_mounts(f"{rig.name}/base_link", {"front": SonarMount(0.1, 0.0, 0.0)}, rospy.Time.now())
+    )
+    robots = []
+
+    def make(frame="sonar_front"):
+        robots.append(Robot(rig, f"{rig.name}/{frame}"))
+        node = str(ROOT / "ros1_bridge" / "nodes" / "go_to_goal")
+        rig.start("go_to_goal", node, f"__ns:={rig.ns}", "_patience:=3")
+        rig.commands, rig.results = (
+            rig.topic("cmd_vel", Twist),
+            rig.topic("move_base/result", MoveBaseActionResult),
+        )
+        goal = PoseStamped()
+        goal.pose.position.x, goal.pose.orientation.w = 3.0, 1.0
+        goals, plans = rig.publisher("move_base_simple/goal", PoseStamped), rig.topic("plan", Path)
+
+        def sought():
+            """A node that has just started may still miss a goal, or its odometry."""
+            goals.publish(goal)
+            return wait_until(lambda: bool(plans.arrived), 1.0)
+
+        assert wait_until(sought, START_S)
+        return robots[-1]
+
+    yield make
+    for each in robots:
+        each.close()
+    mounts.unregister()
+
+
+def ended_for_the_sonar(rig):
+    """A goal has ended, and said why."""
+    return any("no valid reading of sonar front" in each.status.text for each in rig.results.messages)
+
+
+def test_robot_stands_when_its_sonar_falls_silent_and_the_goal_is_given_up(rig, robot):
+    fitted = robot()
+    assert wait_until(lambda: any(twist.linear.x > 0 for twist in rig.commands.messages), START_S)
+    fitted.hears = False
+    assert wait_until(lambda: rig.commands.messages[-1].linear.x == 0.0, START_S)
+    assert wait_until(lambda: ended_for_the_sonar(rig), START_S)
+
+
+def test_sonar_without_a_place_on_the_robot_holds_it(rig, robot):
+    robot(frame="nowhere")
+    assert wait_until(lambda: ended_for_the_sonar(rig), START_S)
