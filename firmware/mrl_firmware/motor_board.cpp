@@ -46,9 +46,16 @@ bool turning;  // a move has come since the last stop
 bool retry_current, drop_current;
 bool poll_temperature;
 
+// Whoever sees the end of a pause first puts the stop that the board may have missed ahead of all that waits.
+void end_pause() {
+  paused = eeprom_busy = false;
+  stop_wanted = stop_wanted || stop_again;
+  stop_again = false;
+}
+
 // A flag, not a comparison with a time that may lie days back: the clock wraps.
 bool pausing() {
-  if (paused && board_clock::passed(paused_at, pause_ticks)) paused = false;
+  if (paused && board_clock::passed(paused_at, pause_ticks)) end_pause();
   return paused;
 }
 
@@ -186,7 +193,6 @@ void succeed() {
   failures = 0;
   switch (kind) {
     case Kind::stop:
-      stop_wanted = false;
       break;
     case Kind::ask:
       take_answer();
@@ -208,8 +214,10 @@ void succeed() {
 }
 
 void fail(bus::Result result) {
-  status::set_fault(FAULT_MOTOR_BOARD, true);
   const bool hung = result == bus::Result::hung;
+  if (kind == Kind::stop && !hung && eeprom_busy) return;  // it is busy, not gone
+  if (kind == Kind::stop) stop_wanted = true;
+  status::set_fault(FAULT_MOTOR_BOARD, true);
   if (kind == Kind::counts || (hung && state == CountsState::wanted)) state = CountsState::failed;
   if (kind == Kind::set_up) set_up_todo |= set_up_now;
   if (kind == Kind::command && !drop_current) retry_current = true;
@@ -227,8 +235,11 @@ void command_next(hal::Transfer& transfer) {
   fill(transfer, Kind::command, current);
 }
 
+// While the board is busy with its EEPROM it may miss or refuse a stop: it gets it again at the end of the pause.
 bool next_stop(hal::Transfer& transfer) {
   if (!stop_wanted) return false;
+  stop_wanted = false;
+  stop_again = eeprom_busy;
   fill(transfer, Kind::stop, Message(STOP_MOTORS).keys());
   return true;
 }
@@ -243,10 +254,7 @@ void begin() {
 
 void service() {
   if (presence == Presence::absent && board_clock::passed(absent_since, retry_presence)) start_asking();
-  if (pausing()) return;
-  eeprom_busy = false;
-  stop_wanted = stop_wanted || stop_again;
-  stop_again = false;
+  pausing();
 }
 
 bool available() { return presence != Presence::absent; }
@@ -255,7 +263,6 @@ bool asked() { return known; }
 
 bool ever_found() { return found; }
 
-// While the board is busy with its EEPROM it may miss a stop: it then gets it again.
 void stop(StopReason reason) {
   note_stop(reason);
   queue.drop_moves();
@@ -263,7 +270,6 @@ void stop(StopReason reason) {
   if (drop_current) retry_current = false;
   if (presence == Presence::absent) return start_asking();
   stop_wanted = true;
-  stop_again = eeprom_busy;
 }
 
 bool send(const Message& message) {
@@ -303,8 +309,9 @@ bool has_work() {
 
 bool next_transfer(hal::Transfer& transfer) {
   if (presence == Presence::absent) return false;
+  const bool wait = pausing();
   if (next_stop(transfer)) return true;
-  if (pausing()) return false;
+  if (wait) return false;
   if (presence == Presence::asking) {
     ask_next(transfer);
   } else if (set_up_todo) {

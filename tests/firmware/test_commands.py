@@ -3,7 +3,7 @@
 import pytest
 
 from mrl_driver import robots
-from mrl_driver.table import CAPABILITIES, COMMANDS, PROTOCOL_VERSION, REASONS
+from mrl_driver.table import BY_NAME, CAPABILITIES, COMMANDS, PROTOCOL_VERSION, REASONS, STOP_REASONS, TICK_S
 from sim_arduino.plant import Plant
 
 STOP, KEYS = 0xFC, b"\xaa\x55"
@@ -50,6 +50,42 @@ def test_a_stop_overtakes_moves_and_drops_them(bench):
     board.forget()
     board.raw(b"@11,100,0e@13e", wait_s=0.03)
     assert board.writes() == [b"\xfc" + KEYS] * 2
+
+
+def test_a_move_behind_the_stop_is_carried_out_after_its_repetition(bench):
+    """In each phase of the tasks that take turns: the pause ends in another pass of the loop each time."""
+    for phase in range(14):
+        board = bench()
+        board.run(phase * TICK_S / 2)
+        board.raw(b"@3,1,0e@11,200,0e@13e@11,100,0e", wait_s=0.05)
+        moved = b"\xeb" + word(100) + word(0)
+        assert board.writes()[1:] == [b"\xfc" + KEYS, b"\xfc" + KEYS, moved]
+
+
+@pytest.mark.parametrize("name, args", [("set_pid_gains", (1, 2, 3)), ("default_config", ())])
+def test_a_stop_in_a_pause_is_repeated_at_the_end_of_that_pause(bench, name, args):
+    """Ahead of all that waits, be it the next part of the set-up: nothing may keep it from a board that missed it."""
+    board = bench()
+    board.send(name, *args, wait_s=0.003)
+    board.forget()
+    board.raw(b"@13e", wait_s=0.1)
+    assert [data[0] for data in board.writes()[:2]] == [STOP, STOP]
+
+
+def test_a_stop_reaches_a_board_that_refuses_everything_in_a_pause(bench):
+    """The stop comes 0 to 1 ms after the gains, so also while these are on the bus; the pause takes 15 ms."""
+    for ticks in range(16):
+        board = bench()
+        motors = board.plant.motor_board
+        motors.busy_nack = True
+        board.send("move_differential", 100, 0)
+        board.send("set_pid_gains", 1, 2, 3, wait_s=ticks * TICK_S)
+        board.raw(b"@13e", wait_s=0.018)
+        assert motors.commands[-1].code == STOP
+        status = dict(
+            zip((field.name for field in BY_NAME["read_status"].reply), board.ask("read_status").args)
+        )
+        assert (status["faults"], STOP_REASONS[status["stop_reason"]]) == (0, "host")
 
 
 def test_a_stop_leaves_other_commands_alone(bench):

@@ -245,6 +245,15 @@ def test_a_move_is_tried_again(bench):
     assert board.writes() == [b"\xeb\x00\x64\x00\x00"]
 
 
+def test_a_stop_is_tried_again(bench):
+    """A refusal on the bus, then it arrives; the motor board is not taken for lost."""
+    board = bench()
+    refusals = [True]
+    board.board.nack = lambda address, data: data[0] == 0xFC and bool(refusals) and refusals.pop()
+    board.raw(b"@11,100,0e@13e", wait_s=0.01)
+    assert board.writes()[1:] == [STOP] and stop_reason(board) == "host"
+
+
 def test_a_stop_drops_the_move_that_is_being_tried_again(bench):
     board = bench()
     refusals = [True, True, True]
