@@ -11,47 +11,65 @@ PORT ?=
 DURATION ?=
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
+# Debian packages by goal.  `make run` installs what running needs, any goal not named here what the tests need as well.
+PACKAGES_firmware := gcc-avr avr-libc binutils-avr arduino-core-avr
+PACKAGES_flash := $(PACKAGES_firmware) avrdude
+PACKAGES_run := $(PACKAGES_firmware) python3-venv python3-serial python3-yaml gcc libc6-dev libsimavr-dev libelf-dev
+PACKAGES_test := $(PACKAGES_flash) $(PACKAGES_run) g++ clang
+
 # A Noetic under /opt/ros comes with all of ROS; Debian's own packages are the real thing elsewhere.
 ifneq ($(wildcard /opt/ros/noetic/setup.bash),)
 ROS_ENV := source /opt/ros/noetic/setup.bash &&
-APT_ROS :=
 else
 ROS_ENV :=
-APT_ROS := ros-core ros-base python3-rospy python3-rosmaster python3-roslaunch python3-rostopic python3-rosnode \
-  python3-rosbag python3-rostest rosbash python3-tf2-ros python3-tf2-geometry-msgs python3-sensor-msgs \
-  python3-nav-msgs python3-geometry-msgs python3-diagnostic-msgs python3-diagnostic-updater \
-  python3-dynamic-reconfigure python3-move-base-msgs python3-actionlib python3-std-srvs python3-roswtf \
+PACKAGES_run += python3-roslaunch rosout python3-rospy python3-rostopic python3-rosnode python3-rosbag python3-tf2-ros \
+  python3-actionlib python3-diagnostic-updater python3-dynamic-reconfigure python3-diagnostic-msgs \
+  python3-geometry-msgs python3-move-base-msgs python3-nav-msgs python3-sensor-msgs python3-std-srvs
+PACKAGES_test += ros-base python3-rostest rosbash python3-tf2-geometry-msgs python3-roswtf \
   libdynamic-reconfigure-config-init-mutex-dev ros-robot-state-publisher joint-state-publisher rosdiagnostic catkin \
-  catkin-lint
+  catkin-lint librostest-dev libclang-rt-dev
 endif
-APT := $(APT_ROS) python3-venv python3-serial python3-yaml gcc g++ gcc-avr avr-libc binutils-avr arduino-core-avr \
-  avrdude libsimavr-dev libelf-dev clang libfuzzer-14-dev psmisc
 
 .PHONY: help setup check test run clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
 
-setup: $(VENV)/.ready ## Install what is missing: Debian packages, then a virtual environment in .venv
+setup: $(VENV)/.tested ## Install what is missing: Debian packages, then a virtual environment in .venv
+
+PIP := $(PY) -m pip install --disable-pip-version-check --no-compile --progress-bar off
+# Of what pip says, a line for each package and step.
+SHOWN := | sed -un 's/^ *Collecting \([^ ]*\).*/  \1/p; s/: started$$//p; /^ERROR/p'
 
 # The virtual environment is made from Debian's own python3: its rospy lives there.
 $(VENV)/.ready: setup.py pyproject.toml package.xml | apt
+	@echo "Python packages into $(VENV):"
 	@[ -x $(PY) ] || /usr/bin/python3 -m venv --system-site-packages $(VENV)
-	$(PY) -m pip install -q --disable-pip-version-check --no-compile -e '.[dev]'
+	@set -o pipefail; $(PIP) -e . $(SHOWN)
+	@touch $@
+
+# What the tests need beyond it.
+$(VENV)/.tested: $(VENV)/.ready
+	@echo "Python packages of the tests into $(VENV):"
+	@set -o pipefail; $(PIP) 'mrl-driver[dev]' $(SHOWN)
 	@touch $@
 
 include firmware/firmware.mk $(wildcard ros1_bridge/ros.mk sim_arduino/sim.mk tests/long.mk)
 
 # What is missing is asked each time, so that a package removed later is noticed; where all is there, `apt` does nothing.
-INSTALLED := $(shell dpkg-query -W -f='$${db:Status-Abbrev}$${Package}\n' $(APT) 2>/dev/null | sed -n 's/^ii //p')
-MISSING := $(filter-out $(INSTALLED),$(APT))
+# So it does where there is no dpkg, on a system whose owner installs a compiler and ROS by himself.
+NEEDED := $(sort $(foreach goal,$(MAKECMDGOALS),$(or $(PACKAGES_$(goal)),$(PACKAGES_test))))
+INSTALLED := $(shell dpkg-query -W -f='$${db:Status-Abbrev}$${Package}\n' $(NEEDED) 2>/dev/null | sed -n 's/^ii //p')
+MISSING := $(if $(shell command -v dpkg-query),$(filter-out $(INSTALLED),$(NEEDED)))
+APT_GET := $(SUDO) env DEBIAN_FRONTEND=noninteractive LC_ALL=C apt-get
 .PHONY: apt
 apt:
 ifneq ($(MISSING),)
-	@echo "installing $(MISSING)"
-	@[ "$$(id -u)" = 0 ] || [ -n "$(SUDO)" ] || { echo "make setup needs root or sudo to install: $(MISSING)" >&2; exit 1; }
-	@apt="$(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get -q"; \
-	$$apt update && $$apt install -y --no-install-recommends $(MISSING)
+	@[ "$$(id -u)" = 0 ] || [ -n "$(SUDO)" ] || { echo "installing needs root or sudo: apt-get install $(MISSING)" >&2; exit 1; }
+	@echo "Debian packages that are missing: $(MISSING)"
+	@$(APT_GET) update -q
+	@$(APT_GET) install --print-uris -q --no-install-recommends $(MISSING) | grep -E 'newly installed|^Need to get|^After this'
+	@$(APT_GET) install -yq -o Dpkg::Use-Pty=0 --no-install-recommends $(MISSING)
 endif
 
 check: setup ## Format, lint, types, generated files, import rules
@@ -77,7 +95,7 @@ bench-host: setup ## Measure codec, odometry, recording and the driver alone; bu
 	$(PY) -m tests.bench.bench_host
 	$(PY) -m tests.bench.bench_recording
 
-run: setup firmware ## Drive an emulated robot through ROS with a live view; PORT=/dev/ttyACM0 for a real one
+run: $(VENV)/.ready firmware ## Drive an emulated robot through ROS with a live view; PORT=/dev/ttyACM0 for a real one
 	@$(ROS_ENV) exec $(PY) -m ros1_bridge.run $(if $(ROBOT),--robot $(ROBOT)) $(if $(ENGINE),--engine $(ENGINE)) \
 	  $(if $(PORT),--port $(PORT)) $(if $(DURATION),--duration $(DURATION))
 

@@ -30,6 +30,7 @@ FW_OBJECTS_$(1) := $$(patsubst %,$$(FW_BUILD)/$(1).o/%.o,$$(FW_PARTS)) $$(patsub
 
 $$(FW_BUILD)/$(1).o/%.cpp.o: $$(FW_SOURCE)/%.cpp $$(FW_HEADERS) firmware/firmware.mk | apt
 	@mkdir -p $$(@D)
+	@echo "  $(1): $$(<F)"
 	@avr-g++ $$(FW_FLAGS) $$(FW_CXX) $$(FW_WARNINGS) $(2) -c $$< -o $$@
 
 $$(FW_BUILD)/$(1).o/%.ino.o: $$(FW_SOURCE)/%.ino $$(FW_HEADERS) firmware/firmware.mk | apt
@@ -66,9 +67,7 @@ flash: ## Upload to an Arduino Uno: PORT=/dev/ttyACM0, IMAGE=mrl_firmware_enviro
 	  { echo "make flash: no board answers at $(PORT): $$(echo "$$out" | grep . | head -1)" >&2; exit 1; }
 
 PC_LIBRARIES := $(patsubst %,$(PC_BUILD)/libmrl_firmware%.so,_xbee _environment) $(PC_BUILD)/libmrl_firmware.so
-LIBFUZZER ?= $(wildcard /usr/lib/llvm-*/lib/libFuzzer.a)
-PC_FUZZER := $(if $(LIBFUZZER),$(PC_BUILD)/fuzz_firmware)
-pc-firmware: $(PC_LIBRARIES) $(PC_FUZZER) $(PC_BUILD)/checked_firmware ## The same C++ for the PC's tests
+pc-firmware: $(PC_LIBRARIES) $(PC_BUILD)/fuzz_firmware $(PC_BUILD)/checked_firmware ## The same C++ for the PC's tests
 
 $(PC_BUILD)/libmrl_firmware_environment.so: PC_DEFINES := -DMRL_ENVIRONMENT=1
 $(PC_BUILD)/libmrl_firmware_xbee.so: PC_DEFINES := -DMRL_XBEE=1
@@ -77,7 +76,7 @@ $(PC_LIBRARIES): $(PC_SOURCES) $(FW_HEADERS) tests/firmware/hal_pc.h firmware/fi
 	@g++ $(PC_CXX) $(PC_DEFINES) -shared -fPIC $(PC_SOURCES) -o $@.new && mv $@.new $@
 
 # libFuzzer looks for inputs and stops at undefined behaviour; what it keeps is then tried under gcc's address and
-# undefined-behaviour sanitizers.  (Debian's clang comes without its own; libfuzzer-14-dev brings the search.)
+# undefined-behaviour sanitizers.
 FUZZ_SOURCES := tests/firmware/fuzz.cpp
 FUZZ_NEEDS = $(PC_SOURCES) $(FUZZ_SOURCES) $(FW_HEADERS) tests/firmware/hal_pc.h firmware/firmware.mk
 
@@ -89,7 +88,7 @@ $(PC_BUILD)/fuzz.o/%.o: %.cpp $(FW_HEADERS) tests/firmware/hal_pc.h firmware/fir
 	@clang++ $(PC_CXX) -fsanitize=fuzzer-no-link,undefined -fsanitize-trap=undefined -c $< -o $@
 
 $(PC_BUILD)/fuzz_firmware: $(FUZZ_OBJECTS)
-	@clang++ $^ $(lastword $(LIBFUZZER)) -lpthread -o $@.new && mv $@.new $@
+	@clang++ -fsanitize=fuzzer $^ -o $@.new && mv $@.new $@
 
 $(PC_BUILD)/checked_firmware: $(FUZZ_NEEDS) tests/firmware/replay.cpp | apt
 	@mkdir -p $(@D)

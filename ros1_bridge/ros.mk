@@ -1,7 +1,5 @@
 # The bridge's own targets, included by the Makefile.
-APT += rviz liburdfdom-tools xvfb x11-utils imagemagick libgl1-mesa-dri iproute2
-# rostest for catkin; a Noetic has it.
-APT += $(if $(APT_ROS),librostest-dev)
+PACKAGES_test += rviz liburdfdom-tools xvfb x11-utils imagemagick libgl1-mesa-dri iproute2
 
 .PHONY: bench-ros description check-description
 bench-ros: setup ## Measure the ROS node beside a bare rospy loop; build/bench/ros.json; FAST=1 is shorter

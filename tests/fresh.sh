@@ -1,0 +1,163 @@
+#!/usr/bin/env bash
+# What a newcomer does, in minimal Debian systems: `make run` and `make test` in a clone of HEAD.  Needs root.
+#
+#   RELEASES="bookworm trixie"     which Debian releases
+#   WAYS="root user container"     as root, as a user with sudo, as root with the capabilities of an unprivileged container
+#   COMMANDS="run test"            which of the README's commands
+#
+# Apt mirror, proxies, certificates and pip's settings are this machine's.  Each system lives in a folder below /var/tmp and
+# in namespaces of its own, so that nothing stays mounted or running.  Logs are in build/fresh.
+set -euo pipefail
+
+ROOT=$(realpath "$(dirname "$0")/..")
+LOGS=$ROOT/build/fresh
+PASSED_ON='^(PIP_(INDEX_URL|CERT|PROXY|TRUSTED_HOST|DEFAULT_TIMEOUT)|ROS_MASTER_URI|https?_proxy|no_proxy|HTTPS?_PROXY|NO_PROXY)='
+
+fail() { echo "test-fresh: $*" >&2; exit 1; }
+
+# Runs a command, its output going to a log; prints how long it took, and the log's end if it failed.
+timed() { # NAME LOG COMMAND...
+  local name=$1 log=$2 start=$SECONDS code=0
+  shift 2
+  "$@" >"$log" 2>&1 </dev/null || code=$?
+  printf '%-34s %5d s  %s\n' "$name" $((SECONDS - start)) "$([ $code = 0 ] && echo passed || echo "failed with $code: $log")"
+  [ $code = 0 ] || tail -n 40 "$log" | sed 's/^/    /'
+  return $code
+}
+
+mirror() {
+  apt-get indextargets --format '$(SITE)' 'Created-By: Packages' 'Origin: Debian' 'Label: Debian' | head -1 | grep . ||
+    fail "apt knows no mirror of Debian; run apt-get update"
+}
+
+# What of this machine a system needs to reach the mirrors.
+settings() { # TREE
+  cp /etc/resolv.conf "$1/etc/resolv.conf"
+  apt-config dump | grep -E '^Acquire::(https?|Check|Retries)[^ ]* "[^"]' >"$1/etc/apt/apt.conf.d/90host" || true
+  printf '#!/bin/sh\nexit 101\n' >"$1/usr/sbin/policy-rc.d" # packages start no services
+  chmod +x "$1/usr/sbin/policy-rc.d"
+  if ls /usr/local/share/ca-certificates/*.crt >/dev/null 2>&1; then
+    cp /usr/local/share/ca-certificates/*.crt "$1/usr/local/share/ca-certificates/"
+    chroot "$1" update-ca-certificates >/dev/null 2>&1
+  fi
+  # Files that pip would look for on this machine's disk are not there.
+  cat /etc/pip.conf ~/.config/pip/pip.conf 2>/dev/null |
+    grep -E '^(\[|(index-url|cert|proxy|trusted-host|timeout) *=)' >"$1/etc/pip.conf" || true
+}
+
+# Mounts of a system, in the mount namespace of its own.
+mounts() { # TREE ARCHIVES
+  mount -t proc proc "$1/proc"
+  mount -t sysfs -o ro sys "$1/sys"
+  mount -t tmpfs -o mode=755 dev "$1/dev"
+  local node
+  for node in null zero full random urandom tty; do
+    touch "$1/dev/$node"
+    mount --bind "/dev/$node" "$1/dev/$node"
+  done
+  mkdir "$1/dev/pts" "$1/dev/shm"
+  mount -t devpts -o newinstance,ptmxmode=0666,mode=620,gid=5 pts "$1/dev/pts"
+  mount -t tmpfs -o mode=1777 shm "$1/dev/shm"
+  ln -s pts/ptmx "$1/dev/ptmx"
+  ln -s /proc/self/fd "$1/dev/fd"
+  local n=0
+  for node in stdin stdout stderr; do ln -s "/proc/self/fd/$((n++))" "$1/dev/$node"; done
+  mount --bind "$2" "$1/var/cache/apt/archives"
+}
+
+# Everything in one system; process 1 of a process namespace, in a mount namespace.
+inside() { # RELEASE WAY TREE ARCHIVES
+  local release=$1 way=$2 tree=$3 log="$LOGS/$1-$2" code=0
+  local clone=$HOME_IN/mrl-driver enter=(chroot "$tree") as=()
+  mounts "$tree" "$4"
+  mount --bind "$LOGS" "$tree/mnt" 
+  case $way in
+    user) as=(setpriv --reuid newcomer --regid newcomer --init-groups) ;;
+    # No namespaces of users either: the kernel refuses them below a chroot, as a container's runtime does.
+    container) as=(setpriv --bounding-set -sys_admin,-net_admin) ;;
+  esac
+  if [ "$way" != container ]; then # a root of its own, where users may make namespaces as on a real machine
+    mount --rbind "$tree" "$tree"
+    cd "$tree"
+    mkdir -p old
+    pivot_root . old
+    cd /
+    umount -l /old
+    rmdir /old
+    log=/mnt/$release-$way
+    enter=()
+  fi
+  local env=(env -i "HOME=$HOME_IN" PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin TERM=dumb LANG=C.UTF-8)
+  local line
+  while IFS= read -r line; do env+=("$line"); done < <(env | grep -E "$PASSED_ON")
+  do_in() { "${enter[@]}" "${as[@]}" "${env[@]}" sh -c "cd $clone && $1"; }
+
+  for command in $COMMANDS; do
+    case $command in run) line="make run DURATION=8" ;; test) line="make test" ;; *) line="make $command" ;; esac
+    timed "$release, $way: $line" "$log-$command.log" do_in "$line" || code=1
+    grep -hE '^(SKIPPED|[0-9]+ upgraded|Need to get|After this|ran |second tries)| passed' "$log-$command.log" | awk '!seen[$0]++ { print "    " $0 }'
+  done
+  timed "$release, $way: packages' files" "$log-dpkg.log" unchanged || code=1
+  timed "$release, $way: processes left" "$log-processes.log" nothing_runs || code=1
+  return $code
+}
+
+# Whether each file of each package is as it came.
+unchanged() {
+  local changed
+  changed=$("${enter[@]}" dpkg -V | grep -v ' c /etc/' || true)
+  [ -z "$changed" ] || { echo "$changed"; return 1; }
+}
+
+# Whether the commands have left a process.
+nothing_runs() {
+  local found=0 process
+  for process in /proc/[0-9]*; do
+    [ "${process#/proc/}" != 1 ] && [ "${process#/proc/}" != $BASHPID ] && [ -s "$process/cmdline" ] || continue
+    tr '\0' ' ' <"$process/cmdline" && echo && found=1
+  done
+  return $found
+}
+
+outside() {
+  [ "$(id -u)" = 0 ] || fail "needs root"
+  mkdir -p "$LOGS"
+  local work release way tree code=0
+  work=$(mktemp -d /var/tmp/mrl-fresh.XXXXXX)
+  trap 'rm -rf --one-file-system "$work"' EXIT
+  trap 'exit 130' INT TERM HUP
+  for release in $RELEASES; do
+    local archives=$work/archives-$release base=$work/$release.tar
+    mkdir -p "$archives/partial"
+    timed "$release: minimal system" "$LOGS/$release.log" \
+      mmdebstrap --variant=minbase --include=git,make,ca-certificates "$release" "$base" "${MIRROR:-$(mirror)}" || exit 1
+    for way in $WAYS; do
+      tree=$work/$release-$way
+      export HOME_IN=/root
+      [ "$way" != user ] || HOME_IN=/home/newcomer
+      mkdir "$tree" && tar -xf "$base" -C "$tree"
+      [ "$way" != user ] || chroot "$tree" useradd -m -s /bin/bash newcomer
+      settings "$tree"
+      if [ "$way" = user ]; then
+        chroot "$tree" sh -c 'apt-get update -q && apt-get install -qy sudo' >>"$LOGS/$release.log" 2>&1
+        echo 'newcomer ALL=(ALL) NOPASSWD: ALL' >"$tree/etc/sudoers.d/newcomer"
+      fi
+      git -c advice.detachedHead=false clone -q "$BUNDLE" "$tree$HOME_IN/mrl-driver"
+      [ "$way" != user ] || chroot "$tree" chown -R newcomer: /home/newcomer
+      unshare --mount --pid --fork --kill-child --propagation private \
+        "$0" inside "$release" "$way" "$tree" "$archives" || code=1
+      rm -rf --one-file-system "$tree"
+    done
+    rm -rf "$base" "$archives"
+  done
+  exit $code
+}
+
+export RELEASES=${RELEASES:-bookworm trixie} WAYS=${WAYS:-root user container} COMMANDS=${COMMANDS:-run test}
+if [ "${1:-}" = inside ]; then
+  shift
+  inside "$@"
+else
+  BUNDLE=${1:?usage: fresh.sh BUNDLE}
+  outside
+fi
