@@ -71,10 +71,12 @@ class Core:
 
     def _admit(self, board: Board) -> Optional[str]:
         """Accept the board, and let its commands be those of the robot's base."""
-        stream, model = self.state.admit(board), self.state.model
+        stream, model, motion = self.state.admit(board), self.state.model, self.session.motion
         if model is not None and isinstance(model.drive, OmniDrive):
             self._omni = OmniCommands(model, model.drive)
-            self.session.motion.request_of = self._omni.spell
+            motion.request_of = self._omni.spell
+        else:
+            self._omni, motion.request_of = None, motion.differential
         return stream
 
     def answer(self, code: int, args: Tuple[int, ...]) -> Optional[Tuple[int, ...]]:

@@ -1,6 +1,10 @@
 """From an open port to a board that streams: one request after the other, each repeated until it is answered.
 
 Sans I/O: frames and time go in, requests come out.  The robot stays still: a stop goes first.
+
+A damaged frame without check value may look like a good one.  So a board that has the check value is asked who it is
+and what it can do once more after the check value is on, before anything else is set.  Of a board without it, an
+answer is believed when `ALIKE` of them in a row agree.
 """
 
 from typing import Callable, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Tuple
@@ -20,6 +24,10 @@ restarted, or ended the check value, while this program did not look.
 """
 DEAF = 6
 """So many answers to `robot_info` without one to `read_protocol`: the board knows no more than those of 2013."""
+ALIKE = 3
+"""This many answers in a row must agree before one without check value is believed."""
+NEAR_V, NEAR_DEGC = 0.5, 5.0
+"""Readings of battery and temperature that differ by less than this agree."""
 JUNK_S = 4.0
 JUNK_BYTES = 32
 """So many bytes that are no text, and no frame within 4 s of the first byte, mean another baud rate: a
@@ -70,12 +78,21 @@ def board_of(args: Tuple[int, ...]) -> Board:
     return Board(robot_id, version, motor_board / 100, battery / 100, temperature / 100)
 
 
+def are_alike(one: Board, other: Board) -> bool:
+    """Both answers can come from the same board within a moment."""
+    return (
+        one[:3] == other[:3]
+        and abs(one.battery_v - other.battery_v) < NEAR_V
+        and abs(one.temperature_c - other.temperature_c) < NEAR_DEGC
+    )
+
+
 class Handshake:
     """Greets a board.  `board` is set once it is known, `done` once it streams.
 
     `send(code, *args)` puts a request on its way; `admit(board)` may raise to refuse a board before anything
-    is set, and names the row of the stream that is wanted if it is not the usual one.  A `patient` one never gives
-    up, as after a board's restart.
+    is set, and names the row of the stream that is wanted if it is not the usual one.  It is called again when the
+    board has said under the check value who it is.  A `patient` one never gives up, as after a board's restart.
     """
 
     def __init__(
@@ -98,7 +115,12 @@ class Handshake:
         self._step: Tuple[int, ...] = (_CODE["robot_info"],)
         self._attempts = 0
         self._silent: Optional[Board] = None
-        self._deaf = 0
+        self._deaf = self._alike = 0
+        self._info: Optional[Board] = None
+        self._protocol: Tuple[int, ...] = ()
+        """The last answers, believed or not."""
+        self._sure = False
+        """Who the board is was said under the check value."""
         self._junk: List[float] = []
         self._seen, self._strange, self._faults = b"", 0, 0
 
@@ -132,7 +154,7 @@ class Handshake:
                 )  # text hides what stands behind it on its line
             if self._patient or self._silent or self._attempts % 3 == 2:
                 self._send(*self._step, checked=not checked)
-        elif self._step[0] == _CODE["read_protocol"] and self._attempts:
+        elif self._step[0] == _CODE["read_protocol"] and self._attempts and not self._sure:
             self._send(_CODE["robot_info"], checked=checked)
         self._send(*self._step, checked=checked)
         self._attempts += 1
@@ -140,9 +162,17 @@ class Handshake:
 
     def _begin_again(self, now: float) -> None:
         """Ask who is there, in both modes."""
-        self._silent, self.board = self.board, None
-        self._step, self._attempts = (_CODE["robot_info"],), 0
-        self._give_up_s = now + STEP_TIMEOUT_S
+        self._silent, self.board, self._sure = self.board, None, False
+        self._ask((_CODE["robot_info"],), now)
+
+    def _ask(self, step: Tuple[int, ...], now: float) -> None:
+        """The next request, of which no answer is known yet."""
+        self._step, self._attempts, self._alike = step, 0, 0
+        self._give_up_s, self.due_s = now + STEP_TIMEOUT_S, now
+
+    def hurry(self, now: float) -> None:
+        """Ask again at once: an answer came that is not enough."""
+        self.due_s = min(self.due_s, now)
 
     def _judge(self, now: float) -> None:
         board = self.board or self._silent
@@ -176,27 +206,51 @@ class Handshake:
             )
         return "no answer to '@5e': check that the board is powered, that this is its port, and that it is flashed"
 
-    def on_frame(self, frame: Frame, now: float) -> None:
-        """A frame came.
+    def on_frame(self, frame: Frame, now: float, checked: bool) -> None:
+        """A frame came, `checked` if with a check value.
 
         Raises:
             WrongRobot: the board is not one for this driver (raised by `admit` as well).
         """
-        if frame.code == _CODE["robot_info"] and self._step[0] == _CODE["read_protocol"]:
+        if self.done or (self._sure and not checked):
+            return
+        code = frame.code
+        if code == _CODE["robot_info"]:
+            self._on_info(board_of(frame.args), now, checked)
+        elif code == self._step[0] == _CODE["read_protocol"]:
+            self._on_protocol(frame.args, now, checked)
+        elif code in _ANSWERS.get(self._step[0], ()):
+            if code == _CODE["read_status"]:
+                self._faults = frame.args[4]
+            self._next(now)
+
+    def _on_info(self, board: Board, now: float, checked: bool) -> None:
+        if self._step[0] == _CODE["read_protocol"] and not checked:
             self._deaf += 1
             if self._deaf >= DEAF:
                 self._do_without()
                 self._next(now)
-        if frame.code not in _ANSWERS.get(self._step[0], ()) or self.done:
+        if self._step[0] != _CODE["robot_info"] or (self.board is not None and not checked):
             return
-        if self.board is None:
-            self.board = board_of(frame.args)
-            self._stream = self._admit(self.board) or "start_stream"
+        self._alike = self._alike + 1 if self._info is not None and are_alike(board, self._info) else 1
+        self._info = board
+        if not checked and self._alike < ALIKE:
+            self.hurry(now)
+            return
+        again, self._sure = self.board is not None, checked
+        self._stream = self._admit(board) or "start_stream"
+        self.board = board
+        if not again:
             self._steps, self._deaf = self._program(), 0
-        elif frame.code == _CODE["read_protocol"]:
-            self._learn(frame.args)
-        elif frame.code == _CODE["read_status"]:
-            self._faults = frame.args[4]
+        self._next(now)
+
+    def _on_protocol(self, args: Tuple[int, ...], now: float, checked: bool) -> None:
+        self._alike = self._alike + 1 if args == self._protocol else 1
+        self._protocol, self._deaf = args, 0
+        if not checked and self._alike < ALIKE and not (self._plan.check and _can_check(args)):
+            self.hurry(now)
+            return
+        self._learn(args)
         self._next(now)
 
     def _do_without(self) -> None:
@@ -222,12 +276,9 @@ class Handshake:
 
     def _next(self, now: float) -> None:
         """Go to the next request that is answered; those that are not go out on the way."""
-        self._give_up_s = now + STEP_TIMEOUT_S
-        self._attempts = 0
-        self.due_s = now
         for step in self._steps:
             if step[0] in _ANSWERS:
-                self._step = step
+                self._ask(step, now)
                 return
             self._send(*step)
         self.done = True
@@ -240,9 +291,12 @@ class Handshake:
             yield from self._plain_program()
             return
         yield (_CODE["read_protocol"],)
-        self._demand_stream()
         if "check" in self.board.capabilities and self._plan.check:
             yield (_CODE["set_check"], 1)
+            if not self._sure:
+                yield (_CODE["robot_info"],)
+                yield (_CODE["read_protocol"],)
+        self._demand_stream()
         if "watchdog" in self.board.capabilities:
             yield (_CODE["set_watchdog"], self._plan.watchdog_ms)
         yield (_CODE["read_status"],)
@@ -258,5 +312,11 @@ class Handshake:
         if self._stream != "start_stream" and "omni" not in self.board.capabilities:
             raise WrongRobot(
                 f"the firmware of the board does not know three wheels (no request {_CODE[self._stream]}), which "
-                "this robot model needs: update it with: make flash PORT=..., or choose another model"
+                "this robot model needs: flash it with: mrl flash --port PORT, or choose another model"
             )
+
+
+def _can_check(args: Tuple[int, ...]) -> bool:
+    """A `read_protocol` reply says that the board knows the check value, in a protocol that this driver speaks."""
+    protocol, bits = args
+    return protocol == PROTOCOL_VERSION and bool(bits & 1)

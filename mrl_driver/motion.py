@@ -56,7 +56,7 @@ class Motion:
         self.skip_minus_one = skip_minus_one
         self.target: Optional[Speeds] = None
         """Speeds in force [mm/s, mrad/s], None while stopped."""
-        self.request_of: Callable[[Speeds], Request] = self._differential
+        self.request_of: Callable[[Speeds], Request] = self.differential
         """The request that brings speeds about."""
         self.stop_reason = "none"
         """Why this program last stopped the robot, see `STOPS`."""
@@ -149,7 +149,8 @@ class Motion:
         else:
             self.target = tuple(int(speed * left) for speed in speeds)
 
-    def _differential(self, speeds: Speeds) -> Request:
+    def differential(self, speeds: Speeds) -> Request:
+        """The request for a base with two driven wheels or tracks."""
         return (MOVE, *map(self._spell, speeds))
 
     def _spell(self, value: int) -> int:

@@ -181,9 +181,11 @@ class Session:
         counters = self.counters
         counters.bytes_in += len(data)
         events: List[SessionEvent] = []
-        strange = False
+        strange, checked = False, self._decoder.checked
         for event in self._decoder.feed(data):
             frame = event if type(event) is Frame else self._reread(event, now)
+            if frame is not event:
+                checked = self._decoder.checked
             if frame is None:
                 assert isinstance(event, Garbage)
                 counters.count_garbage(event.reason)
@@ -194,7 +196,7 @@ class Session:
             if frame.code in _STREAMS:
                 self._on_counts(frame, now, events)
             if frame.code not in _STREAMS or self._greeting is not None:
-                self._on_frame(frame, now, events)
+                self._on_frame(frame, now, checked, events)
         if self._greeting is not None and (strange or b"@" not in data):
             self._greeting.heard(data, now)
         return events
@@ -266,8 +268,8 @@ class Session:
         """The frame in garbage, if it is one by the rules of the other mode and the board has evidently
         changed to it.
 
-        Without a check value one frame is no evidence, for a damaged one may look like it: an answer to the
-        greeting or `PLAIN_FRAMES` in a row are.
+        One frame without a check value is no evidence, because a damaged one may look like it: `PLAIN_FRAMES` in
+        a row are.
         """
         assert isinstance(event, Garbage)
         if event.reason not in ("bad_check", "argument_count"):
@@ -277,8 +279,9 @@ class Session:
             return None
         frame = found[0]
         self._other += 1
-        greeted = self._greeting is not None and frame.code == INFO
-        if self.checked and not greeted and self._other < PLAIN_FRAMES:
+        if self.checked and self._other < PLAIN_FRAMES:
+            if self._greeting is not None and frame.code == INFO:
+                self._greeting.hurry(now)
             return None
         self._decoder.checked = not self.checked
         self._other = 0
@@ -287,14 +290,15 @@ class Session:
             self._greet_again(now, "restarted")
         return frame
 
-    def _on_frame(self, frame: Frame, now: float, events: List[SessionEvent]) -> None:
-        """Any frame but plain telemetry of a board that is ready."""
+    def _on_frame(self, frame: Frame, now: float, checked: bool, events: List[SessionEvent]) -> None:
+        """Any frame but plain telemetry of a board that is ready; `checked` if it came with a check value."""
         code = frame.code
         self._poll.answered(code)
         if code == STATUS:
             self._on_status(status_of(frame.args), now, events)
         elif code == INFO:
-            events.append(Info(board_of(frame.args)))
+            if checked or self._greeting is None:
+                events.append(Info(board_of(frame.args)))
         elif code == SONARS:
             events.append(Sonars(frame.args))
         elif code not in _STREAMS:
@@ -305,7 +309,7 @@ class Session:
         if self._greeting is not None:
             if code == _CHECK:
                 self._decoder.checked = bool(frame.args[0])
-            self._greeting.on_frame(frame, now)
+            self._greeting.on_frame(frame, now, checked)
             if self._greeting is not None and self._greeting.done:
                 self._begin(now, events)
 

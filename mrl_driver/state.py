@@ -45,6 +45,7 @@ class RobotState:
         self, model: Optional[RobotModel], ignore_battery: bool = False, any_id: bool = False
     ) -> None:
         self.model = model
+        self._auto = model is None
         self.info: Optional[Board] = None
         self.odometry: Optional[Odometry] = None
         self.battery_state = battery.OK
@@ -72,6 +73,8 @@ class RobotState:
     def admit(self, board: Board) -> Optional[str]:
         """Accept the board that answers, and take its model where none was given.
 
+        A board may be asked again who it is before it is ready; the last answer counts.
+
         Returns:
             The row of the stream that it is to send, if it is not the usual one.
 
@@ -80,9 +83,10 @@ class RobotState:
             WrongRobot: it is not the robot.
             BatteryDead: its battery does not allow a start; not checked again after the start.
         """
-        if self.model is None:
+        if self._auto and self.info is None:
             self.model = model_of(board)
-        elif board.robot_id not in self.model.ids and not self._any_id:
+        assert self.model is not None
+        if board.robot_id not in self.model.ids and not self._any_id:
             raise _wrong(board, self.model)
         if self.info is not None and board.robot_id != self.info.robot_id and not self._any_id:
             raise WrongRobot(
@@ -100,6 +104,8 @@ class RobotState:
             telemetry = self.on_counts(event)
             return [("telemetry", telemetry)] if telemetry else []
         if isinstance(event, Sonars):
+            if self.info is None:
+                return []  # the model is not known yet
             self._late_sonars = self._on_new(self._new_readings.update(event.values, now), event.values)
             return []
         if isinstance(event, Info):

@@ -1,0 +1,196 @@
+"""The greeting on a line that damages what passes: each single fault of each reply, one after the other."""
+
+import itertools
+
+import pytest
+
+from mrl_driver.codec import REPLIES, Frame, FrameDecoder, encode_reply
+from mrl_driver.errors import BatteryDead, WrongRobot
+from mrl_driver.handshake import Plan
+from mrl_driver.session import Ready, Session, Stale
+from mrl_driver.state import RobotState
+from tests.fake_board import FakeBoard
+
+from .talk import Talk
+
+READY_WITHIN_S = 3.0
+"""A greeting of which one reply is lost or damaged."""
+MOST_REPLIES = 40
+
+
+class Line:
+    """Passes replies on, and puts `instead` in the place of the one with this number."""
+
+    def __init__(self, number=-1, instead=b""):
+        self.number, self.instead = number, instead
+        self.passed = []
+
+    def __call__(self, data):
+        out = b""
+        for reply in data.splitlines(keepends=True):
+            out += self.instead if len(self.passed) == self.number else reply
+            self.passed.append(reply)
+        return out
+
+
+class Greeting:
+    """A session that greets a board on a line which damages one reply."""
+
+    def __init__(self, make, line, plan):
+        self.line, self.admitted = line, []
+        self.board, self.now = make(), 0.0
+        self.session = Session(self.admitted.append, self.now, plan)
+        self.ready = []
+
+    def until_ready(self):
+        """Goes from one moment at which something is due to the next, which takes a millisecond."""
+        while not self.ready:
+            self.board.receive(self.session.take(), self.now)
+            data = self.line(self.board.advance(self.now))
+            if not data:
+                streamed_s = self.board.due_s if self.board.period_s else READY_WITHIN_S
+                self.now = max(self.now, min(self.session.deadline(self.now), streamed_s))
+            assert self.now < READY_WITHIN_S, "it is not greeted in time"
+            events = self.session.receive(data, self.now) + self.session.tick(self.now)
+            self.ready = [event for event in events if isinstance(event, Ready)]
+        return self
+
+    @property
+    def outcome(self):
+        """What a wrong greeting gets wrong: who is admitted, and what is in force on the board."""
+        board = self.ready[0].board
+        who = {(each.robot_id, each.version, round(each.battery_v)) for each in (*self.admitted, board)}
+        modes = self.session.checked, self.board.decoder.checked
+        return who, board.protocol, board.capabilities, modes, self.board.watchdog_s
+
+
+def left_checked():
+    """The driver before was killed: the board streams with check values."""
+    board = FakeBoard()
+    board.decoder.checked, board.period_s = True, 0.02
+    return board
+
+
+def single_faults(reply):
+    """Each byte lost, and changed to each other one; of those that no decoder takes for a frame, one for each
+    place, because they are the same to a session."""
+    for i in range(len(reply)):
+        yield reply[:i] + reply[i + 1 :]
+        useless = True
+        for byte in range(256):
+            damaged = reply[:i] + bytes([byte]) + reply[i + 1 :]
+            frame = byte != reply[i] and any(
+                isinstance(event, Frame)
+                for checked in (False, True)
+                for event in FrameDecoder(REPLIES, checked).feed(damaged)
+            )
+            if frame or (useless and byte not in reply):
+                useless = useless and frame
+                yield damaged
+
+
+def replies_of(make, plan):
+    """The replies of a greeting on a good line, and its outcome."""
+    good = Greeting(make, Line(), plan).until_ready()
+    assert len(good.line.passed) < MOST_REPLIES
+    return good.line.passed, good.outcome
+
+
+BOARDS = {
+    "ours": (FakeBoard, Plan()),
+    "ours, left checked": (left_checked, Plan()),
+    "ours, plain": (FakeBoard, Plan(check=False)),
+    "2013": (lambda: FakeBoard(version=1), Plan()),
+}
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_no_single_fault_of_a_reply_makes_a_wrong_session(name):
+    make, plan = BOARDS[name]
+    replies, outcome = replies_of(make, plan)
+    for number, reply in enumerate(replies):
+        for damaged in single_faults(reply):
+            line = Line(number, damaged)
+            assert Greeting(make, line, plan).until_ready().outcome == outcome, (number, damaged)
+
+
+@pytest.mark.parametrize("instead", [b"@5,2500,172,1200,2,5e\r\n", b"@5,2500,172,120,2,1e\r\n"])
+def test_no_fault_of_a_reply_while_greeting_again_ends_the_session(instead):
+    """Each reply in turn is replaced by what a damaged one may look like: another id, an empty battery."""
+    for number in range(MOST_REPLIES):
+        talk = Talk(FakeBoard(), RobotState(None).admit).until_ready()
+        talk.board.mute = True
+        talk.until(lambda talk=talk: talk.seen(Stale))
+        talk.board.mute, talk.to_host = False, Line(number, instead)
+        talk.until(lambda talk=talk: talk.session.ready, READY_WITHIN_S)
+        assert talk.session.board.robot_id == 1
+
+
+def test_a_check_value_taken_for_an_id_ends_no_session():
+    """A checked `robot_info` that lost a comma: version 21 of robot 12345."""
+    talk = Talk(FakeBoard(), RobotState(None).admit).until_ready()
+    talk.session.lose(talk.now)
+    talk.session.receive(b"@5,2500,172,1200,21,12345e\r\n", talk.now)
+    talk.until_ready()
+    assert talk.session.checked and talk.session.board.robot_id == 1
+
+
+def test_a_board_is_asked_again_under_the_check_value_before_anything_else_is_set():
+    talk = Talk().until_ready()
+    heard = [frame.code for frame in talk.board.heard if frame.code != 13]
+    assert heard[heard.index(32) : heard.index(18)] == [32, 5, 29, 33, 30]
+
+
+def test_what_a_board_says_under_the_check_value_counts():
+    """All its plain answers were those of another robot."""
+    talk = Talk(FakeBoard())
+    talk.to_host = lambda data: data.replace(b"@5,2500,172,1200,2,1e", b"@5,2500,172,1200,2,4e")
+    assert talk.until_ready().session.board.robot_id == 1
+
+
+def test_the_model_is_that_of_the_last_answer():
+    state, talk = RobotState(None), Talk(FakeBoard())
+    for robot_id in (4, 1):
+        talk.board.robot_id = robot_id
+        state.admit(Talk(talk.board).until_ready().session.board)
+    assert state.model.name == "traxbot"
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_plain_board_that_answers_differently_each_time_is_not_believed(version):
+    admitted, answers = [], itertools.count(1)
+    talk = Talk(FakeBoard(version=version), admitted.append)
+
+    def another(data):
+        return b"".join(
+            encode_reply(5, 2500, 172, 1200, version, next(answers)) if reply.startswith(b"@5,") else reply
+            for reply in data.splitlines(keepends=True)
+        )
+
+    talk.to_host = another
+    talk.run(3.0)
+    assert not admitted
+
+
+def test_a_battery_that_is_empty_each_time_is_believed():
+    board = FakeBoard(version=1)
+    board.battery = 120
+    with pytest.raises(BatteryDead, match="reads 1.20 V"):
+        Talk(board, RobotState(None).admit).run(3.0)
+
+
+def test_a_wrong_robot_is_refused_though_each_third_answer_is_lost():
+    def refuse(board):
+        raise WrongRobot("another")
+
+    talk, answers = Talk(FakeBoard(), refuse), itertools.count()
+    talk.to_host = lambda data: b"" if data and next(answers) % 3 == 2 else data
+    with pytest.raises(WrongRobot):
+        talk.run(3.0)
+
+
+def test_plain_sonars_before_the_first_answer_are_no_error():
+    """The model is not known yet."""
+    state, session = RobotState(None), Session(lambda board: None, 0.0)
+    events = session.receive(b"@7,100,100,100e\r\n", 0.1)
+    assert [notice for event in events for notice in state.digest(event, 0.1)] == []
