@@ -45,6 +45,11 @@ class Child:
                 output.close()
 
     @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
+    @property
     def exit_code(self) -> Optional[int]:
         """None while it runs; 128 plus the signal if one ended it, as a shell reports it."""
         code = self._process.poll()

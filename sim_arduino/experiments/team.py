@@ -68,13 +68,14 @@ class Player:
     """A robot that plays.
 
     Attributes:
+        virtual: The world with the mirrors of the real robots.
         path: Where it has truly been.
         told: Where it has been by its odometry.
         bumps: Ticks in which something stood in its way.
     """
 
     def __init__(self, member: Member, robot: OnStage, virtual_world: World) -> None:
-        self.member, self.robot, self._virtual = member, robot, virtual_world
+        self.member, self.robot, self.virtual = member, robot, virtual_world
         self.footprint = footprint_of(member)
         self.path: List[Pose] = []
         self.told: List[Pose] = []
@@ -96,14 +97,14 @@ class Player:
         """What the mirror's sonar of that name would hear [m]."""
         mount = self.robot.model.sonars[name]
         at = self.robot.pose.beside(mount.x_m, mount.y_m, math.radians(mount.yaw_deg))
-        return self._virtual.nearest(at, HALF_CONE_RAD, RANGE_M, self.member.name)
+        return self.virtual.nearest(at, HALF_CONE_RAD, RANGE_M, self.member.name)
 
     def step(self, speeds: Tuple[float, float]) -> None:
         """Drives for a tick."""
         self.robot.drive(*speeds)
         self.robot.wait(TICK_S)
         if not self.member.virtual:
-            self._virtual.place(self.member.name, self.robot.pose, self.footprint)
+            self.virtual.place(self.member.name, self.robot.pose, self.footprint)
         self.bumps += self.robot.bumped
         self.path.append(self.robot.true_pose)
         self.told.append(self.robot.pose)

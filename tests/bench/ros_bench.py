@@ -196,7 +196,7 @@ class Bench:
         return int(line.split()[1]) / 1024
 
     def _pid(self) -> int:
-        return self.nodes[0]._process.pid  # noqa: SLF001
+        return self.nodes[0].pid
 
     def _cpu_s(self) -> float:
         """Time on a processor so far, of all threads; the scheduler's own count, for ticks are too coarse."""

@@ -3,14 +3,12 @@
 import importlib.util
 import json
 import re
-import shutil
 import xml.etree.ElementTree
 
 import click
 import pytest
 from click.testing import CliRunner
 
-from mrl_driver import generate
 from mrl_driver.cli import cli
 from sim_arduino.cli import main as mrl_sim
 
@@ -125,10 +123,6 @@ def test_modules_and_folders_of_tests_exist():
         assert all((ROOT / word).is_dir() for word in words[1:] if word.startswith("tests"))
 
 
-def test_generated_files_are_current():
-    assert generate.main(["--check"]) == 0
-
-
 def test_extras_exist():
     text = (ROOT / "setup.py").read_text()
     extras = {extra for words in words_of("pip") for extra in re.findall(r"\[(\w+)\]", " ".join(words))}
@@ -147,13 +141,6 @@ def test_launch_files_with_their_arguments_and_nodes_exist(words):
         root = xml.etree.ElementTree.parse(launch_file(words)).getroot()
         known = {each.get("name") for each in root.findall("arg")}
         assert {word.partition(":=")[0] for word in words if ":=" in word} <= known
-
-
-def test_programs_of_ros_are_named_as_they_are():
-    """Those that `make setup` installs."""
-    wanted = {"rosbag", "roscore", "rosnode", "rosservice", "rostopic", "roswtf"}
-    for name in wanted & {each.words[0] for each in SHOWN}:
-        assert shutil.which(name) or shutil.which(f"/opt/ros/noetic/bin/{name}")
 
 
 @pytest.mark.parametrize("document", ["README.md"])

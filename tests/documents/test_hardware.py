@@ -35,10 +35,3 @@ def in_table():
 
 def test_pins_are_those_of_the_firmware():
     assert in_table() == in_header()
-
-
-def test_free_pins_are_free():
-    used = {pin for column in in_header() for pin in column.values()}
-    named = re.search(r"D4 to D6, D9 to D11 and A3 in all", TABLE)
-    assert named and not used & {4, 5, 6, 9, 10, 11, number("A3")}
-    assert sorted(used | {4, 5, 6, 9, 10, 11, 17}) == list(range(20))

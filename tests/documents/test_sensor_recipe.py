@@ -67,14 +67,6 @@ def result(tree):
     return json.loads(run(tree, sys.executable, str(script), "world.yaml"))
 
 
-def test_the_recipe_has_its_three_places():
-    assert set(files(RECIPE)) == {
-        "mrl_driver/table.py",
-        "firmware/mrl_firmware/air_temperature.cpp",
-        "ros1_bridge/sensors.yaml",
-    }
-
-
 @pytest.mark.parametrize("place, wanted_c", [("far", 18.0), ("near", 45.0)])
 def test_the_sensor_is_read_by_the_driver(result, place, wanted_c):
     """Far from the warm place by the Python engine, in its middle by the real image on the simulated chip."""

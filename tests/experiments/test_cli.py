@@ -2,42 +2,37 @@
 
 import builtins
 import os
-from concurrent.futures import Future
-from contextlib import contextmanager
+import re
 from unittest import mock
 
 import pytest
 from click.testing import CliRunner
-from rich.console import Console
 
-from mrl_driver.errors import ConfigError, MrlError
+from mrl_driver.errors import ConfigError, LinkLost
+from mrl_driver.odometry import Pose
+from mrl_driver.robots import load
 from sim_arduino.experiments import cli, report, step_test, workers
 from sim_arduino.experiments.stage import Setting
+from tests.experiments.pools import at_once
 
 
 def run(*args):
     return CliRunner().invoke(cli.main, args, prog_name="experiment")
 
 
-@contextmanager
-def at_once(_count):
-    """A pool without processes."""
+@pytest.fixture
+def started(monkeypatch):
+    """Experiments that do nothing are started; who starts which, and those that fail but for the L-course."""
+    calls = []
 
-    def submit(function, *args):
-        future = Future()
-        try:
-            future.set_result(function(*args))
-        except MrlError as error:
-            future.set_exception(error)
-        return future
+    def timed(name, setting):
+        calls.append((name, os.getpid()))
+        if setting.robot == "stingbot" and name != "l-course":
+            raise ConfigError(f"{name}: no")
+        return name, report.Result(name, name, []), 0.0
 
-    yield submit
-
-
-def outcome(name, _setting):
-    if name != "l-course":
-        raise ConfigError(f"{name}: no")
-    return name, None, 0.0
+    monkeypatch.setattr(cli, "timed", timed)
+    return calls
 
 
 def test_list_names_all_experiments():
@@ -57,8 +52,10 @@ def test_unknown_experiment_is_one_line():
     assert result.output.count("\n") == 1 and "square" in result.output
 
 
-def test_all_are_run_once():
-    assert cli._chosen(["square", "all"]) == list(cli.EXPERIMENTS)
+def test_all_are_run_once(started, tmp_path, monkeypatch):
+    monkeypatch.setattr(workers, "pool", at_once)
+    assert run("square", "all", "--no-ros", "--out", str(tmp_path)).exit_code == 0
+    assert [name for name, _ in started] == list(cli.EXPERIMENTS)
 
 
 def test_folder_that_cannot_be_made_is_one_line(tmp_path):
@@ -89,31 +86,31 @@ def test_figures_and_picture_are_named(tmp_path):
     )
 
 
-def test_a_real_robot_is_driven_by_this_process(monkeypatch):
+def test_a_real_robot_is_driven_by_this_process(started, tmp_path):
     """So that a signal which ends it stops the robot too."""
-    monkeypatch.setattr(cli, "timed", lambda name, setting: (name, None, os.getpid()))
-    found = list(cli._results(["square"], Setting("", port="/dev/ttyACM0"), Console()))
-    assert found == [("square", None, os.getpid())]
+    assert run("square", "--port", "/dev/ttyACM0", "--out", str(tmp_path)).exit_code == 0
+    assert started == [("square", os.getpid())]
 
 
 def test_a_step_test_that_fails_stops_the_robot_before_it_ends_the_mirror(monkeypatch):
     ended = []
     driver, mirror = mock.MagicMock(), mock.MagicMock()
     driver.return_value.__exit__.side_effect = lambda *_: ended.append("robot")
+    robot = driver.return_value.__enter__.return_value
+    robot.model, robot.pose, robot.ranges, robot.now_s = load("traxbot"), Pose(0.0, 0.0, 0.0), {}, 0.0
+    robot.drive.side_effect = LinkLost("it went away")
     mirror.return_value.close.side_effect = lambda: ended.append("mirror")
     monkeypatch.setattr(step_test, "Driver", driver)
     monkeypatch.setattr(step_test, "Mirrored", mirror)
-    monkeypatch.setattr(step_test, "_go", mock.Mock(side_effect=MrlError("not reached")))
-    with pytest.raises(MrlError):
+    with pytest.raises(LinkLost):
         step_test.run(Setting("", port="/dev/ttyACM0"))
     assert ended == ["robot", "mirror"]
 
 
-def test_others_go_on_when_one_fails(monkeypatch):
+def test_others_go_on_when_one_fails(started, tmp_path, monkeypatch):
     """The failure comes when all are done, in one line."""
-    monkeypatch.setattr(cli, "timed", outcome)
     monkeypatch.setattr(workers, "pool", at_once)
-    found = []
-    with pytest.raises(MrlError, match="(power|square): no; (power|square): no") as caught:
-        found.extend(cli._results(["power", "square", "l-course"], Setting(""), Console(quiet=True)))
-    assert [name for name, *_ in found] == ["l-course"] and caught.value.exit_code == ConfigError.exit_code
+    result = run("power", "square", "l-course", "--robot", "stingbot", "--out", str(tmp_path))
+    assert result.exit_code == ConfigError.exit_code
+    assert re.search("(power|square): no; (power|square): no\n$", result.output)
+    assert report.read(str(tmp_path), "l-course") and not report.read(str(tmp_path), "power")

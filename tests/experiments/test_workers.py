@@ -10,8 +10,9 @@ import time
 import pytest
 
 from sim_arduino.experiments.workers import pool
+from tests.waiting import wait_until
 
-LONG_S, PATIENCE_S = 60.0, 20.0
+LONG_S = 600.0
 
 
 def work(folder):
@@ -22,13 +23,6 @@ def work(folder):
         (folder / "done").touch()
     finally:
         (folder / "ended").touch()
-
-
-def awaited(condition):
-    end_s = time.monotonic() + PATIENCE_S
-    while not condition() and time.monotonic() < end_s:
-        time.sleep(0.02)
-    return condition()
 
 
 def is_alive(pid):
@@ -44,7 +38,7 @@ def test_an_interrupt_ends_what_is_begun_and_what_waits(tmp_path):
         for folder in (first, second):
             folder.mkdir()
             submit(work, folder)
-        assert awaited((first / "begun").exists)
+        wait_until((first / "begun").exists)
         raise KeyboardInterrupt
     assert (first / "ended").exists() and not (first / "done").exists() and not list(second.iterdir())
 
@@ -57,8 +51,8 @@ def test_worker_whose_parent_is_killed_ends_its_work_and_itself(tmp_path):
     )
     begun = tmp_path / "begun"
     parent = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stderr=subprocess.DEVNULL)
-    assert awaited(lambda: begun.exists() and begun.read_text())
+    wait_until(lambda: begun.exists() and begun.read_text())
     parent.send_signal(signal.SIGKILL)
     parent.wait()
-    assert awaited((tmp_path / "ended").exists)
-    assert awaited(lambda: not is_alive(int(begun.read_text())))
+    wait_until((tmp_path / "ended").exists)
+    wait_until(lambda: not is_alive(int(begun.read_text())))

@@ -4,21 +4,25 @@ import importlib.util
 import json
 import math
 import os
-import sys
-import time
 from contextlib import ExitStack
 
 import pytest
+import rosgraph
 from click.testing import CliRunner
 
+from mrl_driver.cli import registered
 from mrl_driver.errors import ConfigError, MrlError
+from mrl_driver.sonar import NAMES
 from ros1_bridge.experiments import legs, team_node
 from ros1_bridge.experiments.parts import Parts, environment
 from ros1_bridge.experiments.wire_log import command_s, commanded, odometry_s, read, sent
-from sim_arduino.experiments import cli
+from sim_arduino.experiments import cli, workers
+from sim_arduino.experiments.report import Result
 from sim_arduino.experiments.stage import Setting
 from sim_arduino.experiments.team import Member
 from sim_arduino.shapes import Pose
+from tests.experiments.pools import at_once
+from tests.waiting import wait_until
 
 from .rig import START_S
 
@@ -38,17 +42,27 @@ def test_real_robot_reaches_a_goal_of_the_map_and_its_mirror_follows(parts):
     with ExitStack() as stack:
         member = Member("real1", START, virtual=False)
         (player,) = team_node.gather(stack, parts, Setting(""), [member], navigated=True).players
-        seek, end_s = player.robot.seek(START.beside(AHEAD_M, 0.0)), time.monotonic() + START_S
-        step = seek(player.ranges())
-        while not (step.reached or step.blocked) and time.monotonic() < end_s:
-            player.step(step.speeds)
-            step = seek(player.ranges())
-        (mirror,) = player._virtual.robots()
+        master = rosgraph.Master("/tests")
+        wait_until(
+            lambda: {f"/real1/heard/{name}" for name in NAMES} <= heard_by(master, "/real1/go_to_goal")
+        )
         goal = START.beside(AHEAD_M, 0.0)
-        assert step.reached and not player.bumps
-        assert all(out.get_num_connections() for out in player.robot._heard.values()), "go_to_goal hears both"
+        seek = player.robot.seek(goal)
+
+        def ended():
+            step = seek(player.ranges())
+            player.step(step.speeds)
+            return step if step.reached or step.blocked else None
+
+        assert wait_until(ended).reached and not player.bumps
+        (mirror,) = player.virtual.robots()
         for pose in player.robot.true_pose, player.robot.pose, mirror.pose:
             assert math.dist(pose[:2], goal[:2]) < NEAR_M
+
+
+def heard_by(master, node):
+    """Topics that a node subscribes to."""
+    return {topic for topic, nodes in master.getSystemState()[1] if node in nodes}
 
 
 def test_frames_and_commands_are_found_in_the_boards_log(tmp_path):
@@ -89,9 +103,8 @@ def test_part_that_died_is_named_with_its_last_words(tmp_path):
 
 
 def test_failure_of_an_experiment_is_its_last_line(monkeypatch):
-    command = [sys.executable, "-c", "import sys; sys.exit('first\\nthe board is gone')"]
-    monkeypatch.setattr(legs, "_command", lambda *_: command)
-    with pytest.raises(MrlError, match="^experiment turnaround: the board is gone$"):
+    monkeypatch.setitem(legs.NODES, "turnaround", "no_such_node")
+    with pytest.raises(MrlError, match=r"^experiment turnaround: .*No module named \S+\.no_such_node$"):
         legs.run("turnaround", Setting(""))
 
 
@@ -99,39 +112,55 @@ def test_failure_of_an_experiment_is_its_last_line(monkeypatch):
 def without_ros(monkeypatch):
     found = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "rospy" else found(name))
-    monkeypatch.setattr(cli, "_legs", lambda: legs)
 
 
-def test_without_ros_a_line_names_what_runs_without_it(without_ros, capsys):
-    assert not cli._through_ros(["square", "mixed-team"], None)
-    line = capsys.readouterr().err
-    assert line.count("\n") == 1 and "rospy" in line and line.endswith("mixed-team\n") and "install" in line
+@pytest.fixture
+def experiment(monkeypatch, tmp_path):
+    """Runs `mrl experiment` with experiments that do nothing but tell whether they go through ROS."""
+    through_ros = []
+
+    def timed(name, setting):
+        through_ros.append(setting.ros)
+        return name, Result(name, name, []), 0.0
+
+    monkeypatch.setattr(cli, "timed", timed)
+    monkeypatch.setattr(workers, "pool", at_once)
+
+    def run(*words):
+        result = CliRunner().invoke(cli.main, [*words, "--out", str(tmp_path)])
+        return result, through_ros
+
+    return run
 
 
-def test_without_ros_it_cannot_be_demanded(without_ros, tmp_path):
-    result = CliRunner().invoke(cli.main, ["mixed-team", "--ros", "--out", str(tmp_path)])
-    assert (
-        result.exit_code == ConfigError.exit_code
-        and result.output.count("\n") == 1
-        and "rospy" in result.output
-    )
+def test_without_ros_a_line_names_what_runs_without_it(without_ros, experiment):
+    result, through_ros = experiment("square", "mixed-team")
+    (line,) = result.stderr.splitlines()
+    assert "rospy" in line and line.endswith("mixed-team") and "install" in line
+    assert through_ros == [False, False]
 
 
-def test_experiments_that_are_not_about_ros_do_not_ask_for_it(without_ros, capsys):
-    assert not cli._through_ros(["square"], True) and not capsys.readouterr().err
+def test_without_ros_it_cannot_be_demanded(without_ros, experiment):
+    result, _ = experiment("mixed-team", "--ros")
+    assert result.exit_code == ConfigError.exit_code
+    assert result.output.count("\n") == 1 and "rospy" in result.output
 
 
-def test_ros_can_be_left_out(monkeypatch):
-    monkeypatch.setattr(cli, "_legs", lambda: legs)
-    assert cli._through_ros(["mixed-team"], None) and not cli._through_ros(["mixed-team"], False)
+def test_experiments_that_are_not_about_ros_do_not_ask_for_it(without_ros, experiment):
+    result, through_ros = experiment("square", "--ros")
+    assert through_ros == [False] and not result.stderr
+
+
+@pytest.mark.parametrize("words, through", [((), True), (("--no-ros",), False)])
+def test_ros_can_be_left_out(experiment, words, through):
+    assert experiment("mixed-team", *words)[1] == [through]
 
 
 def test_experiments_through_ros_are_found():
     """By the entry point; their names are experiments."""
-    assert cli._legs() is legs and set(legs.NODES) <= set(cli.EXPERIMENTS)
+    assert registered("mrl.experiments")["ros"].load() is legs and set(legs.NODES) <= set(cli.EXPERIMENTS)
 
 
 def test_experiment_that_is_about_ros_is_run_by_the_bridge(monkeypatch):
     monkeypatch.setattr(legs, "run", lambda name, setting: f"{name} by {os.path.basename(setting.folder)}")
-    monkeypatch.setattr(cli, "_legs", lambda: legs)
     assert cli.timed("mixed-team", Setting("/ros", ros=True))[1] == "mixed-team by ros"

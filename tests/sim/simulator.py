@@ -8,7 +8,9 @@ import sys
 import time
 from typing import Any
 
-PATIENCE_S, AGAIN_S = 30.0, 3.0
+from tests.waiting import PATIENCE_S
+
+AGAIN_S = 3.0
 
 
 class Simulator:

@@ -10,11 +10,9 @@ import time
 import pytest
 
 from sim_arduino import cli
+from tests.waiting import PATIENCE_S, wait_until
 
-from .simulator import PATIENCE_S, Client, Simulator
-
-PAUSE_S = 0.1
-"""Nobody opens a port again at once; the emulator notices within a wake-up."""
+from .simulator import Client, Simulator
 
 
 def fail(*options):
@@ -86,9 +84,7 @@ def test_world_and_pose(tmp_path):
 def test_truth_tells_the_pose(tmp_path):
     truth = tmp_path / "truth.jsonl"
     with Simulator("--pose", "1,1.5,90", "--truth", str(truth)) as simulator:
-        end = time.monotonic() + PATIENCE_S
-        while truth.read_text().count("\n") < 4 and time.monotonic() < end:
-            time.sleep(0.02)
+        wait_until(lambda: truth.read_text().count("\n") >= 4)
         simulator.end()
     rows = [json.loads(line) for line in truth.read_text().splitlines()]
     assert len(rows) >= 4
@@ -110,9 +106,7 @@ def test_runs_with_its_stdout_closed(tmp_path):
     link = tmp_path / "ttyTRAX0"
     command = 'exec "$@" >&-', "sh", sys.executable, "-m", "sim_arduino.cli", "--link", str(link)
     process = subprocess.Popen(["sh", "-c", *command], stderr=subprocess.PIPE, text=True)
-    end = time.monotonic() + PATIENCE_S
-    while not os.path.lexists(link) and process.poll() is None and time.monotonic() < end:
-        time.sleep(0.02)
+    wait_until(lambda: os.path.lexists(link) or process.poll() is not None)
     with Client(str(link)) as client:
         assert client.ask(b"@15e") == b"@15,0e\r\n"
     process.terminate()
@@ -161,9 +155,13 @@ def test_opening_resets_the_board():
         with Client(simulator.path) as client:
             client.ask(b"@15e")
             client.send(b"@16,1e")
-        time.sleep(PAUSE_S)
-        with Client(simulator.path) as client:
-            assert client.ask(b"@15e") == b"@15,0e\r\n"
+
+        def was_reset():
+            """The emulator notices an opening some time after the closing before it."""
+            with Client(simulator.path) as client:
+                return client.ask(b"@15e") == b"@15,0e\r\n"
+
+        wait_until(was_reset, step_s=0.1)
 
 
 def test_a_stopped_process_is_a_stall_of_the_board():

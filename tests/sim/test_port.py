@@ -3,7 +3,6 @@
 import fcntl
 import os
 import termios
-import time
 
 import pytest
 
@@ -27,15 +26,15 @@ def test_bytes_pass_unchanged_both_ways(port):
         client.send(everything)
         port.write(everything)
         assert port.read() == everything
-        assert client.read(0.05) == everything
+        assert client.read_until(everything[-3:]) == everything
 
 
 def test_what_the_board_sends_is_no_command(port):
     """No echo."""
-    with Client(port.path):
+    with Client(port.path) as client:
         port.opened_anew()
         port.write(b"@8,1,2e\r\n")
-        time.sleep(0.01)
+        client.read_until(b"\n")
         assert port.read() == b""
 
 
@@ -59,7 +58,7 @@ def test_what_is_sent_while_nobody_listens_is_lost(port):
     with Client(port.path) as client:
         port.opened_anew()
         port.write(b"new")
-        assert client.read(0.05) == b"new"
+        assert client.read_until(b"new") == b"new"
     assert port.dropped == 3
 
 

@@ -21,8 +21,9 @@ from mrl_driver.robots import load
 from sim_arduino import playback
 from sim_arduino.port import PtyPort
 from tests.driver.emulator import Emulator
+from tests.waiting import PATIENCE_S
 
-from .simulator import PATIENCE_S, Client
+from .simulator import Client
 
 HEADER = '#mrl-recording 1 {"port": "/dev/ttyX", "started": "2026-01-01T00:00:00+00:00"}\n'
 INFO = "@5,2500,172,1360,2,1e\\r\\n"

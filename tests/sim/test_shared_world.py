@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 import uuid
 
 import pytest
@@ -15,7 +14,8 @@ from sim_arduino import shared_crowd
 from sim_arduino.mirror import Mirror, follow
 from sim_arduino.shapes import Footprint, Pose
 from sim_arduino.shared_crowd import SharedCrowd
-from tests.sim.simulator import PATIENCE_S, Client, Simulator
+from tests.sim.simulator import Client, Simulator
+from tests.waiting import PATIENCE_S, wait_until
 
 BOX = Footprint(0.2, 0.1)
 
@@ -140,10 +140,9 @@ def test_boards_of_two_processes_bump_into_each_other(lab, tmp_path):
     with other, Simulator(*shared, *moving) as one, Client(one.path) as client:
         client.ask(b"@15e")
         client.send(b"@11,400,0e")
-        end = time.monotonic() + PATIENCE_S
-        while last(truth) < 0.37 and time.monotonic() < end:
-            time.sleep(0.05)
-        time.sleep(0.2)
+        wait_until(lambda: last(truth) > 0.37)
+        rows = truth.read_text().count("\n")
+        wait_until(lambda: truth.read_text().count("\n") > rows + 10)
     assert last(truth) == pytest.approx(0.6 - 0.225, abs=1e-3)
 
 
