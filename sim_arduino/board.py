@@ -20,7 +20,8 @@ from .sonar_task import SonarTask
 from .sonars import VOLTS_PER_COUNT
 from .wire import OUT_BYTE_S, Incoming, Outgoing
 
-BOOT_S = 0.2
+BOOT_S = 1.2e-3
+"""From a reset to the motors' stop and the first request [s]: that of the image, without the bootloader."""
 STALL_S = 0.25
 CHECK_SILENCE_S = 2.0
 BAUD_SILENCE_S = 1.0

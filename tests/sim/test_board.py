@@ -6,7 +6,7 @@ from mrl_driver import robots
 from mrl_driver.codec import REPLIES, FrameDecoder, encode_request
 from mrl_driver.table import BY_CODE, COMMANDS, PARAMETERS
 from sim_arduino import board as board_module
-from sim_arduino import config_store, handlers
+from sim_arduino import boards, config_store, handlers
 from sim_arduino.board import PythonBoard
 from sim_arduino.config_store import Config
 from sim_arduino.plant import Plant
@@ -43,11 +43,30 @@ def test_no_handler_without_a_row():
     assert set(handlers.REPLIES) <= set(BY_CODE)
 
 
-def test_boot_takes_200_ms():
-    board = PythonBoard(Plant(TRAXBOT))
-    board.receive(b"@15e")
-    assert board.advance(0.2) == b""
-    assert board.advance(0.21) == b"@15,0e\r\n"
+@pytest.fixture(params=["python", "avr"])
+def drives(request):
+    """A board that drives since 0.5 s, on both engines; its motor board has forgotten what led to it."""
+    robot = boards.make(boards.Options(engine=request.param, name="stopped"))
+    robot.engine.advance(0.3)
+    robot.engine.receive(b"@11,300,0e")
+    robot.engine.advance(0.5)
+    robot.plant.motor_board.commands.clear()
+    yield robot
+    robot.close()
+
+
+def test_a_reset_stops_the_motors_within_2_ms(drives):
+    """The bootloader's second on a real Uno comes before."""
+    drives.engine.reset()
+    drives.engine.advance(0.502)
+    assert [command.code for command in drives.plant.motor_board.commands][:1] == [0xFC]
+
+
+def test_a_board_answers_2_ms_after_a_reset(drives):
+    drives.engine.reset()
+    drives.engine.advance(0.502)
+    drives.engine.receive(b"@15e")
+    assert drives.engine.advance(0.505) == b"@15,0e\r\n"
 
 
 def test_a_request_takes_the_wires_time_both_ways():
@@ -177,7 +196,7 @@ def test_inputs_count_for_nothing_before_a_sonars_first_reading():
     board = PythonBoard(Plant(TRAXBOT))
     board.plant.adc_volts = lambda channel, time_s: 1.0
     ready = []
-    for tenth in (5, 6, 7, 8):
+    for tenth in (3, 4, 5, 6):
         board.advance(tenth / 10)
         ready.append([value > 0 for value in board.sonars.values(board.now_s)])
     assert ready == [[False] * 3, [True, False, False], [True, True, False], [True] * 3]
