@@ -5,7 +5,7 @@ import os
 from typing import Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from . import robots
-from .codec import REQUESTS, Frame, FrameDecoder
+from .codec import REPLIES, REQUESTS, Frame, FrameDecoder
 from .errors import ConfigError
 from .odometry import Odometry
 from .omni import MOVE_OMNI, OmniCommands, OmniOdometry
@@ -97,7 +97,7 @@ class _Reader:
         self.battery: List[Tuple[float, float]] = []
         self._version = 2
         self._odometry: Optional[Odometry] = None
-        self._replies, self._requests = FrameDecoder(), FrameDecoder(REQUESTS)
+        self._replies, self._requests = FrameDecoder(REPLIES), FrameDecoder(REQUESTS)
 
     def read(self, time_s: float, way: str, data: bytes) -> None:
         """One entry."""

@@ -179,8 +179,6 @@ void report(int16_t index) {
   writer::add(values[index]);
 }
 
-void report_saved(int16_t saved) { writer::add(saved); }
-
 }  // namespace config
 
 namespace handlers {

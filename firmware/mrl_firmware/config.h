@@ -22,9 +22,8 @@ int16_t get(Parameter parameter);
 void set(Parameter parameter, int16_t value);
 // Writes at most one byte to EEPROM.
 void service();
-// The rows of the replies to 34 and 35, and to 36.
+// The row of the replies to 34 and 35.
 void report(int16_t index);
-void report_saved(int16_t saved);
 
 }  // namespace config
 }  // namespace mrl

@@ -48,6 +48,23 @@ def test_columns_of_a_recording(recorded):
     assert found.battery == [(0.0, 12.0)] and (found.model.name, found.robot_id) == ("traxbot", 1)
 
 
+@pytest.mark.parametrize("text", [b"[INFO] @5e", b"[INFO] @8e"])
+def test_text_that_resembles_a_reply_is_left_out(recorded, text):
+    """Boards in debug mode send such lines; the table knows how many values a reply has."""
+    before = chronicle.read(Recording(str(recorded)))
+    with open(recorded, "a", encoding="utf-8") as file:
+        file.write("3.000000 ! plain\n" + entry(3.1, "<", text))
+    assert chronicle.read(Recording(str(recorded))) == before
+
+
+def test_sequence_and_time_of_counts_are_not_ranges(recorded):
+    before = chronicle.read(Recording(str(recorded))).ranges
+    with open(recorded, "a", encoding="utf-8") as file:
+        frame = encode_reply(6, 5714, 5714, stamp=Stamp(101, 31600), checked=True)
+        file.write(entry(3.1, "<", frame))
+    assert chronicle.read(Recording(str(recorded))).ranges == before
+
+
 def test_a_port_that_was_opened_again_moves_nothing(recorded):
     with open(recorded, "a", encoding="utf-8") as file:
         file.write("3.000000 ! opened x\n3.000001 ! checked\n")
