@@ -79,7 +79,7 @@ def test_motor_boards_timeout_is_fed(bench):
 
 
 def test_a_move_behind_a_stop_in_a_pause_of_the_motor_board_lasts(bench):
-    """The prescaler goes to the motor board's EEPROM; the stop that the board repeats afterwards stays ahead of the move."""
+    """The prescaler goes to its EEPROM; the stop that is repeated afterwards stays ahead of the move."""
     bench.send(b"@3,1,0e@11,200,0e@13e@11,100,0e", wait_s=0.1)
     reached = bench.commands()
     assert reached[-1] == (0xEB, 100, 0) and (0xFC,) in reached
