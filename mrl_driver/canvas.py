@@ -56,7 +56,7 @@ class Canvas:
 
     def dot(self, point: Point, style: str) -> None:
         """Set the dot at a place [m]; outside nothing happens."""
-        column, row = self._at(point)
+        column, row = self.at(point)
         if 0 <= column < self.columns * 2 and 0 <= row < self.rows * 4:
             self._bits[row // 4][column // 2] |= _BITS[row % 4][column % 2]
             self._styles[row // 4][column // 2] = style
@@ -78,7 +78,7 @@ class Canvas:
 
     def mark(self, point: Point, character: str, style: str, over: bool = True) -> None:
         """Put a character at a place [m]; unless `over`, only where nothing is."""
-        column, row = (each // size for each, size in zip(self._at(point), (2, 4)))
+        column, row = (each // size for each, size in zip(self.at(point), (2, 4)))
         if not (0 <= column < self.columns and 0 <= row < self.rows):
             return
         if over or not (self._bits[row][column] or self._marks[row][column]):
@@ -95,7 +95,8 @@ class Canvas:
         """What was drawn, line by line."""
         return [_runs(*row) for row in zip(self._bits, self._marks, self._styles)]
 
-    def _at(self, point: Point) -> Tuple[int, int]:
+    def at(self, point: Point) -> Tuple[int, int]:
+        """Column and row of the dot that shows a point; both may lie outside the canvas."""
         column = self.columns + (point[0] - self.view.x_m) * self.view.scale
         row = self.rows * 2 - (point[1] - self.view.y_m) * self.view.scale
         return math.floor(_bounded(column)), math.floor(_bounded(row))

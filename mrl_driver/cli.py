@@ -48,7 +48,7 @@ class Commands(click.Group):
 
     def list_commands(self, ctx: click.Context) -> List[str]:
         """Names of all sub-commands, sorted."""
-        return sorted(set(OWN) | set(_registered()))
+        return sorted(set(OWN) | set(registered("mrl.commands")))
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> Optional[click.Command]:
         """The sub-command of that name, loaded now."""
@@ -56,7 +56,7 @@ class Commands(click.Group):
             module, _, name = OWN[cmd_name].partition(":")
             own: click.Command = getattr(importlib.import_module(module), name)
             return own
-        point = _registered().get(cmd_name)
+        point = registered("mrl.commands").get(cmd_name)
         return point.load() if point else None
 
     def resolve_command(
@@ -68,10 +68,6 @@ class Commands(click.Group):
             expected = ", ".join(near or self.list_commands(ctx))
             raise click.UsageError(f"there is no command {args[0]!r}, expected {expected}", ctx)
         return super().resolve_command(ctx, args)
-
-
-def _registered() -> Dict[str, Any]:
-    return registered("mrl.commands")
 
 
 def registered(group: str) -> Dict[str, Any]:

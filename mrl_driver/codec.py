@@ -33,7 +33,7 @@ _AT, _END, _CR, _LF = b"@e\r\n"
 _QUIET = (b"", b"\r\n", b"\r", b"\n")
 """What a feed may end with and say nothing by it, between frames."""
 _PRINTABLE = range(0x20, 0x7F)
-_RUN = 400
+LEAST_RUN = 400
 """A feed as long as this is looked at for a run [byte]; with less it costs more than it saves."""
 
 
@@ -67,7 +67,7 @@ class FrameDecoder:
     def feed(self, data: bytes) -> List[Event]:
         """Frames and garbage completed by `data`, in the order of the wire."""
         events: List[Event] = []
-        if self._frame or len(data) >= _RUN:
+        if self._frame or len(data) >= LEAST_RUN:
             data = self._whole(data, events)
         pieces = data.split(b"e")
         rest, waiting, tidy = pieces.pop(), iter(pieces), _tidy(data)
@@ -88,7 +88,7 @@ class FrameDecoder:
         if self._frame and self._line != "text" and _END in data:
             data = bytes(self._frame) + data
             self._frame.clear()
-        if len(data) < _RUN or self._frame or self._line:
+        if len(data) < LEAST_RUN or self._frame or self._line:
             return data
         data = data.lstrip(b"\r\n")
         run = self._runs[self.checked].get(data[: data.find(b",")])

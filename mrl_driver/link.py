@@ -30,7 +30,7 @@ bytes.
 """
 READ_SIZE = 4096
 """The most that a terminal gives at once."""
-_PTY_MAJORS = range(136, 144)
+PTY_MAJORS = range(136, 144)
 _ERRORS = {
     errno.ENOENT: PortMissing,
     errno.ENODEV: PortMissing,
@@ -83,7 +83,7 @@ def in_use(name: str) -> bool:
         device, number = os.path.realpath(name), os.stat(name).st_rdev
     except OSError:
         return False
-    if os.major(number) in _PTY_MAJORS:
+    if os.major(number) in PTY_MAJORS:
         return any(_terminal(process) == number for process in glob.glob("/proc/[0-9]*/stat"))
     return any(_target(fd) == device for fd in glob.glob("/proc/[0-9]*/fd/*"))
 
@@ -366,7 +366,7 @@ def _exclude(fd: int, on: bool) -> None:
 
     A pseudo terminal is left alone: its server keeps it open, so the mark would outlive a killed driver.
     """
-    if os.major(os.fstat(fd).st_rdev) in _PTY_MAJORS:
+    if os.major(os.fstat(fd).st_rdev) in PTY_MAJORS:
         return
     try:
         fcntl.ioctl(fd, termios.TIOCEXCL if on else termios.TIOCNXCL)

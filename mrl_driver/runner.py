@@ -44,7 +44,7 @@ class Runner(Readout):
         self._broken: Optional[LinkLost] = None
         self._reconnection: Optional[Reconnection] = None
         self._tape: Optional[Tape] = None
-        self._slept_s = _slept_s()
+        self._slept_s = slept_s()
         self._fast, self._well_s, self._errors = False, 0.0, 0
 
     def _begin(self) -> None:
@@ -140,7 +140,7 @@ class Runner(Readout):
 
     def _notice_sleep(self, now: float) -> None:
         """After a sleep of the machine, which the driver's clock does not see, the command is stale."""
-        before, self._slept_s = self._slept_s, _slept_s()
+        before, self._slept_s = self._slept_s, slept_s()
         if self._slept_s > before + PAUSE_S and self.command is not None:
             self._core.stop(now, "host_paused")
 
@@ -343,6 +343,6 @@ class Runner(Readout):
         )
 
 
-def _slept_s() -> float:
+def slept_s() -> float:
     """Time that the machine was suspended since it was started [s]."""
     return time.clock_gettime(CLOCK_BOOTTIME) - time.monotonic()

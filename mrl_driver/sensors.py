@@ -14,7 +14,7 @@ ABSENT_S = 10.0
 PATIENCE = 2
 OLD_S = 2.0
 """A reading older than this and two periods is none [s]."""
-_BY_CODE: Dict[int, Sensor] = {row.code: row for row in SENSORS}
+BY_CODE: Dict[int, Sensor] = {row.code: row for row in SENSORS}
 
 
 class Reading(NamedTuple):
@@ -71,7 +71,7 @@ class SensorPoll:
         """Codes of the questions to put now."""
         codes = [code for code, due_s in self._due_s.items() if due_s <= now]
         for code in codes:
-            row, missing = _BY_CODE[code], self._unanswered.get(code, 0)
+            row, missing = BY_CODE[code], self._unanswered.get(code, 0)
             absent = missing >= PATIENCE and not row.capability
             self._due_s[code] = now + (ABSENT_S if absent else row.period_ms / 1000)
             self._unanswered[code] = missing + 1
@@ -80,12 +80,12 @@ class SensorPoll:
     @staticmethod
     def name_of(code: int) -> str:
         """The name of the sensor whose command that is, or an empty string."""
-        row = _BY_CODE.get(code)
+        row = BY_CODE.get(code)
         return row.name if row else ""
 
     def heard(self, frame: Frame, now: float) -> None:
         """Takes in a frame, if it is a sensor's answer."""
-        row = _BY_CODE.get(frame.code)
+        row = BY_CODE.get(frame.code)
         if row is None:
             return
         if self._unanswered.pop(frame.code, 0) > PATIENCE and frame.code in self._due_s:

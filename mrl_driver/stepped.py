@@ -122,6 +122,16 @@ class SteppedDriver(Readout):
             self._step(end_s)
         return self._closed
 
+    def pause(self, seconds: float) -> None:
+        """The program stands still, as a suspended process does: the board runs on, and its bytes wait until then.
+
+        Raises:
+            MrlError: what the driver failed with.
+        """
+        core = self._connected()
+        self._now_s += seconds
+        self._turn(core, self._stepped.advance(self._now_s))
+
     def close(self) -> None:
         """Stop the robot, and take leave of the board."""
         if self._closed or not self._core.begun:
@@ -161,7 +171,10 @@ class SteppedDriver(Readout):
         core = self._connected()
         due_s = min(end_s, core.session.deadline(self._now_s), self._stepped.next_event_s)
         self._now_s = min(end_s, max(due_s, self._now_s + LEAST_STEP_S))
-        data = self._stepped.advance(self._now_s)
+        self._turn(core, self._stepped.advance(self._now_s))
+
+    def _turn(self, core: Core, data: bytes) -> None:
+        """What the driver does with these bytes, now."""
         try:
             notices = core.turn(data, self._now_s)
             self._flush()

@@ -262,14 +262,18 @@ class PythonBoard:
         """Carries out the request that ends `data`, if one does."""
         for event in self._decoder.feed(data):
             if isinstance(event, Frame):
-                self._valid_s, self._silent = self.now_s, False
-                row = BY_CODE[event.code]
-                handlers.REQUESTS[row.name](self, *event.args)
-                if self.debug and self._answers and self._wire_due_s() <= self.now_s:
-                    self._send_next()
-                self._say("[INFO] " + row.name)
+                self.carry_out(event)
             else:
                 self.refuse(event.reason)
+
+    def carry_out(self, frame: Frame) -> None:
+        """Does what a valid request asks for."""
+        self._valid_s, self._silent = self.now_s, False
+        row = BY_CODE[frame.code]
+        handlers.REQUESTS[row.name](self, *frame.args)
+        if self.debug and self._answers and self._wire_due_s() <= self.now_s:
+            self._send_next()
+        self._say("[INFO] " + row.name)
 
     # ---- the wire
 

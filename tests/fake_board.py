@@ -29,6 +29,8 @@ class FakeBoard:
         self.mute = False
         self.dead: Set[str] = set()
         """Wheels (`right`, `left`) whose counter stands still."""
+        self.unknown: Set[int] = set()
+        """Requests that this firmware does not have."""
         self.reset(0.0)
 
     def reset(self, now: float) -> None:
@@ -85,6 +87,8 @@ class FakeBoard:
 
     def _do(self, frame: Frame, now: float) -> None:
         code, args = frame.code, frame.args
+        if code in self.unknown:
+            return
         if code == 5:
             self._say(5, 2500, 172, self.battery, self.version, self.robot_id)
         elif code in (6, 8):

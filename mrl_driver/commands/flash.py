@@ -45,7 +45,7 @@ def flash(target: Target, build: Optional[str], image: Optional[str], yes: bool,
     target = target._replace(port=port)
     Link(port, target.baud).close()
     if image is None:
-        build, why = (build, "as asked") if build else _build_of(target)
+        build, why = (build, "as asked") if build else build_of(target)
         image = image_path(build)
         what = f"the {build} build ({why})"
     else:
@@ -77,7 +77,7 @@ def _only_board() -> str:
     raise ConfigError(f"{several}, expected --port; ports there are: {found}")
 
 
-def _build_of(target: Target) -> Tuple[str, str]:
+def build_of(target: Target) -> Tuple[str, str]:
     """The build that suits the board, and why."""
     from ..probe import probe
 

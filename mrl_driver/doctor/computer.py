@@ -38,7 +38,7 @@ def _permission(name: str) -> Iterator[Finding]:
             f"only root may open {name}",
             "have udev give serial ports to group dialout: sudo mrl system install",
         )
-    elif group in _groups_by_file():
+    elif group in groups_by_file():
         yield Finding(
             FAULT,
             "permission",
@@ -54,7 +54,7 @@ def _permission(name: str) -> Iterator[Finding]:
         )
 
 
-def _groups_by_file() -> List[str]:
+def groups_by_file() -> List[str]:
     """Groups that the user is in by the system's files; the session's own may be older."""
     try:
         user = getpass.getuser()

@@ -234,7 +234,7 @@ def test_packages_add_sub_commands(monkeypatch):
         def load():
             return extra
 
-    monkeypatch.setattr(cli, "_registered", lambda: {"extra": Point})
+    monkeypatch.setattr(cli, "registered", lambda group: {"extra": Point})
     runner = click.testing.CliRunner()
     assert "extra" in runner.invoke(cli.cli, ["--help"]).output
     assert runner.invoke(cli.cli, ["extra"]).output == "from elsewhere\n"

@@ -226,19 +226,23 @@ def test_the_users_eyes_overrule_the_counters(monkeypatch):
 
 def test_modem_manager_matters_to_usb_ports_alone(monkeypatch):
     monkeypatch.setattr(computer, "programs_named", lambda name: [1])
-    assert not list(computer._modem_manager(Port("/dev/ttyS0")))
+
+    def levels(port):
+        return [each.level for each in computer.check(port.device, port) if each.subject == "ModemManager"]
+
+    assert levels(Port("/dev/ttyS0")) == []
     copy = Port("/dev/ttyUSB7", (), 0x1A86, 0x7523)
-    assert [each.level for each in computer._modem_manager(copy)] == [WARNING]
+    assert levels(copy) == [WARNING]
     monkeypatch.setattr(computer, "udev_properties", lambda device: {"ID_MM_DEVICE_IGNORE": "1"})
-    assert [each.level for each in computer._modem_manager(copy)] == [OK]
+    assert levels(copy) == [OK]
 
 
 @pytest.mark.parametrize(("groups", "advice"), [([], "sudo usermod -aG dialout"), (["dialout"], "log out")])
 def test_without_permission_it_says_which_group(monkeypatch, groups, advice):
     monkeypatch.setattr(computer.os, "access", lambda name, mode: False)
     monkeypatch.setattr(computer, "group_of", lambda name: "dialout")
-    monkeypatch.setattr(computer, "_groups_by_file", lambda: groups)
-    found = list(computer._permission("/dev/null"))
+    monkeypatch.setattr(computer, "groups_by_file", lambda: groups)
+    found = list(computer.check("/dev/null", Port("/dev/null")))
     assert found[0].level == FAULT and advice in found[0].advice
 
 

@@ -157,7 +157,7 @@ def test_nothing_is_written_unasked(stand_in, serve):
 )
 def test_the_build_follows_the_board(monkeypatch, answer, build):
     monkeypatch.setattr("mrl_driver.probe.probe", lambda port, baud: answer)
-    assert command._build_of(Target("/dev/ttyACM7"))[0] == build
+    assert command.build_of(Target("/dev/ttyACM7"))[0] == build
 
 
 def test_without_a_port_the_only_arduino_is_taken(monkeypatch):

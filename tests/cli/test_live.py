@@ -1,5 +1,6 @@
 """The live view: what is drawn, what the keys do, what the frame log keeps."""
 
+import contextlib
 import io
 import time
 
@@ -9,13 +10,17 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from mrl_driver import live
+from mrl_driver.battery import EMPTY_AFTER_S
 from mrl_driver.canvas import Canvas, fit
 from mrl_driver.driver import Driver
 from mrl_driver.frame_log import MOST_LINES, FrameLog
 from mrl_driver.live import Screen, Settings, Trail
 from mrl_driver.live_view import render
 from mrl_driver.options import Options
+from mrl_driver.stepped import SteppedDriver
 from mrl_driver.wheel_watch import DEAD, Mismatch
+from sim_arduino import boards
+from tests.waiting import wait_until
 
 METRES = st.floats(-50, 50)
 
@@ -118,24 +123,28 @@ def test_enter_and_space_stop(watched, key):
     assert driver.command is None
 
 
-def test_an_empty_battery_cannot_be_driven_by_keys(watched):
-    driver, _, log = watched
-    driver._core.state.battery_state = "empty"
-    screen = Screen(driver, Settings(), log)
-    screen.press("\n", 0.0)
-    assert "the battery is empty" in picture(screen, 80, 24)
-    screen.press("up", 0.0)
-    screen.steer(0.0)
-    assert driver.command is None
+def test_an_empty_battery_cannot_be_driven_by_keys():
+    emulated = boards.make(boards.Options(robot="traxbot"))
+    with contextlib.closing(emulated), SteppedDriver(emulated.engine) as driver:
+        emulated.plant.robot.set_battery(driver.model.battery.empty_v - 0.2)
+        driver.wait(EMPTY_AFTER_S + 3.0)
+        screen = Screen(driver, Settings(), FrameLog())
+        screen.press("\n", 0.0)
+        assert "the battery is empty" in picture(screen, 80, 24)
+        screen.press("up", 0.0)
+        screen.steer(0.0)
+        assert driver.command is None
 
 
 def test_a_mismatch_is_told_and_space_goes_on(watched):
     driver, board, log = watched
     board.dead = {"left"}
-    end_s = time.monotonic() + 30
-    while driver.mismatch is None and time.monotonic() < end_s:
+
+    def blocked():
         driver.drive(0.2, 0.0)
-        driver.wait(0.02)
+        return driver.mismatch
+
+    wait_until(blocked)
     screen = Screen(driver, Settings(), log)
     assert "left wheel" in picture(screen, 120, 24)
     screen.press("space", 0.0)
@@ -190,13 +199,13 @@ def test_a_cleared_path_begins_where_the_robot_is():
 def test_every_point_is_in_view(points, columns, rows):
     canvas = Canvas(columns, rows, fit(points, columns, rows))
     for point in points:
-        column, row = canvas._at(point)
+        column, row = canvas.at(point)
         assert 0 <= column < columns * 2 and 0 <= row < rows * 4
 
 
 def test_metres_are_as_long_across_as_up():
     canvas = Canvas(40, 20, fit([(0.0, 0.0)], 40, 20))
-    (x0, y0), (x1, _), (_, y1) = (canvas._at(point) for point in ((0, 0), (0.5, 0), (0, 0.5)))
+    (x0, y0), (x1, _), (_, y1) = (canvas.at(point) for point in ((0, 0), (0.5, 0), (0, 0.5)))
     assert x1 - x0 == y0 - y1 > 0
 
 

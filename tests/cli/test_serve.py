@@ -1,5 +1,6 @@
 """`mrl serve`: a board's serial port on the network."""
 
+import os
 import threading
 from types import SimpleNamespace
 
@@ -68,11 +69,15 @@ def test_the_robot_stops_when_its_client_is_gone(served):
 
 def test_the_stop_at_the_end_goes_more_than_once():
     """A 2013 board drops a stop that breaks off a frame which the client had begun."""
-    sent = []
-    bridge = Bridge(SimpleNamespace(write=sent.append), SimpleNamespace(close=lambda: None), sent.append)
-    bridge._client = "somebody"
-    bridge.stop()
+    sent, (ready, other) = [], os.pipe()
+    os.write(other, b"x")
+    link = SimpleNamespace(fileno=lambda: ready, read=lambda timeout_s: b"", write=sent.append)
+    listener = SimpleNamespace(watch=None, data=None, client="somebody", close=lambda: None)
+    bridge = Bridge(link, listener, str)
+    listener.read, listener.attend = lambda: b"", bridge.stop
     bridge.run()
+    os.close(ready)
+    os.close(other)
     assert b"".join(sent).count(b"@13e") > 1
 
 

@@ -21,6 +21,7 @@ from mrl_driver.errors import (
     PortBusy,
     WrongRobot,
 )
+from mrl_driver.link import Link
 from mrl_driver.robots import load
 
 PATIENCE_S = 30
@@ -142,22 +143,22 @@ def test_a_close_repeats_a_stop_that_a_silent_board_cannot_confirm(robot):
     wait_until(lambda: b"@13e@13e@19" in robot.port.received)
 
 
-def test_a_close_from_a_callback_repeats_a_stop_that_was_lost(serve):
+def test_a_close_from_a_callback_repeats_a_stop_that_was_lost(serve, monkeypatch):
     """A board of 2013 would drive on."""
     port = serve(version=1)
     driver = Driver(port.path, options=Options(command_timeout_s=None))
     driver.connect()
     driver.drive(0.2, 0.0)
     wait_until(lambda: port.board.speeds == (200, 0) and driver.twist.linear_m_s > 0.1)
-    write, lost = driver._link.write, []
+    write, lost = Link.write, []
 
-    def lose_first_stop(data):
+    def lose_first_stop(link, data):
         if b"@13e" in data and not lost:
             lost.append(data)
         else:
-            write(data)
+            write(link, data)
 
-    driver._link.write = lose_first_stop
+    monkeypatch.setattr(Link, "write", lose_first_stop)
     driver.on_telemetry(lambda _: driver.close())
     wait_until(lambda: port.board.speeds == (0, 0))
     assert lost
@@ -254,12 +255,12 @@ def test_frames_leave_in_one_piece_whatever_the_link_does(robot, monkeypatch):
     """The driver's own lock, with a link that has none."""
     sent = bytearray()
 
-    def crawl(data):
+    def crawl(_, data):
         for byte in data:
             sent.append(byte)
             time.sleep(0.0001)
 
-    monkeypatch.setattr(robot._link, "write", crawl)
+    monkeypatch.setattr(Link, "write", crawl)
     threads = [threading.Thread(target=lambda: [robot.request(30) for _ in range(20)]) for _ in range(2)]
     for thread in threads:
         thread.start()

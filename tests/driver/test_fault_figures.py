@@ -12,6 +12,7 @@ from sim_arduino.board import PythonBoard
 from sim_arduino.faults import FaultyEngine
 from sim_arduino.plant import Plant
 from sim_arduino.profiles import Board2013
+from tests.scripted_line import ScriptedLine
 
 from .emulator import MOVE, STOP
 from .talk import Talk
@@ -33,7 +34,8 @@ class Bench:
         self.plant = Plant(load("traxbot"))
         self.board = PythonBoard(self.plant)
         self.engine = FaultyEngine(self.board)
-        self.robot = SteppedDriver(self.engine, options=Options(**options))
+        self.line = ScriptedLine(self.engine)
+        self.robot = SteppedDriver(self.line, options=Options(**options))
         self.robot.connect()
         self.heard = []
         self.robot.on_event(lambda event: self.heard.append((self.robot.now_s, event)))
@@ -77,7 +79,7 @@ def test_a_board_that_stood_still_for_5_s_carries_out_nothing_that_waited():
     frozen_s = bench.robot.now_s
     bench.engine.freeze(FROZEN_S)
     bench.drive(FROZEN_S)
-    waited = bench.engine._waiting
+    waited = b"".join(data for time_s, data in bench.line.sent if time_s >= frozen_s)
     assert 1 <= waited.count(b"@11,") <= LATE_S / COMMAND_S + 1
     bench.robot.wait(1.0)
     assert bench.robot.ready and bench.robot.command is None
@@ -101,55 +103,47 @@ def test_a_late_board_is_sent_no_motion_whatever_the_period(period_ms):
     bench.drive(2.0)
     silent_s = bench.robot.now_s
     bench.engine.freeze(1.0)
-    sent = []
-    receive = bench.engine.receive
-    bench.engine.receive = lambda data: (sent.append((bench.robot.now_s, data)), receive(data))
     bench.drive(0.5)
-    assert max(time_s for time_s, data in sent if b"@11," in data) - silent_s <= LATE_S + ON_THE_WAY_S
+    assert (
+        max(time_s for time_s, data in bench.line.sent if b"@11," in data) - silent_s <= LATE_S + ON_THE_WAY_S
+    )
 
 
 class Flood:
-    """A line on which garbage fills the time between the board's frames, at 115200 baud."""
+    """Garbage that fills the time between the board's frames, at 115200 baud."""
 
-    def __init__(self, board, garbage):
-        self.board, self.garbage = board, garbage
-        self.now_s, self.room, self.amid, self.sent = 0.0, 0.0, False, []
-        self.on = False
+    def __init__(self, garbage):
+        self.garbage, self.on = garbage, False
+        self.line = None
+        self._filled_s, self._amid = 0.0, False
 
-    @property
-    def next_event_s(self):
-        return min(self.board.next_event_s, self.now_s + 0.001)
-
-    def receive(self, data):
-        self.sent += [(self.now_s, frame) for frame in data.split(b"@")[1:]]
-        self.board.receive(data)
-
-    def advance(self, to_s):
-        data = self.board.advance(to_s)
-        self.room += (to_s - self.now_s) * 11520 - len(data)
-        self.now_s = to_s
-        self.amid = not data.endswith(b"\n") if data else self.amid
-        if self.amid or not self.on:
+    def __call__(self, data):
+        room = (self.line.now_s - self._filled_s) * 11520 - len(data)
+        self._amid = not data.endswith(b"\n") if data else self._amid
+        if self._amid or not self.on:
+            self._filled_s = self.line.now_s - room / 11520
             return data
-        count, garbage = max(0, int(self.room)), self.garbage
-        self.room, self.garbage = self.room - count, garbage[count:] + garbage[:count]
-        return data + garbage[:count]
+        count = max(0, int(room))
+        self._filled_s = self.line.now_s - (room - count) / 11520
+        garbage, self.garbage = self.garbage[:count], self.garbage[count:] + self.garbage[:count]
+        return data + garbage
 
 
 @pytest.mark.parametrize("garbage", [bytes(range(256)), b"@8,12345,-2", b"7" * 99])
 def test_a_flood_of_garbage_leaves_commands_and_telemetry_their_period(garbage):
     """What feeds the board's watchdog goes on every 100 ms, questions every 500 ms; the robot drives on."""
     plant = Plant(load("traxbot"))
-    flood = Flood(PythonBoard(plant), garbage)
-    robot = SteppedDriver(flood, options=Options(command_timeout_s=None))
+    flood = Flood(garbage)
+    line = flood.line = ScriptedLine(PythonBoard(plant), to_host=flood, step_s=0.001)
+    robot = SteppedDriver(line, options=Options(command_timeout_s=None))
     robot.connect()
     told = []
     robot.on_telemetry(lambda telemetry: told.append(robot.now_s))
     robot.drive(0.2, 0.0)
     flood.on, begun_s = True, robot.now_s
     robot.wait(FLOOD_S)
-    for start, period_s in ((b"11,", 0.1), (b"30,", 0.5)):
-        times = [time_s for time_s, frame in flood.sent if frame.startswith(start) and time_s > begun_s]
+    for start, period_s in ((b"@11,", 0.1), (b"@30,", 0.5)):
+        times = [time_s for time_s, data in line.sent for _ in range(data.count(start)) if time_s > begun_s]
         assert len(times) == pytest.approx(FLOOD_S / period_s, rel=0.1, abs=1)
         assert all(b - a == pytest.approx(period_s, rel=0.1) for a, b in zip(times, times[1:]))
     assert len(told) == pytest.approx(FLOOD_S / 0.02, rel=0.1)
@@ -188,36 +182,15 @@ def test_a_restart_moves_nothing_however_few_the_counts():
     assert state.odometry.pose.x_m == 10 * load("traxbot").drive.metres_per_count
 
 
-class Bootloader:
-    """A board that is deaf for a time after the port was opened, and babbles at the end of it."""
-
-    def __init__(self, board, deaf_s):
-        self.board, self.deaf_s = board, deaf_s
-        self.babbled = False
-        self.now_s = 0.0
-
-    @property
-    def next_event_s(self):
-        return self.deaf_s if self.now_s < self.deaf_s else self.deaf_s + self.board.next_event_s
-
-    def receive(self, data):
-        if self.now_s >= self.deaf_s:
-            self.board.receive(data)
-
-    def advance(self, to_s):
-        self.now_s = to_s
-        if to_s < self.deaf_s:
-            return b""
-        junk, self.babbled = b"" if self.babbled else b"\xf0\x00@5,2" + bytes(range(0x80, 0xC0)), True
-        return junk + self.board.advance(to_s - self.deaf_s)
-
-
 @pytest.mark.parametrize(
     ("make", "deaf_s", "limit_s"), [(PythonBoard, 2.0, READY_S), (Board2013, 2.0, READY_2013_S)]
 )
 def test_a_board_that_opening_has_reset_is_ready_in_time_and_stays_still(make, deaf_s, limit_s):
     plant = Plant(load("traxbot"))
-    robot = SteppedDriver(Bootloader(make(plant), deaf_s))
+    babble = [b"\xf0\x00@5,2" + bytes(range(0x80, 0xC0))]
+    line = ScriptedLine(make(plant), start_s=deaf_s)
+    line.to_host = lambda data: babble.pop() + data if babble and line.now_s >= deaf_s else data
+    robot = SteppedDriver(line)
     robot.connect()
     assert deaf_s < robot.now_s <= limit_s
     assert [command for command in plant.motor_board.commands if command.code == MOVE] == []
@@ -245,11 +218,8 @@ def test_after_a_pause_of_the_host_telemetry_is_fresh_and_all_of_it_is_true():
     bench.drive(2.0)
     told = []
     bench.robot.on_telemetry(told.append)
-    core, paused_s = bench.robot._core, bench.robot.now_s
-    resumed_s = paused_s + FROZEN_S
-    waited = bench.engine.advance(resumed_s)
-    bench.robot._now_s = resumed_s
-    bench.robot._call(core.turn(waited, resumed_s))
+    paused_s = bench.robot.now_s
+    bench.robot.pause(FROZEN_S)
     assert told[0].stamp_s - paused_s <= AGE_S
     bench.robot.wait(1.0)
     assert bench.robot.ready and bench.robot.command is None

@@ -115,7 +115,7 @@ def test_a_port_that_cannot_be_read_is_a_lost_link(pty, monkeypatch):
     link, read = Link(pty[1]), os.read
 
     def fail(fd, size):
-        if fd == link._fd:
+        if fd == link.fileno():
             raise OSError(errno.EIO, "Input/output error")
         return read(fd, size)
 
@@ -164,7 +164,7 @@ def test_writes_of_two_threads_stay_whole(pty, monkeypatch):
 
 def test_a_serial_port_is_marked_exclusive_while_it_is_open(pty, monkeypatch):
     """The mark keeps out programs that do not lock; root alone gets in, so the mark itself is asked for."""
-    monkeypatch.setattr("mrl_driver.link._PTY_MAJORS", ())
+    monkeypatch.setattr("mrl_driver.link.PTY_MAJORS", ())
     observer = os.open(pty[1], os.O_RDWR | os.O_NOCTTY)
     marks = []
     link = Link(pty[1])

@@ -10,6 +10,7 @@ from mrl_driver import reconnect
 from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import BoardTimeout, LinkLost
 from mrl_driver.events import Lost, Reconnected
+from mrl_driver.link import Link
 from mrl_driver.ports import Port
 
 from .test_driver import PATIENCE_S, wait_until
@@ -20,7 +21,10 @@ NOTICED_S, BACK_S, CLOSE_S = 0.1, 2.0, 1.0
 
 
 class Cable:
-    """A link in a folder that leads to the board that is plugged in."""
+    """A link in a folder that leads to the board that is plugged in, and is gone while none is, as udev's are.
+
+    Another test may have a pty of the same number by then.
+    """
 
     def __init__(self, serve, path):
         self.serve, self.path = serve, str(path)
@@ -32,6 +36,7 @@ class Cable:
         os.replace(self.path + ".new", self.path)
 
     def unplug(self):
+        os.remove(self.path)
         self.port.unplug()
 
 
@@ -236,24 +241,25 @@ def test_a_request_in_the_search_says_so(robot, cable):
 
 
 def test_a_loss_while_a_command_is_written_starts_the_search_too(robot, cable, monkeypatch):
-    def lost(_):
+    def lost(*_):
+        monkeypatch.undo()
         raise LinkLost("the port went away")
 
-    monkeypatch.setattr(robot._link, "write", lost)
+    monkeypatch.setattr(Link, "write", lost)
     robot.drive(0.1, 0)
     wait_until(lambda: heard(robot, Lost))
     wait_until(lambda: heard(robot, Reconnected))
 
 
-def test_a_port_with_usb_ids_is_found_under_its_new_device(serve, monkeypatch):
+def test_a_port_with_usb_ids_is_found_under_its_new_device(serve, cable, monkeypatch):
     """As the kernel hands out ttyACM1 while ttyACM0 is still held open."""
     there = []
     monkeypatch.setattr(reconnect, "described", lambda: list(there))
-    first, foreign = serve(), serve()
-    there[:] = [Port(first.path, (), 1, 2, "A"), Port(foreign.path, (), 1, 3, "F")]
-    with Driver(first.path, options=Options(reconnect=True)) as robot:
+    foreign = serve()
+    there[:] = [Port(cable.port.path, (), 1, 2, "A"), Port(foreign.path, (), 1, 3, "F")]
+    with Driver(cable.path, options=Options(reconnect=True)) as robot:
         there.pop(0)
-        first.unplug()
+        cable.unplug()
         wait_until(lambda: not robot.ready)
         second, sister = serve(), serve(robot_id=2)
         there += [Port(sister.path, (), 1, 2, "B"), Port(second.path, (), 1, 2, "A")]
@@ -261,18 +267,17 @@ def test_a_port_with_usb_ids_is_found_under_its_new_device(serve, monkeypatch):
         assert second.received and not sister.received and not foreign.received
 
 
-def test_of_two_with_the_robots_id_none_is_taken_until_one_is_unplugged(serve, monkeypatch):
+def test_of_two_with_the_robots_id_none_is_taken_until_one_is_unplugged(serve, cable, monkeypatch):
     """Copies without serial number, both plugged in after the robot was lost."""
     there = []
     monkeypatch.setattr(reconnect, "described", lambda: list(there))
-    first = serve()
-    there[:] = [Port(first.path, (), 1, 2)]
-    with Driver(first.path, options=Options(reconnect=True)) as robot:
+    there[:] = [Port(cable.port.path, (), 1, 2)]
+    with Driver(cable.path, options=Options(reconnect=True)) as robot:
         told = []
         robot.on_event(lambda event: told.append(str(event)))
         twins = [serve(), serve()]
         there[:] = [Port(twin.path, (), 1, 2) for twin in twins]
-        first.unplug()
+        cable.unplug()
         wait_until(lambda: any("nothing tells them apart" in text for text in told))
         assert not robot.ready and not robot.drive(0.1, 0)
         wait_until(lambda: all(twin.board.period_s is None for twin in twins))

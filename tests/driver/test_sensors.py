@@ -66,7 +66,7 @@ def test_readings_are_in_the_base_unit():
 
 def test_one_that_may_be_absent_is_asked_rarely_until_it_answers(monkeypatch):
     monkeypatch.setattr("mrl_driver.sensors.SENSORS", (TENTHS,))
-    monkeypatch.setattr("mrl_driver.sensors._BY_CODE", {99: TENTHS})
+    monkeypatch.setattr("mrl_driver.sensors.BY_CODE", {99: TENTHS})
     poll, now, asked = SensorPoll(), 0.0, []
     poll.begin(ENVIRONMENT, 2, now)
     while now < 13.0:

@@ -7,11 +7,14 @@ from mrl_driver.errors import BoardError, BoardTimeout, NotARobot, WrongRobot
 from mrl_driver.handshake import Plan
 from mrl_driver.motion import SLOW
 from mrl_driver.session import Info, Ready, Sonars, Stale, Status
-from mrl_driver.table import BY_NAME
+from mrl_driver.table import BY_CODE, BY_NAME, STOP_REASONS
 from tests.fake_board import FakeBoard
 
 from .talk import Talk
 
+READ_PROTOCOL = BY_NAME["read_protocol"].code
+MODERN = {code for code in BY_CODE if code >= READ_PROTOCOL}
+"""Requests that boards of 2013 do not know."""
 BOARD_2013_MAX_HZ = 15
 """2013 boards lose commands above 26 a second while streaming; the driver stays well below."""
 
@@ -27,7 +30,8 @@ def test_a_board_that_restarts_amid_a_greeting_is_greeted_anew():
     """It has told who it is under the check value, and is plain from then on."""
     talk = Talk().until_ready()
     talk.session.lose(talk.now)
-    talk.until(lambda: talk.session._greeting.board is not None)
+    talk.board.heard.clear()
+    talk.until(lambda: READ_PROTOCOL in codes(talk))  # it asks for this once it knows who answers
     talk.board.reset(talk.now)
     talk.until(lambda: talk.session.ready, seconds=5.0)
 
@@ -63,7 +67,7 @@ def test_a_plan_without_check_stays_plain():
 def test_a_board_without_protocol_is_taken_as_one_of_2013():
     """It answers who it is again and again, and never what it speaks."""
     board = FakeBoard()
-    board._modern = lambda code, args, now: None
+    board.unknown = MODERN
     talk = Talk(board).until_ready().run(3)
     assert talk.session.board.protocol == 1 and not talk.session.checked
     assert talk.session.counters.unanswered == 0 and talk.session.motion.pace == SLOW
@@ -71,7 +75,7 @@ def test_a_board_without_protocol_is_taken_as_one_of_2013():
 
 def test_a_board_of_unknown_firmware_is_refused_with_a_remedy():
     board = FakeBoard(version=99)
-    board._modern = lambda code, args, now: None
+    board.unknown = MODERN
     with pytest.raises(WrongRobot, match="firmware 99 .* mrl flash"):
         Talk(board).run(4)
 
@@ -568,8 +572,8 @@ def test_a_paused_host_does_not_drive_on():
 def test_a_board_that_stopped_by_itself_is_not_driven_on():
     talk = Talk().until_ready()
     talk.session.drive(300, 0, talk.now)
-    status = talk.session.status._replace(stop_reason="stall")
-    talk.session._on_status(status, talk.now, [])
+    talk.board.stop_reason = STOP_REASONS.index("stall")
+    talk.until(lambda: talk.session.status.stop_reason == "stall")
     assert talk.session.motion.target is None
 
 

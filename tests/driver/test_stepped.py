@@ -9,6 +9,7 @@ from mrl_driver.readout import Readout
 from mrl_driver.stepped import SteppedDriver
 from mrl_driver.table import BY_NAME, PARAMETER_BY_NAME
 from sim_arduino import boards
+from tests.scripted_line import ScriptedLine
 
 LASTING = Options(command_timeout_s=None)
 POSE_ERROR_M = 2e-4
@@ -28,18 +29,6 @@ def robot(emulated):
     """Its commands stay in force."""
     with SteppedDriver(emulated.engine, options=LASTING) as robot:
         yield robot
-
-
-class Silent:
-    """A board that never says anything."""
-
-    next_event_s = float("inf")
-
-    def receive(self, data):
-        pass
-
-    def advance(self, to_s):
-        return b""
 
 
 def test_it_offers_what_the_driver_offers():
@@ -114,7 +103,7 @@ def test_a_question_without_an_answer_ends_in_simulated_time(robot):
 
 def test_silence_is_no_robot():
     with pytest.raises(NotARobot):
-        SteppedDriver(Silent()).connect()
+        SteppedDriver(ScriptedLine()).connect()
 
 
 def test_another_robot_is_refused(emulated):

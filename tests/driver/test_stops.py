@@ -12,6 +12,7 @@ import pytest
 from mrl_driver import runner
 from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import FrameError
+from mrl_driver.link import Link
 from mrl_driver.motion import STOPS
 from mrl_driver.table import STOP_REASONS
 from mrl_driver.wheel_watch import DEAD, POWERLESS, Mismatch
@@ -130,6 +131,7 @@ def test_a_stop_because_the_port_went_away(serve, tmp_path):
     os.symlink(port.path, tmp_path / "robot")
     with Driver(str(tmp_path / "robot"), options=Options(reconnect=True, command_timeout_s=None)) as robot:
         robot.drive(0.1, 0.0)
+        os.remove(tmp_path / "robot")
         port.unplug()
         wait_until(lambda: not robot.ready)
         assert robot.stop_reason == "link_lost"
@@ -137,7 +139,7 @@ def test_a_stop_because_the_port_went_away(serve, tmp_path):
 
 def test_a_stop_because_the_machine_was_suspended(robot, monkeypatch):
     """The clock of timers stands still meanwhile; only that of the boot goes on."""
-    monkeypatch.setattr(runner, "_slept_s", lambda: 3600.0)
+    monkeypatch.setattr(runner, "slept_s", lambda: 3600.0)
     wait_until(lambda: robot.command is None)
     wait_until(lambda: robot.fake.speeds == (0, 0))
     assert robot.stop_reason == "host_paused"
@@ -151,15 +153,15 @@ def test_the_stop_of_a_driver_that_fails_is_repeated_until_it_is_seen(serve, mon
     with Driver(port.path, options=Options(watchdog_ms=0, command_timeout_s=None)) as robot:
         robot.drive(0.1, 0.0)
         wait_until(lambda: port.board.speeds == (100, 0))
-        write, lost = robot._link.write, []
+        write, lost = Link.write, []
 
-        def swallow(data):
+        def swallow(link, data):
             if b"@13e" in data and len(lost) < 2:
                 lost.append(data)
                 data = data.replace(b"@13e", b"")
-            write(data)
+            write(link, data)
 
-        monkeypatch.setattr(robot._link, "write", swallow)
+        monkeypatch.setattr(Link, "write", swallow)
         robot.on_telemetry(lambda _: 1 / 0)
         wait_until(lambda: robot.error is not None)
         assert port.board.speeds == (0, 0) and len(lost) == 2

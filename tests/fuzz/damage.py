@@ -88,7 +88,7 @@ def try_random(direction: Direction, damage: Damage, count: int, seed: int, chec
         at = i // USES
         received = pool[at] + damage(pool[at + 1] + pool[at + 2], rng)
         sent = good[at] + good[at + 1] + good[at + 2]
-        wrong += _wrong(direction, checked, sent, received)
+        wrong += count_wrong(direction, checked, sent, received)
     return Tally(count, wrong)
 
 
@@ -98,7 +98,7 @@ def try_every_fault(direction: Direction, wire: bytes, checked: bool = True) -> 
     sent = FrameDecoder(direction, checked).feed(wire)
     for damaged in every_fault(wire):
         tried += 1
-        wrong += _wrong(direction, checked, sent, damaged + b"\r\n" + wire)
+        wrong += count_wrong(direction, checked, sent, damaged + b"\r\n" + wire)
     return Tally(tried, wrong)
 
 
@@ -113,7 +113,7 @@ def every_fault(wire: bytes) -> Iterator[bytes]:
                 yield wire[:i] + bytes([byte]) + wire[i + 1 :]
 
 
-def _wrong(direction: Direction, checked: bool, sent: List[Event], received: bytes) -> int:
+def count_wrong(direction: Direction, checked: bool, sent: List[Event], received: bytes) -> int:
     """Accepted frames that were not sent."""
     found = FrameDecoder(direction, checked).feed(received)
     return sum(type(event) is Frame and event not in sent and event != STOP for event in found)

@@ -4,7 +4,7 @@ import math
 import random
 from typing import List, NamedTuple, Set, Tuple
 
-from mrl_driver.codec import REPLIES, REQUESTS, Frame, FrameDecoder
+from mrl_driver.codec import REPLIES, Frame, FrameDecoder
 from mrl_driver.events import Counts, Ready
 from mrl_driver.odometry import ORIGIN, QUANTUM_COUNTS
 from mrl_driver.robots import load
@@ -58,18 +58,35 @@ class WatchedBoard(PythonBoard):
 
     def __init__(self, plant: Plant) -> None:
         self.carried_out: List[Frame] = []
+        self.sent: Set[Tuple[object, ...]] = set()
+        self.checked = False
+        self._replies = FrameDecoder(REPLIES, checked=True)
         super().__init__(plant)
-        self._twin, self._twin_of = FrameDecoder(REQUESTS), self._decoder
 
-    def _take(self, data: bytes) -> None:
-        """Decoded twice, for the board tells nobody what it decodes."""
-        if self._twin_of is not self._decoder:
-            self._twin, self._twin_of = FrameDecoder(REQUESTS), self._decoder
-        self._twin.checked = self._decoder.checked
-        found = self._twin.feed(data)
-        if self._decoder.checked:
-            self.carried_out += [event for event in found if isinstance(event, Frame)]
-        super()._take(data)
+    def advance(self, to_s: float) -> bytes:
+        """As the board's; stamped frames that it sends are noted."""
+        data = super().advance(to_s)
+        for event in self._replies.feed(data):
+            if isinstance(event, Frame) and event.stamp is not None:
+                args = event.args
+                self.sent.add((args[0], args[1], args[2:] or None, event.stamp.sequence))
+        return data
+
+    def carry_out(self, frame: Frame) -> None:
+        """As the board's; noted."""
+        if self.checked:
+            self.carried_out.append(frame)
+        super().carry_out(frame)
+
+    def set_check(self, on: bool) -> None:
+        """As the board's; noted."""
+        self.checked = on
+        super().set_check(on)
+
+    def reset(self) -> None:
+        """As the board's, which is without check value afterwards."""
+        self.checked = False
+        super().reset()
 
 
 class FaultyRobot:
@@ -84,7 +101,7 @@ class FaultyRobot:
         self.model = load("traxbot")
         self.plant = Plant(self.model, World(), (0.0, 0.0, 0.0))
         self.board = WatchedBoard(self.plant)
-        self.engine = FaultyEngine(_Tap(self.board), faults, seed)
+        self.engine = FaultyEngine(self.board, faults, seed)
         self.state = RobotState(self.model)
         self.now = 0.0
         self.session = Session(self.state.admit, self.now)
@@ -141,7 +158,7 @@ class FaultyRobot:
     def _judge(self, event: Counts) -> None:
         if event.sequence is not None:
             self.accepted += 1
-            if (event.right, event.left, event.sonars, event.sequence) not in self.engine.engine.sent:
+            if (event.right, event.left, event.sonars, event.sequence) not in self.board.sent:
                 self.wrong.append(event)
         self._measure(event.time_s)
 
@@ -166,27 +183,6 @@ class FaultyRobot:
         before = self.plant.true_pose
         self.run(seconds)
         return math.dist(before[:2], self.plant.true_pose[:2]) > 1e-5
-
-
-class _Tap:
-    """An engine that notes the stamped frames which a board really sends."""
-
-    def __init__(self, board: WatchedBoard) -> None:
-        self._board = board
-        self._decoder = FrameDecoder(REPLIES, checked=True)
-        self.sent: Set[Tuple[object, ...]] = set()
-
-    def __getattr__(self, name: str) -> object:
-        return getattr(self._board, name)
-
-    def advance(self, to_s: float) -> bytes:
-        """As the board's; what is sent is noted."""
-        data = self._board.advance(to_s)
-        for event in self._decoder.feed(data):
-            if isinstance(event, Frame) and event.stamp is not None:
-                args = event.args
-                self.sent.add((args[0], args[1], args[2:] or None, event.stamp.sequence))
-        return data
 
 
 def drive(seed: int, seconds: float) -> "Tuple[FaultyRobot, Scene]":

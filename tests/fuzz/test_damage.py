@@ -52,6 +52,6 @@ def test_lost_and_swapped_bytes_pass_at_the_rate_of_16_bits_at_most(kind):
 def test_strict_parsing_alone_lets_a_fifth_of_flipped_bits_pass():
     rng, sent = random.Random(3), FrameDecoder(REPLIES).feed(UNCHECKED_STREAM)
     wrong = sum(
-        damage._wrong(REPLIES, False, sent, damage.flip_bit(UNCHECKED_STREAM, rng)) for _ in range(5000)
+        damage.count_wrong(REPLIES, False, sent, damage.flip_bit(UNCHECKED_STREAM, rng)) for _ in range(5000)
     )
     assert 10 < 100 * wrong / 5000 <= MOST_UNCHECKED_PERCENT
