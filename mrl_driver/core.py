@@ -13,7 +13,7 @@ from .handshake import Board, Plan
 from .kinematics import cannot_sideways
 from .line_rate import command_gap_s, least_period_ms
 from .motion import Motion
-from .odometry import AnyWheels
+from .odometry import AnyTwist, AnyWheels, Twist
 from .omni import OmniCommands, demand_drivable
 from .options import Options
 from .robots import OmniDrive, RobotModel, kind_of
@@ -145,12 +145,16 @@ class Core:
         if self.mismatch is not None and moves:
             return False
         self.mismatch = None
+        twist = self.limited(linear_m_s, angular_rad_s, lateral_m_s)
+        linear_mm_s, angular_mrad_s, *lateral_mm_s = (round(speed * 1000) for speed in twist)
+        return session.drive(linear_mm_s, angular_mrad_s, now, *lateral_mm_s)
+
+    def limited(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) -> AnyTwist:
+        """What a command is scaled down to; a base that cannot slide ignores the lateral speed."""
         if self._omni is not None:
-            twist = self._omni.limited(linear_m_s, angular_rad_s, lateral_m_s)
-            linear_mm_s, angular_mrad_s, lateral_mm_s = (round(speed * 1000) for speed in twist)
-            return session.drive(linear_mm_s, angular_mrad_s, now, lateral_mm_s)
-        linear_m_s, angular_rad_s = limit(linear_m_s, angular_rad_s, model)
-        return session.drive(round(linear_m_s * 1000), round(angular_rad_s * 1000), now)
+            return self._omni.limited(linear_m_s, angular_rad_s, lateral_m_s)
+        assert self.state.model is not None
+        return Twist(*limit(linear_m_s, angular_rad_s, self.state.model))
 
     def stop(self, now: float, reason: str) -> None:
         """Stop at once; `reason` is one of `motion.STOPS`."""

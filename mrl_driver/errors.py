@@ -16,7 +16,7 @@
     |   +-- WheelFault         14   a wheel does not do what it was told
     +-- FrameError             12   this program asked for a frame that the table forbids (also a ValueError)
     +-- SimulatorError         13   the emulator cannot be built or started
-    +-- OutputError            15   what was to be printed cannot be written
+    +-- OutputError            15   what was to be printed or kept in a file cannot be written
 
 Each message is one line: what was got, what was expected, what to do.  The command line prints it and
 exits with `exit_code`; libraries only raise.
@@ -116,6 +116,6 @@ class SimulatorError(MrlError):
 
 
 class OutputError(MrlError):
-    """What was to be printed cannot be written."""
+    """What was to be printed or kept in a file cannot be written."""
 
     exit_code = 15

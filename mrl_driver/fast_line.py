@@ -12,7 +12,7 @@ from .codec import REPLIES, Frame, FrameDecoder, encode_request
 from .errors import BoardTimeout
 from .line_rate import FAST_BAUD
 from .link import BAUD, Link
-from .table import BAUDS, BY_NAME
+from .table import BAUDS, BY_NAME, CAPABILITIES
 
 ANSWER_S, PATIENCE_S = 0.25, 3.0
 """A request is repeated after the first; a board that was reset by opening its port needs up to the second."""
@@ -27,8 +27,7 @@ _BAUD, _INFO, _PROTOCOL, _STOP, _STOP_STREAM = (
 )
 _QUIET = encode_request(_STOP) + encode_request(_STOP_STREAM)
 """Goes first: a robot that drives is not to do so until the session begins."""
-_BIT = 256
-"""Capability `baud`."""
+_BIT = 1 << [name for name, _ in CAPABILITIES].index("baud")
 
 
 def speed_up(link: Link, baud: int = FAST_BAUD) -> bool:

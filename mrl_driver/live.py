@@ -114,7 +114,7 @@ class Screen:
             self._notice = ""
         elif self._keys_drive:
             self._teleop.press(key, now_s)
-        elif self._teleop.moves(key):
+        elif self._teleop.moves(key, sideways(self._driver)):
             self._notice = "press Enter first to drive with the keys"
 
     def _toggle_keys(self) -> None:
@@ -134,18 +134,20 @@ class Screen:
 
     def shown(self, now_s: float) -> Shown:
         """What is to be seen now."""
-        mismatch = self._driver.mismatch
+        mismatch, recorder = self._driver.mismatch, self._driver.recorder
+        loss = recorder.loss if recorder is not None else ""
         return Shown(
             self._driver,
             self._settings.port,
             self._settings.record,
+            bool(loss),
             now_s - self._start_s,
             self._rate.update(self._frames, now_s),
             self._trail.points,
             self._trail.distance_m,
             self._log.lines() if self._shows_log else None,
             self._keys_drive,
-            f"{mismatch}; space goes on" if mismatch is not None else self._notice,
+            f"{mismatch}; space goes on" if mismatch is not None else loss or self._notice,
             now_s,
         )
 

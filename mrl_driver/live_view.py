@@ -40,6 +40,8 @@ class Shown(NamedTuple):
     driver: Readout
     port: str
     record: str
+    incomplete: bool
+    """The recording lacks something."""
     elapsed_s: float
     rate_hz: float
     trail: Sequence[Point]
@@ -91,7 +93,8 @@ def _header(now: Shown, width: int) -> Text:
     minutes, seconds = divmod(int(now.elapsed_s), 60)
     name, clock = f" {model} {driver.board.robot_id} ", f"  {minutes:02d}:{seconds:02d} "
     room = width - len(name) - len(state) - len(clock) - 3
-    record = f"recording {_tail(now.record, room // 2 - 10)}" if now.record and room > 30 else ""
+    kept = "INCOMPLETE" if now.incomplete else "recording"
+    record = f"{kept} {_tail(now.record, room // 2 - 10)}" if now.record and room > 30 else ""
     port = f" {_tail(now.port, room - len(record) - 1)}  " if room > 8 else ""
     text = Text(no_wrap=True, overflow="crop", style="reverse")
     text.append(name, style="bold").append(port).append(state, style="bold")

@@ -13,6 +13,7 @@ from typing import Any, Dict, Mapping, NamedTuple, Optional
 
 from . import robots, yaml_file
 from .errors import ConfigError
+from .files import replace_file
 
 BAUD = 115200
 LOWEST_BAUD, HIGHEST_BAUD = 300, 4_000_000
@@ -116,7 +117,8 @@ def write(named: Mapping[str, Target]) -> None:
     """Replace the user's file.
 
     Raises:
-        ConfigError: it cannot be written.
+        ConfigError: its folder cannot be made.
+        OutputError: it cannot be written.
     """
     import yaml
 
@@ -127,11 +129,9 @@ def write(named: Mapping[str, Target]) -> None:
     }
     try:
         os.makedirs(os.path.dirname(file_name), exist_ok=True)
-        with open(f"{file_name}.new", "w", encoding="utf-8") as file:
-            file.write(_HEADER + (yaml.safe_dump(data, sort_keys=False) if data else ""))
-        os.replace(f"{file_name}.new", file_name)
     except OSError as error:
         raise ConfigError(f"{file_name} cannot be written: {error.strerror}") from None
+    replace_file(file_name, _HEADER + (yaml.safe_dump(data, sort_keys=False) if data else ""))
 
 
 def resolve(robot: str, port: Optional[str] = None, baud: Optional[int] = None) -> Target:

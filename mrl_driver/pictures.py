@@ -1,10 +1,12 @@
 """What all pictures share: colours, kinds of files, and matplotlib, which is an extra of the package."""
 
+import io
 import os
 import warnings
 from typing import Any
 
 from .errors import ConfigError
+from .files import replace_file
 
 BLUE, ORANGE, GREEN, PINK, SKY, GREY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#999999"
 """Okabe and Ito's colours, told apart by everybody; lines differ in dashes too, for print."""
@@ -49,3 +51,14 @@ def figure(width_in: float, height_in: float) -> Any:
     made = Figure(figsize=(width_in, height_in), layout="constrained")
     FigureCanvasAgg(made)
     return made
+
+
+def save(figure: Any, path: str, dpi: int = 150) -> None:
+    """Write a figure to a file of one of `ENDINGS`, whole or not at all.
+
+    Raises:
+        OutputError: it cannot be written; a picture that was there stays.
+    """
+    drawn = io.BytesIO()
+    figure.savefig(drawn, dpi=dpi, format=os.path.splitext(path)[1][1:].lower())
+    replace_file(path, drawn.getvalue())

@@ -9,7 +9,6 @@ from typing import Any, Callable, Dict, List, Sequence, Tuple
 
 from . import pictures
 from .chronicle import Chronicle, way_m
-from .errors import ConfigError
 from .pictures import BLUE, GREEN, GREY, ORANGE, PINK
 
 PARTS = ("path", "speeds", "ranges", "battery")
@@ -25,7 +24,7 @@ def draw(chronicle: Chronicle, path: str, parts: Sequence[str] = PARTS) -> None:
     """Draw the parts, those over time below each other beside the path.
 
     Raises:
-        ConfigError: the file cannot be written.
+        OutputError: the file cannot be written.
     """
     columns = [part for part in parts if part != "path" and _has(chronicle, part)]
     with_path = "path" in parts
@@ -42,10 +41,7 @@ def draw(chronicle: Chronicle, path: str, parts: Sequence[str] = PARTS) -> None:
         axes.grid(color="0.9")
         axes.tick_params(labelbottom=row == len(columns) - 1)
         axes.set_xlabel("time since the start [s]" if row == len(columns) - 1 else "")
-    try:
-        figure.savefig(path, dpi=150)
-    except OSError as error:
-        raise ConfigError(f"picture {path!r} cannot be written: {error.strerror}") from None
+    pictures.save(figure, path)
 
 
 def _has(chronicle: Chronicle, part: str) -> bool:

@@ -23,6 +23,8 @@ _KINDS: Dict[Tuple[int, int], str] = {
     (0x1A86, 0x55D4): "CH9102 adapter",
 }
 """USB vendor and product, as the makers' drivers list them."""
+_PSEUDO_TERMINALS = range(136, 144)
+"""Major numbers, as Linux has given them out."""
 _LOCK_FOLDERS = ("/run/lock", "/var/lock")
 
 
@@ -95,6 +97,16 @@ def user_of(device: str) -> str:
                 continue
         return f"process {number}"
     return ""
+
+
+def is_terminal(name: str) -> bool:
+    """It is a serial port or a pseudo terminal; not /dev/null, which many programs have open."""
+    try:
+        number = os.stat(name).st_rdev
+    except (OSError, ValueError):
+        return False
+    kind = f"/sys/dev/char/{os.major(number)}:{os.minor(number)}/subsystem"
+    return os.major(number) in _PSEUDO_TERMINALS or os.path.basename(os.path.realpath(kind)) == "tty"
 
 
 def group_of(device: str) -> str:

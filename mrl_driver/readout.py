@@ -97,6 +97,10 @@ class Readout:
         speeds = [speed / 1000 for speed in target]
         return OmniTwist(*speeds) if len(speeds) == 3 else Twist(*speeds)
 
+    def limited(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) -> AnyTwist:
+        """The speeds that `drive` scales these down to, on the same arc, once connected."""
+        return self._core.limited(linear_m_s, angular_rad_s, lateral_m_s)
+
     @property
     def error(self) -> Optional[MrlError]:
         """What ended the driver, or None."""

@@ -41,7 +41,7 @@ class Recorder:
     """Appends to a recording from any thread without ever blocking or stopping its caller.
 
     A thread of its own writes five times a second, so a kill loses 0.2 s at most.  When the disk refuses, `error`
-    says why, `lost` counts the lines, and writing is tried again.
+    keeps why, `lost` counts the lines, and writing is tried again.
 
     Raises:
         ConfigError: the file cannot be created.
@@ -70,9 +70,19 @@ class Recorder:
         """Record `data`, which went `way` just now."""
         if len(self._waiting) >= _MOST_WAITING:
             self.lost += 1
+            self.error = self.error or "the disk is too slow"
             return
         text = codecs.escape_encode(data)[0].decode("ascii")
         self._waiting.append(f"{time.monotonic() - self._start_s:.6f} {way} {text}\n")
+
+    @property
+    def loss(self) -> str:
+        """What the recording lacks, in words; empty where it lacks nothing."""
+        return (
+            f"{self.path} lacks {self.lost} lines: {self.error}; make room, then record again"
+            if self.lost
+            else ""
+        )
 
     def close(self) -> None:
         """Write what waits, and close the file."""
@@ -95,7 +105,8 @@ class Recorder:
             done = os.write(self._fd, data)
             self._torn = done < len(data)
             self.lost += data[done:].count(b"\n")
-            self.error = "the disk took only a part" if self._torn else ""
+            if self._torn:
+                self.error = "the disk took only a part"
         except OSError as error:
             self.error = error.strerror or str(error)
             self.lost += lines

@@ -4,7 +4,6 @@ import math
 from typing import Any
 
 from . import pictures
-from .errors import ConfigError
 from .stability import DIRECTIONS, Vehicle, greatest_acceleration, least, limits, margins
 
 _DIRECTIONS_DRAWN, _VALUES = 120, 100
@@ -20,7 +19,8 @@ def draw(vehicle: Vehicle, path: str, reserve_rad: float, slope_rad: float = 0.0
     """Draw a vehicle's margins into a PNG, PDF or SVG.
 
     Raises:
-        ConfigError: matplotlib is missing, or the file cannot be written.
+        ConfigError: matplotlib is missing, or the folder cannot be written.
+        OutputError: the file cannot be written.
     """
     pictures.demand(path)
     figure = pictures.figure(11.0, 5.0)
@@ -30,10 +30,7 @@ def draw(vehicle: Vehicle, path: str, reserve_rad: float, slope_rad: float = 0.0
     )
     _draw_margins(figure.add_subplot(1, 2, 1), vehicle, reserve_rad, slope_rad)
     _draw_directions(figure.add_subplot(1, 2, 2, projection="polar"), vehicle, reserve_rad, slope_rad)
-    try:
-        figure.savefig(path, dpi=150)
-    except OSError as error:
-        raise ConfigError(f"picture {path!r} cannot be written: {error.strerror}") from None
+    pictures.save(figure, path)
 
 
 def _draw_margins(axes: Any, vehicle: Vehicle, reserve_rad: float, slope_rad: float) -> None:

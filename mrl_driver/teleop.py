@@ -37,9 +37,9 @@ class Teleop:
         return True
 
     @staticmethod
-    def moves(key: str) -> bool:
-        """The key is one that drives."""
-        return _LETTERS.get(key, key) in _DIRECTIONS
+    def moves(key: str, sideways: bool = False) -> bool:
+        """The key is one that drives a robot, which may move sideways."""
+        return _LETTERS.get(key, key) in _DIRECTIONS or (sideways and key in _SLIDES)
 
     def command(self, now_s: float) -> Tuple[float, float]:
         """Speeds (linear [m/s], angular [rad/s]) at a time; zero once every key is released."""

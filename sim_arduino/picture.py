@@ -22,7 +22,7 @@ def draw(trail: Trail, path: str) -> None:
     if trail.poses:
         _draw_robots(axes, trail)
     axes.legend(loc="upper right", fontsize="small")
-    figure.savefig(path, dpi=150)
+    pictures.save(figure, path)
 
 
 def _draw_world(axes: Any, trail: Trail) -> None:

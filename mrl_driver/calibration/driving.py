@@ -98,12 +98,16 @@ class Track:
         self._on = True
 
     def end(self) -> np.ndarray:
+        """As `so_far`, for the last time."""
+        self._on = False
+        return self.so_far()
+
+    def so_far(self) -> np.ndarray:
         """(N, 4) readings since `begin`: time [s], right, left [count, without wrap], range of the front sonar [m].
 
         Raises:
             ConfigError: counts jumped in between, so the run is worth nothing.
         """
-        self._on = False
         jumps = self._robot.statistics.refused_counts - self._refused
         if jumps:
             raise ConfigError(

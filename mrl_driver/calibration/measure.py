@@ -11,14 +11,22 @@ from ..odometry import ORIGIN, Pose, wrap_angle
 _TAIL_BYTES = 4096
 
 
+Check = Callable[[Pose], None]
+"""Raises ConfigError for an end that cannot be."""
+
+
 class Ruler(Protocol):
     """Measures the end of a run in the frame of its start: x forward, y left [m], yaw [rad]; NaN where it cannot."""
 
     def begin(self, run: str) -> None:
         """The robot stands where `run` starts."""
 
-    def end(self, run: str) -> Pose:
-        """Where it stands after it."""
+    def end(self, run: str, check: Check) -> Pose:
+        """Where it stands after it, as `check` accepts it.
+
+        Raises:
+            ConfigError: it does not, and cannot be measured again.
+        """
 
 
 class Truth:
@@ -32,9 +40,11 @@ class Truth:
         """Remember where the robot is."""
         self._start = self._pose()
 
-    def end(self, run: str) -> Pose:
+    def end(self, run: str, check: Check) -> Pose:
         """Where it is now."""
-        return relative(self._start, self._pose())
+        pose = relative(self._start, self._pose())
+        check(pose)
+        return pose
 
 
 def relative(start: Pose, pose: Pose) -> Pose:

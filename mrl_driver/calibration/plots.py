@@ -32,7 +32,7 @@ def draw_ends(path: str, before: np.ndarray, after: np.ndarray, senses: Sequence
     )
     axes.margins(0.15)
     axes.legend(fontsize="small")
-    figure.savefig(path, dpi=150)
+    pictures.save(figure, path)
 
 
 def draw_sonar(path: str, counts: np.ndarray, ranges_m: np.ndarray, fit: Fit) -> None:
@@ -58,7 +58,7 @@ def draw_sonar(path: str, counts: np.ndarray, ranges_m: np.ndarray, fit: Fit) ->
     lower.axhline(0, color=GREY, linewidth=0.8)
     lower.plot(counts[fit.used], 100 * fit.errors_m[fit.used], "o", color=ORANGE, markersize=4)
     lower.set(xlabel="ADC count s", ylabel="curve less\ndistance [cm]")
-    figure.savefig(path, dpi=150)
+    pictures.save(figure, path)
 
 
 def draw_gains(path: str, tuned: Tuned) -> None:
@@ -78,7 +78,7 @@ def draw_gains(path: str, tuned: Tuned) -> None:
         axes.legend(fontsize="small", loc="lower right")
     pair[0].set(title="Step of the speed")
     pair[1].set(xlabel="time since the step [s]")
-    figure.savefig(path, dpi=150)
+    pictures.save(figure, path)
 
 
 def _speed(steps: Steps, name: str) -> Any:

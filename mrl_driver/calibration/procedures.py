@@ -5,6 +5,7 @@ from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 import numpy as np
 
 from ..errors import ConfigError
+from ..odometry import Pose
 from ..robots import Drive, Noise, RobotModel
 from . import driving, fit, umbmark
 from .driving import Robot, Speeds, Track
@@ -15,6 +16,8 @@ from .store import Key
 
 STRAIGHT, TURN, UMBMARK = "straight", "turn", "umbmark"
 _WHOLE_TURN = 2 * np.pi
+NOWHERE = Pose(np.nan, np.nan, np.nan)
+"""Not measured."""
 
 
 class Leg(NamedTuple):
@@ -79,7 +82,8 @@ def gather(
     """Drive the legs one after the other; `keep` gets each run as soon as it is measured.
 
     Raises:
-        ConfigError: a run went the wrong way, its counts jumped, or its end cannot be; it is not kept.
+        ConfigError: a run went the wrong way, its counts jumped, or its end cannot be and the ruler does not measure
+            again; it is not kept.
         WheelFault, BoardTimeout: the robot could not drive it.
     """
     track = track or Track(robot)
@@ -89,20 +93,10 @@ def gather(
         ruler.begin(leg.name)
         track.begin()
         leg.drive(robot)
-        steps = driving.steps_of(track.end())
-        run = Run(steps, ruler.end(leg.name))
-        check(drive, run, leg.sense, leg.name)
-        keep(run)
-
-
-def check(drive: Drive, run: Run, sense: str, name: str) -> None:
-    """Refuse a run that is not what it should be.
-
-    Raises:
-        ConfigError: it went the wrong way, hardly moved, or its end is nowhere near.
-    """
-    demand_sense(drive, run, sense, name)
-    demand_plausible(drive, run, name)
+        steps, name = driving.steps_of(track.end()), leg.name
+        demand_sense(drive, Run(steps, NOWHERE), leg.sense, name)
+        end = ruler.end(name, lambda pose: demand_plausible(drive, Run(steps, pose), name))  # noqa: B023
+        keep(Run(steps, end))
 
 
 def check_recorded(procedure: str, drive: Drive, run: Run, name: str) -> None:
@@ -114,7 +108,8 @@ def check_recorded(procedure: str, drive: Drive, run: Run, name: str) -> None:
     found = sense(drive, run)
     if (found == NEITHER) != (procedure == STRAIGHT):
         raise ConfigError(f"{name} went {found}, which is no run of {procedure}")
-    check(drive, run, found, name)
+    demand_sense(drive, run, found, name)
+    demand_plausible(drive, run, name)
 
 
 def free_numbers(procedure: str, tracks: bool) -> Tuple[str, ...]:

@@ -3,18 +3,17 @@
 Files are replaced whole or not at all, and an older YAML is kept beside the new one.
 """
 
-import contextlib
 import datetime
 import json
 import os
 import re
-import shutil
 from typing import Any, Dict, List, Mapping, Tuple
 
 import yaml
 
 from .. import robots
 from ..errors import ConfigError
+from ..files import replace_file
 from ..robots import RobotModel
 from .run import Run, as_json, from_json
 
@@ -107,28 +106,6 @@ def _spelt(settings: Any) -> str:
     return ", ".join(f"{name} {value:g}" for name, value in dict(settings or {}).items()) or "no settings"
 
 
-def replace_file(path: str, text: str) -> None:
-    """Write a file whole, or leave the old one; a link stays a link, and permissions stay as they are.
-
-    Raises:
-        ConfigError: it cannot be written.
-    """
-    target = os.path.realpath(path)
-    temporary = f"{target}.new"
-    try:
-        with open(temporary, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        if os.path.exists(target):
-            shutil.copymode(target, temporary)
-        os.replace(temporary, target)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            os.unlink(temporary)
-        raise ConfigError(f"{path} cannot be written: {error.strerror}; nothing was changed") from None
-
-
 def demand_writable(path: str) -> None:
     """Refuse early what cannot be written at the end.
 
@@ -154,7 +131,8 @@ def write_model(source: str, output: str, values: Mapping[Key, float], note: str
         Path of the file that keeps what `output` was before, or "" where it was not there.
 
     Raises:
-        ConfigError: a file cannot be read or written, or what would be written is no model.
+        ConfigError: a file cannot be read, or what would be written is not a model.
+        OutputError: a file cannot be written.
     """
     text = _text_of(source)
     said = f"{note}, {datetime.date.today().isoformat()}"

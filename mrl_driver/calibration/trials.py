@@ -36,7 +36,9 @@ def check_wiring(robot: Robot, track: Track, ruler: Ruler, look: Look) -> List[s
         driving.settle(robot)
         rows = track.end()
         right, left = (int(value) for value in rows[-1, 1:3] - rows[0, 1:3])
-        trials.append(wiring.Trial(motor, right, left, *look(motor, ruler.end(f"{motor} motor alone"))))
+        trials.append(
+            wiring.Trial(motor, right, left, *look(motor, ruler.end(f"{motor} motor alone", lambda _: None)))
+        )
     return wiring.diagnose(trials)
 
 
@@ -67,22 +69,28 @@ class SonarPlan(NamedTuple):
 
 
 def approach_wall(
-    robot: Robot, track: Track, plan: SonarPlan, speeds: Speeds, say: Callable[[str], None]
-) -> np.ndarray:
-    """Drive up to the wall and stand at each distance; the track's rows.
+    robot: Robot,
+    track: Track,
+    distances: Sequence[float],
+    speeds: Speeds,
+    say: Callable[[str], None],
+    keep: Callable[[np.ndarray], None],
+) -> None:
+    """Drive up to the wall and stand at each distance [m], the robot being at the first.
+
+    `keep` gets the track's rows, from the first distance on, after each of them.
 
     Raises:
         ConfigError: the wall, or something else, is much nearer than it should be.
     """
-    distances = plan.distances()
     line = robot.pose
     track.begin()
-    for number, distance_m in enumerate(distances):
-        if number:
-            driving.straight(robot, plan.start_m - distance_m, speeds, line)
-        say(f"{distance_m:.2f} m")
+    for number, distance_m in enumerate(distances, 1):
+        if number > 1:
+            driving.straight(robot, distances[0] - distance_m, speeds, line)
+        say(f"{number} of {len(distances)}: {distance_m:.2f} m")
         _demand_way(_look_ahead(robot), distance_m)
-    return track.end()
+        keep(track.so_far())
 
 
 def _look_ahead(robot: Robot) -> float:

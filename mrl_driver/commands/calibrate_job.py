@@ -9,7 +9,17 @@ import click
 from .. import robots
 from ..errors import ConfigError
 from ..names import Target
-from .shared import agree, battery_option, complain, connected, json_option, robot_options, yes_option
+from .shared import (
+    agree,
+    agree_to_move,
+    agree_to_replace,
+    battery_option,
+    complain,
+    connected,
+    json_option,
+    robot_options,
+    yes_option,
+)
 
 if TYPE_CHECKING:
     from ..calibration.store import Key, Progress
@@ -58,6 +68,7 @@ def job_options(command: Callable[..., None]) -> Callable[..., None]:
             from ..calibration.store import demand_writable
 
             demand_writable(job.output)
+        agree_to_replace(job.record, job.yes)
         command(*args, job=job, **options)
 
     return wrapper
@@ -66,6 +77,15 @@ def job_options(command: Callable[..., None]) -> Callable[..., None]:
 def connect(job: Job) -> ContextManager["Driver"]:
     """The robot, connected; tests put one in simulated time in its place."""
     return connected(job.target, ignore_battery=job.ignore_battery, record=job.record, command_timeout_s=0.5)
+
+
+def agree_to_drive(job: Job, question: str) -> None:
+    """Ask before motors turn that the person at the terminal has not started; emulated robots (--truth) just drive.
+
+    Raises:
+        ConfigError, click.Abort: as `agree`.
+    """
+    agree_to_move(question, job.yes or job.truth is not None)
 
 
 def recorded_model(job: Job) -> "RobotModel":

@@ -1,18 +1,32 @@
 """`mrl calibrate wiring`, `sonar` and `gains`."""
 
+import contextlib
 import csv
 import math
-from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Tuple
+import os
+from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import click
 
 from .. import robots
-from ..errors import ConfigError, WheelFault
+from ..errors import ConfigError, MrlError, WheelFault
+from ..files import replace_file
 from . import calibrate_job
-from .calibrate_job import Job, job_options, model_of, offer_eeprom, output_for, recorded_model, write_yaml
-from .shared import say_json, warn
+from .calibrate_job import (
+    Job,
+    agree_to_drive,
+    job_options,
+    model_of,
+    offer_eeprom,
+    output_for,
+    recorded_model,
+    write_yaml,
+)
+from .shared import complain, say_json, warn
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from ..calibration.sonar_curve import Curve
     from ..calibration.store import Key
     from ..robots import RobotModel
@@ -24,12 +38,12 @@ _recording_option = click.option(
 
 @click.command()
 @job_options
-@click.option("--unseen", is_flag=True, help="Nobody looks: tell less, ask nothing.")
+@click.option("--unseen", is_flag=True, help="Nobody looks: tell less, do not ask which wheel turned.")
 @_recording_option
 def wiring(job: Job, unseen: bool, recording: Optional[str]) -> None:
     """Find swapped or reversed wires of motors and encoders.
 
-    Turns each wheel forward for half a second.  Put the robot on a box, or give it half a metre.
+    Asks, then turns each wheel forward for half a second.  Put the robot on a box, or give it half a metre.
 
     \b
     Example:
@@ -47,6 +61,9 @@ def wiring(job: Job, unseen: bool, recording: Optional[str]) -> None:
         ruler = ruler_for(job.truth) if job.truth is not None else NoTape()
         with calibrate_job.connect(job) as driver:
             warn(driver)
+            agree_to_drive(
+                job, "Each wheel turns forward for half a second. Is the robot on a box, or its way free?"
+            )
             found = trials.check_wiring(driver, Track(driver), ruler, looker_for(job.truth, unseen))
     if job.as_json:
         say_json({"findings": found})
@@ -74,7 +91,7 @@ def sonar(
 ) -> None:
     """Curve of the sonars, range_cm = a s^b + c, with a flat wall ahead.
 
-    The robot drives up to the wall by its odometry, so calibrate straight comes first.
+    Asks, then drives up to the wall by its odometry, so calibrate straight comes first.
 
     \b
     Examples:
@@ -106,12 +123,49 @@ def sonar(
         warn(driver)
         model = model_of(driver)
         output = output_for(job, model, driver.board.robot_id)
-        console.print(f"The robot drives from {start:g} m up to {stop:g} m before the wall ahead.")
-        rows = trials.approach_wall(driver, Track(driver), plan, Speeds(), console.print)
-        ranges, distances = trials.stands(rows, model.differential, start)
+        kept = f"{os.path.splitext(output)[0]}.sonar.csv"
+        if job.restart and os.path.exists(kept):
+            os.remove(kept)
+        ranges, distances = _points(kept) if os.path.exists(kept) else ([], [])
+        left = [each for each in plan.distances() if each < min(distances, default=math.inf) - step / 2]
+        if distances:
+            console.print(
+                f"{len(distances)} of {len(distances) + len(left)} distances are there already, in {kept}"
+            )
+        if left:
+            agree_to_drive(
+                job,
+                f"The robot drives ahead by {left[0] - left[-1]:.2f} m. Does its front sonar look at a flat wall "
+                f"{left[0]:.2f} m away, and is the way free?",
+            )
+            before = list(ranges), list(distances)
+
+            def keep(rows: "np.ndarray") -> None:
+                heard = trials.stands(rows, model.differential, left[0])
+                ranges[:], distances[:] = before[0] + heard[0], before[1] + heard[1]
+                _keep_points(kept, ranges, distances)
+
+            try:
+                trials.approach_wall(driver, Track(driver), left, Speeds(), console.print, keep)
+            except BaseException:
+                with contextlib.suppress(MrlError):
+                    driver.stop()
+                if distances:
+                    complain(f"{len(distances)} distances are kept in {kept}; the same command goes on")
+                raise
         values = _fit_sonar(ranges, distances, trials.curve_in_force(driver), job)
         write_yaml("sonar", values, output, job, model)
+        os.remove(kept)
         offer_eeprom(driver, values, job)
+
+
+def _keep_points(path: str, ranges: Sequence[float], distances: Sequence[float]) -> None:
+    """Write what the sonar said so far, as `_points` reads it."""
+    rows = [
+        f"{distance:.4f},{'-' if math.isnan(said) else f'{said:.4f}'}\n"
+        for said, distance in zip(ranges, distances)
+    ]
+    replace_file(path, "# distance [m], reading [m]; from mrl calibrate sonar\n" + "".join(rows))
 
 
 def _told_curve(model: "RobotModel") -> Optional["Curve"]:
@@ -182,7 +236,8 @@ def _spelt(curve: "Curve") -> str:
 def gains(job: Job, recording: Optional[str]) -> None:
     """Gains of the motors' speed control, from a step of each wheel.
 
-    Turns the robot in place, three times for a second and a half; the gains in force come back at the end.
+    Asks, then turns the robot in place, three times for a second and a half, on a free floor; the gains in force come
+    back at the end.  It takes 10 s: after Ctrl-C it begins again.
 
     \b
     Example:
@@ -209,6 +264,7 @@ def gains(job: Job, recording: Optional[str]) -> None:
         warn(driver)
         model = model_of(driver)
         output = output_for(job, model, driver.board.robot_id)
+        agree_to_drive(job, "The robot turns in place three times, quickly. Is the floor around it free?")
         present = Gains(*(model.board[name] for name in Gains._fields))
         tuned = trials.tune(driver, Track(driver), trials.gains_in_force(driver, present), console.print)
         _report_gains(tuned, job)

@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ..calibration.gains import Response
-from ..calibration.measure import Ruler, Truth, parse_pose, truth_file
+from ..calibration.measure import Check, Ruler, Truth, parse_pose, truth_file
 from ..calibration.procedures import Outcome
 from ..calibration.store import Key
 from ..calibration.wiring import seen_in
@@ -33,14 +33,16 @@ class Tape:
         console.print("Mark where the robot stands and where it looks; the way must be free.")
         Prompt.ask(Text("Enter drives"), console=console, default="", show_default=False)
 
-    def end(self, run: str) -> Pose:
-        """Ask where the robot is now, until the answer is one."""
+    def end(self, run: str, check: Check) -> Pose:
+        """Ask where the robot is now, until the answer is one that can be."""
         while True:
             text = Prompt.ask(MEASURED, console=console)
             try:
-                return parse_pose(text)
+                pose = parse_pose(text)
+                check(pose)
+                return pose
             except ConfigError as error:
-                console.print(str(error))
+                console.print(f"{error}; measure again, or leave with Ctrl-C: earlier runs are kept")
 
 
 class NoTape:
@@ -50,7 +52,7 @@ class NoTape:
         """Only say what comes."""
         console.print(f"{run}")
 
-    def end(self, run: str) -> Pose:
+    def end(self, run: str, check: Check) -> Pose:
         """Not measured."""
         return Pose(math.nan, math.nan, math.nan)
 
@@ -65,8 +67,8 @@ class _Told:
         console.print(run)
         self._ruler.begin(run)
 
-    def end(self, run: str) -> Pose:
-        return self._ruler.end(run)
+    def end(self, run: str, check: Check) -> Pose:
+        return self._ruler.end(run, check)
 
 
 def demand_terminal(instead: str) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Dict, Iterable, List
 
 import click
 
+from ..address import is_network
 from ..doctor.findings import FAULT, NOTE, Finding, verdict
 from ..errors import ConfigError, MrlError, PortBusy, PortDenied, WrongRobot
 from ..names import Target
@@ -53,12 +54,25 @@ def doctor(target: Target, drives: bool, hands: bool, report: bool, as_json: boo
     if hands and not sys.stdin.isatty():
         raise ConfigError("--sonars asks questions, and there is no terminal to answer from")
     if drives:
-        agree("Are the wheels lifted off the ground?  Each turns forward for 2 s.", yes)
+        drives = _wheels_lifted(yes)
     checkup = Checkup(target, drives, hands, quiet=report or as_json)
     checkup.run()
     _say(checkup, report, as_json)
     if checkup.code:
         sys.exit(checkup.code)
+
+
+def _wheels_lifted(yes: bool) -> bool:
+    """The wheels may turn; without a yes the other checks are run all the same.
+
+    Raises:
+        ConfigError: there is nobody to ask.
+    """
+    try:
+        agree("Are the wheels lifted off the ground?  Each turns forward for 2 s.", yes)
+    except click.Abort:
+        return False
+    return True
 
 
 class Checkup:
@@ -137,7 +151,7 @@ class Checkup:
             "round_trips_ms": [round(each * 1000, 2) for each in seen.round_trips_s],
             "refused_by_board": counts,
         }
-        self._add(board.link(seen))
+        self._add(board.link(seen, by_network=is_network(demand_port(self.target))))
         self._add(board.refusals(counts))
         self._add(board.sonars(_settled_ranges(driver), driver.board))
         if self._drives and driver.model is not None and not isinstance(driver.model.drive, Drive):

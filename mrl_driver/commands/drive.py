@@ -13,7 +13,9 @@ from ..names import Target
 from .monitor import watch_live
 from .shared import (
     FOREVER_S,
+    agree_to_replace,
     battery_option,
+    complain,
     connected,
     fast_option,
     full_screen,
@@ -23,6 +25,7 @@ from .shared import (
     say_json,
     tell_losses,
     warn,
+    yes_option,
 )
 from .text import line, snapshot
 
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
     from ..driver import Driver
 
 TICK_S = 0.05
+ROUNDING = 1e-6
 
 
 @click.command()
@@ -41,6 +45,7 @@ TICK_S = 0.05
 @battery_option
 @record_option
 @fast_option
+@yes_option
 @json_option
 def drive(
     target: Target,
@@ -51,6 +56,7 @@ def drive(
     ignore_battery: bool,
     record: Optional[str],
     fast: bool,
+    yes: bool,
     as_json: bool,
 ) -> None:
     """Drive with the keyboard, or at given speeds for a given time.
@@ -71,13 +77,16 @@ def drive(
             raise ConfigError(f"--for is {seconds}, expected seconds from above 0 to 3600")
     elif as_json or not (sys.stdin.isatty() and full_screen()):
         raise ConfigError("there is no terminal to drive from; give --linear or --angular, and --for SECONDS")
+    agree_to_replace(record, yes)
     if not timed:
         watch_live(target, FOREVER_S, record, ignore_battery, keys_drive=True, fast=fast)
         return
     with connected(target, ignore_battery=ignore_battery, record=record, fast=fast) as driver:
         warn(driver)
         tell_losses(driver)
-        drive_for(driver, linear or 0.0, angular or 0.0, seconds or 0.0, lateral or 0.0)
+        speeds = linear or 0.0, angular or 0.0, lateral or 0.0
+        _tell_limits(driver, *speeds)
+        drive_for(driver, speeds[0], speeds[1], seconds or 0.0, speeds[2])
         if as_json:
             say_json(snapshot(driver))
         else:
@@ -88,6 +97,20 @@ def _demand_finite(**speeds: float) -> None:
     for name, value in speeds.items():
         if not math.isfinite(value):
             raise ConfigError(f"--{name} is {value}, expected a finite number")
+
+
+def _tell_limits(driver: "Driver", linear_m_s: float, angular_rad_s: float, lateral_m_s: float) -> None:
+    """Say what speeds are scaled down to that the robot's model does not allow."""
+    assert driver.model is not None
+    wanted = linear_m_s, angular_rad_s, lateral_m_s
+    kept = (*driver.limited(*wanted), 0.0)[:3]
+    if any(abs(kept[i] - wanted[i]) > ROUNDING for i in range(2 + bool(lateral_m_s))):
+        sideways = f", --lateral {kept[2]:.3g} m/s" if lateral_m_s else ""
+        complain(
+            f"limited to --linear {kept[0]:.3g} m/s, --angular {kept[1]:.3g} rad/s{sideways}: the model "
+            f"{driver.model.name} allows {driver.model.limits.linear_m_s:g} m/s and "
+            f"{driver.model.limits.angular_rad_s:g} rad/s"
+        )
 
 
 def drive_for(

@@ -8,7 +8,9 @@ import click
 
 from ..names import Target
 from .shared import (
+    agree_to_replace,
     battery_option,
+    complain,
     connected,
     demand_port,
     demand_seconds,
@@ -22,6 +24,7 @@ from .shared import (
     seconds_option,
     tell_losses,
     warn,
+    yes_option,
 )
 from .text import line, snapshot
 
@@ -40,6 +43,7 @@ STALL_S = 0.5
 @record_option
 @reconnect_option
 @fast_option
+@yes_option
 @json_option
 def monitor(
     target: Target,
@@ -48,6 +52,7 @@ def monitor(
     record: Optional[str],
     reconnect: bool,
     fast: bool,
+    yes: bool,
     as_json: bool,
 ) -> None:
     """Watch a robot live, and drive it with the keys.
@@ -61,6 +66,7 @@ def monitor(
       mrl monitor --robot lab3 --record drive.mrl
       mrl monitor --robot lab3 --json --seconds 10 > drive.jsonl
     """
+    agree_to_replace(record, yes)
     _watch(target, seconds, record, reconnect, fast, as_json, ignore_battery)
 
 
@@ -69,8 +75,9 @@ def monitor(
 @seconds_option
 @reconnect_option
 @fast_option
+@yes_option
 @click.argument("file", type=click.Path())
-def record(target: Target, seconds: float, reconnect: bool, fast: bool, file: str) -> None:
+def record(target: Target, seconds: float, reconnect: bool, fast: bool, yes: bool, file: str) -> None:
     """Watch a robot, and keep every byte both ways in FILE.
 
     \b
@@ -78,6 +85,7 @@ def record(target: Target, seconds: float, reconnect: bool, fast: bool, file: st
       mrl record --port /dev/ttyACM0 drive.mrl
       mrl replay drive.mrl; mrl plot drive.mrl
     """
+    agree_to_replace(file, yes)
     _watch(target, seconds, file, reconnect, fast)
 
 
@@ -104,13 +112,16 @@ def _watch(
 
 
 def _print_lines(driver: "Driver", seconds: float, as_json: bool) -> None:
-    end_s = time.monotonic() + seconds
+    end_s, told = time.monotonic() + seconds, False
     while time.monotonic() < end_s and not driver.wait(min(LINE_S, max(0.0, end_s - time.monotonic()))):
         if as_json:
             say_json(snapshot(driver))
         else:
             click.echo(line(driver))
         sys.stdout.flush()
+        if not told and driver.recorder is not None and driver.recorder.loss:
+            told = True
+            complain(f"warning: {driver.recorder.loss}")
 
 
 def watch_live(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Callable, Iterator, List, Optional
 import click
 
 from .. import names, robots
-from ..errors import ConfigError
+from ..errors import ConfigError, OutputError
 from ..events import Lost, Reconnected, Slowed
 from ..line_rate import FAST_BAUD, SLOW
 from ..names import Target
@@ -39,7 +39,7 @@ reconnect_option = click.option(
     show_default=True,
     help="Search the robot when its port goes away, or end with exit code 6.",
 )
-yes_option = click.option("--yes", is_flag=True, help="Do not ask.")
+yes_option = click.option("--yes", is_flag=True, help="Answer yes to every question.")
 
 
 class Between(click.FloatRange):
@@ -138,12 +138,13 @@ def demand_port(target: Target) -> str:
 
 @contextlib.contextmanager
 def connected(target: Target, model: Optional["RobotModel"] = None, **options: Any) -> Iterator["Driver"]:
-    """A connected driver with these options; says in the end what a recording lacks.
+    """A connected driver with these options.
 
     `model` replaces the target's.
 
     Raises:
         Interrupted: Ctrl-C, once the robot was stopped.
+        OutputError: all else went well, and the recording lacks something.
     """
     from ..driver import Driver, Options
 
@@ -157,10 +158,12 @@ def connected(target: Target, model: Optional["RobotModel"] = None, **options: A
         raise
     except KeyboardInterrupt:
         raise Interrupted("interrupted; the robot was stopped") from None
-    finally:
-        recorder = driver.recorder
-        if recorder is not None and recorder.lost:
-            complain(f"{recorder.path} lacks {recorder.lost} lines: {recorder.error}")
+    except BaseException:
+        if driver.recorder is not None and driver.recorder.loss:
+            complain(driver.recorder.loss)
+        raise
+    if driver.recorder is not None and driver.recorder.loss:
+        raise OutputError(driver.recorder.loss)
 
 
 def tell_losses(driver: "Driver") -> None:
@@ -211,8 +214,8 @@ def full_screen() -> bool:
     return sys.stdout.isatty() and os.environ.get("TERM") not in ("dumb", "unknown")
 
 
-def agree(question: str, yes: bool) -> None:
-    """Ask, unless `yes`.
+def agree(question: str, yes: bool, otherwise: str = "nothing was changed") -> None:
+    """Ask, unless `yes`; `otherwise` is said after a no.
 
     Raises:
         ConfigError: there is nobody to ask.
@@ -222,8 +225,27 @@ def agree(question: str, yes: bool) -> None:
         return
     if not sys.stdin.isatty():
         raise ConfigError(f"{question} There is no terminal to answer from; give --yes to agree")
-    if not click.confirm(question):
-        raise click.Abort("nothing was changed")
+    if not click.confirm(question, err=True):
+        raise click.Abort(otherwise)
+
+
+def agree_to_move(question: str, yes: bool) -> None:
+    """Ask before motors turn, unless `yes`.
+
+    Raises:
+        ConfigError, click.Abort: as `agree`.
+    """
+    agree(question, yes, "the robot was not moved")
+
+
+def agree_to_replace(record: Optional[str], yes: bool) -> None:
+    """Ask before a recording replaces a file that holds something.
+
+    Raises:
+        ConfigError, click.Abort: as `agree`.
+    """
+    if record is not None and os.path.isfile(record) and os.path.getsize(record):
+        agree(f"{record} is there already. Replace it?", yes)
 
 
 def demand_seconds(seconds: float, option: str = "--seconds") -> None:

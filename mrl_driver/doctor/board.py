@@ -19,6 +19,7 @@ SLOW_S = 0.05
 """A round trip above this is slow: the wire takes 3 ms, a USB adapter up to 16 ms more."""
 LEAST_SHARE = 0.9
 """Of the frames that the stream should bring."""
+_NETWORK = "bring robot and access point closer together, or use a channel with less traffic"
 _PINS = {"front": "A0", "left": "A1", "right": "A2"}
 _ADVICE = {
     "motor_board": "check the OMNI-3MD's power, and its I2C wires on A4 (SDA) and A5 (SCL)",
@@ -150,15 +151,15 @@ def _round_trip_s(driver: "Driver") -> float:
     return time.perf_counter() - start_s
 
 
-def link(seen: Link) -> Iterator[Finding]:
-    """How well the bytes come through."""
+def link(seen: Link, by_network: bool = False) -> Iterator[Finding]:
+    """How well the bytes come through, by cable or network."""
     slow = seen.expected_hz is not None and seen.rate_hz < LEAST_SHARE * seen.expected_hz
     expected = f" of {seen.expected_hz:.0f}" if seen.expected_hz is not None else ""
     yield Finding(
         WARNING if slow else OK,
         "telemetry",
         f"{seen.rate_hz:.0f}{expected} frames/s",
-        "is this computer busy, or a USB hub between?" if slow else "",
+        "" if not slow else _NETWORK if by_network else "is this computer busy, or a USB hub between?",
     )
     damage = sum(seen.garbage.values())
     if seen.lost or damage:
@@ -167,7 +168,7 @@ def link(seen: Link) -> Iterator[Finding]:
             WARNING,
             "damage",
             f"{seen.lost} frames lost, {damage} damaged pieces" + (f" ({kinds})" if kinds else ""),
-            "use a shorter or better USB cable, away from the motor wires",
+            _NETWORK if by_network else "use a shorter or better USB cable, away from the motor wires",
         )
     else:
         yield Finding(OK, "damage", "no frame lost or damaged")
@@ -178,7 +179,11 @@ def link(seen: Link) -> Iterator[Finding]:
         WARNING if middle > SLOW_S else OK,
         "latency",
         f"{middle * 1000:.1f} ms from request to answer, at worst {worst * 1000:.1f} ms",
-        "connect the board directly; is this computer busy?" if middle > SLOW_S else "",
+        ""
+        if middle <= SLOW_S
+        else _NETWORK
+        if by_network
+        else "connect the board directly; is this computer busy?",
     )
 
 

@@ -6,7 +6,7 @@ import os
 import stat
 from typing import Iterator, List
 
-from ..port_facts import ARDUINO_VENDORS, group_of, programs_named, udev_properties, user_of
+from ..port_facts import ARDUINO_VENDORS, group_of, is_terminal, programs_named, udev_properties, user_of
 from ..ports import Port
 from .findings import FAULT, NOTE, OK, WARNING, Finding
 
@@ -82,7 +82,7 @@ def _modem_manager(port: Port) -> Iterator[Finding]:
 
 
 def _use(name: str) -> Iterator[Finding]:
-    holder = user_of(name) if os.path.exists(name) else ""
+    holder = user_of(name) if is_terminal(name) else ""
     if holder:
         yield Finding(FAULT, "in use", f"{name} is in use by {holder}", "end that program, then try again")
 

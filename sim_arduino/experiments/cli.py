@@ -9,6 +9,7 @@ import click
 
 from mrl_driver import pictures
 from mrl_driver.cli import registered
+from mrl_driver.commands.shared import agree_to_move
 from mrl_driver.errors import ConfigError, MrlError
 
 from ..one_line import OneLine
@@ -44,8 +45,13 @@ EXPERIMENTS = {
 WORKERS = 2
 
 
+def _complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
+    """Experiments for the shell."""
+    return [name for name in ("all", *EXPERIMENTS) if name.startswith(incomplete)]
+
+
 @click.command("experiment", cls=OneLine, short_help="Repeat an experiment of the papers.")
-@click.argument("names", nargs=-1, metavar="[NAME|all]...")
+@click.argument("names", nargs=-1, metavar="[NAME|all]...", shell_complete=_complete)
 @click.option("--list", "listed", is_flag=True, help="Say what there is.")
 @click.option(
     "--port", metavar="PORT", help="Drive the robot there, where the experiment can; else emulated ones."
@@ -57,6 +63,7 @@ WORKERS = 2
 @click.option(
     "--seed", default=1, show_default=True, type=click.IntRange(0, 2**31), help="Of everything random."
 )
+@click.option("--yes", is_flag=True, help="Drive the robot on --port without asking.")
 @click.option(
     "--ros/--no-ros",
     default=None,
@@ -69,6 +76,7 @@ def main(
     robot: str,
     out: str,
     seed: int,
+    yes: bool,
     ros: Optional[bool],
 ) -> None:
     """Repeat an experiment of the papers: its figures beside the published ones, and a picture.
@@ -84,6 +92,8 @@ def main(
         return
     chosen = _chosen(names)
     pictures.demand_matplotlib("mrl experiment")
+    if port is not None:
+        agree_to_move(f"The robot on {port} drives by itself ({', '.join(chosen)}). Is the floor free?", yes)
     from rich.console import Console
 
     from .report import save

@@ -59,5 +59,5 @@ def circle(radius: float, colour: str, label: Optional[str]) -> Any:
 def save(made: Any, folder: str, name: str) -> str:
     """Writes the picture; its file's name."""
     file = f"{name}.png"
-    made.savefig(os.path.join(folder, file), dpi=130)
+    pictures.save(made, os.path.join(folder, file), dpi=130)
     return file

@@ -4,7 +4,7 @@ import json
 import os
 from typing import List, NamedTuple, Optional, Sequence, Union
 
-from mrl_driver.errors import ConfigError
+from mrl_driver.files import replace_file
 
 Number = Union[int, float, str]
 
@@ -49,7 +49,7 @@ def save(result: Result, folder: str) -> None:
     """Writes `NAME.json`, and the report of all results that are in the folder.
 
     Raises:
-        ConfigError: the folder cannot be written.
+        OutputError: a file cannot be written.
     """
     data = {
         "title": result.title,
@@ -57,21 +57,8 @@ def save(result: Result, folder: str) -> None:
         "pictures": list(result.pictures),
         "rows": [row._asdict() for row in result.rows],
     }
-    try:
-        _write(os.path.join(folder, f"{result.name}.json"), json.dumps(data, indent=1) + "\n")
-        _write(os.path.join(folder, "report.md"), _report(folder))
-    except OSError as error:
-        raise ConfigError(
-            f"{error.filename}: {error.strerror}, expected a folder that can be written"
-        ) from None
-
-
-def _write(path: str, text: str) -> None:
-    """Whole or not at all."""
-    new = f"{path}.{os.getpid()}.new"
-    with open(new, "w", encoding="utf-8") as file:
-        file.write(text)
-    os.replace(new, path)
+    replace_file(os.path.join(folder, f"{result.name}.json"), json.dumps(data, indent=1) + "\n")
+    replace_file(os.path.join(folder, "report.md"), _report(folder))
 
 
 def read(folder: str, name: str) -> Optional[Result]:

@@ -57,8 +57,9 @@ def _approach(setting: Setting) -> Tuple[Sequence[float], Sequence[float]]:
     with actor(setting, world, sonar=NOISE, footprint="none") as robot:
         driver = robot.driver
         assert driver.model is not None
-        rows = trials.approach_wall(driver, Track(driver), PLAN, Speeds(), lambda _: None)
-        return trials.stands(rows, driver.model.differential, PLAN.start_m)
+        track = Track(driver)
+        trials.approach_wall(driver, track, PLAN.distances(), Speeds(), lambda _: None, lambda _: None)
+        return trials.stands(track.end(), driver.model.differential, PLAN.start_m)
 
 
 def _draw(setting: Setting, counts: Sequence[float], distances: Sequence[float], fit: sonar_curve.Fit) -> str:

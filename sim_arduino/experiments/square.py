@@ -110,7 +110,7 @@ def _laps(robot: Actor, count: int) -> List[Tuple[Run, List[Pose]]]:
     runs: List[Run] = []
     paths: List[List[Pose]] = [[]]
     truth = Truth(lambda: Pose(*robot.true_pose))
-    robot.driver.on_telemetry(lambda _: paths[-1].append(truth.end("")))
+    robot.driver.on_telemetry(lambda _: paths[-1].append(truth.end("", lambda _: None)))
 
     def keep(driven: Run) -> None:
         runs.append(driven)

@@ -81,7 +81,9 @@ def lap_error(lab, model):
         track, ruler = driving.Track(robot), Truth(lab.pose)
         track.begin()
         driving.square(robot, 1.0, False, driving.Speeds())
-        off = errors(robot.model.drive, [Run(driving.steps_of(track.end()), ruler.end(""))])[0]
+        off = errors(robot.model.drive, [Run(driving.steps_of(track.end()), ruler.end("", lambda _: None))])[
+            0
+        ]
         return np.hypot(*off[:2]), abs(off[2])
 
 
@@ -104,11 +106,11 @@ def test_an_interrupted_calibration_goes_on_where_it_was(lab, monkeypatch):
     lab.options = {"error": "slip=0.1"}
     end, calls = Truth.end, []
 
-    def interrupted(self, run):
+    def interrupted(self, run, check):
         calls.append(run)
         if len(calls) == 2:
             raise KeyboardInterrupt
-        return end(self, run)
+        return end(self, run, check)
 
     monkeypatch.setattr(Truth, "end", interrupted)
     turn = ("turn", "--count", 2, "--turns", 1, "--truth", "t", "--yes")
@@ -237,6 +239,47 @@ def test_a_robot_that_was_put_too_near_to_the_wall_does_not_drive_into_it(lab):
     assert lab.pose().x_m == pytest.approx(1.1, abs=END_M)
 
 
+SONAR = ("sonar", "--start", 1.5, "--step", 0.15)
+
+
+def test_an_interrupted_sonar_goes_on_where_it_was(lab, monkeypatch, tmp_path):
+    """Ctrl-C at the fourth distance; the same command begins there, in the middle of the way to the wall."""
+    straight, legs = driving.straight, []
+
+    def interrupted(*args):
+        legs.append(args)
+        if len(legs) == 3:
+            raise KeyboardInterrupt
+        straight(*args)
+
+    monkeypatch.setattr(driving, "straight", interrupted)
+    lab.options = {"pose": "0.4,0,0", "footprint": "box"}
+    code, _, lines = lab.mrl(*SONAR, "--yes")
+    assert code == cli.INTERRUPTED
+    assert "mrl: 3 distances are kept in traxbot-1.sonar.csv; the same command goes on" in lines
+    lab.options = {"pose": "0.85,0,0", "footprint": "box"}
+    code, _, lines = lab.mrl(*SONAR, "--yes")
+    assert code == 0 and lines[0].startswith("3 of 9 distances are there already, in traxbot-1.sonar.csv")
+    assert robots.load("traxbot-1.yaml").board["sonar_a"] == pytest.approx(11767, rel=0.02)
+    assert sorted(os.listdir(tmp_path)) == ["traxbot-1.yaml"]
+
+
+def test_a_sonar_that_was_not_written_down_can_be_without_driving_again(lab, monkeypatch, tmp_path):
+    lab.options = {"pose": "0.4,0,0", "footprint": "box"}
+    monkeypatch.setattr(calibrate_job, "agree_to_move", lambda question, yes: None)
+    assert "Write traxbot-1.yaml?" in lab.refused(*SONAR)
+    assert (tmp_path / "traxbot-1.sonar.csv").exists()
+    monkeypatch.setattr(driving, "straight", None)
+    assert lab.mrl(*SONAR, "--yes")[0] == 0
+
+
+def test_a_sonar_begins_again_with_restart(lab, tmp_path):
+    (tmp_path / "traxbot-1.sonar.csv").write_text("0.2,0.2\n")
+    lab.options = {"pose": "0.4,0,0", "footprint": "box"}
+    code, _, lines = lab.mrl(*SONAR, "--restart", "--yes")
+    assert code == 0 and "1 of 9: 1.50 m" in lines
+
+
 def test_points_of_a_sonar_are_read_from_a_file(lab, tmp_path):
     distances = np.arange(0.2, 2.0, 0.1)
     (tmp_path / "wall.csv").write_text(
@@ -275,6 +318,25 @@ def test_a_person_is_guided_and_asked_again_after_a_slip_of_the_pen(lab, monkeyp
     assert code == 0 and any(line.startswith("got '0.1; 2', expected x y [m]") for line in lines)
     assert len(answers) == 3
     assert robots.load("traxbot-1.yaml").drive.turn_slip == pytest.approx(0.1, abs=5e-3)
+
+
+def test_a_measurement_that_cannot_be_is_asked_for_again(lab, monkeypatch):
+    """Metres for centimetres, in the second run: neither it nor the first has to be driven again."""
+    start, answers = [], []
+
+    def ask(question, **_):
+        if str(question).startswith("Enter"):
+            start[:] = [lab.pose()]
+            return ""
+        answers.append(question)
+        x, y, _ = relative(start[0], lab.pose())
+        return f"{100 * x:.3f} {100 * y:.3f}" if len(answers) == 2 else f"{x:.3f} {y:.3f}"
+
+    monkeypatch.setattr(calibrate_view, "demand_terminal", lambda instead: None)
+    monkeypatch.setattr(calibrate_view.Prompt, "ask", ask)
+    code, _, lines = lab.mrl("straight", "--count", 2, "--distance", 0.5, "--yes")
+    assert code == 0 and len(answers) == 3
+    assert any("m away, expected at most" in line and "; measure again" in line for line in lines)
 
 
 def test_without_a_terminal_nothing_is_asked_and_nothing_moves(lab):

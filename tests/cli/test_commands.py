@@ -1,13 +1,10 @@
 """The command `mrl`: the robot on a port, bad input, signals, keys."""
 
-import contextlib
 import json
 import os
-import pty
 import signal
 import subprocess
 import sys
-import threading
 import time
 
 import click.testing
@@ -16,17 +13,10 @@ import pytest
 from mrl_driver import cli, keyboard
 from mrl_driver.commands import shared, text
 from mrl_driver.recording import Recording
+from tests.waiting import PATIENCE_S, wait_until
 
 from .run import fails, mrl
-
-PATIENCE_S = 30
-
-
-def wait_until(condition):
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline, "it did not happen in time"
-        time.sleep(0.005)
+from .terminal import Terminal
 
 
 def test_info_prints_facts(serve):
@@ -267,39 +257,10 @@ def test_keys(data, keys):
     assert keyboard.split(data) == keys
 
 
-class Terminal:
-    """`mrl drive` on a terminal of its own, which takes what the program shows until `stalled` is set."""
-
-    def __init__(self, path):
-        self.pid, self._fd = pty.fork()
-        if self.pid == 0:
-            os.environ["TERM"] = "xterm"
-            os.execv(sys.executable, [sys.executable, "-m", "mrl_driver", "drive", "--port", path])
-        self.seen = bytearray()
-        self.stalled = threading.Event()
-        threading.Thread(target=self._drain, daemon=True).start()
-
-    def _drain(self):
-        with contextlib.suppress(OSError):
-            while not self.stalled.is_set():
-                self.seen += os.read(self._fd, 65536)
-
-    def press(self, keys):
-        os.write(self._fd, keys)
-
-    def end(self, number=0):
-        """Wait for the end, after a signal if need be; the status."""
-        if number:
-            os.kill(self.pid, number)
-        _, status = os.waitpid(self.pid, 0)
-        os.close(self._fd)
-        return status
-
-
 def test_driving_with_the_keyboard(serve):
     """A whole session: a key that is let go of stops the robot."""
     port = serve()
-    terminal = Terminal(port.path)
+    terminal = Terminal("drive", "--port", port.path)
     try:
         wait_until(lambda: b"asked" in terminal.seen)
         terminal.press(b"\x1b[A")
@@ -315,7 +276,7 @@ def test_driving_with_the_keyboard(serve):
 def test_a_terminal_that_takes_no_more_output_stops_the_robot(serve):
     """Ctrl-S, or a connection that hangs: the view waits, and nobody knows whether the key is still held."""
     port = serve()
-    terminal = Terminal(port.path)
+    terminal = Terminal("drive", "--port", port.path)
     try:
         wait_until(lambda: b"asked" in terminal.seen)
         terminal.press(b"\x1b[A")

@@ -8,7 +8,7 @@ from unittest import mock
 import pytest
 from click.testing import CliRunner
 
-from mrl_driver.errors import ConfigError, LinkLost
+from mrl_driver.errors import ConfigError, LinkLost, OutputError
 from mrl_driver.odometry import Pose
 from mrl_driver.robots import load
 from sim_arduino.experiments import cli, report, step_test, workers
@@ -77,6 +77,13 @@ def test_missing_matplotlib_is_said_before_anything_is_driven(tmp_path, monkeypa
     assert "pip install" in result.output and not list(tmp_path.iterdir())
 
 
+def test_figures_that_cannot_be_written_are_named(tmp_path):
+    """The name of the file, also where the error of the system has none, as on a full disk."""
+    (tmp_path / "power.json").mkdir()
+    with pytest.raises(OutputError, match=f"{tmp_path}/power.json cannot be written: Is a directory"):
+        report.save(report.Result("power", "Circles", []), str(tmp_path))
+
+
 def test_figures_and_picture_are_named(tmp_path):
     result = run("sonar-calibration", "--out", str(tmp_path))
     assert result.exit_code == 0, result.output
@@ -88,7 +95,7 @@ def test_figures_and_picture_are_named(tmp_path):
 
 def test_a_real_robot_is_driven_by_this_process(started, tmp_path):
     """So that a signal which ends it stops the robot too."""
-    assert run("square", "--port", "/dev/ttyACM0", "--out", str(tmp_path)).exit_code == 0
+    assert run("square", "--port", "/dev/ttyACM0", "--yes", "--out", str(tmp_path)).exit_code == 0
     assert started == [("square", os.getpid())]
 
 

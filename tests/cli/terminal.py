@@ -1,0 +1,65 @@
+"""`mrl` as a process: on a terminal of its own, or where no file may grow any more."""
+
+import contextlib
+import os
+import pty
+import subprocess
+import sys
+import threading
+
+from tests.waiting import PATIENCE_S, wait_until
+
+MRL = [sys.executable, "-m", "mrl_driver"]
+_FULL = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, ({0}, {0})); "
+
+
+class Terminal:
+    """A command on a terminal, which takes what it shows until `stalled` is set."""
+
+    def __init__(self, *args, folder="."):
+        self.pid, self._fd = pty.fork()
+        if self.pid == 0:
+            os.environ["TERM"] = "xterm"
+            os.chdir(folder)
+            os.execv(sys.executable, [*MRL, *map(str, args)])
+        self.seen = bytearray()
+        self.stalled = threading.Event()
+        self._reader = threading.Thread(target=self._drain, daemon=True)
+        self._reader.start()
+
+    def _drain(self):
+        with contextlib.suppress(OSError):
+            while not self.stalled.is_set():
+                self.seen += os.read(self._fd, 65536)
+
+    def press(self, keys):
+        os.write(self._fd, keys)
+
+    def answer(self, question, words):
+        """Wait for a question, and type an answer."""
+        wait_until(lambda: question.encode() in self.seen, what=f"{question!r} in {bytes(self.seen)!r}")
+        self.press(words.encode() + b"\n")
+
+    def end(self, number=0):
+        """Wait for the end, after a signal if need be; the exit code, negative for a signal's."""
+        if number:
+            os.kill(self.pid, number)
+        _, status = os.waitpid(self.pid, 0)
+        if not self.stalled.is_set():
+            self._reader.join(PATIENCE_S)
+        os.close(self._fd)
+        return os.WEXITSTATUS(status) if os.WIFEXITED(status) else -os.WTERMSIG(status)
+
+
+def on_a_full_disk(most_bytes, module, *args, folder="."):
+    """Run a command whose files cannot grow beyond so many bytes; it as `subprocess.run` has it."""
+    code = _FULL.format(most_bytes)
+    code += f"sys.argv[0] = {module!r}; import runpy; runpy.run_module({module!r}, run_name='__main__')"
+    return subprocess.run(
+        [sys.executable, "-c", code, *map(str, args)],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )

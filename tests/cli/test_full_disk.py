@@ -1,0 +1,89 @@
+"""A disk that is full: what was there stays, and what is missing is said, with exit code 15."""
+
+import os
+
+import pytest
+
+from mrl_driver import names, pictures
+from mrl_driver.errors import OutputError
+from mrl_driver.files import replace_file
+from mrl_driver.names import Target
+
+from .run import mrl
+from .terminal import Terminal, on_a_full_disk
+from .test_plot import recorded  # noqa: F401
+
+FULL = OutputError.exit_code
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("record", "--seconds", "1.2", "/dev/full"),
+        ("monitor", "--seconds", "1.2", "--record", "/dev/full"),
+        ("drive", "--linear", "0.1", "--for", "0.6", "--record", "/dev/full"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_recording_that_lacks_lines_has_its_exit_code(serve, command):
+    done = mrl(*command, "--port", serve().path)
+    assert done.returncode == FULL
+    assert "mrl: /dev/full lacks " in done.stderr and "No space left on device" in done.stderr
+
+
+def test_the_live_view_says_that_the_recording_is_incomplete(serve):
+    terminal = Terminal("record", "--port", serve().path, "/dev/full")
+    try:
+        terminal.answer("INCOMPLETE", "q")
+        terminal.answer("No space left on device", "q")
+    finally:
+        code = terminal.end()
+    assert code == FULL
+
+
+def test_an_old_picture_stays(recorded):  # noqa: F811
+    picture = recorded.with_suffix(".png")
+    picture.write_bytes(b"old")
+    done = on_a_full_disk(4096, "mrl_driver", "plot", recorded)
+    assert done.returncode == FULL and done.stderr.count("\n") == 1, done.stderr
+    assert f"{picture} cannot be written: File too large; nothing was changed" in done.stderr
+    assert picture.read_bytes() == b"old" and not list(recorded.parent.glob("*.new"))
+
+
+@pytest.mark.parametrize("ending", pictures.ENDINGS)
+def test_each_kind_of_picture_is_what_its_name_says(tmp_path, ending):
+    file = tmp_path / f"empty{ending}"
+    pictures.save(pictures.figure(2, 2), str(file))
+    assert file.read_bytes()[:5] == {".png": b"\x89PNG\r", ".pdf": b"%PDF-", ".svg": b"<?xml"}[ending]
+
+
+def test_names_stay():
+    names.write({"lab3": Target("/dev/ttyACM0")})
+    done = on_a_full_disk(16, "mrl_driver", "names", "add", "lab4", "--port", "/dev/ttyACM1")
+    assert done.returncode == FULL and list(names.read()) == ["lab3"]
+
+
+# -- files that are replaced
+
+
+def test_a_link_stays_a_link(tmp_path):
+    (tmp_path / "real.yaml").write_text("old")
+    (tmp_path / "link.yaml").symlink_to("real.yaml")
+    replace_file(str(tmp_path / "link.yaml"), "new")
+    assert (tmp_path / "link.yaml").is_symlink() and (tmp_path / "real.yaml").read_text() == "new"
+
+
+def test_permissions_stay(tmp_path):
+    path = tmp_path / "robot.yaml"
+    path.write_text("old")
+    path.chmod(0o640)
+    replace_file(str(path), "new")
+    assert path.stat().st_mode & 0o777 == 0o640
+
+
+def test_a_failure_leaves_the_old_file_alone(tmp_path):
+    folder = tmp_path / "robot.yaml"
+    folder.mkdir()
+    with pytest.raises(OutputError, match="nothing was changed"):
+        replace_file(str(folder), "new")
+    assert os.listdir(tmp_path) == ["robot.yaml"]
