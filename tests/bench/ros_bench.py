@@ -1,5 +1,6 @@
 """The parts of `bench_ros`: master, feeder, node or reference, and this process as subscriber."""
 
+import itertools
 import json
 import os
 import signal
@@ -100,12 +101,12 @@ class Feeder:
 class Bench:
     """A feeder with a node, or the reference, on each of its boards, and subscribers."""
 
-    _count = 0
+    numbers = itertools.count(1)
 
     def __init__(self, program: List[str], boards: int = 1, full: bool = False, hz: float = 50.0) -> None:
-        Bench._count += 1
+        number = next(self.numbers)
         self.feeder = Feeder(boards)
-        self.spaces = [f"/bench{Bench._count}_{i}" for i in range(boards)]
+        self.spaces = [f"/bench{number}_{i}" for i in range(boards)]
         self.arrived: List[List[Tuple[float, float]]] = [[] for _ in range(boards)]
         self.feeder.rate(hz)
         self.nodes = [

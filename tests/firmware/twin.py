@@ -1,5 +1,6 @@
 """The firmware's decoder behind the interface of the Python one."""
 
+import functools
 from typing import Any, List
 
 from mrl_driver.codec import Event, Frame, Garbage
@@ -9,14 +10,17 @@ from tests.firmware.pc_board import SONARS, load
 FRAME, GARBAGE = 1, 2
 
 
+@functools.lru_cache(maxsize=None)
+def shared() -> Any:
+    """The library that all decoders use, one after the other."""
+    return load(SONARS)
+
+
 class TwinDecoder:
     """Feeds the C++ decoder and gives its events, garbage with the bytes that it counted."""
 
-    _native: Any = None
-
     def __init__(self, checked: bool = False) -> None:
-        if TwinDecoder._native is None:
-            TwinDecoder._native = load(SONARS)
+        self._native = shared()
         self._native.pc_decoder_start(int(checked))
         self._seen = bytearray()
 

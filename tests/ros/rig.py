@@ -1,5 +1,6 @@
 """A bench for nodes: emulated boards and nodes as processes, a tap on the wire, topics as lists."""
 
+import itertools
 import os
 import pty
 import select
@@ -147,11 +148,10 @@ def end(child: Child) -> None:
 class Rig:
     """Starts parts and ends them all; topics of each rig have a namespace of their own."""
 
-    _count = 0
+    numbers = itertools.count(1)
 
     def __init__(self, folder: Path, env: Dict[str, str]) -> None:
-        Rig._count += 1
-        self.ns = f"/rig_{os.getpid()}_{Rig._count}"
+        self.ns = f"/rig_{os.getpid()}_{next(self.numbers)}"
         self.name = self.ns.strip("/")
         self._folder, self.env = folder, env
         self._ends: List[Callable[[], None]] = []

@@ -13,7 +13,7 @@ import pytest
 import roslaunch
 import rospkg
 from nav_msgs.msg import Odometry
-from roslaunch import arg_dump, substitution_args
+from roslaunch import arg_dump
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
@@ -73,7 +73,6 @@ def packages(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         for name, value in own.items():
             patch.setenv(name, value)
-        patch.setattr(substitution_args, "_rospack", None)
         yield {**os.environ}
 
 

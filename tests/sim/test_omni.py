@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from mrl_driver import robots
 from mrl_driver.errors import ConfigError
+from sim_arduino.motor import Mode
 from sim_arduino.omni import shares_for, twist_of
 from sim_arduino.omni3md import Omni3MD
 from sim_arduino.plant import Plant
@@ -75,10 +76,16 @@ def test_rotation_alone_stays_in_place():
 
 def test_turning_while_moving_is_an_arc():
     """Steady speeds: the chord of the arc that the way and the turn make."""
-    plant = omni()
-    robot = plant.robot
-    robot._roll(*(way * 0.3 for way in shares_for(0.5, 0.5, 0.0)), 1.0)
-    forward, _, turn = twist_of([way * 0.3 for way in shares_for(0.5, 0.5, 0.0)], 0.09)
+    robot = omni().robot
+    robot.params = robot.params._replace(rest_curve=((0.0, 1.0), (1.0, 1.0)), resistance_ohm=0.0)
+    ways_m = [share * 0.3 for share in shares_for(0.5, 0.5, 0.0)]
+    for motor, way_m in zip(robot.motors, ways_m):
+        motor.params = motor.params._replace(friction_counts_s=0.0)
+        motor.mode, motor.speed = Mode.DUTY, way_m / robot.params.left_m_per_count
+        motor.duty = motor.speed / motor.params.no_load_counts_s * motor.params.nominal_v
+    robot.state.battery_v = 1.0
+    robot.step(1.0)
+    forward, _, turn = twist_of(ways_m, 0.09)
     assert math.hypot(robot.state.x_m, robot.state.y_m) == pytest.approx(
         abs(forward / turn * 2 * math.sin(turn / 2))
     )
