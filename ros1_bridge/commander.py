@@ -178,14 +178,7 @@ class Commander:
         before = self._now
         if not any(before) or self._driver.command is None:  # stopped meanwhile, by whatever
             before, dt_s = (0.0,) * len(wanted), FIRST_STEP_S
-        rise = limits.linear_acceleration_m_s2 * dt_s
-        angular = approached(before[1], wanted[1], limits.angular_acceleration_rad_s2 * dt_s)
-        if len(wanted) == 3:
-            plane = (before[0], before[2] if len(before) == 3 else 0.0)
-            linear, lateral = approached_in_plane(plane, wanted[0::2], rise)
-            speeds: Speeds = (linear, angular, lateral)
-        else:
-            speeds = (approached(before[0], wanted[0], rise), angular)
+        speeds = ramped(before, wanted, limits, dt_s)
         self._now = speeds
         if self._driver.drive(*speeds):
             return True
@@ -207,25 +200,40 @@ class Commander:
         return forward, angular, left
 
 
-def approached(speed: float, target: float, rise: float) -> float:
-    """The speed that follows `speed` on the way to `target`: faster by at most `rise`, slower at once."""
-    if speed * target < 0:
-        speed = 0.0
-    if abs(target) <= abs(speed) + rise:
-        return target
-    if target > 0:
-        return speed + rise
-    return speed - rise if target < 0 else target  # NaN is for the driver to refuse
+def ramped(before: Speeds, wanted: Speeds, limits: Limits, dt_s: float) -> Speeds:
+    """The speeds that follow `before` on the way to `wanted`.
+
+    Slowing down takes effect at once, and so does the direction of a slide.  What speeds up, way and turn, makes up the
+    same share of its difference, so that a robot at rest follows the commanded arc from the start; the acceleration
+    limits decide how much.
+    """
+    plane, turn = wanted[0::2], wanted[1:2]
+    plane_base, turn_base = _kept(before[0::2], plane), _kept(before[1:2], turn)
+    share = min(
+        _share(plane_base, plane, limits.linear_acceleration_m_s2 * dt_s),
+        _share(turn_base, turn, limits.angular_acceleration_rad_s2 * dt_s),
+    )
+    linear, *lateral = _part(plane_base, plane, share)
+    return (linear, *_part(turn_base, turn, share), *lateral)
 
 
-def approached_in_plane(speed: Speeds, target: Speeds, rise: float) -> Speeds:
-    """`approached` for a velocity, forward and to the left; its direction is the target's at once."""
-    along = speed[0] * target[0] + speed[1] * target[1]
-    before, wanted = math.hypot(*speed) if along >= 0 else 0.0, math.hypot(*target)
-    if wanted <= before + rise:
-        return target
-    share = (before + rise) / wanted
-    return target[0] * share, target[1] * share
+def _kept(before: Speeds, wanted: Speeds) -> float:
+    """How much of a speed goes on: none the other way, and no more than is wanted."""
+    along = sum(one * other for one, other in zip(before, wanted))
+    return min(math.hypot(*wanted), math.hypot(*before) if along > 0 else 0.0)
+
+
+def _share(base: float, wanted: Speeds, rise: float) -> float:
+    """How much of the difference may be made up now, 0 to 1."""
+    excess = math.hypot(*wanted) - base
+    return rise / excess if excess > rise else 1.0
+
+
+def _part(base: float, wanted: Speeds, share: float) -> Speeds:
+    goal = math.hypot(*wanted)
+    if share == 1.0 or goal == base:
+        return wanted
+    return tuple(speed * (base + share * (goal - base)) / goal for speed in wanted)
 
 
 def scaled(linear_m_s: float, angular_rad_s: float, limits: Limits, *lateral_m_s: float) -> Speeds:

@@ -10,7 +10,7 @@ from mrl_driver.errors import LinkLost
 from mrl_driver.robots import Limits
 from ros1_bridge import commander as module
 from ros1_bridge import reconfigure
-from ros1_bridge.commander import Commander, approached, lowered
+from ros1_bridge.commander import Commander, lowered, ramped
 
 LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
 REQUESTED = dict(zip(reconfigure.LIMITS, (0.1, 0.5, 0.05, 0.2)))
@@ -115,9 +115,9 @@ def test_limit_that_is_no_number_stays_as_it_was(name):
 
 
 @given(st.floats(-1, 1), st.floats(0.001, 1))
-def test_speed_approaches_no_number_by_becoming_none(speed, rise):
+def test_speed_approaches_no_number_by_becoming_none(speed, dt_s):
     """Which the driver refuses."""
-    assert math.isnan(approached(speed, math.nan, rise))
+    assert math.isnan(ramped((speed, 0.0), (math.nan, 0.0), LIMITS, dt_s)[0])
 
 
 def test_robot_stops_when_commands_end(bench):
@@ -284,13 +284,44 @@ def test_limits_are_lowered_never_raised():
     assert lowered(LIMITS, 0.1, 5.0, 0.0, 0.5) == Limits(0.1, 1.0, 0.2, 0.5)
 
 
-@given(SPEEDS, SPEEDS, st.floats(0, 0.5))
-def test_step_never_overshoots_and_never_delays_a_stop(speed, target, rise):
-    after = approached(speed, target, rise)
-    assert abs(after) <= max(abs(speed), abs(target)) + 1e-12
-    assert abs(after) <= abs(speed) + rise + 1e-12 or after == target and abs(target) <= abs(speed) + rise
-    if target == 0:
-        assert after == 0
+@given(st.tuples(SPEEDS, SPEEDS), st.tuples(SPEEDS, SPEEDS), st.floats(0, 0.5))
+def test_step_never_overshoots_and_never_delays_a_stop(before, wanted, dt_s):
+    rises = (dt_s * LIMITS.linear_acceleration_m_s2, dt_s * LIMITS.angular_acceleration_rad_s2)
+    for after, speed, target, rise in zip(ramped(before, wanted, LIMITS, dt_s), before, wanted, rises):
+        assert abs(after) <= abs(target) + 1e-12 and after * target >= 0
+        assert abs(after) <= max(0.0, math.copysign(speed, speed * target)) + rise + 1e-12 or after == target
+        assert abs(target) > abs(speed) or speed * target <= 0 or after == target
+
+
+@given(SPEEDS, SPEEDS)
+def test_robot_at_rest_speeds_up_on_the_commanded_arc(linear, angular):
+    bench = Bench()
+    bench.commander.drive(linear, angular)
+    for _ in range(100):
+        forward, turn = bench.driver.command
+        assert forward * angular == pytest.approx(turn * linear, abs=1e-9)
+        bench.now_s += FRAME_S
+        bench.commander.drive(linear, angular)
+
+
+def test_slower_of_way_and_turn_decides_how_long_speeding_up_takes(bench):
+    """0.3 m/s at 0.2 m/s2 take 1.5 s, and so does 0.5 rad/s, for which 0.5 s would do."""
+    bench.run(0.75, 0.3, 0.5)
+    assert bench.driver.command == (pytest.approx(0.15, abs=0.01), pytest.approx(0.25, abs=0.02))
+    bench.run(0.77, 0.3, 0.5)
+    assert bench.driver.command == (0.3, 0.5)
+
+
+def test_curve_does_not_slow_a_robot_that_drives_straight(bench):
+    bench.run(1.6, 0.3)
+    bench.run(FRAME_S, 0.3, 0.5)
+    assert bench.driver.command == (0.3, pytest.approx(FRAME_S))
+
+
+def test_slowing_down_into_a_curve_is_not_delayed(bench):
+    bench.run(1.6, 0.3)
+    bench.run(FRAME_S, 0.1, 0.5)
+    assert bench.driver.command == (0.1, pytest.approx(FRAME_S))
 
 
 # ---- robots that move sideways

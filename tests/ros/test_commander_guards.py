@@ -1,0 +1,157 @@
+"""What keeps the commander's and the zones' state whole: one caller at a time, and each cause of a standstill told."""
+
+import threading
+from types import SimpleNamespace
+
+import pytest
+
+from mrl_driver import robots
+from mrl_driver.robots import Limits
+from mrl_driver.zones import Scan, Settings, Zones
+from ros1_bridge import commander as module
+from ros1_bridge.commander import Commander, scaled
+
+LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
+ENTERED_S = 0.1
+"""A call that need not wait is over long before."""
+
+
+class Intruder:
+    """Runs a call on another thread while the first one is inside, and notes whether it had to wait."""
+
+    def __init__(self, call):
+        self._call, self._thread = call, None
+        self.waited = None
+
+    def enter(self):
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._call, daemon=True)
+            self._thread.start()
+            self._thread.join(ENTERED_S)
+            self.waited = self._thread.is_alive()
+
+    def end(self):
+        self._thread.join()
+
+
+class Driver:
+    """Lets the intruder in while it is busy with a command."""
+
+    def __init__(self):
+        self.command, self.ready, self.battery_state, self.mismatch = None, True, "ok", None
+        self.stop_reason = "none"
+        self.intruder = None
+
+    def drive(self, *speeds):
+        if self.intruder is not None:
+            self.intruder.enter()
+        self.command = speeds
+        return True
+
+    def stop(self):
+        self.command = None
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda commander: commander.drive(0.1, 0.0),
+        lambda commander: commander.tick(),
+        lambda commander: commander.stop(),
+        lambda commander: commander.latch(),
+        lambda commander: commander.release(),
+        lambda commander: commander.enable(False),
+        lambda commander: commander.dropped,
+    ],
+    ids=["drive", "tick", "stop", "latch", "release", "enable", "dropped"],
+)
+def test_commander_serves_one_caller_at_a_time(call):
+    driver = Driver()
+    commander = Commander(driver, LIMITS, 0.5)
+    intruder = driver.intruder = Intruder(lambda: call(commander))
+    commander.drive(0.2, 0.0)
+    intruder.end()
+    assert intruder.waited
+
+
+class Slow(Settings):
+    """Lets the intruder in while the zones are busy with a speed."""
+
+    intruder = None
+
+    def growth_m(self, speed_m_s):
+        if Slow.intruder is not None:
+            Slow.intruder.enter()
+        return super().growth_m(speed_m_s)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda zones: zones.on_scan(Scan((1.0,), 0.0, 0.1, 0.05, (0.1, 0.0, 0.0)), 1.0),
+        lambda zones: zones.on_range("front", 1.0, 1.0),
+        lambda zones: zones.moved(0.1, 1.0),
+        lambda zones: zones.limit(0.1, 1.0),
+    ],
+    ids=["on_scan", "on_range", "moved", "limit"],
+)
+def test_zones_serve_one_caller_at_a_time(monkeypatch, call):
+    model = robots.load("traxbot")
+    zones = Zones(Slow(), model.body, model.sonars, laser=True)
+    intruder = Intruder(lambda: call(zones))
+    monkeypatch.setattr(Slow, "intruder", intruder)
+    zones.limit(0.2, 1.0)
+    intruder.end()
+    assert intruder.waited
+
+
+@pytest.mark.parametrize(
+    "command, moving", [(None, False), ((0.0, 0.0), False), ((0.1, 0.0), True), ((0.0, 0.2), True)]
+)
+def test_robot_moves_where_a_command_other_than_standstill_is_in_force(command, moving):
+    commander = Commander(SimpleNamespace(command=command), LIMITS, 0.5)
+    assert commander.moving is moving
+
+
+def test_disabled_motors_are_named_as_the_cause():
+    commander = Commander(Driver(), LIMITS, 0.5)
+    commander.enable(False)
+    assert commander.stopped_by == module.DISABLED and "enable_motors" in commander.refusal()
+
+
+def test_emergency_stop_comes_before_disabled_motors():
+    commander = Commander(Driver(), LIMITS, 0.5)
+    commander.enable(False)
+    commander.latch()
+    assert commander.stopped_by == module.EMERGENCY
+
+
+@pytest.mark.parametrize(
+    "cause, told, stopped_by",
+    [
+        (module.NONE, "none", module.NONE),
+        (module.NONE, "user", module.NONE),
+        (module.NONE, "link_watchdog", "link watchdog"),
+        (module.NOT_FINITE, "user", module.NOT_FINITE),
+        (module.NOT_FINITE, "link_watchdog", module.NOT_FINITE),
+    ],
+)
+def test_own_cause_of_a_stop_comes_before_the_drivers(cause, told, stopped_by):
+    driver = Driver()
+    commander = Commander(driver, LIMITS, 0.5)
+    commander.stop(cause)
+    driver.stop_reason = told
+    assert commander.stopped_by == stopped_by
+
+
+@pytest.mark.parametrize(
+    "wanted, speeds",
+    [
+        ((0.1, 2.0), (0.05, 1.0)),
+        ((0.6, 0.5), (0.3, 0.25)),
+        ((0.3, 1.0), (0.3, 1.0)),
+        ((-0.6, 0.0), (-0.3, 0.0)),
+    ],
+)
+def test_either_speed_beyond_its_limit_scales_both(wanted, speeds):
+    assert scaled(*wanted, LIMITS) == pytest.approx(speeds)

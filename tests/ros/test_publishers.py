@@ -1,0 +1,97 @@
+"""What a frame becomes on the topics: a stand-in for rospy's publishers keeps what it is sent."""
+
+import math
+from types import SimpleNamespace
+
+import pytest
+from genpy import Time
+
+from mrl_driver import robots
+from mrl_driver.odometry import Pose, Twist, Wheels
+from mrl_driver.state import Telemetry
+from ros1_bridge import messages
+from ros1_bridge.parameters import check
+from ros1_bridge.publishers import Publishers
+
+MODEL = robots.load("traxbot")
+WHEEL_RADIUS_M = 0.039
+COUNTS_A_TURN = 2796.8
+STAMP = Time(5, 0)
+
+
+class Topics(dict):
+    """Publishers by topic; those of `heard` have somebody who subscribes."""
+
+    def __init__(self, *heard):
+        super().__init__()
+        self._heard = heard
+
+    def __call__(self, topic, kind, **options):
+        made = self[topic] = SimpleNamespace(kind=kind, options=options, sent=[])
+        to = SimpleNamespace(
+            socket=None, write_data=lambda data: made.sent.append(kind().deserialize(data[4:]))
+        )
+        connections = [to] if topic in self._heard else []
+        made.impl = SimpleNamespace(connections=connections, add_subscriber_listener=lambda _: None)
+        made.publish = made.sent.append
+        return made
+
+
+def published(*heard, fresh=(), yaw_rad=0.0, twist=Twist(0.0, 0.0), counts=Wheels(0, 0)):  # noqa: B008
+    """Topics after one frame."""
+    topics = Topics(*heard)
+    out = Publishers(topics, OSError, check({"port": "p"}, "node"), MODEL, clock=lambda: 100.0)
+    out.sonars(STAMP)
+    ranges = {"front": 1.5, "left": 2.5, "right": 3.5}
+    out.telemetry(Telemetry(50.0, 50.0, Pose(1.0, 2.0, yaw_rad), twist, ranges, fresh, counts, 1))
+    return topics
+
+
+def test_wheels_turn_as_fast_as_the_robot_moves():
+    """Straight ahead each by the speed over its radius."""
+    (joints,) = published("joint_states", twist=Twist(0.2, 0.0))["joint_states"].sent
+    assert joints.velocity == pytest.approx([0.2 / WHEEL_RADIUS_M] * 2, rel=2e-3)
+
+
+def test_wheels_turn_by_their_counts():
+    counts = Wheels(round(COUNTS_A_TURN), -round(COUNTS_A_TURN / 2))
+    (joints,) = published("joint_states", counts=counts)["joint_states"].sent
+    assert joints.position == pytest.approx([2 * math.pi, -math.pi], rel=2e-3)
+
+
+def test_places_of_the_sonars_are_latched():
+    assert published()["/tf_static"].options["latch"] is True
+
+
+@pytest.mark.parametrize("yaw_rad", [math.pi / 2, -1.0])
+@pytest.mark.parametrize("topic", ["odom", "/tf"])
+def test_orientation_is_the_yaw(topic, yaw_rad):
+    (message,) = published(topic, yaw_rad=yaw_rad)[topic].sent
+    turn = message.pose.pose.orientation if topic == "odom" else message.transforms[0].transform.rotation
+    assert 2 * math.atan2(turn.z, turn.w) == pytest.approx(yaw_rad)
+
+
+def test_new_range_is_published_though_nobody_hears_the_joints():
+    topics = published("sonar/front", fresh=("front",))
+    assert [message.range for message in topics["sonar/front"].sent] == [1.5]
+
+
+def test_joints_are_published_though_no_range_is_new():
+    assert len(published("joint_states")["joint_states"].sent) == 1
+
+
+def test_range_that_is_not_new_is_not_published_again():
+    assert published("sonar/front", "sonar/left", fresh=("left",))["sonar/front"].sent == []
+
+
+def test_joints_carry_angles_and_rates():
+    message = messages.new_joints()
+    messages.fill_joints(message, STAMP, [1.0, 2.0], [3.0, 4.0])
+    assert (message.header.stamp, message.position, message.velocity) == (STAMP, [1.0, 2.0], [3.0, 4.0])
+
+
+@pytest.mark.parametrize("volts, present", [(0.0, False), (0.99, False), (1.0, True), (12.0, True)])
+def test_battery_is_present_when_motor_power_is_on(volts, present):
+    message = messages.new_battery("base_link", MODEL.battery)
+    messages.fill_battery(message, STAMP, volts, MODEL.battery)
+    assert message.present is present
