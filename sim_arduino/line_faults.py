@@ -11,6 +11,7 @@ from typing import Deque, Iterator, List, Tuple
 
 LINE_BAUD = 115200
 _FLOOD_STEP_S = 0.01
+_NEIGHBOUR_S = 0.01
 
 
 class _Hits:
@@ -92,18 +93,34 @@ class Flip(Change):
         super().__init__(rng, rate, bits=True)
 
 
-class Swap(_Instant):
-    """Neighbours that change places; a byte at the end of a piece has none."""
+class Swap:
+    """Bytes that change places with the next one; one that none follows for 10 ms keeps its place."""
 
     def __init__(self, rng: random.Random, rate: float) -> None:
         self._hits = _Hits(rng, rate)
+        self._held = b""
+        self.next_s = math.inf
 
     def run(self, data: bytes, now_s: float) -> bytes:
         """The bytes with the swaps."""
-        out = bytearray(data)
-        for i in self._hits.among(len(data)):
-            out[i : i + 2] = out[i : i + 2][::-1]
+        out = bytearray(self.empty() if now_s >= self.next_s else b"")
+        hits = set(self._hits.among(len(data)))
+        for i in range(len(data)):
+            later = self._held
+            if later:
+                out += data[i : i + 1]
+            else:
+                later = data[i : i + 1]
+            self._held = later if i in hits else b""
+            out += b"" if self._held else later
+        if data:
+            self.next_s = now_s + _NEIGHBOUR_S if self._held else math.inf
         return bytes(out)
+
+    def empty(self) -> bytes:
+        """The byte that waits for the next one."""
+        held, self._held, self.next_s = self._held, b"", math.inf
+        return held
 
 
 class _Holding:

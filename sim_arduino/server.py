@@ -14,7 +14,6 @@ from .control import Control
 from .engine import Engine
 from .plant import Plant
 from .port import USUAL_BAUD, Port
-from .wire import IN_BYTE_S
 
 HEARTBEAT_S = 0.1
 """Longest wait; a longer pause than asked for is a stall of this process."""
@@ -22,6 +21,7 @@ STALL_S = 0.25
 TRUTH_PERIOD_S = 0.05
 SLOWEST, FASTEST = 0.01, 1000.0
 _PACKET_BYTES, _PACKET_S = 64, 0.002
+_BYTE_BITS = 10
 _LINE_AHEAD_S = 0.002
 """How far the host's bytes may run ahead of the line before they are left in the pty."""
 
@@ -177,7 +177,7 @@ class PtyServer:
         if data:
             self._advance()
             self._engine.receive(data)
-            self._line_free_s = max(self._line_free_s, self._now_s) + len(data) * IN_BYTE_S
+            self._line_free_s = max(self._line_free_s, self._now_s) + len(data) * _BYTE_BITS / self._baud
             self._note("host", data)
 
     def _advance(self) -> None:

@@ -18,7 +18,7 @@ from sim_arduino.faults import FaultyEngine
 from sim_arduino.plant import Plant
 
 PLENTY = bytes(range(256)) * 400
-INSTANT = ("loss", "flip", "change", "repeat")
+INSTANT = ("loss", "flip", "change", "repeat", "swap")
 
 
 class Echo:
@@ -78,10 +78,22 @@ def test_a_changed_byte_differs():
     assert all(a != b for a, b in zip(PLENTY, out))
 
 
-def test_swapped_neighbours():
-    out = make("swap", rate=1.0).run(b"ab", 0.0)
-    assert sorted(out) == sorted(b"ab")
-    assert sorted(make("swap", rate=0.1).run(PLENTY, 0.0)) == sorted(PLENTY)
+def test_a_swapped_byte_comes_after_its_neighbour():
+    """At the full rate the first byte changes places with each that follows."""
+    fault = make("swap", rate=1.0)
+    assert fault.run(b"abcd", 0.0) + fault.empty() == b"bcda"
+
+
+def test_a_swapped_byte_without_a_neighbour_comes_by_itself_after_10_ms():
+    engine = FaultyEngine(Echo(), ["swap:rate=1,direction=to_host"])
+    engine.receive(b"ab")
+    assert passed(engine, [0.0, 0.009, 0.011]) == [b"b", b"", b"a"]
+
+
+def test_swaps_lose_no_byte():
+    fault = make("swap", rate=0.1)
+    out = fault.run(PLENTY, 0.0) + fault.empty()
+    assert sorted(out) == sorted(PLENTY) and out != PLENTY
 
 
 def test_a_repeated_frame_comes_whole_and_twice():
@@ -94,9 +106,9 @@ def test_a_repeated_frame_comes_whole_and_twice():
 def test_the_same_bytes_are_hit_however_they_are_cut(name, cuts):
     data = b"@6,123,456e\r\n" * 160
     bounds = [0, *sorted(min(cut, len(data)) for cut in cuts), len(data)]
-    fault = make(name, rate=0.02)
+    whole, fault = make(name, rate=0.1), make(name, rate=0.1)
     pieces = [fault.run(data[a:b], 0.0) for a, b in zip(bounds, bounds[1:])]
-    assert b"".join(pieces) == make(name, rate=0.02).run(data, 0.0)
+    assert b"".join(pieces) + fault.empty() == whole.run(data, 0.0) + whole.empty()
 
 
 def test_a_delay_keeps_order_and_bounds():
