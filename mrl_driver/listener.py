@@ -127,7 +127,7 @@ class UdpListener:
         self._there: Any = None
         self._heard_s = 0.0
         self._came = False
-        self._read, self._unsent = b"", b""
+        self._unsent = b""
 
     @property
     def data(self) -> Optional[int]:
@@ -142,18 +142,10 @@ class UdpListener:
         return came
 
     def read(self, limit: int = READ_SIZE) -> bytes:
-        """The next datagram, or a piece of it."""
-        if not self._read:
-            self._read = self._receive()
-        data, self._read = self._read[:limit], self._read[limit:]
-        return data
-
-    def _receive(self) -> bytes:
+        """The next datagram, whole, however long; `limit` holds for connections."""
         while True:
             try:
                 data, there = self._socket.recvfrom(65536)
-            except BlockingIOError:
-                return b""
             except OSError:
                 return b""
             now = time.monotonic()

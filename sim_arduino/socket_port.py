@@ -65,7 +65,7 @@ class SocketPort:
         return self._listener is not None and self._listener.attend()
 
     def read(self, limit: int = READ_BYTES) -> bytes:
-        """What the client has sent, at most `limit` bytes."""
+        """What the client has sent: at most `limit` bytes, or one datagram."""
         return self._listener.read(limit) if self._listener else b""
 
     def read_all(self) -> bytes:

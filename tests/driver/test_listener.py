@@ -1,0 +1,40 @@
+"""The listening end of a wire by datagrams."""
+
+import select
+import socket
+from contextlib import closing
+
+import pytest
+
+from mrl_driver.listener import listen
+
+
+@pytest.fixture
+def listener():
+    with closing(listen("udp://127.0.0.1:0")) as listening:
+        yield listening
+
+
+@pytest.fixture
+def client(listener):
+    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as end:
+        end.connect(("127.0.0.1", listener.address.port))
+        yield end
+
+
+def waits(listener):
+    return bool(select.select([listener.data], [], [], 0)[0])
+
+
+def test_a_large_datagram_comes_whole(client, listener):
+    """A rest kept for later would wait unseen: the descriptor tells of the system's bytes alone."""
+    client.send(bytes(5000))
+    assert select.select([listener.data], [], [], 5)[0]
+    assert len(listener.read(4096)) == 5000 and not waits(listener)
+
+
+def test_bytes_of_a_client_that_left_are_not_handed_to_the_next(client, listener):
+    client.send(b"x" * 1000)
+    listener.read(96)
+    listener.drop()
+    assert listener.read() == b""
