@@ -86,7 +86,7 @@ def test_bad_datagrams_are_counted_and_nothing_is_wrong(driven):
 
 
 def test_the_robot_stops_within_the_watchdog_when_datagrams_cease():
-    watched = Watched("drop:rate=1,at=3", *DATAGRAMS)
+    watched = Watched("drop:rate=1,at=3", *DATAGRAMS, command_timeout_s=None)
     watched.robot.drive(0.3, 0.0)
     watched.robot.wait(4.0 - watched.robot.now_s)
     stopped_s = next(time_s for time_s in watched.commands("stop") if time_s > 2.9)
