@@ -84,7 +84,6 @@ setup(
         "PyYAML>=5.3",
         "click>=8.0",
         "rich>=10.0",
-        "platformdirs>=2.0",
     ],
     extras_require={
         "dev": [

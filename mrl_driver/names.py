@@ -11,7 +11,7 @@ import os
 import re
 from typing import Any, Dict, Mapping, NamedTuple, Optional
 
-from . import robots, yaml_file
+from . import folders, robots, yaml_file
 from .errors import ConfigError
 from .files import replace_file
 
@@ -35,9 +35,7 @@ class Target(NamedTuple):
 
 def path() -> str:
     """The user's file of names; it need not be there."""
-    import platformdirs
-
-    return os.path.join(platformdirs.user_config_dir("mrl-driver", appauthor=False), "robots.yaml")
+    return os.path.join(folders.config(), "robots.yaml")
 
 
 def read() -> Dict[str, Target]:

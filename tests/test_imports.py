@@ -22,7 +22,7 @@ NODES = {
 """Modules of ros1_bridge that are nodes, or part of them: the ones that may import rospy."""
 EXPERIMENTS = {"team_node", "turnaround_node", "step_node"}
 """The same of its experiments, which also use the emulator and its experiments."""
-SHARED = {"table", "codec", "errors", "robots", "images", "pictures", "address", "listener"}
+SHARED = {"table", "codec", "errors", "folders", "robots", "images", "pictures", "address", "listener"}
 """Modules of mrl_driver that the emulator may use."""
 COMMANDS = {"replay": {"recording", "log_summary"}, "playback": {"recording"}}
 """What else the sub-commands of `mrl` that live with the emulator use."""
@@ -35,7 +35,8 @@ BELOW = {
     "encoder": {"errors", "frames", "table"},
     "codec": {"directions", "encoder", "frames", "table"},
     "yaml_file": {"errors"},
-    "robots": {"errors", "table", "yaml_file"},
+    "folders": set(),
+    "robots": {"errors", "folders", "table", "yaml_file"},
     "odometry": {"errors", "table"},
     "kinematics": {"errors", "odometry", "robots"},
     "omni": {"errors", "table", "odometry", "robots", "kinematics"},

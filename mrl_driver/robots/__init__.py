@@ -7,7 +7,7 @@ accepts.  Sources of the numbers stand in the files.
 import os
 from typing import Any, Container, Dict, List, Mapping, NamedTuple, Tuple, Type, TypeVar, get_type_hints
 
-from .. import yaml_file
+from .. import folders, yaml_file
 from ..errors import ConfigError
 from ..table import PARAMETERS
 from .drives import DIFFERENTIAL, EXTRA, KINDS, Base, Drive, MecanumDrive, OmniDrive, kind_of
@@ -111,8 +111,7 @@ def packaged() -> List[str]:
 
 def own_folder() -> str:
     """Where the user keeps models of his own, one YAML file each; it need not be there."""
-    config = os.environ.get("XDG_CONFIG_HOME") or os.path.expanduser("~/.config")
-    return os.path.join(config, "mrl-driver", "robots")
+    return os.path.join(folders.config(), "robots")
 
 
 def names() -> List[str]:

@@ -5,6 +5,7 @@ import subprocess
 from pathlib import Path
 from typing import List
 
+from mrl_driver import folders
 from mrl_driver.errors import SimulatorError
 
 SOURCES = Path(__file__).resolve().parent
@@ -22,9 +23,7 @@ def library_path() -> Path:
     checkout = SOURCES.parent.parent
     if (checkout / "Makefile").is_file() and (checkout / "firmware").is_dir():
         return checkout / "build" / "sim" / LIBRARY
-    from platformdirs import user_cache_dir
-
-    return Path(user_cache_dir("mrl-driver")) / LIBRARY
+    return Path(folders.cache()) / LIBRARY
 
 
 def build(library: Path) -> Path:
