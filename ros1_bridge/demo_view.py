@@ -2,7 +2,7 @@
 
 Subscribes `odom`, `sonar/*`, `battery` and `/diagnostics`, publishes `cmd_vel`.  Private parameters:
 `~square` drives the square from the start, `~duration` [s] ends the run after that much odometry, `~title`.
-Without a terminal it prints a line a second and reads no keys.
+Without a terminal, on a dumb one, or without the library `rich` it prints a line a second and reads no keys.
 """
 
 import math
@@ -138,6 +138,17 @@ def run_lines(view: DemoView, clock: Clock) -> bool:
     return True
 
 
+def can_show_screen() -> bool:
+    """Whether this is a terminal for the live view: one that moves its cursor and has the view's characters."""
+    try:
+        from rich.console import Console
+    except ImportError:
+        return False
+    console = Console()
+    able = console.is_terminal and not console.is_dumb_terminal and console.encoding.startswith("utf")
+    return able and sys.stdin.isatty()
+
+
 def run_screen(view: DemoView, clock: Clock, title: str) -> bool:
     """The live view until q, the end of the duration, or a signal; False if there was no odometry."""
     from rich.console import Console
@@ -170,7 +181,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     rospy.init_node("demo_view", argv=argv)
     view = DemoView(bool(rospy.get_param("~square", False)))
     clock = Clock(float(rospy.get_param("~duration", 0.0)))
-    if sys.stdin.isatty() and sys.stdout.isatty():
+    if can_show_screen():
         good = run_screen(view, clock, str(rospy.get_param("~title", "robot")))
     else:
         good = run_lines(view, clock)

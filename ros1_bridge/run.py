@@ -18,7 +18,7 @@ from typing import IO, Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 import click
 
 from mrl_driver.commands.shared import Between
-from mrl_driver.errors import MrlError, SimulatorError
+from mrl_driver.errors import ConfigError, MrlError, SimulatorError
 
 from .processes import Child, adopt_orphans, end_orphans, wait_until
 
@@ -282,18 +282,21 @@ def main(
     robot: Optional[str], port: str, engine: Optional[str], duration: Optional[float], logs: Path
 ) -> None:
     """Drive a robot through ROS, an emulated one unless --port names a real one, with a live view."""
-    logs, lock = lock_folder(logs)
     adopt_orphans()
     try:
-        run = Run(environment(logs), logs)
-        for number in _SIGNALS:
-            signal.signal(number, run.on_signal)
-        sys.exit(_run_to_end(run, Plan(robot, port, engine, duration)))
+        logs, lock = lock_folder(logs)
+        with lock:
+            run = Run(environment(logs), logs)
+            for number in _SIGNALS:
+                signal.signal(number, run.on_signal)
+            sys.exit(_run_to_end(run, Plan(robot, port, engine, duration)))
     except MrlError as error:
         click.echo(str(error), err=True)
         sys.exit(error.exit_code)
-    finally:
-        lock.close()
+    except OSError as error:
+        reason = f"{error.filename} cannot be written: {error.strerror}"
+        click.echo(f"{reason}; is it another user's? Then: sudo chown -R $USER {logs}", err=True)
+        sys.exit(ConfigError.exit_code)
 
 
 def _run_to_end(run: Run, plan: Plan) -> int:

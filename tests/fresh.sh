@@ -5,13 +5,13 @@
 #   WAYS="root user container"     as root, as a user with sudo, as root with the capabilities of an unprivileged container
 #   COMMANDS="run test"            which of the README's commands
 #
-# Apt mirror, proxies, certificates and pip's settings are this machine's.  Each system lives in a folder below /var/tmp and
+# Apt mirror, proxies, certificates and pip's settings are this machine's.  Each system lives in a folder below TMPDIR or /var/tmp, and
 # in namespaces of its own, so that nothing stays mounted or running.  Logs are in build/fresh.
 set -euo pipefail
 
 ROOT=$(realpath "$(dirname "$0")/..")
 LOGS=$ROOT/build/fresh
-PASSED_ON='^(PIP_(INDEX_URL|CERT|PROXY|TRUSTED_HOST|DEFAULT_TIMEOUT)|ROS_MASTER_URI|https?_proxy|no_proxy|HTTPS?_PROXY|NO_PROXY)='
+PASSED_ON='^(PIP_(INDEX_URL|CERT|PROXY|TRUSTED_HOST|DEFAULT_TIMEOUT)|https?_proxy|no_proxy|HTTPS?_PROXY|NO_PROXY)='
 
 fail() { echo "test-fresh: $*" >&2; exit 1; }
 
@@ -34,15 +34,18 @@ mirror() {
 settings() { # TREE
   cp /etc/resolv.conf "$1/etc/resolv.conf"
   apt-config dump | grep -E '^Acquire::(https?|Check|Retries)[^ ]* "[^"]' >"$1/etc/apt/apt.conf.d/90host" || true
+  echo force-unsafe-io >"$1/etc/dpkg/dpkg.cfg.d/fresh" # nobody needs this system after a loss of power
   printf '#!/bin/sh\nexit 101\n' >"$1/usr/sbin/policy-rc.d" # packages start no services
   chmod +x "$1/usr/sbin/policy-rc.d"
   if ls /usr/local/share/ca-certificates/*.crt >/dev/null 2>&1; then
     cp /usr/local/share/ca-certificates/*.crt "$1/usr/local/share/ca-certificates/"
     chroot "$1" update-ca-certificates >/dev/null 2>&1
   fi
-  # Files that pip would look for on this machine's disk are not there.
-  cat /etc/pip.conf ~/.config/pip/pip.conf 2>/dev/null |
-    grep -E '^(\[|(index-url|cert|proxy|trusted-host|timeout) *=)' >"$1/etc/pip.conf" || true
+  { # what pip needs to reach its index, but no files of this machine's disk
+    echo '[global]'
+    cat /etc/pip.conf ~/.config/pip/pip.conf 2>/dev/null | grep -E '^(index-url|cert|proxy|trusted-host|timeout) *=' |
+      awk '{ last[$1] = $0 } END { for (key in last) print last[key] }'
+  } >"$1/etc/pip.conf"
 }
 
 # Mounts of a system, in the mount namespace of its own.
@@ -123,14 +126,14 @@ outside() {
   [ "$(id -u)" = 0 ] || fail "needs root"
   mkdir -p "$LOGS"
   local work release way tree code=0
-  work=$(mktemp -d /var/tmp/mrl-fresh.XXXXXX)
+  work=$(mktemp -d "${TMPDIR:-/var/tmp}/mrl-fresh.XXXXXX")
   trap 'rm -rf --one-file-system "$work"' EXIT
   trap 'exit 130' INT TERM HUP
   for release in $RELEASES; do
     local archives=$work/archives-$release base=$work/$release.tar
     mkdir -p "$archives/partial"
     timed "$release: minimal system" "$LOGS/$release.log" \
-      mmdebstrap --variant=minbase --include=git,make,ca-certificates "$release" "$base" "${MIRROR:-$(mirror)}" || exit 1
+      mmdebstrap --variant=minbase --dpkgopt=force-unsafe-io --include=git,make,ca-certificates "$release" "$base" "${MIRROR:-$(mirror)}" || exit 1
     for way in $WAYS; do
       tree=$work/$release-$way
       export HOME_IN=/root

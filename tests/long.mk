@@ -17,4 +17,4 @@ PACKAGES_test-fresh := mmdebstrap
 .PHONY: test-fresh
 test-fresh: | apt ## The README's commands in minimal Debian systems; RELEASES=trixie, WAYS="root user container", COMMANDS=run
 	@mkdir -p build/fresh && git bundle create -q build/fresh/head.bundle HEAD
-	@$(SUDO) env $(foreach v,RELEASES WAYS COMMANDS MIRROR,$(if $($(v)),$(v)="$($(v))")) tests/fresh.sh build/fresh/head.bundle
+	@$(SUDO) env $(foreach v,RELEASES WAYS COMMANDS MIRROR TMPDIR,$(if $($(v)),$(v)="$($(v))")) tests/fresh.sh build/fresh/head.bundle

@@ -17,7 +17,9 @@ DEPENDS = {element.text for element in ROOTS if element.tag.endswith("depend")}
 CONDITIONAL = {element.text for element in ROOTS if element.get("condition")}
 SYSTEM = {
     "click": "python3-click",
+    "matplotlib": "python3-matplotlib",
     "numpy": "python3-numpy",
+    "rich": "python3-rich",
     "serial": "python3-serial",
     "yaml": "python3-yaml",
     "pytest": "python3-pytest",
@@ -25,8 +27,6 @@ SYSTEM = {
     "check_urdf": "liburdfdom-tools",
 }
 """Programs and modules by their key in rosdep's base.yaml and python.yaml."""
-NO_KEY = {"rich"}
-"""For the live view of `make run` alone, which has it in its virtual environment."""
 STDLIB = sysconfig.get_paths()["stdlib"]
 OWN = {"mrl_driver", "sim_arduino", "ros1_bridge"}
 
@@ -47,9 +47,9 @@ def is_pythons_own(name):
     return origin in ("built-in", "frozen") or os.path.dirname(origin).startswith(STDLIB)
 
 
-def test_modules_that_the_bridge_imports_are_dependencies():
-    used = {name for path in (ROOT / "ros1_bridge").glob("*.py") for name in imported(path)}
-    used = {name for name in used - OWN - NO_KEY if not is_pythons_own(name)}
+def test_modules_that_are_imported_are_dependencies():
+    used = {name for package in OWN for path in (ROOT / package).rglob("*.py") for name in imported(path)}
+    used = {name for name in used - OWN if not is_pythons_own(name)}
     assert "rospy" in used
     assert {SYSTEM.get(name, name) for name in used} <= DEPENDS
 
@@ -62,7 +62,7 @@ def test_packages_that_launch_files_start_are_dependencies():
 
 
 def test_packages_that_debian_lacks_are_asked_for_with_a_condition_alone():
-    assert set(STAND_INS) == CONDITIONAL
+    assert set(STAND_INS) == CONDITIONAL - set(SYSTEM.values())
 
 
 @pytest.mark.parametrize("key", sorted(DEPENDS - CONDITIONAL))

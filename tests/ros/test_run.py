@@ -29,9 +29,9 @@ PYTHON = ("--engine", "python")
 class Started:
     """A run with its logs in `folder`; its processes carry a mark in their environment."""
 
-    def __init__(self, folder, *options, uri, terminal=None):
+    def __init__(self, folder, *options, uri, terminal=None, **variables):
         self._mark = uuid.uuid4().hex
-        env = {**os.environ, "ROS_MASTER_URI": uri, "MRL_RUN_MARK": self._mark, "TERM": "xterm"}
+        env = {**os.environ, "ROS_MASTER_URI": uri, "MRL_RUN_MARK": self._mark, "TERM": "xterm", **variables}
         self.process = subprocess.Popen(
             [sys.executable, "-m", "ros1_bridge.run", "--logs", str(folder), *options],
             cwd=ROOT,
@@ -74,9 +74,9 @@ def starting(folder, master):
     """Starts runs: with the worker's master in their environment, or with `alone` one that is not there."""
     runs = []
 
-    def starter(*options, alone=False, terminal=None):
+    def starter(*options, alone=False, **how):
         uri = f"http://127.0.0.1:{free_port()}" if alone else master["ROS_MASTER_URI"]
-        runs.append(Started(folder, *options, uri=uri, terminal=terminal))
+        runs.append(Started(folder, *options, uri=uri, **how))
         return runs[-1]
 
     yield starter
@@ -203,3 +203,21 @@ def test_keys_drive_a_real_robot_and_q_gives_back_the_terminal(start, rig, termi
     shown(user, b"ran ")
     assert run.process.wait(START_S) == 0
     assert termios.tcgetattr(program) == settings
+
+
+@pytest.mark.parametrize("variable", [{"TERM": "dumb"}, {"PYTHONIOENCODING": "iso-8859-1"}], ids=str)
+def test_terminal_that_cannot_show_the_view_gets_a_line_a_second(start, terminal, variable):
+    """It lacks a cursor that moves, or the view's characters."""
+    user, program = terminal
+    run = start(*PYTHON, "--duration", "1", terminal=program, **variable)
+    shown(user, b" s  x ")
+    shown(user, b"ran ")
+    assert run.process.wait(START_S) == 0
+
+
+def test_logs_that_cannot_be_written_are_one_line(start, tmp_path):
+    (tmp_path / "file").write_text("")
+    run = start("--logs", str(tmp_path / "file" / "logs"))
+    output = run.end()
+    assert run.process.returncode == 2 and len(output.splitlines()) == 1
+    assert "file/logs cannot be written: Not a directory; is it another user's?" in output
