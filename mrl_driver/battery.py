@@ -46,7 +46,7 @@ class BatteryMonitor:
     def update(self, volts: float, time_s: float) -> str:
         """The state after a reading of `volts` at `time_s` [s]."""
         if volts < self._levels.off_v:
-            self.state = OFF
+            self.state, self._below_since_s = OFF, None
             return OFF
         empty = self._is_empty(volts, time_s)
         low_v = self._levels.low_v + (RECOVERY_V if self.state == LOW else 0.0)
@@ -54,8 +54,8 @@ class BatteryMonitor:
         return self.state
 
     def _is_empty(self, volts: float, time_s: float) -> bool:
-        if self.state == EMPTY:
-            return volts < self._levels.empty_v + RECOVERY_V
+        if self.state == EMPTY and volts < self._levels.empty_v + RECOVERY_V:
+            return True
         if volts >= self._levels.empty_v:
             self._below_since_s = None
             return False

@@ -180,6 +180,8 @@ class Core:
         telemetry = self.state.on_counts(event)
         if telemetry is None:
             return
+        if self.state.way_lost is not None:
+            notices.append(("state", self.state.way_lost))
         if self._every == 1:
             notices.append(("telemetry", telemetry))
         else:

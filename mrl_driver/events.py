@@ -1,5 +1,6 @@
 """What a session and its driver tell their caller."""
 
+import math
 from typing import NamedTuple, Optional, Tuple, Union
 
 from .codec import Frame
@@ -15,6 +16,9 @@ class Ready(NamedTuple):
     """It is a new conversation: counters and board time have a new baseline."""
     checked: bool
     """Frames carry check value, sequence and board time."""
+    coast_s: float = math.inf
+    """The wheels stand at the latest this long after the last telemetry, because the board's watchdog
+    stops them [s]."""
 
 
 class Counts(NamedTuple):
@@ -100,13 +104,31 @@ class Slowed(NamedTuple):
         return f"the line shows errors at its higher speed and goes back to {self.baud} baud"
 
 
+class WayLost(NamedTuple):
+    """The robot may have moved while its counters could not be followed; the pose does not hold that way."""
+
+    gap_s: float
+    """Time between the readings before and after."""
+    way_m: float
+    """The pose may be off by up to this."""
+    turn_rad: float
+    """The yaw may be off by up to this; at most pi."""
+
+    def __str__(self) -> str:
+        """One line for people."""
+        return (
+            f"the wheels could not be followed for {self.gap_s:.1f} s: the pose may be off by up to "
+            f"{self.way_m:.2f} m and {self.turn_rad:.2f} rad"
+        )
+
+
 class Reply(NamedTuple):
     """Any other frame of the board."""
 
     frame: Frame
 
 
-SessionEvent = Union[Ready, Counts, Sonars, Info, Status, Stale, Lost, Reconnected, Slowed, Reply]
+SessionEvent = Union[Ready, Counts, Sonars, Info, Status, Stale, Lost, Reconnected, Slowed, WayLost, Reply]
 
 
 def status_of(args: Tuple[int, ...]) -> Status:

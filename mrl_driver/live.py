@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.live import Live
 
 from .canvas import Point
-from .events import Lost, Reconnected, Slowed
+from .events import Lost, Reconnected, Slowed, WayLost
 from .frame_log import FrameLog
 from .keyboard import Keyboard
 from .live_view import Shown, render, sideways
@@ -95,7 +95,7 @@ class Screen:
         self._trail.add(telemetry)
 
     def _on_event(self, event: object) -> None:
-        if isinstance(event, (Lost, Reconnected, Slowed)):
+        if isinstance(event, (Lost, Reconnected, Slowed, WayLost)):
             self._notice = str(event)
 
     def press(self, key: str, now_s: float) -> None:

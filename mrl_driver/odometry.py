@@ -10,6 +10,8 @@ SPEED_MARGIN = 1.5
 """A wheel may seem this much faster than the board's ceilings allow before its counts are refused."""
 QUANTUM_COUNTS = 3
 """Counts that a wheel may move in no time at all: rounding of both readings, and one of jitter."""
+SLACK_S = {True: 0.002, False: 0.1}
+"""Readings may be this much farther apart than their times say, by whether those are the board's own [s]."""
 NEAR_S = 0.02
 """Arrival times tell of no shorter time than this."""
 CONFIRMATIONS = 3
@@ -93,17 +95,12 @@ AnyTwist = Union[Twist, OmniTwist]
 AnyWheels = Union[Wheels, OmniWheels]
 
 
-class Step(NamedTuple):
-    """Movement between two accepted readings: signed counts, and the time between them [s]."""
-
-    right: int
-    left: int
-    dt_s: float
-
-
 _NOTHING = (0.0, 0.0, 0.0)
 
-_Reading = Tuple[Any, ...]
+Reading = Tuple[Any, ...]
+"""Counters of all wheels (int16), and the time at which they were read [s]."""
+Step = Tuple[Any, ...]
+"""Movement of all wheels between two accepted readings, signed counts, and the time between them [s]."""
 
 
 def tick_delta(previous: int, current: int) -> int:
@@ -129,67 +126,108 @@ def fastest_wheel_m_s(linear_m_s: float, angular_rad_s: float, wheel_separation_
 
 
 class Baseline:
-    """Decides which readings are used: movement since the last accepted one, or nothing.
+    """Decides which readings of two or more counters are used: movement since the last accepted one, or nothing.
 
     The first reading primes.  A reading that no wheel could have reached is refused and the baseline stays,
     so that the next good one bridges the gap.  When `CONFIRMATIONS` readings in a row agree with each other
     instead (a counter was preset, the motor board restarted), they become the baseline and the jump is never
     integrated.
 
-    With a `slack_s` for arrivals that bunch, a restart's way back to zero may look like one that wheels can make.  So
-    counters that come to zero faster than in the time that has passed are refused too.
+    With arrival times, a `slack_s` above `NEAR_S`, two more rules hold.  They bunch, so a jump within the slack is
+    integrated once it is confirmed, except one to near zero, which is a restart.  And a reading that returns to where
+    the one before last was shows that the last one was wrong, which any single one without check value may be.
     """
 
     def __init__(self, metres_per_count: float, fastest_m_s: float, slack_s: float) -> None:
         self._counts_per_s = fastest_m_s / metres_per_count
-        self._allowance = QUANTUM_COUNTS + self._counts_per_s * slack_s
-        self._least_reach = self._counts_per_s * NEAR_S if slack_s > NEAR_S else math.inf
-        self._base: Optional[_Reading] = None
-        self._rival: Optional[_Reading] = None
+        self._slack = self._counts_per_s * slack_s
+        self._bunched = slack_s > NEAR_S
+        self._base: Optional[Reading] = None
+        self._former: Optional[Reading] = None
+        self._rival: Optional[Reading] = None
         self._agreed = 0
+        self.coast_s = math.inf
+        """The wheels stand at the latest this long after the last reading, if no later one comes [s]."""
         self.refused = 0
         """Readings refused so far."""
+        self.primed = 0
+        """Times that a baseline began, from which on nothing is known of the movement before."""
 
     def reset(self) -> None:
         """The next reading primes again."""
-        self._base = self._rival = None
+        self._base = self._former = self._rival = None
 
-    def update(self, right: int, left: int, time_s: float) -> Optional[Step]:
-        """Movement since the last accepted reading, or None where this one primes or is refused."""
-        reading = (right, left, time_s)
-        step: Optional[Step] = self._step(self._base, reading)
-        if step is None and self._base is not None:
-            self._doubt(reading)
+    def update(self, *reading: Any) -> Optional[Step]:
+        """Movement since the last accepted reading, or None where this one primes or is refused.
+
+        Args:
+            reading: the counters, and then the time at which they were read [s].
+        """
+        base = self._base
+        if base is None:
+            self._base = reading
+            self.primed += 1
             return None
-        self._base, self._rival = reading, None
+        step = self._step(base, reading) or self._way_back(base, reading) or self._doubt(base, reading)
+        if step is not None:
+            self._former, self._base, self._rival = base, reading, None
         return step
 
-    def _step(self, base: Optional[_Reading], reading: _Reading) -> Optional[Any]:
-        """The movement since `base`, unless there is none, or no wheel could have made it."""
-        if base is None:
-            return None
-        right, left, time_s = reading
-        base_right, base_left, base_s = base
-        dt_s = time_s - base_s
-        right = ((right - base_right + 0x8000) & 0xFFFF) - 0x8000
-        left = ((left - base_left + 0x8000) & 0xFFFF) - 0x8000
-        reach = self._counts_per_s * dt_s if dt_s > 0 else 0.0
-        bound = reach + self._allowance
-        if reach >= 0x8000 or not (-bound <= right <= bound and -bound <= left <= bound):
-            return None
-        near = QUANTUM_COUNTS + max(reach, self._least_reach)
-        if not (-near <= right <= near and -near <= left <= near) and max(map(abs, reading[:2])) <= near:
-            return None
-        return _new(Step, (right, left, dt_s))
+    def _reach(self, dt_s: float) -> float:
+        """The farthest that a wheel gets in a time [count]; infinity where its counter may have gone once round."""
+        reach = self._counts_per_s * min(max(dt_s, 0.0), self.coast_s)
+        return reach if reach < 0x8000 else math.inf
 
-    def _doubt(self, reading: _Reading) -> None:
+    def _bound(self, dt_s: float) -> float:
+        """The farthest that a reading may be from another one [count]; -1 where a counter may have gone once round."""
+        reach = self._reach(dt_s)
+        if reach == math.inf:
+            return -1.0
+        return QUANTUM_COUNTS + (
+            max(reach, self._counts_per_s * NEAR_S) if self._bunched else reach + self._slack
+        )
+
+    def _step(self, base: Reading, reading: Reading) -> Optional[Step]:
+        """The movement since `base`, unless no wheel could have made it."""
+        step = _between(base, reading)
+        return step if _largest(step) <= self._bound(step[-1]) else None
+
+    def _way_back(self, base: Reading, reading: Reading) -> Optional[Step]:
+        """The movement since `base` if that was a single wrong reading."""
+        if not self._bunched or self._former is None:
+            return None
+        step, since_former = _between(base, reading), _between(self._former, reading)
+        return step if _largest(since_former) <= self._bound(step[-1]) else None
+
+    def _doubt(self, base: Reading, reading: Reading) -> Optional[Step]:
         """A reading that cannot be: refused, unless it is one of several that agree with each other."""
         self.refused += 1
-        agrees = self._step(self._rival, reading) is not None
+        agrees = self._rival is not None and self._step(self._rival, reading) is not None
         self._agreed = self._agreed + 1 if agrees else 1
         self._rival = reading
-        if self._agreed >= CONFIRMATIONS:
-            self._base, self._rival = self._rival, None
+        if self._agreed < CONFIRMATIONS:
+            return None
+        step = _between(base, reading)
+        reach, near = self._reach(step[-1]), self._bound(step[-1])
+        restarted = max(map(abs, reading[:-1])) <= near
+        if self._bunched and not restarted and _largest(step) <= reach + self._slack < 0x8000:
+            return step
+        self.reset()
+        self._base = reading
+        self.primed += 1
+        return None
+
+
+def _between(base: Reading, reading: Reading) -> Step:
+    """Movement and time from one reading to another; counters wrap."""
+    *counts, time_s = reading
+    moved = [((new - old + 0x8000) & 0xFFFF) - 0x8000 for new, old in zip(counts, base)]
+    return (*moved, time_s - base[-1])
+
+
+def _largest(step: Step) -> int:
+    """The way of the wheel that moved farthest [count]."""
+    return max(map(abs, step[:-1]))
 
 
 class Odometry:
@@ -205,7 +243,7 @@ class Odometry:
         self._turning = Wheels(*(2 * half_m / drive.turning_separation_m for half_m in self._forward))
         self._interval_s = 0.0 if exact_time else TWIST_INTERVAL_S
         self._waiting = _NOTHING
-        self.baseline = Baseline(drive.metres_per_count, fastest_m_s, 0.002 if exact_time else 0.1)
+        self.baseline = Baseline(drive.metres_per_count, fastest_m_s, SLACK_S[exact_time])
         self.pose = pose
         self.twist: AnyTwist = Twist(0.0, 0.0)
         self.travel: AnyWheels = Wheels(0, 0)
@@ -222,7 +260,7 @@ class Odometry:
         step = self.baseline.update(right, left, time_s)
         if step is None:
             return False
-        right, left, dt_s = step.right, step.left, step.dt_s
+        right, left, dt_s = step
         if right or left:
             travel = self.travel
             self.travel = _new(Wheels, (travel.right + right, travel.left + left))

@@ -4,9 +4,7 @@ from typing import NamedTuple, Tuple
 
 import numpy as np
 
-from .odometry import NEAR_S, QUANTUM_COUNTS, Baseline, Geometry
-
-_SLACK_S = {True: 0.002, False: 0.1}
+from .odometry import NEAR_S, QUANTUM_COUNTS, SLACK_S, Baseline, Geometry
 
 
 class Track(NamedTuple):
@@ -37,8 +35,6 @@ def integrate(
         raise ValueError(f"counts have shape {counts.shape}, expected ({len(times_s)}, 2)")
     steps = _steps(counts)
     used = _plausible(steps, times_s, drive.metres_per_count, fastest_m_s, exact_time)
-    if not exact_time:
-        used &= ~_comes_to_zero(counts, steps, times_s, fastest_m_s / drive.metres_per_count)
     if not used[1:].all():
         steps, used = _judge(counts, times_s, drive.metres_per_count, fastest_m_s, exact_time)
     return Track(_arcs(steps, drive), used)
@@ -58,8 +54,8 @@ def _plausible(
     """(N,) bool: step is one that wheels can make; the first row primes."""
     rate = fastest_m_s / metres_per_count
     reach = rate * np.diff(times_s, prepend=times_s[:1])
-    bound = np.maximum(reach, 0)
-    bound += QUANTUM_COUNTS + rate * _SLACK_S[exact_time]
+    bound = np.maximum(reach, 0 if exact_time else rate * NEAR_S)
+    bound += QUANTUM_COUNTS + (rate * SLACK_S[True] if exact_time else 0.0)
     good = reach < 0x8000
     for row in steps:
         good &= np.abs(row) <= bound
@@ -67,22 +63,16 @@ def _plausible(
     return good
 
 
-def _comes_to_zero(counts: np.ndarray, steps: np.ndarray, times_s: np.ndarray, rate: float) -> np.ndarray:
-    """(N,) bool: counters that are near zero after a step of more than the time allows."""
-    near = QUANTUM_COUNTS + rate * np.maximum(np.diff(times_s, prepend=times_s[:1]), NEAR_S)
-    return (np.abs(steps).max(axis=0) > near) & (np.abs(counts.astype(int)).max(axis=1) <= near)
-
-
 def _judge(
     counts: np.ndarray, times_s: np.ndarray, metres_per_count: float, fastest_m_s: float, exact_time: bool
 ) -> Tuple[np.ndarray, np.ndarray]:
     """Steps and use flags of a recording with readings to refuse, one by one."""
-    baseline = Baseline(metres_per_count, fastest_m_s, _SLACK_S[exact_time])
+    baseline = Baseline(metres_per_count, fastest_m_s, SLACK_S[exact_time])
     steps, used = np.zeros((2, len(counts))), np.zeros(len(counts), dtype=bool)
     for i, ((right, left), time_s) in enumerate(zip(counts.tolist(), times_s.tolist())):
         step = baseline.update(right, left, time_s)
         if step is not None:
-            steps[:, i] = step[:2]
+            steps[:, i] = step[:-1]
             used[i] = True
     return steps, used
 

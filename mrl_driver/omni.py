@@ -3,11 +3,11 @@ the motor board's omnidirectional mode.  Pure.
 """
 
 import math
-from typing import Any, NamedTuple, Optional, Tuple
+from typing import Tuple
 
 from .errors import ConfigError
 from .kinematics import Planar, advanced, kinematics_of
-from .odometry import ORIGIN, TWIST_INTERVAL_S, Baseline, Odometry, OmniTwist, OmniWheels, Pose
+from .odometry import ORIGIN, TWIST_INTERVAL_S, Odometry, OmniTwist, OmniWheels, Pose
 from .robots import MecanumDrive, OmniDrive, RobotModel, kind_of
 from .robots.drives import THREE_WHEELS_DEG
 from .table import BY_NAME
@@ -33,40 +33,6 @@ def demand_drivable(model: RobotModel) -> None:
         )
 
 
-class OmniStep(NamedTuple):
-    """Movement between two accepted readings: signed counts, and the time between them [s]."""
-
-    right: int
-    left: int
-    rear: int
-    dt_s: float
-
-
-class OmniBaseline(Baseline):
-    """`Baseline` of three counters."""
-
-    def update_three(self, right: int, left: int, rear: int, time_s: float) -> Optional[OmniStep]:
-        """Movement since the last accepted reading, or None where this one primes or is refused."""
-        reading = (right, left, rear, time_s)
-        step: Optional[OmniStep] = self._step(self._base, reading)
-        if step is None and self._base is not None:
-            self._doubt(reading)
-            return None
-        self._base, self._rival = reading, None
-        return step
-
-    def _step(self, base: Optional[Tuple[Any, ...]], reading: Tuple[Any, ...]) -> Optional[OmniStep]:
-        if base is None:
-            return None
-        dt_s = reading[3] - base[3]
-        moved = [((new - old + 0x8000) & 0xFFFF) - 0x8000 for new, old in zip(reading[:3], base[:3])]
-        reach = self._counts_per_s * max(0.0, dt_s)
-        if reach >= 0x8000 or max(map(abs, moved)) > reach + self._allowance:
-            return None
-        right, left, rear = moved
-        return OmniStep(right, left, rear, dt_s)
-
-
 class OmniOdometry(Odometry):
     """Pose and twist of three wheels across from their counters, as `Odometry` does it for two."""
 
@@ -78,7 +44,6 @@ class OmniOdometry(Odometry):
         self._kinematics = kinematics_of(drive)
         self._least_s = 0.0 if exact_time else TWIST_INTERVAL_S
         self._sum = _NOTHING
-        self.baseline: OmniBaseline = OmniBaseline(self._metres, fastest_m_s, 0.002 if exact_time else 0.1)
         self.twist = _STANDING
         self.travel: OmniWheels = OmniWheels(0, 0, 0)
 
@@ -89,15 +54,16 @@ class OmniOdometry(Odometry):
 
     def update(self, right: int, left: int, time_s: float, rear: int = 0) -> bool:
         """Integrate one reading (int16 counts) taken at `time_s` [s]; False where it primes or is refused."""
-        step = self.baseline.update_three(right, left, rear, time_s)
+        step = self.baseline.update(right, left, rear, time_s)
         if step is None:
             return False
+        right, left, rear, dt_s = step
         travel, metres = self.travel, self._metres
-        if step.right or step.left or step.rear:
-            self.travel = OmniWheels(travel[0] + step.right, travel[1] + step.left, travel[2] + step.rear)
-        moved = self._kinematics.step((step.left * metres, step.rear * metres, step.right * metres))
+        if right or left or rear:
+            self.travel = OmniWheels(travel[0] + right, travel[1] + left, travel[2] + rear)
+        moved = self._kinematics.step((left * metres, rear * metres, right * metres))
         self.pose = advanced(self.pose, moved)
-        self._speeds(moved, step.dt_s)
+        self._speeds(moved, dt_s)
         return True
 
     def _speeds(self, moved: Planar, dt_s: float) -> None:

@@ -224,8 +224,8 @@ class Readout:
         self._listeners["sensor"].append(callback)
 
     def on_event(self, callback: Callable[[Union[SessionEvent, Mismatch, MrlError]], None]) -> None:
-        """Call for `Ready`, `Stale`, `Lost`, `Reconnected` and `Reply` of `events`, for a wheel's `Mismatch`, and for
-        the `MrlError` that ends the driver.
+        """Call for `Ready`, `Stale`, `Lost`, `Reconnected`, `WayLost` and `Reply` of `events`, for a wheel's
+        `Mismatch`, and for the `MrlError` that ends the driver.
         """
         self._listeners["state"].append(callback)
 

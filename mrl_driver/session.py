@@ -35,6 +35,8 @@ SAME_BOOT_S, BOOTED_S = 1.5, 3
 """A board that has been up for `BOOTED_S`, and tells to within `SAME_BOOT_S` (uptimes are whole seconds) that it
 started when it did before the link was lost, has not restarted: its counters went on.
 """
+STOPPING_S = 1.0
+"""After its watchdog's period, or a stop, a robot stands within this time."""
 PLAIN_FRAMES = 3
 """So many frames in a row without check value mean that the board has restarted, not that one was damaged."""
 
@@ -98,10 +100,13 @@ class Session:
     @property
     def may_be_moving(self) -> bool:
         """The board was cut off while the robot moved, and has no watchdog to stop it."""
-        watched = (
-            self.board is not None and "watchdog" in self.board.capabilities and self._plan.watchdog_ms > 0
-        )
-        return not self.ready and self.motion.unconfirmed and not watched
+        return not self.ready and self.motion.unconfirmed and not self._watched
+
+    @property
+    def _watched(self) -> bool:
+        """The board has a watchdog in force."""
+        board = self.board
+        return board is not None and "watchdog" in board.capabilities and self._plan.watchdog_ms > 0
 
     @property
     def checked(self) -> bool:
@@ -187,8 +192,6 @@ class Session:
             if frame is not event:
                 checked = self._decoder.checked
             if frame is None:
-                assert isinstance(event, Garbage)
-                counters.count_garbage(event.reason)
                 strange = True
                 continue
             self._other = 0
@@ -266,22 +269,26 @@ class Session:
 
     def _reread(self, event: Event, now: float) -> Optional[Frame]:
         """The frame in garbage, if it is one by the rules of the other mode and the board has evidently
-        changed to it.
+        changed to it; what is not is counted.
 
         One frame without a check value is no evidence, because a damaged one may look like it: `PLAIN_FRAMES` in
         a row are.
         """
         assert isinstance(event, Garbage)
-        if event.reason not in ("bad_check", "argument_count"):
-            return None
-        found = FrameDecoder(REPLIES, checked=not self.checked).feed(event.data)
+        found: List[Event] = []
+        if event.reason in ("bad_check", "argument_count"):
+            found = FrameDecoder(REPLIES, checked=not self.checked).feed(event.data)
         if len(found) != 1 or not isinstance(found[0], Frame):
+            self.counters.count_garbage(event.reason)
             return None
         frame = found[0]
         self._other += 1
         if self.checked and self._other < PLAIN_FRAMES:
             if self._greeting is not None and frame.code == INFO:
+                self.counters.frames += 1
                 self._greeting.hurry(now)
+            else:
+                self.counters.count_garbage(event.reason)
             return None
         self._decoder.checked = not self.checked
         self._other = 0
@@ -371,20 +378,21 @@ class Session:
         """The board streams: from here on it is ready."""
         greeting, self._greeting = self._greeting, None
         assert greeting is not None and greeting.board is not None
-        self.counters.restarts += self.board is not None
-        self.board = greeting.board
+        again, self.board = self.board is not None, greeting.board
         old = self.board.protocol < 2
         self.motion.pace, self.motion.skip_minus_one = SLOW if old else self._pace(), old
         self._poll.begin(self.board, now)
         if abs(self._boot_s - self._boot_before_s) < SAME_BOOT_S:
             self._restarted = False
+        self.counters.restarts += again and self._restarted
         if self._restarted:
             self._stream.begin_anew()
             self._last = None
             self.counters.lost = self._lost_before  # numbers that begin anew lost none
         self.heard_s = now
         self.motion.make_sure()
-        events.append(Ready(self.board, self._restarted, self.checked))
+        coast_s = self._plan.watchdog_ms / 1000 + STOPPING_S if self._watched else math.inf
+        events.append(Ready(self.board, self._restarted, self.checked, coast_s))
         self._restarted = False
 
 

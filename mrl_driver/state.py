@@ -1,9 +1,11 @@
 """What is known of the robot: events of the session go in, pose, speeds, ranges, battery come out.  No I/O."""
 
+import math
 from typing import Any, Dict, List, NamedTuple, Optional, Tuple
 
 from . import battery, robots, sonar
 from .errors import WrongRobot
+from .events import WayLost
 from .handshake import Board
 from .odometry import AnyTwist, AnyWheels, Odometry, Pose, fastest_wheel_m_s
 from .omni import STREAM, OmniOdometry, demand_drivable
@@ -51,6 +53,9 @@ class RobotState:
         self.battery_state = battery.OK
         self.ranges: Dict[str, float] = {}
         self.telemetry: Optional[Telemetry] = None
+        self.way_lost: Optional[WayLost] = None
+        """Comes with the last reading, if it does."""
+        self._primed, self._used_s = 0, 0.0
         self._ignore_battery, self._any_id = ignore_battery, any_id
         self._monitor: Optional[battery.BatteryMonitor] = None
         self._new_readings = sonar.NewReadings()
@@ -102,7 +107,8 @@ class RobotState:
         """Take in an event; what the listeners are to be told."""
         if isinstance(event, Counts):
             telemetry = self.on_counts(event)
-            return [("telemetry", telemetry)] if telemetry else []
+            lost: List[Notice] = [("state", self.way_lost)] if self.way_lost else []
+            return [*lost, ("telemetry", telemetry)] if telemetry else []
         if isinstance(event, Sonars):
             if self.info is None:
                 return []  # the model is not known yet
@@ -124,17 +130,23 @@ class RobotState:
             self._monitor = battery.BatteryMonitor(self.model.battery)
         elif event.restarted:
             self.odometry.reset()
+        self.odometry.baseline.coast_s = event.coast_s
 
     def on_counts(self, event: Counts) -> Optional[Telemetry]:
         """Take in one frame of the stream; what it says, or None while no board is greeted."""
         odometry = self.odometry
         if odometry is None:
             return None
+        used, arrival_s, sonars = False, event.arrival_s, event.sonars
         if event.rear is None:
-            odometry.update(event.right, event.left, event.time_s)
+            used = odometry.update(event.right, event.left, event.time_s)
         elif isinstance(odometry, OmniOdometry):
-            odometry.update(event.right, event.left, event.time_s, event.rear)
-        arrival_s, sonars = event.arrival_s, event.sonars
+            used = odometry.update(event.right, event.left, event.time_s, event.rear)
+        self.way_lost = None
+        if used:
+            self._used_s = arrival_s
+        elif odometry.baseline.primed != self._primed:
+            self._begin_baseline(odometry, arrival_s)
         if sonars:
             new = self._new_readings.update(sonars, arrival_s)
             fresh = self._on_new(new, sonars) if new else new
@@ -145,6 +157,16 @@ class RobotState:
             Telemetry, (event.stamp_s, arrival_s, pose, twist, self.ranges, fresh, travel, event.sequence)
         )
         return telemetry
+
+    def _begin_baseline(self, odometry: Odometry, now: float) -> None:
+        """The counters are followed from here on; how far the robot went since the last reading is not known."""
+        assert self.model is not None
+        if self._primed:
+            gap_s, limits = now - self._used_s, self.model.limits
+            moving_s = min(gap_s, odometry.baseline.coast_s)
+            turn_rad = min(math.pi, limits.angular_rad_s * moving_s)
+            self.way_lost = WayLost(gap_s, limits.linear_m_s * moving_s, turn_rad)
+        self._primed, self._used_s = odometry.baseline.primed, now
 
     def _on_new(self, new: Tuple[str, ...], values: Tuple[int, ...]) -> Tuple[str, ...]:
         """Take in sonar values of which some are new; the names of those that this robot has."""

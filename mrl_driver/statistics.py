@@ -21,7 +21,7 @@ class Statistics(NamedTuple):
     refused_counts: int
     """Readings that no wheel could have made; never used."""
     restarts: int
-    """Times the board restarted or lost its settings, and was greeted anew."""
+    """Times the board was greeted again and had restarted, or may have."""
     unanswered: int
     """Requests whose answer did not come in time."""
     blocked_writes: int

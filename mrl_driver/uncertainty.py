@@ -35,6 +35,14 @@ class Uncertainty:
         """The pose was set: as sure as at the start."""
         self.unknowns = self._start
 
+    def widen(self, way_m: float, turn_rad: float) -> None:
+        """The robot may have gone up to `way_m` in any direction and turned by up to `turn_rad` either way, each as
+        likely as another, and the counters do not tell it.
+        """
+        xx, xy, xt, yy, yt, tt = self.unknowns
+        position, yaw = way_m * way_m / 3, turn_rad * turn_rad / 3
+        self.unknowns = (xx + position, xy, xt, yy + position, yt, tt + yaw)
+
     def update(self, counts: Sequence[float], half_sin: float, half_cos: float) -> None:
         """The counters (right, left, without wrap) stand at `counts`, and the heading is now the one whose half has
         this sine and cosine, as quaternions do.

@@ -2,7 +2,7 @@
 
 from typing import Any, Dict, NamedTuple, Optional
 
-from mrl_driver.events import MAY_MOVE, WAITS, Lost, Ready, Reconnected, Slowed, Stale
+from mrl_driver.events import MAY_MOVE, WAITS, Lost, Ready, Reconnected, Slowed, Stale, WayLost
 from mrl_driver.handshake import Board
 from mrl_driver.line_rate import SLOW
 from mrl_driver.state import Telemetry
@@ -43,7 +43,7 @@ class News:
             return Health(WARN, f"the board has restarted; {WAITS}") if restarted else Health(OK, ANSWERS)
         if isinstance(event, Mismatch):
             return Health(ERROR, f"{event}; the robot was stopped")
-        return Health(WARN, str(event)) if isinstance(event, Slowed) else None
+        return Health(WARN, str(event)) if isinstance(event, (Slowed, WayLost)) else None
 
 
 def error_count(statistics: Statistics) -> int:

@@ -22,7 +22,7 @@ from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 from mrl_driver.battery import EMPTY, LOW, OFF
 from mrl_driver.driver import Driver, Telemetry
 from mrl_driver.errors import LinkLost, MrlError
-from mrl_driver.events import Reply
+from mrl_driver.events import Reply, WayLost
 from mrl_driver.handshake import Board
 from mrl_driver.options import Options
 from mrl_driver.reconnect import may_be_there
@@ -254,6 +254,8 @@ class RobotNode:
     def _on_event(self, event: Any) -> None:
         if isinstance(event, Reply):
             self._radio.on_frame(event.frame)
+        elif isinstance(event, WayLost):
+            self._publishers.covariance.widen(event.way_m, event.turn_rad)
         told = self._news.of(event)
         if told is not None and not rospy.is_shutdown():
             LOG[told.level](told.message)

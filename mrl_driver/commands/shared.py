@@ -12,7 +12,7 @@ import click
 
 from .. import names, robots
 from ..errors import ConfigError, OutputError
-from ..events import Lost, Reconnected, Slowed
+from ..events import Lost, Reconnected, Slowed, WayLost
 from ..line_rate import FAST_BAUD, SLOW
 from ..names import Target
 
@@ -167,10 +167,12 @@ def connected(target: Target, model: Optional["RobotModel"] = None, **options: A
 
 
 def tell_losses(driver: "Driver") -> None:
-    """Say in a line when the port goes away, when the robot is found again, and when the line is slowed."""
+    """Say in a line when the port goes away, when the robot is found again, when the line is slowed, and when the
+    wheels could not be followed.
+    """
 
     def tell(event: object) -> None:
-        if isinstance(event, (Lost, Reconnected, Slowed)):
+        if isinstance(event, (Lost, Reconnected, Slowed, WayLost)):
             complain(str(event))
 
     driver.on_event(tell)

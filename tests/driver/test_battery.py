@@ -40,6 +40,12 @@ def test_empty_does_not_flicker():
     assert state_after(*[8.4] * 6, 8.6)[-1] == EMPTY
 
 
+@pytest.mark.parametrize("between_v", [8.75, 0.3])
+def test_after_empty_has_ended_a_short_dip_is_not_empty_at_once(between_v):
+    assert state_after(*[8.4] * 6, between_v, 8.4, 8.4)[-3:] != [EMPTY] * 3
+    assert state_after(*[8.4] * 6, between_v, 8.4, 8.4)[-2:] == [LOW, LOW]
+
+
 def test_no_motor_power_shows_at_once():
     assert state_after(12.0, 0.3) == [OK, OFF]
 

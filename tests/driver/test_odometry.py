@@ -182,8 +182,9 @@ def test_no_reading_moves_the_robot_faster_than_its_wheels(readings):
         time_s += dt_s
         step = baseline.update(right, left, time_s)
         if step is not None:
-            bound = FASTEST_M_S * step.dt_s + 4 * DRIVE.metres_per_count
-            assert max(abs(step.right), abs(step.left)) * DRIVE.metres_per_count <= bound
+            right, left, dt_s = step
+            bound = FASTEST_M_S * dt_s + 4 * DRIVE.metres_per_count
+            assert max(abs(right), abs(left)) * DRIVE.metres_per_count <= bound
 
 
 def a_drive(seed, jumps):
@@ -253,3 +254,54 @@ def test_vectorised_odometry_knows_unequal_wheels_and_slip():
         odometry.update(right, left, i * PERIOD_S)
     track = integrate(counts, np.arange(300) * PERIOD_S, drive, FASTEST_M_S)
     assert np.abs(track.poses[-1] - odometry.pose).max() < TWIN_M
+
+
+def distance_m(readings, exact):
+    """Where odometry is along x after readings of both wheels [(count, s)]."""
+    odometry = Odometry(DRIVE, FASTEST_M_S, exact)
+    for count, time_s in readings:
+        odometry.update(count, count, time_s)
+    return odometry.pose.x_m
+
+
+@pytest.mark.parametrize("exact", [True, False])
+def test_one_wrong_count_near_zero_does_not_stay(exact):
+    """200 read as 600 by a board without check value: the way back would look like a restart."""
+    readings = [(196, 0.0), (198, 0.003), (600, 0.006), (202, 0.009), (204, 0.012)]
+    assert distance_m(readings, exact) == pytest.approx(8 * DRIVE.metres_per_count)
+
+
+def test_one_wrong_count_after_a_pause_does_not_stay():
+    """In the time of the pause the wheels could have made that way, but not back in the time after it."""
+    readings = [(196, 0.0), (198, 0.003), (900, 0.053), (202, 0.056), (204, 0.059)]
+    assert distance_m(readings, exact=False) == pytest.approx(8 * DRIVE.metres_per_count)
+
+
+def test_frames_lost_from_a_burst_are_bridged_once_they_are_confirmed():
+    """Arrival times say that 600 counts took no time."""
+    readings = [(5000, 0.0), (5600, 0.001), (5602, 0.002), (5604, 0.003), (5606, 0.004)]
+    assert distance_m(readings, exact=False) == pytest.approx(606 * DRIVE.metres_per_count)
+
+
+def test_a_gap_after_which_the_wheels_must_have_stood_is_bridged():
+    odometry = Odometry(DRIVE, FASTEST_M_S)
+    odometry.baseline.coast_s = 1.25
+    odometry.update(30000, 30000, 0.0)
+    assert odometry.update(as_int16(50000), as_int16(50000), 60.0)
+    assert odometry.pose.x_m == pytest.approx(20000 * DRIVE.metres_per_count)
+
+
+def test_a_way_longer_than_the_wheels_can_coast_is_not_believed():
+    odometry = Odometry(DRIVE, FASTEST_M_S)
+    odometry.baseline.coast_s = 0.5
+    odometry.update(0, 0, 0.0)
+    assert not odometry.update(20000, 20000, 60.0)
+
+
+def test_each_new_baseline_is_counted():
+    baseline = Baseline(DRIVE.metres_per_count, FASTEST_M_S, 0.0)
+    for i, count in enumerate([0, 10, 9000, 9001, 9002, 9003]):
+        baseline.update(count, count, i * PERIOD_S)
+    baseline.reset()
+    baseline.update(5, 5, 1.0)
+    assert baseline.primed == 3

@@ -175,6 +175,15 @@ def test_counters_that_wrap_and_one_that_jumps():
     assert odometry.travel == (2, 2, 3) and odometry.baseline.refused == CONFIRMATIONS
 
 
+@pytest.mark.parametrize("exact", [True, False])
+def test_three_counters_that_start_from_zero_again_move_nothing(exact):
+    """A board that goes on streaming after its restart, with little on its counters."""
+    odometry = OmniOdometry(OMNI.drive, 1.5, exact)
+    for frame, count in enumerate([2000, 2001, 2002, 2003, 0, 1, 2, 3, 4]):
+        odometry.update(count, count, 0.02 * frame, count)
+    assert odometry.travel[0] <= 6
+
+
 def test_covariance_of_a_way_to_the_side():
     """To the left the rear wheel does two thirds of the work: sideways errors are larger than forward ones."""
     made = OmniUncertainty(OMNI)

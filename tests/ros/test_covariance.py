@@ -81,6 +81,14 @@ def test_tracks_are_less_sure_than_wheels():
     assert made.unknowns[0] > driven(1.0, 1.0, 1)[XX]
 
 
+def test_a_way_that_was_lost_widens_position_and_yaw():
+    """Evenly spread over 0.3 m and 0.6 rad to either side."""
+    spread = PoseCovariance(MODEL)
+    xx, xy, xt, yy, yt, tt = spread.unknowns
+    spread.widen(0.3, 0.6)
+    assert spread.unknowns == pytest.approx((xx + 0.03, xy, xt, yy + 0.03, yt, tt + 0.12))
+
+
 def test_reset_is_as_sure_as_the_start():
     made = PoseCovariance(MODEL)
     start = made.unknowns

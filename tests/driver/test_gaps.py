@@ -1,0 +1,107 @@
+"""Gaps in telemetry: what the robot went meanwhile is bridged, or reported as lost."""
+
+import math
+
+import pytest
+
+from mrl_driver.events import Ready, WayLost
+from mrl_driver.options import DEFAULTS
+from mrl_driver.robots import load
+from mrl_driver.state import RobotState
+from mrl_driver.stepped import SteppedDriver
+from sim_arduino.board import PythonBoard
+from sim_arduino.faults import FaultyEngine
+from sim_arduino.plant import Plant
+from sim_arduino.profiles import Board2013August
+from sim_arduino.world import World
+from tests.fake_board import FakeBoard
+
+from .talk import Talk
+
+ERROR_M = 0.005
+"""A drive bridged over gaps in which it turned ends this near to the true pose."""
+
+
+class Drive:
+    """A robot that drives about while the line is as `fault` says."""
+
+    def __init__(self, fault, make=PythonBoard, options=DEFAULTS, seed=1):
+        self.plant = Plant(load("traxbot"), World(), (0.0, 0.0, 0.0))
+        self.line = FaultyEngine(make(self.plant), [fault], seed)
+        self.robot, self.events = SteppedDriver(self.line, "traxbot", options), []
+        self.robot.on_event(self.events.append)
+        self.robot.connect()
+
+    def run(self, seconds):
+        end_s = self.robot.now_s + seconds
+        while self.robot.now_s < end_s:
+            self.robot.drive(0.25, 0.5 if int(self.robot.now_s) % 4 < 2 else -0.5)
+            self.robot.wait(0.1)
+        self.line.clear()
+        self.robot.wait(2.0)
+        self.robot.stop()
+        self.robot.wait(1.0)
+        return self
+
+    def seen(self, kind):
+        return [event for event in self.events if isinstance(event, kind)]
+
+    @property
+    def error_m(self):
+        true = self.plant.true_pose
+        return math.dist(self.robot.pose[:2], (true.x_m, true.y_m))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("kind", ["loss", "change"])
+def test_heavy_damage_neither_loses_the_way_nor_makes_restarts(kind, seed):
+    drive = Drive(f"{kind}:rate=0.03,direction=to_host,at=1", seed=seed).run(12.0)
+    assert drive.error_m < ERROR_M
+    assert drive.robot.statistics.restarts == 0 and not drive.seen(WayLost)
+
+
+@pytest.mark.parametrize("gap_s", [2, 4, 9])
+def test_after_a_silence_of_the_same_boot_nothing_is_missed(gap_s):
+    drive = Drive(f"loss:rate=1,at=5,lasts={gap_s}").run(8.0)
+    assert drive.error_m < ERROR_M
+    assert [event.restarted for event in drive.seen(Ready)] == [True, False]
+
+
+@pytest.mark.parametrize(
+    "make, options",
+    [(Board2013August, DEFAULTS), (PythonBoard, DEFAULTS._replace(watchdog_ms=0))],
+    ids=["2013", "without watchdog"],
+)
+def test_a_robot_that_may_have_driven_on_in_a_silence_has_lost_its_way(make, options):
+    drive = Drive("loss:rate=1,at=6,lasts=4", make, options).run(12.0)
+    lost = drive.seen(WayLost)
+    assert len(lost) == 1
+    assert 3.5 < lost[0].gap_s < 6.0 and lost[0].turn_rad == math.pi
+
+
+def test_a_board_that_restarts_loses_no_more_than_the_wheels_can_coast():
+    state, talk = RobotState(load("traxbot")), Talk(FakeBoard()).until_ready().run(0.5)
+    talk.board.reset(talk.now)
+    talk.until(lambda: len(talk.seen(Ready)) == 2).run(0.2)
+    notices = [notice for event in talk.events for notice in state.digest(event, talk.now)]
+    lost = [value for _, value in notices if isinstance(value, WayLost)]
+    assert len(lost) == 1 and 0.28 < lost[0].gap_s < 1.0
+    assert lost[0].way_m == pytest.approx(state.model.limits.linear_m_s * lost[0].gap_s)
+
+
+def test_a_lost_way_says_how_far_the_pose_may_be_off():
+    assert str(WayLost(3.21, 0.963, 3.14)) == (
+        "the wheels could not be followed for 3.2 s: the pose may be off by up to 0.96 m and 3.14 rad"
+    )
+
+
+def test_a_restart_is_counted_and_a_silence_is_not():
+    talk = Talk().until_ready().run(4.0)
+    talk.board.mute = True
+    talk.run(1.0)
+    talk.board.mute = False
+    talk.until(lambda: talk.session.ready)
+    assert talk.session.counters.restarts == 0
+    talk.board.reset(talk.now)
+    talk.until(lambda: len(talk.seen(Ready)) == 3)
+    assert talk.session.counters.restarts == 1
