@@ -14,6 +14,7 @@ import sys
 import termios
 import threading
 import time
+from abc import ABC, abstractmethod
 from typing import Dict, List, Optional, Type
 
 import serial
@@ -104,23 +105,56 @@ def _target(path: str) -> str:
         return ""
 
 
-class Link:
-    """An open serial port, exclusively ours.
+class Link(ABC):
+    """What carries a board's bytes.  One thread may read while others write, and any may close.
 
-    Open it with `Link(port, baud)`.  One thread may read while others write, and any may close.
-
-    Raises:
-        PortMissing: no such port, or it is no serial port.
-        PortDenied: no permission.
-        PortBusy: another program has it.
-        LinkError: the port refuses its settings.
+    Attributes:
+        port: The name that was opened.
     """
 
-    def __init__(self, port: str, baud: int = BAUD) -> None:
-        _demand_device(port)
-        self._serial = _open(port, baud)
-        self._begin(port, self._serial.fileno())
-        _exclude(self._fd, True)
+    port: str
+
+    @abstractmethod
+    def read(self, timeout_s: float) -> bytes:
+        """What has arrived; waits up to `timeout_s` for a first byte, less after `wake`.  Empty once closed.
+
+        Raises:
+            LinkLost: the port went away.
+        """
+
+    @abstractmethod
+    def write(self, data: bytes) -> None:
+        """Send all of `data`.
+
+        Raises:
+            BoardTimeout: the port took no more bytes for 100 ms; what came before may have been sent.
+            LinkLost: the port went away, or the link is closed.
+        """
+
+    @abstractmethod
+    def wake(self) -> None:
+        """Let a waiting `read` return at once."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Give the port back.  A reader in another thread returns at once, with nothing."""
+
+    @abstractmethod
+    def fileno(self) -> int:
+        """The descriptor that has something to read when data came."""
+
+    def set_baud(self, baud: int) -> None:
+        """Change the port's speed, once all is sent.
+
+        Raises:
+            LinkError: it has none that can be changed from here.
+            LinkLost: the port went away.
+        """
+        raise LinkError(f"{self.port} has no speed that can be set from here: set it at the other end")
+
+
+class DescriptorLink(Link):
+    """A link whose bytes come and go through a descriptor that never blocks."""
 
     def _begin(self, port: str, fd: int) -> None:
         """Work on an open descriptor that never blocks."""
@@ -144,11 +178,7 @@ class Link:
             self._release()
 
     def read(self, timeout_s: float) -> bytes:
-        """What has arrived; waits up to `timeout_s` for a first byte, less after `wake`.  Empty once closed.
-
-        Raises:
-            LinkLost: the port went away.
-        """
+        """As `Link.read`."""
         with self._reading:
             if self.closed:
                 return b""
@@ -171,12 +201,7 @@ class Link:
         raise self._lost("hung up")
 
     def write(self, data: bytes) -> None:
-        """Send all of `data`.
-
-        Raises:
-            BoardTimeout: the port took no more bytes for 100 ms; what came before may have been sent.
-            LinkLost: the port went away, or the link is closed.
-        """
+        """As `Link.write`."""
         with self._writing:
             deadline = time.monotonic() + WRITE_TIMEOUT_S
             while data:
@@ -204,7 +229,7 @@ class Link:
             )
 
     def wake(self) -> None:
-        """Let a waiting `read` return at once."""
+        """As `Link.wake`."""
         with self._waking:
             if self._open:
                 self._nudge()
@@ -216,7 +241,7 @@ class Link:
             return  # the pipe is full of wake-ups already
 
     def close(self) -> None:
-        """Give the port back.  A reader in another thread returns at once, with nothing."""
+        """As `Link.close`."""
         if self.closed:
             return
         self.closed = True
@@ -231,20 +256,46 @@ class Link:
 
     def _give_back(self) -> None:
         """Close what `_begin` was given."""
+        self._release()
+
+    @abstractmethod
+    def _release(self) -> None:
+        """Close this process's descriptors."""
+
+    def fileno(self) -> int:
+        """As `Link.fileno`."""
+        return self._fd
+
+    def _lost(self, why: Optional[str]) -> LinkLost:
+        return LinkLost(f"{self.port} went away ({why}): check the cable and the board's power")
+
+
+class SerialLink(DescriptorLink):
+    """An open serial port, exclusively ours.
+
+    Raises:
+        PortMissing: no such port, or it is no serial port.
+        PortDenied: no permission.
+        PortBusy: another program has it.
+        LinkError: the port refuses its settings.
+    """
+
+    def __init__(self, port: str, baud: int = BAUD) -> None:
+        _demand_device(port)
+        self._serial = _open(port, baud)
+        self._begin(port, self._serial.fileno())
+        _exclude(self._fd, True)
+
+    def _give_back(self) -> None:
         _drop_unsent(self._fd)
         _exclude(self._fd, False)
         self._release()
 
     def _release(self) -> None:
-        """Close this process's descriptors."""
         self._serial.close()
 
     def set_baud(self, baud: int) -> None:
-        """Change the port's speed, once all is sent; a network has none.
-
-        Raises:
-            LinkLost: the port went away.
-        """
+        """As `Link.set_baud`."""
         try:
             _drop_unsent(self._fd)
             if not unsent(self._fd):  # else the adapter hangs, and the drain would for ever
@@ -252,13 +303,6 @@ class Link:
             self._serial.baudrate = baud
         except (ValueError, OSError, termios.error) as error:
             raise self._lost(_words(error)) from None
-
-    def fileno(self) -> int:
-        """The descriptor that has something to read when data came."""
-        return self._fd
-
-    def _lost(self, why: Optional[str]) -> LinkLost:
-        return LinkLost(f"{self.port} went away ({why}): check the cable and the board's power")
 
 
 def _demand_device(port: str) -> None:

@@ -1,6 +1,6 @@
 """Links over a network: a TCP connection to a serial bridge (ser2net, an ESP as WiFi bridge), and UDP datagrams.
 
-Both end in a descriptor, so `Link` reads and writes them as it does a serial port.
+Both end in a descriptor, so `DescriptorLink` reads and writes them as it does a serial port.
 """
 
 import errno
@@ -10,7 +10,7 @@ from typing import Any, Dict, List, Optional, Tuple, Type
 
 from .address import Address, parse
 from .errors import LinkError, LinkLost, PortDenied, PortMissing
-from .link import Link
+from .link import DescriptorLink
 from .listener import prompt
 
 _REMEDY = {
@@ -28,7 +28,7 @@ HEARD = 24
 """Bytes of a connection's beginning that are told when it ends without a frame."""
 
 
-class TcpLink(Link):
+class TcpLink(DescriptorLink):
     """A connection to `tcp://host:port`, on which the board's bytes pass as they are.
 
     Raises:
@@ -41,9 +41,6 @@ class TcpLink(Link):
         self._socket = _connect(parse(port), port, patience_s)
         self._heard = b""
         self._begin(port, self._socket.fileno())
-
-    def _give_back(self) -> None:
-        self._release()
 
     def _release(self) -> None:
         self._socket.close()
@@ -69,7 +66,7 @@ class TcpLink(Link):
         return _lost(self.port, why)
 
 
-class UdpLink(Link):
+class UdpLink(DescriptorLink):
     """Datagrams to and from `udp://host:port`; those of other senders are not seen.
 
     What is written at once is one datagram, and holds whole frames.  A lost datagram is noticed by nobody but the
@@ -86,9 +83,6 @@ class UdpLink(Link):
         self._socket = _first(address, port, socket.SOCK_DGRAM, None)
         self._socket.setblocking(False)
         self._begin(port, self._socket.fileno())
-
-    def _give_back(self) -> None:
-        self._release()
 
     def _release(self) -> None:
         self._socket.close()

@@ -19,8 +19,6 @@ class RecordedLink(Link):
 
     def __init__(self, link: Link, tap: Tap) -> None:
         self.port, self._link, self._tap = link.port, link, tap
-        self.wake, self.close, self.fileno = link.wake, link.close, link.fileno  # type: ignore[method-assign]
-        self.set_baud = link.set_baud  # type: ignore[method-assign]
 
     def read(self, timeout_s: float) -> bytes:
         """As `Link.read`."""
@@ -33,6 +31,22 @@ class RecordedLink(Link):
         """As `Link.write`."""
         self._tap(TO_BOARD, data)
         self._link.write(data)
+
+    def wake(self) -> None:
+        """As `Link.wake`."""
+        self._link.wake()
+
+    def close(self) -> None:
+        """As `Link.close`."""
+        self._link.close()
+
+    def fileno(self) -> int:
+        """As `Link.fileno`."""
+        return self._link.fileno()
+
+    def set_baud(self, baud: int) -> None:
+        """As `Link.set_baud`."""
+        self._link.set_baud(baud)
 
 
 class Tape:

@@ -12,12 +12,12 @@ import serial
 
 from .address import scheme_of
 from .errors import LinkError, LinkLost, PortMissing
-from .link import BAUD, READ_SIZE, WRITE_TIMEOUT_S, Link
+from .link import BAUD, READ_SIZE, WRITE_TIMEOUT_S, DescriptorLink
 
 _POLL_S = 0.05
 
 
-class UrlLink(Link):
+class UrlLink(DescriptorLink):
     """What pyserial opens by an URL.
 
     Raises:
@@ -57,6 +57,13 @@ class UrlLink(Link):
                 self._serial.write(data)
             except Exception as error:  # noqa: BLE001 - as in _feed
                 raise self._lost(_words(error)) from None
+
+    def set_baud(self, baud: int) -> None:
+        """As `Link.set_baud`."""
+        try:
+            self._serial.baudrate = baud
+        except Exception as error:  # noqa: BLE001 - as in _feed
+            raise self._lost(_words(error)) from None
 
     def _end_of_data(self) -> None:
         raise self._lost(self._failure)

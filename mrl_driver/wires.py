@@ -1,7 +1,7 @@
 """Opens a port, whatever wire it names: a device, a TCP connection, datagrams, or an URL of pyserial's."""
 
 from .address import TCP, UDP, is_url, scheme_of
-from .link import BAUD, Link
+from .link import BAUD, Link, SerialLink
 
 CONNECT_S, AGAIN_S = 3.0, 0.8
 """How long a host may take to take a connection, at first and in a search [s]; the system repeats a lost first packet
@@ -21,7 +21,7 @@ def open_link(port: str, baud: int = BAUD, patience_s: float = CONNECT_S) -> Lin
         LinkError: it cannot be opened, see the links themselves.
     """
     if not is_url(port):
-        return Link(port, baud)
+        return SerialLink(port, baud)
     scheme = scheme_of(port)
     if scheme in TCP:
         from .network import TcpLink

@@ -39,11 +39,11 @@ def flash(target: Target, build: Optional[str], image: Optional[str], yes: bool,
         raise ConfigError("--build is given with --image, expected one of them")
     from .. import flashing
     from ..images import image_path
-    from ..link import Link
+    from ..link import SerialLink
 
     port = target.port or _only_board()
     target = target._replace(port=port)
-    Link(port, target.baud).close()
+    SerialLink(port, target.baud).close()
     if image is None:
         build, why = (build, "as asked") if build else build_of(target)
         image = image_path(build)

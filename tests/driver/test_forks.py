@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from mrl_driver.link import Link
+from mrl_driver.link import SerialLink
 
 from .test_driver import wait_until
 
@@ -74,4 +74,4 @@ def test_a_child_does_not_keep_the_port_beyond_its_parents_end(run):
     process.stdout.readline()
     process.kill()
     process.wait()
-    Link(run.port.path).close()
+    SerialLink(run.port.path).close()

@@ -11,7 +11,7 @@ import tty
 import pytest
 
 from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, MrlError, PortBusy, PortDenied, PortMissing
-from mrl_driver.link import Link
+from mrl_driver.link import SerialLink
 
 TIOCGEXCL = 0x80045440
 """Linux tells the mark that TIOCEXCL sets."""
@@ -49,7 +49,7 @@ def in_thread(work):
 
 def test_bytes_come_in(pty):
     master, path = pty
-    link = Link(path)
+    link = SerialLink(path)
     os.write(master, b"@8,1e")
     assert link.read(1.0) == b"@8,1e"
     link.close()
@@ -57,14 +57,14 @@ def test_bytes_come_in(pty):
 
 def test_bytes_go_out(pty):
     master, path = pty
-    link = Link(path)
+    link = SerialLink(path)
     link.write(b"@13e")
     assert os.read(master, 10) == b"@13e"
     link.close()
 
 
 def test_reading_waits_no_longer_than_asked(pty):
-    link = Link(pty[1])
+    link = SerialLink(pty[1])
     start = time.monotonic()
     assert link.read(0.05) == b""
     assert time.monotonic() - start < 0.05 + SOON_S * BUSY
@@ -72,7 +72,7 @@ def test_reading_waits_no_longer_than_asked(pty):
 
 
 def test_wake_ends_a_wait(pty):
-    link = Link(pty[1])
+    link = SerialLink(pty[1])
     thread, results = in_thread(lambda: link.read(5))
     link.wake()
     thread.join(SOON_S * BUSY)
@@ -81,7 +81,7 @@ def test_wake_ends_a_wait(pty):
 
 
 def test_closing_wakes_the_reader_without_an_error(pty):
-    link = Link(pty[1])
+    link = SerialLink(pty[1])
     thread, results = in_thread(lambda: link.read(5))
     time.sleep(0.01)
     start = time.monotonic()
@@ -92,7 +92,7 @@ def test_closing_wakes_the_reader_without_an_error(pty):
 
 
 def test_a_closed_link_reads_nothing_and_cannot_write(pty):
-    link = Link(pty[1])
+    link = SerialLink(pty[1])
     link.close()
     link.close()
     link.wake()
@@ -102,7 +102,7 @@ def test_a_closed_link_reads_nothing_and_cannot_write(pty):
 
 
 def test_a_hang_up_is_a_lost_link(pty):
-    link = Link(pty[1])
+    link = SerialLink(pty[1])
     thread, results = in_thread(lambda: link.read(5))
     os.close(pty[0])
     thread.join(SOON_S * BUSY)
@@ -112,7 +112,7 @@ def test_a_hang_up_is_a_lost_link(pty):
 
 def test_a_port_that_cannot_be_read_is_a_lost_link(pty, monkeypatch):
     """As some USB drivers tell an unplugged cable."""
-    link, read = Link(pty[1]), os.read
+    link, read = SerialLink(pty[1]), os.read
 
     def fail(fd, size):
         if fd == link.fileno():
@@ -127,7 +127,7 @@ def test_a_port_that_cannot_be_read_is_a_lost_link(pty, monkeypatch):
 
 
 def test_writing_to_a_lost_port_is_a_lost_link(pty):
-    link = Link(pty[1])
+    link = SerialLink(pty[1])
     os.close(pty[0])
     with pytest.raises(LinkLost):
         link.write(b"@13e")
@@ -135,7 +135,7 @@ def test_writing_to_a_lost_port_is_a_lost_link(pty):
 
 
 def test_a_write_that_blocks_is_given_up(pty):
-    link = Link(pty[1])
+    link = SerialLink(pty[1])
     start = time.monotonic()
     with pytest.raises(BoardTimeout, match="takes no more bytes"):
         link.write(bytes(1 << 20))
@@ -145,7 +145,7 @@ def test_a_write_that_blocks_is_given_up(pty):
 
 def test_writes_of_two_threads_stay_whole(pty, monkeypatch):
     """Even where the port takes them byte by byte."""
-    link, write = Link(pty[1]), os.write
+    link, write = SerialLink(pty[1]), os.write
     monkeypatch.setattr(
         os, "write", lambda fd, data: write(fd, data[:1]) if time.sleep(0.0002) is None else 0
     )
@@ -167,7 +167,7 @@ def test_a_serial_port_is_marked_exclusive_while_it_is_open(pty, monkeypatch):
     monkeypatch.setattr("mrl_driver.link.PTY_MAJORS", ())
     observer = os.open(pty[1], os.O_RDWR | os.O_NOCTTY)
     marks = []
-    link = Link(pty[1])
+    link = SerialLink(pty[1])
     for _ in range(2):
         marks.append(struct.unpack("i", fcntl.ioctl(observer, TIOCGEXCL, bytes(4)))[0])
         link.close()
@@ -176,15 +176,15 @@ def test_a_serial_port_is_marked_exclusive_while_it_is_open(pty, monkeypatch):
 
 
 def test_a_second_program_is_refused_by_name(pty):
-    link = Link(pty[1])
+    link = SerialLink(pty[1])
     with pytest.raises(PortBusy, match=rf"in use by .*\(process {os.getpid()}\)"):
-        Link(pty[1])
+        SerialLink(pty[1])
     link.close()
 
 
 def test_a_closed_port_can_be_opened_again(pty):
-    Link(pty[1]).close()
-    Link(pty[1]).close()
+    SerialLink(pty[1]).close()
+    SerialLink(pty[1]).close()
 
 
 @pytest.mark.parametrize("kind", ["missing", "folder", "file", "null"])
@@ -193,7 +193,7 @@ def test_what_is_no_port(kind, tmp_path):
     (tmp_path / "folder").mkdir()
     path = "/dev/null" if kind == "null" else str(tmp_path / kind)
     with pytest.raises(PortMissing, match="port") as caught:
-        Link(path)
+        SerialLink(path)
     assert "\n" not in str(caught.value)
 
 
@@ -202,7 +202,7 @@ def test_what_is_no_port(kind, tmp_path):
 )
 def test_the_message_says_what_it_is_and_what_there_is(path, words):
     with pytest.raises(PortMissing, match=f"{words}.*there (are|is)"):
-        Link(path)
+        SerialLink(path)
 
 
 def test_a_denied_port_names_the_group(pty, monkeypatch):
@@ -211,13 +211,13 @@ def test_a_denied_port_names_the_group(pty, monkeypatch):
 
     monkeypatch.setattr("serial.Serial", deny)
     with pytest.raises(PortDenied, match="dialout"):
-        Link(pty[1])
+        SerialLink(pty[1])
 
 
 @pytest.mark.parametrize(("left", "flushes"), [([100] * 1000, 1), ([3, 2, 1, 0], 0)])
 def test_a_close_waits_only_while_the_adapter_takes_what_was_sent(pty, monkeypatch, left, flushes):
     """For one that hangs the system would wait 30 s."""
-    link, flushed = Link(pty[1]), []
+    link, flushed = SerialLink(pty[1]), []
     monkeypatch.setattr("mrl_driver.link.unsent", lambda fd: left.pop(0))
     monkeypatch.setattr(termios, "tcflush", lambda fd, what: flushed.append(what))
     link.close()
@@ -229,7 +229,7 @@ def test_a_change_of_speed_does_not_wait_for_an_adapter_that_hangs(pty, monkeypa
     drained = []
     monkeypatch.setattr("mrl_driver.link.unsent", lambda fd: 100)
     monkeypatch.setattr(termios, "tcdrain", drained.append)
-    with contextlib.closing(Link(pty[1])) as link:
+    with contextlib.closing(SerialLink(pty[1])) as link:
         link.set_baud(57600)
     assert drained == []
 
@@ -240,18 +240,18 @@ def test_a_port_marked_exclusive_is_busy(pty, monkeypatch):
 
     monkeypatch.setattr("serial.Serial", busy)
     with pytest.raises(PortBusy):
-        Link(pty[1])
+        SerialLink(pty[1])
 
 
 @pytest.mark.parametrize("baud", [-1, "fast"])
 def test_a_baud_rate_that_is_none_is_refused(pty, baud):
     with pytest.raises(LinkError, match="baud rate"):
-        Link(pty[1], baud)
+        SerialLink(pty[1], baud)
 
 
 def test_many_closes_during_reads(pty):
     for _ in range(50):
-        link = Link(pty[1])
+        link = SerialLink(pty[1])
         thread, results = in_thread(lambda link=link: link.read(5))
         link.close()
         thread.join(SOON_S * BUSY)

@@ -10,7 +10,7 @@ import pytest
 from mrl_driver.codec import REPLIES, REQUESTS, Frame, FrameDecoder
 from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import ConfigError, PortMissing
-from mrl_driver.link import Link
+from mrl_driver.link import SerialLink
 from mrl_driver.log_summary import summarise
 from mrl_driver.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
 
@@ -107,7 +107,7 @@ def test_a_wrong_option_is_refused(record):
 
 
 def test_an_open_link_is_not_recorded(serve, tmp_path):
-    link = Link(serve().path)
+    link = SerialLink(serve().path)
     with pytest.raises(ConfigError, match="with an open link"):
         Driver(link, options=Options(record=str(tmp_path / "x")))
     link.close()

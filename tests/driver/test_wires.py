@@ -10,7 +10,7 @@ import pytest
 
 from mrl_driver import fast_line, network
 from mrl_driver.driver import Driver, Options
-from mrl_driver.errors import BoardTimeout, ConfigError, LinkLost, NotARobot, PortMissing
+from mrl_driver.errors import BoardTimeout, ConfigError, LinkError, LinkLost, NotARobot, PortMissing
 from mrl_driver.events import Lost, Ready, Slowed, Stale
 from mrl_driver.stepped import SteppedDriver
 from mrl_driver.table import BY_NAME
@@ -342,3 +342,11 @@ def test_a_peer_that_hangs_up_is_told():
         LinkLost, match="closed the connection|reset by peer"
     ):
         Driver(peer.url).connect()
+
+
+def test_a_link_without_a_speed_says_so(scheme):
+    board = EmulatedBoard("square", listen=f"{scheme}://127.0.0.1:0")
+    with board, closing(open_link(board.port)) as link, pytest.raises(
+        LinkError, match="no speed that can be set"
+    ):
+        link.set_baud(500000)
