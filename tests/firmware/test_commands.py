@@ -158,6 +158,16 @@ def test_robot_info(bench):
     assert battery == pytest.approx(100 * board.plant.motor_board.battery_v(board.board.now_s), abs=10)
 
 
+def test_robot_info_is_kept_up_to_date(bench):
+    """Battery and temperature are read by turns, every 40 ms."""
+    board = bench()
+    board.plant.motor_board.robot.set_battery(10.5)
+    board.plant.motor_board.robot.state.temperature_c = 40.0
+    board.run(0.12)
+    temperature, _, battery, _, _ = board.ask("robot_info").args
+    assert (temperature, battery) == pytest.approx((4000, 1050), abs=10)
+
+
 def test_encoders_right_before_left(bench):
     board = bench()
     board.raw(b"@4,3,-567e@4,1,1234e")

@@ -6,7 +6,7 @@ from binascii import crc_hqx
 import pytest
 
 from mrl_driver import robots
-from mrl_driver.table import FAULTS, PARAMETERS
+from mrl_driver.table import FAULTS, PARAMETER_BY_NAME, PARAMETERS
 from sim_arduino import config_store
 
 FAULT = {name: 1 << bit for bit, (name, _) in enumerate(FAULTS)}
@@ -172,6 +172,17 @@ def test_defaults_keep_the_id(bench):
     board.send("write_config", 1, 1)
     assert board.ask("default_config").args == (1,)
     assert parameters(board) == config_store.defaults(5)
+
+
+def test_defaults_are_in_force_at_once(bench):
+    """The sonars' curve is computed from parameters when these change."""
+    board = bench()
+    board.run(0.5)
+    before = board.ask("read_sonars").args
+    board.send("write_config", PARAMETER_BY_NAME["sonar_b"].number, 5000, wait_s=0.3)
+    changed = board.ask("read_sonars").args
+    board.send("default_config", wait_s=0.3)
+    assert changed != before and board.ask("read_sonars").args == before
 
 
 GEOMETRY, GAINS, RAMP, TIMEOUT = 0xEA, 0xF4, 0xEC, 0xF1

@@ -43,6 +43,20 @@ def test_long_noise(length):
     assert TwinDecoder().feed(wire) == FrameDecoder(REQUESTS).feed(wire)
 
 
+def test_every_byte_in_a_number():
+    """Ten of them are digits."""
+    for byte in range(256):
+        wire = b"@11,1" + bytes([byte]) + b",0e@13e"
+        assert TwinDecoder().feed(wire) == FrameDecoder(REQUESTS).feed(wire)
+
+
+def test_numbers_around_the_ends_of_int16():
+    for digits in (*range(32750, 32800), *range(65530, 65540), *range(327670, 327700)):
+        for sign in (b"", b"-"):
+            wire = b"@11,%b%d,0e" % (sign, digits)
+            assert TwinDecoder().feed(wire) == FrameDecoder(REQUESTS).feed(wire)
+
+
 PIECES = st.one_of(
     st.binary(max_size=8),
     st.sampled_from(

@@ -150,6 +150,15 @@ def test_half_a_frame_from_before_a_stall_is_forgotten(bench):
     assert not board.writes(0xEB)
 
 
+def test_a_stall_is_not_silence_of_the_host(bench):
+    """Check mode ends after 2 s without a frame; a loop that stood still for longer has not listened."""
+    board = bench()
+    board.check(True)
+    board.board.gap(board.board.now_s + 2.5, b"")
+    board.run(1.9)
+    assert board.ask("get_stream").args == (0,)
+
+
 # ---- boot
 
 
@@ -224,6 +233,46 @@ def test_motor_board_that_comes_back_is_stopped_and_set_up(bench):
     board.plant.motor_board.present = True
     board.run(0.2)
     assert [data[0] for data in board.writes()] == [0xFC, 0xEA, 0xF4, 0xEC, 0xF1]
+
+
+def flap(board, times):
+    """A loose wire: the motor board is there for 0.2 s, and gone for 0.2 s."""
+    for _ in range(times):
+        for present in (True, False):
+            board.plant.motor_board.present = present
+            board.run(0.2)
+
+
+def test_a_motor_board_that_comes_and_goes_is_set_up_once_a_second_at_most(bench):
+    """Each set-up writes its EEPROM, which bears 100 000 of them."""
+    board = bench()
+    flap(board, 10)
+    board.forget()
+    flap(board, 40)
+    assert 1 <= len(board.writes(0xEA)) <= 16
+
+
+def test_a_motor_board_that_was_steady_is_asked_for_quickly_again(bench):
+    """After 5 s without a fault the loose wire is forgotten."""
+    board = bench()
+    flap(board, 10)
+    board.plant.motor_board.present = True
+    board.run(7.0)
+    board.plant.motor_board.present = False
+    board.run(0.2)
+    board.forget()
+    board.plant.motor_board.present = True
+    board.run(0.1)
+    assert board.writes(0xEA)
+
+
+def test_after_a_hang_the_bus_rests(bench):
+    """5 ms until it is taken for hung, 16 ms of rest, and the move that hung is sent again."""
+    board = bench()
+    board.board.hang_bus(True, recoveries=1)
+    asked_s = board.board.now_s
+    board.raw(b"@11,100,0e", wait_s=0.06)
+    assert asked_s + 0.021 <= board.write_times(0xEB)[0] <= asked_s + 0.024
 
 
 def test_fault_stays_until_it_is_read(bench):
