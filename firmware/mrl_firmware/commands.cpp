@@ -19,6 +19,10 @@ Handler* const HANDLERS[] PROGMEM = {MRL_COMMANDS(HANDLER, NO_HANDLER)};
 #undef HANDLER
 #undef NO_HANDLER
 
+// At 1000000 baud bytes come as fast as they are decoded: without a bound a flood would keep everything else waiting,
+// the stop that it asks for and the watchdog included.
+constexpr uint8_t BYTES_A_PASS = 16;
+
 void execute() {
   const uint8_t code = decoder.code();
   failsafe::valid_frame();
@@ -31,7 +35,9 @@ void execute() {
 FrameDecoder decoder;
 
 void receive() {
-  for (int16_t byte; (byte = hal::serial_read()) >= 0;) {
+  for (uint8_t left = BYTES_A_PASS; left; left--) {
+    const int16_t byte = hal::serial_read();
+    if (byte < 0) return;
     const Verdict verdict = decoder.feed(static_cast<uint8_t>(byte));
     if (verdict == Verdict::frame) execute();
     if (verdict == Verdict::garbage) status::refuse(decoder.reason());

@@ -47,6 +47,15 @@ def test_link_watchdog_stops_once(bench):
     assert board.writes() == [STOP] and stop_reason(board) == "link_watchdog"
 
 
+def test_link_watchdog_watches_again_after_it_has_stopped_the_motors(bench):
+    board = bench()
+    board.send("set_watchdog", 50)
+    for _ in range(2):
+        board.forget()
+        board.send("move_differential", 100, 0, wait_s=0.1)
+        assert board.writes()[-1] == STOP
+
+
 def test_link_watchdog_is_off_until_set(bench):
     """2013 hosts are silent while they drive."""
     board = bench()
