@@ -29,7 +29,7 @@ from mrl_driver.reconnect import may_be_there
 from mrl_driver.robots import Limits, OmniDrive, RobotModel
 
 from . import messages, radio, reconfigure
-from .commander import NOT_FINITE, Commander, lowered
+from .commander import NOT_FINITE, ZONE, Commander, lowered
 from .diagnostics import Diagnostics
 from .link_report import ERROR, OK, WARN, News
 from .master_watch import MasterWatch, await_master
@@ -81,6 +81,7 @@ class RobotNode:
         self._sideways = False
         self._tell_s = 0.0
         self._news = News()
+        self._held = False
 
     def run(self) -> None:
         """Serve until the node is shut down.
@@ -250,6 +251,14 @@ class RobotNode:
         if telemetry.arrival_s >= self._tell_s:
             self._tell_s = telemetry.arrival_s + STATUS_S
             self._status.tell()
+            self._tell_zone()
+
+    def _tell_zone(self) -> None:
+        """Say in the log that a zone has stopped the robot, once each time."""
+        held, before = self._commander.stopped_by == ZONE, self._held
+        self._held = held
+        if held and not before:
+            rospy.logwarn("something is in the protective zone: the robot stands, and may turn or drive away")
 
     def _on_event(self, event: Any) -> None:
         if isinstance(event, Reply):

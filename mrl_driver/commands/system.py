@@ -23,6 +23,7 @@ def system() -> None:
       mrl system install --dry-run
       sudo mrl system install
       sudo mrl system remove
+      sudo $(which mrl) system install       from a virtual environment, which sudo does not look in
     """
 
 

@@ -56,8 +56,10 @@ def run(name: str, setting: Setting) -> Result:
 
 
 def _command(name: str, setting: Setting) -> list:
+    """Paths are the caller's; the child has a folder of its own."""
     module = f"{__package__}.{NODES[name]}"
-    return [sys.executable, "-m", module, name, setting.folder, setting.robot, str(setting.seed)]
+    robot = os.path.abspath(setting.robot) if setting.robot.endswith((".yaml", ".yml")) else setting.robot
+    return [sys.executable, "-m", module, name, os.path.abspath(setting.folder), robot, str(setting.seed)]
 
 
 def _environment(folder: str) -> Dict[str, str]:

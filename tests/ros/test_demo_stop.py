@@ -6,7 +6,7 @@ import sys
 import pytest
 from geometry_msgs.msg import Twist
 
-from ros1_bridge.processes import wait_until
+from tests.waiting import wait_until
 
 from .rig import ROOT, START_S
 
@@ -18,7 +18,7 @@ def test_signal_during_the_square_sends_a_stop(rig, number):
     commands = rig.topic("cmd_vel", Twist)
     rig.node(rig.board().port)
     view = rig.start("demo_view", sys.executable, str(VIEW), f"__ns:={rig.ns}", "_square:=true")
-    assert wait_until(lambda: any(message != Twist() for message in commands.messages), START_S)
+    wait_until(lambda: any(message != Twist() for message in commands.messages), START_S)
     view.signal(number)
-    assert wait_until(lambda: view.exit_code is not None, START_S)
-    assert wait_until(lambda: commands.messages[-1] == Twist(), 2.0)
+    wait_until(lambda: view.exit_code is not None, START_S)
+    wait_until(lambda: commands.messages[-1] == Twist(), 2.0)
