@@ -122,14 +122,8 @@ def test_thermopile_has_eight_pixels(robot):
 def test_streams_beside_the_odometry_lose_no_frame(robot):
     """Sequence numbers run over all stamped frames, those of the sensors too."""
     topic = robot.topic("/diagnostics", DiagnosticArray)
-
-    def link():
-        every = [s for m in topic.messages for s in m.status if s.name == f"{robot.name}/robot_node: Link"]
-        return {pair.key: pair.value for pair in every[-1].values} if every else {}
-
     robot.sensors["compass"].wait(20)
-    wait_until(lambda: bool(link()))
-    assert link()["Lost Frames"] == "0"
+    assert wait_until(lambda: robot.diagnosed(topic, "Link"))["Lost Frames"] == "0"
 
 
 def test_odometry_goes_on_beside_the_sensors(robot):

@@ -108,9 +108,7 @@ def test_battery_is_full(robot):
 
 
 def test_diagnostics_tell_of_the_link(robot):
-    robot.diagnostics.wait()
-    status = next(s for s in robot.diagnostics.messages[-1].status if s.name.endswith(": Link"))
-    values = {pair.key: pair.value for pair in status.values}
+    values = wait_until(lambda: robot.diagnosed(robot.diagnostics, "Link"))
     assert values["Serial Port"] == robot.wire.port
     assert values["Device ID"] == "1"
 

@@ -225,12 +225,7 @@ def test_calibration_is_passed_on(robot):
 
 @pytest.mark.parametrize("part", ["Link", "Motion", "Battery", "Board"])
 def test_diagnostics_cover(robot, part):
-    name = f": {part}"
-
-    def told():
-        return any(s.name.endswith(name) for m in robot.diagnostics.messages for s in m.status)
-
-    wait_until(told)
+    wait_until(lambda: robot.diagnosed(robot.diagnostics, part))
 
 
 @pytest.mark.parametrize(
@@ -238,13 +233,7 @@ def test_diagnostics_cover(robot, part):
     ["Serial Port", "Serial Baud", "Firmware Version", "Protocol Version", "Device ID", "Computed Latency"],
 )
 def test_diagnostics_have_the_keys_of_rep_138(robot, key):
-    wait_until(lambda: bool(robot.diagnostics.messages))
-
-    def told():
-        every = [s for m in robot.diagnostics.messages for s in m.status if s.name.endswith(": Link")]
-        return bool(every) and bool(values_of(every[-1]).get(key))
-
-    wait_until(told)
+    wait_until(lambda: robot.diagnosed(robot.diagnostics, "Link").get(key))
 
 
 def test_opt_ins_are_off_by_default(rig):

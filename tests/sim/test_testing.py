@@ -77,11 +77,13 @@ def test_a_port_that_is_unplugged_comes_back_under_another_name():
         assert os.path.exists(board.port)
 
 
-def test_times_of_a_fault_count_from_now(shared):
-    before_s = shared.plant.motor_board.time_s
-    shared.faults.inject("reset:at=0.5")
-    shared.wait_until(lambda: len(shared.motors.commands("stop")) > 1)
-    assert shared.motors.commands("stop")[-1].time_s >= before_s + 0.3
+def test_times_of_a_fault_count_from_now():
+    with EmulatedBoard(FREE, speed=SPEED) as board:
+        board.wait_until(lambda: board.motors.commands("stop"))
+        before_s = board.plant.motor_board.time_s
+        board.faults.inject("reset:at=0.5")
+        board.wait_until(lambda: len(board.motors.commands("stop")) > 1)
+        assert board.motors.commands("stop")[-1].time_s >= before_s + 0.3
 
 
 def test_two_boards_in_one_world_see_each_other():
