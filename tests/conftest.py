@@ -77,8 +77,8 @@ def pytest_runtest_setup(item):
 def _reports(config, name=""):
     """Reports of all phases of the tests with this marker."""
     terminal = config.pluginmanager.get_plugin("terminalreporter")
-    reports = sum(terminal.stats.values(), []) if terminal else []
-    return [report for report in reports if name in getattr(report, "keywords", ())]
+    noted = sum(terminal.stats.values(), []) if terminal else []  # those that were left out, too
+    return [each for each in noted if isinstance(each, pytest.TestReport) and name in each.keywords]
 
 
 def _reruns(config):

@@ -52,6 +52,12 @@ def test_40_tests_may_be_realtime(run, tests, passed):
     assert ("41 tests are marked realtime, expected at most 40" in said) == (not passed)
 
 
+def test_realtime_tests_may_be_left_out(run):
+    code = REALTIME.format(tests=1) + "\n\ndef test_other():\n    pass\n"
+    status, said = run(code, "-n", "0", "-m", "not realtime")
+    assert status == 0 and "realtime: " not in said, said
+
+
 def test_a_second_try_needs_a_reason_and_is_one(run):
     wrong = ("", '(reason="slow")', "(reruns=1)", '(reruns=2, reason="slow")')
     tests = [f"@pytest.mark.flaky{marker}\ndef test_{at}():\n    pass" for at, marker in enumerate(wrong)]
