@@ -98,11 +98,15 @@ class Search:
         self.name, self.lost, self._exists = name, lost, exists
         self._others = {port.identity for port in others}
         self._refused: Dict[str, float] = {}
+        self._device = ""
         self._answered: Set[str] = set()
         self._among: Set[str] = set()
 
     def next(self, device: str, there: Sequence[Port], now: float) -> Optional[str]:
         """The name to open at `now` [s], or None; `device` is what the user's name leads to."""
+        if self._device not in ("", device):
+            self._refused.pop(self.name, None)  # the user's name leads to another port
+        self._device = device
         names = self._names(device, there)
         if self.rivals and set(names) == self._among:
             return None

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from mrl_driver import port_facts
-from mrl_driver.link import Link
+from mrl_driver.link import SerialLink
 from mrl_driver.ports import Port
 
 from .run import fails, mrl
@@ -48,7 +48,7 @@ def test_a_probe_asks_boards_of_arduino_named_robots_and_ports_given_but_no_othe
 def test_a_port_in_use_is_never_opened(there, serve):
     port = serve()
     there(Port(port.path, (), 0x2341, 0x0043))
-    link = Link(port.path)
+    link = SerialLink(port.path)
     try:
         row = rows("--probe")[port.path]
     finally:

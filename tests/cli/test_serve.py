@@ -9,7 +9,7 @@ import pytest
 from mrl_driver.bridge import Bridge
 from mrl_driver.driver import Driver
 from mrl_driver.errors import LinkLost
-from mrl_driver.link import Link
+from mrl_driver.link import SerialLink
 from mrl_driver.listener import listen
 from mrl_driver.wires import open_link
 from sim_arduino.testing import EmulatedBoard
@@ -24,7 +24,7 @@ class Served:
 
     def __init__(self, scheme):
         self.board = EmulatedBoard("square")
-        self.link, listener = Link(self.board.port), listen(f"{scheme}://{ADDRESS}")
+        self.link, listener = SerialLink(self.board.port), listen(f"{scheme}://{ADDRESS}")
         self.url = str(listener.address)
         self.told = []
         self._bridge = Bridge(self.link, listener, self.told.append)

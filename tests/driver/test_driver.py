@@ -21,7 +21,7 @@ from mrl_driver.errors import (
     PortBusy,
     WrongRobot,
 )
-from mrl_driver.link import Link
+from mrl_driver.link import SerialLink
 from mrl_driver.robots import load
 
 PATIENCE_S = 30
@@ -150,7 +150,7 @@ def test_a_close_from_a_callback_repeats_a_stop_that_was_lost(serve, monkeypatch
     driver.connect()
     driver.drive(0.2, 0.0)
     wait_until(lambda: port.board.speeds == (200, 0) and driver.twist.linear_m_s > 0.1)
-    write, lost = Link.write, []
+    write, lost = SerialLink.write, []
 
     def lose_first_stop(link, data):
         if b"@13e" in data and not lost:
@@ -158,7 +158,7 @@ def test_a_close_from_a_callback_repeats_a_stop_that_was_lost(serve, monkeypatch
         else:
             write(link, data)
 
-    monkeypatch.setattr(Link, "write", lose_first_stop)
+    monkeypatch.setattr(SerialLink, "write", lose_first_stop)
     driver.on_telemetry(lambda _: driver.close())
     wait_until(lambda: port.board.speeds == (0, 0))
     assert lost
@@ -260,7 +260,7 @@ def test_frames_leave_in_one_piece_whatever_the_link_does(robot, monkeypatch):
             sent.append(byte)
             time.sleep(0.0001)
 
-    monkeypatch.setattr(Link, "write", crawl)
+    monkeypatch.setattr(SerialLink, "write", crawl)
     threads = [threading.Thread(target=lambda: [robot.request(30) for _ in range(20)]) for _ in range(2)]
     for thread in threads:
         thread.start()

@@ -15,7 +15,7 @@ import pytest
 import mrl_driver
 from mrl_driver.driver import Driver, Options
 from mrl_driver.events import Stale
-from mrl_driver.link import Link
+from mrl_driver.link import SerialLink
 
 from .emulator import MOVE, STOP, Emulator
 from .test_driver import wait_until
@@ -87,7 +87,7 @@ def test_a_stop_that_is_lost_is_repeated(emulate, monkeypatch):
     with Driver(robot.path, options=Options(watchdog_ms=0, command_timeout_s=None)) as driver:
         driver.drive(0.2, 0.0)
         wait_until(lambda: robot.moves)
-        write, lost = Link.write, []
+        write, lost = SerialLink.write, []
 
         def swallow(link, data):
             if b"@13e" in data and len(lost) < 3:
@@ -95,7 +95,7 @@ def test_a_stop_that_is_lost_is_repeated(emulate, monkeypatch):
                 data = data.replace(b"@13e", b"@11,50")
             write(link, data)
 
-        monkeypatch.setattr(Link, "write", swallow)
+        monkeypatch.setattr(SerialLink, "write", swallow)
         begun_s = time.monotonic()
         driver.stop()
         assert robot.wait_for(STOP, begun_s) is not None

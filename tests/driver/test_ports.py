@@ -119,6 +119,14 @@ ALIKE = [Port(f"/dev/ttyUSB{i}", (), 0x1A86, 0x7523) for i in range(3)]
 LOST = ALIKE[0]
 
 
+def test_a_link_that_led_to_a_wrong_robot_is_tried_at_once_when_it_leads_elsewhere():
+    search = Search("/dev/robot", Port("/dev/pts/1"), exists=lambda name: True)
+    assert search.next("/dev/pts/2", [], 0.0) == "/dev/robot"
+    search.refuse("/dev/robot", 0.0, wrong=True)
+    assert search.next("/dev/pts/2", [], 0.1) is None
+    assert search.next("/dev/pts/3", [], 0.2) == "/dev/robot"
+
+
 def search_for(*others, name=LOST.device):
     return Search(name, LOST, others, lambda name: name != LOST.device)
 

@@ -10,7 +10,7 @@ from mrl_driver import reconnect
 from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import BoardTimeout, LinkLost
 from mrl_driver.events import Lost, Reconnected
-from mrl_driver.link import Link
+from mrl_driver.link import SerialLink
 from mrl_driver.ports import Port
 
 from .test_driver import PATIENCE_S, wait_until
@@ -245,7 +245,7 @@ def test_a_loss_while_a_command_is_written_starts_the_search_too(robot, cable, m
         monkeypatch.undo()
         raise LinkLost("the port went away")
 
-    monkeypatch.setattr(Link, "write", lost)
+    monkeypatch.setattr(SerialLink, "write", lost)
     robot.drive(0.1, 0)
     wait_until(lambda: heard(robot, Lost))
     wait_until(lambda: heard(robot, Reconnected))

@@ -12,7 +12,7 @@ import pytest
 from mrl_driver import runner
 from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import FrameError
-from mrl_driver.link import Link
+from mrl_driver.link import SerialLink
 from mrl_driver.motion import STOPS
 from mrl_driver.table import STOP_REASONS
 from mrl_driver.wheel_watch import DEAD, POWERLESS, Mismatch
@@ -153,7 +153,7 @@ def test_the_stop_of_a_driver_that_fails_is_repeated_until_it_is_seen(serve, mon
     with Driver(port.path, options=Options(watchdog_ms=0, command_timeout_s=None)) as robot:
         robot.drive(0.1, 0.0)
         wait_until(lambda: port.board.speeds == (100, 0))
-        write, lost = Link.write, []
+        write, lost = SerialLink.write, []
 
         def swallow(link, data):
             if b"@13e" in data and len(lost) < 2:
@@ -161,7 +161,7 @@ def test_the_stop_of_a_driver_that_fails_is_repeated_until_it_is_seen(serve, mon
                 data = data.replace(b"@13e", b"")
             write(link, data)
 
-        monkeypatch.setattr(Link, "write", swallow)
+        monkeypatch.setattr(SerialLink, "write", swallow)
         robot.on_telemetry(lambda _: 1 / 0)
         wait_until(lambda: robot.error is not None)
         assert port.board.speeds == (0, 0) and len(lost) == 2
