@@ -228,7 +228,7 @@ class Link:
     """A symbolic link to the port, replaced in one step and removed if it is still ours.
 
     Raises:
-        ConfigError: there is something else under that name.
+        ConfigError: there is something else under that name, or a link to another port that exists.
     """
 
     def __init__(self, name: str, target: str = "") -> None:
@@ -246,6 +246,12 @@ class Link:
         if not target:
             self.remove()
             return
+        there = os.path.realpath(self._name)
+        if os.path.islink(self._name) and os.path.exists(there) and there not in (target, self._target):
+            raise ConfigError(
+                f"link {self._name!r} leads to {there}, which is in use, expected a free name; end the program there, "
+                "remove the link, or choose another name"
+            )
         self._target, temporary = target, f"{self._name}.{os.getpid()}"
         try:
             os.symlink(target, temporary)

@@ -210,6 +210,14 @@ def test_one_line_and_its_own_exit_code(options, code, text):
     assert error.count("\n") == 1
 
 
+def test_a_second_emulator_does_not_take_over_the_link_of_the_first(tmp_path):
+    link = str(tmp_path / "ttyTRAX0")
+    with Simulator("--link", link) as simulator:
+        code, error = fail("--link", link)
+        assert (code, len(error.splitlines())) == (2, 1) and "which is in use" in error
+        assert os.readlink(link) == simulator.path
+
+
 def test_a_link_over_a_file_is_refused(tmp_path):
     code, error = fail("--link", str(tmp_path))
     assert (code, error.count("\n")) == (2, 1)

@@ -131,6 +131,22 @@ def test_link_replaces_an_old_link(tmp_path):
     assert os.listdir(tmp_path) == ["ttyTRAX0"]
 
 
+def test_a_link_to_a_port_that_is_served_is_not_taken_over(port, tmp_path):
+    name = str(tmp_path / "ttyTRAX0")
+    Link(name, port.path)
+    with pytest.raises(ConfigError, match="leads to .* which is in use"):
+        Link(name, "/dev/pts/99")
+    assert os.readlink(name) == port.path
+
+
+def test_a_link_of_an_emulator_that_was_killed_may_lead_to_the_new_port_already(port, tmp_path):
+    """The system gives the number of a port out again."""
+    name = str(tmp_path / "ttyTRAX0")
+    os.symlink(port.path, name)
+    Link(name, port.path).remove()
+    assert not os.path.lexists(name)
+
+
 def test_link_is_removed(tmp_path):
     name = str(tmp_path / "ttyTRAX0")
     Link(name, "/dev/pts/99").remove()
