@@ -14,7 +14,7 @@ from .table import BY_CODE, STAMP
 
 _COMMA, _MINUS, _ZERO = b",-0"
 _PAD = 8
-_CHUNK = 1 << 18
+CHUNK = 1 << 18
 _PLACES = 10 ** np.arange(5, dtype=np.int32)
 """Taken as arrays of one: times a scalar, NumPy before 2.0 would stay at the eight bits of a digit."""
 """Bytes decoded at a time: the temporary arrays then fit a processor's cache."""
@@ -42,8 +42,8 @@ class LogEvents(NamedTuple):
 def decode_log(data: bytes, checked: bool = False) -> LogEvents:
     """Every reply and stream frame in `data`, as `FrameDecoder(REPLIES, checked)` would find them."""
     decoder = LogDecoder(checked)
-    for start in range(0, len(data), _CHUNK):
-        decoder.feed(data[start : start + _CHUNK])
+    for start in range(0, len(data), CHUNK):
+        decoder.feed(data[start : start + CHUNK])
     return decoder.events()
 
 
@@ -68,7 +68,7 @@ class LogDecoder:
         if cut:
             self._decode(data[:cut])
             self._offset += cut
-        if len(self._rest) > _CHUNK:
+        if len(self._rest) > CHUNK:
             self._adrift = True
             self._rest = self._drift(self._rest)
 

@@ -24,7 +24,7 @@ from .errors import ConfigError
 VERSION = 1
 TO_BOARD, FROM_BOARD, REMARK = ">", "<", "!"
 _MAGIC = "#mrl-recording"
-_FLUSH_S = 0.2
+FLUSH_S = 0.2
 _MOST_WAITING = 20000
 _LONGEST_LINE = 1 << 20
 
@@ -94,7 +94,7 @@ class Recorder:
     def _run(self) -> None:
         ended = False
         while not ended:
-            ended = self._ended.wait(_FLUSH_S)
+            ended = self._ended.wait(FLUSH_S)
             lines = [self._waiting.popleft() for _ in range(len(self._waiting))]
             if lines:
                 self._write("".join(lines), len(lines))

@@ -14,6 +14,7 @@ from click.testing import CliRunner
 
 from mrl_driver import cli
 from mrl_driver.errors import OutputError
+from tests.waiting import PATIENCE_S
 
 from .run import mrl
 
@@ -137,7 +138,7 @@ def test_what_a_quick_command_does_not_load(code, heavy):
 def test_output_that_cannot_be_written_costs_a_line():
     command = [sys.executable, "-m", "mrl_driver", "names"]
     with open("/dev/full", "w") as full:
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=20)
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=PATIENCE_S)
     assert done.returncode == OutputError.exit_code
     text = "mrl: the output cannot be written: No space left on device; make room, or choose another place\n"
     assert done.stderr == text
@@ -151,7 +152,7 @@ def test_ctrl_c_while_it_still_loads_says_nothing(tmp_path):
         [sys.executable, "-m", "mrl_driver", "--help"],
         capture_output=True,
         text=True,
-        timeout=20,
+        timeout=PATIENCE_S,
         env={**os.environ, "PYTHONPATH": str(tmp_path)},
         cwd=pathlib.Path(__file__).resolve().parents[2],
     )
@@ -163,5 +164,7 @@ def test_a_hang_up_that_nohup_ignores_stays_ignored():
     code += "print(signal.getsignal(signal.SIGHUP) is signal.SIG_IGN)"
     ignoring = "import signal, os, sys; signal.signal(signal.SIGHUP, signal.SIG_IGN); "
     ignoring += f"os.execv(sys.executable, [sys.executable, '-c', {code!r}])"
-    done = subprocess.run([sys.executable, "-c", ignoring], capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        [sys.executable, "-c", ignoring], capture_output=True, text=True, timeout=PATIENCE_S
+    )
     assert done.stdout.endswith("True\n"), done

@@ -2,7 +2,7 @@
 
 import threading
 import time
-from typing import List, Optional
+from typing import List
 
 from mrl_driver.robots import load
 from mrl_driver.table import STOP_REASONS
@@ -10,6 +10,7 @@ from sim_arduino.board import PythonBoard
 from sim_arduino.plant import Plant
 from sim_arduino.port import PtyPort
 from sim_arduino.server import PtyServer
+from tests.waiting import wait_until
 
 STOP, MOVE = 0xFC, 0xEB
 """Registers of the motor board."""
@@ -34,15 +35,9 @@ class Emulator:
         times = [self._start_s + command.time_s for command in commands if command.code == code]
         return [time_s for time_s in times if time_s >= since_s]
 
-    def wait_for(self, code: int, since_s: float, patience_s: float = 30.0) -> Optional[float]:
-        """When the motor board was first told so since then [s]; None where it was not."""
-        deadline = time.monotonic() + patience_s
-        while time.monotonic() < deadline:
-            found = self.times(code, since_s)
-            if found:
-                return found[0]
-            time.sleep(0.002)
-        return None
+    def wait_for(self, code: int, since_s: float) -> float:
+        """When the motor board was first told so since then [s]; waits for it."""
+        return wait_until(lambda: self.times(code, since_s))[0]
 
     @property
     def moves(self) -> bool:

@@ -5,6 +5,7 @@ import os
 import threading
 import time
 import tty
+from statistics import median
 
 import pytest
 
@@ -23,18 +24,10 @@ from mrl_driver.errors import (
 )
 from mrl_driver.link import SerialLink
 from mrl_driver.robots import load
+from tests.waiting import PATIENCE_S, wait_until
 
-PATIENCE_S = 30
-"""Longest wait for anything on a busy machine."""
-CLOSE_S, BUSY_S = 1.0, 2.0
-"""Longest good-bye, and what a busy machine may add."""
-
-
-def wait_until(condition):
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline, "it did not happen in time"
-        time.sleep(0.002)
+CLOSE_S, RUNS = 1.0, 5
+"""Longest good-bye, the median of so many."""
 
 
 @pytest.fixture
@@ -118,11 +111,18 @@ def test_an_error_in_the_block_stops_the_robot_too(serve):
     wait_until(lambda: port.board.speeds == (0, 0))
 
 
-def test_closing_takes_at_most_a_second_with_a_silent_board(robot):
-    robot.port.held.set()
-    start = time.monotonic()
-    robot.close()
-    assert time.monotonic() - start < CLOSE_S + BUSY_S
+@pytest.mark.realtime
+def test_closing_takes_at_most_a_second_with_a_silent_board(serve):
+    times = []
+    for _ in range(RUNS):
+        port = serve()
+        robot = Driver(port.path)
+        robot.connect()
+        port.held.set()
+        start_s = time.monotonic()
+        robot.close()
+        times.append(time.monotonic() - start_s)
+    assert median(times) <= CLOSE_S, times
 
 
 def test_closing_twice_and_from_a_callback_is_harmless(serve):

@@ -21,13 +21,13 @@ from sim_arduino.board import PythonBoard
 from sim_arduino.plant import Plant
 from sim_arduino.profiles import Board2013
 from sim_arduino.world import Wall, World
+from tests.waiting import PATIENCE_S, wait_until
 
 from .talk import Talk
 
 POSE_M = 0.001
 YAW_RAD = math.radians(0.1)
 """Largest error of the pose over a square, beyond what one encoder count explains."""
-PATIENCE_S = 30
 IMAGE = pathlib.Path(__file__).resolve().parents[2] / "build" / "firmware" / "mrl_firmware.elf"
 
 
@@ -187,13 +187,6 @@ def true_pose(truth):
     """The newest whole line of a file of true poses: x, y, yaw [m m rad]."""
     rows = [line for line in truth.read_text().splitlines() if line.endswith("}")]
     return tuple(json.loads(rows[-1])[key] for key in ("x", "y", "yaw")) if rows else (0.0, 0.0, 0.0)
-
-
-def wait_until(condition):
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline, "it did not happen in time"
-        time.sleep(0.005)
 
 
 @pytest.mark.parametrize("engine", ["python", "avr"])

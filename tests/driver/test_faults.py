@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from statistics import median
 
 import pytest
 
@@ -16,19 +17,19 @@ import mrl_driver
 from mrl_driver.driver import Driver, Options
 from mrl_driver.events import Stale
 from mrl_driver.link import SerialLink
+from tests.waiting import PATIENCE_S, wait_until
 
 from .emulator import MOVE, STOP, Emulator
-from .test_driver import wait_until
-from .test_emulator import PATIENCE_S, mrl_sim  # noqa: F401
+from .test_emulator import mrl_sim  # noqa: F401
 
-BUSY_S = 1.0
-"""What a busy machine may add to any time: these tests are there for what never happens.  `test_fault_figures` has the
-figures in simulated time; the long runs measure them."""
-HOST_DEAD_S, WATCHDOG_S = 0.3, 0.25
+RUNS = 5
+"""A wall-clock limit holds for the median of so many runs; `test_fault_figures` has the figures in simulated time."""
+HOST_DEAD_S, TIMEOUT_S, BEYOND_TIMEOUT_S = 0.3, 0.25, 0.05
 SILENT_S = 0.3
 SIGNAL_STOP_S, SIGNAL_EXIT_S = 0.1, 2.0
-BLOCKED_S = 0.1
-SIGNALS = 2
+CLOSE_S = 1.0
+ON_CLOCKS_S = 0.01
+"""The emulated board's time may differ by so much from that of the host."""
 
 DRIVE = (
     "import sys; from mrl_driver.driver import Driver, Options; "
@@ -54,31 +55,29 @@ def emulate():
 @pytest.mark.realtime
 def test_a_killed_driver_leaves_a_robot_that_stops(emulate):
     """The firmware's image has its watchdog tested in simulated time."""
-    robot = emulate()
-    process = subprocess.Popen([sys.executable, "-c", DRIVE, robot.path], stdout=subprocess.PIPE)
-    process.stdout.readline()
-    wait_until(lambda: robot.moves)
-    process.kill()
-    killed_s = time.monotonic()
-    process.wait(PATIENCE_S)
-    process.stdout.close()
-    stopped_s = robot.wait_for(STOP, killed_s)
-    assert stopped_s - killed_s <= HOST_DEAD_S + BUSY_S
-    wait_until(lambda: not robot.moves)
+    robot, times = emulate(), []
+    for _ in range(RUNS):
+        with subprocess.Popen([sys.executable, "-c", DRIVE, robot.path], stdout=subprocess.PIPE) as process:
+            process.stdout.readline()
+            wait_until(lambda: robot.moves)
+            process.kill()
+            killed_s = time.monotonic()
+            times.append(robot.wait_for(STOP, killed_s) - killed_s)
+        wait_until(lambda: not robot.moves)
+    assert median(times) <= HOST_DEAD_S, times
 
 
 @pytest.mark.realtime
 def test_a_command_source_that_dies_stops_the_robot(emulate):
-    """At another time than that of the default."""
-    robot, timeout_s = emulate(), 0.8
-    with Driver(robot.path, options=Options(command_timeout_s=timeout_s)) as driver:
-        for _ in range(3):
-            driver.drive(0.2, 0.0)
-            last_s = time.monotonic()
-            time.sleep(0.05)
-        stopped_s = robot.wait_for(STOP, last_s)
-    assert timeout_s <= stopped_s - last_s + 0.01
-    assert stopped_s - last_s <= timeout_s + 0.05 + BUSY_S
+    robot, times = emulate(), []
+    with Driver(robot.path, options=Options(command_timeout_s=TIMEOUT_S)) as driver:
+        for _ in range(RUNS):
+            for _ in range(3):
+                driver.drive(0.2, 0.0)
+                last_s = time.monotonic()
+                time.sleep(0.05)
+            times.append(robot.wait_for(STOP, last_s) - last_s)
+    assert TIMEOUT_S - ON_CLOCKS_S <= min(times) and median(times) <= TIMEOUT_S + BEYOND_TIMEOUT_S, times
 
 
 def test_a_stop_that_is_lost_is_repeated(emulate, monkeypatch):
@@ -98,22 +97,26 @@ def test_a_stop_that_is_lost_is_repeated(emulate, monkeypatch):
         monkeypatch.setattr(SerialLink, "write", swallow)
         begun_s = time.monotonic()
         driver.stop()
-        assert robot.wait_for(STOP, begun_s) is not None
+        robot.wait_for(STOP, begun_s)
         wait_until(lambda: driver.stopped)
         assert len(lost) == 3
 
 
 @pytest.mark.realtime
 def test_a_silent_board_is_stale_in_time(mrl_sim):  # noqa: F811
-    with Driver(mrl_sim(), options=Options(command_timeout_s=None)) as driver:
+    times = []
+    with Driver(mrl_sim()) as driver:
         heard = []
         driver.on_event(lambda event: heard.append((time.monotonic(), event)))
-        driver.drive(0.1, 0.0)
-        os.kill(mrl_sim.process.pid, signal.SIGSTOP)
-        stopped_s = time.monotonic()
-        wait_until(lambda: any(isinstance(event, Stale) for _, event in heard))
-        told_s = next(at for at, event in heard if isinstance(event, Stale))
-        assert told_s - stopped_s <= SILENT_S + BUSY_S
+        for _ in range(RUNS):
+            heard.clear()
+            os.kill(mrl_sim.process.pid, signal.SIGSTOP)
+            stopped_s = time.monotonic()
+            wait_until(lambda: any(isinstance(event, Stale) for _, event in heard))
+            times.append(next(at for at, event in heard if isinstance(event, Stale)) - stopped_s)
+            os.kill(mrl_sim.process.pid, signal.SIGCONT)
+            wait_until(lambda: driver.ready)
+    assert median(times) <= SILENT_S, times
 
 
 def test_a_board_that_stood_still_does_not_carry_out_what_waited(mrl_sim, tmp_path):  # noqa: F811
@@ -139,17 +142,16 @@ def test_a_board_that_stood_still_does_not_carry_out_what_waited(mrl_sim, tmp_pa
 
 
 def test_a_port_that_takes_no_bytes_blocks_nobody_for_long(serve):
+    """`test_link` has the time after which a write is given up."""
     port = serve()
     with Driver(port.path) as driver:
         port.held.set()
-        longest_s = 0.0
-        deadline = time.monotonic() + PATIENCE_S
-        while not driver.statistics.blocked_writes:
-            assert time.monotonic() < deadline
-            begun_s = time.monotonic()
+
+        def blocked():
             driver.request(30)
-            longest_s = max(longest_s, time.monotonic() - begun_s)
-        assert longest_s <= BLOCKED_S + BUSY_S
+            return driver.statistics.blocked_writes
+
+        wait_until(blocked, step_s=0.0)
         port.held.clear()
         wait_until(lambda: driver.ready)
 
@@ -163,11 +165,11 @@ def test_a_fake_board_that_nobody_reads_can_be_unplugged(serve):
 
 
 def stop_by(robot, number):
-    """Seconds from a signal at `mrl drive` to the stop at the motor board, to its exit, and its exit code."""
+    """Seconds from a signal at `mrl drive` to the stop at the motor board, and to its exit, and its exit code."""
     command = [sys.executable, "-m", "mrl_driver", "drive", "--port", robot.path, "--linear", "0.2"]
     begun_s = time.monotonic()
     process = subprocess.Popen([*command, "--for", "60"], stderr=subprocess.DEVNULL)
-    assert robot.wait_for(MOVE, begun_s) is not None
+    robot.wait_for(MOVE, begun_s)
     sent_s = time.monotonic()
     process.send_signal(number)
     stopped_s = robot.wait_for(STOP, sent_s)
@@ -178,13 +180,15 @@ def stop_by(robot, number):
 @pytest.mark.realtime
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_signals_stop_the_robot_and_end_the_program(emulate, number, code):
-    robot = emulate()
-    for _ in range(SIGNALS):
+    robot, stops, exits = emulate(), [], []
+    for _ in range(RUNS):
         stop_s, exit_s, found = stop_by(robot, number)
-        assert stop_s <= SIGNAL_STOP_S + BUSY_S and exit_s <= SIGNAL_EXIT_S + BUSY_S
+        stops.append(stop_s)
+        exits.append(exit_s)
         assert found == code
         assert robot.stop_reason == "host"  # not its watchdog
         wait_until(lambda: not robot.moves)
+    assert median(stops) <= SIGNAL_STOP_S and median(exits) <= SIGNAL_EXIT_S, (stops, exits)
 
 
 @pytest.mark.parametrize("jump_s", [3600.0, -3600.0])
@@ -210,11 +214,12 @@ def test_nothing_in_the_driver_asks_for_the_time_of_day():
 
 @pytest.mark.realtime
 def test_opening_and_closing_again_and_again(emulate):
-    robot, before = emulate(), set(threading.enumerate())
-    for _ in range(5):
+    robot, before, times = emulate(), set(threading.enumerate()), []
+    for _ in range(RUNS):
         driver = Driver(robot.path)
         driver.connect()
         begun_s = time.monotonic()
         driver.close()
-        assert time.monotonic() - begun_s <= 1.0 + BUSY_S
+        times.append(time.monotonic() - begun_s)
+    assert median(times) <= CLOSE_S, times
     assert not [each for each in set(threading.enumerate()) - before if each.name == "mrl-driver"]

@@ -7,8 +7,7 @@ import sys
 import pytest
 
 from mrl_driver.link import SerialLink
-
-from .test_driver import wait_until
+from tests.waiting import wait_until
 
 BEGINNING = """
 import os, signal, sys

@@ -13,15 +13,7 @@ from mrl_driver.errors import ConfigError, PortMissing
 from mrl_driver.link import SerialLink
 from mrl_driver.log_summary import summarise
 from mrl_driver.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
-
-PATIENCE_S = 30
-
-
-def wait_until(condition):
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline, "it did not happen in time"
-        time.sleep(0.005)
+from tests.waiting import PATIENCE_S, wait_until
 
 
 @pytest.fixture

@@ -11,7 +11,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.waiting import PATIENCE
+
 ROOT = Path(__file__).resolve().parents[2]
+LONGEST_S = 110 * PATIENCE
 POSE_ERROR_M = 1e-3
 BACK_S = 2.0 + 8.0
 """2 s, and patience for a busy machine."""
@@ -23,7 +26,9 @@ def seen(tmp_path_factory):
     user = [] if os.geteuid() == 0 else ["--user", "--map-root-user"]
     command = ["unshare", *user, "--net", sys.executable, "-m", "tests.driver.two_hosts"]
     folder = tmp_path_factory.mktemp("hosts")
-    done = subprocess.run([*command, str(folder)], cwd=str(ROOT), capture_output=True, text=True, timeout=110)
+    done = subprocess.run(
+        [*command, str(folder)], cwd=str(ROOT), capture_output=True, text=True, timeout=LONGEST_S
+    )
     assert done.returncode == 0, f"{done.stderr}\n{(__doc__ or '').splitlines()[-1]}"
     return json.loads(done.stdout.splitlines()[-1])
 

@@ -17,9 +17,9 @@ from mrl_driver.table import BY_NAME
 from mrl_driver.wires import open_link
 from sim_arduino import boards
 from sim_arduino.testing import EmulatedBoard
+from tests.waiting import wait_until
 
 from .talk import Talk
-from .test_driver import wait_until
 
 DATAGRAMS = ("drop:rate=0.05", "repeat:rate=0.05", "overtake:rate=0.05,delay=0.06")
 """5 % of the datagrams are lost, 5 % come twice, 5 % are overtaken by up to three others; in both directions."""

@@ -12,10 +12,11 @@ import time
 from pathlib import Path
 
 from mrl_driver.driver import Driver, Options
+from tests.waiting import wait_until
 
 DESK, ROBOT = "10.78.0.1", "10.78.0.2"
-START_S, CUT_S, WATCH_S = 30.0, 0.65, 0.2
-"""Longest wait; the cut until the robot must stand, by its watchdog and its brakes; how long that is watched."""
+CUT_S, WATCH_S = 0.65, 0.2
+"""The cut until the robot must stand, by its watchdog and its brakes; how long that is watched."""
 
 
 def ip(*words, within=""):
@@ -33,13 +34,6 @@ def lay_cable(holder):
         for name in ("lo", device):
             ip("link", "set", name, "up", within=within)
     return robot
-
-
-def wait_until(condition):
-    end_s = time.monotonic() + START_S
-    while not condition():
-        assert time.monotonic() < end_s, "it did not happen in time"
-        time.sleep(0.01)
 
 
 def rows(truth):

@@ -19,10 +19,10 @@ from tests.driver.emulator import MOVE, STOP, Emulator
 from tests.driver.test_clock import run as jittered
 from tests.fake_board import FakeBoard
 from tests.fuzz.faulty_robot import FIRST_FAULT_S, FaultyRobot, drive_about, scene
+from tests.waiting import PATIENCE_S, wait_until
 
 _WHOLE = re.compile(rb"\d+(,-?\d+)*e")
 _BEGINNING = re.compile(rb"[\d,-]*")
-PATIENCE_S = 20.0
 TIMEOUT_S = 0.25
 DRIVE = (
     "import sys; from mrl_driver.driver import Driver, Options; "
@@ -31,12 +31,9 @@ DRIVE = (
 )
 
 
-def wait_until(condition: Callable[[], bool], step_s: float = 0.001) -> float:
+def time_of(condition: Callable[[], bool]) -> float:
     """When it came true, on `time.monotonic()` [s]."""
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline, "it did not happen in time"
-        time.sleep(step_s)
+    wait_until(condition, step_s=0.001)
     return time.monotonic()
 
 
@@ -64,9 +61,7 @@ def mrl_sim(*args: str) -> Iterator[Tuple[subprocess.Popen, str]]:
 
 
 def _reaction(robot: Emulator, since_s: float) -> float:
-    stopped_s = robot.wait_for(STOP, since_s, PATIENCE_S)
-    assert stopped_s is not None, "the robot was not stopped"
-    return 1000 * (stopped_s - since_s)
+    return 1000 * (robot.wait_for(STOP, since_s) - since_s)
 
 
 def host_dead(count: int) -> Dict[str, float]:
@@ -78,7 +73,7 @@ def host_dead(count: int) -> Dict[str, float]:
             with subprocess.Popen(
                 [sys.executable, "-c", DRIVE, robot.path], stdout=subprocess.PIPE
             ) as process:
-                assert robot.wait_for(MOVE, begun_s, PATIENCE_S) is not None
+                robot.wait_for(MOVE, begun_s)
                 time.sleep(random.uniform(0.2, 0.4))
                 process.kill()
                 times.append(_reaction(robot, time.monotonic()))
@@ -111,10 +106,10 @@ def unplugged(count: int) -> Dict[str, float]:
         for _ in range(count):
             heard.clear()
             begun_s = _order(sim, "unplug")
-            noticed.append(1000 * (wait_until(lambda: Lost in heard) - begun_s))
+            noticed.append(1000 * (time_of(lambda: Lost in heard) - begun_s))
             time.sleep(random.uniform(0.05, 1.0))
             begun_s = _order(sim, "plug")
-            back.append(wait_until(lambda: Reconnected in heard) - begun_s)
+            back.append(time_of(lambda: Reconnected in heard) - begun_s)
             assert driver.command is None
     return {"link_loss_noticed_ms_max": max(noticed), "reconnect_s_max": max(back)}
 
@@ -137,7 +132,7 @@ def silent(count: int) -> Dict[str, float]:
             heard.clear()
             sim.send_signal(signal.SIGSTOP)
             begun_s = time.monotonic()
-            times.append(1000 * (wait_until(lambda: Stale in heard) - begun_s))
+            times.append(1000 * (time_of(lambda: Stale in heard) - begun_s))
             sim.send_signal(signal.SIGCONT)
             wait_until(lambda: driver.ready)
             time.sleep(random.uniform(0.1, 0.2))
@@ -176,7 +171,7 @@ def signals(count: int) -> Dict[str, float]:
             with subprocess.Popen(
                 [sys.executable, "-m", "mrl_driver", *command], stderr=subprocess.DEVNULL
             ) as process:
-                assert robot.wait_for(MOVE, begun_s, PATIENCE_S) is not None
+                robot.wait_for(MOVE, begun_s)
                 time.sleep(random.uniform(0.0, 0.2))
                 sent_s = time.monotonic()
                 process.send_signal((signal.SIGINT, signal.SIGTERM)[i % 2])

@@ -80,12 +80,12 @@ def test_pieces_decode_as_the_whole(parts, cuts):
 
 @given(st.binary(max_size=30), st.lists(GOOD, max_size=3))
 def test_a_long_stretch_without_end_is_not_kept(head, tail):
-    small, log_codec._CHUNK = log_codec._CHUNK, 8
+    small, log_codec.CHUNK = log_codec.CHUNK, 8
     try:
         data = head + b"".join(tail)
         assert by_log(decode_log(data)) == by_scalar(data, False)
     finally:
-        log_codec._CHUNK = small
+        log_codec.CHUNK = small
 
 
 @pytest.mark.parametrize("vector", load("replies"), ids=lambda v: v.name)
