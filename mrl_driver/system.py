@@ -5,6 +5,7 @@ ours begin with `MARK`.
 """
 
 import os
+import pwd
 import shutil
 import subprocess
 import sys
@@ -111,16 +112,16 @@ def install(user: str, root: str = "/") -> List[str]:
     """Writes the files, and makes them take effect if `root` is the machine's own; what was done, in lines.
 
     Raises:
-        ConfigError: a file of that name is not ours, or cannot be written.
+        ConfigError: there is no such user, or a file of that name is not ours, or cannot be written.
     """
-    if not user.isprintable() or not user or any(c.isspace() for c in user):
-        raise ConfigError(f"user is {user!r}, expected the name of a user")
+    demand_user(user, root)
     paths = {os.path.join(root, name): text for name, text in files(user).items()}
     for path in paths:
         _demand_ours(path)
     for path, text in paths.items():
         _write(path, text)
-    return [f"wrote {path}" for path in paths] + _run(commands(user, True), root)
+    done = [f"wrote {path}" for path in paths]
+    return done + run(commands(user, True)) if _is_machine(root) else done
 
 
 def remove(root: str = "/") -> List[str]:
@@ -140,7 +141,8 @@ def remove(root: str = "/") -> List[str]:
             raise _denied(path, error) from None
     if not there:
         return ["nothing was installed"]
-    return [f"removed {path}" for path in there] + _run(commands("root", False), root)
+    done = [f"removed {path}" for path in there]
+    return done + run(commands("root", False)) if _is_machine(root) else done
 
 
 def _demand_ours(path: str) -> None:
@@ -169,10 +171,30 @@ def _denied(path: str, error: OSError) -> ConfigError:
     return ConfigError(f"{path}: {error.strerror}{hint}")
 
 
-def _run(wanted: List[List[str]], root: str) -> List[str]:
-    """Runs commands on the machine itself; a failed one is told, for the files are in place."""
-    if os.path.realpath(root) != "/":
-        return []
+def demand_user(user: str, root: str = "/") -> None:
+    """Refuse a user whom the machine does not know; of images only the spelling is looked at.
+
+    Raises:
+        ConfigError: there is no such user.
+    """
+    if not user.isprintable() or not user or any(c.isspace() for c in user):
+        raise ConfigError(f"user is {user!r}, expected the name of a user")
+    try:
+        if _is_machine(root):
+            pwd.getpwnam(user)
+    except KeyError:
+        raise ConfigError(
+            f"this machine has no user {user!r}; give one that it has with --user, or make it with: sudo adduser {user}"
+        ) from None
+
+
+def _is_machine(root: str) -> bool:
+    """It is this machine's own file system, not an image."""
+    return os.path.realpath(root) == "/"
+
+
+def run(wanted: List[List[str]]) -> List[str]:
+    """Run commands; what was done, in lines.  One that fails does not keep the others from being run."""
     done = []
     for words in wanted:
         result = subprocess.run(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)

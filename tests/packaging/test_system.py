@@ -1,7 +1,12 @@
 """udev rule and systemd unit: written, kept apart from other people's files, removed."""
 
 import configparser
+import os
+import pathlib
+import pwd
 import re
+import subprocess
+import sys
 
 import pytest
 from click.testing import CliRunner
@@ -111,3 +116,63 @@ def test_on_the_machine_itself_it_takes_effect_at_once(monkeypatch):
     words = [command[0] for command in system.commands("ada", True)]
     assert words == ["usermod", "udevadm", "udevadm", "systemctl"]
     assert ["usermod"] not in [command[:1] for command in system.commands("ada", False)]
+
+
+@pytest.mark.parametrize("words", [(), ("--dry-run",)])
+def test_a_user_whom_the_machine_does_not_know_is_refused_before_anything_is_written(words):
+    with pytest.raises(ConfigError, match="this machine has no user 'nosuchuser'; give one .* with --user"):
+        mrl_system("install", "--user", "nosuchuser", *words)
+
+
+def test_a_dry_run_on_the_machine_itself_names_its_commands(monkeypatch):
+    monkeypatch.setenv("SUDO_USER", pwd.getpwuid(os.getuid()).pw_name)
+    monkeypatch.setattr(system.shutil, "which", lambda name: name)
+    assert "would run systemctl daemon-reload" in mrl_system("install", "--dry-run")
+
+
+def test_a_dry_run_of_remove_says_what_is_there(tmp_path):
+    system.install("ada", str(tmp_path))
+    assert f"would remove {tmp_path / system.UNIT}" in mrl_system("remove", "--root", tmp_path, "--dry-run")
+    assert (tmp_path / system.UNIT).exists()
+
+
+def test_a_command_that_fails_is_said_with_its_reason_and_the_next_is_run():
+    done = system.run([["sh", "-c", "echo no udev here; exit 3"], ["false"], ["true"]])
+    assert done == [
+        "ran sh -c echo no udev here; exit 3 failed: no udev here",
+        "ran false failed: 1",
+        "ran true",
+    ]
+
+
+AS_NOBODY = """
+import os, sys
+from mrl_driver import system
+os.geteuid() or os.setuid(65534)
+try:
+    system.install("ada", sys.argv[1])
+except system.ConfigError as error:
+    print(error)
+"""
+
+
+def test_without_root_it_says_how(tmp_path):
+    (tmp_path / "etc").mkdir(mode=0o500)
+    done = subprocess.run(
+        [sys.executable, "-c", AS_NOBODY, tmp_path], stdout=subprocess.PIPE, text=True, check=True
+    )
+    assert "70-mrl.rules: Permission denied; it takes root: sudo " in done.stdout
+
+
+@pytest.mark.parametrize("action", [lambda root: system.install("ada", root), system.remove])
+def test_a_file_that_cannot_be_read_is_said_in_one_line(tmp_path, action):
+    (tmp_path / system.RULES).mkdir(parents=True)
+    with pytest.raises(ConfigError, match="70-mrl.rules: Is a directory"):
+        action(str(tmp_path))
+
+
+def test_a_checkout_is_named_to_ros_an_installed_package_is_not(tmp_path, monkeypatch):
+    checkout = str(pathlib.Path(system.__file__).parents[1])
+    assert f'"ROS_PACKAGE_PATH={checkout}"' in system.unit("ada")
+    monkeypatch.setattr(system, "__file__", str(tmp_path / "mrl_driver" / "system.py"))
+    assert '"ROS_PACKAGE_PATH="' in system.unit("ada")
