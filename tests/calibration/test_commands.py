@@ -1,5 +1,6 @@
 """`mrl calibrate` as a whole, on emulated boards in simulated time."""
 
+import codecs
 import contextlib
 import json
 import math
@@ -12,8 +13,10 @@ import pytest
 
 from mrl_driver import cli, robots
 from mrl_driver.calibration import driving, store, trials
+from mrl_driver.calibration.gains import Gains
 from mrl_driver.calibration.measure import Truth, relative
 from mrl_driver.calibration.run import Run, errors
+from mrl_driver.calibration.sonar_curve import THESIS, Curve
 from mrl_driver.codec import encode_reply
 from mrl_driver.commands import calibrate_job, calibrate_view
 from mrl_driver.errors import ConfigError
@@ -28,11 +31,37 @@ END_M, END_RAD = 0.01, math.radians(0.5)
 BELIEVED = robots.load("traxbot").drive
 
 
+class Taped:
+    """An engine of which every byte is written down, as on a port with --record."""
+
+    def __init__(self, engine, path):
+        self._engine, self._path, self._now_s = engine, path, 0.0
+        path.write_text("#mrl-recording 1 {}\n")
+
+    @property
+    def next_event_s(self):
+        return self._engine.next_event_s
+
+    def receive(self, data):
+        self._note(">", data)
+        self._engine.receive(data)
+
+    def advance(self, to_s):
+        data, self._now_s = self._engine.advance(to_s), to_s
+        if data:
+            self._note("<", data)
+        return data
+
+    def _note(self, way, data):
+        with open(self._path, "a") as file:
+            file.write(f"{self._now_s:.6f} {way} {codecs.escape_encode(data)[0].decode()}\n")
+
+
 class Lab:
     """Emulated robots, a new one for each command, and the command line."""
 
     def __init__(self, capsys):
-        self.options, self.rewire, self.emulated = {}, None, None
+        self.options, self.rewire, self.emulated, self.tape = {}, None, None, None
         self._capsys = capsys
 
     @contextlib.contextmanager
@@ -45,7 +74,8 @@ class Lab:
         self.emulated = boards.make(boards.Options(robot="traxbot", **options))
         if self.rewire:
             self.rewire(self.emulated.plant.motor_board)
-        return SteppedDriver(self.emulated.engine, model, Options(period_ms=period_ms))
+        engine = Taped(self.emulated.engine, self.tape) if self.tape else self.emulated.engine
+        return SteppedDriver(engine, model, Options(period_ms=period_ms, check=self.tape is None))
 
     def pose(self):
         return Pose(*self.emulated.plant.true_pose)
@@ -196,6 +226,84 @@ def run(path, moves, true):
     return "--run", f"{record(path, moves)}:{x:.4f},{y:.4f},{math.degrees(yaw):.3f}"
 
 
+FROM_TAPE = ("--robot", "traxbot", "--output", "taped.yaml", "--yes", "--recording", "tape.mrl")
+
+
+@pytest.fixture
+def taped(lab, tmp_path):
+    """The laboratory; what its robots say and hear is kept in tape.mrl."""
+    lab.tape = tmp_path / "tape.mrl"
+    return lab
+
+
+@pytest.mark.parametrize(
+    ("procedure", "keys"),
+    [(("gains",), Gains._fields), (("sonar", "--start", 1.5, "--step", 0.15), robots.CURVE_KEYS)],
+)
+def test_a_recording_of_a_calibration_says_what_the_calibration_said(taped, procedure, keys):
+    taped.options = {"pose": "0.4,0,0", "footprint": "box"}
+    assert taped.mrl(*procedure, "--yes")[0] == 0
+    code, _, lines = taped.mrl(*procedure, *FROM_TAPE)
+    assert code == 0, lines
+    live, replayed = (robots.load(f"{name}.yaml").board for name in ("traxbot-1", "taped"))
+    assert [replayed[key] for key in keys] == pytest.approx([live[key] for key in keys], rel=0.02)
+
+
+def test_the_wires_are_judged_from_a_recording_too(taped):
+    assert taped.mrl("wiring", "--unseen", "--yes")[0] == 0
+    code, out, _ = taped.mrl("wiring", *FROM_TAPE)
+    assert (code, out) == (0, "motors and encoders are wired right\n")
+
+
+def test_swapped_wires_are_found_in_a_recording(taped):
+    def swap(board):
+        encoder = board.encoder
+        board.encoder = lambda number, time_s: encoder(4 - number, time_s)
+
+    taped.rewire = swap
+    code, out, _ = taped.mrl("wiring", "--unseen", "--yes", "--json")
+    assert code == 14 and json.loads(out)["findings"][0].startswith("encoders or motors swapped")
+    code, _, lines = taped.mrl("wiring", *FROM_TAPE)
+    assert code == 14 and "encoders or motors swapped" in lines[-1]
+
+
+@pytest.mark.parametrize(
+    ("recorded", "wanted", "said"),
+    [
+        (
+            ("straight", "--count", 2, "--distance", 0.5, "--truth", "t"),
+            "wiring",
+            "no motor was turned by itself",
+        ),
+        (
+            ("straight", "--count", 2, "--distance", 0.5, "--truth", "t"),
+            "gains",
+            "has no request 10 that moves",
+        ),
+        (("wiring", "--unseen"), "gains", "tape.mrl: the first step turns one motor, expected both"),
+    ],
+)
+def test_a_recording_of_another_calibration_is_refused(taped, recorded, wanted, said):
+    taped.mrl(*recorded, "--yes")
+    assert said in taped.refused(wanted, *FROM_TAPE)
+
+
+def test_a_recording_of_another_robot_is_refused(taped):
+    taped.mrl("wiring", "--unseen", "--yes")
+    words = [word if word != "traxbot" else "stingbot" for word in FROM_TAPE]
+    assert "tape.mrl is of robot id 1, expected stingbot" in taped.refused("wiring", *words)
+
+
+def test_a_recording_without_counts_is_refused(lab, tmp_path):
+    (tmp_path / "tape.mrl").write_text("#mrl-recording 1 {}\n0.0 ! opened x\n")
+    assert "tape.mrl holds 0 readings of the counters" in lab.refused("gains", *FROM_TAPE)
+
+
+def test_of_which_robot_a_recording_is_must_be_said(lab):
+    assert "--robot is missing" in lab.refused("gains", "--recording", "tape.mrl")
+    assert "--run tape.mrl: expected FILE:X,Y" in lab.refused("turn", *FROM_TAPE[:-2], "--run", "tape.mrl")
+
+
 def test_umbmark_from_recordings(lab, tmp_path):
     true = BELIEVED._replace(wheel_offset=0.004, turn_slip=0.02)
     runs = [
@@ -239,6 +347,7 @@ def test_a_robot_that_was_put_too_near_to_the_wall_does_not_drive_into_it(lab):
     assert lab.pose().x_m == pytest.approx(1.1, abs=END_M)
 
 
+SONAR_M = 0.01
 SONAR = ("sonar", "--start", 1.5, "--step", 0.15)
 
 
@@ -260,7 +369,9 @@ def test_an_interrupted_sonar_goes_on_where_it_was(lab, monkeypatch, tmp_path):
     lab.options = {"pose": "0.85,0,0", "footprint": "box"}
     code, _, lines = lab.mrl(*SONAR, "--yes")
     assert code == 0 and lines[0].startswith("3 of 9 distances are there already, in traxbot-1.sonar.csv")
-    assert robots.load("traxbot-1.yaml").board["sonar_a"] == pytest.approx(11767, rel=0.02)
+    board, distances_m = robots.load("traxbot-1.yaml").board, np.arange(0.3, 1.51, 0.1)
+    found = Curve(*(board[name] / 1e4 for name in robots.CURVE_KEYS))
+    assert found.range_m(THESIS.counts(distances_m)) == pytest.approx(distances_m, abs=SONAR_M)
     assert sorted(os.listdir(tmp_path)) == ["traxbot-1.yaml"]
 
 
