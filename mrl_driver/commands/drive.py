@@ -103,9 +103,11 @@ def _tell_limits(driver: "Driver", linear_m_s: float, angular_rad_s: float, late
     """Say what speeds are scaled down to that the robot's model does not allow."""
     assert driver.model is not None
     wanted = linear_m_s, angular_rad_s, lateral_m_s
-    kept = (*driver.limited(*wanted), 0.0)[:3]
-    if any(abs(kept[i] - wanted[i]) > ROUNDING for i in range(2 + bool(lateral_m_s))):
-        sideways = f", --lateral {kept[2]:.3g} m/s" if lateral_m_s else ""
+    kept = driver.limited(*wanted)
+    if lateral_m_s and len(kept) < len(wanted):
+        return  # `drive` says that this base cannot
+    if any(abs(found - asked) > ROUNDING for found, asked in zip(kept, wanted)):
+        sideways = "".join(f", --lateral {speed:.3g} m/s" for speed in kept[2:])
         complain(
             f"limited to --linear {kept[0]:.3g} m/s, --angular {kept[1]:.3g} rad/s{sideways}: the model "
             f"{driver.model.name} allows {driver.model.limits.linear_m_s:g} m/s and "

@@ -1,5 +1,6 @@
 """`mrl doctor`: what it finds, what it advises, and that nothing moves unasked."""
 
+import contextlib
 import json
 import math
 import re
@@ -7,10 +8,12 @@ import re
 import pytest
 
 from mrl_driver import robots
+from mrl_driver.address import is_network
 from mrl_driver.doctor import board, computer, wheels
 from mrl_driver.doctor.findings import FAULT, NOTE, OK, WARNING, Finding, verdict
 from mrl_driver.doctor.wheels import Moved
 from mrl_driver.handshake import Board
+from mrl_driver.link import Link
 from mrl_driver.ports import Port
 from mrl_driver.session import Status
 from sim_arduino.testing import EmulatedBoard
@@ -100,6 +103,32 @@ def test_output_without_a_terminal_is_plain_lines(quick, serve):
     lines = mrl("doctor", "--port", serve(version=1).path).stdout.splitlines()
     assert all(line == line.rstrip() and "\x1b" not in line for line in lines)
     assert "!  firmware         1 (2013): works, without watchdog and check value" in lines
+
+
+def test_a_device_that_many_have_open_is_not_in_use(quick):
+    """As /dev/null, which this very test may have open."""
+    with open("/dev/null", "rb"):
+        _, findings, _ = examine("--port", "/dev/null")
+    assert "in use" not in findings
+
+
+def test_a_port_that_another_program_has_open_is_in_use(quick, serve):
+    port = serve()
+    with contextlib.closing(Link(port.path)):
+        code, findings, _ = examine("--port", port.path)
+    assert code == 5 and findings["in use"]["level"] == FAULT
+
+
+@pytest.mark.parametrize("scheme", ["tcp", "udp"])
+def test_a_poor_network_is_not_a_poor_cable(scheme):
+    poor = board.Link(30.0, 50.0, 2, {"noise": 3}, [0.08])
+    advice = {
+        each.subject: each.advice for each in board.link(poor, by_network=is_network(f"{scheme}://h:1"))
+    }
+    assert set(advice.values()) == {
+        "bring robot and access point closer together, or use a channel with less traffic"
+    }
+    assert "USB cable" in {each.subject: each.advice for each in board.link(poor)}["damage"]
 
 
 @pytest.mark.parametrize(("port", "code"), [("/dev/nowhere", 3), ("/", 3), (__file__, 3), ("/dev/null", 3)])

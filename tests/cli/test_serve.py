@@ -1,11 +1,13 @@
 """`mrl serve`: a board's serial port on the network."""
 
+import contextlib
 import os
 import threading
 from types import SimpleNamespace
 
 import pytest
 
+from mrl_driver import cli
 from mrl_driver.bridge import Bridge
 from mrl_driver.driver import Driver
 from mrl_driver.errors import LinkLost
@@ -79,6 +81,30 @@ def test_the_stop_at_the_end_goes_more_than_once():
     os.close(ready)
     os.close(other)
     assert b"".join(sent).count(b"@13e") > 1
+
+
+def test_the_command_says_its_address_serves_and_ends_when_the_board_is_unplugged():
+    board, (output, other) = EmulatedBoard("square"), os.pipe()
+    words = ["serve", "--port", board.port, "--listen", f"tcp://{ADDRESS}"]
+    ended = []
+
+    def run():
+        try:
+            cli.cli.main(words, standalone_mode=False)
+        except LinkLost as error:
+            ended.append(error)
+
+    with os.fdopen(other, "w", buffering=1) as stdout, contextlib.redirect_stdout(stdout):
+        thread = threading.Thread(target=run)
+        thread.start()
+        with os.fdopen(output) as said:
+            address, *words = said.readline().split()
+        assert words[:2] == ["serves", f"{board.port};"]
+        with Driver(address) as robot:
+            assert robot.board.robot_id == 1
+        board.close()
+        thread.join()
+    assert len(ended) == 1
 
 
 def test_an_address_must_be_given():
