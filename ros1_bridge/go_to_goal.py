@@ -120,6 +120,8 @@ class GoToGoal:
         """The client hears how its goal ended, before the topics are closed."""
         self._ending.set()
         self._idle.wait(END_S)
+        with self._server.action_server.lock:  # its timer must not publish the status to a closed topic
+            self._server.action_server.started = False
 
     def _on_odometry(self, message: Odometry) -> None:
         self._odometry, self._odometry_s = message, rospy.get_time()

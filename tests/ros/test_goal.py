@@ -238,4 +238,5 @@ def test_node_that_ends_while_it_drives_ends_in_peace(robot):
     wait_until(lambda: twists.messages[-1] == Twist())
     wait_until(lambda: robot.client.get_state() == actionlib.GoalStatus.ABORTED)
     assert robot.client.get_goal_status_text() == "the node ends"
-    assert not [line for line in robot.seeker.output() if "Traceback" in line or "ERROR" in line]
+    said = "\n".join(robot.seeker.output())
+    assert "Traceback" not in said and "ERROR" not in said, said
