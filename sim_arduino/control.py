@@ -5,10 +5,10 @@ import select
 from typing import Callable, Dict, List, Optional, Tuple
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.yaml_file import short
 
 from .faults import FaultyEngine
 from .port import Port
-from .yaml_file import short
 
 _LONGEST_LINE = 4096
 

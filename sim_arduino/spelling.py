@@ -4,11 +4,10 @@ import math
 from typing import Any, Dict, NamedTuple, Tuple
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.yaml_file import read_expected, short
 
-from . import yaml_file
 from .physics import Errors
 from .sonars import SonarErrors
-from .yaml_file import short
 
 
 class Key(NamedTuple):
@@ -82,7 +81,7 @@ def _given(source: str, text: str) -> Dict[str, Any]:
     if not text.endswith((".yaml", ".yml")):
         parts = (part.partition("=") for part in text.split(",") if part)
         return {name.strip(): value for name, _, value in parts}
-    data = yaml_file.read(text, "a YAML file")
+    data = read_expected(text, "a YAML file")
     if not isinstance(data, dict):
         raise ConfigError(f"{source}: file is {short(data)}, expected keys and numbers")
     return {str(name): value for name, value in data.items()}

@@ -21,14 +21,13 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 from mrl_driver import robots
 from mrl_driver.errors import ConfigError
+from mrl_driver.yaml_file import read_expected, short
 
-from . import yaml_file
 from .crowd import NAME, NAME_TEXT, Mover
 from .scene import Scene, Source
 from .sensors import OTHERS, PIXELS, Environment
 from .shapes import Footprint, Pose, Wall, polygon
 from .world import World
-from .yaml_file import short
 
 _FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "worlds")
 FAR_M = 1000.0
@@ -76,7 +75,7 @@ def load(name_or_path: str = "room") -> World:
         raise ConfigError(
             f"world {name_or_path!r} is unknown, expected {', '.join(names())} or the path of a .yaml file"
         )
-    data = yaml_file.read(path, "a world as YAML")
+    data = read_expected(path, "a world as YAML")
     if isinstance(data, dict) and "image" in data:
         walls = _map_walls(path, data)
         world = World(walls)
@@ -172,7 +171,7 @@ class _Reader:
         if not name:
             return []
         path = os.path.join(os.path.dirname(self._path), name)
-        data = yaml_file.read(path, "a map_server YAML")
+        data = read_expected(path, "a map_server YAML")
         if not isinstance(data, dict):
             raise ConfigError(f"{path}: file is {short(data)}, expected a map_server YAML")
         return _map_walls(path, data)

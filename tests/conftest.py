@@ -3,7 +3,9 @@
 The last lines name the seed, which gives the same order again, and count what the markers allow.
 """
 
+import os
 import signal
+import tempfile
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -33,12 +35,21 @@ FIRST = (
 
 def pytest_configure(config):
     """A shell ignores signals for what it starts in the background, and programs inherit that."""
+    _leave_home(config)
     config.addinivalue_line("markers", "realtime: asserts a wall-clock limit; runs alone, after all others")
     if hasattr(config.option, "loadscopereorder"):
         config.option.loadscopereorder = False  # files by their number of tests: the longest have few
     for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, usual)
+
+
+def _leave_home(config):
+    """Gives tests, and what they start, a home of their own before any is imported; caches stay where they are."""
+    os.environ.setdefault("XDG_CACHE_HOME", os.path.expanduser("~/.cache"))
+    home = tempfile.TemporaryDirectory(prefix="mrl-home-")
+    config.add_cleanup(home.cleanup)
+    os.environ.update(HOME=home.name, XDG_CONFIG_HOME=os.path.join(home.name, ".config"))
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -22,7 +22,18 @@ NODES = {
 """Modules of ros1_bridge that are nodes, or part of them: the ones that may import rospy."""
 EXPERIMENTS = {"team_node", "turnaround_node", "step_node"}
 """The same of its experiments, which also use the emulator and its experiments."""
-SHARED = {"table", "codec", "errors", "folders", "robots", "images", "pictures", "address", "listener"}
+SHARED = {
+    "table",
+    "codec",
+    "errors",
+    "folders",
+    "robots",
+    "images",
+    "pictures",
+    "address",
+    "listener",
+    "yaml_file",
+}
 """Modules of mrl_driver that the emulator may use."""
 COMMANDS = {"replay": {"recording", "log_summary"}, "playback": {"recording"}}
 """What else the sub-commands of `mrl` that live with the emulator use."""

@@ -4,7 +4,9 @@ A model is geometry, limits, sonar poses, the board parameters of the firmware's
 accepts.  Sources of the numbers stand in the files.
 """
 
+import logging
 import os
+from functools import lru_cache
 from typing import Any, Container, Dict, List, Mapping, NamedTuple, Tuple, Type, TypeVar, get_type_hints
 
 from .. import folders, yaml_file
@@ -160,10 +162,31 @@ def parse(data: Any, path: str) -> RobotModel:
 
 
 def by_id(robot_id: int) -> str:
-    """Name of the model that lists `robot_id`, the user's own first, or an empty string."""
+    """Name of the model that lists `robot_id`, the user's own first, or an empty string.
+
+    A file of the user's own that cannot be used is logged and skipped.
+
+    Raises:
+        ConfigError: such a file has the name of the packaged model that lists the id.
+    """
     own = _names_in(own_folder())
     ordered = [*own, *(name for name in packaged() if name not in own)]
-    return next((name for name in ordered if robot_id in load(name).ids), "")
+    return next((name for name in ordered if _lists(name, robot_id)), "")
+
+
+def _lists(name: str, robot_id: int) -> bool:
+    try:
+        return robot_id in load(name).ids
+    except ConfigError as error:
+        if name in packaged() and robot_id in load_packaged(name).ids:
+            raise
+        _log_once(f"robot model ignored: {error}")
+        return False
+
+
+@lru_cache(maxsize=None)
+def _log_once(text: str) -> None:
+    logging.getLogger(__name__).warning(text)
 
 
 def load_packaged(name: str) -> RobotModel:
@@ -243,7 +266,7 @@ class _Reader:
             raise ConfigError(f"{error} (kind {kind})") from None
 
     def _fail(self, key: str, got: Any, expected: str) -> ConfigError:
-        return ConfigError(f"{self._path}: {key or 'file'} is {got!r}, expected {expected}")
+        return ConfigError(f"{self._path}: {key or 'file'} is {yaml_file.short(got)}, expected {expected}")
 
     def _mapping(self, key: str, data: Any) -> Mapping[str, Any]:
         if not isinstance(data, dict):

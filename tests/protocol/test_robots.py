@@ -183,3 +183,40 @@ def test_what_is_for_two_wheels_says_so():
         ConfigError, match="robot omni has a drive of kind omni, expected differential or tracked"
     ):
         _ = robots.load("omni").differential
+
+
+# -- models of the user's own
+
+
+def test_tests_do_not_see_the_models_of_who_runs_them():
+    assert robots.names() == robots.packaged()
+
+
+@pytest.fixture
+def own(tmp_path, monkeypatch):
+    """The user's folder for models."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    folder = tmp_path / "mrl-driver" / "robots"
+    folder.mkdir(parents=True)
+    return folder
+
+
+def test_a_broken_file_in_the_users_folder_is_logged_and_skipped(own, caplog):
+    (own / "mine.yaml").write_text("ids: [!!int x]\n")
+    assert [robots.by_id(1), robots.by_id(5), robots.by_id(77)] == ["traxbot", "stingbot", ""]
+    assert [record.levelname for record in caplog.records] == ["WARNING"]
+    assert f"{own / 'mine.yaml'}: line 1" in caplog.text
+
+
+def test_a_broken_file_that_is_named_is_an_error(own):
+    (own / "mine.yaml").write_text("ids: [!!int x]\n")
+    with pytest.raises(ConfigError, match="mine.yaml: line 1"):
+        robots.load("mine")
+
+
+def test_a_broken_file_with_the_name_of_the_robots_model_is_an_error(own):
+    """Its measured numbers are not replaced by the packaged ones."""
+    (own / "traxbot.yaml").write_text("ids: [!!int x]\n")
+    assert robots.by_id(5) == "stingbot"
+    with pytest.raises(ConfigError, match="traxbot.yaml: line 1"):
+        robots.by_id(1)

@@ -149,10 +149,12 @@ def test_a_board_starts_where_its_robot_stands(tmp_path):
         ("robots: {one: [0, 0, 0, r2d2]}", "robots.one: "),
         ("[]", "expected the keys"),
         ("walls: [", "no YAML"),
-        ("walls: [" + "[" * 9999 + "]" * 10000, "line 1 is nested deeper than 10"),
+        ("walls: [" + "[" * 9999 + "]" * 10000, "line 1: no YAML of this kind is nested deeper than 10"),
         (f"walls: [[0, 0, 1, {10**99}]]", r"is \[0, 0, 1, 10+\.\.\., expected"),
         ("robots: {a b: [0, 0, 0]}", "robots.a b is .* as its name 1 to 40 letters"),
         ("walls:\n\t- 1", "no YAML"),
+        ("walls: [[!!timestamp x, 1, 2, 3]]", "line 1: no YAML"),
+        ("north: 1\nnorth: 2", "line 2: no YAML: the key 'north' stands twice"),
     ],
 )
 def test_bad_worlds_name_file_key_and_value(tmp_path, text, message):

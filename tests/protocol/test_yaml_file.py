@@ -1,0 +1,58 @@
+"""YAML that people write: whatever is wrong with it is one line with file and line."""
+
+import pytest
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.yaml_file import read
+
+
+def fault_of(tmp_path, text):
+    path = tmp_path / "robot.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        read(str(path))
+    words = str(caught.value)
+    assert (
+        words.startswith(f"{path}: ") and len(words.splitlines()) == 1 and len(words) < len(str(path)) + 200
+    )
+    return words[len(str(path)) + 2 :]
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        "!!timestamp x",
+        '!!int "_"',
+        "!!int 0x",
+        "!!bool x",
+        '!!float ""',
+        "2020-01-99",
+        "!!python/name:os.system",
+    ],
+)
+def test_a_value_that_does_not_fit_its_tag(tmp_path, value):
+    assert fault_of(tmp_path, f"name: one\nids: [{value}]\n").startswith("line 2: ")
+
+
+def test_a_number_beyond_all_sense(tmp_path):
+    """Python refuses to print the longest of them."""
+    assert "too large" in fault_of(tmp_path, "name: 0x" + "f" * 6000)
+
+
+@pytest.mark.parametrize("text", ["name: a\nids: [1]\nname: b\n", "drive: {}\nsonars:\n  x: 1\n  x: 1\n"])
+def test_a_key_that_stands_twice(tmp_path, text):
+    line = len(text.splitlines())
+    assert fault_of(tmp_path, text).startswith(f"line {line}: ") and "stands twice" in fault_of(
+        tmp_path, text
+    )
+
+
+def test_the_same_key_in_two_mappings_is_none_twice(tmp_path):
+    path = tmp_path / "robot.yaml"
+    path.write_text("a: {x: 1}\nb: {x: 2}\n")
+    assert read(str(path)) == {"a": {"x": 1}, "b": {"x": 2}}
+
+
+@pytest.mark.parametrize("text", ["a: [", "a:\n\t- 1", "[" * 5000, "a: \x00", "a: &x [*x", "? {"])
+def test_what_is_not_yaml(tmp_path, text):
+    assert "no YAML" in fault_of(tmp_path, text)
