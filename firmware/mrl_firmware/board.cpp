@@ -25,7 +25,6 @@ void begin() {
   environment::begin();
   config::begin();
   motor::begin();
-  failsafe::begin();
   xbee::begin();
 }
 

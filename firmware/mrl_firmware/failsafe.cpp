@@ -35,8 +35,6 @@ void recover_from_stall() {
 
 }  // namespace
 
-void begin() { last_valid = board_clock::now(); }
-
 void valid_frame() {
   last_valid = board_clock::now();
   silent = false;

@@ -5,7 +5,6 @@
 namespace mrl {
 namespace failsafe {
 
-void begin();
 // A frame came that the table allows.
 void valid_frame();
 // `gap` is the time since the last pass of the loop [64 us].

@@ -10,7 +10,7 @@ import time
 import click.testing
 import pytest
 
-from mrl_driver import cli, keyboard
+from mrl_driver import cli, keyboard, robots
 from mrl_driver.commands import shared, text
 from mrl_driver.recording import Recording
 from tests.waiting import PATIENCE_S, wait_until
@@ -176,7 +176,7 @@ def test_an_empty_battery_can_be_overridden(serve):
 
 def test_an_unknown_model():
     line = fails(2, "info", "--port", "/dev/null", "--robot", "nix")
-    assert "a model (omni, stingbot, traxbot)" in line and "mrl names add nix" in line
+    assert f"a model ({', '.join(robots.packaged())})" in line and "mrl names add nix" in line
 
 
 @pytest.mark.parametrize("linear", ["nan", "inf", "-inf"])

@@ -11,6 +11,7 @@ from ros1_bridge import sensor_topics
 from sim_arduino import boards
 
 RUN_S = 1.6
+WORLD, NAME = sys.argv[1:]
 
 
 class Heard:
@@ -31,12 +32,15 @@ class Heard:
 class Publisher:
     published = {}
 
+    def __init__(self, topic):
+        self.topic = topic
+
     def publish(self, message):
-        Publisher.published["message"] = message
+        Publisher.published[self.topic] = message
 
 
 def seen(engine, pose):
-    emulated = boards.make(boards.Options(engine=engine, world=sys.argv[1], pose=pose))
+    emulated = boards.make(boards.Options(engine=engine, world=WORLD, pose=pose))
     heard = Heard(emulated.engine)
     with SteppedDriver(heard) as robot:
         topics = sensor_topics.SensorTopics(
@@ -45,14 +49,14 @@ def seen(engine, pose):
         robot.on_sensor(topics.on_sensor)
         robot.wait(RUN_S)
         result = {
-            "values": robot.sensors["air_temperature"].values,
+            "values": robot.sensors[NAME].values,
             "line": text.line(robot),
             "faults": robot.status.faults,
             "lost": robot.statistics.lost,
         }
     frames = log_codec.decode_log(heard.data, checked=True).frames
-    result["recorded"] = frames[SENSOR_BY_NAME["air_temperature"].code].args[-1].tolist()
-    message = Publisher.published["message"]
+    result["recorded"] = frames[SENSOR_BY_NAME[NAME].code].args[-1].tolist()
+    message = Publisher.published[NAME]
     result["topic"] = [message.header.frame_id, message.temperature, message.variance]
     emulated.close()
     return result
@@ -61,13 +65,13 @@ def seen(engine, pose):
 def absent():
     """The faults of a board whose sensor was never there, and what it reads."""
     emulated = boards.make(boards.Options(engine="avr"))
-    emulated.plant.i2c[SENSOR_BY_NAME["air_temperature"].i2c.address].present = False
+    emulated.plant.i2c[SENSOR_BY_NAME[NAME].i2c.address].present = False
     with SteppedDriver(emulated.engine) as robot:
         robot.wait(RUN_S)
-        found = {"faults": robot.status.faults, "sensors": list(robot.sensors)}
+        found = {"faults": robot.status.faults, "read": NAME in robot.sensors}
     emulated.close()
     return found
 
 
-sensor_topics.direct_publisher = lambda *_, **__: Publisher()
+sensor_topics.direct_publisher = lambda _, topic, *__: Publisher(topic)
 print(json.dumps({"far": seen("python", "-1,0,0"), "near": seen("avr", "1,0,0"), "absent": absent()}))

@@ -12,7 +12,12 @@ from sim_arduino import boards, config_store
 
 from .blocks import blocks
 
-TEXT = next(block.text for block in blocks("CONTRIBUTING.md") if "name: eswarbot" in block.text)
+BLOCK = next(block.text for block in blocks("CONTRIBUTING.md") if "name: eswarbot" in block.text)
+NAME = "recipe-robot"
+_TAKEN = {each for name in robots.packaged() for each in robots.load_packaged(name).ids}
+IDS = sorted(set(range(11, 100)) - _TAKEN)[:3]
+TEXT = BLOCK.replace("eswarbot", NAME).replace("[11, 12, 13]", str(IDS))
+"""The recipe's robot, under a name and with ids that no packaged model has."""
 PLACE_M, WAY_M = 0.01, 0.4
 
 
@@ -22,26 +27,26 @@ def home(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
     folder = tmp_path / "mrl-driver" / "robots"
     folder.mkdir(parents=True)
-    (folder / "eswarbot.yaml").write_text(TEXT)
+    (folder / f"{NAME}.yaml").write_text(TEXT)
     return folder
 
 
 def test_it_is_found_by_name_and_by_id(home):
-    assert (robots.load("eswarbot").name, robots.by_id(12)) == ("eswarbot", "eswarbot")
-    assert robots.names() == ["eswarbot", *robots.packaged()]
+    assert (robots.load(NAME).name, robots.by_id(IDS[1])) == (NAME, NAME)
+    assert robots.names() == sorted([NAME, *robots.packaged()])
 
 
 @pytest.mark.parametrize("engine", ["python", "avr"])
 def test_it_drives_as_far_as_it_is_told(home, engine):
     """And its board's idea of its wheels agrees with the driver's."""
-    emulated = boards.make(boards.Options(robot="eswarbot", engine=engine, world="corridor"))
+    emulated = boards.make(boards.Options(robot=NAME, engine=engine, world="corridor"))
     with SteppedDriver(emulated.engine, options=Options(command_timeout_s=None)) as robot:
         start = emulated.plant.true_pose
         robot.drive(0.2, 0.0)
         robot.wait(WAY_M / 0.2 + 0.15)
         robot.stop()
         robot.wait(0.2)
-        assert robot.model.name == "eswarbot"
+        assert robot.model.name == NAME
         number = PARAMETER_BY_NAME["axis_radius"].number
         assert robot.ask(BY_NAME["read_config"].code, number) == (number, robot.model.board["axis_radius"])
         went_m = emulated.plant.true_pose.x_m - start.x_m
@@ -52,15 +57,15 @@ def test_it_drives_as_far_as_it_is_told(home, engine):
 
 def test_a_blank_board_becomes_one(home):
     """The firmware's own defaults for an unknown id are TraxBot's."""
-    model, board = robots.load("eswarbot"), boards.make(boards.Options(robot="traxbot", robot_id=0)).engine
+    model, board = robots.load(NAME), boards.make(boards.Options(robot="traxbot", robot_id=0)).engine
     with SteppedDriver(board, model, Options(any_id=True)) as robot:
-        write_id(robot, 11, model)
+        write_id(robot, IDS[0], model)
     values = config_store.Config(board.eeprom)
-    assert {name: values[name] for name in model.board} == model.board and values["robot_id"] == 11
+    assert {name: values[name] for name in model.board} == model.board and values["robot_id"] == IDS[0]
 
 
 def test_a_board_that_restarts_before_it_saves_is_told_of(home, monkeypatch):
-    model, board = robots.load("eswarbot"), boards.make(boards.Options(robot="traxbot", robot_id=0)).engine
+    model, board = robots.load(NAME), boards.make(boards.Options(robot="traxbot", robot_id=0)).engine
     with SteppedDriver(board, model, Options(any_id=True)) as robot:
         ask = robot.ask
 
@@ -71,13 +76,13 @@ def test_a_board_that_restarts_before_it_saves_is_told_of(home, monkeypatch):
             return ask(code, *args, **options)
 
         monkeypatch.setattr(robot, "ask", restart_first)
-        with pytest.raises(BoardRefused, match="told robot_id 11 and says 0"):
-            write_id(robot, 11, model)
+        with pytest.raises(BoardRefused, match=f"told robot_id {IDS[0]} and says 0"):
+            write_id(robot, IDS[0], model)
 
 
 def test_a_users_file_comes_before_the_packaged_one(home):
-    text = TEXT.replace("[11, 12, 13]", "[2]").replace("0.120", "0.181")
-    (home / "my-traxbot.yaml").write_text(text.replace("name: eswarbot", "name: my-traxbot"))
+    text = TEXT.replace(str(IDS), "[2]").replace("0.120", "0.181")
+    (home / "my-traxbot.yaml").write_text(text.replace(f"name: {NAME}", "name: my-traxbot"))
     assert [robots.by_id(1), robots.by_id(2)] == ["traxbot", "my-traxbot"]
     (home / "traxbot.yaml").write_text(text)
     assert robots.load("traxbot").drive.wheel_separation_m == 0.181
@@ -86,9 +91,9 @@ def test_a_users_file_comes_before_the_packaged_one(home):
 
 def test_an_unknown_name_tells_where_files_belong(home):
     with pytest.raises(
-        ConfigError, match=f"expected eswarbot, .*stingbot.*files in {home} are known by name"
+        ConfigError, match=f"expected .*{NAME}, .*stingbot.*files in {home} are known by name"
     ):
-        robots.load("eswarbt")
+        robots.load("recipe-robt")
 
 
 def test_a_path_that_is_none_says_why(tmp_path):
@@ -97,5 +102,5 @@ def test_a_path_that_is_none_says_why(tmp_path):
 
 
 def test_emulated_boards_know_no_parameter_that_the_model_lacks(home):
-    values = config_store.configured(11, robots.load("eswarbot"))
+    values = config_store.configured(IDS[0], robots.load(NAME))
     assert len(values) == len(PARAMETER_BY_NAME)

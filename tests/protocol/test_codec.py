@@ -16,7 +16,7 @@ from mrl_driver.codec import (
     encode_request,
 )
 from mrl_driver.errors import FrameError
-from mrl_driver.table import COMMANDS, MAX_FRAME, MAX_NOISE, Command
+from mrl_driver.table import BY_CODE, COMMANDS, MAX_FRAME, MAX_NOISE, Command
 
 INT16 = st.integers(-32768, 32767)
 BYTES_OF_FRAMES = st.text("@e,-0123456789\r\nx[\x00\xff", max_size=80).map(
@@ -116,7 +116,7 @@ def test_check_value_is_signed():
 @pytest.mark.parametrize(
     "code, args, message",
     [
-        (99, (), "command 99 is not in the table, expected 1 to 45"),
+        (99, (), f"command 99 is not in the table, expected 1 to {max(BY_CODE)}"),
         (11, (1,), r"command 11 \(move_differential\) takes 2 arguments, got 1"),
         (11, (40000, 0), "move_differential: linear is 40000, expected -32768 to 32767 mm/s"),
         (9, (101, 0), "move_motors_pid: motor_1 is 101, expected -100 to 100 %"),

@@ -23,7 +23,9 @@ def load(tmp_path, data):
 
 
 def test_packaged_models_load():
-    assert [robots.load_packaged(name).name for name in robots.packaged()] == ["omni", "stingbot", "traxbot"]
+    names = robots.packaged()
+    assert [robots.load_packaged(name).name for name in names] == names
+    assert {"omni", "stingbot", "traxbot"} <= set(names)
 
 
 @pytest.mark.parametrize("name, radius_m", [("traxbot", 0.0390), ("stingbot", 0.0327)])
@@ -44,9 +46,8 @@ def test_id_finds_its_model():
 
 
 def test_unknown_name_lists_the_known():
-    with pytest.raises(
-        ConfigError, match="robot 'traxbt' is unknown, expected omni, stingbot, traxbot or the path"
-    ):
+    known = ", ".join(robots.packaged())
+    with pytest.raises(ConfigError, match=f"robot 'traxbt' is unknown, expected {known} or the path"):
         robots.load("traxbt")
 
 

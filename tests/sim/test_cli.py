@@ -9,6 +9,7 @@ import time
 
 import pytest
 
+from mrl_driver import robots
 from sim_arduino import cli
 from tests.waiting import PATIENCE_S, wait_until
 
@@ -183,7 +184,7 @@ def test_a_stopped_process_is_a_stall_of_the_board():
 @pytest.mark.parametrize(
     "options, code, text",
     [
-        (("--robot", "nope"), 2, "robot 'nope' is unknown, expected omni, stingbot, traxbot"),
+        (("--robot", "nope"), 2, f"robot 'nope' is unknown, expected {', '.join(robots.packaged())}"),
         (
             ("--world", "nope"),
             2,
