@@ -31,7 +31,9 @@ def robot():
 def test_all_sensors_of_the_board_are_read_beside_the_odometry(robot):
     values = {name: found.values for name, found in robot.sensors.items()}
     expected = {"alcohol": (123,), "dust": (300,), "light": (321,), "thermopile": (22,) * 8, "compass": (90,)}
-    assert (values, robot.statistics.lost, robot.ready) == (expected, 0, True)
+    assert {name: values[name] for name in expected} == expected
+    assert set(values) == {row.name for row in SENSORS}
+    assert (robot.statistics.lost, robot.ready) == (0, True)
 
 
 def test_each_answer_is_told(robot):

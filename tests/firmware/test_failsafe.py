@@ -303,6 +303,48 @@ def test_a_move_is_tried_again(bench):
     assert board.writes() == [b"\xeb\x00\x64\x00\x00"]
 
 
+def test_a_move_that_a_lost_motor_board_never_got_is_forgotten(bench):
+    """It is not carried out when the motor board comes back."""
+    board = bench()
+    board.board.nack = lambda address, data: True
+    board.raw(b"@11,100,0e", wait_s=0.02)
+    board.board.nack = lambda address, data: False
+    board.run(0.3)
+    assert board.writes(0xEA) and not board.writes(0xEB)
+
+
+def test_a_question_for_counts_is_given_up_when_the_motor_board_is_lost(bench):
+    """The move before it uses up the attempts; the next question is answered."""
+    board = bench()
+    board.board.nack = lambda address, data: True
+    board.raw(b"@11,100,0e@6e", wait_s=0.03)
+    assert board.ask("get_stream").args == (0,)
+
+
+def test_a_stop_asks_at_once_for_a_motor_board_that_was_lost(bench):
+    """It need not wait for the next attempt, up to a second away."""
+    board = bench()
+    flap(board, 10)
+    board.run(1.2)
+    board.forget()
+    board.plant.motor_board.present = True
+    board.raw(b"@13e", wait_s=0.004)
+    assert board.writes()[0] == STOP
+
+
+def test_a_lost_motor_board_has_neither_voltage_nor_version(bench):
+    board = bench()
+    board.plant.motor_board.present = False
+    board.run(0.3)
+    assert board.ask("robot_info").args[:3] == (0, 0, 0)
+
+
+def test_a_stop_of_motors_that_stand_keeps_the_reason(bench):
+    board = bench()
+    board.send("stop")
+    assert stop_reason(board) == "boot"
+
+
 def test_a_stop_is_tried_again(bench):
     """A refusal on the bus, then it arrives; the motor board is not taken for lost."""
     board = bench()
