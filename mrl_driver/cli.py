@@ -137,6 +137,14 @@ def cli(port: Optional[str], robot: Optional[str]) -> None:
       mrl doctor --port /dev/ttyACM0       is everything in order?
       mrl monitor --port /dev/ttyACM0      watch the robot, and drive it with the keyboard
       mrl names add lab3 --port /dev/ttyACM0; mrl --robot lab3 info
+    \b
+    Exit codes:
+      0 all is well             1 a finding, or another error   2 a wrong option or file
+      3 no such port            4 no permission                 5 the port is in use
+      6 the port went away      7 not a robot                   8 another robot
+      9 the battery is empty   10 the board does not answer    11 the board refuses
+     12 no such frame          13 the emulator                 14 a wheel or its wires
+     15 a file or the output cannot be written                130 Ctrl-C, or a no
     """
 
 

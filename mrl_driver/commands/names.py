@@ -1,7 +1,7 @@
 """`mrl names`: robots by name."""
 
 import os
-from typing import Any, Dict, Optional
+from typing import Any, Dict, List, Optional
 
 import click
 
@@ -31,6 +31,14 @@ def names(ctx: click.Context, as_json: bool) -> None:
     """
     if ctx.invoked_subcommand is None:
         _list(as_json)
+
+
+def _complete_name(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
+    """Named robots for the shell."""
+    try:
+        return [name for name in book.read() if name.startswith(incomplete)]
+    except ConfigError:
+        return []
 
 
 @names.command("list")
@@ -102,7 +110,7 @@ def _lasting(port: str) -> Optional[str]:
 
 
 @names.command()
-@click.argument("name")
+@click.argument("name", shell_complete=_complete_name)
 def remove(name: str) -> None:
     """Forget a name."""
     named = book.read()

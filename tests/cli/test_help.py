@@ -12,7 +12,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from mrl_driver import cli
+from mrl_driver import cli, errors, names
 from mrl_driver.errors import OutputError
 from tests.waiting import PATIENCE_S
 
@@ -168,3 +168,49 @@ def test_a_hang_up_that_nohup_ignores_stays_ignored():
         [sys.executable, "-c", ignoring], capture_output=True, text=True, timeout=PATIENCE_S
     )
     assert done.stdout.endswith("True\n"), done
+
+
+def test_a_package_that_is_missing_costs_a_line(tmp_path):
+    """As with catkin's `mrl`, which comes without the dependencies that pip would install."""
+    (tmp_path / "click.py").write_text("raise ModuleNotFoundError('No module named click', name='click')\n")
+    done = subprocess.run(
+        [sys.executable, "-m", "mrl_driver", "--help"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        cwd=pathlib.Path(__file__).resolve().parents[2],
+    )
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith(
+        "mrl: the Python package click is missing; install it with: sudo apt install"
+    )
+    assert done.stderr.count("\n") == 1
+
+
+def test_the_help_names_the_exit_code_of_each_error():
+    text = mrl("--help").stdout
+    codes = {each.exit_code for each in vars(errors).values() if isinstance(each, type)}
+    assert [code for code in codes if not re.search(rf"(^|\s){code} [a-z]", text)] == []
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("mrl experiment l-", ["l-course"]),
+        ("mrl names remove la", ["lab3"]),
+        ("mrl --robot la", ["lab3"]),
+    ],
+)
+def test_the_shell_completes_experiments_and_names(words, expected):
+    names.write({"lab3": names.Target("/dev/ttyACM0")})
+    env = {"_MRL_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
+    done = subprocess.run(
+        [sys.executable, "-m", "mrl_driver"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env={**os.environ, **env},
+        cwd=pathlib.Path(__file__).resolve().parents[2],
+    )
+    assert [line.partition(",")[2] for line in done.stdout.splitlines()] == expected
