@@ -38,6 +38,9 @@ STANDING: Speeds = (0.0, 0.0)
 class Commander:
     """Stands between the node's callbacks and a `Driver`; any thread may call it.
 
+    One call at a time: each holds the lock while the driver writes, which takes 100 ms at most where a port is stuck.
+    `tick` on the thread that reads waits for that long, and no longer.
+
     Each method that moves or stops the robot raises what the driver's does.
     """
 

@@ -120,7 +120,7 @@ def cpu_percent_50hz(module: str) -> float:
 
 def medians(runs: int, measures: Dict[str, Callable[[], float]]) -> Dict[str, float]:
     """Median of each over `runs` rounds, in which they take turns, so that a busy machine is one for all."""
-    rounds = [{key: measure() for key, measure in measures.items()} for _ in range(runs)]
+    rounds = report.repeat("round", runs, lambda: {key: measure() for key, measure in measures.items()})
     return {key: statistics.median(one[key] for one in rounds) for key in measures}
 
 

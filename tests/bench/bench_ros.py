@@ -117,18 +117,18 @@ def circle_error_mm(phase: float) -> float:
     return 1e3 * worst_m
 
 
-def repeated(measure: Callable[[], Dict[str, float]], runs: int = RUNS) -> Dict[str, float]:
-    return medians([measure() for _ in range(runs)])
+def repeated(name: str, measure: Callable[[], Dict[str, float]], runs: int = RUNS) -> Dict[str, float]:
+    return medians(report.repeat(name, runs, measure))
 
 
 def main() -> None:
     figures = {"motion_to_true_pose_mm": statistics.median(circle_error_mm(i / 12) for i in range(12))}
     with Master():
-        figures.update(repeated(lambda: latencies(NODE)))
-        figures.update(repeated(lambda: latencies(BARE, "bare_")))
-        figures.update(repeated(load_run))
-        figures["max_frames_hz"] = report.median_of(RUNS, max_rate)
-        figures.update(repeated(ten_robots))
+        figures.update(repeated("latencies of the node", lambda: latencies(NODE)))
+        figures.update(repeated("latencies of a bare loop", lambda: latencies(BARE, "bare_")))
+        figures.update(repeated("CPU and memory", load_run))
+        figures["max_frames_hz"] = report.median_of("highest rate", RUNS, max_rate)
+        figures.update(repeated("ten robots", ten_robots))
     print(f"{'figure':32}{'ours':>10}{'bare':>10}  goal")
     for key, goal in GOALS.items():
         bare = figures.get(f"bare_{key.replace('node_', '')}", figures.get(f"bare_{key}"))

@@ -170,9 +170,9 @@ def main() -> None:
 
         team = ("--world", world, "--world-name", "bench")
         figures: Dict[str, float] = {
-            "python_stepped_speedup": report.median_of(RUNS, stepped),
-            "avr_stepped_speedup": report.median_of(RUNS, lambda: avr_speedup(world)),
-            "python_board_cpu_percent_50hz": report.median_of(RUNS, lambda: cpu_percent(world)),
+            "python_stepped_speedup": report.median_of("Python board", RUNS, stepped),
+            "avr_stepped_speedup": report.median_of("image", RUNS, lambda: avr_speedup(world)),
+            "python_board_cpu_percent_50hz": report.median_of("CPU", RUNS, lambda: cpu_percent(world)),
             "avr_boards_realtime": most((1, 2, 3, 4, 6, 8), 50, "--world", world, "--engine", "avr"),
             "python_boards_realtime": most((10, 20, 25), 50, *team),
         }

@@ -4,8 +4,10 @@ import json
 import os
 import pathlib
 import statistics
-from typing import Callable, Dict, Union
+import sys
+from typing import Callable, Dict, List, TypeVar, Union
 
+Figures = TypeVar("Figures")
 FOLDER = pathlib.Path(__file__).resolve().parents[2] / "build" / "bench"
 
 
@@ -20,6 +22,15 @@ def write(name: str, figures: Dict[str, Union[int, float]]) -> pathlib.Path:
     return path
 
 
-def median_of(runs: int, measure: Callable[[], float]) -> float:
+def repeat(name: str, runs: int, measure: Callable[[], Figures]) -> List[Figures]:
+    """What `runs` measurements give; each is announced on stderr, for they take long."""
+    found = []
+    for number in range(1, runs + 1):
+        print(f"{name}: run {number} of {runs}", file=sys.stderr, flush=True)
+        found.append(measure())
+    return found
+
+
+def median_of(name: str, runs: int, measure: Callable[[], float]) -> float:
     """Median of `runs` measurements."""
-    return statistics.median(measure() for _ in range(runs))
+    return statistics.median(repeat(name, runs, measure))
