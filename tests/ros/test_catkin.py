@@ -23,6 +23,8 @@ PACKAGES = ("mrl_driver", "sim_arduino", "ros1_bridge")
 TESTS = ("tests/ros/robot.test", "tests/ros/drive_and_stop")
 OF_THE_MACHINE = ("Please update rosdep", "missing core ROS Python modules: rosdep2")
 """What roswtf says where rosdep is not installed."""
+OF_A_BUSY_MACHINE = "the board is silent"
+"""What the node says when the emulator's process was held up for 0.3 s."""
 UNCONNECTED = "node subscriptions are unconnected"
 LISTEN_S = 1.0
 
@@ -96,7 +98,9 @@ def running(workspace, space):
         f"name:={folder.name}_{space}",
     )
     command = workspace.in_space(space, *launch)
-    child = Child("roslaunch", command, folder / f"{space}.log", workspace.env, folder)
+    log = folder / f"log_{space}"
+    env = {**workspace.env, "ROS_LOG_DIR": str(log)}
+    child = Child("roslaunch", command, folder / f"{space}.log", env, folder)
     try:
         wait_until(lambda: master_answers(uri) or child.exit_code is not None)
         yield child
@@ -105,9 +109,11 @@ def running(workspace, space):
         child.finish(START_S)
     assert child.exit_code == 0
     assert processes(folder) == ""
-    logs = [path for path in (folder / ".ros" / "log").rglob("*.log") if "master" not in path.name]
-    said = "\n".join(child.output() + [path.read_text(errors="replace") for path in logs])
-    assert "shutting down" in said and not re.search(r"WARN|\[ERROR|Traceback|escalating", said), said
+    logs = [path for path in log.rglob("*.log") if "master" not in path.name]
+    said = child.output() + [line for path in logs for line in path.read_text(errors="replace").splitlines()]
+    said = "\n".join(line for line in said if OF_A_BUSY_MACHINE not in line)
+    assert logs and "shutting down" in said
+    assert not re.search(r"WARN|\[ERROR|Traceback|escalating", said), said
 
 
 def processes(folder):

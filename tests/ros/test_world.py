@@ -64,6 +64,8 @@ def world(module_rig):
     )
     rig.scan, rig.truth = rig.topic("one/scan", LaserScan), rig.topic("one/base_pose_ground_truth", Odometry)
     rig.two, rig.map = rig.topic("two/base_pose_ground_truth", Odometry), rig.topic("map", OccupancyGrid)
+    for topic in rig.scan, rig.truth, rig.two, rig.map:
+        topic.wait()
     return rig
 
 
