@@ -96,3 +96,39 @@ def test_a_late_burst_is_no_wrap():
     clock.update(0, 100.0, next_one=True)
     host = clock.update(312, 103.0, next_one=True)
     assert host.board_s == pytest.approx(312 * TICK_S)
+
+
+def test_stamps_of_frames_that_came_at_once_are_a_microsecond_apart():
+    clock = BoardClock()
+    first, second = (clock.update(ticks, 1.0).stamp_s for ticks in (0, 1))
+    assert second - first == pytest.approx(1e-6, abs=1e-7)
+
+
+def test_a_frame_that_comes_too_soon_for_its_board_time_does_not_go_back():
+    """It was 3.84 s after the one before, which was held up."""
+    clock = BoardClock()
+    clock.update(0, 10.0)
+    assert clock.update(int16(60000), 10.1).board_s == pytest.approx(60000 * TICK_S)
+
+
+@pytest.mark.parametrize("late_s", [-1.9, 1.9])
+def test_a_gap_is_told_to_within_two_seconds(late_s):
+    clock, gap = BoardClock(), 0x10000 + 1000 + 0x8000
+    clock.update(0, 0.0)
+    assert clock.update(int16(gap), gap * TICK_S + late_s).board_s == pytest.approx(gap * TICK_S)
+
+
+def test_the_least_delay_is_that_of_the_last_25_s():
+    """After 40 s the way becomes 5 ms longer."""
+    clock, ticks = BoardClock(), round(0.02 / TICK_S)
+    for frame in range(3350):
+        board_s = frame * ticks * TICK_S
+        host = clock.update(int16(frame * ticks), board_s + (0.005 if board_s > 40 else 0.0))
+    assert host.latency_s < 1e-4
+
+
+def test_no_drift_is_read_from_less_than_a_second():
+    clock = BoardClock()
+    for ticks, arrival_s in ((0, 0.0), (round(0.3 / TICK_S), 0.301), (round(0.6 / TICK_S), 0.602)):
+        clock.update(ticks, arrival_s)
+    assert clock.drift == 0.0

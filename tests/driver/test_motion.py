@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from mrl_driver.motion import MOVE, QUICK, STOP, Motion
+from mrl_driver.motion import MOVE, QUICK, STILL_FRAMES, STILL_S, STOP, Motion
 
 
 def drain(motion, start_s, end_s, step_s=0.001, allowed=True):
@@ -130,3 +130,38 @@ def test_minus_one_is_spelt_zero_for_boards_that_drop_it():
 
 def test_nothing_is_due_while_stopped():
     assert Motion().due_s() == math.inf
+
+
+def test_a_second_fade_does_not_begin_again():
+    motion = Motion()
+    motion.drive(300, 0, 0.0)
+    motion.fade(0.0, 1.0)
+    assert motion.take(0.5) == [(MOVE, 150, 0)]
+    motion.fade(0.5, 1.0)
+    assert motion.take(0.75) == [(MOVE, 75, 0)]
+
+
+def test_a_fade_ends_in_a_stop_on_time():
+    motion = Motion()
+    motion.drive(300, 0, 0.0)
+    motion.fade(0.0, 1.0)
+    assert motion.take(1.0) == [(STOP,)] and motion.stop_reason == "battery"
+
+
+def test_a_robot_that_stands_has_nothing_to_fade():
+    motion = Motion()
+    motion.fade(0.0, 1.0)
+    assert motion.take(0.5) == [] and motion.stop_reason == "none"
+
+
+@pytest.mark.parametrize("step_s", [STILL_S, STILL_S / STILL_FRAMES], ids=["by frames", "by time"])
+def test_a_stop_is_confirmed_by_so_many_frames_over_so_long(step_s):
+    """The frame that ends the last movement, and the least number of others over the least time."""
+    motion = Motion()
+    motion.stop()
+    motion.take(0.0)
+    for frame in range(STILL_FRAMES):
+        motion.observe(False, frame * step_s)
+        assert motion.stopping
+    motion.observe(False, max(STILL_S, STILL_FRAMES * step_s))
+    assert not motion.stopping
