@@ -128,6 +128,18 @@ def test_junk_means_another_baud_rate_four_seconds_after_its_first_byte():
     assert talk.now == pytest.approx(5.0, abs=0.3)
 
 
+@pytest.mark.parametrize(
+    "junk", [bytes(range(128, 168)), bytes(range(128, 168)) + b"@"], ids=["bare", "with @"]
+)
+def test_forty_bytes_of_junk_are_enough(junk):
+    board = FakeBoard()
+    board.mute = True
+    talk, pieces = Talk(board), [junk]
+    talk.to_host = lambda data: pieces.pop() if pieces else b""
+    with pytest.raises(NotARobot, match="check baud"):
+        talk.run(9)
+
+
 def test_half_a_frame_and_junk_before_the_answer_do_no_harm():
     talk = Talk()
     talk.board.out += b"@8,12" + bytes(range(128, 256)) * 4
@@ -592,3 +604,12 @@ def test_motors_are_not_turned_by_a_request_while_the_board_is_silent():
     talk.run(0.5)
     with pytest.raises(BoardTimeout, match="nothing was sent"):
         talk.session.request(BY_NAME["move_motors"].code, 50, 50)
+
+
+def test_a_board_that_started_two_seconds_later_than_before_has_restarted():
+    talk = Talk().until_ready().run(5.0)
+    talk.board.mute, talk.events = True, []
+    talk.run(1.0)
+    talk.board.started_s += 2.0
+    talk.board.mute = False
+    assert talk.until_ready().seen(Ready)[-1].restarted

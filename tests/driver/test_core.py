@@ -1,0 +1,65 @@
+"""The driver without I/O: what a command does in each state of the robot."""
+
+import pytest
+
+from mrl_driver.core import Core
+from mrl_driver.options import DEFAULTS
+from tests.fake_board import FakeBoard
+from tests.models import model as load
+
+STEP_S = 0.01
+
+
+class Robot:
+    """A core and a board, stepped together."""
+
+    def __init__(self):
+        self.core, self.board, self.now = Core(load("traxbot"), DEFAULTS), FakeBoard(), 0.0
+        self.core.begin(0.0)
+        self.until(lambda: self.core.state.telemetry is not None)
+        self.motion = self.core.session.motion
+
+    def until(self, condition, seconds=20.0):
+        end_s = self.now + seconds
+        while not condition():
+            assert self.now < end_s, "it did not happen in time"
+            self.now += STEP_S
+            self.core.turn(self.board.advance(self.now), self.now)
+            self.board.receive(self.core.session.take(), self.now)
+
+    def drive(self, linear_m_s):
+        return self.core.drive(linear_m_s, 0.0, self.now)
+
+    def until_empty(self, linear_m_s):
+        """Drives until the battery is empty, which takes 5 s."""
+        self.board.battery = 840
+        self.until(lambda: not self.drive(linear_m_s))
+
+
+@pytest.fixture
+def robot():
+    return Robot()
+
+
+def test_a_driver_that_is_leaving_takes_no_command(robot):
+    robot.core.leaving = True
+    assert not robot.drive(0.2) and robot.motion.target is None
+
+
+def test_a_command_of_zero_is_a_command_while_the_battery_is_good(robot):
+    robot.drive(0.2)
+    assert robot.drive(0.0) and robot.motion.target == (0, 0)
+
+
+def test_a_command_does_not_end_the_gentle_stop_of_an_empty_battery(robot):
+    robot.until_empty(0.2)
+    assert robot.motion.target is not None
+    assert not robot.drive(0.2)
+    assert robot.motion.target is not None
+
+
+def test_a_command_of_zero_with_an_empty_battery_leaves_the_reason_of_a_stop(robot):
+    robot.until_empty(0.2)
+    robot.core.stop(robot.now, "user")
+    robot.drive(0.0)
+    assert robot.motion.stop_reason == "user"
