@@ -49,6 +49,7 @@ def test_a_driver_that_is_leaving_takes_no_command(robot):
 def test_a_command_of_zero_is_a_command_while_the_battery_is_good(robot):
     robot.drive(0.2)
     assert robot.drive(0.0) and robot.motion.target == (0, 0)
+    assert robot.motion.stop_reason == "none"
 
 
 def test_a_command_does_not_end_the_gentle_stop_of_an_empty_battery(robot):
