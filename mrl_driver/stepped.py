@@ -63,6 +63,9 @@ class SteppedDriver(Readout):
         self._now_s = 0.0
         self._closed = False
 
+    recorder = None
+    """Nothing is recorded."""
+
     @property
     def now_s(self) -> float:
         """Simulated time since the board's start."""

@@ -181,6 +181,7 @@ def test_a_raised_line_that_fails_goes_back():
         wait_until(lambda: not robot.ready)
         wait_until(lambda: robot.drive(0.1, 0.0))
         assert robot.line_baud == 115200
+        wait_until(lambda: any(isinstance(event, Slowed) for event in heard))
         assert [str(event) for event in heard if isinstance(event, Slowed)] == [
             "the line shows errors at its higher speed and goes back to 115200 baud"
         ]
