@@ -14,9 +14,9 @@ from .kinematics import cannot_sideways
 from .line_rate import command_gap_s, least_period_ms
 from .motion import Motion
 from .odometry import AnyTwist, AnyWheels, Twist
-from .omni import OmniCommands, demand_drivable
+from .omni import OmniCommands
 from .options import Options
-from .robots import OmniDrive, RobotModel, kind_of
+from .robots import OmniDrive, RobotModel, demand_drivable, kind_of
 from .session import Counts, Info, Ready, Reply, Session, SessionEvent
 from .state import Notice, RobotState, Telemetry, limit
 from .table import COMMANDS

@@ -5,10 +5,9 @@ the motor board's omnidirectional mode.  Pure.
 import math
 from typing import Tuple
 
-from .errors import ConfigError
 from .kinematics import Planar, advanced, kinematics_of
 from .odometry import ORIGIN, TWIST_INTERVAL_S, Odometry, OmniTwist, OmniWheels, Pose
-from .robots import MecanumDrive, OmniDrive, RobotModel, kind_of
+from .robots import OmniDrive, RobotModel
 from .robots.drives import THREE_WHEELS_DEG
 from .table import BY_NAME
 
@@ -18,19 +17,6 @@ _FASTEST = 1e6
 """Beyond this [m/s, rad/s] a command is cut before it is scaled, which would overflow near the largest numbers."""
 _STANDING = OmniTwist(0.0, 0.0, 0.0)
 _NOTHING = (0.0, 0.0, 0.0, 0.0)
-
-
-def demand_drivable(model: RobotModel) -> None:
-    """See to it that a board can move the base of this model.
-
-    Raises:
-        ConfigError: it cannot.
-    """
-    if isinstance(model.drive, MecanumDrive):
-        raise ConfigError(
-            f"robot {model.name} has a drive of kind {kind_of(model.drive)}, which no board with three motors moves, "
-            "expected differential, tracked or omni: use mrl_driver.kinematics with boards of your own"
-        )
 
 
 class OmniOdometry(Odometry):

@@ -8,8 +8,8 @@ from .errors import WrongRobot
 from .events import WayLost
 from .handshake import Board
 from .odometry import AnyTwist, AnyWheels, Odometry, Pose, fastest_wheel_m_s
-from .omni import STREAM, OmniOdometry, demand_drivable
-from .robots import OmniDrive, RobotModel
+from .omni import STREAM, OmniOdometry
+from .robots import OmniDrive, RobotModel, demand_drivable
 from .session import Counts, Info, Ready, SessionEvent, Sonars, Status
 
 UNSET = "the board's robot id is not set; set it with: mrl set-id ID --port PORT"

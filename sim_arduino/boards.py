@@ -72,12 +72,14 @@ def make(options: Options, world: Optional[World] = None) -> Emulated:
         world: An existing world, instead of `options.world`.
 
     Raises:
-        ConfigError: an option is out of range, or the robot would stand in a wall or in another robot.
+        ConfigError: an option is out of range, no board moves such a base, or the robot would stand in a wall or in
+            another robot.
     """
     for name, limits in _LIMITS.items():
         _demand_in(name, getattr(options, name), *limits)
     faults = [fault_table.parse(spec) for spec in options.faults]
     model = robots.load(options.robot)
+    robots.demand_drivable(model)
     errors, sonar = spelling.robot_errors(options.error), spelling.sonar_errors(options.sonar)
     around = _world(options) if world is None else world
     name = options.name or f"robot{os.getpid()}"

@@ -11,8 +11,8 @@ from typing import Any, Container, Dict, List, Mapping, NamedTuple, Tuple, Type,
 
 from .. import folders, yaml_file
 from ..errors import ConfigError
-from ..table import PARAMETERS
-from .drives import DIFFERENTIAL, EXTRA, KINDS, Base, Drive, MecanumDrive, OmniDrive, kind_of
+from ..table import BY_NAME, PARAMETERS
+from .drives import DIFFERENTIAL, EXTRA, KINDS, TRACKED, Base, Drive, MecanumDrive, OmniDrive, kind_of
 
 __all__ = ["Base", "Drive", "MecanumDrive", "OmniDrive", "RobotModel", "kind_of", "load", "names", "packaged"]
 
@@ -104,6 +104,19 @@ class RobotModel(NamedTuple):
                 "this is for robots with two wheels or tracks"
             )
         return self.drive
+
+
+def demand_drivable(model: RobotModel) -> None:
+    """See to it that a board can move the base of this model.
+
+    Raises:
+        ConfigError: it cannot.
+    """
+    if isinstance(model.drive, MecanumDrive):
+        raise ConfigError(
+            f"robot {model.name} has a drive of kind {kind_of(model.drive)}, which no board with three motors moves, "
+            "expected differential, tracked or omni: use mrl_driver.kinematics with boards of your own"
+        )
 
 
 def packaged() -> List[str]:
@@ -203,6 +216,8 @@ def packaged_models() -> List[RobotModel]:
     return sorted((load_packaged(name) for name in packaged()), key=lambda model: min(model.ids))
 
 
+SONARS = tuple(field.name for field in BY_NAME["read_sonars"].reply)
+"""The sonars that a board reads."""
 _POSITIVE = (1e-9, 1e6)
 _RANGES = {
     "linear_m_s": (1e-3, 32.7),
@@ -233,12 +248,12 @@ class _Reader:
             noise = self._section("noise", keys["noise"], Noise)
         sonars = {
             name: self._section(f"sonars.{name}", value, SonarMount)
-            for name, value in self._mapping("sonars", keys["sonars"]).items()
+            for name, value in self._keys("sonars", keys["sonars"], SONARS, SONARS).items()
         }
         build = keys.get("build", SONAR)
         if build not in BUILDS:
             raise self._fail("build", build, " or ".join(BUILDS))
-        return RobotModel(
+        model = RobotModel(
             name=self._text("name", keys["name"]),
             ids=self._ids(keys["ids"]),
             drive=self._drive(keys["drive"]),
@@ -250,6 +265,29 @@ class _Reader:
             battery=self._section("battery", keys["battery"], Battery),
             noise=noise,
         )
+        self._check_battery(model.battery)
+        self._check_limits(model)
+        if keys["drive"].get("kind") == TRACKED and not body.tracks:
+            raise self._fail("body.tracks", body.tracks, "true for a tracked drive")
+        return model
+
+    def _check_battery(self, battery: Battery) -> None:
+        levels = battery[:4]
+        if not levels[0] > levels[1] > levels[2] > levels[3]:
+            got = ", ".join(f"{name} {value:g}" for name, value in zip(Battery._fields, levels))
+            raise ConfigError(
+                f"{self._path}: battery is {got}, expected full_v above low_v above empty_v above off_v"
+            )
+
+    def _check_limits(self, model: RobotModel) -> None:
+        """The board would clamp what lies above its own ceilings, unseen by the driver."""
+        for key, ceiling in (("linear_m_s", "linear_ceiling"), ("angular_rad_s", "angular_ceiling")):
+            got, most = getattr(model.limits, key), model.board[ceiling] / 1000
+            if got > most:
+                raise self._fail(f"limits.{key}", got, f"at most {most:g}, the board.{ceiling}")
+        if isinstance(model.drive, Drive) and model.limits.lateral_m_s:
+            base = kind_of(model.drive)
+            raise self._fail("limits.lateral_m_s", model.limits.lateral_m_s, f"0 for a {base} base")
 
     def _drive(self, data: Any) -> Base:
         """The section of the kind that it says, which is differential where it says none."""
@@ -341,7 +379,10 @@ class _Reader:
     def _ids(self, value: Any) -> Tuple[int, ...]:
         if not isinstance(value, list) or not value:
             raise self._fail("ids", value, "a list of robot ids")
-        return tuple(self._whole("ids", each, 1, 32767) for each in value)
+        ids = tuple(self._whole("ids", each, 1, 32767) for each in value)
+        if len(set(ids)) < len(ids):
+            raise self._fail("ids", value, "each id once")
+        return ids
 
     def _board(self, data: Any) -> Dict[str, int]:
         rows = {row.name: row for row in PARAMETERS if row.number in BOARD_KEYS}

@@ -221,3 +221,58 @@ def test_a_broken_file_with_the_name_of_the_robots_model_is_an_error(own):
     assert robots.by_id(5) == "stingbot"
     with pytest.raises(ConfigError, match="traxbot.yaml: line 1"):
         robots.by_id(1)
+
+
+# -- fields against each other
+
+
+@pytest.mark.parametrize(
+    "section, values, message",
+    [
+        (
+            "battery",
+            {"full_v": 8.5},
+            "battery is .*8.5.*, expected full_v above low_v above empty_v above off_v",
+        ),
+        ("battery", {"low_v": 14.0}, "battery is"),
+        ("battery", {"empty_v": 9.0}, "battery is"),
+        ("battery", {"off_v": 8.5}, "battery is"),
+        (
+            "limits",
+            {"linear_m_s": 0.66},
+            "limits.linear_m_s is 0.66, expected at most 0.65, the board.linear_ceiling",
+        ),
+        (
+            "limits",
+            {"angular_rad_s": 5.1},
+            "limits.angular_rad_s is 5.1, expected at most 5, the",
+        ),
+        ("limits", {"lateral_m_s": 0.1}, "limits.lateral_m_s is 0.1, expected 0 for a differential base"),
+        (
+            "sonars",
+            {"back": {"x_m": 0, "y_m": 0, "yaw_deg": 180}},
+            "key sonars.back is unknown, expected front, left, right",
+        ),
+    ],
+)
+def test_values_that_do_not_go_together(tmp_path, traxbot, section, values, message):
+    traxbot[section].update(values)
+    with pytest.raises(ConfigError, match=message):
+        load(tmp_path, traxbot)
+
+
+def test_a_robot_need_not_have_all_sonars(tmp_path, traxbot):
+    del traxbot["sonars"]["left"]
+    assert sorted(load(tmp_path, traxbot).sonars) == ["front", "right"]
+
+
+def test_an_id_that_stands_twice(tmp_path, traxbot):
+    with pytest.raises(ConfigError, match=r"ids is \[7, 8, 7\], expected each id once"):
+        load(tmp_path, {**traxbot, "ids": [7, 8, 7]})
+
+
+def test_a_base_of_kind_tracked_has_tracks(tmp_path, traxbot):
+    traxbot["drive"].update(kind="tracked", turn_slip=0.1)
+    traxbot["body"]["tracks"] = False
+    with pytest.raises(ConfigError, match="body.tracks is False, expected true for a tracked drive"):
+        load(tmp_path, traxbot)

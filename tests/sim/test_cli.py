@@ -8,6 +8,7 @@ import sys
 import time
 
 import pytest
+import yaml
 
 from mrl_driver import robots
 from sim_arduino import cli
@@ -217,6 +218,17 @@ def test_a_second_emulator_does_not_take_over_the_link_of_the_first(tmp_path):
         code, error = fail("--link", link)
         assert (code, len(error.splitlines())) == (2, 1) and "which is in use" in error
         assert os.readlink(link) == simulator.path
+
+
+def test_a_base_that_the_driver_refuses_is_not_served(tmp_path):
+    with open(robots.__file__.replace("__init__.py", "traxbot.yaml"), encoding="utf-8") as file:
+        model = yaml.safe_load(file)
+    model["drive"] = {"kind": "mecanum", "half_length_m": 0.2, "half_width_m": 0.15, "wheel_radius_m": 0.05}
+    model["drive"].update(counts_per_turn=2000, full_speed_m_s=1.0)
+    path = tmp_path / "four.yaml"
+    path.write_text(yaml.safe_dump(model))
+    code, error = fail("--robot", str(path))
+    assert code == 2 and "a drive of kind mecanum, which no board with three motors moves" in error
 
 
 def test_a_link_over_a_file_is_refused(tmp_path):
