@@ -3,6 +3,7 @@
 import os
 import pathlib
 import shutil
+import subprocess
 import xml.etree.ElementTree
 
 from setuptools import find_packages, setup
@@ -22,6 +23,13 @@ def _add_images(tree):
         shutil.copyfile(str(image), str(folder / image.name))
 
 
+def _build_images():
+    """Builds the images of a checkout that has none; without a cross compiler the package comes without them."""
+    built = (_HERE / "build" / "firmware").glob("*.hex"), (_HERE / _IMAGES).glob("*.hex")
+    if not any(any(images) for images in built) and shutil.which("make") and shutil.which("avr-g++"):
+        subprocess.call(["make", "-s", "firmware", "MISSING="], cwd=str(_HERE))
+
+
 class BuildWithImages(build_py):
     """Packages with the firmware's images among the driver's data."""
 
@@ -29,6 +37,7 @@ class BuildWithImages(build_py):
         """Builds, then adds the images; an editable install finds them in the checkout."""
         super().run()
         if not getattr(self, "editable_mode", False):
+            _build_images()
             _add_images(self.build_lib)
 
 
@@ -80,13 +89,14 @@ setup(
     },
     install_requires=[
         "pyserial>=3.5",
-        "numpy>=1.17",
-        "PyYAML>=5.3",
+        "numpy>=1.17.3",
+        "PyYAML>=5.4",
         "click>=8.0",
-        "rich>=10.0",
+        "rich>=11.0",
     ],
     extras_require={
         "dev": [
+            "setuptools",
             "wheel",
             "pytest>=7",
             "pytest-xdist>=3",

@@ -20,7 +20,7 @@ def image_path(build: str = "sonar") -> str:
     """Path of the image of a build of `BUILDS`; a checkout's own comes first.
 
     Raises:
-        ConfigError: there is no such build, or its image was neither built nor packaged.
+        ConfigError: there is no such build, or its image was neither built nor packaged; the text says what helps.
     """
     if build not in BUILDS:
         raise ConfigError(f"build is {build!r}, expected {', '.join(BUILDS)}")
@@ -28,4 +28,15 @@ def image_path(build: str = "sonar") -> str:
         path = os.path.join(folder, f"{BUILDS[build]}.hex")
         if os.path.isfile(path):
             return path
-    raise ConfigError(f"image {BUILDS[build]}.hex is missing in {_CHECKOUT}; build it with: make firmware")
+    raise ConfigError(f"image {BUILDS[build]}.hex is missing; {_remedy()}")
+
+
+def _remedy() -> str:
+    """What brings the images: in a checkout make, elsewhere the installation of a package that has them."""
+    checkout = os.path.dirname(_PACKAGE)
+    if os.path.isfile(os.path.join(checkout, "Makefile")):
+        return f"build it with: make -C {checkout} firmware"
+    return (
+        "this mrl-driver was installed without images: run make firmware in its source folder, then pip install . "
+        "again; or name a .hex file"
+    )

@@ -18,3 +18,7 @@ PACKAGES_test-fresh := mmdebstrap
 test-fresh: | apt ## The README's commands in minimal Debian systems; RELEASES=trixie, WAYS="root user container", COMMANDS=run
 	@mkdir -p build/fresh && git bundle create -q build/fresh/head.bundle HEAD
 	@$(SUDO) env $(foreach v,RELEASES WAYS COMMANDS MIRROR TMPDIR,$(if $($(v)),$(v)="$($(v))")) tests/fresh.sh build/fresh/head.bundle
+
+.PHONY: test-pythons
+test-pythons: | apt firmware pc-firmware ## The tests that need no ROS on each Python from 3.8 to 3.13 there is; PYTHONS="3.8 3.13"
+	@$(if $(PYTHONS),PYTHONS="$(PYTHONS)") tests/pythons.sh

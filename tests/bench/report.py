@@ -5,13 +5,13 @@ import os
 import pathlib
 import statistics
 import sys
-from typing import Callable, Dict, List, TypeVar, Union
+from typing import Callable, List, Mapping, TypeVar, Union
 
 Figures = TypeVar("Figures")
 FOLDER = pathlib.Path(__file__).resolve().parents[2] / "build" / "bench"
 
 
-def write(name: str, figures: Dict[str, Union[int, float]]) -> pathlib.Path:
+def write(name: str, figures: Mapping[str, Union[int, float, str]]) -> pathlib.Path:
     """Puts `figures` into build/bench/`name`.json; keys of earlier runs that are not among them stay."""
     FOLDER.mkdir(parents=True, exist_ok=True)
     path = FOLDER / f"{name}.json"

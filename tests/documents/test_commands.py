@@ -19,7 +19,7 @@ from .test_robot_recipe import TEXT
 
 SHOWN = shown()
 PORT = "/dev/ttyACM0"
-OUTSIDE = {".", "cd", "export", "git", "source", "usermod"}
+OUTSIDE = {".", "cd", "export", "git", "python3", "source", "usermod"}
 OF_ROS = ("catkin", "ros", "rqt", "rviz")
 """Programs of other projects: all of the name, all that begin so."""
 ENDS = {

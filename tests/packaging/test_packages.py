@@ -33,15 +33,20 @@ def run(*command, cwd, **environment):
     return done.stdout
 
 
-@pytest.fixture(scope="module")
-def built(tmp_path_factory):
-    """An sdist of a copy of the tree, and a wheel of that sdist."""
-    tree, out = tmp_path_factory.mktemp("tree"), tmp_path_factory.mktemp("dist")
+def copy_sources(tree):
+    """The sources alone, nothing that was built."""
     for path in ROOT.iterdir():
         if path.is_file():
             shutil.copy2(path, tree)
     for name in FOLDERS:
         shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """An sdist of a copy of the tree, and a wheel of that sdist."""
+    tree, out = tmp_path_factory.mktemp("tree"), tmp_path_factory.mktemp("dist")
+    copy_sources(tree)
     for image in IMAGES.values():
         (tree / image).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(ROOT / image, tree / image)
@@ -57,17 +62,38 @@ def wheel(built):
     return next(built.glob("*.whl"))
 
 
-@pytest.fixture(scope="module")
-def place(wheel, tmp_path_factory):
-    """A virtual environment with the wheel, and with what it needs out of this one; a folder beside it."""
-    place = tmp_path_factory.mktemp("elsewhere")
+def environment(place):
+    """A virtual environment in a folder: of this one it has what mrl-driver needs, of ROS nothing."""
     run(sys.executable, "-m", "venv", "--without-pip", "--system-site-packages", "venv", cwd=place)
     python = place / "venv" / "bin" / "python"
     library = run(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))", cwd=place).strip()
     ours = [path for path in sys.path if path.endswith("-packages")]
-    pathlib.Path(library, "needs.pth").write_text("\n".join(ours))
-    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", python)
-    run(*pip, "install", "-q", "--no-deps", "--no-index", wheel, cwd=place)
+    no_ros = "import sys; sys.modules.update(rospy=None, rosgraph=None)"
+    pathlib.Path(library, "needs.pth").write_text("\n".join([*ours, no_ros]))
+    return python
+
+
+def pip_for(python):
+    return sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", python
+
+
+@pytest.fixture(scope="module")
+def place(wheel, tmp_path_factory):
+    """An environment with the wheel, and a folder beside it."""
+    place = tmp_path_factory.mktemp("elsewhere")
+    python = environment(place)
+    run(*pip_for(python), "install", "-q", "--no-deps", "--no-index", wheel, cwd=place)
+    return place
+
+
+@pytest.fixture(scope="module")
+def from_clone(tmp_path_factory):
+    """An environment after `pip install .` in a fresh clone, on a computer without a cross compiler."""
+    place, tree = tmp_path_factory.mktemp("bare"), tmp_path_factory.mktemp("clone")
+    copy_sources(tree)
+    python = environment(place)
+    options = ("--no-deps", "--no-index", "--no-build-isolation")
+    run(*pip_for(python), "install", "-q", *options, tree, cwd=tree, PATH="")
     return place
 
 
@@ -122,6 +148,34 @@ def test_emulator_explains_itself(place):
 def test_driver_talks_to_a_board(place, emulated_board):
     facts = json.loads(tried(place, "mrl", "info", "--port", emulated_board.port, "--json"))
     assert facts["robot"] == "traxbot"
+
+
+def test_fresh_clone_drives_an_emulated_robot_without_ros(from_clone):
+    """The README's lines: mrl-sim serves, mrl drive drives."""
+    command = [from_clone / "venv" / "bin" / "mrl-sim", "--robot", "traxbot", "--link", "ttyTRAX0"]
+    with subprocess.Popen(command, cwd=from_clone, stdout=subprocess.PIPE, text=True) as emulator:
+        try:
+            assert emulator.stdout.readline().startswith("/dev/")
+            said = tried(from_clone, "mrl", "drive", "--port", "ttyTRAX0", "--linear", "0.2", "--for", "1")
+        finally:
+            emulator.terminate()
+    assert float(said.split()[1]) > 0.05  # x [m]
+
+
+def test_fresh_clone_has_the_pytest_fixture(from_clone):
+    (from_clone / "test_own.py").write_text(
+        "def test_there(emulated_board):\n    assert emulated_board.port\n"
+    )
+    words = ("python", "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:randomly", "test_own.py")
+    assert "1 passed" in tried(from_clone, *words)
+
+
+def test_without_images_the_way_to_them_is_named(from_clone):
+    code = "from mrl_driver import errors, images\ntry: images.image_path()\nexcept errors.ConfigError as e: print(e)"
+    said = tried(from_clone, "python", "-c", code)
+    assert (
+        "installed without images: run make firmware in its source folder, then pip install . again" in said
+    )
 
 
 def test_images_are_asked_for_by_build():

@@ -1,11 +1,10 @@
 """The master on one machine, the robot on another: two network namespaces with a cable between them.
 
-Needs root, or a kernel that lets users make namespaces (sysctl kernel.unprivileged_userns_clone=1), and iproute2.
+Skipped only where the kernel forbids such namespaces to root and to users alike, as in an unprivileged container.
 """
 
 import json
 import math
-import os
 import subprocess
 import sys
 
@@ -14,23 +13,23 @@ import pytest
 from .rig import ROOT
 
 
+def namespaces():
+    """The command that enters networks and mounts of its own: root's, or that of a user who is root in there."""
+    for user in ([], ["--user", "--map-root-user"]):
+        command = ["unshare", *user, "--net", "--mount"]
+        tried = subprocess.run([*command, "ip", "link", "set", "lo", "up"], capture_output=True, text=True)
+        if tried.returncode == 0:
+            return command
+    return pytest.skip(f"the kernel forbids network namespaces: {tried.stderr.strip()}")
+
+
 @pytest.fixture(scope="module")
 def seen(tmp_path_factory):
     """What the trial of `two_machines` has seen."""
     folder = tmp_path_factory.mktemp("network")
-    user = [] if os.geteuid() == 0 else ["--user", "--map-root-user"]
-    command = [
-        "unshare",
-        *user,
-        "--net",
-        "--mount",
-        sys.executable,
-        "-m",
-        "tests.ros.two_machines",
-        str(folder),
-    ]
+    command = [*namespaces(), sys.executable, "-m", "tests.ros.two_machines", str(folder)]
     done = subprocess.run(command, cwd=str(ROOT), capture_output=True, text=True, timeout=110)
-    assert done.returncode == 0, f"{done.stderr}\n{(__doc__ or '').splitlines()[-1]}"
+    assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 
 
