@@ -9,7 +9,7 @@ import pytest
 
 from mrl_driver import reconnect
 from mrl_driver.driver import Driver, Options
-from mrl_driver.errors import BoardTimeout, LinkLost
+from mrl_driver.errors import BoardTimeout, LinkLost, PortMissing, WrongRobot
 from mrl_driver.events import Lost, Reconnected
 from mrl_driver.link import SerialLink
 from mrl_driver.ports import Port
@@ -308,3 +308,44 @@ def test_without_the_option_a_lost_port_is_an_error(cable):
         cable.unplug()
         with pytest.raises(LinkLost):
             robot.wait(PATIENCE_S)
+
+
+# -- the search itself
+
+
+def refuse(name):
+    raise PortMissing(f"{name} is not there")
+
+
+@pytest.mark.parametrize(
+    ("name", "error", "same"),
+    [
+        ("/dev/robot", WrongRobot("another id"), False),
+        ("/dev/robot", LinkLost("gone again"), False),
+        ("tcp://robot:7", WrongRobot("another id"), False),
+        ("tcp://robot:7", LinkLost("nobody there yet"), True),
+    ],
+)
+def test_an_address_where_nobody_answers_does_not_mean_another_board(name, error, same):
+    search = reconnect.Reconnection(name, refuse, 1.0)
+    search.lose(LinkLost("gone"), 0.0)
+    search.lose(error, 0.1)
+    assert search.same_board is same
+
+
+def test_a_robot_that_was_found_elsewhere_is_looked_for_as_it_is_there(monkeypatch, tmp_path):
+    """At the second loss, what was beside the second port then stays unopened."""
+    one, two, three = (str(tmp_path / name) for name in ("one", "two", "three"))
+    there = [Port(one, (), 1, 2, "A")]
+    monkeypatch.setattr(reconnect, "described", lambda: list(there))
+    opened = []
+    search = reconnect.Reconnection(one, lambda name: opened.append(name) or name, 1.0)
+    search.lose(LinkLost("gone"), 0.0)
+    for name in (two, three):
+        open(name, "w").close()
+    there[:] = [Port(two, (), 1, 2, "A"), Port(three, (), 1, 2, "B")]
+    search.look()
+    assert search.judge(True, 0.1) and opened == [two]
+    search.lose(LinkLost("gone"), 1.0)
+    there.pop(0)
+    assert search.look() is None and opened == [two]

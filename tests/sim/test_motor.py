@@ -270,3 +270,26 @@ def test_a_slow_motor_is_not_stood_by_the_control():
     motor.set_speed(2000.0)
     motor.control(TICK_S, Gains())
     assert motor.speed == 0.5
+
+
+def way_there(travel):
+    """Travel at each tick of a motor that goes to a position."""
+    motor, seen = Motor(PARAMS), []
+    motor.go_to(travel, 7500.0, True)
+    for _ in range(60):
+        motor.move(TICK_S, VOLTS)
+        motor.control(TICK_S, Gains())
+        seen.append(motor.travel)
+    return seen
+
+
+def test_the_way_to_a_position_behind_mirrors_the_way_to_one_ahead():
+    """The ramp holds in both directions."""
+    assert way_there(-3000.0) == pytest.approx([-each for each in way_there(3000.0)])
+
+
+def test_a_motor_whose_duty_just_carries_its_friction_coasts_down():
+    motor = spinning(1000.0, LOADED)
+    motor.set_duty(LOADED.friction_counts_s / LOADED.no_load_counts_s)
+    motor.move(LOADED.time_constant_s, VOLTS)
+    assert motor.speed == pytest.approx(1000.0 / math.e)

@@ -262,3 +262,12 @@ def test_a_resting_robot_costs_few_steps():
     robot.motors = tuple(Counted(motor.params) for motor in robot.motors)
     robot.step(3600.0)
     assert 0 < robot.motors[0].looks <= 3601
+
+
+def test_a_robot_has_bumped_into_nothing_at_its_start():
+    assert not Robot(params_for(robots.load("traxbot"))).state.bumped
+
+
+def test_a_battery_at_95_percent_shows_85_percent_of_its_span():
+    """8.5 V empty, 13.8 V full."""
+    assert interpolate(params_for(robots.load("traxbot")).rest_curve, 0.95) == pytest.approx(8.5 + 0.85 * 5.3)
