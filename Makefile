@@ -76,6 +76,8 @@ check: setup ## Format, lint, types, generated files, import rules
 	$(VENV)/bin/ruff format --check -q .
 	$(VENV)/bin/ruff check -q .
 	$(VENV)/bin/mypy
+	@mkdir -p build
+	$(VENV)/bin/lint-imports --no-logo >build/imports.log || { cat build/imports.log >&2; exit 1; }
 	$(PY) -m mrl_driver.generate --check
 	$(PY) -m ros1_bridge.description --check
 
@@ -96,7 +98,7 @@ bench-host: setup ## Measure codec, odometry, recording and the driver alone; bu
 	$(PY) -m tests.bench.bench_recording
 
 run: $(VENV)/.ready firmware ## Drive an emulated robot through ROS with a live view; PORT=/dev/ttyACM0 for a real one
-	@$(ROS_ENV) exec $(PY) -m ros1_bridge.run $(if $(ROBOT),--robot $(ROBOT)) $(if $(ENGINE),--engine $(ENGINE)) \
+	@$(ROS_ENV) exec $(PY) -m ros1_bridge.demo.launcher $(if $(ROBOT),--robot $(ROBOT)) $(if $(ENGINE),--engine $(ENGINE)) \
 	  $(if $(PORT),--port $(PORT)) $(if $(DURATION),--duration $(DURATION))
 
 .PHONY: docs generate
@@ -106,7 +108,7 @@ generate: setup ## Render protocol.h and PROTOCOL.md out of the table, the URDFs
 
 docs: setup ## API documentation in build/docs; fails on a warning
 	@mkdir -p build
-	@$(ROS_ENV) $(PY) -m pdoc --docformat google -o build/docs mrl_driver '!mrl_driver.commands' \
+	@$(ROS_ENV) $(PY) -m pdoc --docformat google -o build/docs mrl_driver '!mrl_driver.cli.commands' \
 	  sim_arduino ros1_bridge 2>build/docs.log; code=$$?; \
 	if [ $$code != 0 ] || grep -q Warn build/docs.log; then cat build/docs.log >&2; exit 1; fi; echo "build/docs/index.html"
 

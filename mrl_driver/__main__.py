@@ -10,7 +10,7 @@ def main() -> None:
     if before is signal.default_int_handler:  # else a shell has it ignored, for a program in the background
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     try:
-        from .cli import main as run
+        from .cli.main import main as run
     except ModuleNotFoundError as error:
         sys.exit(
             f"mrl: the Python package {error.name} is missing; install it with: sudo apt install python3-{error.name}, "

@@ -4,8 +4,8 @@ injected.
 
 from typing import List, Optional, Set
 
-from mrl_driver.codec import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
-from mrl_driver.table import TICK_S
+from mrl_driver.protocol.codec import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
+from mrl_driver.protocol.table import TICK_S
 
 SEPARATION_M, METRES = 0.180, 0.000087512033
 

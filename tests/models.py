@@ -2,17 +2,17 @@
 
 from functools import lru_cache
 
-from mrl_driver import robots
-from sim_arduino import config_store
+from mrl_driver.robot import models
+from sim_arduino.board import parameter_store
 
 
 @lru_cache(maxsize=None)
-def model(name: str) -> robots.RobotModel:
+def model(name: str) -> models.RobotModel:
     """The model of that name; nobody changes it."""
-    return robots.load(name)
+    return models.load(name)
 
 
 @lru_cache(maxsize=None)
 def eeprom(robot_id: int) -> bytes:
     """The image that a board has saved which was told nothing but its id."""
-    return config_store.image(config_store.defaults(robot_id))
+    return parameter_store.image(parameter_store.defaults(robot_id))

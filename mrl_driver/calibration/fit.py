@@ -7,9 +7,10 @@ from typing import Callable, List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
-from ..errors import ConfigError
-from ..robots import Drive, Noise
-from .run import Run, errors, length_m, path, spread, unit_spreads
+from mrl_driver.errors import ConfigError
+from mrl_driver.robot.models import Drive, Noise
+
+from .trial import Run, errors, length_m, path, spread, unit_spreads
 
 STEPS, ENOUGH = 20, 1e-10
 LEAST_RUNS_FOR_NOISE = 6

@@ -8,7 +8,7 @@ from typing import List, NamedTuple, Sequence, Tuple, Union
 
 import numpy as np
 
-from ..errors import ConfigError
+from mrl_driver.errors import ConfigError
 
 Numbers = Union[Sequence[float], np.ndarray]
 LEAST_READINGS = 10

@@ -4,17 +4,18 @@ from typing import Any, Sequence
 
 import numpy as np
 
-from .. import pictures
-from ..pictures import BLUE, GREY, ORANGE
+from mrl_driver import figures
+from mrl_driver.figures import BLUE, GREY, ORANGE
+
 from .gains import speeds
-from .run import LEFT
+from .parts import Steps, Tuned
 from .sonar_curve import THESIS, Fit
-from .trials import Steps, Tuned
+from .trial import LEFT
 
 
 def draw_ends(path: str, before: np.ndarray, after: np.ndarray, senses: Sequence[str]) -> None:
     """Errors of the ends, (R, 3) x y yaw, before and after, by the way round; as in Borenstein and Feng 1996."""
-    figure = pictures.figure(6.0, 5.6)
+    figure = figures.figure(6.0, 5.6)
     axes = figure.add_subplot()
     for sense, colour, name in ((LEFT, BLUE, LEFT), ("", ORANGE, "clockwise, or straight")):
         mine = np.array([(each == LEFT) == (sense == LEFT) for each in senses])
@@ -32,12 +33,12 @@ def draw_ends(path: str, before: np.ndarray, after: np.ndarray, senses: Sequence
     )
     axes.margins(0.15)
     axes.legend(fontsize="small")
-    pictures.save(figure, path)
+    figures.save(figure, path)
 
 
 def draw_sonar(path: str, counts: np.ndarray, ranges_m: np.ndarray, fit: Fit) -> None:
     """Curve and readings (N,), and what is left."""
-    figure = pictures.figure(7.0, 6.0)
+    figure = figures.figure(7.0, 6.0)
     upper, lower = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [2, 1]})
     heard = np.isfinite(counts)
     line = np.linspace(max(1.0, counts[heard].min() * 0.8), counts[heard].max() * 1.05, 200)
@@ -58,12 +59,12 @@ def draw_sonar(path: str, counts: np.ndarray, ranges_m: np.ndarray, fit: Fit) ->
     lower.axhline(0, color=GREY, linewidth=0.8)
     lower.plot(counts[fit.used], 100 * fit.errors_m[fit.used], "o", color=ORANGE, markersize=4)
     lower.set(xlabel="ADC count s", ylabel="curve less\ndistance [cm]")
-    pictures.save(figure, path)
+    figures.save(figure, path)
 
 
 def draw_gains(path: str, tuned: Tuned) -> None:
     """Steps of both wheels with the old and the new gains."""
-    figure = pictures.figure(7.0, 5.6)
+    figure = figures.figure(7.0, 5.6)
     pair = figure.subplots(2, 1, sharex=True)
     for axes, name in zip(pair, ("left", "right")):
         for steps, gains, colour, style in (
@@ -78,7 +79,7 @@ def draw_gains(path: str, tuned: Tuned) -> None:
         axes.legend(fontsize="small", loc="lower right")
     pair[0].set(title="Step of the speed")
     pair[1].set(xlabel="time since the step [s]")
-    pictures.save(figure, path)
+    figures.save(figure, path)
 
 
 def _speed(steps: Steps, name: str) -> Any:

@@ -4,8 +4,8 @@ from typing import List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
-from ..errors import ConfigError
-from ..table import PARAMETER_BY_NAME
+from mrl_driver.errors import ConfigError
+from mrl_driver.protocol.table import PARAMETER_BY_NAME
 
 LEAST_DISTANCES = 8
 LEAST_REACH = 2.5

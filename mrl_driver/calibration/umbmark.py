@@ -8,8 +8,8 @@ whichever way it goes; unequal wheels (type B) bend each side the same way.
 import math
 from typing import NamedTuple, Sequence, Tuple
 
-from ..errors import ConfigError
-from ..robots import Drive
+from mrl_driver.errors import ConfigError
+from mrl_driver.robot.models import Drive
 
 LEAST_LAPS, MOST_LAPS = 2, 50
 """Laps each way: fewer show no spread.  The paper drives 5."""

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Dict, List, Optional
 
 from mrl_driver.errors import MrlError
-
-from ..processes import Child, wait_until
-from ..run import free_port, master_answers
+from ros1_bridge.demo.launcher import free_port, master_answers
+from ros1_bridge.demo.processes import Child, wait_until
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 START_S = 30.0
@@ -73,7 +72,7 @@ class Parts:
     def board(self, name: str, *options: str) -> str:
         """Starts an emulated board; its port, which is there in a moment."""
         port = str(self.folder / f"{name}.port")
-        command = [sys.executable, "-m", "sim_arduino.cli", "--link", port, "--name", name, *options]
+        command = [sys.executable, "-m", "sim_arduino.serve.main", "--link", port, "--name", name, *options]
         self._start(f"{name}-board", command, self._boards)
         return port
 
@@ -84,12 +83,12 @@ class Parts:
             names: Remappings, such as `sonar/front:=heard/front`.
             parameters: Its private parameters.
         """
-        code = f"import sys; from ros1_bridge.{kind} import main; sys.exit(main())"
         given = [
             f"_{key}:={str(value).lower() if isinstance(value, bool) else value}"
             for key, value in parameters.items()
         ]
-        command = [sys.executable, "-c", code, f"__ns:=/{space}", *names, *given]
+        node = str(ROOT / "ros1_bridge" / "nodes" / kind)
+        command = [sys.executable, node, f"__ns:=/{space}", *names, *given]
         return self._start(f"{space}/{kind}", command, self._nodes)
 
     def robot(self, name: str, port: str, model: str, rate: int, **parameters: object) -> Child:

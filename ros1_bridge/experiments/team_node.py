@@ -22,21 +22,21 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Range
 from std_msgs.msg import Header
 
-from mrl_driver import robots
 from mrl_driver.errors import MrlError
-from mrl_driver.sonar import NAMES
-from sim_arduino import world_file
+from mrl_driver.robot import models
+from mrl_driver.robot.sonar import NAMES
+from ros1_bridge.demo.processes import wait_until
+from ros1_bridge.node.plane_poses import planar
+from ros1_bridge.node.tf_names import sonar_frame
 from sim_arduino.experiments import mixed_team, shared_waypoint
 from sim_arduino.experiments.report import Result
 from sim_arduino.experiments.stage import NOISE, Setting, Step
 from sim_arduino.experiments.team import Member, Player, Team, footprint_of, spelt_pose
-from sim_arduino.shapes import ORIGIN, Pose
-from sim_arduino.shared_crowd import SharedCrowd
-from sim_arduino.world import World
+from sim_arduino.world import world_file
+from sim_arduino.world.geometry import ORIGIN, Pose
+from sim_arduino.world.shared_robots import SharedCrowd
+from sim_arduino.world.world import World
 
-from ..frames import sonar_frame
-from ..planar import planar
-from ..processes import wait_until
 from .parts import START_S, Parts
 from .playing import play_as_node
 
@@ -62,7 +62,7 @@ class TopicRobot:
     """
 
     def __init__(self, member: Member, truth: World, navigated: bool) -> None:
-        self.member, self.model = member, robots.load(member.robot)
+        self.member, self.model = member, models.load(member.robot)
         self.ranges: Dict[str, float] = {}
         self._truth, self._origin = truth, ORIGIN
         body = footprint_of(member)

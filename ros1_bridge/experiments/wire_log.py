@@ -9,8 +9,8 @@ import statistics
 from pathlib import Path
 from typing import Dict, List, NamedTuple, Sequence
 
-from mrl_driver.table import BY_NAME
-from sim_arduino.wire import IN_BYTE_S
+from mrl_driver.protocol.table import BY_NAME
+from sim_arduino.board.uart import IN_BYTE_S
 
 _MOVE = re.compile(rb"@%d,(-?\d+),[^@e]*e" % BY_NAME["move_differential"].code)
 _STREAMED = b"@%d," % BY_NAME["read_encoders_and_sonars"].code

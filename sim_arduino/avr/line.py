@@ -3,7 +3,7 @@
 from bisect import bisect_right
 from typing import List, Sequence
 
-from sim_arduino.avr.records import SentByte
+from .records import SentByte
 
 FRAME_BITS = 10  # start, eight data bits, stop
 CLOSE_ENOUGH = 0.04  # difference of speeds at which the middle of the last bit is still hit

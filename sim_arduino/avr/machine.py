@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any, Callable, Dict, Iterable, List, Optional, Union
 
 from mrl_driver.errors import SimulatorError
-from sim_arduino.avr import native
-from sim_arduino.avr.elf import Symbol, read_image
-from sim_arduino.avr.records import PinChange, SentByte, Transfer, bit_of, pin_masks, pin_of, port_of
+
+from . import native
+from .elf import Symbol, read_image
+from .records import PinChange, SentByte, Transfer, bit_of, pin_masks, pin_of, port_of
 
 UNO_HZ = 16000000
 HOST_BAUD = 115200

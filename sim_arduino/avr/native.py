@@ -15,7 +15,7 @@ from ctypes import (
 )
 from typing import Any, Dict, List, Tuple
 
-from sim_arduino.avr.build import SimulatorMissing, build, library_path
+from .build import SimulatorMissing, build, library_path
 
 RUN_CRASHED = 1
 I2C_BUFFER = 64

@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Any, Iterator, List, NamedTuple, Optional, Seq
 
 import click
 
-from mrl_driver import pictures
-from mrl_driver.cli import registered
-from mrl_driver.commands.shared import agree_to_move
+from mrl_driver import figures
+from mrl_driver.cli.commands.shared import agree_to_move
+from mrl_driver.cli.main import registered
 from mrl_driver.errors import ConfigError, MrlError
-
-from ..one_line import OneLine
+from sim_arduino.serve.one_line import OneLine
 
 if TYPE_CHECKING:  # for the list of all commands loads this module
     from rich.console import Console
@@ -91,7 +90,7 @@ def main(
         _list()
         return
     chosen = _chosen(names)
-    pictures.demand_matplotlib("mrl experiment")
+    figures.demand_matplotlib("mrl experiment")
     if port is not None:
         agree_to_move(f"The robot on {port} drives by itself ({', '.join(chosen)}). Is the floor free?", yes)
     from rich.console import Console

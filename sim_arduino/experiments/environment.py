@@ -5,13 +5,13 @@ from typing import Any, List, NamedTuple, Tuple
 
 import numpy as np
 
-from mrl_driver.course import Course, Limits
-from mrl_driver.table import BY_NAME
+from mrl_driver.navigation.line_follower import Course, Limits
+from mrl_driver.protocol.table import BY_NAME
+from sim_arduino.world import world_file
+from sim_arduino.world.geometry import Pose
+from sim_arduino.world.scene import PIXEL_RAD
+from sim_arduino.world.world import World
 
-from .. import world_file
-from ..scene import PIXEL_RAD
-from ..shapes import Pose
-from ..world import World
 from . import plots
 from .occupancy import Grid, points
 from .report import Result, Row

@@ -5,15 +5,15 @@ from typing import Any, List, NamedTuple, Tuple
 
 import numpy as np
 
-from mrl_driver.course import Course, Limits
 from mrl_driver.driver import Telemetry
+from mrl_driver.navigation.line_follower import Course, Limits
+from sim_arduino.hardware.laser import URG_04LX, LaserScanner
+from sim_arduino.hardware.sonars import HALF_CONE_RAD
+from sim_arduino.world import grid_map, world_file
+from sim_arduino.world.geometry import Pose
+from sim_arduino.world.grid_map import OCCUPIED, GridMap
+from sim_arduino.world.world import World
 
-from .. import grid_map, world_file
-from ..grid_map import OCCUPIED, GridMap
-from ..laser import URG_04LX, LaserScanner
-from ..shapes import Pose
-from ..sonars import HALF_CONE_RAD
-from ..world import World
 from . import plots
 from .occupancy import Grid, points, share_near
 from .report import Result, Row

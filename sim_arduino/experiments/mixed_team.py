@@ -4,11 +4,11 @@ import math
 from contextlib import ExitStack
 from typing import Mapping, Tuple
 
-from mrl_driver.goal_seeker import room
-from mrl_driver.robots import Limits
+from mrl_driver.navigation.goal_seeker import room
+from mrl_driver.robot.models import Limits
+from sim_arduino.world import world_file
+from sim_arduino.world.geometry import Pose
 
-from .. import world_file
-from ..shapes import Pose
 from . import plots
 from .report import Result, Row
 from .stage import TICK_S, Setting, demand_emulated

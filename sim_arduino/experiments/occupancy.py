@@ -10,8 +10,8 @@ from typing import Any, NamedTuple, Tuple
 
 import numpy as np
 
-from ..grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
-from ..shapes import Pose
+from sim_arduino.world.geometry import Pose
+from sim_arduino.world.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
 
 MOST = 12.0
 """Log odds never grow beyond this, so that a cell can change its mind."""

@@ -3,10 +3,9 @@
 import os
 from typing import Any, Iterable, Optional, Sequence, Tuple
 
-from mrl_driver import pictures
-from mrl_driver.pictures import BLUE, GREEN, GREY, ORANGE, PINK, SKY
-
-from ..shapes import Wall
+from mrl_driver import figures
+from mrl_driver.figures import BLUE, GREEN, GREY, ORANGE, PINK, SKY
+from sim_arduino.world.geometry import Wall
 
 __all__ = ["BLUE", "GREEN", "GREY", "ORANGE", "PINK", "SKY"]
 LINES = ("-", "--", ":", "-.")
@@ -14,7 +13,7 @@ LINES = ("-", "--", ":", "-.")
 
 def figure(columns: int = 1, width_in: float = 7.0, height_in: float = 4.5) -> Tuple[Any, Sequence[Any]]:
     """A figure and its axes, side by side."""
-    made = pictures.figure(width_in, height_in)
+    made = figures.figure(width_in, height_in)
     axes = made.subplots(1, columns, squeeze=False)[0]
     for each in axes:
         each.grid(True, color="#dddddd", linewidth=0.6)
@@ -59,5 +58,5 @@ def circle(radius: float, colour: str, label: Optional[str]) -> Any:
 def save(made: Any, folder: str, name: str) -> str:
     """Writes the picture; its file's name."""
     file = f"{name}.png"
-    pictures.save(made, os.path.join(folder, file), dpi=130)
+    figures.save(made, os.path.join(folder, file), dpi=130)
     return file

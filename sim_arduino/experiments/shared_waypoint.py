@@ -4,7 +4,8 @@ import math
 from contextlib import ExitStack
 from typing import Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 
-from ..shapes import Pose
+from sim_arduino.world.geometry import Pose
+
 from .mixed_team import SIMULATED, WORLD, draw
 from .report import Result, Row
 from .stage import TICK_S, Setting, Step, demand_emulated

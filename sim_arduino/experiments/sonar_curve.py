@@ -4,17 +4,17 @@ from typing import List, Sequence, Tuple
 
 import numpy as np
 
-from mrl_driver.calibration import sonar_curve, trials
-from mrl_driver.calibration.driving import Speeds, Track
+from mrl_driver.calibration import parts, sonar_curve
+from mrl_driver.calibration.manoeuvres import Speeds, Track
 from mrl_driver.calibration.sonar_curve import Curve
+from sim_arduino.world.geometry import Wall
+from sim_arduino.world.world import World
 
-from ..shapes import Wall
-from ..world import World
 from . import plots
 from .report import Result, Row
 from .stage import NOISE, Setting, actor
 
-PLAN = trials.SonarPlan()
+PLAN = parts.SonarPlan()
 STANDS = 3
 """The way to the wall is made so often: noise of 1 cm needs more than one reading at each distance."""
 THESIS = Curve(1.1767, 0.94657, -0.3759)
@@ -58,8 +58,8 @@ def _approach(setting: Setting) -> Tuple[Sequence[float], Sequence[float]]:
         driver = robot.driver
         assert driver.model is not None
         track = Track(driver)
-        trials.approach_wall(driver, track, PLAN.distances(), Speeds(), lambda _: None, lambda _: None)
-        return trials.stands(track.end(), driver.model.differential, PLAN.start_m)
+        parts.approach_wall(driver, track, PLAN.distances(), Speeds(), lambda _: None, lambda _: None)
+        return parts.stands(track.end(), driver.model.differential, PLAN.start_m)
 
 
 def _draw(setting: Setting, counts: Sequence[float], distances: Sequence[float], fit: sonar_curve.Fit) -> str:

@@ -4,12 +4,12 @@ import math
 import random
 from typing import Dict, List, NamedTuple, Sequence, Tuple
 
-from mrl_driver.calibration import driving
-from mrl_driver.calibration.measure import Truth
-from mrl_driver.calibration.procedures import UMBMARK, evaluate, gather, umbmark_legs
-from mrl_driver.calibration.run import LEFT, RIGHT, Run, errors, sense
-from mrl_driver.odometry import Pose
-from mrl_driver.robots import Drive
+from mrl_driver.calibration import manoeuvres
+from mrl_driver.calibration.geometry import UMBMARK, evaluate, gather, umbmark_legs
+from mrl_driver.calibration.ground_truth import Truth
+from mrl_driver.calibration.trial import LEFT, RIGHT, Run, errors, sense
+from mrl_driver.robot.models import Drive
+from mrl_driver.robot.odometry import Pose
 
 from . import plots
 from .report import Result, Row
@@ -29,7 +29,7 @@ SPREAD, MOST_SLIP = 0.005, 0.02
 """Hidden errors of the other robots, so that squares end some 8 to 10 cm off: standard deviation of wheel ratio and
 axle, and the most slip.
 """
-SPEEDS = driving.Speeds()
+SPEEDS = manoeuvres.Speeds()
 
 
 class Lap(NamedTuple):

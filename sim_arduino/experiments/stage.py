@@ -3,20 +3,19 @@
 from contextlib import contextmanager
 from typing import Any, Callable, Iterator, Mapping, NamedTuple, Optional, Tuple, Union
 
-from mrl_driver.calibration import driving
-from mrl_driver.course import Course
+from mrl_driver.calibration import manoeuvres
 from mrl_driver.driver import Driver
+from mrl_driver.driver.options import Options
+from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
-from mrl_driver.goal_seeker import GoalSeeker
-from mrl_driver.odometry import Pose as OdometryPose
-from mrl_driver.options import Options
-from mrl_driver.robots import Drive, RobotModel
-from mrl_driver.stepped import SteppedDriver
-
-from .. import boards
-from ..plant import Plant
-from ..shapes import Pose
-from ..world import World
+from mrl_driver.navigation.goal_seeker import GoalSeeker
+from mrl_driver.navigation.line_follower import Course
+from mrl_driver.robot.models import Drive, RobotModel
+from mrl_driver.robot.odometry import Pose as OdometryPose
+from sim_arduino.hardware.wiring import Plant
+from sim_arduino.serve import factory
+from sim_arduino.world.geometry import Pose
+from sim_arduino.world.world import World
 
 TICK_S = 0.05
 """Behaviours are asked for speeds so often [s]."""
@@ -136,9 +135,9 @@ def actor(
         return
     emulated = {"robot": setting.robot, "seed": setting.seed, "name": "robot", **emulated}
     if isinstance(world, World):
-        made = boards.make(boards.Options(**emulated), world)
+        made = factory.make(factory.Options(**emulated), world)
     else:
-        made = boards.make(boards.Options(world=world, **emulated))
+        made = factory.make(factory.Options(world=world, **emulated))
     try:
         model = made.plant.model if drive is None else made.plant.model._replace(drive=drive)
         with SteppedDriver(made.engine, model, options) as stepped:
@@ -166,10 +165,10 @@ def follow(robot: Actor, course: Course, look: Callable[[], None]) -> None:
         BoardTimeout: the robot takes no command, or does not arrive.
     """
 
-    def steer(pose: OdometryPose) -> driving.Command:
+    def steer(pose: OdometryPose) -> manoeuvres.Command:
         look()
         speeds = course.command(pose)
         return None if course.done else speeds
 
-    driving.follow(robot.driver, steer, PATIENCE_S)
+    manoeuvres.follow(robot.driver, steer, PATIENCE_S)
     look()

@@ -10,12 +10,12 @@ import time
 from typing import Callable, Dict, List, NamedTuple, Tuple
 
 from mrl_driver.driver import Driver
+from mrl_driver.driver.options import Options
 from mrl_driver.errors import MrlError
-from mrl_driver.goal_seeker import GoalSeeker
-from mrl_driver.options import Options
+from mrl_driver.navigation.goal_seeker import GoalSeeker
+from sim_arduino.testing import EmulatedBoard
+from sim_arduino.world.shared_robots import SharedCrowd
 
-from ..shared_crowd import SharedCrowd
-from ..testing import EmulatedBoard
 from . import plots
 from .report import Result, Row
 from .stage import PERIOD_MS, TICK_S, Setting
@@ -43,7 +43,15 @@ class Mirrored:
 
     def __init__(self, robot: str) -> None:
         self._name = f"step-test-{os.getpid()}"
-        command = [sys.executable, "-m", "sim_arduino.mirror", "--world-name", self._name, "--name", "mirror"]
+        command = [
+            sys.executable,
+            "-m",
+            "sim_arduino.replay.mirror",
+            "--world-name",
+            self._name,
+            "--name",
+            "mirror",
+        ]
         self._process = subprocess.Popen([*command, "--robot", robot], stdin=subprocess.PIPE, text=True)
         assert self._process.stdin is not None
         self._pipe = self._process.stdin

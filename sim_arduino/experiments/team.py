@@ -9,13 +9,13 @@ import math
 from contextlib import ExitStack
 from typing import Callable, Dict, Iterator, List, Mapping, NamedTuple, Protocol, Sequence, Tuple
 
-from mrl_driver import robots
+from mrl_driver.robot import models
+from sim_arduino.hardware.collision import footprint_for
+from sim_arduino.hardware.sonars import HALF_CONE_RAD, RANGE_M
+from sim_arduino.world import world_file
+from sim_arduino.world.geometry import Footprint, Pose
+from sim_arduino.world.world import World
 
-from .. import world_file
-from ..bumper import footprint_for
-from ..shapes import Footprint, Pose
-from ..sonars import HALF_CONE_RAD, RANGE_M
-from ..world import World
 from .stage import NOISE, TICK_S, Setting, Step, actor
 
 
@@ -32,7 +32,7 @@ class OnStage(Protocol):
     """A robot as the experiments need it: `stage.Actor` is one, and so is a robot behind topics."""
 
     @property
-    def model(self) -> robots.RobotModel:
+    def model(self) -> models.RobotModel:
         """Of the robot."""
 
     @property
@@ -140,7 +140,7 @@ def pairs(players: Sequence[Player]) -> Iterator[Tuple[Player, Player]]:
 
 def footprint_of(member: Member) -> Footprint:
     """The robot's body from above."""
-    footprint = footprint_for(robots.load(member.robot))
+    footprint = footprint_for(models.load(member.robot))
     assert footprint is not None
     return footprint
 

@@ -2,12 +2,12 @@
 
 from typing import Any, List, NamedTuple, Optional, Sequence, Tuple
 
-from mrl_driver.options import Options
-from mrl_driver.stepped import SteppedDriver
-from mrl_driver.table import BY_NAME
+from mrl_driver.driver.options import Options
+from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.protocol.table import BY_NAME
+from sim_arduino.board.engine import Engine
+from sim_arduino.serve import factory
 
-from .. import boards
-from ..engine import Engine
 from . import plots
 from .report import Result, Row
 from .stage import Setting, demand_emulated
@@ -106,7 +106,7 @@ def _rows(topics: Topics, plain_ms: float, published: str) -> List[Row]:
 
 def _total_ms(setting: Setting, count: int, check: bool) -> float:
     """Time that so many messages take together."""
-    made = boards.make(boards.Options(robot=setting.robot, engine="avr", seed=setting.seed))
+    made = factory.make(factory.Options(robot=setting.robot, engine="avr", seed=setting.seed))
     code, total_s = BY_NAME[REQUEST].code, 0.0
     try:
         with SteppedDriver(Fine(made.engine), setting.robot, Options(period_ms=0, check=check)) as driver:

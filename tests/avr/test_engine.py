@@ -3,7 +3,7 @@
 import pytest
 
 from mrl_driver.errors import SimulatorError
-from sim_arduino.avr_engine import AvrEngine
+from sim_arduino.board.avr_board import AvrEngine
 
 BYTE_S = 85e-6
 FAN = 7

@@ -5,8 +5,8 @@ from typing import Iterator, List
 
 import pytest
 
-from mrl_driver.codec import REPLIES, Frame, FrameDecoder
-from mrl_driver.table import FAULTS, REASONS, RESET_CAUSES, STOP_REASONS
+from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder
+from mrl_driver.protocol.table import FAULTS, REASONS, RESET_CAUSES, STOP_REASONS
 from tests.bench.firmware_board import Rig, request
 
 ELF = Path(__file__).resolve().parents[2] / "build" / "firmware" / "mrl_firmware.elf"

@@ -3,7 +3,7 @@
 import pytest
 
 from mrl_driver.errors import SimulatorError
-from mrl_driver.images import image_path
+from mrl_driver.host.firmware_images import image_path
 from sim_arduino.avr import intel_hex
 from sim_arduino.avr.elf import read_image
 

@@ -12,17 +12,17 @@ from typing import List, Tuple
 
 import numpy as np
 
-from mrl_driver.calibration import driving, fit, procedures
-from mrl_driver.calibration.driving import Speeds, Track
-from mrl_driver.calibration.measure import Truth
-from mrl_driver.calibration.run import Run, errors
-from mrl_driver.odometry import Pose
-from mrl_driver.options import Options
-from mrl_driver.robots import RobotModel, load
-from mrl_driver.state import Telemetry
-from mrl_driver.stepped import SteppedDriver
-from mrl_driver.uncertainty import Uncertainty, error_squared
-from sim_arduino import boards
+from mrl_driver.calibration import fit, geometry, manoeuvres
+from mrl_driver.calibration.ground_truth import Truth
+from mrl_driver.calibration.manoeuvres import Speeds, Track
+from mrl_driver.calibration.trial import Run, errors
+from mrl_driver.driver.options import Options
+from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.robot.covariance import Uncertainty, error_squared
+from mrl_driver.robot.models import RobotModel, load
+from mrl_driver.robot.odometry import Pose
+from mrl_driver.robot.robot_state import Telemetry
+from sim_arduino.serve import factory
 
 from . import report
 
@@ -42,18 +42,18 @@ class Emulated:
     """A new robot with these errors, which stands in an endless empty room."""
 
     def __init__(self, model: RobotModel, hidden: str, seed: int = 0) -> None:
-        options = boards.Options(robot=model.name, footprint="none", error=hidden, seed=seed)
-        self._made = boards.make(options)
+        options = factory.Options(robot=model.name, footprint="none", error=hidden, seed=seed)
+        self._made = factory.make(options)
         self._driver = SteppedDriver(self._made.engine, model, Options(period_ms=PERIOD_MS))
         self._driver.connect()
         self._track = Track(self._driver)
         self._model = model
 
-    def drive(self, legs: List[procedures.Leg]) -> Runs:
+    def drive(self, legs: List[geometry.Leg]) -> Runs:
         """Drives and measures all of them."""
         runs: Runs = []
         ruler = Truth(lambda: Pose(*self._made.plant.true_pose))
-        procedures.gather(self._driver, legs, ruler, runs.append, self._track)
+        geometry.gather(self._driver, legs, ruler, runs.append, self._track)
         return runs
 
     def error_squared(self) -> float:
@@ -66,8 +66,8 @@ class Emulated:
 
         driver.on_telemetry(carry)
         for way_m, turn_rad in WINDING:
-            driving.straight(driver, way_m, _SPEEDS)
-            driving.turn(driver, turn_rad, _SPEEDS)
+            manoeuvres.straight(driver, way_m, _SPEEDS)
+            manoeuvres.turn(driver, turn_rad, _SPEEDS)
         off = np.subtract(self._made.plant.true_pose, driver.pose)
         off[2] = math.remainder(off[2], math.tau)
         return error_squared(sure.unknowns, *off)
@@ -88,11 +88,11 @@ def calibrate(hidden: str) -> Tuple[np.ndarray, np.ndarray, float]:
     plain = load("traxbot")
     model = plain
     robot = Emulated(model, hidden)
-    runs = robot.drive(procedures.straight_legs(2, 2.0, _SPEEDS))
-    model = model._replace(drive=procedures.evaluate(procedures.STRAIGHT, runs, model).after)
-    laps = robot.drive(procedures.umbmark_legs(2, 1.0, _SPEEDS))
-    model = model._replace(drive=procedures.evaluate(procedures.UMBMARK, laps, model).after)
-    tried = Emulated(model, hidden).drive(procedures.umbmark_legs(1, 1.0, _SPEEDS))
+    runs = robot.drive(geometry.straight_legs(2, 2.0, _SPEEDS))
+    model = model._replace(drive=geometry.evaluate(geometry.STRAIGHT, runs, model).after)
+    laps = robot.drive(geometry.umbmark_legs(2, 1.0, _SPEEDS))
+    model = model._replace(drive=geometry.evaluate(geometry.UMBMARK, laps, model).after)
+    tried = Emulated(model, hidden).drive(geometry.umbmark_legs(1, 1.0, _SPEEDS))
     missed_m = max(math.hypot(run.end.x_m, run.end.y_m) for run in tried)
     return errors(plain.drive, [laps[0], laps[-1]]), errors(model.drive, tried), missed_m
 
@@ -102,12 +102,12 @@ def consistency() -> float:
     model, runs = load("traxbot"), []
     robot = Emulated(model, NOISY)
     for procedure, legs in (
-        (procedures.STRAIGHT, procedures.straight_legs(20, 1.0, _SPEEDS)),
-        (procedures.TURN, procedures.turn_legs(20, 1, _SPEEDS)),
-        (procedures.UMBMARK, procedures.umbmark_legs(10, 0.5, _SPEEDS)),
+        (geometry.STRAIGHT, geometry.straight_legs(20, 1.0, _SPEEDS)),
+        (geometry.TURN, geometry.turn_legs(20, 1, _SPEEDS)),
+        (geometry.UMBMARK, geometry.umbmark_legs(10, 0.5, _SPEEDS)),
     ):
         new = robot.drive(legs)
-        found = procedures.evaluate(procedure, new, model, 0.5, fit.BY_TRUTH, runs)
+        found = geometry.evaluate(procedure, new, model, 0.5, fit.BY_TRUTH, runs)
         model = model._replace(drive=found.after, noise=found.noise or model.noise)
         runs += new
     print(f"noise {model.noise}, {model.drive}")

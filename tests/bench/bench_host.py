@@ -14,10 +14,10 @@ from typing import Callable, Dict, List, Tuple
 
 import numpy as np
 
-from mrl_driver import robots
-from mrl_driver.codec import REPLIES, FrameDecoder, Stamp, encode_reply
-from mrl_driver.log_codec import decode_log
-from mrl_driver.odometry_log import integrate
+from mrl_driver.protocol.codec import REPLIES, FrameDecoder, Stamp, encode_reply
+from mrl_driver.recording.frame_arrays import decode_log
+from mrl_driver.recording.odometry_arrays import integrate
+from mrl_driver.robot import models
 from tests.bench import report
 
 FRAMES = 20000
@@ -99,14 +99,16 @@ def log_rate(data: bytes, checked: bool, copies: int = 10) -> float:
 
 def odometry_rate() -> float:
     counts, times_s = np.array(drive(10 * FRAMES), np.int16)[:, :2], np.arange(10 * FRAMES) * 0.02
-    drive_ = robots.load("traxbot").drive
+    drive_ = models.load("traxbot").drive
     return rate(len(counts), lambda: integrate(counts, times_s, drive_, 1.0) and None)
 
 
 def cpu_percent_50hz(module: str) -> float:
     """CPU of a process that runs `module` on an emulated board's stream of 50 frames a second [%]."""
     board = subprocess.Popen(
-        [sys.executable, "-m", "sim_arduino.cli", "--robot", "traxbot"], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-m", "sim_arduino.serve.main", "--robot", "traxbot"],
+        stdout=subprocess.PIPE,
+        text=True,
     )
     try:
         assert board.stdout is not None

@@ -13,8 +13,8 @@ import tempfile
 import time
 from typing import Optional
 
-from mrl_driver.codec import Stamp, encode_reply, encode_request
-from mrl_driver.recording import FROM_BOARD, TO_BOARD, Recorder
+from mrl_driver.protocol.codec import Stamp, encode_reply, encode_request
+from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD, Recorder
 from tests.bench import report
 
 FRAMES_HZ, COMMANDS_HZ = 400, 20

@@ -8,8 +8,8 @@ import os
 import statistics
 from typing import Callable, Dict, List
 
-from mrl_driver.odometry import Odometry, fastest_wheel_m_s
-from mrl_driver.robots import load
+from mrl_driver.robot.models import load
+from mrl_driver.robot.odometry import Odometry, fastest_wheel_m_s
 
 from . import report
 from .ros_bench import BARE, NODE, Bench, Master

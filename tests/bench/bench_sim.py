@@ -12,11 +12,11 @@ from typing import Any, Dict, List, Tuple
 
 import yaml
 
-from mrl_driver import robots
-from sim_arduino.avr_engine import AvrEngine
+from mrl_driver.robot import models
 from sim_arduino.board import PythonBoard
-from sim_arduino.plant import Plant
-from sim_arduino.world_file import load
+from sim_arduino.board.avr_board import AvrEngine
+from sim_arduino.hardware.wiring import Plant
+from sim_arduino.world.world_file import load
 from tests.bench import report
 
 RUNS = 5
@@ -54,7 +54,7 @@ class Served:
     """A board in a process of its own with a program that reads its stream."""
 
     def __init__(self, *options: str) -> None:
-        command = [sys.executable, "-m", "sim_arduino.cli", *options]
+        command = [sys.executable, "-m", "sim_arduino.serve.main", *options]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         assert self.process.stdout
         self.fd = os.open(self.process.stdout.readline().strip(), os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
@@ -152,7 +152,7 @@ def speedup(board: Any, seconds: float) -> float:
 
 def avr_speedup(world: str) -> float:
     """`speedup` of the real image."""
-    board = AvrEngine(Plant(robots.load("traxbot"), load(world)), robot_id=1)
+    board = AvrEngine(Plant(models.load("traxbot"), load(world)), robot_id=1)
     try:
         return speedup(board, AVR_STEPPED_S)
     finally:
@@ -166,7 +166,7 @@ def main() -> None:
         os.environ["XDG_RUNTIME_DIR"] = folder
 
         def stepped() -> float:
-            return speedup(PythonBoard(Plant(robots.load("traxbot"), load(world))), STEPPED_S)
+            return speedup(PythonBoard(Plant(models.load("traxbot"), load(world))), STEPPED_S)
 
         team = ("--world", world, "--world-name", "bench")
         figures: Dict[str, float] = {

@@ -14,8 +14,8 @@ import time
 import tty
 from typing import Dict, List, Tuple
 
-from mrl_driver.codec import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
-from mrl_driver.table import BY_NAME, TICK_S
+from mrl_driver.protocol.codec import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
+from mrl_driver.protocol.table import BY_NAME, TICK_S
 
 CODE = {name: row.code for name, row in BY_NAME.items()}
 CAPABILITIES = 0b10111

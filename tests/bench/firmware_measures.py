@@ -8,8 +8,8 @@ from pathlib import Path
 from statistics import median
 from typing import Dict, Iterable, List, Optional, Tuple
 
-from mrl_driver.codec import REPLIES, Frame, FrameDecoder, encode_request
-from mrl_driver.table import COMMANDS
+from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder, encode_request
+from mrl_driver.protocol.table import COMMANDS
 from sim_arduino.avr.elf import read_image
 from tests.bench.firmware_board import Reply, Rig, request
 

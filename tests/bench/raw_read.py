@@ -8,8 +8,8 @@ import sys
 import time
 import tty
 
-from mrl_driver.codec import encode_request
-from mrl_driver.table import BY_NAME
+from mrl_driver.protocol.codec import encode_request
+from mrl_driver.protocol.table import BY_NAME
 from tests.bench.driver_alone import cpu_s
 
 PERIOD_MS = 20

@@ -17,9 +17,9 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, JointState, Range
 from tf2_msgs.msg import TFMessage
 
-from mrl_driver.robots import load
-from ros1_bridge.processes import Child, wait_until
-from ros1_bridge.run import master_answers
+from mrl_driver.robot.models import load
+from ros1_bridge.demo.launcher import master_answers
+from ros1_bridge.demo.processes import Child, wait_until
 from tests.bench.feeder import COUNTS_A_FRAME
 from tests.ros.rig import free_port
 

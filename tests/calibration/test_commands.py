@@ -11,24 +11,25 @@ import sys
 import numpy as np
 import pytest
 
-from mrl_driver import cli, robots
-from mrl_driver.calibration import driving, store, trials
+from mrl_driver.calibration import files, manoeuvres, parts
 from mrl_driver.calibration.gains import Gains
-from mrl_driver.calibration.measure import Truth, relative
-from mrl_driver.calibration.run import Run, errors
+from mrl_driver.calibration.ground_truth import Truth, relative
 from mrl_driver.calibration.sonar_curve import THESIS, Curve
-from mrl_driver.codec import encode_reply
-from mrl_driver.commands import calibrate_job, calibrate_view
+from mrl_driver.calibration.trial import Run, errors
+from mrl_driver.cli import main
+from mrl_driver.cli.commands import calibrate_job, calibrate_view
+from mrl_driver.driver.options import Options
+from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
-from mrl_driver.odometry import Pose
-from mrl_driver.options import Options
-from mrl_driver.stepped import SteppedDriver
-from sim_arduino import boards
+from mrl_driver.protocol.codec import encode_reply
+from mrl_driver.robot import models
+from mrl_driver.robot.odometry import Pose
+from sim_arduino.serve import factory
 
 from . import paths
 
 END_M, END_RAD = 0.01, math.radians(0.5)
-BELIEVED = robots.load("traxbot").drive
+BELIEVED = models.load("traxbot").drive
 
 
 class Taped:
@@ -71,7 +72,7 @@ class Lab:
 
     def robot(self, model, period_ms=100):
         options = {"footprint": "none", **self.options}
-        self.emulated = boards.make(boards.Options(robot="traxbot", **options))
+        self.emulated = factory.make(factory.Options(robot="traxbot", **options))
         if self.rewire:
             self.rewire(self.emulated.plant.motor_board)
         engine = Taped(self.emulated.engine, self.tape) if self.tape else self.emulated.engine
@@ -83,7 +84,7 @@ class Lab:
     def mrl(self, *args):
         """Run `mrl calibrate`; exit code, stdout, lines of stderr."""
         with pytest.raises(SystemExit) as ended:
-            cli.main(["calibrate", *map(str, args)])
+            main.main(["calibrate", *map(str, args)])
         out, err = self._capsys.readouterr()
         assert "Traceback" not in err
         return ended.value.code, out, err.strip().splitlines()
@@ -108,12 +109,12 @@ def lab(monkeypatch, tmp_path, capsys):
 def lap_error(lab, model):
     """Error of the odometry after a clockwise square: metres and radians."""
     with lab.robot(model) as robot:
-        track, ruler = driving.Track(robot), Truth(lab.pose)
+        track, ruler = manoeuvres.Track(robot), Truth(lab.pose)
         track.begin()
-        driving.square(robot, 1.0, False, driving.Speeds())
-        off = errors(robot.model.drive, [Run(driving.steps_of(track.end()), ruler.end("", lambda _: None))])[
-            0
-        ]
+        manoeuvres.square(robot, 1.0, False, manoeuvres.Speeds())
+        off = errors(
+            robot.model.drive, [Run(manoeuvres.steps_of(track.end()), ruler.end("", lambda _: None))]
+        )[0]
         return np.hypot(*off[:2]), abs(off[2])
 
 
@@ -145,11 +146,11 @@ def test_an_interrupted_calibration_goes_on_where_it_was(lab, monkeypatch):
     monkeypatch.setattr(Truth, "end", interrupted)
     turn = ("turn", "--count", 2, "--turns", 1, "--truth", "t", "--yes")
     code, _, lines = lab.mrl(*turn)
-    assert code == cli.INTERRUPTED and any("1 of 2 runs are kept in" in line for line in lines)
+    assert code == main.INTERRUPTED and any("1 of 2 runs are kept in" in line for line in lines)
     assert "runs of turn with turns 1, count 2" in lab.refused("turn", "--count", 4, "--turns", 1, *turn[5:])
     code, _, lines = lab.mrl(*turn)
     assert code == 0 and lines[0].startswith("1 of 2 runs are there already") and len(calls) == 3
-    assert robots.load("traxbot-1.yaml").drive.turn_slip == pytest.approx(0.1, abs=2e-3)
+    assert models.load("traxbot-1.yaml").drive.turn_slip == pytest.approx(0.1, abs=2e-3)
 
 
 def test_a_file_that_the_robot_does_not_come_from_is_not_replaced(lab, tmp_path):
@@ -186,7 +187,7 @@ def test_sonar_curve_is_fitted_to_a_wall_and_saved_on_the_board(lab):
     sonar = ("sonar", "--start", 1.5, "--step", 0.15, "--yes", "--eeprom", "--plot", "curve.png", "--json")
     code, out, lines = lab.mrl(*sonar)
     assert code == 0 and json.loads(out)["r2"] > 0.999, lines
-    board = robots.load("traxbot-1.yaml").board
+    board = models.load("traxbot-1.yaml").board
     assert lab.emulated.engine.config["sonar_a"] == board["sonar_a"] != 11767
 
 
@@ -201,7 +202,7 @@ def test_gains_are_suggested_and_the_ramp_comes_back(lab):
     code, out, _ = lab.mrl("gains", "--yes", "--json", "--plot", "gains.png")
     found = json.loads(out)
     assert code == 0 and found["after"]["left"]["rise_s"] < found["before"]["left"]["rise_s"]
-    assert robots.load("traxbot-1.yaml").board["kp"] == found["gains_after"]["kp"]
+    assert models.load("traxbot-1.yaml").board["kp"] == found["gains_after"]["kp"]
     gains = lab.emulated.plant.robot.gains
     assert (gains.kp, gains.ki, gains.kd, gains.ramp_ms) == (700, 400, 200, 2500)
 
@@ -238,14 +239,14 @@ def taped(lab, tmp_path):
 
 @pytest.mark.parametrize(
     ("procedure", "keys"),
-    [(("gains",), Gains._fields), (("sonar", "--start", 1.5, "--step", 0.15), robots.CURVE_KEYS)],
+    [(("gains",), Gains._fields), (("sonar", "--start", 1.5, "--step", 0.15), models.CURVE_KEYS)],
 )
 def test_a_recording_of_a_calibration_says_what_the_calibration_said(taped, procedure, keys):
     taped.options = {"pose": "0.4,0,0", "footprint": "box"}
     assert taped.mrl(*procedure, "--yes")[0] == 0
     code, _, lines = taped.mrl(*procedure, *FROM_TAPE)
     assert code == 0, lines
-    live, replayed = (robots.load(f"{name}.yaml").board for name in ("traxbot-1", "taped"))
+    live, replayed = (models.load(f"{name}.yaml").board for name in ("traxbot-1", "taped"))
     assert [replayed[key] for key in keys] == pytest.approx([live[key] for key in keys], rel=0.02)
 
 
@@ -314,7 +315,7 @@ def test_umbmark_from_recordings(lab, tmp_path):
     ]
     code, _, lines = lab.mrl("umbmark", "--robot", "traxbot", "--output", "mine.yaml", "--yes", *runs)
     assert code == 0, lines
-    assert robots.load("mine.yaml").drive == pytest.approx(true, abs=2e-4)
+    assert models.load("mine.yaml").drive == pytest.approx(true, abs=2e-4)
 
 
 @pytest.mark.parametrize(
@@ -353,7 +354,7 @@ SONAR = ("sonar", "--start", 1.5, "--step", 0.15)
 
 def test_an_interrupted_sonar_goes_on_where_it_was(lab, monkeypatch, tmp_path):
     """Ctrl-C at the fourth distance; the same command begins there, in the middle of the way to the wall."""
-    straight, legs = driving.straight, []
+    straight, legs = manoeuvres.straight, []
 
     def interrupted(*args):
         legs.append(args)
@@ -361,16 +362,16 @@ def test_an_interrupted_sonar_goes_on_where_it_was(lab, monkeypatch, tmp_path):
             raise KeyboardInterrupt
         straight(*args)
 
-    monkeypatch.setattr(driving, "straight", interrupted)
+    monkeypatch.setattr(manoeuvres, "straight", interrupted)
     lab.options = {"pose": "0.4,0,0", "footprint": "box"}
     code, _, lines = lab.mrl(*SONAR, "--yes")
-    assert code == cli.INTERRUPTED
+    assert code == main.INTERRUPTED
     assert "mrl: 3 distances are kept in traxbot-1.sonar.csv; the same command goes on" in lines
     lab.options = {"pose": "0.85,0,0", "footprint": "box"}
     code, _, lines = lab.mrl(*SONAR, "--yes")
     assert code == 0 and lines[0].startswith("3 of 9 distances are there already, in traxbot-1.sonar.csv")
-    board, distances_m = robots.load("traxbot-1.yaml").board, np.arange(0.3, 1.51, 0.1)
-    found = Curve(*(board[name] / 1e4 for name in robots.CURVE_KEYS))
+    board, distances_m = models.load("traxbot-1.yaml").board, np.arange(0.3, 1.51, 0.1)
+    found = Curve(*(board[name] / 1e4 for name in models.CURVE_KEYS))
     assert found.range_m(THESIS.counts(distances_m)) == pytest.approx(distances_m, abs=SONAR_M)
     assert sorted(os.listdir(tmp_path)) == ["traxbot-1.yaml"]
 
@@ -380,7 +381,7 @@ def test_a_sonar_that_was_not_written_down_can_be_without_driving_again(lab, mon
     monkeypatch.setattr(calibrate_job, "agree_to_move", lambda question, yes: None)
     assert "Write traxbot-1.yaml?" in lab.refused(*SONAR)
     assert (tmp_path / "traxbot-1.sonar.csv").exists()
-    monkeypatch.setattr(driving, "straight", None)
+    monkeypatch.setattr(manoeuvres, "straight", None)
     assert lab.mrl(*SONAR, "--yes")[0] == 0
 
 
@@ -398,7 +399,7 @@ def test_points_of_a_sonar_are_read_from_a_file(lab, tmp_path):
     )
     words = ("sonar", "--robot", "traxbot", "--output", "mine.yaml", "--points", "wall.csv", "--yes")
     assert lab.mrl(*words)[0] == 0
-    assert robots.load("mine.yaml").board["sonar_a"] == pytest.approx(11767 / 1.2, rel=0.05)
+    assert models.load("mine.yaml").board["sonar_a"] == pytest.approx(11767 / 1.2, rel=0.05)
     (tmp_path / "wall.csv").write_text("0.2,0.2\n0.3;0.3\n")
     assert "wall.csv:2: got '0.3;0.3', expected distance,reading" in lab.refused(
         *words[:-3], "--points", "wall.csv", "--output", "b.yaml"
@@ -428,7 +429,7 @@ def test_a_person_is_guided_and_asked_again_after_a_slip_of_the_pen(lab, monkeyp
     code, _, lines = lab.mrl("turn", "--count", 2, "--turns", 1, "--yes")
     assert code == 0 and any(line.startswith("got '0.1; 2', expected x y [m]") for line in lines)
     assert len(answers) == 3
-    assert robots.load("traxbot-1.yaml").drive.turn_slip == pytest.approx(0.1, abs=5e-3)
+    assert models.load("traxbot-1.yaml").drive.turn_slip == pytest.approx(0.1, abs=5e-3)
 
 
 def test_a_measurement_that_cannot_be_is_asked_for_again(lab, monkeypatch):
@@ -461,7 +462,7 @@ def test_a_step_is_not_cut_by_the_stop_of_the_greeting(lab):
         robot.drive(0.1, 0.0)
         robot.wait(0.5)
         robot.stop()
-        taken = trials.step(robot, driving.Track(robot), driving.MOVE, 40)
+        taken = parts.step(robot, manoeuvres.Track(robot), manoeuvres.MOVE, 40)
     speeds = np.diff(taken.right) / np.diff(taken.times_s)
     assert taken.right[0] == 0 and speeds[10:].min() > 4000
 
@@ -474,10 +475,10 @@ def test_a_damaged_state_is_not_written_over(lab, tmp_path):
 
 def test_a_yaml_that_cannot_be_edited_line_by_line_stays(tmp_path):
     file = tmp_path / "flow.yaml"
-    text = pathlib.Path(store.source_of("traxbot")).read_text()
+    text = pathlib.Path(files.source_of("traxbot")).read_text()
     head, rest = text[: text.index("drive:")], text[text.index("board:") :]
     file.write_text(f"{head}drive: {{wheel_separation_m: 0.18, metres_per_count: 0.0000875}}\n{rest}")
     before = file.read_text()
     with pytest.raises(ConfigError, match="nothing was changed"):
-        store.write_model(str(file), str(file), {("drive", "turn_slip"): 0.1}, "test")
+        files.write_model(str(file), str(file), {("drive", "turn_slip"): 0.1}, "test")
     assert file.read_text() == before and os.listdir(tmp_path) == ["flow.yaml"]

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from mrl_driver.calibration import fit
-from mrl_driver.calibration.measure import relative
-from mrl_driver.calibration.run import Run, path
-from mrl_driver.odometry import Odometry, Pose
-from mrl_driver.odometry_log import integrate
-from mrl_driver.robots import load
-from mrl_driver.state import fastest_m_s
-from mrl_driver.uncertainty import Uncertainty, error_squared
-from sim_arduino.physics import Errors, Robot, params_for
+from mrl_driver.calibration.ground_truth import relative
+from mrl_driver.calibration.trial import Run, path
+from mrl_driver.recording.odometry_arrays import integrate
+from mrl_driver.robot.covariance import Uncertainty, error_squared
+from mrl_driver.robot.models import load
+from mrl_driver.robot.odometry import Odometry, Pose
+from mrl_driver.robot.robot_state import fastest_m_s
+from sim_arduino.hardware.robot_physics import Errors, Robot, params_for
 
 TRAXBOT = load("traxbot")
 PERIOD_S = 0.05

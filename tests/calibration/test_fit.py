@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver.calibration import fit, procedures, umbmark
-from mrl_driver.calibration.run import Run, errors, spread
+from mrl_driver.calibration import fit, geometry, umbmark
+from mrl_driver.calibration.trial import Run, errors, spread
 from mrl_driver.errors import ConfigError
-from mrl_driver.odometry import Pose, advance
-from mrl_driver.robots import Noise, load
-from mrl_driver.uncertainty import Uncertainty, error_squared
+from mrl_driver.robot.covariance import Uncertainty, error_squared
+from mrl_driver.robot.models import Noise, load
+from mrl_driver.robot.odometry import Pose, advance
 
 from . import paths
 
@@ -80,7 +80,7 @@ def test_an_outlier_is_named_with_what_drives_it_again():
     runs = laps(BELIEVED._replace(turn_slip=0.05), 3)
     runs[4] = Run(runs[4].steps, runs[4].end._replace(x_m=runs[4].end.x_m + 0.3))
     with pytest.raises(ConfigError, match="--again 5$"):
-        procedures.evaluate(procedures.UMBMARK, runs, TRAXBOT)
+        geometry.evaluate(geometry.UMBMARK, runs, TRAXBOT)
 
 
 def test_runs_without_any_measured_end_tell_nothing():

@@ -4,7 +4,7 @@ import contextlib
 import io
 from typing import NamedTuple
 
-from mrl_driver import cli
+from mrl_driver.cli import main
 
 
 class Done(NamedTuple):
@@ -17,7 +17,7 @@ def mrl(*args):
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
-            cli.main([str(arg) for arg in args])
+            main.main([str(arg) for arg in args])
         except SystemExit as end:
             code = end.code
     return Done(code or 0, out.getvalue(), err.getvalue())

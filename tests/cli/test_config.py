@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from mrl_driver.table import PARAMETERS
+from mrl_driver.protocol.table import PARAMETERS
 
 from .run import fails, mrl
 

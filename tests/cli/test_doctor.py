@@ -7,20 +7,20 @@ import re
 
 import pytest
 
-from mrl_driver import robots
-from mrl_driver.address import is_network
-from mrl_driver.doctor import board, computer, wheels
-from mrl_driver.doctor.findings import FAULT, NOTE, OK, WARNING, Finding, verdict
-from mrl_driver.doctor.wheels import Moved
-from mrl_driver.handshake import Board
-from mrl_driver.link import Link
-from mrl_driver.ports import Port
-from mrl_driver.session import Status
+from mrl_driver.cli.doctor import board, computer, wheels
+from mrl_driver.cli.doctor.findings import FAULT, NOTE, OK, WARNING, Finding, verdict
+from mrl_driver.cli.doctor.wheels import Moved
+from mrl_driver.robot import models
+from mrl_driver.session.handshake import Board
+from mrl_driver.session.session import Status
+from mrl_driver.transport.address import is_network
+from mrl_driver.transport.link import SerialLink
+from mrl_driver.transport.port_search import Port
 from sim_arduino.testing import EmulatedBoard
 
 from .run import fails, mrl
 
-TRAXBOT = robots.load("traxbot")
+TRAXBOT = models.load("traxbot")
 GOOD = Board(1, 2, 1.72, 12.0, 25.0, 2, frozenset(["check", "watchdog", "period", "config", "sonars"]))
 HEALTHY = Status(100, "power_on", "host", (), 0)
 
@@ -114,7 +114,7 @@ def test_a_device_that_many_have_open_is_not_in_use(quick):
 
 def test_a_port_that_another_program_has_open_is_in_use(quick, serve):
     port = serve()
-    with contextlib.closing(Link(port.path)):
+    with contextlib.closing(SerialLink(port.path)):
         code, findings, _ = examine("--port", port.path)
     assert code == 5 and findings["in use"]["level"] == FAULT
 

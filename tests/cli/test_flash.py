@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
-from mrl_driver import flashing, images, port_facts
-from mrl_driver.commands import flash as command
+from mrl_driver.cli.commands import flash as command
+from mrl_driver.driver.probe import Answer
 from mrl_driver.errors import (
     BoardRefused,
     ConfigError,
@@ -19,9 +19,10 @@ from mrl_driver.errors import (
     PortDenied,
     PortMissing,
 )
-from mrl_driver.names import Target
-from mrl_driver.ports import Port
-from mrl_driver.probe import Answer
+from mrl_driver.host import avrdude, firmware_images
+from mrl_driver.host.named_robots import Target
+from mrl_driver.transport import port_info
+from mrl_driver.transport.port_search import Port
 
 from .bootloader import Bootloader
 from .run import fails, mrl
@@ -73,35 +74,35 @@ def stand_in(tmp_path, monkeypatch):
 
 def test_the_real_avrdude_writes_the_image_and_reads_it_back(bootloader, image):
     board, marks = bootloader(), []
-    flashing.upload(board.path, image, advance=marks.append)
-    assert board.flash[:16] == bytes(range(16)) and sum(marks) == flashing.MARKS
+    avrdude.upload(board.path, image, advance=marks.append)
+    assert board.flash[:16] == bytes(range(16)) and sum(marks) == avrdude.MARKS
 
 
 def test_another_chip_is_not_written(bootloader, image):
     board = bootloader(signature=b"\x1e\x95\x16")
     with pytest.raises(BoardRefused, match="no ATmega328P"):
-        flashing.upload(board.path, image)
+        avrdude.upload(board.path, image)
     assert set(board.flash) == {0xFF}
 
 
 def test_what_reads_back_differently_is_told(bootloader, image):
     with pytest.raises(BoardRefused, match="reads back differently"):
-        flashing.upload(bootloader(damaged=True).path, image)
+        avrdude.upload(bootloader(damaged=True).path, image)
 
 
 def test_a_damaged_image_is_told(bootloader, tmp_path):
     bad = tmp_path / "bad.hex"
     bad.write_text(":1000000nonsense\n")
     with pytest.raises(ConfigError, match="expected Intel HEX"):
-        flashing.upload(bootloader().path, str(bad))
+        avrdude.upload(bootloader().path, str(bad))
 
 
 def test_a_board_that_is_not_in_sync_is_given_up_after_the_third_attempt(stand_in, image):
     noted = stand_in("".join(map(NOT_IN_SYNC.format, (1, 2, 3))))
     with pytest.raises(NotARobot, match="press reset"):
-        flashing.upload("/dev/ttyACM7", image)
+        avrdude.upload("/dev/ttyACM7", image)
     words = noted.read_text().splitlines()
-    assert words == flashing.command("/dev/ttyACM7", image)[1:]
+    assert words == avrdude.command("/dev/ttyACM7", image)[1:]
     assert "-c arduino -b 115200 -P /dev/ttyACM7" in " ".join(words)
 
 
@@ -121,7 +122,7 @@ def test_a_board_that_is_not_in_sync_is_given_up_after_the_third_attempt(stand_i
     ],
 )
 def test_words_of_avrdude_become_errors_of_ours(said, kind):
-    error = flashing.explain(said, "/dev/ttyACM7", "image.hex")
+    error = avrdude.explain(said, "/dev/ttyACM7", "image.hex")
     assert type(error) is kind and "\n" not in str(error)
 
 
@@ -156,15 +157,15 @@ def test_nothing_is_written_unasked(stand_in, serve):
     ],
 )
 def test_the_build_follows_the_board(monkeypatch, answer, build):
-    monkeypatch.setattr("mrl_driver.probe.probe", lambda port, baud: answer)
+    monkeypatch.setattr("mrl_driver.driver.probe.probe", lambda port, baud: answer)
     assert command.build_of(Target("/dev/ttyACM7"))[0] == build
 
 
 def test_without_a_port_the_only_arduino_is_taken(monkeypatch):
     uno = Port("/dev/ttyACM7", (), 0x2341, 0x0043)
-    monkeypatch.setattr(port_facts, "described", lambda: [Port("/dev/ttyS7"), uno])
+    monkeypatch.setattr(port_info, "described", lambda: [Port("/dev/ttyS7"), uno])
     assert "'/dev/ttyACM7' does not exist" in fails(3, "flash", "--yes")
-    monkeypatch.setattr(port_facts, "described", lambda: [uno, uno._replace(device="/dev/ttyACM8")])
+    monkeypatch.setattr(port_info, "described", lambda: [uno, uno._replace(device="/dev/ttyACM8")])
     assert "several boards are there" in fails(2, "flash", "--yes")
 
 
@@ -181,5 +182,5 @@ def test_wrong_options(serve, args, words):
 
 
 def test_every_build_has_an_image():
-    for build in images.BUILDS:
-        assert pathlib.Path(images.image_path(build)).read_text().startswith(":")
+    for build in firmware_images.BUILDS:
+        assert pathlib.Path(firmware_images.image_path(build)).read_text().startswith(":")

@@ -4,10 +4,11 @@ import os
 
 import pytest
 
-from mrl_driver import names, pictures
+from mrl_driver import figures
 from mrl_driver.errors import OutputError
 from mrl_driver.files import replace_file
-from mrl_driver.names import Target
+from mrl_driver.host import named_robots
+from mrl_driver.host.named_robots import Target
 
 from .run import mrl
 from .terminal import Terminal, on_a_full_disk
@@ -50,17 +51,17 @@ def test_an_old_picture_stays(recorded):  # noqa: F811
     assert picture.read_bytes() == b"old" and not list(recorded.parent.glob("*.new"))
 
 
-@pytest.mark.parametrize("ending", pictures.ENDINGS)
+@pytest.mark.parametrize("ending", figures.ENDINGS)
 def test_each_kind_of_picture_is_what_its_name_says(tmp_path, ending):
     file = tmp_path / f"empty{ending}"
-    pictures.save(pictures.figure(2, 2), str(file))
+    figures.save(figures.figure(2, 2), str(file))
     assert file.read_bytes()[:5] == {".png": b"\x89PNG\r", ".pdf": b"%PDF-", ".svg": b"<?xml"}[ending]
 
 
 def test_names_stay():
-    names.write({"lab3": Target("/dev/ttyACM0")})
+    named_robots.write({"lab3": Target("/dev/ttyACM0")})
     done = on_a_full_disk(16, "mrl_driver", "names", "add", "lab4", "--port", "/dev/ttyACM1")
-    assert done.returncode == FULL and list(names.read()) == ["lab3"]
+    assert done.returncode == FULL and list(named_robots.read()) == ["lab3"]
 
 
 # -- files that are replaced

@@ -12,14 +12,16 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from mrl_driver import cli, errors, names
+from mrl_driver import errors
+from mrl_driver.cli import main
 from mrl_driver.errors import OutputError
+from mrl_driver.host import named_robots
 from tests.waiting import PATIENCE_S
 
 from .run import mrl
 
 
-def every(command=cli.cli, path=("mrl",)):
+def every(command=main.cli, path=("mrl",)):
     """All commands, each with the words that lead to it."""
     found = [(path, command)]
     if isinstance(command, click.Group):
@@ -67,7 +69,7 @@ def test_examples_parse(example, monkeypatch):
     for path, command in COMMANDS.items():
         if not isinstance(command, click.Group):
             monkeypatch.setattr(command, "callback", lambda *_, path=path, **__: called.append(path))
-    cli.cli.main(words[1:], "mrl", standalone_mode=False)
+    main.cli.main(words[1:], "mrl", standalone_mode=False)
     assert len(called) == 1 and set(called[0]) <= set(words)
 
 
@@ -105,7 +107,7 @@ def test_what_the_shell_completes(words, expected):
         "COMP_WORDS": " ".join(["mrl", *words]),
         "COMP_CWORD": str(len(words)),
     }
-    out = CliRunner().invoke(cli.cli, [], env=env, prog_name="mrl").output
+    out = CliRunner().invoke(main.cli, [], env=env, prog_name="mrl").output
     assert expected in out
 
 
@@ -113,7 +115,7 @@ def test_what_the_shell_completes(words, expected):
     ("code", "heavy"),
     [
         (
-            "c.cli.get_command(None, 'info'); import mrl_driver.driver",
+            "c.cli.get_command(None, 'info'); import mrl_driver.driver.driver",
             ["rich.console", "numpy", "importlib.metadata"],
         ),
         ("c.cli.get_help(c.cli.make_context('mrl', ['info']))", ["rich.console", "numpy", "serial", "yaml"]),
@@ -122,7 +124,7 @@ def test_what_the_shell_completes(words, expected):
 )
 def test_what_a_quick_command_does_not_load(code, heavy):
     """They start in a tenth, and in two tenths of a second of computing."""
-    code = f"import sys, mrl_driver.cli as c\n{code}\nprint([m for m in {heavy} if m in sys.modules])"
+    code = f"import sys, mrl_driver.cli.main as c\n{code}\nprint([m for m in {heavy} if m in sys.modules])"
     root = pathlib.Path(__file__).resolve().parents[2]
     out = subprocess.run(
         [sys.executable, "-S", "-c", code],
@@ -160,7 +162,7 @@ def test_ctrl_c_while_it_still_loads_says_nothing(tmp_path):
 
 
 def test_a_hang_up_that_nohup_ignores_stays_ignored():
-    code = "import signal; from mrl_driver.cli import main\ntry:\n main(['--version'])\nexcept SystemExit: pass\n"
+    code = "import signal; from mrl_driver.cli.main import main\ntry:\n main(['--version'])\nexcept SystemExit: pass\n"
     code += "print(signal.getsignal(signal.SIGHUP) is signal.SIG_IGN)"
     ignoring = "import signal, os, sys; signal.signal(signal.SIGHUP, signal.SIG_IGN); "
     ignoring += f"os.execv(sys.executable, [sys.executable, '-c', {code!r}])"
@@ -203,7 +205,7 @@ def test_the_help_names_the_exit_code_of_each_error():
     ],
 )
 def test_the_shell_completes_experiments_and_names(words, expected):
-    names.write({"lab3": names.Target("/dev/ttyACM0")})
+    named_robots.write({"lab3": named_robots.Target("/dev/ttyACM0")})
     env = {"_MRL_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
     done = subprocess.run(
         [sys.executable, "-m", "mrl_driver"],

@@ -9,17 +9,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from mrl_driver import live
-from mrl_driver.battery import EMPTY_AFTER_S
-from mrl_driver.canvas import Canvas, fit
 from mrl_driver.driver import Driver
-from mrl_driver.frame_log import MOST_LINES, FrameLog
-from mrl_driver.live import Screen, Settings, Trail
-from mrl_driver.live_view import render
-from mrl_driver.options import Options
-from mrl_driver.stepped import SteppedDriver
-from mrl_driver.wheel_watch import DEAD, Mismatch
-from sim_arduino import boards
+from mrl_driver.driver.options import Options
+from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.robot.battery import EMPTY_AFTER_S
+from mrl_driver.robot.wheel_monitor import DEAD, Mismatch
+from mrl_driver.terminal import live
+from mrl_driver.terminal.canvas import Canvas, fit
+from mrl_driver.terminal.frame_log import MOST_LINES, FrameLog
+from mrl_driver.terminal.live import Screen, Settings, Trail
+from mrl_driver.terminal.live_view import render
+from sim_arduino.serve import factory
 from tests.waiting import wait_until
 
 METRES = st.floats(-50, 50)
@@ -124,7 +124,7 @@ def test_enter_and_space_stop(watched, key):
 
 
 def test_an_empty_battery_cannot_be_driven_by_keys():
-    emulated = boards.make(boards.Options(robot="traxbot"))
+    emulated = factory.make(factory.Options(robot="traxbot"))
     with contextlib.closing(emulated), SteppedDriver(emulated.engine) as driver:
         emulated.plant.robot.set_battery(driver.model.battery.empty_v - 0.2)
         driver.wait(EMPTY_AFTER_S + 3.0)

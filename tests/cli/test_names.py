@@ -5,14 +5,14 @@ import os
 
 import pytest
 
-from mrl_driver import names
+from mrl_driver.host import named_robots
 
 from .run import fails, mrl
 
 
 def write(text):
-    os.makedirs(os.path.dirname(names.path()), exist_ok=True)
-    with open(names.path(), "w", encoding="utf-8") as file:
+    os.makedirs(os.path.dirname(named_robots.path()), exist_ok=True)
+    with open(named_robots.path(), "w", encoding="utf-8") as file:
         file.write(text)
 
 
@@ -43,7 +43,7 @@ def test_the_robot_of_the_environment(monkeypatch):
 def test_a_name_is_forgotten():
     write("lab3: {port: /dev/one}\nlab4: {port: /dev/two}\n")
     assert mrl("names", "remove", "lab3").returncode == 0
-    assert list(names.read()) == ["lab4"]
+    assert list(named_robots.read()) == ["lab4"]
     assert "expected lab4" in fails(2, "names", "remove", "lab3")
 
 
@@ -77,7 +77,7 @@ def test_without_names_it_says_how_to_give_one():
 def test_a_wrong_file_names_key_value_and_what_was_expected(text, words):
     write(text)
     line = fails(2, "info", "--robot", "lab3")
-    assert words in line and names.path() in line
+    assert words in line and named_robots.path() in line
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def test_a_wrong_file_names_key_value_and_what_was_expected(text, words):
 )
 def test_nothing_wrong_gets_into_the_file(args, words):
     assert words in fails(2, "names", "add", *args)
-    assert not os.path.exists(names.path())
+    assert not os.path.exists(named_robots.path())
 
 
 def test_a_folder_that_cannot_be_written(tmp_path):

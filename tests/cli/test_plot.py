@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from mrl_driver import chronicle
-from mrl_driver.codec import Stamp, encode_reply, encode_request
-from mrl_driver.recording import Recording
+from mrl_driver.protocol.codec import Stamp, encode_reply, encode_request
+from mrl_driver.recording import timeline
+from mrl_driver.recording.recording import Recording
 
 from .run import fails, mrl
 
@@ -40,7 +40,7 @@ def recorded(tmp_path):
 
 
 def test_columns_of_a_recording(recorded):
-    found = chronicle.read(Recording(str(recorded)))
+    found = timeline.read(Recording(str(recorded)))
     assert found.poses[-1] == pytest.approx((2.02, 0.5, 0.0, 0.0), abs=1e-4)
     assert found.twists[-1][1] == pytest.approx(0.25, abs=0.01)
     assert found.commands == [(0.01, 0.25, 0.0), (2.1, 0.0, 0.0)]
@@ -51,25 +51,25 @@ def test_columns_of_a_recording(recorded):
 @pytest.mark.parametrize("text", [b"[INFO] @5e", b"[INFO] @8e"])
 def test_text_that_resembles_a_reply_is_left_out(recorded, text):
     """Boards in debug mode send such lines; the table knows how many values a reply has."""
-    before = chronicle.read(Recording(str(recorded)))
+    before = timeline.read(Recording(str(recorded)))
     with open(recorded, "a", encoding="utf-8") as file:
         file.write("3.000000 ! plain\n" + entry(3.1, "<", text))
-    assert chronicle.read(Recording(str(recorded))) == before
+    assert timeline.read(Recording(str(recorded))) == before
 
 
 def test_sequence_and_time_of_counts_are_not_ranges(recorded):
-    before = chronicle.read(Recording(str(recorded))).ranges
+    before = timeline.read(Recording(str(recorded))).ranges
     with open(recorded, "a", encoding="utf-8") as file:
         frame = encode_reply(6, 5714, 5714, stamp=Stamp(101, 31600), checked=True)
         file.write(entry(3.1, "<", frame))
-    assert chronicle.read(Recording(str(recorded))).ranges == before
+    assert timeline.read(Recording(str(recorded))).ranges == before
 
 
 def test_a_port_that_was_opened_again_moves_nothing(recorded):
     with open(recorded, "a", encoding="utf-8") as file:
         file.write("3.000000 ! opened x\n3.000001 ! checked\n")
         file.write(entry(3.1, "<", encode_reply(8, 0, 0, 100, 200, 645, stamp=Stamp(0, 0), checked=True)))
-    assert chronicle.read(Recording(str(recorded))).poses[-1][1] == pytest.approx(0.5, abs=1e-4)
+    assert timeline.read(Recording(str(recorded))).poses[-1][1] == pytest.approx(0.5, abs=1e-4)
 
 
 def test_a_picture_beside_the_recording(recorded):

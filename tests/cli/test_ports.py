@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from mrl_driver import port_facts
-from mrl_driver.link import SerialLink
-from mrl_driver.ports import Port
+from mrl_driver.transport import port_info
+from mrl_driver.transport.link import SerialLink
+from mrl_driver.transport.port_search import Port
 
 from .run import fails, mrl
 
@@ -17,7 +17,7 @@ COPY = Port("/dev/ttyUSB7", (), 0x1A86, 0x7523, None)
 @pytest.fixture
 def there(monkeypatch):
     """Lets these ports be there."""
-    return lambda *ports: monkeypatch.setattr(port_facts, "described", lambda: list(ports))
+    return lambda *ports: monkeypatch.setattr(port_info, "described", lambda: list(ports))
 
 
 def rows(*args):

@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from mrl_driver.commands.progress import progress, waiting
+from mrl_driver.cli.commands.progress import progress, waiting
 
 
 def on_terminal(run):

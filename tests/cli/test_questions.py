@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from mrl_driver.recording import Recording
+from mrl_driver.recording.recording import Recording
 
 from .run import fails, mrl
 from .terminal import Terminal

@@ -7,13 +7,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from mrl_driver import cli
-from mrl_driver.bridge import Bridge
+from mrl_driver.cli import main
 from mrl_driver.driver import Driver
 from mrl_driver.errors import LinkLost
-from mrl_driver.link import SerialLink
-from mrl_driver.listener import listen
-from mrl_driver.wires import open_link
+from mrl_driver.transport.link import SerialLink
+from mrl_driver.transport.listener import listen
+from mrl_driver.transport.open_link import open_link
+from mrl_driver.transport.relay import Bridge
 from sim_arduino.testing import EmulatedBoard
 
 from .run import fails
@@ -90,7 +90,7 @@ def test_the_command_says_its_address_serves_and_ends_when_the_board_is_unplugge
 
     def run():
         try:
-            cli.cli.main(words, standalone_mode=False)
+            main.cli.main(words, standalone_mode=False)
         except LinkLost as error:
             ended.append(error)
 

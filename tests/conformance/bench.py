@@ -2,11 +2,11 @@
 
 from typing import Any, Callable, Dict, List, NamedTuple, Tuple
 
-from mrl_driver.codec import REPLIES, Event, Frame, FrameDecoder, encode_request
-from mrl_driver.table import BY_NAME, PARAMETER_BY_NAME, REASONS
-from sim_arduino.avr_engine import FIRMWARE, AvrEngine
+from mrl_driver.protocol.codec import REPLIES, Event, Frame, FrameDecoder, encode_request
+from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, REASONS
 from sim_arduino.board import PythonBoard
-from sim_arduino.plant import Plant
+from sim_arduino.board.avr_board import FIRMWARE, AvrEngine
+from sim_arduino.hardware.wiring import Plant
 from tests.firmware.pc_board import ENVIRONMENT, SONARS, PcBoard
 from tests.models import eeprom, model
 

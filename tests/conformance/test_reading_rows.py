@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from mrl_driver.codec import REPLIES, Frame, FrameDecoder
-from sim_arduino.world import Wall, World
+from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder
+from sim_arduino.world.world import Wall, World
 
 COUNT_CM = 1
 """What rounding the curve in integers may cost."""

@@ -2,8 +2,8 @@
 
 import pytest
 
-from mrl_driver.codec import Frame, Garbage, encode_request
-from mrl_driver.table import BAUDS, PARAMETER_BY_NAME, RESET_CAUSES, STOP_REASONS
+from mrl_driver.protocol.codec import Frame, Garbage, encode_request
+from mrl_driver.protocol.table import BAUDS, PARAMETER_BY_NAME, RESET_CAUSES, STOP_REASONS
 
 from .bench import ANSWER_S
 

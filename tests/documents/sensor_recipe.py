@@ -3,12 +3,12 @@
 import json
 import sys
 
-from mrl_driver import log_codec
-from mrl_driver.commands import text
-from mrl_driver.stepped import SteppedDriver
-from mrl_driver.table import SENSOR_BY_NAME
-from ros1_bridge import sensor_topics
-from sim_arduino import boards
+from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.protocol.table import SENSOR_BY_NAME
+from mrl_driver.recording import frame_arrays
+from mrl_driver.terminal import text
+from ros1_bridge.topics import sensor_topics
+from sim_arduino.serve import factory
 
 RUN_S = 1.6
 WORLD, NAME = sys.argv[1:]
@@ -40,7 +40,7 @@ class Publisher:
 
 
 def seen(engine, pose):
-    emulated = boards.make(boards.Options(engine=engine, world=WORLD, pose=pose))
+    emulated = factory.make(factory.Options(engine=engine, world=WORLD, pose=pose))
     heard = Heard(emulated.engine)
     with SteppedDriver(heard) as robot:
         topics = sensor_topics.SensorTopics(
@@ -54,7 +54,7 @@ def seen(engine, pose):
             "faults": robot.status.faults,
             "lost": robot.statistics.lost,
         }
-    frames = log_codec.decode_log(heard.data, checked=True).frames
+    frames = frame_arrays.decode_log(heard.data, checked=True).frames
     result["recorded"] = frames[SENSOR_BY_NAME[NAME].code].args[-1].tolist()
     message = Publisher.published[NAME]
     result["topic"] = [message.header.frame_id, message.temperature, message.variance]
@@ -64,7 +64,7 @@ def seen(engine, pose):
 
 def absent():
     """The faults of a board whose sensor was never there, and what it reads."""
-    emulated = boards.make(boards.Options(engine="avr"))
+    emulated = factory.make(factory.Options(engine="avr"))
     emulated.plant.i2c[SENSOR_BY_NAME[NAME].i2c.address].present = False
     with SteppedDriver(emulated.engine) as robot:
         robot.wait(RUN_S)

@@ -9,9 +9,9 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from mrl_driver.cli import cli
-from mrl_driver.table import SENSORS
-from sim_arduino.cli import main as mrl_sim
+from mrl_driver.cli.main import cli
+from mrl_driver.protocol.table import SENSORS
+from sim_arduino.serve.main import main as mrl_sim
 
 from .blocks import ROOT, blocks
 from .shown import shown

@@ -2,19 +2,20 @@
 
 import pytest
 
-from mrl_driver import robots
-from mrl_driver.commands.set_id import write_id
+from mrl_driver.cli.commands.set_id import write_id
+from mrl_driver.driver.options import Options
+from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardRefused, ConfigError
-from mrl_driver.options import Options
-from mrl_driver.stepped import SteppedDriver
-from mrl_driver.table import BY_NAME, PARAMETER_BY_NAME
-from sim_arduino import boards, config_store
+from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
+from mrl_driver.robot import models
+from sim_arduino.board import parameter_store
+from sim_arduino.serve import factory
 
 from .blocks import blocks
 
 BLOCK = next(block.text for block in blocks("CONTRIBUTING.md") if "name: eswarbot" in block.text)
 NAME = "recipe-robot"
-_TAKEN = {each for name in robots.packaged() for each in robots.load_packaged(name).ids}
+_TAKEN = {each for name in models.packaged() for each in models.load_packaged(name).ids}
 IDS = sorted(set(range(11, 100)) - _TAKEN)[:3]
 TEXT = BLOCK.replace("eswarbot", NAME).replace("[11, 12, 13]", str(IDS))
 """The recipe's robot, under a name and with ids that no packaged model has."""
@@ -32,14 +33,14 @@ def home(tmp_path, monkeypatch):
 
 
 def test_it_is_found_by_name_and_by_id(home):
-    assert (robots.load(NAME).name, robots.by_id(IDS[1])) == (NAME, NAME)
-    assert robots.names() == sorted([NAME, *robots.packaged()])
+    assert (models.load(NAME).name, models.by_id(IDS[1])) == (NAME, NAME)
+    assert models.names() == sorted([NAME, *models.packaged()])
 
 
 @pytest.mark.parametrize("engine", ["python", "avr"])
 def test_it_drives_as_far_as_it_is_told(home, engine):
     """And its board's idea of its wheels agrees with the driver's."""
-    emulated = boards.make(boards.Options(robot=NAME, engine=engine, world="corridor"))
+    emulated = factory.make(factory.Options(robot=NAME, engine=engine, world="corridor"))
     with SteppedDriver(emulated.engine, options=Options(command_timeout_s=None)) as robot:
         start = emulated.plant.true_pose
         robot.drive(0.2, 0.0)
@@ -57,15 +58,15 @@ def test_it_drives_as_far_as_it_is_told(home, engine):
 
 def test_a_blank_board_becomes_one(home):
     """The firmware's own defaults for an unknown id are TraxBot's."""
-    model, board = robots.load(NAME), boards.make(boards.Options(robot="traxbot", robot_id=0)).engine
+    model, board = models.load(NAME), factory.make(factory.Options(robot="traxbot", robot_id=0)).engine
     with SteppedDriver(board, model, Options(any_id=True)) as robot:
         write_id(robot, IDS[0], model)
-    values = config_store.Config(board.eeprom)
+    values = parameter_store.Config(board.eeprom)
     assert {name: values[name] for name in model.board} == model.board and values["robot_id"] == IDS[0]
 
 
 def test_a_board_that_restarts_before_it_saves_is_told_of(home, monkeypatch):
-    model, board = robots.load(NAME), boards.make(boards.Options(robot="traxbot", robot_id=0)).engine
+    model, board = models.load(NAME), factory.make(factory.Options(robot="traxbot", robot_id=0)).engine
     with SteppedDriver(board, model, Options(any_id=True)) as robot:
         ask = robot.ask
 
@@ -83,24 +84,24 @@ def test_a_board_that_restarts_before_it_saves_is_told_of(home, monkeypatch):
 def test_a_users_file_comes_before_the_packaged_one(home):
     text = TEXT.replace(str(IDS), "[2]").replace("0.120", "0.181")
     (home / "my-traxbot.yaml").write_text(text.replace(f"name: {NAME}", "name: my-traxbot"))
-    assert [robots.by_id(1), robots.by_id(2)] == ["traxbot", "my-traxbot"]
+    assert [models.by_id(1), models.by_id(2)] == ["traxbot", "my-traxbot"]
     (home / "traxbot.yaml").write_text(text)
-    assert robots.load("traxbot").drive.wheel_separation_m == 0.181
-    assert robots.load_packaged("traxbot").drive.wheel_separation_m == 0.180
+    assert models.load("traxbot").drive.wheel_separation_m == 0.181
+    assert models.load_packaged("traxbot").drive.wheel_separation_m == 0.180
 
 
 def test_an_unknown_name_tells_where_files_belong(home):
     with pytest.raises(
         ConfigError, match=f"expected .*{NAME}, .*stingbot.*files in {home} are known by name"
     ):
-        robots.load("recipe-robt")
+        models.load("recipe-robt")
 
 
 def test_a_path_that_is_none_says_why(tmp_path):
     with pytest.raises(ConfigError, match="nowhere.yaml' No such file"):
-        robots.load(str(tmp_path / "nowhere.yaml"))
+        models.load(str(tmp_path / "nowhere.yaml"))
 
 
 def test_emulated_boards_know_no_parameter_that_the_model_lacks(home):
-    values = config_store.configured(IDS[0], robots.load(NAME))
+    values = parameter_store.configured(IDS[0], models.load(NAME))
     assert len(values) == len(PARAMETER_BY_NAME)

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from mrl_driver.table import BY_CODE, SENSORS
+from mrl_driver.protocol.table import BY_CODE, SENSORS
 
 from .blocks import ROOT, blocks, files
 
@@ -54,14 +54,14 @@ def carry_out(tree):
     """The three steps of the recipe."""
     for name, block in files(RECIPE).items():
         target, added = tree / own(name), own(block.text)
-        if name == "mrl_driver/table.py":
+        if name == "mrl_driver/protocol/table.py":
             head, rest = target.read_text().split("SENSORS: Tuple[Sensor, ...] = (\n")
             rows, end, rest = rest.partition("\n)\n")
             text = head + "SENSORS: Tuple[Sensor, ...] = (\n" + rows + "\n" + added.rstrip() + end + rest
         else:
             text = (target.read_text() if target.exists() else "") + added
         target.write_text(text)
-    run(tree, sys.executable, "-m", "mrl_driver.generate")
+    run(tree, sys.executable, "-m", "mrl_driver.generate.render")
 
 
 @pytest.fixture(scope="module")

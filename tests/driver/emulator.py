@@ -4,12 +4,12 @@ import threading
 import time
 from typing import List
 
-from mrl_driver.robots import load
-from mrl_driver.table import STOP_REASONS
+from mrl_driver.protocol.table import STOP_REASONS
+from mrl_driver.robot.models import load
 from sim_arduino.board import PythonBoard
-from sim_arduino.plant import Plant
-from sim_arduino.port import PtyPort
-from sim_arduino.server import PtyServer
+from sim_arduino.hardware.wiring import Plant
+from sim_arduino.serve.pty import PtyPort
+from sim_arduino.serve.server import PtyServer
 from tests.waiting import wait_until
 
 STOP, MOVE = 0xFC, 0xEB

@@ -1,7 +1,7 @@
 """A session and a board that talk in injected time, without a port."""
 
-from mrl_driver.handshake import DEFAULT_PLAN
-from mrl_driver.session import Counts, Ready, Session
+from mrl_driver.session.handshake import DEFAULT_PLAN
+from mrl_driver.session.session import Counts, Ready, Session
 from tests.fake_board import FakeBoard
 
 STEP_S = 0.002

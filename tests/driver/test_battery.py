@@ -1,8 +1,8 @@
 import pytest
 
-from mrl_driver.battery import EMPTY, EMPTY_AFTER_S, LOW, OFF, OK, BatteryMonitor, demand_charge
 from mrl_driver.errors import BatteryDead
-from mrl_driver.robots import load
+from mrl_driver.robot.battery import EMPTY, EMPTY_AFTER_S, LOW, OFF, OK, BatteryMonitor, demand_charge
+from mrl_driver.robot.models import load
 
 LEVELS = load("traxbot").battery
 

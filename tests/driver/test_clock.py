@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrl_driver.clock import MAX_DRIFT, BoardClock
-from mrl_driver.table import TICK_S
+from mrl_driver.protocol.table import TICK_S
+from mrl_driver.session.board_clock import MAX_DRIFT, BoardClock
 
 USB_JITTER_S = 0.016
 STAMP_ERROR_S = 1e-3

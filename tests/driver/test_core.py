@@ -2,8 +2,8 @@
 
 import pytest
 
-from mrl_driver.core import Core
-from mrl_driver.options import DEFAULTS
+from mrl_driver.driver.options import DEFAULTS
+from mrl_driver.driver.robot_core import Core
 from tests.fake_board import FakeBoard
 from tests.models import model as load
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from mrl_driver.course import Course
+from mrl_driver.navigation.line_follower import Course
 
 HERE = (2.0, 1.0, math.pi / 2)
 """A robot that looks to the left of the x axis."""

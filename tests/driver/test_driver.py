@@ -9,7 +9,6 @@ from statistics import median
 
 import pytest
 
-from mrl_driver import wires
 from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import (
     BatteryDead,
@@ -22,8 +21,9 @@ from mrl_driver.errors import (
     PortBusy,
     WrongRobot,
 )
-from mrl_driver.link import SerialLink
-from mrl_driver.robots import load
+from mrl_driver.robot.models import load
+from mrl_driver.transport import open_link
+from mrl_driver.transport.link import SerialLink
 from tests.waiting import PATIENCE_S, wait_until
 
 CLOSE_S, RUNS = 1.0, 5
@@ -172,9 +172,9 @@ def test_a_close_while_the_port_opens_ends_the_connecting(serve, monkeypatch):
     def slow(*args):
         opening.set()
         closing.wait(PATIENCE_S)
-        return wires.open_link(*args)
+        return open_link.open_link(*args)
 
-    monkeypatch.setattr("mrl_driver.runner.open_link", slow)
+    monkeypatch.setattr("mrl_driver.driver.runner.open_link", slow)
     driver = Driver(serve().path)
     closer = threading.Thread(target=lambda: (opening.wait(PATIENCE_S), driver.close(), closing.set()))
     closer.start()

@@ -13,14 +13,14 @@ import pytest
 
 from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import BatteryDead, LinkLost, WrongRobot
-from mrl_driver.robots import load
-from mrl_driver.session import Ready
-from mrl_driver.state import RobotState
-from sim_arduino.avr_engine import AvrEngine
+from mrl_driver.robot.models import load
+from mrl_driver.robot.robot_state import RobotState
+from mrl_driver.session.session import Ready
 from sim_arduino.board import PythonBoard
-from sim_arduino.plant import Plant
-from sim_arduino.profiles import Board2013
-from sim_arduino.world import Wall, World
+from sim_arduino.board.avr_board import AvrEngine
+from sim_arduino.board.board2013 import Board2013
+from sim_arduino.hardware.wiring import Plant
+from sim_arduino.world.world import Wall, World
 from tests.waiting import PATIENCE_S, wait_until
 
 from .talk import Talk
@@ -167,7 +167,7 @@ def mrl_sim():
     started = []
 
     def start(*args):
-        command = [sys.executable, "-m", "sim_arduino.cli", *map(str, args)]
+        command = [sys.executable, "-m", "sim_arduino.serve.main", *map(str, args)]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         started.append(process)
         path = process.stdout.readline().strip()

@@ -2,11 +2,11 @@
 
 import pytest
 
-from mrl_driver import robots
+from mrl_driver.driver.options import Options
+from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
-from mrl_driver.options import Options
-from mrl_driver.stepped import SteppedDriver
-from sim_arduino import boards
+from mrl_driver.robot import models
+from sim_arduino.serve import factory
 
 PROFILES = ("2013-august", "2013-january")
 
@@ -14,14 +14,14 @@ PROFILES = ("2013-august", "2013-january")
 def own_model(folder, robot_id, build=""):
     """A TraxBot's file with another id, and with a build where one is given."""
     path = folder / "own.yaml"
-    text = (folder / robots.__file__).with_name("traxbot.yaml").read_text(encoding="utf-8")
+    text = (folder / models.__file__).with_name("traxbot.yaml").read_text(encoding="utf-8")
     path.write_text(text.replace("ids: [1, 2, 3]", f"ids: [{robot_id}]{build}"), encoding="utf-8")
     return str(path)
 
 
 def told_ranges(model, **board):
     """Ranges of a second with a board, as telemetry and the driver tell them, and whether it has sonars."""
-    emulated = boards.make(boards.Options(**board))
+    emulated = factory.make(factory.Options(**board))
     told = {}
     try:
         with SteppedDriver(emulated.engine, model, options=Options(ignore_battery=True)) as driver:
@@ -58,4 +58,4 @@ def test_board_that_tells_its_build_is_believed_whatever_its_id(tmp_path):
 
 def test_unknown_build_is_refused(tmp_path):
     with pytest.raises(ConfigError, match="build is 'sonnar', expected sonar or environment"):
-        robots.load(own_model(tmp_path, 2, "\nbuild: sonnar"))
+        models.load(own_model(tmp_path, 2, "\nbuild: sonnar"))

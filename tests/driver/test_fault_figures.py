@@ -2,16 +2,16 @@
 
 import pytest
 
-from mrl_driver.events import Counts, Ready, Stale
-from mrl_driver.handshake import RETRY_S, Board
-from mrl_driver.options import Options
-from mrl_driver.robots import load
-from mrl_driver.state import RobotState
-from mrl_driver.stepped import SteppedDriver
+from mrl_driver.driver.options import Options
+from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.robot.models import load
+from mrl_driver.robot.robot_state import RobotState
+from mrl_driver.session.events import Counts, Ready, Stale
+from mrl_driver.session.handshake import RETRY_S, Board
 from sim_arduino.board import PythonBoard
-from sim_arduino.faults import FaultyEngine
-from sim_arduino.plant import Plant
-from sim_arduino.profiles import Board2013
+from sim_arduino.board.board2013 import Board2013
+from sim_arduino.faults.faulty_engine import FaultyEngine
+from sim_arduino.hardware.wiring import Plant
 from tests.scripted_line import ScriptedLine
 
 from .emulator import MOVE, STOP

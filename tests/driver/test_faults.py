@@ -15,8 +15,8 @@ import pytest
 
 import mrl_driver
 from mrl_driver.driver import Driver, Options
-from mrl_driver.events import Stale
-from mrl_driver.link import SerialLink
+from mrl_driver.session.events import Stale
+from mrl_driver.transport.link import SerialLink
 from tests.waiting import PATIENCE_S, wait_until
 
 from .emulator import MOVE, STOP, Emulator
@@ -206,10 +206,14 @@ def test_the_wall_clock_may_jump(serve, monkeypatch, jump_s):
 
 
 def test_nothing_in_the_driver_asks_for_the_time_of_day():
-    """Recordings carry the date they were made on; nothing else depends on it."""
-    files = pathlib.Path(mrl_driver.__file__).parent.glob("*.py")
-    users = {file.name for file in files if re.search(r"time\.time\(|datetime|time_ns", file.read_text())}
-    assert users <= {"recording.py", "tape.py", "log_summary.py"}
+    """Recordings, calibrations and reports carry the date they were made on; nothing else depends on it."""
+    files = pathlib.Path(mrl_driver.__file__).parent.rglob("*.py")
+    users = {
+        f"{file.parent.name}/{file.name}"
+        for file in files
+        if re.search(r"time\.time\(|datetime|time_ns", file.read_text())
+    }
+    assert users <= {"recording/recording.py", "calibration/files.py", "doctor/report.py"}
 
 
 @pytest.mark.realtime

@@ -2,7 +2,9 @@
 
 import pytest
 
-from mrl_driver import folders, names, robots
+from mrl_driver import folders
+from mrl_driver.host import named_robots
+from mrl_driver.robot import models
 
 
 @pytest.fixture(autouse=True)
@@ -30,5 +32,5 @@ def test_a_variable_that_names_no_absolute_path_is_ignored(home, monkeypatch, va
 
 
 def test_names_and_models_are_in_one_folder(home):
-    assert names.path() == f"{home}/.config/mrl-driver/robots.yaml"
-    assert robots.own_folder() == f"{home}/.config/mrl-driver/robots"
+    assert named_robots.path() == f"{home}/.config/mrl-driver/robots.yaml"
+    assert models.own_folder() == f"{home}/.config/mrl-driver/robots"

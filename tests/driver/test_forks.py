@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from mrl_driver.link import SerialLink
+from mrl_driver.transport.link import SerialLink
 from tests.waiting import wait_until
 
 BEGINNING = """

@@ -4,16 +4,16 @@ import math
 
 import pytest
 
-from mrl_driver.events import Ready, WayLost
-from mrl_driver.options import DEFAULTS
-from mrl_driver.robots import load
-from mrl_driver.state import RobotState
-from mrl_driver.stepped import SteppedDriver
+from mrl_driver.driver.options import DEFAULTS
+from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.robot.models import load
+from mrl_driver.robot.robot_state import RobotState
+from mrl_driver.session.events import Ready, WayLost
 from sim_arduino.board import PythonBoard
-from sim_arduino.faults import FaultyEngine
-from sim_arduino.plant import Plant
-from sim_arduino.profiles import Board2013August
-from sim_arduino.world import World
+from sim_arduino.board.board2013 import Board2013August
+from sim_arduino.faults.faulty_engine import FaultyEngine
+from sim_arduino.hardware.wiring import Plant
+from sim_arduino.world.world import World
 from tests.fake_board import FakeBoard
 
 from .talk import Talk

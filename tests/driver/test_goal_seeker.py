@@ -5,15 +5,16 @@ import random
 
 import pytest
 
-from mrl_driver import robots
-from mrl_driver.floor_map import CELL_M, MOST_CELLS, FloorMap
-from mrl_driver.goal_seeker import BLIND_S, GoalSeeker
-from mrl_driver.odometry import Pose
-from mrl_driver.robots import Limits, SonarMount
-from mrl_driver.stepped import SteppedDriver
-from sim_arduino import boards, world_file
+from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.navigation.goal_seeker import BLIND_S, GoalSeeker
+from mrl_driver.navigation.occupancy_grid import CELL_M, MOST_CELLS, FloorMap
+from mrl_driver.robot import models
+from mrl_driver.robot.models import Limits, SonarMount
+from mrl_driver.robot.odometry import Pose
+from sim_arduino.serve import factory
+from sim_arduino.world import world_file
 
-SONARS = robots.load("traxbot").sonars
+SONARS = models.load("traxbot").sonars
 LIMITS = Limits(0.25, 0.9, math.inf, math.inf)
 STEP_S, READY_S, MOST_S = 0.05, 1.0, 150.0
 PLACE_M, HEADING_RAD = 0.06, 0.1
@@ -24,7 +25,7 @@ def seek(tmp_path, floor, start, goal, patience_s=60.0):
     """The seeker at the end, where the robot truly is, and how often it touched something."""
     file = tmp_path / "world.yaml"
     file.write_text(f"start: [{start[0]}, {start[1]}, {math.degrees(start[2])}]\n{floor}")
-    emulated = boards.make(boards.Options(robot="traxbot"), world_file.load(str(file)))
+    emulated = factory.make(factory.Options(robot="traxbot"), world_file.load(str(file)))
     bumps = 0
     try:
         with SteppedDriver(emulated.engine) as robot:

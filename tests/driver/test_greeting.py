@@ -4,11 +4,11 @@ import itertools
 
 import pytest
 
-from mrl_driver.codec import REPLIES, Frame, FrameDecoder, encode_reply
 from mrl_driver.errors import BatteryDead, WrongRobot
-from mrl_driver.handshake import Plan
-from mrl_driver.session import Ready, Session, Stale
-from mrl_driver.state import RobotState
+from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder, encode_reply
+from mrl_driver.robot.robot_state import RobotState
+from mrl_driver.session.handshake import Plan
+from mrl_driver.session.session import Ready, Session, Stale
 from tests.fake_board import FakeBoard
 
 from .talk import Talk

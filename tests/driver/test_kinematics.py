@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError, FrameError
-from mrl_driver.kinematics import (
+from mrl_driver.robot.kinematics import (
     Kinematics,
     Planar,
     advanced,
@@ -19,8 +19,8 @@ from mrl_driver.kinematics import (
     omni,
     tracked,
 )
-from mrl_driver.odometry import ORIGIN, Pose, advance
-from mrl_driver.robots import Drive, MecanumDrive, OmniDrive
+from mrl_driver.robot.models import Drive, MecanumDrive, OmniDrive
+from mrl_driver.robot.odometry import ORIGIN, Pose, advance
 
 EXACT = 1e-12
 UNROUNDED_M, COUNTED_M = 0.2e-3, 1e-3
@@ -193,5 +193,7 @@ def test_the_drive_of_a_model_chooses_the_base(drive, kind):
 
 def test_no_arrays_on_the_drivers_path():
     """A ROS node has no 30 MB to spare for numpy."""
-    code = "import mrl_driver.driver, mrl_driver.kinematics, sys; sys.exit('numpy' in sys.modules)"
+    code = (
+        "import mrl_driver.driver.driver, mrl_driver.robot.kinematics, sys; sys.exit('numpy' in sys.modules)"
+    )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

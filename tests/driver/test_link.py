@@ -12,7 +12,7 @@ from statistics import median
 import pytest
 
 from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, MrlError, PortBusy, PortDenied, PortMissing
-from mrl_driver.link import SerialLink
+from mrl_driver.transport.link import SerialLink
 from tests.waiting import PATIENCE_S
 
 TIOCGEXCL = 0x80045440
@@ -178,7 +178,7 @@ def test_writes_of_two_threads_stay_whole(pty, monkeypatch):
 
 def test_a_serial_port_is_marked_exclusive_while_it_is_open(pty, monkeypatch):
     """The mark keeps out programs that do not lock; root alone gets in, so the mark itself is asked for."""
-    monkeypatch.setattr("mrl_driver.link.PTY_MAJORS", ())
+    monkeypatch.setattr("mrl_driver.transport.link.PTY_MAJORS", ())
     observer = os.open(pty[1], os.O_RDWR | os.O_NOCTTY)
     marks = []
     link = SerialLink(pty[1])
@@ -232,7 +232,7 @@ def test_a_denied_port_names_the_group(pty, monkeypatch):
 def test_a_close_waits_only_while_the_adapter_takes_what_was_sent(pty, monkeypatch, left, flushes):
     """For one that hangs the system would wait 30 s."""
     link, flushed = SerialLink(pty[1]), []
-    monkeypatch.setattr("mrl_driver.link.unsent", lambda fd: left.pop(0))
+    monkeypatch.setattr("mrl_driver.transport.link.unsent", lambda fd: left.pop(0))
     monkeypatch.setattr(termios, "tcflush", lambda fd, what: flushed.append(what))
     link.close()
     assert flushed == [termios.TCOFLUSH] * flushes
@@ -241,7 +241,7 @@ def test_a_close_waits_only_while_the_adapter_takes_what_was_sent(pty, monkeypat
 def test_a_change_of_speed_does_not_wait_for_an_adapter_that_hangs(pty, monkeypatch):
     """Nor for one that has nothing to flush; the driver's lock is held meanwhile, and a stop would wait with it."""
     drained = []
-    monkeypatch.setattr("mrl_driver.link.unsent", lambda fd: 100)
+    monkeypatch.setattr("mrl_driver.transport.link.unsent", lambda fd: 100)
     monkeypatch.setattr(termios, "tcdrain", drained.append)
     with contextlib.closing(SerialLink(pty[1])) as link:
         link.set_baud(57600)

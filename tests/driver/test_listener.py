@@ -6,7 +6,7 @@ from contextlib import closing
 
 import pytest
 
-from mrl_driver.listener import listen
+from mrl_driver.transport.listener import listen
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from mrl_driver.motion import MOVE, QUICK, STILL_FRAMES, STILL_S, STOP, Motion
+from mrl_driver.session.motion_command import MOVE, QUICK, STILL_FRAMES, STILL_S, STOP, Motion
 
 
 def drain(motion, start_s, end_s, step_s=0.001, allowed=True):

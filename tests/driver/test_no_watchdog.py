@@ -4,12 +4,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from mrl_driver.commands.drive import drive_for
+from mrl_driver.cli.commands.drive import drive_for
+from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout
-from mrl_driver.events import MAY_MOVE, WAITS, Lost, Stale
-from mrl_driver.stepped import SteppedDriver
-from sim_arduino import boards
-from sim_arduino.faults import FaultyEngine
+from mrl_driver.session.events import MAY_MOVE, WAITS, Lost, Stale
+from sim_arduino.faults.faulty_engine import FaultyEngine
+from sim_arduino.serve import factory
 
 DRIVE_S, SILENT_S = 0.4, 1.0
 
@@ -20,7 +20,7 @@ def cut():
     ends = []
 
     def make(profile, speed_m_s=0.2):
-        emulated = boards.make(boards.Options(profile=profile))
+        emulated = factory.make(factory.Options(profile=profile))
         line = FaultyEngine(emulated.engine)
         driver = SteppedDriver(line)
         driver.connect()
@@ -86,11 +86,11 @@ class Clock:
 
 @pytest.mark.parametrize("cut_s", [0.5, 0.98], ids=["on-the-way", "at-the-end"])
 def test_timed_drive_says_that_the_robot_may_still_be_moving(monkeypatch, cut_s):
-    emulated = boards.make(boards.Options(profile="2013-august"))
+    emulated = factory.make(factory.Options(profile="2013-august"))
     line = FaultyEngine(emulated.engine)
     with SteppedDriver(line) as driver:
         line.add(f"unplug:at={driver.now_s + cut_s},lasts=100")
-        monkeypatch.setattr("mrl_driver.commands.drive.time", Clock(driver))
+        monkeypatch.setattr("mrl_driver.cli.commands.drive.time", Clock(driver))
         with pytest.raises(BoardTimeout, match=MAY_MOVE):
             drive_for(driver, 0.2, 0.0, 1.0)
     emulated.close()

@@ -6,7 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrl_driver.odometry import (
+from mrl_driver.recording.odometry_arrays import integrate
+from mrl_driver.robot.models import load
+from mrl_driver.robot.odometry import (
     CONFIRMATIONS,
     ORIGIN,
     Baseline,
@@ -17,8 +19,6 @@ from mrl_driver.odometry import (
     tick_delta,
     wrap_angle,
 )
-from mrl_driver.odometry_log import integrate
-from mrl_driver.robots import load
 
 DRIVE = load("traxbot").drive
 FASTEST_M_S = fastest_wheel_m_s(0.65, 5.0, DRIVE.wheel_separation_m)

@@ -7,21 +7,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrl_driver import robots
-from mrl_driver.codec import Frame
-from mrl_driver.core import Core
+from mrl_driver.driver.options import DEFAULTS
+from mrl_driver.driver.options import Options as DriverOptions
+from mrl_driver.driver.robot_core import Core
+from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError, FrameError, WrongRobot
-from mrl_driver.handshake import Handshake, Plan
-from mrl_driver.kinematics import Planar, kinematics_of
-from mrl_driver.odometry import CONFIRMATIONS, OmniTwist, OmniWheels
-from mrl_driver.omni import MOVE_OMNI, OmniCommands, OmniOdometry
-from mrl_driver.options import DEFAULTS
-from mrl_driver.options import Options as DriverOptions
-from mrl_driver.stepped import SteppedDriver
-from mrl_driver.uncertainty import OmniUncertainty
-from sim_arduino.boards import Options, make
+from mrl_driver.protocol.codec import Frame
+from mrl_driver.robot import models
+from mrl_driver.robot.covariance import OmniUncertainty
+from mrl_driver.robot.kinematics import Planar, kinematics_of
+from mrl_driver.robot.odometry import CONFIRMATIONS, OmniTwist, OmniWheels
+from mrl_driver.robot.omni_odometry import MOVE_OMNI, OmniCommands, OmniOdometry
+from mrl_driver.session.handshake import Handshake, Plan
+from sim_arduino.serve.factory import Options, make
 
-OMNI = robots.load("omni")
+OMNI = models.load("omni")
 POSE_M, YAW_RAD = 0.002, 0.005
 """Odometry against the truth after some metres: counts round to 0.07 mm, chords of a frame to less."""
 SQUARE_M = 0.001
@@ -245,7 +245,7 @@ def test_not_a_number_sideways_stops(robot):
 
 
 def test_a_base_that_no_board_moves():
-    drive = robots.MecanumDrive(0.2, 0.15, 0.05, 2000, 1.0)
+    drive = models.MecanumDrive(0.2, 0.15, 0.05, 2000, 1.0)
     with pytest.raises(ConfigError, match="drive of kind mecanum, which no board with three motors moves"):
         Core(OMNI._replace(drive=drive), DEFAULTS)
 

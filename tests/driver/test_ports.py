@@ -8,8 +8,8 @@ import sys
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrl_driver.link import in_use
-from mrl_driver.ports import AGAIN_S, WRONG_AGAIN_S, Port, Search, candidates
+from mrl_driver.transport.link import in_use
+from mrl_driver.transport.port_search import AGAIN_S, WRONG_AGAIN_S, Port, Search, candidates
 
 BY_ID = "/dev/serial/by-id/usb-Arduino_A1"
 ROBOT = Port("/dev/ttyACM0", (BY_ID,), 0x2341, 0x0043, "A1")

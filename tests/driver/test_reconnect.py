@@ -7,12 +7,12 @@ from statistics import median
 
 import pytest
 
-from mrl_driver import reconnect
 from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import BoardTimeout, LinkLost, PortMissing, WrongRobot
-from mrl_driver.events import Lost, Reconnected
-from mrl_driver.link import SerialLink
-from mrl_driver.ports import Port
+from mrl_driver.session.events import Lost, Reconnected
+from mrl_driver.transport import reconnect
+from mrl_driver.transport.link import SerialLink
+from mrl_driver.transport.port_search import Port
 from tests.waiting import PATIENCE_S, wait_until
 
 NOTICED_S, BACK_S, CLOSE_S, RUNS = 0.1, 2.0, 1.0, 5
@@ -222,7 +222,7 @@ def test_a_line_that_cannot_be_raised_in_the_search_is_tried_again(cable, monkey
             raise failures.pop()
         return False
 
-    monkeypatch.setattr("mrl_driver.runner.speed_up", speed_up)
+    monkeypatch.setattr("mrl_driver.driver.runner.speed_up", speed_up)
     with Driver(cable.path, options=Options(reconnect=True, fast=True)) as robot:
         failures.append(error("the port takes no more bytes"))
         cable.unplug()
@@ -241,7 +241,7 @@ def test_a_close_ends_the_raising_of_a_line(cable, monkeypatch):
         return False
 
     with Driver(cable.path, options=Options(reconnect=True, fast=True)) as robot:
-        monkeypatch.setattr("mrl_driver.runner.speed_up", speed_up)
+        monkeypatch.setattr("mrl_driver.driver.runner.speed_up", speed_up)
         cable.unplug()
         cable.plug()
         wait_until(lambda: begun)

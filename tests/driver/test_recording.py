@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrl_driver import recording
 from mrl_driver.errors import ConfigError
-from mrl_driver.recording import FROM_BOARD, TO_BOARD, Recorder, Recording
+from mrl_driver.recording import recording
+from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD, Recorder, Recording
 from tests.waiting import wait_until
 
 HEADER = '#mrl-recording 1 {"port": "x"}\n'

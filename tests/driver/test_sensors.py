@@ -2,14 +2,14 @@
 
 import pytest
 
-from mrl_driver.codec import Frame, encode_reply
-from mrl_driver.commands.text import line
-from mrl_driver.log_summary import summarise
-from mrl_driver.recording import Recording
-from mrl_driver.sensors import ABSENT_S, Reading, SensorPoll, of_board, reading, text
-from mrl_driver.stepped import SteppedDriver
-from mrl_driver.table import SENSOR_BY_NAME, SENSORS, Field, Sensor
-from sim_arduino import boards
+from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.protocol.codec import Frame, encode_reply
+from mrl_driver.protocol.table import SENSOR_BY_NAME, SENSORS, Field, Sensor
+from mrl_driver.recording.recording import Recording
+from mrl_driver.recording.summary import summarise
+from mrl_driver.session.sensor_polling import ABSENT_S, Reading, SensorPoll, of_board, reading, text
+from mrl_driver.terminal.text import line
+from sim_arduino.serve import factory
 
 ENVIRONMENT = frozenset({"environment"})
 TENTHS = Sensor(99, "tenths", "Read it.", (Field("it", -100, 100, "0.1 degC", "It."),), 20)
@@ -17,7 +17,7 @@ TENTHS = Sensor(99, "tenths", "Read it.", (Field("it", -100, 100, "0.1 degC", "I
 
 @pytest.fixture(scope="module")
 def robot():
-    emulated = boards.make(boards.Options(environment=True))
+    emulated = factory.make(factory.Options(environment=True))
     emulated.plant.environment.light_count = 321
     with SteppedDriver(emulated.engine) as driver:
         driver.told = []
@@ -47,7 +47,7 @@ def test_they_stand_in_the_line_for_people(robot):
 
 
 def test_one_that_falls_silent_is_left_out():
-    emulated = boards.make(boards.Options(environment=True))
+    emulated = factory.make(factory.Options(environment=True))
     with SteppedDriver(emulated.engine) as robot:
         robot.wait(1.0)
         assert "compass" in robot.sensors
@@ -67,8 +67,8 @@ def test_readings_are_in_the_base_unit():
 
 
 def test_one_that_may_be_absent_is_asked_rarely_until_it_answers(monkeypatch):
-    monkeypatch.setattr("mrl_driver.sensors.SENSORS", (TENTHS,))
-    monkeypatch.setattr("mrl_driver.sensors.BY_CODE", {99: TENTHS})
+    monkeypatch.setattr("mrl_driver.session.sensor_polling.SENSORS", (TENTHS,))
+    monkeypatch.setattr("mrl_driver.session.sensor_polling.BY_CODE", {99: TENTHS})
     poll, now, asked = SensorPoll(), 0.0, []
     poll.begin(ENVIRONMENT, 2, now)
     while now < 13.0:

@@ -2,12 +2,12 @@ import re
 
 import pytest
 
-from mrl_driver.codec import Frame, encode_reply
 from mrl_driver.errors import BoardError, BoardTimeout, NotARobot, WrongRobot
-from mrl_driver.handshake import Plan
-from mrl_driver.motion import SLOW
-from mrl_driver.session import Info, Ready, Sonars, Stale, Status
-from mrl_driver.table import BY_CODE, BY_NAME, STOP_REASONS
+from mrl_driver.protocol.codec import Frame, encode_reply
+from mrl_driver.protocol.table import BY_CODE, BY_NAME, STOP_REASONS
+from mrl_driver.session.handshake import Plan
+from mrl_driver.session.motion_command import SLOW
+from mrl_driver.session.session import Info, Ready, Sonars, Stale, Status
 from tests.fake_board import FakeBoard
 
 from .talk import Talk
@@ -547,7 +547,7 @@ def test_the_end_leaves_the_board_as_2013_hosts_expect_it():
 
 
 def test_a_request_of_the_caller_is_answered():
-    from mrl_driver.session import Reply
+    from mrl_driver.session.session import Reply
 
     talk = Talk().until_ready()
     talk.session.request(33, 400)

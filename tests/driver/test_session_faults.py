@@ -6,10 +6,10 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from mrl_driver.odometry import fastest_wheel_m_s
-from mrl_driver.robots import load
-from mrl_driver.session import Counts, Ready
-from mrl_driver.state import RobotState
+from mrl_driver.robot.models import load
+from mrl_driver.robot.odometry import fastest_wheel_m_s
+from mrl_driver.robot.robot_state import RobotState
+from mrl_driver.session.session import Counts, Ready
 from tests.fake_board import FakeBoard
 
 from .talk import STEP_S, Talk

@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from mrl_driver.sonar import NAMES, NOTHING_2013_CM, NewReadings, range_m
+from mrl_driver.robot.sonar import NAMES, NOTHING_2013_CM, NewReadings, range_m
 
 
 def test_centimetres_become_metres():

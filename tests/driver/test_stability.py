@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver import robots, vehicle_file
 from mrl_driver.errors import ConfigError
-from mrl_driver.stability import (
+from mrl_driver.robot import models
+from mrl_driver.tip_over import vehicle_file
+from mrl_driver.tip_over.margin import (
     DIRECTIONS,
     GRAVITY_M_S2,
     Mass,
@@ -113,7 +114,7 @@ def test_the_worked_example():
 
 @pytest.mark.parametrize("name", ["traxbot", "omni"])
 def test_a_robot_model_is_a_vehicle(name):
-    model = robots.load(name)
+    model = models.load(name)
     assert vehicle_file.load(name).whole.mass_kg == model.body.mass_kg
 
 

@@ -3,12 +3,12 @@
 import pytest
 
 from mrl_driver.driver import Driver, Options
+from mrl_driver.driver.options import COMMAND_TIMEOUT_S
+from mrl_driver.driver.readout import Readout
+from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout, LinkLost, NotARobot, WrongRobot
-from mrl_driver.options import COMMAND_TIMEOUT_S
-from mrl_driver.readout import Readout
-from mrl_driver.stepped import SteppedDriver
-from mrl_driver.table import BY_NAME, PARAMETER_BY_NAME
-from sim_arduino import boards
+from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
+from sim_arduino.serve import factory
 from tests.scripted_line import ScriptedLine
 
 LASTING = Options(command_timeout_s=None)
@@ -19,7 +19,7 @@ BRAKING_S = 0.3
 
 @pytest.fixture
 def emulated():
-    emulated = boards.make(boards.Options(robot="traxbot", world="square"))
+    emulated = factory.make(factory.Options(robot="traxbot", world="square"))
     yield emulated
     emulated.close()
 
@@ -53,7 +53,7 @@ def test_the_pose_is_the_true_one(robot, emulated):
 
 def test_two_runs_are_the_same():
     def run():
-        emulated = boards.make(boards.Options(robot="stingbot", seed=7))
+        emulated = factory.make(factory.Options(robot="stingbot", seed=7))
         with SteppedDriver(emulated.engine, options=LASTING) as robot:
             robot.drive(0.1, 0.3)
             robot.wait(3.0)

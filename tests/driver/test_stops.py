@@ -9,13 +9,12 @@ import time
 
 import pytest
 
-from mrl_driver import runner
-from mrl_driver.driver import Driver, Options
+from mrl_driver.driver import Driver, Options, runner
 from mrl_driver.errors import FrameError
-from mrl_driver.link import SerialLink
-from mrl_driver.motion import STOPS
-from mrl_driver.table import STOP_REASONS
-from mrl_driver.wheel_watch import DEAD, POWERLESS, Mismatch
+from mrl_driver.protocol.table import STOP_REASONS
+from mrl_driver.robot.wheel_monitor import DEAD, POWERLESS, Mismatch
+from mrl_driver.session.motion_command import STOPS
+from mrl_driver.transport.link import SerialLink
 from tests.waiting import PATIENCE_S, wait_until
 
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from mrl_driver.statistics import Counters
-from mrl_driver.stream import Stream
+from mrl_driver.session.link_counters import Counters
+from mrl_driver.session.sequence import Stream
 
 
 @pytest.mark.parametrize("silent", [False, True])

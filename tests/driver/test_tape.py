@@ -7,12 +7,12 @@ import time
 
 import pytest
 
-from mrl_driver.codec import REPLIES, REQUESTS, Frame, FrameDecoder
 from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import ConfigError, PortMissing
-from mrl_driver.link import SerialLink
-from mrl_driver.log_summary import summarise
-from mrl_driver.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
+from mrl_driver.protocol.codec import REPLIES, REQUESTS, Frame, FrameDecoder
+from mrl_driver.recording.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
+from mrl_driver.recording.summary import summarise
+from mrl_driver.transport.link import SerialLink
 from tests.waiting import PATIENCE_S, wait_until
 
 

@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver.motion import QUICK, SLOW
-from mrl_driver.odometry import Wheels
-from mrl_driver.wheel_watch import DEAD, GAP_S, POWERLESS, REVERSED, Mismatch, wheel_watch
-from sim_arduino.omni3md import Omni3MD
-from sim_arduino.physics import Robot, params_for
+from mrl_driver.robot.odometry import Wheels
+from mrl_driver.robot.wheel_monitor import DEAD, GAP_S, POWERLESS, REVERSED, Mismatch, wheel_watch
+from mrl_driver.session.motion_command import QUICK, SLOW
+from sim_arduino.hardware.omni3md import Omni3MD
+from sim_arduino.hardware.robot_physics import Robot, params_for
 from tests.models import model as load
 
 NOTICED_S = 0.5

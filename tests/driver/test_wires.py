@@ -8,14 +8,14 @@ from contextlib import closing
 
 import pytest
 
-from mrl_driver import fast_line, network
 from mrl_driver.driver import Driver, Options
+from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout, ConfigError, LinkError, LinkLost, NotARobot, PortMissing
-from mrl_driver.events import Lost, Ready, Slowed, Stale
-from mrl_driver.stepped import SteppedDriver
-from mrl_driver.table import BY_NAME
-from mrl_driver.wires import open_link
-from sim_arduino import boards
+from mrl_driver.protocol.table import BY_NAME
+from mrl_driver.session.events import Lost, Ready, Slowed, Stale
+from mrl_driver.transport import baud_upgrade, sockets
+from mrl_driver.transport.open_link import open_link
+from sim_arduino.serve import factory
 from sim_arduino.testing import EmulatedBoard
 from tests.waiting import wait_until
 
@@ -31,7 +31,7 @@ class Watched:
     """A driver in simulated time on a board behind a wire with these faults, and what it told."""
 
     def __init__(self, *faults, **options):
-        self.emulated = boards.make(boards.Options(robot="traxbot", world="square", faults=faults, seed=3))
+        self.emulated = factory.make(factory.Options(robot="traxbot", world="square", faults=faults, seed=3))
         self.robot = SteppedDriver(self.emulated.board, options=Options(**options))
         self.robot.connect()
         self.begun_s = self.robot.now_s
@@ -168,8 +168,8 @@ def test_a_line_that_takes_no_bytes_is_not_raised(monkeypatch):
         def write(self, _):
             raise BoardTimeout("the port takes no more bytes")
 
-    monkeypatch.setattr(fast_line, "PATIENCE_S", 0.01)
-    assert not fast_line.speed_up(Blocked())
+    monkeypatch.setattr(baud_upgrade, "PATIENCE_S", 0.01)
+    assert not baud_upgrade.speed_up(Blocked())
 
 
 def test_a_raised_line_that_fails_goes_back():
@@ -281,7 +281,7 @@ def test_a_name_that_does_not_resolve_is_told(monkeypatch):
     def fail(*_, **__):
         raise socket.gaierror(-2, "Name or service not known")
 
-    monkeypatch.setattr(network.socket, "getaddrinfo", fail)
+    monkeypatch.setattr(sockets.socket, "getaddrinfo", fail)
     with pytest.raises(PortMissing, match="'robot.lan': name or service not known.: check the name"):
         Driver("tcp://robot.lan:3333").connect()
 

@@ -7,17 +7,18 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mrl_driver import robots
+from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
-from mrl_driver.goal_seeker import GoalSeeker
-from mrl_driver.robots import Limits, SonarMount
-from mrl_driver.sights import Outline, Scan, looks, sonar_room
-from mrl_driver.sonar import FIELD_OF_VIEW_RAD
-from mrl_driver.stepped import SteppedDriver
-from mrl_driver.zones import LEAST_M_S, STALE_S, Settings, Zones, demand
-from sim_arduino import boards, world_file
+from mrl_driver.navigation.free_distance import Outline, Scan, looks, sonar_room
+from mrl_driver.navigation.goal_seeker import GoalSeeker
+from mrl_driver.navigation.protective_zones import LEAST_M_S, STALE_S, Settings, Zones, demand
+from mrl_driver.robot import models
+from mrl_driver.robot.models import Limits, SonarMount
+from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
+from sim_arduino.serve import factory
+from sim_arduino.world import world_file
 
-MODEL = robots.load("traxbot")
+MODEL = models.load("traxbot")
 FRONT_M = MODEL.body.length_m / 2
 ZONES = Settings()
 TICK_S, SONAR_S = 0.02, 0.3
@@ -333,8 +334,8 @@ class Course:
     def __init__(self, tmp_path, walls, planner, seconds, robot="traxbot"):
         file = tmp_path / "world.yaml"
         file.write_text(f"start: [0, 0, 0]\nwalls: {walls}\n")
-        self._emulated = boards.make(boards.Options(robot=robot), world_file.load(str(file)))
-        model = robots.load(robot)
+        self._emulated = factory.make(factory.Options(robot=robot), world_file.load(str(file)))
+        model = models.load(robot)
         kind = ZONES._replace(braking_m_s2=model.limits.linear_acceleration_m_s2)
         self._zones = Zones(kind, model.body, model.sonars)
         self.xs, self.ys, self.shares = [], [], []
@@ -370,7 +371,7 @@ class Seeker:
 
     def __init__(self, goal):
         self._seeker = GoalSeeker(
-            goal, Limits(0.3, 1.0, math.inf, math.inf), 0.0, robots.load("traxbot").sonars
+            goal, Limits(0.3, 1.0, math.inf, math.inf), 0.0, models.load("traxbot").sonars
         )
 
     def __call__(self, robot):
@@ -403,7 +404,7 @@ def test_a_planner_that_asks_for_too_much_is_slowed_and_not_stuck(tmp_path):
 def test_three_wheels_stop_before_a_wall_beside_them(tmp_path):
     """Its sonars look 45 deg aside; what they see of the wall is nearer than the wall is."""
     ys = Course(tmp_path, "[[-2, 1, 2, 1]]", lambda _: (0.0, 0.0, 0.3), 20.0, "omni").ys
-    room_m = 1.0 - robots.load("omni").body.width_m / 2 - max(ys)
+    room_m = 1.0 - models.load("omni").body.width_m / 2 - max(ys)
     assert ZONES.protective_m <= room_m < 0.5
     assert max(ys) - ys[-20] < 0.01 and max(ys) > 0.2
 

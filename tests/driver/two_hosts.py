@@ -51,7 +51,7 @@ def rolled(truth, cut_s):
 def trial(scheme, robot_net, folder):
     """Drive, pull the cable, plug it in again."""
     truth = folder / f"{scheme}.jsonl"
-    command = ["nsenter", f"--net=/proc/{robot_net}/ns/net", sys.executable, "-m", "sim_arduino.cli"]
+    command = ["nsenter", f"--net=/proc/{robot_net}/ns/net", sys.executable, "-m", "sim_arduino.serve.main"]
     command += ["--world", "square", "--listen", f"{scheme}://{ROBOT}:7000", "--truth", str(truth)]
     board = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:

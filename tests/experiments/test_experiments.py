@@ -6,7 +6,6 @@ import math
 import pytest
 
 from mrl_driver.errors import ConfigError
-from sim_arduino import grid_map, world_file
 from sim_arduino.experiments import (
     environment,
     l_course,
@@ -20,6 +19,7 @@ from sim_arduino.experiments import (
     turnaround,
 )
 from sim_arduino.experiments.stage import Setting
+from sim_arduino.world import grid_map, world_file
 
 WALLS_BY_LASER, WALLS_BY_SONARS = 95.0, 80.0
 """Least share of wall cells found, and of cells found that are walls [%]."""
@@ -141,7 +141,7 @@ def test_report_has_all_results(tmp_path):
 
 def test_maps_cells_hold_what_beams_said():
     from sim_arduino.experiments.occupancy import Grid
-    from sim_arduino.shapes import Pose
+    from sim_arduino.world.geometry import Pose
 
     grid = Grid((0.0, 0.0), (2.0, 1.0), 0.1)
     import numpy as np
@@ -153,7 +153,7 @@ def test_maps_cells_hold_what_beams_said():
 
 def test_sonar_without_an_echo_makes_its_cone_free():
     from sim_arduino.experiments.occupancy import Grid
-    from sim_arduino.shapes import Pose
+    from sim_arduino.world.geometry import Pose
 
     grid = Grid((0.0, 0.0), (2.0, 1.0), 0.1)
     grid.cone(Pose(0.0, 0.55, 0.0), math.radians(18), math.inf, 1.5)

@@ -4,9 +4,9 @@ from typing import Callable, Dict, Iterator, List
 
 import pytest
 
-from mrl_driver.codec import REPLIES, Event, Frame, FrameDecoder, encode_request
-from mrl_driver.table import BY_NAME
-from sim_arduino.plant import Plant
+from mrl_driver.protocol.codec import REPLIES, Event, Frame, FrameDecoder, encode_request
+from mrl_driver.protocol.table import BY_NAME
+from sim_arduino.hardware.wiring import Plant
 from tests import models
 from tests.firmware.pc_board import PcBoard
 

@@ -2,9 +2,17 @@
 
 import pytest
 
-from mrl_driver import robots
-from mrl_driver.table import BY_NAME, CAPABILITIES, COMMANDS, PROTOCOL_VERSION, REASONS, STOP_REASONS, TICK_S
-from sim_arduino.plant import Plant
+from mrl_driver.protocol.table import (
+    BY_NAME,
+    CAPABILITIES,
+    COMMANDS,
+    PROTOCOL_VERSION,
+    REASONS,
+    STOP_REASONS,
+    TICK_S,
+)
+from mrl_driver.robot import models
+from sim_arduino.hardware.wiring import Plant
 
 STOP, KEYS = 0xFC, b"\xaa\x55"
 CAPABILITY = {name: 1 << bit for bit, (name, _) in enumerate(CAPABILITIES)}
@@ -269,7 +277,7 @@ def test_a_full_input_buffer_is_counted(bench):
 
 @pytest.fixture
 def motorless(bench):
-    plant = Plant(robots.load("traxbot"))
+    plant = Plant(models.load("traxbot"))
     plant.motor_board.present = False
     return bench(plant=plant)
 

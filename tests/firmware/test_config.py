@@ -5,16 +5,16 @@ from binascii import crc_hqx
 
 import pytest
 
-from mrl_driver import robots
-from mrl_driver.table import FAULTS, PARAMETER_BY_NAME, PARAMETERS
-from sim_arduino import config_store
+from mrl_driver.protocol.table import FAULTS, PARAMETER_BY_NAME, PARAMETERS
+from mrl_driver.robot import models
+from sim_arduino.board import parameter_store
 
 FAULT = {name: 1 << bit for bit, (name, _) in enumerate(FAULTS)}
 BLANK = b"\xff" * 1024
 SAVED_S = 0.3
 """43 bytes of 3.4 ms at most."""
 BLOCK_BYTES = 1 + 2 * len(PARAMETERS) + 2
-USED = [*range(4), *range(config_store.BLOCK_AT, config_store.BLOCK_AT + BLOCK_BYTES)]
+USED = [*range(4), *range(parameter_store.BLOCK_AT, parameter_store.BLOCK_AT + BLOCK_BYTES)]
 
 
 def parameters(board):
@@ -32,13 +32,13 @@ def float_id(value: float) -> bytes:
 @pytest.mark.parametrize("robot_id", [1, 3, 4, 5])
 def test_sound_image(bench, robot_id):
     board = bench(robot_id=robot_id)
-    assert parameters(board) == config_store.defaults(robot_id) and faults(board) == 0
+    assert parameters(board) == parameter_store.defaults(robot_id) and faults(board) == 0
 
 
 def test_blank_eeprom(bench):
     """Id unset, TraxBot's defaults, both faults."""
     board = bench(eeprom=BLANK)
-    assert parameters(board) == config_store.defaults(0)
+    assert parameters(board) == parameter_store.defaults(0)
     assert faults(board) == FAULT["eeprom"] | FAULT["id_unset"]
 
 
@@ -46,7 +46,7 @@ def test_blank_eeprom(bench):
 def test_board_of_2013_keeps_its_id(bench, robot_id):
     """The float at address 0 alone: defaults of that model."""
     board = bench(eeprom=float_id(robot_id))
-    assert parameters(board) == config_store.defaults(robot_id) and faults(board) == FAULT["eeprom"]
+    assert parameters(board) == parameter_store.defaults(robot_id) and faults(board) == FAULT["eeprom"]
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -1.0, 0.0, 1.5, 40000.0, 1e30])
@@ -56,40 +56,40 @@ def test_floats_that_are_no_id(bench, value):
 
 def test_all_zero(bench):
     board = bench(eeprom=bytes(1024))
-    assert parameters(board) == config_store.defaults(0) and faults(board) & FAULT["eeprom"]
+    assert parameters(board) == parameter_store.defaults(0) and faults(board) & FAULT["eeprom"]
 
 
 @pytest.mark.parametrize("layout", [0, 1, 3])
 def test_other_layout(bench, layout):
     """Older and newer layouts are not read, even with a right check value."""
-    values = config_store.defaults(1)
-    image = bytearray(config_store.image(values))
+    values = parameter_store.defaults(1)
+    image = bytearray(parameter_store.image(values))
     body = struct.pack(f"<B{len(values)}h", layout, *values[:5], 1, *values[6:])
     image[16 : 16 + len(body)] = body
     struct.pack_into("<H", image, 16 + len(body), crc_hqx(body, 0xFFFF))
     board = bench(eeprom=bytes(image))
-    assert parameters(board) == config_store.defaults(1) and faults(board) == FAULT["eeprom"]
+    assert parameters(board) == parameter_store.defaults(1) and faults(board) == FAULT["eeprom"]
 
 
 def test_impossible_values_with_a_right_check_value(bench):
     """Half an axle of 0: written by something that does not know the ranges."""
-    values = config_store.defaults(1)
+    values = parameter_store.defaults(1)
     values[1] = 0
-    board = bench(eeprom=config_store.image(values))
-    assert parameters(board) == config_store.defaults(1) and faults(board) == FAULT["eeprom"]
+    board = bench(eeprom=parameter_store.image(values))
+    assert parameters(board) == parameter_store.defaults(1) and faults(board) == FAULT["eeprom"]
 
 
 @pytest.mark.parametrize("place", USED)
 def test_every_damaged_byte_is_caught(bench, place):
     """A calibrated board with one wrong byte starts with the defaults of its model and says so."""
-    values = config_store.defaults(4)
+    values = parameter_store.defaults(4)
     values[1] += 100
-    image = bytearray(config_store.image(values))
+    image = bytearray(parameter_store.image(values))
     for flip in (0x01, 0x80, 0xFF):
         image[place] ^= flip
         board = bench(eeprom=bytes(image))
         assert faults(board) == FAULT["eeprom"]
-        assert parameters(board) == config_store.defaults(4)
+        assert parameters(board) == parameter_store.defaults(4)
         image[place] ^= flip
 
 
@@ -122,7 +122,7 @@ def test_saved_image_is_the_documented_one(bench):
     board = bench(eeprom=BLANK)
     board.send("write_config", 0, 5)
     board.send("save_config", wait_s=SAVED_S)
-    assert board.board.eeprom == config_store.image([5, *config_store.defaults(0)[1:]])
+    assert board.board.eeprom == parameter_store.image([5, *parameter_store.defaults(0)[1:]])
 
 
 def test_saving_does_not_hold_up_the_loop(bench):
@@ -163,7 +163,7 @@ def test_values_outside_a_parameters_range_are_refused(bench, row):
     for value in bad:
         board.send("write_config", row.number, value)
     assert board.counter("argument_range") == len(bad)
-    assert board.ask("read_config", row.number).args[1] == config_store.defaults(1)[row.number]
+    assert board.ask("read_config", row.number).args[1] == parameter_store.defaults(1)[row.number]
 
 
 def test_defaults_keep_the_id(bench):
@@ -171,7 +171,7 @@ def test_defaults_keep_the_id(bench):
     board.send("write_config", 0, 5)
     board.send("write_config", 1, 1)
     assert board.ask("default_config").args == (1,)
-    assert parameters(board) == config_store.defaults(5)
+    assert parameters(board) == parameter_store.defaults(5)
 
 
 def test_defaults_are_in_force_at_once(bench):
@@ -208,9 +208,9 @@ def test_gains_of_command_2_are_parameters(bench):
     assert parameters(board)[5:8] == [1, 2, 3]
 
 
-@pytest.mark.parametrize("name", robots.names())
+@pytest.mark.parametrize("name", models.names())
 def test_motor_board_is_set_up_with_the_models_numbers(bench, name):
-    model = robots.load(name)
+    model = models.load(name)
     board = bench(model=name, robot_id=model.ids[0], boot=False)
     board.run(0.1)
     geometry = [model.board[key] for key in ("axis_radius", "wheel_radius", "gearbox", "encoder_counts")]

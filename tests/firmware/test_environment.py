@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver.table import FAULTS, TICK_S
-from sim_arduino.plant import Plant
+from mrl_driver.protocol.table import FAULTS, TICK_S
+from sim_arduino.hardware.wiring import Plant
 from tests.firmware.pc_board import ENVIRONMENT, load
 from tests.models import model
 

@@ -4,10 +4,10 @@ import ctypes
 
 import pytest
 
-from mrl_driver import robots
-from mrl_driver.codec import encode_request
-from mrl_driver.table import FAULTS, RESET_CAUSES, STOP_REASONS, TICK_S
-from sim_arduino.plant import Plant
+from mrl_driver.protocol.codec import encode_request
+from mrl_driver.protocol.table import FAULTS, RESET_CAUSES, STOP_REASONS, TICK_S
+from mrl_driver.robot import models
+from sim_arduino.hardware.wiring import Plant
 from tests.firmware import pc_board
 
 STOP = b"\xfc\xaa\x55"
@@ -390,7 +390,7 @@ def test_a_stop_during_a_hang_reaches_the_board_afterwards(bench):
 
 def test_sensor_board_without_motors_keeps_the_convention_of_2013(bench):
     """Robot 6 and up, motor board never seen: 999 in 23, and nothing for 6."""
-    plant = Plant(robots.load("traxbot"), sonars=False)
+    plant = Plant(models.load("traxbot"), sonars=False)
     plant.motor_board.present = False
     board = bench(plant=plant, robot_id=7, library=pc_board.ENVIRONMENT)
     board.send("start_sensor_stream", 50, wait_s=0.3)
@@ -399,7 +399,7 @@ def test_sensor_board_without_motors_keeps_the_convention_of_2013(bench):
 
 
 def test_a_traxbot_without_its_motor_board_sends_no_999(bench):
-    plant = Plant(robots.load("traxbot"), sonars=False)
+    plant = Plant(models.load("traxbot"), sonars=False)
     plant.motor_board.present = False
     board = bench(plant=plant, robot_id=1, library=pc_board.ENVIRONMENT)
     board.send("start_sensor_stream", 50, wait_s=0.3)

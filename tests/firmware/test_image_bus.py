@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from mrl_driver.codec import encode_request
-from mrl_driver.table import PARAMETER_BY_NAME
+from mrl_driver.protocol.codec import encode_request
+from mrl_driver.protocol.table import PARAMETER_BY_NAME
 from sim_arduino.avr.machine import AvrMachine
 
 BUILD = Path(__file__).resolve().parent.parent.parent / "build" / "firmware"

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver import robots
-from sim_arduino.plant import Plant
+from mrl_driver.robot import models
+from sim_arduino.hardware.wiring import Plant
 from tests.firmware.pc_board import SONARS, load
 
 POWER, TRIGGER = 13, 12
@@ -40,7 +40,7 @@ class Wired(Plant):
     """Sonar outputs with voltages of the test's; remembers pin changes."""
 
     def __init__(self, counts):
-        super().__init__(robots.load("traxbot"))
+        super().__init__(models.load("traxbot"))
         self.counts, self.pins, self.reads = counts, [], []
 
     def adc_volts(self, channel, time_s):

@@ -2,8 +2,8 @@
 
 import pytest
 
-from mrl_driver.codec import Frame, Garbage
-from mrl_driver.table import TICK_S
+from mrl_driver.protocol.codec import Frame, Garbage
+from mrl_driver.protocol.table import TICK_S
 
 PASS_S = 16e-6
 BYTE_S = 85e-6

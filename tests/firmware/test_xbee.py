@@ -4,8 +4,8 @@ import ctypes
 
 import pytest
 
-from mrl_driver.codec import Frame
-from mrl_driver.table import CAPABILITIES
+from mrl_driver.protocol.codec import Frame
+from mrl_driver.protocol.table import CAPABILITIES
 from tests.firmware.pc_board import XBEE
 
 ADDRESS = bytes.fromhex("0013a20040a1b2c3")

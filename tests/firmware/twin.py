@@ -3,8 +3,8 @@
 import functools
 from typing import Any, List
 
-from mrl_driver.codec import Event, Frame, Garbage
-from mrl_driver.table import REASONS
+from mrl_driver.protocol.codec import Event, Frame, Garbage
+from mrl_driver.protocol.table import REASONS
 from tests.firmware.pc_board import SONARS, load
 
 FRAME, GARBAGE = 1, 2

@@ -7,7 +7,7 @@ counted: it needs no check value by design, and stops.
 import random
 from typing import Callable, Iterator, List, NamedTuple
 
-from mrl_driver.codec import (
+from mrl_driver.protocol.codec import (
     REPLIES,
     REQUESTS,
     Direction,
@@ -18,7 +18,7 @@ from mrl_driver.codec import (
     encode_reply,
     encode_request,
 )
-from mrl_driver.table import COMMANDS, STOP_CODE
+from mrl_driver.protocol.table import COMMANDS, STOP_CODE
 
 STOP = Frame(STOP_CODE, ())
 USES = 10

@@ -4,17 +4,17 @@ import math
 import random
 from typing import List, NamedTuple, Set, Tuple
 
-from mrl_driver.codec import REPLIES, Frame, FrameDecoder
-from mrl_driver.events import Counts, Ready
-from mrl_driver.odometry import ORIGIN, QUANTUM_COUNTS
-from mrl_driver.robots import load
-from mrl_driver.session import Session
-from mrl_driver.state import RobotState, fastest_m_s
-from mrl_driver.table import STOP_CODE
+from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder
+from mrl_driver.protocol.table import STOP_CODE
+from mrl_driver.robot.models import load
+from mrl_driver.robot.odometry import ORIGIN, QUANTUM_COUNTS
+from mrl_driver.robot.robot_state import RobotState, fastest_m_s
+from mrl_driver.session.events import Counts, Ready
+from mrl_driver.session.session import Session
 from sim_arduino.board import PythonBoard
-from sim_arduino.faults import FaultyEngine
-from sim_arduino.plant import Plant
-from sim_arduino.world import World
+from sim_arduino.faults.faulty_engine import FaultyEngine
+from sim_arduino.hardware.wiring import Plant
+from sim_arduino.world.world import World
 
 STEP_S = 0.002
 FIRST_FAULT_S = 1.0

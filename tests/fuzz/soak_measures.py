@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from typing import Callable, Dict, Iterator, List, Tuple
 
 from mrl_driver.driver import Driver, Options
-from mrl_driver.events import Lost, Reconnected, Stale
+from mrl_driver.session.events import Lost, Reconnected, Stale
 from tests.driver.conftest import PtyBoard
 from tests.driver.emulator import MOVE, STOP, Emulator
 from tests.driver.test_clock import run as jittered
@@ -50,7 +50,7 @@ def emulator() -> Iterator[Emulator]:
 @contextmanager
 def mrl_sim(*args: str) -> Iterator[Tuple[subprocess.Popen, str]]:
     """A robot in a process of its own, and its port."""
-    command = [sys.executable, "-m", "sim_arduino.cli", *args]
+    command = [sys.executable, "-m", "sim_arduino.serve.main", *args]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         try:

@@ -4,8 +4,16 @@ import random
 
 import pytest
 
-from mrl_driver.codec import REPLIES, REQUESTS, Frame, FrameDecoder, Stamp, encode_reply, encode_request
-from mrl_driver.table import BY_CODE
+from mrl_driver.protocol.codec import (
+    REPLIES,
+    REQUESTS,
+    Frame,
+    FrameDecoder,
+    Stamp,
+    encode_reply,
+    encode_request,
+)
+from mrl_driver.protocol.table import BY_CODE
 from tests.fuzz import damage
 
 STREAM = encode_reply(8, -12345, 23456, 120, 45, 300, stamp=Stamp(7, -1234), checked=True)

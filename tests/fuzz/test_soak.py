@@ -5,10 +5,10 @@ import tracemalloc
 
 import pytest
 
+from mrl_driver.driver.options import Options
+from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout
-from mrl_driver.options import Options
-from mrl_driver.stepped import SteppedDriver
-from sim_arduino import boards
+from sim_arduino.serve import factory
 from tests.fuzz import goals, soak
 from tests.fuzz.soak_measures import sorted_out
 
@@ -17,7 +17,7 @@ LEAK_BYTES = 25000
 
 
 def test_a_drive_at_100_hz_keeps_no_memory_and_loses_nothing():
-    emulated = boards.make(boards.Options(robot="traxbot"))
+    emulated = factory.make(factory.Options(robot="traxbot"))
     with SteppedDriver(emulated.engine, options=Options(period_ms=10)) as robot:
         robot.drive(0.1, 0.5)
         robot.wait(4.0)

@@ -117,9 +117,9 @@ def test_sdist_holds_sources_tests_and_images(built):
 def test_wheel_holds_every_module_and_all_data(wheel):
     folders = ("mrl_driver", "sim_arduino", "ros1_bridge")
     modules = {str(p.relative_to(ROOT)) for folder in folders for p in (ROOT / folder).rglob("*.py")}
-    data = {str(p.relative_to(ROOT)) for p in (ROOT / "mrl_driver" / "robots").glob("*.yaml")}
+    data = {str(p.relative_to(ROOT)) for p in (ROOT / "mrl_driver" / "robot" / "models").glob("*.yaml")}
     data |= {str(p.relative_to(ROOT)) for p in (ROOT / "sim_arduino").rglob("worlds/*")}
-    data |= {"ros1_bridge/sensors.yaml", "sim_arduino/avr/board.h", "mrl_driver/py.typed", *IMAGES}
+    data |= {"ros1_bridge/topics/sensors.yaml", "sim_arduino/avr/board.h", "mrl_driver/py.typed", *IMAGES}
     assert modules | data <= set(zipfile.ZipFile(wheel).namelist())
 
 
@@ -134,7 +134,7 @@ def test_version_is_that_of_package_xml(place):
 
 def test_modules_and_image_come_from_the_wheel(place):
     code = (
-        "import sim_arduino, mrl_driver.images as i; from sim_arduino.avr.elf import read_image; "
+        "import sim_arduino, mrl_driver.host.firmware_images as i; from sim_arduino.avr.elf import read_image; "
         "print(sim_arduino.__file__, i.image_path(), sum(len(d) for _, d in read_image(i.image_path()).flash))"
     )
     module, image, size = tried(place, "python", "-c", code).split()
@@ -171,7 +171,10 @@ def test_fresh_clone_has_the_pytest_fixture(from_clone):
 
 
 def test_without_images_the_way_to_them_is_named(from_clone):
-    code = "from mrl_driver import errors, images\ntry: images.image_path()\nexcept errors.ConfigError as e: print(e)"
+    code = (
+        "from mrl_driver.errors import ConfigError\nfrom mrl_driver.host.firmware_images import image_path\n"
+    )
+    code += "try: image_path()\nexcept ConfigError as e: print(e)"
     said = tried(from_clone, "python", "-c", code)
     assert (
         "installed without images: run make firmware in its source folder, then pip install . again" in said
@@ -180,7 +183,7 @@ def test_without_images_the_way_to_them_is_named(from_clone):
 
 def test_images_are_asked_for_by_build():
     from mrl_driver.errors import ConfigError
-    from mrl_driver.images import image_path
+    from mrl_driver.host.firmware_images import image_path
 
     assert image_path("xbee").endswith("mrl_firmware_xbee.hex")
     with pytest.raises(ConfigError, match="build is 'zigbee', expected sonar, environment, xbee"):

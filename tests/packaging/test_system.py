@@ -11,9 +11,9 @@ import sys
 import pytest
 from click.testing import CliRunner
 
-from mrl_driver import system
-from mrl_driver.cli import cli
+from mrl_driver.cli.main import cli
 from mrl_driver.errors import ConfigError
+from mrl_driver.host import system_setup
 
 TERM = re.compile(r'[A-Z]+(\{\w+(/\w+)?\})?(==|=|\+=)"[^"]*"')
 
@@ -27,31 +27,31 @@ def mrl_system(*words):
 
 def lines(root):
     """Rules in force: comments gone, continued lines joined."""
-    text = (root / system.RULES).read_text().replace("\\\n", " ")
+    text = (root / system_setup.RULES).read_text().replace("\\\n", " ")
     return [line for line in text.splitlines() if line and not line.startswith("#")]
 
 
 def test_install_writes_both_files_and_remove_deletes_them(tmp_path):
     out = mrl_system("install", "--root", tmp_path, "--user", "ada")
-    there = [(tmp_path / name).is_file() for name in (system.RULES, system.UNIT)]
+    there = [(tmp_path / name).is_file() for name in (system_setup.RULES, system_setup.UNIT)]
     assert (there, out.count("wrote"), "ran" in out) == ([True, True], 2, False)
     mrl_system("remove", "--root", tmp_path)
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
 def test_twice_is_as_good_as_once(tmp_path):
-    first = system.install("ada", str(tmp_path)), (tmp_path / system.RULES).read_text()
-    assert first == (system.install("ada", str(tmp_path)), (tmp_path / system.RULES).read_text())
+    first = system_setup.install("ada", str(tmp_path)), (tmp_path / system_setup.RULES).read_text()
+    assert first == (system_setup.install("ada", str(tmp_path)), (tmp_path / system_setup.RULES).read_text())
 
 
 @pytest.mark.parametrize("action", ["install", "remove"])
 def test_a_dry_run_changes_nothing(tmp_path, action):
     out = mrl_system(action, "--root", tmp_path, "--dry-run")
-    assert not list(tmp_path.iterdir()) and str(tmp_path / system.RULES) in out
+    assert not list(tmp_path.iterdir()) and str(tmp_path / system_setup.RULES) in out
 
 
-@pytest.mark.parametrize("action", [lambda root: system.install("ada", root), system.remove])
-@pytest.mark.parametrize("name", [system.RULES, system.UNIT])
+@pytest.mark.parametrize("action", [lambda root: system_setup.install("ada", root), system_setup.remove])
+@pytest.mark.parametrize("name", [system_setup.RULES, system_setup.UNIT])
 def test_files_of_other_people_stay(tmp_path, action, name):
     path = tmp_path / name
     path.parent.mkdir(parents=True)
@@ -64,27 +64,27 @@ def test_files_of_other_people_stay(tmp_path, action, name):
 def test_what_cannot_be_written_is_said_in_one_line(tmp_path):
     (tmp_path / "etc").write_text("a file where a folder should be")
     with pytest.raises(ConfigError, match="etc/udev/rules.d/70-mrl.rules: Not a directory"):
-        system.install("ada", str(tmp_path))
+        system_setup.install("ada", str(tmp_path))
 
 
 @pytest.mark.parametrize("user", ["", "a b", "a\nExecStart=x"])
 def test_a_user_that_is_none_is_refused(tmp_path, user):
     with pytest.raises(ConfigError, match="expected the name of a user"):
-        system.install(user, str(tmp_path))
+        system_setup.install(user, str(tmp_path))
 
 
 def test_remove_where_nothing_is(tmp_path):
-    assert system.remove(str(tmp_path)) == ["nothing was installed"]
+    assert system_setup.remove(str(tmp_path)) == ["nothing was installed"]
 
 
 def test_rules_are_rules(tmp_path):
-    system.install("ada", str(tmp_path))
+    system_setup.install("ada", str(tmp_path))
     assert all(TERM.fullmatch(term) for line in lines(tmp_path) for term in re.split(r", +", line.strip()))
 
 
-@pytest.mark.parametrize("kind", system.KINDS, ids=lambda kind: kind.text)
+@pytest.mark.parametrize("kind", system_setup.KINDS, ids=lambda kind: kind.text)
 def test_each_adapter_is_left_alone_stays_awake_opens_and_has_a_name(tmp_path, kind):
-    system.install("ada", str(tmp_path))
+    system_setup.install("ada", str(tmp_path))
     own = [line for line in lines(tmp_path) if f'"{kind.vendor}"' in line and f'"{kind.product}"' in line]
     for part in (
         'ENV{ID_MM_DEVICE_IGNORE}="1"',
@@ -97,14 +97,14 @@ def test_each_adapter_is_left_alone_stays_awake_opens_and_has_a_name(tmp_path, k
 
 def test_rules_come_before_modem_managers():
     """Whose own are numbered from 77 on."""
-    assert int(system.RULES.rpartition("/")[2][:2]) < 77
+    assert int(system_setup.RULES.rpartition("/")[2][:2]) < 77
 
 
 def test_unit_runs_the_node_as_the_user_while_the_robot_is_there(tmp_path):
-    system.install("ada", str(tmp_path))
+    system_setup.install("ada", str(tmp_path))
     unit = configparser.ConfigParser(interpolation=None)
     unit.optionxform = str
-    unit.read(tmp_path / system.UNIT)
+    unit.read(tmp_path / system_setup.UNIT)
     assert unit["Service"]["User"] == "ada"
     assert unit["Unit"]["BindsTo"] == unit["Install"]["WantedBy"] == r"dev-mrl\x2d%i.device"
     assert "roslaunch mrl_robots robot.launch port:=/dev/mrl-%I" in unit["Service"]["ExecStart"]
@@ -112,10 +112,10 @@ def test_unit_runs_the_node_as_the_user_while_the_robot_is_there(tmp_path):
 
 def test_on_the_machine_itself_it_takes_effect_at_once(monkeypatch):
     """And who may not be in the group yet is put there."""
-    monkeypatch.setattr(system.shutil, "which", lambda name: name)
-    words = [command[0] for command in system.commands("ada", True)]
+    monkeypatch.setattr(system_setup.shutil, "which", lambda name: name)
+    words = [command[0] for command in system_setup.commands("ada", True)]
     assert words == ["usermod", "udevadm", "udevadm", "systemctl"]
-    assert ["usermod"] not in [command[:1] for command in system.commands("ada", False)]
+    assert ["usermod"] not in [command[:1] for command in system_setup.commands("ada", False)]
 
 
 @pytest.mark.parametrize("words", [(), ("--dry-run",)])
@@ -126,18 +126,20 @@ def test_a_user_whom_the_machine_does_not_know_is_refused_before_anything_is_wri
 
 def test_a_dry_run_on_the_machine_itself_names_its_commands(monkeypatch):
     monkeypatch.setenv("SUDO_USER", pwd.getpwuid(os.getuid()).pw_name)
-    monkeypatch.setattr(system.shutil, "which", lambda name: name)
+    monkeypatch.setattr(system_setup.shutil, "which", lambda name: name)
     assert "would run systemctl daemon-reload" in mrl_system("install", "--dry-run")
 
 
 def test_a_dry_run_of_remove_says_what_is_there(tmp_path):
-    system.install("ada", str(tmp_path))
-    assert f"would remove {tmp_path / system.UNIT}" in mrl_system("remove", "--root", tmp_path, "--dry-run")
-    assert (tmp_path / system.UNIT).exists()
+    system_setup.install("ada", str(tmp_path))
+    assert f"would remove {tmp_path / system_setup.UNIT}" in mrl_system(
+        "remove", "--root", tmp_path, "--dry-run"
+    )
+    assert (tmp_path / system_setup.UNIT).exists()
 
 
 def test_a_command_that_fails_is_said_with_its_reason_and_the_next_is_run():
-    done = system.run([["sh", "-c", "echo no udev here; exit 3"], ["false"], ["true"]])
+    done = system_setup.run([["sh", "-c", "echo no udev here; exit 3"], ["false"], ["true"]])
     assert done == [
         "ran sh -c echo no udev here; exit 3 failed: no udev here",
         "ran false failed: 1",
@@ -147,11 +149,12 @@ def test_a_command_that_fails_is_said_with_its_reason_and_the_next_is_run():
 
 AS_NOBODY = """
 import os, sys
-from mrl_driver import system
+from mrl_driver.errors import ConfigError
+from mrl_driver.host import system_setup
 os.geteuid() or os.setuid(65534)
 try:
-    system.install("ada", sys.argv[1])
-except system.ConfigError as error:
+    system_setup.install("ada", sys.argv[1])
+except ConfigError as error:
     print(error)
 """
 
@@ -164,15 +167,15 @@ def test_without_root_it_says_how(tmp_path):
     assert "70-mrl.rules: Permission denied; it takes root: sudo " in done.stdout
 
 
-@pytest.mark.parametrize("action", [lambda root: system.install("ada", root), system.remove])
+@pytest.mark.parametrize("action", [lambda root: system_setup.install("ada", root), system_setup.remove])
 def test_a_file_that_cannot_be_read_is_said_in_one_line(tmp_path, action):
-    (tmp_path / system.RULES).mkdir(parents=True)
+    (tmp_path / system_setup.RULES).mkdir(parents=True)
     with pytest.raises(ConfigError, match="70-mrl.rules: Is a directory"):
         action(str(tmp_path))
 
 
 def test_a_checkout_is_named_to_ros_an_installed_package_is_not(tmp_path, monkeypatch):
-    checkout = str(pathlib.Path(system.__file__).parents[1])
-    assert f'"ROS_PACKAGE_PATH={checkout}"' in system.unit("ada")
-    monkeypatch.setattr(system, "__file__", str(tmp_path / "mrl_driver" / "system.py"))
-    assert '"ROS_PACKAGE_PATH="' in system.unit("ada")
+    checkout = str(pathlib.Path(system_setup.__file__).parents[2])
+    assert f'"ROS_PACKAGE_PATH={checkout}"' in system_setup.unit("ada")
+    monkeypatch.setattr(system_setup, "__file__", str(tmp_path / "mrl_driver" / "host" / "system_setup.py"))
+    assert '"ROS_PACKAGE_PATH="' in system_setup.unit("ada")

@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrl_driver.codec import (
+from mrl_driver.errors import FrameError
+from mrl_driver.protocol.codec import (
     REPLIES,
     REQUESTS,
     Frame,
@@ -15,8 +16,7 @@ from mrl_driver.codec import (
     encode_reply,
     encode_request,
 )
-from mrl_driver.errors import FrameError
-from mrl_driver.table import BY_CODE, COMMANDS, MAX_FRAME, MAX_NOISE, Command
+from mrl_driver.protocol.table import BY_CODE, COMMANDS, MAX_FRAME, MAX_NOISE, Command
 
 INT16 = st.integers(-32768, 32767)
 BYTES_OF_FRAMES = st.text("@e,-0123456789\r\nx[\x00\xff", max_size=80).map(

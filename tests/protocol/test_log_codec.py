@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrl_driver import log_codec
-from mrl_driver.codec import REPLIES, Frame, FrameDecoder, Garbage, Stamp, encode_reply
-from mrl_driver.log_codec import LogDecoder, decode_log
+from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder, Garbage, Stamp, encode_reply
+from mrl_driver.recording import frame_arrays
+from mrl_driver.recording.frame_arrays import LogDecoder, decode_log
 from tests.vectors import load
 
 INT16 = st.integers(-32768, 32767)
@@ -80,12 +80,12 @@ def test_pieces_decode_as_the_whole(parts, cuts):
 
 @given(st.binary(max_size=30), st.lists(GOOD, max_size=3))
 def test_a_long_stretch_without_end_is_not_kept(head, tail):
-    small, log_codec.CHUNK = log_codec.CHUNK, 8
+    small, frame_arrays.CHUNK = frame_arrays.CHUNK, 8
     try:
         data = head + b"".join(tail)
         assert by_log(decode_log(data)) == by_scalar(data, False)
     finally:
-        log_codec.CHUNK = small
+        frame_arrays.CHUNK = small
 
 
 @pytest.mark.parametrize("vector", load("replies"), ids=lambda v: v.name)

@@ -6,49 +6,49 @@ import os
 import pytest
 import yaml
 
-from mrl_driver import robots
 from mrl_driver.errors import ConfigError
+from mrl_driver.robot import models
 
 
 @pytest.fixture
 def traxbot():
-    with open(robots.__file__.replace("__init__.py", "traxbot.yaml"), encoding="utf-8") as file:
+    with open(models.__file__.replace("__init__.py", "traxbot.yaml"), encoding="utf-8") as file:
         return yaml.safe_load(file)
 
 
 def load(tmp_path, data):
     path = tmp_path / "robot.yaml"
     path.write_text(data if isinstance(data, str) else yaml.safe_dump(data))
-    return robots.load(str(path))
+    return models.load(str(path))
 
 
 def test_packaged_models_load():
-    names = robots.packaged()
-    assert [robots.load_packaged(name).name for name in names] == names
+    names = models.packaged()
+    assert [models.load_packaged(name).name for name in names] == names
     assert {"omni", "stingbot", "traxbot"} <= set(names)
 
 
 @pytest.mark.parametrize("name, radius_m", [("traxbot", 0.0390), ("stingbot", 0.0327)])
 def test_metres_per_count_gives_the_wheel_radius(name, radius_m):
     """2796.8 counts a turn."""
-    assert robots.load(name).drive.metres_per_count * 2796.8 / (2 * math.pi) == pytest.approx(
+    assert models.load(name).drive.metres_per_count * 2796.8 / (2 * math.pi) == pytest.approx(
         radius_m, abs=1e-4
     )
 
 
 def test_no_id_belongs_to_two_models():
-    ids = [each for name in robots.packaged() for each in robots.load_packaged(name).ids]
+    ids = [each for name in models.packaged() for each in models.load_packaged(name).ids]
     assert len(ids) == len(set(ids))
 
 
 def test_id_finds_its_model():
-    assert [robots.by_id(1), robots.by_id(5), robots.by_id(6)] == ["traxbot", "stingbot", ""]
+    assert [models.by_id(1), models.by_id(5), models.by_id(6)] == ["traxbot", "stingbot", ""]
 
 
 def test_unknown_name_lists_the_known():
-    known = ", ".join(robots.packaged())
+    known = ", ".join(models.packaged())
     with pytest.raises(ConfigError, match=f"robot 'traxbt' is unknown, expected {known} or the path"):
-        robots.load("traxbt")
+        models.load("traxbt")
 
 
 @pytest.mark.parametrize(
@@ -102,16 +102,16 @@ def test_what_is_no_mapping_is_refused(tmp_path, text):
 
 
 def test_noise_of_a_model_without_one_is_that_of_its_wheels_or_tracks(tmp_path, traxbot):
-    assert load(tmp_path, traxbot).noise == robots.ON_TRACKS
+    assert load(tmp_path, traxbot).noise == models.ON_TRACKS
     traxbot["body"]["tracks"] = False
-    assert load(tmp_path, traxbot).noise == robots.ON_WHEELS
+    assert load(tmp_path, traxbot).noise == models.ON_WHEELS
 
 
 def test_calibrated_keys_are_read(tmp_path, traxbot):
     traxbot["drive"].update(wheel_offset=-0.01, turn_slip=0.1)
     traxbot["noise"] = {"wheel_m2_per_m": 2e-5, "turn_rad2_per_rad": 0.001}
     model = load(tmp_path, traxbot)
-    assert model.noise == robots.Noise(2e-5, 0.001)
+    assert model.noise == models.Noise(2e-5, 0.001)
     assert model.drive.right_m_per_count / model.drive.left_m_per_count == pytest.approx(0.995 / 1.005)
     assert model.drive.turning_separation_m == pytest.approx(0.2)
 
@@ -121,7 +121,7 @@ def test_calibrated_keys_are_read(tmp_path, traxbot):
 
 @pytest.fixture
 def omni():
-    with open(os.path.join(os.path.dirname(robots.__file__), "omni.yaml"), encoding="utf-8") as file:
+    with open(os.path.join(os.path.dirname(models.__file__), "omni.yaml"), encoding="utf-8") as file:
         return yaml.safe_load(file)
 
 
@@ -134,7 +134,7 @@ def test_a_drive_says_its_kind_or_is_differential(tmp_path, traxbot, omni):
         {key: value for key, value in omni["drive"].items() if key != "angles_deg"},
         {**mecanum, "counts_per_turn": 2000, "full_speed_m_s": 1.0},
     ]
-    kinds = [robots.kind_of(load(tmp_path, {**traxbot, "drive": drive}).drive) for drive in drives]
+    kinds = [models.kind_of(load(tmp_path, {**traxbot, "drive": drive}).drive) for drive in drives]
     assert kinds == ["differential", "differential", "tracked", "omni", "mecanum"]
 
 
@@ -183,14 +183,14 @@ def test_what_is_for_two_wheels_says_so():
     with pytest.raises(
         ConfigError, match="robot omni has a drive of kind omni, expected differential or tracked"
     ):
-        _ = robots.load("omni").differential
+        _ = models.load("omni").differential
 
 
 # -- models of the user's own
 
 
 def test_tests_do_not_see_the_models_of_who_runs_them():
-    assert robots.names() == robots.packaged()
+    assert models.names() == models.packaged()
 
 
 @pytest.fixture
@@ -204,7 +204,7 @@ def own(tmp_path, monkeypatch):
 
 def test_a_broken_file_in_the_users_folder_is_logged_and_skipped(own, caplog):
     (own / "mine.yaml").write_text("ids: [!!int x]\n")
-    assert [robots.by_id(1), robots.by_id(5), robots.by_id(77)] == ["traxbot", "stingbot", ""]
+    assert [models.by_id(1), models.by_id(5), models.by_id(77)] == ["traxbot", "stingbot", ""]
     assert [record.levelname for record in caplog.records] == ["WARNING"]
     assert f"{own / 'mine.yaml'}: line 1" in caplog.text
 
@@ -212,15 +212,15 @@ def test_a_broken_file_in_the_users_folder_is_logged_and_skipped(own, caplog):
 def test_a_broken_file_that_is_named_is_an_error(own):
     (own / "mine.yaml").write_text("ids: [!!int x]\n")
     with pytest.raises(ConfigError, match="mine.yaml: line 1"):
-        robots.load("mine")
+        models.load("mine")
 
 
 def test_a_broken_file_with_the_name_of_the_robots_model_is_an_error(own):
     """Its measured numbers are not replaced by the packaged ones."""
     (own / "traxbot.yaml").write_text("ids: [!!int x]\n")
-    assert robots.by_id(5) == "stingbot"
+    assert models.by_id(5) == "stingbot"
     with pytest.raises(ConfigError, match="traxbot.yaml: line 1"):
-        robots.by_id(1)
+        models.by_id(1)
 
 
 # -- fields against each other

@@ -8,17 +8,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from mrl_driver import codec
-from mrl_driver.codec import (
-    REPLIES,
-    REQUESTS,
-    Event,
-    Frame,
-    FrameDecoder,
-    Stamp,
-    encode_reply,
-)
-from mrl_driver.table import BY_CODE, COMMANDS, INT16_MAX, INT16_MIN, MAX_NOISE, Field
+from mrl_driver.protocol import codec
+from mrl_driver.protocol.codec import REPLIES, REQUESTS, Event, Frame, FrameDecoder, Stamp, encode_reply
+from mrl_driver.protocol.table import BY_CODE, COMMANDS, INT16_MAX, INT16_MIN, MAX_NOISE, Field
 
 STREAM = 8
 ROWS = [row.code for row in COMMANDS if row.reply and not row.optional_reply]

@@ -1,7 +1,7 @@
 """The command table is complete and consistent."""
 
-from mrl_driver import table
-from mrl_driver.table import BY_CODE, COMMANDS, PARAMETERS
+from mrl_driver.protocol import table
+from mrl_driver.protocol.table import BY_CODE, COMMANDS, PARAMETERS
 
 
 def test_codes_run_from_one_without_a_gap():

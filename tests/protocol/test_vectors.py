@@ -2,7 +2,7 @@
 
 import pytest
 
-from mrl_driver.codec import REPLIES, REQUESTS, Frame, FrameDecoder, Garbage, Stamp
+from mrl_driver.protocol.codec import REPLIES, REQUESTS, Frame, FrameDecoder, Garbage, Stamp
 from tests.vectors import Vector, load
 
 DIRECTIONS = {"requests": REQUESTS, "replies": REPLIES}

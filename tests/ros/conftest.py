@@ -6,8 +6,8 @@ import signal
 import pytest
 import rospy
 
-from ros1_bridge.processes import Child
-from ros1_bridge.run import master_answers
+from ros1_bridge.demo.launcher import master_answers
+from ros1_bridge.demo.processes import Child
 from tests.waiting import wait_until
 
 from . import rig as bench

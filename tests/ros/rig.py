@@ -15,7 +15,7 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 import rospy
 
-from ros1_bridge.processes import Child
+from ros1_bridge.demo.processes import Child
 from tests.waiting import PATIENCE_S, wait_until
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -168,7 +168,7 @@ class Rig:
         command = [
             sys.executable,
             "-m",
-            "sim_arduino.cli",
+            "sim_arduino.serve.main",
             "--truth",
             str(truth),
             *(options or ("--robot", "traxbot")),

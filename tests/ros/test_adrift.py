@@ -4,11 +4,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from mrl_driver.events import MAY_MOVE, WAITS, Stale
-from ros1_bridge import commander as module
-from ros1_bridge import robot_status
-from ros1_bridge.link_report import ERROR, News
-from ros1_bridge.robot_status import StatusTeller
+from mrl_driver.session.events import MAY_MOVE, WAITS, Stale
+from ros1_bridge.control import speed_limiter as module
+from ros1_bridge.status import robot_status
+from ros1_bridge.status.link_report import ERROR, News
+from ros1_bridge.status.robot_status import StatusTeller
 
 
 def cut_off(may_be_moving):

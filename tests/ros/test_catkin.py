@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from ros1_bridge.processes import Child
-from ros1_bridge.run import master_answers
+from ros1_bridge.demo.launcher import master_answers
+from ros1_bridge.demo.processes import Child
 from tests.waiting import wait_until
 
 from .rig import ROOT, START_S, free_port
@@ -135,7 +135,9 @@ def test_files_have_the_same_path_in_the_package(workspace, space):
     found = Path(workspace.demand(*workspace.in_space(space, "rospack", "find", "mrl_robots")).strip())
     assert workspace.folder in found.parents
     for part in ("launch", "navigation", "rviz", "urdf"):
-        names = [path.relative_to(ROOT) for path in (ROOT / "ros1_bridge" / part).iterdir()]
+        folder = ROOT / "ros1_bridge" / part
+        files = [path for path in folder.iterdir() if path.is_file() and path.suffix != ".py"]
+        names = [path.relative_to(ROOT) for path in files]
         assert names and all((found / name).is_file() for name in names)
 
 
@@ -148,7 +150,7 @@ def test_nodes_are_found(workspace, space):
 
 @pytest.mark.parametrize("space", SPACES)
 def test_modules_are_those_of_the_workspace(workspace, space):
-    code = "import mrl_driver.driver as a, sim_arduino.board as b, ros1_bridge.robot_node as c; "
+    code = "import mrl_driver.driver as a, sim_arduino.board as b, ros1_bridge.robot.robot_node as c; "
     code += "print(*(m.__file__ for m in (a, b, c)))"
     files = workspace.demand(*workspace.in_space(space, "/usr/bin/python3", "-c", code)).split()
     assert len(files) == 3 and all(file.startswith(str(workspace.folder)) for file in files)

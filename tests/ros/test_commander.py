@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrl_driver.errors import LinkLost
-from mrl_driver.robots import Limits
-from ros1_bridge import commander as module
-from ros1_bridge import reconfigure
-from ros1_bridge.commander import Commander, lowered, ramped
+from mrl_driver.robot.models import Limits
+from ros1_bridge.control import speed_limiter as module
+from ros1_bridge.control.speed_limiter import Commander, lowered, ramped
+from ros1_bridge.robot import reconfigure
 
 LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
 REQUESTED = dict(zip(reconfigure.LIMITS, (0.1, 0.5, 0.05, 0.2)))

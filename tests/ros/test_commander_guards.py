@@ -5,11 +5,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from mrl_driver import robots
-from mrl_driver.robots import Limits
-from mrl_driver.zones import Scan, Settings, Zones
-from ros1_bridge import commander as module
-from ros1_bridge.commander import Commander, scaled
+from mrl_driver.navigation.protective_zones import Scan, Settings, Zones
+from mrl_driver.robot import models
+from mrl_driver.robot.models import Limits
+from ros1_bridge.control import speed_limiter as module
+from ros1_bridge.control.speed_limiter import Commander, scaled
 
 LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
 ENTERED_S = 0.1
@@ -96,7 +96,7 @@ class Slow(Settings):
     ids=["on_scan", "on_range", "moved", "limit"],
 )
 def test_zones_serve_one_caller_at_a_time(monkeypatch, call):
-    model = robots.load("traxbot")
+    model = models.load("traxbot")
     zones = Zones(Slow(), model.body, model.sonars, laser=True)
     intruder = Intruder(lambda: call(zones))
     monkeypatch.setattr(Slow, "intruder", intruder)

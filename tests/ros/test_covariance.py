@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver.odometry import ORIGIN, advance
-from mrl_driver.robots import ON_WHEELS, load
-from ros1_bridge import covariance
-from ros1_bridge.covariance import UNUSED_VARIANCE, PoseCovariance, pose_matrix
+from mrl_driver.robot.models import ON_WHEELS, load
+from mrl_driver.robot.odometry import ORIGIN, advance
+from ros1_bridge.topics import message_covariance
+from ros1_bridge.topics.message_covariance import UNUSED_VARIANCE, PoseCovariance, pose_matrix
 
 MODEL = load("stingbot")
 COUNTS_A_METRE = 1 / MODEL.drive.metres_per_count
@@ -113,6 +113,6 @@ def test_covariance_stays_symmetric_and_positive(moves):
 
 
 def test_twist_is_less_sure_at_speed():
-    matrix = covariance.twist_matrix(0.3, 0.0)
-    assert matrix[0] > covariance.STILL_M2_S2
-    assert matrix[35] == covariance.STILL_RAD2_S2
+    matrix = message_covariance.twist_matrix(0.3, 0.0)
+    assert matrix[0] > message_covariance.STILL_M2_S2
+    assert matrix[35] == message_covariance.STILL_RAD2_S2

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrl_driver.course import Limits, Square
-from mrl_driver.teleop import ANGULAR_RAD_S, HOLD_S, LINEAR_M_S, Teleop
-from ros1_bridge.report import Recorder, line, range_text, summary
-from ros1_bridge.trail import ARROWS, draw
+from mrl_driver.navigation.line_follower import Limits, Square
+from mrl_driver.terminal.teleop_keys import ANGULAR_RAD_S, HOLD_S, LINEAR_M_S, Teleop
+from ros1_bridge.demo.braille_path import ARROWS, draw
+from ros1_bridge.demo.report import Recorder, line, range_text, summary
 
 STEP_S = 0.05
 LAG = 0.4

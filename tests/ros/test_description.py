@@ -7,17 +7,17 @@ import xml.etree.ElementTree as ElementTree
 
 import pytest
 
-from mrl_driver.robots import load, names
-from ros1_bridge import description
-from ros1_bridge.frames import JOINTS, OMNI_JOINTS, sonar_frame
+from mrl_driver.robot.models import load, names
+from ros1_bridge.description import urdf
+from ros1_bridge.node.tf_names import JOINTS, OMNI_JOINTS, sonar_frame
 
 from .rig import ROOT
 
-FILES = [path for path, _ in description.files()]
+FILES = [path for path, _ in urdf.files()]
 
 
 def tree(name, **options):
-    return ElementTree.fromstring(description.render(load(name), **options))
+    return ElementTree.fromstring(urdf.render(load(name), **options))
 
 
 def joint(robot, name):
@@ -28,17 +28,17 @@ def numbers(element, key):
     return [float(part) for part in element.get(key).split()]
 
 
-@pytest.mark.parametrize("path, text", description.files(), ids=lambda each: getattr(each, "stem", ""))
+@pytest.mark.parametrize("path, text", urdf.files(), ids=lambda each: getattr(each, "stem", ""))
 def test_committed_file_is_current(path, text):
     assert path.read_text(encoding="utf-8") == text
 
 
 def test_stale_file_is_named(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(description, "FOLDER", tmp_path)
-    assert description.main(["--check"]) == 1
+    monkeypatch.setattr(urdf, "FOLDER", tmp_path)
+    assert urdf.main(["--check"]) == 1
     assert "traxbot.urdf is stale; render it with" in capsys.readouterr().err
-    assert description.main([]) == 0
-    assert description.main(["--check"]) == 0
+    assert urdf.main([]) == 0
+    assert urdf.main(["--check"]) == 0
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
@@ -64,12 +64,12 @@ def test_inertias_are_those_of_a_body(name):
 
 
 def test_inertia_of_a_box():
-    assert description.inertia(description.Part((1.0, 2.0, 3.0)), 12.0) == (13.0, 10.0, 5.0)
+    assert urdf.inertia(urdf.Part((1.0, 2.0, 3.0)), 12.0) == (13.0, 10.0, 5.0)
 
 
 @pytest.mark.parametrize("name, radius_m", [("traxbot", 0.0390), ("stingbot", 0.0327)])
 def test_wheels_have_their_true_radius(name, radius_m):
-    assert description.wheel_radius_m(load(name)) == pytest.approx(radius_m, abs=1e-4)
+    assert urdf.wheel_radius_m(load(name)) == pytest.approx(radius_m, abs=1e-4)
 
 
 @pytest.mark.parametrize("name", ["stingbot", "traxbot"])
@@ -114,7 +114,7 @@ def test_laser_is_optional():
 def test_node_prints_the_description():
     node = ROOT / "ros1_bridge" / "nodes" / "robot_description"
     done = subprocess.run([str(node), "stingbot"], capture_output=True, text=True, check=True)
-    assert done.stdout == description.render(load("stingbot"))
+    assert done.stdout == urdf.render(load("stingbot"))
 
 
 def test_unknown_model_costs_one_line():
@@ -127,5 +127,5 @@ def test_unknown_model_costs_one_line():
 
 
 def test_check_is_a_command():
-    command = [sys.executable, "-m", "ros1_bridge.description", "--check"]
+    command = [sys.executable, "-m", "ros1_bridge.description.urdf", "--check"]
     assert subprocess.run(command, cwd=ROOT).returncode == 0

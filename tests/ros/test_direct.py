@@ -7,7 +7,7 @@ import pytest
 import rospy
 from nav_msgs.msg import Odometry
 
-from ros1_bridge.direct import BACKLOG_BYTES, Fast, direct_publisher
+from ros1_bridge.topics.fast_publisher import BACKLOG_BYTES, Fast, direct_publisher
 from tests.waiting import wait_until
 
 MESSAGES = 3000

@@ -12,8 +12,9 @@ from sensor_msgs.msg import Imu
 from std_msgs.msg import Float32, Float32MultiArray, UInt16
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.table import BY_NAME, SENSORS
-from ros1_bridge import radio, sensor_topics
+from mrl_driver.protocol.table import BY_NAME, SENSORS
+from ros1_bridge.robot import xbee
+from ros1_bridge.topics import sensor_topics
 from tests.waiting import wait_until
 
 COMPASS = sensor_topics.load()["compass"]
@@ -76,21 +77,21 @@ def test_frame_takes_the_robots_prefix_and_values_their_factor():
     st.text(st.characters(min_codepoint=32, max_codepoint=126), min_size=1, max_size=16),
 )
 def test_text_survives_the_words_of_the_wire(address, text):
-    code, *fields = radio.send_request(KeyValue(f"{address:x}", text))
+    code, *fields = xbee.send_request(KeyValue(f"{address:x}", text))
     assert code == BY_NAME["send_xbee"].code
-    assert radio.read_text(tuple(fields)) == (address, text)
+    assert xbee.read_text(tuple(fields)) == (address, text)
 
 
 @pytest.mark.parametrize("key", ["", "robot", "-1", "1" * 17])
 def test_address_that_is_none_is_refused_by_name(key):
     with pytest.raises(ValueError, match="xbee/send key is"):
-        radio.send_request(KeyValue(key, "hello"))
+        xbee.send_request(KeyValue(key, "hello"))
 
 
 @pytest.mark.parametrize("value", ["", "x" * 17, "\u00e9"])
 def test_text_that_the_wire_cannot_carry_is_refused(value):
     with pytest.raises(ValueError, match="expected 1 to 16 ASCII"):
-        radio.send_request(KeyValue("1", value))
+        xbee.send_request(KeyValue("1", value))
 
 
 @pytest.fixture(scope="module")

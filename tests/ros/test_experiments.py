@@ -10,9 +10,9 @@ import pytest
 import rosgraph
 from click.testing import CliRunner
 
-from mrl_driver.cli import registered
+from mrl_driver.cli.main import registered
 from mrl_driver.errors import ConfigError, MrlError
-from mrl_driver.sonar import NAMES
+from mrl_driver.robot.sonar import NAMES
 from ros1_bridge.experiments import legs, team_node
 from ros1_bridge.experiments.parts import Parts, environment
 from ros1_bridge.experiments.wire_log import command_s, commanded, odometry_s, read, sent
@@ -20,7 +20,7 @@ from sim_arduino.experiments import cli, workers
 from sim_arduino.experiments.report import Result
 from sim_arduino.experiments.stage import Setting
 from sim_arduino.experiments.team import Member
-from sim_arduino.shapes import Pose
+from sim_arduino.world.geometry import Pose
 from tests.experiments.pools import at_once
 from tests.waiting import wait_until
 
@@ -97,7 +97,7 @@ def test_what_ros_and_shared_worlds_write_is_in_the_folder():
 
 
 def test_part_that_died_is_named_with_its_last_words(tmp_path):
-    with Parts(str(tmp_path)) as parts, pytest.raises(MrlError, match="space/nothing .* No module named"):
+    with Parts(str(tmp_path)) as parts, pytest.raises(MrlError, match="space/nothing .* No such file"):
         parts.node("nothing", "space").wait(START_S)
         parts.check()
 

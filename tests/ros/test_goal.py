@@ -13,18 +13,19 @@ from move_base_msgs.msg import MoveBaseAction, MoveBaseActionResult, MoveBaseGoa
 from nav_msgs.msg import Odometry, Path
 from std_srvs.srv import Trigger
 
-from mrl_driver import goal_seeker, robots
-from mrl_driver.goal_seeker import GoalSeeker, carried
-from mrl_driver.odometry import Pose, advance
-from mrl_driver.robots import Limits
-from ros1_bridge.planar import planar, yaw_of
+from mrl_driver.navigation import goal_seeker
+from mrl_driver.navigation.goal_seeker import GoalSeeker, carried
+from mrl_driver.robot import models
+from mrl_driver.robot.models import Limits
+from mrl_driver.robot.odometry import Pose, advance
+from ros1_bridge.node.plane_poses import planar, yaw_of
 from tests.waiting import wait_until
 
 from .rig import ROOT, START_S
 from .tables import Offered, first_two, table
 
 LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
-SONARS = robots.load("traxbot").sonars
+SONARS = models.load("traxbot").sonars
 STEP_S = 0.05
 FREE = {"front": math.inf, "left": math.inf, "right": math.inf}
 PLACE_M, HEADING_RAD = 0.06, 0.1

@@ -11,9 +11,9 @@ from nav_msgs.msg import Odometry, Path
 from sensor_msgs.msg import Range
 from tf2_msgs.msg import TFMessage
 
-from mrl_driver.robots import SonarMount
-from ros1_bridge.go_to_goal import SILENT_S, Ranges
-from ros1_bridge.messages import new_mounts
+from mrl_driver.robot.models import SonarMount
+from ros1_bridge.navigation.go_to_goal_node import SILENT_S, Ranges
+from ros1_bridge.topics.messages import new_mounts
 from tests.waiting import wait_until
 
 from .rig import ROOT, START_S

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sensor_msgs.msg import Joy
 
-from ros1_bridge.joystick import LAYOUTS, read
+from ros1_bridge.teleop.joystick_mapping import LAYOUTS, read
 from tests.waiting import wait_until
 
 from .rig import ROOT, START_S

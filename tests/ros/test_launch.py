@@ -17,8 +17,8 @@ from roslaunch import arg_dump
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from mrl_driver import robots
-from ros1_bridge.parameters import ROWS
+from mrl_driver.robot import models
+from ros1_bridge.node.parameters import ROWS
 from tests.waiting import wait_until
 
 from .rig import ROOT
@@ -123,7 +123,7 @@ def test_parameters_of_the_launch_file_are_those_of_the_node(packages):
     assert given == {row.name for row in ROWS}
 
 
-@pytest.mark.parametrize("name", robots.packaged())
+@pytest.mark.parametrize("name", models.packaged())
 def test_description_of_a_packaged_model_is_the_committed_file(name, packages):
     shown = loaded("describe.launch", f"robot:={name}").params["/robot_description"].value
     assert shown == (ROOT / "ros1_bridge" / "urdf" / f"{name}.urdf").read_text()
@@ -131,7 +131,7 @@ def test_description_of_a_packaged_model_is_the_committed_file(name, packages):
 
 def test_description_of_a_models_own_file_is_rendered(packages, tmp_path):
     own = tmp_path / "my robot.yaml"
-    own.write_text((ROOT / "mrl_driver" / "robots" / "traxbot.yaml").read_text())
+    own.write_text((ROOT / "mrl_driver" / "robot" / "models" / "traxbot.yaml").read_text())
     shown = loaded("robot.launch", f"robot:={own}").params["/robot_description"].value
     assert "sonar_left" in shown
 

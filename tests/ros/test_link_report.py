@@ -7,15 +7,15 @@ from types import SimpleNamespace
 import pytest
 from genpy import Time
 
-from mrl_driver import robots
-from mrl_driver.events import Lost, Ready, Reconnected, Reply, Stale
-from mrl_driver.handshake import Board
-from mrl_driver.odometry import Pose, Twist, Wheels
-from mrl_driver.state import Telemetry
-from mrl_driver.statistics import Counters
-from ros1_bridge.link_report import ERROR, OK, WARN, News, values
-from ros1_bridge.parameters import check
-from ros1_bridge.publishers import Publishers
+from mrl_driver.robot import models
+from mrl_driver.robot.odometry import Pose, Twist, Wheels
+from mrl_driver.robot.robot_state import Telemetry
+from mrl_driver.session.events import Lost, Ready, Reconnected, Reply, Stale
+from mrl_driver.session.handshake import Board
+from mrl_driver.session.link_counters import Counters
+from ros1_bridge.node.parameters import check
+from ros1_bridge.status.link_report import ERROR, OK, WARN, News, values
+from ros1_bridge.topics.publishers import Publishers
 
 BOARD = Board(1, 2, 1.72, 12.0, 25.0)
 LOST, BACK = Lost("/dev/ttyACM0", "it went away"), Reconnected("/dev/ttyACM1")
@@ -65,7 +65,7 @@ class Publisher:
 def test_odometry_is_stamped_by_the_clock_of_the_graph():
     """Which is simulated time where the other nodes have it."""
     parameters = check({"port": "p"}, "node")
-    out = Publishers(Publisher, OSError, parameters, robots.load("traxbot"), clock=lambda: SIMULATED_S)
+    out = Publishers(Publisher, OSError, parameters, models.load("traxbot"), clock=lambda: SIMULATED_S)
     out.telemetry(telemetry(1))
     secs, nsecs = struct.unpack_from("<II", Publisher.of["odom"].sent[0], 8)
     assert SIMULATED_S - LATE_S < Time(secs, nsecs).to_sec() < SIMULATED_S

@@ -9,9 +9,9 @@ from contextlib import suppress
 
 import pytest
 
-from ros1_bridge.master_watch import MasterWatch, await_master
-from ros1_bridge.processes import Child
-from ros1_bridge.run import master_answers
+from ros1_bridge.demo.launcher import master_answers
+from ros1_bridge.demo.processes import Child
+from ros1_bridge.node.master_watch import MasterWatch, await_master
 from tests.waiting import wait_until
 
 from . import rig as bench

@@ -7,8 +7,9 @@ from genpy import Time
 from geometry_msgs.msg import Twist, Vector3
 from sensor_msgs.msg import BatteryState, Range
 
-from mrl_driver.robots import SonarMount, load
-from ros1_bridge import frames, messages
+from mrl_driver.robot.models import SonarMount, load
+from ros1_bridge.node import tf_names
+from ros1_bridge.topics import messages
 
 STAMP = Time(5, 7)
 BATTERY = load("traxbot").battery
@@ -31,7 +32,7 @@ def test_transform_equals_the_pose():
     "base, frame", [("base_link", "sonar_left"), ("robot1/base_link", "robot1/sonar_left")]
 )
 def test_sonar_frame_takes_the_prefix_of_the_base_frame(base, frame):
-    assert frames.sonar_frame(base, "left") == frame
+    assert tf_names.sonar_frame(base, "left") == frame
 
 
 def test_mount_turns_x_along_the_beam():

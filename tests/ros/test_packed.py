@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 from tf2_msgs.msg import TFMessage
 
-from ros1_bridge.covariance import pose_matrix, twist_matrix, twist_variances
-from ros1_bridge.packed import PackedOdometry, PackedOmniOdometry, PackedTransform
+from ros1_bridge.topics.message_covariance import pose_matrix, twist_matrix, twist_variances
+from ros1_bridge.topics.serialized_odometry import PackedOdometry, PackedOmniOdometry, PackedTransform
 
 WORDS = st.integers(0, 2**32 - 1)
 NUMBERS = st.floats()

@@ -7,9 +7,9 @@ import pytest
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from std_msgs.msg import Header
 
-from mrl_driver import robots
-from mrl_driver.robots import Limits
-from ros1_bridge.pose_goal import BLOCKED, REACHED, STEP_S, PoseGoal
+from mrl_driver.robot import models
+from mrl_driver.robot.models import Limits
+from ros1_bridge.control.pose_goal import BLOCKED, REACHED, STEP_S, PoseGoal
 
 HERE = (1.0, 2.0, math.pi / 2)
 
@@ -42,7 +42,7 @@ def noted():
 
 @pytest.fixture
 def goal(noted):
-    return PoseGoal(noted, "odom", "base_link", robots.load("traxbot").sonars)
+    return PoseGoal(noted, "odom", "base_link", models.load("traxbot").sonars)
 
 
 def at(pose, seconds):

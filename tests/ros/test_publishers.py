@@ -6,14 +6,14 @@ from types import SimpleNamespace
 import pytest
 from genpy import Time
 
-from mrl_driver import robots
-from mrl_driver.odometry import Pose, Twist, Wheels
-from mrl_driver.state import Telemetry
-from ros1_bridge import messages
-from ros1_bridge.parameters import check
-from ros1_bridge.publishers import Publishers
+from mrl_driver.robot import models
+from mrl_driver.robot.odometry import Pose, Twist, Wheels
+from mrl_driver.robot.robot_state import Telemetry
+from ros1_bridge.node.parameters import check
+from ros1_bridge.topics import messages
+from ros1_bridge.topics.publishers import Publishers
 
-MODEL = robots.load("traxbot")
+MODEL = models.load("traxbot")
 WHEEL_RADIUS_M = 0.039
 COUNTS_A_TURN = 2796.8
 STAMP = Time(5, 0)

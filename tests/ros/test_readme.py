@@ -8,8 +8,8 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu
 from tf2_msgs.msg import TFMessage
 
-from ros1_bridge import node_rows
-from ros1_bridge.parameters import ROWS
+from ros1_bridge.node import node_parameters
+from ros1_bridge.node.parameters import ROWS
 from tests.waiting import wait_until
 
 from .rig import ROOT, START_S
@@ -66,10 +66,10 @@ def test_environment_topics_are_those_of_the_table(rig):
     "heading, rows",
     [
         ("### Parameters", ROWS),
-        ("### Parameters of `go_to_goal`", node_rows.GO_TO_GOAL),
-        ("### Parameters of `world_node`", node_rows.WORLD_NODE),
-        ("### Parameters of `teleop_keyboard`", node_rows.TELEOP_KEYBOARD),
-        ("### Parameters of `teleop_joystick`", node_rows.TELEOP_JOYSTICK),
+        ("### Parameters of `go_to_goal`", node_parameters.GO_TO_GOAL),
+        ("### Parameters of `world_node`", node_parameters.WORLD_NODE),
+        ("### Parameters of `teleop_keyboard`", node_parameters.TELEOP_KEYBOARD),
+        ("### Parameters of `teleop_joystick`", node_parameters.TELEOP_JOYSTICK),
     ],
     ids=lambda each: each if isinstance(each, str) else "",
 )

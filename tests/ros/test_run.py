@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 
-from ros1_bridge.run import master_answers
+from ros1_bridge.demo.launcher import master_answers
 from tests.waiting import wait_until
 
 from .rig import ROOT, START_S, free_port
@@ -33,7 +33,7 @@ class Started:
         self._mark = uuid.uuid4().hex
         env = {**os.environ, "ROS_MASTER_URI": uri, "MRL_RUN_MARK": self._mark, "TERM": "xterm", **variables}
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "ros1_bridge.run", "--logs", str(folder), *options],
+            [sys.executable, "-m", "ros1_bridge.demo.launcher", "--logs", str(folder), *options],
             cwd=ROOT,
             env=env,
             stdin=subprocess.DEVNULL if terminal is None else terminal,

@@ -9,7 +9,7 @@ import pytest
 import rospy
 from geometry_msgs.msg import Twist
 
-from ros1_bridge.run import RunError, require_alone
+from ros1_bridge.demo.launcher import RunError, require_alone
 
 from .test_run import PYTHON, starting
 

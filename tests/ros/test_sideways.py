@@ -6,7 +6,7 @@ from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 
-from ros1_bridge.frames import OMNI_JOINTS
+from ros1_bridge.node.tf_names import OMNI_JOINTS
 from tests.waiting import wait_until
 
 

@@ -7,8 +7,8 @@ import pytest
 from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
 
-from mrl_driver.course import Limits, Square
-from mrl_driver.robots import load
+from mrl_driver.navigation.line_follower import Limits, Square
+from mrl_driver.robot.models import load
 from tests.waiting import wait_until
 
 MODEL = "stingbot"

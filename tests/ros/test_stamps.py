@@ -3,7 +3,7 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ros1_bridge.stamps import STEP_S, Stamps
+from ros1_bridge.topics.stamps import STEP_S, Stamps
 
 WALL_S = 1.8e9
 FLOAT_NS = 240

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import LaserScan
 
-from mrl_driver.goal_seeker import carried
-from ros1_bridge import world_messages
+from mrl_driver.navigation.goal_seeker import carried
+from ros1_bridge.world import world_messages
 
 from .rig import ROOT, START_S
 from .tables import Offered, first_two, table

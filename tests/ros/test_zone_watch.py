@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import pytest
 from geometry_msgs.msg import Quaternion, Transform, Vector3
 
-from mrl_driver import robots
 from mrl_driver.errors import ConfigError
-from ros1_bridge.parameters import check
-from ros1_bridge.zone_watch import ZoneWatch, mount_of
+from mrl_driver.robot import models
+from ros1_bridge.control.zone_feed import ZoneWatch, mount_of
+from ros1_bridge.node.parameters import check
 
-MODEL = robots.load("traxbot")
+MODEL = models.load("traxbot")
 
 
 def watch(has_sonars=True, **given):

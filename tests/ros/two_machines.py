@@ -15,7 +15,7 @@ import rospy
 from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
 
-from ros1_bridge.run import master_answers
+from ros1_bridge.demo.launcher import master_answers
 from tests.waiting import wait_until
 
 from .rig import NODE, Rig

@@ -18,7 +18,7 @@ class Simulator:
 
     def __init__(self, *options: str) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "sim_arduino.cli", *options],
+            [sys.executable, "-m", "sim_arduino.serve.main", *options],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

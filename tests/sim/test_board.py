@@ -2,17 +2,17 @@
 
 import pytest
 
-from mrl_driver import robots
-from mrl_driver.codec import REPLIES, FrameDecoder, encode_request
-from mrl_driver.table import BY_CODE, COMMANDS, PARAMETERS
-from sim_arduino import board as board_module
-from sim_arduino import boards, config_store, handlers
-from sim_arduino.board import PythonBoard
-from sim_arduino.config_store import Config
-from sim_arduino.plant import Plant
-from sim_arduino.wire import IN_BYTE_S, OUT_BYTE_S
+from mrl_driver.protocol.codec import REPLIES, FrameDecoder, encode_request
+from mrl_driver.protocol.table import BY_CODE, COMMANDS, PARAMETERS
+from mrl_driver.robot import models
+from sim_arduino.board import PythonBoard, handlers, parameter_store
+from sim_arduino.board import python_board as board_module
+from sim_arduino.board.parameter_store import Config
+from sim_arduino.board.uart import IN_BYTE_S, OUT_BYTE_S
+from sim_arduino.hardware.wiring import Plant
+from sim_arduino.serve import factory
 
-TRAXBOT = robots.load("traxbot")
+TRAXBOT = models.load("traxbot")
 UNASKED = {"xbee_text"}
 """Rows that only the board sends, and only with a radio."""
 RADIO = {"discover_xbee", "xbee_text"}
@@ -46,7 +46,7 @@ def test_no_handler_without_a_row():
 @pytest.fixture(params=["python", "avr"])
 def drives(request):
     """A board that drives since 0.5 s, on both engines; its motor board has forgotten what led to it."""
-    robot = boards.make(boards.Options(engine=request.param, name="stopped"))
+    robot = factory.make(factory.Options(engine=request.param, name="stopped"))
     robot.engine.advance(0.3)
     robot.engine.receive(b"@11,300,0e")
     robot.engine.advance(0.5)
@@ -156,7 +156,7 @@ def test_short_gap_loses_nothing():
 
 
 def test_fresh_image_holds_the_models_defaults():
-    config = Config(bytearray(config_store.image(config_store.defaults(4))))
+    config = Config(bytearray(parameter_store.image(parameter_store.defaults(4))))
     assert (config["robot_id"], config["axis_radius"], config.sound) == (4, 11000, True)
 
 
@@ -176,13 +176,13 @@ IMAGE_BYTES = [*range(4), *range(16, 16 + 1 + 2 * len(PARAMETERS) + 2)]
 
 @pytest.mark.parametrize("place", IMAGE_BYTES)
 def test_every_damaged_byte_is_noticed(place):
-    eeprom = bytearray(config_store.image(config_store.defaults(1)))
+    eeprom = bytearray(parameter_store.image(parameter_store.defaults(1)))
     eeprom[place] ^= 0x10
     assert not Config(eeprom).sound
 
 
 def test_eeprom_is_the_callers_own():
-    eeprom = bytearray(config_store.image(config_store.defaults(2)))
+    eeprom = bytearray(parameter_store.image(parameter_store.defaults(2)))
     board = awake(eeprom=eeprom)
     assert board.config["robot_id"] == 2
 

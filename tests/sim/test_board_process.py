@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from sim_arduino.board_process import PATIENCE_S, Leave, main
+from sim_arduino.serve.minimal import PATIENCE_S, Leave, main
 
 
 class Port:

@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver import robots
 from mrl_driver.errors import ConfigError
-from sim_arduino.bumper import footprint_for
-from sim_arduino.plant import Plant
-from sim_arduino.shapes import Footprint, Pose, Wall, polygon
-from sim_arduino.world import World
+from mrl_driver.robot import models
+from sim_arduino.hardware.collision import footprint_for
+from sim_arduino.hardware.wiring import Plant
+from sim_arduino.world.geometry import Footprint, Pose, Wall, polygon
+from sim_arduino.world.world import World
 
-TRAXBOT = robots.load("traxbot")
+TRAXBOT = models.load("traxbot")
 HALF_M = 0.5 * TRAXBOT.body.length_m
 CONTACT_M = 1e-4
 """How near to the wall a robot comes to rest."""

@@ -10,8 +10,8 @@ import time
 import pytest
 import yaml
 
-from mrl_driver import robots
-from sim_arduino import cli
+from mrl_driver.robot import models
+from sim_arduino.serve import main
 from tests.waiting import PATIENCE_S, wait_until
 
 from .simulator import Client, Simulator
@@ -20,7 +20,7 @@ from .simulator import Client, Simulator
 def fail(*options):
     """Exit code and stderr of a start that fails."""
     done = subprocess.run(
-        [sys.executable, "-m", "sim_arduino.cli", *options],
+        [sys.executable, "-m", "sim_arduino.serve.main", *options],
         capture_output=True,
         text=True,
         timeout=PATIENCE_S,
@@ -31,7 +31,7 @@ def fail(*options):
 
 @pytest.mark.parametrize(("option", "words"), [("-h", "Usage: mrl-sim "), ("--version", "mrl-sim, version ")])
 def test_options_that_mrl_has_too(capsys, option, words):
-    cli.main([option], prog_name="mrl-sim")
+    main.main([option], prog_name="mrl-sim")
     assert capsys.readouterr().out.startswith(words)
 
 
@@ -106,7 +106,7 @@ def test_log_holds_both_directions(tmp_path):
 def test_runs_with_its_stdout_closed(tmp_path):
     """As a service may start it; the link tells where."""
     link = tmp_path / "ttyTRAX0"
-    command = 'exec "$@" >&-', "sh", sys.executable, "-m", "sim_arduino.cli", "--link", str(link)
+    command = 'exec "$@" >&-', "sh", sys.executable, "-m", "sim_arduino.serve.main", "--link", str(link)
     process = subprocess.Popen(["sh", "-c", *command], stderr=subprocess.PIPE, text=True)
     wait_until(lambda: os.path.lexists(link) or process.poll() is not None)
     with Client(str(link)) as client:
@@ -185,7 +185,7 @@ def test_a_stopped_process_is_a_stall_of_the_board():
 @pytest.mark.parametrize(
     "options, code, text",
     [
-        (("--robot", "nope"), 2, f"robot 'nope' is unknown, expected {', '.join(robots.packaged())}"),
+        (("--robot", "nope"), 2, f"robot 'nope' is unknown, expected {', '.join(models.packaged())}"),
         (
             ("--world", "nope"),
             2,
@@ -221,7 +221,7 @@ def test_a_second_emulator_does_not_take_over_the_link_of_the_first(tmp_path):
 
 
 def test_a_base_that_the_driver_refuses_is_not_served(tmp_path):
-    with open(robots.__file__.replace("__init__.py", "traxbot.yaml"), encoding="utf-8") as file:
+    with open(models.__file__.replace("__init__.py", "traxbot.yaml"), encoding="utf-8") as file:
         model = yaml.safe_load(file)
     model["drive"] = {"kind": "mecanum", "half_length_m": 0.2, "half_width_m": 0.15, "wheel_radius_m": 0.05}
     model["drive"].update(counts_per_turn=2000, full_speed_m_s=1.0)

@@ -9,10 +9,10 @@ import time
 import pytest
 
 from mrl_driver.errors import ConfigError
-from sim_arduino.control import Control, obey
-from sim_arduino.fault_table import FAULTS
-from sim_arduino.faults import FaultyEngine
-from sim_arduino.port import PtyPort
+from sim_arduino.faults.faulty_engine import FaultyEngine
+from sim_arduino.faults.table import FAULTS
+from sim_arduino.serve.control import Control, obey
+from sim_arduino.serve.pty import PtyPort
 from tests.waiting import PATIENCE_S, wait_until
 
 from .simulator import Client, Simulator
@@ -95,14 +95,14 @@ def test_orders_may_end_without_ending_the_board():
     [("nope", "fault 'nope' is unknown"), ("loss:rate=7", "rate is '7', expected 0 to 1")],
 )
 def test_a_wrong_fault_ends_with_one_line(spec, text):
-    command = [sys.executable, "-m", "sim_arduino.cli", "--fault", spec]
+    command = [sys.executable, "-m", "sim_arduino.serve.main", "--fault", spec]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert text in done.stderr
 
 
 def test_the_help_lists_the_faults():
-    command = [sys.executable, "-m", "sim_arduino.cli", "--help"]
+    command = [sys.executable, "-m", "sim_arduino.serve.main", "--help"]
     out = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S).stdout
     assert all(f"  {name}: {kind.text}\n" in out for name, kind in FAULTS.items())
     assert "unplug [SECONDS]" in out

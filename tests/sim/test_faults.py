@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrl_driver.codec import REPLIES, REQUESTS, Frame, FrameDecoder
 from mrl_driver.errors import ConfigError
-from mrl_driver.robots import load
-from mrl_driver.table import STOP_CODE
+from mrl_driver.protocol.codec import REPLIES, REQUESTS, Frame, FrameDecoder
+from mrl_driver.protocol.table import STOP_CODE
+from mrl_driver.robot.models import load
 from sim_arduino.board import PythonBoard
-from sim_arduino.fault_chain import Window
-from sim_arduino.fault_table import FAULTS, parse, usage
-from sim_arduino.faults import FaultyEngine
-from sim_arduino.plant import Plant
+from sim_arduino.faults.faulty_engine import FaultyEngine
+from sim_arduino.faults.schedule import Window
+from sim_arduino.faults.table import FAULTS, parse, usage
+from sim_arduino.hardware.wiring import Plant
 
 PLENTY = bytes(range(256)) * 400
 INSTANT = ("loss", "flip", "change", "repeat", "swap")

@@ -7,10 +7,10 @@ import pytest
 import yaml
 
 from mrl_driver.errors import ConfigError
-from sim_arduino import grid_map
-from sim_arduino.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
-from sim_arduino.shapes import Pose, Wall
-from sim_arduino.world_file import load
+from sim_arduino.world import grid_map
+from sim_arduino.world.geometry import Pose, Wall
+from sim_arduino.world.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
+from sim_arduino.world.world_file import load
 
 GOOD = {"image": "map.pgm", "resolution": 0.1, "origin": [0.0, 0.0, 0.0], "negate": 0}
 PICTURE = b"P5\n# made by hand\n4 3\n255\n" + bytes([254, 254, 254, 254, 254, 0, 0, 254, 205, 254, 254, 254])
@@ -153,8 +153,8 @@ def test_a_map_in_a_world_that_is_not_there(tmp_path):
 
 def test_many_walls_are_heard_like_few():
     """More than a loop takes: the index changes its ways, the answer stays."""
-    from sim_arduino.wall_index import FEW
-    from sim_arduino.world import World
+    from sim_arduino.world.wall_index import FEW
+    from sim_arduino.world.world import World
 
     walls = [Wall(3 + i * 0.01, -1, 3 + i * 0.01, 1) for i in range(FEW + 1)]
     answers = [

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_arduino.motor import Gains, Mode, Motor, MotorParams
+from sim_arduino.hardware.motor import Gains, Mode, Motor, MotorParams
 
 PARAMS = MotorParams(no_load_counts_s=12000.0, rated_counts_s=7500.0)
 LOADED = PARAMS._replace(friction_counts_s=240.0)

@@ -6,17 +6,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrl_driver import robots
 from mrl_driver.errors import ConfigError
-from sim_arduino.motor import Mode
-from sim_arduino.omni import shares_for, twist_of
-from sim_arduino.omni3md import Omni3MD
-from sim_arduino.plant import Plant
-from sim_arduino.sonars import SonarErrors
-from sim_arduino.spelling import robot_errors, sonar_errors
-from sim_arduino.world import World
+from mrl_driver.robot import models
+from sim_arduino.faults.key_values import robot_errors, sonar_errors
+from sim_arduino.hardware.motor import Mode
+from sim_arduino.hardware.omni3md import Omni3MD
+from sim_arduino.hardware.omni_wheels import shares_for, twist_of
+from sim_arduino.hardware.sonars import SonarErrors
+from sim_arduino.hardware.wiring import Plant
+from sim_arduino.world.world import World
 
-TRAXBOT = robots.load("traxbot")
+TRAXBOT = models.load("traxbot")
 share = st.floats(-1, 1)
 
 

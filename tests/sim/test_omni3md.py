@@ -4,19 +4,19 @@ import struct
 
 import pytest
 
-from mrl_driver import robots
-from sim_arduino.motor import Mode
-from sim_arduino.omni3md import Omni3MD
-from sim_arduino.physics import Robot, params_for
+from mrl_driver.robot import models
+from sim_arduino.hardware.motor import Mode
+from sim_arduino.hardware.omni3md import Omni3MD
+from sim_arduino.hardware.robot_physics import Robot, params_for
 
-TRAXBOT = robots.load("traxbot")
+TRAXBOT = models.load("traxbot")
 SPEED = 0.01
 """Share of the asked speed within which the robot drives."""
 
 
 @pytest.fixture(params=["traxbot", "stingbot"])
 def model(request):
-    return robots.load(request.param)
+    return models.load(request.param)
 
 
 def fresh(model=TRAXBOT):

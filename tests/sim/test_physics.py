@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver import robots
-from sim_arduino.motor import Mode, Motor
-from sim_arduino.physics import Errors, Robot, interpolate, params_for
+from mrl_driver.robot import models
+from sim_arduino.hardware.motor import Mode, Motor
+from sim_arduino.hardware.robot_physics import Errors, Robot, interpolate, params_for
 
 EXACT_M, EXACT_RAD = 1e-9, 1e-9
-TRAXBOT, STINGBOT = robots.load("traxbot"), robots.load("stingbot")
+TRAXBOT, STINGBOT = models.load("traxbot"), models.load("stingbot")
 
 
 def cruising(left_m_s, right_m_s, model=TRAXBOT, **scales):
@@ -265,9 +265,9 @@ def test_a_resting_robot_costs_few_steps():
 
 
 def test_a_robot_has_bumped_into_nothing_at_its_start():
-    assert not Robot(params_for(robots.load("traxbot"))).state.bumped
+    assert not Robot(params_for(models.load("traxbot"))).state.bumped
 
 
 def test_a_battery_at_95_percent_shows_85_percent_of_its_span():
     """8.5 V empty, 13.8 V full."""
-    assert interpolate(params_for(robots.load("traxbot")).rest_curve, 0.95) == pytest.approx(8.5 + 0.85 * 5.3)
+    assert interpolate(params_for(models.load("traxbot")).rest_curve, 0.95) == pytest.approx(8.5 + 0.85 * 5.3)

@@ -7,7 +7,7 @@ import termios
 import pytest
 
 from mrl_driver.errors import ConfigError
-from sim_arduino.port import Link, PtyPort
+from sim_arduino.serve.pty import Link, PtyPort
 
 from .simulator import Client
 

@@ -2,14 +2,14 @@
 
 import pytest
 
-from mrl_driver import robots
-from mrl_driver.codec import REPLIES, Frame, FrameDecoder
-from sim_arduino.plant import Plant
-from sim_arduino.profile_rows import through_single_precision
-from sim_arduino.profiles import Board2013August, Board2013January
-from sim_arduino.world import Wall, World
+from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder
+from mrl_driver.robot import models
+from sim_arduino.board.board2013 import Board2013August, Board2013January
+from sim_arduino.board.board2013_handlers import through_single_precision
+from sim_arduino.hardware.wiring import Plant
+from sim_arduino.world.world import Wall, World
 
-TRAXBOT = robots.load("traxbot")
+TRAXBOT = models.load("traxbot")
 BOTH = pytest.mark.parametrize("profile", [Board2013August, Board2013January])
 
 

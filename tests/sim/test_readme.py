@@ -9,12 +9,12 @@ import sys
 import pytest
 import yaml
 
-from mrl_driver.table import SENSORS
-from sim_arduino import world_file
-from sim_arduino.cli import main
-from sim_arduino.control import ORDERS
-from sim_arduino.fault_table import FAULTS, parse
-from sim_arduino.mirror import main as mirror
+from mrl_driver.protocol.table import SENSORS
+from sim_arduino.faults.table import FAULTS, parse
+from sim_arduino.replay.mirror import main as mirror
+from sim_arduino.serve.control import ORDERS
+from sim_arduino.serve.main import main
+from sim_arduino.world import world_file
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 README = (ROOT / "sim_arduino" / "README.md").read_text(encoding="utf-8")

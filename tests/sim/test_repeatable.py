@@ -7,16 +7,17 @@ import sys
 
 import pytest
 
-from mrl_driver import pictures, robots
-from sim_arduino import picture
-from sim_arduino.boards import Options, make
-from sim_arduino.plant import Plant
-from sim_arduino.shapes import Footprint, Pose, Wall
-from sim_arduino.sonars import READING_S, SonarChain, SonarErrors, count_of
-from sim_arduino.trail import Trail, frame
-from sim_arduino.view import Canvas, draw
-from sim_arduino.world import ORIGIN, World
-from sim_arduino.world_file import load
+from mrl_driver import figures
+from mrl_driver.robot import models
+from sim_arduino.hardware.sonars import READING_S, SonarChain, SonarErrors, count_of
+from sim_arduino.hardware.wiring import Plant
+from sim_arduino.serve.factory import Options, make
+from sim_arduino.view import world_picture
+from sim_arduino.view.terminal import Canvas, draw
+from sim_arduino.view.travelled_path import Trail, frame
+from sim_arduino.world.geometry import Footprint, Pose, Wall
+from sim_arduino.world.world import ORIGIN, World
+from sim_arduino.world.world_file import load
 from tests.sim.simulator import Client, Simulator
 from tests.waiting import PATIENCE_S, wait_until
 
@@ -53,7 +54,7 @@ def counts(errors, rounds=300, channel=0, others=(), wall_x=1.1):
     world = World([Wall(wall_x, -0.2, wall_x, 0.2)])
     for number, pose in enumerate(others):
         world.place(f"r{number}", pose, Footprint(0.01, 0.01))
-    chain = SonarChain(robots.load("traxbot").sonars, world, lambda time_s: ORIGIN, errors=errors, seed=1)
+    chain = SonarChain(models.load("traxbot").sonars, world, lambda time_s: ORIGIN, errors=errors, seed=1)
     chain.power(True, 0.0)
     found = []
     for i in range(rounds):
@@ -126,7 +127,7 @@ def test_the_time_of_a_fast_board_runs_ahead_of_the_hosts(tmp_path):
 
 
 def moved():
-    plant = Plant(robots.load("traxbot"), load("hazards"))
+    plant = Plant(models.load("traxbot"), load("hazards"))
     trail = Trail(plant)
     plant.motor_board.move_differential(0.0, 300, 200)
     for i in range(100):
@@ -145,15 +146,15 @@ def test_the_trail_has_the_robots_way():
 
 
 def test_a_long_trail_grows_sparse(monkeypatch):
-    monkeypatch.setattr("sim_arduino.trail.MOST_POSES", 20)
+    monkeypatch.setattr("sim_arduino.view.travelled_path.MOST_POSES", 20)
     assert len(moved().poses) <= 20
 
 
 @pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
 def test_a_picture_is_drawn(tmp_path, ending):
     path = tmp_path / f"run.{ending}"
-    pictures.demand(str(path))
-    picture.draw(moved(), str(path))
+    figures.demand(str(path))
+    world_picture.draw(moved(), str(path))
     assert path.stat().st_size > 5000
 
 
@@ -173,7 +174,7 @@ def test_mrl_sim_draws_at_its_end(tmp_path):
     ],
 )
 def test_bad_picture(path, message):
-    command = [sys.executable, "-m", "sim_arduino.cli", "--plot", path]
+    command = [sys.executable, "-m", "sim_arduino.serve.main", "--plot", path]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert message in done.stderr
@@ -182,7 +183,7 @@ def test_bad_picture(path, message):
 def test_without_matplotlib_one_line_says_what_to_install():
     code = (
         "import sys; sys.modules['matplotlib'] = None; sys.argv[1:] = ['--plot', 'run.png']; "
-        "from sim_arduino.cli import main; main()"
+        "from sim_arduino.serve.main import main; main()"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 2

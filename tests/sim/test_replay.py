@@ -10,16 +10,16 @@ import time
 
 import pytest
 
-from mrl_driver import log_summary
-from mrl_driver.codec import Stamp, encode_reply, encode_request
 from mrl_driver.driver import Driver
-from mrl_driver.log_summary import summarise
-from mrl_driver.odometry import Odometry
-from mrl_driver.options import Options
-from mrl_driver.recording import FROM_BOARD, Recording
-from mrl_driver.robots import load
-from sim_arduino import playback
-from sim_arduino.port import PtyPort
+from mrl_driver.driver.options import Options
+from mrl_driver.protocol.codec import Stamp, encode_reply, encode_request
+from mrl_driver.recording import summary
+from mrl_driver.recording.recording import FROM_BOARD, Recording
+from mrl_driver.recording.summary import summarise
+from mrl_driver.robot.models import load
+from mrl_driver.robot.odometry import Odometry
+from sim_arduino.replay import playback
+from sim_arduino.serve.pty import PtyPort
 from tests.driver.emulator import Emulator
 from tests.waiting import PATIENCE_S
 
@@ -77,7 +77,7 @@ def test_the_duration_is_that_of_the_last_entry(tmp_path):
 
 @pytest.mark.parametrize("batch", [300, 5000, 1 << 20])
 def test_the_pose_is_that_of_the_odometry_however_it_is_cut(tmp_path, monkeypatch, batch):
-    monkeypatch.setattr(log_summary, "BATCH_BYTES", batch)
+    monkeypatch.setattr(summary, "BATCH_BYTES", batch)
     found = summarise(Recording(drive(tmp_path / "log")))
     expected = true_pose(circle(400))
     assert found["pose"]["x_m"] == pytest.approx(expected.x_m, abs=WAY_M)
@@ -89,7 +89,7 @@ def test_the_pose_is_that_of_the_odometry_however_it_is_cut(tmp_path, monkeypatc
 
 @pytest.mark.parametrize("batch", [300, 1 << 20])
 def test_lost_frames_are_counted_by_sequence(tmp_path, monkeypatch, batch):
-    monkeypatch.setattr(log_summary, "BATCH_BYTES", batch)
+    monkeypatch.setattr(summary, "BATCH_BYTES", batch)
     assert summarise(Recording(drive(tmp_path / "log", gap={7, 8, 300})))["lost"] == 3
 
 
@@ -119,7 +119,7 @@ def test_frames_cut_between_entries_are_whole(tmp_path):
 @pytest.mark.parametrize("batch", [300, 1 << 20])
 def test_bytes_that_wait_keep_their_times(tmp_path, monkeypatch, batch):
     """Boards without a clock have no others; at one moment no wheel moves."""
-    monkeypatch.setattr(log_summary, "BATCH_BYTES", batch)
+    monkeypatch.setattr(summary, "BATCH_BYTES", batch)
     lines = [f"0.0 < {INFO}", *(f"{1 + i * 0.02:.2f} < @6,{60 * i},{60 * i}e" for i in range(200))]
     found = summarise(Recording(write(tmp_path / "log", lines)))
     assert found["refused_counts"] == 0
@@ -143,8 +143,8 @@ def test_a_robot_that_is_not_known_has_no_pose(tmp_path):
 
 MEASURE = """
 import resource, sys
-from mrl_driver.log_summary import summarise
-from mrl_driver.recording import Recording
+from mrl_driver.recording.summary import summarise
+from mrl_driver.recording.recording import Recording
 for path in sys.argv[1:]:
     frames = summarise(Recording(path))["frames"]
     print(frames["read_encoders_and_sonars"], resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)

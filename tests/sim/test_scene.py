@@ -4,17 +4,18 @@ import math
 
 import pytest
 
-from mrl_driver import robots
-from sim_arduino.avr_engine import FIRMWARE, AvrEngine
+from mrl_driver.robot import models
 from sim_arduino.board import PythonBoard
-from sim_arduino.plant import Plant
-from sim_arduino.scene import PIXEL_RAD, Scene, Source
-from sim_arduino.sensors import DustPulses, Environment, dust_share
-from sim_arduino.shapes import Pose, Wall
-from sim_arduino.world import World
-from sim_arduino.world_file import load
+from sim_arduino.board.avr_board import FIRMWARE, AvrEngine
+from sim_arduino.hardware.environment_sensors import DustPulses, dust_share
+from sim_arduino.hardware.wiring import Plant
+from sim_arduino.world.environment import Environment
+from sim_arduino.world.geometry import Pose, Wall
+from sim_arduino.world.scene import PIXEL_RAD, Scene, Source
+from sim_arduino.world.world import World
+from sim_arduino.world.world_file import load
 
-TRAXBOT = robots.load("traxbot")
+TRAXBOT = models.load("traxbot")
 HERE = Pose(0.0, 0.0, 0.0)
 AMBIENT = Environment()
 

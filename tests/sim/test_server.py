@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from sim_arduino.server import PtyServer
+from sim_arduino.serve.server import PtyServer
 
 PIECE = bytes(256)
 PIECES = 12

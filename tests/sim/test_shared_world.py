@@ -10,10 +10,10 @@ import uuid
 import pytest
 
 from mrl_driver.errors import ConfigError
-from sim_arduino import shared_crowd
-from sim_arduino.mirror import Mirror, follow
-from sim_arduino.shapes import Footprint, Pose
-from sim_arduino.shared_crowd import SharedCrowd
+from sim_arduino.replay.mirror import Mirror, follow
+from sim_arduino.world import shared_robots
+from sim_arduino.world.geometry import Footprint, Pose
+from sim_arduino.world.shared_robots import SharedCrowd
 from tests.sim.simulator import Client, Simulator
 from tests.waiting import PATIENCE_S, wait_until
 
@@ -24,7 +24,7 @@ BOX = Footprint(0.2, 0.1)
 def lab(tmp_path, monkeypatch):
     """Name of a world of this test's own."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.setattr(shared_crowd, "LOOK_S", 0.0)
+    monkeypatch.setattr(shared_robots, "LOOK_S", 0.0)
     return f"lab-{uuid.uuid4().hex[:8]}"
 
 
@@ -82,7 +82,7 @@ def test_a_name_is_taken_once(crowds):
 
 def test_a_robot_whose_process_was_killed_is_gone(crowds, lab):
     code = (
-        f"from sim_arduino.shared_crowd import *; c = SharedCrowd({lab!r}); "
+        f"from sim_arduino.world.shared_robots import *; c = SharedCrowd({lab!r}); "
         "c.place('dead', Pose(0, 0, 0), Footprint(1, 1)); print(flush=True); input()"
     )
     process = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
@@ -152,7 +152,7 @@ def last(truth):
 
 
 def test_a_board_is_not_put_into_another(lab):
-    shared = [sys.executable, "-m", "sim_arduino.cli", "--world-name", lab]
+    shared = [sys.executable, "-m", "sim_arduino.serve.main", "--world-name", lab]
     with Simulator("--world-name", lab, "--name", "one"):
         done = subprocess.run([*shared, "--name", "two"], capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 2

@@ -2,11 +2,11 @@
 
 import pytest
 
-from mrl_driver import robots
-from sim_arduino.sonars import FULL_COUNT, SonarChain, count_of
-from sim_arduino.world import Pose, Wall, World
+from mrl_driver.robot import models
+from sim_arduino.hardware.sonars import FULL_COUNT, SonarChain, count_of
+from sim_arduino.world.world import Pose, Wall, World
 
-MOUNTS = robots.load("traxbot").sonars
+MOUNTS = models.load("traxbot").sonars
 VOLT = 1024 / 5.0
 WALL = World([Wall(1.1, -9, 1.1, 9)])
 """1 m before the front sonar."""

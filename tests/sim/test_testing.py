@@ -6,10 +6,10 @@ import threading
 import pytest
 
 from mrl_driver.errors import ConfigError
-from sim_arduino.omni3md_i2c import I2cSlave
-from sim_arduino.shapes import Wall
-from sim_arduino.testing import COMMANDS, EmulatedBoard
-from sim_arduino.world import World
+from sim_arduino.hardware.omni3md_registers import I2cSlave
+from sim_arduino.testing.emulated_board import COMMANDS, EmulatedBoard
+from sim_arduino.world.geometry import Wall
+from sim_arduino.world.world import World
 from tests.sim.simulator import Client
 
 FREE = World()

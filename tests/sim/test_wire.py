@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_arduino.wire import IN_BYTE_S, OUT_BYTE_S, Incoming, Outgoing, Ring
+from sim_arduino.board.uart import IN_BYTE_S, OUT_BYTE_S, Incoming, Outgoing, Ring
 
 
 def test_bytes_leave_one_after_the_other():

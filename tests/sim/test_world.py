@@ -7,9 +7,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
-from sim_arduino.boards import Options, make
-from sim_arduino.world import Pose, Wall, World
-from sim_arduino.world_file import load, names, parse_pose
+from sim_arduino.serve.factory import Options, make
+from sim_arduino.world.world import Pose, Wall, World
+from sim_arduino.world.world_file import load, names, parse_pose
 
 CONE_RAD = math.radians(18)
 RANGE_M = 6.45

@@ -1,0 +1,59 @@
+"""Parameters of the board: read, tried, written to its EEPROM."""
+
+from typing import Dict, Mapping, Protocol, Tuple
+
+from mrl_driver.errors import BoardRefused
+from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
+from mrl_driver.session.handshake import Board
+
+_READ, _WRITE, _SAVE = (BY_NAME[name].code for name in ("read_config", "write_config", "save_config"))
+
+
+class Configurable(Protocol):
+    """What is needed of a driver."""
+
+    @property
+    def board(self) -> Board: ...  # noqa: D102
+    def ask(self, code: int, *args: int, timeout_s: float = ...) -> Tuple[int, ...]: ...  # noqa: D102
+
+
+def can_configure(robot: Configurable) -> bool:
+    """The board keeps a configuration; those of 2013 do not."""
+    return "config" in robot.board.capabilities
+
+
+def read(robot: Configurable, *names: str) -> Dict[str, int]:
+    """Parameters in force, in units of the table.
+
+    Raises:
+        BoardTimeout: no answer.
+    """
+    return {name: robot.ask(_READ, PARAMETER_BY_NAME[name].number)[1] for name in names}
+
+
+def write(robot: Configurable, values: Mapping[str, int]) -> None:
+    """Put parameters in force, until the board restarts.
+
+    Raises:
+        BoardRefused: the board keeps no configuration, or did not take one.
+        BoardTimeout: no answer.
+    """
+    if not can_configure(robot):
+        raise BoardRefused(
+            "board firmware 1 (2013) keeps no configuration; the robot's YAML alone was written; flash with: mrl flash"
+        )
+    for name, value in values.items():
+        number = PARAMETER_BY_NAME[name].number
+        if robot.ask(_WRITE, number, value) != (number, value):
+            raise BoardRefused(f"the board did not take {name} {value}")
+
+
+def save(robot: Configurable) -> None:
+    """Keep the parameters in force in the EEPROM.
+
+    Raises:
+        BoardRefused: it could not.
+        BoardTimeout: no answer.
+    """
+    if robot.ask(_SAVE, timeout_s=2.0) != (1,):
+        raise BoardRefused("the board could not save its EEPROM; try again")

@@ -1,0 +1,216 @@
+"""What a calibration leaves behind: the robot's YAML, and beside it the runs so far, so that it can be resumed.
+
+Files are replaced whole or not at all, and an older YAML is kept beside the new one.
+"""
+
+import datetime
+import json
+import os
+import re
+from typing import Any, Dict, List, Mapping, Tuple
+
+import yaml
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.files import replace_file
+from mrl_driver.robot import models
+from mrl_driver.robot.models import RobotModel
+
+from .trial import Run, as_json, from_json
+
+VERSION = 1
+Key = Tuple[str, str]
+"""Section and key of a number in a robot's YAML, such as ("drive", "turn_slip")."""
+
+
+class Progress:
+    """Runs that were driven and measured, by procedure, in a JSON file.
+
+    `settings` of a procedure say how its runs were driven; with other settings they do not count.
+
+    Raises:
+        ConfigError: the file is there and damaged, or another robot's.
+    """
+
+    def __init__(self, path: str, robot: str) -> None:
+        self.path = path
+        self._data: Dict[str, Any] = {"version": VERSION, "robot": robot, "procedures": {}}
+        if os.path.exists(path):
+            self._data = _read_state(path, robot)
+
+    def runs(self, procedure: str, settings: Mapping[str, Any]) -> List[Run]:
+        """Those that wait to be evaluated.
+
+        Raises:
+            ConfigError: they were driven with other settings, or the file is damaged.
+        """
+        found = self._data["procedures"].get(procedure)
+        if not found or found.get("done"):
+            return []
+        if found.get("settings") != dict(settings):
+            raise ConfigError(
+                f"{self.path} holds runs of {procedure} with {_spelt(found.get('settings'))}, expected "
+                f"{_spelt(settings)}: give those options, or begin anew with --restart"
+            )
+        return [from_json(each) for each in found["runs"]]
+
+    def other_runs(self, procedure: str) -> List[Run]:
+        """Those of all other procedures, evaluated or not."""
+        others = (found for name, found in self._data["procedures"].items() if name != procedure)
+        return [from_json(each) for found in others for each in found["runs"]]
+
+    def add(self, procedure: str, settings: Mapping[str, Any], run: Run) -> None:
+        """One more; it is on the disk when this returns."""
+        found = self._data["procedures"].get(procedure)
+        if not found or found.get("done"):
+            found = self._data["procedures"][procedure] = {"settings": dict(settings), "runs": []}
+        found["runs"].append(as_json(run))
+        self._write()
+
+    def replace(self, procedure: str, number: int, run: Run) -> None:
+        """Run `number`, from 0 on, was driven again."""
+        self._data["procedures"][procedure]["runs"][number] = as_json(run)
+        self._write()
+
+    def forget(self, procedure: str) -> None:
+        """Begin anew."""
+        if self._data["procedures"].pop(procedure, None) is not None:
+            self._write()
+
+    def finish(self, procedure: str) -> None:
+        """The runs are evaluated: the next ones begin anew."""
+        if procedure in self._data["procedures"]:
+            self._data["procedures"][procedure]["done"] = True
+            self._write()
+
+    def _write(self) -> None:
+        replace_file(self.path, json.dumps(self._data, separators=(",", ":")) + "\n")
+
+
+def _read_state(path: str, robot: str) -> Dict[str, Any]:
+    try:
+        with open(path, encoding="utf-8") as file:
+            data = json.load(file)
+        good = data["version"] == VERSION and isinstance(data["procedures"], dict)
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be read: {error.strerror}") from None
+    except (ValueError, KeyError, TypeError):
+        good = False
+    if not good:
+        raise ConfigError(f"{path} is no state of a calibration; move it away to begin anew")
+    if data.get("robot") != robot:
+        raise ConfigError(f"{path} is of {data.get('robot')}, expected {robot}; give another --output")
+    return dict(data)
+
+
+def _spelt(settings: Any) -> str:
+    return ", ".join(f"{name} {value:g}" for name, value in dict(settings or {}).items()) or "no settings"
+
+
+def demand_writable(path: str) -> None:
+    """Refuse early what cannot be written at the end.
+
+    Raises:
+        ConfigError: the name does not end in .yaml, or the folder is not there or closed.
+    """
+    folder = os.path.dirname(path) or "."
+    if not path.endswith((".yaml", ".yml")):
+        raise ConfigError(f"--output {path}: expected a file that ends in .yaml")
+    if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
+        raise ConfigError(f"--output {path}: folder {folder} cannot be written, expected one that can")
+
+
+def write_model(source: str, output: str, values: Mapping[Key, float], note: str) -> str:
+    """Write the model file `source` with other numbers to `output`; comments stay.
+
+    Args:
+        source: path of a model's YAML.
+        values: the new numbers.
+        note: said behind each of them, with the date.
+
+    Returns:
+        Path of the file that keeps what `output` was before, or "" where it was not there.
+
+    Raises:
+        ConfigError: a file cannot be read, or what would be written is not a model.
+        OutputError: a file cannot be written.
+    """
+    text = _text_of(source)
+    said = f"{note}, {datetime.date.today().isoformat()}"
+    for key, value in values.items():
+        text = _with_number(text, key, value, said)
+    _demand_model(text, source, values)
+    kept = _keep(output)
+    replace_file(output, text)
+    return kept
+
+
+def source_of(model_name: str) -> str:
+    """Path of the YAML that a model's name, or a path, means."""
+    if model_name.endswith((".yaml", ".yml")):
+        return model_name
+    own = os.path.join(models.own_folder(), f"{model_name}.yaml")
+    return (
+        own if os.path.isfile(own) else os.path.join(os.path.dirname(models.__file__), f"{model_name}.yaml")
+    )
+
+
+def _text_of(path: str) -> str:
+    try:
+        with open(path, encoding="utf-8") as file:
+            return file.read()
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be read: {error.strerror}") from None
+
+
+def _spelling(value: float) -> str:
+    return str(value) if isinstance(value, int) else f"{value:.8g}" if abs(value) >= 1e-3 else f"{value:.12f}"
+
+
+def _with_number(text: str, key: Key, value: float, said: str) -> str:
+    """The text with one number changed, or added at the end of its section, or with its section."""
+    section, name = key
+    line = f"  {name}: {_spelling(value)}"
+    start = re.search(rf"^{section}:[ \t]*(#.*)?$", text, re.MULTILINE)
+    if start is None:
+        return f"{text.rstrip()}\n{section}:\n{line}  # {said}\n"
+    end = re.compile(r"^\S", re.MULTILINE).search(text, start.end())
+    body = text[start.end() : end.start() if end else len(text)]
+    rest = text[start.end() + len(body) :]
+    old = re.search(rf"^[ \t]+{name}:.*$", body, re.MULTILINE)
+    new = f"{line}  # {said}"
+    body = body[: old.start()] + new + body[old.end() :] if old else f"{body.rstrip()}\n{new}\n"
+    return text[: start.end()] + body + rest
+
+
+def _demand_model(text: str, source: str, values: Mapping[Key, float]) -> None:
+    """Refuse a text that is no model, or does not hold the numbers."""
+    try:
+        model = models.parse(yaml.safe_load(text), source)
+    except yaml.YAMLError:
+        raise ConfigError(
+            f"{source}: is written in a way that cannot be edited; nothing was changed"
+        ) from None
+    for (section, name), value in values.items():
+        found = _look_up(model, section, name)
+        if abs(found - value) > 1e-6 * abs(value) + 1e-9:
+            raise ConfigError(
+                f"{source}: {section}.{name} cannot be edited, expected it on a line of its own; nothing was changed"
+            )
+
+
+def _look_up(model: RobotModel, section: str, name: str) -> float:
+    part = getattr(model, section)
+    return float(part[name] if isinstance(part, dict) else getattr(part, name))
+
+
+def _keep(path: str) -> str:
+    """Keep what is there under another name; that name."""
+    if not os.path.exists(path):
+        return ""
+    number = 1
+    while os.path.exists(f"{path}.{number}.bak"):
+        number += 1
+    kept = f"{path}.{number}.bak"
+    replace_file(kept, _text_of(path))
+    return kept

@@ -1,0 +1,111 @@
+"""Recordings as calibrations take them: what wheels and front sonar did, and what the motors were told."""
+
+import math
+from typing import List, NamedTuple, Tuple
+
+import numpy as np
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.protocol.codec import REPLIES, REQUESTS, Frame, FrameDecoder
+from mrl_driver.protocol.table import BY_CODE, BY_NAME
+from mrl_driver.recording.recorded_link import CHECKED, PLAIN
+from mrl_driver.recording.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
+from mrl_driver.robot.models import RobotModel
+from mrl_driver.robot.odometry import Odometry, Pose
+from mrl_driver.robot.robot_state import fastest_m_s
+from mrl_driver.robot.sonar import range_m
+
+from .manoeuvres import steps_of
+from .trial import Run
+
+_INFO = BY_NAME["robot_info"].code
+_WITH_SONARS = BY_NAME["read_encoders_and_sonars"].code
+_MOVING = tuple(
+    BY_NAME[name].code for name in ("move_motors_pid", "move_motors", "move_differential", "stop")
+)
+_COUNTING = {
+    code for code, row in BY_CODE.items() if [field.name for field in row.reply[:2]] == ["right", "left"]
+}
+
+
+class Replayed(NamedTuple):
+    """`rows` (N, 4) as `driving.Track.end` has them, times since the recording began; `requests` to the board."""
+
+    rows: np.ndarray
+    requests: List[Tuple[float, Frame]]
+
+
+def read(path: str, model: RobotModel) -> Replayed:
+    """A whole recording of this robot.
+
+    Raises:
+        ConfigError: it cannot be read, is another robot's, holds no counts, or the counts jump in it.
+    """
+    reader = _Reader(model, path)
+    for time_s, way, data in Recording(path):
+        reader.take(time_s, way, data)
+    if len(reader.rows) < 2:
+        raise ConfigError(f"{path} holds {len(reader.rows)} readings of the counters, expected a drive")
+    jumps = reader.odometry.baseline.refused
+    if jumps:
+        raise ConfigError(f"{path}: the counts jump {jumps} times, expected none; record the drive again")
+    return Replayed(np.array(reader.rows), reader.requests)
+
+
+def run_of(path: str, end: Pose, model: RobotModel) -> Run:
+    """The drive of a whole recording as one run, which ended there."""
+    return Run(steps_of(read(path, model).rows), end)
+
+
+class _Reader:
+    def __init__(self, model: RobotModel, path: str) -> None:
+        self._model, self._path = model, path
+        self._said, self._asked = FrameDecoder(REPLIES), FrameDecoder(REQUESTS)
+        self._version = 2
+        self.odometry = Odometry(model.drive, fastest_m_s(model), exact_time=False)
+        self.rows: List[Tuple[float, float, float, float]] = []
+        self.requests: List[Tuple[float, Frame]] = []
+
+    def take(self, time_s: float, way: str, data: bytes) -> None:
+        """One entry of the recording."""
+        if way == REMARK and data in (CHECKED, PLAIN):
+            self._said.checked = self._asked.checked = data == CHECKED
+        elif way == TO_BOARD:
+            self.requests += [(time_s, event) for event in self._asked.feed(data) if isinstance(event, Frame)]
+        elif way == FROM_BOARD:
+            for event in self._said.feed(data):
+                if isinstance(event, Frame):
+                    self._frame(time_s, event)
+
+    def _frame(self, time_s: float, frame: Frame) -> None:
+        if frame.code == _INFO:
+            self._version, robot_id = frame.args[3:5]
+            if robot_id not in self._model.ids:
+                raise ConfigError(f"{self._path} is of robot id {robot_id}, expected {self._model.name}")
+        elif frame.code in _COUNTING:
+            self._reading(time_s, frame)
+
+    def _reading(self, time_s: float, frame: Frame) -> None:
+        used = self.odometry.update(frame.args[0], frame.args[1], time_s)
+        if used or not self.rows:
+            front = range_m(frame.args[2], self._version) if frame.code == _WITH_SONARS else math.nan
+            self.rows.append((time_s, *self.odometry.travel, front))
+
+
+def step_of(replayed: Replayed, code: int) -> Tuple[np.ndarray, Tuple[int, int]]:
+    """Rows of the first step from rest with this request, and its arguments.
+
+    Raises:
+        ConfigError: there is none.
+    """
+    orders = [(time_s, frame) for time_s, frame in replayed.requests if frame.code in (code, *_MOVING)]
+    for number, (begin_s, frame) in enumerate(orders):
+        if frame.code == code and any(frame.args):
+            ends = [
+                time_s for time_s, other in orders[number:] if (other.code, other.args) != (code, frame.args)
+            ]
+            times_s = replayed.rows[:, 0]
+            first = max(0, int(np.searchsorted(times_s, begin_s)) - 1)
+            last = int(np.searchsorted(times_s, ends[0])) if ends else len(times_s)
+            return replayed.rows[first:last], (frame.args[0], frame.args[1])
+    raise ConfigError(f"the recording has no request {code} that moves a motor, expected a step from rest")

@@ -1,0 +1,191 @@
+"""The calibrations of geometry: what is driven, what is made of it, and what of that goes where."""
+
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.robot.models import Drive, Noise, RobotModel
+from mrl_driver.robot.odometry import Pose
+
+from . import fit, manoeuvres, umbmark
+from .files import Key
+from .fit import AXLE, OFFSET, SCALE, SLIP, Measured
+from .ground_truth import Ruler
+from .manoeuvres import Robot, Speeds, Track
+from .trial import LEFT, NEITHER, RIGHT, Run, demand_plausible, demand_sense, errors, sense
+
+STRAIGHT, TURN, UMBMARK = "straight", "turn", "umbmark"
+_WHOLE_TURN = 2 * np.pi
+NOWHERE = Pose(np.nan, np.nan, np.nan)
+"""Not measured."""
+
+
+class Leg(NamedTuple):
+    """One run to drive."""
+
+    name: str
+    sense: str
+    drive: Callable[[Robot], None]
+
+
+class Outcome(NamedTuple):
+    """A drive before and after, and the (R, 3) errors of the runs with each: x y yaw [m m rad]."""
+
+    before: Drive
+    after: Drive
+    errors_before: np.ndarray
+    errors_after: np.ndarray
+    square: Optional[umbmark.Result] = None
+    noise: Optional[Noise] = None
+
+
+def straight_legs(runs: int, distance_m: float, speeds: Speeds) -> List[Leg]:
+    """Forward and back in turn."""
+
+    def leg(number: int) -> Leg:
+        sign, way = (1, "forward") if number % 2 == 0 else (-1, "back")
+        name = f"run {number + 1} of {runs}, {distance_m:g} m {way}"
+        return Leg(name, NEITHER, lambda robot: manoeuvres.straight(robot, sign * distance_m, speeds))
+
+    return [leg(number) for number in range(runs)]
+
+
+def turn_legs(runs: int, turns: int, speeds: Speeds) -> List[Leg]:
+    """Left and right in turn; the first two make one whole turn, so that the others cannot be miscounted."""
+
+    def leg(number: int) -> Leg:
+        sign, sense = (1, LEFT) if number % 2 == 0 else (-1, RIGHT)
+        whole = 1 if number < 2 else turns
+        name = f"run {number + 1} of {runs}, {whole} turn{'s' * (whole > 1)} {sense}"
+        return Leg(name, sense, lambda robot: manoeuvres.turn(robot, sign * whole * _WHOLE_TURN, speeds))
+
+    return [leg(number) for number in range(runs)]
+
+
+def umbmark_legs(laps: int, side_m: float, speeds: Speeds) -> List[Leg]:
+    """Squares: all counter-clockwise ones, then all clockwise ones."""
+
+    def leg(number: int, sense: str) -> Leg:
+        name = f"lap {number + 1} of {laps} {sense}"
+        return Leg(name, sense, lambda robot: manoeuvres.square(robot, side_m, sense == LEFT, speeds))
+
+    return [leg(number, sense) for sense in (LEFT, RIGHT) for number in range(laps)]
+
+
+def gather(
+    robot: Robot,
+    legs: Sequence[Leg],
+    ruler: Ruler,
+    keep: Callable[[Run], None],
+    track: Optional[Track] = None,
+) -> None:
+    """Drive the legs one after the other; `keep` gets each run as soon as it is measured.
+
+    Raises:
+        ConfigError: a run went the wrong way, its counts jumped, or its end cannot be and the ruler does not measure
+            again; it is not kept.
+        WheelFault, BoardTimeout: the robot could not drive it.
+    """
+    track = track or Track(robot)
+    assert robot.model is not None
+    drive = robot.model.differential
+    for leg in legs:
+        ruler.begin(leg.name)
+        track.begin()
+        leg.drive(robot)
+        steps, name = manoeuvres.steps_of(track.end()), leg.name
+        demand_sense(drive, Run(steps, NOWHERE), leg.sense, name)
+        end = ruler.end(name, lambda pose: demand_plausible(drive, Run(steps, pose), name))  # noqa: B023
+        keep(Run(steps, end))
+
+
+def check_recorded(procedure: str, drive: Drive, run: Run, name: str) -> None:
+    """Refuse a recorded run that is none of this procedure's.
+
+    Raises:
+        ConfigError: it is not, or its end is nowhere near.
+    """
+    found = sense(drive, run)
+    if (found == NEITHER) != (procedure == STRAIGHT):
+        raise ConfigError(f"{name} went {found}, which is no run of {procedure}")
+    demand_sense(drive, run, found, name)
+    demand_plausible(drive, run, name)
+
+
+def free_numbers(procedure: str, tracks: bool) -> Tuple[str, ...]:
+    """What a procedure finds: on tracks the slip takes what a wheelbase does on wheels."""
+    turning = SLIP if tracks else AXLE
+    return {STRAIGHT: (SCALE, OFFSET), TURN: (turning,), UMBMARK: (OFFSET, turning)}[procedure]
+
+
+def evaluate(
+    procedure: str,
+    runs: List[Run],
+    model: RobotModel,
+    side_m: float = 1.0,
+    measured: Measured = fit.BY_TAPE,
+    others: Sequence[Run] = (),
+) -> Outcome:
+    """What the runs of a procedure say.
+
+    Args:
+        side_m: of UMBmark's square.
+        others: runs of other procedures, for the noise.
+
+    Raises:
+        ConfigError: too few runs, or one that the others gainsay.
+    """
+    before, start, result = model.differential, model.differential, None
+    free = free_numbers(procedure, model.body.tracks)
+    found = errors(before, runs)
+    if procedure == UMBMARK:
+        result = _umbmark(runs, found, before, side_m)
+        start = umbmark.corrected(before, result, model.body.tracks)
+    elif len(runs) < 2:
+        raise ConfigError(f"there is {len(runs)} run, expected 2 or more")
+    elif procedure == TURN:
+        start = fit.fit(runs[:2], before, free, model.noise, measured).drive
+    fitted = fit.fit(runs, start, free, model.noise, measured)
+    odd = fit.outlier(runs, fitted)
+    if odd >= 0:
+        off_m = float(np.hypot(*fitted.errors[odd, :2]))
+        raise ConfigError(
+            f"run {odd + 1} of {len(runs)} ends {off_m:.3f} m from where the others would have it: measured wrong, or "
+            f"something slipped; drive it again with --again {odd + 1}"
+        )
+    together = [*runs, *others]
+    noise = None
+    if len(together) >= fit.LEAST_RUNS_FOR_NOISE:
+        whole = fit.Fit(fitted.drive, errors(fitted.drive, together), ())
+        noise = fit.estimate_noise(together, whole, len(free) + (len(others) > 0), measured)
+    return Outcome(before, fitted.drive, found, fitted.errors, result, noise)
+
+
+def _umbmark(runs: List[Run], found: np.ndarray, drive: Drive, side_m: float) -> umbmark.Result:
+    points: Dict[str, List[umbmark.Point]] = {LEFT: [], RIGHT: []}
+    for run, row in zip(runs, found):
+        turned = (run.steps[:, 0] - run.steps[:, 1]).sum()
+        points[LEFT if turned > 0 else RIGHT].append((float(row[0]), float(row[1])))
+    return umbmark.evaluate(points[LEFT], points[RIGHT], side_m, drive.turning_separation_m)
+
+
+def values_for(model: RobotModel, outcome: Outcome) -> Dict[Key, float]:
+    """Numbers of the robot's YAML that change.
+
+    The board is told radii with which commanded speeds come out right: they grow as wheels and wheelbase do.
+    """
+    before, after = outcome.before, outcome.after
+    values: Dict[Key, float] = {
+        ("drive", name): getattr(after, name)
+        for name in Drive._fields
+        if getattr(after, name) != getattr(before, name)
+    }
+    wheel = model.board["wheel_radius"] * after.metres_per_count / before.metres_per_count
+    axis = model.board["axis_radius"] * after.turning_separation_m / before.turning_separation_m
+    for name, value in (("wheel_radius", wheel), ("axis_radius", axis)):
+        if round(value) != model.board[name]:
+            values["board", name] = round(value)
+    if outcome.noise is not None:
+        values.update({("noise", name): value for name, value in outcome.noise._asdict().items()})
+    return values

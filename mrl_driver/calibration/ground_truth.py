@@ -1,0 +1,98 @@
+"""Where a robot really is: who measures it, before and after each run."""
+
+import json
+import math
+import os
+from typing import Callable, Protocol
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.robot.odometry import ORIGIN, Pose, wrap_angle
+
+_TAIL_BYTES = 4096
+
+
+Check = Callable[[Pose], None]
+"""Raises ConfigError for an end that cannot be."""
+
+
+class Ruler(Protocol):
+    """Measures the end of a run in the frame of its start: x forward, y left [m], yaw [rad]; NaN where it cannot."""
+
+    def begin(self, run: str) -> None:
+        """The robot stands where `run` starts."""
+
+    def end(self, run: str, check: Check) -> Pose:
+        """Where it stands after it, as `check` accepts it.
+
+        Raises:
+            ConfigError: it does not, and cannot be measured again.
+        """
+
+
+class Truth:
+    """A ruler for emulated robots, whose true pose is known."""
+
+    def __init__(self, pose: Callable[[], Pose]) -> None:
+        self._pose = pose
+        self._start = ORIGIN
+
+    def begin(self, run: str) -> None:
+        """Remember where the robot is."""
+        self._start = self._pose()
+
+    def end(self, run: str, check: Check) -> Pose:
+        """Where it is now."""
+        pose = relative(self._start, self._pose())
+        check(pose)
+        return pose
+
+
+def relative(start: Pose, pose: Pose) -> Pose:
+    """`pose` in the frame of `start`."""
+    dx, dy = pose.x_m - start.x_m, pose.y_m - start.y_m
+    cos, sin = math.cos(start.yaw_rad), math.sin(start.yaw_rad)
+    return Pose(cos * dx + sin * dy, cos * dy - sin * dx, wrap_angle(pose.yaw_rad - start.yaw_rad))
+
+
+def truth_file(path: str) -> Callable[[], Pose]:
+    """Reads the newest pose of a file that `mrl-sim --truth` appends to.
+
+    Raises:
+        ConfigError: there is no such file; when read: or no pose in it.
+    """
+    if not os.path.isfile(path):
+        raise ConfigError(f"--truth {path}: no such file, expected the one that mrl-sim --truth writes")
+    return lambda: _last_pose(path)
+
+
+def _last_pose(path: str) -> Pose:
+    with open(path, "rb") as file:
+        file.seek(0, os.SEEK_END)
+        file.seek(max(0, file.tell() - _TAIL_BYTES))
+        whole = file.read().rpartition(b"\n")[0].rsplit(b"\n", 1)[-1]
+    try:
+        line = json.loads(whole)
+        return Pose(float(line["x"]), float(line["y"]), float(line["yaw"]))
+    except (ValueError, KeyError, TypeError):
+        raise ConfigError(f"--truth {path}: its end is {whole[:60]!r}, expected a pose as JSON") from None
+
+
+def parse_pose(text: str) -> Pose:
+    """`x y heading` as people type it: metres and degrees, spaces or commas; the heading may be left out.
+
+    Raises:
+        ConfigError: it is something else.
+    """
+    parts = text.replace(",", " ").split()
+    try:
+        numbers = [float(part) for part in parts]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
+        raise ConfigError(
+            f"got {text!r}, expected x y [m] and perhaps the heading [deg], such as: 0.012 -0.034 1.5"
+        )
+    if max(abs(numbers[0]), abs(numbers[1])) > 100:
+        raise ConfigError(f"got {text!r}, expected x and y in metres, not centimetres")
+    yaw_rad = wrap_angle(math.radians(numbers[2])) if len(numbers) == 3 else math.nan
+    return Pose(numbers[0], numbers[1], yaw_rad)

@@ -1,0 +1,254 @@
+"""Driving for a calibration: straight lines, turns and squares by odometry, and steps of single motors.
+
+Written once for `Driver` and `SteppedDriver`.
+"""
+
+import math
+from typing import Any, Callable, List, NamedTuple, Optional, Protocol, Tuple
+
+import numpy as np
+
+from mrl_driver.errors import BoardTimeout, ConfigError, WheelFault
+from mrl_driver.protocol.table import BY_NAME
+from mrl_driver.robot.models import RobotModel
+from mrl_driver.robot.odometry import AnyTwist, Pose, Wheels, advance, wrap_angle
+from mrl_driver.robot.robot_state import Telemetry
+from mrl_driver.robot.wheel_monitor import Mismatch
+from mrl_driver.session.handshake import Board
+from mrl_driver.session.link_counters import Statistics
+
+TICK_S = 0.05
+SETTLED_S = 0.4
+"""A robot whose counts stand still for so long has come to rest."""
+PATIENCE_S = 5.0
+KEEP_ALIVE_S = 0.1
+"""Requests that drive motors are repeated so often, which feeds the board's watchdog."""
+ARRIVED_M, ARRIVED_RAD = 0.003, math.radians(0.4)
+LEAST_M_S, LEAST_RAD_S = 0.03, 0.15
+"""Slower than this the motors may not turn at all."""
+LATENCY_S = 0.2
+"""From a command to the wheels following it."""
+HEADING_GAIN, OFFSET_GAIN = 3.0, 3.0
+MOVE_PID, MOVE, SET_GAINS = (
+    BY_NAME[name].code for name in ("move_motors_pid", "move_motors", "set_pid_gains")
+)
+
+Command = Optional[Tuple[float, float]]
+
+
+class Robot(Protocol):
+    """What `Driver` and `SteppedDriver` have in common, as far as it is needed here."""
+
+    @property
+    def model(self) -> Optional[RobotModel]: ...  # noqa: D102
+    @property
+    def board(self) -> Board: ...  # noqa: D102
+    @property
+    def pose(self) -> Pose: ...  # noqa: D102
+    @property
+    def telemetry(self) -> Optional[Telemetry]: ...  # noqa: D102
+    @property
+    def ready(self) -> bool: ...  # noqa: D102
+    @property
+    def stopped(self) -> bool: ...  # noqa: D102
+    @property
+    def stop_reason(self) -> str: ...  # noqa: D102
+    @property
+    def mismatch(self) -> Optional[Mismatch]: ...  # noqa: D102
+    @property
+    def command(self) -> Optional[AnyTwist]: ...  # noqa: D102
+    @property
+    def statistics(self) -> Statistics: ...  # noqa: D102
+    def drive(self, linear_m_s: float, angular_rad_s: float) -> bool: ...  # noqa: D102
+    def stop(self) -> None: ...  # noqa: D102
+    def wait(self, timeout_s: float) -> bool: ...  # noqa: D102
+    def request(self, code: int, *args: int) -> None: ...  # noqa: D102
+    def ask(self, code: int, *args: int, timeout_s: float = ...) -> Tuple[int, ...]: ...  # noqa: D102
+    def on_telemetry(self, callback: Callable[[Telemetry], None]) -> None: ...  # noqa: D102
+
+
+class Speeds(NamedTuple):
+    """How fast a calibration drives: slowly, so that nothing slips that need not."""
+
+    linear_m_s: float = 0.2
+    angular_rad_s: float = 0.8
+    braking_m_s2: float = 0.15
+    braking_rad_s2: float = 0.8
+
+
+class Track:
+    """Notes what the wheels do between `begin` and `end`.  One for each robot: listeners stay."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._rows: List[Tuple[float, ...]] = []
+        self._on = False
+        self._refused = 0
+        robot.on_telemetry(self._note)
+
+    def _note(self, telemetry: Telemetry) -> None:
+        if self._on:
+            self._rows.append(_row(telemetry))
+
+    def begin(self) -> None:
+        """From here on."""
+        telemetry = self._robot.telemetry
+        self._rows = [_row(telemetry)] if telemetry else []
+        self._refused = self._robot.statistics.refused_counts
+        self._on = True
+
+    def end(self) -> np.ndarray:
+        """As `so_far`, for the last time."""
+        self._on = False
+        return self.so_far()
+
+    def so_far(self) -> np.ndarray:
+        """(N, 4) readings since `begin`: time [s], right, left [count, without wrap], range of the front sonar [m].
+
+        Raises:
+            ConfigError: counts jumped in between, so the run is worth nothing.
+        """
+        jumps = self._robot.statistics.refused_counts - self._refused
+        if jumps:
+            raise ConfigError(
+                f"the counts jumped {jumps} times in this run, expected none: look at encoder plugs and motor power, "
+                "then drive it again"
+            )
+        return np.array(self._rows).reshape(-1, 4)
+
+
+def _row(telemetry: Telemetry) -> Tuple[float, ...]:
+    return (telemetry.stamp_s, *telemetry.counts[:2], telemetry.ranges.get("front", math.nan))
+
+
+def steps_of(rows: np.ndarray) -> np.ndarray:
+    """(N, 2) counts between the readings of a track in which a wheel moved."""
+    steps = np.diff(rows[:, 1:3], axis=0).astype(np.int64)
+    moved: np.ndarray = steps[np.any(steps != 0, axis=1)]
+    return moved
+
+
+def settle(robot: Robot) -> None:
+    """Stop, and wait until nothing moves.
+
+    Raises:
+        BoardTimeout: the wheels keep turning, or no telemetry comes.
+    """
+    robot.stop()
+    still_s, waited_s, last = 0.0, 0.0, _counts(robot)
+    while still_s < SETTLED_S:
+        robot.wait(TICK_S)
+        waited_s += TICK_S
+        counts = _counts(robot)
+        still_s = still_s + TICK_S if counts == last and robot.stopped else 0.0
+        last = counts
+        if waited_s > PATIENCE_S:
+            raise BoardTimeout(f"the wheels still turn {PATIENCE_S:g} s after a stop; switch the motors off")
+
+
+def _counts(robot: Robot) -> Wheels:
+    return Wheels(*robot.telemetry.counts[:2]) if robot.telemetry else Wheels(0, 0)
+
+
+def follow(robot: Robot, steer: Callable[[Pose], Command], patience_s: float) -> None:
+    """Drive by `steer`, which gives speeds for a pose and None at the end; then come to rest.
+
+    Raises:
+        WheelFault: a wheel did not do what it was told.
+        BoardTimeout: the robot took no command, or did not get there in `patience_s`.
+    """
+    waited_s = 0.0
+    while True:
+        command = steer(robot.pose)
+        if command is None:
+            break
+        taken = robot.drive(*command)
+        if robot.mismatch is not None:
+            raise WheelFault(f"stopped early: {robot.mismatch}; see mrl calibrate wiring")
+        if not taken:
+            robot.stop()
+            raise BoardTimeout(f"the robot took no command ({robot.stop_reason}); see mrl doctor")
+        robot.wait(TICK_S)
+        waited_s += TICK_S
+        if waited_s > patience_s:
+            robot.stop()
+            raise BoardTimeout(f"the robot did not arrive in {patience_s:.0f} s; is something in its way?")
+    settle(robot)
+
+
+def straight(robot: Robot, distance_m: float, speeds: Speeds, line: Optional[Pose] = None) -> None:
+    """Drive so far straight ahead, or back; `line` is where that way should have begun, if not here."""
+    start, sign = line or robot.pose, math.copysign(1.0, distance_m)
+    cos, sin = math.cos(start.yaw_rad), math.sin(start.yaw_rad)
+
+    def steer(pose: Pose) -> Command:
+        dx, dy = pose.x_m - start.x_m, pose.y_m - start.y_m
+        left_m = abs(distance_m) - sign * (cos * dx + sin * dy)
+        if left_m < ARRIVED_M:
+            return None
+        linear = sign * _braked(left_m, speeds.linear_m_s, speeds.braking_m_s2, LEAST_M_S)
+        aside = max(-0.4, min(0.4, OFFSET_GAIN * (cos * dy - sin * dx)))
+        error = wrap_angle(start.yaw_rad - sign * aside - pose.yaw_rad)
+        return linear, max(-speeds.angular_rad_s, min(speeds.angular_rad_s, HEADING_GAIN * error))
+
+    follow(robot, steer, 10 + 4 * abs(distance_m) / speeds.linear_m_s)
+
+
+def turn(robot: Robot, angle_rad: float, speeds: Speeds) -> None:
+    """Turn in place, counter-clockwise for positive angles, by whole turns too."""
+    done_rad, before = 0.0, robot.pose.yaw_rad
+
+    def steer(pose: Pose) -> Command:
+        nonlocal done_rad, before
+        done_rad += wrap_angle(pose.yaw_rad - before)
+        before = pose.yaw_rad
+        left = (angle_rad - done_rad) * math.copysign(1.0, angle_rad)
+        if left < ARRIVED_RAD:
+            return None
+        speed = _braked(left, speeds.angular_rad_s, speeds.braking_rad_s2, LEAST_RAD_S)
+        return 0.0, math.copysign(speed, angle_rad)
+
+    follow(robot, steer, 10 + 4 * abs(angle_rad) / speeds.angular_rad_s)
+
+
+def square(
+    robot: Robot, side_m: float, left: bool, speeds: Speeds, at_rest: Callable[[], Any] = lambda: None
+) -> None:
+    """One lap whose corners do not add up their errors; `at_rest` is called at each of the eight stops."""
+    corner = math.pi / 2 if left else -math.pi / 2
+    line = robot.pose
+    for _ in range(4):
+        straight(robot, side_m, speeds, line)
+        at_rest()
+        line = advance(advance(line, side_m, 0.0), 0.0, corner)
+        turn(robot, _near(wrap_angle(line.yaw_rad - robot.pose.yaw_rad), corner), speeds)
+        at_rest()
+
+
+def _near(angle_rad: float, wanted_rad: float) -> float:
+    """The angle to turn, the sense of which a small error must not reverse."""
+    return angle_rad if abs(angle_rad - wanted_rad) < 1.0 else wanted_rad
+
+
+def _braked(left: float, top: float, braking: float, least: float) -> float:
+    """Speed from which `braking` comes to rest within `left`, reacting `LATENCY_S` late."""
+    delay = braking * LATENCY_S
+    return max(least, min(top, math.sqrt(delay * delay + 2 * braking * left) - delay))
+
+
+def spin_motors(robot: Robot, code: int, left_percent: int, right_percent: int, seconds: float) -> None:
+    """Have the motors of a settled robot turn at these shares of full speed; they go on until they are stopped.
+
+    Before it has settled, the driver still repeats its stop.
+
+    Raises:
+        BoardTimeout: telemetry has ended, and the robot was stopped.
+    """
+    for _ in range(max(1, round(seconds / KEEP_ALIVE_S))):
+        if not robot.ready:
+            robot.stop()
+            raise BoardTimeout(
+                f"telemetry ended while the motors turned ({robot.stop_reason}); see mrl doctor"
+            )
+        robot.request(code, left_percent, right_percent)
+        robot.wait(KEEP_ALIVE_S)

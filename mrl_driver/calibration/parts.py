@@ -1,0 +1,286 @@
+"""The calibrations of parts: wires, the sonars' curve, the motors' gains.  Drives, and hands to the pure modules."""
+
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.robot.models import Drive, RobotModel
+from mrl_driver.robot.odometry import Pose
+
+from . import eeprom, from_recording, gains, manoeuvres, sonar_curve, wiring
+from .gains import Gains, Plant, Response
+from .ground_truth import Ruler
+from .manoeuvres import MOVE, MOVE_PID, Robot, Speeds, Track
+from .sonar_curve import Curve
+
+DUTY_PERCENT, WIRING_S = 35, 0.5
+STEP_PERCENT, STEP_S = 40, 1.5
+STAND_S, FRESH_S = 1.5, 0.7
+"""The robot stands so long before the wall; what the sonar says is from this stand after so much of it [s]."""
+
+LOOKS, LEAST_OF_WAY = 5, 0.7
+"""Before it drives on the robot looks so often; less than this share of the distance is not the sonar's curve."""
+
+Look = Callable[[str, Pose], Tuple[Optional[str], int]]
+"""Which wheel turned, and which way, when this motor was driven and the ruler says that; see `wiring.Trial`."""
+
+
+def check_wiring(robot: Robot, track: Track, ruler: Ruler, look: Look) -> List[str]:
+    """Turn each motor forward by itself, without speed control; what is wrong with the wires."""
+    trials = []
+    for motor, percents in ((wiring.LEFT, (DUTY_PERCENT, 0)), (wiring.RIGHT, (0, DUTY_PERCENT))):
+        manoeuvres.settle(robot)
+        ruler.begin(f"{motor} motor alone")
+        track.begin()
+        manoeuvres.spin_motors(robot, MOVE, *percents, WIRING_S)
+        manoeuvres.settle(robot)
+        rows = track.end()
+        right, left = (int(value) for value in rows[-1, 1:3] - rows[0, 1:3])
+        trials.append(
+            wiring.Trial(motor, right, left, *look(motor, ruler.end(f"{motor} motor alone", lambda _: None)))
+        )
+    return wiring.diagnose(trials)
+
+
+# -- sonar
+
+
+class SonarPlan(NamedTuple):
+    """Where the robot stands before the wall: from `start_m` on, `step_m` nearer each time, to `stop_m`."""
+
+    start_m: float = 2.0
+    stop_m: float = 0.2
+    step_m: float = 0.05
+
+    def distances(self) -> List[float]:
+        """All of them [m].
+
+        Raises:
+            ConfigError: they are too few, or do not approach the wall.
+        """
+        good = 0.15 <= self.stop_m < self.start_m <= 6.0 and 0.01 <= self.step_m <= 0.5
+        count = int((self.start_m - self.stop_m) / self.step_m + 1e-6) + 1 if good else 0
+        if count < sonar_curve.LEAST_DISTANCES:
+            raise ConfigError(
+                f"from {self.start_m:g} m by {self.step_m:g} m to {self.stop_m:g} m are {count} distances, expected "
+                f"{sonar_curve.LEAST_DISTANCES} or more between 6 m and 0.15 m"
+            )
+        return [self.start_m - i * self.step_m for i in range(count)]
+
+
+def approach_wall(
+    robot: Robot,
+    track: Track,
+    distances: Sequence[float],
+    speeds: Speeds,
+    say: Callable[[str], None],
+    keep: Callable[[np.ndarray], None],
+) -> None:
+    """Drive up to the wall and stand at each distance [m], the robot being at the first.
+
+    `keep` gets the track's rows, from the first distance on, after each of them.
+
+    Raises:
+        ConfigError: the wall, or something else, is much nearer than it should be.
+    """
+    line = robot.pose
+    track.begin()
+    for number, distance_m in enumerate(distances, 1):
+        if number > 1:
+            manoeuvres.straight(robot, distances[0] - distance_m, speeds, line)
+        say(f"{number} of {len(distances)}: {distance_m:.2f} m")
+        _demand_way(_look_ahead(robot), distance_m)
+        keep(track.so_far())
+
+
+def _look_ahead(robot: Robot) -> float:
+    """What the front sonar says while the robot stands [m]; NaN for nothing."""
+    said = []
+    for _ in range(LOOKS):
+        robot.wait(STAND_S / LOOKS)
+        said.append(robot.telemetry.ranges.get("front", np.nan) if robot.telemetry else np.nan)
+    return float(np.median(said))
+
+
+def _demand_way(said_m: float, distance_m: float) -> None:
+    """Refuse to drive on into a wall that is nearer than was said; a sonar is not that wrong."""
+    if said_m < LEAST_OF_WAY * distance_m:
+        raise ConfigError(
+            f"the front sonar says {max(said_m, 0.0):.2f} m, expected about {distance_m:.2f} m to the wall: measure "
+            "--start from the sonar to the wall, and clear the way"
+        )
+
+
+def stands(rows: np.ndarray, drive: Drive, start_m: float) -> Tuple[List[float], List[float]]:
+    """Ranges that the front sonar told [m], NaN for none, and distances by odometry [m], for each stand of a track.
+
+    Args:
+        rows: (N, 4) time, right, left, range; see `Track.end`.
+        start_m: distance from the wall at the first row.
+    """
+    times_s = rows[:, 0]
+    way = (rows[:, 1:3] - rows[0, 1:3]) @ (drive.right_m_per_count / 2, drive.left_m_per_count / 2)
+    moved = np.flatnonzero(np.any(np.diff(rows[:, 1:3], axis=0) != 0, axis=1)) + 1
+    edges = [0, *moved.tolist(), len(rows)]
+    ranges, distances = [], []
+    for begin, end in zip(edges, edges[1:]):
+        stood = times_s[begin:end] - times_s[begin]
+        if not len(stood) or stood[-1] < STAND_S - 0.2:
+            continue
+        said = rows[begin:end, 3][stood >= FRESH_S]
+        ranges.append(float(np.median(np.where(np.isfinite(said), said, np.nan))))
+        distances.append(start_m - float(way[begin]))
+    return ranges, distances
+
+
+def curve_in_force(robot: Robot) -> Curve:
+    """The curve by which ranges come from counts now; boards of 2013 are corrected to the thesis's."""
+    if not eeprom.can_configure(robot):
+        return sonar_curve.THESIS
+    values = eeprom.read(robot, "sonar_a", "sonar_b", "sonar_c")
+    return Curve(*(value / 1e4 for value in values.values()))
+
+
+def curve_values(curve: Curve) -> Dict[str, int]:
+    """The board's parameters for a curve."""
+    return {f"sonar_{name}": round(value * 1e4) for name, value in curve.on_wire()._asdict().items()}
+
+
+# -- gains
+
+
+class Steps(NamedTuple):
+    """A step of each wheel: times from the step [s], and ways (right, left) from there [count]."""
+
+    times_s: np.ndarray
+    right: np.ndarray
+    left: np.ndarray
+
+    def response(self, left: bool) -> Response:
+        """Figures of one wheel, the steady speed being that of the last quarter."""
+        way = np.abs(self.left if left else self.right)
+        _, speed = gains.speeds(self.times_s, way)
+        return gains.describe(self.times_s, way, float(speed[-max(1, len(speed) // 4) :].mean()))
+
+
+def step(robot: Robot, track: Track, code: int, percent: int, seconds: float = STEP_S) -> Steps:
+    """Turn in place from rest: left motor back, right motor forward."""
+    manoeuvres.settle(robot)
+    track.begin()
+    manoeuvres.spin_motors(robot, code, -percent, percent, seconds)
+    rows = track.end()
+    manoeuvres.settle(robot)
+    return steps_of_rows(rows)
+
+
+def steps_of_rows(rows: np.ndarray) -> Steps:
+    """Rows of a track that begins with the step."""
+    if len(rows) < gains.LEAST_READINGS:
+        raise ConfigError(f"a step has {len(rows)} readings, expected {gains.LEAST_READINGS} or more")
+    return Steps(rows[:, 0] - rows[0, 0], rows[:, 1] - rows[0, 1], rows[:, 2] - rows[0, 2])
+
+
+def identify(steps: Steps, percent: int = STEP_PERCENT) -> Tuple[Plant, Plant]:
+    """Right and left motor, out of a step of the duty."""
+    duty = percent / 100
+    return (
+        gains.identify(steps.times_s, steps.right, duty),
+        gains.identify(steps.times_s, steps.left, -duty),
+    )
+
+
+class Tuned(NamedTuple):
+    """What tuning found."""
+
+    plants: Tuple[Plant, Plant]
+    before: Gains
+    after: Gains
+    steps_before: Steps
+    steps_after: Steps
+
+
+def tune(robot: Robot, track: Track, present: Gains, say: Callable[[str], None]) -> Tuned:
+    """Steps of the duty, gains from them, and steps of the speed with the old and the new ones; the old ones and the
+    ramp are in force again at the end, whatever happens.
+    """
+    ramped = eeprom.can_configure(robot)
+    ramp = eeprom.read(robot, "ramp_time") if ramped else {}
+    if ramped and not ramp["ramp_time"] and robot.model is not None:
+        ramp = {"ramp_time": robot.model.board["ramp_time"]}  # what a run that was killed has left
+    try:
+        if ramped:
+            eeprom.write(robot, {"ramp_time": 0})
+        say(f"step of the duty, {STEP_PERCENT} %")
+        plants = identify(step(robot, track, MOVE, STEP_PERCENT))
+        wanted = gains.suggest(plants)
+        taken = []
+        for name, trial in (("present", present), ("suggested", wanted)):
+            say(f"step of the speed, {name} gains {trial.kp} {trial.ki} {trial.kd}")
+            set_gains(robot, trial)
+            taken.append(step(robot, track, MOVE_PID, STEP_PERCENT))
+        return Tuned(plants, present, wanted, taken[0], taken[1])
+    finally:
+        robot.stop()
+        set_gains(robot, present)
+        if ramped:
+            eeprom.write(robot, ramp)
+
+
+def set_gains(robot: Robot, wanted: Sequence[int]) -> None:
+    """Put gains in force, until the board restarts."""
+    robot.request(manoeuvres.SET_GAINS, *wanted)
+    robot.wait(0.1)
+
+
+def gains_in_force(robot: Robot, default: Gains) -> Gains:
+    """Those of the board's configuration; `default` for boards that keep none."""
+    if not eeprom.can_configure(robot):
+        return default
+    return Gains(**eeprom.read(robot, *Gains._fields))
+
+
+# -- recordings
+
+
+def recorded_gains(path: str, model: RobotModel) -> Tuple[Tuple[Plant, Plant], Gains]:
+    """Motors and gains out of a recorded step of the duty, both motors against each other or alike.
+
+    Raises:
+        ConfigError: there is no such step.
+    """
+    rows, (left, right) = from_recording.step_of(from_recording.read(path, model), MOVE)
+    steps = steps_of_rows(rows)
+    if not left or not right:
+        raise ConfigError(f"{path}: the first step turns one motor, expected both")
+    plants = (
+        gains.identify(steps.times_s, steps.right, right / 100),
+        gains.identify(steps.times_s, steps.left, left / 100),
+    )
+    return plants, gains.suggest(plants)
+
+
+def recorded_wiring(path: str, model: RobotModel) -> List[str]:
+    """What is wrong with the wires, out of a recording of `check_wiring`; nobody saw which wheel turned.
+
+    Raises:
+        ConfigError: no motor was turned by itself in it.
+    """
+    recorded = from_recording.read(path, model)
+    times_s = recorded.rows[:, 0]
+    found: Dict[str, Tuple[float, float]] = {}
+    for time_s, frame in recorded.requests:
+        if frame.code == MOVE and (frame.args[0] > 0) != (frame.args[1] > 0):
+            motor = wiring.LEFT if frame.args[0] > 0 else wiring.RIGHT
+            begin, last = found.get(motor, (time_s, time_s))
+            found[motor] = (begin, time_s)
+    trials = []
+    for motor, (begin_s, last_s) in found.items():
+        first, last = np.searchsorted(times_s, (begin_s, last_s + manoeuvres.SETTLED_S))
+        moved = recorded.rows[min(last, len(times_s) - 1)] - recorded.rows[max(0, first - 1)]
+        trials.append(wiring.Trial(motor, int(moved[1]), int(moved[2])))
+    if not trials:
+        raise ConfigError(
+            f"{path}: no motor was turned by itself, expected a recording of mrl calibrate wiring"
+        )
+    return wiring.diagnose(trials)

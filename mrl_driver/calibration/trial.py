@@ -1,0 +1,126 @@
+"""What a calibration has to go by: drives between two standstills, and where each really ended."""
+
+import math
+from typing import Any, Dict, List, NamedTuple, Tuple
+
+import numpy as np
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.robot.models import Noise
+from mrl_driver.robot.odometry import Geometry, Pose
+
+LEAST_WAY_M = 0.02
+LEFT, RIGHT, NEITHER = "counter-clockwise", "clockwise", "straight"
+
+
+class Run(NamedTuple):
+    """One drive.
+
+    `steps` (N, 2) int, columns right left: counts between readings, in order.  `end` is where the robot then stood,
+    in the frame of where it had stood before (x forward, y left); what was not measured is NaN.
+    """
+
+    steps: np.ndarray
+    end: Pose
+
+
+def path(drive: Geometry, steps: np.ndarray) -> np.ndarray:
+    """(N + 1, 3) poses by exact arcs, from (0, 0, 0); columns x y yaw [m m rad], yaw without wrap."""
+    right_m, left_m = steps[:, 0] * drive.right_m_per_count, steps[:, 1] * drive.left_m_per_count
+    way, turn = (right_m + left_m) / 2, (right_m - left_m) / drive.turning_separation_m
+    poses = np.zeros((len(steps) + 1, 3))
+    np.cumsum(turn, out=poses[1:, 2])
+    heading, chord = poses[1:, 2] - turn / 2, way * np.sinc(turn / (2 * np.pi))
+    np.cumsum(chord * np.cos(heading), out=poses[1:, 0])
+    np.cumsum(chord * np.sin(heading), out=poses[1:, 1])
+    return poses
+
+
+def length_m(drive: Geometry, run: Run) -> float:
+    """Way of the robot's middle, back and forth alike."""
+    ways = np.abs(run.steps) @ (drive.right_m_per_count / 2, drive.left_m_per_count / 2)
+    return float(ways.sum())
+
+
+def errors(drive: Geometry, runs: List[Run]) -> np.ndarray:
+    """(R, 3) measured end less that of the counts, columns x y yaw [m m rad], yaw in -pi..pi; NaN as measured."""
+    found = np.array([np.subtract(run.end, path(drive, run.steps)[-1]) for run in runs]).reshape(-1, 3)
+    found[:, 2] = np.remainder(found[:, 2] + np.pi, 2 * np.pi) - np.pi
+    return found
+
+
+def unit_spreads(drive: Geometry, steps: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+    """Covariances (3, 3) of the end that unit `Noise` brings: of the wheels, and of the turns."""
+    poses = path(drive, steps)
+    right_m, left_m = steps[:, 0] * drive.right_m_per_count, steps[:, 1] * drive.left_m_per_count
+    turn = np.diff(poses[:, 2])
+    heading = poses[1:, 2] - turn / 2
+    middle = (poses[1:, :2] + poses[:-1, :2]) / 2
+    to_end = poses[-1, :2] - middle
+    turned = np.stack((-to_end[:, 1], to_end[:, 0], np.ones(len(steps))))
+    ahead = np.stack((np.cos(heading), np.sin(heading), np.zeros(len(steps)))) / 2
+    by_right = ahead + turned / drive.turning_separation_m
+    by_left = ahead - turned / drive.turning_separation_m
+    wheels = (by_right * np.abs(right_m)) @ by_right.T + (by_left * np.abs(left_m)) @ by_left.T
+    return wheels, (turned * np.abs(turn)) @ turned.T
+
+
+def spread(drive: Geometry, steps: np.ndarray, noise: Noise) -> np.ndarray:
+    """Covariance (3, 3) of the end of these steps, as `uncertainty` would carry it from nothing."""
+    wheels, turns = unit_spreads(drive, steps)
+    return noise.wheel_m2_per_m * wheels + noise.turn_rad2_per_rad * turns
+
+
+def sense(drive: Geometry, run: Run) -> str:
+    """Which way round a run went: `LEFT`, `RIGHT`, or `NEITHER` for less than an eighth of a turn."""
+    turned = float(path(drive, run.steps)[-1, 2])
+    return NEITHER if abs(turned) < math.pi / 4 else LEFT if turned > 0 else RIGHT
+
+
+def demand_sense(drive: Geometry, run: Run, expected: str, name: str) -> None:
+    """Refuse a run that went another way than it should have.
+
+    Raises:
+        ConfigError: it did, or hardly moved.
+    """
+    if length_m(drive, run) < LEAST_WAY_M and expected == NEITHER:
+        raise ConfigError(f"{name}: the counts hardly moved, expected a drive; are the encoders plugged in?")
+    found = sense(drive, run)
+    if found != expected:
+        raise ConfigError(f"{name} went {found}, expected {expected}: the wrong way; drive it again")
+
+
+def demand_plausible(drive: Geometry, run: Run, name: str) -> None:
+    """Refuse an end that is nowhere near that of the counts, which a wrong mark or unit would bring.
+
+    Raises:
+        ConfigError: it is more than a fifth of the way off.
+    """
+    off = errors(drive, [run])[0]
+    most_m = max(0.05, 0.2 * length_m(drive, run))
+    if float(np.hypot(*np.nan_to_num(off[:2]))) > most_m:
+        x, y = (run.end.x_m, run.end.y_m)
+        raise ConfigError(
+            f"{name}: the end is given as x {x:.3f} y {y:.3f} m, the counts put it {np.hypot(*off[:2]):.2f} m away, "
+            f"expected at most {most_m:.2f} m: measure from the start, x forward, y left, in metres"
+        )
+
+
+def as_json(run: Run) -> Dict[str, Any]:
+    """A run for the state file."""
+    end = [None if math.isnan(value) else value for value in run.end]
+    return {"end": end, "steps": run.steps.tolist()}
+
+
+def from_json(data: Any) -> Run:
+    """The run that `as_json` wrote.
+
+    Raises:
+        ConfigError: it is damaged.
+    """
+    try:
+        steps = np.array(data["steps"], dtype=np.int64).reshape(-1, 2)
+        x, y, yaw = (math.nan if value is None else float(value) for value in data["end"])
+    except (KeyError, TypeError, ValueError):
+        raise ConfigError("a run in the state file is damaged; begin anew with --restart") from None
+    return Run(steps, Pose(x, y, yaw))

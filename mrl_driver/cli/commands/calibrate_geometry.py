@@ -1,0 +1,241 @@
+"""`mrl calibrate straight`, `turn` and `umbmark`."""
+
+from functools import partial
+from typing import TYPE_CHECKING, Any, List, Mapping, NamedTuple, Sequence, Tuple
+
+import click
+
+from mrl_driver.errors import ConfigError
+
+from . import calibrate_job
+from .calibrate_job import (
+    Job,
+    job_options,
+    model_of,
+    offer_eeprom,
+    open_progress,
+    output_for,
+    recorded_model,
+    write_yaml,
+)
+from .shared import Between, complain, say_json, warn
+
+if TYPE_CHECKING:
+    from mrl_driver.calibration.files import Key, Progress
+    from mrl_driver.calibration.geometry import Leg, Outcome
+    from mrl_driver.calibration.ground_truth import Ruler
+    from mrl_driver.calibration.trial import Run
+    from mrl_driver.driver import Driver
+    from mrl_driver.robot.models import RobotModel
+
+
+class Plan(NamedTuple):
+    """One calibration of geometry: what is driven, and how; or recordings of it."""
+
+    procedure: str
+    settings: Mapping[str, float]
+    legs: List["Leg"]
+    recorded: Sequence[str]
+    again: Sequence[int]
+
+
+def _geometry(plan: Plan, job: Job) -> None:
+    """Drive, or take recordings; evaluate, and write what came out."""
+    from mrl_driver.calibration import fit, geometry
+
+    from .calibrate_view import ruler_for
+
+    if plan.recorded:
+        _from_recordings(plan, job)
+        return
+    ruler = ruler_for(job.truth)
+    with calibrate_job.connect(job) as driver:
+        warn(driver)
+        model = model_of(driver)
+        output = output_for(job, model, driver.board.robot_id)
+        progress = open_progress(output, model, driver.board.robot_id)
+        if job.restart:
+            progress.forget(plan.procedure)
+        try:
+            _gather(plan, driver, progress, ruler)
+        except KeyboardInterrupt:
+            kept = len(progress.runs(plan.procedure, plan.settings))
+            complain(f"{kept} of {len(plan.legs)} runs are kept in {progress.path}; the same command goes on")
+            raise
+        runs, others = progress.runs(plan.procedure, plan.settings), progress.other_runs(plan.procedure)
+        measured = fit.BY_TRUTH if job.truth else fit.BY_TAPE
+        side_m = plan.settings.get("side_m", 1.0)
+        outcome = geometry.evaluate(plan.procedure, runs, model, side_m, measured, others)
+        values = geometry.values_for(model, outcome)
+        report(plan.procedure, outcome, runs, model, values, output, job)
+        progress.finish(plan.procedure)
+        offer_eeprom(driver, values, job)
+
+
+def _gather(plan: Plan, driver: "Driver", progress: "Progress", ruler: "Ruler") -> None:
+    """Drive the runs that are missing, and those that are wanted again."""
+    from mrl_driver.calibration import geometry, manoeuvres
+
+    from .calibrate_view import console
+
+    procedure, settings, legs = plan.procedure, plan.settings, plan.legs
+    done, track = len(progress.runs(procedure, settings)), manoeuvres.Track(driver)
+    if done:
+        console.print(f"{done} of {len(legs)} runs are there already, in {progress.path}")
+    for number in plan.again:
+        if not 1 <= number <= done:
+            raise ConfigError(f"--again is {number}, expected one of the {done} runs that are there")
+        put = partial(progress.replace, procedure, number - 1)
+        geometry.gather(driver, [legs[number - 1]], ruler, put, track)
+    geometry.gather(driver, legs[done:], ruler, partial(progress.add, procedure, settings), track)
+
+
+def _from_recordings(plan: Plan, job: Job) -> None:
+    from mrl_driver.calibration import from_recording, geometry
+    from mrl_driver.calibration.ground_truth import parse_pose
+
+    model = recorded_model(job)
+    output = output_for(job, model, None)
+    runs = []
+    for text in plan.recorded:
+        path, colon, end = text.rpartition(":")
+        if not colon:
+            raise ConfigError(f"--run {text}: expected FILE:X,Y or FILE:X,Y,HEADING, in metres and degrees")
+        run = from_recording.run_of(path, parse_pose(end), model)
+        geometry.check_recorded(plan.procedure, model.differential, run, path)
+        runs.append(run)
+    outcome = geometry.evaluate(plan.procedure, runs, model, plan.settings.get("side_m", 1.0))
+    report(plan.procedure, outcome, runs, model, geometry.values_for(model, outcome), output, job)
+
+
+def report(
+    procedure: str,
+    outcome: "Outcome",
+    runs: List["Run"],
+    model: "RobotModel",
+    values: Mapping["Key", float],
+    output: str,
+    job: Job,
+) -> None:
+    """Show before and after, draw, and write the YAML after asking."""
+    from .calibrate_view import facts_of, say_outcome, show_values
+
+    if job.plot is not None:
+        from mrl_driver.calibration import plots
+        from mrl_driver.calibration import trial as run
+
+        senses = [run.sense(outcome.after, each) for each in runs]
+        plots.draw_ends(job.plot, outcome.errors_before, outcome.errors_after, senses)
+    if job.as_json:
+        say_json({"procedure": procedure, "output": output, **facts_of(outcome)})
+    else:
+        for line in say_outcome(outcome):
+            click.echo(line)
+        show_values(model, values)
+    write_yaml(procedure, values, output, job, model)
+
+
+_run_option = click.option(
+    "--run",
+    "runs",
+    multiple=True,
+    metavar="FILE:X,Y[,DEG]",
+    help="A recording of one run and where it ended, instead of driving; one each.",
+)
+_again_option = click.option(
+    "--again", multiple=True, type=int, metavar="N", help="Drive run N of an interrupted calibration again."
+)
+_speed_option = click.option(
+    "--speed", type=Between(0.03, 1.0), default=0.2, show_default=True, help="Speed [m/s]."
+)
+
+
+def _speeds(speed: float) -> Any:
+    from mrl_driver.calibration.manoeuvres import Speeds
+
+    return Speeds(linear_m_s=speed)
+
+
+@click.command()
+@job_options
+@click.option("--distance", type=Between(0.3, 20.0), default=2.0, show_default=True, help="Way [m].")
+@click.option(
+    "--count", type=click.IntRange(2, 50), default=4, show_default=True, help="Runs, there and back in turn."
+)
+@_speed_option
+@_run_option
+@_again_option
+def straight(
+    job: Job, distance: float, count: int, speed: float, runs: Tuple[str, ...], again: Tuple[int, ...]
+) -> None:
+    """Counts per metre, and the left/right offset Cm.
+
+    \b
+    Examples:
+      mrl calibrate straight --port /dev/ttyACM0 --distance 3
+      mrl calibrate straight --robot traxbot --output lab3.yaml --run a.mrl:2.01,0.02 --run b.mrl:2.0,0.03
+    """
+    from mrl_driver.calibration.geometry import STRAIGHT, straight_legs
+
+    settings = {"distance_m": distance, "count": count}
+    legs = straight_legs(count, distance, _speeds(speed))
+    _geometry(Plan(STRAIGHT, settings, legs, runs, again), job)
+
+
+@click.command(short_help="Slip offset Cs of tracks, or wheelbase of wheels.")
+@job_options
+@click.option(
+    "--turns", type=click.IntRange(1, 20), default=2, show_default=True, help="Whole turns of a run."
+)
+@click.option(
+    "--count", type=click.IntRange(2, 50), default=6, show_default=True, help="Runs, left and right in turn."
+)
+@_speed_option
+@_run_option
+@_again_option
+def turn(
+    job: Job, turns: int, count: int, speed: float, runs: Tuple[str, ...], again: Tuple[int, ...]
+) -> None:
+    """Slip offset Cs of tracks, or the wheelbase of wheels, by turning in place.
+
+    The first two runs are one turn, so that the others cannot be miscounted.
+
+    \b
+    Example:
+      mrl calibrate turn --robot lab3.yaml --port /dev/ttyACM0 --turns 3
+    """
+    from mrl_driver.calibration.geometry import TURN, turn_legs
+
+    legs = turn_legs(count, turns, _speeds(speed))
+    _geometry(Plan(TURN, {"turns": turns, "count": count}, legs, runs, again), job)
+
+
+@click.command(short_help="Wheel ratio, wheelbase and noise, by squares.")
+@job_options
+@click.option(
+    "--side", type=Between(0.3, 10.0), default=1.0, show_default=True, help="Side of the square [m]."
+)
+@click.option("--laps", type=int, default=5, show_default=True, help="Laps each way round, 2 or more.")
+@_speed_option
+@_run_option
+@_again_option
+def umbmark(
+    job: Job, side: float, laps: int, speed: float, runs: Tuple[str, ...], again: Tuple[int, ...]
+) -> None:
+    """Wheel ratio, wheelbase and noise, by squares both ways round (Borenstein and Feng 1996).
+
+    \b
+    Examples:
+      mrl calibrate umbmark --robot lab3.yaml --port /dev/ttyACM0
+      mrl calibrate umbmark --port /dev/pts/3 --truth truth.jsonl --laps 3 --yes     an emulated robot
+    """
+    from mrl_driver.calibration.geometry import UMBMARK, umbmark_legs
+    from mrl_driver.calibration.umbmark import demand_laps
+
+    demand_laps(laps, "counter-clockwise")
+    settings = {"side_m": side, "laps": laps}
+    legs = umbmark_legs(laps, side, _speeds(speed))
+    _geometry(Plan(UMBMARK, settings, legs, runs, again), job)
+
+
+COMMANDS = (straight, turn, umbmark)

@@ -1,0 +1,169 @@
+"""What all calibrations share: options, the files they write, the board's EEPROM."""
+
+import functools
+import os
+from typing import TYPE_CHECKING, Any, Callable, ContextManager, Dict, Mapping, NamedTuple, Optional
+
+import click
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.host.named_robots import Target
+from mrl_driver.robot import models
+
+from .shared import (
+    agree,
+    agree_to_move,
+    agree_to_replace,
+    battery_option,
+    complain,
+    connected,
+    json_option,
+    robot_options,
+    yes_option,
+)
+
+if TYPE_CHECKING:
+    from mrl_driver.calibration.files import Key, Progress
+    from mrl_driver.driver import Driver
+    from mrl_driver.robot.models import RobotModel
+
+
+class Job(NamedTuple):
+    """The options that all calibrations share."""
+
+    target: Target
+    output: Optional[str]
+    truth: Optional[str]
+    plot: Optional[str]
+    restart: bool
+    eeprom: Optional[bool]
+    yes: bool
+    as_json: bool
+    ignore_battery: bool
+    record: Optional[str]
+
+
+def job_options(command: Callable[..., None]) -> Callable[..., None]:
+    """The options that all calibrations share; the command gets them as `job`."""
+
+    @robot_options
+    @click.option(
+        "--output", metavar="FILE", type=click.Path(), help="YAML to write; the robot's own, if it has one."
+    )
+    @click.option("--truth", metavar="FILE", help="True poses of an emulated robot, from mrl-sim --truth.")
+    @click.option("--plot", metavar="FILE", help="Draw the result; needs matplotlib.")
+    @click.option("--restart", is_flag=True, help="Forget runs of an interrupted calibration.")
+    @click.option("--eeprom/--no-eeprom", default=None, help="Write the board's EEPROM too, or do not ask.")
+    @click.option("--record", metavar="FILE", type=click.Path(), help="Keep every byte both ways.")
+    @battery_option
+    @yes_option
+    @json_option
+    @functools.wraps(command)
+    def wrapper(*args: Any, **options: Any) -> None:
+        job = Job(**{name: options.pop(name) for name in Job._fields})
+        if job.plot is not None:
+            from mrl_driver import figures
+
+            figures.demand(job.plot)
+        if job.output is not None:
+            from mrl_driver.calibration.files import demand_writable
+
+            demand_writable(job.output)
+        agree_to_replace(job.record, job.yes)
+        command(*args, job=job, **options)
+
+    return wrapper
+
+
+def connect(job: Job) -> ContextManager["Driver"]:
+    """The robot, connected; tests put one in simulated time in its place."""
+    return connected(job.target, ignore_battery=job.ignore_battery, record=job.record, command_timeout_s=0.5)
+
+
+def agree_to_drive(job: Job, question: str) -> None:
+    """Ask before motors turn that the person at the terminal has not started; emulated robots (--truth) just drive.
+
+    Raises:
+        ConfigError, click.Abort: as `agree`.
+    """
+    agree_to_move(question, job.yes or job.truth is not None)
+
+
+def recorded_model(job: Job) -> "RobotModel":
+    """The model of a robot that was recorded.
+
+    Raises:
+        ConfigError: --robot does not tell it.
+    """
+    if job.target.model == "auto":
+        raise ConfigError(
+            "--robot is missing, expected the model or .yaml file of the robot that was recorded"
+        )
+    return models.load(job.target.model)
+
+
+def model_of(driver: "Driver") -> "RobotModel":
+    """The model of a connected robot."""
+    assert driver.model is not None
+    return driver.model
+
+
+def output_for(job: Job, model: "RobotModel", robot_id: Optional[int]) -> str:
+    """The YAML to write: that of --output, or the robot's own, or one named after model and id.
+
+    Raises:
+        ConfigError: it would replace a file that the robot was not taken from.
+    """
+    from mrl_driver.calibration.files import demand_writable
+
+    own = job.target.model if job.target.model.endswith((".yaml", ".yml")) else None
+    if job.output is None and own is None and robot_id is None:
+        raise ConfigError("--output is missing, expected the .yaml file to write")
+    output = job.output or own or f"{model.name}-{robot_id}.yaml"
+    demand_writable(output)
+    if os.path.exists(output) and (own is None or not os.path.samefile(own, output)):
+        raise ConfigError(
+            f"{output} is there already: go on from it with --robot {output}, or name another file with --output"
+        )
+    return output
+
+
+def open_progress(output: str, model: "RobotModel", robot_id: int) -> "Progress":
+    """The runs so far, beside the output."""
+    from mrl_driver.calibration.files import Progress
+
+    return Progress(f"{os.path.splitext(output)[0]}.calibration.json", f"{model.name} {robot_id}")
+
+
+def write_yaml(
+    procedure: str, values: Mapping["Key", float], output: str, job: Job, model: "RobotModel"
+) -> None:
+    """Write the robot's YAML after asking."""
+    from mrl_driver.calibration import files
+
+    agree(f"Write {output}?", job.yes)
+    source = job.target.model if job.target.model != "auto" else model.name
+    kept = files.write_model(files.source_of(source), output, values, f"mrl calibrate {procedure}")
+    complain(f"{output} is written{f', the old one is {kept}' if kept else ''}; use it with --robot {output}")
+
+
+def offer_eeprom(driver: "Driver", values: Mapping["Key", float], job: Job) -> None:
+    """Write what concerns the board to its EEPROM, if that is wanted.
+
+    Raises:
+        BoardRefused: --eeprom was given, and the board keeps no configuration, or did not take it.
+    """
+    from mrl_driver.calibration import eeprom as board
+
+    from .calibrate_view import agree_here
+
+    wanted: Dict[str, int] = {
+        name: int(value) for (section, name), value in values.items() if section == "board"
+    }
+    if not wanted or job.eeprom is False or (job.eeprom is None and not board.can_configure(driver)):
+        return
+    listed = ", ".join(f"{name} {value}" for name, value in wanted.items())
+    if job.eeprom or agree_here(f"Write {listed} to the board's EEPROM?", False):
+        board.write(driver, wanted)
+        board.save(driver)
+        complain(f"the board's EEPROM has {listed}")

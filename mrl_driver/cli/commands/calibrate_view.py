@@ -1,0 +1,194 @@
+"""What a calibration asks and shows at the terminal."""
+
+import math
+import sys
+from typing import Any, Dict, Mapping, Optional, Sequence, Tuple
+
+import numpy as np
+from rich.console import Console
+from rich.prompt import Confirm, Prompt
+from rich.table import Table
+from rich.text import Text
+
+from mrl_driver.calibration.files import Key
+from mrl_driver.calibration.gains import Response
+from mrl_driver.calibration.geometry import Outcome
+from mrl_driver.calibration.ground_truth import Check, Ruler, Truth, parse_pose, truth_file
+from mrl_driver.calibration.wiring import seen_in
+from mrl_driver.errors import ConfigError
+from mrl_driver.robot.models import RobotModel
+from mrl_driver.robot.odometry import Pose
+
+console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
+"""Prompts and progress go to stderr, results to stdout."""
+MEASURED = Text("Measured from the mark: x y [m], heading [deg] if you can")
+
+
+class Tape:
+    """A ruler that people are: it asks for what they measure with a tape."""
+
+    def begin(self, run: str) -> None:
+        """Ask for the mark on the floor."""
+        console.print(f"\n{run}", style="bold")
+        console.print("Mark where the robot stands and where it looks; the way must be free.")
+        Prompt.ask(Text("Enter drives"), console=console, default="", show_default=False)
+
+    def end(self, run: str, check: Check) -> Pose:
+        """Ask where the robot is now, until the answer is one that can be."""
+        while True:
+            text = Prompt.ask(MEASURED, console=console)
+            try:
+                pose = parse_pose(text)
+                check(pose)
+                return pose
+            except ConfigError as error:
+                console.print(f"{error}; measure again, or leave with Ctrl-C: earlier runs are kept")
+
+
+class NoTape:
+    """A ruler for what needs no measuring."""
+
+    def begin(self, run: str) -> None:
+        """Only say what comes."""
+        console.print(f"{run}")
+
+    def end(self, run: str, check: Check) -> Pose:
+        """Not measured."""
+        return Pose(math.nan, math.nan, math.nan)
+
+
+class _Told:
+    """A ruler that says what comes."""
+
+    def __init__(self, ruler: Ruler) -> None:
+        self._ruler = ruler
+
+    def begin(self, run: str) -> None:
+        console.print(run)
+        self._ruler.begin(run)
+
+    def end(self, run: str, check: Check) -> Pose:
+        return self._ruler.end(run, check)
+
+
+def demand_terminal(instead: str) -> None:
+    """Raise ConfigError where there is nobody to ask."""
+    if not sys.stdin.isatty():
+        raise ConfigError(f"there is no terminal to ask at; give {instead}")
+
+
+def ruler_for(truth: Optional[str]) -> Ruler:
+    """The emulator's truth, or a person with a tape.
+
+    Raises:
+        ConfigError: there is neither.
+    """
+    if truth is not None:
+        return _Told(Truth(truth_file(truth)))
+    demand_terminal("--truth FILE for an emulated robot, or --run FILE:X,Y,HEADING for recordings")
+    return Tape()
+
+
+def looker_for(truth: Optional[str], unseen: bool) -> Any:
+    """Who sees which wheel turned: nobody, the emulator's truth, or the person at the terminal."""
+    if unseen:
+        return lambda motor, pose: (None, 0)
+    if truth is not None:
+        return lambda motor, pose: seen_in(pose.x_m, pose.yaw_rad)
+    return _ask_wheel
+
+
+def _ask_wheel(motor: str, _: Pose) -> Tuple[Optional[str], int]:
+    wheel = Prompt.ask(
+        Text("Which wheel turned"), console=console, choices=["left", "right", "none", "unseen"]
+    )
+    if wheel == "unseen":
+        return None, 0
+    if wheel == "none":
+        return motor, 0
+    forward = Prompt.ask(Text("Which way"), console=console, choices=["forward", "back"])
+    return wheel, 1 if forward == "forward" else -1
+
+
+def agree_here(question: str, yes: bool) -> bool:
+    """Ask at the terminal; True without asking for `yes`, False where there is nobody."""
+    if yes:
+        return True
+    return sys.stdin.isatty() and Confirm.ask(Text(question), console=console)
+
+
+_THESIS = {"wheel_offset": " (Cm)", "turn_slip": " (Cs)"}
+"""What the thesis calls them."""
+
+
+def show_values(model: RobotModel, values: Mapping[Key, float]) -> None:
+    """Numbers of the robot's file, before and after."""
+    table = Table(box=None, pad_edge=False, show_edge=False)
+    for name, justify in (("number", "left"), ("before", "right"), ("after", "right")):
+        table.add_column(name, justify=justify)  # type: ignore[arg-type]
+    for (section, name), value in values.items():
+        table.add_row(
+            f"{section}.{name}{_THESIS.get(name, '')}",
+            number(value_of(model, (section, name))),
+            number(value),
+        )
+    Console(highlight=False, width=100).print(table)
+
+
+def value_of(model: RobotModel, key: Key) -> Optional[float]:
+    """The number that the model has now, None where it has none."""
+    part = getattr(model, key[0])
+    return part.get(key[1]) if isinstance(part, dict) else getattr(part, key[1])
+
+
+def number(value: Optional[float]) -> str:
+    """As people read it."""
+    return "-" if value is None else str(value) if isinstance(value, int) else f"{value:.7g}"
+
+
+def say_outcome(outcome: Outcome) -> Sequence[str]:
+    """Lines about the errors of the runs, before and after."""
+    lines = []
+    for name, errors in (("before", outcome.errors_before), ("after", outcome.errors_after)):
+        off_m, yaw = np.hypot(errors[:, 0], errors[:, 1]), np.abs(errors[:, 2])
+        turned = (
+            f"{math.degrees(np.nanmax(yaw)):.2f} deg" if np.isfinite(yaw).any() else "heading not measured"
+        )
+        lines.append(
+            f"ends off {name}: mean {off_m.mean() * 1000:.1f} mm, worst {off_m.max() * 1000:.1f} mm, {turned}"
+        )
+    if outcome.after.metres_per_count != outcome.before.metres_per_count:
+        before, after = (1 / drive.metres_per_count for drive in (outcome.before, outcome.after))
+        lines.append(f"counts per metre: {before:.1f} before, {after:.1f} after")
+    if outcome.square is not None:
+        square = outcome.square
+        lines.append(
+            f"UMBmark: E_d {square.wheel_ratio:.5f}, E_b {square.wheelbase_ratio:.5f}, type A "
+            f"{math.degrees(square.corner_excess_rad):.2f} deg a corner, type B "
+            f"{math.degrees(square.side_bend_rad):.2f} deg a side, E_max {square.worst_m * 1000:.1f} mm"
+        )
+    return lines
+
+
+def facts_of(outcome: Outcome) -> Dict[str, Any]:
+    """The same for programs."""
+    facts: Dict[str, Any] = {
+        "runs": len(outcome.errors_before),
+        "drive_before": outcome.before._asdict(),
+        "drive_after": outcome.after._asdict(),
+        "errors_before_m_rad": outcome.errors_before.tolist(),
+        "errors_after_m_rad": outcome.errors_after.tolist(),
+    }
+    if outcome.square is not None:
+        facts["umbmark"] = outcome.square._asdict()
+    if outcome.noise is not None:
+        facts["noise"] = outcome.noise._asdict()
+    return facts
+
+
+def say_response(name: str, response: Response) -> str:
+    """A step in one line."""
+    return (
+        f"{name}: rises in {response.rise_s * 1000:.0f} ms, overshoots {response.overshoot:.1%}, "
+        f"settled after {response.settle_s * 1000:.0f} ms"
+    )

@@ -1,0 +1,221 @@
+"""`mrl config`: the parameters in a board's EEPROM."""
+
+import difflib
+from typing import TYPE_CHECKING, Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
+
+import click
+
+from mrl_driver.errors import BoardRefused, ConfigError
+from mrl_driver.host.named_robots import Target
+from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, PARAMETERS, Parameter
+from mrl_driver.robot.models import COMMON_BOARD, RobotModel
+
+from .set_id import demand_config, save
+from .shared import agree, complete_parameter, connected, json_option, robot_options, say_json, yes_option
+
+if TYPE_CHECKING:
+    from mrl_driver.driver import Driver
+
+
+class Value(NamedTuple):
+    """One parameter of a board, in the unit of its row."""
+
+    row: Parameter
+    value: int
+    default: Optional[int]
+    """The model's; None where it has none, or the id."""
+
+
+@click.group()
+def config() -> None:
+    """Read and change the parameters in a board's EEPROM.
+
+    \b
+    Examples:
+      mrl config get --port /dev/ttyACM0
+      mrl config set kp 800 ki 350 --robot lab3
+      mrl config defaults --robot lab3
+      mrl config save --robot lab3
+    """
+
+
+@config.command("get")
+@click.argument("names", nargs=-1, metavar="[NAME]...", shell_complete=complete_parameter)
+@robot_options
+@json_option
+def get(target: Target, names: Tuple[str, ...], as_json: bool) -> None:
+    """Show parameters: all, or those named.
+
+    What differs from the robot model is marked.
+
+    \b
+    Examples:
+      mrl config get --port /dev/ttyACM0
+      mrl config get kp ki kd --robot lab3 --json
+    """
+    rows = [_row(name) for name in names] or list(PARAMETERS)
+    with connected(target, ignore_battery=True) as driver:
+        demand_config(driver)
+        values = [_value(driver, row) for row in rows]
+    if as_json:
+        say_json([_plain(each) for each in values])
+    else:
+        show(values)
+
+
+@config.command("set")
+@click.argument(
+    "words", nargs=-1, required=True, metavar="NAME VALUE [NAME VALUE]...", shell_complete=complete_parameter
+)
+@robot_options
+@click.option(
+    "--try", "only_try", is_flag=True, help="Do not save: the next reset, or opening the port, undoes it."
+)
+@yes_option
+@json_option
+def set_(target: Target, words: Tuple[str, ...], only_try: bool, yes: bool, as_json: bool) -> None:
+    """Change parameters and save them.
+
+    They are in force at once, and kept in the EEPROM.  Values are whole numbers in the unit that mrl config
+    get shows.  The id has its own command, mrl set-id.
+
+    \b
+    Examples:
+      mrl config set linear_ceiling 500 --port /dev/ttyACM0
+      mrl config set kp 800 ki 350 --robot lab3 --yes
+    """
+    wanted = parse(words)
+    with connected(target, ignore_battery=True) as driver:
+        demand_config(driver)
+        old = {row.name: _read(driver, row) for row, _ in wanted}
+        changes = ", ".join(f"{row.name} {old[row.name]} to {value}" for row, value in wanted)
+        agree(f"Change {changes} on robot {driver.board.robot_id}?", yes)
+        for row, value in wanted:
+            _write(driver, row, value)
+        if not only_try:
+            save(driver)
+        values = [_value(driver, row) for row, _ in wanted]
+    if as_json:
+        say_json([_plain(each) for each in values])
+    else:
+        click.echo(f"{changes}: {'in force until the next reset' if only_try else 'saved'}")
+
+
+@config.command("save")
+@robot_options
+@yes_option
+def save_(target: Target, yes: bool) -> None:
+    """Save the parameters in force to the EEPROM.
+
+    For boards that are not reset when their port is opened; an Uno is, and has forgotten what was only tried.
+    """
+    with connected(target, ignore_battery=True) as driver:
+        demand_config(driver)
+        agree(f"Save the parameters in force on robot {driver.board.robot_id}?", yes)
+        save(driver)
+    click.echo("saved")
+
+
+@config.command()
+@robot_options
+@yes_option
+def defaults(target: Target, yes: bool) -> None:
+    """Set all but the id to the robot model's.
+
+    The parameters are saved.
+
+    \b
+    Example:
+      mrl config defaults --robot lab3
+    """
+    with connected(target, ignore_battery=True) as driver:
+        demand_config(driver)
+        agree(f"Set all parameters of robot {driver.board.robot_id} but its id to the defaults?", yes)
+        if driver.ask(BY_NAME["default_config"].code) != (1,):
+            raise BoardRefused("the board did not set its defaults; try again")
+        save(driver)
+    click.echo("the defaults are saved")
+
+
+def parse(words: Sequence[str]) -> List[Tuple[Parameter, int]]:
+    """Names and values in turn, each name once.
+
+    Raises:
+        ConfigError: a name is unknown or twice, a value missing, no whole number, or out of range.
+    """
+    if len(words) % 2:
+        raise ConfigError(
+            f"{words[-1]!r} has no value, expected names and values in turn, such as: kp 800 ki 350"
+        )
+    found: Dict[str, Tuple[Parameter, int]] = {}
+    for name, text in zip(words[::2], words[1::2]):
+        row = _row(name)
+        if name == "robot_id":
+            raise ConfigError("robot_id is set with: mrl set-id ID")
+        if name in found:
+            raise ConfigError(f"{name} is given twice, expected each name once")
+        try:
+            value = int(text)
+        except ValueError:
+            value = row.high + 1
+        if not row.low <= value <= row.high:
+            unit = f" [{row.unit}]" if row.unit else ""
+            raise ConfigError(
+                f"{name} is {text!r}, expected a whole number from {row.low} to {row.high}{unit}"
+            )
+        found[name] = (row, value)
+    return list(found.values())
+
+
+def _row(name: str) -> Parameter:
+    if name not in PARAMETER_BY_NAME:
+        near = difflib.get_close_matches(name, PARAMETER_BY_NAME, 3, 0.5)
+        expected = ", ".join(near or PARAMETER_BY_NAME)
+        raise ConfigError(f"parameter {name!r} is unknown, expected {expected}")
+    return PARAMETER_BY_NAME[name]
+
+
+def _read(driver: "Driver", row: Parameter) -> int:
+    index, value = driver.ask(BY_NAME["read_config"].code, row.number)
+    if index != row.number:
+        raise BoardRefused(f"the board answered for parameter {index}, expected {row.number}; try again")
+    return value
+
+
+def _write(driver: "Driver", row: Parameter, value: int) -> None:
+    if driver.ask(BY_NAME["write_config"].code, row.number, value) != (row.number, value):
+        raise BoardRefused(f"the board did not take {row.name} {value}; nothing was saved")
+
+
+def _value(driver: "Driver", row: Parameter) -> Value:
+    return Value(row, _read(driver, row), default_of(driver.model, row))
+
+
+def default_of(model: Optional[RobotModel], row: Parameter) -> Optional[int]:
+    """What a robot model has for a parameter."""
+    own = model.board if model is not None else {}
+    return own.get(row.name, COMMON_BOARD.get(row.name))
+
+
+def _plain(each: Value) -> Dict[str, Any]:
+    row = each.row
+    return {
+        "name": row.name,
+        "value": each.value,
+        "unit": row.unit,
+        "default": each.default,
+        "low": row.low,
+        "high": row.high,
+    }
+
+
+def show(values: Sequence[Value]) -> None:
+    """Print parameters as a table; `*` marks what differs from the model."""
+    click.echo(f"{'parameter':<16}{'value':>7} {'unit':<9}{'':<9} meaning")
+    for each in values:
+        row = each.row
+        differs = each.default is not None and each.default != each.value
+        mark = f"* {each.default}" if differs else ""
+        click.echo(f"{row.name:<16}{each.value:>7} {row.unit:<9}{mark:<9} {row.text}".rstrip())
+    if any(each.default not in (None, each.value) for each in values):
+        click.echo("* differs from the robot model, whose value follows")

@@ -1,0 +1,213 @@
+"""`mrl doctor`: is everything in order?"""
+
+import math
+import re
+import sys
+import time
+from typing import TYPE_CHECKING, Any, Dict, Iterable, List
+
+import click
+
+from mrl_driver.cli.doctor.findings import FAULT, NOTE, Finding, verdict
+from mrl_driver.errors import ConfigError, MrlError, PortBusy, PortDenied, WrongRobot
+from mrl_driver.host.named_robots import Target
+from mrl_driver.robot.models import Drive
+from mrl_driver.transport.address import is_network
+
+from .info import describe
+from .progress import waiting
+from .shared import agree, connected, demand_port, json_option, robot_options, say_json, yes_option
+
+if TYPE_CHECKING:
+    from mrl_driver.driver import Driver
+
+FIRST_SONARS_S = 0.5
+_BEFORE_ADVICE = re.compile(r"; |: (?=check|choose|flash|set )")
+
+
+@click.command()
+@robot_options
+@click.option(
+    "--drive", "drives", is_flag=True, help="Turn each wheel too; lift the wheels off the ground first."
+)
+@click.option(
+    "--sonars", "hands", is_flag=True, help="Have a hand held before each sonar, to find swapped ones."
+)
+@click.option("--report", is_flag=True, help="Print plain text with all details, to paste into a bug report.")
+@json_option
+@yes_option
+def doctor(target: Target, drives: bool, hands: bool, report: bool, as_json: bool, yes: bool) -> None:
+    """Check computer, port, board and robot.
+
+    Each thing that is wrong comes with plain advice.  Opening the port resets an Arduino Uno.  Nothing moves
+    without --drive.  The exit code is 0 where no fault was found, the error's own where the robot cannot be
+    reached, else 1.
+
+    \b
+    Examples:
+      mrl doctor --port /dev/ttyACM0
+      mrl doctor --robot lab3 --drive           wheels lifted
+      mrl doctor --robot lab3 --report > report.txt
+    """
+    demand_port(target)
+    if report and as_json:
+        raise ConfigError("--report is given with --json, expected one of them")
+    if hands and not sys.stdin.isatty():
+        raise ConfigError("--sonars asks questions, and there is no terminal to answer from")
+    if drives:
+        drives = _wheels_lifted(yes)
+    checkup = Checkup(target, drives, hands, quiet=report or as_json)
+    checkup.run()
+    _say(checkup, report, as_json)
+    if checkup.code:
+        sys.exit(checkup.code)
+
+
+def _wheels_lifted(yes: bool) -> bool:
+    """The wheels may turn; without a yes the other checks are run all the same.
+
+    Raises:
+        ConfigError: there is nobody to ask.
+    """
+    try:
+        agree("Are the wheels lifted off the ground?  Each turns forward for 2 s.", yes)
+    except click.Abort:
+        return False
+    return True
+
+
+class Checkup:
+    """Runs the checks and keeps what they find: `findings`, `facts` of the board, the exit `code`."""
+
+    def __init__(self, target: Target, drives: bool = False, hands: bool = False, quiet: bool = True) -> None:
+        self.target, self._drives, self._hands = target, drives, hands
+        self.findings: List[Finding] = []
+        self.facts: Dict[str, Any] = {}
+        self.code = 0
+        self._quiet = quiet
+
+    def run(self) -> None:
+        """All checks, as far as they get."""
+        from mrl_driver.cli.doctor import computer
+        from mrl_driver.transport.link import describe as describe_port
+
+        port = demand_port(self.target)
+        self._add(computer.check(port, describe_port(port)))
+        try:
+            self._examine()
+        except MrlError as error:
+            self.code = error.exit_code
+            known = any(each.level == FAULT for each in self.findings)
+            if not (known and isinstance(error, (PortDenied, PortBusy))):
+                self._add([_of_error(error, port)])
+        if any(finding.level == FAULT for finding in self.findings):
+            self.code = self.code or 1
+
+    def _add(self, found: Iterable[Finding]) -> None:
+        named = f"--robot {self.target.name}" if self.target.name else f"--port {self.target.port}"
+        for finding in found:
+            finding = finding._replace(advice=finding.advice.replace("--port PORT", named))
+            self.findings.append(finding)
+            if not self._quiet:
+                from .doctor_view import show
+
+                show(finding)
+
+    def _examine(self) -> None:
+        """Ask the board; one that no packaged model lists is examined all the same."""
+        try:
+            self._examine_as(self.target)
+        except WrongRobot as error:
+            if self.facts or self.target.model != "auto":
+                raise
+            self._add([_of_error(error, demand_port(self.target))])
+            self._examine_as(self.target._replace(model="traxbot"), any_id=True)
+
+    def _examine_as(self, target: Target, any_id: bool = False) -> None:
+        start_s = time.monotonic()
+        with waiting("waiting for the board to answer"):
+            connection = connected(target, ignore_battery=True, any_id=any_id)
+            driver = connection.__enter__()
+        try:
+            self._add([Finding("ok", "answer", f"after {time.monotonic() - start_s:.1f} s")])
+            self._check(driver, any_id)
+        finally:
+            connection.__exit__(*sys.exc_info())
+
+    def _check(self, driver: "Driver", any_id: bool) -> None:
+        from mrl_driver.cli.doctor import board, wheels
+
+        if not any_id:
+            self._add(board.identity(driver.board, driver.model))
+        self._add(board.supply(driver.board, driver.model))
+        self._add(board.health(driver.status))
+        with waiting("watching the link"):
+            seen = board.watch(driver)
+        counts = board.counters(driver)
+        self.facts = {
+            **describe(driver, demand_port(self.target)),
+            "rate_hz": seen.rate_hz,
+            "lost": seen.lost,
+            "garbage": seen.garbage,
+            "round_trips_ms": [round(each * 1000, 2) for each in seen.round_trips_s],
+            "refused_by_board": counts,
+        }
+        self._add(board.link(seen, by_network=is_network(demand_port(self.target))))
+        self._add(board.refusals(counts))
+        self._add(board.sonars(_settled_ranges(driver), driver.board))
+        if self._drives and driver.model is not None and not isinstance(driver.model.drive, Drive):
+            self._add(
+                [
+                    Finding(
+                        NOTE, "wheels", "not tried: this check knows two wheels", "see them turn: mrl drive"
+                    )
+                ]
+            )
+        elif self._drives:
+            self._add(wheels.check(driver, _ask if sys.stdin.isatty() else None))
+        else:
+            self._add([Finding(NOTE, "wheels", "not tried", "lift them, then: mrl doctor --drive")])
+        if self._hands:
+            self._add(wheels.sonar_order(lambda: driver.ranges, _ask))
+
+
+def _settled_ranges(driver: "Driver") -> Dict[str, float]:
+    """Ranges, after a moment in which missing ones may come."""
+    end_s = time.monotonic() + FIRST_SONARS_S
+    while any(math.isnan(each) for each in driver.ranges.values()) and time.monotonic() < end_s:
+        driver.wait(0.05)
+    return driver.ranges
+
+
+def _ask(question: str) -> bool:
+    return click.confirm(f"  {question}", default=True)
+
+
+def _of_error(error: MrlError, port: str) -> Finding:
+    """An error as a finding: what it says before its advice, and the advice."""
+    text, advice, *_ = [*_BEFORE_ADVICE.split(str(error).replace("--port PORT", f"--port {port}"), 1), ""]
+    subjects = {"LinkError": "port", "BoardError": "board"}
+    kinds = [kind.__name__ for kind in type(error).__mro__]
+    subject = next((word for name, word in subjects.items() if name in kinds), "check")
+    return Finding(FAULT, subject, text, advice)
+
+
+def _say(checkup: Checkup, report: bool, as_json: bool) -> None:
+    findings = checkup.findings
+    if as_json:
+        say_json(
+            {
+                "port": checkup.target.port,
+                "verdict": verdict(findings),
+                "findings": [finding._asdict() for finding in findings],
+                "facts": checkup.facts,
+            }
+        )
+    elif report:
+        from mrl_driver.cli.doctor.report import text
+
+        click.echo(text(findings, checkup.facts, checkup.target))
+    else:
+        from .doctor_view import conclude
+
+        conclude(findings)

@@ -1,0 +1,49 @@
+"""Findings of `mrl doctor` on a terminal."""
+
+import textwrap
+from typing import List, Sequence
+
+from rich.console import Console
+from rich.text import Text
+
+from mrl_driver.cli.doctor.findings import FAULT, NOTE, OK, WARNING, Finding, verdict
+
+_MARKS = {OK: ("✓", "ok"), NOTE: ("·", "--"), WARNING: ("!", "!!"), FAULT: ("✗", "XX")}
+_STYLES = {OK: "green", NOTE: "dim", WARNING: "bold yellow", FAULT: "bold red"}
+_SUBJECT, _INDENT = 16, 20
+_WIDEST = 100
+
+
+def _console() -> Console:
+    return Console(highlight=False, soft_wrap=True)
+
+
+def show(finding: Finding) -> None:
+    """Print one finding, and its advice below it."""
+    console = _console()
+    signs = console.encoding.lower().startswith("utf")
+    style = _STYLES[finding.level]
+    subject = Text(f"{finding.subject:<{_SUBJECT}} ", style="" if finding.level in (OK, NOTE) else style)
+    first, *rest = _wrapped(finding.text, console)
+    console.print(
+        Text(f"{_MARKS[finding.level][0 if signs else 1]:<2} ", style=style) + subject + Text(first)
+    )
+    arrow = "→" if signs else "->"
+    advice = _wrapped(f"{arrow} {finding.advice}", console) if finding.advice else []
+    for line in rest:
+        console.print(" " * _INDENT + line)
+    for line in advice:
+        console.print(Text(" " * _INDENT + line, style="cyan"))
+
+
+def _wrapped(text: str, console: Console) -> List[str]:
+    """Lines for the third column; one line where no terminal has to show it."""
+    width = min(console.width, _WIDEST) - _INDENT if console.is_terminal else 10**6
+    return textwrap.wrap(text, max(20, width), break_long_words=False, break_on_hyphens=False) or [""]
+
+
+def conclude(findings: Sequence[Finding]) -> None:
+    """Print the verdict."""
+    levels = [finding.level for finding in findings]
+    style = _STYLES[FAULT if FAULT in levels else WARNING if WARNING in levels else OK]
+    _console().print(Text(f"\n   {verdict(findings)}", style=style))

@@ -1,0 +1,150 @@
+"""`mrl drive`: with the keyboard, or at given speeds for a given time."""
+
+import math
+import sys
+import time
+from typing import TYPE_CHECKING, Optional
+
+import click
+
+from mrl_driver.errors import BoardTimeout, ConfigError, WheelFault
+from mrl_driver.host.named_robots import Target
+from mrl_driver.session.events import MAY_MOVE
+from mrl_driver.terminal.text import line, snapshot
+
+from .monitor import watch_live
+from .shared import (
+    FOREVER_S,
+    agree_to_replace,
+    battery_option,
+    complain,
+    connected,
+    fast_option,
+    full_screen,
+    json_option,
+    record_option,
+    robot_options,
+    say_json,
+    tell_losses,
+    warn,
+    yes_option,
+)
+
+if TYPE_CHECKING:
+    from mrl_driver.driver import Driver
+
+TICK_S = 0.05
+ROUNDING = 1e-6
+
+
+@click.command()
+@robot_options
+@click.option("--linear", type=float, help="Forward speed [m/s].")
+@click.option("--lateral", type=float, help="Speed to the left, of robots that can [m/s].")
+@click.option("--angular", type=float, help="Yaw rate, counter-clockwise [rad/s].")
+@click.option("--for", "seconds", type=float, help="Drive for so long [s], then stop.")
+@battery_option
+@record_option
+@fast_option
+@yes_option
+@json_option
+def drive(
+    target: Target,
+    linear: Optional[float],
+    lateral: Optional[float],
+    angular: Optional[float],
+    seconds: Optional[float],
+    ignore_battery: bool,
+    record: Optional[str],
+    fast: bool,
+    yes: bool,
+    as_json: bool,
+) -> None:
+    """Drive with the keyboard, or at given speeds for a given time.
+
+    \b
+    Examples:
+      mrl drive --port /dev/ttyACM0                         hold arrows or w a s d
+      mrl drive --robot lab3 --linear 0.2 --for 2           0.4 m forward
+      mrl drive --robot lab3 --angular 0.5 --for 3.14       a quarter turn left
+      mrl drive --robot omni1 --lateral 0.2 --for 2         0.4 m to the left, on three wheels
+    """
+    timed = (linear, lateral, angular, seconds) != (None, None, None, None)
+    if timed:
+        _demand_finite(linear=linear or 0.0, lateral=lateral or 0.0, angular=angular or 0.0)
+        if seconds is None:
+            raise ConfigError("--for is missing, expected the seconds to drive, such as: --for 2")
+        if not 0 < seconds <= 3600:
+            raise ConfigError(f"--for is {seconds}, expected seconds from above 0 to 3600")
+    elif as_json or not (sys.stdin.isatty() and full_screen()):
+        raise ConfigError("there is no terminal to drive from; give --linear or --angular, and --for SECONDS")
+    agree_to_replace(record, yes)
+    if not timed:
+        watch_live(target, FOREVER_S, record, ignore_battery, keys_drive=True, fast=fast)
+        return
+    with connected(target, ignore_battery=ignore_battery, record=record, fast=fast) as driver:
+        warn(driver)
+        tell_losses(driver)
+        speeds = linear or 0.0, angular or 0.0, lateral or 0.0
+        _tell_limits(driver, *speeds)
+        drive_for(driver, speeds[0], speeds[1], seconds or 0.0, speeds[2])
+        if as_json:
+            say_json(snapshot(driver))
+        else:
+            click.echo(line(driver))
+
+
+def _demand_finite(**speeds: float) -> None:
+    for name, value in speeds.items():
+        if not math.isfinite(value):
+            raise ConfigError(f"--{name} is {value}, expected a finite number")
+
+
+def _tell_limits(driver: "Driver", linear_m_s: float, angular_rad_s: float, lateral_m_s: float) -> None:
+    """Say what speeds are scaled down to that the robot's model does not allow."""
+    assert driver.model is not None
+    wanted = linear_m_s, angular_rad_s, lateral_m_s
+    kept = driver.limited(*wanted)
+    if lateral_m_s and len(kept) < len(wanted):
+        return  # `drive` says that this base cannot
+    if any(abs(found - asked) > ROUNDING for found, asked in zip(kept, wanted)):
+        sideways = "".join(f", --lateral {speed:.3g} m/s" for speed in kept[2:])
+        complain(
+            f"limited to --linear {kept[0]:.3g} m/s, --angular {kept[1]:.3g} rad/s{sideways}: the model "
+            f"{driver.model.name} allows {driver.model.limits.linear_m_s:g} m/s and "
+            f"{driver.model.limits.angular_rad_s:g} rad/s"
+        )
+
+
+def drive_for(
+    driver: "Driver", linear_m_s: float, angular_rad_s: float, seconds: float, lateral_m_s: float = 0.0
+) -> None:
+    """Drive for `seconds`, stop, and wait up to 2 s for telemetry to confirm it.
+
+    Prints nothing meanwhile: a terminal that takes no more output would delay the stop.
+
+    Raises:
+        FrameError: the base cannot go sideways.
+        WheelFault: a wheel did not do what it was told.
+        BoardTimeout: the robot stopped early for another reason, or nobody knows whether it stopped.
+    """
+    deadline = time.monotonic() + seconds
+    taken = driver.drive(linear_m_s, angular_rad_s, lateral_m_s)
+    while time.monotonic() < deadline:
+        driver.wait(min(TICK_S, deadline - time.monotonic()))
+        taken = taken and driver.command is not None and driver.drive(linear_m_s, angular_rad_s, lateral_m_s)
+        if not taken:
+            if driver.mismatch is not None:
+                raise WheelFault(f"stopped early: {driver.mismatch}")
+            if driver.may_be_moving:
+                raise BoardTimeout(f"no telemetry for {driver.age_s * 1000:.0f} ms; {MAY_MOVE}")
+            raise BoardTimeout(
+                f"stopped early ({driver.stop_reason}): telemetry is {driver.age_s * 1000:.0f} ms old, "
+                f"battery is {driver.battery_state} ({driver.battery_v:.1f} V)"
+            )
+    driver.stop()
+    while not driver.stopped and not driver.wait(0.02):
+        if time.monotonic() > deadline + 2:
+            break
+    if driver.may_be_moving:
+        raise BoardTimeout(f"the stop was sent, but not confirmed; {MAY_MOVE}")

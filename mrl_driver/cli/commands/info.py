@@ -1,0 +1,62 @@
+"""`mrl info`: who answers on a port."""
+
+from typing import TYPE_CHECKING, Any, Dict
+
+import click
+
+from mrl_driver.host.named_robots import Target
+
+from .shared import connected, demand_port, fast_option, human, json_option, robot_options, say_json
+
+if TYPE_CHECKING:
+    from mrl_driver.driver import Driver
+
+
+@click.command()
+@robot_options
+@fast_option
+@json_option
+def info(target: Target, fast: bool, as_json: bool) -> None:
+    """Say who answers on a port.
+
+    \b
+    Examples:
+      mrl info --port /dev/ttyACM0
+      mrl info --robot lab3 --json
+    """
+    port = demand_port(target)
+    with connected(target, ignore_battery=True, fast=fast) as driver:
+        facts = describe(driver, port)
+    if as_json:
+        say_json(facts)
+        return
+    for key, value in facts.items():
+        click.echo(f"{key.replace('_', ' '):>20}  {human(value)}")
+
+
+def describe(driver: "Driver", port: str) -> Dict[str, Any]:
+    """What is known of a connected robot: numbers in SI units, the unit in the key's end."""
+    board, status = driver.board, driver.status
+    facts: Dict[str, Any] = {
+        "port": port,
+        "line_baud": driver.line_baud,
+        "robot": driver.model.name if driver.model else None,
+        "robot_id": board.robot_id,
+        "firmware_version": board.version,
+        "protocol_version": board.protocol,
+        "capabilities": sorted(board.capabilities),
+        "motor_board_version": board.motor_board_version,
+        "battery_v": board.battery_v,
+        "battery_state": driver.battery_state,
+        "temperature_c": board.temperature_c,
+    }
+    if status is not None:
+        facts.update(
+            uptime_s=status.uptime_s,
+            reset_cause=status.reset_cause,
+            stop_reason=status.stop_reason,
+            faults=list(status.faults),
+        )
+    if driver.warning:
+        facts["note"] = driver.warning.replace("--port PORT", f"--port {port}")
+    return facts

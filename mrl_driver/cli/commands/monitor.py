@@ -1,0 +1,163 @@
+"""`mrl monitor` and `mrl record`: watch a robot, and drive it."""
+
+import sys
+import time
+from typing import TYPE_CHECKING, Optional
+
+import click
+
+from mrl_driver.host.named_robots import Target
+from mrl_driver.terminal.text import line, snapshot
+
+from .shared import (
+    agree_to_replace,
+    battery_option,
+    complain,
+    connected,
+    demand_port,
+    demand_seconds,
+    fast_option,
+    full_screen,
+    json_option,
+    reconnect_option,
+    record_option,
+    robot_options,
+    say_json,
+    seconds_option,
+    tell_losses,
+    warn,
+    yes_option,
+)
+
+if TYPE_CHECKING:
+    from mrl_driver.driver import Driver
+
+LINE_S = 1.0
+STALL_S = 0.5
+"""A terminal that takes no more output (Ctrl-S, a stalled connection) halts the view, and so the robot."""
+
+
+@click.command()
+@robot_options
+@seconds_option
+@battery_option
+@record_option
+@reconnect_option
+@fast_option
+@yes_option
+@json_option
+def monitor(
+    target: Target,
+    seconds: float,
+    ignore_battery: bool,
+    record: Optional[str],
+    reconnect: bool,
+    fast: bool,
+    yes: bool,
+    as_json: bool,
+) -> None:
+    """Watch a robot live, and drive it with the keys.
+
+    Path, speeds, ranges, battery, link and frames on the whole screen; Enter lets the keys drive.  Without a
+    terminal it prints a line a second; with --json an object a line.
+
+    \b
+    Examples:
+      mrl monitor --port /dev/ttyACM0
+      mrl monitor --robot lab3 --record drive.mrl
+      mrl monitor --robot lab3 --json --seconds 10 > drive.jsonl
+    """
+    agree_to_replace(record, yes)
+    _watch(target, seconds, record, reconnect, fast, as_json, ignore_battery)
+
+
+@click.command()
+@robot_options
+@seconds_option
+@reconnect_option
+@fast_option
+@yes_option
+@click.argument("file", type=click.Path())
+def record(target: Target, seconds: float, reconnect: bool, fast: bool, yes: bool, file: str) -> None:
+    """Watch a robot, and keep every byte both ways in FILE.
+
+    \b
+    Examples:
+      mrl record --port /dev/ttyACM0 drive.mrl
+      mrl replay drive.mrl; mrl plot drive.mrl
+    """
+    agree_to_replace(file, yes)
+    _watch(target, seconds, file, reconnect, fast)
+
+
+def _watch(
+    target: Target,
+    seconds: float,
+    file: Optional[str],
+    reconnect: bool,
+    fast: bool,
+    as_json: bool = False,
+    ignore_battery: bool = False,
+) -> None:
+    demand_seconds(seconds)
+    if not as_json and full_screen():
+        watch_live(target, seconds, file, ignore_battery, reconnect=reconnect, fast=fast)
+        return
+    with connected(target, ignore_battery=True, record=file, reconnect=reconnect, fast=fast) as driver:
+        warn(driver)
+        tell_losses(driver)
+        try:
+            _print_lines(driver, seconds, as_json)
+        except KeyboardInterrupt:
+            return
+
+
+def _print_lines(driver: "Driver", seconds: float, as_json: bool) -> None:
+    end_s, told = time.monotonic() + seconds, False
+    while time.monotonic() < end_s and not driver.wait(min(LINE_S, max(0.0, end_s - time.monotonic()))):
+        if as_json:
+            say_json(snapshot(driver))
+        else:
+            click.echo(line(driver))
+        sys.stdout.flush()
+        if not told and driver.recorder is not None and driver.recorder.loss:
+            told = True
+            complain(f"warning: {driver.recorder.loss}")
+
+
+def watch_live(
+    target: Target,
+    seconds: float,
+    file: Optional[str] = None,
+    ignore_battery: bool = False,
+    keys_drive: bool = False,
+    reconnect: bool = True,
+    fast: bool = False,
+) -> None:
+    """The live view; with `keys_drive` an empty battery is refused, as for driving."""
+    from mrl_driver.terminal.frame_log import FrameLog
+    from mrl_driver.terminal.live import Settings, show
+
+    from .progress import waiting
+
+    log = FrameLog()
+    settings = Settings(demand_port(target), file or "", keys_drive, ignore_battery)
+    connection = connected(
+        target,
+        ignore_battery=ignore_battery or not keys_drive,
+        record=file,
+        reconnect=reconnect,
+        fast=fast,
+        command_timeout_s=STALL_S,
+        tap=lambda way, data: log.hear(way, data, time.monotonic()),
+    )
+    with waiting("waiting for the board to answer"):
+        driver = connection.__enter__()
+    try:
+        warn(driver)
+        show(driver, settings, log, seconds)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        connection.__exit__(None, None, None)
+    click.echo(line(driver))

@@ -1,0 +1,123 @@
+"""`mrl names`: robots by name."""
+
+import os
+from typing import Any, Dict, List, Optional
+
+import click
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.host import named_robots as book
+from mrl_driver.host.named_robots import Target
+from mrl_driver.robot import models
+from mrl_driver.transport.address import demand_port, is_url
+
+from .shared import complete_port, json_option, say_json
+
+
+@click.group(invoke_without_command=True)
+@json_option
+@click.pass_context
+def names(ctx: click.Context, as_json: bool) -> None:
+    """Give robots names, list and forget them.
+
+    A name stands for port, model and baud rate: mrl --robot lab3 info.  Without a sub-command they are
+    listed.
+
+    \b
+    Examples:
+      mrl names add lab3 --port /dev/ttyACM0
+      mrl names list --json
+      mrl names remove lab3
+      mrl --robot lab3 monitor
+    """
+    if ctx.invoked_subcommand is None:
+        _list(as_json)
+
+
+def _complete_name(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
+    """Named robots for the shell."""
+    try:
+        return [name for name in book.read() if name.startswith(incomplete)]
+    except ConfigError:
+        return []
+
+
+@names.command("list")
+@json_option
+def list_(as_json: bool) -> None:
+    """List the named robots."""
+    _list(as_json)
+
+
+def _list(as_json: bool) -> None:
+    named = book.read()
+    if as_json:
+        say_json({name: _entry(each) for name, each in named.items()})
+        return
+    if not named:
+        click.echo("no robot has a name; give one with: mrl names add NAME --port PORT")
+    width = max(map(len, named), default=0)
+    for name, each in sorted(named.items()):
+        baud = "" if each.baud == book.BAUD else f"  {each.baud} Bd"
+        click.echo(f"{name:<{width}}  {each.port}  {each.model}{baud}")
+
+
+def _entry(target: Target) -> Dict[str, Any]:
+    return {"port": target.port, "model": target.model, "baud": target.baud}
+
+
+@names.command()
+@click.argument("name")
+@click.option(
+    "--port",
+    metavar="PORT",
+    required=True,
+    shell_complete=complete_port,
+    help="Serial port; need not be there.",
+)
+@click.option("--model", default="auto", show_default=True, help="Robot model, or a .yaml file.")
+@click.option("--baud", type=int, default=book.BAUD, show_default=True, help="Baud rate of the port.")
+def add(name: str, port: str, model: str, baud: int) -> None:
+    """Name a robot, or change what the name means.
+
+    A board that has a serial number is kept by its lasting name under /dev/serial/by-id.
+
+    \b
+    Example:
+      mrl names add lab3 --port /dev/ttyACM0 --model traxbot
+    """
+    book.demand_name(name)
+    book.demand_baud(baud, "--")
+    if not port.strip():
+        raise ConfigError(f"--port is {port!r}, expected a serial port such as /dev/ttyACM0")
+    demand_port(port)
+    if model != "auto":
+        models.load(model)
+    if model.endswith((".yaml", ".yml")):
+        model = os.path.abspath(model)
+    named = book.read()
+    lasting = _lasting(port)
+    named[name] = Target(lasting or (port if is_url(port) else os.path.abspath(port)), model, baud, name)
+    book.write(named)
+    click.echo(f"{name} is {named[name].port}" + (", wherever it is plugged in" if lasting else ""))
+
+
+def _lasting(port: str) -> Optional[str]:
+    """Its name under /dev/serial/by-id, where a serial number makes that unique."""
+    from mrl_driver.transport.link import describe
+
+    found = describe(port)
+    return found.links[0] if found.links and found.serial else None
+
+
+@names.command()
+@click.argument("name", shell_complete=_complete_name)
+def remove(name: str) -> None:
+    """Forget a name."""
+    named = book.read()
+    if name not in named:
+        known = ", ".join(sorted(named)) or "no name at all"
+        raise ConfigError(f"name {name!r} is unknown, expected {known}")
+    del named[name]
+    book.write(named)
+    click.echo(f"{name} is forgotten")

@@ -1,0 +1,71 @@
+"""`mrl plot`: a recording as a picture."""
+
+import os
+from typing import Optional, Tuple
+
+import click
+
+from mrl_driver.host.named_robots import resolve
+from mrl_driver.recording.recording import Recording
+from mrl_driver.robot import models
+
+from .progress import progress
+from .shared import complete_robot, json_option, say_json
+
+
+@click.command()
+@click.argument("file", type=click.Path())
+@click.option(
+    "-o", "--output", type=click.Path(), metavar="PICTURE", help="PNG, PDF or SVG; FILE.png if absent."
+)
+@click.option(
+    "--part",
+    "parts",
+    multiple=True,
+    type=click.Choice(["path", "speeds", "ranges", "battery"]),
+    help="Draw this part; may be repeated, all if absent.",
+)
+@click.option(
+    "--robot",
+    metavar="ROBOT",
+    default="auto",
+    shell_complete=complete_robot,
+    help="Robot model; without it the recorded board's id tells.",
+)
+@json_option
+def plot(file: str, output: Optional[str], parts: Tuple[str, ...], robot: str, as_json: bool) -> None:
+    """Draw a recording as a picture.
+
+    Path, speeds asked for and measured, ranges, battery.
+
+    \b
+    Examples:
+      mrl plot drive.mrl
+      mrl plot drive.mrl --part path -o path.svg
+    """
+    from mrl_driver import figures
+    from mrl_driver.recording import plot as plots
+    from mrl_driver.recording import timeline
+
+    picture = output or f"{os.path.splitext(file)[0]}.png"
+    figures.demand(picture, "picture")
+    recording = Recording(file)
+    name = resolve(robot).model
+    with progress(f"reading {os.path.basename(file)}", 1.0) as advance:
+        found = timeline.read(recording, None if name == "auto" else models.load(name), advance)
+    plots.draw(found, picture, parts or plots.PARTS)
+    way_m = round(timeline.way_m(found), 3)
+    if as_json:
+        say_json(
+            {
+                "picture": picture,
+                "robot": found.model.name,
+                "way_m": way_m,
+                "end": dict(zip(("time_s", "x_m", "y_m", "yaw_rad"), found.poses[-1])),
+                "skipped_lines": recording.skipped_count,
+            }
+        )
+        return
+    click.echo(picture)
+    for number, reason in recording.skipped.items():
+        click.echo(f"{file}:{number}: skipped: {reason}", err=True)

@@ -1,0 +1,85 @@
+"""`mrl ports`: which serial ports there are, and which of them are robots."""
+
+import os
+from typing import Any, Dict, List, Optional, Tuple
+
+import click
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.host import named_robots
+
+from .shared import complete_port, json_option, say_json
+
+Row = Dict[str, Any]
+
+
+@click.command()
+@click.argument("port", nargs=-1, shell_complete=complete_port)
+@click.option(
+    "--probe",
+    is_flag=True,
+    help="Ask who answers: on boards made by Arduino, on named robots, and on each PORT.  Opening resets a board.",
+)
+@json_option
+def ports(port: Tuple[str, ...], probe: bool, as_json: bool) -> None:
+    """List serial ports, and the robots on them.
+
+    Opens nothing unless told to, for opening resets an Arduino Uno, and other devices are not ours: --probe opens
+    boards whose USB vendor is Arduino, the ports of named robots, and each PORT.  A port that is in use is never
+    opened.
+
+    \b
+    Examples:
+      mrl ports
+      mrl ports --probe
+      mrl ports --probe /dev/ttyUSB0        a copy of the Uno, behind an adapter
+    """
+    if port and not probe:
+        raise ConfigError("a PORT is given without --probe, expected both or none")
+    rows = _rows(port)
+    if probe:
+        _ask(rows, port)
+    if as_json:
+        say_json(list(rows.values()))
+        return
+    from .ports_table import show
+
+    show(list(rows.values()), probe)
+
+
+def _rows(asked: Tuple[str, ...]) -> Dict[str, Row]:
+    """All ports there are and those asked for, by device."""
+    from mrl_driver.transport.port_info import facts, facts_of
+    from mrl_driver.transport.port_search import Port
+
+    named = {os.path.realpath(each.port): name for name, each in named_robots.read().items() if each.port}
+    rows = {each.device: dict(each._asdict(), name=named.get(each.device)) for each in facts()}
+    for port in [*asked, *named]:
+        device = os.path.realpath(port)
+        if device not in rows and (port in asked or os.path.exists(device)):
+            found = facts_of(Port(device))._asdict()
+            rows[device] = dict(found, device=port, name=named.get(device))
+    return rows
+
+
+def _ask(rows: Dict[str, Row], asked: Tuple[str, ...]) -> None:
+    """Put the answers into the rows that may be asked."""
+    from mrl_driver.driver.probe import probe_all
+
+    from .progress import progress
+
+    allowed = {os.path.realpath(port) for port in asked}
+    chosen: List[Tuple[str, int]] = []
+    for device, row in rows.items():
+        row["asked"] = (row["arduino"] or bool(row["name"]) or device in allowed) and not row["used_by"]
+        if row["asked"]:
+            chosen.append((row["device"], _baud(row["name"])))
+    by_device = {row["device"]: row for row in rows.values()}
+    with progress("asking", len(chosen)) as advance:
+        for device, answer in probe_all(chosen):
+            by_device[device].update(answer._asdict())
+            advance(1)
+
+
+def _baud(name: Optional[str]) -> int:
+    return named_robots.read()[name].baud if name else named_robots.BAUD

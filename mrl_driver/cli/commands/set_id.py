@@ -1,0 +1,98 @@
+"""`mrl set-id`: tell a board which robot it is."""
+
+from typing import TYPE_CHECKING
+
+import click
+
+from mrl_driver.errors import BoardRefused, ConfigError
+from mrl_driver.host.named_robots import Target
+from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
+from mrl_driver.robot import models
+
+from .shared import agree, connected, robot_options, yes_option
+
+if TYPE_CHECKING:
+    from mrl_driver.driver import Driver
+    from mrl_driver.robot.models import RobotModel
+
+
+@click.command("set-id")
+@robot_options
+@click.argument("robot_id", type=click.IntRange(1, 32767))
+@yes_option
+def set_id(target: Target, robot_id: int, yes: bool) -> None:
+    """Give a board its robot id.
+
+    It gets the defaults of that robot too; both are kept in its EEPROM.
+
+    \b
+    Example:
+      mrl set-id 1 --port /dev/ttyACM0          TraxBot 1-3, StingBot 4-5
+    """
+    model = models.load(
+        target.model if target.model != "auto" else models.by_id(robot_id) or _no_model(robot_id)
+    )
+    if robot_id not in model.ids:
+        raise ConfigError(
+            f"robot id {robot_id} is no {model.name}, expected {', '.join(map(str, model.ids))}"
+        )
+    with connected(target, model, ignore_battery=True, any_id=True) as driver:
+        agree(f"Change the robot id from {driver.board.robot_id} to {robot_id}?", yes)
+        write_id(driver, robot_id, model)
+    click.echo(f"robot id {robot_id} is set")
+
+
+def _no_model(robot_id: int) -> str:
+    raise ConfigError(f"robot id {robot_id} is in no packaged model; name a model file with --robot")
+
+
+def demand_config(driver: "Driver") -> None:
+    """Raise BoardRefused unless the board keeps a configuration."""
+    if "config" not in driver.board.capabilities:
+        raise BoardRefused(
+            "board firmware 1 (2013) keeps no configuration and has no command for its id; flash with: mrl flash"
+        )
+
+
+def save(driver: "Driver") -> None:
+    """Write the board's parameters to its EEPROM.
+
+    Raises:
+        BoardRefused: it could not.
+        BoardTimeout: it does not answer.
+    """
+    if driver.ask(BY_NAME["save_config"].code, timeout_s=2.0) != (1,):
+        raise BoardRefused("the board could not save its EEPROM; try again")
+
+
+def write_id(driver: "Driver", robot_id: int, model: "RobotModel") -> None:
+    """Write the id and the model's parameters, of which the firmware need not know, and save all.
+
+    Raises:
+        BoardRefused: the board keeps no configuration, or did not take it.
+        BoardTimeout: it does not answer.
+    """
+    demand_config(driver)
+    _write(driver, "robot_id", robot_id)
+    driver.ask(BY_NAME["default_config"].code)
+    for name, value in model.board.items():
+        _write(driver, name, value)
+    save(driver)
+    for name, value in {"robot_id": robot_id, **model.board}.items():
+        _demand(driver, name, value)
+
+
+def _write(driver: "Driver", name: str, value: int) -> None:
+    index = PARAMETER_BY_NAME[name].number
+    if driver.ask(BY_NAME["write_config"].code, index, value) != (index, value):
+        raise BoardRefused(f"the board did not take {name} {value}")
+
+
+def _demand(driver: "Driver", name: str, value: int) -> None:
+    """A board that restarted before it saved has forgotten what it was told."""
+    index = PARAMETER_BY_NAME[name].number
+    answer = driver.ask(BY_NAME["read_config"].code, index)
+    if answer != (index, value):
+        raise BoardRefused(
+            f"the board was told {name} {value} and says {answer[-1]}: it restarted; try again"
+        )

@@ -1,0 +1,257 @@
+"""What sub-commands share: the options that name a robot, a connected driver, JSON, confirmation."""
+
+import contextlib
+import functools
+import json
+import math
+import os
+import sys
+from typing import TYPE_CHECKING, Any, Callable, Iterator, List, Optional
+
+import click
+
+from mrl_driver.errors import ConfigError, OutputError
+from mrl_driver.host import named_robots
+from mrl_driver.host.named_robots import Target
+from mrl_driver.robot import models
+from mrl_driver.session.events import Lost, Reconnected, Slowed, WayLost
+from mrl_driver.transport.baud_rates import FAST_BAUD, SLOW
+
+if TYPE_CHECKING:
+    from mrl_driver.driver import Driver
+    from mrl_driver.robot.models import RobotModel
+
+FOREVER_S = 1e9
+
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, for programs.")
+record_option = click.option(
+    "--record", metavar="FILE", type=click.Path(), help="Keep every byte both ways, for mrl replay and plot."
+)
+battery_option = click.option("--ignore-battery", is_flag=True, help="Drive with an empty battery too.")
+fast_option = click.option(
+    "--fast", is_flag=True, help="Raise the line to 500000 baud where board and line can; for cables."
+)
+seconds_option = click.option(
+    "--seconds", type=float, default=FOREVER_S, help="End after so long [s]; without it at Ctrl-C."
+)
+reconnect_option = click.option(
+    "--reconnect/--no-reconnect",
+    default=True,
+    show_default=True,
+    help="Search the robot when its port goes away, or end with exit code 6.",
+)
+yes_option = click.option("--yes", is_flag=True, help="Answer yes to every question.")
+
+
+class Between(click.FloatRange):
+    """A number in a range; click's own takes NaN, which is on neither side of a limit."""
+
+    def convert(self, value: Any, param: Optional[click.Parameter], ctx: Optional[click.Context]) -> Any:
+        """The number; fails with the range."""
+        number = super().convert(value, param, ctx)
+        if math.isnan(number):
+            self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)
+        return number
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C while a robot was connected; it was stopped."""
+
+
+def complete_port(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
+    """Ports for the shell."""
+    from mrl_driver.transport.link import ports
+
+    return [port for port in ports() if port.startswith(incomplete)]
+
+
+def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
+    """Robots for the shell."""
+    try:
+        known = [*named_robots.read(), *models.names(), "auto"]
+    except ConfigError:
+        return []
+    return [name for name in known if name.startswith(incomplete)]
+
+
+def complete_parameter(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
+    """Board parameters for the shell."""
+    from mrl_driver.protocol.table import PARAMETERS
+
+    return [row.name for row in PARAMETERS if row.name.startswith(incomplete)]
+
+
+def robot_options(command: Callable[..., None]) -> Callable[..., None]:
+    """The options that name a robot; the command gets them as `target`."""
+
+    @click.option(
+        "--port",
+        metavar="PORT",
+        shell_complete=complete_port,
+        help="Serial port, such as /dev/ttyACM0, or tcp://HOST:PORT, udp://HOST:PORT [env: MRL_PORT].",
+    )
+    @click.option(
+        "--robot",
+        metavar="ROBOT",
+        shell_complete=complete_robot,
+        help="A name (see mrl names), a model, or a .yaml file; without it the board's id tells the model "
+        "[env: MRL_ROBOT].",
+    )
+    @click.option("--baud", type=int, help="Baud rate of the port  [default: 115200]")
+    @functools.wraps(command)
+    def wrapper(
+        *args: Any, port: Optional[str], robot: Optional[str], baud: Optional[int], **kwargs: Any
+    ) -> None:
+        command(*args, target=aim(port, robot, baud), **kwargs)
+
+    return wrapper
+
+
+def aim(port: Optional[str], robot: Optional[str], baud: Optional[int]) -> Target:
+    """The robot that the options mean; those before the sub-command come second, the environment last.
+
+    Raises:
+        ConfigError: the robot is unknown, or the baud rate out of range.
+    """
+    outer = click.get_current_context().find_root().params
+    if baud is not None:
+        named_robots.demand_baud(baud, "--")
+    robot = robot or outer.get("robot") or os.environ.get("MRL_ROBOT") or "auto"
+    target = named_robots.resolve(robot, port or outer.get("port"), baud)
+    return target._replace(port=target.port or os.environ.get("MRL_PORT") or None)
+
+
+def demand_port(target: Target) -> str:
+    """The target's port.
+
+    Raises:
+        ConfigError: none was given; lists those there are.
+    """
+    if not target.port:
+        from mrl_driver.transport.link import ports
+
+        found = ", ".join(ports()) or "none; is the board plugged in?"
+        raise ConfigError(
+            f"--port is missing, expected a serial port, or a named robot; ports there are: {found}"
+        )
+    return target.port
+
+
+@contextlib.contextmanager
+def connected(target: Target, model: Optional["RobotModel"] = None, **options: Any) -> Iterator["Driver"]:
+    """A connected driver with these options.
+
+    `model` replaces the target's.
+
+    Raises:
+        Interrupted: Ctrl-C, once the robot was stopped.
+        OutputError: all else went well, and the recording lacks something.
+    """
+    from mrl_driver.driver import Driver, Options
+
+    driver = Driver(demand_port(target), model or target.model, target.baud, Options(**options))
+    try:
+        with driver:
+            if options.get("fast") and driver.line_baud != FAST_BAUD:
+                complain(f"warning: the line stays at {driver.line_baud} baud, since {SLOW}")
+            yield driver
+    except Interrupted:
+        raise
+    except KeyboardInterrupt:
+        raise Interrupted("interrupted; the robot was stopped") from None
+    except BaseException:
+        if driver.recorder is not None and driver.recorder.loss:
+            complain(driver.recorder.loss)
+        raise
+    if driver.recorder is not None and driver.recorder.loss:
+        raise OutputError(driver.recorder.loss)
+
+
+def tell_losses(driver: "Driver") -> None:
+    """Say in a line when the port goes away, when the robot is found again, when the line is slowed, and when the
+    wheels could not be followed.
+    """
+
+    def tell(event: object) -> None:
+        if isinstance(event, (Lost, Reconnected, Slowed, WayLost)):
+            complain(str(event))
+
+    driver.on_event(tell)
+
+
+def warn(driver: "Driver") -> None:
+    """Say what a user should know about the board that answers."""
+    if driver.warning:
+        complain(f"warning: {driver.warning}")
+
+
+def complain(text: str) -> None:
+    """One line on stderr."""
+    click.echo(f"mrl: {text}", err=True)
+
+
+def say_json(value: Any) -> None:
+    """Print JSON: no reading is null, and infinity, which JSON lacks, the string "inf"."""
+    click.echo(json.dumps(_plain(value)))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(each) for each in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else "inf" if value > 0 else "-inf"
+    return value
+
+
+def human(value: Any) -> str:
+    """A value of a table of facts as people read it."""
+    if isinstance(value, (list, tuple)):
+        return ", ".join(map(str, value)) or "none"
+    return "unknown" if value is None else str(value)
+
+
+def full_screen() -> bool:
+    """Output goes to a terminal that can show a view, not only one line after the other."""
+    return sys.stdout.isatty() and os.environ.get("TERM") not in ("dumb", "unknown")
+
+
+def agree(question: str, yes: bool, otherwise: str = "nothing was changed") -> None:
+    """Ask, unless `yes`; `otherwise` is said after a no.
+
+    Raises:
+        ConfigError: there is nobody to ask.
+        click.Abort: the answer is no.
+    """
+    if yes:
+        return
+    if not sys.stdin.isatty():
+        raise ConfigError(f"{question} There is no terminal to answer from; give --yes to agree")
+    if not click.confirm(question, err=True):
+        raise click.Abort(otherwise)
+
+
+def agree_to_move(question: str, yes: bool) -> None:
+    """Ask before motors turn, unless `yes`.
+
+    Raises:
+        ConfigError, click.Abort: as `agree`.
+    """
+    agree(question, yes, "the robot was not moved")
+
+
+def agree_to_replace(record: Optional[str], yes: bool) -> None:
+    """Ask before a recording replaces a file that holds something.
+
+    Raises:
+        ConfigError, click.Abort: as `agree`.
+    """
+    if record is not None and os.path.isfile(record) and os.path.getsize(record):
+        agree(f"{record} is there already. Replace it?", yes)
+
+
+def demand_seconds(seconds: float, option: str = "--seconds") -> None:
+    """Raise ConfigError unless a time span is above 0."""
+    if not seconds > 0:
+        raise ConfigError(f"{option} is {seconds}, expected a number above 0")

@@ -1,0 +1,80 @@
+"""`mrl tip-over`: how far a vehicle is from tipping over, and how much it may accelerate."""
+
+import math
+from typing import Optional
+
+import click
+
+from mrl_driver.errors import ConfigError
+
+from .shared import json_option, say_json
+
+
+@click.command("tip-over")
+@click.argument("vehicle")
+@click.option(
+    "--reserve", default=10.0, show_default=True, metavar="DEG", help="Margin to keep at least [deg]."
+)
+@click.option(
+    "--slope", default=0.0, show_default=True, metavar="DEG", help="Ground that slopes the worst way [deg]."
+)
+@click.option("--plot", "picture", metavar="PICTURE", type=click.Path(), help="Draw it: PNG, PDF or SVG.")
+@json_option
+def tip_over(vehicle: str, reserve: float, slope: float, picture: Optional[str], as_json: bool) -> None:
+    """Tell how much a vehicle may accelerate before it tips over.
+
+    VEHICLE is mecanum-arm, a robot model, or a .yaml file: name, contacts (points [x, y] on the ground), body and
+    payloads (mass_kg, x_m, y_m, height_m).  Of a robot model the mass is taken to be at half its height.
+
+    \b
+    Examples:
+      mrl tip-over mecanum-arm
+      mrl tip-over traxbot --slope 15
+      mrl tip-over mecanum-arm --reserve 15 --plot arm.png
+    """
+    from mrl_driver.tip_over import margin, vehicle_file
+
+    for name, value in (("reserve", reserve), ("slope", slope)):
+        if not 0 <= value < 90:
+            raise ConfigError(f"--{name} is {value:g}, expected 0 to less than 90 deg")
+    found = vehicle_file.load(vehicle)
+    reserve_rad, slope_rad = math.radians(reserve), math.radians(slope)
+    if picture:
+        from mrl_driver.tip_over import plot
+
+        plot.draw(found, picture, reserve_rad, slope_rad)
+    margins = margin.margins(found)
+    tips = margin.limits(found, 0.0, slope_rad)
+    kept = margin.limits(found, reserve_rad, slope_rad)
+    if as_json:
+        say_json(
+            {
+                "vehicle": found.name,
+                "whole": found.whole._asdict(),
+                "margin_rad": margin.least(margins).angle_rad,
+                "tips_m_s2": tips,
+                "limit_m_s2": kept,
+                "reserve_rad": reserve_rad,
+                "slope_rad": slope_rad,
+                "picture": picture,
+            }
+        )
+        return
+    mass = found.whole
+    click.echo(
+        f"{found.name}: {mass.mass_kg:g} kg, centre of mass at x {mass.x_m:.3f} m, y {mass.y_m:.3f} m, "
+        f"height {mass.height_m:.3f} m"
+    )
+    margin_deg = math.degrees(margin.least(margins).angle_rad)
+    tips_at_rest = (
+        ""
+        if margin_deg > 0
+        else "; it tips over where it stands: its centre of mass is not above its contacts"
+    )
+    click.echo(f"margin at rest on flat ground: {margin_deg:.1f} deg{tips_at_rest}")
+    click.echo(f"{'accelerating':14}{'tips over at':>14}{f'{reserve:g} deg kept to':>18}   [m/s2]")
+    for name in tips:
+        click.echo(f"{name:14}{tips[name]:14.2f}{kept[name]:18.2f}")
+    click.echo(f"limit in any of them: {min(kept.values()):.2f} m/s2; a curve takes v * omega of it sideways")
+    if picture:
+        click.echo(picture)

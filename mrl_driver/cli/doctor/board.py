@@ -1,0 +1,226 @@
+"""Checks of a connected board: who it is, its supply, its faults, its link.  The robot stands still."""
+
+import math
+import time
+from typing import TYPE_CHECKING, Dict, Iterator, List, NamedTuple, Optional
+
+from mrl_driver.protocol.table import BY_NAME, FAULTS, REASONS
+from mrl_driver.robot.models import RobotModel
+from mrl_driver.session.handshake import Board
+from mrl_driver.session.session import Status
+
+from .findings import FAULT, NOTE, OK, WARNING, Finding
+
+if TYPE_CHECKING:
+    from mrl_driver.driver import Driver
+
+WATCH_S = 1.0
+ROUND_TRIPS = 40
+SLOW_S = 0.05
+"""A round trip above this is slow: the wire takes 3 ms, a USB adapter up to 16 ms more."""
+LEAST_SHARE = 0.9
+"""Of the frames that the stream should bring."""
+_NETWORK = "bring robot and access point closer together, or use a channel with less traffic"
+_PINS = {"front": "A0", "left": "A1", "right": "A2"}
+_ADVICE = {
+    "motor_board": "check the OMNI-3MD's power, and its I2C wires on A4 (SDA) and A5 (SCL)",
+    "bus_hung": "a device holds the I2C bus: check the wires on A4 (SDA) and A5 (SCL), then switch power off and on",
+    "eeprom": "set what differs from the model's defaults again, then: mrl config save",
+    "id_unset": "mrl set-id ID (TraxBot 1-3, StingBot 4-5)",
+    "sensor": "check the I2C wires and power of the thermopile (0x68) and the compass (0x60)",
+}
+_RESETS = {
+    "watchdog": "the firmware hung and its watchdog restarted it; please report it with: mrl doctor --report",
+    "brown_out": "the supply dipped: check USB cable and hub, and what else hangs on the board's 5 V",
+}
+
+
+class Link(NamedTuple):
+    """What a watch of the link brought."""
+
+    rate_hz: float
+    """Frames of the stream."""
+    expected_hz: Optional[float]
+    """None where the board streams as fast as it can."""
+    lost: int
+    garbage: Dict[str, int]
+    round_trips_s: List[float]
+    """Request to answer, ascending."""
+
+
+def identity(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
+    """Who answers, and what its firmware can do."""
+    if board.robot_id == 0:
+        yield Finding(FAULT, "robot id", "is not set", _ADVICE["id_unset"])
+    elif model is None or board.robot_id not in model.ids:
+        yield Finding(
+            WARNING,
+            "robot id",
+            f"{board.robot_id} is in no packaged model",
+            "name the robot's file: --robot FILE.yaml",
+        )
+    else:
+        yield Finding(OK, "robot", f"{model.name} {board.robot_id}")
+    if board.version < 2:
+        yield Finding(
+            WARNING, "firmware", "1 (2013): works, without watchdog and check value", "mrl flash --port PORT"
+        )
+        return
+    yield Finding(OK, "firmware", f"version {board.version}, protocol {board.protocol}")
+    yield Finding(OK, "it has", ", ".join(sorted(board.capabilities)))
+    if "watchdog" not in board.capabilities:
+        yield Finding(
+            FAULT, "watchdog", "the board has none: it would not stop by itself", "mrl flash --port PORT"
+        )
+
+
+def supply(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
+    """Battery and motor board."""
+    text = f"{board.battery_v:.1f} V"
+    if model is not None:
+        levels = model.battery
+        if board.battery_v < levels.off_v:
+            yield Finding(
+                FAULT, "battery", f"{text}: motor power is off", "switch it on, or connect the battery"
+            )
+        elif board.battery_v < levels.empty_v:
+            yield Finding(
+                FAULT, "battery", f"{text}: empty", f"charge it; it must have {levels.empty_v:g} V to start"
+            )
+        elif board.battery_v < levels.low_v:
+            yield Finding(WARNING, "battery", f"{text}: low", "charge it soon")
+        else:
+            yield Finding(OK, "battery", f"{text} (full {levels.full_v:g} V, low below {levels.low_v:g} V)")
+    hot = board.temperature_c > 60
+    yield Finding(
+        WARNING if hot else OK,
+        "motor board",
+        f"firmware {board.motor_board_version:.2f}, {board.temperature_c:.0f} degC",
+        "let it cool down; are the wheels blocked?" if hot else "",
+    )
+
+
+def health(status: Optional[Status]) -> Iterator[Finding]:
+    """The board's own faults, and why it last started."""
+    if status is None:
+        return
+    words = dict(FAULTS)
+    for fault in status.faults:
+        yield Finding(FAULT, "board's fault", words[fault].rstrip("."), _ADVICE[fault])
+    cause = status.reset_cause
+    yield Finding(
+        WARNING if cause in _RESETS else OK,
+        "last start",
+        f"{cause.replace('_', ' ')}, {status.uptime_s} s ago",
+        _RESETS.get(cause, ""),
+    )
+    if status.clamped:
+        yield Finding(
+            NOTE,
+            "speed ceiling",
+            f"clamped {status.clamped} commands",
+            "ask for less, or raise linear_ceiling with: mrl config set",
+        )
+
+
+def watch(driver: "Driver", seconds: float = WATCH_S, trips: int = ROUND_TRIPS) -> Link:
+    """Watch the stream, then time requests.
+
+    Raises:
+        BoardTimeout: it stopped answering.
+        LinkLost: it went away.
+    """
+    arrivals: List[float] = []
+    before = driver.statistics
+    driver.on_telemetry(lambda telemetry: arrivals.append(telemetry.arrival_s))
+    driver.wait(seconds)
+    count = len(arrivals)
+    times = sorted(_round_trip_s(driver) for _ in range(trips))
+    seen = driver.statistics
+    garbage = {
+        reason: number - before.garbage.get(reason, 0)
+        for reason, number in seen.garbage.items()
+        if number > before.garbage.get(reason, 0)
+    }
+    expected = 50.0 if "period" in driver.board.capabilities else None
+    return Link(count / seconds, expected, seen.lost - before.lost, garbage, times)
+
+
+def _round_trip_s(driver: "Driver") -> float:
+    start_s = time.perf_counter()
+    driver.ask(BY_NAME["get_stream"].code)  # 2013 boards answer get_debug with text as well
+    return time.perf_counter() - start_s
+
+
+def link(seen: Link, by_network: bool = False) -> Iterator[Finding]:
+    """How well the bytes come through, by cable or network."""
+    slow = seen.expected_hz is not None and seen.rate_hz < LEAST_SHARE * seen.expected_hz
+    expected = f" of {seen.expected_hz:.0f}" if seen.expected_hz is not None else ""
+    yield Finding(
+        WARNING if slow else OK,
+        "telemetry",
+        f"{seen.rate_hz:.0f}{expected} frames/s",
+        "" if not slow else _NETWORK if by_network else "is this computer busy, or a USB hub between?",
+    )
+    damage = sum(seen.garbage.values())
+    if seen.lost or damage:
+        kinds = ", ".join(f"{count} {reason}" for reason, count in sorted(seen.garbage.items()))
+        yield Finding(
+            WARNING,
+            "damage",
+            f"{seen.lost} frames lost, {damage} damaged pieces" + (f" ({kinds})" if kinds else ""),
+            _NETWORK if by_network else "use a shorter or better USB cable, away from the motor wires",
+        )
+    else:
+        yield Finding(OK, "damage", "no frame lost or damaged")
+    if not seen.round_trips_s:
+        return
+    middle, worst = seen.round_trips_s[len(seen.round_trips_s) // 2], seen.round_trips_s[-1]
+    yield Finding(
+        WARNING if middle > SLOW_S else OK,
+        "latency",
+        f"{middle * 1000:.1f} ms from request to answer, at worst {worst * 1000:.1f} ms",
+        ""
+        if middle <= SLOW_S
+        else _NETWORK
+        if by_network
+        else "connect the board directly; is this computer busy?",
+    )
+
+
+def sonars(ranges: Dict[str, float], board: Board) -> Iterator[Finding]:
+    """What each sonar reads now."""
+    if board.version >= 2 and "sonars" not in board.capabilities:
+        yield Finding(NOTE, "sonars", "none: this is the build for environment sensors")
+        return
+    for name, value in ranges.items():
+        if math.isnan(value):
+            pin = _PINS.get(name, "its pin")
+            advice = f"check the sonar's power (D13), the trigger chain (D12) and its output on {pin}"
+            yield Finding(FAULT, f"sonar {name}", "no reading", advice)
+        else:
+            words = (
+                f"{value:.2f} m" if math.isfinite(value) else "nothing in range" if value > 0 else "too near"
+            )
+            yield Finding(OK, f"sonar {name}", words)
+
+
+def refusals(counts: Dict[str, int]) -> Iterator[Finding]:
+    """What the board refused since it started; `noise` alone is usual when a port is opened."""
+    texts = {reason.name: reason.text.rstrip(".") for reason in REASONS}
+    seen = {name: count for name, count in counts.items() if count and name != "noise"}
+    if seen:
+        kinds = ", ".join(
+            f"{count} x {texts[name][0].lower()}{texts[name][1:]}" for name, count in seen.items()
+        )
+        yield Finding(
+            NOTE, "refused by board", kinds, "usual after an interrupted program; else check the cable"
+        )
+
+
+def counters(driver: "Driver") -> Dict[str, int]:
+    """The board's own counters by reason; empty from 2013 boards."""
+    if driver.board.version < 2:
+        return {}
+    row = BY_NAME["read_counters"]
+    return {field.name: value for field, value in zip(row.reply, driver.ask(row.code))}

@@ -1,0 +1,111 @@
+"""Checks of the computer and the port, without opening it."""
+
+import getpass
+import grp
+import os
+import stat
+from typing import Iterator, List
+
+from mrl_driver.transport.port_info import (
+    ARDUINO_VENDORS,
+    group_of,
+    is_terminal,
+    programs_named,
+    udev_properties,
+    user_of,
+)
+from mrl_driver.transport.port_search import Port
+
+from .findings import FAULT, NOTE, OK, WARNING, Finding
+
+IDLE_LATENCY_MS = 2
+"""An FTDI adapter holds bytes back for its latency timer, 16 ms unless told otherwise; above this it is noted."""
+
+
+def check(name: str, port: Port) -> Iterator[Finding]:
+    """All of them; `port` is what `name` leads to."""
+    yield from _permission(name)
+    yield from _modem_manager(port)
+    yield from _use(name)
+    yield from _latency_timer(port)
+
+
+def _permission(name: str) -> Iterator[Finding]:
+    try:
+        if not stat.S_ISCHR(os.stat(name).st_mode):
+            return
+    except (OSError, ValueError):
+        return
+    group = group_of(name)
+    if os.access(name, os.R_OK | os.W_OK):
+        yield Finding(OK, "permission", f"you may open {name}" + (f" (group {group})" if group else ""))
+    elif group in ("", "root"):
+        yield Finding(
+            FAULT,
+            "permission",
+            f"only root may open {name}",
+            "have udev give serial ports to group dialout: sudo mrl system install",
+        )
+    elif group in groups_by_file():
+        yield Finding(
+            FAULT,
+            "permission",
+            f"you are in group {group}, but this session began before",
+            "log out and in again, or for this terminal: newgrp " + group,
+        )
+    else:
+        yield Finding(
+            FAULT,
+            "permission",
+            f"you may not open {name}: it belongs to group {group}",
+            f"sudo usermod -aG {group} $USER, then log out and in",
+        )
+
+
+def groups_by_file() -> List[str]:
+    """Groups that the user is in by the system's files; the session's own may be older."""
+    try:
+        user = getpass.getuser()
+    except (KeyError, OSError):
+        return []
+    return [each.gr_name for each in grp.getgrall() if user in each.gr_mem]
+
+
+def _modem_manager(port: Port) -> Iterator[Finding]:
+    """ModemManager writes `AT` to new serial ports for some seconds, unless a udev rule keeps it away."""
+    if port.vendor is None:
+        return
+    if not programs_named("ModemManager"):
+        yield Finding(OK, "ModemManager", "does not run")
+    elif udev_properties(port.device).get("ID_MM_DEVICE_IGNORE") == "1":
+        yield Finding(OK, "ModemManager", "runs, but leaves this port alone")
+    else:
+        known = port.vendor in ARDUINO_VENDORS
+        yield Finding(
+            NOTE if known else WARNING,
+            "ModemManager",
+            "runs, and may keep the port busy for some seconds after the board is plugged in",
+            "sudo mrl system install, or: sudo systemctl disable --now ModemManager",
+        )
+
+
+def _use(name: str) -> Iterator[Finding]:
+    holder = user_of(name) if is_terminal(name) else ""
+    if holder:
+        yield Finding(FAULT, "in use", f"{name} is in use by {holder}", "end that program, then try again")
+
+
+def _latency_timer(port: Port) -> Iterator[Finding]:
+    path = f"/sys/bus/usb-serial/devices/{os.path.basename(port.device)}/latency_timer"
+    try:
+        with open(path, encoding="ascii") as file:
+            timer_ms = int(file.read())
+    except (OSError, ValueError):
+        return
+    if timer_ms > IDLE_LATENCY_MS:
+        yield Finding(
+            NOTE,
+            "USB adapter",
+            f"holds bytes back for up to {timer_ms} ms",
+            f"echo 1 | sudo tee {path}",
+        )

@@ -1,0 +1,152 @@
+"""Checks in which something moves: each wheel in turn, and a hand before each sonar."""
+
+import math
+import time
+from typing import TYPE_CHECKING, Callable, Dict, Iterator, Mapping, NamedTuple, Optional
+
+from mrl_driver.robot.odometry import Wheels
+
+from .findings import FAULT, NOTE, OK, Finding
+
+if TYPE_CHECKING:
+    from mrl_driver.driver import Driver
+
+SIDES = ("right", "left")
+WHEEL_M_S, TURN_S, REST_S = 0.1, 1.5, 2.0
+LEAST_M, STRAY_SHARE = 0.02, 0.3
+"""A wheel has turned if it made this way; the other one has not, if it made less than this share of it."""
+NEARER_M, HAND_M = 0.2, 0.6
+"""A hand is before a sonar if it reads below this, and this much less than before [m]."""
+_MOTORS = {"right": "motor and encoder 3", "left": "motor and encoder 1"}
+
+Ask = Callable[[str], bool]
+
+
+class Moved(NamedTuple):
+    """What a wheel that was to turn forward brought, on both counters [m]."""
+
+    right_m: float
+    left_m: float
+    cause: str
+    """Why the driver stopped the robot early; empty where it did not."""
+
+
+def check(driver: "Driver", ask: Optional[Ask]) -> Iterator[Finding]:
+    """Turn each wheel forward for a moment; `ask` puts a question to the user, who sees the wheels."""
+    if driver.battery_state in ("empty", "off"):
+        yield Finding(FAULT, "wheels", f"not tried: the battery is {driver.battery_state}")
+        return
+    for side in SIDES:
+        finding = judge(side, turn(driver, side))
+        if finding.level == OK and ask is not None and not ask(f"Did the {side} wheel turn forward, alone?"):
+            finding = Finding(
+                FAULT,
+                f"{side} wheel",
+                "its counter agrees, but another wheel turned, or backwards",
+                f"motor and encoder wires are swapped together: {side} is {_MOTORS[side]}, forward counts up",
+            )
+        yield finding
+    if ask is None:
+        yield Finding(
+            NOTE, "wheels", "only the counters were looked at; see whether each wheel turned forward"
+        )
+
+
+def turn(driver: "Driver", side: str) -> Moved:
+    """Turn one wheel forward, and stop."""
+    model = driver.model
+    assert model is not None
+    metres, separation_m = model.drive.metres_per_count, model.drive.wheel_separation_m
+    start = _counts(driver)
+    yaw_rate = WHEEL_M_S / separation_m
+    command = WHEEL_M_S / 2, yaw_rate if side == "right" else -yaw_rate
+    end_s = time.monotonic() + TURN_S
+    while driver.drive(*command) and time.monotonic() < end_s:
+        driver.wait(0.02)
+    cause = "" if driver.mismatch is None else driver.mismatch.cause
+    driver.stop()
+    end_s = time.monotonic() + REST_S
+    while not driver.stopped and time.monotonic() < end_s:
+        driver.wait(0.02)
+    now = _counts(driver)
+    return Moved((now.right - start.right) * metres, (now.left - start.left) * metres, cause)
+
+
+def _counts(driver: "Driver") -> Wheels:
+    telemetry = driver.telemetry
+    return Wheels(*telemetry.counts[:2]) if telemetry else Wheels(0, 0)
+
+
+def judge(side: str, moved: Moved) -> Finding:
+    """What the counters say of a wheel that was told to turn forward alone."""
+    own, other = (moved.right_m, moved.left_m) if side == "right" else (moved.left_m, moved.right_m)
+    words = f"{own * 1000:.0f} mm, the other wheel {other * 1000:.0f} mm"
+    wheel = f"{side} wheel"
+    if own >= LEAST_M and abs(other) <= STRAY_SHARE * own:
+        return Finding(OK, wheel, f"turns and counts forward ({words})")
+    if own <= -LEAST_M and abs(other) <= STRAY_SHARE * -own:
+        return Finding(
+            FAULT,
+            wheel,
+            f"counts backwards ({words})",
+            "swap the wires of its encoder (or of its motor), not both",
+        )
+    if abs(other) >= LEAST_M > abs(own):
+        return Finding(
+            FAULT,
+            wheel,
+            f"the other wheel's counter moved ({words})",
+            f"swap the plugs: {side} is {_MOTORS[side]}",
+        )
+    if abs(own) < LEAST_M and abs(other) < LEAST_M:
+        return Finding(
+            FAULT,
+            wheel,
+            f"no counter moved ({words})",
+            "did it turn?  Then its encoder is unplugged; else check motor power and motor plug",
+        )
+    return Finding(FAULT, wheel, f"both counters moved ({words})", "check which encoder is plugged in where")
+
+
+def sonar_order(
+    read: Callable[[], Mapping[str, float]], ask: Ask, patience_s: float = 15.0, tick_s: float = 0.05
+) -> Iterator[Finding]:
+    """Have a hand held before each sonar in turn; `ask` tells the user so, False skips the sonar."""
+    for name in list(read()):
+        if not ask(f"Hold a hand about 30 cm before the {name} sonar.  Ready?"):
+            yield Finding(NOTE, f"sonar {name}", "order not tried")
+            continue
+        yield _order(name, _await_hand(read, patience_s, tick_s))
+
+
+def _await_hand(read: Callable[[], Mapping[str, float]], patience_s: float, tick_s: float) -> str:
+    end_s = time.monotonic() + patience_s
+    while time.monotonic() < end_s:
+        found = nearest(read())
+        if found:
+            return found
+        time.sleep(tick_s)
+    return ""
+
+
+def nearest(ranges: Mapping[str, float]) -> str:
+    """The one sonar with a hand before it; empty where none has, or several."""
+    near: Dict[str, float] = {
+        name: max(0.0, value) for name, value in ranges.items() if not math.isnan(value) and value < HAND_M
+    }
+    others = [value for name, value in ranges.items() if name not in near and not math.isnan(value)]
+    if len(near) != 1 or any(value < min(near.values()) + NEARER_M for value in others):
+        return ""
+    return next(iter(near))
+
+
+def _order(name: str, seen: str) -> Finding:
+    if seen == name:
+        return Finding(OK, f"sonar {name}", "is where it belongs")
+    if seen:
+        return Finding(
+            FAULT, f"sonar {name}", f"the {seen} one saw the hand", f"swap the outputs of {name} and {seen}"
+        )
+    return Finding(
+        FAULT, f"sonar {name}", "saw no hand alone", "check its output wire, or clear the space around"
+    )

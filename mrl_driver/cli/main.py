@@ -1,0 +1,199 @@
+"""The command `mrl`: what a person at a terminal does with a robot.
+
+Sub-commands are loaded when they are asked for; other packages add theirs through the entry points group
+`mrl.commands`.  Errors are one line on stderr and an exit code of `errors`.
+"""
+
+import difflib
+import importlib
+import io
+import os
+import signal
+import sys
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
+
+import click
+
+from mrl_driver.errors import MrlError, OutputError
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells have it."""
+TERMINATED = 143
+_GROUP_ALONE: Any = getattr(click.exceptions, "NoArgsIsHelpError", ())
+"""What click 8.2 and later raise with the help for it; before, they show it."""
+
+OWN: Dict[str, str] = {
+    "calibrate": "mrl_driver.cli.commands.calibrate:calibrate",
+    "completion": "mrl_driver.cli.commands.completion:completion",
+    "config": "mrl_driver.cli.commands.config:config",
+    "doctor": "mrl_driver.cli.commands.doctor:doctor",
+    "drive": "mrl_driver.cli.commands.drive:drive",
+    "flash": "mrl_driver.cli.commands.flash:flash",
+    "info": "mrl_driver.cli.commands.info:info",
+    "monitor": "mrl_driver.cli.commands.monitor:monitor",
+    "names": "mrl_driver.cli.commands.names:names",
+    "plot": "mrl_driver.cli.commands.plot:plot",
+    "ports": "mrl_driver.cli.commands.ports:ports",
+    "record": "mrl_driver.cli.commands.monitor:record",
+    "serve": "mrl_driver.cli.commands.serve:serve",
+    "set-id": "mrl_driver.cli.commands.set_id:set_id",
+    "system": "mrl_driver.cli.commands.system:system",
+    "tip-over": "mrl_driver.cli.commands.tip_over:tip_over",
+}
+"""Name of each sub-command of this package, and where it stands."""
+
+
+class Commands(click.Group):
+    """The own sub-commands, and those that other packages register."""
+
+    def list_commands(self, ctx: click.Context) -> List[str]:
+        """Names of all sub-commands, sorted."""
+        return sorted(set(OWN) | set(registered("mrl.commands")))
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> Optional[click.Command]:
+        """The sub-command of that name, loaded now."""
+        if cmd_name in OWN:
+            module, _, name = OWN[cmd_name].partition(":")
+            own: click.Command = getattr(importlib.import_module(module), name)
+            return own
+        point = registered("mrl.commands").get(cmd_name)
+        return point.load() if point else None
+
+    def resolve_command(
+        self, ctx: click.Context, args: List[str]
+    ) -> Tuple[Optional[str], Optional[click.Command], List[str]]:
+        """The sub-command that the words name; a misspelt one brings the likely ones."""
+        if self.get_command(ctx, args[0]) is None and not args[0].startswith("-"):
+            near = difflib.get_close_matches(args[0], self.list_commands(ctx), 3, 0.5)
+            expected = ", ".join(near or self.list_commands(ctx))
+            raise click.UsageError(f"there is no command {args[0]!r}, expected {expected}", ctx)
+        return super().resolve_command(ctx, args)
+
+
+def registered(group: str) -> Dict[str, Any]:
+    """The entry points that packages have in a group, by their names."""
+    from importlib import metadata
+
+    points: Any = metadata.entry_points()
+    found = points.select(group=group) if hasattr(points, "select") else points.get(group, [])
+    return {point.name: point for point in found}
+
+
+def version() -> str:
+    """Version of the package."""
+    from importlib import metadata
+
+    try:
+        return metadata.version("mrl-driver")
+    except metadata.PackageNotFoundError:
+        return "unknown (not installed)"
+
+
+def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        click.echo(f"mrl, version {version()}")
+        ctx.exit()
+
+
+def _known(function: str) -> Callable[[click.Context, click.Parameter, str], List[str]]:
+    """Completion by that function of the sub-commands, which is loaded only if the shell asks."""
+
+    def complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
+        found: List[str] = getattr(importlib.import_module("mrl_driver.cli.commands.shared"), function)(
+            ctx, param, incomplete
+        )
+        return found
+
+    return complete
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.option(
+    "--port",
+    metavar="PORT",
+    help="Serial port, for any command that takes one.",
+    shell_complete=_known("complete_port"),
+)
+@click.option(
+    "--robot",
+    metavar="ROBOT",
+    help="Named robot, model or .yaml file, likewise.",
+    shell_complete=_known("complete_robot"),
+)
+@click.option(
+    "--version",
+    is_flag=True,
+    expose_value=False,
+    is_eager=True,
+    callback=_print_version,
+    help="Show the version.",
+)
+def cli(port: Optional[str], robot: Optional[str]) -> None:
+    """Drive and watch TraxBot, StingBot and other Arduino robots.
+
+    \b
+    Where to begin:
+      mrl ports                            which serial ports there are
+      mrl doctor --port /dev/ttyACM0       is everything in order?
+      mrl monitor --port /dev/ttyACM0      watch the robot, and drive it with the keyboard
+      mrl names add lab3 --port /dev/ttyACM0; mrl --robot lab3 info
+    \b
+    Exit codes:
+      0 all is well             1 a finding, or another error   2 a wrong option or file
+      3 no such port            4 no permission                 5 the port is in use
+      6 the port went away      7 not a robot                   8 another robot
+      9 the battery is empty   10 the board does not answer    11 the board refuses
+     12 no such frame          13 the emulator                 14 a wheel or its wires
+     15 a file or the output cannot be written                130 Ctrl-C, or a no
+    """
+
+
+def _terminate(*_: Any) -> None:
+    raise SystemExit(TERMINATED)
+
+
+def main(args: Optional[Sequence[str]] = None) -> None:
+    """Run `mrl`; always ends in SystemExit.  Signals stop the robot before that."""
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup leaves it
+            signal.signal(number, _terminate)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without such characters shows `?`
+    words = list(sys.argv[1:] if args is None else args)
+    asked_by_shell = "_MRL_COMPLETE" in os.environ
+    try:
+        sys.exit(
+            cli.main(words if words or asked_by_shell else ["--help"], prog_name="mrl", standalone_mode=False)
+            or 0
+        )
+    except click.ClickException as error:
+        if isinstance(error, _GROUP_ALONE):
+            click.echo(error.format_message())
+            sys.exit(0)
+        _complain(_one_line(error))
+        sys.exit(error.exit_code)
+    except (click.Abort, KeyboardInterrupt) as error:
+        _complain(str(error) or "interrupted")
+        sys.exit(INTERRUPTED)
+    except MrlError as error:
+        _complain(str(error))
+        sys.exit(error.exit_code)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(1)
+    except OSError as error:
+        what = f"{error.filename} cannot be used" if error.filename else "the output cannot be written"
+        _complain(f"{what}: {error.strerror or error}; make room, or choose another place")
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # else Python complains once more as it ends
+        sys.exit(OutputError.exit_code)
+
+
+def _one_line(error: click.ClickException) -> str:
+    text = " ".join(error.format_message().split())
+    ctx = getattr(error, "ctx", None)
+    return f"{text[:1].lower()}{text[1:].rstrip('.')}; see: {ctx.command_path if ctx else 'mrl'} --help"
+
+
+def _complain(text: str) -> None:
+    click.echo(f"mrl: {text}", err=True)

@@ -1,0 +1,236 @@
+"""The robot as an object: SI units in and out, one thread that reads, nothing printed.
+
+    with Driver("/dev/ttyACM0") as robot:
+        for _ in range(20):
+            robot.drive(0.2, 0.0)
+            robot.wait(0.1)
+        print(robot.pose)
+
+A robot stops 0.5 s after the last `drive`; `Options(command_timeout_s=...)` changes that.  Leaving the block stops the
+robot, and so does the end of the program.  All methods may be called from any thread; `ask` and `wait` not from
+callbacks, which run on the thread that reads.
+"""
+
+import atexit
+import threading
+import time
+from typing import Optional, Tuple, Union
+
+from mrl_driver.errors import BoardTimeout, ConfigError, LinkLost, MrlError
+from mrl_driver.recording.recording import Recorder
+from mrl_driver.robot import models
+from mrl_driver.robot.models import RobotModel
+from mrl_driver.robot.robot_state import Telemetry
+from mrl_driver.session.handshake import Board
+from mrl_driver.transport.address import demand_port
+from mrl_driver.transport.baud_rates import FAST_BAUD, demand_raisable
+from mrl_driver.transport.link import BAUD, Link
+
+from .options import DEFAULTS, Options, demand, demand_options
+from .robot_core import Core
+from .runner import Runner
+
+__all__ = ["Board", "Driver", "Options", "Telemetry"]
+
+ATTEMPTS, ANSWER_S = 3, 0.5
+"""`ask` sends so often, and waits each time so long for the answer [s]."""
+
+
+class Driver(Runner):
+    """A robot on a serial port.
+
+    Args:
+        port: device name, an URL (`tcp://host:port`, `udp://host:port`, those of pyserial), or an open `Link`.
+        robot: name of a packaged model, path of a YAML file, a `RobotModel`, or `auto` for the model that
+            lists the id which the board reports.
+        baud: of the port, where `port` is a name; of the line behind a network address.  Below 115200 the board
+            streams no faster than the line carries.
+        options: see `Options`.
+
+    Raises:
+        ConfigError: the robot model is unknown or wrong, or an option out of range (when created, before the
+            port is opened).
+    """
+
+    def __init__(
+        self,
+        port: Union[str, Link],
+        robot: Union[str, RobotModel] = "auto",
+        baud: int = BAUD,
+        options: Options = DEFAULTS,
+    ) -> None:
+        demand("baud", baud, 300, 4_000_000, "Bd", int)
+        demand_options(options)
+        if isinstance(port, str):
+            demand_port(port)
+        if options.record is not None and isinstance(port, Link):
+            raise ConfigError("record is given with an open link, expected a port by name")
+        if options.fast:
+            demand_raisable(port, baud)
+        options = options._replace(line_baud=min(baud, options.line_baud))
+        model = robot if isinstance(robot, RobotModel) else None if robot == "auto" else models.load(robot)
+        super().__init__(Core(model, options), port, baud, options)
+
+    def connect(self) -> Board:
+        """Open the port, greet the board, start its stream; the robot is told to stop and stays still.
+
+        Returns:
+            Who answers, once the first telemetry is there.
+
+        Raises:
+            ConfigError: the recording cannot be written.
+            PortMissing, PortDenied, PortBusy, LinkError: the port cannot be opened.
+            NotARobot: nothing answers, or not in frames.
+            WrongRobot: another robot answers, or one of another protocol.
+            BatteryDead: motor power is off, or the battery too low to start (unless `ignore_battery`).
+            BoardTimeout, LinkLost: it stopped answering, or went away, meanwhile.
+        """
+        if self._thread is not None or self._closing:
+            raise MrlError("this driver was connected already; create another one to connect again")
+        self._begin()
+        atexit.register(self._end_with_program)
+        try:
+            self._settled.wait()
+        except BaseException:
+            self.close()
+            raise
+        if self._error is not None:
+            self.close()
+            raise self._error
+        return self.board
+
+    def close(self) -> None:
+        """Stop the robot, wait at most a second for telemetry to confirm it, and give the port back."""
+        with self._lock:
+            thread, trial = self._thread, self._trial
+            self._closing = self._closing or (thread is None and self._beginning)
+        if thread is None:
+            if trial is not None:
+                trial.close()
+            return
+        on_thread = thread is threading.current_thread()
+        if self._error is None and not self._closing:
+            self._say_goodbye(wait=not on_thread)
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+            links = self._link, self._trial
+        self._settled.set()
+        for link in links:
+            if link is not None:
+                link.close()
+        if not on_thread:
+            thread.join()
+        self._end_tape()
+        atexit.unregister(self._end_with_program)
+
+    def _end_with_program(self) -> None:
+        """A program that ends in an error may not have closed; boards of 2013 would drive on."""
+        self.close()
+
+    def __enter__(self) -> "Driver":
+        self.connect()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def line_baud(self) -> int:
+        """Speed of the line now [Bd]: with the option `fast` 500000 where board and line can, else the port's."""
+        return FAST_BAUD if self._fast else self._baud
+
+    @property
+    def recorder(self) -> Optional[Recorder]:
+        """What writes the recording, with the lines it `lost` and its last `error`; None without one."""
+        return self._tape.recorder if self._tape is not None else None
+
+    def wait(self, timeout_s: Optional[float] = None) -> bool:
+        """Sleep until the driver is closed or has failed; False when `timeout_s` passed before.
+
+        Raises:
+            MrlError: what the driver failed with, such as LinkLost.
+        """
+        with self._changed:
+            ended = self._changed.wait_for(lambda: self._closing or self._error is not None, timeout_s)
+            if self._error is not None:
+                raise self._error
+            return ended
+
+    def drive(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) -> bool:
+        """Drive at these speeds for at most 0.5 s; call it again before that to go on.
+
+        The option `command_timeout_s` sets another time.  Speeds above the model's limits are scaled down on the same
+        arc.  The latest command wins: none is ever queued.  It is dropped when the board falls silent or restarts, so
+        the robot then waits for a new one.
+
+        Args:
+            linear_m_s: forward speed.
+            angular_rad_s: yaw rate, counter-clockwise.
+            lateral_m_s: speed to the left, where the base can.
+
+        Returns:
+            True when the command is in force; False when the board is silent, being greeted, lost and searched,
+            the battery empty, a wheel not doing what it was told (see `mismatch`), or the driver being closed.
+
+        Raises:
+            FrameError: a speed is NaN or infinite, or lateral where the base cannot; the robot was stopped.
+            LinkLost: the port went away.
+        """
+        with self._lock:
+            core = self._connected()
+            try:
+                return core.drive(linear_m_s, angular_rad_s, time.monotonic(), lateral_m_s)
+            finally:
+                self._flush()
+
+    def stop(self) -> None:
+        """Stop at once; the stop is repeated until telemetry confirms it.
+
+        Raises:
+            LinkLost: the port went away.
+        """
+        with self._lock:
+            self._connected().stop(time.monotonic(), "user")
+            self._flush()
+
+    def request(self, code: int, *args: int) -> None:
+        """Send any other request of the command table; what it brings comes to `on_event`.
+
+        Raises:
+            FrameError: the table forbids it.
+            BoardTimeout: it would turn motors, and the board is silent; it was not sent.
+            LinkLost: the port went away.
+        """
+        with self._lock:
+            core = self._connected()
+            if self._link is None:
+                raise LinkLost("the port went away and is searched; try again when it is back")
+            core.session.request(code, *args)
+            self._flush()
+
+    def ask(self, code: int, *args: int, timeout_s: float = ANSWER_S) -> Tuple[int, ...]:
+        """Send a request that a `Reply` answers, again where none comes; the reply's fields.
+
+        Not for `robot_info`, `read_status` and the counts, which come by themselves, nor on the reading thread.
+
+        Raises:
+            FrameError: the table forbids the request.
+            BoardTimeout: no answer within `timeout_s`, for each of three attempts.
+            LinkLost: the port went away.
+        """
+        core = self._core
+        for _ in range(ATTEMPTS):
+            with self._changed:
+                core.replies.pop(code, None)
+                self.request(code, *args)
+                self._asking += 1
+                self._changed.wait_for(lambda: core.answer(code, args) or self._error, timeout_s)
+                self._asking -= 1
+                self._connected()
+                reply = core.answer(code, args)
+                if reply is not None:
+                    return reply
+        raise BoardTimeout(
+            f"no answer to request {code} in {ATTEMPTS} attempts of {timeout_s:g} s; try again"
+        )

@@ -1,0 +1,52 @@
+"""Who answers on a port, in a few words.  Opening resets an Arduino Uno; the robot is told to stand still."""
+
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from typing import Iterable, Iterator, NamedTuple, Optional, Tuple
+
+from mrl_driver.errors import MrlError
+from mrl_driver.robot import models
+from mrl_driver.transport.link import BAUD
+
+from .driver import Driver
+from .options import Options
+
+_ANY_MODEL = "traxbot"
+_MOST_AT_ONCE = 16
+
+
+class Answer(NamedTuple):
+    """What a port answered."""
+
+    robot_id: Optional[int] = None
+    """None where no robot answers."""
+    model: str = ""
+    """Packaged model that lists the id; empty where none does."""
+    firmware_version: Optional[int] = None
+    battery_v: Optional[float] = None
+    capabilities: Tuple[str, ...] = ()
+    error: str = ""
+    """Why there is no answer."""
+
+
+def probe(port: str, baud: int = BAUD) -> Answer:
+    """Ask one port; takes up to 8 s where nothing answers."""
+    try:
+        with Driver(port, _ANY_MODEL, baud, Options(ignore_battery=True, any_id=True)) as driver:
+            board = driver.board
+    except MrlError as error:
+        return Answer(error=str(error))
+    return Answer(
+        board.robot_id,
+        models.by_id(board.robot_id),
+        board.version,
+        board.battery_v,
+        tuple(sorted(board.capabilities)),
+    )
+
+
+def probe_all(ports: Iterable[Tuple[str, int]]) -> Iterator[Tuple[str, Answer]]:
+    """Ask several ports, each with its baud rate, at the same time; answers in the order they come."""
+    with ThreadPoolExecutor(_MOST_AT_ONCE) as pool:
+        waiting = {pool.submit(probe, port, baud): port for port, baud in ports}
+        for done in as_completed(waiting):
+            yield waiting[done], done.result()

@@ -1,0 +1,144 @@
+"""Uploads an image to an Arduino Uno by `avrdude`, and says in one line what went wrong."""
+
+import os
+import re
+import subprocess
+from typing import Callable, List, Optional, Tuple, Type
+
+from mrl_driver.errors import (
+    BoardRefused,
+    BoardTimeout,
+    ConfigError,
+    LinkLost,
+    MrlError,
+    NotARobot,
+    PortBusy,
+    PortDenied,
+    PortMissing,
+)
+
+BAUD = 115200
+"""Of the Uno's bootloader."""
+PROGRAM = "avrdude"
+MARKS = 100
+"""Marks of progress that an upload prints: 50 for writing, 50 for reading back."""
+_ATTEMPTS = 3
+"""avrdude tries ten times, 5 s each; a board that has not answered by then will not."""
+_ATTEMPT = re.compile(r"attempt (\d+) of \d+: not in sync")
+
+
+_EXPLANATIONS: Tuple[Tuple[str, Type[MrlError], str], ...] = (
+    (
+        "permission denied",
+        PortDenied,
+        "no permission for {port}; join its group with: sudo usermod -aG dialout $USER, then log out and in",
+    ),
+    ("resource busy|locked", PortBusy, "{port} is in use by another program; end it, then try again"),
+    ("no such file|cannot set attributes|is a directory", PortMissing, "{port} is no serial port"),
+    (
+        "expected signature|invalid device signature",
+        BoardRefused,
+        "the chip at {port} is no ATmega328P, expected an Arduino Uno; nothing was written",
+    ),
+    (
+        "verif.*(error|mismatch)|content mismatch|first mismatch",
+        BoardRefused,
+        "what was written to {port} reads back differently; try again, with a shorter USB cable",
+    ),
+    (
+        "input/output error|no such device",
+        LinkLost,
+        "{port} went away while it was written: check the cable, try again",
+    ),
+    (
+        "not in sync|not responding",
+        NotARobot,
+        "no bootloader answers at {port} (not in sync): check that it is an Arduino Uno, pull what is plugged "
+        "into D0 and D1 (an XBee shield), press reset and try again",
+    ),
+    (
+        "timeout|timed out",
+        BoardTimeout,
+        "{port} stopped answering while it was written; press reset and try again",
+    ),
+    ("file format|invalid record|checksum", ConfigError, "{image} is damaged, expected Intel HEX"),
+)
+"""Words of avrdude 6.3 to 7.3, the surest first."""
+
+
+def command(port: str, image: str, baud: int = BAUD) -> List[str]:
+    """The words of the upload; avrdude reads back and compares by itself."""
+    return [
+        PROGRAM,
+        "-p",
+        "m328p",
+        "-c",
+        "arduino",
+        "-b",
+        str(baud),
+        "-P",
+        port,
+        "-D",
+        "-U",
+        f"flash:w:{image}:i",
+    ]
+
+
+def upload(
+    port: str, image: str, baud: int = BAUD, advance: Callable[[float], None] = lambda marks: None
+) -> None:
+    """Write an image, and read it back; `advance` is told of the progress, `MARKS` in all.
+
+    Raises:
+        ConfigError: the image is missing or damaged, or avrdude is not installed.
+        LinkError: the port cannot be used.
+        NotARobot: no bootloader answers.
+        BoardRefused: another chip, or what was written reads back differently.
+        MrlError: avrdude failed otherwise; its own words.
+    """
+    if not os.path.isfile(image):
+        raise ConfigError(f"image {image!r} does not exist, expected a .hex file")
+    try:
+        process = subprocess.Popen(
+            command(port, image, baud),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+        )
+    except FileNotFoundError:
+        raise ConfigError("avrdude is not installed; install it with: sudo apt install avrdude") from None
+    try:
+        said = _listen(process, advance)
+    finally:
+        process.terminate()
+        process.wait()
+    if process.returncode:
+        raise explain(said, port, image)
+
+
+def _listen(process: "subprocess.Popen[bytes]", advance: Callable[[float], None]) -> str:
+    """What it said, until it ends or has tried often enough."""
+    assert process.stderr is not None
+    said = ""
+    for chunk in iter(lambda: os.read(process.stderr.fileno(), 4096), b""):  # type: ignore[union-attr]
+        text = chunk.decode("utf-8", "replace")
+        said += text
+        advance(text.count("#"))
+        tried = _ATTEMPT.findall(said)
+        if tried and int(tried[-1]) >= _ATTEMPTS:
+            return said
+    process.wait()
+    return said
+
+
+def explain(said: str, port: str, image: str) -> MrlError:
+    """What avrdude said, as an error of ours."""
+    for pattern, kind, text in _EXPLANATIONS:
+        if re.search(pattern, said, re.IGNORECASE):
+            return kind(text.format(port=port, image=image))
+    return MrlError(f"avrdude failed: {_last_line(said) or 'it says nothing'}")
+
+
+def _last_line(said: str) -> Optional[str]:
+    lines = [line.strip() for line in said.splitlines() if line.strip() and "#" not in line]
+    return next((line for line in reversed(lines) if "error" in line.lower()), lines[-1] if lines else None)

@@ -1,0 +1,42 @@
+"""Firmware images that come with the package, or that `make firmware` has built in a checkout, as Intel HEX."""
+
+import os
+from typing import Dict
+
+from mrl_driver.errors import ConfigError
+
+BUILDS: Dict[str, str] = {
+    "sonar": "mrl_firmware",
+    "environment": "mrl_firmware_environment",
+    "xbee": "mrl_firmware_xbee",
+}
+"""Board builds and the names of their images."""
+_PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+_CHECKOUT = os.path.join(os.path.dirname(_PACKAGE), "build", "firmware")
+_PACKAGED = os.path.join(_PACKAGE, "images")
+
+
+def image_path(build: str = "sonar") -> str:
+    """Path of the image of a build of `BUILDS`; a checkout's own comes first.
+
+    Raises:
+        ConfigError: there is no such build, or its image was neither built nor packaged; the text says what helps.
+    """
+    if build not in BUILDS:
+        raise ConfigError(f"build is {build!r}, expected {', '.join(BUILDS)}")
+    for folder in (_CHECKOUT, _PACKAGED):
+        path = os.path.join(folder, f"{BUILDS[build]}.hex")
+        if os.path.isfile(path):
+            return path
+    raise ConfigError(f"image {BUILDS[build]}.hex is missing; {_remedy()}")
+
+
+def _remedy() -> str:
+    """What brings the images: in a checkout make, elsewhere the installation of a package that has them."""
+    checkout = os.path.dirname(_PACKAGE)
+    if os.path.isfile(os.path.join(checkout, "Makefile")):
+        return f"build it with: make -C {checkout} firmware"
+    return (
+        "this mrl-driver was installed without images: run make firmware in its source folder, then pip install . "
+        "again; or name a .hex file"
+    )

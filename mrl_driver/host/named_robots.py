@@ -1,0 +1,152 @@
+"""Robots by name: `lab3` instead of a port, a model and a baud rate.
+
+The names stand in a YAML file of the user's, `path()`:
+
+    lab3: {port: /dev/serial/by-id/usb-Arduino_8543-if00, model: traxbot, baud: 115200}
+
+`port` is needed; without `model` the board's id tells it, without `baud` it is 115200.
+"""
+
+import os
+import re
+from typing import Any, Dict, Mapping, NamedTuple, Optional
+
+from mrl_driver import folders, yaml_file
+from mrl_driver.errors import ConfigError
+from mrl_driver.files import replace_file
+from mrl_driver.robot import models
+
+BAUD = 115200
+LOWEST_BAUD, HIGHEST_BAUD = 300, 4_000_000
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
+_KEYS = ("port", "model", "baud")
+_HEADER = "# Robots by name; written by: mrl names add\n"
+
+
+class Target(NamedTuple):
+    """Which robot is meant, and how it is reached."""
+
+    port: Optional[str]
+    model: str = "auto"
+    """`auto`, a packaged model's name, or the path of a YAML file."""
+    baud: int = BAUD
+    name: str = ""
+    """Name in the user's file; empty where it has none."""
+
+
+def path() -> str:
+    """The user's file of names; it need not be there."""
+    return os.path.join(folders.config(), "robots.yaml")
+
+
+def read() -> Dict[str, Target]:
+    """All named robots; none where there is no file.
+
+    Raises:
+        ConfigError: the file cannot be read, or a key or value in it is wrong.
+    """
+    file_name = path()
+    try:
+        data = yaml_file.read(file_name)
+    except FileNotFoundError:
+        return {}
+    except OSError as error:
+        raise ConfigError(f"{file_name} cannot be read: {error.strerror}") from None
+    if data is None:
+        return {}
+    if not isinstance(data, dict):
+        raise ConfigError(f"{file_name}: file is {data!r}, expected names, each with a port")
+    return {demand_name(name, f"{file_name}: "): _entry(file_name, name, data[name]) for name in data}
+
+
+def demand_name(name: Any, where: str = "") -> str:
+    """The name, if robots may have it.
+
+    Raises:
+        ConfigError: it is no word, or means something else already.
+    """
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        raise ConfigError(
+            f"{where}name is {name!r}, expected a letter and up to 31 letters, digits, '-' or '_'"
+        )
+    if name == "auto" or name in models.names():
+        raise ConfigError(f"{where}name {name!r} is a robot model's, expected another one, such as {name}1")
+    return name
+
+
+def _entry(file_name: str, name: str, data: Any) -> Target:
+    if not isinstance(data, dict):
+        raise ConfigError(
+            f"{file_name}: {name} is {data!r}, expected a mapping with port, and perhaps model, baud"
+        )
+    for key in data:
+        if key not in _KEYS:
+            raise ConfigError(f"{file_name}: key {name}.{key} is unknown, expected {', '.join(_KEYS)}")
+    if "port" not in data:
+        raise ConfigError(f"{file_name}: key {name}.port is missing, expected a serial port")
+    return Target(
+        _text(data, f"{file_name}: {name}.", "port", "a serial port such as /dev/ttyACM0"),
+        _text({"model": "auto", **data}, f"{file_name}: {name}.", "model", "auto, a model or a .yaml file"),
+        demand_baud(data.get("baud", BAUD), f"{file_name}: {name}."),
+        name,
+    )
+
+
+def _text(data: Mapping[str, Any], where: str, key: str, expected: str) -> str:
+    value = data[key]
+    if not isinstance(value, str) or not value.strip() or "\0" in value:
+        raise ConfigError(f"{where}{key} is {value!r}, expected {expected}")
+    return value
+
+
+def demand_baud(value: Any, where: str = "") -> int:
+    """The baud rate, if ports may have it.
+
+    Raises:
+        ConfigError: it is no whole number in the range.
+    """
+    if not isinstance(value, int) or isinstance(value, bool) or not LOWEST_BAUD <= value <= HIGHEST_BAUD:
+        raise ConfigError(
+            f"{where}baud is {value!r}, expected a whole number from {LOWEST_BAUD} to {HIGHEST_BAUD}"
+        )
+    return value
+
+
+def write(named: Mapping[str, Target]) -> None:
+    """Replace the user's file.
+
+    Raises:
+        ConfigError: its folder cannot be made.
+        OutputError: it cannot be written.
+    """
+    import yaml
+
+    file_name = path()
+    data = {
+        name: {"port": each.port, "model": each.model, "baud": each.baud}
+        for name, each in sorted(named.items())
+    }
+    try:
+        os.makedirs(os.path.dirname(file_name), exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"{file_name} cannot be written: {error.strerror}") from None
+    replace_file(file_name, _HEADER + (yaml.safe_dump(data, sort_keys=False) if data else ""))
+
+
+def resolve(robot: str, port: Optional[str] = None, baud: Optional[int] = None) -> Target:
+    """What `robot` means: `auto`, a model, a YAML file, or a name; `port` and `baud` take precedence.
+
+    Raises:
+        ConfigError: it means nothing, or the file of names is wrong.
+    """
+    if robot == "auto" or robot.endswith((".yaml", ".yml")) or robot in models.names():
+        return Target(port, robot, BAUD if baud is None else baud)
+    named = read()
+    if robot not in named:
+        known = f"a name ({', '.join(sorted(named))})" if named else "a name (none is set)"
+        raise ConfigError(
+            f"robot {robot!r} is unknown, expected {known}, a model ({', '.join(models.names())}) or a .yaml "
+            f"file; set a name with: mrl names add {robot} --port PORT"
+        )
+    found = named[robot]
+    return found._replace(port=port or found.port, baud=found.baud if baud is None else baud)

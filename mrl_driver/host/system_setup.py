@@ -1,0 +1,204 @@
+"""What the operating system should know of robots: a udev rule and a systemd unit, written and removed again.
+
+Pure but for `install` and `remove`; the file system's root is an argument.  Files of other people are not touched:
+ours begin with `MARK`.
+"""
+
+import os
+import pwd
+import shutil
+import subprocess
+import sys
+from typing import Dict, List, NamedTuple, Tuple
+
+from mrl_driver.errors import ConfigError
+
+MARK = "# Written by `mrl system install`; `mrl system remove` deletes it."
+RULES = "etc/udev/rules.d/70-mrl.rules"
+UNIT = "etc/systemd/system/mrl-robot@.service"
+GROUP = "dialout"
+
+
+class UsbKind(NamedTuple):
+    """USB vendor and product of what robots are plugged in with."""
+
+    vendor: str
+    product: str
+    text: str
+
+
+KINDS: Tuple[UsbKind, ...] = (
+    UsbKind("2341", "0001", "Arduino Uno"),
+    UsbKind("2341", "0043", "Arduino Uno R3"),
+    UsbKind("2341", "0243", "Arduino Uno R3, Genuino"),
+    UsbKind("2a03", "0043", "Arduino Uno R3, arduino.org"),
+    UsbKind("1a86", "7523", "CH340 of many copies"),
+    UsbKind("0403", "6001", "FTDI FT232R"),
+    UsbKind("10c4", "ea60", "CP2102"),
+)
+RULES_HEAD = """{mark}
+# For USB serial adapters that robots are plugged in with: ModemManager must not write into them, members of {group}
+# may open them, they never sleep, and each has a name of its own: /dev/mrl-SERIAL, or /dev/mrl-ttyUSB0 without a
+# serial number.
+"""
+RULES_FOR_KIND = """
+# {text}
+SUBSYSTEM=="usb", ATTR{{idVendor}}=="{vendor}", ATTR{{idProduct}}=="{product}", \\
+  ENV{{ID_MM_DEVICE_IGNORE}}="1", TEST=="power/control", ATTR{{power/control}}="on"
+SUBSYSTEM=="tty", ATTRS{{idVendor}}=="{vendor}", ATTRS{{idProduct}}=="{product}", ENV{{ID_MM_DEVICE_IGNORE}}="1", \\
+  GROUP="{group}", MODE="0660", TAG+="systemd", ENV{{MRL_NAME}}="%k"
+SUBSYSTEM=="tty", ATTRS{{idVendor}}=="{vendor}", ATTRS{{idProduct}}=="{product}", ENV{{ID_SERIAL_SHORT}}=="?*", \\
+  ENV{{MRL_NAME}}="$env{{ID_SERIAL_SHORT}}"
+SUBSYSTEM=="tty", ATTRS{{idVendor}}=="{vendor}", ATTRS{{idProduct}}=="{product}", SYMLINK+="mrl-$env{{MRL_NAME}}"
+"""
+LATENCY_RULE = """
+# An FTDI chip holds bytes back for 16 ms unless it is told otherwise.
+SUBSYSTEM=="usb-serial", DRIVERS=="ftdi_sio", TEST=="latency_timer", ATTR{latency_timer}="1"
+"""
+UNIT_TEXT = """{mark}
+# The ROS node of the robot on /dev/mrl-%I, from plugging in to unplugging: systemctl enable --now mrl-robot@SERIAL
+# /etc/default/mrl-robot may hold ROS_SETUP=/opt/ros/noetic/setup.sh, or a workspace's, and ROS_MASTER_URI=...
+[Unit]
+Description=Robot on /dev/mrl-%I
+BindsTo=dev-mrl\\x2d%i.device
+After=dev-mrl\\x2d%i.device network.target
+
+[Service]
+User={user}
+SupplementaryGroups={group}
+Environment="ROS_PACKAGE_PATH={packages}"
+EnvironmentFile=-/etc/default/mrl-robot
+ExecStart=/bin/sh -c '[ -z "$ROS_SETUP" ] || . "$ROS_SETUP"; exec roslaunch mrl_robots robot.launch port:=/dev/mrl-%I'
+KillSignal=SIGINT
+TimeoutStopSec=10
+Restart=on-failure
+RestartSec=2
+
+[Install]
+WantedBy=dev-mrl\\x2d%i.device
+"""
+
+
+def rules() -> str:
+    """The text of the udev rules."""
+    kinds = (RULES_FOR_KIND.format(group=GROUP, **kind._asdict()) for kind in KINDS)
+    return RULES_HEAD.format(mark=MARK, group=GROUP) + "".join(kinds) + LATENCY_RULE
+
+
+def unit(user: str) -> str:
+    """The text of the unit, which runs as `user`; from a checkout it names the checkout to ROS."""
+    checkout = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+    packages = checkout if os.path.isfile(os.path.join(checkout, "package.xml")) else ""
+    return UNIT_TEXT.format(mark=MARK, user=user, group=GROUP, packages=packages)
+
+
+def files(user: str) -> Dict[str, str]:
+    """What `install` writes: paths from the root, and texts."""
+    return {RULES: rules(), UNIT: unit(user)}
+
+
+def commands(user: str, installing: bool) -> List[List[str]]:
+    """What makes it take effect at once; programs that are not there are left out."""
+    wanted = [["usermod", "-aG", GROUP, user]] if installing and user != "root" else []
+    wanted += [
+        ["udevadm", "control", "--reload"],
+        ["udevadm", "trigger", "--subsystem-match=usb", "--subsystem-match=tty", "--action=add"],
+        ["systemctl", "daemon-reload"],
+    ]
+    return [words for words in wanted if shutil.which(words[0])]
+
+
+def install(user: str, root: str = "/") -> List[str]:
+    """Writes the files, and makes them take effect if `root` is the machine's own; what was done, in lines.
+
+    Raises:
+        ConfigError: there is no such user, or a file of that name is not ours, or cannot be written.
+    """
+    demand_user(user, root)
+    paths = {os.path.join(root, name): text for name, text in files(user).items()}
+    for path in paths:
+        _demand_ours(path)
+    for path, text in paths.items():
+        _write(path, text)
+    done = [f"wrote {path}" for path in paths]
+    return done + run(commands(user, True)) if _is_machine(root) else done
+
+
+def remove(root: str = "/") -> List[str]:
+    """Deletes what `install` wrote; what was done, in lines.
+
+    Raises:
+        ConfigError: a file of that name is not ours, or cannot be deleted.
+    """
+    paths = [os.path.join(root, name) for name in (RULES, UNIT)]
+    there = [path for path in paths if os.path.lexists(path)]
+    for path in there:
+        _demand_ours(path)
+    for path in there:
+        try:
+            os.unlink(path)
+        except OSError as error:
+            raise _denied(path, error) from None
+    if not there:
+        return ["nothing was installed"]
+    done = [f"removed {path}" for path in there]
+    return done + run(commands("root", False)) if _is_machine(root) else done
+
+
+def _demand_ours(path: str) -> None:
+    try:
+        with open(path, encoding="utf-8", errors="replace") as file:
+            first = file.readline().rstrip("\n")
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise _denied(path, error) from None
+    if first != MARK:
+        raise ConfigError(f"{path} is not ours: it begins with {first[:40]!r}; move it away, then try again")
+
+
+def _write(path: str, text: str) -> None:
+    try:
+        os.makedirs(os.path.dirname(path), exist_ok=True)
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise _denied(path, error) from None
+
+
+def _denied(path: str, error: OSError) -> ConfigError:
+    hint = "; it takes root: sudo " + " ".join(sys.argv) if isinstance(error, PermissionError) else ""
+    return ConfigError(f"{path}: {error.strerror}{hint}")
+
+
+def demand_user(user: str, root: str = "/") -> None:
+    """Refuse a user whom the machine does not know; of images only the spelling is looked at.
+
+    Raises:
+        ConfigError: there is no such user.
+    """
+    if not user.isprintable() or not user or any(c.isspace() for c in user):
+        raise ConfigError(f"user is {user!r}, expected the name of a user")
+    try:
+        if _is_machine(root):
+            pwd.getpwnam(user)
+    except KeyError:
+        raise ConfigError(
+            f"this machine has no user {user!r}; give one that it has with --user, or make it with: sudo adduser {user}"
+        ) from None
+
+
+def _is_machine(root: str) -> bool:
+    """It is this machine's own file system, not an image."""
+    return os.path.realpath(root) == "/"
+
+
+def run(wanted: List[List[str]]) -> List[str]:
+    """Run commands; what was done, in lines.  One that fails does not keep the others from being run."""
+    done = []
+    for words in wanted:
+        result = subprocess.run(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+        reason = " ".join(result.stdout.decode(errors="replace").split())
+        failed = f" failed: {reason or result.returncode}" if result.returncode else ""
+        done.append(f"ran {' '.join(words)}{failed}")
+    return done

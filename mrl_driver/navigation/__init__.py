@@ -1,0 +1,1 @@
+"""Line following, goal seeking, occupancy grid and protective zones.  Pure; imports robot."""

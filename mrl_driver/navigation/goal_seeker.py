@@ -1,0 +1,226 @@
+"""Drives to a pose, around what the sonars see.  Pure: pose, ranges and time in, speeds out.
+
+The robot turns towards the goal, drives, and turns to the goal's heading.  What its sonars see on the way is drawn on a
+map; where the straight way is not free it follows the shortest one that the map leaves, slowly towards what is near,
+and turns on the spot where something is nearer than the least.
+"""
+
+import math
+from collections import deque
+from typing import Deque, Dict, List, Mapping, Optional, Tuple
+
+from mrl_driver.robot.models import Limits, SonarMount
+from mrl_driver.robot.odometry import wrap_angle
+from mrl_driver.robot.sonar import CYCLE_S, FARTHEST_M
+
+from .occupancy_grid import FloorMap, Point, Pose, beside
+
+Speeds = Tuple[float, float]
+
+ARRIVED_M, ALIGNED_RAD = 0.03, math.radians(3.0)
+NEAR_M, STOP_M, SIDE_M = 0.55, 0.25, 0.16
+"""Ranges before the robot from which it slows down and at which it only turns, and that it keeps beside it."""
+SLOW_BESIDE_M = 0.3
+"""With something so near beside it the robot goes at half its speed, to see more of it."""
+TURN_FIRST_RAD = 0.5
+"""Further off the way's direction than this, the robot turns on the spot."""
+HEADING_GAIN = 2.0
+SLOWING_M = 0.5
+SLOWEST_M_S, SLOWEST_RAD_S = 0.03, 0.15
+"""Slower than this the motors may not turn at all."""
+TIGHT_M, RETREAT_M, BESIDE_TRAIL_M = 0.2, 0.2, 0.05
+"""With something so near beside it the robot does not turn on the spot, where its corners need room: it goes back so
+far first, if that is where it has come from.
+"""
+STRIDE_M, TRAIL = 0.03, 20
+AHEAD_M = 0.4
+"""The robot steers for the point of its way so far ahead, or the last that it sees straight."""
+REPLAN_S, AGAIN_S = 0.5, 2.0
+"""A way is sought anew so often while there is no straight one, and where there was none at all."""
+PROGRESS_M, PATIENCE_S = 0.1, 60.0
+"""Give up when the robot has not come this much closer to the goal for this long, unless the caller says otherwise."""
+BLIND_S = 1.0
+"""The robot stands when one of its sonars has given no valid reading for this long: three cycles of the chain."""
+
+
+class GoalSeeker:
+    """Seeks one goal (x, y, yaw) in the frame of the poses.
+
+    Args:
+        sonars: Mounting pose of each sonar, by name; may grow while the goal is sought.
+    """
+
+    def __init__(
+        self,
+        goal: Pose,
+        limits: Limits,
+        now_s: float,
+        sonars: Mapping[str, SonarMount],
+        patience_s: float = PATIENCE_S,
+    ) -> None:
+        self._goal, self._limits, self._patience_s = goal, limits, patience_s
+        self._map = FloorMap(sonars)
+        self._drawn: Dict[str, Tuple[float, float]] = {}
+        self._valid_s: Dict[str, float] = {}
+        self._way: List[Point] = []
+        self._planned_s = -math.inf
+        self._trail: Deque[Point] = deque(maxlen=TRAIL)
+        self._retreat: Optional[Point] = None
+        self._there = False
+        self._best_m, self._best_s = math.inf, now_s
+        self.reached = self.blocked = False
+        self.blind: Tuple[str, ...] = ()
+        """Sonars without a valid reading for `BLIND_S`: the robot stands until they have one."""
+
+    def command(self, pose: Pose, ranges: Mapping[str, float], now_s: float) -> Speeds:
+        """Speeds (linear [m/s], angular [rad/s]) at a pose.
+
+        `ranges` maps the name of each sonar to metres (REP-117); NaN for one that is silent.  A sonar that was never
+        in it counts as not fitted.
+        """
+        pose = pose[0], pose[1], pose[2]
+        away_m = math.hypot(self._goal[0] - pose[0], self._goal[1] - pose[1])
+        self._watch_progress(away_m, now_s)
+        self._there = self._there or away_m < ARRIVED_M
+        if self._there:
+            return self._align(pose)
+        if self.blocked:
+            return 0.0, 0.0
+        self._map.see(pose, self._new_readings(ranges, now_s))
+        if self.blind:
+            return 0.0, 0.0
+        if self._retreats(pose):
+            return -max(SLOWEST_M_S, 0.4 * self._limits.linear_m_s), 0.0
+        target = self._target(pose, now_s)
+        if target is None:
+            return 0.0, 0.5 * self._limits.angular_rad_s
+        return self._approach(pose, target, away_m)
+
+    def _new_readings(self, ranges: Mapping[str, float], now_s: float) -> Dict[str, float]:
+        """Readings that changed, and those that were measured again and came out the same: once in a cycle."""
+        new = {}
+        for name, range_m in ranges.items():
+            if math.isnan(range_m):
+                self._valid_s.setdefault(name, now_s)
+                continue
+            self._valid_s[name] = now_s
+            before, drawn_s = self._drawn.get(name, (math.nan, -math.inf))
+            if range_m != before or now_s - drawn_s >= CYCLE_S:
+                self._drawn[name] = range_m, now_s
+                new[name] = range_m
+        self.blind = tuple(name for name, valid_s in self._valid_s.items() if now_s - valid_s > BLIND_S)
+        return new
+
+    @property
+    def why(self) -> str:
+        """Why it is blocked."""
+        if self.blind:
+            return f"no valid reading of sonar {', '.join(self.blind)}: check its cable"
+        no_way = "" if self._way or self._map.empty else ", and the sonars leave no way"
+        return f"{self._best_m:.1f} m away it came no nearer for {self._patience_s:g} s{no_way}"
+
+    def _watch_progress(self, away_m: float, now_s: float) -> None:
+        if away_m < self._best_m - PROGRESS_M:
+            self._best_m, self._best_s = away_m, now_s
+        elif now_s - self._best_s > self._patience_s and not self._there:
+            self.blocked = True
+
+    def _align(self, pose: Pose) -> Speeds:
+        error = wrap_angle(self._goal[2] - pose[2])
+        if abs(error) < ALIGNED_RAD:
+            self.reached = True
+            return 0.0, 0.0
+        return 0.0, self._turn(error)
+
+    def _target(self, pose: Pose, now_s: float) -> Optional[Point]:
+        """What to steer for; None where the map leaves no way."""
+        here, goal = (pose[0], pose[1]), (self._goal[0], self._goal[1])
+        if self._map.empty or self._map.is_free(here, goal):
+            self._way, self._planned_s = [], -math.inf
+            return goal
+        if now_s - self._planned_s > (REPLAN_S if self._way else AGAIN_S):
+            self._planned_s = now_s
+            self._way = self._map.way(here, goal) or []
+        return self._ahead(here)
+
+    def _ahead(self, here: Point) -> Optional[Point]:
+        """The farthest point of the way that is in sight and not too far."""
+        if not self._way:
+            return None
+        nearest = min(range(len(self._way)), key=lambda k: _away_m(here, self._way[k]))
+        self._way = self._way[nearest:]
+        found = self._way[min(2, len(self._way) - 1)]
+        for point in self._way:
+            if _away_m(here, point) > AHEAD_M or not self._map.is_free(here, point):
+                break
+            found = point
+        return found
+
+    def _approach(self, pose: Pose, target: Point, away_m: float) -> Speeds:
+        front, left, right = (self._room(name) for name in ("front", "left", "right"))
+        error = wrap_angle(math.atan2(target[1] - pose[1], target[0] - pose[0]) - pose[2])
+        if abs(error) > TURN_FIRST_RAD:
+            if min(left, right) < TIGHT_M and self._came_from_behind(pose, RETREAT_M):
+                self._retreat = pose[0], pose[1]
+            return 0.0, self._turn(error)
+        if front < STOP_M:
+            return 0.0, math.copysign(
+                0.6 * self._limits.angular_rad_s, error if abs(error) > 0.1 else left - right
+            )
+        share = min(1.0, away_m / SLOWING_M, max(0.0, front - STOP_M) / (NEAR_M - STOP_M)) * math.cos(error)
+        if min(left, right) < SLOW_BESIDE_M:
+            share *= 0.5
+        linear = max(SLOWEST_M_S, self._limits.linear_m_s * share)
+        return linear, self._bounded(HEADING_GAIN * error + self._shy(left, right))
+
+    def _retreats(self, pose: Pose) -> bool:
+        """It is on its way back from something; else note the way."""
+        here = pose[0], pose[1]
+        if self._retreat is not None:
+            if _away_m(here, self._retreat) < RETREAT_M and self._came_from_behind(pose, RETREAT_M / 2):
+                return True
+            self._retreat = None
+            self._trail.clear()
+        if not self._trail or _away_m(here, self._trail[-1]) > STRIDE_M:
+            self._trail.append(here)
+        return False
+
+    def _room(self, name: str) -> float:
+        """Free way before a sonar by its last valid reading [m]."""
+        return room(self._drawn.get(name, (math.nan, 0.0))[0])
+
+    def _came_from_behind(self, pose: Pose, way_m: float) -> bool:
+        behind = beside(pose, -way_m, 0.0)
+        return any(_away_m(behind, point) < BESIDE_TRAIL_M for point in self._trail)
+
+    def _shy(self, left: float, right: float) -> float:
+        """Yaw rate away from what is too near beside."""
+        push = max(0.0, SIDE_M - right) - max(0.0, SIDE_M - left)
+        return 4.0 * self._limits.angular_rad_s * push
+
+    def _turn(self, error: float) -> float:
+        return math.copysign(max(SLOWEST_RAD_S, abs(self._bounded(HEADING_GAIN * error))), error)
+
+    def _bounded(self, rate: float) -> float:
+        return max(-self._limits.angular_rad_s, min(self._limits.angular_rad_s, rate))
+
+
+def _away_m(one: Point, other: Point) -> float:
+    return math.hypot(other[0] - one[0], other[1] - one[1])
+
+
+def room(range_m: float) -> float:
+    """Free way before a sonar [m]: none when too near, all of its range when it has no reading."""
+    if math.isnan(range_m):
+        return FARTHEST_M
+    return min(FARTHEST_M, max(0.0, range_m))
+
+
+def carried(pose: Pose, frame: Pose) -> Pose:
+    """A pose given in a frame, in the frame's parent, where `frame` is the frame's own pose."""
+    cos, sin = math.cos(frame[2]), math.sin(frame[2])
+    return (
+        frame[0] + cos * pose[0] - sin * pose[1],
+        frame[1] + sin * pose[0] + cos * pose[1],
+        wrap_angle(pose[2] + frame[2]),
+    )

@@ -1,0 +1,158 @@
+"""Drives along straight legs, closed loop on the pose: a course of points, or a square.  Pure: pose in, speeds out."""
+
+import math
+from typing import List, NamedTuple, Optional, Sequence, Tuple
+
+from mrl_driver.robot.odometry import wrap_angle
+
+ARRIVED_M = 0.003
+"""A corner counts as reached this near along the leg, or once it lies behind."""
+ALIGNED_RAD = math.radians(0.3)
+MINIMUM_LINEAR_M_S, MINIMUM_ANGULAR_RAD_S = 0.02, 0.1
+"""Slower than this the motors may not turn at all."""
+HEADING_GAIN = 3.0
+"""Yaw rate per heading error while driving a leg [1/s]."""
+OFFSET_GAIN = 3.0
+"""Heading towards the leg per distance from it [rad/m]; together they settle within some 0.3 m."""
+MOST_HEADING_RAD = 0.4
+"""The heading leaves the leg's direction by no more than this."""
+DELAY_S = 0.25
+"""From a command to the wheels following it; the braking starts so much earlier."""
+
+Pose = Tuple[float, float, float]
+"""x [m], y [m], yaw [rad]."""
+Point = Tuple[float, float]
+
+
+class Limits(NamedTuple):
+    """Speeds and decelerations along the legs."""
+
+    linear_m_s: float = 0.25
+    angular_rad_s: float = 0.9
+    braking_m_s2: float = 0.15
+    braking_rad_s2: float = 1.0
+
+
+DEFAULT_LIMITS = Limits()
+
+
+class Course:
+    """Point after point, from the first pose on.
+
+    The robot turns to each leg, follows it and stands at its end, so the corners are exact and no error is carried
+    on.
+
+    Args:
+        points: where the legs end, x y [m] in the frame of the poses.
+        final_yaw_rad: the heading to end with, if any.
+    """
+
+    def __init__(
+        self,
+        points: Sequence[Point],
+        limits: Limits = DEFAULT_LIMITS,
+        final_yaw_rad: Optional[float] = None,
+    ) -> None:
+        self._limits, self._final_yaw_rad = limits, final_yaw_rad
+        self._points: List[Point] = list(points)
+        self._begin: Optional[Point] = None
+        self._turning = True
+        self.corner = 0
+        """Points reached so far."""
+        self.done = False
+        """The last point is reached, and the final heading."""
+
+    def command(self, pose: Pose) -> Tuple[float, float]:
+        """Speeds (linear [m/s], angular [rad/s]) for the present pose; zero once done."""
+        if self._begin is None:
+            self._begin = (pose[0], pose[1])
+        if self.corner == len(self._points):
+            return self._end(pose)
+        end = self._points[self.corner]
+        if (
+            math.hypot(end[0] - self._begin[0], end[1] - self._begin[1]) < ARRIVED_M
+        ):  # a leg without direction
+            self._reach()
+            return 0.0, 0.0
+        left_m, offset_m, error = self._on_leg(self._begin, end, pose)
+        if self._turning:
+            return self._turn(error)
+        if left_m < ARRIVED_M:
+            self._reach()
+            return 0.0, 0.0
+        return self._drive(left_m, offset_m, error)
+
+    def _reach(self) -> None:
+        self._begin = self._points[self.corner]
+        self.corner += 1
+        self._turning = True
+
+    def _end(self, pose: Pose) -> Tuple[float, float]:
+        if self.done or self._final_yaw_rad is None:
+            self.done = True
+            return 0.0, 0.0
+        speeds = self._turn(wrap_angle(self._final_yaw_rad - pose[2]))
+        self.done = not self._turning
+        return speeds
+
+    @staticmethod
+    def _on_leg(begin: Point, end: Point, pose: Pose) -> Tuple[float, float, float]:
+        """Distance to the leg's end [m], offset to its left [m], and its direction as seen from the robot [rad]."""
+        direction = math.atan2(end[1] - begin[1], end[0] - begin[0])
+        cos, sin = math.cos(direction), math.sin(direction)
+        left_m = (end[0] - pose[0]) * cos + (end[1] - pose[1]) * sin
+        offset_m = (pose[1] - end[1]) * cos - (pose[0] - end[0]) * sin
+        return left_m, offset_m, wrap_angle(direction - pose[2])
+
+    def _turn(self, error: float) -> Tuple[float, float]:
+        if abs(error) < ALIGNED_RAD:
+            self._turning = False
+            return 0.0, 0.0
+        limits = self._limits
+        speed = _braked(abs(error), limits.angular_rad_s, limits.braking_rad_s2, MINIMUM_ANGULAR_RAD_S)
+        return 0.0, math.copysign(speed, error)
+
+    def _drive(self, left_m: float, offset_m: float, error: float) -> Tuple[float, float]:
+        limits = self._limits
+        linear = _braked(left_m, limits.linear_m_s, limits.braking_m_s2, MINIMUM_LINEAR_M_S)
+        back = _clamped(OFFSET_GAIN * offset_m, MOST_HEADING_RAD)
+        return linear, _clamped(HEADING_GAIN * (error - back), limits.angular_rad_s)
+
+
+class Square(Course):
+    """A square counter-clockwise from the first pose, again and again: four corners make a round."""
+
+    def __init__(self, side_m: float = 1.0, limits: Limits = DEFAULT_LIMITS) -> None:
+        super().__init__((), limits)
+        self._side_m = side_m
+        self._round: List[Point] = []
+
+    def command(self, pose: Pose) -> Tuple[float, float]:
+        """Speeds (linear [m/s], angular [rad/s]) for the present pose."""
+        if not self._round:
+            self._round = square(pose, self._side_m)
+        if self.corner == len(self._points):
+            self._points += self._round
+        return super().command(pose)
+
+
+def square(start: Pose, side_m: float, clockwise: bool = False) -> List[Point]:
+    """Corners of a square whose first side lies before the robot, in the order of driving; the start is the last."""
+    x, y, yaw = start
+    corners = []
+    for i in range(4):
+        direction = yaw + (-i if clockwise else i) * math.pi / 2
+        x += side_m * math.cos(direction)
+        y += side_m * math.sin(direction)
+        corners.append((x, y))
+    return corners[:3] + [(start[0], start[1])]
+
+
+def _clamped(value: float, most: float) -> float:
+    return max(-most, min(most, value))
+
+
+def _braked(left: float, top: float, braking: float, least: float) -> float:
+    """Speed from which `braking` comes to rest within `left`, reacting after DELAY_S."""
+    delay = braking * DELAY_S
+    return max(least, min(top, math.sqrt(delay * delay + 2 * braking * left) - delay))

@@ -1,0 +1,168 @@
+"""What sonars have told of the floor around a robot, and ways through it.  Pure.
+
+A grid of cells with a score each, as far as a sonar has told of them: where an echo came from the score grows, in the
+free part of the cone it shrinks.  Only what is near is kept, for there a cone is narrow: farther off it would close
+every door.  Unknown floor is free.
+"""
+
+import heapq
+import math
+from typing import Dict, List, Mapping, Optional, Set, Tuple
+
+from mrl_driver.robot.models import SonarMount
+from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
+
+CELL_M = 0.05
+NEAR_M = 0.6
+"""An echo from here is drawn; beyond, the cone is only free."""
+SURE_M = 0.35
+"""An echo from here is believed at once."""
+TOO_NEAR_M = 0.1
+"""Where something is that is too near to be measured."""
+CLEARED_RAD = 0.7 * FIELD_OF_VIEW_RAD / 2
+"""Farther off its axis a sonar is not believed that there is nothing: what it saw at its edge it may lose again."""
+SCORE = 3
+"""Most and least of a cell."""
+ZONES: Tuple[Tuple[float, float], ...] = ((0.13, 60.0), (0.20, 5.0), (0.34, 2.0))
+"""How near to a thing the robot's middle is [m], and what each cell there adds to the length of a way, in cells: where
+the body hardly fits, where it passes but has no room to turn, and where a little more room is worth a detour.
+"""
+FREE_ZONE = 1
+"""A straight way may lie in the zones behind this one."""
+MOST_CELLS = 3000
+"""A search ends after so many; 10 us each."""
+
+Cell = Tuple[int, int]
+Point = Tuple[float, float]
+Pose = Tuple[float, float, float]
+_STEPS = [(i, j, math.hypot(i, j)) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
+
+
+def _disc(radius_m: float) -> List[Cell]:
+    reach = int(radius_m / CELL_M) + 1
+    around = range(-reach, reach + 1)
+    return [(i, j) for i in around for j in around if math.hypot(i, j) * CELL_M <= radius_m]
+
+
+_DISCS = [_disc(radius_m) for radius_m, _ in ZONES]
+
+
+class FloorMap:
+    """The floor in the frame of the poses; `sonars` are where they sit."""
+
+    def __init__(self, sonars: Mapping[str, SonarMount]) -> None:
+        self._sonars = sonars
+        self._scores: Dict[Cell, int] = {}
+        self._taken: Set[Cell] = set()
+        self._around: List[Dict[Cell, int]] = [{} for _ in ZONES]
+
+    @property
+    def empty(self) -> bool:
+        """Nothing stands anywhere."""
+        return not self._taken
+
+    def see(self, pose: Pose, readings: Mapping[str, float]) -> None:
+        """Draw new readings (REP-117) of a robot at a pose; NaN tells nothing."""
+        for name, range_m in readings.items():
+            mount = self._sonars.get(name)
+            if mount is not None and not math.isnan(range_m):
+                self._draw(pose, mount, max(TOO_NEAR_M, range_m))
+
+    def _draw(self, pose: Pose, mount: SonarMount, range_m: float) -> None:
+        x, y = beside(pose, mount.x_m, mount.y_m)
+        yaw, half = pose[2] + math.radians(mount.yaw_deg), FIELD_OF_VIEW_RAD / 2
+        echo = range_m <= NEAR_M
+        edge_m = range_m - CELL_M / 2 if echo else NEAR_M
+        reach = int(min(range_m, NEAR_M) / CELL_M) + 2
+        middle_i, middle_j = cell_of((x, y))
+        for i in range(middle_i - reach, middle_i + reach + 1):
+            for j in range(middle_j - reach, middle_j + reach + 1):
+                at = middle_of((i, j))
+                way_m = math.hypot(at[0] - x, at[1] - y)
+                aside = abs(math.remainder(math.atan2(at[1] - y, at[0] - x) - yaw, 2 * math.pi))
+                if aside > half or (way_m < edge_m and aside > CLEARED_RAD):
+                    continue
+                if way_m < edge_m:
+                    self._score((i, j), -1)
+                elif echo and way_m < range_m + CELL_M / 2:
+                    self._score((i, j), 2 * SCORE if range_m < SURE_M else 1)
+
+    def _score(self, cell: Cell, by: int) -> None:
+        score = max(-SCORE, min(SCORE, self._scores.get(cell, 0) + by))
+        self._scores[cell] = score
+        if (score > 0) == (cell in self._taken):
+            return
+        step = 1 if score > 0 else -1
+        (self._taken.add if score > 0 else self._taken.discard)(cell)
+        for around, disc in zip(self._around, _DISCS):
+            for i, j in disc:
+                near = cell[0] + i, cell[1] + j
+                around[near] = around.get(near, 0) + step
+
+    def is_near(self, point: Point) -> bool:
+        """The robot's middle should not be there."""
+        return self._around[FREE_ZONE].get(cell_of(point), 0) > 0
+
+    def is_free(self, start: Point, end: Point) -> bool:
+        """The straight way between two points, or as much of it as a search looks at, keeps away from things."""
+        away = math.hypot(end[0] - start[0], end[1] - start[1]) / CELL_M
+        steps = int(min(away, MOST_CELLS)) + 1
+        dx, dy = (end[0] - start[0]) / max(steps, away), (end[1] - start[1]) / max(steps, away)
+        return not any(self.is_near((start[0] + dx * k, start[1] + dy * k)) for k in range(steps + 1))
+
+    def way(self, start: Point, goal: Point) -> Optional[List[Point]]:
+        """The cheapest way as points from cell to cell, the goal last; None where there is none."""
+        first, last = cell_of(start), cell_of(goal)
+        before: Dict[Cell, Cell] = {}
+        costs = {first: 0.0}
+        queue = [(0.0, first)]
+        done: Set[Cell] = set()
+        while queue and len(done) < MOST_CELLS:
+            _, cell = heapq.heappop(queue)
+            if cell == last:
+                return [middle_of(each) for each in _back(before, cell)[1:-1]] + [goal]
+            if cell in done:
+                continue
+            done.add(cell)
+            for i, j, length in _STEPS:
+                step = cell[0] + i, cell[1] + j
+                if step in done or self._is_closed(cell, step):
+                    continue
+                cost = costs[cell] + length + self._penalty(step)
+                if cost < costs.get(step, math.inf):
+                    costs[step], before[step] = cost, cell
+                    heapq.heappush(queue, (cost + math.hypot(step[0] - last[0], step[1] - last[1]), step))
+        return None
+
+    def _is_closed(self, cell: Cell, step: Cell) -> bool:
+        """The step leads into something, or between two things that touch at a corner."""
+        return not self._taken.isdisjoint((step, (step[0], cell[1]), (cell[0], step[1])))
+
+    def _penalty(self, cell: Cell) -> float:
+        for around, (_, cost) in zip(self._around, ZONES):
+            if around.get(cell, 0) > 0:
+                return cost
+        return 0.0
+
+
+def cell_of(point: Point) -> Cell:
+    """The cell that a point lies in."""
+    return math.floor(point[0] / CELL_M), math.floor(point[1] / CELL_M)
+
+
+def middle_of(cell: Cell) -> Point:
+    """The middle of a cell."""
+    return (cell[0] + 0.5) * CELL_M, (cell[1] + 0.5) * CELL_M
+
+
+def beside(pose: Pose, x_m: float, y_m: float) -> Point:
+    """A point of the robot's own frame in that of its pose."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    return pose[0] + cos * x_m - sin * y_m, pose[1] + sin * x_m + cos * y_m
+
+
+def _back(before: Mapping[Cell, Cell], cell: Cell) -> List[Cell]:
+    way = [cell]
+    while way[-1] in before:
+        way.append(before[way[-1]])
+    return way[::-1]

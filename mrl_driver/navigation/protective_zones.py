@@ -1,0 +1,236 @@
+"""Warning and protective zones: how fast the robot may be towards what its sonars or its laser see.  Pure.
+
+Both zones reach from the body's edge into the direction of motion, forward, back or to any side, as wide as the body is
+across it and a clearance on either side.
+They grow with the speed v by the way to a standstill, v * reaction + v^2 / (2 * braking).  What stands in the warning
+zone slows the robot until the zone has shrunk clear of it, or down to the slow speed; what stands in the protective
+zone slows it further, so that it stands where that zone is shortest.  There it may turn and drive away, but not come
+nearer, until the way is free by the hysteresis more.
+
+Speeds are lowered, never raised, and the direction stays.  So does the yaw rate, for turning is how a planner gets
+away.  What cannot be known is taken so:
+
+- A direction that sonars look into only slantwise: what they see is a wall across the way, and the slow speed.
+- A sonar without a valid reading (NaN), and a direction that no sensor looks in, such as backwards on a robot with
+  three sonars in front: the slow speed.
+- A sonar or a laser of which nothing is heard any more: a standstill in the direction it looks in.
+- A range of -inf (too near, REP-117): a standstill as well; of a laser, the nearest that it can measure.
+- A scan without a valid range: as a sonar without one.
+"""
+
+import math
+import threading
+from collections import deque
+from functools import partial
+from typing import Deque, Dict, List, Mapping, NamedTuple, Optional, Tuple
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.robot.models import Body, SonarMount
+
+from .free_distance import (
+    AHEAD,
+    COVERED_RAD,
+    Point,
+    Scan,
+    Sight,
+    looks,
+    off_axis,
+    outline_of,
+    scan_room,
+    slant_room,
+    sonar_room,
+)
+
+STALE_S = 1.0
+"""A sensor is silent when nothing was heard of it for so long: three cycles of the sonars, ten scans."""
+LEAST_M_S = 0.02
+"""Where no more than this is allowed the robot stands, instead of creeping on for ever."""
+LASER = "laser"
+SECTORS = 8
+"""Zones remember whether they were entered by direction, in so many sectors around the robot."""
+
+
+class Settings(NamedTuple):
+    """The zones of a robot that stands, and how they grow."""
+
+    warning_m: float = 0.5
+    protective_m: float = 0.2
+    slow_m_s: float = 0.1
+    """Never slowed below this by the warning zone."""
+    braking_m_s2: float = 0.2
+    """Slowing down that the robot surely does."""
+    reaction_s: float = 0.5
+    """Twice the delays of sensors and commands together."""
+    hysteresis_m: float = 0.05
+    clearance_m: float = 0.05
+    """Counts as in the way although it is so far beside the body."""
+
+    def growth_m(self, speed_m_s: float) -> float:
+        """What a speed adds to both zones: the way to a standstill."""
+        return abs(speed_m_s) * self.reaction_s + speed_m_s**2 / (2 * self.braking_m_s2)
+
+    def speed_m_s(self, room_m: float) -> float:
+        """The greatest speed whose way to a standstill fits in a room; 0 where there is none."""
+        if room_m <= 0:
+            return 0.0
+        lost = self.braking_m_s2 * self.reaction_s
+        return math.sqrt(lost**2 + 2 * self.braking_m_s2 * room_m) - lost
+
+
+_RANGES = {
+    "warning_m": (0.0, 10.0),
+    "protective_m": (0.0, 10.0),
+    "slow_m_s": (0.01, 10.0),
+    "braking_m_s2": (0.01, 100.0),
+    "reaction_s": (0.0, 10.0),
+    "hysteresis_m": (0.0, 1.0),
+    "clearance_m": (0.0, 1.0),
+}
+
+
+def demand(settings: Settings) -> None:
+    """Check zones before anything is opened.
+
+    Raises:
+        ConfigError: a number is out of range or NaN, or the zones contradict each other.
+    """
+    for name, (low, high) in _RANGES.items():
+        value = getattr(settings, name)
+        if not low <= value <= high:
+            raise ConfigError(f"zones: {name} is {value:g}, expected a number from {low:g} to {high:g}")
+    least_m = settings.protective_m + settings.hysteresis_m
+    if settings.warning_m <= least_m:
+        raise ConfigError(
+            f"zones: warning_m is {settings.warning_m:g}, expected more than {least_m:g}, which is protective_m "
+            f"{settings.protective_m:g} and hysteresis_m {settings.hysteresis_m:g}"
+        )
+
+
+class Zones:
+    """The zones of one robot; any thread may call.  Times are seconds of one clock, given by the caller.
+
+    A turn since a reading is not counted: the next one is there before it matters.
+    """
+
+    def __init__(
+        self, settings: Settings, body: Body, sonars: Mapping[str, SonarMount], laser: bool = False
+    ) -> None:
+        """`sonars` are those to listen to; with `laser` scans are expected, which look ahead at least.
+
+        Raises:
+            ConfigError: see `demand`.
+        """
+        demand(settings)
+        self.settings = settings
+        self._sonars, self._outline = sonars, outline_of(body, settings.clearance_m)
+        self._lock = threading.Lock()
+        self._sights = {name: Sight() for name in (*sonars, *([LASER] if laser else []))}
+        self._scan: Optional[Scan] = None
+        self._place: Point = (0.0, 0.0)
+        self._places: Deque[Tuple[float, Point]] = deque()
+        self._held: Dict[int, bool] = {}
+        self._warned: Dict[int, bool] = {}
+        self._sector = 0
+
+    @property
+    def warning_clear(self) -> bool:
+        """Nothing is in the warning zone of the direction that was last asked for."""
+        return not self._warned.get(self._sector, False)
+
+    @property
+    def protective_clear(self) -> bool:
+        """The robot may move in the direction that was last asked for."""
+        return not self._held.get(self._sector, False)
+
+    def moved(self, forward_m: float, now: float, left_m: float = 0.0) -> None:
+        """The robot has gone so far along its x and its y since the last call [m]."""
+        with self._lock:
+            self._place = self._place[0] + forward_m, self._place[1] + left_m
+            self._places.append((now, self._place))
+            while self._places[0][0] < now - self.settings.reaction_s:
+                self._places.popleft()
+
+    def on_range(self, name: str, range_m: float, now: float) -> None:
+        """A sonar's reading (REP-117)."""
+        mount = self._sonars.get(name)
+        if mount is None:
+            return
+        with self._lock:
+            if math.isnan(range_m):
+                self._sights[name].hear(now)
+            else:
+                told = self._outline, mount, range_m
+                rooms = partial(sonar_room, *told), partial(slant_room, *told)
+                self._sights[name].know(*rooms, self._recent(), now)
+
+    def on_scan(self, scan: Scan, now: float) -> None:
+        """A laser's scan."""
+        points = scan.points()
+        with self._lock:
+            self._scan = scan
+            sight = self._sights.setdefault(LASER, Sight())
+            if scan.valid:
+                room = partial(scan_room, self._outline, points)
+                sight.know(room, room, self._recent(), now)
+            else:
+                sight.hear(now)
+
+    def limit(self, linear_m_s: float, now: float) -> float:
+        """The speed along x that is allowed of one that is asked for [m/s]."""
+        return self.limited((linear_m_s, 0.0), now)[0]
+
+    def limited(self, velocity_m_s: Point, now: float) -> Point:
+        """The velocity that is allowed of one that is asked for, forward and to the left [m/s]: slower, if anything.
+
+        One of 0, such as that of a turn in place, asks about the way ahead, and is always allowed.  One that is not
+        finite stays what it is, for the driver to refuse.
+        """
+        speed_m_s = math.hypot(*velocity_m_s)
+        if not math.isfinite(speed_m_s):
+            return velocity_m_s
+        way = (velocity_m_s[0] / speed_m_s, velocity_m_s[1] / speed_m_s) if speed_m_s > 0 else AHEAD
+        with self._lock:
+            self._sector = round(math.atan2(way[1], way[0]) / (2 * math.pi) * SECTORS) % SECTORS
+            cap_m_s = self._cap(way, self._sector, speed_m_s, now)
+        return velocity_m_s if cap_m_s >= speed_m_s else (cap_m_s * way[0], cap_m_s * way[1])
+
+    def _cap(self, way: Point, sector: int, asked_m_s: float, now: float) -> float:
+        settings = self.settings
+        room_m, certain = self._room(way, now)
+        edge_m = settings.protective_m + settings.growth_m(LEAST_M_S)
+        edge_m += settings.hysteresis_m if self._held.get(sector) else 0.0
+        self._held[sector] = room_m < edge_m
+        far_m = settings.warning_m + settings.growth_m(asked_m_s)
+        far_m += settings.hysteresis_m if self._warned.get(sector) else 0.0
+        self._warned[sector] = room_m < far_m or not certain
+        if self._held[sector]:
+            return 0.0
+        cap = max(settings.slow_m_s, settings.speed_m_s(room_m - settings.warning_m) if certain else 0.0)
+        return min(cap, settings.speed_m_s(room_m - settings.protective_m))
+
+    def _room(self, way: Point, now: float) -> Tuple[float, bool]:
+        """Free way, and whether it is watched and each sensor that looks there has told it; 0 where one is silent."""
+        views = {name: self._view(name, way) for name in self._sights}
+        watched, known = any(covers for _, covers in views.values()), True
+        rooms_m: List[float] = []
+        for name, sight in self._sights.items():
+            if not views[name][0]:
+                continue
+            if now - sight.heard_s > STALE_S:
+                return 0.0, False
+            known = known and sight.known_s == sight.heard_s
+            if now - sight.known_s <= STALE_S:
+                rooms_m.append(sight.room_m(way, watched, self._place))
+        return min(rooms_m, default=math.inf), watched and known
+
+    def _view(self, name: str, way: Point) -> Tuple[bool, bool]:
+        """Whether a sensor looks at what is before a robot that moves so, and whether it sees where that goes."""
+        if name in self._sonars:
+            mount = self._sonars[name]
+            return looks(mount, way), off_axis(mount, way) <= COVERED_RAD
+        seen = self._scan.looks(way) if self._scan is not None else way[0] > 0
+        return seen, seen
+
+    def _recent(self) -> Tuple[Point, ...]:
+        """Where the robot may have been at a reading that may be as old as the reaction."""
+        return tuple(place for _, place in self._places) or (self._place,)

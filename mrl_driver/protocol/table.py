@@ -1,0 +1,331 @@
+"""The wire, declared once: every command, refusal reason and board parameter is one row here.
+
+The codec, the driver and the emulator read these rows; `mrl_driver.generate.render` renders them into the
+firmware's `protocol.h` and into `firmware/PROTOCOL.md`.  Codes 1 to 28 are those of the boards in the
+field (firmware of January and August 2013); from 29 on they are this project's.
+"""
+from typing import Dict, NamedTuple, Optional, Tuple
+
+INT16_MIN, INT16_MAX = -32768, 32767
+PROTOCOL_VERSION = 2
+"""What `read_protocol` reports.  2013 boards have no such command; they count as protocol 1."""
+
+TICK_S = 64e-6
+"""Unit of the board's time stamp [s]: Timer1 of the ATmega328P at 16 MHz / 1024.  The 16 bits wrap every 4.194 s."""
+
+STOP_CODE = 13
+"""`stop`, the one request that needs no check value in any state."""
+
+SONAR_INVALID = -1
+"""Wire value of a sonar that has no reading: not ready yet, missing or saturated."""
+SONAR_NOTHING = 645
+"""Wire value [cm] of a sonar that sees nothing: the MB1300's range, which no count reaches through the curve."""
+
+
+class Field(NamedTuple):
+    """One argument on the wire: a signed decimal between `low` and `high`, both included."""
+
+    name: str
+    low: int
+    high: int
+    unit: str
+    text: str
+
+    @property
+    def scale(self) -> float:
+        """One count of the wire in `base_unit`: 0.01 for the unit "0.01 degC", else 1."""
+        number = self.unit.partition(" ")[0]
+        return float(number) if number[:1].isdigit() else 1.0
+
+    @property
+    def base_unit(self) -> str:
+        """The unit without its factor: "degC" for "0.01 degC"."""
+        number, _, rest = self.unit.partition(" ")
+        return rest if number[:1].isdigit() else self.unit
+
+
+class Command(NamedTuple):
+    """One row of the wire.
+
+    `optional` trailing request (or, for a text, reply) fields may be absent.  A `guarded` request always
+    carries a check value.  A `stamped` reply gets sequence and board time while the check is on.
+    `repeats` is the code of the frames that a stream sends.
+    """
+
+    code: int
+    name: str
+    text: str
+    request: Tuple[Field, ...] = ()
+    reply: Tuple[Field, ...] = ()
+    optional: int = 0
+    optional_reply: int = 0
+    guarded: bool = False
+    stamped: bool = False
+    repeats: int = 0
+
+
+class I2c(NamedTuple):
+    """Where a sensor keeps its values on the I2C bus: from `register` on, one number of `width` bytes for each field
+    of its row, high byte first, `per_unit` counts to the field's base unit; signed if the field may be negative."""
+
+    address: int
+    register: int
+    width: int
+    per_unit: float
+
+
+class Sensor(NamedTuple):
+    """A sensor, and so its command `read_<name>`, which answers with `fields`.
+
+    `usual` is what there is to sense far from everything, in the fields' base unit, for emulated ones.
+    `capability` is the build that has it; one without is asked for by every build, and may be absent.
+    Without `i2c` it sits on the Uno's own pins.  The host asks each `period_ms`.
+    """
+
+    code: int
+    name: str
+    text: str
+    fields: Tuple[Field, ...]
+    usual: float
+    capability: str = ""
+    i2c: Optional[I2c] = None
+    period_ms: int = 500
+
+    @property
+    def command(self) -> Command:
+        """Its row among the commands."""
+        return Command(self.code, f"read_{self.name}", self.text, (), self.fields)
+
+
+class Reason(NamedTuple):
+    """Why bytes were refused; the board counts each, `read_counters` returns the counts in this order."""
+
+    name: str
+    text: str
+
+
+class Parameter(NamedTuple):
+    """One value of the board's EEPROM configuration, read and written by number."""
+
+    number: int
+    name: str
+    low: int
+    high: int
+    unit: str
+    text: str
+
+
+def _int16(name: str, unit: str, text: str) -> Field:
+    return Field(name, INT16_MIN, INT16_MAX, unit, text)
+
+
+def _flag(name: str, text: str) -> Field:
+    return Field(name, 0, 1, "", text)
+
+
+def _count(name: str, text: str) -> Field:
+    return Field(name, 0, INT16_MAX, "", text)
+
+
+_ENCODERS = (
+    _int16("right", "count", "Right wheel's counter, encoder 3 of the motor board; wraps at 16 bits."),
+    _int16("left", "count", "Left wheel's counter, encoder 1 of the motor board; wraps at 16 bits."),
+)
+BAUDS = (115200, 250000, 500000, 1000000)
+"""Speeds of the line; all but the first are exact on the Uno."""
+_BAUD = Field("rate", 0, 3, "", "Baud rate: 0 is 115200, 1 is 250000, 2 is 500000, 3 is 1000000.")
+_REAR = _int16("rear", "count", "Third wheel's counter, encoder 2 of the motor board; wraps at 16 bits.")
+_SONARS = tuple(
+    Field(name, SONAR_INVALID, 1250, "cm", f"{name.capitalize()} sonar; -1 no reading, 645 nothing in range.")
+    for name in ("front", "left", "right")
+)
+_PERCENT = "Share of full speed; positive is forward."
+_MOTORS = (Field("motor_1", -100, 100, "%", "Left motor. " + _PERCENT),
+           Field("motor_3", -100, 100, "%", "Right motor. " + _PERCENT))
+_PERIOD = (Field("period", 0, 10000, "ms", "Time between frames; absent or 0 is as fast as the wire."),)
+_ALCOHOL = Field("alcohol", 0, 1023, "count", "1023 minus the ADC count of the MQ303A.")
+_DUST = _count("dust", "Particles of 1 um and larger per litre, PPD42NS; larger values read 32767.")
+_HOTTEST = Field("hottest", 0, 255, "degC", "Hottest of the TPA81's eight pixels.")
+_LDR = Field("ldr", 0, 1023, "count", "ADC count of the light sensor.")
+_BEARING = Field("bearing", 0, 359, "deg", "Clockwise from north, CMPS10.")
+_CHECKED = _flag("checked", "1: every frame both ways carries a check value.")
+_INDEX = Field("index", 0, 18, "", "Row of the parameter table.")
+_VALUE = _int16("value", "", "The parameter's value in the unit of its row.")
+_ADDRESS = tuple(_int16(f"address_{i}", "", f"Bits {16 * i + 15} to {16 * i} of the XBee's 64-bit address.")
+                 for i in (3, 2, 1, 0))
+_TEXT = (Field("length", 1, 16, "byte", "Length of the text."),) + tuple(
+    _int16(f"text_{i}", "", f"Bytes {2 * i} (high) and {2 * i + 1} (low) of the text.") for i in range(8))
+
+SENSORS: Tuple[Sensor, ...] = (
+    Sensor(20, "alcohol", "Read the alcohol sensor.", (_ALCOHOL,), 123, "environment"),
+    Sensor(21, "dust", "Read the dust sensor.", (_DUST,), 300, "environment"),
+    Sensor(22, "thermopile", "Read the thermopile array.", tuple(
+        Field(f"pixel_{i}", 0, 255, "degC", f"Pixel {i} of the TPA81.") for i in range(1, 9)),
+        22, "environment", I2c(0x68, 2, 1, 1)),
+    Sensor(41, "light", "Read the light sensor.", (_LDR,), 500, "environment"),
+    Sensor(42, "compass", "Read the compass.", (_BEARING,), 0, "environment", I2c(0x60, 2, 2, 10), 100),
+)
+"""Sensors; a new one is one row here and one function in the firmware, see firmware/SENSORS.md."""
+
+_OTHERS: Tuple[Command, ...] = (
+    Command(1, "calibrate", "Motor board finds its PID working points; the wheels turn."),
+    Command(2, "set_pid_gains", "Set the gains of the motor board's speed control.", (
+        _count("kp", "Proportional gain."), _count("ki", "Integral gain."), _count("kd", "Derivative gain."))),
+    Command(3, "set_encoder_prescaler", "Set how many pulses make one count.", (
+        Field("encoder", 1, 3, "", "Encoder of the motor board."),
+        Field("prescaler", 0, 4, "", "Counts per 1, 10, 100, 1000 or 10000 pulses."))),
+    Command(4, "preset_encoder", "Set one counter.", (
+        Field("encoder", 1, 3, "", "Encoder of the motor board."), _int16("count", "count", "New value."))),
+    Command(5, "robot_info", "Who answers, and its battery.", (), (
+        _int16("temperature", "0.01 degC", "Motor board's temperature."),
+        _count("motor_board_version", "Motor board's firmware times 100."),
+        Field("battery", 0, INT16_MAX, "0.01 V", "Battery voltage at the motor board."),
+        _count("version", "Board firmware; 1 is 2013, 2 and up is ours."),
+        _count("robot_id", "TraxBot 1-3, StingBot 4-5, Pioneer 6-10, others from 11; 0 is not set."))),
+    Command(6, "read_encoders", "Read both counters.", (), _ENCODERS, stamped=True),
+    Command(7, "read_sonars", "Read the sonars.", (), _SONARS),
+    Command(8, "read_encoders_and_sonars", "Read counters and sonars.", (), _ENCODERS + _SONARS, stamped=True),
+    Command(9, "move_motors_pid", "Turn the motors, speed controlled.", _MOTORS),
+    Command(10, "move_motors", "Turn the motors without speed control.", _MOTORS),
+    Command(11, "move_differential", "Drive; clamped to the board's ceiling.", (
+        _int16("linear", "mm/s", "Forward speed."), _int16("angular", "mrad/s", "Yaw rate, counter-clockwise."))),
+    Command(12, "move_to_position", "Turn one motor to a count and hold it with torque.", (
+        Field("motor", 1, 3, "", "Motor of the motor board."), Field("speed", -100, 100, "%", _PERCENT),
+        _int16("position", "count", "Encoder count to reach."))),
+    Command(13, "stop", "Stop the motors at once; accepted without a check value in every state."),
+    Command(14, "reset_encoders", "Set all counters to 0."),
+    Command(15, "get_debug", "Is free text printed?", (), (_flag("debug", "1: yes."),)),
+    Command(16, "set_debug", "Print free text, or not.", (_flag("debug", "1: yes."),)),
+    Command(17, "get_stream", "Is a stream running?", (), (_flag("stream", "1: yes."),)),
+    Command(18, "start_stream", "Repeat the reply of 8 until stopped.", _PERIOD, optional=1, repeats=8),
+    Command(19, "stop_stream", "End the stream of 18 or 44."),
+    Command(23, "start_sensor_stream", "Repeat encoders and sensors.", _PERIOD,
+            _ENCODERS + (_ALCOHOL, _DUST, _HOTTEST), optional=1, stamped=True, repeats=23),
+    Command(24, "stop_sensor_stream", "End the sensor stream."),
+    Command(25, "start_sensor_ldr_stream", "Repeat encoders, sensors and light.", _PERIOD,
+            _ENCODERS + (_ALCOHOL, _DUST, _HOTTEST, _LDR), optional=1, stamped=True, repeats=25),
+    Command(26, "stop_sensor_ldr_stream", "End the sensor and light stream."),
+    Command(27, "start_compass_stream", "Repeat the compass bearing.", _PERIOD, (_BEARING,),
+            optional=1, stamped=True, repeats=27),
+    Command(28, "stop_compass_stream", "End the compass stream."),
+    Command(29, "read_protocol", "What this board can do.", (), (
+        Field("protocol", 2, INT16_MAX, "", "Protocol version."),
+        Field("capabilities", 0, INT16_MAX, "bits", "Sum of the rows of the capability table."))),
+    Command(30, "read_status", "How this board fares.", (), (
+        _count("uptime_high", "Time since reset in units of 32768 s."),
+        Field("uptime", 0, INT16_MAX, "s", "Remainder of the time since reset."),
+        Field("reset_cause", 0, 4, "", "Row of the reset cause table."),
+        Field("stop_reason", 0, 6, "", "Row of the stop reason table: why motors stopped; none while they turn."),
+        Field("faults", 0, INT16_MAX, "bits", "Sum of the rows of the fault table."),
+        _count("clamped", "Commands that asked for more than the speed ceiling."))),
+    Command(31, "read_counters", "How much was refused, by reason; each stays at 32767.", (), tuple(
+        _count(name, text) for name, text in (
+            ("noise", "Runs of bytes outside a frame."), ("restarted", "Frames cut short by '@'."),
+            ("too_long", "Frames beyond the longest row."), ("not_integer", "Arguments that are no integer."),
+            ("beyond_int16", "Arguments outside -32768..32767."), ("unknown_command", "Codes without a row."),
+            ("argument_count", "Frames with too few or too many arguments."),
+            ("argument_range", "Arguments outside the row's range."),
+            ("bad_check", "Check value wrong or absent."),
+            ("unavailable", "Commands to hardware that does not answer."),
+            ("overrun", "Bytes lost before they were read.")))),
+    Command(32, "set_check", "Turn the check value on or off, both ways.", (_CHECKED,), (_CHECKED,), guarded=True),
+    Command(33, "set_watchdog", "Stop the motors when no valid frame comes for so long.",
+            (Field("period", 0, 10000, "ms", "0 turns it off."),),
+            (Field("period", 0, 10000, "ms", "The period in force."),), guarded=True),
+    Command(34, "read_config", "Read one board parameter.", (_INDEX,), (_INDEX, _VALUE)),
+    Command(35, "write_config", "Set one board parameter, in force at once, kept when saved.",
+            (_INDEX, _VALUE), (_INDEX, _VALUE), guarded=True),
+    Command(36, "save_config", "Write the parameters to EEPROM.", (),
+            (_flag("saved", "1: written and read back equal."),), guarded=True),
+    Command(37, "default_config", "Set all parameters but the id to the model's defaults, kept when saved.", (),
+            (_flag("done", "1: done."),), guarded=True),
+    Command(38, "send_xbee", "Send a text by radio.", _ADDRESS + _TEXT, optional=7),
+    Command(39, "xbee_text", "A text that came by radio; sent by the board unasked.", (),
+            _ADDRESS + _TEXT, optional_reply=7),
+    Command(40, "discover_xbee", "Ask who is there; one reply for each node.", (),
+            _ADDRESS + (_int16("network", "", "The node's 16-bit address."),)),
+    Command(43, "move_omni", "Move a robot with three wheels across, in any direction while it turns; clamped "
+                             "to the board's ceiling.", (
+        Field("speed", 0, 100, "%", "Share of full speed; a wheel that would have to turn faster slows down all."),
+        Field("rotation", -100, 100, "%", "Share of full speed of all wheels, counter-clockwise."),
+        Field("direction", 0, 359, "deg", "Of the translation, counter-clockwise from forward."))),
+    Command(44, "start_omni_stream", "Repeat three counters and the sonars until stopped.", _PERIOD,
+            _ENCODERS + (_REAR,) + _SONARS, optional=1, stamped=True, repeats=44),
+    Command(45, "set_baud", "Change the speed of the line, once the answer has left; it is 115200 again after 1 s "
+                            "without a valid frame.", (_BAUD,), (_BAUD,), guarded=True),
+)
+COMMANDS: Tuple[Command, ...] = tuple(sorted(_OTHERS + tuple(row.command for row in SENSORS)))
+
+BY_CODE: Dict[int, Command] = {row.code: row for row in COMMANDS}
+BY_NAME: Dict[str, Command] = {row.name: row for row in COMMANDS}
+SENSOR_BY_NAME: Dict[str, Sensor] = {row.name: row for row in SENSORS}
+
+STAMP: Tuple[Field, ...] = (
+    _int16("sequence", "", "One more in each stamped frame; wraps at 16 bits."),
+    _int16("time", "64 us", "Board time at which the counters were read; wraps every 4.194 s, a longer gap needs the "
+                            "host's clock."),
+)
+CHECK = _int16("check", "", "CRC-16 (0x1021, 0xFFFF, unreflected) from '@' up to the comma before this argument.")
+
+REASONS: Tuple[Reason, ...] = tuple(Reason(f.name, f.text) for f in BY_NAME["read_counters"].reply)
+
+CAPABILITIES: Tuple[Tuple[str, str], ...] = (
+    ("check", "Check value, sequence and board time (32)."),
+    ("watchdog", "Link watchdog (33)."),
+    ("period", "Streams with a settable period (18)."),
+    ("config", "EEPROM configuration (34 to 37)."),
+    ("sonars", "Sonar build: 7, 8 and 18 have sonars."),
+    ("environment", "Environment-sensor build: 20 to 28 have sensors."),
+    ("xbee", "Radio build (38 to 40)."),
+    ("omni", "Three wheels across (43, 44)."),
+    ("baud", "Faster serial line (45)."),
+)
+FAULTS: Tuple[Tuple[str, str], ...] = (
+    ("motor_board", "The motor board does not answer."),
+    ("bus_hung", "The I2C bus hangs."),
+    ("eeprom", "The EEPROM configuration was damaged; the model's defaults are in force."),
+    ("id_unset", "No robot id is set."),
+    ("sensor", "An environment sensor does not answer."),
+)
+RESET_CAUSES: Tuple[str, ...] = ("unknown", "power_on", "external", "brown_out", "watchdog")
+STOP_REASONS: Tuple[str, ...] = ("none", "host", "link_watchdog", "stall", "motor_board", "boot", "check_ended")
+
+PARAMETERS: Tuple[Parameter, ...] = (
+    Parameter(0, "robot_id", 0, INT16_MAX, "", "Robot id; 0 is not set."),
+    Parameter(1, "axis_radius", 1, INT16_MAX, "0.01 mm", "Half the axle, as fitted for the motor board."),
+    Parameter(2, "wheel_radius", 1, INT16_MAX, "0.01 mm", "Wheel radius, as fitted for the motor board."),
+    Parameter(3, "gearbox", 1, INT16_MAX, "0.1", "Motor turns per wheel turn."),
+    Parameter(4, "encoder_counts", 1, INT16_MAX, "0.1", "Encoder counts per motor turn."),
+    Parameter(5, "kp", 0, INT16_MAX, "", "Proportional gain."),
+    Parameter(6, "ki", 0, INT16_MAX, "", "Integral gain."),
+    Parameter(7, "kd", 0, INT16_MAX, "", "Derivative gain."),
+    Parameter(8, "ramp_time", 0, INT16_MAX, "ms", "Time from standstill to full speed."),
+    Parameter(9, "ramp_gain", 0, INT16_MAX, "", "Take-off gain of the ramp."),
+    Parameter(10, "linear_ceiling", 1, INT16_MAX, "mm/s", "Larger forward speeds are clamped to this."),
+    Parameter(11, "angular_ceiling", 1, INT16_MAX, "mrad/s", "Larger yaw rates are clamped to this."),
+    Parameter(12, "motor_timeout", 1, 255, "100 ms", "The motor board stops after so long without I2C traffic."),
+    Parameter(13, "sonar_a", 1, INT16_MAX, "1e-4", "Factor a of range_cm = a s^b + c."),
+    Parameter(14, "sonar_b", 1, 20000, "1e-4", "Exponent b."),
+    Parameter(15, "sonar_c", INT16_MIN, INT16_MAX, "1e-4 cm", "Offset c."),
+    Parameter(16, "bus_speed", 100, 400, "kHz", "I2C clock towards the motor board."),
+    Parameter(17, "bus_stop", 0, 1, "", "1: stop and start between the register and the read, for old motor boards."),
+    Parameter(18, "full_speed", 1, 1000, "1/min", "Turns of a wheel at 100 %, by which the ceilings hold for 43."),
+)
+PARAMETER_BY_NAME: Dict[str, Parameter] = {row.name: row for row in PARAMETERS}
+
+MAX_ARGUMENTS = max(max(len(row.request), len(row.reply) + (len(STAMP) if row.stamped else 0))
+                    for row in COMMANDS) + 1
+"""Most arguments of any frame, the check value included."""
+
+
+def longest_frame() -> int:
+    """Length of the longest frame that the rows allow, from '@' to 'e' [byte]."""
+    def width(fields: Tuple[Field, ...]) -> int:
+        return sum(1 + max(len(str(f.low)), len(str(f.high))) for f in fields)
+    return max(2 + len(str(row.code)) + width((CHECK,)) + max(
+        width(row.request), width(row.reply + (STAMP if row.stamped else ()))) for row in COMMANDS)
+
+
+MAX_FRAME = longest_frame()
+MAX_NOISE = 64
+"""A run of bytes outside a frame is reported at this length at the latest [byte]."""

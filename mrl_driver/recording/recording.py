@@ -1,0 +1,199 @@
+"""Recordings: every byte both ways, with its time, one line of text each.
+
+    #mrl-recording 1 {"port": "/dev/ttyACM0", "started": "2026-03-01T12:00:00+00:00"}
+    0.000000 > @5e
+    0.004211 < @5,2500,172,1180,2,1e\\r\\n
+    1.250000 ! checked
+
+`>` went to the board, `<` came from it, `!` is a remark of the driver.  Times are seconds since the recording began,
+on a clock that never jumps.  Bytes outside printable ASCII, and the backslash, are escaped as in a Python string.  A
+line torn by a crash or a full disk costs that line alone.
+"""
+
+import codecs
+import datetime
+import json
+import os
+import threading
+import time
+from collections import deque
+from typing import Any, Deque, Dict, Iterator, NamedTuple, Optional, Tuple
+
+from mrl_driver.errors import ConfigError
+
+VERSION = 1
+TO_BOARD, FROM_BOARD, REMARK = ">", "<", "!"
+_MAGIC = "#mrl-recording"
+FLUSH_S = 0.2
+_MOST_WAITING = 20000
+_LONGEST_LINE = 1 << 20
+
+
+class Entry(NamedTuple):
+    """One line: when [s since the start], which way (`>`, `<` or `!`), and the bytes."""
+
+    time_s: float
+    way: str
+    data: bytes
+
+
+class Recorder:
+    """Appends to a recording from any thread without ever blocking or stopping its caller.
+
+    A thread of its own writes five times a second, so a kill loses 0.2 s at most.  When the disk refuses, `error`
+    keeps why, `lost` counts the lines, and writing is tried again.
+
+    Raises:
+        ConfigError: the file cannot be created.
+    """
+
+    def __init__(self, path: str, **header: Any) -> None:
+        self.path = path
+        self.lost = 0
+        self.error = ""
+        self._torn = False
+        self._waiting: Deque[str] = deque()
+        self._ended = threading.Event()
+        try:
+            self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise ConfigError(
+                f"cannot record to {path!r}: {error.strerror}; expected a file that can be written"
+            ) from None
+        self._start_s = time.monotonic()
+        header["started"] = datetime.datetime.now(datetime.timezone.utc).isoformat()
+        self._write(f"{_MAGIC} {VERSION} {json.dumps(header)}\n", 1)
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread.start()
+
+    def add(self, way: str, data: bytes) -> None:
+        """Record `data`, which went `way` just now."""
+        if len(self._waiting) >= _MOST_WAITING:
+            self.lost += 1
+            self.error = self.error or "the disk is too slow"
+            return
+        text = codecs.escape_encode(data)[0].decode("ascii")
+        self._waiting.append(f"{time.monotonic() - self._start_s:.6f} {way} {text}\n")
+
+    @property
+    def loss(self) -> str:
+        """What the recording lacks, in words; empty where it lacks nothing."""
+        return (
+            f"{self.path} lacks {self.lost} lines: {self.error}; make room, then record again"
+            if self.lost
+            else ""
+        )
+
+    def close(self) -> None:
+        """Write what waits, and close the file."""
+        if not self._ended.is_set():
+            self._ended.set()
+            self._thread.join()
+            os.close(self._fd)
+
+    def _run(self) -> None:
+        ended = False
+        while not ended:
+            ended = self._ended.wait(FLUSH_S)
+            lines = [self._waiting.popleft() for _ in range(len(self._waiting))]
+            if lines:
+                self._write("".join(lines), len(lines))
+
+    def _write(self, text: str, lines: int) -> None:
+        data = (("\n" if self._torn else "") + text).encode("ascii")
+        try:
+            done = os.write(self._fd, data)
+            self._torn = done < len(data)
+            self.lost += data[done:].count(b"\n")
+            if self._torn:
+                self.error = "the disk took only a part"
+        except OSError as error:
+            self.error = error.strerror or str(error)
+            self.lost += lines
+
+
+class Recording:
+    """Reads a recording as a stream: memory does not grow with the file.
+
+    `header` is what the recorder noted; `skipped` maps the numbers of unreadable lines (at most 100 kept) to the
+    reason.
+
+    Raises:
+        ConfigError: no such file, no recording, or one of a newer version.
+    """
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self.skipped: Dict[int, str] = {}
+        self.skipped_count = 0
+        try:
+            with open(path, "rb") as file:
+                first = file.readline(_LONGEST_LINE)
+        except OSError as error:
+            raise ConfigError(f"cannot read {path!r}: {error.strerror}; expected a recording") from None
+        self.header = self._read_header(first)
+
+    def _read_header(self, line: bytes) -> Dict[str, Any]:
+        magic, _, rest = line.decode("latin-1").strip().partition(" ")
+        version, _, header = rest.partition(" ")
+        if magic != _MAGIC or not version.isdigit():
+            raise ConfigError(
+                f"{self.path}:1: got {line[:40]!r}, expected '{_MAGIC} {VERSION} ...': not a recording"
+            )
+        if int(version) > VERSION:
+            raise ConfigError(
+                f"{self.path}:1: recording version {version}, this program reads up to {VERSION}: update it"
+            )
+        try:
+            found = json.loads(header or "{}")
+        except (ValueError, RecursionError):
+            found = None
+        if not isinstance(found, dict):
+            raise ConfigError(f"{self.path}:1: the header {header[:40]!r} is damaged, expected a JSON object")
+        return found
+
+    def __iter__(self) -> Iterator[Entry]:
+        """Entries in the order of the file; a line that cannot be read is noted in `skipped`."""
+        self.skipped.clear()
+        self.skipped_count = 0
+        last_s = 0.0
+        with open(self.path, "rb") as file:
+            file.readline(_LONGEST_LINE)
+            number = 1
+            for line in iter(lambda: file.readline(_LONGEST_LINE), b""):
+                number += 1
+                if not line.strip():
+                    continue
+                entry, problem = _parse(line, last_s)
+                if entry is None:
+                    self._skip(number, problem)
+                    continue
+                last_s = entry.time_s
+                yield entry
+
+    def _skip(self, number: int, problem: str) -> None:
+        self.skipped_count += 1
+        if len(self.skipped) < 100:
+            self.skipped[number] = problem
+
+
+def _parse(line: bytes, last_s: float) -> Tuple[Optional[Entry], str]:
+    """The entry on a line, or None and what is wrong with it."""
+    if not line.endswith(b"\n"):
+        return None, "torn"
+    stamp, _, rest = line.strip(b"\r\n").partition(b" ")
+    way, _, text = rest.partition(b" ")
+    try:
+        time_s = float(stamp)
+    except ValueError:
+        return None, f"time is {stamp[:20]!r}, expected seconds"
+    if not 0.0 <= time_s < 1e9:
+        return None, f"time is {time_s}, expected 0 or more seconds"
+    if way not in (b">", b"<", b"!"):
+        return None, f"direction is {way[:20]!r}, expected '>', '<' or '!'"
+    if time_s < last_s:
+        return None, f"time {time_s} lies before {last_s} of an earlier line"
+    try:
+        return Entry(time_s, way.decode(), codecs.escape_decode(text)[0]), ""
+    except ValueError:
+        return None, f"bytes {text[:20]!r} are not escaped as in a Python string"

@@ -1,0 +1,1 @@
+"""The robot, pure: models, kinematics, odometry, sonars, battery.  Imports session and protocol."""

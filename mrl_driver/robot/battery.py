@@ -1,0 +1,65 @@
+"""Battery voltage to a state, with times.  Pure: volts and seconds in.
+
+Levels: 2013 host (below 1 V motor power is off, below 8.5 V low) and thesis 2012 (packs are empty at about 9
+V).
+"""
+
+from typing import Optional
+
+from mrl_driver.errors import BatteryDead
+
+from .models import Battery
+
+OK, LOW, EMPTY, OFF = "ok", "low", "empty", "off"
+
+EMPTY_AFTER_S = 5.0
+"""A motor that starts pulls the voltage down for a moment; only longer than this it counts."""
+RECOVERY_V = 0.2
+"""A state ends when the voltage is this much above its threshold, so that it does not flicker."""
+
+
+def demand_charge(volts: float, levels: Battery) -> None:
+    """Check before the start.
+
+    Raises:
+        BatteryDead: the motors have no power, or the battery is too low to start.
+    """
+    if volts < levels.off_v:
+        raise BatteryDead(
+            f"battery reads {volts:.2f} V: motor power is off; switch it on or connect the battery "
+            f"(expected at least {levels.empty_v:.1f} V)"
+        )
+    if volts < levels.empty_v:
+        raise BatteryDead(
+            f"battery reads {volts:.2f} V, expected at least {levels.empty_v:.1f} V to start; charge it, "
+            "or override with --ignore-battery"
+        )
+
+
+class BatteryMonitor:
+    """State of the battery while running: `ok`, `low` (warn), `empty` (stop gently), `off` (no power)."""
+
+    def __init__(self, levels: Battery) -> None:
+        self._levels = levels
+        self._below_since_s: Optional[float] = None
+        self.state = OK
+
+    def update(self, volts: float, time_s: float) -> str:
+        """The state after a reading of `volts` at `time_s` [s]."""
+        if volts < self._levels.off_v:
+            self.state, self._below_since_s = OFF, None
+            return OFF
+        empty = self._is_empty(volts, time_s)
+        low_v = self._levels.low_v + (RECOVERY_V if self.state == LOW else 0.0)
+        self.state = EMPTY if empty else LOW if volts < low_v else OK
+        return self.state
+
+    def _is_empty(self, volts: float, time_s: float) -> bool:
+        if self.state == EMPTY and volts < self._levels.empty_v + RECOVERY_V:
+            return True
+        if volts >= self._levels.empty_v:
+            self._below_since_s = None
+            return False
+        if self._below_since_s is None:
+            self._below_since_s = time_s
+        return time_s - self._below_since_s >= EMPTY_AFTER_S

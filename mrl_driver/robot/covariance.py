@@ -1,0 +1,131 @@
+"""How sure odometry is of its pose: random errors of the wheels and of slip, carried along the way.  Pure.
+
+First-order propagation for a differential drive (Siegwart, Nourbakhsh: Introduction to Autonomous Mobile Robots,
+section 5.2.4): the variance of each wheel's way grows with its length, the wheels independently; that of the yaw
+grows further with the angle turned, as tracks slip in turns.
+"""
+
+import math
+from typing import Sequence, Tuple
+
+from .kinematics import kinematics_of
+from .models import OmniDrive, RobotModel
+
+START_POSITION_M2, START_YAW_RAD2 = 1e-6, 1e-6
+"""1 mm and 1 mrad: what a standing robot starts with, as filters refuse zeros."""
+
+Spread = Tuple[float, float, float, float, float, float]
+"""The part of a symmetric covariance that changes: xx, xy, x-yaw, yy, y-yaw, yaw-yaw [m2, m rad, rad2]."""
+AT_START: Spread = (START_POSITION_M2, 0.0, 0.0, START_POSITION_M2, 0.0, START_YAW_RAD2)
+
+
+class Uncertainty:
+    """The covariance of a pose in the plane, kept up to date in `unknowns`."""
+
+    def __init__(self, model: RobotModel, start: Spread = AT_START) -> None:
+        drive = model.drive
+        self._metres = drive.right_m_per_count, drive.left_m_per_count
+        self._base_m = drive.turning_separation_m
+        self._noise = model.noise
+        self._counts: Sequence[float] = (0.0, 0.0)
+        self._start = start
+        self.unknowns = start
+
+    def reset(self) -> None:
+        """The pose was set: as sure as at the start."""
+        self.unknowns = self._start
+
+    def widen(self, way_m: float, turn_rad: float) -> None:
+        """The robot may have gone up to `way_m` in any direction and turned by up to `turn_rad` either way, each as
+        likely as another, and the counters do not tell it.
+        """
+        xx, xy, xt, yy, yt, tt = self.unknowns
+        position, yaw = way_m * way_m / 3, turn_rad * turn_rad / 3
+        self.unknowns = (xx + position, xy, xt, yy + position, yt, tt + yaw)
+
+    def update(self, counts: Sequence[float], half_sin: float, half_cos: float) -> None:
+        """The counters (right, left, without wrap) stand at `counts`, and the heading is now the one whose half has
+        this sine and cosine, as quaternions do.
+        """
+        before = self._counts
+        if counts == before:
+            return
+        self._counts = counts
+        (right_m, left_m), base_m, (noise_m, noise_rad) = self._metres, self._base_m, self._noise
+        right_m, left_m = (counts[0] - before[0]) * right_m, (counts[1] - before[1]) * left_m
+        way_m, back_rad = (right_m + left_m) / 2, (right_m - left_m) / base_m / 2
+        cos, sin = half_cos * half_cos - half_sin * half_sin, 2 * half_sin * half_cos
+        cos, sin = (
+            cos + sin * back_rad,
+            sin - cos * back_rad,
+        )  # at the middle of the way, where turns are small
+        right, left, slip = noise_m * abs(right_m), noise_m * abs(left_m), noise_rad * abs(back_rad)
+        lean = way_m / 2 / base_m
+        xr, xl = cos / 2 - lean * sin, cos / 2 + lean * sin
+        yr, yl = sin / 2 + lean * cos, sin / 2 - lean * cos
+        dx, dy = -way_m * sin, way_m * cos
+        xx, xy, xt, yy, yt, tt = self.unknowns
+        whole, half = tt + slip / 2, tt + slip  # slip is that of half the turn
+        self.unknowns = (
+            xx + dx * (2 * xt + dx * whole) + xr * xr * right + xl * xl * left,
+            xy + dx * yt + dy * xt + dx * dy * whole + xr * yr * right + xl * yl * left,
+            xt + dx * half + (xr * right - xl * left) / base_m,
+            yy + dy * (2 * yt + dy * whole) + yr * yr * right + yl * yl * left,
+            yt + dy * half + (yr * right - yl * left) / base_m,
+            tt + 2 * slip + (right + left) / base_m / base_m,
+        )
+
+
+class OmniUncertainty(Uncertainty):
+    """The covariance of the pose of three wheels across: that of each step, turned into the odom frame, is added to
+    what there was, carried along the way.
+    """
+
+    def __init__(self, model: RobotModel, start: Spread = AT_START) -> None:
+        super().__init__(model, start)
+        self._m_per_count, self._kinematics = model.drive.metres_per_count, kinematics_of(model.drive)
+        self._counts = (0.0, 0.0, 0.0)
+
+    def update(self, counts: Sequence[float], half_sin: float, half_cos: float) -> None:
+        """As `Uncertainty.update`, for the counters right, left, rear."""
+        before = self._counts
+        if counts == before:
+            return
+        self._counts = counts
+        right_m, left_m, rear_m = ((now - was) * self._m_per_count for now, was in zip(counts, before))
+        ways = (left_m, rear_m, right_m)
+        forward, left, turn = self._kinematics.step(ways)
+        yaw_rad = 2 * math.atan2(half_sin, half_cos) - turn / 2  # at the middle of the way
+        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+        dx, dy = -(sin * forward + cos * left), cos * forward - sin * left
+        fxx, fxl, fxt, fll, flt, ftt = self._kinematics.covariance(ways, *self._noise)
+        xx, xy, xt, yy, yt, tt = self.unknowns
+        self.unknowns = (
+            xx + dx * (2 * xt + dx * tt) + cos * cos * fxx - 2 * cos * sin * fxl + sin * sin * fll,
+            xy + dx * yt + dy * xt + dx * dy * tt + cos * sin * (fxx - fll) + (cos * cos - sin * sin) * fxl,
+            xt + dx * tt + cos * fxt - sin * flt,
+            yy + dy * (2 * yt + dy * tt) + sin * sin * fxx + 2 * cos * sin * fxl + cos * cos * fll,
+            yt + dy * tt + sin * fxt + cos * flt,
+            tt + ftt,
+        )
+
+
+def uncertainty_of(model: RobotModel) -> Uncertainty:
+    """What keeps the covariance of the pose of a robot of this model."""
+    return OmniUncertainty(model) if isinstance(model.drive, OmniDrive) else Uncertainty(model)
+
+
+def error_squared(spread: Tuple[float, ...], dx_m: float, dy_m: float, dyaw_rad: float) -> float:
+    """The normalised estimation error squared of a pose that is off by so much; on average 3 where `spread` holds.
+
+    Raises:
+        ValueError: the spread has no inverse.
+    """
+    xx, xy, xt, yy, yt, tt = spread
+    a, b, c = yy * tt - yt * yt, xt * yt - xy * tt, xy * yt - xt * yy
+    d, e, f = xx * tt - xt * xt, xy * xt - xx * yt, xx * yy - xy * xy
+    determinant = xx * a + xy * b + xt * c
+    if not determinant > 0.0:
+        raise ValueError(f"{spread} has no inverse, expected a covariance")
+    x, y, t = dx_m, dy_m, dyaw_rad
+    return (x * x * a + y * y * d + t * t * f + 2 * (x * y * b + x * t * c + y * t * e)) / determinant

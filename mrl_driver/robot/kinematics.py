@@ -1,0 +1,167 @@
+"""Wheels to body and back, for every base there is.  Pure: metres and radians in and out, no I/O, no arrays.
+
+A base is a linear map: the way of each wheel is a row (per metre forward, per metre to the left, per radian turned)
+times the body's step.  Forward kinematics is its least-squares inverse, exact where the wheels agree with each other.
+Rows: Siegwart, Nourbakhsh: Introduction to Autonomous Mobile Robots, section 3.2 (wheels across); for 45 deg mecanum
+wheels Taheri, Qiao, Ghaeminezhad: Kinematic model of a four mecanum wheeled mobile robot, 2015.
+"""
+
+import math
+from typing import NamedTuple, Sequence, Tuple
+
+from mrl_driver.errors import ConfigError, FrameError
+
+from .models.drives import THREE_WHEELS_DEG, Base, MecanumDrive, OmniDrive
+from .odometry import Pose, wrap_angle
+
+Row = Tuple[float, float, float]
+Spread = Tuple[float, float, float, float, float, float]
+"""xx, xy, x-yaw, yy, y-yaw, yaw-yaw of a symmetric covariance [m2, m rad, rad2]."""
+_SINGULAR = 1e-9
+
+
+class Planar(NamedTuple):
+    """A step of the body in its own frame [m, m, rad], or its speeds [m/s, m/s, rad/s]."""
+
+    forward: float
+    left: float
+    turn: float
+
+
+STANDING = Planar(0.0, 0.0, 0.0)
+
+
+class Kinematics:
+    """One base.
+
+    Args:
+        kind: for messages.
+        names: of the wheels, in the order in which all their numbers travel.
+        rows: way of each wheel per unit of forward, left and turn.
+        sideways: it can move sideways; else its wheels exclude that.
+
+    Raises:
+        ConfigError: the wheels do not determine the motion.
+    """
+
+    def __init__(self, kind: str, names: Sequence[str], rows: Sequence[Row], sideways: bool) -> None:
+        self.kind, self.names, self.rows, self.sideways = kind, tuple(names), tuple(rows), sideways
+        self._inverse = _least_squares(self.rows, (0, 1, 2) if sideways else (0, 2), kind)
+
+    def step(self, ways: Sequence[float]) -> Planar:
+        """The body's step for these ways of the wheels [m], or its speeds for their speeds [m/s]."""
+        forward, left, turn = (sum(a * way for a, way in zip(row, ways)) for row in self._inverse)
+        return Planar(forward, left, turn)
+
+    def covariance(self, ways: Sequence[float], wheel_m2_per_m: float, turn_rad2_per_rad: float) -> Spread:
+        """Of `step(ways)`: the wheels err independently, in proportion to their ways, the yaw to the turn as well."""
+        variances = [wheel_m2_per_m * abs(way) for way in ways]
+        x, y, t = self._inverse
+        xx, xy, xt, yy, yt, tt = (
+            sum(a * b * v for a, b, v in zip(p, q, variances))
+            for p, q in ((x, x), (x, y), (x, t), (y, y), (y, t), (t, t))
+        )
+        return xx, xy, xt, yy, yt, tt + turn_rad2_per_rad * abs(self.step(ways).turn)
+
+    def ways(self, step: Planar) -> Tuple[float, ...]:
+        """Ways of the wheels for a step of the body [m], or their speeds for its speeds [m/s].
+
+        Raises:
+            FrameError: it is to move sideways and cannot.
+        """
+        forward, left, turn = step
+        if left and not self.sideways:
+            raise FrameError(cannot_sideways(left, self.kind))
+        return tuple(x * forward + y * left + t * turn for x, y, t in self.rows)
+
+    def saturated(self, twist: Planar, most_m_s: float) -> Planar:
+        """The twist, or the fastest one in the same direction at which no wheel exceeds `most_m_s`.
+
+        Raises:
+            FrameError: it is to move sideways and cannot.
+        """
+        excess = max(map(abs, self.ways(twist))) / most_m_s
+        if math.isinf(excess):  # the sum of a wheel's ways overflows, or the quotient
+            most = max(map(abs, twist))
+            twist = Planar(twist.forward / most, twist.left / most, twist.turn / most)
+            excess = max(map(abs, self.ways(twist))) / most_m_s
+        if excess <= 1.0:
+            return twist
+        return Planar(twist.forward / excess, twist.left / excess, twist.turn / excess)
+
+
+def differential(separation_m: float) -> Kinematics:
+    """Two wheels side by side, right and left."""
+    half_m = separation_m / 2
+    return Kinematics("differential", ("right", "left"), ((1.0, 0.0, half_m), (1.0, 0.0, -half_m)), False)
+
+
+def tracked(separation_m: float, turn_slip: float) -> Kinematics:
+    """Two tracks, right and left, that lose a share of each turn to the floor."""
+    half_m = separation_m / 2 / (1 - turn_slip)
+    return Kinematics("tracked", ("right", "left"), ((1.0, 0.0, half_m), (1.0, 0.0, -half_m)), False)
+
+
+def omni(radius_m: float, angles_deg: Sequence[float] = THREE_WHEELS_DEG) -> Kinematics:
+    """Wheels across at these angles, `radius_m` from the middle; positive ways turn counter-clockwise."""
+    angles = [math.radians(angle) for angle in angles_deg]
+    rows = [(-math.sin(angle), math.cos(angle), radius_m) for angle in angles]
+    return Kinematics("omni", [f"wheel_{i + 1}" for i in range(len(rows))], rows, True)
+
+
+def mecanum(half_length_m: float, half_width_m: float) -> Kinematics:
+    """Four wheels at the corners, rollers at 45 deg that form an X seen from above."""
+    arm_m = half_length_m + half_width_m
+    rows = ((1.0, -1.0, -arm_m), (1.0, 1.0, arm_m), (1.0, 1.0, -arm_m), (1.0, -1.0, arm_m))
+    return Kinematics("mecanum", ("front_left", "front_right", "rear_left", "rear_right"), rows, True)
+
+
+def kinematics_of(drive: Base) -> Kinematics:
+    """The kinematics of a robot model's `drive`; the slip of its turns is in it."""
+    keeps = 1 - drive.turn_slip
+    if isinstance(drive, OmniDrive):
+        return omni(drive.radius_m / keeps, drive.angles_deg)
+    if isinstance(drive, MecanumDrive):
+        return mecanum(drive.half_length_m / keeps, drive.half_width_m / keeps)
+    if drive.turn_slip:
+        return tracked(drive.wheel_separation_m, drive.turn_slip)
+    return differential(drive.wheel_separation_m)
+
+
+def cannot_sideways(left: float, kind: str) -> str:
+    """What to say of a sideways speed that the base does not have."""
+    return (
+        f"{left:g} m/s sideways asked of a {kind} base, expected 0: turn it instead, or take one of kind omni"
+    )
+
+
+def advanced(pose: Pose, step: Planar) -> Pose:
+    """The pose after that step of the body at constant speeds: the exponential of SE(2), an exact arc."""
+    half = step.turn / 2
+    shrink = math.sin(half) / half if abs(half) > 1e-8 else 1.0
+    sin, cos = math.sin(pose.yaw_rad + half) * shrink, math.cos(pose.yaw_rad + half) * shrink
+    return Pose(
+        pose.x_m + cos * step.forward - sin * step.left,
+        pose.y_m + sin * step.forward + cos * step.left,
+        wrap_angle(pose.yaw_rad + step.turn),
+    )
+
+
+def _least_squares(rows: Sequence[Row], axes: Tuple[int, ...], kind: str) -> Tuple[Tuple[float, ...], ...]:
+    """The pseudo-inverse of `rows` over these axes, by Gauss-Jordan on the normal equations; zeros on the others."""
+    size = len(axes)
+    table = [[sum(row[p] * row[q] for row in rows) for q in axes] + [row[p] for row in rows] for p in axes]
+    for at in range(size):
+        pivot = max(range(at, size), key=lambda each: abs(table[each][at]))
+        table[at], table[pivot] = table[pivot], table[at]
+        if abs(table[at][at]) < _SINGULAR:
+            raise ConfigError(
+                f"the wheels of this {kind} base do not determine its motion: check their places"
+            )
+        table[at] = [value / table[at][at] for value in table[at]]
+        for other in range(size):
+            if other != at:
+                by = table[other][at]
+                table[other] = [value - by * pivoted for value, pivoted in zip(table[other], table[at])]
+    found = dict(zip(axes, (tuple(line[size:]) for line in table)))
+    return tuple(found.get(axis, (0.0,) * len(rows)) for axis in range(3))

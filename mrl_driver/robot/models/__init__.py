@@ -1,0 +1,417 @@
+"""Robot models: one YAML file each, beside this module, in the user's own folder, or anywhere by path.
+
+A model is geometry, limits, sonar poses, the board parameters of the firmware's defaults and the robot ids it
+accepts.  Sources of the numbers stand in the files.
+"""
+
+import logging
+import os
+from functools import lru_cache
+from typing import Any, Container, Dict, List, Mapping, NamedTuple, Tuple, Type, TypeVar, get_type_hints
+
+from mrl_driver import folders, yaml_file
+from mrl_driver.errors import ConfigError
+from mrl_driver.protocol.table import BY_NAME, PARAMETERS
+
+from .drives import DIFFERENTIAL, EXTRA, KINDS, TRACKED, Base, Drive, MecanumDrive, OmniDrive, kind_of
+
+__all__ = ["Base", "Drive", "MecanumDrive", "OmniDrive", "RobotModel", "kind_of", "load", "names", "packaged"]
+
+_FOLDER = os.path.dirname(os.path.abspath(__file__))
+_Section = TypeVar("_Section", bound=tuple)
+
+SONAR, ENVIRONMENT = "sonar", "environment"
+BUILDS = (SONAR, ENVIRONMENT)
+"""Boards of 2013 do not tell which one they are, and send gas and light in place of ranges: the model says it."""
+
+
+class Noise(NamedTuple):
+    """How much odometry errs at random; where a model has none, `ON_WHEELS` or `ON_TRACKS`."""
+
+    wheel_m2_per_m: float
+    """Variance of a wheel's way, per way."""
+    turn_rad2_per_rad: float
+    """Variance of the yaw by slip, per angle turned."""
+
+
+ON_WHEELS, ON_TRACKS = Noise(1e-4, 0.0), Noise(4e-4, 0.0)
+"""1 cm over 1 m for wheels; 2 cm for tracks, which slip in every turn."""
+
+
+class Limits(NamedTuple):
+    """What the driver asks of the robot at most, unless told otherwise; the board's ceiling stays above."""
+
+    linear_m_s: float
+    angular_rad_s: float
+    linear_acceleration_m_s2: float
+    angular_acceleration_rad_s2: float
+    lateral_m_s: float = 0.0
+    """Sideways, where the base can; 0 is as fast as forward."""
+
+
+class Body(NamedTuple):
+    """Outer size and mass."""
+
+    length_m: float
+    width_m: float
+    height_m: float
+    mass_kg: float
+    tracks: bool
+
+
+class SonarMount(NamedTuple):
+    """Where a sonar sits in base_link, and which way it looks (counter-clockwise from forward)."""
+
+    x_m: float
+    y_m: float
+    yaw_deg: float
+
+
+class Battery(NamedTuple):
+    """Battery voltages at which something changes [V], and capacity [Ah]."""
+
+    full_v: float
+    low_v: float
+    empty_v: float
+    off_v: float
+    capacity_ah: float
+
+
+class RobotModel(NamedTuple):
+    """One robot model; `board` maps parameter names (rows of `table.PARAMETERS`) to wire values."""
+
+    name: str
+    ids: Tuple[int, ...]
+    drive: Base
+    board: Dict[str, int]
+    limits: Limits
+    body: Body
+    sonars: Dict[str, SonarMount]
+    battery: Battery
+    noise: Noise = ON_WHEELS
+    build: str = SONAR
+    """What the board's sensor pins carry; `sonars` is empty where that is not sonars."""
+
+    @property
+    def differential(self) -> Drive:
+        """Its drive, for what only two wheels or tracks can do.
+
+        Raises:
+            ConfigError: it has another one.
+        """
+        if not isinstance(self.drive, Drive):
+            raise ConfigError(
+                f"robot {self.name} has a drive of kind {kind_of(self.drive)}, expected differential or tracked: "
+                "this is for robots with two wheels or tracks"
+            )
+        return self.drive
+
+
+def demand_drivable(model: RobotModel) -> None:
+    """See to it that a board can move the base of this model.
+
+    Raises:
+        ConfigError: it cannot.
+    """
+    if isinstance(model.drive, MecanumDrive):
+        raise ConfigError(
+            f"robot {model.name} has a drive of kind {kind_of(model.drive)}, which no board with three motors moves, "
+            "expected differential, tracked or omni: use mrl_driver.robot.kinematics with boards of your own"
+        )
+
+
+def packaged() -> List[str]:
+    """Names of the models that come with the package."""
+    return _names_in(_FOLDER)
+
+
+def own_folder() -> str:
+    """Where the user keeps models of his own, one YAML file each; it need not be there."""
+    return os.path.join(folders.config(), "robots")
+
+
+def names() -> List[str]:
+    """Names of all models: the packaged ones and the user's own."""
+    return sorted({*packaged(), *_names_in(own_folder())})
+
+
+def _names_in(folder: str) -> List[str]:
+    try:
+        return sorted(f[:-5] for f in os.listdir(folder) if f.endswith(".yaml"))
+    except OSError:
+        return []
+
+
+def _path_of(name: str) -> str:
+    """The user's own file of that name, else the packaged one."""
+    own = os.path.join(own_folder(), f"{name}.yaml")
+    return own if os.path.isfile(own) else os.path.join(_FOLDER, f"{name}.yaml")
+
+
+def load(name_or_path: str) -> RobotModel:
+    """The model of that name, or in that YAML file; the user's own comes before a packaged one of the same name.
+
+    Raises:
+        ConfigError: no such model, or a key is missing, misspelt, of the wrong type or out of range.
+    """
+    is_path = name_or_path.endswith((".yaml", ".yml"))
+    path = name_or_path if is_path else _path_of(name_or_path)
+    try:
+        data = yaml_file.read(path)
+    except OSError as error:
+        raise ConfigError(
+            f"robot {name_or_path!r} {error.strerror if is_path else 'is unknown'}, expected {', '.join(names())} "
+            f"or the path of a .yaml file; files in {own_folder()} are known by name"
+        ) from None
+    return parse(data, path)
+
+
+def parse(data: Any, path: str) -> RobotModel:
+    """The model that parsed YAML describes; `path` is where it came from.
+
+    Raises:
+        ConfigError: a key is missing, misspelt, of the wrong type or out of range.
+    """
+    return _Reader(path).model(data)
+
+
+def by_id(robot_id: int) -> str:
+    """Name of the model that lists `robot_id`, the user's own first, or an empty string.
+
+    A file of the user's own that cannot be used is logged and skipped.
+
+    Raises:
+        ConfigError: such a file has the name of the packaged model that lists the id.
+    """
+    own = _names_in(own_folder())
+    ordered = [*own, *(name for name in packaged() if name not in own)]
+    return next((name for name in ordered if _lists(name, robot_id)), "")
+
+
+def _lists(name: str, robot_id: int) -> bool:
+    try:
+        return robot_id in load(name).ids
+    except ConfigError as error:
+        if name in packaged() and robot_id in load_packaged(name).ids:
+            raise
+        _log_once(f"robot model ignored: {error}")
+        return False
+
+
+@lru_cache(maxsize=None)
+def _log_once(text: str) -> None:
+    logging.getLogger(__name__).warning(text)
+
+
+def load_packaged(name: str) -> RobotModel:
+    """The model of that name that comes with the package, whatever the user has: what the firmware knows.
+
+    Raises:
+        ConfigError: there is none.
+    """
+    return load(os.path.join(_FOLDER, f"{name}.yaml"))
+
+
+def packaged_models() -> List[RobotModel]:
+    """The models that come with the package by their ids; boards whose id none lists have the defaults of the first."""
+    return sorted((load_packaged(name) for name in packaged()), key=lambda model: min(model.ids))
+
+
+SONARS = tuple(field.name for field in BY_NAME["read_sonars"].reply)
+"""The sonars that a board reads."""
+_POSITIVE = (1e-9, 1e6)
+_RANGES = {
+    "linear_m_s": (1e-3, 32.7),
+    "lateral_m_s": (0.0, 32.7),
+    "angular_rad_s": (1e-3, 32.7),
+    "x_m": (-10.0, 10.0),
+    "y_m": (-10.0, 10.0),
+    "yaw_deg": (-180.0, 180.0),
+    "off_v": (0.0, 100.0),
+    "wheel_offset": (-0.2, 0.2),
+    "turn_slip": (-0.5, 0.9),
+    "wheel_m2_per_m": (0.0, 1.0),
+    "turn_rad2_per_rad": (0.0, 1.0),
+}
+
+
+class _Reader:
+    """Reads checked values out of parsed YAML; each error names file, key, value and range."""
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+
+    def model(self, data: Any) -> RobotModel:
+        keys = self._keys("", data, RobotModel._fields, RobotModel._field_defaults)
+        body = self._section("body", keys["body"], Body)
+        noise = ON_TRACKS if body.tracks else ON_WHEELS
+        if "noise" in keys:
+            noise = self._section("noise", keys["noise"], Noise)
+        sonars = {
+            name: self._section(f"sonars.{name}", value, SonarMount)
+            for name, value in self._keys("sonars", keys["sonars"], SONARS, SONARS).items()
+        }
+        build = keys.get("build", SONAR)
+        if build not in BUILDS:
+            raise self._fail("build", build, " or ".join(BUILDS))
+        model = RobotModel(
+            name=self._text("name", keys["name"]),
+            ids=self._ids(keys["ids"]),
+            drive=self._drive(keys["drive"]),
+            board=self._board(keys["board"]),
+            limits=self._section("limits", keys["limits"], Limits),
+            body=body,
+            sonars=sonars if build == SONAR else {},
+            build=build,
+            battery=self._section("battery", keys["battery"], Battery),
+            noise=noise,
+        )
+        self._check_battery(model.battery)
+        self._check_limits(model)
+        if keys["drive"].get("kind") == TRACKED and not body.tracks:
+            raise self._fail("body.tracks", body.tracks, "true for a tracked drive")
+        return model
+
+    def _check_battery(self, battery: Battery) -> None:
+        levels = battery[:4]
+        if not levels[0] > levels[1] > levels[2] > levels[3]:
+            got = ", ".join(f"{name} {value:g}" for name, value in zip(Battery._fields, levels))
+            raise ConfigError(
+                f"{self._path}: battery is {got}, expected full_v above low_v above empty_v above off_v"
+            )
+
+    def _check_limits(self, model: RobotModel) -> None:
+        """The board would clamp what lies above its own ceilings, unseen by the driver."""
+        for key, ceiling in (("linear_m_s", "linear_ceiling"), ("angular_rad_s", "angular_ceiling")):
+            got, most = getattr(model.limits, key), model.board[ceiling] / 1000
+            if got > most:
+                raise self._fail(f"limits.{key}", got, f"at most {most:g}, the board.{ceiling}")
+        if isinstance(model.drive, Drive) and model.limits.lateral_m_s:
+            base = kind_of(model.drive)
+            raise self._fail("limits.lateral_m_s", model.limits.lateral_m_s, f"0 for a {base} base")
+
+    def _drive(self, data: Any) -> Base:
+        """The section of the kind that it says, which is differential where it says none."""
+        found = dict(self._mapping("drive", data))
+        kind = found.pop("kind", DIFFERENTIAL)
+        if not isinstance(kind, str) or kind not in KINDS:
+            raise self._fail("drive.kind", kind, ", ".join(KINDS))
+        for name in EXTRA.get(kind, ()):
+            if name not in found:
+                raise ConfigError(f"{self._path}: key drive.{name} is missing, {kind} drives need it")
+        try:
+            return self._section("drive", found, KINDS[kind])  # type: ignore[return-value]
+        except ConfigError as error:
+            raise ConfigError(f"{error} (kind {kind})") from None
+
+    def _fail(self, key: str, got: Any, expected: str) -> ConfigError:
+        return ConfigError(f"{self._path}: {key or 'file'} is {yaml_file.short(got)}, expected {expected}")
+
+    def _mapping(self, key: str, data: Any) -> Mapping[str, Any]:
+        if not isinstance(data, dict):
+            raise self._fail(key, data, "a mapping of keys to values")
+        return data
+
+    def _keys(
+        self, key: str, data: Any, fields: Tuple[str, ...], optional: Container[str] = ()
+    ) -> Mapping[str, Any]:
+        found = self._mapping(key, data)
+        prefix = f"{key}." if key else ""
+        for name in found:
+            if name not in fields:
+                raise ConfigError(
+                    f"{self._path}: key {prefix}{name} is unknown, expected {', '.join(fields)}"
+                )
+        for name in fields:
+            if name not in found and name not in optional:
+                raise ConfigError(f"{self._path}: key {prefix}{name} is missing")
+        return found
+
+    def _section(self, key: str, data: Any, kind: Type[_Section]) -> _Section:
+        defaults = kind._field_defaults  # type: ignore[attr-defined]
+        found = self._keys(key, data, kind._fields, defaults)  # type: ignore[attr-defined]
+        hints = get_type_hints(kind)
+        return kind(
+            **{
+                name: self._value(f"{key}.{name}", found[name], hints[name])
+                for name in hints
+                if name in found
+            }
+        )
+
+    def _value(self, key: str, value: Any, kind: Any) -> Any:
+        if kind is bool:
+            return self._flag(key, value)
+        if kind is float:
+            return self._number(key, value, *_RANGES.get(key.rpartition(".")[2], _POSITIVE))
+        return self._angles(key, value)
+
+    def _angles(self, key: str, value: Any) -> Tuple[float, ...]:
+        """Three wheels in the motor board's order and spacing, as a whole turned by any angle."""
+        if isinstance(value, list) and len(value) == 3:
+            first, second, third = (self._number(key, each, -360.0, 360.0) for each in value)
+            if all(abs((b - a) % 360.0 - 120.0) < 1e-6 for a, b in ((first, second), (second, third))):
+                return first, second, third
+        raise self._fail(
+            key, value, "three angles, each 120 deg on from the one before, such as [60, 180, 300]"
+        )
+
+    def _number(self, key: str, value: Any, low: float, high: float) -> float:
+        good = isinstance(value, (int, float)) and not isinstance(value, bool) and low <= value <= high
+        if not good:
+            raise self._fail(key, value, f"a number from {low:g} to {high:g}")
+        return float(value)
+
+    def _flag(self, key: str, value: Any) -> bool:
+        if not isinstance(value, bool):
+            raise self._fail(key, value, "true or false")
+        return value
+
+    def _text(self, key: str, value: Any) -> str:
+        if not isinstance(value, str) or not value:
+            raise self._fail(key, value, "a name")
+        return value
+
+    def _whole(self, key: str, value: Any, low: int, high: int) -> int:
+        if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
+            raise self._fail(key, value, f"a whole number from {low} to {high}")
+        return value
+
+    def _ids(self, value: Any) -> Tuple[int, ...]:
+        if not isinstance(value, list) or not value:
+            raise self._fail("ids", value, "a list of robot ids")
+        ids = tuple(self._whole("ids", each, 1, 32767) for each in value)
+        if len(set(ids)) < len(ids):
+            raise self._fail("ids", value, "each id once")
+        return ids
+
+    def _board(self, data: Any) -> Dict[str, int]:
+        rows = {row.name: row for row in PARAMETERS if row.number in BOARD_KEYS}
+        rows.update((row.name, row) for row in PARAMETERS if row.name in OWN_KEYS)
+        found = self._keys("board", data, tuple(rows), OWN_KEYS)
+        return {
+            name: self._whole(f"board.{name}", found[name], row.low, row.high)
+            for name, row in rows.items()
+            if name in found
+        }
+
+
+BOARD_KEYS = range(1, 12)
+"""Indices of the parameters whose defaults differ between models; the others' stand in `COMMON_BOARD`."""
+CURVE_KEYS = ("sonar_a", "sonar_b", "sonar_c")
+"""Parameters of which a model may have its own, once calibrated."""
+OWN_KEYS = (*CURVE_KEYS, "full_speed")
+"""What a model need not, but may say of the parameters that all share."""
+COMMON_BOARD = {
+    "motor_timeout": 3,
+    "sonar_a": 11767,
+    "sonar_b": 9466,
+    "sonar_c": -3759,
+    "bus_speed": 400,
+    "bus_stop": 0,
+    "full_speed": 160,
+}
+"""Defaults that all models share.
+
+Thesis 2012: 160 rpm at 7.2 V; the sonar curve, of which b is 0.94657 cut to the wire's 1e-4.
+"""

@@ -1,0 +1,246 @@
+"""What is known of the robot: events of the session go in, pose, speeds, ranges, battery come out.  No I/O."""
+
+import math
+from typing import Any, Dict, List, NamedTuple, Optional, Tuple
+
+from mrl_driver.errors import WrongRobot
+from mrl_driver.session.events import WayLost
+from mrl_driver.session.handshake import Board
+from mrl_driver.session.session import Counts, Info, Ready, SessionEvent, Sonars, Status
+
+from . import battery, models, sonar
+from .models import OmniDrive, RobotModel, demand_drivable
+from .odometry import AnyTwist, AnyWheels, Odometry, Pose, fastest_wheel_m_s
+from .omni_odometry import STREAM, OmniOdometry
+
+UNSET = "the board's robot id is not set; set it with: mrl set-id ID --port PORT"
+Notice = Tuple[str, Any]
+"""Kind (`telemetry`, `status`, `battery`, `state`) and value of something that listeners are told."""
+
+
+class Telemetry(NamedTuple):
+    """What one frame of the stream says."""
+
+    stamp_s: float
+    """When the counters were read, on the clock of `time.monotonic()`; increases from frame to frame."""
+    arrival_s: float
+    """When the frame arrived, on the same clock."""
+    pose: Pose
+    twist: AnyTwist
+    ranges: Dict[str, float]
+    """Sonar name to range [m]: -inf too near, nan no reading, inf nothing in range (REP-117)."""
+    fresh: Tuple[str, ...]
+    """Names of the sonars whose reading is new in this frame."""
+    counts: AnyWheels
+    """Counters of the wheels without wrap, since the start [count]."""
+    sequence: Optional[int]
+    """Frame number of the board (int16, wraps); None from boards without one."""
+
+
+SENSOR_BOARD_IDS = range(6, 11)
+"""Boards of 2013 with environment sensors, on robots that drive by other means."""
+
+
+class RobotState:
+    """Pose, ranges and battery of one robot; without a `model` the packaged one that lists the board's id."""
+
+    def __init__(
+        self, model: Optional[RobotModel], ignore_battery: bool = False, any_id: bool = False
+    ) -> None:
+        self.model = model
+        self._auto = model is None
+        self.info: Optional[Board] = None
+        self.odometry: Optional[Odometry] = None
+        self.battery_state = battery.OK
+        self.ranges: Dict[str, float] = {}
+        self.telemetry: Optional[Telemetry] = None
+        self.way_lost: Optional[WayLost] = None
+        """Comes with the last reading, if it does."""
+        self._primed, self._used_s = 0, 0.0
+        self._ignore_battery, self._any_id = ignore_battery, any_id
+        self._monitor: Optional[battery.BatteryMonitor] = None
+        self._new_readings = sonar.NewReadings()
+        self._late_sonars: Tuple[str, ...] = ()
+
+    @property
+    def powerless(self) -> bool:
+        """The battery forbids driving."""
+        return not self._ignore_battery and self.battery_state in (battery.EMPTY, battery.OFF)
+
+    @property
+    def has_sonars(self) -> bool:
+        """The board measures ranges.  Those of 2013 do not tell: with them model and robot id decide."""
+        if self.model is None or self.info is None or not self.model.sonars:
+            return False
+        if self.info.capabilities:
+            return "sonars" in self.info.capabilities
+        return self.info.robot_id not in SENSOR_BOARD_IDS
+
+    def admit(self, board: Board) -> Optional[str]:
+        """Accept the board that answers, and take its model where none was given.
+
+        A board may be asked again who it is before it is ready; the last answer counts.
+
+        Returns:
+            The row of the stream that it is to send, if it is not the usual one.
+
+        Raises:
+            ConfigError: no board moves such a base.
+            WrongRobot: it is not the robot.
+            BatteryDead: its battery does not allow a start; not checked again after the start.
+        """
+        if self._auto and self.info is None:
+            self.model = model_of(board)
+        assert self.model is not None
+        if board.robot_id not in self.model.ids and not self._any_id:
+            raise _wrong(board, self.model)
+        if self.info is not None and board.robot_id != self.info.robot_id and not self._any_id:
+            raise WrongRobot(
+                f"robot id {board.robot_id} answers, expected {self.info.robot_id}, the robot of before: "
+                "connect that one, or start anew"
+            )
+        if self.odometry is None and not self._ignore_battery:
+            battery.demand_charge(board.battery_v, self.model.battery)
+        demand_drivable(self.model)
+        return STREAM if isinstance(self.model.drive, OmniDrive) else None
+
+    def digest(self, event: SessionEvent, now: float) -> List[Notice]:
+        """Take in an event; what the listeners are to be told."""
+        if isinstance(event, Counts):
+            telemetry = self.on_counts(event)
+            lost: List[Notice] = [("state", self.way_lost)] if self.way_lost else []
+            return [*lost, ("telemetry", telemetry)] if telemetry else []
+        if isinstance(event, Sonars):
+            if self.info is None:
+                return []  # the model is not known yet
+            self._late_sonars = self._on_new(self._new_readings.update(event.values, now), event.values)
+            return []
+        if isinstance(event, Info):
+            return self._on_info(event.board, now)
+        if isinstance(event, Status):
+            return [("status", event)]
+        if isinstance(event, Ready):
+            self._on_ready(event)
+        return [("state", event)]
+
+    def _on_ready(self, event: Ready) -> None:
+        assert self.model is not None
+        self.info = event.board
+        if self.odometry is None:
+            self.odometry = odometry_of(self.model, event.checked)
+            self._monitor = battery.BatteryMonitor(self.model.battery)
+        elif event.restarted:
+            self.odometry.reset()
+        self.odometry.baseline.coast_s = event.coast_s
+
+    def on_counts(self, event: Counts) -> Optional[Telemetry]:
+        """Take in one frame of the stream; what it says, or None while no board is greeted."""
+        odometry = self.odometry
+        if odometry is None:
+            return None
+        used, arrival_s, sonars = False, event.arrival_s, event.sonars
+        if event.rear is None:
+            used = odometry.update(event.right, event.left, event.time_s)
+        elif isinstance(odometry, OmniOdometry):
+            used = odometry.update(event.right, event.left, event.time_s, event.rear)
+        self.way_lost = None
+        if used:
+            self._used_s = arrival_s
+        elif odometry.baseline.primed != self._primed:
+            self._begin_baseline(odometry, arrival_s)
+        if sonars:
+            new = self._new_readings.update(sonars, arrival_s)
+            fresh = self._on_new(new, sonars) if new else new
+        else:
+            fresh, self._late_sonars = self._late_sonars, ()
+        pose, twist, travel = odometry.pose, odometry.twist, odometry.travel
+        telemetry = self.telemetry = _new(
+            Telemetry, (event.stamp_s, arrival_s, pose, twist, self.ranges, fresh, travel, event.sequence)
+        )
+        return telemetry
+
+    def _begin_baseline(self, odometry: Odometry, now: float) -> None:
+        """The counters are followed from here on; how far the robot went since the last reading is not known."""
+        assert self.model is not None
+        if self._primed:
+            gap_s, limits = now - self._used_s, self.model.limits
+            moving_s = min(gap_s, odometry.baseline.coast_s)
+            turn_rad = min(math.pi, limits.angular_rad_s * moving_s)
+            self.way_lost = WayLost(gap_s, limits.linear_m_s * moving_s, turn_rad)
+        self._primed, self._used_s = odometry.baseline.primed, now
+
+    def _on_new(self, new: Tuple[str, ...], values: Tuple[int, ...]) -> Tuple[str, ...]:
+        """Take in sonar values of which some are new; the names of those that this robot has."""
+        if not self.has_sonars:
+            return ()
+        assert self.model is not None
+        fresh = tuple(name for name in new if name in self.model.sonars)
+        if fresh:
+            version = self.info.version if self.info else 2
+            self.ranges = {
+                name: sonar.range_m(value, version)
+                for name, value in zip(sonar.NAMES, values)
+                if name in self.model.sonars
+            }
+        return fresh
+
+    def _on_info(self, board: Board, now: float) -> List[Notice]:
+        if self.info is None or self._monitor is None:
+            return []
+        self.info = self.info._replace(battery_v=board.battery_v, temperature_c=board.temperature_c)
+        self.battery_state = self._monitor.update(board.battery_v, now)
+        return [("battery", self.info)]
+
+
+def limit(linear_m_s: float, angular_rad_s: float, model: RobotModel) -> Tuple[float, float]:
+    """The speeds, scaled down together where one exceeds the model's limits; the arc stays the same."""
+    linear_m_s, angular_rad_s = (max(-1e6, min(1e6, speed)) for speed in (linear_m_s, angular_rad_s))
+    excess = max(
+        abs(linear_m_s) / model.limits.linear_m_s, abs(angular_rad_s) / model.limits.angular_rad_s, 1.0
+    )
+    return linear_m_s / excess, angular_rad_s / excess
+
+
+def odometry_of(model: RobotModel, exact_time: bool) -> Odometry:
+    """What integrates the counters of a robot of this model."""
+    if isinstance(model.drive, OmniDrive):
+        return OmniOdometry(model.drive, fastest_m_s(model), exact_time)
+    return Odometry(model.drive, fastest_m_s(model), exact_time)
+
+
+def model_of(board: Board) -> RobotModel:
+    """The packaged model that lists the board's id.
+
+    Raises:
+        WrongRobot: none does.
+    """
+    name = models.by_id(board.robot_id)
+    if name:
+        return models.load(name)
+    if board.robot_id == 0:
+        raise WrongRobot(UNSET)
+    raise WrongRobot(
+        f"robot id {board.robot_id} is in no packaged model ({', '.join(models.names())}); name a model "
+        "file that lists it"
+    )
+
+
+def fastest_m_s(model: RobotModel) -> float:
+    """Speed that no wheel of this model exceeds [m/s]; counts that say otherwise are refused."""
+    ceilings = model.board["linear_ceiling"] / 1000, model.board["angular_ceiling"] / 1000
+    return fastest_wheel_m_s(*ceilings, model.drive.wheel_separation_m)
+
+
+def _wrong(board: Board, model: RobotModel) -> WrongRobot:
+    if board.robot_id == 0:
+        return WrongRobot(UNSET)
+    there = models.by_id(board.robot_id)
+    named = f"{there} (id {board.robot_id})" if there else f"id {board.robot_id}"
+    ids = ", ".join(map(str, model.ids))
+    return WrongRobot(
+        f"the board is {named}, expected {model.name} (id {ids}): choose the other robot model, or set "
+        "the board's id with: mrl set-id"
+    )
+
+
+_new = tuple.__new__

@@ -1,0 +1,259 @@
+"""Commanded against measured motion of each wheel: dead or reversed encoders, blocked wheels, motors without power.
+
+Pure: commands, counts and seconds in, a mismatch out.  A wheel is expected to have moved at least as far as a slow
+robot would: its command is late, its ramp takes twice as long as the model says, and it comes to rest before it turns
+round.  One that makes less than a tenth of that way over a quarter of a second is not doing what it is told.
+"""
+
+import math
+from collections import deque
+from typing import Deque, NamedTuple, Optional, Set, Tuple
+
+from mrl_driver.session.motion_command import Pace
+
+from .kinematics import Planar, kinematics_of
+from .models import OmniDrive, RobotModel
+from .odometry import AnyWheels, Geometry, OmniWheels, Wheels
+
+TICK_S = 0.05
+"""Motion is compared this often [s]; frames in between cost nothing."""
+WINDOW = 5
+"""So many ticks in a row must show the mismatch."""
+LEAST_SHARE = 0.1
+"""Less than this share of the expected way is a mismatch."""
+REVERSED_SHARE = -0.3
+"""At least this share of the expected way, backwards in the newest ticks, is a wheel that runs the wrong way."""
+NEWEST = 2
+LEAST_WAY_M = 0.006
+"""Expected way over the window from which on a wheel is judged: 24 mm/s; a slower motor may stick for half a second."""
+SLOWNESS = 0.5
+"""The ramp may take longer than the model says: least acceleration over that of the model."""
+HIDDEN_S = 0.8
+"""So long a wheel that was sent the other way may still gain speed that way."""
+LEAST_RAMP_MS = 500
+"""No motor is believed to reach full speed faster."""
+ON_ITS_WAY_S = 0.05
+"""A command may take so long to the motors when none is lost."""
+STILL_M, STILL_TICKS = 0.0002, 10
+"""A wheel with less than this way per tick, for so long, has come to rest [m]: one that turns round sticks for up to
+0.5 s, until the speed control has made up for friction at a control rate of 10 Hz."""
+GAP_S = 0.15
+"""Readings further apart than this, and than three periods, begin anew: the board may have stopped meanwhile."""
+
+DEAD = "encoder dead or unplugged, or the wheel blocked"
+REVERSED = "encoder or motor wires swapped: it counts against the command"
+POWERLESS = "motor power off, or the motor board stopped"
+
+
+class Mismatch(NamedTuple):
+    """A wheel does not do what it was told; the robot was stopped."""
+
+    wheel: str
+    """`right`, `left`, `rear`, or `both` or `several` of them."""
+    cause: str
+    """What it most likely is."""
+    expected_m: float
+    """Least way that the wheel should have made in the last quarter of a second."""
+    moved_m: float
+    """Way that its counts say; negative is against the command."""
+
+    def __str__(self) -> str:
+        """One line for people."""
+        wheels = f"{self.wheel} wheel" + ("s" if self.wheel in ("both", "several") else "")
+        return (
+            f"{wheels} moved {self.moved_m * 1000:.0f} mm, expected at least {self.expected_m * 1000:.0f} mm: "
+            f"{self.cause}"
+        )
+
+
+class _Wheel:
+    """One wheel.
+
+    `reference` is the speed on the slowest ramp that a sound wheel may have [m/s, along the command]; below zero it
+    still runs the other way.
+    """
+
+    def __init__(self, acceleration_m_s2: float, latency_ticks: int) -> None:
+        self._acceleration_m_s2 = SLOWNESS * acceleration_m_s2
+        self._hidden_m_s = HIDDEN_S * acceleration_m_s2
+        self._targets: Deque[float] = deque([0.0] * (latency_ticks + 1), maxlen=latency_ticks + 1)
+        self._speeds = self._targets.copy()
+        self._ways: Deque[Tuple[float, float]] = deque(maxlen=WINDOW)
+        self._reference = 0.0
+        self._direction = self._last = 0.0
+        self._asked: Set[float] = set()
+        self._still = 0
+
+    def ask(self, target_m_s: float) -> None:
+        """A new command, however soon the next one replaces it."""
+        if target_m_s:
+            self._asked.add(math.copysign(1.0, target_m_s))
+
+    def tick(self, target_m_s: float, moved_m: float, dt_s: float) -> Optional[Mismatch]:
+        """What is wrong by now, with `wheel` left to the caller; None where nothing is, or nothing can be said."""
+        self._targets.append(target_m_s)
+        self._speeds.append(moved_m / dt_s)
+        self._still = self._still + 1 if abs(moved_m) < STILL_M else 0
+        floor = _least(self._targets)
+        if floor == 0.0:
+            self._direction = 0.0
+            self._ways.clear()
+            return None
+        direction = math.copysign(1.0, floor)
+        if direction != self._direction:
+            self._turn(direction, self._speeds[0] * direction)
+        self._follow(abs(floor), dt_s)
+        if self._reference <= 0.0:
+            self._ways.clear()
+            return None
+        self._ways.append((self._reference * dt_s, moved_m * direction))
+        return self._judge() if len(self._ways) == WINDOW else None
+
+    def _judge(self) -> Optional[Mismatch]:
+        expected, moved = (sum(way) for way in zip(*self._ways))
+        if expected < LEAST_WAY_M or moved >= LEAST_SHARE * expected:
+            return None
+        lately, way = (sum(way) for way in zip(*list(self._ways)[-NEWEST:]))
+        return Mismatch("", REVERSED if way < REVERSED_SHARE * lately else DEAD, expected, moved)
+
+    def _turn(self, direction: float, speed: float) -> None:
+        """A command in a new direction, at which the wheel had that speed; one that was sent the other way is still
+        about to go there.
+        """
+        hidden = self._hidden_m_s if -direction in self._asked else 0.0
+        still_back = self._reference if direction == self._last else 0.0
+        self._reference = min(still_back, min(0.0, speed) - hidden)
+        self._direction = self._last = direction
+        self._asked = {direction}
+
+    def _follow(self, floor: float, dt_s: float) -> None:
+        ramped = self._reference + self._acceleration_m_s2 * dt_s
+        if self._reference < 0.0 and self._still >= STILL_TICKS:
+            ramped = 0.0
+        self._reference = min(floor, ramped)
+
+
+def _least(targets: Deque[float]) -> float:
+    """The slowest of some speeds, 0 where they differ in direction."""
+    low, high = min(targets), max(targets)
+    return low if low > 0.0 else high if high < 0.0 else 0.0
+
+
+class WheelWatch:
+    """Watches both wheels of a differential drive.
+
+    Args:
+        drive: its geometry.
+        acceleration_m_s2: of a wheel's ramp, by the model.
+        latency_s: how long a command may take to reach the motors, one that was lost included.
+    """
+
+    def __init__(self, drive: Geometry, acceleration_m_s2: float, latency_s: float) -> None:
+        self._metres, self._half_m = drive.metres_per_count, drive.wheel_separation_m / 2
+        self._make = (acceleration_m_s2, math.ceil(latency_s / TICK_S))
+        self.reset()
+
+    def reset(self) -> None:
+        """The robot was stopped: begin anew."""
+        self._right, self._left = _Wheel(*self._make), _Wheel(*self._make)
+        self._time_s = -math.inf
+        self._next_s = -math.inf
+        self._travel: AnyWheels = Wheels(0, 0)
+        self._command = (0.0, 0.0)
+
+    def update(
+        self,
+        linear_m_s: float,
+        angular_rad_s: float,
+        travel: AnyWheels,
+        time_s: float,
+        lateral_m_s: float = 0.0,
+    ) -> Optional[Mismatch]:
+        """Compare the command in force with `travel` [count, without wrap] read at `time_s` [s]."""
+        if (linear_m_s, angular_rad_s) != self._command:
+            self._command = (linear_m_s, angular_rad_s)
+            self._right.ask(linear_m_s + angular_rad_s * self._half_m)
+            self._left.ask(linear_m_s - angular_rad_s * self._half_m)
+        if time_s < self._next_s:
+            return None
+        dt_s, last = time_s - self._time_s, self._travel
+        self._time_s, self._next_s, self._travel = time_s, time_s + TICK_S, travel
+        if dt_s > GAP_S:
+            self.reset()
+            self._time_s, self._next_s, self._travel = time_s, time_s + TICK_S, travel
+            return None
+        turning = angular_rad_s * self._half_m
+        right = self._right.tick(linear_m_s + turning, (travel.right - last.right) * self._metres, dt_s)
+        left = self._left.tick(linear_m_s - turning, (travel.left - last.left) * self._metres, dt_s)
+        return _together(right, left)
+
+
+class OmniWheelWatch(WheelWatch):
+    """Watches three wheels across."""
+
+    def __init__(self, drive: OmniDrive, acceleration_m_s2: float, latency_s: float) -> None:
+        self._kinematics = kinematics_of(drive)
+        super().__init__(drive, acceleration_m_s2, latency_s)
+
+    def reset(self) -> None:
+        """The robot was stopped: begin anew."""
+        super().reset()
+        self._three = tuple(_Wheel(*self._make) for _ in range(3))
+        self._travel = OmniWheels(0, 0, 0)
+        self._asked: Tuple[float, ...] = ()
+
+    def update(
+        self,
+        linear_m_s: float,
+        angular_rad_s: float,
+        travel: AnyWheels,
+        time_s: float,
+        lateral_m_s: float = 0.0,
+    ) -> Optional[Mismatch]:
+        """Compare the command in force with `travel` [count, without wrap] read at `time_s` [s]."""
+        left, rear, right = self._kinematics.ways(Planar(linear_m_s, lateral_m_s, angular_rad_s))
+        targets = (right, left, rear)
+        if targets != self._asked:
+            self._asked = targets
+            for wheel, target in zip(self._three, targets):
+                wheel.ask(target)
+        if time_s < self._next_s:
+            return None
+        dt_s, last = time_s - self._time_s, self._travel
+        if dt_s > GAP_S:
+            self.reset()
+        self._time_s, self._next_s, self._travel = time_s, time_s + TICK_S, travel
+        if dt_s > GAP_S:
+            return None
+        metres = self._metres
+        verdicts = [
+            wheel.tick(target, (now - before) * metres, dt_s)
+            for wheel, target, now, before in zip(self._three, targets, travel, last)
+        ]
+        found = [(verdict, name) for verdict, name in zip(verdicts, OmniWheels._fields) if verdict]
+        if not found:
+            return None
+        if len(found) == len(verdicts) and all(verdict.cause == DEAD for verdict, _ in found):
+            return found[0][0]._replace(wheel="several", cause=POWERLESS)
+        verdict, name = found[0]
+        return verdict._replace(wheel=name if len(found) == 1 else "several")
+
+
+def wheel_watch(model: RobotModel, pace: Pace) -> WheelWatch:
+    """The watch for a robot of that model whose commands go out at that pace."""
+    ramp_ms = max(LEAST_RAMP_MS, model.board["ramp_time"])
+    if isinstance(model.drive, OmniDrive):
+        acceleration = 1000 * model.drive.full_speed_m_s / ramp_ms
+        return OmniWheelWatch(model.drive, acceleration, pace.repeat_s + ON_ITS_WAY_S)
+    return WheelWatch(model.drive, model.board["linear_ceiling"] / ramp_ms, pace.repeat_s + ON_ITS_WAY_S)
+
+
+def _together(right: Optional[Mismatch], left: Optional[Mismatch]) -> Optional[Mismatch]:
+    """Both wheels' verdicts as one."""
+    if right and left:
+        return right._replace(
+            wheel="both", cause=POWERLESS if right.cause == left.cause == DEAD else REVERSED
+        )
+    if right:
+        return right._replace(wheel="right")
+    return left._replace(wheel="left") if left else None

@@ -1,0 +1,139 @@
+"""What a session and its driver tell their caller."""
+
+import math
+from typing import NamedTuple, Optional, Tuple, Union
+
+from mrl_driver.protocol.codec import Frame
+from mrl_driver.protocol.table import FAULTS, RESET_CAUSES, STOP_REASONS
+
+from .handshake import Board
+
+
+class Ready(NamedTuple):
+    """The board is greeted and streams."""
+
+    board: Board
+    restarted: bool
+    """It is a new conversation: counters and board time have a new baseline."""
+    checked: bool
+    """Frames carry check value, sequence and board time."""
+    coast_s: float = math.inf
+    """The wheels stand at the latest this long after the last telemetry, because the board's watchdog
+    stops them [s]."""
+
+
+class Counts(NamedTuple):
+    """One frame of the stream: 16-bit counters, and sonars [wire cm] where the frame has them."""
+
+    right: int
+    left: int
+    sonars: Optional[Tuple[int, ...]]
+    time_s: float
+    """Board time where `sequence` is there, else arrival time."""
+    stamp_s: float
+    """When the counters were read, on the caller's clock; the arrival where the board sends no time."""
+    arrival_s: float
+    sequence: Optional[int]
+    rear: Optional[int] = None
+    """Counter of the third wheel, where there is one."""
+
+
+class Sonars(NamedTuple):
+    """Sonar values [wire cm] that came by themselves."""
+
+    values: Tuple[int, ...]
+
+
+class Info(NamedTuple):
+    """A fresh `robot_info`."""
+
+    board: Board
+
+
+class Status(NamedTuple):
+    """How the board fares."""
+
+    uptime_s: int
+    reset_cause: str
+    stop_reason: str
+    faults: Tuple[str, ...]
+    clamped: int
+
+
+WAITS = "the robot waits for a new command"
+MAY_MOVE = "the robot may still be moving, for its board has no watchdog: stop it by hand"
+
+
+class Stale(NamedTuple):
+    """No telemetry for `age_s`; the robot is being stopped and greeted anew."""
+
+    age_s: float
+    may_move: bool = False
+    """The robot was driving, and its board does not stop by itself."""
+
+
+class Lost(NamedTuple):
+    """The port went away; it is searched, and the robot waits for a new command."""
+
+    port: str
+    reason: str
+    may_move: bool = False
+    """The robot was driving, and its board does not stop by itself."""
+
+    def __str__(self) -> str:
+        """One line for people."""
+        return f"{self.reason}; the port is searched; {MAY_MOVE if self.may_move else WAITS}"
+
+
+class Reconnected(NamedTuple):
+    """The robot answers again, on this port."""
+
+    port: str
+
+    def __str__(self) -> str:
+        """One line for people."""
+        return f"the robot answers again, on {self.port}"
+
+
+class Slowed(NamedTuple):
+    """The line failed at the higher speed, and goes on at this one [Bd]."""
+
+    baud: int
+
+    def __str__(self) -> str:
+        """One line for people."""
+        return f"the line shows errors at its higher speed and goes back to {self.baud} baud"
+
+
+class WayLost(NamedTuple):
+    """The robot may have moved while its counters could not be followed; the pose does not hold that way."""
+
+    gap_s: float
+    """Time between the readings before and after."""
+    way_m: float
+    """The pose may be off by up to this."""
+    turn_rad: float
+    """The yaw may be off by up to this; at most pi."""
+
+    def __str__(self) -> str:
+        """One line for people."""
+        return (
+            f"the wheels could not be followed for {self.gap_s:.1f} s: the pose may be off by up to "
+            f"{self.way_m:.2f} m and {self.turn_rad:.2f} rad"
+        )
+
+
+class Reply(NamedTuple):
+    """Any other frame of the board."""
+
+    frame: Frame
+
+
+SessionEvent = Union[Ready, Counts, Sonars, Info, Status, Stale, Lost, Reconnected, Slowed, WayLost, Reply]
+
+
+def status_of(args: Tuple[int, ...]) -> Status:
+    """The fields of a `read_status` reply."""
+    high, low, cause, reason, faults, clamped = args
+    names = tuple(name for i, (name, _) in enumerate(FAULTS) if faults >> i & 1)
+    return Status(high * 32768 + low, RESET_CAUSES[cause], STOP_REASONS[reason], names, clamped)

@@ -1,0 +1,322 @@
+"""From an open port to a board that streams: one request after the other, each repeated until it is answered.
+
+Sans I/O: frames and time go in, requests come out.  The robot stays still: a stop goes first.
+
+A damaged frame without check value may look like a good one.  So a board that has the check value is asked who it is
+and what it can do once more after the check value is on, before anything else is set.  Of a board without it, an
+answer is believed when `ALIKE` of them in a row agree.
+"""
+
+from typing import Callable, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Tuple
+
+from mrl_driver.errors import BoardError, BoardTimeout, NotARobot, WrongRobot
+from mrl_driver.protocol.codec import Frame
+from mrl_driver.protocol.table import BY_NAME, CAPABILITIES, PROTOCOL_VERSION
+
+RETRY_S = 0.25
+TIMEOUT_S = 8.0
+"""A 2013 board behind its bootloader needs up to 5.4 s to its first answer; row 16 of the fault table allows
+8 s.
+"""
+STEP_TIMEOUT_S = 2.0
+"""A board that has told who it is and then is silent for so long is greeted once more from the start: it may have
+restarted, or ended the check value, while this program did not look.
+"""
+DEAF = 6
+"""So many answers to `robot_info` without one to `read_protocol`: the board knows no more than those of 2013."""
+ALIKE = 3
+"""This many answers in a row must agree before one without check value is believed."""
+NEAR_V, NEAR_DEGC = 0.5, 5.0
+"""Readings of battery and temperature that differ by less than this agree."""
+JUNK_S = 4.0
+JUNK_BYTES = 32
+"""So many bytes that are no text, and no frame within 4 s of the first byte, mean another baud rate: a
+board of August 2013 is silent for 3.35 s after its bootloader."""
+_TEXT = bytes(range(0x20, 0x7F)) + b"\r\n\t"
+_CODE = {name: row.code for name, row in BY_NAME.items()}
+_ANSWERS: Dict[int, Tuple[int, ...]] = {
+    row.code: (row.code,) for row in BY_NAME.values() if row.reply and not row.repeats
+}
+"""Codes of the frames that answer a request."""
+_ANSWERS[_CODE["start_omni_stream"]] = (_CODE["start_omni_stream"],)
+_ANSWERS[_CODE["start_stream"]] = (_CODE["read_encoders_and_sonars"], _CODE["read_encoders"])
+
+
+class Board(NamedTuple):
+    """Who answers.  Boards that do not tell their protocol, as those of 2013 (firmware version 1), count as protocol 1
+    without capabilities.
+    """
+
+    robot_id: int
+    version: int
+    motor_board_version: float
+    battery_v: float
+    temperature_c: float
+    protocol: int = 1
+    capabilities: FrozenSet[str] = frozenset()
+
+
+class Plan(NamedTuple):
+    """What is set up on a board that can do it."""
+
+    watchdog_ms: int = 250
+    period_ms: int = 20
+    """Of the stream: at most 50, so that telemetry is late after 100 ms of silence, whatever frame was lost before;
+    longer only where the line carries no more.
+    """
+    check: bool = True
+    gap_s: float = 0.0
+    """Least time between two commands, where the line needs more than usual."""
+
+
+DEFAULT_PLAN = Plan()
+
+
+def board_of(args: Tuple[int, ...]) -> Board:
+    """The fields of a `robot_info` reply in SI units."""
+    temperature, motor_board, battery, version, robot_id = args
+    return Board(robot_id, version, motor_board / 100, battery / 100, temperature / 100)
+
+
+def are_alike(one: Board, other: Board) -> bool:
+    """Both answers can come from the same board within a moment."""
+    return (
+        one[:3] == other[:3]
+        and abs(one.battery_v - other.battery_v) < NEAR_V
+        and abs(one.temperature_c - other.temperature_c) < NEAR_DEGC
+    )
+
+
+class Handshake:
+    """Greets a board.  `board` is set once it is known, `done` once it streams.
+
+    `send(code, *args)` puts a request on its way; `admit(board)` may raise to refuse a board before anything
+    is set, and names the row of the stream that is wanted if it is not the usual one.  It is called again when the
+    board has said under the check value who it is.  A `patient` one never gives up, as after a board's restart.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        send: Callable[..., None],
+        admit: Callable[[Board], Optional[str]],
+        now: float,
+        patient: bool = False,
+        timeout_s: float = TIMEOUT_S,
+    ) -> None:
+        self._plan, self._send, self._admit, self._patient = plan, send, admit, patient
+        self._give_up_s = now + timeout_s
+        self.due_s = now
+        """When `tick` has something to do next [s]."""
+        self.board: Optional[Board] = None
+        self.done = False
+        self._stream = "start_stream"
+        self._steps: Iterator[Tuple[int, ...]] = iter(())
+        self._step: Tuple[int, ...] = (_CODE["robot_info"],)
+        self._attempts = 0
+        self._silent: Optional[Board] = None
+        self._deaf = self._alike = 0
+        self._info: Optional[Board] = None
+        self._protocol: Tuple[int, ...] = ()
+        """The last answers, believed or not."""
+        self._sure = False
+        """Who the board is was said under the check value."""
+        self._junk: List[float] = []
+        self._seen, self._strange, self._faults = b"", 0, 0
+
+    def heard(self, data: bytes, now: float) -> None:
+        """Bytes came that may be no frames."""
+        if self.board is None and data:
+            self._junk = self._junk or [now]
+            self._seen = self._seen or data[:24]
+            self._strange += len(data.translate(None, _TEXT))
+
+    def tick(self, now: float, checked: bool) -> None:
+        """Send what is due.
+
+        Raises:
+            NotARobot: nothing answers, or not in frames.
+            BoardTimeout: a board that answered stopped doing so.
+        """
+        if now < self.due_s:
+            return
+        if now - self.due_s > RETRY_S:
+            self._give_up_s += now - self.due_s  # nobody looked meanwhile
+        if not self._patient:
+            self._judge(now)
+        if self.board is not None and now >= self._give_up_s:
+            self._begin_again(now)
+        if self.board is None:
+            self._send(_CODE["stop"])
+            if self._junk:
+                self._send(
+                    _CODE["set_debug"], 0, checked=False
+                )  # text hides what stands behind it on its line
+            if self._patient or self._silent or self._attempts % 3 == 2:
+                self._send(*self._step, checked=not checked)
+        elif self._step[0] == _CODE["read_protocol"] and self._attempts and not self._sure:
+            self._send(_CODE["robot_info"], checked=checked)
+        self._send(*self._step, checked=checked)
+        self._attempts += 1
+        self.due_s = now + RETRY_S
+
+    def _begin_again(self, now: float) -> None:
+        """Ask who is there, in both modes."""
+        self._silent, self.board, self._sure = self.board, None, False
+        self._ask((_CODE["robot_info"],), now)
+
+    def _ask(self, step: Tuple[int, ...], now: float) -> None:
+        """The next request, of which no answer is known yet."""
+        self._step, self._attempts, self._alike = step, 0, 0
+        self._give_up_s, self.due_s = now + STEP_TIMEOUT_S, now
+
+    def hurry(self, now: float) -> None:
+        """Ask again at once: an answer came that is not enough."""
+        self.due_s = min(self.due_s, now)
+
+    def _judge(self, now: float) -> None:
+        board = self.board or self._silent
+        if board is not None:
+            if now >= self._give_up_s and (self._silent or self._faults & 1):
+                raise self._mute(board)
+        elif self._junk and self._strange >= JUNK_BYTES and now >= self._junk[0] + JUNK_S:
+            raise NotARobot(
+                f"this port sends text at another baud rate, or another device is on it (got "
+                f"{self._seen!r}, expected '@5,...e'): check baud"
+            )
+        elif now >= self._give_up_s:
+            raise NotARobot(self._nothing())
+
+    def _mute(self, board: Board) -> BoardError:
+        if self._faults & 1:
+            return BoardError(
+                f"the motor board of robot {board.robot_id} does not answer its Arduino: check its power "
+                "and the I2C wires"
+            )
+        return BoardTimeout(
+            f"the board (robot id {board.robot_id}) does not answer request {self._step[0]} any more; "
+            "reset it and try again"
+        )
+
+    def _nothing(self) -> str:
+        if self._junk:
+            return (
+                f"no answer to '@5e', but other bytes ({self._seen!r}): another device or firmware, or check "
+                "baud; flash the board with: mrl flash --port PORT"
+            )
+        return "no answer to '@5e': check that the board is powered, that this is its port, and that it is flashed"
+
+    def on_frame(self, frame: Frame, now: float, checked: bool) -> None:
+        """A frame came, `checked` if with a check value.
+
+        Raises:
+            WrongRobot: the board is not one for this driver (raised by `admit` as well).
+        """
+        if self.done or (self._sure and not checked):
+            return
+        code = frame.code
+        if code == _CODE["robot_info"]:
+            self._on_info(board_of(frame.args), now, checked)
+        elif code == self._step[0] == _CODE["read_protocol"]:
+            self._on_protocol(frame.args, now, checked)
+        elif code in _ANSWERS.get(self._step[0], ()):
+            if code == _CODE["read_status"]:
+                self._faults = frame.args[4]
+            self._next(now)
+
+    def _on_info(self, board: Board, now: float, checked: bool) -> None:
+        if self._step[0] == _CODE["read_protocol"] and not checked:
+            self._deaf += 1
+            if self._deaf >= DEAF:
+                self._do_without()
+                self._next(now)
+        if self._step[0] != _CODE["robot_info"] or (self.board is not None and not checked):
+            return
+        self._alike = self._alike + 1 if self._info is not None and are_alike(board, self._info) else 1
+        self._info = board
+        if not checked and self._alike < ALIKE:
+            self.hurry(now)
+            return
+        again, self._sure = self.board is not None, checked
+        self._stream = self._admit(board) or "start_stream"
+        self.board = board
+        if not again:
+            self._steps, self._deaf = self._program(), 0
+        self._next(now)
+
+    def _on_protocol(self, args: Tuple[int, ...], now: float, checked: bool) -> None:
+        self._alike = self._alike + 1 if args == self._protocol else 1
+        self._protocol, self._deaf = args, 0
+        if not checked and self._alike < ALIKE and not (self._plan.check and _can_check(args)):
+            self.hurry(now)
+            return
+        self._learn(args)
+        self._next(now)
+
+    def _do_without(self) -> None:
+        """The board does not know `read_protocol`."""
+        assert self.board is not None
+        if self.board.version > PROTOCOL_VERSION:
+            raise WrongRobot(
+                f"the board has firmware {self.board.version} and does not tell its protocol, this driver knows "
+                f"firmware up to {PROTOCOL_VERSION}: flash it with: mrl flash --port PORT, or update the driver"
+            )
+        self._steps = self._plain_program()
+
+    def _learn(self, args: Tuple[int, ...]) -> None:
+        assert self.board is not None
+        protocol, bits = args
+        if protocol != PROTOCOL_VERSION:
+            raise WrongRobot(
+                f"the board speaks protocol {protocol}, this driver {PROTOCOL_VERSION}: update the older "
+                "one (the board with: mrl flash --port PORT)"
+            )
+        names = frozenset(name for i, (name, _) in enumerate(CAPABILITIES) if bits >> i & 1)
+        self.board = self.board._replace(protocol=protocol, capabilities=names)
+
+    def _next(self, now: float) -> None:
+        """Go to the next request that is answered; those that are not go out on the way."""
+        for step in self._steps:
+            if step[0] in _ANSWERS:
+                self._ask(step, now)
+                return
+            self._send(*step)
+        self.done = True
+
+    def _program(self) -> Iterator[Tuple[int, ...]]:
+        """The requests after `robot_info`; later ones may rest on what earlier ones brought."""
+        assert self.board is not None
+        yield (_CODE["stop_stream"],)
+        if self.board.version < 2:
+            yield from self._plain_program()
+            return
+        yield (_CODE["read_protocol"],)
+        if "check" in self.board.capabilities and self._plan.check:
+            yield (_CODE["set_check"], 1)
+            if not self._sure:
+                yield (_CODE["robot_info"],)
+                yield (_CODE["read_protocol"],)
+        self._demand_stream()
+        if "watchdog" in self.board.capabilities:
+            yield (_CODE["set_watchdog"], self._plan.watchdog_ms)
+        yield (_CODE["read_status"],)
+        yield (_CODE[self._stream], self._plan.period_ms)
+
+    def _plain_program(self) -> Iterator[Tuple[int, ...]]:
+        self._demand_stream()
+        yield (_CODE["start_stream"],)
+
+    def _demand_stream(self) -> None:
+        """The board has the stream that is wanted."""
+        assert self.board is not None
+        if self._stream != "start_stream" and "omni" not in self.board.capabilities:
+            raise WrongRobot(
+                f"the firmware of the board does not know three wheels (no request {_CODE[self._stream]}), which "
+                "this robot model needs: flash it with: mrl flash --port PORT, or choose another model"
+            )
+
+
+def _can_check(args: Tuple[int, ...]) -> bool:
+    """A `read_protocol` reply says that the board knows the check value, in a protocol that this driver speaks."""
+    protocol, bits = args
+    return protocol == PROTOCOL_VERSION and bool(bits & 1)

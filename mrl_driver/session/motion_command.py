@@ -1,0 +1,157 @@
+"""What the robot is asked to do: the latest command wins, and a stop is repeated until it is seen.
+
+Pure, with the time as a parameter.  Commands in units of the wire (mm/s, mrad/s) go in, requests that are due
+come out.
+"""
+
+import math
+from typing import Callable, List, NamedTuple, Optional, Tuple
+
+from mrl_driver.protocol.table import BY_NAME
+
+MOVE, STOP = BY_NAME["move_differential"].code, BY_NAME["stop"].code
+
+Speeds = Tuple[int, ...]
+"""Linear and angular [mm/s, mrad/s], and lateral [mm/s] where the base can."""
+Request = Tuple[int, ...]
+
+STILL_S = 0.08
+STILL_FRAMES = 3
+"""A stop is confirmed by so many frames over at least this long in which no wheel moved [s]."""
+
+
+class Pace(NamedTuple):
+    """How often commands go out [s]."""
+
+    gap_s: float
+    """Least time between two of them; later ones replace earlier ones meanwhile."""
+    repeat_s: float
+    """The last one is sent again after this long, which feeds the board's watchdog."""
+    stop_s: float
+    """An unconfirmed stop is repeated after this long."""
+
+
+QUICK = Pace(0.005, 0.1, 0.05)
+"""Our boards: they carry out some 880 commands a second."""
+SLOW = Pace(0.1, 0.5, 0.15)
+"""2013 boards lose commands above 26 a second while they stream, and have no watchdog to feed."""
+STOPS = (
+    "none", "user", "not_a_number", "command_timeout", "battery", "wheel_mismatch", "stale", "restarted", "link_lost",
+    "host_paused", "closed",
+)  # fmt: skip
+"""Why this program stops the robot; boards have their own reasons, `table.STOP_REASONS`."""
+
+
+class Motion:
+    """The command in force, and when it is due on the wire."""
+
+    def __init__(
+        self, pace: Pace = QUICK, timeout_s: Optional[float] = None, skip_minus_one: bool = False
+    ) -> None:
+        """`timeout_s` stops the robot when no new command came for so long; `skip_minus_one` is for boards
+        that drop frames with an argument of -1: they get 0 instead, 1 mm/s or 1 mrad/s away.
+        """
+        self.pace = pace
+        self.timeout_s = timeout_s
+        self.skip_minus_one = skip_minus_one
+        self.target: Optional[Speeds] = None
+        """Speeds in force [mm/s, mrad/s], None while stopped."""
+        self.request_of: Callable[[Speeds], Request] = self.differential
+        """The request that brings speeds about."""
+        self.stop_reason = "none"
+        """Why this program last stopped the robot, see `STOPS`."""
+        self.lead_s = 0.0
+        """`take` repeats what is due so soon, when it is called then [s]."""
+        self.unconfirmed = False
+        """A command was forgotten while the robot was moving, and nothing has shown a standstill since."""
+        self._new = self.stopping = False
+        self._commanded_s = self._sent_s = -math.inf
+        self._fade: Optional[Tuple[float, float, Speeds]] = None
+        self._still_since_s: Optional[float] = None
+        self._still = 0
+
+    def drive(self, linear_mm_s: int, angular_mrad_s: int, now: float, *lateral_mm_s: int) -> None:
+        """Make this the command in force; only some bases have a lateral speed."""
+        self.target, self._commanded_s = (linear_mm_s, angular_mrad_s, *lateral_mm_s), now
+        self._new, self.stopping, self._fade = True, False, None
+
+    def stop(self, reason: str = "user") -> None:
+        """Stop; due at once, and again until `observe` has seen it."""
+        self.stop_reason = reason
+        self.target = self._fade = self._still_since_s = None
+        self.stopping = self._new = True
+        self._still = 0
+
+    def make_sure(self) -> None:
+        """Stop a robot that should stand, until `observe` has seen it; why it was last stopped stays."""
+        self.unconfirmed = False
+        if self.target is None:
+            self.stop(self.stop_reason)
+
+    def forget(self, reason: str) -> None:
+        """Drop the command without a stop: the board is stopped already, or gone."""
+        if self.target is not None:
+            self.stop_reason = reason
+        self.unconfirmed = self.unconfirmed or self.stopping or any(self.target or ())
+        self.target = self._fade = None
+        self._new = self.stopping = False
+
+    def fade(self, now: float, duration_s: float) -> None:
+        """Slow down evenly over `duration_s`, then stop."""
+        if self.target is not None and self._fade is None:
+            self._fade = (now, duration_s, self.target)
+
+    def observe(self, moved: bool, now: float) -> None:
+        """A reading came in which some wheel moved, or none: confirms a stop."""
+        if not self.stopping or self._new:
+            return
+        if moved or self._still_since_s is None:
+            self._still_since_s, self._still = now, 0
+            return
+        self._still += 1
+        if self._still >= STILL_FRAMES and now - self._still_since_s >= STILL_S:
+            self.stopping = False
+
+    def due_s(self) -> float:
+        """When `take` has something to send next [s]; infinity while stopped."""
+        if self.stopping:
+            return -math.inf if self._new else self._sent_s + self.pace.stop_s
+        if self.target is None:
+            return math.inf
+        wait_s = self.pace.gap_s if self._new or self._fade else self.pace.repeat_s
+        expiry_s = self._commanded_s + self.timeout_s if self.timeout_s is not None else math.inf
+        return min(self._sent_s + wait_s, expiry_s)
+
+    def take(self, now: float, allowed: bool = True) -> List[Request]:
+        """Requests to send now.  Unless `allowed` (telemetry is late) only stops are."""
+        if (
+            self.target is not None
+            and self.timeout_s is not None
+            and now - self._commanded_s >= self.timeout_s
+        ):
+            self.stop("command_timeout" if any(self.target) else "user")
+        if self._fade is not None:
+            self._fade_on(now)
+        if self.target is None and not self.stopping:
+            return []
+        lead_s = 0.0 if self._new or self._fade else self.lead_s
+        if now + lead_s < self.due_s() or not (self.stopping or allowed):
+            return []
+        self._sent_s, self._new = now, False
+        return [(STOP,)] if self.target is None else [self.request_of(self.target)]
+
+    def _fade_on(self, now: float) -> None:
+        assert self._fade is not None
+        start_s, duration_s, speeds = self._fade
+        left = 1 - (now - start_s) / duration_s if duration_s > 0 else 0.0
+        if left <= 0:
+            self.stop("battery")
+        else:
+            self.target = tuple(int(speed * left) for speed in speeds)
+
+    def differential(self, speeds: Speeds) -> Request:
+        """The request for a base with two driven wheels or tracks."""
+        return (MOVE, *map(self._spell, speeds))
+
+    def _spell(self, value: int) -> int:
+        return 0 if value == -1 and self.skip_minus_one else value

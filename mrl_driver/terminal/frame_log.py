@@ -1,0 +1,60 @@
+"""The frames on the wire for people: what repeats is counted in its line instead of flooding the screen.  Pure."""
+
+import re
+import threading
+from typing import Dict, List, NamedTuple, Tuple
+
+from mrl_driver.protocol.table import BY_CODE, MAX_FRAME
+
+MOST_LINES = 40
+_PIECE = re.compile(rb"@(\d{1,3})[^@e]*e|[^@]+|@[^@e]*")
+_BLANK = b" \r\n\t"
+
+
+class Line(NamedTuple):
+    """One kind of frame, or a piece that is none."""
+
+    way: str
+    """`>` to the board, `<` from it."""
+    name: str
+    """The command's, or `text` for what is no frame."""
+    text: str
+    """The newest one."""
+    times: int
+    time_s: float
+    """Of the newest one."""
+
+
+class FrameLog:
+    """Keeps the last kinds of frames; `hear` and `lines` may be called from different threads."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._lines: Dict[Tuple[str, str], Line] = {}
+        self._rest: Dict[str, bytes] = {}
+
+    def hear(self, way: str, data: bytes, now_s: float) -> None:
+        """Bytes went that way."""
+        with self._lock:
+            data = self._rest.get(way, b"") + data
+            end = data.rfind(b"e") + 1
+            self._rest[way] = data[end:][-MAX_FRAME:]
+            for piece in _PIECE.finditer(data[:end]):
+                self._add(way, piece.group().strip(_BLANK), int(piece.group(1) or -1), now_s)
+
+    def _add(self, way: str, piece: bytes, code: int, now_s: float) -> None:
+        if not piece:
+            return
+        name = BY_CODE[code].name if code in BY_CODE else "text" if code < 0 else f"command {code}"
+        text = piece.decode("ascii", "backslashreplace")
+        text = "".join(each if each.isprintable() else "." for each in text)
+        key = (way, name)
+        count = self._lines[key].times if key in self._lines else 0
+        self._lines[key] = Line(way, name, text, count + 1, now_s)
+        while len(self._lines) > MOST_LINES:
+            del self._lines[min(self._lines, key=lambda each: self._lines[each].time_s)]
+
+    def lines(self) -> List[Line]:
+        """All of them, in the order in which their kinds first came."""
+        with self._lock:
+            return list(self._lines.values())

@@ -1,0 +1,196 @@
+"""A robot on the terminal: a live view with keys to drive."""
+
+import contextlib
+import math
+import sys
+import time
+from typing import TYPE_CHECKING, Callable, Iterator, List, NamedTuple, Tuple
+
+from rich.console import Console
+from rich.live import Live
+
+from mrl_driver.robot.robot_state import Telemetry
+from mrl_driver.session.events import Lost, Reconnected, Slowed, WayLost
+
+from .canvas import Point
+from .frame_log import FrameLog
+from .keyboard import Keyboard
+from .live_view import Shown, render, sideways
+from .teleop_keys import Teleop
+
+if TYPE_CHECKING:
+    from mrl_driver.driver import Driver
+
+TICK_S, REFRESH_S = 0.05, 0.1
+TRAIL_STEP_M = 0.01
+TRAIL_POINTS = 4000
+
+
+class Trail:
+    """The way so far: a point each centimetre; a long one is thinned out."""
+
+    def __init__(self) -> None:
+        self.points: List[Point] = []
+        self.distance_m = 0.0
+        self._step_m = TRAIL_STEP_M
+
+    def add(self, telemetry: Telemetry) -> None:
+        """A new pose."""
+        point = telemetry.pose.x_m, telemetry.pose.y_m
+        if not self.points:
+            self.points.append(point)
+        step_m = math.dist(point, self.points[-1])
+        if step_m < self._step_m:
+            return
+        self.points.append(point)
+        self.distance_m += step_m
+        if len(self.points) > TRAIL_POINTS:
+            self.points, self._step_m = self.points[::2], self._step_m * 2
+
+    def clear(self) -> None:
+        """Forget all but the newest point."""
+        self.points = self.points[-1:]
+        self.distance_m, self._step_m = 0.0, TRAIL_STEP_M
+
+
+class Rate:
+    """Frames per second over the last second."""
+
+    def __init__(self) -> None:
+        self._seen: List[Tuple[float, int]] = []
+
+    def update(self, frames: int, now_s: float) -> float:
+        """The rate, by a counter of frames [Hz]."""
+        self._seen = [each for each in self._seen if now_s - each[0] <= 1.0][-20:]
+        self._seen.append((now_s, frames))
+        (first_s, first), (last_s, last) = self._seen[0], self._seen[-1]
+        return (last - first) / (last_s - first_s) if last_s > first_s else 0.0
+
+
+class Settings(NamedTuple):
+    """What the live view begins with."""
+
+    port: str = ""
+    record: str = ""
+    """File of the recording; empty without one."""
+    keys_drive: bool = False
+    """Keys drive from the start; else Enter has to be pressed first."""
+    ignore_battery: bool = False
+
+
+class Screen:
+    """The live view: takes keys, drives, and tells what is to be shown."""
+
+    def __init__(self, driver: "Driver", settings: Settings, log: FrameLog) -> None:
+        self._driver, self._settings, self._log = driver, settings, log
+        self._trail, self._rate, self._teleop = Trail(), Rate(), Teleop()
+        self._keys_drive, self._shows_log, self._notice = settings.keys_drive, True, driver.warning
+        self._start_s = time.monotonic()
+        self._frames = 0
+        self.ended = False
+        driver.on_telemetry(self._on_telemetry)
+        driver.on_event(self._on_event)
+
+    def _on_telemetry(self, telemetry: Telemetry) -> None:
+        self._frames += 1
+        self._trail.add(telemetry)
+
+    def _on_event(self, event: object) -> None:
+        if isinstance(event, (Lost, Reconnected, Slowed, WayLost)):
+            self._notice = str(event)
+
+    def press(self, key: str, now_s: float) -> None:
+        """Take a key."""
+        if key in ("q", "escape"):
+            self.ended = True
+        elif key in ("\r", "\n"):
+            self._toggle_keys()
+        elif key == "f":
+            self._shows_log = not self._shows_log
+        elif key == "c":
+            self._trail.clear()
+        elif key == "space":
+            self._teleop.press(key, now_s)
+            self._driver.stop()
+            self._notice = ""
+        elif self._keys_drive:
+            self._teleop.press(key, now_s)
+        elif self._teleop.moves(key, sideways(self._driver)):
+            self._notice = "press Enter first to drive with the keys"
+
+    def _toggle_keys(self) -> None:
+        empty = self._driver.battery_state in ("empty", "off") and not self._settings.ignore_battery
+        self._keys_drive = not self._keys_drive and not empty
+        self._notice = f"the battery is {self._driver.battery_state}: no driving" if empty else ""
+
+    def steer(self, now_s: float) -> None:
+        """Put the speeds of the keys that are held in force; stop when none is."""
+        wanted: Tuple[float, ...] = self._teleop.command(now_s) if self._keys_drive else ()
+        if wanted and sideways(self._driver):
+            wanted = (*wanted, self._teleop.slide(now_s))
+        if any(wanted):
+            self._driver.drive(*wanted)
+        elif self._driver.command is not None:
+            self._driver.stop()
+
+    def shown(self, now_s: float) -> Shown:
+        """What is to be seen now."""
+        mismatch, recorder = self._driver.mismatch, self._driver.recorder
+        loss = recorder.loss if recorder is not None else ""
+        return Shown(
+            self._driver,
+            self._settings.port,
+            self._settings.record,
+            bool(loss),
+            now_s - self._start_s,
+            self._rate.update(self._frames, now_s),
+            self._trail.points,
+            self._trail.distance_m,
+            self._log.lines() if self._shows_log else None,
+            self._keys_drive,
+            f"{mismatch}; space goes on" if mismatch is not None else loss or self._notice,
+            now_s,
+        )
+
+
+def show(driver: "Driver", settings: Settings, log: FrameLog, seconds: float) -> None:
+    """Show the robot for `seconds`, or until `q`.
+
+    Raises:
+        MrlError: what the driver failed with.
+    """
+    _run(driver, Screen(driver, settings, log), Console(), seconds)
+
+
+def _run(driver: "Driver", screen: Screen, console: Console, seconds: float) -> None:
+    start_s, shown_s = time.monotonic(), -math.inf
+    live = Live(
+        console=console, screen=True, auto_refresh=False, redirect_stdout=False, redirect_stderr=False
+    )
+    with _keyboard() as read, live:
+        while not screen.ended and time.monotonic() - start_s < seconds:
+            keys = read(TICK_S)
+            now_s = time.monotonic()
+            for key in keys:
+                screen.press(key, now_s)
+            screen.steer(now_s)
+            if now_s >= shown_s + REFRESH_S:
+                shown_s = now_s
+                live.update(render(screen.shown(now_s), console.width, console.height), refresh=True)
+            if driver.wait(0):
+                return
+
+
+@contextlib.contextmanager
+def _keyboard() -> Iterator[Callable[[float], List[str]]]:
+    """Keys, where stdin is a terminal; elsewhere none ever come."""
+    if not sys.stdin.isatty():
+        yield _no_keys
+        return
+    with Keyboard() as keyboard:
+        yield keyboard.read
+
+
+def _no_keys(timeout_s: float) -> List[str]:
+    time.sleep(timeout_s)
+    return []

@@ -1,0 +1,83 @@
+"""The robot from above: its way, its body, its sonars' cones.  Pure."""
+
+import math
+from typing import TYPE_CHECKING, List, Sequence, Tuple
+
+from mrl_driver.robot.models import SonarMount
+from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD, NEAREST_M
+
+from .canvas import ARROWS, Canvas, Point, fit
+
+if TYPE_CHECKING:
+    from mrl_driver.driver.readout import Readout
+    from mrl_driver.robot.odometry import Pose
+
+_GRIDS_M = (0.5, 1.0, 2.0, 5.0, 10.0)
+_LEAST_GRID_COLUMNS = 5
+LONGEST_CONE_M = 2.5
+"""A cone that sees nothing, or further, is drawn this long and open."""
+_NEAR_M = 0.3
+
+
+def draw(driver: "Readout", trail: Sequence[Point], columns: int, rows: int) -> Tuple[Canvas, float]:
+    """The picture, fit to the way so far and to what the sonars see, and the step of its grid [m]."""
+    pose, model = driver.pose, driver.model
+    mounts = model.sonars if model else {}
+    cones = [_Cone(pose, mounts[name], value) for name, value in driver.ranges.items() if name in mounts]
+    seen = [*trail, (pose.x_m, pose.y_m), *(point for cone in cones for point in cone.corners)]
+    canvas = Canvas(columns, rows, fit(seen, columns, rows))
+    for cone in cones:
+        cone.draw(canvas)
+    for start, end in zip(trail, trail[1:]):
+        canvas.line(start, end, "green")
+    if model is not None:
+        _body(canvas, pose, model.body.length_m, model.body.width_m)
+    canvas.mark((pose.x_m, pose.y_m), ARROWS[round(pose.yaw_rad / (math.pi / 4)) % 8], "bold")
+    step_m = next(
+        (each for each in _GRIDS_M if each * canvas.view.scale >= 2 * _LEAST_GRID_COLUMNS), _GRIDS_M[-1]
+    )
+    canvas.grid(step_m, "grey37")
+    return canvas, step_m
+
+
+def _body(canvas: Canvas, pose: "Pose", length_m: float, width_m: float) -> None:
+    sides = ((1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1))
+    corners = [_place(pose, x * length_m / 2, y * width_m / 2) for x, y in sides]
+    for start, end in zip(corners, corners[1:]):
+        canvas.line(start, end, "bold")
+
+
+def _place(pose: "Pose", x_m: float, y_m: float) -> Point:
+    """A point of base_link in the frame of the pose."""
+    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    return pose.x_m + cos * x_m - sin * y_m, pose.y_m + sin * x_m + cos * y_m
+
+
+class _Cone:
+    """What one sonar sees: two edges, and an arc where something is."""
+
+    def __init__(self, pose: "Pose", mount: SonarMount, range_m: float) -> None:
+        self._origin = _place(pose, mount.x_m, mount.y_m)
+        self._range_m = range_m
+        self._length_m = max(NEAREST_M, min(LONGEST_CONE_M, range_m)) if not math.isnan(range_m) else 0.0
+        middle = pose.yaw_rad + math.radians(mount.yaw_deg)
+        self._from, self._to = middle - FIELD_OF_VIEW_RAD / 2, middle + FIELD_OF_VIEW_RAD / 2
+
+    @property
+    def corners(self) -> List[Point]:
+        """Its farthest points."""
+        return [self._end(self._from), self._end(self._to)] if self._length_m else []
+
+    def _end(self, angle: float) -> Point:
+        x, y = self._origin
+        return x + self._length_m * math.cos(angle), y + self._length_m * math.sin(angle)
+
+    def draw(self, canvas: Canvas) -> None:
+        """Draw it; a sonar without a reading has no cone."""
+        if not self._length_m:
+            return
+        style = "red" if self._range_m < _NEAR_M else "yellow" if self._range_m < 2 * _NEAR_M else "cyan"
+        for angle in (self._from, self._to):
+            canvas.line(self._origin, self._end(angle), "blue", every=2)
+        if self._range_m <= LONGEST_CONE_M:
+            canvas.arc(self._origin, self._length_m, self._from, self._to, style)

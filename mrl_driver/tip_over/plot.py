@@ -1,0 +1,67 @@
+"""The tip-over margin over acceleration and over directions, by matplotlib, which is optional."""
+
+import math
+from typing import Any
+
+from mrl_driver import figures
+
+from .margin import DIRECTIONS, Vehicle, greatest_acceleration, least, limits, margins
+
+_DIRECTIONS_DRAWN, _VALUES = 120, 100
+_LINES = {
+    "forward": (figures.BLUE, "-"),
+    "back": (figures.ORANGE, "--"),
+    "left": (figures.GREEN, ":"),
+    "right": (figures.PINK, "-."),
+}
+
+
+def draw(vehicle: Vehicle, path: str, reserve_rad: float, slope_rad: float = 0.0) -> None:
+    """Draw a vehicle's margins into a PNG, PDF or SVG.
+
+    Raises:
+        ConfigError: matplotlib is missing, or the folder cannot be written.
+        OutputError: the file cannot be written.
+    """
+    figures.demand(path)
+    figure = figures.figure(11.0, 5.0)
+    mass = vehicle.whole
+    figure.suptitle(
+        f"{vehicle.name}: {mass.mass_kg:g} kg, centre of mass {mass.height_m:.3f} m above the ground"
+    )
+    _draw_margins(figure.add_subplot(1, 2, 1), vehicle, reserve_rad, slope_rad)
+    _draw_directions(figure.add_subplot(1, 2, 2, projection="polar"), vehicle, reserve_rad, slope_rad)
+    figures.save(figure, path)
+
+
+def _draw_margins(axes: Any, vehicle: Vehicle, reserve_rad: float, slope_rad: float) -> None:
+    most = 1.05 * max(limits(vehicle, 0.0, slope_rad).values()) or 1.0
+    values = [most * i / _VALUES for i in range(_VALUES + 1)]
+    for name, (x, y) in DIRECTIONS.items():
+        colour, dashes = _LINES[name]
+        slope = (-x * math.sin(slope_rad), -y * math.sin(slope_rad))
+        angles = [
+            math.degrees(least(margins(vehicle, (x * value, y * value), slope=slope)).angle_rad)
+            for value in values
+        ]
+        axes.plot(values, angles, dashes, color=colour, label=name)
+    axes.axhline(0.0, color="black", linewidth=0.8)
+    if reserve_rad:
+        axes.axhline(math.degrees(reserve_rad), color=figures.GREY, label="reserve")
+    axes.set_xlabel("acceleration [m/s2]")
+    axes.set_ylabel("least force-angle margin [deg]")
+    axes.grid(color="0.9")
+    axes.legend()
+
+
+def _draw_directions(axes: Any, vehicle: Vehicle, reserve_rad: float, slope_rad: float) -> None:
+    angles = [2 * math.pi * i / _DIRECTIONS_DRAWN for i in range(_DIRECTIONS_DRAWN + 1)]
+    for reserve, style, label in ((0.0, "-", "tips over"), (reserve_rad, "--", "keeps the reserve")):
+        most = [
+            greatest_acceleration(vehicle, (math.cos(angle), math.sin(angle)), reserve, slope_rad)
+            for angle in angles
+        ]
+        axes.plot(angles, most, style, color=figures.BLUE if style == "-" else figures.ORANGE, label=label)
+    axes.set_theta_zero_location("N")
+    axes.set_title("greatest acceleration by direction [m/s2]", fontsize="medium")
+    axes.legend(loc="lower right")

@@ -1,0 +1,143 @@
+"""Vehicles for the tip-over margin: a short YAML of their own, or what a robot model tells."""
+
+import math
+import os
+from typing import Any, Dict, List, Mapping, Sequence, Tuple
+
+from mrl_driver import yaml_file
+from mrl_driver.errors import ConfigError
+from mrl_driver.robot import models
+from mrl_driver.robot.models import RobotModel
+from mrl_driver.robot.models.drives import MecanumDrive, OmniDrive
+
+from .margin import Mass, Point, Vehicle, hull
+
+_FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "vehicles")
+_KEYS = ("name", "contacts", "body", "payloads")
+_RANGES = {"mass_kg": (1e-6, 1e5), "x_m": (-100.0, 100.0), "y_m": (-100.0, 100.0), "height_m": (1e-6, 100.0)}
+
+
+def names() -> List[str]:
+    """Vehicles that come with the package; robot models may be named as well."""
+    return sorted(file[:-5] for file in os.listdir(_FOLDER) if file.endswith(".yaml"))
+
+
+def load(name_or_path: str) -> Vehicle:
+    """The vehicle of that name or in that .yaml file, or that a robot model tells.
+
+    Raises:
+        ConfigError: there is none, it is wrong, or the model does not tell where the robot stands.
+    """
+    if name_or_path in names():
+        return read(os.path.join(_FOLDER, f"{name_or_path}.yaml"))
+    if name_or_path.endswith((".yaml", ".yml")):
+        return read(name_or_path)
+    if name_or_path in models.names():
+        return of_model(models.load(name_or_path))
+    known = ", ".join([*names(), *models.names()])
+    raise ConfigError(f"vehicle {name_or_path!r} is unknown, expected {known} or the path of a .yaml file")
+
+
+def read(path: str) -> Vehicle:
+    """The vehicle in a file, which may be a robot model's too.
+
+    Raises:
+        ConfigError: it cannot be read, or a key is missing, misspelt, of the wrong type or out of range.
+    """
+    try:
+        data = yaml_file.read(path)
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}, expected a vehicle's or a robot's .yaml") from None
+    if isinstance(data, dict) and "drive" in data:
+        return of_model(models.parse(data, path))
+    return parse(data, path)
+
+
+def parse(data: Any, path: str) -> Vehicle:
+    """The vehicle that parsed YAML describes; `path` is where it came from.
+
+    Raises:
+        ConfigError: a key is missing, misspelt, of the wrong type or out of range.
+    """
+    found = _keys(path, "", data, _KEYS, ("payloads",))
+    if not isinstance(found["name"], str) or not found["name"]:
+        raise _wrong(path, "name", found["name"], "a name")
+    contacts = _contacts(path, found["contacts"])
+    payloads = found.get("payloads", {})
+    if not isinstance(payloads, dict):
+        raise _wrong(path, "payloads", payloads, "a mapping of names to masses")
+    masses = {str(name): _mass(path, f"payloads.{name}", value) for name, value in payloads.items()}
+    return Vehicle(found["name"], contacts, _mass(path, "body", found["body"]), masses)
+
+
+def of_model(model: RobotModel) -> Vehicle:
+    """A robot on its tracks or wheels, with its mass in the middle at half its height.
+
+    Raises:
+        ConfigError: the model does not tell all points of contact.
+    """
+    drive, body = model.drive, model.body
+    if isinstance(drive, OmniDrive):
+        angles = [math.radians(angle) for angle in drive.angles_deg]
+        contacts = [(drive.radius_m * math.cos(angle), drive.radius_m * math.sin(angle)) for angle in angles]
+    elif isinstance(drive, MecanumDrive):
+        contacts = _corners(drive.half_length_m, drive.half_width_m)
+    elif body.tracks:
+        contacts = _corners(body.length_m / 2, drive.wheel_separation_m / 2)
+    else:
+        raise ConfigError(
+            f"{model.name} has two wheels, and its model does not tell what else touches the ground, expected a "
+            "vehicle's .yaml with contacts"
+        )
+    return Vehicle(model.name, tuple(contacts), Mass(body.mass_kg, 0.0, 0.0, body.height_m / 2), {})
+
+
+def _corners(half_length_m: float, half_width_m: float) -> List[Point]:
+    return [(x * half_length_m, y * half_width_m) for x, y in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
+
+
+def _contacts(path: str, value: Any) -> Tuple[Point, ...]:
+    if not isinstance(value, list) or len(value) < 3:
+        raise _wrong(path, "contacts", value, "a list of three or more points [x, y]")
+    points = []
+    for number, point in enumerate(value):
+        if not isinstance(point, list) or len(point) != 2:
+            raise _wrong(path, f"contacts[{number}]", point, "x and y [m]")
+        x, y = (_number(path, f"contacts[{number}]", each, *_RANGES["x_m"]) for each in point)
+        points.append((x, y))
+    try:
+        hull(points)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
+    return tuple(points)
+
+
+def _mass(path: str, key: str, data: Any) -> Mass:
+    found = _keys(path, f"{key}.", data, Mass._fields)
+    return Mass(*(_number(path, f"{key}.{name}", found[name], *_RANGES[name]) for name in Mass._fields))
+
+
+def _keys(
+    path: str, prefix: str, data: Any, keys: Sequence[str], optional: Sequence[str] = ()
+) -> Mapping[str, Any]:
+    if not isinstance(data, dict):
+        raise _wrong(path, prefix.rstrip(".") or "file", data, "a mapping of keys to values")
+    found: Dict[str, Any] = data
+    for name in found:
+        if name not in keys:
+            raise ConfigError(f"{path}: key {prefix}{name} is unknown, expected {', '.join(keys)}")
+    for name in keys:
+        if name not in found and name not in optional:
+            raise ConfigError(f"{path}: key {prefix}{name} is missing")
+    return found
+
+
+def _number(path: str, key: str, value: Any, low: float, high: float) -> float:
+    good = isinstance(value, (int, float)) and not isinstance(value, bool) and low <= value <= high
+    if not good:
+        raise _wrong(path, key, value, f"a number from {low:g} to {high:g}")
+    return float(value)
+
+
+def _wrong(path: str, key: str, got: Any, expected: str) -> ConfigError:
+    return ConfigError(f"{path}: {key} is {str(repr(got))[:80]}, expected {expected}")

@@ -1,0 +1,118 @@
+"""Ports that are no device names: `tcp://HOST:PORT`, `udp://HOST:PORT?bind=HOST:PORT`, and pyserial's URLs.  Pure."""
+
+from typing import Dict, List, NamedTuple, Tuple
+from urllib.parse import SplitResult, parse_qs, urlsplit
+
+from mrl_driver.errors import ConfigError
+
+TCP, UDP = ("tcp", "socket"), ("udp",)
+"""Schemes of connections, and of datagrams.  pyserial's `socket` is a plain TCP connection."""
+OF_PYSERIAL = ("rfc2217", "spy", "loop", "alt", "hwgrep")
+"""Schemes that pyserial opens by itself."""
+_EXAMPLE = "expected {scheme}://HOST:PORT, such as {scheme}://192.168.4.1:3333"
+
+
+class Address(NamedTuple):
+    """One end of a network connection."""
+
+    scheme: str
+    """One of `TCP` or `UDP`."""
+    host: str
+    """Name, or address in numbers without brackets."""
+    port: int
+    bind: Tuple[str, int] = ("", 0)
+    """Address and port of this end, where they matter; 0 for any port."""
+
+    def __str__(self) -> str:
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{self.scheme}://{host}:{self.port}"
+
+
+def is_url(port: str) -> bool:
+    """It is an URL, not the name of a device."""
+    return "://" in port
+
+
+def is_network(port: str) -> bool:
+    """It is an URL of a connection or of datagrams."""
+    return is_url(port) and scheme_of(port) in TCP + UDP
+
+
+def demand_port(port: str) -> None:
+    """Raise ConfigError where an URL does not parse; of device names nothing is demanded."""
+    if not is_url(port):
+        return
+    scheme = scheme_of(port)
+    if scheme in TCP + UDP:
+        parse(port)
+    elif scheme == "rfc2217":
+        _split(port, scheme)
+    elif scheme != "loop" and not port.partition("://")[2]:
+        raise ConfigError(
+            f"port {port!r} names nothing, expected a device behind it, such as {port}/dev/ttyACM0"
+        )
+
+
+def scheme_of(url: str) -> str:
+    """What stands before the colon.
+
+    Raises:
+        ConfigError: nothing is known by that name.
+    """
+    scheme = url.partition("://")[0].lower()
+    if scheme not in TCP + UDP + OF_PYSERIAL:
+        known = ", ".join(f"{name}://" for name in TCP + UDP + OF_PYSERIAL)
+        raise ConfigError(f"port {url!r}: {scheme!r} is unknown, expected a device name, or one of {known}")
+    return scheme
+
+
+def parse(url: str, listening: bool = False) -> Address:
+    """The address that a `tcp`, `socket` or `udp` URL means; for `listening` port 0 is any free one.
+
+    Raises:
+        ConfigError: it does not parse.
+    """
+    scheme = scheme_of(url)
+    if scheme not in TCP + UDP:
+        raise ConfigError(f"port {url!r} is no network address, expected tcp://HOST:PORT or udp://HOST:PORT")
+    parts, host, port = _split(url, scheme, listening)
+    try:
+        queries = parse_qs(parts.query, True, True)
+    except ValueError as error:
+        raise _no_address(url, scheme, f" ({error})") from None
+    if parts.path not in ("", "/") or parts.username is not None or parts.fragment:
+        raise _no_address(url, scheme)
+    return Address(scheme, host, port, _bind(url, scheme, queries))
+
+
+def _split(url: str, scheme: str, listening: bool = False) -> Tuple[SplitResult, str, int]:
+    """The parts of an URL, its host and its port."""
+    try:
+        parts = urlsplit(url)
+        host, port = parts.hostname, parts.port
+    except ValueError as error:
+        raise _no_address(url, scheme, f" ({error})") from None
+    if not host or port is None or not (port or listening):
+        raise _no_address(url, scheme)
+    return parts, host, port
+
+
+def _no_address(url: str, scheme: str, why: str = "") -> ConfigError:
+    return ConfigError(f"port {url!r} does not parse{why}, {_EXAMPLE.format(scheme=scheme)}")
+
+
+def _bind(url: str, scheme: str, queries: Dict[str, List[str]]) -> Tuple[str, int]:
+    """This end's address, of `?bind=HOST:PORT`; the port may be absent."""
+    if not queries:
+        return "", 0
+    wanted = queries.pop("bind", [""])[0]
+    try:
+        end = urlsplit("//" + wanted)
+        host, port = end.hostname, end.port or 0
+    except ValueError:
+        host, port = None, 0
+    if queries or scheme not in UDP or not host:
+        raise ConfigError(
+            f"port {url!r} does not parse, expected nothing behind the port but ?bind=HOST:PORT with udp://"
+        )
+    return host, port

@@ -1,0 +1,82 @@
+"""A faster line: the board is asked for another baud rate, which is kept if it proves itself.
+
+The exchange is over before the session begins.  A board that does not know the request, or a line that does not carry
+the rate, is left at 115200 baud; the board itself returns to that after 1 s without a valid frame.
+"""
+
+import contextlib
+import time
+from typing import Optional, Tuple
+
+from mrl_driver.errors import BoardTimeout
+from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder, encode_request
+from mrl_driver.protocol.table import BAUDS, BY_NAME, CAPABILITIES
+
+from .baud_rates import FAST_BAUD
+from .link import BAUD, Link
+
+ANSWER_S, PATIENCE_S = 0.25, 3.0
+"""A request is repeated after the first; a board that was reset by opening its port needs up to the second."""
+CHANGE_S = 0.02
+"""The board changes 0.3 ms after its answer; a USB bridge holds bytes back for up to 16 ms."""
+BACK_S = 1.1
+"""After so long without a valid frame the board is at 115200 again."""
+PROOFS, PROOF_S = 20, 0.1
+"""So many exchanges in a row have to be without fault; each takes 2 ms."""
+_BAUD, _INFO, _PROTOCOL, _STOP, _STOP_STREAM = (
+    BY_NAME[name].code for name in ("set_baud", "robot_info", "read_protocol", "stop", "stop_stream")
+)
+_QUIET = encode_request(_STOP) + encode_request(_STOP_STREAM)
+"""Goes first: a robot that drives is not to do so until the session begins."""
+_BIT = 1 << [name for name, _ in CAPABILITIES].index("baud")
+
+
+def speed_up(link: Link, baud: int = FAST_BAUD) -> bool:
+    """Set board and link to `baud`; False, and 115200 on both, where that does not work.
+
+    Raises:
+        LinkLost: the port went away.
+    """
+    if not _is_able(link):
+        return False
+    rate = BAUDS.index(baud)
+    answer = _ask(link, ANSWER_S, _BAUD, rate)
+    if answer != (rate,):
+        time.sleep(BACK_S)
+        return False
+    link.set_baud(baud)
+    time.sleep(CHANGE_S)
+    if all(_ask(link, PROOF_S, _BAUD, rate) == (rate,) for _ in range(PROOFS)):
+        return True
+    link.set_baud(BAUD)
+    time.sleep(BACK_S)
+    return False
+
+
+def _is_able(link: Link) -> bool:
+    """The board knows the request."""
+    end_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end_s:
+        with contextlib.suppress(BoardTimeout):
+            link.write(_QUIET)
+        info = _ask(link, ANSWER_S, _INFO)
+        if info is not None and info[3] < 2:
+            return False
+        answer = _ask(link, ANSWER_S, _PROTOCOL) if info is not None else None
+        if answer is not None:
+            return bool(answer[1] & _BIT)
+    return False
+
+
+def _ask(link: Link, wait_s: float, code: int, *args: int) -> Optional[Tuple[int, ...]]:
+    """The answer; None where none comes, or more than that."""
+    decoder, end_s = FrameDecoder(REPLIES), time.monotonic() + wait_s
+    try:
+        link.write(encode_request(code, *args))
+    except BoardTimeout:
+        return None
+    while time.monotonic() < end_s:
+        for event in decoder.feed(link.read(end_s - time.monotonic())):
+            if isinstance(event, Frame) and event.code == code:
+                return event.args
+    return None

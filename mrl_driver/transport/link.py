@@ -1,0 +1,419 @@
+"""The serial port: bytes in, bytes out, and errors that say what to do.  Opened by pyserial, as `url_link` is.
+
+On POSIX the bytes move by poll, `os.read` and `os.write` on the descriptor, which costs half of pyserial's
+own calls and never waits longer than asked.
+"""
+
+import errno
+import fcntl
+import glob
+import os
+import select
+import stat
+import sys
+import termios
+import threading
+import time
+from abc import ABC, abstractmethod
+from typing import Dict, List, Optional, Type
+
+import serial
+from serial.tools import list_ports
+
+from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, PortBusy, PortDenied, PortMissing
+
+from . import fork_guard
+from .port_search import Port, described_as
+
+BAUD = 115200
+WRITE_TIMEOUT_S = 0.1
+"""A port that takes no bytes for so long is reported; frames are short and the system buffers thousands of
+bytes.
+"""
+READ_SIZE = 4096
+"""The most that a terminal gives at once."""
+PTY_MAJORS = range(136, 144)
+_ERRORS = {
+    errno.ENOENT: PortMissing,
+    errno.ENODEV: PortMissing,
+    errno.ENXIO: PortMissing,
+    errno.ENOTTY: PortMissing,
+    errno.EINVAL: PortMissing,
+    errno.EISDIR: PortMissing,
+    errno.EIO: PortMissing,
+    errno.EACCES: PortDenied,
+    errno.EPERM: PortDenied,
+    errno.EBUSY: PortBusy,
+    errno.EAGAIN: PortBusy,
+}
+
+
+def ports() -> List[str]:
+    """Device names of the serial ports there are."""
+    return sorted(port.device for port in list_ports.comports())
+
+
+def described() -> List[Port]:
+    """The serial ports there are, with their USB ids, their names under /dev/serial/by-id, and their sockets."""
+    links: Dict[str, List[str]] = {}
+    for link in sorted(glob.glob("/dev/serial/by-id/*")):
+        links.setdefault(os.path.realpath(link), []).append(link)
+    return [
+        Port(
+            port.device,
+            tuple(links.get(os.path.realpath(port.device), ())),
+            port.vid,
+            port.pid,
+            port.serial_number,
+            port.location,
+        )
+        for port in list_ports.comports()
+    ]
+
+
+def describe(name: str) -> Port:
+    """The port that `name` leads to."""
+    return described_as(os.path.realpath(name), described())
+
+
+def in_use(name: str) -> bool:
+    """Some program has the port open, as far as the system tells.
+
+    A pseudo terminal is always open at its server, so there it counts that it is a terminal somebody works in.
+    """
+    try:
+        device, number = os.path.realpath(name), os.stat(name).st_rdev
+    except OSError:
+        return False
+    if os.major(number) in PTY_MAJORS:
+        return any(_terminal(process) == number for process in glob.glob("/proc/[0-9]*/stat"))
+    return any(_target(fd) == device for fd in glob.glob("/proc/[0-9]*/fd/*"))
+
+
+def _terminal(stat_path: str) -> int:
+    """Device number of a process's controlling terminal; 0 where there is none."""
+    try:
+        with open(stat_path, encoding="utf-8", errors="replace") as file:
+            return int(file.read().rpartition(")")[2].split()[4])
+    except (OSError, IndexError, ValueError):
+        return 0
+
+
+def _target(path: str) -> str:
+    try:
+        return os.readlink(path)
+    except OSError:
+        return ""
+
+
+class Link(ABC):
+    """What carries a board's bytes.  One thread may read while others write, and any may close.
+
+    Attributes:
+        port: The name that was opened.
+    """
+
+    port: str
+
+    @abstractmethod
+    def read(self, timeout_s: float) -> bytes:
+        """What has arrived; waits up to `timeout_s` for a first byte, less after `wake`.  Empty once closed.
+
+        Raises:
+            LinkLost: the port went away.
+        """
+
+    @abstractmethod
+    def write(self, data: bytes) -> None:
+        """Send all of `data`.
+
+        Raises:
+            BoardTimeout: the port took no more bytes for 100 ms; what came before may have been sent.
+            LinkLost: the port went away, or the link is closed.
+        """
+
+    @abstractmethod
+    def wake(self) -> None:
+        """Let a waiting `read` return at once."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Give the port back.  A reader in another thread returns at once, with nothing."""
+
+    @abstractmethod
+    def fileno(self) -> int:
+        """The descriptor that has something to read when data came."""
+
+    def set_baud(self, baud: int) -> None:
+        """Change the port's speed, once all is sent.
+
+        Raises:
+            LinkError: it has none that can be changed from here.
+            LinkLost: the port went away.
+        """
+        raise LinkError(f"{self.port} has no speed that can be set from here: set it at the other end")
+
+
+class DescriptorLink(Link):
+    """A link whose bytes come and go through a descriptor that never blocks."""
+
+    def _begin(self, port: str, fd: int) -> None:
+        """Work on an open descriptor that never blocks."""
+        self.port, self._fd = port, fd
+        self.closed, self._open = False, True
+        self._reading, self._writing, self._waking = threading.RLock(), threading.RLock(), threading.RLock()
+        self._wake_out, self._wake_in = os.pipe()
+        os.set_blocking(self._wake_in, False)
+        self._poll = select.poll()
+        self._poll.register(self._fd, select.POLLIN)
+        self._poll.register(self._wake_out, select.POLLIN)
+        fork_guard.leave_to_parent(self._abandon)
+
+    def _abandon(self) -> None:
+        """In a forked child: give up the copies of the descriptors; port, mark and lock are the parent's."""
+        if self._open:
+            self.closed, self._open = True, False
+            self._reading, self._writing, self._waking = (threading.RLock() for _ in range(3))
+            os.close(self._wake_in)
+            os.close(self._wake_out)
+            self._release()
+
+    def read(self, timeout_s: float) -> bytes:
+        """As `Link.read`."""
+        with self._reading:
+            if self.closed:
+                return b""
+            data = b""
+            for fd, _ in self._poll.poll(max(0.0, timeout_s) * 1000):
+                if fd == self._wake_out:
+                    os.read(fd, 4096)
+                elif not self.closed:
+                    try:
+                        data = os.read(fd, READ_SIZE)
+                    except BlockingIOError:
+                        return b""
+                    except OSError as error:
+                        raise self._lost(error.strerror) from None
+                    if not data:
+                        self._end_of_data()
+            return data
+
+    def _end_of_data(self) -> None:
+        raise self._lost("hung up")
+
+    def write(self, data: bytes) -> None:
+        """As `Link.write`."""
+        with self._writing:
+            deadline = time.monotonic() + WRITE_TIMEOUT_S
+            while data:
+                if self.closed:
+                    raise LinkLost(f"{self.port} is closed")
+                data = data[self._write_some(data, deadline) :]
+
+    def _write_some(self, data: bytes, deadline: float) -> int:
+        try:
+            return os.write(self._fd, data)
+        except BlockingIOError:
+            self._await_room(deadline)
+            return 0
+        except OSError as error:
+            raise self._lost(error.strerror) from None
+
+    def _await_room(self, deadline: float) -> None:
+        poll = select.poll()
+        poll.register(self._fd, select.POLLOUT)
+        left_s = deadline - time.monotonic()
+        if left_s <= 0 or not poll.poll(left_s * 1000):
+            raise BoardTimeout(
+                f"{self.port} takes no more bytes since {WRITE_TIMEOUT_S * 1000:.0f} ms: "
+                "the board is stalled; check its cable and power"
+            )
+
+    def wake(self) -> None:
+        """As `Link.wake`."""
+        with self._waking:
+            if self._open:
+                self._nudge()
+
+    def _nudge(self) -> None:
+        try:
+            os.write(self._wake_in, b"w")
+        except BlockingIOError:
+            return  # the pipe is full of wake-ups already
+
+    def close(self) -> None:
+        """As `Link.close`."""
+        if self.closed:
+            return
+        self.closed = True
+        self.wake()
+        with self._reading, self._writing, self._waking:
+            if not self._open:
+                return
+            self._open = False
+            self._give_back()
+            os.close(self._wake_in)
+            os.close(self._wake_out)
+
+    def _give_back(self) -> None:
+        """Close what `_begin` was given."""
+        self._release()
+
+    @abstractmethod
+    def _release(self) -> None:
+        """Close this process's descriptors."""
+
+    def fileno(self) -> int:
+        """As `Link.fileno`."""
+        return self._fd
+
+    def _lost(self, why: Optional[str]) -> LinkLost:
+        return LinkLost(f"{self.port} went away ({why}): check the cable and the board's power")
+
+
+class SerialLink(DescriptorLink):
+    """An open serial port, exclusively ours.
+
+    Raises:
+        PortMissing: no such port, or it is no serial port.
+        PortDenied: no permission.
+        PortBusy: another program has it.
+        LinkError: the port refuses its settings.
+    """
+
+    def __init__(self, port: str, baud: int = BAUD) -> None:
+        _demand_device(port)
+        self._serial = _open(port, baud)
+        self._begin(port, self._serial.fileno())
+        _exclude(self._fd, True)
+
+    def _give_back(self) -> None:
+        _drop_unsent(self._fd)
+        _exclude(self._fd, False)
+        self._release()
+
+    def _release(self) -> None:
+        self._serial.close()
+
+    def set_baud(self, baud: int) -> None:
+        """As `Link.set_baud`."""
+        try:
+            _drop_unsent(self._fd)
+            if not unsent(self._fd):  # else the adapter hangs, and the drain would for ever
+                termios.tcdrain(self._fd)
+            self._serial.baudrate = baud
+        except (ValueError, OSError, termios.error) as error:
+            raise self._lost(_words(error)) from None
+
+
+def _demand_device(port: str) -> None:
+    """Raise PortMissing unless `port` names a character device, or nothing that a look can judge."""
+    try:
+        mode = os.stat(port).st_mode
+    except FileNotFoundError:
+        raise PortMissing(f"{port!r} does not exist; {_there_are()}") from None
+    except (OSError, ValueError):
+        return
+    if not stat.S_ISCHR(mode):
+        kind = "a folder" if stat.S_ISDIR(mode) else "a plain file" if stat.S_ISREG(mode) else "no device"
+        raise PortMissing(f"{port!r} is {kind}, expected a serial port; {_there_are()}")
+
+
+def _there_are() -> str:
+    found = ports()
+    return (
+        f"ports there are: {', '.join(found)}"
+        if found
+        else "there is no serial port; is the board plugged in?"
+    )
+
+
+def _open(port: str, baud: int) -> serial.Serial:
+    try:
+        return serial.Serial(port, baud, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
+    except ValueError as error:
+        raise LinkError(
+            f"{port}: baud rate {baud!r} is refused ({error}), expected one such as {BAUD}"
+        ) from None
+    except (serial.SerialException, OSError) as error:
+        raise _explain(port, error) from None
+    except termios.error as error:
+        raise PortMissing(f"{port!r} is no serial port ({_words(error)}); {_there_are()}") from None
+
+
+def _explain(port: str, error: OSError) -> LinkError:
+    kind: Type[LinkError] = _ERRORS.get(_errno(error), LinkError)
+    if kind is PortBusy:
+        return PortBusy(
+            f"{port} is in use by {locked_by(port) or 'another program'}; end that program, or choose another port"
+        )
+    if kind is PortDenied:
+        return PortDenied(
+            f"no permission for {port}; join its group with: sudo usermod -aG dialout $USER, "
+            "then log out and in"
+        )
+    if kind is PortMissing:
+        return PortMissing(f"{port!r} is no serial port ({_words(error)}); {_there_are()}")
+    return LinkError(f"{port} cannot be opened ({_words(error)})")
+
+
+def _errno(error: BaseException) -> int:
+    """The system's error number of a pyserial error, which carries it itself, in its cause, or in its
+    arguments.
+    """
+    seen: Optional[BaseException] = error
+    while seen is not None:
+        number = getattr(seen, "errno", None) or next((a for a in seen.args if isinstance(a, int)), None)
+        if number:
+            return int(number)
+        seen = seen.__cause__ or seen.__context__
+    return 0
+
+
+def _words(error: BaseException) -> str:
+    return " ".join(str(error).split())
+
+
+def locked_by(port: str) -> str:
+    """Name and process id of the program that has the port locked; empty where the system tells of none."""
+    try:
+        inode = str(os.stat(port).st_ino)
+        with open("/proc/locks", encoding="ascii") as locks:
+            owners = [line.split()[4] for line in locks if line.split()[5].rsplit(":", 1)[-1] == inode]
+        with open(f"/proc/{int(owners[0])}/comm", encoding="utf-8", errors="replace") as comm:
+            return f"{comm.read().strip()} (process {owners[0]})"
+    except (OSError, IndexError, ValueError):
+        return ""
+
+
+def _drop_unsent(fd: int) -> None:
+    """What an adapter that hangs has not taken is given up: the system's close would wait for it, 30 s at most."""
+    try:
+        before, since_s = unsent(fd), time.monotonic()
+        while before and time.monotonic() < since_s + WRITE_TIMEOUT_S:
+            time.sleep(0.002)
+            left = unsent(fd)
+            if left < before:
+                before, since_s = left, time.monotonic()
+        if before:
+            termios.tcflush(fd, termios.TCOFLUSH)
+    except (OSError, termios.error):
+        return
+
+
+def unsent(fd: int) -> int:
+    """Bytes that were written and are still in this computer; 0 on a pseudo terminal."""
+    return int.from_bytes(fcntl.ioctl(fd, termios.TIOCOUTQ, bytes(4)), sys.byteorder)
+
+
+def _exclude(fd: int, on: bool) -> None:
+    """Set or clear TIOCEXCL, which also keeps programs out that do not lock.
+
+    A pseudo terminal is left alone: its server keeps it open, so the mark would outlive a killed driver.
+    """
+    if os.major(os.fstat(fd).st_rdev) in PTY_MAJORS:
+        return
+    try:
+        fcntl.ioctl(fd, termios.TIOCEXCL if on else termios.TIOCNXCL)
+    except OSError:
+        return

@@ -1,0 +1,255 @@
+"""The listening end of a wire over the network: one client at a time, on an address that was asked for.
+
+Nothing here blocks.  The client is whoever came first; another connection is closed at once, and another sender's
+datagrams are dropped, until the client has left (TCP) or was silent for `SILENT_S` (UDP).
+"""
+
+import contextlib
+import errno
+import socket
+import time
+from typing import Any, List, Optional, Tuple, Union
+
+from mrl_driver.errors import ConfigError, LinkError, PortBusy, PortDenied
+
+from .address import TCP, Address, parse
+
+SILENT_S = 2.0
+"""A UDP client that sends nothing for so long has left; a driver sends something every 0.5 s."""
+READ_SIZE = 4096
+LONGEST = 1400
+"""Bytes of a datagram at most; longer ones would be cut into pieces by an Ethernet."""
+_KEPT = 65536
+"""Bytes without an end of a frame are sent when so many have come together."""
+
+
+class TcpListener:
+    """Takes connections.
+
+    Raises:
+        ConfigError: it is no address of this computer.
+        PortBusy, PortDenied, LinkError: it cannot be listened on.
+    """
+
+    def __init__(self, address: Address) -> None:
+        self._listening = _bound(address, socket.SOCK_STREAM)
+        self._listening.listen(1)
+        self._end: Optional[socket.socket] = None
+        self.address = address._replace(port=self._listening.getsockname()[1])
+        """Where it listens; with the port that the system chose, where 0 was asked for."""
+        self.client = ""
+        """Address of who is connected; empty where nobody is."""
+
+    @property
+    def watch(self) -> Optional[int]:
+        """Descriptor that tells of new clients; None where data do."""
+        return self._listening.fileno()
+
+    @property
+    def data(self) -> Optional[int]:
+        """Descriptor that tells of data; None without a client."""
+        return self._end.fileno() if self._end is not None else None
+
+    def attend(self) -> bool:
+        """Let who knocks in; True where that is a new client."""
+        came = False
+        with contextlib.suppress(BlockingIOError, ConnectionError):
+            while True:
+                end, name = self._listening.accept()
+                if self._end is not None:
+                    self._gone_already()
+                if self._end is not None:
+                    end.close()
+                    continue
+                end.setblocking(False)
+                prompt(end)
+                self._end, self.client, came = end, _spell(name), True
+        return came
+
+    def _gone_already(self) -> None:
+        """Let go of a client whose end came together with a newcomer."""
+        assert self._end is not None
+        with contextlib.suppress(BlockingIOError):
+            try:
+                gone = not self._end.recv(1, socket.MSG_PEEK)
+            except OSError as error:
+                if isinstance(error, BlockingIOError):
+                    raise
+                gone = True
+            if gone:
+                self.drop()
+
+    def read(self, limit: int = READ_SIZE) -> bytes:
+        """What the client has sent; one that left is `client` no more."""
+        if self._end is None:
+            return b""
+        try:
+            data = self._end.recv(limit)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            data = b""
+        if not data:
+            self.drop()
+        return data
+
+    def write(self, data: bytes) -> int:
+        """Send what there is room for; how many bytes that were."""
+        if self._end is None:
+            return 0
+        try:
+            return self._end.send(data)
+        except BlockingIOError:
+            return 0
+        except OSError:
+            self.drop()
+            return 0
+
+    def drop(self) -> None:
+        """Let go of the client."""
+        if self._end is not None:
+            self._end.close()
+        self._end, self.client = None, ""
+
+    def close(self) -> None:
+        """Listen no more."""
+        self.drop()
+        self._listening.close()
+
+
+class UdpListener:
+    """Takes datagrams; as `TcpListener`.  A datagram that it sends holds whole frames."""
+
+    def __init__(self, address: Address) -> None:
+        self._socket = _bound(address, socket.SOCK_DGRAM)
+        self.address = address._replace(port=self._socket.getsockname()[1])
+        self.client = ""
+        self.watch: Optional[int] = None
+        self._there: Any = None
+        self._heard_s = 0.0
+        self._came = False
+        self._unsent = b""
+
+    @property
+    def data(self) -> Optional[int]:
+        """Descriptor that tells of data."""
+        return self._socket.fileno()
+
+    def attend(self) -> bool:
+        """True once after a new client's first datagram; a silent client has left."""
+        if self.client and time.monotonic() - self._heard_s >= SILENT_S:
+            self.drop()
+        came, self._came = self._came, False
+        return came
+
+    def read(self, limit: int = READ_SIZE) -> bytes:
+        """The next datagram, whole, however long; `limit` holds for connections."""
+        while True:
+            try:
+                data, there = self._socket.recvfrom(65536)
+            except OSError:
+                return b""
+            now = time.monotonic()
+            if self._there is not None and there != self._there and now - self._heard_s < SILENT_S:
+                continue
+            if there != self._there:
+                self._there, self.client, self._came, self._unsent = there, _spell(there), True, b""
+            self._heard_s = now
+            if data:
+                return data
+
+    def write(self, data: bytes) -> int:
+        """Send the whole frames of what was given up to now; the rest waits for more."""
+        if self._there is None:
+            return 0
+        self._unsent += data
+        end = max(self._unsent.rfind(b"e"), self._unsent.rfind(b"\n")) + 1
+        whole, self._unsent = self._unsent[:end], self._unsent[end:][-_KEPT:]
+        for datagram in datagrams(whole):
+            with contextlib.suppress(OSError):
+                self._socket.sendto(datagram, self._there)
+        return len(data)
+
+    def drop(self) -> None:
+        """Forget the client."""
+        self._there, self.client, self._unsent = None, "", b""
+
+    def close(self) -> None:
+        """Listen no more."""
+        self.drop()
+        self._socket.close()
+
+
+Listener = Union[TcpListener, UdpListener]
+
+
+def listen(url: str) -> Listener:
+    """Listens on `tcp://ADDRESS:PORT` or `udp://ADDRESS:PORT`.
+
+    Raises:
+        ConfigError: it does not parse, or is no address of this computer.
+        PortBusy, PortDenied, LinkError: it cannot be listened on.
+    """
+    address = parse(url, listening=True)
+    return TcpListener(address) if address.scheme in TCP else UdpListener(address)
+
+
+def prompt(end: socket.socket, gone_s: int = 2) -> None:
+    """Have a connection send at once, and notice within about `gone_s` that the other end is gone."""
+    end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    end.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    settings = {
+        "TCP_KEEPIDLE": 1,
+        "TCP_KEEPINTVL": 1,
+        "TCP_KEEPCNT": gone_s,
+        "TCP_USER_TIMEOUT": gone_s * 1000,
+    }
+    for name, value in settings.items():
+        if hasattr(socket, name):
+            end.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+
+
+def datagrams(data: bytes) -> List[bytes]:
+    """`data` in pieces of at most `LONGEST` bytes, cut behind the end of a frame where there is one."""
+    pieces = []
+    while len(data) > LONGEST:
+        end = data.rfind(b"e", 0, LONGEST) + 1 or LONGEST
+        pieces.append(data[:end])
+        data = data[end:]
+    return [*pieces, data] if data else pieces
+
+
+def _bound(address: Address, kind: int) -> socket.socket:
+    try:
+        family, sort, protocol, _, there = socket.getaddrinfo(
+            address.host, address.port, type=kind, flags=socket.AI_PASSIVE
+        )[0]
+        end = socket.socket(family, sort, protocol)
+    except (OSError, UnicodeError) as error:
+        raise ConfigError(f"{address}: {error}; expected an address of this computer") from None
+    try:
+        if kind == socket.SOCK_STREAM:
+            end.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        end.bind(there)
+        end.setblocking(False)
+        return end
+    except OSError as error:
+        end.close()
+        raise _refused(address, error) from None
+
+
+def _refused(address: Address, error: OSError) -> Exception:
+    if error.errno == errno.EADDRINUSE:
+        return PortBusy(f"{address} is in use by another program; end that, or choose another port")
+    if error.errno in (errno.EACCES, errno.EPERM):
+        return PortDenied(f"no permission to listen on {address}; choose a port above 1023")
+    if error.errno == errno.EADDRNOTAVAIL:
+        return ConfigError(
+            f"{address} is no address of this computer; expected one, or 127.0.0.1 for itself alone"
+        )
+    return LinkError(f"{address} cannot be listened on ({error.strerror}); choose another address")
+
+
+def _spell(there: Tuple[Any, ...]) -> str:
+    host = f"[{there[0]}]" if ":" in there[0] else there[0]
+    return f"{host}:{there[1]}"

@@ -1,0 +1,143 @@
+"""What the system knows of serial ports without opening them: opening one resets an Arduino Uno."""
+
+import grp
+import os
+from typing import Dict, List, NamedTuple, Optional, Tuple
+
+from .link import described, in_use, locked_by
+from .port_search import Port
+
+ARDUINO_VENDORS = (0x2341, 0x2A03)
+_KINDS: Dict[Tuple[int, int], str] = {
+    (0x2341, 0x0001): "Arduino Uno",
+    (0x2341, 0x0043): "Arduino Uno R3",
+    (0x2341, 0x0243): "Arduino Uno R3",
+    (0x2A03, 0x0043): "Arduino Uno R3",
+    (0x2341, 0x0010): "Arduino Mega 2560",
+    (0x2341, 0x0042): "Arduino Mega 2560 R3",
+    (0x0403, 0x6001): "FTDI adapter",
+    (0x0403, 0x6015): "FTDI adapter",
+    (0x067B, 0x2303): "PL2303 adapter",
+    (0x10C4, 0xEA60): "CP210x adapter",
+    (0x1A86, 0x7523): "CH340 adapter, as on copies of the Uno",
+    (0x1A86, 0x55D4): "CH9102 adapter",
+}
+"""USB vendor and product, as the makers' drivers list them."""
+_PSEUDO_TERMINALS = range(136, 144)
+"""Major numbers, as Linux has given them out."""
+_LOCK_FOLDERS = ("/run/lock", "/var/lock")
+
+
+class PortFacts(NamedTuple):
+    """One port, as it is plugged in."""
+
+    device: str
+    kind: str
+    """What it is, in words."""
+    arduino: bool
+    """Its USB vendor is Arduino: it may be opened in a search."""
+    link: str
+    """Lasting name under /dev/serial/by-id; empty where there is none."""
+    usb: str
+    """Vendor and product in hexadecimal, such as `2341:0043`; empty where it is no USB device."""
+    serial: str
+    """USB serial number; empty where the device has none."""
+    used_by: str
+    """Who has it open, as far as the system tells; empty when nobody."""
+    permitted: bool
+    """This user may open it."""
+    group: str
+    """Group that may open it."""
+
+
+def facts() -> List[PortFacts]:
+    """All serial ports there are, by name."""
+    return sorted(map(facts_of, described()), key=lambda each: each.device)
+
+
+def facts_of(port: Port) -> PortFacts:
+    """What is known of a port."""
+    vendor, product = port.vendor, port.product
+    return PortFacts(
+        port.device,
+        kind_of(vendor, product),
+        vendor in ARDUINO_VENDORS,
+        port.links[0] if port.links else "",
+        "" if vendor is None else f"{vendor:04x}:{product or 0:04x}",
+        port.serial or "",
+        user_of(port.device),
+        os.access(port.device, os.R_OK | os.W_OK),
+        group_of(port.device),
+    )
+
+
+def kind_of(vendor: Optional[int], product: Optional[int]) -> str:
+    """A USB device in words."""
+    if vendor is None:
+        return "serial port"
+    unknown = "Arduino board" if vendor in ARDUINO_VENDORS else "unknown USB device"
+    return _KINDS.get((vendor, product or 0), unknown)
+
+
+def user_of(device: str) -> str:
+    """Who has the port open, or has locked it in the manner of UUCP; empty when nobody seems to.
+
+    Other users' programs show only to root, and by such locks.
+    """
+    holder = locked_by(device)
+    if holder or in_use(device):
+        return holder or "another program"
+    for folder in _LOCK_FOLDERS:
+        try:
+            with open(f"{folder}/LCK..{os.path.basename(device)}", encoding="ascii") as file:
+                number = int(file.read())
+            os.kill(number, 0)
+        except (OSError, ValueError, OverflowError) as error:
+            if not isinstance(error, PermissionError):
+                continue
+        return f"process {number}"
+    return ""
+
+
+def is_terminal(name: str) -> bool:
+    """It is a serial port or a pseudo terminal; not /dev/null, which many programs have open."""
+    try:
+        number = os.stat(name).st_rdev
+    except (OSError, ValueError):
+        return False
+    kind = f"/sys/dev/char/{os.major(number)}:{os.minor(number)}/subsystem"
+    return os.major(number) in _PSEUDO_TERMINALS or os.path.basename(os.path.realpath(kind)) == "tty"
+
+
+def group_of(device: str) -> str:
+    """Name of the group that owns the device; empty where there is none."""
+    try:
+        return grp.getgrgid(os.stat(device).st_gid).gr_name
+    except (OSError, KeyError):
+        return ""
+
+
+def udev_properties(device: str) -> Dict[str, str]:
+    """What udev knows of a device; empty where there is no udev."""
+    try:
+        number = os.stat(device).st_rdev
+        with open(
+            f"/run/udev/data/c{os.major(number)}:{os.minor(number)}", encoding="utf-8", errors="replace"
+        ) as file:
+            lines = [line[2:].rstrip("\n").partition("=") for line in file if line.startswith("E:")]
+    except OSError:
+        return {}
+    return {key: value for key, _, value in lines}
+
+
+def programs_named(name: str) -> List[int]:
+    """Process ids of the programs of that name."""
+    return [int(number) for number in os.listdir("/proc") if number.isdigit() and _comm(number) == name]
+
+
+def _comm(number: str) -> str:
+    try:
+        with open(f"/proc/{number}/comm", encoding="utf-8", errors="replace") as file:
+            return file.read().rstrip("\n")
+    except OSError:
+        return ""

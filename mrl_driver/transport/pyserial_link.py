@@ -1,0 +1,108 @@
+"""Links through pyserial's URLs: `rfc2217://host:port`, `spy:///dev/ttyACM0?file=log`, `loop://`.
+
+Beside `link` the only user of pyserial.  A thread passes what pyserial reads to a pipe, since not all of these have a
+descriptor to wait for.
+"""
+
+import os
+import threading
+from typing import Optional
+
+import serial
+
+from mrl_driver.errors import LinkError, LinkLost, PortMissing
+
+from .address import scheme_of
+from .link import BAUD, READ_SIZE, WRITE_TIMEOUT_S, DescriptorLink
+
+_POLL_S = 0.05
+
+
+class UrlLink(DescriptorLink):
+    """What pyserial opens by an URL.
+
+    Raises:
+        ConfigError: the URL's scheme is unknown.
+        PortMissing: it leads nowhere.
+        LinkError: pyserial does not understand it, or it does not take the baud rate.
+    """
+
+    def __init__(self, port: str, baud: int = BAUD) -> None:
+        self._serial = _open(port, baud)
+        self._failure = "hung up"
+        out, self._into = os.pipe()
+        os.set_blocking(out, False)
+        self._begin(port, out)
+        self._feeder = threading.Thread(target=self._feed, name="mrl-url", daemon=True)
+        self._feeder.start()
+
+    def _feed(self) -> None:
+        """Pass on what comes until the link is closed, or the port went away."""
+        try:
+            while not self.closed:
+                data = self._serial.read(1)
+                if data:
+                    waiting = min(self._serial.in_waiting, READ_SIZE)
+                    os.write(self._into, data + (self._serial.read(waiting) if waiting else b""))
+        except Exception as error:  # noqa: BLE001 - pyserial's handlers raise whatever theirs do
+            self._failure = _words(error)
+        finally:
+            os.close(self._into)
+
+    def write(self, data: bytes) -> None:
+        """As `Link.write`; how long it may block is the handler's affair."""
+        with self._writing:
+            if self.closed:
+                raise LinkLost(f"{self.port} is closed")
+            try:
+                self._serial.write(data)
+            except Exception as error:  # noqa: BLE001 - as in _feed
+                raise self._lost(_words(error)) from None
+
+    def set_baud(self, baud: int) -> None:
+        """As `Link.set_baud`."""
+        try:
+            self._serial.baudrate = baud
+        except Exception as error:  # noqa: BLE001 - as in _feed
+            raise self._lost(_words(error)) from None
+
+    def _end_of_data(self) -> None:
+        raise self._lost(self._failure)
+
+    def _give_back(self) -> None:
+        self._feeder.join(1.0)
+        os.close(self._fd)
+        try:
+            self._serial.close()
+        except Exception:  # noqa: BLE001 - it is given up anyway
+            return
+
+    def _release(self) -> None:
+        """In a forked child: pyserial's close would end a connection for the parent too."""
+        if "_socket" in vars(self._serial):
+            vars(self._serial)["_socket"] = None
+        else:
+            self._serial.close()
+        os.close(self._fd)
+
+
+def _open(port: str, baud: int) -> serial.Serial:
+    scheme = scheme_of(port)
+    try:
+        end = serial.serial_for_url(port, baud, timeout=_POLL_S, do_not_open=True)
+        if scheme != "rfc2217":
+            end.write_timeout = WRITE_TIMEOUT_S
+        end.open()
+        return end
+    except (ValueError, KeyError, AttributeError) as error:
+        raise LinkError(
+            f"{port}: pyserial does not take it ({_words(error)}); check the URL and baud {baud}"
+        ) from None
+    except (serial.SerialException, OSError) as error:
+        raise PortMissing(
+            f"{port} cannot be opened ({_words(error)}): check the address and what is there"
+        ) from None
+
+
+def _words(error: Optional[BaseException]) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

@@ -1,0 +1,82 @@
+"""A serial port on the network: bytes pass between a board and one client; when that leaves, the robot is stopped."""
+
+import select
+from typing import Callable, List, Optional
+
+from mrl_driver.errors import BoardTimeout
+from mrl_driver.protocol.codec import encode_request
+from mrl_driver.protocol.table import STOP_CODE
+
+from .link import Link
+from .listener import Listener
+
+STOP = encode_request(STOP_CODE)
+LOOK_S = 0.5
+"""A UDP client's silence is looked for this often [s]."""
+STOPS, STOP_AGAIN_S = 3, 0.05
+"""A stop may hit a frame that the client had begun; so it is sent more than once."""
+
+
+class Bridge:
+    """Serves `listener`'s client with `link` until `stop` is called, half a second later at most.
+
+    Args:
+        tell: is told in a line who came and who left.
+    """
+
+    def __init__(self, link: Link, listener: Listener, tell: Callable[[str], None]) -> None:
+        self._link, self._listener, self._tell = link, listener, tell
+        self._client = ""
+        self._stops = 0
+        self._running = True
+
+    def stop(self) -> None:
+        """End `run`; may be called from a signal handler or another thread."""
+        self._running = False
+
+    def run(self) -> None:
+        """Pass bytes on.
+
+        Raises:
+            LinkLost: the board's port went away.
+        """
+        try:
+            while self._running:
+                self._turn()
+        finally:
+            self._listener.close()
+            if self._client or self._stops:
+                self._send(STOP * STOPS)
+
+    def _turn(self) -> None:
+        watched: List[Optional[int]] = [self._link.fileno(), self._listener.watch, self._listener.data]
+        wait_s = STOP_AGAIN_S if self._stops else LOOK_S
+        select.select([fd for fd in watched if fd is not None], [], [], wait_s)
+        data = self._link.read(0)
+        if data:
+            self._listener.write(data)
+        data = self._listener.read()
+        if data:
+            self._send(data)
+        self._listener.attend()
+        self._notice()
+        if self._stops:
+            self._stops -= 1
+            self._send(STOP)
+
+    def _send(self, data: bytes) -> None:
+        try:
+            self._link.write(data)
+        except BoardTimeout as error:
+            self._tell(str(error))
+
+    def _notice(self) -> None:
+        """Who is there now; the robot stops when a client has left."""
+        before, self._client = self._client, self._listener.client
+        if before == self._client:
+            return
+        if before:
+            self._tell(f"{before} has left; the robot is stopped")
+            self._stops = STOPS
+        if self._client:
+            self._tell(f"{self._client} is served")

@@ -1,0 +1,151 @@
+"""Links over a network: a TCP connection to a serial bridge (ser2net, an ESP as WiFi bridge), and UDP datagrams.
+
+Both end in a descriptor, so `DescriptorLink` reads and writes them as it does a serial port.
+"""
+
+import errno
+import os
+import socket
+from typing import Any, Dict, List, Optional, Tuple, Type
+
+from mrl_driver.errors import LinkError, LinkLost, PortDenied, PortMissing
+
+from .address import Address, parse
+from .link import DescriptorLink
+from .listener import prompt
+
+_REMEDY = {
+    errno.ECONNREFUSED: "nothing listens there; start the bridge, or check the port number",
+    errno.ETIMEDOUT: "check the address, the bridge's power and the network; a firewall may be in between",
+    errno.EHOSTUNREACH: "check the address, the bridge's power and the network",
+    errno.ENETUNREACH: "check the network of this computer",
+    errno.EADDRNOTAVAIL: "this computer has no such address; check the part behind bind=",
+    errno.EADDRINUSE: "another program has this computer's port; check the part behind bind=",
+    errno.ECONNRESET: "the bridge may have restarted, or serve another program",
+}
+
+
+HEARD = 24
+"""Bytes of a connection's beginning that are told when it ends without a frame."""
+
+
+class TcpLink(DescriptorLink):
+    """A connection to `tcp://host:port`, on which the board's bytes pass as they are.
+
+    Raises:
+        ConfigError: the URL does not parse.
+        PortMissing: refused, not resolved, unreachable, or no answer within `patience_s`.
+        LinkError: the system does not want to.
+    """
+
+    def __init__(self, port: str, patience_s: float) -> None:
+        self._socket = _connect(parse(port), port, patience_s)
+        self._heard = b""
+        self._begin(port, self._socket.fileno())
+
+    def _release(self) -> None:
+        self._socket.close()
+
+    def read(self, timeout_s: float) -> bytes:
+        """As `Link.read`."""
+        data = super().read(timeout_s)
+        if len(self._heard) < HEARD:
+            self._heard = (self._heard + data)[:HEARD]
+        return data
+
+    def _end_of_data(self) -> None:
+        if self._heard and b"@" not in self._heard:
+            raise LinkLost(
+                f"{self.port}: the other end sent {self._heard!r} and closed the connection, expected frames of a "
+                "board: another service listens there; check the address and the port number"
+            )
+        raise LinkLost(
+            f"{self.port}: the other end closed the connection; it may serve another program, or have lost its board"
+        )
+
+    def _lost(self, why: Optional[str]) -> LinkLost:
+        return _lost(self.port, why)
+
+
+class UdpLink(DescriptorLink):
+    """Datagrams to and from `udp://host:port`; those of other senders are not seen.
+
+    What is written at once is one datagram, and holds whole frames.  A lost datagram is noticed by nobody but the
+    session; the system only tells of an end at which nothing listens.
+
+    Raises:
+        ConfigError: the URL does not parse.
+        PortMissing: not resolved or unreachable.
+        LinkError: the system does not want to.
+    """
+
+    def __init__(self, port: str) -> None:
+        address = parse(port)
+        self._socket = _first(address, port, socket.SOCK_DGRAM, None)
+        self._socket.setblocking(False)
+        self._begin(port, self._socket.fileno())
+
+    def _release(self) -> None:
+        self._socket.close()
+
+    def _end_of_data(self) -> None:
+        """An empty datagram is none."""
+
+    def _lost(self, why: Optional[str]) -> LinkLost:
+        return _lost(self.port, why)
+
+
+def _lost(port: str, why: Optional[str]) -> LinkLost:
+    by_words = {os.strerror(number): text for number, text in _REMEDY.items()}
+    remedy = by_words.get(why or "", "check the bridge's power and the network")
+    return LinkLost(f"{port} went away ({(why or 'no reason given').lower()}): {remedy}")
+
+
+def _connect(address: Address, port: str, patience_s: float) -> socket.socket:
+    end = _first(address, port, socket.SOCK_STREAM, patience_s)
+    if end.getsockname() == end.getpeername():
+        end.close()
+        raise PortMissing(f"{port} cannot be opened (it leads back here): {_REMEDY[errno.ECONNREFUSED]}")
+    end.setblocking(False)
+    prompt(end)
+    return end
+
+
+def _first(address: Address, port: str, kind: int, patience_s: Optional[float]) -> socket.socket:
+    """A socket connected to the first of the host's addresses that takes it."""
+    failure: OSError = OSError(errno.EADDRNOTAVAIL, "no address")
+    for family, sort, protocol, _, there in _resolve(address, port, kind):
+        try:
+            end = socket.socket(family, sort, protocol)
+        except OSError as error:
+            failure = error
+            continue
+        try:
+            if address.bind[0]:
+                end.bind(address.bind)
+            end.settimeout(patience_s)
+            end.connect(there)
+            return end
+        except OSError as error:
+            end.close()
+            failure = error
+    raise _explain(port, failure)
+
+
+def _resolve(address: Address, port: str, kind: int) -> List[Tuple[Any, Any, int, str, Any]]:
+    try:
+        return socket.getaddrinfo(address.host, address.port, type=kind)
+    except (OSError, UnicodeError) as error:
+        words = str(error.args[1] if len(error.args) > 1 else error).lower()
+        raise PortMissing(
+            f"{port} cannot be opened ({address.host!r}: {words}): check the name, or give the address in numbers"
+        ) from None
+
+
+def _explain(port: str, error: OSError) -> LinkError:
+    number = errno.ETIMEDOUT if isinstance(error, socket.timeout) else error.errno or 0
+    kinds: Dict[int, Type[LinkError]] = {errno.EACCES: PortDenied, errno.EPERM: PortDenied}
+    kind = kinds.get(number, PortMissing if number in _REMEDY else LinkError)
+    words = (os.strerror(number) if number else str(error)).lower()
+    remedy = _REMEDY.get(number, "check the address and the network")
+    return kind(f"{port} cannot be opened ({words}): {remedy}")

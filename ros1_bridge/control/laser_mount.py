@@ -1,0 +1,39 @@
+"""Where a laser sits on the robot, asked of tf once.  No ROS of its own until a scan comes."""
+
+from typing import Any, Optional
+
+from .zone_feed import Mount, mount_of
+
+
+class MountFinder:
+    """Listens to tf from the first question until the answer is known; a mount does not change."""
+
+    def __init__(self, base_frame: str) -> None:
+        self._base = base_frame
+        self._buffer: Any = None
+        self._listener: Any = None
+        self._mount: Optional[Mount] = None
+        self.trouble = ""
+        """Why there is no answer."""
+
+    def mount(self, frame: str) -> Optional[Mount]:
+        """x, y, yaw of that frame in base_frame [m m rad], or None and `trouble`."""
+        if self._mount is None:
+            self._look(frame)
+        return self._mount
+
+    def _look(self, frame: str) -> None:
+        import tf2_ros  # late: most robots have no laser, and their node does not load tf
+        from genpy import Time
+
+        if self._buffer is None:
+            self._buffer = tf2_ros.Buffer()
+            self._listener = tf2_ros.TransformListener(self._buffer)
+        try:
+            found = self._buffer.lookup_transform(self._base, frame, Time())
+            self._mount = mount_of(found.transform)
+        except (tf2_ros.TransformException, ValueError) as error:
+            self.trouble = f"{frame or 'its frame'} has no place on the robot: {error}"
+            return
+        self._listener.unregister()
+        self._listener = None

@@ -1,0 +1,101 @@
+"""Feeds a robot's zones with its telemetry and its scans.  No ROS of its own."""
+
+import math
+from typing import Any, Optional, Tuple
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.navigation.protective_zones import Scan, Settings, Zones, demand
+from mrl_driver.robot.models import RobotModel
+from mrl_driver.robot.robot_state import Telemetry
+
+LEAST_RATE_HZ = 5.0
+"""Frames that come more slowly carry ranges too late for zones."""
+LONGEST_S = 0.5
+"""A longer gap between two frames says nothing about the way made in it."""
+Mount = Tuple[float, float, float]
+
+
+class ZoneWatch:
+    """Zones of one robot, and what they are told."""
+
+    def __init__(self, parameters: Any, model: RobotModel, has_sonars: bool) -> None:
+        """`parameters` are those of robot_node, with `zones` other than none.
+
+        Raises:
+            ConfigError: sonars are to be listened to and the board has none.
+        """
+        by_sonar, by_laser = sources(parameters)
+        if by_sonar and not has_sonars:
+            raise ConfigError(
+                f"parameter zones is {parameters.zones}, but this board has no sonars, expected scan or none"
+            )
+        braking = parameters.zone_braking or model.limits.linear_acceleration_m_s2
+        sonars = model.sonars if by_sonar else {}
+        self.zones = Zones(settings_of(parameters, braking), model.body, sonars, by_laser)
+        self._stamp_s: Optional[float] = None
+
+    def on_telemetry(self, telemetry: Telemetry, standing: bool) -> None:
+        """Way and new ranges of a frame; a robot that stands looks ahead."""
+        zones, before, now = self.zones, self._stamp_s, telemetry.arrival_s
+        self._stamp_s = telemetry.stamp_s
+        if before is not None and telemetry.stamp_s - before < LONGEST_S:
+            dt_s = telemetry.stamp_s - before
+            zones.moved(telemetry.twist[0] * dt_s, now, sum(telemetry.twist[2:]) * dt_s)
+        for name in telemetry.fresh:
+            zones.on_range(name, telemetry.ranges[name], now)
+        if standing:
+            zones.limit(0.0, now)
+
+    def on_scan(self, message: Any, mount: Mount, now: float) -> None:
+        """A sensor_msgs/LaserScan of a laser that sits at `mount`, x, y, yaw in base_frame [m m rad]."""
+        self.zones.on_scan(
+            Scan(message.ranges, message.angle_min, message.angle_increment, message.range_min, mount), now
+        )
+
+
+def sources(parameters: Any) -> Tuple[bool, bool]:
+    """Whether zones listen to sonars, and to a laser."""
+    return parameters.zones in ("sonars", "both"), parameters.zones in ("scan", "both")
+
+
+def settings_of(parameters: Any, braking_m_s2: float) -> Settings:
+    """The zones that the parameters say."""
+    return Settings(
+        parameters.zone_warning,
+        parameters.zone_protective,
+        parameters.zone_slow_speed,
+        braking_m_s2,
+        parameters.zone_reaction,
+        parameters.zone_hysteresis,
+        parameters.zone_clearance,
+    )
+
+
+def demand_zones(parameters: Any, namespace: str) -> None:
+    """Check the zones of the parameters.
+
+    Raises:
+        ConfigError: they contradict each other, or the stream is too slow for them.
+    """
+    if parameters.zones == "none":
+        return
+    if parameters.rate < LEAST_RATE_HZ:
+        raise ConfigError(
+            f"parameter {namespace}/rate is {parameters.rate:g}, expected {LEAST_RATE_HZ:g} Hz or more with zones"
+        )
+    try:
+        demand(settings_of(parameters, parameters.zone_braking or 1.0))
+    except ConfigError as error:
+        raise ConfigError(f"parameters {namespace}/zone_*: {error}") from None
+
+
+def mount_of(transform: Any) -> Mount:
+    """x, y, yaw of a geometry_msgs/Transform from base_frame to a laser.
+
+    Raises:
+        ValueError: the laser does not lie flat and upright.
+    """
+    at, turn = transform.translation, transform.rotation
+    if math.hypot(turn.x, turn.y) > 0.05:
+        raise ValueError("the laser is tilted or upside down, expected one that lies flat and upright")
+    return at.x, at.y, 2 * math.atan2(turn.z, turn.w)

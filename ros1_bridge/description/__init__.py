@@ -1,0 +1,1 @@
+"""The robots' URDF from their models.  Imports node."""

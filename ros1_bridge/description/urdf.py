@@ -1,0 +1,260 @@
+"""Description of the robots (URDF) out of the shared geometry.
+
+`python -m ros1_bridge.description` renders `urdf/`; `--check` tells whether that is current.  base_link lies at the
+height of the axle, in the middle between the wheels.
+"""
+
+import math
+import sys
+from pathlib import Path
+from typing import Dict, Iterator, List, NamedTuple, Sequence, Tuple
+from xml.sax.saxutils import quoteattr
+
+from mrl_driver.robot import models
+from mrl_driver.robot.models import OmniDrive, RobotModel
+from ros1_bridge.node.tf_names import JOINTS, OMNI_JOINTS, SONAR_HEIGHT_M
+
+FOLDER = Path(__file__).resolve().parent.parent / "urdf"
+WHEEL_WIDTH_M, TRACK_WIDTH_M = 0.026, 0.035
+WHEEL_MASS_SHARE = 0.1
+"""Of the robot's mass, each wheel."""
+CASTER_RADIUS_M = 0.012
+SONAR_LENGTH_M, SONAR_RADIUS_M = 0.016, 0.011
+"""MB1300: 22 mm across (data sheet)."""
+LASER_X_M, LASER_Z_M = 0.085, 0.045
+"""Hokuyo URG-04LX where the launch files of 2013 put it."""
+LASER_SIZE_M = (0.05, 0.05, 0.07)
+LASER_MASS_KG = 0.16
+COLOURS = {
+    "dark": "0.15 0.15 0.17 1",
+    "grey": "0.55 0.57 0.6 1",
+    "traxbot": "0.1 0.35 0.7 1",
+    "stingbot": "0.85 0.55 0.1 1",
+    "omni": "0.1 0.5 0.25 1",
+}
+
+Point = Tuple[float, float, float]
+Lines = Iterator[str]
+
+
+class Part(NamedTuple):
+    """A shape with its place in the link it belongs to; a cylinder is (radius, length), a sphere (radius,)."""
+
+    size: Sequence[float]
+    at: Point = (0.0, 0.0, 0.0)
+    roll_rad: float = 0.0
+    colour: str = "grey"
+
+
+def wheel_radius_m(model: RobotModel) -> float:
+    """True radius: the way of one turn by the metres per count."""
+    counts = model.board["gearbox"] / 10 * model.board["encoder_counts"] / 10
+    return model.drive.metres_per_count * counts / (2 * math.pi)
+
+
+def render(model: RobotModel, prefix: str = "", laser: bool = False) -> str:
+    """The URDF of a robot; `prefix` (such as `robot1/`) goes before each link."""
+    lines = [
+        '<?xml version="1.0"?>',
+        "<!-- Rendered by ros1_bridge/description/urdf.py out of the robot's model; do not edit. -->",
+        f"<robot name={quoteattr(model.name)}>",
+        *_base(model, prefix),
+        *_wheels(model, prefix),
+        *_sonars(model, prefix),
+    ]
+    if laser:
+        lines += _laser(prefix)
+    lines += [*_gazebo(model, prefix), "</robot>"]
+    return "\n".join(lines) + "\n"
+
+
+def files() -> List[Tuple[Path, str]]:
+    """The committed files and their text."""
+    made = []
+    for name in models.packaged():
+        model = models.load_packaged(name)
+        made.append((FOLDER / f"{name}.urdf", render(model)))
+        made.append((FOLDER / f"{name}_laser.urdf", render(model, laser=True)))
+    return made
+
+
+def _base(model: RobotModel, prefix: str) -> Lines:
+    body, radius = model.body, wheel_radius_m(model)
+    width = model.drive.wheel_separation_m - (TRACK_WIDTH_M if body.tracks else WHEEL_WIDTH_M) - 0.01
+    middle, height = body.height_m / 2 - radius + 0.008, body.height_m - 0.016
+    round_body = isinstance(model.drive, OmniDrive)
+    size = (width / 2, height) if round_body else (body.length_m, width, height)
+    chassis = Part(size, (0.0, 0.0, middle), colour=_colour(model))
+    parts = [chassis]
+    side_m = model.drive.wheel_separation_m / 2
+    if body.tracks:
+        track = (body.length_m - 2 * radius, TRACK_WIDTH_M, 2 * radius)
+        for sign in (1, -1):
+            parts.append(Part(track, (0.0, sign * side_m, 0.0), colour="dark"))
+    elif not round_body:
+        tail = -body.length_m / 2 + 2 * CASTER_RADIUS_M
+        parts.append(Part((CASTER_RADIUS_M,), (tail, 0.0, CASTER_RADIUS_M - radius), colour="dark"))
+    mass = body.mass_kg * (1 - len(_places(model)) * WHEEL_MASS_SHARE)
+    yield f"  <link name={quoteattr(prefix + 'base_link')}/>"  # KDL forbids a root link with inertia
+    yield from _link(prefix + "chassis", parts, mass, chassis, collisions=parts)
+    yield from _joint(
+        "chassis_joint", "fixed", prefix + "base_link", prefix + "chassis", (0.0, 0.0, 0.0), 0.0
+    )
+
+
+def _places(model: RobotModel) -> List[Tuple[str, Point, float]]:
+    """Joint of each wheel, where it is, and which way the wheel rolls [rad] when its counter counts up."""
+    drive = model.drive
+    if isinstance(drive, OmniDrive):
+        left, rear, right = map(math.radians, drive.angles_deg)
+        return [
+            (joint, (drive.radius_m * math.cos(at), drive.radius_m * math.sin(at), 0.0), at + math.pi / 2)
+            for joint, at in zip(OMNI_JOINTS, (right, left, rear))
+        ]
+    side_m = drive.wheel_separation_m / 2
+    return [(joint, (0.0, sign * side_m, 0.0), 0.0) for joint, sign in zip(JOINTS, (-1, 1))]
+
+
+def _wheels(model: RobotModel, prefix: str) -> Lines:
+    radius = wheel_radius_m(model)
+    width = TRACK_WIDTH_M if model.body.tracks else WHEEL_WIDTH_M
+    wheel = Part((radius, width), roll_rad=math.pi / 2, colour="dark")
+    hub = Part((radius / 3, width + 0.004), roll_rad=math.pi / 2)
+    spoke = Part((1.5 * radius, width + 0.002, radius / 6))
+    for joint, at, yaw_rad in _places(model):
+        link = prefix + joint.replace("_joint", "")
+        mass = model.body.mass_kg * WHEEL_MASS_SHARE
+        yield from _link(link, [wheel, hub, spoke], mass, wheel, collisions=[wheel])
+        yield from _joint(joint, "continuous", prefix + "base_link", link, at, yaw_rad)
+
+
+def _sonars(model: RobotModel, prefix: str) -> Lines:
+    across = 2 * SONAR_RADIUS_M
+    box = Part((SONAR_LENGTH_M, across, across), (-SONAR_LENGTH_M / 2, 0.0, 0.0))
+    for name, mount in model.sonars.items():
+        link = f"{prefix}sonar_{name}"
+        yield from _link(link, [box], 0.005, box, collisions=[])
+        at = (mount.x_m, mount.y_m, SONAR_HEIGHT_M)
+        yaw = math.radians(mount.yaw_deg)
+        yield from _joint(f"sonar_{name}_joint", "fixed", prefix + "base_link", link, at, yaw)
+
+
+def _laser(prefix: str) -> Lines:
+    box = Part(LASER_SIZE_M, (0.0, 0.0, -LASER_SIZE_M[2] / 2 + 0.015), colour="dark")
+    yield from _link(prefix + "laser", [box], LASER_MASS_KG, box, collisions=[box])
+    at = (LASER_X_M, 0.0, LASER_Z_M)
+    yield from _joint("laser_joint", "fixed", prefix + "base_link", prefix + "laser", at, 0.0)
+
+
+def _gazebo(model: RobotModel, prefix: str) -> Lines:
+    """Gazebo's own drive, in place of board and driver."""
+    if isinstance(model.drive, OmniDrive):
+        yield from _plugin("planar_move", {"odometryRate": "50"}, prefix)
+        return
+    values = {
+        "leftJoint": JOINTS[1],
+        "rightJoint": JOINTS[0],
+        "wheelSeparation": f"{model.drive.wheel_separation_m:g}",
+        "wheelDiameter": f"{2 * wheel_radius_m(model):.5g}",
+        "wheelAcceleration": f"{model.limits.linear_acceleration_m_s2:g}",
+        "updateRate": "50",
+    }
+    yield from _plugin("diff_drive", values, prefix)
+
+
+def _plugin(name: str, values: Dict[str, str], prefix: str) -> Lines:
+    values = {
+        "commandTopic": "cmd_vel",
+        "odometryTopic": "odom",
+        "odometryFrame": prefix + "odom",
+        "robotBaseFrame": prefix + "base_link",
+        **values,
+    }
+    yield "  <gazebo>"
+    yield f'    <plugin name="drive" filename="libgazebo_ros_{name}.so">'
+    yield from (f"      <{key}>{value}</{key}>" for key, value in values.items())
+    yield "    </plugin>"
+    yield "  </gazebo>"
+
+
+def _link(
+    name: str, visuals: Sequence[Part], mass_kg: float, solid: Part, collisions: Sequence[Part]
+) -> Lines:
+    """A link whose inertia is that of `solid` alone."""
+    yield f"  <link name={quoteattr(name)}>"
+    for part in visuals:
+        yield "    <visual>"
+        yield from _shape(part)
+        yield f"      <material name={quoteattr(part.colour)}>"
+        yield f"        <color rgba={quoteattr(COLOURS.get(part.colour, COLOURS['grey']))}/>"
+        yield "      </material>"
+        yield "    </visual>"
+    for part in collisions:
+        yield "    <collision>"
+        yield from _shape(part)
+        yield "    </collision>"
+    yield "    <inertial>"
+    yield f"      {_origin(solid.at, solid.roll_rad, 0.0)}"
+    yield f'      <mass value="{mass_kg:.4g}"/>'
+    ixx, iyy, izz = inertia(solid, mass_kg)
+    yield f'      <inertia ixx="{ixx:.4g}" ixy="0" ixz="0" iyy="{iyy:.4g}" iyz="0" izz="{izz:.4g}"/>'
+    yield "    </inertial>"
+    yield "  </link>"
+
+
+def inertia(part: Part, mass_kg: float) -> Point:
+    """Moments of inertia of a solid of even density about its own axes [kg m2]."""
+    if len(part.size) == 3:
+        x, y, z = (size * size for size in part.size)
+        return mass_kg * (y + z) / 12, mass_kg * (x + z) / 12, mass_kg * (x + y) / 12
+    radius2, length2 = part.size[0] ** 2, part.size[1] ** 2
+    across = mass_kg * (3 * radius2 + length2) / 12
+    return across, across, mass_kg * radius2 / 2
+
+
+def _shape(part: Part) -> Lines:
+    yield f"      {_origin(part.at, part.roll_rad, 0.0)}"
+    size = " ".join(f"{value:.5g}" for value in part.size)
+    if len(part.size) == 3:
+        yield f'      <geometry><box size="{size}"/></geometry>'
+    elif len(part.size) == 2:
+        radius, length = size.split()
+        yield f'      <geometry><cylinder radius="{radius}" length="{length}"/></geometry>'
+    else:
+        yield f'      <geometry><sphere radius="{size}"/></geometry>'
+
+
+def _joint(name: str, kind: str, parent: str, child: str, at: Point, yaw_rad: float) -> Lines:
+    yield f'  <joint name={quoteattr(name)} type="{kind}">'
+    yield f"    <parent link={quoteattr(parent)}/>"
+    yield f"    <child link={quoteattr(child)}/>"
+    yield f"    {_origin(at, 0.0, yaw_rad)}"
+    if kind == "continuous":
+        yield '    <axis xyz="0 1 0"/>'
+    yield "  </joint>"
+
+
+def _origin(at: Point, roll_rad: float, yaw_rad: float) -> str:
+    xyz = " ".join(f"{value:.5g}" for value in at)
+    return f'<origin xyz="{xyz}" rpy="{roll_rad:.6g} 0 {yaw_rad:.6g}"/>'
+
+
+def _colour(model: RobotModel) -> str:
+    return model.name if model.name in COLOURS else "grey"
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Render the committed files; with `--check` name those that are stale, and return 1 if any is."""
+    stale = [path for path, text in files() if not path.exists() or path.read_text(encoding="utf-8") != text]
+    if "--check" in arguments:
+        for path in stale:
+            sys.stderr.write(f"{path} is stale; render it with: python -m ros1_bridge.description\n")
+        return 1 if stale else 0
+    FOLDER.mkdir(exist_ok=True)
+    for path, text in files():
+        path.write_text(text, encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,308 @@
+"""ROS node `go_to_goal`: the action `move_base` (move_base_msgs/MoveBaseAction) from odometry and sonars alone.
+
+Takes goals by the action, by `move_base_simple/goal` (rviz's 2D Nav Goal), and several in a row by `waypoints`
+(nav_msgs/Path).  Goals may be in any frame that tf connects with that of `odom`.
+"""
+
+import math
+import queue
+import sys
+import threading
+from typing import Dict, List, Optional, Tuple
+
+import actionlib
+import rosgraph
+import rospy
+import tf2_ros
+from actionlib_msgs.msg import GoalID, GoalStatus
+from geometry_msgs.msg import Pose as PoseMessage
+from geometry_msgs.msg import PoseStamped, Twist
+from move_base_msgs.msg import (
+    MoveBaseAction,
+    MoveBaseActionGoal,
+    MoveBaseActionResult,
+    MoveBaseFeedback,
+    MoveBaseGoal,
+    MoveBaseResult,
+)
+from nav_msgs.msg import Odometry, Path
+from sensor_msgs.msg import Range
+from std_msgs.msg import Header
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.navigation.goal_seeker import GoalSeeker, Pose, carried
+from mrl_driver.robot.models import Limits, SonarMount
+from mrl_driver.robot.sonar import NAMES
+from ros1_bridge.node.cmd_vel import CmdVel
+from ros1_bridge.node.master_watch import await_master
+from ros1_bridge.node.node_parameters import GO_TO_GOAL
+from ros1_bridge.node.parameters import read
+from ros1_bridge.node.plane_poses import planar, yaw_of
+
+RATE_HZ = 20.0
+ODOM_LATE_S = 0.5
+SILENT_S = 0.5
+"""A range counts for this long; sonars give one every 0.3 s."""
+TF_TIMEOUT_S = 1.0
+WARN_EVERY_S = 5.0
+POLL_S = 0.2
+END_S = 1.5
+"""What a goal may take to end with the node: more than a transform is waited for."""
+
+
+class Ranges:
+    """The last range of each sonar; any thread may call."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._heard: Dict[str, Tuple[float, str, float]] = {}
+
+    def hear(self, name: str, range_m: float, frame: str, now_s: float) -> None:
+        """Take a range, measured in the sonar's own frame."""
+        with self._lock:
+            self._heard[name] = range_m, frame, now_s
+
+    def frames(self) -> Dict[str, str]:
+        """Frame of each sonar that was ever heard."""
+        with self._lock:
+            return {name: frame for name, (_, frame, _) in self._heard.items()}
+
+    def now(self, now_s: float) -> Dict[str, float]:
+        """Range of each sonar that was ever heard [m]; NaN for those that have been silent for `SILENT_S`."""
+        with self._lock:
+            return {
+                name: range_m if now_s - heard_s <= SILENT_S else math.nan
+                for name, (range_m, _, heard_s) in self._heard.items()
+            }
+
+
+class GoToGoal:
+    """Serves one robot."""
+
+    def __init__(self) -> None:
+        """Reads the private parameters.
+
+        Raises:
+            ConfigError: a parameter is wrong.
+        """
+        given = read(GO_TO_GOAL, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+        self._limits = Limits(given["linear_speed"], given["angular_speed"], math.inf, math.inf)
+        self._avoid, self._patience_s = given["avoid"], given["patience"]
+        self._odometry: Optional[Odometry] = None
+        self._odometry_s = -math.inf
+        self._located = threading.Event()
+        self._ranges = Ranges()
+        self._sonars: Dict[str, SonarMount] = {}
+        self._cmd_vel = CmdVel()
+        self._plan = rospy.Publisher("plan", Path, queue_size=1, latch=True)
+        self._buffer = tf2_ros.Buffer()
+        self._listener = tf2_ros.TransformListener(self._buffer)
+        self._server = actionlib.SimpleActionServer(
+            "move_base", MoveBaseAction, self._execute, auto_start=False
+        )
+        self._goal_out = rospy.Publisher("move_base/goal", MoveBaseActionGoal, queue_size=5)
+        self._lock = threading.Lock()  # guards the three below
+        self._awaited: Dict[str, queue.Queue[int]] = {}
+        self._tour = self._goals = 0
+        self._ending, self._idle = threading.Event(), threading.Event()
+        self._idle.set()
+        rospy.Subscriber("move_base/result", MoveBaseActionResult, self._on_result)
+        rospy.Subscriber("odom", Odometry, self._on_odometry, queue_size=1, tcp_nodelay=True)
+        for name in NAMES:
+            rospy.Subscriber(f"sonar/{name}", Range, self._on_range, callback_args=name, queue_size=1)
+        rospy.Subscriber("move_base_simple/goal", PoseStamped, self._on_goal, queue_size=1)
+        rospy.Subscriber("waypoints", Path, self._on_waypoints, queue_size=1)
+        rospy.on_shutdown(self._end)
+        self._server.start()
+
+    def _end(self) -> None:
+        """The client hears how its goal ended, before the topics are closed."""
+        self._ending.set()
+        self._idle.wait(END_S)
+        with self._server.action_server.lock:  # its timer must not publish the status to a closed topic
+            self._server.action_server.started = False
+
+    def _on_odometry(self, message: Odometry) -> None:
+        self._odometry, self._odometry_s = message, rospy.get_time()
+        self._located.set()
+
+    def _on_range(self, message: Range, name: str) -> None:
+        self._ranges.hear(name, message.range, message.header.frame_id, rospy.get_time())
+
+    def _on_goal(self, message: PoseStamped) -> None:
+        self._new_tour()
+        self._send(message, self._new_id())
+
+    def _on_waypoints(self, message: Path) -> None:
+        threading.Thread(target=self._visit, args=(message, self._new_tour()), daemon=True).start()
+
+    def _new_tour(self) -> int:
+        """Whoever visits waypoints gives up for this."""
+        with self._lock:
+            self._tour += 1
+            return self._tour
+
+    def _visit(self, path: Path, tour: int) -> None:
+        """Each pose in turn, until one cannot be reached or other goals come."""
+        for number, pose in enumerate(path.poses, 1):
+            pose.header.frame_id = pose.header.frame_id or path.header.frame_id
+            end = self._outcome(pose)
+            if tour != self._tour or rospy.is_shutdown():
+                return
+            if end != GoalStatus.SUCCEEDED:
+                rospy.logwarn(f"waypoint {number} of {len(path.poses)} was not reached; the rest is given up")
+                return
+
+    def _outcome(self, pose: PoseStamped) -> int:
+        """Send a goal to this node's own action, and wait for the status it ends with."""
+        goal_id = self._new_id()
+        answer: queue.Queue[int] = queue.Queue()
+        with self._lock:
+            self._awaited[goal_id] = answer
+        self._send(pose, goal_id)
+        while not rospy.is_shutdown():
+            try:
+                return answer.get(timeout=POLL_S)
+            except queue.Empty:
+                continue
+        return GoalStatus.LOST
+
+    def _on_result(self, message: MoveBaseActionResult) -> None:
+        with self._lock:
+            answer = self._awaited.pop(message.status.goal_id.id, None)
+        if answer is not None:
+            answer.put(message.status.status)
+
+    def _new_id(self) -> str:
+        with self._lock:
+            self._goals += 1
+            return f"{rospy.get_name()}-{self._goals}-{rospy.get_time():.3f}"
+
+    def _send(self, pose: PoseStamped, goal_id: str) -> None:
+        now = rospy.Time.now()
+        header, name = Header(stamp=now), GoalID(now, goal_id)
+        self._goal_out.publish(MoveBaseActionGoal(header, name, MoveBaseGoal(pose)))
+
+    def _execute(self, goal: MoveBaseGoal) -> None:
+        """Called by the action server for each goal, on its own thread."""
+        self._idle.clear()
+        try:
+            self._attempt(goal)
+        except rospy.ROSException:
+            if not rospy.is_shutdown():  # it closes the topics, and ends waiting
+                raise
+        finally:
+            self._idle.set()
+
+    def _attempt(self, goal: MoveBaseGoal) -> None:
+        try:
+            target = self._target(goal.target_pose)
+        except ValueError as error:
+            self._cmd_vel.publish(Twist())  # the goal before, if there was one, is over
+            rospy.logwarn(f"goal refused: {error}")
+            self._server.set_aborted(MoveBaseResult(), str(error))
+            return
+        self._seek(target)
+
+    def _seek(self, target: Pose) -> None:
+        """Drive until the goal is reached or given up."""
+        rate = rospy.Rate(RATE_HZ)
+        seeker = GoalSeeker(target, self._limits, rospy.get_time(), self._sonars, self._patience_s)
+        self._show(target)
+        while not self._ending.is_set():
+            if self._server.is_preempt_requested():
+                if not self._server.is_new_goal_available():
+                    self._cmd_vel.publish(Twist())
+                self._server.set_preempted()
+                return
+            if not self._drive(seeker):
+                break
+            rate.sleep()
+        self._cmd_vel.publish(Twist())
+        if seeker.reached:
+            rospy.loginfo("goal reached")
+            self._server.set_succeeded(MoveBaseResult(), "reached")
+            return
+        why = "the node ends" if self._ending.is_set() else "odometry has stopped"
+        why = f"blocked: {seeker.why}" if seeker.blocked else why
+        rospy.logwarn(f"goal given up: {why}")
+        self._server.set_aborted(MoveBaseResult(), why)
+
+    def _drive(self, seeker: GoalSeeker) -> bool:
+        """One step; False at the end."""
+        odometry, now_s = self._odometry, rospy.get_time()
+        if odometry is None or now_s - self._odometry_s > ODOM_LATE_S:
+            return False
+        ranges = self._placed_ranges(odometry.child_frame_id, now_s) if self._avoid else {}
+        linear, angular = seeker.command(planar(odometry.pose.pose), ranges, now_s)
+        if seeker.reached or seeker.blocked:
+            return False
+        if seeker.blind:
+            rospy.logwarn_throttle(WARN_EVERY_S, f"the robot waits: {seeker.why}")
+        twist = Twist()
+        twist.linear.x, twist.angular.z = linear, angular
+        self._cmd_vel.publish(twist)
+        self._server.publish_feedback(MoveBaseFeedback(PoseStamped(odometry.header, odometry.pose.pose)))
+        return True
+
+    def _placed_ranges(self, base: str, now_s: float) -> Dict[str, float]:
+        """Range of each sonar; NaN for one of which nobody knows where it sits on the robot."""
+        ranges = self._ranges.now(now_s)
+        for name, frame in self._ranges.frames().items():
+            if name not in self._sonars and not self._find_place(name, frame, base):
+                ranges[name] = math.nan
+        return ranges
+
+    def _find_place(self, name: str, frame: str, base: str) -> bool:
+        """Ask tf once where a sonar sits, as it does not move; False where there is no answer yet."""
+        try:
+            place = self._buffer.lookup_transform(base, frame, rospy.Time()).transform
+        except tf2_ros.TransformException as error:
+            words = f"sonar {name} is not used: no transform from {frame or 'its frame'} to {base}: {error}"
+            rospy.logwarn_throttle(WARN_EVERY_S, words)
+            return False
+        yaw_deg = math.degrees(yaw_of(place.rotation))
+        self._sonars[name] = SonarMount(place.translation.x, place.translation.y, yaw_deg)
+        return True
+
+    def _target(self, goal: PoseStamped) -> Pose:
+        """The goal in the frame of odom.
+
+        Raises:
+            ValueError: it cannot be had; the text says why.
+        """
+        self._located.wait(ODOM_LATE_S)  # a node that has just started
+        odometry = self._odometry
+        if odometry is None:
+            raise ValueError("there is no odometry yet")
+        pose, frame, given = planar(goal.pose), odometry.header.frame_id, goal.header.frame_id
+        if given in ("", frame):
+            return pose
+        try:
+            found = self._buffer.lookup_transform(frame, given, rospy.Time(), rospy.Duration(TF_TIMEOUT_S))
+        except tf2_ros.TransformException as error:
+            raise ValueError(f"no transform from {given} to {frame}: {error}") from None
+        place = found.transform
+        return carried(pose, (place.translation.x, place.translation.y, yaw_of(place.rotation)))
+
+    def _show(self, target: Pose) -> None:
+        odometry = self._odometry
+        assert odometry is not None
+        end = PoseStamped(odometry.header, PoseMessage())
+        end.pose.position.x, end.pose.position.y = target[0], target[1]
+        end.pose.orientation.z, end.pose.orientation.w = math.sin(target[2] / 2), math.cos(target[2] / 2)
+        self._plan.publish(Path(odometry.header, [PoseStamped(odometry.header, odometry.pose.pose), end]))
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run the node; returns the exit code."""
+    await_master(rosgraph.get_master_uri(), rospy.logwarn)
+    rospy.init_node("go_to_goal", argv=argv or sys.argv)
+    try:
+        node = GoToGoal()
+    except ConfigError as error:
+        rospy.logfatal(str(error))
+        return error.exit_code
+    rospy.spin()
+    del node
+    return 0

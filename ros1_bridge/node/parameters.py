@@ -1,0 +1,276 @@
+"""Private parameters as data: one row each, checked before a node does anything.  Pure, no ROS.
+
+`ROWS` are those of robot_node; `node_rows` has those of the other nodes.
+"""
+
+import math
+from typing import Any, Dict, Mapping, NamedTuple, Optional, Sequence, Tuple
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.transport.address import demand_port
+from mrl_driver.transport.baud_rates import demand_raisable
+from ros1_bridge.control.zone_feed import demand_zones
+
+BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 250000, 500000, 1000000)
+_OWN = "0 is the model's own, which is also the most"
+
+
+class Row(NamedTuple):
+    """One parameter; `default` None means that it must be given.
+
+    `kind` is str, bool, int or float; `low` and `high` bound numbers in `unit`; `choices` replaces both.  A text may be
+    empty if the default is.
+    """
+
+    name: str
+    kind: type
+    default: Any
+    unit: str
+    text: str
+    low: float = -math.inf
+    high: float = math.inf
+    choices: Tuple[Any, ...] = ()
+
+
+ROWS = (
+    Row("port", str, None, "", "Serial port of the board, such as /dev/ttyACM0, or tcp://HOST:PORT"),
+    Row("port_timeout", float, 0.0, "s", "Wait so long for the port to appear", 0.0, 600.0),
+    Row("baud", int, 115200, "baud", "Speed of the serial port", choices=BAUDS),
+    Row(
+        "fast",
+        bool,
+        False,
+        "",
+        "Raise the line to 500000 baud where board and line can; rates above 200 Hz need it",
+    ),
+    Row(
+        "robot",
+        str,
+        "auto",
+        "",
+        "Model name, path of a robot's .yaml file, or auto: by the robot id of the board",
+    ),
+    Row("odom_frame", str, "odom", "", "Frame of the pose"),
+    Row("base_frame", str, "base_link", "", "Frame of the robot; sonar frames take its prefix"),
+    Row("publish_tf", bool, True, "", "Publish odom_frame to base_frame on /tf; false beside an EKF"),
+    Row(
+        "publish_mounts",
+        bool,
+        True,
+        "",
+        "Publish base_frame to the sonars; false beside robot_state_publisher",
+    ),
+    Row("rate", float, 50.0, "Hz", "Rate of odom, as the board streams", 1.0, 400.0),
+    Row("cmd_vel_timeout", float, 0.5, "s", "The robot stops when cmd_vel is silent for so long", 0.05, 10.0),
+    Row("max_linear_speed", float, 0.0, "m/s", f"Fastest way forward or back; {_OWN}", 0.0, 10.0),
+    Row("max_angular_speed", float, 0.0, "rad/s", f"Fastest turn; {_OWN}", 0.0, 100.0),
+    Row("max_linear_acceleration", float, 0.0, "m/s2", f"Speeding up, not slowing down; {_OWN}", 0.0, 100.0),
+    Row("max_angular_acceleration", float, 0.0, "rad/s2", f"The same for turns; {_OWN}", 0.0, 1000.0),
+    Row("clear_with_max_range", bool, False, "", "Sonars that see nothing report max_range instead of +Inf"),
+    Row("reconnect", bool, True, "", "Search a port that went away; false ends the node"),
+    Row("ignore_battery", bool, False, "", "Start, and drive on, with an empty battery"),
+    Row("allow_calibration", bool, False, "", "Offer the service calibrate, which turns the wheels"),
+    Row("allow_gains", bool, False, "", "Offer gains by dynamic_reconfigure; the motor board stores them"),
+    Row(
+        "parts",
+        str,
+        "all",
+        "",
+        "What the node does: all, or some of odometry, sonars, commands, status, sensors",
+    ),
+    Row(
+        "zones",
+        str,
+        "none",
+        "",
+        "What the warning and the protective zone are watched by",
+        choices=("none", "sonars", "scan", "both"),
+    ),
+    Row(
+        "zone_warning",
+        float,
+        0.5,
+        "m",
+        "Before the body: nearer things slow the robot, at speed earlier",
+        0.0,
+        10.0,
+    ),
+    Row(
+        "zone_protective",
+        float,
+        0.2,
+        "m",
+        "Before the body: nearer things stop it, at speed earlier",
+        0.0,
+        10.0,
+    ),
+    Row("zone_slow_speed", float, 0.1, "m/s", "The warning zone slows no further", 0.01, 10.0),
+    Row(
+        "zone_braking", float, 0.0, "m/s2", "Surely reached; 0 is the model's linear acceleration", 0.0, 100.0
+    ),
+    Row("zone_reaction", float, 0.5, "s", "Twice the delays of sensors and commands together", 0.0, 10.0),
+    Row(
+        "zone_hysteresis",
+        float,
+        0.05,
+        "m",
+        "A zone is clear again when the way is free by so much more",
+        0.0,
+        1.0,
+    ),
+    Row("zone_clearance", float, 0.05, "m", "What is so near beside the body's way is in it", 0.0, 1.0),
+)
+PARTS = ("odometry", "sonars", "commands", "status", "sensors")
+"""What a node may be made of."""
+GROUPS = ("limits", "gains")
+"""Namespaces that dynamic_reconfigure keeps its own parameters in."""
+FRAMES = ("odom_frame", "base_frame", "map_frame")
+
+
+class Parameters(NamedTuple):
+    """Checked values, named as in `ROWS`; `cmd_vel_timeout` in seconds."""
+
+    port: str
+    port_timeout: float
+    baud: int
+    fast: bool
+    robot: str
+    odom_frame: str
+    base_frame: str
+    publish_tf: bool
+    publish_mounts: bool
+    rate: float
+    cmd_vel_timeout: float
+    max_linear_speed: float
+    max_angular_speed: float
+    max_linear_acceleration: float
+    max_angular_acceleration: float
+    clear_with_max_range: bool
+    reconnect: bool
+    ignore_battery: bool
+    allow_calibration: bool
+    allow_gains: bool
+    parts: str
+    zones: str
+    zone_warning: float
+    zone_protective: float
+    zone_slow_speed: float
+    zone_braking: float
+    zone_reaction: float
+    zone_hysteresis: float
+    zone_clearance: float
+
+    def has(self, part: str) -> bool:
+        """Whether the node does that one of `PARTS`."""
+        return part in split_parts(self.parts)
+
+
+def check(given: Mapping[str, Any], namespace: str) -> Parameters:
+    """The parameters of robot_node from what its private namespace holds.
+
+    Args:
+        given: name to value, as the parameter server returns `~`.
+        namespace: the node's full name, for the error text.
+
+    Raises:
+        ConfigError: a value is missing, of the wrong type or out of range, or a name is unknown.
+    """
+    given = {name: value for name, value in given.items() if name not in GROUPS}
+    if isinstance(given.get("parts"), list):
+        given["parts"] = ", ".join(map(str, given["parts"]))
+    values = read(ROWS, given, namespace)
+    try:
+        demand_port(values["port"])
+        if values["fast"]:
+            demand_raisable(values["port"], values["baud"])
+    except ConfigError as error:
+        raise ConfigError(f"parameter {namespace}/{error}") from None
+    if values["odom_frame"] == values["base_frame"]:
+        got = values["base_frame"]
+        raise ConfigError(
+            f"parameter {namespace}/base_frame is {got!r}, expected a frame other than odom_frame"
+        )
+    parameters = Parameters(**values)
+    _demand_parts(parameters, namespace)
+    demand_zones(parameters, namespace)
+    return parameters
+
+
+def split_parts(text: str) -> Tuple[str, ...]:
+    """The parts that a text with commas or blanks names; `all` names each."""
+    return PARTS if text.strip() == "all" else tuple(text.replace(",", " ").split())
+
+
+def _demand_parts(parameters: Parameters, namespace: str) -> None:
+    named = split_parts(parameters.parts)
+    unknown = [name for name in named if name not in PARTS]
+    if unknown or not named:
+        got = f"{unknown[0]!r} in {parameters.parts!r}" if unknown else repr(parameters.parts)
+        raise ConfigError(
+            f"parameter {namespace}/parts is {got}, expected all, or some of {', '.join(PARTS)}"
+        )
+    if parameters.zones != "none" and "commands" not in named:
+        raise ConfigError(
+            f"parameter {namespace}/zones needs the part commands, expected it in parts or zones none"
+        )
+
+
+def read(rows: Sequence[Row], given: Any, namespace: str) -> Dict[str, Any]:
+    """Name to value of a node's parameters; `given` is what its private namespace holds.
+
+    Raises:
+        ConfigError: a value is missing, of the wrong type or out of range, or a name is unknown.
+    """
+    found, names = given if isinstance(given, dict) else {}, [row.name for row in rows]
+    for name in found:
+        if name not in names:
+            raise ConfigError(
+                f"parameter {namespace}/{name} is unknown, expected {', '.join(names)}; "
+                f"`rosparam delete {namespace}/{name}` removes one that an earlier run has left"
+            )
+    return {row.name: _value(row, found.get(row.name), namespace) for row in rows}
+
+
+def expected(row: Row) -> str:
+    """What a row allows, in words: `a number from 0.05 to 10 s`."""
+    unit = f" {row.unit}" if row.unit else ""
+    if row.kind is bool:
+        return "true or false"
+    if row.choices:
+        return f"one of {', '.join(map(str, row.choices))}{unit}"
+    if row.kind is float:
+        return f"a number from {row.low:g} to {row.high:g}{unit}"
+    if row.name in FRAMES:
+        return "a frame name without a leading slash or blanks"
+    return f"the {row.text[0].lower()}{row.text[1:]}"
+
+
+def _value(row: Row, got: Any, namespace: str) -> Any:
+    if got is None:
+        if row.default is None:
+            raise ConfigError(f"parameter {namespace}/{row.name} is missing, expected {expected(row)}")
+        return row.default
+    value = _typed(row, got)
+    if value is None:
+        raise ConfigError(f"parameter {namespace}/{row.name} is {got!r}, expected {expected(row)}")
+    return value
+
+
+def _typed(row: Row, got: Any) -> Optional[Any]:
+    """The value in the row's type, or None if the row forbids it."""
+    if row.kind is bool:
+        return got if isinstance(got, bool) else None
+    if row.kind is str:
+        good = isinstance(got, str) and (got in row.choices if row.choices else _is_text(row, got))
+        return got if good else None
+    if isinstance(got, bool) or not isinstance(got, (int, float)):
+        return None
+    if row.choices:
+        return int(got) if got in row.choices else None
+    return float(got) if row.low <= got <= row.high else None
+
+
+def _is_text(row: Row, got: str) -> bool:
+    if row.name in FRAMES:
+        return bool(got) and not got.startswith("/") and not any(c.isspace() for c in got)
+    return (bool(got.strip()) or got == row.default) and got.isprintable()

@@ -1,0 +1,39 @@
+"""Poses of messages on the floor plane.  Pure."""
+
+import math
+from typing import Any
+
+from mrl_driver.navigation.goal_seeker import Pose
+
+FARTHEST_M = 1e8
+"""Beyond what any map's frame needs, and within what a grid of cells can count."""
+_LEAST_LENGTH = 1e-3
+"""A shorter quaternion has no direction."""
+
+
+def planar(pose: Any) -> Pose:
+    """x [m], y [m], yaw [rad] of a geometry_msgs/Pose.
+
+    Raises:
+        ValueError: a number is not finite or beyond `FARTHEST_M`, or the orientation is none.
+    """
+    at = pose.position
+    if not (abs(at.x) <= FARTHEST_M and abs(at.y) <= FARTHEST_M):
+        raise ValueError(
+            f"position is {at.x:g}, {at.y:g}, expected finite numbers of at most {FARTHEST_M:g} m"
+        )
+    return at.x, at.y, yaw_of(pose.orientation)
+
+
+def yaw_of(rotation: Any) -> float:
+    """Yaw of a geometry_msgs/Quaternion of any length [rad].
+
+    Raises:
+        ValueError: it is not finite, or too short to have a direction.
+    """
+    x, y, z, w = (getattr(rotation, axis) for axis in "xyzw")
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    if not _LEAST_LENGTH < length < math.inf:
+        raise ValueError(f"orientation is {x:g}, {y:g}, {z:g}, {w:g}, expected a quaternion of length 1")
+    x, y, z, w = x / length, y / length, z / length, w / length
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))

@@ -1,0 +1,103 @@
+"""Descriptions for dynamic_reconfigure made in code, so that nothing has to be built.  Pure."""
+
+import math
+from typing import Any, Dict, List, MutableMapping, NamedTuple, Sequence, Union
+
+from mrl_driver.protocol.table import INT16_MAX
+from mrl_driver.robot.models import Limits, RobotModel
+
+Number = Union[int, float]
+LIMITS = ("max_linear_speed", "max_angular_speed", "max_linear_acceleration", "max_angular_acceleration")
+
+
+class Value(NamedTuple):
+    """One value that may be changed while the node runs; an int value stays one."""
+
+    name: str
+    default: Number
+    low: Number
+    high: Number
+    text: str
+
+
+class Description:
+    """What `dynamic_reconfigure.server.Server` takes in place of a generated module."""
+
+    all_level = 1
+
+    def __init__(self, values: Sequence[Value]) -> None:
+        self.defaults = {value.name: value.default for value in values}
+        self.min = {value.name: value.low for value in values}
+        self.max = {value.name: value.high for value in values}
+        self.level = {value.name: 1 for value in values}
+        self.config_description = _group([_parameter(value) for value in values])
+
+
+def limits_description(model: RobotModel, start: Limits) -> Description:
+    """Speed and acceleration limits, up to those of the model."""
+    own = model.limits
+    return Description(
+        (
+            Value(LIMITS[0], start[0], 0.01, own[0], "Fastest way forward or back [m/s]"),
+            Value(LIMITS[1], start[1], 0.01, own[1], "Fastest turn [rad/s]"),
+            Value(LIMITS[2], start[2], 0.01, own[2], "Speeding up [m/s2]"),
+            Value(LIMITS[3], start[3], 0.01, own[3], "Speeding up a turn [rad/s2]"),
+        )
+    )
+
+
+def limits_of(config: MutableMapping[str, Any], before: Limits) -> Limits:
+    """The limits of a configuration; NaN, which dynamic_reconfigure lets through, is replaced by the limit before."""
+    for name, limit in zip(LIMITS, before):
+        if math.isnan(config[name]):
+            config[name] = limit
+    return Limits(*(config[name] for name in LIMITS), *before[len(LIMITS) :])
+
+
+def gains_description(model: RobotModel) -> Description:
+    """Gains of the motor board; it stores each change."""
+    return Description(
+        tuple(
+            Value(name, model.board[name], 0, INT16_MAX, f"{text} gain of the motor board; stored there")
+            for name, text in (("kp", "Proportional"), ("ki", "Integral"), ("kd", "Derivative"))
+        )
+    )
+
+
+def _parameter(value: Value) -> Dict[str, Any]:
+    kind = "int" if isinstance(value.default, int) else "double"
+    return {
+        "name": value.name,
+        "type": kind,
+        "ctype": kind,
+        "cconsttype": f"const {kind}",
+        "default": value.default,
+        "min": value.low,
+        "max": value.high,
+        "level": 1,
+        "description": value.text,
+        "edit_method": "",
+        "srcfile": __name__,
+        "srcline": 0,
+    }
+
+
+def _group(parameters: List[Dict[str, Any]]) -> Dict[str, Any]:
+    return {
+        "name": "Default",
+        "type": "",
+        "id": 0,
+        "parent": 0,
+        "parentname": "",
+        "parentclass": "",
+        "class": "DEFAULT",
+        "field": "default",
+        "upper": "DEFAULT",
+        "lower": "groups",
+        "cstate": "true",
+        "state": True,
+        "groups": [],
+        "parameters": parameters,
+        "srcfile": __name__,
+        "srcline": 0,
+    }

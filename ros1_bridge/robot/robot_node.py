@@ -1,0 +1,385 @@
+"""ROS node `robot_node`: one robot on a serial port.
+
+The driver's reading thread publishes, and a command goes to the port from the subscriber's own thread.  Topics,
+services and parameters stand in this package's README.
+"""
+
+import gc
+import signal
+import sys
+import threading
+import time
+from typing import Any, Callable, Dict, List, Optional
+
+import diagnostic_updater
+import rosgraph
+import rospy
+from diagnostic_msgs.msg import KeyValue
+from geometry_msgs.msg import PoseStamped, Twist
+from sensor_msgs.msg import LaserScan
+from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
+
+from mrl_driver.driver import Driver, Telemetry
+from mrl_driver.driver.options import Options
+from mrl_driver.errors import LinkLost, MrlError
+from mrl_driver.robot.battery import EMPTY, LOW, OFF
+from mrl_driver.robot.models import Limits, OmniDrive, RobotModel
+from mrl_driver.session.events import Reply, WayLost
+from mrl_driver.session.handshake import Board
+from mrl_driver.transport.reconnect import may_be_there
+from ros1_bridge.control.laser_mount import MountFinder
+from ros1_bridge.control.pose_goal import PoseGoal
+from ros1_bridge.control.speed_limiter import NOT_FINITE, ZONE, Commander, lowered
+from ros1_bridge.control.zone_feed import ZoneWatch, sources
+from ros1_bridge.node.master_watch import MasterWatch, await_master
+from ros1_bridge.node.parameters import GROUPS, Parameters, check
+from ros1_bridge.status.diagnostics import Diagnostics
+from ros1_bridge.status.link_report import ERROR, OK, WARN, News
+from ros1_bridge.status.robot_status import StatusTeller
+from ros1_bridge.topics import messages
+from ros1_bridge.topics.publishers import Publishers
+from ros1_bridge.topics.sensor_topics import SensorTopics
+
+from . import reconfigure, xbee
+from .services import Answer, Services
+from .xbee import Radio
+
+DIAGNOSTICS_S = 1.0
+STATUS_S = 0.2
+"""A change of the robot's state is told within this time."""
+PORT_LOOK_S = 0.1
+ANSWER_S = 0.2
+"""The answer of the service shutdown gets out in this time."""
+WARN_EVERY_S = 1.0
+SWITCH_S = 0.0005
+"""A frame waits no longer than this for a thread that is busy with a service; Python's own limit is 5 ms."""
+LOG = {OK: rospy.loginfo, WARN: rospy.logwarn, ERROR: rospy.logerr}
+
+
+def driver_options(parameters: Parameters) -> Options:
+    """What the driver is told.  It has the timeout of commands too, for a node that is stuck."""
+    return Options(
+        period_ms=round(1000 / parameters.rate),
+        command_timeout_s=parameters.cmd_vel_timeout,
+        ignore_battery=parameters.ignore_battery,
+        reconnect=parameters.reconnect,
+        fast=parameters.fast,
+    )
+
+
+class RobotNode:
+    """Connects a driver with its topics and services."""
+
+    def __init__(self, parameters: Parameters) -> None:
+        """Checks the robot model; the port is opened by `run`.
+
+        Raises:
+            ConfigError: the robot model is unknown or wrong.
+        """
+        self._parameters = parameters
+        self._driver = Driver(parameters.port, parameters.robot, parameters.baud, driver_options(parameters))
+        self._battery_state = ""
+        self._sideways = False
+        self._tell_s = 0.0
+        self._news = News()
+        self._held = False
+
+    def run(self) -> None:
+        """Serve until the node is shut down.
+
+        Raises:
+            MrlError: the robot cannot be reached, is not the one, or went away.
+        """
+        rospy.on_shutdown(self._driver.close)
+        self._await_port()
+        if rospy.is_shutdown():
+            return
+        try:
+            board = self._driver.connect()
+            assert self._driver.model is not None
+            self._wire(board, self._driver.model)
+            self._serve(board)
+        except LinkLost:
+            if self._driver.error is not None or not rospy.is_shutdown():
+                raise
+        finally:
+            self._driver.close()
+
+    def _await_port(self) -> None:
+        until_s = time.monotonic() + self._parameters.port_timeout
+        while time.monotonic() < until_s and not may_be_there(self._parameters.port):
+            if rospy.is_shutdown():
+                return
+            time.sleep(PORT_LOOK_S)
+
+    def _wire(self, board: Board, model: RobotModel) -> None:
+        parameters, driver = self._parameters, self._driver
+        limits = lowered(
+            model.limits,
+            parameters.max_linear_speed,
+            parameters.max_angular_speed,
+            parameters.max_linear_acceleration,
+            parameters.max_angular_acceleration,
+        )
+        self._commander = Commander(driver, limits, parameters.cmd_vel_timeout)
+        self._pose_goal = PoseGoal(
+            self._commander, parameters.odom_frame, parameters.base_frame, model.sonars
+        )
+        clock = time.time if rospy.rostime.is_wallclock() else rospy.get_time
+        self._publishers = Publishers(
+            rospy.Publisher, rospy.exceptions.TransportException, parameters, model, clock
+        )
+        has_sonars = driver.has_sonars
+        if has_sonars and parameters.has("sonars"):
+            self._publishers.sonars(rospy.Time.now())
+        self._radio = Radio(rospy.Publisher, board.capabilities if parameters.has("sensors") else frozenset())
+        self._watch_zones(model, has_sonars)
+        self._publishers.battery(board, rospy.Time.now())
+        self._status = StatusTeller(
+            self._commander, self._publishers.status, rospy.get_name(), self._hardware_id(board)
+        )
+        driver.on_telemetry(self._on_telemetry)
+        driver.on_battery(self._on_battery)
+        driver.on_event(self._on_event)
+        if parameters.has("sensors"):
+            self._offer_sensors(board)
+        self._offer_services()
+        if parameters.has("commands"):
+            self._take_commands()
+            self._offer_reconfigure(model, limits)
+        gc.collect()
+        gc.freeze()  # what is there now stays: collections need not walk it again and again
+        rospy.loginfo(
+            f"{model.name} (robot id {board.robot_id}, firmware {board.version}) on {parameters.port} at "
+            f"{driver.line_baud} baud, "
+            f"battery {board.battery_v:.1f} V"
+        )
+
+    def _watch_zones(self, model: RobotModel, has_sonars: bool) -> None:
+        self._zones: Optional[ZoneWatch] = None
+        if self._parameters.zones != "none":
+            self._zones = ZoneWatch(self._parameters, model, has_sonars)
+            self._commander.zones = self._zones.zones
+        self._sideways = isinstance(model.drive, OmniDrive)
+
+    def _take_commands(self) -> None:
+        rospy.Subscriber("cmd_vel", Twist, self._on_cmd_vel, queue_size=1, tcp_nodelay=True)
+        rospy.Subscriber("pose", PoseStamped, self._on_pose, queue_size=1)
+        if self._zones is not None and sources(self._parameters)[1]:
+            self._finder = MountFinder(self._parameters.base_frame)
+            rospy.Subscriber("scan", LaserScan, self._on_scan, queue_size=1, tcp_nodelay=True)
+
+    def _offer_sensors(self, board: Board) -> None:
+        sensors = SensorTopics(
+            rospy.Publisher, self._parameters.base_frame, board.capabilities, board.version, rospy.Time.now
+        )
+        self._driver.on_sensor(sensors.on_sensor)
+        if "xbee" in board.capabilities:
+            rospy.Subscriber(xbee.RADIO_OUT, KeyValue, self._on_radio, queue_size=10)
+
+    def _offer_services(self) -> None:
+        parameters = self._parameters
+        services = self._services = Services(self._driver, self._commander, self._publishers.covariance.reset)
+        triggers: Dict[str, Callable[[], Answer]] = {"shutdown": self._end_node}
+        if parameters.has("odometry"):
+            triggers["reset_odometry"] = services.reset_odometry
+        if parameters.has("commands"):
+            triggers.update(stop=services.stop, release_stop=services.release_stop)
+        if parameters.has("commands") and parameters.allow_calibration:
+            triggers["calibrate"] = services.calibrate
+
+        def told(answer: Answer) -> Answer:
+            self._status.tell()
+            return answer
+
+        for name, action in triggers.items():
+            rospy.Service(name, Trigger, lambda _, act=action: TriggerResponse(*told(act())))
+        if parameters.has("commands"):
+            rospy.Service(
+                "enable_motors",
+                SetBool,
+                lambda request: SetBoolResponse(*told(services.enable_motors(request.data))),
+            )
+
+    def _end_node(self) -> Answer:
+        """Stop now; the node closes the port and ends once the answer is out."""
+        done, text = self._services.stop()
+        threading.Timer(ANSWER_S, rospy.signal_shutdown, ("the service shutdown was called",)).start()
+        return done, "stopped; the node closes the port and ends" if done else f"{text}; the node ends"
+
+    def _offer_reconfigure(self, model: RobotModel, limits: Limits) -> None:
+        from dynamic_reconfigure.server import Server  # late: it takes a second, and cmd_vel should not wait
+
+        for group in GROUPS:  # what an earlier run has left must not outvote this run's parameters
+            if rospy.has_param(f"~{group}"):
+                rospy.delete_param(f"~{group}")
+        self._servers = [Server(reconfigure.limits_description(model, limits), self._on_limits, "limits")]
+        if self._parameters.allow_gains:
+            self._servers.append(Server(reconfigure.gains_description(model), self._on_gains, "gains"))
+
+    def _serve(self, board: Board) -> None:
+        updater = None
+        if self._parameters.has("status"):
+            updater = diagnostic_updater.Updater()
+            updater.setHardwareID(self._hardware_id(board))
+            Diagnostics(self._driver, self._commander, self._parameters).add_to(updater)
+        master = MasterWatch(rosgraph.get_master_uri())
+        while not self._driver.wait(DIAGNOSTICS_S):
+            self._status.tell()
+            words = master.look()
+            if words:
+                rospy.logerr(words)
+            if updater is not None and updater.publisher.get_num_connections():
+                updater.force_update()  # update() is silent after the clock was set back, and before /clock
+
+    def _hardware_id(self, board: Board) -> str:
+        return f"{self._parameters.port} robot {board.robot_id}"
+
+    # -- from the driver, on its reading thread
+
+    def _on_telemetry(self, telemetry: Telemetry) -> None:
+        self._publishers.telemetry(telemetry)
+        try:
+            if self._zones is not None:
+                self._zones.on_telemetry(telemetry, self._driver.command is None)
+            if self._commander.seeking:
+                ended = self._pose_goal.on_telemetry(telemetry)
+                if ended:
+                    rospy.loginfo(ended)
+            self._commander.tick()
+        except MrlError:
+            return  # the driver keeps the error, and the main thread reports it
+        if telemetry.arrival_s >= self._tell_s:
+            self._tell_s = telemetry.arrival_s + STATUS_S
+            self._status.tell()
+            self._tell_zone()
+
+    def _tell_zone(self) -> None:
+        """Say in the log that a zone has stopped the robot, once each time."""
+        held, before = self._commander.stopped_by == ZONE, self._held
+        self._held = held
+        if held and not before:
+            rospy.logwarn("something is in the protective zone: the robot stands, and may turn or drive away")
+
+    def _on_event(self, event: Any) -> None:
+        if isinstance(event, Reply):
+            self._radio.on_frame(event.frame)
+        elif isinstance(event, WayLost):
+            self._publishers.covariance.widen(event.way_m, event.turn_rad)
+        told = self._news.of(event)
+        if told is not None and not rospy.is_shutdown():
+            LOG[told.level](told.message)
+        self._status.tell()
+
+    def _request(self, requests: List[Any]) -> None:
+        try:
+            for request in requests:
+                self._driver.request(*request)
+        except MrlError:
+            return
+
+    def _on_battery(self, board: Board) -> None:
+        self._publishers.battery(board, rospy.Time.now())
+        state, before = self._driver.battery_state, self._battery_state
+        if state == before:
+            return
+        self._battery_state = state
+        if state == LOW:
+            rospy.logwarn(f"battery is low at {board.battery_v:.1f} V: charge it soon")
+        elif state == EMPTY:
+            rospy.logerr(f"battery is empty at {board.battery_v:.1f} V: the robot stops; charge it")
+        elif state == OFF:
+            rospy.logerr(f"battery reads {board.battery_v:.1f} V: motor power is off; switch it on")
+
+    # -- from ROS
+
+    def _on_cmd_vel(self, message: Twist) -> None:
+        try:
+            self._command(message)
+        except MrlError:
+            return
+
+    def _on_pose(self, message: PoseStamped) -> None:
+        try:
+            self._pose_goal.start(message, self._driver.pose)
+        except ValueError as error:
+            rospy.logwarn(f"pose refused: {error}")
+
+    def _on_scan(self, message: LaserScan) -> None:
+        mount = self._finder.mount(message.header.frame_id)
+        if mount is None:
+            rospy.logwarn_throttle(WARN_EVERY_S, f"scan not used: {self._finder.trouble}")
+        elif self._zones is not None:
+            self._zones.on_scan(message, mount, time.monotonic())
+
+    def _command(self, message: Twist) -> None:
+        self._pose_goal.cancel()
+        try:
+            linear_m_s, angular_rad_s = messages.read_twist(message)
+        except ValueError as error:
+            self._commander.stop(NOT_FINITE)
+            rospy.logwarn_throttle(WARN_EVERY_S, f"{error}; the robot was stopped")
+            return
+        unused = messages.unused_axes(message, self._sideways)
+        if unused:
+            followed = "linear.x, linear.y and angular.z" if self._sideways else "linear.x and angular.z"
+            rospy.logwarn_throttle(
+                WARN_EVERY_S, f"cmd_vel {', '.join(unused)} ignored: the robot follows {followed} alone"
+            )
+        lateral_m_s = (message.linear.y,) if self._sideways else ()
+        if not self._commander.drive(linear_m_s, angular_rad_s, *lateral_m_s):
+            rospy.logwarn_throttle(WARN_EVERY_S, f"cmd_vel refused: {self._commander.refusal()}")
+
+    def _on_radio(self, message: KeyValue) -> None:
+        try:
+            self._request([xbee.send_request(message)])
+        except ValueError as error:
+            rospy.logwarn_throttle(WARN_EVERY_S, str(error))
+
+    def _on_limits(self, config: Any, _level: int) -> Any:
+        self._commander.limits = reconfigure.limits_of(config, self._commander.limits)
+        return config
+
+    def _on_gains(self, config: Any, level: int) -> Any:
+        if level != -1:  # the start: the board keeps what it has
+            done, text = self._services.set_gains(config["kp"], config["ki"], config["kd"])
+            (rospy.loginfo if done else rospy.logerr)(text)
+        return config
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run the node; returns the exit code, that of the error if there was one."""
+    sys.setswitchinterval(SWITCH_S)
+    try:
+        await_master(rosgraph.get_master_uri(), rospy.logwarn)
+        rospy.init_node("robot_node", argv=argv, disable_signals=True)
+        _end_on_signals()
+        RobotNode(_parameters()).run()
+    except rospy.ROSException:  # a publisher or a service that the shutdown closed meanwhile
+        if not rospy.is_shutdown():
+            raise
+    except MrlError as error:
+        if rospy.is_shutdown():
+            return 0
+        rospy.logfatal(str(error))
+        return error.exit_code
+    return 0
+
+
+def _end_on_signals() -> None:
+    """Shut down from a thread: rospy's own handler runs within the main thread, which may hold the locks that
+    the shutdown needs.
+    """
+
+    def end(number: int, _frame: Any) -> None:
+        threading.Thread(target=rospy.signal_shutdown, args=(f"signal {number}",)).start()
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup sets it
+            signal.signal(number, end)
+
+
+def _parameters() -> Parameters:
+    name = rospy.get_name()
+    given = rospy.get_param(name, {})
+    return check(given if isinstance(given, dict) else {}, name)

@@ -1,0 +1,75 @@
+"""What the node's services do: each takes nothing or a switch, and answers (success, message).  No ROS."""
+
+import math
+from typing import Any, Callable, Tuple
+
+from mrl_driver.errors import MrlError
+from mrl_driver.protocol.table import BY_NAME
+from ros1_bridge.control.speed_limiter import Commander
+
+Answer = Tuple[bool, str]
+STILL_M_S, STILL_RAD_S = 0.005, 0.02
+"""Slower than this counts as standing."""
+
+
+class Services:
+    """The services of one robot; `forget_way` makes its covariance start anew."""
+
+    def __init__(self, driver: Any, commander: Commander, forget_way: Callable[[], None]) -> None:
+        self._driver, self._commander, self._forget_way = driver, commander, forget_way
+
+    def reset_odometry(self) -> Answer:
+        """Pose to the origin of odom."""
+        if not self._still():
+            return False, "the robot moves; stop it first, for a pose that jumps in motion misleads filters"
+        self._driver.reset_pose()
+        self._forget_way()
+        return True, "the pose is 0, 0, 0"
+
+    def stop(self) -> Answer:
+        """Emergency stop, latched."""
+        try:
+            self._commander.latch()
+        except MrlError as error:
+            return False, f"latched, but the robot cannot be told: {error}"
+        return True, "stopped; release_stop lets the robot follow commands again"
+
+    def release_stop(self) -> Answer:
+        """End of the emergency stop."""
+        if not self._commander.latched:
+            return True, "no emergency stop was latched"
+        self._commander.release()
+        return True, "released; the robot stands until the next command"
+
+    def enable_motors(self, enabled: bool) -> Answer:
+        """Follow commands, or stop and refuse them."""
+        try:
+            self._commander.enable(enabled)
+        except MrlError as error:
+            return False, f"disabled, but the robot cannot be told: {error}"
+        return True, "enabled" if enabled else "stopped and disabled"
+
+    def calibrate(self) -> Answer:
+        """The motor board finds its working points; the wheels turn."""
+        if not self._commander.ready:
+            return False, f"refused: {self._commander.refusal()}"
+        if not self._still():
+            return False, "refused: the robot moves; stop it first"
+        try:
+            self._driver.request(BY_NAME["calibrate"].code)
+        except MrlError as error:
+            return False, str(error)
+        return True, "the motor board calibrates, the wheels turn; reset_odometry afterwards"
+
+    def set_gains(self, kp: int, ki: int, kd: int) -> Answer:
+        """Gains of the motor board's speed control, which it stores."""
+        try:
+            self._driver.request(BY_NAME["set_pid_gains"].code, kp, ki, kd)
+        except MrlError as error:
+            return False, str(error)
+        return True, f"gains are {kp}, {ki}, {kd}"
+
+    def _still(self) -> bool:
+        twist = self._driver.twist
+        fast = math.hypot(twist[0], *twist[2:]) > STILL_M_S or math.fabs(twist[1]) > STILL_RAD_S
+        return not fast and not self._commander.moving

@@ -1,0 +1,1 @@
+"""Status and diagnostics of the robot node.  Imports control and node."""

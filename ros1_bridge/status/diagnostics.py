@@ -1,0 +1,60 @@
+"""The tasks of the node's diagnostics.  No ROS of its own: the updater comes from the node."""
+
+from typing import Any, Dict
+
+from mrl_driver.driver import Driver
+from mrl_driver.transport.baud_rates import FAST_BAUD
+from ros1_bridge.control.speed_limiter import Commander
+from ros1_bridge.node.parameters import Parameters
+
+from . import link_report, robot_status
+
+Wrapper = Any
+"""A diagnostic_updater.DiagnosticStatusWrapper."""
+
+
+class Diagnostics:
+    """What the driver and its commander tell of link, motion, battery and board."""
+
+    def __init__(self, driver: Driver, commander: Commander, parameters: Parameters) -> None:
+        self._driver, self._commander, self._parameters = driver, commander, parameters
+
+    def add_to(self, updater: Any) -> None:
+        """Give the tasks to a diagnostic_updater.Updater."""
+        updater.add("Link", self._link)
+        updater.add("Motion", self._motion)
+        updater.add("Battery", self._battery)
+        updater.add("Board", self._board)
+
+    def _link(self, status: Wrapper) -> Wrapper:
+        driver, parameters = self._driver, self._parameters
+        slowed = parameters.fast and driver.line_baud != FAST_BAUD
+        health = link_report.health(driver.ready, driver.age_s, slowed)
+        values = link_report.values(
+            parameters.port, driver.line_baud, driver.board, driver.statistics, driver.age_s, driver.telemetry
+        )
+        return _filled(status, health, values)
+
+    def _motion(self, status: Wrapper) -> Wrapper:
+        commander = self._commander
+        health = robot_status.motion_health(commander.moving, commander.stopped_by)
+        return _filled(status, health, robot_status.motion_values(commander))
+
+    def _battery(self, status: Wrapper) -> Wrapper:
+        driver = self._driver
+        assert driver.model is not None
+        state, volts = driver.battery_state, driver.battery_v
+        values = robot_status.battery_values(volts, state, driver.model.battery.capacity_ah)
+        return _filled(status, robot_status.battery_health(state, volts), values)
+
+    def _board(self, status: Wrapper) -> Wrapper:
+        report = self._driver.status
+        values = robot_status.board_values(report, self._driver.temperature_c)
+        return _filled(status, robot_status.board_health(report), values)
+
+
+def _filled(status: Wrapper, health: link_report.Health, values: Dict[str, str]) -> Wrapper:
+    status.summary(health.level, health.message)
+    for key, value in values.items():
+        status.add(key, value)
+    return status

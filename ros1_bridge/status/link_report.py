@@ -1,0 +1,99 @@
+"""The link's state as diagnostics: a level, a line, keys and values.  Pure."""
+
+from typing import Any, Dict, NamedTuple, Optional
+
+from mrl_driver.robot.robot_state import Telemetry
+from mrl_driver.robot.wheel_monitor import Mismatch
+from mrl_driver.session.events import MAY_MOVE, WAITS, Lost, Ready, Reconnected, Slowed, Stale, WayLost
+from mrl_driver.session.handshake import Board
+from mrl_driver.session.link_counters import Statistics
+from mrl_driver.transport.baud_rates import SLOW
+
+OK, WARN, ERROR = 0, 1, 2
+"""Levels of diagnostic_msgs/DiagnosticStatus."""
+ANSWERS = "the board answers again"
+
+
+class Health(NamedTuple):
+    """A level and the line that explains it."""
+
+    level: int
+    message: str
+
+
+class News:
+    """What of a driver's events goes to the log."""
+
+    def __init__(self) -> None:
+        self._lost = False
+
+    def of(self, event: Any) -> Optional[Health]:
+        """Level and line, or None for what nobody waits for."""
+        if isinstance(event, Lost):
+            self._lost = True
+            return Health(ERROR, str(event))
+        if isinstance(event, Reconnected):
+            self._lost = False
+            return Health(OK, str(event))
+        if isinstance(event, Stale):
+            then = MAY_MOVE if event.may_move else WAITS
+            return Health(ERROR, f"the board is silent: check its cable and power; {then}")
+        if isinstance(event, Ready) and not self._lost:
+            restarted = event.restarted and event.checked  # after a silence, others are only taken to have
+            return Health(WARN, f"the board has restarted; {WAITS}") if restarted else Health(OK, ANSWERS)
+        if isinstance(event, Mismatch):
+            return Health(ERROR, f"{event}; the robot was stopped")
+        return Health(WARN, str(event)) if isinstance(event, (Slowed, WayLost)) else None
+
+
+def error_count(statistics: Statistics) -> int:
+    """Everything that went wrong on the link."""
+    return (
+        sum(statistics.garbage.values()) + statistics.lost + statistics.duplicates + statistics.refused_counts
+        + statistics.unanswered + statistics.blocked_writes
+    )  # fmt: skip
+
+
+def health(ready: bool, age_s: float, slowed: bool = False) -> Health:
+    """The link's health; `slowed` is one that was to be faster."""
+    if not ready:
+        return Health(ERROR, f"the board is silent for {age_s:.1f} s: check its cable and power")
+    if slowed:
+        return Health(WARN, f"streaming, but not at the higher speed, since {SLOW}")
+    return Health(OK, "streaming")
+
+
+def values(
+    port: str, baud: int, board: Board, statistics: Statistics, age_s: float, telemetry: Optional[Telemetry]
+) -> Dict[str, str]:
+    """Keys and values, named as REP-138 does where it has a name.
+
+    The latency is the last frame's way from the reading of its counters to the host, beyond the least there
+    is; boards without a clock have none.
+    """
+    latency = "not measured"
+    if telemetry is not None and telemetry.sequence is not None:
+        latency = f"{1000 * (telemetry.arrival_s - telemetry.stamp_s):.2f} ms"
+    return {
+        "Serial Port": port,
+        "Serial Baud": str(baud),
+        "Firmware Version": str(board.version),
+        "Motor Board Version": f"{board.motor_board_version:.2f}",
+        "Protocol Version": str(board.protocol),
+        "Device ID": str(board.robot_id),
+        "Computed Latency": latency,
+        "Capabilities": ", ".join(sorted(board.capabilities)) or "none",
+        "Telemetry Age": f"{age_s * 1000:.0f} ms",
+        "Errors": str(error_count(statistics)),
+        "Frames": str(statistics.frames),
+        "Lost Frames": str(statistics.lost),
+        "Garbage": ", ".join(f"{name} {count}" for name, count in sorted(statistics.garbage.items()))
+        or "none",
+        "Refused Counts": str(statistics.refused_counts),
+        "Unanswered Requests": str(statistics.unanswered),
+        "Blocked Writes": str(statistics.blocked_writes),
+        "Restarts": str(statistics.restarts),
+        "Reconnects": str(statistics.reconnects),
+        "Bytes Received": str(statistics.bytes_in),
+        "Bytes Sent": str(statistics.bytes_out),
+    }

@@ -1,0 +1,151 @@
+"""What the robot does, as `status` and as diagnostics: levels, lines, keys and values.  Pure."""
+
+import threading
+from typing import Any, Callable, Dict, Optional, Tuple
+
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+
+from mrl_driver.session.events import MAY_MOVE, Status
+from ros1_bridge.control.speed_limiter import (
+    ADRIFT,
+    BATTERY,
+    DISABLED,
+    EMERGENCY,
+    LINK,
+    NONE,
+    WHEEL,
+    Commander,
+)
+
+from .link_report import ERROR, OK, WARN, Health
+
+MODES = {
+    EMERGENCY: "emergency stop",
+    DISABLED: "disabled",
+    LINK: "no link",
+    ADRIFT: "no link",
+    BATTERY: "battery",
+    WHEEL: "wheel mismatch",
+}
+"""Mode by what keeps the robot from moving; `drive` or `pose` where nothing does."""
+HARMLESS = (NONE, "user", DISABLED, "closed")
+"""What stops the robot without being a safety stop."""
+State = Tuple[bool, str, bool, Tuple[str, str]]
+
+
+class StatusTeller:
+    """Publishes what the robot does, as soon as that has changed and `tell` is called; any thread may."""
+
+    def __init__(
+        self,
+        commander: Commander,
+        publish: Callable[[DiagnosticStatus], None],
+        node_name: str,
+        hardware_id: str,
+    ) -> None:
+        self._commander, self._publish = commander, publish
+        self._name, self._hardware_id = f"{node_name}: status", hardware_id
+        self._lock = threading.Lock()
+        self._told: Optional[State] = None
+
+    def tell(self) -> None:
+        """Publish the state, unless that was done already."""
+        with self._lock:
+            commander = self._commander
+            state = commander.moving, commander.stopped_by, commander.seeking, zones_clear(commander)
+            if state != self._told:
+                self._told = state
+                self._publish(self._message(*state))
+
+    def _message(self, moving: bool, cause: str, seeking: bool, clear: Tuple[str, str]) -> DiagnosticStatus:
+        level, line = motion_health(moving, cause)
+        values = {
+            "mode": mode_of(cause, seeking),
+            "ready": _yes(cause not in MODES),
+            "moving": "unknown" if cause == ADRIFT else _yes(moving),
+            "warning zone clear": clear[0],
+            "protective zone clear": clear[1],
+            "safety stop": _yes(not moving and cause not in HARMLESS),
+            "stopped by": NONE if moving else cause,
+        }
+        pairs = [KeyValue(key, value) for key, value in values.items()]
+        return DiagnosticStatus(level, self._name, line, self._hardware_id, pairs)
+
+
+def mode_of(cause: str, seeking: bool = False) -> str:
+    """`drive`, `pose` while one is sought, or what keeps the robot from it; from `Commander.stopped_by`."""
+    return MODES.get(cause, "pose" if seeking else "drive")
+
+
+def zones_clear(commander: Commander) -> Tuple[str, str]:
+    """Whether the warning and the protective zone are clear; `not watched` where there are no zones."""
+    zones = commander.zones
+    if zones is None:
+        return "not watched", "not watched"
+    return _yes(zones.warning_clear), _yes(zones.protective_clear)
+
+
+def battery_health(state: str, volts: float) -> Health:
+    """Level and line for a battery state of the driver."""
+    level = {"ok": OK, "low": WARN}.get(state, ERROR)
+    return Health(level, f"battery is {state} at {volts:.1f} V")
+
+
+def battery_values(volts: float, state: str, capacity_ah: float) -> Dict[str, str]:
+    """Keys and values of the battery."""
+    return {"Voltage": f"{volts:.2f} V", "State": state, "Design Capacity": f"{capacity_ah:g} Ah"}
+
+
+def board_health(status: Any) -> Health:
+    """Level and line for a `Status` of the board; None for boards that have none."""
+    if status is None:
+        return Health(OK, "this firmware reports no status")
+    if status.faults:
+        return Health(ERROR, f"fault: {', '.join(status.faults)}")
+    if status.reset_cause == "watchdog":
+        return Health(WARN, "the firmware locked up and was reset by its watchdog")
+    return Health(OK, "no fault")
+
+
+def board_values(status: Any, temperature_c: float) -> Dict[str, str]:
+    """Keys and values of the board."""
+    values = {"Motor Board Temperature": f"{temperature_c:.1f} degC"}
+    if isinstance(status, Status):
+        values.update(
+            {
+                "Uptime": f"{status.uptime_s} s",
+                "Reset Cause": status.reset_cause,
+                "Last Stop Reason": status.stop_reason,
+                "Faults": ", ".join(status.faults) or "none",
+                "Clamped Commands": str(status.clamped),
+            }
+        )
+    return values
+
+
+def motion_health(moving: bool, cause: str) -> Health:
+    """Level and line of the motion; `cause` is `Commander.stopped_by`."""
+    if cause == ADRIFT:
+        return Health(ERROR, f"no telemetry; {MAY_MOVE}")
+    if moving or cause == NONE:
+        return Health(OK, "moving" if moving else "ready")
+    level = ERROR if cause in (LINK, BATTERY, WHEEL) else WARN if cause in MODES else OK
+    return Health(level, f"stopped by {cause}")
+
+
+def motion_values(commander: Commander) -> Dict[str, str]:
+    """Keys and values of the motion."""
+    limits = commander.limits
+    return {
+        "Mode": mode_of(commander.stopped_by, commander.seeking),
+        "Moving": "unknown" if commander.stopped_by == ADRIFT else _yes(commander.moving),
+        "Stop Reason": commander.stopped_by,
+        "Linear Speed Limit": f"{limits.linear_m_s:g} m/s",
+        "Angular Speed Limit": f"{limits.angular_rad_s:g} rad/s",
+        "Linear Acceleration Limit": f"{limits.linear_acceleration_m_s2:g} m/s2",
+        "Angular Acceleration Limit": f"{limits.angular_acceleration_rad_s2:g} rad/s2",
+    }
+
+
+def _yes(flag: bool) -> str:
+    return "true" if flag else "false"

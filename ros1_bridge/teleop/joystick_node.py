@@ -1,0 +1,63 @@
+"""ROS node `teleop_joystick`: sensor_msgs/Joy on `joy` to `cmd_vel` while the dead-man button is held.
+
+Let go, it sends one stop and is silent, so that others may drive; a joystick that falls silent ends in the
+robot's own command timeout.
+"""
+
+import sys
+from typing import List, Optional
+
+import rosgraph
+import rospy
+from geometry_msgs.msg import Twist
+from sensor_msgs.msg import Joy
+
+from mrl_driver.errors import ConfigError
+from ros1_bridge.node import parameters
+from ros1_bridge.node.cmd_vel import CmdVel
+from ros1_bridge.node.master_watch import await_master
+from ros1_bridge.node.node_parameters import TELEOP_JOYSTICK
+
+from .joystick_mapping import LAYOUTS, read
+
+
+class TeleopJoystick:
+    """Passes on what one joystick says."""
+
+    def __init__(self) -> None:
+        """Reads the private parameters.
+
+        Raises:
+            ConfigError: a parameter is wrong.
+        """
+        given = parameters.read(TELEOP_JOYSTICK, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+        self._layout = LAYOUTS[given["layout"]]
+        self._linear_m_s, self._angular_rad_s = given["linear_speed"], given["angular_speed"]
+        self._driving = False
+        self._out = CmdVel()
+        rospy.Subscriber("joy", Joy, self._on_joy, queue_size=1, tcp_nodelay=True)
+
+    def _on_joy(self, message: Joy) -> None:
+        shares = read(self._layout, message.axes, message.buttons)
+        if shares is None and not self._driving:
+            return
+        self._driving = shares is not None
+        twist = Twist()
+        if shares is not None:
+            twist.linear.x = shares[0] * self._linear_m_s
+            twist.angular.z = shares[1] * self._angular_rad_s
+        self._out.publish(twist)
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run the node; returns the exit code."""
+    await_master(rosgraph.get_master_uri(), rospy.logwarn)
+    rospy.init_node("teleop_joystick", argv=argv or sys.argv)
+    try:
+        node = TeleopJoystick()
+    except ConfigError as error:
+        rospy.logfatal(str(error))
+        return error.exit_code
+    rospy.spin()
+    del node
+    return 0

@@ -1,0 +1,77 @@
+"""ROS node `teleop_keyboard`: keys of the terminal to `cmd_vel`; silent while no key is held."""
+
+import sys
+import time
+from typing import List, Optional
+
+import rosgraph
+import rospy
+from geometry_msgs.msg import Twist
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.terminal.keyboard import Keyboard
+from mrl_driver.terminal.teleop_keys import ANGULAR_RAD_S, LINEAR_M_S, Teleop
+from ros1_bridge.node.cmd_vel import CmdVel
+from ros1_bridge.node.master_watch import await_master
+from ros1_bridge.node.node_parameters import TELEOP_KEYBOARD
+from ros1_bridge.node.parameters import read
+
+PERIOD_S = 0.05
+HELP = "arrow keys or w a s d drive, space stops, q ends"
+
+
+class TeleopKeyboard:
+    """Drives from one terminal."""
+
+    def __init__(self) -> None:
+        """Reads the private parameters.
+
+        Raises:
+            ConfigError: a parameter is wrong.
+        """
+        given = read(TELEOP_KEYBOARD, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+        self._linear, self._angular = (
+            given["linear_speed"] / LINEAR_M_S,
+            given["angular_speed"] / ANGULAR_RAD_S,
+        )
+        self._out = CmdVel()
+        self._driving = False
+
+    def run(self, keyboard: Keyboard) -> None:
+        """Until `q` or the shutdown."""
+        teleop = Teleop()
+        while not rospy.is_shutdown():
+            for key in keyboard.read(PERIOD_S):
+                if key in ("q", "escape", "\x03"):
+                    return
+                teleop.press(key, time.monotonic())
+                self._driving = self._driving or key == "space"
+            now_s = time.monotonic()
+            self._publish(*teleop.command(now_s), teleop.slide(now_s))
+
+    def _publish(self, linear: float, angular: float, lateral: float) -> None:
+        moving = bool(linear or angular or lateral)
+        if moving or self._driving:
+            twist = Twist()
+            twist.linear.x, twist.angular.z = linear * self._linear, angular * self._angular
+            twist.linear.y = lateral * self._linear
+            self._out.publish(twist)
+        self._driving = moving
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run the node; returns the exit code."""
+    await_master(rosgraph.get_master_uri(), rospy.logwarn)
+    rospy.init_node("teleop_keyboard", argv=argv or sys.argv)
+    if not sys.stdin.isatty():
+        rospy.logfatal("stdin is no terminal; start the node in one, not in the background")
+        return 2
+    try:
+        node = TeleopKeyboard()
+    except ConfigError as error:
+        rospy.logfatal(str(error))
+        return error.exit_code
+    rospy.loginfo(HELP)
+    with Keyboard() as keyboard:
+        node.run(keyboard)
+    return 0

@@ -1,0 +1,1 @@
+"""Values of the driver as ROS messages and topics.  Imports node."""

@@ -1,0 +1,146 @@
+"""Fills ROS messages from driver values.  Plain functions: no node, no clock, no maths of the robot.
+
+One message per topic is prepared once and filled again for each publication; those of every frame are in `packed`.
+"""
+
+import math
+from typing import List, Mapping, Sequence, Tuple
+
+from genpy import Time
+from geometry_msgs.msg import TransformStamped, Twist
+from sensor_msgs.msg import BatteryState, JointState, Range, Temperature
+from tf2_msgs.msg import TFMessage
+
+from mrl_driver.robot.models import Battery, SonarMount
+from mrl_driver.robot.sonar import FARTHEST_M, FIELD_OF_VIEW_RAD, NEAREST_M
+from ros1_bridge.node.tf_names import JOINTS, SONAR_HEIGHT_M, sonar_frame
+
+
+def new_transform(odom_frame: str, base_frame: str) -> TFMessage:
+    """One transform odom_frame to base_frame in a message for /tf."""
+    return TFMessage([_transform(odom_frame, base_frame, 0.0, 0.0, 0.0)])
+
+
+def fill_transform(message: TFMessage, stamp: Time, pose: Tuple[float, float, float]) -> None:
+    """Write a pose (x, y, yaw [m m rad]) into a prepared message."""
+    transform = message.transforms[0]
+    transform.header.stamp = stamp
+    translation, rotation = transform.transform.translation, transform.transform.rotation
+    translation.x, translation.y, yaw = pose
+    rotation.z, rotation.w = math.sin(yaw / 2), math.cos(yaw / 2)
+
+
+def new_mounts(base_frame: str, sonars: Mapping[str, SonarMount], stamp: Time) -> TFMessage:
+    """Static transforms from `base_frame` to each sonar, x along its beam."""
+    message = TFMessage()
+    for name, mount in sonars.items():
+        yaw = math.radians(mount.yaw_deg)
+        transform = _transform(base_frame, sonar_frame(base_frame, name), mount.x_m, mount.y_m, yaw)
+        transform.header.stamp = stamp
+        message.transforms.append(transform)
+    return message
+
+
+def new_range(base_frame: str, sonar: str) -> Range:
+    """Range of an ultrasonic sonar in its own frame."""
+    message = Range(radiation_type=Range.ULTRASOUND, field_of_view=FIELD_OF_VIEW_RAD)
+    message.header.frame_id = sonar_frame(base_frame, sonar)
+    message.min_range, message.max_range = NEAREST_M, FARTHEST_M
+    return message
+
+
+def fill_range(message: Range, stamp: Time, range_m: float, clear_with_max: bool = False) -> None:
+    """Write a range [m]; -inf is too near, nan invalid, +inf nothing in range (REP-117).
+
+    With `clear_with_max`, nothing in range is max_range, for costmap layers that clear only then.
+    """
+    message.header.stamp = stamp
+    message.range = message.max_range if clear_with_max and range_m == math.inf else range_m
+
+
+def new_joints(names: Sequence[str] = JOINTS) -> JointState:
+    """State of the wheels; effort is not measured."""
+    return JointState(name=list(names))
+
+
+def fill_joints(message: JointState, stamp: Time, angles: List[float], rates: List[float]) -> None:
+    """Write the wheels' angles [rad] and rates [rad/s]."""
+    message.header.stamp = stamp
+    message.position, message.velocity = angles, rates
+
+
+def new_temperature(base_frame: str) -> Temperature:
+    """Temperature of the motor board, of unknown variance."""
+    message = Temperature(temperature=math.nan)
+    message.header.frame_id = base_frame
+    return message
+
+
+def fill_temperature(message: Temperature, stamp: Time, temperature_c: float) -> None:
+    """Write a temperature [degC]."""
+    message.header.stamp = stamp
+    message.temperature = temperature_c
+
+
+def new_battery(base_frame: str, battery: Battery) -> BatteryState:
+    """State of a NiMH battery; what the board does not measure is NaN or unknown."""
+    message = BatteryState(current=math.nan, charge=math.nan, capacity=math.nan, percentage=math.nan)
+    message.header.frame_id = base_frame
+    message.voltage = math.nan
+    message.design_capacity = battery.capacity_ah
+    message.power_supply_technology = BatteryState.POWER_SUPPLY_TECHNOLOGY_NIMH
+    message.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
+    if hasattr(message, "temperature"):  # Noetic has the field, older releases of the message do not
+        message.temperature = math.nan
+    return message
+
+
+def fill_battery(message: BatteryState, stamp: Time, voltage_v: float, battery: Battery) -> None:
+    """Write a voltage [V]; the share between empty and full is a straight line, 0 to 1."""
+    message.header.stamp = stamp
+    message.voltage = voltage_v
+    message.present = voltage_v >= battery.off_v
+    share = (voltage_v - battery.empty_v) / (battery.full_v - battery.empty_v)
+    message.percentage = min(1.0, max(0.0, share))
+    dead = voltage_v < battery.empty_v
+    message.power_supply_health = (
+        BatteryState.POWER_SUPPLY_HEALTH_DEAD if dead else BatteryState.POWER_SUPPLY_HEALTH_GOOD
+    )
+
+
+def read_twist(message: Twist) -> Tuple[float, float]:
+    """Forward speed [m/s] and yaw rate [rad/s] of a command.
+
+    Raises:
+        ValueError: any of the six fields is NaN or infinite; the text names it.
+    """
+    linear, angular = message.linear, message.angular
+    if not math.isfinite(linear.x + linear.y + linear.z + angular.x + angular.y + angular.z):
+        _demand_finite(message)
+    return linear.x, angular.z
+
+
+def _demand_finite(message: Twist) -> None:
+    for part in ("linear", "angular"):
+        for axis in "xyz":
+            value = getattr(getattr(message, part), axis)
+            if not math.isfinite(value):
+                raise ValueError(f"cmd_vel {part}.{axis} is {value}, expected a finite number")
+
+
+def unused_axes(message: Twist, sideways: bool = False) -> Tuple[str, ...]:
+    """Names of the nonzero fields that a differential drive, or one that moves `sideways` as well, cannot follow."""
+    linear, angular = message.linear, message.angular
+    if not ((linear.y and not sideways) or linear.z or angular.x or angular.y):
+        return ()
+    fields = {"linear.y": linear.y, "linear.z": linear.z, "angular.x": angular.x, "angular.y": angular.y}
+    return tuple(name for name, value in fields.items() if value and not (sideways and name == "linear.y"))
+
+
+def _transform(parent: str, child: str, x_m: float, y_m: float, yaw_rad: float) -> TransformStamped:
+    transform = TransformStamped()
+    transform.header.frame_id, transform.child_frame_id = parent, child
+    translation, rotation = transform.transform.translation, transform.transform.rotation
+    translation.x, translation.y, translation.z = x_m, y_m, SONAR_HEIGHT_M
+    rotation.z, rotation.w = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
+    return transform

@@ -1,0 +1,151 @@
+"""The node's topics: one prepared message and one publisher each.  The publisher class comes from the node."""
+
+import math
+import time
+from types import SimpleNamespace
+from typing import Any, Callable, Dict, Type, Union
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from genpy import Time
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import BatteryState, JointState, Range, Temperature
+from tf2_msgs.msg import TFMessage
+
+from mrl_driver.driver import Telemetry
+from mrl_driver.robot.covariance import uncertainty_of
+from mrl_driver.robot.kinematics import Planar, kinematics_of
+from mrl_driver.robot.models import OmniDrive, RobotModel
+from mrl_driver.session.handshake import Board
+from ros1_bridge.node.parameters import Parameters
+from ros1_bridge.node.tf_names import JOINTS, OMNI_JOINTS
+
+from . import messages
+from .fast_publisher import Fast, direct_publisher
+from .serialized_odometry import PackedOdometry, PackedOmniOdometry, PackedTransform
+from .stamps import Stamps
+
+LATCHED = {"battery": BatteryState, "board_temperature": Temperature, "status": DiagnosticStatus}
+
+
+class Unpublished:
+    """Stands for a topic of a part that the node does not do."""
+
+    impl = SimpleNamespace(connections=())
+    sequence = 0
+
+    def send(self, data: bytes) -> None:
+        """Never called."""
+
+    def publish(self, message: Any) -> None:
+        """To nobody."""
+
+
+class Publishers:
+    """Topics that every board feeds; `/tf` is one of them."""
+
+    def __init__(
+        self,
+        publisher_class: Callable[..., Any],
+        lost: Type[Exception],
+        parameters: Parameters,
+        model: RobotModel,
+        clock: Callable[[], float] = time.time,
+    ) -> None:
+        """`lost` is what a connection that broke raises in rospy; `clock` tells the time of stamps [s]."""
+        odom, base = parameters.odom_frame, parameters.base_frame
+        self._class, self._lost = publisher_class, lost
+        self._model, self._parameters = model, parameters
+        self._stamps, self._stamp, self._clock = Stamps(), Time(), clock
+        self.covariance = uncertainty_of(model)
+        omni = isinstance(model.drive, OmniDrive)
+        packed = PackedOmniOdometry if omni else PackedOdometry
+        self._odometry, self._odometry_out = packed(odom, base), self._way("odom", Odometry)
+        self._transform = PackedTransform(odom, base)
+        self._transform_out = self._way("/tf", TFMessage) if parameters.publish_tf else None
+        self._joints, self._joints_out = (
+            messages.new_joints(OMNI_JOINTS if omni else JOINTS),
+            self._way("joint_states", JointState),
+        )
+        counts_a_turn = model.board["gearbox"] / 10 * model.board["encoder_counts"] / 10
+        self._rad_per_count = 2 * math.pi / counts_a_turn
+        self._rad_per_m = self._rad_per_count / model.drive.metres_per_count
+        self._kinematics = kinematics_of(model.drive)
+        self._order = (
+            (2, 0, 1) if omni else (0, 1)
+        )  # joints are right, left, rear; the motors left, rear, right
+        self._ranges = {name: messages.new_range(base, name) for name in model.sonars}
+        self._ranges_out: Dict[str, Fast] = {}
+        self._battery = messages.new_battery(base, model.battery)
+        self._temperature = messages.new_temperature(base)
+        told = parameters.has("status")
+        self._latched = {
+            name: direct_publisher(publisher_class, name, kind, latch=True) if told else Unpublished()
+            for name, kind in LATCHED.items()
+        }
+
+    def _way(self, topic: str, kind: type) -> Union[Fast, Unpublished]:
+        """A topic of the part odometry."""
+        return self._fast(topic, kind) if self._parameters.has("odometry") else Unpublished()
+
+    def _fast(self, topic: str, kind: type) -> Fast:
+        return Fast(direct_publisher(self._class, topic, kind), self._lost)
+
+    def sonars(self, now: Time) -> None:
+        """Advertise the sonars, and where they sit; for boards that have them."""
+        base, model = self._parameters.base_frame, self._model
+        self._ranges_out = {name: self._fast(f"sonar/{name}", Range) for name in model.sonars}
+        if self._parameters.publish_mounts:
+            self._mounts_out = direct_publisher(self._class, "/tf_static", TFMessage, latch=True)
+            self._mounts_out.publish(messages.new_mounts(base, model.sonars, now))
+
+    def telemetry(self, telemetry: Telemetry) -> None:
+        """Publish pose and twist, wheels, and the sonars that have a new reading."""
+        stamp_s, _, (x_m, y_m, yaw_rad), twist, _, fresh, counts, _ = telemetry
+        secs, nsecs = self._stamps.next(stamp_s, time.monotonic(), self._clock())
+        z, w = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
+        self.covariance.update(counts, z, w)
+        out = self._odometry_out
+        if out.impl.connections:
+            unknowns = self.covariance.unknowns
+            out.send(self._odometry.pack(out.sequence, secs, nsecs, x_m, y_m, z, w, unknowns, twist))
+        tf_out = self._transform_out
+        if tf_out is not None and tf_out.impl.connections:
+            tf_out.send(self._transform.pack(secs, nsecs, x_m, y_m, z, w))
+        if fresh or self._joints_out.impl.connections:
+            self._stamp.secs, self._stamp.nsecs = secs, nsecs
+            self._publish_joints(telemetry)
+            self._publish_ranges(telemetry)
+
+    def _publish_joints(self, telemetry: Telemetry) -> None:
+        if not self._joints_out.impl.connections:
+            return
+        twist, scale = telemetry.twist, self._rad_per_count
+        speeds = self._kinematics.ways(Planar(twist.linear_m_s, twist.lateral_m_s, twist.angular_rad_s))
+        messages.fill_joints(
+            self._joints,
+            self._stamp,
+            [count * scale for count in telemetry.counts],
+            [speeds[at] * self._rad_per_m for at in self._order],
+        )
+        self._joints_out.publish(self._joints)
+
+    def _publish_ranges(self, telemetry: Telemetry) -> None:
+        for name in telemetry.fresh:
+            publisher = self._ranges_out.get(name)
+            if publisher is not None and publisher.impl.connections:
+                message = self._ranges[name]
+                messages.fill_range(
+                    message, self._stamp, telemetry.ranges[name], self._parameters.clear_with_max_range
+                )
+                publisher.publish(message)
+
+    def battery(self, board: Board, now: Time) -> None:
+        """Publish battery and temperature of the motor board."""
+        messages.fill_battery(self._battery, now, board.battery_v, self._model.battery)
+        self._latched["battery"].publish(self._battery)
+        messages.fill_temperature(self._temperature, now, board.temperature_c)
+        self._latched["board_temperature"].publish(self._temperature)
+
+    def status(self, status: DiagnosticStatus) -> None:
+        """Publish what the robot does."""
+        self._latched["status"].publish(status)

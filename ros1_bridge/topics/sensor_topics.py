@@ -1,0 +1,168 @@
+"""Sensors of the table as topics, as `sensors.yaml` lists them.  No node.
+
+Topics of sensors that a board has are advertised at the start, those that may be absent when they answer first.
+"""
+
+import math
+import os
+from typing import Any, Callable, Dict, FrozenSet, NamedTuple, Tuple
+
+import yaml
+from genpy import Time
+from sensor_msgs.msg import FluidPressure, Illuminance, Imu, RelativeHumidity, Temperature
+from std_msgs.msg import Float32, Float32MultiArray, UInt16
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.protocol.table import SENSOR_BY_NAME
+from mrl_driver.session.sensor_polling import Reading, of_board
+
+from .fast_publisher import direct_publisher
+from .message_covariance import UNUSED_VARIANCE
+
+FILE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "sensors.yaml")
+Values = Tuple[float, ...]
+
+
+class Entry(NamedTuple):
+    """One topic; see the head of `sensors.yaml`."""
+
+    sensor: str
+    type: str
+    factor: float = 1.0
+    variance: float = 0.0
+    frame: str = ""
+
+
+class Kind(NamedTuple):
+    """A message class, and what writes values into a message of it."""
+
+    message: type
+    fill: Callable[[Any, Values], None]
+
+
+def fill_compass(message: Imu, values: Values) -> None:
+    """Write a bearing [deg, clockwise from north] as yaw (counter-clockwise from east, REP-103)."""
+    yaw = math.radians(90.0 - values[0])
+    message.orientation.z, message.orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
+
+
+def _set(name: str, convert: Callable[[float], Any] = float) -> Callable[[Any, Values], None]:
+    return lambda message, values: setattr(message, name, convert(values[0]))
+
+
+KINDS: Dict[str, Kind] = {
+    "std_msgs/UInt16": Kind(UInt16, _set("data", round)),
+    "std_msgs/Float32": Kind(Float32, _set("data")),
+    "std_msgs/Float32MultiArray": Kind(
+        Float32MultiArray, lambda message, values: setattr(message, "data", list(values))
+    ),
+    "sensor_msgs/Temperature": Kind(Temperature, _set("temperature")),
+    "sensor_msgs/RelativeHumidity": Kind(RelativeHumidity, _set("relative_humidity")),
+    "sensor_msgs/FluidPressure": Kind(FluidPressure, _set("fluid_pressure")),
+    "sensor_msgs/Illuminance": Kind(Illuminance, _set("illuminance")),
+    "sensor_msgs/Imu": Kind(Imu, fill_compass),
+}
+"""What a sensor can be published as."""
+
+
+class SensorTopics:
+    """Publishes readings.
+
+    Raises:
+        ConfigError: `sensors.yaml` is wrong.
+    """
+
+    def __init__(
+        self,
+        publisher_class: Callable[..., Any],
+        base_frame: str,
+        capabilities: FrozenSet[str],
+        version: int,
+        clock: Callable[[], Time],
+        path: str = FILE,
+    ) -> None:
+        self._class, self._clock = publisher_class, clock
+        known = {row.name for row in of_board(capabilities, version)}
+        self._entries = {topic: each for topic, each in load(path).items() if each.sensor in known}
+        self._messages = {topic: new_message(each, base_frame) for topic, each in self._entries.items()}
+        self._out: Dict[str, Any] = {}
+        for topic, each in self._entries.items():
+            if SENSOR_BY_NAME[each.sensor].capability:
+                self._publisher(topic)
+
+    def on_sensor(self, told: Tuple[str, Reading]) -> None:
+        """Publish a reading."""
+        name, found = told
+        for topic, entry in self._entries.items():
+            if entry.sensor == name:
+                message = self._messages[topic]
+                fill(message, entry, found.values, self._clock())
+                self._publisher(topic).publish(message)
+
+    def _publisher(self, topic: str) -> Any:
+        if topic not in self._out:
+            kind = KINDS[self._entries[topic].type].message
+            self._out[topic] = direct_publisher(self._class, topic, kind)
+        return self._out[topic]
+
+
+def new_message(entry: Entry, base_frame: str) -> Any:
+    """An empty message with frame and variance."""
+    message = KINDS[entry.type].message()
+    if hasattr(message, "header"):
+        prefix, slash, _ = base_frame.rpartition("/")
+        message.header.frame_id = f"{prefix}{slash}{entry.frame}" if entry.frame else base_frame
+    if hasattr(message, "variance"):
+        message.variance = entry.variance
+    if isinstance(message, Imu):  # a heading alone: -1 says that there are no rates and no accelerations
+        unused = UNUSED_VARIANCE
+        message.orientation_covariance = [unused, 0, 0, 0, unused, 0, 0, 0, entry.variance]
+        message.angular_velocity_covariance[0] = message.linear_acceleration_covariance[0] = -1
+    return message
+
+
+def fill(message: Any, entry: Entry, values: Values, stamp: Time) -> None:
+    """Write values, in the row's unit, and their time into a prepared message."""
+    KINDS[entry.type].fill(message, tuple(value * entry.factor for value in values))
+    if hasattr(message, "header"):
+        message.header.stamp = stamp
+
+
+def load(path: str = FILE) -> Dict[str, Entry]:
+    """Topics of a file.
+
+    Raises:
+        ConfigError: it is no such file; the text names topic, key, value and what was expected.
+    """
+    try:
+        with open(path, encoding="utf-8") as file:
+            data = yaml.safe_load(file)
+    except (OSError, yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: {' '.join(str(error).split())}, expected topics as YAML") from None
+    if not isinstance(data, dict):
+        raise ConfigError(f"{path}: file is {data!r}, expected topics with their type")
+    return {topic: _entry(path, topic, found) for topic, found in data.items()}
+
+
+def _entry(path: str, topic: Any, found: Any) -> Entry:
+    if not isinstance(found, dict):
+        raise ConfigError(f"{path}: {topic} is {found!r}, expected the keys {', '.join(Entry._fields)}")
+    for key in found:
+        if key not in Entry._fields:
+            raise ConfigError(f"{path}: {topic}.{key} is unknown, expected {', '.join(Entry._fields)}")
+    entry = Entry(**{"sensor": topic, "type": None, **found})
+    _demand(path, topic, "sensor", entry.sensor in SENSOR_BY_NAME, entry, ", ".join(SENSOR_BY_NAME))
+    _demand(path, topic, "type", entry.type in KINDS, entry, ", ".join(KINDS))
+    _demand(path, topic, "factor", _is_number(entry.factor) and entry.factor != 0, entry, "a number but 0")
+    _demand(path, topic, "variance", _is_number(entry.variance) and entry.variance >= 0, entry, "0 or more")
+    _demand(path, topic, "frame", isinstance(entry.frame, str), entry, "a frame")
+    return entry
+
+
+def _demand(path: str, topic: str, key: str, good: bool, entry: Entry, expected: str) -> None:
+    if not good:
+        raise ConfigError(f"{path}: {topic}.{key} is {getattr(entry, key)!r}, expected {expected}")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)

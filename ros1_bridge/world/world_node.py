@@ -1,0 +1,133 @@
+"""ROS node `world_node`: what a simulator with a world publishes, from the walls that the emulated sonars see.
+
+The robots are those of `mrl-sim` processes that share a world by its name.  Each has `base_pose_ground_truth` and
+`scan` in a namespace of its own name; `map` is latched.  With `~only` there is one robot, without a namespace.
+Unless `~localise` is false, /tf has the true place of each robot's odom in the map.
+"""
+
+import math
+import sys
+import time
+from typing import Any, Dict, List, Optional, Tuple
+
+import rosgraph
+import rospy
+from nav_msgs.msg import OccupancyGrid, Odometry
+from sensor_msgs.msg import LaserScan
+from tf2_msgs.msg import TFMessage
+
+from mrl_driver.errors import MrlError
+from ros1_bridge.node import parameters
+from ros1_bridge.node.master_watch import await_master
+from ros1_bridge.node.node_parameters import WORLD_NODE
+from ros1_bridge.topics import messages
+from ros1_bridge.topics.fast_publisher import direct_publisher
+from sim_arduino.hardware.laser import URG_04LX, LaserScanner
+from sim_arduino.world import grid_map, world_file
+from sim_arduino.world.shared_robots import SharedCrowd
+
+from . import world_messages
+
+
+class Robot:
+    """Topics of one robot."""
+
+    def __init__(
+        self, world: Any, name: str, space: str, prefix: str, map_frame: str, localise: bool
+    ) -> None:
+        self._name = name
+        self._odometry: Optional[Odometry] = None
+        self._place = messages.new_transform(map_frame, f"{prefix}odom")
+        self._place_out = None
+        if localise:
+            self._place_out = direct_publisher(rospy.Publisher, "/tf", TFMessage)
+            rospy.Subscriber(f"{space}odom", Odometry, self._on_odometry, queue_size=1, tcp_nodelay=True)
+        self._scanner = LaserScanner(world, seed=sum(name.encode()))
+        laser = self._scanner.laser
+        self._scan = world_messages.new_scan(
+            f"{prefix}laser", laser.first_rad, laser.step_rad, laser.rays, laser.rate_hz
+        )
+        self._truth = world_messages.new_truth(map_frame, f"{prefix}base_link")
+        self._scan_out = direct_publisher(rospy.Publisher, f"{space}scan", LaserScan)
+        self._truth_out = direct_publisher(rospy.Publisher, f"{space}base_pose_ground_truth", Odometry)
+        self._before: Tuple[float, Any] = (-1e9, (0.0, 0.0, 0.0))
+
+    def _on_odometry(self, message: Odometry) -> None:
+        self._odometry = message
+
+    def publish(self, pose: Any) -> None:
+        """Publish pose and scan of now."""
+        stamp, now_s = rospy.Time.now(), time.monotonic()
+        world_messages.fill_truth(self._truth, stamp, tuple(pose), self._before, now_s)
+        self._before = now_s, tuple(pose)
+        self._truth_out.publish(self._truth)
+        odometry = self._odometry
+        if self._place_out is not None and odometry is not None:
+            at, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
+            told = at.x, at.y, 2 * math.atan2(turn.z, turn.w)
+            messages.fill_transform(self._place, stamp, world_messages.correction(tuple(pose), told))
+            self._place_out.publish(self._place)
+        if self._scan_out.impl.has_connections():
+            ranges = self._scanner.scan(pose, without=self._name)
+            world_messages.fill_scan(
+                self._scan, stamp, ranges, self._scanner.laser.near_m, self._scanner.laser.far_m
+            )
+            self._scan_out.publish(self._scan)
+
+
+class WorldNode:
+    """One world and the robots in it."""
+
+    def __init__(self) -> None:
+        """Reads the private parameters.
+
+        Raises:
+            ConfigError: a parameter is wrong, or there is no such world.
+        """
+        given = parameters.read(WORLD_NODE, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+        self._world = world_file.load(given["world"])
+        self._world.crowd = SharedCrowd(given["world_name"])
+        self._only, self._prefix, self._localise = given["only"], given["prefix"], given["localise"]
+        self._frame = given["map_frame"]
+        self._robots: Dict[str, Robot] = {}
+        grid = grid_map.draw(self._world, given["resolution"])
+        self._map_out = direct_publisher(rospy.Publisher, "map", OccupancyGrid, latch=True)
+        self._map_out.publish(
+            world_messages.new_map(
+                self._frame,
+                rospy.Time.now(),
+                grid.cells,
+                grid.resolution_m,
+                grid.origin.x_m,
+                grid.origin.y_m,
+            )
+        )
+
+    def run(self) -> None:
+        """Until the shutdown; robots come and go meanwhile."""
+        rate = rospy.Rate(URG_04LX.rate_hz)
+        while not rospy.is_shutdown():
+            for mover in self._world.robots():
+                if self._only in ("", mover.name):
+                    self._robot(mover.name).publish(mover.pose)
+            rate.sleep()
+
+    def _robot(self, name: str) -> Robot:
+        if name not in self._robots:
+            space, prefix = ("", self._prefix) if self._only else (f"{name}/", f"{name}/")
+            self._robots[name] = Robot(self._world, name, space, prefix, self._frame, self._localise)
+        return self._robots[name]
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run the node; returns the exit code, that of the error if there was one."""
+    await_master(rosgraph.get_master_uri(), rospy.logwarn)
+    rospy.init_node("world_node", argv=argv or sys.argv)
+    try:
+        WorldNode().run()
+    except rospy.ROSInterruptException:
+        return 0
+    except MrlError as error:
+        rospy.logfatal(str(error))
+        return error.exit_code
+    return 0

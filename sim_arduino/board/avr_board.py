@@ -1,0 +1,143 @@
+"""The engine that runs the real firmware image: a simulated Uno wired to a Plant.
+
+The plant is the Python engine's own, so physics is one; the wire's timing is the chip's.
+"""
+
+from pathlib import Path
+from typing import Any, List, Optional, Sequence, Tuple, Union
+
+from mrl_driver.errors import SimulatorError
+from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder, encode_request
+from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
+from sim_arduino.avr.line import heard
+from sim_arduino.avr.machine import HOST_BAUD, AvrMachine
+
+from . import parameter_store
+
+DUST = 8
+FAN, SONAR_TRIGGER, SONAR_POWER, HEATER = 7, 12, 13, 15
+WATCHED_PINS = (FAN, SONAR_TRIGGER, SONAR_POWER, HEATER)
+BOOT_S, TELLING_S, SAVING_S = 0.3, 0.05, 0.4  # 64 bytes of EEPROM at 3.4 ms fit
+SLICE_S = 1e-3  # the longest a byte waits before a server hears of it
+
+FIRMWARE = Path(__file__).resolve().parent.parent.parent / "build" / "firmware" / "mrl_firmware.elf"
+"""The sonar build's image in a checkout, after `make firmware`."""
+
+
+def configured_eeprom(elf: Union[str, Path], robot_id: int, told: Sequence[Tuple[int, int]] = ()) -> bytes:
+    """The EEPROM of a board that was given an id, and `told` parameters (number, value), all else by default: a chip of
+    its own is told over the wire.
+
+    Raises:
+        SimulatorError: the image does not confirm that it has saved.
+    """
+    number = PARAMETER_BY_NAME["robot_id"].number
+    orders: List[Tuple[str, float, Tuple[int, ...]]] = [
+        ("write_config", TELLING_S, (number, robot_id)),
+        ("default_config", TELLING_S, ()),
+        *(("write_config", TELLING_S, each) for each in told),
+        ("save_config", SAVING_S, ()),
+    ]
+    with AvrMachine(elf) as chip:
+        chip.run(BOOT_S)
+        for name, wait_s, values in orders:
+            chip.send(encode_request(BY_NAME[name].code, *values))
+            chip.run(wait_s)
+        answer = bytes(byte.data for byte in chip.sent())
+        if Frame(BY_NAME["save_config"].code, (1,)) not in FrameDecoder(REPLIES).feed(answer):
+            raise SimulatorError(
+                f"image {elf} did not save its robot id, it answered {answer!r}; run make firmware"
+            )
+        return chip.read_eeprom()
+
+
+def _told(plant: Any, robot_id: int) -> List[Tuple[int, int]]:
+    """What a new board of a robot that the firmware does not know has to be told."""
+    model = getattr(plant, "model", None)
+    if model is None or robot_id not in model.ids:
+        return []
+    wanted, known = parameter_store.configured(robot_id, model), parameter_store.defaults(robot_id)
+    return [(number, value) for number, value in enumerate(wanted) if value != known[number]]
+
+
+class AvrEngine:
+    """A board that executes `elf`; time is simulated seconds since power-up.
+
+    Args:
+        plant: what is wired to the board: `i2c` (slaves by address), `adc_volts(channel, time_s)`,
+            `pin_changed(pin, level, time_s)` and `advance(time_s)`.
+        robot_id: the board comes configured: this id and the model's defaults are saved in its EEPROM; None
+            leaves that blank, as on a new chip.
+        bootloader: the Uno's clears the chip's reset flags before the sketch starts; False shows them.
+
+    Raises:
+        SimulatorError: no such image.  SimulatorMissing: no compiler or libsimavr.
+    """
+
+    def __init__(
+        self,
+        plant: Any,
+        elf: Union[str, Path] = FIRMWARE,
+        robot_id: Optional[int] = None,
+        bootloader: bool = True,
+        seed: int = 0,
+    ) -> None:
+        """Powers the board and wires the plant to it."""
+        self.plant = plant
+        self.machine = AvrMachine(elf, seed=seed)
+        self._host_baud: float = HOST_BAUD
+        if robot_id is not None:
+            self.machine.write_eeprom(0, configured_eeprom(elf, robot_id, _told(plant, robot_id)))
+        if bootloader:
+            self.machine.set_reset_flags(0)
+            self.machine.reset()
+        self.machine.i2c = plant.i2c
+        self.machine.adc_volts = plant.adc_volts
+        self.machine.on_pin = plant.pin_changed
+        self.machine.watch_pins(WATCHED_PINS)
+        self._dust_edges = getattr(plant, "dust_edges", lambda to_s: ())
+
+    def receive(self, data: bytes) -> None:
+        """Bytes from the host, the first of them on the wire from now on."""
+        self.machine.send(data)
+
+    def advance(self, to_s: float) -> bytes:
+        """Runs to a time [s since power-up]; returns the bytes whose stop bit has left the board until then.
+
+        Raises:
+            MachineCrashed: the program touched an address that is no memory.
+        """
+        for time_s, level in self._dust_edges(to_s):
+            self.machine.set_pin(DUST, level, self._cycle_at(max(time_s, self.machine.time_s)))
+        self.machine.run_until(self._cycle_at(to_s))
+        self.plant.advance(self.machine.time_s)
+        return heard(self.machine.sent(), self.machine.frequency_hz / self._host_baud)
+
+    def set_host_baud(self, baud: float) -> None:
+        """The host's speed, both ways; at another speed than the board's the bytes turn into others."""
+        self._host_baud = baud
+        self.machine.set_host_baud(baud)
+
+    def gap(self, to_s: float, waiting: bytes) -> None:
+        """The board did not run from the last `advance` to `to_s`; `waiting` is what the host sent meanwhile.
+
+        The chip sees a CPU that hung: timers and watchdog went on, and the receiver kept its last three bytes.
+        """
+        self.receive(waiting)
+        self.machine.stall_until(self._cycle_at(to_s))
+
+    @property
+    def next_event_s(self) -> float:
+        """When to call `advance` again if no bytes come [s]: the chip never rests."""
+        return self.machine.time_s + SLICE_S
+
+    def _cycle_at(self, time_s: float) -> int:
+        return int(round(time_s * self.machine.frequency_hz))
+
+    def reset(self) -> None:
+        """The reset button, or DTR when a host opens the port."""
+        self.machine.reset()
+
+    def close(self) -> None:
+        """Frees the simulated chip."""
+        self.machine.close()

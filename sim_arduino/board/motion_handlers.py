@@ -1,0 +1,133 @@
+"""Rows of the table that move the motors or set up their board."""
+
+from typing import TYPE_CHECKING, Tuple
+
+from mrl_driver.protocol.table import INT16_MAX
+
+from .registry import request, with_motors
+
+if TYPE_CHECKING:
+    from .python_board import PythonBoard
+
+_PER_MM_S = 95492
+"""6e5 / (2 pi): a ceiling [mm/s] by this, over full_speed [1/min] times wheel_radius [0.01 mm], is in %."""
+
+
+@request
+def calibrate(board: "PythonBoard") -> None:
+    """1."""
+    if with_motors(board):
+        board.health.turned()
+        board.motor_board.calibrate(board.now_s)
+
+
+@request
+def set_pid_gains(board: "PythonBoard", kp: int, ki: int, kd: int) -> None:
+    """2: gains that are in force already are not written to the motor board's EEPROM again."""
+    config = board.config
+    if with_motors(board) and (kp, ki, kd) != (config["kp"], config["ki"], config["kd"]):
+        config["kp"], config["ki"], config["kd"] = kp, ki, kd
+        board.motor_board.set_gains(board.now_s, kp, ki, kd)
+
+
+@request
+def set_encoder_prescaler(board: "PythonBoard", encoder: int, prescaler: int) -> None:
+    """3."""
+    if with_motors(board):
+        board.motor_board.set_prescaler(board.now_s, encoder, prescaler)
+
+
+@request
+def preset_encoder(board: "PythonBoard", encoder: int, count: int) -> None:
+    """4."""
+    if with_motors(board):
+        board.motor_board.preset_encoder(board.now_s, encoder, count)
+
+
+@request
+def move_motors_pid(board: "PythonBoard", left: int, right: int) -> None:
+    """9."""
+    if with_motors(board):
+        board.health.turned()
+        board.motor_board.move_percent(board.now_s, (left, 0, right), pid=True)
+
+
+@request
+def move_motors(board: "PythonBoard", left: int, right: int) -> None:
+    """10."""
+    if with_motors(board):
+        board.health.turned()
+        board.motor_board.move_percent(board.now_s, (left, 0, right), pid=False)
+
+
+@request
+def move_differential(board: "PythonBoard", linear: int, angular: int) -> None:
+    """11."""
+    config = board.config
+    linear, angular = _clamped(board, linear, angular, config["linear_ceiling"], config["angular_ceiling"])
+    if with_motors(board):
+        board.health.turned()
+        board.motor_board.move_differential(board.now_s, linear, angular)
+
+
+@request
+def move_omni(board: "PythonBoard", speed: int, rotation: int, direction: int) -> None:
+    """43: the ceilings hold for what the shares of full speed come to."""
+    config = board.config
+    linear, angular = config["linear_ceiling"], config["angular_ceiling"]
+    full = config["full_speed"] * config["wheel_radius"]
+    most_speed = INT16_MAX if linear == INT16_MAX else min(100, linear * _PER_MM_S // full)
+    turning = angular * config["axis_radius"] // 355 * 339  # 3 / pi
+    most_rotation = INT16_MAX if angular == INT16_MAX else min(100, turning // full)
+    speed, rotation = _clamped(board, speed, rotation, most_speed, most_rotation)
+    if with_motors(board):
+        board.health.turned()
+        board.motor_board.move_omni(board.now_s, speed, rotation, direction)
+
+
+def _clamped(
+    board: "PythonBoard", linear: int, angular: int, most_linear: int, most_angular: int
+) -> Tuple[int, int]:
+    """Beyond a ceiling both speeds shrink by the same factor, which keeps the curvature."""
+    fast, turning = _beyond(linear, most_linear), _beyond(angular, most_angular)
+    if not (fast or turning):
+        return linear, angular
+    board.health.count_clamped()
+    by_linear = not turning or (fast and abs(linear) * most_angular > abs(angular) * most_linear)
+    top, by = (most_linear, abs(linear)) if by_linear else (most_angular, abs(angular))
+    return _scaled(linear, top, by), _scaled(angular, top, by)
+
+
+def _beyond(value: int, ceiling: int) -> bool:
+    """The widest ceiling is none: -32768 is to arrive as it is."""
+    return ceiling != INT16_MAX and abs(value) > ceiling
+
+
+def _scaled(value: int, top: int, by: int) -> int:
+    """`value * top / by`, rounded towards zero."""
+    size = abs(value) * top // by
+    return size if value >= 0 else -size
+
+
+@request
+def move_to_position(board: "PythonBoard", motor: int, speed: int, position: int) -> None:
+    """12: holds with torque."""
+    if with_motors(board):
+        board.health.turned()
+        board.motor_board.move_to_position(board.now_s, motor, speed, position, hold=True)
+
+
+@request
+def stop(board: "PythonBoard") -> None:
+    """13."""
+    board.stop_motors("host")
+    if not board.motor_there():
+        board.refuse("unavailable")
+
+
+@request
+def reset_encoders(board: "PythonBoard") -> None:
+    """14."""
+    if with_motors(board):
+        for encoder in (1, 2, 3):
+            board.motor_board.preset_encoder(board.now_s, encoder, 0)

@@ -1,0 +1,62 @@
+"""What the firmware does with its motor board: finds it, sets it up, stops it, reads its counts."""
+
+from typing import Optional, Tuple
+
+from sim_arduino.hardware.omni3md import Geometry, Omni3MD
+
+from .board_status import Health
+from .parameter_store import Config
+
+
+class Motors:
+    """The motor board as one start of the sketch sees it.  Times are the board's [s].
+
+    Attributes:
+        driver: The motor board itself.
+        ever_found: It has answered since the start.
+    """
+
+    def __init__(self, driver: Omni3MD, config: Config, health: Health) -> None:
+        self.driver = driver
+        self.ever_found = False
+        self._config, self._health = config, health
+
+    def changed(self) -> bool:
+        """It has gone, or come back, since it was last looked at."""
+        return self.driver.present == self._health.has_fault("motor_board")
+
+    def there(self, now_s: float) -> bool:
+        """Whether it answers; one that has come back is stopped and set up first."""
+        there, was_gone = self.driver.present, self._health.has_fault("motor_board")
+        self._health.set_fault("motor_board", not there)
+        if there and was_gone:
+            self.driver.stop(now_s)
+            self.set_up(now_s)
+        elif not there and not was_gone:
+            self._health.stopped("motor_board")
+        self.ever_found = self.ever_found or there
+        return there
+
+    def set_up(self, now_s: float, changed: Optional[str] = None) -> None:
+        """Tells it all it has to know, or what depends on one parameter."""
+        config, driver = self._config, self.driver
+        if changed is None or changed in Geometry._fields:
+            driver.set_geometry(now_s, Geometry(*(config[name] for name in Geometry._fields)))
+        if changed in (None, "kp", "ki", "kd"):
+            driver.set_gains(now_s, config["kp"], config["ki"], config["kd"])
+        if changed in (None, "ramp_time", "ramp_gain"):
+            driver.set_ramp(now_s, config["ramp_time"], config["ramp_gain"])
+        if changed in (None, "motor_timeout"):
+            driver.set_timeout(now_s, config["motor_timeout"])
+
+    def stop(self, now_s: float, reason: str) -> None:
+        """Its own stop, at once."""
+        self._health.stopped(reason)
+        if self.there(now_s):
+            self.driver.stop(now_s)
+
+    def encoders(self, now_s: float) -> Optional[Tuple[int, int]]:
+        """Right and left count, or None without it."""
+        if not self.there(now_s):
+            return None
+        return self.driver.encoder(3, now_s), self.driver.encoder(1, now_s)

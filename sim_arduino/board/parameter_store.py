@@ -1,0 +1,111 @@
+"""The board's parameters and their EEPROM image, laid out as the firmware does.
+
+Robot id as a 4-byte float at address 0, where the firmware of 2013 keeps it; from address 16 on a layout version, all
+parameters as int16, low byte first, and their CRC-16.
+"""
+
+import functools
+import struct
+from binascii import crc_hqx
+from typing import Dict, List, Tuple
+
+from mrl_driver.protocol.table import PARAMETER_BY_NAME, PARAMETERS
+from mrl_driver.robot import models as robots
+
+ID_AT, BLOCK_AT, LAYOUT = 0, 16, 2
+EEPROM_BYTES = 1024
+EEPROM_BYTE_S, EEPROM_LOOK_S = 3.4e-3, 20.2e-3
+"""Time to write one byte, and to look at all that are kept before the answer to a save [s]."""
+_BODY = struct.Struct(f"<B{len(PARAMETERS)}h")
+_LONGEST_CM = 1250
+_FIRST_MODEL = "traxbot"
+
+
+def defaults(robot_id: int) -> List[int]:
+    """Parameters that the firmware gives a board with that id, in the table's order; one of no model gets TraxBot's."""
+    models = _packaged()
+    return configured(
+        robot_id, next((each for each in models.values() if robot_id in each.ids), models[_FIRST_MODEL])
+    )
+
+
+@functools.lru_cache(maxsize=None)
+def _packaged() -> Dict[str, robots.RobotModel]:
+    """The models that come with the package; reading them takes longer than starting a board."""
+    return {name: robots.load_packaged(name) for name in robots.packaged()}
+
+
+def configured(robot_id: int, model: robots.RobotModel) -> List[int]:
+    """Parameters of a board that was told its id and its model, in the table's order."""
+    by_name = {"robot_id": robot_id, **robots.COMMON_BOARD, **model.board}
+    return [by_name[row.name] for row in PARAMETERS]
+
+
+def first(robot_id: int, model: robots.RobotModel) -> List[int]:
+    """Parameters of a new board of a robot: its model's, if the id is one of the model's."""
+    return configured(robot_id, model) if robot_id in model.ids else defaults(robot_id)
+
+
+def image(values: List[int]) -> bytes:
+    """A fresh EEPROM that holds these parameters."""
+    blank = bytearray(b"\xff" * EEPROM_BYTES)
+    store(blank, values)
+    return bytes(blank)
+
+
+def store(eeprom: bytearray, values: List[int]) -> int:
+    """Writes the parameters; how many bytes had to change."""
+    before = bytes(eeprom)
+    body = _BODY.pack(LAYOUT, *values)
+    eeprom[ID_AT : ID_AT + 4] = struct.pack("<f", values[0])
+    block = body + struct.pack("<H", crc_hqx(body, 0xFFFF))
+    eeprom[BLOCK_AT : BLOCK_AT + len(block)] = block
+    return sum(a != b for a, b in zip(before, eeprom))
+
+
+class Config:
+    """Parameters in force, by name; `sound` is False if the EEPROM was damaged and defaults are in force."""
+
+    def __init__(self, eeprom: bytearray) -> None:
+        self._eeprom = eeprom
+        self._curve: Dict[int, int] = {}
+        self.values, good = self._block()
+        if not good:
+            self.values[0] = self._float_id()
+        self.sound = good and image(self.values)[: ID_AT + 4] == bytes(eeprom[: ID_AT + 4])
+        if not self.sound:
+            self.set_defaults()
+
+    def __getitem__(self, name: str) -> int:
+        return self.values[PARAMETER_BY_NAME[name].number]
+
+    def __setitem__(self, name: str, value: int) -> None:
+        self.values[PARAMETER_BY_NAME[name].number] = value
+        self._curve.clear()
+
+    def sonar_cm(self, count: int) -> int:
+        """The sonar curve at an ADC count [cm]."""
+        if count not in self._curve:
+            a, b, c = (self[name] / 1e4 for name in ("sonar_a", "sonar_b", "sonar_c"))
+            self._curve[count] = max(0, min(_LONGEST_CM, round(a * count**b + c)))
+        return self._curve[count]
+
+    def set_defaults(self) -> None:
+        """All parameters but the id as the model has them."""
+        self.values = defaults(self.values[0])
+        self._curve.clear()
+
+    def save(self) -> int:
+        """Writes EEPROM; how many bytes had to change."""
+        return store(self._eeprom, self.values)
+
+    def _block(self) -> Tuple[List[int], bool]:
+        body = bytes(self._eeprom[BLOCK_AT : BLOCK_AT + _BODY.size])
+        (crc,) = struct.unpack_from("<H", self._eeprom, BLOCK_AT + _BODY.size)
+        layout, *values = _BODY.unpack(body)
+        good = layout == LAYOUT and crc == crc_hqx(body, 0xFFFF)
+        return values, good and all(row.low <= value <= row.high for row, value in zip(PARAMETERS, values))
+
+    def _float_id(self) -> int:
+        (number,) = struct.unpack_from("<f", self._eeprom, ID_AT)
+        return int(number) if 1.0 <= number <= 32767.0 and number == int(number) else 0

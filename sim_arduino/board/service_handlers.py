@@ -1,0 +1,156 @@
+"""Rows of the table about the board itself: identity, health, check, watchdog, configuration, radio."""
+
+from typing import TYPE_CHECKING
+
+from mrl_driver.protocol.table import BY_NAME, CAPABILITIES, PARAMETERS, PROTOCOL_VERSION, REASONS
+
+from .parameter_store import EEPROM_BYTE_S, EEPROM_LOOK_S
+from .registry import REPLIES, Values, asks, reply, request
+
+if TYPE_CHECKING:
+    from .python_board import PythonBoard
+
+_CAPABILITY = {name: 1 << bit for bit, (name, _) in enumerate(CAPABILITIES)}
+
+asks("robot_info", "get_debug", "get_stream", "read_protocol", "read_status", "read_counters")
+
+
+@reply("robot_info")
+def _robot_info(board: "PythonBoard", _: int) -> Values:
+    if not board.motor_there():
+        return 0, 0, 0, PROTOCOL_VERSION, board.config["robot_id"]
+    motor, now = board.motor_board, board.now_s
+    tenths = round(motor.temperature_c(now) * 10.0), round(motor.battery_v(now) * 10.0)
+    return tenths[0] * 10, 172, tenths[1] * 10, PROTOCOL_VERSION, board.config["robot_id"]
+
+
+@request
+def set_debug(board: "PythonBoard", on: int) -> None:
+    """16."""
+    board.debug = bool(on)
+
+
+@reply("get_debug")
+def _debug(board: "PythonBoard", _: int) -> Values:
+    return (int(board.debug),)
+
+
+@reply("get_stream")
+def _stream(board: "PythonBoard", _: int) -> Values:
+    return (int(board.stream is not None),)
+
+
+@reply("read_protocol")
+def _protocol(board: "PythonBoard", _: int) -> Values:
+    build = "environment" if board.environment else "sonars"
+    return PROTOCOL_VERSION, sum(
+        _CAPABILITY[name] for name in ("check", "watchdog", "period", "config", "omni", "baud", build)
+    )
+
+
+@reply("read_status")
+def _status(board: "PythonBoard", _: int) -> Values:
+    uptime = int(board.now_s - board.started_s)
+    return (uptime >> 15, uptime & 0x7FFF) + board.health.read()
+
+
+@reply("read_counters")
+def _counters(board: "PythonBoard", _: int) -> Values:
+    return tuple(board.health.counters[reason.name] for reason in REASONS)
+
+
+# ---- check, watchdog, configuration
+
+
+@request
+def set_check(board: "PythonBoard", on: int) -> None:
+    """32."""
+    board.set_check(bool(on))
+    board.ask(BY_NAME["set_check"].code, on)
+
+
+@request
+def set_watchdog(board: "PythonBoard", period: int) -> None:
+    """33."""
+    board.watchdog_ms = period
+    board.ask(BY_NAME["set_watchdog"].code)
+
+
+@request
+def read_config(board: "PythonBoard", index: int) -> None:
+    """34."""
+    board.ask(BY_NAME["read_config"].code, index)
+
+
+@request
+def write_config(board: "PythonBoard", index: int, value: int) -> None:
+    """35."""
+    row = PARAMETERS[index]
+    if not row.low <= value <= row.high:
+        board.refuse("argument_range")
+        return
+    board.config[row.name] = value
+    board.health.set_fault("id_unset", board.config["robot_id"] == 0)
+    if board.motor_there():
+        board.motors.set_up(board.now_s, row.name)
+    board.ask(BY_NAME["write_config"].code, index)
+
+
+@request
+def save_config(board: "PythonBoard") -> None:
+    """36: the answer comes when the last byte is written."""
+    changed = board.config.save()
+    board.health.set_fault("eeprom", False)
+    board.ask(BY_NAME["save_config"].code, 1, after_s=EEPROM_LOOK_S + changed * EEPROM_BYTE_S)
+
+
+@request
+def default_config(board: "PythonBoard") -> None:
+    """37."""
+    board.config.set_defaults()
+    if board.motor_there():
+        board.motors.set_up(board.now_s)
+    board.ask(BY_NAME["default_config"].code, 1)
+
+
+@reply("read_config")
+def _config(board: "PythonBoard", index: int) -> Values:
+    return index, board.config.values[index]
+
+
+REPLIES[BY_NAME["write_config"].code] = _config
+
+
+@request
+def set_baud(board: "PythonBoard", rate: int) -> None:
+    """45: the change comes once the answer has left."""
+    board.ask(BY_NAME["set_baud"].code, rate)
+    board.want_baud(rate)
+
+
+@reply("set_baud")
+@reply("set_check")
+@reply("save_config")
+@reply("default_config")
+def _value(_: "PythonBoard", value: int) -> Values:
+    return (value,)
+
+
+@reply("set_watchdog")
+def _watchdog(board: "PythonBoard", _: int) -> Values:
+    return (board.watchdog_ms,)
+
+
+# ---- radio: no build of this board has one
+
+
+@request
+def send_xbee(board: "PythonBoard", *_: int) -> None:
+    """38."""
+    board.refuse("unavailable")
+
+
+@request
+def discover_xbee(board: "PythonBoard") -> None:
+    """40."""
+    board.refuse("unavailable")

@@ -1,0 +1,53 @@
+"""The board's side of the sonars: power, triggers, and wire values out of ADC counts."""
+
+import math
+from typing import Callable, List
+
+from mrl_driver.protocol.table import SONAR_INVALID, SONAR_NOTHING
+from sim_arduino.hardware.sonars import READING_S, START_S
+from sim_arduino.hardware.wiring import SONAR_POWER, SONAR_TRIGGER, Plant
+
+from .parameter_store import Config
+
+WARM_UP_S = START_S + 0.006
+ROUND_S = 0.312
+"""Time from one trigger of the chain to the next: three readings and their margin [s]."""
+SONARS = 3
+LOWEST_COUNT, NOTHING_FROM, HIGHEST_COUNT = 10, 640, 700
+"""ADC counts: below the lowest nothing is connected, above the highest the input is saturated."""
+
+
+class SonarTask:
+    """Powers the sonars at `start_s` [s] and keeps their chain firing.
+
+    Attributes:
+        next_s: When `run` has something to do [s].
+    """
+
+    def __init__(self, plant: Plant, config: Config, adc: Callable[[int], int], start_s: float) -> None:
+        self._plant, self._config, self._adc = plant, config, adc
+        self._first_s = math.inf
+        plant.pin_changed(SONAR_POWER, 0, start_s)
+        plant.pin_changed(SONAR_POWER, 1, start_s)
+        self.next_s = start_s + WARM_UP_S
+
+    def run(self, now_s: float) -> None:
+        """Triggers the chain if that is due."""
+        if self.next_s <= now_s:
+            self._plant.pin_changed(SONAR_TRIGGER, 1, now_s)
+            self._plant.pin_changed(SONAR_TRIGGER, 0, now_s)
+            self._first_s = min(self._first_s, now_s)
+            self.next_s = now_s + ROUND_S
+
+    def values(self, now_s: float) -> List[int]:
+        """Front, left, right on the wire [cm]; -1 until a sensor has made its first reading."""
+        return [
+            self._value(channel) if now_s >= self._first_s + READING_S * (channel + 1) else SONAR_INVALID
+            for channel in range(SONARS)
+        ]
+
+    def _value(self, channel: int) -> int:
+        count = self._adc(channel)
+        if not LOWEST_COUNT <= count <= HIGHEST_COUNT:
+            return SONAR_INVALID
+        return SONAR_NOTHING if count >= NOTHING_FROM else self._config.sonar_cm(count)

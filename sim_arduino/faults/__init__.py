@@ -1,0 +1,1 @@
+"""Faults of the line, of frames and of the board, injected on purpose.  Imports board and hardware."""

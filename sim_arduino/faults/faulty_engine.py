@@ -1,0 +1,203 @@
+"""Faults of link and board, injected on purpose: `FaultyEngine` wraps any engine.
+
+    engine = FaultyEngine(PythonBoard(plant), ["loss:rate=0.001", "unplug:at=5,lasts=2"], seed=1)
+
+Every fault is a row of `fault_table`, which `mrl-sim --fault` reads and its help lists.
+"""
+
+import math
+import random
+from typing import Iterable, List, Protocol, Union
+
+from sim_arduino.board.engine import Engine
+
+from .schedule import Chain, Window
+from .table import BOTH, TO_BOARD, TO_HOST, Fault, parse
+
+
+class _Timed(Protocol):
+    def next_s(self, now_s: float) -> float: ...
+
+
+class _Switch:
+    """Something that is on in any of some windows, or because it was asked for."""
+
+    def __init__(self) -> None:
+        self.windows: List[Window] = []
+        self.until_s = -math.inf
+
+    def on(self, now_s: float) -> bool:
+        return any([window.on(now_s) for window in self.windows]) or now_s < self.until_s
+
+    def next_s(self, now_s: float) -> float:
+        asked_s = self.until_s if now_s < self.until_s else math.inf
+        return min([asked_s, *(window.next_s(now_s) for window in self.windows)])
+
+    def off(self) -> None:
+        self.windows.clear()
+        self.until_s = -math.inf
+
+
+class FaultyEngine:
+    """An engine with a bad link: the same interface, and what may be asked for at will.
+
+    Args:
+        engine: The sound board.
+        faults: What is wrong from the start, as `Fault` or as text for `parse`.
+        seed: Of everything random.
+
+    Raises:
+        ConfigError: a fault cannot be read.
+    """
+
+    def __init__(self, engine: Engine, faults: Iterable[Union[Fault, str]] = (), seed: int = 0) -> None:
+        self.engine = engine
+        self.now_s = 0.0
+        self._seed, self._count = seed, 0
+        self._chains = {TO_BOARD: Chain(), TO_HOST: Chain()}
+        self._unplugged, self._frozen, self._resetting = _Switch(), _Switch(), _Switch()
+        self._was_frozen = self._was_resetting = False
+        self._waiting = b""
+        self.plugged = True
+        """Whether the host sees a port."""
+        for fault in faults:
+            self.add(fault)
+
+    # ---- faults at will
+
+    def add(self, fault: Union[Fault, str]) -> None:
+        """One more fault; its times count from the engine's start.
+
+        Raises:
+            ConfigError: it cannot be read.
+        """
+        kind, values, direction, times = parse(fault) if isinstance(fault, str) else fault
+        self._count += 1
+        if kind.make is None:
+            switches = {"unplug": self._unplugged, "freeze": self._frozen, "reset": self._resetting}
+            switches[kind.name].windows.append(Window(*times))
+            return
+        for name, chain in self._chains.items():
+            if direction in (BOTH, name):
+                rng = random.Random(f"{self._seed} {self._count} {name}")
+                chain.add(kind.make(rng, **values), Window(*times))
+
+    def inject(self, fault: Union[Fault, str]) -> None:
+        """One more fault; its times count from now.
+
+        Raises:
+            ConfigError: it cannot be read.
+        """
+        found = parse(fault) if isinstance(fault, str) else fault
+        at_s, lasts_s, every_s = found.window
+        self.add(found._replace(window=(at_s + self.now_s, lasts_s, every_s)))
+
+    def clear(self) -> None:
+        """No fault any more; what the line held back is lost."""
+        for chain in self._chains.values():
+            chain.clear()
+        for switch in (self._unplugged, self._frozen, self._resetting):
+            switch.off()
+        self._switch()
+
+    def unplug(self, seconds: float = math.inf) -> None:
+        """Pull the cable, and put it back after `seconds`."""
+        self._unplugged.until_s = self.now_s + seconds
+        self._switch()
+
+    def plug(self) -> None:
+        """Put the cable back."""
+        self._unplugged.off()
+        self._switch()
+
+    def stall(self, seconds: float) -> None:
+        """The line holds everything for `seconds`."""
+        self.add(f"stall:at={self.now_s!r},lasts={seconds}")
+
+    def freeze(self, seconds: float) -> None:
+        """The board stands still for `seconds`."""
+        self._frozen.until_s = self.now_s + seconds
+        self._switch()
+
+    # ---- the Engine interface
+
+    def receive(self, data: bytes) -> None:
+        """Bytes from the host, at the time of the last `advance`."""
+        if self.plugged:
+            self._arrive(self._chains[TO_BOARD].run(data, self.now_s))
+
+    def advance(self, to_s: float) -> bytes:
+        """Runs to `to_s` [s]; the bytes that came out at the host's end until then."""
+        out = bytearray()
+        while self._own_s() < to_s:
+            out += self._step(self._own_s())
+        return bytes(out + self._step(to_s))
+
+    @property
+    def next_event_s(self) -> float:
+        """When `advance` should be called next if no bytes come [s]."""
+        return self._own_s() if self._was_frozen else min(self._own_s(), self.engine.next_event_s)
+
+    def set_host_baud(self, baud: float) -> None:
+        """The host's speed, where the engine knows speeds."""
+        getattr(self.engine, "set_host_baud", lambda _: None)(baud)
+
+    def gap(self, to_s: float, waiting: bytes) -> None:
+        """The board did not run until `to_s`; `waiting` is what the host sent meanwhile."""
+        self.now_s = max(self.now_s, to_s)
+        waiting = self._chains[TO_BOARD].run(waiting, self.now_s) if self.plugged else b""
+        if self._was_frozen:
+            self._waiting += waiting
+        else:
+            self.engine.gap(to_s, waiting)
+
+    def reset(self) -> None:
+        """The reset button."""
+        self.engine.reset()
+
+    def close(self) -> None:
+        """Frees what the engine holds."""
+        self.engine.close()
+
+    # ---- in time
+
+    def _own_s(self) -> float:
+        """When a fault does something by itself, after now [s]."""
+        timed: List[_Timed] = [*self._chains.values(), self._unplugged, self._frozen, self._resetting]
+        return min(each.next_s(self.now_s) for each in timed)
+
+    def _step(self, to_s: float) -> bytes:
+        """Runs to `to_s`, until when nothing is switched, then switches what is due."""
+        sent = b"" if self._was_frozen else self.engine.advance(to_s)
+        self.now_s = to_s
+        out = self._chains[TO_HOST].run(sent if self.plugged else b"", to_s)
+        self._switch()
+        self._arrive(self._chains[TO_BOARD].run(b"", to_s))
+        return out
+
+    def _switch(self) -> None:
+        self._freeze(self._frozen.on(self.now_s))
+        self._plug(not self._unplugged.on(self.now_s))
+        resetting = self._resetting.on(self.now_s)
+        if resetting and not self._was_resetting:
+            self.engine.reset()
+        self._was_resetting = resetting
+
+    def _freeze(self, frozen: bool) -> None:
+        if self._was_frozen and not frozen:
+            self.engine.gap(self.now_s, self._waiting)
+            self._waiting = b""
+        self._was_frozen = frozen
+
+    def _plug(self, plugged: bool) -> None:
+        if not plugged:
+            for chain in self._chains.values():
+                chain.empty()
+        self.plugged = plugged
+
+    def _arrive(self, data: bytes) -> None:
+        """Bytes at the board's end of the line."""
+        if self._was_frozen:
+            self._waiting += data
+        elif data:
+            self.engine.receive(data)

@@ -1,0 +1,96 @@
+"""How a robot's errors and its sonars' are spelt on a command line or in a YAML file: `wheel_ratio=1.01,axle=0.98`."""
+
+import math
+from typing import Any, Dict, NamedTuple, Tuple
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.yaml_file import read_expected, short
+from sim_arduino.hardware.robot_physics import Errors
+from sim_arduino.hardware.sonars import SonarErrors
+
+
+class Key(NamedTuple):
+    """A number that may be given."""
+
+    name: str
+    default: float
+    low: float
+    high: float
+    text: str
+
+
+ROBOT_KEYS = (
+    Key("wheel_ratio", 1.0, 0.5, 2.0, "right wheel over left wheel"),
+    Key("wheel_size", 1.0, 0.5, 2.0, "both wheels over the model's"),
+    Key("axle", 1.0, 0.5, 2.0, "distance of the wheels over the model's"),
+    Key("slip", 0.0, 0.0, 0.9, "share of the yaw lost in turns"),
+    Key("load", 1.0, 0.1, 5.0, "mass over the model's"),
+    Key("control", 20.0, 10.0, 40.0, "rate of the motor board's control loop [Hz]"),
+    Key("noise", 0.0, 0.0, 0.01, "variance of a wheel's way per way [m2/m]"),
+    Key("turn_noise", 0.0, 0.0, 0.1, "variance of the yaw per angle turned [rad2/rad]"),
+)
+SONAR_KEYS = (
+    Key("noise", 0.0, 0.0, 1.0, "standard deviation [m]"),
+    Key("missed", 0.0, 0.0, 1.0, "share of readings without an echo"),
+    Key(
+        "crosstalk", 0.0, 0.0, 1.0, "share of foreign pings taken for an echo: of the chain, of other robots"
+    ),
+)
+
+
+def robot_errors(text: str) -> Errors:
+    """The errors that `key=value,...`, or a YAML file of these keys, describes.
+
+    Raises:
+        ConfigError: a key is unknown or a value out of range.
+    """
+    values = _values("--error", text, ROBOT_KEYS)
+    ratio, size = values["wheel_ratio"], values["wheel_size"]
+    left = 2.0 / (1.0 + ratio) * size
+    others = ("axle", "slip", "load", "control", "noise", "turn_noise")
+    return Errors(left, left * ratio, *(values[key] for key in others))
+
+
+def sonar_errors(text: str) -> SonarErrors:
+    """The sonars' errors that `key=value,...`, or a YAML file of these keys, describes.
+
+    Raises:
+        ConfigError: a key is unknown or a value out of range.
+    """
+    return SonarErrors(**_values("--sonar", text, SONAR_KEYS))
+
+
+def usage(keys: Tuple[Key, ...]) -> str:
+    """The keys with their defaults, one a line."""
+    return "\n".join(f"{key.name}={key.default:g}  {key.text}, {key.low:g} to {key.high:g}" for key in keys)
+
+
+def _values(what: str, text: str, keys: Tuple[Key, ...]) -> Dict[str, float]:
+    known = {key.name: key for key in keys}
+    values = {key.name: key.default for key in keys}
+    source = f"{what} {text!r}"
+    for name, value in _given(source, text).items():
+        if name not in known:
+            raise ConfigError(f"{source}: key {name!r} is unknown, expected {', '.join(known)}")
+        values[name] = _number(source, known[name], value)
+    return values
+
+
+def _given(source: str, text: str) -> Dict[str, Any]:
+    if not text.endswith((".yaml", ".yml")):
+        parts = (part.partition("=") for part in text.split(",") if part)
+        return {name.strip(): value for name, _, value in parts}
+    data = read_expected(text, "a YAML file")
+    if not isinstance(data, dict):
+        raise ConfigError(f"{source}: file is {short(data)}, expected keys and numbers")
+    return {str(name): value for name, value in data.items()}
+
+
+def _number(source: str, key: Key, value: Any) -> float:
+    try:
+        number = math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not key.low <= number <= key.high:
+        raise ConfigError(f"{source}: {key.name} is {value!r}, expected {key.low:g} to {key.high:g}")
+    return number

@@ -1,0 +1,185 @@
+"""The faults that can be injected, one row each, and their spelling on a command line: `loss:rate=0.001,burst=3`."""
+
+import math
+from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple, Union
+
+from mrl_driver.errors import ConfigError
+
+from . import datagrams, line
+from .schedule import LineFault
+
+FOREVER_S = 1e9
+TO_BOARD, TO_HOST, BOTH = "to_board", "to_host", "both"
+
+
+class Parameter(NamedTuple):
+    """One number, or text where `low` is None, that a fault takes."""
+
+    name: str
+    default: Union[float, str]
+    low: Optional[float]
+    high: float
+    unit: str
+    text: str
+
+
+class Kind(NamedTuple):
+    """One kind of fault; those of the line have a `make`, called with a generator and the parameters."""
+
+    name: str
+    text: str
+    parameters: Tuple[Parameter, ...] = ()
+    make: Optional[Callable[..., LineFault]] = None
+    at_s: float = 0.0
+    lasts_s: float = FOREVER_S
+
+
+class Fault(NamedTuple):
+    """A fault to inject."""
+
+    kind: Kind
+    values: Dict[str, Union[float, str]]
+    direction: str
+    window: Tuple[float, float, float]
+
+
+def _rate(text: str) -> Tuple[Parameter, ...]:
+    return (Parameter("rate", 0.001, 0.0, 1.0, "", text),)
+
+
+def _junk(bytes_per_s: float) -> Tuple[Parameter, ...]:
+    return (Parameter("rate", bytes_per_s, 0.1, 100000.0, "byte/s", "how many"),)
+
+
+_TEXT = "[INFO] the wheel e turned, @13e and @6,1,2e are no frames here"
+_KINDS = (
+    Kind(
+        "loss",
+        "bytes are lost",
+        (*_rate("share of bytes that begin a loss"), Parameter("burst", 1, 1, 1024, "byte", "lost in a row")),
+        line.Loss,
+    ),
+    Kind("flip", "one bit of a byte is flipped", _rate("share of bytes"), line.Flip),
+    Kind("change", "a byte turns into another", _rate("share of bytes"), line.Change),
+    Kind("swap", "a byte and the next change places", _rate("share of bytes"), line.Swap),
+    Kind("drop", "a frame is lost whole, as a datagram is", _rate("share of frames"), datagrams.Drop),
+    Kind("repeat", "a frame comes twice", _rate("share of frames"), datagrams.Repeat),
+    Kind(
+        "overtake",
+        "a frame comes after later ones",
+        (*_rate("share of frames"), Parameter("delay", 0.05, 0.0, 60.0, "s", "it is late by up to this")),
+        datagrams.Overtake,
+    ),
+    Kind(
+        "delay",
+        "bytes come late, in their order",
+        (
+            Parameter("delay", 0.0, 0.0, 60.0, "s", "of every piece"),
+            Parameter("jitter", 0.016, 0.0, 60.0, "s", "up to this much more"),
+        ),
+        line.Delay,
+    ),
+    Kind(
+        "split",
+        "bytes come in small pieces",
+        (
+            Parameter("size", 3, 1, 1024, "byte", "of a piece at most"),
+            Parameter("gap", 0.003, 0.0, 1.0, "s", "between pieces"),
+        ),
+        line.Split,
+    ),
+    Kind("stall", "the line holds everything, then lets it go at once", (), line.Hold, 1.0, 1.0),
+    Kind("junk", "random bytes among the others", _junk(20.0), line.Junk),
+    Kind("flood", "random bytes at the rate of the line", _junk(11520.0), line.Junk),
+    Kind(
+        "text",
+        "lines of text for people",
+        (
+            Parameter("period", 1.0, 0.001, 3600.0, "s", "between lines"),
+            Parameter("text", _TEXT, None, 0.0, "", "without commas"),
+        ),
+        line.Text,
+    ),
+    Kind(
+        "baud",
+        "the host's port runs at another rate",
+        (Parameter("rate", 57600, 300, 1000000, "Bd", "of the other end"),),
+        line.Baud,
+    ),
+    Kind("unplug", "the port vanishes and comes back under another name", (), None, 1.0, 1.0),
+    Kind("freeze", "the board stands still, its motor board does not", (), None, 1.0, 1.0),
+    Kind("reset", "the board is reset", (), None, 1.0, 0.01),
+)
+FAULTS: Dict[str, Kind] = {kind.name: kind for kind in _KINDS}
+_SHARED = (
+    Parameter("at", 0.0, 0.0, FOREVER_S, "s", "when it begins"),
+    Parameter("lasts", FOREVER_S, 0.001, FOREVER_S, "s", "for how long"),
+    Parameter("every", 0.0, 0.001, FOREVER_S, "s", "again after this time; absent: once"),
+)
+
+
+def usage() -> str:
+    """All faults with their parameters, one a line, as `mrl-sim --help` prints them."""
+    lines = []
+    for kind in FAULTS.values():
+        lines.append(f"{kind.name}: {kind.text}")
+        lines += [f"    {p.name}={_show(p.default)}  {p.text}{_unit(p)}" for p in kind.parameters]
+    lines.append("Each takes at, lasts and every [s], those of the line direction=both, to_board or to_host.")
+    return "\n".join(lines)
+
+
+def _unit(parameter: Parameter) -> str:
+    return f" [{parameter.unit}]" if parameter.unit else ""
+
+
+def _show(value: Union[float, str]) -> str:
+    return value if isinstance(value, str) else f"{value:g}"
+
+
+def parse(spec: str) -> Fault:
+    """The fault that `name:key=value,key=value` describes; absent keys have their defaults.
+
+    Raises:
+        ConfigError: fault or key is unknown, or a value is out of its range.
+    """
+    name, _, rest = spec.partition(":")
+    kind = FAULTS.get(name.strip())
+    if kind is None:
+        raise ConfigError(f"fault {name!r} is unknown, expected {', '.join(FAULTS)}")
+    shared = (_SHARED[0]._replace(default=kind.at_s), _SHARED[1]._replace(default=kind.lasts_s), _SHARED[2])
+    known = {p.name: p for p in (*kind.parameters, *shared)}
+    values: Dict[str, Any] = {p.name: p.default for p in known.values()}
+    direction = BOTH
+    for part in filter(None, rest.split(",")):
+        key, _, text = part.partition("=")
+        if key == "direction" and kind.make:
+            direction = _direction(spec, text)
+        elif key in known:
+            values[key] = _value(spec, known[key], text)
+        else:
+            expected = ", ".join([*known, *(["direction"] if kind.make else [])])
+            raise ConfigError(f"fault {spec!r}: key {key!r} is unknown, expected {expected}")
+    window = values.pop("at"), values.pop("lasts"), values.pop("every")
+    return Fault(kind, values, direction, window)
+
+
+def _direction(spec: str, text: str) -> str:
+    if text not in (BOTH, TO_BOARD, TO_HOST):
+        raise ConfigError(f"fault {spec!r}: direction is {text!r}, expected {BOTH}, {TO_BOARD} or {TO_HOST}")
+    return text
+
+
+def _value(spec: str, parameter: Parameter, text: str) -> Union[float, str]:
+    if parameter.low is None:
+        return text
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    whole = isinstance(parameter.default, int)
+    if not parameter.low <= value <= parameter.high or (whole and value % 1.0):
+        raise ConfigError(
+            f"fault {spec!r}: {parameter.name} is {text!r}, expected {'whole, ' if whole else ''}{parameter.low:g} to "
+            f"{parameter.high:g} {parameter.unit}".rstrip()
+        )
+    return value

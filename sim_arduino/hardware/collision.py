@@ -1,0 +1,82 @@
+"""What keeps a robot out of walls and other robots."""
+
+import math
+from typing import Callable, Optional
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.robot.models import RobotModel
+from sim_arduino.world.geometry import Footprint, Pose, distance
+from sim_arduino.world.world import World
+
+OTHERS_M_S = 1.5
+"""What others move at most [m/s]: how long a look around holds."""
+_HALVINGS = 12
+_SIZE_M = (0.01, 5.0)
+
+
+def footprint_for(model: RobotModel, text: str = "box") -> Optional[Footprint]:
+    """`box` is the model's length and width, `circle:RADIUS` one of that radius [m], `none` is no body.
+
+    Raises:
+        ConfigError: it is something else.
+    """
+    if text == "none":
+        return None
+    if text == "box":
+        return Footprint(model.body.length_m, model.body.width_m)
+    kind, _, size = text.partition(":")
+    try:
+        radius = float(size)
+    except ValueError:
+        radius = math.nan
+    if kind != "circle" or not _SIZE_M[0] <= radius <= _SIZE_M[1]:
+        raise ConfigError(
+            f"footprint is {text!r}, expected box, none or circle:RADIUS, {_SIZE_M[0]} to {_SIZE_M[1]:g} m"
+        )
+    return Footprint(2 * radius, 2 * radius, True)
+
+
+class Bumper:
+    """Tells how far a robot gets on its way.
+
+    Far from everything it keeps account of the way that is surely free, and looks at nothing.
+    """
+
+    def __init__(self, world: World, footprint: Footprint, name: str) -> None:
+        self._world, self._footprint, self._name = world, footprint, name
+        self._free_m = 0.0
+
+    def share(self, old: Pose, way_m: float, at: Callable[[float], Pose], dt: float) -> float:
+        """Share of a piece of motion that can be made, 0 to 1.
+
+        Args:
+            old: Where it begins.
+            way_m: Longest way of a wheel; the middle goes no further than twice that [m].
+            at: Where a share of it leads.
+            dt: Its duration [s].
+        """
+        self._free_m -= 2.0 * way_m + OTHERS_M_S * dt
+        if self._free_m > 0.0 or self._gets_to(old, at(1.0)):
+            return 1.0
+        if not self._gets_to(old, at(0.5**_HALVINGS)):
+            return 0.0  # leans on it already, as it mostly does
+        low, high = 0.0, 1.0
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self._gets_to(old, at(middle)) else (low, middle)
+        return low
+
+    def _gets_to(self, old: Pose, new: Pose) -> bool:
+        """Free there, or in something already and on the way out."""
+        free = self._world.clearance(new.x_m, new.y_m, self._name) - self._footprint.radius_m
+        self._free_m = max(0.0, free)
+        if free > 0.0 or not self._world.touching(new, self._footprint, self._name):
+            return True
+        if not self._world.touching(old, self._footprint, self._name):
+            return False
+        return self._depth(new) <= self._depth(old)
+
+    def _depth(self, pose: Pose) -> float:
+        """How deep it sticks in what it touches; grows as the middle comes nearer."""
+        touching = self._world.touching(pose, self._footprint, self._name)
+        return -min((distance(wall, pose.x_m, pose.y_m) for wall in touching), default=math.inf)

@@ -1,0 +1,121 @@
+"""Environment sensors as the board sees them: two I2C slaves and the values of the analog ones."""
+
+import math
+from typing import Callable, List, Tuple
+
+from mrl_driver.protocol.table import Sensor
+from sim_arduino.world.environment import Environment
+
+THERMOPILE_ADDRESS, COMPASS_ADDRESS = 0x68, 0x60
+
+
+def _byte(value: float) -> int:
+    return max(0, min(255, round(value)))
+
+
+class _Registers:
+    """An I2C slave with one-byte registers: a write sets the pointer, a read goes on from there."""
+
+    def __init__(self) -> None:
+        self.present = True
+        self._pointer = 0
+
+    def write(self, data: bytes, time_s: float) -> bool:
+        """Sets the register pointer; False without an acknowledge."""
+        if data and self.present:
+            self._pointer = data[0]
+        return self.present
+
+    def read(self, count: int, time_s: float) -> bytes:
+        """`count` registers from the pointer on; 0xFF past the last."""
+        image = self.image(time_s)
+        return image[self._pointer : self._pointer + count].ljust(count, b"\xff")
+
+    def image(self, time_s: float) -> bytes:
+        """All registers."""
+        raise NotImplementedError
+
+
+class Thermopile(_Registers):
+    """TPA81: register 0 version, 1 ambient, 2 to 9 pixels [degC]."""
+
+    def __init__(self, sensed_at: Callable[[float], Environment]) -> None:
+        super().__init__()
+        self._sensed_at = sensed_at
+
+    def image(self, time_s: float) -> bytes:
+        """All registers."""
+        around = self._sensed_at(time_s)
+        return bytes([7, _byte(around.ambient_c), *map(_byte, around.pixels_c)])
+
+
+class PlainSensor(_Registers):
+    """A sensor whose registers are what its row says, and nothing else; all of its fields have one value."""
+
+    def __init__(self, row: Sensor, sensed_at: Callable[[float], Environment]) -> None:
+        super().__init__()
+        self._row, self._sensed_at = row, sensed_at
+
+    def image(self, time_s: float) -> bytes:
+        """All registers."""
+        row, where = self._row, self._row.i2c
+        assert where is not None
+        count, image = round(self._sensed_at(time_s).others[row.name] * where.per_unit), bytes(where.register)
+        for each in row.fields:
+            bits = 8 * where.width
+            least, most = (-(1 << bits - 1), (1 << bits - 1) - 1) if each.low < 0 else (0, (1 << bits) - 1)
+            image += max(least, min(most, count)).to_bytes(where.width, "big", signed=each.low < 0)
+        return image
+
+
+_LITRES = 0.2832
+"""0.01 cubic feet, the volume that the PPD42NS's curve counts particles in [l]."""
+_LONGEST_S, _SHORTEST_S, _USUAL_S = 0.09, 0.01, 1.0
+
+
+def dust_share(pcs_l: float) -> float:
+    """Share of the time that the PPD42NS holds its output low: its curve p = 1.1 r^3 - 3.8 r^2 + 520 r backwards,
+    particles per 0.01 cubic feet at r percent; 0 to 0.4."""
+    low, high = 0.0, 40.0
+    for _ in range(40):
+        r = 0.5 * (low + high)
+        low, high = (r, high) if ((1.1 * r - 3.8) * r + 520.0) * r < pcs_l * _LITRES else (low, r)
+    return low / 100.0
+
+
+class DustPulses:
+    """Output of the PPD42NS: low pulses of 10 to 90 ms whose share of the time tells the concentration."""
+
+    def __init__(self, pcs_l_at: Callable[[float], float]) -> None:
+        self._pcs_l_at = pcs_l_at
+        self._next_s = 0.1 * _USUAL_S
+
+    def edges(self, to_s: float) -> List[Tuple[float, int]]:
+        """Times [s] and levels of the edges of all pulses that begin until `to_s`."""
+        found: List[Tuple[float, int]] = []
+        while self._next_s <= to_s:
+            begin_s, share = self._next_s, dust_share(self._pcs_l_at(self._next_s))
+            if share < 1e-6:
+                self._next_s += _USUAL_S
+                continue
+            width_s = min(_LONGEST_S, max(_SHORTEST_S, share * _USUAL_S))
+            found += [(begin_s, 0), (begin_s + width_s, 1)]
+            self._next_s += width_s / share
+        return found
+
+
+class Compass(_Registers):
+    """CMPS10: register 0 version, 1 bearing in 1/256 turn, 2-3 bearing [0.1 deg], 4 pitch, 5 roll.
+
+    Bearings run clockwise from north.
+    """
+
+    def __init__(self, yaw_at: Callable[[float], float], north_rad: float = math.pi / 2) -> None:
+        super().__init__()
+        self._yaw_at, self._north_rad = yaw_at, north_rad
+
+    def image(self, time_s: float) -> bytes:
+        """All registers."""
+        bearing = math.degrees(self._north_rad - self._yaw_at(time_s)) % 360.0
+        tenths = round(bearing * 10.0) % 3600
+        return bytes([16, int(bearing / 360.0 * 256.0) & 0xFF, tenths >> 8, tenths & 0xFF, 0, 0])

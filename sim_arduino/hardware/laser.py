@@ -1,0 +1,66 @@
+"""A laser scanner: the Hokuyo URG-04LX as the robots carried it, or another one."""
+
+import math
+from typing import Any, NamedTuple
+
+from sim_arduino.world.geometry import Pose
+from sim_arduino.world.world import World
+
+
+class Laser(NamedTuple):
+    """What a scanner is.  Angles are from its x, counter-clockwise."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    """Where it sits on the robot."""
+    first_rad: float
+    step_rad: float
+    rays: int
+    rate_hz: float
+    near_m: float
+    far_m: float
+    error_m: float
+    """Largest error up to 1 m [m]."""
+    error_share: float
+    """Largest error beyond, as a share of the distance."""
+
+
+URG_04LX = Laser(
+    0.085, 0.0, 0.045, -256 * math.tau / 1024, math.tau / 1024, 512, 10.0, 0.02, 4.095, 0.010, 0.02
+)
+"""Mount, 180 of its 240 degrees in 512 readings and 10 Hz: launch file 2013; errors and ranges: thesis (2012)."""
+
+
+class LaserScanner:
+    """Takes scans of a world, with the laser's errors drawn from `seed`.
+
+    Args:
+        exact: No errors.
+    """
+
+    def __init__(self, world: World, laser: Laser = URG_04LX, seed: int = 0, exact: bool = False) -> None:
+        import numpy as np
+
+        self.laser = laser
+        self._world, self._exact = world, exact
+        self._rng = np.random.default_rng(seed)
+
+    def scan(self, robot: Pose, without: str = "") -> Any:
+        """Ranges [m], `(rays,)`, seen from a robot's pose; +inf where nothing is in range, -inf where too near.
+
+        Args:
+            without: Name of the robot that carries the laser, which does not see itself.
+        """
+        import numpy as np
+
+        laser = self.laser
+        pose = robot.beside(laser.x_m, laser.y_m)
+        ranges = self._world.scan(
+            pose, laser.first_rad, laser.step_rad, laser.rays, laser.far_m, without=without
+        )
+        if not self._exact:
+            bound = np.where(ranges <= 1.0, laser.error_m, laser.error_share * ranges)
+            bound[~np.isfinite(ranges)] = 0.0
+            ranges = ranges + bound * np.clip(self._rng.normal(0.0, 0.5, laser.rays), -1.0, 1.0)
+        return np.where(ranges < laser.near_m, -np.inf, np.where(ranges > laser.far_m, np.inf, ranges))

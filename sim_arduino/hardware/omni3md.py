@@ -1,0 +1,274 @@
+"""The motor board (Bot'n Roll OMNI-3MD): its program as methods; its registers stand in `omni3md_i2c`.
+
+Every call says when it happens; the physics is carried to that moment first.
+"""
+
+import math
+from collections import deque
+from typing import Deque, NamedTuple, Tuple
+
+from mrl_driver.robot.models import RobotModel
+
+from .motor import Gains, Geometry
+from .omni3md_registers import I2cSlave
+from .omni_wheels import shares_for
+from .robot_physics import Robot
+
+ADDRESS = 0x18
+_PRESCALES = (1, 10, 100, 1000, 10000)
+_CALIBRATION_S = 1.0
+
+
+class MotorCommand(NamedTuple):
+    """What reached the motor board: when [s], its register, its values."""
+
+    time_s: float
+    code: int
+    values: Tuple[int, ...]
+
+
+class _Counter:
+    """A 16-bit counter behind a prescaler: whole pulses come from the motor's travel."""
+
+    def __init__(self) -> None:
+        self.count, self.pulses, self.prescale = 0, 0, 1
+
+    def read(self, travel: float) -> int:
+        return _int16(self.count + (math.floor(travel) - self.pulses) // self.prescale)
+
+    def preset(self, count: int, travel: float) -> None:
+        self.count, self.pulses = count, math.floor(travel)
+
+
+def _int16(value: int) -> int:
+    return (value + 0x8000 & 0xFFFF) - 0x8000
+
+
+def _share(percent: int) -> float:
+    return max(-100, min(100, percent)) / 100.0
+
+
+class Omni3MD:
+    """The motor board of one robot, wired to its motors.
+
+    Attributes:
+        present: False takes the board off the bus.
+        fed: True stands for a master that talks all the time, so that the I2C timeout never ends.
+        busy_nack: True refuses writes while the EEPROM is being written, as the real board may.
+        too_early: Writes that came in such a time.
+        commands: The last commands that had an effect, oldest first.
+        saved: Encoder counts in its EEPROM, with which it starts.
+        write, read: Those of an I2C slave, see `omni3md_i2c.I2cSlave`.
+    """
+
+    def __init__(self, robot: Robot, model: RobotModel) -> None:
+        self.robot = robot
+        self.present = True
+        self.fed = False
+        self.busy_nack = False
+        self.too_early = 0
+        self.commands: Deque[MotorCommand] = deque(maxlen=1000)
+        self.time_s = 0.0
+        self.timeout_s = 0.0
+        board = model.board
+        self._fitted = Geometry(*(board[name] for name in Geometry._fields))
+        self._track_m = model.drive.wheel_separation_m
+        self._m_per_count = model.drive.metres_per_count
+        self.geometry = self._fitted
+        self.counters = (_Counter(), _Counter(), _Counter())
+        self.maxima = [0, 0, 0]
+        self.saved = (0, 0, 0)
+        self._traffic_s = 0.0
+        self._calibrated_s = math.inf
+        self._busy_until_s = 0.0
+        slave = I2cSlave(self)
+        self.write, self.read = slave.write, slave.read
+
+    # ---- time
+
+    def advance(self, time_s: float) -> None:
+        """Carries the robot to `time_s` [s]; the I2C timeout and the end of a calibration happen on the way."""
+        while time_s > self.time_s:
+            quiet_s = self._traffic_s + self.timeout_s if self.timeout_s and not self.fed else math.inf
+            stop_s = min(quiet_s, self._calibrated_s)
+            piece_end = min(time_s, max(stop_s, self.time_s))
+            self.robot.step(piece_end - self.time_s)
+            self.time_s = piece_end
+            if stop_s <= piece_end:
+                self._time_is_up(quiet_s <= piece_end)
+
+    def _time_is_up(self, quiet: bool) -> None:
+        if quiet:
+            self._traffic_s = math.inf
+        if self._calibrated_s <= self.time_s:
+            self._calibrated_s = math.inf
+            self.maxima = [round(abs(m.speed) / self.robot.params.control_hz) for m in self.robot.motors]
+        for motor in self.robot.motors:
+            motor.brake()
+
+    def _note(self, time_s: float, code: int, *values: int) -> None:
+        self.touch(time_s)
+        self._calibrated_s = math.inf
+        self.commands.append(MotorCommand(time_s, code, values))
+
+    def touch(self, time_s: float) -> None:
+        """Any traffic on the bus: the timeout starts again."""
+        self.advance(time_s)
+        self._traffic_s = self.time_s
+
+    # ---- commands
+
+    def stop(self, time_s: float) -> None:
+        """Brakes all motors at once."""
+        self._note(time_s, 0xFC)
+        for motor in self.robot.motors:
+            motor.brake()
+
+    def calibrate(self, time_s: float, ways: Tuple[int, int, int] = (1, 1, 1)) -> None:
+        """Runs the motors at full duty for a second, notes their speeds [count per control period], brakes."""
+        self._note(time_s, 0xFB, *ways)
+        for motor, way in zip(self.robot.motors, ways):
+            motor.set_duty(1.0 if way else -1.0)
+        self._calibrated_s = self.time_s + _CALIBRATION_S
+
+    def move_percent(self, time_s: float, percents: Tuple[int, int, int], pid: bool) -> None:
+        """Moves the three motors: with `pid` at shares of the rated speed, else at shares of the voltage [%]."""
+        self._note(time_s, 0xF8 if pid else 0xF7, *percents)
+        for index, percent in enumerate(percents):
+            self._move_one(index, percent, pid)
+
+    def move_motor(self, time_s: float, motor: int, percent: int, pid: bool) -> None:
+        """Moves motor 1, 2 or 3 alone [%]."""
+        self._note(time_s, 0xF6 if pid else 0xF5, motor, percent)
+        if 1 <= motor <= 3:
+            self._move_one(motor - 1, percent, pid)
+
+    def _move_one(self, index: int, percent: int, pid: bool) -> None:
+        motor, share = self.robot.motors[index], _share(percent)
+        if pid:
+            motor.set_speed(share * motor.params.rated_counts_s)
+        else:
+            motor.set_duty(share)
+
+    def move_differential(self, time_s: float, linear_mm_s: int, angular_mrad_s: int) -> None:
+        """Drives: motor 1 is the left wheel, motor 3 the right one.
+
+        The board's radii are fitted values; its scale makes them give SI speeds, so other radii change the speeds.
+        """
+        self._note(time_s, 0xEB, linear_mm_s, angular_mrad_s)
+        told, fitted = self.geometry, self._fitted
+        half_axle_m = 0.5 * self._track_m * told.axis_radius / fitted.axis_radius
+        counts_per_m = (
+            fitted.wheel_radius
+            / told.wheel_radius
+            * told.gearbox
+            * told.encoder_counts
+            / (fitted.gearbox * fitted.encoder_counts)
+            / self._m_per_count
+        )
+        linear, turning = linear_mm_s / 1000.0, angular_mrad_s / 1000.0 * half_axle_m
+        left, _, right = self.robot.motors
+        left.set_speed((linear - turning) * counts_per_m)
+        right.set_speed((linear + turning) * counts_per_m)
+
+    def move_omni(self, time_s: float, speed: int, rotation: int, direction: int) -> None:
+        """Moves a robot with three wheels: speed and rotation -100 to 100 [%], direction 0 to 360 [deg]
+        counter-clockwise from forward."""
+        self._note(time_s, 0xFA, speed, rotation, direction)
+        shares = shares_for(_share(speed), _share(rotation), math.radians(direction))
+        for motor, share in zip(self.robot.motors, shares):
+            motor.set_speed(share * motor.params.rated_counts_s)
+
+    def move_to_position(self, time_s: float, motor: int, percent: int, position: int, hold: bool) -> None:
+        """Turns motor 1, 2 or 3 until its counter shows `position`, at most so fast [%], and holds it or not."""
+        self._note(time_s, 0xEE, motor, percent, position, int(hold))
+        if 1 <= motor <= 3:
+            moved, counter = self.robot.motors[motor - 1], self.counters[motor - 1]
+            pulses = (position - counter.read(moved.travel)) * counter.prescale
+            share = min(100, abs(percent)) / 100.0
+            moved.go_to(math.floor(moved.travel) + pulses + 0.5, share * moved.params.rated_counts_s, hold)
+
+    def set_gains(self, time_s: float, kp: int, ki: int, kd: int) -> None:
+        """Gains of the speed control; 15 ms of EEPROM."""
+        self._note(time_s, 0xF4, kp, ki, kd)
+        gains = self.robot.gains
+        self.robot.gains = Gains(kp, ki, kd, gains.ramp_ms, gains.ramp_gain)
+        self._busy(0.015)
+
+    def set_ramp(self, time_s: float, time_ms: int, gain: int) -> None:
+        """Ramp from standstill to rated speed [ms] and its take-off; 10 ms of EEPROM."""
+        self._note(time_s, 0xEC, time_ms, gain)
+        gains = self.robot.gains
+        self.robot.gains = Gains(gains.kp, gains.ki, gains.kd, time_ms, gain)
+        self._busy(0.010)
+
+    def set_timeout(self, time_s: float, tenths: int) -> None:
+        """The motors stop after so long without traffic [100 ms]; 0 is never; 5 ms of EEPROM."""
+        self._note(time_s, 0xF1, tenths)
+        self.timeout_s = tenths / 10.0
+        self._busy(0.005)
+
+    def set_geometry(self, time_s: float, geometry: Geometry) -> None:
+        """Differential geometry; 20 ms of EEPROM."""
+        self._note(time_s, 0xEA, *geometry)
+        if all(geometry):
+            self.geometry = geometry
+        self._busy(0.020)
+
+    def set_prescaler(self, time_s: float, encoder: int, value: int) -> None:
+        """Pulses per count as a power of ten; the count stays; 10 ms of EEPROM."""
+        self._note(time_s, 0xF0, encoder, value)
+        if 1 <= encoder <= 3 and 0 <= value < len(_PRESCALES):
+            counter, travel = self.counters[encoder - 1], self.robot.motors[encoder - 1].travel
+            counter.preset(counter.read(travel), travel)
+            counter.prescale = _PRESCALES[value]
+        self._busy(0.010)
+
+    def preset_encoder(self, time_s: float, encoder: int, count: int) -> None:
+        """Sets the counter of encoder 1, 2 or 3."""
+        self._note(time_s, 0xEF, encoder, count)
+        if 1 <= encoder <= 3:
+            self.counters[encoder - 1].preset(count, self.robot.motors[encoder - 1].travel)
+
+    def save_positions(self, time_s: float) -> None:
+        """Puts the counts into the EEPROM; 10 ms, as for the ramp's four bytes."""
+        self._note(time_s, 0xED)
+        self.saved = self.counts()
+        self._busy(0.010)
+
+    def power_cycle(self, time_s: float) -> None:
+        """Motor power off and on: the motors stop, the counts are those saved last."""
+        self.advance(time_s)
+        for motor, counter, count in zip(self.robot.motors, self.counters, self.saved):
+            motor.brake()
+            counter.preset(count, motor.travel)
+        self._calibrated_s = self._traffic_s = math.inf
+
+    def _busy(self, duration_s: float) -> None:
+        self._busy_until_s = self.time_s + duration_s
+
+    # ---- readings
+
+    def is_busy(self, time_s: float) -> bool:
+        """Whether it is writing its EEPROM."""
+        return time_s < self._busy_until_s
+
+    def encoder(self, number: int, time_s: float) -> int:
+        """Count of encoder 1, 2 or 3 (int16)."""
+        self.touch(time_s)
+        return self.counts()[number - 1]
+
+    def counts(self) -> Tuple[int, int, int]:
+        """Counts of the three encoders (int16) at the time of the last call."""
+        left, rear, right = (c.read(m.travel) for c, m in zip(self.counters, self.robot.motors))
+        return left, rear, right
+
+    def battery_v(self, time_s: float) -> float:
+        """Battery voltage [V]."""
+        self.touch(time_s)
+        return self.robot.state.battery_v
+
+    def temperature_c(self, time_s: float) -> float:
+        """Temperature of the board [degC]."""
+        self.touch(time_s)
+        return self.robot.state.temperature_c

@@ -1,0 +1,172 @@
+"""Three MB1300 sonars on a chain: power, trigger, turn, echo, volts.
+
+Dead zone, range, cone and 100 ms a reading: data sheet and thesis (2012).  The volts are the inverse of the thesis's
+calibration, so that its curve applied to the ADC count gives the true distance.
+"""
+
+import math
+import random
+from typing import Callable, Dict, List, NamedTuple, Sequence
+
+from mrl_driver.robot.models import SonarMount
+from sim_arduino.world.geometry import Pose
+from sim_arduino.world.world import World
+
+_ORDER = ("front", "left", "right")
+READING_S = 0.1
+START_S = 0.25
+"""Power on to the first possible reading [s]."""
+SOUND_M_S = 343.0
+HALF_CONE_RAD = math.radians(18.0)
+DEAD_ZONE_M, RANGE_M = 0.15, 6.45
+FULL_COUNT = 645
+"""ADC count of a sensor that sees nothing."""
+_A, _B, _C = 1.1767, 0.94657, -0.3759
+VOLTS_PER_COUNT = 5.0 / 1024.0
+
+
+def count_of(range_m: float) -> int:
+    """ADC count with which a sonar reports a distance [m]."""
+    centimetres = 100.0 * max(DEAD_ZONE_M, min(RANGE_M, range_m))
+    return min(FULL_COUNT, round(((centimetres - _C) / _A) ** (1.0 / _B)))
+
+
+class SonarErrors(NamedTuple):
+    """What is wrong with readings; nothing by default."""
+
+    noise: float = 0.0
+    """Standard deviation [m]."""
+    missed: float = 0.0
+    """Share of readings whose echo goes astray, so that nothing seems to be in range."""
+    crosstalk: float = 0.0
+    """Share of foreign pings that are taken for an echo if they come first: echoes of the sensor before in the chain,
+    and what sonars of other robots send straight into this one, which fire whenever they like."""
+
+
+FLAWLESS = SonarErrors()
+
+
+class SonarChain:
+    """The sensors in their firing order: a trigger makes each fire once, one every 100 ms; while it is held high, round
+    follows round.
+
+    Args:
+        pose_at: The robot's pose at a time [s]; each echo is taken where the robot is when the sensor fires.
+        name: The robot's name in the world; it does not hear itself.
+    """
+
+    def __init__(
+        self,
+        mounts: Dict[str, SonarMount],
+        world: World,
+        pose_at: Callable[[float], Pose],
+        name: str = "",
+        errors: SonarErrors = FLAWLESS,
+        seed: int = 0,
+    ) -> None:
+        order = sorted(mounts, key=lambda name: _ORDER.index(name) if name in _ORDER else len(_ORDER))
+        self._mounts: Sequence[SonarMount] = [mounts[name] for name in order]
+        self._world = world
+        self._pose_at = pose_at
+        self._powered_s = math.inf
+        self._turn_s = math.inf
+        self._turn = 0
+        self._held = False
+        self._measured = 0
+        self._counts: List[int] = [0] * len(self._mounts)
+        self._name, self._errors = name, errors
+        self._rng = random.Random(f"sonars {seed}")
+        self._before_m = math.inf
+
+    def power(self, on: bool, time_s: float) -> None:
+        """Pin D13: without power all outputs are 0 V."""
+        self.advance(time_s)
+        if on and self._powered_s == math.inf:
+            self._powered_s = time_s
+            self._begin(time_s)
+        if not on:
+            self._powered_s = self._turn_s = math.inf
+            self._counts = [0] * len(self._mounts)
+
+    def trigger(self, time_s: float) -> None:
+        """A pulse on pin D12: starts a round, unless one runs or the sensors are not up yet."""
+        self.hold(True, time_s)
+        self.hold(False, time_s)
+
+    def hold(self, high: bool, time_s: float) -> None:
+        """Level of pin D12: while it is high, a round starts as soon as the sensors are up and no other one runs."""
+        self.advance(time_s)
+        self._held = high
+        self._begin(time_s)
+        if not high and self._turn == 0 and self._turn_s > time_s:
+            self._turn_s = math.inf
+
+    def _begin(self, time_s: float) -> None:
+        if self._held and self._turn_s == math.inf and self._mounts:
+            self._turn_s, self._turn = max(time_s, self._powered_s + START_S), 0
+
+    @property
+    def next_s(self) -> float:
+        """Time of the next event in the chain [s]."""
+        return self._turn_s
+
+    def advance(self, time_s: float) -> None:
+        """Lets the sensors fire until `time_s` [s]."""
+        while self._turn_s <= time_s:
+            if self._turn:
+                self._counts[self._turn - 1] = self._measured
+            if self._turn == len(self._mounts):
+                self._turn = 0
+                if not self._held:
+                    self._turn_s = math.inf
+                    return
+            self._measured = self._fire(self._mounts[self._turn], self._turn_s)
+            self._turn += 1
+            self._turn_s += READING_S
+
+    def volts(self, channel: int, time_s: float) -> float:
+        """Voltage of a sensor's output [V]: its last finished reading, 0 without power."""
+        self.advance(time_s)
+        count = self._counts[channel] if channel < len(self._counts) else 0
+        return (count + 0.5) * VOLTS_PER_COUNT if count else 0.0
+
+    def _fire(self, mount: SonarMount, time_s: float) -> int:
+        pose = _mounted(self._pose_at(time_s), mount)
+        range_m = self._world.nearest(pose, HALF_CONE_RAD, RANGE_M, self._name)
+        return count_of(self._spoilt(range_m, pose) if any(self._errors) else range_m)
+
+    def _spoilt(self, range_m: float, pose: Pose) -> float:
+        """A reading with the sensor's errors."""
+        missed, confused, noise = self._rng.random(), self._rng.random(), self._rng.gauss(0.0, 1.0)
+        heard = min(range_m, self._before_m) if confused < self._errors.crosstalk else range_m
+        self._before_m = range_m
+        if self._errors.crosstalk:
+            heard = min([heard, *self._strangers(pose)])
+        return math.inf if missed < self._errors.missed else heard + self._errors.noise * noise
+
+    def _strangers(self, pose: Pose) -> List[float]:
+        """Distances that pings of other robots pretend.  Those carry the same sonars; where their chains are in their
+        rounds is left to chance."""
+        found = []
+        for mover in self._world.robots(self._name):
+            for mount in self._mounts:
+                sender = _mounted(mover.pose, mount)
+                if not (_in_cone(pose, sender) and _in_cone(sender, pose)):
+                    continue
+                if not self._world.sees(pose.x_m, pose.y_m, sender.x_m, sender.y_m):
+                    continue
+                arrives_s = self._rng.uniform(0.0, READING_S * len(self._mounts))
+                if self._rng.random() < self._errors.crosstalk:
+                    found.append(0.5 * SOUND_M_S * arrives_s)
+        return [range_m for range_m in found if range_m < RANGE_M]
+
+
+def _mounted(robot: Pose, mount: SonarMount) -> Pose:
+    return robot.beside(mount.x_m, mount.y_m, math.radians(mount.yaw_deg))
+
+
+def _in_cone(sonar: Pose, other: Pose) -> bool:
+    """Whether a sonar's cone reaches another one."""
+    dx, dy = other.x_m - sonar.x_m, other.y_m - sonar.y_m
+    off = math.remainder(math.atan2(dy, dx) - sonar.yaw_rad, math.tau)
+    return abs(off) <= HALF_CONE_RAD and math.hypot(dx, dy) <= RANGE_M

@@ -1,0 +1,150 @@
+"""What is wired to a board: motor board, sonars, environment sensors, pins.  Every engine runs on one of these."""
+
+import dataclasses
+import math
+from typing import Any, Dict, List, Optional, Tuple
+
+from mrl_driver.robot.models import RobotModel
+from sim_arduino.world.environment import OTHERS, Environment
+from sim_arduino.world.geometry import Pose
+from sim_arduino.world.world import World
+from sim_arduino.world.world_file import load
+
+from .collision import Bumper, footprint_for
+from .environment_sensors import (
+    COMPASS_ADDRESS,
+    THERMOPILE_ADDRESS,
+    Compass,
+    DustPulses,
+    PlainSensor,
+    Thermopile,
+)
+from .omni3md import ADDRESS, Omni3MD
+from .robot_physics import AS_MODELLED, Errors, Robot, params_for
+from .sonars import FLAWLESS, VOLTS_PER_COUNT, SonarChain, SonarErrors
+
+SONAR_TRIGGER, SONAR_POWER = 12, 13
+TRACK_SLIP = 0.1
+"""Share of the yaw that a TraxBot's tracks lose in a turn when slip is on; wheels lose none."""
+
+
+class Plant:
+    """One robot in a world.  Times are seconds since the plant's start and never run backwards.
+
+    Args:
+        pose: Start, x y [m] and yaw [rad]; the world's own if absent.
+        slip: Tracks lose a share of each turn.
+        sonars: False for the environment-sensor build, whose A0 and A2 carry other sensors.
+        errors: How this robot differs from its model.
+        sonar_errors: Noise and the like of the sonars, drawn from `seed`, as is the noise of the wheels.
+        footprint: What of it bumps into things, see `bumper.footprint_for`.
+        omni: Three wheels across instead of two side by side.
+        name: In the world, among other robots.
+
+    Attributes:
+        motor_board: The OMNI-3MD, as methods and as I2C slave.
+        i2c: All I2C slaves by 7-bit address.
+        environment: What there is to sense far from the world's sources; may be changed at any time.
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        world: Optional[World] = None,
+        pose: Optional[Tuple[float, ...]] = None,
+        slip: bool = False,
+        battery_v: Optional[float] = None,
+        sonars: bool = True,
+        errors: Errors = AS_MODELLED,
+        sonar_errors: SonarErrors = FLAWLESS,
+        seed: int = 0,
+        footprint: str = "box",
+        omni: bool = False,
+        name: str = "robot",
+    ) -> None:
+        self.model = model
+        self.world = load() if world is None else world
+        self.name = name
+        if slip and model.body.tracks and not errors.turn_slip:
+            errors = errors._replace(turn_slip=TRACK_SLIP)
+        start = self.world.start_of(name) if pose is None else Pose(*pose)
+        self.robot = Robot(params_for(model, errors, omni), start, seed)
+        self.footprint = footprint_for(model, footprint)
+        if self.footprint:
+            self.robot.way = Bumper(self.world, self.footprint, name).share
+        if battery_v is not None:
+            self.robot.set_battery(battery_v)
+        self.motor_board = Omni3MD(self.robot, model)
+        self.environment = dataclasses.replace(self.world.scene.ambient)
+        self.sonars_fitted = sonars
+        self.sonars = SonarChain(
+            model.sonars if sonars else {}, self.world, self._pose_at, name, sonar_errors, seed
+        )
+        self.i2c: Dict[int, Any] = {
+            ADDRESS: self.motor_board,
+            THERMOPILE_ADDRESS: Thermopile(self.sensed),
+            COMPASS_ADDRESS: Compass(
+                lambda time_s: self._pose_at(time_s).yaw_rad, self.world.scene.north_rad
+            ),
+        }
+        self.i2c.update({row.i2c.address: PlainSensor(row, self.sensed) for row in OTHERS if row.i2c})
+        self._dust = DustPulses(lambda time_s: self._sensed_now().dust_pcs_l)
+        self._shown: Optional[Pose] = None
+        self._show()
+
+    def advance(self, time_s: float) -> None:
+        """Carries everything to `time_s` [s]."""
+        while self.sonars.next_s <= time_s:
+            self.sonars.advance(self.sonars.next_s)
+        self.motor_board.advance(time_s)
+        self._show()
+
+    def _show(self) -> None:
+        """Lets the other robots of the world see this one."""
+        pose = self._pose()
+        if self.footprint and pose != self._shown:
+            self._shown = pose
+            self.world.place(self.name, pose, self.footprint)
+
+    def _pose(self) -> Pose:
+        state = self.robot.state
+        return Pose(state.x_m, state.y_m, state.yaw_rad)
+
+    @property
+    def true_pose(self) -> Pose:
+        """Where the robot is at the time of the last `advance`: metres, and radians in -pi..pi."""
+        state = self.robot.state
+        return Pose(state.x_m, state.y_m, math.remainder(state.yaw_rad, math.tau))
+
+    def sensed(self, time_s: float) -> Environment:
+        """What the environment sensors sense where the robot is."""
+        self._pose_at(time_s)
+        return self._sensed_now()
+
+    def _sensed_now(self) -> Environment:
+        return self.world.scene.sensed(self.environment, self._pose(), self.world.sees)
+
+    def dust_edges(self, to_s: float) -> List[Tuple[float, int]]:
+        """Edges at D8 of the dust pulses that begin until `to_s`, in the air of now: times [s] and levels."""
+        return [] if self.sonars_fitted else self._dust.edges(to_s)
+
+    def adc_volts(self, channel: int, time_s: float) -> float:
+        """Voltage at A0 to A3 [V]: sonars in firing order, or alcohol on A0 and light on A2."""
+        self.advance(time_s)
+        if self.sonars_fitted:
+            return self.sonars.volts(channel, time_s)
+        sensed = self.sensed(time_s)
+        counts = {0: sensed.alcohol_count, 2: sensed.light_count}
+        return (counts.get(channel, 0) + 0.5) * VOLTS_PER_COUNT
+
+    def pin_changed(self, pin: int, level: int, time_s: float) -> None:
+        """The board drives a pin (Arduino number)."""
+        self.advance(time_s)
+        if pin == SONAR_POWER:
+            self.sonars.power(bool(level), time_s)
+        elif pin == SONAR_TRIGGER:
+            self.sonars.hold(bool(level), time_s)
+
+    def _pose_at(self, time_s: float) -> Pose:
+        self.motor_board.advance(time_s)
+        return self._pose()

@@ -1,0 +1,107 @@
+"""Mirrors of real robots: each stands in a shared world where its odometry says, and emulated robots meet it there.
+
+    mrl monitor --robot lab3 --json | mrl mirror --world-name lab1 --name lab3 --pose 1,0,90
+
+reads JSON lines `{"x_m": 0.1, "y_m": 0.0, "yaw_rad": 0.0}` from stdin, or such an object under the key `pose`, so that
+they may come from anywhere over any pipe.
+"""
+
+import json
+import math
+import sys
+from typing import Iterable, Tuple
+
+import click
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.robot import models
+from sim_arduino.hardware.collision import footprint_for
+from sim_arduino.serve.one_line import OneLine
+from sim_arduino.world.geometry import ORIGIN, Footprint, Pose
+from sim_arduino.world.shared_robots import SharedCrowd
+
+
+class Mirror:
+    """A real robot's place in a shared world; a context manager that takes it out again.
+
+    Args:
+        origin: Where in the world its odometry began.
+
+    Raises:
+        ConfigError: a name is none, or taken.
+    """
+
+    def __init__(self, world_name: str, name: str, footprint: Footprint, origin: Pose = ORIGIN) -> None:
+        self._crowd = SharedCrowd(world_name)
+        self._name, self._footprint, self._origin = name, footprint, origin
+        self.moved(0.0, 0.0, 0.0)
+
+    def moved(self, x_m: float, y_m: float, yaw_rad: float) -> Pose:
+        """Takes the robot's pose by its odometry; returns where it stands in the world."""
+        pose = self._origin.beside(x_m, y_m, yaw_rad)
+        self._crowd.place(self._name, pose, self._footprint)
+        return pose
+
+    def close(self) -> None:
+        """Takes it out of the world."""
+        self._crowd.close()
+
+    def __enter__(self) -> "Mirror":
+        """The mirror itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Takes it out of the world."""
+        self.close()
+
+
+def follow(mirror: Mirror, lines: Iterable[str]) -> None:
+    """Moves a mirror as JSON lines come.
+
+    Raises:
+        ConfigError: a line is no pose; it is named by its number.
+    """
+    for number, line in enumerate(lines, 1):
+        if line.strip():
+            mirror.moved(*_pose(number, line))
+
+
+def _pose(number: int, line: str) -> Tuple[float, float, float]:
+    from sim_arduino.world.world_file import FAR_M
+
+    try:
+        row = json.loads(line)
+        pose = row.get("pose", row)
+        x, y, yaw = (float(pose[key]) for key in Pose._fields)
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        x = y = yaw = math.nan
+    if not (abs(x) <= FAR_M and abs(y) <= FAR_M and abs(yaw) <= 1e6):
+        raise ConfigError(
+            f"line {number} is {line.strip()[:80]!r}, expected JSON with {', '.join(Pose._fields)} "
+            f"within {FAR_M:g} m"
+        )
+    return x, y, yaw
+
+
+@click.command("mirror", cls=OneLine, short_help="Show a real robot to the emulated ones.")
+@click.option("--world-name", required=True, metavar="NAME", help="The shared world.")
+@click.option("--name", required=True, help="The robot's name there.")
+@click.option("--robot", default="traxbot", metavar="NAME|FILE", show_default=True, help="Robot model.")
+@click.option("--pose", metavar="X,Y,YAW", help="Where its odometry began, metres and degrees.")
+def main(world_name: str, name: str, robot: str, pose: str) -> None:
+    """Show a real robot to the emulated ones: its poses come as JSON lines on stdin.
+
+    \b
+    Example:
+      mrl monitor --robot lab3 --json | mrl mirror --world-name lab1 --name lab3 --pose 1,0,90
+    """
+    from sim_arduino.world.world_file import parse_pose
+
+    footprint = footprint_for(models.load(robot))
+    assert footprint
+    with Mirror(world_name, name, footprint, parse_pose(pose, ORIGIN)) as mirror:
+        follow(mirror, sys.stdin)
+
+
+if __name__ == "__main__":
+    main()

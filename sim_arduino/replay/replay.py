@@ -1,0 +1,103 @@
+"""`mrl replay`: a recording as figures, or as a board on a virtual serial port."""
+
+import json
+import math
+import signal
+import sys
+from typing import Any, Dict, Optional
+
+import click
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.recording.recording import Recording
+from mrl_driver.robot import models
+
+
+@click.command(short_help="Say what a recording holds, or play it again.")
+@click.argument("file")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@click.option(
+    "--robot", default="auto", show_default=True, help="Robot model: auto, a name, or a .yaml file."
+)
+@click.option("--pty", is_flag=True, help="Serve the board's side on a virtual serial port instead.")
+@click.option("--speed", type=float, help="With --pty: times as fast as recorded; 0 is as fast as it goes.")
+@click.option("--link", metavar="NAME", help="With --pty: symbolic link to the port, removed at the end.")
+def main(
+    file: str, as_json: bool, robot: str, pty: bool, speed: Optional[float], link: Optional[str]
+) -> None:
+    """Say what a recording holds, or play it on a virtual serial port.
+
+    With --pty it prints the port's path.  Each program that opens the port gets the recording from its start: answers
+    when it asks, or after 1 s if it only listens, the rest in its time.  Ends when one has got all of it.
+
+    Example: mrl replay drive.mrl --pty --speed 4
+    """
+    recording = Recording(file)
+    if not pty:
+        if speed is not None or link is not None:
+            raise ConfigError("--speed or --link is given without --pty, expected both or none")
+        from mrl_driver.recording.summary import summarise
+
+        show(summarise(recording, None if robot == "auto" else models.load(robot)), as_json)
+        return
+    if as_json:
+        raise ConfigError("--json is given with --pty, expected one of them")
+    serve(recording, _demand_speed(1.0 if speed is None else speed), link)
+
+
+def _demand_speed(speed: float) -> float:
+    if not 0 <= speed <= 1e6:
+        raise ConfigError(f"--speed is {speed}, expected 0 to 1e6")
+    return speed or math.inf
+
+
+def show(figures: Dict[str, Any], as_json: bool) -> None:
+    """Print the figures of `summarise`, for people or for programs."""
+    if as_json:
+        click.echo(json.dumps(figures))
+        return
+    for key, value in figures.items():
+        if key != "skipped":
+            click.echo(f"{key.replace('_', ' '):>20}  {_human(value)}")
+    for number, reason in figures["skipped"].items():
+        click.echo(f"{figures['file']}:{number}: skipped: {reason}")
+
+
+def _human(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {_human(each)}" for name, each in value.items()) or "none"
+    return f"{value:.3f}" if isinstance(value, float) else "unknown" if value is None else str(value)
+
+
+def serve(recording: Recording, speed: float, link: Optional[str] = None) -> None:
+    """Plays what came from the board on a pty, from its start for each program that opens it, until one got all.
+
+    Raises:
+        ConfigError: the link cannot be made.
+    """
+    from sim_arduino.serve.pty import Link, PtyPort
+
+    from .playback import play
+
+    port = PtyPort()
+    name = Link(link, port.path) if link else None
+    signal.signal(signal.SIGTERM, _end)
+    try:
+        click.echo(port.path)
+        sys.stdout.flush()
+        play(recording, port, speed, _tell)
+        _tell(f"{recording.path} is over")
+    except KeyboardInterrupt:
+        return
+    finally:
+        if name:
+            name.remove()
+        port.close()
+
+
+def _tell(text: str) -> None:
+    click.echo(f"mrl: {text}", err=True)
+
+
+def _end(*_: Any) -> None:
+    raise KeyboardInterrupt

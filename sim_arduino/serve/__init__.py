@@ -1,0 +1,1 @@
+"""Boards on a pty or a socket in real time; the command `mrl-sim`."""

@@ -1,0 +1,107 @@
+"""Faults of a running emulator: orders as lines of text, and the cable that they pull."""
+
+import os
+import select
+from typing import Callable, Dict, List, Optional, Tuple
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.yaml_file import short
+from sim_arduino.faults.faulty_engine import FaultyEngine
+
+from .pty import Port
+
+_LONGEST_LINE = 4096
+
+ORDERS: Tuple[Tuple[str, str], ...] = (
+    ("unplug [SECONDS]", "pull the cable, for a while or until it is plugged in"),
+    ("plug", "put it back; the port has another name then"),
+    ("reset", "the reset button"),
+    ("stall SECONDS", "the line holds everything"),
+    ("freeze SECONDS", "the board stands still"),
+    ("fault FAULT", "one more, spelt as with --fault; its times count from now"),
+    ("clear", "no fault any more"),
+)
+"""What `Control` understands, with one sentence each."""
+
+
+def obey(faults: FaultyEngine, order: str) -> None:
+    """Carries out an order.
+
+    Raises:
+        ConfigError: it is none.
+    """
+    word, _, rest = order.strip().partition(" ")
+    simple: Dict[str, Callable[[], None]] = {
+        "plug": faults.plug,
+        "reset": faults.reset,
+        "clear": faults.clear,
+    }
+    timed: Dict[str, Callable[[float], None]] = {"stall": faults.stall, "freeze": faults.freeze}
+    if word in simple and not rest:
+        simple[word]()
+    elif word in timed:
+        timed[word](_seconds(order, rest))
+    elif word == "unplug":
+        faults.unplug(_seconds(order, rest or "1e9"))
+    elif word == "fault":
+        faults.inject(rest.strip())
+    else:
+        expected = ", ".join(usage for usage, _ in ORDERS)
+        raise ConfigError(f"order {short(order)} is unknown, expected one of: {expected}")
+
+
+def _seconds(order: str, text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = -1.0
+    if not 0.001 <= seconds <= 1e9:
+        raise ConfigError(f"order {short(order)}: {short(text)} is given, expected 0.001 to 1e9 seconds")
+    return seconds
+
+
+class Control:
+    """Reads orders, and keeps a port plugged in or not, as the faults have it.
+
+    Args:
+        faults: What obeys.
+        fd: Descriptor that orders are read from; None for no orders.
+        plugged: Is told the port's new path after it is plugged in, and no path ("") before it is unplugged.
+        complain: Is told what is wrong with an order.
+    """
+
+    def __init__(
+        self,
+        faults: FaultyEngine,
+        fd: Optional[int],
+        plugged: Callable[[str], None],
+        complain: Callable[[str], None],
+    ) -> None:
+        self.fd = fd
+        self._faults, self._plugged, self._complain = faults, plugged, complain
+        self._rest = b""
+
+    def attend(self, port: Port) -> None:
+        """Obeys what has arrived, then plugs or unplugs `port`."""
+        for line in self._lines():
+            try:
+                obey(self._faults, line)
+            except ConfigError as error:
+                self._complain(str(error))
+        if self._faults.plugged and not port.plugged:
+            port.plug()
+            self._plugged(port.path)
+        elif not self._faults.plugged and port.plugged:
+            self._plugged("")
+            port.unplug()
+
+    def _lines(self) -> List[str]:
+        """Whole lines that have arrived; none any more once the other end is closed."""
+        if self.fd is None or not select.select([self.fd], [], [], 0)[0]:
+            return []
+        data = os.read(self.fd, _LONGEST_LINE)
+        if not data:
+            self.fd = None
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        self._rest = self._rest[-_LONGEST_LINE:]
+        return [text for text in (line.decode("utf-8", "replace").strip() for line in lines) if text]

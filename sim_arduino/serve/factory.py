@@ -1,0 +1,156 @@
+"""One emulated robot out of its options: what `mrl-sim` and the test fixtures are made of."""
+
+import os
+from typing import NamedTuple, Optional, Tuple
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.host.firmware_images import image_path
+from mrl_driver.robot import models
+from sim_arduino.board.engine import Engine
+from sim_arduino.faults import key_values, table
+from sim_arduino.faults.faulty_engine import FaultyEngine
+from sim_arduino.hardware.collision import footprint_for
+from sim_arduino.hardware.wiring import Plant
+from sim_arduino.world import world_file
+from sim_arduino.world.geometry import Footprint, Pose
+from sim_arduino.world.world import World
+
+PROFILES = ("current", "2013-august", "2013-january")
+ENGINES = ("python", "avr")
+_LIMITS = {"robot_id": (0, 32767), "battery": (0.0, 15.0)}
+
+
+class Options(NamedTuple):
+    """What `mrl-sim` takes, by the names of its options; all may be left out."""
+
+    robot: str = "traxbot"
+    robot_id: Optional[int] = None
+    engine: str = "python"
+    profile: str = "current"
+    environment: bool = False
+    elf: Optional[str] = None
+    world: str = "room"
+    world_name: Optional[str] = None
+    name: Optional[str] = None
+    pose: Optional[str] = None
+    slip: bool = False
+    error: str = ""
+    sonar: str = ""
+    footprint: str = "box"
+    omni: bool = False
+    battery: Optional[float] = None
+    seed: int = 0
+    faults: Tuple[str, ...] = ()
+
+
+class Emulated(NamedTuple):
+    """A robot and its board.
+
+    Attributes:
+        board: The engine, with whatever faults.
+    """
+
+    plant: Plant
+    board: FaultyEngine
+    has_faults: bool
+
+    @property
+    def engine(self) -> Engine:
+        """What to serve: without faults the sound engine itself."""
+        return self.board if self.has_faults else self.board.engine
+
+    def close(self) -> None:
+        """Takes the robot out of its world and frees the engine."""
+        self.board.close()
+        self.plant.world.remove(self.plant.name)
+
+
+def make(options: Options, world: Optional[World] = None) -> Emulated:
+    """Makes a robot and its board.
+
+    Args:
+        world: An existing world, instead of `options.world`.
+
+    Raises:
+        ConfigError: an option is out of range, no board moves such a base, or the robot would stand in a wall or in
+            another robot.
+    """
+    for name, limits in _LIMITS.items():
+        _demand_in(name, getattr(options, name), *limits)
+    faults = [table.parse(spec) for spec in options.faults]
+    model = models.load(options.robot)
+    models.demand_drivable(model)
+    errors, sonar = key_values.robot_errors(options.error), key_values.sonar_errors(options.sonar)
+    around = _world(options) if world is None else world
+    name = options.name or f"robot{os.getpid()}"
+    pose = world_file.parse_pose(options.pose, around.start_of(name))
+    _demand_room(around, pose, footprint_for(model, options.footprint), name)
+    plant = Plant(
+        model,
+        around,
+        pose,
+        slip=options.slip,
+        battery_v=options.battery,
+        sonars=not options.environment,
+        errors=errors,
+        sonar_errors=sonar,
+        seed=options.seed,
+        footprint=options.footprint,
+        omni=options.omni,
+        name=name,
+    )
+    return Emulated(plant, FaultyEngine(_engine(plant, options), faults, options.seed), bool(faults))
+
+
+def _demand_in(name: str, value: Optional[float], low: float, high: float) -> None:
+    if value is not None and not low <= value <= high:
+        raise ConfigError(f"{name} is {value!r}, expected {low:g} to {high:g}")
+
+
+def _world(options: Options) -> World:
+    world = world_file.load(options.world)
+    if options.world_name is not None:
+        from sim_arduino.world.shared_robots import SharedCrowd
+
+        world.crowd = SharedCrowd(options.world_name)
+    return world
+
+
+def _demand_room(world: World, pose: Pose, footprint: Optional[Footprint], name: str) -> None:
+    if footprint is None:
+        return
+    if world.touching(pose, footprint, name) or world.is_solid(pose.x_m, pose.y_m):
+        where = f"{pose.x_m:g},{pose.y_m:g}"
+        others = [mover.name for mover in world.robots(name)]
+        raise ConfigError(
+            f"pose {where} is in a wall or another robot ({', '.join(others) or 'there is none'}), "
+            "expected free floor; give one with --pose X,Y,YAW"
+        )
+
+
+def _engine(plant: Plant, options: Options) -> Engine:
+    if options.profile not in PROFILES:
+        raise ConfigError(f"profile is {options.profile!r}, expected {', '.join(PROFILES)}")
+    if options.engine not in ENGINES:
+        raise ConfigError(f"engine is {options.engine!r}, expected {', '.join(ENGINES)}")
+    if options.engine == "avr":
+        return _avr_engine(plant, options)
+    if options.profile != "current":
+        from sim_arduino.board.board2013 import Board2013
+
+        return Board2013(plant, january=options.profile == "2013-january", robot_id=options.robot_id)
+    from sim_arduino.board import PythonBoard
+
+    return PythonBoard(plant, options.robot_id, options.environment)
+
+
+def _avr_engine(plant: Plant, options: Options) -> Engine:
+    from sim_arduino.board.avr_board import AvrEngine
+
+    if options.profile != "current":
+        raise ConfigError(f"profile {options.profile} has no image, expected --engine python")
+    elf = options.elf or image_path("environment" if options.environment else "sonar")
+    if not os.path.exists(elf):
+        raise ConfigError(f"image {elf} is missing; make it with 'make firmware', or name one with --elf")
+    robot_id = plant.model.ids[0] if options.robot_id is None else options.robot_id
+    return AvrEngine(plant, elf, robot_id or None, seed=options.seed)

@@ -1,0 +1,204 @@
+"""`mrl-sim`: an emulated robot on a virtual serial port."""
+
+import signal
+import sys
+from contextlib import ExitStack
+from typing import Any, Callable, List, Optional, TextIO
+
+import click
+
+from mrl_driver import figures
+from mrl_driver.errors import ConfigError
+from sim_arduino.faults import key_values, table
+from sim_arduino.view import world_picture
+from sim_arduino.view.travelled_path import Trail
+
+from . import factory
+from .control import ORDERS, Control
+from .one_line import OneLine
+from .pty import Link, Port, PtyPort
+from .server import FASTEST, SLOWEST, PtyServer, Watcher
+from .socket_port import SocketPort
+
+
+def _indented(text: str) -> str:
+    return "\n".join("  " + line for line in text.splitlines())
+
+
+_EPILOG = "\b\nKeys of --error:\n{}\n\n\b\nKeys of --sonar:\n{}\n\n{}".format(
+    _indented(key_values.usage(key_values.ROBOT_KEYS)),
+    _indented(key_values.usage(key_values.SONAR_KEYS)),
+    "\b\nFaults, such as --fault loss:rate=0.01,at=5 (keys with their defaults):\n{}\n\n\b\nOrders:\n{}".format(
+        _indented(table.usage()),
+        "\n".join(f"  {order:18}{text}" for order, text in ORDERS),
+    ),
+)
+
+
+@click.command(
+    "mrl-sim", cls=OneLine, epilog=_EPILOG, context_settings={"help_option_names": ["-h", "--help"]}
+)
+@click.option("--robot", default="traxbot", metavar="NAME|FILE", help="Robot model.", show_default=True)
+@click.option(
+    "--id", "robot_id", type=click.IntRange(0, 32767), help="Robot id; the model's first one if absent."
+)
+@click.option(
+    "--engine",
+    type=click.Choice(factory.ENGINES),
+    default="python",
+    show_default=True,
+    help="Emulated in Python, or the real image on a simulated chip.",
+)
+@click.option(
+    "--profile",
+    type=click.Choice(factory.PROFILES),
+    default="current",
+    show_default=True,
+    help="Firmware to imitate.",
+)
+@click.option("--environment", is_flag=True, help="The environment-sensor build.")
+@click.option("--elf", type=click.Path(dir_okay=False), help="Image for --engine avr.")
+@click.option("--link", metavar="NAME", help="Symbolic link to the port, removed at the end.")
+@click.option(
+    "--listen",
+    metavar="URL",
+    help="Serve one client on tcp://ADDRESS:PORT or udp://ADDRESS:PORT instead; 127.0.0.1 is this computer alone.",
+)
+@click.option(
+    "--world",
+    default="room",
+    metavar="NAME|FILE",
+    show_default=True,
+    help="What is around the robot: a packaged world, a world file, a map_server map.",
+)
+@click.option("--pose", metavar="X,Y,YAW", help="Start in metres and degrees; the world's start if absent.")
+@click.option("--world-name", metavar="NAME", help="Share the world with the boards that give the same name.")
+@click.option("--name", help="The robot's name in the world.")
+@click.option("--slip", is_flag=True, help="Tracks slip in turns.")
+@click.option("--error", default="", metavar="KEYS|FILE", help="How it differs from its model, see below.")
+@click.option("--sonar", default="", metavar="KEYS|FILE", help="Errors of its sonars, see below.")
+@click.option(
+    "--footprint",
+    default="box",
+    metavar="box|none|circle:R",
+    show_default=True,
+    help="What of it bumps into things.",
+)
+@click.option("--omni", is_flag=True, help="Three wheels across instead of two side by side.")
+@click.option(
+    "--speed",
+    type=click.FloatRange(SLOWEST, FASTEST),
+    default=1.0,
+    show_default=True,
+    help="Times as fast as real time.",
+)
+@click.option(
+    "--seed",
+    type=int,
+    default=0,
+    help="Seed of faults, sonar errors, and the RAM noise that the simulated chip starts with.",
+)
+@click.option(
+    "--battery", type=click.FloatRange(0.0, 15.0), metavar="V", help="Battery voltage at the start."
+)
+@click.option("--truth", metavar="FILE", help="Append the true pose as JSON lines, 20 a second.")
+@click.option("--log", metavar="FILE", help="Append all bytes of both directions as JSON lines.")
+@click.option("--reset-on-open", is_flag=True, help="Opening the port resets the board, as on a real Uno.")
+@click.option("--fault", "faults", multiple=True, metavar="FAULT", help="What goes wrong; may be repeated.")
+@click.option("--plot", metavar="FILE", help="At the end, draw the path from above; needs matplotlib.")
+@click.option("--view", is_flag=True, help="Draw it live on the terminal (stderr).")
+@click.option("--control", is_flag=True, help="Take orders as lines on stdin.")
+@click.version_option(
+    package_name="mrl-driver", message="mrl-sim, version %(version)s", help="Show the version."
+)
+def main(
+    link: Optional[str],
+    listen: Optional[str],
+    truth: Optional[str],
+    log: Optional[str],
+    reset_on_open: bool,
+    control: bool,
+    speed: float,
+    plot: Optional[str],
+    view: bool,
+    **options: Any,
+) -> None:
+    """Serve an emulated robot on a virtual serial port.
+
+    Prints the port's path when it is ready and runs until Ctrl-C.
+    """
+    if plot:
+        figures.demand(plot)
+    if link and listen:
+        raise ConfigError(
+            "--link and --listen are given, expected one of them: an address has no file to link to"
+        )
+    robot = factory.make(factory.Options(**options))
+    with ExitStack() as stack:
+        stack.callback(robot.close)
+        files = _open(stack, "--truth", truth), _open(stack, "--log", log)
+        port: Port = SocketPort(listen) if listen else PtyPort()
+        stack.callback(port.close)
+        tell = _announcer(stack, link)
+        orders = sys.stdin.fileno() if control else None
+        attendant = Control(robot.board, orders, tell, _complain) if robot.has_faults or control else None
+        engine = robot.board if attendant else robot.engine
+        watchers = _watchers(stack, Trail(robot.plant), plot, view)
+        server = PtyServer(
+            engine, port, robot.plant, *files, reset_on_open, attendant, speed=speed, watchers=watchers
+        )
+        _stop_on_signals(server)
+        tell(port.path)
+        if listen:
+            _complain(f"listens on {port.path}: who reaches this address drives the robot")
+        server.run()
+
+
+def _watchers(stack: ExitStack, trail: Trail, plot: Optional[str], view: bool) -> List[Watcher]:
+    """What draws, if anything."""
+    watchers: List[Watcher] = [trail] if plot or view else []
+    if plot:
+        stack.callback(world_picture.draw, trail, plot)
+    if view:
+        from sim_arduino.view.terminal import View
+
+        watchers.append(View(trail))
+        stack.callback(watchers[-1].close)  # type: ignore[attr-defined]
+    return watchers
+
+
+def _announcer(stack: ExitStack, name: Optional[str]) -> Callable[[str], None]:
+    """Prints the path of each port that is plugged in, and has the link lead to it."""
+    link = Link(name) if name else None
+    if link:
+        stack.callback(link.remove)
+
+    def tell(path: str) -> None:
+        if link:
+            link.move(path)
+        if path:
+            click.echo(path)
+
+    return tell
+
+
+def _complain(text: str) -> None:
+    click.echo(f"mrl-sim: {text}", err=True)
+
+
+def _open(stack: ExitStack, option: str, path: Optional[str]) -> Optional[TextIO]:
+    if path is None:
+        return None
+    try:
+        return stack.enter_context(open(path, "a", encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{option} {path}: {error.strerror}; expected a file that can be written") from None
+
+
+def _stop_on_signals(server: PtyServer) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: server.stop())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,96 @@
+"""An emulated robot on a virtual serial port with no more than Python's own library: what sim.launch starts.
+
+`mrl-sim` has all the options; this has those that a launch file needs, and no need for a command line library.
+"""
+
+import argparse
+import math
+import signal
+import sys
+from contextlib import ExitStack
+from typing import Any, Sequence
+
+from mrl_driver.errors import MrlError
+
+from . import factory
+from .pty import Link, PtyPort
+from .server import PtyServer
+
+PATIENCE_S, LOOK_S = 1.0, 0.02
+"""A board that shall end waits so long for its host, so that the host need not report a lost link: roslaunch ends
+both at once.
+"""
+_TEXTS = (
+    ("robot", "traxbot", "model, or path of a robot's .yaml"),
+    ("engine", "python", "python, or avr: the real image on a simulated chip"),
+    ("world", "room", "world by name, or path of a .yaml"),
+    ("world_name", None, "share the world with the boards that give the same name"),
+    ("name", None, "the robot's name in the world"),
+    ("pose", None, "start as X,Y,YAW in metres and degrees"),
+)
+
+
+class Leave:
+    """A watcher of the server that ends it after a signal, when the host has closed the port or patience is over.
+
+    Attributes:
+        due_s: When it looks next, in the board's time [s].
+    """
+
+    def __init__(self, port: PtyPort) -> None:
+        self.due_s = math.inf
+        self._port, self._until_s = port, math.inf
+        self._server: Any = None
+
+    def end(self, server: PtyServer) -> None:
+        """Begin to end, or end at once at the second signal; safe in a signal handler."""
+        if self._server is not None:
+            server.stop()
+        self._server, self.due_s = server, 0.0
+        server.wake()
+
+    def look(self, now_s: float) -> None:
+        """Ends the server, or looks again."""
+        self._until_s = min(self._until_s, now_s + PATIENCE_S)
+        self.due_s = now_s + LOOK_S
+        if now_s >= self._until_s or not self._port.is_open:
+            self._server.stop()
+
+
+def serve(options: factory.Options, link: str) -> None:
+    """Serve a robot until a signal ends it; `link` is a symbolic link to the port.
+
+    Raises:
+        MrlError: an option is wrong, or the link cannot be made.
+    """
+    with ExitStack() as stack:
+        robot = factory.make(options)
+        stack.callback(robot.close)
+        port = PtyPort()
+        stack.callback(port.close)
+        leave = Leave(port)
+        server = PtyServer(robot.engine, port, robot.plant, watchers=[leave])
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, lambda *_: leave.end(server))
+        name = Link(link)
+        stack.callback(name.remove)
+        name.move(port.path)
+        sys.stdout.write(f"{port.path} as {link}\n")
+        sys.stdout.flush()
+        server.run()
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Serve what the arguments say; returns the exit code, that of the error if there was one."""
+    parser = argparse.ArgumentParser(prog="sim_board", description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--link", required=True, help="name of the virtual serial port")
+    for name, default, text in _TEXTS:
+        parser.add_argument(f"--{name.replace('_', '-')}", default=default, help=text)
+    given = vars(parser.parse_args(arguments))
+    link = given.pop("link")
+    try:
+        serve(factory.Options(**given), link)
+    except MrlError as error:
+        sys.stderr.write(f"sim_board: {error}\n")
+        return error.exit_code
+    return 0

@@ -1,0 +1,219 @@
+"""Serves an engine on a pty in real time.  Owns the clock; the port owns its descriptors."""
+
+import contextlib
+import json
+import os
+import select
+import threading
+import time
+from typing import Any, Dict, List, Optional, Protocol, Sequence, TextIO
+
+from mrl_driver.errors import ConfigError
+from sim_arduino.board.engine import Engine
+from sim_arduino.hardware.wiring import Plant
+
+from .control import Control
+from .pty import USUAL_BAUD, Port
+
+HEARTBEAT_S = 0.1
+"""Longest wait; a longer pause than asked for is a stall of this process."""
+STALL_S = 0.25
+TRUTH_PERIOD_S = 0.05
+SLOWEST, FASTEST = 0.01, 1000.0
+_PACKET_BYTES, _PACKET_S = 64, 0.002
+_BYTE_BITS = 10
+_LINE_AHEAD_S = 0.002
+"""How far the host's bytes may run ahead of the line before they are left in the pty."""
+
+
+class Watcher(Protocol):
+    """Something that looks at the robot now and then."""
+
+    due_s: float
+    """When it wants to look next, in the board's time [s]."""
+
+    def look(self, now_s: float) -> None:
+        """Looks, and puts `due_s` forward."""
+
+
+class PtyServer:
+    """Connects an engine and a port until `stop` is called.
+
+    Args:
+        speed: Times as fast as real time; where the machine cannot follow, as fast as it goes.
+        watchers: What else looks at the robot.
+        truth: File that gets the plant's true pose as JSON lines, 20 a second.
+        log: File that gets the bytes of both directions as JSON lines.
+        reset_on_open: Opening the port resets the board, as the DTR line of an Uno does.
+        control: Pulls the cable, and takes orders.
+
+    Attributes:
+        lock: Held while the board runs; take it to look at the board from another thread.
+
+    Raises:
+        ConfigError: the speed is out of range.
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        port: Port,
+        plant: Optional[Plant] = None,
+        truth: Optional[TextIO] = None,
+        log: Optional[TextIO] = None,
+        reset_on_open: bool = False,
+        control: Optional[Control] = None,
+        speed: float = 1.0,
+        watchers: Sequence[Watcher] = (),
+    ) -> None:
+        if not SLOWEST <= speed <= FASTEST:
+            raise ConfigError(f"speed is {speed!r}, expected {SLOWEST:g} to {FASTEST:g} times real time")
+        self.lock = threading.RLock()
+        self._speed, self._watchers = speed, watchers
+        self._engine, self._port, self._plant = engine, port, plant
+        self._truth, self._log = truth, log
+        self._reset_on_open, self._control = reset_on_open, control
+        self._wake, self._waker = os.pipe()
+        os.set_blocking(self._waker, False)
+        self._start_s = time.monotonic()
+        self._now_s = self._expected_s = 0.0
+        self._line_free_s = 0.0
+        self._held, self._baud = b"", USUAL_BAUD
+        self._truth_due_s = 0.0 if truth and plant else float("inf")
+        self._running = True
+
+    def stop(self) -> None:
+        """Ends `run`; may be called from a signal handler or another thread."""
+        self._running = False
+        self.wake()
+
+    def wake(self) -> None:
+        """Has the board run to now at once; may be called from a signal handler or another thread."""
+        try:
+            os.write(self._waker, b"x")
+        except OSError:
+            pass
+
+    def run(self) -> None:
+        """Serves until `stop`."""
+        try:
+            while self._running:
+                self._turn()
+        finally:
+            os.close(self._wake)
+            os.close(self._waker)
+
+    def _turn(self) -> None:
+        with self.lock:
+            self._take_time()
+            self._advance()
+            if self._control:
+                self._control.attend(self._port)
+            self._let_look()
+        self._wait()
+        with self.lock:
+            self._take_time()
+            if self._port.opened_anew() and self._reset_on_open:
+                self._advance()
+                self._engine.reset()
+            if self._line_ready():
+                self._take_input()
+
+    def _let_look(self) -> None:
+        if self._now_s >= self._truth_due_s:
+            self._write_truth()
+        for watcher in self._watchers:
+            if self._now_s >= watcher.due_s:
+                watcher.look(self._now_s)
+
+    def _clock(self) -> float:
+        """The board's time now [s]."""
+        return (time.monotonic() - self._start_s) * self._speed
+
+    def _take_time(self) -> None:
+        """Reads the clock.  A pause that nobody asked for is one in the board's own time, at speed 1: at another speed
+        its time slows down."""
+        self._now_s = self._clock()
+        late_s = self._now_s - self._expected_s
+        if self._speed != 1.0 and late_s > HEARTBEAT_S:
+            self._start_s += (late_s - HEARTBEAT_S) / self._speed
+            self._now_s -= late_s - HEARTBEAT_S
+        elif late_s > STALL_S:
+            waiting = self._port.read_all()
+            self._note("stalled", waiting)
+            self._engine.gap(self._now_s, waiting)
+        self._expected_s = self._now_s
+
+    def _wait(self) -> None:
+        until = min(self._engine.next_event_s, self._truth_due_s, self._now_s + HEARTBEAT_S * self._speed)
+        until = min([until, *(watcher.due_s for watcher in self._watchers)])
+        watched: List[int] = [self._wake]
+        control = self._control.fd if self._control else None
+        watched += [fd for fd in (self._port.watch, control) if fd is not None]
+        if self._line_ready():
+            watched += [self._port.master] if self._port.master is not None else []
+        else:
+            until = min(until, self._line_free_s - _LINE_AHEAD_S)
+        timeout = max(0.0, until - self._clock())
+        self._expected_s = self._now_s + timeout
+        ready, _, _ = select.select(watched, [], [], timeout / self._speed)
+        if self._wake in ready:
+            os.read(self._wake, 4096)
+
+    def _line_ready(self) -> bool:
+        return self._line_free_s - _LINE_AHEAD_S <= self._now_s
+
+    def _follow_speed(self) -> None:
+        """Tells the engine of the speed at which the host has set the port."""
+        baud = self._port.baud
+        if baud != self._baud:
+            self._advance()
+            self._baud = baud
+            getattr(self._engine, "set_host_baud", lambda _: None)(float(baud))
+
+    def _take_input(self) -> None:
+        self._follow_speed()
+        data = self._port.read()
+        if data:
+            self._advance()
+            self._engine.receive(data)
+            self._line_free_s = max(self._line_free_s, self._now_s) + len(data) * _BYTE_BITS / self._baud
+            self._note("host", data)
+
+    def _advance(self) -> None:
+        """Runs the board to now.  Its bytes are passed on by the line, as a USB bridge does by the packet."""
+        self._held += self._engine.advance(self._now_s)
+        if self._held and (
+            self._held.endswith(b"\n")
+            or len(self._held) >= _PACKET_BYTES
+            or self._engine.next_event_s > self._now_s + _PACKET_S
+        ):
+            self._port.write(self._held)
+            self._note("board", self._held)
+            self._held = b""
+
+    def _write_truth(self) -> None:
+        assert self._plant and self._truth
+        pose = self._plant.true_pose
+        self._truth_due_s = max(self._truth_due_s + TRUTH_PERIOD_S, self._now_s)
+        _append(
+            self._truth,
+            {
+                "t": round(self._now_s, 6),
+                "x": pose.x_m,
+                "y": pose.y_m,
+                "yaw": pose.yaw_rad,
+                "host_monotonic": round(self._start_s + self._now_s / self._speed, 6),
+            },
+        )
+
+    def _note(self, who: str, data: bytes) -> None:
+        if self._log:
+            _append(self._log, {"t": round(self._now_s, 6), "from": who, "bytes": data.decode("latin-1")})
+
+
+def _append(file: TextIO, row: Dict[str, Any]) -> None:
+    """A line for people and tests; a disk that takes no more never stops the board."""
+    with contextlib.suppress(OSError):
+        file.write(json.dumps(row) + "\n")
+        file.flush()

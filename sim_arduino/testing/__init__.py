@@ -1,0 +1,5 @@
+"""Emulated boards for tests, and the pytest plugin.  Imports serve and what is below it."""
+
+from .emulated_board import EmulatedBoard
+
+__all__ = ["EmulatedBoard"]

@@ -1,0 +1,278 @@
+"""Emulated boards for tests: a board on a pty, served by a thread of the test's own process.
+
+    with EmulatedBoard(robot="traxbot", world="l-course") as board:
+        ...                                     # open board.port with the program under test
+        board.motors.assert_commanded("move_differential")
+        board.wait_until(lambda: board.true_pose.x_m > 0.5)
+
+`pytest_plugin` makes fixtures of it; unittest users take it as it is.
+"""
+
+import threading
+import time
+from contextlib import contextmanager
+from typing import Any, Callable, Iterator, List, Optional, Union
+
+from mrl_driver.errors import ConfigError
+from sim_arduino.faults.faulty_engine import FaultyEngine
+from sim_arduino.faults.table import Fault
+from sim_arduino.hardware.omni3md import MotorCommand
+from sim_arduino.serve import factory
+from sim_arduino.serve.control import Control
+from sim_arduino.serve.pty import Port, PtyPort
+from sim_arduino.serve.server import PtyServer
+from sim_arduino.serve.socket_port import SocketPort
+from sim_arduino.world.geometry import Pose
+from sim_arduino.world.world import World
+
+PATIENCE_S = 5.0
+POLL_S = 0.005
+COMMANDS = {
+    "stop": 0xFC,
+    "calibrate": 0xFB,
+    "move_omni": 0xFA,
+    "move_motors_pid": 0xF8,
+    "move_motors": 0xF7,
+    "move_motor_pid": 0xF6,
+    "move_motor": 0xF5,
+    "set_gains": 0xF4,
+    "set_timeout": 0xF1,
+    "set_prescaler": 0xF0,
+    "preset_encoder": 0xEF,
+    "move_to_position": 0xEE,
+    "save_positions": 0xED,
+    "set_ramp": 0xEC,
+    "move_differential": 0xEB,
+    "set_geometry": 0xEA,
+}
+"""Names of the motor board's commands, and the registers that they are written to."""
+_STILL_M_S = 0.005
+
+
+class EmulatedBoard:
+    """A board on a virtual serial port; a context manager.
+
+    Args:
+        world: A world, or the name of a packaged one, or the path of a world file or map.
+        speed: Times as fast as real time.
+        listen: URL to serve instead of a pty, such as `udp://127.0.0.1:0`.
+        options: The rest by the names of `boards.Options`, which are those of `mrl-sim`.
+
+    Attributes:
+        plant: Robot, sensors and motor board, see `plant.Plant`.  Read it under `lock` where moments matter.
+        faults: What goes wrong, see `Faults`.
+        motors: What reached the motor board, see `Motors`.
+
+    Raises:
+        ConfigError: an option is unknown or out of range.
+    """
+
+    def __init__(
+        self,
+        world: Union[World, str] = "room",
+        speed: float = 1.0,
+        listen: Optional[str] = None,
+        **options: Any,
+    ) -> None:
+        unknown = set(options) - set(factory.Options._fields)
+        if unknown:
+            raise ConfigError(
+                f"option {sorted(unknown)[0]!r} is unknown, expected {', '.join(factory.Options._fields)}"
+            )
+        if isinstance(world, World):
+            self._robot = factory.make(factory.Options(**options), world)
+        else:
+            self._robot = factory.make(factory.Options(world=world, **options))
+        self.plant = self._robot.plant
+        self._port: Port = SocketPort(listen) if listen else PtyPort()
+        control = Control(self._robot.board, None, lambda path: None, lambda text: None)
+        self._server = PtyServer(self._robot.board, self._port, self.plant, control=control, speed=speed)
+        self.lock = self._server.lock
+        self.faults = Faults(self._robot.board, self._server)
+        self.motors = Motors(self)
+        self._failure: Optional[BaseException] = None
+        self._thread = threading.Thread(target=self._serve, name="emulated-board", daemon=True)
+        self._thread.start()
+
+    def _serve(self) -> None:
+        try:
+            self._server.run()
+        except BaseException as error:  # noqa: BLE001 - it is raised in the test's own thread
+            self._failure = error
+
+    @property
+    def port(self) -> str:
+        """Device name of the port; another one after it was unplugged and plugged in again."""
+        return self._port.path
+
+    @property
+    def world(self) -> World:
+        """The world the robot is in."""
+        return self.plant.world
+
+    @property
+    def true_pose(self) -> Pose:
+        """Where the robot really is: metres, and radians in -pi..pi."""
+        with self.lock:
+            return self.plant.true_pose
+
+    @property
+    def true_speed_m_s(self) -> float:
+        """How fast its faster wheel turns [m/s]."""
+        with self.lock:
+            params, (left, _, right) = self.plant.robot.params, self.plant.robot.motors
+            return max(abs(left.speed) * params.left_m_per_count, abs(right.speed) * params.right_m_per_count)
+
+    def wait_until(
+        self, condition: Callable[[], bool], timeout_s: float = PATIENCE_S, what: str = ""
+    ) -> None:
+        """Waits until something holds.
+
+        Raises:
+            AssertionError: it did not within `timeout_s` [s, real time].
+        """
+        end_s = time.monotonic() + timeout_s
+        while not condition():
+            if self._failure is not None:
+                raise self._failure
+            if time.monotonic() > end_s:
+                pose = self.true_pose
+                raise AssertionError(
+                    f"not within {timeout_s:g} s: {what or 'the condition'}; the robot is at x {pose.x_m:.3f} m, "
+                    f"y {pose.y_m:.3f} m, yaw {pose.yaw_rad:.3f} rad, its last commands: {self.motors.last(3)}"
+                )
+            time.sleep(POLL_S)
+
+    def close(self) -> None:
+        """Unplugs the port and ends the thread."""
+        self._server.stop()
+        self._thread.join()
+        self._port.close()
+        self._robot.close()
+
+    def __enter__(self) -> "EmulatedBoard":
+        """The board itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Closes it."""
+        self.close()
+
+
+class Faults:
+    """What goes wrong with a board, while it runs."""
+
+    def __init__(self, board: FaultyEngine, server: PtyServer) -> None:
+        self._board, self._server = board, server
+
+    @contextmanager
+    def _held(self) -> Iterator[None]:
+        """Holds the board, then has it run to now."""
+        with self._server.lock:
+            yield
+        self._server.wake()
+
+    def inject(self, fault: Union[Fault, str]) -> None:
+        """One more fault, spelt as for `mrl-sim --fault`; its times count from now.
+
+        Raises:
+            ConfigError: it cannot be read.
+        """
+        with self._held():
+            self._board.inject(fault)
+
+    def clear(self) -> None:
+        """No fault any more."""
+        with self._held():
+            self._board.clear()
+
+    def unplug(self, seconds: float = 1e9) -> None:
+        """Pulls the cable, and puts it back after `seconds`, under another name."""
+        with self._held():
+            self._board.unplug(seconds)
+
+    def plug(self) -> None:
+        """Puts the cable back."""
+        with self._held():
+            self._board.plug()
+
+    def freeze(self, seconds: float) -> None:
+        """The board stands still, its motor board does not."""
+        with self._held():
+            self._board.freeze(seconds)
+
+    def stall(self, seconds: float) -> None:
+        """The line holds everything, then lets it go at once."""
+        with self._held():
+            self._board.stall(seconds)
+
+    def reset(self) -> None:
+        """The reset button."""
+        with self._held():
+            self._board.reset()
+
+
+class Motors:
+    """What reached the motor board, and assertions on it."""
+
+    def __init__(self, board: EmulatedBoard) -> None:
+        self._board = board
+
+    def commands(self, name: str = "") -> List[MotorCommand]:
+        """Commands so far, oldest first, at most the last 1000: all, or those of a name of `COMMANDS`.
+
+        Raises:
+            ConfigError: the name is none.
+        """
+        if name and name not in COMMANDS:
+            raise ConfigError(f"command {name!r} is unknown, expected {', '.join(COMMANDS)}")
+        with self._board.lock:
+            found = list(self._board.plant.motor_board.commands)
+        return [command for command in found if not name or command.code == COMMANDS[name]]
+
+    def last(self, count: int = 1) -> str:
+        """The last commands as text."""
+        names = {code: name for name, code in COMMANDS.items()}
+        found = self.commands()[-count:]
+        return (
+            ", ".join(f"{names[each.code]}{each.values} at {each.time_s:.3f} s" for each in found) or "none"
+        )
+
+    def assert_commanded(self, name: str, *values: int, within_s: float = PATIENCE_S) -> None:
+        """A command of that name, with these values if any are given, has come or comes within a time.
+
+        Raises:
+            AssertionError: it did not come.
+            ConfigError: the name is none.
+        """
+
+        def came() -> bool:
+            return any(not values or each.values == values for each in self.commands(name))
+
+        self._board.wait_until(came, within_s, f"command {name}{values or ''}")
+
+    def assert_not_commanded(self, name: str, *values: int) -> None:
+        """No command of that name, with these values if any are given, has come.
+
+        Raises:
+            AssertionError: one has.
+            ConfigError: the name is none.
+        """
+        found = [each for each in self.commands(name) if not values or each.values == values]
+        assert not found, f"expected no {name}{values or ''}, got {len(found)}, the first {found[0]}"
+
+    def assert_moving(self, within_s: float = PATIENCE_S) -> None:
+        """The wheels turn, or do within a time.
+
+        Raises:
+            AssertionError: they do not.
+        """
+        self._board.wait_until(lambda: self._board.true_speed_m_s > _STILL_M_S, within_s, "wheels that turn")
+
+    def assert_stopped(self, within_s: float = PATIENCE_S) -> None:
+        """The wheels stand, or do within a time.
+
+        Raises:
+            AssertionError: they turn.
+        """
+        self._board.wait_until(lambda: self._board.true_speed_m_s == 0.0, within_s, "wheels that stand")

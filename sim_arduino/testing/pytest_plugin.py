@@ -1,0 +1,83 @@
+"""Fixtures with emulated boards for other people's tests; pytest finds them by itself once mrl-driver is installed.
+
+    def test_stops(emulated_board): ...
+    @pytest.mark.emulated_board(robot="stingbot", world="l-course", sonar="noise=0.01")
+    def test_in_the_course(emulated_board): ...
+
+The marker takes what `testing.EmulatedBoard` takes.
+"""
+
+from typing import TYPE_CHECKING, Any, Callable, Iterator, List
+
+import pytest
+
+if TYPE_CHECKING:
+    from sim_arduino.world.geometry import Pose
+    from sim_arduino.world.world import World
+
+    from .emulated_board import EmulatedBoard, Faults, Motors
+
+
+def pytest_configure(config: Any) -> None:
+    """Makes the marker known."""
+    config.addinivalue_line(
+        "markers", "emulated_board(**options): options of the emulated board, as of mrl-sim"
+    )
+
+
+def _options(request: Any) -> Any:
+    marker = request.node.get_closest_marker("emulated_board")
+    return dict(marker.kwargs) if marker else {}
+
+
+@pytest.fixture
+def emulated_world(request: Any) -> "World":
+    """The world: the marker's `world`, or the packaged room; override it for another one."""
+    from sim_arduino.world.world import World
+    from sim_arduino.world.world_file import load
+
+    world = _options(request).get("world", "room")
+    return world if isinstance(world, World) else load(world)
+
+
+@pytest.fixture
+def make_emulated_board(emulated_world: "World") -> Iterator[Callable[..., "EmulatedBoard"]]:
+    """Makes any number of boards in one world: `make_emulated_board(name="two", pose="1,0,180")`."""
+    from .emulated_board import EmulatedBoard
+
+    made: List[EmulatedBoard] = []
+
+    def make(**options: Any) -> EmulatedBoard:
+        made.append(EmulatedBoard(**{"world": emulated_world, "name": f"robot{len(made) + 1}", **options}))
+        return made[-1]
+
+    yield make
+    for board in reversed(made):
+        board.close()
+
+
+@pytest.fixture
+def emulated_board(request: Any, make_emulated_board: Any) -> "EmulatedBoard":
+    """A board on a pty, see `testing.EmulatedBoard`: port, true_pose, wait_until, motors, faults."""
+    options = _options(request)
+    options.pop("world", None)
+    board: EmulatedBoard = make_emulated_board(**options)
+    return board
+
+
+@pytest.fixture
+def emulated_faults(emulated_board: "EmulatedBoard") -> "Faults":
+    """What goes wrong with the board: `inject("loss:rate=0.01")`, `unplug()`, `freeze(1.0)`, `clear()`."""
+    return emulated_board.faults
+
+
+@pytest.fixture
+def emulated_motors(emulated_board: "EmulatedBoard") -> "Motors":
+    """What reached the motor board: `commands()`, `assert_commanded(...)`, `assert_stopped()`."""
+    return emulated_board.motors
+
+
+@pytest.fixture
+def true_pose(emulated_board: "EmulatedBoard") -> "Callable[[], Pose]":
+    """Called, tells where the robot really is."""
+    return lambda: emulated_board.true_pose

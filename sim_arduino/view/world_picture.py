@@ -1,0 +1,61 @@
+"""`mrl-sim --plot`: the world from above with the robot's path, as PNG, PDF or SVG.  Needs matplotlib."""
+
+from typing import Any
+
+from mrl_driver import figures
+from mrl_driver.figures import BLUE, GREY, ORANGE
+from sim_arduino.world.geometry import Wall
+
+from .travelled_path import Trail, frame
+
+_SOURCES = {"heat": "#d55e00", "gas": "#009e73", "dust": "#999999", "light": "#e69f00"}
+
+
+def draw(trail: Trail, path: str) -> None:
+    """Draws world, things to sense, path and robots to `path`."""
+    left, bottom, right, top = frame(trail.plant, trail.poses)
+    height = 6.0 * min(2.0, max(0.4, (top - bottom) / (right - left)))
+    figure = figures.figure(7.0, height + 0.8)
+    axes = figure.add_subplot()
+    axes.set(xlim=(left, right), ylim=(bottom, top), xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    _draw_world(axes, trail)
+    if trail.poses:
+        _draw_robots(axes, trail)
+    axes.legend(loc="upper right", fontsize="small")
+    figures.save(figure, path)
+
+
+def _draw_world(axes: Any, trail: Trail) -> None:
+    world = trail.plant.world
+    for number, wall in enumerate(world.walls):
+        _line(axes, wall, "black", "wall" if number == 0 else None)
+    for kind, colour in _SOURCES.items():
+        for number, source in enumerate(getattr(world.scene, kind)):
+            label = kind if number == 0 else None
+            at = {"xy": (source.x_m, source.y_m), "radius": source.reach_m}
+            axes.add_patch(_circle(**at, color=colour, alpha=0.25, label=label))
+
+
+def _circle(**options: Any) -> Any:
+    from matplotlib.patches import Circle
+
+    return Circle(**options)
+
+
+def _draw_robots(axes: Any, trail: Trail) -> None:
+    plant, poses = trail.plant, trail.poses
+    label = f"path of {plant.name}, {trail.way_m():.2f} m"
+    axes.plot([p.x_m for p in poses], [p.y_m for p in poses], color=BLUE, linewidth=1.2, label=label)
+    axes.plot(*poses[0][:2], "o", color=BLUE, markersize=5, label="start")
+    if plant.footprint:
+        for side in plant.footprint.outline(plant.true_pose):
+            _line(axes, side, ORANGE)
+    tip = plant.true_pose.beside(0.15, 0.0)
+    axes.annotate("", tip[:2], plant.true_pose[:2], arrowprops={"arrowstyle": "->", "color": ORANGE})
+    for mover in plant.world.robots(plant.name):
+        for side in mover.footprint.outline(mover.pose):
+            _line(axes, side, GREY)
+
+
+def _line(axes: Any, wall: Wall, colour: str, label: Any = None) -> None:
+    axes.plot([wall.x1, wall.x2], [wall.y1, wall.y2], color=colour, linewidth=1.5, label=label)

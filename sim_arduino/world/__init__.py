@@ -1,0 +1,1 @@
+"""The world around the robots: walls, maps, things to sense, other robots."""

@@ -1,0 +1,92 @@
+"""Questions about many walls at once, as arrays `(N, 4)` of x1 y1 x2 y2 [m].  Exact: no grid, no steps."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from .geometry import Pose
+
+_EDGE = 1e-9
+"""Walls are seen so much wider [ray], that none slips through where two of them meet."""
+
+
+def _in_frame(walls: Any, pose: Pose) -> Any:
+    """Starts and directions of the walls as seen from `pose`: rows u, v, du, dv [m]."""
+    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    dx, dy = walls[:, 0] - pose.x_m, walls[:, 1] - pose.y_m
+    ex, ey = walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1]
+    return cos * dx + sin * dy, cos * dy - sin * dx, cos * ex + sin * ey, cos * ey - sin * ex
+
+
+def nearest_in_cone(walls: Any, pose: Pose, half_angle_rad: float, range_m: float) -> float:
+    """`shapes.nearest_in_cone` of many walls."""
+    u, v, du, dv = _in_frame(walls, pose)
+    slope = math.tan(half_angle_rad)
+    length2 = du * du + dv * dv
+    seen = length2 > 0.0
+    low, high = np.zeros(len(u)), np.ones(len(u))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for base, change in ((slope * u - v, slope * du - dv), (slope * u + v, slope * du + dv)):
+            starts_out, ends_out = base < 0.0, base + change < 0.0
+            cut = -base / change
+            seen &= ~(starts_out & ends_out)
+            low = np.where(starts_out, np.maximum(low, cut), low)
+            high = np.where(ends_out & ~starts_out, np.minimum(high, cut), high)
+        seen &= low <= high
+        t = np.minimum(high, np.maximum(low, -(u * du + v * dv) / length2))
+    squares = ((u + t * du) ** 2 + (v + t * dv) ** 2)[seen]
+    least = float(squares.min()) if len(squares) else math.inf
+    return math.sqrt(least) if least < range_m * range_m else math.inf
+
+
+def distances(walls: Any, x: float, y: float) -> Any:
+    """From a point to each wall [m], `(N,)`."""
+    dx, dy = walls[:, 0] - x, walls[:, 1] - y
+    ex, ey = walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1]
+    length2 = ex * ex + ey * ey
+    t = np.clip(-(dx * ex + dy * ey) / np.where(length2 > 0.0, length2, 1.0), 0.0, 1.0)
+    return np.hypot(dx + t * ex, dy + t * ey)
+
+
+def cast(walls: Any, pose: Pose, first_rad: float, step_rad: float, count: int, range_m: float) -> Any:
+    """Distances along a fan of `count` rays from `pose` [m], `(count,)`; infinite where nothing is in range.
+
+    The first ray leaves at `first_rad` from the pose's x, each next one `step_rad` (positive) further to the left;
+    the fan is at most one turn.  Each wall is asked about the rays it covers alone, so the cost goes with what is seen.
+    """
+    out = np.full(count, np.inf)
+    u, v, du, dv = _in_frame(walls[distances(walls, pose.x_m, pose.y_m) <= range_m], pose)
+    begin, end = np.arctan2(v, u), np.arctan2(v + dv, u + du)
+    span = np.remainder(end - begin + math.pi, math.tau) - math.pi
+    start = np.where(span < 0.0, begin + span, begin)
+    wall, ray = _covered(start - first_rad, np.abs(span), step_rad, count)
+    angle = first_rad + step_rad * ray
+    cos, sin = np.cos(angle), np.sin(angle)
+    u, v, du, dv = u[wall], v[wall], du[wall], dv[wall]
+    across = cos * dv - sin * du
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = (u * dv - v * du) / across
+    end_on = np.minimum(np.hypot(u, v), np.hypot(u + du, v + dv))
+    along = np.where(np.abs(across) < 1e-12, end_on, along)
+    good = (along >= 0.0) & (along <= range_m)
+    np.minimum.at(out, ray[good], along[good])
+    return out
+
+
+def _covered(start: Any, span: Any, step_rad: float, count: int) -> Any:
+    """Pairs of wall and ray: the rays between `start` and `start + span` [rad from the first ray], in any turn."""
+    start = np.remainder(start, math.tau)
+    lows, highs, walls = [], [], []
+    for turn in (-1.0, 0.0):
+        low = np.ceil((start + turn * math.tau) / step_rad - _EDGE)
+        high = np.floor((start + span + turn * math.tau) / step_rad + _EDGE)
+        low, high = np.maximum(low, 0.0), np.minimum(high, count - 1.0)
+        hit = (low <= high).nonzero()[0]
+        lows.append(low[hit])
+        highs.append(high[hit])
+        walls.append(hit)
+    low, high, wall = (np.concatenate(parts).astype(np.int64) for parts in (lows, highs, walls))
+    counts = high - low + 1
+    offset = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
+    return np.repeat(wall, counts), np.repeat(low, counts) + offset

@@ -1,0 +1,92 @@
+"""What there is to sense in a world: heat, gas, dust and light around their sources, and north.
+
+Between ambient and a source's own value the field falls as exp(-(d / reach)^2) with the distance d; heat is seen by
+the thermopile, pixel by pixel, along lines of sight.
+"""
+
+import dataclasses
+import math
+from typing import Callable, Dict, NamedTuple, Tuple
+
+from sim_arduino.world.environment import PIXELS, Environment
+
+from .geometry import Pose
+
+PIXEL_RAD = math.radians(5.12)
+"""Width of one of the TPA81's eight pixels, side by side (data sheet)."""
+
+
+class Source(NamedTuple):
+    """Something to sense."""
+
+    x_m: float
+    y_m: float
+    value: float
+    """At its middle, in the sensor's own unit."""
+    reach_m: float
+    """Distance at which 1/e of it is left; of heat, the radius of the hot thing [m]."""
+
+
+Sources = Tuple[Source, ...]
+Sight = Callable[[float, float, float, float], bool]
+
+
+class Scene(NamedTuple):
+    """All there is to sense.  Units: heat [degC], gas and light [ADC count], dust [pcs/l]."""
+
+    ambient: Environment = Environment()
+    heat: Sources = ()
+    gas: Sources = ()
+    dust: Sources = ()
+    light: Sources = ()
+    north_rad: float = math.pi / 2
+    """Direction of north, counter-clockwise from x."""
+    others: Dict[str, Sources] = {}  # noqa: RUF012 - never changed
+    """Sources for all other sensors of the table, by name, in the unit of their fields."""
+
+    def sensed(self, base: Environment, pose: Pose, sees: Sight) -> Environment:
+        """What the sensors sense at a pose, `base` being what there is far from all sources.
+
+        Args:
+            sees: Whether two points see each other: x, y of one, x, y of the other [m].
+        """
+        if not (self.heat or self.gas or self.dust or self.light or self.others):
+            return base
+        return dataclasses.replace(
+            base,
+            alcohol_count=_adc_count(_field(self.gas, base.alcohol_count, pose)),
+            light_count=_adc_count(_field(self.light, base.light_count, pose)),
+            dust_pcs_l=_field(self.dust, base.dust_pcs_l, pose),
+            pixels_c=self._pixels(base, pose, sees),
+            others={
+                name: _field(self.others.get(name, ()), value, pose) for name, value in base.others.items()
+            },
+        )
+
+    def _pixels(self, base: Environment, pose: Pose, sees: Sight) -> Tuple[float, ...]:
+        """Each pixel mixes what fills it; pixel 1 is the leftmost."""
+        pixels = list(base.pixels_c)
+        for source in self.heat:
+            dx, dy = source.x_m - pose.x_m, source.y_m - pose.y_m
+            if not sees(pose.x_m, pose.y_m, source.x_m, source.y_m):
+                continue
+            middle = math.remainder(math.atan2(dy, dx) - pose.yaw_rad, math.tau)
+            half = math.atan2(source.reach_m, math.hypot(dx, dy))
+            for i in range(PIXELS):
+                left = (PIXELS / 2 - i) * PIXEL_RAD
+                covered = min(left, middle + half) - max(left - PIXEL_RAD, middle - half)
+                pixels[i] += max(0.0, covered / PIXEL_RAD) * (source.value - pixels[i])
+        return tuple(pixels)
+
+
+def _adc_count(value: float) -> int:
+    """What the converter makes of it; sources that add up to more saturate it."""
+    return max(0, min(1023, round(value)))
+
+
+def _field(sources: Sources, base: float, pose: Pose) -> float:
+    value = base
+    for source in sources:
+        squared = (source.x_m - pose.x_m) ** 2 + (source.y_m - pose.y_m) ** 2
+        value += (source.value - base) * math.exp(-squared / source.reach_m**2)
+    return value

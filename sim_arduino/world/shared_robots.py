@@ -1,0 +1,200 @@
+"""Robots of several processes in one world: each keeps its pose in a small file that the others have mapped.
+
+The files lie in a folder of the world's name that only this user can enter.  A robot is there as long as its process
+holds the file's lock, so one that was killed is gone as well.
+"""
+
+import fcntl
+import mmap
+import os
+import struct
+import tempfile
+import time
+from typing import Dict, List, NamedTuple, Optional
+
+from mrl_driver.errors import ConfigError
+
+from .geometry import Footprint, Pose
+from .robots import NAME, NAME_TEXT, Mover
+
+_ROW = struct.Struct("<Q5d?7x")
+"""Version, odd while being written; x y yaw, length width, whether a circle."""
+_VERSION = struct.Struct("<Q")
+_SUFFIX = ".robot"
+LOOK_S = 0.5
+"""How often the folder is searched for robots that came or went [s]."""
+_TRIES = 20
+
+
+class _Row(NamedTuple):
+    """A mapped file."""
+
+    fd: int
+    memory: mmap.mmap
+
+    def close(self) -> None:
+        self.memory.close()
+        os.close(self.fd)
+
+
+def folder_of(world_name: str) -> str:
+    """The folder of a shared world, made if it is not there.
+
+    Raises:
+        ConfigError: the name is none, or the folder is not this user's.
+    """
+    base = os.environ.get("XDG_RUNTIME_DIR") or os.path.join(tempfile.gettempdir(), f"mrl-sim-{os.getuid()}")
+    folder = os.path.join(base, "mrl-sim", _checked("world name", world_name))
+    try:
+        os.makedirs(folder, mode=0o700, exist_ok=True)
+        if os.stat(folder).st_uid != os.getuid():
+            raise PermissionError(13, "it belongs to somebody else")
+    except OSError as error:
+        raise ConfigError(f"world {world_name!r}: folder {folder}: {error.strerror}") from None
+    return folder
+
+
+def _checked(what: str, name: str) -> str:
+    if not NAME.fullmatch(name):
+        raise ConfigError(f"{what} is {name!r}, expected {NAME_TEXT}")
+    return name
+
+
+class SharedCrowd:
+    """The robots of all processes that share a world by its name.
+
+    Raises:
+        ConfigError: the name is none.
+    """
+
+    def __init__(self, world_name: str) -> None:
+        self._folder = folder_of(world_name)
+        self._world_name = world_name
+        self._mine: Dict[str, _Row] = {}
+        self._theirs: Dict[str, _Row] = {}
+        self._last: Dict[str, Mover] = {}
+        self._look_due_s = 0.0
+
+    def place(self, name: str, pose: Pose, footprint: Footprint) -> None:
+        """Puts a robot into the world, or moves it.
+
+        Raises:
+            ConfigError: another process has a robot of that name.
+        """
+        row = self._mine.get(name)
+        if row is None:
+            self._join(name, pose, footprint)
+            return
+        version = _VERSION.unpack_from(row.memory)[0]
+        data = _ROW.pack(version + 2, *pose, *footprint)
+        # not by pack_into, which writes zeros first: a robot at the origin, of version 0
+        row.memory[: _VERSION.size] = _VERSION.pack(version + 1)
+        row.memory[_VERSION.size :] = data[_VERSION.size :]
+        row.memory[: _VERSION.size] = data[: _VERSION.size]
+
+    def remove(self, name: str) -> None:
+        """Takes one of this process's robots out of the world."""
+        row = self._mine.pop(name, None)
+        if row is not None:
+            os.unlink(self._path(name))
+            row.close()
+
+    def others(self, name: str) -> List[Mover]:
+        """All robots but that one."""
+        now_s = time.monotonic()
+        if now_s >= self._look_due_s:
+            self._look_due_s = now_s + LOOK_S
+            self._look()
+        found = (self._read(other, row) for other, row in self._theirs.items() if other != name)
+        return [mover for mover in found if mover is not None]
+
+    def close(self) -> None:
+        """Takes this process's robots out of the world."""
+        for name in list(self._mine):
+            self.remove(name)
+        for row in self._theirs.values():
+            row.close()
+        self._theirs.clear()
+
+    def _path(self, name: str) -> str:
+        return os.path.join(self._folder, name + _SUFFIX)
+
+    def _join(self, name: str, pose: Pose, footprint: Footprint) -> None:
+        """Makes the robot's file, locked and filled before anybody sees it."""
+        path = self._path(_checked("robot name", name))
+        if _is_held(path):
+            raise ConfigError(
+                f"robot {name!r} is in world {self._world_name!r} already, expected another name"
+            )
+        temporary = os.path.join(self._folder, f".{name}.{os.getpid()}")
+        fd = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
+        fcntl.flock(fd, fcntl.LOCK_EX)
+        os.write(fd, _ROW.pack(0, *pose, *footprint))
+        os.rename(temporary, path)
+        self._mine[name] = _Row(fd, mmap.mmap(fd, _ROW.size))
+        self._look_due_s = 0.0
+
+    def _look(self) -> None:
+        """Takes in who came, drops who went."""
+        present = {f[: -len(_SUFFIX)] for f in os.listdir(self._folder) if f.endswith(_SUFFIX)}
+        for name in list(self._theirs):
+            if name not in present or not self._is_current(name):
+                self._theirs.pop(name).close()
+        for name in present - set(self._theirs):
+            row = self._open(name)
+            if row is not None:
+                self._theirs[name] = row
+
+    def _is_current(self, name: str) -> bool:
+        """Whether the mapped file is still the one of that name, and its owner lives."""
+        row = self._theirs[name]
+        try:
+            same = os.stat(self._path(name)).st_ino == os.fstat(row.fd).st_ino
+        except OSError:
+            return False
+        return same and (name in self._mine or _is_locked(row.fd))
+
+    def _open(self, name: str) -> Optional[_Row]:
+        """A robot's file; one whose owner is dead is removed."""
+        try:
+            fd = os.open(self._path(name), os.O_RDONLY)
+        except OSError:
+            return None
+        if name in self._mine or _is_locked(fd):
+            return _Row(fd, mmap.mmap(fd, _ROW.size, prot=mmap.PROT_READ))
+        os.close(fd)
+        try:
+            os.unlink(self._path(name))
+        except OSError:
+            pass
+        return None
+
+    def _read(self, name: str, row: _Row) -> Optional[Mover]:
+        """Where a robot is; its last known place if its owner never stops writing."""
+        for _ in range(_TRIES):
+            version, x, y, yaw, length, width, circle = _ROW.unpack_from(row.memory)
+            if version % 2 == 0 and _VERSION.unpack_from(row.memory)[0] == version:
+                self._last[name] = Mover(name, Pose(x, y, yaw), Footprint(length, width, circle))
+                break
+        return self._last.get(name)
+
+
+def _is_held(path: str) -> bool:
+    try:
+        fd = os.open(path, os.O_RDONLY)
+    except OSError:
+        return False
+    try:
+        return _is_locked(fd)
+    finally:
+        os.close(fd)
+
+
+def _is_locked(fd: int) -> bool:
+    """Whether another open descriptor holds the file's lock."""
+    try:
+        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    fcntl.flock(fd, fcntl.LOCK_UN)
+    return False

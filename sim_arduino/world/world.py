@@ -1,0 +1,140 @@
+"""The world around the robots: walls that stand, robots that move, things to sense.
+
+    world = world_file.load("l-course")                     # a packaged world, a world file, or a map_server map
+    world.nearest(pose, math.radians(18), 6.45)             # what a sonar hears
+    world.scan(pose, -1.57, 0.006136, 512, 4.095)           # what a laser sees
+
+Answers are exact for straight walls.  How worlds are written stands in `world_file`.
+"""
+
+import math
+from typing import Any, Dict, List, Optional, Sequence, Tuple
+
+from .geometry import ORIGIN, Footprint, Pose, Wall, encloses, nearest_in_cone
+from .robots import Crowd, LocalCrowd, Mover
+from .scene import Scene
+from .wall_index import WallIndex
+
+__all__ = ["ORIGIN", "Footprint", "Pose", "Wall", "World"]
+
+
+class World:
+    """Walls, the robots among them, what there is to sense, and the pose at which a robot starts.
+
+    Attributes:
+        crowd: The robots; one of several processes' where the world is shared.
+        scene: Heat, gas, dust, light and north.
+        standing: Robots that stand there by name, each until one of its name comes and takes its place.
+        solids: Closed lines among the walls, each of which is full inside: boxes, a map.
+    """
+
+    def __init__(
+        self, walls: Sequence[Wall] = (), start: Pose = ORIGIN, scene: Optional[Scene] = None
+    ) -> None:
+        self.start = start
+        self.scene = Scene() if scene is None else scene
+        self.crowd: Crowd = LocalCrowd()
+        self.standing: Dict[str, Mover] = {}
+        self.solids: List[List[Wall]] = []
+        self._index = WallIndex(walls)
+
+    @property
+    def walls(self) -> List[Wall]:
+        """The walls that stand still."""
+        return self._index.walls
+
+    def place(self, name: str, pose: Pose, footprint: Footprint) -> None:
+        """Puts a robot into the world, or moves it."""
+        self.crowd.place(name, pose, footprint)
+
+    def remove(self, name: str) -> None:
+        """Takes a robot out of the world, if it is there."""
+        self.crowd.remove(name)
+
+    def robots(self, without: str = "") -> List[Mover]:
+        """All robots but one."""
+        there = self.crowd.others(without)
+        if not self.standing:
+            return there
+        taken = {without, *(mover.name for mover in there)}
+        return there + [mover for name, mover in self.standing.items() if name not in taken]
+
+    def start_of(self, name: str) -> Pose:
+        """Where a robot of that name starts: where it stands already, or where all do."""
+        return self.standing[name].pose if name in self.standing else self.start
+
+    def outlines(self, x: float, y: float, range_m: float, without: str = "") -> List[Wall]:
+        """Sides of the robots that come nearer to a point than `range_m`."""
+        return [
+            side
+            for mover in self.robots(without)
+            if _gap(mover, x, y) < range_m
+            for side in mover.footprint.outline(mover.pose)
+        ]
+
+    def nearest(self, pose: Pose, half_angle_rad: float, range_m: float, without: str = "") -> float:
+        """Distance from `pose` to the nearest point of anything inside a cone along its x [m]; infinite if there is
+        nothing within `range_m`.
+
+        Exact for the flat cone: an echo comes from the nearest surface, and nothing nearer can hide it.
+        """
+        still = self._index.nearest(pose, half_angle_rad, range_m)
+        moving = self.outlines(pose.x_m, pose.y_m, range_m, without)
+        return min(still, nearest_in_cone(moving, pose, half_angle_rad, range_m)) if moving else still
+
+    def scan(
+        self, pose: Pose, first_rad: float, step_rad: float, count: int, range_m: float, without: str = ""
+    ) -> Any:
+        """Distances along `count` rays from `pose` [m], an array `(count,)`; infinite where nothing is in range.
+
+        The first ray leaves at `first_rad` from the pose's x, each next one `step_rad` further to the left.
+        """
+        from . import rays
+
+        walls = self._index.array()
+        moving = self.outlines(pose.x_m, pose.y_m, range_m, without)
+        if moving:
+            walls = rays.np.concatenate((walls, rays.np.array(moving)))
+        return rays.cast(walls, pose, first_rad, step_rad, count, range_m)
+
+    def sees(self, from_x: float, from_y: float, to_x: float, to_y: float) -> bool:
+        """Whether no wall stands between two points."""
+        way = Wall(from_x, from_y, to_x, to_y)
+        return not any(_cross(way, wall) for wall in self.walls)
+
+    def clearance(self, x: float, y: float, without: str = "") -> float:
+        """Distance from a point to the nearest wall or robot [m], a robot counted as the circle around it."""
+        gaps = [_gap(mover, x, y) for mover in self.robots(without)]
+        return min(self._index.clearance(x, y), *gaps, math.inf)
+
+    def touching(self, pose: Pose, footprint: Footprint, without: str = "") -> List[Wall]:
+        """Walls, and sides of other robots, that reach into a robot at `pose`."""
+        reach = footprint.radius_m
+        near = self._index.near(pose.x_m, pose.y_m, reach)
+        for mover in self.robots(without):
+            if _gap(mover, pose.x_m, pose.y_m) < reach:
+                near += mover.footprint.outline(mover.pose) + mover.footprint.inside(mover.pose)
+        return [wall for wall in near if footprint.touches(pose, wall)]
+
+    def is_solid(self, x: float, y: float) -> bool:
+        """Whether a point is in something that is full inside."""
+        return any(encloses(outline, x, y) for outline in self.solids)
+
+    def bounds(self) -> Tuple[float, float, float, float]:
+        """Least x and y, greatest x and y of walls and start [m]."""
+        xs = [self.start.x_m, *(x for wall in self.walls for x in (wall.x1, wall.x2))]
+        ys = [self.start.y_m, *(y for wall in self.walls for y in (wall.y1, wall.y2))]
+        return min(xs), min(ys), max(xs), max(ys)
+
+
+def _gap(mover: Mover, x: float, y: float) -> float:
+    return math.hypot(mover.pose.x_m - x, mover.pose.y_m - y) - mover.footprint.radius_m
+
+
+def _cross(a: Wall, b: Wall) -> bool:
+    """Whether two walls cross."""
+
+    def side(of: Wall, x: float, y: float) -> float:
+        return (of.x2 - of.x1) * (y - of.y1) - (of.y2 - of.y1) * (x - of.x1)
+
+    return side(a, b.x1, b.y1) * side(a, b.x2, b.y2) < 0.0 and side(b, a.x1, a.y1) * side(b, a.x2, a.y2) < 0.0
