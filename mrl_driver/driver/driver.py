@@ -1,4 +1,4 @@
-"""The robot as an object: SI units in and out, one thread that reads, nothing printed.
+"""The robot as an object: SI units in and out, one reading thread, no output to the terminal.
 
     with Driver("/dev/ttyACM0") as robot:
         for _ in range(20):
@@ -6,9 +6,9 @@
             robot.wait(0.1)
         print(robot.pose)
 
-A robot stops 0.5 s after the last `drive`; `Options(command_timeout_s=...)` changes that.  Leaving the block stops the
-robot, and so does the end of the program.  All methods may be called from any thread; `ask` and `wait` not from
-callbacks, which run on the thread that reads.
+The robot stops 0.5 s after the last `drive`; `Options(command_timeout_s=...)` changes that time.  The robot also stops
+at the end of the `with` block and at the end of the program.  All methods may be called from any thread.  Callbacks run
+on the reading thread and must not call `ask` or `wait`.
 """
 
 import atexit
@@ -33,23 +33,23 @@ from .runner import Runner
 __all__ = ["Board", "Driver", "Options", "Telemetry"]
 
 ATTEMPTS, ANSWER_S = 3, 0.5
-"""`ask` sends so often, and waits each time so long for the answer [s]."""
+"""`ask` sends a request at most this many times and waits this long for each reply [s]."""
 
 
 class Driver(Runner):
     """A robot on a serial port.
 
     Args:
-        port: device name, an URL (`tcp://host:port`, `udp://host:port`, those of pyserial), or an open `Link`.
-        robot: name of a packaged model, path of a YAML file, a `RobotModel`, or `auto` for the model that
-            lists the id which the board reports.
-        baud: of the port, where `port` is a name; of the line behind a network address.  Below 115200 the board
-            streams no faster than the line carries.
+        port: device name, URL (`tcp://host:port`, `udp://host:port`, or a pyserial URL), or an open `Link`.
+        robot: name of a packaged model, path of a YAML file, a `RobotModel`, or `auto`: the model that lists
+            the robot id reported by the board.
+        baud: baud rate of the serial port [Bd]; with a network address, baud rate of the serial line behind it.
+            Below 115200 the board streams only as fast as the line allows.
         options: see `Options`.
 
     Raises:
-        ConfigError: the robot model is unknown or wrong, or an option out of range (when created, before the
-            port is opened).
+        ConfigError: the robot model is unknown or invalid, or an option is out of range.  Raised before the
+            port is opened.
     """
 
     def __init__(
@@ -72,18 +72,18 @@ class Driver(Runner):
         super().__init__(Core(model, options), port, baud, options)
 
     def connect(self) -> Board:
-        """Open the port, greet the board, start its stream; the robot is told to stop and stays still.
+        """Open the port, greet the board and start its stream.  The robot gets a stop and stays still.
 
         Returns:
-            Who answers, once the first telemetry is there.
+            The board's identity, after the first telemetry has arrived.
 
         Raises:
             ConfigError: the recording cannot be written.
             PortMissing, PortDenied, PortBusy, LinkError: the port cannot be opened.
-            NotARobot: nothing answers, or not in frames.
-            WrongRobot: another robot answers, or one of another protocol.
-            BatteryDead: motor power is off, or the battery too low to start (unless `ignore_battery`).
-            BoardTimeout, LinkLost: it stopped answering, or went away, meanwhile.
+            NotARobot: nothing answers, or the answer is not made of frames.
+            WrongRobot: another robot answers, or the board speaks another protocol.
+            BatteryDead: motor power is off, or the battery is too low to start (unless `ignore_battery`).
+            BoardTimeout, LinkLost: the board stopped answering, or the port went away, during the greeting.
         """
         if self._thread is not None or self._closing:
             raise MrlError("this driver was connected already; create another one to connect again")
@@ -100,7 +100,7 @@ class Driver(Runner):
         return self.board
 
     def close(self) -> None:
-        """Stop the robot, wait at most a second for telemetry to confirm it, and give the port back."""
+        """Stop the robot, wait at most a second for telemetry to confirm the stop, and close the port."""
         with self._lock:
             thread, trial = self._thread, self._trial
             self._closing = self._closing or (thread is None and self._beginning)
@@ -125,7 +125,7 @@ class Driver(Runner):
         atexit.unregister(self._end_with_program)
 
     def _end_with_program(self) -> None:
-        """A program that ends in an error may not have closed; boards of 2013 would drive on."""
+        """Close at the end of the program: after an error the driver may still be open, and 2013 boards drive on."""
         self.close()
 
     def __enter__(self) -> "Driver":
@@ -137,19 +137,19 @@ class Driver(Runner):
 
     @property
     def line_baud(self) -> int:
-        """Speed of the line now [Bd]: with the option `fast` 500000 where board and line can, else the port's."""
+        """Current speed of the line [Bd]: 500000 if the option `fast` has raised it, else the port's baud rate."""
         return FAST_BAUD if self._fast else self._baud
 
     @property
     def recorder(self) -> Optional[Recorder]:
-        """What writes the recording, with the lines it `lost` and its last `error`; None without one."""
+        """The recorder, with the lines it `lost` and its last `error`; None without a recording."""
         return self._tape.recorder if self._tape is not None else None
 
     def wait(self, timeout_s: Optional[float] = None) -> bool:
-        """Sleep until the driver is closed or has failed; False when `timeout_s` passed before.
+        """Sleep until the driver is closed or has failed; False if `timeout_s` ended first.
 
         Raises:
-            MrlError: what the driver failed with, such as LinkLost.
+            MrlError: the driver failed; this is the error, such as LinkLost.
         """
         with self._changed:
             ended = self._changed.wait_for(lambda: self._closing or self._error is not None, timeout_s)
@@ -158,23 +158,23 @@ class Driver(Runner):
             return ended
 
     def drive(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) -> bool:
-        """Drive at these speeds for at most 0.5 s; call it again before that to go on.
+        """Drive at these speeds for at most 0.5 s; call again before then to keep driving.
 
-        The option `command_timeout_s` sets another time.  Speeds above the model's limits are scaled down on the same
-        arc.  The latest command wins: none is ever queued.  It is dropped when the board falls silent or restarts, so
-        the robot then waits for a new one.
+        The option `command_timeout_s` sets another time.  Speeds above the model's limits are scaled down together, so
+        the arc stays the same.  The latest command wins; commands are never queued.  If the board falls silent or
+        restarts, the command is dropped and the robot waits for a new one.
 
         Args:
             linear_m_s: forward speed.
             angular_rad_s: yaw rate, counter-clockwise.
-            lateral_m_s: speed to the left, where the base can.
+            lateral_m_s: speed to the left, if the base can move sideways.
 
         Returns:
-            True when the command is in force; False when the board is silent, being greeted, lost and searched,
-            the battery empty, a wheel not doing what it was told (see `mismatch`), or the driver being closed.
+            True if the command is in force.  False if the board is silent or being greeted, the port is lost, the
+            battery is empty, a wheel does not follow its command (see `mismatch`), or the driver is being closed.
 
         Raises:
-            FrameError: a speed is NaN or infinite, or lateral where the base cannot; the robot was stopped.
+            FrameError: a speed is NaN or infinite, or the base cannot move sideways; the robot was stopped.
             LinkLost: the port went away.
         """
         with self._lock:
@@ -195,11 +195,11 @@ class Driver(Runner):
             self._flush()
 
     def request(self, code: int, *args: int) -> None:
-        """Send any other request of the command table; what it brings comes to `on_event`.
+        """Send any other request of the command table; `on_event` gets the reply.
 
         Raises:
-            FrameError: the table forbids it.
-            BoardTimeout: it would turn motors, and the board is silent; it was not sent.
+            FrameError: the command table does not allow the request.
+            BoardTimeout: the request would turn motors, and the board is silent; it was not sent.
             LinkLost: the port went away.
         """
         with self._lock:
@@ -210,13 +210,14 @@ class Driver(Runner):
             self._flush()
 
     def ask(self, code: int, *args: int, timeout_s: float = ANSWER_S) -> Tuple[int, ...]:
-        """Send a request that a `Reply` answers, again where none comes; the reply's fields.
+        """Send a request, wait for its `Reply` and return the reply's fields; repeat the request if no reply comes.
 
-        Not for `robot_info`, `read_status` and the counts, which come by themselves, nor on the reading thread.
+        Do not use it for `robot_info`, `read_status` and the wheel counters, which arrive without a request, nor on
+        the reading thread.
 
         Raises:
-            FrameError: the table forbids the request.
-            BoardTimeout: no answer within `timeout_s`, for each of three attempts.
+            FrameError: the command table does not allow the request.
+            BoardTimeout: no reply within `timeout_s`, in each of three attempts.
             LinkLost: the port went away.
         """
         core = self._core

@@ -1,4 +1,4 @@
-"""Who answers on a port, in a few words.  Opening resets an Arduino Uno; the robot is told to stand still."""
+"""Identify the board on a port.  Opening the port resets an Arduino Uno; the robot gets a stop and stays still."""
 
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from typing import Iterable, Iterator, NamedTuple, Optional, Tuple
@@ -15,21 +15,21 @@ _MOST_AT_ONCE = 16
 
 
 class Answer(NamedTuple):
-    """What a port answered."""
+    """The board found on a port."""
 
     robot_id: Optional[int] = None
-    """None where no robot answers."""
+    """None if no robot answers."""
     model: str = ""
-    """Packaged model that lists the id; empty where none does."""
+    """Packaged model that lists the robot id; empty if there is none."""
     firmware_version: Optional[int] = None
     battery_v: Optional[float] = None
     capabilities: Tuple[str, ...] = ()
     error: str = ""
-    """Why there is no answer."""
+    """Why there is no answer; empty if there is one."""
 
 
 def probe(port: str, baud: int = BAUD) -> Answer:
-    """Ask one port; takes up to 8 s where nothing answers."""
+    """Ask one port; takes up to 8 s if nothing answers."""
     try:
         with Driver(port, _ANY_MODEL, baud, Options(ignore_battery=True, any_id=True)) as driver:
             board = driver.board
@@ -45,7 +45,7 @@ def probe(port: str, baud: int = BAUD) -> Answer:
 
 
 def probe_all(ports: Iterable[Tuple[str, int]]) -> Iterator[Tuple[str, Answer]]:
-    """Ask several ports, each with its baud rate, at the same time; answers in the order they come."""
+    """Ask several ports at the same time, each at its baud rate; yield the answers in order of arrival."""
     with ThreadPoolExecutor(_MOST_AT_ONCE) as pool:
         waiting = {pool.submit(probe, port, baud): port for port, baud in ports}
         for done in as_completed(waiting):

@@ -1,4 +1,4 @@
-"""What a driver tells: its properties and its callbacks, apart from what it does."""
+"""The readable side of a driver: its properties and its callbacks."""
 
 import math
 import threading
@@ -46,12 +46,12 @@ class Readout:
 
     @property
     def now_s(self) -> float:
-        """The driver's clock: that of `time.monotonic()`, or simulated time."""
+        """The driver's clock: `time.monotonic()`, or simulated time."""
         return time.monotonic()
 
     @property
     def model(self) -> Optional[RobotModel]:
-        """The robot's model; with `auto` it is None until `connect`."""
+        """The robot's model; None until `connect` if the driver was created with `auto`."""
         return self._state.model
 
     @property
@@ -68,29 +68,31 @@ class Readout:
 
     @property
     def may_be_moving(self) -> bool:
-        """Nothing is known of the robot, which moved, and its board does not stop by itself: those of 2013."""
+        """The board was cut off while the robot moved, and it has no watchdog to stop it (2013 boards)."""
         return self._core.begun and self._core.session.may_be_moving
 
     @property
     def stop_reason(self) -> str:
-        """Why the robot was last stopped, as far as is known.
+        """Why the robot was last stopped, as far as is known; `none` before the first stop.
 
-        By this program, `motion.STOPS`: `user`, `not_a_number`, `command_timeout`, `battery`, `wheel_mismatch`,
-        `stale` (no telemetry), `restarted` (the board did), `link_lost`, `closed`.  By the board,
-        `table.STOP_REASONS`: `link_watchdog`, `stall`, `motor_board`, `boot`, `check_ended`; those are known within
-        half a second.  `none` before the first.
+        Reasons of this program (`motion_command.STOPS`): `user`, `not_a_number`, `command_timeout`, `battery`,
+        `wheel_mismatch`, `stale` (no telemetry), `restarted` (the board restarted), `link_lost`, `host_paused` (this
+        program stood still), `closed`.  Reasons of the board (`table.STOP_REASONS`): `link_watchdog`, `stall`,
+        `motor_board`, `boot`, `check_ended`; these are known within half a second.
         """
         motion = self._motion
         return motion.stop_reason if motion else "none"
 
     @property
     def mismatch(self) -> Optional[Mismatch]:
-        """The wheel that did not do what it was told; until `stop` or a command of zero no other is taken."""
+        """The wheel that did not follow its command, or None.  Only `stop` or a command of zero clears it; until then
+        all other commands are refused.
+        """
         return self._core.mismatch
 
     @property
     def command(self) -> Optional[AnyTwist]:
-        """The command in force, after limits; None while stopped."""
+        """The command in force, after limiting; None while stopped."""
         motion = self._motion
         target = motion.target if motion else None
         if target is None:
@@ -99,17 +101,17 @@ class Readout:
         return OmniTwist(*speeds) if len(speeds) == 3 else Twist(*speeds)
 
     def limited(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) -> AnyTwist:
-        """The speeds that `drive` scales these down to, on the same arc, once connected."""
+        """The speeds that `drive` would use: scaled down to the limits, on the same arc.  Needs a connection."""
         return self._core.limited(linear_m_s, angular_rad_s, lateral_m_s)
 
     @property
     def error(self) -> Optional[MrlError]:
-        """What ended the driver, or None."""
+        """The error that ended the driver, or None."""
         return self._error
 
     @property
     def board(self) -> Board:
-        """Who answers; battery and temperature are at most 2 s old.
+        """The board's identity; its battery voltage and temperature are at most 2 s old.
 
         Raises:
             BoardTimeout: not connected yet.
@@ -120,7 +122,7 @@ class Readout:
 
     @property
     def warning(self) -> str:
-        """What a user should know about the board that answers; empty where there is nothing."""
+        """A warning for the user about this board; empty if there is none."""
         info = self._state.info
         if info is None or info.protocol >= 2:
             return ""
@@ -132,32 +134,32 @@ class Readout:
 
     @property
     def telemetry(self) -> Optional[Telemetry]:
-        """The last one, or None before the first."""
+        """The last telemetry; None before the first."""
         return self._state.telemetry
 
     @property
     def pose(self) -> Pose:
-        """Pose in the odom frame, (0, 0, 0) at the start; continuous over restarts of the board."""
+        """Pose in the odom frame; (0, 0, 0) at the start.  It has no jump when the board restarts."""
         return self._state.odometry.pose if self._state.odometry else ORIGIN
 
     @property
     def twist(self) -> AnyTwist:
-        """Speeds in base_link, measured."""
+        """Measured speeds in base_link; zero while the board is not ready."""
         return self._state.odometry.twist if self._state.odometry and self.ready else Twist(0.0, 0.0)
 
     @property
     def has_sonars(self) -> bool:
-        """The board measures ranges; False before it is connected."""
+        """The board measures ranges; False before `connect`."""
         return self._state.has_sonars
 
     @property
     def ranges(self) -> Dict[str, float]:
-        """Sonar name to range [m], REP-117; empty when telemetry is stale."""
+        """Range of each sonar by name [m], by REP 117; empty if telemetry is stale."""
         return dict(self._state.ranges) if self.ready else {}
 
     @property
     def sensors(self) -> Dict[str, Reading]:
-        """Sensors of `table.SENSORS` that answer, by name; old readings are left out."""
+        """Readings of the sensors of `table.SENSORS` that answer, by name, without old readings."""
         with self._lock:
             return self._core.session.sensors.fresh(self.now_s) if self._core.begun and self.ready else {}
 
@@ -168,7 +170,7 @@ class Readout:
 
     @property
     def battery_state(self) -> str:
-        """`ok`, `low`, `empty` or `off`, see `battery`."""
+        """`ok`, `low`, `empty` or `off`, see `robot.battery`."""
         return self._state.battery_state
 
     @property
@@ -178,7 +180,7 @@ class Readout:
 
     @property
     def status(self) -> Optional[Status]:
-        """Uptime, stop reason, faults, clamped commands; None from 2013 boards."""
+        """Uptime, stop reason, faults and clamped commands; None with 2013 boards."""
         return self._core.session.status if self._core.begun else None
 
     @property
@@ -201,32 +203,32 @@ class Readout:
             return counters.snapshot()
 
     def reset_pose(self, pose: Pose = ORIGIN) -> None:
-        """Let the odometry go on from `pose`; counts and speeds stay as they are."""
+        """Continue the odometry from `pose`; counters and speeds do not change."""
         with self._lock:
             if self._state.odometry is not None:
                 self._state.odometry.pose = pose
 
-    # -- callbacks: run on the reading thread, one after the other, without a lock held
+    # -- callbacks: they run on the reading thread, one after the other, without a lock
 
     def on_telemetry(self, callback: Callable[[Telemetry], None]) -> None:
-        """Call for each frame of the stream."""
+        """Call `callback` for each telemetry frame."""
         self._listeners["telemetry"].append(callback)
 
     def on_status(self, callback: Callable[[Status], None]) -> None:
-        """Call for each status of the board, twice a second."""
+        """Call `callback` for each status of the board, twice a second."""
         self._listeners["status"].append(callback)
 
     def on_battery(self, callback: Callable[[Board], None]) -> None:
-        """Call for each new battery voltage and temperature."""
+        """Call `callback` for each new battery voltage and temperature."""
         self._listeners["battery"].append(callback)
 
     def on_sensor(self, callback: Callable[[Tuple[str, Reading]], None]) -> None:
-        """Call for each answer of a sensor of `table.SENSORS`, with its name and reading."""
+        """Call `callback` with name and reading for each answer of a sensor of `table.SENSORS`."""
         self._listeners["sensor"].append(callback)
 
     def on_event(self, callback: Callable[[Union[SessionEvent, Mismatch, MrlError]], None]) -> None:
-        """Call for `Ready`, `Stale`, `Lost`, `Reconnected`, `WayLost` and `Reply` of `events`, for a wheel's
-        `Mismatch`, and for the `MrlError` that ends the driver.
+        """Call `callback` for each `Ready`, `Stale`, `Lost`, `Reconnected`, `Slowed`, `WayLost` and `Reply` of
+        `session.events`, for a wheel's `Mismatch`, and for the `MrlError` that ends the driver.
         """
         self._listeners["state"].append(callback)
 

@@ -1,7 +1,7 @@
 """The driver without I/O and without a thread: one robot's session, state and guards.
 
-Bytes and time go in, bytes and notices come out.  `Driver` runs it on a port in real time, `SteppedDriver` on an
-emulated board in simulated time.  Times are seconds of one monotonic clock, given by the caller.
+Bytes and time go in; bytes and notices come out.  `Driver` runs it on a port in real time, `SteppedDriver` on an
+emulated board in simulated time.  All times are seconds of one monotonic clock, which the caller reads.
 """
 
 import math
@@ -24,10 +24,10 @@ from mrl_driver.transport.baud_rates import command_gap_s, least_period_ms
 from .options import Options
 
 GENTLE_S = 3.0
-"""The longest that a gentle stop takes [s]."""
+"""Longest duration of a gentle stop [s]."""
 SLOWEST_MS = 50
-"""The board streams at least this often, so that its silence shows in time; listeners who want fewer frames are told
-every n-th.
+"""Longest stream period [ms], so that the driver notices silence in time.  Listeners that want fewer frames get every
+n-th one.
 """
 
 INDEXED = {
@@ -35,11 +35,11 @@ INDEXED = {
     for row in COMMANDS
     if row.request and row.reply and row.request[0].name == row.reply[0].name == "index"
 }
-"""Requests that are answered with the index they name."""
+"""Codes of requests whose reply repeats their index."""
 
 
 class Core:
-    """One robot.  Without a `model` it is the packaged one that lists the id which the board reports."""
+    """One robot.  If `model` is None, the packaged model that lists the board's robot id is used."""
 
     def __init__(self, model: Optional[RobotModel], options: Options) -> None:
         if model is not None:
@@ -48,13 +48,13 @@ class Core:
         self._omni: Optional[OmniCommands] = None
         self.state = RobotState(model, options.ignore_battery, options.any_id)
         self.mismatch: Optional[Mismatch] = None
-        """The wheel that did not do what it was told."""
+        """The wheel that did not follow its command, or None."""
         self.replies: Dict[int, Tuple[int, ...]] = {}
-        """Fields of the last reply to each request that was sent by itself."""
+        """Fields of the last `Reply`, by command code."""
         self.leaving = False
-        """No more commands are taken."""
+        """The driver is closing: it refuses new commands."""
         self.due_s = -math.inf
-        """When `turn` is due at the latest [s], unless bytes come before."""
+        """Latest time of the next `turn` if no bytes arrive before [s]."""
         self._session: Optional[Session] = None
         self._watch: Optional[WheelWatch] = None
         least_ms = least_period_ms(options.line_baud)
@@ -64,14 +64,14 @@ class Core:
         self._fresh: Tuple[str, ...] = ()
 
     def begin(self, now: float) -> None:
-        """Greet the board; how it goes comes out of `turn`."""
+        """Start to greet the board; `turn` returns the results."""
         options = self._options
         gap_s = command_gap_s(options.line_baud)
         plan = Plan(options.watchdog_ms, self._period_ms, options.check, gap_s)
         self._session = Session(self._admit, now, plan, options.command_timeout_s, options.greeting_s)
 
     def _admit(self, board: Board) -> Optional[str]:
-        """Accept the board, and let its commands be those of the robot's base."""
+        """Accept the board, and choose the motion request for the robot's drive type."""
         stream, model, motion = self.state.admit(board), self.state.model, self.session.motion
         if model is not None and isinstance(model.drive, OmniDrive):
             self._omni = OmniCommands(model, model.drive)
@@ -81,13 +81,13 @@ class Core:
         return stream
 
     def answer(self, code: int, args: Tuple[int, ...]) -> Optional[Tuple[int, ...]]:
-        """The reply to a request that was sent by itself; one to another index, which came late, is none."""
+        """The reply to a request, or None.  A late reply with another index does not count."""
         reply = self.replies.get(code)
         return None if reply is None or (code in INDEXED and reply[0] != args[0]) else reply
 
     @property
     def begun(self) -> bool:
-        """There is a session."""
+        """`begin` was called: there is a session."""
         return self._session is not None
 
     @property
@@ -95,17 +95,17 @@ class Core:
         """The conversation with the board.
 
         Raises:
-            LinkLost: it has not begun.
+            LinkLost: `begin` was not called yet.
         """
         if self._session is None:
             raise LinkLost("the driver is not connected; call connect() first")
         return self._session
 
     def turn(self, data: bytes, now: float) -> List[Notice]:
-        """Take in what arrived and do what is due; what the listeners are to be told.
+        """Process the bytes that arrived, do what is due, and return the notices for the listeners.
 
         Raises:
-            BoardError: the board is not one to work with.
+            BoardError: the board does not answer properly, or is not the right one.
         """
         session = self.session
         events = session.receive(data, now) if data else []
@@ -126,7 +126,7 @@ class Core:
         """Put a command in force, see `Driver.drive`.
 
         Raises:
-            FrameError: a speed is NaN or infinite, or lateral where the base cannot; the robot was stopped.
+            FrameError: a speed is NaN or infinite, or the base cannot move sideways; the robot was stopped.
         """
         session, model = self.session, self.state.model
         if not (math.isfinite(linear_m_s) and math.isfinite(angular_rad_s) and math.isfinite(lateral_m_s)):
@@ -140,7 +140,7 @@ class Core:
             raise FrameError(f"{cannot_sideways(lateral_m_s, kind_of(model.drive))}; the robot was stopped")
         moves = bool(linear_m_s or angular_rad_s or lateral_m_s)
         if self.state.powerless and session.motion.target is not None and not moves:
-            self.stop(now, "battery")  # at once, not gently any more
+            self.stop(now, "battery")  # at once: the gentle stop ends here
         if model is None or self.leaving or self.state.powerless:
             return False
         if self.mismatch is not None and moves:
@@ -151,22 +151,22 @@ class Core:
         return session.drive(linear_mm_s, angular_mrad_s, now, *lateral_mm_s)
 
     def limited(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) -> AnyTwist:
-        """What a command is scaled down to; a base that cannot slide ignores the lateral speed."""
+        """The speeds after limiting, on the same arc; a base that cannot move sideways ignores the lateral speed."""
         if self._omni is not None:
             return self._omni.limited(linear_m_s, angular_rad_s, lateral_m_s)
         assert self.state.model is not None
         return Twist(*limit(linear_m_s, angular_rad_s, self.state.model))
 
     def stop(self, now: float, reason: str) -> None:
-        """Stop at once; `reason` is one of `motion.STOPS`."""
+        """Stop at once; `reason` is one of `motion_command.STOPS`."""
         self.mismatch = self._watch = None
         self.session.stop(now, reason)
 
     def _digest(self, event: SessionEvent, now: float) -> List[Notice]:
-        """Take an event into the robot's state, and stop a robot whose battery gives cause."""
+        """Update the robot's state from an event, and stop the robot if its battery is empty or off."""
         notices = self.state.digest(event, now)
         if isinstance(event, Ready):
-            self._watch = None  # a board that restarted counts its time from zero again
+            self._watch = None  # after a restart the board's time starts at zero again
         elif isinstance(event, Info) and self.state.powerless:
             self._spare_battery(now)
         elif isinstance(event, Reply):
@@ -177,7 +177,7 @@ class Core:
         return notices
 
     def _on_counts(self, event: Counts, session: Session, now: float, notices: List[Notice]) -> None:
-        """Take telemetry into the robot's state, and stop a robot of which a wheel does not do what it was told."""
+        """Update the robot's state from telemetry, and stop the robot if a wheel does not follow its command."""
         telemetry = self.state.on_counts(event)
         if telemetry is None:
             return
@@ -198,7 +198,7 @@ class Core:
                 notices.append(("state", self.mismatch))
 
     def _thin(self, telemetry: Telemetry) -> List[Notice]:
-        """Every n-th telemetry, with the sonars that were new in those between."""
+        """Every n-th telemetry; its `fresh` includes the sonars that were new in the skipped ones."""
         self._fresh = tuple(dict.fromkeys(self._fresh + telemetry.fresh))
         self._untold = (self._untold + 1) % self._every
         if self._untold:
@@ -215,7 +215,9 @@ class Core:
         return self._watch.update(linear_mm_s / 1000, angular_mrad_s / 1000, travel, time_s, lateral_m_s)
 
     def _spare_battery(self, now: float) -> None:
-        """Stop: at once when motor power is off, so that nothing moves when it returns; gently when low."""
+        """Stop to protect the battery: gently if it is empty; at once if motor power is off, so that the robot does
+        not move when power returns.
+        """
         motion, model = self.session.motion, self.state.model
         if motion.target is None or model is None:
             return

@@ -1,4 +1,4 @@
-"""The thread that serves a driver's port: reads, sends what is due, searches a port that was lost, stops at the end."""
+"""The driver's thread: it reads the port, sends what is due, searches a lost port, and stops the robot at the end."""
 
 import math
 import threading
@@ -23,13 +23,13 @@ from .robot_core import Core
 
 CLOCK_BOOTTIME = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 ERRORS, ERROR_SHARE = 20, 100
-"""More damaged pieces than these and one frame in so many: a line at a higher speed goes back to 115200."""
+"""A raised line goes back to 115200 after more than `ERRORS` damaged pieces plus one per `ERROR_SHARE` frames."""
 CLOSE_S = 0.8
-"""A stop at the end waits at most this long for telemetry to confirm it [s]."""
+"""The stop at the end waits at most this long for telemetry to confirm it [s]."""
 
 
 class Runner(Readout):
-    """Serves `port` from `_begin` until it is closed or fails; `Driver` is what others use of it."""
+    """Serves `port` from `_begin` until it is closed or fails.  Other modules use it through `Driver`."""
 
     def __init__(self, core: Core, port: Union[str, Link], baud: int, options: Options) -> None:
         super().__init__(core)
@@ -49,7 +49,7 @@ class Runner(Readout):
         self._fast, self._well_s, self._errors = False, 0.0, 0
 
     def _begin(self) -> None:
-        """Open the port and greet the board; `_settled` is set when that is done, or has failed."""
+        """Open the port and greet the board; `_settled` is set when the greeting is complete or has failed."""
         self._beginning = True
         try:
             link = self._first_link()
@@ -61,7 +61,7 @@ class Runner(Readout):
         fork_guard.leave_to_parent(self._abandon)
 
     def _start(self, link: Link) -> None:
-        """Begin the conversation, unless the driver was closed while the port opened."""
+        """Start the session and the thread, unless the driver was closed while the port opened."""
         with self._lock:
             if not self._closing:
                 self._link = link
@@ -86,7 +86,7 @@ class Runner(Readout):
                 )
 
     def _turn(self) -> None:
-        """Serve the link that there is, or look for one."""
+        """Serve the link if there is one; otherwise search it."""
         try:
             if self._link is None:
                 self._seek()
@@ -125,7 +125,7 @@ class Runner(Readout):
         self._call(notices)
 
     def _watch_speed(self, link: Link, now: float) -> List[Notice]:
-        """A line that fails at the higher speed goes back to the usual one, as the board does."""
+        """Go back to 115200 Bd if the line fails at the higher speed; the board does the same by itself."""
         session = self._core.session
         errors = sum(session.counters.garbage.values())
         if self._errors < 0:
@@ -140,7 +140,7 @@ class Runner(Readout):
         return [("state", Slowed(BAUD))]
 
     def _notice_sleep(self, now: float) -> None:
-        """After a sleep of the machine, which the driver's clock does not see, the command is stale."""
+        """Stop the robot if the machine was suspended; the driver's clock does not count that time."""
         before, self._slept_s = self._slept_s, slept_s()
         if self._slept_s > before + PAUSE_S and self.command is not None:
             self._core.stop(now, "host_paused")
@@ -171,7 +171,7 @@ class Runner(Readout):
         return link
 
     def _speed_up(self, link: Link) -> bool:
-        """As `speed_up`; a `close` meanwhile ends it, for it takes seconds where nothing answers."""
+        """Call `speed_up`.  It takes seconds if nothing answers, so `close` may interrupt it through `_trial`."""
         with self._lock:
             if self._closing:
                 raise LinkLost("the driver was closed")
@@ -186,7 +186,7 @@ class Runner(Readout):
             self._tape.close()
 
     def _lose(self, error: MrlError) -> None:
-        """Give the link up and search it, where that is wanted; else raise `error`."""
+        """Drop the link and start the search; raise `error` if the driver does not reconnect."""
         now = time.monotonic()
         with self._lock:
             reconnection, link = self._searchable(), self._link
@@ -200,12 +200,12 @@ class Runner(Readout):
             self._call([("state", Lost(reconnection.port, str(error), may_move))])
 
     def _searchable(self) -> Optional[Reconnection]:
-        """What finds a lost port, once there is something to find."""
+        """The search for a lost port; None before the first connection, or if the driver does not reconnect."""
         was_there = self._settled.is_set() and not self._closing and self._error is None
         return self._reconnection if was_there else None
 
     def _seek(self) -> None:
-        """One look for the port; the robot is greeted on it by the cycles that follow."""
+        """Look for the port once.  If it is found, the following cycles greet the robot on it."""
         reconnection = self._reconnection
         assert reconnection is not None
         with self._changed:
@@ -222,7 +222,11 @@ class Runner(Readout):
             self._link, self._core.due_s = link, -math.inf
 
     def _judge(self, reconnection: Reconnection, now: float) -> List[Notice]:
-        """Is it the robot that was lost?"""
+        """Check that the robot on the new link is the one that was lost.
+
+        Raises:
+            WrongRobot: another robot answers; its session was ended.
+        """
         session = self._core.session
         try:
             if not reconnection.judge(session.ready, now):
@@ -244,13 +248,13 @@ class Runner(Readout):
         return self._core
 
     def _flush(self) -> None:
-        """Send what the session has, and let the reader know if that leaves it less time to sleep."""
+        """Send the session's bytes, and wake the reading thread if something is now due earlier."""
         self._send()
         if threading.current_thread() is not self._thread:
             self._wake()
 
     def _send(self) -> None:
-        """Send what the session has, under the lock, so that frames never mix."""
+        """Send the session's bytes.  The caller holds the lock, so that frames never mix."""
         session = self._core.session
         data = session.take()
         if data and self._link is not None:
@@ -269,16 +273,16 @@ class Runner(Readout):
                     raise
 
     def _wake(self) -> None:
-        """Wake the reader if something is due before it looks again."""
+        """Wake the reading thread if something is due before it would wake up."""
         if self._link is not None and self._core.session.deadline(time.monotonic()) < self._core.due_s:
             self._link.wake()
 
     # -- the end
 
     def _say_goodbye(self, wait: bool) -> None:
-        """Stop, have it confirmed, and leave the board as a 2013 host would expect it.
+        """Stop the robot, wait for the confirmation, and set the board back to what a 2013 host expects.
 
-        Who cannot `wait` for the thread that reads is that thread, and reads here.
+        Without `wait` the caller is the reading thread itself, so this method reads the link.
         """
         try:
             with self._lock:
@@ -292,7 +296,7 @@ class Runner(Readout):
             while wait and self.ready and not self.stopped and time.monotonic() < deadline:
                 time.sleep(0.01)
             with self._lock:
-                if not self.stopped:  # nor will telemetry tell, perhaps, whether the stop arrived
+                if not self.stopped:  # telemetry may not confirm the stop any more, so send it again
                     core.session.stop(time.monotonic(), "closed")
                 core.session.end()
                 if self._fast:
@@ -310,7 +314,7 @@ class Runner(Readout):
             self._fail(error)
 
     def _halt(self) -> None:
-        """Stop, as the last thing, until telemetry confirms it; boards of 2013 have no watchdog that would."""
+        """Stop the robot and repeat the stop until telemetry confirms it; 2013 boards have no watchdog to do it."""
         core, link = self._core, self._link
         session = core.session
         with self._lock:
@@ -334,7 +338,7 @@ class Runner(Readout):
         self._call([("state", error)])
 
     def _abandon(self) -> None:
-        """In a forked child, which leaves the robot to its parent: closed, and every call says why."""
+        """Run in a forked child: the parent keeps the robot.  Here the driver is closed, and each call raises why."""
         self._lock = threading.RLock()
         self._changed, self._settled = threading.Condition(self._lock), threading.Event()
         self._link = self._trial = self._thread = self._reconnection = self._tape = None
@@ -345,5 +349,5 @@ class Runner(Readout):
 
 
 def slept_s() -> float:
-    """Time that the machine was suspended since it was started [s]."""
+    """Total time that the machine was suspended since its start [s]."""
     return time.clock_gettime(CLOCK_BOOTTIME) - time.monotonic()

@@ -1,4 +1,4 @@
-"""The driver in simulated time: the same core, on a board that is stepped instead of a port.
+"""The driver in simulated time: the same core, but on a board that is stepped instead of a port.
 
     board = boards.make(boards.Options(robot="traxbot")).engine
     with SteppedDriver(board) as robot:
@@ -7,7 +7,7 @@
             robot.wait(0.1)
         print(robot.pose)
 
-It is faster than real time and repeats itself exactly.  What holds for `Driver` holds here, in simulated seconds.
+It runs faster than real time, and each run gives exactly the same result.  It behaves as `Driver` does.
 """
 
 import math
@@ -23,35 +23,35 @@ from .readout import Readout
 from .robot_core import Core
 
 LEAST_STEP_S = 1e-4
-"""The board is stepped at most so finely, about a byte on the wire [s]."""
+"""Shortest step of the board: about one byte on the wire [s]."""
 CLOSE_S, ATTEMPTS, ANSWER_S = 0.8, 3, 0.5
-"""As in `driver`."""
+"""As in `runner` and `driver`."""
 
 
 class Stepped(Protocol):
-    """A board in simulated time; the engines of the emulator are such."""
+    """A board in simulated time, such as an engine of the emulator."""
 
     @property
     def next_event_s(self) -> float:
-        """When `advance` should be called next if no bytes come [s]."""
+        """Time of the next call of `advance` if no bytes arrive before [s]."""
 
     def receive(self, data: bytes) -> None:
-        """Bytes from the host."""
+        """Take bytes from the host."""
 
     def advance(self, to_s: float) -> bytes:
-        """Run to a time since the board's start [s]; what it has sent until then."""
+        """Run until `to_s`, counted from the board's start [s], and return the bytes sent since the last call."""
 
 
 class SteppedDriver(Readout):
-    """A robot whose board is `stepped`; one thread, which waits only in `connect`, `wait`, `ask` and `close`.
+    """A robot on a `stepped` board, without a thread.  Time passes in `connect`, `wait`, `ask`, `pause` and `close`.
 
     Args:
-        stepped: the board; its time goes on from 0.
+        stepped: the board; its time starts at 0.
         robot: as for `Driver`.
         options: as for `Driver`, without `reconnect` and `record`.
 
     Raises:
-        ConfigError: the robot model is unknown or wrong, or an option out of range.
+        ConfigError: the robot model is unknown or invalid, or an option is out of range.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class SteppedDriver(Readout):
         return self._now_s
 
     def connect(self) -> Board:
-        """As `Driver.connect`; the errors of ports do not come."""
+        """As `Driver.connect`, but without the errors of ports."""
         if self._core.begun:
             raise MrlError("this driver was connected already; create another one to connect again")
         self._core.begin(self._now_s)
@@ -116,10 +116,10 @@ class SteppedDriver(Readout):
         )
 
     def wait(self, timeout_s: float) -> bool:
-        """Let so much time pass; True when the driver was closed meanwhile.
+        """Let `timeout_s` pass; True if the driver was closed during that time.
 
         Raises:
-            MrlError: what the driver failed with.
+            MrlError: the driver failed; this is the error.
         """
         end_s = self._now_s + timeout_s
         while self._now_s < end_s and not self._closed:
@@ -127,17 +127,17 @@ class SteppedDriver(Readout):
         return self._closed
 
     def pause(self, seconds: float) -> None:
-        """The program stands still, as a suspended process does: the board runs on, and its bytes wait until then.
+        """Simulate a suspended process: the board keeps running, and its bytes are read after `seconds`.
 
         Raises:
-            MrlError: what the driver failed with.
+            MrlError: the driver failed; this is the error.
         """
         core = self._connected()
         self._now_s += seconds
         self._turn(core, self._stepped.advance(self._now_s))
 
     def close(self) -> None:
-        """Stop the robot, and take leave of the board."""
+        """Stop the robot and end the session with the board."""
         if self._closed or not self._core.begun:
             return
         try:
@@ -171,14 +171,14 @@ class SteppedDriver(Readout):
         return self._core
 
     def _step(self, end_s: float) -> None:
-        """Go on to the next moment at which board or driver have something to do, `end_s` at most."""
+        """Advance to the next time at which board or driver has something to do, but not beyond `end_s`."""
         core = self._connected()
         due_s = min(end_s, core.session.deadline(self._now_s), self._stepped.next_event_s)
         self._now_s = min(end_s, max(due_s, self._now_s + LEAST_STEP_S))
         self._turn(core, self._stepped.advance(self._now_s))
 
     def _turn(self, core: Core, data: bytes) -> None:
-        """What the driver does with these bytes, now."""
+        """Give these bytes to the core now, and call the listeners."""
         try:
             notices = core.turn(data, self._now_s)
             self._flush()
