@@ -1,1 +1,1 @@
-"""The conversation with a board, without I/O: handshake, commands in force, board clock, polling.  Imports protocol."""
+"""The session with a board, without I/O: handshake, command in force, board clock, polling.  Imports protocol."""

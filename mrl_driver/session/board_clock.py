@@ -1,10 +1,10 @@
-"""Board time to host time.
+"""Conversion of board time to host time.
 
-A frame arrives later than it was stamped, by a delay that varies (USB polls every 1 to 16 ms, the host's scheduler)
-but never falls below a least value.  Plotted over board time, the arrivals lie above a straight line: its slope is
-the drift of the board's resonator against the host's clock, its height is offset plus least delay.  The line is the
-edge, below the middle of the window, of the points' lower convex hull (Moon, Skelly and Towsley, "Estimation and
-removal of clock skew from network delay measurements", INFOCOM 1999).
+A frame arrives later than its stamp.  The delay varies (USB polls every 1 to 16 ms, the host's scheduler), but it has a
+minimum.  Plotted over board time, the arrivals lie above a straight line.  The slope of the line is the drift of the
+board's resonator against the host's clock; its height is the offset plus the minimum delay.  The line is the edge of
+the points' lower convex hull at the middle of the window (Moon, Skelly and Towsley, "Estimation and removal of clock
+skew from network delay measurements", INFOCOM 1999).
 """
 
 from typing import List, NamedTuple, Optional, Tuple
@@ -12,30 +12,30 @@ from typing import List, NamedTuple, Optional, Tuple
 from mrl_driver.protocol.table import TICK_S
 
 MAX_DRIFT = 0.01
-"""Largest drift believed [s/s]; the Uno's ceramic resonator is good to 0.5 %."""
+"""Largest drift accepted [s/s]; the Uno's ceramic resonator is accurate to 0.5 %."""
 _BUCKET_S = 0.25
 _BUCKETS, _SPARE = 80, 20
-"""The window is 20 s; it grows by a quarter before its oldest part is dropped at once, which costs a new hull."""
+"""The window is 80 buckets (20 s).  It may grow by a quarter before its oldest part is dropped and the hull rebuilt."""
 _LEAST_SPAN_S = 1.0
 
 _Point = Tuple[float, float]
 
 
 class HostTime(NamedTuple):
-    """When a frame was stamped."""
+    """The time of a frame's stamp."""
 
     stamp_s: float
     """Host time [s]."""
     board_s: float
-    """Board time since the first frame [s], wraps undone."""
+    """Board time since the first frame [s], without wraps."""
     latency_s: float
-    """How long the frame took to arrive beyond the least delay."""
+    """Delay of the frame beyond the minimum delay [s]."""
 
 
 class BoardClock:
-    """Estimates offset and drift of one board's clock from its stamped frames.
+    """Estimates the offset and drift of one board's clock from its stamped frames.
 
-    Host times are seconds of any clock that never jumps (`time.monotonic`).  Estimates rest on the last 20 to 25 s.
+    Host times are seconds of any clock that never jumps (`time.monotonic`).  The estimate uses the last 20 to 25 s.
     """
 
     def __init__(self) -> None:
@@ -51,11 +51,11 @@ class BoardClock:
         self.drift = 0.0
 
     def update(self, time: int, arrival_s: float, next_one: bool = False) -> HostTime:
-        """Host time of a frame with board time `time` [64 us, int16] that arrived at `arrival_s`.
+        """Return the host time of a frame with board time `time` [64 us, int16] that arrived at `arrival_s`.
 
-        Frames of one board in order.  A gap may be as long as the host's clock, its drift undone, tells it to within
-        2 s.  Stamps are strictly increasing.  `next_one`: the frame follows the one before within one wrap of the
-        board's time, however late it arrives.
+        Give it the frames of one board in order.  The host's clock counts the wraps of board time in a gap, so it must
+        be exact to 2 s over the gap after the drift is corrected.  Stamps are strictly increasing.  `next_one` says
+        that this frame follows the previous one within one wrap of board time, even if it arrives late.
         """
         if self._ticks is None:
             self._ticks = 0
@@ -77,12 +77,12 @@ class BoardClock:
         return _new(HostTime, (stamp_s, board_s, latency_s if latency_s > 0.0 else 0.0))
 
     def _wraps(self, step: int, arrival_s: float) -> int:
-        """Ticks of the whole wraps that the host's clock says have passed besides `step`."""
+        """Ticks of the whole wraps that passed besides `step`, by the host's clock."""
         expected = round((arrival_s - self._arrival_s) / (1.0 + self.drift) / TICK_S)
         return max(0, (expected - step + 0x8000) >> 16 << 16)
 
     def _collect(self, point: _Point) -> None:
-        """Takes the first point of a bucket, or one lower than all others of its own, which moves the line."""
+        """Add the first point of a bucket, or replace its point with a lower one; fit the line again if needed."""
         if point[0] >= self._bucket_end_s:
             self._bucket_end_s = point[0] + _BUCKET_S
             self._lows.append(point)
@@ -98,7 +98,7 @@ class BoardClock:
         self._low = point[1] - self.drift * point[0]
 
     def _shorten(self) -> None:
-        """Drops what is older than the window, and rebuilds the hull of all but the newest point."""
+        """Drop the points older than the window, and rebuild the hull from all points except the newest."""
         if len(self._lows) > _BUCKETS + _SPARE:
             del self._lows[:-_BUCKETS]
             self._hull.clear()
@@ -117,7 +117,7 @@ class BoardClock:
 
 
 def _append(hull: List[_Point], point: _Point) -> None:
-    """One more point, right of all others, for a lower convex hull."""
+    """Add a point to a lower convex hull; the point must lie to the right of all others."""
     while len(hull) > 1 and _turn(hull[-2], hull[-1], point) <= 0:
         hull.pop()
     hull.append(point)

@@ -1,4 +1,4 @@
-"""What a session and its driver tell their caller."""
+"""The events that a session and its driver report."""
 
 import math
 from typing import NamedTuple, Optional, Tuple, Union
@@ -10,48 +10,48 @@ from .handshake import Board
 
 
 class Ready(NamedTuple):
-    """The board is greeted and streams."""
+    """The greeting is complete and the board streams."""
 
     board: Board
     restarted: bool
-    """It is a new conversation: counters and board time have a new baseline."""
+    """The board restarted: counters and board time have a new baseline."""
     checked: bool
-    """Frames carry check value, sequence and board time."""
+    """Frames carry a checksum, a sequence number and board time."""
     coast_s: float = math.inf
-    """The wheels stand at the latest this long after the last telemetry, because the board's watchdog
-    stops them [s]."""
+    """The wheels stand still at most this long after the last telemetry, because the board's watchdog stops
+    them [s]."""
 
 
 class Counts(NamedTuple):
-    """One frame of the stream: 16-bit counters, and sonars [wire cm] where the frame has them."""
+    """One frame of the stream: 16-bit counters, and sonars [wire cm] if the frame has them."""
 
     right: int
     left: int
     sonars: Optional[Tuple[int, ...]]
     time_s: float
-    """Board time where `sequence` is there, else arrival time."""
+    """Board time if `sequence` is set, else arrival time [s]."""
     stamp_s: float
-    """When the counters were read, on the caller's clock; the arrival where the board sends no time."""
+    """Time when the counters were read [s, caller's clock]; the arrival time if the board sends no time."""
     arrival_s: float
     sequence: Optional[int]
     rear: Optional[int] = None
-    """Counter of the third wheel, where there is one."""
+    """Counter of the third wheel; None without one."""
 
 
 class Sonars(NamedTuple):
-    """Sonar values [wire cm] that came by themselves."""
+    """Sonar values [wire cm] that arrived in a frame of their own."""
 
     values: Tuple[int, ...]
 
 
 class Info(NamedTuple):
-    """A fresh `robot_info`."""
+    """A new `robot_info` reply."""
 
     board: Board
 
 
 class Status(NamedTuple):
-    """How the board fares."""
+    """Board health: uptime, resets, faults, clamped commands."""
 
     uptime_s: int
     reset_cause: str
@@ -65,20 +65,20 @@ MAY_MOVE = "the robot may still be moving, for its board has no watchdog: stop i
 
 
 class Stale(NamedTuple):
-    """No telemetry for `age_s`; the robot is being stopped and greeted anew."""
+    """No telemetry for `age_s`; the session stops the robot and greets the board again."""
 
     age_s: float
     may_move: bool = False
-    """The robot was driving, and its board does not stop by itself."""
+    """The robot was driving, and its board has no watchdog to stop it."""
 
 
 class Lost(NamedTuple):
-    """The port went away; it is searched, and the robot waits for a new command."""
+    """The port went away; the driver searches it, and the robot waits for a new command."""
 
     port: str
     reason: str
     may_move: bool = False
-    """The robot was driving, and its board does not stop by itself."""
+    """The robot was driving, and its board has no watchdog to stop it."""
 
     def __str__(self) -> str:
         """One line for people."""
@@ -96,7 +96,7 @@ class Reconnected(NamedTuple):
 
 
 class Slowed(NamedTuple):
-    """The line failed at the higher speed, and goes on at this one [Bd]."""
+    """The line failed at the higher speed and now runs at `baud` [Bd]."""
 
     baud: int
 
@@ -106,14 +106,14 @@ class Slowed(NamedTuple):
 
 
 class WayLost(NamedTuple):
-    """The robot may have moved while its counters could not be followed; the pose does not hold that way."""
+    """The robot may have moved while its counters could not be followed; the pose does not contain that motion."""
 
     gap_s: float
-    """Time between the readings before and after."""
+    """Time between the last reading before and the first after [s]."""
     way_m: float
-    """The pose may be off by up to this."""
+    """Largest possible position error [m]."""
     turn_rad: float
-    """The yaw may be off by up to this; at most pi."""
+    """Largest possible yaw error [rad]; at most pi."""
 
     def __str__(self) -> str:
         """One line for people."""
@@ -133,7 +133,7 @@ SessionEvent = Union[Ready, Counts, Sonars, Info, Status, Stale, Lost, Reconnect
 
 
 def status_of(args: Tuple[int, ...]) -> Status:
-    """The fields of a `read_status` reply."""
+    """Return the fields of a `read_status` reply as a `Status`."""
     high, low, cause, reason, faults, clamped = args
     names = tuple(name for i, (name, _) in enumerate(FAULTS) if faults >> i & 1)
     return Status(high * 32768 + low, RESET_CAUSES[cause], STOP_REASONS[reason], names, clamped)

@@ -1,10 +1,10 @@
-"""From an open port to a board that streams: one request after the other, each repeated until it is answered.
+"""From an open port to a streaming board: one request after the other, each repeated until the board answers.
 
-Sans I/O: frames and time go in, requests come out.  The robot stays still: a stop goes first.
+This module does no I/O: frames and time go in, requests come out.  The robot stays still: the first request is a stop.
 
-A damaged frame without check value may look like a good one.  So a board that has the check value is asked who it is
-and what it can do once more after the check value is on, before anything else is set.  Of a board without it, an
-answer is believed when `ALIKE` of them in a row agree.
+A damaged frame without a checksum may look like a good one.  A board that supports checksums is therefore asked twice
+for its identity and capabilities: the second time after the checksum is on, before anything else is set.  If a board
+has no checksums, `ALIKE` equal answers in a row are required.
 """
 
 from typing import Callable, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Tuple
@@ -15,23 +15,23 @@ from mrl_driver.protocol.table import BY_NAME, CAPABILITIES, PROTOCOL_VERSION
 
 RETRY_S = 0.25
 TIMEOUT_S = 8.0
-"""A 2013 board behind its bootloader needs up to 5.4 s to its first answer; row 16 of the fault table allows
+"""Time for the first answer [s].  A 2013 board with its bootloader needs up to 5.4 s; row 16 of the fault table allows
 8 s.
 """
 STEP_TIMEOUT_S = 2.0
-"""A board that has told who it is and then is silent for so long is greeted once more from the start: it may have
-restarted, or ended the check value, while this program did not look.
+"""A board that has identified itself and is then silent for this time is greeted again from the start [s].  It may have
+restarted, or turned checksums off, while this program was not running.
 """
 DEAF = 6
-"""So many answers to `robot_info` without one to `read_protocol`: the board knows no more than those of 2013."""
+"""After this many `robot_info` replies without a `read_protocol` reply, treat the board as 2013 firmware."""
 ALIKE = 3
-"""This many answers in a row must agree before one without check value is believed."""
+"""Number of equal answers in a row required from a board without checksums."""
 NEAR_V, NEAR_DEGC = 0.5, 5.0
-"""Readings of battery and temperature that differ by less than this agree."""
+"""Battery and temperature readings count as equal if they differ by less than this [V, degC]."""
 JUNK_S = 4.0
 JUNK_BYTES = 32
-"""So many bytes that are no text, and no frame within 4 s of the first byte, mean another baud rate: a
-board of August 2013 is silent for 3.35 s after its bootloader."""
+"""This many bytes that are not text, and no frame within `JUNK_S` of the first byte [s], mean another baud rate.
+A board of August 2013 is silent for 3.35 s after its bootloader."""
 _TEXT = bytes(range(0x20, 0x7F)) + b"\r\n\t"
 _CODE = {name: row.code for name, row in BY_NAME.items()}
 _ANSWERS: Dict[int, Tuple[int, ...]] = {
@@ -43,8 +43,8 @@ _ANSWERS[_CODE["start_stream"]] = (_CODE["read_encoders_and_sonars"], _CODE["rea
 
 
 class Board(NamedTuple):
-    """Who answers.  Boards that do not tell their protocol, as those of 2013 (firmware version 1), count as protocol 1
-    without capabilities.
+    """Board identity, battery voltage and temperature.  A board that does not report its protocol counts as protocol 1
+    without capabilities; 2013 boards (firmware version 1) are of this kind.
     """
 
     robot_id: int
@@ -57,29 +57,29 @@ class Board(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """What is set up on a board that can do it."""
+    """Settings for a board that supports them."""
 
     watchdog_ms: int = 250
     period_ms: int = 20
-    """Of the stream: at most 50, so that telemetry is late after 100 ms of silence, whatever frame was lost before;
-    longer only where the line carries no more.
+    """Period of the stream [ms].  At most 50, so that two frames are sent within the 100 ms after which telemetry is
+    late; longer only on a slow line.
     """
     check: bool = True
     gap_s: float = 0.0
-    """Least time between two commands, where the line needs more than usual."""
+    """Minimum time between two commands on a slow line [s]."""
 
 
 DEFAULT_PLAN = Plan()
 
 
 def board_of(args: Tuple[int, ...]) -> Board:
-    """The fields of a `robot_info` reply in SI units."""
+    """Return the fields of a `robot_info` reply, in SI units and degrees Celsius."""
     temperature, motor_board, battery, version, robot_id = args
     return Board(robot_id, version, motor_board / 100, battery / 100, temperature / 100)
 
 
 def are_alike(one: Board, other: Board) -> bool:
-    """Both answers can come from the same board within a moment."""
+    """Tell whether both answers can come from the same board within a short time."""
     return (
         one[:3] == other[:3]
         and abs(one.battery_v - other.battery_v) < NEAR_V
@@ -88,11 +88,17 @@ def are_alike(one: Board, other: Board) -> bool:
 
 
 class Handshake:
-    """Greets a board.  `board` is set once it is known, `done` once it streams.
+    """Greets a board.  `board` is set after the board has identified itself, `done` after its stream has started.
 
-    `send(code, *args)` puts a request on its way; `admit(board)` may raise to refuse a board before anything
-    is set, and names the row of the stream that is wanted if it is not the usual one.  It is called again when the
-    board has said under the check value who it is.  A `patient` one never gives up, as after a board's restart.
+    Args:
+        plan: settings for the board.
+        send: `send(code, *args)` sends a request.
+        admit: `admit(board)` may raise to refuse a board before anything is set.  It returns the table row of the
+            stream to start, or None for the usual one.  It is called again after the board has identified itself
+            with a checksum.
+        now: time of the start [s].
+        patient: never give up; used after a board's restart.
+        timeout_s: time for the first answer [s].
     """
 
     def __init__(
@@ -107,7 +113,7 @@ class Handshake:
         self._plan, self._send, self._admit, self._patient = plan, send, admit, patient
         self._give_up_s = now + timeout_s
         self.due_s = now
-        """When `tick` has something to do next [s]."""
+        """Time of the next `tick` [s]."""
         self.board: Optional[Board] = None
         self.done = False
         self._stream = "start_stream"
@@ -118,14 +124,14 @@ class Handshake:
         self._deaf = self._alike = 0
         self._info: Optional[Board] = None
         self._protocol: Tuple[int, ...] = ()
-        """The last answers, believed or not."""
+        """The last answers, accepted or not."""
         self._sure = False
-        """Who the board is was said under the check value."""
+        """The board identified itself in a frame with a checksum."""
         self._junk: List[float] = []
         self._seen, self._strange, self._faults = b"", 0, 0
 
     def heard(self, data: bytes, now: float) -> None:
-        """Bytes came that may be no frames."""
+        """Count bytes that may not belong to frames."""
         if self.board is None and data:
             self._junk = self._junk or [now]
             self._seen = self._seen or data[:24]
@@ -135,13 +141,14 @@ class Handshake:
         """Send what is due.
 
         Raises:
-            NotARobot: nothing answers, or not in frames.
-            BoardTimeout: a board that answered stopped doing so.
+            NotARobot: nothing answers, or the answer is not made of frames.
+            BoardError: the motor board does not answer its Arduino.
+            BoardTimeout: the board stopped answering.
         """
         if now < self.due_s:
             return
         if now - self.due_s > RETRY_S:
-            self._give_up_s += now - self.due_s  # nobody looked meanwhile
+            self._give_up_s += now - self.due_s  # this program did not run during that time
         if not self._patient:
             self._judge(now)
         if self.board is not None and now >= self._give_up_s:
@@ -151,7 +158,7 @@ class Handshake:
             if self._junk:
                 self._send(
                     _CODE["set_debug"], 0, checked=False
-                )  # text hides what stands behind it on its line
+                )  # a frame after text on the same line is not decoded
             if self._patient or self._silent or self._attempts % 3 == 2:
                 self._send(*self._step, checked=not checked)
         elif self._step[0] == _CODE["read_protocol"] and self._attempts and not self._sure:
@@ -161,17 +168,17 @@ class Handshake:
         self.due_s = now + RETRY_S
 
     def _begin_again(self, now: float) -> None:
-        """Ask who is there, in both modes."""
+        """Ask for `robot_info` again, with and without a checksum."""
         self._silent, self.board, self._sure = self.board, None, False
         self._ask((_CODE["robot_info"],), now)
 
     def _ask(self, step: Tuple[int, ...], now: float) -> None:
-        """The next request, of which no answer is known yet."""
+        """Set the next request and reset the counts of attempts and answers."""
         self._step, self._attempts, self._alike = step, 0, 0
         self._give_up_s, self.due_s = now + STEP_TIMEOUT_S, now
 
     def hurry(self, now: float) -> None:
-        """Ask again at once: an answer came that is not enough."""
+        """Ask again at once: an answer arrived, but more equal answers are needed."""
         self.due_s = min(self.due_s, now)
 
     def _judge(self, now: float) -> None:
@@ -207,10 +214,10 @@ class Handshake:
         return "no answer to '@5e': check that the board is powered, that this is its port, and that it is flashed"
 
     def on_frame(self, frame: Frame, now: float, checked: bool) -> None:
-        """A frame came, `checked` if with a check value.
+        """Process a frame; `checked` says that it had a checksum.
 
         Raises:
-            WrongRobot: the board is not one for this driver (raised by `admit` as well).
+            WrongRobot: the board is not one for this driver; `admit` may raise it as well.
         """
         if self.done or (self._sure and not checked):
             return
@@ -254,7 +261,11 @@ class Handshake:
         self._next(now)
 
     def _do_without(self) -> None:
-        """The board does not know `read_protocol`."""
+        """Continue without `read_protocol`, which the board does not know.
+
+        Raises:
+            WrongRobot: the firmware is newer than this driver.
+        """
         assert self.board is not None
         if self.board.version > PROTOCOL_VERSION:
             raise WrongRobot(
@@ -275,7 +286,7 @@ class Handshake:
         self.board = self.board._replace(protocol=protocol, capabilities=names)
 
     def _next(self, now: float) -> None:
-        """Go to the next request that is answered; those that are not go out on the way."""
+        """Go to the next request that gets an answer; send those before it that get none."""
         for step in self._steps:
             if step[0] in _ANSWERS:
                 self._ask(step, now)
@@ -284,7 +295,7 @@ class Handshake:
         self.done = True
 
     def _program(self) -> Iterator[Tuple[int, ...]]:
-        """The requests after `robot_info`; later ones may rest on what earlier ones brought."""
+        """The requests after `robot_info`; later ones may depend on the answers to earlier ones."""
         assert self.board is not None
         yield (_CODE["stop_stream"],)
         if self.board.version < 2:
@@ -307,7 +318,11 @@ class Handshake:
         yield (_CODE["start_stream"],)
 
     def _demand_stream(self) -> None:
-        """The board has the stream that is wanted."""
+        """Check that the board has the stream that the robot model needs.
+
+        Raises:
+            WrongRobot: it does not.
+        """
         assert self.board is not None
         if self._stream != "start_stream" and "omni" not in self.board.capabilities:
             raise WrongRobot(
@@ -317,6 +332,6 @@ class Handshake:
 
 
 def _can_check(args: Tuple[int, ...]) -> bool:
-    """A `read_protocol` reply says that the board knows the check value, in a protocol that this driver speaks."""
+    """Tell whether a `read_protocol` reply names this driver's protocol and the capability `check` (checksums)."""
     protocol, bits = args
     return protocol == PROTOCOL_VERSION and bool(bits & 1)

@@ -1,4 +1,4 @@
-"""What the link has seen: counters for people and for diagnostics."""
+"""Counters of the link, for users and for diagnostics."""
 
 from typing import Dict, NamedTuple
 
@@ -11,27 +11,27 @@ class Statistics(NamedTuple):
     frames: int
     """Accepted frames of any kind."""
     garbage: Dict[str, int]
-    """Pieces that were no frame, by reason (names of `table.REASONS`, and `text`)."""
+    """Pieces that were not frames, by reason (names of `table.REASONS`, and `text`)."""
     lost: int
-    """Stream frames that the sequence numbers say are missing (boards with check value)."""
+    """Stream frames missing by their sequence numbers (boards with checksums)."""
     duplicates: int
-    """Stream frames that came once more."""
+    """Stream frames that arrived twice."""
     overtaken: int
-    """Stream frames that came after a later one, as datagrams may; not used, and counted as lost before."""
+    """Stream frames that arrived after a later one (datagrams may); they are not used and also count as lost."""
     refused_counts: int
     """Readings that no wheel could have made; never used."""
     restarts: int
-    """Times the board was greeted again and had restarted, or may have."""
+    """Times the board restarted, or may have, and was greeted again."""
     unanswered: int
-    """Requests whose answer did not come in time."""
+    """Requests without an answer in time."""
     blocked_writes: int
-    """Writes that the port did not take within 100 ms."""
+    """Writes that the port did not accept within 100 ms."""
     reconnects: int
     """Times the port was lost and the robot found again."""
 
 
 class Counters:
-    """The same while they count."""
+    """The running counters; `snapshot` returns them as `Statistics`."""
 
     def __init__(self) -> None:
         self.bytes_in = self.bytes_out = self.frames = self.lost = self.duplicates = 0
@@ -41,10 +41,10 @@ class Counters:
         self.garbage: Dict[str, int] = {}
 
     def count_garbage(self, reason: str) -> None:
-        """One more piece that was no frame."""
+        """Count one piece that was not a frame."""
         self.garbage[reason] = self.garbage.get(reason, 0) + 1
 
     def snapshot(self) -> Statistics:
-        """The counters as they stand."""
+        """Return the current counters."""
         values = dict(vars(self), garbage=dict(self.garbage))
         return Statistics(**values)

@@ -1,7 +1,7 @@
-"""What the robot is asked to do: the latest command wins, and a stop is repeated until it is seen.
+"""The motion command in force: the latest command wins, and a stop is repeated until the wheels stand still.
 
-Pure, with the time as a parameter.  Commands in units of the wire (mm/s, mrad/s) go in, requests that are due
-come out.
+This module has no I/O and no clock; time is a parameter.  Commands in wire units (mm/s, mrad/s) go in; requests that
+are due come out.
 """
 
 import math
@@ -12,58 +12,58 @@ from mrl_driver.protocol.table import BY_NAME
 MOVE, STOP = BY_NAME["move_differential"].code, BY_NAME["stop"].code
 
 Speeds = Tuple[int, ...]
-"""Linear and angular [mm/s, mrad/s], and lateral [mm/s] where the base can."""
+"""Linear and angular speed [mm/s, mrad/s], and lateral speed [mm/s] if the base can move sideways."""
 Request = Tuple[int, ...]
 
 STILL_S = 0.08
 STILL_FRAMES = 3
-"""A stop is confirmed by so many frames over at least this long in which no wheel moved [s]."""
+"""A stop is confirmed after `STILL_FRAMES` frames, over at least `STILL_S` [s], in which no wheel moved."""
 
 
 class Pace(NamedTuple):
-    """How often commands go out [s]."""
+    """How often commands are sent [s]."""
 
     gap_s: float
-    """Least time between two of them; later ones replace earlier ones meanwhile."""
+    """Minimum time between two commands; a newer command replaces one that waits."""
     repeat_s: float
-    """The last one is sent again after this long, which feeds the board's watchdog."""
+    """The last command is sent again after this time, which feeds the board's watchdog."""
     stop_s: float
-    """An unconfirmed stop is repeated after this long."""
+    """An unconfirmed stop is sent again after this time."""
 
 
 QUICK = Pace(0.005, 0.1, 0.05)
-"""Our boards: they carry out some 880 commands a second."""
+"""Pace for this project's firmware, which executes about 880 commands a second."""
 SLOW = Pace(0.1, 0.5, 0.15)
-"""2013 boards lose commands above 26 a second while they stream, and have no watchdog to feed."""
+"""Pace for 2013 boards: they lose commands above 26 a second while they stream, and have no watchdog to feed."""
 STOPS = (
     "none", "user", "not_a_number", "command_timeout", "battery", "wheel_mismatch", "stale", "restarted", "link_lost",
     "host_paused", "closed",
 )  # fmt: skip
-"""Why this program stops the robot; boards have their own reasons, `table.STOP_REASONS`."""
+"""Reasons why this program stops the robot; boards have their own, see `table.STOP_REASONS`."""
 
 
 class Motion:
-    """The command in force, and when it is due on the wire."""
+    """The command in force, and when it must be sent."""
 
     def __init__(
         self, pace: Pace = QUICK, timeout_s: Optional[float] = None, skip_minus_one: bool = False
     ) -> None:
-        """`timeout_s` stops the robot when no new command came for so long; `skip_minus_one` is for boards
-        that drop frames with an argument of -1: they get 0 instead, 1 mm/s or 1 mrad/s away.
+        """`timeout_s` stops the robot after this time without a new command [s].  `skip_minus_one` is for boards that
+        drop frames with an argument of -1: they get 0 instead, which differs by 1 mm/s or 1 mrad/s.
         """
         self.pace = pace
         self.timeout_s = timeout_s
         self.skip_minus_one = skip_minus_one
         self.target: Optional[Speeds] = None
-        """Speeds in force [mm/s, mrad/s], None while stopped."""
+        """Speeds in force [mm/s, mrad/s]; None while stopped."""
         self.request_of: Callable[[Speeds], Request] = self.differential
-        """The request that brings speeds about."""
+        """Returns the request that commands these speeds."""
         self.stop_reason = "none"
-        """Why this program last stopped the robot, see `STOPS`."""
+        """Reason of the last stop; one of `STOPS`, or a reason of the board."""
         self.lead_s = 0.0
-        """`take` repeats what is due so soon, when it is called then [s]."""
+        """`take` repeats a command this long before it is due, to use a call that happens anyway [s]."""
         self.unconfirmed = False
-        """A command was forgotten while the robot was moving, and nothing has shown a standstill since."""
+        """A command was dropped while the robot moved, and no standstill was observed since."""
         self._new = self.stopping = False
         self._commanded_s = self._sent_s = -math.inf
         self._fade: Optional[Tuple[float, float, Speeds]] = None
@@ -71,25 +71,25 @@ class Motion:
         self._still = 0
 
     def drive(self, linear_mm_s: int, angular_mrad_s: int, now: float, *lateral_mm_s: int) -> None:
-        """Make this the command in force; only some bases have a lateral speed."""
+        """Set the command in force; only some bases have a lateral speed."""
         self.target, self._commanded_s = (linear_mm_s, angular_mrad_s, *lateral_mm_s), now
         self._new, self.stopping, self._fade = True, False, None
 
     def stop(self, reason: str = "user") -> None:
-        """Stop; due at once, and again until `observe` has seen it."""
+        """Stop; the request is due at once and is repeated until `observe` has confirmed the stop."""
         self.stop_reason = reason
         self.target = self._fade = self._still_since_s = None
         self.stopping = self._new = True
         self._still = 0
 
     def make_sure(self) -> None:
-        """Stop a robot that should stand, until `observe` has seen it; why it was last stopped stays."""
+        """Stop the robot again if no command is in force, until `observe` confirms it.  The stop reason stays."""
         self.unconfirmed = False
         if self.target is None:
             self.stop(self.stop_reason)
 
     def forget(self, reason: str) -> None:
-        """Drop the command without a stop: the board is stopped already, or gone."""
+        """Drop the command without a stop: the board is stopped already, or away."""
         if self.target is not None:
             self.stop_reason = reason
         self.unconfirmed = self.unconfirmed or self.stopping or any(self.target or ())
@@ -102,7 +102,9 @@ class Motion:
             self._fade = (now, duration_s, self.target)
 
     def observe(self, moved: bool, now: float) -> None:
-        """A reading came in which some wheel moved, or none: confirms a stop."""
+        """Process a reading: `moved` says that a wheel moved since the one before.  Enough still readings confirm a
+        stop.
+        """
         if not self.stopping or self._new:
             return
         if moved or self._still_since_s is None:
@@ -113,7 +115,7 @@ class Motion:
             self.stopping = False
 
     def due_s(self) -> float:
-        """When `take` has something to send next [s]; infinity while stopped."""
+        """Time when `take` next has something to send [s]; infinity while stopped."""
         if self.stopping:
             return -math.inf if self._new else self._sent_s + self.pace.stop_s
         if self.target is None:
@@ -123,7 +125,7 @@ class Motion:
         return min(self._sent_s + wait_s, expiry_s)
 
     def take(self, now: float, allowed: bool = True) -> List[Request]:
-        """Requests to send now.  Unless `allowed` (telemetry is late) only stops are."""
+        """Return the requests to send now.  Without `allowed` (telemetry is late) it returns only stops."""
         if (
             self.target is not None
             and self.timeout_s is not None
@@ -150,7 +152,7 @@ class Motion:
             self.target = tuple(int(speed * left) for speed in speeds)
 
     def differential(self, speeds: Speeds) -> Request:
-        """The request for a base with two driven wheels or tracks."""
+        """Return the request for a base with two driven wheels or tracks."""
         return (MOVE, *map(self._spell, speeds))
 
     def _spell(self, value: int) -> int:

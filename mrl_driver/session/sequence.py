@@ -1,4 +1,4 @@
-"""Which frames of the board are new, which were lost, and when each was made."""
+"""Sequence numbers and times of the board's frames: which are new, which were lost, and when each was made."""
 
 import math
 from typing import Optional
@@ -9,15 +9,15 @@ from .board_clock import BoardClock, HostTime
 from .link_counters import Counters
 
 STAMP_STEP_S = 1e-6
-"""Frames without board time that came in one piece are told apart by this."""
+"""Frames without board time that arrive together get stamps that differ by this [s]."""
 _OVERTAKEN = 0x10000 - 1024
-"""A frame numbered up to 1024 before the last one was overtaken on its way (datagrams are); numbers further back are a
-gap, for they wrap.
+"""A frame with a number up to 1024 before the last one was overtaken by a later frame (datagrams may be).  A number
+further back is a gap, because the numbers wrap.
 """
 
 
 class Stream:
-    """Numbers and times of the frames since the board started."""
+    """Sequence numbers and times of the frames since the board's start."""
 
     def __init__(self, counters: Counters) -> None:
         self._counters = counters
@@ -26,23 +26,23 @@ class Stream:
         self._sequence: Optional[int] = None
 
     def begin_anew(self) -> None:
-        """The board has restarted: numbers and times have no past."""
+        """The board has restarted: forget the earlier numbers and times."""
         self._clock, self._sequence = BoardClock(), None
 
     def unnumbered(self, now: float) -> HostTime:
-        """When a frame without board time was made that came at `now`: then."""
+        """Return the time of a frame without board time: its arrival `now`."""
         self._stamp_s = max(now, self._stamp_s + STAMP_STEP_S)
         return HostTime(self._stamp_s, now, 0.0)
 
     def numbered(self, stamp: Stamp, now: float, silent: bool) -> Optional[HostTime]:
-        """When a frame was made that came at `now`; None where it or a later one came before."""
+        """Return the time of a frame that arrived at `now`; None if it, or a later one, arrived before."""
         missing = self.missing(stamp.sequence, silent)
         return None if missing < 0 else self._clock.update(stamp.time, now, not missing)
 
     def missing(self, sequence: int, silent: bool) -> int:
-        """Frames lost before the one of this number; -1 where it or a later one came before.
+        """Return the number of frames lost before this one; -1 if it, or a later one, arrived before.
 
-        After a `silent` time numbers may have gone once round, nearly.
+        `silent` says that a silence came before: then the numbers may have wrapped, and no frame counts as overtaken.
         """
         last, self._sequence = self._sequence, sequence
         if last is None:

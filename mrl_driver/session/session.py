@@ -1,7 +1,7 @@
-"""The conversation with a board, without I/O: bytes and time go in, events and bytes come out.
+"""The session with a board, without I/O: bytes and time go in, events and bytes come out.
 
-It greets the board, starts its stream, keeps the link fed, repeats commands and stops, and greets the board
-anew when it has restarted.  Times are seconds of one monotonic clock, given by the caller.
+It greets the board, starts its stream, feeds its watchdog, and repeats commands and stops.  It greets the board again
+after a restart.  All times are seconds of one monotonic clock, which the caller reads.
 """
 
 import math
@@ -22,24 +22,24 @@ from .sequence import Stream
 __all__ = ["Counts", "Info", "Ready", "Reply", "Session", "SessionEvent", "Sonars", "Stale", "Status"]
 
 LATE_S = 0.1
-"""Telemetry older than this: no more motion commands are sent."""
+"""If telemetry is older than this, no motion commands are sent [s]."""
 STALE_S = 0.28
-"""Telemetry older than this is reported, so that it is known within 300 ms; the command in force is dropped and the
-board greeted anew.
+"""If telemetry is older than this, the session reports `Stale` (so the caller knows within 300 ms), drops the command
+and greets the board again [s].
 """
 ATTENTION_S = 0.1
 PAUSE_S = 0.25
-"""With a command in force this program looks at the link every `ATTENTION_S`.  After a pause of its own longer than
-`PAUSE_S` (a stopped process, a suspended machine) the command is stale, and the board's watchdog has stopped the robot.
+"""With a command in force, `tick` is due at least every `ATTENTION_S`.  If this program itself paused for longer than
+`PAUSE_S` (stopped process, suspended machine), the command is stale and the board's watchdog has stopped the robot [s].
 """
 SAME_BOOT_S, BOOTED_S = 1.5, 3
-"""A board that has been up for `BOOTED_S`, and tells to within `SAME_BOOT_S` (uptimes are whole seconds) that it
-started when it did before the link was lost, has not restarted: its counters went on.
+"""If a board was up for at least `BOOTED_S` and its start time is the same as before the link was lost, to within
+`SAME_BOOT_S`, it has not restarted and its counters are still valid [s].  Uptimes are whole seconds.
 """
 STOPPING_S = 1.0
-"""After its watchdog's period, or a stop, a robot stands within this time."""
+"""The robot stands still within this time after a stop, or after the watchdog's period [s]."""
 PLAIN_FRAMES = 3
-"""So many frames in a row without check value mean that the board has restarted, not that one was damaged."""
+"""This many frames in a row without a checksum mean that the board restarted; fewer may be damaged frames."""
 
 _COUNTS, _BOTH, _OMNI = (
     BY_NAME[n].code for n in ("read_encoders", "read_encoders_and_sonars", "start_omni_stream")
@@ -48,15 +48,15 @@ _STREAMS = (_BOTH, _COUNTS, _OMNI)
 _CHECK = BY_NAME["set_check"].code
 
 _encode = lru_cache(maxsize=32)(encode_request)
-"""Questions, repeats and stops are the same bytes again and again."""
+"""Cached, because polls, repeats and stops are often the same bytes."""
 _TURNING = {BY_NAME[n].code for n in ("calibrate", "move_motors_pid", "move_motors", "move_to_position")}
 
 
 class Session:
     """State of one board on one link.
 
-    `admit(board)` may raise to refuse a board (wrong robot, dead battery) before anything is set on it, and names the
-    row of the stream that is wanted if it is not the usual one.
+    `admit(board)` may raise to refuse a board (wrong robot, dead battery) before anything is set on it.  It returns the
+    table row of the stream to start, or None for the usual one.
     """
 
     def __init__(
@@ -78,16 +78,16 @@ class Session:
         self._stream = Stream(self.counters)
         self._last: Optional[Tuple[int, ...]] = None
         self.heard_s = -math.inf
-        """Arrival of the last telemetry."""
+        """Arrival of the last telemetry [s]."""
         self._greeting: Optional[Handshake] = Handshake(plan, self._send, admit, now, timeout_s=greeting_s)
         self._restarted = True
         self._lost_before = 0
-        """Frames lost until the board was greeted."""
+        """Frames lost before the greeting."""
         self._status_heard_s = -math.inf
         self._boot_s = self._boot_before_s = math.nan
-        """When the board started, by its last status, and by the last one before it was greeted."""
+        """Start time of the board [s], from its last status and from the last status before the greeting."""
         self.lead_s = plan.period_ms / 2000
-        """What falls due within this time is better done with the frame that has just come, which saves a wake-up."""
+        """Work due within this time is done together with the current frame, which saves a wake-up [s]."""
         self.motion.lead_s = self.lead_s
         self._poll = Poll(self._send, self.counters, self.lead_s)
         self.sensors = self._poll.sensors
@@ -95,7 +95,7 @@ class Session:
 
     @property
     def ready(self) -> bool:
-        """The board is greeted, and telemetry is not stale."""
+        """The greeting is complete, and telemetry is not stale."""
         return self._greeting is None
 
     @property
@@ -105,17 +105,17 @@ class Session:
 
     @property
     def _watched(self) -> bool:
-        """The board has a watchdog in force."""
+        """The board has a watchdog, and it is on."""
         board = self.board
         return board is not None and "watchdog" in board.capabilities and self._plan.watchdog_ms > 0
 
     @property
     def checked(self) -> bool:
-        """Frames carry a check value."""
+        """Frames carry a checksum."""
         return self._decoder.checked
 
     def take(self) -> bytes:
-        """Bytes to send now."""
+        """Return the bytes to send now, and forget them."""
         if not self._out:
             return b""
         data = bytes(self._out)
@@ -124,7 +124,7 @@ class Session:
         return data
 
     def drive(self, linear_mm_s: int, angular_mrad_s: int, now: float, *lateral_mm_s: int) -> bool:
-        """Put a command in force; False (and nothing) unless the board is ready."""
+        """Put a command in force; do nothing and return False unless the board is ready."""
         if not self.ready:
             return False
         self._attended_s = now
@@ -133,19 +133,19 @@ class Session:
         return True
 
     def stop(self, now: float, reason: str = "user") -> None:
-        """Stop at once, and again until telemetry confirms it; `reason` is one of `motion.STOPS`."""
+        """Stop at once, and repeat the stop until telemetry confirms it; `reason` is one of `motion_command.STOPS`."""
         self.motion.stop(reason)
         self._move(now)
 
     def lose(self, now: float) -> None:
-        """The link is gone: nothing is in force, and nothing is on its way."""
+        """The link is gone: drop the command and the bytes not yet sent."""
         self._greet_again(now, "link_lost")
         self._out.clear()
 
     def relink(self, now: float, same: bool = True) -> None:
-        """There is a link again: the board is greeted from the start, for as long as it takes.
+        """There is a link again: greet the board from the start, without a time limit.
 
-        `same` says that it is the board of before, which may not have restarted.
+        `same` says that it is the same board as before; then it may not have restarted.
         """
         self._decoder = FrameDecoder(REPLIES, self.checked)
         self.lose(now)
@@ -154,18 +154,18 @@ class Session:
             self._boot_before_s = math.nan
 
     def end(self) -> None:
-        """Take leave: no stream, no check value, as a 2013 host expects a board."""
+        """End the session: stop the stream and turn checksums off, as a 2013 host expects."""
         self.motion.forget("closed")
         self._send(BY_NAME["stop_stream"].code)
         if self.checked:
             self._send(_CHECK, 0)
 
     def request(self, code: int, *args: int) -> None:
-        """Send a request; its answer comes as a `Reply` or its own event.
+        """Send a request; its answer arrives as a `Reply` or as an event of its own.
 
         Raises:
-            FrameError: the table forbids it.
-            BoardTimeout: it would turn motors, and the board is silent or being greeted; it was not sent.
+            FrameError: the command table does not allow the request.
+            BoardTimeout: the request would turn motors, and the board is silent or being greeted; it was not sent.
         """
         if code in _TURNING and not self.ready:
             raise BoardTimeout(
@@ -176,10 +176,10 @@ class Session:
             self._poll.hurry()
 
     def receive(self, data: bytes, now: float) -> List[SessionEvent]:
-        """Events out of bytes that arrived at `now`.
+        """Decode the bytes that arrived at `now`, and return their events.
 
         Raises:
-            BoardError: the board is not one to work with.
+            BoardError: the board is not the right one, or has a fault.
         """
         if now - self._attended_s > PAUSE_S:
             self._resume()
@@ -209,7 +209,7 @@ class Session:
         """Do what is due; call it at `deadline()` and after `receive`.
 
         Raises:
-            NotARobot: nothing answers the greeting, or not in frames.
+            NotARobot: nothing answers the greeting, or the answer is not made of frames.
             BoardTimeout: the board stopped answering during the greeting.
         """
         if now - self._attended_s > PAUSE_S:
@@ -228,7 +228,7 @@ class Session:
         return events
 
     def deadline(self, now: float) -> float:
-        """When `tick` is due at the latest [s], unless bytes come before."""
+        """Latest time of the next `tick` if no bytes arrive before [s]."""
         motion = self.motion
         if self._greeting is not None:
             return min(self._greeting.due_s, motion.due_s()) if motion.stopping else self._greeting.due_s
@@ -241,18 +241,18 @@ class Session:
         return due_s if late else min(due_s, self._poll.due_s)
 
     def late(self, now: float) -> bool:
-        """Telemetry is so old that no motion is sent."""
+        """Telemetry is too old to send motion commands."""
         return now - self.heard_s >= LATE_S
 
     def _resume(self) -> None:
-        """This program was not there for a while."""
+        """This program paused: stop the robot if a command was in force."""
         if self.motion.target is not None:
             self.motion.stop("host_paused")
 
     # -- out
 
     def _send(self, code: int, *args: int, checked: Optional[bool] = None) -> None:
-        """A request on its way; a stop is always plain, for that works in every state of the board."""
+        """Queue a request.  A stop never has a checksum, because the board accepts a plain stop in every state."""
         checked = self.checked if checked is None else checked
         self._out += _encode(code, *args, checked=checked and code != STOP)
 
@@ -261,7 +261,7 @@ class Session:
             self._send(*request)
 
     def _pace(self) -> Pace:
-        """Repeats that keep a watchdog fed, however short, with one of them lost."""
+        """A pace whose repeats feed the watchdog, however short its period, even if one repeat is lost."""
         watchdog_s = self._plan.watchdog_ms / 1000
         repeat_s = min(QUICK.repeat_s, watchdog_s / 2.5) if watchdog_s else QUICK.repeat_s
         return QUICK._replace(repeat_s=repeat_s, gap_s=max(QUICK.gap_s, self._plan.gap_s))
@@ -269,11 +269,10 @@ class Session:
     # -- in
 
     def _reread(self, event: Event, now: float) -> Optional[Frame]:
-        """The frame in garbage, if it is one by the rules of the other mode and the board has evidently
-        changed to it; what is not is counted.
+        """Read garbage again in the other checksum mode; return the frame if the board has changed to that mode.
 
-        One frame without a check value is no evidence, because a damaged one may look like it: `PLAIN_FRAMES` in
-        a row are.
+        Otherwise the garbage is counted and the result is None.  One frame without a checksum proves nothing, because a
+        damaged frame may look like it; `PLAIN_FRAMES` in a row do.
         """
         assert isinstance(event, Garbage)
         found: List[Event] = []
@@ -299,7 +298,7 @@ class Session:
         return frame
 
     def _on_frame(self, frame: Frame, now: float, checked: bool, events: List[SessionEvent]) -> None:
-        """Any frame but plain telemetry of a board that is ready; `checked` if it came with a check value."""
+        """Process any frame except telemetry of a ready board; `checked` says that it had a checksum."""
         code = frame.code
         self._poll.answered(code)
         if code == STATUS:
@@ -311,7 +310,7 @@ class Session:
             events.append(Sonars(frame.args))
         elif code not in _STREAMS:
             if frame.stamp is not None and self._stream.missing(frame.stamp.sequence, self._silent(now)) < 0:
-                return  # numbers run over the frames of all streams
+                return  # an old frame; all streams share one sequence of numbers
             self.sensors.heard(frame, now)
             events.append(Reply(frame))
         if self._greeting is not None:
@@ -351,11 +350,11 @@ class Session:
         before, before_s = self.status, self._status_heard_s
         restarted = before is not None and status.uptime_s < before.uptime_s
         if restarted and status.uptime_s > now - before_s + 1.0:
-            return  # older than the one before, which has overtaken it
+            return  # older than the status before, which overtook it
         self.status, self._status_heard_s, self._boot_s = status, now, now - status.uptime_s
         if status.stop_reason not in ("none", "host", before.stop_reason if before else ""):
             if self.motion.target is not None:
-                self.motion.stop(status.stop_reason)  # nor does it drive on by itself
+                self.motion.stop(status.stop_reason)  # the robot must not drive on without a new command
             self.motion.stop_reason = status.stop_reason
         events.append(status)
         self._restarted = self._restarted or restarted
@@ -365,7 +364,7 @@ class Session:
     # -- greeting
 
     def _greet_again(self, now: float, reason: str) -> None:
-        """The board restarted or fell silent: stopped until a new command, and greeted from the start."""
+        """The board restarted or fell silent: drop the command and greet the board from the start."""
         self.motion.forget(reason)
         self._poll.end()
         if self._greeting is None:
@@ -376,7 +375,7 @@ class Session:
         self._greeting = Handshake(self._plan, self._send, self._admit, now, patient=True)
 
     def _begin(self, now: float, events: List[SessionEvent]) -> None:
-        """The board streams: from here on it is ready."""
+        """The board streams: it is ready from now on."""
         greeting, self._greeting = self._greeting, None
         assert greeting is not None and greeting.board is not None
         again, self.board = self.board is not None, greeting.board
@@ -389,7 +388,7 @@ class Session:
         if self._restarted:
             self._stream.begin_anew()
             self._last = None
-            self.counters.lost = self._lost_before  # numbers that begin anew lost none
+            self.counters.lost = self._lost_before  # after a restart the numbers start again: none were lost
         self.heard_s = now
         self.motion.make_sure()
         coast_s = self._plan.watchdog_ms / 1000 + STOPPING_S if self._watched else math.inf
