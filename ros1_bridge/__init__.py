@@ -1,1 +1,1 @@
-"""ROS 1 package: the robot node, the demonstration view and what starts them."""
+"""ROS 1 package: the robot node, the other nodes, the demonstration view, and the code that starts them."""

@@ -1,1 +1,1 @@
-"""What happens to a command before the driver gets it: limits, poses, zones.  Imports node."""
+"""Processes a command before it reaches the driver: speed limits, pose goals, zones.  Imports node."""

@@ -1,4 +1,4 @@
-"""Where a laser sits on the robot, asked of tf once.  No ROS of its own until a scan comes."""
+"""Looks up once in tf where the laser is mounted on the robot.  Imports no ROS before the first scan."""
 
 from typing import Any, Optional
 
@@ -6,7 +6,7 @@ from .zone_feed import Mount, mount_of
 
 
 class MountFinder:
-    """Listens to tf from the first question until the answer is known; a mount does not change."""
+    """Listens to tf from the first call until the mount is known; a mount does not change."""
 
     def __init__(self, base_frame: str) -> None:
         self._base = base_frame
@@ -14,10 +14,10 @@ class MountFinder:
         self._listener: Any = None
         self._mount: Optional[Mount] = None
         self.trouble = ""
-        """Why there is no answer."""
+        """Why the mount is not known."""
 
     def mount(self, frame: str) -> Optional[Mount]:
-        """x, y, yaw of that frame in base_frame [m m rad], or None and `trouble`."""
+        """x, y, yaw of `frame` in base_frame [m m rad]; None if unknown, and `trouble` says why."""
         if self._mount is None:
             self._look(frame)
         return self._mount

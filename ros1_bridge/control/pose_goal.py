@@ -1,4 +1,4 @@
-"""The command `pose`: drives to a pose, given in the frame of odom or in the robot's own.  No ROS of its own."""
+"""The command `pose`: drives to a pose given in the odom frame or in the robot's own frame.  Imports no ROS."""
 
 import math
 import threading
@@ -12,18 +12,18 @@ from ros1_bridge.node.plane_poses import planar
 from .speed_limiter import Commander
 
 STEP_S = 0.05
-"""The speeds are found anew so often, or with each frame where those come more slowly."""
+"""The speeds are computed again after this time, or with each frame if frames come more slowly."""
 REACHED = "the pose is reached"
 BLOCKED = "the pose is given up"
 
 
 class PoseGoal:
-    """Seeks one pose at a time; any thread may call."""
+    """Drives to one pose at a time; any thread may call it."""
 
     def __init__(
         self, commander: Commander, odom_frame: str, base_frame: str, sonars: Mapping[str, SonarMount]
     ) -> None:
-        """`sonars` are where the robot's sonars sit."""
+        """`sonars`: mounting pose of each sonar, by name."""
         self._sonars = sonars
         self._commander, self._odom, self._base = commander, odom_frame, base_frame
         self._lock = threading.Lock()
@@ -33,14 +33,14 @@ class PoseGoal:
 
     @property
     def active(self) -> bool:
-        """A pose is being sought."""
+        """The robot is driving to a pose."""
         return self._goal is not None
 
     def start(self, message: Any, now_pose: Pose) -> Pose:
-        """Take a geometry_msgs/PoseStamped; the goal in the frame of odom.
+        """Take a geometry_msgs/PoseStamped; returns the goal in the odom frame.
 
         Raises:
-            ValueError: it is not finite, or in another frame.
+            ValueError: the pose is not finite, or is in another frame.
         """
         frame, goal = message.header.frame_id, planar(message.pose)
         if frame not in ("", self._odom, self._base):
@@ -56,12 +56,12 @@ class PoseGoal:
         return goal
 
     def cancel(self) -> None:
-        """Seek no more; whoever calls decides about the motion."""
+        """Drop the goal; the caller decides how the robot moves from now on."""
         with self._lock:
             self._end()
 
     def on_telemetry(self, telemetry: Telemetry) -> str:
-        """Drive on; how it ended, or an empty text.
+        """Drive on towards the pose; returns how it ended, or an empty string.
 
         Raises:
             MrlError: see `Commander`.

@@ -1,6 +1,6 @@
-"""What reaches the driver of the commands that the node gets: limits, timeout, emergency stop.  No ROS.
+"""Limits the node's commands before they reach the driver: speeds, timeout, emergency stop.  No ROS.
 
-Speeding up is limited; slowing down and stopping are not, so that a stop is never delayed.
+Speeding up is limited.  Slowing down and stopping are not limited, so that a stop is never delayed.
 """
 
 import math
@@ -12,13 +12,15 @@ from mrl_driver.navigation.protective_zones import Zones
 from mrl_driver.robot.models import Limits
 
 FIRST_STEP_S, LONGEST_STEP_S = 0.02, 0.1
-"""A command from standstill takes effect at once, as if it had been there for one frame of the stream; after
-a pause no more than the longer time is made up for.
+"""Time of the first acceleration step, and of the longest one.
+
+A command from standstill takes effect at once, as if it were one frame of the stream old.  After a pause, a step
+accelerates for at most the longer time.
 """
 EMERGENCY, DISABLED, LINK, BATTERY = "emergency stop", "motors disabled", "no telemetry", "battery"
 WHEEL = "wheel mismatch"
 ADRIFT = "no telemetry, may still be moving"
-"""A board without watchdog was cut off while it drove."""
+"""The link to a board without a watchdog was lost while the robot drove."""
 ZONE = "protective zone"
 TIMEOUT, NOT_FINITE, NONE = "command timeout", "command not finite", "none"
 REFUSALS = {
@@ -26,22 +28,22 @@ REFUSALS = {
     DISABLED: "the motors are disabled; call the service enable_motors with true",
 }
 SILENT_S = 0.28
-"""Whoever commands with each telemetry, and has not for so long, had none."""
+"""A caller that commands on every telemetry frame has received no frame for this long."""
 _FASTEST = 1e6
-"""Beyond this [m/s, rad/s] the arc of a command is not kept; near the largest numbers the scale overflows."""
+"""Beyond this [m/s, rad/s] the arc of a command is not kept, because the scale overflows near the largest floats."""
 
 Speeds = Tuple[float, ...]
-"""Linear and angular, and lateral of robots that move sideways."""
+"""Linear and angular speed; robots that move sideways add the lateral speed."""
 STANDING: Speeds = (0.0, 0.0)
 
 
 class Commander:
     """Stands between the node's callbacks and a `Driver`; any thread may call it.
 
-    One call at a time: each holds the lock while the driver writes, which takes 100 ms at most where a port is stuck.
-    `tick` on the thread that reads waits for that long, and no longer.
+    One call runs at a time.  Each call holds the lock while the driver writes, at most 100 ms if the port is stuck.
+    `tick` runs on the reading thread and waits at most this long.
 
-    Each method that moves or stops the robot raises what the driver's does.
+    Each method that moves or stops the robot raises the same errors as the driver's method.
     """
 
     def __init__(
@@ -55,18 +57,18 @@ class Commander:
         self._commanded_s = self._stepped_s = float("-inf")
         self._cause = NONE
         self.limits = limits
-        """In force; may be replaced at any time."""
+        """Limits in force; they may be replaced at any time."""
         self.latched = False
         """The emergency stop is on: nothing moves until `release`."""
         self.enabled = True
         self.zones: Optional[Zones] = None
-        """Where there are zones, they limit each command."""
+        """If set, the zones limit each command."""
         self.seeking = False
-        """Commands come from the node itself, which seeks a pose."""
+        """The node itself sends the commands, to drive to a pose."""
         self._held = self._dropped = False
 
     def drive(self, linear_m_s: float, angular_rad_s: float, *lateral_m_s: float) -> bool:
-        """Take a command; False when the robot may not move now (see `refusal`).  Only some bases go sideways."""
+        """Take a command; False if the robot may not move now (see `refusal`).  Only some bases move sideways."""
         with self._lock:
             if self.latched or not self.enabled:
                 return False
@@ -76,8 +78,8 @@ class Commander:
             return self._step(now)
 
     def tick(self) -> None:
-        """Go on speeding up, and stop when commands have ended; called for each frame of the stream."""
-        if self._target is None:  # most of the time, and then the lock is not worth its cost
+        """Continue to accelerate, and stop after the command timeout; called for each frame of the stream."""
+        if self._target is None:  # the common case, which does not need the lock
             return
         with self._lock:
             if self._target is None:
@@ -85,7 +87,7 @@ class Commander:
             now = self._clock()
             if now - self._commanded_s >= self._timeout_s:
                 self._halt(TIMEOUT if any(self._target) else NONE)
-            elif self._driver.command is None:  # stopped by driver or board: a new command is to drive on
+            elif self._driver.command is None:  # stopped by driver or board: a new command must drive again
                 self._target, self._now, self._held, self._dropped = None, STANDING, False, True
             elif self.zones is not None:
                 if self._within_zones(now) != self._now:
@@ -94,7 +96,7 @@ class Commander:
                 self._step(now)
 
     def stop(self, cause: str = NONE) -> None:
-        """Stop at once; the next command drives on."""
+        """Stop at once; the next command moves the robot again."""
         with self._lock:
             self._halt(cause)
 
@@ -105,12 +107,12 @@ class Commander:
             self._halt(NONE)
 
     def release(self) -> None:
-        """End the emergency stop; the robot stands until the next command."""
+        """End the emergency stop; the robot stays still until the next command."""
         with self._lock:
             self.latched = False
 
     def enable(self, enabled: bool) -> None:
-        """Let the motors follow commands, or stop them and refuse."""
+        """Let the motors follow commands, or stop them and refuse commands."""
         with self._lock:
             self.enabled = enabled
             if not enabled:
@@ -124,7 +126,7 @@ class Commander:
 
     @property
     def dropped(self) -> bool:
-        """The driver has dropped the last command, as when the link was lost, or the board has stopped by itself."""
+        """The driver has dropped the last command (for example on a lost link), or the board has stopped by itself."""
         with self._lock:
             if self._target is None:
                 return self._dropped
@@ -133,7 +135,7 @@ class Commander:
 
     @property
     def stopped_by(self) -> str:
-        """What keeps the robot from moving, or made it stop; `none` where nothing did."""
+        """Why the robot may not move, or why it stopped; `none` if there is no reason."""
         if not self._driver.ready and self._driver.may_be_moving:
             return ADRIFT
         if self.latched or not self.enabled:
@@ -148,9 +150,9 @@ class Commander:
             return ZONE
         told = self._driver.stop_reason
         if self._driver.command is not None:
-            return NONE  # if it stands, then because it was told to
+            return NONE  # if the robot stands still, its command says so
         if told == "boot" and self._commanded_s == float("-inf"):
-            return NONE  # a board that was switched on before anybody drove
+            return NONE  # the board was switched on, and nobody has driven yet
         return self._cause if self._cause != NONE or told in ("none", "user") else told.replace("_", " ")
 
     @property
@@ -179,7 +181,7 @@ class Commander:
         limits, wanted = self.limits, self._within_zones(now)
         dt_s, self._stepped_s = min(LONGEST_STEP_S, now - self._stepped_s), now
         before = self._now
-        if not any(before) or self._driver.command is None:  # stopped meanwhile, by whatever
+        if not any(before) or self._driver.command is None:  # stopped meanwhile, for any reason
             before, dt_s = (0.0,) * len(wanted), FIRST_STEP_S
         speeds = ramped(before, wanted, limits, dt_s)
         self._now = speeds
@@ -189,7 +191,7 @@ class Commander:
         return False
 
     def _within_zones(self, now: float) -> Speeds:
-        """The speeds that are wanted, as far as the zones allow them."""
+        """The target speeds, as far as the zones allow them."""
         assert self._target is not None
         if self.zones is None:
             return self._target
@@ -204,11 +206,11 @@ class Commander:
 
 
 def ramped(before: Speeds, wanted: Speeds, limits: Limits, dt_s: float) -> Speeds:
-    """The speeds that follow `before` on the way to `wanted`.
+    """The next speeds on the way from `before` to `wanted`.
 
-    Slowing down takes effect at once, and so does the direction of a slide.  What speeds up, way and turn, makes up the
-    same share of its difference, so that a robot at rest follows the commanded arc from the start; the acceleration
-    limits decide how much.
+    Slowing down takes effect at once, and so does a new direction of sideways motion.  Linear and angular speed
+    increase by the same share of their differences, so that a robot at rest follows the commanded arc from the
+    start.  The acceleration limits set this share.
     """
     plane, turn = wanted[0::2], wanted[1:2]
     plane_base, turn_base = _kept(before[0::2], plane), _kept(before[1:2], turn)
@@ -221,13 +223,13 @@ def ramped(before: Speeds, wanted: Speeds, limits: Limits, dt_s: float) -> Speed
 
 
 def _kept(before: Speeds, wanted: Speeds) -> float:
-    """How much of a speed goes on: none the other way, and no more than is wanted."""
+    """The part of a speed that is kept: nothing if the direction reverses, and at most the wanted speed."""
     along = sum(one * other for one, other in zip(before, wanted))
     return min(math.hypot(*wanted), math.hypot(*before) if along > 0 else 0.0)
 
 
 def _share(base: float, wanted: Speeds, rise: float) -> float:
-    """How much of the difference may be made up now, 0 to 1."""
+    """Share of the difference that this step may cover, 0 to 1."""
     excess = math.hypot(*wanted) - base
     return rise / excess if excess > rise else 1.0
 
@@ -240,7 +242,7 @@ def _part(base: float, wanted: Speeds, share: float) -> Speeds:
 
 
 def scaled(linear_m_s: float, angular_rad_s: float, limits: Limits, *lateral_m_s: float) -> Speeds:
-    """The speeds, scaled down together where one exceeds its limit; the arc and the direction stay the same."""
+    """The speeds, scaled down together if one exceeds its limit; arc and direction stay the same."""
     if lateral_m_s:
         return _scaled_in_plane(linear_m_s, angular_rad_s, limits, lateral_m_s[0])
     if abs(linear_m_s) <= limits.linear_m_s and abs(angular_rad_s) <= limits.angular_rad_s:
@@ -263,6 +265,6 @@ def _scaled_in_plane(linear_m_s: float, angular_rad_s: float, limits: Limits, la
 
 
 def lowered(limits: Limits, *wanted: float) -> Limits:
-    """The model's limits, each lowered to what is wanted (in their order); 0 leaves the model's own."""
+    """The model's limits, each lowered to the wanted value (same order); 0 keeps the model's limit."""
     lower = (min(most, own) if most > 0 else own for most, own in zip(wanted, limits))
     return Limits(*lower, *limits[len(wanted) :])

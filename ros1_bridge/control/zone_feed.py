@@ -1,4 +1,4 @@
-"""Feeds a robot's zones with its telemetry and its scans.  No ROS of its own."""
+"""Passes a robot's telemetry and laser scans to its protective zones.  Imports no ROS."""
 
 import math
 from typing import Any, Optional, Tuple
@@ -9,20 +9,20 @@ from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.robot_state import Telemetry
 
 LEAST_RATE_HZ = 5.0
-"""Frames that come more slowly carry ranges too late for zones."""
+"""Below this frame rate the ranges arrive too late for zones."""
 LONGEST_S = 0.5
-"""A longer gap between two frames says nothing about the way made in it."""
+"""After a longer gap between two frames, the distance driven meanwhile is unknown."""
 Mount = Tuple[float, float, float]
 
 
 class ZoneWatch:
-    """Zones of one robot, and what they are told."""
+    """The zones of one robot, and the readings passed to them."""
 
     def __init__(self, parameters: Any, model: RobotModel, has_sonars: bool) -> None:
-        """`parameters` are those of robot_node, with `zones` other than none.
+        """`parameters`: those of robot_node, with `zones` other than none.
 
         Raises:
-            ConfigError: sonars are to be listened to and the board has none.
+            ConfigError: the zones need sonars, and the board has none.
         """
         by_sonar, by_laser = sources(parameters)
         if by_sonar and not has_sonars:
@@ -35,7 +35,7 @@ class ZoneWatch:
         self._stamp_s: Optional[float] = None
 
     def on_telemetry(self, telemetry: Telemetry, standing: bool) -> None:
-        """Way and new ranges of a frame; a robot that stands looks ahead."""
+        """Pass on the distance and the new ranges of a frame; if the robot stands still, check the zones ahead."""
         zones, before, now = self.zones, self._stamp_s, telemetry.arrival_s
         self._stamp_s = telemetry.stamp_s
         if before is not None and telemetry.stamp_s - before < LONGEST_S:
@@ -47,19 +47,19 @@ class ZoneWatch:
             zones.limit(0.0, now)
 
     def on_scan(self, message: Any, mount: Mount, now: float) -> None:
-        """A sensor_msgs/LaserScan of a laser that sits at `mount`, x, y, yaw in base_frame [m m rad]."""
+        """Pass on a sensor_msgs/LaserScan; the laser is at `mount`: x, y, yaw in base_frame [m m rad]."""
         self.zones.on_scan(
             Scan(message.ranges, message.angle_min, message.angle_increment, message.range_min, mount), now
         )
 
 
 def sources(parameters: Any) -> Tuple[bool, bool]:
-    """Whether zones listen to sonars, and to a laser."""
+    """Whether the zones use sonars, and whether they use a laser."""
     return parameters.zones in ("sonars", "both"), parameters.zones in ("scan", "both")
 
 
 def settings_of(parameters: Any, braking_m_s2: float) -> Settings:
-    """The zones that the parameters say."""
+    """The zone settings from the parameters."""
     return Settings(
         parameters.zone_warning,
         parameters.zone_protective,
@@ -72,10 +72,10 @@ def settings_of(parameters: Any, braking_m_s2: float) -> Settings:
 
 
 def demand_zones(parameters: Any, namespace: str) -> None:
-    """Check the zones of the parameters.
+    """Check the zone parameters.
 
     Raises:
-        ConfigError: they contradict each other, or the stream is too slow for them.
+        ConfigError: the parameters contradict each other, or the stream is too slow for zones.
     """
     if parameters.zones == "none":
         return

@@ -1,1 +1,1 @@
-"""The demonstration: `make run`, the node `demo_view`, the picture of rviz.  Imports node."""
+"""The demonstration: `make run`, the node `demo_view`, the rviz picture.  Imports node."""

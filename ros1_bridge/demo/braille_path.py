@@ -1,4 +1,4 @@
-"""A path seen from above as lines of braille characters, eight dots each.  Pure."""
+"""Draws a path from above as lines of braille characters, eight dots each.  Pure."""
 
 import math
 from typing import List, Sequence, Tuple
@@ -7,12 +7,12 @@ _DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
 """Bit of each dot in a braille character, by row and column."""
 _BLANK = 0x2800
 _LEAST_SPAN_M = 1.2
-"""The view never zooms in closer."""
+"""The view shows at least this much; it never zooms in closer."""
 _MARGIN = 1.15
 GRID = "·"
 GRID_M = 0.5
 _MOST_MARKS = 200
-"""More grid marks than this would hide the path; they are then left out."""
+"""If there are more grid marks than this, none is drawn, because they would hide the path."""
 ARROWS = "→↗↑↖←↙↓↘"
 """Headings in steps of 45 deg, counter-clockwise from x; y points up."""
 
@@ -20,7 +20,7 @@ Point = Tuple[float, float]
 
 
 def draw(points: Sequence[Point], pose: Tuple[float, float, float], columns: int, rows: int) -> List[str]:
-    """`rows` lines of `columns` characters that show the path and an arrow at the pose; x right, y up.
+    """Returns `rows` lines of `columns` characters: the path, and an arrow at the pose; x right, y up.
 
     Args:
         points: the path [m].
@@ -42,7 +42,7 @@ def draw(points: Sequence[Point], pose: Tuple[float, float, float], columns: int
 
 
 def _fit(points: Sequence[Point], width: int, height: int) -> Tuple[Point, float]:
-    """Centre [m] and scale [dots per metre] at which all points are inside."""
+    """Centre [m] and scale [dots per metre] that show all points."""
     xs, ys = [p[0] for p in points], [p[1] for p in points]
     span_x = max((max(xs) - min(xs)) * _MARGIN, _LEAST_SPAN_M)
     span_y = max((max(ys) - min(ys)) * _MARGIN, _LEAST_SPAN_M)

@@ -1,8 +1,11 @@
 """ROS node `demo_view`: shows a robot live, drives it in a square or from the keyboard.
 
-Subscribes `odom`, `sonar/*`, `battery` and `/diagnostics`, publishes `cmd_vel`.  Private parameters:
-`~square` drives the square from the start, `~duration` [s] ends the run after that much odometry, `~title`.
-Without a terminal, on a dumb one, or without the library `rich` it prints a line a second and reads no keys.
+The node subscribes to `odom`, `sonar/*`, `battery` and `/diagnostics`, and publishes `cmd_vel`.
+
+Private parameters: `~square` drives the square from the start; `~duration` [s] ends the run after that much
+odometry; `~title` is the title of the view.
+
+Without a terminal, on a dumb terminal, or without the library `rich`, it prints a line every second and reads no keys.
 """
 
 import math
@@ -30,12 +33,12 @@ LINK_DIAGNOSTICS = "Link"
 TICK_S, REFRESH_S = 0.05, 0.1
 STALE_S = 0.3
 PATIENCE_S = 20.0
-"""With a duration set, odometry must have begun by then."""
+"""If a duration is set, odometry must begin within this time."""
 SQUARE, KEYS, STOPPED = "square", "keyboard", "stopped"
 
 
 class DemoView:
-    """Wires topics to a recorder, and a command to `cmd_vel`."""
+    """Connects the topics to a recorder, and the commands to `cmd_vel`."""
 
     def __init__(self, square: bool) -> None:
         self._lock = threading.Lock()
@@ -51,19 +54,19 @@ class DemoView:
             rospy.Subscriber(f"sonar/{name}", Range, self._on_range, callback_args=name, queue_size=1)
 
     def snapshot(self) -> Snapshot:
-        """What is known now."""
+        """The robot's state now."""
         with self._lock:
             return self._recorder.snapshot(self._mode, time.monotonic())
 
     def press(self, key: str) -> None:
-        """Take a key; one that drives or stops takes over from the square."""
+        """Handle a key; a key that drives or stops ends the square."""
         if key == "r":
             self._square, self._mode = Square(), SQUARE
         elif self._teleop.press(key, time.monotonic()):
             self._mode = STOPPED if key == "space" else KEYS
 
     def drive(self, now: Snapshot) -> None:
-        """Publish the command of the mode; nothing at all while stopped, so that others may drive."""
+        """Publish the command of the mode; publish nothing while stopped, so that other nodes can drive."""
         if self._mode == STOPPED:
             return
         command = (0.0, 0.0)
@@ -75,7 +78,7 @@ class DemoView:
         self._publish(command)
 
     def halt(self) -> None:
-        """Ask for a stop, if this node was driving."""
+        """Publish a stop if this node was driving."""
         if self._mode != STOPPED:
             self._mode = STOPPED
             self._publish((0.0, 0.0))
@@ -108,7 +111,7 @@ class DemoView:
 
 
 class Clock:
-    """When the run ends by itself."""
+    """Decides when the run ends by itself."""
 
     def __init__(self, duration_s: float) -> None:
         self._duration_s = duration_s
@@ -119,12 +122,12 @@ class Clock:
         return bool(self._duration_s) and now.elapsed_s >= self._duration_s
 
     def overdue(self, now: Snapshot) -> bool:
-        """Whether a run with a duration still waits for its first odometry."""
+        """Whether a run with a duration has waited too long for its first odometry."""
         return bool(self._duration_s) and not now.frames and time.monotonic() > self._started_s + PATIENCE_S
 
 
 def run_lines(view: DemoView, clock: Clock) -> bool:
-    """A line a second until the end; False if there was no odometry."""
+    """Print a line every second until the end; False if there was no odometry."""
     printed_s = -math.inf
     while not rospy.is_shutdown():
         now = view.snapshot()
@@ -139,7 +142,7 @@ def run_lines(view: DemoView, clock: Clock) -> bool:
 
 
 def can_show_screen() -> bool:
-    """Whether this is a terminal for the live view: one that moves its cursor and has the view's characters."""
+    """Whether the terminal can show the live view: it must move its cursor and show the view's characters."""
     try:
         from rich.console import Console
     except ImportError:
@@ -150,7 +153,7 @@ def can_show_screen() -> bool:
 
 
 def run_screen(view: DemoView, clock: Clock, title: str) -> bool:
-    """The live view until q, the end of the duration, or a signal; False if there was no odometry."""
+    """Show the live view until q, the end of the duration, or a signal; False if there was no odometry."""
     from rich.console import Console
     from rich.live import Live
 

@@ -1,7 +1,7 @@
-"""`make run`: roscore, an emulated board, the robot node and the live view, and their orderly end.
+"""`make run`: starts roscore, an emulated board, the robot node and the live view, and ends them in order.
 
-Started as `python -m ros1_bridge.demo.launcher`.  The roscore is always its own, on a free port of localhost: on
-a shared one the demonstration's `/cmd_vel` would drive other robots too.
+Run it as `python -m ros1_bridge.demo.launcher`.  It always starts its own roscore, on a free port of localhost.
+On a shared roscore the demonstration's `/cmd_vel` would drive other robots too.
 """
 
 import fcntl
@@ -28,12 +28,12 @@ IMAGE = ROOT / "build" / "firmware" / "mrl_firmware.elf"
 NODES = ROOT / "ros1_bridge" / "nodes"
 ROSCORE_TIMEOUT_S = SIMULATOR_TIMEOUT_S = 30.0
 END_S = 3.0
-"""A part that takes longer to end is killed; the node needs at most 2 s."""
+"""A part that takes longer than this to end is killed; the node needs at most 2 s."""
 _ENDS: Tuple[Dict[str, int], ...] = (
     {"robot_node": signal.SIGINT, "demo_view": signal.SIGTERM},
     {"mrl-sim": signal.SIGINT, "roscore": signal.SIGINT},
 )
-"""What ends each part, in two stages: the parts of the second serve those of the first."""
+"""The signal that ends each part, in two stages: parts of the first stage depend on those of the second."""
 _POLL_S = 0.05
 _DEFAULT_ROBOT = "traxbot"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -42,7 +42,7 @@ _OF_ROSCORE = {"/rosout"}
 
 
 class RunError(MrlError):
-    """A part of the run did not start, or died; carries the exit code of that part."""
+    """A part of the run did not start, or it ended; carries the exit code of that part."""
 
     def __init__(self, message: str, exit_code: int = 1) -> None:
         super().__init__(message)
@@ -50,49 +50,49 @@ class RunError(MrlError):
 
 
 class Stopped(Exception):
-    """A signal asked for the end."""
+    """A signal has requested the end of the run."""
 
 
 class Plan(NamedTuple):
-    """What was asked for."""
+    """What the user asked for."""
 
     robot: Optional[str]
-    """Model; None for the board's own."""
+    """Model name; None means the model that the board reports."""
     port: str
-    """Of a real robot; empty for an emulated one."""
+    """Serial port of a real robot; empty for an emulated robot."""
     engine: Optional[str]
-    """`avr` or `python`; None for the first if it is there."""
+    """`avr` or `python`; None means `avr` if it is available."""
     duration_s: Optional[float]
-    """None for ever."""
+    """None means no limit."""
 
 
 class Run:
-    """The parts in the order of their start; `stop` ends them, the robot first."""
+    """The started parts, in order; `stop` ends them, the robot node first."""
 
     def __init__(self, env: Dict[str, str], logs: Path) -> None:
         self.env = env
         self.logs = logs
         self._children: List[Child] = []
         self.signal: Optional[int] = None
-        """The signal that asked for the end, if one did."""
+        """The signal that requested the end, or None."""
 
     def on_signal(self, number: int, _frame: object) -> None:
-        """Signal handler: note it; the main loop acts on it."""
+        """Signal handler: store the signal; the main loop acts on it."""
         self.signal = self.signal or number
 
     def start(self, name: str, command: List[str], terminal: bool = False) -> Child:
-        """Start a part, with the terminal or with a log."""
+        """Start a part; its output goes to the terminal or to a log."""
         log = None if terminal else self.logs / f"{name}.log"
         child = Child(name, command, log, self.env, ROOT)
         self._children.append(child)
         return child
 
     def forget(self, child: Child) -> None:
-        """A part has ended as expected."""
+        """Remove a part that has ended as expected."""
         self._children.remove(child)
 
     def check(self) -> None:
-        """Raises Stopped after a signal, RunError when a part has died."""
+        """Raises Stopped after a signal, and RunError if a part has ended."""
         if self.signal:
             raise Stopped
         for child in self._children:
@@ -100,7 +100,7 @@ class Run:
                 raise RunError(child.last_words(), child.exit_code)
 
     def stop(self) -> None:
-        """End everything: the node stops the robot, the view gives back the terminal, then the rest."""
+        """End all parts: first the node, which stops the robot, and the view, which restores the terminal."""
         for stage in _ENDS:
             ending = [child for name in stage for child in self._children if child.name == name]
             for child in ending:
@@ -111,14 +111,14 @@ class Run:
 
 
 def free_port() -> int:
-    """A TCP port of localhost that nobody listens on."""
+    """A free TCP port of localhost."""
     with socket.socket() as probe:
         probe.bind((_LOCALHOST, 0))
         return int(probe.getsockname()[1])
 
 
 def environment(logs: Path) -> Dict[str, str]:
-    """The children's environment: a master of their own, and all addresses on localhost."""
+    """The environment of the child processes: their own ROS master, and all addresses on localhost."""
     env = {name: value for name, value in os.environ.items() if name != "ROS_HOSTNAME"}
     env["ROS_MASTER_URI"], env["ROS_IP"] = f"http://{_LOCALHOST}:{free_port()}", _LOCALHOST
     env.setdefault("ROS_LOG_DIR", str(logs / "ros"))
@@ -127,7 +127,10 @@ def environment(logs: Path) -> Dict[str, str]:
 
 
 def lock_folder(wanted: Path) -> Tuple[Path, IO[str]]:
-    """A folder for logs that no other run uses: `wanted`, or it with a number, and the lock to hold on to."""
+    """A log folder that no other run uses: `wanted`, with a number if necessary.
+
+    Returns the folder and its lock; keep the lock open during the run.
+    """
     for number in itertools.count(1):
         folder = wanted if number == 1 else wanted.with_name(f"{wanted.name}-{number}")
         folder.mkdir(parents=True, exist_ok=True)
@@ -151,10 +154,10 @@ def master_answers(uri: str) -> bool:
 
 
 def require_alone(uri: str) -> None:
-    """Check that no other node would hear this run's commands.
+    """Check that no other node receives this run's commands.
 
     Raises:
-        RunError: a node is registered at the master; the text names it.
+        RunError: a node is registered at the master; the message names it.
     """
     with xmlrpc.client.ServerProxy(uri) as master:
         reply: Any = master.getSystemState("/mrl_run")
@@ -167,15 +170,16 @@ def require_alone(uri: str) -> None:
 
 
 def start_roscore(run: Run) -> None:
-    """Start the run's own roscore."""
+    """Start this run's own roscore."""
     run.start("roscore", ["roscore", "-p", run.env["ROS_MASTER_URI"].rsplit(":", 1)[1]])
 
 
 def await_roscore(run: Run) -> None:
-    """Wait for the master.
+    """Wait for the ROS master.
 
     Raises:
-        RunError: it did not start, or has other nodes; Stopped: a signal came.
+        RunError: the master did not start, or it has other nodes.
+        Stopped: a signal came.
     """
     uri = run.env["ROS_MASTER_URI"]
     _await(run, lambda: master_answers(uri), ROSCORE_TIMEOUT_S, f"roscore does not answer at {uri}")
@@ -183,10 +187,11 @@ def await_roscore(run: Run) -> None:
 
 
 def start_simulator(run: Run, robot: str, engine: Optional[str]) -> str:
-    """Start the emulated board and return its port; falls back to the Python engine, and says why.
+    """Start the emulated board and return its port; if `avr` fails, print why and use the Python engine.
 
     Raises:
-        RunError: it did not start; Stopped: a signal came.
+        RunError: the board did not start.
+        Stopped: a signal came.
     """
     if engine is None:
         try:
@@ -227,7 +232,7 @@ def _await(run: Run, condition: Callable[[], bool], timeout_s: float, failure: s
 
 
 def start_node(run: Run, plan: Plan) -> None:
-    """Start the robot node with the system's Python."""
+    """Start the robot node with the system Python."""
     command = [str(NODES / "robot_node"), f"_port:={plan.port}", f"_robot:={plan.robot or 'auto'}"]
     run.start("robot_node", command)
 
@@ -245,10 +250,11 @@ def start_view(run: Run, plan: Plan, moves: bool) -> Child:
 
 
 def supervise(run: Run, plan: Plan) -> int:
-    """Start all parts, wait for the end of the view, and return the exit code.
+    """Start all parts, wait until the view ends, and return the exit code.
 
     Raises:
-        RunError: a part did not start, or died; Stopped: a signal came.
+        RunError: a part did not start, or it ended.
+        Stopped: a signal came.
     """
     real = bool(plan.port)
     board = f"the robot on {plan.port}" if real else f"an emulated {plan.robot or _DEFAULT_ROBOT}"

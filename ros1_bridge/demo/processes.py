@@ -1,4 +1,4 @@
-"""Child processes that never outlive their parent, each with a log."""
+"""Child processes that end with their parent; each has a log."""
 
 import ctypes
 import os
@@ -18,14 +18,14 @@ TAIL_LINES = 6
 class Child:
     """A started program.
 
-    It leads a session of its own unless it shares the terminal, so that Ctrl-C reaches its parent alone and
-    the parent decides on the order.  If the parent dies without a word, the kernel sends it SIGTERM.
+    Unless it uses the terminal, it runs in its own session: Ctrl-C then reaches only the parent, and the parent
+    decides on the order in which programs end.  If the parent dies, the kernel sends SIGTERM to the program.
     """
 
     def __init__(
         self, name: str, command: Sequence[str], log: Optional[Path], env: Dict[str, str], cwd: Path
     ) -> None:
-        """Start `command`; output goes to the file `log`, or to the parent's terminal if that is None."""
+        """Start `command`; its output goes to the file `log`, or to the parent's terminal if `log` is None."""
         self.name = name
         self.log = log
         output = log.open("wb") if log else None
@@ -46,22 +46,22 @@ class Child:
 
     @property
     def pid(self) -> int:
-        """Its process id."""
+        """Process id."""
         return self._process.pid
 
     @property
     def exit_code(self) -> Optional[int]:
-        """None while it runs; 128 plus the signal if one ended it, as a shell reports it."""
+        """None while the program runs; 128 plus the signal number if a signal ended it, as in a shell."""
         code = self._process.poll()
         return 128 - code if code is not None and code < 0 else code
 
     def signal(self, number: int) -> None:
-        """Send a signal, unless it has ended."""
+        """Send a signal, unless the program has ended."""
         if self.exit_code is None:
             self._process.send_signal(number)
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait for the end; False if it did not come in time."""
+        """Wait until the program ends; False after `timeout_s`."""
         try:
             self._process.wait(timeout_s)
         except subprocess.TimeoutExpired:
@@ -69,19 +69,19 @@ class Child:
         return True
 
     def finish(self, timeout_s: float) -> None:
-        """Wait for the end, and bring it about by force after `timeout_s`."""
+        """Wait until the program ends; kill it after `timeout_s`."""
         if not self.wait(timeout_s):
             self.signal(signal.SIGKILL)
             self._process.wait()
 
     def output(self) -> List[str]:
-        """Lines of the log so far."""
+        """The lines of the log so far."""
         if self.log is None or not self.log.exists():
             return []
         return self.log.read_text(encoding="utf-8", errors="replace").splitlines()
 
     def last_words(self) -> str:
-        """Name, exit code and the end of the log."""
+        """Name, exit code and last lines of the log."""
         lines = [line for line in self.output() if line.strip()][-TAIL_LINES:]
         words = f"{self.name} ended with exit code {self.exit_code}"
         if not lines:
@@ -90,12 +90,12 @@ class Child:
 
 
 def adopt_orphans() -> None:
-    """Make this process the parent of grandchildren whose own parent dies; `end_orphans` finds them."""
+    """Make this process the parent of grandchildren whose own parent has died; `end_orphans` ends them."""
     _LIBC.prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
 
 
 def end_orphans(timeout_s: float = 1.0) -> None:
-    """End every child that is left, by force if it takes longer than `timeout_s`."""
+    """End every remaining child; kill those that take longer than `timeout_s`."""
     deadline = time.monotonic() + timeout_s
     while _children():
         number = signal.SIGTERM if time.monotonic() < deadline else signal.SIGKILL
@@ -106,7 +106,7 @@ def end_orphans(timeout_s: float = 1.0) -> None:
 
 
 def wait_until(condition: Callable[[], bool], timeout_s: float) -> bool:
-    """Poll until `condition` holds; False if it did not in time."""
+    """Poll until `condition` is true; False after `timeout_s`."""
     deadline = time.monotonic() + timeout_s
     while not condition():
         if time.monotonic() >= deadline:
@@ -125,7 +125,7 @@ def _die_with_parent(parent: int) -> Callable[[], None]:
 
 
 def _children() -> List[int]:
-    """Process ids of this process's children, the dead ones included."""
+    """Process ids of this process's children, including dead ones."""
     with open(f"/proc/self/task/{os.getpid()}/children", encoding="ascii") as file:
         return [int(pid) for pid in file.read().split()]
 

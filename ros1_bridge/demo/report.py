@@ -1,4 +1,4 @@
-"""What the demonstration knows about the robot, and its one-line forms.  Pure."""
+"""The robot's state as the demonstration sees it, and one-line texts of it.  Pure."""
 
 import math
 from typing import Dict, List, Mapping, NamedTuple, Optional, Tuple
@@ -12,7 +12,7 @@ class Snapshot(NamedTuple):
     """State at one moment; SI units."""
 
     elapsed_s: float
-    """Since the first odometry."""
+    """Time since the first odometry."""
     mode: str
     pose: Tuple[float, float, float]
     twist: Tuple[float, float]
@@ -20,22 +20,22 @@ class Snapshot(NamedTuple):
     frames: int
     rate_hz: float
     age_s: float
-    """Of the newest odometry; infinite before the first."""
+    """Age of the newest odometry; infinite before the first."""
     ranges: Mapping[str, float]
     battery_v: float
     battery_share: float
     link: Mapping[str, str]
-    """Key and value as the node's link diagnostics have them; empty before the first."""
+    """Keys and values of the node's link diagnostics; empty before the first message."""
     trail: List[Tuple[float, float]]
 
     @property
     def errors(self) -> int:
-        """Faults of the link so far."""
+        """Number of link errors so far."""
         return int(self.link.get("Errors", "0"))
 
 
 class Recorder:
-    """Builds snapshots out of what arrives."""
+    """Builds snapshots from the received messages."""
 
     def __init__(self) -> None:
         self._pose, self._twist = (0.0, 0.0, 0.0), (0.0, 0.0)
@@ -58,7 +58,7 @@ class Recorder:
     def add_odometry(
         self, pose: Tuple[float, float, float], twist: Tuple[float, float], now_s: float
     ) -> None:
-        """A new pose [m m rad] and twist [m/s rad/s] came at `now_s`."""
+        """Add a pose [m m rad] and a twist [m/s rad/s] received at `now_s`."""
         if self._first_s is None:
             self._first_s = now_s
         else:
@@ -73,7 +73,7 @@ class Recorder:
             self._trail = [*self._trail[-TRAIL_POINTS:], pose[:2]]
 
     def snapshot(self, mode: str, now_s: float) -> Snapshot:
-        """Everything as it stands at `now_s`."""
+        """The state at `now_s`."""
         elapsed_s = now_s - self._first_s if self._first_s is not None else 0.0
         rate_hz = float(sum(t > now_s - 1.0 for t in self._window))
         return Snapshot(
@@ -94,14 +94,14 @@ class Recorder:
 
 
 def range_text(range_m: float) -> str:
-    """A range in words: metres, `clear` for nothing in range, `near` for too near, `--` for no reading."""
+    """A range as text: metres, `clear` if nothing is in range, `near` if too near, `--` without a reading."""
     if math.isfinite(range_m):
         return f"{range_m:.2f} m"
     return _WORDS.get(range_m, "--")
 
 
 def line(now: Snapshot) -> str:
-    """One line a second for those without a terminal."""
+    """The state as one line, for output without a terminal."""
     if not now.frames:
         return "waiting for odometry"
     x, y, yaw = now.pose

@@ -1,7 +1,7 @@
-"""`python -m ros1_bridge.demo.rviz_picture FILE.png`: a picture of rviz with an emulated robot, without a screen.
+"""`python -m ros1_bridge.demo.rviz_picture FILE.png` makes a picture of rviz with an emulated robot, without a screen.
 
-Starts a ROS master, an X server in memory, `sim.launch` and `rviz.launch`, drives an arc, and takes the window.
-Needs the packages rviz, xvfb, libgl1-mesa-dri and imagemagick.
+It starts a ROS master, an X server in memory, `sim.launch`, `go_to_goal.launch` and `rviz.launch`, drives an arc,
+and saves a screenshot.  It needs the packages rviz, xvfb, libgl1-mesa-dri and imagemagick.
 """
 
 import os
@@ -22,15 +22,15 @@ LOGS = ROOT / "build" / "picture"
 DISPLAY, PORT = ":87", 11387
 SIZE = "1200x800"
 COLOURS = 128
-"""Of the palette: the file stays below 300 KiB."""
+"""Colours in the palette; this keeps the file below 300 KiB."""
 START_S, DRIVE_S, DRAW_S = 60.0, 7.0, 4.0
 ARC = "{linear: {x: 0.2}, angular: {z: 0.25}}"
 GOAL = "{header: {frame_id: odom}, pose: {position: {x: 0.3, y: 1.6}, orientation: {w: 1.0}}}"
-"""Left ahead after the arc, so that the plan is in the picture."""
+"""A goal to the front left after the arc, so that the picture shows a plan."""
 
 
 def environment() -> Dict[str, str]:
-    """For everything that is started."""
+    """The environment of all child processes."""
     path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("ROS_PACKAGE_PATH"))))
     return {
         **os.environ,
@@ -48,7 +48,7 @@ def take(file: Path) -> None:
     """Make the picture.
 
     Raises:
-        RuntimeError: a part did not start; the text holds its last words.
+        RuntimeError: a part did not start; the message holds the end of its log.
     """
     LOGS.mkdir(parents=True, exist_ok=True)
     env = environment()
@@ -82,7 +82,7 @@ def take(file: Path) -> None:
 
 
 def _subscribed(node: str, topic: str) -> bool:
-    """Whether a node subscribes to a topic, by the master's account."""
+    """Whether a node subscribes to a topic, according to the ROS master."""
     _, _, (_, subscribers, _) = ServerProxy(f"http://127.0.0.1:{PORT}").getSystemState("/picture")  # type: ignore
     return any(name == topic and node in nodes for name, nodes in subscribers)  # type: ignore
 

@@ -1,4 +1,4 @@
-"""The live view: a snapshot as panels of a terminal.  Pure but for the terminal library."""
+"""The live view: draws a snapshot as panels in a terminal.  Pure, apart from the terminal library."""
 
 import math
 from typing import List
@@ -22,7 +22,7 @@ _NEAR_M = 0.3
 
 
 def render(now: Snapshot, title: str, width: int, height: int, note: str = "") -> RenderableType:
-    """The whole screen of `width` x `height` characters; `note` stands below the path."""
+    """The whole screen of `width` x `height` characters; `note` appears below the path."""
     screen = Layout()
     screen.split_column(Layout(name="body"), Layout(_footer(), name="keys", size=1))
     trail = _trail(now, width - _LEFT_COLUMNS, height - 1)

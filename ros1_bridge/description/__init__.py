@@ -1,1 +1,1 @@
-"""The robots' URDF from their models.  Imports node."""
+"""Renders the URDF of each robot from its model.  Imports node."""

@@ -1,7 +1,7 @@
-"""Description of the robots (URDF) out of the shared geometry.
+"""Renders the description (URDF) of the robots from their models.
 
-`python -m ros1_bridge.description` renders `urdf/`; `--check` tells whether that is current.  base_link lies at the
-height of the axle, in the middle between the wheels.
+`python -m ros1_bridge.description` renders `urdf/`; `--check` reports whether the files are current.  base_link is at
+the height of the axle, midway between the wheels.
 """
 
 import math
@@ -17,12 +17,12 @@ from ros1_bridge.node.tf_names import JOINTS, OMNI_JOINTS, SONAR_HEIGHT_M
 FOLDER = Path(__file__).resolve().parent.parent / "urdf"
 WHEEL_WIDTH_M, TRACK_WIDTH_M = 0.026, 0.035
 WHEEL_MASS_SHARE = 0.1
-"""Of the robot's mass, each wheel."""
+"""Mass of each wheel as a share of the robot's mass."""
 CASTER_RADIUS_M = 0.012
 SONAR_LENGTH_M, SONAR_RADIUS_M = 0.016, 0.011
 """MB1300: 22 mm across (data sheet)."""
 LASER_X_M, LASER_Z_M = 0.085, 0.045
-"""Hokuyo URG-04LX where the launch files of 2013 put it."""
+"""Position of the Hokuyo URG-04LX, from the launch files of 2013."""
 LASER_SIZE_M = (0.05, 0.05, 0.07)
 LASER_MASS_KG = 0.16
 COLOURS = {
@@ -38,7 +38,7 @@ Lines = Iterator[str]
 
 
 class Part(NamedTuple):
-    """A shape with its place in the link it belongs to; a cylinder is (radius, length), a sphere (radius,)."""
+    """A shape and its place in its link; `size` is (x, y, z) of a box, (radius, length) or (radius,) of a sphere."""
 
     size: Sequence[float]
     at: Point = (0.0, 0.0, 0.0)
@@ -47,13 +47,13 @@ class Part(NamedTuple):
 
 
 def wheel_radius_m(model: RobotModel) -> float:
-    """True radius: the way of one turn by the metres per count."""
+    """True radius [m]: distance per wheel turn, from metres per count and counts per turn, divided by 2 pi."""
     counts = model.board["gearbox"] / 10 * model.board["encoder_counts"] / 10
     return model.drive.metres_per_count * counts / (2 * math.pi)
 
 
 def render(model: RobotModel, prefix: str = "", laser: bool = False) -> str:
-    """The URDF of a robot; `prefix` (such as `robot1/`) goes before each link."""
+    """The URDF of a robot; each link name starts with `prefix` (such as `robot1/`)."""
     lines = [
         '<?xml version="1.0"?>',
         "<!-- Rendered by ros1_bridge/description/urdf.py out of the robot's model; do not edit. -->",
@@ -103,7 +103,7 @@ def _base(model: RobotModel, prefix: str) -> Lines:
 
 
 def _places(model: RobotModel) -> List[Tuple[str, Point, float]]:
-    """Joint of each wheel, where it is, and which way the wheel rolls [rad] when its counter counts up."""
+    """Joint of each wheel, its position [m], and the direction in which it rolls [rad] when its counter counts up."""
     drive = model.drive
     if isinstance(drive, OmniDrive):
         left, rear, right = map(math.radians, drive.angles_deg)
@@ -147,7 +147,7 @@ def _laser(prefix: str) -> Lines:
 
 
 def _gazebo(model: RobotModel, prefix: str) -> Lines:
-    """Gazebo's own drive, in place of board and driver."""
+    """Gazebo's own drive plugin, which replaces board and driver."""
     if isinstance(model.drive, OmniDrive):
         yield from _plugin("planar_move", {"odometryRate": "50"}, prefix)
         return
@@ -180,7 +180,7 @@ def _plugin(name: str, values: Dict[str, str], prefix: str) -> Lines:
 def _link(
     name: str, visuals: Sequence[Part], mass_kg: float, solid: Part, collisions: Sequence[Part]
 ) -> Lines:
-    """A link whose inertia is that of `solid` alone."""
+    """A link with the inertia of `solid` alone."""
     yield f"  <link name={quoteattr(name)}>"
     for part in visuals:
         yield "    <visual>"
@@ -203,7 +203,7 @@ def _link(
 
 
 def inertia(part: Part, mass_kg: float) -> Point:
-    """Moments of inertia of a solid of even density about its own axes [kg m2]."""
+    """Moments of inertia about its own axes of a solid of uniform density [kg m2]."""
     if len(part.size) == 3:
         x, y, z = (size * size for size in part.size)
         return mass_kg * (y + z) / 12, mass_kg * (x + z) / 12, mass_kg * (x + y) / 12
@@ -244,7 +244,7 @@ def _colour(model: RobotModel) -> str:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Render the committed files; with `--check` name those that are stale, and return 1 if any is."""
+    """Render the committed files; with `--check`, name the stale files, and return 1 if there is one."""
     stale = [path for path, text in files() if not path.exists() or path.read_text(encoding="utf-8") != text]
     if "--check" in arguments:
         for path in stale:

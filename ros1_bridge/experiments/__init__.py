@@ -1,4 +1,4 @@
-"""The papers' experiments that are about ROS, through ROS: `mrl experiment` finds them in `legs`.
+"""The papers' experiments that are about ROS, run through ROS; `mrl experiment` finds them in `legs`.
 
-Each is a node of its own process: it starts boards and nodes on a master of its own, plays, and ends them all.
+Each experiment is a node in its own process.  It starts boards and nodes on its own master, runs, and ends them all.
 """

@@ -1,4 +1,4 @@
-"""Which experiments go through ROS, and how to run one.  No rospy: the nodes are processes."""
+"""Lists the experiments that run through ROS, and runs one.  No rospy: each node is a process."""
 
 import importlib.util
 import os
@@ -29,7 +29,7 @@ MOST_S = 1800.0
 
 
 def missing() -> str:
-    """What of ROS is not there, and the remedy; empty where all is."""
+    """Which parts of ROS are missing, and how to install them; empty if ROS is complete."""
     absent = [name for name in NEEDED if importlib.util.find_spec(name) is None]
     if not absent and shutil.which("rosmaster") is None:
         absent = ["rosmaster"]
@@ -40,7 +40,7 @@ def run(name: str, setting: Setting) -> Result:
     """Runs an experiment through ROS, in real time; its picture goes into the setting's folder.
 
     Raises:
-        MrlError: it failed; the last line that it said.
+        MrlError: the experiment failed; the message holds its last line of output.
     """
     with tempfile.TemporaryDirectory(prefix="mrl-experiment-") as folder:
         child = Child(name, _command(name, setting), Path(folder) / "log", _environment(folder), ROOT)
@@ -56,12 +56,12 @@ def run(name: str, setting: Setting) -> Result:
 
 
 def _command(name: str, setting: Setting) -> list:
-    """Paths are the caller's; the child has a folder of its own."""
+    """The command line of the child; paths are absolute, as the child gets another folder for its files."""
     module = f"{__package__}.{NODES[name]}"
     robot = os.path.abspath(setting.robot) if setting.robot.endswith((".yaml", ".yml")) else setting.robot
     return [sys.executable, "-m", module, name, os.path.abspath(setting.folder), robot, str(setting.seed)]
 
 
 def _environment(folder: str) -> Dict[str, str]:
-    """A master of its own; what the parts write is in the folder, and goes with it."""
+    """The child's environment, with its own master; all files that the parts write go into the folder."""
     return environment(folder, {**os.environ, "PYTHONUNBUFFERED": "1"})

@@ -12,12 +12,12 @@ from ros1_bridge.demo.processes import Child, wait_until
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 START_S = 30.0
-"""A part that is not there after this has failed; generous, the machine may be busy."""
+"""A part that has not started after this time has failed; generous, because the machine may be busy."""
 END_S = 5.0
 
 
 def environment(folder: str, given: Dict[str, str]) -> Dict[str, str]:
-    """`given` with a master of its own on localhost; all that ROS and shared worlds write goes into the folder."""
+    """`given` with its own master on localhost; ROS and shared worlds write all their files into the folder."""
     return {
         **given,
         "ROS_MASTER_URI": f"http://127.0.0.1:{free_port()}",
@@ -29,7 +29,7 @@ def environment(folder: str, given: Dict[str, str]) -> Dict[str, str]:
 
 
 def end(*children: Child) -> None:
-    """Asks programs to end, and makes them."""
+    """Ask programs to end, and kill those that do not."""
     for child in children:
         child.signal(signal.SIGTERM)
     for child in children:
@@ -37,10 +37,10 @@ def end(*children: Child) -> None:
 
 
 class Parts:
-    """The programs of an experiment; a context manager that ends them: nodes, then boards, then the master.
+    """The programs of an experiment; a context manager that ends nodes, then boards, then the master.
 
     Args:
-        folder: Gets logs and ports.
+        folder: Folder for logs and ports.
     """
 
     def __init__(self, folder: str) -> None:
@@ -50,17 +50,17 @@ class Parts:
         self._masters: List[Child] = []
 
     def _start(self, name: str, command: List[str], among: List[Child]) -> Child:
-        """Starts a program, with a log."""
+        """Starts a program with a log."""
         log = self.folder / f"{name.replace('/', '_')}.log"
         child = Child(name, command, log, dict(os.environ), ROOT)
         among.append(child)
         return child
 
     def master(self) -> None:
-        """Starts the master of the environment, and waits for it.
+        """Starts the ROS master that the environment names, and waits for it.
 
         Raises:
-            MrlError: it does not start.
+            MrlError: the master does not start.
         """
         uri = os.environ["ROS_MASTER_URI"]
         child = self._start("rosmaster", ["rosmaster", "--core", "-p", uri.rsplit(":", 1)[1]], self._masters)
@@ -70,7 +70,7 @@ class Parts:
             raise MrlError(f"no ROS master answers at {uri} after {START_S:g} s; is rosmaster sound?")
 
     def board(self, name: str, *options: str) -> str:
-        """Starts an emulated board; its port, which is there in a moment."""
+        """Starts an emulated board; returns its port, which appears a moment later."""
         port = str(self.folder / f"{name}.port")
         command = [sys.executable, "-m", "sim_arduino.serve.main", "--link", port, "--name", name, *options]
         self._start(f"{name}-board", command, self._boards)
@@ -80,8 +80,10 @@ class Parts:
         """Starts a node of this package in a namespace.
 
         Args:
+            kind: Name of the node's executable, such as `robot_node`.
+            space: Namespace, without the leading slash.
             names: Remappings, such as `sonar/front:=heard/front`.
-            parameters: Its private parameters.
+            parameters: Private parameters of the node.
         """
         given = [
             f"_{key}:={str(value).lower() if isinstance(value, bool) else value}"
@@ -92,7 +94,7 @@ class Parts:
         return self._start(f"{space}/{kind}", command, self._nodes)
 
     def robot(self, name: str, port: str, model: str, rate: int, **parameters: object) -> Child:
-        """Starts the robot node of a board, in the robot's namespace and with its frames."""
+        """Starts the robot node of a board, in the namespace and with the frames of the robot."""
         return self.node(
             "robot_node",
             name,
@@ -106,26 +108,26 @@ class Parts:
         )
 
     def end_nodes(self) -> None:
-        """Ends the nodes, all at once."""
+        """Ends all nodes at the same time."""
         _end_all(self._nodes)
 
     def check(self) -> None:
-        """Raises MrlError when one has died."""
+        """Raises MrlError if a program has ended."""
         for child in self._masters + self._boards + self._nodes:
             if child.exit_code is not None:
                 raise MrlError(f"{child.name} ended with exit code {child.exit_code}: {_last(child)}")
 
     def close(self) -> None:
-        """Ends them: nodes stop their robots before the boards go, the master goes last."""
+        """Ends all programs: first the nodes, which stop their robots, then the boards, then the master."""
         for children in (self._nodes, self._boards, self._masters):
             _end_all(children)
 
     def __enter__(self) -> "Parts":
-        """The parts themselves."""
+        """Returns the object itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Ends them."""
+        """Ends all programs."""
         self.close()
 
 
@@ -135,6 +137,6 @@ def _end_all(children: List[Child]) -> None:
 
 
 def _last(child: Child) -> Optional[str]:
-    """The last line that a program said."""
+    """The last line of a program's output; None if it has none."""
     said = [line for line in child.output() if line.strip()]
     return said[-1].strip() if said else None

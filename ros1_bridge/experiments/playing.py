@@ -1,4 +1,4 @@
-"""What the nodes of the experiments have in common: a master, the play, the result, an orderly end."""
+"""Runs an experiment as a node: starts a master, runs the experiment, saves the result, and ends all programs."""
 
 import os
 import signal
@@ -17,11 +17,15 @@ Play = Callable[[str, Parts, Setting], Result]
 
 
 def play_as_node(ros: Any, play: Play, arguments: Sequence[str]) -> int:
-    """Starts the master, makes this process a node, plays, and saves the result beside the logs; the exit code.
+    """Starts the master, makes this process a node, runs `play`, and saves the result beside the logs.
 
     Args:
-        ros: rospy.
+        ros: The module rospy.
+        play: The experiment.
         arguments: Name of the experiment, folder of the pictures, robot model, seed.
+
+    Returns:
+        The exit code.
     """
     name, folder, robot, seed = arguments
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))

@@ -1,4 +1,4 @@
-"""The node that drives the step test: goals for `go_to_goal`, and a mirror that follows `odom` in another process."""
+"""The node that drives the step test: sends goals to `go_to_goal`; a mirror in another process follows `odom`."""
 
 import math
 import sys
@@ -29,7 +29,7 @@ REMARK = (
 
 
 def play(_: str, parts: Parts, setting: Setting) -> Result:
-    """Drives the steps; the mirror hears of each pose by its message."""
+    """Drives the steps; the mirror receives the pose of each odometry message."""
     with ExitStack() as stack:
         members = [Member("robot", ORIGIN, virtual=False, robot=setting.robot)]
         (player,) = gather(stack, parts, setting, members, navigated=True, world="square").players
@@ -53,12 +53,12 @@ def _drive(parts: Parts, player: Player, robot: TopicRobot, mirror: Mirrored) ->
 
 
 def _monotonic_s(message: Odometry) -> float:
-    """When the board read its counters."""
+    """Time at which the board read its counters [s, monotonic]."""
     return time.monotonic() - (rospy.Time.now() - message.header.stamp).to_sec()
 
 
 def _go(parts: Parts, player: Player, point: Pose) -> None:
-    """To a waypoint, looking the way it came."""
+    """Drive to a waypoint, with the final heading along the line from the start to it."""
     pose = player.robot.pose
     heading = math.atan2(point.y_m - pose.y_m, point.x_m - pose.x_m)
     seek = player.robot.seek(point._replace(yaw_rad=heading))

@@ -1,8 +1,8 @@
-"""The node that plays with a team: emulated boards, each behind its robot node; the real robots of the team are
-mirrored by their odometry into the virtual one's world.
+"""The node that runs experiments with a team of emulated boards, each with its own robot node.
 
-In `mixed-team` it drives by `cmd_vel` from what it hears on `sonar/...`; in `shared-waypoint` it is a client of each
-robot's action `move_base`.
+The odometry of the team's real robots places them in the world of the virtual robots.  In `mixed-team` the node
+drives by `cmd_vel` and uses the ranges on `sonar/...`.  In `shared-waypoint` it is a client of each robot's action
+`move_base`.
 """
 
 import math
@@ -42,9 +42,9 @@ from .playing import play_as_node
 
 RATE_HZ = 20
 WANDER_S, ROUNDS, MOST_S = 120.0, 2, 600.0
-"""In real time, so shorter than the simulated ones."""
+"""These runs are in real time and therefore shorter than the simulated ones."""
 TOUCH_M = 0.005
-"""Bodies that are nearer to something than this have bumped into it."""
+"""A body that is nearer to an object than this counts as a collision."""
 REMARK = (
     "Through ROS, in real time: robot nodes on emulated boards, true poses and odometry from their topics; "
     "a collision is less than 5 mm between bodies or walls."
@@ -53,12 +53,12 @@ _OVER = (GoalStatus.ABORTED, GoalStatus.REJECTED, GoalStatus.PREEMPTED, GoalStat
 
 
 class TopicRobot:
-    """A robot behind its topics, as `team.OnStage` has it.
+    """A robot reached through its topics; it has the interface `team.OnStage`.
 
     Args:
-        member: What it is in the team; its name is its namespace.
-        truth: Gets its true pose, and tells what it touches.
-        navigated: Its `go_to_goal` drives it; else this node does.
+        member: The robot's role in the team; its name is its namespace.
+        truth: World that gets the true pose and reports contacts.
+        navigated: `go_to_goal` drives the robot; otherwise this node does.
     """
 
     def __init__(self, member: Member, truth: World, navigated: bool) -> None:
@@ -72,7 +72,7 @@ class TopicRobot:
         self._true: Optional[Pose] = None
         self._due_s = time.monotonic()
         self.on_odometry: Callable[[Odometry], None] = ignore
-        """Is told each message."""
+        """Called with each odometry message."""
         space = f"/{member.name}"
         self._cmd_vel = (
             None if navigated else rospy.Publisher(f"{space}/cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
@@ -101,45 +101,45 @@ class TopicRobot:
 
     @property
     def ready(self) -> bool:
-        """All topics have come, and the action is there."""
+        """A message has come on every topic, and the action server is there."""
         heard = None not in (self._odom, self._true) and len(self.ranges) == len(NAMES)
         return heard and (self._move_base is None or self._move_base.wait_for_server(rospy.Duration(0.01)))
 
     @property
     def pose(self) -> Pose:
-        """By its odometry, in the world's frame."""
+        """Pose by odometry, in the world frame."""
         assert self._odom is not None
         return self._origin.beside(*self._odom)
 
     @property
     def true_pose(self) -> Pose:
-        """Where it really is."""
+        """True pose in the world."""
         assert self._true is not None
         return self._true
 
     @property
     def bumped(self) -> bool:
-        """Its body is at something."""
+        """The robot's body touches an object."""
         return bool(self._truth.touching(self.true_pose, self._grown, self.member.name))
 
     def reset_pose(self, pose: Pose) -> None:
-        """Its odometry begins here."""
+        """Set the pose at which the robot's odometry began."""
         self._origin = pose
 
     def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
-        """Takes these speeds, unless `go_to_goal` drives."""
+        """Publish these speeds, unless `go_to_goal` drives."""
         if self._cmd_vel is not None:
             self._cmd_vel.publish(Twist(Vector3(linear_m_s, 0, 0), Vector3(0, 0, angular_rad_s)))
 
     def wait(self, seconds: float) -> None:
-        """Sleeps until so long after the wait before."""
+        """Sleep until `seconds` after the end of the previous wait."""
         now_s = time.monotonic()
         self._due_s = max(self._due_s + seconds, now_s)
         time.sleep(self._due_s - now_s)
         self._truth.place(self.member.name, self.true_pose, self._body)
 
     def seek(self, goal: Pose) -> Callable[[Mapping[str, float]], Step]:
-        """Sends a goal; what it hears goes to `go_to_goal` at each step."""
+        """Send a goal; the returned function passes ranges to `go_to_goal` and reports the progress."""
         client = self._move_base
         assert client is not None
         client.send_goal(MoveBaseGoal(_stamped(goal)))
@@ -154,14 +154,14 @@ class TopicRobot:
         return step
 
     def stop(self) -> None:
-        """Stands still."""
+        """Stop the robot and cancel its goals."""
         self.drive(0.0, 0.0)
         if self._move_base is not None:
             self._move_base.cancel_all_goals()
 
 
 def ignore(_: Odometry) -> None:
-    """Does nothing with a message."""
+    """Ignore a message."""
 
 
 def _stamped(pose: Pose) -> PoseStamped:
@@ -183,10 +183,10 @@ def gather(
     navigated: bool,
     world: str = mixed_team.WORLD,
 ) -> Team:
-    """Starts boards and nodes of a team in a real and a virtual world, and waits until all are there.
+    """Starts boards and nodes of a team in a real and a virtual world, and waits until all are ready.
 
     Raises:
-        MrlError: a part has failed.
+        MrlError: a part has failed, or is not ready in time.
     """
     truth, virtual = world_file.load(world), world_file.load(world)
     virtual.crowd = crowd = SharedCrowd(_shared("virtual"))
@@ -210,12 +210,12 @@ def gather(
 
 
 def _shared(space: str) -> str:
-    """Name of a world that this process's boards share."""
+    """Name of a world that the boards of this process share."""
     return f"{space}-{os.getpid()}"
 
 
 def _start(parts: Parts, member: Member, world: str, seed: int, navigated: bool) -> None:
-    """Board, robot node and, if it is navigated, go_to_goal of a robot."""
+    """Start the board, the robot node and, if the robot is navigated, go_to_goal."""
     space = _shared("virtual" if member.virtual else "real")
     options = ("--world", world, "--world-name", space, "--pose", spelt_pose(member.start))
     port = parts.board(member.name, "--robot", member.robot, "--sonar", NOISE, "--seed", str(seed), *options)
@@ -225,14 +225,14 @@ def _start(parts: Parts, member: Member, world: str, seed: int, navigated: bool)
 
 
 def _place(member: Member) -> TransformStamped:
-    """Where in the map a robot's odometry begins."""
+    """Transform from the map to the start of a robot's odometry."""
     message = TransformStamped(header=Header(frame_id="map"), child_frame_id=f"{member.name}/odom")
     _write(member.start, message.transform.translation, message.transform.rotation)
     return message
 
 
 def play(name: str, parts: Parts, setting: Setting) -> Result:
-    """Gathers the team of an experiment, and plays."""
+    """Starts the team of an experiment, and runs the experiment."""
     with ExitStack() as stack:
         if name == "mixed-team":
             team = gather(stack, parts, setting, mixed_team.MEMBERS, navigated=False)

@@ -1,7 +1,7 @@
-"""The node that times messages between a board and a topic, both ways.
+"""The node that measures the delay between a board and a topic, in both directions.
 
-An emulated board in a process of its own notes when which bytes passed its port; this node notes when it published a
-command, and when an Odometry came.
+An emulated board in its own process logs the bytes at its port with their times.  This node records when it published
+each command, and when each Odometry message came.
 """
 
 import sys
@@ -27,12 +27,12 @@ SPACE = "robot"
 RATE_HZ, MESSAGES = 50, 200
 FASTEST_MM_S = 300
 RAMP_S, TICK_S = 1.5, 0.05
-"""The robot has reached its speed by then; slower commands are not limited on their way."""
+"""The robot reaches its speed within the ramp time; later, slower commands are not limited."""
 SETTLE_S = 0.3
 
 
 class Timed:
-    """Times of commands published, and of odometry that came meanwhile [s, monotonic]."""
+    """Times of published commands, and of odometry received meanwhile [s, monotonic]."""
 
     def __init__(self, parts: Parts) -> None:
         self.arrived: List[float] = []
@@ -50,7 +50,7 @@ class Timed:
         self.arrived.append(time.monotonic())
 
     def run(self, messages: int) -> None:
-        """Up to speed, then the commands, each slower than the one before and so known again."""
+        """Reach full speed, then send the commands; each is slower than the last, and so can be identified."""
         for _ in range(round(RAMP_S / TICK_S)):
             self._cmd_vel.publish(_twist(FASTEST_MM_S))
             time.sleep(TICK_S)
@@ -67,7 +67,7 @@ def _twist(speed_mm_s: int) -> Twist:
 
 
 def measure(parts: Parts, robot: str, messages: int = MESSAGES) -> Topics:
-    """Drives an emulated board by topics, and times the messages.
+    """Drives an emulated board through topics, and measures the delays of the messages [ms].
 
     Raises:
         MrlError: a part has failed.
@@ -85,7 +85,7 @@ def measure(parts: Parts, robot: str, messages: int = MESSAGES) -> Topics:
 
 
 def play(_: str, parts: Parts, setting: Setting) -> Result:
-    """Times the messages through ROS, then those on the simulated chip."""
+    """Measures the delays through ROS, then those on the simulated chip."""
     topics = measure(parts, setting.robot)
     parts.close()
     return turnaround.run(setting, topics)

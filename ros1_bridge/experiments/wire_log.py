@@ -1,6 +1,6 @@
-"""What an emulated board noted of the bytes at its port, and how long they took from and to topics.
+"""Reads the log of bytes at an emulated board's port, and computes their delays from and to topics.
 
-Pure but for reading files; times are the host's monotonic ones.
+Pure, apart from reading files.  All times are the host's monotonic clock.
 """
 
 import json
@@ -17,7 +17,7 @@ _STREAMED = b"@%d," % BY_NAME["read_encoders_and_sonars"].code
 
 
 class Passed(NamedTuple):
-    """Bytes that passed the port: from the `host`, or from the `board`."""
+    """Bytes at the port, sent by `host` or `board`."""
 
     at_s: float
     who: str
@@ -25,7 +25,7 @@ class Passed(NamedTuple):
 
 
 def read(log: Path, truth: Path) -> List[Passed]:
-    """The log of `mrl-sim --log`, its times made monotonic by the file of `--truth` that was written beside it."""
+    """The log of `mrl-sim --log`; the file of `--truth` from the same run gives the offset to monotonic time."""
     with truth.open(encoding="utf-8") as file:
         row = json.loads(file.readline())
     start_s = row["host_monotonic"] - row["t"]
@@ -35,12 +35,12 @@ def read(log: Path, truth: Path) -> List[Passed]:
 
 
 def sent(rows: Sequence[Passed]) -> List[float]:
-    """When each frame with counters left the board [s]."""
+    """Times at which the frames with counters left the board [s]."""
     return [row.at_s for row in rows if row.who == "board" and _STREAMED in row.data]
 
 
 def commanded(rows: Sequence[Passed], since_s: float) -> Dict[int, float]:
-    """When the motor board had each speed first [s]: speed [mm/s] to the end of its frame on the wire."""
+    """Speed [mm/s] to the time at which the motor board first had it [s], the end of its frame on the wire."""
     found: Dict[int, float] = {}
     for row in rows:
         if row.who == "host" and row.at_s >= since_s:
@@ -50,14 +50,16 @@ def commanded(rows: Sequence[Passed], since_s: float) -> Dict[int, float]:
 
 
 def odometry_s(frames_s: Sequence[float], arrived_s: Sequence[float]) -> float:
-    """Median time from a frame to the Odometry that it brought [s]; a message belongs to the frame just before it."""
+    """Median time from a frame to its Odometry message [s]; a message belongs to the last frame before it."""
     ways = (at - max(each for each in frames_s if each <= at) for at in arrived_s)
     return statistics.median(ways)
 
 
 def command_s(published_s: Dict[int, float], commanded_s: Dict[int, float]) -> float:
-    """Median time from publishing a speed to the motor board that has it [s]; those overtaken by later ones do not
-    count."""
+    """Median time from publishing a speed until the motor board has it [s].
+
+    Speeds that the board never received, because a later one replaced them, do not count.
+    """
     return statistics.median(
         commanded_s[speed] - at for speed, at in published_s.items() if speed in commanded_s
     )

@@ -1,1 +1,1 @@
-"""The node `go_to_goal`, and the settings of the navigation stack.  Imports node."""
+"""The node `go_to_goal`, and the settings for the navigation stack.  Imports node."""

@@ -1,7 +1,7 @@
-"""ROS node `go_to_goal`: the action `move_base` (move_base_msgs/MoveBaseAction) from odometry and sonars alone.
+"""ROS node `go_to_goal`: the action `move_base` (move_base_msgs/MoveBaseAction) with odometry and sonars only.
 
-Takes goals by the action, by `move_base_simple/goal` (rviz's 2D Nav Goal), and several in a row by `waypoints`
-(nav_msgs/Path).  Goals may be in any frame that tf connects with that of `odom`.
+The node takes goals from the action, from `move_base_simple/goal` (rviz's 2D Nav Goal), and lists of goals from
+`waypoints` (nav_msgs/Path).  Goals may be in any frame that tf connects with the frame of `odom`.
 """
 
 import math
@@ -42,33 +42,33 @@ from ros1_bridge.node.plane_poses import planar, yaw_of
 RATE_HZ = 20.0
 ODOM_LATE_S = 0.5
 SILENT_S = 0.5
-"""A range counts for this long; sonars give one every 0.3 s."""
+"""A range is valid for this long; each sonar measures every 0.3 s."""
 TF_TIMEOUT_S = 1.0
 WARN_EVERY_S = 5.0
 POLL_S = 0.2
 END_S = 1.5
-"""What a goal may take to end with the node: more than a transform is waited for."""
+"""On shutdown, a goal may take this long to end; longer than the wait for a transform."""
 
 
 class Ranges:
-    """The last range of each sonar; any thread may call."""
+    """The last range of each sonar; any thread may call it."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._heard: Dict[str, Tuple[float, str, float]] = {}
 
     def hear(self, name: str, range_m: float, frame: str, now_s: float) -> None:
-        """Take a range, measured in the sonar's own frame."""
+        """Store a range, measured in the sonar's own frame."""
         with self._lock:
             self._heard[name] = range_m, frame, now_s
 
     def frames(self) -> Dict[str, str]:
-        """Frame of each sonar that was ever heard."""
+        """Frame of each sonar that has sent a range."""
         with self._lock:
             return {name: frame for name, (_, frame, _) in self._heard.items()}
 
     def now(self, now_s: float) -> Dict[str, float]:
-        """Range of each sonar that was ever heard [m]; NaN for those that have been silent for `SILENT_S`."""
+        """Range of each sonar that has sent one [m]; NaN if its last range is older than `SILENT_S`."""
         with self._lock:
             return {
                 name: range_m if now_s - heard_s <= SILENT_S else math.nan
@@ -77,7 +77,7 @@ class Ranges:
 
 
 class GoToGoal:
-    """Serves one robot."""
+    """Drives one robot to its goals."""
 
     def __init__(self) -> None:
         """Reads the private parameters.
@@ -101,7 +101,7 @@ class GoToGoal:
             "move_base", MoveBaseAction, self._execute, auto_start=False
         )
         self._goal_out = rospy.Publisher("move_base/goal", MoveBaseActionGoal, queue_size=5)
-        self._lock = threading.Lock()  # guards the three below
+        self._lock = threading.Lock()  # guards the next two lines
         self._awaited: Dict[str, queue.Queue[int]] = {}
         self._tour = self._goals = 0
         self._ending, self._idle = threading.Event(), threading.Event()
@@ -116,10 +116,10 @@ class GoToGoal:
         self._server.start()
 
     def _end(self) -> None:
-        """The client hears how its goal ended, before the topics are closed."""
+        """End the goal, so that the client gets its result before the topics close."""
         self._ending.set()
         self._idle.wait(END_S)
-        with self._server.action_server.lock:  # its timer must not publish the status to a closed topic
+        with self._server.action_server.lock:  # the server's timer must not publish to a closed topic
             self._server.action_server.started = False
 
     def _on_odometry(self, message: Odometry) -> None:
@@ -137,13 +137,13 @@ class GoToGoal:
         threading.Thread(target=self._visit, args=(message, self._new_tour()), daemon=True).start()
 
     def _new_tour(self) -> int:
-        """Whoever visits waypoints gives up for this."""
+        """Start a new tour; a thread that visits earlier waypoints gives up."""
         with self._lock:
             self._tour += 1
             return self._tour
 
     def _visit(self, path: Path, tour: int) -> None:
-        """Each pose in turn, until one cannot be reached or other goals come."""
+        """Visit each pose in turn, until one cannot be reached or a new goal comes."""
         for number, pose in enumerate(path.poses, 1):
             pose.header.frame_id = pose.header.frame_id or path.header.frame_id
             end = self._outcome(pose)
@@ -154,7 +154,7 @@ class GoToGoal:
                 return
 
     def _outcome(self, pose: PoseStamped) -> int:
-        """Send a goal to this node's own action, and wait for the status it ends with."""
+        """Send a goal to this node's own action, and wait for its final status."""
         goal_id = self._new_id()
         answer: queue.Queue[int] = queue.Queue()
         with self._lock:
@@ -189,7 +189,7 @@ class GoToGoal:
         try:
             self._attempt(goal)
         except rospy.ROSException:
-            if not rospy.is_shutdown():  # it closes the topics, and ends waiting
+            if not rospy.is_shutdown():  # the shutdown closes the topics and ends all waits
                 raise
         finally:
             self._idle.set()
@@ -198,7 +198,7 @@ class GoToGoal:
         try:
             target = self._target(goal.target_pose)
         except ValueError as error:
-            self._cmd_vel.publish(Twist())  # the goal before, if there was one, is over
+            self._cmd_vel.publish(Twist())  # the previous goal has ended, if there was one
             rospy.logwarn(f"goal refused: {error}")
             self._server.set_aborted(MoveBaseResult(), str(error))
             return
@@ -229,7 +229,7 @@ class GoToGoal:
         self._server.set_aborted(MoveBaseResult(), why)
 
     def _drive(self, seeker: GoalSeeker) -> bool:
-        """One step; False at the end."""
+        """Do one step; False if the goal has ended."""
         odometry, now_s = self._odometry, rospy.get_time()
         if odometry is None or now_s - self._odometry_s > ODOM_LATE_S:
             return False
@@ -246,7 +246,7 @@ class GoToGoal:
         return True
 
     def _placed_ranges(self, base: str, now_s: float) -> Dict[str, float]:
-        """Range of each sonar; NaN for one of which nobody knows where it sits on the robot."""
+        """Range of each sonar; NaN if its place on the robot is unknown."""
         ranges = self._ranges.now(now_s)
         for name, frame in self._ranges.frames().items():
             if name not in self._sonars and not self._find_place(name, frame, base):
@@ -254,7 +254,7 @@ class GoToGoal:
         return ranges
 
     def _find_place(self, name: str, frame: str, base: str) -> bool:
-        """Ask tf once where a sonar sits, as it does not move; False where there is no answer yet."""
+        """Look up the place of a sonar in tf; once is enough, as it does not move.  False if not yet known."""
         try:
             place = self._buffer.lookup_transform(base, frame, rospy.Time()).transform
         except tf2_ros.TransformException as error:
@@ -269,9 +269,9 @@ class GoToGoal:
         """The goal in the frame of odom.
 
         Raises:
-            ValueError: it cannot be had; the text says why.
+            ValueError: there is no odometry, no transform, or the goal is not finite; the message says which.
         """
-        self._located.wait(ODOM_LATE_S)  # a node that has just started
+        self._located.wait(ODOM_LATE_S)  # the node may have just started
         odometry = self._odometry
         if odometry is None:
             raise ValueError("there is no odometry yet")

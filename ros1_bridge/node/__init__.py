@@ -1,1 +1,1 @@
-"""What all nodes share: parameters, the watch on the master, `cmd_vel`, frame names, poses on the floor plane."""
+"""Code that all nodes share: parameters, master watch, `cmd_vel`, frame names, poses on the floor plane."""

@@ -1,4 +1,4 @@
-"""`cmd_vel` of a node that drives: its last word is a stop.  For nodes."""
+"""Publishes `cmd_vel` for a node that drives; the last message is always a stop.  For nodes."""
 
 import threading
 
@@ -6,20 +6,20 @@ import rospy
 from geometry_msgs.msg import Twist
 
 LEAVES_S = 0.1
-"""rospy sends in the background, and drops what has not left when it closes the topics."""
+"""Time for the last message to leave: rospy sends in the background, and drops unsent messages on shutdown."""
 
 
 class CmdVel:
-    """Publishes twists until the node ends; then a stop, if the robot was not stopped, and nothing behind it."""
+    """Publishes twists until the node ends; then a stop if the robot may be moving, and nothing after it."""
 
     def __init__(self) -> None:
         self._out = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
-        self._lock = threading.RLock()  # a signal may end the node in the midst of `publish`
+        self._lock = threading.RLock()  # a signal may end the node during `publish`
         self._moving = self._ended = False
         rospy.on_shutdown(self._end)
 
     def publish(self, twist: Twist) -> None:
-        """Sends a twist, unless the node ends."""
+        """Publish a twist, unless the node is ending."""
         with self._lock:
             if not self._ended:
                 self._moving = twist != Twist()

@@ -1,4 +1,4 @@
-"""Tells when the ROS master goes away: nodes that are connected go on, but nobody finds this one any more.  No ROS."""
+"""Detects that the ROS master is gone: connected nodes stay connected, but new ones cannot find this node.  No ROS."""
 
 import socket
 import time
@@ -11,14 +11,14 @@ EXAMPLE = "http://localhost:11311"
 
 
 class MasterWatch:
-    """Looks whether anything listens at the master's address."""
+    """Checks whether a process listens at the master's address."""
 
     def __init__(self, uri: str) -> None:
         self._uri = uri
         self._there = True
 
     def look(self) -> str:
-        """What has changed since the last look, in words; nothing where nothing has."""
+        """A sentence on what has changed since the last call; empty if nothing has changed."""
         before, self._there = self._there, _listens(self._uri)
         if before and not self._there:
             return (
@@ -31,7 +31,10 @@ class MasterWatch:
 
 
 def await_master(uri: str, tell: Callable[[str], None]) -> None:
-    """Wait until something listens at the master's address, and tell that; rospy waits too, but not in each case."""
+    """Wait until a process listens at the master's address; `tell` gets a message if this takes long.
+
+    rospy waits for the master too, but not in all cases.
+    """
     if _listens(uri, START_PATIENCE_S):
         return
     tell(
@@ -47,6 +50,6 @@ def _listens(uri: str, patience_s: float = PATIENCE_S) -> bool:
         if not address.hostname:
             return False
         socket.create_connection((address.hostname, address.port or 11311), patience_s).close()
-    except (OSError, ValueError):  # no such port, or none at all
+    except (OSError, ValueError):  # nothing listens there, or the address has no valid port
         return False
     return True

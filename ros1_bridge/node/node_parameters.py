@@ -1,4 +1,4 @@
-"""Parameters of the nodes beside robot_node, one row each.  Pure, no ROS."""
+"""Parameters of all nodes except robot_node, one row each.  Pure, no ROS."""
 
 from mrl_driver.navigation.goal_seeker import PATIENCE_S
 from mrl_driver.terminal.teleop_keys import ANGULAR_RAD_S, LINEAR_M_S

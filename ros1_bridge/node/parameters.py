@@ -1,6 +1,6 @@
-"""Private parameters as data: one row each, checked before a node does anything.  Pure, no ROS.
+"""Private parameters as data: one row each, checked before a node starts to work.  Pure, no ROS.
 
-`ROWS` are those of robot_node; `node_rows` has those of the other nodes.
+`ROWS` holds the parameters of robot_node; `node_parameters` holds those of the other nodes.
 """
 
 import math
@@ -16,10 +16,10 @@ _OWN = "0 is the model's own, which is also the most"
 
 
 class Row(NamedTuple):
-    """One parameter; `default` None means that it must be given.
+    """One parameter; a `default` of None means that the parameter is required.
 
-    `kind` is str, bool, int or float; `low` and `high` bound numbers in `unit`; `choices` replaces both.  A text may be
-    empty if the default is.
+    `kind` is str, bool, int or float.  `low` and `high` bound numbers in `unit`; `choices` replaces both bounds.  A
+    string may be empty if the default is empty.
     """
 
     name: str
@@ -121,9 +121,9 @@ ROWS = (
     Row("zone_clearance", float, 0.05, "m", "What is so near beside the body's way is in it", 0.0, 1.0),
 )
 PARTS = ("odometry", "sonars", "commands", "status", "sensors")
-"""What a node may be made of."""
+"""The parts that robot_node can have."""
 GROUPS = ("limits", "gains")
-"""Namespaces that dynamic_reconfigure keeps its own parameters in."""
+"""Namespaces in which dynamic_reconfigure keeps its own parameters."""
 FRAMES = ("odom_frame", "base_frame", "map_frame")
 
 
@@ -161,16 +161,16 @@ class Parameters(NamedTuple):
     zone_clearance: float
 
     def has(self, part: str) -> bool:
-        """Whether the node does that one of `PARTS`."""
+        """Whether the node has this part (one of `PARTS`)."""
         return part in split_parts(self.parts)
 
 
 def check(given: Mapping[str, Any], namespace: str) -> Parameters:
-    """The parameters of robot_node from what its private namespace holds.
+    """The checked parameters of robot_node.
 
     Args:
         given: name to value, as the parameter server returns `~`.
-        namespace: the node's full name, for the error text.
+        namespace: the node's full name, for error messages.
 
     Raises:
         ConfigError: a value is missing, of the wrong type or out of range, or a name is unknown.
@@ -197,7 +197,7 @@ def check(given: Mapping[str, Any], namespace: str) -> Parameters:
 
 
 def split_parts(text: str) -> Tuple[str, ...]:
-    """The parts that a text with commas or blanks names; `all` names each."""
+    """The parts in a list separated by commas or spaces; `all` means every part."""
     return PARTS if text.strip() == "all" else tuple(text.replace(",", " ").split())
 
 
@@ -216,7 +216,7 @@ def _demand_parts(parameters: Parameters, namespace: str) -> None:
 
 
 def read(rows: Sequence[Row], given: Any, namespace: str) -> Dict[str, Any]:
-    """Name to value of a node's parameters; `given` is what its private namespace holds.
+    """Name to value of a node's parameters; `given` holds the contents of its private namespace.
 
     Raises:
         ConfigError: a value is missing, of the wrong type or out of range, or a name is unknown.
@@ -232,7 +232,7 @@ def read(rows: Sequence[Row], given: Any, namespace: str) -> Dict[str, Any]:
 
 
 def expected(row: Row) -> str:
-    """What a row allows, in words: `a number from 0.05 to 10 s`."""
+    """The values that a row allows, as text: `a number from 0.05 to 10 s`."""
     unit = f" {row.unit}" if row.unit else ""
     if row.kind is bool:
         return "true or false"
@@ -257,7 +257,7 @@ def _value(row: Row, got: Any, namespace: str) -> Any:
 
 
 def _typed(row: Row, got: Any) -> Optional[Any]:
-    """The value in the row's type, or None if the row forbids it."""
+    """The value in the row's type, or None if the row does not allow it."""
     if row.kind is bool:
         return got if isinstance(got, bool) else None
     if row.kind is str:

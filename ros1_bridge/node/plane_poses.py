@@ -1,4 +1,4 @@
-"""Poses of messages on the floor plane.  Pure."""
+"""Converts the poses of messages to poses on the floor plane.  Pure."""
 
 import math
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 from mrl_driver.navigation.goal_seeker import Pose
 
 FARTHEST_M = 1e8
-"""Beyond what any map's frame needs, and within what a grid of cells can count."""
+"""Largest coordinate: more than any map needs, and small enough for cell indices of a grid."""
 _LEAST_LENGTH = 1e-3
 """A shorter quaternion has no direction."""
 
@@ -15,7 +15,7 @@ def planar(pose: Any) -> Pose:
     """x [m], y [m], yaw [rad] of a geometry_msgs/Pose.
 
     Raises:
-        ValueError: a number is not finite or beyond `FARTHEST_M`, or the orientation is none.
+        ValueError: a number is not finite or beyond `FARTHEST_M`, or the orientation is not valid.
     """
     at = pose.position
     if not (abs(at.x) <= FARTHEST_M and abs(at.y) <= FARTHEST_M):
@@ -29,7 +29,7 @@ def yaw_of(rotation: Any) -> float:
     """Yaw of a geometry_msgs/Quaternion of any length [rad].
 
     Raises:
-        ValueError: it is not finite, or too short to have a direction.
+        ValueError: the quaternion is not finite, or too short to have a direction.
     """
     x, y, z, w = (getattr(rotation, axis) for axis in "xyzw")
     length = math.sqrt(x * x + y * y + z * z + w * w)

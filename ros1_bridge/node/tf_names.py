@@ -1,11 +1,11 @@
-"""Names and places that node and description must agree on.  Pure."""
+"""Names and positions that node and description must agree on.  Pure."""
 
 JOINTS = ("right_wheel_joint", "left_wheel_joint")
-"""Joints of the description, in the order of the counters."""
+"""Wheel joints of the description, in the order of the counters."""
 OMNI_JOINTS = (*JOINTS, "rear_wheel_joint")
-"""Those of a robot with three wheels."""
+"""Wheel joints of a robot with three wheels."""
 SONAR_HEIGHT_M = 0.0
-"""Sonars are mounted at the height of base_link, the axle."""
+"""Height of the sonars above base_link, which is at the axle."""
 
 
 def sonar_frame(base_frame: str, sonar: str) -> str:

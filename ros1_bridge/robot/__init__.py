@@ -1,1 +1,1 @@
-"""The node `robot_node`: one robot on a serial port.  Imports all folders but those of other nodes."""
+"""The node `robot_node`: one robot on a serial port.  Imports all folders except those of other nodes."""

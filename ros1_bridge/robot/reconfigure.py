@@ -1,4 +1,4 @@
-"""Descriptions for dynamic_reconfigure made in code, so that nothing has to be built.  Pure."""
+"""Makes the descriptions for dynamic_reconfigure in code, so that nothing has to be built.  Pure."""
 
 import math
 from typing import Any, Dict, List, MutableMapping, NamedTuple, Sequence, Union
@@ -11,7 +11,7 @@ LIMITS = ("max_linear_speed", "max_angular_speed", "max_linear_acceleration", "m
 
 
 class Value(NamedTuple):
-    """One value that may be changed while the node runs; an int value stays one."""
+    """One value that may change while the node runs; the type of `default` (int or float) is its type."""
 
     name: str
     default: Number
@@ -21,7 +21,7 @@ class Value(NamedTuple):
 
 
 class Description:
-    """What `dynamic_reconfigure.server.Server` takes in place of a generated module."""
+    """Replaces the generated module that `dynamic_reconfigure.server.Server` expects."""
 
     all_level = 1
 
@@ -34,7 +34,7 @@ class Description:
 
 
 def limits_description(model: RobotModel, start: Limits) -> Description:
-    """Speed and acceleration limits, up to those of the model."""
+    """Speed and acceleration limits; the model's limits are the maximum."""
     own = model.limits
     return Description(
         (
@@ -47,7 +47,7 @@ def limits_description(model: RobotModel, start: Limits) -> Description:
 
 
 def limits_of(config: MutableMapping[str, Any], before: Limits) -> Limits:
-    """The limits of a configuration; NaN, which dynamic_reconfigure lets through, is replaced by the limit before."""
+    """The limits of a configuration; a NaN, which dynamic_reconfigure lets through, keeps the limit of `before`."""
     for name, limit in zip(LIMITS, before):
         if math.isnan(config[name]):
             config[name] = limit
@@ -55,7 +55,7 @@ def limits_of(config: MutableMapping[str, Any], before: Limits) -> Limits:
 
 
 def gains_description(model: RobotModel) -> Description:
-    """Gains of the motor board; it stores each change."""
+    """Gains of the motor board, which stores each change."""
     return Description(
         tuple(
             Value(name, model.board[name], 0, INT16_MAX, f"{text} gain of the motor board; stored there")

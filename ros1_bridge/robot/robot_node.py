@@ -1,7 +1,7 @@
 """ROS node `robot_node`: one robot on a serial port.
 
-The driver's reading thread publishes, and a command goes to the port from the subscriber's own thread.  Topics,
-services and parameters stand in this package's README.
+The driver's reading thread publishes telemetry.  A command goes to the port on the thread of its subscriber.  The
+README of this package lists topics, services and parameters.
 """
 
 import gc
@@ -46,18 +46,18 @@ from .xbee import Radio
 
 DIAGNOSTICS_S = 1.0
 STATUS_S = 0.2
-"""A change of the robot's state is told within this time."""
+"""A change of the robot's state is published within this time."""
 PORT_LOOK_S = 0.1
 ANSWER_S = 0.2
-"""The answer of the service shutdown gets out in this time."""
+"""Time for the answer of the service shutdown to leave."""
 WARN_EVERY_S = 1.0
 SWITCH_S = 0.0005
-"""A frame waits no longer than this for a thread that is busy with a service; Python's own limit is 5 ms."""
+"""A frame waits at most this long for a thread that is busy with a service; Python's default is 5 ms."""
 LOG = {OK: rospy.loginfo, WARN: rospy.logwarn, ERROR: rospy.logerr}
 
 
 def driver_options(parameters: Parameters) -> Options:
-    """What the driver is told.  It has the timeout of commands too, for a node that is stuck."""
+    """The driver's options.  The driver also gets the command timeout, in case the node is stuck."""
     return Options(
         period_ms=round(1000 / parameters.rate),
         command_timeout_s=parameters.cmd_vel_timeout,
@@ -68,10 +68,10 @@ def driver_options(parameters: Parameters) -> Options:
 
 
 class RobotNode:
-    """Connects a driver with its topics and services."""
+    """Connects a driver with the topics and services of its robot."""
 
     def __init__(self, parameters: Parameters) -> None:
-        """Checks the robot model; the port is opened by `run`.
+        """Checks the robot model; `run` opens the port.
 
         Raises:
             ConfigError: the robot model is unknown or wrong.
@@ -88,7 +88,7 @@ class RobotNode:
         """Serve until the node is shut down.
 
         Raises:
-            MrlError: the robot cannot be reached, is not the one, or went away.
+            MrlError: the robot cannot be reached, is another model, or its link was lost.
         """
         rospy.on_shutdown(self._driver.close)
         self._await_port()
@@ -148,7 +148,7 @@ class RobotNode:
             self._take_commands()
             self._offer_reconfigure(model, limits)
         gc.collect()
-        gc.freeze()  # what is there now stays: collections need not walk it again and again
+        gc.freeze()  # all present objects stay, so that garbage collections need not scan them again
         rospy.loginfo(
             f"{model.name} (robot id {board.robot_id}, firmware {board.version}) on {parameters.port} at "
             f"{driver.line_baud} baud, "
@@ -202,7 +202,7 @@ class RobotNode:
             )
 
     def _end_node(self) -> Answer:
-        """Stop now; the node closes the port and ends once the answer is out."""
+        """Stop now; the node closes the port and ends after the answer has left."""
         done, text = self._services.stop()
         threading.Timer(ANSWER_S, rospy.signal_shutdown, ("the service shutdown was called",)).start()
         return done, "stopped; the node closes the port and ends" if done else f"{text}; the node ends"
@@ -210,7 +210,7 @@ class RobotNode:
     def _offer_reconfigure(self, model: RobotModel, limits: Limits) -> None:
         from dynamic_reconfigure.server import Server  # late: it takes a second, and cmd_vel should not wait
 
-        for group in GROUPS:  # what an earlier run has left must not outvote this run's parameters
+        for group in GROUPS:  # values of an earlier run must not override this run's parameters
             if rospy.has_param(f"~{group}"):
                 rospy.delete_param(f"~{group}")
         self._servers = [Server(reconfigure.limits_description(model, limits), self._on_limits, "limits")]
@@ -230,12 +230,12 @@ class RobotNode:
             if words:
                 rospy.logerr(words)
             if updater is not None and updater.publisher.get_num_connections():
-                updater.force_update()  # update() is silent after the clock was set back, and before /clock
+                updater.force_update()  # update() does nothing after the clock is set back, and before /clock
 
     def _hardware_id(self, board: Board) -> str:
         return f"{self._parameters.port} robot {board.robot_id}"
 
-    # -- from the driver, on its reading thread
+    # -- callbacks of the driver, on its reading thread
 
     def _on_telemetry(self, telemetry: Telemetry) -> None:
         self._publishers.telemetry(telemetry)
@@ -248,14 +248,14 @@ class RobotNode:
                     rospy.loginfo(ended)
             self._commander.tick()
         except MrlError:
-            return  # the driver keeps the error, and the main thread reports it
+            return  # the driver stores the error, and the main thread reports it
         if telemetry.arrival_s >= self._tell_s:
             self._tell_s = telemetry.arrival_s + STATUS_S
             self._status.tell()
             self._tell_zone()
 
     def _tell_zone(self) -> None:
-        """Say in the log that a zone has stopped the robot, once each time."""
+        """Log once each time that a zone stops the robot."""
         held, before = self._commander.stopped_by == ZONE, self._held
         self._held = held
         if held and not before:
@@ -291,7 +291,7 @@ class RobotNode:
         elif state == OFF:
             rospy.logerr(f"battery reads {board.battery_v:.1f} V: motor power is off; switch it on")
 
-    # -- from ROS
+    # -- callbacks of ROS
 
     def _on_cmd_vel(self, message: Twist) -> None:
         try:
@@ -341,21 +341,21 @@ class RobotNode:
         return config
 
     def _on_gains(self, config: Any, level: int) -> Any:
-        if level != -1:  # the start: the board keeps what it has
+        if level != -1:  # -1 is the call at the start: the board keeps its gains
             done, text = self._services.set_gains(config["kp"], config["ki"], config["kd"])
             (rospy.loginfo if done else rospy.logerr)(text)
         return config
 
 
 def main(argv: Optional[List[str]] = None) -> int:
-    """Run the node; returns the exit code, that of the error if there was one."""
+    """Run the node; returns the exit code, which is that of the error if there was one."""
     sys.setswitchinterval(SWITCH_S)
     try:
         await_master(rosgraph.get_master_uri(), rospy.logwarn)
         rospy.init_node("robot_node", argv=argv, disable_signals=True)
         _end_on_signals()
         RobotNode(_parameters()).run()
-    except rospy.ROSException:  # a publisher or a service that the shutdown closed meanwhile
+    except rospy.ROSException:  # the shutdown has closed a publisher or a service meanwhile
         if not rospy.is_shutdown():
             raise
     except MrlError as error:
@@ -367,8 +367,9 @@ def main(argv: Optional[List[str]] = None) -> int:
 
 
 def _end_on_signals() -> None:
-    """Shut down from a thread: rospy's own handler runs within the main thread, which may hold the locks that
-    the shutdown needs.
+    """Shut down from another thread.
+
+    rospy's own handler runs in the main thread, which may hold locks that the shutdown needs.
     """
 
     def end(number: int, _frame: Any) -> None:

@@ -1,4 +1,4 @@
-"""What the node's services do: each takes nothing or a switch, and answers (success, message).  No ROS."""
+"""The actions of the node's services: each takes nothing or a switch, and returns (success, message).  No ROS."""
 
 import math
 from typing import Any, Callable, Tuple
@@ -9,17 +9,17 @@ from ros1_bridge.control.speed_limiter import Commander
 
 Answer = Tuple[bool, str]
 STILL_M_S, STILL_RAD_S = 0.005, 0.02
-"""Slower than this counts as standing."""
+"""Slower than this counts as standing still."""
 
 
 class Services:
-    """The services of one robot; `forget_way` makes its covariance start anew."""
+    """The services of one robot; `forget_way` resets the covariance of the pose."""
 
     def __init__(self, driver: Any, commander: Commander, forget_way: Callable[[], None]) -> None:
         self._driver, self._commander, self._forget_way = driver, commander, forget_way
 
     def reset_odometry(self) -> Answer:
-        """Pose to the origin of odom."""
+        """Set the pose to the origin of odom."""
         if not self._still():
             return False, "the robot moves; stop it first, for a pose that jumps in motion misleads filters"
         self._driver.reset_pose()
@@ -27,7 +27,7 @@ class Services:
         return True, "the pose is 0, 0, 0"
 
     def stop(self) -> Answer:
-        """Emergency stop, latched."""
+        """Latch the emergency stop."""
         try:
             self._commander.latch()
         except MrlError as error:
@@ -35,7 +35,7 @@ class Services:
         return True, "stopped; release_stop lets the robot follow commands again"
 
     def release_stop(self) -> Answer:
-        """End of the emergency stop."""
+        """End the emergency stop."""
         if not self._commander.latched:
             return True, "no emergency stop was latched"
         self._commander.release()
@@ -50,7 +50,7 @@ class Services:
         return True, "enabled" if enabled else "stopped and disabled"
 
     def calibrate(self) -> Answer:
-        """The motor board finds its working points; the wheels turn."""
+        """Let the motor board calibrate itself; the wheels turn."""
         if not self._commander.ready:
             return False, f"refused: {self._commander.refusal()}"
         if not self._still():
@@ -62,7 +62,7 @@ class Services:
         return True, "the motor board calibrates, the wheels turn; reset_odometry afterwards"
 
     def set_gains(self, kp: int, ki: int, kd: int) -> Answer:
-        """Gains of the motor board's speed control, which it stores."""
+        """Set the gains of the motor board's speed control; the board stores them."""
         try:
             self._driver.request(BY_NAME["set_pid_gains"].code, kp, ki, kd)
         except MrlError as error:

@@ -1,4 +1,4 @@
-"""Texts by radio: frames to messages and back.  No node."""
+"""Texts sent and received by XBee radio: converts frames to messages and back.  No node."""
 
 from typing import Any, Callable, FrozenSet, NamedTuple, Tuple
 
@@ -14,20 +14,20 @@ RADIO_IN, RADIO_OUT = "xbee/received", "xbee/send"
 
 
 class Text(NamedTuple):
-    """A text by radio, and the other radio's 64-bit address."""
+    """A text, and the 64-bit address of the other radio."""
 
     address: int
     text: str
 
 
 class Radio:
-    """Publishes texts that came by radio, of boards that have one."""
+    """Publishes the texts that the board's radio receives; does nothing if the board has no radio."""
 
     def __init__(self, publisher_class: Callable[..., Any], capabilities: FrozenSet[str]) -> None:
         self._out = direct_publisher(publisher_class, RADIO_IN, KeyValue) if "xbee" in capabilities else None
 
     def on_frame(self, frame: Frame) -> None:
-        """Publish a text; other frames are passed over."""
+        """Publish the text of a frame; other frames are ignored."""
         if frame.code == _TEXT_IN and self._out is not None:
             received = read_text(frame.args)
             self._out.publish(f"{received.address:016x}", received.text)
@@ -46,7 +46,7 @@ def send_request(message: KeyValue) -> Tuple[int, ...]:
     """The request for a message on `xbee/send`: key is the address in hexadecimal, value the text.
 
     Raises:
-        ValueError: the address is none, or the text is empty, too long or not ASCII; the text says so.
+        ValueError: the address is not valid, or the text is empty, too long or not ASCII; the message says which.
     """
     try:
         address = int(message.key, 16)

@@ -1,4 +1,4 @@
-"""The tasks of the node's diagnostics.  No ROS of its own: the updater comes from the node."""
+"""The diagnostic tasks of the node.  Imports no ROS: the node supplies the updater."""
 
 from typing import Any, Dict
 
@@ -14,13 +14,13 @@ Wrapper = Any
 
 
 class Diagnostics:
-    """What the driver and its commander tell of link, motion, battery and board."""
+    """Diagnostics of link, motion, battery and board, from the driver and the speed limiter."""
 
     def __init__(self, driver: Driver, commander: Commander, parameters: Parameters) -> None:
         self._driver, self._commander, self._parameters = driver, commander, parameters
 
     def add_to(self, updater: Any) -> None:
-        """Give the tasks to a diagnostic_updater.Updater."""
+        """Add the tasks to a diagnostic_updater.Updater."""
         updater.add("Link", self._link)
         updater.add("Motion", self._motion)
         updater.add("Battery", self._battery)

@@ -1,4 +1,4 @@
-"""The link's state as diagnostics: a level, a line, keys and values.  Pure."""
+"""The state of the link as diagnostics: a level, a message, keys and values.  Pure."""
 
 from typing import Any, Dict, NamedTuple, Optional
 
@@ -15,20 +15,20 @@ ANSWERS = "the board answers again"
 
 
 class Health(NamedTuple):
-    """A level and the line that explains it."""
+    """A level and the message that explains it."""
 
     level: int
     message: str
 
 
 class News:
-    """What of a driver's events goes to the log."""
+    """Selects the driver's events that go to the log."""
 
     def __init__(self) -> None:
         self._lost = False
 
     def of(self, event: Any) -> Optional[Health]:
-        """Level and line, or None for what nobody waits for."""
+        """Level and message; None for an event that is not logged."""
         if isinstance(event, Lost):
             self._lost = True
             return Health(ERROR, str(event))
@@ -39,7 +39,7 @@ class News:
             then = MAY_MOVE if event.may_move else WAITS
             return Health(ERROR, f"the board is silent: check its cable and power; {then}")
         if isinstance(event, Ready) and not self._lost:
-            restarted = event.restarted and event.checked  # after a silence, others are only taken to have
+            restarted = event.restarted and event.checked  # unchecked: a restart is only assumed
             return Health(WARN, f"the board has restarted; {WAITS}") if restarted else Health(OK, ANSWERS)
         if isinstance(event, Mismatch):
             return Health(ERROR, f"{event}; the robot was stopped")
@@ -47,7 +47,7 @@ class News:
 
 
 def error_count(statistics: Statistics) -> int:
-    """Everything that went wrong on the link."""
+    """Number of all errors on the link."""
     return (
         sum(statistics.garbage.values()) + statistics.lost + statistics.duplicates + statistics.refused_counts
         + statistics.unanswered + statistics.blocked_writes
@@ -55,7 +55,7 @@ def error_count(statistics: Statistics) -> int:
 
 
 def health(ready: bool, age_s: float, slowed: bool = False) -> Health:
-    """The link's health; `slowed` is one that was to be faster."""
+    """Level and message of the link; `slowed`: the link runs below the requested baud rate."""
     if not ready:
         return Health(ERROR, f"the board is silent for {age_s:.1f} s: check its cable and power")
     if slowed:
@@ -66,10 +66,10 @@ def health(ready: bool, age_s: float, slowed: bool = False) -> Health:
 def values(
     port: str, baud: int, board: Board, statistics: Statistics, age_s: float, telemetry: Optional[Telemetry]
 ) -> Dict[str, str]:
-    """Keys and values, named as REP-138 does where it has a name.
+    """Keys and values; names are those of REP-138 where it defines one.
 
-    The latency is the last frame's way from the reading of its counters to the host, beyond the least there
-    is; boards without a clock have none.
+    The latency is the time from the reading of the last frame's counters to its arrival at the host, minus the
+    shortest such time.  Boards without a clock have no latency.
     """
     latency = "not measured"
     if telemetry is not None and telemetry.sequence is not None:

@@ -1,4 +1,4 @@
-"""What the robot does, as `status` and as diagnostics: levels, lines, keys and values.  Pure."""
+"""The state of the robot as `status` and as diagnostics: levels, messages, keys and values.  Pure."""
 
 import threading
 from typing import Any, Callable, Dict, Optional, Tuple
@@ -27,14 +27,14 @@ MODES = {
     BATTERY: "battery",
     WHEEL: "wheel mismatch",
 }
-"""Mode by what keeps the robot from moving; `drive` or `pose` where nothing does."""
+"""Mode by the reason why the robot may not move; without a reason the mode is `drive` or `pose`."""
 HARMLESS = (NONE, "user", DISABLED, "closed")
-"""What stops the robot without being a safety stop."""
+"""Reasons for a stop that do not make it a safety stop."""
 State = Tuple[bool, str, bool, Tuple[str, str]]
 
 
 class StatusTeller:
-    """Publishes what the robot does, as soon as that has changed and `tell` is called; any thread may."""
+    """Publishes the robot's state if it has changed; any thread may call `tell`."""
 
     def __init__(
         self,
@@ -49,7 +49,7 @@ class StatusTeller:
         self._told: Optional[State] = None
 
     def tell(self) -> None:
-        """Publish the state, unless that was done already."""
+        """Publish the state, unless it is the same as last time."""
         with self._lock:
             commander = self._commander
             state = commander.moving, commander.stopped_by, commander.seeking, zones_clear(commander)
@@ -73,12 +73,12 @@ class StatusTeller:
 
 
 def mode_of(cause: str, seeking: bool = False) -> str:
-    """`drive`, `pose` while one is sought, or what keeps the robot from it; from `Commander.stopped_by`."""
+    """`drive`, `pose` while the robot drives to one, or why it may not move; `cause` is `Commander.stopped_by`."""
     return MODES.get(cause, "pose" if seeking else "drive")
 
 
 def zones_clear(commander: Commander) -> Tuple[str, str]:
-    """Whether the warning and the protective zone are clear; `not watched` where there are no zones."""
+    """Whether the warning and the protective zone are clear; `not watched` without zones."""
     zones = commander.zones
     if zones is None:
         return "not watched", "not watched"
@@ -86,18 +86,18 @@ def zones_clear(commander: Commander) -> Tuple[str, str]:
 
 
 def battery_health(state: str, volts: float) -> Health:
-    """Level and line for a battery state of the driver."""
+    """Level and message for a battery state of the driver."""
     level = {"ok": OK, "low": WARN}.get(state, ERROR)
     return Health(level, f"battery is {state} at {volts:.1f} V")
 
 
 def battery_values(volts: float, state: str, capacity_ah: float) -> Dict[str, str]:
-    """Keys and values of the battery."""
+    """Keys and values for the battery."""
     return {"Voltage": f"{volts:.2f} V", "State": state, "Design Capacity": f"{capacity_ah:g} Ah"}
 
 
 def board_health(status: Any) -> Health:
-    """Level and line for a `Status` of the board; None for boards that have none."""
+    """Level and message for a `Status` of the board; `status` is None for boards that report none."""
     if status is None:
         return Health(OK, "this firmware reports no status")
     if status.faults:
@@ -108,7 +108,7 @@ def board_health(status: Any) -> Health:
 
 
 def board_values(status: Any, temperature_c: float) -> Dict[str, str]:
-    """Keys and values of the board."""
+    """Keys and values for the board."""
     values = {"Motor Board Temperature": f"{temperature_c:.1f} degC"}
     if isinstance(status, Status):
         values.update(
@@ -124,7 +124,7 @@ def board_values(status: Any, temperature_c: float) -> Dict[str, str]:
 
 
 def motion_health(moving: bool, cause: str) -> Health:
-    """Level and line of the motion; `cause` is `Commander.stopped_by`."""
+    """Level and message for the motion; `cause` is `Commander.stopped_by`."""
     if cause == ADRIFT:
         return Health(ERROR, f"no telemetry; {MAY_MOVE}")
     if moving or cause == NONE:
@@ -134,7 +134,7 @@ def motion_health(moving: bool, cause: str) -> Health:
 
 
 def motion_values(commander: Commander) -> Dict[str, str]:
-    """Keys and values of the motion."""
+    """Keys and values for the motion."""
     limits = commander.limits
     return {
         "Mode": mode_of(commander.stopped_by, commander.seeking),

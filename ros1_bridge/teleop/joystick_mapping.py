@@ -1,13 +1,13 @@
-"""Speeds from axes and buttons of a joystick, while its dead-man button is held.  Pure."""
+"""Converts axes and buttons of a joystick to speeds while the dead-man button is held.  Pure."""
 
 from typing import Dict, NamedTuple, Optional, Sequence, Tuple
 
 DEAD_ZONE = 0.08
-"""A stick that is let go rests within this share of its way."""
+"""A released stick rests within this share of its full travel."""
 
 
 class Layout(NamedTuple):
-    """Where a joystick has what; numbers index axes and buttons of sensor_msgs/Joy, None is not there."""
+    """Layout of a joystick; numbers are indices into axes and buttons of sensor_msgs/Joy, None means absent."""
 
     dead_man: int
     linear_axis: Optional[int] = None

@@ -1,7 +1,7 @@
-"""ROS node `teleop_joystick`: sensor_msgs/Joy on `joy` to `cmd_vel` while the dead-man button is held.
+"""ROS node `teleop_joystick`: converts sensor_msgs/Joy on `joy` to `cmd_vel` while the dead-man button is held.
 
-Let go, it sends one stop and is silent, so that others may drive; a joystick that falls silent ends in the
-robot's own command timeout.
+When the button is released, the node sends one stop and then nothing, so that other nodes can drive.  If the joystick
+falls silent, the command timeout of the robot stops it.
 """
 
 import sys
@@ -22,7 +22,7 @@ from .joystick_mapping import LAYOUTS, read
 
 
 class TeleopJoystick:
-    """Passes on what one joystick says."""
+    """Publishes the commands of one joystick."""
 
     def __init__(self) -> None:
         """Reads the private parameters.

@@ -1,4 +1,4 @@
-"""ROS node `teleop_keyboard`: keys of the terminal to `cmd_vel`; silent while no key is held."""
+"""ROS node `teleop_keyboard`: converts keys of the terminal to `cmd_vel`; silent while no key is held."""
 
 import sys
 import time
@@ -38,7 +38,7 @@ class TeleopKeyboard:
         self._driving = False
 
     def run(self, keyboard: Keyboard) -> None:
-        """Until `q` or the shutdown."""
+        """Drive until `q` or the shutdown."""
         teleop = Teleop()
         while not rospy.is_shutdown():
             for key in keyboard.read(PERIOD_S):

@@ -1,1 +1,1 @@
-"""Values of the driver as ROS messages and topics.  Imports node."""
+"""Publishes the driver's values as ROS messages.  Imports node."""

@@ -1,8 +1,8 @@
-"""Publishing without a queue, from which no subscriber can stall the publisher.
+"""Publishes without a queue, and no subscriber can block the publisher.
 
-rospy's queued publishers wake one more thread for each message and subscriber, which doubles the cost of a
-topic; its unqueued ones wait for ever for a subscriber that has stopped reading.  Here a message goes
-straight to the sockets, and one that does not read misses messages until it does.
+rospy's queued publishers wake another thread for each message and subscriber, which doubles the cost of a topic.
+Its unqueued publishers wait forever for a subscriber that has stopped reading.  Here a message goes straight to the
+sockets; a subscriber that does not read misses messages until it reads again.
 """
 
 import fcntl
@@ -14,17 +14,17 @@ import warnings
 from typing import Any, Callable, Type
 
 BACKLOG_BYTES = 32768
-"""More than this unread, beside what the subscriber's own socket holds: it misses messages."""
+"""A subscriber with more unread bytes than this misses messages; its own socket buffer is not counted."""
 BUFFER_BYTES = 131072
-"""Room in a socket (the kernel grants twice that); far above the backlog, so that sending never waits."""
+"""Send buffer of a socket (the kernel doubles it); far above the backlog, so that sending never waits."""
 STALL_S = 0.02
-"""Should sending wait nevertheless, then no longer than this; the subscriber is disconnected."""
+"""If sending waits nevertheless, it waits at most this long; then the subscriber is disconnected."""
 _LENGTH = struct.Struct("<I")
 _TIMEVAL = struct.pack("ll", 0, round(STALL_S * 1e6))
 
 
 class _Guard:
-    """A subscribe listener that makes the connections of a publisher drop messages rather than wait."""
+    """A subscribe listener that makes the connections of a publisher drop messages instead of waiting."""
 
     def __init__(self, publisher: Any) -> None:
         self._publisher = publisher
@@ -42,9 +42,9 @@ class _Guard:
 def direct_publisher(
     publisher_class: Callable[..., Any], topic: str, message_class: type, **options: Any
 ) -> Any:
-    """A publisher made by `publisher_class` (rospy.Publisher) without a queue.
+    """A publisher without a queue, made by `publisher_class` (rospy.Publisher).
 
-    `options` go to it, as latch does.
+    `options`, such as latch, are passed to it.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SyntaxWarning)  # rospy warns of a missing queue
@@ -54,36 +54,36 @@ def direct_publisher(
 
 
 class Fast:
-    """Publishes through an unlatched publisher of `direct_publisher`, past what rospy does for each message.
+    """Publishes through an unlatched publisher of `direct_publisher`, without rospy's work for each message.
 
-    That is checks and locks which one thread does not need.
+    This work is checks and locks that a single thread does not need.
     """
 
     def __init__(self, publisher: Any, lost: Type[Exception]) -> None:
-        """`lost` is what a connection that broke raises."""
+        """`lost`: the exception that a broken connection raises."""
         self.impl, self._lost = publisher.impl, (lost, OSError)
-        """rospy's part of the publisher; it has `connections` where somebody subscribes."""
+        """rospy's implementation of the publisher; its `connections` are the subscribers."""
         self._buffer = io.BytesIO()
         self.sequence = 1
-        """Number of the message that is sent next."""
+        """Number of the next message."""
 
     def publish(self, message: Any) -> None:
-        """Send `message`, which has a header, to everybody who subscribes."""
+        """Send `message`, which must have a header, to all subscribers."""
         if self.impl.connections:
             message.header.seq = self.sequence
             self.send(self._packed(message))
 
     def send(self, data: bytes) -> None:
-        """Send a message as it goes over the wire."""
+        """Send a serialized message, including its length."""
         self.sequence = (self.sequence + 1) & 0xFFFFFFFF
         for connection in self.impl.connections:
             try:
                 connection.write_data(data)
             except self._lost:
-                connection.close()  # and a new list without it replaces the one that is walked here
+                connection.close()  # this replaces the list, so that the iteration here stays valid
 
     def _packed(self, message: Any) -> bytes:
-        """The message as it goes over the wire: its length, then itself."""
+        """The serialized message, after its length."""
         buffer = self._buffer
         buffer.seek(4)
         message.serialize(buffer)
@@ -95,13 +95,13 @@ class Fast:
 
 
 def _make_dropping(connection: Any) -> None:
-    """Let a connection of rospy's drop messages while too much is unread."""
+    """Make a connection of rospy drop messages while too many bytes are unread."""
     near = connection.socket
     near.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _TIMEVAL)
     near.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
     send = near.sendall
 
-    most = BACKLOG_BYTES  # unread at most, as far as is known: asking the kernel costs as much as packing a message
+    most = BACKLOG_BYTES  # upper bound of the unread bytes; asking the kernel costs as much as packing
 
     def write_or_drop(data: bytes) -> bool:
         nonlocal most
@@ -121,7 +121,7 @@ def _make_dropping(connection: Any) -> None:
 
 
 def _unread(connection: socket.socket) -> int:
-    """Bytes in the socket that the peer has not acknowledged; 0 for a closed one, as writing tells more."""
+    """Bytes in the socket that the peer has not acknowledged; 0 for a closed one: writing then gives the error."""
     try:
         return struct.unpack("i", fcntl.ioctl(connection, termios.TIOCOUTQ, bytes(4)))[0]
     except (OSError, ValueError):

@@ -1,15 +1,15 @@
-"""The uncertainty of pose and twist as the matrices of messages.  Pure; `mrl_driver.robot.covariance` carries it."""
+"""Covariance matrices of pose and twist for messages.  Pure; `mrl_driver.robot.covariance` computes the values."""
 
 from typing import List, Tuple
 
 from mrl_driver.robot.covariance import Spread, Uncertainty
 
 UNUSED_VARIANCE = 1e6
-"""Variance on the axes that a robot on the floor does not have; filters take it as "not measured"."""
+"""Variance of axes that a robot on the floor does not have; filters treat it as "not measured"."""
 STILL_M2_S2, STILL_RAD2_S2, SIDEWAYS_M2_S2 = 1e-4, 1e-3, 1e-6
-"""Twist variances of a standing robot; sideways motion is excluded by the wheels, not unknown."""
+"""Twist variances of a standing robot; the sideways variance is small because the wheels prevent sliding."""
 SPEED_SHARE = 0.05
-"""Standard deviation of a speed as a share of it."""
+"""Standard deviation of a speed, as a share of the speed."""
 PoseCovariance = Uncertainty
 Unknowns = Spread
 
@@ -37,5 +37,5 @@ def twist_variances(linear_m_s: float, angular_rad_s: float) -> Tuple[float, flo
 
 
 def diagonal(variances: Tuple[float, ...]) -> List[float]:
-    """6 x 6 row-major matrix (36,) with these six on its diagonal."""
+    """6 x 6 row-major matrix (36,) with these six values on its diagonal."""
     return [variances[i // 6] if i % 7 == 0 else 0.0 for i in range(36)]

@@ -1,6 +1,7 @@
-"""Fills ROS messages from driver values.  Plain functions: no node, no clock, no maths of the robot.
+"""Fills ROS messages from driver values.  Plain functions: no node, no clock, no robot maths.
 
-One message per topic is prepared once and filled again for each publication; those of every frame are in `packed`.
+One message per topic is made once and filled again for each publication.  `serialized_odometry` has the messages
+that are published with every frame.
 """
 
 import math
@@ -17,12 +18,12 @@ from ros1_bridge.node.tf_names import JOINTS, SONAR_HEIGHT_M, sonar_frame
 
 
 def new_transform(odom_frame: str, base_frame: str) -> TFMessage:
-    """One transform odom_frame to base_frame in a message for /tf."""
+    """A message for /tf with one transform from odom_frame to base_frame."""
     return TFMessage([_transform(odom_frame, base_frame, 0.0, 0.0, 0.0)])
 
 
 def fill_transform(message: TFMessage, stamp: Time, pose: Tuple[float, float, float]) -> None:
-    """Write a pose (x, y, yaw [m m rad]) into a prepared message."""
+    """Write a pose (x, y, yaw [m m rad]) into a message of `new_transform`."""
     transform = message.transforms[0]
     transform.header.stamp = stamp
     translation, rotation = transform.transform.translation, transform.transform.rotation
@@ -42,7 +43,7 @@ def new_mounts(base_frame: str, sonars: Mapping[str, SonarMount], stamp: Time) -
 
 
 def new_range(base_frame: str, sonar: str) -> Range:
-    """Range of an ultrasonic sonar in its own frame."""
+    """A Range message of an ultrasonic sonar in its own frame."""
     message = Range(radiation_type=Range.ULTRASOUND, field_of_view=FIELD_OF_VIEW_RAD)
     message.header.frame_id = sonar_frame(base_frame, sonar)
     message.min_range, message.max_range = NEAREST_M, FARTHEST_M
@@ -50,16 +51,16 @@ def new_range(base_frame: str, sonar: str) -> Range:
 
 
 def fill_range(message: Range, stamp: Time, range_m: float, clear_with_max: bool = False) -> None:
-    """Write a range [m]; -inf is too near, nan invalid, +inf nothing in range (REP-117).
+    """Write a range [m]: -inf is too near, NaN is invalid, +inf is nothing in range (REP-117).
 
-    With `clear_with_max`, nothing in range is max_range, for costmap layers that clear only then.
+    With `clear_with_max`, +inf becomes max_range, because some costmap layers clear only then.
     """
     message.header.stamp = stamp
     message.range = message.max_range if clear_with_max and range_m == math.inf else range_m
 
 
 def new_joints(names: Sequence[str] = JOINTS) -> JointState:
-    """State of the wheels; effort is not measured."""
+    """A message for the wheels' state; effort is not measured."""
     return JointState(name=list(names))
 
 
@@ -70,7 +71,7 @@ def fill_joints(message: JointState, stamp: Time, angles: List[float], rates: Li
 
 
 def new_temperature(base_frame: str) -> Temperature:
-    """Temperature of the motor board, of unknown variance."""
+    """A message for the motor board's temperature; its variance is unknown."""
     message = Temperature(temperature=math.nan)
     message.header.frame_id = base_frame
     return message
@@ -83,7 +84,7 @@ def fill_temperature(message: Temperature, stamp: Time, temperature_c: float) ->
 
 
 def new_battery(base_frame: str, battery: Battery) -> BatteryState:
-    """State of a NiMH battery; what the board does not measure is NaN or unknown."""
+    """A message for a NiMH battery; values that the board does not measure are NaN or unknown."""
     message = BatteryState(current=math.nan, charge=math.nan, capacity=math.nan, percentage=math.nan)
     message.header.frame_id = base_frame
     message.voltage = math.nan
@@ -96,7 +97,7 @@ def new_battery(base_frame: str, battery: Battery) -> BatteryState:
 
 
 def fill_battery(message: BatteryState, stamp: Time, voltage_v: float, battery: Battery) -> None:
-    """Write a voltage [V]; the share between empty and full is a straight line, 0 to 1."""
+    """Write a voltage [V]; the percentage is linear between empty and full, 0 to 1."""
     message.header.stamp = stamp
     message.voltage = voltage_v
     message.present = voltage_v >= battery.off_v
@@ -112,7 +113,7 @@ def read_twist(message: Twist) -> Tuple[float, float]:
     """Forward speed [m/s] and yaw rate [rad/s] of a command.
 
     Raises:
-        ValueError: any of the six fields is NaN or infinite; the text names it.
+        ValueError: one of the six fields is NaN or infinite; the message names it.
     """
     linear, angular = message.linear, message.angular
     if not math.isfinite(linear.x + linear.y + linear.z + angular.x + angular.y + angular.z):
@@ -129,7 +130,7 @@ def _demand_finite(message: Twist) -> None:
 
 
 def unused_axes(message: Twist, sideways: bool = False) -> Tuple[str, ...]:
-    """Names of the nonzero fields that a differential drive, or one that moves `sideways` as well, cannot follow."""
+    """Names of the nonzero fields that the drive cannot follow; `sideways`: the drive can follow linear.y."""
     linear, angular = message.linear, message.angular
     if not ((linear.y and not sideways) or linear.z or angular.x or angular.y):
         return ()

@@ -1,4 +1,4 @@
-"""The node's topics: one prepared message and one publisher each.  The publisher class comes from the node."""
+"""The topics of the node: one message and one publisher each.  The node supplies the publisher class."""
 
 import math
 import time
@@ -28,7 +28,7 @@ LATCHED = {"battery": BatteryState, "board_temperature": Temperature, "status": 
 
 
 class Unpublished:
-    """Stands for a topic of a part that the node does not do."""
+    """Replaces a topic if its part is switched off."""
 
     impl = SimpleNamespace(connections=())
     sequence = 0
@@ -37,11 +37,11 @@ class Unpublished:
         """Never called."""
 
     def publish(self, message: Any) -> None:
-        """To nobody."""
+        """Do nothing."""
 
 
 class Publishers:
-    """Topics that every board feeds; `/tf` is one of them."""
+    """Topics that every board has, `/tf` included."""
 
     def __init__(
         self,
@@ -51,7 +51,7 @@ class Publishers:
         model: RobotModel,
         clock: Callable[[], float] = time.time,
     ) -> None:
-        """`lost` is what a connection that broke raises in rospy; `clock` tells the time of stamps [s]."""
+        """`lost`: rospy's exception for a broken connection; `clock`: the clock of the stamps [s]."""
         odom, base = parameters.odom_frame, parameters.base_frame
         self._class, self._lost = publisher_class, lost
         self._model, self._parameters = model, parameters
@@ -84,14 +84,14 @@ class Publishers:
         }
 
     def _way(self, topic: str, kind: type) -> Union[Fast, Unpublished]:
-        """A topic of the part odometry."""
+        """A publisher for a topic of the part odometry."""
         return self._fast(topic, kind) if self._parameters.has("odometry") else Unpublished()
 
     def _fast(self, topic: str, kind: type) -> Fast:
         return Fast(direct_publisher(self._class, topic, kind), self._lost)
 
     def sonars(self, now: Time) -> None:
-        """Advertise the sonars, and where they sit; for boards that have them."""
+        """Advertise the sonars, and publish their mounts; for boards that have sonars."""
         base, model = self._parameters.base_frame, self._model
         self._ranges_out = {name: self._fast(f"sonar/{name}", Range) for name in model.sonars}
         if self._parameters.publish_mounts:
@@ -99,7 +99,7 @@ class Publishers:
             self._mounts_out.publish(messages.new_mounts(base, model.sonars, now))
 
     def telemetry(self, telemetry: Telemetry) -> None:
-        """Publish pose and twist, wheels, and the sonars that have a new reading."""
+        """Publish pose, twist, wheels, and the sonars with a new reading."""
         stamp_s, _, (x_m, y_m, yaw_rad), twist, _, fresh, counts, _ = telemetry
         secs, nsecs = self._stamps.next(stamp_s, time.monotonic(), self._clock())
         z, w = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
@@ -140,12 +140,12 @@ class Publishers:
                 publisher.publish(message)
 
     def battery(self, board: Board, now: Time) -> None:
-        """Publish battery and temperature of the motor board."""
+        """Publish the battery and the motor board's temperature."""
         messages.fill_battery(self._battery, now, board.battery_v, self._model.battery)
         self._latched["battery"].publish(self._battery)
         messages.fill_temperature(self._temperature, now, board.temperature_c)
         self._latched["board_temperature"].publish(self._temperature)
 
     def status(self, status: DiagnosticStatus) -> None:
-        """Publish what the robot does."""
+        """Publish the robot's state."""
         self._latched["status"].publish(status)

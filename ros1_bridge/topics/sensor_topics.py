@@ -1,6 +1,7 @@
-"""Sensors of the table as topics, as `sensors.yaml` lists them.  No node.
+"""Publishes the sensors of the protocol table on the topics in `sensors.yaml`.  No node.
 
-Topics of sensors that a board has are advertised at the start, those that may be absent when they answer first.
+Topics of sensors that the board certainly has are advertised at the start.  A sensor that may be absent is advertised
+when its first reading comes.
 """
 
 import math
@@ -24,7 +25,7 @@ Values = Tuple[float, ...]
 
 
 class Entry(NamedTuple):
-    """One topic; see the head of `sensors.yaml`."""
+    """One topic; the head of `sensors.yaml` explains the fields."""
 
     sensor: str
     type: str
@@ -34,14 +35,14 @@ class Entry(NamedTuple):
 
 
 class Kind(NamedTuple):
-    """A message class, and what writes values into a message of it."""
+    """A message class, and the function that writes values into its messages."""
 
     message: type
     fill: Callable[[Any, Values], None]
 
 
 def fill_compass(message: Imu, values: Values) -> None:
-    """Write a bearing [deg, clockwise from north] as yaw (counter-clockwise from east, REP-103)."""
+    """Write a bearing [deg, clockwise from north] as a yaw (counter-clockwise from east, REP-103)."""
     yaw = math.radians(90.0 - values[0])
     message.orientation.z, message.orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
 
@@ -62,14 +63,14 @@ KINDS: Dict[str, Kind] = {
     "sensor_msgs/Illuminance": Kind(Illuminance, _set("illuminance")),
     "sensor_msgs/Imu": Kind(Imu, fill_compass),
 }
-"""What a sensor can be published as."""
+"""Message types that a sensor can be published as."""
 
 
 class SensorTopics:
-    """Publishes readings.
+    """Publishes sensor readings.
 
     Raises:
-        ConfigError: `sensors.yaml` is wrong.
+        ConfigError: `sensors.yaml` has an error.
     """
 
     def __init__(
@@ -107,14 +108,14 @@ class SensorTopics:
 
 
 def new_message(entry: Entry, base_frame: str) -> Any:
-    """An empty message with frame and variance."""
+    """A message without values, with frame and variance set."""
     message = KINDS[entry.type].message()
     if hasattr(message, "header"):
         prefix, slash, _ = base_frame.rpartition("/")
         message.header.frame_id = f"{prefix}{slash}{entry.frame}" if entry.frame else base_frame
     if hasattr(message, "variance"):
         message.variance = entry.variance
-    if isinstance(message, Imu):  # a heading alone: -1 says that there are no rates and no accelerations
+    if isinstance(message, Imu):  # only a heading: -1 means that there are no rates and no accelerations
         unused = UNUSED_VARIANCE
         message.orientation_covariance = [unused, 0, 0, 0, unused, 0, 0, 0, entry.variance]
         message.angular_velocity_covariance[0] = message.linear_acceleration_covariance[0] = -1
@@ -122,17 +123,17 @@ def new_message(entry: Entry, base_frame: str) -> Any:
 
 
 def fill(message: Any, entry: Entry, values: Values, stamp: Time) -> None:
-    """Write values, in the row's unit, and their time into a prepared message."""
+    """Write values (in the unit of the table's row) and their time into a message of `new_message`."""
     KINDS[entry.type].fill(message, tuple(value * entry.factor for value in values))
     if hasattr(message, "header"):
         message.header.stamp = stamp
 
 
 def load(path: str = FILE) -> Dict[str, Entry]:
-    """Topics of a file.
+    """Read the topics from a file.
 
     Raises:
-        ConfigError: it is no such file; the text names topic, key, value and what was expected.
+        ConfigError: the file is missing or has an error; the message names topic, key, value and what was expected.
     """
     try:
         with open(path, encoding="utf-8") as file:

@@ -1,8 +1,7 @@
-"""The messages of every frame as bytes, packed at once from numbers.  Pure.
+"""Serializes the messages of every frame directly from numbers.  Pure.
 
-The bytes are those that genpy makes of the same message, for a tenth of its time.  Layouts: ROS messages are
-little-endian and unpadded, a string or an array that is not fixed in length begins with its length (uint32), and
-TCPROS puts the length of the message before it.
+The bytes equal those of genpy, in a tenth of its time.  ROS messages are little-endian and unpadded.  A string, or an
+array without a fixed length, starts with its length (uint32).  TCPROS puts the length of the message before it.
 """
 
 import struct
@@ -11,13 +10,13 @@ from typing import List, Sequence
 from .message_covariance import Unknowns, pose_matrix, twist_matrix, twist_variances
 
 _PLANAR = "2d24x2d"
-"""x, y; z and the rotation's x, y are zero; the rotation's z, w."""
+"""x, y; then z and the rotation's x, y, all zero; then the rotation's z, w."""
 _ROW = "2d24xd"
 """First, second and last entry of a row of a covariance."""
 
 
 class PackedOdometry:
-    """nav_msgs/Odometry of a robot on the floor, with frames set."""
+    """nav_msgs/Odometry of a robot on the floor, with its frames set."""
 
     def __init__(self, odom_frame: str, base_frame: str) -> None:
         self._names = _text(odom_frame) + _text(base_frame)
@@ -41,7 +40,12 @@ class PackedOdometry:
         unknowns: Unknowns,
         twist: Sequence[float],
     ) -> bytes:
-        """The message on the wire; heading as its half's sine and cosine, `twist` linear and angular [m/s rad/s]."""
+        """The serialized message.
+
+        Args:
+            half_sin, half_cos: Sine and cosine of half the heading.
+            twist: Linear and angular speed [m/s rad/s].
+        """
         xx, xy, xt, yy, yt, tt = unknowns
         linear, angular = twist
         along, turning = twist_variances(linear, angular)
@@ -53,7 +57,7 @@ class PackedOdometry:
 
 
 class PackedOmniOdometry(PackedOdometry):
-    """nav_msgs/Odometry of a robot that moves sideways as well; `twist` is linear, angular, lateral."""
+    """nav_msgs/Odometry of a robot that also moves sideways; `twist` is linear, angular, lateral."""
 
     def __init__(self, odom_frame: str, base_frame: str) -> None:
         super().__init__(odom_frame, base_frame)
@@ -76,7 +80,7 @@ class PackedOmniOdometry(PackedOdometry):
         unknowns: Unknowns,
         twist: Sequence[float],
     ) -> bytes:
-        """The message on the wire, as `PackedOdometry.pack`."""
+        """The serialized message; arguments as in `PackedOdometry.pack`."""
         xx, xy, xt, yy, yt, tt = unknowns
         linear, angular, lateral = twist
         along, turning = twist_variances(linear, angular)
@@ -89,7 +93,7 @@ class PackedOmniOdometry(PackedOdometry):
 
 
 class PackedTransform:
-    """tf2_msgs/TFMessage with one transform of a robot on the floor, with frames set."""
+    """tf2_msgs/TFMessage with one transform of a robot on the floor, with its frames set."""
 
     def __init__(self, parent_frame: str, child_frame: str) -> None:
         self._names = _text(parent_frame) + _text(child_frame)
@@ -97,7 +101,7 @@ class PackedTransform:
         self._size, self._pack = layout.size - 4, layout.pack
 
     def pack(self, secs: int, nsecs: int, x_m: float, y_m: float, half_sin: float, half_cos: float) -> bytes:
-        """The message on the wire; the heading as its half's sine and cosine."""
+        """The serialized message; `half_sin` and `half_cos` are sine and cosine of half the heading."""
         return self._pack(self._size, 1, 0, secs, nsecs, self._names, x_m, y_m, half_sin, half_cos)
 
 

@@ -1,1 +1,1 @@
-"""The node `world_node`: topics of the simulated world.  Imports topics, node and the emulator."""
+"""The node `world_node` publishes the simulated world.  Imports topics, node and the emulator."""

@@ -1,4 +1,4 @@
-"""Fills the messages of the simulated world.  Plain functions: values in, messages out."""
+"""Fills the messages of the simulated world from values.  Plain functions."""
 
 import math
 from typing import Any, Sequence, Tuple
@@ -10,11 +10,11 @@ from sensor_msgs.msg import LaserScan
 Pose = Tuple[float, float, float]
 """x [m], y [m], yaw [rad]."""
 STILL_S = 1.0
-"""Two poses further apart than this say nothing about the speed."""
+"""If two poses are further apart in time than this, the speed is unknown."""
 
 
 def new_scan(frame: str, first_rad: float, step_rad: float, rays: int, rate_hz: float) -> LaserScan:
-    """A scan of a laser that turns counter-clockwise; its ranges are still to be set."""
+    """A scan of a laser that turns counter-clockwise, without ranges."""
     message = LaserScan(angle_min=first_rad, angle_increment=step_rad)
     message.header.frame_id = frame
     message.angle_max = first_rad + step_rad * (rays - 1)
@@ -23,21 +23,21 @@ def new_scan(frame: str, first_rad: float, step_rad: float, rays: int, rate_hz: 
 
 
 def fill_scan(message: LaserScan, stamp: Time, ranges: Any, near_m: float, far_m: float) -> None:
-    """Write ranges [m], an array `(rays,)`; REP-117."""
+    """Write ranges [m], an array `(rays,)` as in REP-117."""
     message.header.stamp = stamp
     message.range_min, message.range_max = near_m, far_m
     message.ranges = ranges.tolist()
 
 
 def new_truth(map_frame: str, base_frame: str) -> Odometry:
-    """The true pose in the map's frame, exact."""
+    """A message for the exact true pose in the map frame."""
     message = Odometry()
     message.header.frame_id, message.child_frame_id = map_frame, base_frame
     return message
 
 
 def fill_truth(message: Odometry, stamp: Time, pose: Pose, before: Tuple[float, Pose], now_s: float) -> None:
-    """Write a pose, and the speeds since the one `before` (its time and itself)."""
+    """Write a pose, and the speeds since the pose `before` (its time [s], pose)."""
     message.header.stamp = stamp
     at, rotation = message.pose.pose.position, message.pose.pose.orientation
     at.x, at.y = pose[0], pose[1]
@@ -55,7 +55,7 @@ def fill_truth(message: Odometry, stamp: Time, pose: Pose, before: Tuple[float, 
 
 
 def correction(truth: Pose, odometry: Pose) -> Pose:
-    """Pose of the odom frame in the map, such that both say the same place."""
+    """Pose of the odom frame in the map at which odometry and true pose agree."""
     yaw = math.remainder(truth[2] - odometry[2], 2 * math.pi)
     cos, sin = math.cos(yaw), math.sin(yaw)
     x, y = odometry[0], odometry[1]
@@ -65,7 +65,7 @@ def correction(truth: Pose, odometry: Pose) -> Pose:
 def new_map(
     frame: str, stamp: Time, cells: Sequence[Sequence[int]], resolution_m: float, x: float, y: float
 ) -> OccupancyGrid:
-    """A map of `cells` (rows from the least y), 100 occupied, 0 free, -1 unknown, with its corner at x, y [m]."""
+    """A map of `cells` (rows from the smallest y): 100 occupied, 0 free, -1 unknown; its corner is at x, y [m]."""
     message = OccupancyGrid()
     message.header.frame_id, message.header.stamp = frame, stamp
     message.info.map_load_time, message.info.resolution = stamp, resolution_m

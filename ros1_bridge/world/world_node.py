@@ -1,8 +1,8 @@
-"""ROS node `world_node`: what a simulator with a world publishes, from the walls that the emulated sonars see.
+"""ROS node `world_node`: publishes ground truth, laser scans and a map of the world that the emulated sonars see.
 
-The robots are those of `mrl-sim` processes that share a world by its name.  Each has `base_pose_ground_truth` and
-`scan` in a namespace of its own name; `map` is latched.  With `~only` there is one robot, without a namespace.
-Unless `~localise` is false, /tf has the true place of each robot's odom in the map.
+The robots are those of all `mrl-sim` processes that share a world by name.  Each robot has `base_pose_ground_truth`
+and `scan` in its own namespace; `map` is latched.  With `~only` there is one robot, without a namespace.  Unless
+`~localise` is false, /tf has the true position of each robot's odom frame in the map.
 """
 
 import math
@@ -56,7 +56,7 @@ class Robot:
         self._odometry = message
 
     def publish(self, pose: Any) -> None:
-        """Publish pose and scan of now."""
+        """Publish the pose and a scan of this moment."""
         stamp, now_s = rospy.Time.now(), time.monotonic()
         world_messages.fill_truth(self._truth, stamp, tuple(pose), self._before, now_s)
         self._before = now_s, tuple(pose)
@@ -104,7 +104,7 @@ class WorldNode:
         )
 
     def run(self) -> None:
-        """Until the shutdown; robots come and go meanwhile."""
+        """Publish until the shutdown; robots may come and go meanwhile."""
         rate = rospy.Rate(URG_04LX.rate_hz)
         while not rospy.is_shutdown():
             for mover in self._world.robots():
@@ -120,7 +120,7 @@ class WorldNode:
 
 
 def main(argv: Optional[List[str]] = None) -> int:
-    """Run the node; returns the exit code, that of the error if there was one."""
+    """Run the node; returns the exit code, which is that of the error if there was one."""
     await_master(rosgraph.get_master_uri(), rospy.logwarn)
     rospy.init_node("world_node", argv=argv or sys.argv)
     try:
