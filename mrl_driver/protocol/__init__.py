@@ -1,1 +1,1 @@
-"""The wire format: the table of commands, and bytes to frames and back.  Pure; imports errors alone."""
+"""The wire format: the table of commands, and bytes to frames and back.  No I/O; imports only errors."""

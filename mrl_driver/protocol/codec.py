@@ -1,10 +1,10 @@
-"""Bytes to frames and back, without I/O: no port, clock, thread or logger.  All that others need of it stands here.
+"""Bytes to frames and back, without I/O: no port, clock, thread or logger.  Other packages import the codec from here.
 
-`FrameDecoder.feed` takes any bytes and returns frames and garbage, each garbage with its reason.  It never raises
-on input and never blocks.  Its C++ twin is `firmware/mrl_firmware/frame_decoder.cpp`.
+`FrameDecoder.feed` takes any bytes and returns frames and garbage; each piece of garbage has a reason.  It never raises
+on input and never blocks.  The C++ version is `firmware/mrl_firmware/frame_decoder.cpp`.
 
-Grammar: `'@' command { ',' argument } 'e'`; integers are canonical decimals of int16 (`-1` is one, `+5`, `007`, `-0`
-and the empty string are not).  A '@' inside a frame restarts it.
+Grammar: `'@' command { ',' argument } 'e'`.  Integers are int16 in canonical decimal form: `-1` is valid; `+5`, `007`,
+`-0` and the empty string are not.  A '@' inside a frame restarts the frame.
 """
 
 from binascii import crc_hqx
@@ -31,14 +31,18 @@ __all__ = [
 ]
 _AT, _END, _CR, _LF = b"@e\r\n"
 _QUIET = (b"", b"\r\n", b"\r", b"\n")
-"""What a feed may end with and say nothing by it, between frames."""
+"""Bytes between frames that may end a feed and mean nothing."""
 _PRINTABLE = range(0x20, 0x7F)
 LEAST_RUN = 400
-"""A feed as long as this is looked at for a run [byte]; with less it costs more than it saves."""
+"""Shortest feed that is checked for a run of frames [byte]; with fewer bytes the check costs more than it saves."""
 
 
 def _parse(token: bytes) -> int:
-    """The canonical int16 in `token`; ValueError if it is none."""
+    """Return the canonical int16 in `token`.
+
+    Raises:
+        ValueError: `token` is not a canonical int16.
+    """
     value = int(token) if len(token) <= 6 else INT16_MAX + 1
     if token != b"%d" % value or not INT16_MIN <= value <= INT16_MAX:
         raise ValueError(token)
@@ -48,8 +52,8 @@ def _parse(token: bytes) -> int:
 class FrameDecoder:
     """Turns bytes into frames and garbage.
 
-    With a `direction` (`REPLIES` or `REQUESTS`) a frame must also match its row of the table.  While `checked`, each
-    frame must end in its check value, and stamped replies carry sequence and board time.
+    With a `direction` (`REPLIES` or `REQUESTS`) a frame must also match its row of the table.  While `checked` is set,
+    each frame must end with its checksum, and stamped replies carry a sequence number and board time.
     """
 
     def __init__(self, direction: Optional[Direction] = None, checked: bool = False) -> None:
@@ -62,10 +66,10 @@ class FrameDecoder:
         self._frame = bytearray()
         self._noise = bytearray()
         self._line = ""
-        """What the line has held outside frames: nothing, `text` or `noise`."""
+        """Content of the current line outside frames: empty, `text` or `noise`."""
 
     def feed(self, data: bytes) -> List[Event]:
-        """Frames and garbage completed by `data`, in the order of the wire."""
+        """Return the frames and garbage completed by `data`, in the order of the wire."""
         events: List[Event] = []
         if self._frame or len(data) >= LEAST_RUN:
             data = self._whole(data, events)
@@ -84,7 +88,7 @@ class FrameDecoder:
         return events
 
     def _whole(self, data: bytes, events: List[Event]) -> bytes:
-        """Puts a waiting frame in front of `data`, takes a run of frames, and returns what is left."""
+        """Put an incomplete frame in front of `data`, decode a run of frames, and return the rest."""
         if self._frame and self._line != "text" and _END in data:
             data = bytes(self._frame) + data
             self._frame.clear()
@@ -100,7 +104,7 @@ class FrameDecoder:
         return data[end:]
 
     def _await(self, rest: bytes, events: List[Event]) -> None:
-        """Keeps the begin of a frame that starts a line, without 'e', as `_scan` would."""
+        """Keep an incomplete frame (without its 'e') at the start of a line, as `_scan` would."""
         frame = rest.lstrip(b"\r\n")
         if frame.rfind(b"@") == 0 and len(frame) < MAX_FRAME:
             self._frame += frame
@@ -108,7 +112,7 @@ class FrameDecoder:
             self._scan(rest, events)
 
     def _quick(self, waiting: Iterator[bytes], tidy: bool, events: List[Event]) -> Optional[bytes]:
-        """Takes plainly good frames that start a line; returns the first piece that is none, for `_scan`."""
+        """Decode valid frames that start a line; return the first piece that is not such a frame, for `_scan`."""
         checked = self.checked
         forms, append = self._forms[checked], events.append
         for piece in waiting:
@@ -134,7 +138,7 @@ class FrameDecoder:
         return None
 
     def _scan(self, data: bytes, events: List[Event]) -> None:
-        """The whole grammar, byte by byte."""
+        """Decode with the whole grammar, byte by byte."""
         for byte in data:
             if byte == _AT and (self.checked or self._line != "text"):
                 self._start(events)
@@ -163,7 +167,7 @@ class FrameDecoder:
         events.append(event)
 
     def _skip(self, byte: int, events: List[Event]) -> None:
-        """One byte outside a frame: line ends are silent, anything else is noise or text."""
+        """Process one byte outside a frame: line ends are ignored, any other byte is noise or text."""
         if byte in (_CR, _LF):
             self._drop_noise(events)
             self._line = ""
@@ -180,7 +184,7 @@ class FrameDecoder:
             self._noise.clear()
 
     def _judge(self, data: bytes) -> Event:
-        """Frame or garbage: `data` runs from '@' to 'e' and has neither inside."""
+        """Return a frame or garbage; `data` runs from '@' to 'e' and has neither inside."""
         values: List[int] = []
         for token in data[1:-1].split(b","):
             try:
@@ -221,21 +225,21 @@ class FrameDecoder:
 
 
 def _may_be_echo(frame: Frame) -> bool:
-    """A request looks just like it."""
+    """Tell whether a request could look the same."""
     shape = REQUESTS.shapes.get(frame.code)
     return shape is not None and shape.least <= len(frame.args) <= shape.most
 
 
 def _tidy(data: bytes) -> bool:
-    """Whatever `int` reads in `data` is spelt as it should be: there are no signs, spaces and zeros that it would
-    forgive, and line ends stand only behind an 'e'.
+    """Tell whether all numbers in `data` that `int` can read are canonical: no signs, spaces or zeros that `int` would
+    accept but the grammar does not, and line ends only after an 'e'.
     """
     rare = data.translate(None, b"0123456789,-@e")
     return len(rare) == 2 * data.count(b"e\r\n") and b",0" not in data and b"-0" not in data
 
 
 def _refuse(token: bytes) -> str:
-    """Why a token is no int16: digits that go beyond it, or no canonical integer at all."""
+    """Return why a token is not an int16: it is out of range, or not a canonical integer."""
     digits = token[1:] if token[:1] == b"-" else token
     canonical = digits.isdigit() and (digits[:1] != b"0")
     return "beyond_int16" if canonical else "not_integer"

@@ -1,4 +1,4 @@
-"""What the table allows to travel each way, made ready for the decoder."""
+"""The frames that the table allows in each direction, prepared for the decoder."""
 
 from struct import Struct
 from typing import Any, Callable, Dict, NamedTuple, Sequence, Tuple
@@ -8,7 +8,7 @@ from .table import COMMANDS, INT16_MAX, INT16_MIN, STAMP, Command, Field
 
 
 class Shape(NamedTuple):
-    """What the table asks of one frame: how many arguments, and each one's range; the stamp's two come last."""
+    """The rules of the table for one frame: the number of arguments and the range of each."""
 
     code: int
     least: int
@@ -19,17 +19,17 @@ class Shape(NamedTuple):
 
 
 class _Form(NamedTuple):
-    """How a frame with all its arguments reads on the wire, for those that plainly match."""
+    """The wire form of a frame with all its arguments, for the fast path of the decoder."""
 
     code: int
     spelling: bytes
-    """Takes the numbers behind the code: arguments, and with a check value also the stamp and that value."""
+    """Format for the numbers after the code: the arguments, and with a checksum also the stamp and the checksum."""
     begin: int
-    """Where the '@' stands."""
+    """Position of the '@'."""
     pack: Callable[..., bytes]
-    """Raises unless there are as many numbers as there should be, and all are int16."""
+    """Raises unless the count of numbers is right and all are int16."""
     narrow: Narrow
-    """Index and range of the arguments that may not be every int16."""
+    """Index and range of the arguments whose range is smaller than int16."""
     stamped: bool
 
 
@@ -51,10 +51,10 @@ def _form(shape: Shape, checked: bool, lead: bytes) -> _Form:
 
 
 class Direction:
-    """The shapes of all frames that travel one way; `lines` if each stands on a line of its own.
+    """The shapes of all frames in one direction; with `lines` each frame has its own line.
 
-    `forms` finds a form by whether frames are checked, and by all that stands before the first argument.  They are
-    plain tuples, for those unpack three times as fast.  `runs` does so for frames on lines that follow each other.
+    `forms[checked]` gives the form of a frame by the bytes before its first argument.  The forms are plain tuples,
+    because these unpack three times as fast.  `runs[checked]` gives the `Run` for frames on consecutive lines.
     """
 
     def __init__(self, shapes: Sequence[Shape], lines: bool) -> None:
@@ -94,6 +94,6 @@ REPLIES = Direction(
     [_shape(row, row.reply, row.optional_reply, False, row.stamped) for row in COMMANDS if row.reply],
     lines=True,
 )
-"""Board to host.  Boards also print free text, in which they repeat requests: a frame behind text on the same line
-counts only with a check value, and if it cannot be a request.  A line with bytes that nobody prints is noise.
+"""Board to host.  Boards also print free text, which may repeat requests.  So a frame after text on the same line
+counts only if it has a checksum and cannot be a request.  A line with unprintable bytes is noise.
 """

@@ -1,4 +1,4 @@
-"""Frames to bytes, each as its row of the table allows."""
+"""Frames to bytes, checked against the rows of the table."""
 
 from typing import Optional, Sequence
 
@@ -9,10 +9,10 @@ from .table import BY_CODE, Command, Field
 
 
 def encode_request(code: int, *args: int, checked: bool = False) -> bytes:
-    """The bytes of a request, host to board.
+    """Return the bytes of a request, host to board.
 
     Raises:
-        FrameError: the table has no such request, or forbids its arguments.
+        FrameError: the table has no such request, or does not allow these arguments.
     """
     row = _row(code)
     _demand(row, row.request, row.optional, args)
@@ -20,12 +20,12 @@ def encode_request(code: int, *args: int, checked: bool = False) -> bytes:
 
 
 def encode_reply(code: int, *args: int, stamp: Optional[Stamp] = None, checked: bool = False) -> bytes:
-    """The bytes of a reply or stream frame, board to host, with its line end.
+    """Return the bytes of a reply or stream frame, board to host, with its line end.
 
-    `stamp` is put into stamped rows while `checked`, and nowhere else.
+    `stamp` is used only for stamped rows with `checked` set.
 
     Raises:
-        FrameError: the table has no such reply, or forbids its arguments.
+        FrameError: the table has no such reply, or does not allow these arguments, or the stamp is missing.
     """
     row = _row(code)
     _demand(row, row.reply, row.optional_reply, args)

@@ -1,6 +1,6 @@
-"""Like frames in a row, as a stream sends them, decoded all at once: C code of the library sees each byte and number.
+"""Fast decoding of a run: equal frames in a row, as a stream sends them.  C code of the library processes each byte.
 
-A run is either right in every byte, or none of it is taken and the decoder looks at each frame on its own.
+Either every byte of a run is right, or nothing of it is used and the decoder reads each frame by itself.
 """
 
 from binascii import crc_hqx
@@ -14,19 +14,17 @@ from .frames import Frame, Stamp
 from .table import STAMP
 
 Narrow = Tuple[Tuple[int, int, int], ...]
-"""Index, least and greatest value."""
+"""Index, lowest and highest value of each argument whose range is smaller than int16."""
 
 _new = tuple.__new__
 _array = JSONDecoder().raw_decode
-"""A third faster than to split and call `int`.  Of what digits, '-' and ',' can spell it takes canonical integers
-and `-0`, nothing else."""
+"""A third faster than `split` and `int`.  From digits, '-' and ',' it reads only canonical integers and `-0`."""
 
 
 class Run:
-    """Reads frames of one row that stand on lines of their own.
+    """Decodes frames of one row, each on its own line, with at least one argument.
 
-    They have one argument at least; `narrow` has index and range of those that may not be every int16.  Behind them
-    come the stamp if `stamped`, and the check value if `checked`.
+    After the arguments come the stamp if `stamped`, and the checksum if `checked`.
     """
 
     def __init__(self, code: int, arguments: int, narrow: Narrow, checked: bool, stamped: bool) -> None:
@@ -38,7 +36,7 @@ class Run:
         self._seed = crc_hqx(self._head, 0xFFFF)
 
     def frames(self, data: bytes) -> Optional[Iterable[Frame]]:
-        """The frames in `data`, which run from the first '@' to the last 'e'; None unless all are plainly good."""
+        """Return the frames in `data`, which runs from the first '@' to the last 'e'; None unless all are valid."""
         skeleton = data.translate(None, b"0123456789-") + b"\r\n"
         count = len(skeleton) // len(self._skeleton)
         if skeleton != self._skeleton * count or not data.startswith(self._head) or b"-0" in data:
@@ -56,9 +54,13 @@ class Run:
         return self._join(columns)
 
     def _numbers(self, inside: bytes, count: int) -> List[int]:
-        """All numbers, which are canonical and int16 (else ValueError, StructError).
+        """Return all numbers.
 
-        Between two frames there can only be what `_between` says: where it does not match, an '@' is left.
+        Two frames may only be separated by `_between`; otherwise an '@' is left, which is not a number.
+
+        Raises:
+            ValueError: a number is not canonical.
+            StructError: a number is not an int16.
         """
         values, _ = _array(f"[{inside.replace(self._between, b',').decode()}]")
         pack(f"{count * self._width}h", *values)

@@ -1,25 +1,25 @@
-"""The wire, declared once: every command, refusal reason and board parameter is one row here.
+"""The wire format, declared once: every command, refusal reason and board parameter is one row here.
 
-The codec, the driver and the emulator read these rows; `mrl_driver.generate.render` renders them into the
-firmware's `protocol.h` and into `firmware/PROTOCOL.md`.  Codes 1 to 28 are those of the boards in the
-field (firmware of January and August 2013); from 29 on they are this project's.
+The codec, the driver and the emulator read these rows.  `mrl_driver.generate.render` turns them into the firmware's
+`protocol.h` and into `firmware/PROTOCOL.md`.  Codes 1 to 28 belong to the 2013 boards (firmware of January and August
+2013); codes from 29 on belong to this project.
 """
 from typing import Dict, NamedTuple, Optional, Tuple
 
 INT16_MIN, INT16_MAX = -32768, 32767
 PROTOCOL_VERSION = 2
-"""What `read_protocol` reports.  2013 boards have no such command; they count as protocol 1."""
+"""Version that `read_protocol` reports.  2013 boards do not have this command; they count as protocol 1."""
 
 TICK_S = 64e-6
 """Unit of the board's time stamp [s]: Timer1 of the ATmega328P at 16 MHz / 1024.  The 16 bits wrap every 4.194 s."""
 
 STOP_CODE = 13
-"""`stop`, the one request that needs no check value in any state."""
+"""`stop`, the only request that never needs a checksum."""
 
 SONAR_INVALID = -1
 """Wire value of a sonar that has no reading: not ready yet, missing or saturated."""
 SONAR_NOTHING = 645
-"""Wire value [cm] of a sonar that sees nothing: the MB1300's range, which no count reaches through the curve."""
+"""Wire value [cm] of a sonar that sees nothing: the MB1300's range.  The curve gives it for no ADC count."""
 
 
 class Field(NamedTuple):
@@ -33,7 +33,7 @@ class Field(NamedTuple):
 
     @property
     def scale(self) -> float:
-        """One count of the wire in `base_unit`: 0.01 for the unit "0.01 degC", else 1."""
+        """Value of one wire count in `base_unit`: 0.01 for the unit "0.01 degC", else 1."""
         number = self.unit.partition(" ")[0]
         return float(number) if number[:1].isdigit() else 1.0
 
@@ -45,10 +45,10 @@ class Field(NamedTuple):
 
 
 class Command(NamedTuple):
-    """One row of the wire.
+    """One command: a row of the table.
 
-    `optional` trailing request (or, for a text, reply) fields may be absent.  A `guarded` request always
-    carries a check value.  A `stamped` reply gets sequence and board time while the check is on.
+    The last `optional` request fields and the last `optional_reply` reply fields may be absent.  A `guarded` request
+    always carries a checksum.  A `stamped` reply gets a sequence number and board time while checksums are on.
     `repeats` is the code of the frames that a stream sends.
     """
 
@@ -65,8 +65,8 @@ class Command(NamedTuple):
 
 
 class I2c(NamedTuple):
-    """Where a sensor keeps its values on the I2C bus: from `register` on, one number of `width` bytes for each field
-    of its row, high byte first, `per_unit` counts to the field's base unit; signed if the field may be negative."""
+    """Registers of a sensor on the I2C bus.  From `register` on there is one number of `width` bytes for each field of
+    its row, high byte first, with `per_unit` counts per base unit.  It is signed if the field may be negative."""
 
     address: int
     register: int
@@ -75,11 +75,11 @@ class I2c(NamedTuple):
 
 
 class Sensor(NamedTuple):
-    """A sensor, and so its command `read_<name>`, which answers with `fields`.
+    """A sensor and its command `read_<name>`, which answers with `fields`.
 
-    `usual` is what there is to sense far from everything, in the fields' base unit, for emulated ones.
-    `capability` is the build that has it; one without is asked for by every build, and may be absent.
-    Without `i2c` it sits on the Uno's own pins.  The host asks each `period_ms`.
+    `usual` is the emulated sensor's value far from everything, in the fields' base unit.  `capability` names the
+    firmware build that has the sensor; without it every build supports the sensor, which may be absent.  Without `i2c`
+    the sensor uses the Uno's own pins.  The host requests it every `period_ms`.
     """
 
     code: int
@@ -93,12 +93,12 @@ class Sensor(NamedTuple):
 
     @property
     def command(self) -> Command:
-        """Its row among the commands."""
+        """The sensor's row among the commands."""
         return Command(self.code, f"read_{self.name}", self.text, (), self.fields)
 
 
 class Reason(NamedTuple):
-    """Why bytes were refused; the board counts each, `read_counters` returns the counts in this order."""
+    """A reason to refuse bytes.  The board counts each reason; `read_counters` returns the counts in this order."""
 
     name: str
     text: str
@@ -165,7 +165,7 @@ SENSORS: Tuple[Sensor, ...] = (
     Sensor(41, "light", "Read the light sensor.", (_LDR,), 500, "environment"),
     Sensor(42, "compass", "Read the compass.", (_BEARING,), 0, "environment", I2c(0x60, 2, 2, 10), 100),
 )
-"""Sensors; a new one is one row here and one function in the firmware, see firmware/SENSORS.md."""
+"""Sensors.  A new sensor needs one row here and one function in the firmware, see firmware/SENSORS.md."""
 
 _OTHERS: Tuple[Command, ...] = (
     Command(1, "calibrate", "Motor board finds its PID working points; the wheels turn."),
@@ -315,11 +315,11 @@ PARAMETER_BY_NAME: Dict[str, Parameter] = {row.name: row for row in PARAMETERS}
 
 MAX_ARGUMENTS = max(max(len(row.request), len(row.reply) + (len(STAMP) if row.stamped else 0))
                     for row in COMMANDS) + 1
-"""Most arguments of any frame, the check value included."""
+"""Largest number of arguments of any frame, including the checksum."""
 
 
 def longest_frame() -> int:
-    """Length of the longest frame that the rows allow, from '@' to 'e' [byte]."""
+    """Return the length of the longest frame that the rows allow, from '@' to 'e' [byte]."""
     def width(fields: Tuple[Field, ...]) -> int:
         return sum(1 + max(len(str(f.low)), len(str(f.high))) for f in fields)
     return max(2 + len(str(row.code)) + width((CHECK,)) + max(
@@ -328,4 +328,4 @@ def longest_frame() -> int:
 
 MAX_FRAME = longest_frame()
 MAX_NOISE = 64
-"""A run of bytes outside a frame is reported at this length at the latest [byte]."""
+"""A run of bytes outside a frame is reported when it reaches this length [byte]."""
