@@ -174,15 +174,15 @@ class GoalSeeker:
         return linear, self._bounded(HEADING_GAIN * error + self._shy(left, right))
 
     def _retreats(self, pose: Pose) -> bool:
-        """It is on its way back from something; else note the way."""
+        """It is on its way back from something.  Notes the way, also the one that it rolls on before it goes back."""
         here = pose[0], pose[1]
+        if all(_away_m(here, point) > STRIDE_M for point in self._trail):
+            self._trail.append(here)
         if self._retreat is not None:
             if _away_m(here, self._retreat) < RETREAT_M and self._came_from_behind(pose, RETREAT_M / 2):
                 return True
             self._retreat = None
             self._trail.clear()
-        if not self._trail or _away_m(here, self._trail[-1]) > STRIDE_M:
-            self._trail.append(here)
         return False
 
     def _room(self, name: str) -> float:

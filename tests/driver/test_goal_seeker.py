@@ -123,6 +123,18 @@ def test_with_something_close_beside_it_goes_back_where_it_came_from_before_it_t
     assert sum(linear < 0 for linear, _ in speeds) < 24
 
 
+def test_robot_that_rolls_on_for_a_while_still_goes_back():
+    """It needs 0.16 m to stand; the way that it rolls on is one that it may go back."""
+    seeker = GoalSeeker((0.35, 2.0, 0.0), LIMITS, 0.0, SONARS)
+    free, close = {name: math.inf for name in SONARS}, {"front": math.inf, "left": 0.17, "right": math.inf}
+    for step in range(13):
+        seeker.command((0.03 * step, 0.0, 0.0), free, 0.05 * step)
+    seeker.command((0.36, 0.0, 0.0), close, 0.7)
+    x_m = [0.36 + 0.01 * min(step, 32 - step) for step in range(33)]
+    speeds = [seeker.command((x, 0.0, 0.0), close, 0.75 + 0.05 * step) for step, x in enumerate(x_m)]
+    assert all(linear < 0 for linear, _ in speeds)
+
+
 def test_wall_at_a_constant_distance_beside_the_way_is_drawn_all_along():
     """A sonar looks to the left, along it the robot drives: each reading comes out the same."""
     floor = FloorMap({"left": SonarMount(0.0, 0.0, 90.0)})
