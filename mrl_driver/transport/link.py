@@ -1,4 +1,4 @@
-"""The serial port: bytes in, bytes out, and errors that say what to do.  Opened by pyserial, as `url_link` is.
+"""The serial port: bytes in, bytes out, and errors that say what to do.  Opened by pyserial, as `pyserial_link` is.
 
 On POSIX the bytes move by poll, `os.read` and `os.write` on the descriptor, which costs half of pyserial's
 own calls and never waits longer than asked.
