@@ -1,1 +1,1 @@
-"""The real firmware image on libsimavr, with peripherals true to an Uno's timing."""
+"""Runs the real firmware image on libsimavr; the peripherals have the timing of an Uno."""

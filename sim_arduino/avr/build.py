@@ -1,4 +1,7 @@
-"""Compiles the harness on the user's machine: libsimavr is GPL, so no binary linked with it is shipped."""
+"""Compiles the harness on the user's machine.
+
+libsimavr is under the GPL, so the package ships no binary linked with it.
+"""
 
 import os
 import subprocess
@@ -15,11 +18,11 @@ LONGEST_REASON = 160  # characters of compiler output in a message
 
 
 class SimulatorMissing(SimulatorError):
-    """The machine lacks what the simulated chip is built from."""
+    """The compiler or libsimavr is missing, so that the simulated chip cannot be built."""
 
 
 def library_path() -> Path:
-    """Where the compiled harness belongs: `build/sim/` of a checkout, else the user's cache folder."""
+    """Path of the compiled harness: in `build/sim/` of a checkout, else in the user's cache folder."""
     checkout = SOURCES.parent.parent
     if (checkout / "Makefile").is_file() and (checkout / "firmware").is_dir():
         return checkout / "build" / "sim" / LIBRARY
@@ -27,9 +30,9 @@ def library_path() -> Path:
 
 
 def build(library: Path) -> Path:
-    """Compiles the harness to `library` unless that is newer than every source; returns the path.
+    """Compiles the harness to `library`, unless this is newer than every source; returns the path.
 
-    Several processes may do so at once: each compiles to a name of its own and renames it into place.
+    Several processes may do this at the same time: each compiles to its own file name and renames the file.
 
     Raises:
         SimulatorMissing: there is no compiler or no libsimavr; the message names the Debian packages.

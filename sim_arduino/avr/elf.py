@@ -1,4 +1,4 @@
-"""Reads what a simulated chip needs from an AVR ELF file, flash, EEPROM and symbols, or from Intel HEX: flash."""
+"""Reads an image for the simulated chip: flash, EEPROM and symbols from an AVR ELF file, or flash from Intel HEX."""
 
 import struct
 from pathlib import Path
@@ -22,7 +22,7 @@ _SECTION_SYMBOLS = 2
 
 
 class Symbol(NamedTuple):
-    """A name of the image: address (SRAM ones without the linker's 0x800000) and size in bytes."""
+    """A symbol of the image: address (in SRAM without the linker's offset of 0x800000) and size in bytes."""
 
     address: int
     size: int

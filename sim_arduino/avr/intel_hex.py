@@ -1,4 +1,4 @@
-"""Reads Intel HEX, the form in which firmware is packaged and flashed."""
+"""Reads Intel HEX, the format of packaged firmware."""
 
 from typing import List, Tuple
 
@@ -9,7 +9,7 @@ def read(text: str) -> List[Tuple[int, bytes]]:
     """`(address, bytes)` pieces, in the order of the file.
 
     Raises:
-        ValueError: a line is no record, its checksum is wrong, or the end is missing.
+        ValueError: a line is not a record, its checksum is wrong, or the record that ends the file is missing.
     """
     pieces: List[Tuple[int, bytes]] = []
     base = 0

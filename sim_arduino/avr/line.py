@@ -1,4 +1,4 @@
-"""What a receiver at another speed makes of the bytes that a board sends."""
+"""Computes the bytes that a receiver at another baud rate reads when a board sends."""
 
 from bisect import bisect_right
 from typing import List, Sequence
@@ -6,13 +6,13 @@ from typing import List, Sequence
 from .records import SentByte
 
 FRAME_BITS = 10  # start, eight data bits, stop
-CLOSE_ENOUGH = 0.04  # difference of speeds at which the middle of the last bit is still hit
+CLOSE_ENOUGH = 0.04  # relative speed difference at which the last bit is still read correctly
 
 
 def heard(sent: Sequence[SentByte], bit_cycles: float) -> bytes:
-    """The bytes that a receiver with this bit length [cycle] reads, framing errors included.
+    """The bytes that a receiver with this bit length [cycle] reads, including framing errors.
 
-    Bytes at its own speed come through as they are; others are sampled in the middle of the receiver's bits.
+    Bytes at the receiver's speed pass unchanged; others are sampled in the middle of the receiver's bits.
     """
     if all(
         abs((byte.end_cycle - byte.start_cycle) / FRAME_BITS / bit_cycles - 1) < CLOSE_ENOUGH for byte in sent
@@ -43,7 +43,7 @@ def _falling_edges(sent: Sequence[SentByte]) -> List[float]:
 
 
 def _level(sent: Sequence[SentByte], starts: Sequence[int], moment: float) -> int:
-    """What is on the line at a moment [cycle]; a search, for a second may hold ten thousands of bytes."""
+    """Level of the line at a moment [cycle]; a binary search, because one second may hold over 10000 bytes."""
     byte = sent[max(0, bisect_right(starts, moment) - 1)]
     if not byte.start_cycle <= moment < byte.end_cycle:
         return 1

@@ -1,6 +1,6 @@
-"""An Arduino Uno that runs a real firmware image in simulated time: one AvrMachine per board.
+"""An Arduino Uno that runs a real firmware image in simulated time; one AvrMachine per board.
 
-Time is the CPU's cycle count since power-up; the same image and inputs give the same cycles on every machine.
+Time is the CPU's cycle count since power-up.  The same image and inputs give the same cycles on every computer.
 """
 
 import random
@@ -22,27 +22,28 @@ HANGS = {None: 0, "sda": 1, "scl": 2}
 
 
 class MachineCrashed(SimulatorError):
-    """The program left its memory; a real chip would go on, wrongly."""
+    """The program accessed an address outside its memory; a real chip would run on with wrong results."""
 
 
 class AvrMachine:
     """A powered board with `elf` in its flash.
 
     Attributes:
-        symbols: names of the image, with address and size.
+        symbols: symbols of the image by name, with address and size.
         image_flash: the image's `(address, bytes)` pieces.
         i2c: slaves by 7-bit address; each has `write(data, time_s)`, `read(count, time_s) -> bytes` and
             optionally `present`.
         adc_volts: called at each conversion as `adc_volts(channel, time_s)`; returns volts at the pin.
         on_pin: called as `on_pin(pin, level, time_s)` when a watched pin changes.
-        on_transfer: called with a Transfer for everything that happens on the I2C bus.
+        on_transfer: called with a Transfer for each transfer on the I2C bus.
 
     Raises:
-        SimulatorError: no such image.  SimulatorMissing: no compiler or libsimavr.
+        SimulatorError: the image does not exist.
+        SimulatorMissing: there is no compiler or no libsimavr.
     """
 
     def __init__(self, elf: Union[str, Path], frequency_hz: int = UNO_HZ, seed: int = 0) -> None:
-        """Powers the board; `seed` draws the noise its SRAM starts with."""
+        """Powers the board; `seed` draws the noise in the SRAM at the start."""
         image = read_image(Path(elf))
         self.frequency_hz = frequency_hz
         self.symbols = image.symbols
@@ -65,42 +66,42 @@ class AvrMachine:
         self.power_cycle(seed)
 
     def close(self) -> None:
-        """Frees the simulated chip; the machine is of no use afterwards."""
+        """Frees the simulated chip; the machine must not be used afterwards."""
         board, self._board = self._board, None
         if board:
             self._native.mrl_destroy(board)
 
     def __enter__(self) -> "AvrMachine":
-        """The machine itself."""
+        """Returns the machine itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Frees it."""
+        """Frees the simulated chip."""
         self.close()
 
     # ---- time and resets
 
     @property
     def cycle(self) -> int:
-        """CPU cycles since power first came on; resets do not set it back."""
+        """CPU cycles since the first power-up; resets do not clear the count."""
         return self._native.mrl_cycle(self._board)
 
     @property
     def time_s(self) -> float:
-        """Simulated seconds since power first came on."""
+        """Simulated seconds since the first power-up."""
         return self.cycle / self.frequency_hz
 
     @property
     def resets(self) -> int:
-        """Starts of the program so far, the first one included."""
+        """Number of program starts so far, including the first."""
         return self._native.mrl_resets(self._board)
 
     def run_until(self, cycle: int) -> None:
         """Runs to the first instruction boundary at or after `cycle` (at most 4 cycles later).
 
         Raises:
-            MachineCrashed: the program touched an address that is no memory.
-            Exception: whatever a slave or another callback raised; the machine stands where that happened.
+            MachineCrashed: the program accessed an address outside its memory.
+            Exception: any error raised by a slave or another callback; the machine stops at that point.
         """
         status = self._native.mrl_run_until(self._board, max(0, int(cycle)))
         failure, self._failure = self._failure, None
@@ -114,22 +115,24 @@ class AvrMachine:
         self.run_until(self.cycle + int(round(seconds * self.frequency_hz)))
 
     def stall_until(self, cycle: int) -> None:
-        """Stops the CPU alone until `cycle`; timers, watchdog and line go on and are noticed afterwards."""
+        """Stops only the CPU until `cycle`; timers, watchdog and serial line run on, and the CPU notices afterwards."""
         self._native.mrl_stall_until(self._board, cycle)
 
     def reset(self) -> None:
-        """The reset line: what opening the port does through DTR. SRAM keeps its contents."""
+        """Pull the reset line, as opening the port does through DTR.  SRAM keeps its contents."""
         self._native.mrl_reset(self._board)
 
     def power_cycle(self, seed: int = 0) -> None:
-        """Power off and on: SRAM and registers hold noise drawn from `seed`."""
+        """Switch power off and on: SRAM and registers then hold noise drawn from `seed`."""
         noise = random.Random(seed)
         self._noise = bytes(noise.getrandbits(8) for _ in range(RAM_END + 1))
         self._native.mrl_power_cycle(self._board, self._noise)
 
     def set_reset_flags(self, flags: Optional[int]) -> None:
-        """MCUSR as the program finds it after every coming reset: 0 behind a bootloader that clears it,
-        None for what the chip sets."""
+        """Set MCUSR as the program reads it after each future reset.
+
+        0 is right for a bootloader that clears MCUSR; None keeps the chip's own value.
+        """
         self._native.mrl_set_reset_flags(self._board, -1 if flags is None else flags)
 
     # ---- serial line
@@ -139,7 +142,7 @@ class AvrMachine:
         self._native.mrl_uart_set_host(self._board, self.frequency_hz / baud, gap_s * self.frequency_hz)
 
     def send(self, data: bytes, at_cycle: Optional[int] = None) -> int:
-        """Puts bytes on the line from `at_cycle` (now), behind those still on it.
+        """Puts bytes on the line at `at_cycle` (default: now), after those still on it.
 
         Returns the cycle at which the last stop bit ends.
         """
@@ -148,7 +151,7 @@ class AvrMachine:
         return int(self._native.mrl_uart_line_free(self._board))
 
     def sent(self) -> List[SentByte]:
-        """The bytes whose stop bit has left the board since the last call."""
+        """The bytes that have left the board, with their stop bit, since the last call."""
         count = self._native.mrl_uart_sent_count(self._board)
         buffer = (native.Sent * count)()
         self._native.mrl_uart_sent(self._board, buffer, count)
@@ -156,12 +159,12 @@ class AvrMachine:
 
     @property
     def bytes_lost(self) -> int:
-        """Received bytes that data overruns have cost so far."""
+        """Number of received bytes lost by data overruns so far."""
         return self._native.mrl_uart_lost(self._board)
 
     @property
     def baud(self) -> float:
-        """What the board's baud rate registers say [bit/s]."""
+        """Baud rate set in the board's registers [bit/s]."""
         return self.frequency_hz / self._native.mrl_uart_bit(self._board)
 
     # ---- I2C faults
@@ -169,28 +172,28 @@ class AvrMachine:
     def hang_bus(self, line: Optional[str], release_clocks: int = 0) -> None:
         """Holds "sda" or "scl" low, or frees the bus (None).
 
-        A held SDA comes free after `release_clocks` clock pulses made through the port; 0 = never.
+        A held SDA is released after `release_clocks` clock pulses made by port writes; 0 means never.
         """
         if line not in HANGS:
             raise ValueError(f"bus line {line!r} is none of 'sda', 'scl', None")
         self._native.mrl_twi_set_hang(self._board, HANGS[line], release_clocks)
 
     def stretch_clock(self, cycles: int) -> None:
-        """Every byte on the bus takes so many CPU cycles longer."""
+        """Makes every byte on the bus take `cycles` CPU cycles longer."""
         self._native.mrl_twi_set_stretch(self._board, cycles)
 
     def nack_after(self, count: Optional[int]) -> None:
-        """Slaves acknowledge `count` data bytes of a write and no more; None = all."""
+        """Makes slaves acknowledge at most `count` data bytes of a write; None means all."""
         self._native.mrl_twi_set_nack_after(self._board, -1 if count is None else count)
 
     # ---- pins
 
     def pin(self, pin: int) -> int:
-        """Level of a pin (Arduino number, A0 = 14), driven or from outside."""
+        """Level of a pin (Arduino number, A0 = 14), driven by the chip or from outside."""
         return self._native.mrl_pin_level(self._board, port_of(pin), bit_of(pin))
 
     def set_pin(self, pin: int, level: int, at_cycle: Optional[int] = None) -> None:
-        """Gives an input a level now or at a later cycle; undriven pins are high."""
+        """Sets the level of an input now or at a later cycle; undriven pins are high."""
         port, bit = port_of(pin), bit_of(pin)
         if at_cycle is None:
             self._native.mrl_pin_set(self._board, port, bit, int(level))
@@ -198,7 +201,7 @@ class AvrMachine:
             self._native.mrl_pin_plan(self._board, port, bit, int(level), at_cycle)
 
     def watch_pins(self, pins: Iterable[int]) -> None:
-        """Chooses the pins that `pin_changes` and `on_pin` report: new levels, and the start of being driven."""
+        """Selects the pins that `pin_changes` and `on_pin` report: new levels, and when the chip starts to drive."""
         for port, mask in pin_masks(pins).items():
             self._native.mrl_pin_watch(self._board, port, mask)
 
@@ -212,7 +215,7 @@ class AvrMachine:
     # ---- memory
 
     def symbol(self, name: str) -> Symbol:
-        """A name of the image.
+        """A symbol of the image.
 
         Raises:
             KeyError: the image has no such symbol.
@@ -236,7 +239,7 @@ class AvrMachine:
 
     @property
     def interrupts_on(self) -> bool:
-        """The program can be interrupted."""
+        """Interrupts are enabled."""
         return bool(self._native.mrl_interrupts_on(self._board))
 
     def patch(self, address: int, code: bytes) -> None:
@@ -244,7 +247,7 @@ class AvrMachine:
         self._native.mrl_load(self._board, bytes(code), len(code), address)
 
     def sram_untouched(self) -> int:
-        """Bytes between the variables' end and the deepest stack that nothing has written since power-up."""
+        """Number of bytes above the variables that neither heap nor stack has written since power-up."""
         start = self.symbol("_end").address
         now = self.peek(start, RAM_END + 1 - start)
         before = self._noise[start:]
@@ -260,13 +263,13 @@ class AvrMachine:
         """Overwrites bytes of the EEPROM from outside.
 
         Raises:
-            ValueError: they do not fit into its 1024 bytes.
+            ValueError: the bytes do not fit into the 1024 bytes of EEPROM.
         """
         if not 0 <= address <= EEPROM_BYTES - len(data):
             raise ValueError(f"{len(data)} bytes at {address} are beyond an EEPROM of 1024")
         self._native.mrl_eeprom_set(self._board, bytes(data), address, len(data))
 
-    # ---- what the board asks
+    # ---- callbacks of the simulated chip
 
     def _make_hooks(self) -> native.Hooks:
         return native.Hooks(
@@ -278,7 +281,7 @@ class AvrMachine:
         )
 
     def _guarded(self, function: Callable, fallback: Any) -> Callable:
-        """An exception cannot cross C: it stops the run and is raised by `run_until`."""
+        """Wraps a callback: an exception cannot pass through C, so it stops the run, and `run_until` raises it."""
 
         def call(*arguments: Any) -> Any:
             try:

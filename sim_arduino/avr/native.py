@@ -28,7 +28,7 @@ PIN = ctypes.CFUNCTYPE(None, c_int, c_int, c_int, c_uint64)
 
 
 class Hooks(Structure):
-    """hooks_t: what the board asks the outside."""
+    """hooks_t: callbacks through which the board reaches the hardware outside the chip."""
 
     _fields_ = [("present", PRESENT), ("write", WRITE), ("read", READ), ("adc", ADC), ("pin", PIN)]
 
@@ -88,10 +88,10 @@ _loaded: Dict[str, ctypes.CDLL] = {}
 
 
 def load() -> ctypes.CDLL:
-    """The harness, compiled if need be, with its signatures set.
+    """The harness library with its signatures set; it is compiled first if necessary.
 
     Raises:
-        SimulatorMissing: it cannot be compiled or loaded here; the message names the Debian packages.
+        SimulatorMissing: the harness cannot be compiled or loaded here; the message names the Debian packages.
     """
     path = str(build(library_path()))
     if path not in _loaded:

@@ -1,4 +1,4 @@
-"""What a simulated board reports, and the Uno's pin numbers."""
+"""Records that a simulated board reports, and the Uno's pin numbers."""
 
 from typing import Dict, Iterable, NamedTuple
 
@@ -8,7 +8,7 @@ FIRST_PIN = {PORT_D: 0, PORT_B: 8, PORT_C: 14}
 
 
 class SentByte(NamedTuple):
-    """A byte that left the board: first edge of its start bit and end of its stop bit [cycle]."""
+    """A byte that left the board: start of its start bit and end of its stop bit [cycle]."""
 
     data: int
     start_cycle: int
@@ -24,9 +24,9 @@ class PinChange(NamedTuple):
 
 
 class Transfer(NamedTuple):
-    """An I2C transfer: `kind` is "write", "read" or "nack" (nobody at the address).
+    """An I2C transfer: `kind` is "write", "read" or "nack" (no device at the address).
 
-    `cycle` is the end of a write (STOP or repeated START) and the address's acknowledge of a read.
+    `cycle` is the end of a write (STOP or repeated START), or the acknowledge of a read's address.
     """
 
     kind: str

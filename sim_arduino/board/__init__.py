@@ -1,4 +1,4 @@
-"""The firmware's behaviour in Python, the boards of 2013, and the real image as a board.  Imports avr and hardware."""
+"""Boards: the firmware's behaviour in Python, the 2013 boards, and the real firmware image.  Imports avr, hardware."""
 
 from .python_board import PythonBoard
 

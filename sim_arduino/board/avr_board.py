@@ -1,6 +1,6 @@
 """The engine that runs the real firmware image: a simulated Uno wired to a Plant.
 
-The plant is the Python engine's own, so physics is one; the wire's timing is the chip's.
+Both engines use the same Plant, so there is one physics model.  The simulated chip sets the timing of the serial line.
 """
 
 from pathlib import Path
@@ -18,18 +18,19 @@ DUST = 8
 FAN, SONAR_TRIGGER, SONAR_POWER, HEATER = 7, 12, 13, 15
 WATCHED_PINS = (FAN, SONAR_TRIGGER, SONAR_POWER, HEATER)
 BOOT_S, TELLING_S, SAVING_S = 0.3, 0.05, 0.4  # 64 bytes of EEPROM at 3.4 ms fit
-SLICE_S = 1e-3  # the longest a byte waits before a server hears of it
+SLICE_S = 1e-3  # longest time that a sent byte waits before a server gets it
 
 FIRMWARE = Path(__file__).resolve().parent.parent.parent / "build" / "firmware" / "mrl_firmware.elf"
-"""The sonar build's image in a checkout, after `make firmware`."""
+"""Image of the sonar build in a checkout, after `make firmware`."""
 
 
 def configured_eeprom(elf: Union[str, Path], robot_id: int, told: Sequence[Tuple[int, int]] = ()) -> bytes:
-    """The EEPROM of a board that was given an id, and `told` parameters (number, value), all else by default: a chip of
-    its own is told over the wire.
+    """The EEPROM of a board with this id and the parameters `told` (number, value); the rest are defaults.
+
+    A separate simulated chip gets the values over its serial line and saves them.
 
     Raises:
-        SimulatorError: the image does not confirm that it has saved.
+        SimulatorError: the image does not confirm that it has saved the values.
     """
     number = PARAMETER_BY_NAME["robot_id"].number
     orders: List[Tuple[str, float, Tuple[int, ...]]] = [
@@ -52,7 +53,7 @@ def configured_eeprom(elf: Union[str, Path], robot_id: int, told: Sequence[Tuple
 
 
 def _told(plant: Any, robot_id: int) -> List[Tuple[int, int]]:
-    """What a new board of a robot that the firmware does not know has to be told."""
+    """Parameters (number, value) that a new board needs if the firmware does not know its robot model."""
     model = getattr(plant, "model", None)
     if model is None or robot_id not in model.ids:
         return []
@@ -64,14 +65,17 @@ class AvrEngine:
     """A board that executes `elf`; time is simulated seconds since power-up.
 
     Args:
-        plant: what is wired to the board: `i2c` (slaves by address), `adc_volts(channel, time_s)`,
+        plant: the hardware wired to the board: `i2c` (slaves by address), `adc_volts(channel, time_s)`,
             `pin_changed(pin, level, time_s)` and `advance(time_s)`.
-        robot_id: the board comes configured: this id and the model's defaults are saved in its EEPROM; None
-            leaves that blank, as on a new chip.
-        bootloader: the Uno's clears the chip's reset flags before the sketch starts; False shows them.
+        elf: firmware image.
+        robot_id: this id and the model's defaults are saved in the EEPROM; None leaves the EEPROM blank, as on a
+            new chip.
+        bootloader: True clears the chip's reset flags before the sketch starts, as the Uno's bootloader does.
+        seed: draws the noise in the SRAM.
 
     Raises:
-        SimulatorError: no such image.  SimulatorMissing: no compiler or libsimavr.
+        SimulatorError: the image does not exist.
+        SimulatorMissing: there is no compiler or no libsimavr.
     """
 
     def __init__(
@@ -98,14 +102,14 @@ class AvrEngine:
         self._dust_edges = getattr(plant, "dust_edges", lambda to_s: ())
 
     def receive(self, data: bytes) -> None:
-        """Bytes from the host, the first of them on the wire from now on."""
+        """Bytes from the host; the first byte starts on the line now."""
         self.machine.send(data)
 
     def advance(self, to_s: float) -> bytes:
-        """Runs to a time [s since power-up]; returns the bytes whose stop bit has left the board until then.
+        """Runs to a time [s since power-up]; returns the bytes that left the board, with their stop bit, until then.
 
         Raises:
-            MachineCrashed: the program touched an address that is no memory.
+            MachineCrashed: the program accessed an address outside its memory.
         """
         for time_s, level in self._dust_edges(to_s):
             self.machine.set_pin(DUST, level, self._cycle_at(max(time_s, self.machine.time_s)))
@@ -114,21 +118,21 @@ class AvrEngine:
         return heard(self.machine.sent(), self.machine.frequency_hz / self._host_baud)
 
     def set_host_baud(self, baud: float) -> None:
-        """The host's speed, both ways; at another speed than the board's the bytes turn into others."""
+        """Set the host's baud rate in both directions; if it differs from the board's, bytes arrive corrupted."""
         self._host_baud = baud
         self.machine.set_host_baud(baud)
 
     def gap(self, to_s: float, waiting: bytes) -> None:
-        """The board did not run from the last `advance` to `to_s`; `waiting` is what the host sent meanwhile.
+        """The board did not run from the last `advance` to `to_s`; `waiting` holds the bytes sent meanwhile.
 
-        The chip sees a CPU that hung: timers and watchdog went on, and the receiver kept its last three bytes.
+        For the chip this is a CPU that hung: timers and watchdog ran on, and the receiver kept its last three bytes.
         """
         self.receive(waiting)
         self.machine.stall_until(self._cycle_at(to_s))
 
     @property
     def next_event_s(self) -> float:
-        """When to call `advance` again if no bytes come [s]: the chip never rests."""
+        """Time of the next call of `advance` if no bytes come [s]; soon, as the chip always runs."""
         return self.machine.time_s + SLICE_S
 
     def _cycle_at(self, time_s: float) -> int:

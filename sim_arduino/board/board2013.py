@@ -1,7 +1,7 @@
-"""The boards of 2013, with their faults: what a driver for boards in the field has to live with.
+"""The boards of 2013 with their faults, which a driver for boards in the field must tolerate.
 
-Times are those measured of the 2013 firmware on a simulated ATmega328P, without the bootloader's second; faults are
-those of its released source.
+The times were measured with the 2013 firmware on a simulated ATmega328P, without the bootloader's second.  The faults
+are those of its released source.
 """
 
 import math
@@ -18,22 +18,22 @@ from .parameter_store import Config
 from .uart import IN_BYTE_S, OUT_BYTE_S, Outgoing, Ring
 
 STOP_S = 0.011
-"""From a reset to the motor board's stop [s]; its settings follow within 70 ms, here at once."""
+"""From a reset to the stop of the motor board [s]; the real board sets it up within 70 ms, this one at once."""
 AUGUST_S, JANUARY_S = 3.35, 0.10
-"""From a reset to the first request that is read [s]; August waits 3 s for its environment sensors."""
+"""From a reset to the first request that is read [s]; the August firmware waits 3 s for its environment sensors."""
 PASS_S = 60e-6
-"""One pass of the loop with nothing to do [s]."""
+"""Duration of one pass of the loop with nothing to do [s]."""
 PRINT_S = 18e-6
-"""To print a byte into the output buffer [s]: 325 stream frames of 27 bytes a second."""
+"""Time to print a byte into the output buffer [s]: gives 325 stream frames of 27 bytes per second."""
 INPUT_BYTES, OUTPUT_BYTES, FRAME_BYTES, DIGITS = 63, 64, 32, 7
 MISSING = -1
-"""What the 2013 parser has for an argument that is not there, and so refuses when it is."""
+"""The 2013 parser's value for a missing argument; it therefore refuses a real -1."""
 
 
 class Board2013:
-    """A board with the firmware of August 2013 (its stream repeats 8), or of January (its stream repeats 6).
+    """A board with the firmware of August 2013 (its stream repeats reply 8), or of January 2013 (reply 6).
 
-    One pass of its loop reads one byte and, while it streams, sends one whole frame.
+    One pass of its loop reads one byte and, while a stream runs, sends one whole frame.
     """
 
     def __init__(self, plant: Plant, january: bool = False, robot_id: Optional[int] = None) -> None:
@@ -51,13 +51,13 @@ class Board2013:
     # ---- the Engine interface
 
     def receive(self, data: bytes) -> None:
-        """Bytes from the host, the first of them on the wire from now on."""
+        """Bytes from the host; the first byte starts on the line now."""
         start = max(self.now_s, self._line_s)
         self._line += [(start + (i + 1) * IN_BYTE_S, byte) for i, byte in enumerate(data)]
         self._line_s = start + len(data) * IN_BYTE_S
 
     def advance(self, to_s: float) -> bytes:
-        """Runs the loop to `to_s` [s]; the bytes that left the board until then."""
+        """Runs the loop to `to_s` [s]; returns the bytes that left the board until then."""
         while True:
             pass_s = self._next_pass_s()
             if pass_s > to_s:
@@ -74,11 +74,11 @@ class Board2013:
 
     @property
     def next_event_s(self) -> float:
-        """When something happens, or has left, if no bytes come [s]."""
+        """Time of the next event, or when the next bytes have left, if no bytes come [s]."""
         return min(self._out.next_s, self._next_pass_s())
 
     def gap(self, to_s: float, waiting: bytes) -> None:
-        """The loop stood still until `to_s`; the input buffer kept what it has room for, and it is carried out."""
+        """The loop stood still until `to_s`; the bytes that fit into the input buffer are handled afterwards."""
         self.plant.advance(to_s)
         self.now_s = to_s
         self._busy_s = max(to_s, self._busy_s)
@@ -86,14 +86,14 @@ class Board2013:
         self._input.put(waiting)
 
     def reset(self) -> None:
-        """The reset line; the motor board keeps going until the set-up stops it."""
+        """Pull the reset line; the motors keep turning until the set-up stops them."""
         self._start()
 
     def close(self) -> None:
-        """Nothing to free."""
+        """Does nothing: there is nothing to free."""
 
     def has_motors(self) -> bool:
-        """Whether its id is one with a motor board, and that answers."""
+        """Whether the board's id has a motor board, and the motor board answers."""
         return self.motors_there and self.plant.motor_board.present
 
     # ---- the loop
@@ -132,7 +132,7 @@ class Board2013:
             motor.set_geometry(now, Geometry(*(config[name] for name in Geometry._fields)))
 
     def _next_pass_s(self) -> float:
-        """The next pass that has something to do."""
+        """Time of the next pass that has something to do [s]."""
         due = self._line[0][0] if self._line else math.inf
         if self.streams or self._input:
             due = self._busy_s
@@ -148,7 +148,7 @@ class Board2013:
         self._busy_s = max(self._busy_s, self._out.free_s - OUTPUT_BYTES * OUT_BYTE_S)
 
     def _hear(self, to_s: float) -> None:
-        """Moves what has arrived into the input buffer."""
+        """Moves the bytes that have arrived into the input buffer."""
         arrived = 0
         while arrived < len(self._line) and self._line[arrived][0] <= to_s:
             arrived += 1
@@ -158,9 +158,9 @@ class Board2013:
     # ---- the parser and its faults
 
     def _parse(self, byte: int) -> bool:
-        """One byte; whether it ended a frame that was carried out.
+        """Parses one byte; returns whether it completed a request that was carried out.
 
-        A '@' inside a frame throws away that frame, and the new one with it.
+        A '@' inside a frame discards that frame and the new one.
         """
         if byte == ord("@"):
             if self._frame is not None:
@@ -193,7 +193,7 @@ class Board2013:
         return True
 
     def _run(self, row: Row, *args: int) -> None:
-        """Carries out a row; what it answers goes out when its time is over."""
+        """Carries out a request; its reply is sent when its duration is over."""
         ready_s = self.now_s + row.duration_s
         try:
             fields = row.action(*args)
@@ -207,20 +207,20 @@ class Board2013:
             self._busy_s += len(answer) * PRINT_S
 
     def _note(self, text: bytes) -> None:
-        """Text for people, in debug mode."""
+        """Sends a line of text in debug mode."""
         if self.debug:
             self.say(text)
 
     def say(self, text: bytes) -> None:
-        """A line of text."""
+        """Sends a line of text."""
         self._out.put(text + b"\r\n", self.now_s)
 
 
 def _number(token: bytes) -> int:
-    """A number as C's atoi reads it, kept to 16 bits: spaces, a sign, digits up to the first other byte, else 0.
+    """A number as C's atoi reads it (spaces, a sign, digits up to the first other byte, else 0), cut to 16 bits.
 
-    Nothing at all is `MISSING`.  So are more than 7 characters; the real board overruns a buffer with them and hangs
-    or restarts.
+    An empty token is `MISSING`.  So is one of more than 7 characters; on the real board it overruns a buffer, and the
+    board hangs or restarts.
     """
     if not token or len(token) > DIGITS:
         return MISSING
@@ -229,14 +229,14 @@ def _number(token: bytes) -> int:
 
 
 class Board2013August(Board2013):
-    """The board whose stream repeats the reply of 8."""
+    """The board of August 2013; its stream repeats reply 8."""
 
     def __init__(self, plant: Plant, robot_id: Optional[int] = None) -> None:
         super().__init__(plant, False, robot_id)
 
 
 class Board2013January(Board2013):
-    """The board whose stream repeats the reply of 6."""
+    """The board of January 2013; its stream repeats reply 6."""
 
     def __init__(self, plant: Plant, robot_id: Optional[int] = None) -> None:
         super().__init__(plant, True, robot_id)

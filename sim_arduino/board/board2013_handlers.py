@@ -1,4 +1,4 @@
-"""What the requests of 2013 did on the boards of 2013: each row's arguments, action and time; the streams."""
+"""The requests of the 2013 boards: arguments, action and duration of each, and the streams."""
 
 import struct
 from functools import partial
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 VERSION = 1
 COMMAND_S, PRINTED_S = 0.7e-3, 0.07e-3
-"""Time to pass a command on to the motor board, and to answer without a reading [s]."""
+"""Time to pass a command on to the motor board, and to reply without a sensor reading [s]."""
 ENCODERS_S, SONARS_S, INFO_S, THERMOPILE_S, ANALOG_S, COMPASS_S = (
     1.17e-3,
     1.41e-3,
@@ -30,17 +30,17 @@ NO_MOTORS_FROM_ID = 6
 JANUARY_CODES = range(1, 20)
 _NO_COUNTS = (999, 999)
 _NO_VERSION = 25755
-"""Version of a motor board that does not answer: both of its bytes are read as 255."""
+"""Version reported if the motor board does not answer: both of its bytes are read as 255."""
 _SONAR_A, _SONAR_B, _SONAR_C = 1.767, 0.9465, -0.3759
 _Action = Callable[..., Optional[Tuple[int, ...]]]
 
 
 class Hung(Exception):
-    """The board waits forever for a sensor that does not answer."""
+    """The board waits forever, because a sensor does not answer."""
 
 
 class Row(NamedTuple):
-    """A request: its number of arguments, what it does and may answer, its time [s], and the code of the answer."""
+    """A request: code, number of arguments, action (returns the reply's fields), duration [s], code of the reply."""
 
     code: int
     arguments: int
@@ -53,8 +53,8 @@ class Rows:
     """The requests of one board.
 
     Attributes:
-        requests: By number.
-        streams: Those that repeat, in the order in which one goes before the next.
+        requests: All requests by number.
+        streams: The requests that repeat; the earlier ones have priority.
     """
 
     def __init__(self, board: "Board2013") -> None:
@@ -111,7 +111,7 @@ class Rows:
         yield from self._stream(27, 28, self._bearing, COMPASS_S, 27)
 
     def _stream(self, start: int, end: int, action: _Action, duration_s: float, reply: int) -> Iterator[Row]:
-        """The request that starts a stream, and is repeated by it, and the one that ends it."""
+        """The request that starts a stream, which the stream repeats, and the request that ends it."""
 
         def begin() -> Optional[Tuple[int, ...]]:
             self._board.streams.add(start)
@@ -140,14 +140,14 @@ class Rows:
         return tenths[0] * 10, 172, tenths[1] * 10, VERSION, self._board.robot_id
 
     def _encoders(self) -> Tuple[int, ...]:
-        """A read that failed reads 0."""
+        """Right and left count; a failed read gives 0."""
         if not self._board.has_motors():
             return 0, 0
         motor = self._plant.motor_board
         return motor.encoder(3, self._board.now_s), motor.encoder(1, self._board.now_s)
 
     def _sonars(self) -> Tuple[int, ...]:
-        """A reading raises the trigger.  August never lowers it, so its sonars range without end."""
+        """Ranges [cm].  A reading raises the trigger; August never lowers it, so its sonars never pause."""
         self._plant.pin_changed(SONAR_TRIGGER, 1, self._board.now_s)
         if self._board.january:
             self._plant.pin_changed(SONAR_TRIGGER, 0, self._board.now_s)
@@ -168,14 +168,14 @@ class Rows:
         return round(self._plant.sensed(self._board.now_s).dust_pcs_l)
 
     def _pixels(self) -> Tuple[int, ...]:
-        """The ambient temperature and the first seven pixels: the real board begins one register early."""
+        """The ambient temperature and the first seven pixels: the real board starts one register too early."""
         return tuple(self._registers(THERMOPILE_ADDRESS, 1, 8))
 
     def _bearing(self) -> Tuple[int, ...]:
         return (int.from_bytes(self._registers(COMPASS_ADDRESS, 2, 2), "big") // 10,)
 
     def _registers(self, address: int, first: int, count: int) -> bytes:
-        """Registers of a sensor; raises `Hung` if it does not answer."""
+        """Registers of a sensor; raises `Hung` if the sensor does not answer."""
         slave = self._plant.i2c[address]
         if not slave.write(bytes([first]), self._board.now_s):
             raise Hung
@@ -186,9 +186,9 @@ class Rows:
 
 
 def through_single_precision(wire: int) -> int:
-    """A speed as it reaches the motor board: to SI in single precision and back, cut off.
+    """A speed as the motor board gets it: converted to SI units in single precision and back, then truncated.
 
-    The board divides the 16 bits as an unsigned number, so a negative speed passes as 65536 more.
+    The board treats the 16 bits as an unsigned number, so that a negative speed is converted as the value plus 65536.
     """
 
     def single(value: float) -> float:

@@ -1,4 +1,4 @@
-"""What a board can tell of its own health: refusals by reason, faults, why it started and why it stopped."""
+"""The status of a board: refused requests by reason, faults, reset cause, stop reason."""
 
 from typing import Dict, Tuple
 
@@ -11,9 +11,9 @@ class Health:
     """Counters and flags since the last reset.
 
     Attributes:
-        counters: Refusals by the names of `table.REASONS`; each stays at 32767.
-        reset_cause, stop_reason: Rows of their tables.
-        clamped: Moves beyond the ceiling.
+        counters: Refusals by the names in `table.REASONS`; a counter stops at 32767.
+        reset_cause, stop_reason: Row numbers in their tables.
+        clamped: Number of moves beyond the speed ceiling.
     """
 
     def __init__(self, reset_cause: str) -> None:
@@ -29,23 +29,23 @@ class Health:
         self.counters[reason] = min(INT16_MAX, self.counters[reason] + 1)
 
     def count_clamped(self) -> None:
-        """Counts a move beyond the ceiling."""
+        """Counts a move beyond the speed ceiling."""
         self.clamped = min(INT16_MAX, self.clamped + 1)
 
     def turned(self) -> None:
-        """Notes that the motors were told to turn; the next stop is another one, even for the same reason."""
+        """Notes a command that turns the motors; the next stop is a new one, even for the same reason."""
         if not self._turning:
             self.stop_reason = STOP_REASONS.index("none")
         self._turning = True
 
     def stopped(self, reason: str) -> None:
-        """Notes why the motors were stopped; a stop of motors that nobody had turned keeps the earlier reason."""
+        """Notes why the motors were stopped; if they were not turning, the earlier reason stays."""
         if self._turning:
             self.stop_reason = STOP_REASONS.index(reason)
         self._turning = False
 
     def set_fault(self, name: str, present: bool) -> None:
-        """Raises or clears a fault; one that has gone stays visible until it has been read."""
+        """Sets or clears a fault; a cleared fault stays visible until it has been read."""
         self._present = self._present | _BIT[name] if present else self._present & ~_BIT[name]
         self._unread |= self._present
 
@@ -54,6 +54,6 @@ class Health:
         return bool(self._present & _BIT[name])
 
     def read(self) -> Tuple[int, int, int, int]:
-        """Reset cause, stop reason, faults present or gone since the last call, and moves clamped."""
+        """Reset cause, stop reason, faults present now or since the last call, and number of clamped moves."""
         faults, self._unread = self._unread, self._present
         return self.reset_cause, self.stop_reason, faults, self.clamped

@@ -1,6 +1,6 @@
-"""What each row of the table does on the Python board: one request handler per row, one reply builder per reply.
+"""Imports the handlers of the Python board: one request handler per row of the table, one builder per reply.
 
-The handlers' names are the rows' names; a test fails if a row has none.
+Each handler has the name of its row; a test fails if a row has no handler.
 """
 
 from . import motion_handlers, sensor_handlers, service_handlers

@@ -1,4 +1,4 @@
-"""Rows of the table that move the motors or set up their board."""
+"""Handlers of the requests that move the motors or set up the motor board."""
 
 from typing import TYPE_CHECKING, Tuple
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from .python_board import PythonBoard
 
 _PER_MM_S = 95492
-"""6e5 / (2 pi): a ceiling [mm/s] by this, over full_speed [1/min] times wheel_radius [0.01 mm], is in %."""
+"""6e5 / (2 pi): ceiling [mm/s] * this / (full_speed [1/min] * wheel_radius [0.01 mm]) is the ceiling in %."""
 
 
 @request
@@ -23,7 +23,7 @@ def calibrate(board: "PythonBoard") -> None:
 
 @request
 def set_pid_gains(board: "PythonBoard", kp: int, ki: int, kd: int) -> None:
-    """2: gains that are in force already are not written to the motor board's EEPROM again."""
+    """2: unchanged gains are not written to the motor board's EEPROM again."""
     config = board.config
     if with_motors(board) and (kp, ki, kd) != (config["kp"], config["ki"], config["kd"]):
         config["kp"], config["ki"], config["kd"] = kp, ki, kd
@@ -72,7 +72,7 @@ def move_differential(board: "PythonBoard", linear: int, angular: int) -> None:
 
 @request
 def move_omni(board: "PythonBoard", speed: int, rotation: int, direction: int) -> None:
-    """43: the ceilings hold for what the shares of full speed come to."""
+    """43: the speed ceilings, converted to percent of full speed, limit this request too."""
     config = board.config
     linear, angular = config["linear_ceiling"], config["angular_ceiling"]
     full = config["full_speed"] * config["wheel_radius"]
@@ -88,7 +88,7 @@ def move_omni(board: "PythonBoard", speed: int, rotation: int, direction: int) -
 def _clamped(
     board: "PythonBoard", linear: int, angular: int, most_linear: int, most_angular: int
 ) -> Tuple[int, int]:
-    """Beyond a ceiling both speeds shrink by the same factor, which keeps the curvature."""
+    """If a speed is beyond its ceiling, both speeds shrink by the same factor, which keeps the curvature."""
     fast, turning = _beyond(linear, most_linear), _beyond(angular, most_angular)
     if not (fast or turning):
         return linear, angular
@@ -99,7 +99,7 @@ def _clamped(
 
 
 def _beyond(value: int, ceiling: int) -> bool:
-    """The widest ceiling is none: -32768 is to arrive as it is."""
+    """Whether a value is beyond its ceiling; the largest ceiling means no limit, so that -32768 passes unchanged."""
     return ceiling != INT16_MAX and abs(value) > ceiling
 
 
@@ -111,7 +111,7 @@ def _scaled(value: int, top: int, by: int) -> int:
 
 @request
 def move_to_position(board: "PythonBoard", motor: int, speed: int, position: int) -> None:
-    """12: holds with torque."""
+    """12: the motor holds its position with torque."""
     if with_motors(board):
         board.health.turned()
         board.motor_board.move_to_position(board.now_s, motor, speed, position, hold=True)

@@ -1,4 +1,4 @@
-"""What the firmware does with its motor board: finds it, sets it up, stops it, reads its counts."""
+"""The firmware's side of the motor board: finds it, sets it up, stops it, reads its counts."""
 
 from typing import Optional, Tuple
 
@@ -9,11 +9,11 @@ from .parameter_store import Config
 
 
 class Motors:
-    """The motor board as one start of the sketch sees it.  Times are the board's [s].
+    """The motor board, as the firmware sees it from one start to the next.  Times are the board's [s].
 
     Attributes:
         driver: The motor board itself.
-        ever_found: It has answered since the start.
+        ever_found: The motor board has answered since the start.
     """
 
     def __init__(self, driver: Omni3MD, config: Config, health: Health) -> None:
@@ -22,11 +22,11 @@ class Motors:
         self._config, self._health = config, health
 
     def changed(self) -> bool:
-        """It has gone, or come back, since it was last looked at."""
+        """Whether the motor board has disappeared or come back since the last look."""
         return self.driver.present == self._health.has_fault("motor_board")
 
     def there(self, now_s: float) -> bool:
-        """Whether it answers; one that has come back is stopped and set up first."""
+        """Whether the motor board answers; if it has come back, it is stopped and set up first."""
         there, was_gone = self.driver.present, self._health.has_fault("motor_board")
         self._health.set_fault("motor_board", not there)
         if there and was_gone:
@@ -38,7 +38,7 @@ class Motors:
         return there
 
     def set_up(self, now_s: float, changed: Optional[str] = None) -> None:
-        """Tells it all it has to know, or what depends on one parameter."""
+        """Sends all settings to the motor board, or only those that depend on the parameter `changed`."""
         config, driver = self._config, self.driver
         if changed is None or changed in Geometry._fields:
             driver.set_geometry(now_s, Geometry(*(config[name] for name in Geometry._fields)))
@@ -50,13 +50,13 @@ class Motors:
             driver.set_timeout(now_s, config["motor_timeout"])
 
     def stop(self, now_s: float, reason: str) -> None:
-        """Its own stop, at once."""
+        """Sends the motor board's own stop command at once."""
         self._health.stopped(reason)
         if self.there(now_s):
             self.driver.stop(now_s)
 
     def encoders(self, now_s: float) -> Optional[Tuple[int, int]]:
-        """Right and left count, or None without it."""
+        """Right and left count, or None if the motor board does not answer."""
         if not self.there(now_s):
             return None
         return self.driver.encoder(3, now_s), self.driver.encoder(1, now_s)

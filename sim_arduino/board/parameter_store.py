@@ -1,7 +1,7 @@
-"""The board's parameters and their EEPROM image, laid out as the firmware does.
+"""The board's parameters and their EEPROM image, in the layout of the firmware.
 
-Robot id as a 4-byte float at address 0, where the firmware of 2013 keeps it; from address 16 on a layout version, all
-parameters as int16, low byte first, and their CRC-16.
+The robot id is a 4-byte float at address 0, where the firmware of 2013 keeps it.  Address 16 starts a block: layout
+version, all parameters as int16, low byte first, and the CRC-16 of the block.
 """
 
 import functools
@@ -15,14 +15,14 @@ from mrl_driver.robot import models as robots
 ID_AT, BLOCK_AT, LAYOUT = 0, 16, 2
 EEPROM_BYTES = 1024
 EEPROM_BYTE_S, EEPROM_LOOK_S = 3.4e-3, 20.2e-3
-"""Time to write one byte, and to look at all that are kept before the answer to a save [s]."""
+"""Time to write one byte, and to compare all stored bytes before the reply to a save [s]."""
 _BODY = struct.Struct(f"<B{len(PARAMETERS)}h")
 _LONGEST_CM = 1250
 _FIRST_MODEL = "traxbot"
 
 
 def defaults(robot_id: int) -> List[int]:
-    """Parameters that the firmware gives a board with that id, in the table's order; one of no model gets TraxBot's."""
+    """The firmware's default parameters for an id, in the table's order; an id without a model gets TraxBot's."""
     models = _packaged()
     return configured(
         robot_id, next((each for each in models.values() if robot_id in each.ids), models[_FIRST_MODEL])
@@ -31,18 +31,18 @@ def defaults(robot_id: int) -> List[int]:
 
 @functools.lru_cache(maxsize=None)
 def _packaged() -> Dict[str, robots.RobotModel]:
-    """The models that come with the package; reading them takes longer than starting a board."""
+    """The packaged models; they are cached, because reading them takes longer than starting a board."""
     return {name: robots.load_packaged(name) for name in robots.packaged()}
 
 
 def configured(robot_id: int, model: robots.RobotModel) -> List[int]:
-    """Parameters of a board that was told its id and its model, in the table's order."""
+    """Parameters of a board configured with this id and model, in the table's order."""
     by_name = {"robot_id": robot_id, **robots.COMMON_BOARD, **model.board}
     return [by_name[row.name] for row in PARAMETERS]
 
 
 def first(robot_id: int, model: robots.RobotModel) -> List[int]:
-    """Parameters of a new board of a robot: its model's, if the id is one of the model's."""
+    """Parameters of a new board: those of `model` if the id belongs to it, else the firmware's defaults."""
     return configured(robot_id, model) if robot_id in model.ids else defaults(robot_id)
 
 
@@ -54,7 +54,7 @@ def image(values: List[int]) -> bytes:
 
 
 def store(eeprom: bytearray, values: List[int]) -> int:
-    """Writes the parameters; how many bytes had to change."""
+    """Writes the parameters; returns the number of changed bytes."""
     before = bytes(eeprom)
     body = _BODY.pack(LAYOUT, *values)
     eeprom[ID_AT : ID_AT + 4] = struct.pack("<f", values[0])
@@ -64,7 +64,7 @@ def store(eeprom: bytearray, values: List[int]) -> int:
 
 
 class Config:
-    """Parameters in force, by name; `sound` is False if the EEPROM was damaged and defaults are in force."""
+    """Parameters in force, by name; `sound` is False if the EEPROM was damaged and the defaults are in force."""
 
     def __init__(self, eeprom: bytearray) -> None:
         self._eeprom = eeprom
@@ -91,12 +91,12 @@ class Config:
         return self._curve[count]
 
     def set_defaults(self) -> None:
-        """All parameters but the id as the model has them."""
+        """Sets all parameters except the id to the model's defaults."""
         self.values = defaults(self.values[0])
         self._curve.clear()
 
     def save(self) -> int:
-        """Writes EEPROM; how many bytes had to change."""
+        """Writes the EEPROM; returns the number of changed bytes."""
         return store(self._eeprom, self.values)
 
     def _block(self) -> Tuple[List[int], bool]:

@@ -1,6 +1,6 @@
-"""PythonBoard: the firmware's behaviour in Python, on a Plant, in the time of its wire.
+"""PythonBoard: the firmware's behaviour in Python, wired to a Plant, with the timing of the serial line.
 
-What a request does stands in `handlers`; here are the line, the order of events, streams and failsafes.
+The modules `*_handlers` carry out the requests.  This module has the line, the order of events, streams and failsafes.
 """
 
 import math
@@ -21,29 +21,29 @@ from .sonar_chain import SonarTask
 from .uart import OUT_BYTE_S, Incoming, Outgoing
 
 BOOT_S = 1.2e-3
-"""From a reset to the motors' stop and the first request [s]: that of the image, without the bootloader."""
+"""From a reset to the motors' stop and the first request [s]; measured with the image, without the bootloader."""
 STALL_S = 0.25
 CHECK_SILENCE_S = 2.0
 BAUD_SILENCE_S = 1.0
 BAUD_QUIET_S = 4 * TICK_S
-"""What the chip waits after its queue is empty: two bytes are in the transmitter."""
+"""The chip's wait after its queue is empty, because two bytes are still in the transmitter."""
 SAME_BAUD = 0.05
-"""Speeds that differ by less understand each other."""
+"""Two baud rates that differ by less than this share work together."""
 RETRY_S = 5e-3
-"""Pause of a full-rate stream whose values cannot be had [s]."""
+"""Pause of a full-rate stream if its values are not available [s]."""
 ANSWERS = 8
-"""Replies that wait for the wire; one more is dropped and counted as an overrun."""
+"""Largest number of waiting replies; one more is dropped and counted as an overrun."""
 FETCH_S = {18: 0.34e-3, 44: 0.34e-3, 23: 0.64e-3, 25: 0.65e-3, 27: 0.0}
-"""What the values of a frame of a stream take to read, on the simulated ATmega328P [s]: a fast line waits for them."""
+"""Time to read the values of a stream's frame on the simulated ATmega328P [s]; a fast line waits for them."""
 LOW_WATER = 9
-"""Bytes of the frame before that are still to leave when the reading begins."""
+"""The reading begins when this many bytes of the previous frame have not left yet."""
 QUEUE_BYTES, SENDING_BYTES = 64, 2
-"""What waits for the line at most, and what stands in the transmitter beside that."""
+"""Size of the send queue, and number of bytes in the transmitter beside it."""
 _HEATER, _FAN = 15, 7
 
 
 class Answer(NamedTuple):
-    """A reply that waits: not before [s], code, and what its handler wants to be reminded of."""
+    """A waiting reply: earliest time [s], code, and a value passed back to its builder."""
 
     due_s: float
     code: int
@@ -51,7 +51,7 @@ class Answer(NamedTuple):
 
 
 class Stream(NamedTuple):
-    """A running stream: the command that started it, and the time between frames [s], 0 as fast as the wire."""
+    """A running stream: the command that started it, and the time between frames [s]; 0 is as fast as possible."""
 
     code: int
     period_s: float
@@ -61,16 +61,16 @@ class PythonBoard:
     """A board with our firmware.
 
     Args:
-        plant: What is wired to it.
-        robot_id: Id in its EEPROM; 0 is not set.
-        environment: The environment-sensor build instead of the sonar build.
-        eeprom: 1024 bytes that survive resets, instead of a sound image of the id's defaults.
+        plant: The hardware wired to the board.
+        robot_id: Id in the EEPROM; 0 means not set.
+        environment: Emulate the environment-sensor build instead of the sonar build.
+        eeprom: 1024 bytes that survive resets; None makes a valid image of the id's defaults.
 
     Attributes:
         config: The parameters in force.
         health: Counters and flags since the last reset.
         motors: The motor board as the firmware sees it.
-        sonars: The sonars' side of the board; None in the environment-sensor build.
+        sonars: The board's sonar task; None in the environment-sensor build.
     """
 
     def __init__(
@@ -97,11 +97,11 @@ class PythonBoard:
     # ---- the Engine interface
 
     def receive(self, data: bytes) -> None:
-        """Bytes from the host, the first of them on the wire from now on."""
+        """Bytes from the host; the first byte starts on the line now."""
         self._incoming.put(self._through_line(data), self.now_s)
 
     def advance(self, to_s: float) -> bytes:
-        """Runs to `to_s` [s]; the bytes that left the board until then."""
+        """Runs to `to_s` [s]; returns the bytes that left the board until then."""
         if self._booted and self.motors.changed():
             self.motor_there()
         while True:
@@ -117,7 +117,7 @@ class PythonBoard:
         return left
 
     def set_host_baud(self, baud: float) -> None:
-        """The host's speed, both ways; at another speed than the board's the bytes turn into others."""
+        """Set the host's baud rate in both directions; if it differs from the board's, bytes arrive corrupted."""
         self._host_baud = baud
         self._incoming.byte_s = 10.0 / baud
 
@@ -127,14 +127,14 @@ class PythonBoard:
 
     @property
     def next_event_s(self) -> float:
-        """When something will have left, or has to happen, if no bytes come [s].
+        """Time of the next event, or when the next frame has left, if no bytes come [s].
 
-        A frame of the stream is worth a call when it is complete; what it tells is still that of its start.
+        A stream frame needs a call only when it is complete; its values are still those of its start.
         """
         return min(self._outgoing.next_s, self._next_s(self._frame_s))
 
     def gap(self, to_s: float, waiting: bytes) -> None:
-        """The loop stood still until `to_s`: what waited for longer than 250 ms is stale and dropped."""
+        """The loop stood still until `to_s`; after more than 250 ms the waiting bytes are stale and dropped."""
         if to_s - self.now_s <= STALL_S:
             self.receive(waiting)
             return
@@ -147,13 +147,13 @@ class PythonBoard:
         self.stop_motors("stall")
 
     def reset(self) -> None:
-        """The reset line: RAM starts anew, EEPROM stays; the motors get their stop when the sketch is up."""
+        """Pull the reset line: RAM is cleared, EEPROM stays; the motors stop when the sketch has started."""
         self.motor_board.fed = False
         self.plant.advance(self.now_s)
         self._start("external")
 
     def close(self) -> None:
-        """Nothing to free."""
+        """Does nothing: there is nothing to free."""
 
     # ---- start
 
@@ -199,7 +199,7 @@ class PythonBoard:
     # ---- events in time
 
     def _next_s(self, frame_s: float) -> float:
-        """When the next event is due [s], that of a frame on the wire `frame_s` later."""
+        """Time of the next event [s]; `frame_s` is added to the time of the next frame."""
         if not self._booted:
             return self.ready_s
         trigger_s = self.sonars.next_s if self.sonars else math.inf
@@ -233,7 +233,7 @@ class PythonBoard:
             self._send_next()
 
     def _baud_due_s(self) -> float:
-        """When the line's speed changes: once the answer has left, or back when nothing valid comes."""
+        """Time of the baud rate change [s]: after the reply has left, or back if no valid frame comes."""
         if self._wanted_baud != self.baud:
             return math.inf if self._answers else self._outgoing.free_s + BAUD_QUIET_S
         return self._valid_s + BAUD_SILENCE_S if self.baud else math.inf
@@ -252,14 +252,14 @@ class PythonBoard:
         return self._valid_s + CHECK_SILENCE_S if self._decoder.checked else math.inf
 
     def _wire_due_s(self) -> float:
-        """When the next frame goes onto the wire [s]: the line is free, and an answer or the stream is due."""
+        """Time at which the next frame is sent [s]: the line is free, and a reply or the stream is due."""
         due = self._stream_due_s if self.stream and self._wanted_baud == self.baud else math.inf
         if self._answers:
             due = min(due, min(answer.due_s for answer in self._answers))
         return max(due, self._outgoing.free_s)
 
     def _take(self, data: bytes) -> None:
-        """Carries out the request that ends `data`, if one does."""
+        """Decodes `data` and carries out the request, or counts why it was refused."""
         for event in self._decoder.feed(data):
             if isinstance(event, Frame):
                 self.carry_out(event)
@@ -267,7 +267,7 @@ class PythonBoard:
                 self.refuse(event.reason)
 
     def carry_out(self, frame: Frame) -> None:
-        """Does what a valid request asks for."""
+        """Carries out a valid request."""
         self._valid_s, self._silent = self.now_s, False
         row = BY_CODE[frame.code]
         handlers.REQUESTS[row.name](self, *frame.args)
@@ -285,7 +285,7 @@ class PythonBoard:
             self._answers.append(Answer(self.now_s + after_s, code, value))
 
     def _send_next(self) -> None:
-        """An answer or a frame of the stream; if both are due, by turns."""
+        """Sends a reply or a frame of the stream; if both are due, they take turns."""
         stream_due = (
             self.stream is not None and self._stream_due_s <= self.now_s and self._wanted_baud == self.baud
         )
@@ -312,7 +312,7 @@ class PythonBoard:
             self._stream_due_s = self._outgoing.free_s + wait_s
 
     def _send(self, code: int, value: int = 0) -> bool:
-        """Builds a reply of what holds now; False if there is nothing valid to send."""
+        """Builds and sends a reply with the values of now; False if there is nothing valid to send."""
         args = handlers.REPLIES[code](self, value)
         if args is None:
             return False
@@ -325,17 +325,16 @@ class PythonBoard:
         return True
 
     def _say(self, text: str) -> None:
-        """Free text for people, if it is asked for and fits behind what is to leave; lost while an answer waits for its
-        counters."""
+        """Sends a line of text in debug mode; it is lost if the queue is full or a reply waits for its counters."""
         line = text.encode() + b"\r\n"
         queued = (self._outgoing.free_s - self.now_s) / self._outgoing.byte_s - SENDING_BYTES
         if self.debug and self.now_s >= self._counts_s and queued + len(line) <= QUEUE_BYTES:
             self._outgoing.put(line, self.now_s)
 
-    # ---- what handlers use
+    # ---- methods for the handlers
 
     def start_stream(self, code: int, period_ms: int) -> None:
-        """Begins a stream; it replaces one that runs."""
+        """Starts a stream; it replaces a running one."""
         self.stream = Stream(code, period_ms / 1000.0)
         self._stream_due_s = self.now_s
 
@@ -345,21 +344,21 @@ class PythonBoard:
             self.stream = None
 
     def want_baud(self, row: int) -> None:
-        """Changes the line's speed to that of a row of `table.BAUDS`, once what is to be sent has left."""
+        """Changes the baud rate to a row of `table.BAUDS` after all waiting bytes have left."""
         self._wanted_baud = row
 
     def set_check(self, on: bool) -> None:
-        """Check value on or off, both ways."""
+        """Turns the checksum on or off in both directions."""
         self._decoder.checked = on
 
     def refuse(self, reason: str) -> None:
-        """Counts a refusal, and says so in debug."""
+        """Counts a refusal, and reports it in debug mode."""
         self.health.count(reason)
         self._say("[ERROR] " + reason)
 
     @property
     def motor_board(self) -> Omni3MD:
-        """The motor board on the plant."""
+        """The plant's motor board."""
         return self.plant.motor_board
 
     def motor_there(self) -> bool:
@@ -367,7 +366,7 @@ class PythonBoard:
         return self.motors.there(self.now_s)
 
     def stop_motors(self, reason: str) -> None:
-        """The motor board's own stop, at once."""
+        """Sends the motor board's own stop command at once."""
         self.motors.stop(self.now_s, reason)
 
     def adc(self, channel: int) -> int:

@@ -1,4 +1,4 @@
-"""Registry of what each row of the table does on the Python board, and what its handlers share."""
+"""Registry of the Python board's handlers for the rows of the table, and code that the handlers share."""
 
 from typing import TYPE_CHECKING, Callable, Dict, Optional, Tuple
 
@@ -10,19 +10,19 @@ if TYPE_CHECKING:
 Values = Optional[Tuple[int, ...]]
 Builder = Callable[["PythonBoard", int], Values]
 REQUESTS: Dict[str, Callable[..., None]] = {}
-"""By row name: called with the board and the request's arguments."""
+"""Request handlers by row name; called with the board and the request's arguments."""
 REPLIES: Dict[int, Builder] = {}
-"""By reply code: called with the board and a reminder; None if there is nothing valid to send."""
+"""Reply builders by code; called with the board and the value given to `ask`; None if there is nothing to send."""
 
 
 def request(handler: Callable[..., None]) -> Callable[..., None]:
-    """Registers the handler of the row of that name."""
+    """Registers a function as the handler of the row with its name."""
     REQUESTS[handler.__name__] = handler
     return handler
 
 
 def reply(name: str) -> Callable[[Builder], Builder]:
-    """Registers what builds the reply of row `name`."""
+    """Registers a function as the builder of the reply of row `name`."""
 
     def register(builder: Builder) -> Builder:
         REPLIES[BY_NAME[name].code] = builder
@@ -32,7 +32,7 @@ def reply(name: str) -> Callable[[Builder], Builder]:
 
 
 def asks(*names: str) -> None:
-    """Registers rows that do nothing but answer."""
+    """Registers rows that only reply."""
     for name in names:
         code = BY_NAME[name].code
         REQUESTS[name] = lambda board, code=code: board.ask(code)

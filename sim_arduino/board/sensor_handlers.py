@@ -1,4 +1,4 @@
-"""Rows of the table that read encoders, sonars and environment sensors, once or as a stream."""
+"""Handlers of the requests that read encoders, sonars and environment sensors, once or as a stream."""
 
 import math
 from typing import TYPE_CHECKING, Callable, Dict, Optional, Tuple
@@ -82,7 +82,7 @@ def _ask(board: "PythonBoard", sensor: Sensor) -> None:
 
 
 def _values(board: "PythonBoard", sensor: Sensor) -> Values:
-    """What a sensor answers; None without an answer on the bus."""
+    """The values of a sensor; None if it does not answer on the bus."""
     where = sensor.i2c
     if where is None:
         return (PINS[sensor.name](board),)
@@ -99,7 +99,10 @@ def _wire(field: Field, data: bytes, per_unit: float) -> int:
 
 
 def read_registers(board: "PythonBoard", sensor: Sensor, count: int) -> Optional[bytes]:
-    """Registers of an I2C sensor, or None if it does not answer; absence of one that may be absent is no fault."""
+    """Registers of an I2C sensor, or None if it does not answer.
+
+    A missing sensor is a fault only if the build always has it.
+    """
     assert sensor.i2c is not None
     slave = board.plant.i2c[sensor.i2c.address]
     there = slave.write(bytes([sensor.i2c.register]), board.now_s)
@@ -117,11 +120,11 @@ PINS: Dict[str, Callable[["PythonBoard"], int]] = {
     "light": lambda board: board.adc(2),
     "dust": _dust_value,
 }
-"""Sensors on the Uno's own pins."""
+"""Values of the sensors on the Uno's own pins."""
 
 
 def _register(sensor: Sensor) -> None:
-    """The request and the reply of a sensor's row."""
+    """Registers the request and the reply of a sensor's row."""
     name = sensor.command.name
     REQUESTS[name] = lambda board: _ask(board, sensor)
     reply(name)(lambda board, _: _values(board, sensor))
@@ -172,7 +175,7 @@ def stop_compass_stream(board: "PythonBoard") -> None:
 
 
 def _counts_or_none_needed(board: "PythonBoard") -> Values:
-    """Counts, or what sensor boards without motors have sent since 2013 in their place."""
+    """Counts, or the value 999 that boards without motors have sent instead since 2013."""
     if board.config["robot_id"] > 5 and not board.motors.ever_found:
         return 999, 999
     return board.motors.encoders(board.now_s)

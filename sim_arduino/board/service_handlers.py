@@ -1,4 +1,4 @@
-"""Rows of the table about the board itself: identity, health, check, watchdog, configuration, radio."""
+"""Handlers of the requests about the board: identity, status, checksum, watchdog, configuration, radio."""
 
 from typing import TYPE_CHECKING
 
@@ -59,7 +59,7 @@ def _counters(board: "PythonBoard", _: int) -> Values:
     return tuple(board.health.counters[reason.name] for reason in REASONS)
 
 
-# ---- check, watchdog, configuration
+# ---- checksum, watchdog, configuration
 
 
 @request
@@ -98,7 +98,7 @@ def write_config(board: "PythonBoard", index: int, value: int) -> None:
 
 @request
 def save_config(board: "PythonBoard") -> None:
-    """36: the answer comes when the last byte is written."""
+    """36: the reply comes after the last byte is written."""
     changed = board.config.save()
     board.health.set_fault("eeprom", False)
     board.ask(BY_NAME["save_config"].code, 1, after_s=EEPROM_LOOK_S + changed * EEPROM_BYTE_S)
@@ -123,7 +123,7 @@ REPLIES[BY_NAME["write_config"].code] = _config
 
 @request
 def set_baud(board: "PythonBoard", rate: int) -> None:
-    """45: the change comes once the answer has left."""
+    """45: the baud rate changes after the reply has left."""
     board.ask(BY_NAME["set_baud"].code, rate)
     board.want_baud(rate)
 
@@ -141,7 +141,7 @@ def _watchdog(board: "PythonBoard", _: int) -> Values:
     return (board.watchdog_ms,)
 
 
-# ---- radio: no build of this board has one
+# ---- radio: the emulated board has none
 
 
 @request

@@ -1,4 +1,4 @@
-"""The board's side of the sonars: power, triggers, and wire values out of ADC counts."""
+"""The board's side of the sonars: power, triggers, and conversion of ADC counts to wire values."""
 
 import math
 from typing import Callable, List
@@ -11,17 +11,17 @@ from .parameter_store import Config
 
 WARM_UP_S = START_S + 0.006
 ROUND_S = 0.312
-"""Time from one trigger of the chain to the next: three readings and their margin [s]."""
+"""Time from one trigger of the chain to the next [s]: three readings and a margin."""
 SONARS = 3
 LOWEST_COUNT, NOTHING_FROM, HIGHEST_COUNT = 10, 640, 700
 """ADC counts: below the lowest nothing is connected, above the highest the input is saturated."""
 
 
 class SonarTask:
-    """Powers the sonars at `start_s` [s] and keeps their chain firing.
+    """Powers the sonars at `start_s` [s] and triggers their chain again and again.
 
     Attributes:
-        next_s: When `run` has something to do [s].
+        next_s: Time of the next trigger, when `run` must be called [s].
     """
 
     def __init__(self, plant: Plant, config: Config, adc: Callable[[int], int], start_s: float) -> None:
@@ -32,7 +32,7 @@ class SonarTask:
         self.next_s = start_s + WARM_UP_S
 
     def run(self, now_s: float) -> None:
-        """Triggers the chain if that is due."""
+        """Triggers the chain if the trigger is due."""
         if self.next_s <= now_s:
             self._plant.pin_changed(SONAR_TRIGGER, 1, now_s)
             self._plant.pin_changed(SONAR_TRIGGER, 0, now_s)
@@ -40,7 +40,7 @@ class SonarTask:
             self.next_s = now_s + ROUND_S
 
     def values(self, now_s: float) -> List[int]:
-        """Front, left, right on the wire [cm]; -1 until a sensor has made its first reading."""
+        """Wire values of front, left, right [cm]; -1 until a sensor has made its first reading."""
         return [
             self._value(channel) if now_s >= self._first_s + READING_S * (channel + 1) else SONAR_INVALID
             for channel in range(SONARS)

@@ -1,25 +1,25 @@
-"""The serial line in time: bytes take their turn, each for the time of its ten bits."""
+"""Timing of the serial line: bytes follow each other, and each takes the time of its ten bits."""
 
 import math
 from collections import deque
 from typing import Deque, Optional, Tuple
 
 OUT_BYTE_S = 85.0e-6
-"""One byte from a Uno set to 115200 baud; it really sends at 117647."""
+"""Time of one byte from a Uno set to 115200 baud [s]; its real baud rate is 117647."""
 IN_BYTE_S = 10.0 / 115200.0
-"""One byte from the host."""
+"""Time of one byte from the host [s]."""
 _ROUNDING_S = 1e-9
 
 
 class Outgoing:
-    """Bytes on their way to the host, one each `byte_s` [s]."""
+    """Bytes on their way to the host; each takes `byte_s` [s]."""
 
     def __init__(self) -> None:
         self.free_s, self.byte_s = 0.0, OUT_BYTE_S
         self._chunks: Deque[Tuple[float, bytes]] = deque()
 
     def put(self, data: bytes, at_s: float) -> None:
-        """Sends `data` from `at_s` [s] on, behind what is still on the line."""
+        """Sends `data` from `at_s` [s] on, after the bytes that are still on the line."""
         start = max(at_s, self.free_s)
         self.free_s = start + len(data) * self.byte_s
         self._chunks.append((start, data))
@@ -41,7 +41,7 @@ class Outgoing:
 
     @property
     def next_s(self) -> float:
-        """When the frame at the head of the line has left [s]; infinite if none is there."""
+        """Time at which the first frame on the line has left [s]; infinite if the line is empty."""
         if not self._chunks:
             return math.inf
         start, data = self._chunks[0]
@@ -49,8 +49,9 @@ class Outgoing:
 
 
 class Incoming:
-    """Bytes on their way from the host, one each `byte_s` [s]; cut behind each frame end, where the board may have
-    something to do.
+    """Bytes on their way from the host; each takes `byte_s` [s].
+
+    They are cut after each end of a frame, where the board may have something to do.
     """
 
     def __init__(self) -> None:
@@ -58,7 +59,7 @@ class Incoming:
         self._pieces: Deque[Tuple[float, bytes]] = deque()
 
     def put(self, data: bytes, at_s: float) -> None:
-        """The first byte is on the line from `at_s` [s], or behind what is still there."""
+        """Puts bytes on the line at `at_s` [s], or after the bytes that are still there."""
         start = max(at_s, self._free_s)
         done = 0
         for piece in data.split(b"e"):
@@ -70,7 +71,7 @@ class Incoming:
 
     @property
     def next_s(self) -> float:
-        """When the last byte of the next piece is in [s]; infinite if the line is empty."""
+        """Time at which the last byte of the next piece has arrived [s]; infinite if the line is empty."""
         return self._pieces[0][0] if self._pieces else math.inf
 
     def take(self) -> bytes:
@@ -78,13 +79,13 @@ class Incoming:
         return self._pieces.popleft()[1]
 
     def clear(self) -> None:
-        """Loses what is on the line."""
+        """Drops all bytes on the line."""
         self._pieces.clear()
         self._free_s = 0.0
 
 
 class Ring:
-    """The 2013 board's input buffer: what does not fit is lost."""
+    """The input buffer of the 2013 board; bytes that do not fit are lost."""
 
     def __init__(self, size: int) -> None:
         self.size = size
@@ -92,7 +93,7 @@ class Ring:
         self._bytes: Deque[int] = deque()
 
     def put(self, data: bytes) -> None:
-        """Stores what fits."""
+        """Stores the bytes that fit."""
         fits = max(0, self.size - len(self._bytes))
         self._bytes.extend(data[:fits])
         self.lost += len(data) - len(data[:fits])
