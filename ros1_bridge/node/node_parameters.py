@@ -17,20 +17,28 @@ def _speeds(linear: str, angular: str, linear_m_s: float = 0.25, angular_rad_s: 
 
 
 GO_TO_GOAL = (
-    *_speeds("Speed on free ways", "Yaw rate"),
-    Row("avoid", bool, True, "", "Go around what the sonars see"),
+    *_speeds("Speed on a free path", "Yaw rate"),
+    Row("avoid", bool, True, "", "Avoid obstacles that the sonars see"),
     Row(
-        "patience", float, PATIENCE_S, "s", "A goal that comes no nearer for so long is aborted", 1.0, 3600.0
+        "patience",
+        float,
+        PATIENCE_S,
+        "s",
+        "Abort the goal if the robot comes no closer for this long",
+        1.0,
+        3600.0,
     ),
 )
 WORLD_NODE = (
-    Row("world", str, "room", "", "World by name, or path of a .yaml"),
-    Row("world_name", str, "world", "", "Name by which the boards share it"),
-    Row("only", str, "", "", "Serve this robot alone, without its name as namespace; empty: all robots"),
-    Row("prefix", str, "", "", "Goes before that robot's frames"),
+    Row("world", str, "room", "", "Name of a world, or path of a .yaml file"),
+    Row("world_name", str, "world", "", "Name under which the boards share the world"),
+    Row("only", str, "", "", "Serve only this robot, without its name as namespace; empty: all robots"),
+    Row("prefix", str, "", "", "Prefix of that robot's frames"),
     Row("map_frame", str, "map", "", "Frame of the map"),
     Row("resolution", float, 0.025, "m", "Side of a map cell", 0.005, 1.0),
-    Row("localise", bool, True, "", "Publish the true map to odom on /tf; false beside amcl or gmapping"),
+    Row(
+        "localise", bool, True, "", "Publish the true map to odom on /tf; set false if amcl or gmapping does"
+    ),
 )
 TELEOP_KEYBOARD = _speeds("Speed forward and back", "Yaw rate", LINEAR_M_S, ANGULAR_RAD_S)
 TELEOP_JOYSTICK = (

@@ -12,7 +12,7 @@ from mrl_driver.transport.baud_rates import demand_raisable
 from ros1_bridge.control.zone_feed import demand_zones
 
 BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 250000, 500000, 1000000)
-_OWN = "0 is the model's own, which is also the most"
+_OWN = "0 uses the model's limit, which is also the maximum"
 
 
 class Row(NamedTuple):
@@ -34,56 +34,58 @@ class Row(NamedTuple):
 
 ROWS = (
     Row("port", str, None, "", "Serial port of the board, such as /dev/ttyACM0, or tcp://HOST:PORT"),
-    Row("port_timeout", float, 0.0, "s", "Wait so long for the port to appear", 0.0, 600.0),
+    Row("port_timeout", float, 0.0, "s", "Wait this long for the port to appear", 0.0, 600.0),
     Row("baud", int, 115200, "baud", "Speed of the serial port", choices=BAUDS),
     Row(
         "fast",
         bool,
         False,
         "",
-        "Raise the line to 500000 baud where board and line can; rates above 200 Hz need it",
+        "Raise the serial link to 500000 baud if board and adapter can; rates above 200 Hz need it",
     ),
     Row(
         "robot",
         str,
         "auto",
         "",
-        "Model name, path of a robot's .yaml file, or auto: by the robot id of the board",
+        "Model name, path of a robot's .yaml file, or auto: chosen by the robot id of the board",
     ),
     Row("odom_frame", str, "odom", "", "Frame of the pose"),
-    Row("base_frame", str, "base_link", "", "Frame of the robot; sonar frames take its prefix"),
-    Row("publish_tf", bool, True, "", "Publish odom_frame to base_frame on /tf; false beside an EKF"),
+    Row("base_frame", str, "base_link", "", "Frame of the robot; sonar frames use its prefix"),
+    Row("publish_tf", bool, True, "", "Publish odom_frame to base_frame on /tf; set false if an EKF does"),
     Row(
         "publish_mounts",
         bool,
         True,
         "",
-        "Publish base_frame to the sonars; false beside robot_state_publisher",
+        "Publish base_frame to the sonars; set false if robot_state_publisher does",
     ),
-    Row("rate", float, 50.0, "Hz", "Rate of odom, as the board streams", 1.0, 400.0),
-    Row("cmd_vel_timeout", float, 0.5, "s", "The robot stops when cmd_vel is silent for so long", 0.05, 10.0),
-    Row("max_linear_speed", float, 0.0, "m/s", f"Fastest way forward or back; {_OWN}", 0.0, 10.0),
-    Row("max_angular_speed", float, 0.0, "rad/s", f"Fastest turn; {_OWN}", 0.0, 100.0),
-    Row("max_linear_acceleration", float, 0.0, "m/s2", f"Speeding up, not slowing down; {_OWN}", 0.0, 100.0),
+    Row("rate", float, 50.0, "Hz", "Rate of odom and of the board's stream", 1.0, 400.0),
+    Row(
+        "cmd_vel_timeout", float, 0.5, "s", "The robot stops if no cmd_vel arrives for this long", 0.05, 10.0
+    ),
+    Row("max_linear_speed", float, 0.0, "m/s", f"Highest speed forward or back; {_OWN}", 0.0, 10.0),
+    Row("max_angular_speed", float, 0.0, "rad/s", f"Highest yaw rate; {_OWN}", 0.0, 100.0),
+    Row("max_linear_acceleration", float, 0.0, "m/s2", f"Limit for speeding up only; {_OWN}", 0.0, 100.0),
     Row("max_angular_acceleration", float, 0.0, "rad/s2", f"The same for turns; {_OWN}", 0.0, 1000.0),
     Row("clear_with_max_range", bool, False, "", "Sonars that see nothing report max_range instead of +Inf"),
-    Row("reconnect", bool, True, "", "Search a port that went away; false ends the node"),
-    Row("ignore_battery", bool, False, "", "Start, and drive on, with an empty battery"),
+    Row("reconnect", bool, True, "", "Search for a lost port; false ends the node"),
+    Row("ignore_battery", bool, False, "", "Start, and keep driving, with an empty battery"),
     Row("allow_calibration", bool, False, "", "Offer the service calibrate, which turns the wheels"),
-    Row("allow_gains", bool, False, "", "Offer gains by dynamic_reconfigure; the motor board stores them"),
+    Row("allow_gains", bool, False, "", "Offer gains in dynamic_reconfigure; the motor board stores them"),
     Row(
         "parts",
         str,
         "all",
         "",
-        "What the node does: all, or some of odometry, sonars, commands, status, sensors",
+        "Parts that the node runs: all, or some of odometry, sonars, commands, status, sensors",
     ),
     Row(
         "zones",
         str,
         "none",
         "",
-        "What the warning and the protective zone are watched by",
+        "Sensors that watch the warning and the protective zone",
         choices=("none", "sonars", "scan", "both"),
     ),
     Row(
@@ -91,7 +93,7 @@ ROWS = (
         float,
         0.5,
         "m",
-        "Before the body: nearer things slow the robot, at speed earlier",
+        "Obstacles closer to the body than this slow the robot; the distance grows with speed",
         0.0,
         10.0,
     ),
@@ -100,13 +102,19 @@ ROWS = (
         float,
         0.2,
         "m",
-        "Before the body: nearer things stop it, at speed earlier",
+        "Obstacles closer to the body than this stop the robot; the distance grows with speed",
         0.0,
         10.0,
     ),
-    Row("zone_slow_speed", float, 0.1, "m/s", "The warning zone slows no further", 0.01, 10.0),
+    Row("zone_slow_speed", float, 0.1, "m/s", "Lowest speed that the warning zone sets", 0.01, 10.0),
     Row(
-        "zone_braking", float, 0.0, "m/s2", "Surely reached; 0 is the model's linear acceleration", 0.0, 100.0
+        "zone_braking",
+        float,
+        0.0,
+        "m/s2",
+        "Braking deceleration the robot always reaches; 0 uses the model's linear acceleration",
+        0.0,
+        100.0,
     ),
     Row("zone_reaction", float, 0.5, "s", "Twice the delays of sensors and commands together", 0.0, 10.0),
     Row(
@@ -114,11 +122,19 @@ ROWS = (
         float,
         0.05,
         "m",
-        "A zone is clear again when the way is free by so much more",
+        "A zone is clear again if the free distance exceeds it by this much",
         0.0,
         1.0,
     ),
-    Row("zone_clearance", float, 0.05, "m", "What is so near beside the body's way is in it", 0.0, 1.0),
+    Row(
+        "zone_clearance",
+        float,
+        0.05,
+        "m",
+        "Obstacles within this distance of the swept path count as in the way",
+        0.0,
+        1.0,
+    ),
 )
 PARTS = ("odometry", "sonars", "commands", "status", "sensors")
 """The parts that robot_node can have."""

@@ -38,8 +38,8 @@ def limits_description(model: RobotModel, start: Limits) -> Description:
     own = model.limits
     return Description(
         (
-            Value(LIMITS[0], start[0], 0.01, own[0], "Fastest way forward or back [m/s]"),
-            Value(LIMITS[1], start[1], 0.01, own[1], "Fastest turn [rad/s]"),
+            Value(LIMITS[0], start[0], 0.01, own[0], "Highest speed forward or back [m/s]"),
+            Value(LIMITS[1], start[1], 0.01, own[1], "Highest yaw rate [rad/s]"),
             Value(LIMITS[2], start[2], 0.01, own[2], "Speeding up [m/s2]"),
             Value(LIMITS[3], start[3], 0.01, own[3], "Speeding up a turn [rad/s2]"),
         )
