@@ -4,6 +4,8 @@ MINUTES ?= 10
 .PHONY: fuzz soak
 fuzz: setup pc-firmware ## Damage frames and feed the decoders random bytes for MINUTES=n each; build/bench/reliability.json
 	$(PY) -m tests.fuzz --minutes $(MINUTES)
+	$(PY) -m tests.fuzz.greetings
+	$(PY) -m tests.fuzz.greetings --board august --greetings 500
 	cd $(PC_BUILD) && ./fuzz_firmware -max_total_time=$$(( $(MINUTES) * 60 )) -print_final_stats=1
 
 soak: setup firmware ## Kill, unplug, stop, close again and again, then drive on for MINUTES=n; build/bench/reliability.json

@@ -4,12 +4,13 @@ This module does no I/O: frames and time go in, requests come out.  The robot st
 
 A damaged frame without a checksum may look like a good one.  A board that supports checksums is therefore asked twice
 for its identity and capabilities: the second time after the checksum is on, before anything else is set.  If a board
-has no checksums, `ALIKE` equal answers in a row are required.
+has no checksums, `ALIKE` equal answers in a row are required.  An answer that refuses the board ends the session:
+without a checksum it must come `ALIKE_TO_REFUSE` times in a row.
 """
 
 from typing import Callable, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Tuple
 
-from mrl_driver.errors import BoardError, BoardTimeout, NotARobot, WrongRobot
+from mrl_driver.errors import BoardError, BoardTimeout, MrlError, NotARobot, WrongRobot
 from mrl_driver.protocol.codec import Frame
 from mrl_driver.protocol.table import BY_NAME, CAPABILITIES, PROTOCOL_VERSION
 
@@ -24,8 +25,8 @@ restarted, or turned checksums off, while this program was not running.
 """
 DEAF = 6
 """After this many `robot_info` replies without a `read_protocol` reply, treat the board as 2013 firmware."""
-ALIKE = 3
-"""Number of equal answers in a row required from a board without checksums."""
+ALIKE, ALIKE_TO_REFUSE = 3, 5
+"""Number of equal answers in a row required to accept, or to refuse, a board that answers without a checksum."""
 NEAR_V, NEAR_DEGC = 0.5, 5.0
 """Battery and temperature readings count as equal if they differ by less than this [V, degC]."""
 JUNK_S = 4.0
@@ -244,8 +245,15 @@ class Handshake:
         if not checked and self._alike < ALIKE:
             self.hurry(now)
             return
+        try:
+            stream = self._admit(board)
+        except MrlError:
+            if checked or self._alike >= ALIKE_TO_REFUSE:
+                raise
+            self.hurry(now)
+            return
         again, self._sure = self.board is not None, checked
-        self._stream = self._admit(board) or "start_stream"
+        self._stream = stream or "start_stream"
         self.board = board
         if not again:
             self._steps, self._deaf = self._program(), 0
@@ -254,7 +262,8 @@ class Handshake:
     def _on_protocol(self, args: Tuple[int, ...], now: float, checked: bool) -> None:
         self._alike = self._alike + 1 if args == self._protocol else 1
         self._protocol, self._deaf = args, 0
-        if not checked and self._alike < ALIKE and not (self._plan.check and _can_check(args)):
+        enough = ALIKE if args[0] == PROTOCOL_VERSION else ALIKE_TO_REFUSE
+        if not checked and self._alike < enough and not (self._plan.check and _can_check(args)):
             self.hurry(now)
             return
         self._learn(args)

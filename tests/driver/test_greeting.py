@@ -7,7 +7,7 @@ import pytest
 from mrl_driver.errors import BatteryDead, WrongRobot
 from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder, encode_reply
 from mrl_driver.robot.robot_state import RobotState
-from mrl_driver.session.handshake import Plan
+from mrl_driver.session.handshake import ALIKE, Plan
 from mrl_driver.session.session import Ready, Session, Stale
 from tests.fake_board import FakeBoard
 
@@ -177,6 +177,54 @@ def test_a_battery_that_is_empty_each_time_is_believed():
     board.battery = 120
     with pytest.raises(BatteryDead, match="reads 1.20 V"):
         Talk(board, RobotState(None).admit).run(3.0)
+
+
+@pytest.mark.parametrize(
+    ("good", "damaged"),
+    [
+        (b"@5,2500,172,1200,2,1e", b"@5,2500,172,120,2,1e"),
+        (b"@5,2500,172,1200,2,1e", b"@5,2500,172,1200,2,99e"),
+        (b"@29,2,31e", b"@29,3,30e"),
+    ],
+    ids=["battery", "robot id", "protocol"],
+)
+def test_three_damaged_answers_that_agree_refuse_no_board(good, damaged):
+    """The line spoils each of the first answers in the same way."""
+    talk, spoiled = Talk(FakeBoard(), RobotState(None).admit), []
+
+    def spoil(data):
+        if good in data and len(spoiled) < ALIKE:
+            spoiled.append(data)
+            return data.replace(good, damaged)
+        return data
+
+    talk.to_host = spoil
+    talk.until_ready()
+    assert (len(spoiled), talk.session.board.robot_id) == (ALIKE, 1)
+
+
+def test_a_board_of_another_protocol_is_refused():
+    talk = Talk(FakeBoard(), RobotState(None).admit)
+    talk.to_host = lambda data: data.replace(b"@29,2,", b"@29,3,")
+    with pytest.raises(WrongRobot, match="speaks protocol 3"):
+        talk.run(3.0)
+
+
+def test_a_refusal_under_the_check_value_needs_one_answer():
+    """Plain answers said 12 V; the board says 1.2 V."""
+    board = FakeBoard()
+    board.battery = 120
+    talk, checked = Talk(board, RobotState(None).admit), []
+
+    def spoil(data):
+        if talk.session.checked and b"@5," in data:
+            checked.append(data)
+        return data.replace(b"@5,2500,172,120,2,1e", b"@5,2500,172,1200,2,1e")
+
+    talk.to_host = spoil
+    with pytest.raises(BatteryDead):
+        talk.run(3.0)
+    assert len(checked) == 1
 
 
 def test_a_wrong_robot_is_refused_though_each_third_answer_is_lost():
