@@ -362,6 +362,75 @@ def test_a_stop_drops_the_move_that_is_being_tried_again(bench):
     assert board.writes() == [STOP]
 
 
+def refuse(board, code, times):
+    """The motor board refuses this command so many times."""
+    left = [True] * times
+    board.board.nack = lambda address, data: data[0] == code and bool(left) and left.pop()
+
+
+def test_a_stop_drops_the_move_that_hangs_on_the_bus(bench):
+    """It comes after the move has begun, and before that is taken for hung."""
+    board = bench()
+    board.board.hang_bus(True, recoveries=1)
+    board.raw(b"@11,100,0e", wait_s=0.003)
+    board.raw(b"@13e", wait_s=0.1)
+    assert board.writes() == [STOP]
+
+
+def test_a_move_after_a_stop_is_tried_again(bench):
+    board = bench()
+    board.raw(b"@11,100,0e@13e")
+    refuse(board, 0xEB, 1)
+    board.raw(b"@11,200,0e")
+    assert board.writes(0xEB)[-1] == b"\xeb\x00\xc8\x00\x00"
+
+
+def test_refusals_of_two_moves_are_not_added_up(bench):
+    """Four in a row mean that the motor board is gone."""
+    board = bench()
+    for speed in (b"100", b"200"):
+        refuse(board, 0xEB, 3)
+        board.raw(b"@11," + speed + b",0e")
+    assert board.writes() == [b"\xeb\x00\x64\x00\x00", b"\xeb\x00\xc8\x00\x00"]
+
+
+def test_two_hangs_in_a_row_lose_the_motor_board(bench):
+    """Its move is not carried out when the bus is free again."""
+    board = bench()
+    board.board.hang_bus(True, recoveries=2)
+    board.raw(b"@11,100,0e", wait_s=0.3)
+    assert board.writes(0xEA) and not board.writes(0xEB)
+
+
+def test_moves_that_wait_when_the_motor_board_is_lost_are_counted(bench):
+    """The first of three is on the bus."""
+    board = bench()
+    board.board.nack = lambda address, data: True
+    board.raw(b"@11,100,0e@11,110,0e@11,120,0e", wait_s=0.03)
+    assert board.counter("unavailable") == 2
+
+
+def test_a_lost_motor_board_is_asked_once_at_a_time(bench):
+    board, asked_s = bench(), []
+    board.board.nack = lambda address, data: asked_s.append(board.board.now_s) or True
+    board.run(0.1)
+    asked_s.clear()
+    board.run(3.0)
+    assert min(after - before for before, after in zip(asked_s, asked_s[1:])) > 0.04
+
+
+@pytest.mark.parametrize("part", [0xEA, 0xF4, 0xEC, 0xF1], ids=["geometry", "gains", "ramp", "timeout"])
+def test_a_part_of_the_set_up_that_was_refused_is_sent_again(bench, part):
+    board = bench()
+    board.plant.motor_board.present = False
+    board.run(0.2)
+    board.forget()
+    board.plant.motor_board.present = True
+    refuse(board, part, 1)
+    board.run(0.3)
+    assert sorted(data[0] for data in board.writes()) == [0xEA, 0xEC, 0xF1, 0xF4, 0xFC]
+
+
 def test_a_hung_bus_is_flagged_and_does_not_block(bench):
     board = bench()
     board.board.hang_bus(True)
