@@ -72,7 +72,7 @@ ifneq ($(MISSING),)
 	@$(APT_GET) install -yq -o Dpkg::Use-Pty=0 --no-install-recommends $(MISSING)
 endif
 
-check: setup ## Format, lint, types, generated files, import rules
+check: setup ## Format, lint, types, generated files, import rules, plain English
 	$(VENV)/bin/ruff format --check -q .
 	$(VENV)/bin/ruff check -q .
 	$(VENV)/bin/mypy
@@ -80,6 +80,7 @@ check: setup ## Format, lint, types, generated files, import rules
 	$(VENV)/bin/lint-imports --no-logo >build/imports.log || { cat build/imports.log >&2; exit 1; }
 	$(PY) -m mrl_driver.generate --check
 	$(PY) -m ros1_bridge.description --check
+	$(PY) -m tests.documents.plain_english
 
 test: apt ## Set everything up and run all tests
 	@$(MAKE) --no-print-directory -j3 -Otarget check firmware pc-firmware

@@ -278,9 +278,9 @@ def supervise(run: Run, plan: Plan) -> int:
 
 @click.command()
 @click.option("--robot", metavar="NAME|FILE", help="Model; the board's own by default, emulated: traxbot.")
-@click.option("--port", default="", help="Serial port of a real robot, which is never moved unasked.")
+@click.option("--port", default="", help="Serial port of a real robot; it moves only when you press a key.")
 @click.option("--engine", type=click.Choice(["avr", "python"]), help="What the emulated board runs on.")
-@click.option("--duration", type=Between(min=0.1), help="End after so many seconds of odometry.")
+@click.option("--duration", type=Between(min=0.1), help="End after this many seconds of odometry.")
 @click.option(
     "--logs", type=click.Path(path_type=Path, file_okay=False), default=LOGS, help="Folder of the logs."
 )

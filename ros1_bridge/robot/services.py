@@ -31,7 +31,7 @@ class Services:
         try:
             self._commander.latch()
         except MrlError as error:
-            return False, f"latched, but the robot cannot be told: {error}"
+            return False, f"latched, but the robot cannot be reached: {error}"
         return True, "stopped; release_stop lets the robot follow commands again"
 
     def release_stop(self) -> Answer:
@@ -46,7 +46,7 @@ class Services:
         try:
             self._commander.enable(enabled)
         except MrlError as error:
-            return False, f"disabled, but the robot cannot be told: {error}"
+            return False, f"disabled, but the robot cannot be reached: {error}"
         return True, "enabled" if enabled else "stopped and disabled"
 
     def calibrate(self) -> Answer:

@@ -64,7 +64,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     await_master(rosgraph.get_master_uri(), rospy.logwarn)
     rospy.init_node("teleop_keyboard", argv=argv or sys.argv)
     if not sys.stdin.isatty():
-        rospy.logfatal("stdin is no terminal; start the node in one, not in the background")
+        rospy.logfatal("stdin is not a terminal; start the node in one, not in the background")
         return 2
     try:
         node = TeleopKeyboard()

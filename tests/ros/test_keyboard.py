@@ -64,4 +64,4 @@ def test_ctrl_c_amid_driving_is_a_stop(keys):
 def test_node_without_a_terminal_says_so(rig):
     node = rig.start("keyboard", str(NODE), f"__ns:={rig.ns}")
     assert node.wait(START_S) and node.exit_code == 2
-    assert any("stdin is no terminal" in line for line in node.output())
+    assert any("stdin is not a terminal" in line for line in node.output())
