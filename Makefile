@@ -94,7 +94,7 @@ test: apt ## Set everything up and run all tests
 bench-firmware: setup firmware ## Measure the firmware image on the simulated chip; build/bench/firmware.json
 	$(PY) -m tests.bench.bench_firmware
 
-bench-host: setup ## Measure codec, odometry, recording and the driver alone; build/bench/host.json
+bench-host: setup ## Measure codec, recording and the driver alone; build/bench/host.json
 	$(PY) -m tests.bench.bench_host
 	$(PY) -m tests.bench.bench_recording
 

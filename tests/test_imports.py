@@ -49,3 +49,10 @@ def test_driver_loads_neither_numpy_nor_a_terminal_library():
     code = "import sys, mrl_driver.driver; print([m for m in ('numpy', 'rich', 'click') if m in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("module", ["plot", "summary", "timeline"])
+def test_recordings_are_read_without_ports(module):
+    code = f"import sys, mrl_driver.recording.{module}; print(*sys.modules)"
+    out = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert not [name for name in out.stdout.split() if name.startswith(("serial", "mrl_driver.transport"))]

@@ -6,10 +6,10 @@ from typing import List, NamedTuple, Tuple
 import numpy as np
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.protocol.codec import REPLIES, REQUESTS, Frame, FrameDecoder
+from mrl_driver.protocol.codec import Frame
 from mrl_driver.protocol.table import BY_CODE, BY_NAME
-from mrl_driver.recording.recorded_link import CHECKED, PLAIN
-from mrl_driver.recording.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
+from mrl_driver.recording.decoded import Part, decode
+from mrl_driver.recording.recording import TO_BOARD, Recording
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.odometry import Odometry, Pose
 from mrl_driver.robot.robot_state import fastest_m_s
@@ -42,8 +42,8 @@ def read(path: str, model: RobotModel) -> Replayed:
         ConfigError: it cannot be read, is another robot's, holds no counts, or the counts jump in it.
     """
     reader = _Reader(model, path)
-    for time_s, way, data in Recording(path):
-        reader.take(time_s, way, data)
+    for part in decode(Recording(path)):
+        reader.take(part)
     if len(reader.rows) < 2:
         raise ConfigError(f"{path} holds {len(reader.rows)} readings of the counters, expected a drive")
     jumps = reader.odometry.baseline.refused
@@ -60,22 +60,18 @@ def run_of(path: str, end: Pose, model: RobotModel) -> Run:
 class _Reader:
     def __init__(self, model: RobotModel, path: str) -> None:
         self._model, self._path = model, path
-        self._said, self._asked = FrameDecoder(REPLIES), FrameDecoder(REQUESTS)
         self._version = 2
         self.odometry = Odometry(model.drive, fastest_m_s(model), exact_time=False)
         self.rows: List[Tuple[float, float, float, float]] = []
         self.requests: List[Tuple[float, Frame]] = []
 
-    def take(self, time_s: float, way: str, data: bytes) -> None:
-        """One entry of the recording."""
-        if way == REMARK and data in (CHECKED, PLAIN):
-            self._said.checked = self._asked.checked = data == CHECKED
-        elif way == TO_BOARD:
-            self.requests += [(time_s, event) for event in self._asked.feed(data) if isinstance(event, Frame)]
-        elif way == FROM_BOARD:
-            for event in self._said.feed(data):
-                if isinstance(event, Frame):
-                    self._frame(time_s, event)
+    def take(self, part: Part) -> None:
+        """One part of the recording."""
+        for event in part.events:
+            if isinstance(event, Frame) and part.way == TO_BOARD:
+                self.requests.append((part.time_s, event))
+            elif isinstance(event, Frame):
+                self._frame(part.time_s, event)
 
     def _frame(self, time_s: float, frame: Frame) -> None:
         if frame.code == _INFO:

@@ -5,11 +5,7 @@ from typing import Callable, Optional
 from mrl_driver.transport.link import Link
 from mrl_driver.transport.open_link import open_link
 
-from .recording import FROM_BOARD, REMARK, TO_BOARD, Recorder
-
-CHECKED, PLAIN = b"checked", b"plain"
-"""Remarks: from here on the board's frames carry a check value, or none."""
-
+from .recording import CHECKED, FROM_BOARD, OPENED, PLAIN, REMARK, TO_BOARD, Recorder
 
 Tap = Callable[[str, bytes], None]
 """Told of each chunk of bytes: which way (`>` to the board, `<` from it), and the bytes."""
@@ -71,7 +67,7 @@ class Tape:
     def open(self, port: str, baud: int, patience_s: float) -> RecordedLink:
         """A link that is listened to; as `open_link`."""
         link = RecordedLink(open_link(port, baud, patience_s), self._hear)
-        self._hear(REMARK, b"opened " + port.encode("utf-8", "replace"))
+        self._hear(REMARK, OPENED + port.encode("utf-8", "replace"))
         self._checked = None
         return link
 

@@ -23,6 +23,10 @@ from mrl_driver.errors import ConfigError
 
 VERSION = 1
 TO_BOARD, FROM_BOARD, REMARK = ">", "<", "!"
+OPENED = b"opened "
+"""A remark: the port that follows was opened."""
+CHECKED, PLAIN = b"checked", b"plain"
+"""Remarks: from here on the board's frames carry a checksum, or none."""
 _MAGIC = "#mrl-recording"
 FLUSH_S = 0.2
 _MOST_WAITING = 20000

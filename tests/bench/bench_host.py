@@ -1,4 +1,4 @@
-"""`make bench-host`: decoding, odometry and the driver's load.  Writes build/bench/host.json.
+"""`make bench-host`: decoding and the driver's load.  Writes build/bench/host.json.
 
 Rates count the CPU time of this process, which other processes hardly change; how fast that CPU is, and what shares
 its caches, shows in the references that run between the others: a bare loop that splits the same pieces and converts
@@ -12,12 +12,7 @@ import sys
 import time
 from typing import Callable, Dict, List, Tuple
 
-import numpy as np
-
 from mrl_driver.protocol.codec import REPLIES, FrameDecoder, Stamp, encode_reply
-from mrl_driver.recording.frame_arrays import decode_log
-from mrl_driver.recording.odometry_arrays import integrate
-from mrl_driver.robot import models
 from tests.bench import report
 
 FRAMES = 20000
@@ -28,9 +23,6 @@ DRIVER_RUNS, DRIVER_S = 5, 20
 GOALS = {
     "decode_frames_per_s": (">=", 0.8e6),
     "decode_checked_frames_per_s": (">=", 0.4e6),
-    "log_decode_frames_per_s": (">=", 3e6),
-    "log_decode_checked_frames_per_s": (">=", 0.8e6),
-    "odometry_poses_per_s": (">=", 5e6),
     "cpu_percent_driver_50hz": ("<=", 1.2),
 }
 
@@ -92,17 +84,6 @@ def bare_rate(data: bytes) -> float:
     return rate(FRAMES, work)
 
 
-def log_rate(data: bytes, checked: bool, copies: int = 10) -> float:
-    whole = data * copies
-    return rate(FRAMES * copies, lambda: decode_log(whole, checked) and None)
-
-
-def odometry_rate() -> float:
-    counts, times_s = np.array(drive(10 * FRAMES), np.int16)[:, :2], np.arange(10 * FRAMES) * 0.02
-    drive_ = models.load("traxbot").drive
-    return rate(len(counts), lambda: integrate(counts, times_s, drive_, 1.0) and None)
-
-
 def cpu_percent_50hz(module: str) -> float:
     """CPU of a process that runs `module` on an emulated board's stream of 50 frames a second [%]."""
     board = subprocess.Popen(
@@ -135,9 +116,6 @@ def main() -> None:
             "decode_frames_per_s": lambda: decode_rate(plain, False),
             "bare_split_checked_frames_per_s": lambda: bare_rate(checked),
             "decode_checked_frames_per_s": lambda: decode_rate(checked, True),
-            "log_decode_frames_per_s": lambda: log_rate(plain, False),
-            "log_decode_checked_frames_per_s": lambda: log_rate(checked, True),
-            "odometry_poses_per_s": odometry_rate,
         },
     )
     figures.update(

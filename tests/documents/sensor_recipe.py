@@ -4,8 +4,8 @@ import json
 import sys
 
 from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder
 from mrl_driver.protocol.table import SENSOR_BY_NAME
-from mrl_driver.recording import frame_arrays
 from mrl_driver.terminal import text
 from ros1_bridge.topics import sensor_topics
 from sim_arduino.serve import factory
@@ -54,8 +54,11 @@ def seen(engine, pose):
             "faults": robot.status.faults,
             "lost": robot.statistics.lost,
         }
-    frames = frame_arrays.decode_log(heard.data, checked=True).frames
-    result["recorded"] = frames[SENSOR_BY_NAME[NAME].code].args[-1].tolist()
+    frames = [
+        each for each in FrameDecoder(REPLIES, checked=True).feed(heard.data) if isinstance(each, Frame)
+    ]
+    code = SENSOR_BY_NAME[NAME].code
+    result["recorded"] = [list(frame.args) for frame in frames if frame.code == code][-1]
     message = Publisher.published[NAME]
     result["topic"] = [message.header.frame_id, message.temperature, message.variance]
     emulated.close()

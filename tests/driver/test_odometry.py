@@ -1,12 +1,9 @@
 import math
-import random
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrl_driver.recording.odometry_arrays import integrate
 from mrl_driver.robot.models import load
 from mrl_driver.robot.odometry import (
     CONFIRMATIONS,
@@ -23,8 +20,6 @@ from mrl_driver.robot.odometry import (
 DRIVE = load("traxbot").drive
 FASTEST_M_S = fastest_wheel_m_s(0.65, 5.0, DRIVE.wheel_separation_m)
 PERIOD_S = 0.02
-TWIN_M = 1e-9
-"""Scalar and vectorised odometry agree to this."""
 
 int16 = st.integers(-32768, 32767)
 
@@ -187,49 +182,6 @@ def test_no_reading_moves_the_robot_faster_than_its_wheels(readings):
             assert max(abs(right), abs(left)) * DRIVE.metres_per_count <= bound
 
 
-def a_drive(seed, jumps):
-    """(N, 2) counts and (N,) times of a random drive with wraps, and with damaged readings if `jumps`."""
-    rng = random.Random(seed)
-    right = left = rng.randint(-40000, 40000)
-    rows, times, time_s = [], [], 0.0
-    for _ in range(400):
-        right, left, time_s = right + rng.randint(-100, 150), left + rng.randint(-100, 150), time_s + PERIOD_S
-        if jumps and rng.random() < 0.01:
-            right = left = 0
-            rows.append((0, 0))
-        elif jumps and rng.random() < 0.02:
-            right += rng.choice([0, 12000])
-            rows.append((rng.randint(-32768, 32767), 0))
-        else:
-            rows.append((as_int16(right), as_int16(left)))
-        times.append(time_s)
-    return np.array(rows, dtype=np.int16), np.array(times)
-
-
-@pytest.mark.parametrize("exact", [True, False])
-@pytest.mark.parametrize("jumps", [False, True])
-@pytest.mark.parametrize("seed", range(5))
-def test_the_vectorised_twin_agrees(seed, jumps, exact):
-    counts, times_s = a_drive(seed, jumps)
-    odometry = Odometry(DRIVE, FASTEST_M_S, exact)
-    poses, used = [], []
-    for (right, left), time_s in zip(counts.tolist(), times_s.tolist()):
-        used.append(odometry.update(right, left, time_s))
-        poses.append(odometry.pose)
-    track = integrate(counts, times_s, DRIVE, FASTEST_M_S, exact)
-    assert track.used.tolist() == used
-    assert np.abs(track.poses - np.array(poses)).max() < TWIN_M
-
-
-def test_an_empty_recording_has_no_poses():
-    assert integrate(np.zeros((0, 2)), np.zeros(0), DRIVE, FASTEST_M_S).poses.shape == (0, 3)
-
-
-def test_a_recording_of_the_wrong_shape_is_refused():
-    with pytest.raises(ValueError, match="expected"):
-        integrate(np.zeros((3, 3)), np.zeros(3), DRIVE, FASTEST_M_S)
-
-
 def test_unequal_wheels_and_slip_turn_as_calibrated():
     """Right wheel 1 % larger, a tenth of each turn lost: 5000 counts each, and 5000 counts of the right one more."""
     drive = DRIVE._replace(wheel_offset=0.01, turn_slip=0.1)
@@ -243,17 +195,6 @@ def test_unequal_wheels_and_slip_turn_as_calibrated():
     odometry.update(10000, 5000, 2.0)
     turned = 5000 * DRIVE.metres_per_count * 1.005 * kept_rad_per_m
     assert wrap_angle(odometry.pose.yaw_rad - before) == pytest.approx(wrap_angle(turned))
-
-
-def test_vectorised_odometry_knows_unequal_wheels_and_slip():
-    drive = DRIVE._replace(wheel_offset=-0.02, turn_slip=0.15)
-    rng = random.Random(3)
-    counts = np.cumsum([(rng.randrange(-50, 90), rng.randrange(-50, 90)) for _ in range(300)], axis=0)
-    odometry = Odometry(drive, FASTEST_M_S)
-    for i, (right, left) in enumerate(counts.tolist()):
-        odometry.update(right, left, i * PERIOD_S)
-    track = integrate(counts, np.arange(300) * PERIOD_S, drive, FASTEST_M_S)
-    assert np.abs(track.poses[-1] - odometry.pose).max() < TWIN_M
 
 
 def distance_m(readings, exact):

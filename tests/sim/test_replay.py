@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import pathlib
 import subprocess
 import sys
 import threading
@@ -13,7 +14,6 @@ import pytest
 from mrl_driver.driver import Driver
 from mrl_driver.driver.options import Options
 from mrl_driver.protocol.codec import Stamp, encode_reply, encode_request
-from mrl_driver.recording import summary
 from mrl_driver.recording.recording import FROM_BOARD, Recording
 from mrl_driver.recording.summary import summarise
 from mrl_driver.robot.models import load
@@ -75,10 +75,19 @@ def test_the_duration_is_that_of_the_last_entry(tmp_path):
     assert summarise(Recording(drive(tmp_path / "log")))["duration_s"] == pytest.approx(7.99)
 
 
-@pytest.mark.parametrize("batch", [300, 5000, 1 << 20])
-def test_the_pose_is_that_of_the_odometry_however_it_is_cut(tmp_path, monkeypatch, batch):
-    monkeypatch.setattr(summary, "BATCH_BYTES", batch)
-    found = summarise(Recording(drive(tmp_path / "log")))
+def cut(path, size):
+    """The same recording, its checked frames in entries of `size` bytes."""
+    info, _, *entries = Recording(path)
+    data = b"".join(entry.data for entry in entries).decode()
+    pieces = [data[i : i + size].encode("unicode_escape").decode() for i in range(0, len(data), size)]
+    times = [entries[-1].time_s * (i + 1) / len(pieces) for i in range(len(pieces))]
+    lines = [f"{time_s:.6f} < {piece}" for time_s, piece in zip(times, pieces)]
+    return write(pathlib.Path(path), [f"0.0 < {INFO}", "0.0 ! checked", *lines])
+
+
+@pytest.mark.parametrize("size", [1, 300, 1 << 20])
+def test_the_pose_is_that_of_the_odometry_however_it_is_cut(tmp_path, size):
+    found = summarise(Recording(cut(drive(tmp_path / "log"), size)))
     expected = true_pose(circle(400))
     assert found["pose"]["x_m"] == pytest.approx(expected.x_m, abs=WAY_M)
     assert found["pose"]["y_m"] == pytest.approx(expected.y_m, abs=WAY_M)
@@ -87,10 +96,9 @@ def test_the_pose_is_that_of_the_odometry_however_it_is_cut(tmp_path, monkeypatc
     )
 
 
-@pytest.mark.parametrize("batch", [300, 1 << 20])
-def test_lost_frames_are_counted_by_sequence(tmp_path, monkeypatch, batch):
-    monkeypatch.setattr(summary, "BATCH_BYTES", batch)
-    assert summarise(Recording(drive(tmp_path / "log", gap={7, 8, 300})))["lost"] == 3
+@pytest.mark.parametrize("size", [1, 300, 1 << 20])
+def test_lost_frames_are_counted_by_sequence(tmp_path, size):
+    assert summarise(Recording(cut(drive(tmp_path / "log", gap={7, 8, 300}), size)))["lost"] == 3
 
 
 def test_a_repeated_frame_is_a_duplicate(tmp_path):
@@ -116,10 +124,8 @@ def test_frames_cut_between_entries_are_whole(tmp_path):
     assert (found["frames"], found["garbage"]) == ({"read_encoders": 2}, {})
 
 
-@pytest.mark.parametrize("batch", [300, 1 << 20])
-def test_bytes_that_wait_keep_their_times(tmp_path, monkeypatch, batch):
+def test_bytes_that_wait_keep_their_times(tmp_path):
     """Boards without a clock have no others; at one moment no wheel moves."""
-    monkeypatch.setattr(summary, "BATCH_BYTES", batch)
     lines = [f"0.0 < {INFO}", *(f"{1 + i * 0.02:.2f} < @6,{60 * i},{60 * i}e" for i in range(200))]
     found = summarise(Recording(write(tmp_path / "log", lines)))
     assert found["refused_counts"] == 0
@@ -134,6 +140,54 @@ def test_a_restart_without_way(tmp_path):
         lines += [f"{start_s + i * 0.02:.3f} < @6,{first + 60 * i},{first + 60 * i}e" for i in range(11)]
     found = summarise(Recording(write(tmp_path / "log", lines)))
     assert found["pose"]["x_m"] == pytest.approx(1200 * load("traxbot").drive.metres_per_count)
+
+
+def test_check_values_begin_and_end_before_their_remarks(tmp_path):
+    """The driver knows of them only after it has read the first such frames; requests follow the remark."""
+    checked = [line for line in checked_lines(circle(20)) if "<" in line]
+    plain = [f"{1 + i / 100} < @8,1,2,3,4,5e\\r\\n" for i in range(20)]
+    asked = encode_request(11, 200, 0, checked=True).decode()
+    lines = [f"0.0 < {INFO}@8,1,2,3,4,5e\\r\\n", *checked[:3], "0.06 ! checked", *checked[3:]]
+    lines += [*plain[:3], f"1.025 > {asked}", "1.025 ! plain", *plain[3:]]
+    found = summarise(Recording(write(tmp_path / "log", lines)))
+    assert (found["frames"]["read_encoders_and_sonars"], found["garbage"]) == (41, {})
+    assert found["requests"] == {"move_differential": 1}
+
+
+def test_a_remark_holds_from_within_an_entry(tmp_path):
+    checked = [line.split("< ")[1] for line in checked_lines(circle(3)) if "<" in line]
+    lines = [f"0.0 < {INFO}@8,1,2,3,4,5e\\r\\n{''.join(checked)}", "0.1 ! checked"]
+    found = summarise(Recording(write(tmp_path / "log", lines)))
+    assert (found["frames"]["read_encoders_and_sonars"], found["garbage"]) == (4, {})
+
+
+def test_the_path_goes_on_when_check_values_begin(tmp_path):
+    """With the refused readings counted on; each part begins with a baseline of its own."""
+    readings = [(60 * i, 60 * i) for i in range(11)]
+    plain = [f"{i / 50} < @6,{right},{left}e\\r\\n" for i, (right, left) in enumerate(readings)]
+    plain.insert(5, "0.09 < @6,20000,20000e\\r\\n")
+    lines = [f"0.0 < {INFO}", *plain, "0.3 ! checked"]
+    lines += [
+        f"{i / 50 + 1} < {line.split('< ')[1]}" for i, line in enumerate([*checked_lines(readings)][1:])
+    ]
+    found = summarise(Recording(write(tmp_path / "log", lines)))
+    assert found["pose"]["x_m"] == pytest.approx(1200 * load("traxbot").drive.metres_per_count)
+    assert found["refused_counts"] == 1
+
+
+def test_a_frame_that_a_lost_port_cut_off_is_no_garbage(tmp_path):
+    lines = ["0.0 < @6,1,2e\\r\\n@6,3", "1.0 ! opened x", "1.1 < @6,5,6e\\r\\n"]
+    found = summarise(Recording(write(tmp_path / "log", lines)))
+    assert (found["frames"], found["garbage"]) == ({"read_encoders": 2}, {})
+
+
+def test_an_overtaken_frame_counts_as_lost_and_moves_nothing(tmp_path):
+    lines = [f"0.0 < {INFO}", *checked_lines(circle(20))]
+    wires = [line.split("< ")[1] for line in lines[7:9]]
+    lines[7:9] = [f"0.12 < {wires[1]}", f"0.12 < {wires[0]}"]
+    found = summarise(Recording(write(tmp_path / "log", lines)))
+    assert (found["lost"], found["duplicates"], found["refused_counts"]) == (1, 0, 0)
+    assert found["pose"]["x_m"] == pytest.approx(true_pose(circle(20)).x_m, abs=WAY_M)
 
 
 def test_a_robot_that_is_not_known_has_no_pose(tmp_path):

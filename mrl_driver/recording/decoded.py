@@ -1,0 +1,190 @@
+"""A recording, read once from its start: frames and garbage both ways, and the robot's path by its counters.
+
+Summaries, plots and calibrations read recordings through this module.  Memory does not grow with the file.
+"""
+
+import math
+from collections import deque
+from typing import Deque, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
+
+from mrl_driver.protocol.codec import REPLIES, REQUESTS, Event, Frame, FrameDecoder
+from mrl_driver.protocol.table import BY_CODE, BY_NAME
+from mrl_driver.robot import models
+from mrl_driver.robot.models import OmniDrive, RobotModel
+from mrl_driver.robot.odometry import Odometry
+from mrl_driver.robot.omni_odometry import STREAM, OmniOdometry
+from mrl_driver.robot.robot_state import odometry_of
+from mrl_driver.session.link_counters import Counters
+from mrl_driver.session.sequence import Stream
+from mrl_driver.session.session import STALE_S
+
+from .recording import CHECKED, FROM_BOARD, OPENED, PLAIN, REMARK, TO_BOARD, Entry, Recording
+
+LINE_BYTES = 12
+"""A line of the file takes about this many bytes besides its data."""
+_HELD_BYTES = 8192
+"""An entry waits until this many bytes of the file follow it: the driver remarks that checksums begin or end only
+after it has read the first such frames.
+"""
+_TAIL_BYTES = 4096
+"""The first such frame is at most this far from the end of the board's bytes before the remark."""
+_INFO = BY_NAME["robot_info"].code
+_OMNI = BY_NAME[STREAM].code
+_COUNTS = {
+    code
+    for code, row in BY_CODE.items()
+    if row.stamped and [field.name for field in row.reply[:2]] == ["right", "left"] and code != _OMNI
+}
+
+
+class Part(NamedTuple):
+    """An entry, or a piece of one, and the frames and garbage that it completes; a remark has none."""
+
+    time_s: float
+    way: str
+    data: bytes
+    events: List[Event]
+
+
+def decode(recording: Recording) -> Iterator[Part]:
+    """All of a recording; a remark on checksums comes before the first reply that it holds for."""
+    decoders, size = _decoders(), 0
+    held: Deque[Entry] = deque()
+    for entry in recording:
+        time_s, way, data = entry
+        if way != REMARK:
+            held.append(entry)
+            size += len(data) + LINE_BYTES
+            while size - len(held[0].data) - LINE_BYTES >= _HELD_BYTES:
+                time_s, way, data = held.popleft()
+                size -= len(data) + LINE_BYTES
+                yield Part(time_s, way, data, decoders[way].feed(data))
+            continue
+        if data in (CHECKED, PLAIN):
+            yield from _switch(list(held), entry, decoders)
+        elif data.startswith(OPENED):
+            yield from _feed([*held, entry], decoders)
+            decoders = _decoders()
+        else:
+            continue
+        held.clear()
+        size = 0
+    yield from _feed(held, decoders)
+
+
+def _decoders() -> Dict[str, FrameDecoder]:
+    return {TO_BOARD: FrameDecoder(REQUESTS), FROM_BOARD: FrameDecoder(REPLIES)}
+
+
+def _feed(entries: Iterable[Entry], decoders: Dict[str, FrameDecoder]) -> Iterator[Part]:
+    for time_s, way, data in entries:
+        yield Part(time_s, way, data, decoders[way].feed(data) if way != REMARK else [])
+
+
+def _switch(held: List[Entry], remark: Entry, decoders: Dict[str, FrameDecoder]) -> Iterator[Part]:
+    """The entries before a remark on checksums, and the remark between those that it parts."""
+    checked = remark.data == CHECKED
+    before, behind = _split(held, checked) if checked != decoders[FROM_BOARD].checked else (held, [])
+    yield from _feed([*before, remark], decoders)
+    decoders[FROM_BOARD].checked = checked
+    yield from _feed(behind, decoders)
+    decoders[TO_BOARD].checked = checked
+
+
+def _split(entries: List[Entry], checked: bool) -> Tuple[List[Entry], List[Entry]]:
+    """Entries parted at the first reply near their end from which on only the rules of `checked` make frames."""
+    left = _first_frame(b"".join(data for _, way, data in entries if way == FROM_BOARD), checked)
+    for i, (time_s, way, data) in enumerate(entries):
+        if way == FROM_BOARD and len(data) > left:
+            pieces = Entry(time_s, way, data[:left]), Entry(time_s, way, data[left:])
+            return [*entries[:i], pieces[0]], [pieces[1], *entries[i + 1 :]]
+        left -= len(data) if way == FROM_BOARD else 0
+    return entries, []
+
+
+def _first_frame(data: bytes, checked: bool) -> int:
+    """Offset of the first frame near the end of `data` from which on only the rules of `checked` make frames."""
+    found = end = len(data)
+    while end > max(0, len(data) - _TAIL_BYTES):
+        start = data.rfind(b"e", 0, end - 1) + 1
+        frame = b"\r\n" + data[start:end]
+        if _is_frame(frame, not checked):
+            break
+        found = start if _is_frame(frame, checked) else found
+        end = start
+    return found
+
+
+def _is_frame(data: bytes, checked: bool) -> bool:
+    return any(isinstance(event, Frame) for event in FrameDecoder(REPLIES, checked).feed(data))
+
+
+class RecordedRobot:
+    """The robot in a recording: its model, its path, and the frames that were lost.
+
+    Without a `model` it is the packaged one of the first id that the board reports, or None if there is none.
+    """
+
+    def __init__(self, model: Optional[RobotModel]) -> None:
+        self.model = model
+        self.robot_id: Optional[int] = None
+        self.version = 2
+        self.odometry: Optional[Odometry] = None
+        self.counters = Counters()
+        self._stream = Stream(self.counters)
+        self._exact = False
+        self._heard_s = -math.inf
+
+    def begin_again(self) -> None:
+        """A remark: other rules, or another port.  The next reading moves nothing."""
+        self._stream.begin_anew()
+        if self.odometry is not None:
+            self.odometry.reset()
+
+    def take(self, frame: Frame, time_s: float) -> bool:
+        """Take in a reply; True for a reading of the counters, which has gone into `odometry`."""
+        code, stamp, made_s = frame.code, frame.stamp, time_s
+        counts = self.model is not None and (
+            code == _OMNI if isinstance(self.model.drive, OmniDrive) else code in _COUNTS
+        )
+        if code == _INFO:
+            self._on_info(frame)
+        if stamp is not None:
+            silent = time_s - self._heard_s >= STALE_S
+            self._heard_s = time_s
+            if not counts:
+                self._stream.missing(stamp.sequence, silent)
+                return False
+            made = self._stream.numbered(stamp, time_s, silent)
+            if made is None:
+                return False
+            made_s = made.board_s
+        if counts:
+            self._move(frame, made_s)
+        return counts
+
+    def _on_info(self, frame: Frame) -> None:
+        self.version, robot_id = frame.args[3:5]
+        if self.robot_id is None:
+            self.robot_id = robot_id
+            name = models.by_id(robot_id)
+            self.model = self.model or (models.load(name) if name else None)
+
+    def _move(self, frame: Frame, time_s: float) -> None:
+        odometry, exact = self.odometry, frame.stamp is not None
+        if odometry is None or exact != self._exact:
+            odometry = self._make_odometry(exact)
+        right, left = frame.args[:2]
+        if isinstance(odometry, OmniOdometry):
+            odometry.update(right, left, time_s, frame.args[2])
+        else:
+            odometry.update(right, left, time_s)
+
+    def _make_odometry(self, exact: bool) -> Odometry:
+        """Odometry for board time, or for arrival times, that goes on where the one before has ended."""
+        assert self.model is not None
+        before, odometry = self.odometry, odometry_of(self.model, exact)
+        if before is not None:
+            odometry.pose, odometry.baseline.refused = before.pose, before.baseline.refused
+        self.odometry, self._exact = odometry, exact
+        return odometry
