@@ -1,1 +1,1 @@
-"""The robot, pure: models, kinematics, odometry, sonars, battery.  Imports session and protocol."""
+"""The robot, without I/O: models, kinematics, odometry, sonars, battery.  Imports session and protocol."""

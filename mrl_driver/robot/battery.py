@@ -1,7 +1,7 @@
-"""Battery voltage to a state, with times.  Pure: volts and seconds in.
+"""Battery state from voltage and time, without I/O.
 
-Levels: 2013 host (below 1 V motor power is off, below 8.5 V low) and thesis 2012 (packs are empty at about 9
-V).
+Sources of the levels: the 2013 host (motor power is off below 1 V, the battery is low below 8.5 V) and the thesis of
+2012 (packs are empty at about 9 V).
 """
 
 from typing import Optional
@@ -13,9 +13,9 @@ from .models import Battery
 OK, LOW, EMPTY, OFF = "ok", "low", "empty", "off"
 
 EMPTY_AFTER_S = 5.0
-"""A motor that starts pulls the voltage down for a moment; only longer than this it counts."""
+"""The voltage must stay low for this time [s], because a starting motor pulls it down for a moment."""
 RECOVERY_V = 0.2
-"""A state ends when the voltage is this much above its threshold, so that it does not flicker."""
+"""A state ends when the voltage is this much above its threshold [V], so that it does not flicker."""
 
 
 def demand_charge(volts: float, levels: Battery) -> None:
@@ -45,7 +45,7 @@ class BatteryMonitor:
         self.state = OK
 
     def update(self, volts: float, time_s: float) -> str:
-        """The state after a reading of `volts` at `time_s` [s]."""
+        """Return the state after a reading of `volts` at `time_s` [s]."""
         if volts < self._levels.off_v:
             self.state, self._below_since_s = OFF, None
             return OFF

@@ -1,8 +1,8 @@
-"""How sure odometry is of its pose: random errors of the wheels and of slip, carried along the way.  Pure.
+"""Covariance of the odometry's pose, from random errors of the wheels and of slip.  No I/O.
 
 First-order propagation for a differential drive (Siegwart, Nourbakhsh: Introduction to Autonomous Mobile Robots,
-section 5.2.4): the variance of each wheel's way grows with its length, the wheels independently; that of the yaw
-grows further with the angle turned, as tracks slip in turns.
+section 5.2.4).  The variance of each wheel's distance grows with that distance, independently of the other wheel.  The
+variance of the yaw also grows with the angle turned, because tracks slip in turns.
 """
 
 import math
@@ -12,15 +12,15 @@ from .kinematics import kinematics_of
 from .models import OmniDrive, RobotModel
 
 START_POSITION_M2, START_YAW_RAD2 = 1e-6, 1e-6
-"""1 mm and 1 mrad: what a standing robot starts with, as filters refuse zeros."""
+"""Variances at the start: 1 mm and 1 mrad squared, because filters refuse zeros."""
 
 Spread = Tuple[float, float, float, float, float, float]
-"""The part of a symmetric covariance that changes: xx, xy, x-yaw, yy, y-yaw, yaw-yaw [m2, m rad, rad2]."""
+"""Upper triangle of a symmetric covariance: xx, xy, x-yaw, yy, y-yaw, yaw-yaw [m2, m rad, rad2]."""
 AT_START: Spread = (START_POSITION_M2, 0.0, 0.0, START_POSITION_M2, 0.0, START_YAW_RAD2)
 
 
 class Uncertainty:
-    """The covariance of a pose in the plane, kept up to date in `unknowns`."""
+    """The covariance of a pose in the plane; `unknowns` holds the current value."""
 
     def __init__(self, model: RobotModel, start: Spread = AT_START) -> None:
         drive = model.drive
@@ -32,20 +32,20 @@ class Uncertainty:
         self.unknowns = start
 
     def reset(self) -> None:
-        """The pose was set: as sure as at the start."""
+        """The pose was set: go back to the covariance of the start."""
         self.unknowns = self._start
 
     def widen(self, way_m: float, turn_rad: float) -> None:
-        """The robot may have gone up to `way_m` in any direction and turned by up to `turn_rad` either way, each as
-        likely as another, and the counters do not tell it.
+        """The robot may have moved by up to `way_m` in any direction and turned by up to `turn_rad` either way, unseen
+        by the counters.  All values are equally likely.
         """
         xx, xy, xt, yy, yt, tt = self.unknowns
         position, yaw = way_m * way_m / 3, turn_rad * turn_rad / 3
         self.unknowns = (xx + position, xy, xt, yy + position, yt, tt + yaw)
 
     def update(self, counts: Sequence[float], half_sin: float, half_cos: float) -> None:
-        """The counters (right, left, without wrap) stand at `counts`, and the heading is now the one whose half has
-        this sine and cosine, as quaternions do.
+        """Update from the counters `counts` (right, left, without wrap) and the new yaw, given as sine and cosine of
+        its half as in a quaternion.
         """
         before = self._counts
         if counts == before:
@@ -58,14 +58,14 @@ class Uncertainty:
         cos, sin = (
             cos + sin * back_rad,
             sin - cos * back_rad,
-        )  # at the middle of the way, where turns are small
+        )  # yaw at the middle of the step, for small turns
         right, left, slip = noise_m * abs(right_m), noise_m * abs(left_m), noise_rad * abs(back_rad)
         lean = way_m / 2 / base_m
         xr, xl = cos / 2 - lean * sin, cos / 2 + lean * sin
         yr, yl = sin / 2 + lean * cos, sin / 2 - lean * cos
         dx, dy = -way_m * sin, way_m * cos
         xx, xy, xt, yy, yt, tt = self.unknowns
-        whole, half = tt + slip / 2, tt + slip  # slip is that of half the turn
+        whole, half = tt + slip / 2, tt + slip  # `slip` is the variance for half the turn
         self.unknowns = (
             xx + dx * (2 * xt + dx * whole) + xr * xr * right + xl * xl * left,
             xy + dx * yt + dy * xt + dx * dy * whole + xr * yr * right + xl * yl * left,
@@ -77,8 +77,8 @@ class Uncertainty:
 
 
 class OmniUncertainty(Uncertainty):
-    """The covariance of the pose of three wheels across: that of each step, turned into the odom frame, is added to
-    what there was, carried along the way.
+    """The covariance of the pose of a base with three omni wheels.  The covariance of each step is rotated into the
+    odom frame and added to the propagated one.
     """
 
     def __init__(self, model: RobotModel, start: Spread = AT_START) -> None:
@@ -95,7 +95,7 @@ class OmniUncertainty(Uncertainty):
         right_m, left_m, rear_m = ((now - was) * self._m_per_count for now, was in zip(counts, before))
         ways = (left_m, rear_m, right_m)
         forward, left, turn = self._kinematics.step(ways)
-        yaw_rad = 2 * math.atan2(half_sin, half_cos) - turn / 2  # at the middle of the way
+        yaw_rad = 2 * math.atan2(half_sin, half_cos) - turn / 2  # yaw at the middle of the step
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         dx, dy = -(sin * forward + cos * left), cos * forward - sin * left
         fxx, fxl, fxt, fll, flt, ftt = self._kinematics.covariance(ways, *self._noise)
@@ -111,15 +111,15 @@ class OmniUncertainty(Uncertainty):
 
 
 def uncertainty_of(model: RobotModel) -> Uncertainty:
-    """What keeps the covariance of the pose of a robot of this model."""
+    """Return the covariance estimator for a robot of this model."""
     return OmniUncertainty(model) if isinstance(model.drive, OmniDrive) else Uncertainty(model)
 
 
 def error_squared(spread: Tuple[float, ...], dx_m: float, dy_m: float, dyaw_rad: float) -> float:
-    """The normalised estimation error squared of a pose that is off by so much; on average 3 where `spread` holds.
+    """Return the normalised estimation error squared (NEES) of a pose error; its mean is 3 if `spread` is right.
 
     Raises:
-        ValueError: the spread has no inverse.
+        ValueError: the covariance has no inverse.
     """
     xx, xy, xt, yy, yt, tt = spread
     a, b, c = yy * tt - yt * yt, xt * yt - xy * tt, xy * yt - xt * yy

@@ -1,9 +1,10 @@
-"""Wheels to body and back, for every base there is.  Pure: metres and radians in and out, no I/O, no arrays.
+"""Kinematics of all drive types: wheel motion to body motion and back.  Metres and radians, no I/O, no arrays.
 
-A base is a linear map: the way of each wheel is a row (per metre forward, per metre to the left, per radian turned)
-times the body's step.  Forward kinematics is its least-squares inverse, exact where the wheels agree with each other.
-Rows: Siegwart, Nourbakhsh: Introduction to Autonomous Mobile Robots, section 3.2 (wheels across); for 45 deg mecanum
-wheels Taheri, Qiao, Ghaeminezhad: Kinematic model of a four mecanum wheeled mobile robot, 2015.
+A base is a linear map: the distance of each wheel is a row (per metre forward, per metre to the left, per radian
+turned) times the body's step.  Forward kinematics is the least-squares inverse; it is exact if the wheels do not
+contradict each other.  Sources of the rows: Siegwart, Nourbakhsh: Introduction to Autonomous Mobile Robots, section 3.2
+(omni wheels); for 45 deg mecanum wheels Taheri, Qiao, Ghaeminezhad: Kinematic model of a four mecanum wheeled mobile
+robot, 2015.
 """
 
 import math
@@ -32,13 +33,13 @@ STANDING = Planar(0.0, 0.0, 0.0)
 
 
 class Kinematics:
-    """One base.
+    """Kinematics of one base.
 
     Args:
-        kind: for messages.
-        names: of the wheels, in the order in which all their numbers travel.
-        rows: way of each wheel per unit of forward, left and turn.
-        sideways: it can move sideways; else its wheels exclude that.
+        kind: drive type, for messages.
+        names: names of the wheels, in the order of all numbers per wheel.
+        rows: distance of each wheel per unit of forward, left and turn.
+        sideways: the base can move sideways; otherwise its wheels prevent that.
 
     Raises:
         ConfigError: the wheels do not determine the motion.
@@ -49,12 +50,15 @@ class Kinematics:
         self._inverse = _least_squares(self.rows, (0, 1, 2) if sideways else (0, 2), kind)
 
     def step(self, ways: Sequence[float]) -> Planar:
-        """The body's step for these ways of the wheels [m], or its speeds for their speeds [m/s]."""
+        """Return the body's step for these wheel distances [m], or its speeds for wheel speeds [m/s]."""
         forward, left, turn = (sum(a * way for a, way in zip(row, ways)) for row in self._inverse)
         return Planar(forward, left, turn)
 
     def covariance(self, ways: Sequence[float], wheel_m2_per_m: float, turn_rad2_per_rad: float) -> Spread:
-        """Of `step(ways)`: the wheels err independently, in proportion to their ways, the yaw to the turn as well."""
+        """Return the covariance of `step(ways)`.
+
+        The wheels err independently, in proportion to their distances; the yaw also errs in proportion to the turn.
+        """
         variances = [wheel_m2_per_m * abs(way) for way in ways]
         x, y, t = self._inverse
         xx, xy, xt, yy, yt, tt = (
@@ -64,10 +68,10 @@ class Kinematics:
         return xx, xy, xt, yy, yt, tt + turn_rad2_per_rad * abs(self.step(ways).turn)
 
     def ways(self, step: Planar) -> Tuple[float, ...]:
-        """Ways of the wheels for a step of the body [m], or their speeds for its speeds [m/s].
+        """Return the wheel distances for a step of the body [m], or wheel speeds for its speeds [m/s].
 
         Raises:
-            FrameError: it is to move sideways and cannot.
+            FrameError: the step goes sideways and the base cannot.
         """
         forward, left, turn = step
         if left and not self.sideways:
@@ -75,13 +79,13 @@ class Kinematics:
         return tuple(x * forward + y * left + t * turn for x, y, t in self.rows)
 
     def saturated(self, twist: Planar, most_m_s: float) -> Planar:
-        """The twist, or the fastest one in the same direction at which no wheel exceeds `most_m_s`.
+        """Return the twist, scaled down as a whole if a wheel would exceed `most_m_s`.
 
         Raises:
-            FrameError: it is to move sideways and cannot.
+            FrameError: the twist goes sideways and the base cannot.
         """
         excess = max(map(abs, self.ways(twist))) / most_m_s
-        if math.isinf(excess):  # the sum of a wheel's ways overflows, or the quotient
+        if math.isinf(excess):  # a wheel's speed, or the quotient, overflows
             most = max(map(abs, twist))
             twist = Planar(twist.forward / most, twist.left / most, twist.turn / most)
             excess = max(map(abs, self.ways(twist))) / most_m_s
@@ -91,33 +95,33 @@ class Kinematics:
 
 
 def differential(separation_m: float) -> Kinematics:
-    """Two wheels side by side, right and left."""
+    """Kinematics of two wheels side by side, right and left."""
     half_m = separation_m / 2
     return Kinematics("differential", ("right", "left"), ((1.0, 0.0, half_m), (1.0, 0.0, -half_m)), False)
 
 
 def tracked(separation_m: float, turn_slip: float) -> Kinematics:
-    """Two tracks, right and left, that lose a share of each turn to the floor."""
+    """Kinematics of two tracks, right and left, that lose the share `turn_slip` of each turn to slip."""
     half_m = separation_m / 2 / (1 - turn_slip)
     return Kinematics("tracked", ("right", "left"), ((1.0, 0.0, half_m), (1.0, 0.0, -half_m)), False)
 
 
 def omni(radius_m: float, angles_deg: Sequence[float] = THREE_WHEELS_DEG) -> Kinematics:
-    """Wheels across at these angles, `radius_m` from the middle; positive ways turn counter-clockwise."""
+    """Kinematics of omni wheels at these angles, `radius_m` from the centre; positive is counter-clockwise."""
     angles = [math.radians(angle) for angle in angles_deg]
     rows = [(-math.sin(angle), math.cos(angle), radius_m) for angle in angles]
     return Kinematics("omni", [f"wheel_{i + 1}" for i in range(len(rows))], rows, True)
 
 
 def mecanum(half_length_m: float, half_width_m: float) -> Kinematics:
-    """Four wheels at the corners, rollers at 45 deg that form an X seen from above."""
+    """Kinematics of four mecanum wheels at the corners, with rollers at 45 deg that form an X seen from above."""
     arm_m = half_length_m + half_width_m
     rows = ((1.0, -1.0, -arm_m), (1.0, 1.0, arm_m), (1.0, 1.0, -arm_m), (1.0, -1.0, arm_m))
     return Kinematics("mecanum", ("front_left", "front_right", "rear_left", "rear_right"), rows, True)
 
 
 def kinematics_of(drive: Base) -> Kinematics:
-    """The kinematics of a robot model's `drive`; the slip of its turns is in it."""
+    """Return the kinematics of a robot model's `drive`, including the slip in turns."""
     keeps = 1 - drive.turn_slip
     if isinstance(drive, OmniDrive):
         return omni(drive.radius_m / keeps, drive.angles_deg)
@@ -129,14 +133,14 @@ def kinematics_of(drive: Base) -> Kinematics:
 
 
 def cannot_sideways(left: float, kind: str) -> str:
-    """What to say of a sideways speed that the base does not have."""
+    """Return the error text for a sideways speed that the base cannot reach."""
     return (
         f"{left:g} m/s sideways asked of a {kind} base, expected 0: turn it instead, or take one of kind omni"
     )
 
 
 def advanced(pose: Pose, step: Planar) -> Pose:
-    """The pose after that step of the body at constant speeds: the exponential of SE(2), an exact arc."""
+    """Return the pose after this step of the body at constant speeds (exponential map of SE(2): an exact arc)."""
     half = step.turn / 2
     shrink = math.sin(half) / half if abs(half) > 1e-8 else 1.0
     sin, cos = math.sin(pose.yaw_rad + half) * shrink, math.cos(pose.yaw_rad + half) * shrink
@@ -148,7 +152,10 @@ def advanced(pose: Pose, step: Planar) -> Pose:
 
 
 def _least_squares(rows: Sequence[Row], axes: Tuple[int, ...], kind: str) -> Tuple[Tuple[float, ...], ...]:
-    """The pseudo-inverse of `rows` over these axes, by Gauss-Jordan on the normal equations; zeros on the others."""
+    """Return the pseudo-inverse of `rows` for these axes, by Gauss-Jordan elimination of the normal equations.
+
+    The rows of the other axes are zero.
+    """
     size = len(axes)
     table = [[sum(row[p] * row[q] for row in rows) for q in axes] + [row[p] for row in rows] for p in axes]
     for at in range(size):

@@ -1,51 +1,51 @@
-"""Wheel counts to pose and twist by exact arcs.  Pure: counts and seconds in, poses out.
+"""Pose and twist from wheel counts, by exact arcs.  No I/O: counts and seconds go in, poses come out.
 
-Poses are in the odom frame (x forward at the start, y left, yaw counter-clockwise), twists in base_link.
+Poses are in the odom frame (x forward at the start, y left, yaw counter-clockwise); twists are in base_link.
 """
 
 import math
 from typing import Any, NamedTuple, Optional, Protocol, Tuple, Union
 
 SPEED_MARGIN = 1.5
-"""A wheel may seem this much faster than the board's ceilings allow before its counts are refused."""
+"""Counts are refused if a wheel seems faster than the board's ceilings times this factor."""
 QUANTUM_COUNTS = 3
-"""Counts that a wheel may move in no time at all: rounding of both readings, and one of jitter."""
+"""Counts that a wheel may move in zero time: rounding of both readings, and one count of jitter."""
 SLACK_S = {True: 0.002, False: 0.1}
-"""Readings may be this much farther apart than their times say, by whether those are the board's own [s]."""
+"""The true time between two readings may exceed the stated one by this [s]; key: the times come from the board."""
 NEAR_S = 0.02
-"""Arrival times tell of no shorter time than this."""
+"""Arrival times cannot show a time shorter than this [s]."""
 CONFIRMATIONS = 3
-"""So many readings in a row that agree with each other, and not with the baseline, make a new baseline."""
+"""This many readings in a row that agree with each other, but not with the baseline, make a new baseline."""
 TWIST_INTERVAL_S = 0.015
-"""Without board time, speeds are formed over at least this long, so that a burst makes no spike."""
+"""Without board time, speeds are averaged over at least this time [s], so that a burst does not make a spike."""
 
 
 class Geometry(Protocol):
-    """What the odometry needs to know of a differential drive; `robots.Drive` is one."""
+    """The geometry of a differential drive that odometry needs; `models.Drive` provides it."""
 
     @property
     def wheel_separation_m(self) -> float:
-        """Distance between the points where the wheels touch the ground, as fitted."""
+        """Distance between the ground contact points of the wheels [m], nominal or calibrated."""
 
     @property
     def metres_per_count(self) -> float:
-        """Way of a wheel for one count, mean of both."""
+        """Distance of a wheel per count [m], mean of both."""
 
     @property
     def right_m_per_count(self) -> float:
-        """Way of the right wheel for one count."""
+        """Distance of the right wheel per count [m]."""
 
     @property
     def left_m_per_count(self) -> float:
-        """Way of the left wheel for one count."""
+        """Distance of the left wheel per count [m]."""
 
     @property
     def turning_separation_m(self) -> float:
-        """Difference of the wheels' ways that turns the robot by 1 rad, slip included."""
+        """Difference of the wheels' distances that turns the robot by 1 rad [m], including slip."""
 
 
 class Pose(NamedTuple):
-    """Position and heading in the odom frame; yaw in (-pi, pi]."""
+    """Position and yaw in the odom frame; yaw in (-pi, pi]."""
 
     x_m: float
     y_m: float
@@ -63,21 +63,21 @@ class Twist(NamedTuple):
 
     @property
     def lateral_m_s(self) -> float:
-        """To the left: none, for the wheels exclude it."""
+        """Speed to the left: always zero, because the wheels prevent it."""
         return 0.0
 
 
 class OmniTwist(NamedTuple):
-    """Speeds in base_link of a robot that moves sideways as well."""
+    """Speeds in base_link of a robot that can also move sideways."""
 
     linear_m_s: float
     angular_rad_s: float
     lateral_m_s: float
-    """To the left."""
+    """Speed to the left."""
 
 
 class Wheels(NamedTuple):
-    """One number for each wheel; the unit is said where it is used."""
+    """One number for each wheel; the unit depends on the use."""
 
     right: float
     left: float
@@ -98,9 +98,9 @@ AnyWheels = Union[Wheels, OmniWheels]
 _NOTHING = (0.0, 0.0, 0.0)
 
 Reading = Tuple[Any, ...]
-"""Counters of all wheels (int16), and the time at which they were read [s]."""
+"""Counters of all wheels (int16), and the time of the reading [s]."""
 Step = Tuple[Any, ...]
-"""Movement of all wheels between two accepted readings, signed counts, and the time between them [s]."""
+"""Movement of all wheels between two accepted readings [count], and the time between them [s]."""
 
 
 def tick_delta(previous: int, current: int) -> int:
@@ -113,7 +113,7 @@ def tick_delta(previous: int, current: int) -> int:
 
 
 def wrap_angle(angle_rad: float) -> float:
-    """The same direction in (-pi, pi] [rad]."""
+    """Return the same direction in (-pi, pi] [rad]."""
     if -math.pi < angle_rad <= math.pi:
         return angle_rad
     wrapped = math.remainder(angle_rad, 2 * math.pi)
@@ -121,21 +121,20 @@ def wrap_angle(angle_rad: float) -> float:
 
 
 def fastest_wheel_m_s(linear_m_s: float, angular_rad_s: float, wheel_separation_m: float) -> float:
-    """Speed that no wheel exceeds [m/s]: both ceilings of the board together, with a margin."""
+    """Return the speed that no wheel exceeds [m/s]: both ceilings of the board together, times `SPEED_MARGIN`."""
     return SPEED_MARGIN * (linear_m_s + angular_rad_s * wheel_separation_m / 2)
 
 
 class Baseline:
-    """Decides which readings of two or more counters are used: movement since the last accepted one, or nothing.
+    """Decides which readings of two or more counters are used.
 
-    The first reading primes.  A reading that no wheel could have reached is refused and the baseline stays,
-    so that the next good one bridges the gap.  When `CONFIRMATIONS` readings in a row agree with each other
-    instead (a counter was preset, the motor board restarted), they become the baseline and the jump is never
-    integrated.
+    The first reading is the baseline.  A reading that no wheel could have reached is refused and the baseline stays,
+    so the next good reading covers the gap.  If `CONFIRMATIONS` readings in a row agree with each other instead (a
+    counter was preset, the motor board restarted), they become the baseline and the jump is never integrated.
 
-    With arrival times, a `slack_s` above `NEAR_S`, two more rules hold.  They bunch, so a jump within the slack is
-    integrated once it is confirmed, except one to near zero, which is a restart.  And a reading that returns to where
-    the one before last was shows that the last one was wrong, which any single one without check value may be.
+    Two more rules apply to arrival times (`slack_s` above `NEAR_S`).  Frames may arrive in bursts, so a jump within the
+    slack is integrated after it is confirmed, except a jump to near zero, which is a restart.  If a reading returns to
+    the value before the last one, the last one was wrong; any single reading without a checksum may be wrong.
     """
 
     def __init__(self, metres_per_count: float, fastest_m_s: float, slack_s: float) -> None:
@@ -147,21 +146,21 @@ class Baseline:
         self._rival: Optional[Reading] = None
         self._agreed = 0
         self.coast_s = math.inf
-        """The wheels stand at the latest this long after the last reading, if no later one comes [s]."""
+        """The wheels stand still at most this long after the last reading [s]."""
         self.refused = 0
-        """Readings refused so far."""
+        """Number of refused readings."""
         self.primed = 0
-        """Times that a baseline began, from which on nothing is known of the movement before."""
+        """Number of new baselines; the movement before a new baseline is unknown."""
 
     def reset(self) -> None:
-        """The next reading primes again."""
+        """Use the next reading as the new baseline."""
         self._base = self._former = self._rival = None
 
     def update(self, *reading: Any) -> Optional[Step]:
-        """Movement since the last accepted reading, or None where this one primes or is refused.
+        """Return the movement since the last accepted reading; None if this one is a new baseline or is refused.
 
         Args:
-            reading: the counters, and then the time at which they were read [s].
+            reading: the counters, followed by the time of the reading [s].
         """
         base = self._base
         if base is None:
@@ -174,12 +173,12 @@ class Baseline:
         return step
 
     def _reach(self, dt_s: float) -> float:
-        """The farthest that a wheel gets in a time [count]; infinity where its counter may have gone once round."""
+        """Return the largest distance of a wheel in a time [count]; infinity if its counter may have wrapped."""
         reach = self._counts_per_s * min(max(dt_s, 0.0), self.coast_s)
         return reach if reach < 0x8000 else math.inf
 
     def _bound(self, dt_s: float) -> float:
-        """The farthest that a reading may be from another one [count]; -1 where a counter may have gone once round."""
+        """Return the largest allowed distance between two readings [count]; -1 if a counter may have wrapped."""
         reach = self._reach(dt_s)
         if reach == math.inf:
             return -1.0
@@ -188,19 +187,19 @@ class Baseline:
         )
 
     def _step(self, base: Reading, reading: Reading) -> Optional[Step]:
-        """The movement since `base`, unless no wheel could have made it."""
+        """Return the movement since `base`; None if no wheel could have made it."""
         step = _between(base, reading)
         return step if _largest(step) <= self._bound(step[-1]) else None
 
     def _way_back(self, base: Reading, reading: Reading) -> Optional[Step]:
-        """The movement since `base` if that was a single wrong reading."""
+        """Return the movement since `base` if `base` was a single wrong reading; otherwise None."""
         if not self._bunched or self._former is None:
             return None
         step, since_former = _between(base, reading), _between(self._former, reading)
         return step if _largest(since_former) <= self._bound(step[-1]) else None
 
     def _doubt(self, base: Reading, reading: Reading) -> Optional[Step]:
-        """A reading that cannot be: refused, unless it is one of several that agree with each other."""
+        """Refuse an impossible reading, unless it is the last of several that agree with each other."""
         self.refused += 1
         agrees = self._rival is not None and self._step(self._rival, reading) is not None
         self._agreed = self._agreed + 1 if agrees else 1
@@ -219,21 +218,21 @@ class Baseline:
 
 
 def _between(base: Reading, reading: Reading) -> Step:
-    """Movement and time from one reading to another; counters wrap."""
+    """Return movement and time from one reading to another; counters may wrap."""
     *counts, time_s = reading
     moved = [((new - old + 0x8000) & 0xFFFF) - 0x8000 for new, old in zip(counts, base)]
     return (*moved, time_s - base[-1])
 
 
 def _largest(step: Step) -> int:
-    """The way of the wheel that moved farthest [count]."""
+    """Return the distance of the wheel that moved farthest [count]."""
     return max(map(abs, step[:-1]))
 
 
 class Odometry:
     """Pose and twist of a differential drive from its counters.
 
-    `exact_time` says that the times given are the board's own; otherwise they are arrival times, which bunch.
+    `exact_time` says that the times come from the board; otherwise they are arrival times, which come in bursts.
     """
 
     def __init__(
@@ -250,13 +249,13 @@ class Odometry:
         """Counts of each wheel since the start, without wrap."""
 
     def reset(self) -> None:
-        """The board restarted: the next reading primes; the pose stays where it is."""
+        """The board restarted: the next reading is a new baseline; the pose does not change."""
         self.baseline.reset()
         self.twist = Twist(0.0, 0.0)
         self._waiting = _NOTHING
 
     def update(self, right: int, left: int, time_s: float) -> bool:
-        """Integrate one reading (int16 counts) taken at `time_s` [s]; False where it primes or is refused."""
+        """Integrate a reading (int16 counts) of time `time_s` [s]; False if it is a new baseline or is refused."""
         step = self.baseline.update(right, left, time_s)
         if step is None:
             return False
@@ -276,7 +275,7 @@ class Odometry:
         return True
 
     def _differentiate(self, ds: float, turn: float, dt_s: float) -> None:
-        """Form speeds together with the readings that were too close for it."""
+        """Compute the speeds, together with earlier readings that were too close in time."""
         ds, turn, dt_s = self._waiting[0] + ds, self._waiting[1] + turn, self._waiting[2] + dt_s
         if dt_s <= self._interval_s:
             self._waiting = (ds, turn, dt_s)
@@ -286,7 +285,7 @@ class Odometry:
 
 
 def advance(pose: Pose, distance_m: float, turn_rad: float) -> Pose:
-    """The pose at the end of an arc of that length and turn; exact for constant speeds."""
+    """Return the pose at the end of an arc with this length and turn; exact for constant speeds."""
     half = turn_rad / 2
     yaw_rad = pose.yaw_rad
     heading = yaw_rad + half

@@ -1,5 +1,5 @@
-"""A robot with three wheels across, as the driver needs it: odometry of three counters, and commands in the units of
-the motor board's omnidirectional mode.  Pure.
+"""Support for a base with three omni wheels: odometry from three counters, and commands in the units of the motor
+board's omnidirectional mode.  No I/O.
 """
 
 import math
@@ -15,13 +15,13 @@ from .odometry import ORIGIN, TWIST_INTERVAL_S, Odometry, OmniTwist, OmniWheels,
 MOVE_OMNI = BY_NAME["move_omni"].code
 STREAM = "start_omni_stream"
 _FASTEST = 1e6
-"""Beyond this [m/s, rad/s] a command is cut before it is scaled, which would overflow near the largest numbers."""
+"""A command is clamped to this [m/s, rad/s] before it is scaled; otherwise very large numbers would overflow."""
 _STANDING = OmniTwist(0.0, 0.0, 0.0)
 _NOTHING = (0.0, 0.0, 0.0, 0.0)
 
 
 class OmniOdometry(Odometry):
-    """Pose and twist of three wheels across from their counters, as `Odometry` does it for two."""
+    """Pose and twist of a base with three omni wheels from its counters; otherwise as `Odometry`."""
 
     def __init__(
         self, drive: OmniDrive, fastest_m_s: float, exact_time: bool = True, pose: Pose = ORIGIN
@@ -35,12 +35,12 @@ class OmniOdometry(Odometry):
         self.travel: OmniWheels = OmniWheels(0, 0, 0)
 
     def reset(self) -> None:
-        """The board restarted: the next reading primes; the pose stays where it is."""
+        """The board restarted: the next reading is a new baseline; the pose does not change."""
         self.baseline.reset()
         self.twist, self._sum = _STANDING, _NOTHING
 
     def update(self, right: int, left: int, time_s: float, rear: int = 0) -> bool:
-        """Integrate one reading (int16 counts) taken at `time_s` [s]; False where it primes or is refused."""
+        """Integrate a reading (int16 counts) of time `time_s` [s]; False if it is a new baseline or is refused."""
         step = self.baseline.update(right, left, rear, time_s)
         if step is None:
             return False
@@ -54,7 +54,7 @@ class OmniOdometry(Odometry):
         return True
 
     def _speeds(self, moved: Planar, dt_s: float) -> None:
-        """Form speeds, together with the readings that were too close for it."""
+        """Compute the speeds, together with earlier readings that were too close in time."""
         forward, left, turn, time_s = (a + b for a, b in zip(self._sum, (*moved, dt_s)))
         if time_s <= self._least_s:
             self._sum = (forward, left, turn, time_s)
@@ -64,7 +64,7 @@ class OmniOdometry(Odometry):
 
 
 class OmniCommands:
-    """Speeds that a robot may be told, and how row 43 spells them."""
+    """Limits of the commanded speeds, and their conversion to and from `move_omni` (command 43)."""
 
     def __init__(self, model: RobotModel, drive: OmniDrive) -> None:
         self._limits, self._full_m_s = model.limits, drive.full_speed_m_s
@@ -73,8 +73,8 @@ class OmniCommands:
         self._turned_deg = drive.angles_deg[0] - THREE_WHEELS_DEG[0]
 
     def limited(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float) -> OmniTwist:
-        """The speeds, scaled down together where they exceed a limit of the model or what a wheel can do; the
-        direction and the arc stay the same.
+        """Return the speeds, scaled down together if they exceed a limit of the model or of a wheel.  The direction
+        and the arc stay the same.
         """
         speeds = (linear_m_s, angular_rad_s, lateral_m_s)
         linear, angular, lateral = (max(-_FASTEST, min(_FASTEST, speed)) for speed in speeds)
@@ -90,7 +90,9 @@ class OmniCommands:
         return OmniTwist(forward, turn, left)
 
     def spell(self, speeds: Tuple[int, ...]) -> Tuple[int, ...]:
-        """The request for these speeds, linear, angular, lateral [mm/s, mrad/s, mm/s]: to 1 % and 1 deg."""
+        """Return the request for these speeds (linear, angular, lateral [mm/s, mrad/s, mm/s]), rounded to 1 % and
+        1 deg.
+        """
         linear, angular, lateral = speeds
         percent = 0.1 / self._full_m_s
         direction_deg = math.degrees(math.atan2(lateral, linear)) - self._turned_deg
@@ -102,7 +104,7 @@ class OmniCommands:
         )
 
     def read(self, arguments: Tuple[int, ...]) -> OmniTwist:
-        """The speeds that a request of row 43 asks for."""
+        """Return the speeds that a `move_omni` request (command 43) commands."""
         share, rotation, direction_deg = arguments
         way_m_s, heading = share * self._full_m_s / 100, math.radians(direction_deg + self._turned_deg)
         turn_rad_s = rotation * self._full_m_s / 100 / self._radius_m

@@ -1,4 +1,4 @@
-"""What is known of the robot: events of the session go in, pose, speeds, ranges, battery come out.  No I/O."""
+"""The robot's state: session events go in; pose, speeds, ranges and battery state come out.  No I/O."""
 
 import math
 from typing import Any, Dict, List, NamedTuple, Optional, Tuple
@@ -15,34 +15,34 @@ from .omni_odometry import STREAM, OmniOdometry
 
 UNSET = "the board's robot id is not set; set it with: mrl set-id ID --port PORT"
 Notice = Tuple[str, Any]
-"""Kind (`telemetry`, `status`, `battery`, `state`) and value of something that listeners are told."""
+"""Kind (`telemetry`, `status`, `battery`, `sensor`, `state`) and value of a message for the listeners."""
 
 
 class Telemetry(NamedTuple):
-    """What one frame of the stream says."""
+    """The robot's state after one frame of the stream."""
 
     stamp_s: float
-    """When the counters were read, on the clock of `time.monotonic()`; increases from frame to frame."""
+    """Time when the counters were read [s, clock of `time.monotonic()`]; increases from frame to frame."""
     arrival_s: float
-    """When the frame arrived, on the same clock."""
+    """Time when the frame arrived [s, same clock]."""
     pose: Pose
     twist: AnyTwist
     ranges: Dict[str, float]
-    """Sonar name to range [m]: -inf too near, nan no reading, inf nothing in range (REP-117)."""
+    """Range of each sonar by name [m]: -inf too near, nan no reading, inf nothing in range (REP 117)."""
     fresh: Tuple[str, ...]
     """Names of the sonars whose reading is new in this frame."""
     counts: AnyWheels
-    """Counters of the wheels without wrap, since the start [count]."""
+    """Counts of each wheel since the start, without wrap [count]."""
     sequence: Optional[int]
-    """Frame number of the board (int16, wraps); None from boards without one."""
+    """Sequence number of the frame (int16, wraps); None from boards without one."""
 
 
 SENSOR_BOARD_IDS = range(6, 11)
-"""Boards of 2013 with environment sensors, on robots that drive by other means."""
+"""Robot ids of 2013 boards that carry environment sensors and do not drive the robot."""
 
 
 class RobotState:
-    """Pose, ranges and battery of one robot; without a `model` the packaged one that lists the board's id."""
+    """Pose, ranges and battery of one robot.  If `model` is None, the model that lists the board's id is used."""
 
     def __init__(
         self, model: Optional[RobotModel], ignore_battery: bool = False, any_id: bool = False
@@ -55,7 +55,7 @@ class RobotState:
         self.ranges: Dict[str, float] = {}
         self.telemetry: Optional[Telemetry] = None
         self.way_lost: Optional[WayLost] = None
-        """Comes with the last reading, if it does."""
+        """The `WayLost` event of the last reading; None if there is none."""
         self._primed, self._used_s = 0, 0.0
         self._ignore_battery, self._any_id = ignore_battery, any_id
         self._monitor: Optional[battery.BatteryMonitor] = None
@@ -64,12 +64,12 @@ class RobotState:
 
     @property
     def powerless(self) -> bool:
-        """The battery forbids driving."""
+        """The battery is empty or off, so the robot must not drive."""
         return not self._ignore_battery and self.battery_state in (battery.EMPTY, battery.OFF)
 
     @property
     def has_sonars(self) -> bool:
-        """The board measures ranges.  Those of 2013 do not tell: with them model and robot id decide."""
+        """The board measures ranges.  2013 boards do not report it; for them the model and the robot id decide."""
         if self.model is None or self.info is None or not self.model.sonars:
             return False
         if self.info.capabilities:
@@ -77,17 +77,17 @@ class RobotState:
         return self.info.robot_id not in SENSOR_BOARD_IDS
 
     def admit(self, board: Board) -> Optional[str]:
-        """Accept the board that answers, and take its model where none was given.
+        """Accept the board, and choose its model if none was given.
 
-        A board may be asked again who it is before it is ready; the last answer counts.
+        A board may be asked for its identity more than once before it is ready; the last answer counts.
 
         Returns:
-            The row of the stream that it is to send, if it is not the usual one.
+            The table row of the stream to start; None for the usual one.
 
         Raises:
-            ConfigError: no board moves such a base.
-            WrongRobot: it is not the robot.
-            BatteryDead: its battery does not allow a start; not checked again after the start.
+            ConfigError: the board cannot move the base of this model.
+            WrongRobot: another robot answers.
+            BatteryDead: the battery is too low to start; not checked again after the start.
         """
         if self._auto and self.info is None:
             self.model = model_of(board)
@@ -105,7 +105,7 @@ class RobotState:
         return STREAM if isinstance(self.model.drive, OmniDrive) else None
 
     def digest(self, event: SessionEvent, now: float) -> List[Notice]:
-        """Take in an event; what the listeners are to be told."""
+        """Process an event; return the messages for the listeners."""
         if isinstance(event, Counts):
             telemetry = self.on_counts(event)
             lost: List[Notice] = [("state", self.way_lost)] if self.way_lost else []
@@ -134,7 +134,7 @@ class RobotState:
         self.odometry.baseline.coast_s = event.coast_s
 
     def on_counts(self, event: Counts) -> Optional[Telemetry]:
-        """Take in one frame of the stream; what it says, or None while no board is greeted."""
+        """Process one frame of the stream; return the telemetry, or None before the first greeting."""
         odometry = self.odometry
         if odometry is None:
             return None
@@ -160,7 +160,7 @@ class RobotState:
         return telemetry
 
     def _begin_baseline(self, odometry: Odometry, now: float) -> None:
-        """The counters are followed from here on; how far the robot went since the last reading is not known."""
+        """A new baseline begins here; the movement since the last reading is unknown."""
         assert self.model is not None
         if self._primed:
             gap_s, limits = now - self._used_s, self.model.limits
@@ -170,7 +170,7 @@ class RobotState:
         self._primed, self._used_s = odometry.baseline.primed, now
 
     def _on_new(self, new: Tuple[str, ...], values: Tuple[int, ...]) -> Tuple[str, ...]:
-        """Take in sonar values of which some are new; the names of those that this robot has."""
+        """Process sonar values of which those in `new` are new; return the names that this robot has."""
         if not self.has_sonars:
             return ()
         assert self.model is not None
@@ -193,7 +193,7 @@ class RobotState:
 
 
 def limit(linear_m_s: float, angular_rad_s: float, model: RobotModel) -> Tuple[float, float]:
-    """The speeds, scaled down together where one exceeds the model's limits; the arc stays the same."""
+    """Return the speeds, scaled down together if one exceeds the model's limits; the arc stays the same."""
     linear_m_s, angular_rad_s = (max(-1e6, min(1e6, speed)) for speed in (linear_m_s, angular_rad_s))
     excess = max(
         abs(linear_m_s) / model.limits.linear_m_s, abs(angular_rad_s) / model.limits.angular_rad_s, 1.0
@@ -202,17 +202,17 @@ def limit(linear_m_s: float, angular_rad_s: float, model: RobotModel) -> Tuple[f
 
 
 def odometry_of(model: RobotModel, exact_time: bool) -> Odometry:
-    """What integrates the counters of a robot of this model."""
+    """Return the odometry for a robot of this model."""
     if isinstance(model.drive, OmniDrive):
         return OmniOdometry(model.drive, fastest_m_s(model), exact_time)
     return Odometry(model.drive, fastest_m_s(model), exact_time)
 
 
 def model_of(board: Board) -> RobotModel:
-    """The packaged model that lists the board's id.
+    """Return the model that lists the board's id.
 
     Raises:
-        WrongRobot: none does.
+        WrongRobot: no model lists it.
     """
     name = models.by_id(board.robot_id)
     if name:
@@ -226,7 +226,7 @@ def model_of(board: Board) -> RobotModel:
 
 
 def fastest_m_s(model: RobotModel) -> float:
-    """Speed that no wheel of this model exceeds [m/s]; counts that say otherwise are refused."""
+    """Return the speed that no wheel of this model exceeds [m/s]; faster counts are refused."""
     ceilings = model.board["linear_ceiling"] / 1000, model.board["angular_ceiling"] / 1000
     return fastest_wheel_m_s(*ceilings, model.drive.wheel_separation_m)
 

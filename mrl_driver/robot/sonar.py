@@ -1,6 +1,6 @@
-"""Sonar values of the wire to ranges in metres, and which of them are new.  Pure.
+"""Sonar values of the wire to ranges in metres, and which of them are new.  No I/O.
 
-Ranges follow REP-117: -inf is too near, nan no valid reading, +inf nothing in range.
+Ranges follow REP 117: -inf means too near, nan no valid reading, +inf nothing in range.
 """
 
 import math
@@ -11,22 +11,21 @@ from mrl_driver.protocol.table import SONAR_NOTHING
 NAMES = ("front", "left", "right")
 """The sonars in the order of the wire."""
 NEAREST_M = 0.15
-"""Dead zone of the MB1300 (robots' data sheet)."""
+"""Dead zone of the MB1300 [m] (robots' data sheet)."""
 FARTHEST_M = 6.45
 FIELD_OF_VIEW_RAD = math.radians(36.0)
 CYCLE_S = 0.3
-"""The chain of three gives each sonar a reading about this often (100 ms for each of them)."""
+"""Time between two readings of one sonar [s]: three sonars take turns of 100 ms."""
 
 _A_2013, _A, _B, _C = 1.767, 1.1767, 0.94657, -0.3759
 NOTHING_2013_CM = int(_A_2013 * 640**_B + _C)
-"""What 2013 boards send for counts of 640 (1 count is about 1 cm, 6.45 m is the most): 800."""
+"""Wire value [cm] that 2013 boards send for 640 counts (1 count is about 1 cm; the maximum is 6.45 m): 800."""
 
 
 def range_m(wire_cm: int, version: int = 2) -> float:
-    """Range [m] for a sonar value of the wire [cm], from a board of that firmware version.
+    """Return the range [m] for a sonar value of the wire [cm], from a board with this firmware version.
 
-    Boards of version 1 (2013) have 1.767 as the curve's factor where the thesis has 1.1767; that is undone
-    here.
+    Boards of version 1 (2013) use 1.767 as the factor of the curve, the thesis 1.1767; this function corrects it.
     """
     if version < 2:
         return _range_2013(wire_cm)
@@ -48,10 +47,10 @@ def _near(value_m: float) -> float:
 
 
 class NewReadings:
-    """Tells which sonars have a new reading; the wire repeats the old one in every frame.
+    """Finds the sonars with a new reading, because every frame of the stream repeats the old ones.
 
-    A value that changed is new.  One that did not counts as new once per cycle of the chain, for it was
-    measured again and came out the same.
+    A changed value is new.  An unchanged value counts as new once per cycle, because it was measured again with the
+    same result.
     """
 
     def __init__(self, cycle_s: float = CYCLE_S) -> None:
@@ -61,7 +60,7 @@ class NewReadings:
         self._first_due_s = -math.inf
 
     def update(self, values: Tuple[int, ...], time_s: float) -> Tuple[str, ...]:
-        """Names of the sonars that are new at `time_s` [s]."""
+        """Return the names of the sonars with a new reading at `time_s` [s]."""
         if values == self._values and time_s < self._first_due_s:
             return ()
         old, self._values = self._values or (None,) * len(NAMES), values

@@ -1,8 +1,9 @@
-"""Commanded against measured motion of each wheel: dead or reversed encoders, blocked wheels, motors without power.
+"""Compares commanded and measured motion of each wheel: finds dead or reversed encoders, blocked wheels, motors
+without power.
 
-Pure: commands, counts and seconds in, a mismatch out.  A wheel is expected to have moved at least as far as a slow
-robot would: its command is late, its ramp takes twice as long as the model says, and it comes to rest before it turns
-round.  One that makes less than a tenth of that way over a quarter of a second is not doing what it is told.
+No I/O: commands, counts and seconds go in, a mismatch comes out.  Each wheel must move at least as far as that of a
+slow robot: the command is late, the ramp takes twice as long as in the model, and the wheel stops before it reverses.
+A wheel that makes less than a tenth of that distance over a quarter of a second does not follow its command.
 """
 
 import math
@@ -16,29 +17,30 @@ from .models import OmniDrive, RobotModel
 from .odometry import AnyWheels, Geometry, OmniWheels, Wheels
 
 TICK_S = 0.05
-"""Motion is compared this often [s]; frames in between cost nothing."""
+"""Period of the comparison [s]; frames in between cost nothing."""
 WINDOW = 5
-"""So many ticks in a row must show the mismatch."""
+"""Number of ticks over which the motion is compared."""
 LEAST_SHARE = 0.1
-"""Less than this share of the expected way is a mismatch."""
+"""Less than this share of the expected distance is a mismatch."""
 REVERSED_SHARE = -0.3
-"""At least this share of the expected way, backwards in the newest ticks, is a wheel that runs the wrong way."""
+"""A wheel that moved backwards by more than this share of the expected distance in the newest ticks runs in reverse."""
 NEWEST = 2
 LEAST_WAY_M = 0.006
-"""Expected way over the window from which on a wheel is judged: 24 mm/s; a slower motor may stick for half a second."""
+"""Smallest expected distance over the window that is judged [m]: 24 mm/s.  A slower motor may stick for half a second.
+"""
 SLOWNESS = 0.5
-"""The ramp may take longer than the model says: least acceleration over that of the model."""
+"""The wheel may accelerate this much more slowly than in the model (factor)."""
 HIDDEN_S = 0.8
-"""So long a wheel that was sent the other way may still gain speed that way."""
+"""After a reversal, a wheel may keep accelerating in the old direction for this time [s]."""
 LEAST_RAMP_MS = 500
-"""No motor is believed to reach full speed faster."""
+"""Shortest ramp to full speed that is assumed for a motor [ms]."""
 ON_ITS_WAY_S = 0.05
-"""A command may take so long to the motors when none is lost."""
+"""Delay of a command on its way to the motors if none is lost [s]."""
 STILL_M, STILL_TICKS = 0.0002, 10
-"""A wheel with less than this way per tick, for so long, has come to rest [m]: one that turns round sticks for up to
-0.5 s, until the speed control has made up for friction at a control rate of 10 Hz."""
+"""A wheel that moves less than this per tick [m], for this many ticks, has come to rest.  A wheel that reverses sticks
+for up to 0.5 s, until the speed control has overcome friction at a control rate of 10 Hz."""
 GAP_S = 0.15
-"""Readings further apart than this, and than three periods, begin anew: the board may have stopped meanwhile."""
+"""After a longer gap between readings the monitor starts again [s]: the board may have stopped during the gap."""
 
 DEAD = "encoder dead or unplugged, or the wheel blocked"
 REVERSED = "encoder or motor wires swapped: it counts against the command"
@@ -46,16 +48,16 @@ POWERLESS = "motor power off, or the motor board stopped"
 
 
 class Mismatch(NamedTuple):
-    """A wheel does not do what it was told; the robot was stopped."""
+    """A wheel does not follow its command; the robot was stopped."""
 
     wheel: str
     """`right`, `left`, `rear`, or `both` or `several` of them."""
     cause: str
-    """What it most likely is."""
+    """The most likely cause."""
     expected_m: float
-    """Least way that the wheel should have made in the last quarter of a second."""
+    """Smallest distance that the wheel should have made in the last quarter of a second [m]."""
     moved_m: float
-    """Way that its counts say; negative is against the command."""
+    """Distance by its counts [m]; negative is against the command."""
 
     def __str__(self) -> str:
         """One line for people."""
@@ -69,8 +71,8 @@ class Mismatch(NamedTuple):
 class _Wheel:
     """One wheel.
 
-    `reference` is the speed on the slowest ramp that a sound wheel may have [m/s, along the command]; below zero it
-    still runs the other way.
+    `reference` is the speed on the slowest ramp of a healthy wheel [m/s, along the command]; below zero the wheel still
+    runs the other way.
     """
 
     def __init__(self, acceleration_m_s2: float, latency_ticks: int) -> None:
@@ -85,12 +87,12 @@ class _Wheel:
         self._still = 0
 
     def ask(self, target_m_s: float) -> None:
-        """A new command, however soon the next one replaces it."""
+        """Note a new command, even if the next one replaces it at once."""
         if target_m_s:
             self._asked.add(math.copysign(1.0, target_m_s))
 
     def tick(self, target_m_s: float, moved_m: float, dt_s: float) -> Optional[Mismatch]:
-        """What is wrong by now, with `wheel` left to the caller; None where nothing is, or nothing can be said."""
+        """Return the mismatch, without its `wheel`; None if there is none or it is too early to judge."""
         self._targets.append(target_m_s)
         self._speeds.append(moved_m / dt_s)
         self._still = self._still + 1 if abs(moved_m) < STILL_M else 0
@@ -117,8 +119,8 @@ class _Wheel:
         return Mismatch("", REVERSED if way < REVERSED_SHARE * lately else DEAD, expected, moved)
 
     def _turn(self, direction: float, speed: float) -> None:
-        """A command in a new direction, at which the wheel had that speed; one that was sent the other way is still
-        about to go there.
+        """Start on a command in a new direction, with the wheel at `speed` along it.  If the other direction was
+        commanded before, the wheel may still accelerate that way.
         """
         hidden = self._hidden_m_s if -direction in self._asked else 0.0
         still_back = self._reference if direction == self._last else 0.0
@@ -134,18 +136,18 @@ class _Wheel:
 
 
 def _least(targets: Deque[float]) -> float:
-    """The slowest of some speeds, 0 where they differ in direction."""
+    """Return the slowest of some speeds; 0 if they differ in direction."""
     low, high = min(targets), max(targets)
     return low if low > 0.0 else high if high < 0.0 else 0.0
 
 
 class WheelWatch:
-    """Watches both wheels of a differential drive.
+    """Monitors both wheels of a differential drive.
 
     Args:
-        drive: its geometry.
-        acceleration_m_s2: of a wheel's ramp, by the model.
-        latency_s: how long a command may take to reach the motors, one that was lost included.
+        drive: geometry of the drive.
+        acceleration_m_s2: acceleration of a wheel by the model.
+        latency_s: longest delay of a command on its way to the motors, if one is lost [s].
     """
 
     def __init__(self, drive: Geometry, acceleration_m_s2: float, latency_s: float) -> None:
@@ -189,7 +191,7 @@ class WheelWatch:
 
 
 class OmniWheelWatch(WheelWatch):
-    """Watches three wheels across."""
+    """Monitors three omni wheels."""
 
     def __init__(self, drive: OmniDrive, acceleration_m_s2: float, latency_s: float) -> None:
         self._kinematics = kinematics_of(drive)
@@ -240,7 +242,7 @@ class OmniWheelWatch(WheelWatch):
 
 
 def wheel_watch(model: RobotModel, pace: Pace) -> WheelWatch:
-    """The watch for a robot of that model whose commands go out at that pace."""
+    """Return the monitor for a robot of this model with commands at this pace."""
     ramp_ms = max(LEAST_RAMP_MS, model.board["ramp_time"])
     if isinstance(model.drive, OmniDrive):
         acceleration = 1000 * model.drive.full_speed_m_s / ramp_ms
@@ -249,7 +251,7 @@ def wheel_watch(model: RobotModel, pace: Pace) -> WheelWatch:
 
 
 def _together(right: Optional[Mismatch], left: Optional[Mismatch]) -> Optional[Mismatch]:
-    """Both wheels' verdicts as one."""
+    """Combine the results of both wheels."""
     if right and left:
         return right._replace(
             wheel="both", cause=POWERLESS if right.cause == left.cause == DEAD else REVERSED

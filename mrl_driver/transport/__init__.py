@@ -1,1 +1,1 @@
-"""Everything that moves bytes: serial ports, sockets, URLs, the search for a port.  Imports protocol and errors."""
+"""Transports of bytes: serial ports, sockets, URLs, and the search for a port.  Imports protocol and errors."""

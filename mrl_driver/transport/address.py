@@ -1,4 +1,4 @@
-"""Ports that are no device names: `tcp://HOST:PORT`, `udp://HOST:PORT?bind=HOST:PORT`, and pyserial's URLs.  Pure."""
+"""Ports given as URLs: `tcp://HOST:PORT`, `udp://HOST:PORT?bind=HOST:PORT`, and pyserial's.  No I/O."""
 
 from typing import Dict, List, NamedTuple, Tuple
 from urllib.parse import SplitResult, parse_qs, urlsplit
@@ -6,9 +6,9 @@ from urllib.parse import SplitResult, parse_qs, urlsplit
 from mrl_driver.errors import ConfigError
 
 TCP, UDP = ("tcp", "socket"), ("udp",)
-"""Schemes of connections, and of datagrams.  pyserial's `socket` is a plain TCP connection."""
+"""Schemes of connections and of datagrams.  pyserial's `socket` is a plain TCP connection."""
 OF_PYSERIAL = ("rfc2217", "spy", "loop", "alt", "hwgrep")
-"""Schemes that pyserial opens by itself."""
+"""Schemes that pyserial opens."""
 _EXAMPLE = "expected {scheme}://HOST:PORT, such as {scheme}://192.168.4.1:3333"
 
 
@@ -18,10 +18,10 @@ class Address(NamedTuple):
     scheme: str
     """One of `TCP` or `UDP`."""
     host: str
-    """Name, or address in numbers without brackets."""
+    """Host name, or numeric address without brackets."""
     port: int
     bind: Tuple[str, int] = ("", 0)
-    """Address and port of this end, where they matter; 0 for any port."""
+    """Local address and port, if they matter; 0 for any port."""
 
     def __str__(self) -> str:
         host = f"[{self.host}]" if ":" in self.host else self.host
@@ -29,17 +29,17 @@ class Address(NamedTuple):
 
 
 def is_url(port: str) -> bool:
-    """It is an URL, not the name of a device."""
+    """Tell whether `port` is a URL and not the name of a device."""
     return "://" in port
 
 
 def is_network(port: str) -> bool:
-    """It is an URL of a connection or of datagrams."""
+    """Tell whether `port` is a URL for a TCP connection or for UDP datagrams."""
     return is_url(port) and scheme_of(port) in TCP + UDP
 
 
 def demand_port(port: str) -> None:
-    """Raise ConfigError where an URL does not parse; of device names nothing is demanded."""
+    """Raise ConfigError if `port` is a URL that does not parse; device names are not checked."""
     if not is_url(port):
         return
     scheme = scheme_of(port)
@@ -54,10 +54,10 @@ def demand_port(port: str) -> None:
 
 
 def scheme_of(url: str) -> str:
-    """What stands before the colon.
+    """Return the scheme: the part before the colon.
 
     Raises:
-        ConfigError: nothing is known by that name.
+        ConfigError: the scheme is unknown.
     """
     scheme = url.partition("://")[0].lower()
     if scheme not in TCP + UDP + OF_PYSERIAL:
@@ -67,10 +67,10 @@ def scheme_of(url: str) -> str:
 
 
 def parse(url: str, listening: bool = False) -> Address:
-    """The address that a `tcp`, `socket` or `udp` URL means; for `listening` port 0 is any free one.
+    """Return the address in a `tcp`, `socket` or `udp` URL; with `listening` port 0 means any free port.
 
     Raises:
-        ConfigError: it does not parse.
+        ConfigError: the URL does not parse.
     """
     scheme = scheme_of(url)
     if scheme not in TCP + UDP:
@@ -86,7 +86,7 @@ def parse(url: str, listening: bool = False) -> Address:
 
 
 def _split(url: str, scheme: str, listening: bool = False) -> Tuple[SplitResult, str, int]:
-    """The parts of an URL, its host and its port."""
+    """Return the parts of a URL, its host and its port."""
     try:
         parts = urlsplit(url)
         host, port = parts.hostname, parts.port
@@ -102,7 +102,7 @@ def _no_address(url: str, scheme: str, why: str = "") -> ConfigError:
 
 
 def _bind(url: str, scheme: str, queries: Dict[str, List[str]]) -> Tuple[str, int]:
-    """This end's address, of `?bind=HOST:PORT`; the port may be absent."""
+    """Return the local address from `?bind=HOST:PORT`; the port may be absent."""
     if not queries:
         return "", 0
     wanted = queries.pop("bind", [""])[0]

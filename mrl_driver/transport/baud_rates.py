@@ -1,6 +1,6 @@
-"""What lines carry: Bluetooth serial ports, radios in transparent mode, old adapters; and cables that may be faster.
+"""Limits of slow lines (Bluetooth serial ports, radios in transparent mode, old adapters), and of faster cables.
 
-Pure.
+This module does no I/O.
 """
 
 import math
@@ -12,21 +12,21 @@ from mrl_driver.protocol.table import BAUDS
 from .address import is_url
 
 FULL_BAUD = 115200
-"""From here on the board itself sets the pace."""
+"""At this rate and above the line is not the limit, but the board [Bd]."""
 FAST_BAUD = BAUDS[2]
-"""What a line is raised to."""
+"""Rate of a raised line [Bd]."""
 SLOW = "the board knows no other speed, or errors showed: update its firmware, or check cable and adapter"
-"""Why a line may not be raised, and what to do."""
+"""Why a line could not be raised, and what to do."""
 FRAME_BYTES, COMMAND_BYTES = 50, 24
-"""A frame of the stream with stamp, check value and line end, and a motion command, both nearly as long as they get."""
+"""Nearly the longest stream frame (with stamp, checksum and line end) and the longest motion command [byte]."""
 BYTE_BITS = 10
 SHARE = 0.7
-"""Of the line that the stream may take; answers to the poll take some 110 bytes a second."""
+"""Share of the line for the stream; the replies to polling need about 110 bytes a second."""
 COMMAND_SHARE = 0.5
 
 
 def least_period_ms(baud: int) -> int:
-    """The shortest period of the stream that leaves the line air to breathe [ms]; 0 for any, on a fast line.
+    """Return the shortest stream period that keeps to `SHARE` of the line [ms]; 0 (any period) on a fast line.
 
     19 ms at 38400 baud, 38 at 19200, 75 at 9600.
     """
@@ -34,15 +34,15 @@ def least_period_ms(baud: int) -> int:
 
 
 def command_gap_s(baud: int) -> float:
-    """The least time between two commands, so that none waits in a buffer behind older ones [s]."""
+    """Return the minimum time between two commands, so that no command waits in a buffer behind older ones [s]."""
     return BYTE_BITS * COMMAND_BYTES / (baud * COMMAND_SHARE)
 
 
 def demand_raisable(port: Any, baud: int) -> None:
-    """See to it that a port is one whose speed can be raised.
+    """Check that the speed of the port can be raised.
 
     Raises:
-        ConfigError: it is an URL or an open link, or begins at another speed than the board.
+        ConfigError: the port is a URL or an open link, or `baud` is not the rate at which the board starts.
     """
     if not isinstance(port, str) or is_url(port):
         raise ConfigError(

@@ -1,7 +1,7 @@
-"""A faster line: the board is asked for another baud rate, which is kept if it proves itself.
+"""Raising the baud rate: the board is asked for a higher rate, which is kept if a test of the line has no errors.
 
-The exchange is over before the session begins.  A board that does not know the request, or a line that does not carry
-the rate, is left at 115200 baud; the board itself returns to that after 1 s without a valid frame.
+This happens before the session begins.  If the board does not know the request, or the line does not work at the new
+rate, both stay at 115200 baud.  The board returns to 115200 by itself after 1 s without a valid frame.
 """
 
 import contextlib
@@ -16,23 +16,23 @@ from .baud_rates import FAST_BAUD
 from .link import BAUD, Link
 
 ANSWER_S, PATIENCE_S = 0.25, 3.0
-"""A request is repeated after the first; a board that was reset by opening its port needs up to the second."""
+"""A request is repeated after `ANSWER_S`.  A board that was reset by opening its port may need `PATIENCE_S` [s]."""
 CHANGE_S = 0.02
-"""The board changes 0.3 ms after its answer; a USB bridge holds bytes back for up to 16 ms."""
+"""Wait after the change [s]: the board changes 0.3 ms after its answer; a USB bridge delays bytes by up to 16 ms."""
 BACK_S = 1.1
-"""After so long without a valid frame the board is at 115200 again."""
+"""After this time without a valid frame the board is at 115200 again [s]."""
 PROOFS, PROOF_S = 20, 0.1
-"""So many exchanges in a row have to be without fault; each takes 2 ms."""
+"""The test of the line: `PROOFS` replies in a row, each within `PROOF_S` [s]; one exchange takes 2 ms."""
 _BAUD, _INFO, _PROTOCOL, _STOP, _STOP_STREAM = (
     BY_NAME[name].code for name in ("set_baud", "robot_info", "read_protocol", "stop", "stop_stream")
 )
 _QUIET = encode_request(_STOP) + encode_request(_STOP_STREAM)
-"""Goes first: a robot that drives is not to do so until the session begins."""
+"""Sent first, so that a moving robot stops before the session begins."""
 _BIT = 1 << [name for name, _ in CAPABILITIES].index("baud")
 
 
 def speed_up(link: Link, baud: int = FAST_BAUD) -> bool:
-    """Set board and link to `baud`; False, and 115200 on both, where that does not work.
+    """Set board and link to `baud`; return False, with both at 115200, if that does not work.
 
     Raises:
         LinkLost: the port went away.
@@ -54,7 +54,7 @@ def speed_up(link: Link, baud: int = FAST_BAUD) -> bool:
 
 
 def _is_able(link: Link) -> bool:
-    """The board knows the request."""
+    """Tell whether the board knows the request."""
     end_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < end_s:
         with contextlib.suppress(BoardTimeout):
@@ -69,7 +69,7 @@ def _is_able(link: Link) -> bool:
 
 
 def _ask(link: Link, wait_s: float, code: int, *args: int) -> Optional[Tuple[int, ...]]:
-    """The answer; None where none comes, or more than that."""
+    """Send a request and return the arguments of its answer; None without an answer within `wait_s`."""
     decoder, end_s = FrameDecoder(REPLIES), time.monotonic() + wait_s
     try:
         link.write(encode_request(code, *args))

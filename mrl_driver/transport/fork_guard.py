@@ -1,8 +1,8 @@
-"""What a fork leaves to the parent.
+"""Protection against forks: the robot stays with the parent process.
 
-A forked child has copies of the parent's ports and locks, but none of its threads: a lock that a thread held stays held
-for ever, and bytes that the child sends go to the parent's robot.  So what owns a port or a thread gives its copy in
-the child up.
+A forked child has copies of the parent's ports and locks, but none of its threads.  A lock held by a thread would stay
+held for ever, and bytes sent by the child would go to the parent's robot.  So each owner of a port or a thread gives
+up its copy in the child.
 """
 
 import contextlib
@@ -14,9 +14,10 @@ _owners: "weakref.WeakKeyDictionary[Any, Callable[[Any], None]]" = weakref.WeakK
 
 
 def leave_to_parent(abandon: Callable[[], None]) -> None:
-    """Call the method `abandon` in each process that is forked from now on, as long as there is its object.
+    """Call the method `abandon` in each process forked from now on, as long as its object exists.
 
-    It is to close the object in the child, with new locks, and without a byte or an order to what is the parent's.
+    `abandon` must close the object in the child, with new locks.  It must not send bytes to the parent's port or change
+    its settings.
     """
     method: Any = abandon
     _owners[method.__self__] = method.__func__

@@ -1,7 +1,7 @@
-"""The serial port: bytes in, bytes out, and errors that say what to do.  Opened by pyserial, as `pyserial_link` is.
+"""The serial port: bytes in, bytes out, and errors that say what to do.  pyserial opens it.
 
-On POSIX the bytes move by poll, `os.read` and `os.write` on the descriptor, which costs half of pyserial's
-own calls and never waits longer than asked.
+Reading and writing use poll, `os.read` and `os.write` on the descriptor.  This costs half of pyserial's own calls and
+never waits longer than requested.
 """
 
 import errno
@@ -27,11 +27,11 @@ from .port_search import Port, described_as
 
 BAUD = 115200
 WRITE_TIMEOUT_S = 0.1
-"""A port that takes no bytes for so long is reported; frames are short and the system buffers thousands of
-bytes.
+"""If a port accepts no bytes for this time, that is an error [s].  Frames are short, and the system buffers thousands
+of bytes.
 """
 READ_SIZE = 4096
-"""The most that a terminal gives at once."""
+"""Largest number of bytes that a terminal returns at once."""
 PTY_MAJORS = range(136, 144)
 _ERRORS = {
     errno.ENOENT: PortMissing,
@@ -49,12 +49,12 @@ _ERRORS = {
 
 
 def ports() -> List[str]:
-    """Device names of the serial ports there are."""
+    """Return the device names of all serial ports."""
     return sorted(port.device for port in list_ports.comports())
 
 
 def described() -> List[Port]:
-    """The serial ports there are, with their USB ids, their names under /dev/serial/by-id, and their sockets."""
+    """Return all serial ports with their USB ids, their names under /dev/serial/by-id, and their USB sockets."""
     links: Dict[str, List[str]] = {}
     for link in sorted(glob.glob("/dev/serial/by-id/*")):
         links.setdefault(os.path.realpath(link), []).append(link)
@@ -72,14 +72,14 @@ def described() -> List[Port]:
 
 
 def describe(name: str) -> Port:
-    """The port that `name` leads to."""
+    """Return the port that `name` leads to."""
     return described_as(os.path.realpath(name), described())
 
 
 def in_use(name: str) -> bool:
-    """Some program has the port open, as far as the system tells.
+    """Tell whether a program has the port open, as far as this user can see.
 
-    A pseudo terminal is always open at its server, so there it counts that it is a terminal somebody works in.
+    A pseudo terminal is always open in its server; it counts as in use if it is the terminal of a process.
     """
     try:
         device, number = os.path.realpath(name), os.stat(name).st_rdev
@@ -91,7 +91,7 @@ def in_use(name: str) -> bool:
 
 
 def _terminal(stat_path: str) -> int:
-    """Device number of a process's controlling terminal; 0 where there is none."""
+    """Return the device number of a process's controlling terminal; 0 if it has none."""
     try:
         with open(stat_path, encoding="utf-8", errors="replace") as file:
             return int(file.read().rpartition(")")[2].split()[4])
@@ -107,17 +107,19 @@ def _target(path: str) -> str:
 
 
 class Link(ABC):
-    """What carries a board's bytes.  One thread may read while others write, and any may close.
+    """A connection to a board.  One thread may read while others write, and any thread may close it.
 
     Attributes:
-        port: The name that was opened.
+        port: the name that was opened.
     """
 
     port: str
 
     @abstractmethod
     def read(self, timeout_s: float) -> bytes:
-        """What has arrived; waits up to `timeout_s` for a first byte, less after `wake`.  Empty once closed.
+        """Return the bytes that have arrived; empty after `close`.
+
+        Waits at most `timeout_s` for a first byte [s]; `wake` ends the wait.
 
         Raises:
             LinkLost: the port went away.
@@ -128,37 +130,37 @@ class Link(ABC):
         """Send all of `data`.
 
         Raises:
-            BoardTimeout: the port took no more bytes for 100 ms; what came before may have been sent.
+            BoardTimeout: the port accepted no bytes for 100 ms; earlier bytes may have been sent.
             LinkLost: the port went away, or the link is closed.
         """
 
     @abstractmethod
     def wake(self) -> None:
-        """Let a waiting `read` return at once."""
+        """Make a waiting `read` return at once."""
 
     @abstractmethod
     def close(self) -> None:
-        """Give the port back.  A reader in another thread returns at once, with nothing."""
+        """Close the port.  A `read` in another thread returns at once with no bytes."""
 
     @abstractmethod
     def fileno(self) -> int:
-        """The descriptor that has something to read when data came."""
+        """Return the descriptor that becomes readable when data arrive."""
 
     def set_baud(self, baud: int) -> None:
-        """Change the port's speed, once all is sent.
+        """Change the port's speed after all bytes have been sent.
 
         Raises:
-            LinkError: it has none that can be changed from here.
+            LinkError: the speed of this link cannot be changed.
             LinkLost: the port went away.
         """
         raise LinkError(f"{self.port} has no speed that can be set from here: set it at the other end")
 
 
 class DescriptorLink(Link):
-    """A link whose bytes come and go through a descriptor that never blocks."""
+    """A link over one descriptor that never blocks."""
 
     def _begin(self, port: str, fd: int) -> None:
-        """Work on an open descriptor that never blocks."""
+        """Use `fd`, an open descriptor that never blocks."""
         self.port, self._fd = port, fd
         self.closed, self._open = False, True
         self._reading, self._writing, self._waking = threading.RLock(), threading.RLock(), threading.RLock()
@@ -170,7 +172,7 @@ class DescriptorLink(Link):
         fork_guard.leave_to_parent(self._abandon)
 
     def _abandon(self) -> None:
-        """In a forked child: give up the copies of the descriptors; port, mark and lock are the parent's."""
+        """In a forked child: close the copies of the descriptors; port, TIOCEXCL and lock stay with the parent."""
         if self._open:
             self.closed, self._open = True, False
             self._reading, self._writing, self._waking = (threading.RLock() for _ in range(3))
@@ -256,7 +258,7 @@ class DescriptorLink(Link):
             os.close(self._wake_out)
 
     def _give_back(self) -> None:
-        """Close what `_begin` was given."""
+        """Close the descriptor that `_begin` was given."""
         self._release()
 
     @abstractmethod
@@ -272,12 +274,12 @@ class DescriptorLink(Link):
 
 
 class SerialLink(DescriptorLink):
-    """An open serial port, exclusively ours.
+    """An open serial port that no other program may open.
 
     Raises:
-        PortMissing: no such port, or it is no serial port.
-        PortDenied: no permission.
-        PortBusy: another program has it.
+        PortMissing: there is no such port, or it is not a serial port.
+        PortDenied: this user has no permission.
+        PortBusy: another program uses it.
         LinkError: the port refuses its settings.
     """
 
@@ -299,7 +301,7 @@ class SerialLink(DescriptorLink):
         """As `Link.set_baud`."""
         try:
             _drop_unsent(self._fd)
-            if not unsent(self._fd):  # else the adapter hangs, and the drain would for ever
+            if not unsent(self._fd):  # otherwise the adapter hangs, and tcdrain would wait for ever
                 termios.tcdrain(self._fd)
             self._serial.baudrate = baud
         except (ValueError, OSError, termios.error) as error:
@@ -307,7 +309,7 @@ class SerialLink(DescriptorLink):
 
 
 def _demand_device(port: str) -> None:
-    """Raise PortMissing unless `port` names a character device, or nothing that a look can judge."""
+    """Raise PortMissing unless `port` is a character device; if its type cannot be read, do nothing."""
     try:
         mode = os.stat(port).st_mode
     except FileNotFoundError:
@@ -358,9 +360,7 @@ def _explain(port: str, error: OSError) -> LinkError:
 
 
 def _errno(error: BaseException) -> int:
-    """The system's error number of a pyserial error, which carries it itself, in its cause, or in its
-    arguments.
-    """
+    """Return the system's error number from a pyserial error, its arguments or its cause; 0 if unknown."""
     seen: Optional[BaseException] = error
     while seen is not None:
         number = getattr(seen, "errno", None) or next((a for a in seen.args if isinstance(a, int)), None)
@@ -375,7 +375,7 @@ def _words(error: BaseException) -> str:
 
 
 def locked_by(port: str) -> str:
-    """Name and process id of the program that has the port locked; empty where the system tells of none."""
+    """Return name and process id of the program that has locked the port; empty if the system shows none."""
     try:
         inode = str(os.stat(port).st_ino)
         with open("/proc/locks", encoding="ascii") as locks:
@@ -387,7 +387,7 @@ def locked_by(port: str) -> str:
 
 
 def _drop_unsent(fd: int) -> None:
-    """What an adapter that hangs has not taken is given up: the system's close would wait for it, 30 s at most."""
+    """Discard the bytes that an adapter that hangs has not accepted; otherwise `close` would wait up to 30 s."""
     try:
         before, since_s = unsent(fd), time.monotonic()
         while before and time.monotonic() < since_s + WRITE_TIMEOUT_S:
@@ -402,14 +402,14 @@ def _drop_unsent(fd: int) -> None:
 
 
 def unsent(fd: int) -> int:
-    """Bytes that were written and are still in this computer; 0 on a pseudo terminal."""
+    """Return the number of written bytes that are still in this computer; 0 on a pseudo terminal."""
     return int.from_bytes(fcntl.ioctl(fd, termios.TIOCOUTQ, bytes(4)), sys.byteorder)
 
 
 def _exclude(fd: int, on: bool) -> None:
-    """Set or clear TIOCEXCL, which also keeps programs out that do not lock.
+    """Set or clear TIOCEXCL, which also keeps out programs that do not use locks.
 
-    A pseudo terminal is left alone: its server keeps it open, so the mark would outlive a killed driver.
+    A pseudo terminal is not changed: its server keeps it open, so the flag would remain after a killed driver.
     """
     if os.major(os.fstat(fd).st_rdev) in PTY_MAJORS:
         return

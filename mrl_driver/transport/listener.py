@@ -1,7 +1,7 @@
-"""The listening end of a wire over the network: one client at a time, on an address that was asked for.
+"""The listening end of a network connection to a board: one client at a time.
 
-Nothing here blocks.  The client is whoever came first; another connection is closed at once, and another sender's
-datagrams are dropped, until the client has left (TCP) or was silent for `SILENT_S` (UDP).
+Nothing here blocks.  The first to connect is the client.  Until it has left (TCP) or was silent for `SILENT_S` (UDP),
+other connections are closed at once, and datagrams from other senders are dropped.
 """
 
 import contextlib
@@ -15,20 +15,20 @@ from mrl_driver.errors import ConfigError, LinkError, PortBusy, PortDenied
 from .address import TCP, Address, parse
 
 SILENT_S = 2.0
-"""A UDP client that sends nothing for so long has left; a driver sends something every 0.5 s."""
+"""A UDP client that sends nothing for this time counts as gone [s]; a driver sends something every 0.5 s."""
 READ_SIZE = 4096
 LONGEST = 1400
-"""Bytes of a datagram at most; longer ones would be cut into pieces by an Ethernet."""
+"""Longest datagram [byte]; Ethernet would split a longer one."""
 _KEPT = 65536
-"""Bytes without an end of a frame are sent when so many have come together."""
+"""At most this many bytes of an incomplete frame are kept; older ones are dropped."""
 
 
 class TcpListener:
-    """Takes connections.
+    """Accepts TCP connections.
 
     Raises:
-        ConfigError: it is no address of this computer.
-        PortBusy, PortDenied, LinkError: it cannot be listened on.
+        ConfigError: the address does not belong to this computer.
+        PortBusy, PortDenied, LinkError: listening on the address is not possible.
     """
 
     def __init__(self, address: Address) -> None:
@@ -36,22 +36,22 @@ class TcpListener:
         self._listening.listen(1)
         self._end: Optional[socket.socket] = None
         self.address = address._replace(port=self._listening.getsockname()[1])
-        """Where it listens; with the port that the system chose, where 0 was asked for."""
+        """Address of the listener; if port 0 was requested, with the port that the system chose."""
         self.client = ""
-        """Address of who is connected; empty where nobody is."""
+        """Address of the connected client; empty without one."""
 
     @property
     def watch(self) -> Optional[int]:
-        """Descriptor that tells of new clients; None where data do."""
+        """Descriptor that becomes readable when a client connects; None if `data` does."""
         return self._listening.fileno()
 
     @property
     def data(self) -> Optional[int]:
-        """Descriptor that tells of data; None without a client."""
+        """Descriptor that becomes readable when data arrive; None without a client."""
         return self._end.fileno() if self._end is not None else None
 
     def attend(self) -> bool:
-        """Let who knocks in; True where that is a new client."""
+        """Accept waiting connections; return True if there is a new client."""
         came = False
         with contextlib.suppress(BlockingIOError, ConnectionError):
             while True:
@@ -67,7 +67,7 @@ class TcpListener:
         return came
 
     def _gone_already(self) -> None:
-        """Let go of a client whose end came together with a newcomer."""
+        """Drop the client if it has closed its connection already."""
         assert self._end is not None
         with contextlib.suppress(BlockingIOError):
             try:
@@ -80,7 +80,7 @@ class TcpListener:
                 self.drop()
 
     def read(self, limit: int = READ_SIZE) -> bytes:
-        """What the client has sent; one that left is `client` no more."""
+        """Return the client's bytes; drop the client if it has left."""
         if self._end is None:
             return b""
         try:
@@ -94,7 +94,7 @@ class TcpListener:
         return data
 
     def write(self, data: bytes) -> int:
-        """Send what there is room for; how many bytes that were."""
+        """Send as many bytes as there is room for; return their number."""
         if self._end is None:
             return 0
         try:
@@ -106,7 +106,7 @@ class TcpListener:
             return 0
 
     def drop(self) -> None:
-        """Let go of the client."""
+        """Close the connection of the client."""
         if self._end is not None:
             self._end.close()
         self._end, self.client = None, ""
@@ -118,7 +118,7 @@ class TcpListener:
 
 
 class UdpListener:
-    """Takes datagrams; as `TcpListener`.  A datagram that it sends holds whole frames."""
+    """As `TcpListener`, for datagrams.  Each datagram that it sends holds whole frames."""
 
     def __init__(self, address: Address) -> None:
         self._socket = _bound(address, socket.SOCK_DGRAM)
@@ -132,18 +132,18 @@ class UdpListener:
 
     @property
     def data(self) -> Optional[int]:
-        """Descriptor that tells of data."""
+        """Descriptor that becomes readable when data arrive."""
         return self._socket.fileno()
 
     def attend(self) -> bool:
-        """True once after a new client's first datagram; a silent client has left."""
+        """Return True once after a new client's first datagram; drop a silent client."""
         if self.client and time.monotonic() - self._heard_s >= SILENT_S:
             self.drop()
         came, self._came = self._came, False
         return came
 
     def read(self, limit: int = READ_SIZE) -> bytes:
-        """The next datagram, whole, however long; `limit` holds for connections."""
+        """Return the next datagram, always whole; `limit` applies only to TCP."""
         while True:
             try:
                 data, there = self._socket.recvfrom(65536)
@@ -159,7 +159,7 @@ class UdpListener:
                 return data
 
     def write(self, data: bytes) -> int:
-        """Send the whole frames of what was given up to now; the rest waits for more."""
+        """Send all whole frames; keep the rest until more bytes follow."""
         if self._there is None:
             return 0
         self._unsent += data
@@ -184,18 +184,18 @@ Listener = Union[TcpListener, UdpListener]
 
 
 def listen(url: str) -> Listener:
-    """Listens on `tcp://ADDRESS:PORT` or `udp://ADDRESS:PORT`.
+    """Listen on `tcp://ADDRESS:PORT` or `udp://ADDRESS:PORT`.
 
     Raises:
-        ConfigError: it does not parse, or is no address of this computer.
-        PortBusy, PortDenied, LinkError: it cannot be listened on.
+        ConfigError: the URL does not parse, or the address does not belong to this computer.
+        PortBusy, PortDenied, LinkError: listening on the address is not possible.
     """
     address = parse(url, listening=True)
     return TcpListener(address) if address.scheme in TCP else UdpListener(address)
 
 
 def prompt(end: socket.socket, gone_s: int = 2) -> None:
-    """Have a connection send at once, and notice within about `gone_s` that the other end is gone."""
+    """Make a connection send at once, and notice within about `gone_s` that the other end is gone [s]."""
     end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     end.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     settings = {
@@ -210,7 +210,7 @@ def prompt(end: socket.socket, gone_s: int = 2) -> None:
 
 
 def datagrams(data: bytes) -> List[bytes]:
-    """`data` in pieces of at most `LONGEST` bytes, cut behind the end of a frame where there is one."""
+    """Split `data` into pieces of at most `LONGEST` bytes, after the end of a frame if possible."""
     pieces = []
     while len(data) > LONGEST:
         end = data.rfind(b"e", 0, LONGEST) + 1 or LONGEST

@@ -1,24 +1,25 @@
-"""Opens a port, whatever wire it names: a device, a TCP connection, datagrams, or an URL of pyserial's."""
+"""Opens a port of any kind: a device, a TCP connection, UDP datagrams, or a URL of pyserial."""
 
 from .address import TCP, UDP, is_url, scheme_of
 from .link import BAUD, Link, SerialLink
 
 CONNECT_S, AGAIN_S = 3.0, 0.8
-"""How long a host may take to take a connection, at first and in a search [s]; the system repeats a lost first packet
-after 1 s.
+"""Time for a host to accept a connection, at first and in a search [s].  The system repeats a lost first packet after
+1 s.
 """
 
 
 def open_link(port: str, baud: int = BAUD, patience_s: float = CONNECT_S) -> Link:
-    """The open link.  The modules for URLs are loaded when one is asked for.
+    """Open a port and return its link.  The modules for URLs are imported only when needed.
 
     Args:
-        baud: of devices, and of what pyserial opens.
-        patience_s: for a host to take a connection.
+        port: device name or URL.
+        baud: baud rate of devices, and of URLs that pyserial opens [Bd].
+        patience_s: time for a host to accept a TCP connection [s].
 
     Raises:
         ConfigError: the URL does not parse.
-        LinkError: it cannot be opened, see the links themselves.
+        LinkError: the port cannot be opened; each link's class lists the errors.
     """
     if not is_url(port):
         return SerialLink(port, baud)

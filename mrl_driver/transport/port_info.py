@@ -1,4 +1,4 @@
-"""What the system knows of serial ports without opening them: opening one resets an Arduino Uno."""
+"""Information about serial ports without opening them, because opening one resets an Arduino Uno."""
 
 import grp
 import os
@@ -22,28 +22,28 @@ _KINDS: Dict[Tuple[int, int], str] = {
     (0x1A86, 0x7523): "CH340 adapter, as on copies of the Uno",
     (0x1A86, 0x55D4): "CH9102 adapter",
 }
-"""USB vendor and product, as the makers' drivers list them."""
+"""Kinds of port by USB vendor and product id; source: the makers' drivers."""
 _PSEUDO_TERMINALS = range(136, 144)
-"""Major numbers, as Linux has given them out."""
+"""Major device numbers of pseudo terminals on Linux."""
 _LOCK_FOLDERS = ("/run/lock", "/var/lock")
 
 
 class PortFacts(NamedTuple):
-    """One port, as it is plugged in."""
+    """One serial port."""
 
     device: str
     kind: str
-    """What it is, in words."""
+    """Kind of the device in words."""
     arduino: bool
-    """Its USB vendor is Arduino: it may be opened in a search."""
+    """Its USB vendor is Arduino: a search may open it."""
     link: str
-    """Lasting name under /dev/serial/by-id; empty where there is none."""
+    """Permanent name under /dev/serial/by-id; empty if there is none."""
     usb: str
-    """Vendor and product in hexadecimal, such as `2341:0043`; empty where it is no USB device."""
+    """Vendor and product id in hexadecimal, such as `2341:0043`; empty if it is not a USB device."""
     serial: str
-    """USB serial number; empty where the device has none."""
+    """USB serial number; empty if the device has none."""
     used_by: str
-    """Who has it open, as far as the system tells; empty when nobody."""
+    """Program that has it open, as far as this user can see; empty if there is none."""
     permitted: bool
     """This user may open it."""
     group: str
@@ -51,12 +51,12 @@ class PortFacts(NamedTuple):
 
 
 def facts() -> List[PortFacts]:
-    """All serial ports there are, by name."""
+    """Return all serial ports, sorted by name."""
     return sorted(map(facts_of, described()), key=lambda each: each.device)
 
 
 def facts_of(port: Port) -> PortFacts:
-    """What is known of a port."""
+    """Return the information about a port."""
     vendor, product = port.vendor, port.product
     return PortFacts(
         port.device,
@@ -72,7 +72,7 @@ def facts_of(port: Port) -> PortFacts:
 
 
 def kind_of(vendor: Optional[int], product: Optional[int]) -> str:
-    """A USB device in words."""
+    """Return the kind of a USB device in words."""
     if vendor is None:
         return "serial port"
     unknown = "Arduino board" if vendor in ARDUINO_VENDORS else "unknown USB device"
@@ -80,9 +80,9 @@ def kind_of(vendor: Optional[int], product: Optional[int]) -> str:
 
 
 def user_of(device: str) -> str:
-    """Who has the port open, or has locked it in the manner of UUCP; empty when nobody seems to.
+    """Return the program that has the port open, or has a UUCP lock file for it; empty if there is none.
 
-    Other users' programs show only to root, and by such locks.
+    Programs of other users are visible only to root, or by their locks.
     """
     holder = locked_by(device)
     if holder or in_use(device):
@@ -100,7 +100,7 @@ def user_of(device: str) -> str:
 
 
 def is_terminal(name: str) -> bool:
-    """It is a serial port or a pseudo terminal; not /dev/null, which many programs have open."""
+    """Tell whether `name` is a serial port or a pseudo terminal (and not /dev/null, which many programs open)."""
     try:
         number = os.stat(name).st_rdev
     except (OSError, ValueError):
@@ -110,7 +110,7 @@ def is_terminal(name: str) -> bool:
 
 
 def group_of(device: str) -> str:
-    """Name of the group that owns the device; empty where there is none."""
+    """Return the name of the group that owns the device; empty if it is unknown."""
     try:
         return grp.getgrgid(os.stat(device).st_gid).gr_name
     except (OSError, KeyError):
@@ -118,7 +118,7 @@ def group_of(device: str) -> str:
 
 
 def udev_properties(device: str) -> Dict[str, str]:
-    """What udev knows of a device; empty where there is no udev."""
+    """Return udev's properties of a device; empty without udev."""
     try:
         number = os.stat(device).st_rdev
         with open(
@@ -131,7 +131,7 @@ def udev_properties(device: str) -> Dict[str, str]:
 
 
 def programs_named(name: str) -> List[int]:
-    """Process ids of the programs of that name."""
+    """Return the process ids of the programs with this name."""
     return [int(number) for number in os.listdir("/proc") if number.isdigit() and _comm(number) == name]
 
 

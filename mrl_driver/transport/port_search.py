@@ -1,19 +1,19 @@
-"""Where a lost robot may have come back: names worth opening, the likeliest first.
+"""The search for a lost robot: which ports to open, the most likely first.
 
-Pure: the ports that there are, and the time, go in.  A port is opened in the search only if the user named it, or if
-it has the USB vendor and product of the one that was lost; opening resets an Uno, and other devices are not ours.
+This module does no I/O: the list of ports and the time go in.  A port is opened only if the user named it, or if it has
+the USB vendor and product of the lost port: opening resets an Uno, and other devices must be left alone.
 """
 
 import math
 from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 AGAIN_S = 1.0
-"""A port that could not be opened, or stayed silent, is left alone for so long."""
+"""Wait before a port that could not be opened, or stayed silent, is tried again [s]."""
 AGAIN_SOON_S = 0.2
-"""The same for an address on a network, where a look resets nothing."""
+"""The same for a network address, where a trial resets nothing [s]."""
 WRONG_AGAIN_S = 10.0
-"""The same for a port of unknown kind on which another robot answers; one with USB ids is left alone until it was
-unplugged.
+"""The same for the user's port name if another robot answers on it [s].  Any other port with a wrong robot is not tried
+again until it is unplugged.
 """
 
 
@@ -25,25 +25,25 @@ class Port(NamedTuple):
     links: Tuple[str, ...] = ()
     """Names under /dev/serial/by-id that lead to it."""
     vendor: Optional[int] = None
-    """USB vendor id; None where the port is no USB device."""
+    """USB vendor id; None if the port is not a USB device."""
     product: Optional[int] = None
     serial: Optional[str] = None
-    """USB serial number; None where the device has none."""
+    """USB serial number; None if the device has none."""
 
     location: Optional[str] = None
-    """Which USB socket it is plugged into; None where unknown."""
+    """USB socket that it is plugged into; None if unknown."""
 
     @property
     def identity(self) -> Tuple[str, Optional[str], Optional[str]]:
-        """What does not change while it stays plugged in."""
+        """Properties that do not change while the device stays plugged in."""
         return self.device, self.serial, self.location
 
     def is_like(self, other: "Port") -> bool:
-        """Same USB vendor and product."""
+        """Tell whether both have the same USB vendor and product."""
         return self.vendor is not None and (self.vendor, self.product) == (other.vendor, other.product)
 
     def is_same(self, other: "Port") -> bool:
-        """To all appearances the very same device: by its serial number; without one, by its socket or its link."""
+        """Tell whether both appear to be the same device: by serial number, or without one by USB socket or link."""
         if not self.is_like(other) or self.serial != other.serial:
             return False
         if self.serial is not None:
@@ -54,21 +54,21 @@ class Port(NamedTuple):
 
 
 def described_as(device: str, there: Sequence[Port]) -> Port:
-    """The one of `there` that is `device`."""
+    """Return the port in `there` whose name is `device`; if there is none, a port with only that name."""
     return next((port for port in there if port.device == device), Port(device))
 
 
 def candidates(name: str, device: str, lost: Port, there: Sequence[Port]) -> List[str]:
-    """Names to open in the search, best first.
+    """Return the names to open in the search, the best first.
 
-    The very same device leads, under whatever name, in the same socket above all; then the name that the user gave,
-    then devices of the same USB vendor and product.
+    First comes the same device under any name, above all in the same socket; then the name that the user gave; then
+    devices with the same USB vendor and product.
 
     Args:
-        name: as the user gave it; a symbolic link, perhaps.
-        device: what `name` leads to at present.
+        name: the name that the user gave; it may be a symbolic link.
+        device: the device that `name` leads to now.
         lost: the port that was lost.
-        there: all ports there are.
+        there: all existing ports.
     """
     named = next((port for port in there if port.device == device), None)
     alike = [port for port in there if port.is_like(lost)]
@@ -83,13 +83,13 @@ def candidates(name: str, device: str, lost: Port, there: Sequence[Port]) -> Lis
 
 
 class Search:
-    """Which name to try next, until the robot is found.
+    """Chooses the name to try next, until the robot is found.
 
     Args:
-        name: as the user gave it.
+        name: the name that the user gave.
         lost: the port that was lost.
-        others: ports that were there beside it; none of them is the robot's while it stays plugged in.
-        exists: whether there is something under a name.
+        others: ports that were present at the same time; none of them is the robot's while it stays plugged in.
+        exists: tells whether a name exists.
     """
 
     def __init__(
@@ -103,9 +103,9 @@ class Search:
         self._among: Set[str] = set()
 
     def next(self, device: str, there: Sequence[Port], now: float) -> Optional[str]:
-        """The name to open at `now` [s], or None; `device` is what the user's name leads to."""
+        """Return the name to open at `now` [s], or None; `device` is the device that the user's name leads to."""
         if self._device not in ("", device):
-            self._refused.pop(self.name, None)  # the user's name leads to another port
+            self._refused.pop(self.name, None)  # the user's name now leads to another port
         self._device = device
         names = self._names(device, there)
         if self.rivals and set(names) == self._among:
@@ -119,16 +119,16 @@ class Search:
         return None
 
     def refuse(self, name: str, now: float, wrong: bool = False) -> None:
-        """Leave `name` alone for some time; one of a `wrong` robot until it was unplugged."""
+        """Do not try `name` for some time; with `wrong` (another robot answers on it) until it is unplugged."""
         again_s = AGAIN_SOON_S if "://" in name else AGAIN_S
         wait_s = again_s if not wrong else WRONG_AGAIN_S if name == self.name else math.inf
         self._refused[name] = now + wait_s
         self._answered.discard(name)
 
     def take(self, name: str, port: Port, device: str, there: Sequence[Port]) -> bool:
-        """The robot's id is answered on `name`, which leads to `port`: is that the robot?
+        """A board with the robot's id answers on `name`, which leads to `port`; tell whether it is the robot.
 
-        Where nothing tells the lost device from others, those are asked as well, and if several answer none is taken.
+        If the lost device cannot be told from others, the others are tried as well; if several answer, none is taken.
         """
         same = [each for each in there if each.is_same(self.lost)]
         if port.vendor is None or same == [port] or (port in same and port.location == self.lost.location):
@@ -139,11 +139,11 @@ class Search:
 
     @property
     def rivals(self) -> List[str]:
-        """Names on which the robot's id was answered, where there are several."""
+        """Names on which a board with the robot's id answers, if there are several."""
         return sorted(self._answered) if len(self._answered) > 1 else []
 
     def _names(self, device: str, there: Sequence[Port]) -> List[str]:
-        """Names that may be the robot's at present."""
+        """Return the names that may lead to the robot now."""
         present = {port.device for port in there} | {self.name}
         self._refused = {name: until for name, until in self._refused.items() if name in present}
         self._answered &= present

@@ -1,7 +1,7 @@
 """Links through pyserial's URLs: `rfc2217://host:port`, `spy:///dev/ttyACM0?file=log`, `loop://`.
 
-Beside `link` the only user of pyserial.  A thread passes what pyserial reads to a pipe, since not all of these have a
-descriptor to wait for.
+Only this module and `link` use pyserial.  A thread copies the bytes that pyserial reads into a pipe, because some of
+these links have no descriptor to wait for.
 """
 
 import os
@@ -19,12 +19,12 @@ _POLL_S = 0.05
 
 
 class UrlLink(DescriptorLink):
-    """What pyserial opens by an URL.
+    """A link that pyserial opens from a URL.
 
     Raises:
         ConfigError: the URL's scheme is unknown.
-        PortMissing: it leads nowhere.
-        LinkError: pyserial does not understand it, or it does not take the baud rate.
+        PortMissing: the URL cannot be opened.
+        LinkError: pyserial does not understand the URL, or refuses the baud rate.
     """
 
     def __init__(self, port: str, baud: int = BAUD) -> None:
@@ -37,7 +37,7 @@ class UrlLink(DescriptorLink):
         self._feeder.start()
 
     def _feed(self) -> None:
-        """Pass on what comes until the link is closed, or the port went away."""
+        """Copy arriving bytes into the pipe until the link is closed or the port goes away."""
         try:
             while not self.closed:
                 data = self._serial.read(1)
@@ -50,7 +50,7 @@ class UrlLink(DescriptorLink):
             os.close(self._into)
 
     def write(self, data: bytes) -> None:
-        """As `Link.write`; how long it may block is the handler's affair."""
+        """As `Link.write`; pyserial's handler decides how long it may block."""
         with self._writing:
             if self.closed:
                 raise LinkLost(f"{self.port} is closed")
@@ -78,7 +78,7 @@ class UrlLink(DescriptorLink):
             return
 
     def _release(self) -> None:
-        """In a forked child: pyserial's close would end a connection for the parent too."""
+        """In a forked child: pyserial's `close` would also end the parent's connection."""
         if "_socket" in vars(self._serial):
             vars(self._serial)["_socket"] = None
         else:

@@ -1,4 +1,4 @@
-"""Finds a lost robot again: opens what `ports` names, one after the other, until the robot answers."""
+"""Finds a lost robot: opens the ports that `port_search` names, one after the other, until the robot answers."""
 
 import os
 import time
@@ -11,20 +11,20 @@ from .link import Link, described, in_use
 from .port_search import Port, Search, described_as
 
 LOOK_S = 0.1
-"""A lost port is looked for this often [s]; a look takes 1 to 3 ms."""
+"""Time between two looks for a lost port [s]; one look takes 1 to 3 ms."""
 
 
 class _Undecided(WrongRobot):
-    """The robot's id is answered, but perhaps by another board."""
+    """A board with the robot's id answers, but it may be another board."""
 
 
 class Reconnection:
-    """The search of one driver.
+    """The search of one driver for its lost robot.
 
     Args:
-        name: of the port, as the user gave it.
-        open_link: opens a name.
-        patience_s: how long a board may take to answer on a port that was just opened.
+        name: name of the port, as the user gave it.
+        open_link: opens a port by name.
+        patience_s: time for a board's answer on a port that was just opened [s].
     """
 
     def __init__(self, name: str, open_link: Callable[[str], Link], patience_s: float) -> None:
@@ -35,10 +35,10 @@ class Reconnection:
         self.port = name
         """The name that was opened last."""
         self.same_board = True
-        """No other board has answered since the port was lost."""
+        """No other board answered since the port was lost."""
 
     def _note(self, name: str) -> None:
-        """What is known of the robot's port, and which like it there are beside it."""
+        """Remember the robot's port, and the other ports of the same kind."""
         there = described()
         self._described = described_as(os.path.realpath(name), there)
         self._others = [
@@ -50,11 +50,11 @@ class Reconnection:
 
     @property
     def searching(self) -> bool:
-        """The robot is not found yet."""
+        """The search is running."""
         return self._search is not None
 
     def lose(self, error: MrlError, now: float) -> bool:
-        """The link is gone, or what answers on it is not the robot; False where `error` tells nothing new."""
+        """The link is gone, or another board answers; return False if `error` is not news for the user."""
         if self._search is None:
             self._search, self.same_board = (
                 Search(self._name, self._described, self._others, may_be_there),
@@ -65,12 +65,12 @@ class Reconnection:
             self.same_board = False
             return bool(self._search.rivals)
         self._search.refuse(self.port, now, isinstance(error, WrongRobot))
-        if not (is_url(self.port) and isinstance(error, LinkLost)):  # an address opens where nobody answers
+        if not (is_url(self.port) and isinstance(error, LinkLost)):  # an address opens without a board
             self.same_board = False
         return False
 
     def look(self) -> Optional[Link]:
-        """The next port that may be the robot's, opened; None where there is none."""
+        """Open the next port that may lead to the robot; None if there is none now."""
         search, now = self._search, time.monotonic()
         assert search is not None
         name = search.next(os.path.realpath(self._name), self._there(search), now)
@@ -88,11 +88,11 @@ class Reconnection:
         return link
 
     def judge(self, ready: bool, now: float) -> bool:
-        """Is the robot found on the port that was opened last?
+        """Tell whether the robot is found on the port that was opened last.
 
         Raises:
-            BoardTimeout: it had its time.
-            WrongRobot: another board may be the one, or answers as well.
+            BoardTimeout: no answer in time.
+            WrongRobot: other boards may be the robot and must be tried first, or several answer with its id.
         """
         if ready:
             assert self._search is not None
@@ -117,5 +117,5 @@ class Reconnection:
 
 
 def may_be_there(name: str) -> bool:
-    """An URL is tried, a device only if there is one."""
+    """Tell whether to try a name: always for a URL; for a device only if it exists."""
     return is_url(name) or os.path.exists(name)

@@ -1,4 +1,4 @@
-"""A serial port on the network: bytes pass between a board and one client; when that leaves, the robot is stopped."""
+"""A serial port on the network: bytes pass between a board and one client.  When the client leaves, the robot stops."""
 
 import select
 from typing import Callable, List, Optional
@@ -12,16 +12,18 @@ from .listener import Listener
 
 STOP = encode_request(STOP_CODE)
 LOOK_S = 0.5
-"""A UDP client's silence is looked for this often [s]."""
+"""Time between two checks whether a UDP client is silent [s]."""
 STOPS, STOP_AGAIN_S = 3, 0.05
-"""A stop may hit a frame that the client had begun; so it is sent more than once."""
+"""Number of stops and time between them [s].  A stop may fall into an incomplete frame, so it is repeated."""
 
 
 class Bridge:
-    """Serves `listener`'s client with `link` until `stop` is called, half a second later at most.
+    """Connects `listener`'s client with `link` until `stop` is called; it ends at most half a second later.
 
     Args:
-        tell: is told in a line who came and who left.
+        link: link to the board.
+        listener: listener for the client.
+        tell: called with a line of text when a client comes or leaves.
     """
 
     def __init__(self, link: Link, listener: Listener, tell: Callable[[str], None]) -> None:
@@ -35,7 +37,7 @@ class Bridge:
         self._running = False
 
     def run(self) -> None:
-        """Pass bytes on.
+        """Pass bytes in both directions until `stop` is called.
 
         Raises:
             LinkLost: the board's port went away.
@@ -71,7 +73,7 @@ class Bridge:
             self._tell(str(error))
 
     def _notice(self) -> None:
-        """Who is there now; the robot stops when a client has left."""
+        """Report a new client or one that has left; stop the robot when a client has left."""
         before, self._client = self._client, self._listener.client
         if before == self._client:
             return

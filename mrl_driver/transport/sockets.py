@@ -1,6 +1,6 @@
 """Links over a network: a TCP connection to a serial bridge (ser2net, an ESP as WiFi bridge), and UDP datagrams.
 
-Both end in a descriptor, so `DescriptorLink` reads and writes them as it does a serial port.
+Both have a descriptor, so `DescriptorLink` reads and writes them like a serial port.
 """
 
 import errno
@@ -26,16 +26,16 @@ _REMEDY = {
 
 
 HEARD = 24
-"""Bytes of a connection's beginning that are told when it ends without a frame."""
+"""Number of first bytes that the error quotes if the connection ends without a frame."""
 
 
 class TcpLink(DescriptorLink):
-    """A connection to `tcp://host:port`, on which the board's bytes pass as they are.
+    """A connection to `tcp://host:port`, which carries the board's bytes unchanged.
 
     Raises:
         ConfigError: the URL does not parse.
-        PortMissing: refused, not resolved, unreachable, or no answer within `patience_s`.
-        LinkError: the system does not want to.
+        PortMissing: connection refused, host name not resolved, unreachable, or no answer within `patience_s`.
+        LinkError: the operating system refused the connection.
     """
 
     def __init__(self, port: str, patience_s: float) -> None:
@@ -68,15 +68,15 @@ class TcpLink(DescriptorLink):
 
 
 class UdpLink(DescriptorLink):
-    """Datagrams to and from `udp://host:port`; those of other senders are not seen.
+    """Datagrams to and from `udp://host:port`; datagrams from other senders are not received.
 
-    What is written at once is one datagram, and holds whole frames.  A lost datagram is noticed by nobody but the
-    session; the system only tells of an end at which nothing listens.
+    Each `write` sends one datagram with whole frames.  Only the session can notice a lost datagram; the system reports
+    only a host on which nothing listens.
 
     Raises:
         ConfigError: the URL does not parse.
-        PortMissing: not resolved or unreachable.
-        LinkError: the system does not want to.
+        PortMissing: host name not resolved, or unreachable.
+        LinkError: the operating system refused the socket.
     """
 
     def __init__(self, port: str) -> None:
@@ -89,7 +89,7 @@ class UdpLink(DescriptorLink):
         self._socket.close()
 
     def _end_of_data(self) -> None:
-        """An empty datagram is none."""
+        """Ignore an empty datagram: it does not end the link."""
 
     def _lost(self, why: Optional[str]) -> LinkLost:
         return _lost(self.port, why)
@@ -112,7 +112,7 @@ def _connect(address: Address, port: str, patience_s: float) -> socket.socket:
 
 
 def _first(address: Address, port: str, kind: int, patience_s: Optional[float]) -> socket.socket:
-    """A socket connected to the first of the host's addresses that takes it."""
+    """Return a socket connected to the first of the host's addresses that accepts."""
     failure: OSError = OSError(errno.EADDRNOTAVAIL, "no address")
     for family, sort, protocol, _, there in _resolve(address, port, kind):
         try:

@@ -1,7 +1,7 @@
-"""Robot models: one YAML file each, beside this module, in the user's own folder, or anywhere by path.
+"""Robot models: one YAML file each, in this folder, in the user's own folder, or anywhere by path.
 
-A model is geometry, limits, sonar poses, the board parameters of the firmware's defaults and the robot ids it
-accepts.  Sources of the numbers stand in the files.
+A model holds geometry, limits, sonar poses, default board parameters, and the robot ids that it accepts.  The files
+name the sources of the numbers.
 """
 
 import logging
@@ -22,16 +22,18 @@ _Section = TypeVar("_Section", bound=tuple)
 
 SONAR, ENVIRONMENT = "sonar", "environment"
 BUILDS = (SONAR, ENVIRONMENT)
-"""Boards of 2013 do not tell which one they are, and send gas and light in place of ranges: the model says it."""
+"""Builds of the firmware.  2013 boards do not report their build, and the second sends gas and light instead of ranges;
+so the model names it.
+"""
 
 
 class Noise(NamedTuple):
-    """How much odometry errs at random; where a model has none, `ON_WHEELS` or `ON_TRACKS`."""
+    """Random errors of odometry; if a model has none, `ON_WHEELS` or `ON_TRACKS` applies."""
 
     wheel_m2_per_m: float
-    """Variance of a wheel's way, per way."""
+    """Variance of a wheel's distance, per distance."""
     turn_rad2_per_rad: float
-    """Variance of the yaw by slip, per angle turned."""
+    """Variance of the yaw from slip, per angle turned."""
 
 
 ON_WHEELS, ON_TRACKS = Noise(1e-4, 0.0), Noise(4e-4, 0.0)
@@ -39,18 +41,18 @@ ON_WHEELS, ON_TRACKS = Noise(1e-4, 0.0), Noise(4e-4, 0.0)
 
 
 class Limits(NamedTuple):
-    """What the driver asks of the robot at most, unless told otherwise; the board's ceiling stays above."""
+    """Largest speeds and accelerations that the driver commands; they must not exceed the board's ceilings."""
 
     linear_m_s: float
     angular_rad_s: float
     linear_acceleration_m_s2: float
     angular_acceleration_rad_s2: float
     lateral_m_s: float = 0.0
-    """Sideways, where the base can; 0 is as fast as forward."""
+    """Speed sideways, if the base can; 0 means as fast as forward."""
 
 
 class Body(NamedTuple):
-    """Outer size and mass."""
+    """Outer dimensions and mass."""
 
     length_m: float
     width_m: float
@@ -60,7 +62,7 @@ class Body(NamedTuple):
 
 
 class SonarMount(NamedTuple):
-    """Where a sonar sits in base_link, and which way it looks (counter-clockwise from forward)."""
+    """Mounting pose of a sonar in base_link; yaw counter-clockwise from forward."""
 
     x_m: float
     y_m: float
@@ -68,7 +70,7 @@ class SonarMount(NamedTuple):
 
 
 class Battery(NamedTuple):
-    """Battery voltages at which something changes [V], and capacity [Ah]."""
+    """Battery voltages of the states [V], and capacity [Ah]."""
 
     full_v: float
     low_v: float
@@ -90,14 +92,14 @@ class RobotModel(NamedTuple):
     battery: Battery
     noise: Noise = ON_WHEELS
     build: str = SONAR
-    """What the board's sensor pins carry; `sonars` is empty where that is not sonars."""
+    """Sensors on the board's pins; `sonars` is empty if these are not sonars."""
 
     @property
     def differential(self) -> Drive:
-        """Its drive, for what only two wheels or tracks can do.
+        """The drive, for functions that need two wheels or tracks.
 
         Raises:
-            ConfigError: it has another one.
+            ConfigError: the robot has another drive type.
         """
         if not isinstance(self.drive, Drive):
             raise ConfigError(
@@ -108,7 +110,7 @@ class RobotModel(NamedTuple):
 
 
 def demand_drivable(model: RobotModel) -> None:
-    """See to it that a board can move the base of this model.
+    """Check that a board can move the base of this model.
 
     Raises:
         ConfigError: it cannot.
@@ -121,17 +123,17 @@ def demand_drivable(model: RobotModel) -> None:
 
 
 def packaged() -> List[str]:
-    """Names of the models that come with the package."""
+    """Return the names of the models that come with the package."""
     return _names_in(_FOLDER)
 
 
 def own_folder() -> str:
-    """Where the user keeps models of his own, one YAML file each; it need not be there."""
+    """Return the folder for the user's own models, one YAML file each; it may not exist."""
     return os.path.join(folders.config(), "robots")
 
 
 def names() -> List[str]:
-    """Names of all models: the packaged ones and the user's own."""
+    """Return the names of all models: the packaged ones and the user's own."""
     return sorted({*packaged(), *_names_in(own_folder())})
 
 
@@ -143,16 +145,17 @@ def _names_in(folder: str) -> List[str]:
 
 
 def _path_of(name: str) -> str:
-    """The user's own file of that name, else the packaged one."""
+    """Return the path of the user's own file with this name; otherwise of the packaged one."""
     own = os.path.join(own_folder(), f"{name}.yaml")
     return own if os.path.isfile(own) else os.path.join(_FOLDER, f"{name}.yaml")
 
 
 def load(name_or_path: str) -> RobotModel:
-    """The model of that name, or in that YAML file; the user's own comes before a packaged one of the same name.
+    """Return the model with this name, or from this YAML file.  The user's own model hides a packaged one of the same
+    name.
 
     Raises:
-        ConfigError: no such model, or a key is missing, misspelt, of the wrong type or out of range.
+        ConfigError: there is no such model, or a key is missing, unknown, of the wrong type or out of range.
     """
     is_path = name_or_path.endswith((".yaml", ".yml"))
     path = name_or_path if is_path else _path_of(name_or_path)
@@ -167,21 +170,21 @@ def load(name_or_path: str) -> RobotModel:
 
 
 def parse(data: Any, path: str) -> RobotModel:
-    """The model that parsed YAML describes; `path` is where it came from.
+    """Return the model described by parsed YAML; `path` is its file, for messages.
 
     Raises:
-        ConfigError: a key is missing, misspelt, of the wrong type or out of range.
+        ConfigError: a key is missing, unknown, of the wrong type or out of range.
     """
     return _Reader(path).model(data)
 
 
 def by_id(robot_id: int) -> str:
-    """Name of the model that lists `robot_id`, the user's own first, or an empty string.
+    """Return the name of the model that lists `robot_id`, the user's own first; empty if none does.
 
-    A file of the user's own that cannot be used is logged and skipped.
+    An invalid file in the user's folder is logged and skipped.
 
     Raises:
-        ConfigError: such a file has the name of the packaged model that lists the id.
+        ConfigError: the invalid file has the name of the packaged model that lists the id.
     """
     own = _names_in(own_folder())
     ordered = [*own, *(name for name in packaged() if name not in own)]
@@ -204,7 +207,7 @@ def _log_once(text: str) -> None:
 
 
 def load_packaged(name: str) -> RobotModel:
-    """The model of that name that comes with the package, whatever the user has: what the firmware knows.
+    """Return the packaged model with this name and ignore the user's own: the firmware knows only packaged ones.
 
     Raises:
         ConfigError: there is none.
@@ -213,12 +216,12 @@ def load_packaged(name: str) -> RobotModel:
 
 
 def packaged_models() -> List[RobotModel]:
-    """The models that come with the package by their ids; boards whose id none lists have the defaults of the first."""
+    """Return the packaged models, sorted by id.  A board with an unlisted id uses the defaults of the first."""
     return sorted((load_packaged(name) for name in packaged()), key=lambda model: min(model.ids))
 
 
 SONARS = tuple(field.name for field in BY_NAME["read_sonars"].reply)
-"""The sonars that a board reads."""
+"""Names of the sonars that a board reads."""
 _POSITIVE = (1e-9, 1e6)
 _RANGES = {
     "linear_m_s": (1e-3, 32.7),
@@ -236,7 +239,7 @@ _RANGES = {
 
 
 class _Reader:
-    """Reads checked values out of parsed YAML; each error names file, key, value and range."""
+    """Reads and checks values from parsed YAML; each error names file, key, value and range."""
 
     def __init__(self, path: str) -> None:
         self._path = path
@@ -281,7 +284,7 @@ class _Reader:
             )
 
     def _check_limits(self, model: RobotModel) -> None:
-        """The board would clamp what lies above its own ceilings, unseen by the driver."""
+        """Check that no limit exceeds the board's ceiling: the board would clamp it, unseen by the driver."""
         for key, ceiling in (("linear_m_s", "linear_ceiling"), ("angular_rad_s", "angular_ceiling")):
             got, most = getattr(model.limits, key), model.board[ceiling] / 1000
             if got > most:
@@ -291,7 +294,7 @@ class _Reader:
             raise self._fail("limits.lateral_m_s", model.limits.lateral_m_s, f"0 for a {base} base")
 
     def _drive(self, data: Any) -> Base:
-        """The section of the kind that it says, which is differential where it says none."""
+        """Read the section by its `kind`; without a kind it is a differential drive."""
         found = dict(self._mapping("drive", data))
         kind = found.pop("kind", DIFFERENTIAL)
         if not isinstance(kind, str) or kind not in KINDS:
@@ -347,7 +350,7 @@ class _Reader:
         return self._angles(key, value)
 
     def _angles(self, key: str, value: Any) -> Tuple[float, ...]:
-        """Three wheels in the motor board's order and spacing, as a whole turned by any angle."""
+        """Read the angles of three wheels: the motor board's order and spacing, rotated as a whole by any angle."""
         if isinstance(value, list) and len(value) == 3:
             first, second, third = (self._number(key, each, -360.0, 360.0) for each in value)
             if all(abs((b - a) % 360.0 - 120.0) < 1e-6 for a, b in ((first, second), (second, third))):
@@ -397,11 +400,11 @@ class _Reader:
 
 
 BOARD_KEYS = range(1, 12)
-"""Indices of the parameters whose defaults differ between models; the others' stand in `COMMON_BOARD`."""
+"""Indices of the parameters whose defaults differ between models; `COMMON_BOARD` has the others."""
 CURVE_KEYS = ("sonar_a", "sonar_b", "sonar_c")
-"""Parameters of which a model may have its own, once calibrated."""
+"""Parameters that a model may override after a calibration."""
 OWN_KEYS = (*CURVE_KEYS, "full_speed")
-"""What a model need not, but may say of the parameters that all share."""
+"""Shared parameters that a model may override."""
 COMMON_BOARD = {
     "motor_timeout": 3,
     "sonar_a": 11767,
@@ -413,5 +416,5 @@ COMMON_BOARD = {
 }
 """Defaults that all models share.
 
-Thesis 2012: 160 rpm at 7.2 V; the sonar curve, of which b is 0.94657 cut to the wire's 1e-4.
+Source: thesis of 2012.  160 rpm at 7.2 V; sonar curve, with b = 0.94657 cut to the wire's resolution of 1e-4.
 """
