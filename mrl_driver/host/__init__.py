@@ -1,1 +1,1 @@
-"""The computer of the robot: udev rules, flashing, firmware images, robots by name.  Imports robot."""
+"""The host computer: udev rules, flashing, firmware images, robots by name.  Imports robot."""

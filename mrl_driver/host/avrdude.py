@@ -1,4 +1,4 @@
-"""Uploads an image to an Arduino Uno by `avrdude`, and says in one line what went wrong."""
+"""Uploads a firmware image to an Arduino Uno with `avrdude`, and explains its errors in one line."""
 
 import os
 import re
@@ -18,12 +18,12 @@ from mrl_driver.errors import (
 )
 
 BAUD = 115200
-"""Of the Uno's bootloader."""
+"""Baud rate of the Uno's bootloader."""
 PROGRAM = "avrdude"
 MARKS = 100
-"""Marks of progress that an upload prints: 50 for writing, 50 for reading back."""
+"""Number of progress marks of an upload: 50 for writing, 50 for reading back."""
 _ATTEMPTS = 3
-"""avrdude tries ten times, 5 s each; a board that has not answered by then will not."""
+"""Attempts before giving up.  avrdude makes ten of 5 s each; a board that has not answered three will not answer."""
 _ATTEMPT = re.compile(r"attempt (\d+) of \d+: not in sync")
 
 
@@ -63,11 +63,11 @@ _EXPLANATIONS: Tuple[Tuple[str, Type[MrlError], str], ...] = (
     ),
     ("file format|invalid record|checksum", ConfigError, "{image} is damaged, expected Intel HEX"),
 )
-"""Words of avrdude 6.3 to 7.3, the surest first."""
+"""Messages of avrdude 6.3 to 7.3 and their errors, the most specific first."""
 
 
 def command(port: str, image: str, baud: int = BAUD) -> List[str]:
-    """The words of the upload; avrdude reads back and compares by itself."""
+    """Return the command line of the upload; avrdude itself reads back and compares."""
     return [
         PROGRAM,
         "-p",
@@ -87,14 +87,14 @@ def command(port: str, image: str, baud: int = BAUD) -> List[str]:
 def upload(
     port: str, image: str, baud: int = BAUD, advance: Callable[[float], None] = lambda marks: None
 ) -> None:
-    """Write an image, and read it back; `advance` is told of the progress, `MARKS` in all.
+    """Write an image and read it back; `advance` is called with the number of new progress marks, `MARKS` in all.
 
     Raises:
         ConfigError: the image is missing or damaged, or avrdude is not installed.
         LinkError: the port cannot be used.
         NotARobot: no bootloader answers.
-        BoardRefused: another chip, or what was written reads back differently.
-        MrlError: avrdude failed otherwise; its own words.
+        BoardRefused: the chip is not an ATmega328P, or the data read back differ.
+        MrlError: avrdude failed in another way; the text is avrdude's.
     """
     if not os.path.isfile(image):
         raise ConfigError(f"image {image!r} does not exist, expected a .hex file")
@@ -117,7 +117,7 @@ def upload(
 
 
 def _listen(process: "subprocess.Popen[bytes]", advance: Callable[[float], None]) -> str:
-    """What it said, until it ends or has tried often enough."""
+    """Return avrdude's output until it ends or has made `_ATTEMPTS` attempts."""
     assert process.stderr is not None
     said = ""
     for chunk in iter(lambda: os.read(process.stderr.fileno(), 4096), b""):  # type: ignore[union-attr]
@@ -132,7 +132,7 @@ def _listen(process: "subprocess.Popen[bytes]", advance: Callable[[float], None]
 
 
 def explain(said: str, port: str, image: str) -> MrlError:
-    """What avrdude said, as an error of ours."""
+    """Return the error for avrdude's output."""
     for pattern, kind, text in _EXPLANATIONS:
         if re.search(pattern, said, re.IGNORECASE):
             return kind(text.format(port=port, image=image))

@@ -1,4 +1,4 @@
-"""Firmware images that come with the package, or that `make firmware` has built in a checkout, as Intel HEX."""
+"""Firmware images (Intel HEX): those in the package, or those that `make firmware` built in a checkout."""
 
 import os
 from typing import Dict
@@ -10,17 +10,17 @@ BUILDS: Dict[str, str] = {
     "environment": "mrl_firmware_environment",
     "xbee": "mrl_firmware_xbee",
 }
-"""Board builds and the names of their images."""
+"""Firmware builds and the names of their images."""
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 _CHECKOUT = os.path.join(os.path.dirname(_PACKAGE), "build", "firmware")
 _PACKAGED = os.path.join(_PACKAGE, "images")
 
 
 def image_path(build: str = "sonar") -> str:
-    """Path of the image of a build of `BUILDS`; a checkout's own comes first.
+    """Return the path of the image of a build in `BUILDS`; a checkout's own image comes first.
 
     Raises:
-        ConfigError: there is no such build, or its image was neither built nor packaged; the text says what helps.
+        ConfigError: there is no such build, or its image was neither built nor packaged; the text names the remedy.
     """
     if build not in BUILDS:
         raise ConfigError(f"build is {build!r}, expected {', '.join(BUILDS)}")
@@ -32,7 +32,7 @@ def image_path(build: str = "sonar") -> str:
 
 
 def _remedy() -> str:
-    """What brings the images: in a checkout make, elsewhere the installation of a package that has them."""
+    """Return how to get the images: with make in a checkout; otherwise by installing a package that has them."""
     checkout = os.path.dirname(_PACKAGE)
     if os.path.isfile(os.path.join(checkout, "Makefile")):
         return f"build it with: make -C {checkout} firmware"

@@ -1,10 +1,10 @@
 """Robots by name: `lab3` instead of a port, a model and a baud rate.
 
-The names stand in a YAML file of the user's, `path()`:
+The user's YAML file `path()` holds the names:
 
     lab3: {port: /dev/serial/by-id/usb-Arduino_8543-if00, model: traxbot, baud: 115200}
 
-`port` is needed; without `model` the board's id tells it, without `baud` it is 115200.
+`port` is required.  Without `model` the board's robot id selects the model; without `baud` the baud rate is 115200.
 """
 
 import os
@@ -24,23 +24,23 @@ _HEADER = "# Robots by name; written by: mrl names add\n"
 
 
 class Target(NamedTuple):
-    """Which robot is meant, and how it is reached."""
+    """A robot and how to reach it."""
 
     port: Optional[str]
     model: str = "auto"
     """`auto`, a packaged model's name, or the path of a YAML file."""
     baud: int = BAUD
     name: str = ""
-    """Name in the user's file; empty where it has none."""
+    """Name in the user's file; empty if it has none."""
 
 
 def path() -> str:
-    """The user's file of names; it need not be there."""
+    """Return the path of the user's file of names; the file may not exist."""
     return os.path.join(folders.config(), "robots.yaml")
 
 
 def read() -> Dict[str, Target]:
-    """All named robots; none where there is no file.
+    """Return all named robots; empty if there is no file.
 
     Raises:
         ConfigError: the file cannot be read, or a key or value in it is wrong.
@@ -60,10 +60,10 @@ def read() -> Dict[str, Target]:
 
 
 def demand_name(name: Any, where: str = "") -> str:
-    """The name, if robots may have it.
+    """Return `name` if it is a valid robot name.
 
     Raises:
-        ConfigError: it is no word, or means something else already.
+        ConfigError: not a valid name, or already taken by a model.
     """
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise ConfigError(
@@ -100,10 +100,10 @@ def _text(data: Mapping[str, Any], where: str, key: str, expected: str) -> str:
 
 
 def demand_baud(value: Any, where: str = "") -> int:
-    """The baud rate, if ports may have it.
+    """Return `value` if it is a valid baud rate.
 
     Raises:
-        ConfigError: it is no whole number in the range.
+        ConfigError: not a whole number, or out of range.
     """
     if not isinstance(value, int) or isinstance(value, bool) or not LOWEST_BAUD <= value <= HIGHEST_BAUD:
         raise ConfigError(
@@ -116,8 +116,8 @@ def write(named: Mapping[str, Target]) -> None:
     """Replace the user's file.
 
     Raises:
-        ConfigError: its folder cannot be made.
-        OutputError: it cannot be written.
+        ConfigError: its folder cannot be created.
+        OutputError: the file cannot be written.
     """
     import yaml
 
@@ -134,10 +134,10 @@ def write(named: Mapping[str, Target]) -> None:
 
 
 def resolve(robot: str, port: Optional[str] = None, baud: Optional[int] = None) -> Target:
-    """What `robot` means: `auto`, a model, a YAML file, or a name; `port` and `baud` take precedence.
+    """Return the target for `robot`: `auto`, a model, a YAML file, or a name.  `port` and `baud` take precedence.
 
     Raises:
-        ConfigError: it means nothing, or the file of names is wrong.
+        ConfigError: `robot` is unknown, or the file of names is invalid.
     """
     if robot == "auto" or robot.endswith((".yaml", ".yml")) or robot in models.names():
         return Target(port, robot, BAUD if baud is None else baud)

@@ -1,7 +1,7 @@
-"""What the operating system should know of robots: a udev rule and a systemd unit, written and removed again.
+"""Set-up of the operating system for robots: writes and removes udev rules and a systemd unit.
 
-Pure but for `install` and `remove`; the file system's root is an argument.  Files of other people are not touched:
-ours begin with `MARK`.
+Only `install`, `remove` and `run` change the system; the root of the file system is an argument.  Files that do not
+begin with `MARK` are not changed.
 """
 
 import os
@@ -20,7 +20,7 @@ GROUP = "dialout"
 
 
 class UsbKind(NamedTuple):
-    """USB vendor and product of what robots are plugged in with."""
+    """USB vendor and product id of a device that connects robots."""
 
     vendor: str
     product: str
@@ -80,25 +80,25 @@ WantedBy=dev-mrl\\x2d%i.device
 
 
 def rules() -> str:
-    """The text of the udev rules."""
+    """Return the text of the udev rules."""
     kinds = (RULES_FOR_KIND.format(group=GROUP, **kind._asdict()) for kind in KINDS)
     return RULES_HEAD.format(mark=MARK, group=GROUP) + "".join(kinds) + LATENCY_RULE
 
 
 def unit(user: str) -> str:
-    """The text of the unit, which runs as `user`; from a checkout it names the checkout to ROS."""
+    """Return the text of the unit, which runs as `user`; in a checkout it adds the checkout to ROS_PACKAGE_PATH."""
     checkout = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
     packages = checkout if os.path.isfile(os.path.join(checkout, "package.xml")) else ""
     return UNIT_TEXT.format(mark=MARK, user=user, group=GROUP, packages=packages)
 
 
 def files(user: str) -> Dict[str, str]:
-    """What `install` writes: paths from the root, and texts."""
+    """Return the files that `install` writes: paths relative to the root, and texts."""
     return {RULES: rules(), UNIT: unit(user)}
 
 
 def commands(user: str, installing: bool) -> List[List[str]]:
-    """What makes it take effect at once; programs that are not there are left out."""
+    """Return the commands that make the change take effect at once, without those that are not installed."""
     wanted = [["usermod", "-aG", GROUP, user]] if installing and user != "root" else []
     wanted += [
         ["udevadm", "control", "--reload"],
@@ -109,10 +109,10 @@ def commands(user: str, installing: bool) -> List[List[str]]:
 
 
 def install(user: str, root: str = "/") -> List[str]:
-    """Writes the files, and makes them take effect if `root` is the machine's own; what was done, in lines.
+    """Write the files; if `root` is this machine's own, make them take effect.  Return one line per action.
 
     Raises:
-        ConfigError: there is no such user, or a file of that name is not ours, or cannot be written.
+        ConfigError: there is no such user, or a file of another origin is in the way, or cannot be written.
     """
     demand_user(user, root)
     paths = {os.path.join(root, name): text for name, text in files(user).items()}
@@ -125,10 +125,10 @@ def install(user: str, root: str = "/") -> List[str]:
 
 
 def remove(root: str = "/") -> List[str]:
-    """Deletes what `install` wrote; what was done, in lines.
+    """Delete the files that `install` wrote.  Return one line per action.
 
     Raises:
-        ConfigError: a file of that name is not ours, or cannot be deleted.
+        ConfigError: a file has another origin, or cannot be deleted.
     """
     paths = [os.path.join(root, name) for name in (RULES, UNIT)]
     there = [path for path in paths if os.path.lexists(path)]
@@ -172,7 +172,7 @@ def _denied(path: str, error: OSError) -> ConfigError:
 
 
 def demand_user(user: str, root: str = "/") -> None:
-    """Refuse a user whom the machine does not know; of images only the spelling is looked at.
+    """Check that this machine has the user; if `root` is an image, check only the form of the name.
 
     Raises:
         ConfigError: there is no such user.
@@ -189,12 +189,12 @@ def demand_user(user: str, root: str = "/") -> None:
 
 
 def _is_machine(root: str) -> bool:
-    """It is this machine's own file system, not an image."""
+    """Tell whether `root` is this machine's own file system, not an image."""
     return os.path.realpath(root) == "/"
 
 
 def run(wanted: List[List[str]]) -> List[str]:
-    """Run commands; what was done, in lines.  One that fails does not keep the others from being run."""
+    """Run commands and return one line per command; a failed command does not stop the others."""
     done = []
     for words in wanted:
         result = subprocess.run(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)

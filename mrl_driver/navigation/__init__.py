@@ -1,1 +1,1 @@
-"""Line following, goal seeking, occupancy grid and protective zones.  Pure; imports robot."""
+"""Line following, goal seeking, occupancy grid and protective zones.  No I/O; imports robot."""

@@ -1,6 +1,6 @@
-"""What sonars and a laser say of the way that is free in any direction.  Pure.
+"""Free distance in any direction, from sonar ranges and laser scans.  No I/O.
 
-Directions are vectors of length 1 in base_link, points are x and y there [m].
+Directions are unit vectors in base_link; points are x and y in base_link [m].
 """
 
 import math
@@ -12,20 +12,20 @@ from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
 Point = Tuple[float, float]
 AHEAD: Point = (1.0, 0.0)
 COVERED_RAD = FIELD_OF_VIEW_RAD / 2 + math.radians(5.0)
-"""A sonar is said to look at what is no further than this beside its axis; two that stand 45 deg apart leave no gap."""
+"""A sonar covers directions up to this angle from its axis; two sonars 45 deg apart leave no gap."""
 _MEMORY = 16
 _ROUNDING = 1e-9
 
 
 class Outline(NamedTuple):
-    """A robot's outline seen from above, and what is to stay free beside its way."""
+    """A robot's outline seen from above, and the clearance on each side of its path."""
 
     half_length_m: float
     half_width_m: float
     clearance_m: float
 
     def room(self, point: Point, way: Point) -> float:
-        """How far the outline may move along `way` until it is at a point [m]; infinite where it passes beside it."""
+        """Return how far the outline may move along `way` until it reaches a point [m]; infinity if it passes by."""
         if point[0] * way[0] + point[1] * way[1] <= 0:
             return math.inf
         enter, leave = -math.inf, math.inf
@@ -40,23 +40,23 @@ class Outline(NamedTuple):
         return enter + self.clearance_m if enter <= leave + _ROUNDING else math.inf
 
     def sides(self, way: Point) -> List[float]:
-        """How far the corners are to the left of the middle's way [m]."""
+        """Return the distances of the corners to the left of the centre's path [m]."""
         length, width = self.half_length_m + self.clearance_m, self.half_width_m + self.clearance_m
         return [way[0] * y - way[1] * x for x in (length, -length) for y in (width, -width)]
 
     def wall_room(self, point: Point, way: Point) -> float:
-        """How far it may move until it touches a wall straight across the way at a point [m]."""
+        """Return how far the outline may move until it touches a wall across the path at a point [m]."""
         reach_m = self.half_length_m * abs(way[0]) + self.half_width_m * abs(way[1])
         return point[0] * way[0] + point[1] * way[1] - reach_m
 
 
 def outline_of(body: Body, clearance_m: float) -> Outline:
-    """The outline of a body whose middle is that of base_link."""
+    """Return the outline of a body whose centre is the origin of base_link."""
     return Outline(body.length_m / 2, body.width_m / 2, clearance_m)
 
 
 class Scan(NamedTuple):
-    """Ranges of a laser [m], the angle of the first and between two (counter-clockwise), and where it sits."""
+    """Ranges of a laser [m], angle of the first ray, angle between rays (counter-clockwise), and mounting pose."""
 
     ranges: Sequence[float]
     first_rad: float
@@ -67,13 +67,13 @@ class Scan(NamedTuple):
 
     @property
     def valid(self) -> bool:
-        """Some ray has a reading; nothing in range is one."""
+        """At least one ray has a reading; "nothing in range" is a reading."""
         return any(range_m >= self.near_m or range_m == -math.inf for range_m in self.ranges)
 
     def points(self) -> List[Point]:
-        """What the rays hit.
+        """Return the points that the rays hit.
 
-        -inf is as near as the laser can measure; other ranges below that, and NaN, are no readings.
+        -inf counts as the shortest range of the laser; other ranges below that, and NaN, are not readings.
         """
         x, y, yaw = self.mount
         points = []
@@ -84,30 +84,30 @@ class Scan(NamedTuple):
         return points
 
     def looks(self, way: Point) -> bool:
-        """The direction lies in the fan of the rays."""
+        """Tell whether the direction lies between the first and the last ray."""
         first = self.first_rad + self.mount[2]
         low, high = sorted((first, first + self.step_rad * (len(self.ranges) - 1)))
         return low + (math.atan2(way[1], way[0]) - low) % (2 * math.pi) <= high + _ROUNDING
 
 
 def off_axis(mount: SonarMount, way: Point) -> float:
-    """Angle between a sonar's axis and a direction, 0 to pi [rad]."""
+    """Return the angle between a sonar's axis and a direction, 0 to pi [rad]."""
     return abs(math.remainder(math.radians(mount.yaw_deg) - math.atan2(way[1], way[0]), 2 * math.pi))
 
 
 def looks(mount: SonarMount, way: Point) -> bool:
-    """A sonar sees only what is before a robot that moves so: its cone does not reach across the side."""
+    """Tell whether the whole cone of a sonar is ahead of a robot that moves in this direction."""
     return off_axis(mount, way) < (math.pi - FIELD_OF_VIEW_RAD) / 2
 
 
 def sonar_room(outline: Outline, mount: SonarMount, range_m: float, way: Point) -> float:
-    """Free way where something is at that range (REP-117, no NaN), anywhere in a sonar's cone [m]."""
+    """Return the free distance if there is an object at this range (REP 117, no NaN) anywhere in a sonar's cone [m]."""
     if math.isinf(range_m):
         return math.inf if range_m > 0 else 0.0
     yaw, heading = math.radians(mount.yaw_deg), math.atan2(way[1], way[0])
     half = FIELD_OF_VIEW_RAD / 2
     angles = [yaw - half, yaw, yaw + half]
-    for side_m in outline.sides(way):  # between these, nothing on the arc is nearer than at its ends
+    for side_m in outline.sides(way):  # between these angles the nearest point of the arc is one of its ends
         sine = (side_m - way[0] * mount.y_m + way[1] * mount.x_m) / range_m if range_m > 0 else math.inf
         if abs(sine) <= 1:
             angles += [heading + math.asin(sine), heading + math.pi - math.asin(sine)]
@@ -120,8 +120,8 @@ def sonar_room(outline: Outline, mount: SonarMount, range_m: float, way: Point) 
 
 
 def slant_room(outline: Outline, mount: SonarMount, range_m: float, way: Point) -> float:
-    """The same where no sonar looks straight into the direction, so that a wall across it is seen slantwise only: by
-    the edge of the cone that is nearest to the direction.
+    """As `sonar_room`, for a direction that no sonar covers: a wall across the path is then seen only at an angle, by
+    the edge of the cone nearest to the direction.
     """
     room_m = sonar_room(outline, mount, range_m, way)
     if math.isinf(range_m):
@@ -134,7 +134,7 @@ def slant_room(outline: Outline, mount: SonarMount, range_m: float, way: Point) 
 
 
 def scan_room(outline: Outline, points: Sequence[Point], way: Point) -> float:
-    """Free way where a laser has seen these points [m]."""
+    """Return the free distance if a laser has seen these points [m]."""
     return min((outline.room(point, way) for point in points), default=math.inf)
 
 
@@ -142,7 +142,7 @@ Room = Callable[[Point], float]
 
 
 class Sight:
-    """What a sensor said last, and where the robot may have been then."""
+    """The last reading of a sensor, and where the robot may have been then."""
 
     def __init__(self) -> None:
         self.heard_s = self.known_s = -math.inf
@@ -151,17 +151,20 @@ class Sight:
         self._places: Sequence[Point] = ((0.0, 0.0),)
 
     def hear(self, now: float) -> None:
-        """It spoke, and had no valid reading."""
+        """Note a message without a valid reading."""
         self.heard_s = now
 
     def know(self, room: Room, slant_room: Room, places: Sequence[Point], now: float) -> None:
-        """It told the free way by direction, watched ones and those seen slantwise only, at one of these places."""
+        """Note a valid reading: the free distance by direction, and the possible places of the robot.
+
+        `room` applies to covered directions, `slant_room` to directions seen only at an angle.
+        """
         self.heard_s = self.known_s = now
         self._rooms, self._places = (slant_room, room), places
         self._found.clear()
 
     def room_m(self, way: Point, watched: bool, place: Point) -> float:
-        """Free way of the robot at that place [m]."""
+        """Return the free distance of the robot at this place [m]."""
         if (way, watched) not in self._found:
             if len(self._found) >= _MEMORY:
                 self._found.clear()

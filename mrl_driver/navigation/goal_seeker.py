@@ -1,8 +1,8 @@
-"""Drives to a pose, around what the sonars see.  Pure: pose, ranges and time in, speeds out.
+"""Drives to a pose around obstacles seen by the sonars.  No I/O: pose, ranges and time go in, speeds come out.
 
-The robot turns towards the goal, drives, and turns to the goal's heading.  What its sonars see on the way is drawn on a
-map; where the straight way is not free it follows the shortest one that the map leaves, slowly towards what is near,
-and turns on the spot where something is nearer than the least.
+The robot turns towards the goal, drives, and turns to the goal's yaw.  Sonar readings are drawn into a grid.  If the
+straight path is blocked, the robot follows the cheapest free path in the grid.  It slows down near obstacles, and turns
+on the spot if an obstacle ahead is nearer than `STOP_M`.
 """
 
 import math
@@ -19,35 +19,41 @@ Speeds = Tuple[float, float]
 
 ARRIVED_M, ALIGNED_RAD = 0.03, math.radians(3.0)
 NEAR_M, STOP_M, SIDE_M = 0.55, 0.25, 0.16
-"""Ranges before the robot from which it slows down and at which it only turns, and that it keeps beside it."""
+"""Front range below which the robot slows down, front range below which it only turns, and distance that it keeps to
+each side [m].
+"""
 SLOW_BESIDE_M = 0.3
-"""With something so near beside it the robot goes at half its speed, to see more of it."""
+"""With an obstacle nearer than this on one side, the robot drives at half speed, to see more of it [m]."""
 TURN_FIRST_RAD = 0.5
-"""Further off the way's direction than this, the robot turns on the spot."""
+"""If the yaw error is larger than this, the robot turns on the spot."""
 HEADING_GAIN = 2.0
 SLOWING_M = 0.5
 SLOWEST_M_S, SLOWEST_RAD_S = 0.03, 0.15
-"""Slower than this the motors may not turn at all."""
+"""At lower speeds the motors may not turn at all."""
 TIGHT_M, RETREAT_M, BESIDE_TRAIL_M = 0.2, 0.2, 0.05
-"""With something so near beside it the robot does not turn on the spot, where its corners need room: it goes back so
-far first, if that is where it has come from.
+"""With an obstacle nearer than `TIGHT_M` on one side, the robot's corners have no room to turn on the spot.  It first
+goes back by `RETREAT_M`, if its own trail passes within `BESIDE_TRAIL_M` of that place.
 """
 STRIDE_M, TRAIL = 0.03, 20
 AHEAD_M = 0.4
-"""The robot steers for the point of its way so far ahead, or the last that it sees straight."""
+"""The robot steers for the farthest point of its path within this distance that it can reach in a straight line [m]."""
 REPLAN_S, AGAIN_S = 0.5, 2.0
-"""A way is sought anew so often while there is no straight one, and where there was none at all."""
+"""Time between two path searches while the straight path is blocked, and after a search without a result [s]."""
 PROGRESS_M, PATIENCE_S = 0.1, 60.0
 """Give up when the robot has not come this much closer to the goal for this long, unless the caller says otherwise."""
 BLIND_S = 1.0
-"""The robot stands when one of its sonars has given no valid reading for this long: three cycles of the chain."""
+"""The robot stops if a sonar has given no valid reading for this time [s]: three cycles of the sonars."""
 
 
 class GoalSeeker:
-    """Seeks one goal (x, y, yaw) in the frame of the poses.
+    """Drives to one goal (x, y, yaw) in the frame of the poses.
 
     Args:
-        sonars: Mounting pose of each sonar, by name; may grow while the goal is sought.
+        goal: the goal pose.
+        limits: largest speeds.
+        now_s: time of the start [s].
+        sonars: mounting pose of each sonar, by name; sonars may be added later.
+        patience_s: time without progress after which the goal counts as blocked [s].
     """
 
     def __init__(
@@ -70,13 +76,13 @@ class GoalSeeker:
         self._best_m, self._best_s = math.inf, now_s
         self.reached = self.blocked = False
         self.blind: Tuple[str, ...] = ()
-        """Sonars without a valid reading for `BLIND_S`: the robot stands until they have one."""
+        """Sonars without a valid reading for `BLIND_S`; the robot stands still until they have one."""
 
     def command(self, pose: Pose, ranges: Mapping[str, float], now_s: float) -> Speeds:
-        """Speeds (linear [m/s], angular [rad/s]) at a pose.
+        """Return the speeds (linear [m/s], angular [rad/s]) at a pose.
 
-        `ranges` maps the name of each sonar to metres (REP-117); NaN for one that is silent.  A sonar that was never
-        in it counts as not fitted.
+        `ranges` maps the name of each sonar to its range [m] (REP 117), NaN for a silent one.  A sonar that never
+        appeared in it counts as not present.
         """
         pose = pose[0], pose[1], pose[2]
         away_m = math.hypot(self._goal[0] - pose[0], self._goal[1] - pose[1])
@@ -97,7 +103,7 @@ class GoalSeeker:
         return self._approach(pose, target, away_m)
 
     def _new_readings(self, ranges: Mapping[str, float], now_s: float) -> Dict[str, float]:
-        """Readings that changed, and those that were measured again and came out the same: once in a cycle."""
+        """Return the readings that changed, and once per cycle also those that did not."""
         new = {}
         for name, range_m in ranges.items():
             if math.isnan(range_m):
@@ -113,7 +119,7 @@ class GoalSeeker:
 
     @property
     def why(self) -> str:
-        """Why it is blocked."""
+        """Why the goal is blocked."""
         if self.blind:
             return f"no valid reading of sonar {', '.join(self.blind)}: check its cable"
         no_way = "" if self._way or self._map.empty else ", and the sonars leave no way"
@@ -133,7 +139,7 @@ class GoalSeeker:
         return 0.0, self._turn(error)
 
     def _target(self, pose: Pose, now_s: float) -> Optional[Point]:
-        """What to steer for; None where the map leaves no way."""
+        """Return the point to steer for; None if the grid has no free path."""
         here, goal = (pose[0], pose[1]), (self._goal[0], self._goal[1])
         if self._map.empty or self._map.is_free(here, goal):
             self._way, self._planned_s = [], -math.inf
@@ -144,7 +150,7 @@ class GoalSeeker:
         return self._ahead(here)
 
     def _ahead(self, here: Point) -> Optional[Point]:
-        """The farthest point of the way that is in sight and not too far."""
+        """Return the farthest point of the path within `AHEAD_M` that is free in a straight line."""
         if not self._way:
             return None
         nearest = min(range(len(self._way)), key=lambda k: _away_m(here, self._way[k]))
@@ -174,7 +180,9 @@ class GoalSeeker:
         return linear, self._bounded(HEADING_GAIN * error + self._shy(left, right))
 
     def _retreats(self, pose: Pose) -> bool:
-        """It is on its way back from something.  Notes the way, also the one that it rolls on before it goes back."""
+        """Tell whether the robot must go back from an obstacle.  Also extend the trail, even while the robot still
+        rolls on before it goes back.
+        """
         here = pose[0], pose[1]
         if all(_away_m(here, point) > STRIDE_M for point in self._trail):
             self._trail.append(here)
@@ -186,7 +194,7 @@ class GoalSeeker:
         return False
 
     def _room(self, name: str) -> float:
-        """Free way before a sonar by its last valid reading [m]."""
+        """Return the free distance ahead of a sonar from its last valid reading [m]."""
         return room(self._drawn.get(name, (math.nan, 0.0))[0])
 
     def _came_from_behind(self, pose: Pose, way_m: float) -> bool:
@@ -194,7 +202,7 @@ class GoalSeeker:
         return any(_away_m(behind, point) < BESIDE_TRAIL_M for point in self._trail)
 
     def _shy(self, left: float, right: float) -> float:
-        """Yaw rate away from what is too near beside."""
+        """Return the yaw rate away from an obstacle that is too near on one side [rad/s]."""
         push = max(0.0, SIDE_M - right) - max(0.0, SIDE_M - left)
         return 4.0 * self._limits.angular_rad_s * push
 
@@ -210,14 +218,14 @@ def _away_m(one: Point, other: Point) -> float:
 
 
 def room(range_m: float) -> float:
-    """Free way before a sonar [m]: none when too near, all of its range when it has no reading."""
+    """Return the free distance ahead of a sonar [m]: 0 if too near, its full range if it has no reading."""
     if math.isnan(range_m):
         return FARTHEST_M
     return min(FARTHEST_M, max(0.0, range_m))
 
 
 def carried(pose: Pose, frame: Pose) -> Pose:
-    """A pose given in a frame, in the frame's parent, where `frame` is the frame's own pose."""
+    """Transform a pose from a frame to the parent frame; `frame` is the frame's pose in the parent."""
     cos, sin = math.cos(frame[2]), math.sin(frame[2])
     return (
         frame[0] + cos * pose[0] - sin * pose[1],

@@ -1,4 +1,4 @@
-"""Drives along straight legs, closed loop on the pose: a course of points, or a square.  Pure: pose in, speeds out."""
+"""Drives along straight legs, closed loop on the pose: a list of points, or a square.  No I/O: pose in, speeds out."""
 
 import math
 from typing import List, NamedTuple, Optional, Sequence, Tuple
@@ -6,18 +6,18 @@ from typing import List, NamedTuple, Optional, Sequence, Tuple
 from mrl_driver.robot.odometry import wrap_angle
 
 ARRIVED_M = 0.003
-"""A corner counts as reached this near along the leg, or once it lies behind."""
+"""A corner counts as reached within this distance along the leg, or when it lies behind the robot [m]."""
 ALIGNED_RAD = math.radians(0.3)
 MINIMUM_LINEAR_M_S, MINIMUM_ANGULAR_RAD_S = 0.02, 0.1
-"""Slower than this the motors may not turn at all."""
+"""At lower speeds the motors may not turn at all."""
 HEADING_GAIN = 3.0
 """Yaw rate per heading error while driving a leg [1/s]."""
 OFFSET_GAIN = 3.0
-"""Heading towards the leg per distance from it [rad/m]; together they settle within some 0.3 m."""
+"""Heading towards the leg per distance from it [rad/m]; with both gains the robot settles within about 0.3 m."""
 MOST_HEADING_RAD = 0.4
-"""The heading leaves the leg's direction by no more than this."""
+"""Largest angle between the heading and the leg's direction."""
 DELAY_S = 0.25
-"""From a command to the wheels following it; the braking starts so much earlier."""
+"""Delay from a command to the wheels' motion [s]; braking starts earlier by this time."""
 
 Pose = Tuple[float, float, float]
 """x [m], y [m], yaw [rad]."""
@@ -37,14 +37,14 @@ DEFAULT_LIMITS = Limits()
 
 
 class Course:
-    """Point after point, from the first pose on.
+    """A course from the first pose through a list of points.
 
-    The robot turns to each leg, follows it and stands at its end, so the corners are exact and no error is carried
-    on.
+    The robot turns towards each leg, follows it and stops at its end.  So corners are exact and errors do not add up.
 
     Args:
-        points: where the legs end, x y [m] in the frame of the poses.
-        final_yaw_rad: the heading to end with, if any.
+        points: ends of the legs, x y [m] in the frame of the poses.
+        limits: speeds and decelerations.
+        final_yaw_rad: yaw at the end, or None for any.
     """
 
     def __init__(
@@ -58,12 +58,12 @@ class Course:
         self._begin: Optional[Point] = None
         self._turning = True
         self.corner = 0
-        """Points reached so far."""
+        """Number of points reached."""
         self.done = False
-        """The last point is reached, and the final heading."""
+        """The last point and the final yaw are reached."""
 
     def command(self, pose: Pose) -> Tuple[float, float]:
-        """Speeds (linear [m/s], angular [rad/s]) for the present pose; zero once done."""
+        """Return the speeds (linear [m/s], angular [rad/s]) at this pose; zero when done."""
         if self._begin is None:
             self._begin = (pose[0], pose[1])
         if self.corner == len(self._points):
@@ -97,7 +97,7 @@ class Course:
 
     @staticmethod
     def _on_leg(begin: Point, end: Point, pose: Pose) -> Tuple[float, float, float]:
-        """Distance to the leg's end [m], offset to its left [m], and its direction as seen from the robot [rad]."""
+        """Return the distance to the leg's end [m], the offset to its left [m] and its direction in base_link [rad]."""
         direction = math.atan2(end[1] - begin[1], end[0] - begin[0])
         cos, sin = math.cos(direction), math.sin(direction)
         left_m = (end[0] - pose[0]) * cos + (end[1] - pose[1]) * sin
@@ -120,7 +120,7 @@ class Course:
 
 
 class Square(Course):
-    """A square counter-clockwise from the first pose, again and again: four corners make a round."""
+    """A counter-clockwise square from the first pose, repeated without end; a round has four corners."""
 
     def __init__(self, side_m: float = 1.0, limits: Limits = DEFAULT_LIMITS) -> None:
         super().__init__((), limits)
@@ -128,7 +128,7 @@ class Square(Course):
         self._round: List[Point] = []
 
     def command(self, pose: Pose) -> Tuple[float, float]:
-        """Speeds (linear [m/s], angular [rad/s]) for the present pose."""
+        """Return the speeds (linear [m/s], angular [rad/s]) at this pose."""
         if not self._round:
             self._round = square(pose, self._side_m)
         if self.corner == len(self._points):
@@ -137,7 +137,7 @@ class Square(Course):
 
 
 def square(start: Pose, side_m: float, clockwise: bool = False) -> List[Point]:
-    """Corners of a square whose first side lies before the robot, in the order of driving; the start is the last."""
+    """Return the corners of a square in driving order; the first side is ahead of the robot, the start comes last."""
     x, y, yaw = start
     corners = []
     for i in range(4):
@@ -153,6 +153,6 @@ def _clamped(value: float, most: float) -> float:
 
 
 def _braked(left: float, top: float, braking: float, least: float) -> float:
-    """Speed from which `braking` comes to rest within `left`, reacting after DELAY_S."""
+    """Return the speed from which the robot stops within `left`, with deceleration `braking` after DELAY_S."""
     delay = braking * DELAY_S
     return max(least, min(top, math.sqrt(delay * delay + 2 * braking * left) - delay))

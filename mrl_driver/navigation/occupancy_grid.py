@@ -1,8 +1,7 @@
-"""What sonars have told of the floor around a robot, and ways through it.  Pure.
+"""Occupancy grid built from sonar readings, and path search on it.  No I/O.
 
-A grid of cells with a score each, as far as a sonar has told of them: where an echo came from the score grows, in the
-free part of the cone it shrinks.  Only what is near is kept, for there a cone is narrow: farther off it would close
-every door.  Unknown floor is free.
+Each cell that a sonar has measured has a score: an echo raises it, the free part of the cone lowers it.  Only near
+echoes are drawn, because the cone is narrow there; farther away it would close every door.  Unknown cells are free.
 """
 
 import heapq
@@ -14,23 +13,23 @@ from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
 
 CELL_M = 0.05
 NEAR_M = 0.6
-"""An echo from here is drawn; beyond, the cone is only free."""
+"""An echo within this range is drawn; a farther echo only frees the cone up to here [m]."""
 SURE_M = 0.35
-"""An echo from here is believed at once."""
+"""An echo within this range is accepted at once [m]."""
 TOO_NEAR_M = 0.1
-"""Where something is that is too near to be measured."""
+"""Assumed range of an object that is too near to be measured [m]."""
 CLEARED_RAD = 0.7 * FIELD_OF_VIEW_RAD / 2
-"""Farther off its axis a sonar is not believed that there is nothing: what it saw at its edge it may lose again."""
+"""Ignore "free" readings beyond this angle from the axis: an object at the edge of the cone may give no echo."""
 SCORE = 3
-"""Most and least of a cell."""
+"""Largest and (negative) smallest score of a cell."""
 ZONES: Tuple[Tuple[float, float], ...] = ((0.13, 60.0), (0.20, 5.0), (0.34, 2.0))
-"""How near to a thing the robot's middle is [m], and what each cell there adds to the length of a way, in cells: where
-the body hardly fits, where it passes but has no room to turn, and where a little more room is worth a detour.
+"""Distance of the robot's centre from an obstacle [m], and the extra cost of each cell within it [cells].  First zone:
+the body hardly fits.  Second: it passes but cannot turn.  Third: more clearance is worth a small detour.
 """
 FREE_ZONE = 1
-"""A straight way may lie in the zones behind this one."""
+"""Index in `ZONES`: a straight path must stay out of the zones up to this one."""
 MOST_CELLS = 3000
-"""A search ends after so many; 10 us each."""
+"""A search ends after this number of cells; about 10 us each."""
 
 Cell = Tuple[int, int]
 Point = Tuple[float, float]
@@ -48,7 +47,7 @@ _DISCS = [_disc(radius_m) for radius_m, _ in ZONES]
 
 
 class FloorMap:
-    """The floor in the frame of the poses; `sonars` are where they sit."""
+    """The grid, in the frame of the poses; `sonars` maps each name to its mounting pose."""
 
     def __init__(self, sonars: Mapping[str, SonarMount]) -> None:
         self._sonars = sonars
@@ -58,11 +57,11 @@ class FloorMap:
 
     @property
     def empty(self) -> bool:
-        """Nothing stands anywhere."""
+        """No cell is occupied."""
         return not self._taken
 
     def see(self, pose: Pose, readings: Mapping[str, float]) -> None:
-        """Draw new readings (REP-117) of a robot at a pose; NaN tells nothing."""
+        """Draw new readings (REP 117) of a robot at a pose; NaN is ignored."""
         for name, range_m in readings.items():
             mount = self._sonars.get(name)
             if mount is not None and not math.isnan(range_m):
@@ -100,18 +99,18 @@ class FloorMap:
                 around[near] = around.get(near, 0) + step
 
     def is_near(self, point: Point) -> bool:
-        """The robot's middle should not be there."""
+        """Tell whether the point is too near to an obstacle for the robot's centre."""
         return self._around[FREE_ZONE].get(cell_of(point), 0) > 0
 
     def is_free(self, start: Point, end: Point) -> bool:
-        """The straight way between two points, or as much of it as a search looks at, keeps away from things."""
+        """Tell whether the straight path between two points is free; it is checked for at most `MOST_CELLS` cells."""
         away = math.hypot(end[0] - start[0], end[1] - start[1]) / CELL_M
         steps = int(min(away, MOST_CELLS)) + 1
         dx, dy = (end[0] - start[0]) / max(steps, away), (end[1] - start[1]) / max(steps, away)
         return not any(self.is_near((start[0] + dx * k, start[1] + dy * k)) for k in range(steps + 1))
 
     def way(self, start: Point, goal: Point) -> Optional[List[Point]]:
-        """The cheapest way as points from cell to cell, the goal last; None where there is none."""
+        """Return the cheapest path as points from cell to cell, the goal last; None if there is none."""
         first, last = cell_of(start), cell_of(goal)
         before: Dict[Cell, Cell] = {}
         costs = {first: 0.0}
@@ -135,7 +134,7 @@ class FloorMap:
         return None
 
     def _is_closed(self, cell: Cell, step: Cell) -> bool:
-        """The step leads into something, or between two things that touch at a corner."""
+        """Tell whether the step enters an occupied cell or passes the corner of one."""
         return not self._taken.isdisjoint((step, (step[0], cell[1]), (cell[0], step[1])))
 
     def _penalty(self, cell: Cell) -> float:
@@ -146,17 +145,17 @@ class FloorMap:
 
 
 def cell_of(point: Point) -> Cell:
-    """The cell that a point lies in."""
+    """Return the cell of a point."""
     return math.floor(point[0] / CELL_M), math.floor(point[1] / CELL_M)
 
 
 def middle_of(cell: Cell) -> Point:
-    """The middle of a cell."""
+    """Return the centre of a cell."""
     return (cell[0] + 0.5) * CELL_M, (cell[1] + 0.5) * CELL_M
 
 
 def beside(pose: Pose, x_m: float, y_m: float) -> Point:
-    """A point of the robot's own frame in that of its pose."""
+    """Transform a point from the robot's own frame to the frame of its pose."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     return pose[0] + cos * x_m - sin * y_m, pose[1] + sin * x_m + cos * y_m
 

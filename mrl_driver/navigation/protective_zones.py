@@ -1,21 +1,21 @@
-"""Warning and protective zones: how fast the robot may be towards what its sonars or its laser see.  Pure.
+"""Warning and protective zones: limit the speed towards obstacles seen by sonars or a laser.  No I/O.
 
-Both zones reach from the body's edge into the direction of motion, forward, back or to any side, as wide as the body is
-across it and a clearance on either side.
-They grow with the speed v by the way to a standstill, v * reaction + v^2 / (2 * braking).  What stands in the warning
-zone slows the robot until the zone has shrunk clear of it, or down to the slow speed; what stands in the protective
-zone slows it further, so that it stands where that zone is shortest.  There it may turn and drive away, but not come
-nearer, until the way is free by the hysteresis more.
+Both zones start at the body's edge and extend in the direction of motion (forward, back or to any side).  They are as
+wide as the body across that direction, plus a clearance on each side.  They grow with the speed v by the stopping
+distance, v * reaction + v^2 / (2 * braking).  An obstacle in the warning zone slows the robot until the zone no longer
+contains it, or down to the slow speed.  An obstacle in the protective zone slows it further, so that it stops at the
+standing length of that zone.  There the robot may turn and drive away, but not come nearer, until the free distance has
+grown by the hysteresis.
 
-Speeds are lowered, never raised, and the direction stays.  So does the yaw rate, for turning is how a planner gets
-away.  What cannot be known is taken so:
+The zones only lower speeds.  The direction stays the same, and so does the yaw rate, because a planner must be able to
+turn away.  Unknown readings are treated as follows:
 
-- A direction that sonars look into only slantwise: what they see is a wall across the way, and the slow speed.
-- A sonar without a valid reading (NaN), and a direction that no sensor looks in, such as backwards on a robot with
-  three sonars in front: the slow speed.
-- A sonar or a laser of which nothing is heard any more: a standstill in the direction it looks in.
-- A range of -inf (too near, REP-117): a standstill as well; of a laser, the nearest that it can measure.
-- A scan without a valid range: as a sonar without one.
+- A direction that sonars see only at an angle: an echo counts as a wall across the path, and the slow speed applies.
+- A sonar without a valid reading (NaN), or a direction that no sensor covers, such as backwards on a robot with three
+  sonars in front: the slow speed applies.
+- A sonar or a laser that is silent: the robot stops in its direction.
+- A range of -inf (too near, REP 117): the robot stops as well; for a laser it counts as the shortest range.
+- A scan without a valid range: as a sonar without a valid reading.
 """
 
 import math
@@ -42,35 +42,35 @@ from .free_distance import (
 )
 
 STALE_S = 1.0
-"""A sensor is silent when nothing was heard of it for so long: three cycles of the sonars, ten scans."""
+"""A sensor without a message for this time is silent [s]: three cycles of the sonars, ten scans."""
 LEAST_M_S = 0.02
-"""Where no more than this is allowed the robot stands, instead of creeping on for ever."""
+"""If only this speed or less is allowed, the robot stops instead of creeping on."""
 LASER = "laser"
 SECTORS = 8
-"""Zones remember whether they were entered by direction, in so many sectors around the robot."""
+"""The hysteresis of the zones is kept for this number of sectors around the robot."""
 
 
 class Settings(NamedTuple):
-    """The zones of a robot that stands, and how they grow."""
+    """Lengths of the zones at standstill, and how they grow with speed."""
 
     warning_m: float = 0.5
     protective_m: float = 0.2
     slow_m_s: float = 0.1
-    """Never slowed below this by the warning zone."""
+    """The warning zone does not slow the robot below this."""
     braking_m_s2: float = 0.2
-    """Slowing down that the robot surely does."""
+    """Braking deceleration that the robot always reaches."""
     reaction_s: float = 0.5
-    """Twice the delays of sensors and commands together."""
+    """Twice the sum of the delays of sensors and commands."""
     hysteresis_m: float = 0.05
     clearance_m: float = 0.05
-    """Counts as in the way although it is so far beside the body."""
+    """Obstacles within this distance of the swept path count as in the way."""
 
     def growth_m(self, speed_m_s: float) -> float:
-        """What a speed adds to both zones: the way to a standstill."""
+        """Return the length that a speed adds to both zones: the stopping distance [m]."""
         return abs(speed_m_s) * self.reaction_s + speed_m_s**2 / (2 * self.braking_m_s2)
 
     def speed_m_s(self, room_m: float) -> float:
-        """The greatest speed whose way to a standstill fits in a room; 0 where there is none."""
+        """Return the largest speed with a stopping distance of at most `room_m`; 0 if there is no room [m/s]."""
         if room_m <= 0:
             return 0.0
         lost = self.braking_m_s2 * self.reaction_s
@@ -89,7 +89,7 @@ _RANGES = {
 
 
 def demand(settings: Settings) -> None:
-    """Check zones before anything is opened.
+    """Check the settings of the zones.
 
     Raises:
         ConfigError: a number is out of range or NaN, or the zones contradict each other.
@@ -107,15 +107,15 @@ def demand(settings: Settings) -> None:
 
 
 class Zones:
-    """The zones of one robot; any thread may call.  Times are seconds of one clock, given by the caller.
+    """The zones of one robot; any thread may call its methods.  Times are seconds of one clock, which the caller reads.
 
-    A turn since a reading is not counted: the next one is there before it matters.
+    A turn of the robot since a reading is ignored: the next reading comes before it matters.
     """
 
     def __init__(
         self, settings: Settings, body: Body, sonars: Mapping[str, SonarMount], laser: bool = False
     ) -> None:
-        """`sonars` are those to listen to; with `laser` scans are expected, which look ahead at least.
+        """`sonars` are the sonars to use; with `laser` scans are expected, which must at least cover the way ahead.
 
         Raises:
             ConfigError: see `demand`.
@@ -134,16 +134,16 @@ class Zones:
 
     @property
     def warning_clear(self) -> bool:
-        """Nothing is in the warning zone of the direction that was last asked for."""
+        """The warning zone in the direction of the last request is free."""
         return not self._warned.get(self._sector, False)
 
     @property
     def protective_clear(self) -> bool:
-        """The robot may move in the direction that was last asked for."""
+        """The robot may move in the direction of the last request."""
         return not self._held.get(self._sector, False)
 
     def moved(self, forward_m: float, now: float, left_m: float = 0.0) -> None:
-        """The robot has gone so far along its x and its y since the last call [m]."""
+        """Add the distance moved along the robot's x and y axes since the last call [m]."""
         with self._lock:
             self._place = self._place[0] + forward_m, self._place[1] + left_m
             self._places.append((now, self._place))
@@ -151,7 +151,7 @@ class Zones:
                 self._places.popleft()
 
     def on_range(self, name: str, range_m: float, now: float) -> None:
-        """A sonar's reading (REP-117)."""
+        """Process a sonar's reading (REP 117)."""
         mount = self._sonars.get(name)
         if mount is None:
             return
@@ -164,7 +164,7 @@ class Zones:
                 self._sights[name].know(*rooms, self._recent(), now)
 
     def on_scan(self, scan: Scan, now: float) -> None:
-        """A laser's scan."""
+        """Process a laser's scan."""
         points = scan.points()
         with self._lock:
             self._scan = scan
@@ -176,14 +176,14 @@ class Zones:
                 sight.hear(now)
 
     def limit(self, linear_m_s: float, now: float) -> float:
-        """The speed along x that is allowed of one that is asked for [m/s]."""
+        """Return the allowed speed for a requested speed along x [m/s]."""
         return self.limited((linear_m_s, 0.0), now)[0]
 
     def limited(self, velocity_m_s: Point, now: float) -> Point:
-        """The velocity that is allowed of one that is asked for, forward and to the left [m/s]: slower, if anything.
+        """Return the allowed velocity for a requested one, forward and to the left [m/s]; never faster.
 
-        One of 0, such as that of a turn in place, asks about the way ahead, and is always allowed.  One that is not
-        finite stays what it is, for the driver to refuse.
+        A velocity of 0, as in a turn on the spot, is always allowed; it updates the zones ahead.  A velocity that is
+        not finite is returned unchanged, and the driver refuses it.
         """
         speed_m_s = math.hypot(*velocity_m_s)
         if not math.isfinite(speed_m_s):
@@ -209,7 +209,10 @@ class Zones:
         return min(cap, settings.speed_m_s(room_m - settings.protective_m))
 
     def _room(self, way: Point, now: float) -> Tuple[float, bool]:
-        """Free way, and whether it is watched and each sensor that looks there has told it; 0 where one is silent."""
+        """Return the free distance [m], and whether the direction is covered and all its sensors have valid readings.
+
+        The distance is 0 if one of its sensors is silent.
+        """
         views = {name: self._view(name, way) for name in self._sights}
         watched, known = any(covers for _, covers in views.values()), True
         rooms_m: List[float] = []
@@ -224,7 +227,7 @@ class Zones:
         return min(rooms_m, default=math.inf), watched and known
 
     def _view(self, name: str, way: Point) -> Tuple[bool, bool]:
-        """Whether a sensor looks at what is before a robot that moves so, and whether it sees where that goes."""
+        """Tell whether a sensor looks ahead for motion in this direction, and whether it covers the direction."""
         if name in self._sonars:
             mount = self._sonars[name]
             return looks(mount, way), off_axis(mount, way) <= COVERED_RAD
@@ -232,5 +235,5 @@ class Zones:
         return seen, seen
 
     def _recent(self) -> Tuple[Point, ...]:
-        """Where the robot may have been at a reading that may be as old as the reaction."""
+        """Return the places of the robot within the last `reaction_s`: a reading may be that old."""
         return tuple(place for _, place in self._places) or (self._place,)

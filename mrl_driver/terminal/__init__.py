@@ -1,1 +1,1 @@
-"""The live view and the keyboard.  Imports driver and what is below it."""
+"""The live view and the keyboard.  Imports driver and the layers below it."""

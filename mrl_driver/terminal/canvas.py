@@ -1,4 +1,4 @@
-"""A place seen from above, drawn with braille characters: eight dots each.  Pure."""
+"""A map of the plane, drawn with braille characters of eight dots each.  No I/O."""
 
 import math
 from typing import List, NamedTuple, Sequence, Tuple
@@ -7,7 +7,7 @@ _BITS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
 """Bit of each dot in a braille character, by row and column."""
 _BLANK = 0x2800
 _SPANS_M = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0, 24.0, 32.0)
-"""Widths of view; the view jumps from one to the next instead of growing all the time."""
+"""Widths of the view [m]; the view grows in these steps, not continuously."""
 _STEP_M = 0.5
 _MARGIN_M = 0.3
 ARROWS = "→↗↑↖←↙↓↘"
@@ -17,7 +17,7 @@ Point = Tuple[float, float]
 
 
 class View(NamedTuple):
-    """What part of the plane is seen: its middle [m], and how large it is drawn [dots per metre]."""
+    """The visible part of the plane: its centre [m] and its scale [dots per metre]."""
 
     x_m: float
     y_m: float
@@ -25,14 +25,14 @@ class View(NamedTuple):
 
 
 class Run(NamedTuple):
-    """Neighbouring characters of one style, a key of the caller's."""
+    """Neighbouring characters with the same style; the caller chooses the names of the styles."""
 
     text: str
     style: str
 
 
 def fit(points: Sequence[Point], columns: int, rows: int) -> View:
-    """A view that holds all points, in steps, so that it stands still while the robot drives."""
+    """Return a view that contains all points.  It changes in steps, so that it is steady while the robot drives."""
     xs, ys = [point[0] for point in points], [point[1] for point in points]
     x_m = round((max(xs) + min(xs)) / 2 / _STEP_M) * _STEP_M
     y_m = round((max(ys) + min(ys)) / 2 / _STEP_M) * _STEP_M
@@ -46,7 +46,7 @@ def fit(points: Sequence[Point], columns: int, rows: int) -> View:
 
 
 class Canvas:
-    """Dots and characters on `rows` lines of `columns`; what is drawn later lies on top."""
+    """Dots and characters on `rows` lines of `columns` characters; later drawings cover earlier ones."""
 
     def __init__(self, columns: int, rows: int, view: View) -> None:
         self.columns, self.rows, self.view = columns, rows, view
@@ -55,14 +55,14 @@ class Canvas:
         self._styles = [[""] * columns for _ in range(rows)]
 
     def dot(self, point: Point, style: str) -> None:
-        """Set the dot at a place [m]; outside nothing happens."""
+        """Set the dot at a point [m]; points outside the view are ignored."""
         column, row = self.at(point)
         if 0 <= column < self.columns * 2 and 0 <= row < self.rows * 4:
             self._bits[row // 4][column // 2] |= _BITS[row % 4][column % 2]
             self._styles[row // 4][column // 2] = style
 
     def line(self, start: Point, end: Point, style: str, every: int = 1) -> None:
-        """Set each `every`th dot from one place to another."""
+        """Set each `every`th dot of a line from one point to another [m]."""
         length = math.hypot(end[0] - start[0], end[1] - start[1]) * self.view.scale
         steps = min(4000, max(1, math.ceil(length / every)))
         for i in range(steps + 1):
@@ -77,7 +77,7 @@ class Canvas:
             self.dot((middle[0] + radius_m * math.cos(angle), middle[1] + radius_m * math.sin(angle)), style)
 
     def mark(self, point: Point, character: str, style: str, over: bool = True) -> None:
-        """Put a character at a place [m]; unless `over`, only where nothing is."""
+        """Put a character at a point [m]; without `over` only on an empty cell."""
         column, row = (each // size for each, size in zip(self.at(point), (2, 4)))
         if not (0 <= column < self.columns and 0 <= row < self.rows):
             return
@@ -85,18 +85,18 @@ class Canvas:
             self._marks[row][column], self._styles[row][column] = character, style
 
     def grid(self, step_m: float, style: str) -> None:
-        """A point at each multiple of `step_m`, where nothing else is."""
+        """Draw a point at each multiple of `step_m` where the cell is empty."""
         half_x, half_y = self.columns / self.view.scale, self.rows * 2 / self.view.scale
         for x in _multiples(self.view.x_m, half_x, step_m):
             for y in _multiples(self.view.y_m, half_y, step_m):
                 self.mark((x, y), "·", style, over=False)
 
     def lines(self) -> List[List[Run]]:
-        """What was drawn, line by line."""
+        """Return the drawing, line by line."""
         return [_runs(*row) for row in zip(self._bits, self._marks, self._styles)]
 
     def at(self, point: Point) -> Tuple[int, int]:
-        """Column and row of the dot that shows a point; both may lie outside the canvas."""
+        """Return column and row of the dot for a point; both may be outside the canvas."""
         column = self.columns + (point[0] - self.view.x_m) * self.view.scale
         row = self.rows * 2 - (point[1] - self.view.y_m) * self.view.scale
         return math.floor(_bounded(column)), math.floor(_bounded(row))

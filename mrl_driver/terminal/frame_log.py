@@ -1,4 +1,6 @@
-"""The frames on the wire for people: what repeats is counted in its line instead of flooding the screen.  Pure."""
+"""The list of frames in the live view: one line per kind of frame with a count, so that repeats do not fill the
+screen.  No I/O.
+"""
 
 import re
 import threading
@@ -12,21 +14,21 @@ _BLANK = b" \r\n\t"
 
 
 class Line(NamedTuple):
-    """One kind of frame, or a piece that is none."""
+    """One kind of frame, or text that is not a frame."""
 
     way: str
     """`>` to the board, `<` from it."""
     name: str
-    """The command's, or `text` for what is no frame."""
+    """Name of the command, or `text` if it is not a frame."""
     text: str
-    """The newest one."""
+    """Content of the newest one."""
     times: int
     time_s: float
-    """Of the newest one."""
+    """Time of the newest one [s]."""
 
 
 class FrameLog:
-    """Keeps the last kinds of frames; `hear` and `lines` may be called from different threads."""
+    """Keeps the latest kinds of frames; `hear` and `lines` may be called from different threads."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -34,7 +36,7 @@ class FrameLog:
         self._rest: Dict[str, bytes] = {}
 
     def hear(self, way: str, data: bytes, now_s: float) -> None:
-        """Bytes went that way."""
+        """Add bytes that were sent in the direction `way`."""
         with self._lock:
             data = self._rest.get(way, b"") + data
             end = data.rfind(b"e") + 1
@@ -55,6 +57,6 @@ class FrameLog:
             del self._lines[min(self._lines, key=lambda each: self._lines[each].time_s)]
 
     def lines(self) -> List[Line]:
-        """All of them, in the order in which their kinds first came."""
+        """Return all lines, in the order of the first frame of each kind."""
         with self._lock:
             return list(self._lines.values())

@@ -1,4 +1,4 @@
-"""Keys of a terminal, one at a time and without waiting for Enter."""
+"""Reading single keys from a terminal, without Enter."""
 
 import os
 import select
@@ -12,7 +12,7 @@ _NAMES = {b" ": "space", b"\x1b": "escape"}
 
 
 def split(data: bytes) -> List[str]:
-    """Names of the keys in what a terminal sent: `up down left right space escape`, else the letter."""
+    """Return the names of the keys in a terminal's bytes: `up down left right space escape`, or the letter."""
     keys = []
     while data:
         size = 3 if data[:3].replace(b"\x1bO", b"\x1b[") in _ARROWS else 1
@@ -22,7 +22,7 @@ def split(data: bytes) -> List[str]:
 
 
 class Keyboard:
-    """Keys from stdin while the `with` block lasts; the terminal is put back after it."""
+    """Reads keys from stdin inside a `with` block, which restores the terminal's settings at its end."""
 
     def __init__(self) -> None:
         self._fd = sys.stdin.fileno()
@@ -38,7 +38,7 @@ class Keyboard:
             termios.tcsetattr(self._fd, termios.TCSADRAIN, self._settings)
 
     def read(self, timeout_s: float) -> List[str]:
-        """Keys pressed, after waiting for one at most `timeout_s`; `q` once the terminal is gone."""
+        """Return the keys pressed, after waiting at most `timeout_s` for the first; `q` if the terminal is gone."""
         ready, _, _ = select.select([self._fd], [], [], timeout_s)
         if not ready:
             return []

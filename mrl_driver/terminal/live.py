@@ -1,4 +1,4 @@
-"""A robot on the terminal: a live view with keys to drive."""
+"""The live view of a robot in the terminal, with keys to drive."""
 
 import contextlib
 import math
@@ -27,7 +27,7 @@ TRAIL_POINTS = 4000
 
 
 class Trail:
-    """The way so far: a point each centimetre; a long one is thinned out."""
+    """The robot's path: one point per centimetre, fewer on a long path."""
 
     def __init__(self) -> None:
         self.points: List[Point] = []
@@ -35,7 +35,7 @@ class Trail:
         self._step_m = TRAIL_STEP_M
 
     def add(self, telemetry: Telemetry) -> None:
-        """A new pose."""
+        """Add the pose of a telemetry frame."""
         point = telemetry.pose.x_m, telemetry.pose.y_m
         if not self.points:
             self.points.append(point)
@@ -60,7 +60,7 @@ class Rate:
         self._seen: List[Tuple[float, int]] = []
 
     def update(self, frames: int, now_s: float) -> float:
-        """The rate, by a counter of frames [Hz]."""
+        """Return the rate from the number of frames so far [Hz]."""
         self._seen = [each for each in self._seen if now_s - each[0] <= 1.0][-20:]
         self._seen.append((now_s, frames))
         (first_s, first), (last_s, last) = self._seen[0], self._seen[-1]
@@ -68,18 +68,18 @@ class Rate:
 
 
 class Settings(NamedTuple):
-    """What the live view begins with."""
+    """Settings of the live view at its start."""
 
     port: str = ""
     record: str = ""
     """File of the recording; empty without one."""
     keys_drive: bool = False
-    """Keys drive from the start; else Enter has to be pressed first."""
+    """The keys drive from the start; otherwise the user must press Enter first."""
     ignore_battery: bool = False
 
 
 class Screen:
-    """The live view: takes keys, drives, and tells what is to be shown."""
+    """The state of the live view: handles keys, drives the robot, and returns what to show."""
 
     def __init__(self, driver: "Driver", settings: Settings, log: FrameLog) -> None:
         self._driver, self._settings, self._log = driver, settings, log
@@ -100,7 +100,7 @@ class Screen:
             self._notice = str(event)
 
     def press(self, key: str, now_s: float) -> None:
-        """Take a key."""
+        """Handle a key."""
         if key in ("q", "escape"):
             self.ended = True
         elif key in ("\r", "\n"):
@@ -124,7 +124,7 @@ class Screen:
         self._notice = f"the battery is {self._driver.battery_state}: no driving" if empty else ""
 
     def steer(self, now_s: float) -> None:
-        """Put the speeds of the keys that are held in force; stop when none is."""
+        """Drive at the speeds of the held keys; stop if no key is held."""
         wanted: Tuple[float, ...] = self._teleop.command(now_s) if self._keys_drive else ()
         if wanted and sideways(self._driver):
             wanted = (*wanted, self._teleop.slide(now_s))
@@ -134,7 +134,7 @@ class Screen:
             self._driver.stop()
 
     def shown(self, now_s: float) -> Shown:
-        """What is to be seen now."""
+        """Return what to show now."""
         mismatch, recorder = self._driver.mismatch, self._driver.recorder
         loss = recorder.loss if recorder is not None else ""
         return Shown(
@@ -157,7 +157,7 @@ def show(driver: "Driver", settings: Settings, log: FrameLog, seconds: float) ->
     """Show the robot for `seconds`, or until `q`.
 
     Raises:
-        MrlError: what the driver failed with.
+        MrlError: the driver failed; this is the error.
     """
     _run(driver, Screen(driver, settings, log), Console(), seconds)
 
@@ -183,7 +183,7 @@ def _run(driver: "Driver", screen: Screen, console: Console, seconds: float) -> 
 
 @contextlib.contextmanager
 def _keyboard() -> Iterator[Callable[[float], List[str]]]:
-    """Keys, where stdin is a terminal; elsewhere none ever come."""
+    """Return a function that reads keys; if stdin is not a terminal, it never returns any."""
     if not sys.stdin.isatty():
         yield _no_keys
         return

@@ -1,4 +1,4 @@
-"""The robot from above: its way, its body, its sonars' cones.  Pure."""
+"""Map of the robot: its path, its body and its sonars' cones.  No I/O."""
 
 import math
 from typing import TYPE_CHECKING, List, Sequence, Tuple
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 _GRIDS_M = (0.5, 1.0, 2.0, 5.0, 10.0)
 _LEAST_GRID_COLUMNS = 5
 LONGEST_CONE_M = 2.5
-"""A cone that sees nothing, or further, is drawn this long and open."""
+"""A cone without an echo within this range is drawn with this length and without an arc [m]."""
 _NEAR_M = 0.3
 
 
 def draw(driver: "Readout", trail: Sequence[Point], columns: int, rows: int) -> Tuple[Canvas, float]:
-    """The picture, fit to the way so far and to what the sonars see, and the step of its grid [m]."""
+    """Return the drawing, scaled to the path and the sonars' cones, and the step of its grid [m]."""
     pose, model = driver.pose, driver.model
     mounts = model.sonars if model else {}
     cones = [_Cone(pose, mounts[name], value) for name, value in driver.ranges.items() if name in mounts]
@@ -48,13 +48,13 @@ def _body(canvas: Canvas, pose: "Pose", length_m: float, width_m: float) -> None
 
 
 def _place(pose: "Pose", x_m: float, y_m: float) -> Point:
-    """A point of base_link in the frame of the pose."""
+    """Transform a point from base_link to the frame of the pose."""
     cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
     return pose.x_m + cos * x_m - sin * y_m, pose.y_m + sin * x_m + cos * y_m
 
 
 class _Cone:
-    """What one sonar sees: two edges, and an arc where something is."""
+    """The cone of one sonar: two edges, and an arc at the range of an echo."""
 
     def __init__(self, pose: "Pose", mount: SonarMount, range_m: float) -> None:
         self._origin = _place(pose, mount.x_m, mount.y_m)
@@ -65,7 +65,7 @@ class _Cone:
 
     @property
     def corners(self) -> List[Point]:
-        """Its farthest points."""
+        """The two far corners of the cone; empty without a reading."""
         return [self._end(self._from), self._end(self._to)] if self._length_m else []
 
     def _end(self, angle: float) -> Point:
@@ -73,7 +73,7 @@ class _Cone:
         return x + self._length_m * math.cos(angle), y + self._length_m * math.sin(angle)
 
     def draw(self, canvas: Canvas) -> None:
-        """Draw it; a sonar without a reading has no cone."""
+        """Draw the cone; without a reading there is none."""
         if not self._length_m:
             return
         style = "red" if self._range_m < _NEAR_M else "yellow" if self._range_m < 2 * _NEAR_M else "cyan"

@@ -1,4 +1,4 @@
-"""The live view: what is known of a robot as panels of a terminal.  Pure but for the terminal library."""
+"""The panels of the live view, built from a driver's state.  No I/O; needs only the terminal library."""
 
 import itertools
 import math
@@ -22,10 +22,10 @@ from .text import range_text
 
 LEFT_COLUMNS = 39
 NARROW, LOW = 72, 18
-"""A terminal of fewer columns shows no map; one of fewer rows no frames."""
+"""A terminal with fewer columns shows no map; a terminal with fewer rows shows no frames."""
 _NAME = 10
 _ROOM = LEFT_COLUMNS - _NAME - 5
-"""Characters of a value on the left: less its name, the panel's frame and the gaps."""
+"""Characters for a value on the left: the width without the name, the panel's frame and the gaps."""
 _NOTICE_ROWS = 3
 _BAR = 10
 _FARTHEST_BAR_M = 3.0
@@ -42,26 +42,26 @@ class Shown(NamedTuple):
     port: str
     record: str
     incomplete: bool
-    """The recording lacks something."""
+    """The recording is incomplete."""
     elapsed_s: float
     rate_hz: float
     trail: Sequence[Point]
     distance_m: float
     log: Optional[List[Line]]
-    """None while it is hidden."""
+    """None while the frames are hidden."""
     keys_drive: bool
     notice: str
-    """What the user should know now; empty for nothing."""
+    """Message for the user; empty if there is none."""
     now_s: float
 
 
 def sideways(driver: Readout) -> bool:
-    """The robot moves sideways as well."""
+    """Tell whether the robot can move sideways."""
     return driver.model is not None and isinstance(driver.model.drive, OmniDrive)
 
 
 def render(now: Shown, width: int, height: int) -> RenderableType:
-    """The whole screen of `width` x `height` characters."""
+    """Return the whole screen of `width` x `height` characters."""
     screen = Layout()
     footer = _footer(now, width, height)
     rows = [
@@ -86,7 +86,7 @@ def render(now: Shown, width: int, height: int) -> RenderableType:
 
 
 def _header(now: Shown, width: int) -> Text:
-    """The robot, its link and the time; names of port and recording share what room is left."""
+    """Return the line with robot, link and time; the names of port and recording share the remaining width."""
     driver = now.driver
     model = driver.model.name if driver.model else "robot"
     silent = driver.age_s > _STALE_S or not driver.ready
@@ -103,12 +103,12 @@ def _header(now: Shown, width: int) -> Text:
 
 
 def _tail(text: str, room: int) -> str:
-    """The end of a name, where files and devices differ."""
+    """Return the end of a name, because names of files and devices differ there."""
     return text if len(text) <= room else "…" + text[1 - room :]
 
 
 def _footer(now: Shown, width: int, height: int) -> List[Text]:
-    """The keys, below what the user should know now; that alone on a low terminal."""
+    """Return the message for the user and the keys below it; a low terminal shows only the message."""
     most = _NOTICE_ROWS if height >= LOW else 1
     lines = textwrap.wrap(now.notice, max(1, width - 1), max_lines=most, placeholder=" …")
     notice = [Text(f" {line}", style="bold red", no_wrap=True, overflow="ellipsis") for line in lines]
@@ -141,14 +141,14 @@ def _grid() -> Table:
 
 
 def _add(grid: Table, name: str, value: str, style: str = "") -> None:
-    """Adds a value by its name, in as many rows as they need."""
+    """Add a name and its value, in as many rows as they need."""
     names = textwrap.wrap(name.replace("_", " "), _NAME)
     for title, line in itertools.zip_longest(names, textwrap.wrap(value, _ROOM), fillvalue=""):
         grid.add_row(title, Text(line, style=style))
 
 
 def _left(now: Shown, height: int) -> RenderableType:
-    """Panels of numbers; on a low terminal all in one, or without a frame."""
+    """Return the panels of numbers; on a low terminal as one panel, or without a frame."""
     silent = now.driver.age_s > _STALE_S or not now.driver.ready
     parts: List[Tuple[Table, str, str]] = [
         (_motion(now), "motion", "green" if now.driver.command else "blue"),
@@ -255,7 +255,7 @@ def _map(now: Shown, columns: int, rows: int) -> Panel:
 
 
 def _frames(now: Shown, columns: int, rows: int) -> Panel:
-    """The kinds of frames that came last, in the order in which they first came."""
+    """Return the panel of the latest kinds of frames, in the order of the first frame of each kind."""
     lines = sorted(now.log or [], key=lambda line: line.time_s)[-rows:]
     shown = [line for line in now.log or [] if line in lines]
     room = columns - 4
@@ -265,7 +265,7 @@ def _frames(now: Shown, columns: int, rows: int) -> Panel:
 
 
 def _frame(line: Line, now_s: float, room: int) -> Text:
-    """One kind of frame; its name where there is room."""
+    """Return the line of one kind of frame, with its name if there is room."""
     age_s = now_s - line.time_s
     style = "yellow" if line.name == "text" else "bold" if age_s < _FRESH_S and line.times < 20 else ""
     text = Text(no_wrap=True, overflow="ellipsis", style="dim" if age_s > _OLD_S else "")

@@ -1,10 +1,11 @@
-"""Speeds from the keys of a terminal.  Pure."""
+"""Speeds from the keys of a terminal.  No I/O."""
 
 import math
 from typing import Dict, List, Tuple
 
 HOLD_S = 0.6
-"""A terminal reports presses, not releases; a held key repeats after about 0.5 s, so a press lasts longer."""
+"""A press lasts this long [s].  A terminal reports presses but not releases, and a held key repeats after about 0.5 s.
+"""
 LINEAR_M_S, ANGULAR_RAD_S = 0.25, 0.9
 _LETTERS = {"w": "up", "s": "down", "a": "left", "d": "right"}
 _DIRECTIONS: Dict[str, Tuple[float, float]] = {
@@ -14,7 +15,7 @@ _DIRECTIONS: Dict[str, Tuple[float, float]] = {
     "right": (0, -1),
 }
 _SLIDES = {",": 1, ".": -1}
-"""Sideways, of robots that can: `,` to the left, `.` to the right."""
+"""Sideways motion, if the robot can: `,` to the left, `.` to the right."""
 _OPPOSITES = {"up": "down", "down": "up", "left": "right", "right": "left", ",": ".", ".": ","}
 
 
@@ -25,7 +26,7 @@ class Teleop:
         self._until_s: Dict[str, float] = {}
 
     def press(self, key: str, now_s: float) -> bool:
-        """Take a key; True if it asks for a movement or, as the space bar, for a stop."""
+        """Handle a key; return True if it commands a motion or, as the space bar, a stop."""
         if key == "space":
             self._until_s.clear()
             return True
@@ -38,17 +39,17 @@ class Teleop:
 
     @staticmethod
     def moves(key: str, sideways: bool = False) -> bool:
-        """The key is one that drives a robot, which may move sideways."""
+        """Tell whether the key drives a robot; `sideways` says that the robot can move sideways."""
         return _LETTERS.get(key, key) in _DIRECTIONS or (sideways and key in _SLIDES)
 
     def command(self, now_s: float) -> Tuple[float, float]:
-        """Speeds (linear [m/s], angular [rad/s]) at a time; zero once every key is released."""
+        """Return the speeds (linear [m/s], angular [rad/s]) at a time; zero if no key is held."""
         held = [_DIRECTIONS[key] for key in self._held(now_s) if key in _DIRECTIONS]
         linear, angular = math.fsum(d[0] for d in held), math.fsum(d[1] for d in held)
         return linear * LINEAR_M_S, angular * ANGULAR_RAD_S
 
     def slide(self, now_s: float) -> float:
-        """Speed to the left at a time [m/s], for robots that can; 0 once every key is released."""
+        """Return the speed to the left at a time [m/s], for robots that can; 0 if no key is held."""
         return LINEAR_M_S * sum(_SLIDES.get(key, 0) for key in self._held(now_s))
 
     def _held(self, now_s: float) -> List[str]:

@@ -1,4 +1,4 @@
-"""A robot's state as one line for people, and as a mapping for programs."""
+"""A robot's state as one line of text for users, and as a mapping for programs."""
 
 import math
 from typing import TYPE_CHECKING, Any, Dict
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def range_text(value_m: float) -> str:
-    """A range as people read it."""
+    """Return a range as text."""
     if math.isnan(value_m):
         return "no reading"
     if math.isinf(value_m):
@@ -20,7 +20,7 @@ def range_text(value_m: float) -> str:
 
 
 def line(driver: "Readout") -> str:
-    """Pose, speeds, ranges and battery in one line."""
+    """Return pose, speeds, ranges and battery in one line."""
     pose, twist = driver.pose, driver.twist
     aside = f"sideways {twist.lateral_m_s:6.3f} m/s  " if len(twist) == 3 else ""
     ranges = "  ".join(f"{name} {range_text(value)}" for name, value in driver.ranges.items())
@@ -34,12 +34,12 @@ def line(driver: "Readout") -> str:
 
 
 def sensor_texts(driver: "Readout") -> Dict[str, str]:
-    """Reading of each sensor that answers, by name: `500 count`."""
+    """Return the reading of each sensor that answers as text, by name, such as `500 count`."""
     return {name: text(SENSOR_BY_NAME[name], found) for name, found in driver.sensors.items()}
 
 
 def snapshot(driver: "Readout") -> Dict[str, Any]:
-    """The same, and the state of the link, for JSON; SI units, the unit in the key's end."""
+    """Return the robot's state and the state of the link, for JSON; SI units, with the unit at the end of the key."""
     seen, command = driver.statistics, driver.command
     return {
         "pose": driver.pose._asdict(),

@@ -1,1 +1,1 @@
-"""The tip-over margin of a vehicle.  Imports the robot models; the driver does not import it."""
+"""Tip-over margin of a vehicle.  Imports the robot models; the driver does not import this package."""

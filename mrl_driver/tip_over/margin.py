@@ -1,11 +1,11 @@
-"""How far a vehicle is from tipping over: the force-angle stability margin.  Pure.
+"""Tip-over margin of a vehicle: the force-angle stability margin.  No I/O.
 
-The measure of Papadopoulos and Rey (A New Measure of Tipover Stability Margin for Mobile Manipulators, ICRA 1996;
-in Vehicle System Dynamics 33, 2000, the angle is weighted with the force and its arm).  Each edge of the polygon
-between the points of contact is a tip-over axis.  The margin is the angle between the net force on the centre of mass
-and the perpendicular from there to the axis; it is 0 where the wheels beyond lose the ground.
+Source: Papadopoulos and Rey (A New Measure of Tipover Stability Margin for Mobile Manipulators, ICRA 1996; in Vehicle
+System Dynamics 33, 2000, the angle is weighted with the force and its arm).  Each edge of the polygon of ground contact
+points is a tip-over axis.  The margin is the angle between the net force on the centre of mass and the perpendicular
+from there to the axis.  It is 0 when the wheels on the other side lift off.
 
-x is forward, y left, z up.  The ground is flat and the wheels hold: how much friction they have is not asked.
+x is forward, y left, z up.  The ground is flat.  Friction is not considered: the wheels never slip.
 """
 
 import functools
@@ -21,11 +21,11 @@ DIRECTIONS: Dict[str, Tuple[float, float]] = {
     "left": (0.0, 1.0),
     "right": (0.0, -1.0),
 }
-"""Directions of an acceleration (x, y); braking is one backwards."""
+"""Directions of an acceleration (x, y); braking is an acceleration backwards."""
 MOST_M_S2 = 1000.0
-"""More is not looked for."""
+"""Largest acceleration that is tried."""
 _STEPS = 48
-"""Halvings until the acceleration is known to some 4e-12 m/s2."""
+"""Number of bisection steps; they give the acceleration to about 4e-12 m/s2."""
 
 Vector = Tuple[float, float, float]
 Point = Tuple[float, float]
@@ -33,27 +33,27 @@ NOTHING: Vector = (0.0, 0.0, 0.0)
 
 
 class Mass(NamedTuple):
-    """A mass, and where its centre is."""
+    """A mass and its centre."""
 
     mass_kg: float
     x_m: float
     y_m: float
     height_m: float
-    """Above the ground."""
+    """Height of the centre above the ground."""
 
 
 class Vehicle(NamedTuple):
-    """What stands on the ground, and what it carries."""
+    """A vehicle and its payloads."""
 
     name: str
     contacts: Tuple[Point, ...]
-    """Points of contact [m m], in any order."""
+    """Ground contact points [m m], in any order."""
     body: Mass
     payloads: Dict[str, Mass]
 
     @property
     def whole(self) -> Mass:
-        """All masses as one."""
+        """The total mass and its centre."""
         masses = [self.body, *self.payloads.values()]
         total = sum(each.mass_kg for each in masses)
 
@@ -64,11 +64,11 @@ class Vehicle(NamedTuple):
 
 
 class Margin(NamedTuple):
-    """How far it is from tipping over one axis."""
+    """The margin for one tip-over axis."""
 
     axis: Tuple[Point, Point]
     angle_rad: float
-    """The force-angle margin; below 0 it tips."""
+    """The force-angle margin; below 0 the vehicle tips over."""
     measure_n_m: float
     """The angle times the net force times its distance from the axis (the measure of 2000)."""
 
@@ -80,16 +80,17 @@ def margins(
     moment_n_m: Vector = NOTHING,
     slope: Point = (0.0, 0.0),
 ) -> List[Margin]:
-    """Margin of each tip-over axis, counter-clockwise.
+    """Return the margin of each tip-over axis, counter-clockwise.
 
     Args:
-        acceleration_m_s2: of the vehicle along the ground; in a curve v * omega to the curve's inside belongs to it.
-        force_n: on the centre of mass from outside, such as what an arm pushes.
-        moment_n_m: likewise, about the centre of mass.
-        slope: way the ground falls, as a vector of length sin(slope).
+        vehicle: the vehicle.
+        acceleration_m_s2: acceleration along the ground; in a curve it includes v * omega towards the inside.
+        force_n: external force on the centre of mass, such as from an arm that pushes.
+        moment_n_m: external moment about the centre of mass.
+        slope: downhill direction, as a vector of length sin(slope).
 
     Raises:
-        ConfigError: the points of contact span no area.
+        ConfigError: the contact points do not span an area.
     """
     mass = vehicle.whole
     weight_n = mass.mass_kg * GRAVITY_M_S2
@@ -106,20 +107,20 @@ def margins(
 
 
 def least(found: Sequence[Margin]) -> Margin:
-    """The margin over which the vehicle tips first."""
+    """Return the smallest margin: the vehicle tips over this axis first."""
     return min(found, key=lambda margin: margin.angle_rad)
 
 
 def greatest_acceleration(
     vehicle: Vehicle, direction: Point, reserve_rad: float = 0.0, slope_rad: float = 0.0
 ) -> float:
-    """The acceleration in a direction (of length 1) up to which each margin is at least the reserve [m/s2].
+    """Return the largest acceleration in a direction (unit vector) at which all margins keep the reserve [m/s2].
 
-    On ground that slopes the worst way, so that weight and inertia pull the same way; 0 where the vehicle has not got
-    the reserve at rest, and `MOST_M_S2` where nothing less is too much.
+    The ground slopes in the worst direction, so that weight and inertia add up.  The result is 0 if the vehicle does
+    not have the reserve at rest, and `MOST_M_S2` if even that keeps it.
 
     Raises:
-        ConfigError: the points of contact span no area.
+        ConfigError: the contact points do not span an area.
     """
     slope = (-direction[0] * math.sin(slope_rad), -direction[1] * math.sin(slope_rad))
 
@@ -139,17 +140,17 @@ def greatest_acceleration(
 
 
 def limits(vehicle: Vehicle, reserve_rad: float = 0.0, slope_rad: float = 0.0) -> Dict[str, float]:
-    """`greatest_acceleration` in each of the `DIRECTIONS` [m/s2]."""
+    """Return `greatest_acceleration` for each of the `DIRECTIONS` [m/s2]."""
     return {
         name: greatest_acceleration(vehicle, way, reserve_rad, slope_rad) for name, way in DIRECTIONS.items()
     }
 
 
 def hull(points: Sequence[Point]) -> List[Point]:
-    """Corners of the polygon around points, counter-clockwise.
+    """Return the corners of the convex hull of points, counter-clockwise.
 
     Raises:
-        ConfigError: it has no area.
+        ConfigError: the hull has no area.
     """
     ordered = sorted(set(points))
 
@@ -187,12 +188,12 @@ def _margin(first: Point, second: Point, centre: Vector, net: Vector, moment: Ve
     force = tuple(a + b / arm_m**2 for a, b in zip(across, couple))
     lever = _dot(_cross(to_axis, force), axis)
     angle = math.atan2(lever, _dot(to_axis, force))
-    # |lever| is the force times the distance of its line from the axis
+    # |lever| is the force times the distance of its line of action from the axis
     return Margin((first, second), angle, angle * abs(lever))
 
 
 def _across(vector: Sequence[float], axis: Vector) -> Vector:
-    """What of a vector is perpendicular to an axis of length 1."""
+    """Return the part of a vector that is perpendicular to an axis (unit vector)."""
     along = _dot(vector, axis)
     return (vector[0] - along * axis[0], vector[1] - along * axis[1], vector[2] - along * axis[2])
 

@@ -1,4 +1,4 @@
-"""The tip-over margin over acceleration and over directions, by matplotlib, which is optional."""
+"""Plots of the tip-over margin over acceleration and direction; needs matplotlib, which is optional."""
 
 import math
 from typing import Any
@@ -17,7 +17,7 @@ _LINES = {
 
 
 def draw(vehicle: Vehicle, path: str, reserve_rad: float, slope_rad: float = 0.0) -> None:
-    """Draw a vehicle's margins into a PNG, PDF or SVG.
+    """Draw a vehicle's margins into a PNG, PDF or SVG file.
 
     Raises:
         ConfigError: matplotlib is missing, or the folder cannot be written.

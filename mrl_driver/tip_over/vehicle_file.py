@@ -1,4 +1,4 @@
-"""Vehicles for the tip-over margin: a short YAML of their own, or what a robot model tells."""
+"""Vehicles for the tip-over margin, read from a short YAML file or from a robot model."""
 
 import math
 import os
@@ -18,15 +18,15 @@ _RANGES = {"mass_kg": (1e-6, 1e5), "x_m": (-100.0, 100.0), "y_m": (-100.0, 100.0
 
 
 def names() -> List[str]:
-    """Vehicles that come with the package; robot models may be named as well."""
+    """Return the names of the packaged vehicles; the names of robot models are valid as well."""
     return sorted(file[:-5] for file in os.listdir(_FOLDER) if file.endswith(".yaml"))
 
 
 def load(name_or_path: str) -> Vehicle:
-    """The vehicle of that name or in that .yaml file, or that a robot model tells.
+    """Return the vehicle with this name, from this .yaml file, or of this robot model.
 
     Raises:
-        ConfigError: there is none, it is wrong, or the model does not tell where the robot stands.
+        ConfigError: there is none, it is invalid, or the model does not contain all ground contact points.
     """
     if name_or_path in names():
         return read(os.path.join(_FOLDER, f"{name_or_path}.yaml"))
@@ -39,10 +39,10 @@ def load(name_or_path: str) -> Vehicle:
 
 
 def read(path: str) -> Vehicle:
-    """The vehicle in a file, which may be a robot model's too.
+    """Return the vehicle in a file; the file may also be a robot model.
 
     Raises:
-        ConfigError: it cannot be read, or a key is missing, misspelt, of the wrong type or out of range.
+        ConfigError: the file cannot be read, or a key is missing, unknown, of the wrong type or out of range.
     """
     try:
         data = yaml_file.read(path)
@@ -54,10 +54,10 @@ def read(path: str) -> Vehicle:
 
 
 def parse(data: Any, path: str) -> Vehicle:
-    """The vehicle that parsed YAML describes; `path` is where it came from.
+    """Return the vehicle described by parsed YAML; `path` is its file, for messages.
 
     Raises:
-        ConfigError: a key is missing, misspelt, of the wrong type or out of range.
+        ConfigError: a key is missing, unknown, of the wrong type or out of range.
     """
     found = _keys(path, "", data, _KEYS, ("payloads",))
     if not isinstance(found["name"], str) or not found["name"]:
@@ -71,10 +71,10 @@ def parse(data: Any, path: str) -> Vehicle:
 
 
 def of_model(model: RobotModel) -> Vehicle:
-    """A robot on its tracks or wheels, with its mass in the middle at half its height.
+    """Return a robot model as a vehicle, with its mass at the centre of its body.
 
     Raises:
-        ConfigError: the model does not tell all points of contact.
+        ConfigError: the model does not contain all ground contact points.
     """
     drive, body = model.drive, model.body
     if isinstance(drive, OmniDrive):
