@@ -29,7 +29,6 @@ PHRASES = {
 }
 """Regular expressions of whole words, and the words to use instead."""
 NOT_YET = (
-    "CHANGELOG.md",
     "firmware/PROTOCOL.md",
     "mrl_driver/calibration/",
     "mrl_driver/cli/",
