@@ -1,1 +1,1 @@
-"""What is wired to the Arduino: motors, motor board, sonars, sensors, the robot's body.  Imports world."""
+"""The hardware wired to the Arduino: motors, motor board, sonars, sensors, the robot's body.  Imports world."""

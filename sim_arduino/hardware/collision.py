@@ -1,4 +1,4 @@
-"""What keeps a robot out of walls and other robots."""
+"""Keeps a robot out of walls and other robots."""
 
 import math
 from typing import Callable, Optional
@@ -9,16 +9,16 @@ from sim_arduino.world.geometry import Footprint, Pose, distance
 from sim_arduino.world.world import World
 
 OTHERS_M_S = 1.5
-"""What others move at most [m/s]: how long a look around holds."""
+"""Largest speed of other robots [m/s]; it limits how long a measured clearance is valid."""
 _HALVINGS = 12
 _SIZE_M = (0.01, 5.0)
 
 
 def footprint_for(model: RobotModel, text: str = "box") -> Optional[Footprint]:
-    """`box` is the model's length and width, `circle:RADIUS` one of that radius [m], `none` is no body.
+    """The outline of a robot: `box` has the model's length and width, `circle:RADIUS` [m] is round, `none` is no body.
 
     Raises:
-        ConfigError: it is something else.
+        ConfigError: `text` is something else.
     """
     if text == "none":
         return None
@@ -37,9 +37,9 @@ def footprint_for(model: RobotModel, text: str = "box") -> Optional[Footprint]:
 
 
 class Bumper:
-    """Tells how far a robot gets on its way.
+    """Computes how far a robot can move before it hits something.
 
-    Far from everything it keeps account of the way that is surely free, and looks at nothing.
+    It remembers the distance that is certainly free, and searches the world only after the robot has used it up.
     """
 
     def __init__(self, world: World, footprint: Footprint, name: str) -> None:
@@ -47,19 +47,19 @@ class Bumper:
         self._free_m = 0.0
 
     def share(self, old: Pose, way_m: float, at: Callable[[float], Pose], dt: float) -> float:
-        """Share of a piece of motion that can be made, 0 to 1.
+        """Share of a motion that is possible, 0 to 1.
 
         Args:
-            old: Where it begins.
-            way_m: Longest way of a wheel; the middle goes no further than twice that [m].
-            at: Where a share of it leads.
-            dt: Its duration [s].
+            old: Pose at the start.
+            way_m: Largest distance of a wheel; the robot's middle moves at most twice that [m].
+            at: Gives the pose after a share of the motion.
+            dt: Duration of the motion [s].
         """
         self._free_m -= 2.0 * way_m + OTHERS_M_S * dt
         if self._free_m > 0.0 or self._gets_to(old, at(1.0)):
             return 1.0
         if not self._gets_to(old, at(0.5**_HALVINGS)):
-            return 0.0  # leans on it already, as it mostly does
+            return 0.0  # already in contact (the common case)
         low, high = 0.0, 1.0
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
@@ -67,7 +67,7 @@ class Bumper:
         return low
 
     def _gets_to(self, old: Pose, new: Pose) -> bool:
-        """Free there, or in something already and on the way out."""
+        """Whether `new` is free, or the robot is already in contact and moves away."""
         free = self._world.clearance(new.x_m, new.y_m, self._name) - self._footprint.radius_m
         self._free_m = max(0.0, free)
         if free > 0.0 or not self._world.touching(new, self._footprint, self._name):
@@ -77,6 +77,6 @@ class Bumper:
         return self._depth(new) <= self._depth(old)
 
     def _depth(self, pose: Pose) -> float:
-        """How deep it sticks in what it touches; grows as the middle comes nearer."""
+        """Penetration depth, as the negative distance [m] from the middle to the nearest touched wall."""
         touching = self._world.touching(pose, self._footprint, self._name)
         return -min((distance(wall, pose.x_m, pose.y_m) for wall in touching), default=math.inf)

@@ -1,4 +1,4 @@
-"""Environment sensors as the board sees them: two I2C slaves and the values of the analog ones."""
+"""Environment sensors as the board sees them: I2C slaves, and the pulses of the dust sensor."""
 
 import math
 from typing import Callable, List, Tuple
@@ -14,7 +14,7 @@ def _byte(value: float) -> int:
 
 
 class _Registers:
-    """An I2C slave with one-byte registers: a write sets the pointer, a read goes on from there."""
+    """An I2C slave with one-byte registers: a write sets the pointer, and a read starts there."""
 
     def __init__(self) -> None:
         self.present = True
@@ -50,7 +50,7 @@ class Thermopile(_Registers):
 
 
 class PlainSensor(_Registers):
-    """A sensor whose registers are what its row says, and nothing else; all of its fields have one value."""
+    """A sensor with only the registers of its row in the table; all its fields have the same value."""
 
     def __init__(self, row: Sensor, sensed_at: Callable[[float], Environment]) -> None:
         super().__init__()
@@ -69,13 +69,15 @@ class PlainSensor(_Registers):
 
 
 _LITRES = 0.2832
-"""0.01 cubic feet, the volume that the PPD42NS's curve counts particles in [l]."""
+"""0.01 cubic feet [l]: the curve of the PPD42NS counts particles in this volume."""
 _LONGEST_S, _SHORTEST_S, _USUAL_S = 0.09, 0.01, 1.0
 
 
 def dust_share(pcs_l: float) -> float:
-    """Share of the time that the PPD42NS holds its output low: its curve p = 1.1 r^3 - 3.8 r^2 + 520 r backwards,
-    particles per 0.01 cubic feet at r percent; 0 to 0.4."""
+    """Share of the time for which the PPD42NS holds its output low, 0 to 0.4.
+
+    It inverts the sensor's curve p = 1.1 r^3 - 3.8 r^2 + 520 r: p particles per 0.01 cubic feet at r percent.
+    """
     low, high = 0.0, 40.0
     for _ in range(40):
         r = 0.5 * (low + high)
@@ -84,7 +86,7 @@ def dust_share(pcs_l: float) -> float:
 
 
 class DustPulses:
-    """Output of the PPD42NS: low pulses of 10 to 90 ms whose share of the time tells the concentration."""
+    """Output of the PPD42NS: low pulses of 10 to 90 ms; their share of the time gives the concentration."""
 
     def __init__(self, pcs_l_at: Callable[[float], float]) -> None:
         self._pcs_l_at = pcs_l_at

@@ -1,4 +1,4 @@
-"""A laser scanner: the Hokuyo URG-04LX as the robots carried it, or another one."""
+"""A laser scanner: the Hokuyo URG-04LX as mounted on the robots, or another one."""
 
 import math
 from typing import Any, NamedTuple
@@ -8,12 +8,12 @@ from sim_arduino.world.world import World
 
 
 class Laser(NamedTuple):
-    """What a scanner is.  Angles are from its x, counter-clockwise."""
+    """Data of a scanner.  Angles are counter-clockwise from its x axis."""
 
     x_m: float
     y_m: float
     z_m: float
-    """Where it sits on the robot."""
+    """Position on the robot [m]."""
     first_rad: float
     step_rad: float
     rays: int
@@ -21,22 +21,22 @@ class Laser(NamedTuple):
     near_m: float
     far_m: float
     error_m: float
-    """Largest error up to 1 m [m]."""
+    """Largest error at distances up to 1 m [m]."""
     error_share: float
-    """Largest error beyond, as a share of the distance."""
+    """Largest error beyond 1 m, as a share of the distance."""
 
 
 URG_04LX = Laser(
     0.085, 0.0, 0.045, -256 * math.tau / 1024, math.tau / 1024, 512, 10.0, 0.02, 4.095, 0.010, 0.02
 )
-"""Mount, 180 of its 240 degrees in 512 readings and 10 Hz: launch file 2013; errors and ranges: thesis (2012)."""
+"""Mount, 180 of the 240 degrees in 512 readings and 10 Hz: launch file of 2013; errors and ranges: thesis (2012)."""
 
 
 class LaserScanner:
-    """Takes scans of a world, with the laser's errors drawn from `seed`.
+    """Takes scans of a world; `seed` draws the laser's errors.
 
     Args:
-        exact: No errors.
+        exact: Scans have no errors.
     """
 
     def __init__(self, world: World, laser: Laser = URG_04LX, seed: int = 0, exact: bool = False) -> None:
@@ -47,10 +47,10 @@ class LaserScanner:
         self._rng = np.random.default_rng(seed)
 
     def scan(self, robot: Pose, without: str = "") -> Any:
-        """Ranges [m], `(rays,)`, seen from a robot's pose; +inf where nothing is in range, -inf where too near.
+        """Ranges [m], `(rays,)`, from a robot's pose; +inf if nothing is in range, -inf if too near.
 
         Args:
-            without: Name of the robot that carries the laser, which does not see itself.
+            without: Name of the robot that carries the laser; the scan leaves it out.
         """
         import numpy as np
 

@@ -1,7 +1,7 @@
 """One motor of the motor board: ramp, PID at the control rate, first-order speed, brake.
 
-Speeds are encoder counts per second [count/s] at a prescaler of 1, so nothing here knows wheel sizes.  Between two
-control ticks the motion has a closed form and any step is exact.
+Speeds are encoder counts per second [count/s] at a prescaler of 1, so that wheel sizes do not matter here.  Between two
+control ticks the motion has a closed form, and a step of any length is exact.
 """
 
 import math
@@ -11,27 +11,27 @@ from typing import NamedTuple
 
 
 class MotorParams(NamedTuple):
-    """What a motor, its gearbox and its share of the motor board's program are."""
+    """Data of a motor, its gearbox, and its part of the motor board's program."""
 
     no_load_counts_s: float
     """Speed at full duty and nominal voltage [count/s]."""
     rated_counts_s: float
-    """Speed that 100 % asks for under speed control [count/s]."""
+    """Speed of 100 % under speed control [count/s]."""
     nominal_v: float = 12.0
     """Voltage of `no_load_counts_s` [V]."""
     time_constant_s: float = 0.08
     """Time to 63 % of a step of the duty [s]."""
     friction_counts_s: float = 0.0
-    """Speed that friction costs at any duty [count/s]; a duty worth less does not turn a motor that stands."""
+    """Speed lost to friction at any duty [count/s]; a duty worth less than this does not start the motor."""
     brake_counts_s2: float = 22000.0
     """Deceleration of the short-circuited motor [count/s2]; 2 m/s2 on a TraxBot."""
     position_gain_hz: float = 4.0
-    """Speed asked for per count of distance while going to a position [1/s]."""
+    """Requested speed per count of remaining distance, in position mode [1/s]."""
 
 
 @dataclass
 class Gains:
-    """The motor board's settings of its speed control, in its own units."""
+    """Settings of the motor board's speed control, in its own units."""
 
     kp: int = 700
     """Proportional gain [1/1000 duty per full speed]."""
@@ -40,18 +40,18 @@ class Gains:
     kd: int = 200
     """Differential gain [1/1000 duty per full speed and control period]."""
     ramp_ms: int = 2500
-    """Time from standstill to rated speed [ms]; 0 is no ramp."""
+    """Time from standstill to rated speed [ms]; 0 means no ramp."""
     ramp_gain: int = 0
-    """Speed at which the ramp takes off [1/1000 of rated speed]."""
+    """Speed at which the ramp starts [1/1000 of rated speed]."""
 
 
 class Geometry(NamedTuple):
     """The differential geometry in the motor board's own units."""
 
     axis_radius: int
-    """Half the axle [0.01 mm]."""
+    """Half the distance between the wheels [0.01 mm]."""
     wheel_radius: int
-    """[0.01 mm]."""
+    """Wheel radius [0.01 mm]."""
     gearbox: int
     """Motor turns per wheel turn [0.1]."""
     encoder_counts: int
@@ -59,7 +59,7 @@ class Geometry(NamedTuple):
 
 
 class Mode(Enum):
-    """What the motor board does with a motor."""
+    """How the motor board controls a motor."""
 
     DUTY = "duty"
     SPEED = "speed"
@@ -71,11 +71,11 @@ _REST_COUNTS_S = 1.0
 
 
 class Motor:
-    """State of one motor; `travel` and `speed` are the physics, the rest is the board's program.
+    """State of one motor; `travel` and `speed` are physics, the rest belongs to the motor board's program.
 
     Attributes:
-        travel: Way since power-up [count], never wraps.
-        speed: [count/s].
+        travel: Distance since power-up [count]; never wraps.
+        speed: Speed [count/s].
         duty: Share of the battery voltage on the motor, -1 to 1.
     """
 
@@ -109,19 +109,19 @@ class Motor:
         self.mode, self.target, self._goal, self._hold = Mode.POSITION, abs(counts_s), travel, hold
 
     def brake(self) -> None:
-        """Shorts the motor at once."""
+        """Brakes at once: short-circuits the motor."""
         self.mode, self.duty = Mode.BRAKE, 0.0
 
     @property
     def at_rest(self) -> bool:
-        """Stands, and nothing will move it before the next command."""
+        """The motor stands still, and will not move before the next command."""
         still = self.speed == 0.0 and self.duty == 0.0
         return still and (
             self.mode in (Mode.DUTY, Mode.BRAKE) or (self.mode is Mode.SPEED and self.target == 0.0)
         )
 
     def move(self, dt: float, volts: float) -> float:
-        """Goes on for `dt` [s] with the duty as it is; the way made [count]."""
+        """Moves for `dt` [s] at a constant duty; returns the distance [count]."""
         way = self._braked(dt) if self.mode is Mode.BRAKE else self._driven(dt, volts)
         self.travel += way
         return way
@@ -149,7 +149,7 @@ class Motor:
         self._pid(gains)
 
     def _ramped(self, target: float, period_s: float, gains: Gains) -> float:
-        """The next set point on the way to `target`; from standstill the ramp takes off at its gain."""
+        """The next set point on the way to `target`; from standstill the ramp starts at `ramp_gain`."""
         if gains.ramp_ms == 0:
             return target
         start = self._setpoint
@@ -167,7 +167,7 @@ class Motor:
         self.duty = max(-1.0, min(1.0, duty))
 
     def _settle(self) -> None:
-        """A motor that should stand and nearly does, stands."""
+        """Stops a motor that should stand still and nearly does."""
         if self.mode is Mode.SPEED:
             should_stand = self.target == 0.0 == self._setpoint
         else:

@@ -1,6 +1,6 @@
-"""The motor board (Bot'n Roll OMNI-3MD): its program as methods; its registers stand in `omni3md_i2c`.
+"""The motor board (Bot'n Roll OMNI-3MD): its program as methods; `omni3md_registers` has its registers.
 
-Every call says when it happens; the physics is carried to that moment first.
+Every call carries the time at which it happens; the physics runs to this time first.
 """
 
 import math
@@ -20,7 +20,7 @@ _CALIBRATION_S = 1.0
 
 
 class MotorCommand(NamedTuple):
-    """What reached the motor board: when [s], its register, its values."""
+    """A command that reached the motor board: time [s], register, values."""
 
     time_s: float
     code: int
@@ -53,12 +53,12 @@ class Omni3MD:
 
     Attributes:
         present: False takes the board off the bus.
-        fed: True stands for a master that talks all the time, so that the I2C timeout never ends.
-        busy_nack: True refuses writes while the EEPROM is being written, as the real board may.
-        too_early: Writes that came in such a time.
+        fed: True stands for a master that talks all the time, so that the I2C timeout never expires.
+        busy_nack: True refuses writes while the EEPROM is being written, as the real board may do.
+        too_early: Number of writes that came while the EEPROM was being written.
         commands: The last commands that had an effect, oldest first.
-        saved: Encoder counts in its EEPROM, with which it starts.
-        write, read: Those of an I2C slave, see `omni3md_i2c.I2cSlave`.
+        saved: Encoder counts in the EEPROM; the counters start from them.
+        write, read: Methods of an I2C slave, see `omni3md_registers.I2cSlave`.
     """
 
     def __init__(self, robot: Robot, model: RobotModel) -> None:
@@ -87,7 +87,7 @@ class Omni3MD:
     # ---- time
 
     def advance(self, time_s: float) -> None:
-        """Carries the robot to `time_s` [s]; the I2C timeout and the end of a calibration happen on the way."""
+        """Runs the robot to `time_s` [s], including the I2C timeout and the end of a calibration."""
         while time_s > self.time_s:
             quiet_s = self._traffic_s + self.timeout_s if self.timeout_s and not self.fed else math.inf
             stop_s = min(quiet_s, self._calibrated_s)
@@ -112,7 +112,7 @@ class Omni3MD:
         self.commands.append(MotorCommand(time_s, code, values))
 
     def touch(self, time_s: float) -> None:
-        """Any traffic on the bus: the timeout starts again."""
+        """Notes traffic on the bus: the I2C timeout starts again."""
         self.advance(time_s)
         self._traffic_s = self.time_s
 
@@ -125,20 +125,20 @@ class Omni3MD:
             motor.brake()
 
     def calibrate(self, time_s: float, ways: Tuple[int, int, int] = (1, 1, 1)) -> None:
-        """Runs the motors at full duty for a second, notes their speeds [count per control period], brakes."""
+        """Runs the motors at full duty for 1 s, stores their speeds [count per control period], and brakes."""
         self._note(time_s, 0xFB, *ways)
         for motor, way in zip(self.robot.motors, ways):
             motor.set_duty(1.0 if way else -1.0)
         self._calibrated_s = self.time_s + _CALIBRATION_S
 
     def move_percent(self, time_s: float, percents: Tuple[int, int, int], pid: bool) -> None:
-        """Moves the three motors: with `pid` at shares of the rated speed, else at shares of the voltage [%]."""
+        """Moves the three motors at shares [%] of the rated speed (with `pid`) or of the voltage."""
         self._note(time_s, 0xF8 if pid else 0xF7, *percents)
         for index, percent in enumerate(percents):
             self._move_one(index, percent, pid)
 
     def move_motor(self, time_s: float, motor: int, percent: int, pid: bool) -> None:
-        """Moves motor 1, 2 or 3 alone [%]."""
+        """Moves only motor 1, 2 or 3 [%]."""
         self._note(time_s, 0xF6 if pid else 0xF5, motor, percent)
         if 1 <= motor <= 3:
             self._move_one(motor - 1, percent, pid)
@@ -153,7 +153,7 @@ class Omni3MD:
     def move_differential(self, time_s: float, linear_mm_s: int, angular_mrad_s: int) -> None:
         """Drives: motor 1 is the left wheel, motor 3 the right one.
 
-        The board's radii are fitted values; its scale makes them give SI speeds, so other radii change the speeds.
+        The radii in the board's default settings are fitted so that speeds are in SI units; other radii change them.
         """
         self._note(time_s, 0xEB, linear_mm_s, angular_mrad_s)
         told, fitted = self.geometry, self._fitted
@@ -172,15 +172,17 @@ class Omni3MD:
         right.set_speed((linear + turning) * counts_per_m)
 
     def move_omni(self, time_s: float, speed: int, rotation: int, direction: int) -> None:
-        """Moves a robot with three wheels: speed and rotation -100 to 100 [%], direction 0 to 360 [deg]
-        counter-clockwise from forward."""
+        """Moves a robot with three wheels.
+
+        Speed and rotation are -100 to 100 [%]; the direction is 0 to 360 [deg] counter-clockwise from forward.
+        """
         self._note(time_s, 0xFA, speed, rotation, direction)
         shares = shares_for(_share(speed), _share(rotation), math.radians(direction))
         for motor, share in zip(self.robot.motors, shares):
             motor.set_speed(share * motor.params.rated_counts_s)
 
     def move_to_position(self, time_s: float, motor: int, percent: int, position: int, hold: bool) -> None:
-        """Turns motor 1, 2 or 3 until its counter shows `position`, at most so fast [%], and holds it or not."""
+        """Turns motor 1, 2 or 3 until its counter is at `position`, at most at `percent`; `hold` keeps it there."""
         self._note(time_s, 0xEE, motor, percent, position, int(hold))
         if 1 <= motor <= 3:
             moved, counter = self.robot.motors[motor - 1], self.counters[motor - 1]
@@ -189,34 +191,34 @@ class Omni3MD:
             moved.go_to(math.floor(moved.travel) + pulses + 0.5, share * moved.params.rated_counts_s, hold)
 
     def set_gains(self, time_s: float, kp: int, ki: int, kd: int) -> None:
-        """Gains of the speed control; 15 ms of EEPROM."""
+        """Sets the gains of the speed control; writes EEPROM for 15 ms."""
         self._note(time_s, 0xF4, kp, ki, kd)
         gains = self.robot.gains
         self.robot.gains = Gains(kp, ki, kd, gains.ramp_ms, gains.ramp_gain)
         self._busy(0.015)
 
     def set_ramp(self, time_s: float, time_ms: int, gain: int) -> None:
-        """Ramp from standstill to rated speed [ms] and its take-off; 10 ms of EEPROM."""
+        """Sets the ramp from standstill to rated speed [ms] and its start; writes EEPROM for 10 ms."""
         self._note(time_s, 0xEC, time_ms, gain)
         gains = self.robot.gains
         self.robot.gains = Gains(gains.kp, gains.ki, gains.kd, time_ms, gain)
         self._busy(0.010)
 
     def set_timeout(self, time_s: float, tenths: int) -> None:
-        """The motors stop after so long without traffic [100 ms]; 0 is never; 5 ms of EEPROM."""
+        """Sets the time without traffic after which the motors stop [100 ms], 0: never; writes EEPROM for 5 ms."""
         self._note(time_s, 0xF1, tenths)
         self.timeout_s = tenths / 10.0
         self._busy(0.005)
 
     def set_geometry(self, time_s: float, geometry: Geometry) -> None:
-        """Differential geometry; 20 ms of EEPROM."""
+        """Sets the differential geometry; writes EEPROM for 20 ms."""
         self._note(time_s, 0xEA, *geometry)
         if all(geometry):
             self.geometry = geometry
         self._busy(0.020)
 
     def set_prescaler(self, time_s: float, encoder: int, value: int) -> None:
-        """Pulses per count as a power of ten; the count stays; 10 ms of EEPROM."""
+        """Sets the pulses per count as a power of ten; the count stays; writes EEPROM for 10 ms."""
         self._note(time_s, 0xF0, encoder, value)
         if 1 <= encoder <= 3 and 0 <= value < len(_PRESCALES):
             counter, travel = self.counters[encoder - 1], self.robot.motors[encoder - 1].travel
@@ -231,13 +233,13 @@ class Omni3MD:
             self.counters[encoder - 1].preset(count, self.robot.motors[encoder - 1].travel)
 
     def save_positions(self, time_s: float) -> None:
-        """Puts the counts into the EEPROM; 10 ms, as for the ramp's four bytes."""
+        """Stores the counts in the EEPROM; takes 10 ms, as for the four bytes of the ramp."""
         self._note(time_s, 0xED)
         self.saved = self.counts()
         self._busy(0.010)
 
     def power_cycle(self, time_s: float) -> None:
-        """Motor power off and on: the motors stop, the counts are those saved last."""
+        """Switches motor power off and on: the motors stop, and the counts are those saved last."""
         self.advance(time_s)
         for motor, counter, count in zip(self.robot.motors, self.counters, self.saved):
             motor.brake()
@@ -250,7 +252,7 @@ class Omni3MD:
     # ---- readings
 
     def is_busy(self, time_s: float) -> bool:
-        """Whether it is writing its EEPROM."""
+        """Whether the board is writing its EEPROM."""
         return time_s < self._busy_until_s
 
     def encoder(self, number: int, time_s: float) -> int:

@@ -1,6 +1,6 @@
 """The motor board's registers, as an I2C slave at 0x18.
 
-16-bit values go high byte first; the key bytes AA 55 guard what must not happen by accident.
+16-bit values have their high byte first.  The key bytes AA 55 protect registers against accidental writes.
 """
 
 import struct
@@ -17,14 +17,14 @@ _OFFSETS = {
     **{register: 2 * i for i, register in enumerate((0xD8, 0xD7, 0xD6, 0xD5, 0xD4))},
     **{0xD3: 10, 0xD2: 11, 0xD1: 13, 0xD0: 15, 0xFE: 17, 0xFD: 18},
 }
-"""Where registers start in what one transfer runs through."""
+"""Offset of each register in the bytes of a read."""
 
 
 class I2cSlave:
     """The I2C side of a motor board.
 
     Attributes:
-        writers: Layout and method of each register that can be written.
+        writers: Layout and method of each writable register.
     """
 
     def __init__(self, board: "Omni3MD") -> None:
@@ -50,20 +50,20 @@ class I2cSlave:
         return True
 
     def read(self, count: int, time_s: float) -> bytes:
-        """One I2C read from the register of the last write; past the last register all bits are 1."""
+        """One I2C read, from the register of the last write on; bytes after the last register are 0xFF."""
         self._board.touch(time_s)
         image = self._registers()
         offset = _OFFSETS.get(self._pointer, len(image))
         return image[offset : offset + count].ljust(count, b"\xff")
 
     def _registers(self) -> bytes:
-        """Bytes that can be read, in the order in which one transfer runs through them."""
+        """The readable bytes, in the order of a read."""
         board, state = self._board, self._board.robot.state
         words = [*board.counts(), round(state.battery_v * 10.0), round(state.temperature_c * 10.0)]
         return struct.pack(">5hB3H2B", *words, round(board.robot.params.control_hz), *board.maxima, *VERSION)
 
     def _register_writers(self) -> Dict[int, Tuple[str, Callable[..., None]]]:
-        """Layout and method of each register that can be written."""
+        """Layout and method of each writable register."""
         board = self._board
         return {
             0xFC: ("2B", _Keyed(board.stop, 0, 1)),
@@ -90,7 +90,7 @@ class I2cSlave:
 
 
 class _Keyed:
-    """Calls a method if the key bytes stand where they must, without them."""
+    """Calls a method with the other values if the key bytes are at their positions."""
 
     def __init__(self, method: Callable[..., None], *positions: int) -> None:
         self._method, self._positions = method, positions

@@ -1,7 +1,7 @@
-"""Kinematics of a robot with three wheels across, 120 deg apart, each rolling along a circle about the middle.
+"""Kinematics of a robot with three omni wheels, 120 deg apart on a circle, each rolling along this circle.
 
-Motor 1 drives the wheel at the front left (60 deg from forward), motor 2 the rear one, motor 3 the one at the front
-right; positive speeds of all three turn the robot counter-clockwise.
+Motor 1 drives the front left wheel (60 deg from forward), motor 2 the rear wheel, motor 3 the front right wheel.
+Positive speeds of all three turn the robot counter-clockwise.
 """
 
 import math
@@ -13,21 +13,21 @@ OMNI_ANGLES_RAD = (math.pi / 3, math.pi, -math.pi / 3)
 def twist_of(
     ways: Sequence[float], radius_m: float, angles_rad: Sequence[float] = OMNI_ANGLES_RAD
 ) -> Tuple[float, float, float]:
-    """Forward, to the left [m] and turned [rad], when the wheels at these angles roll `ways` [m]."""
+    """Motion forward [m], to the left [m] and turn [rad], if the wheels at these angles roll `ways` [m]."""
     forward = sum(-math.sin(angle) * way for angle, way in zip(angles_rad, ways)) * 2.0 / 3.0
     aside = sum(math.cos(angle) * way for angle, way in zip(angles_rad, ways)) * 2.0 / 3.0
     return forward, aside, sum(ways) / (3.0 * radius_m)
 
 
 def shares_for(speed: float, rotation: float, direction_rad: float) -> Tuple[float, float, float]:
-    """Shares of the wheels' rated speed that move the robot so.
+    """Shares of the wheels' rated speed for a motion.
 
     Args:
         speed, rotation: Shares of the fastest translation and rotation, -1 to 1.
         direction_rad: Direction of the translation, counter-clockwise from forward.
 
     Returns:
-        -1 to 1 for motors 1 to 3; all shrink alike if one would have to turn faster.
+        -1 to 1 for motors 1 to 3; if one would exceed 1, all are scaled down together.
     """
     shares = [speed * math.sin(direction_rad - angle) + rotation for angle in OMNI_ANGLES_RAD]
     most = max(1.0, *map(abs, shares))

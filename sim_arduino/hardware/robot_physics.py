@@ -1,6 +1,7 @@
 """The robot's body: motors, pose, battery, temperature.  `Params`, `State`, `Robot.step(dt)`; no bytes, no clock.
 
-The pose follows the wheels' true ways by exact arcs.  Numbers without another source are of the thesis (2012).
+The pose follows the true distances of the wheels along exact arcs.  Numbers without another source are from the
+thesis (2012).
 """
 
 import math
@@ -16,42 +17,45 @@ from .motor import Gains, Motor, MotorParams
 from .omni_wheels import OMNI_ANGLES_RAD, twist_of
 
 MAX_STEP_S = 0.02
-"""Longest piece that is integrated as one arc while the robot moves [s]."""
+"""Longest step that is integrated as one arc while the robot moves [s]."""
 _REST_STEP_S = 1.0
-"""Longest piece while it stands, for battery and temperature [s]."""
+"""Longest step while the robot stands still, for battery and temperature [s]."""
 _ROTOR_S, _BODY_S = 0.057, 0.023
-"""Parts of a motor's time constant [s]: its own rotor, and the body of one load on 39 mm wheels at 1.8 Nm of stall
-torque; estimated."""
+"""Parts of a motor's time constant [s]: its rotor, and the robot's body at a load of 1, with 39 mm wheels and a stall
+torque of 1.8 Nm; estimated."""
 _TRACK_FRICTION, _WHEEL_FRICTION = 0.02, 0.006
-"""Share of the no-load speed that rolling one load costs: 0.1 of its weight on tracks, 0.03 on wheels; estimated."""
+"""Share of the no-load speed lost to rolling friction at a load of 1: 0.1 of the weight on tracks, 0.03 on wheels;
+estimated."""
 
 
 class Params(NamedTuple):
-    """What this robot is.  Left and right are motors 1 and 3 of the motor board; motor 2 turns nothing, or the rear
-    wheel of a robot with three."""
+    """Parameters of a robot.
+
+    Motors 1 and 3 of the motor board are left and right.  Motor 2 drives the rear wheel of a robot with three wheels.
+    """
 
     motor: MotorParams
     left_m_per_count: float
     right_m_per_count: float
     wheel_separation_m: float
     turn_slip: float = 0.0
-    """Share of the yaw that the tracks lose to the floor in a turn, 0 to below 1."""
+    """Share of the yaw that the tracks lose by slip in a turn, 0 to below 1."""
     omni_radius_m: float = 0.0
-    """Distance of three wheels across from the middle [m]; 0 is two wheels or tracks side by side."""
+    """Distance of three omni wheels from the middle [m]; 0 means two wheels or tracks."""
     omni_angles_rad: Tuple[float, ...] = OMNI_ANGLES_RAD
-    """Where the wheels of motors 1, 2 and 3 sit, counter-clockwise from forward."""
+    """Angles at which the wheels of motors 1, 2 and 3 are mounted, counter-clockwise from forward."""
     control_hz: float = 20.0
     """Rate of the motor board's control loop [Hz]: 10, 20 or 40."""
     capacity_ah: float = 4.6
     rest_curve: Tuple[Tuple[float, float], ...] = ()
-    """Battery voltage at no load [V] over charge (1 full, 0 empty), rising."""
+    """Battery voltage at no load, as pairs of charge (1 full, 0 empty) and voltage [V], rising."""
     resistance_ohm: float = 0.15
     idle_a: float = 1.3
-    """Current with the motors at rest [A]; with `running_a` the packs last 2.5 h at 50 mm/s and 2 h at 200 mm/s."""
+    """Current with the motors at rest [A]; with `running_a` a pack lasts 2.5 h at 50 mm/s and 2 h at 200 mm/s."""
     running_a: float = 1.6
     """Current of one motor at its no-load speed [A]."""
     starting_a: float = 5.0
-    """Further current of one motor that stands at full duty [A]."""
+    """Additional current of one stalled motor at full duty [A]."""
     ambient_c: float = 25.0
     heating_c_per_a: float = 6.0
     """Final temperature rise of the motor board per ampere through the motors [degC/A]."""
@@ -64,34 +68,34 @@ class Params(NamedTuple):
 
 @dataclass
 class State:
-    """Where the robot is and how it fares.  x forward at the start, y left, yaw counter-clockwise, unwrapped."""
+    """Pose and condition of the robot.  x points forward at the start, y left; yaw is counter-clockwise, unwrapped."""
 
     x_m: float = 0.0
     y_m: float = 0.0
     yaw_rad: float = 0.0
     charge: float = 1.0
-    """Charge of the battery, 1 full, 0 empty, below 0 over-discharged."""
+    """Charge of the battery: 1 full, 0 empty, below 0 over-discharged."""
     battery_v: float = 0.0
     """Voltage at the motor board, under load [V]."""
     temperature_c: float = 25.0
     bumped: bool = False
-    """Something kept the robot from a part of its last motion; its wheels slipped."""
+    """An obstacle stopped a part of the last motion, and the wheels slipped."""
     to_tick_s: float = field(default=0.0, repr=False)
     """Time to the motor board's next control tick [s]."""
 
 
 class Errors(NamedTuple):
-    """How one robot differs from its model, as calibration finds it."""
+    """Differences between one robot and its model, which calibration finds."""
 
     left_scale: float = 1.0
     right_scale: float = 1.0
-    """True size of each wheel over the model's."""
+    """True size of each wheel divided by the model's."""
     axle_scale: float = 1.0
-    """True distance of the wheels over the model's."""
+    """True distance between the wheels divided by the model's."""
     turn_slip: float = 0.0
-    """Share of the yaw that is lost in a turn."""
+    """Share of the yaw that is lost by slip in a turn."""
     load: float = 1.0
-    """True mass over the model's."""
+    """True mass divided by the model's."""
     control_hz: float = 20.0
     """Rate of the motor board's control loop [Hz]: 10, 20 or 40."""
     wheel_noise: float = 0.0
@@ -104,7 +108,7 @@ AS_MODELLED = Errors()
 
 
 def params_for(model: RobotModel, errors: Errors = AS_MODELLED, omni: bool = False) -> Params:
-    """Parameters of a robot of that model, with three wheels across if `omni`."""
+    """Parameters of a robot of this model; `omni` gives it three omni wheels."""
     per_turn = model.board["gearbox"] * model.board["encoder_counts"] / 100.0
     per_count = model.drive.metres_per_count
     drive = model.drive
@@ -138,7 +142,7 @@ def params_for(model: RobotModel, errors: Errors = AS_MODELLED, omni: bool = Fal
 
 
 def _rest_curve(empty_v: float, full_v: float) -> Tuple[Tuple[float, float], ...]:
-    """NiMH: steep at both ends, flat between; beyond them linear to 0 V and to a pack fresh from the charger."""
+    """Curve of a NiMH pack: steep at both ends, flat between; linear beyond, to 0 V and to a freshly charged pack."""
 
     def level(share: float) -> float:
         return empty_v + share * (full_v - empty_v)
@@ -156,7 +160,7 @@ def _rest_curve(empty_v: float, full_v: float) -> Tuple[Tuple[float, float], ...
 
 
 def interpolate(pairs: Tuple[Tuple[float, float], ...], x: float) -> float:
-    """Piecewise linear through `pairs` (rising x), constant beyond the ends."""
+    """Linear interpolation between `pairs` (rising x); constant beyond the ends."""
     index = bisect_left(pairs, (x, -math.inf))
     if index == 0:
         return pairs[0][1]
@@ -167,14 +171,14 @@ def interpolate(pairs: Tuple[Tuple[float, float], ...], x: float) -> float:
 
 
 Way = Callable[[Pose, float, Callable[[float], Pose], float], float]
-"""Share of a motion that can be made: see `bumper.Bumper.share`."""
+"""Computes the share of a motion that is possible, see `collision.Bumper.share`."""
 
 
 class Robot:
-    """Params, state and motors; `step` carries them on.
+    """Params, state and motors; `step` simulates them.
 
     Attributes:
-        way: What stands in the way; None is an endless empty floor.
+        way: Limits motions at obstacles; None means an endless empty floor.
     """
 
     def __init__(
@@ -190,13 +194,13 @@ class Robot:
         self._update_battery(0.0)
 
     def set_battery(self, volts: float) -> None:
-        """Gives the battery the charge at which it shows so many volts with the motors at rest."""
+        """Sets the charge at which the battery has this voltage with the motors at rest."""
         rest = volts + self.params.idle_a * self.params.resistance_ohm if volts > 0.0 else 0.0
         self.state.charge = interpolate(tuple((v, c) for c, v in self.params.rest_curve), rest)
         self._update_battery(0.0)
 
     def step(self, dt: float) -> None:
-        """Goes on for `dt` [s]; pieces end at the control ticks, the motion between them is exact."""
+        """Simulates `dt` [s] in pieces that end at the control ticks; the motion between ticks is exact."""
         while dt > 0.0:
             resting = all(motor.at_rest for motor in self.motors)
             piece = min(dt, _REST_STEP_S) if resting else min(dt, self.state.to_tick_s, MAX_STEP_S)
@@ -228,7 +232,7 @@ class Robot:
                 motor.control(period, self.gains)
 
     def _roll(self, left_m: float, rear_m: float, right_m: float, dt: float) -> None:
-        """Moves the pose as the wheels roll, as far as nothing stands in the way."""
+        """Moves the pose as the wheels roll, up to an obstacle."""
         state = self.state
         forward, aside, turn = self._twist(*map(self._jittered, (left_m, rear_m, right_m)))
         if self.params.turn_noise:
@@ -244,12 +248,12 @@ class Robot:
         state.x_m, state.y_m, state.yaw_rad = after(share)
 
     def _jittered(self, way_m: float) -> float:
-        """The way that a wheel makes on the floor, for what its encoder sees."""
+        """The distance of a wheel on the floor, from the distance that its encoder measures."""
         noise = self.params.wheel_noise
         return way_m + self._rng.gauss(0.0, math.sqrt(noise * abs(way_m))) if noise else way_m
 
     def _twist(self, left_m: float, rear_m: float, right_m: float) -> Tuple[float, float, float]:
-        """Forward, to the left [m] and turned [rad] for these ways of the wheels."""
+        """Motion forward [m], to the left [m] and turn [rad] for these distances of the wheels."""
         keeps = 1.0 - self.params.turn_slip
         if self.params.omni_radius_m:
             forward, aside, turn = twist_of(
@@ -277,7 +281,7 @@ class Robot:
 
 
 def _along_arc(start: Pose, forward_m: float, aside_m: float, turn_rad: float) -> Pose:
-    """Where steady speeds lead that make these ways in the robot's own frame: along a circle."""
+    """The pose after a motion at constant speeds with these distances in the robot's frame: along a circle."""
     half = 0.5 * turn_rad
     shrink = math.sin(half) / half if abs(half) > 1e-9 else 1.0
     middle = Pose(start.x_m, start.y_m, start.yaw_rad + half)

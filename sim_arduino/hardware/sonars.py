@@ -1,7 +1,7 @@
-"""Three MB1300 sonars on a chain: power, trigger, turn, echo, volts.
+"""Three MB1300 sonars in a chain: power, trigger, firing order, echo, output voltage.
 
-Dead zone, range, cone and 100 ms a reading: data sheet and thesis (2012).  The volts are the inverse of the thesis's
-calibration, so that its curve applied to the ADC count gives the true distance.
+Dead zone, range, cone and 100 ms per reading are from the data sheet and the thesis (2012).  The voltage is the inverse
+of the thesis's calibration: its curve applied to the ADC count gives the true distance.
 """
 
 import math
@@ -15,12 +15,12 @@ from sim_arduino.world.world import World
 _ORDER = ("front", "left", "right")
 READING_S = 0.1
 START_S = 0.25
-"""Power on to the first possible reading [s]."""
+"""Time from power on to the first possible reading [s]."""
 SOUND_M_S = 343.0
 HALF_CONE_RAD = math.radians(18.0)
 DEAD_ZONE_M, RANGE_M = 0.15, 6.45
 FULL_COUNT = 645
-"""ADC count of a sensor that sees nothing."""
+"""ADC count of a sensor with nothing in range."""
 _A, _B, _C = 1.1767, 0.94657, -0.3759
 VOLTS_PER_COUNT = 5.0 / 1024.0
 
@@ -32,27 +32,31 @@ def count_of(range_m: float) -> int:
 
 
 class SonarErrors(NamedTuple):
-    """What is wrong with readings; nothing by default."""
+    """Errors of the readings; none by default."""
 
     noise: float = 0.0
-    """Standard deviation [m]."""
+    """Standard deviation of the range [m]."""
     missed: float = 0.0
-    """Share of readings whose echo goes astray, so that nothing seems to be in range."""
+    """Share of readings whose echo is lost, so that nothing seems to be in range."""
     crosstalk: float = 0.0
-    """Share of foreign pings that are taken for an echo if they come first: echoes of the sensor before in the chain,
-    and what sonars of other robots send straight into this one, which fire whenever they like."""
+    """Share of foreign pings that count as the echo if they come first.
+
+    Foreign pings are echoes of the previous sensor in the chain, and pings that other robots' sonars send directly into
+    this one at random times.
+    """
 
 
 FLAWLESS = SonarErrors()
 
 
 class SonarChain:
-    """The sensors in their firing order: a trigger makes each fire once, one every 100 ms; while it is held high, round
-    follows round.
+    """The sensors in their firing order.
+
+    A trigger makes each sensor fire once, one every 100 ms.  While the trigger is high, rounds follow each other.
 
     Args:
-        pose_at: The robot's pose at a time [s]; each echo is taken where the robot is when the sensor fires.
-        name: The robot's name in the world; it does not hear itself.
+        pose_at: The robot's pose at a time [s]; a reading uses the pose at which the sensor fires.
+        name: The robot's name in the world; its sonars ignore its own body.
     """
 
     def __init__(
@@ -79,7 +83,7 @@ class SonarChain:
         self._before_m = math.inf
 
     def power(self, on: bool, time_s: float) -> None:
-        """Pin D13: without power all outputs are 0 V."""
+        """Level of pin D13: without power all outputs are 0 V."""
         self.advance(time_s)
         if on and self._powered_s == math.inf:
             self._powered_s = time_s
@@ -89,12 +93,12 @@ class SonarChain:
             self._counts = [0] * len(self._mounts)
 
     def trigger(self, time_s: float) -> None:
-        """A pulse on pin D12: starts a round, unless one runs or the sensors are not up yet."""
+        """A pulse on pin D12: starts a round, unless a round runs or the sensors are not ready yet."""
         self.hold(True, time_s)
         self.hold(False, time_s)
 
     def hold(self, high: bool, time_s: float) -> None:
-        """Level of pin D12: while it is high, a round starts as soon as the sensors are up and no other one runs."""
+        """Level of pin D12: while it is high, a round starts as soon as the sensors are ready and no round runs."""
         self.advance(time_s)
         self._held = high
         self._begin(time_s)
@@ -125,7 +129,7 @@ class SonarChain:
             self._turn_s += READING_S
 
     def volts(self, channel: int, time_s: float) -> float:
-        """Voltage of a sensor's output [V]: its last finished reading, 0 without power."""
+        """Output voltage of a sensor [V]: its last finished reading; 0 without power."""
         self.advance(time_s)
         count = self._counts[channel] if channel < len(self._counts) else 0
         return (count + 0.5) * VOLTS_PER_COUNT if count else 0.0
@@ -145,8 +149,10 @@ class SonarChain:
         return math.inf if missed < self._errors.missed else heard + self._errors.noise * noise
 
     def _strangers(self, pose: Pose) -> List[float]:
-        """Distances that pings of other robots pretend.  Those carry the same sonars; where their chains are in their
-        rounds is left to chance."""
+        """False distances from pings of other robots.
+
+        Other robots carry the same sonars; the phase of their rounds is random.
+        """
         found = []
         for mover in self._world.robots(self._name):
             for mount in self._mounts:
@@ -166,7 +172,7 @@ def _mounted(robot: Pose, mount: SonarMount) -> Pose:
 
 
 def _in_cone(sonar: Pose, other: Pose) -> bool:
-    """Whether a sonar's cone reaches another one."""
+    """Whether another sonar is inside a sonar's cone and range."""
     dx, dy = other.x_m - sonar.x_m, other.y_m - sonar.y_m
     off = math.remainder(math.atan2(dy, dx) - sonar.yaw_rad, math.tau)
     return abs(off) <= HALF_CONE_RAD and math.hypot(dx, dy) <= RANGE_M

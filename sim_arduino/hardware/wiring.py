@@ -1,4 +1,4 @@
-"""What is wired to a board: motor board, sonars, environment sensors, pins.  Every engine runs on one of these."""
+"""The hardware wired to a board: motor board, sonars, environment sensors, pins.  Every engine uses a `Plant`."""
 
 import dataclasses
 import math
@@ -25,26 +25,26 @@ from .sonars import FLAWLESS, VOLTS_PER_COUNT, SonarChain, SonarErrors
 
 SONAR_TRIGGER, SONAR_POWER = 12, 13
 TRACK_SLIP = 0.1
-"""Share of the yaw that a TraxBot's tracks lose in a turn when slip is on; wheels lose none."""
+"""Share of the yaw that a TraxBot's tracks lose in a turn if slip is on; wheels lose nothing."""
 
 
 class Plant:
-    """One robot in a world.  Times are seconds since the plant's start and never run backwards.
+    """One robot in a world.  Times are seconds since the plant's start; they never decrease.
 
     Args:
-        pose: Start, x y [m] and yaw [rad]; the world's own if absent.
+        pose: Start pose, x y [m] and yaw [rad]; the world's start pose if absent.
         slip: Tracks lose a share of each turn.
-        sonars: False for the environment-sensor build, whose A0 and A2 carry other sensors.
-        errors: How this robot differs from its model.
-        sonar_errors: Noise and the like of the sonars, drawn from `seed`, as is the noise of the wheels.
-        footprint: What of it bumps into things, see `bumper.footprint_for`.
-        omni: Three wheels across instead of two side by side.
-        name: In the world, among other robots.
+        sonars: False for the environment-sensor build, which has other sensors on A0 and A2.
+        errors: Differences between this robot and its model.
+        sonar_errors: Errors of the sonars; `seed` draws them and the noise of the wheels.
+        footprint: Outline used for collisions, see `collision.footprint_for`.
+        omni: The robot has three omni wheels instead of two wheels.
+        name: Name of the robot in the world.
 
     Attributes:
         motor_board: The OMNI-3MD, as methods and as I2C slave.
         i2c: All I2C slaves by 7-bit address.
-        environment: What there is to sense far from the world's sources; may be changed at any time.
+        environment: Values that the sensors measure far from all sources; may be changed at any time.
     """
 
     def __init__(
@@ -93,14 +93,14 @@ class Plant:
         self._show()
 
     def advance(self, time_s: float) -> None:
-        """Carries everything to `time_s` [s]."""
+        """Runs all parts to `time_s` [s]."""
         while self.sonars.next_s <= time_s:
             self.sonars.advance(self.sonars.next_s)
         self.motor_board.advance(time_s)
         self._show()
 
     def _show(self) -> None:
-        """Lets the other robots of the world see this one."""
+        """Publishes the pose to the other robots of the world."""
         pose = self._pose()
         if self.footprint and pose != self._shown:
             self._shown = pose
@@ -112,12 +112,12 @@ class Plant:
 
     @property
     def true_pose(self) -> Pose:
-        """Where the robot is at the time of the last `advance`: metres, and radians in -pi..pi."""
+        """True pose at the time of the last `advance`: metres, and radians in -pi..pi."""
         state = self.robot.state
         return Pose(state.x_m, state.y_m, math.remainder(state.yaw_rad, math.tau))
 
     def sensed(self, time_s: float) -> Environment:
-        """What the environment sensors sense where the robot is."""
+        """Values that the environment sensors measure at the robot's pose."""
         self._pose_at(time_s)
         return self._sensed_now()
 
@@ -125,7 +125,7 @@ class Plant:
         return self.world.scene.sensed(self.environment, self._pose(), self.world.sees)
 
     def dust_edges(self, to_s: float) -> List[Tuple[float, int]]:
-        """Edges at D8 of the dust pulses that begin until `to_s`, in the air of now: times [s] and levels."""
+        """Edges at D8 of the dust pulses that begin until `to_s`: times [s] and levels."""
         return [] if self.sonars_fitted else self._dust.edges(to_s)
 
     def adc_volts(self, channel: int, time_s: float) -> float:

@@ -1,1 +1,1 @@
-"""The world around the robots: walls, maps, things to sense, other robots."""
+"""The world around the robots: walls, maps, sources for the sensors, other robots."""

@@ -1,4 +1,4 @@
-"""What there is to sense where a robot stands, in the units of the sensors."""
+"""The environment values at a robot's position, in the units of the sensors."""
 
 from dataclasses import dataclass, field
 from typing import Dict, Tuple
@@ -6,15 +6,15 @@ from typing import Dict, Tuple
 from mrl_driver.protocol.table import SENSORS, Sensor
 
 OWN_KIND = ("alcohol", "dust", "thermopile", "light", "compass")
-"""Sensors that the emulator knows more of than their row tells."""
+"""Sensors that the emulator models in more detail than their row of the table."""
 OTHERS: Tuple[Sensor, ...] = tuple(row for row in SENSORS if row.name not in OWN_KIND)
-"""Sensors that are emulated as their row says: one number where the robot stands."""
+"""Sensors that are emulated from their row of the table: one number at the robot's position."""
 PIXELS = 8
 
 
 @dataclass
 class Environment:
-    """What there is to sense where the robot stands."""
+    """The environment values at the robot's position."""
 
     alcohol_count: int = 900
     """ADC count of the MQ303A; falls with concentration."""
@@ -24,6 +24,6 @@ class Environment:
     """Particles of 1 um and larger per litre."""
     ambient_c: float = 22.0
     pixels_c: Tuple[float, ...] = (22.0,) * 8
-    """What the eight pixels of the TPA81 see [degC]."""
+    """Temperatures of the eight pixels of the TPA81 [degC]."""
     others: Dict[str, float] = field(default_factory=lambda: {row.name: row.usual for row in OTHERS})
-    """What all other sensors of the table sense, by name, in the unit of their fields."""
+    """Values of all other sensors of the table, by name, in the unit of their fields."""

@@ -5,14 +5,14 @@ from typing import Iterable, List, NamedTuple, Sequence
 
 
 class Pose(NamedTuple):
-    """Where something stands in the world: metres, and radians counter-clockwise from x."""
+    """A pose in the world: metres, and radians counter-clockwise from x."""
 
     x_m: float
     y_m: float
     yaw_rad: float
 
     def beside(self, x_m: float, y_m: float, yaw_rad: float = 0.0) -> "Pose":
-        """The pose of something mounted here, `x_m` forward and `y_m` to the left."""
+        """The pose of an object mounted at this pose, `x_m` forward and `y_m` to the left."""
         cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         return Pose(
             self.x_m + cos * x_m - sin * y_m, self.y_m + sin * x_m + cos * y_m, self.yaw_rad + yaw_rad
@@ -64,7 +64,7 @@ def nearest_in_cone(walls: Iterable[Wall], pose: Pose, half_angle_rad: float, ra
 
 
 def distance(wall: Wall, x: float, y: float) -> float:
-    """From a point to the nearest point of a wall [m]."""
+    """Distance from a point to the nearest point of a wall [m]."""
     ex, ey = wall.x2 - wall.x1, wall.y2 - wall.y1
     length2 = ex * ex + ey * ey
     t = ((x - wall.x1) * ex + (y - wall.y1) * ey) / length2 if length2 else 0.0
@@ -90,7 +90,7 @@ _CIRCLE_CORNERS = 24
 
 
 class Footprint(NamedTuple):
-    """What a robot covers of the floor: a box about its middle, or a circle of diameter `length_m`."""
+    """The floor area of a robot: a box around its middle, or a circle of diameter `length_m`."""
 
     length_m: float
     width_m: float
@@ -98,11 +98,11 @@ class Footprint(NamedTuple):
 
     @property
     def radius_m(self) -> float:
-        """Of the circle around it [m]."""
+        """Radius of the circle around the footprint [m]."""
         return 0.5 * (self.length_m if self.is_circle else math.hypot(self.length_m, self.width_m))
 
     def outline(self, pose: Pose) -> List[Wall]:
-        """What others see of it; a circle as a polygon of 24 corners on it."""
+        """The sides that other robots see; a circle becomes a polygon with 24 corners on it."""
         if self.is_circle:
             step = math.tau / _CIRCLE_CORNERS
             corners = [(math.cos(i * step), math.sin(i * step)) for i in range(_CIRCLE_CORNERS)]
@@ -112,13 +112,13 @@ class Footprint(NamedTuple):
         return polygon([pose.beside(x * half_x, y * half_y)[:2] for x, y in corners])
 
     def inside(self, pose: Pose) -> List[Wall]:
-        """Its diagonals: what a robot that stands within the outline touches."""
+        """The diagonals, which a robot inside the outline touches."""
         outline = self.outline(pose)
         half = len(outline) // 2
         return [Wall(*outline[i][:2], *outline[i + half][:2]) for i in range(0, half, max(1, half // 2))]
 
     def touches(self, pose: Pose, wall: Wall) -> bool:
-        """Whether a wall reaches into it."""
+        """Whether a wall reaches into the footprint."""
         if self.is_circle:
             return distance(wall, pose.x_m, pose.y_m) < self.radius_m
         cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)

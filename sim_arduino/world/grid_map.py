@@ -1,4 +1,4 @@
-"""Occupancy grids as map_server keeps them: a YAML beside a PGM picture."""
+"""Reads and writes occupancy grids in the format of map_server: a YAML file and a PGM picture."""
 
 import math
 import os
@@ -22,9 +22,9 @@ class GridMap(NamedTuple):
     """A map.
 
     Attributes:
-        cells: int8 `(height, width)`: 100 occupied, 0 free, -1 unknown; row 0 is the one of the least y.
+        cells: int8 `(height, width)`: 100 occupied, 0 free, -1 unknown; row 0 has the smallest y.
         resolution_m: Side of a cell [m].
-        origin: Pose of the corner with the least x and y of the map.
+        origin: Pose of the map's corner with the smallest x and y.
     """
 
     cells: Any
@@ -33,7 +33,7 @@ class GridMap(NamedTuple):
 
 
 def read(path: str, data: Dict[str, Any]) -> GridMap:
-    """The map that the map_server YAML `data` of the file `path` describes.
+    """The map described by the map_server YAML `data` of the file `path`.
 
     Raises:
         ConfigError: a key is missing, misspelt or out of range, or the picture cannot be read.
@@ -80,7 +80,7 @@ _HEADER = re.compile(rb"(P[25])" + _GAP + (rb"(\d{1,9})" + _GAP) * 2 + rb"(\d{1,
 
 
 def _read_pgm(path: str) -> Tuple[Any, int]:
-    """Grey values, whole numbers `(height, width)` with row 0 at the top, and the one that is white."""
+    """Grey values, integers `(height, width)` with row 0 at the top, and the value of white."""
     try:
         with open(path, "rb") as file:
             data = file.read()
@@ -121,7 +121,7 @@ def _plain_values(path: str, body: bytes) -> Any:
 
 
 def walls_of(grid: GridMap) -> List[Wall]:
-    """The outlines of the occupied cells, straight runs joined."""
+    """The outlines of the occupied cells; straight runs are joined."""
     full = np.pad(grid.cells == OCCUPIED, 1)
     walls: List[Wall] = []
     for upright in (False, True):
@@ -147,7 +147,7 @@ def _placed(grid: GridMap, a: Tuple[int, int], b: Tuple[int, int]) -> Wall:
 
 
 def draw(world: World, resolution_m: float = 0.025, margin_m: float = 0.25) -> GridMap:
-    """The true map of a world's walls: cells a wall runs through, free ones that the start reaches, unknown ones."""
+    """The true map of a world: cells with a wall are occupied, cells reachable from the start free, others unknown."""
     left, bottom, right, top = world.bounds()
     origin = Pose(left - margin_m, bottom - margin_m, 0.0)
     width, height = (
@@ -169,7 +169,7 @@ def draw(world: World, resolution_m: float = 0.025, margin_m: float = 0.25) -> G
 
 
 def _reached(open_cells: Any, seed: Tuple[int, int]) -> Any:
-    """Cells that are reached from `seed` over edges of open ones."""
+    """Open cells that are connected with `seed` by edges."""
     reached = np.zeros_like(open_cells)
     reached[seed] = open_cells[seed]
     count = 0

@@ -1,4 +1,4 @@
-"""Questions about many walls at once, as arrays `(N, 4)` of x1 y1 x2 y2 [m].  Exact: no grid, no steps."""
+"""Distances to many walls at once, as arrays `(N, 4)` of x1 y1 x2 y2 [m].  Exact: no grid, no steps."""
 
 import math
 from typing import Any
@@ -8,7 +8,7 @@ import numpy as np
 from .geometry import Pose
 
 _EDGE = 1e-9
-"""Walls are seen so much wider [ray], that none slips through where two of them meet."""
+"""Walls are widened by this [ray], so that no ray passes between two walls that meet."""
 
 
 def _in_frame(walls: Any, pose: Pose) -> Any:
@@ -20,7 +20,7 @@ def _in_frame(walls: Any, pose: Pose) -> Any:
 
 
 def nearest_in_cone(walls: Any, pose: Pose, half_angle_rad: float, range_m: float) -> float:
-    """`shapes.nearest_in_cone` of many walls."""
+    """`geometry.nearest_in_cone` for many walls."""
     u, v, du, dv = _in_frame(walls, pose)
     slope = math.tan(half_angle_rad)
     length2 = du * du + dv * dv
@@ -41,7 +41,7 @@ def nearest_in_cone(walls: Any, pose: Pose, half_angle_rad: float, range_m: floa
 
 
 def distances(walls: Any, x: float, y: float) -> Any:
-    """From a point to each wall [m], `(N,)`."""
+    """Distances from a point to each wall [m], `(N,)`."""
     dx, dy = walls[:, 0] - x, walls[:, 1] - y
     ex, ey = walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1]
     length2 = ex * ex + ey * ey
@@ -50,10 +50,10 @@ def distances(walls: Any, x: float, y: float) -> Any:
 
 
 def cast(walls: Any, pose: Pose, first_rad: float, step_rad: float, count: int, range_m: float) -> Any:
-    """Distances along a fan of `count` rays from `pose` [m], `(count,)`; infinite where nothing is in range.
+    """Distances along a fan of `count` rays from `pose` [m], `(count,)`; infinite if nothing is in range.
 
-    The first ray leaves at `first_rad` from the pose's x, each next one `step_rad` (positive) further to the left;
-    the fan is at most one turn.  Each wall is asked about the rays it covers alone, so the cost goes with what is seen.
+    The first ray leaves at `first_rad` from the pose's x axis, each next one `step_rad` (positive) further to the left;
+    the fan is at most one turn.  Each wall is tested only with the rays that it covers.
     """
     out = np.full(count, np.inf)
     u, v, du, dv = _in_frame(walls[distances(walls, pose.x_m, pose.y_m) <= range_m], pose)

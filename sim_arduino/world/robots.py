@@ -1,4 +1,4 @@
-"""The robots that are in a world, as the others meet them; here those of one process."""
+"""The robots in a world as other robots meet them, and the list of them in one process."""
 
 import re
 from typing import Dict, List, NamedTuple, Protocol
@@ -18,7 +18,7 @@ class Mover(NamedTuple):
 
 
 class Crowd(Protocol):
-    """Who is where."""
+    """The robots in a world and their poses."""
 
     def place(self, name: str, pose: Pose, footprint: Footprint) -> None:
         """Puts a robot into the world, or moves it."""

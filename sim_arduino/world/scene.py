@@ -1,7 +1,7 @@
-"""What there is to sense in a world: heat, gas, dust and light around their sources, and north.
+"""The environment in a world: heat, gas, dust and light around their sources, and the direction of north.
 
-Between ambient and a source's own value the field falls as exp(-(d / reach)^2) with the distance d; heat is seen by
-the thermopile, pixel by pixel, along lines of sight.
+The field falls from a source's value to ambient as exp(-(d / reach)^2) with the distance d.  The thermopile sees heat
+pixel by pixel, along lines of sight.
 """
 
 import dataclasses
@@ -17,14 +17,14 @@ PIXEL_RAD = math.radians(5.12)
 
 
 class Source(NamedTuple):
-    """Something to sense."""
+    """A source of heat, gas, dust, light or another value."""
 
     x_m: float
     y_m: float
     value: float
-    """At its middle, in the sensor's own unit."""
+    """Value at the centre, in the unit of the sensor."""
     reach_m: float
-    """Distance at which 1/e of it is left; of heat, the radius of the hot thing [m]."""
+    """Distance at which 1/e of the value is left [m]; for heat, the radius of the hot object [m]."""
 
 
 Sources = Tuple[Source, ...]
@@ -32,7 +32,7 @@ Sight = Callable[[float, float, float, float], bool]
 
 
 class Scene(NamedTuple):
-    """All there is to sense.  Units: heat [degC], gas and light [ADC count], dust [pcs/l]."""
+    """All sources of a world.  Units: heat [degC], gas and light [ADC count], dust [pcs/l]."""
 
     ambient: Environment = Environment()
     heat: Sources = ()
@@ -45,7 +45,7 @@ class Scene(NamedTuple):
     """Sources for all other sensors of the table, by name, in the unit of their fields."""
 
     def sensed(self, base: Environment, pose: Pose, sees: Sight) -> Environment:
-        """What the sensors sense at a pose, `base` being what there is far from all sources.
+        """The environment values at a pose; `base` holds the values far from all sources.
 
         Args:
             sees: Whether two points see each other: x, y of one, x, y of the other [m].
@@ -64,7 +64,7 @@ class Scene(NamedTuple):
         )
 
     def _pixels(self, base: Environment, pose: Pose, sees: Sight) -> Tuple[float, ...]:
-        """Each pixel mixes what fills it; pixel 1 is the leftmost."""
+        """Temperature of each pixel, mixed from the objects that fill it; pixel 1 is the leftmost."""
         pixels = list(base.pixels_c)
         for source in self.heat:
             dx, dy = source.x_m - pose.x_m, source.y_m - pose.y_m
@@ -80,7 +80,7 @@ class Scene(NamedTuple):
 
 
 def _adc_count(value: float) -> int:
-    """What the converter makes of it; sources that add up to more saturate it."""
+    """The value as an ADC count; larger sums saturate the converter."""
     return max(0, min(1023, round(value)))
 
 

@@ -1,7 +1,7 @@
-"""Robots of several processes in one world: each keeps its pose in a small file that the others have mapped.
+"""Robots of several processes in one world: each writes its pose to a small file that the other processes map.
 
-The files lie in a folder of the world's name that only this user can enter.  A robot is there as long as its process
-holds the file's lock, so one that was killed is gone as well.
+The files are in a folder with the world's name that only this user can enter.  A robot exists as long as its process
+holds the lock on its file, so that a killed process leaves no robot behind.
 """
 
 import fcntl
@@ -22,7 +22,7 @@ _ROW = struct.Struct("<Q5d?7x")
 _VERSION = struct.Struct("<Q")
 _SUFFIX = ".robot"
 LOOK_S = 0.5
-"""How often the folder is searched for robots that came or went [s]."""
+"""The folder is searched for new and removed robots after this time [s]."""
 _TRIES = 20
 
 
@@ -38,10 +38,10 @@ class _Row(NamedTuple):
 
 
 def folder_of(world_name: str) -> str:
-    """The folder of a shared world, made if it is not there.
+    """The folder of a shared world; it is created if necessary.
 
     Raises:
-        ConfigError: the name is none, or the folder is not this user's.
+        ConfigError: the name is not valid, or the folder belongs to another user.
     """
     base = os.environ.get("XDG_RUNTIME_DIR") or os.path.join(tempfile.gettempdir(), f"mrl-sim-{os.getuid()}")
     folder = os.path.join(base, "mrl-sim", _checked("world name", world_name))
@@ -64,7 +64,7 @@ class SharedCrowd:
     """The robots of all processes that share a world by its name.
 
     Raises:
-        ConfigError: the name is none.
+        ConfigError: the name is not valid.
     """
 
     def __init__(self, world_name: str) -> None:
@@ -79,7 +79,7 @@ class SharedCrowd:
         """Puts a robot into the world, or moves it.
 
         Raises:
-            ConfigError: another process has a robot of that name.
+            ConfigError: another process has a robot with this name.
         """
         row = self._mine.get(name)
         if row is None:
@@ -87,7 +87,7 @@ class SharedCrowd:
             return
         version = _VERSION.unpack_from(row.memory)[0]
         data = _ROW.pack(version + 2, *pose, *footprint)
-        # not by pack_into, which writes zeros first: a robot at the origin, of version 0
+        # pack_into would first write zeros, which a reader takes for a robot at the origin, of version 0
         row.memory[: _VERSION.size] = _VERSION.pack(version + 1)
         row.memory[_VERSION.size :] = data[_VERSION.size :]
         row.memory[: _VERSION.size] = data[: _VERSION.size]
@@ -120,7 +120,7 @@ class SharedCrowd:
         return os.path.join(self._folder, name + _SUFFIX)
 
     def _join(self, name: str, pose: Pose, footprint: Footprint) -> None:
-        """Makes the robot's file, locked and filled before anybody sees it."""
+        """Creates the robot's file; it is locked and filled before other processes can see it."""
         path = self._path(_checked("robot name", name))
         if _is_held(path):
             raise ConfigError(
@@ -135,7 +135,7 @@ class SharedCrowd:
         self._look_due_s = 0.0
 
     def _look(self) -> None:
-        """Takes in who came, drops who went."""
+        """Adds the new robots, and drops the removed ones."""
         present = {f[: -len(_SUFFIX)] for f in os.listdir(self._folder) if f.endswith(_SUFFIX)}
         for name in list(self._theirs):
             if name not in present or not self._is_current(name):
@@ -146,7 +146,7 @@ class SharedCrowd:
                 self._theirs[name] = row
 
     def _is_current(self, name: str) -> bool:
-        """Whether the mapped file is still the one of that name, and its owner lives."""
+        """Whether the mapped file is still the one with this name, and its owner is alive."""
         row = self._theirs[name]
         try:
             same = os.stat(self._path(name)).st_ino == os.fstat(row.fd).st_ino
@@ -155,7 +155,7 @@ class SharedCrowd:
         return same and (name in self._mine or _is_locked(row.fd))
 
     def _open(self, name: str) -> Optional[_Row]:
-        """A robot's file; one whose owner is dead is removed."""
+        """Maps a robot's file; if its owner is dead, removes the file and returns None."""
         try:
             fd = os.open(self._path(name), os.O_RDONLY)
         except OSError:
@@ -170,7 +170,7 @@ class SharedCrowd:
         return None
 
     def _read(self, name: str, row: _Row) -> Optional[Mover]:
-        """Where a robot is; its last known place if its owner never stops writing."""
+        """Pose and outline of a robot; the last known ones if its owner is writing at each attempt."""
         for _ in range(_TRIES):
             version, x, y, yaw, length, width, circle = _ROW.unpack_from(row.memory)
             if version % 2 == 0 and _VERSION.unpack_from(row.memory)[0] == version:

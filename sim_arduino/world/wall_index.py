@@ -1,4 +1,4 @@
-"""Walls that stand still, ready for many questions: few are asked in turn, many as arrays."""
+"""Distances to fixed walls: a loop for few walls, arrays for many."""
 
 import math
 from typing import Any, List, Sequence
@@ -6,7 +6,7 @@ from typing import Any, List, Sequence
 from .geometry import Pose, Wall, distance, nearest_in_cone
 
 FEW = 96
-"""Up to here a loop is as fast as arrays, and starts faster."""
+"""Up to this number of walls a loop is as fast as arrays, and it starts faster."""
 
 
 class WallIndex:
@@ -41,7 +41,7 @@ class WallIndex:
         return float(rays.distances(self.array(), x, y).min())
 
     def near(self, x: float, y: float, radius_m: float) -> List[Wall]:
-        """Walls that come nearer to a point than `radius_m`."""
+        """Walls that are nearer to a point than `radius_m`."""
         if len(self.walls) <= FEW:
             return [wall for wall in self.walls if distance(wall, x, y) < radius_m]
         from . import rays

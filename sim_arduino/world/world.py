@@ -1,10 +1,10 @@
-"""The world around the robots: walls that stand, robots that move, things to sense.
+"""The world around the robots: fixed walls, moving robots, sources for the sensors.
 
     world = world_file.load("l-course")                     # a packaged world, a world file, or a map_server map
     world.nearest(pose, math.radians(18), 6.45)             # what a sonar hears
     world.scan(pose, -1.57, 0.006136, 512, 4.095)           # what a laser sees
 
-Answers are exact for straight walls.  How worlds are written stands in `world_file`.
+Distances are exact for straight walls.  `world_file` describes the file format of worlds.
 """
 
 import math
@@ -19,13 +19,13 @@ __all__ = ["ORIGIN", "Footprint", "Pose", "Wall", "World"]
 
 
 class World:
-    """Walls, the robots among them, what there is to sense, and the pose at which a robot starts.
+    """Walls, robots, sources for the sensors, and the pose at which a robot starts.
 
     Attributes:
-        crowd: The robots; one of several processes' where the world is shared.
+        crowd: The robots, of this process or of all processes that share the world.
         scene: Heat, gas, dust, light and north.
-        standing: Robots that stand there by name, each until one of its name comes and takes its place.
-        solids: Closed lines among the walls, each of which is full inside: boxes, a map.
+        standing: Parked robots by name; each is there until a real robot with its name takes its place.
+        solids: Closed lines among the walls that are solid inside: boxes, a map.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class World:
 
     @property
     def walls(self) -> List[Wall]:
-        """The walls that stand still."""
+        """The fixed walls."""
         return self._index.walls
 
     def place(self, name: str, pose: Pose, footprint: Footprint) -> None:
@@ -52,7 +52,7 @@ class World:
         self.crowd.remove(name)
 
     def robots(self, without: str = "") -> List[Mover]:
-        """All robots but one."""
+        """All robots except the one named `without`."""
         there = self.crowd.others(without)
         if not self.standing:
             return there
@@ -60,11 +60,11 @@ class World:
         return there + [mover for name, mover in self.standing.items() if name not in taken]
 
     def start_of(self, name: str) -> Pose:
-        """Where a robot of that name starts: where it stands already, or where all do."""
+        """Start pose of the robot with this name: its own in `standing`, else the world's start pose."""
         return self.standing[name].pose if name in self.standing else self.start
 
     def outlines(self, x: float, y: float, range_m: float, without: str = "") -> List[Wall]:
-        """Sides of the robots that come nearer to a point than `range_m`."""
+        """Sides of the robots that are nearer to a point than `range_m`."""
         return [
             side
             for mover in self.robots(without)
@@ -73,10 +73,9 @@ class World:
         ]
 
     def nearest(self, pose: Pose, half_angle_rad: float, range_m: float, without: str = "") -> float:
-        """Distance from `pose` to the nearest point of anything inside a cone along its x [m]; infinite if there is
-        nothing within `range_m`.
+        """Distance from `pose` to the nearest point inside a cone along its x axis [m]; infinite beyond `range_m`.
 
-        Exact for the flat cone: an echo comes from the nearest surface, and nothing nearer can hide it.
+        Exact for a flat cone: the echo comes from the nearest surface, which nothing can hide.
         """
         still = self._index.nearest(pose, half_angle_rad, range_m)
         moving = self.outlines(pose.x_m, pose.y_m, range_m, without)
@@ -85,9 +84,9 @@ class World:
     def scan(
         self, pose: Pose, first_rad: float, step_rad: float, count: int, range_m: float, without: str = ""
     ) -> Any:
-        """Distances along `count` rays from `pose` [m], an array `(count,)`; infinite where nothing is in range.
+        """Distances along `count` rays from `pose` [m], an array `(count,)`; infinite if nothing is in range.
 
-        The first ray leaves at `first_rad` from the pose's x, each next one `step_rad` further to the left.
+        The first ray leaves at `first_rad` from the pose's x axis, each next one `step_rad` further to the left.
         """
         from . import rays
 
@@ -103,7 +102,7 @@ class World:
         return not any(_cross(way, wall) for wall in self.walls)
 
     def clearance(self, x: float, y: float, without: str = "") -> float:
-        """Distance from a point to the nearest wall or robot [m], a robot counted as the circle around it."""
+        """Distance from a point to the nearest wall or robot [m]; a robot counts as the circle around it."""
         gaps = [_gap(mover, x, y) for mover in self.robots(without)]
         return min(self._index.clearance(x, y), *gaps, math.inf)
 
@@ -117,11 +116,11 @@ class World:
         return [wall for wall in near if footprint.touches(pose, wall)]
 
     def is_solid(self, x: float, y: float) -> bool:
-        """Whether a point is in something that is full inside."""
+        """Whether a point is inside a solid."""
         return any(encloses(outline, x, y) for outline in self.solids)
 
     def bounds(self) -> Tuple[float, float, float, float]:
-        """Least x and y, greatest x and y of walls and start [m]."""
+        """Smallest x and y, largest x and y of walls and start [m]."""
         xs = [self.start.x_m, *(x for wall in self.walls for x in (wall.x1, wall.x2))]
         ys = [self.start.y_m, *(y for wall in self.walls for y in (wall.y1, wall.y2))]
         return min(xs), min(ys), max(xs), max(ys)

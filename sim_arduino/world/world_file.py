@@ -1,18 +1,18 @@
-"""How worlds are written: a short YAML, or a map_server map.
+"""Reads worlds from files: a short YAML, or a map_server map.
 
 start: [0, 0, 90]                    # x m, y m, yaw deg; optional like all the rest
 walls: [[-2, -2, 2, -2]]             # from x, y to x, y [m]
 boxes: [[1, 0.5, 0.4, 0.2, 30]]      # middle x, y, length, width [m], yaw [deg]
-robots: {two: [0.5, -1, 180]}        # name: x, y [m], yaw [deg] and maybe a model; a board of that name starts there
+robots: {two: [0.5, -1, 180]}        # name: x, y [m], yaw [deg], optional model; a board with this name starts there
 north: 90                            # direction of north from x, counter-clockwise [deg]
 ambient: {temperature: 22, alcohol: 900, dust: 300, light: 500}
 heat: [[1, 1, 60, 0.1]]              # x, y [m], temperature [degC], radius [m]
 gas: [[1, 1, 300, 0.5]]              # x, y [m], ADC count of the alcohol sensor there, reach [m]
 dust: [[1, 1, 9000, 0.8]]            # x, y [m], particles per litre there, reach [m]
 light: [[1, 1, 900, 0.8]]            # x, y [m], ADC count of the light sensor there, reach [m]
-map: lab.yaml                        # walls out of a map_server map as well
+map: lab.yaml                        # additional walls from a map_server map
 
-Each other sensor of the table that a sensor of one's own has added is a key of `ambient` and a key of sources.
+If you have added sensors to the table, each is a key of `ambient` and a key for its sources.
 """
 
 import math
@@ -53,20 +53,20 @@ _ANGLE = (-360.0, 360.0)
 _RANGES = {"temperature": (0.0, 255.0), "alcohol": (0, 1023), "dust": (0, 32767), "light": (0, 1023)}
 _RANGES.update({name: (field.low * field.scale, field.high * field.scale) for name, field in _OTHERS.items()})
 _SOURCES = {"heat": "temperature", "gas": "alcohol", "dust": "dust", "light": "light"}
-"""Keys of sources, and whose range their values have."""
+"""Keys of sources, and the ambient key with the same range of values."""
 _Limits = Sequence[Tuple[float, float]]
 
 
 def names() -> List[str]:
-    """Names of the worlds that come with the package."""
+    """Names of the packaged worlds."""
     return sorted(f[:-5] for f in os.listdir(_FOLDER) if f.endswith(".yaml"))
 
 
 def load(name_or_path: str = "room") -> World:
-    """The world of that name, or in that YAML file; a YAML with the key `image` is a map_server map.
+    """The packaged world with this name, or the world in a YAML file; a YAML with the key `image` is a map_server map.
 
     Raises:
-        ConfigError: no such world, or a key is misspelt, of the wrong type or out of range.
+        ConfigError: the world does not exist, or a key is misspelt, of the wrong type or out of range.
     """
     path = name_or_path
     if not path.endswith((".yaml", ".yml")):
@@ -100,7 +100,7 @@ class _Reader:
         self._known("", data, KEYS)
 
     def world(self) -> World:
-        """All of it."""
+        """The world in the file."""
         walls = [Wall(*row) for row in self._rows("walls", "x1, y1, x2, y2", [_COORDINATE] * 4)]
         limits = [_COORDINATE, _COORDINATE, _SIZE, _SIZE, _ANGLE]
         solids = [_sides(*row) for row in self._rows("boxes", "x, y, length, width, yaw", limits)]
@@ -222,7 +222,7 @@ def parse_pose(text: Optional[str], default: Pose) -> Pose:
     """`X,Y,YAW` in metres and degrees, or `default` for None.
 
     Raises:
-        ConfigError: it is something else.
+        ConfigError: `text` is something else.
     """
     if text is None:
         return default
