@@ -1,1 +1,1 @@
-"""Faults of the line, of frames and of the board, injected on purpose.  Imports board and hardware."""
+"""Injects faults into the serial line, the frames and the board.  Imports board and hardware."""

@@ -1,6 +1,6 @@
-"""What a wire of datagrams does to the frames that pass, one direction each: pure, seeded, time injected.
+"""Faults of a network with datagrams, which hit whole frames in one direction.  Pure; seeded; the caller passes time.
 
-A frame ends with its `e`; what stands between frames goes with the next one.
+A frame ends with its `e`; bytes between frames belong to the next frame.
 """
 
 import heapq
@@ -12,7 +12,7 @@ _LONGEST = 256
 
 
 class _Frames:
-    """A fault that hits whole frames, each with the probability `rate`."""
+    """A fault that hits each frame with the probability `rate`."""
 
     next_s = math.inf
 
@@ -21,48 +21,48 @@ class _Frames:
         self._begun = b""
 
     def _whole(self, data: bytes) -> Iterator[bytes]:
-        """Frames whose end has come."""
+        """The frames that are complete."""
         *ended, rest = data.split(b"e")
         for part in ended:
             yield self._begun + part + b"e"
             self._begun = b""
         self._begun += rest
         if b"@" not in self._begun and self._begun.endswith(b"\n") or len(self._begun) > _LONGEST:
-            yield self._begun  # no frame
+            yield self._begun  # not a frame
             self._begun = b""
 
     def _hit(self, part: bytes) -> bool:
         return b"@" in part and self._rng.random() < self._rate
 
     def run(self, data: bytes, now_s: float) -> bytes:
-        """What comes out of it."""
+        """The frames that come out."""
         return b"".join([self._turn(part, now_s) for part in self._whole(data)])
 
     def _turn(self, part: bytes, now_s: float) -> bytes:
         raise NotImplementedError
 
     def empty(self) -> bytes:
-        """The frame that has begun."""
+        """Returns and drops the incomplete frame."""
         begun, self._begun = self._begun, b""
         return begun
 
 
 class Drop(_Frames):
-    """Frames that are lost whole."""
+    """Loses whole frames."""
 
     def _turn(self, part: bytes, now_s: float) -> bytes:
         return b"" if self._hit(part) else part
 
 
 class Repeat(_Frames):
-    """Frames that come twice."""
+    """Repeats frames."""
 
     def _turn(self, part: bytes, now_s: float) -> bytes:
         return part + part[part.rfind(b"@") :] if self._hit(part) else part
 
 
 class Overtake(_Frames):
-    """Frames that are late by up to `delay` [s], so that others overtake them."""
+    """Delays frames by up to `delay` [s], so that later frames overtake them."""
 
     def __init__(self, rng: random.Random, rate: float, delay: float) -> None:
         super().__init__(rng, rate)
@@ -72,11 +72,11 @@ class Overtake(_Frames):
 
     @property
     def next_s(self) -> float:  # type: ignore[override]
-        """When the first of the held frames comes out [s]."""
+        """Time at which the first delayed frame comes out [s]."""
         return self._held[0][0] if self._held else math.inf
 
     def run(self, data: bytes, now_s: float) -> bytes:
-        """What comes out of it, and the held frames whose time has come."""
+        """The frames that come out, and the delayed frames that are due."""
         out = super().run(data, now_s)
         while self._held and self._held[0][0] <= now_s:
             out += heapq.heappop(self._held)[2]
@@ -90,6 +90,6 @@ class Overtake(_Frames):
         return b""
 
     def empty(self) -> bytes:
-        """What is held."""
+        """Returns and drops the delayed frames and the incomplete one."""
         held, self._held = sorted(self._held), []
         return b"".join([part for _, _, part in held]) + super().empty()

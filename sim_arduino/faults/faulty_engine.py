@@ -1,8 +1,8 @@
-"""Faults of link and board, injected on purpose: `FaultyEngine` wraps any engine.
+"""Injects faults of link and board: `FaultyEngine` wraps any engine.
 
     engine = FaultyEngine(PythonBoard(plant), ["loss:rate=0.001", "unplug:at=5,lasts=2"], seed=1)
 
-Every fault is a row of `fault_table`, which `mrl-sim --fault` reads and its help lists.
+Every fault is a row of `faults.table`, which `mrl-sim --fault` uses and its help lists.
 """
 
 import math
@@ -20,7 +20,7 @@ class _Timed(Protocol):
 
 
 class _Switch:
-    """Something that is on in any of some windows, or because it was asked for."""
+    """A switch that is on during its windows, or until a requested time."""
 
     def __init__(self) -> None:
         self.windows: List[Window] = []
@@ -39,12 +39,12 @@ class _Switch:
 
 
 class FaultyEngine:
-    """An engine with a bad link: the same interface, and what may be asked for at will.
+    """An engine with a bad link: the same interface, and methods that inject faults.
 
     Args:
-        engine: The sound board.
-        faults: What is wrong from the start, as `Fault` or as text for `parse`.
-        seed: Of everything random.
+        engine: The board without faults.
+        faults: Faults from the start, as `Fault` or as text for `parse`.
+        seed: Seed of all random faults.
 
     Raises:
         ConfigError: a fault cannot be read.
@@ -59,17 +59,17 @@ class FaultyEngine:
         self._was_frozen = self._was_resetting = False
         self._waiting = b""
         self.plugged = True
-        """Whether the host sees a port."""
+        """Whether the host has a port."""
         for fault in faults:
             self.add(fault)
 
-    # ---- faults at will
+    # ---- faults on request
 
     def add(self, fault: Union[Fault, str]) -> None:
-        """One more fault; its times count from the engine's start.
+        """Adds a fault; its times count from the engine's start.
 
         Raises:
-            ConfigError: it cannot be read.
+            ConfigError: the text is not a fault.
         """
         kind, values, direction, times = parse(fault) if isinstance(fault, str) else fault
         self._count += 1
@@ -83,17 +83,17 @@ class FaultyEngine:
                 chain.add(kind.make(rng, **values), Window(*times))
 
     def inject(self, fault: Union[Fault, str]) -> None:
-        """One more fault; its times count from now.
+        """Adds a fault; its times count from now.
 
         Raises:
-            ConfigError: it cannot be read.
+            ConfigError: the text is not a fault.
         """
         found = parse(fault) if isinstance(fault, str) else fault
         at_s, lasts_s, every_s = found.window
         self.add(found._replace(window=(at_s + self.now_s, lasts_s, every_s)))
 
     def clear(self) -> None:
-        """No fault any more; what the line held back is lost."""
+        """Removes all faults; bytes that they held back are lost."""
         for chain in self._chains.values():
             chain.clear()
         for switch in (self._unplugged, self._frozen, self._resetting):
@@ -101,21 +101,21 @@ class FaultyEngine:
         self._switch()
 
     def unplug(self, seconds: float = math.inf) -> None:
-        """Pull the cable, and put it back after `seconds`."""
+        """Unplugs the cable, and plugs it in after `seconds`."""
         self._unplugged.until_s = self.now_s + seconds
         self._switch()
 
     def plug(self) -> None:
-        """Put the cable back."""
+        """Plugs the cable in."""
         self._unplugged.off()
         self._switch()
 
     def stall(self, seconds: float) -> None:
-        """The line holds everything for `seconds`."""
+        """Makes the line hold back all bytes for `seconds`."""
         self.add(f"stall:at={self.now_s!r},lasts={seconds}")
 
     def freeze(self, seconds: float) -> None:
-        """The board stands still for `seconds`."""
+        """Freezes the board for `seconds`."""
         self._frozen.until_s = self.now_s + seconds
         self._switch()
 
@@ -127,7 +127,7 @@ class FaultyEngine:
             self._arrive(self._chains[TO_BOARD].run(data, self.now_s))
 
     def advance(self, to_s: float) -> bytes:
-        """Runs to `to_s` [s]; the bytes that came out at the host's end until then."""
+        """Runs to `to_s` [s]; returns the bytes that reached the host until then."""
         out = bytearray()
         while self._own_s() < to_s:
             out += self._step(self._own_s())
@@ -135,15 +135,15 @@ class FaultyEngine:
 
     @property
     def next_event_s(self) -> float:
-        """When `advance` should be called next if no bytes come [s]."""
+        """Time of the next call of `advance` if no bytes come [s]."""
         return self._own_s() if self._was_frozen else min(self._own_s(), self.engine.next_event_s)
 
     def set_host_baud(self, baud: float) -> None:
-        """The host's speed, where the engine knows speeds."""
+        """Sets the host's baud rate, if the engine supports baud rates."""
         getattr(self.engine, "set_host_baud", lambda _: None)(baud)
 
     def gap(self, to_s: float, waiting: bytes) -> None:
-        """The board did not run until `to_s`; `waiting` is what the host sent meanwhile."""
+        """The board did not run until `to_s`; `waiting` holds the bytes sent meanwhile."""
         self.now_s = max(self.now_s, to_s)
         waiting = self._chains[TO_BOARD].run(waiting, self.now_s) if self.plugged else b""
         if self._was_frozen:
@@ -152,22 +152,22 @@ class FaultyEngine:
             self.engine.gap(to_s, waiting)
 
     def reset(self) -> None:
-        """The reset button."""
+        """Presses the reset button."""
         self.engine.reset()
 
     def close(self) -> None:
-        """Frees what the engine holds."""
+        """Frees the engine's resources."""
         self.engine.close()
 
     # ---- in time
 
     def _own_s(self) -> float:
-        """When a fault does something by itself, after now [s]."""
+        """Time of the next event of a fault, after now [s]."""
         timed: List[_Timed] = [*self._chains.values(), self._unplugged, self._frozen, self._resetting]
         return min(each.next_s(self.now_s) for each in timed)
 
     def _step(self, to_s: float) -> bytes:
-        """Runs to `to_s`, until when nothing is switched, then switches what is due."""
+        """Runs to `to_s`, then switches the faults that are due; no fault may switch before `to_s`."""
         sent = b"" if self._was_frozen else self.engine.advance(to_s)
         self.now_s = to_s
         out = self._chains[TO_HOST].run(sent if self.plugged else b"", to_s)
@@ -196,7 +196,7 @@ class FaultyEngine:
         self.plugged = plugged
 
     def _arrive(self, data: bytes) -> None:
-        """Bytes at the board's end of the line."""
+        """Passes on bytes that reach the board's end of the line."""
         if self._was_frozen:
             self._waiting += data
         elif data:

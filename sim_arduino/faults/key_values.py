@@ -1,4 +1,4 @@
-"""How a robot's errors and its sonars' are spelt on a command line or in a YAML file: `wheel_ratio=1.01,axle=0.98`."""
+"""Reads errors of a robot and its sonars from a command line or a YAML file: `wheel_ratio=1.01,axle=0.98`."""
 
 import math
 from typing import Any, Dict, NamedTuple, Tuple
@@ -10,7 +10,7 @@ from sim_arduino.hardware.sonars import SonarErrors
 
 
 class Key(NamedTuple):
-    """A number that may be given."""
+    """A key with its default and its range."""
 
     name: str
     default: float
@@ -39,7 +39,7 @@ SONAR_KEYS = (
 
 
 def robot_errors(text: str) -> Errors:
-    """The errors that `key=value,...`, or a YAML file of these keys, describes.
+    """The errors in `key=value,...`, or in a YAML file with these keys.
 
     Raises:
         ConfigError: a key is unknown or a value out of range.
@@ -52,7 +52,7 @@ def robot_errors(text: str) -> Errors:
 
 
 def sonar_errors(text: str) -> SonarErrors:
-    """The sonars' errors that `key=value,...`, or a YAML file of these keys, describes.
+    """The sonars' errors in `key=value,...`, or in a YAML file with these keys.
 
     Raises:
         ConfigError: a key is unknown or a value out of range.
@@ -61,7 +61,7 @@ def sonar_errors(text: str) -> SonarErrors:
 
 
 def usage(keys: Tuple[Key, ...]) -> str:
-    """The keys with their defaults, one a line."""
+    """The keys with their defaults, one per line."""
     return "\n".join(f"{key.name}={key.default:g}  {key.text}, {key.low:g} to {key.high:g}" for key in keys)
 
 

@@ -1,7 +1,7 @@
-"""What a bad line does to the bytes that pass, one direction each: pure, seeded, time injected.
+"""Faults of a bad serial line, which hit the bytes in one direction.  Pure; seeded; the caller passes time.
 
-A fault gets bytes with the time at which they come, and returns those that come out then.  Random ones hit the same
-bytes however the stream is cut into pieces.
+A fault gets bytes and their time, and returns the bytes that come out at this time.  Random faults hit the same bytes,
+no matter how the stream is cut into pieces.
 """
 
 import math
@@ -15,14 +15,14 @@ _NEIGHBOUR_S = 0.01
 
 
 class _Hits:
-    """Positions in an endless run of bytes, each hit with the same probability."""
+    """Random positions in an endless stream of bytes; each byte is hit with the same probability."""
 
     def __init__(self, rng: random.Random, rate: float) -> None:
         self._rng, self._rate = rng, rate
         self._left = self._gap()
 
     def _gap(self) -> int:
-        """How many bytes pass unharmed before the next hit."""
+        """Number of bytes that pass unchanged before the next hit."""
         if self._rate >= 1:
             return 0
         if self._rate <= 0:
@@ -40,24 +40,24 @@ class _Hits:
 
 
 class _Instant:
-    """A fault that holds nothing back."""
+    """A fault that holds no bytes back."""
 
     next_s = math.inf
 
     def empty(self) -> bytes:
-        """Nothing."""
+        """Returns no bytes."""
         return b""
 
 
 class Loss(_Instant):
-    """Bytes that are lost: with `rate` a byte begins a loss of `burst` bytes."""
+    """Loses bytes: with the probability `rate` a byte begins a loss of `burst` bytes."""
 
     def __init__(self, rng: random.Random, rate: float, burst: float) -> None:
         self._hits, self._burst = _Hits(rng, rate), int(burst)
         self._losing = 0
 
     def run(self, data: bytes, now_s: float) -> bytes:
-        """The bytes that are left."""
+        """The bytes that are not lost."""
         hits = set(self._hits.among(len(data)))
         if not hits and not self._losing:
             return data
@@ -73,7 +73,7 @@ class Loss(_Instant):
 
 
 class Change(_Instant):
-    """Bytes that turn into others: into any, or where `bits` is set by one flipped bit."""
+    """Changes bytes: to any other value, or by one flipped bit if `bits` is set."""
 
     def __init__(self, rng: random.Random, rate: float, bits: bool = False) -> None:
         self._rng, self._hits, self._bits = rng, _Hits(rng, rate), bits
@@ -87,14 +87,14 @@ class Change(_Instant):
 
 
 class Flip(Change):
-    """Bytes of which one bit is flipped."""
+    """Flips one bit of a byte."""
 
     def __init__(self, rng: random.Random, rate: float) -> None:
         super().__init__(rng, rate, bits=True)
 
 
 class Swap:
-    """Bytes that change places with the next one; one that none follows for 10 ms keeps its place."""
+    """Swaps a byte with the next one; if no byte follows within 10 ms, it keeps its place."""
 
     def __init__(self, rng: random.Random, rate: float) -> None:
         self._hits = _Hits(rng, rate)
@@ -118,20 +118,20 @@ class Swap:
         return bytes(out)
 
     def empty(self) -> bytes:
-        """The byte that waits for the next one."""
+        """Returns and drops the byte that waits for the next one."""
         held, self._held, self.next_s = self._held, b"", math.inf
         return held
 
 
 class _Holding:
-    """A fault that lets bytes out later, in their order."""
+    """A fault that delays bytes and keeps their order."""
 
     def __init__(self) -> None:
         self._held: Deque[Tuple[float, bytes]] = deque()
 
     @property
     def next_s(self) -> float:
-        """When the first of the held bytes come out [s]."""
+        """Time at which the first delayed bytes come out [s]."""
         return self._held[0][0] if self._held else math.inf
 
     def _due(self, now_s: float) -> bytes:
@@ -141,12 +141,12 @@ class _Holding:
         return bytes(out)
 
     def empty(self) -> bytes:
-        """What is still held."""
+        """Returns and drops all delayed bytes."""
         return self._due(math.inf)
 
 
 class Delay(_Holding):
-    """Pieces that come later by `delay` and up to `jitter` more [s]; none overtakes another."""
+    """Delays pieces by `delay` plus up to `jitter` [s]; no piece overtakes another."""
 
     def __init__(self, rng: random.Random, delay: float, jitter: float) -> None:
         super().__init__()
@@ -154,7 +154,7 @@ class Delay(_Holding):
         self._last_s = -math.inf
 
     def run(self, data: bytes, now_s: float) -> bytes:
-        """What has been delayed for long enough."""
+        """The bytes whose delay is over."""
         if data:
             self._last_s = max(self._last_s, now_s + self._delay_s + self._rng.random() * self._jitter_s)
             self._held.append((self._last_s, data))
@@ -162,7 +162,7 @@ class Delay(_Holding):
 
 
 class Split(_Holding):
-    """Pieces of at most `size` bytes, `gap` apart [s]."""
+    """Splits data into pieces of at most `size` bytes, `gap` [s] apart."""
 
     def __init__(self, rng: random.Random, size: float, gap: float) -> None:
         super().__init__()
@@ -170,7 +170,7 @@ class Split(_Holding):
         self._free_s = -math.inf
 
     def run(self, data: bytes, now_s: float) -> bytes:
-        """The pieces whose turn it is."""
+        """The pieces that are due."""
         while data:
             size = self._rng.randint(1, self._size)
             at_s = max(now_s, self._free_s)
@@ -180,20 +180,20 @@ class Split(_Holding):
 
 
 class Hold(_Holding):
-    """Everything waits until the fault is over, and then comes at once."""
+    """Holds all bytes until the fault is over; then they come at once."""
 
     def __init__(self, rng: random.Random) -> None:
         super().__init__()
 
     def run(self, data: bytes, now_s: float) -> bytes:
-        """Nothing."""
+        """Returns no bytes; stores `data`."""
         if data:
             self._held.append((math.inf, data))
         return b""
 
 
 class Junk(_Instant):
-    """Random bytes among the others, so many a second."""
+    """Inserts random bytes, `rate` per second."""
 
     def __init__(self, rng: random.Random, rate: float) -> None:
         self._rng, self._rate = rng, rate
@@ -201,7 +201,7 @@ class Junk(_Instant):
         self.next_s = -math.inf
 
     def run(self, data: bytes, now_s: float) -> bytes:
-        """The bytes, junk before them when it is due."""
+        """The bytes, after junk if it is due."""
         if now_s < self.next_s:
             return data
         self.next_s = now_s + self._step_s
@@ -209,14 +209,14 @@ class Junk(_Instant):
 
 
 class Text(_Instant):
-    """A line of text for people, once in a while."""
+    """Inserts a line of text every `period` [s]."""
 
     def __init__(self, rng: random.Random, period: float, text: str) -> None:
         self._period_s, self._line = period, text.encode("utf-8") + b"\r\n"
         self.next_s = -math.inf
 
     def run(self, data: bytes, now_s: float) -> bytes:
-        """The bytes, the text before them when it is due."""
+        """The bytes, after the text if it is due."""
         if now_s < self.next_s:
             return data
         self.next_s = now_s + self._period_s
@@ -224,16 +224,16 @@ class Text(_Instant):
 
 
 class Baud(_Instant):
-    """Bytes sent at 115200 baud and read at another rate: the receiver samples the line where it takes the bits to be.
+    """Bytes sent at 115200 baud and read at another baud rate: the receiver samples where it expects the bits.
 
-    Each piece follows an idle line.
+    The line is idle before each piece.
     """
 
     def __init__(self, rng: random.Random, rate: float) -> None:
         self._bits = LINE_BAUD / rate
 
     def run(self, data: bytes, now_s: float) -> bytes:
-        """What the other end makes of it."""
+        """The bytes that the receiver reads."""
         line = [level for byte in data for level in (0, *(byte >> i & 1 for i in range(8)), 1)]
         out, at = bytearray(), 0.0
         while True:

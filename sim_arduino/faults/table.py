@@ -1,4 +1,4 @@
-"""The faults that can be injected, one row each, and their spelling on a command line: `loss:rate=0.001,burst=3`."""
+"""The table of faults, one row each, and the parser of their command line form: `loss:rate=0.001,burst=3`."""
 
 import math
 from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple, Union
@@ -13,7 +13,7 @@ TO_BOARD, TO_HOST, BOTH = "to_board", "to_host", "both"
 
 
 class Parameter(NamedTuple):
-    """One number, or text where `low` is None, that a fault takes."""
+    """A parameter of a fault: a number, or a text if `low` is None."""
 
     name: str
     default: Union[float, str]
@@ -24,7 +24,7 @@ class Parameter(NamedTuple):
 
 
 class Kind(NamedTuple):
-    """One kind of fault; those of the line have a `make`, called with a generator and the parameters."""
+    """A kind of fault; faults of the line have a `make`, which is called with a generator and the parameters."""
 
     name: str
     text: str
@@ -119,7 +119,7 @@ _SHARED = (
 
 
 def usage() -> str:
-    """All faults with their parameters, one a line, as `mrl-sim --help` prints them."""
+    """All faults with their parameters, one per line, as `mrl-sim --help` prints them."""
     lines = []
     for kind in FAULTS.values():
         lines.append(f"{kind.name}: {kind.text}")
@@ -137,7 +137,7 @@ def _show(value: Union[float, str]) -> str:
 
 
 def parse(spec: str) -> Fault:
-    """The fault that `name:key=value,key=value` describes; absent keys have their defaults.
+    """The fault in `name:key=value,key=value`; absent keys have their defaults.
 
     Raises:
         ConfigError: fault or key is unknown, or a value is out of its range.

@@ -1,1 +1,1 @@
-"""Boards on a pty or a socket in real time; the command `mrl-sim`."""
+"""Serves boards on a pty or a socket in real time; the command `mrl-sim`."""

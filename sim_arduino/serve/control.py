@@ -1,4 +1,4 @@
-"""Faults of a running emulator: orders as lines of text, and the cable that they pull."""
+"""Controls the faults of a running emulator by lines of text, and unplugs its port."""
 
 import os
 import select
@@ -21,14 +21,14 @@ ORDERS: Tuple[Tuple[str, str], ...] = (
     ("fault FAULT", "one more, spelt as with --fault; its times count from now"),
     ("clear", "no fault any more"),
 )
-"""What `Control` understands, with one sentence each."""
+"""The orders that `Control` understands, with a sentence for each."""
 
 
 def obey(faults: FaultyEngine, order: str) -> None:
     """Carries out an order.
 
     Raises:
-        ConfigError: it is none.
+        ConfigError: the order is unknown, or its value is wrong.
     """
     word, _, rest = order.strip().partition(" ")
     simple: Dict[str, Callable[[], None]] = {
@@ -61,13 +61,13 @@ def _seconds(order: str, text: str) -> float:
 
 
 class Control:
-    """Reads orders, and keeps a port plugged in or not, as the faults have it.
+    """Reads orders, and plugs or unplugs a port as the faults require.
 
     Args:
-        faults: What obeys.
-        fd: Descriptor that orders are read from; None for no orders.
-        plugged: Is told the port's new path after it is plugged in, and no path ("") before it is unplugged.
-        complain: Is told what is wrong with an order.
+        faults: The engine that carries out the orders.
+        fd: Descriptor from which orders are read; None for no orders.
+        plugged: Called with the port's new path after it is plugged in, and with "" before it is unplugged.
+        complain: Called with a message if an order is wrong.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Control:
         self._rest = b""
 
     def attend(self, port: Port) -> None:
-        """Obeys what has arrived, then plugs or unplugs `port`."""
+        """Carries out the orders that have arrived, then plugs or unplugs `port`."""
         for line in self._lines():
             try:
                 obey(self._faults, line)
@@ -96,7 +96,7 @@ class Control:
             port.unplug()
 
     def _lines(self) -> List[str]:
-        """Whole lines that have arrived; none any more once the other end is closed."""
+        """The complete lines that have arrived; none after the other end is closed."""
         if self.fd is None or not select.select([self.fd], [], [], 0)[0]:
             return []
         data = os.read(self.fd, _LONGEST_LINE)

@@ -1,4 +1,4 @@
-"""One emulated robot out of its options: what `mrl-sim` and the test fixtures are made of."""
+"""Makes an emulated robot from its options; `mrl-sim` and the test fixtures use it."""
 
 import os
 from typing import NamedTuple, Optional, Tuple
@@ -21,7 +21,7 @@ _LIMITS = {"robot_id": (0, 32767), "battery": (0.0, 15.0)}
 
 
 class Options(NamedTuple):
-    """What `mrl-sim` takes, by the names of its options; all may be left out."""
+    """The options of `mrl-sim`, by name; each has a default."""
 
     robot: str = "traxbot"
     robot_id: Optional[int] = None
@@ -47,7 +47,7 @@ class Emulated(NamedTuple):
     """A robot and its board.
 
     Attributes:
-        board: The engine, with whatever faults.
+        board: The engine with its faults.
     """
 
     plant: Plant
@@ -56,7 +56,7 @@ class Emulated(NamedTuple):
 
     @property
     def engine(self) -> Engine:
-        """What to serve: without faults the sound engine itself."""
+        """The engine to serve; without faults this is the original engine itself."""
         return self.board if self.has_faults else self.board.engine
 
     def close(self) -> None:
@@ -72,7 +72,7 @@ def make(options: Options, world: Optional[World] = None) -> Emulated:
         world: An existing world, instead of `options.world`.
 
     Raises:
-        ConfigError: an option is out of range, no board moves such a base, or the robot would stand in a wall or in
+        ConfigError: an option is out of range, no board can move this base, or the start pose is inside a wall or
             another robot.
     """
     for name, limits in _LIMITS.items():

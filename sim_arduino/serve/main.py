@@ -155,7 +155,7 @@ def main(
 
 
 def _watchers(stack: ExitStack, trail: Trail, plot: Optional[str], view: bool) -> List[Watcher]:
-    """What draws, if anything."""
+    """The watchers that draw, if any."""
     watchers: List[Watcher] = [trail] if plot or view else []
     if plot:
         stack.callback(world_picture.draw, trail, plot)
@@ -168,7 +168,7 @@ def _watchers(stack: ExitStack, trail: Trail, plot: Optional[str], view: bool) -
 
 
 def _announcer(stack: ExitStack, name: Optional[str]) -> Callable[[str], None]:
-    """Prints the path of each port that is plugged in, and has the link lead to it."""
+    """A function that prints the path of each plugged-in port, and points the link to it."""
     link = Link(name) if name else None
     if link:
         stack.callback(link.remove)

@@ -1,6 +1,6 @@
 """An emulated robot on a virtual serial port with no more than Python's own library: what sim.launch starts.
 
-`mrl-sim` has all the options; this has those that a launch file needs, and no need for a command line library.
+`mrl-sim` has all options.  This command has those that a launch file needs, and it needs no command line library.
 """
 
 import argparse
@@ -17,8 +17,8 @@ from .pty import Link, PtyPort
 from .server import PtyServer
 
 PATIENCE_S, LOOK_S = 1.0, 0.02
-"""A board that shall end waits so long for its host, so that the host need not report a lost link: roslaunch ends
-both at once.
+"""A board that must end waits this long until its host has closed the port, so that the host reports no lost link:
+roslaunch ends both at the same time.
 """
 _TEXTS = (
     ("robot", "traxbot", "model, or path of a robot's .yaml"),
@@ -31,10 +31,10 @@ _TEXTS = (
 
 
 class Leave:
-    """A watcher of the server that ends it after a signal, when the host has closed the port or patience is over.
+    """A watcher that ends the server after a signal, when the host closes the port or the timeout expires.
 
     Attributes:
-        due_s: When it looks next, in the board's time [s].
+        due_s: Time of the next look, in the board's time [s].
     """
 
     def __init__(self, port: PtyPort) -> None:
@@ -43,14 +43,14 @@ class Leave:
         self._server: Any = None
 
     def end(self, server: PtyServer) -> None:
-        """Begin to end, or end at once at the second signal; safe in a signal handler."""
+        """Start to end the server, or end it at once at the second signal; safe in a signal handler."""
         if self._server is not None:
             server.stop()
         self._server, self.due_s = server, 0.0
         server.wake()
 
     def look(self, now_s: float) -> None:
-        """Ends the server, or looks again."""
+        """Ends the server, or schedules the next look."""
         self._until_s = min(self._until_s, now_s + PATIENCE_S)
         self.due_s = now_s + LOOK_S
         if now_s >= self._until_s or not self._port.is_open:
@@ -81,7 +81,7 @@ def serve(options: factory.Options, link: str) -> None:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Serve what the arguments say; returns the exit code, that of the error if there was one."""
+    """Serve a robot with these arguments; returns the exit code, which is that of the error if there was one."""
     parser = argparse.ArgumentParser(prog="sim_board", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--link", required=True, help="name of the virtual serial port")
     for name, default, text in _TEXTS:

@@ -1,4 +1,4 @@
-"""Commands that end with one line on stderr and the error's own exit code."""
+"""Commands that report an error as one line on stderr, and end with its exit code."""
 
 import sys
 from typing import Any
@@ -12,7 +12,7 @@ class OneLine(click.Command):
     """A click command without tracebacks."""
 
     def main(self, *args: Any, **kwargs: Any) -> Any:
-        """As click's, but an error costs one line."""
+        """Like click's method, but an error prints one line."""
         try:
             super().main(*args, **{**kwargs, "standalone_mode": False})
         except (MrlError, click.ClickException) as error:

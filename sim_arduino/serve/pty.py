@@ -1,4 +1,4 @@
-"""The emulated USB port: a pseudo-terminal that behaves like a serial device, which may be unplugged."""
+"""The emulated USB port: a pseudo-terminal that behaves like a serial device and can be unplugged."""
 
 import ctypes
 import errno
@@ -16,64 +16,65 @@ _EVENT = struct.Struct("iIII")
 READ_BYTES = 256
 USUAL_BAUD = 115200
 _FAST = {termios.B500000: 500000, termios.B1000000: 1000000, 0o010000: 250000}
-"""Speeds by their code; that of 250000 says that it is told elsewhere.  Any other one is taken for the usual."""
+"""Baud rates by their code; the code for 250000 means "a custom rate".  All other codes count as the usual rate."""
 _EVERYTHING = 65536
 
 
 class Port(Protocol):
-    """What a board is reached by, see `PtyPort`."""
+    """A port of a board, see `PtyPort`."""
 
     path: str
 
     @property
     def master(self) -> Optional[int]:
-        """Descriptor that tells of data."""
+        """Descriptor that is readable when data has come."""
 
     @property
     def watch(self) -> Optional[int]:
-        """Descriptor that tells of openings."""
+        """Descriptor that is readable when a program opens or closes the port."""
 
     @property
     def plugged(self) -> bool:
-        """It is plugged in."""
+        """The port is plugged in."""
 
     @property
     def baud(self) -> int:
-        """Speed that the host has set."""
+        """Baud rate that the host has set."""
 
     def plug(self) -> None:
-        """Plugs it in."""
+        """Plugs the port in."""
 
     def unplug(self) -> None:
-        """Takes it away."""
+        """Unplugs the port."""
 
     def opened_anew(self) -> bool:
-        """A program came."""
+        """Whether a program has opened the port since the last call."""
 
     def read(self, limit: int = READ_BYTES) -> bytes:
-        """What the host has sent."""
+        """Bytes from the host."""
 
     def read_all(self) -> bytes:
-        """Everything that waits."""
+        """All waiting bytes from the host."""
 
     def write(self, data: bytes) -> None:
-        """Sends to the host."""
+        """Sends bytes to the host."""
 
     def close(self) -> None:
-        """Ends it."""
+        """Closes the port."""
 
 
 class PtyPort:
-    """A pty in raw mode whose host side is `path`.
+    """A pty in raw mode; the host opens `path`.
 
-    A descriptor of the host's side is kept, so that programs may come and go.  While none has the port open, what the
-    board sends is lost, as on a real port; so are the bytes for which a program that does not read leaves no room.
+    The port keeps a descriptor of the host's side, so that programs can open and close the port.  While it is closed,
+    bytes from the board are lost, as on a real port.  Bytes are also lost if a program does not read and the buffer
+    is full.
 
     Attributes:
-        path: The device that the host opens; another one after each plugging in.
+        path: The device that the host opens; it changes each time the port is plugged in.
         master: Descriptor of the board's side; None while unplugged.
-        watch: Descriptor that tells of openings; None where there is none.
-        dropped: Bytes from the board that nobody took.
+        watch: Descriptor that is readable when a program opens or closes the port; None without inotify.
+        dropped: Number of lost bytes from the board.
     """
 
     def __init__(self) -> None:
@@ -84,7 +85,7 @@ class PtyPort:
         self.plug()
 
     def plug(self) -> None:
-        """Plugs the device in, under another name than it had."""
+        """Plugs the device in, with another name than before."""
         if self.master is not None:
             return
         master, slave = os.openpty()
@@ -103,7 +104,7 @@ class PtyPort:
         self.watch = _watch(self.path)
 
     def unplug(self) -> None:
-        """Takes the device away; a program that has it open gets an error."""
+        """Unplugs the device; a program that has it open gets an error."""
         if self.master is None:
             return
         for descriptor in (self.master, self._slave, self.watch):
@@ -113,21 +114,21 @@ class PtyPort:
 
     @property
     def plugged(self) -> bool:
-        """It is plugged in."""
+        """The device is plugged in."""
         return self.master is not None
 
     @property
     def baud(self) -> int:
-        """Speed that the host has set, if that is one of the higher ones."""
+        """Baud rate that the host has set if it is one of the higher rates, else 115200."""
         return _FAST.get(termios.tcgetattr(self._slave)[5], USUAL_BAUD) if self.plugged else USUAL_BAUD
 
     @property
     def is_open(self) -> bool:
-        """Whether a program has it open; true too where openings cannot be watched."""
+        """Whether a program has the port open; always true without inotify."""
         return self.master is not None and (self._clients > 0 or self.watch is None)
 
     def opened_anew(self) -> bool:
-        """Takes note of programs that opened or closed the port; True if it was closed before and is open now."""
+        """Counts the programs that opened or closed the port; True if it was closed before and is open now."""
         anew = False
         for opened in _events(self.watch):
             self._clients = max(0, self._clients + (1 if opened else -1))
@@ -139,16 +140,16 @@ class PtyPort:
         return anew
 
     def _left_alone(self) -> None:
-        """Keeps what the last program sent, puts back what it changed: a real device forgets it at the last close."""
+        """Keeps the bytes from the last program, and resets its settings, as a real device does at the last close."""
         self._left += self._read(_EVERYTHING)
         fcntl.ioctl(self._slave, termios.TIOCNXCL)
         termios.tcsetattr(self._slave, termios.TCSANOW, self._settings)
         termios.tcflush(self._slave, termios.TCIFLUSH)
 
     def read(self, limit: int = READ_BYTES) -> bytes:
-        """What the host has sent, at most `limit` bytes.
+        """Bytes from the host, at most `limit`.
 
-        Openings at the same moment are told as one; bytes show that a program was missed.
+        Simultaneous openings are reported as one.  If bytes come while no program is known, one was missed.
         """
         if self._left:
             data, self._left = self._left[:limit], self._left[limit:]
@@ -167,13 +168,13 @@ class PtyPort:
             return b""
 
     def unread(self) -> int:
-        """Bytes that a program could read now; they are lost if the port is unplugged first."""
+        """Number of bytes that a program can read now; they are lost if the port is unplugged first."""
         return (
             struct.unpack("i", fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4)))[0] if self.is_open else 0
         )
 
     def read_all(self) -> bytes:
-        """Everything that waits."""
+        """All waiting bytes from the host."""
         data = b""
         while True:
             piece = self.read(_EVERYTHING)
@@ -182,7 +183,7 @@ class PtyPort:
             data += piece
 
     def write(self, data: bytes) -> None:
-        """Sends to the host what it has room for; the rest is lost."""
+        """Sends the bytes for which the host has room; the rest is lost."""
         sent = 0
         if data and self.master is not None and self.is_open:
             try:
@@ -197,7 +198,7 @@ class PtyPort:
 
 
 def _watch(path: str) -> Optional[int]:
-    """An inotify descriptor that tells of openings and closings; None where there is no inotify."""
+    """An inotify descriptor for openings and closings; None without inotify."""
     libc = ctypes.CDLL(None, use_errno=True)
     try:
         descriptor = libc.inotify_init1(os.O_NONBLOCK | os.O_CLOEXEC)
@@ -225,10 +226,10 @@ def _events(watch: Optional[int]) -> Tuple[bool, ...]:
 
 
 class Link:
-    """A symbolic link to the port, replaced in one step and removed if it is still ours.
+    """A symbolic link to the port; it is replaced atomically, and removed if it still points to this port.
 
     Raises:
-        ConfigError: there is something else under that name, or a link to another port that exists.
+        ConfigError: the name is a file or folder, or a link to another existing port.
     """
 
     def __init__(self, name: str, target: str = "") -> None:
@@ -238,10 +239,10 @@ class Link:
         self.move(target)
 
     def move(self, target: str) -> None:
-        """Points to another port; to none ("") is no link.
+        """Points the link to another port; "" removes it.
 
         Raises:
-            ConfigError: it cannot be made.
+            ConfigError: the link cannot be made.
         """
         if not target:
             self.remove()
@@ -262,7 +263,7 @@ class Link:
             ) from None
 
     def remove(self) -> None:
-        """Removes the link, unless somebody else has taken the name."""
+        """Removes the link, unless another program has taken the name."""
         try:
             if os.readlink(self._name) == self._target:
                 os.unlink(self._name)

@@ -1,4 +1,4 @@
-"""Serves an engine on a pty in real time.  Owns the clock; the port owns its descriptors."""
+"""Serves an engine on a port in real time.  The server owns the clock; the port owns its descriptors."""
 
 import contextlib
 import json
@@ -16,36 +16,36 @@ from .control import Control
 from .pty import USUAL_BAUD, Port
 
 HEARTBEAT_S = 0.1
-"""Longest wait; a longer pause than asked for is a stall of this process."""
+"""Longest wait; if a pause is longer than requested, this process has stalled."""
 STALL_S = 0.25
 TRUTH_PERIOD_S = 0.05
 SLOWEST, FASTEST = 0.01, 1000.0
 _PACKET_BYTES, _PACKET_S = 64, 0.002
 _BYTE_BITS = 10
 _LINE_AHEAD_S = 0.002
-"""How far the host's bytes may run ahead of the line before they are left in the pty."""
+"""If the host's bytes are further ahead of the line than this, they stay in the pty."""
 
 
 class Watcher(Protocol):
-    """Something that looks at the robot now and then."""
+    """An object that looks at the robot from time to time."""
 
     due_s: float
-    """When it wants to look next, in the board's time [s]."""
+    """Time of the next look, in the board's time [s]."""
 
     def look(self, now_s: float) -> None:
-        """Looks, and puts `due_s` forward."""
+        """Looks at the robot, and sets the next `due_s`."""
 
 
 class PtyServer:
     """Connects an engine and a port until `stop` is called.
 
     Args:
-        speed: Times as fast as real time; where the machine cannot follow, as fast as it goes.
-        watchers: What else looks at the robot.
-        truth: File that gets the plant's true pose as JSON lines, 20 a second.
-        log: File that gets the bytes of both directions as JSON lines.
+        speed: Factor over real time; if the computer is too slow, as fast as possible.
+        watchers: Objects that look at the robot.
+        truth: File for the plant's true pose as JSON lines, 20 per second.
+        log: File for the bytes of both directions as JSON lines.
         reset_on_open: Opening the port resets the board, as the DTR line of an Uno does.
-        control: Pulls the cable, and takes orders.
+        control: Carries out orders, and plugs or unplugs the port.
 
     Attributes:
         lock: Held while the board runs; take it to look at the board from another thread.
@@ -88,7 +88,7 @@ class PtyServer:
         self.wake()
 
     def wake(self) -> None:
-        """Has the board run to now at once; may be called from a signal handler or another thread."""
+        """Makes the board run to now at once; may be called from a signal handler or another thread."""
         try:
             os.write(self._waker, b"x")
         except OSError:
@@ -131,8 +131,10 @@ class PtyServer:
         return (time.monotonic() - self._start_s) * self._speed
 
     def _take_time(self) -> None:
-        """Reads the clock.  A pause that nobody asked for is one in the board's own time, at speed 1: at another speed
-        its time slows down."""
+        """Reads the clock.
+
+        If this process has stalled, the board gets the same gap at speed 1; at another speed its time slows down.
+        """
         self._now_s = self._clock()
         late_s = self._now_s - self._expected_s
         if self._speed != 1.0 and late_s > HEARTBEAT_S:
@@ -164,7 +166,7 @@ class PtyServer:
         return self._line_free_s - _LINE_AHEAD_S <= self._now_s
 
     def _follow_speed(self) -> None:
-        """Tells the engine of the speed at which the host has set the port."""
+        """Passes the baud rate that the host has set to the engine."""
         baud = self._port.baud
         if baud != self._baud:
             self._advance()
@@ -181,7 +183,7 @@ class PtyServer:
             self._note("host", data)
 
     def _advance(self) -> None:
-        """Runs the board to now.  Its bytes are passed on by the line, as a USB bridge does by the packet."""
+        """Runs the board to now.  Its bytes are sent in whole lines, as a USB bridge sends packets."""
         self._held += self._engine.advance(self._now_s)
         if self._held and (
             self._held.endswith(b"\n")
@@ -213,7 +215,7 @@ class PtyServer:
 
 
 def _append(file: TextIO, row: Dict[str, Any]) -> None:
-    """A line for people and tests; a disk that takes no more never stops the board."""
+    """Appends a line; a full disk never stops the board."""
     with contextlib.suppress(OSError):
         file.write(json.dumps(row) + "\n")
         file.flush()

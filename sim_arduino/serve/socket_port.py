@@ -1,4 +1,4 @@
-"""The emulator's port on a network: a serial bridge with a board behind it, by TCP or UDP, on an address asked for."""
+"""The emulator's port on a network: a serial bridge to a board, by TCP or UDP, on a given address."""
 
 from typing import Optional
 
@@ -10,16 +10,17 @@ _EVERYTHING = 65536
 
 
 class SocketPort:
-    """Listens on an URL; the same interface as `PtyPort`.
+    """Listens on a URL; has the same interface as `PtyPort`.
 
-    What the board sends while no client is there, or has no room, is lost.  While unplugged nothing listens.
+    Bytes from the board are lost while there is no client, or its buffer is full.  While unplugged, the port does not
+    listen.
 
     Attributes:
         path: The URL that a driver opens.
-        dropped: Bytes from the board that nobody took.
+        dropped: Number of lost bytes from the board.
 
     Raises:
-        ConfigError, LinkError: it cannot be listened on.
+        ConfigError, LinkError: the port cannot listen on the URL.
     """
 
     def __init__(self, url: str) -> None:
@@ -29,19 +30,19 @@ class SocketPort:
 
     @property
     def master(self) -> Optional[int]:
-        """Descriptor that tells of data; None without a client."""
+        """Descriptor that is readable when data has come; None without a client."""
         return self._listener.data if self._listener else None
 
     @property
     def watch(self) -> Optional[int]:
-        """Descriptor that tells of clients; None where there is none."""
+        """Descriptor that is readable when a client comes; None if there is none."""
         return self._listener.watch if self._listener else None
 
     baud = USUAL_BAUD
 
     @property
     def plugged(self) -> bool:
-        """It listens."""
+        """The port listens."""
         return self._listener is not None
 
     def plug(self) -> None:
@@ -50,7 +51,7 @@ class SocketPort:
             self._listener = listen(self.path)
 
     def unplug(self) -> None:
-        """Lets go of the client, and listens no more."""
+        """Closes the connection, and stops listening."""
         if self._listener is not None:
             self._listener.close()
         self._listener = None
@@ -61,15 +62,15 @@ class SocketPort:
         return self._listener is not None and bool(self._listener.client)
 
     def opened_anew(self) -> bool:
-        """Lets clients in; True if one came."""
+        """Accepts clients; True if one came."""
         return self._listener is not None and self._listener.attend()
 
     def read(self, limit: int = READ_BYTES) -> bytes:
-        """What the client has sent: at most `limit` bytes, or one datagram."""
+        """Bytes from the client: at most `limit`, or one datagram."""
         return self._listener.read(limit) if self._listener else b""
 
     def read_all(self) -> bytes:
-        """Everything that waits."""
+        """All waiting bytes from the client."""
         data = b""
         while True:
             piece = self.read(_EVERYTHING)
@@ -78,13 +79,13 @@ class SocketPort:
             data += piece
 
     def unread(self) -> int:
-        """Bytes that wait for a program at this end: none, the network has them."""
+        """Always 0: unread bytes are in the network, not at this end."""
         return 0
 
     def write(self, data: bytes) -> None:
-        """Sends to the client what it has room for; the rest is lost."""
+        """Sends the bytes for which the client has room; the rest is lost."""
         self.dropped += len(data) - (self._listener.write(data) if self._listener and data else 0)
 
     def close(self) -> None:
-        """Listens no more."""
+        """Stops listening."""
         self.unplug()
