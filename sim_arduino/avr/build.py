@@ -35,10 +35,11 @@ def build(library: Path) -> Path:
     Several processes may do this at the same time: each compiles to its own file name and renames the file.
 
     Raises:
+        SimulatorError: the library's folder cannot be made.
         SimulatorMissing: there is no compiler or no libsimavr; the message names the Debian packages.
     """
     if not _is_current(library):
-        library.parent.mkdir(parents=True, exist_ok=True)
+        _make_folder(library.parent)
         draft = library.with_name(f"{library.name}.{os.getpid()}")
         try:
             _compile(draft)
@@ -47,6 +48,16 @@ def build(library: Path) -> Path:
             if draft.exists():
                 draft.unlink()
     return library
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SimulatorError(
+            f"cannot make the folder {folder} for the simulated chip ({error.strerror}); check its path and "
+            "permissions"
+        ) from error
 
 
 def _is_current(library: Path) -> bool:

@@ -3,6 +3,7 @@
 import pytest
 
 from mrl_driver.errors import SimulatorError
+from sim_arduino.avr import native
 from sim_arduino.avr.build import SimulatorMissing, build, library_path
 from sim_arduino.avr.elf import read_image
 
@@ -30,6 +31,29 @@ def test_a_failed_build_leaves_nothing(tmp_path, monkeypatch):
     with pytest.raises(SimulatorMissing):
         build(tmp_path / "board.so")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path):
+    """A file stands in its place."""
+    (tmp_path / "cache").write_text("")
+    with pytest.raises(SimulatorError, match=f"cannot make the folder {tmp_path}/cache .*File exists"):
+        build(tmp_path / "cache" / "board.so")
+
+
+def test_a_compiler_that_says_nothing_is_told_so(tmp_path, monkeypatch):
+    monkeypatch.setenv("CC", "false")
+    with pytest.raises(SimulatorMissing, match="the compiler gave no reason"):
+        build(tmp_path / "board.so")
+
+
+def test_a_library_that_does_not_load_names_the_package(tmp_path, monkeypatch):
+    """A cache that another machine filled."""
+    monkeypatch.setattr("sim_arduino.avr.build.SOURCES", tmp_path / "sim_arduino" / "avr")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    library_path().parent.mkdir()
+    library_path().write_bytes(b"not a library")
+    with pytest.raises(SimulatorMissing, match="apt-get install libsimavr2"):
+        native.load()
 
 
 def test_a_current_library_is_not_compiled_again(tmp_path, monkeypatch):

@@ -246,6 +246,44 @@ def test_a_url_of_pyserial_brings_back_what_was_sent():
     link.close()
 
 
+def test_a_url_of_pyserial_takes_another_speed():
+    with closing(open_link("loop://")) as link:
+        link.set_baud(57600)
+        link.write(b"@5e")
+        assert link.read(1.0) == b"@5e"
+
+
+def test_a_speed_that_pyserial_refuses_loses_the_link():
+    with closing(open_link("loop://")) as link, pytest.raises(LinkLost, match="invalid baudrate: 0"):
+        link.set_baud(0)
+
+
+def test_an_option_that_pyserial_does_not_know_is_told():
+    with pytest.raises(LinkError, match="pyserial does not take it .*check the URL"):
+        open_link("loop://?speed=1")
+
+
+def test_a_device_behind_a_url_that_is_not_there_is_told(tmp_path):
+    with pytest.raises(PortMissing, match="cannot be opened .*check the address and what is there"):
+        open_link(f"spy://{tmp_path}/port")
+
+
+def test_a_device_behind_a_url_that_goes_away_is_told():
+    with closing(socket.create_server(("127.0.0.1", 0))) as server:
+        link = open_link(f"socket://127.0.0.1:{server.getsockname()[1]}")
+        server.accept()[0].close()
+        with closing(link), pytest.raises(LinkLost, match="the other end closed the connection"):
+            while True:
+                link.read(1.0)
+
+
+def test_a_closed_url_of_pyserial_takes_nothing():
+    link = open_link("loop://")
+    link.close()
+    with pytest.raises(LinkLost, match="loop:// is closed"):
+        link.write(b"@5e")
+
+
 # -- what is wrong with an address, or with who is there
 
 
