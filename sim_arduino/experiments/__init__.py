@@ -1,5 +1,5 @@
-"""The papers' experiments, each one command: `mrl experiment square`.
+"""The papers' experiments; each is one command, such as `mrl experiment square`.
 
-They drive robots through the real driver, emulated ones in simulated time or, where that makes sense, a real one on a
-port, and end in a picture and a table beside the published figures.
+They drive robots through the real driver: emulated robots in simulated time or, if this makes sense, a real robot on a
+port.  The result is a picture, and a table beside the published figures.
 """

@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # for the list of all commands loads this module
 
 
 class Experiment(NamedTuple):
-    """One of them; `module` has `run(setting)`."""
+    """An experiment; its `module` has `run(setting)`."""
 
     module: str
     text: str
@@ -120,16 +120,16 @@ def _chosen(names: Sequence[str]) -> List[str]:
 
 
 def _legs() -> Any:
-    """The module that runs experiments through ROS; None where the bridge is not installed."""
+    """The module that runs experiments through ROS; None if the bridge is not installed."""
     point = registered("mrl.experiments").get("ros")
     return point.load() if point else None
 
 
 def _through_ros(chosen: Sequence[str], wanted: Optional[bool]) -> bool:
-    """Whether to go through ROS; says in one line what it does without.
+    """Whether to run through ROS; prints one line if ROS is missing.
 
     Raises:
-        ConfigError: it is wanted, and not there.
+        ConfigError: ROS is requested, but missing.
     """
     legs = _legs() if wanted is not False else None
     if legs is None:
@@ -158,9 +158,9 @@ def _folder(out: str) -> str:
 def _results(
     chosen: Sequence[str], setting: "Setting", console: "Console"
 ) -> Iterator[Tuple[str, "Result", float]]:
-    """Each one's result as soon as it is there, with the time it took [s]; emulated ones two at a time.
+    """Each result as soon as it is ready, with its duration [s]; emulated experiments run two at a time.
 
-    A real robot is driven by this process, which stops it on any signal; another one would drive on without this one.
+    This process drives a real robot itself, so that any signal stops the robot; a child process might drive on.
     """
     if setting.port is not None:
         yield from (timed(name, setting) for name in chosen)
@@ -188,7 +188,7 @@ def _results(
 
 
 def _joined(failures: Sequence[MrlError]) -> MrlError:
-    """One error of several, with the first one's exit code."""
+    """Several errors joined into one, with the exit code of the first."""
     joined = MrlError("; ".join(map(str, failures)))
     joined.exit_code = failures[0].exit_code
     return joined

@@ -1,8 +1,8 @@
-"""Occupancy grids out of ranges and known poses: beams of a laser, cones of a sonar.
+"""Occupancy grids from ranges and known poses: beams of a laser, cones of a sonar.
 
-Cells hold log odds.  A laser's beam ends in an occupied cell and is free before it.  A sonar tells more than a beam and
-less: the nearest thing in its whole cone is at that range, so nothing in the cone is nearer, and somewhere on the arc
-there is something.  Where, is known when many cones have carved away what is free.
+Cells hold log odds.  A laser beam ends in an occupied cell, and the cells before it are free.  A sonar measures the
+nearest object in its cone: no object in the cone is nearer, and one is somewhere on the arc.  Its position follows
+after many cones have marked the free cells.
 """
 
 import math
@@ -14,17 +14,17 @@ from sim_arduino.world.geometry import Pose
 from sim_arduino.world.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
 
 MOST = 12.0
-"""Log odds never grow beyond this, so that a cell can change its mind."""
+"""Limit of the log odds, so that new readings can change a cell."""
 
 
 class Sensor(NamedTuple):
-    """What one reading says.
+    """The effect of one reading on the grid.
 
     Attributes:
-        hit, free: Log odds of a cell where it ends, and of one before.
-        free_m: So much nearer than the reading nothing is; covers its noise.
-        thick_m: The end is somewhere within this [m], to both sides.
-        sure_m: Ends farther away are too vague for a cell.
+        hit, free: Log odds of a cell at the end of the reading, and of one before it.
+        free_m: Cells nearer than the reading minus this are free [m]; it covers the noise.
+        thick_m: The end is within this distance to both sides [m].
+        sure_m: Ends farther away than this are too uncertain to mark a cell [m].
     """
 
     hit: float

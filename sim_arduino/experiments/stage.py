@@ -18,23 +18,23 @@ from sim_arduino.world.geometry import Pose
 from sim_arduino.world.world import World
 
 TICK_S = 0.05
-"""Behaviours are asked for speeds so often [s]."""
+"""Behaviours compute new speeds after this time [s]."""
 PERIOD_MS = 50
 NOISE = "noise=0.01"
-"""Of all sonars, as `boards.Options` spells it: 1 cm."""
+"""Noise of all sonars, in the form of `factory.Options`: 1 cm."""
 PATIENCE_S = 900.0
 """No course takes longer than this."""
 
 
 class Setting(NamedTuple):
-    """How experiments are run.
+    """Settings of an experiment.
 
     Attributes:
-        folder: Gets pictures and figures.
-        port: A real robot's; None for emulated ones.
+        folder: Folder for pictures and figures.
+        port: Port of a real robot; None for emulated robots.
         robot: Model of the robot.
-        seed: Of everything that is drawn at random.
-        ros: Through ROS, where the experiment is about ROS.
+        seed: Seed of all random numbers.
+        ros: Run through ROS if the experiment is about ROS.
     """
 
     folder: str
@@ -45,7 +45,7 @@ class Setting(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Of a robot on its way to a goal."""
+    """A step of a robot on its way to a goal."""
 
     speeds: Tuple[float, float]
     reached: bool
@@ -53,14 +53,14 @@ class Step(NamedTuple):
 
 
 class Actor(NamedTuple):
-    """A robot on the stage; `plant` is what an emulated one is made of."""
+    """A robot in an experiment; `plant` is the hardware of an emulated robot."""
 
     driver: Union[Driver, SteppedDriver]
     plant: Optional[Plant] = None
 
     @property
     def true_pose(self) -> Pose:
-        """Where an emulated robot really is; for a real one, what its odometry says."""
+        """True pose of an emulated robot; odometry pose of a real one."""
         return self.plant.true_pose if self.plant else Pose(*self.driver.pose)
 
     @property
@@ -70,7 +70,7 @@ class Actor(NamedTuple):
 
     @property
     def ranges(self) -> Mapping[str, float]:
-        """What its sonars hear [m]."""
+        """Ranges of the sonars [m]."""
         return self.driver.ranges
 
     @property
@@ -81,7 +81,7 @@ class Actor(NamedTuple):
 
     @property
     def bumped(self) -> bool:
-        """Something stands in an emulated robot's way."""
+        """An obstacle blocks an emulated robot."""
         return self.plant is not None and self.plant.robot.state.bumped
 
     def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
@@ -93,7 +93,7 @@ class Actor(NamedTuple):
         self.driver.wait(seconds)
 
     def seek(self, goal: Pose) -> Callable[[Mapping[str, float]], "Step"]:
-        """What takes it to a goal, tick by tick: ranges in [m], the next step out."""
+        """A function that takes the robot to a goal: from ranges [m] it computes the next step."""
         seeker = GoalSeeker(goal, self.model.limits, self.driver.now_s, self.model.sonars)
 
         def step(ranges: Mapping[str, float]) -> Step:
@@ -125,8 +125,8 @@ def actor(
     """One robot, connected, at the start of a world.
 
     Args:
-        drive: What the driver takes for its drive, instead of the model's.
-        emulated: Options of `boards.Options`.
+        drive: Drive geometry that the driver uses instead of the model's.
+        emulated: Options as in `factory.Options`.
     """
     options = Options(period_ms=period_ms, command_timeout_s=command_timeout_s)
     if setting.port is not None:
@@ -159,10 +159,10 @@ def demand_emulated(setting: Setting, name: str) -> None:
 
 
 def follow(robot: Actor, course: Course, look: Callable[[], None]) -> None:
-    """Drives a course to its end and stands; `look` is called at each tick.
+    """Drives a course to its end and stops; calls `look` at each tick.
 
     Raises:
-        BoardTimeout: the robot takes no command, or does not arrive.
+        BoardTimeout: the robot does not accept a command, or does not arrive.
     """
 
     def steer(pose: OdometryPose) -> manoeuvres.Command:

@@ -1,1 +1,1 @@
-"""Recordings as boards again, and mirrors of real robots.  Imports serve, hardware and world."""
+"""Plays recordings as boards, and mirrors real robots.  Imports serve, hardware and world."""

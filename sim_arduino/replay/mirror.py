@@ -1,4 +1,4 @@
-"""Mirrors of real robots: each stands in a shared world where its odometry says, and emulated robots meet it there.
+"""Mirrors real robots: each appears in a shared world at its odometry pose, where emulated robots meet it.
 
     mrl monitor --robot lab3 --json | mrl mirror --world-name lab1 --name lab3 --pose 1,0,90
 
@@ -22,13 +22,13 @@ from sim_arduino.world.shared_robots import SharedCrowd
 
 
 class Mirror:
-    """A real robot's place in a shared world; a context manager that takes it out again.
+    """A real robot in a shared world; a context manager that removes it at the end.
 
     Args:
-        origin: Where in the world its odometry began.
+        origin: Pose in the world at which the robot's odometry began.
 
     Raises:
-        ConfigError: a name is none, or taken.
+        ConfigError: a name is not valid, or already taken.
     """
 
     def __init__(self, world_name: str, name: str, footprint: Footprint, origin: Pose = ORIGIN) -> None:
@@ -37,21 +37,21 @@ class Mirror:
         self.moved(0.0, 0.0, 0.0)
 
     def moved(self, x_m: float, y_m: float, yaw_rad: float) -> Pose:
-        """Takes the robot's pose by its odometry; returns where it stands in the world."""
+        """Takes the robot's odometry pose; returns its pose in the world."""
         pose = self._origin.beside(x_m, y_m, yaw_rad)
         self._crowd.place(self._name, pose, self._footprint)
         return pose
 
     def close(self) -> None:
-        """Takes it out of the world."""
+        """Removes the robot from the world."""
         self._crowd.close()
 
     def __enter__(self) -> "Mirror":
-        """The mirror itself."""
+        """Returns the mirror itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Takes it out of the world."""
+        """Removes the robot from the world."""
         self.close()
 
 
@@ -59,7 +59,7 @@ def follow(mirror: Mirror, lines: Iterable[str]) -> None:
     """Moves a mirror as JSON lines come.
 
     Raises:
-        ConfigError: a line is no pose; it is named by its number.
+        ConfigError: a line is not a pose; the message has its number.
     """
     for number, line in enumerate(lines, 1):
         if line.strip():

@@ -1,7 +1,7 @@
-"""The board's side of a recording on a virtual port, from its start for each program that opens that.
+"""Plays the board's side of a recording on a virtual port, from its start for each program that opens the port.
 
-While a program greets the board, an answer is held back until it has asked; from the first stream on everything comes
-at its time.
+While a program greets the board, each reply waits for its request.  From the first stream on, all bytes come at their
+recorded time.
 """
 
 import os
@@ -17,7 +17,7 @@ from sim_arduino.serve.pty import PtyPort
 POLL_S = 0.02
 QUIET_POLLS = 5
 LISTENER_S = 1.0
-"""A program that has not asked for so long what the recorded one asked only listens."""
+"""A program that has not sent the recorded request within this time counts as a listener."""
 MOST_ASKED = 100
 _REQUEST = re.compile(rb"@([0-9]{1,3})[,e]")
 
@@ -29,13 +29,13 @@ class Left(Exception):
 class Audience:
     """The programs that open a port, one after the other.
 
-    Questions are taken in their order, so that the last words of one program are not taken for the next one's greeting.
+    Requests are handled in order, so that the last requests of one program do not count as the next one's greeting.
     """
 
     def __init__(self, port: PtyPort) -> None:
         self._port = port
         self._next = False
-        """Another program came when the last one left."""
+        """Another program opened the port when the last one closed it."""
         self._listens = False
         self._unread = b""
         self._asked: List[int] = []
@@ -48,10 +48,10 @@ class Audience:
         self._next, self._listens = False, False
 
     def await_question(self, code: int) -> None:
-        """Returns when the program has sent that request, or is found to listen only.
+        """Returns when the program has sent this request, or counts as a listener.
 
         Raises:
-            Left: it closed the port.
+            Left: the program closed the port.
         """
         end_s = time.monotonic() + LISTENER_S
         while code not in self._asked and not self._listens:
@@ -61,20 +61,20 @@ class Audience:
             del self._asked[: self._asked.index(code) + 1]
 
     def wait(self, seconds: float) -> None:
-        """Listens for so long, or until the program says something.
+        """Waits for this time, or until the program sends bytes.
 
         Raises:
-            Left: it closed the port.
+            Left: the program closed the port.
         """
         watched = [each for each in (self._port.master, self._port.watch) if each is not None]
         select.select(watched, [], [], seconds)
         self._listen()
 
     def give(self, data: bytes) -> None:
-        """Sends all of `data`, as slowly as the program reads.
+        """Sends all of `data`, at the speed at which the program reads.
 
         Raises:
-            Left: it closed the port.
+            Left: the program closed the port.
         """
         self._listen()
         while data and self._port.master is not None:
@@ -83,9 +83,9 @@ class Audience:
             self._listen()
 
     def drain(self) -> None:
-        """Waits until the program has read everything, or is gone: a port that closes takes the rest with it.
+        """Waits until the program has read all bytes or closed the port; closing the port would lose the rest.
 
-        The system refills what can be read from further buffers, so nothing must be there for some time.
+        The system refills its read buffer from further buffers, so the buffer must stay empty for some time.
         """
         quiet = 0
         while self._port.is_open and quiet < QUIET_POLLS:
@@ -94,7 +94,7 @@ class Audience:
             self._port.opened_anew()
 
     def _listen(self) -> None:
-        """Reads before it looks who is there, so that what another program asks is never taken for this one's."""
+        """Reads before it checks for another program, so that requests of that program never count for this one."""
         self._unread += self._port.read_all()
         found = list(_REQUEST.finditer(self._unread))
         self._asked = (self._asked + [int(each.group(1)) for each in found])[-MOST_ASKED:]
@@ -105,7 +105,7 @@ class Audience:
 
 
 def play(recording: Recording, port: PtyPort, speed: float, tell: Callable[[str], None]) -> None:
-    """Plays until a program has got all of it; `tell` hears when one leaves before that."""
+    """Plays until a program has received the whole recording; `tell` gets a message if one leaves earlier."""
     audience = Audience(port)
     while port.plugged:
         audience.await_program()
@@ -131,24 +131,24 @@ def _play_once(recording: Recording, audience: Audience, speed: float) -> None:
 
 
 def _answered(entry: Entry) -> List[int]:
-    """Codes of the requests in it that bring something from the board."""
+    """Codes of the requests in the entry that the board replies to."""
     rows = (BY_CODE.get(int(each.group(1))) for each in _REQUEST.finditer(entry.data))
     return [row.code for row in rows if row and (row.reply or row.repeats)]
 
 
 class Pace:
-    """Tells when something of a recording is due, `speed` times as fast as it was."""
+    """The timing of a replay, `speed` times as fast as the recording."""
 
     def __init__(self, speed: float, wait: Callable[[float], None]) -> None:
         self._speed, self._wait = speed, wait
         self._start_s: Optional[float] = None
 
     def resume(self, time_s: float) -> None:
-        """What was recorded at `time_s` is now."""
+        """Makes now the moment that was recorded at `time_s`."""
         self._start_s = time.monotonic() - time_s / self._speed
 
     def await_time(self, time_s: float) -> None:
-        """Returns not before it is time; the first at once."""
+        """Returns when `time_s` of the recording is due; the first call returns at once."""
         if self._start_s is None:
             self.resume(time_s)
         assert self._start_s is not None

@@ -1,4 +1,4 @@
-"""`mrl replay`: a recording as figures, or as a board on a virtual serial port."""
+"""`mrl replay`: prints figures of a recording, or plays it on a virtual serial port."""
 
 import json
 import math
@@ -52,7 +52,7 @@ def _demand_speed(speed: float) -> float:
 
 
 def show(figures: Dict[str, Any], as_json: bool) -> None:
-    """Print the figures of `summarise`, for people or for programs."""
+    """Print the figures of `summarise` as text, or as JSON for programs."""
     if as_json:
         click.echo(json.dumps(figures))
         return
@@ -70,7 +70,7 @@ def _human(value: Any) -> str:
 
 
 def serve(recording: Recording, speed: float, link: Optional[str] = None) -> None:
-    """Plays what came from the board on a pty, from its start for each program that opens it, until one got all.
+    """Plays the board's bytes on a pty, from the start for each program, until one has received all of them.
 
     Raises:
         ConfigError: the link cannot be made.

@@ -1,4 +1,4 @@
-"""Emulated boards for tests, and the pytest plugin.  Imports serve and what is below it."""
+"""Emulated boards for tests, and the pytest plugin.  Imports serve and the folders below it."""
 
 from .emulated_board import EmulatedBoard
 

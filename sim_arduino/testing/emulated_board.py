@@ -5,7 +5,7 @@
         board.motors.assert_commanded("move_differential")
         board.wait_until(lambda: board.true_pose.x_m > 0.5)
 
-`pytest_plugin` makes fixtures of it; unittest users take it as it is.
+`pytest_plugin` makes fixtures of it; with unittest, use the class directly.
 """
 
 import threading
@@ -45,7 +45,7 @@ COMMANDS = {
     "move_differential": 0xEB,
     "set_geometry": 0xEA,
 }
-"""Names of the motor board's commands, and the registers that they are written to."""
+"""The motor board's commands by name, and the register of each."""
 _STILL_M_S = 0.005
 
 
@@ -54,14 +54,14 @@ class EmulatedBoard:
 
     Args:
         world: A world, or the name of a packaged one, or the path of a world file or map.
-        speed: Times as fast as real time.
+        speed: Factor over real time.
         listen: URL to serve instead of a pty, such as `udp://127.0.0.1:0`.
-        options: The rest by the names of `boards.Options`, which are those of `mrl-sim`.
+        options: Other options of `mrl-sim`, with the names in `factory.Options`.
 
     Attributes:
-        plant: Robot, sensors and motor board, see `plant.Plant`.  Read it under `lock` where moments matter.
-        faults: What goes wrong, see `Faults`.
-        motors: What reached the motor board, see `Motors`.
+        plant: Robot, sensors and motor board, see `wiring.Plant`.  Hold `lock` if values must be of the same moment.
+        faults: Injects faults, see `Faults`.
+        motors: Commands that reached the motor board, see `Motors`.
 
     Raises:
         ConfigError: an option is unknown or out of range.
@@ -102,7 +102,7 @@ class EmulatedBoard:
 
     @property
     def port(self) -> str:
-        """Device name of the port; another one after it was unplugged and plugged in again."""
+        """Device name of the port; it changes when the port is unplugged and plugged in again."""
         return self._port.path
 
     @property
@@ -112,13 +112,13 @@ class EmulatedBoard:
 
     @property
     def true_pose(self) -> Pose:
-        """Where the robot really is: metres, and radians in -pi..pi."""
+        """True pose of the robot: metres, and radians in -pi..pi."""
         with self.lock:
             return self.plant.true_pose
 
     @property
     def true_speed_m_s(self) -> float:
-        """How fast its faster wheel turns [m/s]."""
+        """True speed of the faster wheel [m/s]."""
         with self.lock:
             params, (left, _, right) = self.plant.robot.params, self.plant.robot.motors
             return max(abs(left.speed) * params.left_m_per_count, abs(right.speed) * params.right_m_per_count)
@@ -126,10 +126,10 @@ class EmulatedBoard:
     def wait_until(
         self, condition: Callable[[], bool], timeout_s: float = PATIENCE_S, what: str = ""
     ) -> None:
-        """Waits until something holds.
+        """Waits until a condition is true.
 
         Raises:
-            AssertionError: it did not within `timeout_s` [s, real time].
+            AssertionError: the condition was not true within `timeout_s` [s, real time].
         """
         end_s = time.monotonic() + timeout_s
         while not condition():
@@ -151,78 +151,78 @@ class EmulatedBoard:
         self._robot.close()
 
     def __enter__(self) -> "EmulatedBoard":
-        """The board itself."""
+        """Returns the board itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Closes it."""
+        """Closes the board."""
         self.close()
 
 
 class Faults:
-    """What goes wrong with a board, while it runs."""
+    """Injects faults into a running board."""
 
     def __init__(self, board: FaultyEngine, server: PtyServer) -> None:
         self._board, self._server = board, server
 
     @contextmanager
     def _held(self) -> Iterator[None]:
-        """Holds the board, then has it run to now."""
+        """Holds the board, then makes it run to now."""
         with self._server.lock:
             yield
         self._server.wake()
 
     def inject(self, fault: Union[Fault, str]) -> None:
-        """One more fault, spelt as for `mrl-sim --fault`; its times count from now.
+        """Adds a fault, in the form of `mrl-sim --fault`; its times count from now.
 
         Raises:
-            ConfigError: it cannot be read.
+            ConfigError: the text is not a fault.
         """
         with self._held():
             self._board.inject(fault)
 
     def clear(self) -> None:
-        """No fault any more."""
+        """Removes all faults."""
         with self._held():
             self._board.clear()
 
     def unplug(self, seconds: float = 1e9) -> None:
-        """Pulls the cable, and puts it back after `seconds`, under another name."""
+        """Unplugs the cable, and plugs it in after `seconds`, with another port name."""
         with self._held():
             self._board.unplug(seconds)
 
     def plug(self) -> None:
-        """Puts the cable back."""
+        """Plugs the cable in."""
         with self._held():
             self._board.plug()
 
     def freeze(self, seconds: float) -> None:
-        """The board stands still, its motor board does not."""
+        """Freezes the board for `seconds`; its motor board runs on."""
         with self._held():
             self._board.freeze(seconds)
 
     def stall(self, seconds: float) -> None:
-        """The line holds everything, then lets it go at once."""
+        """Makes the line hold all bytes for `seconds`; then they come at once."""
         with self._held():
             self._board.stall(seconds)
 
     def reset(self) -> None:
-        """The reset button."""
+        """Presses the reset button."""
         with self._held():
             self._board.reset()
 
 
 class Motors:
-    """What reached the motor board, and assertions on it."""
+    """The commands that reached the motor board, and assertions on them."""
 
     def __init__(self, board: EmulatedBoard) -> None:
         self._board = board
 
     def commands(self, name: str = "") -> List[MotorCommand]:
-        """Commands so far, oldest first, at most the last 1000: all, or those of a name of `COMMANDS`.
+        """Commands so far, oldest first, at most the last 1000: all, or those with a name of `COMMANDS`.
 
         Raises:
-            ConfigError: the name is none.
+            ConfigError: the name is unknown.
         """
         if name and name not in COMMANDS:
             raise ConfigError(f"command {name!r} is unknown, expected {', '.join(COMMANDS)}")
@@ -239,11 +239,11 @@ class Motors:
         )
 
     def assert_commanded(self, name: str, *values: int, within_s: float = PATIENCE_S) -> None:
-        """A command of that name, with these values if any are given, has come or comes within a time.
+        """Asserts that a command with this name, and these values if given, has come or comes within a time.
 
         Raises:
-            AssertionError: it did not come.
-            ConfigError: the name is none.
+            AssertionError: the command did not come.
+            ConfigError: the name is unknown.
         """
 
         def came() -> bool:
@@ -252,27 +252,27 @@ class Motors:
         self._board.wait_until(came, within_s, f"command {name}{values or ''}")
 
     def assert_not_commanded(self, name: str, *values: int) -> None:
-        """No command of that name, with these values if any are given, has come.
+        """Asserts that no command with this name, and these values if given, has come.
 
         Raises:
-            AssertionError: one has.
-            ConfigError: the name is none.
+            AssertionError: such a command has come.
+            ConfigError: the name is unknown.
         """
         found = [each for each in self.commands(name) if not values or each.values == values]
         assert not found, f"expected no {name}{values or ''}, got {len(found)}, the first {found[0]}"
 
     def assert_moving(self, within_s: float = PATIENCE_S) -> None:
-        """The wheels turn, or do within a time.
+        """Asserts that the wheels turn, or start within a time.
 
         Raises:
-            AssertionError: they do not.
+            AssertionError: the wheels do not turn.
         """
         self._board.wait_until(lambda: self._board.true_speed_m_s > _STILL_M_S, within_s, "wheels that turn")
 
     def assert_stopped(self, within_s: float = PATIENCE_S) -> None:
-        """The wheels stand, or do within a time.
+        """Asserts that the wheels stand still, or stop within a time.
 
         Raises:
-            AssertionError: they turn.
+            AssertionError: the wheels still turn.
         """
         self._board.wait_until(lambda: self._board.true_speed_m_s == 0.0, within_s, "wheels that stand")

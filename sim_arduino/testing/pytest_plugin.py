@@ -1,4 +1,4 @@
-"""Fixtures with emulated boards for other people's tests; pytest finds them by itself once mrl-driver is installed.
+"""Fixtures with emulated boards for your own tests; pytest finds them by itself if mrl-driver is installed.
 
     def test_stops(emulated_board): ...
     @pytest.mark.emulated_board(robot="stingbot", world="l-course", sonar="noise=0.01")
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def pytest_configure(config: Any) -> None:
-    """Makes the marker known."""
+    """Registers the marker."""
     config.addinivalue_line(
         "markers", "emulated_board(**options): options of the emulated board, as of mrl-sim"
     )

@@ -24,7 +24,7 @@ class Canvas:
         self._cells = [[0] * columns for _ in range(rows)]
 
     def dot(self, x: float, y: float) -> None:
-        """Sets the dot at a place [m]; outside nothing happens."""
+        """Sets the dot at a position [m]; positions outside are ignored."""
         column = round((x - self._left) * self._per_m)
         row = round((self._top - y) * self._per_m)
         if 0 <= column < self._dots_x and 0 <= row < self._dots_y:
@@ -39,12 +39,12 @@ class Canvas:
             self.dot(wall.x1 + t * (wall.x2 - wall.x1), wall.y1 + t * (wall.y2 - wall.y1))
 
     def text(self) -> List[str]:
-        """Its lines."""
+        """The canvas as lines of text."""
         return ["".join(chr(0x2800 + cell) if cell else " " for cell in row).rstrip() for row in self._cells]
 
 
 def draw(trail: Trail, columns: int, rows: int) -> List[str]:
-    """World, path and robots in so many characters; the last line says it in numbers."""
+    """World, path and robots as `rows` lines of `columns` characters; the last line has the numbers."""
     plant = trail.plant
     canvas = Canvas(columns, max(1, rows - 1), frame(plant, trail.poses[-1:]))
     for wall in plant.world.walls:
@@ -82,7 +82,7 @@ class View:
         self.due_s = 0.0
 
     def look(self, now_s: float) -> None:
-        """Draws anew."""
+        """Draws the present state."""
         from rich.text import Text
 
         self.due_s = now_s + VIEW_S
@@ -90,5 +90,5 @@ class View:
         self._live.update(Text("\n".join(lines), no_wrap=True), refresh=True)
 
     def close(self) -> None:
-        """Gives the terminal back."""
+        """Restores the terminal."""
         self._live.stop()

@@ -1,4 +1,4 @@
-"""Where a robot has been: what pictures are drawn from."""
+"""The path that a robot has travelled, for pictures."""
 
 import math
 from typing import List, Tuple
@@ -11,11 +11,11 @@ MOST_POSES = 20000
 
 
 class Trail:
-    """Poses of a robot while it moves, 20 a second; old ones grow sparse, so that hours fit.
+    """Poses of a robot while it moves, 20 per second; the list is thinned out when it is full, so that hours fit.
 
     Attributes:
-        poses: Oldest first.
-        due_s: When to look next [s].
+        poses: Poses, oldest first.
+        due_s: Time of the next look [s].
     """
 
     def __init__(self, plant: Plant) -> None:
@@ -25,7 +25,7 @@ class Trail:
         self._period_s = PERIOD_S
 
     def look(self, now_s: float) -> None:
-        """Notes where the robot is, if it has moved."""
+        """Stores the robot's pose if it has moved."""
         self.due_s = now_s + self._period_s
         pose = self.plant.true_pose
         if not self.poses or pose != self.poses[-1]:
@@ -40,7 +40,7 @@ class Trail:
 
 
 def frame(plant: Plant, poses: List[Pose], margin_m: float = 0.2) -> Tuple[float, float, float, float]:
-    """Left, bottom, right and top of a picture with the world and all poses in it [m]."""
+    """Left, bottom, right and top of a picture that shows the world and all poses [m]."""
     left, bottom, right, top = plant.world.bounds()
     xs, ys = [left, right, *(p.x_m for p in poses)], [bottom, top, *(p.y_m for p in poses)]
     return min(xs) - margin_m, min(ys) - margin_m, max(xs) + margin_m, max(ys) + margin_m

@@ -12,7 +12,7 @@ _SOURCES = {"heat": "#d55e00", "gas": "#009e73", "dust": "#999999", "light": "#e
 
 
 def draw(trail: Trail, path: str) -> None:
-    """Draws world, things to sense, path and robots to `path`."""
+    """Draws world, sources, travelled path and robots to the file `path`."""
     left, bottom, right, top = frame(trail.plant, trail.poses)
     height = 6.0 * min(2.0, max(0.4, (top - bottom) / (right - left)))
     figure = figures.figure(7.0, height + 0.8)
