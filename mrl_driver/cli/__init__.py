@@ -1,1 +1,1 @@
-"""The command `mrl`: one module for each sub-command, and the doctor.  Imports everything else of the driver."""
+"""The command `mrl`: one module per sub-command, and the doctor.  May import every other folder of the driver."""

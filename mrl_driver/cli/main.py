@@ -1,7 +1,7 @@
-"""The command `mrl`: what a person at a terminal does with a robot.
+"""The command `mrl`.
 
-Sub-commands are loaded when they are asked for; other packages add theirs through the entry points group
-`mrl.commands`.  Errors are one line on stderr and an exit code of `errors`.
+Sub-commands are imported when they are used.  Other packages add their own through the entry point group
+`mrl.commands`.  An error is one line on stderr and an exit code from `errors`.
 """
 
 import difflib
@@ -17,10 +17,10 @@ import click
 from mrl_driver.errors import MrlError, OutputError
 
 INTERRUPTED = 130
-"""Exit code after Ctrl-C, as shells have it."""
+"""Exit code after Ctrl-C, as in shells."""
 TERMINATED = 143
 _GROUP_ALONE: Any = getattr(click.exceptions, "NoArgsIsHelpError", ())
-"""What click 8.2 and later raise with the help for it; before, they show it."""
+"""Error of click 8.2 and later for a group without a sub-command; older versions print the help themselves."""
 
 OWN: Dict[str, str] = {
     "calibrate": "mrl_driver.cli.commands.calibrate:calibrate",
@@ -40,18 +40,18 @@ OWN: Dict[str, str] = {
     "system": "mrl_driver.cli.commands.system:system",
     "tip-over": "mrl_driver.cli.commands.tip_over:tip_over",
 }
-"""Name of each sub-command of this package, and where it stands."""
+"""Name of each sub-command of this package, with its module and function."""
 
 
 class Commands(click.Group):
-    """The own sub-commands, and those that other packages register."""
+    """The sub-commands of this package, and those that other packages register."""
 
     def list_commands(self, ctx: click.Context) -> List[str]:
-        """Names of all sub-commands, sorted."""
+        """Return the names of all sub-commands, sorted."""
         return sorted(set(OWN) | set(registered("mrl.commands")))
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> Optional[click.Command]:
-        """The sub-command of that name, loaded now."""
+        """Import and return the sub-command with this name."""
         if cmd_name in OWN:
             module, _, name = OWN[cmd_name].partition(":")
             own: click.Command = getattr(importlib.import_module(module), name)
@@ -62,7 +62,7 @@ class Commands(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: List[str]
     ) -> Tuple[Optional[str], Optional[click.Command], List[str]]:
-        """The sub-command that the words name; a misspelt one brings the likely ones."""
+        """Return the sub-command for the arguments; for an unknown name suggest similar ones."""
         if self.get_command(ctx, args[0]) is None and not args[0].startswith("-"):
             near = difflib.get_close_matches(args[0], self.list_commands(ctx), 3, 0.5)
             expected = ", ".join(near or self.list_commands(ctx))
@@ -71,7 +71,7 @@ class Commands(click.Group):
 
 
 def registered(group: str) -> Dict[str, Any]:
-    """The entry points that packages have in a group, by their names."""
+    """Return the entry points of all packages in a group, by name."""
     from importlib import metadata
 
     points: Any = metadata.entry_points()
@@ -80,7 +80,7 @@ def registered(group: str) -> Dict[str, Any]:
 
 
 def version() -> str:
-    """Version of the package."""
+    """Return the version of the package."""
     from importlib import metadata
 
     try:
@@ -96,7 +96,7 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 
 
 def _known(function: str) -> Callable[[click.Context, click.Parameter, str], List[str]]:
-    """Completion by that function of the sub-commands, which is loaded only if the shell asks."""
+    """Return a completion that calls this function of `shared`, which is imported only when the shell needs it."""
 
     def complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
         found: List[str] = getattr(importlib.import_module("mrl_driver.cli.commands.shared"), function)(
@@ -153,9 +153,9 @@ def _terminate(*_: Any) -> None:
 
 
 def main(args: Optional[Sequence[str]] = None) -> None:
-    """Run `mrl`; always ends in SystemExit.  Signals stop the robot before that."""
+    """Run `mrl`; always raises SystemExit.  After a signal the robot is stopped first."""
     for number in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup leaves it
+        if signal.getsignal(number) is not signal.SIG_IGN:  # nohup ignores it
             signal.signal(number, _terminate)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -185,7 +185,7 @@ def main(args: Optional[Sequence[str]] = None) -> None:
     except OSError as error:
         what = f"{error.filename} cannot be used" if error.filename else "the output cannot be written"
         _complain(f"{what}: {error.strerror or error}; make room, or choose another place")
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # else Python complains once more as it ends
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # otherwise Python reports it again at exit
         sys.exit(OutputError.exit_code)
 
 

@@ -1,1 +1,1 @@
-"""Sub-commands of `mrl`, one module each; `cli` loads the one that is asked for."""
+"""Sub-commands of `mrl`, one module each; `cli.main` imports the one that is used."""

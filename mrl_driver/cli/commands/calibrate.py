@@ -1,4 +1,4 @@
-"""`mrl calibrate`: find a robot's own numbers, by driving it or from recordings, and write them down."""
+"""`mrl calibrate`: measure a robot's parameters, by driving it or from recordings, and write them to a file."""
 
 import click
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 class Plan(NamedTuple):
-    """One calibration of geometry: what is driven, and how; or recordings of it."""
+    """One calibration of the geometry: the runs to drive and their settings, or recordings of runs."""
 
     procedure: str
     settings: Mapping[str, float]
@@ -40,7 +40,7 @@ class Plan(NamedTuple):
 
 
 def _geometry(plan: Plan, job: Job) -> None:
-    """Drive, or take recordings; evaluate, and write what came out."""
+    """Drive the runs or read recordings, evaluate them, and write the result."""
     from mrl_driver.calibration import fit, geometry
 
     from .calibrate_view import ruler_for
@@ -73,7 +73,7 @@ def _geometry(plan: Plan, job: Job) -> None:
 
 
 def _gather(plan: Plan, driver: "Driver", progress: "Progress", ruler: "Ruler") -> None:
-    """Drive the runs that are missing, and those that are wanted again."""
+    """Drive the missing runs, and those to repeat."""
     from mrl_driver.calibration import geometry, manoeuvres
 
     from .calibrate_view import console

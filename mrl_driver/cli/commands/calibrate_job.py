@@ -1,4 +1,4 @@
-"""What all calibrations share: options, the files they write, the board's EEPROM."""
+"""Shared parts of all calibrations: options, output files, the board's EEPROM."""
 
 import functools
 import os
@@ -44,7 +44,7 @@ class Job(NamedTuple):
 
 
 def job_options(command: Callable[..., None]) -> Callable[..., None]:
-    """The options that all calibrations share; the command gets them as `job`."""
+    """Add the options that all calibrations share; the command gets them as `job`."""
 
     @robot_options
     @click.option(
@@ -76,12 +76,12 @@ def job_options(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def connect(job: Job) -> ContextManager["Driver"]:
-    """The robot, connected; tests put one in simulated time in its place."""
+    """Connect to the robot; tests replace this by a robot in simulated time."""
     return connected(job.target, ignore_battery=job.ignore_battery, record=job.record, command_timeout_s=0.5)
 
 
 def agree_to_drive(job: Job, question: str) -> None:
-    """Ask before motors turn that the person at the terminal has not started; emulated robots (--truth) just drive.
+    """Ask before motors turn; emulated robots (--truth) drive without a question.
 
     Raises:
         ConfigError, click.Abort: as `agree`.
@@ -90,10 +90,10 @@ def agree_to_drive(job: Job, question: str) -> None:
 
 
 def recorded_model(job: Job) -> "RobotModel":
-    """The model of a robot that was recorded.
+    """Return the model of the recorded robot.
 
     Raises:
-        ConfigError: --robot does not tell it.
+        ConfigError: --robot is missing.
     """
     if job.target.model == "auto":
         raise ConfigError(
@@ -103,16 +103,16 @@ def recorded_model(job: Job) -> "RobotModel":
 
 
 def model_of(driver: "Driver") -> "RobotModel":
-    """The model of a connected robot."""
+    """Return the model of a connected robot."""
     assert driver.model is not None
     return driver.model
 
 
 def output_for(job: Job, model: "RobotModel", robot_id: Optional[int]) -> str:
-    """The YAML to write: that of --output, or the robot's own, or one named after model and id.
+    """Return the YAML file to write: --output, or the robot's own file, or one named after model and id.
 
     Raises:
-        ConfigError: it would replace a file that the robot was not taken from.
+        ConfigError: it would replace a file that is not the robot's own.
     """
     from mrl_driver.calibration.files import demand_writable
 
@@ -129,7 +129,7 @@ def output_for(job: Job, model: "RobotModel", robot_id: Optional[int]) -> str:
 
 
 def open_progress(output: str, model: "RobotModel", robot_id: int) -> "Progress":
-    """The runs so far, beside the output."""
+    """Return the runs so far, from a file beside the output."""
     from mrl_driver.calibration.files import Progress
 
     return Progress(f"{os.path.splitext(output)[0]}.calibration.json", f"{model.name} {robot_id}")
@@ -148,10 +148,10 @@ def write_yaml(
 
 
 def offer_eeprom(driver: "Driver", values: Mapping["Key", float], job: Job) -> None:
-    """Write what concerns the board to its EEPROM, if that is wanted.
+    """Write the board parameters to its EEPROM, if --eeprom was given or the user agrees.
 
     Raises:
-        BoardRefused: --eeprom was given, and the board keeps no configuration, or did not take it.
+        BoardRefused: --eeprom was given, but the board keeps no configuration or refused a value.
     """
     from mrl_driver.calibration import eeprom as board
 

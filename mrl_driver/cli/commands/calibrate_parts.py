@@ -163,7 +163,7 @@ def sonar(
 
 
 def _keep_points(path: str, ranges: Sequence[float], distances: Sequence[float]) -> None:
-    """Write what the sonar said so far, as `_points` reads it."""
+    """Write the sonar's readings so far, in the format that `_points` reads."""
     rows = [
         f"{distance:.4f},{'-' if math.isnan(said) else f'{said:.4f}'}\n"
         for said, distance in zip(ranges, distances)
@@ -172,7 +172,7 @@ def _keep_points(path: str, ranges: Sequence[float], distances: Sequence[float])
 
 
 def _told_curve(model: "RobotModel") -> Optional["Curve"]:
-    """The curve of a model's own, if it has one."""
+    """Return the model's own curve; None without one."""
     from mrl_driver.calibration.sonar_curve import Curve
 
     told = [model.board.get(name) for name in models.CURVE_KEYS]
@@ -180,10 +180,10 @@ def _told_curve(model: "RobotModel") -> Optional["Curve"]:
 
 
 def _points(path: str) -> Tuple[List[float], List[float]]:
-    """Readings and distances [m] of a file; `-` or `inf` is no reading.
+    """Return the readings and distances [m] from a file; `-` or `inf` means no reading.
 
     Raises:
-        ConfigError: it cannot be read, or a line is none; which, is said.
+        ConfigError: the file cannot be read, or a line is invalid; the error names the line.
     """
     ranges, distances = [], []
     try:
@@ -205,7 +205,7 @@ def _points(path: str) -> Tuple[List[float], List[float]]:
 
 
 def _fit_sonar(ranges: List[float], distances: List[float], present: "Curve", job: Job) -> Dict["Key", float]:
-    """Fit, show before and after, draw; the values for the YAML."""
+    """Fit the curve, show the errors before and after, draw; return the values for the YAML file."""
     import numpy as np
 
     from mrl_driver.calibration import parts, sonar_curve

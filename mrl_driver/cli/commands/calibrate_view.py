@@ -1,4 +1,4 @@
-"""What a calibration asks and shows at the terminal."""
+"""Questions and output of a calibration at the terminal."""
 
 import math
 import sys
@@ -25,7 +25,7 @@ MEASURED = Text("Measured from the mark: x y [m], heading [deg] if you can")
 
 
 class Tape:
-    """A ruler that people are: it asks for what they measure with a tape."""
+    """A ruler that asks the user to measure with a tape."""
 
     def begin(self, run: str) -> None:
         """Ask for the mark on the floor."""
@@ -34,7 +34,7 @@ class Tape:
         Prompt.ask(Text("Enter drives"), console=console, default="", show_default=False)
 
     def end(self, run: str, check: Check) -> Pose:
-        """Ask where the robot is now, until the answer is one that can be."""
+        """Ask for the robot's position until the answer is plausible."""
         while True:
             text = Prompt.ask(MEASURED, console=console)
             try:
@@ -46,19 +46,19 @@ class Tape:
 
 
 class NoTape:
-    """A ruler for what needs no measuring."""
+    """A ruler for runs without a measurement."""
 
     def begin(self, run: str) -> None:
-        """Only say what comes."""
+        """Only announce the run."""
         console.print(f"{run}")
 
     def end(self, run: str, check: Check) -> Pose:
-        """Not measured."""
+        """Return NaN: nothing is measured."""
         return Pose(math.nan, math.nan, math.nan)
 
 
 class _Told:
-    """A ruler that says what comes."""
+    """A ruler that also announces each run."""
 
     def __init__(self, ruler: Ruler) -> None:
         self._ruler = ruler
@@ -72,13 +72,13 @@ class _Told:
 
 
 def demand_terminal(instead: str) -> None:
-    """Raise ConfigError where there is nobody to ask."""
+    """Raise ConfigError if stdin is not a terminal."""
     if not sys.stdin.isatty():
         raise ConfigError(f"there is no terminal to ask at; give {instead}")
 
 
 def ruler_for(truth: Optional[str]) -> Ruler:
-    """The emulator's truth, or a person with a tape.
+    """Return a ruler: the emulator's ground truth, or a user with a tape.
 
     Raises:
         ConfigError: there is neither.
@@ -90,7 +90,7 @@ def ruler_for(truth: Optional[str]) -> Ruler:
 
 
 def looker_for(truth: Optional[str], unseen: bool) -> Any:
-    """Who sees which wheel turned: nobody, the emulator's truth, or the person at the terminal."""
+    """Return the function that tells which wheel turned: unknown, from the ground truth, or a question to the user."""
     if unseen:
         return lambda motor, pose: (None, 0)
     if truth is not None:
@@ -111,18 +111,18 @@ def _ask_wheel(motor: str, _: Pose) -> Tuple[Optional[str], int]:
 
 
 def agree_here(question: str, yes: bool) -> bool:
-    """Ask at the terminal; True without asking for `yes`, False where there is nobody."""
+    """Ask at the terminal; with `yes` return True without asking; without a terminal return False."""
     if yes:
         return True
     return sys.stdin.isatty() and Confirm.ask(Text(question), console=console)
 
 
 _THESIS = {"wheel_offset": " (Cm)", "turn_slip": " (Cs)"}
-"""What the thesis calls them."""
+"""Names in the thesis."""
 
 
 def show_values(model: RobotModel, values: Mapping[Key, float]) -> None:
-    """Numbers of the robot's file, before and after."""
+    """Print the values of the robot's file, before and after."""
     table = Table(box=None, pad_edge=False, show_edge=False)
     for name, justify in (("number", "left"), ("before", "right"), ("after", "right")):
         table.add_column(name, justify=justify)  # type: ignore[arg-type]
@@ -136,18 +136,18 @@ def show_values(model: RobotModel, values: Mapping[Key, float]) -> None:
 
 
 def value_of(model: RobotModel, key: Key) -> Optional[float]:
-    """The number that the model has now, None where it has none."""
+    """Return the model's present value; None if it has none."""
     part = getattr(model, key[0])
     return part.get(key[1]) if isinstance(part, dict) else getattr(part, key[1])
 
 
 def number(value: Optional[float]) -> str:
-    """As people read it."""
+    """Format a value for the table."""
     return "-" if value is None else str(value) if isinstance(value, int) else f"{value:.7g}"
 
 
 def say_outcome(outcome: Outcome) -> Sequence[str]:
-    """Lines about the errors of the runs, before and after."""
+    """Return lines about the errors of the runs, before and after."""
     lines = []
     for name, errors in (("before", outcome.errors_before), ("after", outcome.errors_after)):
         off_m, yaw = np.hypot(errors[:, 0], errors[:, 1]), np.abs(errors[:, 2])
@@ -171,7 +171,7 @@ def say_outcome(outcome: Outcome) -> Sequence[str]:
 
 
 def facts_of(outcome: Outcome) -> Dict[str, Any]:
-    """The same for programs."""
+    """Return the facts of an outcome as a mapping, for JSON."""
     facts: Dict[str, Any] = {
         "runs": len(outcome.errors_before),
         "drive_before": outcome.before._asdict(),
@@ -187,7 +187,7 @@ def facts_of(outcome: Outcome) -> Dict[str, Any]:
 
 
 def say_response(name: str, response: Response) -> str:
-    """A step in one line."""
+    """Return one line about a step response."""
     return (
         f"{name}: rises in {response.rise_s * 1000:.0f} ms, overshoots {response.overshoot:.1%}, "
         f"settled after {response.settle_s * 1000:.0f} ms"

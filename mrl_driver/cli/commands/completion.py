@@ -1,4 +1,4 @@
-"""`mrl completion`: what makes the shell complete commands, options, ports and robots."""
+"""`mrl completion`: shell completion of commands, options, ports and robots."""
 
 import click
 from click.shell_completion import get_completion_class

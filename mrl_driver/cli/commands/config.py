@@ -23,7 +23,7 @@ class Value(NamedTuple):
     row: Parameter
     value: int
     default: Optional[int]
-    """The model's; None where it has none, or the id."""
+    """Default of the model; None if it has none, and for the robot id."""
 
 
 @click.group()
@@ -138,10 +138,10 @@ def defaults(target: Target, yes: bool) -> None:
 
 
 def parse(words: Sequence[str]) -> List[Tuple[Parameter, int]]:
-    """Names and values in turn, each name once.
+    """Parse alternating names and values.
 
     Raises:
-        ConfigError: a name is unknown or twice, a value missing, no whole number, or out of range.
+        ConfigError: a name is unknown or repeated, or a value is missing, not a whole number or out of range.
     """
     if len(words) % 2:
         raise ConfigError(
@@ -192,7 +192,7 @@ def _value(driver: "Driver", row: Parameter) -> Value:
 
 
 def default_of(model: Optional[RobotModel], row: Parameter) -> Optional[int]:
-    """What a robot model has for a parameter."""
+    """Return a robot model's value of a parameter."""
     own = model.board if model is not None else {}
     return own.get(row.name, COMMON_BOARD.get(row.name))
 
@@ -210,7 +210,7 @@ def _plain(each: Value) -> Dict[str, Any]:
 
 
 def show(values: Sequence[Value]) -> None:
-    """Print parameters as a table; `*` marks what differs from the model."""
+    """Print parameters as a table; `*` marks values that differ from the model."""
     click.echo(f"{'parameter':<16}{'value':>7} {'unit':<9}{'':<9} meaning")
     for each in values:
         row = each.row

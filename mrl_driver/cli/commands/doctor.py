@@ -1,4 +1,4 @@
-"""`mrl doctor`: is everything in order?"""
+"""`mrl doctor`: checks of computer, port, board and robot."""
 
 import math
 import re
@@ -64,10 +64,10 @@ def doctor(target: Target, drives: bool, hands: bool, report: bool, as_json: boo
 
 
 def _wheels_lifted(yes: bool) -> bool:
-    """The wheels may turn; without a yes the other checks are run all the same.
+    """Ask whether the wheels may turn; after a no, the other checks still run.
 
     Raises:
-        ConfigError: there is nobody to ask.
+        ConfigError: stdin is not a terminal.
     """
     try:
         agree("Are the wheels lifted off the ground?  Each turns forward for 2 s.", yes)
@@ -77,7 +77,7 @@ def _wheels_lifted(yes: bool) -> bool:
 
 
 class Checkup:
-    """Runs the checks and keeps what they find: `findings`, `facts` of the board, the exit `code`."""
+    """Runs the checks and keeps the results: `findings`, `facts` of the board, and the exit `code`."""
 
     def __init__(self, target: Target, drives: bool = False, hands: bool = False, quiet: bool = True) -> None:
         self.target, self._drives, self._hands = target, drives, hands
@@ -87,7 +87,7 @@ class Checkup:
         self._quiet = quiet
 
     def run(self) -> None:
-        """All checks, as far as they get."""
+        """Run all checks, until one makes the rest impossible."""
         from mrl_driver.cli.doctor import computer
         from mrl_driver.transport.link import describe as describe_port
 
@@ -114,7 +114,7 @@ class Checkup:
                 show(finding)
 
     def _examine(self) -> None:
-        """Ask the board; one that no packaged model lists is examined all the same."""
+        """Check the board, even if no packaged model lists its id."""
         try:
             self._examine_as(self.target)
         except WrongRobot as error:
@@ -172,7 +172,7 @@ class Checkup:
 
 
 def _settled_ranges(driver: "Driver") -> Dict[str, float]:
-    """Ranges, after a moment in which missing ones may come."""
+    """Return the ranges, after a short wait for missing ones."""
     end_s = time.monotonic() + FIRST_SONARS_S
     while any(math.isnan(each) for each in driver.ranges.values()) and time.monotonic() < end_s:
         driver.wait(0.05)
@@ -184,7 +184,7 @@ def _ask(question: str) -> bool:
 
 
 def _of_error(error: MrlError, port: str) -> Finding:
-    """An error as a finding: what it says before its advice, and the advice."""
+    """Return an error as a finding, split into its text and its advice."""
     text, advice, *_ = [*_BEFORE_ADVICE.split(str(error).replace("--port PORT", f"--port {port}"), 1), ""]
     subjects = {"LinkError": "port", "BoardError": "board"}
     kinds = [kind.__name__ for kind in type(error).__mro__]

@@ -19,7 +19,7 @@ def _console() -> Console:
 
 
 def show(finding: Finding) -> None:
-    """Print one finding, and its advice below it."""
+    """Print one finding, with its advice below."""
     console = _console()
     signs = console.encoding.lower().startswith("utf")
     style = _STYLES[finding.level]
@@ -37,7 +37,7 @@ def show(finding: Finding) -> None:
 
 
 def _wrapped(text: str, console: Console) -> List[str]:
-    """Lines for the third column; one line where no terminal has to show it."""
+    """Return the lines of the third column; a single line if the output is not a terminal."""
     width = min(console.width, _WIDEST) - _INDENT if console.is_terminal else 10**6
     return textwrap.wrap(text, max(20, width), break_long_words=False, break_on_hyphens=False) or [""]
 

@@ -1,4 +1,4 @@
-"""`mrl drive`: with the keyboard, or at given speeds for a given time."""
+"""`mrl drive`: drive with the keyboard, or at given speeds for a given time."""
 
 import math
 import sys
@@ -101,12 +101,12 @@ def _demand_finite(**speeds: float) -> None:
 
 
 def _tell_limits(driver: "Driver", linear_m_s: float, angular_rad_s: float, lateral_m_s: float) -> None:
-    """Say what speeds are scaled down to that the robot's model does not allow."""
+    """Report the limited speeds if the robot's model does not allow the requested ones."""
     assert driver.model is not None
     wanted = linear_m_s, angular_rad_s, lateral_m_s
     kept = driver.limited(*wanted)
     if lateral_m_s and len(kept) < len(wanted):
-        return  # `drive` says that this base cannot
+        return  # `drive` reports that this base cannot
     if any(abs(found - asked) > ROUNDING for found, asked in zip(kept, wanted)):
         sideways = "".join(f", --lateral {speed:.3g} m/s" for speed in kept[2:])
         complain(
@@ -121,12 +121,12 @@ def drive_for(
 ) -> None:
     """Drive for `seconds`, stop, and wait up to 2 s for telemetry to confirm it.
 
-    Prints nothing meanwhile: a terminal that takes no more output would delay the stop.
+    It prints nothing while driving: a terminal that accepts no output would delay the stop.
 
     Raises:
-        FrameError: the base cannot go sideways.
-        WheelFault: a wheel did not do what it was told.
-        BoardTimeout: the robot stopped early for another reason, or nobody knows whether it stopped.
+        FrameError: the base cannot move sideways.
+        WheelFault: a wheel did not follow its command.
+        BoardTimeout: the robot stopped early for another reason, or the stop was not confirmed.
     """
     deadline = time.monotonic() + seconds
     taken = driver.drive(linear_m_s, angular_rad_s, lateral_m_s)

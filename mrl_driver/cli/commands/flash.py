@@ -62,7 +62,7 @@ def flash(target: Target, build: Optional[str], image: Optional[str], yes: bool,
 
 
 def _only_board() -> str:
-    """The one board that is surely an Arduino.
+    """Return the port of the only board with Arduino's USB vendor id.
 
     Raises:
         ConfigError: there is none, or more than one.
@@ -79,7 +79,7 @@ def _only_board() -> str:
 
 
 def build_of(target: Target) -> Tuple[str, str]:
-    """The build that suits the board, and why."""
+    """Return the firmware build that suits the board, and why."""
     from mrl_driver.driver.probe import probe
 
     with waiting("asking the board what it is"):
@@ -95,7 +95,7 @@ def build_of(target: Target) -> Tuple[str, str]:
 
 
 def _see(target: Target) -> str:
-    """What the freshly flashed board answers, in words."""
+    """Return the answer of the newly flashed board, in words."""
     from mrl_driver.driver.probe import probe
 
     with waiting("waiting for the board to answer"):

@@ -1,4 +1,4 @@
-"""`mrl info`: who answers on a port."""
+"""`mrl info`: identity of the robot on a port."""
 
 from typing import TYPE_CHECKING, Any, Dict
 
@@ -35,7 +35,7 @@ def info(target: Target, fast: bool, as_json: bool) -> None:
 
 
 def describe(driver: "Driver", port: str) -> Dict[str, Any]:
-    """What is known of a connected robot: numbers in SI units, the unit in the key's end."""
+    """Return the facts about a connected robot: numbers in SI units, with the unit at the end of the key."""
     board, status = driver.board, driver.status
     facts: Dict[str, Any] = {
         "port": port,

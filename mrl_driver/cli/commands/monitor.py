@@ -34,7 +34,9 @@ if TYPE_CHECKING:
 
 LINE_S = 1.0
 STALL_S = 0.5
-"""A terminal that takes no more output (Ctrl-S, a stalled connection) halts the view, and so the robot."""
+"""Command timeout of the live view [s].  A terminal that accepts no output (Ctrl-S, a stalled connection) blocks the
+view, and then the robot stops.
+"""
 
 
 @click.command()
@@ -134,7 +136,7 @@ def watch_live(
     reconnect: bool = True,
     fast: bool = False,
 ) -> None:
-    """The live view; with `keys_drive` an empty battery is refused, as for driving."""
+    """Run the live view; `keys_drive` refuses an empty battery, as `mrl drive` does."""
     from mrl_driver.terminal.frame_log import FrameLog
     from mrl_driver.terminal.live import Settings, show
 

@@ -35,7 +35,7 @@ def names(ctx: click.Context, as_json: bool) -> None:
 
 
 def _complete_name(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
-    """Named robots for the shell."""
+    """Return the named robots, for shell completion."""
     try:
         return [name for name in book.read() if name.startswith(incomplete)]
     except ConfigError:
@@ -103,7 +103,7 @@ def add(name: str, port: str, model: str, baud: int) -> None:
 
 
 def _lasting(port: str) -> Optional[str]:
-    """Its name under /dev/serial/by-id, where a serial number makes that unique."""
+    """Return the port's name under /dev/serial/by-id, if a serial number makes it unique."""
     from mrl_driver.transport.link import describe
 
     found = describe(port)

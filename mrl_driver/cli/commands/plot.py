@@ -1,4 +1,4 @@
-"""`mrl plot`: a recording as a picture."""
+"""`mrl plot`: draw a recording."""
 
 import os
 from typing import Optional, Tuple

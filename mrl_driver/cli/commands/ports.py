@@ -1,4 +1,4 @@
-"""`mrl ports`: which serial ports there are, and which of them are robots."""
+"""`mrl ports`: list the serial ports, and the robots on them."""
 
 import os
 from typing import Any, Dict, List, Optional, Tuple
@@ -48,7 +48,7 @@ def ports(port: Tuple[str, ...], probe: bool, as_json: bool) -> None:
 
 
 def _rows(asked: Tuple[str, ...]) -> Dict[str, Row]:
-    """All ports there are and those asked for, by device."""
+    """Return all existing ports and the requested ones, by device."""
     from mrl_driver.transport.port_info import facts, facts_of
     from mrl_driver.transport.port_search import Port
 
@@ -63,7 +63,7 @@ def _rows(asked: Tuple[str, ...]) -> Dict[str, Row]:
 
 
 def _ask(rows: Dict[str, Row], asked: Tuple[str, ...]) -> None:
-    """Put the answers into the rows that may be asked."""
+    """Ask the robots on the ports that may be opened, and add the answers to their rows."""
     from mrl_driver.driver.probe import probe_all
 
     from .progress import progress

@@ -1,4 +1,4 @@
-"""The list of `mrl ports` on a terminal."""
+"""The table of `mrl ports` for a terminal."""
 
 import os
 from typing import Any, Dict, List
@@ -11,7 +11,7 @@ Row = Dict[str, Any]
 
 
 def show(rows: List[Row], probed: bool) -> None:
-    """Print the ports; says what to do where there is none, or none was asked."""
+    """Print the ports; say what to do if there is none, or if none was asked."""
     console = Console(highlight=False)
     if not rows:
         console.print("there is no serial port; is the board plugged in?  Look with: dmesg | tail")

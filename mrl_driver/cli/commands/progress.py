@@ -1,4 +1,4 @@
-"""Progress bars on stderr, where that is a terminal; elsewhere nothing."""
+"""Progress bars on stderr if it is a terminal; otherwise nothing."""
 
 import contextlib
 import sys
@@ -7,7 +7,7 @@ from typing import Callable, Iterator
 
 @contextlib.contextmanager
 def progress(what: str, total: float) -> Iterator[Callable[[float], None]]:
-    """A bar while the block lasts; call what it gives with the amount that was done."""
+    """Show a bar during the block; call the yielded function with the amount of work done."""
     if not sys.stderr.isatty() or not total:
         yield lambda amount: None
         return
@@ -22,7 +22,7 @@ def progress(what: str, total: float) -> Iterator[Callable[[float], None]]:
 
 @contextlib.contextmanager
 def waiting(what: str) -> Iterator[None]:
-    """A spinner while the block lasts."""
+    """Show a spinner during the block."""
     if not sys.stderr.isatty():
         yield
         return

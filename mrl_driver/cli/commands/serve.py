@@ -1,4 +1,4 @@
-"""`mrl serve`: a robot's serial port on the network."""
+"""`mrl serve`: offer a robot's serial port on the network."""
 
 import contextlib
 

@@ -1,4 +1,4 @@
-"""`mrl set-id`: tell a board which robot it is."""
+"""`mrl set-id`: set a board's robot id."""
 
 from typing import TYPE_CHECKING
 
@@ -58,19 +58,19 @@ def save(driver: "Driver") -> None:
     """Write the board's parameters to its EEPROM.
 
     Raises:
-        BoardRefused: it could not.
-        BoardTimeout: it does not answer.
+        BoardRefused: the board could not save them.
+        BoardTimeout: the board does not answer.
     """
     if driver.ask(BY_NAME["save_config"].code, timeout_s=2.0) != (1,):
         raise BoardRefused("the board could not save its EEPROM; try again")
 
 
 def write_id(driver: "Driver", robot_id: int, model: "RobotModel") -> None:
-    """Write the id and the model's parameters, of which the firmware need not know, and save all.
+    """Write the id and the model's parameters (the firmware may not know this model), and save all.
 
     Raises:
-        BoardRefused: the board keeps no configuration, or did not take it.
-        BoardTimeout: it does not answer.
+        BoardRefused: the board keeps no configuration, or refused a value.
+        BoardTimeout: the board does not answer.
     """
     demand_config(driver)
     _write(driver, "robot_id", robot_id)
@@ -89,7 +89,11 @@ def _write(driver: "Driver", name: str, value: int) -> None:
 
 
 def _demand(driver: "Driver", name: str, value: int) -> None:
-    """A board that restarted before it saved has forgotten what it was told."""
+    """Check that the board has the value: it lost it if it restarted before saving.
+
+    Raises:
+        BoardRefused: the board has another value.
+    """
     index = PARAMETER_BY_NAME[name].number
     answer = driver.ask(BY_NAME["read_config"].code, index)
     if answer != (index, value):

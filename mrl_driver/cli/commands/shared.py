@@ -1,4 +1,4 @@
-"""What sub-commands share: the options that name a robot, a connected driver, JSON, confirmation."""
+"""Shared parts of the sub-commands: options that name a robot, a connected driver, JSON output, questions."""
 
 import contextlib
 import functools
@@ -44,10 +44,10 @@ yes_option = click.option("--yes", is_flag=True, help="Answer yes to every quest
 
 
 class Between(click.FloatRange):
-    """A number in a range; click's own takes NaN, which is on neither side of a limit."""
+    """A number in a range; click's own range accepts NaN, this one does not."""
 
     def convert(self, value: Any, param: Optional[click.Parameter], ctx: Optional[click.Context]) -> Any:
-        """The number; fails with the range."""
+        """Return the number; an error names the range."""
         number = super().convert(value, param, ctx)
         if math.isnan(number):
             self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)
@@ -55,18 +55,18 @@ class Between(click.FloatRange):
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C while a robot was connected; it was stopped."""
+    """Ctrl-C while a robot was connected; the robot was stopped."""
 
 
 def complete_port(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
-    """Ports for the shell."""
+    """Return the ports, for shell completion."""
     from mrl_driver.transport.link import ports
 
     return [port for port in ports() if port.startswith(incomplete)]
 
 
 def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
-    """Robots for the shell."""
+    """Return the robots, for shell completion."""
     try:
         known = [*named_robots.read(), *models.names(), "auto"]
     except ConfigError:
@@ -75,14 +75,14 @@ def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) 
 
 
 def complete_parameter(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
-    """Board parameters for the shell."""
+    """Return the board parameters, for shell completion."""
     from mrl_driver.protocol.table import PARAMETERS
 
     return [row.name for row in PARAMETERS if row.name.startswith(incomplete)]
 
 
 def robot_options(command: Callable[..., None]) -> Callable[..., None]:
-    """The options that name a robot; the command gets them as `target`."""
+    """Add the options that name a robot; the command gets them as `target`."""
 
     @click.option(
         "--port",
@@ -108,10 +108,10 @@ def robot_options(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def aim(port: Optional[str], robot: Optional[str], baud: Optional[int]) -> Target:
-    """The robot that the options mean; those before the sub-command come second, the environment last.
+    """Return the robot named by the options.  Options before the sub-command come second, the environment last.
 
     Raises:
-        ConfigError: the robot is unknown, or the baud rate out of range.
+        ConfigError: the robot is unknown, or the baud rate is out of range.
     """
     outer = click.get_current_context().find_root().params
     if baud is not None:
@@ -122,10 +122,10 @@ def aim(port: Optional[str], robot: Optional[str], baud: Optional[int]) -> Targe
 
 
 def demand_port(target: Target) -> str:
-    """The target's port.
+    """Return the target's port.
 
     Raises:
-        ConfigError: none was given; lists those there are.
+        ConfigError: no port was given; the error lists the existing ports.
     """
     if not target.port:
         from mrl_driver.transport.link import ports
@@ -139,13 +139,13 @@ def demand_port(target: Target) -> str:
 
 @contextlib.contextmanager
 def connected(target: Target, model: Optional["RobotModel"] = None, **options: Any) -> Iterator["Driver"]:
-    """A connected driver with these options.
+    """Connect a driver with these options for the block.
 
-    `model` replaces the target's.
+    `model` replaces the target's model.
 
     Raises:
-        Interrupted: Ctrl-C, once the robot was stopped.
-        OutputError: all else went well, and the recording lacks something.
+        Interrupted: the user pressed Ctrl-C; the robot was stopped.
+        OutputError: everything else succeeded, but the recording is incomplete.
     """
     from mrl_driver.driver import Driver, Options
 
@@ -168,8 +168,8 @@ def connected(target: Target, model: Optional["RobotModel"] = None, **options: A
 
 
 def tell_losses(driver: "Driver") -> None:
-    """Say in a line when the port goes away, when the robot is found again, when the line is slowed, and when the
-    wheels could not be followed.
+    """Print a line when the port goes away, when the robot is found again, when the line goes back to a lower speed,
+    and when the wheels could not be followed.
     """
 
     def tell(event: object) -> None:
@@ -180,18 +180,18 @@ def tell_losses(driver: "Driver") -> None:
 
 
 def warn(driver: "Driver") -> None:
-    """Say what a user should know about the board that answers."""
+    """Print the driver's warning about the board, if there is one."""
     if driver.warning:
         complain(f"warning: {driver.warning}")
 
 
 def complain(text: str) -> None:
-    """One line on stderr."""
+    """Print one line on stderr."""
     click.echo(f"mrl: {text}", err=True)
 
 
 def say_json(value: Any) -> None:
-    """Print JSON: no reading is null, and infinity, which JSON lacks, the string "inf"."""
+    """Print JSON: NaN becomes null, and infinity, which JSON does not have, the string "inf"."""
     click.echo(json.dumps(_plain(value)))
 
 
@@ -206,22 +206,22 @@ def _plain(value: Any) -> Any:
 
 
 def human(value: Any) -> str:
-    """A value of a table of facts as people read it."""
+    """Format a value for a table of facts."""
     if isinstance(value, (list, tuple)):
         return ", ".join(map(str, value)) or "none"
     return "unknown" if value is None else str(value)
 
 
 def full_screen() -> bool:
-    """Output goes to a terminal that can show a view, not only one line after the other."""
+    """Tell whether stdout is a terminal that can show a full-screen view."""
     return sys.stdout.isatty() and os.environ.get("TERM") not in ("dumb", "unknown")
 
 
 def agree(question: str, yes: bool, otherwise: str = "nothing was changed") -> None:
-    """Ask, unless `yes`; `otherwise` is said after a no.
+    """Ask, unless `yes`; `otherwise` is printed after a no.
 
     Raises:
-        ConfigError: there is nobody to ask.
+        ConfigError: stdin is not a terminal.
         click.Abort: the answer is no.
     """
     if yes:
@@ -242,7 +242,7 @@ def agree_to_move(question: str, yes: bool) -> None:
 
 
 def agree_to_replace(record: Optional[str], yes: bool) -> None:
-    """Ask before a recording replaces a file that holds something.
+    """Ask before a recording replaces a file that is not empty.
 
     Raises:
         ConfigError, click.Abort: as `agree`.

@@ -1,4 +1,4 @@
-"""`mrl system`: udev rule and systemd unit."""
+"""`mrl system`: udev rules and systemd unit."""
 
 import getpass
 import os

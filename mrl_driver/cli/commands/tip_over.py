@@ -1,4 +1,4 @@
-"""`mrl tip-over`: how far a vehicle is from tipping over, and how much it may accelerate."""
+"""`mrl tip-over`: tip-over margin of a vehicle, and its largest safe acceleration."""
 
 import math
 from typing import Optional

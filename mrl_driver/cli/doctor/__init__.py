@@ -1,1 +1,1 @@
-"""Is everything in order?  Checks of the computer, the port, the board and the robot, each with plain advice."""
+"""Checks of the computer, the port, the board and the robot, each with plain advice."""

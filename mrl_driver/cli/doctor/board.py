@@ -1,4 +1,4 @@
-"""Checks of a connected board: who it is, its supply, its faults, its link.  The robot stands still."""
+"""Checks of a connected board: identity, power supply, faults, link.  The robot stands still."""
 
 import math
 import time
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 WATCH_S = 1.0
 ROUND_TRIPS = 40
 SLOW_S = 0.05
-"""A round trip above this is slow: the wire takes 3 ms, a USB adapter up to 16 ms more."""
+"""A round trip above this is slow [s]: the wire takes 3 ms, a USB adapter up to 16 ms more."""
 LEAST_SHARE = 0.9
-"""Of the frames that the stream should bring."""
+"""Smallest acceptable share of the expected stream frames."""
 _NETWORK = "bring robot and access point closer together, or use a channel with less traffic"
 _PINS = {"front": "A0", "left": "A1", "right": "A2"}
 _ADVICE = {
@@ -36,20 +36,20 @@ _RESETS = {
 
 
 class Link(NamedTuple):
-    """What a watch of the link brought."""
+    """Measurements of the link."""
 
     rate_hz: float
-    """Frames of the stream."""
+    """Stream frames per second."""
     expected_hz: Optional[float]
-    """None where the board streams as fast as it can."""
+    """None if the board streams as fast as it can."""
     lost: int
     garbage: Dict[str, int]
     round_trips_s: List[float]
-    """Request to answer, ascending."""
+    """Times from request to answer, ascending."""
 
 
 def identity(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
-    """Who answers, and what its firmware can do."""
+    """Check the board's identity and the capabilities of its firmware."""
     if board.robot_id == 0:
         yield Finding(FAULT, "robot id", "is not set", _ADVICE["id_unset"])
     elif model is None or board.robot_id not in model.ids:
@@ -75,7 +75,7 @@ def identity(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
 
 
 def supply(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
-    """Battery and motor board."""
+    """Check battery and motor board."""
     text = f"{board.battery_v:.1f} V"
     if model is not None:
         levels = model.battery
@@ -101,7 +101,7 @@ def supply(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
 
 
 def health(status: Optional[Status]) -> Iterator[Finding]:
-    """The board's own faults, and why it last started."""
+    """Check the faults that the board reports, and the cause of its last start."""
     if status is None:
         return
     words = dict(FAULTS)
@@ -124,11 +124,11 @@ def health(status: Optional[Status]) -> Iterator[Finding]:
 
 
 def watch(driver: "Driver", seconds: float = WATCH_S, trips: int = ROUND_TRIPS) -> Link:
-    """Watch the stream, then time requests.
+    """Measure the stream, then the round trips of requests.
 
     Raises:
-        BoardTimeout: it stopped answering.
-        LinkLost: it went away.
+        BoardTimeout: the board stopped answering.
+        LinkLost: the port went away.
     """
     arrivals: List[float] = []
     before = driver.statistics
@@ -148,12 +148,12 @@ def watch(driver: "Driver", seconds: float = WATCH_S, trips: int = ROUND_TRIPS) 
 
 def _round_trip_s(driver: "Driver") -> float:
     start_s = time.perf_counter()
-    driver.ask(BY_NAME["get_stream"].code)  # 2013 boards answer get_debug with text as well
+    driver.ask(BY_NAME["get_stream"].code)  # to get_debug 2013 boards also send text
     return time.perf_counter() - start_s
 
 
 def link(seen: Link, by_network: bool = False) -> Iterator[Finding]:
-    """How well the bytes come through, by cable or network."""
+    """Check the quality of the link, by cable or network."""
     slow = seen.expected_hz is not None and seen.rate_hz < LEAST_SHARE * seen.expected_hz
     expected = f" of {seen.expected_hz:.0f}" if seen.expected_hz is not None else ""
     yield Finding(
@@ -189,7 +189,7 @@ def link(seen: Link, by_network: bool = False) -> Iterator[Finding]:
 
 
 def sonars(ranges: Dict[str, float], board: Board) -> Iterator[Finding]:
-    """What each sonar reads now."""
+    """Check the present reading of each sonar."""
     if board.version >= 2 and "sonars" not in board.capabilities:
         yield Finding(NOTE, "sonars", "none: this is the build for environment sensors")
         return
@@ -206,7 +206,7 @@ def sonars(ranges: Dict[str, float], board: Board) -> Iterator[Finding]:
 
 
 def refusals(counts: Dict[str, int]) -> Iterator[Finding]:
-    """What the board refused since it started; `noise` alone is usual when a port is opened."""
+    """Check what the board has refused since its start; `noise` alone is normal when a port is opened."""
     texts = {reason.name: reason.text.rstrip(".") for reason in REASONS}
     seen = {name: count for name, count in counts.items() if count and name != "noise"}
     if seen:
@@ -219,7 +219,7 @@ def refusals(counts: Dict[str, int]) -> Iterator[Finding]:
 
 
 def counters(driver: "Driver") -> Dict[str, int]:
-    """The board's own counters by reason; empty from 2013 boards."""
+    """Return the board's own counters by reason; empty with 2013 boards."""
     if driver.board.version < 2:
         return {}
     row = BY_NAME["read_counters"]

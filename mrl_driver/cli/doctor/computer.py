@@ -19,11 +19,11 @@ from mrl_driver.transport.port_search import Port
 from .findings import FAULT, NOTE, OK, WARNING, Finding
 
 IDLE_LATENCY_MS = 2
-"""An FTDI adapter holds bytes back for its latency timer, 16 ms unless told otherwise; above this it is noted."""
+"""An FTDI adapter delays bytes by its latency timer, 16 ms by default; a longer time than this gives a note."""
 
 
 def check(name: str, port: Port) -> Iterator[Finding]:
-    """All of them; `port` is what `name` leads to."""
+    """Run all checks; `port` is the port that `name` leads to."""
     yield from _permission(name)
     yield from _modem_manager(port)
     yield from _use(name)
@@ -63,7 +63,7 @@ def _permission(name: str) -> Iterator[Finding]:
 
 
 def groups_by_file() -> List[str]:
-    """Groups that the user is in by the system's files; the session's own may be older."""
+    """Return the user's groups by the system's files; those of the login session may be older."""
     try:
         user = getpass.getuser()
     except (KeyError, OSError):
@@ -72,7 +72,7 @@ def groups_by_file() -> List[str]:
 
 
 def _modem_manager(port: Port) -> Iterator[Finding]:
-    """ModemManager writes `AT` to new serial ports for some seconds, unless a udev rule keeps it away."""
+    """Check ModemManager: it writes `AT` to new serial ports for some seconds, unless a udev rule prevents that."""
     if port.vendor is None:
         return
     if not programs_named("ModemManager"):

@@ -1,4 +1,4 @@
-"""What a check found."""
+"""The result of a check."""
 
 from typing import Iterable, NamedTuple
 
@@ -11,15 +11,15 @@ class Finding(NamedTuple):
     level: str
     """`ok`, `note` (good to know), `warning` (works, but), or `fault` (does not work)."""
     subject: str
-    """What was looked at, in a word or two."""
+    """Subject of the check, in a word or two."""
     text: str
-    """What was found."""
+    """Text of the finding."""
     advice: str = ""
     """What to do about it."""
 
 
 def verdict(findings: Iterable[Finding]) -> str:
-    """All findings in one sentence."""
+    """Return a summary of all findings in one sentence."""
     levels = [finding.level for finding in findings]
     faults, warnings = levels.count(FAULT), levels.count(WARNING)
     if faults:

@@ -1,4 +1,4 @@
-"""What `mrl doctor` found as plain text, to paste into a bug report."""
+"""The results of `mrl doctor` as plain text, to paste into a bug report."""
 
 import datetime
 import platform
@@ -10,7 +10,7 @@ from .findings import Finding, verdict
 
 
 def text(findings: Sequence[Finding], facts: Mapping[str, Any], target: Target) -> str:
-    """The whole report, with the versions of what took part."""
+    """Return the whole report, with the versions of the software."""
     return "\n".join(_lines(findings, facts, target))
 
 

@@ -1,4 +1,4 @@
-"""Checks in which something moves: each wheel in turn, and a hand before each sonar."""
+"""Checks with motion: each wheel in turn, and a hand in front of each sonar."""
 
 import math
 import time
@@ -14,25 +14,25 @@ if TYPE_CHECKING:
 SIDES = ("right", "left")
 WHEEL_M_S, TURN_S, REST_S = 0.1, 1.5, 2.0
 LEAST_M, STRAY_SHARE = 0.02, 0.3
-"""A wheel has turned if it made this way; the other one has not, if it made less than this share of it."""
+"""A wheel has turned if it moved at least `LEAST_M` [m]; the other one may move by `STRAY_SHARE` of that distance."""
 NEARER_M, HAND_M = 0.2, 0.6
-"""A hand is before a sonar if it reads below this, and this much less than before [m]."""
+"""A hand is in front of a sonar if it reads below `HAND_M`, and at least `NEARER_M` less than before [m]."""
 _MOTORS = {"right": "motor and encoder 3", "left": "motor and encoder 1"}
 
 Ask = Callable[[str], bool]
 
 
 class Moved(NamedTuple):
-    """What a wheel that was to turn forward brought, on both counters [m]."""
+    """Movement by both counters after one wheel was commanded forward [m]."""
 
     right_m: float
     left_m: float
     cause: str
-    """Why the driver stopped the robot early; empty where it did not."""
+    """Why the driver stopped the robot early; empty if it did not."""
 
 
 def check(driver: "Driver", ask: Optional[Ask]) -> Iterator[Finding]:
-    """Turn each wheel forward for a moment; `ask` puts a question to the user, who sees the wheels."""
+    """Turn each wheel forward for a moment; `ask` asks the user, who sees the wheels."""
     if driver.battery_state in ("empty", "off"):
         yield Finding(FAULT, "wheels", f"not tried: the battery is {driver.battery_state}")
         return
@@ -78,7 +78,7 @@ def _counts(driver: "Driver") -> Wheels:
 
 
 def judge(side: str, moved: Moved) -> Finding:
-    """What the counters say of a wheel that was told to turn forward alone."""
+    """Return the finding for a wheel that was commanded forward alone, from the counters."""
     own, other = (moved.right_m, moved.left_m) if side == "right" else (moved.left_m, moved.right_m)
     words = f"{own * 1000:.0f} mm, the other wheel {other * 1000:.0f} mm"
     wheel = f"{side} wheel"
@@ -111,7 +111,7 @@ def judge(side: str, moved: Moved) -> Finding:
 def sonar_order(
     read: Callable[[], Mapping[str, float]], ask: Ask, patience_s: float = 15.0, tick_s: float = 0.05
 ) -> Iterator[Finding]:
-    """Have a hand held before each sonar in turn; `ask` tells the user so, False skips the sonar."""
+    """Ask the user (by `ask`) to hold a hand in front of each sonar in turn; the answer False skips the sonar."""
     for name in list(read()):
         if not ask(f"Hold a hand about 30 cm before the {name} sonar.  Ready?"):
             yield Finding(NOTE, f"sonar {name}", "order not tried")
@@ -130,7 +130,7 @@ def _await_hand(read: Callable[[], Mapping[str, float]], patience_s: float, tick
 
 
 def nearest(ranges: Mapping[str, float]) -> str:
-    """The one sonar with a hand before it; empty where none has, or several."""
+    """Return the sonar with a hand in front of it; empty if there is none, or if several are possible."""
     near: Dict[str, float] = {
         name: max(0.0, value) for name, value in ranges.items() if not math.isnan(value) and value < HAND_M
     }
