@@ -17,8 +17,8 @@ LONG_S = 600.0
 
 def work(folder):
     """Takes long; notes when it begins, and when it is ended."""
-    (folder / "begun").write_text(str(os.getpid()))
     try:
+        (folder / "begun").write_text(str(os.getpid()))
         time.sleep(LONG_S)
         (folder / "done").touch()
     finally:
