@@ -1,5 +1,6 @@
 """The driver's thread: it reads the port, sends what is due, searches a lost port, and stops the robot at the end."""
 
+import contextlib
 import math
 import threading
 import time
@@ -105,6 +106,8 @@ class Runner(Readout):
         now = time.monotonic()
         with self._lock:
             if self._closing:
+                with contextlib.suppress(BoardError):
+                    core.turn(data, now)  # what is recorded counts as well
                 return
             if self._broken is not None:
                 raise self._broken

@@ -63,6 +63,25 @@ def test_a_summary_counts_the_frames_that_the_driver_counted(serve, tmp_path):
     assert sum(found["frames"].values()) == robot.statistics.frames
 
 
+def test_a_summary_counts_what_was_read_while_the_driver_closed(serve, tmp_path, monkeypatch):
+    """The reading thread has a frame in hand when the driver is closed."""
+    path, close = str(tmp_path / "drive.mrl"), SerialLink.close
+    leaving, held, closed = threading.Event(), threading.Event(), threading.Event()
+    monkeypatch.setattr(SerialLink, "close", lambda link: (closed.set(), close(link)))
+
+    def hold(way, data):
+        if leaving.is_set() and way == FROM_BOARD and b"e" in data:
+            held.set()
+            assert closed.wait(PATIENCE_S)
+
+    robot = Driver(serve().path, options=Options(record=path, tap=hold))
+    robot.connect()
+    leaving.set()
+    wait_until(held.is_set)
+    robot.close()
+    assert sum(summarise(Recording(path))["frames"].values()) == robot.statistics.frames
+
+
 def test_remarks_tell_the_port_and_the_check_value(recorded):
     entries, board, _ = recorded
     remarks = [entry.data for entry in entries if entry.way == REMARK]
