@@ -5,11 +5,11 @@
 namespace mrl {
 
 constexpr uint8_t PROTOCOL_VERSION = 2;  // what read_protocol reports
-constexpr uint8_t MAX_ARGUMENTS = 14;  // of any frame, the check value included
+constexpr uint8_t MAX_ARGUMENTS = 14;  // of any frame, including the checksum
 constexpr uint8_t MAX_FRAME = 98;  // bytes from '@' to 'e'
 constexpr uint8_t MAX_NOISE = 64;  // bytes outside a frame that are counted as one run
 constexpr uint8_t MAX_CODE = 45;  // codes run from 1 to this
-constexpr uint8_t STOP_CODE = 13;  // accepted without a check value in every state
+constexpr uint8_t STOP_CODE = 13;  // accepted without a checksum in every state
 constexpr int16_t SONAR_INVALID = -1;  // no reading
 constexpr int16_t SONAR_NOTHING = 645;  // cm, nothing in range
 constexpr uint8_t REASON_COUNT = 11;

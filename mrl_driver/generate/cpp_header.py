@@ -59,11 +59,11 @@ def header() -> str:
 def _constants() -> List[str]:
     rows = (
         ("uint8_t", "PROTOCOL_VERSION", PROTOCOL_VERSION, "what read_protocol reports"),
-        ("uint8_t", "MAX_ARGUMENTS", MAX_ARGUMENTS, "of any frame, the check value included"),
+        ("uint8_t", "MAX_ARGUMENTS", MAX_ARGUMENTS, "of any frame, including the checksum"),
         ("uint8_t", "MAX_FRAME", MAX_FRAME, "bytes from '@' to 'e'"),
         ("uint8_t", "MAX_NOISE", MAX_NOISE, "bytes outside a frame that are counted as one run"),
         ("uint8_t", "MAX_CODE", max(row.code for row in COMMANDS), "codes run from 1 to this"),
-        ("uint8_t", "STOP_CODE", STOP_CODE, "accepted without a check value in every state"),
+        ("uint8_t", "STOP_CODE", STOP_CODE, "accepted without a checksum in every state"),
         ("int16_t", "SONAR_INVALID", SONAR_INVALID, "no reading"),
         ("int16_t", "SONAR_NOTHING", SONAR_NOTHING, "cm, nothing in range"),
         ("uint8_t", "REASON_COUNT", len(REASONS), ""),

@@ -142,13 +142,13 @@ _SONARS = tuple(
 _PERCENT = "Share of full speed; positive is forward."
 _MOTORS = (Field("motor_1", -100, 100, "%", "Left motor. " + _PERCENT),
            Field("motor_3", -100, 100, "%", "Right motor. " + _PERCENT))
-_PERIOD = (Field("period", 0, 10000, "ms", "Time between frames; absent or 0 is as fast as the wire."),)
+_PERIOD = (Field("period", 0, 10000, "ms", "Time between frames; absent or 0: as fast as the serial link allows."),)
 _ALCOHOL = Field("alcohol", 0, 1023, "count", "1023 minus the ADC count of the MQ303A.")
 _DUST = _count("dust", "Particles of 1 um and larger per litre, PPD42NS; larger values read 32767.")
 _HOTTEST = Field("hottest", 0, 255, "degC", "Hottest of the TPA81's eight pixels.")
 _LDR = Field("ldr", 0, 1023, "count", "ADC count of the light sensor.")
 _BEARING = Field("bearing", 0, 359, "deg", "Clockwise from north, CMPS10.")
-_CHECKED = _flag("checked", "1: every frame both ways carries a check value.")
+_CHECKED = _flag("checked", "1: every frame in both directions carries a checksum.")
 _INDEX = Field("index", 0, 18, "", "Row of the parameter table.")
 _VALUE = _int16("value", "", "The parameter's value in the unit of its row.")
 _ADDRESS = tuple(_int16(f"address_{i}", "", f"Bits {16 * i + 15} to {16 * i} of the XBee's 64-bit address.")
@@ -176,7 +176,7 @@ _OTHERS: Tuple[Command, ...] = (
         Field("prescaler", 0, 4, "", "Counts per 1, 10, 100, 1000 or 10000 pulses."))),
     Command(4, "preset_encoder", "Set one counter.", (
         Field("encoder", 1, 3, "", "Encoder of the motor board."), _int16("count", "count", "New value."))),
-    Command(5, "robot_info", "Who answers, and its battery.", (), (
+    Command(5, "robot_info", "Robot, firmware and battery.", (), (
         _int16("temperature", "0.01 degC", "Motor board's temperature."),
         _count("motor_board_version", "Motor board's firmware times 100."),
         Field("battery", 0, INT16_MAX, "0.01 V", "Battery voltage at the motor board."),
@@ -192,7 +192,7 @@ _OTHERS: Tuple[Command, ...] = (
     Command(12, "move_to_position", "Turn one motor to a count and hold it with torque.", (
         Field("motor", 1, 3, "", "Motor of the motor board."), Field("speed", -100, 100, "%", _PERCENT),
         _int16("position", "count", "Encoder count to reach."))),
-    Command(13, "stop", "Stop the motors at once; accepted without a check value in every state."),
+    Command(13, "stop", "Stop the motors at once; accepted without a checksum in every state."),
     Command(14, "reset_encoders", "Set all counters to 0."),
     Command(15, "get_debug", "Is free text printed?", (), (_flag("debug", "1: yes."),)),
     Command(16, "set_debug", "Print free text, or not.", (_flag("debug", "1: yes."),)),
@@ -208,28 +208,28 @@ _OTHERS: Tuple[Command, ...] = (
     Command(27, "start_compass_stream", "Repeat the compass bearing.", _PERIOD, (_BEARING,),
             optional=1, stamped=True, repeats=27),
     Command(28, "stop_compass_stream", "End the compass stream."),
-    Command(29, "read_protocol", "What this board can do.", (), (
+    Command(29, "read_protocol", "Protocol version and capabilities of the board.", (), (
         Field("protocol", 2, INT16_MAX, "", "Protocol version."),
         Field("capabilities", 0, INT16_MAX, "bits", "Sum of the rows of the capability table."))),
-    Command(30, "read_status", "How this board fares.", (), (
+    Command(30, "read_status", "State of the board: uptime, stops, faults.", (), (
         _count("uptime_high", "Time since reset in units of 32768 s."),
         Field("uptime", 0, INT16_MAX, "s", "Remainder of the time since reset."),
         Field("reset_cause", 0, 4, "", "Row of the reset cause table."),
         Field("stop_reason", 0, 6, "", "Row of the stop reason table: why motors stopped; none while they turn."),
         Field("faults", 0, INT16_MAX, "bits", "Sum of the rows of the fault table."),
-        _count("clamped", "Commands that asked for more than the speed ceiling."))),
-    Command(31, "read_counters", "How much was refused, by reason; each stays at 32767.", (), tuple(
+        _count("clamped", "Commands above the speed ceiling."))),
+    Command(31, "read_counters", "Number of refusals by reason; each counter stops at 32767.", (), tuple(
         _count(name, text) for name, text in (
             ("noise", "Runs of bytes outside a frame."), ("restarted", "Frames cut short by '@'."),
-            ("too_long", "Frames beyond the longest row."), ("not_integer", "Arguments that are no integer."),
+            ("too_long", "Frames beyond the longest row."), ("not_integer", "Arguments that are not integers."),
             ("beyond_int16", "Arguments outside -32768..32767."), ("unknown_command", "Codes without a row."),
             ("argument_count", "Frames with too few or too many arguments."),
             ("argument_range", "Arguments outside the row's range."),
-            ("bad_check", "Check value wrong or absent."),
+            ("bad_check", "Checksum wrong or absent."),
             ("unavailable", "Commands to hardware that does not answer."),
             ("overrun", "Bytes lost before they were read.")))),
-    Command(32, "set_check", "Turn the check value on or off, both ways.", (_CHECKED,), (_CHECKED,), guarded=True),
-    Command(33, "set_watchdog", "Stop the motors when no valid frame comes for so long.",
+    Command(32, "set_check", "Turn the checksum on or off in both directions.", (_CHECKED,), (_CHECKED,), guarded=True),
+    Command(33, "set_watchdog", "Stop the motors if no valid frame arrives for this long.",
             (Field("period", 0, 10000, "ms", "0 turns it off."),),
             (Field("period", 0, 10000, "ms", "The period in force."),), guarded=True),
     Command(34, "read_config", "Read one board parameter.", (_INDEX,), (_INDEX, _VALUE)),
@@ -240,18 +240,18 @@ _OTHERS: Tuple[Command, ...] = (
     Command(37, "default_config", "Set all parameters but the id to the model's defaults, kept when saved.", (),
             (_flag("done", "1: done."),), guarded=True),
     Command(38, "send_xbee", "Send a text by radio.", _ADDRESS + _TEXT, optional=7),
-    Command(39, "xbee_text", "A text that came by radio; sent by the board unasked.", (),
+    Command(39, "xbee_text", "A text received by radio; the board sends it without a request.", (),
             _ADDRESS + _TEXT, optional_reply=7),
-    Command(40, "discover_xbee", "Ask who is there; one reply for each node.", (),
+    Command(40, "discover_xbee", "Search for radio nodes; one reply for each node.", (),
             _ADDRESS + (_int16("network", "", "The node's 16-bit address."),)),
-    Command(43, "move_omni", "Move a robot with three wheels across, in any direction while it turns; clamped "
+    Command(43, "move_omni", "Move a robot with three omni wheels in any direction while it turns; clamped "
                              "to the board's ceiling.", (
-        Field("speed", 0, 100, "%", "Share of full speed; a wheel that would have to turn faster slows down all."),
+        Field("speed", 0, 100, "%", "Share of full speed; if a wheel would have to turn faster, all slow down."),
         Field("rotation", -100, 100, "%", "Share of full speed of all wheels, counter-clockwise."),
         Field("direction", 0, 359, "deg", "Of the translation, counter-clockwise from forward."))),
     Command(44, "start_omni_stream", "Repeat three counters and the sonars until stopped.", _PERIOD,
             _ENCODERS + (_REAR,) + _SONARS, optional=1, stamped=True, repeats=44),
-    Command(45, "set_baud", "Change the speed of the line, once the answer has left; it is 115200 again after 1 s "
+    Command(45, "set_baud", "Change the baud rate after the reply is sent; it returns to 115200 after 1 s "
                             "without a valid frame.", (_BAUD,), (_BAUD,), guarded=True),
 )
 COMMANDS: Tuple[Command, ...] = tuple(sorted(_OTHERS + tuple(row.command for row in SENSORS)))
@@ -270,14 +270,14 @@ CHECK = _int16("check", "", "CRC-16 (0x1021, 0xFFFF, unreflected) from '@' up to
 REASONS: Tuple[Reason, ...] = tuple(Reason(f.name, f.text) for f in BY_NAME["read_counters"].reply)
 
 CAPABILITIES: Tuple[Tuple[str, str], ...] = (
-    ("check", "Check value, sequence and board time (32)."),
+    ("check", "Checksum, sequence number and board time (32)."),
     ("watchdog", "Link watchdog (33)."),
     ("period", "Streams with a settable period (18)."),
     ("config", "EEPROM configuration (34 to 37)."),
     ("sonars", "Sonar build: 7, 8 and 18 have sonars."),
     ("environment", "Environment-sensor build: 20 to 28 have sensors."),
     ("xbee", "Radio build (38 to 40)."),
-    ("omni", "Three wheels across (43, 44)."),
+    ("omni", "Three omni wheels (43, 44)."),
     ("baud", "Faster serial line (45)."),
 )
 FAULTS: Tuple[Tuple[str, str], ...] = (
@@ -303,13 +303,13 @@ PARAMETERS: Tuple[Parameter, ...] = (
     Parameter(9, "ramp_gain", 0, INT16_MAX, "", "Take-off gain of the ramp."),
     Parameter(10, "linear_ceiling", 1, INT16_MAX, "mm/s", "Larger forward speeds are clamped to this."),
     Parameter(11, "angular_ceiling", 1, INT16_MAX, "mrad/s", "Larger yaw rates are clamped to this."),
-    Parameter(12, "motor_timeout", 1, 255, "100 ms", "The motor board stops after so long without I2C traffic."),
+    Parameter(12, "motor_timeout", 1, 255, "100 ms", "The motor board stops after this time without I2C traffic."),
     Parameter(13, "sonar_a", 1, INT16_MAX, "1e-4", "Factor a of range_cm = a s^b + c."),
     Parameter(14, "sonar_b", 1, 20000, "1e-4", "Exponent b."),
     Parameter(15, "sonar_c", INT16_MIN, INT16_MAX, "1e-4 cm", "Offset c."),
     Parameter(16, "bus_speed", 100, 400, "kHz", "I2C clock towards the motor board."),
     Parameter(17, "bus_stop", 0, 1, "", "1: stop and start between the register and the read, for old motor boards."),
-    Parameter(18, "full_speed", 1, 1000, "1/min", "Turns of a wheel at 100 %, by which the ceilings hold for 43."),
+    Parameter(18, "full_speed", 1, 1000, "1/min", "Turns of a wheel at 100 %; applies the ceilings to 43."),
 )
 PARAMETER_BY_NAME: Dict[str, Parameter] = {row.name: row for row in PARAMETERS}
 

@@ -196,7 +196,7 @@ def test_the_build_for_environment_sensors_has_no_sonars():
 
 def test_noise_alone_is_usual():
     assert list(board.refusals({"noise": 4, "bad_check": 0})) == []
-    assert "2 x check value wrong" in next(board.refusals({"noise": 4, "bad_check": 2})).text
+    assert "2 x checksum wrong" in next(board.refusals({"noise": 4, "bad_check": 2})).text
 
 
 @pytest.mark.parametrize(

@@ -29,28 +29,21 @@ PHRASES = {
 }
 """Regular expressions of whole words, and the words to use instead."""
 NOT_YET = (
-    "firmware/PROTOCOL.md",
     "mrl_driver/calibration/",
     "mrl_driver/cli/",
     "mrl_driver/driver/",
     "mrl_driver/errors.py",
     "mrl_driver/figures.py",
-    "mrl_driver/generate/",
     "mrl_driver/host/",
-    "mrl_driver/navigation/",
-    "mrl_driver/protocol/",
     "mrl_driver/recording/",
     "mrl_driver/robot/",
-    "mrl_driver/terminal/",
     "mrl_driver/transport/",
     "sim_arduino/board/",
     "sim_arduino/experiments/",
     "sim_arduino/faults/",
     "sim_arduino/hardware/",
     "sim_arduino/replay/",
-    "sim_arduino/serve/",
     "sim_arduino/view/",
-    "sim_arduino/world/",
 )
 """Files and folders that are not rewritten yet; remove each when it is."""
 
