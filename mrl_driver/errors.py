@@ -1,22 +1,22 @@
-"""Every error the project raises on purpose.
+"""All errors that the project raises on purpose.
 
     MrlError                    exit code 1
     +-- ConfigError             2   a parameter, option or YAML value is missing, misspelt or out of range
     +-- LinkError               3   the serial port
     |   +-- PortMissing         3   no such port, or it is not a serial port
     |   +-- PortDenied          4   no permission
-    |   +-- PortBusy            5   another program has it
-    |   +-- LinkLost            6   it was there and went away
-    +-- BoardError              7   what answers, or does not, on the port
+    |   +-- PortBusy            5   another program uses it
+    |   +-- LinkLost            6   the port was open and went away
+    +-- BoardError              7   the board
     |   +-- NotARobot           7   nothing, or something else, answers (also a TimeoutError)
     |   +-- WrongRobot          8   a robot answers, but not the configured one
     |   +-- BatteryDead         9   the motors have no power, or too little to start
     |   +-- BoardTimeout       10   a known board did not answer in time (also a TimeoutError)
-    |   +-- BoardRefused       11   the board said no
-    |   +-- WheelFault         14   a wheel does not do what it was told
-    +-- FrameError             12   this program asked for a frame that the table forbids (also a ValueError)
+    |   +-- BoardRefused       11   the board refused a request
+    |   +-- WheelFault         14   a wheel does not follow its command
+    +-- FrameError             12   the command table does not allow this frame (also a ValueError)
     +-- SimulatorError         13   the emulator cannot be built or started
-    +-- OutputError            15   what was to be printed or kept in a file cannot be written
+    +-- OutputError            15   output cannot be printed or written to a file
 
 Each message is one line: what was got, what was expected, what to do.  The command line prints it and
 exits with `exit_code`; libraries only raise.
@@ -24,7 +24,7 @@ exits with `exit_code`; libraries only raise.
 
 
 class MrlError(Exception):
-    """Base of all errors; `exit_code` is what the command line exits with."""
+    """Base of all errors; `exit_code` is the exit code of the command line."""
 
     exit_code = 1
 
@@ -42,7 +42,7 @@ class LinkError(MrlError):
 
 
 class PortMissing(LinkError):
-    """The port does not exist, or is no serial port."""
+    """The port does not exist, or is not a serial port."""
 
 
 class PortDenied(LinkError):
@@ -64,7 +64,7 @@ class LinkLost(LinkError):
 
 
 class BoardError(MrlError):
-    """What answers on the port, or does not, is not what was asked for."""
+    """The expected board does not answer, or cannot be used."""
 
     exit_code = 7
 
@@ -92,19 +92,19 @@ class BoardTimeout(BoardError, TimeoutError):
 
 
 class BoardRefused(BoardError):
-    """The board answered that it will not."""
+    """The board refused a request."""
 
     exit_code = 11
 
 
 class WheelFault(BoardError):
-    """A wheel does not do what it was told: encoder, wiring, power, or something in its way."""
+    """A wheel does not follow its command, because of its encoder, wiring, power, or an obstacle."""
 
     exit_code = 14
 
 
 class FrameError(MrlError, ValueError):
-    """A frame was to be sent that the command table forbids."""
+    """The command table does not allow the frame that this program wanted to send."""
 
     exit_code = 12
 
@@ -116,6 +116,6 @@ class SimulatorError(MrlError):
 
 
 class OutputError(MrlError):
-    """What was to be printed or kept in a file cannot be written."""
+    """Output cannot be printed or written to a file."""
 
     exit_code = 15

@@ -1,4 +1,4 @@
-"""What all pictures share: colours, kinds of files, and matplotlib, which is an extra of the package."""
+"""Shared parts of all figures: colours, file formats, and matplotlib, which is an extra of the package."""
 
 import io
 import os
@@ -9,17 +9,17 @@ from .errors import ConfigError
 from .files import replace_file
 
 BLUE, ORANGE, GREEN, PINK, SKY, GREY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#999999"
-"""Okabe and Ito's colours, told apart by everybody; lines differ in dashes too, for print."""
+"""Okabe and Ito's colours, which colour-blind readers can tell apart.  Lines also differ in their dashes, for print."""
 ENDINGS = (".png", ".pdf", ".svg")
 
 
 def demand_matplotlib(what: str = "--plot") -> None:
-    """Refuse early what cannot be drawn at the end.
+    """Check at the start that figures can be drawn at the end.
 
     Raises:
-        ConfigError: there is no matplotlib.
+        ConfigError: matplotlib is not installed.
     """
-    # a newer matplotlib beside Debian's three-dimensional half warns of that, which draws nothing here
+    # a newer matplotlib beside Debian's mplot3d package warns about it; nothing here uses mplot3d
     warnings.filterwarnings("ignore", "Unable to import Axes3D")
     try:
         import matplotlib  # noqa: F401 - looked for, not used
@@ -30,10 +30,10 @@ def demand_matplotlib(what: str = "--plot") -> None:
 
 
 def demand(path: str, what: str = "--plot") -> None:
-    """Refuse early what cannot be drawn to `path` at the end.
+    """Check at the start that a figure can be drawn to `path` at the end.
 
     Raises:
-        ConfigError: no matplotlib, another ending, or a folder that cannot be written.
+        ConfigError: matplotlib is not installed, the file's ending is unknown, or the folder cannot be written.
     """
     if os.path.splitext(path)[1].lower() not in ENDINGS:
         raise ConfigError(f"{what} {path}: expected a file that ends in {', '.join(ENDINGS)}")
@@ -44,7 +44,7 @@ def demand(path: str, what: str = "--plot") -> None:
 
 
 def figure(width_in: float, height_in: float) -> Any:
-    """An empty figure that needs no screen."""
+    """Return an empty figure that does not need a screen."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -54,10 +54,10 @@ def figure(width_in: float, height_in: float) -> Any:
 
 
 def save(figure: Any, path: str, dpi: int = 150) -> None:
-    """Write a figure to a file of one of `ENDINGS`, whole or not at all.
+    """Write a figure to a file with one of `ENDINGS`, completely or not at all.
 
     Raises:
-        OutputError: it cannot be written; a picture that was there stays.
+        OutputError: the file cannot be written; an existing file stays as it was.
     """
     drawn = io.BytesIO()
     figure.savefig(drawn, dpi=dpi, format=os.path.splitext(path)[1][1:].lower())

@@ -1,4 +1,4 @@
-"""Files that are replaced whole or not at all: a full disk leaves the old one as it was."""
+"""Replacing files completely or not at all: a full disk leaves the old file as it was."""
 
 import contextlib
 import os
@@ -9,10 +9,10 @@ from .errors import OutputError
 
 
 def replace_file(path: str, content: Union[str, bytes]) -> None:
-    """Write a file, or leave the old one; a link stays a link, and permissions stay as they are.
+    """Write a file completely, or leave the old one.  A symbolic link stays a link; permissions do not change.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: the file cannot be written.
     """
     target = os.path.realpath(path)
     temporary = f"{target}.{os.getpid()}.new"

@@ -1,10 +1,10 @@
-"""The user's folders of mrl-driver, as the XDG base directory rules place them."""
+"""The user's folders of mrl-driver, by the XDG base directory specification."""
 
 import os
 
 
 def config() -> str:
-    """For names of robots and robot models: `~/.config/mrl-driver` unless XDG_CONFIG_HOME says otherwise."""
+    """Return the folder for names of robots and robot models: `~/.config/mrl-driver`, or below XDG_CONFIG_HOME."""
     return _folder("XDG_CONFIG_HOME", "~/.config")
 
 
@@ -14,6 +14,6 @@ def cache() -> str:
 
 
 def _folder(variable: str, usual: str) -> str:
-    """By the rules a relative path is ignored."""
+    """Return the folder below an XDG variable; the specification ignores a relative path."""
     base = os.environ.get(variable, "")
     return os.path.join(base if os.path.isabs(base) else os.path.expanduser(usual), "mrl-driver")

@@ -1,4 +1,4 @@
-"""Modules that have moved, under the names that programs written for earlier versions import.
+"""Old names of moved modules, for programs written for earlier versions.
 
 Each package passes its table to `keep`; `import old.name` then gives the module at its new place.
 """
@@ -13,7 +13,7 @@ from typing import Dict, Optional, Sequence
 
 
 class _OldNames(MetaPathFinder, Loader):
-    """Finds modules by their old names; asked first, as a folder of an earlier checkout may be left."""
+    """Finds modules by their old names.  It comes first, because a folder of an earlier checkout may be left over."""
 
     def __init__(self, moved: Dict[str, str]) -> None:
         self._moved = moved
@@ -21,14 +21,14 @@ class _OldNames(MetaPathFinder, Loader):
     def find_spec(
         self, fullname: str, path: Optional[Sequence[str]] = None, target: Optional[ModuleType] = None
     ) -> Optional[ModuleSpec]:
-        """A spec for an old name, None for any other."""
+        """Return a spec for an old name; None for any other."""
         return spec_from_loader(fullname, self) if fullname in self._moved else None
 
     def exec_module(self, module: ModuleType) -> None:
-        """Puts the module at its new place under the old name."""
+        """Make the old name refer to the module at its new place."""
         sys.modules[module.__name__] = importlib.import_module(self._moved[module.__name__])
 
 
 def keep(moved: Dict[str, str]) -> None:
-    """Makes each old name (key) import the module at its new place (value)."""
+    """Make each old name (key) import the module at its new place (value)."""
     sys.meta_path.insert(0, _OldNames(moved))

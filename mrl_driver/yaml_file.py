@@ -1,4 +1,4 @@
-"""YAML files that people write: whatever is wrong with one is a line with the file and, where known, the line."""
+"""YAML files that users write: each fault is an error in one line, with the file and, if known, the line number."""
 
 from functools import lru_cache
 from typing import Any
@@ -7,14 +7,14 @@ from .errors import ConfigError
 
 _DEEPEST = 10
 _LONGEST_BITS = 2048
-"""Python refuses to print the longest numbers."""
+"""Longest number accepted [bit]; Python refuses to print very long ones."""
 
 
 def read_expected(path: str, expected: str) -> Any:
-    """As `read`, for a file that must be there and hold what is `expected`.
+    """As `read`, for a file that must exist; `expected` describes it in the error.
 
     Raises:
-        ConfigError: as `read`, or it cannot be opened.
+        ConfigError: as `read`, or the file cannot be opened.
     """
     try:
         return read(path)
@@ -23,15 +23,15 @@ def read_expected(path: str, expected: str) -> Any:
 
 
 def read(path: str) -> Any:
-    """What a YAML file holds.
+    """Return the content of a YAML file.
 
     Raises:
-        OSError: it cannot be opened.
-        ConfigError: it is not YAML, a value does not fit its tag, a key stands twice in one mapping, or something is
-            nested more than 10 deep.
+        OSError: the file cannot be opened.
+        ConfigError: it is not YAML, a value does not fit its tag, a mapping has a key twice, or the nesting is deeper
+            than 10.
     """
     with open(path, encoding="utf-8") as file:
-        import yaml  # late: most users have no such file, and it takes a tenth of a short command's time
+        import yaml  # late: most users have no such file, and the import takes a tenth of a short command's time
 
         try:
             text = file.read()
@@ -41,12 +41,12 @@ def read(path: str) -> Any:
             mark = error.problem_mark or error.context_mark
             where = f"line {mark.line + 1}: " if mark else ""
             raise ConfigError(f"{path}: {where}no YAML: {error.problem or error.context}") from None
-        except (yaml.YAMLError, ValueError) as error:  # ValueError: no text
+        except (yaml.YAMLError, ValueError) as error:  # ValueError: not text
             raise ConfigError(f"{path}: no YAML: {' '.join(str(error).split())}") from None
 
 
 def _check_depth(path: str, text: str) -> None:
-    """Loaders recurse: thousands of brackets would end them, and libyaml's with the whole program."""
+    """Check the depth first, because loaders recurse: thousands of brackets would crash them, or the whole program."""
     import yaml
 
     depth = 0
@@ -60,7 +60,7 @@ def _check_depth(path: str, text: str) -> None:
 
 @lru_cache(maxsize=None)
 def _loader() -> Any:
-    """A safe loader that names the line of each fault; libyaml's where it is there, which is ten times as fast."""
+    """Return a safe loader that names the line of each fault; uses libyaml if present, which is ten times as fast."""
     import yaml
 
     base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -93,6 +93,6 @@ def _loader() -> Any:
 
 
 def short(value: Any) -> str:
-    """A value for a message, at most 80 characters."""
+    """Return a value as text for a message, at most 80 characters."""
     text = repr(value)
     return text if len(text) <= 80 else f"{text[:77]}..."

@@ -156,7 +156,7 @@ class WheelWatch:
         self.reset()
 
     def reset(self) -> None:
-        """The robot was stopped: begin anew."""
+        """The robot was stopped: start again."""
         self._right, self._left = _Wheel(*self._make), _Wheel(*self._make)
         self._time_s = -math.inf
         self._next_s = -math.inf
@@ -198,7 +198,7 @@ class OmniWheelWatch(WheelWatch):
         super().__init__(drive, acceleration_m_s2, latency_s)
 
     def reset(self) -> None:
-        """The robot was stopped: begin anew."""
+        """The robot was stopped: start again."""
         super().reset()
         self._three = tuple(_Wheel(*self._make) for _ in range(3))
         self._travel = OmniWheels(0, 0, 0)
