@@ -1,4 +1,5 @@
-"""Finding a robot's own numbers: wheels, axle, slip, sonar curve, motor gains, wiring.
+"""Measures the parameters of a robot: wheels, axle, slip, sonar curve, motor gains, wiring.
 
-Everything but `driving`, `measure` and `store` is pure: counts, metres and seconds in, numbers out.
+Most modules are pure: counts, metres and seconds in, numbers out.  `manoeuvres` and `parts` drive the robot, `eeprom`
+writes to the board, and `files`, `from_recording`, `ground_truth` and `plots` use files.
 """

@@ -1,4 +1,4 @@
-"""Parameters of the board: read, tried, written to its EEPROM."""
+"""Reads, sets and saves the parameters of the board."""
 
 from typing import Dict, Mapping, Protocol, Tuple
 
@@ -10,7 +10,7 @@ _READ, _WRITE, _SAVE = (BY_NAME[name].code for name in ("read_config", "write_co
 
 
 class Configurable(Protocol):
-    """What is needed of a driver."""
+    """The part of a driver that this module needs."""
 
     @property
     def board(self) -> Board: ...  # noqa: D102
@@ -18,7 +18,7 @@ class Configurable(Protocol):
 
 
 def can_configure(robot: Configurable) -> bool:
-    """The board keeps a configuration; those of 2013 do not."""
+    """Whether the board stores a configuration; boards of 2013 do not."""
     return "config" in robot.board.capabilities
 
 
@@ -26,17 +26,17 @@ def read(robot: Configurable, *names: str) -> Dict[str, int]:
     """Parameters in force, in units of the table.
 
     Raises:
-        BoardTimeout: no answer.
+        BoardTimeout: the board does not reply.
     """
     return {name: robot.ask(_READ, PARAMETER_BY_NAME[name].number)[1] for name in names}
 
 
 def write(robot: Configurable, values: Mapping[str, int]) -> None:
-    """Put parameters in force, until the board restarts.
+    """Set parameters until the board restarts.
 
     Raises:
-        BoardRefused: the board keeps no configuration, or did not take one.
-        BoardTimeout: no answer.
+        BoardRefused: the board stores no configuration, or did not accept a value.
+        BoardTimeout: the board does not reply.
     """
     if not can_configure(robot):
         raise BoardRefused(
@@ -49,11 +49,11 @@ def write(robot: Configurable, values: Mapping[str, int]) -> None:
 
 
 def save(robot: Configurable) -> None:
-    """Keep the parameters in force in the EEPROM.
+    """Save the parameters in force to the EEPROM.
 
     Raises:
-        BoardRefused: it could not.
-        BoardTimeout: no answer.
+        BoardRefused: the board could not save them.
+        BoardTimeout: the board does not reply.
     """
     if robot.ask(_SAVE, timeout_s=2.0) != (1,):
         raise BoardRefused("the board could not save its EEPROM; try again")

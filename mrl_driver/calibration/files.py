@@ -1,6 +1,6 @@
-"""What a calibration leaves behind: the robot's YAML, and beside it the runs so far, so that it can be resumed.
+"""The files of a calibration: the robot's YAML, and the runs so far, so that a calibration can be resumed.
 
-Files are replaced whole or not at all, and an older YAML is kept beside the new one.
+Files are replaced atomically, and the old YAML is kept beside the new one.
 """
 
 import datetime
@@ -24,12 +24,12 @@ Key = Tuple[str, str]
 
 
 class Progress:
-    """Runs that were driven and measured, by procedure, in a JSON file.
+    """Measured runs by procedure, in a JSON file.
 
-    `settings` of a procedure say how its runs were driven; with other settings they do not count.
+    The `settings` of a procedure describe how its runs were driven; runs with other settings are refused.
 
     Raises:
-        ConfigError: the file is there and damaged, or another robot's.
+        ConfigError: the file is damaged, or belongs to another robot.
     """
 
     def __init__(self, path: str, robot: str) -> None:
@@ -39,10 +39,10 @@ class Progress:
             self._data = _read_state(path, robot)
 
     def runs(self, procedure: str, settings: Mapping[str, Any]) -> List[Run]:
-        """Those that wait to be evaluated.
+        """The runs of a procedure that are not evaluated yet.
 
         Raises:
-            ConfigError: they were driven with other settings, or the file is damaged.
+            ConfigError: the runs were driven with other settings, or the file is damaged.
         """
         found = self._data["procedures"].get(procedure)
         if not found or found.get("done"):
@@ -55,12 +55,12 @@ class Progress:
         return [from_json(each) for each in found["runs"]]
 
     def other_runs(self, procedure: str) -> List[Run]:
-        """Those of all other procedures, evaluated or not."""
+        """The runs of all other procedures, evaluated or not."""
         others = (found for name, found in self._data["procedures"].items() if name != procedure)
         return [from_json(each) for found in others for each in found["runs"]]
 
     def add(self, procedure: str, settings: Mapping[str, Any], run: Run) -> None:
-        """One more; it is on the disk when this returns."""
+        """Add a run; it is on the disk when this returns."""
         found = self._data["procedures"].get(procedure)
         if not found or found.get("done"):
             found = self._data["procedures"][procedure] = {"settings": dict(settings), "runs": []}
@@ -68,17 +68,17 @@ class Progress:
         self._write()
 
     def replace(self, procedure: str, number: int, run: Run) -> None:
-        """Run `number`, from 0 on, was driven again."""
+        """Replace run `number` (from 0), which was driven again."""
         self._data["procedures"][procedure]["runs"][number] = as_json(run)
         self._write()
 
     def forget(self, procedure: str) -> None:
-        """Begin anew."""
+        """Delete the runs of a procedure."""
         if self._data["procedures"].pop(procedure, None) is not None:
             self._write()
 
     def finish(self, procedure: str) -> None:
-        """The runs are evaluated: the next ones begin anew."""
+        """Mark the runs as evaluated; the next run starts a new list."""
         if procedure in self._data["procedures"]:
             self._data["procedures"][procedure]["done"] = True
             self._write()
@@ -108,10 +108,10 @@ def _spelt(settings: Any) -> str:
 
 
 def demand_writable(path: str) -> None:
-    """Refuse early what cannot be written at the end.
+    """Check before the drive that the result can be written.
 
     Raises:
-        ConfigError: the name does not end in .yaml, or the folder is not there or closed.
+        ConfigError: the name does not end in .yaml, or the folder is missing or not writable.
     """
     folder = os.path.dirname(path) or "."
     if not path.endswith((".yaml", ".yml")):
@@ -121,18 +121,19 @@ def demand_writable(path: str) -> None:
 
 
 def write_model(source: str, output: str, values: Mapping[Key, float], note: str) -> str:
-    """Write the model file `source` with other numbers to `output`; comments stay.
+    """Write the model file `source` with new numbers to `output`; comments stay.
 
     Args:
         source: path of a model's YAML.
+        output: path of the file to write.
         values: the new numbers.
-        note: said behind each of them, with the date.
+        note: comment after each new number, with the date.
 
     Returns:
-        Path of the file that keeps what `output` was before, or "" where it was not there.
+        Path of the backup of `output`, or "" if `output` did not exist.
 
     Raises:
-        ConfigError: a file cannot be read, or what would be written is not a model.
+        ConfigError: a file cannot be read, or the result is not a model.
         OutputError: a file cannot be written.
     """
     text = _text_of(source)
@@ -146,7 +147,7 @@ def write_model(source: str, output: str, values: Mapping[Key, float], note: str
 
 
 def source_of(model_name: str) -> str:
-    """Path of the YAML that a model's name, or a path, means."""
+    """Path of the YAML file for a model's name or path."""
     if model_name.endswith((".yaml", ".yml")):
         return model_name
     own = os.path.join(models.own_folder(), f"{model_name}.yaml")
@@ -168,7 +169,7 @@ def _spelling(value: float) -> str:
 
 
 def _with_number(text: str, key: Key, value: float, said: str) -> str:
-    """The text with one number changed, or added at the end of its section, or with its section."""
+    """The text with one number changed, or added at the end of its section, or added with a new section."""
     section, name = key
     line = f"  {name}: {_spelling(value)}"
     start = re.search(rf"^{section}:[ \t]*(#.*)?$", text, re.MULTILINE)
@@ -184,7 +185,7 @@ def _with_number(text: str, key: Key, value: float, said: str) -> str:
 
 
 def _demand_model(text: str, source: str, values: Mapping[Key, float]) -> None:
-    """Refuse a text that is no model, or does not hold the numbers."""
+    """Refuse a text that is not a model, or does not hold the new numbers."""
     try:
         model = models.parse(yaml.safe_load(text), source)
     except yaml.YAMLError:
@@ -205,7 +206,7 @@ def _look_up(model: RobotModel, section: str, name: str) -> float:
 
 
 def _keep(path: str) -> str:
-    """Keep what is there under another name; that name."""
+    """Copy an existing file to a backup; returns the backup's name, or "" without a file."""
     if not os.path.exists(path):
         return ""
     number = 1

@@ -1,6 +1,6 @@
-"""Geometry and noise that explain where runs ended: weighted least squares over the counts themselves.
+"""Fits geometry and noise to the measured ends of runs, by weighted least squares over the counts.
 
-UMBmark's closed form holds for small errors on a perfect square; this starts there and holds for any run.
+UMBmark's closed form is valid for small errors on a perfect square.  This fit starts from it and is valid for any run.
 """
 
 from typing import Callable, List, NamedTuple, Sequence, Tuple
@@ -15,30 +15,30 @@ from .trial import Run, errors, length_m, path, spread, unit_spreads
 STEPS, ENOUGH = 20, 1e-10
 LEAST_RUNS_FOR_NOISE = 6
 OUTLIER = 6.0
-"""A run this many times as far off as is usual among the others was not measured right."""
+"""A run whose error is more than this many times the median of the others was measured wrongly."""
 
 SCALE, OFFSET, SLIP, AXLE = "metres_per_count", "wheel_offset", "turn_slip", "wheel_separation_m"
 _DELTA = 1e-6
 
 
 class Measured(NamedTuple):
-    """How well ends are measured, as standard deviations."""
+    """Accuracy of measured ends, as standard deviations."""
 
     position_m: float
     heading_rad: float
 
     @property
     def variances(self) -> Tuple[float, float, float]:
-        """Of x, y and heading."""
+        """Variances of x, y and heading."""
         return self.position_m**2, self.position_m**2, self.heading_rad**2
 
 
 BY_TAPE, BY_TRUTH = Measured(0.002, 0.01), Measured(2e-4, 1e-3)
-"""People reach 2 mm and half a degree; of emulated robots the counts' own rounding is left."""
+"""A person measures to 2 mm and half a degree; with emulated robots only the rounding of the counts is left."""
 
 
 class Fit(NamedTuple):
-    """`drive` explains the runs; `errors` (R, 3) is what it leaves, `deviations` the doubt of each free number."""
+    """The fitted `drive`, the remaining `errors` (R, 3), and the standard deviation of each free number."""
 
     drive: Drive
     errors: np.ndarray
@@ -48,14 +48,17 @@ class Fit(NamedTuple):
 def fit(
     runs: Sequence[Run], start: Drive, free: Sequence[str], noise: Noise, measured: Measured = BY_TAPE
 ) -> Fit:
-    """The drive whose `free` numbers explain best where the runs ended.
+    """The drive whose `free` numbers fit best to the ends of the runs.
 
     Args:
-        start: taken for what is not free, and as a first guess.
-        noise: how runs are weighted; its size does not matter, its shape does.
+        runs: measured runs.
+        start: first guess, and the values of numbers that are not free.
+        free: names of the numbers to fit.
+        noise: weights of the runs; only the ratio of its values matters.
+        measured: accuracy of the ends.
 
     Raises:
-        ConfigError: the runs do not tell these numbers.
+        ConfigError: the runs do not determine these numbers.
     """
     drive, runs = start, list(runs)
     roots = [_root(run, spread(start, run.steps, noise) + np.diag(measured.variances)) for run in runs]
@@ -77,7 +80,7 @@ def fit(
 
 
 def _moved(drive: Drive, free: Sequence[str], step: Sequence[float]) -> Drive:
-    """The drive with steps that are relative for lengths, absolute for shares."""
+    """The drive after a step; steps are relative for lengths and absolute for shares."""
     values = drive._asdict()
     for name, part in zip(free, step):
         values[name] = float(values[name] * (1 + part) if name in (SCALE, AXLE) else values[name] + part)
@@ -91,7 +94,7 @@ def _slope(drive: Drive, name: str, runs: List[Run], roots: List[np.ndarray]) ->
 
 
 def _root(run: Run, cover: np.ndarray) -> np.ndarray:
-    """What makes a run's measured errors, of covariance `cover`, uncorrelated and of unit size (K, 3)."""
+    """Matrix (K, 3) that makes the measured errors of a run, with covariance `cover`, uncorrelated and of unit size."""
     known = np.isfinite(run.end)
     picked = np.eye(3)[known]
     if not known.any():
@@ -105,7 +108,7 @@ def _weighted(roots: List[np.ndarray], found: np.ndarray) -> np.ndarray:
 
 
 def outlier(runs: Sequence[Run], fitted: Fit) -> int:
-    """Index of a run that the others gainsay, or -1."""
+    """Index of a run that contradicts the others, or -1."""
     if len(runs) < 4:
         return -1
     ways = np.array([length_m(fitted.drive, run) for run in runs])
@@ -116,13 +119,16 @@ def outlier(runs: Sequence[Run], fitted: Fit) -> int:
 
 
 def estimate_noise(runs: Sequence[Run], fitted: Fit, free: int, measured: Measured = BY_TAPE) -> Noise:
-    """The noise that makes what the fit has left most likely.
+    """The noise that makes the remaining errors of the fit most likely.
 
     Args:
-        free: how many numbers were fitted: they have taken their share of the errors.
+        runs: the fitted runs.
+        fitted: result of the fit.
+        free: count of fitted numbers, which have absorbed a part of the errors.
+        measured: accuracy of the ends.
 
     Raises:
-        ConfigError: too few runs.
+        ConfigError: there are too few runs.
     """
     if len(runs) < LEAST_RUNS_FOR_NOISE:
         raise ConfigError(
@@ -144,11 +150,11 @@ def estimate_noise(runs: Sequence[Run], fitted: Fit, free: int, measured: Measur
 
 _UNKNOWN = 1e6
 _LEAST, _MOST = -6.0, -1.0
-"""Powers of ten: no robot is believed to err less than 1 mm over 1 m."""
+"""Range of the search as powers of ten; the lower end is an error of 1 mm over 1 m."""
 
 
 def _lowest(height: Callable[[float, float], float]) -> Tuple[float, float]:
-    """The pair at which `height` is lowest: a grid over five decades, refined around its best node."""
+    """The pair with the lowest `height`: a grid over five decades, refined around its best node."""
 
     def at(exponents: Tuple[float, float]) -> float:
         return height(10.0 ** exponents[0], 10.0 ** exponents[1])

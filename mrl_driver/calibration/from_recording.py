@@ -1,4 +1,4 @@
-"""Recordings as calibrations take them: what wheels and front sonar did, and what the motors were told."""
+"""Reads recordings for calibrations: counts of the wheels, ranges of the front sonar, requests to the motors."""
 
 import math
 from typing import List, NamedTuple, Tuple
@@ -29,17 +29,17 @@ _COUNTING = {
 
 
 class Replayed(NamedTuple):
-    """`rows` (N, 4) as `driving.Track.end` has them, times since the recording began; `requests` to the board."""
+    """`rows` (N, 4) as from `manoeuvres.Track.end`, with times since the recording's start; `requests` to the board."""
 
     rows: np.ndarray
     requests: List[Tuple[float, Frame]]
 
 
 def read(path: str, model: RobotModel) -> Replayed:
-    """A whole recording of this robot.
+    """Read a whole recording of this robot.
 
     Raises:
-        ConfigError: it cannot be read, is another robot's, holds no counts, or the counts jump in it.
+        ConfigError: the file cannot be read, belongs to another robot, holds no counts, or its counts jump.
     """
     reader = _Reader(model, path)
     for part in decode(Recording(path)):
@@ -53,7 +53,7 @@ def read(path: str, model: RobotModel) -> Replayed:
 
 
 def run_of(path: str, end: Pose, model: RobotModel) -> Run:
-    """The drive of a whole recording as one run, which ended there."""
+    """The drive of a whole recording as one run that ended at `end`."""
     return Run(steps_of(read(path, model).rows), end)
 
 
@@ -66,7 +66,7 @@ class _Reader:
         self.requests: List[Tuple[float, Frame]] = []
 
     def take(self, part: Part) -> None:
-        """One part of the recording."""
+        """Add one part of the recording."""
         for event in part.events:
             if isinstance(event, Frame) and part.way == TO_BOARD:
                 self.requests.append((part.time_s, event))
@@ -92,7 +92,7 @@ def step_of(replayed: Replayed, code: int) -> Tuple[np.ndarray, Tuple[int, int]]
     """Rows of the first step from rest with this request, and its arguments.
 
     Raises:
-        ConfigError: there is none.
+        ConfigError: the recording has no such step.
     """
     orders = [(time_s, frame) for time_s, frame in replayed.requests if frame.code in (code, *_MOVING)]
     for number, (begin_s, frame) in enumerate(orders):

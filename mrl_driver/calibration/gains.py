@@ -1,6 +1,6 @@
-"""Speed control of the motors: what each motor is, out of steps of its duty, and which gains suit both.
+"""Tunes the speed control of the motors: identifies each motor from steps of its duty, and suggests gains.
 
-The law that gains are chosen for, with the error as a share of full speed and once per control period:
+The control law, with the error as a share of full speed, once per control period, is:
 duty = kp/1000 error + sum(ki/1000 error) + kd/1000 change of error, limited to -1..1.
 """
 
@@ -15,20 +15,20 @@ LEAST_READINGS = 10
 OVERSHOOT = 0.05
 """Gains may overshoot by this share."""
 TRIED = 2.0
-"""Steps are judged over so long [s]."""
+"""Length of the simulated steps [s]."""
 
 
 class Plant(NamedTuple):
-    """One motor with its share of the robot: a first-order lag behind a delay."""
+    """One motor and its part of the robot's mass: a delay and a first-order lag."""
 
     full_counts_s: float
-    """Speed at full duty."""
+    """Speed at full duty [count/s]."""
     time_constant_s: float
     delay_s: float
 
 
 class Gains(NamedTuple):
-    """The motor board's own units, 0 to 32767."""
+    """Gains in the motor board's own units, 0 to 32767."""
 
     kp: int
     ki: int
@@ -36,23 +36,23 @@ class Gains(NamedTuple):
 
 
 class Response(NamedTuple):
-    """A step of the speed in figures."""
+    """Figures of a step of the speed."""
 
     rise_s: float
-    """From 10 to 90 % of the speed asked for; NaN if it did not get there."""
+    """Time from 10 to 90 % of the requested speed; NaN if the speed did not reach it."""
     overshoot: float
-    """Share of the speed asked for."""
+    """Share of the requested speed."""
     settle_s: float
-    """Time from which on it stays within 5 %; NaN if it did not."""
+    """Time after which the speed stays within 5 %; NaN if it did not settle."""
     offset: float
-    """Mean error of the last quarter, share of the speed asked for."""
+    """Mean error of the last quarter, as a share of the requested speed."""
 
 
 def identify(times_s: Numbers, travel: Numbers, duty: float) -> Plant:
-    """The motor whose way after a step of the duty, at time 0 and from rest, is `travel` [count] at `times_s`.
+    """The motor that travels `travel` [count] at `times_s` after a step of the duty, at time 0 and from rest.
 
     Raises:
-        ConfigError: too few readings, or the wheel did not turn the way it was told.
+        ConfigError: there are too few readings, or the wheel did not turn in the commanded direction.
     """
     t, way = np.asarray(times_s, float), np.asarray(travel, float)
     if len(t) < LEAST_READINGS:
@@ -109,10 +109,10 @@ def simulate(plants: Sequence[Plant], gains: np.ndarray, target: float, period_s
 
 
 def suggest(plants: Sequence[Plant], period_s: float = 0.05) -> Gains:
-    """Gains with the smallest time-weighted error, without more overshoot than `OVERSHOOT`, for the worse wheel.
+    """Gains with the smallest time-weighted error of the worse wheel and at most `OVERSHOOT`.
 
     Raises:
-        ConfigError: none of those tried does.
+        ConfigError: no tried gains are good enough.
     """
     steps = np.geomspace(50, 3000, 19)
     tried = np.array([(p, i, d * p) for p in steps for i in steps for d in (0.0, 0.15, 0.3)])
@@ -128,7 +128,7 @@ def suggest(plants: Sequence[Plant], period_s: float = 0.05) -> Gains:
 
 
 def describe(times_s: Numbers, travel: Numbers, target_counts_s: float) -> Response:
-    """Figures of a step of the speed at time 0, out of counts [count]."""
+    """Figures of a step of the speed at time 0, from counts [count]."""
     t, way = np.asarray(times_s, float), np.asarray(travel, float)
     middle, speed = speeds(t, way)
     share = speed / target_counts_s

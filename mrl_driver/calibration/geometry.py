@@ -1,4 +1,4 @@
-"""The calibrations of geometry: what is driven, what is made of it, and what of that goes where."""
+"""The calibrations of geometry: the runs to drive, their evaluation, and the numbers for model and board."""
 
 from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
@@ -18,7 +18,7 @@ from .trial import LEFT, NEITHER, RIGHT, Run, demand_plausible, demand_sense, er
 STRAIGHT, TURN, UMBMARK = "straight", "turn", "umbmark"
 _WHOLE_TURN = 2 * np.pi
 NOWHERE = Pose(np.nan, np.nan, np.nan)
-"""Not measured."""
+"""A pose that was not measured."""
 
 
 class Leg(NamedTuple):
@@ -30,7 +30,7 @@ class Leg(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """A drive before and after, and the (R, 3) errors of the runs with each: x y yaw [m m rad]."""
+    """The drive before and after, and the errors (R, 3) of the runs with each, columns x y yaw [m m rad]."""
 
     before: Drive
     after: Drive
@@ -41,7 +41,7 @@ class Outcome(NamedTuple):
 
 
 def straight_legs(runs: int, distance_m: float, speeds: Speeds) -> List[Leg]:
-    """Forward and back in turn."""
+    """Straight runs, alternately forward and back."""
 
     def leg(number: int) -> Leg:
         sign, way = (1, "forward") if number % 2 == 0 else (-1, "back")
@@ -52,7 +52,7 @@ def straight_legs(runs: int, distance_m: float, speeds: Speeds) -> List[Leg]:
 
 
 def turn_legs(runs: int, turns: int, speeds: Speeds) -> List[Leg]:
-    """Left and right in turn; the first two make one whole turn, so that the others cannot be miscounted."""
+    """Turns, alternately left and right; the first two are one whole turn, so that the others are counted correctly."""
 
     def leg(number: int) -> Leg:
         sign, sense = (1, LEFT) if number % 2 == 0 else (-1, RIGHT)
@@ -64,7 +64,7 @@ def turn_legs(runs: int, turns: int, speeds: Speeds) -> List[Leg]:
 
 
 def umbmark_legs(laps: int, side_m: float, speeds: Speeds) -> List[Leg]:
-    """Squares: all counter-clockwise ones, then all clockwise ones."""
+    """Squares: first all counter-clockwise laps, then all clockwise laps."""
 
     def leg(number: int, sense: str) -> Leg:
         name = f"lap {number + 1} of {laps} {sense}"
@@ -83,9 +83,9 @@ def gather(
     """Drive the legs one after the other; `keep` gets each run as soon as it is measured.
 
     Raises:
-        ConfigError: a run went the wrong way, its counts jumped, or its end cannot be and the ruler does not measure
-            again; it is not kept.
-        WheelFault, BoardTimeout: the robot could not drive it.
+        ConfigError: a run went the wrong way, its counts jumped, or its end is impossible and the ruler does not
+            measure again; this run is not kept.
+        WheelFault, BoardTimeout: the robot could not drive a run.
     """
     track = track or Track(robot)
     assert robot.model is not None
@@ -101,10 +101,10 @@ def gather(
 
 
 def check_recorded(procedure: str, drive: Drive, run: Run, name: str) -> None:
-    """Refuse a recorded run that is none of this procedure's.
+    """Refuse a recorded run that does not belong to this procedure.
 
     Raises:
-        ConfigError: it is not, or its end is nowhere near.
+        ConfigError: the run belongs to another procedure, or its end is too far from that of the counts.
     """
     found = sense(drive, run)
     if (found == NEITHER) != (procedure == STRAIGHT):
@@ -114,7 +114,7 @@ def check_recorded(procedure: str, drive: Drive, run: Run, name: str) -> None:
 
 
 def free_numbers(procedure: str, tracks: bool) -> Tuple[str, ...]:
-    """What a procedure finds: on tracks the slip takes what a wheelbase does on wheels."""
+    """The numbers that a procedure fits; on tracks the slip replaces the wheelbase."""
     turning = SLIP if tracks else AXLE
     return {STRAIGHT: (SCALE, OFFSET), TURN: (turning,), UMBMARK: (OFFSET, turning)}[procedure]
 
@@ -127,14 +127,18 @@ def evaluate(
     measured: Measured = fit.BY_TAPE,
     others: Sequence[Run] = (),
 ) -> Outcome:
-    """What the runs of a procedure say.
+    """Evaluate the runs of a procedure.
 
     Args:
-        side_m: of UMBmark's square.
+        procedure: name of the procedure.
+        runs: its runs.
+        model: model of the robot.
+        side_m: side of UMBmark's square.
+        measured: accuracy of the ends.
         others: runs of other procedures, for the noise.
 
     Raises:
-        ConfigError: too few runs, or one that the others gainsay.
+        ConfigError: there are too few runs, or one contradicts the others.
     """
     before, start, result = model.differential, model.differential, None
     free = free_numbers(procedure, model.body.tracks)
@@ -173,7 +177,7 @@ def _umbmark(runs: List[Run], found: np.ndarray, drive: Drive, side_m: float) ->
 def values_for(model: RobotModel, outcome: Outcome) -> Dict[Key, float]:
     """Numbers of the robot's YAML that change.
 
-    The board is told radii with which commanded speeds come out right: they grow as wheels and wheelbase do.
+    The board gets radii that make commanded speeds correct; they grow with wheels and wheelbase.
     """
     before, after = outcome.before, outcome.after
     values: Dict[Key, float] = {

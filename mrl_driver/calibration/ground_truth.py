@@ -1,4 +1,4 @@
-"""Where a robot really is: who measures it, before and after each run."""
+"""Measures the true pose of a robot before and after each run."""
 
 import json
 import math
@@ -12,20 +12,20 @@ _TAIL_BYTES = 4096
 
 
 Check = Callable[[Pose], None]
-"""Raises ConfigError for an end that cannot be."""
+"""Raises ConfigError for an impossible end."""
 
 
 class Ruler(Protocol):
-    """Measures the end of a run in the frame of its start: x forward, y left [m], yaw [rad]; NaN where it cannot."""
+    """Measures the end of a run in the frame of its start: x forward, y left [m], yaw [rad]; NaN if not measured."""
 
     def begin(self, run: str) -> None:
-        """The robot stands where `run` starts."""
+        """The robot is at the start of `run`."""
 
     def end(self, run: str, check: Check) -> Pose:
-        """Where it stands after it, as `check` accepts it.
+        """The pose at the end of the run, accepted by `check`.
 
         Raises:
-            ConfigError: it does not, and cannot be measured again.
+            ConfigError: `check` does not accept the pose, and it cannot be measured again.
         """
 
 
@@ -37,11 +37,11 @@ class Truth:
         self._start = ORIGIN
 
     def begin(self, run: str) -> None:
-        """Remember where the robot is."""
+        """Store the robot's pose."""
         self._start = self._pose()
 
     def end(self, run: str, check: Check) -> Pose:
-        """Where it is now."""
+        """The robot's pose now, relative to the start."""
         pose = relative(self._start, self._pose())
         check(pose)
         return pose
@@ -55,10 +55,10 @@ def relative(start: Pose, pose: Pose) -> Pose:
 
 
 def truth_file(path: str) -> Callable[[], Pose]:
-    """Reads the newest pose of a file that `mrl-sim --truth` appends to.
+    """A function that reads the newest pose of a file written by `mrl-sim --truth`.
 
     Raises:
-        ConfigError: there is no such file; when read: or no pose in it.
+        ConfigError: the file does not exist; the function also raises it if the file holds no pose.
     """
     if not os.path.isfile(path):
         raise ConfigError(f"--truth {path}: no such file, expected the one that mrl-sim --truth writes")
@@ -78,10 +78,10 @@ def _last_pose(path: str) -> Pose:
 
 
 def parse_pose(text: str) -> Pose:
-    """`x y heading` as people type it: metres and degrees, spaces or commas; the heading may be left out.
+    """Parse `x y heading` in metres and degrees, separated by spaces or commas; the heading is optional.
 
     Raises:
-        ConfigError: it is something else.
+        ConfigError: `text` is something else.
     """
     parts = text.replace(",", " ").split()
     try:

@@ -1,6 +1,6 @@
-"""Driving for a calibration: straight lines, turns and squares by odometry, and steps of single motors.
+"""Drives a robot for a calibration: straight lines, turns and squares by odometry, and steps of single motors.
 
-Written once for `Driver` and `SteppedDriver`.
+The same code works with `Driver` and `SteppedDriver`.
 """
 
 import math
@@ -19,15 +19,15 @@ from mrl_driver.session.link_counters import Statistics
 
 TICK_S = 0.05
 SETTLED_S = 0.4
-"""A robot whose counts stand still for so long has come to rest."""
+"""If the counts do not change for this time, the robot is at rest."""
 PATIENCE_S = 5.0
 KEEP_ALIVE_S = 0.1
-"""Requests that drive motors are repeated so often, which feeds the board's watchdog."""
+"""Requests that drive motors are repeated after this time, which feeds the board's watchdog."""
 ARRIVED_M, ARRIVED_RAD = 0.003, math.radians(0.4)
 LEAST_M_S, LEAST_RAD_S = 0.03, 0.15
 """Slower than this the motors may not turn at all."""
 LATENCY_S = 0.2
-"""From a command to the wheels following it."""
+"""Delay from a command to the motion of the wheels."""
 HEADING_GAIN, OFFSET_GAIN = 3.0, 3.0
 MOVE_PID, MOVE, SET_GAINS = (
     BY_NAME[name].code for name in ("move_motors_pid", "move_motors", "set_pid_gains")
@@ -37,7 +37,7 @@ Command = Optional[Tuple[float, float]]
 
 
 class Robot(Protocol):
-    """What `Driver` and `SteppedDriver` have in common, as far as it is needed here."""
+    """The common part of `Driver` and `SteppedDriver` that this module needs."""
 
     @property
     def model(self) -> Optional[RobotModel]: ...  # noqa: D102
@@ -68,7 +68,7 @@ class Robot(Protocol):
 
 
 class Speeds(NamedTuple):
-    """How fast a calibration drives: slowly, so that nothing slips that need not."""
+    """Speeds of a calibration; low, to avoid slip."""
 
     linear_m_s: float = 0.2
     angular_rad_s: float = 0.8
@@ -77,7 +77,7 @@ class Speeds(NamedTuple):
 
 
 class Track:
-    """Notes what the wheels do between `begin` and `end`.  One for each robot: listeners stay."""
+    """Records the motion of the wheels between `begin` and `end`.  Make one per robot: its callback stays."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
@@ -91,14 +91,14 @@ class Track:
             self._rows.append(_row(telemetry))
 
     def begin(self) -> None:
-        """From here on."""
+        """Start to record."""
         telemetry = self._robot.telemetry
         self._rows = [_row(telemetry)] if telemetry else []
         self._refused = self._robot.statistics.refused_counts
         self._on = True
 
     def end(self) -> np.ndarray:
-        """As `so_far`, for the last time."""
+        """Stop recording; returns the rows as `so_far` does."""
         self._on = False
         return self.so_far()
 
@@ -106,7 +106,7 @@ class Track:
         """(N, 4) readings since `begin`: time [s], right, left [count, without wrap], range of the front sonar [m].
 
         Raises:
-            ConfigError: counts jumped in between, so the run is worth nothing.
+            ConfigError: the counts jumped, so that the run is not usable.
         """
         jumps = self._robot.statistics.refused_counts - self._refused
         if jumps:
@@ -129,7 +129,7 @@ def steps_of(rows: np.ndarray) -> np.ndarray:
 
 
 def settle(robot: Robot) -> None:
-    """Stop, and wait until nothing moves.
+    """Stop, and wait until the robot is at rest.
 
     Raises:
         BoardTimeout: the wheels keep turning, or no telemetry comes.
@@ -151,11 +151,11 @@ def _counts(robot: Robot) -> Wheels:
 
 
 def follow(robot: Robot, steer: Callable[[Pose], Command], patience_s: float) -> None:
-    """Drive by `steer`, which gives speeds for a pose and None at the end; then come to rest.
+    """Drive by `steer`, which returns speeds for a pose, or None at the end; then come to rest.
 
     Raises:
-        WheelFault: a wheel did not do what it was told.
-        BoardTimeout: the robot took no command, or did not get there in `patience_s`.
+        WheelFault: a wheel did not follow its command.
+        BoardTimeout: the robot did not accept a command, or did not arrive within `patience_s`.
     """
     waited_s = 0.0
     while True:
@@ -177,7 +177,7 @@ def follow(robot: Robot, steer: Callable[[Pose], Command], patience_s: float) ->
 
 
 def straight(robot: Robot, distance_m: float, speeds: Speeds, line: Optional[Pose] = None) -> None:
-    """Drive so far straight ahead, or back; `line` is where that way should have begun, if not here."""
+    """Drive straight, back for negative distances; `line` is the ideal start pose if it is not the present pose."""
     start, sign = line or robot.pose, math.copysign(1.0, distance_m)
     cos, sin = math.cos(start.yaw_rad), math.sin(start.yaw_rad)
 
@@ -195,7 +195,7 @@ def straight(robot: Robot, distance_m: float, speeds: Speeds, line: Optional[Pos
 
 
 def turn(robot: Robot, angle_rad: float, speeds: Speeds) -> None:
-    """Turn in place, counter-clockwise for positive angles, by whole turns too."""
+    """Turn in place, counter-clockwise for positive angles; more than one whole turn is possible."""
     done_rad, before = 0.0, robot.pose.yaw_rad
 
     def steer(pose: Pose) -> Command:
@@ -214,7 +214,7 @@ def turn(robot: Robot, angle_rad: float, speeds: Speeds) -> None:
 def square(
     robot: Robot, side_m: float, left: bool, speeds: Speeds, at_rest: Callable[[], Any] = lambda: None
 ) -> None:
-    """One lap whose corners do not add up their errors; `at_rest` is called at each of the eight stops."""
+    """Drive one lap, correcting the error of each corner; `at_rest` is called at each of the eight stops."""
     corner = math.pi / 2 if left else -math.pi / 2
     line = robot.pose
     for _ in range(4):
@@ -226,20 +226,20 @@ def square(
 
 
 def _near(angle_rad: float, wanted_rad: float) -> float:
-    """The angle to turn, the sense of which a small error must not reverse."""
+    """The angle to turn; a small error must not reverse its direction."""
     return angle_rad if abs(angle_rad - wanted_rad) < 1.0 else wanted_rad
 
 
 def _braked(left: float, top: float, braking: float, least: float) -> float:
-    """Speed from which `braking` comes to rest within `left`, reacting `LATENCY_S` late."""
+    """Speed from which the robot can stop within `left` at the deceleration `braking`, after a delay of `LATENCY_S`."""
     delay = braking * LATENCY_S
     return max(least, min(top, math.sqrt(delay * delay + 2 * braking * left) - delay))
 
 
 def spin_motors(robot: Robot, code: int, left_percent: int, right_percent: int, seconds: float) -> None:
-    """Have the motors of a settled robot turn at these shares of full speed; they go on until they are stopped.
+    """Turn the motors at these shares of full speed; afterwards they turn until they are stopped.
 
-    Before it has settled, the driver still repeats its stop.
+    The robot must be settled first; before that, the driver still repeats its stop.
 
     Raises:
         BoardTimeout: telemetry has ended, and the robot was stopped.

@@ -1,4 +1,4 @@
-"""The calibrations of parts: wires, the sonars' curve, the motors' gains.  Drives, and hands to the pure modules."""
+"""Calibrates parts: wires, the sonars' curve, the motors' gains.  It drives; the pure modules compute."""
 
 from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
@@ -17,17 +17,17 @@ from .sonar_curve import Curve
 DUTY_PERCENT, WIRING_S = 35, 0.5
 STEP_PERCENT, STEP_S = 40, 1.5
 STAND_S, FRESH_S = 1.5, 0.7
-"""The robot stands so long before the wall; what the sonar says is from this stand after so much of it [s]."""
+"""Time that the robot stands before the wall, and time after which its readings belong to this stand [s]."""
 
 LOOKS, LEAST_OF_WAY = 5, 0.7
-"""Before it drives on the robot looks so often; less than this share of the distance is not the sonar's curve."""
+"""Number of readings before the robot drives on, and least plausible range as a share of the distance."""
 
 Look = Callable[[str, Pose], Tuple[Optional[str], int]]
 """Which wheel turned, and which way, when this motor was driven and the ruler says that; see `wiring.Trial`."""
 
 
 def check_wiring(robot: Robot, track: Track, ruler: Ruler, look: Look) -> List[str]:
-    """Turn each motor forward by itself, without speed control; what is wrong with the wires."""
+    """Turn each motor forward alone, without speed control; returns the faults of the wires."""
     trials = []
     for motor, percents in ((wiring.LEFT, (DUTY_PERCENT, 0)), (wiring.RIGHT, (0, DUTY_PERCENT))):
         manoeuvres.settle(robot)
@@ -47,17 +47,17 @@ def check_wiring(robot: Robot, track: Track, ruler: Ruler, look: Look) -> List[s
 
 
 class SonarPlan(NamedTuple):
-    """Where the robot stands before the wall: from `start_m` on, `step_m` nearer each time, to `stop_m`."""
+    """Distances from the wall at which the robot stands: from `start_m` to `stop_m` in steps of `step_m`."""
 
     start_m: float = 2.0
     stop_m: float = 0.2
     step_m: float = 0.05
 
     def distances(self) -> List[float]:
-        """All of them [m].
+        """All distances [m].
 
         Raises:
-            ConfigError: they are too few, or do not approach the wall.
+            ConfigError: there are too few distances, or they do not approach the wall.
         """
         good = 0.15 <= self.stop_m < self.start_m <= 6.0 and 0.01 <= self.step_m <= 0.5
         count = int((self.start_m - self.stop_m) / self.step_m + 1e-6) + 1 if good else 0
@@ -77,12 +77,12 @@ def approach_wall(
     say: Callable[[str], None],
     keep: Callable[[np.ndarray], None],
 ) -> None:
-    """Drive up to the wall and stand at each distance [m], the robot being at the first.
+    """Drive towards the wall and stop at each distance [m]; the robot starts at the first one.
 
-    `keep` gets the track's rows, from the first distance on, after each of them.
+    After each distance, `keep` gets the rows of the track since the first distance.
 
     Raises:
-        ConfigError: the wall, or something else, is much nearer than it should be.
+        ConfigError: the wall, or another object, is much nearer than expected.
     """
     line = robot.pose
     track.begin()
@@ -95,7 +95,7 @@ def approach_wall(
 
 
 def _look_ahead(robot: Robot) -> float:
-    """What the front sonar says while the robot stands [m]; NaN for nothing."""
+    """Median range of the front sonar while the robot stands [m]; NaN without a reading."""
     said = []
     for _ in range(LOOKS):
         robot.wait(STAND_S / LOOKS)
@@ -104,7 +104,7 @@ def _look_ahead(robot: Robot) -> float:
 
 
 def _demand_way(said_m: float, distance_m: float) -> None:
-    """Refuse to drive on into a wall that is nearer than was said; a sonar is not that wrong."""
+    """Refuse to drive on if the wall is much nearer than expected; a sonar error cannot be that large."""
     if said_m < LEAST_OF_WAY * distance_m:
         raise ConfigError(
             f"the front sonar says {max(said_m, 0.0):.2f} m, expected about {distance_m:.2f} m to the wall: measure "
@@ -113,7 +113,7 @@ def _demand_way(said_m: float, distance_m: float) -> None:
 
 
 def stands(rows: np.ndarray, drive: Drive, start_m: float) -> Tuple[List[float], List[float]]:
-    """Ranges that the front sonar told [m], NaN for none, and distances by odometry [m], for each stand of a track.
+    """Ranges of the front sonar [m], NaN for none, and distances by odometry [m], for each stand of a track.
 
     Args:
         rows: (N, 4) time, right, left, range; see `Track.end`.
@@ -135,7 +135,7 @@ def stands(rows: np.ndarray, drive: Drive, start_m: float) -> Tuple[List[float],
 
 
 def curve_in_force(robot: Robot) -> Curve:
-    """The curve by which ranges come from counts now; boards of 2013 are corrected to the thesis's."""
+    """The curve that converts counts to ranges now; ranges of 2013 boards are corrected to the thesis's curve."""
     if not eeprom.can_configure(robot):
         return sonar_curve.THESIS
     values = eeprom.read(robot, "sonar_a", "sonar_b", "sonar_c")
@@ -151,14 +151,14 @@ def curve_values(curve: Curve) -> Dict[str, int]:
 
 
 class Steps(NamedTuple):
-    """A step of each wheel: times from the step [s], and ways (right, left) from there [count]."""
+    """A step of each wheel: times since the step [s], and distances (right, left) since then [count]."""
 
     times_s: np.ndarray
     right: np.ndarray
     left: np.ndarray
 
     def response(self, left: bool) -> Response:
-        """Figures of one wheel, the steady speed being that of the last quarter."""
+        """Figures of one wheel; its steady speed is that of the last quarter."""
         way = np.abs(self.left if left else self.right)
         _, speed = gains.speeds(self.times_s, way)
         return gains.describe(self.times_s, way, float(speed[-max(1, len(speed) // 4) :].mean()))
@@ -182,7 +182,7 @@ def steps_of_rows(rows: np.ndarray) -> Steps:
 
 
 def identify(steps: Steps, percent: int = STEP_PERCENT) -> Tuple[Plant, Plant]:
-    """Right and left motor, out of a step of the duty."""
+    """Right and left motor, identified from a step of the duty."""
     duty = percent / 100
     return (
         gains.identify(steps.times_s, steps.right, duty),
@@ -191,7 +191,7 @@ def identify(steps: Steps, percent: int = STEP_PERCENT) -> Tuple[Plant, Plant]:
 
 
 class Tuned(NamedTuple):
-    """What tuning found."""
+    """Result of the tuning."""
 
     plants: Tuple[Plant, Plant]
     before: Gains
@@ -201,13 +201,14 @@ class Tuned(NamedTuple):
 
 
 def tune(robot: Robot, track: Track, present: Gains, say: Callable[[str], None]) -> Tuned:
-    """Steps of the duty, gains from them, and steps of the speed with the old and the new ones; the old ones and the
-    ramp are in force again at the end, whatever happens.
+    """Drive steps of the duty, compute gains, and drive steps of the speed with the old and the new gains.
+
+    At the end the old gains and the ramp are in force again, even after an error.
     """
     ramped = eeprom.can_configure(robot)
     ramp = eeprom.read(robot, "ramp_time") if ramped else {}
     if ramped and not ramp["ramp_time"] and robot.model is not None:
-        ramp = {"ramp_time": robot.model.board["ramp_time"]}  # what a run that was killed has left
+        ramp = {"ramp_time": robot.model.board["ramp_time"]}  # a killed run has left a ramp of 0
     try:
         if ramped:
             eeprom.write(robot, {"ramp_time": 0})
@@ -228,13 +229,13 @@ def tune(robot: Robot, track: Track, present: Gains, say: Callable[[str], None])
 
 
 def set_gains(robot: Robot, wanted: Sequence[int]) -> None:
-    """Put gains in force, until the board restarts."""
+    """Set gains until the board restarts."""
     robot.request(manoeuvres.SET_GAINS, *wanted)
     robot.wait(0.1)
 
 
 def gains_in_force(robot: Robot, default: Gains) -> Gains:
-    """Those of the board's configuration; `default` for boards that keep none."""
+    """The gains in the board's configuration; `default` if the board stores no configuration."""
     if not eeprom.can_configure(robot):
         return default
     return Gains(**eeprom.read(robot, *Gains._fields))
@@ -244,10 +245,10 @@ def gains_in_force(robot: Robot, default: Gains) -> Gains:
 
 
 def recorded_gains(path: str, model: RobotModel) -> Tuple[Tuple[Plant, Plant], Gains]:
-    """Motors and gains out of a recorded step of the duty, both motors against each other or alike.
+    """Motors and gains from a recorded step of the duty that turns both motors, in any directions.
 
     Raises:
-        ConfigError: there is no such step.
+        ConfigError: the recording has no such step.
     """
     rows, (left, right) = from_recording.step_of(from_recording.read(path, model), MOVE)
     steps = steps_of_rows(rows)
@@ -261,10 +262,10 @@ def recorded_gains(path: str, model: RobotModel) -> Tuple[Tuple[Plant, Plant], G
 
 
 def recorded_wiring(path: str, model: RobotModel) -> List[str]:
-    """What is wrong with the wires, out of a recording of `check_wiring`; nobody saw which wheel turned.
+    """Faults of the wires, from a recording of `check_wiring`; it does not show which wheel really turned.
 
     Raises:
-        ConfigError: no motor was turned by itself in it.
+        ConfigError: the recording turns no motor alone.
     """
     recorded = from_recording.read(path, model)
     times_s = recorded.rows[:, 0]

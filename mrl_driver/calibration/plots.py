@@ -14,7 +14,7 @@ from .trial import LEFT
 
 
 def draw_ends(path: str, before: np.ndarray, after: np.ndarray, senses: Sequence[str]) -> None:
-    """Errors of the ends, (R, 3) x y yaw, before and after, by the way round; as in Borenstein and Feng 1996."""
+    """Plot the errors of the ends, (R, 3) x y yaw, before and after, by direction; as in Borenstein and Feng 1996."""
     figure = figures.figure(6.0, 5.6)
     axes = figure.add_subplot()
     for sense, colour, name in ((LEFT, BLUE, LEFT), ("", ORANGE, "clockwise, or straight")):
@@ -37,7 +37,7 @@ def draw_ends(path: str, before: np.ndarray, after: np.ndarray, senses: Sequence
 
 
 def draw_sonar(path: str, counts: np.ndarray, ranges_m: np.ndarray, fit: Fit) -> None:
-    """Curve and readings (N,), and what is left."""
+    """Plot the curve, the readings (N,), and the remaining errors."""
     figure = figures.figure(7.0, 6.0)
     upper, lower = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [2, 1]})
     heard = np.isfinite(counts)
@@ -63,7 +63,7 @@ def draw_sonar(path: str, counts: np.ndarray, ranges_m: np.ndarray, fit: Fit) ->
 
 
 def draw_gains(path: str, tuned: Tuned) -> None:
-    """Steps of both wheels with the old and the new gains."""
+    """Plot the steps of both wheels with the old and the new gains."""
     figure = figures.figure(7.0, 5.6)
     pair = figure.subplots(2, 1, sharex=True)
     for axes, name in zip(pair, ("left", "right")):

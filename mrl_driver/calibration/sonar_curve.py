@@ -9,9 +9,9 @@ from mrl_driver.protocol.table import PARAMETER_BY_NAME
 
 LEAST_DISTANCES = 8
 LEAST_REACH = 2.5
-"""The farthest distance is at least so many times the nearest."""
+"""The largest distance must be at least this many times the smallest."""
 MISSED_M = 0.05
-"""A reading this far off the curve, and `OUTLIERS` usual errors, did not hear the wall."""
+"""A reading that is further off the curve than this, and than `OUTLIERS` usual errors, has missed the wall."""
 OUTLIERS = 5.0
 MOST_MISSED = 0.2
 _B_RANGE = (0.5, 1.6)
@@ -36,7 +36,7 @@ class Curve(NamedTuple):
         return counts
 
     def on_wire(self) -> "Curve":
-        """The curve as the board's parameters can hold it."""
+        """The curve, rounded and limited to the board's parameters."""
         limits = (PARAMETER_BY_NAME[f"sonar_{name}"] for name in self._fields)
         return Curve(*(min(p.high, max(p.low, round(v * 1e4))) / 1e4 for p, v in zip(limits, self)))
 
@@ -46,7 +46,7 @@ THESIS = Curve(1.1767, 0.94657, -0.3759)
 
 
 class Fit(NamedTuple):
-    """A curve and how well it fits: `errors_m` (N,) curve less truth, `used` (N,) bool heard the wall."""
+    """A curve and its quality: `errors_m` (N,) is curve minus truth, `used` (N,) bool is True for valid readings."""
 
     curve: Curve
     r2: float
@@ -60,14 +60,14 @@ class Fit(NamedTuple):
 
 
 def fit(counts: Sequence[float], ranges_m: Sequence[float]) -> Fit:
-    """The curve through readings of a wall; single readings that missed it are left out.
+    """The curve through readings of a wall; single readings that missed the wall are left out.
 
     Args:
         counts: (N,) ADC counts; NaN for nothing in range, or no reading.
         ranges_m: (N,) true distances from the sonar.
 
     Raises:
-        ConfigError: too few distances, or the wall was missed too often: where, is said.
+        ConfigError: there are too few distances, or the wall was missed too often; the message says where.
     """
     s, truth = np.asarray(counts, float), np.asarray(ranges_m, float)
     heard = np.isfinite(s) & (s > 0)
@@ -91,7 +91,7 @@ def demand_wall(ranges_m: np.ndarray, heard: np.ndarray) -> None:
     """Refuse readings without a wall in them.
 
     Raises:
-        ConfigError: too few distances, or the wall was missed too often.
+        ConfigError: there are too few distances, or the wall was missed too often.
     """
     distances = np.unique(np.round(ranges_m[heard], 3))
     lost = [d for d in np.unique(np.round(ranges_m, 3)) if not heard[np.abs(ranges_m - d) < 1e-3].any()]
@@ -110,7 +110,7 @@ def demand_wall(ranges_m: np.ndarray, heard: np.ndarray) -> None:
 
 
 def _least_squares(s: np.ndarray, ranges_m: np.ndarray) -> Curve:
-    """For each b the best a and c have a closed form; b is found by golden section."""
+    """Least-squares curve: for each b, the best a and c have a closed form; a golden-section search finds b."""
     low, high = _B_RANGE
     ratio = (5**0.5 - 1) / 2
     x, y = high - ratio * (high - low), low + ratio * (high - low)
@@ -128,7 +128,7 @@ def _least_squares(s: np.ndarray, ranges_m: np.ndarray) -> Curve:
 
 
 def _with(b: float, s: np.ndarray, ranges_m: np.ndarray) -> Tuple[float, Curve]:
-    """Squared error and curve for this b; c stays where the board can hold it."""
+    """Squared error and curve for this b; c stays within the board's range."""
     power, truth = s**b, 100 * ranges_m
     spread = power - power.mean()
     a = float(spread @ truth / (spread @ spread))
@@ -141,7 +141,7 @@ def _with(b: float, s: np.ndarray, ranges_m: np.ndarray) -> Tuple[float, Curve]:
 
 
 def medians(counts: Sequence[float], ranges_m: Sequence[float]) -> Tuple[List[float], List[float]]:
-    """One reading for each distance: the median of those that heard something; NaN where most did not."""
+    """One reading per distance: the median of the valid readings; NaN if most are missing."""
     s, truth = np.asarray(counts, float), np.round(np.asarray(ranges_m, float), 4)
     distances = np.unique(truth)
     found = []

@@ -1,4 +1,4 @@
-"""What a calibration has to go by: drives between two standstills, and where each really ended."""
+"""The data of a calibration: drives between two standstills, and the measured end of each."""
 
 import math
 from typing import Any, Dict, List, NamedTuple, Tuple
@@ -16,8 +16,8 @@ LEFT, RIGHT, NEITHER = "counter-clockwise", "clockwise", "straight"
 class Run(NamedTuple):
     """One drive.
 
-    `steps` (N, 2) int, columns right left: counts between readings, in order.  `end` is where the robot then stood,
-    in the frame of where it had stood before (x forward, y left); what was not measured is NaN.
+    `steps` (N, 2) int, columns right left: counts between readings, in order.  `end` is the pose at the end in the
+    frame of the start pose (x forward, y left); values that were not measured are NaN.
     """
 
     steps: np.ndarray
@@ -37,20 +37,20 @@ def path(drive: Geometry, steps: np.ndarray) -> np.ndarray:
 
 
 def length_m(drive: Geometry, run: Run) -> float:
-    """Way of the robot's middle, back and forth alike."""
+    """Distance travelled by the robot's middle [m]; forward and back both count."""
     ways = np.abs(run.steps) @ (drive.right_m_per_count / 2, drive.left_m_per_count / 2)
     return float(ways.sum())
 
 
 def errors(drive: Geometry, runs: List[Run]) -> np.ndarray:
-    """(R, 3) measured end less that of the counts, columns x y yaw [m m rad], yaw in -pi..pi; NaN as measured."""
+    """(R, 3) measured end minus end by counts, columns x y yaw [m m rad], yaw in -pi..pi; NaN if not measured."""
     found = np.array([np.subtract(run.end, path(drive, run.steps)[-1]) for run in runs]).reshape(-1, 3)
     found[:, 2] = np.remainder(found[:, 2] + np.pi, 2 * np.pi) - np.pi
     return found
 
 
 def unit_spreads(drive: Geometry, steps: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-    """Covariances (3, 3) of the end that unit `Noise` brings: of the wheels, and of the turns."""
+    """Covariances (3, 3) of the end for unit `Noise`: that of the wheels, and that of the turns."""
     poses = path(drive, steps)
     right_m, left_m = steps[:, 0] * drive.right_m_per_count, steps[:, 1] * drive.left_m_per_count
     turn = np.diff(poses[:, 2])
@@ -66,22 +66,22 @@ def unit_spreads(drive: Geometry, steps: np.ndarray) -> Tuple[np.ndarray, np.nda
 
 
 def spread(drive: Geometry, steps: np.ndarray, noise: Noise) -> np.ndarray:
-    """Covariance (3, 3) of the end of these steps, as `uncertainty` would carry it from nothing."""
+    """Covariance (3, 3) of the end of these steps, as `robot.covariance` computes it from zero."""
     wheels, turns = unit_spreads(drive, steps)
     return noise.wheel_m2_per_m * wheels + noise.turn_rad2_per_rad * turns
 
 
 def sense(drive: Geometry, run: Run) -> str:
-    """Which way round a run went: `LEFT`, `RIGHT`, or `NEITHER` for less than an eighth of a turn."""
+    """Direction in which a run turned: `LEFT`, `RIGHT`, or `NEITHER` for less than an eighth of a turn."""
     turned = float(path(drive, run.steps)[-1, 2])
     return NEITHER if abs(turned) < math.pi / 4 else LEFT if turned > 0 else RIGHT
 
 
 def demand_sense(drive: Geometry, run: Run, expected: str, name: str) -> None:
-    """Refuse a run that went another way than it should have.
+    """Refuse a run that went in the wrong direction.
 
     Raises:
-        ConfigError: it did, or hardly moved.
+        ConfigError: the direction is wrong, or the robot hardly moved.
     """
     if length_m(drive, run) < LEAST_WAY_M and expected == NEITHER:
         raise ConfigError(f"{name}: the counts hardly moved, expected a drive; are the encoders plugged in?")
@@ -91,10 +91,10 @@ def demand_sense(drive: Geometry, run: Run, expected: str, name: str) -> None:
 
 
 def demand_plausible(drive: Geometry, run: Run, name: str) -> None:
-    """Refuse an end that is nowhere near that of the counts, which a wrong mark or unit would bring.
+    """Refuse an end that is far from that of the counts, as a wrong mark or unit causes.
 
     Raises:
-        ConfigError: it is more than a fifth of the way off.
+        ConfigError: the end is off by more than 0.05 m and more than a fifth of the distance.
     """
     off = errors(drive, [run])[0]
     most_m = max(0.05, 0.2 * length_m(drive, run))
@@ -113,10 +113,10 @@ def as_json(run: Run) -> Dict[str, Any]:
 
 
 def from_json(data: Any) -> Run:
-    """The run that `as_json` wrote.
+    """The run written by `as_json`.
 
     Raises:
-        ConfigError: it is damaged.
+        ConfigError: the data is damaged.
     """
     try:
         steps = np.array(data["steps"], dtype=np.int64).reshape(-1, 2)

@@ -1,8 +1,8 @@
-"""UMBmark (Borenstein and Feng 1996): square paths both ways round tell unequal wheels from a wrong wheelbase.
+"""UMBmark (Borenstein and Feng 1996): squares in both directions separate unequal wheels from a wrong wheelbase.
 
-The robot stands at the origin and looks along x; a counter-clockwise square lies to its left.  An error is the
-measured end less that of the odometry.  A wrong wheelbase (type A) turns each corner by the same angle too far,
-whichever way it goes; unequal wheels (type B) bend each side the same way.
+The robot starts at the origin and looks along x; a counter-clockwise square lies to its left.  An error is the measured
+end minus that of the odometry.  A wrong wheelbase (type A) turns each corner too far by the same angle, in both
+directions.  Unequal wheels (type B) bend each side in the same direction.
 """
 
 import math
@@ -12,26 +12,26 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.robot.models import Drive
 
 LEAST_LAPS, MOST_LAPS = 2, 50
-"""Laps each way: fewer show no spread.  The paper drives 5."""
+"""Laps in each direction; fewer show no spread.  The paper drives 5."""
 
 Point = Tuple[float, float]
 
 
 class Result(NamedTuple):
-    """What the end positions say; angles in rad, positive counter-clockwise."""
+    """Result of UMBmark; angles in rad, positive counter-clockwise."""
 
     left_centre: Point
     """Mean error of the counter-clockwise laps [m]."""
     right_centre: Point
     """Mean error of the clockwise laps [m]."""
     corner_excess_rad: float
-    """Type A: by so much the robot really turns more than the odometry says, in a corner."""
+    """Type A: true turn of a corner minus the turn by odometry."""
     side_bend_rad: float
-    """Type B: so much the robot really turns on a straight side."""
+    """Type B: true turn on a straight side."""
     wheel_ratio: float
-    """E_d: true ratio of right to left wheel over the one in use."""
+    """E_d: true ratio of right to left wheel, divided by the ratio in use."""
     wheelbase_ratio: float
-    """E_b: true wheelbase over the one in use."""
+    """E_b: true wheelbase divided by the one in use."""
     worst_m: float
     """The paper's measure of accuracy: the larger distance of the two centres from no error."""
 
@@ -45,7 +45,7 @@ def evaluate(left: Sequence[Point], right: Sequence[Point], side_m: float, separ
         separation_m: effective wheelbase in use.
 
     Raises:
-        ConfigError: too few laps.
+        ConfigError: there are too few laps.
     """
     demand_laps(len(left), "counter-clockwise")
     demand_laps(len(right), "clockwise")
@@ -65,10 +65,10 @@ def evaluate(left: Sequence[Point], right: Sequence[Point], side_m: float, separ
 
 
 def demand_laps(laps: int, way: str) -> None:
-    """Refuse what is too little to go by.
+    """Check the number of laps.
 
     Raises:
-        ConfigError: too few laps, or too many.
+        ConfigError: there are too few laps, or too many.
     """
     if not LEAST_LAPS <= laps <= MOST_LAPS:
         raise ConfigError(f"there are {laps} {way} laps, expected {LEAST_LAPS} to {MOST_LAPS}")
@@ -83,7 +83,7 @@ def wheel_ratio(bend_rad: float, side_m: float, separation_m: float) -> float:
 
 
 def corrected(drive: Drive, result: Result, tracks: bool) -> Drive:
-    """The drive with both corrections; on tracks the wheelbase stays, and the slip takes its correction."""
+    """The drive with both corrections; on tracks the slip is corrected instead of the wheelbase."""
     ratio = drive.right_m_per_count / drive.left_m_per_count * result.wheel_ratio
     drive = drive._replace(wheel_offset=2 * (ratio - 1) / (ratio + 1))
     if tracks:

@@ -1,21 +1,21 @@
-"""Which wires are swapped or reversed: one motor at a time is driven forward, and what turns and counts is noted."""
+"""Finds swapped or reversed wires: one motor at a time is driven forward, and the motion and the counts are checked."""
 
 from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 LEFT, RIGHT = "left", "right"
 _OTHER = {LEFT: RIGHT, RIGHT: LEFT}
 LEAST_COUNTS = 50
-"""Less than this is no movement [count]; 4 mm on a TraxBot."""
+"""Less than this counts as standing still [count]; 4 mm on a TraxBot."""
 
 LEAST_M, LEAST_RAD = 0.003, 0.02
-"""Less than this is no movement of a robot whose true pose is known."""
+"""Less than this counts as standing still, for a robot with a known true pose."""
 
 
 class Trial(NamedTuple):
-    """One motor was driven forward.
+    """A trial in which one motor was driven forward.
 
-    `seen` is the wheel that turned, to whoever looked (None: nobody looked), `direction` +1 forward, -1 backward, and 0
-    with no wheel where none turned.
+    `seen` is the wheel that was seen to turn (None: not observed).  `direction` is +1 forward, -1 backward, and 0 if no
+    wheel turned.
     """
 
     motor: str
@@ -26,7 +26,7 @@ class Trial(NamedTuple):
 
 
 def diagnose(trials: Sequence[Trial]) -> List[str]:
-    """What is wrong, one line each with the remedy; empty where all is right."""
+    """The faults, one line each with the remedy; empty if the wiring is correct."""
     found: List[str] = []
     for trial in trials:
         found += _motor(trial) + _encoder(trial)
@@ -34,7 +34,7 @@ def diagnose(trials: Sequence[Trial]) -> List[str]:
 
 
 def seen_in(x_m: float, yaw_rad: float) -> Tuple[Optional[str], int]:
-    """Wheel and direction that move a robot so, if one wheel turned; for robots whose true pose is known."""
+    """Wheel and direction that explain this motion, if one wheel turned; for robots with a known true pose."""
     if abs(x_m) < LEAST_M and abs(yaw_rad) < LEAST_RAD:
         return LEFT, 0
     direction = 1 if x_m > 0 else -1
@@ -42,7 +42,7 @@ def seen_in(x_m: float, yaw_rad: float) -> Tuple[Optional[str], int]:
 
 
 def _motor(trial: Trial) -> List[str]:
-    """Of the motor's own wires; nothing where nobody looked."""
+    """Faults of the motor's own wires; none if the wheels were not observed."""
     if trial.seen is None:
         return []
     if trial.direction == 0:
@@ -55,7 +55,7 @@ def _motor(trial: Trial) -> List[str]:
 
 
 def _encoder(trial: Trial) -> List[str]:
-    """Of the encoder of the wheel that turned."""
+    """Faults of the encoder of the wheel that turned."""
     wheel, direction = trial.seen or trial.motor, trial.direction or 1
     if trial.seen is not None and trial.direction == 0:
         return []
