@@ -132,3 +132,12 @@ def test_no_drift_is_read_from_less_than_a_second():
     for ticks, arrival_s in ((0, 0.0), (round(0.3 / TICK_S), 0.301), (round(0.6 / TICK_S), 0.602)):
         clock.update(ticks, arrival_s)
     assert clock.drift == 0.0
+
+
+def test_a_drift_of_more_than_26_s_ago_is_forgotten():
+    """The board's clock is slow for 40 s, then fast for 27 s."""
+    clock, ticks = BoardClock(), 0.0
+    for n in range(3350):
+        ticks += 0.02 * (1 + (-0.004 if n < 2000 else 0.004)) / TICK_S
+        clock.update(int16(int(ticks)), 0.02 * n)
+    assert clock.drift == pytest.approx(-0.004, abs=2e-4)
