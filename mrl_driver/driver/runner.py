@@ -83,7 +83,7 @@ class Runner(Readout):
         finally:
             if not self._closing and self._error is None:
                 self._give_up(
-                    MrlError("a callback raised; the driver has ended and the robot was told to stop")
+                    MrlError("a callback raised; the driver has ended and sent a stop to the robot")
                 )
 
     def _turn(self) -> None:

@@ -34,11 +34,11 @@ _EXPLANATIONS: Tuple[Tuple[str, Type[MrlError], str], ...] = (
         "no permission for {port}; join its group with: sudo usermod -aG dialout $USER, then log out and in",
     ),
     ("resource busy|locked", PortBusy, "{port} is in use by another program; end it, then try again"),
-    ("no such file|cannot set attributes|is a directory", PortMissing, "{port} is no serial port"),
+    ("no such file|cannot set attributes|is a directory", PortMissing, "{port} is not a serial port"),
     (
         "expected signature|invalid device signature",
         BoardRefused,
-        "the chip at {port} is no ATmega328P, expected an Arduino Uno; nothing was written",
+        "the chip at {port} is not an ATmega328P, expected an Arduino Uno; nothing was written",
     ),
     (
         "verif.*(error|mismatch)|content mismatch|first mismatch",

@@ -97,7 +97,7 @@ class RobotState:
         if self.info is not None and board.robot_id != self.info.robot_id and not self._any_id:
             raise WrongRobot(
                 f"robot id {board.robot_id} answers, expected {self.info.robot_id}, the robot of before: "
-                "connect that one, or start anew"
+                "connect that one, or start again"
             )
         if self.odometry is None and not self._ignore_battery:
             battery.demand_charge(board.battery_v, self.model.battery)

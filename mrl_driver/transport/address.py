@@ -74,7 +74,9 @@ def parse(url: str, listening: bool = False) -> Address:
     """
     scheme = scheme_of(url)
     if scheme not in TCP + UDP:
-        raise ConfigError(f"port {url!r} is no network address, expected tcp://HOST:PORT or udp://HOST:PORT")
+        raise ConfigError(
+            f"port {url!r} is not a network address, expected tcp://HOST:PORT or udp://HOST:PORT"
+        )
     parts, host, port = _split(url, scheme, listening)
     try:
         queries = parse_qs(parts.query, True, True)

@@ -340,7 +340,7 @@ def _open(port: str, baud: int) -> serial.Serial:
     except (serial.SerialException, OSError) as error:
         raise _explain(port, error) from None
     except termios.error as error:
-        raise PortMissing(f"{port!r} is no serial port ({_words(error)}); {_there_are()}") from None
+        raise PortMissing(f"{port!r} is not a serial port ({_words(error)}); {_there_are()}") from None
 
 
 def _explain(port: str, error: OSError) -> LinkError:
@@ -355,7 +355,7 @@ def _explain(port: str, error: OSError) -> LinkError:
             "then log out and in"
         )
     if kind is PortMissing:
-        return PortMissing(f"{port!r} is no serial port ({_words(error)}); {_there_are()}")
+        return PortMissing(f"{port!r} is not a serial port ({_words(error)}); {_there_are()}")
     return LinkError(f"{port} cannot be opened ({_words(error)})")
 
 

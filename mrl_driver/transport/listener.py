@@ -245,7 +245,7 @@ def _refused(address: Address, error: OSError) -> Exception:
         return PortDenied(f"no permission to listen on {address}; choose a port above 1023")
     if error.errno == errno.EADDRNOTAVAIL:
         return ConfigError(
-            f"{address} is no address of this computer; expected one, or 127.0.0.1 for itself alone"
+            f"{address} is not an address of this computer; expected one, or 127.0.0.1 for itself alone"
         )
     return LinkError(f"{address} cannot be listened on ({error.strerror}); choose another address")
 

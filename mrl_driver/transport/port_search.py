@@ -128,7 +128,8 @@ class Search:
     def take(self, name: str, port: Port, device: str, there: Sequence[Port]) -> bool:
         """A board with the robot's id answers on `name`, which leads to `port`; tell whether it is the robot.
 
-        If the lost device cannot be told from others, the others are tried as well; if several answer, none is taken.
+        If the lost device cannot be distinguished from others, the others are tried as well.  If several answer, none
+        is taken.
         """
         same = [each for each in there if each.is_same(self.lost)]
         if port.vendor is None or same == [port] or (port in same and port.location == self.lost.location):

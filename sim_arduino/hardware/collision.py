@@ -15,7 +15,7 @@ _SIZE_M = (0.01, 5.0)
 
 
 def footprint_for(model: RobotModel, text: str = "box") -> Optional[Footprint]:
-    """The outline of a robot: `box` has the model's length and width, `circle:RADIUS` [m] is round, `none` is no body.
+    """The outline of a robot: `box` has the model's length and width, `circle:RADIUS` [m] is round, `none`: no body.
 
     Raises:
         ConfigError: `text` is something else.

@@ -80,7 +80,7 @@ def test_the_real_avrdude_writes_the_image_and_reads_it_back(bootloader, image):
 
 def test_another_chip_is_not_written(bootloader, image):
     board = bootloader(signature=b"\x1e\x95\x16")
-    with pytest.raises(BoardRefused, match="no ATmega328P"):
+    with pytest.raises(BoardRefused, match="not an ATmega328P"):
         avrdude.upload(board.path, image)
     assert set(board.flash) == {0xFF}
 

@@ -116,7 +116,7 @@ def test_an_address_must_be_given():
     [
         ("tcp://:7000", 2, "expected tcp://HOST:PORT"),
         ("rfc2217://127.0.0.1:7000", 2, "expected tcp://HOST:PORT or udp://HOST:PORT"),
-        ("tcp://192.0.2.1:7000", 2, "no address of this computer"),
+        ("tcp://192.0.2.1:7000", 2, "not an address of this computer"),
     ],
 )
 def test_an_address_that_cannot_be_listened_on_is_refused(url, code, words):

@@ -29,21 +29,17 @@ PHRASES = {
 }
 """Regular expressions of whole words, and the words to use instead."""
 NOT_YET = (
-    "mrl_driver/calibration/",
+    "mrl_driver/calibration/files.py",
+    "mrl_driver/calibration/geometry.py",
+    "mrl_driver/calibration/trial.py",
     "mrl_driver/cli/",
-    "mrl_driver/driver/",
-    "mrl_driver/errors.py",
-    "mrl_driver/figures.py",
-    "mrl_driver/host/",
-    "mrl_driver/recording/",
-    "mrl_driver/robot/",
-    "mrl_driver/transport/",
-    "sim_arduino/board/",
+    "mrl_driver/host/system_setup.py",
+    "mrl_driver/recording/plot.py",
+    "mrl_driver/recording/recorded_link.py",
+    "mrl_driver/recording/timeline.py",
+    "sim_arduino/board/avr_board.py",
     "sim_arduino/experiments/",
-    "sim_arduino/faults/",
-    "sim_arduino/hardware/",
-    "sim_arduino/replay/",
-    "sim_arduino/view/",
+    "sim_arduino/faults/table.py",
 )
 """Files and folders that are not rewritten yet; remove each when it is."""
 
