@@ -175,6 +175,32 @@ def test_the_path_goes_on_when_check_values_begin(tmp_path):
     assert found["refused_counts"] == 1
 
 
+def straight(count, jump_at=99):
+    return [(60 * i + 1000 * (i >= jump_at),) * 2 for i in range(count)]
+
+
+def test_checked_counts_are_judged_by_the_time_of_the_board(tmp_path):
+    """Arrival times may bunch, and then a confirmed jump of 1000 counts would move the robot."""
+    checked = [line.replace("0.0 !", "0.005 !") for line in checked_lines(straight(11, jump_at=6))]
+    lines = [f"0.0 < {INFO}", "0.0 < @6,0,0e\\r\\n", *checked]
+    found = summarise(Recording(write(tmp_path / "log", lines)))
+    assert found["pose"]["x_m"] == pytest.approx(7 * 60 * load("traxbot").drive.metres_per_count)
+
+
+def test_numbers_that_begin_again_with_the_port_are_no_loss(tmp_path):
+    first = list(checked_lines(straight(11)))
+    again = [f"1{line}" for line in first]
+    found = summarise(Recording(write(tmp_path / "log", [f"0.0 < {INFO}", *first, "1.0 ! opened x", *again])))
+    assert found["pose"]["x_m"] == pytest.approx(1200 * load("traxbot").drive.metres_per_count)
+    assert found["lost"] == 0
+
+
+def test_the_first_robot_that_answers_is_the_one(tmp_path):
+    lines = [f"0.0 < {INFO}", "0.1 < @5,2500,172,1360,2,4e\\r\\n"]
+    found = summarise(Recording(write(tmp_path / "log", lines)))
+    assert (found["robot"], found["robot_id"]) == ("traxbot", 1)
+
+
 def test_a_frame_that_a_lost_port_cut_off_is_no_garbage(tmp_path):
     lines = ["0.0 < @6,1,2e\\r\\n@6,3", "1.0 ! opened x", "1.1 < @6,5,6e\\r\\n"]
     found = summarise(Recording(write(tmp_path / "log", lines)))
