@@ -14,8 +14,8 @@ namespace mrl {
 namespace answers {
 namespace {
 
-// What is left in the transmitter's queue when the counters for the next frame are read: the read takes 0.28 ms, a
-// move and a battery read may come before it; 7 bytes are 0.6 ms on the wire.
+// The counters for the next frame are read when this many bytes are left in the transmitter's queue.  The read takes
+// 0.28 ms, after perhaps a move and a battery read; 7 bytes take 0.6 ms on the wire.
 constexpr uint8_t LOW_WATER = 7;
 constexpr uint8_t QUESTIONS = 8;
 
@@ -27,7 +27,7 @@ struct Question {
 Question questions[QUESTIONS];
 uint8_t first, waiting;
 
-// The frame that is being put together.  Its counters are fetched last, so that they are fresh.
+// The frame that is being built.  Its counters are fetched last, so that they are fresh.
 enum class Stage : uint8_t { none, sensors, counts } stage;
 Question job;
 bool job_is_stream, with_counts, writer_has_begun, stream_had_last_turn;
@@ -57,7 +57,7 @@ void await_counts() {
   if (state == motor::CountsState::failed) give_up();
 }
 
-// An answer's head goes out while its counters are read; a stream's frame waits, the wire is busy anyway.
+// The head of an answer is sent while its counters are read.  A stream frame waits, because the wire is busy anyway.
 void fetch_counts() {
   stage = Stage::counts;
   motor::want_counts();

@@ -1,18 +1,18 @@
-// Who may speak next on the wire: answers in the order of their questions, and the stream between them.
+// Decides which frame is sent next: answers in the order of their requests, and stream frames between them.
 #pragma once
 #include <stdint.h>
 
 namespace mrl {
 namespace answers {
 
-// Queues the reply `code`; `value` is what the handler wants to be reminded of.  Dropped, and counted as an overrun,
-// when the host asks faster than the wire can answer.
+// Queues the reply `code`; `value` is passed back when the reply is built.  The reply is dropped and counted as an
+// overrun if the host asks faster than the wire can answer.
 void ask(uint8_t code, int16_t value = 0);
-// True if ask() would not drop a question.
+// True if ask() would not drop a reply.
 bool can_ask();
-// Carries on with the frame on the wire, or begins the next one.
+// Continues the frame on the wire, or begins the next one.
 void service();
-// True if nothing is on its way to the transmitter, nor waits to be asked for.
+// True if no frame is being sent or waits.
 bool silent();
 // True if counters are being read, or will be very soon: a transfer that can wait should.
 bool about_to_read();

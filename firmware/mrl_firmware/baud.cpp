@@ -11,7 +11,7 @@ namespace {
 
 // 16 MHz / (8 (divider + 1)): 117647, which is 2.1 % above 115200, and exactly 250000, 500000, 1000000 baud.
 const uint8_t DIVIDERS[] PROGMEM = {hal::SERIAL_DIVIDER, 7, 3, 1};
-// The last two bytes of an answer stand in the transmitter, not in the queue, and take 170 us at 117647 baud.
+// The last two bytes of an answer are in the transmitter, not in the queue, and take 170 us at 117647 baud.
 constexpr uint8_t QUIET_TICKS = 4;
 
 uint8_t in_force, wanted, quiet;

@@ -1,16 +1,16 @@
-// Speed of the line to the host.
+// Baud rate of the line to the host.
 #pragma once
 
 namespace mrl {
 namespace baud {
 
-// Changes the speed once the answer has left; at every tick of the clock.
+// Changes the baud rate after the answer has left; call it at every tick of the clock.
 void service();
-// True from the request until the change: no stream's frame begins.
+// True from the request until the change; no stream frame begins during this time.
 bool changing();
-// True at another speed than 115200 baud.
+// True at another baud rate than 115200.
 bool raised();
-// Back to 115200 baud, at once.
+// Returns to 115200 baud at once.
 void reset();
 
 }  // namespace baud

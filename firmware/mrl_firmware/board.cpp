@@ -37,8 +37,8 @@ uint8_t turn;
 
 }  // namespace
 
-// What depends on the time alone takes turns, one at each tick of the clock: a pass that looks for bytes and for the
-// end of a transfer is never far away, and the answer begins within microseconds.
+// Tasks that depend only on time take turns, one at each tick of the clock.  So the next pass that checks for bytes and
+// for the end of a transfer comes soon, and an answer begins within microseconds.
 void run() {
   const uint16_t gap = board_clock::update();
   if (gap) {

@@ -1,4 +1,4 @@
-// The I2C bus: who is next, and what to do when it hangs.  Nothing here waits.
+// The I2C bus: selects the next transfer, and frees a bus that hangs.  Nothing here waits.
 #pragma once
 #include <stdint.h>
 
@@ -7,11 +7,11 @@ namespace bus {
 
 enum class Result : uint8_t { done, refused, hung };
 
-// Takes the clock towards the motor board and its kind of restart from the configuration.
+// Takes the motor board's clock and kind of restart from the configuration.
 void configure();
-// Ends what is done, or has taken too long, and starts the next transfer that is urgent.
+// Ends a transfer that is done or has taken too long, and starts the next urgent transfer.
 void service();
-// Starts a transfer that can wait, if the bus is free.
+// Starts a background transfer if the bus is free.
 void service_background();
 
 }  // namespace bus

@@ -13,7 +13,7 @@ uint16_t magnitude(int16_t value) {
   return static_cast<uint16_t>(value < 0 ? 0u - bits : bits);
 }
 
-// The widest ceiling is none: -32768 is one beyond it and is to arrive as it is.
+// The largest ceiling means no limit: -32768 is one beyond it and must pass unchanged.
 bool beyond(int16_t value, int16_t most) { return most != INT16_MAX && magnitude(value) > static_cast<uint16_t>(most); }
 
 uint32_t product(int16_t value, int16_t most) {
@@ -38,7 +38,7 @@ void scale(int16_t& linear, int16_t& angular, int16_t most_linear, int16_t most_
 
 uint32_t number(Parameter parameter) { return static_cast<uint32_t>(config::get(parameter)); }
 
-// What a rim speed comes to in % of full speed, rounded down; full speed is 2 pi / 60 * full_speed * wheel_radius.
+// A rim speed in % of full speed, rounded down; full speed is 2 pi / 60 * full_speed * wheel_radius.
 int16_t share(uint32_t rim) {
   const uint32_t percent = rim / (number(Parameter::full_speed) * number(Parameter::wheel_radius));
   return static_cast<int16_t>(percent < 100 ? percent : 100);

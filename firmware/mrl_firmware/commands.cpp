@@ -19,8 +19,8 @@ Handler* const HANDLERS[] PROGMEM = {MRL_COMMANDS(HANDLER, NO_HANDLER)};
 #undef HANDLER
 #undef NO_HANDLER
 
-// At 1000000 baud bytes come as fast as they are decoded: without a bound a flood would keep everything else waiting,
-// the stop that it asks for and the watchdog included.
+// At 1000000 baud bytes come as fast as they are decoded.  Without a limit, a flood of bytes would delay everything
+// else, including a requested stop and the watchdog.
 constexpr uint8_t BYTES_A_PASS = 16;
 
 void execute() {

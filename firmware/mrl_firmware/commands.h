@@ -1,4 +1,4 @@
-// Requests from the serial line to their handlers.
+// Passes requests from the serial line to their handlers.
 #pragma once
 #include "frame_decoder.h"
 
@@ -7,9 +7,9 @@ namespace commands {
 
 extern FrameDecoder decoder;
 
-// Carries out everything that has come.
+// Carries out the requests that have come.
 void receive();
-// Forgets everything that has come.
+// Drops all bytes that have come.
 void discard();
 
 }  // namespace commands

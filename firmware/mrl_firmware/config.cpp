@@ -44,7 +44,7 @@ constexpr uint8_t ID_SIZE = 4;
 constexpr uint8_t IMAGE_SIZE = ID_SIZE + BLOCK_SIZE;
 
 int16_t values[PARAMETER_COUNT];
-uint8_t saving;  // place in the image that is written next
+uint8_t saving;  // index in the image that is written next
 enum class Step : uint8_t { idle, writing } step;
 
 bool allowed(uint8_t index, int16_t value) {
@@ -66,7 +66,7 @@ void take_defaults() {
   for (uint8_t i = COMMON_FIRST; i < PARAMETER_COUNT; i++) values[i] = flash_int16(&COMMON[i - COMMON_FIRST]);
 }
 
-// ---- the image: what stands in EEPROM, byte by byte
+// ---- the image: the contents of the EEPROM, byte by byte
 
 uint16_t address_of(uint8_t place) {
   return place < ID_SIZE ? static_cast<uint16_t>(ID_AT + place) : static_cast<uint16_t>(BLOCK_AT + place - ID_SIZE);
@@ -107,7 +107,7 @@ bool matches_image() {
 
 // ---- loading
 
-// The id of 2013, or 0 if the float is no id (a blank EEPROM reads as NaN).
+// The id of 2013, or 0 if the float is not an id (a blank EEPROM reads as NaN).
 int16_t read_id() {
   uint8_t bytes[ID_SIZE];
   float number;
@@ -118,7 +118,7 @@ int16_t read_id() {
   return static_cast<float>(whole) == number ? whole : static_cast<int16_t>(0);
 }
 
-// Loads the block; false if it is none of this layout or damaged.
+// Loads the block; false if it has another layout or is damaged.
 bool read_block() {
   uint16_t crc = CRC_START;
   uint8_t block[BLOCK_SIZE];
@@ -139,14 +139,14 @@ void apply() {
   status::set_fault(FAULT_ID_UNSET, !id());
   bus::configure();
   sonar::configure();
-  // A save that is under way starts again, or it would mix old and new values.
+  // A running save starts again; otherwise it would mix old and new values.
   saving = 0;
 }
 
 }  // namespace
 
-// A block with a good check value knows the id better than the bare float beside it; where they differ, one of them
-// was damaged or changed by another firmware, and neither the calibration nor the ceiling may be trusted.
+// The id in a block with a correct checksum is more reliable than the float.  If they differ, one was damaged or
+// changed by another firmware, and neither the calibration nor the ceilings can be trusted.
 void begin() {
   const bool good = read_block();
   if (!good) id() = read_id();

@@ -1,4 +1,4 @@
-// Free text for people, one line for each frame, while debug is on.  A line that does not fit is dropped.
+// Sends a line of text for each frame while debug is on.  A line that does not fit is dropped.
 #pragma once
 #include <stdint.h>
 

@@ -16,7 +16,7 @@ namespace environment {
 
 namespace {
 
-// The dust sensor's pulses are rare: its characteristic holds for half a minute, kept here as six slots.
+// The dust sensor's pulses are rare: its characteristic is valid for half a minute, stored here as six slots.
 constexpr uint32_t SLOT = board_clock::of_ms(5000);
 constexpr uint8_t SLOTS = 6;
 constexpr uint8_t SILENT_SLOTS = 12;  // a minute without one pulse: no sensor

@@ -1,4 +1,4 @@
-// Alcohol, light and dust: the sensors on the Uno's own inputs.  In the sonar build they are not there.
+// Alcohol, light and dust: the sensors on the Uno's own inputs.  The sonar build does not have them.
 #pragma once
 
 namespace mrl {

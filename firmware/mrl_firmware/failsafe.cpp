@@ -19,14 +19,14 @@ constexpr uint32_t BAUD_SILENCE = board_clock::of_ms(1000);
 uint32_t last_valid;
 uint32_t watchdog;  // [64 us], 0 is off
 int16_t watchdog_ms;
-bool silent;  // the watchdog has stopped the motors and nothing has come since
+bool silent;  // the watchdog has stopped the motors, and no valid frame has come since
 
 void set_check(bool on) {
   commands::decoder.checked = on;
   writer::set_checked(on);
 }
 
-// What waited through a stall is stale: it is not carried out.
+// Requests that waited during a stall are stale and are not carried out.
 void recover_from_stall() {
   commands::discard();
   motor::stop(StopReason::stall);

@@ -1,11 +1,11 @@
-// What stops the robot when nobody tells it to: silence on the link, a stalled loop, the end of check mode.
+// Stops the robot without a request: on silence on the link, a stalled loop, or the end of checksum mode.
 #pragma once
 #include <stdint.h>
 
 namespace mrl {
 namespace failsafe {
 
-// A frame came that the table allows.
+// Notes that a valid frame has come.
 void valid_frame();
 // `gap` is the time since the last pass of the loop [64 us].
 void service(uint16_t gap);

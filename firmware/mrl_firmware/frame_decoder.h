@@ -11,13 +11,13 @@ enum class Verdict : uint8_t { none, frame, garbage };
 
 class FrameDecoder {
  public:
-  // Takes one byte; `frame` and `garbage` tell what it completed.
+  // Takes one byte; the verdicts `frame` and `garbage` say what it completed.
   Verdict feed(uint8_t byte);
-  // Forgets what has come so far of a frame or a run of noise.
+  // Drops the started frame or noise.
   void clear();
 
   bool in_frame() const { return in_frame_; }
-  // Valid after `frame` until the next byte: code, and arguments without the check value.
+  // Valid after `frame` until the next byte: code, and arguments without the checksum.
   uint8_t code() const { return static_cast<uint8_t>(values_[0]); }
   const int16_t* arguments() const { return values_ + 1; }
   uint8_t count() const { return count_; }

@@ -1,11 +1,11 @@
-// Frames to bytes: one frame at a time, number by number as the transmitter has room.
+// Writes frames as bytes: one frame at a time, number by number, as far as the transmitter has room.
 #pragma once
 #include <stdint.h>
 
 namespace mrl {
 namespace writer {
 
-// While on, each frame ends in its check value and stamped frames carry sequence and time.
+// While on, each frame ends with its checksum, and stamped frames carry sequence number and time.
 void set_checked(bool on);
 bool checked();
 
@@ -21,7 +21,7 @@ void add(int16_t value);
 void stamp(uint16_t tick);
 // No more numbers.
 void end();
-// Leaves the frame unfinished: its numbers could not be had.
+// Leaves the frame unfinished, because its numbers are not available.
 void abandon();
 // Moves numbers into the transmitter's queue.
 void service();

@@ -1,10 +1,10 @@
-// What the firmware wants of the hardware.  hal_avr.cpp gives it on the Uno; the tests bring one for the PC.
+// The hardware interface of the firmware.  The hal_*.cpp files implement it on the Uno; the tests have one for the PC.
 #pragma once
 #include <stdint.h>
 
 namespace hal {
 
-// Takes the peripherals; interrupts are on afterwards.
+// Sets up the peripherals; afterwards interrupts are enabled.
 void begin();
 
 // ---- time
@@ -21,13 +21,13 @@ constexpr uint8_t SERIAL_DIVIDER = 16;  // at first; the speed is 16 MHz / (8 (d
 int16_t serial_read();
 // Drops all received bytes.
 void serial_discard();
-// Bytes that were lost since the last call; 255 at most.
+// Number of bytes lost since the last call; at most 255.
 uint8_t serial_overruns();
-// Bytes that serial_write() takes now.
+// Number of bytes that serial_write() accepts now.
 uint8_t serial_room();
-// Bytes that have not reached the transmitter yet.
+// Number of bytes that have not reached the transmitter yet.
 uint8_t serial_waiting();
-// Changes the speed, of what comes in as well; nothing may be waiting to be sent.
+// Changes the baud rate in both directions; no byte may be waiting to be sent.
 void serial_speed(uint8_t divider);
 // Queues one byte; there must be room.
 void serial_write(uint8_t byte);
@@ -48,8 +48,8 @@ struct Transfer {
 enum class BusState : uint8_t {
   idle,
   busy,
-  nack,  // nobody there, or a byte was not acknowledged
-  lost,  // somebody else holds the bus
+  nack,  // no device there, or a byte was not acknowledged
+  lost,  // another master or a fault holds the bus
 };
 
 // Belongs to the caller unless the bus is busy.
@@ -59,7 +59,7 @@ void bus_start();
 BusState bus_state();
 // ticks() at the moment the slave of the last read acknowledged its address.
 uint16_t bus_latched();
-// Ends whatever goes on, clocks a slave that holds SDA out of it; takes 120 us.
+// Ends any transfer, and clocks until a slave releases SDA; takes 120 us.
 void bus_recover();
 
 // ---- analog inputs: one conversion at a time, 104 us
@@ -83,7 +83,7 @@ void eeprom_write(uint16_t address, uint8_t value);
 
 // ---- resets
 
-// What the chip and the marks in RAM that outlive a reset tell of the last one; valid after begin().
+// The cause of the last reset, from the chip's flags and the marks in RAM that survive a reset; valid after begin().
 struct ResetTrace {
   bool power_on, external, brown_out, watchdog;  // the chip's flags, all false behind a bootloader that clears them
   bool watchdog_marked;                          // the watchdog's interrupt left its mark
@@ -100,7 +100,7 @@ constexpr uint8_t RADIO_OUT_SIZE = 64;
 void radio_begin();
 // The next received byte, or -1.
 int16_t radio_read();
-// Bytes that radio_write() takes now.
+// Number of bytes that radio_write() accepts now.
 uint8_t radio_room();
 // Queues one byte; there must be room.
 void radio_write(uint8_t byte);

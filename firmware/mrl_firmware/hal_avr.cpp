@@ -1,5 +1,5 @@
-// The ATmega328P of the Uno at 16 MHz: resets, time, USB line, analog inputs, pins, EEPROM.  The only file that knows
-// Arduino.h; I2C, the dust sensor's and the radio's inputs have files of their own beside it.
+// The ATmega328P of the Uno at 16 MHz: resets, time, USB line, analog inputs, pins, EEPROM.  Only this file includes
+// Arduino.h; I2C, the dust sensor's input and the radio's line have their own files.
 #ifdef __AVR__
 #include <Arduino.h>
 #include <avr/wdt.h>
@@ -20,7 +20,7 @@ mrl::Ring<64> received;
 mrl::Ring<SERIAL_OUT_SIZE> sending;
 volatile uint8_t overruns;
 
-// Two bytes each, the second inverted, so that random RAM does not pass for a mark.
+// Each mark has two bytes, the second one inverted, so that random RAM does not look like a mark.
 struct Mark {
   uint8_t value, inverse;
   bool is(uint8_t mark) const { return value == mark && inverse == static_cast<uint8_t>(~mark); }
@@ -39,7 +39,7 @@ volatile uint8_t missed_kicks;
 
 // ---- resets
 
-// After a watchdog reset the watchdog runs on at its shortest period: it must be off before main() is reached.
+// After a watchdog reset the watchdog keeps running at its shortest period: it must be off before main() starts.
 void save_reset_flags() __attribute__((naked, used, section(".init3")));
 void save_reset_flags() {
   reset_flags = MCUSR;
@@ -61,7 +61,7 @@ static void take_trace() {
 
 ResetTrace reset_trace() { return trace; }
 
-// 128 ms a period: the interrupt counts one miss, leaves the mark at the second, and the third resets.
+// The period is 128 ms: the interrupt counts the first miss, leaves the mark at the second; the third resets the chip.
 static void start_watchdog() {
   cli();
   wdt_reset();

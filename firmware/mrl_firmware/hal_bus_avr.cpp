@@ -28,7 +28,7 @@ static inline void end_transfer(BusState state) {
   bus = state;
 }
 
-// Acknowledges every byte but the last one.
+// Acknowledges every byte except the last one.
 static inline void receive_next() {
   TWCR = static_cast<uint8_t>(position + 1) < transfer.in_count ? GO | _BV(TWEA) : GO;
 }
@@ -72,7 +72,7 @@ ISR(TWI_vect) {
 }
 
 void bus_start() {
-  // A stop that is still on its way takes one clock, 10 us at most; a bus that hangs is the caller's timeout.
+  // A pending stop takes one clock, at most 10 us; if the bus hangs, the caller's timeout handles it.
   for (uint8_t patience = 100; patience && (TWCR & _BV(TWSTO)); patience--) {
   }
   position = 0;
@@ -85,7 +85,7 @@ void bus_start() {
 BusState bus_state() { return bus; }
 
 uint16_t bus_latched() {
-  return latched;  // not busy: the interrupt is quiet
+  return latched;  // the bus is not busy, so the interrupt does not write it
 }
 
 // Lines are open drain: low is an output of 0, high is an input with its pull-up.

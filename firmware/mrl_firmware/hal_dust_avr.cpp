@@ -1,4 +1,4 @@
-// The dust sensor's low pulses, timed by timer 1's input capture on D8.
+// Measures the dust sensor's low pulses with timer 1's input capture on D8.
 #ifdef __AVR__
 #include <avr/interrupt.h>
 #include <avr/io.h>
@@ -17,7 +17,7 @@ volatile bool dust_low;
 volatile bool dust_edge;
 }  // namespace
 
-// Timer1 latches the tick of each edge, so that the pulse is exact however late the interrupt comes.
+// Timer 1 latches the tick of each edge, so that the pulse is exact even if the interrupt comes late.
 ISR(TIMER1_CAPT_vect) {
   const uint16_t at = ICR1;
   dust_edge = true;

@@ -1,5 +1,5 @@
-// A serial line at 9600 baud made of two pins, INT0 and timer 2.  No interrupt lasts longer than 15 us, so that
-// the USB line at 115200 baud, whose receiver bridges 170 us, never loses a byte to it.
+// A serial line at 9600 baud on two pins, with INT0 and timer 2.  No interrupt takes longer than 15 us, so that the USB
+// line at 115200 baud, whose receiver buffers 170 us, never loses a byte.
 #include "build.h"
 #if defined(__AVR__) && MRL_XBEE
 #include <avr/interrupt.h>
@@ -21,10 +21,10 @@ constexpr uint8_t FRAME_BITS = 10;
 mrl::Ring<64> heard;
 mrl::Ring<RADIO_OUT_SIZE> speaking;
 
-// The timer runs round once a bit and never stops; its rounds are the clock of both directions.
+// The timer makes one round per bit and never stops; its rounds are the clock of both directions.
 uint8_t rounds;
 
-// What comes in is told from the times of its edges, so that a late interrupt costs nothing but precision.
+// The receiver decodes bits from the times of the edges, so that a late interrupt only costs precision.
 struct Moment {
   uint8_t round, tick;
 };
@@ -36,13 +36,13 @@ bool receiving;
 uint16_t out_frame;  // bits left, the next one lowest
 uint8_t out_bits;
 
-// The interrupt that ends a round may come before or behind the counter's step to 0: its last tick is waited out.
+// The interrupt that ends a round may come before or after the counter's step to 0, so this waits for the last tick.
 Moment moment() {
   uint8_t tick;
   do tick = TCNT2;
   while (tick == BIT - 1);
   Moment now = {rounds, tick};
-  // The round has just ended, and its interrupt waits behind the one that asks.
+  // The round has just ended, and its interrupt is still pending.
   if ((TIFR2 & _BV(OCF2A)) && now.tick < BIT / 2) now.round++;
   return now;
 }
@@ -58,7 +58,7 @@ void fill(uint8_t bits, bool high) {
   for (; in_bits < bits; in_bits++) in_frame = static_cast<uint16_t>(in_frame >> 1 | (high ? 0x200 : 0));
 }
 
-// A frame that has no low start bit or no high stop bit is none.
+// A frame without a low start bit or a high stop bit is not valid.
 void end_frame(bool high) {
   fill(FRAME_BITS, high);
   receiving = false;
@@ -126,7 +126,7 @@ int16_t radio_read() { return heard.used() ? heard.take() : static_cast<int16_t>
 
 uint8_t radio_room() { return speaking.room(); }
 
-// The first bit that goes out is a stop bit: the line's rest, for one round, starts the transmitter.
+// The first bit sent is a stop bit: the idle level for one round starts the transmitter.
 void radio_write(uint8_t byte) {
   speaking.put(byte);
   cli();

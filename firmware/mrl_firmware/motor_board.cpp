@@ -13,7 +13,7 @@ namespace {
 
 constexpr uint8_t ADDRESS = 0x18;
 constexpr uint32_t RETRY_PRESENCE = board_clock::of_ms(48);
-// A board that comes and goes (a loose wire) is set up once a second at most: that writes its EEPROM.
+// A board that comes and goes (a loose wire) is set up at most once a second, because this writes its EEPROM.
 constexpr uint32_t RETRY_AT_MOST = board_clock::of_ms(1000);
 constexpr uint32_t STEADY = board_clock::of_ms(5000);
 constexpr uint32_t POLL_PERIOD = board_clock::of_ms(40);  // shorter than the board's shortest I2C timeout, 100 ms
@@ -22,7 +22,7 @@ constexpr uint8_t PAUSE_AFTER_FAILURE_MS = 1;
 constexpr uint8_t FAILURES_ALLOWED = 4;
 
 enum class Presence : uint8_t { absent, asking, present };
-// The order in which a board that has appeared is asked; the first one is a stop.
+// The order of requests to a board that has appeared; the first is a stop.
 enum class Ask : uint8_t { stop, version, decimals, battery, temperature, done };
 enum class Kind : uint8_t { stop, ask, set_up, command, counts, poll };
 
@@ -46,14 +46,14 @@ bool turning;  // a move has come since the last stop
 bool retry_current, drop_current;
 bool poll_temperature;
 
-// Whoever sees the end of a pause first puts the stop that the board may have missed ahead of all that waits.
+// At the end of a pause, the stop that the board may have missed is sent before all waiting commands.
 void end_pause() {
   paused = eeprom_busy = false;
   stop_wanted = stop_wanted || stop_again;
   stop_again = false;
 }
 
-// A flag, not a comparison with a time that may lie days back: the clock wraps.
+// Uses a flag instead of comparing with a time that may be days ago, because the clock wraps.
 bool pausing() {
   if (paused && board_clock::passed(paused_at, pause_ticks)) end_pause();
   return paused;
@@ -87,7 +87,7 @@ int16_t word_in(uint8_t at) {
   return static_cast<int16_t>(hal::transfer.in[at] << 8 | hal::transfer.in[at + 1]);
 }
 
-// The board's tenths as the wire's hundredths.
+// Converts the board's tenths to the wire's hundredths.
 int16_t hundredths(int16_t tenths) {
   return tenths > 3276 ? INT16_MAX : tenths < -3276 ? INT16_MIN : static_cast<int16_t>(tenths * 10);
 }
@@ -101,7 +101,7 @@ void start_asking() {
   failures = 0;
 }
 
-// A stop of motors that nobody had turned keeps the reason of the one before.
+// If the motors were not turning, the reason of the previous stop stays.
 void note_stop(StopReason reason) {
   if (turning) status::set_stop_reason(reason);
   turning = false;
@@ -235,7 +235,7 @@ void command_next(hal::Transfer& transfer) {
   fill(transfer, Kind::command, current);
 }
 
-// While the board is busy with its EEPROM it may miss or refuse a stop: it gets it again at the end of the pause.
+// While the board writes its EEPROM, it may miss or refuse a stop; the stop is repeated at the end of the pause.
 bool next_stop(hal::Transfer& transfer) {
   if (!stop_wanted) return false;
   stop_wanted = false;

@@ -1,4 +1,4 @@
-// The motor board on the bus: is it there, set it up, hand it commands, read its counters.  Nothing here waits.
+// The motor board on the bus: finds it, sets it up, sends commands, reads its counters.  Nothing here waits.
 #pragma once
 #include <stdint.h>
 
@@ -10,7 +10,7 @@
 namespace mrl {
 namespace motor {
 
-// Asks for the board; it is stopped and set up as soon as it answers, and again whenever it comes back.
+// Looks for the board; it is stopped and set up as soon as it answers, and each time it comes back.
 void begin();
 void service();
 
@@ -21,11 +21,11 @@ bool asked();
 // True if it has answered since the start.
 bool ever_found();
 
-// Stops the motors ahead of everything else, and drops the moves that wait.
+// Stops the motors before all other commands, and drops waiting moves.
 void stop(StopReason reason);
 // Queues a command; false if the board is not available.
 bool send(const Message& message);
-// Tells the board a parameter that has changed.
+// Sends a changed parameter to the board.
 void refresh(Parameter parameter);
 void refresh_all();
 
@@ -48,9 +48,9 @@ void report_info();
 
 // A quick look whether next_transfer() may have something.
 bool has_work();
-// Fills in what has to be sent now; false if nothing.
+// Fills in the transfer that must be sent now; false if there is none.
 bool next_transfer(hal::Transfer& transfer);
-// Fills in a battery or temperature read, which can wait; `overdue` tells that it has waited for long.
+// Fills in a battery or temperature read, which can wait; `only_overdue`: only if it has waited for long.
 bool next_poll(hal::Transfer& transfer, bool only_overdue);
 void transfer_ended(bus::Result result);
 

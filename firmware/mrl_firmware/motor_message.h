@@ -1,4 +1,4 @@
-// What the OMNI-3MD motor board understands: a command byte, then data, 16-bit values high byte first.
+// Messages to the OMNI-3MD motor board: a command byte, then data; 16-bit values have their high byte first.
 #pragma once
 #include <stdint.h>
 

@@ -13,14 +13,14 @@ class Queue {
     first_ = static_cast<uint8_t>((first_ + 1) % SIZE);
     count_--;
   }
-  // Returns false if the newest one that waited had to make room.
+  // Returns false if the newest waiting command was dropped to make room.
   bool push(const Message& message) {
     const bool room = count_ < SIZE;
     if (room) count_++;
     messages_[(first_ + count_ - 1) % SIZE] = message;
     return room;
   }
-  // Drops what would turn the motors; the rest keeps its order.
+  // Drops commands that would turn the motors; the rest keeps its order.
   void drop_moves() {
     for (uint8_t left = count_; left; left--) {
       const Message message = front();

@@ -1,4 +1,4 @@
-// What the motor board has to be told of the configuration, in parts that are sent one by one.
+// The settings for the motor board from the configuration, in parts that are sent one by one.
 #pragma once
 #include <stdint.h>
 

@@ -1,4 +1,4 @@
-// Robots with three wheels across: the motor board's own omnidirectional mode, and its third encoder.
+// Robots with three omni wheels: the motor board's own omnidirectional mode, and its third encoder.
 #pragma once
 
 namespace mrl {

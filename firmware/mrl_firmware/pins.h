@@ -1,4 +1,4 @@
-// What is wired where on the Uno.  A0 to A5 are pins 14 to 19.
+// The wiring of the Uno's pins.  A0 to A5 are pins 14 to 19.
 #pragma once
 #include <stdint.h>
 
@@ -36,7 +36,7 @@ constexpr uint8_t USED[] = {SERIAL_IN,   SERIAL_OUT, I2C_DATA,    I2C_CLOCK,    
 
 constexpr uint8_t channel(uint8_t pin) { return static_cast<uint8_t>(pin - 14); }
 
-// C++11 allows a constexpr function one statement: no pin in the table from `i` on equals one behind it.
+// Whether `pin` is not in the table from `i` on.  C++11 allows one statement in a constexpr function.
 constexpr bool differs(uint8_t pin, unsigned i) {
   return i >= sizeof USED || (USED[i] != pin && differs(pin, i + 1));
 }

@@ -18,7 +18,7 @@ namespace mrl {
 namespace rows {
 namespace {
 
-constexpr int16_t NO_ENCODERS = 999;  // what sensor boards have sent since 2013 in place of counters
+constexpr int16_t NO_ENCODERS = 999;  // value that sensor boards have sent instead of counters since 2013
 constexpr int16_t LAST_WITH_MOTORS = 5;
 
 #define STAMPED(code, name, least, most, guarded, stamped, first) stamped,
@@ -27,12 +27,12 @@ const uint8_t STAMPED_ROWS[] PROGMEM = {MRL_COMMANDS(STAMPED, STAMPED)};
 
 bool is_sensor_stream(uint8_t code) { return code == START_SENSOR_STREAM || code == START_SENSOR_LDR_STREAM; }
 
-// Boards of robots from 6 on need not have motors; a TraxBot or StingBot that has lost its motor board is broken.
+// Boards with a robot id from 6 on may have no motors; a TraxBot or StingBot without its motor board is faulty.
 bool has_no_motors() {
   return motor::asked() && !motor::ever_found() && config::get(Parameter::robot_id) > LAST_WITH_MOTORS;
 }
 
-// The sensor that a frame has to wait for, if any.
+// The sensor that a frame must wait for, if any.
 uint8_t sensor_of(uint8_t code) {
   if (is_sensor_stream(code)) return READ_THERMOPILE;
   if (code == START_COMPASS_STREAM) return READ_COMPASS;

@@ -52,7 +52,7 @@ State states[BUS_SENSORS];
 int16_t all_values[0 MRL_BUS_SENSORS(PLUS_VALUES)];
 uint8_t asked;
 
-// SENSORS for codes that are no sensor's.
+// SENSORS if the code does not belong to a sensor.
 __attribute__((noinline)) uint8_t index_of(uint8_t code) {
   uint8_t i = 0;
   while (i < SENSORS && flash_byte(&CODES[i]) != code) i++;

@@ -1,5 +1,5 @@
-// Sensors, as the table lists them: those on the I2C bus are read in turn in the background at 100 kHz while somebody
-// wants them, those on the Uno's own pins are asked when their answer goes out.  What each reads stands in its file.
+// The sensors of the table.  Those on the I2C bus are read in turn in the background at 100 kHz while they are wanted.
+// Those on the Uno's own pins are read when their answer is sent.  Each sensor has its own file.
 #pragma once
 #include <stdint.h>
 
@@ -12,12 +12,12 @@ namespace sensors {
 
 // True for the codes of the sensors.
 bool knows(uint8_t code);
-// Asks a sensor on the bus, on behalf of a command or stream; its values are kept fresh for a while after each call.
+// Requests a sensor on the bus for a command or stream; its values are kept fresh for some time after each call.
 void want(uint8_t code);
-// `wait` until a sensor on the bus has answered, or failed to, since it was first wanted; values older than half a
-// second are none.
+// `wait` until a sensor on the bus has answered or failed since it was first wanted; values older than half a second do
+// not count.
 rows::Readiness readiness(uint8_t code);
-// True if a sensor that is wanted did not answer when it was last asked; one that may be absent has to have been there.
+// True if a wanted sensor did not answer the last time; a sensor that may be absent must have answered before.
 bool failing();
 // The row of its reply.
 void report(uint8_t code);

@@ -72,7 +72,7 @@ void convert(uint8_t which) {
   step = Step::converting;
 }
 
-// A sensor holds its output until it has fired again: all are read after each turn, the one that fired among them.
+// A sensor holds its output until it fires again: all sensors are read after each turn.
 void take_conversion() {
   const int16_t count = hal::adc_result();
   if (count < 0) return;

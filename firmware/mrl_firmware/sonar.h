@@ -13,7 +13,7 @@ void service();
 // The rows of the reply to 7: front, left, right [cm].
 void report();
 
-// Distance [cm] of an ADC count with the curve of the configuration, or what stands for no distance.
+// Distance [cm] of an ADC count with the curve of the configuration, or the code for no distance.
 int16_t range_cm(uint16_t count);
 
 }  // namespace sonar

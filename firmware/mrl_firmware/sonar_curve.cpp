@@ -5,7 +5,7 @@
 namespace mrl {
 namespace {
 
-// Straight lines between 65 points: 4.4e-5 off at most, 0.03 cm at the far end of the sonar's range.
+// Straight lines between 65 points: the error is at most 4.4e-5, or 0.03 cm at the far end of the sonar's range.
 constexpr uint8_t SEGMENT_BITS = 6;
 
 // log2(1 + i / 64) in 1 / 65536.
@@ -51,7 +51,7 @@ constexpr int16_t FARTHEST = 1250;
 constexpr uint8_t FRACTION_BITS = 15;
 constexpr int32_t UNIT = static_cast<int32_t>(1) << FRACTION_BITS;
 
-// 2^(log2 / 65536) in 1 / 32768; at most 2^11, which is beyond all that the wire carries.
+// 2^(log2 / 65536) in 1 / 32768; at most 2^11, which is above all values on the wire.
 int32_t exp2_of(int32_t log2) {
   const int16_t exponent = static_cast<int16_t>(log2 >> 16);
   if (exponent < -FRACTION_BITS) return 0;

@@ -26,7 +26,7 @@ void count(int16_t& counter) {
   if (counter != INT16_MAX) counter++;
 }
 
-// The interrupt's mark outlives a bootloader that clears the chip's flags; kept RAM tells a reset from power-on.
+// The interrupt's mark survives a bootloader that clears the chip's flags; kept RAM means a reset, not a power-on.
 ResetCause cause_of(const hal::ResetTrace& trace) {
   if (trace.power_on) return ResetCause::power_on;
   if (trace.watchdog_marked || trace.watchdog) return ResetCause::watchdog;

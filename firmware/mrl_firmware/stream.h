@@ -1,4 +1,4 @@
-// Frames that the board repeats unasked: which one, and when the next is due.
+// The stream: which frame the board repeats, and when the next one is due.
 #pragma once
 #include <stdint.h>
 
@@ -9,9 +9,9 @@ namespace stream {
 uint8_t code();
 // True when the next frame's values should be fetched.
 bool due();
-// True when they will have to be within half a millisecond.
+// True if they should be fetched within half a millisecond.
 bool almost_due();
-// A frame was sent, or its values could not be had: plans the next one.
+// Plans the next frame after one was sent, or its values were not available.
 void sent();
 void failed();
 // The row of the reply to 17.

@@ -29,7 +29,7 @@ constexpr uint32_t BROKEN_OFF = board_clock::of_ms(48);  // 46 bytes at 9600 bau
 PacketReader reader;
 uint32_t last_byte;
 uint8_t text_at;   // what the host has not got yet of a received text; 0 is nothing
-bool node_waits;   // a node's answer that the host has not got yet
+bool node_waits;   // a node's answer has not been sent to the host yet
 bool asked;        // the frame for it is queued
 uint8_t sum;
 
@@ -45,7 +45,7 @@ void put_word(int16_t value) {
   put(static_cast<uint8_t>(value));
 }
 
-// False if the radio is still sending what came before.
+// False if the radio is still sending the previous packet.
 bool begin_packet(uint8_t size, PacketType type) {
   if (hal::radio_room() < size + ENVELOPE) return false;
   put(DELIMITER);
@@ -123,7 +123,7 @@ uint8_t piece_size() {
 
 void begin() { hal::radio_begin(); }
 
-// The next packet stays in the line's queue until the host has got this one.
+// The next packet stays in the line's queue until this one has been sent to the host.
 void service() {
   receive();
   if (text_at || node_waits) ask_host();

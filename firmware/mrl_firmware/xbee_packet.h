@@ -1,4 +1,4 @@
-// Packets of the XBee's API mode 1: 0x7E, length, data, check sum.
+// Packets of the XBee's API mode 1: 0x7E, length, data, checksum.
 #pragma once
 #include <stdint.h>
 
@@ -10,7 +10,7 @@ constexpr uint8_t LONGEST = 96;  // a receive packet has 12 bytes and at most 84
 
 class PacketReader {
  public:
-  // Takes one byte; true if it completed a packet whose check sum is right.
+  // Takes one byte; true if it completed a packet with a correct checksum.
   bool feed(uint8_t byte);
   // Looks for the next delimiter.
   void clear() { step_ = Step::delimiter; }
