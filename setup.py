@@ -94,7 +94,7 @@ setup(
         "numpy>=1.17.3",
         "PyYAML>=5.4",
         "click>=8.0",
-        "rich>=11.0",
+        "rich>=12.0",
     ],
     extras_require={
         "dev": [

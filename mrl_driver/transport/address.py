@@ -79,7 +79,7 @@ def parse(url: str, listening: bool = False) -> Address:
         )
     parts, host, port = _split(url, scheme, listening)
     try:
-        queries = parse_qs(parts.query, True, True)
+        queries = parse_qs(parts.query, True, True) if parts.query else {}  # Python 3.8 refuses an empty one
     except ValueError as error:
         raise _no_address(url, scheme, f" ({error})") from None
     if parts.path not in ("", "/") or parts.username is not None or parts.fragment:
