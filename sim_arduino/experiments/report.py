@@ -1,4 +1,4 @@
-"""What an experiment ends in: figures beside the published ones, a picture, a JSON file."""
+"""The result of an experiment: figures beside the published ones, a picture, a JSON file."""
 
 import json
 import os
@@ -25,11 +25,11 @@ class Row(NamedTuple):
 
 
 class Result(NamedTuple):
-    """Of one experiment.
+    """Result of one experiment.
 
     Attributes:
         pictures: Names of the files drawn, in the folder of the report.
-        remark: What to know when comparing.
+        remark: Note for the comparison.
     """
 
     name: str

@@ -29,7 +29,7 @@ OWN: Dict[str, Sequence[Point]] = {
 
 
 class Claims:
-    """Who has the shared waypoint."""
+    """The holder of the shared waypoint."""
 
     def __init__(self) -> None:
         self.holder: Optional[str] = None

@@ -16,11 +16,11 @@ from .stage import NOISE, Setting, actor
 
 PLAN = parts.SonarPlan()
 STANDS = 3
-"""The way to the wall is made so often: noise of 1 cm needs more than one reading at each distance."""
+"""Number of approaches to the wall: with a noise of 1 cm, each distance needs more than one reading."""
 THESIS = Curve(1.1767, 0.94657, -0.3759)
 THESIS_R2 = 0.9992
 WIDE_M = 10.0
-"""The wall reaches so far to both sides."""
+"""The wall extends this far to both sides."""
 
 
 def run(setting: Setting) -> Result:

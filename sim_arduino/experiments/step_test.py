@@ -26,7 +26,7 @@ SIMPLE = "In real time, without ROS."
 REACHED = "Goals count as reached within 3 cm."
 LOOK_S = 0.001
 START_S = 10.0
-"""The mirror's process has so long to begin."""
+"""The mirror's process must start within this time."""
 
 
 class Drive(NamedTuple):

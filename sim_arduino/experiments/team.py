@@ -45,11 +45,11 @@ class OnStage(Protocol):
 
     @property
     def ranges(self) -> Mapping[str, float]:
-        """What its sonars hear: name to range [m]."""
+        """Ranges of the sonars: name to range [m]."""
 
     @property
     def bumped(self) -> bool:
-        """Something stands in its way."""
+        """An obstacle blocks the robot."""
 
     def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
         """Takes these speeds."""
@@ -58,10 +58,10 @@ class OnStage(Protocol):
         """Lets time pass."""
 
     def seek(self, goal: Pose) -> Callable[[Mapping[str, float]], Step]:
-        """What takes it to a goal, tick by tick."""
+        """A function that takes the robot to a goal, tick by tick."""
 
     def reset_pose(self, pose: Pose) -> None:
-        """Its odometry begins here."""
+        """Set the pose at which the odometry begins."""
 
 
 class Player:
@@ -69,9 +69,9 @@ class Player:
 
     Attributes:
         virtual: The world with the mirrors of the real robots.
-        path: Where it has truly been.
-        told: Where it has been by its odometry.
-        bumps: Ticks in which something stood in its way.
+        path: True path.
+        told: Path by odometry.
+        bumps: Number of ticks in which an obstacle blocked the robot.
     """
 
     def __init__(self, member: Member, robot: OnStage, virtual_world: World) -> None:
@@ -85,7 +85,7 @@ class Player:
             virtual_world.place(member.name, member.start, self.footprint)
 
     def ranges(self) -> Dict[str, float]:
-        """What it hears: sonar name to range [m]."""
+        """Ranges that the robot uses: sonar name to range [m]."""
         heard = dict(self.robot.ranges)
         if not self.member.virtual:
             for name, range_m in heard.items():
@@ -94,7 +94,7 @@ class Player:
         return heard
 
     def _in_virtual(self, name: str) -> float:
-        """What the mirror's sonar of that name would hear [m]."""
+        """Range that the mirror's sonar with this name would measure [m]."""
         mount = self.robot.model.sonars[name]
         at = self.robot.pose.beside(mount.x_m, mount.y_m, math.radians(mount.yaw_deg))
         return self.virtual.nearest(at, HALF_CONE_RAD, RANGE_M, self.member.name)
@@ -118,7 +118,7 @@ class Team:
         self.nearest_m = math.inf
 
     def tick(self, speeds: Sequence[Tuple[float, float]]) -> None:
-        """All drive for a tick."""
+        """Drives all robots for a tick."""
         for player, each in zip(self.players, speeds):
             player.step(each)
         for a, b in pairs(self.players):

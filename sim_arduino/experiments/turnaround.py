@@ -13,9 +13,9 @@ from .report import Result, Row
 from .stage import Setting, demand_emulated
 
 COUNTS = (1, 2, 5, 10, 20, 30, 40, 50)
-"""Messages in a second."""
+"""Numbers of messages per second."""
 STEP_S = 1e-4
-"""Answers are looked for so often, in simulated time [s]."""
+"""Replies are checked after each such interval of simulated time [s]."""
 PUBLISHED_MS, PUBLISHED_COUNT, LESS = 36.0, 20, 0.35
 """Time of 20 messages with rosserial, and by how much the 2012 frame driver was quicker (thesis)."""
 MEASURED_MS = {"2013 firmware": 2.445, "rosserial": 2.896}
@@ -42,7 +42,7 @@ class Topics(NamedTuple):
 
 
 class Fine:
-    """An engine that is looked at often enough to time it."""
+    """An engine that runs in steps short enough to time its replies."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
@@ -105,7 +105,7 @@ def _rows(topics: Topics, plain_ms: float, published: str) -> List[Row]:
 
 
 def _total_ms(setting: Setting, count: int, check: bool) -> float:
-    """Time that so many messages take together."""
+    """Total time of `count` messages [ms]."""
     made = factory.make(factory.Options(robot=setting.robot, engine="avr", seed=setting.seed))
     code, total_s = BY_NAME[REQUEST].code, 0.0
     try:
@@ -123,7 +123,7 @@ def _total_ms(setting: Setting, count: int, check: bool) -> float:
 
 
 def _one_s(driver: SteppedDriver, code: int) -> float:
-    """From the request to the telemetry that answers it [s]."""
+    """Time from a request to the telemetry that answers it [s]."""
     begin_s, before = driver.now_s, driver.telemetry
     driver.request(code)
     while driver.telemetry is before:

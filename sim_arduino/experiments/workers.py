@@ -1,4 +1,4 @@
-"""Processes that do work, and end with the one that gives it, however that ends."""
+"""Worker processes that always end with their parent."""
 
 import concurrent.futures
 import multiprocessing
@@ -15,7 +15,7 @@ POLL_S = 0.1
 Submit = Callable[..., "concurrent.futures.Future[Any]"]
 
 _ending, _idle = threading.Event(), threading.Event()
-"""In a worker: nothing more is begun; nothing is being done."""
+"""In a worker: no new work may begin; no work is running."""
 
 
 @contextmanager
