@@ -109,8 +109,8 @@ generate: setup ## Render protocol.h and PROTOCOL.md out of the table, the URDFs
 
 docs: setup ## API documentation in build/docs; fails on a warning
 	@mkdir -p build
-	@$(ROS_ENV) $(PY) -m pdoc --docformat google -o build/docs mrl_driver '!mrl_driver.cli.commands' \
-	  sim_arduino ros1_bridge 2>build/docs.log; code=$$?; \
+	@$(ROS_ENV) $(PY) -m pdoc --docformat google -t docs -o build/docs mrl_driver '!mrl_driver.cli.commands' \
+	  mrl_driver.driver.simulated sim_arduino ros1_bridge 2>build/docs.log; code=$$?; \
 	if [ $$code != 0 ] || grep -q Warn build/docs.log; then cat build/docs.log >&2; exit 1; fi; echo "build/docs/index.html"
 
 clean: ## Remove what was built; the virtual environment stays

@@ -168,7 +168,7 @@ def test_links_between_documents_lead_somewhere():
 def test_json_of_the_monitor_has_sensors(emulated_board):
     """As SENSORS.md says."""
     done = CliRunner().invoke(
-        cli, ["monitor", "--port", emulated_board.port, "--json", "--seconds", "0.5"], standalone_mode=False
+        cli, ["monitor", "--port", emulated_board.port, "--json", "--seconds", "2"], standalone_mode=False
     )
     wired = {row.name for row in SENSORS if not row.capability}
     assert set(json.loads(done.output.splitlines()[-1])["sensors"]) == wired

@@ -6,6 +6,10 @@ import sys
 
 import pytest
 
+import mrl_driver
+
+from .blocks import blocks
+
 PUBLIC = {
     "mrl_driver.driver": ["Driver", "Options", "Telemetry", "Board"],
     "mrl_driver.stepped": ["SteppedDriver"],
@@ -44,3 +48,8 @@ def test_a_submodule_is_imported_from_its_package_by_the_old_name():
 def test_a_name_that_never_was_is_not_there():
     with pytest.raises(ModuleNotFoundError):
         importlib.import_module("mrl_driver.never_was")
+
+
+def test_the_packages_example_is_the_readmes():
+    example = next(each.text for each in blocks("README.md") if each.language == "python")
+    assert example in (mrl_driver.__doc__ or "")
