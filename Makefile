@@ -15,7 +15,7 @@ SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 PACKAGES_firmware := gcc-avr avr-libc binutils-avr arduino-core-avr
 PACKAGES_flash := $(PACKAGES_firmware) avrdude
 PACKAGES_run := $(PACKAGES_firmware) python3-venv python3-serial python3-yaml gcc libc6-dev libsimavr-dev libelf-dev
-PACKAGES_test := $(PACKAGES_flash) $(PACKAGES_run) g++ clang
+PACKAGES_test = $(PACKAGES_flash) $(PACKAGES_run) g++ clang
 
 # A Noetic under /opt/ros comes with all of ROS; Debian's own packages are the real thing elsewhere.
 ifneq ($(wildcard /opt/ros/noetic/setup.bash),)

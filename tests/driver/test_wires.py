@@ -219,8 +219,7 @@ def test_a_board_that_returns_to_its_address_is_found(scheme):
             wait_until(lambda: any(isinstance(event, (Lost, Stale)) for event in heard))
             board.faults.plug()
             wait_until(lambda: robot.ready)
-            wait_until(lambda: robot.drive(0.2, 0.0))
-            board.wait_until(lambda: board.true_speed_m_s > 0.1)
+            wait_until(lambda: robot.drive(0.2, 0.0) and board.true_speed_m_s > 0.1)
 
 
 def test_a_second_program_is_turned_away():

@@ -55,7 +55,7 @@ def test_forgotten_handler_fails_to_link(tmp_path):
         "-o",
         tmp_path / "x",
     )
-    assert built.returncode != 0 and "handlers::move_differential" in built.stderr
+    assert built.returncode != 0 and "move_differential" in built.stderr
 
 
 @pytest.mark.parametrize("define", ["-DMRL_ENVIRONMENT=0", "-DMRL_ENVIRONMENT=1"])

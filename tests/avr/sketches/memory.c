@@ -39,7 +39,8 @@ static void clock_by_hand(void) { /* nine falling edges on SCL (A5), open drain 
 int main(void) {
     TCCR1B = _BV(CS11) | _BV(CS10); /* 4 us */
     for (;;) {
-        switch (action) {
+        uint8_t now = action; /* read once: it may be set at any instruction */
+        switch (now) {
         case 1: eeprom_byte = eeprom_read_byte((uint8_t *)5); break;
         case 2: write_eeprom(); break;
         case 3: *(volatile uint8_t *)stray = 1; break;
@@ -48,7 +49,7 @@ int main(void) {
         case 6: clock_by_hand(); break;
         case 7: DDRD |= _BV(7); PORTD |= _BV(7); PORTD &= ~_BV(7); break;
         }
-        if (action) {
+        if (now) {
             action = 0;
             done = 1;
         }
