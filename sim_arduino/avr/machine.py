@@ -10,13 +10,13 @@ from typing import Any, Callable, Dict, Iterable, List, Optional, Union
 from mrl_driver.errors import SimulatorError
 
 from . import native
-from .elf import Symbol, read_image
+from .elf import Image, Symbol, read_image
 from .records import PinChange, SentByte, Transfer, bit_of, pin_masks, pin_of, port_of
 
 UNO_HZ = 16000000
 HOST_BAUD = 115200
 LINE_BITS = 10  # 8N1: start, eight data bits, stop
-EEPROM_BYTES = 1024
+FLASH_BYTES, EEPROM_BYTES = 32768, 1024
 RAM_START, RAM_END = 0x100, 0x8FF
 HANGS = {None: 0, "sda": 1, "scl": 2}
 
@@ -38,13 +38,14 @@ class AvrMachine:
         on_transfer: called with a Transfer for each transfer on the I2C bus.
 
     Raises:
-        SimulatorError: the image does not exist.
+        SimulatorError: the image does not exist, or does not fit into the chip.
         SimulatorMissing: there is no compiler or no libsimavr.
     """
 
     def __init__(self, elf: Union[str, Path], frequency_hz: int = UNO_HZ, seed: int = 0) -> None:
         """Powers the board; `seed` draws the noise in the SRAM at the start."""
         image = read_image(Path(elf))
+        _require_fit(elf, image)
         self.frequency_hz = frequency_hz
         self.symbols = image.symbols
         self.image_flash = image.flash
@@ -327,3 +328,14 @@ class AvrMachine:
         where = self._native.mrl_crash_pc(self._board)
         message = self._native.mrl_message().decode("ascii", "replace").strip()
         return f"the program crashed at pc 0x{where:04x}, cycle {self.cycle}: {message}"
+
+
+def _require_fit(path: Union[str, Path], image: Image) -> None:
+    """Refuses an image for a larger chip."""
+    for memory, pieces, size in (("flash", image.flash, FLASH_BYTES), ("EEPROM", image.eeprom, EEPROM_BYTES)):
+        end = max((address + len(data) for address, data in pieces), default=0)
+        if end > size:
+            raise SimulatorError(
+                f"firmware image {path} needs {end} bytes of {memory}, but the Uno's ATmega328P has {size}; "
+                "build the image for an Arduino Uno"
+            )

@@ -1,11 +1,14 @@
 """Compiling the harness and reading images: what a user without the parts is told."""
 
+import subprocess
+
 import pytest
 
 from mrl_driver.errors import SimulatorError
 from sim_arduino.avr import native
 from sim_arduino.avr.build import SimulatorMissing, build, library_path
 from sim_arduino.avr.elf import read_image
+from sim_arduino.avr.machine import AvrMachine
 
 
 def test_without_a_compiler_the_packages_are_named(tmp_path, monkeypatch):
@@ -26,11 +29,14 @@ def test_without_libsimavr_the_packages_are_named(tmp_path, monkeypatch):
 
 
 def test_a_failed_build_leaves_nothing(tmp_path, monkeypatch):
-    """No half-made library."""
-    monkeypatch.setenv("CC", "false")
+    """The compiler has written half a library."""
+    compiler = tmp_path / "cc"
+    compiler.write_text('#!/bin/sh\nwhile [ "$1" != -o ]; do shift; done\necho half > "$2"; exit 1\n')
+    compiler.chmod(0o755)
+    monkeypatch.setenv("CC", str(compiler))
     with pytest.raises(SimulatorMissing):
         build(tmp_path / "board.so")
-    assert list(tmp_path.iterdir()) == []
+    assert list(tmp_path.iterdir()) == [compiler]
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path):
@@ -77,6 +83,33 @@ def test_another_file_is_no_image(tmp_path, contents):
     path.write_bytes(contents)
     with pytest.raises(SimulatorError, match="not an AVR ELF or Intel HEX file"):
         read_image(path)
+
+
+def test_an_image_for_a_larger_chip_is_refused(tmp_path):
+    """simavr ends the whole process for code beyond its flash."""
+    path = tmp_path / "firmware.hex"
+    path.write_text(":020000040010EA\n:02000000FFCF30\n:00000001FF\n")
+    with pytest.raises(
+        SimulatorError, match="firmware.hex needs 1048578 bytes of flash, .* has 32768; build"
+    ):
+        AvrMachine(path)
+
+
+@pytest.mark.parametrize(("size", "fits"), [(1024, True), (1025, False)])
+def test_an_image_may_fill_the_eeprom(tmp_path, size, fits):
+    source, elf = tmp_path / "program.c", tmp_path / "program.elf"
+    source.write_text(
+        f'__attribute__((section(".eeprom"), used)) char saved[{size}] = {{[0] = 7}};\nint main() {{}}\n'
+    )
+    subprocess.run(["avr-gcc", "-mmcu=atmega2560", str(source), "-o", str(elf)], check=True)
+    if fits:
+        with AvrMachine(elf) as machine:
+            assert machine.read_eeprom(0, 2) == b"\x07\x00"
+    else:
+        with pytest.raises(
+            SimulatorError, match="program.elf needs 1025 bytes of EEPROM, .* has 1024; build"
+        ):
+            AvrMachine(elf)
 
 
 def test_symbols_have_address_and_size(sketch):

@@ -151,6 +151,18 @@ def test_a_stray_write_stops_the_machine(bench):
         board.machine.run(50e-6)
 
 
+def test_a_crashed_machine_does_not_run_on(bench):
+    """It says the same place again."""
+    board = bench("memory.c")
+    board.set("action", 3)
+    told = []
+    for _ in range(2):
+        with pytest.raises(MachineCrashed) as crash:
+            board.machine.run(50e-6)
+        told.append(str(crash.value).partition(",")[0])
+    assert told[0] == told[1]
+
+
 def test_untouched_sram_shrinks_with_the_stack(bench):
     """Calls that go 640 bytes deeper leave 640 bytes less, give or take their own frames."""
     board = bench("memory.c")

@@ -1,6 +1,7 @@
 """Robots behind other wires than a cable: datagrams that get lost, come twice or late, and connections."""
 
 import math
+import os
 import socket
 import threading
 import time
@@ -274,6 +275,27 @@ def test_a_device_behind_a_url_that_goes_away_is_told():
         with closing(link), pytest.raises(LinkLost, match="the other end closed the connection"):
             while True:
                 link.read(1.0)
+
+
+@pytest.fixture
+def unplugged(tmp_path):
+    """A link that pyserial opened, to a device that has gone."""
+    device, port = os.openpty()
+    with closing(open_link(f"spy://{os.ttyname(port)}?file={tmp_path / 'spy.txt'}")) as link:
+        os.close(port)
+        os.close(device)
+        yield link
+
+
+def test_reading_from_a_device_that_pyserial_lost_says_why(unplugged):
+    with pytest.raises(LinkLost, match="went away .*: check the cable"):
+        while True:
+            unplugged.read(10.0)
+
+
+def test_writing_to_a_device_that_pyserial_lost_says_why(unplugged):
+    with pytest.raises(LinkLost, match="went away .*write failed.*: check the cable"):
+        unplugged.write(b"@5e")
 
 
 def test_a_closed_url_of_pyserial_takes_nothing():

@@ -1,6 +1,9 @@
 """The board that sim.launch starts: when it ends, and how it says what is wrong."""
 
 import math
+import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -59,4 +62,50 @@ def test_second_signal_ends_at_once(ending):
 def test_unknown_world_costs_one_line(capsys, tmp_path):
     assert main(["--link", str(tmp_path / "port"), "--world", "moon"]) == 2
     assert capsys.readouterr().err.startswith("sim_board: world 'moon' is unknown, expected corridor")
+    assert not (tmp_path / "port").is_symlink()
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "said"),
+    [
+        ("--robot", "moon", "robot 'moon' is unknown, expected omni"),
+        ("--engine", "simavr", "engine is 'simavr', expected python, avr"),
+        ("--pose", "1,2", "pose is '1,2', expected X,Y,YAW"),
+    ],
+)
+def test_wrong_option_costs_one_line(capsys, tmp_path, option, value, said):
+    assert main(["--link", str(tmp_path / "port"), option, value]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith(f"sim_board: {said}") and told.count("\n") == 1
+
+
+def test_name_that_is_taken_costs_one_line(capsys, tmp_path):
+    """A file that is not a link stays."""
+    (tmp_path / "port").write_text("mine")
+    assert main(["--link", str(tmp_path / "port")]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("sim_board: link ") and told.count("\n") == 1
+    assert (tmp_path / "port").read_text() == "mine"
+
+
+PROGRAM = "import sys; from sim_arduino.serve.minimal import main; sys.exit(main(sys.argv[1:]))"
+
+
+@pytest.fixture
+def board(tmp_path):
+    """The process, serving at `tmp_path / "port"`."""
+    command = [sys.executable, "-c", PROGRAM, "--link", str(tmp_path / "port")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout.readline().endswith(f" as {tmp_path / 'port'}\n")
+            yield process
+        finally:
+            process.kill()
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_signal_ends_the_process_and_removes_its_port(board, tmp_path, name):
+    assert (tmp_path / "port").is_symlink()
+    board.send_signal(getattr(signal, name))
+    assert (board.wait(), board.stderr.read()) == (0, "")
     assert not (tmp_path / "port").is_symlink()
