@@ -1,5 +1,6 @@
 """Compiling the harness and reading images: what a user without the parts is told."""
 
+import os
 import subprocess
 
 import pytest
@@ -68,6 +69,18 @@ def test_a_current_library_is_not_compiled_again(tmp_path, monkeypatch):
     library = tmp_path / "board.so"
     library.write_bytes(b"")
     assert build(library) == library
+
+
+def test_a_library_older_than_its_sources_is_compiled_again(tmp_path, monkeypatch):
+    """After an update of the package."""
+    compiler = tmp_path / "cc"
+    compiler.write_text('#!/bin/sh\nwhile [ "$1" != -o ]; do shift; done\nprintf new > "$2"\n')
+    compiler.chmod(0o755)
+    monkeypatch.setenv("CC", str(compiler))
+    library = tmp_path / "board.so"
+    library.write_bytes(b"old")
+    os.utime(library, (0, 0))
+    assert build(library).read_bytes() == b"new"
 
 
 def test_a_missing_image_says_how_to_build_it(tmp_path):

@@ -43,12 +43,12 @@ STAYS = """
 
 @pytest.fixture
 def run(serve):
-    """Starts one of the programs on a fake board; `run.port` is the board's end."""
+    """Starts one of the programs on a fake board, by a URL if one is given; `run.port` is the board's end."""
     started = []
 
-    def start(program):
+    def start(program, url="{}"):
         start.port = serve()
-        command = [sys.executable, "-c", BEGINNING + program, start.port.path]
+        command = [sys.executable, "-c", BEGINNING + program, url.format(start.port.path)]
         started.append(subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True))
         return started[-1]
 
@@ -59,8 +59,9 @@ def run(serve):
 
 
 @pytest.mark.parametrize("program", [LEAVES, DRIVES])
-def test_a_child_ends_and_leaves_the_robot_to_its_parent(run, program):
-    process = run(program)
+@pytest.mark.parametrize("url", ["{}", f"spy://{{}}?file={os.devnull}"])
+def test_a_child_ends_and_leaves_the_robot_to_its_parent(run, program, url):
+    process = run(program, url)
     status, in_force = process.stdout.readline().split()
     assert os.WEXITSTATUS(int(status)) == 7 and in_force == "True"
     wait_until(lambda: run.port.board.speeds == (200, 0))
