@@ -10,7 +10,8 @@ import threading
 from tests.waiting import PATIENCE_S, wait_until
 
 MRL = [sys.executable, "-m", "mrl_driver"]
-_FULL = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, ({0}, {0})); "
+# No .pyc is written: one that is cut off would break every later import of its module.
+_FULL = "import resource, sys; sys.dont_write_bytecode = True; resource.setrlimit(resource.RLIMIT_FSIZE, ({0}, {0})); "
 
 
 class Terminal:
