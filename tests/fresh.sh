@@ -33,7 +33,7 @@ mirror() {
 # What of this machine a system needs to reach the mirrors.
 settings() { # TREE
   cp /etc/resolv.conf "$1/etc/resolv.conf"
-  [ -e "$1/etc/hosts" ] || echo '127.0.0.1 localhost' >"$1/etc/hosts" # as an installer or a container's runtime writes it
+  [ -e "$1/etc/hosts" ] || echo "127.0.0.1 localhost $(hostname)" >"$1/etc/hosts" # as an installer or a container's runtime writes it
   apt-config dump | grep -E '^Acquire::(https?|Check|Retries)[^ ]* "[^"]' >"$1/etc/apt/apt.conf.d/90host" || true
   echo force-unsafe-io >"$1/etc/dpkg/dpkg.cfg.d/fresh" # nobody needs this system after a loss of power
   printf '#!/bin/sh\nexit 101\n' >"$1/usr/sbin/policy-rc.d" # packages start no services

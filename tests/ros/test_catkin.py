@@ -162,6 +162,10 @@ def test_devel_space_passes_rostest(workspace):
         assert "RESULT: SUCCESS" in workspace.demand(*workspace.in_space("devel", *command))
 
 
+# roswtf looks up the machine's own name, which a minimal system does not know.
+ROSWTF = "import socket; socket.gethostname = lambda: 'localhost'; import roswtf; roswtf.roswtf_main()"
+
+
 def test_install_space_runs_without_a_warning(workspace):
     """Neither does a node warn, nor tf2 of repeated data, nor roswtf, but of cmd_vel and pose that nobody publishes."""
     with running(workspace, "install"):
@@ -170,7 +174,7 @@ def test_install_space_runs_without_a_warning(workspace):
         assert re.fullmatch(r"ready\nodom \d+\n", listened), listened
         assert int(listened.split()[-1]) > 5 * LISTEN_S
         assert "robot_node" in processes(workspace.folder)
-        said = workspace.demand(*workspace.in_space("install", "roswtf"))
+        said = workspace.demand(*workspace.in_space("install", "/usr/bin/python3", "-c", ROSWTF))
     found = [line for line in said.splitlines() if re.search("WARNING|ERROR", line)]
     own = [line for line in found if not any(known in line for known in OF_THE_MACHINE)]
     assert len(own) == 1 and UNCONNECTED in own[0], said
