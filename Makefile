@@ -27,7 +27,7 @@ PACKAGES_run += python3-roslaunch rosout python3-rospy python3-rostopic python3-
   python3-geometry-msgs python3-move-base-msgs python3-nav-msgs python3-sensor-msgs python3-std-srvs
 PACKAGES_test += ros-base python3-rostest rosbash python3-tf2-geometry-msgs python3-roswtf \
   libdynamic-reconfigure-config-init-mutex-dev ros-robot-state-publisher joint-state-publisher rosdiagnostic catkin \
-  catkin-lint librostest-dev libclang-rt-dev
+  catkin-lint ros-environment librostest-dev libclang-rt-dev
 endif
 
 .PHONY: help setup check test run clean
