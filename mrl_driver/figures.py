@@ -13,7 +13,7 @@ BLUE, ORANGE, GREEN, PINK, SKY, GREY = "#0072b2", "#d55e00", "#009e73", "#cc79a7
 ENDINGS = (".png", ".pdf", ".svg")
 
 
-def demand_matplotlib(what: str = "--plot") -> None:
+def require_matplotlib(what: str = "--plot") -> None:
     """Check at the start that figures can be drawn at the end.
 
     Raises:
@@ -29,7 +29,7 @@ def demand_matplotlib(what: str = "--plot") -> None:
         ) from None
 
 
-def demand(path: str, what: str = "--plot") -> None:
+def require_writable(path: str, what: str = "--plot") -> None:
     """Check at the start that a figure can be drawn to `path` at the end.
 
     Raises:
@@ -40,7 +40,7 @@ def demand(path: str, what: str = "--plot") -> None:
     folder = os.path.dirname(path) or "."
     if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
         raise ConfigError(f"{what} {path}: folder {folder} cannot be written, expected one that can")
-    demand_matplotlib(what)
+    require_matplotlib(what)
 
 
 def figure(width_in: float, height_in: float) -> Any:

@@ -107,7 +107,7 @@ def _spelt(settings: Any) -> str:
     return ", ".join(f"{name} {value:g}" for name, value in dict(settings or {}).items()) or "no settings"
 
 
-def demand_writable(path: str) -> None:
+def require_writable(path: str) -> None:
     """Check before the drive that the result can be written.
 
     Raises:
@@ -140,7 +140,7 @@ def write_model(source: str, output: str, values: Mapping[Key, float], note: str
     said = f"{note}, {datetime.date.today().isoformat()}"
     for key, value in values.items():
         text = _with_number(text, key, value, said)
-    _demand_model(text, source, values)
+    _require_model(text, source, values)
     kept = _keep(output)
     replace_file(output, text)
     return kept
@@ -184,7 +184,7 @@ def _with_number(text: str, key: Key, value: float, said: str) -> str:
     return text[: start.end()] + body + rest
 
 
-def _demand_model(text: str, source: str, values: Mapping[Key, float]) -> None:
+def _require_model(text: str, source: str, values: Mapping[Key, float]) -> None:
     """Refuse a text that is not a model, or does not hold the new numbers."""
     try:
         model = models.parse(yaml.safe_load(text), source)

@@ -13,7 +13,7 @@ from .files import Key
 from .fit import AXLE, OFFSET, SCALE, SLIP, Measured
 from .ground_truth import Ruler
 from .manoeuvres import Robot, Speeds, Track
-from .trial import LEFT, NEITHER, RIGHT, Run, demand_plausible, demand_sense, errors, sense
+from .trial import LEFT, NEITHER, RIGHT, Run, errors, require_plausible, require_sense, sense
 
 STRAIGHT, TURN, UMBMARK = "straight", "turn", "umbmark"
 _WHOLE_TURN = 2 * np.pi
@@ -95,8 +95,8 @@ def gather(
         track.begin()
         leg.drive(robot)
         steps, name = manoeuvres.steps_of(track.end()), leg.name
-        demand_sense(drive, Run(steps, NOWHERE), leg.sense, name)
-        end = ruler.end(name, lambda pose: demand_plausible(drive, Run(steps, pose), name))  # noqa: B023
+        require_sense(drive, Run(steps, NOWHERE), leg.sense, name)
+        end = ruler.end(name, lambda pose: require_plausible(drive, Run(steps, pose), name))  # noqa: B023
         keep(Run(steps, end))
 
 
@@ -109,8 +109,8 @@ def check_recorded(procedure: str, drive: Drive, run: Run, name: str) -> None:
     found = sense(drive, run)
     if (found == NEITHER) != (procedure == STRAIGHT):
         raise ConfigError(f"{name} went {found}, which is no run of {procedure}")
-    demand_sense(drive, run, found, name)
-    demand_plausible(drive, run, name)
+    require_sense(drive, run, found, name)
+    require_plausible(drive, run, name)
 
 
 def free_numbers(procedure: str, tracks: bool) -> Tuple[str, ...]:

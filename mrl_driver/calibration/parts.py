@@ -90,7 +90,7 @@ def approach_wall(
         if number > 1:
             manoeuvres.straight(robot, distances[0] - distance_m, speeds, line)
         say(f"{number} of {len(distances)}: {distance_m:.2f} m")
-        _demand_way(_look_ahead(robot), distance_m)
+        _require_way(_look_ahead(robot), distance_m)
         keep(track.so_far())
 
 
@@ -103,7 +103,7 @@ def _look_ahead(robot: Robot) -> float:
     return float(np.median(said))
 
 
-def _demand_way(said_m: float, distance_m: float) -> None:
+def _require_way(said_m: float, distance_m: float) -> None:
     """Refuse to drive on if the wall is much nearer than expected; a sonar error cannot be that large."""
     if said_m < LEAST_OF_WAY * distance_m:
         raise ConfigError(

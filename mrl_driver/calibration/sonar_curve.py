@@ -71,13 +71,13 @@ def fit(counts: Sequence[float], ranges_m: Sequence[float]) -> Fit:
     """
     s, truth = np.asarray(counts, float), np.asarray(ranges_m, float)
     heard = np.isfinite(s) & (s > 0)
-    demand_wall(truth, heard)
+    require_wall(truth, heard)
     curve = _least_squares(s[heard], truth[heard])
     for _ in range(10):
         off = np.where(heard, curve.range_m(np.where(heard, s, 1.0)) - truth, np.inf)
         usual = 1.4826 * float(np.median(np.abs(off[heard])))
         kept = np.abs(off) <= max(MISSED_M, OUTLIERS * usual)
-        demand_wall(truth, kept)
+        require_wall(truth, kept)
         better = _least_squares(s[kept], truth[kept])
         if better == curve:
             break
@@ -87,7 +87,7 @@ def fit(counts: Sequence[float], ranges_m: Sequence[float]) -> Fit:
     return Fit(curve, r2, np.where(heard, off, np.nan), kept)
 
 
-def demand_wall(ranges_m: np.ndarray, heard: np.ndarray) -> None:
+def require_wall(ranges_m: np.ndarray, heard: np.ndarray) -> None:
     """Refuse readings without a wall in them.
 
     Raises:

@@ -77,7 +77,7 @@ def sense(drive: Geometry, run: Run) -> str:
     return NEITHER if abs(turned) < math.pi / 4 else LEFT if turned > 0 else RIGHT
 
 
-def demand_sense(drive: Geometry, run: Run, expected: str, name: str) -> None:
+def require_sense(drive: Geometry, run: Run, expected: str, name: str) -> None:
     """Refuse a run that went in the wrong direction.
 
     Raises:
@@ -90,7 +90,7 @@ def demand_sense(drive: Geometry, run: Run, expected: str, name: str) -> None:
         raise ConfigError(f"{name} went {found}, expected {expected}: the wrong way; drive it again")
 
 
-def demand_plausible(drive: Geometry, run: Run, name: str) -> None:
+def require_plausible(drive: Geometry, run: Run, name: str) -> None:
     """Refuse an end that is far from that of the counts, as a wrong mark or unit causes.
 
     Raises:

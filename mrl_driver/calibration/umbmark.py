@@ -47,8 +47,8 @@ def evaluate(left: Sequence[Point], right: Sequence[Point], side_m: float, separ
     Raises:
         ConfigError: there are too few laps.
     """
-    demand_laps(len(left), "counter-clockwise")
-    demand_laps(len(right), "clockwise")
+    require_laps(len(left), "counter-clockwise")
+    require_laps(len(right), "clockwise")
     xl, yl = _centre(left)
     xr, yr = _centre(right)
     corner = ((xl + xr) + (yr - yl)) / (8 * side_m)
@@ -64,7 +64,7 @@ def evaluate(left: Sequence[Point], right: Sequence[Point], side_m: float, separ
     )
 
 
-def demand_laps(laps: int, way: str) -> None:
+def require_laps(laps: int, way: str) -> None:
     """Check the number of laps.
 
     Raises:

@@ -22,11 +22,11 @@ from mrl_driver.robot import models
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.session.handshake import Board
-from mrl_driver.transport.address import demand_port
-from mrl_driver.transport.baud_rates import FAST_BAUD, demand_raisable
+from mrl_driver.transport.address import require_port
+from mrl_driver.transport.baud_rates import FAST_BAUD, require_raisable
 from mrl_driver.transport.link import BAUD, Link
 
-from .options import DEFAULTS, Options, demand, demand_options
+from .options import DEFAULTS, Options, require_options, require_range
 from .robot_core import Core
 from .runner import Runner
 
@@ -59,14 +59,14 @@ class Driver(Runner):
         baud: int = BAUD,
         options: Options = DEFAULTS,
     ) -> None:
-        demand("baud", baud, 300, 4_000_000, "Bd", int)
-        demand_options(options)
+        require_range("baud", baud, 300, 4_000_000, "Bd", int)
+        require_options(options)
         if isinstance(port, str):
-            demand_port(port)
+            require_port(port)
         if options.record is not None and isinstance(port, Link):
             raise ConfigError("record is given with an open link, expected a port by name")
         if options.fast:
-            demand_raisable(port, baud)
+            require_raisable(port, baud)
         options = options._replace(line_baud=min(baud, options.line_baud))
         model = robot if isinstance(robot, RobotModel) else None if robot == "auto" else models.load(robot)
         super().__init__(Core(model, options), port, baud, options)

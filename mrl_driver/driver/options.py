@@ -59,21 +59,21 @@ class Options(NamedTuple):
 DEFAULTS = Options()
 
 
-def demand(name: str, value: Any, low: float, high: float, unit: str, *kinds: type) -> None:
+def require_range(name: str, value: Any, low: float, high: float, unit: str, *kinds: type) -> None:
     """Raise ConfigError unless the type of `value` is one of `kinds` and its value is from `low` to `high`."""
     if type(value) not in kinds or not low <= value <= high:
         raise ConfigError(f"{name} is {value!r}, expected {low:g} to {high:g} {unit}")
 
 
-def demand_options(options: Options) -> None:
+def require_options(options: Options) -> None:
     """Raise ConfigError unless each option is in its range; the bounds in ms come from the command table."""
-    demand("period_ms", options.period_ms, 0, 10000, "ms", int)
-    demand("watchdog_ms", options.watchdog_ms, 0, 10000, "ms", int)
-    demand("greeting_s", options.greeting_s, 0.1, 3600, "s", int, float)
-    demand("line_baud", options.line_baud, 300, 4_000_000, "Bd", int)
+    require_range("period_ms", options.period_ms, 0, 10000, "ms", int)
+    require_range("watchdog_ms", options.watchdog_ms, 0, 10000, "ms", int)
+    require_range("greeting_s", options.greeting_s, 0.1, 3600, "s", int, float)
+    require_range("line_baud", options.line_baud, 300, 4_000_000, "Bd", int)
     if type(options.reconnect) is not bool:
         raise ConfigError(f"reconnect is {options.reconnect!r}, expected True or False")
     if options.record is not None and (not isinstance(options.record, str) or not options.record):
         raise ConfigError(f"record is {options.record!r}, expected the name of a file")
     if options.command_timeout_s is not None:
-        demand("command_timeout_s", options.command_timeout_s, 0.01, 3600, "s", int, float)
+        require_range("command_timeout_s", options.command_timeout_s, 0.01, 3600, "s", int, float)

@@ -11,7 +11,7 @@ from mrl_driver.errors import FrameError, LinkLost
 from mrl_driver.protocol.table import COMMANDS
 from mrl_driver.robot import battery
 from mrl_driver.robot.kinematics import cannot_sideways
-from mrl_driver.robot.models import OmniDrive, RobotModel, demand_drivable, kind_of
+from mrl_driver.robot.models import OmniDrive, RobotModel, kind_of, require_drivable
 from mrl_driver.robot.odometry import AnyTwist, AnyWheels, Twist
 from mrl_driver.robot.omni_odometry import OmniCommands
 from mrl_driver.robot.robot_state import Notice, RobotState, Telemetry, limit
@@ -43,7 +43,7 @@ class Core:
 
     def __init__(self, model: Optional[RobotModel], options: Options) -> None:
         if model is not None:
-            demand_drivable(model)
+            require_drivable(model)
         self._options = options
         self._omni: Optional[OmniCommands] = None
         self.state = RobotState(model, options.ignore_battery, options.any_id)

@@ -18,7 +18,7 @@ from mrl_driver.robot import models
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.session.handshake import Board
 
-from .options import DEFAULTS, Options, demand_options
+from .options import DEFAULTS, Options, require_options
 from .readout import Readout
 from .robot_core import Core
 
@@ -57,7 +57,7 @@ class SteppedDriver(Readout):
     def __init__(
         self, stepped: Stepped, robot: Union[str, RobotModel] = "auto", options: Options = DEFAULTS
     ) -> None:
-        demand_options(options)
+        require_options(options)
         model = robot if isinstance(robot, RobotModel) else None if robot == "auto" else models.load(robot)
         super().__init__(Core(model, options))
         self._stepped = stepped

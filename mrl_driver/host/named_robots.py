@@ -56,10 +56,10 @@ def read() -> Dict[str, Target]:
         return {}
     if not isinstance(data, dict):
         raise ConfigError(f"{file_name}: file is {data!r}, expected names, each with a port")
-    return {demand_name(name, f"{file_name}: "): _entry(file_name, name, data[name]) for name in data}
+    return {require_name(name, f"{file_name}: "): _entry(file_name, name, data[name]) for name in data}
 
 
-def demand_name(name: Any, where: str = "") -> str:
+def require_name(name: Any, where: str = "") -> str:
     """Return `name` if it is a valid robot name.
 
     Raises:
@@ -87,7 +87,7 @@ def _entry(file_name: str, name: str, data: Any) -> Target:
     return Target(
         _text(data, f"{file_name}: {name}.", "port", "a serial port such as /dev/ttyACM0"),
         _text({"model": "auto", **data}, f"{file_name}: {name}.", "model", "auto, a model or a .yaml file"),
-        demand_baud(data.get("baud", BAUD), f"{file_name}: {name}."),
+        require_baud(data.get("baud", BAUD), f"{file_name}: {name}."),
         name,
     )
 
@@ -99,7 +99,7 @@ def _text(data: Mapping[str, Any], where: str, key: str, expected: str) -> str:
     return value
 
 
-def demand_baud(value: Any, where: str = "") -> int:
+def require_baud(value: Any, where: str = "") -> int:
     """Return `value` if it is a valid baud rate.
 
     Raises:

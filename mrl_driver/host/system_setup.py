@@ -114,10 +114,10 @@ def install(user: str, root: str = "/") -> List[str]:
     Raises:
         ConfigError: there is no such user, or a file of another origin is in the way, or cannot be written.
     """
-    demand_user(user, root)
+    require_user(user, root)
     paths = {os.path.join(root, name): text for name, text in files(user).items()}
     for path in paths:
-        _demand_ours(path)
+        _require_ours(path)
     for path, text in paths.items():
         _write(path, text)
     done = [f"wrote {path}" for path in paths]
@@ -133,7 +133,7 @@ def remove(root: str = "/") -> List[str]:
     paths = [os.path.join(root, name) for name in (RULES, UNIT)]
     there = [path for path in paths if os.path.lexists(path)]
     for path in there:
-        _demand_ours(path)
+        _require_ours(path)
     for path in there:
         try:
             os.unlink(path)
@@ -145,7 +145,7 @@ def remove(root: str = "/") -> List[str]:
     return done + run(commands("root", False)) if _is_machine(root) else done
 
 
-def _demand_ours(path: str) -> None:
+def _require_ours(path: str) -> None:
     try:
         with open(path, encoding="utf-8", errors="replace") as file:
             first = file.readline().rstrip("\n")
@@ -171,7 +171,7 @@ def _denied(path: str, error: OSError) -> ConfigError:
     return ConfigError(f"{path}: {error.strerror}{hint}")
 
 
-def demand_user(user: str, root: str = "/") -> None:
+def require_user(user: str, root: str = "/") -> None:
     """Check that this machine has the user; if `root` is an image, check only the form of the name.
 
     Raises:

@@ -88,7 +88,7 @@ _RANGES = {
 }
 
 
-def demand(settings: Settings) -> None:
+def require_settings(settings: Settings) -> None:
     """Check the settings of the zones.
 
     Raises:
@@ -118,9 +118,9 @@ class Zones:
         """`sonars` are the sonars to use; with `laser` scans are expected, which must at least cover the way ahead.
 
         Raises:
-            ConfigError: see `demand`.
+            ConfigError: see `require_settings`.
         """
-        demand(settings)
+        require_settings(settings)
         self.settings = settings
         self._sonars, self._outline = sonars, outline_of(body, settings.clearance_m)
         self._lock = threading.Lock()

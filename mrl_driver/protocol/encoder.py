@@ -15,7 +15,7 @@ def encode_request(code: int, *args: int, checked: bool = False) -> bytes:
         FrameError: the table has no such request, or does not allow these arguments.
     """
     row = _row(code)
-    _demand(row, row.request, row.optional, args)
+    _require(row, row.request, row.optional, args)
     return _frame(code, args, checked or row.guarded)
 
 
@@ -28,7 +28,7 @@ def encode_reply(code: int, *args: int, stamp: Optional[Stamp] = None, checked: 
         FrameError: the table has no such reply, or does not allow these arguments, or the stamp is missing.
     """
     row = _row(code)
-    _demand(row, row.reply, row.optional_reply, args)
+    _require(row, row.reply, row.optional_reply, args)
     if checked and row.stamped:
         if stamp is None:
             raise FrameError(f"reply {code} ({row.name}) is stamped, got no stamp")
@@ -43,7 +43,7 @@ def _row(code: int) -> Command:
         raise FrameError(f"command {code} is not in the table, expected 1 to {max(BY_CODE)}") from None
 
 
-def _demand(row: Command, fields: Sequence[Field], optional: int, args: Sequence[int]) -> None:
+def _require(row: Command, fields: Sequence[Field], optional: int, args: Sequence[int]) -> None:
     if not len(fields) - optional <= len(args) <= len(fields):
         raise FrameError(
             f"command {row.code} ({row.name}) takes {len(fields)} arguments, got {len(args)}: {args}"

@@ -18,7 +18,7 @@ RECOVERY_V = 0.2
 """A state ends when the voltage is this much above its threshold [V], so that it does not flicker."""
 
 
-def demand_charge(volts: float, levels: Battery) -> None:
+def require_charge(volts: float, levels: Battery) -> None:
     """Check before the start.
 
     Raises:

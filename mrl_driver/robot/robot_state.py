@@ -9,7 +9,7 @@ from mrl_driver.session.handshake import Board
 from mrl_driver.session.session import Counts, Info, Ready, SessionEvent, Sonars, Status
 
 from . import battery, models, sonar
-from .models import OmniDrive, RobotModel, demand_drivable
+from .models import OmniDrive, RobotModel, require_drivable
 from .odometry import AnyTwist, AnyWheels, Odometry, Pose, fastest_wheel_m_s
 from .omni_odometry import STREAM, OmniOdometry
 
@@ -100,8 +100,8 @@ class RobotState:
                 "connect that one, or start again"
             )
         if self.odometry is None and not self._ignore_battery:
-            battery.demand_charge(board.battery_v, self.model.battery)
-        demand_drivable(self.model)
+            battery.require_charge(board.battery_v, self.model.battery)
+        require_drivable(self.model)
         return STREAM if isinstance(self.model.drive, OmniDrive) else None
 
     def digest(self, event: SessionEvent, now: float) -> List[Notice]:

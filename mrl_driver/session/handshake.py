@@ -316,17 +316,17 @@ class Handshake:
             if not self._sure:
                 yield (_CODE["robot_info"],)
                 yield (_CODE["read_protocol"],)
-        self._demand_stream()
+        self._require_stream()
         if "watchdog" in self.board.capabilities:
             yield (_CODE["set_watchdog"], self._plan.watchdog_ms)
         yield (_CODE["read_status"],)
         yield (_CODE[self._stream], self._plan.period_ms)
 
     def _plain_program(self) -> Iterator[Tuple[int, ...]]:
-        self._demand_stream()
+        self._require_stream()
         yield (_CODE["start_stream"],)
 
-    def _demand_stream(self) -> None:
+    def _require_stream(self) -> None:
         """Check that the board has the stream that the robot model needs.
 
         Raises:

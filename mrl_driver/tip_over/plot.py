@@ -23,7 +23,7 @@ def draw(vehicle: Vehicle, path: str, reserve_rad: float, slope_rad: float = 0.0
         ConfigError: matplotlib is missing, or the folder cannot be written.
         OutputError: the file cannot be written.
     """
-    figures.demand(path)
+    figures.require_writable(path)
     figure = figures.figure(11.0, 5.0)
     mass = vehicle.whole
     figure.suptitle(

@@ -38,7 +38,7 @@ def is_network(port: str) -> bool:
     return is_url(port) and scheme_of(port) in TCP + UDP
 
 
-def demand_port(port: str) -> None:
+def require_port(port: str) -> None:
     """Raise ConfigError if `port` is a URL that does not parse; device names are not checked."""
     if not is_url(port):
         return

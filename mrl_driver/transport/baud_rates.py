@@ -38,7 +38,7 @@ def command_gap_s(baud: int) -> float:
     return BYTE_BITS * COMMAND_BYTES / (baud * COMMAND_SHARE)
 
 
-def demand_raisable(port: Any, baud: int) -> None:
+def require_raisable(port: Any, baud: int) -> None:
     """Check that the speed of the port can be raised.
 
     Raises:

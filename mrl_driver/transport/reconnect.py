@@ -96,14 +96,14 @@ class Reconnection:
         """
         if ready:
             assert self._search is not None
-            self._demand_only(self._search)
+            self._require_only(self._search)
             self._search = None
             self._note(self.port)
         elif now >= self._trial_ends_s:
             raise BoardTimeout(f"{self.port} does not answer")
         return ready
 
-    def _demand_only(self, search: Search) -> None:
+    def _require_only(self, search: Search) -> None:
         there = self._there(search)
         port = described_as(os.path.realpath(self.port), there)
         if search.take(self.port, port, os.path.realpath(self._name), there):

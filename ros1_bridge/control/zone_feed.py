@@ -4,7 +4,7 @@ import math
 from typing import Any, Optional, Tuple
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.navigation.protective_zones import Scan, Settings, Zones, demand
+from mrl_driver.navigation.protective_zones import Scan, Settings, Zones, require_settings
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.robot_state import Telemetry
 
@@ -71,7 +71,7 @@ def settings_of(parameters: Any, braking_m_s2: float) -> Settings:
     )
 
 
-def demand_zones(parameters: Any, namespace: str) -> None:
+def require_zones(parameters: Any, namespace: str) -> None:
     """Check the zone parameters.
 
     Raises:
@@ -84,7 +84,7 @@ def demand_zones(parameters: Any, namespace: str) -> None:
             f"parameter {namespace}/rate is {parameters.rate:g}, expected {LEAST_RATE_HZ:g} Hz or more with zones"
         )
     try:
-        demand(settings_of(parameters, parameters.zone_braking or 1.0))
+        require_settings(settings_of(parameters, parameters.zone_braking or 1.0))
     except ConfigError as error:
         raise ConfigError(f"parameters {namespace}/zone_*: {error}") from None
 

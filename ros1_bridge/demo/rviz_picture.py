@@ -61,19 +61,19 @@ def take(file: Path) -> None:
     try:
         start("xvfb", "Xvfb", DISPLAY, "-screen", "0", f"{SIZE}x24")
         master = start("master", "rosmaster", "--core", "-p", str(PORT))
-        _demand(wait_until(lambda: master_answers(env["ROS_MASTER_URI"]), START_S), master)
+        _require(wait_until(lambda: master_answers(env["ROS_MASTER_URI"]), START_S), master)
         robot = start("robot", "roslaunch", str(LAUNCH / "sim.launch"), "name:=picture", "laser:=true")
-        _demand(wait_until(lambda: any("battery" in line for line in robot.output()), START_S), robot)
+        _require(wait_until(lambda: any("battery" in line for line in robot.output()), START_S), robot)
         seeker = start("seeker", "roslaunch", str(LAUNCH / "go_to_goal.launch"))
         rviz = start("rviz", "roslaunch", str(LAUNCH / "rviz.launch"), "fixed_frame:=map")
-        _demand(wait_until(lambda: _subscribed("/rviz", "/odom"), START_S), rviz)
+        _require(wait_until(lambda: _subscribed("/rviz", "/odom"), START_S), rviz)
         drive = start("drive", "rostopic", "pub", "-r", "10", "cmd_vel", "geometry_msgs/Twist", ARC)
         time.sleep(DRIVE_S)
         drive.signal(signal.SIGINT)
-        _demand(wait_until(lambda: _subscribed("/go_to_goal", "/odom"), START_S), seeker)
+        _require(wait_until(lambda: _subscribed("/go_to_goal", "/odom"), START_S), seeker)
         start("goal", "rostopic", "pub", "-1", "move_base_simple/goal", "geometry_msgs/PoseStamped", GOAL)
         time.sleep(DRAW_S)
-        _demand(rviz.exit_code is None, rviz)
+        _require(rviz.exit_code is None, rviz)
         _shoot(file, env)
     finally:
         for part in reversed(parts):
@@ -92,7 +92,7 @@ def _shoot(file: Path, env: Dict[str, str]) -> None:
     subprocess.run(command, env=env, check=True)
 
 
-def _demand(good: bool, part: Child) -> None:
+def _require(good: bool, part: Child) -> None:
     if not good:
         raise RuntimeError(part.last_words())
 

@@ -7,9 +7,9 @@ import math
 from typing import Any, Dict, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.transport.address import demand_port
-from mrl_driver.transport.baud_rates import demand_raisable
-from ros1_bridge.control.zone_feed import demand_zones
+from mrl_driver.transport.address import require_port
+from mrl_driver.transport.baud_rates import require_raisable
+from ros1_bridge.control.zone_feed import require_zones
 
 BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 250000, 500000, 1000000)
 _OWN = "0 uses the model's limit, which is also the maximum"
@@ -196,9 +196,9 @@ def check(given: Mapping[str, Any], namespace: str) -> Parameters:
         given["parts"] = ", ".join(map(str, given["parts"]))
     values = read(ROWS, given, namespace)
     try:
-        demand_port(values["port"])
+        require_port(values["port"])
         if values["fast"]:
-            demand_raisable(values["port"], values["baud"])
+            require_raisable(values["port"], values["baud"])
     except ConfigError as error:
         raise ConfigError(f"parameter {namespace}/{error}") from None
     if values["odom_frame"] == values["base_frame"]:
@@ -207,8 +207,8 @@ def check(given: Mapping[str, Any], namespace: str) -> Parameters:
             f"parameter {namespace}/base_frame is {got!r}, expected a frame other than odom_frame"
         )
     parameters = Parameters(**values)
-    _demand_parts(parameters, namespace)
-    demand_zones(parameters, namespace)
+    _require_parts(parameters, namespace)
+    require_zones(parameters, namespace)
     return parameters
 
 
@@ -217,7 +217,7 @@ def split_parts(text: str) -> Tuple[str, ...]:
     return PARTS if text.strip() == "all" else tuple(text.replace(",", " ").split())
 
 
-def _demand_parts(parameters: Parameters, namespace: str) -> None:
+def _require_parts(parameters: Parameters, namespace: str) -> None:
     named = split_parts(parameters.parts)
     unknown = [name for name in named if name not in PARTS]
     if unknown or not named:

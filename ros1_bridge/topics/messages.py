@@ -117,11 +117,11 @@ def read_twist(message: Twist) -> Tuple[float, float]:
     """
     linear, angular = message.linear, message.angular
     if not math.isfinite(linear.x + linear.y + linear.z + angular.x + angular.y + angular.z):
-        _demand_finite(message)
+        _require_finite(message)
     return linear.x, angular.z
 
 
-def _demand_finite(message: Twist) -> None:
+def _require_finite(message: Twist) -> None:
     for part in ("linear", "angular"):
         for axis in "xyz":
             value = getattr(getattr(message, part), axis)

@@ -152,15 +152,15 @@ def _entry(path: str, topic: Any, found: Any) -> Entry:
         if key not in Entry._fields:
             raise ConfigError(f"{path}: {topic}.{key} is unknown, expected {', '.join(Entry._fields)}")
     entry = Entry(**{"sensor": topic, "type": None, **found})
-    _demand(path, topic, "sensor", entry.sensor in SENSOR_BY_NAME, entry, ", ".join(SENSOR_BY_NAME))
-    _demand(path, topic, "type", entry.type in KINDS, entry, ", ".join(KINDS))
-    _demand(path, topic, "factor", _is_number(entry.factor) and entry.factor != 0, entry, "a number but 0")
-    _demand(path, topic, "variance", _is_number(entry.variance) and entry.variance >= 0, entry, "0 or more")
-    _demand(path, topic, "frame", isinstance(entry.frame, str), entry, "a frame")
+    _require(path, topic, "sensor", entry.sensor in SENSOR_BY_NAME, entry, ", ".join(SENSOR_BY_NAME))
+    _require(path, topic, "type", entry.type in KINDS, entry, ", ".join(KINDS))
+    _require(path, topic, "factor", _is_number(entry.factor) and entry.factor != 0, entry, "a number but 0")
+    _require(path, topic, "variance", _is_number(entry.variance) and entry.variance >= 0, entry, "0 or more")
+    _require(path, topic, "frame", isinstance(entry.frame, str), entry, "a frame")
     return entry
 
 
-def _demand(path: str, topic: str, key: str, good: bool, entry: Entry, expected: str) -> None:
+def _require(path: str, topic: str, key: str, good: bool, entry: Entry, expected: str) -> None:
     if not good:
         raise ConfigError(f"{path}: {topic}.{key} is {getattr(entry, key)!r}, expected {expected}")
 

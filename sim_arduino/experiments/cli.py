@@ -90,7 +90,7 @@ def main(
         _list()
         return
     chosen = _chosen(names)
-    figures.demand_matplotlib("mrl experiment")
+    figures.require_matplotlib("mrl experiment")
     if port is not None:
         agree_to_move(f"The robot on {port} drives by itself ({', '.join(chosen)}). Is the floor free?", yes)
     from rich.console import Console

@@ -11,7 +11,7 @@ from sim_arduino.world.geometry import Pose
 
 from . import plots
 from .report import Result, Row
-from .stage import TICK_S, Setting, demand_emulated
+from .stage import TICK_S, Setting, require_emulated
 from .team import Member, Team, gather
 
 MEMBERS = (
@@ -49,7 +49,7 @@ class Wanderer:
 
 def run(setting: Setting) -> Result:
     """Lets the team wander, and draws where it has been."""
-    demand_emulated(setting, "mixed-team")
+    require_emulated(setting, "mixed-team")
     with ExitStack() as stack:
         return play(setting, gather(stack, setting, WORLD, MEMBERS), DURATION_S)
 

@@ -8,7 +8,7 @@ from sim_arduino.world.geometry import Pose
 
 from .mixed_team import SIMULATED, WORLD, draw
 from .report import Result, Row
-from .stage import TICK_S, Setting, Step, demand_emulated
+from .stage import TICK_S, Setting, Step, require_emulated
 from .team import Member, Player, Team, gather
 
 Point = Tuple[float, float]
@@ -94,7 +94,7 @@ class Cycle:
 
 def run(setting: Setting) -> Result:
     """Lets all robots do their rounds, and draws where they have been."""
-    demand_emulated(setting, "shared-waypoint")
+    require_emulated(setting, "shared-waypoint")
     with ExitStack() as stack:
         return play(setting, gather(stack, setting, WORLD, MEMBERS), ROUNDS, MOST_S)
 

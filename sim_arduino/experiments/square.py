@@ -13,7 +13,7 @@ from mrl_driver.robot.odometry import Pose
 
 from . import plots
 from .report import Result, Row
-from .stage import Actor, Setting, actor, demand_emulated
+from .stage import Actor, Setting, actor, require_emulated
 
 SIDE_M = 1.0
 LAPS = 2
@@ -59,7 +59,7 @@ class Robot(NamedTuple):
 
 def run(setting: Setting) -> Result:
     """Drives, calibrates and drives again: one robot as published, and twenty others."""
-    demand_emulated(setting, "square")
+    require_emulated(setting, "square")
     like = _robot(setting, **LIKE_PUBLISHED)
     rng = random.Random(f"square {setting.seed}")
     others = [_robot(setting, **_errors(rng)) for _ in range(TEAM)]

@@ -146,7 +146,7 @@ def actor(
         made.close()
 
 
-def demand_emulated(setting: Setting, name: str) -> None:
+def require_emulated(setting: Setting, name: str) -> None:
     """Refuses a port where an experiment is about emulated robots.
 
     Raises:

@@ -10,7 +10,7 @@ from sim_arduino.serve import factory
 
 from . import plots
 from .report import Result, Row
-from .stage import Setting, demand_emulated
+from .stage import Setting, require_emulated
 
 COUNTS = (1, 2, 5, 10, 20, 30, 40, 50)
 """Numbers of messages per second."""
@@ -65,7 +65,7 @@ class Fine:
 
 def run(setting: Setting, topics: Optional[Topics] = None) -> Result:
     """Sends messages, evenly spread over a second, and draws how long they took; with those of ROS, if given."""
-    demand_emulated(setting, "turnaround")
+    require_emulated(setting, "turnaround")
     checked = [(count, _total_ms(setting, count, True)) for count in COUNTS]
     plain = [(count, _total_ms(setting, count, False)) for count in COUNTS]
     published = f"{PUBLISHED_MS:g} ms (rosserial), 35 % less (frames)"

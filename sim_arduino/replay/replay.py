@@ -42,10 +42,10 @@ def main(
         return
     if as_json:
         raise ConfigError("--json is given with --pty, expected one of them")
-    serve(recording, _demand_speed(1.0 if speed is None else speed), link)
+    serve(recording, _require_speed(1.0 if speed is None else speed), link)
 
 
-def _demand_speed(speed: float) -> float:
+def _require_speed(speed: float) -> float:
     if not 0 <= speed <= 1e6:
         raise ConfigError(f"--speed is {speed}, expected 0 to 1e6")
     return speed or math.inf

@@ -76,15 +76,15 @@ def make(options: Options, world: Optional[World] = None) -> Emulated:
             another robot.
     """
     for name, limits in _LIMITS.items():
-        _demand_in(name, getattr(options, name), *limits)
+        _require_in(name, getattr(options, name), *limits)
     faults = [table.parse(spec) for spec in options.faults]
     model = models.load(options.robot)
-    models.demand_drivable(model)
+    models.require_drivable(model)
     errors, sonar = key_values.robot_errors(options.error), key_values.sonar_errors(options.sonar)
     around = _world(options) if world is None else world
     name = options.name or f"robot{os.getpid()}"
     pose = world_file.parse_pose(options.pose, around.start_of(name))
-    _demand_room(around, pose, footprint_for(model, options.footprint), name)
+    _require_room(around, pose, footprint_for(model, options.footprint), name)
     plant = Plant(
         model,
         around,
@@ -102,7 +102,7 @@ def make(options: Options, world: Optional[World] = None) -> Emulated:
     return Emulated(plant, FaultyEngine(_engine(plant, options), faults, options.seed), bool(faults))
 
 
-def _demand_in(name: str, value: Optional[float], low: float, high: float) -> None:
+def _require_in(name: str, value: Optional[float], low: float, high: float) -> None:
     if value is not None and not low <= value <= high:
         raise ConfigError(f"{name} is {value!r}, expected {low:g} to {high:g}")
 
@@ -116,7 +116,7 @@ def _world(options: Options) -> World:
     return world
 
 
-def _demand_room(world: World, pose: Pose, footprint: Optional[Footprint], name: str) -> None:
+def _require_room(world: World, pose: Pose, footprint: Optional[Footprint], name: str) -> None:
     if footprint is None:
         return
     if world.touching(pose, footprint, name) or world.is_solid(pose.x_m, pose.y_m):

@@ -128,7 +128,7 @@ def main(
     Prints the port's path when it is ready and runs until Ctrl-C.
     """
     if plot:
-        figures.demand(plot)
+        figures.require_writable(plot)
     if link and listen:
         raise ConfigError(
             "--link and --listen are given, expected one of them: an address has no file to link to"

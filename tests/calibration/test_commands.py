@@ -424,7 +424,7 @@ def test_a_person_is_guided_and_asked_again_after_a_slip_of_the_pen(lab, monkeyp
         x, y, yaw = relative(start[0], lab.pose())
         return f"{x:.3f}, {y:.3f}, {math.degrees(yaw):.1f}"
 
-    monkeypatch.setattr(calibrate_view, "demand_terminal", lambda instead: None)
+    monkeypatch.setattr(calibrate_view, "require_terminal", lambda instead: None)
     monkeypatch.setattr(calibrate_view.Prompt, "ask", ask)
     code, _, lines = lab.mrl("turn", "--count", 2, "--turns", 1, "--yes")
     assert code == 0 and any(line.startswith("got '0.1; 2', expected x y [m]") for line in lines)
@@ -444,7 +444,7 @@ def test_a_measurement_that_cannot_be_is_asked_for_again(lab, monkeypatch):
         x, y, _ = relative(start[0], lab.pose())
         return f"{100 * x:.3f} {100 * y:.3f}" if len(answers) == 2 else f"{x:.3f} {y:.3f}"
 
-    monkeypatch.setattr(calibrate_view, "demand_terminal", lambda instead: None)
+    monkeypatch.setattr(calibrate_view, "require_terminal", lambda instead: None)
     monkeypatch.setattr(calibrate_view.Prompt, "ask", ask)
     code, _, lines = lab.mrl("straight", "--count", 2, "--distance", 0.5, "--yes")
     assert code == 0 and len(answers) == 3

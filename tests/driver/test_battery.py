@@ -1,7 +1,7 @@
 import pytest
 
 from mrl_driver.errors import BatteryDead
-from mrl_driver.robot.battery import EMPTY, EMPTY_AFTER_S, LOW, OFF, OK, BatteryMonitor, demand_charge
+from mrl_driver.robot.battery import EMPTY, EMPTY_AFTER_S, LOW, OFF, OK, BatteryMonitor, require_charge
 from mrl_driver.robot.models import load
 
 LEVELS = load("traxbot").battery
@@ -56,13 +56,13 @@ def test_motor_power_that_returns_is_ok():
 
 def test_a_start_without_motor_power_is_refused():
     with pytest.raises(BatteryDead, match="0.40 V: motor power is off"):
-        demand_charge(0.4, LEVELS)
+        require_charge(0.4, LEVELS)
 
 
 def test_a_start_with_an_empty_battery_is_refused():
     with pytest.raises(BatteryDead, match="8.40 V, expected at least 8.5 V"):
-        demand_charge(8.4, LEVELS)
+        require_charge(8.4, LEVELS)
 
 
 def test_a_start_with_a_low_battery_is_allowed():
-    demand_charge(8.5, LEVELS)
+    require_charge(8.5, LEVELS)

@@ -11,7 +11,7 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
 from mrl_driver.navigation.free_distance import Outline, Scan, looks, sonar_room
 from mrl_driver.navigation.goal_seeker import GoalSeeker
-from mrl_driver.navigation.protective_zones import LEAST_M_S, STALE_S, Settings, Zones, demand
+from mrl_driver.navigation.protective_zones import LEAST_M_S, STALE_S, Settings, Zones, require_settings
 from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits, SonarMount
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
@@ -317,7 +317,7 @@ def test_no_deadlock(readings, asked):
 )
 def test_zones_that_contradict_each_other_are_refused(wrong, words):
     with pytest.raises(ConfigError, match=words) as caught:
-        demand(ZONES._replace(**wrong))
+        require_settings(ZONES._replace(**wrong))
     assert "\n" not in str(caught.value)
 
 

@@ -61,14 +61,14 @@ class Workspace:
             f"-DCATKIN_DEVEL_PREFIX={self.folder}/devel",
             f"-DCMAKE_INSTALL_PREFIX={self.folder}/install",
         ]
-        self.demand("cmake", "-S", str(self.source), "-B", str(build), *prefixes)
-        return self.demand("cmake", "--build", str(build), "--target", "install")
+        self.require("cmake", "-S", str(self.source), "-B", str(build), *prefixes)
+        return self.require("cmake", "--build", str(build), "--target", "install")
 
     def in_space(self, space, *command):
         """A command as it runs in a shell that has sourced a space."""
         return ("sh", "-c", '. "$0" && exec "$@"', f"{self.folder}/{space}/setup.sh", *command)
 
-    def demand(self, *command):
+    def require(self, *command):
         """Run it and return what it said; it must succeed."""
         done = subprocess.run(
             command, env=self.env, cwd=str(self.folder), capture_output=True, text=True, timeout=200
@@ -87,7 +87,7 @@ def workspace(tmp_path_factory):
 
 @contextlib.contextmanager
 def running(workspace, space):
-    """A running sim.launch of a space, ended by Ctrl-C; demands that it ends without a rest and without a warning."""
+    """A running sim.launch of a space, ended by Ctrl-C; requires that it ends without a rest and without a warning."""
     folder, uri = workspace.folder, workspace.env["ROS_MASTER_URI"]
     launch = (
         "roslaunch",
@@ -126,13 +126,13 @@ def processes(folder):
 
 
 def test_catkin_lint_is_clean(workspace):
-    said = workspace.demand("catkin_lint", "-W2", "--strict", "--offline", str(workspace.source))
+    said = workspace.require("catkin_lint", "-W2", "--strict", "--offline", str(workspace.source))
     assert "found 0 problems" in said
 
 
 @pytest.mark.parametrize("space", SPACES)
 def test_files_have_the_same_path_in_the_package(workspace, space):
-    found = Path(workspace.demand(*workspace.in_space(space, "rospack", "find", "mrl_robots")).strip())
+    found = Path(workspace.require(*workspace.in_space(space, "rospack", "find", "mrl_robots")).strip())
     assert workspace.folder in found.parents
     for part in ("launch", "navigation", "rviz", "urdf"):
         folder = ROOT / "ros1_bridge" / part
@@ -152,14 +152,14 @@ def test_nodes_are_found(workspace, space):
 def test_modules_are_those_of_the_workspace(workspace, space):
     code = "import mrl_driver.driver as a, sim_arduino.board as b, ros1_bridge.robot.robot_node as c; "
     code += "print(*(m.__file__ for m in (a, b, c)))"
-    files = workspace.demand(*workspace.in_space(space, "/usr/bin/python3", "-c", code)).split()
+    files = workspace.require(*workspace.in_space(space, "/usr/bin/python3", "-c", code)).split()
     assert len(files) == 3 and all(file.startswith(str(workspace.folder)) for file in files)
 
 
 def test_devel_space_passes_rostest(workspace):
     with running(workspace, "devel"):
         command = ("rostest", "-r", "mrl_robots", "robot.test", "sim:=false")
-        assert "RESULT: SUCCESS" in workspace.demand(*workspace.in_space("devel", *command))
+        assert "RESULT: SUCCESS" in workspace.require(*workspace.in_space("devel", *command))
 
 
 # roswtf looks up the machine's own name, which a minimal system does not know.
@@ -170,11 +170,11 @@ def test_install_space_runs_without_a_warning(workspace):
     """Neither does a node warn, nor tf2 of repeated data, nor roswtf, but of cmd_vel and pose that nobody publishes."""
     with running(workspace, "install"):
         listen = ("/usr/bin/python3", str(ROOT / "tests" / "ros" / "listen.py"), f"{LISTEN_S}")
-        listened = workspace.demand(*workspace.in_space("install", *listen))
+        listened = workspace.require(*workspace.in_space("install", *listen))
         assert re.fullmatch(r"ready\nodom \d+\n", listened), listened
         assert int(listened.split()[-1]) > 5 * LISTEN_S
         assert "robot_node" in processes(workspace.folder)
-        said = workspace.demand(*workspace.in_space("install", "/usr/bin/python3", "-c", ROSWTF))
+        said = workspace.require(*workspace.in_space("install", "/usr/bin/python3", "-c", ROSWTF))
     found = [line for line in said.splitlines() if re.search("WARNING|ERROR", line)]
     own = [line for line in found if not any(known in line for known in OF_THE_MACHINE)]
     assert len(own) == 1 and UNCONNECTED in own[0], said

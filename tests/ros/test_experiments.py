@@ -140,7 +140,7 @@ def test_without_ros_a_line_names_what_runs_without_it(without_ros, experiment):
     assert through_ros == [False, False]
 
 
-def test_without_ros_it_cannot_be_demanded(without_ros, experiment):
+def test_an_experiment_with_ros_needs_rospy(without_ros, experiment):
     result, _ = experiment("mixed-team", "--ros")
     assert result.exit_code == ConfigError.exit_code
     assert result.output.count("\n") == 1 and "rospy" in result.output

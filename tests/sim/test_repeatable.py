@@ -153,7 +153,7 @@ def test_a_long_trail_grows_sparse(monkeypatch):
 @pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
 def test_a_picture_is_drawn(tmp_path, ending):
     path = tmp_path / f"run.{ending}"
-    figures.demand(str(path))
+    figures.require_writable(str(path))
     world_picture.draw(moved(), str(path))
     assert path.stat().st_size > 5000
 

@@ -230,9 +230,9 @@ def umbmark(
       mrl calibrate umbmark --port /dev/pts/3 --truth truth.jsonl --laps 3 --yes     an emulated robot
     """
     from mrl_driver.calibration.geometry import UMBMARK, umbmark_legs
-    from mrl_driver.calibration.umbmark import demand_laps
+    from mrl_driver.calibration.umbmark import require_laps
 
-    demand_laps(laps, "counter-clockwise")
+    require_laps(laps, "counter-clockwise")
     settings = {"side_m": side, "laps": laps}
     legs = umbmark_legs(laps, side, _speeds(speed))
     _geometry(Plan(UMBMARK, settings, legs, runs, again), job)

@@ -64,11 +64,11 @@ def job_options(command: Callable[..., None]) -> Callable[..., None]:
         if job.plot is not None:
             from mrl_driver import figures
 
-            figures.demand(job.plot)
+            figures.require_writable(job.plot)
         if job.output is not None:
-            from mrl_driver.calibration.files import demand_writable
+            from mrl_driver.calibration.files import require_writable
 
-            demand_writable(job.output)
+            require_writable(job.output)
         agree_to_replace(job.record, job.yes)
         command(*args, job=job, **options)
 
@@ -114,13 +114,13 @@ def output_for(job: Job, model: "RobotModel", robot_id: Optional[int]) -> str:
     Raises:
         ConfigError: it would replace a file that is not the robot's own.
     """
-    from mrl_driver.calibration.files import demand_writable
+    from mrl_driver.calibration.files import require_writable
 
     own = job.target.model if job.target.model.endswith((".yaml", ".yml")) else None
     if job.output is None and own is None and robot_id is None:
         raise ConfigError("--output is missing, expected the .yaml file to write")
     output = job.output or own or f"{model.name}-{robot_id}.yaml"
-    demand_writable(output)
+    require_writable(output)
     if os.path.exists(output) and (own is None or not os.path.samefile(own, output)):
         raise ConfigError(
             f"{output} is there already: go on from it with --robot {output}, or name another file with --output"

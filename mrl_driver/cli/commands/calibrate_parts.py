@@ -53,13 +53,13 @@ def wiring(job: Job, unseen: bool, recording: Optional[str]) -> None:
     from mrl_driver.calibration import parts
     from mrl_driver.calibration.manoeuvres import Track
 
-    from .calibrate_view import NoTape, demand_terminal, looker_for, ruler_for
+    from .calibrate_view import NoTape, looker_for, require_terminal, ruler_for
 
     if recording is not None:
         found = parts.recorded_wiring(recording, recorded_model(job))
     else:
         if job.truth is None and not unseen:
-            demand_terminal("--unseen, so that nobody is asked which wheel turned")
+            require_terminal("--unseen, so that nobody is asked which wheel turned")
         ruler = ruler_for(job.truth) if job.truth is not None else NoTape()
         with calibrate_job.connect(job) as driver:
             warn(driver)

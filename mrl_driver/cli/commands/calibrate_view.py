@@ -71,7 +71,7 @@ class _Told:
         return self._ruler.end(run, check)
 
 
-def demand_terminal(instead: str) -> None:
+def require_terminal(instead: str) -> None:
     """Raise ConfigError if stdin is not a terminal."""
     if not sys.stdin.isatty():
         raise ConfigError(f"there is no terminal to ask at; give {instead}")
@@ -85,7 +85,7 @@ def ruler_for(truth: Optional[str]) -> Ruler:
     """
     if truth is not None:
         return _Told(Truth(truth_file(truth)))
-    demand_terminal("--truth FILE for an emulated robot, or --run FILE:X,Y,HEADING for recordings")
+    require_terminal("--truth FILE for an emulated robot, or --run FILE:X,Y,HEADING for recordings")
     return Tape()
 
 

@@ -10,7 +10,7 @@ from mrl_driver.host.named_robots import Target
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, PARAMETERS, Parameter
 from mrl_driver.robot.models import COMMON_BOARD, RobotModel
 
-from .set_id import demand_config, save
+from .set_id import require_config, save
 from .shared import agree, complete_parameter, connected, json_option, robot_options, say_json, yes_option
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def get(target: Target, names: Tuple[str, ...], as_json: bool) -> None:
     """
     rows = [_row(name) for name in names] or list(PARAMETERS)
     with connected(target, ignore_battery=True) as driver:
-        demand_config(driver)
+        require_config(driver)
         values = [_value(driver, row) for row in rows]
     if as_json:
         say_json([_plain(each) for each in values])
@@ -86,7 +86,7 @@ def set_(target: Target, words: Tuple[str, ...], only_try: bool, yes: bool, as_j
     """
     wanted = parse(words)
     with connected(target, ignore_battery=True) as driver:
-        demand_config(driver)
+        require_config(driver)
         old = {row.name: _read(driver, row) for row, _ in wanted}
         changes = ", ".join(f"{row.name} {old[row.name]} to {value}" for row, value in wanted)
         agree(f"Change {changes} on robot {driver.board.robot_id}?", yes)
@@ -110,7 +110,7 @@ def save_(target: Target, yes: bool) -> None:
     For boards that are not reset when their port is opened; an Uno is, and has forgotten what was only tried.
     """
     with connected(target, ignore_battery=True) as driver:
-        demand_config(driver)
+        require_config(driver)
         agree(f"Save the parameters in force on robot {driver.board.robot_id}?", yes)
         save(driver)
     click.echo("saved")
@@ -129,7 +129,7 @@ def defaults(target: Target, yes: bool) -> None:
       mrl config defaults --robot lab3
     """
     with connected(target, ignore_battery=True) as driver:
-        demand_config(driver)
+        require_config(driver)
         agree(f"Set all parameters of robot {driver.board.robot_id} but its id to the defaults?", yes)
         if driver.ask(BY_NAME["default_config"].code) != (1,):
             raise BoardRefused("the board did not set its defaults; try again")

@@ -16,7 +16,7 @@ from mrl_driver.transport.address import is_network
 
 from .info import describe
 from .progress import waiting
-from .shared import agree, connected, demand_port, json_option, robot_options, say_json, yes_option
+from .shared import agree, connected, json_option, require_port, robot_options, say_json, yes_option
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -49,7 +49,7 @@ def doctor(target: Target, drives: bool, hands: bool, report: bool, as_json: boo
       mrl doctor --robot lab3 --drive           wheels lifted
       mrl doctor --robot lab3 --report > report.txt
     """
-    demand_port(target)
+    require_port(target)
     if report and as_json:
         raise ConfigError("--report is given with --json, expected one of them")
     if hands and not sys.stdin.isatty():
@@ -91,7 +91,7 @@ class Checkup:
         from mrl_driver.cli.doctor import computer
         from mrl_driver.transport.link import describe as describe_port
 
-        port = demand_port(self.target)
+        port = require_port(self.target)
         self._add(computer.check(port, describe_port(port)))
         try:
             self._examine()
@@ -120,7 +120,7 @@ class Checkup:
         except WrongRobot as error:
             if self.facts or self.target.model != "auto":
                 raise
-            self._add([_of_error(error, demand_port(self.target))])
+            self._add([_of_error(error, require_port(self.target))])
             self._examine_as(self.target._replace(model="traxbot"), any_id=True)
 
     def _examine_as(self, target: Target, any_id: bool = False) -> None:
@@ -145,14 +145,14 @@ class Checkup:
             seen = board.watch(driver)
         counts = board.counters(driver)
         self.facts = {
-            **describe(driver, demand_port(self.target)),
+            **describe(driver, require_port(self.target)),
             "rate_hz": seen.rate_hz,
             "lost": seen.lost,
             "garbage": seen.garbage,
             "round_trips_ms": [round(each * 1000, 2) for each in seen.round_trips_s],
             "refused_by_board": counts,
         }
-        self._add(board.link(seen, by_network=is_network(demand_port(self.target))))
+        self._add(board.link(seen, by_network=is_network(require_port(self.target))))
         self._add(board.refusals(counts))
         self._add(board.sonars(_settled_ranges(driver), driver.board))
         if self._drives and driver.model is not None and not isinstance(driver.model.drive, Drive):

@@ -71,7 +71,7 @@ def drive(
     """
     timed = (linear, lateral, angular, seconds) != (None, None, None, None)
     if timed:
-        _demand_finite(linear=linear or 0.0, lateral=lateral or 0.0, angular=angular or 0.0)
+        _require_finite(linear=linear or 0.0, lateral=lateral or 0.0, angular=angular or 0.0)
         if seconds is None:
             raise ConfigError("--for is missing, expected the seconds to drive, such as: --for 2")
         if not 0 < seconds <= 3600:
@@ -94,7 +94,7 @@ def drive(
             click.echo(line(driver))
 
 
-def _demand_finite(**speeds: float) -> None:
+def _require_finite(**speeds: float) -> None:
     for name, value in speeds.items():
         if not math.isfinite(value):
             raise ConfigError(f"--{name} is {value}, expected a finite number")

@@ -6,7 +6,7 @@ import click
 
 from mrl_driver.host.named_robots import Target
 
-from .shared import connected, demand_port, fast_option, human, json_option, robot_options, say_json
+from .shared import connected, fast_option, human, json_option, require_port, robot_options, say_json
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -24,7 +24,7 @@ def info(target: Target, fast: bool, as_json: bool) -> None:
       mrl info --port /dev/ttyACM0
       mrl info --robot lab3 --json
     """
-    port = demand_port(target)
+    port = require_port(target)
     with connected(target, ignore_battery=True, fast=fast) as driver:
         facts = describe(driver, port)
     if as_json:

@@ -14,13 +14,13 @@ from .shared import (
     battery_option,
     complain,
     connected,
-    demand_port,
-    demand_seconds,
     fast_option,
     full_screen,
     json_option,
     reconnect_option,
     record_option,
+    require_port,
+    require_seconds,
     robot_options,
     say_json,
     seconds_option,
@@ -101,7 +101,7 @@ def _watch(
     as_json: bool = False,
     ignore_battery: bool = False,
 ) -> None:
-    demand_seconds(seconds)
+    require_seconds(seconds)
     if not as_json and full_screen():
         watch_live(target, seconds, file, ignore_battery, reconnect=reconnect, fast=fast)
         return
@@ -143,7 +143,7 @@ def watch_live(
     from .progress import waiting
 
     log = FrameLog()
-    settings = Settings(demand_port(target), file or "", keys_drive, ignore_battery)
+    settings = Settings(require_port(target), file or "", keys_drive, ignore_battery)
     connection = connected(
         target,
         ignore_battery=ignore_battery or not keys_drive,

@@ -9,7 +9,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.host import named_robots as book
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot import models
-from mrl_driver.transport.address import demand_port, is_url
+from mrl_driver.transport.address import is_url, require_port
 
 from .shared import complete_port, json_option, say_json
 
@@ -86,11 +86,11 @@ def add(name: str, port: str, model: str, baud: int) -> None:
     Example:
       mrl names add lab3 --port /dev/ttyACM0 --model traxbot
     """
-    book.demand_name(name)
-    book.demand_baud(baud, "--")
+    book.require_name(name)
+    book.require_baud(baud, "--")
     if not port.strip():
         raise ConfigError(f"--port is {port!r}, expected a serial port such as /dev/ttyACM0")
-    demand_port(port)
+    require_port(port)
     if model != "auto":
         models.load(model)
     if model.endswith((".yaml", ".yml")):

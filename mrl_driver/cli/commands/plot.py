@@ -48,7 +48,7 @@ def plot(file: str, output: Optional[str], parts: Tuple[str, ...], robot: str, a
     from mrl_driver.recording import timeline
 
     picture = output or f"{os.path.splitext(file)[0]}.png"
-    figures.demand(picture, "picture")
+    figures.require_writable(picture, "picture")
     recording = Recording(file)
     name = resolve(robot).model
     with progress(f"reading {os.path.basename(file)}", 1.0) as advance:

@@ -6,7 +6,7 @@ import click
 
 from mrl_driver.host.named_robots import Target
 
-from .shared import complain, demand_port, robot_options
+from .shared import complain, require_port, robot_options
 
 
 @click.command(short_help="Put a robot's port on the network.")
@@ -32,7 +32,7 @@ def serve(target: Target, listen: str) -> None:
     from mrl_driver.transport.open_link import open_link
     from mrl_driver.transport.relay import Bridge
 
-    port = demand_port(target)
+    port = require_port(target)
     with contextlib.ExitStack() as stack:
         listener = listen_on(listen)
         stack.callback(listener.close)

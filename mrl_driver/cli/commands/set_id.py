@@ -46,7 +46,7 @@ def _no_model(robot_id: int) -> str:
     raise ConfigError(f"robot id {robot_id} is in no packaged model; name a model file with --robot")
 
 
-def demand_config(driver: "Driver") -> None:
+def require_config(driver: "Driver") -> None:
     """Raise BoardRefused unless the board keeps a configuration."""
     if "config" not in driver.board.capabilities:
         raise BoardRefused(
@@ -72,14 +72,14 @@ def write_id(driver: "Driver", robot_id: int, model: "RobotModel") -> None:
         BoardRefused: the board keeps no configuration, or refused a value.
         BoardTimeout: the board does not answer.
     """
-    demand_config(driver)
+    require_config(driver)
     _write(driver, "robot_id", robot_id)
     driver.ask(BY_NAME["default_config"].code)
     for name, value in model.board.items():
         _write(driver, name, value)
     save(driver)
     for name, value in {"robot_id": robot_id, **model.board}.items():
-        _demand(driver, name, value)
+        _require(driver, name, value)
 
 
 def _write(driver: "Driver", name: str, value: int) -> None:
@@ -88,7 +88,7 @@ def _write(driver: "Driver", name: str, value: int) -> None:
         raise BoardRefused(f"the board did not take {name} {value}")
 
 
-def _demand(driver: "Driver", name: str, value: int) -> None:
+def _require(driver: "Driver", name: str, value: int) -> None:
     """Check that the board has the value: it lost it if it restarted before saving.
 
     Raises:

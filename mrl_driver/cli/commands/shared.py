@@ -115,13 +115,13 @@ def aim(port: Optional[str], robot: Optional[str], baud: Optional[int]) -> Targe
     """
     outer = click.get_current_context().find_root().params
     if baud is not None:
-        named_robots.demand_baud(baud, "--")
+        named_robots.require_baud(baud, "--")
     robot = robot or outer.get("robot") or os.environ.get("MRL_ROBOT") or "auto"
     target = named_robots.resolve(robot, port or outer.get("port"), baud)
     return target._replace(port=target.port or os.environ.get("MRL_PORT") or None)
 
 
-def demand_port(target: Target) -> str:
+def require_port(target: Target) -> str:
     """Return the target's port.
 
     Raises:
@@ -149,7 +149,7 @@ def connected(target: Target, model: Optional["RobotModel"] = None, **options: A
     """
     from mrl_driver.driver import Driver, Options
 
-    driver = Driver(demand_port(target), model or target.model, target.baud, Options(**options))
+    driver = Driver(require_port(target), model or target.model, target.baud, Options(**options))
     try:
         with driver:
             if options.get("fast") and driver.line_baud != FAST_BAUD:
@@ -251,7 +251,7 @@ def agree_to_replace(record: Optional[str], yes: bool) -> None:
         agree(f"{record} is there already. Replace it?", yes)
 
 
-def demand_seconds(seconds: float, option: str = "--seconds") -> None:
+def require_seconds(seconds: float, option: str = "--seconds") -> None:
     """Raise ConfigError unless a time span is above 0."""
     if not seconds > 0:
         raise ConfigError(f"{option} is {seconds}, expected a number above 0")

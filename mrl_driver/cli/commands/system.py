@@ -41,7 +41,7 @@ def install(user: Optional[str], root: str, dry_run: bool) -> None:
     if not dry_run:
         _say(machine.install(who, root))
         return
-    machine.demand_user(who, root)
+    machine.require_user(who, root)
     for name, text in machine.files(who).items():
         click.echo(f"would write {os.path.join(root, name)}:\n\n{text}")
     for words in machine.commands(who, True):

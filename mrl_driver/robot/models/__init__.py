@@ -109,7 +109,7 @@ class RobotModel(NamedTuple):
         return self.drive
 
 
-def demand_drivable(model: RobotModel) -> None:
+def require_drivable(model: RobotModel) -> None:
     """Check that a board can move the base of this model.
 
     Raises:
