@@ -6,12 +6,13 @@ from typing import List, NamedTuple, Tuple
 import numpy as np
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
 from mrl_driver.protocol.codec import Frame
 from mrl_driver.protocol.table import BY_CODE, BY_NAME
 from mrl_driver.recording.decoded import Part, decode
 from mrl_driver.recording.recording import TO_BOARD, Recording
 from mrl_driver.robot.models import RobotModel
-from mrl_driver.robot.odometry import Odometry, Pose
+from mrl_driver.robot.odometry import Odometry
 from mrl_driver.robot.robot_state import fastest_m_s
 from mrl_driver.robot.sonar import range_m
 

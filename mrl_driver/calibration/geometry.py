@@ -5,8 +5,8 @@ from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 import numpy as np
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import Drive, Noise, RobotModel
-from mrl_driver.robot.odometry import Pose
 
 from . import fit, manoeuvres, umbmark
 from .files import Key

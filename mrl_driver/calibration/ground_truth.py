@@ -6,7 +6,7 @@ import os
 from typing import Callable, Protocol
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.robot.odometry import ORIGIN, Pose, wrap_angle
+from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
 
 _TAIL_BYTES = 4096
 
@@ -42,16 +42,9 @@ class Truth:
 
     def end(self, run: str, check: Check) -> Pose:
         """The robot's pose now, relative to the start."""
-        pose = relative(self._start, self._pose())
+        pose = self._pose().relative_to(self._start)
         check(pose)
         return pose
-
-
-def relative(start: Pose, pose: Pose) -> Pose:
-    """`pose` in the frame of `start`."""
-    dx, dy = pose.x_m - start.x_m, pose.y_m - start.y_m
-    cos, sin = math.cos(start.yaw_rad), math.sin(start.yaw_rad)
-    return Pose(cos * dx + sin * dy, cos * dy - sin * dx, wrap_angle(pose.yaw_rad - start.yaw_rad))
 
 
 def truth_file(path: str) -> Callable[[], Pose]:

@@ -9,9 +9,11 @@ from typing import Any, Callable, List, NamedTuple, Optional, Protocol, Tuple
 import numpy as np
 
 from mrl_driver.errors import BoardTimeout, ConfigError, WheelFault
+from mrl_driver.geometry import Pose, wrap_angle
+from mrl_driver.navigation.line_follower import limit_to_stop
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.robot.models import RobotModel
-from mrl_driver.robot.odometry import AnyTwist, Pose, Wheels, advance, wrap_angle
+from mrl_driver.robot.odometry import AnyTwist, Wheels
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.robot.wheel_monitor import Mismatch
 from mrl_driver.session.handshake import Board
@@ -179,16 +181,15 @@ def follow(robot: Robot, steer: Callable[[Pose], Command], patience_s: float) ->
 def straight(robot: Robot, distance_m: float, speeds: Speeds, line: Optional[Pose] = None) -> None:
     """Drive straight, back for negative distances; `line` is the ideal start pose if it is not the present pose."""
     start, sign = line or robot.pose, math.copysign(1.0, distance_m)
-    cos, sin = math.cos(start.yaw_rad), math.sin(start.yaw_rad)
 
     def steer(pose: Pose) -> Command:
-        dx, dy = pose.x_m - start.x_m, pose.y_m - start.y_m
-        left_m = abs(distance_m) - sign * (cos * dx + sin * dy)
+        x_m, y_m, yaw_rad = pose.relative_to(start)
+        left_m = abs(distance_m) - sign * x_m
         if left_m < ARRIVED_M:
             return None
-        linear = sign * _braked(left_m, speeds.linear_m_s, speeds.braking_m_s2, LEAST_M_S)
-        aside = max(-0.4, min(0.4, OFFSET_GAIN * (cos * dy - sin * dx)))
-        error = wrap_angle(start.yaw_rad - sign * aside - pose.yaw_rad)
+        linear = sign * limit_to_stop(left_m, speeds.linear_m_s, speeds.braking_m_s2, LATENCY_S, LEAST_M_S)
+        aside = max(-0.4, min(0.4, OFFSET_GAIN * y_m))
+        error = wrap_angle(-sign * aside - yaw_rad)
         return linear, max(-speeds.angular_rad_s, min(speeds.angular_rad_s, HEADING_GAIN * error))
 
     follow(robot, steer, 10 + 4 * abs(distance_m) / speeds.linear_m_s)
@@ -205,7 +206,7 @@ def turn(robot: Robot, angle_rad: float, speeds: Speeds) -> None:
         left = (angle_rad - done_rad) * math.copysign(1.0, angle_rad)
         if left < ARRIVED_RAD:
             return None
-        speed = _braked(left, speeds.angular_rad_s, speeds.braking_rad_s2, LEAST_RAD_S)
+        speed = limit_to_stop(left, speeds.angular_rad_s, speeds.braking_rad_s2, LATENCY_S, LEAST_RAD_S)
         return 0.0, math.copysign(speed, angle_rad)
 
     follow(robot, steer, 10 + 4 * abs(angle_rad) / speeds.angular_rad_s)
@@ -220,7 +221,7 @@ def square(
     for _ in range(4):
         straight(robot, side_m, speeds, line)
         at_rest()
-        line = advance(advance(line, side_m, 0.0), 0.0, corner)
+        line = line.compose(side_m, 0.0, corner)
         turn(robot, _near(wrap_angle(line.yaw_rad - robot.pose.yaw_rad), corner), speeds)
         at_rest()
 
@@ -228,12 +229,6 @@ def square(
 def _near(angle_rad: float, wanted_rad: float) -> float:
     """The angle to turn; a small error must not reverse its direction."""
     return angle_rad if abs(angle_rad - wanted_rad) < 1.0 else wanted_rad
-
-
-def _braked(left: float, top: float, braking: float, least: float) -> float:
-    """Speed from which the robot can stop within `left` at the deceleration `braking`, after a delay of `LATENCY_S`."""
-    delay = braking * LATENCY_S
-    return max(least, min(top, math.sqrt(delay * delay + 2 * braking * left) - delay))
 
 
 def spin_motors(robot: Robot, code: int, left_percent: int, right_percent: int, seconds: float) -> None:

@@ -6,8 +6,9 @@ import time
 from typing import Any, Callable, Dict, List, Optional, Tuple, Union
 
 from mrl_driver.errors import BoardTimeout, MrlError
+from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.robot.models import RobotModel
-from mrl_driver.robot.odometry import ORIGIN, AnyTwist, OmniTwist, Pose, Twist
+from mrl_driver.robot.odometry import AnyTwist, OmniTwist, Twist
 from mrl_driver.robot.robot_state import Notice, RobotState, Telemetry
 from mrl_driver.robot.wheel_monitor import Mismatch
 from mrl_driver.session.handshake import Board

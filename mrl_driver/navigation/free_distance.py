@@ -6,6 +6,7 @@ Directions are unit vectors in base_link; points are x and y in base_link [m].
 import math
 from typing import Callable, Dict, List, NamedTuple, Sequence, Tuple
 
+from mrl_driver.geometry import wrap_angle
 from mrl_driver.robot.models import Body, SonarMount
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
 
@@ -92,7 +93,7 @@ class Scan(NamedTuple):
 
 def off_axis(mount: SonarMount, way: Point) -> float:
     """Return the angle between a sonar's axis and a direction, 0 to pi [rad]."""
-    return abs(math.remainder(math.radians(mount.yaw_deg) - math.atan2(way[1], way[0]), 2 * math.pi))
+    return abs(wrap_angle(mount.pose.yaw_rad - math.atan2(way[1], way[0])))
 
 
 def looks(mount: SonarMount, way: Point) -> bool:
@@ -114,7 +115,7 @@ def sonar_room(outline: Outline, mount: SonarMount, range_m: float, way: Point) 
     rooms_m = [
         outline.room((mount.x_m + range_m * math.cos(angle), mount.y_m + range_m * math.sin(angle)), way)
         for angle in angles
-        if abs(math.remainder(angle - yaw, 2 * math.pi)) <= half + _ROUNDING
+        if abs(wrap_angle(angle - yaw)) <= half + _ROUNDING
     ]
     return min(rooms_m, default=math.inf)
 
@@ -127,7 +128,7 @@ def slant_room(outline: Outline, mount: SonarMount, range_m: float, way: Point) 
     if math.isinf(range_m):
         return room_m
     yaw, half = math.radians(mount.yaw_deg), FIELD_OF_VIEW_RAD / 2
-    aside = math.remainder(math.atan2(way[1], way[0]) - yaw, 2 * math.pi)
+    aside = wrap_angle(math.atan2(way[1], way[0]) - yaw)
     angle = yaw + max(-half, min(half, aside))
     edge = mount.x_m + range_m * math.cos(angle), mount.y_m + range_m * math.sin(angle)
     return min(room_m, outline.wall_room(edge, way))

@@ -9,11 +9,11 @@ import math
 from collections import deque
 from typing import Deque, Dict, List, Mapping, Optional, Tuple
 
+from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot.models import Limits, SonarMount
-from mrl_driver.robot.odometry import wrap_angle
 from mrl_driver.robot.sonar import CYCLE_S, FARTHEST_M
 
-from .occupancy_grid import FloorMap, Point, Pose, beside
+from .occupancy_grid import FloorMap, Point
 
 Speeds = Tuple[float, float]
 
@@ -84,7 +84,7 @@ class GoalSeeker:
         `ranges` maps the name of each sonar to its range [m] (REP 117), NaN for a silent one.  A sonar that never
         appeared in it counts as not present.
         """
-        pose = pose[0], pose[1], pose[2]
+        pose = Pose(*pose)
         away_m = math.hypot(self._goal[0] - pose[0], self._goal[1] - pose[1])
         self._watch_progress(away_m, now_s)
         self._there = self._there or away_m < ARRIVED_M
@@ -198,7 +198,7 @@ class GoalSeeker:
         return room(self._drawn.get(name, (math.nan, 0.0))[0])
 
     def _came_from_behind(self, pose: Pose, way_m: float) -> bool:
-        behind = beside(pose, -way_m, 0.0)
+        behind = pose.compose(-way_m, 0.0)[:2]
         return any(_away_m(behind, point) < BESIDE_TRAIL_M for point in self._trail)
 
     def _shy(self, left: float, right: float) -> float:
@@ -222,13 +222,3 @@ def room(range_m: float) -> float:
     if math.isnan(range_m):
         return FARTHEST_M
     return min(FARTHEST_M, max(0.0, range_m))
-
-
-def carried(pose: Pose, frame: Pose) -> Pose:
-    """Transform a pose from a frame to the parent frame; `frame` is the frame's pose in the parent."""
-    cos, sin = math.cos(frame[2]), math.sin(frame[2])
-    return (
-        frame[0] + cos * pose[0] - sin * pose[1],
-        frame[1] + sin * pose[0] + cos * pose[1],
-        wrap_angle(pose[2] + frame[2]),
-    )

@@ -3,7 +3,7 @@
 import math
 from typing import List, NamedTuple, Optional, Sequence, Tuple
 
-from mrl_driver.robot.odometry import wrap_angle
+from mrl_driver.geometry import Pose, wrap_angle
 
 ARRIVED_M = 0.003
 """A corner counts as reached within this distance along the leg, or when it lies behind the robot [m]."""
@@ -19,8 +19,6 @@ MOST_HEADING_RAD = 0.4
 DELAY_S = 0.25
 """Delay from a command to the wheels' motion [s]; braking starts earlier by this time."""
 
-Pose = Tuple[float, float, float]
-"""x [m], y [m], yaw [rad]."""
 Point = Tuple[float, float]
 
 
@@ -99,22 +97,21 @@ class Course:
     def _on_leg(begin: Point, end: Point, pose: Pose) -> Tuple[float, float, float]:
         """Return the distance to the leg's end [m], the offset to its left [m] and its direction in base_link [rad]."""
         direction = math.atan2(end[1] - begin[1], end[0] - begin[0])
-        cos, sin = math.cos(direction), math.sin(direction)
-        left_m = (end[0] - pose[0]) * cos + (end[1] - pose[1]) * sin
-        offset_m = (pose[1] - end[1]) * cos - (pose[0] - end[0]) * sin
-        return left_m, offset_m, wrap_angle(direction - pose[2])
+        x_m, offset_m, yaw_rad = Pose(*pose).relative_to(Pose(*end, direction))
+        return -x_m, offset_m, wrap_angle(-yaw_rad)
 
     def _turn(self, error: float) -> Tuple[float, float]:
         if abs(error) < ALIGNED_RAD:
             self._turning = False
             return 0.0, 0.0
         limits = self._limits
-        speed = _braked(abs(error), limits.angular_rad_s, limits.braking_rad_s2, MINIMUM_ANGULAR_RAD_S)
+        top, braking = limits.angular_rad_s, limits.braking_rad_s2
+        speed = limit_to_stop(abs(error), top, braking, DELAY_S, MINIMUM_ANGULAR_RAD_S)
         return 0.0, math.copysign(speed, error)
 
     def _drive(self, left_m: float, offset_m: float, error: float) -> Tuple[float, float]:
         limits = self._limits
-        linear = _braked(left_m, limits.linear_m_s, limits.braking_m_s2, MINIMUM_LINEAR_M_S)
+        linear = limit_to_stop(left_m, limits.linear_m_s, limits.braking_m_s2, DELAY_S, MINIMUM_LINEAR_M_S)
         back = _clamped(OFFSET_GAIN * offset_m, MOST_HEADING_RAD)
         return linear, _clamped(HEADING_GAIN * (error - back), limits.angular_rad_s)
 
@@ -138,21 +135,21 @@ class Square(Course):
 
 def square(start: Pose, side_m: float, clockwise: bool = False) -> List[Point]:
     """Return the corners of a square in driving order; the first side is ahead of the robot, the start comes last."""
-    x, y, yaw = start
-    corners = []
-    for i in range(4):
-        direction = yaw + (-i if clockwise else i) * math.pi / 2
-        x += side_m * math.cos(direction)
-        y += side_m * math.sin(direction)
-        corners.append((x, y))
-    return corners[:3] + [(start[0], start[1])]
+    corner, corners = Pose(*start), []
+    for _ in range(3):
+        corner = corner.compose(side_m, 0.0, -math.pi / 2 if clockwise else math.pi / 2)
+        corners.append(corner[:2])
+    return [*corners, (start[0], start[1])]
 
 
 def _clamped(value: float, most: float) -> float:
     return max(-most, min(most, value))
 
 
-def _braked(left: float, top: float, braking: float, least: float) -> float:
-    """Return the speed from which the robot stops within `left`, with deceleration `braking` after DELAY_S."""
-    delay = braking * DELAY_S
+def limit_to_stop(left: float, top: float, braking: float, delay_s: float, least: float) -> float:
+    """Return the speed from which the robot stops within `left`: it brakes after `delay_s`, at the rate `braking`.
+
+    The result is between `least` and `top`.
+    """
+    delay = braking * delay_s
     return max(least, min(top, math.sqrt(delay * delay + 2 * braking * left) - delay))

@@ -8,6 +8,7 @@ import heapq
 import math
 from typing import Dict, List, Mapping, Optional, Set, Tuple
 
+from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot.models import SonarMount
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
 
@@ -33,7 +34,6 @@ MOST_CELLS = 3000
 
 Cell = Tuple[int, int]
 Point = Tuple[float, float]
-Pose = Tuple[float, float, float]
 _STEPS = [(i, j, math.hypot(i, j)) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
 
 
@@ -68,8 +68,8 @@ class FloorMap:
                 self._draw(pose, mount, max(TOO_NEAR_M, range_m))
 
     def _draw(self, pose: Pose, mount: SonarMount, range_m: float) -> None:
-        x, y = beside(pose, mount.x_m, mount.y_m)
-        yaw, half = pose[2] + math.radians(mount.yaw_deg), FIELD_OF_VIEW_RAD / 2
+        x, y, yaw = Pose(*pose).compose(*mount.pose)
+        half = FIELD_OF_VIEW_RAD / 2
         echo = range_m <= NEAR_M
         edge_m = range_m - CELL_M / 2 if echo else NEAR_M
         reach = int(min(range_m, NEAR_M) / CELL_M) + 2
@@ -78,7 +78,7 @@ class FloorMap:
             for j in range(middle_j - reach, middle_j + reach + 1):
                 at = middle_of((i, j))
                 way_m = math.hypot(at[0] - x, at[1] - y)
-                aside = abs(math.remainder(math.atan2(at[1] - y, at[0] - x) - yaw, 2 * math.pi))
+                aside = abs(wrap_angle(math.atan2(at[1] - y, at[0] - x) - yaw))
                 if aside > half or (way_m < edge_m and aside > CLEARED_RAD):
                     continue
                 if way_m < edge_m:
@@ -152,12 +152,6 @@ def cell_of(point: Point) -> Cell:
 def middle_of(cell: Cell) -> Point:
     """Return the centre of a cell."""
     return (cell[0] + 0.5) * CELL_M, (cell[1] + 0.5) * CELL_M
-
-
-def beside(pose: Pose, x_m: float, y_m: float) -> Point:
-    """Transform a point from the robot's own frame to the frame of its pose."""
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    return pose[0] + cos * x_m - sin * y_m, pose[1] + sin * x_m + cos * y_m
 
 
 def _back(before: Mapping[Cell, Cell], cell: Cell) -> List[Cell]:

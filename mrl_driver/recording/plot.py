@@ -9,6 +9,7 @@ from typing import Any, Callable, Dict, List, Sequence, Tuple
 
 from mrl_driver import figures
 from mrl_driver.figures import BLUE, GREEN, GREY, ORANGE, PINK
+from mrl_driver.geometry import Pose
 
 from .timeline import Chronicle, way_m
 
@@ -96,14 +97,7 @@ def _hits(chronicle: Chronicle) -> List[Tuple[float, float]]:
             if not math.isfinite(value) or value == last:
                 continue
             last = value
-            cos, sin = math.cos(yaw), math.sin(yaw)
-            look = yaw + math.radians(mount.yaw_deg)
-            found.append(
-                (
-                    x + cos * mount.x_m - sin * mount.y_m + value * math.cos(look),
-                    y + sin * mount.x_m + cos * mount.y_m + value * math.sin(look),
-                )
-            )
+            found.append(Pose(x, y, yaw).compose(*mount.pose).compose(value, 0.0)[:2])
     return found[:: math.ceil(len(found) / _MOST_POINTS) or 1]
 
 

@@ -4,10 +4,10 @@ import math
 from collections import Counter
 from typing import Any, Dict, Optional
 
+from mrl_driver.geometry import ORIGIN
 from mrl_driver.protocol.codec import Frame
 from mrl_driver.protocol.table import BY_CODE, SENSORS, Sensor
 from mrl_driver.robot.models import RobotModel
-from mrl_driver.robot.odometry import ORIGIN
 
 from .decoded import Part, RecordedRobot, decode
 from .recording import FROM_BOARD, REMARK, TO_BOARD, Recording

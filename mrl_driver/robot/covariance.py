@@ -8,6 +8,8 @@ variance of the yaw also grows with the angle turned, because tracks slip in tur
 import math
 from typing import Sequence, Tuple
 
+from mrl_driver.geometry import yaw_of
+
 from .kinematics import kinematics_of
 from .models import OmniDrive, RobotModel
 
@@ -95,7 +97,7 @@ class OmniUncertainty(Uncertainty):
         right_m, left_m, rear_m = ((now - was) * self._m_per_count for now, was in zip(counts, before))
         ways = (left_m, rear_m, right_m)
         forward, left, turn = self._kinematics.step(ways)
-        yaw_rad = 2 * math.atan2(half_sin, half_cos) - turn / 2  # yaw at the middle of the step
+        yaw_rad = yaw_of(0.0, 0.0, half_sin, half_cos) - turn / 2  # yaw at the middle of the step
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         dx, dy = -(sin * forward + cos * left), cos * forward - sin * left
         fxx, fxl, fxt, fll, flt, ftt = self._kinematics.covariance(ways, *self._noise)

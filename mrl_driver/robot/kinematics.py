@@ -13,7 +13,6 @@ from typing import NamedTuple, Sequence, Tuple
 from mrl_driver.errors import ConfigError, FrameError
 
 from .models.drives import THREE_WHEELS_DEG, Base, MecanumDrive, OmniDrive
-from .odometry import Pose, wrap_angle
 
 Row = Tuple[float, float, float]
 Spread = Tuple[float, float, float, float, float, float]
@@ -136,18 +135,6 @@ def cannot_sideways(left: float, kind: str) -> str:
     """Return the error text for a sideways speed that the base cannot reach."""
     return (
         f"{left:g} m/s sideways asked of a {kind} base, expected 0: turn it instead, or take one of kind omni"
-    )
-
-
-def advanced(pose: Pose, step: Planar) -> Pose:
-    """Return the pose after this step of the body at constant speeds (exponential map of SE(2): an exact arc)."""
-    half = step.turn / 2
-    shrink = math.sin(half) / half if abs(half) > 1e-8 else 1.0
-    sin, cos = math.sin(pose.yaw_rad + half) * shrink, math.cos(pose.yaw_rad + half) * shrink
-    return Pose(
-        pose.x_m + cos * step.forward - sin * step.left,
-        pose.y_m + sin * step.forward + cos * step.left,
-        wrap_angle(pose.yaw_rad + step.turn),
     )
 
 

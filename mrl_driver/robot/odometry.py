@@ -6,6 +6,8 @@ Poses are in the odom frame (x forward at the start, y left, yaw counter-clockwi
 import math
 from typing import Any, NamedTuple, Optional, Protocol, Tuple, Union
 
+from mrl_driver.geometry import ORIGIN, Pose, advance
+
 SPEED_MARGIN = 1.5
 """Counts are refused if a wheel seems faster than the board's ceilings times this factor."""
 QUANTUM_COUNTS = 3
@@ -42,17 +44,6 @@ class Geometry(Protocol):
     @property
     def turning_separation_m(self) -> float:
         """Difference of the wheels' distances that turns the robot by 1 rad [m], including slip."""
-
-
-class Pose(NamedTuple):
-    """Position and yaw in the odom frame; yaw in (-pi, pi]."""
-
-    x_m: float
-    y_m: float
-    yaw_rad: float
-
-
-ORIGIN = Pose(0.0, 0.0, 0.0)
 
 
 class Twist(NamedTuple):
@@ -110,14 +101,6 @@ def tick_delta(previous: int, current: int) -> int:
     x 8.7512e-5 m).
     """
     return ((current - previous + 0x8000) & 0xFFFF) - 0x8000
-
-
-def wrap_angle(angle_rad: float) -> float:
-    """Return the same direction in (-pi, pi] [rad]."""
-    if -math.pi < angle_rad <= math.pi:
-        return angle_rad
-    wrapped = math.remainder(angle_rad, 2 * math.pi)
-    return math.pi if wrapped == -math.pi else wrapped
 
 
 def fastest_wheel_m_s(linear_m_s: float, angular_rad_s: float, wheel_separation_m: float) -> float:
@@ -282,20 +265,6 @@ class Odometry:
             return
         self._waiting = _NOTHING
         self.twist = Twist(ds / dt_s, turn / dt_s)
-
-
-def advance(pose: Pose, distance_m: float, turn_rad: float) -> Pose:
-    """Return the pose at the end of an arc with this length and turn; exact for constant speeds."""
-    half = turn_rad / 2
-    yaw_rad = pose.yaw_rad
-    heading = yaw_rad + half
-    if not -1e-8 <= half <= 1e-8:
-        distance_m *= math.sin(half) / half
-    yaw_rad += turn_rad
-    if not -math.pi < yaw_rad <= math.pi:
-        yaw_rad = wrap_angle(yaw_rad)
-    x_m, y_m = pose.x_m + distance_m * math.cos(heading), pose.y_m + distance_m * math.sin(heading)
-    return _new(Pose, (x_m, y_m, yaw_rad))
 
 
 _new = tuple.__new__

@@ -5,12 +5,13 @@ board's omnidirectional mode.  No I/O.
 import math
 from typing import Tuple
 
+from mrl_driver.geometry import ORIGIN, Pose, advance
 from mrl_driver.protocol.table import BY_NAME
 
-from .kinematics import Planar, advanced, kinematics_of
+from .kinematics import Planar, kinematics_of
 from .models import OmniDrive, RobotModel
 from .models.drives import THREE_WHEELS_DEG
-from .odometry import ORIGIN, TWIST_INTERVAL_S, Odometry, OmniTwist, OmniWheels, Pose
+from .odometry import TWIST_INTERVAL_S, Odometry, OmniTwist, OmniWheels
 
 MOVE_OMNI = BY_NAME["move_omni"].code
 STREAM = "start_omni_stream"
@@ -49,7 +50,7 @@ class OmniOdometry(Odometry):
         if right or left or rear:
             self.travel = OmniWheels(travel[0] + right, travel[1] + left, travel[2] + rear)
         moved = self._kinematics.step((left * metres, rear * metres, right * metres))
-        self.pose = advanced(self.pose, moved)
+        self.pose = advance(self.pose, moved.forward, moved.turn, moved.left)
         self._speeds(moved, dt_s)
         return True
 

@@ -4,13 +4,14 @@ import math
 from typing import Any, Dict, List, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import WrongRobot
+from mrl_driver.geometry import Pose
 from mrl_driver.session.events import WayLost
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.session import Counts, Info, Ready, SessionEvent, Sonars, Status
 
 from . import battery, models, sonar
 from .models import OmniDrive, RobotModel, require_drivable
-from .odometry import AnyTwist, AnyWheels, Odometry, Pose, fastest_wheel_m_s
+from .odometry import AnyTwist, AnyWheels, Odometry, fastest_wheel_m_s
 from .omni_odometry import STREAM, OmniOdometry
 
 UNSET = "the board's robot id is not set; set it with: mrl set-id ID --port PORT"

@@ -3,6 +3,7 @@
 import math
 from typing import TYPE_CHECKING, List, Sequence, Tuple
 
+from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import SonarMount
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD, NEAREST_M
 
@@ -10,7 +11,6 @@ from .canvas import ARROWS, Canvas, Point, fit
 
 if TYPE_CHECKING:
     from mrl_driver.driver.readout import Readout
-    from mrl_driver.robot.odometry import Pose
 
 _GRIDS_M = (0.5, 1.0, 2.0, 5.0, 10.0)
 _LEAST_GRID_COLUMNS = 5
@@ -40,27 +40,21 @@ def draw(driver: "Readout", trail: Sequence[Point], columns: int, rows: int) -> 
     return canvas, step_m
 
 
-def _body(canvas: Canvas, pose: "Pose", length_m: float, width_m: float) -> None:
+def _body(canvas: Canvas, pose: Pose, length_m: float, width_m: float) -> None:
     sides = ((1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1))
-    corners = [_place(pose, x * length_m / 2, y * width_m / 2) for x, y in sides]
+    corners = [pose.compose(x * length_m / 2, y * width_m / 2)[:2] for x, y in sides]
     for start, end in zip(corners, corners[1:]):
         canvas.line(start, end, "bold")
-
-
-def _place(pose: "Pose", x_m: float, y_m: float) -> Point:
-    """Transform a point from base_link to the frame of the pose."""
-    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-    return pose.x_m + cos * x_m - sin * y_m, pose.y_m + sin * x_m + cos * y_m
 
 
 class _Cone:
     """The cone of one sonar: two edges, and an arc at the range of an echo."""
 
-    def __init__(self, pose: "Pose", mount: SonarMount, range_m: float) -> None:
-        self._origin = _place(pose, mount.x_m, mount.y_m)
+    def __init__(self, pose: Pose, mount: SonarMount, range_m: float) -> None:
+        x_m, y_m, middle = pose.compose(*mount.pose)
+        self._origin = x_m, y_m
         self._range_m = range_m
         self._length_m = max(NEAREST_M, min(LONGEST_CONE_M, range_m)) if not math.isnan(range_m) else 0.0
-        middle = pose.yaw_rad + math.radians(mount.yaw_deg)
         self._from, self._to = middle - FIELD_OF_VIEW_RAD / 2, middle + FIELD_OF_VIEW_RAD / 2
 
     @property

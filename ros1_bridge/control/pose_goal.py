@@ -4,7 +4,8 @@ import math
 import threading
 from typing import Any, Mapping, Optional
 
-from mrl_driver.navigation.goal_seeker import GoalSeeker, Pose, carried
+from mrl_driver.geometry import Pose
+from mrl_driver.navigation.goal_seeker import GoalSeeker
 from mrl_driver.robot.models import Limits, SonarMount
 from mrl_driver.robot.robot_state import Telemetry
 from ros1_bridge.node.plane_poses import planar
@@ -49,7 +50,7 @@ class PoseGoal:
                 "go_to_goal takes goals in other frames"
             )
         if frame == self._base:
-            goal = carried(goal, now_pose)
+            goal = now_pose.compose(*goal)
         with self._lock:
             self._goal, self._seeker, self._due_s = goal, None, -math.inf
             self._commander.seeking = True

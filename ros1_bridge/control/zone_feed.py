@@ -4,6 +4,7 @@ import math
 from typing import Any, Optional, Tuple
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import yaw_of
 from mrl_driver.navigation.protective_zones import Scan, Settings, Zones, require_settings
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.robot_state import Telemetry
@@ -98,4 +99,4 @@ def mount_of(transform: Any) -> Mount:
     at, turn = transform.translation, transform.rotation
     if math.hypot(turn.x, turn.y) > 0.05:
         raise ValueError("the laser is tilted or upside down, expected one that lies flat and upright")
-    return at.x, at.y, 2 * math.atan2(turn.z, turn.w)
+    return at.x, at.y, yaw_of(turn.x, turn.y, turn.z, turn.w)

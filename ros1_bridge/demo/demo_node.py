@@ -21,6 +21,7 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, Range
 
+from mrl_driver.geometry import Pose, yaw_of
 from mrl_driver.navigation.line_follower import Square
 from mrl_driver.terminal.keyboard import Keyboard
 from mrl_driver.terminal.teleop_keys import Teleop
@@ -89,8 +90,8 @@ class DemoView:
         self._cmd_vel.publish(message)
 
     def _on_odometry(self, message: Odometry) -> None:
-        position, orientation = message.pose.pose.position, message.pose.pose.orientation
-        pose = (position.x, position.y, 2 * math.atan2(orientation.z, orientation.w))
+        at, turn = message.pose.pose.position, message.pose.pose.orientation
+        pose = Pose(at.x, at.y, yaw_of(turn.x, turn.y, turn.z, turn.w))
         twist = (message.twist.twist.linear.x, message.twist.twist.angular.z)
         with self._lock:
             self._recorder.add_odometry(pose, twist, time.monotonic())

@@ -3,6 +3,8 @@
 import math
 from typing import Dict, List, Mapping, NamedTuple, Optional, Tuple
 
+from mrl_driver.geometry import ORIGIN, Pose
+
 TRAIL_STEP_M = 0.005
 TRAIL_POINTS = 3000
 _WORDS = {math.inf: "clear", -math.inf: "near"}
@@ -14,7 +16,7 @@ class Snapshot(NamedTuple):
     elapsed_s: float
     """Time since the first odometry."""
     mode: str
-    pose: Tuple[float, float, float]
+    pose: Pose
     twist: Tuple[float, float]
     distance_m: float
     frames: int
@@ -38,7 +40,7 @@ class Recorder:
     """Builds snapshots from the received messages."""
 
     def __init__(self) -> None:
-        self._pose, self._twist = (0.0, 0.0, 0.0), (0.0, 0.0)
+        self._pose, self._twist = ORIGIN, (0.0, 0.0)
         self._first_s: Optional[float] = None
         self._last_s = -math.inf
         self._distance_m = 0.0
@@ -51,13 +53,11 @@ class Recorder:
         self.link: Mapping[str, str] = {}
 
     @property
-    def pose(self) -> Tuple[float, float, float]:
+    def pose(self) -> Pose:
         """Newest pose x, y, yaw [m m rad]."""
         return self._pose
 
-    def add_odometry(
-        self, pose: Tuple[float, float, float], twist: Tuple[float, float], now_s: float
-    ) -> None:
+    def add_odometry(self, pose: Pose, twist: Tuple[float, float], now_s: float) -> None:
         """Add a pose [m m rad] and a twist [m/s rad/s] received at `now_s`."""
         if self._first_s is None:
             self._first_s = now_s

@@ -10,13 +10,13 @@ import rospy
 from nav_msgs.msg import Odometry
 
 from mrl_driver.errors import MrlError
+from mrl_driver.geometry import ORIGIN, Pose
 from ros1_bridge.node.plane_poses import planar
 from sim_arduino.experiments import step_test
 from sim_arduino.experiments.report import Result
 from sim_arduino.experiments.stage import Setting
 from sim_arduino.experiments.step_test import Drive, Mirrored
 from sim_arduino.experiments.team import Member, Player
-from sim_arduino.world.geometry import ORIGIN, Pose
 
 from .parts import Parts
 from .playing import play_as_node

@@ -5,7 +5,6 @@ drives by `cmd_vel` and uses the ranges on `sonar/...`.  In `shared-waypoint` it
 `move_base`.
 """
 
-import math
 import os
 import sys
 import time
@@ -23,6 +22,7 @@ from sensor_msgs.msg import Range
 from std_msgs.msg import Header
 
 from mrl_driver.errors import MrlError
+from mrl_driver.geometry import ORIGIN, Pose, quaternion_of
 from mrl_driver.robot import models
 from mrl_driver.robot.sonar import NAMES
 from ros1_bridge.demo.processes import wait_until
@@ -33,7 +33,6 @@ from sim_arduino.experiments.report import Result
 from sim_arduino.experiments.stage import NOISE, Setting, Step
 from sim_arduino.experiments.team import Member, Player, Team, footprint_of, spelt_pose
 from sim_arduino.world import world_file
-from sim_arduino.world.geometry import ORIGIN, Pose
 from sim_arduino.world.shared_robots import SharedCrowd
 from sim_arduino.world.world import World
 
@@ -109,7 +108,7 @@ class TopicRobot:
     def pose(self) -> Pose:
         """Pose by odometry, in the world frame."""
         assert self._odom is not None
-        return self._origin.beside(*self._odom)
+        return self._origin.compose(*self._odom)
 
     @property
     def true_pose(self) -> Pose:
@@ -172,7 +171,7 @@ def _stamped(pose: Pose) -> PoseStamped:
 
 def _write(pose: Pose, at: Any, turn: Any) -> None:
     at.x, at.y = pose.x_m, pose.y_m
-    turn.z, turn.w = math.sin(pose.yaw_rad / 2), math.cos(pose.yaw_rad / 2)
+    turn.z, turn.w = quaternion_of(pose.yaw_rad)
 
 
 def gather(

@@ -30,7 +30,8 @@ from sensor_msgs.msg import Range
 from std_msgs.msg import Header
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.navigation.goal_seeker import GoalSeeker, Pose, carried
+from mrl_driver.geometry import Pose, quaternion_of
+from mrl_driver.navigation.goal_seeker import GoalSeeker
 from mrl_driver.robot.models import Limits, SonarMount
 from mrl_driver.robot.sonar import NAMES
 from ros1_bridge.node.cmd_vel import CmdVel
@@ -283,14 +284,14 @@ class GoToGoal:
         except tf2_ros.TransformException as error:
             raise ValueError(f"no transform from {given} to {frame}: {error}") from None
         place = found.transform
-        return carried(pose, (place.translation.x, place.translation.y, yaw_of(place.rotation)))
+        return Pose(place.translation.x, place.translation.y, yaw_of(place.rotation)).compose(*pose)
 
     def _show(self, target: Pose) -> None:
         odometry = self._odometry
         assert odometry is not None
         end = PoseStamped(odometry.header, PoseMessage())
         end.pose.position.x, end.pose.position.y = target[0], target[1]
-        end.pose.orientation.z, end.pose.orientation.w = math.sin(target[2] / 2), math.cos(target[2] / 2)
+        end.pose.orientation.z, end.pose.orientation.w = quaternion_of(target[2])
         self._plan.publish(Path(odometry.header, [PoseStamped(odometry.header, odometry.pose.pose), end]))
 
 

@@ -3,7 +3,8 @@
 import math
 from typing import Any
 
-from mrl_driver.navigation.goal_seeker import Pose
+from mrl_driver import geometry
+from mrl_driver.geometry import Pose
 
 FARTHEST_M = 1e8
 """Largest coordinate: more than any map needs, and small enough for cell indices of a grid."""
@@ -22,7 +23,7 @@ def planar(pose: Any) -> Pose:
         raise ValueError(
             f"position is {at.x:g}, {at.y:g}, expected finite numbers of at most {FARTHEST_M:g} m"
         )
-    return at.x, at.y, yaw_of(pose.orientation)
+    return Pose(at.x, at.y, yaw_of(pose.orientation))
 
 
 def yaw_of(rotation: Any) -> float:
@@ -35,5 +36,4 @@ def yaw_of(rotation: Any) -> float:
     length = math.sqrt(x * x + y * y + z * z + w * w)
     if not _LEAST_LENGTH < length < math.inf:
         raise ValueError(f"orientation is {x:g}, {y:g}, {z:g}, {w:g}, expected a quaternion of length 1")
-    x, y, z, w = x / length, y / length, z / length, w / length
-    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return geometry.yaw_of(x / length, y / length, z / length, w / length)

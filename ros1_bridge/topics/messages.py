@@ -12,6 +12,7 @@ from geometry_msgs.msg import TransformStamped, Twist
 from sensor_msgs.msg import BatteryState, JointState, Range, Temperature
 from tf2_msgs.msg import TFMessage
 
+from mrl_driver.geometry import quaternion_of
 from mrl_driver.robot.models import Battery, SonarMount
 from mrl_driver.robot.sonar import FARTHEST_M, FIELD_OF_VIEW_RAD, NEAREST_M
 from ros1_bridge.node.tf_names import JOINTS, SONAR_HEIGHT_M, sonar_frame
@@ -28,15 +29,14 @@ def fill_transform(message: TFMessage, stamp: Time, pose: Tuple[float, float, fl
     transform.header.stamp = stamp
     translation, rotation = transform.transform.translation, transform.transform.rotation
     translation.x, translation.y, yaw = pose
-    rotation.z, rotation.w = math.sin(yaw / 2), math.cos(yaw / 2)
+    rotation.z, rotation.w = quaternion_of(yaw)
 
 
 def new_mounts(base_frame: str, sonars: Mapping[str, SonarMount], stamp: Time) -> TFMessage:
     """Static transforms from `base_frame` to each sonar, x along its beam."""
     message = TFMessage()
     for name, mount in sonars.items():
-        yaw = math.radians(mount.yaw_deg)
-        transform = _transform(base_frame, sonar_frame(base_frame, name), mount.x_m, mount.y_m, yaw)
+        transform = _transform(base_frame, sonar_frame(base_frame, name), *mount.pose)
         transform.header.stamp = stamp
         message.transforms.append(transform)
     return message
@@ -143,5 +143,5 @@ def _transform(parent: str, child: str, x_m: float, y_m: float, yaw_rad: float) 
     transform.header.frame_id, transform.child_frame_id = parent, child
     translation, rotation = transform.transform.translation, transform.transform.rotation
     translation.x, translation.y, translation.z = x_m, y_m, SONAR_HEIGHT_M
-    rotation.z, rotation.w = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
+    rotation.z, rotation.w = quaternion_of(yaw_rad)
     return transform

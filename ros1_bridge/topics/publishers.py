@@ -12,6 +12,7 @@ from sensor_msgs.msg import BatteryState, JointState, Range, Temperature
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.driver import Telemetry
+from mrl_driver.geometry import quaternion_of
 from mrl_driver.robot.covariance import uncertainty_of
 from mrl_driver.robot.kinematics import Planar, kinematics_of
 from mrl_driver.robot.models import OmniDrive, RobotModel
@@ -102,7 +103,7 @@ class Publishers:
         """Publish pose, twist, wheels, and the sonars with a new reading."""
         stamp_s, _, (x_m, y_m, yaw_rad), twist, _, fresh, counts, _ = telemetry
         secs, nsecs = self._stamps.next(stamp_s, time.monotonic(), self._clock())
-        z, w = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
+        z, w = quaternion_of(yaw_rad)
         self.covariance.update(counts, z, w)
         out = self._odometry_out
         if out.impl.connections:

@@ -14,6 +14,7 @@ from sensor_msgs.msg import FluidPressure, Illuminance, Imu, RelativeHumidity, T
 from std_msgs.msg import Float32, Float32MultiArray, UInt16
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import quaternion_of
 from mrl_driver.protocol.table import SENSOR_BY_NAME
 from mrl_driver.session.sensor_polling import Reading, of_board
 
@@ -43,8 +44,7 @@ class Kind(NamedTuple):
 
 def fill_compass(message: Imu, values: Values) -> None:
     """Write a bearing [deg, clockwise from north] as a yaw (counter-clockwise from east, REP-103)."""
-    yaw = math.radians(90.0 - values[0])
-    message.orientation.z, message.orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
+    message.orientation.z, message.orientation.w = quaternion_of(math.radians(90.0 - values[0]))
 
 
 def _set(name: str, convert: Callable[[float], Any] = float) -> Callable[[Any, Values], None]:

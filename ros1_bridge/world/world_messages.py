@@ -1,14 +1,13 @@
 """Fills the messages of the simulated world from values.  Plain functions."""
 
-import math
 from typing import Any, Sequence, Tuple
 
 from genpy import Time
 from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import LaserScan
 
-Pose = Tuple[float, float, float]
-"""x [m], y [m], yaw [rad]."""
+from mrl_driver.geometry import Pose, quaternion_of, wrap_angle
+
 STILL_S = 1.0
 """If two poses are further apart in time than this, the speed is unknown."""
 
@@ -40,26 +39,23 @@ def fill_truth(message: Odometry, stamp: Time, pose: Pose, before: Tuple[float, 
     """Write a pose, and the speeds since the pose `before` (its time [s], pose)."""
     message.header.stamp = stamp
     at, rotation = message.pose.pose.position, message.pose.pose.orientation
-    at.x, at.y = pose[0], pose[1]
-    rotation.z, rotation.w = math.sin(pose[2] / 2), math.cos(pose[2] / 2)
-    then_s, (x, y, yaw) = before
+    at.x, at.y = pose.x_m, pose.y_m
+    rotation.z, rotation.w = quaternion_of(pose.yaw_rad)
+    then_s, then = before
     dt_s = now_s - then_s
     twist = message.twist.twist
     if not 0 < dt_s < STILL_S:
         twist.linear.x = twist.linear.y = twist.angular.z = 0.0
         return
-    vx, vy = (pose[0] - x) / dt_s, (pose[1] - y) / dt_s
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    twist.linear.x, twist.linear.y = cos * vx + sin * vy, cos * vy - sin * vx
-    twist.angular.z = math.remainder(pose[2] - yaw, 2 * math.pi) / dt_s
+    moved = pose.relative_to(then._replace(yaw_rad=pose.yaw_rad))
+    twist.linear.x, twist.linear.y = moved.x_m / dt_s, moved.y_m / dt_s
+    twist.angular.z = wrap_angle(pose.yaw_rad - then.yaw_rad) / dt_s
 
 
 def correction(truth: Pose, odometry: Pose) -> Pose:
     """Pose of the odom frame in the map at which odometry and true pose agree."""
-    yaw = math.remainder(truth[2] - odometry[2], 2 * math.pi)
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    x, y = odometry[0], odometry[1]
-    return truth[0] - cos * x + sin * y, truth[1] - sin * x - cos * y, yaw
+    yaw_rad = truth.yaw_rad - odometry.yaw_rad
+    return Pose(truth.x_m, truth.y_m, yaw_rad).compose(-odometry.x_m, -odometry.y_m)
 
 
 def new_map(

@@ -17,6 +17,7 @@ from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.errors import MrlError
+from mrl_driver.geometry import ORIGIN, Pose, yaw_of
 from ros1_bridge.node import parameters
 from ros1_bridge.node.master_watch import await_master
 from ros1_bridge.node.node_parameters import WORLD_NODE
@@ -50,22 +51,22 @@ class Robot:
         self._truth = world_messages.new_truth(map_frame, f"{prefix}base_link")
         self._scan_out = direct_publisher(rospy.Publisher, f"{space}scan", LaserScan)
         self._truth_out = direct_publisher(rospy.Publisher, f"{space}base_pose_ground_truth", Odometry)
-        self._before: Tuple[float, Any] = (-1e9, (0.0, 0.0, 0.0))
+        self._before: Tuple[float, Pose] = (-math.inf, ORIGIN)
 
     def _on_odometry(self, message: Odometry) -> None:
         self._odometry = message
 
-    def publish(self, pose: Any) -> None:
+    def publish(self, pose: Pose) -> None:
         """Publish the pose and a scan of this moment."""
         stamp, now_s = rospy.Time.now(), time.monotonic()
-        world_messages.fill_truth(self._truth, stamp, tuple(pose), self._before, now_s)
-        self._before = now_s, tuple(pose)
+        world_messages.fill_truth(self._truth, stamp, pose, self._before, now_s)
+        self._before = now_s, pose
         self._truth_out.publish(self._truth)
         odometry = self._odometry
         if self._place_out is not None and odometry is not None:
             at, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
-            told = at.x, at.y, 2 * math.atan2(turn.z, turn.w)
-            messages.fill_transform(self._place, stamp, world_messages.correction(tuple(pose), told))
+            measured = Pose(at.x, at.y, yaw_of(turn.x, turn.y, turn.z, turn.w))
+            messages.fill_transform(self._place, stamp, world_messages.correction(pose, measured))
             self._place_out.publish(self._place)
         if self._scan_out.impl.has_connections():
             ranges = self._scanner.scan(pose, without=self._name)

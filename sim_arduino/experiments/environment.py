@@ -5,10 +5,10 @@ from typing import Any, List, NamedTuple, Tuple
 
 import numpy as np
 
+from mrl_driver.geometry import Pose
 from mrl_driver.navigation.line_follower import Course, Limits
 from mrl_driver.protocol.table import BY_NAME
 from sim_arduino.world import world_file
-from sim_arduino.world.geometry import Pose
 from sim_arduino.world.scene import PIXEL_RAD
 from sim_arduino.world.world import World
 
@@ -121,7 +121,7 @@ def _looked_at(index: int, each: Variable, samples: List[Sample], world: World) 
         pixels = sample.values[index]
         for number, value in enumerate(pixels):
             aside = (len(pixels) / 2 - number - 0.5) * PIXEL_RAD
-            view = sample.pose.beside(0.0, 0.0, aside)
+            view = sample.pose.compose(0.0, 0.0, aside)
             grid.wedge(view, PIXEL_RAD / 2, 0.5 if value >= each.alert else -1.0)
     return points(grid.odds >= VIEWS / 2, grid.map())
 

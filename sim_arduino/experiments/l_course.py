@@ -1,16 +1,15 @@
 """The L-shaped course, mapped with the two side sonars and with the laser in one drive."""
 
-import math
 from typing import Any, List, NamedTuple, Tuple
 
 import numpy as np
 
 from mrl_driver.driver import Telemetry
+from mrl_driver.geometry import Pose
 from mrl_driver.navigation.line_follower import Course, Limits
 from sim_arduino.hardware.laser import URG_04LX, LaserScanner
 from sim_arduino.hardware.sonars import HALF_CONE_RAD
 from sim_arduino.world import grid_map, world_file
-from sim_arduino.world.geometry import Pose
 from sim_arduino.world.grid_map import OCCUPIED, GridMap
 from sim_arduino.world.world import World
 
@@ -79,18 +78,17 @@ def _drive(setting: Setting, robot: Actor, world: World) -> Drive:
     def heard(telemetry: Telemetry) -> None:
         for name in telemetry.fresh:
             if name in SIDES:
-                mount = mounts[name]
-                at = (mount.x_m, mount.y_m, math.radians(mount.yaw_deg))
-                true = robot.true_pose.beside(*at)
-                drive.cones.append((Pose(*telemetry.pose).beside(*at), telemetry.ranges[name], true))
+                at = mounts[name].pose
+                true = robot.true_pose.compose(*at)
+                drive.cones.append((telemetry.pose.compose(*at), telemetry.ranges[name], true))
 
     def look() -> None:
-        drive.path.append(Pose(*driver.pose))
+        drive.path.append(driver.pose)
         turn[0] += 1
         if turn[0] % 2 == 0:
             mount = (URG_04LX.x_m, URG_04LX.y_m)
             scan = scanner.scan(robot.true_pose, "robot")
-            drive.scans.append((Pose(*driver.pose).beside(*mount), scan, robot.true_pose.beside(*mount)))
+            drive.scans.append((driver.pose.compose(*mount), scan, robot.true_pose.compose(*mount)))
 
     driver.on_telemetry(heard)
     follow(robot, Course(WAY, SLOW), look)

@@ -4,10 +4,10 @@ import math
 from contextlib import ExitStack
 from typing import Mapping, Tuple
 
+from mrl_driver.geometry import Pose
 from mrl_driver.navigation.goal_seeker import room
 from mrl_driver.robot.models import Limits
 from sim_arduino.world import world_file
-from sim_arduino.world.geometry import Pose
 
 from . import plots
 from .report import Result, Row

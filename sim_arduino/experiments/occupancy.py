@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Tuple
 
 import numpy as np
 
-from sim_arduino.world.geometry import Pose
+from mrl_driver.geometry import Pose, wrap_angles
 from sim_arduino.world.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
 
 MOST = 12.0
@@ -78,7 +78,7 @@ class Grid:
             return
         away = np.hypot(self._x - pose.x_m, self._y - pose.y_m)
         bearing = np.arctan2(self._y - pose.y_m, self._x - pose.x_m) - pose.yaw_rad
-        inside = np.abs(np.remainder(bearing + math.pi, math.tau) - math.pi) <= half_angle_rad
+        inside = np.abs(wrap_angles(bearing)) <= half_angle_rad
         hits = range_m < far_m
         self._add(inside & (away < (range_m - sensor.free_m if hits else far_m)), sensor.free)
         if hits:
@@ -87,7 +87,7 @@ class Grid:
     def wedge(self, pose: Pose, half_angle_rad: float, odds: float) -> None:
         """Adds to all cells that are seen from `pose` within an angle, however far."""
         bearing = np.arctan2(self._y - pose.y_m, self._x - pose.x_m) - pose.yaw_rad
-        self._add(np.abs(np.remainder(bearing + math.pi, math.tau) - math.pi) <= half_angle_rad, odds)
+        self._add(np.abs(wrap_angles(bearing)) <= half_angle_rad, odds)
 
     def _mask(self, x: Any, y: Any) -> Any:
         """Cells that the points lie in, `(height, width)`."""

@@ -4,7 +4,7 @@ import math
 from contextlib import ExitStack
 from typing import Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 
-from sim_arduino.world.geometry import Pose
+from mrl_driver.geometry import Pose
 
 from .mixed_team import SIMULATED, WORLD, draw
 from .report import Result, Row

@@ -8,8 +8,8 @@ from mrl_driver.calibration import manoeuvres
 from mrl_driver.calibration.geometry import UMBMARK, evaluate, gather, umbmark_legs
 from mrl_driver.calibration.ground_truth import Truth
 from mrl_driver.calibration.trial import LEFT, RIGHT, Run, errors, sense
+from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import Drive
-from mrl_driver.robot.odometry import Pose
 
 from . import plots
 from .report import Result, Row
@@ -109,7 +109,7 @@ def _laps(robot: Actor, count: int) -> List[Tuple[Run, List[Pose]]]:
     """Drives so many laps each way round; the runs, and the true paths in the frame of their starts."""
     runs: List[Run] = []
     paths: List[List[Pose]] = [[]]
-    truth = Truth(lambda: Pose(*robot.true_pose))
+    truth = Truth(lambda: robot.true_pose)
     robot.driver.on_telemetry(lambda _: paths[-1].append(truth.end("", lambda _: None)))
 
     def keep(driven: Run) -> None:

@@ -8,13 +8,12 @@ from mrl_driver.driver import Driver
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
 from mrl_driver.navigation.goal_seeker import GoalSeeker
 from mrl_driver.navigation.line_follower import Course
 from mrl_driver.robot.models import Drive, RobotModel
-from mrl_driver.robot.odometry import Pose as OdometryPose
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.serve import factory
-from sim_arduino.world.geometry import Pose
 from sim_arduino.world.world import World
 
 TICK_S = 0.05
@@ -61,12 +60,12 @@ class Actor(NamedTuple):
     @property
     def true_pose(self) -> Pose:
         """True pose of an emulated robot; odometry pose of a real one."""
-        return self.plant.true_pose if self.plant else Pose(*self.driver.pose)
+        return self.plant.true_pose if self.plant else self.driver.pose
 
     @property
     def pose(self) -> Pose:
         """By its odometry."""
-        return Pose(*self.driver.pose)
+        return self.driver.pose
 
     @property
     def ranges(self) -> Mapping[str, float]:
@@ -104,7 +103,7 @@ class Actor(NamedTuple):
 
     def reset_pose(self, pose: Pose) -> None:
         """Lets the odometry go on from here."""
-        self.driver.reset_pose(OdometryPose(*pose))
+        self.driver.reset_pose(pose)
 
     def place(self, pose: Pose) -> None:
         """Puts an emulated robot somewhere else."""
@@ -165,7 +164,7 @@ def follow(robot: Actor, course: Course, look: Callable[[], None]) -> None:
         BoardTimeout: the robot does not accept a command, or does not arrive.
     """
 
-    def steer(pose: OdometryPose) -> manoeuvres.Command:
+    def steer(pose: Pose) -> manoeuvres.Command:
         look()
         speeds = course.command(pose)
         return None if course.done else speeds

@@ -12,6 +12,7 @@ from typing import Callable, Dict, List, NamedTuple, Tuple
 from mrl_driver.driver import Driver
 from mrl_driver.driver.options import Options
 from mrl_driver.errors import MrlError
+from mrl_driver.geometry import Pose
 from mrl_driver.navigation.goal_seeker import GoalSeeker
 from sim_arduino.testing import EmulatedBoard
 from sim_arduino.world.shared_robots import SharedCrowd
@@ -162,7 +163,7 @@ def _drive(setting: Setting, port: str, truth: Callable[[Driver], Tuple[float, .
 def _go(driver: Driver, waypoint: Tuple[float, float], look: Callable[[Driver], None]) -> None:
     assert driver.model is not None
     heading = math.atan2(waypoint[1] - driver.pose.y_m, waypoint[0] - driver.pose.x_m)
-    seeker = GoalSeeker((*waypoint, heading), driver.model.limits, driver.now_s, driver.model.sonars)
+    seeker = GoalSeeker(Pose(*waypoint, heading), driver.model.limits, driver.now_s, driver.model.sonars)
     end_s = driver.now_s + MOST_S
     while not seeker.reached:
         if seeker.blocked or driver.now_s > end_s:

@@ -9,11 +9,12 @@ import math
 from contextlib import ExitStack
 from typing import Callable, Dict, Iterator, List, Mapping, NamedTuple, Protocol, Sequence, Tuple
 
+from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
 from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.hardware.sonars import HALF_CONE_RAD, RANGE_M
 from sim_arduino.world import world_file
-from sim_arduino.world.geometry import Footprint, Pose
+from sim_arduino.world.geometry import Footprint
 from sim_arduino.world.world import World
 
 from .stage import NOISE, TICK_S, Setting, Step, actor
@@ -95,8 +96,7 @@ class Player:
 
     def _in_virtual(self, name: str) -> float:
         """Range that the mirror's sonar with this name would measure [m]."""
-        mount = self.robot.model.sonars[name]
-        at = self.robot.pose.beside(mount.x_m, mount.y_m, math.radians(mount.yaw_deg))
+        at = self.robot.pose.compose(*self.robot.model.sonars[name].pose)
         return self.virtual.nearest(at, HALF_CONE_RAD, RANGE_M, self.member.name)
 
     def step(self, speeds: Tuple[float, float]) -> None:

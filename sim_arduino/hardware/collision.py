@@ -4,8 +4,9 @@ import math
 from typing import Callable, Optional
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import RobotModel
-from sim_arduino.world.geometry import Footprint, Pose, distance
+from sim_arduino.world.geometry import Footprint, distance
 from sim_arduino.world.world import World
 
 OTHERS_M_S = 1.5

@@ -3,7 +3,7 @@
 import math
 from typing import Any, NamedTuple
 
-from sim_arduino.world.geometry import Pose
+from mrl_driver.geometry import Pose
 from sim_arduino.world.world import World
 
 
@@ -55,7 +55,7 @@ class LaserScanner:
         import numpy as np
 
         laser = self.laser
-        pose = robot.beside(laser.x_m, laser.y_m)
+        pose = robot.compose(laser.x_m, laser.y_m)
         ranges = self._world.scan(
             pose, laser.first_rad, laser.step_rad, laser.rays, laser.far_m, without=without
         )

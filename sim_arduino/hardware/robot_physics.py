@@ -10,8 +10,8 @@ from bisect import bisect_left
 from dataclasses import dataclass, field
 from typing import Callable, NamedTuple, Optional, Tuple
 
+from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import OmniDrive, RobotModel
-from sim_arduino.world.geometry import Pose
 
 from .motor import Gains, Motor, MotorParams
 from .omni_wheels import OMNI_ANGLES_RAD, twist_of
@@ -281,8 +281,12 @@ class Robot:
 
 
 def _along_arc(start: Pose, forward_m: float, aside_m: float, turn_rad: float) -> Pose:
-    """The pose after a motion at constant speeds with these distances in the robot's frame: along a circle."""
+    """The pose after a motion at constant speeds with these distances in the robot's frame: along a circle.
+
+    It is not `geometry.advance`, so that an error of either shows as a difference between robot and odometry.
+    """
     half = 0.5 * turn_rad
     shrink = math.sin(half) / half if abs(half) > 1e-9 else 1.0
     middle = Pose(start.x_m, start.y_m, start.yaw_rad + half)
-    return Pose(*middle.beside(forward_m * shrink, aside_m * shrink)[:2], start.yaw_rad + turn_rad)
+    x_m, y_m, _ = middle.compose(forward_m * shrink, aside_m * shrink)
+    return Pose(x_m, y_m, start.yaw_rad + turn_rad)

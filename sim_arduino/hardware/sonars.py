@@ -8,8 +8,8 @@ import math
 import random
 from typing import Callable, Dict, List, NamedTuple, Sequence
 
+from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot.models import SonarMount
-from sim_arduino.world.geometry import Pose
 from sim_arduino.world.world import World
 
 _ORDER = ("front", "left", "right")
@@ -168,11 +168,11 @@ class SonarChain:
 
 
 def _mounted(robot: Pose, mount: SonarMount) -> Pose:
-    return robot.beside(mount.x_m, mount.y_m, math.radians(mount.yaw_deg))
+    return robot.compose(*mount.pose)
 
 
 def _in_cone(sonar: Pose, other: Pose) -> bool:
     """Whether another sonar is inside a sonar's cone and range."""
     dx, dy = other.x_m - sonar.x_m, other.y_m - sonar.y_m
-    off = math.remainder(math.atan2(dy, dx) - sonar.yaw_rad, math.tau)
+    off = wrap_angle(math.atan2(dy, dx) - sonar.yaw_rad)
     return abs(off) <= HALF_CONE_RAD and math.hypot(dx, dy) <= RANGE_M

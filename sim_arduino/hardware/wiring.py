@@ -1,12 +1,11 @@
 """The hardware wired to a board: motor board, sonars, environment sensors, pins.  Every engine uses a `Plant`."""
 
 import dataclasses
-import math
 from typing import Any, Dict, List, Optional, Tuple
 
+from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot.models import RobotModel
 from sim_arduino.world.environment import OTHERS, Environment
-from sim_arduino.world.geometry import Pose
 from sim_arduino.world.world import World
 from sim_arduino.world.world_file import load
 
@@ -112,9 +111,9 @@ class Plant:
 
     @property
     def true_pose(self) -> Pose:
-        """True pose at the time of the last `advance`: metres, and radians in -pi..pi."""
+        """True pose at the time of the last `advance`: metres, and radians in (-pi, pi]."""
         state = self.robot.state
-        return Pose(state.x_m, state.y_m, math.remainder(state.yaw_rad, math.tau))
+        return Pose(state.x_m, state.y_m, wrap_angle(state.yaw_rad))
 
     def sensed(self, time_s: float) -> Environment:
         """Values that the environment sensors measure at the robot's pose."""

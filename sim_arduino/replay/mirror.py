@@ -14,10 +14,11 @@ from typing import Iterable, Tuple
 import click
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.robot import models
 from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.serve.one_line import OneLine
-from sim_arduino.world.geometry import ORIGIN, Footprint, Pose
+from sim_arduino.world.geometry import Footprint
 from sim_arduino.world.shared_robots import SharedCrowd
 
 
@@ -38,7 +39,7 @@ class Mirror:
 
     def moved(self, x_m: float, y_m: float, yaw_rad: float) -> Pose:
         """Takes the robot's odometry pose; returns its pose in the world."""
-        pose = self._origin.beside(x_m, y_m, yaw_rad)
+        pose = self._origin.compose(x_m, y_m, yaw_rad)
         self._crowd.place(self._name, pose, self._footprint)
         return pose
 

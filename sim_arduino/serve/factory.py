@@ -4,6 +4,7 @@ import os
 from typing import NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
 from mrl_driver.host.firmware_images import image_path
 from mrl_driver.robot import models
 from sim_arduino.board.engine import Engine
@@ -12,7 +13,7 @@ from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world import world_file
-from sim_arduino.world.geometry import Footprint, Pose
+from sim_arduino.world.geometry import Footprint
 from sim_arduino.world.world import World
 
 PROFILES = ("current", "2013-august", "2013-january")

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from typing import Any, Callable, Iterator, List, Optional, Union
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.faults.table import Fault
 from sim_arduino.hardware.omni3md import MotorCommand
@@ -22,7 +23,6 @@ from sim_arduino.serve.control import Control
 from sim_arduino.serve.pty import Port, PtyPort
 from sim_arduino.serve.server import PtyServer
 from sim_arduino.serve.socket_port import SocketPort
-from sim_arduino.world.geometry import Pose
 from sim_arduino.world.world import World
 
 PATIENCE_S = 5.0

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Callable, Iterator, List
 import pytest
 
 if TYPE_CHECKING:
-    from sim_arduino.world.geometry import Pose
+    from mrl_driver.geometry import Pose
     from sim_arduino.world.world import World
 
     from .emulated_board import EmulatedBoard, Faults, Motors

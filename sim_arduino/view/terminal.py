@@ -54,7 +54,7 @@ def draw(trail: Trail, columns: int, rows: int) -> List[str]:
     for mover in plant.world.robots():
         for side in mover.footprint.outline(mover.pose):
             canvas.line(side)
-    tip = plant.true_pose.beside(0.2, 0.0)
+    tip = plant.true_pose.compose(0.2, 0.0)
     canvas.line(Wall(*plant.true_pose[:2], *tip[:2]))
     return [*canvas.text(), _numbers(plant)]
 

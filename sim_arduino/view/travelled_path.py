@@ -3,8 +3,8 @@
 import math
 from typing import List, Tuple
 
+from mrl_driver.geometry import Pose
 from sim_arduino.hardware.wiring import Plant
-from sim_arduino.world.geometry import Pose
 
 PERIOD_S = 0.05
 MOST_POSES = 20000

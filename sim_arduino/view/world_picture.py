@@ -50,7 +50,7 @@ def _draw_robots(axes: Any, trail: Trail) -> None:
     if plant.footprint:
         for side in plant.footprint.outline(plant.true_pose):
             _line(axes, side, ORANGE)
-    tip = plant.true_pose.beside(0.15, 0.0)
+    tip = plant.true_pose.compose(0.15, 0.0)
     axes.annotate("", tip[:2], plant.true_pose[:2], arrowprops={"arrowstyle": "->", "color": ORANGE})
     for mover in plant.world.robots(plant.name):
         for side in mover.footprint.outline(mover.pose):

@@ -1,25 +1,9 @@
-"""Plane geometry: poses, walls, and the outlines of robots.  Metres and radians; no world, no time."""
+"""Plane geometry: walls, and the outlines of robots.  Metres and radians; no world, no time."""
 
 import math
 from typing import Iterable, List, NamedTuple, Sequence
 
-
-class Pose(NamedTuple):
-    """A pose in the world: metres, and radians counter-clockwise from x."""
-
-    x_m: float
-    y_m: float
-    yaw_rad: float
-
-    def beside(self, x_m: float, y_m: float, yaw_rad: float = 0.0) -> "Pose":
-        """The pose of an object mounted at this pose, `x_m` forward and `y_m` to the left."""
-        cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
-        return Pose(
-            self.x_m + cos * x_m - sin * y_m, self.y_m + sin * x_m + cos * y_m, self.yaw_rad + yaw_rad
-        )
-
-
-ORIGIN = Pose(0.0, 0.0, 0.0)
+from mrl_driver.geometry import Pose
 
 
 class Wall(NamedTuple):
@@ -109,7 +93,7 @@ class Footprint(NamedTuple):
         else:
             corners = [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)]
         half_x, half_y = 0.5 * self.length_m, 0.5 * (self.length_m if self.is_circle else self.width_m)
-        return polygon([pose.beside(x * half_x, y * half_y)[:2] for x, y in corners])
+        return polygon([pose.compose(x * half_x, y * half_y)[:2] for x, y in corners])
 
     def inside(self, pose: Pose) -> List[Wall]:
         """The diagonals, which a robot inside the outline touches."""

@@ -9,8 +9,9 @@ import numpy as np
 import yaml
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
 
-from .geometry import Pose, Wall
+from .geometry import Wall
 from .world import World
 
 OCCUPIED, FREE, UNKNOWN = 100, 0, -1
@@ -142,7 +143,7 @@ def _runs(edges: Any) -> List[Tuple[int, int, int]]:
 
 
 def _placed(grid: GridMap, a: Tuple[int, int], b: Tuple[int, int]) -> Wall:
-    points = [grid.origin.beside(x * grid.resolution_m, y * grid.resolution_m) for x, y in (a, b)]
+    points = [grid.origin.compose(x * grid.resolution_m, y * grid.resolution_m) for x, y in (a, b)]
     return Wall(*points[0][:2], *points[1][:2])
 
 

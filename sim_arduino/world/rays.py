@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .geometry import Pose
+from mrl_driver.geometry import Pose, wrap_angles
 
 _EDGE = 1e-9
 """Walls are widened by this [ray], so that no ray passes between two walls that meet."""
@@ -58,7 +58,7 @@ def cast(walls: Any, pose: Pose, first_rad: float, step_rad: float, count: int, 
     out = np.full(count, np.inf)
     u, v, du, dv = _in_frame(walls[distances(walls, pose.x_m, pose.y_m) <= range_m], pose)
     begin, end = np.arctan2(v, u), np.arctan2(v + dv, u + du)
-    span = np.remainder(end - begin + math.pi, math.tau) - math.pi
+    span = wrap_angles(end - begin)
     start = np.where(span < 0.0, begin + span, begin)
     wall, ray = _covered(start - first_rad, np.abs(span), step_rad, count)
     angle = first_rad + step_rad * ray

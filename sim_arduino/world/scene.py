@@ -8,9 +8,8 @@ import dataclasses
 import math
 from typing import Callable, Dict, NamedTuple, Tuple
 
+from mrl_driver.geometry import Pose, wrap_angle
 from sim_arduino.world.environment import PIXELS, Environment
-
-from .geometry import Pose
 
 PIXEL_RAD = math.radians(5.12)
 """Width of one of the TPA81's eight pixels, side by side (data sheet)."""
@@ -70,7 +69,7 @@ class Scene(NamedTuple):
             dx, dy = source.x_m - pose.x_m, source.y_m - pose.y_m
             if not sees(pose.x_m, pose.y_m, source.x_m, source.y_m):
                 continue
-            middle = math.remainder(math.atan2(dy, dx) - pose.yaw_rad, math.tau)
+            middle = wrap_angle(math.atan2(dy, dx) - pose.yaw_rad)
             half = math.atan2(source.reach_m, math.hypot(dx, dy))
             for i in range(PIXELS):
                 left = (PIXELS / 2 - i) * PIXEL_RAD

@@ -13,8 +13,9 @@ import time
 from typing import Dict, List, NamedTuple, Optional
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
 
-from .geometry import Footprint, Pose
+from .geometry import Footprint
 from .robots import NAME, NAME_TEXT, Mover
 
 _ROW = struct.Struct("<Q5d?7x")

@@ -3,7 +3,9 @@
 import math
 from typing import Any, List, Sequence
 
-from .geometry import Pose, Wall, distance, nearest_in_cone
+from mrl_driver.geometry import Pose
+
+from .geometry import Wall, distance, nearest_in_cone
 
 FEW = 96
 """Up to this number of walls a loop is as fast as arrays, and it starts faster."""

@@ -10,7 +10,9 @@ Distances are exact for straight walls.  `world_file` describes the file format 
 import math
 from typing import Any, Dict, List, Optional, Sequence, Tuple
 
-from .geometry import ORIGIN, Footprint, Pose, Wall, encloses, nearest_in_cone
+from mrl_driver.geometry import ORIGIN, Pose
+
+from .geometry import Footprint, Wall, encloses, nearest_in_cone
 from .robots import Crowd, LocalCrowd, Mover
 from .scene import Scene
 from .wall_index import WallIndex

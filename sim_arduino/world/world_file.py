@@ -20,11 +20,12 @@ import os
 from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
 from mrl_driver.yaml_file import read_expected, short
 from sim_arduino.world.environment import OTHERS, PIXELS, Environment
 
-from .geometry import Footprint, Pose, Wall, polygon
+from .geometry import Footprint, Wall, polygon
 from .robots import NAME, NAME_TEXT, Mover
 from .scene import Scene, Source
 from .world import World
@@ -215,7 +216,7 @@ def _is_number(value: Any, low: float, high: float) -> bool:
 def _sides(x: float, y: float, length: float, width: float, yaw_deg: float) -> List[Wall]:
     middle = Pose(x, y, math.radians(yaw_deg))
     corners = ((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5))
-    return polygon([middle.beside(a * length, b * width)[:2] for a, b in corners])
+    return polygon([middle.compose(a * length, b * width)[:2] for a, b in corners])
 
 
 def parse_pose(text: Optional[str], default: Pose) -> Pose:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from mrl_driver.calibration.trial import Run, path
-from mrl_driver.robot.odometry import Pose
+from mrl_driver.geometry import Pose
 
 STEP_M, STEP_RAD = 0.01, 0.04
 

@@ -13,7 +13,7 @@ import pytest
 
 from mrl_driver.calibration import files, manoeuvres, parts
 from mrl_driver.calibration.gains import Gains
-from mrl_driver.calibration.ground_truth import Truth, relative
+from mrl_driver.calibration.ground_truth import Truth
 from mrl_driver.calibration.sonar_curve import THESIS, Curve
 from mrl_driver.calibration.trial import Run, errors
 from mrl_driver.cli import main
@@ -21,9 +21,9 @@ from mrl_driver.cli.commands import calibrate_job, calibrate_view
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
 from mrl_driver.protocol.codec import encode_reply
 from mrl_driver.robot import models
-from mrl_driver.robot.odometry import Pose
 from sim_arduino.serve import factory
 
 from . import paths
@@ -421,7 +421,7 @@ def test_a_person_is_guided_and_asked_again_after_a_slip_of_the_pen(lab, monkeyp
         answers.append(question)
         if len(answers) == 1:
             return "0.1; 2"
-        x, y, yaw = relative(start[0], lab.pose())
+        x, y, yaw = lab.pose().relative_to(start[0])
         return f"{x:.3f}, {y:.3f}, {math.degrees(yaw):.1f}"
 
     monkeypatch.setattr(calibrate_view, "require_terminal", lambda instead: None)
@@ -441,7 +441,7 @@ def test_a_measurement_that_cannot_be_is_asked_for_again(lab, monkeypatch):
             start[:] = [lab.pose()]
             return ""
         answers.append(question)
-        x, y, _ = relative(start[0], lab.pose())
+        x, y, _ = lab.pose().relative_to(start[0])
         return f"{100 * x:.3f} {100 * y:.3f}" if len(answers) == 2 else f"{x:.3f} {y:.3f}"
 
     monkeypatch.setattr(calibrate_view, "require_terminal", lambda instead: None)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from mrl_driver.calibration import fit
-from mrl_driver.calibration.ground_truth import relative
 from mrl_driver.calibration.trial import Run, path
+from mrl_driver.geometry import Pose
 from mrl_driver.robot.covariance import Uncertainty, error_squared
 from mrl_driver.robot.models import load
-from mrl_driver.robot.odometry import Odometry, Pose
+from mrl_driver.robot.odometry import Odometry
 from mrl_driver.robot.robot_state import fastest_m_s
 from sim_arduino.hardware.robot_physics import Errors, Robot, params_for
 
@@ -73,7 +73,7 @@ def test_ten_laps_of_a_square_stay_within_a_millimetre_of_the_true_path():
 def run_of(robot, moves):
     begin = Pose(*robot_pose(robot))
     ways, true = driven(robot, moves)
-    return Run(np.diff(np.floor(ways), axis=0), relative(begin, Pose(*true[-1])))
+    return Run(np.diff(np.floor(ways), axis=0), Pose(*true[-1]).relative_to(begin))
 
 
 @pytest.fixture(scope="module")

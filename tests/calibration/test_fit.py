@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from mrl_driver.calibration import fit, geometry, umbmark
 from mrl_driver.calibration.trial import Run, errors, spread
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose, advance
 from mrl_driver.robot.covariance import Uncertainty, error_squared
 from mrl_driver.robot.models import Noise, load
-from mrl_driver.robot.odometry import Pose, advance
 
 from . import paths
 

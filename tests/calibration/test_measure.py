@@ -6,7 +6,7 @@ import pytest
 
 from mrl_driver.calibration.ground_truth import Truth, parse_pose, truth_file
 from mrl_driver.errors import ConfigError
-from mrl_driver.robot.odometry import Pose
+from mrl_driver.geometry import Pose
 
 ROW = '{"t": 1.0, "x": %s, "y": 0.5, "yaw": 1.5}\n'
 

@@ -6,11 +6,11 @@ import random
 import pytest
 
 from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.geometry import Pose
 from mrl_driver.navigation.goal_seeker import BLIND_S, GoalSeeker
 from mrl_driver.navigation.occupancy_grid import CELL_M, MOST_CELLS, FloorMap
 from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits, SonarMount
-from mrl_driver.robot.odometry import Pose
 from sim_arduino.serve import factory
 from sim_arduino.world import world_file
 

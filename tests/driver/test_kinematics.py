@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError, FrameError
+from mrl_driver.geometry import ORIGIN, advance
 from mrl_driver.robot.kinematics import (
     Kinematics,
     Planar,
-    advanced,
     differential,
     kinematics_of,
     mecanum,
@@ -20,7 +20,6 @@ from mrl_driver.robot.kinematics import (
     tracked,
 )
 from mrl_driver.robot.models import Drive, MecanumDrive, OmniDrive
-from mrl_driver.robot.odometry import ORIGIN, Pose, advance
 
 EXACT = 1e-12
 UNROUNDED_M, COUNTED_M = 0.2e-3, 1e-3
@@ -122,22 +121,6 @@ def test_covariance_is_that_of_independent_wheels(base, twist):
     assert base.covariance(ways, 1e-4, 1e-3) == pytest.approx(expected, abs=1e-12)
 
 
-@given(forward=speed, turn=st.floats(-3, 3), yaw=st.floats(-3, 3))
-def test_without_sideways_motion_it_is_the_arc_of_two_wheels(forward, turn, yaw):
-    start = Pose(1.0, 2.0, yaw)
-    assert advanced(start, Planar(forward, 0.0, turn)) == pytest.approx(
-        advance(start, forward, turn), abs=EXACT
-    )
-
-
-@given(step=twists)
-def test_an_arc_is_the_sum_of_its_halves(step):
-    """Constant speeds: twice half the way ends where the whole way does."""
-    half = Planar(*(part / 2 for part in step))
-    once, twice = advanced(ORIGIN, step), advanced(advanced(ORIGIN, half), half)
-    assert once[:2] == pytest.approx(twice[:2], abs=1e-11)
-
-
 def square(base: Kinematics, whole_counts: bool) -> float:
     """How far odometry is off after a square of 1 m in which the robot turns round once [m]."""
     true = found = ORIGIN
@@ -147,10 +130,11 @@ def square(base: Kinematics, whole_counts: bool) -> float:
             heading = side * math.pi / 2 - true.yaw_rad
             step = Planar(0.01 * math.cos(heading), 0.01 * math.sin(heading), 2 * math.pi / 400)
             ways = base.ways(step)
-            true = advanced(true, step)
+            true = advance(true, step.forward, step.turn, step.left)
             travelled = [a + way / COUNT_M for a, way in zip(travelled, ways)]
             read = [math.floor(count) for count in travelled] if whole_counts else travelled
-            found = advanced(found, base.step([(a - b) * COUNT_M for a, b in zip(read, counted)]))
+            moved = base.step([(a - b) * COUNT_M for a, b in zip(read, counted)])
+            found = advance(found, moved.forward, moved.turn, moved.left)
             counted = list(read)
     assert math.hypot(true.x_m, true.y_m) < 0.05  # it is a square, rounded by the turn within a step
     return math.hypot(found.x_m - true.x_m, found.y_m - true.y_m)

@@ -4,18 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mrl_driver.geometry import ORIGIN, wrap_angle
 from mrl_driver.robot.models import load
-from mrl_driver.robot.odometry import (
-    CONFIRMATIONS,
-    ORIGIN,
-    Baseline,
-    Odometry,
-    Pose,
-    advance,
-    fastest_wheel_m_s,
-    tick_delta,
-    wrap_angle,
-)
+from mrl_driver.robot.odometry import CONFIRMATIONS, Baseline, Odometry, fastest_wheel_m_s, tick_delta
 
 DRIVE = load("traxbot").drive
 FASTEST_M_S = fastest_wheel_m_s(0.65, 5.0, DRIVE.wheel_separation_m)
@@ -38,33 +29,6 @@ def test_tick_delta_undoes_the_wrap(start, moved):
 )
 def test_tick_delta_over_the_edge(previous, current, moved):
     assert tick_delta(previous, current) == moved
-
-
-@given(st.floats(-1e4, 1e4))
-def test_wrapped_angle_is_the_same_direction_in_range(angle):
-    wrapped = wrap_angle(angle)
-    assert -math.pi < wrapped <= math.pi
-    assert math.cos(wrapped - angle) == pytest.approx(1.0, abs=1e-9)
-
-
-def test_wrapping_keeps_plus_pi():
-    assert wrap_angle(-math.pi) == math.pi
-
-
-@given(st.floats(-2, 2), st.floats(-6, 6), st.integers(1, 50))
-def test_an_arc_is_the_sum_of_its_pieces(distance, turn, pieces):
-    """Exact arcs compose: the size of the steps does not matter."""
-    pose = ORIGIN
-    for _ in range(pieces):
-        pose = advance(pose, distance / pieces, turn / pieces)
-    whole = advance(ORIGIN, distance, turn)
-    assert math.dist(pose[:2], whole[:2]) < 1e-9
-    assert abs(wrap_angle(pose.yaw_rad - whole.yaw_rad)) < 1e-9
-
-
-def test_a_quarter_circle():
-    pose = advance(ORIGIN, math.pi / 2, math.pi / 2)
-    assert pose == pytest.approx(Pose(1.0, 1.0, math.pi / 2))
 
 
 def test_first_reading_primes():

@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from mrl_driver.errors import ConfigError, LinkLost, OutputError
+from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import load
-from mrl_driver.robot.odometry import Pose
 from sim_arduino.experiments import cli, report, step_test, workers
 from sim_arduino.experiments.stage import Setting
 from tests.experiments.pools import at_once

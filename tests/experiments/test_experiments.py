@@ -140,8 +140,8 @@ def test_report_has_all_results(tmp_path):
 
 
 def test_maps_cells_hold_what_beams_said():
+    from mrl_driver.geometry import Pose
     from sim_arduino.experiments.occupancy import Grid
-    from sim_arduino.world.geometry import Pose
 
     grid = Grid((0.0, 0.0), (2.0, 1.0), 0.1)
     import numpy as np
@@ -152,8 +152,8 @@ def test_maps_cells_hold_what_beams_said():
 
 
 def test_sonar_without_an_echo_makes_its_cone_free():
+    from mrl_driver.geometry import Pose
     from sim_arduino.experiments.occupancy import Grid
-    from sim_arduino.world.geometry import Pose
 
     grid = Grid((0.0, 0.0), (2.0, 1.0), 0.1)
     grid.cone(Pose(0.0, 0.55, 0.0), math.radians(18), math.inf, 1.5)

@@ -4,10 +4,11 @@ import math
 import random
 from typing import List, NamedTuple, Set, Tuple
 
+from mrl_driver.geometry import ORIGIN
 from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder
 from mrl_driver.protocol.table import STOP_CODE
 from mrl_driver.robot.models import load
-from mrl_driver.robot.odometry import ORIGIN, QUANTUM_COUNTS
+from mrl_driver.robot.odometry import QUANTUM_COUNTS
 from mrl_driver.robot.robot_state import RobotState, fastest_m_s
 from mrl_driver.session.events import Counts, Ready
 from mrl_driver.session.session import Session

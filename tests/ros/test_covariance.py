@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mrl_driver.geometry import ORIGIN, advance
 from mrl_driver.robot.models import ON_WHEELS, load
-from mrl_driver.robot.odometry import ORIGIN, advance
 from ros1_bridge.topics import message_covariance
 from ros1_bridge.topics.message_covariance import UNUSED_VARIANCE, PoseCovariance, pose_matrix
 

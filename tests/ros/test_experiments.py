@@ -12,6 +12,7 @@ from click.testing import CliRunner
 
 from mrl_driver.cli.main import registered
 from mrl_driver.errors import ConfigError, MrlError
+from mrl_driver.geometry import Pose
 from mrl_driver.robot.sonar import NAMES
 from ros1_bridge.experiments import legs, team_node
 from ros1_bridge.experiments.parts import Parts, environment
@@ -20,7 +21,6 @@ from sim_arduino.experiments import cli, workers
 from sim_arduino.experiments.report import Result
 from sim_arduino.experiments.stage import Setting
 from sim_arduino.experiments.team import Member
-from sim_arduino.world.geometry import Pose
 from tests.experiments.pools import at_once
 from tests.waiting import wait_until
 
@@ -46,7 +46,7 @@ def test_real_robot_reaches_a_goal_of_the_map_and_its_mirror_follows(parts):
         wait_until(
             lambda: {f"/real1/heard/{name}" for name in NAMES} <= heard_by(master, "/real1/go_to_goal")
         )
-        goal = START.beside(AHEAD_M, 0.0)
+        goal = START.compose(AHEAD_M, 0.0)
         seek = player.robot.seek(goal)
 
         def ended():

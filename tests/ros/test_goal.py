@@ -13,11 +13,11 @@ from move_base_msgs.msg import MoveBaseAction, MoveBaseActionResult, MoveBaseGoa
 from nav_msgs.msg import Odometry, Path
 from std_srvs.srv import Trigger
 
+from mrl_driver.geometry import Pose, advance
 from mrl_driver.navigation import goal_seeker
-from mrl_driver.navigation.goal_seeker import GoalSeeker, carried
+from mrl_driver.navigation.goal_seeker import GoalSeeker
 from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits
-from mrl_driver.robot.odometry import Pose, advance
 from ros1_bridge.node.plane_poses import planar, yaw_of
 from tests.waiting import wait_until
 
@@ -83,11 +83,6 @@ def test_walled_in_robot_gives_up():
 def test_sonar_without_reading_does_not_stop_the_robot():
     assert goal_seeker.room(math.nan) == goal_seeker.FARTHEST_M
     assert goal_seeker.room(-math.inf) == 0.0
-
-
-def test_pose_is_carried_into_the_parent_frame():
-    x, y, yaw = carried((1.0, 0.0, 0.5), (2.0, 3.0, math.pi / 2))
-    assert (x, y, yaw) == (pytest.approx(2.0), pytest.approx(4.0), pytest.approx(math.pi / 2 + 0.5))
 
 
 @given(st.floats(-3, 3), st.floats(0.1, 10))
@@ -163,7 +158,7 @@ def test_goal_that_cannot_be_had_ends_the_one_before(robot, x, frame, text):
 
 def test_goal_in_the_robots_frame_is_ahead_of_it(robot):
     at = robot.odom.messages[-1].pose.pose
-    ahead = carried((0.1, 0.0, 0.0), planar(at))
+    ahead = planar(at).compose(0.1, 0.0)
     target = goal(robot, 0.1, 0.0, f"{robot.name}/base_link")
     assert robot.client.send_goal_and_wait(MoveBaseGoal(target), rospy.Duration(START_S)) == SUCCEEDED
     assert distance(robot, *ahead[:2]) < PLACE_M

@@ -7,8 +7,9 @@ from types import SimpleNamespace
 import pytest
 from genpy import Time
 
+from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
-from mrl_driver.robot.odometry import Pose, Twist, Wheels
+from mrl_driver.robot.odometry import Twist, Wheels
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.session.events import Lost, Ready, Reconnected, Reply, Stale
 from mrl_driver.session.handshake import Board

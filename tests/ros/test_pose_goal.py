@@ -7,11 +7,12 @@ import pytest
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from std_msgs.msg import Header
 
+from mrl_driver import geometry
 from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits
 from ros1_bridge.control.pose_goal import BLOCKED, REACHED, STEP_S, PoseGoal
 
-HERE = (1.0, 2.0, math.pi / 2)
+HERE = geometry.Pose(1.0, 2.0, math.pi / 2)
 
 
 class Noted:

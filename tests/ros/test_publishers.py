@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import pytest
 from genpy import Time
 
+from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
-from mrl_driver.robot.odometry import Pose, Twist, Wheels
+from mrl_driver.robot.odometry import Twist, Wheels
 from mrl_driver.robot.robot_state import Telemetry
 from ros1_bridge.node.parameters import check
 from ros1_bridge.topics import messages

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import LaserScan
 
-from mrl_driver.navigation.goal_seeker import carried
+from mrl_driver.geometry import Pose
 from ros1_bridge.world import world_messages
 
 from .rig import ROOT, START_S
@@ -21,14 +21,16 @@ from .tables import Offered, first_two, table
 
 def test_speeds_are_those_between_two_poses():
     message = world_messages.new_truth("map", "base_link")
-    world_messages.fill_truth(message, None, (0.0, 0.1, math.pi / 2), (5.0, (0.0, 0.0, math.pi / 2)), 5.5)
+    world_messages.fill_truth(
+        message, None, Pose(0.0, 0.1, math.pi / 2), (5.0, Pose(0.0, 0.0, math.pi / 2)), 5.5
+    )
     assert message.twist.twist.linear.x == pytest.approx(0.2)
     assert message.twist.twist.linear.y == pytest.approx(0.0)
 
 
 def test_pose_after_a_pause_says_nothing_of_speed():
     message = world_messages.new_truth("map", "base_link")
-    world_messages.fill_truth(message, None, (1.0, 0.0, 0.0), (0.0, (0.0, 0.0, 0.0)), 60.0)
+    world_messages.fill_truth(message, None, Pose(1.0, 0.0, 0.0), (0.0, Pose(0.0, 0.0, 0.0)), 60.0)
     assert message.twist.twist.linear.x == 0.0
 
 
@@ -39,9 +41,9 @@ def test_scan_angles_end_with_the_last_ray():
     assert message.ranges[1] == math.inf
 
 
-@given(*[st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(-3, 3))] * 2)
+@given(*[st.builds(Pose, st.floats(-5, 5), st.floats(-5, 5), st.floats(-3, 3))] * 2)
 def test_correction_puts_odometry_at_the_true_place(truth, odometry):
-    placed = carried(odometry, world_messages.correction(truth, odometry))
+    placed = world_messages.correction(truth, odometry).compose(*odometry)
     assert placed[:2] == pytest.approx(truth[:2], abs=1e-9)
     assert math.remainder(placed[2] - truth[2], math.tau) == pytest.approx(0, abs=1e-9)
 

@@ -7,10 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
 from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.hardware.wiring import Plant
-from sim_arduino.world.geometry import Footprint, Pose, Wall, polygon
+from sim_arduino.world.geometry import Footprint, Wall, polygon
 from sim_arduino.world.world import World
 
 TRAXBOT = models.load("traxbot")

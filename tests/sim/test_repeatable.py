@@ -8,6 +8,7 @@ import sys
 import pytest
 
 from mrl_driver import figures
+from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.robot import models
 from sim_arduino.hardware.sonars import READING_S, SonarChain, SonarErrors, count_of
 from sim_arduino.hardware.wiring import Plant
@@ -15,8 +16,8 @@ from sim_arduino.serve.factory import Options, make
 from sim_arduino.view import world_picture
 from sim_arduino.view.terminal import Canvas, draw
 from sim_arduino.view.travelled_path import Trail, frame
-from sim_arduino.world.geometry import Footprint, Pose, Wall
-from sim_arduino.world.world import ORIGIN, World
+from sim_arduino.world.geometry import Footprint, Wall
+from sim_arduino.world.world import World
 from sim_arduino.world.world_file import load
 from tests.sim.simulator import Client, Simulator
 from tests.waiting import PATIENCE_S, wait_until

@@ -4,13 +4,14 @@ import math
 
 import pytest
 
+from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
 from sim_arduino.board import PythonBoard
 from sim_arduino.board.avr_board import FIRMWARE, AvrEngine
 from sim_arduino.hardware.environment_sensors import DustPulses, dust_share
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.environment import Environment
-from sim_arduino.world.geometry import Pose, Wall
+from sim_arduino.world.geometry import Wall
 from sim_arduino.world.scene import PIXEL_RAD, Scene, Source
 from sim_arduino.world.world import World
 from sim_arduino.world.world_file import load

@@ -2,9 +2,10 @@
 
 import pytest
 
+from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
 from sim_arduino.hardware.sonars import FULL_COUNT, SonarChain, count_of
-from sim_arduino.world.world import Pose, Wall, World
+from sim_arduino.world.world import Wall, World
 
 MOUNTS = models.load("traxbot").sonars
 VOLT = 1024 / 5.0

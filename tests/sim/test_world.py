@@ -7,8 +7,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
 from sim_arduino.serve.factory import Options, make
-from sim_arduino.world.world import Pose, Wall, World
+from sim_arduino.world.world import Wall, World
 from sim_arduino.world.world_file import load, names, parse_pose
 
 CONE_RAD = math.radians(18)

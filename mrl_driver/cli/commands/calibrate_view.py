@@ -16,8 +16,8 @@ from mrl_driver.calibration.geometry import Outcome
 from mrl_driver.calibration.ground_truth import Check, Ruler, Truth, parse_pose, truth_file
 from mrl_driver.calibration.wiring import seen_in
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import RobotModel
-from mrl_driver.robot.odometry import Pose
 
 console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
 """Prompts and progress go to stderr, results to stdout."""

@@ -5,12 +5,14 @@ name the sources of the numbers.
 """
 
 import logging
+import math
 import os
 from functools import lru_cache
 from typing import Any, Container, Dict, List, Mapping, NamedTuple, Tuple, Type, TypeVar, get_type_hints
 
 from mrl_driver import folders, yaml_file
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
 from mrl_driver.protocol.table import BY_NAME, PARAMETERS
 
 from .drives import DIFFERENTIAL, EXTRA, KINDS, TRACKED, Base, Drive, MecanumDrive, OmniDrive, kind_of
@@ -67,6 +69,11 @@ class SonarMount(NamedTuple):
     x_m: float
     y_m: float
     yaw_deg: float
+
+    @property
+    def pose(self) -> Pose:
+        """The same as a pose, with the yaw in radians."""
+        return Pose(self.x_m, self.y_m, math.radians(self.yaw_deg))
 
 
 class Battery(NamedTuple):
