@@ -77,7 +77,7 @@ class Core:
             self._omni = OmniCommands(model, model.drive)
             motion.request_of = self._omni.spell
         else:
-            self._omni, motion.request_of = None, motion.differential
+            self._omni = motion.request_of = None
         return stream
 
     def answer(self, code: int, args: Tuple[int, ...]) -> Optional[Tuple[int, ...]]:

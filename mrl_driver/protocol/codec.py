@@ -9,7 +9,7 @@ Grammar: `'@' command { ',' argument } 'e'`.  Integers are int16 in canonical de
 
 from binascii import crc_hqx
 from struct import error as StructError
-from typing import Iterator, List, Optional, Sequence
+from typing import List, Optional, Sequence
 
 from .directions import REPLIES, REQUESTS, Direction, Shape
 from .encoder import encode_reply, encode_request
@@ -32,6 +32,7 @@ __all__ = [
 _AT, _END, _CR, _LF = b"@e\r\n"
 _QUIET = (b"", b"\r\n", b"\r", b"\n")
 """Bytes between frames that may end a feed and mean nothing."""
+_COMMON = b"0123456789,-@e"
 _PRINTABLE = range(0x20, 0x7F)
 LEAST_RUN = 400
 """Shortest feed that is checked for a run of frames [byte]; with fewer bytes the check costs more than it saves."""
@@ -73,18 +74,38 @@ class FrameDecoder:
         events: List[Event] = []
         if self._frame or len(data) >= LEAST_RUN:
             data = self._whole(data, events)
-        pieces = data.split(b"e")
-        rest, waiting, tidy = pieces.pop(), iter(pieces), _tidy(data)
-        odd: Optional[bytes] = b""
-        while odd is not None:
-            between = not (self._frame or self._line)
-            odd = self._quick(waiting, tidy, events) if between else next(waiting, None)
-            if odd is not None:
-                self._scan(odd + b"e", events)
-            elif not between:
-                self._scan(rest, events)
-            elif rest not in _QUIET:
-                self._await(rest, events)
+        *pieces, rest = data.split(b"e")
+        # If tidy, all numbers that `int` can read are canonical: no signs, spaces or zeros that it would accept but the
+        # grammar does not, and line ends only after an 'e'.
+        tidy = len(data.translate(None, _COMMON)) == 2 * data.count(b"e\r\n")
+        tidy = tidy and b",0" not in data and b"-0" not in data
+        forms, checked = self._forms[self.checked], self.checked
+        for piece in pieces:
+            tokens = piece.split(b",")
+            try:
+                if self._frame or self._line:
+                    raise ValueError
+                code, spelling, begin, pack, narrow, stamped = forms[tokens.pop(0)]
+                values, stamp = tuple(map(int, tokens)), None
+                pack(*values)
+                if not tidy and spelling % values != piece:
+                    raise ValueError
+                for i, low, high in narrow:
+                    if not low <= values[i] <= high:
+                        raise ValueError
+                if checked:
+                    if values[-1] & 0xFFFF != crc_hqx(piece[begin : -1 - len(tokens[-1])], 0xFFFF):
+                        raise ValueError
+                    stamp = _new(Stamp, values[-3:-1]) if stamped else None
+                    values = values[:-3] if stamped else values[:-1]
+            except (KeyError, ValueError, StructError):
+                self._scan(piece + b"e", events)  # not a valid frame that starts a line
+            else:
+                events.append(_new(Frame, (code, values, stamp)))
+        if self._frame or self._line:
+            self._scan(rest, events)
+        elif rest not in _QUIET:
+            self._await(rest, events)
         return events
 
     def _whole(self, data: bytes, events: List[Event]) -> bytes:
@@ -110,32 +131,6 @@ class FrameDecoder:
             self._frame += frame
         else:
             self._scan(rest, events)
-
-    def _quick(self, waiting: Iterator[bytes], tidy: bool, events: List[Event]) -> Optional[bytes]:
-        """Decode valid frames that start a line; return the first piece that is not such a frame, for `_scan`."""
-        checked = self.checked
-        forms, append = self._forms[checked], events.append
-        for piece in waiting:
-            tokens = piece.split(b",")
-            try:
-                code, spelling, begin, pack, narrow, stamped = forms[tokens.pop(0)]
-                values = tuple(map(int, tokens))
-                pack(*values)
-            except (KeyError, ValueError, StructError):
-                return piece
-            if not tidy and spelling % values != piece:
-                return piece
-            for i, low, high in narrow:
-                if not low <= values[i] <= high:
-                    return piece
-            if checked:
-                if values[-1] & 0xFFFF != crc_hqx(piece[begin : -1 - len(tokens[-1])], 0xFFFF):
-                    return piece
-                stamp = _new(Stamp, values[-3:-1]) if stamped else None
-                append(_new(Frame, (code, values[:-3] if stamped else values[:-1], stamp)))
-            else:
-                append(_new(Frame, (code, values, None)))
-        return None
 
     def _scan(self, data: bytes, events: List[Event]) -> None:
         """Decode with the whole grammar, byte by byte."""
@@ -228,14 +223,6 @@ def _may_be_echo(frame: Frame) -> bool:
     """Tell whether a request could look the same."""
     shape = REQUESTS.shapes.get(frame.code)
     return shape is not None and shape.least <= len(frame.args) <= shape.most
-
-
-def _tidy(data: bytes) -> bool:
-    """Tell whether all numbers in `data` that `int` can read are canonical: no signs, spaces or zeros that `int` would
-    accept but the grammar does not, and line ends only after an 'e'.
-    """
-    rare = data.translate(None, b"0123456789,-@e")
-    return len(rare) == 2 * data.count(b"e\r\n") and b",0" not in data and b"-0" not in data
 
 
 def _refuse(token: bytes) -> str:

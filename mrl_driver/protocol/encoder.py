@@ -15,8 +15,7 @@ def encode_request(code: int, *args: int, checked: bool = False) -> bytes:
         FrameError: the table has no such request, or does not allow these arguments.
     """
     row = _row(code)
-    _require(row, row.request, row.optional, args)
-    return _frame(code, args, checked or row.guarded)
+    return _encode(row, row.request, row.optional, args, (), checked or row.guarded)
 
 
 def encode_reply(code: int, *args: int, stamp: Optional[Stamp] = None, checked: bool = False) -> bytes:
@@ -28,12 +27,11 @@ def encode_reply(code: int, *args: int, stamp: Optional[Stamp] = None, checked: 
         FrameError: the table has no such reply, or does not allow these arguments, or the stamp is missing.
     """
     row = _row(code)
-    _require(row, row.reply, row.optional_reply, args)
-    if checked and row.stamped:
-        if stamp is None:
-            raise FrameError(f"reply {code} ({row.name}) is stamped, got no stamp")
-        args = args + stamp
-    return _frame(code, args, checked) + b"\r\n"
+    stamped = checked and row.stamped
+    if stamped and stamp is None:
+        raise FrameError(f"reply {code} ({row.name}) is stamped, got no stamp")
+    tail = stamp if stamped and stamp is not None else ()
+    return _encode(row, row.reply, row.optional_reply, args, tail, checked) + b"\r\n"
 
 
 def _row(code: int) -> Command:
@@ -43,7 +41,15 @@ def _row(code: int) -> Command:
         raise FrameError(f"command {code} is not in the table, expected 1 to {max(BY_CODE)}") from None
 
 
-def _require(row: Command, fields: Sequence[Field], optional: int, args: Sequence[int]) -> None:
+def _encode(
+    row: Command,
+    fields: Sequence[Field],
+    optional: int,
+    args: Sequence[int],
+    tail: Sequence[int],
+    checked: bool,
+) -> bytes:
+    """Return a frame whose arguments are checked; `tail` follows them unchecked."""
     if not len(fields) - optional <= len(args) <= len(fields):
         raise FrameError(
             f"command {row.code} ({row.name}) takes {len(fields)} arguments, got {len(args)}: {args}"
@@ -53,8 +59,5 @@ def _require(row: Command, fields: Sequence[Field], optional: int, args: Sequenc
             raise FrameError(
                 f"{row.name}: {field.name} is {value}, expected {field.low} to {field.high} {field.unit}"
             )
-
-
-def _frame(code: int, args: Sequence[int], checked: bool) -> bytes:
-    body = (b"@%d" + b",%d" * len(args)) % (code, *args)
+    body = (b"@%d" + b",%d" * (len(args) + len(tail))) % (row.code, *args, *tail)
     return b"%s,%de" % (body, check_value(body)) if checked else body + b"e"

@@ -152,13 +152,11 @@ class RecordedRobot:
         if stamp is not None:
             silent = time_s - self._heard_s >= STALE_S
             self._heard_s = time_s
-            if not counts:
-                self._stream.missing(stamp.sequence, silent)
+            missing = self._stream.missing(stamp.sequence, silent)
+            if not counts or missing < 0:
                 return False
-            made = self._stream.numbered(stamp, time_s, silent)
-            if made is None:
-                return False
-            made_s = made.board_s
+            self._stream.clock.update(stamp.time, time_s, not missing)
+            made_s = self._stream.clock.board_s
         if counts:
             self._move(frame, made_s)
         return counts

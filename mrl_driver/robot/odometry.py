@@ -150,7 +150,15 @@ class Baseline:
             self._base = reading
             self.primed += 1
             return None
-        step = self._step(base, reading) or self._way_back(base, reading) or self._doubt(base, reading)
+        dt_s = reading[-1] - base[-1]
+        reach = self._counts_per_s * (dt_s if dt_s < self.coast_s else self.coast_s)
+        moved = []
+        for new, old in zip(reading[:-1], base):
+            moved.append(((new - old + 0x8000) & 0xFFFF) - 0x8000)
+        if dt_s >= 0.0 and -reach <= min(moved) and max(moved) <= reach < 0x8000:  # well within any bound
+            step: Optional[Step] = (*moved, dt_s)
+        else:
+            step = self._step(base, reading) or self._way_back(base, reading) or self._doubt(base, reading)
         if step is not None:
             self._former, self._base, self._rival = base, reading, None
         return step

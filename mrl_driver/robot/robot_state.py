@@ -149,11 +149,12 @@ class RobotState:
             self._used_s = arrival_s
         elif odometry.baseline.primed != self._primed:
             self._begin_baseline(odometry, arrival_s)
-        if sonars:
-            new = self._new_readings.update(sonars, arrival_s)
-            fresh = self._on_new(new, sonars) if new else new
-        else:
+        if not sonars:
             fresh, self._late_sonars = self._late_sonars, ()
+        elif sonars == self._new_readings.values and arrival_s < self._new_readings.due_s:
+            fresh = ()
+        else:
+            fresh = self._on_new(self._new_readings.update(sonars, arrival_s), sonars)
         pose, twist, travel = odometry.pose, odometry.twist, odometry.travel
         telemetry = self.telemetry = _new(
             Telemetry, (event.stamp_s, arrival_s, pose, twist, self.ranges, fresh, travel, event.sequence)

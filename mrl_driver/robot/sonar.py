@@ -55,17 +55,16 @@ class NewReadings:
 
     def __init__(self, cycle_s: float = CYCLE_S) -> None:
         self._cycle_s = cycle_s
-        self._values: Tuple[int, ...] = ()
+        self.values: Tuple[int, ...] = ()
+        """The last values.  As long as they are equal, and before `due_s`, nothing is new."""
+        self.due_s = -math.inf
         self._due_s = [-math.inf] * len(NAMES)
-        self._first_due_s = -math.inf
 
     def update(self, values: Tuple[int, ...], time_s: float) -> Tuple[str, ...]:
         """Return the names of the sonars with a new reading at `time_s` [s]."""
-        if values == self._values and time_s < self._first_due_s:
-            return ()
-        old, self._values = self._values or (None,) * len(NAMES), values
+        old, self.values = self.values or (None,) * len(NAMES), values
         new = [i for i, value in enumerate(values) if value != old[i] or time_s >= self._due_s[i]]
         for i in new:
             self._due_s[i] = time_s + self._cycle_s
-        self._first_due_s = min(self._due_s)
+        self.due_s = min(self._due_s)
         return tuple(NAMES[i] for i in new)

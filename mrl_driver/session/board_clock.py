@@ -7,7 +7,7 @@ the points' lower convex hull at the middle of the window (Moon, Skelly and Tows
 skew from network delay measurements", INFOCOM 1999).
 """
 
-from typing import List, NamedTuple, Optional, Tuple
+from typing import List, Optional, Tuple
 
 from mrl_driver.protocol.table import TICK_S
 
@@ -21,21 +21,14 @@ _LEAST_SPAN_S = 1.0
 _Point = Tuple[float, float]
 
 
-class HostTime(NamedTuple):
-    """The time of a frame's stamp."""
-
-    stamp_s: float
-    """Host time [s]."""
-    board_s: float
-    """Board time since the first frame [s], without wraps."""
-    latency_s: float
-    """Delay of the frame beyond the minimum delay [s]."""
-
-
 class BoardClock:
     """Estimates the offset and drift of one board's clock from its stamped frames.
 
     Host times are seconds of any clock that never jumps (`time.monotonic`).  The estimate uses the last 20 to 25 s.
+
+    Attributes:
+        board_s: board time of the last frame since the first one [s], without wraps.
+        latency_s: delay of the last frame beyond the minimum delay [s].
     """
 
     def __init__(self) -> None:
@@ -48,9 +41,9 @@ class BoardClock:
         self._bucket_end_s = 0.0
         self._line: _Point = (0.0, 0.0)
         self._low = 0.0
-        self.drift = 0.0
+        self.drift = self.board_s = self.latency_s = 0.0
 
-    def update(self, time: int, arrival_s: float, next_one: bool = False) -> HostTime:
+    def update(self, time: int, arrival_s: float, next_one: bool = False) -> float:
         """Return the host time of a frame with board time `time` [64 us, int16] that arrived at `arrival_s`.
 
         Give it the frames of one board in order.  The host's clock counts the wraps of board time in a gap, so it must
@@ -63,7 +56,7 @@ class BoardClock:
             step = (time - self._time) & 0xFFFF
             self._ticks += step if next_one else step + self._wraps(step, arrival_s)
         self._time, self._arrival_s = time, arrival_s
-        board_s = self._ticks * TICK_S
+        self.board_s = board_s = self._ticks * TICK_S
         offset = arrival_s - board_s
         if board_s >= self._bucket_end_s or offset - self.drift * board_s < self._low:
             self._collect((board_s, offset))
@@ -73,8 +66,8 @@ class BoardClock:
         if stamp_s < self._stamp_s + 1e-6:
             stamp_s = self._stamp_s + 1e-6
         self._stamp_s = stamp_s
-        latency_s = arrival_s - estimate
-        return _new(HostTime, (stamp_s, board_s, latency_s if latency_s > 0.0 else 0.0))
+        self.latency_s = arrival_s - estimate if arrival_s > estimate else 0.0
+        return stamp_s
 
     def _wraps(self, step: int, arrival_s: float) -> int:
         """Ticks of the whole wraps that passed besides `step`, by the host's clock."""
@@ -125,6 +118,3 @@ def _append(hull: List[_Point], point: _Point) -> None:
 
 def _turn(a: _Point, b: _Point, c: _Point) -> float:
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
-_new = tuple.__new__

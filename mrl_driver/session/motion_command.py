@@ -5,11 +5,12 @@ are due come out.
 """
 
 import math
-from typing import Callable, List, NamedTuple, Optional, Tuple
+from typing import Callable, NamedTuple, Optional, Tuple
 
 from mrl_driver.protocol.table import BY_NAME
 
 MOVE, STOP = BY_NAME["move_differential"].code, BY_NAME["stop"].code
+_STOP_REQUEST = (STOP,)
 
 Speeds = Tuple[int, ...]
 """Linear and angular speed [mm/s, mrad/s], and lateral speed [mm/s] if the base can move sideways."""
@@ -56,31 +57,49 @@ class Motion:
         self.skip_minus_one = skip_minus_one
         self.target: Optional[Speeds] = None
         """Speeds in force [mm/s, mrad/s]; None while stopped."""
-        self.request_of: Callable[[Speeds], Request] = self.differential
-        """Returns the request that commands these speeds."""
+        self.request_of: Optional[Callable[[Speeds], Request]] = None
+        """Returns the request that commands these speeds; None for a base with two driven wheels or tracks."""
         self.stop_reason = "none"
         """Reason of the last stop; one of `STOPS`, or a reason of the board."""
         self.lead_s = 0.0
         """`take` repeats a command this long before it is due, to use a call that happens anyway [s]."""
         self.unconfirmed = False
         """A command was dropped while the robot moved, and no standstill was observed since."""
-        self._new = self.stopping = False
-        self._commanded_s = self._sent_s = -math.inf
+        self.stopping = False
+        """A stop is not confirmed yet."""
+        self.due_s = math.inf
+        """Time when `take` next has something to send [s]; infinity while stopped."""
+        self._new = self._moves = False
+        self._expires_s = math.inf
+        self._sent_s = -math.inf
         self._fade: Optional[Tuple[float, float, Speeds]] = None
         self._still_since_s: Optional[float] = None
         self._still = 0
 
     def drive(self, linear_mm_s: int, angular_mrad_s: int, now: float, *lateral_mm_s: int) -> None:
-        """Set the command in force; only some bases have a lateral speed."""
-        self.target, self._commanded_s = (linear_mm_s, angular_mrad_s, *lateral_mm_s), now
+        """Set the command in force; only some bases have a lateral speed.  Its time begins now."""
+        self.target = (linear_mm_s, angular_mrad_s, *lateral_mm_s)
+        self._moves = any(self.target)
+        self._expires_s = now + self.timeout_s if self.timeout_s is not None else math.inf
         self._new, self.stopping, self._fade = True, False, None
+        self.due_s = min(self._sent_s + self.pace.gap_s, self._expires_s)
+
+    def adjust(self, speeds: Speeds, moves: bool) -> None:
+        """Change the speeds of the command in force, without starting its time again.
+
+        `moves` says that the command was to move, although its speeds may still be zero.
+        """
+        self._moves = moves
+        if speeds != self.target:
+            self.target, self._new = speeds, True
+            self.due_s = min(self._sent_s + self.pace.gap_s, self._expires_s)
 
     def stop(self, reason: str = "user") -> None:
         """Stop; the request is due at once and is repeated until `observe` has confirmed the stop."""
         self.stop_reason = reason
         self.target = self._fade = self._still_since_s = None
         self.stopping = self._new = True
-        self._still = 0
+        self._still, self.due_s = 0, -math.inf
 
     def make_sure(self) -> None:
         """Stop the robot again if no command is in force, until `observe` confirms it.  The stop reason stays."""
@@ -95,11 +114,13 @@ class Motion:
         self.unconfirmed = self.unconfirmed or self.stopping or any(self.target or ())
         self.target = self._fade = None
         self._new = self.stopping = False
+        self.due_s = math.inf
 
     def fade(self, now: float, duration_s: float) -> None:
         """Slow down evenly over `duration_s`, then stop."""
         if self.target is not None and self._fade is None:
             self._fade = (now, duration_s, self.target)
+            self.due_s = min(self._sent_s + self.pace.gap_s, self._expires_s)
 
     def observe(self, moved: bool, now: float) -> None:
         """Process a reading: `moved` says that a wheel moved since the one before.  Enough still readings confirm a
@@ -112,35 +133,29 @@ class Motion:
             return
         self._still += 1
         if self._still >= STILL_FRAMES and now - self._still_since_s >= STILL_S:
-            self.stopping = False
+            self.stopping, self.due_s = False, math.inf
 
-    def due_s(self) -> float:
-        """Time when `take` next has something to send [s]; infinity while stopped."""
-        if self.stopping:
-            return -math.inf if self._new else self._sent_s + self.pace.stop_s
-        if self.target is None:
-            return math.inf
-        wait_s = self.pace.gap_s if self._new or self._fade else self.pace.repeat_s
-        expiry_s = self._commanded_s + self.timeout_s if self.timeout_s is not None else math.inf
-        return min(self._sent_s + wait_s, expiry_s)
-
-    def take(self, now: float, allowed: bool = True) -> List[Request]:
-        """Return the requests to send now.  Without `allowed` (telemetry is late) it returns only stops."""
-        if (
-            self.target is not None
-            and self.timeout_s is not None
-            and now - self._commanded_s >= self.timeout_s
-        ):
-            self.stop("command_timeout" if any(self.target) else "user")
+    def take(self, now: float, allowed: bool = True) -> Optional[Request]:
+        """Return the request to send now, or None.  Without `allowed` (telemetry is late) it returns only stops."""
+        if self.target is not None and now >= self._expires_s:
+            self.stop("command_timeout" if self._moves else "user")
         if self._fade is not None:
             self._fade_on(now)
-        if self.target is None and not self.stopping:
-            return []
+        target, stopping, pace = self.target, self.stopping, self.pace
         lead_s = 0.0 if self._new or self._fade else self.lead_s
-        if now + lead_s < self.due_s() or not (self.stopping or allowed):
-            return []
+        if now + lead_s < self.due_s or not (stopping or (allowed and target is not None)):
+            return None
         self._sent_s, self._new = now, False
-        return [(STOP,)] if self.target is None else [self.request_of(self.target)]
+        if target is None:
+            self.due_s = now + pace.stop_s
+            return _STOP_REQUEST
+        self.due_s = min(now + (pace.gap_s if self._fade else pace.repeat_s), self._expires_s)
+        if self.request_of is not None:
+            return self.request_of(target)
+        linear, angular = target
+        if self.skip_minus_one:
+            linear, angular = (0 if linear == -1 else linear), (0 if angular == -1 else angular)
+        return MOVE, linear, angular
 
     def _fade_on(self, now: float) -> None:
         assert self._fade is not None
@@ -150,10 +165,3 @@ class Motion:
             self.stop("battery")
         else:
             self.target = tuple(int(speed * left) for speed in speeds)
-
-    def differential(self, speeds: Speeds) -> Request:
-        """Return the request for a base with two driven wheels or tracks."""
-        return (MOVE, *map(self._spell, speeds))
-
-    def _spell(self, value: int) -> int:
-        return 0 if value == -1 and self.skip_minus_one else value

@@ -3,9 +3,9 @@
 import math
 from typing import Optional
 
-from mrl_driver.protocol.codec import Stamp
+from mrl_driver.protocol.table import INT16_MAX, INT16_MIN
 
-from .board_clock import BoardClock, HostTime
+from .board_clock import BoardClock
 from .link_counters import Counters
 
 STAMP_STEP_S = 1e-6
@@ -17,43 +17,40 @@ further back is a gap, because the numbers wrap.
 
 
 class Stream:
-    """Sequence numbers and times of the frames since the board's start."""
+    """Sequence numbers and times of the frames since the board's start.
+
+    Attributes:
+        clock: converts board time to host time.
+        expected: the number that follows the last one (int16); None before the first.
+    """
 
     def __init__(self, counters: Counters) -> None:
         self._counters = counters
-        self._clock = BoardClock()
         self._stamp_s = -math.inf
-        self._sequence: Optional[int] = None
+        self.begin_anew()
 
     def begin_anew(self) -> None:
         """The board has restarted: forget the earlier numbers and times."""
-        self._clock, self._sequence = BoardClock(), None
+        self.clock = BoardClock()
+        self.expected: Optional[int] = None
 
-    def unnumbered(self, now: float) -> HostTime:
-        """Return the time of a frame without board time: its arrival `now`."""
+    def unnumbered(self, now: float) -> float:
+        """Return the time of a frame without board time: its arrival `now`, but after the one before [s]."""
         self._stamp_s = max(now, self._stamp_s + STAMP_STEP_S)
-        return HostTime(self._stamp_s, now, 0.0)
-
-    def numbered(self, stamp: Stamp, now: float, silent: bool) -> Optional[HostTime]:
-        """Return the time of a frame that arrived at `now`; None if it, or a later one, arrived before."""
-        missing = self.missing(stamp.sequence, silent)
-        return None if missing < 0 else self._clock.update(stamp.time, now, not missing)
+        return self._stamp_s
 
     def missing(self, sequence: int, silent: bool) -> int:
         """Return the number of frames lost before this one; -1 if it, or a later one, arrived before.
 
         `silent` says that a silence came before: then the numbers may have wrapped, and no frame counts as overtaken.
         """
-        last, self._sequence = self._sequence, sequence
-        if last is None:
-            return 0
-        missing = (sequence - last - 1) & 0xFFFF
-        if missing == 0xFFFF or (missing >= _OVERTAKEN and not silent):
-            self._sequence = last
-            if missing == 0xFFFF:
-                self._counters.duplicates += 1
-            else:
-                self._counters.overtaken += 1
+        missing = 0 if self.expected is None else (sequence - self.expected) & 0xFFFF
+        if missing == 0xFFFF:
+            self._counters.duplicates += 1
             return -1
+        if missing >= _OVERTAKEN and not silent:
+            self._counters.overtaken += 1
+            return -1
+        self.expected = sequence + 1 if sequence < INT16_MAX else INT16_MIN
         self._counters.lost += missing
         return missing

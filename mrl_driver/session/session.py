@@ -10,12 +10,12 @@ from typing import Callable, List, Optional, Tuple
 
 from mrl_driver.errors import BoardTimeout
 from mrl_driver.protocol.codec import REPLIES, Event, Frame, FrameDecoder, Garbage, encode_request
-from mrl_driver.protocol.table import BY_NAME
+from mrl_driver.protocol.table import BY_NAME, INT16_MAX, INT16_MIN
 
 from .events import Counts, Info, Ready, Reply, SessionEvent, Sonars, Stale, Status, status_of
 from .handshake import DEFAULT_PLAN, Board, Handshake, Plan, board_of
 from .link_counters import Counters
-from .motion_command import QUICK, SLOW, STOP, Motion, Pace
+from .motion_command import QUICK, SLOW, STOP, Motion, Pace, Speeds
 from .polling import INFO, SONARS, STATUS, Poll
 from .sequence import Stream
 
@@ -114,6 +114,11 @@ class Session:
         """Frames carry a checksum."""
         return self._decoder.checked
 
+    @property
+    def hurried(self) -> bool:
+        """Work may be due earlier than `deadline` last said, although no event says so."""
+        return self._greeting is not None or self._poll.due_s == -math.inf
+
     def take(self) -> bytes:
         """Return the bytes to send now, and forget them."""
         if not self._out:
@@ -125,12 +130,20 @@ class Session:
 
     def drive(self, linear_mm_s: int, angular_mrad_s: int, now: float, *lateral_mm_s: int) -> bool:
         """Put a command in force; do nothing and return False unless the board is ready."""
-        if not self.ready:
+        if self._greeting is not None:
             return False
         self._attended_s = now
-        self.motion.drive(linear_mm_s, angular_mrad_s, now, *lateral_mm_s)
-        self._move(now)
+        motion = self.motion
+        motion.drive(linear_mm_s, angular_mrad_s, now, *lateral_mm_s)
+        request = motion.take(now, now - self.heard_s < LATE_S)
+        if request is not None:
+            self._out += _encode(*request, checked=self._decoder.checked)
         return True
+
+    def adjust(self, speeds: Speeds, moves: bool, now: float) -> None:
+        """Change the speeds of the command in force; see `Motion.adjust`."""
+        self.motion.adjust(speeds, moves)
+        self._move(now)
 
     def stop(self, now: float, reason: str = "user") -> None:
         """Stop at once, and repeat the stop until telemetry confirms it; `reason` is one of `motion_command.STOPS`."""
@@ -222,7 +235,7 @@ class Session:
             self._greet_again(now, "stale")
             events.append(Stale(now - self.heard_s, self.may_be_moving))
             self._restarted = not self.checked
-        elif not self.late(now):
+        elif now - self.heard_s < LATE_S:
             self._poll.take(now, self.motion.pace.repeat_s)
         self._move(now)
         return events
@@ -231,18 +244,14 @@ class Session:
         """Latest time of the next `tick` if no bytes arrive before [s]."""
         motion = self.motion
         if self._greeting is not None:
-            return min(self._greeting.due_s, motion.due_s()) if motion.stopping else self._greeting.due_s
+            return min(self._greeting.due_s, motion.due_s) if motion.stopping else self._greeting.due_s
         due_s = self.heard_s + STALE_S
         if motion.target is not None:
             due_s = min(due_s, self._attended_s + ATTENTION_S)
         late = now - self.heard_s >= LATE_S
         if motion.stopping or (motion.target is not None and not late):
-            due_s = min(due_s, motion.due_s())
+            due_s = min(due_s, motion.due_s)
         return due_s if late else min(due_s, self._poll.due_s)
-
-    def late(self, now: float) -> bool:
-        """Telemetry is too old to send motion commands."""
-        return now - self.heard_s >= LATE_S
 
     def _resume(self) -> None:
         """This program paused: stop the robot if a command was in force."""
@@ -257,7 +266,8 @@ class Session:
         self._out += _encode(code, *args, checked=checked and code != STOP)
 
     def _move(self, now: float) -> None:
-        for request in self.motion.take(now, self.ready and not self.late(now)):
+        request = self.motion.take(now, self.ready and now - self.heard_s < LATE_S)
+        if request is not None:
             self._send(*request)
 
     def _pace(self) -> Pace:
@@ -321,13 +331,20 @@ class Session:
                 self._begin(now, events)
 
     def _on_counts(self, frame: Frame, now: float, events: List[SessionEvent]) -> None:
-        args, stamp = frame.args, frame.stamp
+        args, stamp, stream = frame.args, frame.stamp, self._stream
         if stamp is not None and self._decoder.checked:
-            made = self._stream.numbered(stamp, now, self._silent(now))
+            sequence, board_time = stamp
+            missing = 0
+            if sequence == stream.expected:  # the common case
+                stream.expected = sequence + 1 if sequence < INT16_MAX else INT16_MIN
+            else:
+                missing = stream.missing(sequence, self._silent(now))
+                if missing < 0:
+                    return
+            stamp_s = stream.clock.update(board_time, now, not missing)
+            time_s = stream.clock.board_s
         else:
-            made = self._stream.unnumbered(now)
-        if made is None:
-            return
+            sequence, stamp_s, time_s = None, stream.unnumbered(now), now
         if self._greeting is not None:
             return
         self.heard_s = now
@@ -339,9 +356,7 @@ class Session:
         if self.motion.stopping:
             self.motion.observe(counts != self._last, now)
         self._last = counts
-        sequence = stamp.sequence if stamp is not None else None
-        times = made.board_s, made.stamp_s, now
-        events.append(_new(Counts, (args[0], args[1], sonars, *times, sequence, rear)))
+        events.append(_new(Counts, (args[0], args[1], sonars, time_s, stamp_s, now, sequence, rear)))
 
     def _silent(self, now: float) -> bool:
         return now - self.heard_s >= STALE_S

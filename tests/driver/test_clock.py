@@ -18,7 +18,7 @@ def int16(ticks: int) -> int:
 
 
 def run(seed, drift, seconds, jitter_s=USB_JITTER_S, period_s=0.02):
-    """Yields (true host time, HostTime, clock) for each frame of a board whose clock is off by `drift`."""
+    """Yields (true host time, stamp, clock) for each frame of a board whose clock is off by `drift`."""
     rng, clock = random.Random(seed), BoardClock()
     start_s, arrival_s = rng.uniform(0, 1e5), 0.0
     for n in range(int(seconds / period_s)):
@@ -34,19 +34,19 @@ def run(seed, drift, seconds, jitter_s=USB_JITTER_S, period_s=0.02):
 @pytest.mark.parametrize("seed", range(6))
 def test_stamp_is_exact_to_a_millisecond_after_ten_seconds(seed):
     drift = random.Random(seed).uniform(-0.005, 0.005)
-    errors = sorted(abs(host.stamp_s - true_s) for true_s, host, clock in list(run(seed, drift, 40))[500:])
+    errors = sorted(abs(stamp_s - true_s) for true_s, stamp_s, _ in list(run(seed, drift, 40))[500:])
     assert errors[int(0.99 * len(errors))] < STAMP_ERROR_S
 
 
 @given(st.integers(0, 99), st.floats(-0.005, 0.005))
 def test_stamps_strictly_increase(seed, drift):
-    stamps = [host.stamp_s for _, host, _ in run(seed, drift, 5)]
+    stamps = [stamp_s for _, stamp_s, _ in run(seed, drift, 5)]
     assert all(a < b for a, b in zip(stamps, stamps[1:]))
 
 
 @given(st.integers(0, 99), st.floats(-0.005, 0.005))
 def test_a_stamp_is_not_after_its_arrival(seed, drift):
-    assert all(host.latency_s >= 0.0 for _, host, _ in run(seed, drift, 5))
+    assert all(clock.latency_s >= 0.0 for _, _, clock in run(seed, drift, 5))
 
 
 @pytest.mark.parametrize("drift", [0.005, -0.005])
@@ -55,7 +55,7 @@ def test_a_quarter_of_an_hour_out_of_reach_is_told_by_the_drift_of_before(drift)
     clock = BoardClock()
     times = [0.02 * n for n in range(1500)] + [900.0, 901.0, 910.0]
     *_, last = (clock.update(int16(int(time / (1 + drift) / TICK_S)), time) for time in times)
-    assert last.stamp_s == pytest.approx(910.0, abs=STAMP_ERROR_S)
+    assert last == pytest.approx(910.0, abs=STAMP_ERROR_S)
 
 
 def test_drift_is_found():
@@ -73,16 +73,16 @@ def test_a_drift_that_changes_is_forgotten_with_its_window():
 
 
 def test_latency_is_the_delay_beyond_the_least():
-    *_, (true_s, host, _) = run(5, 0.0, 30)
-    assert host.latency_s == pytest.approx(host.stamp_s + host.latency_s - true_s, abs=STAMP_ERROR_S)
+    *_, (true_s, stamp_s, clock) = run(5, 0.0, 30)
+    assert clock.latency_s == pytest.approx(stamp_s + clock.latency_s - true_s, abs=STAMP_ERROR_S)
 
 
 @given(st.integers(0, 60), st.floats(0.0, 4.0))
 def test_a_gap_of_many_wraps_is_bridged_by_the_host_clock(wraps, rest_s):
     clock, gap_s = BoardClock(), wraps * 65536 * TICK_S + rest_s
     clock.update(0, 100.0)
-    host = clock.update(int16(int(gap_s / TICK_S)), 100.0 + gap_s)
-    assert host.board_s == pytest.approx(gap_s, abs=2 * TICK_S)
+    clock.update(int16(int(gap_s / TICK_S)), 100.0 + gap_s)
+    assert clock.board_s == pytest.approx(gap_s, abs=2 * TICK_S)
 
 
 def test_drift_beyond_belief_is_cut():
@@ -94,13 +94,13 @@ def test_a_late_burst_is_no_wrap():
     """Frames that waited three seconds follow each other in board time."""
     clock = BoardClock()
     clock.update(0, 100.0, next_one=True)
-    host = clock.update(312, 103.0, next_one=True)
-    assert host.board_s == pytest.approx(312 * TICK_S)
+    clock.update(312, 103.0, next_one=True)
+    assert clock.board_s == pytest.approx(312 * TICK_S)
 
 
 def test_stamps_of_frames_that_came_at_once_are_a_microsecond_apart():
     clock = BoardClock()
-    first, second = (clock.update(ticks, 1.0).stamp_s for ticks in (0, 1))
+    first, second = (clock.update(ticks, 1.0) for ticks in (0, 1))
     assert second - first == pytest.approx(1e-6, abs=1e-7)
 
 
@@ -108,14 +108,16 @@ def test_a_frame_that_comes_too_soon_for_its_board_time_does_not_go_back():
     """It was 3.84 s after the one before, which was held up."""
     clock = BoardClock()
     clock.update(0, 10.0)
-    assert clock.update(int16(60000), 10.1).board_s == pytest.approx(60000 * TICK_S)
+    clock.update(int16(60000), 10.1)
+    assert clock.board_s == pytest.approx(60000 * TICK_S)
 
 
 @pytest.mark.parametrize("late_s", [-1.9, 1.9])
 def test_a_gap_is_told_to_within_two_seconds(late_s):
     clock, gap = BoardClock(), 0x10000 + 1000 + 0x8000
     clock.update(0, 0.0)
-    assert clock.update(int16(gap), gap * TICK_S + late_s).board_s == pytest.approx(gap * TICK_S)
+    clock.update(int16(gap), gap * TICK_S + late_s)
+    assert clock.board_s == pytest.approx(gap * TICK_S)
 
 
 def test_the_least_delay_is_that_of_the_last_25_s():
@@ -123,8 +125,8 @@ def test_the_least_delay_is_that_of_the_last_25_s():
     clock, ticks = BoardClock(), round(0.02 / TICK_S)
     for frame in range(3350):
         board_s = frame * ticks * TICK_S
-        host = clock.update(int16(frame * ticks), board_s + (0.005 if board_s > 40 else 0.0))
-    assert host.latency_s < 1e-4
+        clock.update(int16(frame * ticks), board_s + (0.005 if board_s > 40 else 0.0))
+    assert clock.latency_s < 1e-4
 
 
 def test_no_drift_is_read_from_less_than_a_second():
