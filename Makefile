@@ -78,6 +78,7 @@ check: setup ## Format, lint, types, generated files, import rules, plain Englis
 	$(VENV)/bin/mypy
 	@mkdir -p build
 	$(VENV)/bin/lint-imports --no-logo >build/imports.log || { cat build/imports.log >&2; exit 1; }
+	$(PY) -m tests.import_cycles
 	$(PY) -m mrl_driver.generate --check
 	$(PY) -m ros1_bridge.description --check
 	$(PY) -m tests.documents.plain_english

@@ -1,5 +1,5 @@
 /* ADC: 13 ADC clocks a conversion (25 the first time), floor(volts x 1024 / reference), free-running. */
-#include "board.h"
+#include "peripherals.h"
 
 enum { ADEN = 0x80, ADSC = 0x40, ADATE = 0x20, ADIF = 0x10, ADPS = 0x07 };
 enum { ADLAR = 0x20, REFS = 0xC0, REFS_INTERNAL = 0xC0, MUX = 0x0F, ADTS = 0x07 };

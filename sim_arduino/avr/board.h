@@ -133,6 +133,7 @@ struct board {
     pins_t pins;
     avr_int_vector_t *vector[VECTORS];
     wrapped_t wrapped[IO_ADDRESSES], eeprom_control;
+    void (*clocked_by_hand)(board_t *board); /* a falling edge on SCL made through the port */
     bool stop, reset_wanted, asleep;
     int reset_flags; /* MCUSR after a reset; -1 = what the chip sets */
     uint32_t crash_pc;
@@ -149,22 +150,7 @@ enum {
 void board_on_write(board_t *board, int address, avr_io_write_t handler);
 void board_on_read(board_t *board, int address, avr_io_read_t handler);
 void board_recheck(board_t *board);
+void board_write_and_recheck(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param);
 bool board_room(void **items, size_t *room, size_t count, size_t item_size);
-
-void usart_attach(board_t *board);
-void usart_reset(board_t *board);
-void twi_attach(board_t *board);
-void twi_reset(board_t *board);
-void twi_clocked_by_hand(board_t *board);
-void watchdog_attach(board_t *board);
-void watchdog_reset(board_t *board);
-uint8_t watchdog_served(uint8_t control);
-void adc_attach(board_t *board);
-void eeprom_attach(board_t *board);
-bool eeprom_is_ready(const board_t *board);
-void adc_reset(board_t *board);
-void pins_attach(board_t *board);
-void pins_reset(board_t *board);
-void pins_set(board_t *board, int port, int bit, int level);
 
 #endif

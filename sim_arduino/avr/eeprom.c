@@ -1,5 +1,5 @@
 /* EEPROM: the core's memory and programming sequence; busy for 3.4 ms a byte, ready interrupt while idle. */
-#include "board.h"
+#include "peripherals.h"
 
 #include <simavr/avr_eeprom.h>
 

@@ -1,5 +1,6 @@
 /* The board's life: creation, run loop, interrupts, resets. */
 #include "board.h"
+#include "peripherals.h"
 
 #include <simavr/sim_core.h>
 #include <stdio.h>
@@ -17,34 +18,7 @@ static void keep_message(avr_t *avr, const int level, const char *format, va_lis
         vsnprintf(last_message, sizeof last_message, format, arguments);
 }
 
-bool board_room(void **items, size_t *room, size_t count, size_t item_size) {
-    if (count < *room)
-        return true;
-    size_t wanted = *room ? 2 * *room : 64;
-    void *grown = realloc(*items, wanted * item_size);
-    if (!grown)
-        return false;
-    *items = grown;
-    *room = wanted;
-    return true;
-}
-
 /* ---- interrupts ---- */
-
-/* Makes the run loop look at all interrupt sources after the current instruction. */
-void board_recheck(board_t *board) {
-    if (board->avr->interrupt_state == 0)
-        board->avr->interrupt_state = 1;
-}
-
-static void recheck_after_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
-    wrapped_t *wrapped = param;
-    if (wrapped->write)
-        wrapped->write(avr, address, value, wrapped->param);
-    else
-        avr->data[address] = value;
-    board_recheck(wrapped->board);
-}
 
 /* Enable and flag bits decide at any moment; a register that holds them is watched. */
 static void watch_register(board_t *board, int address) {
@@ -52,7 +26,7 @@ static void watch_register(board_t *board, int address) {
         return;
     wrapped_t *wrapped = &board->wrapped[address];
     *wrapped = (wrapped_t){board, board->avr->io[address - 32].w.c, board->avr->io[address - 32].w.param};
-    board->avr->io[address - 32].w.c = recheck_after_write;
+    board->avr->io[address - 32].w.c = board_write_and_recheck;
     board->avr->io[address - 32].w.param = wrapped;
 }
 
@@ -210,17 +184,6 @@ EXPORT void mrl_set_reset_flags(board_t *board, int flags) {
 }
 
 /* ---- creation ---- */
-
-void board_on_write(board_t *board, int address, avr_io_write_t handler) {
-    board->wrapped[address] = (wrapped_t){board, handler, board};
-    board->avr->io[address - 32].w.c = recheck_after_write;
-    board->avr->io[address - 32].w.param = &board->wrapped[address];
-}
-
-void board_on_read(board_t *board, int address, avr_io_read_t handler) {
-    board->avr->io[address - 32].r.c = handler;
-    board->avr->io[address - 32].r.param = board;
-}
 
 /* A stray write goes through before the core reports it; give it all of the 16-bit space to land in. */
 static bool widen_data_space(avr_t *avr) {

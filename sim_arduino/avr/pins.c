@@ -1,5 +1,5 @@
 /* Digital pins of ports B, C, D (0, 1, 2): levels, changes, plans. */
-#include "board.h"
+#include "peripherals.h"
 
 #include <simavr/avr_ioport.h>
 #include <string.h>
@@ -33,7 +33,7 @@ static void compare_levels(board_t *board, int port) {
     pins->level[port] = now;
     pins->outputs[port] = outputs;
     if (port == 1 && (changed & 0x20) && !(now & 0x20))
-        twi_clocked_by_hand(board);
+        board->clocked_by_hand(board);
     for (int bit = 0; bit < 8; bit++)
         if ((changed | begun) & pins->watched[port] & (1 << bit))
             note_change(board, port, bit, (now >> bit) & 1);

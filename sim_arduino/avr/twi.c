@@ -3,7 +3,7 @@
  * Slaves live outside: they are asked whether an address is there, get a write when it ends (STOP or repeated
  * START), and give the bytes of a read when its address is acknowledged.
  */
-#include "board.h"
+#include "peripherals.h"
 
 #include <string.h>
 
@@ -223,7 +223,7 @@ EXPORT void mrl_twi_set_stretch(board_t *board, int cycles) { board->twi.stretch
 EXPORT void mrl_twi_set_nack_after(board_t *board, int bytes) { board->twi.nack_after = bytes; }
 
 /* A falling edge on SCL made through the port, with the TWI off. */
-void twi_clocked_by_hand(board_t *board) {
+static void clocked_by_hand(board_t *board) {
     twi_t *twi = &board->twi;
     if (twi->hang != HANG_SDA_LOW || twi->release_clocks <= 0 || (board->avr->data[TWCR_] & TWEN))
         return;
@@ -240,6 +240,7 @@ void twi_reset(board_t *board) {
 
 void twi_attach(board_t *board) {
     board->twi.nack_after = -1;
+    board->clocked_by_hand = clocked_by_hand;
     board_on_write(board, TWCR_, write_control);
     board_on_write(board, TWDR_, write_data);
     board_on_write(board, TWSR_, write_status);

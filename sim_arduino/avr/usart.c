@@ -1,5 +1,5 @@
 /* USART0: frames of 10 bits (8N1) from UBRR and U2X, UDR plus shift register both ways, data overrun. */
-#include "board.h"
+#include "peripherals.h"
 
 #include <math.h>
 #include <string.h>

@@ -1,5 +1,5 @@
 /* Watchdog: 2048 << WDP cycles of 128 kHz, interrupt, reset, and interrupt followed by reset. */
-#include "board.h"
+#include "peripherals.h"
 
 enum { WDIF = 0x80, WDIE = 0x40, WDP3 = 0x20, WDCE = 0x10, WDE = 0x08, WDP012 = 0x07, WDRF = 0x08 };
 enum { OSCILLATOR_HZ = 128000, SHORTEST = 2048, CHANGE_WINDOW_CYCLES = 4 };

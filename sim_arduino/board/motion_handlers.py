@@ -1,77 +1,75 @@
 """Handlers of the requests that move the motors or set up the motor board."""
 
-from typing import TYPE_CHECKING, Tuple
+from typing import Tuple
 
 from mrl_driver.protocol.table import INT16_MAX
 
-from .registry import request, with_motors
-
-if TYPE_CHECKING:
-    from .python_board import PythonBoard
+from .python_board import PythonBoard
+from .registry import request
 
 _PER_MM_S = 95492
 """6e5 / (2 pi): ceiling [mm/s] * this / (full_speed [1/min] * wheel_radius [0.01 mm]) is the ceiling in %."""
 
 
 @request
-def calibrate(board: "PythonBoard") -> None:
+def calibrate(board: PythonBoard) -> None:
     """1."""
-    if with_motors(board):
+    if board.require_motors():
         board.health.turned()
         board.motor_board.calibrate(board.now_s)
 
 
 @request
-def set_pid_gains(board: "PythonBoard", kp: int, ki: int, kd: int) -> None:
+def set_pid_gains(board: PythonBoard, kp: int, ki: int, kd: int) -> None:
     """2: unchanged gains are not written to the motor board's EEPROM again."""
     config = board.config
-    if with_motors(board) and (kp, ki, kd) != (config["kp"], config["ki"], config["kd"]):
+    if board.require_motors() and (kp, ki, kd) != (config["kp"], config["ki"], config["kd"]):
         config["kp"], config["ki"], config["kd"] = kp, ki, kd
         board.motor_board.set_gains(board.now_s, kp, ki, kd)
 
 
 @request
-def set_encoder_prescaler(board: "PythonBoard", encoder: int, prescaler: int) -> None:
+def set_encoder_prescaler(board: PythonBoard, encoder: int, prescaler: int) -> None:
     """3."""
-    if with_motors(board):
+    if board.require_motors():
         board.motor_board.set_prescaler(board.now_s, encoder, prescaler)
 
 
 @request
-def preset_encoder(board: "PythonBoard", encoder: int, count: int) -> None:
+def preset_encoder(board: PythonBoard, encoder: int, count: int) -> None:
     """4."""
-    if with_motors(board):
+    if board.require_motors():
         board.motor_board.preset_encoder(board.now_s, encoder, count)
 
 
 @request
-def move_motors_pid(board: "PythonBoard", left: int, right: int) -> None:
+def move_motors_pid(board: PythonBoard, left: int, right: int) -> None:
     """9."""
-    if with_motors(board):
+    if board.require_motors():
         board.health.turned()
         board.motor_board.move_percent(board.now_s, (left, 0, right), pid=True)
 
 
 @request
-def move_motors(board: "PythonBoard", left: int, right: int) -> None:
+def move_motors(board: PythonBoard, left: int, right: int) -> None:
     """10."""
-    if with_motors(board):
+    if board.require_motors():
         board.health.turned()
         board.motor_board.move_percent(board.now_s, (left, 0, right), pid=False)
 
 
 @request
-def move_differential(board: "PythonBoard", linear: int, angular: int) -> None:
+def move_differential(board: PythonBoard, linear: int, angular: int) -> None:
     """11."""
     config = board.config
     linear, angular = _clamped(board, linear, angular, config["linear_ceiling"], config["angular_ceiling"])
-    if with_motors(board):
+    if board.require_motors():
         board.health.turned()
         board.motor_board.move_differential(board.now_s, linear, angular)
 
 
 @request
-def move_omni(board: "PythonBoard", speed: int, rotation: int, direction: int) -> None:
+def move_omni(board: PythonBoard, speed: int, rotation: int, direction: int) -> None:
     """43: the speed ceilings, converted to percent of full speed, limit this request too."""
     config = board.config
     linear, angular = config["linear_ceiling"], config["angular_ceiling"]
@@ -80,13 +78,13 @@ def move_omni(board: "PythonBoard", speed: int, rotation: int, direction: int) -
     turning = angular * config["axis_radius"] // 355 * 339  # 3 / pi
     most_rotation = INT16_MAX if angular == INT16_MAX else min(100, turning // full)
     speed, rotation = _clamped(board, speed, rotation, most_speed, most_rotation)
-    if with_motors(board):
+    if board.require_motors():
         board.health.turned()
         board.motor_board.move_omni(board.now_s, speed, rotation, direction)
 
 
 def _clamped(
-    board: "PythonBoard", linear: int, angular: int, most_linear: int, most_angular: int
+    board: PythonBoard, linear: int, angular: int, most_linear: int, most_angular: int
 ) -> Tuple[int, int]:
     """If a speed is beyond its ceiling, both speeds shrink by the same factor, which keeps the curvature."""
     fast, turning = _beyond(linear, most_linear), _beyond(angular, most_angular)
@@ -110,24 +108,23 @@ def _scaled(value: int, top: int, by: int) -> int:
 
 
 @request
-def move_to_position(board: "PythonBoard", motor: int, speed: int, position: int) -> None:
+def move_to_position(board: PythonBoard, motor: int, speed: int, position: int) -> None:
     """12: the motor holds its position with torque."""
-    if with_motors(board):
+    if board.require_motors():
         board.health.turned()
         board.motor_board.move_to_position(board.now_s, motor, speed, position, hold=True)
 
 
 @request
-def stop(board: "PythonBoard") -> None:
+def stop(board: PythonBoard) -> None:
     """13."""
     board.stop_motors("host")
-    if not board.motor_there():
-        board.refuse("unavailable")
+    board.require_motors()
 
 
 @request
-def reset_encoders(board: "PythonBoard") -> None:
+def reset_encoders(board: PythonBoard) -> None:
     """14."""
-    if with_motors(board):
+    if board.require_motors():
         for encoder in (1, 2, 3):
             board.motor_board.preset_encoder(board.now_s, encoder, 0)

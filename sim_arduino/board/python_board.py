@@ -13,7 +13,7 @@ from sim_arduino.hardware.omni3md import Omni3MD
 from sim_arduino.hardware.sonars import VOLTS_PER_COUNT
 from sim_arduino.hardware.wiring import Plant
 
-from . import handlers, parameter_store
+from . import parameter_store, registry
 from .board_status import Health
 from .motor_control import Motors
 from .parameter_store import Config
@@ -270,7 +270,7 @@ class PythonBoard:
         """Carries out a valid request."""
         self._valid_s, self._silent = self.now_s, False
         row = BY_CODE[frame.code]
-        handlers.REQUESTS[row.name](self, *frame.args)
+        registry.REQUESTS[row.name](self, *frame.args)
         if self.debug and self._answers and self._wire_due_s() <= self.now_s:
             self._send_next()
         self._say("[INFO] " + row.name)
@@ -313,7 +313,7 @@ class PythonBoard:
 
     def _send(self, code: int, value: int = 0) -> bool:
         """Builds and sends a reply with the values of now; False if there is nothing valid to send."""
-        args = handlers.REPLIES[code](self, value)
+        args = registry.REPLIES[code](self, value)
         if args is None:
             return False
         stamp = None
@@ -364,6 +364,13 @@ class PythonBoard:
     def motor_there(self) -> bool:
         """Whether the motor board answers now."""
         return self.motors.there(self.now_s)
+
+    def require_motors(self) -> bool:
+        """Whether the motor board answers now; counts a refusal if not."""
+        there = self.motor_there()
+        if not there:
+            self.refuse("unavailable")
+        return there
 
     def stop_motors(self, reason: str) -> None:
         """Sends the motor board's own stop command at once."""

@@ -1,14 +1,14 @@
-"""Registry of the Python board's handlers for the rows of the table, and code that the handlers share."""
+"""Registry of the Python board's handlers: one request handler for each row of the table, one builder for each reply.
 
-from typing import TYPE_CHECKING, Callable, Dict, Optional, Tuple
+Each handler has the name of its row; a test fails if a row has no handler.
+"""
+
+from typing import Any, Callable, Dict, Optional, Tuple
 
 from mrl_driver.protocol.table import BY_NAME
 
-if TYPE_CHECKING:
-    from .python_board import PythonBoard
-
 Values = Optional[Tuple[int, ...]]
-Builder = Callable[["PythonBoard", int], Values]
+Builder = Callable[[Any, int], Values]
 REQUESTS: Dict[str, Callable[..., None]] = {}
 """Request handlers by row name; called with the board and the request's arguments."""
 REPLIES: Dict[int, Builder] = {}
@@ -16,13 +16,13 @@ REPLIES: Dict[int, Builder] = {}
 
 
 def request(handler: Callable[..., None]) -> Callable[..., None]:
-    """Registers a function as the handler of the row with its name."""
+    """Register a function as the handler of the row with its name."""
     REQUESTS[handler.__name__] = handler
     return handler
 
 
 def reply(name: str) -> Callable[[Builder], Builder]:
-    """Registers a function as the builder of the reply of row `name`."""
+    """Register a function as the builder of the reply of row `name`."""
 
     def register(builder: Builder) -> Builder:
         REPLIES[BY_NAME[name].code] = builder
@@ -32,15 +32,7 @@ def reply(name: str) -> Callable[[Builder], Builder]:
 
 
 def asks(*names: str) -> None:
-    """Registers rows that only reply."""
+    """Register rows that only reply."""
     for name in names:
         code = BY_NAME[name].code
         REQUESTS[name] = lambda board, code=code: board.ask(code)
-
-
-def with_motors(board: "PythonBoard") -> bool:
-    """Whether the motor board answers; counts a refusal if not."""
-    there = board.motor_there()
-    if not there:
-        board.refuse("unavailable")
-    return there

@@ -1,70 +1,68 @@
 """Handlers of the requests that read encoders, sonars and environment sensors, once or as a stream."""
 
 import math
-from typing import TYPE_CHECKING, Callable, Dict, Optional, Tuple
+from typing import Callable, Dict, Optional, Tuple
 
 from mrl_driver.protocol.table import BY_NAME, SENSOR_BY_NAME, SONAR_INVALID, Field, Sensor
 from mrl_driver.protocol.table import SENSORS as SENSORS_OF_TABLE
 
+from .python_board import PythonBoard
 from .registry import REQUESTS, Values, asks, reply, request
 from .sonar_chain import SONARS
-
-if TYPE_CHECKING:
-    from .python_board import PythonBoard
 
 asks("read_encoders")
 
 
 @reply("read_encoders")
-def _encoders(board: "PythonBoard", _: int) -> Values:
+def _encoders(board: PythonBoard, _: int) -> Values:
     return board.motors.encoders(board.now_s)
 
 
 asks("read_sonars", "read_encoders_and_sonars")
 
 
-def _sonar_values(board: "PythonBoard") -> Tuple[int, ...]:
+def _sonar_values(board: PythonBoard) -> Tuple[int, ...]:
     return tuple(board.sonars.values(board.now_s)) if board.sonars else (SONAR_INVALID,) * SONARS
 
 
 @reply("read_sonars")
-def _sonars(board: "PythonBoard", _: int) -> Values:
+def _sonars(board: PythonBoard, _: int) -> Values:
     return _sonar_values(board)
 
 
 @reply("read_encoders_and_sonars")
-def _encoders_and_sonars(board: "PythonBoard", _: int) -> Values:
+def _encoders_and_sonars(board: PythonBoard, _: int) -> Values:
     encoders = board.motors.encoders(board.now_s)
     return None if encoders is None else encoders + _sonar_values(board)
 
 
 @request
-def start_stream(board: "PythonBoard", period: int = 0) -> None:
+def start_stream(board: PythonBoard, period: int = 0) -> None:
     """18."""
     board.start_stream(BY_NAME["start_stream"].code, period)
 
 
 @request
-def stop_stream(board: "PythonBoard") -> None:
+def stop_stream(board: PythonBoard) -> None:
     """19."""
     board.stop_stream(BY_NAME["start_stream"].code)
     board.stop_stream(BY_NAME["start_omni_stream"].code)
 
 
 @request
-def start_omni_stream(board: "PythonBoard", period: int = 0) -> None:
+def start_omni_stream(board: PythonBoard, period: int = 0) -> None:
     """44."""
     board.start_stream(BY_NAME["start_omni_stream"].code, period)
 
 
 @reply("start_omni_stream")
-def _omni(board: "PythonBoard", _: int) -> Values:
+def _omni(board: PythonBoard, _: int) -> Values:
     encoders = board.motors.encoders(board.now_s)
     rear = board.motor_board.encoder(2, board.now_s)
     return None if encoders is None else (*encoders, rear, *_sonar_values(board))
 
 
-def _start(board: "PythonBoard", name: str, period: int, there: bool) -> None:
+def _start(board: PythonBoard, name: str, period: int, there: bool) -> None:
     if there:
         board.start_stream(BY_NAME[name].code, period)
     else:
@@ -74,14 +72,14 @@ def _start(board: "PythonBoard", name: str, period: int, there: bool) -> None:
 # ---- environment sensors
 
 
-def _ask(board: "PythonBoard", sensor: Sensor) -> None:
+def _ask(board: PythonBoard, sensor: Sensor) -> None:
     if sensor.capability == "environment" and not board.environment:
         board.refuse("unavailable")
     else:
         board.ask(sensor.code)
 
 
-def _values(board: "PythonBoard", sensor: Sensor) -> Values:
+def _values(board: PythonBoard, sensor: Sensor) -> Values:
     """The values of a sensor; None if it does not answer on the bus."""
     where = sensor.i2c
     if where is None:
@@ -98,7 +96,7 @@ def _wire(field: Field, data: bytes, per_unit: float) -> int:
     return max(field.low, min(field.high, math.floor(count / (per_unit * field.scale) + 1e-9)))
 
 
-def read_registers(board: "PythonBoard", sensor: Sensor, count: int) -> Optional[bytes]:
+def read_registers(board: PythonBoard, sensor: Sensor, count: int) -> Optional[bytes]:
     """Registers of an I2C sensor, or None if it does not answer.
 
     A missing sensor is a fault only if the build always has it.
@@ -111,11 +109,11 @@ def read_registers(board: "PythonBoard", sensor: Sensor, count: int) -> Optional
     return slave.read(count, board.now_s) if there else None
 
 
-def _dust_value(board: "PythonBoard") -> int:
+def _dust_value(board: PythonBoard) -> int:
     return min(32767, round(board.plant.sensed(board.now_s).dust_pcs_l))
 
 
-PINS: Dict[str, Callable[["PythonBoard"], int]] = {
+PINS: Dict[str, Callable[[PythonBoard], int]] = {
     "alcohol": lambda board: 1023 - board.adc(0),
     "light": lambda board: board.adc(2),
     "dust": _dust_value,
@@ -139,42 +137,42 @@ _THERMOPILE, _COMPASS = SENSOR_BY_NAME["thermopile"], SENSOR_BY_NAME["compass"]
 
 
 @request
-def start_sensor_stream(board: "PythonBoard", period: int = 0) -> None:
+def start_sensor_stream(board: PythonBoard, period: int = 0) -> None:
     """23."""
     _start(board, "start_sensor_stream", period, board.environment)
 
 
 @request
-def stop_sensor_stream(board: "PythonBoard") -> None:
+def stop_sensor_stream(board: PythonBoard) -> None:
     """24."""
     board.stop_stream(BY_NAME["start_sensor_stream"].code)
 
 
 @request
-def start_sensor_ldr_stream(board: "PythonBoard", period: int = 0) -> None:
+def start_sensor_ldr_stream(board: PythonBoard, period: int = 0) -> None:
     """25."""
     _start(board, "start_sensor_ldr_stream", period, board.environment)
 
 
 @request
-def stop_sensor_ldr_stream(board: "PythonBoard") -> None:
+def stop_sensor_ldr_stream(board: PythonBoard) -> None:
     """26."""
     board.stop_stream(BY_NAME["start_sensor_ldr_stream"].code)
 
 
 @request
-def start_compass_stream(board: "PythonBoard", period: int = 0) -> None:
+def start_compass_stream(board: PythonBoard, period: int = 0) -> None:
     """27."""
     _start(board, "start_compass_stream", period, board.environment)
 
 
 @request
-def stop_compass_stream(board: "PythonBoard") -> None:
+def stop_compass_stream(board: PythonBoard) -> None:
     """28."""
     board.stop_stream(BY_NAME["start_compass_stream"].code)
 
 
-def _counts_or_none_needed(board: "PythonBoard") -> Values:
+def _counts_or_none_needed(board: PythonBoard) -> Values:
     """Counts, or the value 999 that boards without motors have sent instead since 2013."""
     if board.config["robot_id"] > 5 and not board.motors.ever_found:
         return 999, 999
@@ -182,7 +180,7 @@ def _counts_or_none_needed(board: "PythonBoard") -> Values:
 
 
 @reply("start_sensor_stream")
-def _sensors(board: "PythonBoard", _: int) -> Values:
+def _sensors(board: PythonBoard, _: int) -> Values:
     encoders, pixels = _counts_or_none_needed(board), _values(board, _THERMOPILE)
     if encoders is None or pixels is None:
         return None
@@ -190,11 +188,11 @@ def _sensors(board: "PythonBoard", _: int) -> Values:
 
 
 @reply("start_sensor_ldr_stream")
-def _sensors_and_light(board: "PythonBoard", value: int) -> Values:
+def _sensors_and_light(board: PythonBoard, value: int) -> Values:
     sensors = _sensors(board, value)
     return None if sensors is None else sensors + (PINS["light"](board),)
 
 
 @reply("start_compass_stream")
-def _compass(board: "PythonBoard", _: int) -> Values:
+def _compass(board: PythonBoard, _: int) -> Values:
     return _values(board, _COMPASS)

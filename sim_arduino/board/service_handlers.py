@@ -1,14 +1,10 @@
 """Handlers of the requests about the board: identity, status, checksum, watchdog, configuration, radio."""
 
-from typing import TYPE_CHECKING
-
 from mrl_driver.protocol.table import BY_NAME, CAPABILITIES, PARAMETERS, PROTOCOL_VERSION, REASONS
 
 from .parameter_store import EEPROM_BYTE_S, EEPROM_LOOK_S
+from .python_board import PythonBoard
 from .registry import REPLIES, Values, asks, reply, request
-
-if TYPE_CHECKING:
-    from .python_board import PythonBoard
 
 _CAPABILITY = {name: 1 << bit for bit, (name, _) in enumerate(CAPABILITIES)}
 
@@ -16,7 +12,7 @@ asks("robot_info", "get_debug", "get_stream", "read_protocol", "read_status", "r
 
 
 @reply("robot_info")
-def _robot_info(board: "PythonBoard", _: int) -> Values:
+def _robot_info(board: PythonBoard, _: int) -> Values:
     if not board.motor_there():
         return 0, 0, 0, PROTOCOL_VERSION, board.config["robot_id"]
     motor, now = board.motor_board, board.now_s
@@ -25,23 +21,23 @@ def _robot_info(board: "PythonBoard", _: int) -> Values:
 
 
 @request
-def set_debug(board: "PythonBoard", on: int) -> None:
+def set_debug(board: PythonBoard, on: int) -> None:
     """16."""
     board.debug = bool(on)
 
 
 @reply("get_debug")
-def _debug(board: "PythonBoard", _: int) -> Values:
+def _debug(board: PythonBoard, _: int) -> Values:
     return (int(board.debug),)
 
 
 @reply("get_stream")
-def _stream(board: "PythonBoard", _: int) -> Values:
+def _stream(board: PythonBoard, _: int) -> Values:
     return (int(board.stream is not None),)
 
 
 @reply("read_protocol")
-def _protocol(board: "PythonBoard", _: int) -> Values:
+def _protocol(board: PythonBoard, _: int) -> Values:
     build = "environment" if board.environment else "sonars"
     return PROTOCOL_VERSION, sum(
         _CAPABILITY[name] for name in ("check", "watchdog", "period", "config", "omni", "baud", build)
@@ -49,13 +45,13 @@ def _protocol(board: "PythonBoard", _: int) -> Values:
 
 
 @reply("read_status")
-def _status(board: "PythonBoard", _: int) -> Values:
+def _status(board: PythonBoard, _: int) -> Values:
     uptime = int(board.now_s - board.started_s)
     return (uptime >> 15, uptime & 0x7FFF) + board.health.read()
 
 
 @reply("read_counters")
-def _counters(board: "PythonBoard", _: int) -> Values:
+def _counters(board: PythonBoard, _: int) -> Values:
     return tuple(board.health.counters[reason.name] for reason in REASONS)
 
 
@@ -63,27 +59,27 @@ def _counters(board: "PythonBoard", _: int) -> Values:
 
 
 @request
-def set_check(board: "PythonBoard", on: int) -> None:
+def set_check(board: PythonBoard, on: int) -> None:
     """32."""
     board.set_check(bool(on))
     board.ask(BY_NAME["set_check"].code, on)
 
 
 @request
-def set_watchdog(board: "PythonBoard", period: int) -> None:
+def set_watchdog(board: PythonBoard, period: int) -> None:
     """33."""
     board.watchdog_ms = period
     board.ask(BY_NAME["set_watchdog"].code)
 
 
 @request
-def read_config(board: "PythonBoard", index: int) -> None:
+def read_config(board: PythonBoard, index: int) -> None:
     """34."""
     board.ask(BY_NAME["read_config"].code, index)
 
 
 @request
-def write_config(board: "PythonBoard", index: int, value: int) -> None:
+def write_config(board: PythonBoard, index: int, value: int) -> None:
     """35."""
     row = PARAMETERS[index]
     if not row.low <= value <= row.high:
@@ -97,7 +93,7 @@ def write_config(board: "PythonBoard", index: int, value: int) -> None:
 
 
 @request
-def save_config(board: "PythonBoard") -> None:
+def save_config(board: PythonBoard) -> None:
     """36: the reply comes after the last byte is written."""
     changed = board.config.save()
     board.health.set_fault("eeprom", False)
@@ -105,7 +101,7 @@ def save_config(board: "PythonBoard") -> None:
 
 
 @request
-def default_config(board: "PythonBoard") -> None:
+def default_config(board: PythonBoard) -> None:
     """37."""
     board.config.set_defaults()
     if board.motor_there():
@@ -114,7 +110,7 @@ def default_config(board: "PythonBoard") -> None:
 
 
 @reply("read_config")
-def _config(board: "PythonBoard", index: int) -> Values:
+def _config(board: PythonBoard, index: int) -> Values:
     return index, board.config.values[index]
 
 
@@ -122,7 +118,7 @@ REPLIES[BY_NAME["write_config"].code] = _config
 
 
 @request
-def set_baud(board: "PythonBoard", rate: int) -> None:
+def set_baud(board: PythonBoard, rate: int) -> None:
     """45: the baud rate changes after the reply has left."""
     board.ask(BY_NAME["set_baud"].code, rate)
     board.want_baud(rate)
@@ -132,12 +128,12 @@ def set_baud(board: "PythonBoard", rate: int) -> None:
 @reply("set_check")
 @reply("save_config")
 @reply("default_config")
-def _value(_: "PythonBoard", value: int) -> Values:
+def _value(_: PythonBoard, value: int) -> Values:
     return (value,)
 
 
 @reply("set_watchdog")
-def _watchdog(board: "PythonBoard", _: int) -> Values:
+def _watchdog(board: PythonBoard, _: int) -> Values:
     return (board.watchdog_ms,)
 
 
@@ -145,12 +141,12 @@ def _watchdog(board: "PythonBoard", _: int) -> Values:
 
 
 @request
-def send_xbee(board: "PythonBoard", *_: int) -> None:
+def send_xbee(board: PythonBoard, *_: int) -> None:
     """38."""
     board.refuse("unavailable")
 
 
 @request
-def discover_xbee(board: "PythonBoard") -> None:
+def discover_xbee(board: PythonBoard) -> None:
     """40."""
     board.refuse("unavailable")

@@ -1,4 +1,4 @@
-"""The motor board (Bot'n Roll OMNI-3MD): its program as methods; `omni3md_registers` has its registers.
+"""The motor board (Bot'n Roll OMNI-3MD): its program as methods.  `omni3md_registers` gives them to the I2C bus.
 
 Every call carries the time at which it happens; the physics runs to this time first.
 """
@@ -10,7 +10,6 @@ from typing import Deque, NamedTuple, Tuple
 from mrl_driver.robot.models import RobotModel
 
 from .motor import Gains, Geometry
-from .omni3md_registers import I2cSlave
 from .omni_wheels import shares_for
 from .robot_physics import Robot
 
@@ -58,7 +57,6 @@ class Omni3MD:
         too_early: Number of writes that came while the EEPROM was being written.
         commands: The last commands that had an effect, oldest first.
         saved: Encoder counts in the EEPROM; the counters start from them.
-        write, read: Methods of an I2C slave, see `omni3md_registers.I2cSlave`.
     """
 
     def __init__(self, robot: Robot, model: RobotModel) -> None:
@@ -81,8 +79,6 @@ class Omni3MD:
         self._traffic_s = 0.0
         self._calibrated_s = math.inf
         self._busy_until_s = 0.0
-        slave = I2cSlave(self)
-        self.write, self.read = slave.write, slave.read
 
     # ---- time
 

@@ -4,12 +4,10 @@
 """
 
 import struct
-from typing import TYPE_CHECKING, Callable, Dict, Tuple
+from typing import Callable, Dict, Tuple
 
 from .motor import Geometry
-
-if TYPE_CHECKING:
-    from .omni3md import Omni3MD
+from .omni3md import Omni3MD
 
 VERSION = (1, 72)
 KEY = b"\xaa\x55"
@@ -20,17 +18,22 @@ _OFFSETS = {
 """Offset of each register in the bytes of a read."""
 
 
-class I2cSlave:
-    """The I2C side of a motor board.
+class Omni3MDRegisters:
+    """The registers of a motor board, as an I2C slave.
 
     Attributes:
         writers: Layout and method of each writable register.
     """
 
-    def __init__(self, board: "Omni3MD") -> None:
+    def __init__(self, board: Omni3MD) -> None:
         self._board = board
         self._pointer = 0
         self.writers = self._register_writers()
+
+    @property
+    def present(self) -> bool:
+        """Whether the motor board is on the bus."""
+        return self._board.present
 
     def write(self, data: bytes, time_s: float) -> bool:
         """One I2C write: a register, then its data.  False if the board did not acknowledge."""

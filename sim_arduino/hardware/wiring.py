@@ -19,6 +19,7 @@ from .environment_sensors import (
     Thermopile,
 )
 from .omni3md import ADDRESS, Omni3MD
+from .omni3md_registers import Omni3MDRegisters
 from .robot_physics import AS_MODELLED, Errors, Robot, params_for
 from .sonars import FLAWLESS, VOLTS_PER_COUNT, SonarChain, SonarErrors
 
@@ -41,7 +42,7 @@ class Plant:
         name: Name of the robot in the world.
 
     Attributes:
-        motor_board: The OMNI-3MD, as methods and as I2C slave.
+        motor_board: The program of the OMNI-3MD.
         i2c: All I2C slaves by 7-bit address.
         environment: Values that the sensors measure far from all sources; may be changed at any time.
     """
@@ -80,7 +81,7 @@ class Plant:
             model.sonars if sonars else {}, self.world, self._pose_at, name, sonar_errors, seed
         )
         self.i2c: Dict[int, Any] = {
-            ADDRESS: self.motor_board,
+            ADDRESS: Omni3MDRegisters(self.motor_board),
             THERMOPILE_ADDRESS: Thermopile(self.sensed),
             COMPASS_ADDRESS: Compass(
                 lambda time_s: self._pose_at(time_s).yaw_rad, self.world.scene.north_rad

@@ -5,7 +5,7 @@ import pytest
 from mrl_driver.protocol.codec import REPLIES, FrameDecoder, encode_request
 from mrl_driver.protocol.table import BY_CODE, COMMANDS, PARAMETERS
 from mrl_driver.robot import models
-from sim_arduino.board import PythonBoard, handlers, parameter_store
+from sim_arduino.board import PythonBoard, parameter_store, registry
 from sim_arduino.board import python_board as board_module
 from sim_arduino.board.parameter_store import Config
 from sim_arduino.board.uart import IN_BYTE_S, OUT_BYTE_S
@@ -28,19 +28,19 @@ def awake(**options):
     "row", [row for row in COMMANDS if row.name not in UNASKED], ids=lambda row: row.name
 )
 def test_every_row_has_a_handler(row):
-    assert row.name in handlers.REQUESTS
+    assert row.name in registry.REQUESTS
 
 
 @pytest.mark.parametrize(
     "row", [row for row in COMMANDS if row.reply and row.name not in RADIO], ids=lambda row: row.name
 )
 def test_every_reply_has_a_builder(row):
-    assert row.code in handlers.REPLIES
+    assert row.code in registry.REPLIES
 
 
 def test_no_handler_without_a_row():
-    assert set(handlers.REQUESTS) <= {row.name for row in COMMANDS}
-    assert set(handlers.REPLIES) <= set(BY_CODE)
+    assert set(registry.REQUESTS) <= {row.name for row in COMMANDS}
+    assert set(registry.REPLIES) <= set(BY_CODE)
 
 
 @pytest.fixture(params=["python", "avr"])

@@ -10,7 +10,8 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.robot import models
 from sim_arduino.faults.key_values import robot_errors, sonar_errors
 from sim_arduino.hardware.motor import Mode
-from sim_arduino.hardware.omni3md import Omni3MD
+from sim_arduino.hardware.omni3md import ADDRESS, Omni3MD
+from sim_arduino.hardware.omni3md_registers import Omni3MDRegisters
 from sim_arduino.hardware.omni_wheels import shares_for, twist_of
 from sim_arduino.hardware.sonars import SonarErrors
 from sim_arduino.hardware.wiring import Plant
@@ -54,7 +55,7 @@ def moved(speed, rotation, direction, seconds=2.0):
     data = bytes([0xFA]) + speed.to_bytes(1, "big", signed=True)
     for value in (rotation, direction):
         data += value.to_bytes(2, "big", signed=True)
-    assert plant.motor_board.write(data, 0.0)
+    assert plant.i2c[ADDRESS].write(data, 0.0)
     plant.advance(seconds)
     return plant.true_pose
 
@@ -95,7 +96,7 @@ def test_counts_are_saved_for_the_next_start():
     plant = Plant(TRAXBOT, World())
     board: Omni3MD = plant.motor_board
     board.preset_encoder(0.0, 1, 1234)
-    assert board.write(b"\xed\xaa\x55", 0.1)
+    assert Omni3MDRegisters(board).write(b"\xed\xaa\x55", 0.1)
     board.preset_encoder(0.2, 1, 0)
     board.power_cycle(0.3)
     assert board.encoder(1, 0.4) == 1234
@@ -104,7 +105,7 @@ def test_counts_are_saved_for_the_next_start():
 def test_counts_are_not_saved_without_the_key():
     board = Plant(TRAXBOT, World()).motor_board
     board.preset_encoder(0.0, 1, 1234)
-    board.write(b"\xed\x55\xaa", 0.1)
+    Omni3MDRegisters(board).write(b"\xed\x55\xaa", 0.1)
     board.power_cycle(0.3)
     assert board.encoder(1, 0.4) == 0
 

@@ -7,6 +7,7 @@ import pytest
 from mrl_driver.robot import models
 from sim_arduino.hardware.motor import Mode
 from sim_arduino.hardware.omni3md import Omni3MD
+from sim_arduino.hardware.omni3md_registers import Omni3MDRegisters
 from sim_arduino.hardware.robot_physics import Robot, params_for
 
 TRAXBOT = models.load("traxbot")
@@ -27,9 +28,15 @@ def fresh(model=TRAXBOT):
     return board
 
 
+def read(board, register, count, time_s=0.0):
+    """`count` bytes from a register, as an I2C master reads them."""
+    registers = Omni3MDRegisters(board)
+    registers.write(bytes([register]), time_s)
+    return registers.read(count, time_s)
+
+
 def read_word(board, register, time_s):
-    board.write(bytes([register]), time_s)
-    return struct.unpack(">h", board.read(2, time_s))[0]
+    return struct.unpack(">h", read(board, register, 2, time_s))[0]
 
 
 def modes(board):
@@ -71,7 +78,7 @@ def test_a_larger_axis_radius_told_turns_the_robot_faster():
 
 def test_percent_moves_left_and_right():
     board = fresh()
-    board.write(struct.pack(">B3h", 0xF8, 40, 0, -20), 0.0)
+    Omni3MDRegisters(board).write(struct.pack(">B3h", 0xF8, 40, 0, -20), 0.0)
     assert [motor.target for motor in board.robot.motors] == pytest.approx(
         [0.4 * 7457.9, 0.0, -0.2 * 7457.9], abs=1.0
     )
@@ -79,20 +86,20 @@ def test_percent_moves_left_and_right():
 
 def test_percent_moves_without_pid_set_the_duty():
     board = fresh()
-    board.write(struct.pack(">B3h", 0xF7, 40, 0, -20), 0.0)
+    Omni3MDRegisters(board).write(struct.pack(">B3h", 0xF7, 40, 0, -20), 0.0)
     assert [motor.duty for motor in board.robot.motors] == [0.4, 0.0, -0.2]
 
 
 def test_one_motor_alone():
     board = fresh()
-    board.write(struct.pack(">BBh", 0xF6, 3, 50), 0.0)
+    Omni3MDRegisters(board).write(struct.pack(">BBh", 0xF6, 3, 50), 0.0)
     assert modes(board) == [Mode.BRAKE, Mode.BRAKE, Mode.SPEED]
 
 
 def test_stop_brakes_at_once():
     board = fresh()
     board.move_differential(0.0, 300, 0)
-    board.write(b"\xfc\xaa\x55", 3.0)
+    Omni3MDRegisters(board).write(b"\xfc\xaa\x55", 3.0)
     board.advance(3.5)
     assert [motor.speed for motor in board.robot.motors] == [0.0, 0.0, 0.0]
 
@@ -101,13 +108,13 @@ def test_stop_brakes_at_once():
 def test_stop_needs_its_key(data):
     board = fresh()
     board.move_differential(0.0, 300, 0)
-    board.write(data, 1.0)
+    Omni3MDRegisters(board).write(data, 1.0)
     assert Mode.SPEED in modes(board)
 
 
 def test_preset_needs_its_key():
     board = fresh()
-    board.write(struct.pack(">BBh2B", 0xEF, 1, 77, 0, 0), 0.0)
+    Omni3MDRegisters(board).write(struct.pack(">BBh2B", 0xEF, 1, 77, 0, 0), 0.0)
     assert board.encoder(1, 0.0) == 0
 
 
@@ -134,7 +141,7 @@ def test_encoders_wrap():
 
 def test_prescaler_counts_tens():
     board = fresh()
-    board.write(b"\xf0\x01\x01\xaa\x55", 0.0)
+    Omni3MDRegisters(board).write(b"\xf0\x01\x01\xaa\x55", 0.0)
     board.robot.motors[0].travel = 1239.0
     assert board.encoder(1, 0.0) == 123
 
@@ -150,27 +157,24 @@ def test_three_encoders_battery_and_temperature_in_one_transfer():
     board = fresh()
     for encoder, count in ((1, 100), (2, -200), (3, 300)):
         board.preset_encoder(0.0, encoder, count)
-    board.write(b"\xd8", 0.0)
-    assert struct.unpack(">5h", board.read(10, 0.0)) == (100, -200, 300, 136, 250)
+    assert struct.unpack(">5h", read(board, 0xD8, 10)) == (100, -200, 300, 136, 250)
 
 
 @pytest.mark.parametrize("register, value", [(0xFE, 1), (0xFD, 72), (0xD3, 20)])
 def test_one_byte_registers(register, value):
     board = fresh()
-    board.write(bytes([register]), 0.0)
-    assert board.read(1, 0.0) == bytes([value])
+    assert read(board, register, 1) == bytes([value])
 
 
 def test_reading_past_the_registers_reads_ones():
     board = fresh()
-    board.write(b"\xfd", 0.0)
-    assert board.read(3, 0.0) == b"\x48\xff\xff"
+    assert read(board, 0xFD, 3) == b"\x48\xff\xff"
 
 
 def test_position_move_ends_at_the_count():
     board = fresh()
     board.preset_encoder(0.0, 1, 1000)
-    board.write(struct.pack(">BBhhB", 0xEE, 1, 30, -500, 1), 0.0)
+    Omni3MDRegisters(board).write(struct.pack(">BBhhB", 0xEE, 1, 30, -500, 1), 0.0)
     board.advance(8.0)
     assert board.encoder(1, 8.0) == -500
 
@@ -178,7 +182,7 @@ def test_position_move_ends_at_the_count():
 def test_i2c_timeout_stops_the_motors_when_the_master_is_silent():
     """300 ms after the last traffic, to the moment."""
     board = fresh()
-    board.write(b"\xf1\x03\xaa\x03\x55", 0.0)
+    Omni3MDRegisters(board).write(b"\xf1\x03\xaa\x03\x55", 0.0)
     board.move_differential(1.0, 300, 0)
     board.advance(1.2999)
     assert Mode.SPEED in modes(board)
@@ -188,7 +192,7 @@ def test_i2c_timeout_stops_the_motors_when_the_master_is_silent():
 
 def test_i2c_timeout_needs_its_value_twice():
     board = fresh()
-    board.write(b"\xf1\x03\xaa\x04\x55", 0.0)
+    Omni3MDRegisters(board).write(b"\xf1\x03\xaa\x04\x55", 0.0)
     assert board.timeout_s == 0.0
 
 
@@ -211,7 +215,7 @@ def test_timeout_of_zero_is_never():
 def test_calibration_turns_the_wheels_for_a_second_and_notes_their_speed():
     """Counts per control period of 50 ms at full speed."""
     board = fresh()
-    board.write(b"\xfb\x01\x01\x01\xaa\x55", 0.0)
+    Omni3MDRegisters(board).write(b"\xfb\x01\x01\x01\xaa\x55", 0.0)
     board.advance(1.5)
     assert modes(board) == [Mode.BRAKE] * 3
     assert read_word(board, 0xD2, 1.5) == pytest.approx(12429 / 20 * 13.0 / 12, rel=0.1)
@@ -220,13 +224,13 @@ def test_calibration_turns_the_wheels_for_a_second_and_notes_their_speed():
 def test_an_absent_board_does_not_acknowledge():
     board = fresh()
     board.present = False
-    assert board.write(b"\xfc\xaa\x55", 0.0) is False
+    assert Omni3MDRegisters(board).write(b"\xfc\xaa\x55", 0.0) is False
 
 
 def test_writes_during_its_eeprom_time_are_noticed():
     board = fresh()
-    board.write(struct.pack(">B4H", 0xEA, 8700, 2700, 437, 640), 1.0)
-    board.write(b"\xfc\xaa\x55", 1.019)
+    Omni3MDRegisters(board).write(struct.pack(">B4H", 0xEA, 8700, 2700, 437, 640), 1.0)
+    Omni3MDRegisters(board).write(b"\xfc\xaa\x55", 1.019)
     assert board.too_early == 1
 
 
@@ -234,8 +238,8 @@ def test_a_busy_board_can_refuse():
     board = fresh()
     board.busy_nack = True
     board.set_geometry(1.0, board.geometry)
-    assert board.write(b"\xd8", 1.019) is False
-    assert board.write(b"\xd8", 1.021) is True
+    assert Omni3MDRegisters(board).write(b"\xd8", 1.019) is False
+    assert Omni3MDRegisters(board).write(b"\xd8", 1.021) is True
 
 
 def test_battery_can_take_the_motors_with_it():

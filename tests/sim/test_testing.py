@@ -6,7 +6,7 @@ import threading
 import pytest
 
 from mrl_driver.errors import ConfigError
-from sim_arduino.hardware.omni3md_registers import I2cSlave
+from sim_arduino.hardware.omni3md_registers import Omni3MDRegisters
 from sim_arduino.testing.emulated_board import COMMANDS, EmulatedBoard
 from sim_arduino.world.geometry import Wall
 from sim_arduino.world.world import World
@@ -56,7 +56,7 @@ def test_an_unknown_option_is_told():
 
 
 def test_every_command_of_the_motor_board_has_a_name(shared):
-    assert set(COMMANDS.values()) == set(I2cSlave(shared.plant.motor_board).writers)
+    assert set(COMMANDS.values()) == set(Omni3MDRegisters(shared.plant.motor_board).writers)
 
 
 def test_wheels_that_turn_and_stand():
