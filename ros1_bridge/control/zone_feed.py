@@ -5,12 +5,11 @@ from typing import Any, Optional, Tuple
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import yaw_of
-from mrl_driver.navigation.protective_zones import Scan, Settings, Zones, require_settings
+from mrl_driver.navigation.protective_zones import Scan, Zones
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.robot_state import Telemetry
+from ros1_bridge.node.robot_parameters import Parameters, zone_sensors, zone_settings
 
-LEAST_RATE_HZ = 5.0
-"""Below this frame rate the ranges arrive too late for zones."""
 LONGEST_S = 0.5
 """After a longer gap between two frames, the distance driven meanwhile is unknown."""
 Mount = Tuple[float, float, float]
@@ -19,20 +18,20 @@ Mount = Tuple[float, float, float]
 class ZoneWatch:
     """The zones of one robot, and the readings passed to them."""
 
-    def __init__(self, parameters: Any, model: RobotModel, has_sonars: bool) -> None:
+    def __init__(self, parameters: Parameters, model: RobotModel, has_sonars: bool) -> None:
         """`parameters`: those of robot_node, with `zones` other than none.
 
         Raises:
             ConfigError: the zones need sonars, and the board has none.
         """
-        by_sonar, by_laser = sources(parameters)
+        by_sonar, by_laser = zone_sensors(parameters)
         if by_sonar and not has_sonars:
             raise ConfigError(
                 f"parameter zones is {parameters.zones}, but this board has no sonars, expected scan or none"
             )
         braking = parameters.zone_braking or model.limits.linear_acceleration_m_s2
         sonars = model.sonars if by_sonar else {}
-        self.zones = Zones(settings_of(parameters, braking), model.body, sonars, by_laser)
+        self.zones = Zones(zone_settings(parameters, braking), model.body, sonars, by_laser)
         self._stamp_s: Optional[float] = None
 
     def on_telemetry(self, telemetry: Telemetry, standing: bool) -> None:
@@ -52,42 +51,6 @@ class ZoneWatch:
         self.zones.on_scan(
             Scan(message.ranges, message.angle_min, message.angle_increment, message.range_min, mount), now
         )
-
-
-def sources(parameters: Any) -> Tuple[bool, bool]:
-    """Whether the zones use sonars, and whether they use a laser."""
-    return parameters.zones in ("sonars", "both"), parameters.zones in ("scan", "both")
-
-
-def settings_of(parameters: Any, braking_m_s2: float) -> Settings:
-    """The zone settings from the parameters."""
-    return Settings(
-        parameters.zone_warning,
-        parameters.zone_protective,
-        parameters.zone_slow_speed,
-        braking_m_s2,
-        parameters.zone_reaction,
-        parameters.zone_hysteresis,
-        parameters.zone_clearance,
-    )
-
-
-def require_zones(parameters: Any, namespace: str) -> None:
-    """Check the zone parameters.
-
-    Raises:
-        ConfigError: the parameters contradict each other, or the stream is too slow for zones.
-    """
-    if parameters.zones == "none":
-        return
-    if parameters.rate < LEAST_RATE_HZ:
-        raise ConfigError(
-            f"parameter {namespace}/rate is {parameters.rate:g}, expected {LEAST_RATE_HZ:g} Hz or more with zones"
-        )
-    try:
-        require_settings(settings_of(parameters, parameters.zone_braking or 1.0))
-    except ConfigError as error:
-        raise ConfigError(f"parameters {namespace}/zone_*: {error}") from None
 
 
 def mount_of(transform: Any) -> Mount:

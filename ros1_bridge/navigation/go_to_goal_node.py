@@ -31,13 +31,12 @@ from std_msgs.msg import Header
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose, quaternion_of
-from mrl_driver.navigation.goal_seeker import GoalSeeker
+from mrl_driver.navigation.goal_seeker import PATIENCE_S, GoalSeeker
 from mrl_driver.robot.models import Limits, SonarMount
 from mrl_driver.robot.sonar import NAMES
 from ros1_bridge.node.cmd_vel import CmdVel
 from ros1_bridge.node.master_watch import await_master
-from ros1_bridge.node.node_parameters import GO_TO_GOAL
-from ros1_bridge.node.parameters import read
+from ros1_bridge.node.parameters import Row, read, speed_rows
 from ros1_bridge.node.plane_poses import planar, yaw_of
 
 RATE_HZ = 20.0
@@ -49,6 +48,20 @@ WARN_EVERY_S = 5.0
 POLL_S = 0.2
 END_S = 1.5
 """On shutdown, a goal may take this long to end; longer than the wait for a transform."""
+PARAMETERS = (
+    *speed_rows("Speed on a free path", "Yaw rate"),
+    Row("avoid", bool, True, "", "Avoid obstacles that the sonars see"),
+    Row(
+        "patience",
+        float,
+        PATIENCE_S,
+        "s",
+        "Abort the goal if the robot comes no closer for this long",
+        1.0,
+        3600.0,
+    ),
+)
+"""The node's private parameters."""
 
 
 class Ranges:
@@ -86,7 +99,7 @@ class GoToGoal:
         Raises:
             ConfigError: a parameter is wrong.
         """
-        given = read(GO_TO_GOAL, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+        given = read(PARAMETERS, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
         self._limits = Limits(given["linear_speed"], given["angular_speed"], math.inf, math.inf)
         self._avoid, self._patience_s = given["avoid"], given["patience"]
         self._odometry: Optional[Odometry] = None

@@ -1,18 +1,16 @@
 """Private parameters as data: one row each, checked before a node starts to work.  Pure, no ROS.
 
-`ROWS` holds the parameters of robot_node; `node_parameters` holds those of the other nodes.
+Each node has its rows in its own module; those of robot_node are in `robot_parameters`.
 """
 
 import math
-from typing import Any, Dict, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Dict, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.transport.address import require_port
-from mrl_driver.transport.baud_rates import require_raisable
-from ros1_bridge.control.zone_feed import require_zones
 
-BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 250000, 500000, 1000000)
-_OWN = "0 uses the model's limit, which is also the maximum"
+FRAMES = ("odom_frame", "base_frame", "map_frame")
+"""Parameters that hold the name of a frame."""
+_SLOWEST, _FASTEST_M_S, _FASTEST_RAD_S = 0.01, 10.0, 100.0
 
 
 class Row(NamedTuple):
@@ -32,203 +30,14 @@ class Row(NamedTuple):
     choices: Tuple[Any, ...] = ()
 
 
-ROWS = (
-    Row("port", str, None, "", "Serial port of the board, such as /dev/ttyACM0, or tcp://HOST:PORT"),
-    Row("port_timeout", float, 0.0, "s", "Wait this long for the port to appear", 0.0, 600.0),
-    Row("baud", int, 115200, "baud", "Speed of the serial port", choices=BAUDS),
-    Row(
-        "fast",
-        bool,
-        False,
-        "",
-        "Raise the serial link to 500000 baud if board and adapter can; rates above 200 Hz need it",
-    ),
-    Row(
-        "robot",
-        str,
-        "auto",
-        "",
-        "Model name, path of a robot's .yaml file, or auto: chosen by the robot id of the board",
-    ),
-    Row("odom_frame", str, "odom", "", "Frame of the pose"),
-    Row("base_frame", str, "base_link", "", "Frame of the robot; sonar frames use its prefix"),
-    Row("publish_tf", bool, True, "", "Publish odom_frame to base_frame on /tf; set false if an EKF does"),
-    Row(
-        "publish_mounts",
-        bool,
-        True,
-        "",
-        "Publish base_frame to the sonars; set false if robot_state_publisher does",
-    ),
-    Row("rate", float, 50.0, "Hz", "Rate of odom and of the board's stream", 1.0, 400.0),
-    Row(
-        "cmd_vel_timeout", float, 0.5, "s", "The robot stops if no cmd_vel arrives for this long", 0.05, 10.0
-    ),
-    Row("max_linear_speed", float, 0.0, "m/s", f"Highest speed forward or back; {_OWN}", 0.0, 10.0),
-    Row("max_angular_speed", float, 0.0, "rad/s", f"Highest yaw rate; {_OWN}", 0.0, 100.0),
-    Row("max_linear_acceleration", float, 0.0, "m/s2", f"Limit for speeding up only; {_OWN}", 0.0, 100.0),
-    Row("max_angular_acceleration", float, 0.0, "rad/s2", f"The same for turns; {_OWN}", 0.0, 1000.0),
-    Row("clear_with_max_range", bool, False, "", "Sonars that see nothing report max_range instead of +Inf"),
-    Row("reconnect", bool, True, "", "Search for a lost port; false ends the node"),
-    Row("ignore_battery", bool, False, "", "Start, and keep driving, with an empty battery"),
-    Row("allow_calibration", bool, False, "", "Offer the service calibrate, which turns the wheels"),
-    Row("allow_gains", bool, False, "", "Offer gains in dynamic_reconfigure; the motor board stores them"),
-    Row(
-        "parts",
-        str,
-        "all",
-        "",
-        "Parts that the node runs: all, or some of odometry, sonars, commands, status, sensors",
-    ),
-    Row(
-        "zones",
-        str,
-        "none",
-        "",
-        "Sensors that watch the warning and the protective zone",
-        choices=("none", "sonars", "scan", "both"),
-    ),
-    Row(
-        "zone_warning",
-        float,
-        0.5,
-        "m",
-        "Obstacles closer to the body than this slow the robot; the distance grows with speed",
-        0.0,
-        10.0,
-    ),
-    Row(
-        "zone_protective",
-        float,
-        0.2,
-        "m",
-        "Obstacles closer to the body than this stop the robot; the distance grows with speed",
-        0.0,
-        10.0,
-    ),
-    Row("zone_slow_speed", float, 0.1, "m/s", "Lowest speed that the warning zone sets", 0.01, 10.0),
-    Row(
-        "zone_braking",
-        float,
-        0.0,
-        "m/s2",
-        "Braking deceleration the robot always reaches; 0 uses the model's linear acceleration",
-        0.0,
-        100.0,
-    ),
-    Row("zone_reaction", float, 0.5, "s", "Twice the delays of sensors and commands together", 0.0, 10.0),
-    Row(
-        "zone_hysteresis",
-        float,
-        0.05,
-        "m",
-        "A zone is clear again if the free distance exceeds it by this much",
-        0.0,
-        1.0,
-    ),
-    Row(
-        "zone_clearance",
-        float,
-        0.05,
-        "m",
-        "Obstacles within this distance of the swept path count as in the way",
-        0.0,
-        1.0,
-    ),
-)
-PARTS = ("odometry", "sonars", "commands", "status", "sensors")
-"""The parts that robot_node can have."""
-GROUPS = ("limits", "gains")
-"""Namespaces in which dynamic_reconfigure keeps its own parameters."""
-FRAMES = ("odom_frame", "base_frame", "map_frame")
-
-
-class Parameters(NamedTuple):
-    """Checked values, named as in `ROWS`; `cmd_vel_timeout` in seconds."""
-
-    port: str
-    port_timeout: float
-    baud: int
-    fast: bool
-    robot: str
-    odom_frame: str
-    base_frame: str
-    publish_tf: bool
-    publish_mounts: bool
-    rate: float
-    cmd_vel_timeout: float
-    max_linear_speed: float
-    max_angular_speed: float
-    max_linear_acceleration: float
-    max_angular_acceleration: float
-    clear_with_max_range: bool
-    reconnect: bool
-    ignore_battery: bool
-    allow_calibration: bool
-    allow_gains: bool
-    parts: str
-    zones: str
-    zone_warning: float
-    zone_protective: float
-    zone_slow_speed: float
-    zone_braking: float
-    zone_reaction: float
-    zone_hysteresis: float
-    zone_clearance: float
-
-    def has(self, part: str) -> bool:
-        """Whether the node has this part (one of `PARTS`)."""
-        return part in split_parts(self.parts)
-
-
-def check(given: Mapping[str, Any], namespace: str) -> Parameters:
-    """The checked parameters of robot_node.
-
-    Args:
-        given: name to value, as the parameter server returns `~`.
-        namespace: the node's full name, for error messages.
-
-    Raises:
-        ConfigError: a value is missing, of the wrong type or out of range, or a name is unknown.
-    """
-    given = {name: value for name, value in given.items() if name not in GROUPS}
-    if isinstance(given.get("parts"), list):
-        given["parts"] = ", ".join(map(str, given["parts"]))
-    values = read(ROWS, given, namespace)
-    try:
-        require_port(values["port"])
-        if values["fast"]:
-            require_raisable(values["port"], values["baud"])
-    except ConfigError as error:
-        raise ConfigError(f"parameter {namespace}/{error}") from None
-    if values["odom_frame"] == values["base_frame"]:
-        got = values["base_frame"]
-        raise ConfigError(
-            f"parameter {namespace}/base_frame is {got!r}, expected a frame other than odom_frame"
-        )
-    parameters = Parameters(**values)
-    _require_parts(parameters, namespace)
-    require_zones(parameters, namespace)
-    return parameters
-
-
-def split_parts(text: str) -> Tuple[str, ...]:
-    """The parts in a list separated by commas or spaces; `all` means every part."""
-    return PARTS if text.strip() == "all" else tuple(text.replace(",", " ").split())
-
-
-def _require_parts(parameters: Parameters, namespace: str) -> None:
-    named = split_parts(parameters.parts)
-    unknown = [name for name in named if name not in PARTS]
-    if unknown or not named:
-        got = f"{unknown[0]!r} in {parameters.parts!r}" if unknown else repr(parameters.parts)
-        raise ConfigError(
-            f"parameter {namespace}/parts is {got}, expected all, or some of {', '.join(PARTS)}"
-        )
-    if parameters.zones != "none" and "commands" not in named:
-        raise ConfigError(
-            f"parameter {namespace}/zones needs the part commands, expected it in parts or zones none"
-        )
+def speed_rows(
+    linear: str, angular: str, linear_m_s: float = 0.25, angular_rad_s: float = 0.9
+) -> Tuple[Row, Row]:
+    """The two speed parameters of a node that drives; `linear` and `angular` describe them."""
+    return (
+        Row("linear_speed", float, linear_m_s, "m/s", linear, _SLOWEST, _FASTEST_M_S),
+        Row("angular_speed", float, angular_rad_s, "rad/s", angular, _SLOWEST, _FASTEST_RAD_S),
+    )
 
 
 def read(rows: Sequence[Row], given: Any, namespace: str) -> Dict[str, Any]:

@@ -30,9 +30,9 @@ from mrl_driver.transport.reconnect import may_be_there
 from ros1_bridge.control.laser_mount import MountFinder
 from ros1_bridge.control.pose_goal import PoseGoal
 from ros1_bridge.control.speed_limiter import NOT_FINITE, ZONE, Commander, lowered
-from ros1_bridge.control.zone_feed import ZoneWatch, sources
+from ros1_bridge.control.zone_feed import ZoneWatch
 from ros1_bridge.node.master_watch import MasterWatch, await_master
-from ros1_bridge.node.parameters import GROUPS, Parameters, check
+from ros1_bridge.node.robot_parameters import GROUPS, Parameters, check, zone_sensors
 from ros1_bridge.status.diagnostics import Diagnostics
 from ros1_bridge.status.link_report import ERROR, OK, WARN, News
 from ros1_bridge.status.robot_status import StatusTeller
@@ -165,7 +165,7 @@ class RobotNode:
     def _take_commands(self) -> None:
         rospy.Subscriber("cmd_vel", Twist, self._on_cmd_vel, queue_size=1, tcp_nodelay=True)
         rospy.Subscriber("pose", PoseStamped, self._on_pose, queue_size=1)
-        if self._zones is not None and sources(self._parameters)[1]:
+        if self._zones is not None and zone_sensors(self._parameters)[1]:
             self._finder = MountFinder(self._parameters.base_frame)
             rospy.Subscriber("scan", LaserScan, self._on_scan, queue_size=1, tcp_nodelay=True)
 

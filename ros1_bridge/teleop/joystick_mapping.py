@@ -26,7 +26,7 @@ LAYOUTS: Dict[str, Layout] = {
 }
 
 
-def read(layout: Layout, axes: Sequence[float], buttons: Sequence[int]) -> Optional[Tuple[float, float]]:
+def shares_of(layout: Layout, axes: Sequence[float], buttons: Sequence[int]) -> Optional[Tuple[float, float]]:
     """Shares of the full speeds (linear, angular), -1 to 1; None while the dead-man button is not held."""
     if not _held(buttons, layout.dead_man):
         return None

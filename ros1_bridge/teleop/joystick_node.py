@@ -13,12 +13,17 @@ from geometry_msgs.msg import Twist
 from sensor_msgs.msg import Joy
 
 from mrl_driver.errors import ConfigError
-from ros1_bridge.node import parameters
 from ros1_bridge.node.cmd_vel import CmdVel
 from ros1_bridge.node.master_watch import await_master
-from ros1_bridge.node.node_parameters import TELEOP_JOYSTICK
+from ros1_bridge.node.parameters import Row, read, speed_rows
 
-from .joystick_mapping import LAYOUTS, read
+from .joystick_mapping import LAYOUTS, shares_of
+
+PARAMETERS = (
+    Row("layout", str, "ps3", "", "Which button does what", choices=tuple(LAYOUTS)),
+    *speed_rows("Speed at full deflection", "Yaw rate at full deflection"),
+)
+"""The node's private parameters."""
 
 
 class TeleopJoystick:
@@ -30,7 +35,7 @@ class TeleopJoystick:
         Raises:
             ConfigError: a parameter is wrong.
         """
-        given = parameters.read(TELEOP_JOYSTICK, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+        given = read(PARAMETERS, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
         self._layout = LAYOUTS[given["layout"]]
         self._linear_m_s, self._angular_rad_s = given["linear_speed"], given["angular_speed"]
         self._driving = False
@@ -38,7 +43,7 @@ class TeleopJoystick:
         rospy.Subscriber("joy", Joy, self._on_joy, queue_size=1, tcp_nodelay=True)
 
     def _on_joy(self, message: Joy) -> None:
-        shares = read(self._layout, message.axes, message.buttons)
+        shares = shares_of(self._layout, message.axes, message.buttons)
         if shares is None and not self._driving:
             return
         self._driving = shares is not None

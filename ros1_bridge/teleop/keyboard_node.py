@@ -13,11 +13,12 @@ from mrl_driver.terminal.keyboard import Keyboard
 from mrl_driver.terminal.teleop_keys import ANGULAR_RAD_S, LINEAR_M_S, Teleop
 from ros1_bridge.node.cmd_vel import CmdVel
 from ros1_bridge.node.master_watch import await_master
-from ros1_bridge.node.node_parameters import TELEOP_KEYBOARD
-from ros1_bridge.node.parameters import read
+from ros1_bridge.node.parameters import read, speed_rows
 
 PERIOD_S = 0.05
 HELP = "arrow keys or w a s d drive, space stops, q ends"
+PARAMETERS = speed_rows("Speed forward and back", "Yaw rate", LINEAR_M_S, ANGULAR_RAD_S)
+"""The node's private parameters."""
 
 
 class TeleopKeyboard:
@@ -29,7 +30,7 @@ class TeleopKeyboard:
         Raises:
             ConfigError: a parameter is wrong.
         """
-        given = read(TELEOP_KEYBOARD, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+        given = read(PARAMETERS, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
         self._linear, self._angular = (
             given["linear_speed"] / LINEAR_M_S,
             given["angular_speed"] / ANGULAR_RAD_S,

@@ -17,7 +17,7 @@ from mrl_driver.robot.covariance import uncertainty_of
 from mrl_driver.robot.kinematics import Planar, kinematics_of
 from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.session.handshake import Board
-from ros1_bridge.node.parameters import Parameters
+from ros1_bridge.node.robot_parameters import Parameters
 from ros1_bridge.node.tf_names import JOINTS, OMNI_JOINTS
 
 from . import messages

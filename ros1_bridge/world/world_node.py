@@ -18,9 +18,8 @@ from tf2_msgs.msg import TFMessage
 
 from mrl_driver.errors import MrlError
 from mrl_driver.geometry import ORIGIN, Pose, yaw_of
-from ros1_bridge.node import parameters
 from ros1_bridge.node.master_watch import await_master
-from ros1_bridge.node.node_parameters import WORLD_NODE
+from ros1_bridge.node.parameters import Row, read
 from ros1_bridge.topics import messages
 from ros1_bridge.topics.fast_publisher import direct_publisher
 from sim_arduino.hardware.laser import URG_04LX, LaserScanner
@@ -28,6 +27,19 @@ from sim_arduino.world import grid_map, world_file
 from sim_arduino.world.shared_robots import SharedCrowd
 
 from . import world_messages
+
+PARAMETERS = (
+    Row("world", str, "room", "", "Name of a world, or path of a .yaml file"),
+    Row("world_name", str, "world", "", "Name under which the boards share the world"),
+    Row("only", str, "", "", "Serve only this robot, without its name as namespace; empty: all robots"),
+    Row("prefix", str, "", "", "Prefix of that robot's frames"),
+    Row("map_frame", str, "map", "", "Frame of the map"),
+    Row("resolution", float, 0.025, "m", "Side of a map cell", 0.005, 1.0),
+    Row(
+        "localise", bool, True, "", "Publish the true map to odom on /tf; set false if amcl or gmapping does"
+    ),
+)
+"""The node's private parameters."""
 
 
 class Robot:
@@ -85,7 +97,7 @@ class WorldNode:
         Raises:
             ConfigError: a parameter is wrong, or there is no such world.
         """
-        given = parameters.read(WORLD_NODE, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+        given = read(PARAMETERS, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
         self._world = world_file.load(given["world"])
         self._world.crowd = SharedCrowd(given["world_name"])
         self._only, self._prefix, self._localise = given["only"], given["prefix"], given["localise"]

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sensor_msgs.msg import Joy
 
-from ros1_bridge.teleop.joystick_mapping import LAYOUTS, read
+from ros1_bridge.teleop.joystick_mapping import LAYOUTS, shares_of
 from tests.waiting import wait_until
 
 from .rig import ROOT, START_S
@@ -19,31 +19,31 @@ def pressed(*indices):
 
 
 def test_nothing_moves_without_the_dead_man_button():
-    assert read(PS3, [1.0, 1.0], pressed()) is None
+    assert shares_of(PS3, [1.0, 1.0], pressed()) is None
 
 
 def test_stick_drives():
-    assert read(PS3, [0.5, 1.0], pressed(PS3.dead_man)) == (1.0, 0.5)
+    assert shares_of(PS3, [0.5, 1.0], pressed(PS3.dead_man)) == (1.0, 0.5)
 
 
 def test_stick_at_rest_does_not_creep():
-    assert read(PS3, [0.05, -0.05], pressed(PS3.dead_man)) == (0.0, 0.0)
+    assert shares_of(PS3, [0.05, -0.05], pressed(PS3.dead_man)) == (0.0, 0.0)
 
 
 def test_wiimote_drives_with_its_cross():
     """Held sideways: its right is forward, its up is left."""
-    assert read(WIIMOTE, [0.1, 9.8, 0.2], pressed(WIIMOTE.dead_man, 7, 8)) == (1.0, 1.0)
+    assert shares_of(WIIMOTE, [0.1, 9.8, 0.2], pressed(WIIMOTE.dead_man, 7, 8)) == (1.0, 1.0)
 
 
 @pytest.mark.parametrize("layout", LAYOUTS.values(), ids=list(LAYOUTS))
 def test_message_that_is_too_short_moves_nothing(layout):
-    assert read(layout, [], []) is None
+    assert shares_of(layout, [], []) is None
 
 
 @given(st.lists(st.floats(width=32), max_size=4), st.lists(st.integers(0, 1), max_size=17))
 def test_shares_are_at_most_one(axes, buttons):
     for layout in LAYOUTS.values():
-        shares = read(layout, axes, buttons)
+        shares = shares_of(layout, axes, buttons)
         assert shares is None or all(-1 <= share <= 1 for share in shares)
 
 

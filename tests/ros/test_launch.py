@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.robot import models
-from ros1_bridge.node.parameters import ROWS
+from ros1_bridge.node.robot_parameters import ROWS
 from tests.waiting import wait_until
 
 from .rig import ROOT

@@ -14,7 +14,7 @@ from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.session.events import Lost, Ready, Reconnected, Reply, Stale
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.link_counters import Counters
-from ros1_bridge.node.parameters import check
+from ros1_bridge.node.robot_parameters import check
 from ros1_bridge.status.link_report import ERROR, OK, WARN, News, values
 from ros1_bridge.topics.publishers import Publishers
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
-from ros1_bridge.node.parameters import GROUPS, PARTS, ROWS, Parameters, check
+from ros1_bridge.node.robot_parameters import GROUPS, PARTS, ROWS, Parameters, check
 
 GOOD = {"port": "/dev/ttyACM0"}
 

@@ -10,7 +10,7 @@ from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
 from mrl_driver.robot.odometry import Twist, Wheels
 from mrl_driver.robot.robot_state import Telemetry
-from ros1_bridge.node.parameters import check
+from ros1_bridge.node.robot_parameters import check
 from ros1_bridge.topics import messages
 from ros1_bridge.topics.publishers import Publishers
 

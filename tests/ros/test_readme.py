@@ -8,8 +8,10 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu
 from tf2_msgs.msg import TFMessage
 
-from ros1_bridge.node import node_parameters
-from ros1_bridge.node.parameters import ROWS
+from ros1_bridge.navigation import go_to_goal_node
+from ros1_bridge.node.robot_parameters import ROWS
+from ros1_bridge.teleop import joystick_node, keyboard_node
+from ros1_bridge.world import world_node
 from tests.waiting import wait_until
 
 from .rig import ROOT, START_S
@@ -66,10 +68,10 @@ def test_environment_topics_are_those_of_the_table(rig):
     "heading, rows",
     [
         ("### Parameters", ROWS),
-        ("### Parameters of `go_to_goal`", node_parameters.GO_TO_GOAL),
-        ("### Parameters of `world_node`", node_parameters.WORLD_NODE),
-        ("### Parameters of `teleop_keyboard`", node_parameters.TELEOP_KEYBOARD),
-        ("### Parameters of `teleop_joystick`", node_parameters.TELEOP_JOYSTICK),
+        ("### Parameters of `go_to_goal`", go_to_goal_node.PARAMETERS),
+        ("### Parameters of `world_node`", world_node.PARAMETERS),
+        ("### Parameters of `teleop_keyboard`", keyboard_node.PARAMETERS),
+        ("### Parameters of `teleop_joystick`", joystick_node.PARAMETERS),
     ],
     ids=lambda each: each if isinstance(each, str) else "",
 )

@@ -8,7 +8,7 @@ from geometry_msgs.msg import Quaternion, Transform, Vector3
 from mrl_driver.errors import ConfigError
 from mrl_driver.robot import models
 from ros1_bridge.control.zone_feed import ZoneWatch, mount_of
-from ros1_bridge.node.parameters import check
+from ros1_bridge.node.robot_parameters import check
 
 MODEL = models.load("traxbot")
 
