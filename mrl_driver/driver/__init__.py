@@ -1,4 +1,4 @@
-"""The driver: one robot on one port, its thread and callbacks; also in simulated time."""
+"""The driver: one robot on one port, its thread and callbacks; also in simulated time.  Imports the layers below."""
 
 from .driver import Board, Driver, Options, Telemetry
 

@@ -1,1 +1,1 @@
-"""Runs the real firmware image on libsimavr; the peripherals have the timing of an Uno."""
+"""Runs the real firmware image on libsimavr; the peripherals have the timing of an Uno.  Imports world."""

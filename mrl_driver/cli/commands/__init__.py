@@ -1,1 +1,1 @@
-"""Sub-commands of `mrl`, one module each; `cli.main` imports the one that is used."""
+"""Sub-commands of `mrl`, one module each; `cli.main` imports the one that is used.  May import all of the driver."""
