@@ -1,1 +1,4 @@
-"""Serves boards on a pty or a socket in real time; the command `mrl-sim`.  Imports faults, view and the layers below."""
+"""Serves boards on a pty or a socket in real time; the command `mrl-sim`.
+
+Imports faults, view and the layers below.
+"""
