@@ -9,8 +9,7 @@ import os
 import re
 from typing import Any, Dict, List, Mapping, Tuple
 
-import yaml
-
+from mrl_driver import yaml_file
 from mrl_driver.errors import ConfigError
 from mrl_driver.files import replace_file
 from mrl_driver.robot import models
@@ -187,11 +186,12 @@ def _with_number(text: str, key: Key, value: float, said: str) -> str:
 def _require_model(text: str, source: str, values: Mapping[Key, float]) -> None:
     """Refuse a text that is not a model, or does not hold the new numbers."""
     try:
-        model = models.parse(yaml.safe_load(text), source)
-    except yaml.YAMLError:
+        data = yaml_file.parse(text, source)
+    except ConfigError:
         raise ConfigError(
             f"{source}: is written in a way that cannot be edited; nothing was changed"
         ) from None
+    model = models.parse(data, source)
     for (section, name), value in values.items():
         found = _look_up(model, section, name)
         if abs(found - value) > 1e-6 * abs(value) + 1e-9:

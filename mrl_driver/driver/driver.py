@@ -17,6 +17,7 @@ import time
 from typing import Optional, Tuple, Union
 
 from mrl_driver.errors import BoardTimeout, ConfigError, LinkLost, MrlError
+from mrl_driver.protocol.table import BAUD
 from mrl_driver.recording.recording import Recorder
 from mrl_driver.robot import models
 from mrl_driver.robot.models import RobotModel
@@ -24,7 +25,7 @@ from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.session.handshake import Board
 from mrl_driver.transport.address import require_port
 from mrl_driver.transport.baud_rates import FAST_BAUD, require_raisable
-from mrl_driver.transport.link import BAUD, Link
+from mrl_driver.transport.link import Link
 
 from .options import DEFAULTS, Options, require_options, require_range
 from .robot_core import Core

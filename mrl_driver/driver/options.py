@@ -3,6 +3,7 @@
 from typing import Any, Callable, NamedTuple, Optional
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.protocol.table import BAUD
 from mrl_driver.session.handshake import TIMEOUT_S
 
 COMMAND_TIMEOUT_S = 0.5
@@ -46,7 +47,7 @@ class Options(NamedTuple):
     """Raise the line to 500000 baud if board and line support it, and go back to 115200 if errors appear; `on_event`
     then gets `Slowed`.  Only for device names, opened at 115200.
     """
-    line_baud: int = 115200
+    line_baud: int = BAUD
     """Speed of the line [Bd], if it is slower than the port's baud rate (as with radios).  The stream's period and the
     time between commands are adapted to it.
     """

@@ -4,8 +4,8 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from typing import Iterable, Iterator, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import MrlError
+from mrl_driver.protocol.table import BAUD
 from mrl_driver.robot import models
-from mrl_driver.transport.link import BAUD
 
 from .driver import Driver
 from .options import Options

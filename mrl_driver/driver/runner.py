@@ -7,14 +7,14 @@ import time
 from typing import List, Optional, Union
 
 from mrl_driver.errors import BoardError, BoardTimeout, LinkLost, MrlError, WrongRobot
-from mrl_driver.protocol.table import BY_NAME
+from mrl_driver.protocol.table import BAUD, BY_NAME
 from mrl_driver.recording.recorded_link import Tape
 from mrl_driver.robot.robot_state import Notice
 from mrl_driver.session.events import Lost, Reconnected, Slowed
 from mrl_driver.session.session import PAUSE_S
 from mrl_driver.transport import fork_guard
 from mrl_driver.transport.baud_upgrade import BACK_S, speed_up
-from mrl_driver.transport.link import BAUD, Link
+from mrl_driver.transport.link import Link
 from mrl_driver.transport.open_link import AGAIN_S, CONNECT_S, open_link
 from mrl_driver.transport.reconnect import LOOK_S, Reconnection
 

@@ -14,9 +14,9 @@ from typing import Any, Dict, Mapping, NamedTuple, Optional
 from mrl_driver import folders, yaml_file
 from mrl_driver.errors import ConfigError
 from mrl_driver.files import replace_file
+from mrl_driver.protocol.table import BAUD
 from mrl_driver.robot import models
 
-BAUD = 115200
 LOWEST_BAUD, HIGHEST_BAUD = 300, 4_000_000
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
 _KEYS = ("port", "model", "baud")
@@ -54,8 +54,7 @@ def read() -> Dict[str, Target]:
         raise ConfigError(f"{file_name} cannot be read: {error.strerror}") from None
     if data is None:
         return {}
-    if not isinstance(data, dict):
-        raise ConfigError(f"{file_name}: file is {data!r}, expected names, each with a port")
+    yaml_file.Reader(file_name).mapping("", data, "names, each with a port")
     return {require_name(name, f"{file_name}: "): _entry(file_name, name, data[name]) for name in data}
 
 
@@ -75,28 +74,17 @@ def require_name(name: Any, where: str = "") -> str:
 
 
 def _entry(file_name: str, name: str, data: Any) -> Target:
-    if not isinstance(data, dict):
-        raise ConfigError(
-            f"{file_name}: {name} is {data!r}, expected a mapping with port, and perhaps model, baud"
-        )
-    for key in data:
-        if key not in _KEYS:
-            raise ConfigError(f"{file_name}: key {name}.{key} is unknown, expected {', '.join(_KEYS)}")
-    if "port" not in data:
-        raise ConfigError(f"{file_name}: key {name}.port is missing, expected a serial port")
-    return Target(
-        _text(data, f"{file_name}: {name}.", "port", "a serial port such as /dev/ttyACM0"),
-        _text({"model": "auto", **data}, f"{file_name}: {name}.", "model", "auto, a model or a .yaml file"),
-        require_baud(data.get("baud", BAUD), f"{file_name}: {name}."),
-        name,
-    )
-
-
-def _text(data: Mapping[str, Any], where: str, key: str, expected: str) -> str:
-    value = data[key]
-    if not isinstance(value, str) or not value.strip() or "\0" in value:
-        raise ConfigError(f"{where}{key} is {value!r}, expected {expected}")
-    return value
+    reader = yaml_file.Reader(file_name)
+    reader.mapping(name, data, "a mapping with port, and perhaps model, baud")
+    found = {"model": "auto", "baud": BAUD, **reader.keys(name, data, _KEYS, _KEYS[1:])}
+    for key, expected in (
+        ("port", "a serial port such as /dev/ttyACM0"),
+        ("model", "auto, a model or a .yaml file"),
+    ):
+        value = reader.text(f"{name}.{key}", found[key], expected)
+        if not value.strip() or "\0" in value:
+            raise reader.fail(f"{name}.{key}", value, expected)
+    return Target(found["port"], found["model"], require_baud(found["baud"], f"{file_name}: {name}."), name)
 
 
 def require_baud(value: Any, where: str = "") -> int:

@@ -9,33 +9,15 @@ import pwd
 import shutil
 import subprocess
 import sys
-from typing import Dict, List, NamedTuple, Tuple
+from typing import Dict, List
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.transport.usb_ids import KINDS
 
 MARK = "# Written by `mrl system install`; `mrl system remove` deletes it."
 RULES = "etc/udev/rules.d/70-mrl.rules"
 UNIT = "etc/systemd/system/mrl-robot@.service"
 GROUP = "dialout"
-
-
-class UsbKind(NamedTuple):
-    """USB vendor and product id of a device that connects robots."""
-
-    vendor: str
-    product: str
-    text: str
-
-
-KINDS: Tuple[UsbKind, ...] = (
-    UsbKind("2341", "0001", "Arduino Uno"),
-    UsbKind("2341", "0043", "Arduino Uno R3"),
-    UsbKind("2341", "0243", "Arduino Uno R3, Genuino"),
-    UsbKind("2a03", "0043", "Arduino Uno R3, arduino.org"),
-    UsbKind("1a86", "7523", "CH340 of many copies"),
-    UsbKind("0403", "6001", "FTDI FT232R"),
-    UsbKind("10c4", "ea60", "CP2102"),
-)
 RULES_HEAD = """{mark}
 # For USB serial adapters that robots are plugged in with: ModemManager must not write into them, members of {group}
 # may open them, they never sleep, and each has a name of its own: /dev/mrl-SERIAL, or /dev/mrl-ttyUSB0 without a
@@ -81,7 +63,13 @@ WantedBy=dev-mrl\\x2d%i.device
 
 def rules() -> str:
     """Return the text of the udev rules."""
-    kinds = (RULES_FOR_KIND.format(group=GROUP, **kind._asdict()) for kind in KINDS)
+    kinds = (
+        RULES_FOR_KIND.format(
+            vendor=f"{kind.vendor:04x}", product=f"{kind.product:04x}", text=kind.text, group=GROUP
+        )
+        for kind in KINDS
+        if kind.ruled
+    )
     return RULES_HEAD.format(mark=MARK, group=GROUP) + "".join(kinds) + LATENCY_RULE
 
 

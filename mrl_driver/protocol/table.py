@@ -132,7 +132,9 @@ _ENCODERS = (
     _int16("left", "count", "Left wheel's counter, encoder 1 of the motor board; wraps at 16 bits."),
 )
 BAUDS = (115200, 250000, 500000, 1000000)
-"""Speeds of the line; all but the first are exact on the Uno."""
+"""Baud rates of the line; all but the first are exact on the Uno."""
+BAUD = BAUDS[0]
+"""Baud rate of each board after a reset, and the default of everything that opens a port."""
 _BAUD = Field("rate", 0, 3, "", "Baud rate: 0 is 115200, 1 is 250000, 2 is 500000, 3 is 1000000.")
 _REAR = _int16("rear", "count", "Third wheel's counter, encoder 2 of the motor board; wraps at 16 bits.")
 _SONARS = tuple(

@@ -2,13 +2,14 @@
 
 import math
 import os
-from typing import Any, Dict, List, Mapping, Sequence, Tuple
+from typing import Any, List, Tuple
 
 from mrl_driver import yaml_file
 from mrl_driver.errors import ConfigError
 from mrl_driver.robot import models
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.models.drives import MecanumDrive, OmniDrive
+from mrl_driver.yaml_file import Reader
 
 from .margin import Mass, Point, Vehicle, hull
 
@@ -59,15 +60,15 @@ def parse(data: Any, path: str) -> Vehicle:
     Raises:
         ConfigError: a key is missing, unknown, of the wrong type or out of range.
     """
-    found = _keys(path, "", data, _KEYS, ("payloads",))
-    if not isinstance(found["name"], str) or not found["name"]:
-        raise _wrong(path, "name", found["name"], "a name")
-    contacts = _contacts(path, found["contacts"])
-    payloads = found.get("payloads", {})
-    if not isinstance(payloads, dict):
-        raise _wrong(path, "payloads", payloads, "a mapping of names to masses")
-    masses = {str(name): _mass(path, f"payloads.{name}", value) for name, value in payloads.items()}
-    return Vehicle(found["name"], contacts, _mass(path, "body", found["body"]), masses)
+    reader = Reader(path)
+    found = reader.keys("", data, _KEYS, ("payloads",))
+    payloads = reader.mapping("payloads", found.get("payloads", {}), "a mapping of names to masses")
+    return Vehicle(
+        reader.text("name", found["name"]),
+        _contacts(reader, found["contacts"]),
+        _mass(reader, "body", found["body"]),
+        {str(name): _mass(reader, f"payloads.{name}", value) for name, value in payloads.items()},
+    )
 
 
 def of_model(model: RobotModel) -> Vehicle:
@@ -96,48 +97,22 @@ def _corners(half_length_m: float, half_width_m: float) -> List[Point]:
     return [(x * half_length_m, y * half_width_m) for x, y in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
 
 
-def _contacts(path: str, value: Any) -> Tuple[Point, ...]:
+def _contacts(reader: Reader, value: Any) -> Tuple[Point, ...]:
     if not isinstance(value, list) or len(value) < 3:
-        raise _wrong(path, "contacts", value, "a list of three or more points [x, y]")
+        raise reader.fail("contacts", value, "a list of three or more points [x, y]")
     points = []
     for number, point in enumerate(value):
         if not isinstance(point, list) or len(point) != 2:
-            raise _wrong(path, f"contacts[{number}]", point, "x and y [m]")
-        x, y = (_number(path, f"contacts[{number}]", each, *_RANGES["x_m"]) for each in point)
+            raise reader.fail(f"contacts[{number}]", point, "x and y [m]")
+        x, y = (reader.number(f"contacts[{number}]", each, *_RANGES["x_m"]) for each in point)
         points.append((x, y))
     try:
         hull(points)
     except ConfigError as error:
-        raise ConfigError(f"{path}: {error}") from None
+        raise ConfigError(f"{reader.path}: {error}") from None
     return tuple(points)
 
 
-def _mass(path: str, key: str, data: Any) -> Mass:
-    found = _keys(path, f"{key}.", data, Mass._fields)
-    return Mass(*(_number(path, f"{key}.{name}", found[name], *_RANGES[name]) for name in Mass._fields))
-
-
-def _keys(
-    path: str, prefix: str, data: Any, keys: Sequence[str], optional: Sequence[str] = ()
-) -> Mapping[str, Any]:
-    if not isinstance(data, dict):
-        raise _wrong(path, prefix.rstrip(".") or "file", data, "a mapping of keys to values")
-    found: Dict[str, Any] = data
-    for name in found:
-        if name not in keys:
-            raise ConfigError(f"{path}: key {prefix}{name} is unknown, expected {', '.join(keys)}")
-    for name in keys:
-        if name not in found and name not in optional:
-            raise ConfigError(f"{path}: key {prefix}{name} is missing")
-    return found
-
-
-def _number(path: str, key: str, value: Any, low: float, high: float) -> float:
-    good = isinstance(value, (int, float)) and not isinstance(value, bool) and low <= value <= high
-    if not good:
-        raise _wrong(path, key, value, f"a number from {low:g} to {high:g}")
-    return float(value)
-
-
-def _wrong(path: str, key: str, got: Any, expected: str) -> ConfigError:
-    return ConfigError(f"{path}: {key} is {str(repr(got))[:80]}, expected {expected}")
+def _mass(reader: Reader, key: str, data: Any) -> Mass:
+    found = reader.keys(key, data, Mass._fields)
+    return Mass(*(reader.number(f"{key}.{name}", found[name], *_RANGES[name]) for name in Mass._fields))

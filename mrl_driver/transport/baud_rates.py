@@ -7,12 +7,10 @@ import math
 from typing import Any
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.protocol.table import BAUDS
+from mrl_driver.protocol.table import BAUD, BAUDS
 
 from .address import is_url
 
-FULL_BAUD = 115200
-"""At this rate and above the line is not the limit, but the board [Bd]."""
 FAST_BAUD = BAUDS[2]
 """Rate of a raised line [Bd]."""
 SLOW = "the board knows no other speed, or errors showed: update its firmware, or check cable and adapter"
@@ -30,7 +28,7 @@ def least_period_ms(baud: int) -> int:
 
     19 ms at 38400 baud, 38 at 19200, 75 at 9600.
     """
-    return 0 if baud >= FULL_BAUD else math.ceil(1000 * BYTE_BITS * FRAME_BYTES / (baud * SHARE))
+    return 0 if baud >= BAUD else math.ceil(1000 * BYTE_BITS * FRAME_BYTES / (baud * SHARE))
 
 
 def command_gap_s(baud: int) -> float:
@@ -48,5 +46,5 @@ def require_raisable(port: Any, baud: int) -> None:
         raise ConfigError(
             f"fast is given with port {port}, expected a device name: the bridge sets the speed behind it"
         )
-    if baud != FULL_BAUD:
-        raise ConfigError(f"fast is given with baud {baud}, expected {FULL_BAUD}, at which the board begins")
+    if baud != BAUD:
+        raise ConfigError(f"fast is given with baud {baud}, expected {BAUD}, at which the board begins")

@@ -10,10 +10,10 @@ from typing import Optional, Tuple
 
 from mrl_driver.errors import BoardTimeout
 from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder, encode_request
-from mrl_driver.protocol.table import BAUDS, BY_NAME, CAPABILITIES
+from mrl_driver.protocol.table import BAUD, BAUDS, BY_NAME, CAPABILITIES
 
 from .baud_rates import FAST_BAUD
-from .link import BAUD, Link
+from .link import Link
 
 ANSWER_S, PATIENCE_S = 0.25, 3.0
 """A request is repeated after `ANSWER_S`.  A board that was reset by opening its port may need `PATIENCE_S` [s]."""

@@ -21,11 +21,11 @@ import serial
 from serial.tools import list_ports
 
 from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, PortBusy, PortDenied, PortMissing
+from mrl_driver.protocol.table import BAUD
 
 from . import fork_guard
 from .port_search import Port, described_as
 
-BAUD = 115200
 WRITE_TIMEOUT_S = 0.1
 """If a port accepts no bytes for this time, that is an error [s].  Frames are short, and the system buffers thousands
 of bytes.

@@ -1,7 +1,9 @@
 """Opens a port of any kind: a device, a TCP connection, UDP datagrams, or a URL of pyserial."""
 
+from mrl_driver.protocol.table import BAUD
+
 from .address import TCP, UDP, is_url, scheme_of
-from .link import BAUD, Link, SerialLink
+from .link import Link, SerialLink
 
 CONNECT_S, AGAIN_S = 3.0, 0.8
 """Time for a host to accept a connection, at first and in a search [s].  The system repeats a lost first packet after

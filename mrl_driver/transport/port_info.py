@@ -2,27 +2,12 @@
 
 import grp
 import os
-from typing import Dict, List, NamedTuple, Optional, Tuple
+from typing import Dict, List, NamedTuple
 
 from .link import described, in_use, locked_by
 from .port_search import Port
+from .usb_ids import ARDUINO_VENDORS, text_of
 
-ARDUINO_VENDORS = (0x2341, 0x2A03)
-_KINDS: Dict[Tuple[int, int], str] = {
-    (0x2341, 0x0001): "Arduino Uno",
-    (0x2341, 0x0043): "Arduino Uno R3",
-    (0x2341, 0x0243): "Arduino Uno R3",
-    (0x2A03, 0x0043): "Arduino Uno R3",
-    (0x2341, 0x0010): "Arduino Mega 2560",
-    (0x2341, 0x0042): "Arduino Mega 2560 R3",
-    (0x0403, 0x6001): "FTDI adapter",
-    (0x0403, 0x6015): "FTDI adapter",
-    (0x067B, 0x2303): "PL2303 adapter",
-    (0x10C4, 0xEA60): "CP210x adapter",
-    (0x1A86, 0x7523): "CH340 adapter, as on copies of the Uno",
-    (0x1A86, 0x55D4): "CH9102 adapter",
-}
-"""Kinds of port by USB vendor and product id; source: the makers' drivers."""
 _PSEUDO_TERMINALS = range(136, 144)
 """Major device numbers of pseudo terminals on Linux."""
 _LOCK_FOLDERS = ("/run/lock", "/var/lock")
@@ -60,7 +45,7 @@ def facts_of(port: Port) -> PortFacts:
     vendor, product = port.vendor, port.product
     return PortFacts(
         port.device,
-        kind_of(vendor, product),
+        text_of(vendor, product),
         vendor in ARDUINO_VENDORS,
         port.links[0] if port.links else "",
         "" if vendor is None else f"{vendor:04x}:{product or 0:04x}",
@@ -69,14 +54,6 @@ def facts_of(port: Port) -> PortFacts:
         os.access(port.device, os.R_OK | os.W_OK),
         group_of(port.device),
     )
-
-
-def kind_of(vendor: Optional[int], product: Optional[int]) -> str:
-    """Return the kind of a USB device in words."""
-    if vendor is None:
-        return "serial port"
-    unknown = "Arduino board" if vendor in ARDUINO_VENDORS else "unknown USB device"
-    return _KINDS.get((vendor, product or 0), unknown)
 
 
 def user_of(device: str) -> str:

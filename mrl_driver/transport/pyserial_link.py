@@ -11,9 +11,10 @@ from typing import Optional
 import serial
 
 from mrl_driver.errors import LinkError, LinkLost, PortMissing
+from mrl_driver.protocol.table import BAUD
 
 from .address import scheme_of
-from .link import BAUD, READ_SIZE, WRITE_TIMEOUT_S, DescriptorLink
+from .link import READ_SIZE, WRITE_TIMEOUT_S, DescriptorLink
 
 _POLL_S = 0.05
 

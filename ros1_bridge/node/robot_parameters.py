@@ -4,6 +4,7 @@ from typing import Any, Mapping, NamedTuple, Tuple
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.navigation.protective_zones import Settings, require_settings
+from mrl_driver.protocol.table import BAUD
 from mrl_driver.transport.address import require_port
 from mrl_driver.transport.baud_rates import require_raisable
 
@@ -17,7 +18,7 @@ LEAST_RATE_HZ = 5.0
 ROWS = (
     Row("port", str, None, "", "Serial port of the board, such as /dev/ttyACM0, or tcp://HOST:PORT"),
     Row("port_timeout", float, 0.0, "s", "Wait this long for the port to appear", 0.0, 600.0),
-    Row("baud", int, 115200, "baud", "Speed of the serial port", choices=BAUDS),
+    Row("baud", int, BAUD, "baud", "Speed of the serial port", choices=BAUDS),
     Row(
         "fast",
         bool,

@@ -6,14 +6,14 @@ when its first reading comes.
 
 import math
 import os
+import sys
 from typing import Any, Callable, Dict, FrozenSet, NamedTuple, Tuple
 
-import yaml
 from genpy import Time
 from sensor_msgs.msg import FluidPressure, Illuminance, Imu, RelativeHumidity, Temperature
 from std_msgs.msg import Float32, Float32MultiArray, UInt16
 
-from mrl_driver.errors import ConfigError
+from mrl_driver import yaml_file
 from mrl_driver.geometry import quaternion_of
 from mrl_driver.protocol.table import SENSOR_BY_NAME
 from mrl_driver.session.sensor_polling import Reading, of_board
@@ -23,6 +23,7 @@ from .message_covariance import UNUSED_VARIANCE
 
 FILE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "sensors.yaml")
 Values = Tuple[float, ...]
+_MOST = sys.float_info.max
 
 
 class Entry(NamedTuple):
@@ -135,35 +136,25 @@ def load(path: str = FILE) -> Dict[str, Entry]:
     Raises:
         ConfigError: the file is missing or has an error; the message names topic, key, value and what was expected.
     """
-    try:
-        with open(path, encoding="utf-8") as file:
-            data = yaml.safe_load(file)
-    except (OSError, yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: {' '.join(str(error).split())}, expected topics as YAML") from None
-    if not isinstance(data, dict):
-        raise ConfigError(f"{path}: file is {data!r}, expected topics with their type")
-    return {topic: _entry(path, topic, found) for topic, found in data.items()}
+    data = yaml_file.read_expected(path, "topics as YAML")
+    reader = yaml_file.Reader(path)
+    topics = reader.mapping("", data, "topics with their type")
+    return {topic: _entry(reader, topic, found) for topic, found in topics.items()}
 
 
-def _entry(path: str, topic: Any, found: Any) -> Entry:
-    if not isinstance(found, dict):
-        raise ConfigError(f"{path}: {topic} is {found!r}, expected the keys {', '.join(Entry._fields)}")
-    for key in found:
-        if key not in Entry._fields:
-            raise ConfigError(f"{path}: {topic}.{key} is unknown, expected {', '.join(Entry._fields)}")
-    entry = Entry(**{"sensor": topic, "type": None, **found})
-    _require(path, topic, "sensor", entry.sensor in SENSOR_BY_NAME, entry, ", ".join(SENSOR_BY_NAME))
-    _require(path, topic, "type", entry.type in KINDS, entry, ", ".join(KINDS))
-    _require(path, topic, "factor", _is_number(entry.factor) and entry.factor != 0, entry, "a number but 0")
-    _require(path, topic, "variance", _is_number(entry.variance) and entry.variance >= 0, entry, "0 or more")
-    _require(path, topic, "frame", isinstance(entry.frame, str), entry, "a frame")
+def _entry(reader: yaml_file.Reader, topic: str, found: Any) -> Entry:
+    reader.mapping(topic, found, f"the keys {', '.join(Entry._fields)}")
+    entry = Entry(
+        **{"sensor": topic, "type": None, **reader.keys(topic, found, Entry._fields, Entry._fields)}
+    )
+    number = yaml_file.is_number
+    for key, good, expected in (
+        ("sensor", entry.sensor in SENSOR_BY_NAME, ", ".join(SENSOR_BY_NAME)),
+        ("type", entry.type in KINDS, ", ".join(KINDS)),
+        ("factor", number(entry.factor, -_MOST, _MOST) and entry.factor != 0, "a number but 0"),
+        ("variance", number(entry.variance, 0, _MOST), "0 or more"),
+        ("frame", isinstance(entry.frame, str), "a frame"),
+    ):
+        if not good:
+            raise reader.fail(f"{topic}.{key}", getattr(entry, key), expected)
     return entry
-
-
-def _require(path: str, topic: str, key: str, good: bool, entry: Entry, expected: str) -> None:
-    if not good:
-        raise ConfigError(f"{path}: {topic}.{key} is {getattr(entry, key)!r}, expected {expected}")
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any, Callable, Dict, Iterable, List, Optional, Union
 
 from mrl_driver.errors import SimulatorError
+from mrl_driver.protocol.table import BAUD
 
 from . import native
 from .elf import Image, Symbol, read_image
 from .records import PinChange, SentByte, Transfer, bit_of, pin_masks, pin_of, port_of
 
 UNO_HZ = 16000000
-HOST_BAUD = 115200
 LINE_BITS = 10  # 8N1: start, eight data bits, stop
 FLASH_BYTES, EEPROM_BYTES = 32768, 1024
 RAM_START, RAM_END = 0x100, 0x8FF
@@ -63,7 +63,7 @@ class AvrMachine:
             self._native.mrl_load(self._board, data, len(data), address)
         for address, data in image.eeprom:
             self.write_eeprom(address, data)
-        self.set_host_baud(HOST_BAUD)
+        self.set_host_baud(BAUD)
         self.power_cycle(seed)
 
     def close(self) -> None:

@@ -8,9 +8,9 @@ from typing import Any, List, Optional, Sequence, Tuple, Union
 
 from mrl_driver.errors import SimulatorError
 from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder, encode_request
-from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
+from mrl_driver.protocol.table import BAUD, BY_NAME, PARAMETER_BY_NAME
 from sim_arduino.avr.line import heard
-from sim_arduino.avr.machine import HOST_BAUD, AvrMachine
+from sim_arduino.avr.machine import AvrMachine
 
 from . import parameter_store
 
@@ -89,7 +89,7 @@ class AvrEngine:
         """Powers the board and wires the plant to it."""
         self.plant = plant
         self.machine = AvrMachine(elf, seed=seed)
-        self._host_baud: float = HOST_BAUD
+        self._host_baud: float = BAUD
         if robot_id is not None:
             self.machine.write_eeprom(0, configured_eeprom(elf, robot_id, _told(plant, robot_id)))
         if bootloader:

@@ -8,7 +8,7 @@ from collections import deque
 from typing import Deque, NamedTuple, Optional
 
 from mrl_driver.protocol.codec import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
-from mrl_driver.protocol.table import BAUDS, BY_CODE, TICK_S
+from mrl_driver.protocol.table import BAUD, BAUDS, BY_CODE, TICK_S
 from sim_arduino.hardware.omni3md import Omni3MD
 from sim_arduino.hardware.sonars import VOLTS_PER_COUNT
 from sim_arduino.hardware.wiring import Plant
@@ -90,7 +90,7 @@ class PythonBoard:
         )
         self.now_s = 0.0
         self._decoder = FrameDecoder(REQUESTS)
-        self._host_baud = float(BAUDS[0])
+        self._host_baud = float(BAUD)
         self._left = b""
         self._start("power_on")
 

@@ -4,9 +4,11 @@ import math
 from collections import deque
 from typing import Deque, Optional, Tuple
 
+from mrl_driver.protocol.table import BAUD
+
 OUT_BYTE_S = 85.0e-6
 """Time of one byte from a Uno set to 115200 baud [s]; its real baud rate is 117647."""
-IN_BYTE_S = 10.0 / 115200.0
+IN_BYTE_S = 10.0 / BAUD
 """Time of one byte from the host [s]."""
 _ROUNDING_S = 1e-9
 

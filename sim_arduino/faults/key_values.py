@@ -4,7 +4,7 @@ import math
 from typing import Any, Dict, NamedTuple, Tuple
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.yaml_file import read_expected, short
+from mrl_driver.yaml_file import Reader, read_expected
 from sim_arduino.hardware.robot_physics import Errors
 from sim_arduino.hardware.sonars import SonarErrors
 
@@ -81,9 +81,8 @@ def _given(source: str, text: str) -> Dict[str, Any]:
         parts = (part.partition("=") for part in text.split(",") if part)
         return {name.strip(): value for name, _, value in parts}
     data = read_expected(text, "a YAML file")
-    if not isinstance(data, dict):
-        raise ConfigError(f"{source}: file is {short(data)}, expected keys and numbers")
-    return {str(name): value for name, value in data.items()}
+    found = Reader(source).mapping("", data, "keys and numbers")
+    return {str(name): value for name, value in found.items()}
 
 
 def _number(source: str, key: Key, value: Any) -> float:

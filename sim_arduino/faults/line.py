@@ -9,7 +9,8 @@ import random
 from collections import deque
 from typing import Deque, Iterator, List, Tuple
 
-LINE_BAUD = 115200
+from mrl_driver.protocol.table import BAUD
+
 _FLOOD_STEP_S = 0.01
 _NEIGHBOUR_S = 0.01
 
@@ -230,7 +231,7 @@ class Baud(_Instant):
     """
 
     def __init__(self, rng: random.Random, rate: float) -> None:
-        self._bits = LINE_BAUD / rate
+        self._bits = BAUD / rate
 
     def run(self, data: bytes, now_s: float) -> bytes:
         """The bytes that the receiver reads."""

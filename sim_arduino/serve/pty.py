@@ -10,11 +10,11 @@ import tty
 from typing import Optional, Protocol, Tuple
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.protocol.table import BAUD
 
 _IN_OPEN, _IN_CLOSE = 0x20, 0x08 | 0x10
 _EVENT = struct.Struct("iIII")
 READ_BYTES = 256
-USUAL_BAUD = 115200
 _FAST = {termios.B500000: 500000, termios.B1000000: 1000000, 0o010000: 250000}
 """Baud rates by their code; the code for 250000 means "a custom rate".  All other codes count as the usual rate."""
 _EVERYTHING = 65536
@@ -120,7 +120,7 @@ class PtyPort:
     @property
     def baud(self) -> int:
         """Baud rate that the host has set if it is one of the higher rates, else 115200."""
-        return _FAST.get(termios.tcgetattr(self._slave)[5], USUAL_BAUD) if self.plugged else USUAL_BAUD
+        return _FAST.get(termios.tcgetattr(self._slave)[5], BAUD) if self.plugged else BAUD
 
     @property
     def is_open(self) -> bool:

@@ -9,11 +9,12 @@ import time
 from typing import Any, Dict, List, Optional, Protocol, Sequence, TextIO
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.protocol.table import BAUD
 from sim_arduino.board.engine import Engine
 from sim_arduino.hardware.wiring import Plant
 
 from .control import Control
-from .pty import USUAL_BAUD, Port
+from .pty import Port
 
 HEARTBEAT_S = 0.1
 """Longest wait; if a pause is longer than requested, this process has stalled."""
@@ -78,7 +79,7 @@ class PtyServer:
         self._start_s = time.monotonic()
         self._now_s = self._expected_s = 0.0
         self._line_free_s = 0.0
-        self._held, self._baud = b"", USUAL_BAUD
+        self._held, self._baud = b"", BAUD
         self._truth_due_s = 0.0 if truth and plant else float("inf")
         self._running = True
 

@@ -2,9 +2,10 @@
 
 from typing import Optional
 
+from mrl_driver.protocol.table import BAUD
 from mrl_driver.transport.listener import Listener, listen
 
-from .pty import READ_BYTES, USUAL_BAUD
+from .pty import READ_BYTES
 
 _EVERYTHING = 65536
 
@@ -38,7 +39,7 @@ class SocketPort:
         """Descriptor that is readable when a client comes; None if there is none."""
         return self._listener.watch if self._listener else None
 
-    baud = USUAL_BAUD
+    baud = BAUD
 
     @property
     def plugged(self) -> bool:

@@ -3,13 +3,14 @@
 import math
 import os
 import re
-from typing import Any, Dict, List, NamedTuple, Tuple
+from typing import Any, List, Mapping, NamedTuple, Tuple
 
 import numpy as np
 import yaml
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
+from mrl_driver.yaml_file import Reader, is_number
 
 from .geometry import Wall
 from .world import World
@@ -33,47 +34,34 @@ class GridMap(NamedTuple):
     origin: Pose
 
 
-def read(path: str, data: Dict[str, Any]) -> GridMap:
+def read(path: str, data: Mapping[str, Any]) -> GridMap:
     """The map described by the map_server YAML `data` of the file `path`.
 
     Raises:
         ConfigError: a key is missing, misspelt or out of range, or the picture cannot be read.
     """
-    for key in data:
-        if key not in _KEYS:
-            raise ConfigError(f"{path}: key {key} is unknown, expected {', '.join(_KEYS)}")
-    resolution = _number(path, "resolution", data, 0.001, 10.0, None)
-    occupied = _number(path, "occupied_thresh", data, 0.0, 1.0, 0.65)
-    free = _number(path, "free_thresh", data, 0.0, occupied, min(0.196, occupied))
-    negate = _number(path, "negate", data, 0, 1, 0)
-    if data.get("mode", "trinary") not in ("trinary", "scale"):
-        raise ConfigError(f"{path}: mode is {data['mode']!r}, expected trinary or scale")
-    image = data.get("image")
-    if not isinstance(image, str) or not image:
-        raise ConfigError(f"{path}: image is {image!r}, expected the name of a PGM file")
+    reader = Reader(path)
+    reader.keys("", data, _KEYS, _KEYS)
+    given = {"negate": 0, "occupied_thresh": 0.65, "mode": "trinary", **data}
+    resolution = reader.number("resolution", given.get("resolution"), 0.001, 10.0)
+    occupied = reader.number("occupied_thresh", given["occupied_thresh"], 0.0, 1.0)
+    free = reader.number("free_thresh", given.get("free_thresh", min(0.196, occupied)), 0.0, occupied)
+    negate = reader.number("negate", given["negate"], 0, 1)
+    if given["mode"] not in ("trinary", "scale"):
+        raise reader.fail("mode", given["mode"], "trinary or scale")
+    image = reader.text("image", given.get("image"), "the name of a PGM file")
+    corner = given.get("origin")
+    if (
+        not isinstance(corner, list)
+        or len(corner) != 3
+        or not all(is_number(each, -1e6, 1e6) for each in corner)
+    ):
+        raise reader.fail("origin", corner, "[x m, y m, yaw rad] from -1e6 to 1e6")
     values, most = _read_pgm(os.path.join(os.path.dirname(path), image))
     shares = np.arange(most + 1) / most
     darkness = shares if negate else 1.0 - shares
     states = np.where(darkness > occupied, OCCUPIED, np.where(darkness < free, FREE, UNKNOWN)).astype(np.int8)
-    return GridMap(states[values][::-1], resolution, _origin(path, data))
-
-
-def _number(path: str, key: str, data: Dict[str, Any], low: float, high: float, default: Any) -> float:
-    value = data.get(key, default)
-    if not isinstance(value, (int, float)) or isinstance(value, bool) or not low <= value <= high:
-        raise ConfigError(f"{path}: {key} is {value!r}, expected a number from {low:g} to {high:g}")
-    return float(value)
-
-
-def _origin(path: str, data: Dict[str, Any]) -> Pose:
-    value = data.get("origin")
-    if not isinstance(value, list) or len(value) != 3 or not all(_finite(each) for each in value):
-        raise ConfigError(f"{path}: origin is {value!r}, expected [x m, y m, yaw rad] from -1e6 to 1e6")
-    return Pose(*map(float, value))
-
-
-def _finite(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= 1e6
+    return GridMap(states[values][::-1], resolution, Pose(*map(float, corner)))
 
 
 _GAP = rb"(?:\s+|#[^\n]*\n)+"

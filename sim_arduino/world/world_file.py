@@ -17,12 +17,12 @@ If you have added sensors to the table, each is a key of `ambient` and a key for
 
 import math
 import os
-from typing import Any, Dict, List, Optional, Sequence, Tuple
+from typing import Any, List, Mapping, Optional, Sequence, Tuple
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
-from mrl_driver.yaml_file import read_expected, short
+from mrl_driver.yaml_file import Reader, is_number, read_expected
 from sim_arduino.world.environment import OTHERS, PIXELS, Environment
 
 from .geometry import Footprint, Wall, polygon
@@ -85,20 +85,19 @@ def load(name_or_path: str = "room") -> World:
     return _Reader(path, data).world()
 
 
-def _map_walls(path: str, data: Dict[str, Any]) -> List[Wall]:
+def _map_walls(path: str, data: Mapping[str, Any]) -> List[Wall]:
     from . import grid_map
 
     return grid_map.walls_of(grid_map.read(path, data))
 
 
-class _Reader:
-    """Reads checked values out of parsed YAML; each error names file, key, value and range."""
+class _Reader(Reader):
+    """Reads a world from parsed YAML."""
 
     def __init__(self, path: str, data: Any) -> None:
-        if not isinstance(data, dict):
-            raise ConfigError(f"{path}: file is {short(data)}, expected the keys {', '.join(KEYS)}")
-        self._path, self._data = path, data
-        self._known("", data, KEYS)
+        super().__init__(path)
+        self.mapping("", data, f"the keys {', '.join(KEYS)}")
+        self._data = self.keys("", data, KEYS, KEYS)
 
     def world(self) -> World:
         """The world in the file."""
@@ -117,27 +116,26 @@ class _Reader:
 
     def _robots(self) -> List[Mover]:
         found = self._get("robots", {})
-        if not isinstance(found, dict):
-            raise self._fail("robots", found, "names with [x, y, yaw] or [x, y, yaw, model]")
+        self.mapping("robots", found, "names with [x, y, yaw] or [x, y, yaw, model]")
         return [self._robot(str(name), row) for name, row in found.items()]
 
     def _robot(self, name: str, row: Any) -> Mover:
         key, model = f"robots.{name}", _FIRST_MODEL
         if not NAME.fullmatch(name):
-            raise self._fail(key, row, f"as its name {NAME_TEXT}")
+            raise self.fail(key, row, f"as its name {NAME_TEXT}")
         if isinstance(row, list) and len(row) == 4:
             *row, model = row
         if not isinstance(model, str):
-            raise self._fail(key, model, f"as its model one of {', '.join(models.names())}, or a file")
+            raise self.fail(key, model, f"as its model one of {', '.join(models.names())}, or a file")
         x, y, yaw = self._numbers(key, row, "x, y, yaw", [_COORDINATE, _COORDINATE, _ANGLE])
         try:
             body = models.load(model).body
         except ConfigError as error:
-            raise ConfigError(f"{self._path}: {key}: {error}") from None
+            raise ConfigError(f"{self.path}: {key}: {error}") from None
         return Mover(name, Pose(x, y, math.radians(yaw)), Footprint(body.length_m, body.width_m))
 
     def _scene(self) -> Scene:
-        north = self._number("north", self._get("north", 90.0), _ANGLE)
+        north = self.number("north", self._get("north", 90.0), *_ANGLE)
         sources = {key: self._sources(key, _RANGES[unit]) for key, unit in _SOURCES.items()}
         others = {name: self._sources(name, _RANGES[name]) for name in _OTHERS}
         return Scene(
@@ -149,13 +147,12 @@ class _Reader:
 
     def _ambient(self) -> Environment:
         found = self._get("ambient", {})
-        if not isinstance(found, dict):
-            raise self._fail("ambient", found, f"the keys {', '.join(_RANGES)}")
-        self._known("ambient.", found, tuple(_RANGES))
+        self.mapping("ambient", found, f"the keys {', '.join(_RANGES)}")
+        self.keys("ambient", found, tuple(_RANGES), _RANGES)
         usual = Environment()
         defaults = (usual.ambient_c, usual.alcohol_count, usual.dust_pcs_l, usual.light_count)
         temperature, alcohol, dust, light, *others = (
-            self._number(f"ambient.{key}", found.get(key, default), _RANGES[key])
+            self.number(f"ambient.{key}", found.get(key, default), *_RANGES[key])
             for key, default in zip(_RANGES, (*defaults, *usual.others.values()))
         )
         pixels, named = (temperature,) * PIXELS, dict(zip(usual.others, others))
@@ -168,49 +165,30 @@ class _Reader:
     def _map(self) -> List[Wall]:
         name = self._get("map", "")
         if not isinstance(name, str):
-            raise self._fail("map", name, "the name of a map_server YAML")
+            raise self.fail("map", name, "the name of a map_server YAML")
         if not name:
             return []
-        path = os.path.join(os.path.dirname(self._path), name)
+        path = os.path.join(os.path.dirname(self.path), name)
         data = read_expected(path, "a map_server YAML")
-        if not isinstance(data, dict):
-            raise ConfigError(f"{path}: file is {short(data)}, expected a map_server YAML")
-        return _map_walls(path, data)
+        return _map_walls(path, Reader(path).mapping("", data, "a map_server YAML"))
 
     def _get(self, key: str, default: Any) -> Any:
         value = self._data.get(key)
         return default if value is None else value
 
-    def _fail(self, key: str, got: Any, expected: str) -> ConfigError:
-        return ConfigError(f"{self._path}: {key} is {short(got)}, expected {expected}")
-
-    def _known(self, prefix: str, found: Dict[Any, Any], keys: Sequence[str]) -> None:
-        for key in found:
-            if key not in keys:
-                raise ConfigError(f"{self._path}: key {prefix}{key} is unknown, expected {', '.join(keys)}")
-
     def _rows(self, key: str, meaning: str, limits: _Limits) -> List[List[float]]:
         rows = self._get(key, [])
         if not isinstance(rows, list):
-            raise self._fail(key, rows, f"a list of [{meaning}]")
+            raise self.fail(key, rows, f"a list of [{meaning}]")
         return [self._numbers(f"{key}[{i}]", row, meaning, limits) for i, row in enumerate(rows)]
 
     def _numbers(self, key: str, row: Any, meaning: str, limits: _Limits) -> List[float]:
         if not isinstance(row, list) or len(row) != len(limits):
-            raise self._fail(key, row, f"[{meaning}], {len(limits)} numbers")
+            raise self.fail(key, row, f"[{meaning}], {len(limits)} numbers")
         for part, value, (low, high) in zip(meaning.split(", "), row, limits):
-            if not _is_number(value, low, high):
-                raise self._fail(key, row, f"[{meaning}] with {part} a number from {low:g} to {high:g}")
+            if not is_number(value, low, high):
+                raise self.fail(key, row, f"[{meaning}] with {part} a number from {low:g} to {high:g}")
         return [float(value) for value in row]
-
-    def _number(self, key: str, value: Any, limit: Tuple[float, float]) -> float:
-        if not _is_number(value, *limit):
-            raise self._fail(key, value, f"a number from {limit[0]:g} to {limit[1]:g}")
-        return float(value)
-
-
-def _is_number(value: Any, low: float, high: float) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and low <= value <= high
 
 
 def _sides(x: float, y: float, length: float, width: float, yaw_deg: float) -> List[Wall]:
@@ -231,6 +209,6 @@ def parse_pose(text: Optional[str], default: Pose) -> Pose:
         x, y, yaw = (float(part) for part in text.split(","))
     except ValueError:
         x = y = yaw = math.nan
-    if not all(_is_number(value, *_COORDINATE) for value in (x, y, yaw)):
+    if not all(is_number(value, *_COORDINATE) for value in (x, y, yaw)):
         raise ConfigError(f"pose is {text!r}, expected X,Y,YAW in metres and degrees, such as 0.5,0,90")
     return Pose(x, y, math.radians(yaw))

@@ -9,7 +9,7 @@ from statistics import median
 from typing import Dict, Iterable, List, Optional, Tuple
 
 from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder, encode_request
-from mrl_driver.protocol.table import COMMANDS
+from mrl_driver.protocol.table import BAUD, COMMANDS
 from sim_arduino.avr.elf import read_image
 from tests.bench.firmware_board import Reply, Rig, request
 
@@ -17,7 +17,6 @@ REQUESTS = 300
 STREAM_COMMANDS = 1000
 MOVE, STOP = 0xEB, 0xFC  # motor board commands
 WIDEST = 32767
-LINE_BAUD = 115200
 COMMAND_BYTES = 13
 BYTE_CYCLES = 1360  # 10 bits at UBRR 16 with U2X
 
@@ -144,9 +143,7 @@ def moves_at(elf: Path, rate_hz: float, seconds: float) -> bool:
     rig.machine.send(request("start_stream"))
     rig.run(0.1)
     rig.forget()
-    rig.machine.set_host_baud(
-        LINE_BAUD, max(0.0, 1 / rate_hz - COMMAND_BYTES * 10 / LINE_BAUD) / COMMAND_BYTES
-    )
+    rig.machine.set_host_baud(BAUD, max(0.0, 1 / rate_hz - COMMAND_BYTES * 10 / BAUD) / COMMAND_BYTES)
     sent = [(100 + i % 400, -100 - i % 700) for i in range(int(rate_hz * seconds))]
     end = rig.machine.send(b"".join(b"@11,%d,%de" % pair for pair in sent))
     rig.machine.run_until(end + int(10e-3 * rig.machine.frequency_hz))
@@ -163,7 +160,7 @@ def pair_of(data: bytes) -> Tuple[int, int]:
 
 def rate_figures(elf: Path) -> Dict[str, float]:
     """The highest rate that loses nothing in two seconds, in steps of 1 % down from the wire's."""
-    rate = LINE_BAUD / (10 * COMMAND_BYTES)
+    rate = BAUD / (10 * COMMAND_BYTES)
     while rate > 1 and not moves_at(elf, rate, 2.0):
         rate *= 0.99
     return {"commands_streaming_hz": rate}

@@ -3,7 +3,7 @@
 import pytest
 
 from mrl_driver.protocol.codec import Frame, Garbage, encode_request
-from mrl_driver.protocol.table import BAUDS, PARAMETER_BY_NAME, RESET_CAUSES, STOP_REASONS
+from mrl_driver.protocol.table import BAUD, BAUDS, PARAMETER_BY_NAME, RESET_CAUSES, STOP_REASONS
 
 from .bench import ANSWER_S
 
@@ -282,7 +282,7 @@ def test_the_speed_changes_once_the_answer_has_left(bench, rate):
     bench.board.set_host_baud(BAUDS[rate])
     assert bench.reply("read_protocol")[0] == 2
     assert bench.reply("set_baud", 0) == (0,)
-    bench.board.set_host_baud(BAUDS[0])
+    bench.board.set_host_baud(BAUD)
     assert bench.reply("read_protocol")[0] == 2
 
 

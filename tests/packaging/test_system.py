@@ -14,6 +14,7 @@ from click.testing import CliRunner
 from mrl_driver.cli.main import cli
 from mrl_driver.errors import ConfigError
 from mrl_driver.host import system_setup
+from mrl_driver.transport import usb_ids
 
 TERM = re.compile(r'[A-Z]+(\{\w+(/\w+)?\})?(==|=|\+=)"[^"]*"')
 
@@ -82,10 +83,15 @@ def test_rules_are_rules(tmp_path):
     assert all(TERM.fullmatch(term) for line in lines(tmp_path) for term in re.split(r", +", line.strip()))
 
 
-@pytest.mark.parametrize("kind", system_setup.KINDS, ids=lambda kind: kind.text)
+RULED = [kind for kind in usb_ids.KINDS if kind.ruled]
+
+
+@pytest.mark.parametrize("kind", RULED, ids=lambda kind: f"{kind.vendor:04x}:{kind.product:04x}")
 def test_each_adapter_is_left_alone_stays_awake_opens_and_has_a_name(tmp_path, kind):
     system_setup.install("ada", str(tmp_path))
-    own = [line for line in lines(tmp_path) if f'"{kind.vendor}"' in line and f'"{kind.product}"' in line]
+    own = [
+        line for line in lines(tmp_path) if f'"{kind.vendor:04x}"' in line and f'"{kind.product:04x}"' in line
+    ]
     for part in (
         'ENV{ID_MM_DEVICE_IGNORE}="1"',
         'ATTR{power/control}="on"',

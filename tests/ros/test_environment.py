@@ -51,7 +51,7 @@ def test_compass_says_that_it_has_no_rates():
         ("light: {type: std_msgs/UInt16, variance: -1}", "light.variance is -1, expected 0 or more"),
         ("light: 3", "light is 3, expected the keys sensor"),
         ("[1]", r"file is \[1\], expected topics"),
-        ("a: [", "expected topics as YAML"),
+        ("a: [", "no YAML"),
     ],
 )
 def test_wrong_sensor_topics_are_refused_by_name(tmp_path, text, message):

@@ -8,6 +8,7 @@ import click
 from mrl_driver.errors import ConfigError
 from mrl_driver.host import named_robots as book
 from mrl_driver.host.named_robots import Target
+from mrl_driver.protocol.table import BAUD
 from mrl_driver.robot import models
 from mrl_driver.transport.address import is_url, require_port
 
@@ -58,7 +59,7 @@ def _list(as_json: bool) -> None:
         click.echo("no robot has a name; give one with: mrl names add NAME --port PORT")
     width = max(map(len, named), default=0)
     for name, each in sorted(named.items()):
-        baud = "" if each.baud == book.BAUD else f"  {each.baud} Bd"
+        baud = "" if each.baud == BAUD else f"  {each.baud} Bd"
         click.echo(f"{name:<{width}}  {each.port}  {each.model}{baud}")
 
 
@@ -76,7 +77,7 @@ def _entry(target: Target) -> Dict[str, Any]:
     help="Serial port; need not be there.",
 )
 @click.option("--model", default="auto", show_default=True, help="Robot model, or a .yaml file.")
-@click.option("--baud", type=int, default=book.BAUD, show_default=True, help="Baud rate of the port.")
+@click.option("--baud", type=int, default=BAUD, show_default=True, help="Baud rate of the port.")
 def add(name: str, port: str, model: str, baud: int) -> None:
     """Name a robot, or change what the name means.
 

@@ -7,6 +7,7 @@ import click
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.host import named_robots
+from mrl_driver.protocol.table import BAUD
 
 from .shared import complete_port, json_option, say_json
 
@@ -82,4 +83,4 @@ def _ask(rows: Dict[str, Row], asked: Tuple[str, ...]) -> None:
 
 
 def _baud(name: Optional[str]) -> int:
-    return named_robots.read()[name].baud if name else named_robots.BAUD
+    return named_robots.read()[name].baud if name else BAUD

@@ -7,7 +7,6 @@ import stat
 from typing import Iterator, List
 
 from mrl_driver.transport.port_info import (
-    ARDUINO_VENDORS,
     group_of,
     is_terminal,
     programs_named,
@@ -15,6 +14,7 @@ from mrl_driver.transport.port_info import (
     user_of,
 )
 from mrl_driver.transport.port_search import Port
+from mrl_driver.transport.usb_ids import ARDUINO_VENDORS
 
 from .findings import FAULT, NOTE, OK, WARNING, Finding
 

@@ -8,7 +8,7 @@ import logging
 import math
 import os
 from functools import lru_cache
-from typing import Any, Container, Dict, List, Mapping, NamedTuple, Tuple, Type, TypeVar, get_type_hints
+from typing import Any, Dict, List, NamedTuple, Tuple, Type, TypeVar, get_type_hints
 
 from mrl_driver import folders, yaml_file
 from mrl_driver.errors import ConfigError
@@ -245,27 +245,24 @@ _RANGES = {
 }
 
 
-class _Reader:
-    """Reads and checks values from parsed YAML; each error names file, key, value and range."""
-
-    def __init__(self, path: str) -> None:
-        self._path = path
+class _Reader(yaml_file.Reader):
+    """Reads a model from parsed YAML."""
 
     def model(self, data: Any) -> RobotModel:
-        keys = self._keys("", data, RobotModel._fields, RobotModel._field_defaults)
+        keys = self.keys("", data, RobotModel._fields, RobotModel._field_defaults)
         body = self._section("body", keys["body"], Body)
         noise = ON_TRACKS if body.tracks else ON_WHEELS
         if "noise" in keys:
             noise = self._section("noise", keys["noise"], Noise)
         sonars = {
             name: self._section(f"sonars.{name}", value, SonarMount)
-            for name, value in self._keys("sonars", keys["sonars"], SONARS, SONARS).items()
+            for name, value in self.keys("sonars", keys["sonars"], SONARS, SONARS).items()
         }
         build = keys.get("build", SONAR)
         if build not in BUILDS:
-            raise self._fail("build", build, " or ".join(BUILDS))
+            raise self.fail("build", build, " or ".join(BUILDS))
         model = RobotModel(
-            name=self._text("name", keys["name"]),
+            name=self.text("name", keys["name"]),
             ids=self._ids(keys["ids"]),
             drive=self._drive(keys["drive"]),
             board=self._board(keys["board"]),
@@ -279,7 +276,7 @@ class _Reader:
         self._check_battery(model.battery)
         self._check_limits(model)
         if keys["drive"].get("kind") == TRACKED and not body.tracks:
-            raise self._fail("body.tracks", body.tracks, "true for a tracked drive")
+            raise self.fail("body.tracks", body.tracks, "true for a tracked drive")
         return model
 
     def _check_battery(self, battery: Battery) -> None:
@@ -287,7 +284,7 @@ class _Reader:
         if not levels[0] > levels[1] > levels[2] > levels[3]:
             got = ", ".join(f"{name} {value:g}" for name, value in zip(Battery._fields, levels))
             raise ConfigError(
-                f"{self._path}: battery is {got}, expected full_v above low_v above empty_v above off_v"
+                f"{self.path}: battery is {got}, expected full_v above low_v above empty_v above off_v"
             )
 
     def _check_limits(self, model: RobotModel) -> None:
@@ -295,51 +292,28 @@ class _Reader:
         for key, ceiling in (("linear_m_s", "linear_ceiling"), ("angular_rad_s", "angular_ceiling")):
             got, most = getattr(model.limits, key), model.board[ceiling] / 1000
             if got > most:
-                raise self._fail(f"limits.{key}", got, f"at most {most:g}, the board.{ceiling}")
+                raise self.fail(f"limits.{key}", got, f"at most {most:g}, the board.{ceiling}")
         if isinstance(model.drive, Drive) and model.limits.lateral_m_s:
             base = kind_of(model.drive)
-            raise self._fail("limits.lateral_m_s", model.limits.lateral_m_s, f"0 for a {base} base")
+            raise self.fail("limits.lateral_m_s", model.limits.lateral_m_s, f"0 for a {base} base")
 
     def _drive(self, data: Any) -> Base:
         """Read the section by its `kind`; without a kind it is a differential drive."""
-        found = dict(self._mapping("drive", data))
+        found = dict(self.mapping("drive", data))
         kind = found.pop("kind", DIFFERENTIAL)
         if not isinstance(kind, str) or kind not in KINDS:
-            raise self._fail("drive.kind", kind, ", ".join(KINDS))
+            raise self.fail("drive.kind", kind, ", ".join(KINDS))
         for name in EXTRA.get(kind, ()):
             if name not in found:
-                raise ConfigError(f"{self._path}: key drive.{name} is missing, {kind} drives need it")
+                raise ConfigError(f"{self.path}: key drive.{name} is missing, {kind} drives need it")
         try:
             return self._section("drive", found, KINDS[kind])  # type: ignore[return-value]
         except ConfigError as error:
             raise ConfigError(f"{error} (kind {kind})") from None
 
-    def _fail(self, key: str, got: Any, expected: str) -> ConfigError:
-        return ConfigError(f"{self._path}: {key or 'file'} is {yaml_file.short(got)}, expected {expected}")
-
-    def _mapping(self, key: str, data: Any) -> Mapping[str, Any]:
-        if not isinstance(data, dict):
-            raise self._fail(key, data, "a mapping of keys to values")
-        return data
-
-    def _keys(
-        self, key: str, data: Any, fields: Tuple[str, ...], optional: Container[str] = ()
-    ) -> Mapping[str, Any]:
-        found = self._mapping(key, data)
-        prefix = f"{key}." if key else ""
-        for name in found:
-            if name not in fields:
-                raise ConfigError(
-                    f"{self._path}: key {prefix}{name} is unknown, expected {', '.join(fields)}"
-                )
-        for name in fields:
-            if name not in found and name not in optional:
-                raise ConfigError(f"{self._path}: key {prefix}{name} is missing")
-        return found
-
     def _section(self, key: str, data: Any, kind: Type[_Section]) -> _Section:
         defaults = kind._field_defaults  # type: ignore[attr-defined]
-        found = self._keys(key, data, kind._fields, defaults)  # type: ignore[attr-defined]
+        found = self.keys(key, data, kind._fields, defaults)  # type: ignore[attr-defined]
         hints = get_type_hints(kind)
         return kind(
             **{
@@ -351,56 +325,35 @@ class _Reader:
 
     def _value(self, key: str, value: Any, kind: Any) -> Any:
         if kind is bool:
-            return self._flag(key, value)
+            return self.flag(key, value)
         if kind is float:
-            return self._number(key, value, *_RANGES.get(key.rpartition(".")[2], _POSITIVE))
+            return self.number(key, value, *_RANGES.get(key.rpartition(".")[2], _POSITIVE))
         return self._angles(key, value)
 
     def _angles(self, key: str, value: Any) -> Tuple[float, ...]:
         """Read the angles of three wheels: the motor board's order and spacing, rotated as a whole by any angle."""
         if isinstance(value, list) and len(value) == 3:
-            first, second, third = (self._number(key, each, -360.0, 360.0) for each in value)
+            first, second, third = (self.number(key, each, -360.0, 360.0) for each in value)
             if all(abs((b - a) % 360.0 - 120.0) < 1e-6 for a, b in ((first, second), (second, third))):
                 return first, second, third
-        raise self._fail(
+        raise self.fail(
             key, value, "three angles, each 120 deg on from the one before, such as [60, 180, 300]"
         )
 
-    def _number(self, key: str, value: Any, low: float, high: float) -> float:
-        good = isinstance(value, (int, float)) and not isinstance(value, bool) and low <= value <= high
-        if not good:
-            raise self._fail(key, value, f"a number from {low:g} to {high:g}")
-        return float(value)
-
-    def _flag(self, key: str, value: Any) -> bool:
-        if not isinstance(value, bool):
-            raise self._fail(key, value, "true or false")
-        return value
-
-    def _text(self, key: str, value: Any) -> str:
-        if not isinstance(value, str) or not value:
-            raise self._fail(key, value, "a name")
-        return value
-
-    def _whole(self, key: str, value: Any, low: int, high: int) -> int:
-        if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
-            raise self._fail(key, value, f"a whole number from {low} to {high}")
-        return value
-
     def _ids(self, value: Any) -> Tuple[int, ...]:
         if not isinstance(value, list) or not value:
-            raise self._fail("ids", value, "a list of robot ids")
-        ids = tuple(self._whole("ids", each, 1, 32767) for each in value)
+            raise self.fail("ids", value, "a list of robot ids")
+        ids = tuple(self.whole("ids", each, 1, 32767) for each in value)
         if len(set(ids)) < len(ids):
-            raise self._fail("ids", value, "each id once")
+            raise self.fail("ids", value, "each id once")
         return ids
 
     def _board(self, data: Any) -> Dict[str, int]:
         rows = {row.name: row for row in PARAMETERS if row.number in BOARD_KEYS}
         rows.update((row.name, row) for row in PARAMETERS if row.name in OWN_KEYS)
-        found = self._keys("board", data, tuple(rows), OWN_KEYS)
+        found = self.keys("board", data, tuple(rows), OWN_KEYS)
         return {
-            name: self._whole(f"board.{name}", found[name], row.low, row.high)
+            name: self.whole(f"board.{name}", found[name], row.low, row.high)
             for name, row in rows.items()
             if name in found
         }
