@@ -156,7 +156,8 @@ class TopicRobot:
         """Stop the robot and cancel its goals."""
         self.drive(0.0, 0.0)
         if self._move_base is not None:
-            self._move_base.cancel_all_goals()
+            # It may arrive after the next goal, so it names the time.
+            self._move_base.cancel_goals_at_and_before_time(rospy.Time.now())
 
 
 def ignore(_: Odometry) -> None:

@@ -5,29 +5,21 @@ The node takes goals from the action, from `move_base_simple/goal` (rviz's 2D Na
 """
 
 import math
-import queue
 import sys
 import threading
+import time
 from typing import Dict, List, Optional, Tuple
 
 import actionlib
 import rosgraph
 import rospy
 import tf2_ros
-from actionlib_msgs.msg import GoalID, GoalStatus
+from actionlib_msgs.msg import GoalStatus
 from geometry_msgs.msg import Pose as PoseMessage
 from geometry_msgs.msg import PoseStamped, Twist
-from move_base_msgs.msg import (
-    MoveBaseAction,
-    MoveBaseActionGoal,
-    MoveBaseActionResult,
-    MoveBaseFeedback,
-    MoveBaseGoal,
-    MoveBaseResult,
-)
+from move_base_msgs.msg import MoveBaseAction, MoveBaseFeedback, MoveBaseGoal, MoveBaseResult
 from nav_msgs.msg import Odometry, Path
 from sensor_msgs.msg import Range
-from std_msgs.msg import Header
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose, quaternion_of
@@ -41,6 +33,8 @@ from ros1_bridge.node.plane_poses import planar, yaw_of
 
 RATE_HZ = 20.0
 ODOM_LATE_S = 0.5
+FIRST_ODOM_S = 3.0
+"""If the first odometry takes longer, the node says that it waits for it."""
 SILENT_S = 0.5
 """A range is valid for this long; each sonar measures every 0.3 s."""
 TF_TIMEOUT_S = 1.0
@@ -114,20 +108,31 @@ class GoToGoal:
         self._server = actionlib.SimpleActionServer(
             "move_base", MoveBaseAction, self._execute, auto_start=False
         )
-        self._goal_out = rospy.Publisher("move_base/goal", MoveBaseActionGoal, queue_size=5)
-        self._lock = threading.Lock()  # guards the next two lines
-        self._awaited: Dict[str, queue.Queue[int]] = {}
-        self._tour = self._goals = 0
+        self._client = actionlib.ActionClient("move_base", MoveBaseAction)
+        self._lock = threading.Lock()  # guards the next line
+        self._tour = 0
         self._ending, self._idle = threading.Event(), threading.Event()
         self._idle.set()
-        rospy.Subscriber("move_base/result", MoveBaseActionResult, self._on_result)
-        rospy.Subscriber("odom", Odometry, self._on_odometry, queue_size=1, tcp_nodelay=True)
+        self._odom = rospy.Subscriber("odom", Odometry, self._on_odometry, queue_size=1, tcp_nodelay=True)
         for name in NAMES:
             rospy.Subscriber(f"sonar/{name}", Range, self._on_range, callback_args=name, queue_size=1)
+        rospy.on_shutdown(self._end)
+
+    def take_goals(self) -> None:
+        """Offer the action after the first odometry, then take goals from topics: each can be driven to at once."""
+        start_s = time.monotonic()
+        while not self._located.wait(POLL_S):
+            if rospy.is_shutdown():
+                return
+            if time.monotonic() - start_s > FIRST_ODOM_S:
+                rospy.logwarn_throttle(
+                    WARN_EVERY_S, f"no odometry on {self._odom.name} yet: goals are taken after the first"
+                )
+        self._server.start()
+        if not self._client.wait_for_server():  # shut down
+            return
         rospy.Subscriber("move_base_simple/goal", PoseStamped, self._on_goal, queue_size=1)
         rospy.Subscriber("waypoints", Path, self._on_waypoints, queue_size=1)
-        rospy.on_shutdown(self._end)
-        self._server.start()
 
     def _end(self) -> None:
         """End the goal, so that the client gets its result before the topics close."""
@@ -145,7 +150,7 @@ class GoToGoal:
 
     def _on_goal(self, message: PoseStamped) -> None:
         self._new_tour()
-        self._send(message, self._new_id())
+        self._client.send_goal(MoveBaseGoal(message))
 
     def _on_waypoints(self, message: Path) -> None:
         threading.Thread(target=self._visit, args=(message, self._new_tour()), daemon=True).start()
@@ -169,33 +174,17 @@ class GoToGoal:
 
     def _outcome(self, pose: PoseStamped) -> int:
         """Send a goal to this node's own action, and wait for its final status."""
-        goal_id = self._new_id()
-        answer: queue.Queue[int] = queue.Queue()
-        with self._lock:
-            self._awaited[goal_id] = answer
-        self._send(pose, goal_id)
-        while not rospy.is_shutdown():
-            try:
-                return answer.get(timeout=POLL_S)
-            except queue.Empty:
-                continue
-        return GoalStatus.LOST
+        over = threading.Event()
 
-    def _on_result(self, message: MoveBaseActionResult) -> None:
-        with self._lock:
-            answer = self._awaited.pop(message.status.goal_id.id, None)
-        if answer is not None:
-            answer.put(message.status.status)
+        def note(handle: actionlib.ClientGoalHandle) -> None:
+            if handle.get_comm_state() == actionlib.CommState.DONE:
+                over.set()
 
-    def _new_id(self) -> str:
-        with self._lock:
-            self._goals += 1
-            return f"{rospy.get_name()}-{self._goals}-{rospy.get_time():.3f}"
-
-    def _send(self, pose: PoseStamped, goal_id: str) -> None:
-        now = rospy.Time.now()
-        header, name = Header(stamp=now), GoalID(now, goal_id)
-        self._goal_out.publish(MoveBaseActionGoal(header, name, MoveBaseGoal(pose)))
+        handle = self._client.send_goal(MoveBaseGoal(pose), note)
+        while not over.wait(POLL_S):
+            if rospy.is_shutdown():
+                return GoalStatus.LOST
+        return int(handle.get_terminal_state())
 
     def _execute(self, goal: MoveBaseGoal) -> None:
         """Called by the action server for each goal, on its own thread."""
@@ -245,7 +234,8 @@ class GoToGoal:
     def _drive(self, seeker: GoalSeeker) -> bool:
         """Do one step; False if the goal has ended."""
         odometry, now_s = self._odometry, rospy.get_time()
-        if odometry is None or now_s - self._odometry_s > ODOM_LATE_S:
+        assert odometry is not None
+        if now_s - self._odometry_s > ODOM_LATE_S:
             return False
         ranges = self._placed_ranges(odometry.child_frame_id, now_s) if self._avoid else {}
         linear, angular = seeker.command(planar(odometry.pose.pose), ranges, now_s)
@@ -283,12 +273,10 @@ class GoToGoal:
         """The goal in the frame of odom.
 
         Raises:
-            ValueError: there is no odometry, no transform, or the goal is not finite; the message says which.
+            ValueError: there is no transform, or the goal is not finite; the message says which.
         """
-        self._located.wait(ODOM_LATE_S)  # the node may have just started
         odometry = self._odometry
-        if odometry is None:
-            raise ValueError("there is no odometry yet")
+        assert odometry is not None
         pose, frame, given = planar(goal.pose), odometry.header.frame_id, goal.header.frame_id
         if given in ("", frame):
             return pose
@@ -317,6 +305,6 @@ def main(argv: Optional[List[str]] = None) -> int:
     except ConfigError as error:
         rospy.logfatal(str(error))
         return error.exit_code
+    node.take_goals()
     rospy.spin()
-    del node
     return 0

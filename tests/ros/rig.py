@@ -196,6 +196,11 @@ class Rig:
         given = [f"_port:={port}"] if port else []
         return self.start("robot_node", str(NODE), f"__ns:={self.ns}", *given, *frames, *options)
 
+    def go_to_goal(self, *options: str, ns: str = "") -> Child:
+        """Start a node that seeks goals, in the rig's namespace or another."""
+        node = str(ROOT / "ros1_bridge" / "nodes" / "go_to_goal")
+        return self.start("go_to_goal", node, f"__ns:={ns or self.ns}", *options)
+
     def topic(self, name: str, kind: type, **options: Any) -> Topic:
         """Subscribe; a relative name is one of the rig's namespace."""
         topic = Topic(name if name.startswith("/") else f"{self.ns}/{name}", kind, **options)

@@ -21,7 +21,7 @@ from mrl_driver.robot.models import Limits
 from ros1_bridge.node.plane_poses import planar, yaw_of
 from tests.waiting import wait_until
 
-from .rig import ROOT, START_S
+from .rig import START_S
 from .tables import Offered, first_two, table
 
 LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
@@ -30,6 +30,7 @@ STEP_S = 0.05
 FREE = {"front": math.inf, "left": math.inf, "right": math.inf}
 PLACE_M, HEADING_RAD = 0.06, 0.1
 SUCCEEDED = actionlib.GoalStatus.SUCCEEDED
+UNDER_WAY = (actionlib.GoalStatus.PENDING, actionlib.GoalStatus.ACTIVE)
 
 
 def round_obstacle(pose, middle, radius_m):
@@ -99,29 +100,33 @@ def test_quaternion_without_direction_is_refused(w):
 
 @pytest.fixture(scope="module")
 def driven(module_rig, tmp_path_factory):
-    """A robot on a floor without end."""
+    """A robot on a floor without end, with a node that seeks goals and its client."""
     rig, world = module_rig, tmp_path_factory.mktemp("world") / "far.yaml"
     world.write_text("walls: [[99, -9, 99, 9]]\n")
     rig.node(rig.board("--robot", "traxbot", "--world", str(world)).port)
     rig.odom = rig.topic("odom", Odometry)
     rig.odom.wait()
-    rig.seeker = None
+    rig.plans = rig.topic("plan", Path)
+    rig.go_to_goal("_patience:=4")
+    rig.client = client_of(rig.ns)
     return rig
 
 
 @pytest.fixture
 def robot(driven):
-    """A robot at rest where its odometry begins, with a node that seeks goals: another if the last one has ended."""
-    if driven.seeker is None or driven.seeker.exit_code is not None:
-        node = str(ROOT / "ros1_bridge" / "nodes" / "go_to_goal")
-        driven.seeker = driven.start("go_to_goal", node, f"__ns:={driven.ns}", "_patience:=4")
-        driven.client = actionlib.SimpleActionClient(f"{driven.ns}/move_base", MoveBaseAction)
-        assert driven.client.wait_for_server(rospy.Duration(START_S))
-    driven.client.cancel_all_goals()
+    """The robot at rest where its odometry begins, without a goal."""
+    driven.client.cancel_goals_at_and_before_time(rospy.Time.now())  # may arrive after the next goal
     reset = rospy.ServiceProxy(f"{driven.ns}/reset_odometry", Trigger)
     wait_until(lambda: reset().success, step_s=0.1)
     wait_until(lambda: distance(driven, 0.0, 0.0) < 1e-3)
     return driven
+
+
+def client_of(ns):
+    """A client of the node in a namespace, connected with it."""
+    client = actionlib.SimpleActionClient(f"{ns}/move_base", MoveBaseAction)
+    assert client.wait_for_server(rospy.Duration(START_S))
+    return client
 
 
 def goal(robot, x, y, frame=None):
@@ -134,6 +139,12 @@ def goal(robot, x, y, frame=None):
 def distance(robot, x, y):
     at = robot.odom.messages[-1].pose.pose.position
     return math.hypot(at.x - x, at.y - y)
+
+
+def drives(client, twists):
+    """Wait until a goal drives the robot."""
+    wait_until(lambda: len(twists.arrived) >= 5 or client.get_state() not in UNDER_WAY)
+    assert client.get_state() in UNDER_WAY, client.get_goal_status_text()
 
 
 def test_client_of_move_base_reaches_its_goal(robot):
@@ -149,7 +160,7 @@ def test_client_of_move_base_reaches_its_goal(robot):
 def test_goal_that_cannot_be_had_ends_the_one_before(robot, x, frame, text):
     twists = robot.topic("cmd_vel", Twist)
     robot.client.send_goal(MoveBaseGoal(goal(robot, 2.0, 0.1)))
-    twists.wait(5)
+    drives(robot.client, twists)
     state = robot.client.send_goal_and_wait(MoveBaseGoal(goal(robot, x, 1.0, frame)), rospy.Duration(START_S))
     assert state == actionlib.GoalStatus.ABORTED
     assert text in robot.client.get_goal_status_text()
@@ -167,8 +178,7 @@ def test_goal_in_the_robots_frame_is_ahead_of_it(robot):
 def test_goal_of_another_client_takes_the_place_of_the_first(robot):
     ended = []
     robot.client.send_goal(MoveBaseGoal(goal(robot, 2.0, 0.1)), done_cb=lambda state, _: ended.append(state))
-    other = actionlib.SimpleActionClient(f"{robot.ns}/move_base", MoveBaseAction)
-    assert other.wait_for_server(rospy.Duration(START_S))
+    other = client_of(robot.ns)
     wait_until(lambda: robot.client.get_state() == actionlib.GoalStatus.ACTIVE)
     here = robot.odom.messages[-1].pose.pose
     target = PoseStamped(robot.odom.messages[-1].header, here)
@@ -197,7 +207,7 @@ def test_topics_of_the_node_are_those_of_the_table(robot):
 def test_cancelled_goal_stops_the_robot(robot):
     twists = robot.topic("cmd_vel", Twist)
     robot.client.send_goal(MoveBaseGoal(goal(robot, 0.9, 0.1)))
-    twists.wait(5)
+    drives(robot.client, twists)
     robot.client.cancel_goal()
     assert robot.client.wait_for_result(rospy.Duration(START_S))
     wait_until(lambda: twists.messages[-1] == Twist())
@@ -213,7 +223,6 @@ def test_waypoints_are_visited_in_turn(robot):
     ended = robot.topic("move_base/result", MoveBaseActionResult)
     ended.wait_for_publisher()
     at = robot.odom.messages[-1].pose.pose.position
-    plans = robot.topic("plan", Path)
     waypoints.publish(Path(poses=[goal(robot, at.x + ahead, at.y) for ahead in (0.1, 0.2)]))
 
     def arrived():
@@ -221,18 +230,21 @@ def test_waypoints_are_visited_in_turn(robot):
         return states[-2:] == [SUCCEEDED, SUCCEEDED] and distance(robot, at.x + 0.2, at.y) < PLACE_M
 
     wait_until(arrived, 60.0)
-    ways = [plan.poses[-1].pose.position.x for plan in plans.messages[-2:]]
+    ways = [plan.poses[-1].pose.position.x for plan in robot.plans.messages[-2:]]
     assert ways == pytest.approx([at.x + 0.1, at.x + 0.2])
 
 
 def test_node_that_ends_while_it_drives_ends_in_peace(robot):
-    robot.client.send_goal(MoveBaseGoal(goal(robot, 2.0, 0.1)))
-    twists = robot.topic("cmd_vel", Twist)
-    twists.wait(5)
-    robot.seeker.signal(signal.SIGINT)
-    assert robot.seeker.wait(START_S) and robot.seeker.exit_code == 0
+    """It has a namespace of its own, so that no client takes a node that has ended for the next one."""
+    ns, twists = f"{robot.ns}/ending", robot.topic("cmd_vel", Twist)
+    seeker = robot.go_to_goal(f"odom:={robot.ns}/odom", f"cmd_vel:={robot.ns}/cmd_vel", ns=ns)
+    client = client_of(ns)
+    client.send_goal(MoveBaseGoal(goal(robot, 2.0, 0.1)))
+    drives(client, twists)
+    seeker.signal(signal.SIGINT)
+    assert seeker.wait(START_S) and seeker.exit_code == 0
     wait_until(lambda: twists.messages[-1] == Twist())
-    wait_until(lambda: robot.client.get_state() == actionlib.GoalStatus.ABORTED)
-    assert robot.client.get_goal_status_text() == "the node ends"
-    said = "\n".join(robot.seeker.output())
+    wait_until(lambda: client.get_state() == actionlib.GoalStatus.ABORTED)
+    assert client.get_goal_status_text() == "the node ends"
+    said = "\n".join(seeker.output())
     assert "Traceback" not in said and "ERROR" not in said, said

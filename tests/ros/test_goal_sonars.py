@@ -1,13 +1,15 @@
-"""`go_to_goal` and its sonars: ranges that end, sonars that appear, and where they sit."""
+"""`go_to_goal` on a robot whose odometry and sonars begin late or end: what it offers, and when it stands."""
 
+import contextlib
 import math
 import threading
 
 import pytest
 import rospy
+from actionlib_msgs.msg import GoalStatusArray
 from geometry_msgs.msg import PoseStamped, Twist
 from move_base_msgs.msg import MoveBaseActionResult
-from nav_msgs.msg import Odometry, Path
+from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Range
 from tf2_msgs.msg import TFMessage
 
@@ -16,9 +18,7 @@ from ros1_bridge.navigation.go_to_goal_node import SILENT_S, Ranges
 from ros1_bridge.topics.messages import new_mounts
 from tests.waiting import wait_until
 
-from .rig import ROOT, START_S
-
-PERIOD_S, AGAIN_S = 0.05, 0.5
+PERIOD_S = 0.05
 
 
 def test_range_counts_for_a_while():
@@ -42,7 +42,7 @@ def test_sonar_that_appears_does_not_change_the_ranges_that_are_being_read():
 
 
 class Robot:
-    """A robot that stands, with a sonar ahead that sees nothing; its odometry never ends."""
+    """A robot that stands, with a sonar ahead that sees nothing; `locates` and `hears` say what it publishes."""
 
     def __init__(self, rig, frame):
         self._odom = rospy.Publisher(f"{rig.ns}/odom", Odometry, queue_size=1)
@@ -52,14 +52,15 @@ class Robot:
         self._odometry.pose.pose.orientation.w = 1.0
         self._range = Range(range=math.inf)
         self._range.header.frame_id = frame
-        self.hears = True
+        self.locates = self.hears = True
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._publish)
         self._thread.start()
 
     def _publish(self):
         while not self._end.wait(PERIOD_S):
-            self._odom.publish(self._odometry)
+            if self.locates:
+                self._odom.publish(self._odometry)
             if self.hears:
                 self._sonar.publish(self._range)
 
@@ -78,23 +79,14 @@ def robot(rig):
 
     def make(frame="sonar_front"):
         robots.append(Robot(rig, f"{rig.name}/{frame}"))
-        node = str(ROOT / "ros1_bridge" / "nodes" / "go_to_goal")
-        rig.start("go_to_goal", node, f"__ns:={rig.ns}", "_patience:=3")
+        rig.go_to_goal("_patience:=3")
         rig.commands, rig.results = (
             rig.topic("cmd_vel", Twist),
             rig.topic("move_base/result", MoveBaseActionResult),
         )
-        goal = PoseStamped()
-        goal.pose.position.x, goal.pose.orientation.w = 3.0, 1.0
-        goals, plans = rig.publisher("move_base_simple/goal", PoseStamped), rig.topic("plan", Path)
-
-        def sought():
-            """A node that has just started may still miss a goal, or its odometry."""
-            goals.publish(goal)
-            threading.Event().wait(AGAIN_S)
-            return plans.arrived
-
-        wait_until(sought, START_S)
+        for topic in (rig.commands, rig.results):
+            topic.wait_for_publisher()
+        seek(rig)
         return robots[-1]
 
     yield make
@@ -103,19 +95,44 @@ def robot(rig):
     mounts.unregister()
 
 
-def ended_for_the_sonar(rig):
+def seek(rig):
+    """Send a goal as rviz does."""
+    goal = PoseStamped()
+    goal.pose.position.x, goal.pose.orientation.w = 3.0, 1.0
+    rig.publisher("move_base_simple/goal", PoseStamped).publish(goal)
+
+
+def ended_for(rig, why):
     """A goal has ended, and said why."""
-    return any("no valid reading of sonar front" in each.status.text for each in rig.results.messages)
+    return any(why in each.status.text for each in rig.results.messages)
+
+
+def test_action_is_offered_after_the_first_odometry(rig):
+    """A goal before it could only be refused."""
+    node, status = rig.go_to_goal(), rig.topic("move_base/status", GoalStatusArray)
+    rig.publisher("odom", Odometry)
+    wait_until(lambda: any("no odometry on" in line for line in node.output()))
+    assert not status.messages
+    with contextlib.closing(Robot(rig, f"{rig.name}/sonar_front")):
+        status.wait()
+
+
+def test_robot_stands_when_its_odometry_stops_and_the_goal_is_given_up(rig, robot):
+    fitted = robot()
+    wait_until(lambda: any(twist.linear.x > 0 for twist in rig.commands.messages))
+    fitted.locates = False
+    wait_until(lambda: rig.commands.messages[-1] == Twist())
+    wait_until(lambda: ended_for(rig, "odometry has stopped"))
 
 
 def test_robot_stands_when_its_sonar_falls_silent_and_the_goal_is_given_up(rig, robot):
     fitted = robot()
-    wait_until(lambda: any(twist.linear.x > 0 for twist in rig.commands.messages), START_S)
+    wait_until(lambda: any(twist.linear.x > 0 for twist in rig.commands.messages))
     fitted.hears = False
-    wait_until(lambda: rig.commands.messages[-1].linear.x == 0.0, START_S)
-    wait_until(lambda: ended_for_the_sonar(rig), START_S)
+    wait_until(lambda: rig.commands.messages[-1].linear.x == 0.0)
+    wait_until(lambda: ended_for(rig, "no valid reading of sonar front"))
 
 
 def test_sonar_without_a_place_on_the_robot_holds_it(rig, robot):
     robot(frame="nowhere")
-    wait_until(lambda: ended_for_the_sonar(rig), START_S)
+    wait_until(lambda: ended_for(rig, "no valid reading of sonar front"))
