@@ -35,17 +35,17 @@ def write(robot: Configurable, values: Mapping[str, int]) -> None:
     """Set parameters until the board restarts.
 
     Raises:
-        BoardRefused: the board stores no configuration, or did not accept a value.
+        BoardRefused: the board stores no configuration, or refused a value.
         BoardTimeout: the board does not reply.
     """
     if not can_configure(robot):
         raise BoardRefused(
-            "board firmware 1 (2013) keeps no configuration; the robot's YAML alone was written; flash with: mrl flash"
+            "board firmware 1 (2013) cannot store parameters; only the robot's YAML file was written; see mrl flash"
         )
     for name, value in values.items():
         number = PARAMETER_BY_NAME[name].number
         if robot.ask(_WRITE, number, value) != (number, value):
-            raise BoardRefused(f"the board did not take {name} {value}")
+            raise BoardRefused(f"the board refused {name} {value}")
 
 
 def save(robot: Configurable) -> None:
@@ -56,4 +56,4 @@ def save(robot: Configurable) -> None:
         BoardTimeout: the board does not reply.
     """
     if robot.ask(_SAVE, timeout_s=2.0) != (1,):
-        raise BoardRefused("the board could not save its EEPROM; try again")
+        raise BoardRefused("the board could not write its EEPROM; try again")

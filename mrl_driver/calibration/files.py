@@ -1,6 +1,6 @@
 """The files of a calibration: the robot's YAML, and the runs so far, so that a calibration can be resumed.
 
-Files are replaced atomically, and the old YAML is kept beside the new one.
+Files are replaced atomically, and the old YAML file is kept next to the new one.
 """
 
 import datetime
@@ -48,8 +48,8 @@ class Progress:
             return []
         if found.get("settings") != dict(settings):
             raise ConfigError(
-                f"{self.path} holds runs of {procedure} with {_spelt(found.get('settings'))}, expected "
-                f"{_spelt(settings)}: give those options, or begin anew with --restart"
+                f"{self.path} holds runs of {procedure} with {_listed(found.get('settings'))}, expected "
+                f"{_listed(settings)}: give those options, or start again with --restart"
             )
         return [from_json(each) for each in found["runs"]]
 
@@ -96,13 +96,13 @@ def _read_state(path: str, robot: str) -> Dict[str, Any]:
     except (ValueError, KeyError, TypeError):
         good = False
     if not good:
-        raise ConfigError(f"{path} is no state of a calibration; move it away to begin anew")
+        raise ConfigError(f"{path} is not the state of a calibration; move it away to start again")
     if data.get("robot") != robot:
-        raise ConfigError(f"{path} is of {data.get('robot')}, expected {robot}; give another --output")
+        raise ConfigError(f"{path} belongs to {data.get('robot')}, expected {robot}; give another --output")
     return dict(data)
 
 
-def _spelt(settings: Any) -> str:
+def _listed(settings: Any) -> str:
     return ", ".join(f"{name} {value:g}" for name, value in dict(settings or {}).items()) or "no settings"
 
 
@@ -114,9 +114,11 @@ def require_writable(path: str) -> None:
     """
     folder = os.path.dirname(path) or "."
     if not path.endswith((".yaml", ".yml")):
-        raise ConfigError(f"--output {path}: expected a file that ends in .yaml")
+        raise ConfigError(f"--output is {path!r}, expected a file name that ends in .yaml")
     if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
-        raise ConfigError(f"--output {path}: folder {folder} cannot be written, expected one that can")
+        raise ConfigError(
+            f"--output {path}: folder {folder} is missing or not writable; give a file in another folder"
+        )
 
 
 def write_model(source: str, output: str, values: Mapping[Key, float], note: str) -> str:
@@ -136,9 +138,9 @@ def write_model(source: str, output: str, values: Mapping[Key, float], note: str
         OutputError: a file cannot be written.
     """
     text = _text_of(source)
-    said = f"{note}, {datetime.date.today().isoformat()}"
+    comment = f"{note}, {datetime.date.today().isoformat()}"
     for key, value in values.items():
-        text = _with_number(text, key, value, said)
+        text = _with_number(text, key, value, comment)
     _require_model(text, source, values)
     kept = _keep(output)
     replace_file(output, text)
@@ -167,18 +169,18 @@ def _spelling(value: float) -> str:
     return str(value) if isinstance(value, int) else f"{value:.8g}" if abs(value) >= 1e-3 else f"{value:.12f}"
 
 
-def _with_number(text: str, key: Key, value: float, said: str) -> str:
+def _with_number(text: str, key: Key, value: float, comment: str) -> str:
     """The text with one number changed, or added at the end of its section, or added with a new section."""
     section, name = key
     line = f"  {name}: {_spelling(value)}"
     start = re.search(rf"^{section}:[ \t]*(#.*)?$", text, re.MULTILINE)
     if start is None:
-        return f"{text.rstrip()}\n{section}:\n{line}  # {said}\n"
+        return f"{text.rstrip()}\n{section}:\n{line}  # {comment}\n"
     end = re.compile(r"^\S", re.MULTILINE).search(text, start.end())
     body = text[start.end() : end.start() if end else len(text)]
     rest = text[start.end() + len(body) :]
     old = re.search(rf"^[ \t]+{name}:.*$", body, re.MULTILINE)
-    new = f"{line}  # {said}"
+    new = f"{line}  # {comment}"
     body = body[: old.start()] + new + body[old.end() :] if old else f"{body.rstrip()}\n{new}\n"
     return text[: start.end()] + body + rest
 
@@ -188,15 +190,13 @@ def _require_model(text: str, source: str, values: Mapping[Key, float]) -> None:
     try:
         data = yaml_file.parse(text, source)
     except ConfigError:
-        raise ConfigError(
-            f"{source}: is written in a way that cannot be edited; nothing was changed"
-        ) from None
+        raise ConfigError(f"{source} cannot be edited automatically; nothing was changed") from None
     model = models.parse(data, source)
     for (section, name), value in values.items():
         found = _look_up(model, section, name)
         if abs(found - value) > 1e-6 * abs(value) + 1e-9:
             raise ConfigError(
-                f"{source}: {section}.{name} cannot be edited, expected it on a line of its own; nothing was changed"
+                f"{source}: {section}.{name} cannot be edited, expected it on its own line; nothing was changed"
             )
 
 

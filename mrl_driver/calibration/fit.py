@@ -34,11 +34,11 @@ class Measured(NamedTuple):
 
 
 BY_TAPE, BY_TRUTH = Measured(0.002, 0.01), Measured(2e-4, 1e-3)
-"""A person measures to 2 mm and half a degree; with emulated robots only the rounding of the counts is left."""
+"""A person measures to 2 mm and half a degree; for emulated robots only the rounding of the counts remains."""
 
 
 class Fit(NamedTuple):
-    """The fitted `drive`, the remaining `errors` (R, 3), and the standard deviation of each free number."""
+    """The fitted `drive`, the remaining `errors` (R, 3), and the standard deviation of each free parameter."""
 
     drive: Drive
     errors: np.ndarray
@@ -48,17 +48,17 @@ class Fit(NamedTuple):
 def fit(
     runs: Sequence[Run], start: Drive, free: Sequence[str], noise: Noise, measured: Measured = BY_TAPE
 ) -> Fit:
-    """The drive whose `free` numbers fit best to the ends of the runs.
+    """The drive whose `free` parameters fit the ends of the runs best.
 
     Args:
         runs: measured runs.
-        start: first guess, and the values of numbers that are not free.
-        free: names of the numbers to fit.
+        start: first guess, and the values of the parameters that are not free.
+        free: names of the parameters to fit.
         noise: weights of the runs; only the ratio of its values matters.
         measured: accuracy of the ends.
 
     Raises:
-        ConfigError: the runs do not determine these numbers.
+        ConfigError: the runs do not determine these parameters.
     """
     drive, runs = start, list(runs)
     roots = [_root(run, spread(start, run.steps, noise) + np.diag(measured.variances)) for run in runs]
@@ -68,7 +68,7 @@ def fit(
         step, _, rank, _ = np.linalg.lstsq(slopes, found, rcond=1e-9)
         if rank < len(free) or not np.all(np.isfinite(step)):
             raise ConfigError(
-                f"{len(runs)} runs do not tell {', '.join(free)}, expected ends with x, y and heading"
+                f"{len(runs)} runs do not determine {', '.join(free)}, expected ends with x, y and heading"
             )
         drive = _moved(drive, free, np.clip(step, -0.2, 0.2))
         if np.abs(step).max() < ENOUGH:
@@ -111,8 +111,8 @@ def outlier(runs: Sequence[Run], fitted: Fit) -> int:
     """Index of a run that contradicts the others, or -1."""
     if len(runs) < 4:
         return -1
-    ways = np.array([length_m(fitted.drive, run) for run in runs])
-    off = np.hypot(*np.nan_to_num(fitted.errors[:, :2]).T) / np.maximum(ways, 0.1)
+    lengths_m = np.array([length_m(fitted.drive, run) for run in runs])
+    off = np.hypot(*np.nan_to_num(fitted.errors[:, :2]).T) / np.maximum(lengths_m, 0.1)
     worst = int(np.argmax(off))
     usual = float(np.median(np.delete(off, worst)))
     return worst if off[worst] > max(OUTLIER * usual, 0.01) else -1
@@ -124,7 +124,7 @@ def estimate_noise(runs: Sequence[Run], fitted: Fit, free: int, measured: Measur
     Args:
         runs: the fitted runs.
         fitted: result of the fit.
-        free: count of fitted numbers, which have absorbed a part of the errors.
+        free: number of fitted parameters, which have absorbed a part of the errors.
         measured: accuracy of the ends.
 
     Raises:
@@ -132,7 +132,7 @@ def estimate_noise(runs: Sequence[Run], fitted: Fit, free: int, measured: Measur
     """
     if len(runs) < LEAST_RUNS_FOR_NOISE:
         raise ConfigError(
-            f"there are {len(runs)} runs, expected {LEAST_RUNS_FOR_NOISE} or more for the noise"
+            f"there are {len(runs)} runs, expected at least {LEAST_RUNS_FOR_NOISE} for the noise"
         )
     known = np.isfinite(fitted.errors)
     off = np.nan_to_num(fitted.errors)
@@ -140,12 +140,12 @@ def estimate_noise(runs: Sequence[Run], fitted: Fit, free: int, measured: Measur
     doubt = np.where(known, measured.variances, _UNKNOWN)[:, :, None] * np.eye(3)
     share = max(0.1, 1 - free / int(known.sum()))
 
-    def unlikelihood(wheel: float, turn: float) -> float:
+    def negative_log_likelihood(wheel: float, turn: float) -> float:
         covers = wheel * wheels + turn * turns + doubt
         squared = np.einsum("ri,ri->", off, np.linalg.solve(covers, off[:, :, None])[:, :, 0])
         return float(share * np.linalg.slogdet(covers)[1].sum() + squared)
 
-    return Noise(*_lowest(unlikelihood))
+    return Noise(*_lowest(negative_log_likelihood))
 
 
 _UNKNOWN = 1e6

@@ -46,10 +46,12 @@ def read(path: str, model: RobotModel) -> Replayed:
     for part in decode(Recording(path)):
         reader.take(part)
     if len(reader.rows) < 2:
-        raise ConfigError(f"{path} holds {len(reader.rows)} readings of the counters, expected a drive")
+        raise ConfigError(
+            f"{path} holds {len(reader.rows)} readings of the counters, expected a recording of a drive"
+        )
     jumps = reader.odometry.baseline.refused
     if jumps:
-        raise ConfigError(f"{path}: the counts jump {jumps} times, expected none; record the drive again")
+        raise ConfigError(f"{path}: the counts jump {jumps} times, expected no jump; record the drive again")
     return Replayed(np.array(reader.rows), reader.requests)
 
 
@@ -69,7 +71,7 @@ class _Reader:
     def take(self, part: Part) -> None:
         """Add one part of the recording."""
         for event in part.events:
-            if isinstance(event, Frame) and part.way == TO_BOARD:
+            if isinstance(event, Frame) and part.direction == TO_BOARD:
                 self.requests.append((part.time_s, event))
             elif isinstance(event, Frame):
                 self._frame(part.time_s, event)
@@ -78,7 +80,9 @@ class _Reader:
         if frame.code == _INFO:
             self._version, robot_id = frame.args[3:5]
             if robot_id not in self._model.ids:
-                raise ConfigError(f"{self._path} is of robot id {robot_id}, expected {self._model.name}")
+                raise ConfigError(
+                    f"{self._path} is a recording of robot id {robot_id}, expected a {self._model.name}"
+                )
         elif frame.code in _COUNTING:
             self._reading(time_s, frame)
 
@@ -105,4 +109,4 @@ def step_of(replayed: Replayed, code: int) -> Tuple[np.ndarray, Tuple[int, int]]
             first = max(0, int(np.searchsorted(times_s, begin_s)) - 1)
             last = int(np.searchsorted(times_s, ends[0])) if ends else len(times_s)
             return replayed.rows[first:last], (frame.args[0], frame.args[1])
-    raise ConfigError(f"the recording has no request {code} that moves a motor, expected a step from rest")
+    raise ConfigError(f"the recording holds no request {code} that moves a motor, expected a step from rest")

@@ -14,7 +14,7 @@ Numbers = Union[Sequence[float], np.ndarray]
 LEAST_READINGS = 10
 OVERSHOOT = 0.05
 """Gains may overshoot by this share."""
-TRIED = 2.0
+SIMULATED_S = 2.0
 """Length of the simulated steps [s]."""
 
 
@@ -54,16 +54,17 @@ def identify(times_s: Numbers, travel: Numbers, duty: float) -> Plant:
     Raises:
         ConfigError: there are too few readings, or the wheel did not turn in the commanded direction.
     """
-    t, way = np.asarray(times_s, float), np.asarray(travel, float)
+    t, travelled = np.asarray(times_s, float), np.asarray(travel, float)
     if len(t) < LEAST_READINGS:
-        raise ConfigError(f"a step has {len(t)} readings, expected {LEAST_READINGS} or more")
-    if way[-1] * duty <= 0 or abs(way[-1]) < 50:
+        raise ConfigError(f"a step has {len(t)} readings, expected at least {LEAST_READINGS}")
+    if travelled[-1] * duty <= 0 or abs(travelled[-1]) < 50:
         raise ConfigError(
-            f"a wheel made {way[-1]:.0f} counts at a duty of {duty:g}, expected it to turn so: run mrl calibrate wiring"
+            f"a wheel made {travelled[-1]:.0f} counts at a duty of {duty:g}, expected at least 50 in that direction: "
+            "run mrl calibrate wiring"
         )
     best = min(
         (
-            _misfit(t, way, tau, delay)
+            _misfit(t, travelled, tau, delay)
             for tau in np.geomspace(0.01, 1.0, 60)
             for delay in np.arange(0, 0.201, 0.01)
         ),
@@ -72,19 +73,21 @@ def identify(times_s: Numbers, travel: Numbers, duty: float) -> Plant:
     return Plant(abs(best[1] / duty), best[2], best[3])
 
 
-def _misfit(t: np.ndarray, way: np.ndarray, tau: float, delay: float) -> Tuple[float, float, float, float]:
+def _misfit(
+    t: np.ndarray, travelled: np.ndarray, tau: float, delay: float
+) -> Tuple[float, float, float, float]:
     since = np.maximum(0.0, t - delay)
     shape = since - tau * -np.expm1(-since / tau)
     square = float(shape @ shape)
-    speed = float(shape @ way) / square if square > 0 else 0.0
-    off = way - speed * shape
+    speed = float(shape @ travelled) / square if square > 0 else 0.0
+    off = travelled - speed * shape
     return float(off @ off), speed, float(tau), float(delay)
 
 
 def simulate(plants: Sequence[Plant], gains: np.ndarray, target: float, period_s: float) -> np.ndarray:
     """(G, P, T) speeds, as shares of `target`, after a step from rest, for each of G gains (G, 3) and P plants.
 
-    `target` is a share of the slowest plant's full speed; T control periods make up `TRIED`.
+    `target` is a share of the slowest plant's full speed; T control periods make up `SIMULATED_S`.
     """
     full = np.array([plant.full_counts_s for plant in plants])
     decay = np.exp(-period_s / np.array([plant.time_constant_s for plant in plants]))
@@ -94,7 +97,7 @@ def simulate(plants: Sequence[Plant], gains: np.ndarray, target: float, period_s
     wanted, rows = target * full.min(), []
     kp, ki, kd = (gains[:, i, None] / 1000.0 for i in range(3))
     duties: List[np.ndarray] = []
-    for _ in range(int(TRIED / period_s)):
+    for _ in range(int(SIMULATED_S / period_s)):
         error = (wanted - speed) / full.max()
         total = np.clip(total + ki * error, -1, 1)
         duties.append(np.clip(kp * error + total + kd * (error - before), -1, 1))
@@ -112,7 +115,7 @@ def suggest(plants: Sequence[Plant], period_s: float = 0.05) -> Gains:
     """Gains with the smallest time-weighted error of the worse wheel and at most `OVERSHOOT`.
 
     Raises:
-        ConfigError: no tried gains are good enough.
+        ConfigError: none of the gains tried is good enough.
     """
     steps = np.geomspace(50, 3000, 19)
     tried = np.array([(p, i, d * p) for p in steps for i in steps for d in (0.0, 0.15, 0.3)])
@@ -122,15 +125,17 @@ def suggest(plants: Sequence[Plant], period_s: float = 0.05) -> Gains:
     softer = simulate(plants, 1.5 * tried, 0.4, period_s)
     steady = (heights.max(axis=2) < 1 + OVERSHOOT).all(axis=1) & (softer.max(axis=2) < 1.25).all(axis=1)
     if not steady.any():
-        raise ConfigError(f"no gains keep {plants} below {OVERSHOOT:.0%} of overshoot; check the steps")
+        raise ConfigError(
+            f"no gains keep {plants} below an overshoot of {OVERSHOOT:.0%}; check the recorded steps"
+        )
     best = tried[np.argmin(np.where(steady, cost, np.inf))]
     return Gains(*(int(round(value)) for value in best))
 
 
 def describe(times_s: Numbers, travel: Numbers, target_counts_s: float) -> Response:
     """Figures of a step of the speed at time 0, from counts [count]."""
-    t, way = np.asarray(times_s, float), np.asarray(travel, float)
-    middle, speed = speeds(t, way)
+    t, travelled = np.asarray(times_s, float), np.asarray(travel, float)
+    middle, speed = speeds(t, travelled)
     share = speed / target_counts_s
     low, high = _first(middle, share >= 0.1), _first(middle, share >= 0.9)
     outside = np.flatnonzero(np.abs(share - 1) > 0.05)

@@ -1,4 +1,4 @@
-"""The calibrations of geometry: the runs to drive, their evaluation, and the numbers for model and board."""
+"""The calibrations of geometry: the runs to drive, their evaluation, and the new parameters of model and board."""
 
 from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
@@ -17,7 +17,7 @@ from .trial import LEFT, NEITHER, RIGHT, Run, errors, require_plausible, require
 
 STRAIGHT, TURN, UMBMARK = "straight", "turn", "umbmark"
 _WHOLE_TURN = 2 * np.pi
-NOWHERE = Pose(np.nan, np.nan, np.nan)
+NOT_MEASURED = Pose(np.nan, np.nan, np.nan)
 """A pose that was not measured."""
 
 
@@ -44,15 +44,15 @@ def straight_legs(runs: int, distance_m: float, speeds: Speeds) -> List[Leg]:
     """Straight runs, alternately forward and back."""
 
     def leg(number: int) -> Leg:
-        sign, way = (1, "forward") if number % 2 == 0 else (-1, "back")
-        name = f"run {number + 1} of {runs}, {distance_m:g} m {way}"
+        sign, direction = (1, "forward") if number % 2 == 0 else (-1, "back")
+        name = f"run {number + 1} of {runs}, {distance_m:g} m {direction}"
         return Leg(name, NEITHER, lambda robot: manoeuvres.straight(robot, sign * distance_m, speeds))
 
     return [leg(number) for number in range(runs)]
 
 
 def turn_legs(runs: int, turns: int, speeds: Speeds) -> List[Leg]:
-    """Turns, alternately left and right; the first two are one whole turn, so that the others are counted correctly."""
+    """Turns, alternately left and right; the first two are one whole turn each, to count the others safely."""
 
     def leg(number: int) -> Leg:
         sign, sense = (1, LEFT) if number % 2 == 0 else (-1, RIGHT)
@@ -83,8 +83,8 @@ def gather(
     """Drive the legs one after the other; `keep` gets each run as soon as it is measured.
 
     Raises:
-        ConfigError: a run went the wrong way, its counts jumped, or its end is impossible and the ruler does not
-            measure again; this run is not kept.
+        ConfigError: a run went in the wrong direction, its counts jumped, or its end is impossible and the ruler
+            does not measure again; this run is not kept.
         WheelFault, BoardTimeout: the robot could not drive a run.
     """
     track = track or Track(robot)
@@ -95,7 +95,7 @@ def gather(
         track.begin()
         leg.drive(robot)
         steps, name = manoeuvres.steps_of(track.end()), leg.name
-        require_sense(drive, Run(steps, NOWHERE), leg.sense, name)
+        require_sense(drive, Run(steps, NOT_MEASURED), leg.sense, name)
         end = ruler.end(name, lambda pose: require_plausible(drive, Run(steps, pose), name))  # noqa: B023
         keep(Run(steps, end))
 
@@ -104,17 +104,17 @@ def check_recorded(procedure: str, drive: Drive, run: Run, name: str) -> None:
     """Refuse a recorded run that does not belong to this procedure.
 
     Raises:
-        ConfigError: the run belongs to another procedure, or its end is too far from that of the counts.
+        ConfigError: the run belongs to another procedure, or its end is too far from the end by the counts.
     """
     found = sense(drive, run)
     if (found == NEITHER) != (procedure == STRAIGHT):
-        raise ConfigError(f"{name} went {found}, which is no run of {procedure}")
+        raise ConfigError(f"{name} went {found}, expected a run of mrl calibrate {procedure}")
     require_sense(drive, run, found, name)
     require_plausible(drive, run, name)
 
 
 def free_numbers(procedure: str, tracks: bool) -> Tuple[str, ...]:
-    """The numbers that a procedure fits; on tracks the slip replaces the wheelbase."""
+    """The parameters that a procedure fits; on tracks the slip replaces the wheelbase."""
     turning = SLIP if tracks else AXLE
     return {STRAIGHT: (SCALE, OFFSET), TURN: (turning,), UMBMARK: (OFFSET, turning)}[procedure]
 
@@ -147,7 +147,7 @@ def evaluate(
         result = _umbmark(runs, found, before, side_m)
         start = umbmark.corrected(before, result, model.body.tracks)
     elif len(runs) < 2:
-        raise ConfigError(f"there is {len(runs)} run, expected 2 or more")
+        raise ConfigError(f"there is {len(runs)} run, expected at least 2")
     elif procedure == TURN:
         start = fit.fit(runs[:2], before, free, model.noise, measured).drive
     fitted = fit.fit(runs, start, free, model.noise, measured)
@@ -155,8 +155,8 @@ def evaluate(
     if odd >= 0:
         off_m = float(np.hypot(*fitted.errors[odd, :2]))
         raise ConfigError(
-            f"run {odd + 1} of {len(runs)} ends {off_m:.3f} m from where the others would have it: measured wrong, or "
-            f"something slipped; drive it again with --again {odd + 1}"
+            f"run {odd + 1} of {len(runs)} ends {off_m:.3f} m from where the others predict: wrongly measured, "
+            f"or a wheel slipped; drive it again with --again {odd + 1}"
         )
     together = [*runs, *others]
     noise = None
@@ -175,7 +175,7 @@ def _umbmark(runs: List[Run], found: np.ndarray, drive: Drive, side_m: float) ->
 
 
 def values_for(model: RobotModel, outcome: Outcome) -> Dict[Key, float]:
-    """Numbers of the robot's YAML that change.
+    """Values of the robot's YAML file that change.
 
     The board gets radii that make commanded speeds correct; they grow with wheels and wheelbase.
     """

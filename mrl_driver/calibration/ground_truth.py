@@ -54,7 +54,7 @@ def truth_file(path: str) -> Callable[[], Pose]:
         ConfigError: the file does not exist; the function also raises it if the file holds no pose.
     """
     if not os.path.isfile(path):
-        raise ConfigError(f"--truth {path}: no such file, expected the one that mrl-sim --truth writes")
+        raise ConfigError(f"--truth {path} does not exist, expected the file that mrl-sim --truth writes")
     return lambda: _last_pose(path)
 
 
@@ -67,7 +67,7 @@ def _last_pose(path: str) -> Pose:
         line = json.loads(whole)
         return Pose(float(line["x"]), float(line["y"]), float(line["yaw"]))
     except (ValueError, KeyError, TypeError):
-        raise ConfigError(f"--truth {path}: its end is {whole[:60]!r}, expected a pose as JSON") from None
+        raise ConfigError(f"--truth {path} ends with {whole[:60]!r}, expected a pose as JSON") from None
 
 
 def parse_pose(text: str) -> Pose:
@@ -83,7 +83,7 @@ def parse_pose(text: str) -> Pose:
         numbers = []
     if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
         raise ConfigError(
-            f"got {text!r}, expected x y [m] and perhaps the heading [deg], such as: 0.012 -0.034 1.5"
+            f"got {text!r}, expected x y [m] and optionally the heading [deg], such as: 0.012 -0.034 1.5"
         )
     if max(abs(numbers[0]), abs(numbers[1])) > 100:
         raise ConfigError(f"got {text!r}, expected x and y in metres, not centimetres")

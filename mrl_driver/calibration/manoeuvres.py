@@ -79,7 +79,7 @@ class Speeds(NamedTuple):
 
 
 class Track:
-    """Records the motion of the wheels between `begin` and `end`.  Make one per robot: its callback stays."""
+    """Records the wheels between `begin` and `end`.  Make one per robot: its callback stays registered."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
@@ -108,13 +108,13 @@ class Track:
         """(N, 4) readings since `begin`: time [s], right, left [count, without wrap], range of the front sonar [m].
 
         Raises:
-            ConfigError: the counts jumped, so that the run is not usable.
+            ConfigError: the counts jumped, which makes the run unusable.
         """
         jumps = self._robot.statistics.refused_counts - self._refused
         if jumps:
             raise ConfigError(
-                f"the counts jumped {jumps} times in this run, expected none: look at encoder plugs and motor power, "
-                "then drive it again"
+                f"the counts jumped {jumps} times in this run, expected no jump: check encoder plugs and motor power, "
+                "then drive the run again"
             )
         return np.array(self._rows).reshape(-1, 4)
 
@@ -145,7 +145,9 @@ def settle(robot: Robot) -> None:
         still_s = still_s + TICK_S if counts == last and robot.stopped else 0.0
         last = counts
         if waited_s > PATIENCE_S:
-            raise BoardTimeout(f"the wheels still turn {PATIENCE_S:g} s after a stop; switch the motors off")
+            raise BoardTimeout(
+                f"the wheels still turn {PATIENCE_S:g} s after a stop; switch the motor power off"
+            )
 
 
 def _counts(robot: Robot) -> Wheels:
@@ -166,15 +168,15 @@ def follow(robot: Robot, steer: Callable[[Pose], Command], patience_s: float) ->
             break
         taken = robot.drive(*command)
         if robot.mismatch is not None:
-            raise WheelFault(f"stopped early: {robot.mismatch}; see mrl calibrate wiring")
+            raise WheelFault(f"stopped early: {robot.mismatch}; run mrl calibrate wiring")
         if not taken:
             robot.stop()
-            raise BoardTimeout(f"the robot took no command ({robot.stop_reason}); see mrl doctor")
+            raise BoardTimeout(f"the robot accepted no command ({robot.stop_reason}); run mrl doctor")
         robot.wait(TICK_S)
         waited_s += TICK_S
         if waited_s > patience_s:
             robot.stop()
-            raise BoardTimeout(f"the robot did not arrive in {patience_s:.0f} s; is something in its way?")
+            raise BoardTimeout(f"the robot did not arrive within {patience_s:.0f} s; clear its path")
     settle(robot)
 
 
@@ -243,7 +245,7 @@ def spin_motors(robot: Robot, code: int, left_percent: int, right_percent: int, 
         if not robot.ready:
             robot.stop()
             raise BoardTimeout(
-                f"telemetry ended while the motors turned ({robot.stop_reason}); see mrl doctor"
+                f"telemetry ended while the motors turned ({robot.stop_reason}); run mrl doctor"
             )
         robot.request(code, left_percent, right_percent)
         robot.wait(KEEP_ALIVE_S)

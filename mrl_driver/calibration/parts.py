@@ -16,17 +16,17 @@ from .sonar_curve import Curve
 
 DUTY_PERCENT, WIRING_S = 35, 0.5
 STEP_PERCENT, STEP_S = 40, 1.5
-STAND_S, FRESH_S = 1.5, 0.7
-"""Time that the robot stands before the wall, and time after which its readings belong to this stand [s]."""
+STOP_S, FRESH_S = 1.5, 0.7
+"""Duration of a stop in front of the wall, and time after which the readings belong to this stop [s]."""
 
-LOOKS, LEAST_OF_WAY = 5, 0.7
-"""Number of readings before the robot drives on, and least plausible range as a share of the distance."""
+READINGS, MIN_RANGE_SHARE = 5, 0.7
+"""Number of readings at each distance, and smallest plausible range as a share of the distance."""
 
-Look = Callable[[str, Pose], Tuple[Optional[str], int]]
-"""Which wheel turned, and which way, when this motor was driven and the ruler says that; see `wiring.Trial`."""
+Observe = Callable[[str, Pose], Tuple[Optional[str], int]]
+"""Which wheel turned, and in which direction, given the driven motor and the measured end; see `wiring.Trial`."""
 
 
-def check_wiring(robot: Robot, track: Track, ruler: Ruler, look: Look) -> List[str]:
+def check_wiring(robot: Robot, track: Track, ruler: Ruler, observe: Observe) -> List[str]:
     """Turn each motor forward alone, without speed control; returns the faults of the wires."""
     trials = []
     for motor, percents in ((wiring.LEFT, (DUTY_PERCENT, 0)), (wiring.RIGHT, (0, DUTY_PERCENT))):
@@ -38,7 +38,9 @@ def check_wiring(robot: Robot, track: Track, ruler: Ruler, look: Look) -> List[s
         rows = track.end()
         right, left = (int(value) for value in rows[-1, 1:3] - rows[0, 1:3])
         trials.append(
-            wiring.Trial(motor, right, left, *look(motor, ruler.end(f"{motor} motor alone", lambda _: None)))
+            wiring.Trial(
+                motor, right, left, *observe(motor, ruler.end(f"{motor} motor alone", lambda _: None))
+            )
         )
     return wiring.diagnose(trials)
 
@@ -47,7 +49,7 @@ def check_wiring(robot: Robot, track: Track, ruler: Ruler, look: Look) -> List[s
 
 
 class SonarPlan(NamedTuple):
-    """Distances from the wall at which the robot stands: from `start_m` to `stop_m` in steps of `step_m`."""
+    """Distances from the wall at which the robot stops: from `start_m` to `stop_m` in steps of `step_m`."""
 
     start_m: float = 2.0
     stop_m: float = 0.2
@@ -63,8 +65,8 @@ class SonarPlan(NamedTuple):
         count = int((self.start_m - self.stop_m) / self.step_m + 1e-6) + 1 if good else 0
         if count < sonar_curve.LEAST_DISTANCES:
             raise ConfigError(
-                f"from {self.start_m:g} m by {self.step_m:g} m to {self.stop_m:g} m are {count} distances, expected "
-                f"{sonar_curve.LEAST_DISTANCES} or more between 6 m and 0.15 m"
+                f"--start {self.start_m:g} --step {self.step_m:g} --stop {self.stop_m:g} gives {count} distances, "
+                f"expected at least {sonar_curve.LEAST_DISTANCES} between 6 m and 0.15 m"
             )
         return [self.start_m - i * self.step_m for i in range(count)]
 
@@ -74,7 +76,7 @@ def approach_wall(
     track: Track,
     distances: Sequence[float],
     speeds: Speeds,
-    say: Callable[[str], None],
+    report: Callable[[str], None],
     keep: Callable[[np.ndarray], None],
 ) -> None:
     """Drive towards the wall and stop at each distance [m]; the robot starts at the first one.
@@ -82,55 +84,55 @@ def approach_wall(
     After each distance, `keep` gets the rows of the track since the first distance.
 
     Raises:
-        ConfigError: the wall, or another object, is much nearer than expected.
+        ConfigError: the wall, or another object, is much closer than expected.
     """
     line = robot.pose
     track.begin()
     for number, distance_m in enumerate(distances, 1):
         if number > 1:
             manoeuvres.straight(robot, distances[0] - distance_m, speeds, line)
-        say(f"{number} of {len(distances)}: {distance_m:.2f} m")
-        _require_way(_look_ahead(robot), distance_m)
+        report(f"{number} of {len(distances)}: {distance_m:.2f} m")
+        _require_free_path(_front_range(robot), distance_m)
         keep(track.so_far())
 
 
-def _look_ahead(robot: Robot) -> float:
-    """Median range of the front sonar while the robot stands [m]; NaN without a reading."""
-    said = []
-    for _ in range(LOOKS):
-        robot.wait(STAND_S / LOOKS)
-        said.append(robot.telemetry.ranges.get("front", np.nan) if robot.telemetry else np.nan)
-    return float(np.median(said))
+def _front_range(robot: Robot) -> float:
+    """Median range of the front sonar while the robot stands still [m]; NaN without a reading."""
+    readings = []
+    for _ in range(READINGS):
+        robot.wait(STOP_S / READINGS)
+        readings.append(robot.telemetry.ranges.get("front", np.nan) if robot.telemetry else np.nan)
+    return float(np.median(readings))
 
 
-def _require_way(said_m: float, distance_m: float) -> None:
-    """Refuse to drive on if the wall is much nearer than expected; a sonar error cannot be that large."""
-    if said_m < LEAST_OF_WAY * distance_m:
+def _require_free_path(range_m: float, distance_m: float) -> None:
+    """Refuse to drive on if the wall is much closer than expected; a sonar error cannot be that large."""
+    if range_m < MIN_RANGE_SHARE * distance_m:
         raise ConfigError(
-            f"the front sonar says {max(said_m, 0.0):.2f} m, expected about {distance_m:.2f} m to the wall: measure "
-            "--start from the sonar to the wall, and clear the way"
+            f"the front sonar measures {max(range_m, 0.0):.2f} m, expected about {distance_m:.2f} m to the wall: "
+            "measure --start from the sonar to the wall, and clear the path"
         )
 
 
-def stands(rows: np.ndarray, drive: Drive, start_m: float) -> Tuple[List[float], List[float]]:
-    """Ranges of the front sonar [m], NaN for none, and distances by odometry [m], for each stand of a track.
+def readings_at_stops(rows: np.ndarray, drive: Drive, start_m: float) -> Tuple[List[float], List[float]]:
+    """Ranges of the front sonar [m], NaN for none, and distances by odometry [m], for each stop of a track.
 
     Args:
         rows: (N, 4) time, right, left, range; see `Track.end`.
         start_m: distance from the wall at the first row.
     """
     times_s = rows[:, 0]
-    way = (rows[:, 1:3] - rows[0, 1:3]) @ (drive.right_m_per_count / 2, drive.left_m_per_count / 2)
+    travelled_m = (rows[:, 1:3] - rows[0, 1:3]) @ (drive.right_m_per_count / 2, drive.left_m_per_count / 2)
     moved = np.flatnonzero(np.any(np.diff(rows[:, 1:3], axis=0) != 0, axis=1)) + 1
     edges = [0, *moved.tolist(), len(rows)]
     ranges, distances = [], []
     for begin, end in zip(edges, edges[1:]):
-        stood = times_s[begin:end] - times_s[begin]
-        if not len(stood) or stood[-1] < STAND_S - 0.2:
+        stopped_s = times_s[begin:end] - times_s[begin]
+        if not len(stopped_s) or stopped_s[-1] < STOP_S - 0.2:
             continue
-        said = rows[begin:end, 3][stood >= FRESH_S]
-        ranges.append(float(np.median(np.where(np.isfinite(said), said, np.nan))))
-        distances.append(start_m - float(way[begin]))
+        ranges_here = rows[begin:end, 3][stopped_s >= FRESH_S]
+        ranges.append(float(np.median(np.where(np.isfinite(ranges_here), ranges_here, np.nan))))
+        distances.append(start_m - float(travelled_m[begin]))
     return ranges, distances
 
 
@@ -159,9 +161,9 @@ class Steps(NamedTuple):
 
     def response(self, left: bool) -> Response:
         """Figures of one wheel; its steady speed is that of the last quarter."""
-        way = np.abs(self.left if left else self.right)
-        _, speed = gains.speeds(self.times_s, way)
-        return gains.describe(self.times_s, way, float(speed[-max(1, len(speed) // 4) :].mean()))
+        travelled = np.abs(self.left if left else self.right)
+        _, speed = gains.speeds(self.times_s, travelled)
+        return gains.describe(self.times_s, travelled, float(speed[-max(1, len(speed) // 4) :].mean()))
 
 
 def step(robot: Robot, track: Track, code: int, percent: int, seconds: float = STEP_S) -> Steps:
@@ -177,7 +179,7 @@ def step(robot: Robot, track: Track, code: int, percent: int, seconds: float = S
 def steps_of_rows(rows: np.ndarray) -> Steps:
     """Rows of a track that begins with the step."""
     if len(rows) < gains.LEAST_READINGS:
-        raise ConfigError(f"a step has {len(rows)} readings, expected {gains.LEAST_READINGS} or more")
+        raise ConfigError(f"a step has {len(rows)} readings, expected at least {gains.LEAST_READINGS}")
     return Steps(rows[:, 0] - rows[0, 0], rows[:, 1] - rows[0, 1], rows[:, 2] - rows[0, 2])
 
 
@@ -200,7 +202,7 @@ class Tuned(NamedTuple):
     steps_after: Steps
 
 
-def tune(robot: Robot, track: Track, present: Gains, say: Callable[[str], None]) -> Tuned:
+def tune(robot: Robot, track: Track, present: Gains, report: Callable[[str], None]) -> Tuned:
     """Drive steps of the duty, compute gains, and drive steps of the speed with the old and the new gains.
 
     At the end the old gains and the ramp are in force again, even after an error.
@@ -208,19 +210,19 @@ def tune(robot: Robot, track: Track, present: Gains, say: Callable[[str], None])
     ramped = eeprom.can_configure(robot)
     ramp = eeprom.read(robot, "ramp_time") if ramped else {}
     if ramped and not ramp["ramp_time"] and robot.model is not None:
-        ramp = {"ramp_time": robot.model.board["ramp_time"]}  # a killed run has left a ramp of 0
+        ramp = {"ramp_time": robot.model.board["ramp_time"]}  # a run that was killed left a ramp of 0
     try:
         if ramped:
             eeprom.write(robot, {"ramp_time": 0})
-        say(f"step of the duty, {STEP_PERCENT} %")
+        report(f"step of the duty, {STEP_PERCENT} %")
         plants = identify(step(robot, track, MOVE, STEP_PERCENT))
         wanted = gains.suggest(plants)
-        taken = []
+        measured = []
         for name, trial in (("present", present), ("suggested", wanted)):
-            say(f"step of the speed, {name} gains {trial.kp} {trial.ki} {trial.kd}")
+            report(f"step of the speed, {name} gains {trial.kp} {trial.ki} {trial.kd}")
             set_gains(robot, trial)
-            taken.append(step(robot, track, MOVE_PID, STEP_PERCENT))
-        return Tuned(plants, present, wanted, taken[0], taken[1])
+            measured.append(step(robot, track, MOVE_PID, STEP_PERCENT))
+        return Tuned(plants, present, wanted, measured[0], measured[1])
     finally:
         robot.stop()
         set_gains(robot, present)
@@ -253,7 +255,7 @@ def recorded_gains(path: str, model: RobotModel) -> Tuple[Tuple[Plant, Plant], G
     rows, (left, right) = from_recording.step_of(from_recording.read(path, model), MOVE)
     steps = steps_of_rows(rows)
     if not left or not right:
-        raise ConfigError(f"{path}: the first step turns one motor, expected both")
+        raise ConfigError(f"{path}: the first step turns only one motor, expected both")
     plants = (
         gains.identify(steps.times_s, steps.right, right / 100),
         gains.identify(steps.times_s, steps.left, left / 100),
@@ -262,10 +264,10 @@ def recorded_gains(path: str, model: RobotModel) -> Tuple[Tuple[Plant, Plant], G
 
 
 def recorded_wiring(path: str, model: RobotModel) -> List[str]:
-    """Faults of the wires, from a recording of `check_wiring`; it does not show which wheel really turned.
+    """Faults of the wires, from a recording of `check_wiring`; it does not show which wheel turned.
 
     Raises:
-        ConfigError: the recording turns no motor alone.
+        ConfigError: in the recording, no motor was turned alone.
     """
     recorded = from_recording.read(path, model)
     times_s = recorded.rows[:, 0]
@@ -281,7 +283,5 @@ def recorded_wiring(path: str, model: RobotModel) -> List[str]:
         moved = recorded.rows[min(last, len(times_s) - 1)] - recorded.rows[max(0, first - 1)]
         trials.append(wiring.Trial(motor, int(moved[1]), int(moved[2])))
     if not trials:
-        raise ConfigError(
-            f"{path}: no motor was turned by itself, expected a recording of mrl calibrate wiring"
-        )
+        raise ConfigError(f"{path}: no motor was turned alone, expected a recording of mrl calibrate wiring")
     return wiring.diagnose(trials)

@@ -26,10 +26,10 @@ def draw_ends(path: str, before: np.ndarray, after: np.ndarray, senses: Sequence
     axes.axhline(0, color=GREY, linewidth=0.8)
     axes.axvline(0, color=GREY, linewidth=0.8)
     axes.set(
-        xlabel="measured end less odometry, x [mm]",
-        ylabel="measured end less odometry, y [mm]",
+        xlabel="measured end minus odometry, x [mm]",
+        ylabel="measured end minus odometry, y [mm]",
         aspect="equal",
-        title="Where runs really end",
+        title="Errors of the odometry at the ends of the runs",
     )
     axes.margins(0.15)
     axes.legend(fontsize="small")
@@ -58,7 +58,7 @@ def draw_sonar(path: str, counts: np.ndarray, ranges_m: np.ndarray, fit: Fit) ->
     upper.legend(fontsize="small")
     lower.axhline(0, color=GREY, linewidth=0.8)
     lower.plot(counts[fit.used], 100 * fit.errors_m[fit.used], "o", color=ORANGE, markersize=4)
-    lower.set(xlabel="ADC count s", ylabel="curve less\ndistance [cm]")
+    lower.set(xlabel="ADC count s", ylabel="curve minus\ndistance [cm]")
     figures.save(figure, path)
 
 
@@ -77,7 +77,7 @@ def draw_gains(path: str, tuned: Tuned) -> None:
             )
         axes.set(ylabel=f"{name} wheel [count/s]")
         axes.legend(fontsize="small", loc="lower right")
-    pair[0].set(title="Step of the speed")
+    pair[0].set(title="Step response of the speed")
     pair[1].set(xlabel="time since the step [s]")
     figures.save(figure, path)
 

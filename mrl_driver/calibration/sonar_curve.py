@@ -11,7 +11,7 @@ LEAST_DISTANCES = 8
 LEAST_REACH = 2.5
 """The largest distance must be at least this many times the smallest."""
 MISSED_M = 0.05
-"""A reading that is further off the curve than this, and than `OUTLIERS` usual errors, has missed the wall."""
+"""A reading that is further off the curve than this, and than `OUTLIERS` usual errors, counts as a missed wall."""
 OUTLIERS = 5.0
 MOST_MISSED = 0.2
 _B_RANGE = (0.5, 1.6)
@@ -67,7 +67,7 @@ def fit(counts: Sequence[float], ranges_m: Sequence[float]) -> Fit:
         ranges_m: (N,) true distances from the sonar.
 
     Raises:
-        ConfigError: there are too few distances, or the wall was missed too often; the message says where.
+        ConfigError: there are too few distances, or the wall was missed too often; the message lists the distances.
     """
     s, truth = np.asarray(counts, float), np.asarray(ranges_m, float)
     heard = np.isfinite(s) & (s > 0)
@@ -88,7 +88,7 @@ def fit(counts: Sequence[float], ranges_m: Sequence[float]) -> Fit:
 
 
 def require_wall(ranges_m: np.ndarray, heard: np.ndarray) -> None:
-    """Refuse readings without a wall in them.
+    """Refuse readings that did not measure a wall.
 
     Raises:
         ConfigError: there are too few distances, or the wall was missed too often.
@@ -98,14 +98,14 @@ def require_wall(ranges_m: np.ndarray, heard: np.ndarray) -> None:
     if lost or np.mean(~heard) > MOST_MISSED:
         where = ", ".join(f"{d:.2f}" for d in lost[:4]) or "several distances"
         raise ConfigError(
-            f"the sonar missed the wall {int(np.sum(~heard))} times of {len(heard)}, always at {where} m: expected a "
+            f"the sonar missed the wall {int(np.sum(~heard))} of {len(heard)} times, always at {where} m; expected a "
             "flat wall straight ahead at each distance"
         )
     reach = distances[-1] / max(distances[0], 1e-3) if len(distances) else 0.0
     if len(distances) < LEAST_DISTANCES or reach < LEAST_REACH:
         raise ConfigError(
-            f"there are {len(distances)} distances up to {reach:.1f} times the nearest, expected {LEAST_DISTANCES} or "
-            f"more up to {LEAST_REACH} times"
+            f"there are {len(distances)} distances, the largest {reach:.1f} times the smallest; expected at least "
+            f"{LEAST_DISTANCES}, the largest at least {LEAST_REACH} times the smallest"
         )
 
 

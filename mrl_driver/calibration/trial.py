@@ -10,7 +10,7 @@ from mrl_driver.geometry import Pose, wrap_angles
 from mrl_driver.robot.models import Noise
 from mrl_driver.robot.odometry import Geometry
 
-LEAST_WAY_M = 0.02
+MIN_LENGTH_M = 0.02
 LEFT, RIGHT, NEITHER = "counter-clockwise", "clockwise", "straight"
 
 
@@ -31,10 +31,10 @@ def path(drive: Geometry, steps: np.ndarray) -> np.ndarray:
     As `geometry.advance`, for all steps at once: a fit computes the whole path hundreds of times.
     """
     right_m, left_m = steps[:, 0] * drive.right_m_per_count, steps[:, 1] * drive.left_m_per_count
-    way, turn = (right_m + left_m) / 2, (right_m - left_m) / drive.turning_separation_m
+    middle_m, turn = (right_m + left_m) / 2, (right_m - left_m) / drive.turning_separation_m
     poses = np.zeros((len(steps) + 1, 3))
     np.cumsum(turn, out=poses[1:, 2])
-    heading, chord = poses[1:, 2] - turn / 2, way * np.sinc(turn / (2 * np.pi))
+    heading, chord = poses[1:, 2] - turn / 2, middle_m * np.sinc(turn / (2 * np.pi))
     np.cumsum(chord * np.cos(heading), out=poses[1:, 0])
     np.cumsum(chord * np.sin(heading), out=poses[1:, 1])
     return poses
@@ -42,8 +42,8 @@ def path(drive: Geometry, steps: np.ndarray) -> np.ndarray:
 
 def length_m(drive: Geometry, run: Run) -> float:
     """Distance travelled by the robot's middle [m]; forward and back both count."""
-    ways = np.abs(run.steps) @ (drive.right_m_per_count / 2, drive.left_m_per_count / 2)
-    return float(ways.sum())
+    lengths_m = np.abs(run.steps) @ (drive.right_m_per_count / 2, drive.left_m_per_count / 2)
+    return float(lengths_m.sum())
 
 
 def errors(drive: Geometry, runs: List[Run]) -> np.ndarray:
@@ -87,25 +87,27 @@ def require_sense(drive: Geometry, run: Run, expected: str, name: str) -> None:
     Raises:
         ConfigError: the direction is wrong, or the robot hardly moved.
     """
-    if length_m(drive, run) < LEAST_WAY_M and expected == NEITHER:
-        raise ConfigError(f"{name}: the counts hardly moved, expected a drive; are the encoders plugged in?")
+    if length_m(drive, run) < MIN_LENGTH_M and expected == NEITHER:
+        raise ConfigError(
+            f"{name}: the counts hardly changed, expected a drive; check the plugs of the encoders"
+        )
     found = sense(drive, run)
     if found != expected:
-        raise ConfigError(f"{name} went {found}, expected {expected}: the wrong way; drive it again")
+        raise ConfigError(f"{name} went {found}, expected {expected}; drive it again in the right direction")
 
 
 def require_plausible(drive: Geometry, run: Run, name: str) -> None:
-    """Refuse an end that is far from that of the counts, as a wrong mark or unit causes.
+    """Refuse an end that is far from the end by the counts; a wrong mark or unit causes that.
 
     Raises:
-        ConfigError: the end is off by more than 0.05 m and more than a fifth of the distance.
+        ConfigError: the ends differ by more than 0.05 m and more than a fifth of the distance.
     """
     off = errors(drive, [run])[0]
     most_m = max(0.05, 0.2 * length_m(drive, run))
     if float(np.hypot(*np.nan_to_num(off[:2]))) > most_m:
         x, y = (run.end.x_m, run.end.y_m)
         raise ConfigError(
-            f"{name}: the end is given as x {x:.3f} y {y:.3f} m, the counts put it {np.hypot(*off[:2]):.2f} m away, "
+            f"{name}: x {x:.3f} y {y:.3f} m is {np.hypot(*off[:2]):.2f} m from the end by the counts, "
             f"expected at most {most_m:.2f} m: measure from the start, x forward, y left, in metres"
         )
 
@@ -126,5 +128,5 @@ def from_json(data: Any) -> Run:
         steps = np.array(data["steps"], dtype=np.int64).reshape(-1, 2)
         x, y, yaw = (math.nan if value is None else float(value) for value in data["end"])
     except (KeyError, TypeError, ValueError):
-        raise ConfigError("a run in the state file is damaged; begin anew with --restart") from None
+        raise ConfigError("a run in the state file is damaged; start again with --restart") from None
     return Run(steps, Pose(x, y, yaw))

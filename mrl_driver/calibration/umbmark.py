@@ -33,7 +33,7 @@ class Result(NamedTuple):
     wheelbase_ratio: float
     """E_b: true wheelbase divided by the one in use."""
     worst_m: float
-    """The paper's measure of accuracy: the larger distance of the two centres from no error."""
+    """The paper's measure of accuracy: the distance from zero of the centre that is farther away."""
 
 
 def evaluate(left: Sequence[Point], right: Sequence[Point], side_m: float, separation_m: float) -> Result:
@@ -64,14 +64,14 @@ def evaluate(left: Sequence[Point], right: Sequence[Point], side_m: float, separ
     )
 
 
-def require_laps(laps: int, way: str) -> None:
+def require_laps(laps: int, direction: str) -> None:
     """Check the number of laps.
 
     Raises:
         ConfigError: there are too few laps, or too many.
     """
     if not LEAST_LAPS <= laps <= MOST_LAPS:
-        raise ConfigError(f"there are {laps} {way} laps, expected {LEAST_LAPS} to {MOST_LAPS}")
+        raise ConfigError(f"there are {laps} {direction} laps, expected {LEAST_LAPS} to {MOST_LAPS}")
 
 
 def wheel_ratio(bend_rad: float, side_m: float, separation_m: float) -> float:

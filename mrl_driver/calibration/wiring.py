@@ -48,9 +48,9 @@ def _motor(trial: Trial) -> List[str]:
     if trial.direction == 0:
         return [f"{trial.motor} motor does not turn: check its plug and the motor power"]
     if trial.seen != trial.motor:
-        return ["motors swapped: change the plugs of motor 1 and motor 3"]
+        return ["motors swapped: exchange the plugs of motor 1 and motor 3"]
     if trial.direction < 0:
-        return [f"{trial.motor} motor runs backward: change its two wires"]
+        return [f"{trial.motor} motor runs backward: swap its two wires"]
     return []
 
 
@@ -66,16 +66,16 @@ def _encoder(trial: Trial) -> List[str]:
     who = "" if trial.seen else " or motors"
     if abs(own) < LEAST_COUNTS:
         backward = other * direction < 0
-        also = [f"{wheel} encoder{who} reversed: change its two signal wires"] if backward else []
-        return [f"encoders{who} swapped: change the plugs of encoder 1 and encoder 3"] + also
+        also = [f"{wheel} encoder{who} reversed: swap its two signal wires"] if backward else []
+        return [f"encoders{who} swapped: exchange the plugs of encoder 1 and encoder 3"] + also
     if own * direction < 0:
-        return [f"{wheel} encoder{who} reversed: change its two signal wires"]
+        return [f"{wheel} encoder{who} reversed: swap its two signal wires"]
     return []
 
 
 def _together(found: List[str], trials: Sequence[Trial]) -> List[str]:
-    """Each finding once; both wheels dead is one cause."""
+    """Each finding once; two wheels that do not move are one finding."""
     still = [trial for trial in trials if max(abs(trial.right), abs(trial.left)) < LEAST_COUNTS]
     if len(still) == len(trials) > 1 and all(trial.seen is None or trial.direction == 0 for trial in trials):
-        return ["no wheel moved and none counted: check the motor power and the motor board's plugs"]
+        return ["no wheel moved and no encoder counted: check the motor power and the motor board's plugs"]
     return list(dict.fromkeys(found))

@@ -95,7 +95,7 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
         ctx.exit()
 
 
-def _known(function: str) -> Callable[[click.Context, click.Parameter, str], List[str]]:
+def _completion_of(function: str) -> Callable[[click.Context, click.Parameter, str], List[str]]:
     """Return a completion that calls this function of `shared`, which is imported only when the shell needs it."""
 
     def complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
@@ -111,14 +111,14 @@ def _known(function: str) -> Callable[[click.Context, click.Parameter, str], Lis
 @click.option(
     "--port",
     metavar="PORT",
-    help="Serial port, for any command that takes one.",
-    shell_complete=_known("complete_port"),
+    help="Serial port, for every command that needs one.",
+    shell_complete=_completion_of("complete_port"),
 )
 @click.option(
     "--robot",
     metavar="ROBOT",
-    help="Named robot, model or .yaml file, likewise.",
-    shell_complete=_known("complete_robot"),
+    help="Named robot, robot model or .yaml file, for every command that needs one.",
+    shell_complete=_completion_of("complete_robot"),
 )
 @click.option(
     "--version",
@@ -133,18 +133,18 @@ def cli(port: Optional[str], robot: Optional[str]) -> None:
 
     \b
     Where to begin:
-      mrl ports                            which serial ports there are
-      mrl doctor --port /dev/ttyACM0       is everything in order?
+      mrl ports                            list the serial ports
+      mrl doctor --port /dev/ttyACM0       check computer, cable and robot
       mrl monitor --port /dev/ttyACM0      watch the robot, and drive it with the keyboard
-      mrl names add lab3 --port /dev/ttyACM0; mrl --robot lab3 info
+      mrl names add lab3 --port /dev/ttyACM0    give the robot a name; then: mrl --robot lab3 info
     \b
     Exit codes:
-      0 all is well             1 a finding, or another error   2 a wrong option or file
-      3 no such port            4 no permission                 5 the port is in use
-      6 the port went away      7 not a robot                   8 another robot
-      9 the battery is empty   10 the board does not answer    11 the board refuses
-     12 no such frame          13 the emulator                 14 a wheel or its wires
-     15 a file or the output cannot be written                130 Ctrl-C, or a no
+      0 success                  1 a fault found, or another error   2 a wrong option or file
+      3 no such port             4 no permission for the port        5 the port is in use
+      6 the port was unplugged   7 not a robot                       8 a different robot
+      9 the battery is empty    10 the board does not answer        11 the board refused
+     12 an invalid command      13 an error of the emulator         14 a wheel or its wires
+     15 a file or the output cannot be written                     130 Ctrl-C, or you answered no
     """
 
 
@@ -171,21 +171,21 @@ def main(args: Optional[Sequence[str]] = None) -> None:
         if isinstance(error, _GROUP_ALONE):
             click.echo(error.format_message())
             sys.exit(0)
-        _complain(_one_line(error))
+        _print_error(_one_line(error))
         sys.exit(error.exit_code)
     except (click.Abort, KeyboardInterrupt) as error:
-        _complain(str(error) or "interrupted")
+        _print_error(str(error) or "interrupted")
         sys.exit(INTERRUPTED)
     except MrlError as error:
-        _complain(str(error))
+        _print_error(str(error))
         sys.exit(error.exit_code)
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(1)
     except OSError as error:
         what = f"{error.filename} cannot be used" if error.filename else "the output cannot be written"
-        _complain(f"{what}: {error.strerror or error}; make room, or choose another place")
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # otherwise Python reports it again at exit
+        _print_error(f"{what}: {error.strerror or error}; free disk space, or choose another folder")
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # otherwise Python reports the error again at exit
         sys.exit(OutputError.exit_code)
 
 
@@ -195,5 +195,5 @@ def _one_line(error: click.ClickException) -> str:
     return f"{text[:1].lower()}{text[1:].rstrip('.')}; see: {ctx.command_path if ctx else 'mrl'} --help"
 
 
-def _complain(text: str) -> None:
+def _print_error(text: str) -> None:
     click.echo(f"mrl: {text}", err=True)

@@ -23,7 +23,7 @@ PROGRAM = "avrdude"
 MARKS = 100
 """Number of progress marks of an upload: 50 for writing, 50 for reading back."""
 _ATTEMPTS = 3
-"""Attempts before giving up.  avrdude makes ten of 5 s each; a board that has not answered three will not answer."""
+"""Attempts before giving up.  avrdude makes ten of 5 s each; a board that fails three never answers."""
 _ATTEMPT = re.compile(r"attempt (\d+) of \d+: not in sync")
 
 
@@ -33,7 +33,11 @@ _EXPLANATIONS: Tuple[Tuple[str, Type[MrlError], str], ...] = (
         PortDenied,
         "no permission for {port}; join its group with: sudo usermod -aG dialout $USER, then log out and in",
     ),
-    ("resource busy|locked", PortBusy, "{port} is in use by another program; end it, then try again"),
+    (
+        "resource busy|locked",
+        PortBusy,
+        "{port} is in use by another program; close that program, then try again",
+    ),
     ("no such file|cannot set attributes|is a directory", PortMissing, "{port} is not a serial port"),
     (
         "expected signature|invalid device signature",
@@ -43,23 +47,23 @@ _EXPLANATIONS: Tuple[Tuple[str, Type[MrlError], str], ...] = (
     (
         "verif.*(error|mismatch)|content mismatch|first mismatch",
         BoardRefused,
-        "what was written to {port} reads back differently; try again, with a shorter USB cable",
+        "the data read back from {port} differ from the image; try again with a shorter USB cable",
     ),
     (
         "input/output error|no such device",
         LinkLost,
-        "{port} went away while it was written: check the cable, try again",
+        "{port} went away during the upload; check the cable, then try again",
     ),
     (
         "not in sync|not responding",
         NotARobot,
-        "no bootloader answers at {port} (not in sync): check that it is an Arduino Uno, pull what is plugged "
-        "into D0 and D1 (an XBee shield), press reset and try again",
+        "no bootloader answers at {port} (not in sync): check that it is an Arduino Uno, unplug everything "
+        "from D0 and D1 (such as an XBee shield), press reset and try again",
     ),
     (
         "timeout|timed out",
         BoardTimeout,
-        "{port} stopped answering while it was written; press reset and try again",
+        "{port} stopped answering during the upload; press reset and try again",
     ),
     ("file format|invalid record|checksum", ConfigError, "{image} is damaged, expected Intel HEX"),
 )
@@ -108,37 +112,37 @@ def upload(
     except FileNotFoundError:
         raise ConfigError("avrdude is not installed; install it with: sudo apt install avrdude") from None
     try:
-        said = _listen(process, advance)
+        output = _read_output(process, advance)
     finally:
         process.terminate()
         process.wait()
     if process.returncode:
-        raise explain(said, port, image)
+        raise explain(output, port, image)
 
 
-def _listen(process: "subprocess.Popen[bytes]", advance: Callable[[float], None]) -> str:
+def _read_output(process: "subprocess.Popen[bytes]", advance: Callable[[float], None]) -> str:
     """Return avrdude's output until it ends or has made `_ATTEMPTS` attempts."""
     assert process.stderr is not None
-    said = ""
+    output = ""
     for chunk in iter(lambda: os.read(process.stderr.fileno(), 4096), b""):  # type: ignore[union-attr]
         text = chunk.decode("utf-8", "replace")
-        said += text
+        output += text
         advance(text.count("#"))
-        tried = _ATTEMPT.findall(said)
-        if tried and int(tried[-1]) >= _ATTEMPTS:
-            return said
+        attempts = _ATTEMPT.findall(output)
+        if attempts and int(attempts[-1]) >= _ATTEMPTS:
+            return output
     process.wait()
-    return said
+    return output
 
 
-def explain(said: str, port: str, image: str) -> MrlError:
+def explain(output: str, port: str, image: str) -> MrlError:
     """Return the error for avrdude's output."""
     for pattern, kind, text in _EXPLANATIONS:
-        if re.search(pattern, said, re.IGNORECASE):
+        if re.search(pattern, output, re.IGNORECASE):
             return kind(text.format(port=port, image=image))
-    return MrlError(f"avrdude failed: {_last_line(said) or 'it says nothing'}")
+    return MrlError(f"avrdude failed: {_last_line(output) or 'it printed no reason'}")
 
 
-def _last_line(said: str) -> Optional[str]:
-    lines = [line.strip() for line in said.splitlines() if line.strip() and "#" not in line]
+def _last_line(output: str) -> Optional[str]:
+    lines = [line.strip() for line in output.splitlines() if line.strip() and "#" not in line]
     return next((line for line in reversed(lines) if "error" in line.lower()), lines[-1] if lines else None)

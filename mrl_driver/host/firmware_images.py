@@ -20,7 +20,7 @@ def image_path(build: str = "sonar") -> str:
     """Return the path of the image of a build in `BUILDS`; a checkout's own image comes first.
 
     Raises:
-        ConfigError: there is no such build, or its image was neither built nor packaged; the text names the remedy.
+        ConfigError: there is no such build, or its image was neither built nor packaged; the message names the remedy.
     """
     if build not in BUILDS:
         raise ConfigError(f"build is {build!r}, expected {', '.join(BUILDS)}")
@@ -37,6 +37,6 @@ def _remedy() -> str:
     if os.path.isfile(os.path.join(checkout, "Makefile")):
         return f"build it with: make -C {checkout} firmware"
     return (
-        "this mrl-driver was installed without images: run make firmware in its source folder, then pip install . "
-        "again; or name a .hex file"
+        "mrl-driver was installed without images: run make firmware in its source folder, then pip install . "
+        "again; or give a .hex file"
     )

@@ -54,7 +54,7 @@ def read() -> Dict[str, Target]:
         raise ConfigError(f"{file_name} cannot be read: {error.strerror}") from None
     if data is None:
         return {}
-    yaml_file.Reader(file_name).mapping("", data, "names, each with a port")
+    yaml_file.Reader(file_name).mapping("", data, "a mapping of names, each with a port")
     return {require_name(name, f"{file_name}: "): _entry(file_name, name, data[name]) for name in data}
 
 
@@ -69,13 +69,13 @@ def require_name(name: Any, where: str = "") -> str:
             f"{where}name is {name!r}, expected a letter and up to 31 letters, digits, '-' or '_'"
         )
     if name == "auto" or name in models.names():
-        raise ConfigError(f"{where}name {name!r} is a robot model's, expected another one, such as {name}1")
+        raise ConfigError(f"{where}name {name!r} is a robot model, expected another name, such as {name}1")
     return name
 
 
 def _entry(file_name: str, name: str, data: Any) -> Target:
     reader = yaml_file.Reader(file_name)
-    reader.mapping(name, data, "a mapping with port, and perhaps model, baud")
+    reader.mapping(name, data, "a mapping with port, and optionally model and baud")
     found = {"model": "auto", "baud": BAUD, **reader.keys(name, data, _KEYS, _KEYS[1:])}
     for key, expected in (
         ("port", "a serial port such as /dev/ttyACM0"),
@@ -131,7 +131,7 @@ def resolve(robot: str, port: Optional[str] = None, baud: Optional[int] = None) 
         return Target(port, robot, BAUD if baud is None else baud)
     named = read()
     if robot not in named:
-        known = f"a name ({', '.join(sorted(named))})" if named else "a name (none is set)"
+        known = f"a name ({', '.join(sorted(named))})" if named else "a name (there is none yet)"
         raise ConfigError(
             f"robot {robot!r} is unknown, expected {known}, a model ({', '.join(models.names())}) or a .yaml "
             f"file; set a name with: mrl names add {robot} --port PORT"

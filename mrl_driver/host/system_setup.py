@@ -19,9 +19,8 @@ RULES = "etc/udev/rules.d/70-mrl.rules"
 UNIT = "etc/systemd/system/mrl-robot@.service"
 GROUP = "dialout"
 RULES_HEAD = """{mark}
-# For USB serial adapters that robots are plugged in with: ModemManager must not write into them, members of {group}
-# may open them, they never sleep, and each has a name of its own: /dev/mrl-SERIAL, or /dev/mrl-ttyUSB0 without a
-# serial number.
+# For the USB serial adapters of robots: ModemManager does not write to them, members of {group} may open them, they
+# never sleep, and each has its own name: /dev/mrl-SERIAL, or for example /dev/mrl-ttyUSB0 if it has no serial number.
 """
 RULES_FOR_KIND = """
 # {text}
@@ -34,12 +33,12 @@ SUBSYSTEM=="tty", ATTRS{{idVendor}}=="{vendor}", ATTRS{{idProduct}}=="{product}"
 SUBSYSTEM=="tty", ATTRS{{idVendor}}=="{vendor}", ATTRS{{idProduct}}=="{product}", SYMLINK+="mrl-$env{{MRL_NAME}}"
 """
 LATENCY_RULE = """
-# An FTDI chip holds bytes back for 16 ms unless it is told otherwise.
+# An FTDI chip holds bytes back for 16 ms by default.
 SUBSYSTEM=="usb-serial", DRIVERS=="ftdi_sio", TEST=="latency_timer", ATTR{latency_timer}="1"
 """
 UNIT_TEXT = """{mark}
-# The ROS node of the robot on /dev/mrl-%I, from plugging in to unplugging: systemctl enable --now mrl-robot@SERIAL
-# /etc/default/mrl-robot may hold ROS_SETUP=/opt/ros/noetic/setup.sh, or a workspace's, and ROS_MASTER_URI=...
+# Runs the ROS node of the robot on /dev/mrl-%I while it is plugged in: systemctl enable --now mrl-robot@SERIAL
+# /etc/default/mrl-robot may set ROS_SETUP=/opt/ros/noetic/setup.sh (or a workspace's) and ROS_MASTER_URI=...
 [Unit]
 Description=Robot on /dev/mrl-%I
 BindsTo=dev-mrl\\x2d%i.device
@@ -100,7 +99,7 @@ def install(user: str, root: str = "/") -> List[str]:
     """Write the files; if `root` is this machine's own, make them take effect.  Return one line per action.
 
     Raises:
-        ConfigError: there is no such user, or a file of another origin is in the way, or cannot be written.
+        ConfigError: there is no such user, or another program's file has the same name, or a file cannot be written.
     """
     require_user(user, root)
     paths = {os.path.join(root, name): text for name, text in files(user).items()}
@@ -116,7 +115,7 @@ def remove(root: str = "/") -> List[str]:
     """Delete the files that `install` wrote.  Return one line per action.
 
     Raises:
-        ConfigError: a file has another origin, or cannot be deleted.
+        ConfigError: a file was not written by `install`, or cannot be deleted.
     """
     paths = [os.path.join(root, name) for name in (RULES, UNIT)]
     there = [path for path in paths if os.path.lexists(path)]
@@ -142,7 +141,9 @@ def _require_ours(path: str) -> None:
     except OSError as error:
         raise _denied(path, error) from None
     if first != MARK:
-        raise ConfigError(f"{path} is not ours: it begins with {first[:40]!r}; move it away, then try again")
+        raise ConfigError(
+            f"{path} was not written by mrl: it begins with {first[:40]!r}; move it away, then try again"
+        )
 
 
 def _write(path: str, text: str) -> None:
@@ -155,8 +156,8 @@ def _write(path: str, text: str) -> None:
 
 
 def _denied(path: str, error: OSError) -> ConfigError:
-    hint = "; it takes root: sudo " + " ".join(sys.argv) if isinstance(error, PermissionError) else ""
-    return ConfigError(f"{path}: {error.strerror}{hint}")
+    hint = "; run as root: sudo " + " ".join(sys.argv) if isinstance(error, PermissionError) else ""
+    return ConfigError(f"{path} cannot be changed: {error.strerror}{hint}")
 
 
 def require_user(user: str, root: str = "/") -> None:
@@ -166,18 +167,18 @@ def require_user(user: str, root: str = "/") -> None:
         ConfigError: there is no such user.
     """
     if not user.isprintable() or not user or any(c.isspace() for c in user):
-        raise ConfigError(f"user is {user!r}, expected the name of a user")
+        raise ConfigError(f"user is {user!r}, expected a user name")
     try:
         if _is_machine(root):
             pwd.getpwnam(user)
     except KeyError:
         raise ConfigError(
-            f"this machine has no user {user!r}; give one that it has with --user, or make it with: sudo adduser {user}"
+            f"user {user!r} does not exist; give another one with --user, or create it with: sudo adduser {user}"
         ) from None
 
 
 def _is_machine(root: str) -> bool:
-    """Tell whether `root` is this machine's own file system, not an image."""
+    """Return whether `root` is this machine's own file system, not an image."""
     return os.path.realpath(root) == "/"
 
 

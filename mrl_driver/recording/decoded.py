@@ -1,4 +1,4 @@
-"""A recording, read once from its start: frames and garbage both ways, and the robot's path by its counters.
+"""A recording, read once from its start: frames and garbage of both directions, and the robot's path by its counters.
 
 Summaries, plots and calibrations read recordings through this module.  Memory does not grow with the file.
 """
@@ -41,24 +41,24 @@ class Part(NamedTuple):
     """An entry, or a piece of one, and the frames and garbage that it completes; a remark has none."""
 
     time_s: float
-    way: str
+    direction: str
     data: bytes
     events: List[Event]
 
 
 def decode(recording: Recording) -> Iterator[Part]:
-    """All of a recording; a remark on checksums comes before the first reply that it holds for."""
+    """Decode a whole recording; a remark on checksums comes before the first reply that it applies to."""
     decoders, size = _decoders(), 0
     held: Deque[Entry] = deque()
     for entry in recording:
-        time_s, way, data = entry
-        if way != REMARK:
+        time_s, direction, data = entry
+        if direction != REMARK:
             held.append(entry)
             size += len(data) + LINE_BYTES
             while size - len(held[0].data) - LINE_BYTES >= _HELD_BYTES:
-                time_s, way, data = held.popleft()
+                time_s, direction, data = held.popleft()
                 size -= len(data) + LINE_BYTES
-                yield Part(time_s, way, data, decoders[way].feed(data))
+                yield Part(time_s, direction, data, decoders[direction].feed(data))
             continue
         if data in (CHECKED, PLAIN):
             yield from _switch(list(held), entry, decoders)
@@ -77,12 +77,12 @@ def _decoders() -> Dict[str, FrameDecoder]:
 
 
 def _feed(entries: Iterable[Entry], decoders: Dict[str, FrameDecoder]) -> Iterator[Part]:
-    for time_s, way, data in entries:
-        yield Part(time_s, way, data, decoders[way].feed(data) if way != REMARK else [])
+    for time_s, direction, data in entries:
+        yield Part(time_s, direction, data, decoders[direction].feed(data) if direction != REMARK else [])
 
 
 def _switch(held: List[Entry], remark: Entry, decoders: Dict[str, FrameDecoder]) -> Iterator[Part]:
-    """The entries before a remark on checksums, and the remark between those that it parts."""
+    """The entries before a remark on checksums, and the remark between the two groups."""
     checked = remark.data == CHECKED
     before, behind = _split(held, checked) if checked != decoders[FROM_BOARD].checked else (held, [])
     yield from _feed([*before, remark], decoders)
@@ -92,18 +92,18 @@ def _switch(held: List[Entry], remark: Entry, decoders: Dict[str, FrameDecoder])
 
 
 def _split(entries: List[Entry], checked: bool) -> Tuple[List[Entry], List[Entry]]:
-    """Entries parted at the first reply near their end from which on only the rules of `checked` make frames."""
-    left = _first_frame(b"".join(data for _, way, data in entries if way == FROM_BOARD), checked)
-    for i, (time_s, way, data) in enumerate(entries):
-        if way == FROM_BOARD and len(data) > left:
-            pieces = Entry(time_s, way, data[:left]), Entry(time_s, way, data[left:])
+    """Split the entries at the first reply near their end after which only the rules of `checked` give frames."""
+    left = _first_frame(b"".join(data for _, direction, data in entries if direction == FROM_BOARD), checked)
+    for i, (time_s, direction, data) in enumerate(entries):
+        if direction == FROM_BOARD and len(data) > left:
+            pieces = Entry(time_s, direction, data[:left]), Entry(time_s, direction, data[left:])
             return [*entries[:i], pieces[0]], [pieces[1], *entries[i + 1 :]]
-        left -= len(data) if way == FROM_BOARD else 0
+        left -= len(data) if direction == FROM_BOARD else 0
     return entries, []
 
 
 def _first_frame(data: bytes, checked: bool) -> int:
-    """Offset of the first frame near the end of `data` from which on only the rules of `checked` make frames."""
+    """Offset of the first frame near the end of `data` after which only the rules of `checked` give frames."""
     found = end = len(data)
     while end > max(0, len(data) - _TAIL_BYTES):
         start = data.rfind(b"e", 0, end - 1) + 1
@@ -122,7 +122,7 @@ def _is_frame(data: bytes, checked: bool) -> bool:
 class RecordedRobot:
     """The robot in a recording: its model, its path, and the frames that were lost.
 
-    Without a `model` it is the packaged one of the first id that the board reports, or None if there is none.
+    Without `model`, `self.model` is the packaged model that lists the first id of the board, or None.
     """
 
     def __init__(self, model: Optional[RobotModel]) -> None:
@@ -136,13 +136,13 @@ class RecordedRobot:
         self._heard_s = -math.inf
 
     def begin_again(self) -> None:
-        """A remark: other rules, or another port.  The next reading moves nothing."""
+        """Handle a remark: other rules, or another port.  The next reading only sets a new baseline."""
         self._stream.begin_anew()
         if self.odometry is not None:
             self.odometry.reset()
 
     def take(self, frame: Frame, time_s: float) -> bool:
-        """Take in a reply; True for a reading of the counters, which has gone into `odometry`."""
+        """Handle a reply; return True if it is a reading of the counters, which then has updated `odometry`."""
         code, stamp, made_s = frame.code, frame.stamp, time_s
         counts = self.model is not None and (
             code == _OMNI if isinstance(self.model.drive, OmniDrive) else code in _COUNTS
@@ -179,7 +179,7 @@ class RecordedRobot:
             odometry.update(right, left, time_s)
 
     def _make_odometry(self, exact: bool) -> Odometry:
-        """Odometry for board time, or for arrival times, that goes on where the one before has ended."""
+        """Odometry for board time, or for arrival times, that continues from the pose of the previous one."""
         assert self.model is not None
         before, odometry = self.odometry, odometry_of(self.model, exact)
         if before is not None:

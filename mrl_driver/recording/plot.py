@@ -1,6 +1,7 @@
-"""Recordings as pictures, by matplotlib, which is optional.
+"""Draws recordings with matplotlib, an optional package.
 
-Colours are Okabe and Ito's, which all people can tell apart; lines differ in dashes too, for print.
+The colours are those of Okabe and Ito, which colour-blind people can distinguish.  Lines also differ in their dashes,
+for black and white prints.
 """
 
 import math
@@ -11,7 +12,7 @@ from mrl_driver import figures
 from mrl_driver.figures import BLUE, GREEN, GREY, ORANGE, PINK
 from mrl_driver.geometry import Pose
 
-from .timeline import Chronicle, way_m
+from .timeline import Timeline, path_length_m
 
 PARTS = ("path", "speeds", "ranges", "battery")
 _SONARS = {"left": (GREEN, "--"), "front": (BLUE, "-"), "right": (ORANGE, ":")}
@@ -22,57 +23,57 @@ _SMOOTH_S = 0.1
 """Measured speeds are averaged over this time: one count in one frame of 20 ms is 4 mm/s."""
 
 
-def draw(chronicle: Chronicle, path: str, parts: Sequence[str] = PARTS) -> None:
-    """Draw the parts, those over time below each other beside the path.
+def draw(timeline: Timeline, path: str, parts: Sequence[str] = PARTS) -> None:
+    """Draw the parts: the path on the left, and those over time one below the other on the right.
 
     Raises:
         OutputError: the file cannot be written.
     """
-    columns = [part for part in parts if part != "path" and _has(chronicle, part)]
+    columns = [part for part in parts if part != "path" and _has(timeline, part)]
     with_path = "path" in parts
     size = (6.5 * with_path + 6.5 * bool(columns) or 6.5, max(5.5, 1.9 * len(columns)))
     figure = figures.figure(*size)
-    figure.suptitle(_title(chronicle), fontsize="large")
+    figure.suptitle(_title(timeline), fontsize="large")
     grid = figure.add_gridspec(max(1, len(columns)), with_path + bool(columns) or 1)
     if with_path:
-        _draw_path(figure.add_subplot(grid[:, 0]), chronicle)
+        _draw_path(figure.add_subplot(grid[:, 0]), timeline)
     first = None
     for row, part in enumerate(columns):
         first = axes = figure.add_subplot(grid[row, -1], sharex=first)
-        _OVER_TIME[part](axes, chronicle)
+        _OVER_TIME[part](axes, timeline)
         axes.grid(color="0.9")
         axes.tick_params(labelbottom=row == len(columns) - 1)
         axes.set_xlabel("time since the start [s]" if row == len(columns) - 1 else "")
     figures.save(figure, path)
 
 
-def _has(chronicle: Chronicle, part: str) -> bool:
-    return bool({"ranges": chronicle.ranges, "battery": chronicle.battery}.get(part, True))
+def _has(timeline: Timeline, part: str) -> bool:
+    return bool({"ranges": timeline.ranges, "battery": timeline.battery}.get(part, True))
 
 
-def _title(chronicle: Chronicle) -> str:
-    name = f"{chronicle.model.name} {chronicle.robot_id or ''}".strip()
-    duration_s = chronicle.poses[-1][0] - chronicle.poses[0][0]
-    when = chronicle.started[:16].replace("T", " ")
+def _title(timeline: Timeline) -> str:
+    name = f"{timeline.model.name} {timeline.robot_id or ''}".strip()
+    duration_s = timeline.poses[-1][0] - timeline.poses[0][0]
+    when = timeline.started[:16].replace("T", " ")
     return (
-        f"{name}, {os.path.basename(chronicle.path)}"
+        f"{name}, {os.path.basename(timeline.path)}"
         + (f", {when} UTC" if when else "")
-        + (f": {way_m(chronicle):.2f} m in {duration_s:.0f} s")
+        + (f": {path_length_m(timeline):.2f} m in {duration_s:.0f} s")
     )
 
 
 def _thin(rows: Sequence[Tuple[float, ...]]) -> List[List[float]]:
-    """Columns of at most some thousand rows."""
+    """Columns of the rows, thinned to at most about `_MOST_POINTS` points."""
     step = math.ceil(len(rows) / _MOST_POINTS) or 1
     kept = list(rows[::step]) + list(rows[-1:] if len(rows) % step != 1 and step > 1 else [])
     return [list(column) for column in zip(*kept)]
 
 
-def _draw_path(axes: Any, chronicle: Chronicle) -> None:
-    _, xs, ys, yaws = _thin(chronicle.poses)
-    hits = _hits(chronicle)
+def _draw_path(axes: Any, timeline: Timeline) -> None:
+    _, xs, ys, yaws = _thin(timeline.poses)
+    hits = _hits(timeline)
     if hits:
-        axes.scatter(*zip(*hits), s=4, color=GREY, label="seen by sonars", linewidths=0)
+        axes.scatter(*zip(*hits), s=4, color=GREY, label="sonar readings", linewidths=0)
     axes.plot(xs, ys, color=BLUE, linewidth=1.6, label="path")
     axes.plot(xs[0], ys[0], "o", color=GREEN, markersize=8, label="start")
     axes.plot(xs[-1], ys[-1], "s", color=ORANGE, markersize=8, label="end")
@@ -88,12 +89,12 @@ def _draw_path(axes: Any, chronicle: Chronicle) -> None:
     axes.legend(fontsize="small")
 
 
-def _hits(chronicle: Chronicle) -> List[Tuple[float, float]]:
-    """Places at which sonars saw something, on the middle of their cones [m]."""
+def _hits(timeline: Timeline) -> List[Tuple[float, float]]:
+    """Points that the sonars measured, on the axes of their cones [m]."""
     found = []
-    for name, readings in chronicle.ranges.items():
-        mount, last = chronicle.model.sonars[name], math.nan
-        for (_, x, y, yaw), (_, value) in zip(chronicle.poses[-len(readings) :], readings):
+    for name, readings in timeline.ranges.items():
+        mount, last = timeline.model.sonars[name], math.nan
+        for (_, x, y, yaw), (_, value) in zip(timeline.poses[-len(readings) :], readings):
             if not math.isfinite(value) or value == last:
                 continue
             last = value
@@ -101,15 +102,19 @@ def _hits(chronicle: Chronicle) -> List[Tuple[float, float]]:
     return found[:: math.ceil(len(found) / _MOST_POINTS) or 1]
 
 
-def _draw_speeds(axes: Any, chronicle: Chronicle) -> None:
-    times, linear, angular = _thin(chronicle.twists)
-    commands = [*chronicle.commands, (times[-1], *(chronicle.commands or [(0.0, 0.0, 0.0)])[-1][1:])]
-    asked_s, asked_linear, asked_angular = _thin(commands)
-    axes.step(asked_s, asked_linear, where="post", color=GREY, linestyle="--", label="forward, asked")
+def _draw_speeds(axes: Any, timeline: Timeline) -> None:
+    times, linear, angular = _thin(timeline.twists)
+    commands = [*timeline.commands, (times[-1], *(timeline.commands or [(0.0, 0.0, 0.0)])[-1][1:])]
+    commanded_s, commanded_linear, commanded_angular = _thin(commands)
+    axes.step(
+        commanded_s, commanded_linear, where="post", color=GREY, linestyle="--", label="forward, commanded"
+    )
     axes.plot(times, _smooth(times, linear), color=BLUE, label="forward, measured")
     axes.set_ylabel("forward [m/s]", color=BLUE)
     turn = axes.twinx()
-    turn.step(asked_s, asked_angular, where="post", color=GREY, linestyle=":", label="yaw rate, asked")
+    turn.step(
+        commanded_s, commanded_angular, where="post", color=GREY, linestyle=":", label="yaw rate, commanded"
+    )
     turn.plot(times, _smooth(times, angular), color=ORANGE, linestyle="-.", label="yaw rate, measured")
     turn.set_ylabel("yaw rate [rad/s]", color=ORANGE)
     _level(axes, turn)
@@ -118,14 +123,14 @@ def _draw_speeds(axes: Any, chronicle: Chronicle) -> None:
 
 
 def _level(*axes: Any) -> None:
-    """Zero at the same height in all."""
+    """Put zero at the same height in all axes."""
     for each in axes:
         most = max(0.05, *(abs(limit) for limit in each.get_ylim()))
         each.set_ylim(-most, most)
 
 
 def _smooth(times: List[float], values: List[float]) -> List[float]:
-    """Means over `_SMOOTH_S`."""
+    """Moving average over `_SMOOTH_S`."""
     import numpy as np
 
     width = max(1, round(_SMOOTH_S * len(times) / max(1e-9, times[-1] - times[0])))
@@ -134,8 +139,8 @@ def _smooth(times: List[float], values: List[float]) -> List[float]:
     return smoothed
 
 
-def _draw_ranges(axes: Any, chronicle: Chronicle) -> None:
-    for name, readings in chronicle.ranges.items():
+def _draw_ranges(axes: Any, timeline: Timeline) -> None:
+    for name, readings in timeline.ranges.items():
         times, values = _thin(readings)
         colour, dashes = _SONARS.get(name, (PINK, "-"))
         seen = [value if math.isfinite(value) else math.nan for value in values]
@@ -143,13 +148,16 @@ def _draw_ranges(axes: Any, chronicle: Chronicle) -> None:
     axes.set_ylabel("range [m]")
     axes.set_ylim(bottom=0)
     axes.legend(
-        fontsize="x-small", ncol=3, title="sonars; a gap is no reading or nothing", title_fontsize="x-small"
+        fontsize="x-small",
+        ncol=3,
+        title="sonars; gap: no reading, or nothing in range",
+        title_fontsize="x-small",
     )
 
 
-def _draw_battery(axes: Any, chronicle: Chronicle) -> None:
-    times, volts = _thin(chronicle.battery)
-    levels = chronicle.model.battery
+def _draw_battery(axes: Any, timeline: Timeline) -> None:
+    times, volts = _thin(timeline.battery)
+    levels = timeline.model.battery
     axes.plot(times, volts, "o-", markersize=3, color=BLUE, label="battery")
     axes.axhline(levels.low_v, color=ORANGE, linestyle="--", label="low")
     axes.axhline(levels.empty_v, color="black", linestyle=":", label="empty")
@@ -157,7 +165,7 @@ def _draw_battery(axes: Any, chronicle: Chronicle) -> None:
     axes.legend(fontsize="x-small", ncol=3)
 
 
-_OVER_TIME: Dict[str, Callable[[Any, Chronicle], None]] = {
+_OVER_TIME: Dict[str, Callable[[Any, Timeline], None]] = {
     "speeds": _draw_speeds,
     "ranges": _draw_ranges,
     "battery": _draw_battery,

@@ -1,4 +1,4 @@
-"""Listening while driving: links that tell a recorder, or any listener, every byte."""
+"""Links that pass every byte to a recorder, or to any other function, while the robot drives."""
 
 from typing import Callable, Optional
 
@@ -8,11 +8,11 @@ from mrl_driver.transport.open_link import open_link
 from .recording import CHECKED, FROM_BOARD, OPENED, PLAIN, REMARK, TO_BOARD, Recorder
 
 Tap = Callable[[str, bytes], None]
-"""Told of each chunk of bytes: which way (`>` to the board, `<` from it), and the bytes."""
+"""Called with each chunk of bytes: its direction (`>` to the board, `<` from it), and the bytes."""
 
 
 class RecordedLink(Link):
-    """A link that gives each chunk to `tap`: what is sent before it goes, what comes when it is read."""
+    """A link that passes each chunk to `tap`: before it is written, or after it was read."""
 
     def __init__(self, link: Link, tap: Tap) -> None:
         self.port, self._link, self._tap = link.port, link, tap
@@ -47,7 +47,7 @@ class RecordedLink(Link):
 
 
 class Tape:
-    """The recording of one driver, over all links that it opens; `recorder` is None without a `path`.
+    """Records all links that one driver opens; `recorder` is None without a `path`.
 
     Raises:
         ConfigError: the file cannot be created.
@@ -58,26 +58,26 @@ class Tape:
         self._tap = tap
         self._checked: Optional[bool] = None
 
-    def _hear(self, way: str, data: bytes) -> None:
+    def _hear(self, direction: str, data: bytes) -> None:
         if self.recorder is not None:
-            self.recorder.add(way, data)
-        if self._tap is not None and way != REMARK:
-            self._tap(way, data)
+            self.recorder.add(direction, data)
+        if self._tap is not None and direction != REMARK:
+            self._tap(direction, data)
 
     def open(self, port: str, baud: int, patience_s: float) -> RecordedLink:
-        """A link that is listened to; as `open_link`."""
+        """Open a link as `open_link` does; its bytes are recorded."""
         link = RecordedLink(open_link(port, baud, patience_s), self._hear)
         self._hear(REMARK, OPENED + port.encode("utf-8", "replace"))
         self._checked = None
         return link
 
     def note(self, checked: bool) -> None:
-        """The board's frames carry a check value from now on, or none; remarked when it changes."""
+        """Record whether the board's frames carry a checksum from now on; writes a remark only on a change."""
         if checked != self._checked:
             self._checked = checked
             self._hear(REMARK, CHECKED if checked else PLAIN)
 
     def close(self) -> None:
-        """Write what waits, and close the file."""
+        """Write all pending entries, and close the file."""
         if self.recorder is not None:
             self.recorder.close()

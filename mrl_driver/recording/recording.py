@@ -1,13 +1,13 @@
-"""Recordings: every byte both ways, with its time, one line of text each.
+"""Recordings: all bytes of both directions with their times, as lines of text.
 
     #mrl-recording 1 {"port": "/dev/ttyACM0", "started": "2026-03-01T12:00:00+00:00"}
     0.000000 > @5e
     0.004211 < @5,2500,172,1180,2,1e\\r\\n
     1.250000 ! checked
 
-`>` went to the board, `<` came from it, `!` is a remark of the driver.  Times are seconds since the recording began,
-on a clock that never jumps.  Bytes outside printable ASCII, and the backslash, are escaped as in a Python string.  A
-line torn by a crash or a full disk costs that line alone.
+`>` marks bytes to the board, `<` bytes from it, `!` a remark of the driver.  Times are seconds since the recording
+began, on a monotonic clock.  Bytes outside printable ASCII, and the backslash, are escaped as in a Python string.  A
+crash or a full disk may leave an incomplete line; it is skipped, and all other lines are read.
 """
 
 import codecs
@@ -26,7 +26,7 @@ TO_BOARD, FROM_BOARD, REMARK = ">", "<", "!"
 OPENED = b"opened "
 """A remark: the port that follows was opened."""
 CHECKED, PLAIN = b"checked", b"plain"
-"""Remarks: from here on the board's frames carry a checksum, or none."""
+"""Remarks: from here on the board's frames carry a checksum, or carry none."""
 _MAGIC = "#mrl-recording"
 FLUSH_S = 0.2
 _MOST_WAITING = 20000
@@ -34,18 +34,18 @@ _LONGEST_LINE = 1 << 20
 
 
 class Entry(NamedTuple):
-    """One line: when [s since the start], which way (`>`, `<` or `!`), and the bytes."""
+    """One line: time [s since the start], direction (`>`, `<` or `!`), and the bytes."""
 
     time_s: float
-    way: str
+    direction: str
     data: bytes
 
 
 class Recorder:
     """Appends to a recording from any thread without ever blocking or stopping its caller.
 
-    A thread of its own writes five times a second, so a kill loses 0.2 s at most.  When the disk refuses, `error`
-    keeps why, `lost` counts the lines, and writing is tried again.
+    A separate thread writes five times a second, so at most 0.2 s are lost if the process is killed.  After a failed
+    write, `error` holds the reason, `lost` counts the lost lines, and the next write is tried.
 
     Raises:
         ConfigError: the file cannot be created.
@@ -62,7 +62,7 @@ class Recorder:
             self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
         except OSError as error:
             raise ConfigError(
-                f"cannot record to {path!r}: {error.strerror}; expected a file that can be written"
+                f"cannot record to {path!r}: {error.strerror}; give a file that can be written"
             ) from None
         self._start_s = time.monotonic()
         header["started"] = datetime.datetime.now(datetime.timezone.utc).isoformat()
@@ -70,26 +70,26 @@ class Recorder:
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
 
-    def add(self, way: str, data: bytes) -> None:
-        """Record `data`, which went `way` just now."""
+    def add(self, direction: str, data: bytes) -> None:
+        """Record `data`, which was sent in `direction` just now."""
         if len(self._waiting) >= _MOST_WAITING:
             self.lost += 1
             self.error = self.error or "the disk is too slow"
             return
         text = codecs.escape_encode(data)[0].decode("ascii")
-        self._waiting.append(f"{time.monotonic() - self._start_s:.6f} {way} {text}\n")
+        self._waiting.append(f"{time.monotonic() - self._start_s:.6f} {direction} {text}\n")
 
     @property
     def loss(self) -> str:
-        """What the recording lacks, in words; empty where it lacks nothing."""
+        """Description of the lines that are missing; empty if none is."""
         return (
-            f"{self.path} lacks {self.lost} lines: {self.error}; make room, then record again"
+            f"{self.path} lacks {self.lost} lines: {self.error}; free disk space, then record again"
             if self.lost
             else ""
         )
 
     def close(self) -> None:
-        """Write what waits, and close the file."""
+        """Write all pending lines, and close the file."""
         if not self._ended.is_set():
             self._ended.set()
             self._thread.join()
@@ -110,7 +110,7 @@ class Recorder:
             self._torn = done < len(data)
             self.lost += data[done:].count(b"\n")
             if self._torn:
-                self.error = "the disk took only a part"
+                self.error = "the disk accepted only a part of a line"
         except OSError as error:
             self.error = error.strerror or str(error)
             self.lost += lines
@@ -119,11 +119,11 @@ class Recorder:
 class Recording:
     """Reads a recording as a stream: memory does not grow with the file.
 
-    `header` is what the recorder noted; `skipped` maps the numbers of unreadable lines (at most 100 kept) to the
-    reason.
+    `header` holds the facts that the recorder wrote; `skipped` maps the number of each unreadable line (at most 100) to
+    the reason.
 
     Raises:
-        ConfigError: no such file, no recording, or one of a newer version.
+        ConfigError: the file does not exist, is not a recording, or has a newer version.
     """
 
     def __init__(self, path: str) -> None:
@@ -134,7 +134,7 @@ class Recording:
             with open(path, "rb") as file:
                 first = file.readline(_LONGEST_LINE)
         except OSError as error:
-            raise ConfigError(f"cannot read {path!r}: {error.strerror}; expected a recording") from None
+            raise ConfigError(f"cannot read {path!r}: {error.strerror}; give a recording") from None
         self.header = self._read_header(first)
 
     def _read_header(self, line: bytes) -> Dict[str, Any]:
@@ -142,11 +142,11 @@ class Recording:
         version, _, header = rest.partition(" ")
         if magic != _MAGIC or not version.isdigit():
             raise ConfigError(
-                f"{self.path}:1: got {line[:40]!r}, expected '{_MAGIC} {VERSION} ...': not a recording"
+                f"{self.path}:1: got {line[:40]!r}, expected '{_MAGIC} {VERSION} ...': the file is not a recording"
             )
         if int(version) > VERSION:
             raise ConfigError(
-                f"{self.path}:1: recording version {version}, this program reads up to {VERSION}: update it"
+                f"{self.path}:1: recording version {version}, expected at most {VERSION}: update mrl-driver"
             )
         try:
             found = json.loads(header or "{}")
@@ -184,20 +184,20 @@ class Recording:
 def _parse(line: bytes, last_s: float) -> Tuple[Optional[Entry], str]:
     """The entry on a line, or None and what is wrong with it."""
     if not line.endswith(b"\n"):
-        return None, "torn"
+        return None, "incomplete"
     stamp, _, rest = line.strip(b"\r\n").partition(b" ")
-    way, _, text = rest.partition(b" ")
+    direction, _, text = rest.partition(b" ")
     try:
         time_s = float(stamp)
     except ValueError:
         return None, f"time is {stamp[:20]!r}, expected seconds"
     if not 0.0 <= time_s < 1e9:
         return None, f"time is {time_s}, expected 0 or more seconds"
-    if way not in (b">", b"<", b"!"):
-        return None, f"direction is {way[:20]!r}, expected '>', '<' or '!'"
+    if direction not in (b">", b"<", b"!"):
+        return None, f"direction is {direction[:20]!r}, expected '>', '<' or '!'"
     if time_s < last_s:
-        return None, f"time {time_s} lies before {last_s} of an earlier line"
+        return None, f"time {time_s} is before {last_s} of an earlier line"
     try:
-        return Entry(time_s, way.decode(), codecs.escape_decode(text)[0]), ""
+        return Entry(time_s, direction.decode(), codecs.escape_decode(text)[0]), ""
     except ValueError:
         return None, f"bytes {text[:20]!r} are not escaped as in a Python string"

@@ -1,4 +1,4 @@
-"""What a recording says: frames, damage, losses and the robot's path, read as a stream."""
+"""Summary of a recording: frames, damage, losses and the robot's path.  Memory does not grow with the file."""
 
 import math
 from collections import Counter
@@ -16,11 +16,11 @@ _SENSORS = {row.code: row for row in SENSORS}
 
 
 def summarise(recording: Recording, model: Optional[RobotModel] = None) -> Dict[str, Any]:
-    """Figures of a whole recording, ready for JSON; units stand in the ends of the keys.
+    """Figures of a whole recording, ready for JSON; with the unit at the end of each key.
 
-    Without `model` the packaged one of the id that the board reports; where there is none, pose and `refused_counts`
-    are None.  Garbage is counted by the name of its reason, `lost` and `duplicates` by sequence number.  Sensors have
-    the least and the largest of their values, in `unit`.
+    Without `model`, the packaged model that lists the board's id is used; if there is none, pose and `refused_counts`
+    are None.  Garbage is counted by the name of its reason, `lost` and `duplicates` by sequence number.  Each sensor
+    has its smallest and its largest value, in `unit`.
     """
     reader = _Reader(model)
     for part in decode(recording):
@@ -55,7 +55,7 @@ def _named(codes: Dict[int, int]) -> Dict[str, int]:
 
 
 class _Reader:
-    """Takes parts in."""
+    """Adds up the parts of a recording."""
 
     def __init__(self, model: Optional[RobotModel]) -> None:
         self.robot = RecordedRobot(model)
@@ -67,14 +67,14 @@ class _Reader:
         self.sensors: Dict[str, Dict[str, Any]] = {}
 
     def read(self, part: Part) -> None:
-        """One part."""
-        time_s, way, data, events = part
+        """Add one part."""
+        time_s, direction, data, events = part
         self.duration_s = max(self.duration_s, time_s)
-        if way == REMARK:
+        if direction == REMARK:
             self.robot.begin_again()
             return
-        self.sizes[way] += len(data)
-        if way == TO_BOARD:
+        self.sizes[direction] += len(data)
+        if direction == TO_BOARD:
             self.requests.update(event.code for event in events if isinstance(event, Frame))
             return
         for event in events:

@@ -19,22 +19,22 @@ _WITH_SONARS = (_CODE["read_encoders_and_sonars"], _CODE[STREAM])
 _REPORT_EVERY = 2000
 
 
-class Chronicle(NamedTuple):
-    """What happened, each list in the order of time; times are seconds since the recording began."""
+class Timeline(NamedTuple):
+    """The columns of a recording, each in order of time; times are seconds since the recording began."""
 
     path: str
     started: str
-    """When, as ISO 8601; empty where the file does not say."""
+    """Start time as ISO 8601; empty if the file does not hold it."""
     model: RobotModel
     robot_id: int
     poses: List[Tuple[float, float, float, float]]
     """Time, x, y, yaw [s m m rad]."""
     twists: List[Tuple[float, float, float]]
-    """Time, forward speed, yaw rate [s m/s rad/s], measured."""
+    """Time, measured forward speed, measured yaw rate [s m/s rad/s]."""
     commands: List[Tuple[float, float, float]]
-    """The same as asked for; a stop is zero."""
+    """Time, commanded forward speed, commanded yaw rate [s m/s rad/s]; a stop is zero."""
     ranges: Dict[str, List[Tuple[float, float]]]
-    """Time and range [s m] by sonar; NaN for no reading, infinity for nothing."""
+    """Time and range [s m] by sonar; NaN for no reading, infinity for nothing in range."""
     battery: List[Tuple[float, float]]
     """Time and voltage [s V]."""
 
@@ -43,10 +43,10 @@ def read(
     recording: Recording,
     model: Optional[RobotModel] = None,
     advance: Callable[[float], None] = lambda part: None,
-) -> Chronicle:
-    """All of a recording; without `model` the packaged one of the id that the board reports.
+) -> Timeline:
+    """Read a whole recording; without `model`, the packaged model that lists the board's id is used.
 
-    `advance` is told of the progress, 1.0 in all.
+    `advance` is called with the share of the work done since its last call; the shares add up to at most 1.0.
 
     Raises:
         ConfigError: the recording holds no odometry, or no packaged model lists its robot.
@@ -64,7 +64,7 @@ def read(
     if robot.model is None or not reader.poses:
         raise ConfigError(_nothing(recording, robot))
     started = str(recording.header.get("started", ""))
-    return Chronicle(
+    return Timeline(
         recording.path,
         started,
         robot.model,
@@ -80,13 +80,13 @@ def read(
 def _nothing(recording: Recording, robot: RecordedRobot) -> str:
     if robot.model is None and robot.robot_id:
         return (
-            f"{recording.path}: robot id {robot.robot_id} is in no packaged model; name its file with --robot"
+            f"{recording.path}: no packaged model lists robot id {robot.robot_id}; give its file with --robot"
         )
-    return f"{recording.path}: no odometry in it, expected frames of a robot; look with: mrl replay {recording.path}"
+    return f"{recording.path} holds no odometry, expected frames of a robot; check it with: mrl replay {recording.path}"
 
 
 class _Reader:
-    """Takes parts in."""
+    """Collects the columns from the parts of a recording."""
 
     def __init__(self, model: Optional[RobotModel]) -> None:
         self.robot = RecordedRobot(model)
@@ -97,11 +97,11 @@ class _Reader:
         self.battery: List[Tuple[float, float]] = []
 
     def read(self, part: Part) -> None:
-        """One part."""
-        if part.way == REMARK:
+        """Add one part."""
+        if part.direction == REMARK:
             self.robot.begin_again()
             return
-        take = self._on_request if part.way == TO_BOARD else self._on_reply
+        take = self._on_request if part.direction == TO_BOARD else self._on_reply
         for event in part.events:
             if isinstance(event, Frame):
                 take(event, part.time_s)
@@ -131,7 +131,7 @@ class _Reader:
                 self.ranges[name].append((time_s, range_m(value, self.robot.version)))
 
 
-def way_m(chronicle: Chronicle) -> float:
-    """Length of the robot's way [m]."""
-    points = [pose[1:3] for pose in chronicle.poses]
+def path_length_m(timeline: Timeline) -> float:
+    """Length of the robot's path [m]."""
+    points = [pose[1:3] for pose in timeline.poses]
     return math.fsum(math.dist(start, end) for start, end in zip(points, points[1:]))

@@ -16,7 +16,7 @@ _BLANK = b" \r\n\t"
 class Line(NamedTuple):
     """One kind of frame, or text that is not a frame."""
 
-    way: str
+    direction: str
     """`>` to the board, `<` from it."""
     name: str
     """Name of the command, or `text` if it is not a frame."""
@@ -35,24 +35,24 @@ class FrameLog:
         self._lines: Dict[Tuple[str, str], Line] = {}
         self._rest: Dict[str, bytes] = {}
 
-    def hear(self, way: str, data: bytes, now_s: float) -> None:
-        """Add bytes that were sent in the direction `way`."""
+    def hear(self, direction: str, data: bytes, now_s: float) -> None:
+        """Add bytes that were sent in `direction`."""
         with self._lock:
-            data = self._rest.get(way, b"") + data
+            data = self._rest.get(direction, b"") + data
             end = data.rfind(b"e") + 1
-            self._rest[way] = data[end:][-MAX_FRAME:]
+            self._rest[direction] = data[end:][-MAX_FRAME:]
             for piece in _PIECE.finditer(data[:end]):
-                self._add(way, piece.group().strip(_BLANK), int(piece.group(1) or -1), now_s)
+                self._add(direction, piece.group().strip(_BLANK), int(piece.group(1) or -1), now_s)
 
-    def _add(self, way: str, piece: bytes, code: int, now_s: float) -> None:
+    def _add(self, direction: str, piece: bytes, code: int, now_s: float) -> None:
         if not piece:
             return
         name = BY_CODE[code].name if code in BY_CODE else "text" if code < 0 else f"command {code}"
         text = piece.decode("ascii", "backslashreplace")
         text = "".join(each if each.isprintable() else "." for each in text)
-        key = (way, name)
+        key = (direction, name)
         count = self._lines[key].times if key in self._lines else 0
-        self._lines[key] = Line(way, name, text, count + 1, now_s)
+        self._lines[key] = Line(direction, name, text, count + 1, now_s)
         while len(self._lines) > MOST_LINES:
             del self._lines[min(self._lines, key=lambda each: self._lines[each].time_s)]
 

@@ -38,7 +38,7 @@ class Keyboard:
             termios.tcsetattr(self._fd, termios.TCSADRAIN, self._settings)
 
     def read(self, timeout_s: float) -> List[str]:
-        """Return the keys pressed, after waiting at most `timeout_s` for the first; `q` if the terminal is gone."""
+        """Return the keys pressed, after waiting at most `timeout_s` for the first; `q` if the terminal was closed."""
         ready, _, _ = select.select([self._fd], [], [], timeout_s)
         if not ready:
             return []

@@ -269,7 +269,7 @@ def _frame(line: Line, now_s: float, room: int) -> Text:
     age_s = now_s - line.time_s
     style = "yellow" if line.name == "text" else "bold" if age_s < _FRESH_S and line.times < 20 else ""
     text = Text(no_wrap=True, overflow="ellipsis", style="dim" if age_s > _OLD_S else "")
-    text.append(line.way, style="magenta" if line.way == ">" else "green")
+    text.append(line.direction, style="magenta" if line.direction == ">" else "green")
     text.append(f"{line.times:>6}x ", style="dim")
     text.append(line.text, style=style)
     name = line.name.replace("_", " ")

@@ -14,7 +14,7 @@ _DIRECTIONS: Dict[str, Tuple[float, float]] = {
     "left": (0, 1),
     "right": (0, -1),
 }
-_SLIDES = {",": 1, ".": -1}
+_SIDEWAYS = {",": 1, ".": -1}
 """Sideways motion, if the robot can: `,` to the left, `.` to the right."""
 _OPPOSITES = {"up": "down", "down": "up", "left": "right", "right": "left", ",": ".", ".": ","}
 
@@ -31,7 +31,7 @@ class Teleop:
             self._until_s.clear()
             return True
         direction = _LETTERS.get(key, key)
-        if direction not in _DIRECTIONS and direction not in _SLIDES:
+        if direction not in _DIRECTIONS and direction not in _SIDEWAYS:
             return False
         self._until_s.pop(_OPPOSITES[direction], None)
         self._until_s[direction] = now_s + HOLD_S
@@ -39,8 +39,8 @@ class Teleop:
 
     @staticmethod
     def moves(key: str, sideways: bool = False) -> bool:
-        """Tell whether the key drives a robot; `sideways` says that the robot can move sideways."""
-        return _LETTERS.get(key, key) in _DIRECTIONS or (sideways and key in _SLIDES)
+        """Return whether the key drives a robot; `sideways` is True if the robot can move sideways."""
+        return _LETTERS.get(key, key) in _DIRECTIONS or (sideways and key in _SIDEWAYS)
 
     def command(self, now_s: float) -> Tuple[float, float]:
         """Return the speeds (linear [m/s], angular [rad/s]) at a time; zero if no key is held."""
@@ -50,7 +50,7 @@ class Teleop:
 
     def slide(self, now_s: float) -> float:
         """Return the speed to the left at a time [m/s], for robots that can; 0 if no key is held."""
-        return LINEAR_M_S * sum(_SLIDES.get(key, 0) for key in self._held(now_s))
+        return LINEAR_M_S * sum(_SIDEWAYS.get(key, 0) for key in self._held(now_s))
 
     def _held(self, now_s: float) -> List[str]:
         return [key for key, until_s in self._until_s.items() if now_s < until_s]

@@ -15,7 +15,7 @@ def range_text(value_m: float) -> str:
     if math.isnan(value_m):
         return "no reading"
     if math.isinf(value_m):
-        return "nothing" if value_m > 0 else "too near"
+        return "nothing" if value_m > 0 else "too close"
     return f"{value_m:.2f} m"
 
 

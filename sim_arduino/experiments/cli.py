@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Iterator, List, NamedTuple, Optional, Seq
 import click
 
 from mrl_driver import figures
-from mrl_driver.cli.commands.shared import agree_to_move
+from mrl_driver.cli.commands.shared import confirm_motion
 from mrl_driver.cli.main import registered
 from mrl_driver.errors import ConfigError, MrlError
 from sim_arduino.serve.one_line import OneLine
@@ -92,7 +92,7 @@ def main(
     chosen = _chosen(names)
     figures.require_matplotlib("mrl experiment")
     if port is not None:
-        agree_to_move(f"The robot on {port} drives by itself ({', '.join(chosen)}). Is the floor free?", yes)
+        confirm_motion(f"The robot on {port} drives by itself ({', '.join(chosen)}). Is the floor free?", yes)
     from rich.console import Console
 
     from .report import save

@@ -59,7 +59,7 @@ def _approach(setting: Setting) -> Tuple[Sequence[float], Sequence[float]]:
         assert driver.model is not None
         track = Track(driver)
         parts.approach_wall(driver, track, PLAN.distances(), Speeds(), lambda _: None, lambda _: None)
-        return parts.stands(track.end(), driver.model.differential, PLAN.start_m)
+        return parts.readings_at_stops(track.end(), driver.model.differential, PLAN.start_m)
 
 
 def _draw(setting: Setting, counts: Sequence[float], distances: Sequence[float], fit: sonar_curve.Fit) -> str:

@@ -120,12 +120,12 @@ def play(recording: Recording, port: PtyPort, speed: float, tell: Callable[[str]
 def _play_once(recording: Recording, audience: Audience, speed: float) -> None:
     clock, greets = Pace(speed, audience.wait), True
     for entry in recording:
-        if entry.way == TO_BOARD and greets:
+        if entry.direction == TO_BOARD and greets:
             for code in _answered(entry):
                 audience.await_question(code)
                 greets = greets and not BY_CODE[code].repeats
             clock.resume(entry.time_s)
-        elif entry.way == FROM_BOARD:
+        elif entry.direction == FROM_BOARD:
             clock.await_time(entry.time_s)
             audience.give(entry.data)
 

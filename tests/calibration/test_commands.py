@@ -149,13 +149,13 @@ def test_an_interrupted_calibration_goes_on_where_it_was(lab, monkeypatch):
     assert code == main.INTERRUPTED and any("1 of 2 runs are kept in" in line for line in lines)
     assert "runs of turn with turns 1, count 2" in lab.refused("turn", "--count", 4, "--turns", 1, *turn[5:])
     code, _, lines = lab.mrl(*turn)
-    assert code == 0 and lines[0].startswith("1 of 2 runs are there already") and len(calls) == 3
+    assert code == 0 and lines[0].startswith("1 of 2 runs are already in") and len(calls) == 3
     assert models.load("traxbot-1.yaml").drive.turn_slip == pytest.approx(0.1, abs=2e-3)
 
 
 def test_a_file_that_the_robot_does_not_come_from_is_not_replaced(lab, tmp_path):
     (tmp_path / "traxbot-1.yaml").write_text("mine")
-    assert "traxbot-1.yaml is there already" in lab.refused("straight", "--truth", "t", "--yes")
+    assert "traxbot-1.yaml already exists" in lab.refused("straight", "--truth", "t", "--yes")
     assert (tmp_path / "traxbot-1.yaml").read_text() == "mine"
 
 
@@ -178,7 +178,7 @@ def test_swapped_encoders_are_found(lab):
 
     lab.rewire = swap
     code, _, lines = lab.mrl("wiring", "--truth", "t")
-    assert code == 14 and lines[-1] == "mrl: encoders swapped: change the plugs of encoder 1 and encoder 3"
+    assert code == 14 and lines[-1] == "mrl: encoders swapped: exchange the plugs of encoder 1 and encoder 3"
 
 
 def test_sonar_curve_is_fitted_to_a_wall_and_saved_on_the_board(lab):
@@ -253,7 +253,7 @@ def test_a_recording_of_a_calibration_says_what_the_calibration_said(taped, proc
 def test_the_wires_are_judged_from_a_recording_too(taped):
     assert taped.mrl("wiring", "--unseen", "--yes")[0] == 0
     code, out, _ = taped.mrl("wiring", *FROM_TAPE)
-    assert (code, out) == (0, "motors and encoders are wired right\n")
+    assert (code, out) == (0, "the wiring of motors and encoders is right\n")
 
 
 def test_swapped_wires_are_found_in_a_recording(taped):
@@ -274,14 +274,14 @@ def test_swapped_wires_are_found_in_a_recording(taped):
         (
             ("straight", "--count", 2, "--distance", 0.5, "--truth", "t"),
             "wiring",
-            "no motor was turned by itself",
+            "no motor was turned alone",
         ),
         (
             ("straight", "--count", 2, "--distance", 0.5, "--truth", "t"),
             "gains",
-            "has no request 10 that moves",
+            "holds no request 10 that moves",
         ),
-        (("wiring", "--unseen"), "gains", "tape.mrl: the first step turns one motor, expected both"),
+        (("wiring", "--unseen"), "gains", "tape.mrl: the first step turns only one motor, expected both"),
     ],
 )
 def test_a_recording_of_another_calibration_is_refused(taped, recorded, wanted, said):
@@ -292,7 +292,7 @@ def test_a_recording_of_another_calibration_is_refused(taped, recorded, wanted, 
 def test_a_recording_of_another_robot_is_refused(taped):
     taped.mrl("wiring", "--unseen", "--yes")
     words = [word if word != "traxbot" else "stingbot" for word in FROM_TAPE]
-    assert "tape.mrl is of robot id 1, expected stingbot" in taped.refused("wiring", *words)
+    assert "tape.mrl is a recording of robot id 1, expected a stingbot" in taped.refused("wiring", *words)
 
 
 def test_a_recording_without_counts_is_refused(lab, tmp_path):
@@ -302,7 +302,9 @@ def test_a_recording_without_counts_is_refused(lab, tmp_path):
 
 def test_of_which_robot_a_recording_is_must_be_said(lab):
     assert "--robot is missing" in lab.refused("gains", "--recording", "tape.mrl")
-    assert "--run tape.mrl: expected FILE:X,Y" in lab.refused("turn", *FROM_TAPE[:-2], "--run", "tape.mrl")
+    assert "--run is 'tape.mrl', expected FILE:X,Y" in lab.refused(
+        "turn", *FROM_TAPE[:-2], "--run", "tape.mrl"
+    )
 
 
 def test_umbmark_from_recordings(lab, tmp_path):
@@ -321,7 +323,7 @@ def test_umbmark_from_recordings(lab, tmp_path):
 @pytest.mark.parametrize(
     "way, jump, said",
     [
-        (paths.straight(1.0), 0, "went straight, which is no run of umbmark"),
+        (paths.straight(1.0), 0, "went straight, expected a run of mrl calibrate umbmark"),
         (paths.square(), 9000, "the counts jump 2 times"),
         (paths.square(), 0, "there are 1 counter-clockwise laps, expected 2 to 50"),
     ],
@@ -344,7 +346,7 @@ def test_a_robot_that_was_put_too_near_to_the_wall_does_not_drive_into_it(lab):
     """0.8 m away, said to be 1.5."""
     lab.options = {"pose": "1.1,0,0", "footprint": "box"}
     line = lab.refused("sonar", "--start", 1.5, "--step", 0.15, "--yes")
-    assert "the front sonar says 0.8" in line and "about 1.50 m" in line
+    assert "the front sonar measures 0.8" in line and "about 1.50 m" in line
     assert lab.pose().x_m == pytest.approx(1.1, abs=END_M)
 
 
@@ -366,10 +368,10 @@ def test_an_interrupted_sonar_goes_on_where_it_was(lab, monkeypatch, tmp_path):
     lab.options = {"pose": "0.4,0,0", "footprint": "box"}
     code, _, lines = lab.mrl(*SONAR, "--yes")
     assert code == main.INTERRUPTED
-    assert "mrl: 3 distances are kept in traxbot-1.sonar.csv; the same command goes on" in lines
+    assert "mrl: 3 distances are kept in traxbot-1.sonar.csv; repeat the command to continue" in lines
     lab.options = {"pose": "0.85,0,0", "footprint": "box"}
     code, _, lines = lab.mrl(*SONAR, "--yes")
-    assert code == 0 and lines[0].startswith("3 of 9 distances are there already, in traxbot-1.sonar.csv")
+    assert code == 0 and lines[0].startswith("3 of 9 distances are already in traxbot-1.sonar.csv")
     board, distances_m = models.load("traxbot-1.yaml").board, np.arange(0.3, 1.51, 0.1)
     found = Curve(*(board[name] / 1e4 for name in models.CURVE_KEYS))
     assert found.range_m(THESIS.counts(distances_m)) == pytest.approx(distances_m, abs=SONAR_M)
@@ -378,7 +380,7 @@ def test_an_interrupted_sonar_goes_on_where_it_was(lab, monkeypatch, tmp_path):
 
 def test_a_sonar_that_was_not_written_down_can_be_without_driving_again(lab, monkeypatch, tmp_path):
     lab.options = {"pose": "0.4,0,0", "footprint": "box"}
-    monkeypatch.setattr(calibrate_job, "agree_to_move", lambda question, yes: None)
+    monkeypatch.setattr(calibrate_job, "confirm_motion", lambda question, yes: None)
     assert "Write traxbot-1.yaml?" in lab.refused(*SONAR)
     assert (tmp_path / "traxbot-1.sonar.csv").exists()
     monkeypatch.setattr(manoeuvres, "straight", None)
@@ -415,7 +417,7 @@ def test_a_person_is_guided_and_asked_again_after_a_slip_of_the_pen(lab, monkeyp
     start, answers = [], []
 
     def ask(question, **_):
-        if str(question).startswith("Enter"):
+        if str(question).startswith("Press Enter"):
             start[:] = [lab.pose()]
             return ""
         answers.append(question)
@@ -437,7 +439,7 @@ def test_a_measurement_that_cannot_be_is_asked_for_again(lab, monkeypatch):
     start, answers = [], []
 
     def ask(question, **_):
-        if str(question).startswith("Enter"):
+        if str(question).startswith("Press Enter"):
             start[:] = [lab.pose()]
             return ""
         answers.append(question)
@@ -448,11 +450,14 @@ def test_a_measurement_that_cannot_be_is_asked_for_again(lab, monkeypatch):
     monkeypatch.setattr(calibrate_view.Prompt, "ask", ask)
     code, _, lines = lab.mrl("straight", "--count", 2, "--distance", 0.5, "--yes")
     assert code == 0 and len(answers) == 3
-    assert any("m away, expected at most" in line and "; measure again" in line for line in lines)
+    assert any(
+        "m from the end by the counts, expected at most" in line and "; measure again" in line
+        for line in lines
+    )
 
 
 def test_without_a_terminal_nothing_is_asked_and_nothing_moves(lab):
-    assert "there is no terminal to ask at; give --truth FILE" in lab.refused("turn", "--yes")
+    assert "stdin is not a terminal; give --truth FILE" in lab.refused("turn", "--yes")
     assert lab.emulated is None
 
 
@@ -469,7 +474,7 @@ def test_a_step_is_not_cut_by_the_stop_of_the_greeting(lab):
 
 def test_a_damaged_state_is_not_written_over(lab, tmp_path):
     (tmp_path / "traxbot-1.calibration.json").write_text('{"version": 1')
-    assert "no state of a calibration; move it away" in lab.refused("turn", "--truth", "t", "--yes")
+    assert "not the state of a calibration; move it away" in lab.refused("turn", "--truth", "t", "--yes")
     assert (tmp_path / "traxbot-1.calibration.json").read_text() == '{"version": 1'
 
 

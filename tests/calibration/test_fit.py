@@ -85,7 +85,7 @@ def test_an_outlier_is_named_with_what_drives_it_again():
 
 def test_runs_without_any_measured_end_tell_nothing():
     runs = [run._replace(end=Pose(math.nan, math.nan, math.nan)) for run in laps(BELIEVED)]
-    with pytest.raises(ConfigError, match="do not tell wheel_offset"):
+    with pytest.raises(ConfigError, match="do not determine wheel_offset"):
         fit.fit(runs, BELIEVED, [fit.OFFSET], TRAXBOT.noise)
 
 

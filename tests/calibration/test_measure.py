@@ -68,5 +68,5 @@ def test_a_file_without_a_pose_is_refused(tmp_path, text):
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(ConfigError, match="no such file, expected the one that mrl-sim --truth writes"):
+    with pytest.raises(ConfigError, match="does not exist, expected the file that mrl-sim --truth writes"):
         truth_file(str(tmp_path / "truth.jsonl"))

@@ -40,7 +40,7 @@ def test_info_on_a_2013_board_says_what_it_lacks(serve):
 def test_a_board_that_cannot_be_raised_is_said_to_stay_at_its_speed(serve):
     done = mrl("info", "--port", serve().path, "--fast", "--json")
     assert json.loads(done.stdout)["line_baud"] == 115200
-    assert "warning: the line stays at 115200 baud, since the board knows no other speed" in done.stderr
+    assert "warning: the serial link stays at 115200 baud: the board knows no other speed" in done.stderr
 
 
 def test_info_does_not_mind_an_empty_battery(serve):
@@ -199,7 +199,7 @@ def test_a_distance_that_is_no_number():
 
 
 def test_driving_without_a_terminal_says_what_to_give():
-    assert "no terminal" in fails(2, "drive", "--port", "/dev/null")
+    assert "not a terminal" in fails(2, "drive", "--port", "/dev/null")
 
 
 @pytest.mark.parametrize("args", [["--nix"], ["inof"], ["info", "--baud", "fast"]])
@@ -238,7 +238,8 @@ def test_a_2013_board_keeps_its_id(serve):
 
 
 @pytest.mark.parametrize(
-    ("args", "words"), [(["99"], "in no packaged model"), (["4", "--robot", "traxbot"], "expected 1, 2, 3")]
+    ("args", "words"),
+    [(["99"], "no packaged model lists robot id 99"), (["4", "--robot", "traxbot"], "expected 1, 2, 3")],
 )
 def test_an_id_of_no_robot(args, words):
     assert words in fails(2, "set-id", *args, "--port", "/dev/null")

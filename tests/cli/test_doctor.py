@@ -47,7 +47,7 @@ def examine(*args):
 
 def test_a_sound_robot_is_in_order_and_stands_still(quick, emulated_board, emulated_motors):
     code, findings, found = examine("--port", emulated_board.port)
-    assert code == 0 and found["verdict"] == "everything is in order"
+    assert code == 0 and found["verdict"] == "no problem found"
     assert {each["level"] for each in findings.values()} <= {OK, NOTE}
     assert {"permission", "robot", "firmware", "battery", "latency", "sonar front"} <= set(findings)
     assert not [each for each in emulated_motors.commands("move_differential") if any(each.values)]
@@ -102,7 +102,7 @@ def test_the_report_can_be_pasted(quick, serve):
 def test_output_without_a_terminal_is_plain_lines(quick, serve):
     lines = mrl("doctor", "--port", serve(version=1).path).stdout.splitlines()
     assert all(line == line.rstrip() and "\x1b" not in line for line in lines)
-    assert "!  firmware         1 (2013): works, without watchdog and check value" in lines
+    assert "!  firmware         1 (2013): works, but has no watchdog and no checksum" in lines
 
 
 def test_a_device_that_many_have_open_is_not_in_use(quick):
@@ -140,7 +140,7 @@ def test_a_port_that_is_none(port, code):
 
 def test_options_that_do_not_go_together():
     assert "expected one of them" in fails(2, "doctor", "--port", "/dev/null", "--json", "--report")
-    assert "no terminal" in fails(2, "doctor", "--port", "/dev/null", "--sonars")
+    assert "not a terminal" in fails(2, "doctor", "--port", "/dev/null", "--sonars")
 
 
 # -- single checks
@@ -235,7 +235,10 @@ def test_swapped_sonars_are_found():
         return True
 
     found = list(wheels.sonar_order(lambda: now, ask))
-    assert [each.text for each in found] == ["the left one saw the hand", "the front one saw the hand"]
+    assert [each.text for each in found] == [
+        "the left sonar detected the hand",
+        "the front sonar detected the hand",
+    ]
 
 
 def test_the_users_eyes_overrule_the_counters(monkeypatch):

@@ -86,7 +86,7 @@ def test_another_chip_is_not_written(bootloader, image):
 
 
 def test_what_reads_back_differently_is_told(bootloader, image):
-    with pytest.raises(BoardRefused, match="reads back differently"):
+    with pytest.raises(BoardRefused, match="differ from the image"):
         avrdude.upload(bootloader(damaged=True).path, image)
 
 
@@ -136,7 +136,10 @@ def test_the_whole_command(stand_in, serve):
     port = serve()
     noted = stand_in()
     done = mrl("flash", "--port", port.path, "--yes")
-    assert done.stdout == f"{port.path} has the sonar build (as it is now); robot 1 answers with firmware 2\n"
+    assert (
+        done.stdout
+        == f"{port.path} has the sonar build (as on the board now); robot 1 answers with firmware 2\n"
+    )
     assert noted.read_text().splitlines()[-1].startswith("flash:w:")
 
 
@@ -166,7 +169,7 @@ def test_without_a_port_the_only_arduino_is_taken(monkeypatch):
     monkeypatch.setattr(port_info, "described", lambda: [Port("/dev/ttyS7"), uno])
     assert "'/dev/ttyACM7' does not exist" in fails(3, "flash", "--yes")
     monkeypatch.setattr(port_info, "described", lambda: [uno, uno._replace(device="/dev/ttyACM8")])
-    assert "several boards are there" in fails(2, "flash", "--yes")
+    assert "several boards are plugged in" in fails(2, "flash", "--yes")
 
 
 @pytest.mark.parametrize(

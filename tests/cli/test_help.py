@@ -142,7 +142,7 @@ def test_output_that_cannot_be_written_costs_a_line():
     with open("/dev/full", "w") as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=PATIENCE_S)
     assert done.returncode == OutputError.exit_code
-    text = "mrl: the output cannot be written: No space left on device; make room, or choose another place\n"
+    text = "mrl: the output cannot be written: No space left on device; free disk space, or choose another folder\n"
     assert done.stderr == text
 
 

@@ -30,7 +30,7 @@ def watched(serve):
     """A connected driver, its board, and its frame log."""
     port, log = serve(), FrameLog()
     with Driver(
-        port.path, options=Options(tap=lambda way, data: log.hear(way, data, time.monotonic()))
+        port.path, options=Options(tap=lambda direction, data: log.hear(direction, data, time.monotonic()))
     ) as driver:
         yield driver, port.board, log
 
@@ -220,7 +220,7 @@ def test_frames_are_kept_by_kind_with_the_newest_text():
     log = FrameLog()
     log.hear("<", b"@6,1,2e\r\n@6,3,4e\r\n", 1.0)
     log.hear(">", b"@13e", 2.0)
-    assert [(line.way, line.name, line.text, line.times) for line in log.lines()] == [
+    assert [(line.direction, line.name, line.text, line.times) for line in log.lines()] == [
         ("<", "read_encoders", "@6,3,4e", 2),
         (">", "stop", "@13e", 1),
     ]
@@ -241,8 +241,8 @@ def test_pieces_do_not_matter(data):
 @given(st.binary(max_size=400))
 def test_any_bytes_are_shown_in_printable_characters(data):
     log = FrameLog()
-    for way in "<>":
-        log.hear(way, data + b"e", 0.0)
+    for direction in "<>":
+        log.hear(direction, data + b"e", 0.0)
     assert all(line.text.isprintable() for line in log.lines())
 
 

@@ -65,8 +65,8 @@ def test_without_names_it_says_how_to_give_one():
         ("lab3: {port: /dev/one, baud: .nan}\n", "lab3.baud is nan"),
         ("lab3: {port: /dev/one, model: [1]}\n", "lab3.model is [1]"),
         ("lab3: /dev/one\n", "lab3 is '/dev/one', expected a mapping"),
-        ("- lab3\n", "expected names, each with a port"),
-        ("traxbot: {port: /dev/one}\n", "name 'traxbot' is a robot model's"),
+        ("- lab3\n", "expected a mapping of names, each with a port"),
+        ("traxbot: {port: /dev/one}\n", "name 'traxbot' is a robot model"),
         ("'a b': {port: /dev/one}\n", "name is 'a b'"),
         ("lab3:\n\tport: /dev/one\n", "no YAML"),
         ("lab3: {port: [\n", "no YAML"),
@@ -83,7 +83,7 @@ def test_a_wrong_file_names_key_value_and_what_was_expected(text, words):
 @pytest.mark.parametrize(
     ("args", "words"),
     [
-        (["auto", "--port", "/dev/one"], "is a robot model's"),
+        (["auto", "--port", "/dev/one"], "is a robot model"),
         (["3lab", "--port", "/dev/one"], "name is '3lab'"),
         (["lab3", "--port", " "], "--port is ' '"),
         (["lab3", "--port", "/dev/one", "--baud", "1"], "--baud is 1"),

@@ -117,8 +117,8 @@ def test_what_cannot_be_drawn(args, words, monkeypatch, tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "no odometry in it"),
-        ("0.0 < @5,2500,172,1200,2,99e\\r\\n\n", "robot id 99 is in no packaged model"),
+        ("", "holds no odometry"),
+        ("0.0 < @5,2500,172,1200,2,99e\\r\\n\n", "no packaged model lists robot id 99"),
     ],
 )
 def test_a_recording_without_odometry(tmp_path, text, words):

@@ -60,12 +60,12 @@ def test_the_list_for_people(there, serve):
     port = serve()
     there(UNO, Port(port.path))
     done = mrl("ports", "--probe", port.path)
-    assert "Arduino Uno R3" in done.stdout and "traxbot 1" in done.stdout and "not there" in done.stdout
+    assert "Arduino Uno R3" in done.stdout and "traxbot 1" in done.stdout and "does not exist" in done.stdout
 
 
 def test_no_port_at_all(there):
     there()
-    assert "is the board plugged in?" in mrl("ports").stdout
+    assert "plug the board in" in mrl("ports").stdout
 
 
 def test_a_port_without_probe():

@@ -12,7 +12,7 @@ from .terminal import Terminal
 MOVES = [
     (("calibrate", "wiring"), "Each wheel turns forward"),
     (("calibrate", "gains"), "The robot turns in place"),
-    (("calibrate", "sonar"), "The robot drives ahead by 1.80 m"),
+    (("calibrate", "sonar"), "The robot drives 1.80 m forward"),
     (("experiment", "power"), "drives by itself (power)"),
 ]
 
@@ -52,7 +52,7 @@ def test_the_doctor_leaves_out_the_wheels_after_a_no(serve):
     terminal = Terminal("doctor", "--drive", "--port", port.path)
     terminal.answer("Are the wheels lifted off the ground?", "n")
     assert terminal.end() == 0 and motion_of(port) == [], terminal.seen.decode()
-    assert b"telemetry" in terminal.seen and b"not tried" in terminal.seen
+    assert b"telemetry" in terminal.seen and b"not checked" in terminal.seen
 
 
 # -- limits
@@ -94,9 +94,9 @@ def recording(request, serve, tmp_path):
 def test_a_recording_is_not_replaced_without_a_question(recording):
     command, file = recording
     file.write_text("precious\n")
-    assert "is there already. Replace it?" in fails(2, *command)
+    assert "already exists. Replace it?" in fails(2, *command)
     terminal = Terminal(*command)
-    terminal.answer("is there already. Replace it?", "n")
+    terminal.answer("already exists. Replace it?", "n")
     assert terminal.end() == 130 and file.read_text() == "precious\n"
 
 

@@ -39,4 +39,4 @@ def test_a_vehicle_that_tips_over_at_rest_is_said_to(tmp_path):
     file = tmp_path / "odd.yaml"
     contacts, body = "[[0.2, 0.2], [0.2, -0.2], [-0.2, 0]]", "{mass_kg: 10, x_m: 1, y_m: 0, height_m: 0.2}"
     file.write_text(f"name: odd\ncontacts: {contacts}\nbody: {body}\n")
-    assert "deg; it tips over where it stands: its centre of mass" in mrl("tip-over", file).stdout
+    assert "deg; it tips over at rest: its centre of mass" in mrl("tip-over", file).stdout

@@ -29,14 +29,6 @@ PHRASES = {
 }
 """Regular expressions of whole words, and the words to use instead."""
 NOT_YET = (
-    "mrl_driver/calibration/files.py",
-    "mrl_driver/calibration/geometry.py",
-    "mrl_driver/calibration/trial.py",
-    "mrl_driver/cli/",
-    "mrl_driver/host/system_setup.py",
-    "mrl_driver/recording/plot.py",
-    "mrl_driver/recording/recorded_link.py",
-    "mrl_driver/recording/timeline.py",
     "sim_arduino/board/avr_board.py",
     "sim_arduino/experiments/",
     "sim_arduino/faults/table.py",

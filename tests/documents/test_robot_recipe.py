@@ -77,7 +77,7 @@ def test_a_board_that_restarts_before_it_saves_is_told_of(home, monkeypatch):
             return ask(code, *args, **options)
 
         monkeypatch.setattr(robot, "ask", restart_first)
-        with pytest.raises(BoardRefused, match=f"told robot_id {IDS[0]} and says 0"):
+        with pytest.raises(BoardRefused, match=f"has robot_id 0, expected {IDS[0]}"):
             write_id(robot, IDS[0], model)
 
 

@@ -16,8 +16,8 @@ HEADER = '#mrl-recording 1 {"port": "x"}\n'
 
 def record(path, chunks, **header):
     recorder = Recorder(str(path), **header)
-    for way, data in chunks:
-        recorder.add(way, data)
+    for direction, data in chunks:
+        recorder.add(direction, data)
     recorder.close()
     return recorder
 
@@ -33,7 +33,7 @@ def read(tmp_path, text):
 def test_bytes_come_back(tmp_path_factory, chunks):
     path = tmp_path_factory.mktemp("log") / "log"
     record(path, chunks)
-    assert [(entry.way, entry.data) for entry in Recording(str(path))] == chunks
+    assert [(entry.direction, entry.data) for entry in Recording(str(path))] == chunks
 
 
 def test_times_increase(tmp_path):
@@ -75,7 +75,7 @@ def test_a_file_that_cannot_be_made_is_refused(tmp_path):
 
 def test_a_torn_last_line_is_skipped(tmp_path):
     recording, entries = read(tmp_path, HEADER + "0.1 < @6,1,2e\n0.2 < @6,1")
-    assert (len(entries), recording.skipped) == (1, {3: "torn"})
+    assert (len(entries), recording.skipped) == (1, {3: "incomplete"})
 
 
 @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ def test_a_torn_last_line_is_skipped(tmp_path):
         ("x < @6e", "time is b'x', expected seconds"),
         ("-1 < @6e", "time is -1.0"),
         ("nan < @6e", "time is nan"),
-        ("0.05 < @6e", "time 0.05 lies before 0.1"),
+        ("0.05 < @6e", "time 0.05 is before 0.1"),
         ("0.2 = @6e", "direction is b'='"),
         ("0.2 < \\x4", "not escaped"),
         ("\x00\x00\x00", "time is"),
@@ -107,7 +107,7 @@ def test_line_ends_of_other_systems_are_read(tmp_path):
         ("", "log:1: got b'', expected '#mrl-recording 1"),
         ("@6,1,2e\n", "not a recording"),
         (b"\x00" * 50, "not a recording"),
-        ("#mrl-recording 2 {}\n", "recording version 2, this program reads up to 1"),
+        ("#mrl-recording 2 {}\n", "recording version 2, expected at most 1"),
         ("#mrl-recording 1 {", "damaged"),
         pytest.param("#mrl-recording 1 " + "[" * 100000, "damaged", id="deep"),
     ],

@@ -28,7 +28,7 @@ def recorded(serve, tmp_path):
 
 
 def joined(entries, way):
-    return b"".join(entry.data for entry in entries if entry.way == way)
+    return b"".join(entry.data for entry in entries if entry.direction == way)
 
 
 def test_what_went_to_the_board_is_on_the_tape(recorded):
@@ -84,7 +84,7 @@ def test_a_summary_counts_what_was_read_while_the_driver_closed(serve, tmp_path,
 
 def test_remarks_tell_the_port_and_the_check_value(recorded):
     entries, board, _ = recorded
-    remarks = [entry.data for entry in entries if entry.way == REMARK]
+    remarks = [entry.data for entry in entries if entry.direction == REMARK]
     assert remarks[:3] == [b"opened " + board.path.encode(), b"plain", b"checked"]
 
 

@@ -323,7 +323,7 @@ def test_every_fault_has_an_effect_with_its_defaults(name):
 
 
 def test_the_default_text_holds_no_frame():
-    """None that a check value would not catch."""
+    """None that a checksum would not catch."""
     text = dict((p.name, p.default) for p in FAULTS["text"].parameters)["text"].encode() + b"\r\n"
     for direction in (REPLIES, REQUESTS):
         events = FrameDecoder(direction, checked=True).feed(text)

@@ -319,7 +319,7 @@ def read_to_the_end(client):
 
 def test_a_pty_gets_every_byte_of_the_board(tmp_path):
     path, link = drive(tmp_path / "log"), tmp_path / "link"
-    expected = b"".join(entry.data for entry in Recording(path) if entry.way == FROM_BOARD)
+    expected = b"".join(entry.data for entry in Recording(path) if entry.direction == FROM_BOARD)
     with Replay(path, "--speed", 0, "--link", link) as replayed:
         assert os.readlink(link) == replayed.path
         with Client(replayed.path) as client:

@@ -7,16 +7,16 @@ from . import calibrate_geometry, calibrate_parts
 
 @click.group()
 def calibrate() -> None:
-    """Find a robot's own numbers; write them to its YAML and EEPROM.
+    """Measure a robot's parameters; write them to YAML and EEPROM.
 
     \b
-    In this order, on a hard floor with a tape measure:
-      mrl calibrate wiring      are motors and encoders wired right?
+    In this order, on a hard floor, with a tape measure:
+      mrl calibrate wiring      wiring of motors and encoders
       mrl calibrate gains       speed control of the motors
       mrl calibrate straight    counts per metre, left/right offset Cm
       mrl calibrate turn        slip offset Cs of tracks, wheelbase of wheels
-      mrl calibrate umbmark     squares both ways round: wheel ratio and wheelbase, noise
-      mrl calibrate sonar       range_cm = a s^b + c
+      mrl calibrate umbmark     squares in both directions: wheel ratio, wheelbase, noise
+      mrl calibrate sonar       curve of the sonars, range_cm = a s^b + c
     """
 
 

@@ -18,7 +18,7 @@ from .calibrate_job import (
     recorded_model,
     write_yaml,
 )
-from .shared import Between, complain, say_json, warn
+from .shared import Between, print_json, print_message, warn
 
 if TYPE_CHECKING:
     from mrl_driver.calibration.files import Key, Progress
@@ -60,7 +60,9 @@ def _geometry(plan: Plan, job: Job) -> None:
             _gather(plan, driver, progress, ruler)
         except KeyboardInterrupt:
             kept = len(progress.runs(plan.procedure, plan.settings))
-            complain(f"{kept} of {len(plan.legs)} runs are kept in {progress.path}; the same command goes on")
+            print_message(
+                f"{kept} of {len(plan.legs)} runs are kept in {progress.path}; repeat the command to continue"
+            )
             raise
         runs, others = progress.runs(plan.procedure, plan.settings), progress.other_runs(plan.procedure)
         measured = fit.BY_TRUTH if job.truth else fit.BY_TAPE
@@ -81,10 +83,10 @@ def _gather(plan: Plan, driver: "Driver", progress: "Progress", ruler: "Ruler") 
     procedure, settings, legs = plan.procedure, plan.settings, plan.legs
     done, track = len(progress.runs(procedure, settings)), manoeuvres.Track(driver)
     if done:
-        console.print(f"{done} of {len(legs)} runs are there already, in {progress.path}")
+        console.print(f"{done} of {len(legs)} runs are already in {progress.path}")
     for number in plan.again:
         if not 1 <= number <= done:
-            raise ConfigError(f"--again is {number}, expected one of the {done} runs that are there")
+            raise ConfigError(f"--again is {number}, expected the number of one of the {done} finished runs")
         put = partial(progress.replace, procedure, number - 1)
         geometry.gather(driver, [legs[number - 1]], ruler, put, track)
     geometry.gather(driver, legs[done:], ruler, partial(progress.add, procedure, settings), track)
@@ -100,7 +102,9 @@ def _from_recordings(plan: Plan, job: Job) -> None:
     for text in plan.recorded:
         path, colon, end = text.rpartition(":")
         if not colon:
-            raise ConfigError(f"--run {text}: expected FILE:X,Y or FILE:X,Y,HEADING, in metres and degrees")
+            raise ConfigError(
+                f"--run is {text!r}, expected FILE:X,Y or FILE:X,Y,HEADING, in metres and degrees"
+            )
         run = from_recording.run_of(path, parse_pose(end), model)
         geometry.check_recorded(plan.procedure, model.differential, run, path)
         runs.append(run)
@@ -117,8 +121,8 @@ def report(
     output: str,
     job: Job,
 ) -> None:
-    """Show before and after, draw, and write the YAML after asking."""
-    from .calibrate_view import facts_of, say_outcome, show_values
+    """Show the result before and after, draw it, and write the YAML file after asking."""
+    from .calibrate_view import facts_of, outcome_lines, show_values
 
     if job.plot is not None:
         from mrl_driver.calibration import plots
@@ -127,9 +131,9 @@ def report(
         senses = [run.sense(outcome.after, each) for each in runs]
         plots.draw_ends(job.plot, outcome.errors_before, outcome.errors_after, senses)
     if job.as_json:
-        say_json({"procedure": procedure, "output": output, **facts_of(outcome)})
+        print_json({"procedure": procedure, "output": output, **facts_of(outcome)})
     else:
-        for line in say_outcome(outcome):
+        for line in outcome_lines(outcome):
             click.echo(line)
         show_values(model, values)
     write_yaml(procedure, values, output, job, model)
@@ -140,7 +144,7 @@ _run_option = click.option(
     "runs",
     multiple=True,
     metavar="FILE:X,Y[,DEG]",
-    help="A recording of one run and where it ended, instead of driving; one each.",
+    help="Instead of driving: a recording of one run, and where the run ended.  Repeat it for each run.",
 )
 _again_option = click.option(
     "--again", multiple=True, type=int, metavar="N", help="Drive run N of an interrupted calibration again."
@@ -158,9 +162,15 @@ def _speeds(speed: float) -> Any:
 
 @click.command()
 @job_options
-@click.option("--distance", type=Between(0.3, 20.0), default=2.0, show_default=True, help="Way [m].")
 @click.option(
-    "--count", type=click.IntRange(2, 50), default=4, show_default=True, help="Runs, there and back in turn."
+    "--distance", type=Between(0.3, 20.0), default=2.0, show_default=True, help="Length of a run [m]."
+)
+@click.option(
+    "--count",
+    type=click.IntRange(2, 50),
+    default=4,
+    show_default=True,
+    help="Runs, alternately there and back.",
 )
 @_speed_option
 @_run_option
@@ -168,7 +178,7 @@ def _speeds(speed: float) -> Any:
 def straight(
     job: Job, distance: float, count: int, speed: float, runs: Tuple[str, ...], again: Tuple[int, ...]
 ) -> None:
-    """Counts per metre, and the left/right offset Cm.
+    """Measure counts per metre, and the left/right offset Cm.
 
     \b
     Examples:
@@ -182,13 +192,17 @@ def straight(
     _geometry(Plan(STRAIGHT, settings, legs, runs, again), job)
 
 
-@click.command(short_help="Slip offset Cs of tracks, or wheelbase of wheels.")
+@click.command(short_help="Measure the slip offset Cs of tracks, or the wheelbase of wheels.")
 @job_options
 @click.option(
-    "--turns", type=click.IntRange(1, 20), default=2, show_default=True, help="Whole turns of a run."
+    "--turns", type=click.IntRange(1, 20), default=2, show_default=True, help="Whole turns per run."
 )
 @click.option(
-    "--count", type=click.IntRange(2, 50), default=6, show_default=True, help="Runs, left and right in turn."
+    "--count",
+    type=click.IntRange(2, 50),
+    default=6,
+    show_default=True,
+    help="Runs, alternately left and right.",
 )
 @_speed_option
 @_run_option
@@ -196,9 +210,9 @@ def straight(
 def turn(
     job: Job, turns: int, count: int, speed: float, runs: Tuple[str, ...], again: Tuple[int, ...]
 ) -> None:
-    """Slip offset Cs of tracks, or the wheelbase of wheels, by turning in place.
+    """Measure the slip offset Cs of tracks, or the wheelbase of wheels, by turning in place.
 
-    The first two runs are one turn, so that the others cannot be miscounted.
+    The first two runs are one turn each, so that the number of turns in the others is known.
 
     \b
     Example:
@@ -210,19 +224,19 @@ def turn(
     _geometry(Plan(TURN, {"turns": turns, "count": count}, legs, runs, again), job)
 
 
-@click.command(short_help="Wheel ratio, wheelbase and noise, by squares.")
+@click.command(short_help="Measure wheel ratio, wheelbase and noise, by squares.")
 @job_options
 @click.option(
     "--side", type=Between(0.3, 10.0), default=1.0, show_default=True, help="Side of the square [m]."
 )
-@click.option("--laps", type=int, default=5, show_default=True, help="Laps each way round, 2 or more.")
+@click.option("--laps", type=int, default=5, show_default=True, help="Laps in each direction, at least 2.")
 @_speed_option
 @_run_option
 @_again_option
 def umbmark(
     job: Job, side: float, laps: int, speed: float, runs: Tuple[str, ...], again: Tuple[int, ...]
 ) -> None:
-    """Wheel ratio, wheelbase and noise, by squares both ways round (Borenstein and Feng 1996).
+    """Measure wheel ratio, wheelbase and noise, by squares in both directions (Borenstein and Feng 1996).
 
     \b
     Examples:

@@ -11,13 +11,13 @@ from mrl_driver.host.named_robots import Target
 from mrl_driver.robot import models
 
 from .shared import (
-    agree,
-    agree_to_move,
-    agree_to_replace,
     battery_option,
-    complain,
+    confirm,
+    confirm_motion,
+    confirm_overwrite,
     connected,
     json_option,
+    print_message,
     robot_options,
     yes_option,
 )
@@ -48,13 +48,22 @@ def job_options(command: Callable[..., None]) -> Callable[..., None]:
 
     @robot_options
     @click.option(
-        "--output", metavar="FILE", type=click.Path(), help="YAML to write; the robot's own, if it has one."
+        "--output",
+        metavar="FILE",
+        type=click.Path(),
+        help="YAML file to write; by default the robot's own, if it has one.",
     )
-    @click.option("--truth", metavar="FILE", help="True poses of an emulated robot, from mrl-sim --truth.")
+    @click.option(
+        "--truth", metavar="FILE", help="File of mrl-sim --truth with the true poses of an emulated robot."
+    )
     @click.option("--plot", metavar="FILE", help="Draw the result; needs matplotlib.")
-    @click.option("--restart", is_flag=True, help="Forget runs of an interrupted calibration.")
-    @click.option("--eeprom/--no-eeprom", default=None, help="Write the board's EEPROM too, or do not ask.")
-    @click.option("--record", metavar="FILE", type=click.Path(), help="Keep every byte both ways.")
+    @click.option("--restart", is_flag=True, help="Discard the runs of an interrupted calibration.")
+    @click.option(
+        "--eeprom/--no-eeprom",
+        default=None,
+        help="Write the board's EEPROM too, or not; default: ask.",
+    )
+    @click.option("--record", metavar="FILE", type=click.Path(), help="Record all bytes of both directions.")
     @battery_option
     @yes_option
     @json_option
@@ -69,7 +78,7 @@ def job_options(command: Callable[..., None]) -> Callable[..., None]:
             from mrl_driver.calibration.files import require_writable
 
             require_writable(job.output)
-        agree_to_replace(job.record, job.yes)
+        confirm_overwrite(job.record, job.yes)
         command(*args, job=job, **options)
 
     return wrapper
@@ -80,13 +89,13 @@ def connect(job: Job) -> ContextManager["Driver"]:
     return connected(job.target, ignore_battery=job.ignore_battery, record=job.record, command_timeout_s=0.5)
 
 
-def agree_to_drive(job: Job, question: str) -> None:
+def confirm_drive(job: Job, question: str) -> None:
     """Ask before motors turn; emulated robots (--truth) drive without a question.
 
     Raises:
-        ConfigError, click.Abort: as `agree`.
+        ConfigError, click.Abort: as `confirm`.
     """
-    agree_to_move(question, job.yes or job.truth is not None)
+    confirm_motion(question, job.yes or job.truth is not None)
 
 
 def recorded_model(job: Job) -> "RobotModel":
@@ -123,13 +132,13 @@ def output_for(job: Job, model: "RobotModel", robot_id: Optional[int]) -> str:
     require_writable(output)
     if os.path.exists(output) and (own is None or not os.path.samefile(own, output)):
         raise ConfigError(
-            f"{output} is there already: go on from it with --robot {output}, or name another file with --output"
+            f"{output} already exists: continue from it with --robot {output}, or give another file with --output"
         )
     return output
 
 
 def open_progress(output: str, model: "RobotModel", robot_id: int) -> "Progress":
-    """Return the runs so far, from a file beside the output."""
+    """Return the runs so far, from a file next to the output."""
     from mrl_driver.calibration.files import Progress
 
     return Progress(f"{os.path.splitext(output)[0]}.calibration.json", f"{model.name} {robot_id}")
@@ -141,10 +150,12 @@ def write_yaml(
     """Write the robot's YAML after asking."""
     from mrl_driver.calibration import files
 
-    agree(f"Write {output}?", job.yes)
+    confirm(f"Write {output}?", job.yes)
     source = job.target.model if job.target.model != "auto" else model.name
     kept = files.write_model(files.source_of(source), output, values, f"mrl calibrate {procedure}")
-    complain(f"{output} is written{f', the old one is {kept}' if kept else ''}; use it with --robot {output}")
+    print_message(
+        f"{output} is written{f', the old file is {kept}' if kept else ''}; use it with --robot {output}"
+    )
 
 
 def offer_eeprom(driver: "Driver", values: Mapping["Key", float], job: Job) -> None:
@@ -155,7 +166,7 @@ def offer_eeprom(driver: "Driver", values: Mapping["Key", float], job: Job) -> N
     """
     from mrl_driver.calibration import eeprom as board
 
-    from .calibrate_view import agree_here
+    from .calibrate_view import confirm_here
 
     wanted: Dict[str, int] = {
         name: int(value) for (section, name), value in values.items() if section == "board"
@@ -163,7 +174,7 @@ def offer_eeprom(driver: "Driver", values: Mapping["Key", float], job: Job) -> N
     if not wanted or job.eeprom is False or (job.eeprom is None and not board.can_configure(driver)):
         return
     listed = ", ".join(f"{name} {value}" for name, value in wanted.items())
-    if job.eeprom or agree_here(f"Write {listed} to the board's EEPROM?", False):
+    if job.eeprom or confirm_here(f"Write {listed} to the board's EEPROM?", False):
         board.write(driver, wanted)
         board.save(driver)
-        complain(f"the board's EEPROM has {listed}")
+        print_message(f"the board's EEPROM has {listed}")

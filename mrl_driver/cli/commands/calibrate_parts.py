@@ -15,7 +15,7 @@ from mrl_driver.robot import models
 from . import calibrate_job
 from .calibrate_job import (
     Job,
-    agree_to_drive,
+    confirm_drive,
     job_options,
     model_of,
     offer_eeprom,
@@ -23,7 +23,7 @@ from .calibrate_job import (
     recorded_model,
     write_yaml,
 )
-from .shared import complain, say_json, warn
+from .shared import print_json, print_message, warn
 
 if TYPE_CHECKING:
     import numpy as np
@@ -33,18 +33,19 @@ if TYPE_CHECKING:
     from mrl_driver.robot.models import RobotModel
 
 _recording_option = click.option(
-    "--recording", metavar="FILE", help="A recording of this calibration, instead of driving."
+    "--recording", metavar="FILE", help="Instead of driving: a recording of this calibration."
 )
 
 
 @click.command()
 @job_options
-@click.option("--unseen", is_flag=True, help="Nobody looks: tell less, do not ask which wheel turned.")
+@click.option("--unseen", is_flag=True, help="Do not ask which wheel turned; finds fewer faults.")
 @_recording_option
 def wiring(job: Job, unseen: bool, recording: Optional[str]) -> None:
     """Find swapped or reversed wires of motors and encoders.
 
-    Asks, then turns each wheel forward for half a second.  Put the robot on a box, or give it half a metre.
+    Asks, then turns each wheel forward for half a second.  Put the robot on a box, or clear half a metre in front of
+    it.
 
     \b
     Example:
@@ -53,47 +54,51 @@ def wiring(job: Job, unseen: bool, recording: Optional[str]) -> None:
     from mrl_driver.calibration import parts
     from mrl_driver.calibration.manoeuvres import Track
 
-    from .calibrate_view import NoTape, looker_for, require_terminal, ruler_for
+    from .calibrate_view import Unmeasured, observer_for, require_terminal, ruler_for
 
     if recording is not None:
         found = parts.recorded_wiring(recording, recorded_model(job))
     else:
         if job.truth is None and not unseen:
-            require_terminal("--unseen, so that nobody is asked which wheel turned")
-        ruler = ruler_for(job.truth) if job.truth is not None else NoTape()
+            require_terminal("--unseen to skip the question which wheel turned")
+        ruler = ruler_for(job.truth) if job.truth is not None else Unmeasured()
         with calibrate_job.connect(job) as driver:
             warn(driver)
-            agree_to_drive(
-                job, "Each wheel turns forward for half a second. Is the robot on a box, or its way free?"
+            confirm_drive(
+                job, "Each wheel turns forward for half a second. Is the robot on a box, or its path free?"
             )
-            found = parts.check_wiring(driver, Track(driver), ruler, looker_for(job.truth, unseen))
+            found = parts.check_wiring(driver, Track(driver), ruler, observer_for(job.truth, unseen))
     if job.as_json:
-        say_json({"findings": found})
+        print_json({"findings": found})
     if found:
         raise WheelFault("; ".join(found))
     if not job.as_json:
-        click.echo("motors and encoders are wired right")
+        click.echo("the wiring of motors and encoders is right")
 
 
-@click.command(short_help="Curve of the sonars, range_cm = a s^b + c.")
+@click.command(short_help="Measure the curve of the sonars, range_cm = a s^b + c.")
 @job_options
 @click.option(
     "--start",
     type=float,
     default=2.0,
     show_default=True,
-    help="Distance of the front sonar from the wall at first [m].",
+    help="Distance of the front sonar from the wall at the start [m].",
 )
-@click.option("--stop", type=float, default=0.2, show_default=True, help="The nearest distance [m].")
-@click.option("--step", type=float, default=0.05, show_default=True, help="So much nearer each time [m].")
-@click.option("--points", metavar="FILE", help="Lines of distance [m], reading [m], instead of driving.")
+@click.option("--stop", type=float, default=0.2, show_default=True, help="Smallest distance [m].")
+@click.option(
+    "--step", type=float, default=0.05, show_default=True, help="Distance between two readings [m]."
+)
+@click.option(
+    "--points", metavar="FILE", help="Instead of driving: a file with lines of distance [m], reading [m]."
+)
 @_recording_option
 def sonar(
     job: Job, start: float, stop: float, step: float, points: Optional[str], recording: Optional[str]
 ) -> None:
-    """Curve of the sonars, range_cm = a s^b + c, with a flat wall ahead.
+    """Measure the curve of the sonars, range_cm = a s^b + c, in front of a flat wall.
 
-    Asks, then drives up to the wall by its odometry, so calibrate straight comes first.
+    Asks, then drives up to the wall by its odometry.  Run mrl calibrate straight first.
 
     \b
     Examples:
@@ -116,10 +121,10 @@ def sonar(
         else:
             from mrl_driver.calibration import from_recording
 
-            ranges, distances = parts.stands(
+            ranges, distances = parts.readings_at_stops(
                 from_recording.read(str(recording), model).rows, model.differential, start
             )
-        values = _fit_sonar(ranges, distances, _told_curve(model) or THESIS, job)
+        values = _fit_sonar(ranges, distances, _model_curve(model) or THESIS, job)
         write_yaml("sonar", values, output, job, model)
         return
     with calibrate_job.connect(job) as driver:
@@ -130,31 +135,33 @@ def sonar(
         if job.restart and os.path.exists(kept):
             os.remove(kept)
         ranges, distances = _points(kept) if os.path.exists(kept) else ([], [])
-        left = [each for each in plan.distances() if each < min(distances, default=math.inf) - step / 2]
+        remaining = [each for each in plan.distances() if each < min(distances, default=math.inf) - step / 2]
         if distances:
             console.print(
-                f"{len(distances)} of {len(distances) + len(left)} distances are there already, in {kept}"
+                f"{len(distances)} of {len(distances) + len(remaining)} distances are already in {kept}"
             )
-        if left:
-            agree_to_drive(
+        if remaining:
+            confirm_drive(
                 job,
-                f"The robot drives ahead by {left[0] - left[-1]:.2f} m. Does its front sonar look at a flat wall "
-                f"{left[0]:.2f} m away, and is the way free?",
+                f"The robot drives {remaining[0] - remaining[-1]:.2f} m forward. Does the front sonar point at a wall "
+                f"{remaining[0]:.2f} m away, and is the path free?",
             )
             before = list(ranges), list(distances)
 
             def keep(rows: "np.ndarray") -> None:
-                heard = parts.stands(rows, model.differential, left[0])
-                ranges[:], distances[:] = before[0] + heard[0], before[1] + heard[1]
+                measured = parts.readings_at_stops(rows, model.differential, remaining[0])
+                ranges[:], distances[:] = before[0] + measured[0], before[1] + measured[1]
                 _keep_points(kept, ranges, distances)
 
             try:
-                parts.approach_wall(driver, Track(driver), left, Speeds(), console.print, keep)
+                parts.approach_wall(driver, Track(driver), remaining, Speeds(), console.print, keep)
             except BaseException:
                 with contextlib.suppress(MrlError):
                     driver.stop()
                 if distances:
-                    complain(f"{len(distances)} distances are kept in {kept}; the same command goes on")
+                    print_message(
+                        f"{len(distances)} distances are kept in {kept}; repeat the command to continue"
+                    )
                 raise
         values = _fit_sonar(ranges, distances, parts.curve_in_force(driver), job)
         write_yaml("sonar", values, output, job, model)
@@ -165,18 +172,20 @@ def sonar(
 def _keep_points(path: str, ranges: Sequence[float], distances: Sequence[float]) -> None:
     """Write the sonar's readings so far, in the format that `_points` reads."""
     rows = [
-        f"{distance:.4f},{'-' if math.isnan(said) else f'{said:.4f}'}\n"
-        for said, distance in zip(ranges, distances)
+        f"{distance:.4f},{'-' if math.isnan(reading) else f'{reading:.4f}'}\n"
+        for reading, distance in zip(ranges, distances)
     ]
     replace_file(path, "# distance [m], reading [m]; from mrl calibrate sonar\n" + "".join(rows))
 
 
-def _told_curve(model: "RobotModel") -> Optional["Curve"]:
-    """Return the model's own curve; None without one."""
+def _model_curve(model: "RobotModel") -> Optional["Curve"]:
+    """Return the model's own curve; None if it has none."""
     from mrl_driver.calibration.sonar_curve import Curve
 
-    told = [model.board.get(name) for name in models.CURVE_KEYS]
-    return None if None in told else Curve(*(float(value) / 1e4 for value in told if value is not None))
+    coefficients = [model.board.get(name) for name in models.CURVE_KEYS]
+    if None in coefficients:
+        return None
+    return Curve(*(float(value) / 1e4 for value in coefficients if value is not None))
 
 
 def _points(path: str) -> Tuple[List[float], List[float]]:
@@ -192,13 +201,13 @@ def _points(path: str) -> Tuple[List[float], List[float]]:
                 if not row or row[0].lstrip().startswith("#"):
                     continue
                 try:
-                    distance, said = float(row[0]), math.nan if row[1].strip() == "-" else float(row[1])
+                    distance, reading = float(row[0]), math.nan if row[1].strip() == "-" else float(row[1])
                 except (ValueError, IndexError):
                     raise ConfigError(
                         f"{path}:{number}: got {','.join(row)[:40]!r}, expected distance,reading in metres"
                     ) from None
                 distances.append(distance)
-                ranges.append(said if math.isfinite(said) else math.nan)
+                ranges.append(reading if math.isfinite(reading) else math.nan)
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path} cannot be read: {error}") from None
     return ranges, distances
@@ -210,26 +219,28 @@ def _fit_sonar(ranges: List[float], distances: List[float], present: "Curve", jo
 
     from mrl_driver.calibration import parts, sonar_curve
 
-    said, truth = np.array(ranges), np.array(distances)
-    counts = present.counts(said)
+    reading, truth = np.array(ranges), np.array(distances)
+    counts = present.counts(reading)
     fit = sonar_curve.fit(counts.tolist(), distances)
     wire = fit.curve.on_wire()
     if job.plot is not None:
         from mrl_driver.calibration import plots
 
         plots.draw_sonar(job.plot, counts, truth, fit)
-    off_m = float(np.abs(said - truth)[fit.used].max())
+    off_m = float(np.abs(reading - truth)[fit.used].max())
     if job.as_json:
-        say_json({"before": present._asdict(), "after": wire._asdict(), "r2": fit.r2, "worst_m": fit.worst_m})
+        print_json(
+            {"before": present._asdict(), "after": wire._asdict(), "r2": fit.r2, "worst_m": fit.worst_m}
+        )
     else:
-        click.echo(f"before: {_spelt(present)}, worst error {off_m * 100:.1f} cm")
+        click.echo(f"before: {_formula(present)}, worst error {off_m * 100:.1f} cm")
         click.echo(
-            f"after:  {_spelt(wire)}, worst error {fit.worst_m * 100:.1f} cm, R2 {fit.r2:.5f}, {len(truth)} distances"
+            f"after:  {_formula(wire)}, worst error {fit.worst_m * 100:.1f} cm, R2 {fit.r2:.5f}, {len(truth)} distances"
         )
     return {("board", name): value for name, value in parts.curve_values(fit.curve).items()}
 
 
-def _spelt(curve: "Curve") -> str:
+def _formula(curve: "Curve") -> str:
     return f"{curve.a:.4f} s^{curve.b:.4f} {curve.c:+.4f}"
 
 
@@ -237,10 +248,12 @@ def _spelt(curve: "Curve") -> str:
 @job_options
 @_recording_option
 def gains(job: Job, recording: Optional[str]) -> None:
-    """Gains of the motors' speed control, from a step of each wheel.
+    """Measure the gains of the motors' speed control.
 
-    Asks, then turns the robot in place, three times for a second and a half, on a free floor; the gains in force come
-    back at the end.  It takes 10 s: after Ctrl-C it begins again.
+    From a step of the speed of each wheel.
+
+    Asks, then turns the robot in place three times, for 1.5 s each; the floor around it must be free.  At the end the
+    board has its former gains again.  Takes 10 s; after Ctrl-C it starts from the beginning.
 
     \b
     Example:
@@ -268,7 +281,7 @@ def gains(job: Job, recording: Optional[str]) -> None:
         warn(driver)
         model = model_of(driver)
         output = output_for(job, model, driver.board.robot_id)
-        agree_to_drive(job, "The robot turns in place three times, quickly. Is the floor around it free?")
+        confirm_drive(job, "The robot turns in place three times, quickly. Is the floor around it free?")
         present = Gains(*(model.board[name] for name in Gains._fields))
         tuned = parts.tune(driver, Track(driver), parts.gains_in_force(driver, present), console.print)
         _report_gains(tuned, job)
@@ -290,7 +303,7 @@ def _show(values: Mapping["Key", float], model: "RobotModel", job: Job) -> None:
 
 
 def _report_gains(tuned: Any, job: Job) -> None:
-    from .calibrate_view import say_response
+    from .calibrate_view import response_line
 
     if job.plot is not None:
         from mrl_driver.calibration import plots
@@ -303,11 +316,11 @@ def _report_gains(tuned: Any, job: Job) -> None:
     }
     if job.as_json:
         plain = {when: {name: one._asdict() for name, one in each.items()} for when, each in found.items()}
-        say_json({"gains_before": tuned.before._asdict(), "gains_after": tuned.after._asdict(), **plain})
+        print_json({"gains_before": tuned.before._asdict(), "gains_after": tuned.after._asdict(), **plain})
         return
     for when, each in found.items():
         for name, one in each.items():
-            click.echo(say_response(f"{when}, {name} wheel", one))
+            click.echo(response_line(f"{when}, {name} wheel", one))
 
 
 COMMANDS = (wiring, gains, sonar)

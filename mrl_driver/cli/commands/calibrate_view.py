@@ -21,17 +21,17 @@ from mrl_driver.robot.models import RobotModel
 
 console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
 """Prompts and progress go to stderr, results to stdout."""
-MEASURED = Text("Measured from the mark: x y [m], heading [deg] if you can")
+MEASURED = Text("Measure from the mark: x y [m], and the heading [deg] if you can")
 
 
-class Tape:
+class TapeMeasure:
     """A ruler that asks the user to measure with a tape."""
 
     def begin(self, run: str) -> None:
         """Ask for the mark on the floor."""
         console.print(f"\n{run}", style="bold")
-        console.print("Mark where the robot stands and where it looks; the way must be free.")
-        Prompt.ask(Text("Enter drives"), console=console, default="", show_default=False)
+        console.print("Mark the robot's position and heading on the floor, and clear its path.")
+        Prompt.ask(Text("Press Enter to drive"), console=console, default="", show_default=False)
 
     def end(self, run: str, check: Check) -> Pose:
         """Ask for the robot's position until the answer is plausible."""
@@ -42,10 +42,10 @@ class Tape:
                 check(pose)
                 return pose
             except ConfigError as error:
-                console.print(f"{error}; measure again, or leave with Ctrl-C: earlier runs are kept")
+                console.print(f"{error}; measure again, or end with Ctrl-C: earlier runs are kept")
 
 
-class NoTape:
+class Unmeasured:
     """A ruler for runs without a measurement."""
 
     def begin(self, run: str) -> None:
@@ -57,7 +57,7 @@ class NoTape:
         return Pose(math.nan, math.nan, math.nan)
 
 
-class _Told:
+class _Announced:
     """A ruler that also announces each run."""
 
     def __init__(self, ruler: Ruler) -> None:
@@ -74,7 +74,7 @@ class _Told:
 def require_terminal(instead: str) -> None:
     """Raise ConfigError if stdin is not a terminal."""
     if not sys.stdin.isatty():
-        raise ConfigError(f"there is no terminal to ask at; give {instead}")
+        raise ConfigError(f"stdin is not a terminal; give {instead}")
 
 
 def ruler_for(truth: Optional[str]) -> Ruler:
@@ -84,13 +84,13 @@ def ruler_for(truth: Optional[str]) -> Ruler:
         ConfigError: there is neither.
     """
     if truth is not None:
-        return _Told(Truth(truth_file(truth)))
+        return _Announced(Truth(truth_file(truth)))
     require_terminal("--truth FILE for an emulated robot, or --run FILE:X,Y,HEADING for recordings")
-    return Tape()
+    return TapeMeasure()
 
 
-def looker_for(truth: Optional[str], unseen: bool) -> Any:
-    """Return the function that tells which wheel turned: unknown, from the ground truth, or a question to the user."""
+def observer_for(truth: Optional[str], unseen: bool) -> Any:
+    """Return the function that finds which wheel turned: unknown, from the ground truth, or by asking the user."""
     if unseen:
         return lambda motor, pose: (None, 0)
     if truth is not None:
@@ -106,11 +106,11 @@ def _ask_wheel(motor: str, _: Pose) -> Tuple[Optional[str], int]:
         return None, 0
     if wheel == "none":
         return motor, 0
-    forward = Prompt.ask(Text("Which way"), console=console, choices=["forward", "back"])
+    forward = Prompt.ask(Text("In which direction"), console=console, choices=["forward", "back"])
     return wheel, 1 if forward == "forward" else -1
 
 
-def agree_here(question: str, yes: bool) -> bool:
+def confirm_here(question: str, yes: bool) -> bool:
     """Ask at the terminal; with `yes` return True without asking; without a terminal return False."""
     if yes:
         return True
@@ -124,7 +124,7 @@ _THESIS = {"wheel_offset": " (Cm)", "turn_slip": " (Cs)"}
 def show_values(model: RobotModel, values: Mapping[Key, float]) -> None:
     """Print the values of the robot's file, before and after."""
     table = Table(box=None, pad_edge=False, show_edge=False)
-    for name, justify in (("number", "left"), ("before", "right"), ("after", "right")):
+    for name, justify in (("parameter", "left"), ("before", "right"), ("after", "right")):
         table.add_column(name, justify=justify)  # type: ignore[arg-type]
     for (section, name), value in values.items():
         table.add_row(
@@ -146,7 +146,7 @@ def number(value: Optional[float]) -> str:
     return "-" if value is None else str(value) if isinstance(value, int) else f"{value:.7g}"
 
 
-def say_outcome(outcome: Outcome) -> Sequence[str]:
+def outcome_lines(outcome: Outcome) -> Sequence[str]:
     """Return lines about the errors of the runs, before and after."""
     lines = []
     for name, errors in (("before", outcome.errors_before), ("after", outcome.errors_after)):
@@ -155,7 +155,7 @@ def say_outcome(outcome: Outcome) -> Sequence[str]:
             f"{math.degrees(np.nanmax(yaw)):.2f} deg" if np.isfinite(yaw).any() else "heading not measured"
         )
         lines.append(
-            f"ends off {name}: mean {off_m.mean() * 1000:.1f} mm, worst {off_m.max() * 1000:.1f} mm, {turned}"
+            f"end errors {name}: mean {off_m.mean() * 1000:.1f} mm, worst {off_m.max() * 1000:.1f} mm, {turned}"
         )
     if outcome.after.metres_per_count != outcome.before.metres_per_count:
         before, after = (1 / drive.metres_per_count for drive in (outcome.before, outcome.after))
@@ -164,8 +164,8 @@ def say_outcome(outcome: Outcome) -> Sequence[str]:
         square = outcome.square
         lines.append(
             f"UMBmark: E_d {square.wheel_ratio:.5f}, E_b {square.wheelbase_ratio:.5f}, type A "
-            f"{math.degrees(square.corner_excess_rad):.2f} deg a corner, type B "
-            f"{math.degrees(square.side_bend_rad):.2f} deg a side, E_max {square.worst_m * 1000:.1f} mm"
+            f"{math.degrees(square.corner_excess_rad):.2f} deg per corner, type B "
+            f"{math.degrees(square.side_bend_rad):.2f} deg per side, E_max {square.worst_m * 1000:.1f} mm"
         )
     return lines
 
@@ -186,9 +186,9 @@ def facts_of(outcome: Outcome) -> Dict[str, Any]:
     return facts
 
 
-def say_response(name: str, response: Response) -> str:
+def response_line(name: str, response: Response) -> str:
     """Return one line about a step response."""
     return (
         f"{name}: rises in {response.rise_s * 1000:.0f} ms, overshoots {response.overshoot:.1%}, "
-        f"settled after {response.settle_s * 1000:.0f} ms"
+        f"settles after {response.settle_s * 1000:.0f} ms"
     )

@@ -7,7 +7,7 @@ from click.shell_completion import get_completion_class
 @click.command()
 @click.argument("shell", type=click.Choice(["bash", "zsh"]))
 def completion(shell: str) -> None:
-    """Print the script that completes mrl's words in a shell.
+    """Print a script for Tab completion of mrl in a shell.
 
     \b
     Examples:

@@ -11,7 +11,7 @@ from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, PARAMETERS, Pa
 from mrl_driver.robot.models import COMMON_BOARD, RobotModel
 
 from .set_id import require_config, save
-from .shared import agree, complete_parameter, connected, json_option, robot_options, say_json, yes_option
+from .shared import complete_parameter, confirm, connected, json_option, print_json, robot_options, yes_option
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -44,9 +44,9 @@ def config() -> None:
 @robot_options
 @json_option
 def get(target: Target, names: Tuple[str, ...], as_json: bool) -> None:
-    """Show parameters: all, or those named.
+    """Show all parameters, or those named.
 
-    What differs from the robot model is marked.
+    A * marks values that differ from the robot model.
 
     \b
     Examples:
@@ -58,7 +58,7 @@ def get(target: Target, names: Tuple[str, ...], as_json: bool) -> None:
         require_config(driver)
         values = [_value(driver, row) for row in rows]
     if as_json:
-        say_json([_plain(each) for each in values])
+        print_json([_plain(each) for each in values])
     else:
         show(values)
 
@@ -69,15 +69,18 @@ def get(target: Target, names: Tuple[str, ...], as_json: bool) -> None:
 )
 @robot_options
 @click.option(
-    "--try", "only_try", is_flag=True, help="Do not save: the next reset, or opening the port, undoes it."
+    "--try",
+    "only_try",
+    is_flag=True,
+    help="Do not save: the next reset, or opening the port, undoes the change.",
 )
 @yes_option
 @json_option
 def set_(target: Target, words: Tuple[str, ...], only_try: bool, yes: bool, as_json: bool) -> None:
     """Change parameters and save them.
 
-    They are in force at once, and kept in the EEPROM.  Values are whole numbers in the unit that mrl config
-    get shows.  The id has its own command, mrl set-id.
+    They take effect at once and are saved in the EEPROM.  Values are whole numbers in the unit that mrl config
+    get shows.  Set the robot id with mrl set-id.
 
     \b
     Examples:
@@ -89,14 +92,14 @@ def set_(target: Target, words: Tuple[str, ...], only_try: bool, yes: bool, as_j
         require_config(driver)
         old = {row.name: _read(driver, row) for row, _ in wanted}
         changes = ", ".join(f"{row.name} {old[row.name]} to {value}" for row, value in wanted)
-        agree(f"Change {changes} on robot {driver.board.robot_id}?", yes)
+        confirm(f"Change {changes} on robot {driver.board.robot_id}?", yes)
         for row, value in wanted:
             _write(driver, row, value)
         if not only_try:
             save(driver)
         values = [_value(driver, row) for row, _ in wanted]
     if as_json:
-        say_json([_plain(each) for each in values])
+        print_json([_plain(each) for each in values])
     else:
         click.echo(f"{changes}: {'in force until the next reset' if only_try else 'saved'}")
 
@@ -107,11 +110,11 @@ def set_(target: Target, words: Tuple[str, ...], only_try: bool, yes: bool, as_j
 def save_(target: Target, yes: bool) -> None:
     """Save the parameters in force to the EEPROM.
 
-    For boards that are not reset when their port is opened; an Uno is, and has forgotten what was only tried.
+    Works on boards that do not reset when their port is opened.  An Uno resets, and loses what --try changed.
     """
     with connected(target, ignore_battery=True) as driver:
         require_config(driver)
-        agree(f"Save the parameters in force on robot {driver.board.robot_id}?", yes)
+        confirm(f"Save the parameters in force on robot {driver.board.robot_id}?", yes)
         save(driver)
     click.echo("saved")
 
@@ -120,9 +123,7 @@ def save_(target: Target, yes: bool) -> None:
 @robot_options
 @yes_option
 def defaults(target: Target, yes: bool) -> None:
-    """Set all but the id to the robot model's.
-
-    The parameters are saved.
+    """Save the robot model's values of all parameters but the id.
 
     \b
     Example:
@@ -130,9 +131,9 @@ def defaults(target: Target, yes: bool) -> None:
     """
     with connected(target, ignore_battery=True) as driver:
         require_config(driver)
-        agree(f"Set all parameters of robot {driver.board.robot_id} but its id to the defaults?", yes)
+        confirm(f"Set all parameters of robot {driver.board.robot_id} but its id to the defaults?", yes)
         if driver.ask(BY_NAME["default_config"].code) != (1,):
-            raise BoardRefused("the board did not set its defaults; try again")
+            raise BoardRefused("the board refused to set its defaults; try again")
         save(driver)
     click.echo("the defaults are saved")
 
@@ -151,7 +152,7 @@ def parse(words: Sequence[str]) -> List[Tuple[Parameter, int]]:
     for name, text in zip(words[::2], words[1::2]):
         row = _row(name)
         if name == "robot_id":
-            raise ConfigError("robot_id is set with: mrl set-id ID")
+            raise ConfigError("robot_id cannot be set here; use: mrl set-id ID")
         if name in found:
             raise ConfigError(f"{name} is given twice, expected each name once")
         try:
@@ -184,7 +185,7 @@ def _read(driver: "Driver", row: Parameter) -> int:
 
 def _write(driver: "Driver", row: Parameter, value: int) -> None:
     if driver.ask(BY_NAME["write_config"].code, row.number, value) != (row.number, value):
-        raise BoardRefused(f"the board did not take {row.name} {value}; nothing was saved")
+        raise BoardRefused(f"the board refused {row.name} {value}; nothing was saved")
 
 
 def _value(driver: "Driver", row: Parameter) -> Value:
@@ -218,4 +219,4 @@ def show(values: Sequence[Value]) -> None:
         mark = f"* {each.default}" if differs else ""
         click.echo(f"{row.name:<16}{each.value:>7} {row.unit:<9}{mark:<9} {row.text}".rstrip())
     if any(each.default not in (None, each.value) for each in values):
-        click.echo("* differs from the robot model, whose value follows")
+        click.echo("* differs from the robot model; its value follows the *")

@@ -16,7 +16,7 @@ from mrl_driver.transport.address import is_network
 
 from .info import describe
 from .progress import waiting
-from .shared import agree, connected, json_option, require_port, robot_options, say_json, yes_option
+from .shared import confirm, connected, json_option, print_json, require_port, robot_options, yes_option
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -31,7 +31,7 @@ _BEFORE_ADVICE = re.compile(r"; |: (?=check|choose|flash|set )")
     "--drive", "drives", is_flag=True, help="Turn each wheel too; lift the wheels off the ground first."
 )
 @click.option(
-    "--sonars", "hands", is_flag=True, help="Have a hand held before each sonar, to find swapped ones."
+    "--sonars", "hands", is_flag=True, help="Find swapped sonars: you hold a hand in front of each in turn."
 )
 @click.option("--report", is_flag=True, help="Print plain text with all details, to paste into a bug report.")
 @json_option
@@ -39,26 +39,26 @@ _BEFORE_ADVICE = re.compile(r"; |: (?=check|choose|flash|set )")
 def doctor(target: Target, drives: bool, hands: bool, report: bool, as_json: bool, yes: bool) -> None:
     """Check computer, port, board and robot.
 
-    Each thing that is wrong comes with plain advice.  Opening the port resets an Arduino Uno.  Nothing moves
-    without --drive.  The exit code is 0 where no fault was found, the error's own where the robot cannot be
-    reached, else 1.
+    Prints advice for each problem.  Opening the port resets an Arduino Uno.  The robot moves only with --drive.
+    The exit code is 0 if no fault was found, 1 if one was found, and that of the error if the robot cannot be
+    reached.
 
     \b
     Examples:
       mrl doctor --port /dev/ttyACM0
-      mrl doctor --robot lab3 --drive           wheels lifted
+      mrl doctor --robot lab3 --drive           turns the wheels too: lift them first
       mrl doctor --robot lab3 --report > report.txt
     """
     require_port(target)
     if report and as_json:
         raise ConfigError("--report is given with --json, expected one of them")
     if hands and not sys.stdin.isatty():
-        raise ConfigError("--sonars asks questions, and there is no terminal to answer from")
+        raise ConfigError("--sonars asks questions, but stdin is not a terminal; run it in a terminal")
     if drives:
         drives = _wheels_lifted(yes)
     checkup = Checkup(target, drives, hands, quiet=report or as_json)
     checkup.run()
-    _say(checkup, report, as_json)
+    _print(checkup, report, as_json)
     if checkup.code:
         sys.exit(checkup.code)
 
@@ -70,7 +70,7 @@ def _wheels_lifted(yes: bool) -> bool:
         ConfigError: stdin is not a terminal.
     """
     try:
-        agree("Are the wheels lifted off the ground?  Each turns forward for 2 s.", yes)
+        confirm("Are the wheels lifted off the ground?  Each turns forward for 2 s.", yes)
     except click.Abort:
         return False
     return True
@@ -159,14 +159,17 @@ class Checkup:
             self._add(
                 [
                     Finding(
-                        NOTE, "wheels", "not tried: this check knows two wheels", "see them turn: mrl drive"
+                        NOTE,
+                        "wheels",
+                        "not checked: this check supports two wheels",
+                        "watch the wheels with: mrl drive",
                     )
                 ]
             )
         elif self._drives:
             self._add(wheels.check(driver, _ask if sys.stdin.isatty() else None))
         else:
-            self._add([Finding(NOTE, "wheels", "not tried", "lift them, then: mrl doctor --drive")])
+            self._add([Finding(NOTE, "wheels", "not checked", "lift them, then: mrl doctor --drive")])
         if self._hands:
             self._add(wheels.sonar_order(lambda: driver.ranges, _ask))
 
@@ -192,10 +195,10 @@ def _of_error(error: MrlError, port: str) -> Finding:
     return Finding(FAULT, subject, text, advice)
 
 
-def _say(checkup: Checkup, report: bool, as_json: bool) -> None:
+def _print(checkup: Checkup, report: bool, as_json: bool) -> None:
     findings = checkup.findings
     if as_json:
-        say_json(
+        print_json(
             {
                 "port": checkup.target.port,
                 "verdict": verdict(findings),

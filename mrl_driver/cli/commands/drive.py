@@ -15,17 +15,17 @@ from mrl_driver.terminal.text import line, snapshot
 from .monitor import watch_live
 from .shared import (
     FOREVER_S,
-    agree_to_replace,
     battery_option,
-    complain,
+    confirm_overwrite,
     connected,
     fast_option,
     full_screen,
     json_option,
+    print_json,
+    print_message,
     record_option,
+    report_losses,
     robot_options,
-    say_json,
-    tell_losses,
     warn,
     yes_option,
 )
@@ -40,9 +40,9 @@ ROUNDING = 1e-6
 @click.command()
 @robot_options
 @click.option("--linear", type=float, help="Forward speed [m/s].")
-@click.option("--lateral", type=float, help="Speed to the left, of robots that can [m/s].")
+@click.option("--lateral", type=float, help="Speed to the left, for robots that can drive sideways [m/s].")
 @click.option("--angular", type=float, help="Yaw rate, counter-clockwise [rad/s].")
-@click.option("--for", "seconds", type=float, help="Drive for so long [s], then stop.")
+@click.option("--for", "seconds", type=float, help="Stop after this time [s].")
 @battery_option
 @record_option
 @fast_option
@@ -64,7 +64,7 @@ def drive(
 
     \b
     Examples:
-      mrl drive --port /dev/ttyACM0                         hold arrows or w a s d
+      mrl drive --port /dev/ttyACM0                         hold the arrow keys, or w a s d
       mrl drive --robot lab3 --linear 0.2 --for 2           0.4 m forward
       mrl drive --robot lab3 --angular 0.5 --for 3.14       a quarter turn left
       mrl drive --robot omni1 --lateral 0.2 --for 2         0.4 m to the left, on three wheels
@@ -77,19 +77,19 @@ def drive(
         if not 0 < seconds <= 3600:
             raise ConfigError(f"--for is {seconds}, expected seconds from above 0 to 3600")
     elif as_json or not (sys.stdin.isatty() and full_screen()):
-        raise ConfigError("there is no terminal to drive from; give --linear or --angular, and --for SECONDS")
-    agree_to_replace(record, yes)
+        raise ConfigError("stdin or stdout is not a terminal; give --linear or --angular, and --for SECONDS")
+    confirm_overwrite(record, yes)
     if not timed:
         watch_live(target, FOREVER_S, record, ignore_battery, keys_drive=True, fast=fast)
         return
     with connected(target, ignore_battery=ignore_battery, record=record, fast=fast) as driver:
         warn(driver)
-        tell_losses(driver)
+        report_losses(driver)
         speeds = linear or 0.0, angular or 0.0, lateral or 0.0
-        _tell_limits(driver, *speeds)
+        _report_limits(driver, *speeds)
         drive_for(driver, speeds[0], speeds[1], seconds or 0.0, speeds[2])
         if as_json:
-            say_json(snapshot(driver))
+            print_json(snapshot(driver))
         else:
             click.echo(line(driver))
 
@@ -100,16 +100,16 @@ def _require_finite(**speeds: float) -> None:
             raise ConfigError(f"--{name} is {value}, expected a finite number")
 
 
-def _tell_limits(driver: "Driver", linear_m_s: float, angular_rad_s: float, lateral_m_s: float) -> None:
+def _report_limits(driver: "Driver", linear_m_s: float, angular_rad_s: float, lateral_m_s: float) -> None:
     """Report the limited speeds if the robot's model does not allow the requested ones."""
     assert driver.model is not None
     wanted = linear_m_s, angular_rad_s, lateral_m_s
     kept = driver.limited(*wanted)
     if lateral_m_s and len(kept) < len(wanted):
-        return  # `drive` reports that this base cannot
+        return  # `drive` reports that this base cannot move sideways
     if any(abs(found - asked) > ROUNDING for found, asked in zip(kept, wanted)):
         sideways = "".join(f", --lateral {speed:.3g} m/s" for speed in kept[2:])
-        complain(
+        print_message(
             f"limited to --linear {kept[0]:.3g} m/s, --angular {kept[1]:.3g} rad/s{sideways}: the model "
             f"{driver.model.name} allows {driver.model.limits.linear_m_s:g} m/s and "
             f"{driver.model.limits.angular_rad_s:g} rad/s"

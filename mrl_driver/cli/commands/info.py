@@ -6,7 +6,7 @@ import click
 
 from mrl_driver.host.named_robots import Target
 
-from .shared import connected, fast_option, human, json_option, require_port, robot_options, say_json
+from .shared import connected, fast_option, format_value, json_option, print_json, require_port, robot_options
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 @fast_option
 @json_option
 def info(target: Target, fast: bool, as_json: bool) -> None:
-    """Say who answers on a port.
+    """Show the identity of the robot on a port.
 
     \b
     Examples:
@@ -28,10 +28,10 @@ def info(target: Target, fast: bool, as_json: bool) -> None:
     with connected(target, ignore_battery=True, fast=fast) as driver:
         facts = describe(driver, port)
     if as_json:
-        say_json(facts)
+        print_json(facts)
         return
     for key, value in facts.items():
-        click.echo(f"{key.replace('_', ' '):>20}  {human(value)}")
+        click.echo(f"{key.replace('_', ' '):>20}  {format_value(value)}")
 
 
 def describe(driver: "Driver", port: str) -> Dict[str, Any]:

@@ -10,21 +10,21 @@ from mrl_driver.host.named_robots import Target
 from mrl_driver.terminal.text import line, snapshot
 
 from .shared import (
-    agree_to_replace,
     battery_option,
-    complain,
+    confirm_overwrite,
     connected,
     fast_option,
     full_screen,
     json_option,
+    print_json,
+    print_message,
     reconnect_option,
     record_option,
+    report_losses,
     require_port,
     require_seconds,
     robot_options,
-    say_json,
     seconds_option,
-    tell_losses,
     warn,
     yes_option,
 )
@@ -60,8 +60,8 @@ def monitor(
 ) -> None:
     """Watch a robot live, and drive it with the keys.
 
-    Path, speeds, ranges, battery, link and frames on the whole screen; Enter lets the keys drive.  Without a
-    terminal it prints a line a second; with --json an object a line.
+    Shows path, speeds, ranges, battery, link and frames on the whole screen; press Enter to drive with the keys.
+    If stdout is not a terminal, prints one line per second; with --json, one JSON object per line.
 
     \b
     Examples:
@@ -69,7 +69,7 @@ def monitor(
       mrl monitor --robot lab3 --record drive.mrl
       mrl monitor --robot lab3 --json --seconds 10 > drive.jsonl
     """
-    agree_to_replace(record, yes)
+    confirm_overwrite(record, yes)
     _watch(target, seconds, record, reconnect, fast, as_json, ignore_battery)
 
 
@@ -81,14 +81,14 @@ def monitor(
 @yes_option
 @click.argument("file", type=click.Path())
 def record(target: Target, seconds: float, reconnect: bool, fast: bool, yes: bool, file: str) -> None:
-    """Watch a robot, and keep every byte both ways in FILE.
+    """Watch a robot live, and record all its bytes in FILE.
 
     \b
     Examples:
       mrl record --port /dev/ttyACM0 drive.mrl
       mrl replay drive.mrl; mrl plot drive.mrl
     """
-    agree_to_replace(file, yes)
+    confirm_overwrite(file, yes)
     _watch(target, seconds, file, reconnect, fast)
 
 
@@ -107,7 +107,7 @@ def _watch(
         return
     with connected(target, ignore_battery=True, record=file, reconnect=reconnect, fast=fast) as driver:
         warn(driver)
-        tell_losses(driver)
+        report_losses(driver)
         try:
             _print_lines(driver, seconds, as_json)
         except KeyboardInterrupt:
@@ -115,16 +115,16 @@ def _watch(
 
 
 def _print_lines(driver: "Driver", seconds: float, as_json: bool) -> None:
-    end_s, told = time.monotonic() + seconds, False
+    end_s, warned = time.monotonic() + seconds, False
     while time.monotonic() < end_s and not driver.wait(min(LINE_S, max(0.0, end_s - time.monotonic()))):
         if as_json:
-            say_json(snapshot(driver))
+            print_json(snapshot(driver))
         else:
             click.echo(line(driver))
         sys.stdout.flush()
-        if not told and driver.recorder is not None and driver.recorder.loss:
-            told = True
-            complain(f"warning: {driver.recorder.loss}")
+        if not warned and driver.recorder is not None and driver.recorder.loss:
+            warned = True
+            print_message(f"warning: {driver.recorder.loss}")
 
 
 def watch_live(
@@ -151,7 +151,7 @@ def watch_live(
         reconnect=reconnect,
         fast=fast,
         command_timeout_s=STALL_S,
-        tap=lambda way, data: log.hear(way, data, time.monotonic()),
+        tap=lambda direction, data: log.hear(direction, data, time.monotonic()),
     )
     with waiting("waiting for the board to answer"):
         driver = connection.__enter__()

@@ -10,33 +10,35 @@ from mrl_driver.recording.recording import Recording
 from mrl_driver.robot import models
 
 from .progress import progress
-from .shared import complete_robot, json_option, say_json
+from .shared import complete_robot, json_option, print_json
 
 
-@click.command()
+@click.command(short_help="Draw a recording: path, speeds, ranges, battery.")
 @click.argument("file", type=click.Path())
 @click.option(
-    "-o", "--output", type=click.Path(), metavar="PICTURE", help="PNG, PDF or SVG; FILE.png if absent."
+    "-o",
+    "--output",
+    type=click.Path(),
+    metavar="PICTURE",
+    help="Picture to write: PNG, PDF or SVG.  [default: FILE.png]",
 )
 @click.option(
     "--part",
     "parts",
     multiple=True,
     type=click.Choice(["path", "speeds", "ranges", "battery"]),
-    help="Draw this part; may be repeated, all if absent.",
+    help="Draw only this part; may be repeated.  [default: all]",
 )
 @click.option(
     "--robot",
     metavar="ROBOT",
     default="auto",
     shell_complete=complete_robot,
-    help="Robot model; without it the recorded board's id tells.",
+    help="Robot model; by default the one that lists the recorded board's id.",
 )
 @json_option
 def plot(file: str, output: Optional[str], parts: Tuple[str, ...], robot: str, as_json: bool) -> None:
-    """Draw a recording as a picture.
-
-    Path, speeds asked for and measured, ranges, battery.
+    """Draw a recording: path, commanded and measured speeds, ranges, battery.
 
     \b
     Examples:
@@ -54,13 +56,13 @@ def plot(file: str, output: Optional[str], parts: Tuple[str, ...], robot: str, a
     with progress(f"reading {os.path.basename(file)}", 1.0) as advance:
         found = timeline.read(recording, None if name == "auto" else models.load(name), advance)
     plots.draw(found, picture, parts or plots.PARTS)
-    way_m = round(timeline.way_m(found), 3)
+    path_length_m = round(timeline.path_length_m(found), 3)
     if as_json:
-        say_json(
+        print_json(
             {
                 "picture": picture,
                 "robot": found.model.name,
-                "way_m": way_m,
+                "way_m": path_length_m,
                 "end": dict(zip(("time_s", "x_m", "y_m", "yaw_rad"), found.poses[-1])),
                 "skipped_lines": recording.skipped_count,
             }

@@ -9,7 +9,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.host import named_robots
 from mrl_driver.protocol.table import BAUD
 
-from .shared import complete_port, json_option, say_json
+from .shared import complete_port, json_option, print_json
 
 Row = Dict[str, Any]
 
@@ -19,29 +19,28 @@ Row = Dict[str, Any]
 @click.option(
     "--probe",
     is_flag=True,
-    help="Ask who answers: on boards made by Arduino, on named robots, and on each PORT.  Opening resets a board.",
+    help="Identify robots: on boards made by Arduino, named robots, and each PORT.  Opening a port resets its board.",
 )
 @json_option
 def ports(port: Tuple[str, ...], probe: bool, as_json: bool) -> None:
     """List serial ports, and the robots on them.
 
-    Opens nothing unless told to, for opening resets an Arduino Uno, and other devices are not ours: --probe opens
-    boards whose USB vendor is Arduino, the ports of named robots, and each PORT.  A port that is in use is never
-    opened.
+    Opens no port without --probe, because opening resets an Arduino Uno, and other devices may be connected.  --probe
+    opens boards whose USB vendor is Arduino, the ports of named robots, and each PORT, but never a port that is in use.
 
     \b
     Examples:
       mrl ports
       mrl ports --probe
-      mrl ports --probe /dev/ttyUSB0        a copy of the Uno, behind an adapter
+      mrl ports --probe /dev/ttyUSB0        a copy of the Uno, with another USB vendor
     """
     if port and not probe:
-        raise ConfigError("a PORT is given without --probe, expected both or none")
+        raise ConfigError("PORT is given without --probe, expected both or neither")
     rows = _rows(port)
     if probe:
         _ask(rows, port)
     if as_json:
-        say_json(list(rows.values()))
+        print_json(list(rows.values()))
         return
     from .ports_table import show
 

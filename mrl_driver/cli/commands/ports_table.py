@@ -14,16 +14,16 @@ def show(rows: List[Row], probed: bool) -> None:
     """Print the ports; say what to do if there is none, or if none was asked."""
     console = Console(highlight=False)
     if not rows:
-        console.print("there is no serial port; is the board plugged in?  Look with: dmesg | tail")
+        console.print("no serial port found; plug the board in, and check with: dmesg | tail")
         return
     table = Table(box=None, header_style="bold", pad_edge=False)
-    for title in ("port", "what it is", "state", *(["robot"] if probed else [])):
+    for title in ("port", "device", "state", *(["robot"] if probed else [])):
         table.add_column(title, overflow="fold")
     for row in rows:
         table.add_row(_port(row), _kind(row), _state(row), *([_robot(row)] if probed else []))
     console.print(table)
     if not probed and any(row["arduino"] or row["name"] for row in rows):
-        console.print("\nwho answers:  mrl ports --probe   (resets the boards)", style="dim")
+        console.print("\nfind the robots:  mrl ports --probe   (resets the boards)", style="dim")
 
 
 def _port(row: Row) -> Text:
@@ -43,9 +43,9 @@ def _state(row: Row) -> Text:
     if row["used_by"]:
         return Text(f"in use by {row['used_by']}", style="yellow")
     if not os.path.exists(row["device"]):
-        return Text("not there", style="red")
+        return Text("does not exist", style="red")
     if not row["permitted"]:
-        who = "for root alone" if row["group"] in ("", "root") else f"join group {row['group']}"
+        who = "only root may open it" if row["group"] in ("", "root") else f"join group {row['group']}"
         return Text(f"no permission; {who}", style="red")
     return Text("free", style="green")
 

@@ -6,7 +6,7 @@ import click
 
 from mrl_driver.host.named_robots import Target
 
-from .shared import complain, require_port, robot_options
+from .shared import print_message, require_port, robot_options
 
 
 @click.command(short_help="Put a robot's port on the network.")
@@ -15,13 +15,14 @@ from .shared import complain, require_port, robot_options
     "--listen",
     metavar="URL",
     required=True,
-    help="tcp://ADDRESS:PORT or udp://ADDRESS:PORT, ADDRESS being one of this computer's; 0.0.0.0 is all of them.",
+    help="tcp://ADDRESS:PORT or udp://ADDRESS:PORT; ADDRESS is one of this computer's, or 0.0.0.0 for all of them.",
 )
 def serve(target: Target, listen: str) -> None:
     """Pass bytes between a robot's port and one client on the network.
 
-    Whoever reaches the address drives the robot: there is no password.  Use a network of your own, or 127.0.0.1 and
-    a tunnel (ssh -L 7000:127.0.0.1:7000 robot).  When the client leaves, or this ends, the robot is stopped.
+    There is no password: everybody who can reach the address can drive the robot.  Use a network of your own, or
+    127.0.0.1 and a tunnel (ssh -L 7000:127.0.0.1:7000 robot).  The robot stops when the client disconnects or this
+    command ends.
 
     \b
     Examples:
@@ -38,5 +39,7 @@ def serve(target: Target, listen: str) -> None:
         stack.callback(listener.close)
         link = open_link(port, target.baud)
         stack.callback(link.close)
-        click.echo(f"{listener.address} serves {port}; whoever reaches this address drives the robot")
-        Bridge(link, listener, complain).run()
+        click.echo(
+            f"{listener.address} serves {port}; everybody who can reach this address can drive the robot"
+        )
+        Bridge(link, listener, print_message).run()

@@ -9,7 +9,7 @@ from mrl_driver.host.named_robots import Target
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
 from mrl_driver.robot import models
 
-from .shared import agree, connected, robot_options, yes_option
+from .shared import confirm, connected, robot_options, yes_option
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 @click.argument("robot_id", type=click.IntRange(1, 32767))
 @yes_option
 def set_id(target: Target, robot_id: int, yes: bool) -> None:
-    """Give a board its robot id.
+    """Set a board's robot id.
 
-    It gets the defaults of that robot too; both are kept in its EEPROM.
+    Sets the default parameters of that robot too, and saves both in the EEPROM.
 
     \b
     Example:
@@ -34,23 +34,23 @@ def set_id(target: Target, robot_id: int, yes: bool) -> None:
     )
     if robot_id not in model.ids:
         raise ConfigError(
-            f"robot id {robot_id} is no {model.name}, expected {', '.join(map(str, model.ids))}"
+            f"robot id {robot_id} is not an id of {model.name}, expected {', '.join(map(str, model.ids))}"
         )
     with connected(target, model, ignore_battery=True, any_id=True) as driver:
-        agree(f"Change the robot id from {driver.board.robot_id} to {robot_id}?", yes)
+        confirm(f"Change the robot id from {driver.board.robot_id} to {robot_id}?", yes)
         write_id(driver, robot_id, model)
     click.echo(f"robot id {robot_id} is set")
 
 
 def _no_model(robot_id: int) -> str:
-    raise ConfigError(f"robot id {robot_id} is in no packaged model; name a model file with --robot")
+    raise ConfigError(f"no packaged model lists robot id {robot_id}; give a model file with --robot")
 
 
 def require_config(driver: "Driver") -> None:
     """Raise BoardRefused unless the board keeps a configuration."""
     if "config" not in driver.board.capabilities:
         raise BoardRefused(
-            "board firmware 1 (2013) keeps no configuration and has no command for its id; flash with: mrl flash"
+            "board firmware 1 (2013) cannot store parameters or an id; upload the current firmware with: mrl flash"
         )
 
 
@@ -62,7 +62,7 @@ def save(driver: "Driver") -> None:
         BoardTimeout: the board does not answer.
     """
     if driver.ask(BY_NAME["save_config"].code, timeout_s=2.0) != (1,):
-        raise BoardRefused("the board could not save its EEPROM; try again")
+        raise BoardRefused("the board could not write its EEPROM; try again")
 
 
 def write_id(driver: "Driver", robot_id: int, model: "RobotModel") -> None:
@@ -85,11 +85,11 @@ def write_id(driver: "Driver", robot_id: int, model: "RobotModel") -> None:
 def _write(driver: "Driver", name: str, value: int) -> None:
     index = PARAMETER_BY_NAME[name].number
     if driver.ask(BY_NAME["write_config"].code, index, value) != (index, value):
-        raise BoardRefused(f"the board did not take {name} {value}")
+        raise BoardRefused(f"the board refused {name} {value}")
 
 
 def _require(driver: "Driver", name: str, value: int) -> None:
-    """Check that the board has the value: it lost it if it restarted before saving.
+    """Check that the board has the value: it loses the value if it restarts before saving.
 
     Raises:
         BoardRefused: the board has another value.
@@ -98,5 +98,5 @@ def _require(driver: "Driver", name: str, value: int) -> None:
     answer = driver.ask(BY_NAME["read_config"].code, index)
     if answer != (index, value):
         raise BoardRefused(
-            f"the board was told {name} {value} and says {answer[-1]}: it restarted; try again"
+            f"the board has {name} {answer[-1]}, expected {value}: it restarted before saving; try again"
         )

@@ -25,20 +25,25 @@ FOREVER_S = 1e9
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, for programs.")
 record_option = click.option(
-    "--record", metavar="FILE", type=click.Path(), help="Keep every byte both ways, for mrl replay and plot."
+    "--record",
+    metavar="FILE",
+    type=click.Path(),
+    help="Record all bytes of both directions, for mrl replay and plot.",
 )
-battery_option = click.option("--ignore-battery", is_flag=True, help="Drive with an empty battery too.")
+battery_option = click.option("--ignore-battery", is_flag=True, help="Drive even if the battery is empty.")
 fast_option = click.option(
-    "--fast", is_flag=True, help="Raise the line to 500000 baud where board and line can; for cables."
+    "--fast",
+    is_flag=True,
+    help="Switch the serial link to 500000 baud if board and port support it; for cables.",
 )
 seconds_option = click.option(
-    "--seconds", type=float, default=FOREVER_S, help="End after so long [s]; without it at Ctrl-C."
+    "--seconds", type=float, default=FOREVER_S, help="End after this time [s]; default: run until Ctrl-C."
 )
 reconnect_option = click.option(
     "--reconnect/--no-reconnect",
     default=True,
     show_default=True,
-    help="Search the robot when its port goes away, or end with exit code 6.",
+    help="Find the robot again after its port was unplugged, or end with exit code 6.",
 )
 yes_option = click.option("--yes", is_flag=True, help="Answer yes to every question.")
 
@@ -94,7 +99,7 @@ def robot_options(command: Callable[..., None]) -> Callable[..., None]:
         "--robot",
         metavar="ROBOT",
         shell_complete=complete_robot,
-        help="A name (see mrl names), a model, or a .yaml file; without it the board's id tells the model "
+        help="A name (see mrl names), a model, or a .yaml file; by default the model that lists the board's id "
         "[env: MRL_ROBOT].",
     )
     @click.option("--baud", type=int, help="Baud rate of the port  [default: 115200]")
@@ -102,12 +107,12 @@ def robot_options(command: Callable[..., None]) -> Callable[..., None]:
     def wrapper(
         *args: Any, port: Optional[str], robot: Optional[str], baud: Optional[int], **kwargs: Any
     ) -> None:
-        command(*args, target=aim(port, robot, baud), **kwargs)
+        command(*args, target=target_from_options(port, robot, baud), **kwargs)
 
     return wrapper
 
 
-def aim(port: Optional[str], robot: Optional[str], baud: Optional[int]) -> Target:
+def target_from_options(port: Optional[str], robot: Optional[str], baud: Optional[int]) -> Target:
     """Return the robot named by the options.  Options before the sub-command come second, the environment last.
 
     Raises:
@@ -132,7 +137,7 @@ def require_port(target: Target) -> str:
 
         found = ", ".join(ports()) or "none; is the board plugged in?"
         raise ConfigError(
-            f"--port is missing, expected a serial port, or a named robot; ports there are: {found}"
+            f"--port is missing, expected a serial port or --robot with a named robot; existing ports: {found}"
         )
     return target.port
 
@@ -153,7 +158,7 @@ def connected(target: Target, model: Optional["RobotModel"] = None, **options: A
     try:
         with driver:
             if options.get("fast") and driver.line_baud != FAST_BAUD:
-                complain(f"warning: the line stays at {driver.line_baud} baud, since {SLOW}")
+                print_message(f"warning: the serial link stays at {driver.line_baud} baud: {SLOW}")
             yield driver
     except Interrupted:
         raise
@@ -161,36 +166,36 @@ def connected(target: Target, model: Optional["RobotModel"] = None, **options: A
         raise Interrupted("interrupted; the robot was stopped") from None
     except BaseException:
         if driver.recorder is not None and driver.recorder.loss:
-            complain(driver.recorder.loss)
+            print_message(driver.recorder.loss)
         raise
     if driver.recorder is not None and driver.recorder.loss:
         raise OutputError(driver.recorder.loss)
 
 
-def tell_losses(driver: "Driver") -> None:
-    """Print a line when the port goes away, when the robot is found again, when the line goes back to a lower speed,
-    and when the wheels could not be followed.
+def report_losses(driver: "Driver") -> None:
+    """Print a line when the port goes away, the robot is found again, the serial link falls back to a lower baud rate,
+    or the odometry missed a movement.
     """
 
-    def tell(event: object) -> None:
+    def report(event: object) -> None:
         if isinstance(event, (Lost, Reconnected, Slowed, WayLost)):
-            complain(str(event))
+            print_message(str(event))
 
-    driver.on_event(tell)
+    driver.on_event(report)
 
 
 def warn(driver: "Driver") -> None:
     """Print the driver's warning about the board, if there is one."""
     if driver.warning:
-        complain(f"warning: {driver.warning}")
+        print_message(f"warning: {driver.warning}")
 
 
-def complain(text: str) -> None:
+def print_message(text: str) -> None:
     """Print one line on stderr."""
     click.echo(f"mrl: {text}", err=True)
 
 
-def say_json(value: Any) -> None:
+def print_json(value: Any) -> None:
     """Print JSON: NaN becomes null, and infinity, which JSON does not have, the string "inf"."""
     click.echo(json.dumps(_plain(value)))
 
@@ -205,7 +210,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def human(value: Any) -> str:
+def format_value(value: Any) -> str:
     """Format a value for a table of facts."""
     if isinstance(value, (list, tuple)):
         return ", ".join(map(str, value)) or "none"
@@ -213,42 +218,42 @@ def human(value: Any) -> str:
 
 
 def full_screen() -> bool:
-    """Tell whether stdout is a terminal that can show a full-screen view."""
+    """Return whether stdout is a terminal that can show a full-screen view."""
     return sys.stdout.isatty() and os.environ.get("TERM") not in ("dumb", "unknown")
 
 
-def agree(question: str, yes: bool, otherwise: str = "nothing was changed") -> None:
+def confirm(question: str, yes: bool, otherwise: str = "nothing was changed") -> None:
     """Ask, unless `yes`; `otherwise` is printed after a no.
 
     Raises:
         ConfigError: stdin is not a terminal.
-        click.Abort: the answer is no.
+        click.Abort: the user answered no.
     """
     if yes:
         return
     if not sys.stdin.isatty():
-        raise ConfigError(f"{question} There is no terminal to answer from; give --yes to agree")
+        raise ConfigError(f"{question} stdin is not a terminal; give --yes to agree")
     if not click.confirm(question, err=True):
         raise click.Abort(otherwise)
 
 
-def agree_to_move(question: str, yes: bool) -> None:
+def confirm_motion(question: str, yes: bool) -> None:
     """Ask before motors turn, unless `yes`.
 
     Raises:
-        ConfigError, click.Abort: as `agree`.
+        ConfigError, click.Abort: as `confirm`.
     """
-    agree(question, yes, "the robot was not moved")
+    confirm(question, yes, "the robot was not moved")
 
 
-def agree_to_replace(record: Optional[str], yes: bool) -> None:
+def confirm_overwrite(record: Optional[str], yes: bool) -> None:
     """Ask before a recording replaces a file that is not empty.
 
     Raises:
-        ConfigError, click.Abort: as `agree`.
+        ConfigError, click.Abort: as `confirm`.
     """
     if record is not None and os.path.isfile(record) and os.path.getsize(record):
-        agree(f"{record} is there already. Replace it?", yes)
+        confirm(f"{record} already exists. Replace it?", yes)
 
 
 def require_seconds(seconds: float, option: str = "--seconds") -> None:

@@ -9,37 +9,43 @@ import click
 from mrl_driver.host import system_setup as machine
 
 root_option = click.option(
-    "--root", default="/", show_default=True, metavar="FOLDER", help="Root of the file system, for images."
+    "--root",
+    default="/",
+    show_default=True,
+    metavar="FOLDER",
+    help="Root of the file system, to prepare an image.",
 )
-dry_option = click.option("--dry-run", is_flag=True, help="Show what would be done, and do nothing.")
+dry_option = click.option("--dry-run", is_flag=True, help="Show the changes without making them.")
 
 
-@click.group(short_help="Make this machine know robots when plugged in.")
+@click.group(short_help="Set up this computer for robots: names, permissions, a ROS node.")
 def system() -> None:
-    """Make this machine know robots: names, permissions, no ModemManager, a ROS node at plugging in.
+    """Set up this computer for robots that are plugged in.
+
+    Gives them names and permissions, keeps ModemManager off their ports, and can start a ROS node for each.
 
     \b
     Examples:
       mrl system install --dry-run
       sudo mrl system install
       sudo mrl system remove
-      sudo $(which mrl) system install       from a virtual environment, which sudo does not look in
+      sudo $(which mrl) system install       if mrl is in a virtual environment
     """
 
 
-@system.command(short_help="Write the udev rule and the unit; let USER open ports.")
-@click.option("--user", metavar="USER", help="Who drives the robots; by default who asks, or called sudo.")
+@system.command(short_help="Write a udev rule and a systemd unit; let USER open serial ports.")
+@click.option("--user", metavar="USER", help="User who drives the robots; default: you, also under sudo.")
 @root_option
 @dry_option
 def install(user: Optional[str], root: str, dry_run: bool) -> None:
-    """Write a udev rule and a unit for systemd, and let USER open serial ports.
+    """Write a udev rule and a systemd unit, and let USER open serial ports.
 
-    Robots are then /dev/mrl-SERIAL, and systemctl enable --now mrl-robot@SERIAL starts the ROS node whenever that
-    one is plugged in.
+    A robot then has the port /dev/mrl-SERIAL.  After systemctl enable --now mrl-robot@SERIAL, its ROS node starts
+    whenever it is plugged in.
     """
     who = user or os.environ.get("SUDO_USER") or getpass.getuser()
     if not dry_run:
-        _say(machine.install(who, root))
+        _print(machine.install(who, root))
         return
     machine.require_user(who, root)
     for name, text in machine.files(who).items():
@@ -52,15 +58,15 @@ def install(user: Optional[str], root: str, dry_run: bool) -> None:
 @root_option
 @dry_option
 def remove(root: str, dry_run: bool) -> None:
-    """Delete what install wrote; groups stay as they are."""
+    """Delete the files that install wrote; groups stay as they are."""
     if not dry_run:
-        _say(machine.remove(root))
+        _print(machine.remove(root))
         return
     for name in (machine.RULES, machine.UNIT):
         path = os.path.join(root, name)
-        click.echo(f"would remove {path}" if os.path.lexists(path) else f"{path} is not there")
+        click.echo(f"would remove {path}" if os.path.lexists(path) else f"{path} does not exist")
 
 
-def _say(lines: List[str]) -> None:
+def _print(lines: List[str]) -> None:
     for line in lines:
         click.echo(line)

@@ -7,7 +7,7 @@ import click
 
 from mrl_driver.errors import ConfigError
 
-from .shared import json_option, say_json
+from .shared import json_option, print_json
 
 
 @click.command("tip-over")
@@ -16,15 +16,19 @@ from .shared import json_option, say_json
     "--reserve", default=10.0, show_default=True, metavar="DEG", help="Margin to keep at least [deg]."
 )
 @click.option(
-    "--slope", default=0.0, show_default=True, metavar="DEG", help="Ground that slopes the worst way [deg]."
+    "--slope",
+    default=0.0,
+    show_default=True,
+    metavar="DEG",
+    help="Slope of the ground, in the worst direction [deg].",
 )
 @click.option("--plot", "picture", metavar="PICTURE", type=click.Path(), help="Draw it: PNG, PDF or SVG.")
 @json_option
 def tip_over(vehicle: str, reserve: float, slope: float, picture: Optional[str], as_json: bool) -> None:
-    """Tell how much a vehicle may accelerate before it tips over.
+    """Show how much a vehicle may accelerate before it tips over.
 
     VEHICLE is mecanum-arm, a robot model, or a .yaml file: name, contacts (points [x, y] on the ground), body and
-    payloads (mass_kg, x_m, y_m, height_m).  Of a robot model the mass is taken to be at half its height.
+    payloads (mass_kg, x_m, y_m, height_m).  For a robot model, the centre of mass is assumed at half its height.
 
     \b
     Examples:
@@ -47,7 +51,7 @@ def tip_over(vehicle: str, reserve: float, slope: float, picture: Optional[str],
     tips = margin.limits(found, 0.0, slope_rad)
     kept = margin.limits(found, reserve_rad, slope_rad)
     if as_json:
-        say_json(
+        print_json(
             {
                 "vehicle": found.name,
                 "whole": found.whole._asdict(),
@@ -67,14 +71,14 @@ def tip_over(vehicle: str, reserve: float, slope: float, picture: Optional[str],
     )
     margin_deg = math.degrees(margin.least(margins).angle_rad)
     tips_at_rest = (
-        ""
-        if margin_deg > 0
-        else "; it tips over where it stands: its centre of mass is not above its contacts"
+        "" if margin_deg > 0 else "; it tips over at rest: its centre of mass is not above its contacts"
     )
     click.echo(f"margin at rest on flat ground: {margin_deg:.1f} deg{tips_at_rest}")
     click.echo(f"{'accelerating':14}{'tips over at':>14}{f'{reserve:g} deg kept to':>18}   [m/s2]")
     for name in tips:
         click.echo(f"{name:14}{tips[name]:14.2f}{kept[name]:18.2f}")
-    click.echo(f"limit in any of them: {min(kept.values()):.2f} m/s2; a curve takes v * omega of it sideways")
+    click.echo(
+        f"limit in every direction: {min(kept.values()):.2f} m/s2; a curve uses v * omega of it sideways"
+    )
     if picture:
         click.echo(picture)

@@ -14,24 +14,24 @@ from .findings import FAULT, NOTE, OK, WARNING, Finding
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
 
-WATCH_S = 1.0
+MEASURE_S = 1.0
 ROUND_TRIPS = 40
-SLOW_S = 0.05
-"""A round trip above this is slow [s]: the wire takes 3 ms, a USB adapter up to 16 ms more."""
-LEAST_SHARE = 0.9
+SLOW_ROUND_TRIP_S = 0.05
+"""A round trip above this is slow [s]: the serial link takes 3 ms, a USB adapter up to 16 ms more."""
+MIN_SHARE = 0.9
 """Smallest acceptable share of the expected stream frames."""
 _NETWORK = "bring robot and access point closer together, or use a channel with less traffic"
 _PINS = {"front": "A0", "left": "A1", "right": "A2"}
 _ADVICE = {
     "motor_board": "check the OMNI-3MD's power, and its I2C wires on A4 (SDA) and A5 (SCL)",
     "bus_hung": "a device holds the I2C bus: check the wires on A4 (SDA) and A5 (SCL), then switch power off and on",
-    "eeprom": "set what differs from the model's defaults again, then: mrl config save",
+    "eeprom": "set the parameters that must differ from the model's defaults again: mrl config set NAME VALUE",
     "id_unset": "mrl set-id ID (TraxBot 1-3, StingBot 4-5)",
     "sensor": "check the I2C wires and power of the thermopile (0x68) and the compass (0x60)",
 }
 _RESETS = {
     "watchdog": "the firmware hung and its watchdog restarted it; please report it with: mrl doctor --report",
-    "brown_out": "the supply dipped: check USB cable and hub, and what else hangs on the board's 5 V",
+    "brown_out": "the supply voltage dropped: check USB cable and hub, and every other load on the board's 5 V",
 }
 
 
@@ -51,26 +51,32 @@ class Link(NamedTuple):
 def identity(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
     """Check the board's identity and the capabilities of its firmware."""
     if board.robot_id == 0:
-        yield Finding(FAULT, "robot id", "is not set", _ADVICE["id_unset"])
+        yield Finding(FAULT, "robot id", "not set", _ADVICE["id_unset"])
     elif model is None or board.robot_id not in model.ids:
         yield Finding(
             WARNING,
             "robot id",
-            f"{board.robot_id} is in no packaged model",
-            "name the robot's file: --robot FILE.yaml",
+            f"no packaged model lists {board.robot_id}",
+            "give the robot's file: --robot FILE.yaml",
         )
     else:
         yield Finding(OK, "robot", f"{model.name} {board.robot_id}")
     if board.version < 2:
         yield Finding(
-            WARNING, "firmware", "1 (2013): works, without watchdog and check value", "mrl flash --port PORT"
+            WARNING,
+            "firmware",
+            "1 (2013): works, but has no watchdog and no checksum",
+            "mrl flash --port PORT",
         )
         return
     yield Finding(OK, "firmware", f"version {board.version}, protocol {board.protocol}")
-    yield Finding(OK, "it has", ", ".join(sorted(board.capabilities)))
+    yield Finding(OK, "capabilities", ", ".join(sorted(board.capabilities)))
     if "watchdog" not in board.capabilities:
         yield Finding(
-            FAULT, "watchdog", "the board has none: it would not stop by itself", "mrl flash --port PORT"
+            FAULT,
+            "watchdog",
+            "the board has none: it does not stop if this computer fails",
+            "mrl flash --port PORT",
         )
 
 
@@ -96,7 +102,7 @@ def supply(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
         WARNING if hot else OK,
         "motor board",
         f"firmware {board.motor_board_version:.2f}, {board.temperature_c:.0f} degC",
-        "let it cool down; are the wheels blocked?" if hot else "",
+        "let it cool down, and check that the wheels turn freely" if hot else "",
     )
 
 
@@ -119,11 +125,11 @@ def health(status: Optional[Status]) -> Iterator[Finding]:
             NOTE,
             "speed ceiling",
             f"clamped {status.clamped} commands",
-            "ask for less, or raise linear_ceiling with: mrl config set",
+            "command lower speeds, or raise linear_ceiling with: mrl config set",
         )
 
 
-def watch(driver: "Driver", seconds: float = WATCH_S, trips: int = ROUND_TRIPS) -> Link:
+def watch(driver: "Driver", seconds: float = MEASURE_S, trips: int = ROUND_TRIPS) -> Link:
     """Measure the stream, then the round trips of requests.
 
     Raises:
@@ -148,19 +154,23 @@ def watch(driver: "Driver", seconds: float = WATCH_S, trips: int = ROUND_TRIPS) 
 
 def _round_trip_s(driver: "Driver") -> float:
     start_s = time.perf_counter()
-    driver.ask(BY_NAME["get_stream"].code)  # to get_debug 2013 boards also send text
+    driver.ask(BY_NAME["get_stream"].code)  # not get_debug: 2013 boards answer it with text as well
     return time.perf_counter() - start_s
 
 
 def link(seen: Link, by_network: bool = False) -> Iterator[Finding]:
     """Check the quality of the link, by cable or network."""
-    slow = seen.expected_hz is not None and seen.rate_hz < LEAST_SHARE * seen.expected_hz
+    slow = seen.expected_hz is not None and seen.rate_hz < MIN_SHARE * seen.expected_hz
     expected = f" of {seen.expected_hz:.0f}" if seen.expected_hz is not None else ""
     yield Finding(
         WARNING if slow else OK,
         "telemetry",
         f"{seen.rate_hz:.0f}{expected} frames/s",
-        "" if not slow else _NETWORK if by_network else "is this computer busy, or a USB hub between?",
+        ""
+        if not slow
+        else _NETWORK
+        if by_network
+        else "close busy programs, and connect the board without a USB hub",
     )
     damage = sum(seen.garbage.values())
     if seen.lost or damage:
@@ -168,7 +178,7 @@ def link(seen: Link, by_network: bool = False) -> Iterator[Finding]:
         yield Finding(
             WARNING,
             "damage",
-            f"{seen.lost} frames lost, {damage} damaged pieces" + (f" ({kinds})" if kinds else ""),
+            f"{seen.lost} frames lost, {damage} pieces of data damaged" + (f" ({kinds})" if kinds else ""),
             _NETWORK if by_network else "use a shorter or better USB cable, away from the motor wires",
         )
     else:
@@ -177,21 +187,21 @@ def link(seen: Link, by_network: bool = False) -> Iterator[Finding]:
         return
     middle, worst = seen.round_trips_s[len(seen.round_trips_s) // 2], seen.round_trips_s[-1]
     yield Finding(
-        WARNING if middle > SLOW_S else OK,
+        WARNING if middle > SLOW_ROUND_TRIP_S else OK,
         "latency",
         f"{middle * 1000:.1f} ms from request to answer, at worst {worst * 1000:.1f} ms",
         ""
-        if middle <= SLOW_S
+        if middle <= SLOW_ROUND_TRIP_S
         else _NETWORK
         if by_network
-        else "connect the board directly; is this computer busy?",
+        else "connect the board without a hub, and close busy programs",
     )
 
 
 def sonars(ranges: Dict[str, float], board: Board) -> Iterator[Finding]:
     """Check the present reading of each sonar."""
     if board.version >= 2 and "sonars" not in board.capabilities:
-        yield Finding(NOTE, "sonars", "none: this is the build for environment sensors")
+        yield Finding(NOTE, "sonars", "none: this firmware is the build for environment sensors")
         return
     for name, value in ranges.items():
         if math.isnan(value):
@@ -200,7 +210,7 @@ def sonars(ranges: Dict[str, float], board: Board) -> Iterator[Finding]:
             yield Finding(FAULT, f"sonar {name}", "no reading", advice)
         else:
             words = (
-                f"{value:.2f} m" if math.isfinite(value) else "nothing in range" if value > 0 else "too near"
+                f"{value:.2f} m" if math.isfinite(value) else "nothing in range" if value > 0 else "too close"
             )
             yield Finding(OK, f"sonar {name}", words)
 
@@ -214,7 +224,7 @@ def refusals(counts: Dict[str, int]) -> Iterator[Finding]:
             f"{count} x {texts[name][0].lower()}{texts[name][1:]}" for name, count in seen.items()
         )
         yield Finding(
-            NOTE, "refused by board", kinds, "usual after an interrupted program; else check the cable"
+            NOTE, "refused by board", kinds, "normal after an interrupted program; otherwise check the cable"
         )
 
 

@@ -19,7 +19,7 @@ from mrl_driver.transport.usb_ids import ARDUINO_VENDORS
 from .findings import FAULT, NOTE, OK, WARNING, Finding
 
 IDLE_LATENCY_MS = 2
-"""An FTDI adapter delays bytes by its latency timer, 16 ms by default; a longer time than this gives a note."""
+"""An FTDI adapter delays bytes by its latency timer, 16 ms by default; a longer time than this one gives a note."""
 
 
 def check(name: str, port: Port) -> Iterator[Finding]:
@@ -44,13 +44,13 @@ def _permission(name: str) -> Iterator[Finding]:
             FAULT,
             "permission",
             f"only root may open {name}",
-            "have udev give serial ports to group dialout: sudo mrl system install",
+            "let udev give serial ports to group dialout: sudo mrl system install",
         )
     elif group in groups_by_file():
         yield Finding(
             FAULT,
             "permission",
-            f"you are in group {group}, but this session began before",
+            f"you are in group {group}, but you logged in before you were added",
             "log out and in again, or for this terminal: newgrp " + group,
         )
     else:
@@ -76,7 +76,7 @@ def _modem_manager(port: Port) -> Iterator[Finding]:
     if port.vendor is None:
         return
     if not programs_named("ModemManager"):
-        yield Finding(OK, "ModemManager", "does not run")
+        yield Finding(OK, "ModemManager", "not running")
     elif udev_properties(port.device).get("ID_MM_DEVICE_IGNORE") == "1":
         yield Finding(OK, "ModemManager", "runs, but leaves this port alone")
     else:
@@ -92,7 +92,7 @@ def _modem_manager(port: Port) -> Iterator[Finding]:
 def _use(name: str) -> Iterator[Finding]:
     holder = user_of(name) if is_terminal(name) else ""
     if holder:
-        yield Finding(FAULT, "in use", f"{name} is in use by {holder}", "end that program, then try again")
+        yield Finding(FAULT, "in use", f"{name} is in use by {holder}", "close that program, then try again")
 
 
 def _latency_timer(port: Port) -> Iterator[Finding]:

@@ -9,7 +9,7 @@ class Finding(NamedTuple):
     """The result of one check."""
 
     level: str
-    """`ok`, `note` (good to know), `warning` (works, but), or `fault` (does not work)."""
+    """`ok`, `note` (good to know), `warning` (works, with a drawback), or `fault` (does not work)."""
     subject: str
     """Subject of the check, in a word or two."""
     text: str
@@ -26,7 +26,7 @@ def verdict(findings: Iterable[Finding]) -> str:
         return f"{_count(faults, 'fault')}, {_count(warnings, 'warning')}: see the advice above"
     if warnings:
         return f"{_count(warnings, 'warning')}; the robot can be used"
-    return "everything is in order"
+    return "no problem found"
 
 
 def _count(number: int, what: str) -> str:

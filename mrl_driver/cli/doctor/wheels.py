@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 SIDES = ("right", "left")
 WHEEL_M_S, TURN_S, REST_S = 0.1, 1.5, 2.0
-LEAST_M, STRAY_SHARE = 0.02, 0.3
+MIN_MOVED_M, OTHER_WHEEL_SHARE = 0.02, 0.3
 """A wheel has turned if it moved at least `LEAST_M` [m]; the other one may move by `STRAY_SHARE` of that distance."""
-NEARER_M, HAND_M = 0.2, 0.6
+CLOSER_M, HAND_M = 0.2, 0.6
 """A hand is in front of a sonar if it reads below `HAND_M`, and at least `NEARER_M` less than before [m]."""
 _MOTORS = {"right": "motor and encoder 3", "left": "motor and encoder 1"}
 
@@ -34,7 +34,7 @@ class Moved(NamedTuple):
 def check(driver: "Driver", ask: Optional[Ask]) -> Iterator[Finding]:
     """Turn each wheel forward for a moment; `ask` asks the user, who sees the wheels."""
     if driver.battery_state in ("empty", "off"):
-        yield Finding(FAULT, "wheels", f"not tried: the battery is {driver.battery_state}")
+        yield Finding(FAULT, "wheels", f"not checked: the battery is {driver.battery_state}")
         return
     for side in SIDES:
         finding = judge(side, turn(driver, side))
@@ -42,13 +42,13 @@ def check(driver: "Driver", ask: Optional[Ask]) -> Iterator[Finding]:
             finding = Finding(
                 FAULT,
                 f"{side} wheel",
-                "its counter agrees, but another wheel turned, or backwards",
-                f"motor and encoder wires are swapped together: {side} is {_MOTORS[side]}, forward counts up",
+                "its counter is right, but another wheel turned, or this one turned backwards",
+                f"motor and encoder wires are both swapped: {side} is {_MOTORS[side]}, forward counts up",
             )
         yield finding
     if ask is None:
         yield Finding(
-            NOTE, "wheels", "only the counters were looked at; see whether each wheel turned forward"
+            NOTE, "wheels", "only the counters were checked; look whether each wheel turned forward"
         )
 
 
@@ -82,30 +82,32 @@ def judge(side: str, moved: Moved) -> Finding:
     own, other = (moved.right_m, moved.left_m) if side == "right" else (moved.left_m, moved.right_m)
     words = f"{own * 1000:.0f} mm, the other wheel {other * 1000:.0f} mm"
     wheel = f"{side} wheel"
-    if own >= LEAST_M and abs(other) <= STRAY_SHARE * own:
+    if own >= MIN_MOVED_M and abs(other) <= OTHER_WHEEL_SHARE * own:
         return Finding(OK, wheel, f"turns and counts forward ({words})")
-    if own <= -LEAST_M and abs(other) <= STRAY_SHARE * -own:
+    if own <= -MIN_MOVED_M and abs(other) <= OTHER_WHEEL_SHARE * -own:
         return Finding(
             FAULT,
             wheel,
             f"counts backwards ({words})",
-            "swap the wires of its encoder (or of its motor), not both",
+            "swap the wires of its encoder or of its motor, not of both",
         )
-    if abs(other) >= LEAST_M > abs(own):
+    if abs(other) >= MIN_MOVED_M > abs(own):
         return Finding(
             FAULT,
             wheel,
             f"the other wheel's counter moved ({words})",
             f"swap the plugs: {side} is {_MOTORS[side]}",
         )
-    if abs(own) < LEAST_M and abs(other) < LEAST_M:
+    if abs(own) < MIN_MOVED_M and abs(other) < MIN_MOVED_M:
         return Finding(
             FAULT,
             wheel,
             f"no counter moved ({words})",
-            "did it turn?  Then its encoder is unplugged; else check motor power and motor plug",
+            "if it turned, check the plug of its encoder; if not, check motor power and motor plug",
         )
-    return Finding(FAULT, wheel, f"both counters moved ({words})", "check which encoder is plugged in where")
+    return Finding(
+        FAULT, wheel, f"both counters moved ({words})", "check into which socket each encoder is plugged"
+    )
 
 
 def sonar_order(
@@ -113,8 +115,8 @@ def sonar_order(
 ) -> Iterator[Finding]:
     """Ask the user (by `ask`) to hold a hand in front of each sonar in turn; the answer False skips the sonar."""
     for name in list(read()):
-        if not ask(f"Hold a hand about 30 cm before the {name} sonar.  Ready?"):
-            yield Finding(NOTE, f"sonar {name}", "order not tried")
+        if not ask(f"Hold a hand about 30 cm in front of the {name} sonar.  Ready?"):
+            yield Finding(NOTE, f"sonar {name}", "order not checked")
             continue
         yield _order(name, _await_hand(read, patience_s, tick_s))
 
@@ -135,18 +137,24 @@ def nearest(ranges: Mapping[str, float]) -> str:
         name: max(0.0, value) for name, value in ranges.items() if not math.isnan(value) and value < HAND_M
     }
     others = [value for name, value in ranges.items() if name not in near and not math.isnan(value)]
-    if len(near) != 1 or any(value < min(near.values()) + NEARER_M for value in others):
+    if len(near) != 1 or any(value < min(near.values()) + CLOSER_M for value in others):
         return ""
     return next(iter(near))
 
 
 def _order(name: str, seen: str) -> Finding:
     if seen == name:
-        return Finding(OK, f"sonar {name}", "is where it belongs")
+        return Finding(OK, f"sonar {name}", "is in its place")
     if seen:
         return Finding(
-            FAULT, f"sonar {name}", f"the {seen} one saw the hand", f"swap the outputs of {name} and {seen}"
+            FAULT,
+            f"sonar {name}",
+            f"the {seen} sonar detected the hand",
+            f"swap the outputs of {name} and {seen}",
         )
     return Finding(
-        FAULT, f"sonar {name}", "saw no hand alone", "check its output wire, or clear the space around"
+        FAULT,
+        f"sonar {name}",
+        "did not detect the hand",
+        "check its output wire, and clear the space around the robot",
     )
