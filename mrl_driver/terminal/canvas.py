@@ -1,7 +1,13 @@
 """A map of the plane, drawn with braille characters of eight dots each.  No I/O."""
 
+import itertools
 import math
-from typing import List, NamedTuple, Sequence, Tuple
+from typing import TYPE_CHECKING, List, NamedTuple, Sequence, Tuple
+
+from mrl_driver.geometry import Pose
+
+if TYPE_CHECKING:
+    from rich.text import Text
 
 _BITS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
 """Bit of each dot in a braille character, by row and column."""
@@ -24,13 +30,6 @@ class View(NamedTuple):
     scale: float
 
 
-class Run(NamedTuple):
-    """Neighbouring characters with the same style; the caller chooses the names of the styles."""
-
-    text: str
-    style: str
-
-
 def fit(points: Sequence[Point], columns: int, rows: int) -> View:
     """Return a view that contains all points.  It changes in steps, so that it is steady while the robot drives."""
     xs, ys = [point[0] for point in points], [point[1] for point in points]
@@ -46,7 +45,10 @@ def fit(points: Sequence[Point], columns: int, rows: int) -> View:
 
 
 class Canvas:
-    """Dots and characters on `rows` lines of `columns` characters; later drawings cover earlier ones."""
+    """Dots and characters on `rows` lines of `columns` characters; later drawings cover earlier ones.
+
+    Styles are those of rich.
+    """
 
     def __init__(self, columns: int, rows: int, view: View) -> None:
         self.columns, self.rows, self.view = columns, rows, view
@@ -91,9 +93,22 @@ class Canvas:
             for y in _multiples(self.view.y_m, half_y, step_m):
                 self.mark((x, y), "·", style, over=False)
 
-    def lines(self) -> List[List[Run]]:
-        """Return the drawing, line by line."""
-        return [_runs(*row) for row in zip(self._bits, self._marks, self._styles)]
+    def arrow(self, pose: Pose) -> None:
+        """Put an arrow at a pose."""
+        self.mark(pose[:2], ARROWS[round(pose.yaw_rad / (math.pi / 4)) % 8], "bold")
+
+    def text(self) -> "Text":
+        """Return the drawing as lines of styled text."""
+        from rich.text import Text
+
+        text = Text(no_wrap=True)
+        for number, row in enumerate(zip(self._bits, self._marks, self._styles)):
+            text.append("\n" if number else "")
+            for style, cells in itertools.groupby(zip(*row), lambda cell: cell[2]):
+                text.append(
+                    "".join(mark or (chr(_BLANK + bits) if bits else " ") for bits, mark, _ in cells), style
+                )
+        return text
 
     def at(self, point: Point) -> Tuple[int, int]:
         """Return column and row of the dot for a point; both may be outside the canvas."""
@@ -109,14 +124,3 @@ def _bounded(value: float) -> float:
 def _multiples(middle: float, half: float, step: float) -> List[float]:
     first, last = math.ceil((middle - half) / step), math.floor((middle + half) / step)
     return [i * step for i in range(first, last + 1)]
-
-
-def _runs(bits: List[int], marks: List[str], styles: List[str]) -> List[Run]:
-    found: List[Run] = []
-    for cell, mark, style in zip(bits, marks, styles):
-        character = mark or (chr(_BLANK + cell) if cell else " ")
-        if found and found[-1].style == style:
-            found[-1] = Run(found[-1].text + character, style)
-        else:
-            found.append(Run(character, style))
-    return found

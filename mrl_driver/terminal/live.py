@@ -4,7 +4,7 @@ import contextlib
 import math
 import sys
 import time
-from typing import TYPE_CHECKING, Callable, Iterator, List, NamedTuple, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Iterator, List, NamedTuple, Tuple
 
 from rich.console import Console
 from rich.live import Live
@@ -12,45 +12,17 @@ from rich.live import Live
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.session.events import Lost, Reconnected, Slowed, WayLost
 
-from .canvas import Point
 from .frame_log import FrameLog
 from .keyboard import Keyboard
-from .live_view import Shown, render, sideways
+from .live_view import Shown, render
+from .state import State, moves_sideways, state_of
 from .teleop_keys import Teleop
+from .trail import Trail
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
 
 TICK_S, REFRESH_S = 0.05, 0.1
-TRAIL_STEP_M = 0.01
-TRAIL_POINTS = 4000
-
-
-class Trail:
-    """The robot's path: one point per centimetre, fewer on a long path."""
-
-    def __init__(self) -> None:
-        self.points: List[Point] = []
-        self.distance_m = 0.0
-        self._step_m = TRAIL_STEP_M
-
-    def add(self, telemetry: Telemetry) -> None:
-        """Add the pose of a telemetry frame."""
-        point = telemetry.pose.x_m, telemetry.pose.y_m
-        if not self.points:
-            self.points.append(point)
-        step_m = math.dist(point, self.points[-1])
-        if step_m < self._step_m:
-            return
-        self.points.append(point)
-        self.distance_m += step_m
-        if len(self.points) > TRAIL_POINTS:
-            self.points, self._step_m = self.points[::2], self._step_m * 2
-
-    def clear(self) -> None:
-        """Forget all but the newest point."""
-        self.points = self.points[-1:]
-        self.distance_m, self._step_m = 0.0, TRAIL_STEP_M
 
 
 class Rate:
@@ -79,9 +51,15 @@ class Settings(NamedTuple):
 
 
 class Screen:
-    """The state of the live view: handles keys, drives the robot, and returns what to show."""
+    """The state of the live view: handles keys, drives the robot, and returns what to show.
 
-    def __init__(self, driver: "Driver", settings: Settings, log: FrameLog) -> None:
+    `driver` is a Driver, or has the attributes of one that this class uses; then a subclass has its own `state`.
+    """
+
+    keys: Tuple[Tuple[str, str], ...] = (("f", "frames"),)
+    """Further keys, and what they do."""
+
+    def __init__(self, driver: Any, settings: Settings, log: FrameLog) -> None:
         self._driver, self._settings, self._log = driver, settings, log
         self._trail, self._rate, self._teleop = Trail(), Rate(), Teleop()
         self._keys_drive, self._shows_log, self._notice = settings.keys_drive, True, driver.warning
@@ -93,7 +71,7 @@ class Screen:
 
     def _on_telemetry(self, telemetry: Telemetry) -> None:
         self._frames += 1
-        self._trail.add(telemetry)
+        self._trail.add(telemetry.pose)
 
     def _on_event(self, event: object) -> None:
         if isinstance(event, (Lost, Reconnected, Slowed, WayLost)):
@@ -115,7 +93,7 @@ class Screen:
             self._notice = ""
         elif self._keys_drive:
             self._teleop.press(key, now_s)
-        elif self._teleop.moves(key, sideways(self._driver)):
+        elif self._teleop.moves(key, moves_sideways(self._driver.model)):
             self._notice = "press Enter first to drive with the keys"
 
     def _toggle_keys(self) -> None:
@@ -126,29 +104,34 @@ class Screen:
     def steer(self, now_s: float) -> None:
         """Drive at the speeds of the held keys; stop if no key is held."""
         wanted: Tuple[float, ...] = self._teleop.command(now_s) if self._keys_drive else ()
-        if wanted and sideways(self._driver):
+        if wanted and moves_sideways(self._driver.model):
             wanted = (*wanted, self._teleop.slide(now_s))
         if any(wanted):
             self._driver.drive(*wanted)
         elif self._driver.command is not None:
             self._driver.stop()
 
+    def state(self) -> State:
+        """Return the robot's state now."""
+        return state_of(self._driver)
+
     def shown(self, now_s: float) -> Shown:
         """Return what to show now."""
         mismatch, recorder = self._driver.mismatch, self._driver.recorder
         loss = recorder.loss if recorder is not None else ""
         return Shown(
-            self._driver,
+            self.state(),
             self._settings.port,
             self._settings.record,
             bool(loss),
             now_s - self._start_s,
             self._rate.update(self._frames, now_s),
-            self._trail.points,
+            self._trail.poses,
             self._trail.distance_m,
             self._log.lines() if self._shows_log else None,
             self._keys_drive,
             f"{mismatch}; space goes on" if mismatch is not None else loss or self._notice,
+            self.keys,
             now_s,
         )
 
@@ -159,11 +142,12 @@ def show(driver: "Driver", settings: Settings, log: FrameLog, seconds: float) ->
     Raises:
         MrlError: the driver failed; this is the error.
     """
-    _run(driver, Screen(driver, settings, log), Console(), seconds)
+    run(driver, Screen(driver, settings, log), seconds)
 
 
-def _run(driver: "Driver", screen: Screen, console: Console, seconds: float) -> None:
-    start_s, shown_s = time.monotonic(), -math.inf
+def run(driver: Any, screen: Screen, seconds: float = math.inf) -> None:
+    """Show a screen until it has ended, for `seconds`, or until the driver's `wait` returns True."""
+    console, start_s, shown_s = Console(), time.monotonic(), -math.inf
     live = Live(
         console=console, screen=True, auto_refresh=False, redirect_stdout=False, redirect_stderr=False
     )

@@ -1,16 +1,14 @@
 """Map of the robot: its path, its body and its sonars' cones.  No I/O."""
 
 import math
-from typing import TYPE_CHECKING, List, Sequence, Tuple
+from typing import List, Sequence, Tuple
 
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import SonarMount
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD, NEAREST_M
 
-from .canvas import ARROWS, Canvas, Point, fit
-
-if TYPE_CHECKING:
-    from mrl_driver.driver.readout import Readout
+from .canvas import Canvas, Point, fit
+from .state import State
 
 _GRIDS_M = (0.5, 1.0, 2.0, 5.0, 10.0)
 _LEAST_GRID_COLUMNS = 5
@@ -19,20 +17,21 @@ LONGEST_CONE_M = 2.5
 _NEAR_M = 0.3
 
 
-def draw(driver: "Readout", trail: Sequence[Point], columns: int, rows: int) -> Tuple[Canvas, float]:
+def draw(state: State, trail: Sequence[Pose], columns: int, rows: int) -> Tuple[Canvas, float]:
     """Return the drawing, scaled to the path and the sonars' cones, and the step of its grid [m]."""
-    pose, model = driver.pose, driver.model
+    pose, model = state.pose, state.model
     mounts = model.sonars if model else {}
-    cones = [_Cone(pose, mounts[name], value) for name, value in driver.ranges.items() if name in mounts]
-    seen = [*trail, (pose.x_m, pose.y_m), *(point for cone in cones for point in cone.corners)]
+    cones = [_Cone(pose, mounts[name], value) for name, value in state.ranges.items() if name in mounts]
+    points = [each[:2] for each in (*trail, pose)]
+    seen = [*points, *(point for cone in cones for point in cone.corners)]
     canvas = Canvas(columns, rows, fit(seen, columns, rows))
     for cone in cones:
         cone.draw(canvas)
-    for start, end in zip(trail, trail[1:]):
+    for start, end in zip(points, points[1:]):
         canvas.line(start, end, "green")
     if model is not None:
         _body(canvas, pose, model.body.length_m, model.body.width_m)
-    canvas.mark((pose.x_m, pose.y_m), ARROWS[round(pose.yaw_rad / (math.pi / 4)) % 8], "bold")
+    canvas.arrow(pose)
     step_m = next(
         (each for each in _GRIDS_M if each * canvas.view.scale >= 2 * _LEAST_GRID_COLUMNS), _GRIDS_M[-1]
     )

@@ -1,4 +1,4 @@
-"""The panels of the live view, built from a driver's state.  No I/O; needs only the terminal library."""
+"""The panels of the live view, built from a robot's state.  No I/O; needs only the terminal library."""
 
 import itertools
 import math
@@ -11,14 +11,11 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from mrl_driver.driver.readout import Readout
-from mrl_driver.protocol.table import SENSOR_BY_NAME
-from mrl_driver.robot.models import OmniDrive
+from mrl_driver.geometry import Pose
 
-from .canvas import Point
 from .frame_log import Line
 from .live_map import draw
-from .text import range_text
+from .state import State, moves_sideways, range_text
 
 LEFT_COLUMNS = 39
 NARROW, LOW = 72, 18
@@ -38,26 +35,23 @@ _BATTERY_STYLES = {"ok": "green", "low": "yellow"}
 class Shown(NamedTuple):
     """State of the view at one moment."""
 
-    driver: Readout
+    state: State
     port: str
     record: str
     incomplete: bool
     """The recording is incomplete."""
     elapsed_s: float
     rate_hz: float
-    trail: Sequence[Point]
+    trail: Sequence[Pose]
     distance_m: float
     log: Optional[List[Line]]
     """None while the frames are hidden."""
     keys_drive: bool
     notice: str
     """Message for the user; empty if there is none."""
+    keys: Sequence[Tuple[str, str]]
+    """Further keys, and what they do."""
     now_s: float
-
-
-def sideways(driver: Readout) -> bool:
-    """Tell whether the robot can move sideways."""
-    return driver.model is not None and isinstance(driver.model.drive, OmniDrive)
 
 
 def render(now: Shown, width: int, height: int) -> RenderableType:
@@ -87,12 +81,10 @@ def render(now: Shown, width: int, height: int) -> RenderableType:
 
 def _header(now: Shown, width: int) -> Text:
     """Return the line with robot, link and time; the names of port and recording share the remaining width."""
-    driver = now.driver
-    model = driver.model.name if driver.model else "robot"
-    silent = driver.age_s > _STALE_S or not driver.ready
-    state = f"NO TELEMETRY for {driver.age_s:.1f} s" if silent else f"{now.rate_hz:.0f} Hz"
+    silent = _is_silent(now.state)
+    state = _silence(now.state) if silent else f"{now.rate_hz:.0f} Hz"
     minutes, seconds = divmod(int(now.elapsed_s), 60)
-    name, clock = f" {model} {driver.board.robot_id} ", f"  {minutes:02d}:{seconds:02d} "
+    name, clock = f" {now.state.name} ", f"  {minutes:02d}:{seconds:02d} "
     room = width - len(name) - len(state) - len(clock) - 3
     kept = "INCOMPLETE" if now.incomplete else "recording"
     record = f"{kept} {_tail(now.record, room // 2 - 10)}" if now.record and room > 30 else ""
@@ -100,6 +92,14 @@ def _header(now: Shown, width: int) -> Text:
     text = Text(no_wrap=True, overflow="crop", style="reverse")
     text.append(name, style="bold").append(port).append(state, style="bold")
     return text.append(" " * max(1, width - len(text.plain) - len(record) - len(clock)) + record + clock)
+
+
+def _is_silent(state: State) -> bool:
+    return state.age_s > _STALE_S or not state.ready
+
+
+def _silence(state: State) -> str:
+    return f"NO TELEMETRY for {state.age_s:.1f} s" if state.age_s < math.inf else "NO TELEMETRY yet"
 
 
 def _tail(text: str, room: int) -> str:
@@ -121,10 +121,10 @@ def _keys(now: Shown) -> Text:
         if now.keys_drive
         else [("Enter", "drive with keys"), ("space", "stop")]
     )
-    if now.keys_drive and sideways(now.driver):
+    if now.keys_drive and moves_sideways(now.state.model):
         keys.insert(1, (", .", "sideways"))
     text = Text(no_wrap=True, overflow="crop")
-    for key, what in [*keys, ("f", "frames"), ("c", "clear"), ("q", "quit")]:
+    for key, what in [*keys, *now.keys, ("c", "clear"), ("q", "quit")]:
         text.append(f" {key} ", style="reverse").append(f" {what}  ", style="dim")
     return text
 
@@ -149,12 +149,12 @@ def _add(grid: Table, name: str, value: str, style: str = "") -> None:
 
 def _left(now: Shown, height: int) -> RenderableType:
     """Return the panels of numbers; on a low terminal as one panel, or without a frame."""
-    silent = now.driver.age_s > _STALE_S or not now.driver.ready
+    silent = _is_silent(now.state)
     parts: List[Tuple[Table, str, str]] = [
-        (_motion(now), "motion", "green" if now.driver.command else "blue"),
-        (_ranges(now.driver), "sonars", "blue"),
-        (_sensors(now.driver), "sensors", "blue"),
-        (_supply(now.driver), "board", "blue"),
+        (_motion(now), "motion", "green" if now.state.command else "blue"),
+        (_ranges(now.state), "sonars", "blue"),
+        (_sensors(now.state), "sensors", "blue"),
+        (_supply(now.state), "board", "blue"),
         (_link(now), "link", "red" if silent else "blue"),
     ]
     parts = [part for part in parts if part[0].row_count]
@@ -166,14 +166,14 @@ def _left(now: Shown, height: int) -> RenderableType:
 
 
 def _motion(now: Shown) -> Table:
-    driver, grid = now.driver, _grid()
-    pose, twist, asked = driver.pose, driver.twist, driver.command
+    state, grid = now.state, _grid()
+    pose, twist, asked = state.pose, state.twist, state.command
     _add(grid, "pose", f"x {pose.x_m:+.3f}  y {pose.y_m:+.3f} m")
     grid.add_row("heading", f"{math.degrees(pose.yaw_rad):+.1f} deg")
     aside = f"  {twist.lateral_m_s:+.3f} m/s to the left" if len(twist) == 3 else ""
     _add(grid, "speed", f"{twist.linear_m_s:+.3f} m/s  {twist.angular_rad_s:+.2f} rad/s{aside}")
     if asked is None:
-        reason = driver.stop_reason.replace("_", " ")
+        reason = state.stop_reason.replace("_", " ")
         _add(grid, "asked", "stopped" if reason in ("none", "user") else f"stopped: {reason}", "yellow")
     else:
         aside = f"  {asked.lateral_m_s:+.3f} m/s to the left" if len(asked) == 3 else ""
@@ -182,8 +182,8 @@ def _motion(now: Shown) -> Table:
     return grid
 
 
-def _ranges(driver: Readout) -> Table:
-    grid, ranges = _grid(), driver.ranges
+def _ranges(state: State) -> Table:
+    grid, ranges = _grid(), state.ranges
     order = [name for name in ("left", "front", "right") if name in ranges]
     for name in [*order, *(name for name in ranges if name not in order)]:
         value = ranges[name]
@@ -193,48 +193,31 @@ def _ranges(driver: Readout) -> Table:
     return grid
 
 
-def _sensors(driver: Readout) -> Table:
+def _sensors(state: State) -> Table:
     grid = _grid()
-    for name, reading in driver.sensors.items():
-        unit = SENSOR_BY_NAME[name].fields[0].base_unit
-        _add(grid, name, " ".join(f"{value:g}" for value in reading.values) + f" {unit}")
+    for name, value in state.sensors.items():
+        _add(grid, name, value)
     return grid
 
 
-def _supply(driver: Readout) -> Table:
-    grid, status, style = _grid(), driver.status, _BATTERY_STYLES.get(driver.battery_state, "red")
-    volts, share = driver.battery_v, 0.0
-    if driver.model is not None:
-        levels = driver.model.battery
-        share = (volts - levels.empty_v) / (levels.full_v - levels.empty_v)
-    words = "" if driver.battery_state == "ok" else f" {driver.battery_state}"
-    grid.add_row("battery", _bar(share, style).append(f" {volts:.1f} V{words}", style=style))
-    heat = f"{driver.temperature_c:.0f} degC"
-    if status is None:
-        grid.add_row("firmware", "1 (2013), no watchdog")
-        return grid
-    _add(grid, "firmware", f"{driver.board.version}, up {_span(status.uptime_s)}, {heat}")
-    _add(grid, "last stop", f"by {status.stop_reason.replace('_', ' ')}")
-    faults = ", ".join(status.faults).replace("_", " ")
-    _add(grid, "faults", faults or "none", "bold red" if faults else "")
+def _supply(state: State) -> Table:
+    grid, style = _grid(), _BATTERY_STYLES.get(state.battery_state, "red")
+    words = "" if state.battery_state == "ok" else f" {state.battery_state}"
+    if not math.isnan(state.battery_v):
+        bar = _bar(state.battery_share, style)
+        grid.add_row("battery", bar.append(f" {state.battery_v:.1f} V{words}", style=style))
+    for row in state.board:
+        _add(grid, *row)
     return grid
-
-
-def _span(seconds: int) -> str:
-    if seconds < 600:
-        return f"{seconds} s"
-    return f"{seconds // 60} min" if seconds < 36000 else f"{seconds // 3600} h"
 
 
 def _link(now: Shown) -> Table:
-    grid, seen = _grid(), now.driver.statistics
-    if not now.driver.ready:
-        _add(grid, "state", f"silent for {now.driver.age_s:.1f} s", "bold red")
+    grid, state = _grid(), now.state
+    if not state.ready:
+        _add(grid, "state", _silence(state).lower(), "bold red")
     else:
-        _add(grid, "state", f"{now.rate_hz:.0f} Hz, newest {now.driver.age_s * 1000:.0f} ms ago")
-    damage = sum(seen.garbage.values())
-    bad = f"{seen.lost} lost, {damage} bad" + (f", {seen.restarts} resets" if seen.restarts else "")
-    _add(grid, "errors", bad, "yellow" if seen.lost or damage or seen.restarts else "")
+        _add(grid, "state", f"{now.rate_hz:.0f} Hz, newest {state.age_s * 1000:.0f} ms ago")
+    _add(grid, *state.errors)
     return grid
 
 
@@ -244,14 +227,8 @@ def _bar(share: float, style: str) -> Text:
 
 
 def _map(now: Shown, columns: int, rows: int) -> Panel:
-    canvas, step_m = draw(now.driver, now.trail, max(4, columns - 4), max(2, rows - 2))
-    lines = []
-    for runs in canvas.lines():
-        text = Text(no_wrap=True)
-        for run in runs:
-            text.append(run.text, style=run.style)
-        lines.append(text)
-    return _panel(Group(*lines), f"path and sonars[/] [dim]· each {step_m:g} m")
+    canvas, step_m = draw(now.state, now.trail, max(4, columns - 4), max(2, rows - 2))
+    return _panel(canvas.text(), f"path and sonars[/] [dim]· each {step_m:g} m")
 
 
 def _frames(now: Shown, columns: int, rows: int) -> Panel:

@@ -101,7 +101,7 @@ def fill_battery(message: BatteryState, stamp: Time, voltage_v: float, battery: 
     message.header.stamp = stamp
     message.voltage = voltage_v
     message.present = voltage_v >= battery.off_v
-    share = (voltage_v - battery.empty_v) / (battery.full_v - battery.empty_v)
+    share = battery.charge(voltage_v)
     message.percentage = min(1.0, max(0.0, share))
     dead = voltage_v < battery.empty_v
     message.power_supply_health = (

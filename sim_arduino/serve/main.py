@@ -11,7 +11,7 @@ from mrl_driver import figures
 from mrl_driver.errors import ConfigError
 from sim_arduino.faults import key_values, table
 from sim_arduino.view import world_picture
-from sim_arduino.view.travelled_path import Trail
+from sim_arduino.view.travelled_path import PlantTrail
 
 from . import factory
 from .control import ORDERS, Control
@@ -143,7 +143,7 @@ def main(
         orders = sys.stdin.fileno() if control else None
         attendant = Control(robot.board, orders, tell, _complain) if robot.has_faults or control else None
         engine = robot.board if attendant else robot.engine
-        watchers = _watchers(stack, Trail(robot.plant), plot, view)
+        watchers = _watchers(stack, PlantTrail(robot.plant), plot, view)
         server = PtyServer(
             engine, port, robot.plant, *files, reset_on_open, attendant, speed=speed, watchers=watchers
         )
@@ -154,15 +154,15 @@ def main(
         server.run()
 
 
-def _watchers(stack: ExitStack, trail: Trail, plot: Optional[str], view: bool) -> List[Watcher]:
+def _watchers(stack: ExitStack, trail: PlantTrail, plot: Optional[str], view: bool) -> List[Watcher]:
     """The watchers that draw, if any."""
     watchers: List[Watcher] = [trail] if plot or view else []
     if plot:
         stack.callback(world_picture.draw, trail, plot)
     if view:
-        from sim_arduino.view.terminal import View
+        from sim_arduino.view.terminal import LiveView
 
-        watchers.append(View(trail))
+        watchers.append(LiveView(trail))
         stack.callback(watchers[-1].close)  # type: ignore[attr-defined]
     return watchers
 

@@ -6,12 +6,12 @@ from mrl_driver import figures
 from mrl_driver.figures import BLUE, GREY, ORANGE
 from sim_arduino.world.geometry import Wall
 
-from .travelled_path import Trail, frame
+from .travelled_path import PlantTrail, frame
 
 _SOURCES = {"heat": "#d55e00", "gas": "#009e73", "dust": "#999999", "light": "#e69f00"}
 
 
-def draw(trail: Trail, path: str) -> None:
+def draw(trail: PlantTrail, path: str) -> None:
     """Draws world, sources, travelled path and robots to the file `path`."""
     left, bottom, right, top = frame(trail.plant, trail.poses)
     height = 6.0 * min(2.0, max(0.4, (top - bottom) / (right - left)))
@@ -25,7 +25,7 @@ def draw(trail: Trail, path: str) -> None:
     figures.save(figure, path)
 
 
-def _draw_world(axes: Any, trail: Trail) -> None:
+def _draw_world(axes: Any, trail: PlantTrail) -> None:
     world = trail.plant.world
     for number, wall in enumerate(world.walls):
         _line(axes, wall, "black", "wall" if number == 0 else None)
@@ -42,9 +42,9 @@ def _circle(**options: Any) -> Any:
     return Circle(**options)
 
 
-def _draw_robots(axes: Any, trail: Trail) -> None:
+def _draw_robots(axes: Any, trail: PlantTrail) -> None:
     plant, poses = trail.plant, trail.poses
-    label = f"path of {plant.name}, {trail.way_m():.2f} m"
+    label = f"path of {plant.name}, {trail.distance_m:.2f} m"
     axes.plot([p.x_m for p in poses], [p.y_m for p in poses], color=BLUE, linewidth=1.2, label=label)
     axes.plot(*poses[0][:2], "o", color=BLUE, markersize=5, label="start")
     if plant.footprint:

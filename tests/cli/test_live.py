@@ -12,12 +12,13 @@ from rich.console import Console
 from mrl_driver.driver import Driver
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.geometry import Pose
 from mrl_driver.robot.battery import EMPTY_AFTER_S
 from mrl_driver.robot.wheel_monitor import DEAD, Mismatch
-from mrl_driver.terminal import live
-from mrl_driver.terminal.canvas import Canvas, fit
+from mrl_driver.terminal import trail
+from mrl_driver.terminal.canvas import Canvas, View, fit
 from mrl_driver.terminal.frame_log import MOST_LINES, FrameLog
-from mrl_driver.terminal.live import Screen, Settings, Trail
+from mrl_driver.terminal.live import Screen, Settings
 from mrl_driver.terminal.live_view import render
 from sim_arduino.serve import factory
 from tests.waiting import wait_until
@@ -169,27 +170,20 @@ def test_frames_can_be_hidden(watched):
 # -- the path
 
 
-class At:
-    """As much of a telemetry as the trail looks at."""
-
-    def __init__(self, x_m, y_m):
-        self.pose = type("Pose", (), {"x_m": x_m, "y_m": y_m})
-
-
 def test_a_long_way_is_thinned_out_and_keeps_its_length(monkeypatch):
-    monkeypatch.setattr(live, "TRAIL_POINTS", 100)
-    trail = Trail()
+    monkeypatch.setattr(trail, "MOST_POSES", 100)
+    way = trail.Trail()
     for i in range(1001):
-        trail.add(At(i * 0.01, 0.0))
-    assert len(trail.points) <= 101 and trail.distance_m == pytest.approx(10.0, abs=0.3)
+        way.add(Pose(i * 0.01, 0.0, 0.0))
+    assert len(way.poses) <= 101 and way.distance_m == pytest.approx(10.0, abs=0.3)
 
 
 def test_a_cleared_path_begins_where_the_robot_is():
-    trail = Trail()
+    way = trail.Trail()
     for i in range(10):
-        trail.add(At(i * 0.1, 0.0))
-    trail.clear()
-    assert trail.points == [(0.9, 0.0)] and trail.distance_m == 0.0
+        way.add(Pose(i * 0.1, 0.0, 0.0))
+    way.clear()
+    assert way.poses == [(0.9, 0.0, 0.0)] and way.distance_m == 0.0
 
 
 # -- the canvas
@@ -201,6 +195,13 @@ def test_every_point_is_in_view(points, columns, rows):
     for point in points:
         column, row = canvas.at(point)
         assert 0 <= column < columns * 2 and 0 <= row < rows * 4
+
+
+def test_a_line_on_the_canvas():
+    """From the lower left to the lower right: the lowest dots of both characters."""
+    canvas = Canvas(2, 1, View(0.0, 0.0, 1.0))
+    canvas.line((-2.0, -1.5), (1.5, -1.5), "")
+    assert canvas.text().plain == "\u28c0\u28c0"
 
 
 def test_metres_are_as_long_across_as_up():

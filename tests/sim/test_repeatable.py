@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import subprocess
 import sys
 
@@ -10,12 +11,13 @@ import pytest
 from mrl_driver import figures
 from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.robot import models
+from mrl_driver.terminal.canvas import ARROWS
 from sim_arduino.hardware.sonars import READING_S, SonarChain, SonarErrors, count_of
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.serve.factory import Options, make
 from sim_arduino.view import world_picture
-from sim_arduino.view.terminal import Canvas, draw
-from sim_arduino.view.travelled_path import Trail, frame
+from sim_arduino.view.terminal import draw, numbers
+from sim_arduino.view.travelled_path import PlantTrail, frame
 from sim_arduino.world.geometry import Footprint, Wall
 from sim_arduino.world.world import World
 from sim_arduino.world.world_file import load
@@ -129,7 +131,7 @@ def test_the_time_of_a_fast_board_runs_ahead_of_the_hosts(tmp_path):
 
 def moved():
     plant = Plant(models.load("traxbot"), load("hazards"))
-    trail = Trail(plant)
+    trail = PlantTrail(plant)
     plant.motor_board.move_differential(0.0, 300, 200)
     for i in range(100):
         plant.advance(i / 20)
@@ -139,7 +141,7 @@ def moved():
 
 def test_the_trail_has_the_robots_way():
     trail = moved()
-    assert trail.way_m() == pytest.approx(
+    assert trail.distance_m == pytest.approx(
         trail.plant.robot.motors[0].travel * 0.0000875 * 0.5
         + trail.plant.robot.motors[2].travel * 0.0000875 * 0.5,
         rel=0.02,
@@ -147,7 +149,7 @@ def test_the_trail_has_the_robots_way():
 
 
 def test_a_long_trail_grows_sparse(monkeypatch):
-    monkeypatch.setattr("sim_arduino.view.travelled_path.MOST_POSES", 20)
+    monkeypatch.setattr("mrl_driver.terminal.trail.MOST_POSES", 20)
     assert len(moved().poses) <= 20
 
 
@@ -193,18 +195,15 @@ def test_without_matplotlib_one_line_says_what_to_install():
     )
 
 
-def test_a_line_on_the_canvas():
-    """From the lower left to the lower right: the lowest dots of both characters."""
-    canvas = Canvas(2, 1, (0.0, 0.0, 3.0, 3.0))
-    canvas.line(Wall(0.0, 0.0, 3.0, 0.0))
-    assert canvas.text() == ["\u28c0\u28c0"]
+def test_the_view_fits_and_shows_walls_and_robot():
+    lines = draw(moved(), 60, 19).text().plain.split("\n")
+    assert [len(line) for line in lines] == [60] * 19
+    assert sum(line.count(arrow) for line in lines for arrow in ARROWS) == 1
+    assert sum("\u2800" < character <= "\u28ff" for line in lines for character in line) > 50
 
 
-def test_the_view_fits_and_tells_the_pose():
-    lines = draw(moved(), 60, 20)
-    assert len(lines) == 20
-    assert max(map(len, lines[:-1])) <= 60
-    assert "battery" in lines[-1]
+def test_the_view_tells_the_battery():
+    assert re.search(r"battery 1\d\.\d V$", numbers(moved().plant))
 
 
 def test_all_walls_are_in_the_frame():

@@ -85,6 +85,10 @@ class Battery(NamedTuple):
     off_v: float
     capacity_ah: float
 
+    def charge(self, volts: float) -> float:
+        """Return the charge at a voltage: 0 when empty and 1 when full, not limited to them."""
+        return (volts - self.empty_v) / (self.full_v - self.empty_v)
+
 
 class RobotModel(NamedTuple):
     """One robot model; `board` maps parameter names (rows of `table.PARAMETERS`) to wire values."""
