@@ -15,7 +15,7 @@ from mrl_driver.files import replace_file
 from mrl_driver.robot import models
 from mrl_driver.robot.models import RobotModel
 
-from .trial import Run, as_json, from_json
+from .trial import Trial, as_json, from_json
 
 VERSION = 1
 Key = Tuple[str, str]
@@ -37,7 +37,7 @@ class Progress:
         if os.path.exists(path):
             self._data = _read_state(path, robot)
 
-    def runs(self, procedure: str, settings: Mapping[str, Any]) -> List[Run]:
+    def runs(self, procedure: str, settings: Mapping[str, Any]) -> List[Trial]:
         """The runs of a procedure that are not evaluated yet.
 
         Raises:
@@ -53,12 +53,12 @@ class Progress:
             )
         return [from_json(each) for each in found["runs"]]
 
-    def other_runs(self, procedure: str) -> List[Run]:
+    def other_runs(self, procedure: str) -> List[Trial]:
         """The runs of all other procedures, evaluated or not."""
         others = (found for name, found in self._data["procedures"].items() if name != procedure)
         return [from_json(each) for found in others for each in found["runs"]]
 
-    def add(self, procedure: str, settings: Mapping[str, Any], run: Run) -> None:
+    def add(self, procedure: str, settings: Mapping[str, Any], run: Trial) -> None:
         """Add a run; it is on the disk when this returns."""
         found = self._data["procedures"].get(procedure)
         if not found or found.get("done"):
@@ -66,7 +66,7 @@ class Progress:
         found["runs"].append(as_json(run))
         self._write()
 
-    def replace(self, procedure: str, number: int, run: Run) -> None:
+    def replace(self, procedure: str, number: int, run: Trial) -> None:
         """Replace run `number` (from 0), which was driven again."""
         self._data["procedures"][procedure]["runs"][number] = as_json(run)
         self._write()

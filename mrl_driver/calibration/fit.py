@@ -10,7 +10,7 @@ import numpy as np
 from mrl_driver.errors import ConfigError
 from mrl_driver.robot.models import Drive, Noise
 
-from .trial import Run, errors, length_m, path, spread, unit_spreads
+from .trial import Trial, errors, length_m, path, spread, unit_spreads
 
 STEPS, ENOUGH = 20, 1e-10
 LEAST_RUNS_FOR_NOISE = 6
@@ -37,7 +37,7 @@ BY_TAPE, BY_TRUTH = Measured(0.002, 0.01), Measured(2e-4, 1e-3)
 """A person measures to 2 mm and half a degree; for emulated robots only the rounding of the counts remains."""
 
 
-class Fit(NamedTuple):
+class GeometryFit(NamedTuple):
     """The fitted `drive`, the remaining `errors` (R, 3), and the standard deviation of each free parameter."""
 
     drive: Drive
@@ -46,8 +46,8 @@ class Fit(NamedTuple):
 
 
 def fit(
-    runs: Sequence[Run], start: Drive, free: Sequence[str], noise: Noise, measured: Measured = BY_TAPE
-) -> Fit:
+    runs: Sequence[Trial], start: Drive, free: Sequence[str], noise: Noise, measured: Measured = BY_TAPE
+) -> GeometryFit:
     """The drive whose `free` parameters fit the ends of the runs best.
 
     Args:
@@ -76,7 +76,7 @@ def fit(
     left = errors(drive, runs)
     rest = _weighted(roots, left)
     doubt = np.linalg.inv(slopes.T @ slopes) * (rest @ rest / max(1, len(rest) - len(free)))
-    return Fit(drive, left, tuple(np.sqrt(np.diag(doubt)).tolist()))
+    return GeometryFit(drive, left, tuple(np.sqrt(np.diag(doubt)).tolist()))
 
 
 def _moved(drive: Drive, free: Sequence[str], step: Sequence[float]) -> Drive:
@@ -87,13 +87,13 @@ def _moved(drive: Drive, free: Sequence[str], step: Sequence[float]) -> Drive:
     return Drive(**values)
 
 
-def _slope(drive: Drive, name: str, runs: List[Run], roots: List[np.ndarray]) -> np.ndarray:
+def _slope(drive: Drive, name: str, runs: List[Trial], roots: List[np.ndarray]) -> np.ndarray:
     ahead, behind = (_moved(drive, [name], [delta]) for delta in (_DELTA, -_DELTA))
     ends = np.array([path(ahead, run.steps)[-1] - path(behind, run.steps)[-1] for run in runs])
     return _weighted(roots, ends / (2 * _DELTA))
 
 
-def _root(run: Run, cover: np.ndarray) -> np.ndarray:
+def _root(run: Trial, cover: np.ndarray) -> np.ndarray:
     """Matrix (K, 3) that makes the measured errors of a run, with covariance `cover`, uncorrelated and of unit size."""
     known = np.isfinite(run.end)
     picked = np.eye(3)[known]
@@ -107,7 +107,7 @@ def _weighted(roots: List[np.ndarray], found: np.ndarray) -> np.ndarray:
     return np.concatenate([root @ np.nan_to_num(row) for root, row in zip(roots, found)])
 
 
-def outlier(runs: Sequence[Run], fitted: Fit) -> int:
+def outlier(runs: Sequence[Trial], fitted: GeometryFit) -> int:
     """Index of a run that contradicts the others, or -1."""
     if len(runs) < 4:
         return -1
@@ -118,7 +118,9 @@ def outlier(runs: Sequence[Run], fitted: Fit) -> int:
     return worst if off[worst] > max(OUTLIER * usual, 0.01) else -1
 
 
-def estimate_noise(runs: Sequence[Run], fitted: Fit, free: int, measured: Measured = BY_TAPE) -> Noise:
+def estimate_noise(
+    runs: Sequence[Trial], fitted: GeometryFit, free: int, measured: Measured = BY_TAPE
+) -> Noise:
     """The noise that makes the remaining errors of the fit most likely.
 
     Args:

@@ -9,7 +9,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol.codec import Frame
 from mrl_driver.protocol.table import BY_CODE, BY_NAME
-from mrl_driver.recording.decoded import Part, decode
+from mrl_driver.recording.decoded import DecodedPart, decode
 from mrl_driver.recording.recording import TO_BOARD, Recording
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.odometry import Odometry
@@ -17,7 +17,7 @@ from mrl_driver.robot.robot_state import fastest_m_s
 from mrl_driver.robot.sonar import range_m
 
 from .manoeuvres import steps_of
-from .trial import Run
+from .trial import Trial
 
 _INFO = BY_NAME["robot_info"].code
 _WITH_SONARS = BY_NAME["read_encoders_and_sonars"].code
@@ -55,9 +55,9 @@ def read(path: str, model: RobotModel) -> Replayed:
     return Replayed(np.array(reader.rows), reader.requests)
 
 
-def run_of(path: str, end: Pose, model: RobotModel) -> Run:
+def run_of(path: str, end: Pose, model: RobotModel) -> Trial:
     """The drive of a whole recording as one run that ended at `end`."""
-    return Run(steps_of(read(path, model).rows), end)
+    return Trial(steps_of(read(path, model).rows), end)
 
 
 class _Reader:
@@ -68,7 +68,7 @@ class _Reader:
         self.rows: List[Tuple[float, float, float, float]] = []
         self.requests: List[Tuple[float, Frame]] = []
 
-    def take(self, part: Part) -> None:
+    def take(self, part: DecodedPart) -> None:
         """Add one part of the recording."""
         for event in part.events:
             if isinstance(event, Frame) and part.direction == TO_BOARD:

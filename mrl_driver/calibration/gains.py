@@ -18,7 +18,7 @@ SIMULATED_S = 2.0
 """Length of the simulated steps [s]."""
 
 
-class Plant(NamedTuple):
+class MotorModel(NamedTuple):
     """One motor and its part of the robot's mass: a delay and a first-order lag."""
 
     full_counts_s: float
@@ -48,7 +48,7 @@ class Response(NamedTuple):
     """Mean error of the last quarter, as a share of the requested speed."""
 
 
-def identify(times_s: Numbers, travel: Numbers, duty: float) -> Plant:
+def identify(times_s: Numbers, travel: Numbers, duty: float) -> MotorModel:
     """The motor that travels `travel` [count] at `times_s` after a step of the duty, at time 0 and from rest.
 
     Raises:
@@ -70,7 +70,7 @@ def identify(times_s: Numbers, travel: Numbers, duty: float) -> Plant:
         ),
         key=lambda found: found[0],
     )
-    return Plant(abs(best[1] / duty), best[2], best[3])
+    return MotorModel(abs(best[1] / duty), best[2], best[3])
 
 
 def _misfit(
@@ -84,7 +84,7 @@ def _misfit(
     return float(off @ off), speed, float(tau), float(delay)
 
 
-def simulate(plants: Sequence[Plant], gains: np.ndarray, target: float, period_s: float) -> np.ndarray:
+def simulate(plants: Sequence[MotorModel], gains: np.ndarray, target: float, period_s: float) -> np.ndarray:
     """(G, P, T) speeds, as shares of `target`, after a step from rest, for each of G gains (G, 3) and P plants.
 
     `target` is a share of the slowest plant's full speed; T control periods make up `SIMULATED_S`.
@@ -111,7 +111,7 @@ def simulate(plants: Sequence[Plant], gains: np.ndarray, target: float, period_s
     return np.stack(rows, axis=2)
 
 
-def suggest(plants: Sequence[Plant], period_s: float = 0.05) -> Gains:
+def suggest(plants: Sequence[MotorModel], period_s: float = 0.05) -> Gains:
     """Gains with the smallest time-weighted error of the worse wheel and at most `OVERSHOOT`.
 
     Raises:

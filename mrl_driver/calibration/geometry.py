@@ -12,8 +12,8 @@ from . import fit, manoeuvres, umbmark
 from .files import Key
 from .fit import AXLE, OFFSET, SCALE, SLIP, Measured
 from .ground_truth import Ruler
-from .manoeuvres import Robot, Speeds, Track
-from .trial import LEFT, NEITHER, RIGHT, Run, errors, require_plausible, require_sense, sense
+from .manoeuvres import DrivenRobot, Speeds, Track
+from .trial import LEFT, NEITHER, RIGHT, Trial, errors, require_plausible, require_sense, sense
 
 STRAIGHT, TURN, UMBMARK = "straight", "turn", "umbmark"
 _WHOLE_TURN = 2 * np.pi
@@ -26,7 +26,7 @@ class Leg(NamedTuple):
 
     name: str
     sense: str
-    drive: Callable[[Robot], None]
+    drive: Callable[[DrivenRobot], None]
 
 
 class Outcome(NamedTuple):
@@ -36,7 +36,7 @@ class Outcome(NamedTuple):
     after: Drive
     errors_before: np.ndarray
     errors_after: np.ndarray
-    square: Optional[umbmark.Result] = None
+    square: Optional[umbmark.UmbmarkResult] = None
     noise: Optional[Noise] = None
 
 
@@ -74,10 +74,10 @@ def umbmark_legs(laps: int, side_m: float, speeds: Speeds) -> List[Leg]:
 
 
 def gather(
-    robot: Robot,
+    robot: DrivenRobot,
     legs: Sequence[Leg],
     ruler: Ruler,
-    keep: Callable[[Run], None],
+    keep: Callable[[Trial], None],
     track: Optional[Track] = None,
 ) -> None:
     """Drive the legs one after the other; `keep` gets each run as soon as it is measured.
@@ -95,12 +95,12 @@ def gather(
         track.begin()
         leg.drive(robot)
         steps, name = manoeuvres.steps_of(track.end()), leg.name
-        require_sense(drive, Run(steps, NOT_MEASURED), leg.sense, name)
-        end = ruler.end(name, lambda pose: require_plausible(drive, Run(steps, pose), name))  # noqa: B023
-        keep(Run(steps, end))
+        require_sense(drive, Trial(steps, NOT_MEASURED), leg.sense, name)
+        end = ruler.end(name, lambda pose: require_plausible(drive, Trial(steps, pose), name))  # noqa: B023
+        keep(Trial(steps, end))
 
 
-def check_recorded(procedure: str, drive: Drive, run: Run, name: str) -> None:
+def check_recorded(procedure: str, drive: Drive, run: Trial, name: str) -> None:
     """Refuse a recorded run that does not belong to this procedure.
 
     Raises:
@@ -121,11 +121,11 @@ def free_numbers(procedure: str, tracks: bool) -> Tuple[str, ...]:
 
 def evaluate(
     procedure: str,
-    runs: List[Run],
+    runs: List[Trial],
     model: RobotModel,
     side_m: float = 1.0,
     measured: Measured = fit.BY_TAPE,
-    others: Sequence[Run] = (),
+    others: Sequence[Trial] = (),
 ) -> Outcome:
     """Evaluate the runs of a procedure.
 
@@ -161,12 +161,12 @@ def evaluate(
     together = [*runs, *others]
     noise = None
     if len(together) >= fit.LEAST_RUNS_FOR_NOISE:
-        whole = fit.Fit(fitted.drive, errors(fitted.drive, together), ())
+        whole = fit.GeometryFit(fitted.drive, errors(fitted.drive, together), ())
         noise = fit.estimate_noise(together, whole, len(free) + (len(others) > 0), measured)
     return Outcome(before, fitted.drive, found, fitted.errors, result, noise)
 
 
-def _umbmark(runs: List[Run], found: np.ndarray, drive: Drive, side_m: float) -> umbmark.Result:
+def _umbmark(runs: List[Trial], found: np.ndarray, drive: Drive, side_m: float) -> umbmark.UmbmarkResult:
     points: Dict[str, List[umbmark.Point]] = {LEFT: [], RIGHT: []}
     for run, row in zip(runs, found):
         turned = (run.steps[:, 0] - run.steps[:, 1]).sum()

@@ -38,7 +38,7 @@ MOVE_PID, MOVE, SET_GAINS = (
 Command = Optional[Tuple[float, float]]
 
 
-class Robot(Protocol):
+class DrivenRobot(Protocol):
     """The common part of `Driver` and `SteppedDriver` that this module needs."""
 
     @property
@@ -81,7 +81,7 @@ class Speeds(NamedTuple):
 class Track:
     """Records the wheels between `begin` and `end`.  Make one per robot: its callback stays registered."""
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: DrivenRobot) -> None:
         self._robot = robot
         self._rows: List[Tuple[float, ...]] = []
         self._on = False
@@ -130,7 +130,7 @@ def steps_of(rows: np.ndarray) -> np.ndarray:
     return moved
 
 
-def settle(robot: Robot) -> None:
+def settle(robot: DrivenRobot) -> None:
     """Stop, and wait until the robot is at rest.
 
     Raises:
@@ -150,11 +150,11 @@ def settle(robot: Robot) -> None:
             )
 
 
-def _counts(robot: Robot) -> Wheels:
+def _counts(robot: DrivenRobot) -> Wheels:
     return Wheels(*robot.telemetry.counts[:2]) if robot.telemetry else Wheels(0, 0)
 
 
-def follow(robot: Robot, steer: Callable[[Pose], Command], patience_s: float) -> None:
+def follow(robot: DrivenRobot, steer: Callable[[Pose], Command], patience_s: float) -> None:
     """Drive by `steer`, which returns speeds for a pose, or None at the end; then come to rest.
 
     Raises:
@@ -180,7 +180,7 @@ def follow(robot: Robot, steer: Callable[[Pose], Command], patience_s: float) ->
     settle(robot)
 
 
-def straight(robot: Robot, distance_m: float, speeds: Speeds, line: Optional[Pose] = None) -> None:
+def straight(robot: DrivenRobot, distance_m: float, speeds: Speeds, line: Optional[Pose] = None) -> None:
     """Drive straight, back for negative distances; `line` is the ideal start pose if it is not the present pose."""
     start, sign = line or robot.pose, math.copysign(1.0, distance_m)
 
@@ -197,7 +197,7 @@ def straight(robot: Robot, distance_m: float, speeds: Speeds, line: Optional[Pos
     follow(robot, steer, 10 + 4 * abs(distance_m) / speeds.linear_m_s)
 
 
-def turn(robot: Robot, angle_rad: float, speeds: Speeds) -> None:
+def turn(robot: DrivenRobot, angle_rad: float, speeds: Speeds) -> None:
     """Turn in place, counter-clockwise for positive angles; more than one whole turn is possible."""
     done_rad, before = 0.0, robot.pose.yaw_rad
 
@@ -215,7 +215,7 @@ def turn(robot: Robot, angle_rad: float, speeds: Speeds) -> None:
 
 
 def square(
-    robot: Robot, side_m: float, left: bool, speeds: Speeds, at_rest: Callable[[], Any] = lambda: None
+    robot: DrivenRobot, side_m: float, left: bool, speeds: Speeds, at_rest: Callable[[], Any] = lambda: None
 ) -> None:
     """Drive one lap, correcting the error of each corner; `at_rest` is called at each of the eight stops."""
     corner = math.pi / 2 if left else -math.pi / 2
@@ -233,7 +233,7 @@ def _near(angle_rad: float, wanted_rad: float) -> float:
     return angle_rad if abs(angle_rad - wanted_rad) < 1.0 else wanted_rad
 
 
-def spin_motors(robot: Robot, code: int, left_percent: int, right_percent: int, seconds: float) -> None:
+def spin_motors(robot: DrivenRobot, code: int, left_percent: int, right_percent: int, seconds: float) -> None:
     """Turn the motors at these shares of full speed; afterwards they turn until they are stopped.
 
     The robot must be settled first; before that, the driver still repeats its stop.

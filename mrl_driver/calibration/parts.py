@@ -9,9 +9,9 @@ from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import Drive, RobotModel
 
 from . import eeprom, from_recording, gains, manoeuvres, sonar_curve, wiring
-from .gains import Gains, Plant, Response
+from .gains import Gains, MotorModel, Response
 from .ground_truth import Ruler
-from .manoeuvres import MOVE, MOVE_PID, Robot, Speeds, Track
+from .manoeuvres import MOVE, MOVE_PID, DrivenRobot, Speeds, Track
 from .sonar_curve import Curve
 
 DUTY_PERCENT, WIRING_S = 35, 0.5
@@ -26,7 +26,7 @@ Observe = Callable[[str, Pose], Tuple[Optional[str], int]]
 """Which wheel turned, and in which direction, given the driven motor and the measured end; see `wiring.Trial`."""
 
 
-def check_wiring(robot: Robot, track: Track, ruler: Ruler, observe: Observe) -> List[str]:
+def check_wiring(robot: DrivenRobot, track: Track, ruler: Ruler, observe: Observe) -> List[str]:
     """Turn each motor forward alone, without speed control; returns the faults of the wires."""
     trials = []
     for motor, percents in ((wiring.LEFT, (DUTY_PERCENT, 0)), (wiring.RIGHT, (0, DUTY_PERCENT))):
@@ -72,7 +72,7 @@ class SonarPlan(NamedTuple):
 
 
 def approach_wall(
-    robot: Robot,
+    robot: DrivenRobot,
     track: Track,
     distances: Sequence[float],
     speeds: Speeds,
@@ -96,7 +96,7 @@ def approach_wall(
         keep(track.so_far())
 
 
-def _front_range(robot: Robot) -> float:
+def _front_range(robot: DrivenRobot) -> float:
     """Median range of the front sonar while the robot stands still [m]; NaN without a reading."""
     readings = []
     for _ in range(READINGS):
@@ -136,7 +136,7 @@ def readings_at_stops(rows: np.ndarray, drive: Drive, start_m: float) -> Tuple[L
     return ranges, distances
 
 
-def curve_in_force(robot: Robot) -> Curve:
+def curve_in_force(robot: DrivenRobot) -> Curve:
     """The curve that converts counts to ranges now; ranges of 2013 boards are corrected to the thesis's curve."""
     if not eeprom.can_configure(robot):
         return sonar_curve.THESIS
@@ -166,7 +166,7 @@ class Steps(NamedTuple):
         return gains.describe(self.times_s, travelled, float(speed[-max(1, len(speed) // 4) :].mean()))
 
 
-def step(robot: Robot, track: Track, code: int, percent: int, seconds: float = STEP_S) -> Steps:
+def step(robot: DrivenRobot, track: Track, code: int, percent: int, seconds: float = STEP_S) -> Steps:
     """Turn in place from rest: left motor back, right motor forward."""
     manoeuvres.settle(robot)
     track.begin()
@@ -183,7 +183,7 @@ def steps_of_rows(rows: np.ndarray) -> Steps:
     return Steps(rows[:, 0] - rows[0, 0], rows[:, 1] - rows[0, 1], rows[:, 2] - rows[0, 2])
 
 
-def identify(steps: Steps, percent: int = STEP_PERCENT) -> Tuple[Plant, Plant]:
+def identify(steps: Steps, percent: int = STEP_PERCENT) -> Tuple[MotorModel, MotorModel]:
     """Right and left motor, identified from a step of the duty."""
     duty = percent / 100
     return (
@@ -195,14 +195,14 @@ def identify(steps: Steps, percent: int = STEP_PERCENT) -> Tuple[Plant, Plant]:
 class Tuned(NamedTuple):
     """Result of the tuning."""
 
-    plants: Tuple[Plant, Plant]
+    plants: Tuple[MotorModel, MotorModel]
     before: Gains
     after: Gains
     steps_before: Steps
     steps_after: Steps
 
 
-def tune(robot: Robot, track: Track, present: Gains, report: Callable[[str], None]) -> Tuned:
+def tune(robot: DrivenRobot, track: Track, present: Gains, report: Callable[[str], None]) -> Tuned:
     """Drive steps of the duty, compute gains, and drive steps of the speed with the old and the new gains.
 
     At the end the old gains and the ramp are in force again, even after an error.
@@ -230,13 +230,13 @@ def tune(robot: Robot, track: Track, present: Gains, report: Callable[[str], Non
             eeprom.write(robot, ramp)
 
 
-def set_gains(robot: Robot, wanted: Sequence[int]) -> None:
+def set_gains(robot: DrivenRobot, wanted: Sequence[int]) -> None:
     """Set gains until the board restarts."""
     robot.request(manoeuvres.SET_GAINS, *wanted)
     robot.wait(0.1)
 
 
-def gains_in_force(robot: Robot, default: Gains) -> Gains:
+def gains_in_force(robot: DrivenRobot, default: Gains) -> Gains:
     """The gains in the board's configuration; `default` if the board stores no configuration."""
     if not eeprom.can_configure(robot):
         return default
@@ -246,7 +246,7 @@ def gains_in_force(robot: Robot, default: Gains) -> Gains:
 # -- recordings
 
 
-def recorded_gains(path: str, model: RobotModel) -> Tuple[Tuple[Plant, Plant], Gains]:
+def recorded_gains(path: str, model: RobotModel) -> Tuple[Tuple[MotorModel, MotorModel], Gains]:
     """Motors and gains from a recorded step of the duty that turns both motors, in any directions.
 
     Raises:

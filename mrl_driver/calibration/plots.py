@@ -9,7 +9,7 @@ from mrl_driver.figures import BLUE, GREY, ORANGE
 
 from .gains import speeds
 from .parts import Steps, Tuned
-from .sonar_curve import THESIS, Fit
+from .sonar_curve import THESIS, SonarFit
 from .trial import LEFT
 
 
@@ -36,7 +36,7 @@ def draw_ends(path: str, before: np.ndarray, after: np.ndarray, senses: Sequence
     figures.save(figure, path)
 
 
-def draw_sonar(path: str, counts: np.ndarray, ranges_m: np.ndarray, fit: Fit) -> None:
+def draw_sonar(path: str, counts: np.ndarray, ranges_m: np.ndarray, fit: SonarFit) -> None:
     """Plot the curve, the readings (N,), and the remaining errors."""
     figure = figures.figure(7.0, 6.0)
     upper, lower = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [2, 1]})

@@ -45,7 +45,7 @@ THESIS = Curve(1.1767, 0.94657, -0.3759)
 """Thesis 2012, R2 0.9992."""
 
 
-class Fit(NamedTuple):
+class SonarFit(NamedTuple):
     """A curve and its quality: `errors_m` (N,) is curve minus truth, `used` (N,) bool is True for valid readings."""
 
     curve: Curve
@@ -59,7 +59,7 @@ class Fit(NamedTuple):
         return float(np.abs(self.errors_m[self.used]).max())
 
 
-def fit(counts: Sequence[float], ranges_m: Sequence[float]) -> Fit:
+def fit(counts: Sequence[float], ranges_m: Sequence[float]) -> SonarFit:
     """The curve through readings of a wall; single readings that missed the wall are left out.
 
     Args:
@@ -84,7 +84,7 @@ def fit(counts: Sequence[float], ranges_m: Sequence[float]) -> Fit:
         curve = better
     left = off[kept]
     r2 = 1 - float(left @ left) / float(np.sum((truth[kept] - truth[kept].mean()) ** 2))
-    return Fit(curve, r2, np.where(heard, off, np.nan), kept)
+    return SonarFit(curve, r2, np.where(heard, off, np.nan), kept)
 
 
 def require_wall(ranges_m: np.ndarray, heard: np.ndarray) -> None:

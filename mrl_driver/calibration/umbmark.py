@@ -17,7 +17,7 @@ LEAST_LAPS, MOST_LAPS = 2, 50
 Point = Tuple[float, float]
 
 
-class Result(NamedTuple):
+class UmbmarkResult(NamedTuple):
     """Result of UMBmark; angles in rad, positive counter-clockwise."""
 
     left_centre: Point
@@ -36,7 +36,9 @@ class Result(NamedTuple):
     """The paper's measure of accuracy: the distance from zero of the centre that is farther away."""
 
 
-def evaluate(left: Sequence[Point], right: Sequence[Point], side_m: float, separation_m: float) -> Result:
+def evaluate(
+    left: Sequence[Point], right: Sequence[Point], side_m: float, separation_m: float
+) -> UmbmarkResult:
     """The paper's closed form, exact for small errors.
 
     Args:
@@ -53,7 +55,7 @@ def evaluate(left: Sequence[Point], right: Sequence[Point], side_m: float, separ
     xr, yr = _centre(right)
     corner = ((xl + xr) + (yr - yl)) / (8 * side_m)
     bend = ((xl - xr) - (yl + yr)) / (8 * side_m)
-    return Result(
+    return UmbmarkResult(
         (xl, yl),
         (xr, yr),
         corner,
@@ -82,7 +84,7 @@ def wheel_ratio(bend_rad: float, side_m: float, separation_m: float) -> float:
     return (radius_m + separation_m / 2) / (radius_m - separation_m / 2)
 
 
-def corrected(drive: Drive, result: Result, tracks: bool) -> Drive:
+def corrected(drive: Drive, result: UmbmarkResult, tracks: bool) -> Drive:
     """The drive with both corrections; on tracks the slip is corrected instead of the wheelbase."""
     ratio = drive.right_m_per_count / drive.left_m_per_count * result.wheel_ratio
     drive = drive._replace(wheel_offset=2 * (ratio - 1) / (ratio + 1))

@@ -8,7 +8,7 @@ from typing import List, Optional, Union
 
 from mrl_driver.errors import BoardError, BoardTimeout, LinkLost, MrlError, WrongRobot
 from mrl_driver.protocol.table import BAUD, BY_NAME
-from mrl_driver.recording.recorded_link import Tape
+from mrl_driver.recording.recorded_link import DriverRecording
 from mrl_driver.robot.robot_state import Notice
 from mrl_driver.session.events import Lost, Reconnected, Slowed
 from mrl_driver.session.session import PAUSE_S
@@ -45,7 +45,7 @@ class Runner(Readout):
         self._settling = True
         self._broken: Optional[LinkLost] = None
         self._reconnection: Optional[Reconnection] = None
-        self._tape: Optional[Tape] = None
+        self._tape: Optional[DriverRecording] = None
         self._slept_s = slept_s()
         self._fast, self._well_s, self._errors = False, 0.0, 0
 
@@ -155,7 +155,7 @@ class Runner(Readout):
             return self._port
         record, tap = self._options.record, self._options.tap
         if record is not None or tap is not None:
-            self._tape = Tape(record, self._port, self._baud, tap)
+            self._tape = DriverRecording(record, self._port, self._baud, tap)
         try:
             return self._open(self._port, CONNECT_S)
         except BaseException:

@@ -22,7 +22,7 @@ DELAY_S = 0.25
 Point = Tuple[float, float]
 
 
-class Limits(NamedTuple):
+class FollowerLimits(NamedTuple):
     """Speeds and decelerations along the legs."""
 
     linear_m_s: float = 0.25
@@ -31,7 +31,7 @@ class Limits(NamedTuple):
     braking_rad_s2: float = 1.0
 
 
-DEFAULT_LIMITS = Limits()
+DEFAULT_LIMITS = FollowerLimits()
 
 
 class Course:
@@ -48,7 +48,7 @@ class Course:
     def __init__(
         self,
         points: Sequence[Point],
-        limits: Limits = DEFAULT_LIMITS,
+        limits: FollowerLimits = DEFAULT_LIMITS,
         final_yaw_rad: Optional[float] = None,
     ) -> None:
         self._limits, self._final_yaw_rad = limits, final_yaw_rad
@@ -119,7 +119,7 @@ class Course:
 class Square(Course):
     """A counter-clockwise square from the first pose, repeated without end; a round has four corners."""
 
-    def __init__(self, side_m: float = 1.0, limits: Limits = DEFAULT_LIMITS) -> None:
+    def __init__(self, side_m: float = 1.0, limits: FollowerLimits = DEFAULT_LIMITS) -> None:
         super().__init__((), limits)
         self._side_m = side_m
         self._round: List[Point] = []

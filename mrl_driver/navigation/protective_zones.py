@@ -50,7 +50,7 @@ SECTORS = 8
 """The hysteresis of the zones is kept for this number of sectors around the robot."""
 
 
-class Settings(NamedTuple):
+class ZoneSettings(NamedTuple):
     """Lengths of the zones at standstill, and how they grow with speed."""
 
     warning_m: float = 0.5
@@ -88,7 +88,7 @@ _RANGES = {
 }
 
 
-def require_settings(settings: Settings) -> None:
+def require_settings(settings: ZoneSettings) -> None:
     """Check the settings of the zones.
 
     Raises:
@@ -113,7 +113,7 @@ class Zones:
     """
 
     def __init__(
-        self, settings: Settings, body: Body, sonars: Mapping[str, SonarMount], laser: bool = False
+        self, settings: ZoneSettings, body: Body, sonars: Mapping[str, SonarMount], laser: bool = False
     ) -> None:
         """`sonars` are the sonars to use; with `laser` scans are expected, which must at least cover the way ahead.
 

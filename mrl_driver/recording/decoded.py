@@ -37,7 +37,7 @@ _COUNTS = {
 }
 
 
-class Part(NamedTuple):
+class DecodedPart(NamedTuple):
     """An entry, or a piece of one, and the frames and garbage that it completes; a remark has none."""
 
     time_s: float
@@ -46,7 +46,7 @@ class Part(NamedTuple):
     events: List[Event]
 
 
-def decode(recording: Recording) -> Iterator[Part]:
+def decode(recording: Recording) -> Iterator[DecodedPart]:
     """Decode a whole recording; a remark on checksums comes before the first reply that it applies to."""
     decoders, size = _decoders(), 0
     held: Deque[Entry] = deque()
@@ -58,7 +58,7 @@ def decode(recording: Recording) -> Iterator[Part]:
             while size - len(held[0].data) - LINE_BYTES >= _HELD_BYTES:
                 time_s, direction, data = held.popleft()
                 size -= len(data) + LINE_BYTES
-                yield Part(time_s, direction, data, decoders[direction].feed(data))
+                yield DecodedPart(time_s, direction, data, decoders[direction].feed(data))
             continue
         if data in (CHECKED, PLAIN):
             yield from _switch(list(held), entry, decoders)
@@ -76,12 +76,14 @@ def _decoders() -> Dict[str, FrameDecoder]:
     return {TO_BOARD: FrameDecoder(REQUESTS), FROM_BOARD: FrameDecoder(REPLIES)}
 
 
-def _feed(entries: Iterable[Entry], decoders: Dict[str, FrameDecoder]) -> Iterator[Part]:
+def _feed(entries: Iterable[Entry], decoders: Dict[str, FrameDecoder]) -> Iterator[DecodedPart]:
     for time_s, direction, data in entries:
-        yield Part(time_s, direction, data, decoders[direction].feed(data) if direction != REMARK else [])
+        yield DecodedPart(
+            time_s, direction, data, decoders[direction].feed(data) if direction != REMARK else []
+        )
 
 
-def _switch(held: List[Entry], remark: Entry, decoders: Dict[str, FrameDecoder]) -> Iterator[Part]:
+def _switch(held: List[Entry], remark: Entry, decoders: Dict[str, FrameDecoder]) -> Iterator[DecodedPart]:
     """The entries before a remark on checksums, and the remark between the two groups."""
     checked = remark.data == CHECKED
     before, behind = _split(held, checked) if checked != decoders[FROM_BOARD].checked else (held, [])

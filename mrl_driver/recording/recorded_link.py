@@ -46,7 +46,7 @@ class RecordedLink(Link):
         self._link.set_baud(baud)
 
 
-class Tape:
+class DriverRecording:
     """Records all links that one driver opens; `recorder` is None without a `path`.
 
     Raises:

@@ -9,7 +9,7 @@ from mrl_driver.protocol.codec import Frame
 from mrl_driver.protocol.table import BY_CODE, SENSORS, Sensor
 from mrl_driver.robot.models import RobotModel
 
-from .decoded import Part, RecordedRobot, decode
+from .decoded import DecodedPart, RecordedRobot, decode
 from .recording import FROM_BOARD, REMARK, TO_BOARD, Recording
 
 _SENSORS = {row.code: row for row in SENSORS}
@@ -66,7 +66,7 @@ class _Reader:
         self.garbage: Counter[str] = Counter()
         self.sensors: Dict[str, Dict[str, Any]] = {}
 
-    def read(self, part: Part) -> None:
+    def read(self, part: DecodedPart) -> None:
         """Add one part."""
         time_s, direction, data, events = part
         self.duration_s = max(self.duration_s, time_s)

@@ -11,7 +11,7 @@ from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.robot.omni_odometry import MOVE_OMNI, STREAM, OmniCommands
 from mrl_driver.robot.sonar import NAMES, range_m
 
-from .decoded import LINE_BYTES, Part, RecordedRobot, decode
+from .decoded import LINE_BYTES, DecodedPart, RecordedRobot, decode
 from .recording import REMARK, TO_BOARD, Recording
 
 _CODE = {name: row.code for name, row in BY_NAME.items()}
@@ -96,7 +96,7 @@ class _Reader:
         self.ranges: Dict[str, List[Tuple[float, float]]] = {name: [] for name in NAMES}
         self.battery: List[Tuple[float, float]] = []
 
-    def read(self, part: Part) -> None:
+    def read(self, part: DecodedPart) -> None:
         """Add one part."""
         if part.direction == REMARK:
             self.robot.begin_again()

@@ -22,7 +22,7 @@ TWIST_INTERVAL_S = 0.015
 """Without board time, speeds are averaged over at least this time [s], so that a burst does not make a spike."""
 
 
-class Geometry(Protocol):
+class WheelGeometry(Protocol):
     """The geometry of a differential drive that odometry needs; `models.Drive` provides it."""
 
     @property
@@ -227,7 +227,7 @@ class Odometry:
     """
 
     def __init__(
-        self, drive: Geometry, fastest_m_s: float, exact_time: bool = True, pose: Pose = ORIGIN
+        self, drive: WheelGeometry, fastest_m_s: float, exact_time: bool = True, pose: Pose = ORIGIN
     ) -> None:
         self._forward = Wheels(drive.right_m_per_count / 2, drive.left_m_per_count / 2)
         self._turning = Wheels(*(2 * half_m / drive.turning_separation_m for half_m in self._forward))

@@ -14,7 +14,7 @@ from mrl_driver.session.motion_command import Pace
 
 from .kinematics import Planar, kinematics_of
 from .models import OmniDrive, RobotModel
-from .odometry import AnyWheels, Geometry, OmniWheels, Wheels
+from .odometry import AnyWheels, OmniWheels, WheelGeometry, Wheels
 
 TICK_S = 0.05
 """Period of the comparison [s]; frames in between cost nothing."""
@@ -150,7 +150,7 @@ class WheelWatch:
         latency_s: longest delay of a command on its way to the motors, if one is lost [s].
     """
 
-    def __init__(self, drive: Geometry, acceleration_m_s2: float, latency_s: float) -> None:
+    def __init__(self, drive: WheelGeometry, acceleration_m_s2: float, latency_s: float) -> None:
         self._metres, self._half_m = drive.metres_per_count, drive.wheel_separation_m / 2
         self._make = (acceleration_m_s2, math.ceil(latency_s / TICK_S))
         self.reset()

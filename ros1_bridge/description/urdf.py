@@ -37,7 +37,7 @@ Point = Tuple[float, float, float]
 Lines = Iterator[str]
 
 
-class Part(NamedTuple):
+class LinkShape(NamedTuple):
     """A shape and its place in its link; `size` is (x, y, z) of a box, (radius, length) or (radius,) of a sphere."""
 
     size: Sequence[float]
@@ -84,16 +84,16 @@ def _base(model: RobotModel, prefix: str) -> Lines:
     middle, height = body.height_m / 2 - radius + 0.008, body.height_m - 0.016
     round_body = isinstance(model.drive, OmniDrive)
     size = (width / 2, height) if round_body else (body.length_m, width, height)
-    chassis = Part(size, (0.0, 0.0, middle), colour=_colour(model))
+    chassis = LinkShape(size, (0.0, 0.0, middle), colour=_colour(model))
     parts = [chassis]
     side_m = model.drive.wheel_separation_m / 2
     if body.tracks:
         track = (body.length_m - 2 * radius, TRACK_WIDTH_M, 2 * radius)
         for sign in (1, -1):
-            parts.append(Part(track, (0.0, sign * side_m, 0.0), colour="dark"))
+            parts.append(LinkShape(track, (0.0, sign * side_m, 0.0), colour="dark"))
     elif not round_body:
         tail = -body.length_m / 2 + 2 * CASTER_RADIUS_M
-        parts.append(Part((CASTER_RADIUS_M,), (tail, 0.0, CASTER_RADIUS_M - radius), colour="dark"))
+        parts.append(LinkShape((CASTER_RADIUS_M,), (tail, 0.0, CASTER_RADIUS_M - radius), colour="dark"))
     mass = body.mass_kg * (1 - len(_places(model)) * WHEEL_MASS_SHARE)
     yield f"  <link name={quoteattr(prefix + 'base_link')}/>"  # KDL forbids a root link with inertia
     yield from _link(prefix + "chassis", parts, mass, chassis, collisions=parts)
@@ -118,9 +118,9 @@ def _places(model: RobotModel) -> List[Tuple[str, Point, float]]:
 def _wheels(model: RobotModel, prefix: str) -> Lines:
     radius = wheel_radius_m(model)
     width = TRACK_WIDTH_M if model.body.tracks else WHEEL_WIDTH_M
-    wheel = Part((radius, width), roll_rad=math.pi / 2, colour="dark")
-    hub = Part((radius / 3, width + 0.004), roll_rad=math.pi / 2)
-    spoke = Part((1.5 * radius, width + 0.002, radius / 6))
+    wheel = LinkShape((radius, width), roll_rad=math.pi / 2, colour="dark")
+    hub = LinkShape((radius / 3, width + 0.004), roll_rad=math.pi / 2)
+    spoke = LinkShape((1.5 * radius, width + 0.002, radius / 6))
     for joint, at, yaw_rad in _places(model):
         link = prefix + joint.replace("_joint", "")
         mass = model.body.mass_kg * WHEEL_MASS_SHARE
@@ -130,7 +130,7 @@ def _wheels(model: RobotModel, prefix: str) -> Lines:
 
 def _sonars(model: RobotModel, prefix: str) -> Lines:
     across = 2 * SONAR_RADIUS_M
-    box = Part((SONAR_LENGTH_M, across, across), (-SONAR_LENGTH_M / 2, 0.0, 0.0))
+    box = LinkShape((SONAR_LENGTH_M, across, across), (-SONAR_LENGTH_M / 2, 0.0, 0.0))
     for name, mount in model.sonars.items():
         link = f"{prefix}sonar_{name}"
         yield from _link(link, [box], 0.005, box, collisions=[])
@@ -140,7 +140,7 @@ def _sonars(model: RobotModel, prefix: str) -> Lines:
 
 
 def _laser(prefix: str) -> Lines:
-    box = Part(LASER_SIZE_M, (0.0, 0.0, -LASER_SIZE_M[2] / 2 + 0.015), colour="dark")
+    box = LinkShape(LASER_SIZE_M, (0.0, 0.0, -LASER_SIZE_M[2] / 2 + 0.015), colour="dark")
     yield from _link(prefix + "laser", [box], LASER_MASS_KG, box, collisions=[box])
     at = (LASER_X_M, 0.0, LASER_Z_M)
     yield from _joint("laser_joint", "fixed", prefix + "base_link", prefix + "laser", at, 0.0)
@@ -178,7 +178,7 @@ def _plugin(name: str, values: Dict[str, str], prefix: str) -> Lines:
 
 
 def _link(
-    name: str, visuals: Sequence[Part], mass_kg: float, solid: Part, collisions: Sequence[Part]
+    name: str, visuals: Sequence[LinkShape], mass_kg: float, solid: LinkShape, collisions: Sequence[LinkShape]
 ) -> Lines:
     """A link with the inertia of `solid` alone."""
     yield f"  <link name={quoteattr(name)}>"
@@ -202,7 +202,7 @@ def _link(
     yield "  </link>"
 
 
-def inertia(part: Part, mass_kg: float) -> Point:
+def inertia(part: LinkShape, mass_kg: float) -> Point:
     """Moments of inertia about its own axes of a solid of uniform density [kg m2]."""
     if len(part.size) == 3:
         x, y, z = (size * size for size in part.size)
@@ -212,7 +212,7 @@ def inertia(part: Part, mass_kg: float) -> Point:
     return across, across, mass_kg * radius2 / 2
 
 
-def _shape(part: Part) -> Lines:
+def _shape(part: LinkShape) -> Lines:
     yield f"      {_origin(part.at, part.roll_rad, 0.0)}"
     size = " ".join(f"{value:.5g}" for value in part.size)
     if len(part.size) == 3:

@@ -15,7 +15,7 @@ from ros1_bridge.node.plane_poses import planar
 from sim_arduino.experiments import step_test
 from sim_arduino.experiments.report import Result
 from sim_arduino.experiments.stage import Setting
-from sim_arduino.experiments.step_test import Drive, Mirrored
+from sim_arduino.experiments.step_test import Mirrored, StepRecord
 from sim_arduino.experiments.team import Member, Player
 
 from .parts import Parts
@@ -42,7 +42,7 @@ def play(_: str, parts: Parts, setting: Setting) -> Result:
             player.robot.on_odometry = ignore
             mirror.close()
     odometry, true = ([tuple(pose) for pose in way] for way in (player.told, player.path))
-    return step_test.outcome(setting, Drive(odometry, true, mirror.poses, mirror.delays_s), REMARK)
+    return step_test.outcome(setting, StepRecord(odometry, true, mirror.poses, mirror.delays_s), REMARK)
 
 
 def _drive(parts: Parts, player: Player, robot: TopicRobot, mirror: Mirrored) -> None:

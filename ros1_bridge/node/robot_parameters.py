@@ -3,7 +3,7 @@
 from typing import Any, Mapping, NamedTuple, Tuple
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.navigation.protective_zones import Settings, require_settings
+from mrl_driver.navigation.protective_zones import ZoneSettings, require_settings
 from mrl_driver.protocol.table import BAUD
 from mrl_driver.transport.address import require_port
 from mrl_driver.transport.baud_rates import require_raisable
@@ -218,9 +218,9 @@ def zone_sensors(parameters: Parameters) -> Tuple[bool, bool]:
     return parameters.zones in ("sonars", "both"), parameters.zones in ("scan", "both")
 
 
-def zone_settings(parameters: Parameters, braking_m_s2: float) -> Settings:
+def zone_settings(parameters: Parameters, braking_m_s2: float) -> ZoneSettings:
     """The zone settings from the parameters."""
-    return Settings(
+    return ZoneSettings(
         parameters.zone_warning,
         parameters.zone_protective,
         parameters.zone_slow_speed,

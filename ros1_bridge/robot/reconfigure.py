@@ -10,7 +10,7 @@ Number = Union[int, float]
 LIMITS = ("max_linear_speed", "max_angular_speed", "max_linear_acceleration", "max_angular_acceleration")
 
 
-class Value(NamedTuple):
+class LiveValue(NamedTuple):
     """One value that may change while the node runs; the type of `default` (int or float) is its type."""
 
     name: str
@@ -25,7 +25,7 @@ class Description:
 
     all_level = 1
 
-    def __init__(self, values: Sequence[Value]) -> None:
+    def __init__(self, values: Sequence[LiveValue]) -> None:
         self.defaults = {value.name: value.default for value in values}
         self.min = {value.name: value.low for value in values}
         self.max = {value.name: value.high for value in values}
@@ -38,10 +38,10 @@ def limits_description(model: RobotModel, start: Limits) -> Description:
     own = model.limits
     return Description(
         (
-            Value(LIMITS[0], start[0], 0.01, own[0], "Highest speed forward or back [m/s]"),
-            Value(LIMITS[1], start[1], 0.01, own[1], "Highest yaw rate [rad/s]"),
-            Value(LIMITS[2], start[2], 0.01, own[2], "Speeding up [m/s2]"),
-            Value(LIMITS[3], start[3], 0.01, own[3], "Speeding up a turn [rad/s2]"),
+            LiveValue(LIMITS[0], start[0], 0.01, own[0], "Highest speed forward or back [m/s]"),
+            LiveValue(LIMITS[1], start[1], 0.01, own[1], "Highest yaw rate [rad/s]"),
+            LiveValue(LIMITS[2], start[2], 0.01, own[2], "Speeding up [m/s2]"),
+            LiveValue(LIMITS[3], start[3], 0.01, own[3], "Speeding up a turn [rad/s2]"),
         )
     )
 
@@ -58,13 +58,13 @@ def gains_description(model: RobotModel) -> Description:
     """Gains of the motor board, which stores each change."""
     return Description(
         tuple(
-            Value(name, model.board[name], 0, INT16_MAX, f"{text} gain of the motor board; stored there")
+            LiveValue(name, model.board[name], 0, INT16_MAX, f"{text} gain of the motor board; stored there")
             for name, text in (("kp", "Proportional"), ("ki", "Integral"), ("kd", "Derivative"))
         )
     )
 
 
-def _parameter(value: Value) -> Dict[str, Any]:
+def _parameter(value: LiveValue) -> Dict[str, Any]:
     kind = "int" if isinstance(value.default, int) else "double"
     return {
         "name": value.name,

@@ -13,7 +13,7 @@ _TEXT_IN, _TEXT_OUT = (BY_NAME[name].code for name in ("xbee_text", "send_xbee")
 RADIO_IN, RADIO_OUT = "xbee/received", "xbee/send"
 
 
-class Text(NamedTuple):
+class RadioText(NamedTuple):
     """A text, and the 64-bit address of the other radio."""
 
     address: int
@@ -33,13 +33,13 @@ class Radio:
             self._out.publish(f"{received.address:016x}", received.text)
 
 
-def read_text(args: Tuple[int, ...]) -> Text:
+def read_text(args: Tuple[int, ...]) -> RadioText:
     """The fields of an `xbee_text` frame: four words of address, length, words of two bytes."""
     address = 0
     for word in args[:4]:
         address = address << 16 | word & 0xFFFF
     data = b"".join((word & 0xFFFF).to_bytes(2, "big") for word in args[5:])
-    return Text(address, data[: args[4]].decode("ascii", "backslashreplace"))
+    return RadioText(address, data[: args[4]].decode("ascii", "backslashreplace"))
 
 
 def send_request(message: KeyValue) -> Tuple[int, ...]:

@@ -53,7 +53,7 @@ class Diagnostics:
         return _filled(status, robot_status.board_health(report), values)
 
 
-def _filled(status: Wrapper, health: link_report.Health, values: Dict[str, str]) -> Wrapper:
+def _filled(status: Wrapper, health: link_report.LinkHealth, values: Dict[str, str]) -> Wrapper:
     status.summary(health.level, health.message)
     for key, value in values.items():
         status.add(key, value)

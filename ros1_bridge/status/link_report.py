@@ -14,7 +14,7 @@ OK, WARN, ERROR = 0, 1, 2
 ANSWERS = "the board answers again"
 
 
-class Health(NamedTuple):
+class LinkHealth(NamedTuple):
     """A level and the message that explains it."""
 
     level: int
@@ -27,23 +27,27 @@ class News:
     def __init__(self) -> None:
         self._lost = False
 
-    def of(self, event: Any) -> Optional[Health]:
+    def of(self, event: Any) -> Optional[LinkHealth]:
         """Level and message; None for an event that is not logged."""
         if isinstance(event, Lost):
             self._lost = True
-            return Health(ERROR, str(event))
+            return LinkHealth(ERROR, str(event))
         if isinstance(event, Reconnected):
             self._lost = False
-            return Health(OK, str(event))
+            return LinkHealth(OK, str(event))
         if isinstance(event, Stale):
             then = MAY_MOVE if event.may_move else WAITS
-            return Health(ERROR, f"the board is silent: check its cable and power; {then}")
+            return LinkHealth(ERROR, f"the board is silent: check its cable and power; {then}")
         if isinstance(event, Ready) and not self._lost:
             restarted = event.restarted and event.checked  # unchecked: a restart is only assumed
-            return Health(WARN, f"the board has restarted; {WAITS}") if restarted else Health(OK, ANSWERS)
+            return (
+                LinkHealth(WARN, f"the board has restarted; {WAITS}")
+                if restarted
+                else LinkHealth(OK, ANSWERS)
+            )
         if isinstance(event, Mismatch):
-            return Health(ERROR, f"{event}; the robot was stopped")
-        return Health(WARN, str(event)) if isinstance(event, (Slowed, WayLost)) else None
+            return LinkHealth(ERROR, f"{event}; the robot was stopped")
+        return LinkHealth(WARN, str(event)) if isinstance(event, (Slowed, WayLost)) else None
 
 
 def error_count(statistics: Statistics) -> int:
@@ -54,13 +58,13 @@ def error_count(statistics: Statistics) -> int:
     )  # fmt: skip
 
 
-def health(ready: bool, age_s: float, slowed: bool = False) -> Health:
+def health(ready: bool, age_s: float, slowed: bool = False) -> LinkHealth:
     """Level and message of the link; `slowed`: the link runs below the requested baud rate."""
     if not ready:
-        return Health(ERROR, f"the board is silent for {age_s:.1f} s: check its cable and power")
+        return LinkHealth(ERROR, f"the board is silent for {age_s:.1f} s: check its cable and power")
     if slowed:
-        return Health(WARN, f"streaming, but not at the higher speed, since {SLOW}")
-    return Health(OK, "streaming")
+        return LinkHealth(WARN, f"streaming, but not at the higher speed, since {SLOW}")
+    return LinkHealth(OK, "streaming")
 
 
 def values(

@@ -17,7 +17,7 @@ from ros1_bridge.control.speed_limiter import (
     Commander,
 )
 
-from .link_report import ERROR, OK, WARN, Health
+from .link_report import ERROR, OK, WARN, LinkHealth
 
 MODES = {
     EMERGENCY: "emergency stop",
@@ -85,10 +85,10 @@ def zones_clear(commander: Commander) -> Tuple[str, str]:
     return _yes(zones.warning_clear), _yes(zones.protective_clear)
 
 
-def battery_health(state: str, volts: float) -> Health:
+def battery_health(state: str, volts: float) -> LinkHealth:
     """Level and message for a battery state of the driver."""
     level = {"ok": OK, "low": WARN}.get(state, ERROR)
-    return Health(level, f"battery is {state} at {volts:.1f} V")
+    return LinkHealth(level, f"battery is {state} at {volts:.1f} V")
 
 
 def battery_values(volts: float, state: str, capacity_ah: float) -> Dict[str, str]:
@@ -96,15 +96,15 @@ def battery_values(volts: float, state: str, capacity_ah: float) -> Dict[str, st
     return {"Voltage": f"{volts:.2f} V", "State": state, "Design Capacity": f"{capacity_ah:g} Ah"}
 
 
-def board_health(status: Any) -> Health:
+def board_health(status: Any) -> LinkHealth:
     """Level and message for a `Status` of the board; `status` is None for boards that report none."""
     if status is None:
-        return Health(OK, "this firmware reports no status")
+        return LinkHealth(OK, "this firmware reports no status")
     if status.faults:
-        return Health(ERROR, f"fault: {', '.join(status.faults)}")
+        return LinkHealth(ERROR, f"fault: {', '.join(status.faults)}")
     if status.reset_cause == "watchdog":
-        return Health(WARN, "the firmware locked up and was reset by its watchdog")
-    return Health(OK, "no fault")
+        return LinkHealth(WARN, "the firmware locked up and was reset by its watchdog")
+    return LinkHealth(OK, "no fault")
 
 
 def board_values(status: Any, temperature_c: float) -> Dict[str, str]:
@@ -123,14 +123,14 @@ def board_values(status: Any, temperature_c: float) -> Dict[str, str]:
     return values
 
 
-def motion_health(moving: bool, cause: str) -> Health:
+def motion_health(moving: bool, cause: str) -> LinkHealth:
     """Level and message for the motion; `cause` is `Commander.stopped_by`."""
     if cause == ADRIFT:
-        return Health(ERROR, f"no telemetry; {MAY_MOVE}")
+        return LinkHealth(ERROR, f"no telemetry; {MAY_MOVE}")
     if moving or cause == NONE:
-        return Health(OK, "moving" if moving else "ready")
+        return LinkHealth(OK, "moving" if moving else "ready")
     level = ERROR if cause in (LINK, BATTERY, WHEEL) else WARN if cause in MODES else OK
-    return Health(level, f"stopped by {cause}")
+    return LinkHealth(level, f"stopped by {cause}")
 
 
 def motion_values(commander: Commander) -> Dict[str, str]:

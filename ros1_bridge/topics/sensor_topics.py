@@ -26,7 +26,7 @@ Values = Tuple[float, ...]
 _MOST = sys.float_info.max
 
 
-class Entry(NamedTuple):
+class SensorTopic(NamedTuple):
     """One topic; the head of `sensors.yaml` explains the fields."""
 
     sensor: str
@@ -36,7 +36,7 @@ class Entry(NamedTuple):
     frame: str = ""
 
 
-class Kind(NamedTuple):
+class MessageKind(NamedTuple):
     """A message class, and the function that writes values into its messages."""
 
     message: type
@@ -52,17 +52,17 @@ def _set(name: str, convert: Callable[[float], Any] = float) -> Callable[[Any, V
     return lambda message, values: setattr(message, name, convert(values[0]))
 
 
-KINDS: Dict[str, Kind] = {
-    "std_msgs/UInt16": Kind(UInt16, _set("data", round)),
-    "std_msgs/Float32": Kind(Float32, _set("data")),
-    "std_msgs/Float32MultiArray": Kind(
+KINDS: Dict[str, MessageKind] = {
+    "std_msgs/UInt16": MessageKind(UInt16, _set("data", round)),
+    "std_msgs/Float32": MessageKind(Float32, _set("data")),
+    "std_msgs/Float32MultiArray": MessageKind(
         Float32MultiArray, lambda message, values: setattr(message, "data", list(values))
     ),
-    "sensor_msgs/Temperature": Kind(Temperature, _set("temperature")),
-    "sensor_msgs/RelativeHumidity": Kind(RelativeHumidity, _set("relative_humidity")),
-    "sensor_msgs/FluidPressure": Kind(FluidPressure, _set("fluid_pressure")),
-    "sensor_msgs/Illuminance": Kind(Illuminance, _set("illuminance")),
-    "sensor_msgs/Imu": Kind(Imu, fill_compass),
+    "sensor_msgs/Temperature": MessageKind(Temperature, _set("temperature")),
+    "sensor_msgs/RelativeHumidity": MessageKind(RelativeHumidity, _set("relative_humidity")),
+    "sensor_msgs/FluidPressure": MessageKind(FluidPressure, _set("fluid_pressure")),
+    "sensor_msgs/Illuminance": MessageKind(Illuminance, _set("illuminance")),
+    "sensor_msgs/Imu": MessageKind(Imu, fill_compass),
 }
 """Message types that a sensor can be published as."""
 
@@ -108,7 +108,7 @@ class SensorTopics:
         return self._out[topic]
 
 
-def new_message(entry: Entry, base_frame: str) -> Any:
+def new_message(entry: SensorTopic, base_frame: str) -> Any:
     """A message without values, with frame and variance set."""
     message = KINDS[entry.type].message()
     if hasattr(message, "header"):
@@ -123,14 +123,14 @@ def new_message(entry: Entry, base_frame: str) -> Any:
     return message
 
 
-def fill(message: Any, entry: Entry, values: Values, stamp: Time) -> None:
+def fill(message: Any, entry: SensorTopic, values: Values, stamp: Time) -> None:
     """Write values (in the unit of the table's row) and their time into a message of `new_message`."""
     KINDS[entry.type].fill(message, tuple(value * entry.factor for value in values))
     if hasattr(message, "header"):
         message.header.stamp = stamp
 
 
-def load(path: str = FILE) -> Dict[str, Entry]:
+def load(path: str = FILE) -> Dict[str, SensorTopic]:
     """Read the topics from a file.
 
     Raises:
@@ -142,10 +142,14 @@ def load(path: str = FILE) -> Dict[str, Entry]:
     return {topic: _entry(reader, topic, found) for topic, found in topics.items()}
 
 
-def _entry(reader: yaml_file.Reader, topic: str, found: Any) -> Entry:
-    reader.mapping(topic, found, f"the keys {', '.join(Entry._fields)}")
-    entry = Entry(
-        **{"sensor": topic, "type": None, **reader.keys(topic, found, Entry._fields, Entry._fields)}
+def _entry(reader: yaml_file.Reader, topic: str, found: Any) -> SensorTopic:
+    reader.mapping(topic, found, f"the keys {', '.join(SensorTopic._fields)}")
+    entry = SensorTopic(
+        **{
+            "sensor": topic,
+            "type": None,
+            **reader.keys(topic, found, SensorTopic._fields, SensorTopic._fields),
+        }
     )
     number = yaml_file.is_number
     for key, good, expected in (

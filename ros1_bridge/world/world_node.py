@@ -42,7 +42,7 @@ PARAMETERS = (
 """The node's private parameters."""
 
 
-class Robot:
+class RobotTopics:
     """Topics of one robot."""
 
     def __init__(
@@ -102,7 +102,7 @@ class WorldNode:
         self._world.crowd = SharedCrowd(given["world_name"])
         self._only, self._prefix, self._localise = given["only"], given["prefix"], given["localise"]
         self._frame = given["map_frame"]
-        self._robots: Dict[str, Robot] = {}
+        self._robots: Dict[str, RobotTopics] = {}
         grid = grid_map.draw(self._world, given["resolution"])
         self._map_out = direct_publisher(rospy.Publisher, "map", OccupancyGrid, latch=True)
         self._map_out.publish(
@@ -125,10 +125,10 @@ class WorldNode:
                     self._robot(mover.name).publish(mover.pose)
             rate.sleep()
 
-    def _robot(self, name: str) -> Robot:
+    def _robot(self, name: str) -> RobotTopics:
         if name not in self._robots:
             space, prefix = ("", self._prefix) if self._only else (f"{name}/", f"{name}/")
-            self._robots[name] = Robot(self._world, name, space, prefix, self._frame, self._localise)
+            self._robots[name] = RobotTopics(self._world, name, space, prefix, self._frame, self._localise)
         return self._robots[name]
 
 

@@ -11,7 +11,7 @@ from functools import partial
 from typing import Callable, Iterator, List, NamedTuple, Optional, Set, Tuple
 
 from sim_arduino.hardware.environment_sensors import COMPASS_ADDRESS, THERMOPILE_ADDRESS
-from sim_arduino.hardware.omni3md import Geometry
+from sim_arduino.hardware.omni3md import BoardGeometry
 from sim_arduino.hardware.sonars import VOLTS_PER_COUNT
 from sim_arduino.hardware.wiring import SONAR_POWER, SONAR_TRIGGER, Plant
 
@@ -58,7 +58,7 @@ class Hung(Exception):
     """The board waits forever, because a sensor does not answer."""
 
 
-class Row(NamedTuple):
+class Request(NamedTuple):
     """A request: code, number of arguments, action (returns the reply's fields), duration [s], code of the reply."""
 
     code: int
@@ -167,7 +167,7 @@ class Board2013:
                 motor.set_prescaler(now, encoder, 0)
             motor.set_gains(now, config["kp"], config["ki"], config["kd"])
             motor.set_ramp(now, config["ramp_time"], config["ramp_gain"])
-            motor.set_geometry(now, Geometry(*(config[name] for name in Geometry._fields)))
+            motor.set_geometry(now, BoardGeometry(*(config[name] for name in BoardGeometry._fields)))
 
     def _next_pass_s(self) -> float:
         """Time of the next pass that has something to do [s]."""
@@ -230,7 +230,7 @@ class Board2013:
         self._run(row, *args)
         return True
 
-    def _run(self, row: Row, *args: int) -> None:
+    def _run(self, row: Request, *args: int) -> None:
         """Carries out a request; its reply is sent when its duration is over."""
         ready_s = self.now_s + row.duration_s
         try:
@@ -282,7 +282,7 @@ class Rows:
         self.requests = {row.code: row for row in rows if not board.january or row.code in JANUARY_CODES}
         self.streams = [self.requests[code] for code in (18, 23, 27, 25) if code in self.requests]
 
-    def _commands(self) -> Iterator[Row]:
+    def _commands(self) -> Iterator[Request]:
         motor = self._plant.motor_board
         table: Tuple[Tuple[int, int, Callable[..., None], float], ...] = (
             (1, 0, lambda now: motor.calibrate(now, (1, 0, 0)), CALIBRATION_S),
@@ -302,42 +302,44 @@ class Rows:
             (14, 0, lambda now: None, 0.0),  # sent to I2C address 0, where no device is
         )
         for code, count, method, pause_s in table:
-            yield Row(code, count, partial(self._drive, method), COMMAND_S + pause_s, code)
+            yield Request(code, count, partial(self._drive, method), COMMAND_S + pause_s, code)
 
-    def _readings(self) -> Iterator[Row]:
+    def _readings(self) -> Iterator[Request]:
         sonars_s = JANUARY_SONARS_S if self._board.january else SONARS_S
-        yield Row(5, 0, self._info, INFO_S, 5)
-        yield Row(6, 0, self._encoders, ENCODERS_S, 6)
-        yield Row(7, 0, self._sonars, sonars_s, 7)
-        yield Row(8, 0, self._both, ENCODERS_S + sonars_s, 8)
+        yield Request(5, 0, self._info, INFO_S, 5)
+        yield Request(6, 0, self._encoders, ENCODERS_S, 6)
+        yield Request(7, 0, self._sonars, sonars_s, 7)
+        yield Request(8, 0, self._both, ENCODERS_S + sonars_s, 8)
         if self._board.january:
             yield from self._stream(18, 19, self._encoders, ENCODERS_S, 6)
         else:
             yield from self._stream(18, 19, self._both, ENCODERS_S + sonars_s, 8)
 
-    def _settings(self) -> Iterator[Row]:
-        yield Row(15, 0, self._tell_debug, PRINTED_S, 15)
-        yield Row(16, 1, self._set_debug, PRINTED_S, 16)
-        yield Row(17, 0, lambda: (int(18 in self._board.streams),), PRINTED_S, 17)
+    def _settings(self) -> Iterator[Request]:
+        yield Request(15, 0, self._tell_debug, PRINTED_S, 15)
+        yield Request(16, 1, self._set_debug, PRINTED_S, 16)
+        yield Request(17, 0, lambda: (int(18 in self._board.streams),), PRINTED_S, 17)
 
-    def _environment(self) -> Iterator[Row]:
-        yield Row(20, 0, lambda: (self._alcohol(),), ANALOG_S, 20)
-        yield Row(21, 0, lambda: (self._dust(),), PRINTED_S, 21)
-        yield Row(22, 0, self._pixels, THERMOPILE_S, 22)
+    def _environment(self) -> Iterator[Request]:
+        yield Request(20, 0, lambda: (self._alcohol(),), ANALOG_S, 20)
+        yield Request(21, 0, lambda: (self._dust(),), PRINTED_S, 21)
+        yield Request(22, 0, self._pixels, THERMOPILE_S, 22)
         sensors_s = THERMOPILE_S + ENCODERS_S + ANALOG_S
         yield from self._stream(23, 24, self._sensors, sensors_s, 23)
         yield from self._stream(25, 26, lambda: (*self._sensors(), self._adc(2)), sensors_s + ANALOG_S, 25)
         yield from self._stream(27, 28, self._bearing, COMPASS_S, 27)
 
-    def _stream(self, start: int, end: int, action: _Action, duration_s: float, reply: int) -> Iterator[Row]:
+    def _stream(
+        self, start: int, end: int, action: _Action, duration_s: float, reply: int
+    ) -> Iterator[Request]:
         """The request that starts a stream, which the stream repeats, and the request that ends it."""
 
         def begin() -> Optional[Tuple[int, ...]]:
             self._board.streams.add(start)
             return action()
 
-        yield Row(start, 0, begin, duration_s, reply)
-        yield Row(end, 0, lambda: self._board.streams.discard(start), 0.0, end)
+        yield Request(start, 0, begin, duration_s, reply)
+        yield Request(end, 0, lambda: self._board.streams.discard(start), 0.0, end)
 
     def _drive(self, method: Callable[..., None], *args: int) -> None:
         if self._board.has_motors():

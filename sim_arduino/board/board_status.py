@@ -7,7 +7,7 @@ from mrl_driver.protocol.table import FAULTS, INT16_MAX, REASONS, RESET_CAUSES, 
 _BIT = {name: 1 << bit for bit, (name, _) in enumerate(FAULTS)}
 
 
-class Health:
+class BoardStatus:
     """Counters and flags since the last reset.
 
     Attributes:

@@ -2,13 +2,13 @@
 
 from typing import Optional, Tuple
 
-from sim_arduino.hardware.omni3md import Geometry, Omni3MD
+from sim_arduino.hardware.omni3md import BoardGeometry, Omni3MD
 
-from .board_status import Health
+from .board_status import BoardStatus
 from .parameter_store import Config
 
 
-class Motors:
+class MotorControl:
     """The motor board, as the firmware sees it from one start to the next.  Times are the board's [s].
 
     Attributes:
@@ -16,7 +16,7 @@ class Motors:
         ever_found: The motor board has answered since the start.
     """
 
-    def __init__(self, driver: Omni3MD, config: Config, health: Health) -> None:
+    def __init__(self, driver: Omni3MD, config: Config, health: BoardStatus) -> None:
         self.driver = driver
         self.ever_found = False
         self._config, self._health = config, health
@@ -40,8 +40,8 @@ class Motors:
     def set_up(self, now_s: float, changed: Optional[str] = None) -> None:
         """Sends all settings to the motor board, or only those that depend on the parameter `changed`."""
         config, driver = self._config, self.driver
-        if changed is None or changed in Geometry._fields:
-            driver.set_geometry(now_s, Geometry(*(config[name] for name in Geometry._fields)))
+        if changed is None or changed in BoardGeometry._fields:
+            driver.set_geometry(now_s, BoardGeometry(*(config[name] for name in BoardGeometry._fields)))
         if changed in (None, "kp", "ki", "kd"):
             driver.set_gains(now_s, config["kp"], config["ki"], config["kd"])
         if changed in (None, "ramp_time", "ramp_gain"):

@@ -14,8 +14,8 @@ from sim_arduino.hardware.sonars import VOLTS_PER_COUNT
 from sim_arduino.hardware.wiring import Plant
 
 from . import parameter_store, registry
-from .board_status import Health
-from .motor_control import Motors
+from .board_status import BoardStatus
+from .motor_control import MotorControl
 from .parameter_store import Config
 from .sonar_chain import SonarTask
 from .uart import OUT_BYTE_S, Incoming, Outgoing
@@ -42,7 +42,7 @@ QUEUE_BYTES, SENDING_BYTES = 64, 2
 _HEATER, _FAN = 15, 7
 
 
-class Answer(NamedTuple):
+class WaitingReply(NamedTuple):
     """A waiting reply: earliest time [s], code, and a value passed back to its builder."""
 
     due_s: float
@@ -50,7 +50,7 @@ class Answer(NamedTuple):
     value: int
 
 
-class Stream(NamedTuple):
+class RunningStream(NamedTuple):
     """A running stream: the command that started it, and the time between frames [s]; 0 is as fast as possible."""
 
     code: int
@@ -160,12 +160,12 @@ class PythonBoard:
     def _start(self, cause: str) -> None:
         self.started_s = self.now_s
         self.ready_s = self.now_s + BOOT_S
-        self.health = Health(cause)
+        self.health = BoardStatus(cause)
         self.config = Config(self.eeprom)
-        self.motors = Motors(self.plant.motor_board, self.config, self.health)
+        self.motors = MotorControl(self.plant.motor_board, self.config, self.health)
         self.sonars: Optional[SonarTask] = None
         self.debug = False
-        self.stream: Optional[Stream] = None
+        self.stream: Optional[RunningStream] = None
         self.watchdog_ms = 0
         self._valid_s = self._stream_due_s = self.ready_s
         self._silent = False
@@ -180,7 +180,7 @@ class PythonBoard:
         self._left = b""
         self._outgoing.free_s = self.now_s
         self._decoder = FrameDecoder(REQUESTS)
-        self._answers: Deque[Answer] = deque()
+        self._answers: Deque[WaitingReply] = deque()
 
     def _boot(self) -> None:
         self._booted = True
@@ -282,7 +282,7 @@ class PythonBoard:
         if len(self._answers) >= ANSWERS:
             self.refuse("overrun")
         else:
-            self._answers.append(Answer(self.now_s + after_s, code, value))
+            self._answers.append(WaitingReply(self.now_s + after_s, code, value))
 
     def _send_next(self) -> None:
         """Sends a reply or a frame of the stream; if both are due, they take turns."""
@@ -335,7 +335,7 @@ class PythonBoard:
 
     def start_stream(self, code: int, period_ms: int) -> None:
         """Starts a stream; it replaces a running one."""
-        self.stream = Stream(code, period_ms / 1000.0)
+        self.stream = RunningStream(code, period_ms / 1000.0)
         self._stream_due_s = self.now_s
 
     def stop_stream(self, code: int) -> None:

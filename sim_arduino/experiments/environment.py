@@ -6,7 +6,7 @@ from typing import Any, List, NamedTuple, Tuple
 import numpy as np
 
 from mrl_driver.geometry import Pose
-from mrl_driver.navigation.line_follower import Course, Limits
+from mrl_driver.navigation.line_follower import Course, FollowerLimits
 from mrl_driver.protocol.table import BY_NAME
 from sim_arduino.world import world_file
 from sim_arduino.world.scene import PIXEL_RAD
@@ -14,7 +14,7 @@ from sim_arduino.world.world import World
 
 from . import plots
 from .occupancy import Grid, points
-from .report import Result, Row
+from .report import Figure, Result
 from .stage import Actor, Setting, actor, follow
 
 LANE_M = 0.5
@@ -23,7 +23,7 @@ EDGE_M = 0.5
 EVERY_TICKS = 6
 CELL_M, VIEWS = 0.1, 4
 """The thermopile's map has cells of this side; heat is what so many hot pixels agree on."""
-SPEEDS = Limits(linear_m_s=0.3, angular_rad_s=0.8)
+SPEEDS = FollowerLimits(linear_m_s=0.3, angular_rad_s=0.8)
 
 
 class Variable(NamedTuple):
@@ -126,7 +126,7 @@ def _looked_at(index: int, each: Variable, samples: List[Sample], world: World) 
     return points(grid.odds >= VIEWS / 2, grid.map())
 
 
-def _judged(index: int, each: Variable, samples: List[Sample], world: World) -> List[Row]:
+def _judged(index: int, each: Variable, samples: List[Sample], world: World) -> List[Figure]:
     """How far the alerts lie from the nearest source, and how many of the sources were found."""
     sources = np.array([source[:2] for source in getattr(world.scene, each.scene)])
     spots = _above(index, each, samples, world)
@@ -134,9 +134,9 @@ def _judged(index: int, each: Variable, samples: List[Sample], world: World) -> 
     apart = [min(np.hypot(*(sources - spot).T)) for spot in spots]
     median = float(np.median(apart)) if apart else math.nan
     return [
-        Row(f"{each.title}_most", f"most {each.title}", most, each.unit, f"alert from {each.alert:g}"),
-        Row(f"{each.title}_alerts", f"places with {each.title} above it", len(spots)),
-        Row(f"{each.title}_distance_m", "their distance from a source, median", median, "m"),
+        Figure(f"{each.title}_most", f"most {each.title}", most, each.unit, f"alert from {each.alert:g}"),
+        Figure(f"{each.title}_alerts", f"places with {each.title} above it", len(spots)),
+        Figure(f"{each.title}_distance_m", "their distance from a source, median", median, "m"),
     ]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from mrl_driver.driver import Telemetry
 from mrl_driver.geometry import Pose
-from mrl_driver.navigation.line_follower import Course, Limits
+from mrl_driver.navigation.line_follower import Course, FollowerLimits
 from sim_arduino.hardware.laser import URG_04LX, LaserScanner
 from sim_arduino.hardware.sonars import HALF_CONE_RAD
 from sim_arduino.world import grid_map, world_file
@@ -15,7 +15,7 @@ from sim_arduino.world.world import World
 
 from . import plots
 from .occupancy import Grid, points, share_near
-from .report import Result, Row
+from .report import Figure, Result
 from .stage import NOISE, Actor, Setting, actor, follow
 
 SIDES = ("left", "right")
@@ -26,14 +26,14 @@ NEAR_M = 0.05
 """A wall cell counts as mapped with an occupied one this near."""
 MARGIN_M = 0.3
 WAY = ((1.5, 0.5), (1.5, 1.25), (1.5, 0.5), (0.35, 0.5), (1.0, 0.5))
-SLOW = Limits(linear_m_s=0.12, angular_rad_s=0.35)
+SLOW = FollowerLimits(linear_m_s=0.12, angular_rad_s=0.35)
 """So slow that each sonar, which measures every 0.3 s, does so every few degrees and centimetres."""
 OCCUPIED_FROM = {"sonars": 0.9, "laser": 6.0}
 """Log odds from which on a cell counts as a wall: two arcs that nothing contradicts, or six beams."""
 VIEW_RAYS = 73
 
 
-class Drive(NamedTuple):
+class CourseRecord(NamedTuple):
     """What was measured on the way; poses are those of odometry, in the world's frame."""
 
     path: List[Pose]
@@ -67,9 +67,9 @@ def run(setting: Setting) -> Result:
     )
 
 
-def _drive(setting: Setting, robot: Actor, world: World) -> Drive:
+def _drive(setting: Setting, robot: Actor, world: World) -> CourseRecord:
     start, scanner = world.start, LaserScanner(world, seed=setting.seed)
-    driver, drive = robot.driver, Drive([], [], [])
+    driver, drive = robot.driver, CourseRecord([], [], [])
     robot.reset_pose(start)
     assert driver.model is not None
     mounts = driver.model.sonars
@@ -120,18 +120,18 @@ def _seen(
     return np.concatenate(found)
 
 
-def _cones_view(world: World, drive: Drive) -> Any:
+def _cones_view(world: World, drive: CourseRecord) -> Any:
     step = 2 * HALF_CONE_RAD / (VIEW_RAYS - 1)
     return _seen(world, [true for _, _, true in drive.cones], -HALF_CONE_RAD, step, VIEW_RAYS, SONAR_FAR_M)
 
 
-def _scans_view(world: World, drive: Drive) -> Any:
+def _scans_view(world: World, drive: CourseRecord) -> Any:
     laser = URG_04LX
     poses = [true for _, _, true in drive.scans]
     return _seen(world, poses, laser.first_rad, laser.step_rad, laser.rays, laser.far_m)
 
 
-def _judged(name: str, made: GridMap, view: Any, world: World) -> List[Row]:
+def _judged(name: str, made: GridMap, view: Any, world: World) -> List[Figure]:
     """Share of the wall cells in view that were found, and of the occupied cells that are walls."""
     true = grid_map.draw(world, made.resolution_m, MARGIN_M)
     walls = points(true.cells == OCCUPIED, true)
@@ -142,12 +142,12 @@ def _judged(name: str, made: GridMap, view: Any, world: World) -> List[Row]:
     found = 100 * share_near(in_view, occupied, NEAR_M)
     sound = 100 * share_near(occupied, walls, NEAR_M)
     return [
-        Row(f"{name}_walls_found_percent", f"wall cells in view found by {name}", found, "%"),
-        Row(f"{name}_cells_on_walls_percent", f"occupied cells of {name} on a wall", sound, "%"),
+        Figure(f"{name}_walls_found_percent", f"wall cells in view found by {name}", found, "%"),
+        Figure(f"{name}_cells_on_walls_percent", f"occupied cells of {name} on a wall", sound, "%"),
     ]
 
 
-def _draw(setting: Setting, world: World, drive: Drive, maps: Any) -> str:
+def _draw(setting: Setting, world: World, drive: CourseRecord, maps: Any) -> str:
     made, axes = plots.figure(2, 9.0, 4.6)
     for each, (name, grid) in zip(axes, maps.items()):
         low = grid.origin

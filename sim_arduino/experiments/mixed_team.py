@@ -10,7 +10,7 @@ from mrl_driver.robot.models import Limits
 from sim_arduino.world import world_file
 
 from . import plots
-from .report import Result, Row
+from .report import Figure, Result
 from .stage import TICK_S, Setting, require_emulated
 from .team import Member, Team, gather
 
@@ -65,10 +65,10 @@ def play(setting: Setting, team: Team, duration_s: float, remark: str = SIMULATE
 def _result(setting: Setting, team: Team, duration_s: float, remark: str) -> Result:
     way = sum(math.dist(a[:2], b[:2]) for p in team.players for a, b in zip(p.path, p.path[1:]))
     rows = [
-        Row("collisions", "ticks of 50 ms with a collision", team.collisions, "", "none"),
-        Row("nearest_m", "least distance of two middles", team.nearest_m, "m"),
-        Row("way_m", "way of all robots", way, "m"),
-        Row("duration_s", "duration", duration_s, "s"),
+        Figure("collisions", "ticks of 50 ms with a collision", team.collisions, "", "none"),
+        Figure("nearest_m", "least distance of two middles", team.nearest_m, "m"),
+        Figure("way_m", "way of all robots", way, "m"),
+        Figure("duration_s", "duration", duration_s, "s"),
     ]
     title = "Two real robots and a virtual one wander in one arena"
     return Result("mixed-team", title, rows, [draw(setting, team, "mixed-team")], remark)

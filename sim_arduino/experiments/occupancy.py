@@ -17,7 +17,7 @@ MOST = 12.0
 """Limit of the log odds, so that new readings can change a cell."""
 
 
-class Sensor(NamedTuple):
+class SensorModel(NamedTuple):
     """The effect of one reading on the grid.
 
     Attributes:
@@ -34,9 +34,9 @@ class Sensor(NamedTuple):
     sure_m: float = math.inf
 
 
-LASER = Sensor(hit=1.0, free=-0.4, free_m=0.05, thick_m=0.0, sure_m=1.5)
+LASER = SensorModel(hit=1.0, free=-0.4, free_m=0.05, thick_m=0.0, sure_m=1.5)
 """The URG-04LX errs by 1 cm up to 1 m and by 2 % beyond."""
-SONAR = Sensor(hit=0.5, free=-1.0, free_m=0.045, thick_m=0.02)
+SONAR = SensorModel(hit=0.5, free=-1.0, free_m=0.045, thick_m=0.02)
 
 
 class Grid:
@@ -52,7 +52,9 @@ class Grid:
         self._x = low_m[0] + (columns + 0.5) * resolution_m
         self._y = low_m[1] + (rows + 0.5) * resolution_m
 
-    def beams(self, pose: Pose, angles_rad: Any, ranges_m: Any, far_m: float, sensor: Sensor = LASER) -> None:
+    def beams(
+        self, pose: Pose, angles_rad: Any, ranges_m: Any, far_m: float, sensor: SensorModel = LASER
+    ) -> None:
         """Takes in a scan from `pose`; `angles_rad` and `ranges_m` are `(N,)`, +inf is free up to `far_m`."""
         known = ~np.isnan(ranges_m) & (ranges_m > 0)
         angles, ranges = angles_rad[known] + pose.yaw_rad, np.minimum(ranges_m[known], far_m)
@@ -71,7 +73,7 @@ class Grid:
         self._add(free & ~ends, sensor.free)
 
     def cone(
-        self, pose: Pose, half_angle_rad: float, range_m: float, far_m: float, sensor: Sensor = SONAR
+        self, pose: Pose, half_angle_rad: float, range_m: float, far_m: float, sensor: SensorModel = SONAR
     ) -> None:
         """Takes in a sonar's reading from `pose`; +inf is free up to `far_m`."""
         if math.isnan(range_m) or range_m < 0:

@@ -5,7 +5,7 @@ from typing import List, NamedTuple, Tuple
 from mrl_driver.errors import BoardError, MrlError
 
 from . import plots
-from .report import Result, Row
+from .report import Figure, Result
 from .stage import Actor, Setting, actor
 
 SPEEDS_MM_S = (50, 100, 200)
@@ -18,7 +18,7 @@ LAPSE = 10.0
 """Emulated packs hold so many times less, and their time counts so many times more."""
 
 
-class Run(NamedTuple):
+class PowerRun(NamedTuple):
     """Voltages over time at one speed."""
 
     speed_mm_s: int
@@ -30,7 +30,7 @@ def run(setting: Setting) -> Result:
     """Drives each speed with full packs, and draws the voltages."""
     runs = [_circle(setting, speed) for speed in SPEEDS_MM_S]
     rows = [
-        Row(
+        Figure(
             f"hours_{each.speed_mm_s}_mm_s",
             f"packs last at {each.speed_mm_s} mm/s",
             each.hours[-1],
@@ -46,9 +46,9 @@ def run(setting: Setting) -> Result:
     return Result("power", "Endless circles until the packs reach 9 V", rows, [_draw(setting, runs)], remark)
 
 
-def _circle(setting: Setting, speed_mm_s: int) -> Run:
+def _circle(setting: Setting, speed_mm_s: int) -> PowerRun:
     linear = speed_mm_s / 1000
-    driven = Run(speed_mm_s, [], [])
+    driven = PowerRun(speed_mm_s, [], [])
     with actor(setting, "square", period_ms=PERIOD_MS, command_timeout_s=2 * LOOK_S) as robot:
         driver, (lapse, look_s) = robot.driver, _lapse(robot)
         start_s = driver.now_s
@@ -76,7 +76,7 @@ def _lapse(robot: Actor) -> Tuple[float, float]:
     return LAPSE, LOOK_S / LAPSE
 
 
-def _draw(setting: Setting, runs: List[Run]) -> str:
+def _draw(setting: Setting, runs: List[PowerRun]) -> str:
     made, (axes,) = plots.figure()
     colours = (plots.BLUE, plots.ORANGE, plots.GREEN)
     for each, colour, line in zip(runs, colours, plots.LINES):

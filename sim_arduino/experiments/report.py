@@ -9,7 +9,7 @@ from mrl_driver.files import replace_file
 Number = Union[int, float, str]
 
 
-class Row(NamedTuple):
+class Figure(NamedTuple):
     """One figure.
 
     Attributes:
@@ -34,12 +34,12 @@ class Result(NamedTuple):
 
     name: str
     title: str
-    rows: Sequence[Row]
+    rows: Sequence[Figure]
     pictures: Sequence[str] = ()
     remark: str = ""
 
 
-def spelt(row: Row) -> str:
+def spelt(row: Figure) -> str:
     """The figure with its unit."""
     value = f"{row.ours:.4g}" if isinstance(row.ours, float) else str(row.ours)
     return f"{value} {row.unit}".strip()
@@ -68,7 +68,7 @@ def read(folder: str, name: str) -> Optional[Result]:
             data = json.load(file)
     except OSError:
         return None
-    rows = [Row(**row) for row in data["rows"]]
+    rows = [Figure(**row) for row in data["rows"]]
     return Result(name, data["title"], rows, data["pictures"], data["remark"])
 
 

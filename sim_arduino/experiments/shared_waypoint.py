@@ -7,7 +7,7 @@ from typing import Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 from mrl_driver.geometry import Pose
 
 from .mixed_team import SIMULATED, WORLD, draw
-from .report import Result, Row
+from .report import Figure, Result
 from .stage import TICK_S, Setting, Step, require_emulated
 from .team import Member, Player, Team, gather
 
@@ -112,16 +112,16 @@ def play(setting: Setting, team: Team, rounds: int, most_s: float, remark: str =
 
 def _result(setting: Setting, team: Team, cycles: Sequence[Cycle], duration_s: float, remark: str) -> Result:
     rows = [
-        Row("collisions", "ticks of 50 ms with a collision", team.collisions, "", "none"),
-        Row("rounds", "rounds of all robots", sum(cycle.rounds for cycle in cycles)),
-        Row("nearest_m", "least distance of two middles", team.nearest_m, "m"),
-        Row(
+        Figure("collisions", "ticks of 50 ms with a collision", team.collisions, "", "none"),
+        Figure("rounds", "rounds of all robots", sum(cycle.rounds for cycle in cycles)),
+        Figure("nearest_m", "least distance of two middles", team.nearest_m, "m"),
+        Figure(
             "waited_s",
             "time that robots waited for the shared waypoint",
             sum(c.waited_s for c in cycles),
             "s",
         ),
-        Row("duration_s", "duration", duration_s, "s"),
+        Figure("duration_s", "duration", duration_s, "s"),
     ]
     title = "Three robots with a shared waypoint"
     return Result("shared-waypoint", title, rows, [draw(setting, team, "shared-waypoint")], remark)

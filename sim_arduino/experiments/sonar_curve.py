@@ -11,7 +11,7 @@ from sim_arduino.world.geometry import Wall
 from sim_arduino.world.world import World
 
 from . import plots
-from .report import Result, Row
+from .report import Figure, Result
 from .stage import NOISE, Setting, actor
 
 PLAN = parts.SonarPlan()
@@ -35,11 +35,11 @@ def run(setting: Setting) -> Result:
     points = np.arange(0.2, 2.001, 0.05)
     off = np.abs(fit.curve.range_m(THESIS.counts(points)) - points)
     rows = [
-        Row("a", "a of a s^b + c [cm]", fit.curve.a, "", f"{THESIS.a}"),
-        Row("b", "b", fit.curve.b, "", f"{THESIS.b}"),
-        Row("c", "c", fit.curve.c, "", f"{THESIS.c}"),
-        Row("r2", "R2", round(fit.r2, 5), "", f"{THESIS_R2}"),
-        Row(
+        Figure("a", "a of a s^b + c [cm]", fit.curve.a, "", f"{THESIS.a}"),
+        Figure("b", "b", fit.curve.b, "", f"{THESIS.b}"),
+        Figure("c", "c", fit.curve.c, "", f"{THESIS.c}"),
+        Figure("r2", "R2", round(fit.r2, 5), "", f"{THESIS_R2}"),
+        Figure(
             "error_cm", "most that it differs from the true curve, 20 to 200 cm", 100 * float(off.max()), "cm"
         ),
     ]
@@ -62,7 +62,9 @@ def _approach(setting: Setting) -> Tuple[Sequence[float], Sequence[float]]:
         return parts.readings_at_stops(track.end(), driver.model.differential, PLAN.start_m)
 
 
-def _draw(setting: Setting, counts: Sequence[float], distances: Sequence[float], fit: sonar_curve.Fit) -> str:
+def _draw(
+    setting: Setting, counts: Sequence[float], distances: Sequence[float], fit: sonar_curve.SonarFit
+) -> str:
     made, (curve, left) = plots.figure(2, 9.5, 4.5)
     s = np.linspace(10, max(counts), 200)
     curve.plot(counts, 100 * np.array(distances), "o", color=plots.BLUE, fillstyle="none", label="readings")

@@ -7,12 +7,12 @@ from typing import Dict, List, NamedTuple, Sequence, Tuple
 from mrl_driver.calibration import manoeuvres
 from mrl_driver.calibration.geometry import UMBMARK, evaluate, gather, umbmark_legs
 from mrl_driver.calibration.ground_truth import Truth
-from mrl_driver.calibration.trial import LEFT, RIGHT, Run, errors, sense
+from mrl_driver.calibration.trial import LEFT, RIGHT, Trial, errors, sense
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import Drive
 
 from . import plots
-from .report import Result, Row
+from .report import Figure, Result
 from .stage import Actor, Setting, actor, require_emulated
 
 SIDE_M = 1.0
@@ -50,7 +50,7 @@ class Lap(NamedTuple):
         return math.degrees(self.error.yaw_rad)
 
 
-class Robot(NamedTuple):
+class RobotLaps(NamedTuple):
     """A robot's laps before and after the calibration, counter-clockwise and clockwise."""
 
     before: Sequence[Lap]
@@ -68,9 +68,11 @@ def run(setting: Setting) -> Result:
     before = sorted(lap.error_cm for robot in others for lap in robot.before)
     after = [lap for robot in others for lap in robot.after]
     rows += [
-        Row("others_before_cm", f"{TEAM} robots drawn at random, median", before[len(before) // 2], "cm"),
-        Row("others_after_cm", "their worst lap after calibration", max(lap.error_cm for lap in after), "cm"),
-        Row("others_after_deg", "", max(abs(lap.error_deg) for lap in after), "deg"),
+        Figure("others_before_cm", f"{TEAM} robots drawn at random, median", before[len(before) // 2], "cm"),
+        Figure(
+            "others_after_cm", "their worst lap after calibration", max(lap.error_cm for lap in after), "cm"
+        ),
+        Figure("others_after_deg", "", max(abs(lap.error_deg) for lap in after), "deg"),
     ]
     remark = "An error is the true end of a lap less what the odometry says. Calibrated by UMBmark, two laps each way."
     return Result("square", "Square of 1 m by odometry alone", rows, [_draw(setting, like, others)], remark)
@@ -81,17 +83,17 @@ def _errors(rng: random.Random) -> Dict[str, float]:
     return {"wheel_ratio": ratio, "axle": axle, "slip": rng.uniform(0.0, MOST_SLIP)}
 
 
-def _rows(lap: Lap, when: str) -> List[Row]:
+def _rows(lap: Lap, when: str) -> List[Figure]:
     cm, deg = PUBLISHED[lap.sense]
     way = lap.sense.replace("-", "_")
     published = ("", "") if when == "after" else (f"{cm} cm", f"{deg} deg")
     return [
-        Row(f"{way}_{when}_cm", f"{lap.sense}, {when} calibration", lap.error_cm, "cm", published[0]),
-        Row(f"{way}_{when}_deg", "", lap.error_deg, "deg", published[1]),
+        Figure(f"{way}_{when}_cm", f"{lap.sense}, {when} calibration", lap.error_cm, "cm", published[0]),
+        Figure(f"{way}_{when}_deg", "", lap.error_deg, "deg", published[1]),
     ]
 
 
-def _robot(setting: Setting, **hidden: float) -> Robot:
+def _robot(setting: Setting, **hidden: float) -> RobotLaps:
     """Drives a robot with hidden errors: laps, the calibration, and laps with what it found."""
     spelt = ",".join(f"{key}={value:.5f}" for key, value in hidden.items())
     with actor(setting, error=spelt) as robot:
@@ -102,17 +104,17 @@ def _robot(setting: Setting, **hidden: float) -> Robot:
         before = [_lap(model.differential, *each) for each in laps]
     with actor(setting, error=spelt, drive=found) as robot:
         after = [_lap(found, *each) for each in _laps(robot, 1)]
-    return Robot([before[0], before[LAPS]], after)
+    return RobotLaps([before[0], before[LAPS]], after)
 
 
-def _laps(robot: Actor, count: int) -> List[Tuple[Run, List[Pose]]]:
+def _laps(robot: Actor, count: int) -> List[Tuple[Trial, List[Pose]]]:
     """Drives so many laps each way round; the runs, and the true paths in the frame of their starts."""
-    runs: List[Run] = []
+    runs: List[Trial] = []
     paths: List[List[Pose]] = [[]]
     truth = Truth(lambda: robot.true_pose)
     robot.driver.on_telemetry(lambda _: paths[-1].append(truth.end("", lambda _: None)))
 
-    def keep(driven: Run) -> None:
+    def keep(driven: Trial) -> None:
         runs.append(driven)
         paths.append([])
 
@@ -120,11 +122,11 @@ def _laps(robot: Actor, count: int) -> List[Tuple[Run, List[Pose]]]:
     return list(zip(runs, paths))
 
 
-def _lap(drive: Drive, driven: Run, true: List[Pose]) -> Lap:
+def _lap(drive: Drive, driven: Trial, true: List[Pose]) -> Lap:
     return Lap(sense(drive, driven), Pose(*errors(drive, [driven])[0]), true)
 
 
-def _draw(setting: Setting, like: Robot, others: Sequence[Robot]) -> str:
+def _draw(setting: Setting, like: RobotLaps, others: Sequence[RobotLaps]) -> str:
     made, (floor, ends) = plots.figure(2, 9.5, 5.6)
     for lap_before, lap_after, colour in zip(like.before, like.after, (plots.BLUE, plots.ORANGE)):
         plots.path(floor, lap_before.true, colour, f"{lap_before.sense}, before", "--")

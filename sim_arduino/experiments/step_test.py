@@ -18,7 +18,7 @@ from sim_arduino.testing import EmulatedBoard
 from sim_arduino.world.shared_robots import SharedCrowd
 
 from . import plots
-from .report import Result, Row
+from .report import Figure, Result
 from .stage import PERIOD_MS, TICK_S, Setting
 
 WAYPOINTS = ((0.4, 0.0), (0.4, 0.4), (0.8, 0.4), (0.8, 0.8), (1.2, 0.8), (1.2, 1.2))
@@ -30,7 +30,7 @@ START_S = 10.0
 """The mirror's process must start within this time."""
 
 
-class Drive(NamedTuple):
+class StepRecord(NamedTuple):
     """What was seen: poses by odometry, true ones, those of the mirror, and the mirror's delays [s]."""
 
     odometry: List[Tuple[float, ...]]
@@ -103,7 +103,7 @@ def run(setting: Setting) -> Result:
     return outcome(setting, _real(setting) if setting.port is not None else _emulated(setting), SIMPLE)
 
 
-def outcome(setting: Setting, drive: Drive, remark: str) -> Result:
+def outcome(setting: Setting, drive: StepRecord, remark: str) -> Result:
     """Figures and picture of a drive.
 
     Raises:
@@ -115,32 +115,32 @@ def outcome(setting: Setting, drive: Drive, remark: str) -> Result:
     end = drive.true[-1]
     away = 1000 * math.hypot(end[0] - WAYPOINTS[-1][0], end[1] - WAYPOINTS[-1][1])
     rows = [
-        Row(
+        Figure(
             "mirror_delay_ms_median",
             "delay of the mirror, median",
             delays[len(delays) // 2],
             "ms",
             "below 1 s",
         ),
-        Row("mirror_delay_ms_max", "delay of the mirror, most", delays[-1], "ms", "below 1 s"),
-        Row("end_error_mm", "true end from the last waypoint", away, "mm"),
+        Figure("mirror_delay_ms_max", "delay of the mirror, most", delays[-1], "ms", "below 1 s"),
+        Figure("end_error_mm", "true end from the last waypoint", away, "mm"),
     ]
     title = "Steps over a 400 x 400 mm grid, mirrored live"
     return Result("step-test", title, rows, [_draw(setting, drive)], f"{remark} {REACHED}")
 
 
-def _emulated(setting: Setting) -> Drive:
+def _emulated(setting: Setting) -> StepRecord:
     with EmulatedBoard(robot=setting.robot, world="square", seed=setting.seed) as board:
         return _drive(setting, board.port, lambda _: tuple(board.true_pose))
 
 
-def _real(setting: Setting) -> Drive:
+def _real(setting: Setting) -> StepRecord:
     assert setting.port is not None
     return _drive(setting, setting.port, lambda driver: tuple(driver.pose))
 
 
-def _drive(setting: Setting, port: str, truth: Callable[[Driver], Tuple[float, ...]]) -> Drive:
-    seen = Drive([], [], [], [])
+def _drive(setting: Setting, port: str, truth: Callable[[Driver], Tuple[float, ...]]) -> StepRecord:
+    seen = StepRecord([], [], [], [])
 
     def look(driver: Driver) -> None:
         seen.odometry.append(driver.pose)
@@ -173,7 +173,7 @@ def _go(driver: Driver, waypoint: Tuple[float, float], look: Callable[[Driver], 
         look(driver)
 
 
-def _draw(setting: Setting, drive: Drive) -> str:
+def _draw(setting: Setting, drive: StepRecord) -> str:
     made, (floor, late) = plots.figure(2, 9.0, 4.6)
     plots.path(floor, drive.true, plots.BLUE, "true path")
     plots.path(floor, drive.mirrored, plots.ORANGE, "mirror", "--")

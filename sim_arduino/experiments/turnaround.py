@@ -9,7 +9,7 @@ from sim_arduino.board.engine import Engine
 from sim_arduino.serve import factory
 
 from . import plots
-from .report import Result, Row
+from .report import Figure, Result
 from .stage import Setting, require_emulated
 
 COUNTS = (1, 2, 5, 10, 20, 30, 40, 50)
@@ -70,17 +70,17 @@ def run(setting: Setting, topics: Optional[Topics] = None) -> Result:
     plain = [(count, _total_ms(setting, count, False)) for count in COUNTS]
     published = f"{PUBLISHED_MS:g} ms (rosserial), 35 % less (frames)"
     rows = [
-        Row("plain_20_ms", "20 messages", dict(plain)[20], "ms", published),
-        Row(
+        Figure("plain_20_ms", "20 messages", dict(plain)[20], "ms", published),
+        Figure(
             "checked_20_ms", "20 messages with check value, sequence and board time", dict(checked)[20], "ms"
         ),
-        Row(
+        Figure(
             "rosserial_20_ms",
             "20 messages of rosserial on the same chip",
             20 * MEASURED_MS["rosserial"],
             "ms",
         ),
-        Row(
+        Figure(
             "firmware_2013_20_ms", "20 messages of the 2013 firmware", 20 * MEASURED_MS["2013 firmware"], "ms"
         ),
     ]
@@ -94,13 +94,13 @@ def run(setting: Setting, topics: Optional[Topics] = None) -> Result:
     return Result("turnaround", title, rows, [_draw(setting, plain, checked, topics)], remark)
 
 
-def _rows(topics: Topics, plain_ms: float, published: str) -> List[Row]:
+def _rows(topics: Topics, plain_ms: float, published: str) -> List[Figure]:
     """Figures of 20 messages through ROS."""
     odometry, commands = 20 * topics.odometry_ms, 20 * topics.command_ms
     return [
-        Row("ros_odometry_20_ms", "20 frames from the board to Odometry in a subscriber", odometry, "ms"),
-        Row("ros_commands_20_ms", "20 commands from cmd_vel to the motor board", commands, "ms"),
-        Row("ros_20_ms", "20 messages and the way to a topic", plain_ms + odometry, "ms", published),
+        Figure("ros_odometry_20_ms", "20 frames from the board to Odometry in a subscriber", odometry, "ms"),
+        Figure("ros_commands_20_ms", "20 commands from cmd_vel to the motor board", commands, "ms"),
+        Figure("ros_20_ms", "20 messages and the way to a topic", plain_ms + odometry, "ms", published),
     ]
 
 

@@ -12,7 +12,7 @@ FOREVER_S = 1e9
 TO_BOARD, TO_HOST, BOTH = "to_board", "to_host", "both"
 
 
-class Parameter(NamedTuple):
+class FaultParameter(NamedTuple):
     """A parameter of a fault: a number, or a text if `low` is None."""
 
     name: str
@@ -23,12 +23,12 @@ class Parameter(NamedTuple):
     text: str
 
 
-class Kind(NamedTuple):
+class FaultKind(NamedTuple):
     """A kind of fault; faults of the line have a `make`, which is called with a generator and the parameters."""
 
     name: str
     text: str
-    parameters: Tuple[Parameter, ...] = ()
+    parameters: Tuple[FaultParameter, ...] = ()
     make: Optional[Callable[..., LineFault]] = None
     at_s: float = 0.0
     lasts_s: float = FOREVER_S
@@ -37,84 +37,90 @@ class Kind(NamedTuple):
 class Fault(NamedTuple):
     """A fault to inject."""
 
-    kind: Kind
+    kind: FaultKind
     values: Dict[str, Union[float, str]]
     direction: str
     window: Tuple[float, float, float]
 
 
-def _rate(text: str) -> Tuple[Parameter, ...]:
-    return (Parameter("rate", 0.001, 0.0, 1.0, "", text),)
+def _rate(text: str) -> Tuple[FaultParameter, ...]:
+    return (FaultParameter("rate", 0.001, 0.0, 1.0, "", text),)
 
 
-def _junk(bytes_per_s: float) -> Tuple[Parameter, ...]:
-    return (Parameter("rate", bytes_per_s, 0.1, 100000.0, "byte/s", "how many"),)
+def _junk(bytes_per_s: float) -> Tuple[FaultParameter, ...]:
+    return (FaultParameter("rate", bytes_per_s, 0.1, 100000.0, "byte/s", "how many"),)
 
 
 _TEXT = "[INFO] the wheel e turned, @13e and @6,1,2e are no frames here"
 _KINDS = (
-    Kind(
+    FaultKind(
         "loss",
         "bytes are lost",
-        (*_rate("share of bytes that begin a loss"), Parameter("burst", 1, 1, 1024, "byte", "lost in a row")),
+        (
+            *_rate("share of bytes that begin a loss"),
+            FaultParameter("burst", 1, 1, 1024, "byte", "lost in a row"),
+        ),
         line.Loss,
     ),
-    Kind("flip", "one bit of a byte is flipped", _rate("share of bytes"), line.Flip),
-    Kind("change", "a byte turns into another", _rate("share of bytes"), line.Change),
-    Kind("swap", "a byte and the next change places", _rate("share of bytes"), line.Swap),
-    Kind("drop", "a frame is lost whole, as a datagram is", _rate("share of frames"), datagrams.Drop),
-    Kind("repeat", "a frame comes twice", _rate("share of frames"), datagrams.Repeat),
-    Kind(
+    FaultKind("flip", "one bit of a byte is flipped", _rate("share of bytes"), line.Flip),
+    FaultKind("change", "a byte turns into another", _rate("share of bytes"), line.Change),
+    FaultKind("swap", "a byte and the next change places", _rate("share of bytes"), line.Swap),
+    FaultKind("drop", "a frame is lost whole, as a datagram is", _rate("share of frames"), datagrams.Drop),
+    FaultKind("repeat", "a frame comes twice", _rate("share of frames"), datagrams.Repeat),
+    FaultKind(
         "overtake",
         "a frame comes after later ones",
-        (*_rate("share of frames"), Parameter("delay", 0.05, 0.0, 60.0, "s", "it is late by up to this")),
+        (
+            *_rate("share of frames"),
+            FaultParameter("delay", 0.05, 0.0, 60.0, "s", "it is late by up to this"),
+        ),
         datagrams.Overtake,
     ),
-    Kind(
+    FaultKind(
         "delay",
         "bytes come late, in their order",
         (
-            Parameter("delay", 0.0, 0.0, 60.0, "s", "of every piece"),
-            Parameter("jitter", 0.016, 0.0, 60.0, "s", "up to this much more"),
+            FaultParameter("delay", 0.0, 0.0, 60.0, "s", "of every piece"),
+            FaultParameter("jitter", 0.016, 0.0, 60.0, "s", "up to this much more"),
         ),
         line.Delay,
     ),
-    Kind(
+    FaultKind(
         "split",
         "bytes come in small pieces",
         (
-            Parameter("size", 3, 1, 1024, "byte", "of a piece at most"),
-            Parameter("gap", 0.003, 0.0, 1.0, "s", "between pieces"),
+            FaultParameter("size", 3, 1, 1024, "byte", "of a piece at most"),
+            FaultParameter("gap", 0.003, 0.0, 1.0, "s", "between pieces"),
         ),
         line.Split,
     ),
-    Kind("stall", "the line holds everything, then lets it go at once", (), line.Hold, 1.0, 1.0),
-    Kind("junk", "random bytes among the others", _junk(20.0), line.Junk),
-    Kind("flood", "random bytes at the rate of the line", _junk(11520.0), line.Junk),
-    Kind(
+    FaultKind("stall", "the line holds everything, then lets it go at once", (), line.Hold, 1.0, 1.0),
+    FaultKind("junk", "random bytes among the others", _junk(20.0), line.Junk),
+    FaultKind("flood", "random bytes at the rate of the line", _junk(11520.0), line.Junk),
+    FaultKind(
         "text",
         "lines of text for people",
         (
-            Parameter("period", 1.0, 0.001, 3600.0, "s", "between lines"),
-            Parameter("text", _TEXT, None, 0.0, "", "without commas"),
+            FaultParameter("period", 1.0, 0.001, 3600.0, "s", "between lines"),
+            FaultParameter("text", _TEXT, None, 0.0, "", "without commas"),
         ),
         line.Text,
     ),
-    Kind(
+    FaultKind(
         "baud",
         "the host's port runs at another rate",
-        (Parameter("rate", 57600, 300, 1000000, "Bd", "of the other end"),),
+        (FaultParameter("rate", 57600, 300, 1000000, "Bd", "of the other end"),),
         line.Baud,
     ),
-    Kind("unplug", "the port vanishes and comes back under another name", (), None, 1.0, 1.0),
-    Kind("freeze", "the board stands still, its motor board does not", (), None, 1.0, 1.0),
-    Kind("reset", "the board is reset", (), None, 1.0, 0.01),
+    FaultKind("unplug", "the port vanishes and comes back under another name", (), None, 1.0, 1.0),
+    FaultKind("freeze", "the board stands still, its motor board does not", (), None, 1.0, 1.0),
+    FaultKind("reset", "the board is reset", (), None, 1.0, 0.01),
 )
-FAULTS: Dict[str, Kind] = {kind.name: kind for kind in _KINDS}
+FAULTS: Dict[str, FaultKind] = {kind.name: kind for kind in _KINDS}
 _SHARED = (
-    Parameter("at", 0.0, 0.0, FOREVER_S, "s", "when it begins"),
-    Parameter("lasts", FOREVER_S, 0.001, FOREVER_S, "s", "for how long"),
-    Parameter("every", 0.0, 0.001, FOREVER_S, "s", "again after this time; absent: once"),
+    FaultParameter("at", 0.0, 0.0, FOREVER_S, "s", "when it begins"),
+    FaultParameter("lasts", FOREVER_S, 0.001, FOREVER_S, "s", "for how long"),
+    FaultParameter("every", 0.0, 0.001, FOREVER_S, "s", "again after this time; absent: once"),
 )
 
 
@@ -128,7 +134,7 @@ def usage() -> str:
     return "\n".join(lines)
 
 
-def _unit(parameter: Parameter) -> str:
+def _unit(parameter: FaultParameter) -> str:
     return f" [{parameter.unit}]" if parameter.unit else ""
 
 
@@ -169,7 +175,7 @@ def _direction(spec: str, text: str) -> str:
     return text
 
 
-def _value(spec: str, parameter: Parameter, text: str) -> Union[float, str]:
+def _value(spec: str, parameter: FaultParameter, text: str) -> Union[float, str]:
     if parameter.low is None:
         return text
     try:

@@ -30,7 +30,7 @@ class MotorParams(NamedTuple):
 
 
 @dataclass
-class Gains:
+class ControlSettings:
     """Settings of the motor board's speed control, in its own units."""
 
     kp: int = 700
@@ -45,7 +45,7 @@ class Gains:
     """Speed at which the ramp starts [1/1000 of rated speed]."""
 
 
-class Geometry(NamedTuple):
+class BoardGeometry(NamedTuple):
     """The differential geometry in the motor board's own units."""
 
     axis_radius: int
@@ -126,7 +126,7 @@ class Motor:
         self.travel += way
         return way
 
-    def control(self, period_s: float, gains: Gains) -> None:
+    def control(self, period_s: float, gains: ControlSettings) -> None:
         """One tick of the board's control loop."""
         if self.mode is Mode.SPEED:
             self._setpoint = self._ramped(self.target, period_s, gains)
@@ -138,7 +138,7 @@ class Motor:
     def _begin_control(self) -> None:
         self._setpoint, self._integral, self._error = self.speed, self.duty, 0.0
 
-    def _approach(self, period_s: float, gains: Gains) -> None:
+    def _approach(self, period_s: float, gains: ControlSettings) -> None:
         left = self._goal - self.travel
         if abs(left) < 0.5 and not self._hold:
             self.brake()
@@ -148,7 +148,7 @@ class Motor:
         self._setpoint = self._ramped(wanted, period_s, gains) if speeding_up else wanted
         self._pid(gains)
 
-    def _ramped(self, target: float, period_s: float, gains: Gains) -> float:
+    def _ramped(self, target: float, period_s: float, gains: ControlSettings) -> float:
         """The next set point on the way to `target`; from standstill the ramp starts at `ramp_gain`."""
         if gains.ramp_ms == 0:
             return target
@@ -159,7 +159,7 @@ class Motor:
         most = self.params.rated_counts_s * period_s * 1000.0 / gains.ramp_ms
         return start + max(-most, min(most, target - start))
 
-    def _pid(self, gains: Gains) -> None:
+    def _pid(self, gains: ControlSettings) -> None:
         error = (self._setpoint - self.speed) / self.params.no_load_counts_s
         self._integral = max(-1.0, min(1.0, self._integral + gains.ki / 1000.0 * error))
         change, self._error = error - self._error, error

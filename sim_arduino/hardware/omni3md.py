@@ -9,9 +9,9 @@ from typing import Deque, NamedTuple, Tuple
 
 from mrl_driver.robot.models import RobotModel
 
-from .motor import Gains, Geometry
+from .motor import BoardGeometry, ControlSettings
 from .omni_wheels import shares_for
-from .robot_physics import Robot
+from .robot_physics import RobotPhysics
 
 ADDRESS = 0x18
 _PRESCALES = (1, 10, 100, 1000, 10000)
@@ -59,7 +59,7 @@ class Omni3MD:
         saved: Encoder counts in the EEPROM; the counters start from them.
     """
 
-    def __init__(self, robot: Robot, model: RobotModel) -> None:
+    def __init__(self, robot: RobotPhysics, model: RobotModel) -> None:
         self.robot = robot
         self.present = True
         self.fed = False
@@ -69,7 +69,7 @@ class Omni3MD:
         self.time_s = 0.0
         self.timeout_s = 0.0
         board = model.board
-        self._fitted = Geometry(*(board[name] for name in Geometry._fields))
+        self._fitted = BoardGeometry(*(board[name] for name in BoardGeometry._fields))
         self._track_m = model.drive.wheel_separation_m
         self._m_per_count = model.drive.metres_per_count
         self.geometry = self._fitted
@@ -190,14 +190,14 @@ class Omni3MD:
         """Sets the gains of the speed control; writes EEPROM for 15 ms."""
         self._note(time_s, 0xF4, kp, ki, kd)
         gains = self.robot.gains
-        self.robot.gains = Gains(kp, ki, kd, gains.ramp_ms, gains.ramp_gain)
+        self.robot.gains = ControlSettings(kp, ki, kd, gains.ramp_ms, gains.ramp_gain)
         self._busy(0.015)
 
     def set_ramp(self, time_s: float, time_ms: int, gain: int) -> None:
         """Sets the ramp from standstill to rated speed [ms] and its start; writes EEPROM for 10 ms."""
         self._note(time_s, 0xEC, time_ms, gain)
         gains = self.robot.gains
-        self.robot.gains = Gains(gains.kp, gains.ki, gains.kd, time_ms, gain)
+        self.robot.gains = ControlSettings(gains.kp, gains.ki, gains.kd, time_ms, gain)
         self._busy(0.010)
 
     def set_timeout(self, time_s: float, tenths: int) -> None:
@@ -206,7 +206,7 @@ class Omni3MD:
         self.timeout_s = tenths / 10.0
         self._busy(0.005)
 
-    def set_geometry(self, time_s: float, geometry: Geometry) -> None:
+    def set_geometry(self, time_s: float, geometry: BoardGeometry) -> None:
         """Sets the differential geometry; writes EEPROM for 20 ms."""
         self._note(time_s, 0xEA, *geometry)
         if all(geometry):

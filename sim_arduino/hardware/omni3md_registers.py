@@ -6,7 +6,7 @@
 import struct
 from typing import Callable, Dict, Tuple
 
-from .motor import Geometry
+from .motor import BoardGeometry
 from .omni3md import Omni3MD
 
 VERSION = (1, 72)
@@ -84,7 +84,7 @@ class Omni3MDRegisters:
             0xEE: ("BhhB", lambda time_s, m, s, p, hold: board.move_to_position(time_s, m, s, p, bool(hold))),
             0xEC: ("2H", board.set_ramp),
             0xEB: ("2h", board.move_differential),
-            0xEA: ("4H", lambda time_s, *values: board.set_geometry(time_s, Geometry(*values))),
+            0xEA: ("4H", lambda time_s, *values: board.set_geometry(time_s, BoardGeometry(*values))),
         }
 
     def _write_timeout(self, time_s: float, first: int, key1: int, again: int, key2: int) -> None:

@@ -13,7 +13,7 @@ from typing import Callable, NamedTuple, Optional, Tuple
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import OmniDrive, RobotModel
 
-from .motor import Gains, Motor, MotorParams
+from .motor import ControlSettings, Motor, MotorParams
 from .omni_wheels import OMNI_ANGLES_RAD, twist_of
 
 MAX_STEP_S = 0.02
@@ -174,7 +174,7 @@ Way = Callable[[Pose, float, Callable[[float], Pose], float], float]
 """Computes the share of a motion that is possible, see `collision.Bumper.share`."""
 
 
-class Robot:
+class RobotPhysics:
     """Params, state and motors; `step` simulates them.
 
     Attributes:
@@ -187,7 +187,7 @@ class Robot:
         self.params = params
         self.state = State(*pose, temperature_c=params.ambient_c, to_tick_s=1.0 / params.control_hz)
         self.motors = tuple(Motor(params.motor) for _ in range(3))
-        self.gains = Gains()
+        self.gains = ControlSettings()
         self.way: Optional[Way] = None
         self._rng = random.Random(f"wheels {seed}")
         self._unaccounted_s = 0.0

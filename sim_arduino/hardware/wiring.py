@@ -20,7 +20,7 @@ from .environment_sensors import (
 )
 from .omni3md import ADDRESS, Omni3MD
 from .omni3md_registers import Omni3MDRegisters
-from .robot_physics import AS_MODELLED, Errors, Robot, params_for
+from .robot_physics import AS_MODELLED, Errors, RobotPhysics, params_for
 from .sonars import FLAWLESS, VOLTS_PER_COUNT, SonarChain, SonarErrors
 
 SONAR_TRIGGER, SONAR_POWER = 12, 13
@@ -68,7 +68,7 @@ class Plant:
         if slip and model.body.tracks and not errors.turn_slip:
             errors = errors._replace(turn_slip=TRACK_SLIP)
         start = self.world.start_of(name) if pose is None else Pose(*pose)
-        self.robot = Robot(params_for(model, errors, omni), start, seed)
+        self.robot = RobotPhysics(params_for(model, errors, omni), start, seed)
         self.footprint = footprint_for(model, footprint)
         if self.footprint:
             self.robot.way = Bumper(self.world, self.footprint, name).share

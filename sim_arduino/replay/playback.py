@@ -118,7 +118,7 @@ def play(recording: Recording, port: PtyPort, speed: float, tell: Callable[[str]
 
 
 def _play_once(recording: Recording, audience: Audience, speed: float) -> None:
-    clock, greets = Pace(speed, audience.wait), True
+    clock, greets = ReplayPace(speed, audience.wait), True
     for entry in recording:
         if entry.direction == TO_BOARD and greets:
             for code in _answered(entry):
@@ -136,7 +136,7 @@ def _answered(entry: Entry) -> List[int]:
     return [row.code for row in rows if row and (row.reply or row.repeats)]
 
 
-class Pace:
+class ReplayPace:
     """The timing of a replay, `speed` times as fast as the recording."""
 
     def __init__(self, speed: float, wait: Callable[[float], None]) -> None:

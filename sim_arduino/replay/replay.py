@@ -75,12 +75,12 @@ def serve(recording: Recording, speed: float, link: Optional[str] = None) -> Non
     Raises:
         ConfigError: the link cannot be made.
     """
-    from sim_arduino.serve.pty import Link, PtyPort
+    from sim_arduino.serve.pty import PtyPort, SymbolicLink
 
     from .playback import play
 
     port = PtyPort()
-    name = Link(link, port.path) if link else None
+    name = SymbolicLink(link, port.path) if link else None
     signal.signal(signal.SIGTERM, _end)
     try:
         click.echo(port.path)

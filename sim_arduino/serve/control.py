@@ -8,7 +8,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.yaml_file import short
 from sim_arduino.faults.faulty_engine import FaultyEngine
 
-from .pty import Port
+from .pty import BoardPort
 
 _LONGEST_LINE = 4096
 
@@ -81,7 +81,7 @@ class Control:
         self._faults, self._plugged, self._complain = faults, plugged, complain
         self._rest = b""
 
-    def attend(self, port: Port) -> None:
+    def attend(self, port: BoardPort) -> None:
         """Carries out the orders that have arrived, then plugs or unplugs `port`."""
         for line in self._lines():
             try:

@@ -16,7 +16,7 @@ from sim_arduino.view.travelled_path import PlantTrail
 from . import factory
 from .control import ORDERS, Control
 from .one_line import OneLine
-from .pty import Link, Port, PtyPort
+from .pty import BoardPort, PtyPort, SymbolicLink
 from .server import FASTEST, SLOWEST, PtyServer, Watcher
 from .socket_port import SocketPort
 
@@ -137,7 +137,7 @@ def main(
     with ExitStack() as stack:
         stack.callback(robot.close)
         files = _open(stack, "--truth", truth), _open(stack, "--log", log)
-        port: Port = SocketPort(listen) if listen else PtyPort()
+        port: BoardPort = SocketPort(listen) if listen else PtyPort()
         stack.callback(port.close)
         tell = _announcer(stack, link)
         orders = sys.stdin.fileno() if control else None
@@ -169,7 +169,7 @@ def _watchers(stack: ExitStack, trail: PlantTrail, plot: Optional[str], view: bo
 
 def _announcer(stack: ExitStack, name: Optional[str]) -> Callable[[str], None]:
     """A function that prints the path of each plugged-in port, and points the link to it."""
-    link = Link(name) if name else None
+    link = SymbolicLink(name) if name else None
     if link:
         stack.callback(link.remove)
 

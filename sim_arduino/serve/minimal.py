@@ -13,7 +13,7 @@ from typing import Any, Sequence
 from mrl_driver.errors import MrlError
 
 from . import factory
-from .pty import Link, PtyPort
+from .pty import PtyPort, SymbolicLink
 from .server import PtyServer
 
 PATIENCE_S, LOOK_S = 1.0, 0.02
@@ -72,7 +72,7 @@ def serve(options: factory.Options, link: str) -> None:
         server = PtyServer(robot.engine, port, robot.plant, watchers=[leave])
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, lambda *_: leave.end(server))
-        name = Link(link)
+        name = SymbolicLink(link)
         stack.callback(name.remove)
         name.move(port.path)
         sys.stdout.write(f"{port.path} as {link}\n")

@@ -20,7 +20,7 @@ _FAST = {termios.B500000: 500000, termios.B1000000: 1000000, 0o010000: 250000}
 _EVERYTHING = 65536
 
 
-class Port(Protocol):
+class BoardPort(Protocol):
     """A port of a board, see `PtyPort`."""
 
     path: str
@@ -225,7 +225,7 @@ def _events(watch: Optional[int]) -> Tuple[bool, ...]:
     return tuple(found)
 
 
-class Link:
+class SymbolicLink:
     """A symbolic link to the port; it is replaced atomically, and removed if it still points to this port.
 
     Raises:

@@ -14,7 +14,7 @@ from sim_arduino.board.engine import Engine
 from sim_arduino.hardware.wiring import Plant
 
 from .control import Control
-from .pty import Port
+from .pty import BoardPort
 
 HEARTBEAT_S = 0.1
 """Longest wait; if a pause is longer than requested, this process has stalled."""
@@ -58,7 +58,7 @@ class PtyServer:
     def __init__(
         self,
         engine: Engine,
-        port: Port,
+        port: BoardPort,
         plant: Optional[Plant] = None,
         truth: Optional[TextIO] = None,
         log: Optional[TextIO] = None,

@@ -20,7 +20,7 @@ from sim_arduino.faults.table import Fault
 from sim_arduino.hardware.omni3md import MotorCommand
 from sim_arduino.serve import factory
 from sim_arduino.serve.control import Control
-from sim_arduino.serve.pty import Port, PtyPort
+from sim_arduino.serve.pty import BoardPort, PtyPort
 from sim_arduino.serve.server import PtyServer
 from sim_arduino.serve.socket_port import SocketPort
 from sim_arduino.world.world import World
@@ -84,7 +84,7 @@ class EmulatedBoard:
         else:
             self._robot = factory.make(factory.Options(world=world, **options))
         self.plant = self._robot.plant
-        self._port: Port = SocketPort(listen) if listen else PtyPort()
+        self._port: BoardPort = SocketPort(listen) if listen else PtyPort()
         control = Control(self._robot.board, None, lambda path: None, lambda text: None)
         self._server = PtyServer(self._robot.board, self._port, self.plant, control=control, speed=speed)
         self.lock = self._server.lock

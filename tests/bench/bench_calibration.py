@@ -15,7 +15,7 @@ import numpy as np
 from mrl_driver.calibration import fit, geometry, manoeuvres
 from mrl_driver.calibration.ground_truth import Truth
 from mrl_driver.calibration.manoeuvres import Speeds, Track
-from mrl_driver.calibration.trial import Run, errors
+from mrl_driver.calibration.trial import Trial, errors
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.geometry import Pose
@@ -35,7 +35,7 @@ NOISY = "slip=0.05,wheel_ratio=1.002,noise=2e-5,turn_noise=2e-4"
 WINDING = ((0.5, 1.0), (0.4, -2.0), (0.3, 0.7))
 """Way ahead [m] and turn then [rad]."""
 _SPEEDS = Speeds()
-Runs = List[Run]
+Runs = List[Trial]
 
 
 class Emulated:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from mrl_driver.calibration.trial import Run, path
+from mrl_driver.calibration.trial import Trial, path
 from mrl_driver.geometry import Pose
 
 STEP_M, STEP_RAD = 0.01, 0.04
@@ -51,4 +51,4 @@ def end(steps, true, noise=None, rng=None):
 
 def driven(moves, believed, true, noise=None, rng=None):
     steps = counts(moves, believed)
-    return Run(steps, end(steps, true, noise, rng))
+    return Trial(steps, end(steps, true, noise, rng))

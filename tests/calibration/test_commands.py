@@ -15,7 +15,7 @@ from mrl_driver.calibration import files, manoeuvres, parts
 from mrl_driver.calibration.gains import Gains
 from mrl_driver.calibration.ground_truth import Truth
 from mrl_driver.calibration.sonar_curve import THESIS, Curve
-from mrl_driver.calibration.trial import Run, errors
+from mrl_driver.calibration.trial import Trial, errors
 from mrl_driver.cli import main
 from mrl_driver.cli.commands import calibrate_job, calibrate_view
 from mrl_driver.driver.options import Options
@@ -113,7 +113,7 @@ def lap_error(lab, model):
         track.begin()
         manoeuvres.square(robot, 1.0, False, manoeuvres.Speeds())
         off = errors(
-            robot.model.drive, [Run(manoeuvres.steps_of(track.end()), ruler.end("", lambda _: None))]
+            robot.model.drive, [Trial(manoeuvres.steps_of(track.end()), ruler.end("", lambda _: None))]
         )[0]
         return np.hypot(*off[:2]), abs(off[2])
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from mrl_driver.calibration import fit
-from mrl_driver.calibration.trial import Run, path
+from mrl_driver.calibration.trial import Trial, path
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.covariance import Uncertainty, error_squared
 from mrl_driver.robot.models import load
 from mrl_driver.robot.odometry import Odometry
 from mrl_driver.robot.robot_state import fastest_m_s
-from sim_arduino.hardware.robot_physics import Errors, Robot, params_for
+from sim_arduino.hardware.robot_physics import Errors, RobotPhysics, params_for
 
 TRAXBOT = load("traxbot")
 PERIOD_S = 0.05
@@ -51,7 +51,7 @@ def robot_pose(robot):
 
 
 def quick(seed=0, **wrong):
-    robot = Robot(params_for(TRAXBOT, Errors(**wrong)), seed=seed)
+    robot = RobotPhysics(params_for(TRAXBOT, Errors(**wrong)), seed=seed)
     robot.gains.ramp_ms = 500
     return robot
 
@@ -73,7 +73,7 @@ def test_ten_laps_of_a_square_stay_within_a_millimetre_of_the_true_path():
 def run_of(robot, moves):
     begin = Pose(*robot_pose(robot))
     ways, true = driven(robot, moves)
-    return Run(np.diff(np.floor(ways), axis=0), Pose(*true[-1]).relative_to(begin))
+    return Trial(np.diff(np.floor(ways), axis=0), Pose(*true[-1]).relative_to(begin))
 
 
 @pytest.fixture(scope="module")

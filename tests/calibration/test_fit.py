@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrl_driver.calibration import fit, geometry, umbmark
-from mrl_driver.calibration.trial import Run, errors, spread
+from mrl_driver.calibration.trial import Trial, errors, spread
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose, advance
 from mrl_driver.robot.covariance import Uncertainty, error_squared
@@ -71,14 +71,14 @@ def test_one_lap_each_way_is_too_few():
 
 def test_an_end_measured_wrong_is_an_outlier():
     runs = laps(BELIEVED._replace(turn_slip=0.05), 3)
-    runs[4] = Run(runs[4].steps, runs[4].end._replace(x_m=runs[4].end.x_m + 0.3))
+    runs[4] = Trial(runs[4].steps, runs[4].end._replace(x_m=runs[4].end.x_m + 0.3))
     found = fit.fit(runs, BELIEVED, [fit.OFFSET, fit.SLIP], TRAXBOT.noise)
     assert fit.outlier(runs, found) == 4
 
 
 def test_an_outlier_is_named_with_what_drives_it_again():
     runs = laps(BELIEVED._replace(turn_slip=0.05), 3)
-    runs[4] = Run(runs[4].steps, runs[4].end._replace(x_m=runs[4].end.x_m + 0.3))
+    runs[4] = Trial(runs[4].steps, runs[4].end._replace(x_m=runs[4].end.x_m + 0.3))
     with pytest.raises(ConfigError, match="--again 5$"):
         geometry.evaluate(geometry.UMBMARK, runs, TRAXBOT)
 
@@ -117,7 +117,7 @@ def test_noise_comes_out_of_the_runs_and_the_errors_of_a_hundred_others_agree_wi
     for i in range(100):
         moves = paths.straight(0.8) + paths.turn(1.0 + i % 3) + paths.straight(0.7) + paths.turn(-2.0)
         steps = paths.counts(moves, found.drive)
-        run = Run(steps, paths.end(steps, true, NOISE, rng))
+        run = Trial(steps, paths.end(steps, true, NOISE, rng))
         cover = spread(found.drive, steps, noise)
         squared.append(error_squared(tuple(cover[np.triu_indices(3)]), *errors(found.drive, [run])[0]))
     assert 2.54 < np.mean(squared) < 3.50

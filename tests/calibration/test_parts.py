@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrl_driver.calibration import gains, sonar_curve
-from mrl_driver.calibration.gains import Plant
+from mrl_driver.calibration.gains import MotorModel
 from mrl_driver.calibration.sonar_curve import THESIS, Curve
 from mrl_driver.calibration.wiring import LEFT, RIGHT, Trial, diagnose, seen_in
 from mrl_driver.errors import ConfigError
@@ -74,7 +74,7 @@ def test_a_wheel_that_turns_the_other_way_is_no_step():
 
 @pytest.mark.parametrize("tau", [0.05, 0.2])
 def test_suggested_gains_reach_the_speed_without_much_overshoot(tau):
-    plants = (Plant(12000.0, tau, 0.02), Plant(9000.0, 1.2 * tau, 0.02))
+    plants = (MotorModel(12000.0, tau, 0.02), MotorModel(9000.0, 1.2 * tau, 0.02))
     speed = gains.simulate(plants, np.array([gains.suggest(plants)]), 0.4, 0.05)[0]
     assert speed.max() < 1 + gains.OVERSHOOT
     assert np.abs(speed[:, 20:] - 1).max() < 0.02

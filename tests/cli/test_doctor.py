@@ -121,7 +121,7 @@ def test_a_port_that_another_program_has_open_is_in_use(quick, serve):
 
 @pytest.mark.parametrize("scheme", ["tcp", "udp"])
 def test_a_poor_network_is_not_a_poor_cable(scheme):
-    poor = board.Link(30.0, 50.0, 2, {"noise": 3}, [0.08])
+    poor = board.LinkFigures(30.0, 50.0, 2, {"noise": 3}, [0.08])
     advice = {
         each.subject: each.advice for each in board.link(poor, by_network=is_network(f"{scheme}://h:1"))
     }
@@ -167,10 +167,10 @@ def test_why_the_board_last_started(cause, level):
 @pytest.mark.parametrize(
     ("seen", "subject"),
     [
-        (board.Link(30.0, 50.0, 0, {}, [0.003]), "telemetry"),
-        (board.Link(50.0, 50.0, 2, {}, [0.003]), "damage"),
-        (board.Link(50.0, 50.0, 0, {"noise": 3}, [0.003]), "damage"),
-        (board.Link(50.0, 50.0, 0, {}, [0.001, 0.08, 0.09]), "latency"),
+        (board.LinkFigures(30.0, 50.0, 0, {}, [0.003]), "telemetry"),
+        (board.LinkFigures(50.0, 50.0, 2, {}, [0.003]), "damage"),
+        (board.LinkFigures(50.0, 50.0, 0, {"noise": 3}, [0.003]), "damage"),
+        (board.LinkFigures(50.0, 50.0, 0, {}, [0.001, 0.08, 0.09]), "latency"),
     ],
 )
 def test_a_poor_link(seen, subject):

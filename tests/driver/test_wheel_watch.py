@@ -21,7 +21,7 @@ from mrl_driver.robot.wheel_monitor import (
 )
 from mrl_driver.session.motion_command import QUICK, SLOW
 from sim_arduino.hardware.omni3md import Omni3MD
-from sim_arduino.hardware.robot_physics import Robot, params_for
+from sim_arduino.hardware.robot_physics import RobotPhysics, params_for
 from tests.models import model as load
 
 NOTICED_S = 0.5
@@ -42,7 +42,7 @@ class Drive:
 
     def __init__(self, name="traxbot", control_hz=20, frame_s=FRAME_S, pace=QUICK, volts=12.0):
         model = load(name)
-        self.robot = Robot(params_for(model)._replace(control_hz=control_hz))
+        self.robot = RobotPhysics(params_for(model)._replace(control_hz=control_hz))
         self.robot.set_battery(volts)
         self.motors = Omni3MD(self.robot, model)
         self.motors.set_gains(0, *(model.board[key] for key in ("kp", "ki", "kd")))

@@ -11,7 +11,7 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
 from mrl_driver.navigation.free_distance import Outline, Scan, looks, sonar_room
 from mrl_driver.navigation.goal_seeker import GoalSeeker
-from mrl_driver.navigation.protective_zones import LEAST_M_S, STALE_S, Settings, Zones, require_settings
+from mrl_driver.navigation.protective_zones import LEAST_M_S, STALE_S, Zones, ZoneSettings, require_settings
 from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits, SonarMount
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
@@ -20,7 +20,7 @@ from sim_arduino.world import world_file
 
 MODEL = models.load("traxbot")
 FRONT_M = MODEL.body.length_m / 2
-ZONES = Settings()
+ZONES = ZoneSettings()
 TICK_S, SONAR_S = 0.02, 0.3
 STEP_ERROR_M = 1e-5
 """Of a motion in steps of TICK_S."""

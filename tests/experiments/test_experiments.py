@@ -126,7 +126,7 @@ def test_port_is_refused_where_robots_are_emulated(experiment):
 
 
 def test_result_is_read_as_it_was_saved(tmp_path):
-    row = report.Row("way_m", "way", 1.25, "m", "1 m")
+    row = report.Figure("way_m", "way", 1.25, "m", "1 m")
     result = report.Result("drive", "A drive", [row], ["drive.png"], "remark")
     report.save(result, str(tmp_path))
     assert report.read(str(tmp_path), "drive") == result
@@ -164,6 +164,6 @@ def test_sonar_without_an_echo_makes_its_cone_free():
 
 
 def test_json_names_what_was_published(tmp_path):
-    row = report.Row("way_m", "way", 1.25, "m", "1 m")
+    row = report.Figure("way_m", "way", 1.25, "m", "1 m")
     report.save(report.Result("drive", "A drive", [row]), str(tmp_path))
     assert json.loads((tmp_path / "drive.json").read_text())["rows"][0]["published"] == "1 m"

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from mrl_driver.navigation.protective_zones import Scan, Settings, Zones
+from mrl_driver.navigation.protective_zones import Scan, Zones, ZoneSettings
 from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits
 from ros1_bridge.control import speed_limiter as module
@@ -74,7 +74,7 @@ def test_commander_serves_one_caller_at_a_time(call):
     assert intruder.waited
 
 
-class Slow(Settings):
+class Slow(ZoneSettings):
     """Lets the intruder in while the zones are busy with a speed."""
 
     intruder = None

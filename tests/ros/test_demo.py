@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrl_driver.navigation.line_follower import Limits, Square
+from mrl_driver.navigation.line_follower import FollowerLimits, Square
 from mrl_driver.terminal.teleop_keys import ANGULAR_RAD_S, HOLD_S, LINEAR_M_S, Teleop
 from ros1_bridge.demo.braille_path import ARROWS, draw
 from ros1_bridge.demo.report import Recorder, line, range_text, summary
@@ -19,7 +19,7 @@ CORNER_M = 0.006
 
 def drive_square(start, rounds=1):
     """Positions at which a robot with lag reached the corners of its square."""
-    square, (x, y, yaw), (v, w), reached = Square(1.0, Limits()), start, (0.0, 0.0), []
+    square, (x, y, yaw), (v, w), reached = Square(1.0, FollowerLimits()), start, (0.0, 0.0), []
     for _ in range(int(rounds * 60 / STEP_S)):
         corner = square.corner
         wanted = square.command((x, y, yaw))
@@ -49,8 +49,8 @@ def test_square_never_exceeds_its_limits(x, y, yaw):
     square = Square()
     square.command((0.0, 0.0, 0.0))
     linear, angular = square.command((x, y, yaw))
-    assert 0 <= linear <= Limits().linear_m_s
-    assert abs(angular) <= Limits().angular_rad_s
+    assert 0 <= linear <= FollowerLimits().linear_m_s
+    assert abs(angular) <= FollowerLimits().angular_rad_s
 
 
 def test_key_drives_until_it_is_released():

@@ -64,7 +64,7 @@ def test_inertias_are_those_of_a_body(name):
 
 
 def test_inertia_of_a_box():
-    assert urdf.inertia(urdf.Part((1.0, 2.0, 3.0)), 12.0) == (13.0, 10.0, 5.0)
+    assert urdf.inertia(urdf.LinkShape((1.0, 2.0, 3.0)), 12.0) == (13.0, 10.0, 5.0)
 
 
 @pytest.mark.parametrize("name, radius_m", [("traxbot", 0.0390), ("stingbot", 0.0327)])

@@ -65,7 +65,9 @@ def test_each_sensor_of_the_table_is_a_topic():
 
 
 def test_frame_takes_the_robots_prefix_and_values_their_factor():
-    entry = sensor_topics.Entry("light", "sensor_msgs/Illuminance", factor=0.5, variance=4.0, frame="nose")
+    entry = sensor_topics.SensorTopic(
+        "light", "sensor_msgs/Illuminance", factor=0.5, variance=4.0, frame="nose"
+    )
     message = sensor_topics.new_message(entry, "one/base_link")
     sensor_topics.fill(message, entry, (10.0,), 7)
     got = (message.header.frame_id, message.header.stamp, message.illuminance, message.variance)

@@ -7,12 +7,12 @@ import pytest
 from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
 
-from mrl_driver.navigation.line_follower import Limits, Square
+from mrl_driver.navigation.line_follower import FollowerLimits, Square
 from mrl_driver.robot.models import load
 from tests.waiting import wait_until
 
 MODEL = "stingbot"
-LIMITS = Limits(linear_m_s=0.5, angular_rad_s=1.8, braking_m_s2=0.16, braking_rad_s2=1.8)
+LIMITS = FollowerLimits(linear_m_s=0.5, angular_rad_s=1.8, braking_m_s2=0.16, braking_rad_s2=1.8)
 SIDE_M = 0.2
 SPEED = 2
 """The board's time runs so many times as fast."""

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_arduino.hardware.motor import Gains, Mode, Motor, MotorParams
+from sim_arduino.hardware.motor import ControlSettings, Mode, Motor, MotorParams
 
 PARAMS = MotorParams(no_load_counts_s=12000.0, rated_counts_s=7500.0)
 LOADED = PARAMS._replace(friction_counts_s=240.0)
@@ -16,7 +16,7 @@ SETTLED = 1e-3
 """Share of full speed within which a controlled motor is at its speed."""
 
 
-def run(motor, seconds, gains=Gains(), volts=VOLTS, tick_s=TICK_S):  # noqa: B008 - never changed
+def run(motor, seconds, gains=ControlSettings(), volts=VOLTS, tick_s=TICK_S):  # noqa: B008 - never changed
     for _ in range(round(seconds / tick_s)):
         motor.move(tick_s, volts)
         motor.control(tick_s, gains)
@@ -105,7 +105,11 @@ def test_duty_is_limited(sign):
     assert motor.duty == sign
 
 
-@pytest.mark.parametrize("gains", [Gains(), Gains(350, 200, 100, 1500), Gains(1300, 350, 400)], ids=str)
+@pytest.mark.parametrize(
+    "gains",
+    [ControlSettings(), ControlSettings(350, 200, 100, 1500), ControlSettings(1300, 350, 400)],
+    ids=str,
+)
 def test_speed_control_reaches_its_speed(gains):
     """The gains of both models, and those of 2012."""
     motor = Motor(LOADED)
@@ -141,14 +145,14 @@ def test_ramp_takes_its_time_to_rated_speed():
 def test_ramp_takes_off_at_its_gain():
     motor = Motor(PARAMS)
     motor.set_speed(7500.0)
-    run(motor, TICK_S, Gains(kp=1000, ki=0, kd=0, ramp_gain=500))
+    run(motor, TICK_S, ControlSettings(kp=1000, ki=0, kd=0, ramp_gain=500))
     assert motor.duty >= 0.5 * 7500 / 12000
 
 
 def test_no_ramp_is_a_step():
     motor = Motor(PARAMS)
     motor.set_speed(3000.0)
-    run(motor, 1.5, Gains(ramp_ms=0))
+    run(motor, 1.5, ControlSettings(ramp_ms=0))
     assert motor.speed == pytest.approx(3000.0, rel=0.02)
 
 
@@ -211,7 +215,7 @@ def test_the_ramp_leads_down_as_well(sign):
 def test_a_slow_speed_takes_off_no_faster_than_it_is():
     motor = Motor(PARAMS)
     motor.set_speed(-120.0)
-    run(motor, TICK_S, Gains(kp=1000, ki=0, kd=0, ramp_gain=500))
+    run(motor, TICK_S, ControlSettings(kp=1000, ki=0, kd=0, ramp_gain=500))
     assert motor.duty == pytest.approx(-120 / 12000)
 
 
@@ -268,7 +272,7 @@ def test_a_slow_motor_is_not_stood_by_the_control():
     """Below a count a second it may stand only if that is what is asked for."""
     motor = spinning(0.5)
     motor.set_speed(2000.0)
-    motor.control(TICK_S, Gains())
+    motor.control(TICK_S, ControlSettings())
     assert motor.speed == 0.5
 
 
@@ -278,7 +282,7 @@ def way_there(travel):
     motor.go_to(travel, 7500.0, True)
     for _ in range(60):
         motor.move(TICK_S, VOLTS)
-        motor.control(TICK_S, Gains())
+        motor.control(TICK_S, ControlSettings())
         seen.append(motor.travel)
     return seen
 

@@ -8,7 +8,7 @@ from mrl_driver.robot import models
 from sim_arduino.hardware.motor import Mode
 from sim_arduino.hardware.omni3md import Omni3MD
 from sim_arduino.hardware.omni3md_registers import Omni3MDRegisters
-from sim_arduino.hardware.robot_physics import Robot, params_for
+from sim_arduino.hardware.robot_physics import RobotPhysics, params_for
 
 TRAXBOT = models.load("traxbot")
 SPEED = 0.01
@@ -21,7 +21,7 @@ def model(request):
 
 
 def fresh(model=TRAXBOT):
-    board = Omni3MD(Robot(params_for(model)), model)
+    board = Omni3MD(RobotPhysics(params_for(model)), model)
     gains = model.board
     board.set_gains(0.0, gains["kp"], gains["ki"], gains["kd"])
     board.set_ramp(0.0, gains["ramp_time"], 0)

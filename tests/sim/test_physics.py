@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from mrl_driver.robot import models
 from sim_arduino.hardware.motor import Mode, Motor
-from sim_arduino.hardware.robot_physics import Errors, Robot, interpolate, params_for
+from sim_arduino.hardware.robot_physics import Errors, RobotPhysics, interpolate, params_for
 
 EXACT_M, EXACT_RAD = 1e-9, 1e-9
 TRAXBOT, STINGBOT = models.load("traxbot"), models.load("stingbot")
@@ -16,7 +16,7 @@ TRAXBOT, STINGBOT = models.load("traxbot"), models.load("stingbot")
 
 def cruising(left_m_s, right_m_s, model=TRAXBOT, **scales):
     """A robot whose wheels turn at steady speeds [m/s of the model's wheels], without any transient."""
-    robot = Robot(params_for(model, Errors(**scales)))
+    robot = RobotPhysics(params_for(model, Errors(**scales)))
     cruise(robot, left_m_s, right_m_s, model)
     robot.params = robot.params._replace(rest_curve=((0.0, 1.0), (1.0, 1.0)), resistance_ohm=0.0)
     robot.state.battery_v = 1.0
@@ -101,7 +101,7 @@ def test_a_longer_axle_turns_less():
 @given(pieces=st.lists(st.floats(1e-4, 0.07), min_size=5, max_size=60))
 def test_pose_hardly_depends_on_the_steps(pieces):
     """Ramps and turns included: below 10 um over a few seconds."""
-    one, many = Robot(params_for(TRAXBOT)), Robot(params_for(TRAXBOT))
+    one, many = RobotPhysics(params_for(TRAXBOT)), RobotPhysics(params_for(TRAXBOT))
     for robot in (one, many):
         robot.motors[0].set_speed(1500.0)
         robot.motors[2].set_speed(4000.0)
@@ -117,7 +117,7 @@ def test_pose_hardly_depends_on_the_steps(pieces):
 
 def hours_until(volts, linear_m_s):
     """Time until a full battery shows `volts` while the robot drives."""
-    robot = Robot(params_for(TRAXBOT))
+    robot = RobotPhysics(params_for(TRAXBOT))
     for index in (0, 2):
         robot.motors[index].set_speed(linear_m_s / TRAXBOT.drive.metres_per_count)
     robot.step(10.0)
@@ -141,13 +141,13 @@ def test_battery_lasts_as_long_as_in_the_papers(linear_m_s, hours):
 
 def test_battery_drains_at_rest():
     """idle current x time over capacity."""
-    robot = Robot(params_for(TRAXBOT))
+    robot = RobotPhysics(params_for(TRAXBOT))
     robot.step(1800.0)
     assert robot.state.charge == pytest.approx(1.0 - 0.5 * robot.params.idle_a / 4.6, abs=1e-4)
 
 
 def test_load_lowers_the_voltage():
-    robot = Robot(params_for(TRAXBOT))
+    robot = RobotPhysics(params_for(TRAXBOT))
     rest = robot.state.battery_v
     for motor in robot.motors:
         motor.set_duty(1.0)
@@ -157,14 +157,14 @@ def test_load_lowers_the_voltage():
 
 @pytest.mark.parametrize("volts", [13.8, 12.0, 9.0, 8.5, 8.0, 0.5, 0.0])
 def test_battery_can_be_set(volts):
-    robot = Robot(params_for(TRAXBOT))
+    robot = RobotPhysics(params_for(TRAXBOT))
     robot.set_battery(volts)
     assert robot.state.battery_v == pytest.approx(volts, abs=1e-9)
 
 
 def test_the_charge_is_what_has_flowed():
     """Amperes out of the drop from the voltage at no load, summed, are what the battery has lost."""
-    robot = Robot(params_for(TRAXBOT))
+    robot = RobotPhysics(params_for(TRAXBOT))
     robot.motors[0].set_speed(6000.0)
     robot.motors[2].set_speed(-2000.0)
     coulombs = 0.0
@@ -176,7 +176,7 @@ def test_the_charge_is_what_has_flowed():
 
 
 def test_an_empty_battery_takes_the_motors_with_it():
-    robot = Robot(params_for(TRAXBOT))
+    robot = RobotPhysics(params_for(TRAXBOT))
     for index in (0, 2):
         robot.motors[index].set_speed(5000.0)
     robot.step(5.0)
@@ -187,7 +187,7 @@ def test_an_empty_battery_takes_the_motors_with_it():
 
 def test_the_board_warms_to_its_end_exponentially():
     """Motors that are held at full duty: rise x (1 - exp(-t / 300 s))."""
-    robot = Robot(params_for(TRAXBOT)._replace(capacity_ah=1e9))
+    robot = RobotPhysics(params_for(TRAXBOT)._replace(capacity_ah=1e9))
     for motor in robot.motors:
         motor.params = motor.params._replace(no_load_counts_s=1.0, friction_counts_s=2.0)
         motor.set_duty(1.0)
@@ -215,7 +215,7 @@ def test_there_and_back_is_the_start(ways):
 def test_each_wheel_goes_over_the_floor_as_far_as_it_rolls():
     """Wheels of a rigid axle that do not slip: the places where they touch the floor tell their ways."""
     model = params_for(STINGBOT, Errors(left_scale=0.99, right_scale=1.02, axle_scale=1.03))
-    robot = Robot(model)
+    robot = RobotPhysics(model)
     robot.motors[0].set_speed(3000.0)
     robot.motors[2].set_speed(5000.0)
     half, gone, last = 0.5 * model.wheel_separation_m, [0.0, 0.0], None
@@ -234,7 +234,7 @@ def test_each_wheel_goes_over_the_floor_as_far_as_it_rolls():
 @pytest.mark.parametrize("load", [0.5, 1.0, 3.0])
 def test_a_heavier_robot_starts_slower_and_costs_more(load):
     def started(load):
-        robot = Robot(params_for(TRAXBOT, Errors(load=load)))
+        robot = RobotPhysics(params_for(TRAXBOT, Errors(load=load)))
         for index in (0, 2):
             robot.motors[index].set_duty(0.5)
         robot.step(0.1)
@@ -258,14 +258,14 @@ class Counted(Motor):
 
 def test_a_resting_robot_costs_few_steps():
     """An hour at rest is counted in steps of a second."""
-    robot = Robot(params_for(STINGBOT))
+    robot = RobotPhysics(params_for(STINGBOT))
     robot.motors = tuple(Counted(motor.params) for motor in robot.motors)
     robot.step(3600.0)
     assert 0 < robot.motors[0].looks <= 3601
 
 
 def test_a_robot_has_bumped_into_nothing_at_its_start():
-    assert not Robot(params_for(models.load("traxbot"))).state.bumped
+    assert not RobotPhysics(params_for(models.load("traxbot"))).state.bumped
 
 
 def test_a_battery_at_95_percent_shows_85_percent_of_its_span():

@@ -7,7 +7,7 @@ import termios
 import pytest
 
 from mrl_driver.errors import ConfigError
-from sim_arduino.serve.pty import Link, PtyPort
+from sim_arduino.serve.pty import PtyPort, SymbolicLink
 
 from .simulator import Client
 
@@ -119,23 +119,23 @@ def test_settings_end_with_their_program(port):
 
 def test_link_points_to_the_port(tmp_path):
     name = str(tmp_path / "ttyTRAX0")
-    Link(name, "/dev/pts/99")
+    SymbolicLink(name, "/dev/pts/99")
     assert os.readlink(name) == "/dev/pts/99"
 
 
 def test_link_replaces_an_old_link(tmp_path):
     name = str(tmp_path / "ttyTRAX0")
-    Link(name, "/dev/pts/98")
-    Link(name, "/dev/pts/99")
+    SymbolicLink(name, "/dev/pts/98")
+    SymbolicLink(name, "/dev/pts/99")
     assert os.readlink(name) == "/dev/pts/99"
     assert os.listdir(tmp_path) == ["ttyTRAX0"]
 
 
 def test_a_link_to_a_port_that_is_served_is_not_taken_over(port, tmp_path):
     name = str(tmp_path / "ttyTRAX0")
-    Link(name, port.path)
+    SymbolicLink(name, port.path)
     with pytest.raises(ConfigError, match="leads to .* which is in use"):
-        Link(name, "/dev/pts/99")
+        SymbolicLink(name, "/dev/pts/99")
     assert os.readlink(name) == port.path
 
 
@@ -143,20 +143,20 @@ def test_a_link_of_an_emulator_that_was_killed_may_lead_to_the_new_port_already(
     """The system gives the number of a port out again."""
     name = str(tmp_path / "ttyTRAX0")
     os.symlink(port.path, name)
-    Link(name, port.path).remove()
+    SymbolicLink(name, port.path).remove()
     assert not os.path.lexists(name)
 
 
 def test_link_is_removed(tmp_path):
     name = str(tmp_path / "ttyTRAX0")
-    Link(name, "/dev/pts/99").remove()
+    SymbolicLink(name, "/dev/pts/99").remove()
     assert not os.path.lexists(name)
 
 
 def test_a_link_that_somebody_took_over_stays(tmp_path):
     name = str(tmp_path / "ttyTRAX0")
-    first = Link(name, "/dev/pts/98")
-    Link(name, "/dev/pts/99")
+    first = SymbolicLink(name, "/dev/pts/98")
+    SymbolicLink(name, "/dev/pts/99")
     first.remove()
     assert os.path.lexists(name)
 
@@ -165,12 +165,12 @@ def test_a_file_is_not_replaced(tmp_path):
     name = tmp_path / "precious"
     name.write_text("x")
     with pytest.raises(ConfigError, match="expected a free name"):
-        Link(str(name), "/dev/pts/99")
+        SymbolicLink(str(name), "/dev/pts/99")
 
 
 def test_a_link_that_cannot_be_made(tmp_path):
     with pytest.raises(ConfigError, match="cannot be made: No such file"):
-        Link(str(tmp_path / "nowhere" / "tty"), "/dev/pts/99")
+        SymbolicLink(str(tmp_path / "nowhere" / "tty"), "/dev/pts/99")
 
 
 def test_last_words_are_no_opening(port):

@@ -408,7 +408,7 @@ def test_a_signal_ends_the_replay_and_removes_its_link(tmp_path):
 @pytest.mark.parametrize("speed, seconds", [(2.0, 0.05), (1.0, 0.1)])
 def test_bytes_come_at_their_time(speed, seconds):
     """Never earlier; times of the recording count from its first byte."""
-    pace, start_s = playback.Pace(speed, time.sleep), time.monotonic()
+    pace, start_s = playback.ReplayPace(speed, time.sleep), time.monotonic()
     for time_s in (5.0, 5.1):
         pace.await_time(time_s)
     assert time.monotonic() - start_s >= seconds

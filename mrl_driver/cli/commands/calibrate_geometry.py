@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from mrl_driver.calibration.files import Key, Progress
     from mrl_driver.calibration.geometry import Leg, Outcome
     from mrl_driver.calibration.ground_truth import Ruler
-    from mrl_driver.calibration.trial import Run
+    from mrl_driver.calibration.trial import Trial
     from mrl_driver.driver import Driver
     from mrl_driver.robot.models import RobotModel
 
 
-class Plan(NamedTuple):
+class CalibrationPlan(NamedTuple):
     """One calibration of the geometry: the runs to drive and their settings, or recordings of runs."""
 
     procedure: str
@@ -39,7 +39,7 @@ class Plan(NamedTuple):
     again: Sequence[int]
 
 
-def _geometry(plan: Plan, job: Job) -> None:
+def _geometry(plan: CalibrationPlan, job: Job) -> None:
     """Drive the runs or read recordings, evaluate them, and write the result."""
     from mrl_driver.calibration import fit, geometry
 
@@ -74,7 +74,7 @@ def _geometry(plan: Plan, job: Job) -> None:
         offer_eeprom(driver, values, job)
 
 
-def _gather(plan: Plan, driver: "Driver", progress: "Progress", ruler: "Ruler") -> None:
+def _gather(plan: CalibrationPlan, driver: "Driver", progress: "Progress", ruler: "Ruler") -> None:
     """Drive the missing runs, and those to repeat."""
     from mrl_driver.calibration import geometry, manoeuvres
 
@@ -92,7 +92,7 @@ def _gather(plan: Plan, driver: "Driver", progress: "Progress", ruler: "Ruler") 
     geometry.gather(driver, legs[done:], ruler, partial(progress.add, procedure, settings), track)
 
 
-def _from_recordings(plan: Plan, job: Job) -> None:
+def _from_recordings(plan: CalibrationPlan, job: Job) -> None:
     from mrl_driver.calibration import from_recording, geometry
     from mrl_driver.calibration.ground_truth import parse_pose
 
@@ -115,7 +115,7 @@ def _from_recordings(plan: Plan, job: Job) -> None:
 def report(
     procedure: str,
     outcome: "Outcome",
-    runs: List["Run"],
+    runs: List["Trial"],
     model: "RobotModel",
     values: Mapping["Key", float],
     output: str,
@@ -189,7 +189,7 @@ def straight(
 
     settings = {"distance_m": distance, "count": count}
     legs = straight_legs(count, distance, _speeds(speed))
-    _geometry(Plan(STRAIGHT, settings, legs, runs, again), job)
+    _geometry(CalibrationPlan(STRAIGHT, settings, legs, runs, again), job)
 
 
 @click.command(short_help="Measure the slip offset Cs of tracks, or the wheelbase of wheels.")
@@ -221,7 +221,7 @@ def turn(
     from mrl_driver.calibration.geometry import TURN, turn_legs
 
     legs = turn_legs(count, turns, _speeds(speed))
-    _geometry(Plan(TURN, {"turns": turns, "count": count}, legs, runs, again), job)
+    _geometry(CalibrationPlan(TURN, {"turns": turns, "count": count}, legs, runs, again), job)
 
 
 @click.command(short_help="Measure wheel ratio, wheelbase and noise, by squares.")
@@ -249,7 +249,7 @@ def umbmark(
     require_laps(laps, "counter-clockwise")
     settings = {"side_m": side, "laps": laps}
     legs = umbmark_legs(laps, side, _speeds(speed))
-    _geometry(Plan(UMBMARK, settings, legs, runs, again), job)
+    _geometry(CalibrationPlan(UMBMARK, settings, legs, runs, again), job)
 
 
 COMMANDS = (straight, turn, umbmark)

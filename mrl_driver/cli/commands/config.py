@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mrl_driver.driver import Driver
 
 
-class Value(NamedTuple):
+class ParameterValue(NamedTuple):
     """One parameter of a board, in the unit of its row."""
 
     row: Parameter
@@ -188,8 +188,8 @@ def _write(driver: "Driver", row: Parameter, value: int) -> None:
         raise BoardRefused(f"the board refused {row.name} {value}; nothing was saved")
 
 
-def _value(driver: "Driver", row: Parameter) -> Value:
-    return Value(row, _read(driver, row), default_of(driver.model, row))
+def _value(driver: "Driver", row: Parameter) -> ParameterValue:
+    return ParameterValue(row, _read(driver, row), default_of(driver.model, row))
 
 
 def default_of(model: Optional[RobotModel], row: Parameter) -> Optional[int]:
@@ -198,7 +198,7 @@ def default_of(model: Optional[RobotModel], row: Parameter) -> Optional[int]:
     return own.get(row.name, COMMON_BOARD.get(row.name))
 
 
-def _plain(each: Value) -> Dict[str, Any]:
+def _plain(each: ParameterValue) -> Dict[str, Any]:
     row = each.row
     return {
         "name": row.name,
@@ -210,7 +210,7 @@ def _plain(each: Value) -> Dict[str, Any]:
     }
 
 
-def show(values: Sequence[Value]) -> None:
+def show(values: Sequence[ParameterValue]) -> None:
     """Print parameters as a table; `*` marks values that differ from the model."""
     click.echo(f"{'parameter':<16}{'value':>7} {'unit':<9}{'':<9} meaning")
     for each in values:

@@ -35,7 +35,7 @@ _RESETS = {
 }
 
 
-class Link(NamedTuple):
+class LinkFigures(NamedTuple):
     """Measurements of the link."""
 
     rate_hz: float
@@ -129,7 +129,7 @@ def health(status: Optional[Status]) -> Iterator[Finding]:
         )
 
 
-def watch(driver: "Driver", seconds: float = MEASURE_S, trips: int = ROUND_TRIPS) -> Link:
+def watch(driver: "Driver", seconds: float = MEASURE_S, trips: int = ROUND_TRIPS) -> LinkFigures:
     """Measure the stream, then the round trips of requests.
 
     Raises:
@@ -149,7 +149,7 @@ def watch(driver: "Driver", seconds: float = MEASURE_S, trips: int = ROUND_TRIPS
         if number > before.garbage.get(reason, 0)
     }
     expected = 50.0 if "period" in driver.board.capabilities else None
-    return Link(count / seconds, expected, seen.lost - before.lost, garbage, times)
+    return LinkFigures(count / seconds, expected, seen.lost - before.lost, garbage, times)
 
 
 def _round_trip_s(driver: "Driver") -> float:
@@ -158,7 +158,7 @@ def _round_trip_s(driver: "Driver") -> float:
     return time.perf_counter() - start_s
 
 
-def link(seen: Link, by_network: bool = False) -> Iterator[Finding]:
+def link(seen: LinkFigures, by_network: bool = False) -> Iterator[Finding]:
     """Check the quality of the link, by cable or network."""
     slow = seen.expected_hz is not None and seen.rate_hz < MIN_SHARE * seen.expected_hz
     expected = f" of {seen.expected_hz:.0f}" if seen.expected_hz is not None else ""
