@@ -201,12 +201,22 @@ class Handshake:
                 f"the motor board of robot {board.robot_id} does not answer its Arduino: check its power "
                 "and the I2C wires"
             )
+        if self._alike:
+            return BoardTimeout(f"the board (robot id {board.robot_id}) {self._differing()}")
         return BoardTimeout(
             f"the board (robot id {board.robot_id}) does not answer request {self._step[0]} any more; "
             "reset it and try again"
         )
 
+    def _differing(self) -> str:
+        return (
+            f"answers request {self._step[0]} differently each time, expected the same answer {ALIKE_TO_REFUSE} times "
+            "in a row: the line damages what is sent; use a shorter or better cable, away from the motor wires"
+        )
+
     def _nothing(self) -> str:
+        if self._alike:
+            return f"the device on this port {self._differing()}"
         if self._junk:
             return (
                 f"no answer to '@5e', but other bytes ({self._seen!r}): another device or firmware, or check "

@@ -13,8 +13,8 @@ STEP_S = 0.01
 class Robot:
     """A core and a board, stepped together."""
 
-    def __init__(self):
-        self.core, self.board, self.now = Core(load("traxbot"), DEFAULTS), FakeBoard(), 0.0
+    def __init__(self, model, to_host=lambda data: data):
+        self.core, self.board, self.now, self.to_host = Core(model, DEFAULTS), FakeBoard(), 0.0, to_host
         self.core.begin(0.0)
         self.until(lambda: self.core.state.telemetry is not None)
         self.motion = self.core.session.motion
@@ -24,7 +24,7 @@ class Robot:
         while not condition():
             assert self.now < end_s, "it did not happen in time"
             self.now += STEP_S
-            self.core.turn(self.board.advance(self.now), self.now)
+            self.core.turn(self.to_host(self.board.advance(self.now)), self.now)
             self.board.receive(self.core.session.take(), self.now)
 
     def drive(self, linear_m_s):
@@ -38,7 +38,7 @@ class Robot:
 
 @pytest.fixture
 def robot():
-    return Robot()
+    return Robot(load("traxbot"))
 
 
 def test_a_driver_that_is_leaving_takes_no_command(robot):
@@ -64,3 +64,12 @@ def test_a_command_of_zero_with_an_empty_battery_leaves_the_reason_of_a_stop(rob
     robot.core.stop(robot.now, "user")
     robot.drive(0.0)
     assert robot.motion.stop_reason == "user"
+
+
+def test_a_board_that_was_taken_for_one_with_three_wheels_gets_the_commands_of_two():
+    """Its plain answers were damaged; what it says under the checksum counts."""
+    omni = b"@5,2500,172,1200,2,%de" % load("omni").ids[0]
+    robot = Robot(None, lambda data: data.replace(b"@5,2500,172,1200,2,1e", omni))
+    assert robot.drive(0.2)
+    robot.until(lambda: robot.board.moves)
+    assert robot.board.moves == [(200, 0)] and robot.core.state.model.name == "traxbot"

@@ -4,11 +4,21 @@ import itertools
 
 import pytest
 
-from mrl_driver.errors import BatteryDead, WrongRobot
+from mrl_driver.errors import BatteryDead, BoardTimeout, NotARobot, WrongRobot
 from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder, encode_reply
 from mrl_driver.robot.robot_state import RobotState
-from mrl_driver.session.handshake import ALIKE, Plan
-from mrl_driver.session.session import Ready, Session, Stale
+from mrl_driver.session.handshake import (
+    ALIKE,
+    ALIKE_TO_REFUSE,
+    DEAF,
+    RETRY_S,
+    STEP_TIMEOUT_S,
+    TIMEOUT_S,
+    Handshake,
+    Plan,
+    board_of,
+)
+from mrl_driver.session.session import Info, Ready, Session, Sonars, Stale
 from tests.fake_board import FakeBoard
 
 from .talk import Talk
@@ -242,3 +252,122 @@ def test_plain_sonars_before_the_first_answer_are_no_error():
     state, session = RobotState(None), Session(lambda board: None, 0.0)
     events = session.receive(b"@7,100,100,100e\r\n", 0.1)
     assert [notice for event in events for notice in state.digest(event, 0.1)] == []
+
+
+def test_sonars_before_the_first_answer_do_not_make_later_ones_old():
+    state, session = RobotState(None), Session(lambda board: None, 0.0)
+    board = board_of(INFO.args)._replace(capabilities=frozenset({"sonars"}))
+    for event in session.receive(b"@7,100,100,100e\r\n", 0.1):
+        state.digest(event, 0.1)
+    state.admit(board)
+    state.digest(Ready(board, True, False, 0.0), 0.11)
+    state.digest(Sonars((100, 100, 100)), 0.12)
+    assert set(state.ranges) == {"front", "left", "right"}
+
+
+# -- the conversation alone, without a session
+
+INFO, OLD_PROTOCOL, PROTOCOL = Frame(5, (2500, 172, 1200, 2, 1)), Frame(29, (3, 30)), Frame(29, (2, 31))
+PLAIN, CHECKED = False, True
+
+
+class Hello(Handshake):
+    """A handshake that keeps what it sends."""
+
+    def __init__(self, plan=Plan(), admit=lambda board: None):  # noqa: B008
+        self.sent = []
+        super().__init__(plan, lambda *words, **_: self.sent.append(words), admit, 0.0)
+
+    def hear(self, checked, *frames):
+        for frame in frames:
+            self.on_frame(frame, self.due_s, checked)
+        return self
+
+    def be_silent(self, seconds, checked=PLAIN):
+        """Goes from one request to the next; nothing answers."""
+        end_s = self.due_s + seconds
+        while self.due_s <= end_s:
+            self.tick(self.due_s, checked)
+        return self
+
+
+def test_plain_answers_after_one_under_the_checksum_are_not_believed():
+    hello = Hello().hear(CHECKED, INFO).hear(PLAIN, *[OLD_PROTOCOL] * ALIKE_TO_REFUSE).hear(CHECKED, PROTOCOL)
+    assert "watchdog" in hello.board.capabilities
+
+
+def test_plain_answers_are_no_answer_to_who_is_there_under_the_checksum():
+    """The board was reset just after the checksum had been turned on."""
+    hello = Hello().hear(PLAIN, *[INFO] * ALIKE, PROTOCOL, Frame(32, (1,)))
+    hello.hear(PLAIN, *[INFO] * ALIKE_TO_REFUSE).tick(0.0, CHECKED)
+    assert hello.sent[-1] == INFO[:1]
+
+
+def test_late_answers_under_the_checksum_make_no_board_of_2013():
+    """They had been asked for again and again, and came all at once."""
+    hello = Hello().hear(CHECKED, *[INFO] * (DEAF + 1), PROTOCOL)
+    assert "watchdog" in hello.board.capabilities
+
+
+def test_a_board_that_answered_under_the_checksum_is_not_tried_as_one_of_2013():
+    hello = Hello().hear(CHECKED, INFO)
+    hello.be_silent(4 * RETRY_S, CHECKED)
+    assert set(hello.sent[1:]) == {PROTOCOL[:1]}
+
+
+def test_answers_from_before_a_silence_do_not_count_after_it():
+    hello = Hello(Plan(check=False)).hear(PLAIN, *[INFO] * ALIKE, PROTOCOL)
+    hello.be_silent(STEP_TIMEOUT_S + RETRY_S)
+    hello.hear(PLAIN, *[INFO] * ALIKE, PROTOCOL)
+    assert hello.board.capabilities == frozenset()
+
+
+@pytest.mark.parametrize("jump", [(600, 0, 0), (0, 0, 60)], ids=["temperature", "battery"])
+def test_plain_answers_whose_readings_jump_are_not_believed(jump):
+    hello = Hello()
+    for number in range(ALIKE_TO_REFUSE):
+        readings = tuple(value + number * step for value, step in zip(INFO.args, jump))
+        hello.hear(PLAIN, Frame(5, (*readings, *INFO.args[3:])))
+    assert hello.board is None
+
+
+def test_answers_that_differ_are_named_where_none_is_believed():
+    hello = Hello().hear(PLAIN, INFO, Frame(5, (2500, 172, 1200, 2, 7)))
+    with pytest.raises(
+        NotARobot, match="answers request 5 differently each time, expected the same answer 5 times"
+    ):
+        hello.be_silent(TIMEOUT_S)
+
+
+def test_answers_that_differ_are_named_of_a_board_that_is_known():
+    hello = Hello(Plan(check=False)).hear(PLAIN, *[INFO] * ALIKE)
+    hello.be_silent(STEP_TIMEOUT_S + RETRY_S).hear(PLAIN, INFO)
+    with pytest.raises(BoardTimeout, match=r"\(robot id 1\) answers request 5 differently each time"):
+        hello.be_silent(STEP_TIMEOUT_S)
+
+
+# -- what a session tells of it
+
+
+def test_a_check_value_taken_for_an_id_is_not_taken_for_a_restart():
+    talk = Talk(FakeBoard(), RobotState(None).admit).until_ready()
+    talk.session.lose(talk.now)
+    talk.events.clear()
+    talk.session.receive(b"@5,2500,172,1200,21,12345e\r\n", talk.now)
+    talk.until_ready()
+    assert not talk.seen(Ready)[0].restarted
+
+
+def test_plain_answers_to_the_greeting_are_not_told_as_facts():
+    """One of them may be damaged, and its battery empty."""
+    talk = Talk(FakeBoard(version=1)).until_ready()
+    assert not talk.seen(Info)
+
+
+def test_a_wrong_robot_is_refused_without_waiting_between_its_answers():
+    def refuse(board):
+        raise WrongRobot("another")
+
+    talk = Talk(FakeBoard(), refuse)
+    with pytest.raises(WrongRobot):
+        talk.run(RETRY_S)

@@ -42,6 +42,13 @@ def copy_sources(tree):
         shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
 
 
+def wheel_of(source, out):
+    """Builds a wheel as pip does."""
+    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check")
+    run(*pip, "wheel", "-q", "--no-deps", "--no-build-isolation", "-w", out, source, cwd=out)
+    return next(out.glob("*.whl"))
+
+
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
     """An sdist of a copy of the tree, and a wheel of that sdist."""
@@ -51,9 +58,7 @@ def built(tmp_path_factory):
         (tree / image).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(ROOT / image, tree / image)
     run(sys.executable, "setup.py", "-q", "sdist", "-d", out, cwd=tree)
-    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check")
-    source = next(out.glob("*.tar.gz"))
-    run(*pip, "wheel", "-q", "--no-deps", "--no-build-isolation", "-w", out, source, cwd=out)
+    wheel_of(next(out.glob("*.tar.gz")), out)
     return out
 
 
@@ -126,6 +131,17 @@ def test_wheel_holds_every_module_and_all_data(wheel):
 @pytest.mark.parametrize("packaged, built_at", IMAGES.items(), ids=lambda path: pathlib.Path(path).name)
 def test_packaged_image_is_the_one_that_was_built(wheel, packaged, built_at):
     assert zipfile.ZipFile(wheel).read(packaged) == (ROOT / built_at).read_bytes()
+
+
+@pytest.mark.timeout(300)
+def test_pip_builds_the_images_of_a_fresh_clone(tmp_path):
+    """Nothing was built in it; the computer has make and a cross compiler."""
+    tree, out = tmp_path / "clone", tmp_path / "dist"
+    tree.mkdir()
+    out.mkdir()
+    copy_sources(tree)
+    names = zipfile.ZipFile(wheel_of(tree, out)).namelist()
+    assert sorted(name for name in names if name.endswith(".hex")) == sorted(IMAGES)
 
 
 def test_version_is_that_of_package_xml(place):
