@@ -46,7 +46,7 @@ def test_a_missing_wall_is_named_with_its_distance():
     counts, truth = readings(THESIS, np.random.default_rng(1))
     counts[truth > 1.72] = np.nan
     with pytest.raises(
-        ConfigError, match=r"missed the wall 18 times of 111, always at 1.75, 1.80, 1.85, 1.90 m"
+        ConfigError, match=r"missed the wall 18 of 111 times, always at 1.75, 1.80, 1.85, 1.90 m"
     ):
         sonar_curve.fit(counts, truth)
 
