@@ -1,5 +1,6 @@
 """The greeting on a line that damages what passes: each single fault of each reply, one after the other."""
 
+import functools
 import itertools
 
 import pytest
@@ -81,11 +82,13 @@ def left_checked():
     return board
 
 
+@functools.lru_cache(maxsize=None)
 def single_faults(reply):
     """Each byte lost, and changed to each other one; of those that no decoder takes for a frame, one for each
     place, because they are the same to a session."""
+    found = []
     for i in range(len(reply)):
-        yield reply[:i] + reply[i + 1 :]
+        found.append(reply[:i] + reply[i + 1 :])
         useless = True
         for byte in range(256):
             damaged = reply[:i] + bytes([byte]) + reply[i + 1 :]
@@ -96,7 +99,8 @@ def single_faults(reply):
             )
             if frame or (useless and byte not in reply):
                 useless = useless and frame
-                yield damaged
+                found.append(damaged)
+    return found
 
 
 def replies_of(make, plan):

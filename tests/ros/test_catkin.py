@@ -44,7 +44,6 @@ class Workspace:
             ROS_IP="127.0.0.1",
             ROS_MASTER_URI=f"http://127.0.0.1:{free_port()}",
             ROS_ROOT=str(folder / "ros"),
-            PYTHONDONTWRITEBYTECODE="1",
         )
 
     def build(self):
@@ -102,7 +101,7 @@ def running(workspace, space):
     env = {**workspace.env, "ROS_LOG_DIR": str(log)}
     child = Child("roslaunch", command, folder / f"{space}.log", env, folder)
     try:
-        wait_until(lambda: master_answers(uri) or child.exit_code is not None)
+        wait_until(lambda: master_answers(uri) or child.exit_code is not None, step_s=0.05)
         yield child
     finally:
         child.signal(signal.SIGINT)
