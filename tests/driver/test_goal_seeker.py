@@ -186,10 +186,10 @@ def test_goal_given_up_for_a_silent_sonar_says_so():
 
 
 def test_last_range_counts_while_a_reading_is_invalid():
-    """Something is 0.2 m ahead; for the next half second the sonar says nothing."""
-    seeker = GoalSeeker((3.0, 0.0, 0.0), LIMITS, 0.0, SONARS)
-    seeker.command((0.0, 0.0, 0.0), {"front": 0.2}, 0.0)
-    assert seeker.command((0.0, 0.0, 0.0), {"front": math.nan}, 0.5)[0] == 0.0
+    """The robot drives at half speed beside something; for the next half second the sonar says nothing."""
+    seeker = GoalSeeker((3.0, 0.0, 0.0), LIMITS, 0.0, {"left": SonarMount(0.0, 0.1, 90.0)})
+    seeker.command((0.0, 0.0, 0.0), {"left": 0.25}, 0.0)
+    assert seeker.command((0.0, 0.0, 0.0), {"left": math.nan}, 0.5) == (0.5 * LIMITS.linear_m_s, 0.0)
 
 
 def test_obstacles_are_drawn_where_the_robots_own_sonars_look():

@@ -19,6 +19,8 @@ from ros1_bridge.topics.messages import new_mounts
 from tests.waiting import wait_until
 
 PERIOD_S = 0.05
+ENTERED_S = 0.1
+"""A call that need not wait is over long before."""
 
 
 def test_range_counts_for_a_while():
@@ -39,6 +41,34 @@ def test_sonar_that_appears_does_not_change_the_ranges_that_are_being_read():
     for _ in ranges.now(10.0):
         ranges.hear("left", 1.0, "sonar_left", 10.0)
     assert set(ranges.now(10.0)) == {"front", "left"}
+
+
+class Intruder(str):
+    """A sonar's name that another thread's range interrupts where the ranges are looked at."""
+
+    def __new__(cls, ranges):
+        made = super().__new__(cls, "front")
+        made.ranges, made.threads = ranges, []
+        return made
+
+    def __hash__(self):
+        if self.ranges is not None:
+            ranges, self.ranges = self.ranges, None
+            self.threads = [threading.Thread(target=ranges.hear, args=("left", 1.0, "sonar_left", 10.0))]
+            self.threads[0].start()
+            self.threads[0].join(ENTERED_S)
+        return super().__hash__()
+
+
+@pytest.mark.parametrize("look", [lambda ranges: ranges.now(10.0), Ranges.frames], ids=["now", "frames"])
+def test_range_that_comes_while_the_ranges_are_looked_at_waits(look):
+    ranges = Ranges()
+    name = Intruder(None)
+    ranges.hear(name, 1.0, "sonar_front", 10.0)
+    name.ranges = ranges
+    assert set(look(ranges)) == {"front"}
+    name.threads[0].join()
+    assert set(look(ranges)) == {"front", "left"}
 
 
 class Robot:

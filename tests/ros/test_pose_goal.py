@@ -9,7 +9,7 @@ from std_msgs.msg import Header
 
 from mrl_driver import geometry
 from mrl_driver.robot import models
-from mrl_driver.robot.models import Limits
+from mrl_driver.robot.models import Limits, SonarMount
 from ros1_bridge.control.pose_goal import BLOCKED, REACHED, STEP_S, PoseGoal
 
 HERE = geometry.Pose(1.0, 2.0, math.pi / 2)
@@ -103,6 +103,15 @@ def test_it_gives_up_when_the_robot_may_not_move(goal, noted):
     goal.start(message("odom", 1.0, 0.0), HERE)
     assert "motors are disabled" in goal.on_telemetry(at((0.0, 0.0, 0.0), 1.0))
     assert not goal.active
+
+
+def test_it_keeps_straight_on_beside_what_a_sonar_sees_elsewhere(noted):
+    """This robot's sonar of the name `front` looks back."""
+    goal = PoseGoal(noted, "odom", "base_link", {"front": SonarMount(-0.1, 0.0, 180.0)})
+    goal.start(message("odom", 3.0, 0.0), HERE)
+    for step in range(3):
+        goal.on_telemetry(SimpleNamespace(pose=(0.0, 0.0, 0.0), ranges={"front": 0.58}, arrival_s=float(step)))
+    assert noted.speeds == (noted.limits.linear_m_s, 0.0)
 
 
 def test_another_command_takes_its_place(goal, noted):
