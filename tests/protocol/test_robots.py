@@ -234,6 +234,7 @@ def test_a_broken_file_with_the_name_of_the_robots_model_is_an_error(own):
             {"full_v": 8.5},
             "battery is .*8.5.*, expected full_v above low_v above empty_v above off_v",
         ),
+        ("battery", {"full_v": 9.0}, "battery is"),
         ("battery", {"low_v": 14.0}, "battery is"),
         ("battery", {"empty_v": 9.0}, "battery is"),
         ("battery", {"off_v": 8.5}, "battery is"),
