@@ -46,7 +46,7 @@ def read_image(path: Path) -> Image:
         raw = Path(path).read_bytes()
     except OSError as error:
         reason = error.strerror or str(error)
-        raise SimulatorError(f"firmware image {path}: {reason}; build it with make firmware") from error
+        raise SimulatorError(f"firmware image {path}: {reason}, expected an ELF or Intel HEX file") from error
     try:
         if raw[:1] == b":":
             return Image(intel_hex.read(raw.decode("ascii", "replace")), [], {})

@@ -47,7 +47,7 @@ def configured_eeprom(elf: Union[str, Path], robot_id: int, told: Sequence[Tuple
         answer = bytes(byte.data for byte in chip.sent())
         if Frame(BY_NAME["save_config"].code, (1,)) not in FrameDecoder(REPLIES).feed(answer):
             raise SimulatorError(
-                f"image {elf} did not save its robot id, it answered {answer!r}; run make firmware"
+                f"image {elf} did not save its robot id, it answered {answer!r}; use an image of this version"
             )
         return chip.read_eeprom()
 

@@ -28,7 +28,10 @@ SHARE = 0.5
 
 
 class Wanderer:
-    """Goes on until something is near, then turns to the side with more room until the way is free."""
+    """Goes on until something is near, then turns to the side with more room until the way is free.
+
+    It stands still while a sonar has no reading, because nobody knows what is there.
+    """
 
     def __init__(self, limits: Limits) -> None:
         self._linear, self._angular = SHARE * limits.linear_m_s, SHARE * limits.angular_rad_s
@@ -36,7 +39,10 @@ class Wanderer:
 
     def command(self, ranges: Mapping[str, float]) -> Tuple[float, float]:
         """Speeds for what the sonars hear [m]."""
-        front, left, right = (room(ranges.get(name, math.nan)) for name in ("front", "left", "right"))
+        readings = [ranges.get(name, math.nan) for name in ("front", "left", "right")]
+        if any(map(math.isnan, readings)):
+            return 0.0, 0.0
+        front, left, right = map(room, readings)
         free = front > NEAR_M and min(left, right) > SIDE_M
         if free:
             self._side = 0

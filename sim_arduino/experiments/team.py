@@ -86,12 +86,12 @@ class Player:
             virtual_world.place(member.name, member.start, self.footprint)
 
     def ranges(self) -> Dict[str, float]:
-        """Ranges that the robot uses: sonar name to range [m]."""
+        """Ranges that the robot uses: sonar name to range [m]; NaN if its own sonar has no reading."""
         heard = dict(self.robot.ranges)
         if not self.member.virtual:
             for name, range_m in heard.items():
-                virtual_m = self._in_virtual(name)
-                heard[name] = virtual_m if math.isnan(range_m) else min(range_m, virtual_m)
+                if not math.isnan(range_m):
+                    heard[name] = min(range_m, self._in_virtual(name))
         return heard
 
     def _in_virtual(self, name: str) -> float:

@@ -152,6 +152,8 @@ def _avr_engine(plant: Plant, options: Options) -> Engine:
         raise ConfigError(f"profile {options.profile} has no image, expected --engine python")
     elf = options.elf or image_path("environment" if options.environment else "sonar")
     if not os.path.exists(elf):
-        raise ConfigError(f"image {elf} is missing; make it with 'make firmware', or name one with --elf")
+        raise ConfigError(
+            f"image {elf} is missing, expected an ELF or Intel HEX file; without --elf the image of this version runs"
+        )
     robot_id = plant.model.ids[0] if options.robot_id is None else options.robot_id
     return AvrEngine(plant, elf, robot_id or None, seed=options.seed)

@@ -83,9 +83,9 @@ def test_a_library_older_than_its_sources_is_compiled_again(tmp_path, monkeypatc
     assert build(library).read_bytes() == b"new"
 
 
-def test_a_missing_image_says_how_to_build_it(tmp_path):
-    """Path and remedy in one line."""
-    with pytest.raises(SimulatorError, match="firmware.elf: No such file.*make firmware"):
+def test_a_missing_image_says_what_is_expected(tmp_path):
+    """Path and remedy in one line; who installed the package has no `make firmware`."""
+    with pytest.raises(SimulatorError, match="firmware.elf: No such file.*, expected an ELF or Intel HEX"):
         read_image(tmp_path / "firmware.elf")
 
 

@@ -2,10 +2,13 @@
 
 import json
 import math
+from types import SimpleNamespace
 
 import pytest
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import ORIGIN
+from mrl_driver.robot import models
 from sim_arduino.experiments import (
     environment,
     l_course,
@@ -16,10 +19,12 @@ from sim_arduino.experiments import (
     sonar_curve,
     square,
     step_test,
+    team,
     turnaround,
 )
 from sim_arduino.experiments.stage import Setting
 from sim_arduino.world import grid_map, world_file
+from sim_arduino.world.world import World
 
 WALLS_BY_LASER, WALLS_BY_SONARS = 95.0, 80.0
 """Least share of wall cells found, and of cells found that are walls [%]."""
@@ -88,6 +93,23 @@ def test_mirror_follows_within_a_second(tmp_path):
     """The median of all poses of a drive."""
     figures = run(step_test, tmp_path, WAYPOINTS=((0.15, 0.0),))
     assert figures["mirror_delay_ms_median"] < 1000 and figures["end_error_mm"] < 50
+
+
+@pytest.mark.parametrize("name", ["front", "left", "right"])
+@pytest.mark.parametrize("silent", [{}, math.nan], ids=["absent", "nan"])
+def test_wanderer_stands_while_a_sonar_has_no_reading(name, silent):
+    ranges = {each: math.inf for each in ("front", "left", "right") if each != name}
+    ranges.update({name: silent} if silent else {})
+    assert mixed_team.Wanderer(models.load("traxbot").limits).command(ranges) == (0.0, 0.0)
+
+
+def test_sonar_without_a_reading_is_unknown_although_nothing_stands_in_the_virtual_world():
+    model = models.load("traxbot")
+    robot = SimpleNamespace(
+        model=model, pose=ORIGIN, ranges={"front": math.nan, "left": 2.0}, reset_pose=lambda pose: None
+    )
+    ranges = team.Player(team.Member("real", ORIGIN, virtual=False), robot, World()).ranges()
+    assert math.isnan(ranges["front"]) and ranges["left"] == 2.0
 
 
 def test_mixed_team_does_not_collide(tmp_path):

@@ -197,7 +197,11 @@ def test_a_stopped_process_is_a_stall_of_the_board():
         (("--battery", "nan"), 2, "battery is nan, expected 0 to 15"),
         (("--speed", "nan"), 2, "speed is nan, expected 0.01 to 1000 times real time"),
         (("--engine", "pic"), 2, "'pic' is not one of"),
-        (("--engine", "avr", "--elf", "nope.elf"), 2, "image nope.elf is missing"),
+        (
+            ("--engine", "avr", "--elf", "nope.elf"),
+            2,
+            "image nope.elf is missing, expected an ELF or Intel HEX file; without --elf the image of this version",
+        ),
         (("--engine", "avr", "--profile", "2013-august"), 2, "expected --engine python"),
         (("--truth", "/nope/truth"), 2, "--truth /nope/truth: No such file"),
         (("--nope",), 2, "No such option"),
