@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import click.testing
 import pytest
@@ -14,6 +15,7 @@ from mrl_driver.cli import main
 from mrl_driver.cli.commands import shared
 from mrl_driver.recording.recording import Recording
 from mrl_driver.robot import models
+from mrl_driver.session.events import Lost, Reconnected, Slowed, WayLost
 from mrl_driver.terminal import keyboard, text
 from tests.waiting import PATIENCE_S, wait_until
 
@@ -312,3 +314,13 @@ def test_a_blocked_wheel_has_its_own_exit_code(serve):
     port.board.dead = {"left"}
     line = fails(14, "drive", "--linear", "0.2", "--for", "20", "--port", port.path)
     assert "left wheel" in line and "blocked" in line
+
+
+@pytest.mark.parametrize(
+    "event", [Lost("/dev/x", "it went away"), Reconnected("/dev/y"), Slowed(115200), WayLost(3.0, 0.9, 1.0)]
+)
+def test_what_happens_to_the_line_is_told_in_one_line(capsys, event):
+    listeners = []
+    shared.tell_losses(SimpleNamespace(on_event=listeners.append))
+    listeners[0](event)
+    assert capsys.readouterr().err == f"mrl: {event}\n"

@@ -15,6 +15,7 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.battery import EMPTY_AFTER_S
 from mrl_driver.robot.wheel_monitor import DEAD, Mismatch
+from mrl_driver.session.events import Lost, Reconnected, Slowed, WayLost
 from mrl_driver.terminal import trail
 from mrl_driver.terminal.canvas import Canvas, View, fit
 from mrl_driver.terminal.frame_log import MOST_LINES, FrameLog
@@ -48,6 +49,19 @@ def test_the_view_fits_terminals_of_all_sizes(watched, size):
     driver, _, log = watched
     lines = picture(Screen(driver, Settings("/dev/ttyACM7"), log), *size).split("\n")
     assert all(len(line) <= size[0] for line in lines) and len(lines) <= size[1] + 1
+
+
+@pytest.mark.parametrize(
+    "event", [Lost("/dev/x", "it went away"), Reconnected("/dev/y"), Slowed(115200), WayLost(3.0, 0.9, 1.0)]
+)
+def test_the_view_shows_what_happened_to_the_line(watched, monkeypatch, event):
+    driver, _, log = watched
+    listeners = []
+    monkeypatch.setattr(driver, "on_event", listeners.append)
+    screen = Screen(driver, Settings(), log)
+    for tell in listeners:
+        tell(event)
+    assert screen.shown(time.monotonic()).notice == str(event)
 
 
 def test_the_view_shows_what_matters(watched):

@@ -8,8 +8,12 @@ from mrl_driver.cli.commands.drive import drive_for
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout
 from mrl_driver.session.events import MAY_MOVE, WAITS, Lost, Stale
+from mrl_driver.session.motion_command import Motion
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.serve import factory
+from tests.fake_board import FakeBoard
+
+from .talk import Talk
 
 DRIVE_S, SILENT_S = 0.4, 1.0
 
@@ -70,6 +74,37 @@ def test_telemetry_that_is_back_shows_it(cut):
     bench.line.plug()
     bench.driver.wait(5.0)
     assert bench.driver.ready and not bench.driver.may_be_moving and bench.driver.stopped
+
+
+def test_robot_before_its_greeting_is_not_said_to_move():
+    emulated = factory.make(factory.Options(profile="2013-august"))
+    assert not SteppedDriver(emulated.engine).may_be_moving
+    emulated.close()
+
+
+def test_robot_that_is_cut_off_again_when_it_stands_is_not_moving(cut):
+    bench = cut("2013-august")
+    bench.line.plug()
+    bench.driver.wait(5.0)
+    bench.line.unplug()
+    bench.driver.wait(SILENT_S)
+    assert not bench.driver.ready and not bench.driver.may_be_moving
+
+
+def test_robot_that_is_cut_off_under_a_command_of_zero_is_not_moving():
+    motion = Motion()
+    motion.drive(0, 0, 0.0)
+    motion.forget("stale")
+    assert not motion.unconfirmed
+
+
+def test_port_that_is_back_before_the_board_answers_shows_nothing():
+    talk = Talk(FakeBoard(version=1)).until_ready()
+    talk.session.drive(200, 0, talk.now)
+    talk.run(0.2)
+    talk.session.lose(talk.now)
+    talk.session.relink(talk.now)
+    assert talk.session.may_be_moving
 
 
 @pytest.mark.parametrize("may_move, words", [(True, MAY_MOVE), (False, WAITS)])

@@ -73,6 +73,17 @@ def test_an_unplugged_port_is_noticed_and_told(robot, cable):
     assert not robot.ready and robot.error is None and robot.command is None
 
 
+def test_an_unplugged_robot_that_drives_without_a_watchdog_may_still_be_moving(cable):
+    cable.plug(version=1)
+    events = []
+    with Driver(cable.path, options=Options(reconnect=True, command_timeout_s=None)) as driver:
+        driver.on_event(events.append)
+        driver.drive(0.2, 0)
+        cable.unplug()
+        lost = wait_until(lambda: [event for event in events if isinstance(event, Lost)])
+    assert lost[0].may_move
+
+
 def test_a_robot_comes_back_under_another_name(robot, cable):
     cable.unplug()
     wait_until(lambda: heard(robot, Lost))

@@ -74,6 +74,12 @@ def test_wrong_value_names_key_value_and_range(tmp_path, traxbot, section, key, 
         load(tmp_path, traxbot)
 
 
+def test_long_value_is_cut(tmp_path, traxbot):
+    traxbot["body"]["tracks"] = "x" * 1000
+    with pytest.raises(ConfigError, match=r"body.tracks is 'x{70,79}\.\.\., expected true or false"):
+        load(tmp_path, traxbot)
+
+
 def test_misspelt_key_is_named(tmp_path, traxbot):
     traxbot["drive"]["wheel_seperation_m"] = 0.2
     with pytest.raises(ConfigError, match="key drive.wheel_seperation_m is unknown"):

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from mrl_driver.robot import models
 from mrl_driver.session.events import MAY_MOVE, WAITS, Stale
 from ros1_bridge.control import speed_limiter as module
 from ros1_bridge.status import robot_status
@@ -32,6 +33,16 @@ def test_status_does_not_know_whether_it_moves():
 def test_status_of_a_board_that_stops_by_itself_says_that_it_stands():
     message, values = values_of(cut_off(False))
     assert (message.message, values["moving"]) == ("stopped by no telemetry", "false")
+
+
+def test_diagnostics_do_not_know_whether_it_moves():
+    commander = cut_off(True)
+    commander.limits = models.load("traxbot").limits
+    assert robot_status.motion_values(commander)["Moving"] == "unknown"
+
+
+def test_commander_of_a_robot_that_may_be_moving_is_not_ready():
+    assert not cut_off(True).ready
 
 
 def test_diagnostics_say_it_too():

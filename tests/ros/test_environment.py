@@ -3,6 +3,7 @@
 import math
 
 import pytest
+import rospy
 from diagnostic_msgs.msg import DiagnosticArray, KeyValue
 from geometry_msgs.msg import Twist
 from hypothesis import given
@@ -16,6 +17,8 @@ from mrl_driver.protocol.table import BY_NAME, SENSORS
 from ros1_bridge.robot import xbee
 from ros1_bridge.topics import sensor_topics
 from tests.waiting import wait_until
+
+from .rig import ROOT
 
 COMPASS = sensor_topics.load()["compass"]
 
@@ -94,6 +97,19 @@ def test_address_that_is_none_is_refused_by_name(key):
 def test_text_that_the_wire_cannot_carry_is_refused(value):
     with pytest.raises(ValueError, match="expected 1 to 16 ASCII"):
         xbee.send_request(KeyValue("1", value))
+
+
+def test_board_of_2013_with_environment_sensors_has_no_topics_of_ranges(rig, tmp_path):
+    """It does not tell its build; its robot id does."""
+    text = (ROOT / "mrl_driver" / "robot" / "models" / "traxbot.yaml").read_text()
+    model = tmp_path / "carrier.yaml"
+    model.write_text(text.replace("ids: [1, 2, 3]", "ids: [7]"))
+    port = rig.board("--robot", str(model), "--profile", "2013-august", "--environment").port
+    odometry = rig.topic("odom", Odometry)
+    node = rig.node(port, f"_robot:={model}", "_ignore_battery:=true")
+    wait_until(lambda: odometry.arrived or node.exit_code is not None)
+    assert odometry.arrived, node.last_words()
+    assert not [name for name, _ in rospy.get_published_topics(rig.ns) if "/sonar/" in name]
 
 
 @pytest.fixture(scope="module")

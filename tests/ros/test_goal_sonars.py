@@ -72,15 +72,15 @@ def test_range_that_comes_while_the_ranges_are_looked_at_waits(look):
 
 
 class Robot:
-    """A robot that stands, with a sonar ahead that sees nothing; `locates` and `hears` say what it publishes."""
+    """A robot that stands, with a sonar that always measures the same; `locates` and `hears` say what it publishes."""
 
-    def __init__(self, rig, frame):
+    def __init__(self, rig, frame, range_m=math.inf):
         self._odom = rospy.Publisher(f"{rig.ns}/odom", Odometry, queue_size=1)
         self._sonar = rospy.Publisher(f"{rig.ns}/sonar/front", Range, queue_size=1)
         self._odometry = Odometry(child_frame_id=f"{rig.name}/base_link")
         self._odometry.header.frame_id = f"{rig.name}/odom"
         self._odometry.pose.pose.orientation.w = 1.0
-        self._range = Range(range=math.inf)
+        self._range = Range(range=range_m)
         self._range.header.frame_id = frame
         self.locates = self.hears = True
         self._end = threading.Event()
@@ -102,13 +102,12 @@ class Robot:
 @pytest.fixture
 def robot(rig):
     mounts = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
-    mounts.publish(
-        new_mounts(f"{rig.name}/base_link", {"front": SonarMount(0.1, 0.0, 0.0)}, rospy.Time.now())
-    )
+    places = {"front": SonarMount(0.1, 0.0, 0.0), "back": SonarMount(-0.1, 0.0, 180.0)}
+    mounts.publish(new_mounts(f"{rig.name}/base_link", places, rospy.Time.now()))
     robots = []
 
-    def make(frame="sonar_front"):
-        robots.append(Robot(rig, f"{rig.name}/{frame}"))
+    def make(frame="sonar_front", range_m=math.inf):
+        robots.append(Robot(rig, f"{rig.name}/{frame}", range_m))
         rig.go_to_goal("_patience:=3")
         rig.commands, rig.results = (
             rig.topic("cmd_vel", Twist),
@@ -161,6 +160,13 @@ def test_robot_stands_when_its_sonar_falls_silent_and_the_goal_is_given_up(rig, 
     fitted.hears = False
     wait_until(lambda: rig.commands.messages[-1].linear.x == 0.0)
     wait_until(lambda: ended_for(rig, "no valid reading of sonar front"))
+
+
+def test_sonar_that_looks_back_by_tf_does_not_turn_the_robot(rig, robot):
+    """Ahead, 0.58 m would make it go around something."""
+    robot(frame="sonar_back", range_m=0.58)
+    seen = rig.commands.wait_for_more(20)
+    assert all(twist.linear.x > 0 and twist.angular.z == 0 for twist in seen)
 
 
 def test_sonar_without_a_place_on_the_robot_holds_it(rig, robot):

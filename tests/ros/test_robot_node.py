@@ -24,6 +24,8 @@ FRAME_HZ = 50
 SONAR_CYCLE_S = 0.3
 TIMEOUT_S, TIMEOUT_LATE_S = 0.3, 0.05
 AT_ONCE_S = 0.05
+LOST_M2 = 0.001
+"""Variance of a lost way of some 5 cm; a robot that stands keeps 1e-6."""
 
 
 def forward(speed_m_s, **unused):
@@ -215,3 +217,11 @@ def test_bad_parameter_ends_the_node_with_one_line(rig, options, exit_code, word
     assert node.exit_code == exit_code
     assert len(node.output()) == 1
     assert words in node.output()[0]
+
+
+def test_way_that_the_board_forgot_makes_the_pose_less_sure(rig):
+    """A restart takes the counters; the wheels may have gone on for a while."""
+    port = rig.board("--robot", "traxbot", "--fault", "reset:at=4,every=8").port
+    odometry = rig.topic("odom", Odometry)
+    rig.node(port)
+    wait_until(lambda: odometry.messages and odometry.messages[-1].pose.covariance[0] > LOST_M2)
