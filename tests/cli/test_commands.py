@@ -321,6 +321,6 @@ def test_a_blocked_wheel_has_its_own_exit_code(serve):
 )
 def test_what_happens_to_the_line_is_told_in_one_line(capsys, event):
     listeners = []
-    shared.tell_losses(SimpleNamespace(on_event=listeners.append))
+    shared.report_losses(SimpleNamespace(on_event=listeners.append))
     listeners[0](event)
     assert capsys.readouterr().err == f"mrl: {event}\n"

@@ -110,7 +110,9 @@ def test_it_keeps_straight_on_beside_what_a_sonar_sees_elsewhere(noted):
     goal = PoseGoal(noted, "odom", "base_link", {"front": SonarMount(-0.1, 0.0, 180.0)})
     goal.start(message("odom", 3.0, 0.0), HERE)
     for step in range(3):
-        goal.on_telemetry(SimpleNamespace(pose=(0.0, 0.0, 0.0), ranges={"front": 0.58}, arrival_s=float(step)))
+        goal.on_telemetry(
+            SimpleNamespace(pose=(0.0, 0.0, 0.0), ranges={"front": 0.58}, arrival_s=float(step))
+        )
     assert noted.speeds == (noted.limits.linear_m_s, 0.0)
 
 
