@@ -16,7 +16,8 @@ from mrl_driver.cli.commands import shared
 from mrl_driver.recording.recording import Recording
 from mrl_driver.robot import models
 from mrl_driver.session.events import Lost, Reconnected, Slowed, WayLost
-from mrl_driver.terminal import keyboard, text
+from mrl_driver.terminal import keyboard
+from mrl_driver.terminal.state import range_text
 from tests.waiting import PATIENCE_S, wait_until
 
 from .run import fails, mrl
@@ -297,7 +298,7 @@ def test_a_terminal_that_takes_no_more_output_stops_the_robot(serve):
     ("value", "words"), [(1.234, "1.23 m"), (float("inf"), "nothing"), (float("nan"), "no reading")]
 )
 def test_ranges_for_people(value, words):
-    assert text.range_text(value) == words
+    assert range_text(value) == words
 
 
 @pytest.mark.parametrize(
