@@ -126,15 +126,6 @@ def test_firmware_image_is_what_is_emulated(ended):
     assert "emulated in Python" not in ended[1]
 
 
-def test_interrupt_ends_everything(start):
-    run = start(*PYTHON, alone=True)
-    run.wait_for_odometry()
-    run.process.send_signal(signal.SIGINT)
-    output = run.end()
-    assert run.process.returncode == 130, output
-    assert run.alive() == []
-
-
 def test_killed_supervisor_leaves_nothing(start):
     run = start(*PYTHON, alone=True)
     run.wait_for_odometry()
@@ -203,16 +194,6 @@ def test_keys_drive_a_real_robot_and_q_gives_back_the_terminal(start, rig, termi
     shown(user, b"ran ")
     assert run.process.wait(START_S) == 0
     assert termios.tcgetattr(program) == settings
-
-
-@pytest.mark.parametrize("variable", [{"TERM": "dumb"}, {"PYTHONIOENCODING": "iso-8859-1"}], ids=str)
-def test_terminal_that_cannot_show_the_view_gets_a_line_a_second(start, terminal, variable):
-    """It lacks a cursor that moves, or the view's characters."""
-    user, program = terminal
-    run = start(*PYTHON, "--duration", "1", terminal=program, **variable)
-    shown(user, b" s  x ")
-    shown(user, b"ran ")
-    assert run.process.wait(START_S) == 0
 
 
 def test_logs_that_cannot_be_written_are_one_line(start, tmp_path):

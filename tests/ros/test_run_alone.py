@@ -43,14 +43,19 @@ def pair(tmp_path_factory, master):
             run.process.send_signal(signal.SIGINT)
         outputs = [run.end() for run in runs]
         codes = [run.process.returncode for run in runs]
+        alive = [run.alive() for run in runs]
         logs = list(folder.parent.glob("*/robot_node.log"))
         yield SimpleNamespace(
-            uris=uris, nodes=nodes, foreign=foreign, outputs=outputs, codes=codes, logs=logs
+            uris=uris, nodes=nodes, foreign=foreign, outputs=outputs, codes=codes, alive=alive, logs=logs
         )
 
 
 def test_two_runs_at_once_both_drive_until_they_are_interrupted(pair):
     assert pair.codes == [130, 130], pair.outputs
+
+
+def test_interrupt_ends_everything(pair):
+    assert pair.alive == [[], []]
 
 
 def test_run_names_the_master_that_its_node_is_on(pair):
