@@ -8,36 +8,54 @@
 
 The robot stops 0.5 s after the last `drive`; `Options(command_timeout_s=...)` changes that time.  The robot also stops
 at the end of the `with` block and at the end of the program.  All methods may be called from any thread.  Callbacks run
-on the reading thread and must not call `ask` or `wait`.
+on the reading thread and must not call `ask` or `wait`.  `lock_order` has the threads and the order of the locks.
 """
 
 import atexit
+import contextlib
+import math
 import threading
 import time
-from typing import Optional, Tuple, Union
+from typing import Any, Callable, Dict, List, NoReturn, Optional, Sequence, Tuple, Union
 
-from mrl_driver.errors import BoardTimeout, ConfigError, LinkLost, MrlError
-from mrl_driver.protocol.table import BAUD
+from mrl_driver.errors import BoardError, BoardTimeout, ConfigError, LinkLost, MrlError, WrongRobot
+from mrl_driver.geometry import ORIGIN, Pose
+from mrl_driver.lock_order import new_lock
+from mrl_driver.protocol.table import BAUD, BY_NAME
 from mrl_driver.recording.recording import Recorder
 from mrl_driver.robot import models
-from mrl_driver.robot.models import RobotModel
+from mrl_driver.robot.models import Limits, RobotModel
+from mrl_driver.robot.odometry import AnyTwist, OmniTwist, Twist
 from mrl_driver.robot.robot_state import Telemetry
+from mrl_driver.robot.wheel_monitor import Mismatch
+from mrl_driver.session.events import SensorRead, Slowed, Status
 from mrl_driver.session.handshake import Board
+from mrl_driver.session.link_counters import Statistics
+from mrl_driver.session.motion_command import Motion
+from mrl_driver.session.sensor_polling import Reading
+from mrl_driver.session.session import PAUSE_S
+from mrl_driver.transport import fork_guard
 from mrl_driver.transport.address import require_port
 from mrl_driver.transport.baud_rates import FAST_BAUD, require_raisable
 from mrl_driver.transport.link import Link
+from mrl_driver.transport.reconnect import LOOK_S
 
+from .link_source import LinkSource
 from .options import DEFAULTS, Options, require_options, require_range
-from .robot_core import Core
-from .runner import Runner
+from .robot_core import Core, DriverEvent
+from .speed_limiter import Speeds
 
 __all__ = ["Board", "Driver", "Options", "Telemetry"]
 
 ATTEMPTS, ANSWER_S = 3, 0.5
 """`ask` sends a request at most this many times and waits this long for each reply [s]."""
+CLOSE_S = 0.8
+"""The stop at the end waits at most this long for telemetry to confirm it [s]."""
+CLOCK_BOOTTIME = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+Listener = Callable[[Any], None]
 
 
-class Driver(Runner):
+class Driver:
     """A robot on a serial port.
 
     Args:
@@ -64,13 +82,29 @@ class Driver(Runner):
         require_options(options)
         if isinstance(port, str):
             require_port(port)
-        if options.record is not None and isinstance(port, Link):
+        elif options.record is not None:
             raise ConfigError("record is given with an open link, expected a port by name")
         if options.fast:
             require_raisable(port, baud)
         options = options._replace(line_baud=min(baud, options.line_baud))
         model = robot if isinstance(robot, RobotModel) else None if robot == "auto" else models.load(robot)
-        super().__init__(Core(model, options), port, baud, options)
+        self._core, self._baud = Core(model, options), baud
+        self._links = LinkSource(port, baud, options)
+        self._clock: Callable[[], float] = time.monotonic
+        self._lock = new_lock("driver")
+        self._changed = threading.Condition(self._lock)
+        self._settled = threading.Event()
+        self._link: Optional[Link] = None
+        self._thread: Optional[threading.Thread] = None
+        self._error: Optional[MrlError] = None
+        self._broken: Optional[LinkLost] = None
+        self._beginning = self._closing = self._writing = False
+        self._asking, self._settling = 0, True
+        self._slept_s = math.inf
+        self._on_state: List[Listener] = []
+        self._listeners: Dict[type, List[Listener]] = {Telemetry: [], Status: [], Board: [], SensorRead: []}
+
+    # -- the connection
 
     def connect(self) -> Board:
         """Open the port, greet the board and start its stream.  The robot gets a stop and stays still.
@@ -88,7 +122,12 @@ class Driver(Runner):
         """
         if self._thread is not None or self._closing:
             raise MrlError("this driver was connected already; create another one to connect again")
-        self._begin()
+        self._beginning = True
+        try:
+            self._start(self._links.first())
+        finally:
+            self._beginning = False
+        fork_guard.leave_to_parent(self._abandon)
         atexit.register(self._end_with_program)
         try:
             self._settled.wait()
@@ -100,14 +139,27 @@ class Driver(Runner):
             raise self._error
         return self.board
 
+    def _start(self, link: Link) -> None:
+        """Start the session and the thread, unless the driver was closed while the port opened."""
+        with self._lock:
+            if not self._closing:
+                self._link = link
+                self._core.begin(self._clock())
+                self._thread = threading.Thread(target=self._run, name="mrl-driver", daemon=True)
+                self._thread.start()
+                return
+        link.close()
+        self._links.end_tape()
+        raise LinkLost("the driver was closed while it connected")
+
     def close(self) -> None:
         """Stop the robot, wait at most a second for telemetry to confirm the stop, and close the port."""
         with self._lock:
-            thread, trial = self._thread, self._trial
+            thread = self._thread
             self._closing = self._closing or (thread is None and self._beginning)
         if thread is None:
-            if trial is not None:
-                trial.close()
+            if self._closing:
+                self._links.close()
             return
         on_thread = thread is threading.current_thread()
         if self._error is None and not self._closing:
@@ -115,14 +167,14 @@ class Driver(Runner):
         with self._changed:
             self._closing = True
             self._changed.notify_all()
-            links = self._link, self._trial
+            link = self._link
         self._settled.set()
-        for link in links:
-            if link is not None:
-                link.close()
+        self._links.close()
+        if link is not None:
+            link.close()
         if not on_thread:
             thread.join()
-        self._end_tape()
+        self._links.end_tape()
         atexit.unregister(self._end_with_program)
 
     def _end_with_program(self) -> None:
@@ -136,15 +188,16 @@ class Driver(Runner):
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    @property
-    def line_baud(self) -> int:
-        """Current speed of the line [Bd]: 500000 if the option `fast` has raised it, else the port's baud rate."""
-        return FAST_BAUD if self._fast else self._baud
-
-    @property
-    def recorder(self) -> Optional[Recorder]:
-        """The recorder, with the lines it `lost` and its last `error`; None without a recording."""
-        return self._tape.recorder if self._tape is not None else None
+    def _abandon(self) -> None:
+        """Run in a forked child: the parent keeps the robot.  Here the driver is closed, and each call raises why."""
+        self._lock = new_lock("driver")
+        self._changed, self._settled = threading.Condition(self._lock), threading.Event()
+        self._links.abandon()
+        self._link = self._thread = None
+        self._closing = True
+        self._error = LinkLost(
+            "this process was forked from the one that drives the robot; connect in one of them"
+        )
 
     def wait(self, timeout_s: Optional[float] = None) -> bool:
         """Sleep until the driver is closed or has failed; False if `timeout_s` ended first.
@@ -157,6 +210,8 @@ class Driver(Runner):
             if self._error is not None:
                 raise self._error
             return ended
+
+    # -- commands
 
     def drive(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) -> bool:
         """Drive at these speeds for at most 0.5 s; call again before then to keep driving.
@@ -172,28 +227,69 @@ class Driver(Runner):
 
         Returns:
             True if the command is in force.  False if the board is silent or being greeted, the port is lost, the
-            battery is empty, a wheel does not follow its command (see `mismatch`), or the driver is being closed.
+            battery is empty, a wheel does not follow its command (see `mismatch`), commands are inhibited,
+            or the driver is being closed.
 
         Raises:
             FrameError: a speed is NaN or infinite, or the base cannot move sideways; the robot was stopped.
             LinkLost: the port went away.
         """
-        with self._lock:
-            core = self._connected()
-            try:
-                return core.drive(linear_m_s, angular_rad_s, time.monotonic(), lateral_m_s)
-            finally:
-                self._flush()
+        core = self._core
+        if self._error is not None or self._closing or not core.begun:
+            self._refuse()
+        try:
+            with self._lock:
+                return core.drive(linear_m_s, angular_rad_s, self._clock(), lateral_m_s)
+        finally:
+            self._flush()
 
     def stop(self) -> None:
         """Stop at once; the stop is repeated until telemetry confirms it.
 
+        If another thread's write is blocked, the stop is sent as soon as the port accepts bytes again.
+
         Raises:
             LinkLost: the port went away.
         """
+        core = self._connected()
         with self._lock:
-            self._connected().stop(time.monotonic(), "user")
-            self._flush()
+            core.stop(self._clock(), "user")
+        self._flush()
+
+    def inhibit(self, reason: str) -> None:
+        """Stop, and refuse commands until `allow` is called with each reason; no command overtakes this.
+
+        Raises:
+            LinkLost: the port went away; commands are refused nevertheless.
+        """
+        with self._lock:
+            self._core.inhibited.add(reason)
+        self.stop()
+
+    def allow(self, reason: str) -> None:
+        """End an `inhibit` with this reason; the robot waits for a new command."""
+        with self._lock:
+            self._core.inhibited.discard(reason)
+
+    def restrict(self, allowed: Optional[Callable[[Speeds, float], Speeds]]) -> None:
+        """Let `allowed(speeds, now)` reduce every command, and again with every frame; such as protective zones.
+
+        Speeds are linear, angular and, if the base can, lateral [m/s, rad/s, m/s]; `now` is `now_s`.  The function is
+        called with the driver's lock held: it must be quick and must not call the driver.
+        """
+        with self._lock:
+            self._core.limiter.restrict = allowed
+
+    def limit_again(self) -> None:
+        """Apply `limits` and `restrict` to the command in force now, instead of with the next frame.
+
+        Raises:
+            LinkLost: the port went away.
+        """
+        core = self._connected()
+        with self._lock:
+            core.limit_again(self._clock())
+        self._flush()
 
     def request(self, code: int, *args: int) -> None:
         """Send any other request of the command table; `on_event` gets the reply.
@@ -203,12 +299,12 @@ class Driver(Runner):
             BoardTimeout: the request would turn motors, and the board is silent; it was not sent.
             LinkLost: the port went away.
         """
+        core = self._connected()
         with self._lock:
-            core = self._connected()
             if self._link is None:
                 raise LinkLost("the port went away and is searched; try again when it is back")
             core.session.request(code, *args)
-            self._flush()
+        self._flush()
 
     def ask(self, code: int, *args: int, timeout_s: float = ANSWER_S) -> Tuple[int, ...]:
         """Send a request, wait for its `Reply` and return the reply's fields; repeat the request if no reply comes.
@@ -223,16 +319,492 @@ class Driver(Runner):
         """
         core = self._core
         for _ in range(ATTEMPTS):
-            with self._changed:
+            with self._lock:
                 core.replies.pop(code, None)
-                self.request(code, *args)
                 self._asking += 1
-                self._changed.wait_for(lambda: core.answer(code, args) or self._error, timeout_s)
-                self._asking -= 1
-                self._connected()
-                reply = core.answer(code, args)
-                if reply is not None:
-                    return reply
+            try:
+                self.request(code, *args)
+                with self._changed:
+                    self._changed.wait_for(lambda: core.answer(code, args) or self._error, timeout_s)
+            finally:
+                with self._lock:
+                    self._asking -= 1
+            self._connected()
+            reply = core.answer(code, args)
+            if reply is not None:
+                return reply
         raise BoardTimeout(
             f"no answer to request {code} in {ATTEMPTS} attempts of {timeout_s:g} s; try again"
         )
+
+    # -- what may be read at any time, from any thread
+
+    @property
+    def line_baud(self) -> int:
+        """Current speed of the line [Bd]: 500000 if the option `fast` has raised it, else the port's baud rate."""
+        return FAST_BAUD if self._links.fast else self._baud
+
+    @property
+    def recorder(self) -> Optional[Recorder]:
+        """The recorder, with the lines it `lost` and its last `error`; None without a recording."""
+        tape = self._links.tape
+        return tape.recorder if tape is not None else None
+
+    @property
+    def _motion(self) -> Optional[Motion]:
+        return self._core.session.motion if self._core.begun else None
+
+    @property
+    def now_s(self) -> float:
+        """The driver's clock: `time.monotonic()`, or simulated time."""
+        return self._clock()
+
+    @property
+    def model(self) -> Optional[RobotModel]:
+        """The robot's model; None until `connect` if the driver was created with `auto`."""
+        return self._core.state.model
+
+    @property
+    def limits(self) -> Optional[Limits]:
+        """Limits of speed and acceleration in force; None until `connect` if the driver was created with `auto`.
+
+        At first the model's speeds, without a limit of acceleration: the board has its own ramp.  They may be replaced
+        at any time, and hold from the next command or frame on.
+        """
+        return self._core.limiter.limits or (self.model.limits if self.model else None)
+
+    @limits.setter
+    def limits(self, limits: Limits) -> None:
+        self._core.limiter.limits = limits
+
+    @property
+    def ready(self) -> bool:
+        """The board is greeted, and its telemetry is not stale."""
+        return self._core.begun and self._core.session.ready and self._error is None
+
+    @property
+    def stopped(self) -> bool:
+        """No command is in force, and telemetry has confirmed the last stop."""
+        with self._lock:
+            motion = self._motion
+            return motion is None or not (motion.target or motion.stopping or self.may_be_moving)
+
+    @property
+    def may_be_moving(self) -> bool:
+        """The board was cut off while the robot moved, and it has no watchdog to stop it (2013 boards)."""
+        return self._core.begun and self._core.session.may_be_moving
+
+    @property
+    def stop_reason(self) -> str:
+        """Why the robot was last stopped, as far as is known; `none` before the first stop.
+
+        Reasons of this program (`motion_command.STOPS`): `user`, `not_a_number`, `command_timeout`, `battery`,
+        `wheel_mismatch`, `stale` (no telemetry), `restarted` (the board restarted), `link_lost`, `host_paused` (this
+        program stood still), `closed`.  Reasons of the board (`table.STOP_REASONS`): `link_watchdog`, `stall`,
+        `motor_board`, `boot`, `check_ended`; these are known within half a second.
+        """
+        motion = self._motion
+        return motion.stop_reason if motion else "none"
+
+    @property
+    def mismatch(self) -> Optional[Mismatch]:
+        """The wheel that did not follow its command, or None.  Only `stop` or a command of zero clears it; until then
+        all other commands are refused.
+        """
+        return self._core.mismatch
+
+    @property
+    def command(self) -> Optional[AnyTwist]:
+        """The command in force, after limiting; None while stopped."""
+        motion = self._motion
+        target = motion.target if motion else None
+        if target is None:
+            return None
+        speeds = [speed / 1000 for speed in target]
+        return OmniTwist(*speeds) if len(speeds) == 3 else Twist(*speeds)
+
+    def limited(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) -> AnyTwist:
+        """The speeds that `drive` would use: scaled down to the limits, on the same arc.  Needs a connection."""
+        return self._core.limited(linear_m_s, angular_rad_s, lateral_m_s)
+
+    @property
+    def error(self) -> Optional[MrlError]:
+        """The error that ended the driver, or None."""
+        return self._error
+
+    @property
+    def board(self) -> Board:
+        """The board's identity; its battery voltage and temperature are at most 2 s old.
+
+        Raises:
+            BoardTimeout: not connected yet.
+        """
+        if self._core.state.info is None:
+            raise BoardTimeout("not connected; call connect() first")
+        return self._core.state.info
+
+    @property
+    def warning(self) -> str:
+        """A warning for the user about this board; empty if there is none."""
+        info = self._core.state.info
+        if info is None or info.protocol >= 2:
+            return ""
+        name = "1 (2013)" if info.version < 2 else f"{info.version} without protocol"
+        return (
+            f"board firmware {name} has no watchdog: the robot drives on when the program dies or the cable is "
+            "pulled; flash with: mrl flash --port PORT"
+        )
+
+    @property
+    def telemetry(self) -> Optional[Telemetry]:
+        """The last telemetry; None before the first."""
+        return self._core.state.telemetry
+
+    @property
+    def pose(self) -> Pose:
+        """Pose in the odom frame; (0, 0, 0) at the start.  It has no jump when the board restarts."""
+        return self._core.state.odometry.pose if self._core.state.odometry else ORIGIN
+
+    @property
+    def twist(self) -> AnyTwist:
+        """Measured speeds in base_link; zero while the board is not ready."""
+        return (
+            self._core.state.odometry.twist if self._core.state.odometry and self.ready else Twist(0.0, 0.0)
+        )
+
+    @property
+    def has_sonars(self) -> bool:
+        """The board measures ranges; False before `connect`."""
+        return self._core.state.has_sonars
+
+    @property
+    def ranges(self) -> Dict[str, float]:
+        """Range of each sonar by name [m], by REP 117; empty if telemetry is stale."""
+        return dict(self._core.state.ranges) if self.ready else {}
+
+    @property
+    def sensors(self) -> Dict[str, Reading]:
+        """Readings of the sensors of `table.SENSORS` that answer, by name, without old readings."""
+        with self._lock:
+            return self._core.session.sensors.fresh(self.now_s) if self._core.begun and self.ready else {}
+
+    @property
+    def battery_v(self) -> float:
+        """Battery voltage, at most 2 s old; NaN before it is known."""
+        return self._core.state.info.battery_v if self._core.state.info else math.nan
+
+    @property
+    def battery_state(self) -> str:
+        """`ok`, `low`, `empty` or `off`, see `robot.battery`."""
+        return self._core.state.battery_state
+
+    @property
+    def temperature_c(self) -> float:
+        """Temperature of the motor board; NaN before it is known."""
+        return self._core.state.info.temperature_c if self._core.state.info else math.nan
+
+    @property
+    def status(self) -> Optional[Status]:
+        """Uptime, stop reason, faults and clamped commands; None with 2013 boards."""
+        return self._core.session.status if self._core.begun else None
+
+    @property
+    def age_s(self) -> float:
+        """Time since the last telemetry arrived; infinity before the first."""
+        return self.now_s - self._core.session.heard_s if self._core.begun else math.inf
+
+    @property
+    def statistics(self) -> Statistics:
+        """Counters of the link.
+
+        Raises:
+            BoardTimeout: not connected yet.
+        """
+        with self._lock:
+            if not self._core.begun:
+                raise BoardTimeout("not connected; call connect() first")
+            counters = self._core.session.counters
+            counters.refused_counts = (
+                self._core.state.odometry.baseline.refused if self._core.state.odometry else 0
+            )
+            return counters.snapshot()
+
+    def reset_pose(self, pose: Pose = ORIGIN) -> None:
+        """Continue the odometry from `pose`; counters and speeds do not change."""
+        with self._lock:
+            if self._core.state.odometry is not None:
+                self._core.state.odometry.pose = pose
+
+    # -- callbacks: they run on the reading thread, one after the other, without a lock
+
+    def on_telemetry(self, callback: Callable[[Telemetry], None]) -> None:
+        """Call `callback` for each telemetry frame."""
+        self._listeners[Telemetry].append(callback)
+
+    def on_status(self, callback: Callable[[Status], None]) -> None:
+        """Call `callback` for each status of the board, twice a second."""
+        self._listeners[Status].append(callback)
+
+    def on_battery(self, callback: Callable[[Board], None]) -> None:
+        """Call `callback` for each new battery voltage and temperature."""
+        self._listeners[Board].append(callback)
+
+    def on_sensor(self, callback: Callable[[SensorRead], None]) -> None:
+        """Call `callback` with name and reading for each answer of a sensor of `table.SENSORS`."""
+        self._listeners[SensorRead].append(callback)
+
+    def on_event(self, callback: Callable[[Union[DriverEvent, MrlError]], None]) -> None:
+        """Call `callback` for each `Ready`, `Stale`, `Lost`, `Reconnected`, `Slowed`, `WayLost` and `Reply` of
+        `session.events`, for a wheel's `Mismatch`, and for the `MrlError` that ends the driver.
+        """
+        self._on_state.append(callback)
+
+    # -- the reading thread
+
+    def _run(self) -> None:
+        try:
+            while not self._closing:
+                try:
+                    if self._link is None:
+                        self._seek()
+                    else:
+                        self._serve(self._link)
+                except LinkLost as error:
+                    self._lose(error)
+                except BoardError as error:
+                    if not self._links.searching:
+                        raise
+                    self._lose(error)
+        except MrlError as error:
+            self._give_up(error)
+        finally:
+            if not self._closing and self._error is None:
+                self._give_up(
+                    MrlError("a callback raised; the driver has ended and sent a stop to the robot")
+                )
+
+    def _serve(self, link: Link) -> None:
+        """Read the link and do what is due, until it is lost or the driver is closed."""
+        core, links, session, clock = self._core, self._links, self._core.session, self._clock
+        while self._link is link:
+            data = link.read(min(1.0, core.due_s - clock()))
+            now = clock()
+            with self._lock:
+                if self._closing:
+                    with contextlib.suppress(BoardError):
+                        core.turn(data, now)  # what is recorded counts as well
+                    return
+                if self._broken is not None:
+                    raise self._broken
+                # If the machine was suspended, stop; the driver's clock does not count that time.
+                slept_s = time.clock_gettime(CLOCK_BOOTTIME) - time.monotonic()
+                if slept_s > self._slept_s + PAUSE_S and session.motion.target is not None:
+                    core.stop(now, "host_paused")
+                self._slept_s = slept_s
+                events = core.turn(data, now)
+                if links.tape is not None:
+                    links.tape.note(session.checked)
+                if self._asking:
+                    self._changed.notify_all()
+            if links.searching or links.fast:
+                events += self._supervise(link, now)
+            if session.out:
+                self._flush()
+            if self._settling and core.state.telemetry is not None:
+                self._settling = False
+                self._settled.set()
+            for event in events:
+                for listener in self._listeners.get(type(event), self._on_state):
+                    listener(event)
+
+    def _supervise(self, link: Link, now: float) -> Sequence[DriverEvent]:
+        """In a search, check that the robot is the one that was lost; on a raised line, count its errors.
+
+        Raises:
+            WrongRobot: another robot answers; its session was ended.
+        """
+        links, session = self._links, self._core.session
+        events: List[DriverEvent] = []
+        if links.searching:
+            try:
+                found = links.judge(session, now)
+            except WrongRobot:
+                with self._lock:
+                    session.end()
+                with contextlib.suppress(LinkLost):
+                    self._flush()
+                raise
+            if found is not None:
+                events.append(found)
+        if links.fast and links.is_failing(session, now) and not self._writing:
+            with self._lock:
+                self._writing = True  # nobody else writes until the speed is changed
+            try:
+                link.set_baud(BAUD)  # the board does the same by itself
+            finally:
+                self._writing = links.fast = False
+            events.append(Slowed(BAUD))
+        return events
+
+    def _lose(self, error: MrlError) -> None:
+        """Drop the link and start the search; raise `error` if the driver does not reconnect."""
+        now = self._clock()
+        with self._lock:
+            link = self._link
+            if link is None or not self._may_search():
+                raise error
+            self._link = self._broken = None
+            self._core.session.lose(now)
+            may_be_moving = self._core.session.may_be_moving
+        lost = self._links.lose(error, now, may_be_moving)
+        link.close()
+        if lost is not None:
+            self._tell_state(lost)
+
+    def _may_search(self) -> bool:
+        """The driver searches a lost port: not before the first connection, and only with the option `reconnect`."""
+        return self._links.reconnects and self._settled.is_set() and not self._closing and self._error is None
+
+    def _seek(self) -> None:
+        """Look for the port once.  If it is found, `_serve` greets the robot on it."""
+        with self._changed:
+            if self._changed.wait_for(lambda: self._closing, LOOK_S):
+                return
+        link = self._links.look()
+        if link is None:
+            return
+        with self._lock:
+            closing = self._closing
+            if not closing:
+                self._core.session.relink(self._clock(), self._links.same_board)
+                self._link, self._core.due_s = link, -math.inf
+        if closing:
+            link.close()
+
+    def _tell_state(self, event: object) -> None:
+        for listener in self._on_state:
+            listener(event)
+
+    # -- what is sent
+
+    def _connected(self) -> Core:
+        if self._error is not None or self._closing or not self._core.begun:
+            self._refuse()
+        return self._core
+
+    def _refuse(self) -> NoReturn:
+        raise self._error or LinkLost("the driver is not connected, or was closed")
+
+    def _flush(self) -> None:
+        """Send the session's bytes, and wake the reading thread if something is now due earlier.
+
+        Only one thread writes at a time, without a lock.  What others add meanwhile, the reading thread sends next.
+        """
+        core, data = self._core, b""
+        with self._lock:
+            link, session = self._link, core.session
+            due_s = -math.inf if session.hurried else session.motion.due_s
+            wake = due_s < core.due_s
+            if wake:
+                core.due_s = due_s
+            if session.out and not self._writing:
+                data = session.take()
+                self._writing = link is not None
+        if link is None:
+            return
+        if data:
+            try:
+                link.write(data)
+            except BoardTimeout:
+                core.session.counters.blocked_writes += 1
+            except LinkLost as error:
+                self._on_broken(link, error)
+            finally:
+                with self._lock:
+                    self._writing, link = False, self._link or link
+                    if core.session.out:
+                        core.due_s, wake = -math.inf, True
+        if wake and threading.current_thread() is not self._thread:
+            link.wake()
+
+    def _on_broken(self, link: Link, error: LinkLost) -> None:
+        """A write has found that the port is gone: the reading thread searches it, or the driver ends.
+
+        Raises:
+            LinkLost: the driver does not search the port.
+        """
+        with self._lock:
+            if self._link is not link:
+                return  # another thread has found it before
+            if self._may_search():
+                self._broken = error
+            elif not self._closing:
+                self._error = self._error or error
+                self._changed.notify_all()
+            failed = self._error is error
+        link.wake()
+        if failed:
+            raise error
+
+    # -- the end
+
+    def _say_goodbye(self, wait: bool) -> None:
+        """Stop the robot, wait for the confirmation, and set the board back to what a 2013 host expects.
+
+        Without `wait` the caller is the reading thread itself, so this method reads the link.
+        """
+        try:
+            core = self._connected()
+            if wait:
+                self._stop_for_good()
+            else:
+                self._halt()
+            deadline = time.monotonic() + CLOSE_S
+            while wait and self.ready and not self.stopped and time.monotonic() < deadline:
+                time.sleep(0.01)
+            with self._lock:
+                if not self.stopped:  # telemetry may not confirm the stop any more, so send it again
+                    core.session.stop(self._clock(), "closed")
+                core.session.end()
+                if self._links.fast:
+                    core.session.request(BY_NAME["set_baud"].code, 0)
+            self._flush()
+        except MrlError:
+            return
+
+    def _stop_for_good(self) -> None:
+        with self._lock:
+            self._core.leaving = True
+            self._core.limiter.drop()
+            self._core.session.stop(self._clock(), "closed")
+        self._flush()
+
+    def _give_up(self, error: MrlError) -> None:
+        try:
+            self._halt()
+        except MrlError:
+            return
+        finally:
+            self._fail(error)
+
+    def _halt(self) -> None:
+        """Stop the robot and repeat the stop until telemetry confirms it; 2013 boards have no watchdog to do it."""
+        core, link = self._core, self._link
+        session = core.session
+        self._stop_for_good()
+        deadline = time.monotonic() + CLOSE_S
+        while link is not None and session.ready and session.motion.stopping and time.monotonic() < deadline:
+            data = link.read(min(core.due_s, deadline) - time.monotonic())
+            with self._lock:
+                core.turn(data, time.monotonic())
+            if session.out:
+                self._flush()
+
+    def _fail(self, error: MrlError) -> None:
+        with self._changed:
+            if self._closing:
+                return
+            self._error = error
+            self._changed.notify_all()
+        self._settled.set()
+        self._tell_state(error)

@@ -1,28 +1,31 @@
-"""The driver without I/O and without a thread: one robot's session, state and guards.
+"""The driver without I/O and without a thread: one robot's session, state, speed limiter and guards.
 
-Bytes and time go in; bytes and notices come out.  `Driver` runs it on a port in real time, `SteppedDriver` on an
+Bytes and time go in; bytes and events come out.  `Driver` runs it on a port in real time, `SteppedDriver` on an
 emulated board in simulated time.  All times are seconds of one monotonic clock, which the caller reads.
 """
 
 import math
-from typing import Dict, List, Optional, Tuple
+from typing import Dict, List, Optional, Set, Tuple, Union
 
-from mrl_driver.errors import FrameError, LinkLost
+from mrl_driver.errors import FrameError
 from mrl_driver.protocol.table import COMMANDS
 from mrl_driver.robot import battery
 from mrl_driver.robot.kinematics import cannot_sideways
 from mrl_driver.robot.models import OmniDrive, RobotModel, kind_of, require_drivable
-from mrl_driver.robot.odometry import AnyTwist, AnyWheels, Twist
+from mrl_driver.robot.odometry import AnyTwist, AnyWheels, OmniTwist, Twist
 from mrl_driver.robot.omni_odometry import OmniCommands
-from mrl_driver.robot.robot_state import Notice, RobotState, Telemetry, limit
+from mrl_driver.robot.robot_state import RobotEvent, RobotState, Telemetry
 from mrl_driver.robot.wheel_monitor import Mismatch, WheelWatch, wheel_watch
+from mrl_driver.session.events import Counts, Info, Lost, Ready, Reconnected, Reply, SensorRead, Slowed
 from mrl_driver.session.handshake import Board, Plan
-from mrl_driver.session.motion_command import Motion
-from mrl_driver.session.session import Counts, Info, Ready, Reply, Session, SessionEvent
+from mrl_driver.session.session import Session, SessionEvent
 from mrl_driver.transport.baud_rates import command_gap_s, least_period_ms
 
 from .options import Options
+from .speed_limiter import SpeedLimiter
 
+DriverEvent = Union[RobotEvent, SensorRead, Mismatch, Lost, Reconnected, Slowed]
+"""What a driver reports to its listeners, besides the `MrlError` that ends it."""
 GENTLE_S = 3.0
 """Longest duration of a gentle stop [s]."""
 SLOWEST_MS = 50
@@ -41,12 +44,20 @@ INDEXED = {
 class Core:
     """One robot.  If `model` is None, the packaged model that lists the board's robot id is used."""
 
+    session: Session
+    """The conversation with the board, after `begin`."""
+
     def __init__(self, model: Optional[RobotModel], options: Options) -> None:
         if model is not None:
             require_drivable(model)
         self._options = options
         self._omni: Optional[OmniCommands] = None
+        self.begun = False
+        """`begin` was called: there is a session."""
         self.state = RobotState(model, options.ignore_battery, options.any_id)
+        self.limiter = SpeedLimiter()
+        self.inhibited: Set[str] = set()
+        """While there are reasons in it, commands are refused; see `Driver.inhibit`."""
         self.mismatch: Optional[Mismatch] = None
         """The wheel that did not follow its command, or None."""
         self.replies: Dict[int, Tuple[int, ...]] = {}
@@ -55,8 +66,8 @@ class Core:
         """The driver is closing: it refuses new commands."""
         self.due_s = -math.inf
         """Latest time of the next `turn` if no bytes arrive before [s]."""
-        self._session: Optional[Session] = None
         self._watch: Optional[WheelWatch] = None
+        self._watched: Optional[Tuple[int, ...]] = None
         least_ms = least_period_ms(options.line_baud)
         self._every = max(1, math.ceil(options.period_ms / max(SLOWEST_MS, least_ms)))
         self._period_ms = max(least_ms, round(options.period_ms / self._every))
@@ -68,16 +79,22 @@ class Core:
         options = self._options
         gap_s = command_gap_s(options.line_baud)
         plan = Plan(options.watchdog_ms, self._period_ms, options.check, gap_s)
-        self._session = Session(self._admit, now, plan, options.command_timeout_s, options.greeting_s)
+        self.session = Session(self._admit, now, plan, options.command_timeout_s, options.greeting_s)
+        self.begun = True
 
     def _admit(self, board: Board) -> Optional[str]:
         """Accept the board, and choose the motion request for the robot's drive type."""
         stream, model, motion = self.state.admit(board), self.state.model, self.session.motion
-        if model is not None and isinstance(model.drive, OmniDrive):
-            self._omni = OmniCommands(model, model.drive)
-            motion.request_of = self._omni.spell
+        assert model is not None
+        if isinstance(model.drive, OmniDrive):
+            self._omni = OmniCommands(model.drive)
+            motion.request_of, self.limiter.saturate = self._omni.spell, self._omni.saturated
         else:
-            self._omni = motion.request_of = None
+            self._omni = motion.request_of = self.limiter.saturate = None
+        if self.limiter.limits is None:
+            self.limiter.limits = model.limits._replace(
+                linear_acceleration_m_s2=math.inf, angular_acceleration_rad_s2=math.inf
+            )
         return stream
 
     def answer(self, code: int, args: Tuple[int, ...]) -> Optional[Tuple[int, ...]]:
@@ -85,42 +102,41 @@ class Core:
         reply = self.replies.get(code)
         return None if reply is None or (code in INDEXED and reply[0] != args[0]) else reply
 
-    @property
-    def begun(self) -> bool:
-        """`begin` was called: there is a session."""
-        return self._session is not None
-
-    @property
-    def session(self) -> Session:
-        """The conversation with the board.
-
-        Raises:
-            LinkLost: `begin` was not called yet.
-        """
-        if self._session is None:
-            raise LinkLost("the driver is not connected; call connect() first")
-        return self._session
-
-    def turn(self, data: bytes, now: float) -> List[Notice]:
-        """Process the bytes that arrived, do what is due, and return the notices for the listeners.
+    def turn(self, data: bytes, now: float) -> List[DriverEvent]:
+        """Process the bytes that arrived, do what is due, and return the events for the listeners.
 
         Raises:
             BoardError: the board does not answer properly, or is not the right one.
         """
-        session = self.session
-        events = session.receive(data, now) if data else []
-        due_s = session.deadline(now)
-        if now >= due_s - (session.lead_s if data else 0.0):
-            events += session.tick(now)
-            due_s = session.deadline(now)
-        self.due_s = due_s
-        notices: List[Notice] = []
-        for event in events:
-            if type(event) is Counts:
-                self._on_counts(event, session, now, notices)
-            else:
-                notices += self._digest(event, now)
-        return notices
+        session, state, motion = self.session, self.state, self.session.motion
+        events: List[DriverEvent] = []
+        due_s = self.due_s
+        for event in session.receive(data, now) if data else ():
+            if type(event) is not Counts:
+                events += self._digest(event, now)
+                due_s = -math.inf
+                continue
+            telemetry = state.on_counts(event)
+            if telemetry is None:
+                continue
+            if state.way_lost is not None:
+                events.append(state.way_lost)
+            events += (telemetry,) if self._every == 1 else self._thin(telemetry)
+            target, watch = motion.target, self._watch
+            if target is None:
+                self._watch = None
+            elif watch is None or target != self._watched or event.time_s >= watch.next_s:
+                events += self._check_wheels(telemetry.counts, event.time_s, now)
+        limiter = self.limiter
+        if motion.target is None:
+            limiter.target = None
+        elif limiter.target is not None and (limiter.restrict or limiter.speeds != limiter.target):
+            self.limit_again(now)
+        if session.hurried or motion.due_s < due_s or now >= due_s - (session.lead_s if data else 0.0):
+            for event in session.tick(now):
+                events += self._digest(event, now)
+            self.due_s = session.deadline(now)
+        return events
 
     def drive(self, linear_m_s: float, angular_rad_s: float, now: float, lateral_m_s: float = 0.0) -> bool:
         """Put a command in force, see `Driver.drive`.
@@ -128,43 +144,57 @@ class Core:
         Raises:
             FrameError: a speed is NaN or infinite, or the base cannot move sideways; the robot was stopped.
         """
-        session, model = self.session, self.state.model
+        session, state, limiter = self.session, self.state, self.limiter
         if not (math.isfinite(linear_m_s) and math.isfinite(angular_rad_s) and math.isfinite(lateral_m_s)):
             self.stop(now, "not_a_number")
             lateral = f", {lateral_m_s}" if lateral_m_s else ""
             raise FrameError(
                 f"drive({linear_m_s}, {angular_rad_s}{lateral}): expected finite speeds; the robot was stopped"
             )
-        if lateral_m_s and model is not None and self._omni is None:
+        if lateral_m_s and state.model is not None and self._omni is None:
             self.stop(now, "user")
-            raise FrameError(f"{cannot_sideways(lateral_m_s, kind_of(model.drive))}; the robot was stopped")
+            raise FrameError(
+                f"{cannot_sideways(lateral_m_s, kind_of(state.model.drive))}; the robot was stopped"
+            )
         moves = bool(linear_m_s or angular_rad_s or lateral_m_s)
-        if self.state.powerless and session.motion.target is not None and not moves:
+        if state.powerless and session.motion.target is not None and not moves:
             self.stop(now, "battery")  # at once: the gentle stop ends here
-        if model is None or self.leaving or self.state.powerless:
+        if limiter.limits is None or self.leaving or state.powerless or self.inhibited:
             return False
         if self.mismatch is not None and moves:
             return False
         self.mismatch = None
-        twist = self.limited(linear_m_s, angular_rad_s, lateral_m_s)
-        linear_mm_s, angular_mrad_s, *lateral_mm_s = (round(speed * 1000) for speed in twist)
-        return session.drive(linear_mm_s, angular_mrad_s, now, *lateral_mm_s)
+        if session.motion.target is None:
+            limiter.drop()
+        wanted = (
+            (linear_m_s, angular_rad_s) if self._omni is None else (linear_m_s, angular_rad_s, lateral_m_s)
+        )
+        limiter.target = limiter.limited(wanted)
+        linear, angular, *others = limiter.step(now)
+        lateral_mm_s = (round(others[0] * 1000),) if others else ()
+        return session.drive(round(linear * 1000), round(angular * 1000), now, *lateral_mm_s, moves=moves)
+
+    def limit_again(self, now: float) -> None:
+        """Continue to accelerate, and apply `limiter.restrict` again, if a command is in force."""
+        limiter, motion = self.limiter, self.session.motion
+        if limiter.target is not None and motion.target is not None:
+            self.session.adjust(tuple(round(speed * 1000) for speed in limiter.step(now)), now)
 
     def limited(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) -> AnyTwist:
         """The speeds after limiting, on the same arc; a base that cannot move sideways ignores the lateral speed."""
         if self._omni is not None:
-            return self._omni.limited(linear_m_s, angular_rad_s, lateral_m_s)
-        assert self.state.model is not None
-        return Twist(*limit(linear_m_s, angular_rad_s, self.state.model))
+            return OmniTwist(*self.limiter.limited((linear_m_s, angular_rad_s, lateral_m_s)))
+        return Twist(*self.limiter.limited((linear_m_s, angular_rad_s)))
 
     def stop(self, now: float, reason: str) -> None:
         """Stop at once; `reason` is one of `motion_command.STOPS`."""
         self.mismatch = self._watch = None
+        self.limiter.drop()
         self.session.stop(now, reason)
 
-    def _digest(self, event: SessionEvent, now: float) -> List[Notice]:
+    def _digest(self, event: SessionEvent, now: float) -> List[DriverEvent]:
         """Update the robot's state from an event, and stop the robot if its battery is empty or off."""
-        notices = self.state.digest(event, now)
+        events: List[DriverEvent] = [*self.state.digest(event, now)]
         if isinstance(event, Ready):
             self._watch = None  # after a restart the board's time starts at zero again
         elif isinstance(event, Info) and self.state.powerless:
@@ -173,46 +203,33 @@ class Core:
             self.replies[event.frame.code] = event.frame.args
             name = self.session.sensors.name_of(event.frame.code)
             if name:
-                notices.append(("sensor", (name, self.session.sensors.readings[name])))
-        return notices
+                events.append(SensorRead(name, self.session.sensors.readings[name]))
+        return events
 
-    def _on_counts(self, event: Counts, session: Session, now: float, notices: List[Notice]) -> None:
-        """Update the robot's state from telemetry, and stop the robot if a wheel does not follow its command."""
-        telemetry = self.state.on_counts(event)
-        if telemetry is None:
-            return
-        if self.state.way_lost is not None:
-            notices.append(("state", self.state.way_lost))
-        if self._every == 1:
-            notices.append(("telemetry", telemetry))
-        else:
-            notices += self._thin(telemetry)
-        motion = session.motion
-        if motion.target is None:
-            self._watch = None
-        else:
-            self.mismatch = self._check_wheels(motion, telemetry.counts, event.time_s)
-            if self.mismatch is not None:
-                session.stop(now, "wheel_mismatch")
-                self.due_s = now
-                notices.append(("state", self.mismatch))
-
-    def _thin(self, telemetry: Telemetry) -> List[Notice]:
+    def _thin(self, telemetry: Telemetry) -> List[Telemetry]:
         """Every n-th telemetry; its `fresh` includes the sonars that were new in the skipped ones."""
         self._fresh = tuple(dict.fromkeys(self._fresh + telemetry.fresh))
         self._untold = (self._untold + 1) % self._every
         if self._untold:
             return []
         telemetry, self._fresh = telemetry._replace(fresh=self._fresh), ()
-        return [("telemetry", telemetry)]
+        return [telemetry]
 
-    def _check_wheels(self, motion: Motion, travel: AnyWheels, time_s: float) -> Optional[Mismatch]:
+    def _check_wheels(self, travel: AnyWheels, time_s: float, now: float) -> List[DriverEvent]:
+        """Stop the robot if a wheel does not follow its command, and report the wheel."""
+        motion = self.session.motion
         assert motion.target is not None and self.state.model is not None
         if self._watch is None:
             self._watch = wheel_watch(self.state.model, motion.pace)
+        self._watched = motion.target
         linear_mm_s, angular_mrad_s, *lateral_mm_s = motion.target
         lateral_m_s = lateral_mm_s[0] / 1000 if lateral_mm_s else 0.0
-        return self._watch.update(linear_mm_s / 1000, angular_mrad_s / 1000, travel, time_s, lateral_m_s)
+        mismatch = self._watch.update(linear_mm_s / 1000, angular_mrad_s / 1000, travel, time_s, lateral_m_s)
+        if mismatch is None:
+            return []
+        self.stop(now, "wheel_mismatch")
+        self.mismatch = mismatch
+        return [mismatch]
 
     def _spare_battery(self, now: float) -> None:
         """Stop to protect the battery: gently if it is empty; at once if motor power is off, so that the robot does
@@ -221,14 +238,9 @@ class Core:
         motion, model = self.session.motion, self.state.model
         if motion.target is None or model is None:
             return
+        self.limiter.drop()
         if self.state.battery_state == battery.OFF:
             self.session.stop(now, "battery")
-            self.due_s = now
-        else:
-            self.due_s = now
-            slowing_s = (
-                math.hypot(motion.target[0], *motion.target[2:])
-                / 1000
-                / model.limits.linear_acceleration_m_s2
-            )
-            motion.fade(now, min(GENTLE_S, slowing_s))
+            return
+        speed_m_s = math.hypot(motion.target[0], *motion.target[2:]) / 1000
+        motion.fade(now, min(GENTLE_S, speed_m_s / model.limits.linear_acceleration_m_s2))

@@ -19,12 +19,12 @@ turn away.  Unknown readings are treated as follows:
 """
 
 import math
-import threading
 from collections import deque
 from functools import partial
 from typing import Deque, Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.lock_order import new_lock
 from mrl_driver.robot.models import Body, SonarMount
 
 from .free_distance import (
@@ -123,7 +123,7 @@ class Zones:
         require_settings(settings)
         self.settings = settings
         self._sonars, self._outline = sonars, outline_of(body, settings.clearance_m)
-        self._lock = threading.Lock()
+        self._lock = new_lock("zones")
         self._sights = {name: Sight() for name in (*sonars, *([LASER] if laser else []))}
         self._scan: Optional[Scan] = None
         self._place: Point = (0.0, 0.0)

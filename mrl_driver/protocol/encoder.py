@@ -14,7 +14,7 @@ def encode_request(code: int, *args: int, checked: bool = False) -> bytes:
     Raises:
         FrameError: the table has no such request, or does not allow these arguments.
     """
-    row = _row(code)
+    row = BY_CODE.get(code) or _row(code)
     return _encode(row, row.request, row.optional, args, (), checked or row.guarded)
 
 

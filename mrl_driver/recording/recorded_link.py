@@ -11,7 +11,7 @@ Tap = Callable[[str, bytes], None]
 """Called with each chunk of bytes: its direction (`>` to the board, `<` from it), and the bytes."""
 
 
-class RecordedLink(Link):
+class RecordedLink:
     """A link that passes each chunk to `tap`: before it is written, or after it was read."""
 
     def __init__(self, link: Link, tap: Tap) -> None:

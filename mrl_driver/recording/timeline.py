@@ -113,7 +113,7 @@ class _Reader:
         elif frame.code == _CODE["move_differential"]:
             self.commands.append((time_s, frame.args[0] / 1000, frame.args[1] / 1000))
         elif frame.code == MOVE_OMNI and model is not None and isinstance(model.drive, OmniDrive):
-            self.commands.append((time_s, *OmniCommands(model, model.drive).read(frame.args)[:2]))
+            self.commands.append((time_s, *OmniCommands(model.drive).read(frame.args)[:2]))
 
     def _on_reply(self, frame: Frame, time_s: float) -> None:
         if frame.code == _CODE["robot_info"]:

@@ -9,14 +9,12 @@ from mrl_driver.geometry import ORIGIN, Pose, advance
 from mrl_driver.protocol.table import BY_NAME
 
 from .kinematics import Planar, kinematics_of
-from .models import OmniDrive, RobotModel
+from .models import OmniDrive
 from .models.drives import THREE_WHEELS_DEG
 from .odometry import TWIST_INTERVAL_S, Odometry, OmniTwist, OmniWheels
 
 MOVE_OMNI = BY_NAME["move_omni"].code
 STREAM = "start_omni_stream"
-_FASTEST = 1e6
-"""A command is clamped to this [m/s, rad/s] before it is scaled; otherwise very large numbers would overflow."""
 _STANDING = OmniTwist(0.0, 0.0, 0.0)
 _NOTHING = (0.0, 0.0, 0.0, 0.0)
 
@@ -65,29 +63,18 @@ class OmniOdometry(Odometry):
 
 
 class OmniCommands:
-    """Limits of the commanded speeds, and their conversion to and from `move_omni` (command 43)."""
+    """What the wheels reach of the commanded speeds, and their conversion to and from `move_omni` (command 43)."""
 
-    def __init__(self, model: RobotModel, drive: OmniDrive) -> None:
-        self._limits, self._full_m_s = model.limits, drive.full_speed_m_s
+    def __init__(self, drive: OmniDrive) -> None:
+        self._full_m_s = drive.full_speed_m_s
         self._kinematics = kinematics_of(drive)
         self._radius_m = drive.turning_separation_m / 2
         self._turned_deg = drive.angles_deg[0] - THREE_WHEELS_DEG[0]
 
-    def limited(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float) -> OmniTwist:
-        """Return the speeds, scaled down together if they exceed a limit of the model or of a wheel.  The direction
-        and the arc stay the same.
-        """
-        speeds = (linear_m_s, angular_rad_s, lateral_m_s)
-        linear, angular, lateral = (max(-_FASTEST, min(_FASTEST, speed)) for speed in speeds)
-        limits = self._limits
-        excess = max(
-            math.hypot(linear, lateral) / limits.linear_m_s,
-            abs(lateral) / (limits.lateral_m_s or limits.linear_m_s),
-            abs(angular) / limits.angular_rad_s,
-            1.0,
-        )
-        wanted = Planar(linear / excess, lateral / excess, angular / excess)
-        forward, left, turn = self._kinematics.saturated(wanted, self._full_m_s)
+    def saturated(self, speeds: Tuple[float, ...]) -> OmniTwist:
+        """Return the speeds, scaled down together if a wheel cannot reach its own; direction and arc stay the same."""
+        linear, angular, lateral = speeds
+        forward, left, turn = self._kinematics.saturated(Planar(linear, lateral, angular), self._full_m_s)
         return OmniTwist(forward, turn, left)
 
     def spell(self, speeds: Tuple[int, ...]) -> Tuple[int, ...]:

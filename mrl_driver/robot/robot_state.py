@@ -1,13 +1,12 @@
 """The robot's state: session events go in; pose, speeds, ranges and battery state come out.  No I/O."""
 
 import math
-from typing import Any, Dict, List, NamedTuple, Optional, Tuple
+from typing import Dict, List, NamedTuple, Optional, Tuple, Union
 
 from mrl_driver.errors import WrongRobot
 from mrl_driver.geometry import Pose
-from mrl_driver.session.events import WayLost
+from mrl_driver.session.events import Counts, Info, Ready, Reply, SessionEvent, Sonars, Stale, Status, WayLost
 from mrl_driver.session.handshake import Board
-from mrl_driver.session.session import Counts, Info, Ready, SessionEvent, Sonars, Status
 
 from . import battery, models, sonar
 from .models import OmniDrive, RobotModel, require_drivable
@@ -15,8 +14,6 @@ from .odometry import AnyTwist, AnyWheels, Odometry, fastest_wheel_m_s
 from .omni_odometry import STREAM, OmniOdometry
 
 UNSET = "the board's robot id is not set; set it with: mrl set-id ID --port PORT"
-Notice = Tuple[str, Any]
-"""Kind (`telemetry`, `status`, `battery`, `sensor`, `state`) and value of a message for the listeners."""
 
 
 class Telemetry(NamedTuple):
@@ -38,6 +35,8 @@ class Telemetry(NamedTuple):
     """Sequence number of the frame (int16, wraps); None from boards without one."""
 
 
+RobotEvent = Union[Telemetry, Board, Ready, Status, Stale, WayLost, Reply]
+"""What the state of a robot reports; a `Board` is its new battery voltage and temperature."""
 SENSOR_BOARD_IDS = range(6, 11)
 """Robot ids of 2013 boards that carry environment sensors and do not drive the robot."""
 
@@ -57,16 +56,13 @@ class RobotState:
         self.telemetry: Optional[Telemetry] = None
         self.way_lost: Optional[WayLost] = None
         """The `WayLost` event of the last reading; None if there is none."""
+        self.powerless = False
+        """The battery is empty or off, so the robot must not drive."""
         self._primed, self._used_s = 0, 0.0
         self._ignore_battery, self._any_id = ignore_battery, any_id
         self._monitor: Optional[battery.BatteryMonitor] = None
         self._new_readings = sonar.NewReadings()
         self._late_sonars: Tuple[str, ...] = ()
-
-    @property
-    def powerless(self) -> bool:
-        """The battery is empty or off, so the robot must not drive."""
-        return not self._ignore_battery and self.battery_state in (battery.EMPTY, battery.OFF)
 
     @property
     def has_sonars(self) -> bool:
@@ -105,24 +101,21 @@ class RobotState:
         require_drivable(self.model)
         return STREAM if isinstance(self.model.drive, OmniDrive) else None
 
-    def digest(self, event: SessionEvent, now: float) -> List[Notice]:
-        """Process an event; return the messages for the listeners."""
+    def digest(self, event: SessionEvent, now: float) -> List[RobotEvent]:
+        """Process an event; return the events for the listeners."""
         if isinstance(event, Counts):
             telemetry = self.on_counts(event)
-            lost: List[Notice] = [("state", self.way_lost)] if self.way_lost else []
-            return [*lost, ("telemetry", telemetry)] if telemetry else []
+            lost: List[RobotEvent] = [self.way_lost] if self.way_lost else []
+            return [*lost, telemetry] if telemetry else []
         if isinstance(event, Sonars):
-            if self.info is None:
-                return []  # the model is not known yet
-            self._late_sonars = self._on_new(self._new_readings.update(event.values, now), event.values)
+            if self.info is not None:  # otherwise the model is not known yet
+                self._late_sonars = self._on_new(self._new_readings.update(event.values, now), event.values)
             return []
         if isinstance(event, Info):
             return self._on_info(event.board, now)
-        if isinstance(event, Status):
-            return [("status", event)]
         if isinstance(event, Ready):
             self._on_ready(event)
-        return [("state", event)]
+        return [event]
 
     def _on_ready(self, event: Ready) -> None:
         assert self.model is not None
@@ -186,21 +179,13 @@ class RobotState:
             }
         return fresh
 
-    def _on_info(self, board: Board, now: float) -> List[Notice]:
+    def _on_info(self, board: Board, now: float) -> List[RobotEvent]:
         if self.info is None or self._monitor is None:
             return []
         self.info = self.info._replace(battery_v=board.battery_v, temperature_c=board.temperature_c)
         self.battery_state = self._monitor.update(board.battery_v, now)
-        return [("battery", self.info)]
-
-
-def limit(linear_m_s: float, angular_rad_s: float, model: RobotModel) -> Tuple[float, float]:
-    """Return the speeds, scaled down together if one exceeds the model's limits; the arc stays the same."""
-    linear_m_s, angular_rad_s = (max(-1e6, min(1e6, speed)) for speed in (linear_m_s, angular_rad_s))
-    excess = max(
-        abs(linear_m_s) / model.limits.linear_m_s, abs(angular_rad_s) / model.limits.angular_rad_s, 1.0
-    )
-    return linear_m_s / excess, angular_rad_s / excess
+        self.powerless = not self._ignore_battery and self.battery_state in (battery.EMPTY, battery.OFF)
+        return [self.info]
 
 
 def odometry_of(model: RobotModel, exact_time: bool) -> Odometry:

@@ -159,7 +159,7 @@ class WheelWatch:
         """The robot was stopped: start again."""
         self._right, self._left = _Wheel(*self._make), _Wheel(*self._make)
         self._time_s = -math.inf
-        self._next_s = -math.inf
+        self.next_s = -math.inf
         self._travel: AnyWheels = Wheels(0, 0)
         self._command = (0.0, 0.0)
 
@@ -176,13 +176,13 @@ class WheelWatch:
             self._command = (linear_m_s, angular_rad_s)
             self._right.ask(linear_m_s + angular_rad_s * self._half_m)
             self._left.ask(linear_m_s - angular_rad_s * self._half_m)
-        if time_s < self._next_s:
+        if time_s < self.next_s:
             return None
         dt_s, last = time_s - self._time_s, self._travel
-        self._time_s, self._next_s, self._travel = time_s, time_s + TICK_S, travel
+        self._time_s, self.next_s, self._travel = time_s, time_s + TICK_S, travel
         if dt_s > GAP_S:
             self.reset()
-            self._time_s, self._next_s, self._travel = time_s, time_s + TICK_S, travel
+            self._time_s, self.next_s, self._travel = time_s, time_s + TICK_S, travel
             return None
         turning = angular_rad_s * self._half_m
         right = self._right.tick(linear_m_s + turning, (travel.right - last.right) * self._metres, dt_s)
@@ -219,12 +219,12 @@ class OmniWheelWatch(WheelWatch):
             self._asked = targets
             for wheel, target in zip(self._three, targets):
                 wheel.ask(target)
-        if time_s < self._next_s:
+        if time_s < self.next_s:
             return None
         dt_s, last = time_s - self._time_s, self._travel
         if dt_s > GAP_S:
             self.reset()
-        self._time_s, self._next_s, self._travel = time_s, time_s + TICK_S, travel
+        self._time_s, self.next_s, self._travel = time_s, time_s + TICK_S, travel
         if dt_s > GAP_S:
             return None
         metres = self._metres

@@ -1,4 +1,4 @@
-"""The events that a session and its driver report."""
+"""The events that a session and its driver report; each is a class of its own, with typed fields."""
 
 import math
 from typing import NamedTuple, Optional, Tuple, Union
@@ -7,6 +7,7 @@ from mrl_driver.protocol.codec import Frame
 from mrl_driver.protocol.table import FAULTS, RESET_CAUSES, STOP_REASONS
 
 from .handshake import Board
+from .sensor_polling import Reading
 
 
 class Ready(NamedTuple):
@@ -129,7 +130,15 @@ class Reply(NamedTuple):
     frame: Frame
 
 
-SessionEvent = Union[Ready, Counts, Sonars, Info, Status, Stale, Lost, Reconnected, Slowed, WayLost, Reply]
+class SensorRead(NamedTuple):
+    """A new reading of a sensor of `table.SENSORS`."""
+
+    name: str
+    reading: Reading
+
+
+SessionEvent = Union[Ready, Counts, Sonars, Info, Status, Stale, Reply]
+"""What a session reports."""
 
 
 def status_of(args: Tuple[int, ...]) -> Status:

@@ -76,20 +76,26 @@ class Motion:
         self._still_since_s: Optional[float] = None
         self._still = 0
 
-    def drive(self, linear_mm_s: int, angular_mrad_s: int, now: float, *lateral_mm_s: int) -> None:
-        """Set the command in force; only some bases have a lateral speed.  Its time begins now."""
+    def drive(
+        self,
+        linear_mm_s: int,
+        angular_mrad_s: int,
+        now: float,
+        *lateral_mm_s: int,
+        moves: Optional[bool] = None,
+    ) -> None:
+        """Set the command in force; only some bases have a lateral speed.  Its time begins now.
+
+        `moves` says whether the command was to move, if its limited speeds may still be zero.
+        """
         self.target = (linear_mm_s, angular_mrad_s, *lateral_mm_s)
-        self._moves = any(self.target)
+        self._moves = any(self.target) if moves is None else moves
         self._expires_s = now + self.timeout_s if self.timeout_s is not None else math.inf
         self._new, self.stopping, self._fade = True, False, None
         self.due_s = min(self._sent_s + self.pace.gap_s, self._expires_s)
 
-    def adjust(self, speeds: Speeds, moves: bool) -> None:
-        """Change the speeds of the command in force, without starting its time again.
-
-        `moves` says that the command was to move, although its speeds may still be zero.
-        """
-        self._moves = moves
+    def adjust(self, speeds: Speeds) -> None:
+        """Change the speeds of the command in force, without starting its time again."""
         if speeds != self.target:
             self.target, self._new = speeds, True
             self.due_s = min(self._sent_s + self.pace.gap_s, self._expires_s)

@@ -70,7 +70,8 @@ class Session:
         self._admit, self._plan = admit, plan
         self._decoder = FrameDecoder(REPLIES)
         self._other = 0
-        self._out = bytearray()
+        self.out = bytearray()
+        """Bytes to send; see `take`."""
         self.counters = Counters()
         self.motion = Motion(timeout_s=command_timeout_s)
         self.board: Optional[Board] = None
@@ -92,6 +93,8 @@ class Session:
         self._poll = Poll(self._send, self.counters, self.lead_s)
         self.sensors = self._poll.sensors
         self._attended_s = now
+        self.hurried = True
+        """Work may be due earlier than `deadline` said last; the time of `motion` not counted."""
 
     @property
     def ready(self) -> bool:
@@ -114,35 +117,37 @@ class Session:
         """Frames carry a checksum."""
         return self._decoder.checked
 
-    @property
-    def hurried(self) -> bool:
-        """Work may be due earlier than `deadline` last said, although no event says so."""
-        return self._greeting is not None or self._poll.due_s == -math.inf
-
     def take(self) -> bytes:
         """Return the bytes to send now, and forget them."""
-        if not self._out:
+        if not self.out:
             return b""
-        data = bytes(self._out)
-        self._out.clear()
+        data = bytes(self.out)
+        self.out.clear()
         self.counters.bytes_out += len(data)
         return data
 
-    def drive(self, linear_mm_s: int, angular_mrad_s: int, now: float, *lateral_mm_s: int) -> bool:
-        """Put a command in force; do nothing and return False unless the board is ready."""
+    def drive(
+        self,
+        linear_mm_s: int,
+        angular_mrad_s: int,
+        now: float,
+        *lateral_mm_s: int,
+        moves: Optional[bool] = None,
+    ) -> bool:
+        """Put a command in force; do nothing and return False unless the board is ready.  For `moves` see `Motion`."""
         if self._greeting is not None:
             return False
         self._attended_s = now
         motion = self.motion
-        motion.drive(linear_mm_s, angular_mrad_s, now, *lateral_mm_s)
+        motion.drive(linear_mm_s, angular_mrad_s, now, *lateral_mm_s, moves=moves)
         request = motion.take(now, now - self.heard_s < LATE_S)
         if request is not None:
-            self._out += _encode(*request, checked=self._decoder.checked)
+            self.out += _encode(*request, checked=self._decoder.checked)
         return True
 
-    def adjust(self, speeds: Speeds, moves: bool, now: float) -> None:
+    def adjust(self, speeds: Speeds, now: float) -> None:
         """Change the speeds of the command in force; see `Motion.adjust`."""
-        self.motion.adjust(speeds, moves)
+        self.motion.adjust(speeds)
         self._move(now)
 
     def stop(self, now: float, reason: str = "user") -> None:
@@ -153,7 +158,7 @@ class Session:
     def lose(self, now: float) -> None:
         """The link is gone: drop the command and the bytes not yet sent."""
         self._greet_again(now, "link_lost")
-        self._out.clear()
+        self.out.clear()
 
     def relink(self, now: float, same: bool = True) -> None:
         """There is a link again: greet the board from the start, without a time limit.
@@ -187,6 +192,7 @@ class Session:
         self._send(code, *args)
         if code in _TURNING:
             self._poll.hurry()
+            self.hurried = True
 
     def receive(self, data: bytes, now: float) -> List[SessionEvent]:
         """Decode the bytes that arrived at `now`, and return their events.
@@ -216,6 +222,7 @@ class Session:
                 self._on_frame(frame, now, checked, events)
         if self._greeting is not None and (strange or b"@" not in data):
             self._greeting.heard(data, now)
+        self.hurried = self._greeting is not None or self._poll.due_s == -math.inf
         return events
 
     def tick(self, now: float) -> List[SessionEvent]:
@@ -242,7 +249,7 @@ class Session:
 
     def deadline(self, now: float) -> float:
         """Latest time of the next `tick` if no bytes arrive before [s]."""
-        motion = self.motion
+        self.hurried, motion = False, self.motion
         if self._greeting is not None:
             return min(self._greeting.due_s, motion.due_s) if motion.stopping else self._greeting.due_s
         due_s = self.heard_s + STALE_S
@@ -263,7 +270,7 @@ class Session:
     def _send(self, code: int, *args: int, checked: Optional[bool] = None) -> None:
         """Queue a request.  A stop never has a checksum, because the board accepts a plain stop in every state."""
         checked = self.checked if checked is None else checked
-        self._out += _encode(code, *args, checked=checked and code != STOP)
+        self.out += _encode(code, *args, checked=checked and code != STOP)
 
     def _move(self, now: float) -> None:
         request = self.motion.take(now, self.ready and now - self.heard_s < LATE_S)

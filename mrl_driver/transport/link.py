@@ -14,13 +14,13 @@ import sys
 import termios
 import threading
 import time
-from abc import ABC, abstractmethod
-from typing import Dict, List, Optional, Type
+from typing import Dict, List, Optional, Protocol, Type, runtime_checkable
 
 import serial
 from serial.tools import list_ports
 
 from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, PortBusy, PortDenied, PortMissing
+from mrl_driver.lock_order import new_lock
 from mrl_driver.protocol.table import BAUD
 
 from . import fork_guard
@@ -33,6 +33,7 @@ of bytes.
 READ_SIZE = 4096
 """Largest number of bytes that a terminal returns at once."""
 PTY_MAJORS = range(136, 144)
+LOCKS = ("link read", "link write", "link wake")
 _ERRORS = {
     errno.ENOENT: PortMissing,
     errno.ENODEV: PortMissing,
@@ -106,8 +107,9 @@ def _target(path: str) -> str:
         return ""
 
 
-class Link(ABC):
-    """A connection to a board.  One thread may read while others write, and any thread may close it.
+@runtime_checkable
+class Link(Protocol):
+    """A connection to a board.  One thread may read while others write, and any thread may wake or close it.
 
     Attributes:
         port: the name that was opened.
@@ -115,7 +117,6 @@ class Link(ABC):
 
     port: str
 
-    @abstractmethod
     def read(self, timeout_s: float) -> bytes:
         """Return the bytes that have arrived; empty after `close`.
 
@@ -125,24 +126,20 @@ class Link(ABC):
             LinkLost: the port went away.
         """
 
-    @abstractmethod
     def write(self, data: bytes) -> None:
-        """Send all of `data`.
+        """Send all of `data`.  No lock is held while the port blocks.
 
         Raises:
             BoardTimeout: the port accepted no bytes for 100 ms; earlier bytes may have been sent.
             LinkLost: the port went away, or the link is closed.
         """
 
-    @abstractmethod
     def wake(self) -> None:
         """Make a waiting `read` return at once."""
 
-    @abstractmethod
     def close(self) -> None:
         """Close the port.  A `read` in another thread returns at once with no bytes."""
 
-    @abstractmethod
     def fileno(self) -> int:
         """Return the descriptor that becomes readable when data arrive."""
 
@@ -153,17 +150,16 @@ class Link(ABC):
             LinkError: the speed of this link cannot be changed.
             LinkLost: the port went away.
         """
-        raise LinkError(f"{self.port} has no speed that can be set from here: set it at the other end")
 
 
-class DescriptorLink(Link):
+class DescriptorLink:
     """A link over one descriptor that never blocks."""
 
     def _begin(self, port: str, fd: int) -> None:
         """Use `fd`, an open descriptor that never blocks."""
         self.port, self._fd = port, fd
         self.closed, self._open = False, True
-        self._reading, self._writing, self._waking = threading.RLock(), threading.RLock(), threading.RLock()
+        self._make_locks()
         self._wake_out, self._wake_in = os.pipe()
         os.set_blocking(self._wake_in, False)
         self._poll = select.poll()
@@ -171,11 +167,15 @@ class DescriptorLink(Link):
         self._poll.register(self._wake_out, select.POLLIN)
         fork_guard.leave_to_parent(self._abandon)
 
+    def _make_locks(self) -> None:
+        self._reading, self._writing, self._waking = map(new_lock, LOCKS)
+        self._writer_done, self._busy = threading.Condition(self._writing), False
+
     def _abandon(self) -> None:
         """In a forked child: close the copies of the descriptors; port, TIOCEXCL and lock stay with the parent."""
         if self._open:
             self.closed, self._open = True, False
-            self._reading, self._writing, self._waking = (threading.RLock() for _ in range(3))
+            self._make_locks()
             os.close(self._wake_in)
             os.close(self._wake_out)
             self._release()
@@ -206,20 +206,27 @@ class DescriptorLink(Link):
     def write(self, data: bytes) -> None:
         """As `Link.write`."""
         with self._writing:
+            while self._busy:  # frames of two threads never mix
+                self._writer_done.wait()
+            self._busy = True
+        try:
             deadline = time.monotonic() + WRITE_TIMEOUT_S
             while data:
-                if self.closed:
-                    raise LinkLost(f"{self.port} is closed")
-                data = data[self._write_some(data, deadline) :]
-
-    def _write_some(self, data: bytes, deadline: float) -> int:
-        try:
-            return os.write(self._fd, data)
-        except BlockingIOError:
-            self._await_room(deadline)
-            return 0
-        except OSError as error:
-            raise self._lost(error.strerror) from None
+                with self._writing:
+                    if self.closed:
+                        raise LinkLost(f"{self.port} is closed")
+                    try:
+                        data = data[os.write(self._fd, data) :]
+                        continue
+                    except BlockingIOError:
+                        pass
+                    except OSError as error:
+                        raise self._lost(error.strerror) from None
+                self._await_room(deadline)
+        finally:
+            with self._writing:
+                self._busy = False
+                self._writer_done.notify()
 
     def _await_room(self, deadline: float) -> None:
         poll = select.poll()
@@ -261,13 +268,17 @@ class DescriptorLink(Link):
         """Close the descriptor that `_begin` was given."""
         self._release()
 
-    @abstractmethod
     def _release(self) -> None:
         """Close this process's descriptors."""
+        raise NotImplementedError
 
     def fileno(self) -> int:
         """As `Link.fileno`."""
         return self._fd
+
+    def set_baud(self, baud: int) -> None:
+        """As `Link.set_baud`."""
+        raise LinkError(f"{self.port} has no speed that can be set from here: set it at the other end")
 
     def _lost(self, why: Optional[str]) -> LinkLost:
         return LinkLost(f"{self.port} went away ({why}): check the cable and the board's power")

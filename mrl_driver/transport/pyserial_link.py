@@ -52,13 +52,12 @@ class UrlLink(DescriptorLink):
 
     def write(self, data: bytes) -> None:
         """As `Link.write`; pyserial's handler decides how long it may block."""
-        with self._writing:
-            if self.closed:
-                raise LinkLost(f"{self.port} is closed")
-            try:
-                self._serial.write(data)
-            except Exception as error:  # noqa: BLE001 - as in _feed
-                raise self._lost(_words(error)) from None
+        if self.closed:
+            raise LinkLost(f"{self.port} is closed")
+        try:
+            self._serial.write(data)
+        except Exception as error:  # noqa: BLE001 - as in _feed
+            raise self._lost(_words(error)) from None
 
     def set_baud(self, baud: int) -> None:
         """As `Link.set_baud`."""

@@ -83,8 +83,8 @@ def test_a_board_that_restarts_loses_no_more_than_the_wheels_can_coast():
     state, talk = RobotState(load("traxbot")), Talk(FakeBoard()).until_ready().run(0.5)
     talk.board.reset(talk.now)
     talk.until(lambda: len(talk.seen(Ready)) == 2).run(0.2)
-    notices = [notice for event in talk.events for notice in state.digest(event, talk.now)]
-    lost = [value for _, value in notices if isinstance(value, WayLost)]
+    events = [found for event in talk.events for found in state.digest(event, talk.now)]
+    lost = [event for event in events if isinstance(event, WayLost)]
     assert len(lost) == 1 and 0.28 < lost[0].gap_s < 1.0
     assert lost[0].way_m == pytest.approx(state.model.limits.linear_m_s * lost[0].gap_s)
 

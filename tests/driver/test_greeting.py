@@ -255,7 +255,7 @@ def test_plain_sonars_before_the_first_answer_are_no_error():
     """The model is not known yet."""
     state, session = RobotState(None), Session(lambda board: None, 0.0)
     events = session.receive(b"@7,100,100,100e\r\n", 0.1)
-    assert [notice for event in events for notice in state.digest(event, 0.1)] == []
+    assert [found for event in events for found in state.digest(event, 0.1)] == []
 
 
 def test_sonars_before_the_first_answer_do_not_make_later_ones_old():

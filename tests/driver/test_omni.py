@@ -11,6 +11,7 @@ from mrl_driver.driver.options import DEFAULTS
 from mrl_driver.driver.options import Options as DriverOptions
 from mrl_driver.driver.robot_core import Core
 from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.driver.speed_limiter import SpeedLimiter
 from mrl_driver.errors import ConfigError, FrameError, WrongRobot
 from mrl_driver.protocol.codec import Frame
 from mrl_driver.robot import models
@@ -125,10 +126,17 @@ def test_a_blocked_rear_wheel_stops_it(robot):
     assert not driver.drive(0.0, 0.0, 0.2)
 
 
+def limiter(limits, drive):
+    """The limiter of a robot with these."""
+    made = SpeedLimiter()
+    made.limits, made.saturate = limits, OmniCommands(drive).saturated
+    return made
+
+
 @given(linear=speed, angular=speed, lateral=speed)
 def test_limits_keep_direction_and_arc(linear, angular, lateral):
     limits, drive = OMNI.limits, OMNI.drive
-    kept = OmniCommands(OMNI, drive).limited(linear, angular, lateral)
+    kept = OmniTwist(*limiter(limits, drive).limited((linear, angular, lateral)))
     assert math.hypot(kept.linear_m_s, kept.lateral_m_s) <= limits.linear_m_s + 1e-12
     assert abs(kept.angular_rad_s) <= limits.angular_rad_s + 1e-12
     ways = kinematics_of(drive).ways(Planar(kept.linear_m_s, kept.lateral_m_s, kept.angular_rad_s))
@@ -138,28 +146,27 @@ def test_limits_keep_direction_and_arc(linear, angular, lateral):
 
 
 def test_sideways_has_a_limit_of_its_own():
-    model = OMNI._replace(limits=OMNI.limits._replace(lateral_m_s=0.1))
-    commands = OmniCommands(model, OMNI.drive)
-    assert commands.limited(0.3, 0.0, 0.0) == (0.3, 0.0, 0.0)
-    assert commands.limited(0.2, 0.4, 0.2) == pytest.approx((0.1, 0.2, 0.1))
+    limited = limiter(OMNI.limits._replace(lateral_m_s=0.1), OMNI.drive).limited
+    assert limited((0.3, 0.0, 0.0)) == (0.3, 0.0, 0.0)
+    assert limited((0.2, 0.4, 0.2)) == pytest.approx((0.1, 0.2, 0.1))
 
 
 @given(linear=st.integers(-350, 350), angular=st.integers(-3000, 3000), lateral=st.integers(-350, 350))
 def test_the_wire_carries_it_to_a_percent_and_a_degree(linear, angular, lateral):
-    code, share, rotation, direction = OmniCommands(OMNI, OMNI.drive).spell((linear, angular, lateral))
+    code, share, rotation, direction = OmniCommands(OMNI.drive).spell((linear, angular, lateral))
     assert code == MOVE_OMNI and 0 <= share <= 100 and 0 <= direction < 360
     way = share * 5.0  # 1 % is 5 mm/s
     assert way * math.cos(math.radians(direction)) == pytest.approx(linear, abs=2.5 + 0.009 * way)
     assert way * math.sin(math.radians(direction)) == pytest.approx(lateral, abs=2.5 + 0.009 * way)
     assert rotation * 50 == pytest.approx(angular, abs=25.01)
-    told = OmniCommands(OMNI, OMNI.drive).read((share, rotation, direction))
+    told = OmniCommands(OMNI.drive).read((share, rotation, direction))
     assert told == pytest.approx((linear / 1000, angular / 1000, lateral / 1000), abs=0.026)
 
 
 def test_wheels_that_sit_elsewhere_turn_the_direction():
     """The motor board counts its directions from its own motors: 60 deg is where motor 1 is."""
     drive = OMNI.drive._replace(angles_deg=(0.0, 120.0, 240.0))
-    assert OmniCommands(OMNI, drive).spell((100, 0, 0)) == (MOVE_OMNI, 20, 0, 60)
+    assert OmniCommands(drive).spell((100, 0, 0)) == (MOVE_OMNI, 20, 0, 60)
 
 
 def test_counters_that_wrap_and_one_that_jumps():

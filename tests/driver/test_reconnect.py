@@ -233,7 +233,7 @@ def test_a_line_that_cannot_be_raised_in_the_search_is_tried_again(cable, monkey
             raise failures.pop()
         return False
 
-    monkeypatch.setattr("mrl_driver.driver.runner.speed_up", speed_up)
+    monkeypatch.setattr("mrl_driver.driver.link_source.speed_up", speed_up)
     with Driver(cable.path, options=Options(reconnect=True, fast=True)) as robot:
         failures.append(error("the port takes no more bytes"))
         cable.unplug()
@@ -252,7 +252,7 @@ def test_a_close_ends_the_raising_of_a_line(cable, monkeypatch):
         return False
 
     with Driver(cable.path, options=Options(reconnect=True, fast=True)) as robot:
-        monkeypatch.setattr("mrl_driver.driver.runner.speed_up", speed_up)
+        monkeypatch.setattr("mrl_driver.driver.link_source.speed_up", speed_up)
         cable.unplug()
         cable.plug()
         wait_until(lambda: begun)

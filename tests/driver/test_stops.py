@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from mrl_driver.driver import Driver, Options, runner
+from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import FrameError
 from mrl_driver.protocol.table import STOP_REASONS
 from mrl_driver.robot.wheel_monitor import DEAD, POWERLESS, Mismatch
@@ -133,7 +133,8 @@ def test_a_stop_because_the_port_went_away(serve, tmp_path):
 
 def test_a_stop_because_the_machine_was_suspended(robot, monkeypatch):
     """The clock of timers stands still meanwhile; only that of the boot goes on."""
-    monkeypatch.setattr(runner, "slept_s", lambda: 3600.0)
+    since_boot_s = time.clock_gettime
+    monkeypatch.setattr(time, "clock_gettime", lambda clock: since_boot_s(clock) + 3600.0)
     wait_until(lambda: robot.command is None)
     wait_until(lambda: robot.fake.speeds == (0, 0))
     assert robot.stop_reason == "host_paused"

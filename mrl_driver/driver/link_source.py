@@ -1,0 +1,149 @@
+"""Opens the links of one driver, one after the other: the first one, and those of the search for a lost port.
+
+A recording goes on over all of them.  With the option `fast` each line is raised to 500000 baud.
+"""
+
+import time
+from typing import Optional, Union
+
+from mrl_driver.errors import LinkLost, MrlError
+from mrl_driver.lock_order import new_lock
+from mrl_driver.recording.recorded_link import DriverRecording
+from mrl_driver.session.events import Lost, Reconnected
+from mrl_driver.session.session import Session
+from mrl_driver.transport.baud_upgrade import BACK_S, speed_up
+from mrl_driver.transport.link import Link
+from mrl_driver.transport.open_link import AGAIN_S, CONNECT_S, open_link
+from mrl_driver.transport.reconnect import Reconnection
+
+from .options import Options
+
+ERRORS, ERROR_SHARE = 20, 100
+"""A raised line goes back to 115200 after more than `ERRORS` damaged pieces plus one per `ERROR_SHARE` frames."""
+
+
+class LinkSource:
+    """The links of one driver.  `close` may be called from any thread; all else only from the thread that reads.
+
+    Attributes:
+        tape: the recording; None without one.
+        fast: the line runs at 500000 baud.
+        searching: the port is lost, or a robot on a new port is not yet known to be the one that was lost.
+    """
+
+    def __init__(self, port: Union[str, Link], baud: int, options: Options) -> None:
+        self._port, self._baud, self._options = port, baud, options
+        self.tape: Optional[DriverRecording] = None
+        self.fast = self.searching = False
+        self._reconnection: Optional[Reconnection] = None
+        self._well_s, self._errors = 0.0, 0
+        self._lock = new_lock("links")
+        self._trial: Optional[Link] = None
+        self._closed = False
+
+    def first(self) -> Link:
+        """Open the driver's port.
+
+        Raises:
+            ConfigError: the recording cannot be written.
+            LinkError: the port cannot be opened.
+        """
+        port, record, tap = self._port, self._options.record, self._options.tap
+        if not isinstance(port, str):
+            return port
+        if record is not None or tap is not None:
+            self.tape = DriverRecording(record, port, self._baud, tap)
+        try:
+            link = self._open(port, CONNECT_S)
+        except BaseException:
+            self.end_tape()
+            raise
+        if self._options.reconnect:
+            self._reconnection = Reconnection(port, self._open, self._options.greeting_s)
+        return link
+
+    def _open(self, name: str, patience_s: float = AGAIN_S) -> Link:
+        opener = self.tape.open if self.tape is not None else open_link
+        link: Link = opener(name, self._baud, patience_s)
+        try:
+            self.fast = self._options.fast and self._speed_up(link)
+        except BaseException:
+            link.close()
+            raise
+        self._well_s, self._errors = time.monotonic(), -1
+        return link
+
+    def _speed_up(self, link: Link) -> bool:
+        """Call `speed_up`.  It takes seconds if nothing answers, so `close` may interrupt it."""
+        with self._lock:
+            if self._closed:
+                raise LinkLost("the driver was closed")
+            self._trial = link
+        try:
+            return speed_up(link)
+        finally:
+            self._trial = None
+
+    def close(self) -> None:
+        """Open no further link; one whose speed is being raised is closed."""
+        with self._lock:
+            self._closed, trial = True, self._trial
+        if trial is not None:
+            trial.close()
+
+    def end_tape(self) -> None:
+        """Finish the recording."""
+        if self.tape is not None:
+            self.tape.close()
+
+    @property
+    def reconnects(self) -> bool:
+        """A lost port is searched."""
+        return self._reconnection is not None
+
+    def lose(self, error: MrlError, now: float, may_be_moving: bool) -> Optional[Lost]:
+        """The link is gone: start the search, or go on with it; return the event if the search has just begun."""
+        reconnection = self._reconnection
+        assert reconnection is not None
+        first, self.searching = reconnection.lose(error, now), True
+        return Lost(reconnection.port, str(error), may_be_moving) if first else None
+
+    def look(self) -> Optional[Link]:
+        """Open the next port that may lead to the robot; None if there is none now."""
+        assert self._reconnection is not None
+        return self._reconnection.look()
+
+    @property
+    def same_board(self) -> bool:
+        """No other board answered since the port was lost."""
+        return self._reconnection is not None and self._reconnection.same_board
+
+    def judge(self, session: Session, now: float) -> Optional[Reconnected]:
+        """Check in a search that the robot that answers is the one that was lost; return the event if it is found.
+
+        Raises:
+            WrongRobot: another robot answers, or others must be tried first.
+            BoardTimeout: no answer in time.
+        """
+        assert self._reconnection is not None
+        if not self._reconnection.judge(session.ready, now):
+            return None
+        self.searching = False
+        session.counters.reconnects += 1
+        return Reconnected(self._reconnection.port)
+
+    def is_failing(self, session: Session, now: float) -> bool:
+        """Tell whether the line fails at the higher speed."""
+        errors = sum(session.counters.garbage.values())
+        if self._errors < 0:
+            self._errors = errors
+        if session.ready:
+            self._well_s = now
+        most = session.counters.frames // ERROR_SHARE + ERRORS
+        return now - self._well_s > BACK_S or errors - self._errors > most
+
+    def abandon(self) -> None:
+        """In a forked child: forget the links and the recording, which stay with the parent."""
+        self._lock = new_lock("links")
+        self._trial = self._reconnection = self.tape = None
+        self._closed = True

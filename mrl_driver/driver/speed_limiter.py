@@ -1,0 +1,105 @@
+"""The speed limiter, the only one between a command and the board: no I/O, no clock.
+
+It scales a command to the limits, on the same arc, and ramps the speeds up.  Slowing down and stopping take effect at
+once, so that a stop is never delayed.
+"""
+
+import math
+from typing import Callable, Optional, Tuple
+
+from mrl_driver.robot.models import Limits
+
+Speeds = Tuple[float, ...]
+"""Linear and angular speed [m/s, rad/s]; on a base that moves sideways also the lateral speed [m/s]."""
+
+FIRST_STEP_S, LONGEST_STEP_S = 0.02, 0.1
+"""Time of the first acceleration step, and of the longest one.
+
+A command from standstill takes effect at once, as if it were one frame of the stream old.  After a pause, a step
+accelerates for at most the longer time.
+"""
+_FASTEST = 1e6
+"""Beyond this [m/s, rad/s] the arc of a command is not kept, because the scale overflows near the largest floats."""
+
+
+class SpeedLimiter:
+    """Limits the commands of one robot.
+
+    Attributes:
+        limits: limits in force; None until the model is known.
+        saturate: scales speeds down to what the wheels reach; None if the limits say it all.
+        restrict: `restrict(speeds, now)` returns the speeds that are allowed now, such as by protective zones.
+        target: the last command within the limits, before `restrict` and the ramp; None while stopped.
+        speeds: the speeds in force.
+    """
+
+    def __init__(self) -> None:
+        self.limits: Optional[Limits] = None
+        self.saturate: Optional[Callable[[Speeds], Speeds]] = None
+        self.restrict: Optional[Callable[[Speeds, float], Speeds]] = None
+        self.target: Optional[Speeds] = None
+        self.speeds: Speeds = ()
+        self._stepped_s = -math.inf
+
+    def drop(self) -> None:
+        """The robot was stopped: the next command starts from standstill."""
+        self.target, self.speeds = None, ()
+
+    def limited(self, speeds: Speeds) -> Speeds:
+        """Return the speeds, scaled down together if one exceeds its limit; arc and direction stay the same."""
+        limits = self.limits
+        assert limits is not None
+        linear, angular = abs(speeds[0]), abs(speeds[1])
+        if len(speeds) > 2 or linear > limits.linear_m_s or angular > limits.angular_rad_s:
+            linear, angular = (max(-_FASTEST, min(_FASTEST, speed)) for speed in speeds[:2])
+            lateral = max(-_FASTEST, min(_FASTEST, speeds[2])) if len(speeds) > 2 else 0.0
+            excess = max(
+                math.hypot(linear, lateral) / limits.linear_m_s,
+                abs(angular) / limits.angular_rad_s,
+                abs(lateral) / (limits.lateral_m_s or limits.linear_m_s),
+                1.0,
+            )
+            scaled = (linear / excess, angular / excess, lateral / excess)
+            speeds = scaled[: len(speeds)]
+        return self.saturate(speeds) if self.saturate is not None else speeds
+
+    def step(self, now: float) -> Speeds:
+        """Continue to accelerate, and apply `restrict`; return the speeds that are in force from now on."""
+        wanted, limits = self.target, self.limits
+        assert wanted is not None and limits is not None
+        if self.restrict is not None:
+            wanted = self.restrict(wanted, now)
+        dt_s, self._stepped_s = min(LONGEST_STEP_S, now - self._stepped_s), now
+        if wanted != self.speeds:
+            if any(self.speeds):
+                self.speeds = ramp(self.speeds, wanted, limits, dt_s)
+            else:
+                self.speeds = ramp((0.0,) * len(wanted), wanted, limits, FIRST_STEP_S)
+        return self.speeds
+
+
+def ramp(before: Speeds, wanted: Speeds, limits: Limits, dt_s: float) -> Speeds:
+    """Return the next speeds on the way from `before` to `wanted`.
+
+    Slowing down takes effect at once, and so does a new direction of sideways motion.  Linear and angular speed
+    increase by the same share of their differences, so that a robot at rest follows the commanded arc from the
+    start.  The acceleration limits set this share.
+    """
+    goal, was, turn_goal = math.hypot(*wanted[0::2]), math.hypot(*before[0::2]), abs(wanted[1])
+    along = before[0] * wanted[0] + (before[2] * wanted[2] if len(before) == len(wanted) == 3 else 0.0)
+    # Nothing of a speed is kept if its direction reverses, and at most the wanted speed.
+    base = min(goal, was) if along > 0 else 0.0
+    turn_base = min(turn_goal, abs(before[1])) if before[1] * wanted[1] > 0 else 0.0
+    rise, turn_rise = limits.linear_acceleration_m_s2 * dt_s, limits.angular_acceleration_rad_s2 * dt_s
+    share = 1.0
+    if goal - base > rise:
+        share = rise / (goal - base)
+    if turn_goal - turn_base > turn_rise:
+        share = min(share, turn_rise / (turn_goal - turn_base))
+    if share == 1.0:
+        return wanted
+    factor = (base + share * (goal - base)) / goal if goal != base else 1.0
+    turn_factor = (turn_base + share * (turn_goal - turn_base)) / turn_goal if turn_goal != turn_base else 1.0
+    if len(wanted) == 2:
+        return wanted[0] * factor, wanted[1] * turn_factor
+    return wanted[0] * factor, wanted[1] * turn_factor, wanted[2] * factor

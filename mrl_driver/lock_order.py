@@ -1,0 +1,90 @@
+"""The threads of driver and ROS node, their locks, and the order in which locks are taken.
+
+Threads:
+    mrl-driver: reads the port, does what is due, calls the callbacks.  It is the only one that reads.
+    mrl-url: copies bytes of pyserial's URLs into a pipe (`transport.pyserial_link`).
+    recorder: writes the recording's file (`recording.recording`); bytes reach it through a queue.
+    Any thread of the program may call the methods of `Driver`; in the ROS node these are the main thread (status and
+    diagnostics) and one thread for each connection of a subscriber or service.
+
+Locks, in the order in which a thread may take them (`ORDER`).  A thread that holds one takes only later ones:
+    status: the state that the node published last.
+    pose goal: the pose that the node drives to.
+    links: the link that is being opened, so that `close` can interrupt it.
+    driver: the core with its session and state.  Callbacks run without it.
+    zones: the readings of the protective zones; the core asks them for the speed that they allow.
+    link read: one reader of a link at a time.  It is held while the reader waits for bytes.
+    link write, link wake: the descriptors of a link; held for one call of the system that does not block.
+
+No lock is held while a port may block a write.  One thread writes at a time, which a flag under the driver's lock
+ensures.  What another thread wants to send meanwhile is queued, and the reading thread sends it next.
+
+With the environment variable `MRL_CHECK_LOCKS` set, locks raise `RuntimeError` if they are taken in another order.
+"""
+
+import os
+import threading
+from typing import Any, List, Tuple
+
+ORDER = ("status", "pose goal", "links", "driver", "zones", "link read", "link write", "link wake")
+VARIABLE = "MRL_CHECK_LOCKS"
+_threads = threading.local()
+
+
+def new_lock(name: str) -> Any:
+    """Return a lock that its owner may take again; `name` is one of `ORDER`."""
+    rank = ORDER.index(name)
+    return _OrderedLock(rank) if os.environ.get(VARIABLE) else threading.RLock()
+
+
+def held() -> Tuple[str, ...]:
+    """Return the names of the locks that this thread holds; always empty unless locks are checked."""
+    return tuple(ORDER[lock.rank] for lock in _stack())
+
+
+def _stack() -> List["_OrderedLock"]:
+    if not hasattr(_threads, "stack"):
+        _threads.stack = []
+    stack: List[_OrderedLock] = _threads.stack
+    return stack
+
+
+class _OrderedLock:
+    """A lock that checks the order; a condition may be built on it."""
+
+    def __init__(self, rank: int) -> None:
+        self.rank = rank
+        self._lock = threading.RLock()
+
+    def acquire(self, blocking: bool = True, timeout: float = -1) -> bool:
+        """As `RLock.acquire`.
+
+        Raises:
+            RuntimeError: this thread holds another lock that is not earlier in `ORDER`.
+        """
+        stack = _stack()
+        wrong = [lock for lock in stack if lock.rank >= self.rank]
+        if wrong and self not in stack:
+            raise RuntimeError(
+                f"lock {ORDER[self.rank]!r} is taken while {held()} are held, expected the order {ORDER}"
+            )
+        taken = self._lock.acquire(blocking, timeout)
+        if taken:
+            stack.append(self)
+        return taken
+
+    def release(self) -> None:
+        """As `RLock.release`."""
+        _stack().remove(self)
+        self._lock.release()
+
+    def __enter__(self) -> "_OrderedLock":
+        self.acquire()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
+
+    def _is_owned(self) -> bool:
+        """`threading.Condition` asks this; its own way would be wrong for a lock that may be taken again."""
+        return self in _stack()
