@@ -83,12 +83,24 @@ def in_use(name: str) -> bool:
     A pseudo terminal is always open in its server; it counts as in use if it is the terminal of a process.
     """
     try:
-        device, number = os.path.realpath(name), os.stat(name).st_rdev
+        device, there = os.path.realpath(name), os.stat(name)
     except OSError:
         return False
-    if os.major(number) in PTY_MAJORS:
-        return any(_terminal(process) == number for process in glob.glob("/proc/[0-9]*/stat"))
+    if os.major(there.st_rdev) in PTY_MAJORS:
+        return any(_works_in(process, device, there) for process in glob.glob("/proc/[0-9]*"))
     return any(_target(fd) == device for fd in glob.glob("/proc/[0-9]*/fd/*"))
+
+
+def _works_in(process: str, device: str, there: os.stat_result) -> bool:
+    """Tell whether this is the process's controlling terminal, not one of the same number in a container."""
+    if _terminal(f"{process}/stat") != there.st_rdev:
+        return False
+    try:
+        return os.path.samestat(os.stat(f"{process}/root{device}"), there)
+    except PermissionError:  # another user's process: it cannot be told
+        return True
+    except OSError:
+        return False
 
 
 def _terminal(stat_path: str) -> int:
@@ -388,9 +400,10 @@ def _words(error: BaseException) -> str:
 def locked_by(port: str) -> str:
     """Return name and process id of the program that has locked the port; empty if the system shows none."""
     try:
-        inode = str(os.stat(port).st_ino)
+        there = os.stat(port)
+        file = f"{os.major(there.st_dev):02x}:{os.minor(there.st_dev):02x}:{there.st_ino}"
         with open("/proc/locks", encoding="ascii") as locks:
-            owners = [line.split()[4] for line in locks if line.split()[5].rsplit(":", 1)[-1] == inode]
+            owners = [line.split()[4] for line in locks if line.split()[5] == file]
         with open(f"/proc/{int(owners[0])}/comm", encoding="utf-8", errors="replace") as comm:
             return f"{comm.read().strip()} (process {owners[0]})"
     except (OSError, IndexError, ValueError):

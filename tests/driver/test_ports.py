@@ -1,14 +1,18 @@
 """Which ports are opened in the search for a lost robot, and in which order."""
 
+import contextlib
+import fcntl
 import os
 import pty
 import subprocess
 import sys
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrl_driver.transport.link import in_use
+from mrl_driver.transport import link
+from mrl_driver.transport.link import in_use, locked_by
 from mrl_driver.transport.port_search import AGAIN_S, WRONG_AGAIN_S, Port, Search, candidates
 
 BY_ID = "/dev/serial/by-id/usb-Arduino_A1"
@@ -174,18 +178,51 @@ def test_the_very_same_device_is_taken_whoever_else_is_there():
 # -- what is in use
 
 
-def test_a_pseudo_terminal_that_somebody_works_in_is_in_use():
-    """Its shell has it as controlling terminal; a name of before may lead there by now."""
+@pytest.fixture
+def terminal():
+    """A terminal that somebody works in: a process has it as controlling terminal."""
     script = "import sys; print(1, flush=True); sys.stdin.readline()"
     pid, master = pty.fork()
     if not pid:
         os.execv(sys.executable, [sys.executable, "-c", script])
     os.read(master, 1)
-    name = os.readlink(f"/proc/{pid}/fd/0")
-    assert in_use(name)
+    yield os.readlink(f"/proc/{pid}/fd/0")
     os.write(master, b"\n")
     os.waitpid(pid, 0)
     os.close(master)
+
+
+@contextlib.contextmanager
+def on_another_file_system(monkeypatch, below):
+    """Files below a path keep the numbers that they have, on another file system."""
+    stat = os.stat
+
+    def elsewhere(path):
+        found = stat(path)
+        return os.stat_result([*found[:2], found.st_dev + 1, *found[3:]]) if path.startswith(below) else found
+
+    with monkeypatch.context() as patch:
+        patch.setattr(link.os, "stat", elsewhere)
+        yield
+
+
+def test_a_pseudo_terminal_that_somebody_works_in_is_in_use(terminal):
+    """A name of before may lead there by now."""
+    assert in_use(terminal)
+
+
+def test_a_pseudo_terminal_is_not_in_use_for_one_of_its_number_in_a_container(terminal, monkeypatch):
+    with on_another_file_system(monkeypatch, "/proc/"):
+        used = in_use(terminal)
+    assert not used
+
+
+def test_a_lock_on_another_file_with_the_ports_inode_number_is_not_the_ports(tmp_path, monkeypatch):
+    with open(tmp_path / "port", "w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        with on_another_file_system(monkeypatch, str(tmp_path)):
+            holder = locked_by(file.name)
+    assert holder == ""
 
 
 def test_a_pseudo_terminal_of_an_emulator_is_free():
