@@ -10,7 +10,7 @@ import sys
 
 import click
 import pytest
-from click.testing import CliRunner
+from click.shell_completion import BashComplete
 
 from mrl_driver import errors
 from mrl_driver.cli import main
@@ -95,20 +95,16 @@ def test_the_script_of_a_shell(shell):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["mo"], "monitor"),
-        (["config", "set", "ra"], "ramp_time"),
-        (["info", "--robot", "st"], "stingbot"),
-        (["--robot", "st"], "stingbot"),
+        (["mo"], ["monitor"]),
+        (["config", "set", "ra"], ["ramp_time", "ramp_gain"]),
+        (["info", "--robot", "st"], ["stingbot"]),
+        (["--robot", "st"], ["stingbot"]),
     ],
 )
 def test_what_the_shell_completes(words, expected):
-    env = {
-        "_MRL_COMPLETE": "bash_complete",
-        "COMP_WORDS": " ".join(["mrl", *words]),
-        "COMP_CWORD": str(len(words)),
-    }
-    out = CliRunner().invoke(main.cli, [], env=env, prog_name="mrl").output
-    assert expected in out
+    *before, begun = words
+    found = BashComplete(main.cli, {}, "mrl", "_MRL_COMPLETE").get_completions(before, begun)
+    assert [each.value for each in found] == expected
 
 
 @pytest.mark.parametrize(
