@@ -2,7 +2,8 @@
 # What a newcomer does, in minimal Debian systems: `make run` and `make test` in a clone of HEAD.  Needs root.
 #
 #   RELEASES="bookworm trixie"     which Debian releases
-#   WAYS="root user container"     as root, as a user with sudo, as root with the capabilities of an unprivileged container
+#   WAYS="root user container"     as root, as a user with sudo, as root with the capabilities of an unprivileged container;
+#        image                     in the image that the Dockerfile makes of the release; needs buildah
 #   COMMANDS="run test"            which of the README's commands
 #
 # Apt mirror, proxies, certificates and pip's settings are this machine's.  Each system lives in a folder below TMPDIR or /var/tmp, and
@@ -71,7 +72,7 @@ mounts() { # TREE ARCHIVES
 
 # Everything in one system; process 1 of a process namespace, in a mount namespace.
 inside() { # RELEASE WAY TREE ARCHIVES
-  local release=$1 way=$2 tree=$3 log="$LOGS/$1-$2" code=0
+  local release=$1 way=$2 tree=$3 log="$LOGS/$1-$2"
   local clone=$HOME_IN/mrl-driver enter=(chroot "$tree") as=()
   mounts "$tree" "$4"
   mount --bind "$LOGS" "$tree/mnt" 
@@ -96,13 +97,34 @@ inside() { # RELEASE WAY TREE ARCHIVES
   while IFS= read -r line; do env+=("$line"); done < <(env | grep -E "$PASSED_ON")
   do_in() { "${enter[@]}" "${as[@]}" "${env[@]}" sh -c "cd $clone && $1"; }
 
+  commands "$release, $way" "$log"
+}
+
+# The Dockerfile's image and everything in it; process 1 of a process namespace, in a mount namespace.
+image() { # RELEASE TREE CONTEXT
+  local name="$1, image" log="$LOGS/$1-image" storage=(buildah --root "$2.storage" --runroot "$2.run") base container
+  export BUILDAH_ISOLATION=chroot STORAGE_DRIVER=vfs
+  mount -t proc proc /proc
+  base=$("${storage[@]}" from scratch)
+  cp -a "$2/." "$("${storage[@]}" mount "$base")"
+  "${storage[@]}" commit -q --rm "$base" minimal >/dev/null
+  timed "$name: build" "$log-build.log" "${storage[@]}" build --build-arg BASE=localhost/minimal -t mrl-driver "$3" || return
+  container=$("${storage[@]}" from mrl-driver)
+  local enter=("${storage[@]}" run "$container" --)
+  do_in() { "${enter[@]}" sh -c "$1"; }
+  commands "$name" "$log"
+}
+
+# The commands, each by `do_in`, and what they leave.
+commands() { # NAME LOG
+  local command line code=0
   for command in $COMMANDS; do
     case $command in run) line="make run DURATION=8" ;; test) line="make test" ;; *) line="make $command" ;; esac
-    timed "$release, $way: $line" "$log-$command.log" do_in "$line" || code=1
-    grep -hE '^(SKIPPED|[0-9]+ upgraded|Need to get|After this|ran |second tries)| passed' "$log-$command.log" | awk '!seen[$0]++ { print "    " $0 }'
+    timed "$1: $line" "$2-$command.log" do_in "$line" || code=1
+    grep -hE '^(SKIPPED|[0-9]+ upgraded|Need to get|After this|ran |second tries)| passed' "$2-$command.log" | awk '!seen[$0]++ { print "    " $0 }'
   done
-  timed "$release, $way: packages' files" "$log-dpkg.log" unchanged || code=1
-  timed "$release, $way: processes left" "$log-processes.log" nothing_runs || code=1
+  timed "$1: packages' files" "$2-dpkg.log" unchanged || code=1
+  timed "$1: processes left" "$2-processes.log" nothing_runs || code=1
   return $code
 }
 
@@ -148,9 +170,13 @@ outside() {
       fi
       git -c advice.detachedHead=false clone -q "$BUNDLE" "$tree$HOME_IN/mrl-driver"
       [ "$way" != user ] || chroot "$tree" chown -R newcomer: /home/newcomer
-      unshare --mount --pid --fork --kill-child --propagation private \
-        "$0" inside "$release" "$way" "$tree" "$archives" || code=1
-      rm -rf --one-file-system "$tree"
+      local task=(inside "$release" "$way" "$tree" "$archives")
+      if [ "$way" = image ]; then
+        mv "$tree$HOME_IN/mrl-driver" "$tree.clone"
+        task=(image "$release" "$tree" "$tree.clone")
+      fi
+      unshare --mount --pid --fork --kill-child --propagation private "$0" "${task[@]}" || code=1
+      rm -rf --one-file-system "$tree"*
     done
     rm -rf "$base" "$archives"
   done
@@ -158,9 +184,8 @@ outside() {
 }
 
 export RELEASES=${RELEASES:-bookworm trixie} WAYS=${WAYS:-root user container} COMMANDS=${COMMANDS:-run test}
-if [ "${1:-}" = inside ]; then
-  shift
-  inside "$@"
+if [ "${1:-}" = inside ] || [ "${1:-}" = image ]; then
+  "$@"
 else
   BUNDLE=${1:?usage: fresh.sh BUNDLE}
   outside

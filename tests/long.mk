@@ -15,9 +15,9 @@ soak: setup firmware ## Kill, unplug, stop, close again and again, then drive on
 bench-calibration: setup ## Calibrate 20 emulated robots with hidden errors; build/bench/calibration.json
 	$(PY) -m tests.bench.bench_calibration
 
-PACKAGES_test-fresh := mmdebstrap
+PACKAGES_test-fresh := mmdebstrap $(if $(findstring image,$(WAYS)),buildah)
 .PHONY: test-fresh
-test-fresh: | apt ## The README's commands in minimal Debian systems; RELEASES=trixie, WAYS="root user container", COMMANDS=run
+test-fresh: | apt ## The README's commands in minimal Debian systems; RELEASES=trixie, WAYS="root user container image", COMMANDS=run
 	@mkdir -p build/fresh && git bundle create -q build/fresh/head.bundle HEAD
 	@$(SUDO) env $(foreach v,RELEASES WAYS COMMANDS MIRROR TMPDIR,$(if $($(v)),$(v)="$($(v))")) tests/fresh.sh build/fresh/head.bundle
 
