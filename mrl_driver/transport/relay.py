@@ -58,6 +58,7 @@ class Bridge:
         if data:
             self._listener.write(data)
         data = self._listener.read()
+        self._notice()  # whose command is sent is known first: this client, too, may be gone a moment later
         if data:
             self._send(data)
         self._listener.attend()

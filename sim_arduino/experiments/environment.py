@@ -161,5 +161,5 @@ def _draw(setting: Setting, world: World, samples: List[Sample]) -> str:
         axes.plot([s.x_m for s in sources], [s.y_m for s in sources], "x", color=each.colour, markersize=9)
     axes.plot([], [], "kx", label="sources")
     plots.floor(axes)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3, fontsize="small")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncol=3, fontsize="small")
     return plots.save(made, setting.folder, "environment")

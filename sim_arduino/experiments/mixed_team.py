@@ -91,5 +91,5 @@ def draw(setting: Setting, team: Team, name: str) -> str:
         axes.plot(*player.path[0][:2], "o", color=colour, markersize=5)
     axes.plot([], [], "o", color=plots.GREY, markersize=5, label="starts")
     plots.floor(axes)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3, fontsize="small")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncol=3, fontsize="small")
     return plots.save(made, setting.folder, name)

@@ -11,9 +11,9 @@ from mrl_driver.cli import main
 from mrl_driver.driver import Driver
 from mrl_driver.errors import LinkLost
 from mrl_driver.transport.link import SerialLink
-from mrl_driver.transport.listener import listen
+from mrl_driver.transport.listener import SILENT_S, listen
 from mrl_driver.transport.open_link import open_link
-from mrl_driver.transport.relay import Bridge
+from mrl_driver.transport.relay import STOP, Bridge
 from sim_arduino.testing import EmulatedBoard
 
 from .run import fails
@@ -67,6 +67,29 @@ def test_the_robot_stops_when_its_client_is_gone(served):
     client.close()
     served.board.wait_until(lambda: served.board.true_speed_m_s == 0.0)
     assert any("has left; the robot is stopped" in line for line in served.told)
+
+
+def test_a_client_that_turns_silent_while_its_first_command_is_sent_is_a_stop(monkeypatch):
+    """As on a PC that is held up for longer than a UDP client may be silent."""
+    listener, sent, turns, now_s = listen(f"udp://{ADDRESS}"), [], [], [100.0]
+    monkeypatch.setattr("mrl_driver.transport.listener.time", SimpleNamespace(monotonic=lambda: now_s[0]))
+
+    def read(timeout_s):
+        turns.append(timeout_s)
+        if len(turns) == 2:
+            bridge.stop()
+        return b""
+
+    def write(data):
+        sent.append(data)
+        now_s[0] += SILENT_S
+
+    bridge = Bridge(SimpleNamespace(fileno=lambda: None, read=read, write=write), listener, str)
+    client = open_link(str(listener.address))
+    client.write(b"@11,200,0e")
+    bridge.run()
+    client.close()
+    assert sent[:2] == [b"@11,200,0e", STOP]
 
 
 def test_the_stop_at_the_end_goes_more_than_once():

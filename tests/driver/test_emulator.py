@@ -189,9 +189,13 @@ def true_pose(truth):
     return tuple(json.loads(rows[-1])[key] for key in ("x", "y", "yaw")) if rows else (0.0, 0.0, 0.0)
 
 
-@pytest.mark.parametrize(
+ON_BOTH_ENGINES = pytest.mark.parametrize(
     ("engine", "speed"), [("python", 1.0), ("avr", 0.5)], ids=["python", "avr"]
-)  # a chip that a busy machine holds up at full speed loses its requests; at another one its time slows down
+)
+"""A chip that a busy machine holds up at full speed loses its requests; at another speed its time slows down."""
+
+
+@ON_BOTH_ENGINES
 def test_a_drive_on_a_pty_ends_at_the_true_pose(mrl_sim, tmp_path, engine, speed):
     truth = tmp_path / "truth"
     port = mrl_sim("--engine", engine, "--speed", speed, "--truth", truth, "--pose", "0,0,0")
@@ -222,9 +226,9 @@ def test_a_dead_battery_on_the_pty(mrl_sim, volts, words):
         Driver(mrl_sim("--battery", volts)).connect()
 
 
-@pytest.mark.parametrize("engine", ["python", "avr"])
-def test_a_board_without_id_gets_one(mrl_sim, engine):
-    path = mrl_sim("--id", 0, "--engine", engine)
+@ON_BOTH_ENGINES
+def test_a_board_without_id_gets_one(mrl_sim, engine, speed):
+    path = mrl_sim("--id", 0, "--engine", engine, "--speed", speed)
     with pytest.raises(WrongRobot, match="not set"):
         Driver(path).connect()
     command = [sys.executable, "-m", "mrl_driver", "set-id", "2", "--port", path, "--yes"]
