@@ -5,10 +5,10 @@
 #   docker run -it --device /dev/ttyACM0 mrl-driver make run PORT=/dev/ttyACM0
 ARG BASE=debian:trixie-slim
 FROM ${BASE}
-RUN apt-get update && apt-get install -y --no-install-recommends git make ca-certificates && rm -rf /var/lib/apt/lists/*
+RUN apt-get update && apt-get install -y --no-install-recommends git make ca-certificates && rm -f /var/lib/apt/lists/*_*
 # The commit that is checked out, without what was built here.
 COPY .git /tmp/mrl-driver.git
 RUN git clone -q /tmp/mrl-driver.git /mrl-driver && rm -r /tmp/mrl-driver.git
 WORKDIR /mrl-driver
-RUN make setup firmware pc-firmware && apt-get clean && rm -rf /var/lib/apt/lists/*
+RUN make setup firmware pc-firmware && apt-get clean && rm -f /var/lib/apt/lists/*_*
 CMD ["make", "run"]

@@ -93,7 +93,7 @@ setup(
         "pyserial>=3.5",
         "numpy>=1.17.3",
         "PyYAML>=5.4",
-        "click>=8.0",
+        "click>=8.1.4",
         "rich>=12.0",
     ],
     extras_require={
