@@ -15,7 +15,7 @@ namespace answers {
 namespace {
 
 // The counters for the next frame are read when this many bytes are left in the transmitter's queue.  The read takes
-// 0.28 ms, after perhaps a move and a battery read; 7 bytes take 0.6 ms on the wire.
+// 0.28 ms, after perhaps a move and a battery read; 7 bytes take 0.6 ms on the serial link.
 constexpr uint8_t LOW_WATER = 7;
 constexpr uint8_t QUESTIONS = 8;
 
@@ -57,7 +57,7 @@ void await_counts() {
   if (state == motor::CountsState::failed) give_up();
 }
 
-// The head of an answer is sent while its counters are read.  A stream frame waits, because the wire is busy anyway.
+// The head of an answer is sent while its counters are read.  A stream frame waits: the serial link is busy anyway.
 void fetch_counts() {
   stage = Stage::counts;
   motor::want_counts();

@@ -6,15 +6,15 @@ namespace mrl {
 namespace answers {
 
 // Queues the reply `code`; `value` is passed back when the reply is built.  The reply is dropped and counted as an
-// overrun if the host asks faster than the wire can answer.
+// overrun if the host sends requests faster than the serial link can carry the answers.
 void ask(uint8_t code, int16_t value = 0);
 // True if ask() would not drop a reply.
 bool can_ask();
-// Continues the frame on the wire, or begins the next one.
+// Continues the frame that is being sent, or begins the next one.
 void service();
-// True if no frame is being sent or waits.
+// True if no frame is being sent or waiting.
 bool silent();
-// True if counters are being read, or will be very soon: a transfer that can wait should.
+// True if counters are being read, or will be very soon; other transfers should then wait.
 bool about_to_read();
 
 }  // namespace answers

@@ -1,10 +1,10 @@
-// Baud rate of the line to the host.
+// Baud rate of the serial link to the host.
 #pragma once
 
 namespace mrl {
 namespace baud {
 
-// Changes the baud rate after the answer has left; call it at every tick of the clock.
+// Changes the baud rate after the answer has been sent; call it at every tick of the clock.
 void service();
 // True from the request until the change; no stream frame begins during this time.
 bool changing();

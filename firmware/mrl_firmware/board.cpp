@@ -37,8 +37,8 @@ uint8_t turn;
 
 }  // namespace
 
-// Tasks that depend only on time take turns, one at each tick of the clock.  So the next pass that checks for bytes and
-// for the end of a transfer comes soon, and an answer begins within microseconds.
+// Tasks that depend only on time take turns, one at each tick of the clock.  This keeps each pass short: new bytes and
+// ended transfers are found soon, and an answer begins within microseconds.
 void run() {
   const uint16_t gap = board_clock::update();
   if (gap) {

@@ -1,4 +1,4 @@
-// Everything wired together.
+// Connects all parts of the firmware.
 #pragma once
 
 namespace mrl {

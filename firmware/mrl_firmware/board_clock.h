@@ -1,4 +1,4 @@
-// The board's one clock: 64 us ticks, extended to 32 bits (76 hours) by the loop.  Differences survive the wrap.
+// The board's clock: 64 us ticks, extended to 32 bits (76 hours) by the loop.  Differences survive the wrap.
 #pragma once
 #include <stdint.h>
 

@@ -1,4 +1,4 @@
-// Which board this is.  The Arduino IDE has no compiler options: change the 0 to 1 here.
+// Build options for different boards.  The Arduino IDE has no compiler options: change the 0 to 1 here.
 #pragma once
 
 // 1: environment sensors (alcohol, dust, light, thermopile, compass) instead of sonars.
@@ -6,7 +6,7 @@
 #define MRL_ENVIRONMENT 0
 #endif
 
-// 1: an XBee on a software serial line.
+// 1: an XBee on a software serial port.
 #ifndef MRL_XBEE
 #define MRL_XBEE 0
 #endif

@@ -65,7 +65,7 @@ bool is_free() {
   return true;
 }
 
-// Background transfers wait while a command comes in or a stream frame is due, unless they have waited for long.
+// Background transfers wait while a command arrives or a stream frame is due, unless they have waited for long.
 Owner next_background(hal::Transfer& transfer) {
   const bool only_overdue = commands::decoder.in_frame() || answers::about_to_read();
   if (motor::next_poll(transfer, only_overdue)) return Owner::motor_board;

@@ -19,7 +19,7 @@ Handler* const HANDLERS[] PROGMEM = {MRL_COMMANDS(HANDLER, NO_HANDLER)};
 #undef HANDLER
 #undef NO_HANDLER
 
-// At 1000000 baud bytes come as fast as they are decoded.  Without a limit, a flood of bytes would delay everything
+// At 1000000 baud, bytes arrive as fast as they are decoded.  Without a limit, a flood of bytes would delay everything
 // else, including a requested stop and the watchdog.
 constexpr uint8_t BYTES_A_PASS = 16;
 

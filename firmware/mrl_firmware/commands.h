@@ -1,4 +1,4 @@
-// Passes requests from the serial line to their handlers.
+// Passes requests from the serial port to their handlers.
 #pragma once
 #include "frame_decoder.h"
 
@@ -7,9 +7,9 @@ namespace commands {
 
 extern FrameDecoder decoder;
 
-// Carries out the requests that have come.
+// Carries out the requests that have arrived.
 void receive();
-// Drops all bytes that have come.
+// Drops all bytes that have arrived.
 void discard();
 
 }  // namespace commands

@@ -19,7 +19,7 @@ constexpr uint32_t BAUD_SILENCE = board_clock::of_ms(1000);
 uint32_t last_valid;
 uint32_t watchdog;  // [64 us], 0 is off
 int16_t watchdog_ms;
-bool silent;  // the watchdog has stopped the motors, and no valid frame has come since
+bool silent;  // the watchdog has stopped the motors, and no valid frame has arrived since
 
 void set_check(bool on) {
   commands::decoder.checked = on;

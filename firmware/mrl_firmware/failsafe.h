@@ -5,7 +5,7 @@
 namespace mrl {
 namespace failsafe {
 
-// Notes that a valid frame has come.
+// Notes that a valid frame has arrived.
 void valid_frame();
 // `gap` is the time since the last pass of the loop [64 us].
 void service(uint16_t gap);

@@ -11,22 +11,22 @@ bool checked();
 
 // True when a new frame may begin.
 bool idle();
-// Puts "@code" out.
+// Sends "@code".
 void begin(uint8_t code);
-// Puts "@code," out, so that the wire is busy while the first number is still being fetched.
+// Sends "@code,", so that the serial link is busy while the first number is still being fetched.
 void begin_early(uint8_t code);
 // Appends a number; at most MAX_ARGUMENTS - 1.
 void add(int16_t value);
 // Appends sequence number and board time if frames are checked.
 void stamp(uint16_t tick);
-// No more numbers.
+// Ends the frame: no more numbers.
 void end();
 // Leaves the frame unfinished, because its numbers are not available.
 void abandon();
 // Moves numbers into the transmitter's queue.
 void service();
 
-// Puts a line of free text out if there is room for all of it now; `first` and `second` are in flash.
+// Sends a line of free text if there is room for all of it now; `first` and `second` are in flash.
 void text_line(const char* first, const char* second);
 
 }  // namespace writer

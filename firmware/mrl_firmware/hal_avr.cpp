@@ -1,5 +1,5 @@
-// The ATmega328P of the Uno at 16 MHz: resets, time, USB line, analog inputs, pins, EEPROM.  Only this file includes
-// Arduino.h; I2C, the dust sensor's input and the radio's line have their own files.
+// The ATmega328P of the Uno at 16 MHz: resets, time, USB port, analog inputs, pins, EEPROM.  Only this file includes
+// Arduino.h; I2C, the dust sensor's input and the radio's port have their own files.
 #ifdef __AVR__
 #include <Arduino.h>
 #include <avr/wdt.h>
@@ -95,7 +95,7 @@ uint16_t ticks() {
   return now;
 }
 
-// ---- serial line
+// ---- serial port
 
 ISR(USART_RX_vect) {
   const uint8_t overrun = UCSR0A & _BV(DOR0);

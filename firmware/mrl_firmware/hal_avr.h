@@ -1,9 +1,9 @@
-// What the parts of the AVR's hardware layer have to tell each other.
+// Functions that the files of the AVR's hardware layer share.
 #pragma once
 
 namespace hal {
 
-// The clock, timer 1, has to run.
+// Needs the running clock, timer 1.
 void bus_begin();
 void dust_begin();
 

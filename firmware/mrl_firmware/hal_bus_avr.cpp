@@ -53,12 +53,12 @@ static inline void send_address() {
 
 ISR(TWI_vect) {
   const uint8_t status = TWSR;
-  if (status == 0x50) {  // a byte came, acknowledged
+  if (status == 0x50) {  // a byte was received, acknowledged
     transfer.in[position++] = TWDR;
     receive_next();
   } else if (status == 0x28 || status == 0x18) {  // byte or address sent, acknowledged
     send_next();
-  } else if (status == 0x58) {  // the last byte came
+  } else if (status == 0x58) {  // the last byte was received
     transfer.in[position] = TWDR;
     end_transfer(BusState::idle);
   } else if (status == 0x08 || status == 0x10) {  // start, repeated start

@@ -17,7 +17,7 @@ volatile bool dust_low;
 volatile bool dust_edge;
 }  // namespace
 
-// Timer 1 latches the tick of each edge, so that the pulse is exact even if the interrupt comes late.
+// Timer 1 latches the tick of each edge, so that the pulse is exact even if the interrupt is late.
 ISR(TIMER1_CAPT_vect) {
   const uint16_t at = ICR1;
   dust_edge = true;

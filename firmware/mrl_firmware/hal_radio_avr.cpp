@@ -1,5 +1,5 @@
-// A serial line at 9600 baud on two pins, with INT0 and timer 2.  No interrupt takes longer than 15 us, so that the USB
-// line at 115200 baud, whose receiver buffers 170 us, never loses a byte.
+// A serial port at 9600 baud on two pins, with INT0 and timer 2.  No interrupt takes longer than 15 us, so that the USB
+// port at 115200 baud, whose receiver buffers 170 us, never loses a byte.
 #include "build.h"
 #if defined(__AVR__) && MRL_XBEE
 #include <avr/interrupt.h>

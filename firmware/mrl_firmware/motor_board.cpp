@@ -42,7 +42,7 @@ uint8_t failures;
 bool found, known;
 bool paused, eeprom_busy;
 bool stop_wanted, stop_again;
-bool turning;  // a move has come since the last stop
+bool turning;  // a move was received since the last stop
 bool retry_current, drop_current;
 bool poll_temperature;
 
@@ -87,7 +87,7 @@ int16_t word_in(uint8_t at) {
   return static_cast<int16_t>(hal::transfer.in[at] << 8 | hal::transfer.in[at + 1]);
 }
 
-// Converts the board's tenths to the wire's hundredths.
+// Converts the board's tenths to the protocol's hundredths.
 int16_t hundredths(int16_t tenths) {
   return tenths > 3276 ? INT16_MAX : tenths < -3276 ? INT16_MIN : static_cast<int16_t>(tenths * 10);
 }

@@ -46,11 +46,11 @@ void report_info();
 
 // ---- for the bus
 
-// A quick look whether next_transfer() may have something.
+// A quick check whether next_transfer() may return a transfer.
 bool has_work();
 // Fills in the transfer that must be sent now; false if there is none.
 bool next_transfer(hal::Transfer& transfer);
-// Fills in a battery or temperature read, which can wait; `only_overdue`: only if it has waited for long.
+// Fills in a battery or temperature read, which can wait; with `only_overdue`, only if it has waited for long.
 bool next_poll(hal::Transfer& transfer, bool only_overdue);
 void transfer_ended(bus::Result result);
 

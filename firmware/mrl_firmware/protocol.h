@@ -183,7 +183,7 @@ void set_baud(const int16_t* args, uint8_t count);  // 45
 }  // namespace handlers
 
 // One function for each sensor; a forgotten one fails to link.  On the I2C bus: values out of the bytes of
-// its registers, false if they are none.  On the Uno's own pins: the value.
+// its registers, false if they are not valid.  On the Uno's own pins: the value.
 namespace sensors {
 void ask(uint8_t code);
 int16_t alcohol();  // 20
@@ -351,7 +351,7 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   MODEL(4, 5, 11000, 1900, 437, 640, 350, 200, 100, 1500, 0, 600, 4000) \
   MODEL(21, 22, 10000, 3000, 437, 640, 700, 400, 200, 1500, 0, 500, 5000)
 
-// the parameters behind those, the same for all models
+// the parameters after those, the same for all models
 #define MRL_COMMON_DEFAULTS(VALUE) \
   VALUE(3) \
   VALUE(11767) \

@@ -9,7 +9,7 @@ enum class Readiness : uint8_t { ready, wait, impossible };
 
 // True if the frame carries counters, which must be read from the motor board.
 bool needs_counts(uint8_t code);
-// True if sequence and board time belong to the frame.
+// True if the frame has a sequence number and the board time.
 bool is_stamped(uint8_t code);
 // Requests the other values of the frame.
 void want_sensors(uint8_t code);

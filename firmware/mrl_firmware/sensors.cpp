@@ -146,7 +146,7 @@ void transfer_ended(bus::Result result) {
   const bool arrived = result == bus::Result::done;
   const bool good = arrived && flash_pointer(&TAKES[asked])(hal::transfer.in, values_of(asked));
   state.known = true;
-  if (arrived) state.answered = good;  // bytes that are no reading may have been written over the last one
+  if (arrived) state.answered = good;  // bytes without a valid reading may have replaced the last one
   if (good) {
     state.seen = true;
     state.answered_at = board_clock::now();

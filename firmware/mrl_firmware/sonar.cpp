@@ -43,7 +43,7 @@ namespace {
 
 constexpr uint8_t COUNT = 3;
 constexpr uint32_t WARM_UP = board_clock::of_ms(256);
-constexpr uint32_t TRIGGER = 2;  // ticks; the MB1300 wants 20 us or more
+constexpr uint32_t TRIGGER = 2;  // ticks; the MB1300 needs at least 20 us
 constexpr uint32_t READING = board_clock::of_ms(104);  // 99 ms per the data sheet
 
 enum class Step : uint8_t { warm_up, trigger, ranging, converting } step;

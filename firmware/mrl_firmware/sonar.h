@@ -1,4 +1,4 @@
-// Three MB1300 sonars that fire one after another, so that they do not hear each other.
+// Three MB1300 sonars that fire one after another, so that they do not receive each other's pulses.
 #pragma once
 #include <stdint.h>
 

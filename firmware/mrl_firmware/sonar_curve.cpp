@@ -51,7 +51,7 @@ constexpr int16_t FARTHEST = 1250;
 constexpr uint8_t FRACTION_BITS = 15;
 constexpr int32_t UNIT = static_cast<int32_t>(1) << FRACTION_BITS;
 
-// 2^(log2 / 65536) in 1 / 32768; at most 2^11, which is above all values on the wire.
+// 2^(log2 / 65536) in 1 / 32768; at most 2^11, which is above all values in frames.
 int32_t exp2_of(int32_t log2) {
   const int16_t exponent = static_cast<int16_t>(log2 >> 16);
   if (exponent < -FRACTION_BITS) return 0;
@@ -69,7 +69,7 @@ void PowerLaw::set(int16_t a, int16_t b, int16_t c) {
 }
 
 int16_t PowerLaw::at(uint16_t count) const {
-  // 20 bits times 18 bits, in two pieces that leave 32 bits alone.
+  // 20 bits times 18 bits, in two pieces that fit into 32 bits.
   const uint32_t log2_count = static_cast<uint32_t>(log2_of(count));
   const uint32_t high = log2_count >> 10, low = log2_count & 0x3FF;
   const uint32_t power = (high * b_ + (low * b_ >> 10)) >> 6;

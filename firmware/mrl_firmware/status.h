@@ -16,7 +16,7 @@ void count_clamped();
 void set_stop_reason(StopReason reason);
 // Sets or clears a fault bit.  A cleared fault stays visible until the host has read it.
 void set_fault(int16_t bit, bool present);
-// Adds the bytes lost on the serial line to the counters.
+// Adds the bytes lost at the serial port to the counters.
 void service();
 // The rows of the replies to 29, 30 and 31.
 void report_protocol();

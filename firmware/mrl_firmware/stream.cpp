@@ -42,7 +42,7 @@ bool due() { return running && reached(next); }
 
 bool almost_due() { return running && period && reached(next - ALMOST); }
 
-// A frame that comes more than a period late starts a new cadence.
+// A frame that is more than a period late starts a new cadence.
 void sent() {
   next = period ? next + period : now();
   if (period && reached(next)) next = now() + period;

@@ -23,14 +23,14 @@ constexpr uint8_t ADDRESS_WORDS = 4;
 constexpr uint8_t PIECE = 16;                                // longest text of one frame to the host
 constexpr uint8_t RECEIVED_ADDRESS = 1, RECEIVED_TEXT = 12;  // places in a receive packet
 constexpr uint8_t NODE_NETWORK = 5, NODE_ADDRESS = 7, NODE_SIZE = 15;
-constexpr uint8_t ENVELOPE = 4;  // delimiter, length and check sum
-constexpr uint32_t BROKEN_OFF = board_clock::of_ms(48);  // 46 bytes at 9600 baud: the packet will not go on
+constexpr uint8_t ENVELOPE = 4;  // delimiter, length and checksum
+constexpr uint32_t BROKEN_OFF = board_clock::of_ms(48);  // 46 bytes at 9600 baud: the packet is incomplete
 
 PacketReader reader;
 uint32_t last_byte;
-uint8_t text_at;   // what the host has not got yet of a received text; 0 is nothing
-bool node_waits;   // a node's answer has not been sent to the host yet
-bool asked;        // the frame for it is queued
+uint8_t text_at;   // start of the received text that was not sent to the host yet; 0 is nothing
+bool node_waits;   // a node's answer was not sent to the host yet
+bool asked;        // the frame with that answer is queued
 uint8_t sum;
 
 // ---- to the radio
@@ -123,7 +123,7 @@ uint8_t piece_size() {
 
 void begin() { hal::radio_begin(); }
 
-// The next packet stays in the line's queue until this one has been sent to the host.
+// The next packet stays in the port's queue until this one has been sent to the host.
 void service() {
   receive();
   if (text_at || node_waits) ask_host();

@@ -1,4 +1,4 @@
-// Texts by radio: an XBee Series 2 in API mode 1 on its own serial line.
+// Texts by radio: an XBee Series 2 in API mode 1 on its own serial port.
 #pragma once
 #include <stdint.h>
 

@@ -116,7 +116,7 @@ def _sensor_functions() -> List[str]:
     """One function for each sensor; its handler is the same for all of them."""
     lines = [
         "// One function for each sensor; a forgotten one fails to link.  On the I2C bus: values out of the bytes of",
-        "// its registers, false if they are none.  On the Uno's own pins: the value.",
+        "// its registers, false if they are not valid.  On the Uno's own pins: the value.",
         "namespace sensors {",
         "void ask(uint8_t code);",
     ]
@@ -191,7 +191,7 @@ def _model_rows() -> List[str]:
         "// lowest and highest robot id, then the parameters from axis_radius on: "
         + ", ".join(m.name for m in models),
         *_macro("MRL_MODELS(MODEL)", rows),
-        "// the parameters behind those, the same for all models",
+        "// the parameters after those, the same for all models",
         *_macro("MRL_COMMON_DEFAULTS(VALUE)", common),
     ]
 

@@ -11,8 +11,8 @@ from typing import Dict
 from mrl_driver.errors import MrlError
 from ros1_bridge.demo.processes import Child, wait_until
 from sim_arduino.experiments import report
+from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.experiments.report import Result
-from sim_arduino.experiments.stage import Setting
 
 from .parts import ROOT, end, environment
 

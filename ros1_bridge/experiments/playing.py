@@ -7,8 +7,8 @@ from typing import Any, Callable, Sequence
 
 from mrl_driver.errors import MrlError
 from sim_arduino.experiments import report
+from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.experiments.report import Result
-from sim_arduino.experiments.stage import Setting
 
 from .parts import Parts
 

@@ -13,8 +13,8 @@ from mrl_driver.errors import MrlError
 from mrl_driver.geometry import ORIGIN, Pose
 from ros1_bridge.node.plane_poses import planar
 from sim_arduino.experiments import step_test
+from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.experiments.report import Result
-from sim_arduino.experiments.stage import Setting
 from sim_arduino.experiments.step_test import Mirrored, StepRecord
 from sim_arduino.experiments.team import Member, Player
 
@@ -41,12 +41,12 @@ def play(_: str, parts: Parts, setting: Setting) -> Result:
             player.robot.stop()
             player.robot.on_odometry = ignore
             mirror.close()
-    odometry, true = ([tuple(pose) for pose in way] for way in (player.told, player.path))
+    odometry, true = ([tuple(pose) for pose in way] for way in (player.odometry_path, player.path))
     return step_test.outcome(setting, StepRecord(odometry, true, mirror.poses, mirror.delays_s), REMARK)
 
 
 def _drive(parts: Parts, player: Player, robot: TopicRobot, mirror: Mirrored) -> None:
-    robot.on_odometry = lambda message: mirror.tell(planar(message.pose.pose), _monotonic_s(message))
+    robot.on_odometry = lambda message: mirror.send(planar(message.pose.pose), _monotonic_s(message))
     mirror.wait()
     for waypoint in step_test.WAYPOINTS:
         _go(parts, player, Pose(*waypoint, 0.0))
@@ -62,7 +62,7 @@ def _go(parts: Parts, player: Player, point: Pose) -> None:
     pose = player.robot.pose
     heading = math.atan2(point.y_m - pose.y_m, point.x_m - pose.x_m)
     seek = player.robot.seek(point._replace(yaw_rad=heading))
-    end_s = time.monotonic() + step_test.MOST_S
+    end_s = time.monotonic() + step_test.TIME_LIMIT_S
     step = seek(player.ranges())
     while not step.reached:
         parts.check()

@@ -29,9 +29,9 @@ from ros1_bridge.demo.processes import wait_until
 from ros1_bridge.node.plane_poses import planar
 from ros1_bridge.node.tf_names import sonar_frame
 from sim_arduino.experiments import mixed_team, shared_waypoint
+from sim_arduino.experiments.experiment_robot import NOISE, Setting, Step
 from sim_arduino.experiments.report import Result
-from sim_arduino.experiments.stage import NOISE, Setting, Step
-from sim_arduino.experiments.team import Member, Player, Team, footprint_of, spelt_pose
+from sim_arduino.experiments.team import Member, Player, Team, footprint_of, pose_option
 from sim_arduino.world import world_file
 from sim_arduino.world.shared_robots import SharedCrowd
 from sim_arduino.world.world import World
@@ -52,7 +52,7 @@ _OVER = (GoalStatus.ABORTED, GoalStatus.REJECTED, GoalStatus.PREEMPTED, GoalStat
 
 
 class TopicRobot:
-    """A robot reached through its topics; it has the interface `team.OnStage`.
+    """A robot reached through its topics; it has the interface `team.RobotInterface`.
 
     Args:
         member: The robot's role in the team; its name is its namespace.
@@ -217,7 +217,7 @@ def _shared(space: str) -> str:
 def _start(parts: Parts, member: Member, world: str, seed: int, navigated: bool) -> None:
     """Start the board, the robot node and, if the robot is navigated, go_to_goal."""
     space = _shared("virtual" if member.virtual else "real")
-    options = ("--world", world, "--world-name", space, "--pose", spelt_pose(member.start))
+    options = ("--world", world, "--world-name", space, "--pose", pose_option(member.start))
     port = parts.board(member.name, "--robot", member.robot, "--sonar", NOISE, "--seed", str(seed), *options)
     parts.robot(member.name, port, member.robot, RATE_HZ)
     if navigated:
@@ -236,9 +236,9 @@ def play(name: str, parts: Parts, setting: Setting) -> Result:
     with ExitStack() as stack:
         if name == "mixed-team":
             team = gather(stack, parts, setting, mixed_team.MEMBERS, navigated=False)
-            return mixed_team.play(setting, team, WANDER_S, REMARK)
+            return mixed_team.drive_team(setting, team, WANDER_S, REMARK)
         team = gather(stack, parts, setting, shared_waypoint.MEMBERS, navigated=True)
-        return shared_waypoint.play(setting, team, ROUNDS, MOST_S, REMARK)
+        return shared_waypoint.drive_team(setting, team, ROUNDS, MOST_S, REMARK)
 
 
 def main(arguments: List[str]) -> int:

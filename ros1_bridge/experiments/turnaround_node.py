@@ -15,8 +15,8 @@ from nav_msgs.msg import Odometry
 from mrl_driver.errors import MrlError
 from ros1_bridge.demo.processes import wait_until
 from sim_arduino.experiments import turnaround
+from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.experiments.report import Result
-from sim_arduino.experiments.stage import Setting
 from sim_arduino.experiments.turnaround import Topics
 
 from .parts import START_S, Parts

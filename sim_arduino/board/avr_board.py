@@ -1,4 +1,4 @@
-"""The engine that runs the real firmware image: a simulated Uno wired to a Plant.
+"""The engine that runs the firmware binary: a simulated Uno wired to a `Plant`.
 
 Both engines use the same Plant, so there is one physics model.  The simulated chip sets the timing of the serial line.
 """
@@ -17,27 +17,29 @@ from . import parameter_store
 DUST = 8
 FAN, SONAR_TRIGGER, SONAR_POWER, HEATER = 7, 12, 13, 15
 WATCHED_PINS = (FAN, SONAR_TRIGGER, SONAR_POWER, HEATER)
-BOOT_S, TELLING_S, SAVING_S = 0.3, 0.05, 0.4  # 64 bytes of EEPROM at 3.4 ms fit
-SLICE_S = 1e-3  # longest time that a sent byte waits before a server gets it
+BOOT_S, WRITE_S, SAVE_S = 0.3, 0.05, 0.4  # saving takes 64 bytes of EEPROM at 3.4 ms each
+SLICE_S = 1e-3  # longest delay until a server gets a byte that was sent
 
 FIRMWARE = Path(__file__).resolve().parent.parent.parent / "build" / "firmware" / "mrl_firmware.elf"
 """Image of the sonar build in a checkout, after `make firmware`."""
 
 
-def configured_eeprom(elf: Union[str, Path], robot_id: int, told: Sequence[Tuple[int, int]] = ()) -> bytes:
-    """The EEPROM of a board with this id and the parameters `told` (number, value); the rest are defaults.
+def configured_eeprom(
+    elf: Union[str, Path], robot_id: int, parameters: Sequence[Tuple[int, int]] = ()
+) -> bytes:
+    """The EEPROM of a board with this id and these parameters (number, value); all others are defaults.
 
-    A separate simulated chip gets the values over its serial line and saves them.
+    A separate simulated chip gets the values over its serial port and saves them.
 
     Raises:
         SimulatorError: the image does not confirm that it has saved the values.
     """
     number = PARAMETER_BY_NAME["robot_id"].number
     orders: List[Tuple[str, float, Tuple[int, ...]]] = [
-        ("write_config", TELLING_S, (number, robot_id)),
-        ("default_config", TELLING_S, ()),
-        *(("write_config", TELLING_S, each) for each in told),
-        ("save_config", SAVING_S, ()),
+        ("write_config", WRITE_S, (number, robot_id)),
+        ("default_config", WRITE_S, ()),
+        *(("write_config", WRITE_S, each) for each in parameters),
+        ("save_config", SAVE_S, ()),
     ]
     with AvrMachine(elf) as chip:
         chip.run(BOOT_S)
@@ -52,7 +54,7 @@ def configured_eeprom(elf: Union[str, Path], robot_id: int, told: Sequence[Tuple
         return chip.read_eeprom()
 
 
-def _told(plant: Any, robot_id: int) -> List[Tuple[int, int]]:
+def _parameters_of(plant: Any, robot_id: int) -> List[Tuple[int, int]]:
     """Parameters (number, value) that a new board needs if the firmware does not know its robot model."""
     model = getattr(plant, "model", None)
     if model is None or robot_id not in model.ids:
@@ -91,7 +93,7 @@ class AvrEngine:
         self.machine = AvrMachine(elf, seed=seed)
         self._host_baud: float = BAUD
         if robot_id is not None:
-            self.machine.write_eeprom(0, configured_eeprom(elf, robot_id, _told(plant, robot_id)))
+            self.machine.write_eeprom(0, configured_eeprom(elf, robot_id, _parameters_of(plant, robot_id)))
         if bootloader:
             self.machine.set_reset_flags(0)
             self.machine.reset()
@@ -102,11 +104,11 @@ class AvrEngine:
         self._dust_edges = getattr(plant, "dust_edges", lambda to_s: ())
 
     def receive(self, data: bytes) -> None:
-        """Bytes from the host; the first byte starts on the line now."""
+        """Receives bytes from the host; transmission of the first byte starts now."""
         self.machine.send(data)
 
     def advance(self, to_s: float) -> bytes:
-        """Runs to a time [s since power-up]; returns the bytes that left the board, with their stop bit, until then.
+        """Runs to a time [s since power-up]; returns the bytes that the board has sent completely until then.
 
         Raises:
             MachineCrashed: the program accessed an address outside its memory.
@@ -132,7 +134,7 @@ class AvrEngine:
 
     @property
     def next_event_s(self) -> float:
-        """Time of the next call of `advance` if no bytes come [s]; soon, as the chip always runs."""
+        """Time of the next call of `advance` if no bytes arrive [s]; one slice from now: the chip always runs."""
         return self.machine.time_s + SLICE_S
 
     def _cycle_at(self, time_s: float) -> int:

@@ -13,12 +13,12 @@ from mrl_driver.cli.main import registered
 from mrl_driver.errors import ConfigError, MrlError
 from sim_arduino.serve.one_line import OneLine
 
-if TYPE_CHECKING:  # for the list of all commands loads this module
+if TYPE_CHECKING:  # `mrl --help` loads this module
     from rich.console import Console
     from rich.table import Table
 
+    from .experiment_robot import Setting
     from .report import Result
-    from .stage import Setting
 
 
 class Experiment(NamedTuple):
@@ -31,42 +31,44 @@ class Experiment(NamedTuple):
 EXPERIMENTS = {
     "square": Experiment("square", "square of 1 m by odometry, before and after calibration"),
     "sonar-calibration": Experiment(
-        "sonar_curve", "wall from 5 cm to 2 m before the sonar, and the curve through it"
+        "sonar_curve", "sonar in front of a wall at 20 cm to 2 m, and its fitted curve"
     ),
     "l-course": Experiment("l_course", "L-shaped course mapped with sonars and with a laser"),
-    "power": Experiment("power", "endless circles until the packs are empty"),
-    "step-test": Experiment("step_test", "point to point over a grid, mirrored live"),
+    "power": Experiment("power", "circles until the battery packs are empty"),
+    "step-test": Experiment("step_test", "driving from point to point over a grid, mirrored live"),
     "mixed-team": Experiment("mixed_team", "two real robots and a virtual one wander in one arena"),
     "shared-waypoint": Experiment("shared_waypoint", "three robots share a waypoint"),
     "environment": Experiment("environment", "map of heat, dust and alcohol in the arena"),
-    "turnaround": Experiment("turnaround", "time of messages between PC or topic and motor board"),
+    "turnaround": Experiment("turnaround", "time of messages between PC, or topic, and motor board"),
 }
 WORKERS = 2
 
 
 def _complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
-    """Experiments for the shell."""
+    """Names of the experiments, for shell completion."""
     return [name for name in ("all", *EXPERIMENTS) if name.startswith(incomplete)]
 
 
 @click.command("experiment", cls=OneLine, short_help="Repeat an experiment of the papers.")
 @click.argument("names", nargs=-1, metavar="[NAME|all]...", shell_complete=_complete)
-@click.option("--list", "listed", is_flag=True, help="Say what there is.")
+@click.option("--list", "listed", is_flag=True, help="List the experiments.")
 @click.option(
-    "--port", metavar="PORT", help="Drive the robot there, where the experiment can; else emulated ones."
+    "--port",
+    metavar="PORT",
+    help="Drive the robot on this port, if the experiment supports it; default: emulated robots.",
 )
 @click.option("--robot", default="traxbot", metavar="NAME|FILE", show_default=True, help="Robot model.")
 @click.option(
-    "--out", default="build/experiments", metavar="FOLDER", show_default=True, help="Gets what comes out."
+    "--out", default="build/experiments", metavar="FOLDER", show_default=True, help="Folder for the results."
 )
 @click.option(
-    "--seed", default=1, show_default=True, type=click.IntRange(0, 2**31), help="Of everything random."
+    "--seed", default=1, show_default=True, type=click.IntRange(0, 2**31), help="Seed of all random numbers."
 )
 @click.option("--yes", is_flag=True, help="Drive the robot on --port without asking.")
 @click.option(
     "--ros/--no-ros",
     default=None,
-    help="Those that are about ROS run through ROS, in real time, or in simulated time; default: as ROS is there.",
+    help="Run the experiments about ROS through ROS in real time, or in simulated time; default: ROS if installed.",
 )
 def main(
     names: Sequence[str],
@@ -78,7 +80,9 @@ def main(
     yes: bool,
     ros: Optional[bool],
 ) -> None:
-    """Repeat an experiment of the papers: its figures beside the published ones, and a picture.
+    """Repeat an experiment of the papers.
+
+    Prints our figures next to the published ones, and draws a picture.  Without a NAME, lists the experiments.
 
     \b
     Examples:
@@ -95,8 +99,8 @@ def main(
         confirm_motion(f"The robot on {port} drives by itself ({', '.join(chosen)}). Is the floor free?", yes)
     from rich.console import Console
 
+    from .experiment_robot import Setting
     from .report import save
-    from .stage import Setting
 
     setting = Setting(_folder(out), port, robot, seed, port is None and _through_ros(chosen, ros))
     console = Console()
@@ -119,7 +123,7 @@ def _chosen(names: Sequence[str]) -> List[str]:
     return list(EXPERIMENTS) if "all" in names else list(dict.fromkeys(names))
 
 
-def _legs() -> Any:
+def _ros_experiments() -> Any:
     """The module that runs experiments through ROS; None if the bridge is not installed."""
     point = registered("mrl.experiments").get("ros")
     return point.load() if point else None
@@ -131,17 +135,17 @@ def _through_ros(chosen: Sequence[str], wanted: Optional[bool]) -> bool:
     Raises:
         ConfigError: ROS is requested, but missing.
     """
-    legs = _legs() if wanted is not False else None
-    if legs is None:
+    ros_experiments = _ros_experiments() if wanted is not False else None
+    if ros_experiments is None:
         return False
-    about = [name for name in chosen if name in legs.NODES]
+    about = [name for name in chosen if name in ros_experiments.NODES]
     if not about:
         return False
-    missing = legs.missing()
+    missing = ros_experiments.missing()
     if missing and wanted:
         raise ConfigError(missing)
     if missing:
-        click.echo(f"{missing}; without it: {', '.join(about)}", err=True)
+        click.echo(f"{missing}; running without ROS: {', '.join(about)}", err=True)
     return not missing
 
 
@@ -149,9 +153,11 @@ def _folder(out: str) -> str:
     try:
         os.makedirs(out, exist_ok=True)
     except OSError as error:
-        raise ConfigError(f"--out {out}: {error.strerror}, expected a folder that can be written") from None
+        raise ConfigError(
+            f"--out {out} cannot be made: {error.strerror}; give a folder that can be written"
+        ) from None
     if not os.access(out, os.W_OK):
-        raise ConfigError(f"--out {out}: it cannot be written, expected a folder that can")
+        raise ConfigError(f"--out {out} is not writable; give a folder that can be written")
     return out
 
 
@@ -197,9 +203,9 @@ def _joined(failures: Sequence[MrlError]) -> MrlError:
 def timed(name: str, setting: "Setting") -> Tuple[str, "Result", float]:
     """One experiment's name, result and duration [s]."""
     start_s = time.monotonic()
-    legs = _legs() if setting.ros else None
-    if legs and name in legs.NODES:
-        result: Result = legs.run(name, setting)
+    ros_experiments = _ros_experiments() if setting.ros else None
+    if ros_experiments and name in ros_experiments.NODES:
+        result: Result = ros_experiments.run(name, setting)
     else:
         result = importlib.import_module(f"{__package__}.{EXPERIMENTS[name].module}").run(setting)
     return name, result, time.monotonic() - start_s
@@ -208,12 +214,12 @@ def timed(name: str, setting: "Setting") -> Tuple[str, "Result", float]:
 def _table(name: str, result: "Result", seconds: float, folder: str) -> "Table":
     from rich.table import Table
 
-    from .report import spelt
+    from .report import figure_text
 
     files = ", ".join(os.path.join(folder, picture) for picture in result.pictures)
     table = Table(title=result.title, caption=f"{name}: {seconds:.0f} s, {files}", title_justify="left")
     for column in ("figure", "ours", "published"):
         table.add_column(column)
     for row in result.rows:
-        table.add_row(row.text, spelt(row), row.published)
+        table.add_row(row.text, figure_text(row), row.published)
     return table

@@ -1,4 +1,4 @@
-"""Alcohol, dust and heat in the 4.0 x 4.6 m arena: a sweep, and a map of where each is above its alert level."""
+"""Sweeps the 4.0 x 4.6 m arena, and maps where alcohol, dust and heat exceed their alert levels."""
 
 import math
 from typing import Any, List, NamedTuple, Tuple
@@ -13,28 +13,28 @@ from sim_arduino.world.scene import PIXEL_RAD
 from sim_arduino.world.world import World
 
 from . import plots
+from .experiment_robot import ExperimentRobot, Setting, follow, open_robot
 from .occupancy import Grid, points
 from .report import Figure, Result
-from .stage import Actor, Setting, actor, follow
 
 LANE_M = 0.5
 EDGE_M = 0.5
-"""The sweep keeps this far from the walls: the robot and its turns need it."""
+"""Distance of the sweep from the walls, which the robot needs for its turns [m]."""
 EVERY_TICKS = 6
 CELL_M, VIEWS = 0.1, 4
-"""The thermopile's map has cells of this side; heat is what so many hot pixels agree on."""
+"""Cell size of the thermopile's map [m], and number of hot pixels that must agree on a hot cell."""
 SPEEDS = FollowerLimits(linear_m_s=0.3, angular_rad_s=0.8)
 
 
 class Variable(NamedTuple):
-    """Something that is mapped.
+    """A variable that is mapped.
 
     Attributes:
-        request: Of the command table; the value is the largest field from `first` on.
-        alert: From here on it is drawn (thesis, JINT paper 2013; none is published for alcohol: a quarter more than
-            in clean air).
+        request: Name in the command table; the value is the largest field from `first` on.
+        alert: Values from here on are drawn (thesis, JINT paper 2013).  None is published for alcohol; here it is a
+            quarter more than in clean air.
         scene: Name of its sources in a world.
-        looks: It is seen from afar, by pixels side by side; where it is comes out of many views.
+        remote: Pixels measure it from a distance; many views together give its position.
     """
 
     title: str
@@ -44,11 +44,11 @@ class Variable(NamedTuple):
     unit: str
     scene: str
     colour: str
-    looks: bool = False
+    remote: bool = False
 
 
 VARIABLES = (
-    Variable("heat", "read_thermopile", 1, 39.0, "degC", "heat", plots.ORANGE, looks=True),
+    Variable("heat", "read_thermopile", 1, 39.0, "degC", "heat", plots.ORANGE, remote=True),
     Variable("dust", "read_dust", 0, 5500.0, "pcs/l", "dust", plots.GREY),
     Variable("alcohol", "read_alcohol", 0, 154.0, "counts", "gas", plots.GREEN),
 )
@@ -64,10 +64,10 @@ class Sample(NamedTuple):
 def run(setting: Setting) -> Result:
     """Sweeps the arena, and draws the three maps over each other."""
     world = world_file.load("hazards")
-    with actor(setting, world, environment=True) as robot:
+    with open_robot(setting, world, environment=True) as robot:
         samples = _sweep(robot, world)
-    rows = [row for index, each in enumerate(VARIABLES) for row in _judged(index, each, samples, world)]
-    remark = "Published: the map of the three variables matches the scene; where each source stood is not published."
+    rows = [row for index, each in enumerate(VARIABLES) for row in _evaluate(index, each, samples, world)]
+    remark = "Published: the map of the three variables matches the scene, but not the sources' positions."
     return Result(
         "environment",
         "Map of heat, dust and alcohol in the arena",
@@ -77,44 +77,44 @@ def run(setting: Setting) -> Result:
     )
 
 
-def _sweep(robot: Actor, world: World) -> List[Sample]:
+def _sweep(robot: ExperimentRobot, world: World) -> List[Sample]:
     driver, samples, turn = robot.driver, [], [0]
     robot.reset_pose(world.start)
     codes = [BY_NAME[each.request].code for each in VARIABLES]
 
-    def look() -> None:
+    def sample() -> None:
         turn[0] += 1
         if turn[0] % EVERY_TICKS == 0:
             values = [driver.ask(code)[each.first :] for code, each in zip(codes, VARIABLES)]
             samples.append(Sample(Pose(*driver.pose), tuple(values)))
 
-    follow(robot, Course(_lanes(world), SPEEDS), look)
+    follow(robot, Course(_lanes(world), SPEEDS), sample)
     return samples
 
 
 def _lanes(world: World) -> List[Tuple[float, float]]:
-    """Lanes up and down from the left to the right, then lanes across on the way back, so that all is seen from two
-    sides.
+    """Waypoints of lanes along y, from left to right, then of lanes along x, so that every place is seen from two
+    directions.
     """
     left, bottom, right, top = world.bounds()
     low, high = (left + EDGE_M, bottom + EDGE_M), (right - EDGE_M, top - EDGE_M)
     columns, lines = (np.arange(a, b + 1e-9, LANE_M) for a, b in zip(low, high))
-    way = [(x, y) for lane, x in enumerate(columns) for y in (low[1], high[1])[:: 1 - 2 * (lane % 2)]]
-    up = way[-1][1] == low[1]
+    waypoints = [(x, y) for lane, x in enumerate(columns) for y in (low[1], high[1])[:: 1 - 2 * (lane % 2)]]
+    up = waypoints[-1][1] == low[1]
     for lane, y in enumerate(lines if up else lines[::-1]):
-        way += [(x, y) for x in (high[0], low[0])[:: 1 - 2 * (lane % 2)]]
-    return [(float(x), float(y)) for x, y in way]
+        waypoints += [(x, y) for x in (high[0], low[0])[:: 1 - 2 * (lane % 2)]]
+    return [(float(x), float(y)) for x, y in waypoints]
 
 
 def _above(index: int, each: Variable, samples: List[Sample], world: World) -> Any:
-    """Where a variable is above its alert level, `(N, 2)` [m]."""
-    if each.looks:
-        return _looked_at(index, each, samples, world)
+    """Places at which a variable is above its alert level, `(N, 2)` [m]."""
+    if each.remote:
+        return _remote_spots(index, each, samples, world)
     return np.array([s.pose[:2] for s in samples if max(s.values[index]) >= each.alert]).reshape(-1, 2)
 
 
-def _looked_at(index: int, each: Variable, samples: List[Sample], world: World) -> Any:
-    """Cells that pixels above the level look at from several places, and no pixel below it."""
+def _remote_spots(index: int, each: Variable, samples: List[Sample], world: World) -> Any:
+    """Cells that pixels above the level see from several places, and no pixel below it sees."""
     left, bottom, right, top = world.bounds()
     grid = Grid((left, bottom), (right, top), CELL_M)
     for sample in samples:
@@ -126,16 +126,16 @@ def _looked_at(index: int, each: Variable, samples: List[Sample], world: World) 
     return points(grid.odds >= VIEWS / 2, grid.map())
 
 
-def _judged(index: int, each: Variable, samples: List[Sample], world: World) -> List[Figure]:
-    """How far the alerts lie from the nearest source, and how many of the sources were found."""
+def _evaluate(index: int, each: Variable, samples: List[Sample], world: World) -> List[Figure]:
+    """Largest value, number of alerts, and their distance from the nearest source."""
     sources = np.array([source[:2] for source in getattr(world.scene, each.scene)])
     spots = _above(index, each, samples, world)
     most = max(max(s.values[index]) for s in samples)
     apart = [min(np.hypot(*(sources - spot).T)) for spot in spots]
     median = float(np.median(apart)) if apart else math.nan
     return [
-        Figure(f"{each.title}_most", f"most {each.title}", most, each.unit, f"alert from {each.alert:g}"),
-        Figure(f"{each.title}_alerts", f"places with {each.title} above it", len(spots)),
+        Figure(f"{each.title}_most", f"largest {each.title}", most, each.unit, f"alert from {each.alert:g}"),
+        Figure(f"{each.title}_alerts", f"places with {each.title} above its alert level", len(spots)),
         Figure(f"{each.title}_distance_m", "their distance from a source, median", median, "m"),
     ]
 
@@ -150,7 +150,7 @@ def _draw(setting: Setting, world: World, samples: List[Sample]) -> str:
         axes.scatter(
             spots[:, 0],
             spots[:, 1],
-            s=25 if each.looks else [90 * min(4.0, strength) for strength in strengths],
+            s=25 if each.remote else [90 * min(4.0, strength) for strength in strengths],
             color=each.colour,
             alpha=0.35,
             edgecolors="black",

@@ -1,4 +1,4 @@
-"""The L-shaped course, mapped with the two side sonars and with the laser in one drive."""
+"""Maps the L-shaped course with the two side sonars and with the laser, in one drive."""
 
 from typing import Any, List, NamedTuple, Tuple
 
@@ -14,38 +14,38 @@ from sim_arduino.world.grid_map import OCCUPIED, GridMap
 from sim_arduino.world.world import World
 
 from . import plots
+from .experiment_robot import NOISE, ExperimentRobot, Setting, follow, open_robot
 from .occupancy import Grid, points, share_near
 from .report import Figure, Result
-from .stage import NOISE, Actor, Setting, actor, follow
 
 SIDES = ("left", "right")
-"""The front sonar is for avoidance alone, as in the thesis."""
+"""The front sonar only serves to avoid obstacles, as in the thesis."""
 SONAR_FAR_M = 2.5
-"""Longer echoes do not occur in the course."""
+"""Largest range used; the course is smaller [m]."""
 NEAR_M = 0.05
-"""A wall cell counts as mapped with an occupied one this near."""
+"""A wall cell counts as mapped if an occupied cell is within this distance [m]."""
 MARGIN_M = 0.3
-WAY = ((1.5, 0.5), (1.5, 1.25), (1.5, 0.5), (0.35, 0.5), (1.0, 0.5))
+WAYPOINTS = ((1.5, 0.5), (1.5, 1.25), (1.5, 0.5), (0.35, 0.5), (1.0, 0.5))
 SLOW = FollowerLimits(linear_m_s=0.12, angular_rad_s=0.35)
-"""So slow that each sonar, which measures every 0.3 s, does so every few degrees and centimetres."""
+"""Slow enough that each sonar, which measures every 0.3 s, does so every few degrees and centimetres."""
 OCCUPIED_FROM = {"sonars": 0.9, "laser": 6.0}
-"""Log odds from which on a cell counts as a wall: two arcs that nothing contradicts, or six beams."""
+"""Smallest log odds of a wall cell: two arcs without contradiction, or six beams."""
 VIEW_RAYS = 73
 
 
 class CourseRecord(NamedTuple):
-    """What was measured on the way; poses are those of odometry, in the world's frame."""
+    """The measurements of the drive; poses are by odometry, in the world's frame."""
 
     path: List[Pose]
     cones: List[Tuple[Pose, float, Pose]]
-    """Pose of a sonar, its reading [m], and where it truly was."""
+    """Pose of a sonar, its reading [m], and its true pose."""
     scans: List[Tuple[Pose, Any, Pose]]
 
 
 def run(setting: Setting) -> Result:
     """Drives through the course, and draws both maps."""
     world = world_file.load("l-course")
-    with actor(setting, world, sonar=NOISE) as robot:
+    with open_robot(setting, world, sonar=NOISE) as robot:
         drive = _drive(setting, robot, world)
     by_sonars, by_laser = _grid(world), _grid(world)
     for pose, range_m, _ in drive.cones:
@@ -57,17 +57,17 @@ def run(setting: Setting) -> Result:
     views = {"sonars": _cones_view(world, drive), "laser": _scans_view(world, drive)}
     for name, made in maps.items():
         grid_map.write(made, f"{setting.folder}/l-course-{name}.yaml")
-    rows = [row for name in maps for row in _judged(name, maps[name], views[name], world)]
+    rows = [row for name in maps for row in _evaluate(name, maps[name], views[name], world)]
     return Result(
         "l-course",
         "L-shaped course mapped with sonars and with a laser",
         rows,
         [_draw(setting, world, drive, maps)],
-        "The maps are in map_server's format. A wall cell counts as found with an occupied cell within 5 cm.",
+        "The maps are in map_server's format. A wall cell counts as found if an occupied cell is within 5 cm.",
     )
 
 
-def _drive(setting: Setting, robot: Actor, world: World) -> CourseRecord:
+def _drive(setting: Setting, robot: ExperimentRobot, world: World) -> CourseRecord:
     start, scanner = world.start, LaserScanner(world, seed=setting.seed)
     driver, drive = robot.driver, CourseRecord([], [], [])
     robot.reset_pose(start)
@@ -75,14 +75,14 @@ def _drive(setting: Setting, robot: Actor, world: World) -> CourseRecord:
     mounts = driver.model.sonars
     turn = [0]
 
-    def heard(telemetry: Telemetry) -> None:
+    def add_cones(telemetry: Telemetry) -> None:
         for name in telemetry.fresh:
             if name in SIDES:
                 at = mounts[name].pose
                 true = robot.true_pose.compose(*at)
                 drive.cones.append((telemetry.pose.compose(*at), telemetry.ranges[name], true))
 
-    def look() -> None:
+    def add_scan() -> None:
         drive.path.append(driver.pose)
         turn[0] += 1
         if turn[0] % 2 == 0:
@@ -90,8 +90,8 @@ def _drive(setting: Setting, robot: Actor, world: World) -> CourseRecord:
             scan = scanner.scan(robot.true_pose, "robot")
             drive.scans.append((driver.pose.compose(*mount), scan, robot.true_pose.compose(*mount)))
 
-    driver.on_telemetry(heard)
-    follow(robot, Course(WAY, SLOW), look)
+    driver.on_telemetry(add_cones)
+    follow(robot, Course(WAYPOINTS, SLOW), add_scan)
     return drive
 
 
@@ -107,15 +107,17 @@ def _angles() -> Any:
 def _seen(
     world: World, poses: List[Pose], first_rad: float, step_rad: float, count: int, far_m: float
 ) -> Any:
-    """Points of the walls that rays from these poses meet, `(N, 2)` [m]."""
+    """Points at which rays from these poses hit walls, `(N, 2)` [m]."""
     angles = first_rad + np.arange(count) * step_rad
     found = []
     for pose in poses:
         ranges = world.scan(pose, first_rad, step_rad, count, far_m, without="robot")
         hit = np.isfinite(ranges)
-        ways = angles[hit] + pose.yaw_rad
+        headings = angles[hit] + pose.yaw_rad
         found.append(
-            np.column_stack((pose.x_m + ranges[hit] * np.cos(ways), pose.y_m + ranges[hit] * np.sin(ways)))
+            np.column_stack(
+                (pose.x_m + ranges[hit] * np.cos(headings), pose.y_m + ranges[hit] * np.sin(headings))
+            )
         )
     return np.concatenate(found)
 
@@ -131,7 +133,7 @@ def _scans_view(world: World, drive: CourseRecord) -> Any:
     return _seen(world, poses, laser.first_rad, laser.step_rad, laser.rays, laser.far_m)
 
 
-def _judged(name: str, made: GridMap, view: Any, world: World) -> List[Figure]:
+def _evaluate(name: str, made: GridMap, view: Any, world: World) -> List[Figure]:
     """Share of the wall cells in view that were found, and of the occupied cells that are walls."""
     true = grid_map.draw(world, made.resolution_m, MARGIN_M)
     walls = points(true.cells == OCCUPIED, true)

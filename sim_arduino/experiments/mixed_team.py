@@ -10,8 +10,8 @@ from mrl_driver.robot.models import Limits
 from sim_arduino.world import world_file
 
 from . import plots
+from .experiment_robot import TICK_S, Setting, require_emulated
 from .report import Figure, Result
-from .stage import TICK_S, Setting, require_emulated
 from .team import Member, Team, gather
 
 MEMBERS = (
@@ -24,13 +24,13 @@ DURATION_S = 300.0
 SIMULATED = "In simulated time, without ROS."
 NEAR_M, STOP_M, SIDE_M = 0.9, 0.45, 0.5
 SHARE = 0.5
-"""Of the robot's limit: two that meet come nearer twice as fast as one meets a wall, and sonars are slow."""
+"""Share of the robot's speed limit: two robots approach each other at twice their speed, and sonars are slow."""
 
 
 class Wanderer:
-    """Goes on until something is near, then turns to the side with more room until the way is free.
+    """Drives straight until an obstacle is near, then turns to the side with more room until the path is free.
 
-    It stands still while a sonar has no reading, because nobody knows what is there.
+    It stands still while a sonar has no reading, because an obstacle may be there.
     """
 
     def __init__(self, limits: Limits) -> None:
@@ -38,7 +38,7 @@ class Wanderer:
         self._side = 0
 
     def command(self, ranges: Mapping[str, float]) -> Tuple[float, float]:
-        """Speeds for what the sonars hear [m]."""
+        """Speeds for the ranges of the sonars [m]."""
         readings = [ranges.get(name, math.nan) for name in ("front", "left", "right")]
         if any(map(math.isnan, readings)):
             return 0.0, 0.0
@@ -54,26 +54,26 @@ class Wanderer:
 
 
 def run(setting: Setting) -> Result:
-    """Lets the team wander, and draws where it has been."""
+    """Lets the team wander, and draws its paths."""
     require_emulated(setting, "mixed-team")
     with ExitStack() as stack:
-        return play(setting, gather(stack, setting, WORLD, MEMBERS), DURATION_S)
+        return drive_team(setting, gather(stack, setting, WORLD, MEMBERS), DURATION_S)
 
 
-def play(setting: Setting, team: Team, duration_s: float, remark: str = SIMULATED) -> Result:
-    """The same with a team that is there."""
-    minds = [Wanderer(player.robot.model.limits) for player in team.players]
+def drive_team(setting: Setting, team: Team, duration_s: float, remark: str = SIMULATED) -> Result:
+    """Runs the experiment with an existing team."""
+    wanderers = [Wanderer(player.robot.model.limits) for player in team.players]
     for _ in range(round(duration_s / TICK_S)):
-        team.tick([mind.command(player.ranges()) for mind, player in zip(minds, team.players)])
+        team.tick([each.command(player.ranges()) for each, player in zip(wanderers, team.players)])
     return _result(setting, team, duration_s, remark)
 
 
 def _result(setting: Setting, team: Team, duration_s: float, remark: str) -> Result:
-    way = sum(math.dist(a[:2], b[:2]) for p in team.players for a, b in zip(p.path, p.path[1:]))
+    driven_m = sum(math.dist(a[:2], b[:2]) for p in team.players for a, b in zip(p.path, p.path[1:]))
     rows = [
         Figure("collisions", "ticks of 50 ms with a collision", team.collisions, "", "none"),
-        Figure("nearest_m", "least distance of two middles", team.nearest_m, "m"),
-        Figure("way_m", "way of all robots", way, "m"),
+        Figure("nearest_m", "smallest distance between two robots' centres", team.nearest_m, "m"),
+        Figure("way_m", "distance driven by all robots", driven_m, "m"),
         Figure("duration_s", "duration", duration_s, "s"),
     ]
     title = "Two real robots and a virtual one wander in one arena"
@@ -85,7 +85,7 @@ def draw(setting: Setting, team: Team, name: str) -> str:
     made, (axes,) = plots.figure(1, 6.0, 6.0)
     plots.walls(axes, world_file.load(WORLD).walls)
     for index, player in enumerate(team.players):
-        plots.band(axes, player.told, "by odometry" if index == 0 else None)
+        plots.band(axes, player.odometry_path, "by odometry" if index == 0 else None)
     for player, colour, line in zip(team.players, (plots.BLUE, plots.GREEN, plots.ORANGE), plots.LINES):
         plots.path(axes, player.path, colour, f"{player.member.name} ({player.member.robot})", line)
         axes.plot(*player.path[0][:2], "o", color=colour, markersize=5)

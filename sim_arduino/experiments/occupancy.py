@@ -1,7 +1,7 @@
 """Occupancy grids from ranges and known poses: beams of a laser, cones of a sonar.
 
 Cells hold log odds.  A laser beam ends in an occupied cell, and the cells before it are free.  A sonar measures the
-nearest object in its cone: no object in the cone is nearer, and one is somewhere on the arc.  Its position follows
+nearest object in its cone: no object in the cone is closer, and one is somewhere on the arc.  Its position follows
 after many cones have marked the free cells.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 from mrl_driver.geometry import Pose, wrap_angles
 from sim_arduino.world.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
 
-MOST = 12.0
+MAX_LOG_ODDS = 12.0
 """Limit of the log odds, so that new readings can change a cell."""
 
 
@@ -22,7 +22,7 @@ class SensorModel(NamedTuple):
 
     Attributes:
         hit, free: Log odds of a cell at the end of the reading, and of one before it.
-        free_m: Cells nearer than the reading minus this are free [m]; it covers the noise.
+        free_m: Cells closer than the reading minus this are free [m]; it covers the noise.
         thick_m: The end is within this distance to both sides [m].
         sure_m: Ends farther away than this are too uncertain to mark a cell [m].
     """
@@ -55,7 +55,7 @@ class Grid:
     def beams(
         self, pose: Pose, angles_rad: Any, ranges_m: Any, far_m: float, sensor: SensorModel = LASER
     ) -> None:
-        """Takes in a scan from `pose`; `angles_rad` and `ranges_m` are `(N,)`, +inf is free up to `far_m`."""
+        """Adds a scan from `pose`; `angles_rad` and `ranges_m` are `(N,)`, +inf is free up to `far_m`."""
         known = ~np.isnan(ranges_m) & (ranges_m > 0)
         angles, ranges = angles_rad[known] + pose.yaw_rad, np.minimum(ranges_m[known], far_m)
         hits = np.isfinite(ranges_m[known]) & (ranges < far_m)
@@ -75,7 +75,7 @@ class Grid:
     def cone(
         self, pose: Pose, half_angle_rad: float, range_m: float, far_m: float, sensor: SensorModel = SONAR
     ) -> None:
-        """Takes in a sonar's reading from `pose`; +inf is free up to `far_m`."""
+        """Adds a sonar's reading from `pose`; +inf is free up to `far_m`."""
         if math.isnan(range_m) or range_m < 0:
             return
         away = np.hypot(self._x - pose.x_m, self._y - pose.y_m)
@@ -87,12 +87,12 @@ class Grid:
             self._add(inside & (np.abs(away - range_m) <= sensor.thick_m), sensor.hit)
 
     def wedge(self, pose: Pose, half_angle_rad: float, odds: float) -> None:
-        """Adds to all cells that are seen from `pose` within an angle, however far."""
+        """Adds `odds` to all cells that lie within an angle of the axis of `pose`, at any distance."""
         bearing = np.arctan2(self._y - pose.y_m, self._x - pose.x_m) - pose.yaw_rad
         self._add(np.abs(wrap_angles(bearing)) <= half_angle_rad, odds)
 
     def _mask(self, x: Any, y: Any) -> Any:
-        """Cells that the points lie in, `(height, width)`."""
+        """Mask of the cells that contain the points, `(height, width)`."""
         mask = np.zeros(self.odds.shape, bool)
         columns = np.floor((x - self._low[0]) / self.resolution_m).astype(int)
         rows = np.floor((y - self._low[1]) / self.resolution_m).astype(int)
@@ -101,16 +101,16 @@ class Grid:
         return mask
 
     def _add(self, mask: Any, odds: float) -> None:
-        self.odds[mask] = np.clip(self.odds[mask] + odds, -MOST, MOST)
+        self.odds[mask] = np.clip(self.odds[mask] + odds, -MAX_LOG_ODDS, MAX_LOG_ODDS)
 
     def map(self, occupied: float = 0.0) -> GridMap:
-        """The map: cells with more than `occupied` are walls, with less than 0 free."""
+        """The map: cells above `occupied` are walls, cells below 0 are free."""
         cells = np.where(self.odds > occupied, OCCUPIED, np.where(self.odds < 0, FREE, UNKNOWN))
         return GridMap(cells.astype(np.int8), self.resolution_m, Pose(*self._low, 0.0))
 
 
 def points(mask: Any, grid: GridMap) -> Any:
-    """Middles of the cells in `mask`, `(N, 2)` [m]."""
+    """Centres of the cells in `mask`, `(N, 2)` [m]."""
     rows, columns = np.nonzero(mask)
     return np.column_stack(
         (

@@ -1,4 +1,4 @@
-"""How all pictures look: sizes, colours that everybody tells apart and that print, metres of equal length."""
+"""Common style of all pictures: sizes, equal scales, and colours that everybody can distinguish, also in print."""
 
 import os
 from typing import Any, Iterable, Optional, Sequence, Tuple
@@ -22,7 +22,7 @@ def figure(columns: int = 1, width_in: float = 7.0, height_in: float = 4.5) -> T
 
 
 def floor(axes: Any, title: str = "") -> None:
-    """Makes the axes a plan: metres of equal length."""
+    """Labels the axes as a floor plan with equal scales."""
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title=title)
 
 
@@ -44,7 +44,7 @@ def path(axes: Any, points: Sequence[Sequence[float]], colour: str, label: str, 
 
 
 def band(axes: Any, points: Sequence[Sequence[float]], label: Optional[str]) -> None:
-    """Draws a path as a pale band, for another one to lie on."""
+    """Draws a path as a pale band below other paths."""
     axes.plot([p[0] for p in points], [p[1] for p in points], color="#d0d0d0", linewidth=4.0, label=label)
 
 
@@ -56,7 +56,7 @@ def circle(radius: float, colour: str, label: Optional[str]) -> Any:
 
 
 def save(made: Any, folder: str, name: str) -> str:
-    """Writes the picture; its file's name."""
+    """Writes the picture; returns the file name."""
     file = f"{name}.png"
     figures.save(made, os.path.join(folder, file), dpi=130)
     return file

@@ -1,21 +1,21 @@
-"""Endless circles until the packs reach 9 V: how long do they last at which speed?"""
+"""Drives circles until the battery packs reach 9 V, to measure how long they last at each speed."""
 
 from typing import List, NamedTuple, Tuple
 
 from mrl_driver.errors import BoardError, MrlError
 
 from . import plots
+from .experiment_robot import ExperimentRobot, Setting, open_robot
 from .report import Figure, Result
-from .stage import Actor, Setting, actor
 
 SPEEDS_MM_S = (50, 100, 200)
 RADIUS_M = 0.3
 EMPTY_V = 9.0
-LOOK_S = 10.0
+READ_PERIOD_S = 10.0
 PERIOD_MS = 50
-MOST_S = 6 * 3600.0
-LAPSE = 10.0
-"""Emulated packs hold so many times less, and their time counts so many times more."""
+TIME_LIMIT_S = 6 * 3600.0
+TIME_FACTOR = 10.0
+"""Emulated packs have a capacity this many times smaller, and measured times are multiplied by it."""
 
 
 class PowerRun(NamedTuple):
@@ -40,40 +40,41 @@ def run(setting: Setting) -> Result:
         for each in runs
     ]
     remark = (
-        "Published: 2 to 3 hours, shorter with speed. The emulated packs are fitted to these two ends; they hold a "
-        f"{LAPSE:g}th, and their time counts {LAPSE:g} times."
+        "Published: 2 to 3 hours, shorter at higher speed. The emulated packs are fitted to these figures; they hold a "
+        f"{TIME_FACTOR:g}th, and measured times are multiplied by {TIME_FACTOR:g}."
     )
-    return Result("power", "Endless circles until the packs reach 9 V", rows, [_draw(setting, runs)], remark)
+    return Result("power", "Circles until the packs reach 9 V", rows, [_draw(setting, runs)], remark)
 
 
 def _circle(setting: Setting, speed_mm_s: int) -> PowerRun:
     linear = speed_mm_s / 1000
     driven = PowerRun(speed_mm_s, [], [])
-    with actor(setting, "square", period_ms=PERIOD_MS, command_timeout_s=2 * LOOK_S) as robot:
-        driver, (lapse, look_s) = robot.driver, _lapse(robot)
+    with open_robot(setting, "square", period_ms=PERIOD_MS, command_timeout_s=2 * READ_PERIOD_S) as robot:
+        driver, (factor, period_s) = robot.driver, _time_factor(robot)
         start_s = driver.now_s
         while not driven.volts or driven.volts[-1] > EMPTY_V:
             if not driver.drive(linear, linear / RADIUS_M):
                 raise MrlError(
-                    f"the robot takes no command ({driver.stop_reason}, battery {driver.battery_state})"
+                    f"the robot refuses commands ({driver.stop_reason}, battery {driver.battery_state}); see mrl doctor"
                 )
-            driver.wait(look_s)
-            driven.hours.append(lapse * (driver.now_s - start_s) / 3600)
+            driver.wait(period_s)
+            driven.hours.append(factor * (driver.now_s - start_s) / 3600)
             driven.volts.append(driver.battery_v)
-            if driven.hours[-1] > MOST_S / 3600:
+            if driven.hours[-1] > TIME_LIMIT_S / 3600:
                 raise BoardError(
-                    f"the packs have {driven.volts[-1]:.1f} V after {MOST_S / 3600:g} h; are they charged on?"
+                    f"the packs have {driven.volts[-1]:.1f} V after {TIME_LIMIT_S / 3600:g} h, "
+                    f"expected at most {EMPTY_V:g} V; unplug the charger"
                 )
     return driven
 
 
-def _lapse(robot: Actor) -> Tuple[float, float]:
-    """How many times time counts, and how often to look [s]; an emulated robot's packs are made to fit."""
+def _time_factor(robot: ExperimentRobot) -> Tuple[float, float]:
+    """Factor for times, and period of the readings [s]; reduces the capacity of an emulated robot's packs."""
     if robot.plant is None:
-        return 1.0, LOOK_S
+        return 1.0, READ_PERIOD_S
     body = robot.plant.robot
-    body.params = body.params._replace(capacity_ah=body.params.capacity_ah / LAPSE)
-    return LAPSE, LOOK_S / LAPSE
+    body.params = body.params._replace(capacity_ah=body.params.capacity_ah / TIME_FACTOR)
+    return TIME_FACTOR, READ_PERIOD_S / TIME_FACTOR
 
 
 def _draw(setting: Setting, runs: List[PowerRun]) -> str:

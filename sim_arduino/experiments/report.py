@@ -1,4 +1,4 @@
-"""The result of an experiment: figures beside the published ones, a picture, a JSON file."""
+"""The result of an experiment: our figures and the published ones, a picture, a JSON file."""
 
 import json
 import os
@@ -14,7 +14,7 @@ class Figure(NamedTuple):
 
     Attributes:
         key: Its name in the JSON file.
-        published: The papers' value, as they give it; empty where they give none.
+        published: Value in the papers, as printed there; empty if they give none.
     """
 
     key: str
@@ -39,14 +39,14 @@ class Result(NamedTuple):
     remark: str = ""
 
 
-def spelt(row: Figure) -> str:
-    """The figure with its unit."""
+def figure_text(row: Figure) -> str:
+    """Our figure with its unit, as text."""
     value = f"{row.ours:.4g}" if isinstance(row.ours, float) else str(row.ours)
     return f"{value} {row.unit}".strip()
 
 
 def save(result: Result, folder: str) -> None:
-    """Writes `NAME.json`, and the report of all results that are in the folder.
+    """Writes `NAME.json`, and the report of all results in the folder.
 
     Raises:
         OutputError: a file cannot be written.
@@ -62,7 +62,7 @@ def save(result: Result, folder: str) -> None:
 
 
 def read(folder: str, name: str) -> Optional[Result]:
-    """A result that was saved; None where there is none."""
+    """A saved result; None if there is none."""
     try:
         with open(os.path.join(folder, f"{name}.json"), encoding="utf-8") as file:
             data = json.load(file)
@@ -85,4 +85,4 @@ def _report(folder: str) -> str:
 def table(result: Result) -> List[str]:
     """The rows as a Markdown table."""
     lines = ["| figure | ours | published |", "|---|---|---|"]
-    return lines + [f"| {row.text} | {spelt(row)} | {row.published} |" for row in result.rows]
+    return lines + [f"| {row.text} | {figure_text(row)} | {row.published} |" for row in result.rows]

@@ -1,4 +1,4 @@
-"""Three robots cycle through waypoints, one of which they share: who claims it first gets it, the others wait."""
+"""Three robots cycle through waypoints and share one of them: the first to claim it gets it, the others wait."""
 
 import math
 from contextlib import ExitStack
@@ -6,15 +6,15 @@ from typing import Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 
 from mrl_driver.geometry import Pose
 
+from .experiment_robot import TICK_S, Setting, Step, require_emulated
 from .mixed_team import SIMULATED, WORLD, draw
 from .report import Figure, Result
-from .stage import TICK_S, Setting, Step, require_emulated
 from .team import Member, Player, Team, gather
 
 Point = Tuple[float, float]
 SHARED: Point = (0.0, 0.0)
 ROUNDS = 3
-MOST_S = 900.0
+TIME_LIMIT_S = 900.0
 MEMBERS = (
     Member("real1", Pose(-1.4, -1.4, math.pi / 4), virtual=False),
     Member("real2", Pose(1.4, 1.4, -3 * math.pi / 4), virtual=False, robot="stingbot"),
@@ -36,21 +36,21 @@ class Claims:
         self.waits = 0
 
     def ask(self, name: str) -> bool:
-        """Claims it; False while another one has it."""
+        """Claims the waypoint; False while another robot holds it."""
         if self.holder is None:
             self.holder = name
         return self.holder == name
 
     def release(self, name: str) -> None:
-        """Gives it back, if `name` has it."""
+        """Releases the waypoint, if `name` holds it."""
         if self.holder == name:
             self.holder = None
 
 
 class Cycle:
-    """One robot's way: the shared waypoint, its own ones, and again.
+    """One robot's cycle: the shared waypoint, then its own ones, then again from the start.
 
-    It holds the shared one until it has reached the first of its own.
+    The robot holds the shared waypoint until it has reached the first of its own.
     """
 
     def __init__(self, player: Player, claims: Claims, rounds: int) -> None:
@@ -82,7 +82,7 @@ class Cycle:
         return self._player.robot.seek(Pose(*point, heading))
 
     def _arrive(self, name: str, reached: bool) -> None:
-        """On to the next waypoint, or, from a way that was blocked, another try."""
+        """Selects the next waypoint, or tries the same one again if the path was blocked."""
         self._seek = None
         if not reached:
             return
@@ -93,18 +93,20 @@ class Cycle:
 
 
 def run(setting: Setting) -> Result:
-    """Lets all robots do their rounds, and draws where they have been."""
+    """Lets all robots drive their rounds, and draws their paths."""
     require_emulated(setting, "shared-waypoint")
     with ExitStack() as stack:
-        return play(setting, gather(stack, setting, WORLD, MEMBERS), ROUNDS, MOST_S)
+        return drive_team(setting, gather(stack, setting, WORLD, MEMBERS), ROUNDS, TIME_LIMIT_S)
 
 
-def play(setting: Setting, team: Team, rounds: int, most_s: float, remark: str = SIMULATED) -> Result:
-    """The same with a team that is there: so many rounds of each robot, if they are done in time."""
+def drive_team(
+    setting: Setting, team: Team, rounds: int, time_limit_s: float, remark: str = SIMULATED
+) -> Result:
+    """Runs the experiment with an existing team, until each robot has driven its rounds or the time is over."""
     claims = Claims()
     cycles = [Cycle(player, claims, rounds) for player in team.players]
     ticks = 0
-    while any(cycle.rounds < rounds for cycle in cycles) and ticks * TICK_S < most_s:
+    while any(cycle.rounds < rounds for cycle in cycles) and ticks * TICK_S < time_limit_s:
         team.tick([cycle.command() for cycle in cycles])
         ticks += 1
     return _result(setting, team, cycles, ticks * TICK_S, remark)
@@ -114,7 +116,7 @@ def _result(setting: Setting, team: Team, cycles: Sequence[Cycle], duration_s: f
     rows = [
         Figure("collisions", "ticks of 50 ms with a collision", team.collisions, "", "none"),
         Figure("rounds", "rounds of all robots", sum(cycle.rounds for cycle in cycles)),
-        Figure("nearest_m", "least distance of two middles", team.nearest_m, "m"),
+        Figure("nearest_m", "smallest distance between two robots' centres", team.nearest_m, "m"),
         Figure(
             "waited_s",
             "time that robots waited for the shared waypoint",

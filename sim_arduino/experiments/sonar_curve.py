@@ -1,4 +1,4 @@
-"""A wall before the front sonar, nearer at each stand: the power law that turns ADC counts into ranges."""
+"""Approaches a wall with the front sonar, and fits the power law that converts ADC counts to ranges."""
 
 from typing import List, Sequence, Tuple
 
@@ -11,11 +11,11 @@ from sim_arduino.world.geometry import Wall
 from sim_arduino.world.world import World
 
 from . import plots
+from .experiment_robot import NOISE, Setting, open_robot
 from .report import Figure, Result
-from .stage import NOISE, Setting, actor
 
 PLAN = parts.SonarPlan()
-STANDS = 3
+APPROACHES = 3
 """Number of approaches to the wall: with a noise of 1 cm, each distance needs more than one reading."""
 THESIS = Curve(1.1767, 0.94657, -0.3759)
 THESIS_R2 = 0.9992
@@ -24,10 +24,10 @@ WIDE_M = 10.0
 
 
 def run(setting: Setting) -> Result:
-    """Approaches the wall, and fits the curve.  A real robot stands 2 m before one."""
+    """Approaches the wall, and fits the curve.  A real robot must start 2 m in front of a wall."""
     counts: List[float] = []
     distances: List[float] = []
-    for number in range(STANDS if setting.port is None else 1):
+    for number in range(APPROACHES if setting.port is None else 1):
         ranges, found = _approach(setting._replace(seed=setting.seed + number))
         counts += THESIS.counts(np.array(ranges)).tolist()
         distances += found
@@ -40,21 +40,25 @@ def run(setting: Setting) -> Result:
         Figure("c", "c", fit.curve.c, "", f"{THESIS.c}"),
         Figure("r2", "R2", round(fit.r2, 5), "", f"{THESIS_R2}"),
         Figure(
-            "error_cm", "most that it differs from the true curve, 20 to 200 cm", 100 * float(off.max()), "cm"
+            "error_cm", "largest difference from the true curve, 20 to 200 cm", 100 * float(off.max()), "cm"
         ),
     ]
-    remark = f"Emulated: {STANDS} approaches with 1 cm of noise; 15 cm are the sonar's dead zone."
+    remark = f"Emulated: {APPROACHES} approaches with 1 cm of noise; the sonar's dead zone is 15 cm."
     return Result(
-        "sonar-calibration", "Sonar before a wall", rows, [_draw(setting, counts, distances, fit)], remark
+        "sonar-calibration",
+        "Sonar in front of a wall",
+        rows,
+        [_draw(setting, counts, distances, fit)],
+        remark,
     )
 
 
 def _approach(setting: Setting) -> Tuple[Sequence[float], Sequence[float]]:
-    """Ranges by the curve in force, and true distances, for each stand [m]."""
+    """Ranges by the curve in force, and true distances, for each stop [m]."""
     sonar_x_m = 0.1
     wall_m = sonar_x_m + PLAN.start_m
     world = World([Wall(wall_m, -WIDE_M, wall_m, WIDE_M)])
-    with actor(setting, world, sonar=NOISE, footprint="none") as robot:
+    with open_robot(setting, world, sonar=NOISE, footprint="none") as robot:
         driver = robot.driver
         assert driver.model is not None
         track = Track(driver)
@@ -65,14 +69,14 @@ def _approach(setting: Setting) -> Tuple[Sequence[float], Sequence[float]]:
 def _draw(
     setting: Setting, counts: Sequence[float], distances: Sequence[float], fit: sonar_curve.SonarFit
 ) -> str:
-    made, (curve, left) = plots.figure(2, 9.5, 4.5)
+    made, (curve, errors) = plots.figure(2, 9.5, 4.5)
     s = np.linspace(10, max(counts), 200)
     curve.plot(counts, 100 * np.array(distances), "o", color=plots.BLUE, fillstyle="none", label="readings")
     curve.plot(s, 100 * fit.curve.range_m(s), color=plots.ORANGE, label=f"fit, R2 {fit.r2:.4f}")
     curve.plot(s, 100 * THESIS.range_m(s), ":", color="black", label="published, R2 0.9992")
     curve.set(xlabel="ADC count", ylabel="distance [cm]")
     curve.legend(loc="upper left")
-    left.plot(100 * np.array(distances), 100 * fit.errors_m, "o", color=plots.BLUE, fillstyle="none")
-    left.axhline(0.0, color="black", linewidth=0.8)
-    left.set(xlabel="distance [cm]", ylabel="fit less distance [cm]")
+    errors.plot(100 * np.array(distances), 100 * fit.errors_m, "o", color=plots.BLUE, fillstyle="none")
+    errors.axhline(0.0, color="black", linewidth=0.8)
+    errors.set(xlabel="distance [cm]", ylabel="fit minus distance [cm]")
     return plots.save(made, setting.folder, "sonar-calibration")

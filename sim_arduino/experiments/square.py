@@ -1,4 +1,4 @@
-"""The square of 1 m by odometry alone: how far off does it end, before and after UMBmark?"""
+"""Drives a square of 1 m by odometry alone, and measures the error at its end, before and after UMBmark."""
 
 import math
 import random
@@ -12,12 +12,12 @@ from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import Drive
 
 from . import plots
+from .experiment_robot import ExperimentRobot, Setting, open_robot, require_emulated
 from .report import Figure, Result
-from .stage import Actor, Setting, actor, require_emulated
 
 SIDE_M = 1.0
 LAPS = 2
-"""Each way round, for the calibration."""
+"""Laps in each direction, for the calibration."""
 TEAM = 20
 PUBLISHED = {LEFT: (9.67, -4.93), RIGHT: (7.71, 2.13)}
 """Distance [cm] and angle [deg] from the start after one lap (thesis 2012)."""
@@ -25,15 +25,15 @@ LIKE_PUBLISHED = {"wheel_ratio": 0.9989, "axle": 1.0099}
 """Errors of a robot whose odometry closes with the published angles: half their sum over four sides, and half their
 difference over four corners.
 """
-SPREAD, MOST_SLIP = 0.005, 0.02
-"""Hidden errors of the other robots, so that squares end some 8 to 10 cm off: standard deviation of wheel ratio and
-axle, and the most slip.
+DEVIATION, MAX_SLIP = 0.005, 0.02
+"""Hidden errors of the other robots, for errors of about 8 to 10 cm: standard deviation of wheel ratio and axle, and
+largest slip.
 """
 SPEEDS = manoeuvres.Speeds()
 
 
 class Lap(NamedTuple):
-    """One lap: where it ended, less where the odometry says; in the frame of its start."""
+    """One lap; `error` is the true end minus the end by odometry, in the frame of its start."""
 
     sense: str
     error: Pose
@@ -41,12 +41,12 @@ class Lap(NamedTuple):
 
     @property
     def error_cm(self) -> float:
-        """Distance of the two."""
+        """Distance between the two ends."""
         return 100 * math.hypot(self.error.x_m, self.error.y_m)
 
     @property
     def error_deg(self) -> float:
-        """Angle between the two."""
+        """Angle between the two headings."""
         return math.degrees(self.error.yaw_rad)
 
 
@@ -58,7 +58,7 @@ class RobotLaps(NamedTuple):
 
 
 def run(setting: Setting) -> Result:
-    """Drives, calibrates and drives again: one robot as published, and twenty others."""
+    """Drives, calibrates and drives again, with a robot like the published one and with twenty others."""
     require_emulated(setting, "square")
     like = _robot(setting, **LIKE_PUBLISHED)
     rng = random.Random(f"square {setting.seed}")
@@ -70,45 +70,52 @@ def run(setting: Setting) -> Result:
     rows += [
         Figure("others_before_cm", f"{TEAM} robots drawn at random, median", before[len(before) // 2], "cm"),
         Figure(
-            "others_after_cm", "their worst lap after calibration", max(lap.error_cm for lap in after), "cm"
+            "others_after_cm",
+            "their worst lap after the calibration",
+            max(lap.error_cm for lap in after),
+            "cm",
         ),
         Figure("others_after_deg", "", max(abs(lap.error_deg) for lap in after), "deg"),
     ]
-    remark = "An error is the true end of a lap less what the odometry says. Calibrated by UMBmark, two laps each way."
+    remark = (
+        "An error is the true end of a lap minus the end by odometry. UMBmark: two laps in each direction."
+    )
     return Result("square", "Square of 1 m by odometry alone", rows, [_draw(setting, like, others)], remark)
 
 
 def _errors(rng: random.Random) -> Dict[str, float]:
-    ratio, axle = rng.gauss(1.0, SPREAD), rng.gauss(1.0, SPREAD)
-    return {"wheel_ratio": ratio, "axle": axle, "slip": rng.uniform(0.0, MOST_SLIP)}
+    ratio, axle = rng.gauss(1.0, DEVIATION), rng.gauss(1.0, DEVIATION)
+    return {"wheel_ratio": ratio, "axle": axle, "slip": rng.uniform(0.0, MAX_SLIP)}
 
 
 def _rows(lap: Lap, when: str) -> List[Figure]:
     cm, deg = PUBLISHED[lap.sense]
-    way = lap.sense.replace("-", "_")
+    direction = lap.sense.replace("-", "_")
     published = ("", "") if when == "after" else (f"{cm} cm", f"{deg} deg")
     return [
-        Figure(f"{way}_{when}_cm", f"{lap.sense}, {when} calibration", lap.error_cm, "cm", published[0]),
-        Figure(f"{way}_{when}_deg", "", lap.error_deg, "deg", published[1]),
+        Figure(
+            f"{direction}_{when}_cm", f"{lap.sense}, {when} calibration", lap.error_cm, "cm", published[0]
+        ),
+        Figure(f"{direction}_{when}_deg", "", lap.error_deg, "deg", published[1]),
     ]
 
 
 def _robot(setting: Setting, **hidden: float) -> RobotLaps:
-    """Drives a robot with hidden errors: laps, the calibration, and laps with what it found."""
-    spelt = ",".join(f"{key}={value:.5f}" for key, value in hidden.items())
-    with actor(setting, error=spelt) as robot:
+    """Drives laps with hidden errors, calibrates, and drives laps with the calibrated drive."""
+    error_option = ",".join(f"{key}={value:.5f}" for key, value in hidden.items())
+    with open_robot(setting, error=error_option) as robot:
         model = robot.driver.model
         assert model is not None
         laps = _laps(robot, LAPS)
         found = evaluate(UMBMARK, [each for each, _ in laps], model).after
         before = [_lap(model.differential, *each) for each in laps]
-    with actor(setting, error=spelt, drive=found) as robot:
+    with open_robot(setting, error=error_option, drive=found) as robot:
         after = [_lap(found, *each) for each in _laps(robot, 1)]
     return RobotLaps([before[0], before[LAPS]], after)
 
 
-def _laps(robot: Actor, count: int) -> List[Tuple[Trial, List[Pose]]]:
-    """Drives so many laps each way round; the runs, and the true paths in the frame of their starts."""
+def _laps(robot: ExperimentRobot, count: int) -> List[Tuple[Trial, List[Pose]]]:
+    """Drives `count` laps in each direction; returns the runs, and the true paths in the frame of their starts."""
     runs: List[Trial] = []
     paths: List[List[Pose]] = [[]]
     truth = Truth(lambda: robot.true_pose)
@@ -131,7 +138,7 @@ def _draw(setting: Setting, like: RobotLaps, others: Sequence[RobotLaps]) -> str
     for lap_before, lap_after, colour in zip(like.before, like.after, (plots.BLUE, plots.ORANGE)):
         plots.path(floor, lap_before.true, colour, f"{lap_before.sense}, before", "--")
         plots.path(floor, lap_after.true, colour, f"{lap_after.sense}, after")
-    plots.floor(floor, "true paths of a robot as published")
+    plots.floor(floor, "true paths of a robot like the published one")
     floor.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), fontsize="small")
     marks = (("before", plots.ORANGE, "x"), ("after", plots.BLUE, "o"))
     for when, colour, mark in marks:

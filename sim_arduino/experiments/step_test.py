@@ -1,4 +1,4 @@
-"""Point to point over the grid, sonars reactive, mirrored live in a simulator that another process runs."""
+"""Drives from point to point over a grid, avoiding obstacles, with a live mirror in another process."""
 
 import json
 import math
@@ -18,20 +18,20 @@ from sim_arduino.testing import EmulatedBoard
 from sim_arduino.world.shared_robots import SharedCrowd
 
 from . import plots
+from .experiment_robot import PERIOD_MS, TICK_S, Setting
 from .report import Figure, Result
-from .stage import PERIOD_MS, TICK_S, Setting
 
 WAYPOINTS = ((0.4, 0.0), (0.4, 0.4), (0.8, 0.4), (0.8, 0.8), (1.2, 0.8), (1.2, 1.2))
-MOST_S = 120.0
+TIME_LIMIT_S = 120.0
 SIMPLE = "In real time, without ROS."
 REACHED = "Goals count as reached within 3 cm."
-LOOK_S = 0.001
+POLL_S = 0.001
 START_S = 10.0
 """The mirror's process must start within this time."""
 
 
 class StepRecord(NamedTuple):
-    """What was seen: poses by odometry, true ones, those of the mirror, and the mirror's delays [s]."""
+    """Poses by odometry, true poses, poses of the mirror, and the mirror's delays [s]."""
 
     odometry: List[Tuple[float, ...]]
     true: List[Tuple[float, ...]]
@@ -40,7 +40,7 @@ class StepRecord(NamedTuple):
 
 
 class Mirrored:
-    """A mirror in a process of its own, and how late it is: a pose is sent, and looked for in the shared world."""
+    """A mirror in another process.  Its delay is the time until a pose that was sent appears in the shared world."""
 
     def __init__(self, robot: str) -> None:
         self._name = f"step-test-{os.getpid()}"
@@ -64,8 +64,8 @@ class Mirrored:
         self._thread = threading.Thread(target=self._watch, daemon=True)
         self._thread.start()
 
-    def tell(self, pose: Tuple[float, ...], stamp_s: float) -> None:
-        """Sends the pose of a moment [s, monotonic] on its way."""
+    def send(self, pose: Tuple[float, ...], stamp_s: float) -> None:
+        """Sends a pose to the mirror; `stamp_s` is its time [s, monotonic]."""
         if pose not in self._sent and self._process.poll() is None:
             self._sent[pose] = stamp_s
             self._pipe.write(json.dumps(dict(zip(("x_m", "y_m", "yaw_rad"), pose))) + "\n")
@@ -80,10 +80,10 @@ class Mirrored:
                     self.delays_s.append(time.monotonic() - self._sent[pose])
                     self.poses.append(pose)
                 last = pose
-            time.sleep(LOOK_S)
+            time.sleep(POLL_S)
 
     def wait(self) -> None:
-        """The first poses wait until the process has begun; they do not count."""
+        """Waits until the process shows poses; the delays up to then do not count."""
         end_s = time.monotonic() + START_S
         while not self.poses and time.monotonic() < end_s:
             time.sleep(0.05)
@@ -107,13 +107,13 @@ def outcome(setting: Setting, drive: StepRecord, remark: str) -> Result:
     """Figures and picture of a drive.
 
     Raises:
-        MrlError: the mirror has shown nothing.
+        MrlError: the mirror showed no pose.
     """
     delays = sorted(1000 * delay for delay in drive.delays_s)
     if not delays:
-        raise MrlError("the mirror has shown nothing; is there room in the folder for shared worlds?")
+        raise MrlError("the mirror showed no pose; check that the folder of shared worlds has free space")
     end = drive.true[-1]
-    away = 1000 * math.hypot(end[0] - WAYPOINTS[-1][0], end[1] - WAYPOINTS[-1][1])
+    error_mm = 1000 * math.hypot(end[0] - WAYPOINTS[-1][0], end[1] - WAYPOINTS[-1][1])
     rows = [
         Figure(
             "mirror_delay_ms_median",
@@ -122,8 +122,8 @@ def outcome(setting: Setting, drive: StepRecord, remark: str) -> Result:
             "ms",
             "below 1 s",
         ),
-        Figure("mirror_delay_ms_max", "delay of the mirror, most", delays[-1], "ms", "below 1 s"),
-        Figure("end_error_mm", "true end from the last waypoint", away, "mm"),
+        Figure("mirror_delay_ms_max", "delay of the mirror, largest", delays[-1], "ms", "below 1 s"),
+        Figure("end_error_mm", "distance of the true end from the last waypoint", error_mm, "mm"),
     ]
     title = "Steps over a 400 x 400 mm grid, mirrored live"
     return Result("step-test", title, rows, [_draw(setting, drive)], f"{remark} {REACHED}")
@@ -140,37 +140,39 @@ def _real(setting: Setting) -> StepRecord:
 
 
 def _drive(setting: Setting, port: str, truth: Callable[[Driver], Tuple[float, ...]]) -> StepRecord:
-    seen = StepRecord([], [], [], [])
+    driven = StepRecord([], [], [], [])
 
-    def look(driver: Driver) -> None:
-        seen.odometry.append(driver.pose)
-        seen.true.append(truth(driver))
+    def add_poses(driver: Driver) -> None:
+        driven.odometry.append(driver.pose)
+        driven.true.append(truth(driver))
 
     mirror = Mirrored(setting.robot)
-    try:  # the robot is stopped before the mirror takes its time to end
+    try:  # stop the robot before the slow end of the mirror
         with Driver(port, setting.robot, options=Options(period_ms=PERIOD_MS)) as driver:
-            driver.on_telemetry(lambda each: mirror.tell(tuple(each.pose), each.stamp_s))
+            driver.on_telemetry(lambda each: mirror.send(tuple(each.pose), each.stamp_s))
             mirror.wait()
             for waypoint in WAYPOINTS:
-                _go(driver, waypoint, look)
+                _go(driver, waypoint, add_poses)
             driver.stop()
             driver.wait(0.5)
     finally:
         mirror.close()
-    return seen._replace(mirrored=mirror.poses, delays_s=mirror.delays_s)
+    return driven._replace(mirrored=mirror.poses, delays_s=mirror.delays_s)
 
 
-def _go(driver: Driver, waypoint: Tuple[float, float], look: Callable[[Driver], None]) -> None:
+def _go(driver: Driver, waypoint: Tuple[float, float], after_step: Callable[[Driver], None]) -> None:
     assert driver.model is not None
     heading = math.atan2(waypoint[1] - driver.pose.y_m, waypoint[0] - driver.pose.x_m)
     seeker = GoalSeeker(Pose(*waypoint, heading), driver.model.limits, driver.now_s, driver.model.sonars)
-    end_s = driver.now_s + MOST_S
+    end_s = driver.now_s + TIME_LIMIT_S
     while not seeker.reached:
         if seeker.blocked or driver.now_s > end_s:
-            raise MrlError(f"waypoint {waypoint} is not reached from {driver.pose}; is the way free?")
+            raise MrlError(
+                f"waypoint {waypoint} was not reached, the robot is at {driver.pose}; clear the path"
+            )
         driver.drive(*seeker.command(driver.pose, driver.ranges, driver.now_s))
         driver.wait(TICK_S)
-        look(driver)
+        after_step(driver)
 
 
 def _draw(setting: Setting, drive: StepRecord) -> str:

@@ -1,8 +1,8 @@
-"""Teams of which some robots are real and some virtual: the real ones are mirrored into the virtual world.
+"""Teams of real and virtual robots: the real ones are mirrored into the world of the virtual ones.
 
-The real ones stand in one world, with boards of their own; the virtual ones in another one with the same walls, and
-mirrors of the real ones by their odometry.  A virtual robot hears the mirrors; a real one hears what its own sonars
-hear, and what its mirror would.
+The real robots are in one world.  The virtual ones are in another world with the same walls, and with mirrors that are
+placed by the odometry of the real robots.  The sonars of a virtual robot measure the mirrors.  A real robot uses the
+smaller of two ranges: that of its own sonar, and that of the same sonar on its mirror.
 """
 
 import math
@@ -17,7 +17,7 @@ from sim_arduino.world import world_file
 from sim_arduino.world.geometry import Footprint
 from sim_arduino.world.world import World
 
-from .stage import NOISE, TICK_S, Setting, Step, actor
+from .experiment_robot import NOISE, TICK_S, Setting, Step, open_robot
 
 
 class Member(NamedTuple):
@@ -29,20 +29,20 @@ class Member(NamedTuple):
     robot: str = "traxbot"
 
 
-class OnStage(Protocol):
-    """A robot as the experiments need it: `stage.Actor` is one, and so is a robot behind topics."""
+class RobotInterface(Protocol):
+    """The robot interface of the experiments; `ExperimentRobot` has it, and a robot reached through topics."""
 
     @property
     def model(self) -> models.RobotModel:
-        """Of the robot."""
+        """Model of the robot."""
 
     @property
     def pose(self) -> Pose:
-        """By its odometry, in the world's frame."""
+        """Pose by odometry, in the world's frame."""
 
     @property
     def true_pose(self) -> Pose:
-        """Where it really is."""
+        """True pose."""
 
     @property
     def ranges(self) -> Mapping[str, float]:
@@ -50,36 +50,36 @@ class OnStage(Protocol):
 
     @property
     def bumped(self) -> bool:
-        """An obstacle blocks the robot."""
+        """Whether an obstacle blocks the robot."""
 
     def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
-        """Takes these speeds."""
+        """Commands these speeds."""
 
     def wait(self, seconds: float) -> None:
         """Lets time pass."""
 
     def seek(self, goal: Pose) -> Callable[[Mapping[str, float]], Step]:
-        """A function that takes the robot to a goal, tick by tick."""
+        """A function that computes the next step to a goal from the ranges [m]."""
 
     def reset_pose(self, pose: Pose) -> None:
         """Set the pose at which the odometry begins."""
 
 
 class Player:
-    """A robot that plays.
+    """A member of the team and its robot.
 
     Attributes:
         virtual: The world with the mirrors of the real robots.
         path: True path.
-        told: Path by odometry.
+        odometry_path: Path by odometry.
         bumps: Number of ticks in which an obstacle blocked the robot.
     """
 
-    def __init__(self, member: Member, robot: OnStage, virtual_world: World) -> None:
+    def __init__(self, member: Member, robot: RobotInterface, virtual_world: World) -> None:
         self.member, self.robot, self.virtual = member, robot, virtual_world
         self.footprint = footprint_of(member)
         self.path: List[Pose] = []
-        self.told: List[Pose] = []
+        self.odometry_path: List[Pose] = []
         self.bumps = 0
         robot.reset_pose(member.start)
         if not member.virtual:
@@ -87,12 +87,12 @@ class Player:
 
     def ranges(self) -> Dict[str, float]:
         """Ranges that the robot uses: sonar name to range [m]; NaN if its own sonar has no reading."""
-        heard = dict(self.robot.ranges)
+        ranges = dict(self.robot.ranges)
         if not self.member.virtual:
-            for name, range_m in heard.items():
+            for name, range_m in ranges.items():
                 if not math.isnan(range_m):
-                    heard[name] = min(range_m, self._in_virtual(name))
-        return heard
+                    ranges[name] = min(range_m, self._in_virtual(name))
+        return ranges
 
     def _in_virtual(self, name: str) -> float:
         """Range that the mirror's sonar with this name would measure [m]."""
@@ -107,11 +107,11 @@ class Player:
             self.virtual.place(self.member.name, self.robot.pose, self.footprint)
         self.bumps += self.robot.bumped
         self.path.append(self.robot.true_pose)
-        self.told.append(self.robot.pose)
+        self.odometry_path.append(self.robot.pose)
 
 
 class Team:
-    """The players, and the least distance that any two of them had so far."""
+    """The robots of a team, and the smallest distance between any two of them so far."""
 
     def __init__(self, players: Sequence[Player]) -> None:
         self.players = players
@@ -127,12 +127,12 @@ class Team:
 
     @property
     def collisions(self) -> int:
-        """Ticks in which a robot touched another one or a wall."""
+        """Number of ticks in which a robot touched another one or a wall."""
         return sum(player.bumps for player in self.players)
 
 
 def pairs(players: Sequence[Player]) -> Iterator[Tuple[Player, Player]]:
-    """Each two of them, once."""
+    """Each pair of robots, once."""
     for index, player in enumerate(players):
         for other in players[index + 1 :]:
             yield player, other
@@ -145,8 +145,8 @@ def footprint_of(member: Member) -> Footprint:
     return footprint
 
 
-def spelt_pose(pose: Pose) -> str:
-    """As the emulator's options take it."""
+def pose_option(pose: Pose) -> str:
+    """The pose in the form of the emulator's option --pose."""
     return f"{pose.x_m},{pose.y_m},{math.degrees(pose.yaw_rad)}"
 
 
@@ -157,7 +157,7 @@ def gather(stack: ExitStack, setting: Setting, world: str, members: Sequence[Mem
     for number, member in enumerate(members):
         place = virtual if member.virtual else real
         its = setting._replace(robot=member.robot, seed=setting.seed + number)
-        pose = spelt_pose(member.start)
-        on_stage = stack.enter_context(actor(its, place, sonar=NOISE, name=member.name, pose=pose))
-        players.append(Player(member, on_stage, virtual))
+        pose = pose_option(member.start)
+        robot = stack.enter_context(open_robot(its, place, sonar=NOISE, name=member.name, pose=pose))
+        players.append(Player(member, robot, virtual))
     return Team(players)

@@ -1,4 +1,4 @@
-"""How long messages take from the PC to the motor board and back, against their number, on the real firmware image."""
+"""Measures the time of messages from the PC to the motor board and back, with the real firmware image."""
 
 from typing import Any, List, NamedTuple, Optional, Sequence, Tuple
 
@@ -9,39 +9,40 @@ from sim_arduino.board.engine import Engine
 from sim_arduino.serve import factory
 
 from . import plots
+from .experiment_robot import Setting, require_emulated
 from .report import Figure, Result
-from .stage import Setting, require_emulated
 
 COUNTS = (1, 2, 5, 10, 20, 30, 40, 50)
 """Numbers of messages per second."""
 STEP_S = 1e-4
 """Replies are checked after each such interval of simulated time [s]."""
 PUBLISHED_MS, PUBLISHED_COUNT, LESS = 36.0, 20, 0.35
-"""Time of 20 messages with rosserial, and by how much the 2012 frame driver was quicker (thesis)."""
+"""Time of 20 messages with rosserial, and share by which the 2012 frame driver was quicker (thesis)."""
 MEASURED_MS = {"2013 firmware": 2.445, "rosserial": 2.896}
-"""One request for the encoders, on the same simulated chip, to the 2013 firmware and to an equal sketch of rosserial;
-medians of 300.
+"""Time of one request for the encoders on the same simulated chip, for the 2013 firmware and for an equal rosserial
+sketch; medians of 300.
 """
 TO_TOPICS = (
-    "The ways to and from topics are medians of 200 messages in real time: a frame's way begins when it has left the "
-    "board, a command's ends with its last byte on the wire."
+    "The times to and from topics are medians of 200 messages in real time: that of a frame begins when it has left "
+    "the board, that of a command ends with its last byte on the serial link."
 )
 REQUEST = "read_encoders"
 COUNTERS = ((1, -567), (3, 1234))
-"""What stands in the answer: 15 bytes of a plain one."""
+"""Counter values in the reply, which has 15 bytes without a checksum."""
 Point = Tuple[int, float]
-"""So many messages in a second, and the time of all together [ms]."""
+"""Number of messages in a second, and their total time [ms]."""
 
 
 class Topics(NamedTuple):
-    """The ways between the board and ROS, of one message [ms]: frame to Odometry in a subscriber, cmd_vel to the motor
-    board."""
+    """Times of one message between the board and ROS [ms]: frame to Odometry in a subscriber, and cmd_vel to the motor
+    board.
+    """
 
     odometry_ms: float
     command_ms: float
 
 
-class Fine:
+class TimedEngine:
     """An engine that runs in steps short enough to time its replies."""
 
     def __init__(self, engine: Engine) -> None:
@@ -50,21 +51,21 @@ class Fine:
 
     @property
     def next_event_s(self) -> float:
-        """Soon."""
+        """One step from now."""
         return self._now_s + STEP_S
 
     def receive(self, data: bytes) -> None:
-        """As the engine's."""
+        """As `Engine.receive`."""
         self._engine.receive(data)
 
     def advance(self, to_s: float) -> bytes:
-        """As the engine's."""
+        """As `Engine.advance`."""
         self._now_s = to_s
         return self._engine.advance(to_s)
 
 
 def run(setting: Setting, topics: Optional[Topics] = None) -> Result:
-    """Sends messages, evenly spread over a second, and draws how long they took; with those of ROS, if given."""
+    """Sends messages, evenly spread over a second, and draws their total time; with the times of ROS, if given."""
     require_emulated(setting, "turnaround")
     checked = [(count, _total_ms(setting, count, True)) for count in COUNTS]
     plain = [(count, _total_ms(setting, count, False)) for count in COUNTS]
@@ -72,7 +73,7 @@ def run(setting: Setting, topics: Optional[Topics] = None) -> Result:
     rows = [
         Figure("plain_20_ms", "20 messages", dict(plain)[20], "ms", published),
         Figure(
-            "checked_20_ms", "20 messages with check value, sequence and board time", dict(checked)[20], "ms"
+            "checked_20_ms", "20 messages with checksum, sequence and board time", dict(checked)[20], "ms"
         ),
         Figure(
             "rosserial_20_ms",
@@ -87,8 +88,8 @@ def run(setting: Setting, topics: Optional[Topics] = None) -> Result:
     if topics:
         rows += _rows(topics, dict(plain)[20], published)
     remark = (
-        "A message is a request for the encoders: sent, read from the motor board, answered. The wire alone takes "
-        "1.6 ms of a plain one; what the published time was measured with is not known."
+        "A message is a request for the encoders, which the board reads from the motor board, and the reply. The "
+        "serial link alone takes 1.6 ms of it without a checksum. How the published time was measured is not known."
     ) + (f" {TO_TOPICS}" if topics else "")
     title = "Time of messages between PC and motor board"
     return Result("turnaround", title, rows, [_draw(setting, plain, checked, topics)], remark)
@@ -100,7 +101,9 @@ def _rows(topics: Topics, plain_ms: float, published: str) -> List[Figure]:
     return [
         Figure("ros_odometry_20_ms", "20 frames from the board to Odometry in a subscriber", odometry, "ms"),
         Figure("ros_commands_20_ms", "20 commands from cmd_vel to the motor board", commands, "ms"),
-        Figure("ros_20_ms", "20 messages and the way to a topic", plain_ms + odometry, "ms", published),
+        Figure(
+            "ros_20_ms", "20 messages, including their time to a topic", plain_ms + odometry, "ms", published
+        ),
     ]
 
 
@@ -109,7 +112,9 @@ def _total_ms(setting: Setting, count: int, check: bool) -> float:
     made = factory.make(factory.Options(robot=setting.robot, engine="avr", seed=setting.seed))
     code, total_s = BY_NAME[REQUEST].code, 0.0
     try:
-        with SteppedDriver(Fine(made.engine), setting.robot, Options(period_ms=0, check=check)) as driver:
+        with SteppedDriver(
+            TimedEngine(made.engine), setting.robot, Options(period_ms=0, check=check)
+        ) as driver:
             driver.request(BY_NAME["stop_stream"].code)
             for wheel, counts in COUNTERS:
                 driver.request(BY_NAME["preset_encoder"].code, wheel, counts)
@@ -143,7 +148,7 @@ def _draw(
             plots.GREY,
             "-.",
         ),
-        ("with check value", checked, plots.ORANGE, "--"),
+        ("with checksum", checked, plots.ORANGE, "--"),
         ("plain", plain, plots.BLUE, "-"),
     ]
     if topics:
@@ -155,8 +160,6 @@ def _draw(
         plots.path(axes, points, colour, label, line)
     axes.plot(PUBLISHED_COUNT, PUBLISHED_MS, "s", color=plots.GREEN, label="published: rosserial")
     axes.plot(PUBLISHED_COUNT, PUBLISHED_MS * (1 - LESS), "^", color=plots.GREEN, label="published: frames")
-    axes.set(
-        xlabel="messages in a second", ylabel="time of all together [ms]", xlim=(0, None), ylim=(0, None)
-    )
+    axes.set(xlabel="messages in a second", ylabel="total time [ms]", xlim=(0, None), ylim=(0, None))
     axes.legend(loc="upper left")
     return plots.save(made, setting.folder, "turnaround")

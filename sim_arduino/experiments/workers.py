@@ -15,13 +15,15 @@ POLL_S = 0.1
 Submit = Callable[..., "concurrent.futures.Future[Any]"]
 
 _ending, _idle = threading.Event(), threading.Event()
-"""In a worker: no new work may begin; no work is running."""
+"""Flags of a worker: no new work may start; no work is running."""
 
 
 @contextmanager
 def pool(count: int) -> Iterator[Submit]:
-    """So many workers, as a function that takes another one and its arguments; an exception, and that is a signal too,
-    ends what they do."""
+    """Start `count` workers; yields a function that submits a function and its arguments to them.
+
+    An exception in the block, also one raised by a signal, ends the work that is running.
+    """
     context = multiprocessing.get_context("spawn")
     with concurrent.futures.ProcessPoolExecutor(count, context, _watch_parent) as executor:
         try:
@@ -43,7 +45,7 @@ def _work(function: Callable[..., Any], *args: Any) -> Any:
 
 
 def _watch_parent() -> None:
-    """In a worker: SIGTERM ends the work in order, and so does the parent's death."""
+    """Runs in a worker: SIGTERM or the end of the parent process ends the work in order."""
     _idle.set()
     signal.signal(signal.SIGTERM, _end)
     threading.Thread(target=_follow_parent, daemon=True).start()
@@ -55,7 +57,7 @@ def _end(*_: object) -> None:
 
 
 def _follow_parent() -> None:
-    """The first signal ends the work; a worker that then waits for more needs another one."""
+    """Waits for the parent's end, then sends signals: one ends the work, another one the wait for more work."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()

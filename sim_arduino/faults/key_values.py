@@ -20,21 +20,19 @@ class Key(NamedTuple):
 
 
 ROBOT_KEYS = (
-    Key("wheel_ratio", 1.0, 0.5, 2.0, "right wheel over left wheel"),
-    Key("wheel_size", 1.0, 0.5, 2.0, "both wheels over the model's"),
-    Key("axle", 1.0, 0.5, 2.0, "distance of the wheels over the model's"),
+    Key("wheel_ratio", 1.0, 0.5, 2.0, "radius of the right wheel, divided by the left one"),
+    Key("wheel_size", 1.0, 0.5, 2.0, "radius of both wheels, divided by the model's"),
+    Key("axle", 1.0, 0.5, 2.0, "wheel separation, divided by the model's"),
     Key("slip", 0.0, 0.0, 0.9, "share of the yaw lost in turns"),
-    Key("load", 1.0, 0.1, 5.0, "mass over the model's"),
+    Key("load", 1.0, 0.1, 5.0, "mass, divided by the model's"),
     Key("control", 20.0, 10.0, 40.0, "rate of the motor board's control loop [Hz]"),
-    Key("noise", 0.0, 0.0, 0.01, "variance of a wheel's way per way [m2/m]"),
+    Key("noise", 0.0, 0.0, 0.01, "variance of a wheel's distance per distance [m2/m]"),
     Key("turn_noise", 0.0, 0.0, 0.1, "variance of the yaw per angle turned [rad2/rad]"),
 )
 SONAR_KEYS = (
     Key("noise", 0.0, 0.0, 1.0, "standard deviation [m]"),
     Key("missed", 0.0, 0.0, 1.0, "share of readings without an echo"),
-    Key(
-        "crosstalk", 0.0, 0.0, 1.0, "share of foreign pings taken for an echo: of the chain, of other robots"
-    ),
+    Key("crosstalk", 0.0, 0.0, 1.0, "share of pings of other sonars that are taken for an echo"),
 )
 
 

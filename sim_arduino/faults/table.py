@@ -13,7 +13,7 @@ TO_BOARD, TO_HOST, BOTH = "to_board", "to_host", "both"
 
 
 class FaultParameter(NamedTuple):
-    """A parameter of a fault: a number, or a text if `low` is None."""
+    """A parameter of a fault: a number, or text if `low` is None."""
 
     name: str
     default: Union[float, str]
@@ -24,7 +24,7 @@ class FaultParameter(NamedTuple):
 
 
 class FaultKind(NamedTuple):
-    """A kind of fault; faults of the line have a `make`, which is called with a generator and the parameters."""
+    """A kind of fault; `make` of a fault of the serial link is called with a random generator and the parameters."""
 
     name: str
     text: str
@@ -48,79 +48,76 @@ def _rate(text: str) -> Tuple[FaultParameter, ...]:
 
 
 def _junk(bytes_per_s: float) -> Tuple[FaultParameter, ...]:
-    return (FaultParameter("rate", bytes_per_s, 0.1, 100000.0, "byte/s", "how many"),)
+    return (FaultParameter("rate", bytes_per_s, 0.1, 100000.0, "byte/s", "bytes per second"),)
 
 
-_TEXT = "[INFO] the wheel e turned, @13e and @6,1,2e are no frames here"
+_TEXT = "[INFO] the wheel e turned, @13e and @6,1,2e are not frames here"
 _KINDS = (
     FaultKind(
         "loss",
         "bytes are lost",
         (
-            *_rate("share of bytes that begin a loss"),
-            FaultParameter("burst", 1, 1, 1024, "byte", "lost in a row"),
+            *_rate("share of bytes at which a loss begins"),
+            FaultParameter("burst", 1, 1, 1024, "byte", "bytes lost in a row"),
         ),
         line.Loss,
     ),
     FaultKind("flip", "one bit of a byte is flipped", _rate("share of bytes"), line.Flip),
-    FaultKind("change", "a byte turns into another", _rate("share of bytes"), line.Change),
-    FaultKind("swap", "a byte and the next change places", _rate("share of bytes"), line.Swap),
-    FaultKind("drop", "a frame is lost whole, as a datagram is", _rate("share of frames"), datagrams.Drop),
-    FaultKind("repeat", "a frame comes twice", _rate("share of frames"), datagrams.Repeat),
+    FaultKind("change", "a byte is replaced by another one", _rate("share of bytes"), line.Change),
+    FaultKind("swap", "a byte and the next one are exchanged", _rate("share of bytes"), line.Swap),
+    FaultKind("drop", "a whole frame is lost, as a datagram is", _rate("share of frames"), datagrams.Drop),
+    FaultKind("repeat", "a frame arrives twice", _rate("share of frames"), datagrams.Repeat),
     FaultKind(
         "overtake",
-        "a frame comes after later ones",
-        (
-            *_rate("share of frames"),
-            FaultParameter("delay", 0.05, 0.0, 60.0, "s", "it is late by up to this"),
-        ),
+        "a frame arrives after later ones",
+        (*_rate("share of frames"), FaultParameter("delay", 0.05, 0.0, 60.0, "s", "longest delay")),
         datagrams.Overtake,
     ),
     FaultKind(
         "delay",
-        "bytes come late, in their order",
+        "bytes arrive late, in their order",
         (
-            FaultParameter("delay", 0.0, 0.0, 60.0, "s", "of every piece"),
-            FaultParameter("jitter", 0.016, 0.0, 60.0, "s", "up to this much more"),
+            FaultParameter("delay", 0.0, 0.0, 60.0, "s", "delay of every piece"),
+            FaultParameter("jitter", 0.016, 0.0, 60.0, "s", "largest random addition"),
         ),
         line.Delay,
     ),
     FaultKind(
         "split",
-        "bytes come in small pieces",
+        "bytes arrive in small pieces",
         (
-            FaultParameter("size", 3, 1, 1024, "byte", "of a piece at most"),
-            FaultParameter("gap", 0.003, 0.0, 1.0, "s", "between pieces"),
+            FaultParameter("size", 3, 1, 1024, "byte", "largest size of a piece"),
+            FaultParameter("gap", 0.003, 0.0, 1.0, "s", "time between pieces"),
         ),
         line.Split,
     ),
-    FaultKind("stall", "the line holds everything, then lets it go at once", (), line.Hold, 1.0, 1.0),
-    FaultKind("junk", "random bytes among the others", _junk(20.0), line.Junk),
-    FaultKind("flood", "random bytes at the rate of the line", _junk(11520.0), line.Junk),
+    FaultKind("stall", "all bytes are held back, then delivered at once", (), line.Hold, 1.0, 1.0),
+    FaultKind("junk", "random bytes are inserted", _junk(20.0), line.Junk),
+    FaultKind("flood", "random bytes at the full rate of the serial link", _junk(11520.0), line.Junk),
     FaultKind(
         "text",
-        "lines of text for people",
+        "lines of text are inserted, as 2013 boards send them",
         (
-            FaultParameter("period", 1.0, 0.001, 3600.0, "s", "between lines"),
-            FaultParameter("text", _TEXT, None, 0.0, "", "without commas"),
+            FaultParameter("period", 1.0, 0.001, 3600.0, "s", "time between lines"),
+            FaultParameter("text", _TEXT, None, 0.0, "", "the text, without commas"),
         ),
         line.Text,
     ),
     FaultKind(
         "baud",
-        "the host's port runs at another rate",
-        (FaultParameter("rate", 57600, 300, 1000000, "Bd", "of the other end"),),
+        "the host's port has another baud rate than the board",
+        (FaultParameter("rate", 57600, 300, 1000000, "Bd", "rate of the host's port"),),
         line.Baud,
     ),
-    FaultKind("unplug", "the port vanishes and comes back under another name", (), None, 1.0, 1.0),
-    FaultKind("freeze", "the board stands still, its motor board does not", (), None, 1.0, 1.0),
+    FaultKind("unplug", "the port disappears, and returns with another name", (), None, 1.0, 1.0),
+    FaultKind("freeze", "the board stops running, its motor board does not", (), None, 1.0, 1.0),
     FaultKind("reset", "the board is reset", (), None, 1.0, 0.01),
 )
 FAULTS: Dict[str, FaultKind] = {kind.name: kind for kind in _KINDS}
 _SHARED = (
-    FaultParameter("at", 0.0, 0.0, FOREVER_S, "s", "when it begins"),
-    FaultParameter("lasts", FOREVER_S, 0.001, FOREVER_S, "s", "for how long"),
-    FaultParameter("every", 0.0, 0.001, FOREVER_S, "s", "again after this time; absent: once"),
+    FaultParameter("at", 0.0, 0.0, FOREVER_S, "s", "start"),
+    FaultParameter("lasts", FOREVER_S, 0.001, FOREVER_S, "s", "duration"),
+    FaultParameter("every", 0.0, 0.001, FOREVER_S, "s", "repeat after this time; default: once"),
 )
 
 
@@ -130,7 +127,10 @@ def usage() -> str:
     for kind in FAULTS.values():
         lines.append(f"{kind.name}: {kind.text}")
         lines += [f"    {p.name}={_show(p.default)}  {p.text}{_unit(p)}" for p in kind.parameters]
-    lines.append("Each takes at, lasts and every [s], those of the line direction=both, to_board or to_host.")
+    lines.append(
+        "All faults take at (start), lasts (duration) and every (repeat after) [s].\n"
+        "Faults of the serial link take direction=both, to_board or to_host."
+    )
     return "\n".join(lines)
 
 
@@ -185,7 +185,7 @@ def _value(spec: str, parameter: FaultParameter, text: str) -> Union[float, str]
     whole = isinstance(parameter.default, int)
     if not parameter.low <= value <= parameter.high or (whole and value % 1.0):
         raise ConfigError(
-            f"fault {spec!r}: {parameter.name} is {text!r}, expected {'whole, ' if whole else ''}{parameter.low:g} to "
-            f"{parameter.high:g} {parameter.unit}".rstrip()
+            f"fault {spec!r}: {parameter.name} is {text!r}, expected {'a whole number, ' if whole else ''}"
+            f"{parameter.low:g} to {parameter.high:g} {parameter.unit}".rstrip()
         )
     return value

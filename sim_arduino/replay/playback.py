@@ -44,7 +44,7 @@ class Audience:
         """Returns when a program has opened the port."""
         while not self._next and self._port.watch is not None:
             select.select([self._port.watch], [], [], POLL_S)
-            self._next = self._port.opened_anew()
+            self._next = self._port.newly_opened()
         self._next, self._listens = False, False
 
     def await_question(self, code: int) -> None:
@@ -91,7 +91,7 @@ class Audience:
         while self._port.is_open and quiet < QUIET_POLLS:
             quiet = 0 if self._port.unread() else quiet + 1
             time.sleep(POLL_S)
-            self._port.opened_anew()
+            self._port.newly_opened()
 
     def _listen(self) -> None:
         """Reads before it checks for another program, so that requests of that program never count for this one."""
@@ -99,7 +99,7 @@ class Audience:
         found = list(_REQUEST.finditer(self._unread))
         self._asked = (self._asked + [int(each.group(1)) for each in found])[-MOST_ASKED:]
         self._unread = self._unread[found[-1].end() if found else 0 :][-8:]
-        self._next = self._port.opened_anew()
+        self._next = self._port.newly_opened()
         if self._next or not self._port.is_open:
             raise Left
 

@@ -13,13 +13,13 @@ from .pty import BoardPort
 _LONGEST_LINE = 4096
 
 ORDERS: Tuple[Tuple[str, str], ...] = (
-    ("unplug [SECONDS]", "pull the cable, for a while or until it is plugged in"),
-    ("plug", "put it back; the port has another name then"),
-    ("reset", "the reset button"),
-    ("stall SECONDS", "the line holds everything"),
-    ("freeze SECONDS", "the board stands still"),
-    ("fault FAULT", "one more, spelt as with --fault; its times count from now"),
-    ("clear", "no fault any more"),
+    ("unplug [SECONDS]", "unplug the cable, for this time or until: plug"),
+    ("plug", "plug the cable in again; the port gets another name"),
+    ("reset", "press the reset button"),
+    ("stall SECONDS", "hold back all bytes of both directions"),
+    ("freeze SECONDS", "stop the board, but not the motor board"),
+    ("fault FAULT", "add a fault, written as for --fault; its times count from now"),
+    ("clear", "end all faults"),
 )
 """The orders that `Control` understands, with a sentence for each."""
 
@@ -56,7 +56,7 @@ def _seconds(order: str, text: str) -> float:
     except ValueError:
         seconds = -1.0
     if not 0.001 <= seconds <= 1e9:
-        raise ConfigError(f"order {short(order)}: {short(text)} is given, expected 0.001 to 1e9 seconds")
+        raise ConfigError(f"order {short(order)}: got {short(text)}, expected 0.001 to 1e9 seconds")
     return seconds
 
 
@@ -67,7 +67,7 @@ class Control:
         faults: The engine that carries out the orders.
         fd: Descriptor from which orders are read; None for no orders.
         plugged: Called with the port's new path after it is plugged in, and with "" before it is unplugged.
-        complain: Called with a message if an order is wrong.
+        report: Called with a message if an order is wrong.
     """
 
     def __init__(
@@ -75,10 +75,10 @@ class Control:
         faults: FaultyEngine,
         fd: Optional[int],
         plugged: Callable[[str], None],
-        complain: Callable[[str], None],
+        report: Callable[[str], None],
     ) -> None:
         self.fd = fd
-        self._faults, self._plugged, self._complain = faults, plugged, complain
+        self._faults, self._plugged, self._report = faults, plugged, report
         self._rest = b""
 
     def attend(self, port: BoardPort) -> None:
@@ -87,7 +87,7 @@ class Control:
             try:
                 obey(self._faults, line)
             except ConfigError as error:
-                self._complain(str(error))
+                self._report(str(error))
         if self._faults.plugged and not port.plugged:
             port.plug()
             self._plugged(port.path)

@@ -45,7 +45,7 @@ class Options(NamedTuple):
 
 
 class Emulated(NamedTuple):
-    """A robot and its board.
+    """An emulated robot and its board.
 
     Attributes:
         board: The engine with its faults.
@@ -125,7 +125,7 @@ def _require_room(world: World, pose: Pose, footprint: Optional[Footprint], name
         others = [mover.name for mover in world.robots(name)]
         raise ConfigError(
             f"pose {where} is in a wall or another robot ({', '.join(others) or 'there is none'}), "
-            "expected free floor; give one with --pose X,Y,YAW"
+            "expected free floor; give another pose with --pose X,Y,YAW"
         )
 
 
@@ -149,11 +149,11 @@ def _avr_engine(plant: Plant, options: Options) -> Engine:
     from sim_arduino.board.avr_board import AvrEngine
 
     if options.profile != "current":
-        raise ConfigError(f"profile {options.profile} has no image, expected --engine python")
+        raise ConfigError(f"profile {options.profile} has no firmware binary, expected --engine python")
     elf = options.elf or image_path("environment" if options.environment else "sonar")
     if not os.path.exists(elf):
         raise ConfigError(
-            f"image {elf} is missing, expected an ELF or Intel HEX file; without --elf the image of this version runs"
+            f"image {elf} does not exist, expected an ELF or Intel HEX file; without --elf the packaged one runs"
         )
     robot_id = plant.model.ids[0] if options.robot_id is None else options.robot_id
     return AvrEngine(plant, elf, robot_id or None, seed=options.seed)

@@ -28,7 +28,8 @@ def _indented(text: str) -> str:
 _EPILOG = "\b\nKeys of --error:\n{}\n\n\b\nKeys of --sonar:\n{}\n\n{}".format(
     _indented(key_values.usage(key_values.ROBOT_KEYS)),
     _indented(key_values.usage(key_values.SONAR_KEYS)),
-    "\b\nFaults, such as --fault loss:rate=0.01,at=5 (keys with their defaults):\n{}\n\n\b\nOrders:\n{}".format(
+    "\b\nFaults, such as --fault loss:rate=0.01,at=5 (keys with their defaults):\n{}\n\n\b\n"
+    "Orders of --control:\n{}".format(
         _indented(table.usage()),
         "\n".join(f"  {order:18}{text}" for order, text in ORDERS),
     ),
@@ -39,75 +40,81 @@ _EPILOG = "\b\nKeys of --error:\n{}\n\n\b\nKeys of --sonar:\n{}\n\n{}".format(
     "mrl-sim", cls=OneLine, epilog=_EPILOG, context_settings={"help_option_names": ["-h", "--help"]}
 )
 @click.option("--robot", default="traxbot", metavar="NAME|FILE", help="Robot model.", show_default=True)
-@click.option(
-    "--id", "robot_id", type=click.IntRange(0, 32767), help="Robot id; the model's first one if absent."
-)
+@click.option("--id", "robot_id", type=click.IntRange(0, 32767), help="Robot id; default: the model's first.")
 @click.option(
     "--engine",
     type=click.Choice(factory.ENGINES),
     default="python",
     show_default=True,
-    help="Emulated in Python, or the real image on a simulated chip.",
+    help="Emulate the board in Python, or run the firmware binary on a simulated chip.",
 )
 @click.option(
     "--profile",
     type=click.Choice(factory.PROFILES),
     default="current",
     show_default=True,
-    help="Firmware to imitate.",
+    help="Firmware to emulate.",
 )
-@click.option("--environment", is_flag=True, help="The environment-sensor build.")
-@click.option("--elf", type=click.Path(dir_okay=False), help="Image for --engine avr.")
-@click.option("--link", metavar="NAME", help="Symbolic link to the port, removed at the end.")
+@click.option("--environment", is_flag=True, help="Emulate the build with environment sensors.")
+@click.option("--elf", type=click.Path(dir_okay=False), help="Firmware binary for --engine avr.")
+@click.option("--link", metavar="NAME", help="Make a symbolic link to the port, and remove it at the end.")
 @click.option(
     "--listen",
     metavar="URL",
-    help="Serve one client on tcp://ADDRESS:PORT or udp://ADDRESS:PORT instead; 127.0.0.1 is this computer alone.",
+    help="Instead, serve one client on tcp://ADDRESS:PORT or udp://ADDRESS:PORT; 127.0.0.1 accepts only this computer.",
 )
 @click.option(
     "--world",
     default="room",
     metavar="NAME|FILE",
     show_default=True,
-    help="What is around the robot: a packaged world, a world file, a map_server map.",
+    help="World around the robot: a packaged world, a world file, or a map of map_server.",
 )
-@click.option("--pose", metavar="X,Y,YAW", help="Start in metres and degrees; the world's start if absent.")
-@click.option("--world-name", metavar="NAME", help="Share the world with the boards that give the same name.")
+@click.option(
+    "--pose", metavar="X,Y,YAW", help="Start pose in metres and degrees; default: the start of the world."
+)
+@click.option("--world-name", metavar="NAME", help="Share the world with all boards that give the same name.")
 @click.option("--name", help="The robot's name in the world.")
-@click.option("--slip", is_flag=True, help="Tracks slip in turns.")
-@click.option("--error", default="", metavar="KEYS|FILE", help="How it differs from its model, see below.")
-@click.option("--sonar", default="", metavar="KEYS|FILE", help="Errors of its sonars, see below.")
+@click.option("--slip", is_flag=True, help="Let the tracks slip in turns.")
+@click.option(
+    "--error", default="", metavar="KEYS|FILE", help="Deviations of the robot from its model, see below."
+)
+@click.option("--sonar", default="", metavar="KEYS|FILE", help="Errors of the sonars, see below.")
 @click.option(
     "--footprint",
     default="box",
     metavar="box|none|circle:R",
     show_default=True,
-    help="What of it bumps into things.",
+    help="Outline of the robot for collisions.",
 )
-@click.option("--omni", is_flag=True, help="Three wheels across instead of two side by side.")
+@click.option("--omni", is_flag=True, help="Emulate a base with three omnidirectional wheels.")
 @click.option(
     "--speed",
     type=click.FloatRange(SLOWEST, FASTEST),
     default=1.0,
     show_default=True,
-    help="Times as fast as real time.",
+    help="Factor over real time.",
 )
 @click.option(
     "--seed",
     type=int,
     default=0,
-    help="Seed of faults, sonar errors, and the RAM noise that the simulated chip starts with.",
+    help="Seed of faults, sonar errors, and the initial RAM of the simulated chip.",
 )
 @click.option(
     "--battery", type=click.FloatRange(0.0, 15.0), metavar="V", help="Battery voltage at the start."
 )
-@click.option("--truth", metavar="FILE", help="Append the true pose as JSON lines, 20 a second.")
+@click.option("--truth", metavar="FILE", help="Append the true pose as JSON lines, 20 per second.")
 @click.option("--log", metavar="FILE", help="Append all bytes of both directions as JSON lines.")
-@click.option("--reset-on-open", is_flag=True, help="Opening the port resets the board, as on a real Uno.")
-@click.option("--fault", "faults", multiple=True, metavar="FAULT", help="What goes wrong; may be repeated.")
-@click.option("--plot", metavar="FILE", help="At the end, draw the path from above; needs matplotlib.")
-@click.option("--view", is_flag=True, help="Draw it live on the terminal (stderr).")
-@click.option("--control", is_flag=True, help="Take orders as lines on stdin.")
+@click.option(
+    "--reset-on-open", is_flag=True, help="Reset the board when its port is opened, as a real Uno does."
+)
+@click.option(
+    "--fault", "faults", multiple=True, metavar="FAULT", help="Inject a fault, see below; may be repeated."
+)
+@click.option("--plot", metavar="FILE", help="At the end, draw a map of the path; needs matplotlib.")
+@click.option("--view", is_flag=True, help="Show the robot live on the terminal (stderr).")
+@click.option("--control", is_flag=True, help="Read orders from stdin, one per line, see below.")
 @click.version_option(
     package_name="mrl-driver", message="mrl-sim, version %(version)s", help="Show the version."
 )
@@ -125,13 +132,19 @@ def main(
 ) -> None:
     """Serve an emulated robot on a virtual serial port.
 
-    Prints the port's path when it is ready and runs until Ctrl-C.
+    Prints the path of the port when the robot is ready.  Runs until Ctrl-C.
+
+    \b
+    Examples:
+      mrl-sim --link /tmp/robot
+      mrl-sim --robot stingbot --world square --view
+      mrl-sim --fault loss:rate=0.01 --truth truth.jsonl
     """
     if plot:
         figures.require_writable(plot)
     if link and listen:
         raise ConfigError(
-            "--link and --listen are given, expected one of them: an address has no file to link to"
+            "--link is given with --listen, expected one of them: a network address has no file"
         )
     robot = factory.make(factory.Options(**options))
     with ExitStack() as stack:
@@ -139,18 +152,22 @@ def main(
         files = _open(stack, "--truth", truth), _open(stack, "--log", log)
         port: BoardPort = SocketPort(listen) if listen else PtyPort()
         stack.callback(port.close)
-        tell = _announcer(stack, link)
+        announce = _announcer(stack, link)
         orders = sys.stdin.fileno() if control else None
-        attendant = Control(robot.board, orders, tell, _complain) if robot.has_faults or control else None
+        attendant = (
+            Control(robot.board, orders, announce, _print_message) if robot.has_faults or control else None
+        )
         engine = robot.board if attendant else robot.engine
         watchers = _watchers(stack, PlantTrail(robot.plant), plot, view)
         server = PtyServer(
             engine, port, robot.plant, *files, reset_on_open, attendant, speed=speed, watchers=watchers
         )
         _stop_on_signals(server)
-        tell(port.path)
+        announce(port.path)
         if listen:
-            _complain(f"listens on {port.path}: who reaches this address drives the robot")
+            _print_message(
+                f"listening on {port.path}; everybody who can reach this address can drive the robot"
+            )
         server.run()
 
 
@@ -173,16 +190,16 @@ def _announcer(stack: ExitStack, name: Optional[str]) -> Callable[[str], None]:
     if link:
         stack.callback(link.remove)
 
-    def tell(path: str) -> None:
+    def announce(path: str) -> None:
         if link:
             link.move(path)
         if path:
             click.echo(path)
 
-    return tell
+    return announce
 
 
-def _complain(text: str) -> None:
+def _print_message(text: str) -> None:
     click.echo(f"mrl-sim: {text}", err=True)
 
 
@@ -192,7 +209,7 @@ def _open(stack: ExitStack, option: str, path: Optional[str]) -> Optional[TextIO
     try:
         return stack.enter_context(open(path, "a", encoding="utf-8"))
     except OSError as error:
-        raise ConfigError(f"{option} {path}: {error.strerror}; expected a file that can be written") from None
+        raise ConfigError(f"{option} {path} cannot be written: {error.strerror}; give another file") from None
 
 
 def _stop_on_signals(server: PtyServer) -> None:

@@ -1,6 +1,6 @@
-"""An emulated robot on a virtual serial port with no more than Python's own library: what sim.launch starts.
+"""Serves an emulated robot on a virtual serial port; sim.launch starts it.
 
-`mrl-sim` has all options.  This command has those that a launch file needs, and it needs no command line library.
+It has the options that a launch file needs, and needs no command line library.  `mrl-sim` has all options.
 """
 
 import argparse
@@ -16,21 +16,22 @@ from . import factory
 from .pty import PtyPort, SymbolicLink
 from .server import PtyServer
 
-PATIENCE_S, LOOK_S = 1.0, 0.02
-"""A board that must end waits this long until its host has closed the port, so that the host reports no lost link:
-roslaunch ends both at the same time.
+CLOSE_WAIT_S, CHECK_S = 1.0, 0.02
+"""Time that a board waits at its end for the host to close the port [s], and period of the check [s].
+
+roslaunch ends both at the same time; without the wait, the host would report a lost link.
 """
 _TEXTS = (
     ("robot", "traxbot", "model, or path of a robot's .yaml"),
-    ("engine", "python", "python, or avr: the real image on a simulated chip"),
+    ("engine", "python", "python, or avr: the firmware binary on a simulated chip"),
     ("world", "room", "world by name, or path of a .yaml"),
-    ("world_name", None, "share the world with the boards that give the same name"),
+    ("world_name", None, "share the world with all boards that give the same name"),
     ("name", None, "the robot's name in the world"),
     ("pose", None, "start as X,Y,YAW in metres and degrees"),
 )
 
 
-class Leave:
+class Shutdown:
     """A watcher that ends the server after a signal, when the host closes the port or the timeout expires.
 
     Attributes:
@@ -51,8 +52,8 @@ class Leave:
 
     def look(self, now_s: float) -> None:
         """Ends the server, or schedules the next look."""
-        self._until_s = min(self._until_s, now_s + PATIENCE_S)
-        self.due_s = now_s + LOOK_S
+        self._until_s = min(self._until_s, now_s + CLOSE_WAIT_S)
+        self.due_s = now_s + CHECK_S
         if now_s >= self._until_s or not self._port.is_open:
             self._server.stop()
 
@@ -68,10 +69,10 @@ def serve(options: factory.Options, link: str) -> None:
         stack.callback(robot.close)
         port = PtyPort()
         stack.callback(port.close)
-        leave = Leave(port)
-        server = PtyServer(robot.engine, port, robot.plant, watchers=[leave])
+        shutdown = Shutdown(port)
+        server = PtyServer(robot.engine, port, robot.plant, watchers=[shutdown])
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, lambda *_: leave.end(server))
+            signal.signal(number, lambda *_: shutdown.end(server))
         name = SymbolicLink(link)
         stack.callback(name.remove)
         name.move(port.path)

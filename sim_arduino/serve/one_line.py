@@ -20,7 +20,7 @@ class OneLine(click.Command):
             click.echo(f"{self.name}: {' '.join(text.split())}", err=True)
             sys.exit(error.exit_code)
         except OSError as error:
-            click.echo(f"{self.name}: {error}; what was logged last is lost", err=True)
+            click.echo(f"{self.name}: {error}; the last lines of the log are lost", err=True)
             sys.exit(SimulatorError.exit_code)
         except (click.Abort, KeyboardInterrupt):
             sys.exit(130)

@@ -16,7 +16,7 @@ _IN_OPEN, _IN_CLOSE = 0x20, 0x08 | 0x10
 _EVENT = struct.Struct("iIII")
 READ_BYTES = 256
 _FAST = {termios.B500000: 500000, termios.B1000000: 1000000, 0o010000: 250000}
-"""Baud rates by their code; the code for 250000 means "a custom rate".  All other codes count as the usual rate."""
+"""Baud rates by their code; the code for 250000 means "a custom rate".  All other codes count as the default rate."""
 _EVERYTHING = 65536
 
 
@@ -27,7 +27,7 @@ class BoardPort(Protocol):
 
     @property
     def master(self) -> Optional[int]:
-        """Descriptor that is readable when data has come."""
+        """Descriptor that is readable when data has arrived."""
 
     @property
     def watch(self) -> Optional[int]:
@@ -35,7 +35,7 @@ class BoardPort(Protocol):
 
     @property
     def plugged(self) -> bool:
-        """The port is plugged in."""
+        """Whether the port is plugged in."""
 
     @property
     def baud(self) -> int:
@@ -47,7 +47,7 @@ class BoardPort(Protocol):
     def unplug(self) -> None:
         """Unplugs the port."""
 
-    def opened_anew(self) -> bool:
+    def newly_opened(self) -> bool:
         """Whether a program has opened the port since the last call."""
 
     def read(self, limit: int = READ_BYTES) -> bytes:
@@ -114,7 +114,7 @@ class PtyPort:
 
     @property
     def plugged(self) -> bool:
-        """The device is plugged in."""
+        """Whether the device is plugged in."""
         return self.master is not None
 
     @property
@@ -127,19 +127,19 @@ class PtyPort:
         """Whether a program has the port open; always true without inotify."""
         return self.master is not None and (self._clients > 0 or self.watch is None)
 
-    def opened_anew(self) -> bool:
+    def newly_opened(self) -> bool:
         """Counts the programs that opened or closed the port; True if it was closed before and is open now."""
-        anew = False
+        newly = False
         for opened in _events(self.watch):
             self._clients = max(0, self._clients + (1 if opened else -1))
             if opened and self._clients == 1:
                 termios.tcflush(self._slave, termios.TCIFLUSH)
-                anew = True
+                newly = True
             elif not self._clients:
-                self._left_alone()
-        return anew
+                self._on_last_close()
+        return newly
 
-    def _left_alone(self) -> None:
+    def _on_last_close(self) -> None:
         """Keeps the bytes from the last program, and resets its settings, as a real device does at the last close."""
         self._left += self._read(_EVERYTHING)
         fcntl.ioctl(self._slave, termios.TIOCNXCL)
@@ -149,7 +149,7 @@ class PtyPort:
     def read(self, limit: int = READ_BYTES) -> bytes:
         """Bytes from the host, at most `limit`.
 
-        Simultaneous openings are reported as one.  If bytes come while no program is known, one was missed.
+        Simultaneous openings are reported as one.  If bytes arrive while no program is known, an opening was missed.
         """
         if self._left:
             data, self._left = self._left[:limit], self._left[limit:]
@@ -183,7 +183,7 @@ class PtyPort:
             data += piece
 
     def write(self, data: bytes) -> None:
-        """Sends the bytes for which the host has room; the rest is lost."""
+        """Sends the bytes that the host's buffer accepts; the rest is lost."""
         sent = 0
         if data and self.master is not None and self.is_open:
             try:
@@ -193,7 +193,7 @@ class PtyPort:
         self.dropped += len(data) - sent
 
     def close(self) -> None:
-        """Unplugs the device for good."""
+        """Unplugs the device permanently."""
         self.unplug()
 
 
@@ -250,8 +250,8 @@ class SymbolicLink:
         there = os.path.realpath(self._name)
         if os.path.islink(self._name) and os.path.exists(there) and there not in (target, self._target):
             raise ConfigError(
-                f"link {self._name!r} leads to {there}, which is in use, expected a free name; end the program there, "
-                "remove the link, or choose another name"
+                f"link {self._name!r} leads to {there}, which is in use, expected a free name; end that program, "
+                "remove the link, or give another name"
             )
         self._target, temporary = target, f"{self._name}.{os.getpid()}"
         try:
@@ -259,7 +259,7 @@ class SymbolicLink:
             os.replace(temporary, self._name)
         except OSError as error:
             raise ConfigError(
-                f"link {self._name!r} cannot be made: {os.strerror(error.errno or errno.EIO)}"
+                f"link {self._name!r} cannot be made: {os.strerror(error.errno or errno.EIO)}; give another name"
             ) from None
 
     def remove(self) -> None:

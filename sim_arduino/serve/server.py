@@ -23,8 +23,8 @@ TRUTH_PERIOD_S = 0.05
 SLOWEST, FASTEST = 0.01, 1000.0
 _PACKET_BYTES, _PACKET_S = 64, 0.002
 _BYTE_BITS = 10
-_LINE_AHEAD_S = 0.002
-"""If the host's bytes are further ahead of the line than this, they stay in the pty."""
+_LINK_AHEAD_S = 0.002
+"""If the host's bytes are further ahead of the serial link than this, they stay in the pty."""
 
 
 class Watcher(Protocol):
@@ -78,7 +78,7 @@ class PtyServer:
         os.set_blocking(self._waker, False)
         self._start_s = time.monotonic()
         self._now_s = self._expected_s = 0.0
-        self._line_free_s = 0.0
+        self._link_free_s = 0.0
         self._held, self._baud = b"", BAUD
         self._truth_due_s = 0.0 if truth and plant else float("inf")
         self._running = True
@@ -89,7 +89,7 @@ class PtyServer:
         self.wake()
 
     def wake(self) -> None:
-        """Makes the board run to now at once; may be called from a signal handler or another thread."""
+        """Makes the board run up to now at once; may be called from a signal handler or another thread."""
         try:
             os.write(self._waker, b"x")
         except OSError:
@@ -99,28 +99,28 @@ class PtyServer:
         """Serves until `stop`."""
         try:
             while self._running:
-                self._turn()
+                self._step()
         finally:
             os.close(self._wake)
             os.close(self._waker)
 
-    def _turn(self) -> None:
+    def _step(self) -> None:
         with self.lock:
-            self._take_time()
+            self._read_clock()
             self._advance()
             if self._control:
                 self._control.attend(self._port)
-            self._let_look()
+            self._run_watchers()
         self._wait()
         with self.lock:
-            self._take_time()
-            if self._port.opened_anew() and self._reset_on_open:
+            self._read_clock()
+            if self._port.newly_opened() and self._reset_on_open:
                 self._advance()
                 self._engine.reset()
-            if self._line_ready():
+            if self._link_ready():
                 self._take_input()
 
-    def _let_look(self) -> None:
+    def _run_watchers(self) -> None:
         if self._now_s >= self._truth_due_s:
             self._write_truth()
         for watcher in self._watchers:
@@ -131,7 +131,7 @@ class PtyServer:
         """The board's time now [s]."""
         return (time.monotonic() - self._start_s) * self._speed
 
-    def _take_time(self) -> None:
+    def _read_clock(self) -> None:
         """Reads the clock.
 
         If this process has stalled, the board gets the same gap at speed 1; at another speed its time slows down.
@@ -143,7 +143,7 @@ class PtyServer:
             self._now_s -= late_s - HEARTBEAT_S
         elif late_s > STALL_S:
             waiting = self._port.read_all()
-            self._note("stalled", waiting)
+            self._write_log("stalled", waiting)
             self._engine.gap(self._now_s, waiting)
         self._expected_s = self._now_s
 
@@ -153,20 +153,20 @@ class PtyServer:
         watched: List[int] = [self._wake]
         control = self._control.fd if self._control else None
         watched += [fd for fd in (self._port.watch, control) if fd is not None]
-        if self._line_ready():
+        if self._link_ready():
             watched += [self._port.master] if self._port.master is not None else []
         else:
-            until = min(until, self._line_free_s - _LINE_AHEAD_S)
+            until = min(until, self._link_free_s - _LINK_AHEAD_S)
         timeout = max(0.0, until - self._clock())
         self._expected_s = self._now_s + timeout
         ready, _, _ = select.select(watched, [], [], timeout / self._speed)
         if self._wake in ready:
             os.read(self._wake, 4096)
 
-    def _line_ready(self) -> bool:
-        return self._line_free_s - _LINE_AHEAD_S <= self._now_s
+    def _link_ready(self) -> bool:
+        return self._link_free_s - _LINK_AHEAD_S <= self._now_s
 
-    def _follow_speed(self) -> None:
+    def _follow_baud(self) -> None:
         """Passes the baud rate that the host has set to the engine."""
         baud = self._port.baud
         if baud != self._baud:
@@ -175,16 +175,16 @@ class PtyServer:
             getattr(self._engine, "set_host_baud", lambda _: None)(float(baud))
 
     def _take_input(self) -> None:
-        self._follow_speed()
+        self._follow_baud()
         data = self._port.read()
         if data:
             self._advance()
             self._engine.receive(data)
-            self._line_free_s = max(self._line_free_s, self._now_s) + len(data) * _BYTE_BITS / self._baud
-            self._note("host", data)
+            self._link_free_s = max(self._link_free_s, self._now_s) + len(data) * _BYTE_BITS / self._baud
+            self._write_log("host", data)
 
     def _advance(self) -> None:
-        """Runs the board to now.  Its bytes are sent in whole lines, as a USB bridge sends packets."""
+        """Runs the board up to now.  Its bytes are sent in whole lines, as a USB bridge sends packets."""
         self._held += self._engine.advance(self._now_s)
         if self._held and (
             self._held.endswith(b"\n")
@@ -192,7 +192,7 @@ class PtyServer:
             or self._engine.next_event_s > self._now_s + _PACKET_S
         ):
             self._port.write(self._held)
-            self._note("board", self._held)
+            self._write_log("board", self._held)
             self._held = b""
 
     def _write_truth(self) -> None:
@@ -210,9 +210,9 @@ class PtyServer:
             },
         )
 
-    def _note(self, who: str, data: bytes) -> None:
+    def _write_log(self, source: str, data: bytes) -> None:
         if self._log:
-            _append(self._log, {"t": round(self._now_s, 6), "from": who, "bytes": data.decode("latin-1")})
+            _append(self._log, {"t": round(self._now_s, 6), "from": source, "bytes": data.decode("latin-1")})
 
 
 def _append(file: TextIO, row: Dict[str, Any]) -> None:

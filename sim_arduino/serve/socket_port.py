@@ -1,4 +1,4 @@
-"""The emulator's port on a network: a serial bridge to a board, by TCP or UDP, on a given address."""
+"""The emulator's port on a network: serves the board by TCP or UDP on a given address."""
 
 from typing import Optional
 
@@ -31,19 +31,19 @@ class SocketPort:
 
     @property
     def master(self) -> Optional[int]:
-        """Descriptor that is readable when data has come; None without a client."""
+        """Descriptor that is readable when data has arrived; None without a client."""
         return self._listener.data if self._listener else None
 
     @property
     def watch(self) -> Optional[int]:
-        """Descriptor that is readable when a client comes; None if there is none."""
+        """Descriptor that is readable when a client connects; None while unplugged."""
         return self._listener.watch if self._listener else None
 
     baud = BAUD
 
     @property
     def plugged(self) -> bool:
-        """The port listens."""
+        """Whether the port listens."""
         return self._listener is not None
 
     def plug(self) -> None:
@@ -62,8 +62,8 @@ class SocketPort:
         """Whether there is a client."""
         return self._listener is not None and bool(self._listener.client)
 
-    def opened_anew(self) -> bool:
-        """Accepts clients; True if one came."""
+    def newly_opened(self) -> bool:
+        """Accepts clients; True if one connected since the last call."""
         return self._listener is not None and self._listener.attend()
 
     def read(self, limit: int = READ_BYTES) -> bytes:
@@ -84,7 +84,7 @@ class SocketPort:
         return 0
 
     def write(self, data: bytes) -> None:
-        """Sends the bytes for which the client has room; the rest is lost."""
+        """Sends the bytes that the client's buffer accepts; the rest is lost."""
         self.dropped += len(data) - (self._listener.write(data) if self._listener and data else 0)
 
     def close(self) -> None:

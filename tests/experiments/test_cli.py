@@ -12,7 +12,7 @@ from mrl_driver.errors import ConfigError, LinkLost, OutputError
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import load
 from sim_arduino.experiments import cli, report, step_test, workers
-from sim_arduino.experiments.stage import Setting
+from sim_arduino.experiments.experiment_robot import Setting
 from tests.experiments.pools import at_once
 
 

@@ -22,7 +22,7 @@ from sim_arduino.experiments import (
     team,
     turnaround,
 )
-from sim_arduino.experiments.stage import Setting
+from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.world import grid_map, world_file
 from sim_arduino.world.world import World
 
@@ -79,7 +79,7 @@ def test_square_before_calibration_is_off_by_the_published_angles(square_figures
 
 
 def test_sonar_curve_is_found(tmp_path):
-    figures = run(sonar_curve, tmp_path, STANDS=2)
+    figures = run(sonar_curve, tmp_path, APPROACHES=2)
     assert figures["r2"] >= 0.999 and figures["error_cm"] < 1.0
 
 
@@ -143,7 +143,7 @@ def test_messages_take_less_than_those_of_2013(tmp_path):
 
 @pytest.mark.parametrize("experiment", [square, mixed_team, shared_waypoint, turnaround])
 def test_port_is_refused_where_robots_are_emulated(experiment):
-    with pytest.raises(ConfigError, match="leave it out"):
+    with pytest.raises(ConfigError, match="leave out --port"):
         experiment.run(Setting("/nowhere", port="/dev/ttyACM0"))
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from mrl_driver.errors import MrlError
 from ros1_bridge.experiments import legs
-from sim_arduino.experiments.stage import Setting
+from sim_arduino.experiments.experiment_robot import Setting
 
 
 @pytest.fixture

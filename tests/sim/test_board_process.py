@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from sim_arduino.serve.minimal import PATIENCE_S, Leave, main
+from sim_arduino.serve.minimal import CLOSE_WAIT_S, Shutdown, main
 
 
 class Port:
@@ -28,34 +28,34 @@ class Server:
 def ending():
     """A watcher that was told to end, its port and its server."""
     port, server = Port(), Server()
-    leave = Leave(port)
-    assert leave.due_s == math.inf
-    leave.end(server)
-    assert leave.due_s == 0.0 and server.woken
-    return leave, port, server
+    shutdown = Shutdown(port)
+    assert shutdown.due_s == math.inf
+    shutdown.end(server)
+    assert shutdown.due_s == 0.0 and server.woken
+    return shutdown, port, server
 
 
 def test_board_outlives_its_host(ending):
-    leave, port, server = ending
-    leave.look(10.0)
+    shutdown, port, server = ending
+    shutdown.look(10.0)
     assert not server.stopped
     port.is_open = False
-    leave.look(leave.due_s)
+    shutdown.look(shutdown.due_s)
     assert server.stopped
 
 
 def test_board_does_not_wait_for_a_host_that_stays(ending):
-    leave, _, server = ending
-    leave.look(10.0)
-    leave.look(10.0 + 0.99 * PATIENCE_S)
+    shutdown, _, server = ending
+    shutdown.look(10.0)
+    shutdown.look(10.0 + 0.99 * CLOSE_WAIT_S)
     assert not server.stopped
-    leave.look(10.0 + PATIENCE_S)
+    shutdown.look(10.0 + CLOSE_WAIT_S)
     assert server.stopped
 
 
 def test_second_signal_ends_at_once(ending):
-    leave, _, server = ending
-    leave.end(server)
+    shutdown, _, server = ending
+    shutdown.end(server)
     assert server.stopped
 
 

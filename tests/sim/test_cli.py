@@ -200,10 +200,10 @@ def test_a_stopped_process_is_a_stall_of_the_board():
         (
             ("--engine", "avr", "--elf", "nope.elf"),
             2,
-            "image nope.elf is missing, expected an ELF or Intel HEX file; without --elf the image of this version",
+            "image nope.elf does not exist, expected an ELF or Intel HEX file; without --elf the packaged one runs",
         ),
         (("--engine", "avr", "--profile", "2013-august"), 2, "expected --engine python"),
-        (("--truth", "/nope/truth"), 2, "--truth /nope/truth: No such file"),
+        (("--truth", "/nope/truth"), 2, "--truth /nope/truth cannot be written: No such file"),
         (("--nope",), 2, "No such option"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",

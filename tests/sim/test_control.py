@@ -114,9 +114,9 @@ def test_the_help_lists_the_faults():
 @pytest.mark.parametrize(
     "order, text",
     [
-        ("stall", "'' is given, expected 0.001 to " + LONG),
-        ("freeze soon", "'soon' is given, expected 0.001 to " + LONG),
-        ("unplug -1", "'-1' is given"),
+        ("stall", "got '', expected 0.001 to " + LONG),
+        ("freeze soon", "got 'soon', expected 0.001 to " + LONG),
+        ("unplug -1", "got '-1'"),
         ("plug now", "order 'plug now' is unknown"),
         ("fault loss:rate=2", "rate is '2'"),
     ],

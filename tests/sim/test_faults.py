@@ -289,7 +289,7 @@ def test_absent_keys_have_their_defaults():
         ("loss:rate=nan", "rate is 'nan', expected 0 to 1"),
         ("loss:rate", "rate is '', expected 0 to 1"),
         ("delay:jitter=-1", "jitter is '-1', expected 0 to 60 s"),
-        ("loss:burst=1.5", "burst is '1.5', expected whole, 1 to 1024 byte"),
+        ("loss:burst=1.5", "burst is '1.5', expected a whole number, 1 to 1024 byte"),
         ("flip:direction=up", "direction is 'up', expected both, to_board or to_host"),
         ("unplug:direction=both", "key 'direction' is unknown, expected at, lasts, every"),
         ("reset:lasts=0", "lasts is '0', expected 0.001 to 1e+09 s"),

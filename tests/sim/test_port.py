@@ -22,7 +22,7 @@ def port():
 def test_bytes_pass_unchanged_both_ways(port):
     everything = bytes(range(256))
     with Client(port.path) as client:
-        port.opened_anew()
+        port.newly_opened()
         client.send(everything)
         port.write(everything)
         assert port.read() == everything
@@ -32,7 +32,7 @@ def test_bytes_pass_unchanged_both_ways(port):
 def test_what_the_board_sends_is_no_command(port):
     """No echo."""
     with Client(port.path) as client:
-        port.opened_anew()
+        port.newly_opened()
         port.write(b"@8,1,2e\r\n")
         client.read_until(b"\n")
         assert port.read() == b""
@@ -40,23 +40,23 @@ def test_what_the_board_sends_is_no_command(port):
 
 def test_opening_is_noticed_once(port):
     with Client(port.path):
-        assert port.opened_anew()
-        assert not port.opened_anew()
+        assert port.newly_opened()
+        assert not port.newly_opened()
         with Client(port.path):
-            assert not port.opened_anew()
+            assert not port.newly_opened()
 
 
 def test_opening_again_is_noticed(port):
     with Client(port.path):
-        port.opened_anew()
+        port.newly_opened()
     with Client(port.path):
-        assert port.opened_anew()
+        assert port.newly_opened()
 
 
 def test_what_is_sent_while_nobody_listens_is_lost(port):
     port.write(b"old")
     with Client(port.path) as client:
-        port.opened_anew()
+        port.newly_opened()
         port.write(b"new")
         assert client.read_until(b"new") == b"new"
     assert port.dropped == 3
@@ -64,24 +64,24 @@ def test_what_is_sent_while_nobody_listens_is_lost(port):
 
 def test_a_new_program_does_not_get_what_the_last_one_left(port):
     with Client(port.path):
-        port.opened_anew()
+        port.newly_opened()
         port.write(b"old")
-    port.opened_anew()
+    port.newly_opened()
     with Client(port.path) as client:
-        port.opened_anew()
+        port.newly_opened()
         assert client.read(0.02) == b""
 
 
 def test_a_closed_port_keeps_what_its_program_sent_last(port):
     with Client(port.path) as client:
         client.send(b"@13e")
-    port.opened_anew()
+    port.newly_opened()
     assert port.read() == b"@13e"
 
 
 def test_a_reader_that_stalls_costs_bytes_not_time(port):
     with Client(port.path):
-        port.opened_anew()
+        port.newly_opened()
         for _ in range(300):
             port.write(b"x" * 1000)
         assert port.dropped > 100000
@@ -90,9 +90,9 @@ def test_a_reader_that_stalls_costs_bytes_not_time(port):
 def test_exclusive_access_ends_with_its_program(port):
     """The kernel keeps the mark as long as anybody has the device open."""
     with Client(port.path) as client:
-        port.opened_anew()
+        port.newly_opened()
         fcntl.ioctl(client.fd, termios.TIOCEXCL)
-    port.opened_anew()
+    port.newly_opened()
     assert not exclusive(port)
 
 
@@ -105,12 +105,12 @@ def exclusive(port):
 def test_settings_end_with_their_program(port):
     before = termios.tcgetattr(port.master)
     with Client(port.path) as client:
-        port.opened_anew()
+        port.newly_opened()
         changed = termios.tcgetattr(client.fd)
         changed[3] |= termios.ECHO | termios.ICANON
         termios.tcsetattr(client.fd, termios.TCSANOW, changed)
         assert termios.tcgetattr(port.master) != before
-    port.opened_anew()
+    port.newly_opened()
     assert termios.tcgetattr(port.master) == before
 
 
@@ -177,7 +177,7 @@ def test_last_words_are_no_opening(port):
     """A program that sends and closes at once is gone, whatever it left to be read."""
     with Client(port.path) as client:
         client.send(b"@13e")
-    port.opened_anew()
+    port.newly_opened()
     port.read()
     assert not port.is_open
 
@@ -187,7 +187,7 @@ def test_two_programs_that_open_at_the_same_moment(port):
     with Client(port.path) as stays:
         with Client(port.path):
             pass
-        port.opened_anew()
+        port.newly_opened()
         stays.send(b"@5e")
         port.read()
         assert port.is_open

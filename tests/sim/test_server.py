@@ -20,7 +20,7 @@ class EndlessHost:
         self.master, self._end = os.pipe()
         os.write(self._end, b"x")
 
-    def opened_anew(self):
+    def newly_opened(self):
         return False
 
     def read(self, limit=0):

@@ -158,7 +158,7 @@ def test_a_board_is_not_put_into_another(lab):
         done = subprocess.run([*shared, "--name", "two"], capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
-    assert "another robot (one), expected free floor; give one with --pose X,Y,YAW" in done.stderr
+    assert "another robot (one), expected free floor; give another pose with --pose X,Y,YAW" in done.stderr
 
 
 def test_nothing_is_left_behind(lab, tmp_path):

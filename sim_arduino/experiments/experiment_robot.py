@@ -22,7 +22,7 @@ PERIOD_MS = 50
 NOISE = "noise=0.01"
 """Noise of all sonars, in the form of `factory.Options`: 1 cm."""
 PATIENCE_S = 900.0
-"""No course takes longer than this."""
+"""Time limit of a course [s]."""
 
 
 class Setting(NamedTuple):
@@ -44,14 +44,14 @@ class Setting(NamedTuple):
 
 
 class Step(NamedTuple):
-    """A step of a robot on its way to a goal."""
+    """A step of a robot on the path to a goal."""
 
     speeds: Tuple[float, float]
     reached: bool
     blocked: bool
 
 
-class Actor(NamedTuple):
+class ExperimentRobot(NamedTuple):
     """A robot in an experiment; `plant` is the hardware of an emulated robot."""
 
     driver: Union[Driver, SteppedDriver]
@@ -64,7 +64,7 @@ class Actor(NamedTuple):
 
     @property
     def pose(self) -> Pose:
-        """By its odometry."""
+        """Pose by odometry."""
         return self.driver.pose
 
     @property
@@ -74,17 +74,17 @@ class Actor(NamedTuple):
 
     @property
     def model(self) -> RobotModel:
-        """Of the robot."""
+        """Model of the robot."""
         assert self.driver.model is not None
         return self.driver.model
 
     @property
     def bumped(self) -> bool:
-        """An obstacle blocks an emulated robot."""
+        """Whether an obstacle blocks an emulated robot."""
         return self.plant is not None and self.plant.robot.state.bumped
 
     def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
-        """Takes these speeds."""
+        """Commands these speeds."""
         self.driver.drive(linear_m_s, angular_rad_s)
 
     def wait(self, seconds: float) -> None:
@@ -102,7 +102,7 @@ class Actor(NamedTuple):
         return step
 
     def reset_pose(self, pose: Pose) -> None:
-        """Lets the odometry go on from here."""
+        """Sets the pose of the odometry."""
         self.driver.reset_pose(pose)
 
     def place(self, pose: Pose) -> None:
@@ -113,14 +113,14 @@ class Actor(NamedTuple):
 
 
 @contextmanager
-def actor(
+def open_robot(
     setting: Setting,
     world: Union[World, str] = "square",
     drive: Optional[Drive] = None,
     period_ms: int = PERIOD_MS,
     command_timeout_s: Optional[float] = 0.5,
     **emulated: Any,
-) -> Iterator[Actor]:
+) -> Iterator[ExperimentRobot]:
     """One robot, connected, at the start of a world.
 
     Args:
@@ -130,7 +130,7 @@ def actor(
     options = Options(period_ms=period_ms, command_timeout_s=command_timeout_s)
     if setting.port is not None:
         with Driver(setting.port, setting.robot, options=options) as driver:
-            yield Actor(driver)
+            yield ExperimentRobot(driver)
         return
     emulated = {"robot": setting.robot, "seed": setting.seed, "name": "robot", **emulated}
     if isinstance(world, World):
@@ -140,34 +140,34 @@ def actor(
     try:
         model = made.plant.model if drive is None else made.plant.model._replace(drive=drive)
         with SteppedDriver(made.engine, model, options) as stepped:
-            yield Actor(stepped, made.plant)
+            yield ExperimentRobot(stepped, made.plant)
     finally:
         made.close()
 
 
 def require_emulated(setting: Setting, name: str) -> None:
-    """Refuses a port where an experiment is about emulated robots.
+    """Refuses a port if an experiment needs emulated robots.
 
     Raises:
         ConfigError: a port is given.
     """
     if setting.port is not None:
         raise ConfigError(
-            f"experiment {name} runs on emulated robots, got --port {setting.port}; leave it out"
+            f"experiment {name} needs emulated robots, got --port {setting.port}; leave out --port"
         )
 
 
-def follow(robot: Actor, course: Course, look: Callable[[], None]) -> None:
-    """Drives a course to its end and stops; calls `look` at each tick.
+def follow(robot: ExperimentRobot, course: Course, each_tick: Callable[[], None]) -> None:
+    """Drives a course to its end and stops; calls `each_tick` at each tick.
 
     Raises:
         BoardTimeout: the robot does not accept a command, or does not arrive.
     """
 
     def steer(pose: Pose) -> manoeuvres.Command:
-        look()
+        each_tick()
         speeds = course.command(pose)
         return None if course.done else speeds
 
     manoeuvres.follow(robot.driver, steer, PATIENCE_S)
-    look()
+    each_tick()
