@@ -26,8 +26,12 @@ FIRST = (
     "ros/test_catkin",
     "experiments/test_exp",
     "ros/test_run",
+    "packaging/",
+    "test_rules",
     "ros/",
     "driver/test_emulator",
+    "documents/test_sensor",
+    "firmware/test_outside",
     "driver/",
     "sim/",
 )

@@ -1,6 +1,7 @@
 """Only nodes know ROS, only links know pyserial; the layers themselves are held by import-linter in `make check`."""
 
 import ast
+import functools
 import pathlib
 import subprocess
 import sys
@@ -13,6 +14,7 @@ PACKAGES = ("mrl_driver", "sim_arduino", "ros1_bridge")
 FILES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 
 
+@functools.lru_cache(maxsize=None)
 def imported(path: pathlib.Path) -> Set[str]:
     """Top-level packages that a file imports by absolute name."""
     found = set()

@@ -87,7 +87,7 @@ def place(wheel, tmp_path_factory):
     """An environment with the wheel, and a folder beside it."""
     place = tmp_path_factory.mktemp("elsewhere")
     python = environment(place)
-    run(*pip_for(python), "install", "-q", "--no-deps", "--no-index", wheel, cwd=place)
+    run(*pip_for(python), "install", "-q", "--no-compile", "--no-deps", "--no-index", wheel, cwd=place)
     return place
 
 
@@ -97,7 +97,7 @@ def from_clone(tmp_path_factory):
     place, tree = tmp_path_factory.mktemp("bare"), tmp_path_factory.mktemp("clone")
     copy_sources(tree)
     python = environment(place)
-    options = ("--no-deps", "--no-index", "--no-build-isolation")
+    options = ("--no-compile", "--no-deps", "--no-index", "--no-build-isolation")
     run(*pip_for(python), "install", "-q", *options, tree, cwd=tree, PATH="")
     return place
 

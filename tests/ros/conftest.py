@@ -22,7 +22,7 @@ def master(tmp_path_factory):
         os.environ.update(ROS_MASTER_URI=uri, ROS_IP="127.0.0.1", ROS_LOG_DIR=str(folder))
         command = ["rosmaster", "--core", "-p", uri.rsplit(":", 1)[1]]
         child = Child("rosmaster", command, folder / "rosmaster.log", dict(os.environ), bench.ROOT)
-        wait_until(lambda: master_answers(uri) or child.exit_code is not None)  # noqa: B023
+        wait_until(lambda: master_answers(uri) or child.exit_code is not None, step_s=0.02)  # noqa: B023
         if child.exit_code is None:
             break
     rospy.init_node("tests", anonymous=True, disable_signals=True)
