@@ -118,7 +118,7 @@ setup(
         "plot": ["matplotlib>=3.5"],
     },
     entry_points={
-        "console_scripts": ["mrl=mrl_driver.__main__:main", "mrl-sim=sim_arduino.serve.main:main"],
+        "console_scripts": ["mrl=mrl_driver.__main__:main", "mrl-sim=sim_arduino.__main__:main"],
         "pytest11": ["mrl_sim=sim_arduino.testing.pytest_plugin"],
         "mrl.commands": [
             "replay=sim_arduino.replay.replay:main",

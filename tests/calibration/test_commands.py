@@ -461,6 +461,12 @@ def test_without_a_terminal_nothing_is_asked_and_nothing_moves(lab):
     assert lab.emulated is None
 
 
+def test_a_recording_is_not_replaced_without_a_question(lab, tmp_path):
+    (tmp_path / "run.mrl").write_text("precious\n")
+    line = lab.refused("straight", "--record", "run.mrl", "--truth", "t")
+    assert "run.mrl already exists. Replace it?" in line and lab.emulated is None
+
+
 def test_a_step_is_not_cut_by_the_stop_of_the_greeting(lab):
     """The driver repeats its first stop until it is confirmed; a motor turned meanwhile would stand again."""
     with lab.robot("traxbot", period_ms=20) as robot:

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from mrl_driver import figures
-from mrl_driver.errors import OutputError
+from mrl_driver.errors import FrameError, OutputError
 from mrl_driver.files import replace_file
 from mrl_driver.host import named_robots
 from mrl_driver.host.named_robots import Target
@@ -30,6 +30,17 @@ def test_a_recording_that_lacks_lines_has_its_exit_code(serve, command):
     done = mrl(*command, "--port", serve().path)
     assert done.returncode == FULL
     assert "mrl: /dev/full lacks " in done.stderr and "No space left on device" in done.stderr
+
+
+def test_lines_on_the_screen_warn_once_that_the_recording_is_incomplete(serve):
+    done = mrl("record", "--seconds", "2.2", "/dev/full", "--port", serve().path)
+    assert done.stderr.count("mrl: warning: /dev/full lacks ") == 1 and done.stdout.count("\n") > 2
+
+
+def test_a_recording_that_lacks_lines_is_said_beside_another_error(serve):
+    done = mrl("drive", "--lateral", "0.1", "--for", "1", "--record", "/dev/full", "--port", serve().path)
+    assert done.returncode == FrameError.exit_code
+    assert "mrl: /dev/full lacks " in done.stderr and "sideways" in done.stderr
 
 
 def test_the_live_view_says_that_the_recording_is_incomplete(serve):

@@ -14,8 +14,9 @@ from click.shell_completion import BashComplete
 
 from mrl_driver import errors
 from mrl_driver.cli import main
-from mrl_driver.errors import OutputError
+from mrl_driver.errors import ConfigError, OutputError
 from mrl_driver.host import named_robots
+from mrl_driver.program import start
 from tests.waiting import PATIENCE_S
 
 from .run import mrl
@@ -168,22 +169,39 @@ def test_a_hang_up_that_nohup_ignores_stays_ignored():
     assert done.stdout.endswith("True\n"), done
 
 
-def test_a_package_that_is_missing_costs_a_line(tmp_path):
-    """As with catkin's `mrl`, which comes without the dependencies that pip would install."""
-    (tmp_path / "click.py").write_text("raise ModuleNotFoundError('No module named click', name='click')\n")
+@pytest.mark.parametrize(
+    ("missing", "package", "words"),
+    [
+        ("click", "click", ["mrl_driver", "--help"]),
+        ("serial", "pyserial", ["mrl_driver", "info", "--port", "/dev/null"]),
+        ("click", "click", ["sim_arduino", "--help"]),
+    ],
+)
+def test_a_package_that_is_missing_costs_a_line(tmp_path, missing, package, words):
+    """As with catkin's `mrl` and `mrl-sim`, which come without the dependencies that pip would install."""
+    (tmp_path / f"{missing}.py").write_text(f"raise ModuleNotFoundError('No module', name='{missing}')\n")
     done = subprocess.run(
-        [sys.executable, "-m", "mrl_driver", "--help"],
+        [sys.executable, "-m", *words],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=PATIENCE_S,
         env={**os.environ, "PYTHONPATH": str(tmp_path)},
         cwd=pathlib.Path(__file__).resolve().parents[2],
     )
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr.startswith(
-        "mrl: the Python package click is missing; install it with: sudo apt install"
+    name = {"mrl_driver": "mrl", "sim_arduino": "mrl-sim"}[words[0]]
+    assert (done.returncode, done.stdout) == (ConfigError.exit_code, "")
+    assert done.stderr == (
+        f"{name}: the Python package {missing} is missing; install it with: sudo apt install python3-{missing}, "
+        f"or: pip install {package}\n"
     )
-    assert done.stderr.count("\n") == 1
+
+
+def test_a_module_of_our_own_that_is_missing_is_a_fault_of_ours():
+    def load():
+        raise ModuleNotFoundError("No module", name="mrl_driver.cli")
+
+    with pytest.raises(ModuleNotFoundError):
+        start("mrl", load)
 
 
 def test_the_help_names_the_exit_code_of_each_error():

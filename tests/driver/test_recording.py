@@ -1,6 +1,8 @@
 """Recordings come back byte for byte, and survive crashes, full disks and editors."""
 
+import errno
 import os
+import threading
 
 import pytest
 from hypothesis import given
@@ -9,7 +11,7 @@ from hypothesis import strategies as st
 from mrl_driver.errors import ConfigError
 from mrl_driver.recording import recording
 from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD, Recorder, Recording
-from tests.waiting import wait_until
+from tests.waiting import PATIENCE_S, wait_until
 
 HEADER = '#mrl-recording 1 {"port": "x"}\n'
 
@@ -66,6 +68,38 @@ def test_a_full_disk_is_counted_and_named():
     recorder.add(FROM_BOARD, b"@6,1,2e")
     recorder.close()
     assert (recorder.lost, recorder.error) == (2, os.strerror(28))
+
+
+def test_the_reason_of_a_loss_is_kept_when_there_is_room_again(tmp_path, monkeypatch):
+    recorder, write, full = Recorder(str(tmp_path / "log")), os.write, [True]
+
+    def write_if_there_is_room(fd, data):
+        if full:
+            full.clear()
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(fd, data)
+
+    monkeypatch.setattr(os, "write", write_if_there_is_room)
+    recorder.add(FROM_BOARD, b"lost")
+    wait_until(lambda: recorder.lost)
+    recorder.add(FROM_BOARD, b"kept")
+    recorder.close()
+    assert f"lacks 1 lines: {os.strerror(errno.ENOSPC)}" in recorder.loss
+
+
+def test_a_disk_that_is_too_slow_is_named(tmp_path, monkeypatch):
+    recorder, write, room = Recorder(str(tmp_path / "log")), os.write, threading.Event()
+
+    def write_later(fd, data):
+        assert room.wait(PATIENCE_S)
+        return write(fd, data)
+
+    monkeypatch.setattr(os, "write", write_later)
+    while not recorder.lost:
+        recorder.add(FROM_BOARD, b"")
+    room.set()
+    recorder.close()
+    assert "lacks 1 lines: the disk is too slow" in recorder.loss
 
 
 def test_a_file_that_cannot_be_made_is_refused(tmp_path):

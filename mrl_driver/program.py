@@ -1,0 +1,38 @@
+"""Starts a command of the project: what happens before its own error handling exists."""
+
+import signal
+import sys
+from typing import Callable
+
+from .errors import ConfigError
+
+_NAMES_FOR_PIP = {"serial": "pyserial", "yaml": "PyYAML"}
+"""Names of packages that differ from the names of their modules."""
+_OWN = ("", "mrl_driver", "sim_arduino", "ros1_bridge")
+
+
+def start(name: str, load: Callable[[], Callable[[], None]]) -> None:
+    """Run the command `name`, whose main function `load` imports.
+
+    Ctrl-C during the imports ends the program without a message.  If a Python package is missing, now or later, the
+    program ends with one line.
+
+    Raises:
+        SystemExit: a package is missing.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    if before is signal.default_int_handler:  # else a shell has it ignored, for a program in the background
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        run = load()
+        signal.signal(signal.SIGINT, before)
+        run()
+    except ModuleNotFoundError as error:
+        package = (error.name or "").partition(".")[0]
+        if package in _OWN:
+            raise
+        sys.stderr.write(
+            f"{name}: the Python package {package} is missing; install it with: sudo apt install python3-{package}, "
+            f"or: pip install {_NAMES_FOR_PIP.get(package, package)}\n"
+        )
+        sys.exit(ConfigError.exit_code)
