@@ -9,6 +9,7 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.robot.models import load
 from mrl_driver.robot.robot_state import RobotState
 from mrl_driver.session.events import Ready, WayLost
+from mrl_driver.session.session import STOPPING_S
 from sim_arduino.board import PythonBoard
 from sim_arduino.board.board2013 import Board2013August
 from sim_arduino.faults.faulty_engine import FaultyEngine
@@ -87,6 +88,20 @@ def test_a_board_that_restarts_loses_no_more_than_the_wheels_can_coast():
     lost = [event for event in events if isinstance(event, WayLost)]
     assert len(lost) == 1 and 0.28 < lost[0].gap_s < 1.0
     assert lost[0].way_m == pytest.approx(state.model.limits.linear_m_s * lost[0].gap_s)
+
+
+def test_a_board_that_restarts_in_a_long_silence_loses_what_the_wheels_coast_until_its_watchdog_acts():
+    state, talk = RobotState(load("traxbot")), Talk(FakeBoard()).until_ready().run(0.5)
+    talk.board.mute = True
+    talk.run(5.0)
+    talk.board.mute = False
+    talk.board.reset(talk.now)
+    talk.until(lambda: len(talk.seen(Ready)) == 2).run(0.2)
+    notices = [notice for event in talk.events for notice in state.digest(event, talk.now)]
+    lost = [value for _, value in notices if isinstance(value, WayLost)]
+    assert len(lost) == 1 and lost[0].gap_s > 5.0
+    coast_s = DEFAULTS.watchdog_ms / 1000 + STOPPING_S
+    assert lost[0].way_m == pytest.approx(state.model.limits.linear_m_s * coast_s)
 
 
 def test_a_lost_way_says_how_far_the_pose_may_be_off():

@@ -524,6 +524,19 @@ def test_one_frame_that_lost_its_check_value_is_not_believed():
     assert len(talk.counts) > before
 
 
+def test_each_frame_is_counted_once_as_a_frame_or_as_garbage():
+    """Also those without checksum: one that a fault has made, and those of a board that has restarted."""
+    talk, sent = Talk(), []
+    talk.to_host = lambda data: sent.append(data) or data
+    talk.until_ready().run(0.5)
+    talk.session.receive(talk.to_host(encode_reply(8, 1000, 1000, 1, 1, 1)), talk.now)
+    talk.run(0.5)
+    talk.board.reset(talk.now)
+    talk.until(lambda: len(talk.seen(Ready)) == 2)
+    counters = talk.session.counters
+    assert counters.frames + sum(counters.garbage.values()) == b"".join(sent).count(b"@")
+
+
 def test_a_dead_board_is_greeted_for_ever():
     talk = Talk().until_ready()
     talk.board.mute = True
