@@ -4,23 +4,21 @@ import contextlib
 import math
 import sys
 import time
-from typing import TYPE_CHECKING, Any, Callable, Iterator, List, NamedTuple, Tuple
-
-from rich.console import Console
-from rich.live import Live
+from typing import TYPE_CHECKING, Any, Callable, Iterator, List, NamedTuple, Optional, Tuple
 
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.session.events import Lost, Reconnected, Slowed, WayLost
 
 from .frame_log import FrameLog
 from .keyboard import Keyboard
-from .live_view import Shown, render
 from .state import State, moves_sideways, state_of
 from .teleop_keys import Teleop
 from .trail import Trail
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
+
+    from .live_view import Shown
 
 TICK_S, REFRESH_S = 0.05, 0.1
 
@@ -59,19 +57,19 @@ class Screen:
     keys: Tuple[Tuple[str, str], ...] = (("f", "frames"),)
     """Further keys, and what they do."""
 
-    def __init__(self, driver: Any, settings: Settings, log: FrameLog) -> None:
+    def __init__(self, driver: Any, settings: Settings, log: Optional[FrameLog]) -> None:
         self._driver, self._settings, self._log = driver, settings, log
-        self._trail, self._rate, self._teleop = Trail(), Rate(), Teleop()
+        self.trail, self._rate, self._teleop = Trail(), Rate(), Teleop()
         self._keys_drive, self._shows_log, self._notice = settings.keys_drive, True, driver.warning
         self._start_s = time.monotonic()
-        self._frames = 0
+        self.frames = 0
         self.ended = False
         driver.on_telemetry(self._on_telemetry)
         driver.on_event(self._on_event)
 
     def _on_telemetry(self, telemetry: Telemetry) -> None:
-        self._frames += 1
-        self._trail.add(telemetry.pose)
+        self.frames += 1
+        self.trail.add(telemetry.pose)
 
     def _on_event(self, event: object) -> None:
         if isinstance(event, (Lost, Reconnected, Slowed, WayLost)):
@@ -86,7 +84,7 @@ class Screen:
         elif key == "f":
             self._shows_log = not self._shows_log
         elif key == "c":
-            self._trail.clear()
+            self.trail.clear()
         elif key == "space":
             self._teleop.press(key, now_s)
             self._driver.stop()
@@ -115,8 +113,10 @@ class Screen:
         """Return the robot's state now."""
         return state_of(self._driver)
 
-    def shown(self, now_s: float) -> Shown:
+    def shown(self, now_s: float) -> "Shown":
         """Return what to show now."""
+        from .live_view import Shown
+
         mismatch, recorder = self._driver.mismatch, self._driver.recorder
         loss = recorder.loss if recorder is not None else ""
         return Shown(
@@ -125,10 +125,10 @@ class Screen:
             self._settings.record,
             bool(loss),
             now_s - self._start_s,
-            self._rate.update(self._frames, now_s),
-            self._trail.poses,
-            self._trail.distance_m,
-            self._log.lines() if self._shows_log else None,
+            self._rate.update(self.frames, now_s),
+            self.trail.poses,
+            self.trail.distance_m,
+            self._log.lines() if self._log and self._shows_log else None,
             self._keys_drive,
             f"{mismatch}; space goes on" if mismatch is not None else loss or self._notice,
             self.keys,
@@ -147,6 +147,11 @@ def show(driver: "Driver", settings: Settings, log: FrameLog, seconds: float) ->
 
 def run(driver: Any, screen: Screen, seconds: float = math.inf) -> None:
     """Show a screen until it has ended, for `seconds`, or until the driver's `wait` returns True."""
+    from rich.console import Console
+    from rich.live import Live
+
+    from .live_view import render
+
     console, start_s, shown_s = Console(), time.monotonic(), -math.inf
     live = Live(
         console=console, screen=True, auto_refresh=False, redirect_stdout=False, redirect_stderr=False

@@ -1,44 +1,39 @@
-"""`make run`: starts roscore, an emulated board, the robot node and the live view, and ends them in order.
+"""`make run`: starts a roscore of its own, the nodes by roslaunch, and the live view; ends them in the opposite order.
 
-Run it as `python -m ros1_bridge.demo.launcher`.  It always starts its own roscore, on a free port of localhost.
-On a shared roscore the demonstration's `/cmd_vel` would drive other robots too.
+Run it as `python -m ros1_bridge.demo.launcher`.  The roscore is on a free port of localhost: on a shared one the
+demonstration's `/cmd_vel` would drive other robots too.
 """
 
-import fcntl
-import itertools
 import os
+import re
 import signal
 import socket
 import sys
 import time
 import xmlrpc.client
 from pathlib import Path
-from typing import IO, Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Dict, List, Optional
 
 import click
 
 from mrl_driver.cli.commands.shared import Between
 from mrl_driver.errors import ConfigError, MrlError, SimulatorError
 
-from .processes import Child, adopt_orphans, end_orphans, wait_until
+from .processes import Child, wait_until
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 LOGS = ROOT / "build" / "run"
 IMAGE = ROOT / "build" / "firmware" / "mrl_firmware.elf"
-NODES = ROOT / "ros1_bridge" / "nodes"
-ROSCORE_TIMEOUT_S = SIMULATOR_TIMEOUT_S = 30.0
-END_S = 3.0
-"""A part that takes longer than this to end is killed; the node needs at most 2 s."""
-_ENDS: Tuple[Dict[str, int], ...] = (
-    {"robot_node": signal.SIGINT, "demo_view": signal.SIGTERM},
-    {"mrl-sim": signal.SIGINT, "roscore": signal.SIGINT},
-)
-"""The signal that ends each part, in two stages: parts of the first stage depend on those of the second."""
+ROSCORE_TIMEOUT_S = 30.0
+END_S = 25.0
+"""A part that takes longer than this to end is killed; roslaunch itself kills a node after 17 s."""
 _POLL_S = 0.05
 _DEFAULT_ROBOT = "traxbot"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _LOCALHOST = "127.0.0.1"
 _OF_ROSCORE = {"/rosout"}
+_DIED = re.compile(r"REQUIRED process \[(\w+)-\d+\] has died!\nprocess has died \[pid \d+, exit code (-?\d+)")
+"""What roslaunch prints when a node ends."""
 
 
 class RunError(MrlError):
@@ -53,21 +48,8 @@ class Stopped(Exception):
     """A signal has requested the end of the run."""
 
 
-class Plan(NamedTuple):
-    """What the user asked for."""
-
-    robot: Optional[str]
-    """Model name; None means the model that the board reports."""
-    port: str
-    """Serial port of a real robot; empty for an emulated robot."""
-    engine: Optional[str]
-    """`avr` or `python`; None means `avr` if it is available."""
-    duration_s: Optional[float]
-    """None means no limit."""
-
-
 class Run:
-    """The started parts, in order; `stop` ends them, the robot node first."""
+    """The started parts, in order; `stop` ends them, the last first."""
 
     def __init__(self, env: Dict[str, str], logs: Path) -> None:
         self.env = env
@@ -80,34 +62,36 @@ class Run:
         """Signal handler: store the signal; the main loop acts on it."""
         self.signal = self.signal or number
 
-    def start(self, name: str, command: List[str], terminal: bool = False) -> Child:
+    def start(self, name: str, *command: str, terminal: bool = False) -> Child:
         """Start a part; its output goes to the terminal or to a log."""
         log = None if terminal else self.logs / f"{name}.log"
-        child = Child(name, command, log, self.env, ROOT)
-        self._children.append(child)
-        return child
-
-    def forget(self, child: Child) -> None:
-        """Remove a part that has ended as expected."""
-        self._children.remove(child)
+        self._children.append(Child(name, command, log, self.env, ROOT))
+        return self._children[-1]
 
     def check(self) -> None:
-        """Raises Stopped after a signal, and RunError if a part has ended."""
+        """Raises Stopped after a signal, and RunError if a part or a node has ended."""
         if self.signal:
             raise Stopped
         for child in self._children:
             if child.exit_code is not None:
-                raise RunError(child.last_words(), child.exit_code)
+                raise _ended(child)
 
     def stop(self) -> None:
-        """End all parts: first the node, which stops the robot, and the view, which restores the terminal."""
-        for stage in _ENDS:
-            ending = [child for name in stage for child in self._children if child.name == name]
-            for child in ending:
-                child.signal(stage[child.name])
-            for child in ending:
-                child.finish(END_S)
-        end_orphans()
+        """End all parts: first the view, which restores the terminal, then the nodes; the roscore is the last."""
+        for child in reversed(self._children):
+            child.signal(signal.SIGTERM if child.log is None else signal.SIGINT)
+            child.finish(END_S)
+
+
+def _ended(child: Child) -> RunError:
+    """The error for a part that has ended: of a node that roslaunch says has ended, if it says so."""
+    text = "\n".join(child.output())
+    died = _DIED.search(text)
+    if died is None:
+        return RunError(child.last_words(), child.exit_code or 1)
+    code = int(died.group(2))
+    code = 128 - code if code < 0 else code
+    return RunError(child.last_words(text[: died.start()].splitlines(), died.group(1), code), code)
 
 
 def free_port() -> int:
@@ -118,29 +102,17 @@ def free_port() -> int:
 
 
 def environment(logs: Path) -> Dict[str, str]:
-    """The environment of the child processes: their own ROS master, and all addresses on localhost."""
+    """The environment of the child processes: their own ROS master, and all addresses on localhost.
+
+    Each run has the folder of its master's port for its logs.
+    """
+    port = free_port()
     env = {name: value for name, value in os.environ.items() if name != "ROS_HOSTNAME"}
-    env["ROS_MASTER_URI"], env["ROS_IP"] = f"http://{_LOCALHOST}:{free_port()}", _LOCALHOST
-    env.setdefault("ROS_LOG_DIR", str(logs / "ros"))
+    env["ROS_MASTER_URI"], env["ROS_IP"] = f"http://{_LOCALHOST}:{port}", _LOCALHOST
+    env.setdefault("ROS_LOG_DIR", str(logs / str(port)))
+    env["ROS_PACKAGE_PATH"] = os.pathsep.join(filter(None, (str(ROOT), env.get("ROS_PACKAGE_PATH"))))
     env["PYTHONUNBUFFERED"] = "1"
     return env
-
-
-def lock_folder(wanted: Path) -> Tuple[Path, IO[str]]:
-    """A log folder that no other run uses: `wanted`, with a number if necessary.
-
-    Returns the folder and its lock; keep the lock open during the run.
-    """
-    for number in itertools.count(1):
-        folder = wanted if number == 1 else wanted.with_name(f"{wanted.name}-{number}")
-        folder.mkdir(parents=True, exist_ok=True)
-        lock = (folder / "lock").open("w")
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            return folder, lock
-        except BlockingIOError:
-            lock.close()
-    raise AssertionError("unreachable: the numbers do not end")
 
 
 def master_answers(uri: str) -> bool:
@@ -170,104 +142,62 @@ def require_alone(uri: str) -> None:
 
 
 def start_roscore(run: Run) -> None:
-    """Start this run's own roscore."""
-    run.start("roscore", ["roscore", "-p", run.env["ROS_MASTER_URI"].rsplit(":", 1)[1]])
-
-
-def await_roscore(run: Run) -> None:
-    """Wait for the ROS master.
+    """Start this run's own roscore, and wait for it.
 
     Raises:
-        RunError: the master did not start, or it has other nodes.
+        RunError: it did not start, or it has other nodes.
         Stopped: a signal came.
     """
     uri = run.env["ROS_MASTER_URI"]
-    _await(run, lambda: master_answers(uri), ROSCORE_TIMEOUT_S, f"roscore does not answer at {uri}")
+    run.start("roscore", "roscore", "-p", uri.rsplit(":", 1)[1])
+
+    def answers() -> bool:
+        run.check()
+        return master_answers(uri)
+
+    if not wait_until(answers, ROSCORE_TIMEOUT_S):
+        raise RunError(
+            f"roscore does not answer at {uri} within {ROSCORE_TIMEOUT_S:.0f} s; its log is in {run.logs}"
+        )
+    run.check()
     require_alone(uri)
 
 
-def start_simulator(run: Run, robot: str, engine: Optional[str]) -> str:
-    """Start the emulated board and return its port; if `avr` fails, print why and use the Python engine.
-
-    Raises:
-        RunError: the board did not start.
-        Stopped: a signal came.
-    """
-    if engine is None:
-        try:
-            if not IMAGE.exists():
-                raise SimulatorError(f"there is no firmware image {IMAGE.relative_to(ROOT)} (make firmware)")
-            return _serve(run, robot, "avr")
-        except SimulatorError as error:
-            click.echo(f"the board is emulated in Python: {error}")
-    return _serve(run, robot, engine or "python")
-
-
-def _serve(run: Run, robot: str, engine: str) -> str:
-    command = [sys.executable, "-m", "sim_arduino.serve.main", "--robot", robot, "--engine", engine]
-    child = run.start("mrl-sim", command)
-
-    def port() -> str:
-        return next((line.split()[0] for line in child.output() if line.startswith("/dev/")), "")
+def best_engine() -> str:
+    """`avr` if the firmware's image is there and can be run; otherwise `python`, and the reason is printed."""
+    from sim_arduino.avr import native
 
     try:
-        _await(run, lambda: bool(port()), SIMULATOR_TIMEOUT_S, "mrl-sim names no port")
-    except RunError:
-        if child.exit_code == SimulatorError.exit_code:
-            run.forget(child)
-            raise SimulatorError((child.output() or ["mrl-sim has no such engine"])[-1]) from None
-        raise
-    return port()
+        if not IMAGE.exists():
+            raise SimulatorError(f"there is no firmware image {IMAGE.relative_to(ROOT)} (make firmware)")
+        native.load()
+        return "avr"
+    except SimulatorError as error:
+        click.echo(f"the board is emulated in Python: {error}")
+        return "python"
 
 
-def _await(run: Run, condition: Callable[[], bool], timeout_s: float, failure: str) -> None:
-    def settled() -> bool:
-        if condition():
-            return True
-        run.check()
-        return False
-
-    if not wait_until(settled, timeout_s):
-        raise RunError(f"{failure} within {timeout_s:.0f} s; its log is in {run.logs}")
-
-
-def start_node(run: Run, plan: Plan) -> None:
-    """Start the robot node with the system Python."""
-    command = [str(NODES / "robot_node"), f"_port:={plan.port}", f"_robot:={plan.robot or 'auto'}"]
-    run.start("robot_node", command)
-
-
-def start_view(run: Run, plan: Plan, moves: bool) -> Child:
-    """Start the live view; it drives the square only if `moves`."""
-    command = [
-        sys.executable,
-        str(NODES / "demo_view"),
-        f"_square:={'true' if moves else 'false'}",
-        f"_title:='{plan.robot or 'robot'} on {plan.port}'",
-        f"_duration:={plan.duration_s or 0.0}",
-    ]
-    return run.start("demo_view", command, terminal=True)
-
-
-def supervise(run: Run, plan: Plan) -> int:
+def supervise(run: Run, robot: Optional[str], port: str, engine: Optional[str], duration_s: float) -> int:
     """Start all parts, wait until the view ends, and return the exit code.
 
     Raises:
         RunError: a part did not start, or it ended.
         Stopped: a signal came.
     """
-    real = bool(plan.port)
-    board = f"the robot on {plan.port}" if real else f"an emulated {plan.robot or _DEFAULT_ROBOT}"
+    robot = robot or ("auto" if port else _DEFAULT_ROBOT)
+    board = f"the robot on {port}" if port else f"an emulated {robot}"
     click.echo(f"starting the ROS node for {board}; Ctrl-C ends everything")
     start_roscore(run)
-    if not real:
-        plan = plan._replace(robot=plan.robot or _DEFAULT_ROBOT)
-        plan = plan._replace(port=start_simulator(run, plan.robot or "", plan.engine))
-    await_roscore(run)
-    uri = run.env["ROS_MASTER_URI"]
-    click.echo(f"for rostopic, rosbag and rviz in another terminal: export ROS_MASTER_URI={uri}")
-    start_node(run, plan)
-    view = start_view(run, plan, moves=not real)
+    click.echo(
+        f"for rostopic, rosbag and rviz in another terminal: export ROS_MASTER_URI={run.env['ROS_MASTER_URI']}"
+    )
+    emulated = [] if port else [f"engine:={engine or best_engine()}"]
+    link = port or str(run.logs / "robot")
+    launch = str(Path(__file__).with_name("run.launch"))
+    run.start("roslaunch", "roslaunch", launch, f"port:={link}", f"robot:={robot}", *emulated)
+    demo = str(ROOT / "ros1_bridge" / "nodes" / "demo_view")
+    moves, ends = f"_square:={'false' if port else 'true'}", f"_duration:={duration_s}"
+    view = run.start("demo_view", sys.executable, demo, moves, ends, f"_robot:={robot}", terminal=True)
     while view.exit_code != 0:
         run.check()
         time.sleep(_POLL_S)
@@ -288,14 +218,19 @@ def main(
     robot: Optional[str], port: str, engine: Optional[str], duration: Optional[float], logs: Path
 ) -> None:
     """Drive a robot through ROS, an emulated one unless --port names a real one, with a live view."""
-    adopt_orphans()
     try:
-        logs, lock = lock_folder(logs)
-        with lock:
-            run = Run(environment(logs), logs)
-            for number in _SIGNALS:
-                signal.signal(number, run.on_signal)
-            sys.exit(_run_to_end(run, Plan(robot, port, engine, duration)))
+        env = environment(logs)
+        run = Run(env, logs / env["ROS_MASTER_URI"].rsplit(":", 1)[1])
+        for folder in (logs, run.logs):
+            folder.mkdir(parents=True, exist_ok=True)
+        for number in _SIGNALS:
+            signal.signal(number, run.on_signal)
+        try:
+            sys.exit(supervise(run, robot, port, engine, duration or 0.0))
+        except Stopped:
+            sys.exit(128 + (run.signal or 0))
+        finally:
+            run.stop()
     except MrlError as error:
         click.echo(str(error), err=True)
         sys.exit(error.exit_code)
@@ -303,15 +238,6 @@ def main(
         reason = f"{error.filename} cannot be written: {error.strerror}"
         click.echo(f"{reason}; is it another user's? Then: sudo chown -R $USER {logs}", err=True)
         sys.exit(ConfigError.exit_code)
-
-
-def _run_to_end(run: Run, plan: Plan) -> int:
-    try:
-        return supervise(run, plan)
-    except Stopped:
-        return 128 + (run.signal or 0)
-    finally:
-        run.stop()
 
 
 if __name__ == "__main__":

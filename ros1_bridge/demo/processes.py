@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Callable, Dict, List, Optional, Sequence
 
 _PR_SET_PDEATHSIG = 1
-_PR_SET_CHILD_SUBREAPER = 36
 _LIBC = ctypes.CDLL(None, use_errno=True)
 _POLL_S = 0.02
 TAIL_LINES = 6
@@ -80,29 +79,13 @@ class Child:
             return []
         return self.log.read_text(encoding="utf-8", errors="replace").splitlines()
 
-    def last_words(self) -> str:
-        """Name, exit code and last lines of the log."""
-        lines = [line for line in self.output() if line.strip()][-TAIL_LINES:]
-        words = f"{self.name} ended with exit code {self.exit_code}"
-        if not lines:
-            return words
-        return "\n  ".join([f"{words}; the end of {self.log}:", *lines])
-
-
-def adopt_orphans() -> None:
-    """Make this process the parent of grandchildren whose own parent has died; `end_orphans` ends them."""
-    _LIBC.prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
-
-
-def end_orphans(timeout_s: float = 1.0) -> None:
-    """End every remaining child; kill those that take longer than `timeout_s`."""
-    deadline = time.monotonic() + timeout_s
-    while _children():
-        number = signal.SIGTERM if time.monotonic() < deadline else signal.SIGKILL
-        for pid in _children():
-            _signal_quietly(pid, number)
-        _reap()
-        time.sleep(_POLL_S)
+    def last_words(
+        self, lines: Optional[Sequence[str]] = None, name: str = "", exit_code: Optional[int] = None
+    ) -> str:
+        """Name, exit code and the last of `lines`; by default those of the program and its log."""
+        words = f"{name or self.name} ended with exit code {exit_code or self.exit_code}"
+        tail = [line for line in (self.output() if lines is None else lines) if line.strip("= \x1b[0m")]
+        return "\n  ".join([f"{words}; the end of {self.log}:", *tail[-TAIL_LINES:]]) if tail else words
 
 
 def wait_until(condition: Callable[[], bool], timeout_s: float) -> bool:
@@ -122,24 +105,3 @@ def _die_with_parent(parent: int) -> Callable[[], None]:
             os.kill(os.getpid(), signal.SIGTERM)
 
     return prepare
-
-
-def _children() -> List[int]:
-    """Process ids of this process's children, including dead ones."""
-    with open(f"/proc/self/task/{os.getpid()}/children", encoding="ascii") as file:
-        return [int(pid) for pid in file.read().split()]
-
-
-def _signal_quietly(pid: int, number: int) -> None:
-    try:
-        os.kill(pid, number)
-    except ProcessLookupError:
-        pass
-
-
-def _reap() -> None:
-    try:
-        while os.waitpid(-1, os.WNOHANG)[0]:
-            pass
-    except ChildProcessError:
-        pass

@@ -1,15 +1,23 @@
-"""The pure parts of the demonstration: square, keys, trail, text."""
+"""The demonstration without ROS: square, keys, view, text."""
 
+import io
 import math
+import time
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from hypothesis import given
 from hypothesis import strategies as st
+from nav_msgs.msg import Odometry
+from rich.console import Console
+from sensor_msgs.msg import BatteryState, Range
 
+from mrl_driver import geometry
 from mrl_driver.navigation.line_follower import FollowerLimits, Square
+from mrl_driver.terminal.live_view import render
 from mrl_driver.terminal.teleop_keys import ANGULAR_RAD_S, HOLD_S, LINEAR_M_S, Teleop
-from ros1_bridge.demo.braille_path import ARROWS, draw
-from ros1_bridge.demo.report import Recorder, line, range_text, summary
+from ros1_bridge.demo.demo_screen import PATIENCE_S, DemoScreen
+from ros1_bridge.demo.topic_robot import STALE_S, TopicRobot
 
 STEP_S = 0.05
 LAG = 0.4
@@ -81,45 +89,143 @@ def test_space_stops_at_once():
     assert teleop.command(0.1) == (0.0, 0.0)
 
 
-@given(st.lists(st.tuples(st.floats(-100, 100), st.floats(-100, 100)), max_size=20), st.floats(-10, 10))
-def test_trail_fills_its_frame_and_shows_the_robot(points, yaw):
-    lines = draw(points, (0.0, 0.0, yaw), 30, 10)
-    assert [len(text) for text in lines] == [30] * 10
-    assert sum(text.count(arrow) for text in lines for arrow in ARROWS) == 1
+class Demo:
+    """A view and the robot behind it; the published speeds, and time by hand."""
+
+    def __init__(self, monkeypatch, square=False, duration_s=0.0, model="traxbot"):
+        self.now_s = 100.0
+        monkeypatch.setattr(time, "monotonic", lambda: self.now_s)
+        self.published = []
+        self.robot = TopicRobot(lambda *speeds: self.published.append(speeds), lambda: False, model)
+        self.screen = DemoScreen(self.robot, "ROS_MASTER_URI=here", square, duration_s)
+
+    def odometry(self, x=0.0, yaw=0.0, after_s=0.02):
+        self.now_s += after_s
+        message = Odometry()
+        message.pose.pose.position.x = x
+        turn = message.pose.pose.orientation
+        turn.z, turn.w = geometry.quaternion_of(yaw)
+        self.robot.on_odometry(message)
+
+    def steer(self, after_s=0.05):
+        self.now_s += after_s
+        self.screen.steer(self.now_s)
+
+    def drive(self):
+        """Two steps: a course first turns towards its leg."""
+        for _ in range(2):
+            self.odometry()
+            self.steer()
+
+    def press(self, key):
+        self.screen.press(key, self.now_s)
+
+    def picture(self):
+        console = Console(file=io.StringIO(), width=120, height=34, force_terminal=True, color_system=None)
+        console.print(render(self.screen.shown(self.now_s), 120, 34), end="")
+        return console.file.getvalue()
 
 
-def test_arrow_points_where_the_robot_looks():
-    assert any("↑" in text for text in draw([], (0.0, 0.0, math.pi / 2), 10, 5))
+@pytest.fixture
+def demo(monkeypatch):
+    return lambda **options: Demo(monkeypatch, **options)
 
 
-@pytest.mark.parametrize(
-    "value, text", [(1.234, "1.23 m"), (math.inf, "clear"), (-math.inf, "near"), (math.nan, "--")]
-)
-def test_range_in_words(value, text):
-    assert range_text(value) == text
+def test_the_square_is_driven_by_odometry(demo):
+    view = demo(square=True)
+    view.drive()
+    assert view.published[-1][0] > 0
 
 
-def recorded():
-    recorder = Recorder()
+def test_the_square_stops_while_there_is_no_odometry(demo):
+    view = demo(square=True)
+    view.drive()
+    view.steer(after_s=STALE_S)
+    assert view.published[-1] == (0.0, 0.0) and view.robot.command is None
+
+
+def test_a_key_ends_the_square_and_drives(demo):
+    view = demo(square=True)
+    view.press("s")
+    view.steer()
+    assert view.published[-1] == (-LINEAR_M_S, 0.0)
+
+
+@pytest.mark.parametrize("key", ["space", "\n"])
+def test_space_and_enter_end_the_square_with_a_stop(demo, key):
+    view = demo(square=True)
+    view.odometry()
+    view.steer()
+    view.press(key)
+    view.steer()
+    assert view.published[-1] == (0.0, 0.0)
+
+
+def test_r_drives_a_square(demo):
+    view = demo()
+    view.press("r")
+    view.drive()
+    assert view.published[-1][0] > 0
+
+
+def test_nothing_is_published_while_nothing_drives(demo):
+    """Other nodes may drive meanwhile."""
+    view = demo()
+    for _ in range(5):
+        view.odometry()
+        view.steer()
+    assert view.published == []
+
+
+def test_a_run_ends_when_its_time_of_odometry_is_over(demo):
+    view = demo(duration_s=1.0)
+    view.steer(after_s=5.0)
+    view.odometry()
+    view.steer()
+    assert not view.screen.ended
+    view.steer(after_s=1.0)
+    assert view.screen.ended and not view.screen.overdue
+
+
+def test_a_run_without_odometry_ends_as_overdue(demo):
+    view = demo(duration_s=1.0)
+    view.steer(after_s=PATIENCE_S + 1.0)
+    assert view.screen.ended and view.screen.overdue
+
+
+def test_summary_has_pose_distance_frames_and_errors(demo):
+    view = demo()
     for i in range(3):
-        recorder.add_odometry((0.1 * i, 0.0, 0.0), (0.25, 0.0), 10.0 + 0.02 * i)
-    recorder.link = {"Errors": "2"}
-    return recorder.snapshot("square", 10.04)
-
-
-def test_distance_is_the_length_of_the_path():
-    assert recorded().distance_m == pytest.approx(0.2)
-
-
-def test_summary_has_pose_distance_frames_and_errors():
-    text = summary(recorded())
-    assert "x +0.200 m" in text and "distance 0.200 m" in text
+        view.odometry(0.1 * i, 0.5)
+    view.robot.on_diagnostics(link(Errors="2"))
+    text = view.screen.summary()
+    assert "x +0.200 m" in text and "yaw +28.6 deg" in text and "distance 0.200 m" in text
     assert "3 odometry frames" in text and "2 link errors" in text
 
 
-def test_line_is_one_line():
-    assert "\n" not in line(recorded())
+def link(**values):
+    values = {"Device ID": "4", "Firmware Version": "2", "Serial Port": "/dev/ttyACM7", **values}
+    pairs = [KeyValue(key.replace("_", " "), value) for key, value in values.items()]
+    return DiagnosticArray(status=[DiagnosticStatus(name="robot_node: Link", values=pairs)])
 
 
-def test_line_before_the_first_odometry_says_so():
-    assert line(Recorder().snapshot("stopped", 0.0)) == "waiting for odometry"
+def test_the_view_shows_what_the_topics_say(demo):
+    view = demo()
+    view.odometry(1.25)
+    view.robot.on_range(Range(range=0.75), "left")
+    view.robot.on_battery(BatteryState(voltage=8.1, percentage=0.05))
+    view.robot.on_diagnostics(link(Errors="7", Lost_Frames="3"))
+    text = view.picture()
+    for words in ("traxbot 4", "x +1.250", "0.75 m", "8.1 V low", "/dev/ttyACM7", "7, 3 lost", "square", "→"):
+        assert words in text, words
+
+
+def test_the_view_says_that_there_is_no_odometry_yet(demo):
+    assert "NO TELEMETRY yet" in demo().picture()
+
+
+def test_the_boards_id_chooses_the_model(demo):
+    view = demo(model="auto")
+    assert view.robot.model is None
+    view.robot.on_diagnostics(link())
+    assert view.robot.model.name == "stingbot"

@@ -136,7 +136,7 @@ def test_killed_supervisor_leaves_nothing(start):
 def test_part_that_dies_ends_the_run_with_its_code_and_words(start):
     run = start(*PYTHON)
     run.wait_for_odometry()
-    os.kill(run.named("sim_arduino"), signal.SIGKILL)
+    os.kill(run.named("sim_board"), signal.SIGKILL)
     output = run.end()
     assert run.process.returncode in (6, 137)
     assert "ended with exit code" in output
@@ -187,7 +187,7 @@ def test_keys_drive_a_real_robot_and_q_gives_back_the_terminal(start, rig, termi
     shown(user, b" Hz, ")
     since = time.monotonic()
     os.write(user, b"w")
-    shown(user, b"keyboard")
+    shown(user, b"+0.250 m/s")
     wire.wait_for(MOVE, since)
     shown(user, b"stopped")
     os.write(user, b"q")

@@ -44,7 +44,7 @@ def pair(tmp_path_factory, master):
         outputs = [run.end() for run in runs]
         codes = [run.process.returncode for run in runs]
         alive = [run.alive() for run in runs]
-        logs = list(folder.parent.glob("*/robot_node.log"))
+        logs = list(folder.glob("*/roslaunch.log"))
         yield SimpleNamespace(
             uris=uris, nodes=nodes, foreign=foreign, outputs=outputs, codes=codes, alive=alive, logs=logs
         )

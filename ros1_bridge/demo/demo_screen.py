@@ -1,0 +1,73 @@
+"""The live view of the demonstration: also drives a square, and ends after a time.  Imports no ROS."""
+
+import math
+import time
+from typing import Optional
+
+from mrl_driver.navigation.line_follower import Square
+from mrl_driver.terminal.live import Screen, Settings
+from mrl_driver.terminal.state import State
+from mrl_driver.terminal.teleop_keys import Teleop
+
+from .topic_robot import STALE_S, TopicRobot
+
+PATIENCE_S = 20.0
+"""If a duration is set, odometry must begin within this time."""
+
+
+class DemoScreen(Screen):
+    """The view of a robot behind ROS topics.  Keys drive from the start; `r` drives a square.
+
+    While nothing drives it publishes nothing, so that other nodes can drive.
+    """
+
+    keys = (("r", "square"),)
+
+    def __init__(self, robot: TopicRobot, port: str, square: bool, duration_s: float = 0.0) -> None:
+        """`duration_s`: the view ends after that much odometry; 0 means no end."""
+        super().__init__(robot, Settings(port, keys_drive=True), None)
+        self._robot, self._square = robot, Square() if square else None
+        self._duration_s, self._begun_s = duration_s, time.monotonic()
+        self._first_s: Optional[float] = None
+        self.overdue = False
+        """A run with a duration has waited too long for its first odometry."""
+
+    @property
+    def elapsed_s(self) -> float:
+        """Time since the first odometry [s]."""
+        return time.monotonic() - self._first_s if self._first_s is not None else 0.0
+
+    def press(self, key: str, now_s: float) -> None:
+        """Handle a key; a key that drives or stops ends the square."""
+        if key == "r":
+            self._square = Square()
+            return
+        if key in ("space", "\r", "\n") or Teleop.moves(key):
+            self._square = None
+        super().press(key, now_s)
+
+    def steer(self, now_s: float) -> None:
+        """Drive the square or as the keys say; end the run when its time is over."""
+        if self._first_s is None and self.frames:
+            self._first_s = now_s
+        if self._duration_s:
+            self.overdue = not self.frames and now_s > self._begun_s + PATIENCE_S
+            self.ended = self.ended or self.overdue or self.elapsed_s >= self._duration_s
+        if self._square is None:
+            super().steer(now_s)
+        elif self._robot.age_s < STALE_S:
+            self._robot.drive(*self._square.command(self._robot.pose))
+        elif self._robot.command is not None:
+            self._robot.stop()
+
+    def state(self) -> State:
+        """Return the robot's state now."""
+        return self._robot.state()
+
+    def summary(self) -> str:
+        """The last line of a run."""
+        x_m, y_m, yaw_rad = self._robot.pose
+        return (
+            f"ran {self.elapsed_s:.1f} s: pose x {x_m:+.3f} m, y {y_m:+.3f} m, yaw {math.degrees(yaw_rad):+.1f} deg; "
+            f"distance {self.trail.distance_m:.3f} m; {self.frames} odometry frames; {self._robot.errors} link errors"
+        )
