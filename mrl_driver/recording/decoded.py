@@ -5,7 +5,7 @@ Summaries, plots and calibrations read recordings through this module.  Memory d
 
 import math
 from collections import deque
-from typing import Deque, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
+from typing import Deque, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
 from mrl_driver.protocol.codec import REPLIES, REQUESTS, Event, Frame, FrameDecoder
 from mrl_driver.protocol.table import BY_CODE, BY_NAME
@@ -13,7 +13,8 @@ from mrl_driver.robot import models
 from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.robot.odometry import Odometry
 from mrl_driver.robot.omni_odometry import STREAM, OmniOdometry
-from mrl_driver.robot.robot_state import odometry_of
+from mrl_driver.robot.robot_state import has_sonars, odometry_of
+from mrl_driver.session.handshake import capabilities_of
 from mrl_driver.session.link_counters import Counters
 from mrl_driver.session.sequence import Stream
 from mrl_driver.session.session import STALE_S
@@ -28,7 +29,7 @@ after it has read the first such frames.
 """
 _TAIL_BYTES = 4096
 """The first such frame is at most this far from the end of the board's bytes before the remark."""
-_INFO = BY_NAME["robot_info"].code
+_INFO, _PROTOCOL = BY_NAME["robot_info"].code, BY_NAME["read_protocol"].code
 _OMNI = BY_NAME[STREAM].code
 _COUNTS = {
     code
@@ -131,11 +132,22 @@ class RecordedRobot:
         self.model = model
         self.robot_id: Optional[int] = None
         self.version = 2
+        self.capabilities: FrozenSet[str] = frozenset()
         self.odometry: Optional[Odometry] = None
         self.counters = Counters()
         self._stream = Stream(self.counters)
         self._exact = False
         self._heard_s = -math.inf
+
+    @property
+    def has_sonars(self) -> bool:
+        """The board measures ranges, as far as the recording tells."""
+        return self.model is not None and has_sonars(self.model, self.capabilities, self.robot_id)
+
+    @property
+    def sonars_known(self) -> bool:
+        """The recording tells whether the board measures ranges: 2013 boards do not report it."""
+        return bool(self.capabilities) or not self.has_sonars
 
     def begin_again(self) -> None:
         """Handle a remark: other rules, or another port.  The next reading only sets a new baseline."""
@@ -151,6 +163,8 @@ class RecordedRobot:
         )
         if code == _INFO:
             self._on_info(frame)
+        elif code == _PROTOCOL:
+            self.capabilities = capabilities_of(frame.args[1])
         if stamp is not None:
             silent = time_s - self._heard_s >= STALE_S
             self._heard_s = time_s

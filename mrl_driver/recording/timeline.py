@@ -37,6 +37,8 @@ class Timeline(NamedTuple):
     """Time and range [s m] by sonar; NaN for no reading, infinity for nothing in range."""
     battery: List[Tuple[float, float]]
     """Time and voltage [s V]."""
+    sonars_known: bool
+    """The recording tells whether the board has sonars; if not, `ranges` may be other values."""
 
 
 def read(
@@ -74,6 +76,7 @@ def read(
         reader.commands,
         {name: found for name, found in reader.ranges.items() if found},
         reader.battery,
+        robot.sonars_known,
     )
 
 
@@ -125,8 +128,9 @@ class _Reader:
         pose, twist = odometry.pose, odometry.twist
         self.poses.append((time_s, pose.x_m, pose.y_m, pose.yaw_rad))
         self.twists.append((time_s, twist.linear_m_s, twist.angular_rad_s))
-        first = 3 if isinstance(model.drive, OmniDrive) else 2
-        for name, value in zip(NAMES, frame.args[first:] if frame.code in _WITH_SONARS else ()):
+        if frame.code not in _WITH_SONARS or not self.robot.has_sonars:
+            return
+        for name, value in zip(NAMES, frame.args[3 if isinstance(model.drive, OmniDrive) else 2 :]):
             if name in model.sonars:
                 self.ranges[name].append((time_s, range_m(value, self.robot.version)))
 

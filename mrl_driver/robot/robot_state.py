@@ -1,7 +1,7 @@
 """The robot's state: session events go in; pose, speeds, ranges and battery state come out.  No I/O."""
 
 import math
-from typing import Dict, List, NamedTuple, Optional, Tuple, Union
+from typing import Dict, FrozenSet, List, NamedTuple, Optional, Tuple, Union
 
 from mrl_driver.errors import WrongRobot
 from mrl_driver.geometry import Pose
@@ -67,11 +67,9 @@ class RobotState:
     @property
     def has_sonars(self) -> bool:
         """The board measures ranges.  2013 boards do not report it; for them the model and the robot id decide."""
-        if self.model is None or self.info is None or not self.model.sonars:
+        if self.model is None or self.info is None:
             return False
-        if self.info.capabilities:
-            return "sonars" in self.info.capabilities
-        return self.info.robot_id not in SENSOR_BOARD_IDS
+        return has_sonars(self.model, self.info.capabilities, self.info.robot_id)
 
     def admit(self, board: Board) -> Optional[str]:
         """Accept the board, and choose its model if none was given.
@@ -186,6 +184,13 @@ class RobotState:
         self.battery_state = self._monitor.update(board.battery_v, now)
         self.powerless = not self._ignore_battery and self.battery_state in (battery.EMPTY, battery.OFF)
         return [self.info]
+
+
+def has_sonars(model: RobotModel, capabilities: FrozenSet[str], robot_id: Optional[int]) -> bool:
+    """Tell whether a board measures ranges.  2013 boards have no capabilities: model and robot id decide."""
+    if not model.sonars:
+        return False
+    return "sonars" in capabilities if capabilities else robot_id not in SENSOR_BOARD_IDS
 
 
 def odometry_of(model: RobotModel, exact_time: bool) -> Odometry:

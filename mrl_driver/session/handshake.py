@@ -79,6 +79,11 @@ def board_of(args: Tuple[int, ...]) -> Board:
     return Board(robot_id, version, motor_board / 100, battery / 100, temperature / 100)
 
 
+def capabilities_of(bits: int) -> FrozenSet[str]:
+    """Return the names of the capabilities in a `read_protocol` reply."""
+    return frozenset(name for i, (name, _) in enumerate(CAPABILITIES) if bits >> i & 1)
+
+
 def are_alike(one: Board, other: Board) -> bool:
     """Tell whether both answers can come from the same board within a short time."""
     return (
@@ -301,8 +306,7 @@ class Handshake:
                 f"the board speaks protocol {protocol}, this driver {PROTOCOL_VERSION}: update the older "
                 "one (the board with: mrl flash --port PORT)"
             )
-        names = frozenset(name for i, (name, _) in enumerate(CAPABILITIES) if bits >> i & 1)
-        self.board = self.board._replace(protocol=protocol, capabilities=names)
+        self.board = self.board._replace(protocol=protocol, capabilities=capabilities_of(bits))
 
     def _next(self, now: float) -> None:
         """Go to the next request that gets an answer; send those before it that get none."""

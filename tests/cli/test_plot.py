@@ -7,8 +7,10 @@ import math
 import pytest
 
 from mrl_driver.protocol.codec import Stamp, encode_reply, encode_request
+from mrl_driver.protocol.table import CAPABILITIES
 from mrl_driver.recording import timeline
 from mrl_driver.recording.recording import Recording
+from mrl_driver.robot import models
 
 from .run import fails, mrl
 
@@ -63,6 +65,53 @@ def test_sequence_and_time_of_counts_are_not_ranges(recorded):
         frame = encode_reply(6, 5714, 5714, stamp=Stamp(101, 31600), checked=True)
         file.write(entry(3.1, "<", frame))
     assert timeline.read(Recording(str(recorded))).ranges == before
+
+
+def record(path, *greeting):
+    """A recording of a board that greets with these replies, and then sends counts and three more values."""
+    frames = [*greeting, *(encode_reply(8, i, i, 100, 200, 645) for i in range(3))]
+    lines = [entry(0.01 * i, "<", frame) for i, frame in enumerate(frames)]
+    path.write_text("#mrl-recording 1 {}\n" + "".join(lines))
+    return Recording(str(path))
+
+
+def bits(*names):
+    return sum(1 << i for i, (name, _) in enumerate(CAPABILITIES) if name in names)
+
+
+def test_values_of_a_board_that_says_it_has_no_sonars_are_not_ranges(tmp_path):
+    greeting = encode_reply(5, 2500, 172, 1200, 2, 1), encode_reply(29, 2, bits("environment", "period"))
+    found = timeline.read(record(tmp_path / "a.mrl", *greeting))
+    assert found.ranges == {} and found.sonars_known
+
+
+def test_values_of_a_2013_board_whose_id_has_environment_sensors_are_not_ranges(tmp_path):
+    found = timeline.read(
+        record(tmp_path / "a.mrl", encode_reply(5, 2500, 172, 1200, 1, 7)), models.load("traxbot")
+    )
+    assert found.ranges == {} and found.sonars_known
+
+
+def test_sonars_of_a_board_that_tells_of_them_are_known(tmp_path):
+    greeting = encode_reply(5, 2500, 172, 1200, 2, 1), encode_reply(29, 2, bits("sonars"))
+    found = timeline.read(record(tmp_path / "a.mrl", *greeting))
+    assert set(found.ranges) == {"front", "left", "right"} and found.sonars_known
+
+
+@pytest.mark.parametrize(
+    "greeting", [[], [encode_reply(5, 2500, 172, 1200, 1, 1)]], ids=["without-greeting", "2013"]
+)
+def test_ranges_that_may_be_other_values_are_drawn_with_a_warning(tmp_path, greeting):
+    record(tmp_path / "a.mrl", *greeting)
+    done = mrl("plot", tmp_path / "a.mrl", "--robot", "traxbot")
+    assert done.stderr.count("\n") == 1
+    assert "a.mrl does not say whether the board has sonars" in done.stderr
+    assert "build: environment" in done.stderr
+
+
+def test_without_ranges_there_is_no_warning_of_them(tmp_path):
+    record(tmp_path / "a.mrl", encode_reply(5, 2500, 172, 1200, 1, 1))
+    assert mrl("plot", tmp_path / "a.mrl", "--part", "speeds").stderr == ""
 
 
 def test_a_port_that_was_opened_again_moves_nothing(recorded):

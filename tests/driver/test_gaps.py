@@ -97,8 +97,8 @@ def test_a_board_that_restarts_in_a_long_silence_loses_what_the_wheels_coast_unt
     talk.board.mute = False
     talk.board.reset(talk.now)
     talk.until(lambda: len(talk.seen(Ready)) == 2).run(0.2)
-    notices = [notice for event in talk.events for notice in state.digest(event, talk.now)]
-    lost = [value for _, value in notices if isinstance(value, WayLost)]
+    events = [found for event in talk.events for found in state.digest(event, talk.now)]
+    lost = [event for event in events if isinstance(event, WayLost)]
     assert len(lost) == 1 and lost[0].gap_s > 5.0
     coast_s = DEFAULTS.watchdog_ms / 1000 + STOPPING_S
     assert lost[0].way_m == pytest.approx(state.model.limits.linear_m_s * coast_s)

@@ -10,7 +10,7 @@ from mrl_driver.recording.recording import Recording
 from mrl_driver.robot import models
 
 from .progress import progress
-from .shared import complete_robot, json_option, print_json
+from .shared import complete_robot, json_option, print_json, print_message
 
 
 @click.command(short_help="Draw a recording: path, speeds, ranges, battery.")
@@ -56,6 +56,11 @@ def plot(file: str, output: Optional[str], parts: Tuple[str, ...], robot: str, a
     with progress(f"reading {os.path.basename(file)}", 1.0) as advance:
         found = timeline.read(recording, None if name == "auto" else models.load(name), advance)
     plots.draw(found, picture, parts or plots.PARTS)
+    if found.ranges and not found.sonars_known and {"path", "ranges"} & set(parts or plots.PARTS):
+        print_message(
+            f"warning: {file} does not say whether the board has sonars; if it has environment sensors, the ranges "
+            "are false: give --robot a model file with build: environment"
+        )
     path_length_m = round(timeline.path_length_m(found), 3)
     if as_json:
         print_json(
