@@ -1,5 +1,6 @@
 """A bench for nodes: emulated boards and nodes as processes, a tap on the wire, topics as lists."""
 
+import contextlib
 import itertools
 import os
 import pty
@@ -12,7 +13,9 @@ import time
 import tty
 from pathlib import Path
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+from xmlrpc.client import ServerProxy
 
+import rosgraph
 import rospy
 
 from ros1_bridge.demo.processes import Child
@@ -131,12 +134,29 @@ class Topic:
         return self.wait(begin + count)[begin:]
 
     def wait_for_publisher(self) -> None:
-        """Wait until somebody publishes it."""
-        wait_until(lambda: self._subscriber.get_num_connections() > 0, what="a publisher")
+        """Wait until a node that publishes it has us among its subscribers: what it says from now on arrives."""
+        wait_until(self._served, step_s=0.02, what=f"a publisher of {self._subscriber.name}")
+
+    def _served(self) -> bool:
+        """Our own end counts as connected before the other one knows of it, so the publishers are asked."""
+        name, master = self._subscriber.name, rosgraph.Master(rospy.get_name())
+        nodes = dict(master.getSystemState()[0]).get(name, [])
+        with contextlib.suppress(OSError, rosgraph.MasterException):  # a node that has ended
+            links = [link for node in nodes for link in _links(master.lookupNode(node))]
+            return any(
+                (peer, way, topic) == (rospy.get_name(), "o", name) for _, peer, way, _, topic, *_ in links
+            )
+        return False
 
     def close(self) -> None:
         """Unsubscribe."""
         self._subscriber.unregister()
+
+
+def _links(node_uri: str) -> List[List[Any]]:
+    """The connections of a node: number, peer, direction, transport, topic."""
+    answer: Any = ServerProxy(node_uri).getBusInfo(rospy.get_name())
+    return list(answer[2])
 
 
 def end(child: Child) -> None:
