@@ -15,6 +15,12 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = tuple(f"{ROOT / name}/" for name in ("mrl_driver", "ros1_bridge"))
 
 
+DUE = (
+    "mrl_driver/session/session.py:tick",
+    "mrl_driver/driver/robot_core.py:limit_again",
+    "mrl_driver/driver/robot_core.py:_check_wheels",
+)
+"""Calls for what falls due with some frames: requests and repeats, a step of the ramp, a comparison of the wheels."""
 PARTS = {"Pose", "Command"}
 """A field of the telemetry, and a row of the command table: neither is a value on its way."""
 
@@ -89,8 +95,10 @@ class CallLists:
             self.steps.append(Step(tuple(calls), tuple(sorted(values - PARTS))))
 
     def steady(self, *contains: str) -> Step:
-        """The most frequent step that has all these calls."""
-        steps = [step for step in self.steps if set(contains) <= set(step.calls)]
+        """The most frequent step that has all these calls, with nothing due."""
+        steps = [
+            step for step in self.steps if set(contains) <= set(step.calls) and not set(DUE) & set(step.calls)
+        ]
         assert steps, (
             f"no step with {contains} in {Counter(step.calls for step in self.steps).most_common(3)}"
         )

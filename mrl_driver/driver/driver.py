@@ -708,7 +708,9 @@ class Driver:
             if wake:
                 core.due_s = due_s
             if session.out and not self._writing:
-                data = session.take()
+                data = bytes(session.out)
+                session.out.clear()
+                session.counters.bytes_out += len(data)
                 self._writing = link is not None
         if link is None:
             return

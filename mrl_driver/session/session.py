@@ -118,7 +118,7 @@ class Session:
         return self._decoder.checked
 
     def take(self) -> bytes:
-        """Return the bytes to send now, and forget them."""
+        """Return the bytes to send now, and forget them; `Driver` does the same without this call."""
         if not self.out:
             return b""
         data = bytes(self.out)

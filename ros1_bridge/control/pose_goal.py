@@ -1,16 +1,16 @@
 """The command `pose`: drives to a pose given in the odom frame or in the robot's own frame.  Imports no ROS."""
 
 import math
-import threading
-from typing import Any, Mapping, Optional
+from typing import Any, Mapping, Optional, Sequence, Tuple
 
 from mrl_driver.geometry import Pose
+from mrl_driver.lock_order import new_lock
 from mrl_driver.navigation.goal_seeker import GoalSeeker
-from mrl_driver.robot.models import Limits, SonarMount
+from mrl_driver.robot.models import SonarMount
 from mrl_driver.robot.robot_state import Telemetry
 from ros1_bridge.node.plane_poses import planar
 
-from .speed_limiter import Commander
+from .commander import Commander
 
 STEP_S = 0.05
 """The speeds are computed again after this time, or with each frame if frames come more slowly."""
@@ -27,7 +27,7 @@ class PoseGoal:
         """`sonars`: mounting pose of each sonar, by name."""
         self._sonars = sonars
         self._commander, self._odom, self._base = commander, odom_frame, base_frame
-        self._lock = threading.Lock()
+        self._lock = new_lock("pose goal")
         self._goal: Optional[Pose] = None
         self._seeker: Optional[GoalSeeker] = None
         self._due_s = -math.inf
@@ -70,29 +70,41 @@ class PoseGoal:
         if self._goal is None or telemetry.arrival_s < self._due_s:
             return ""
         with self._lock:
-            return self._step(self._goal, telemetry.pose, telemetry.ranges, telemetry.arrival_s)
+            goal = self._goal
+            if goal is None:
+                return ""
+            if self._seeker is not None and self._commander.dropped:
+                self._end()
+                return f"{BLOCKED}: the robot was stopped ({self._commander.stopped_by})"
+            speeds, end = self._step(goal, telemetry.pose, telemetry.ranges, telemetry.arrival_s)
+        # The driver writes without this lock, so that `cancel` never waits for the port.
+        if speeds is None:
+            self._commander.stop()
+        elif not self._commander.drive(*speeds):
+            with self._lock:
+                if self._goal is goal:
+                    self._end()
+            return f"the pose is given up: {self._commander.refusal()}"
+        elif self._goal is not goal:
+            self._commander.stop()  # cancelled meanwhile: these speeds must not stay in force
+        return end
 
-    def _step(self, goal: Optional[Pose], pose: Pose, ranges: Mapping[str, float], now: float) -> str:
-        if goal is None:
-            return ""
-        if self._seeker is not None and self._commander.dropped:
-            self._end()
-            return f"{BLOCKED}: the robot was stopped ({self._commander.stopped_by})"
+    def _step(
+        self, goal: Pose, pose: Pose, ranges: Mapping[str, float], now: float
+    ) -> Tuple[Optional[Sequence[float]], str]:
+        """Return the speeds, or None and how the drive to the pose ended."""
         self._due_s = now + STEP_S
-        limits = self._commander.limits
         if self._seeker is None:
-            free = Limits(limits.linear_m_s, limits.angular_rad_s, math.inf, math.inf)
+            free = self._commander.limits._replace(
+                linear_acceleration_m_s2=math.inf, angular_acceleration_rad_s2=math.inf
+            )
             self._seeker = GoalSeeker(goal, free, now, self._sonars)
         speeds = self._seeker.command(pose, ranges, now)
-        if self._seeker.reached or self._seeker.blocked:
-            end = REACHED if self._seeker.reached else f"{BLOCKED}: {self._seeker.why}"
-            self._end()
-            self._commander.stop()
-            return end
-        if not self._commander.drive(*speeds):
-            self._end()
-            return f"the pose is given up: {self._commander.refusal()}"
-        return ""
+        if not (self._seeker.reached or self._seeker.blocked):
+            return speeds, ""
+        end = REACHED if self._seeker.reached else f"{BLOCKED}: {self._seeker.why}"
+        self._end()
+        return None, end
 
     def _end(self) -> None:
         self._goal = self._seeker = None

@@ -4,7 +4,9 @@ The driver's reading thread publishes telemetry.  A command goes to the port on 
 README of this package lists topics, services and parameters.
 """
 
+import contextlib
 import gc
+import math
 import signal
 import sys
 import threading
@@ -21,15 +23,15 @@ from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 from mrl_driver.driver import Driver, Telemetry
 from mrl_driver.driver.options import Options
-from mrl_driver.errors import LinkLost, MrlError
+from mrl_driver.errors import FrameError, LinkLost, MrlError
 from mrl_driver.robot.battery import EMPTY, LOW, OFF
 from mrl_driver.robot.models import Limits, OmniDrive, RobotModel
 from mrl_driver.session.events import Reply, WayLost
 from mrl_driver.session.handshake import Board
 from mrl_driver.transport.reconnect import may_be_there
+from ros1_bridge.control.commander import ZONE, Commander, lowered
 from ros1_bridge.control.laser_mount import MountFinder
 from ros1_bridge.control.pose_goal import PoseGoal
-from ros1_bridge.control.speed_limiter import NOT_FINITE, ZONE, Commander, lowered
 from ros1_bridge.control.zone_feed import ZoneWatch
 from ros1_bridge.node.master_watch import MasterWatch, await_master
 from ros1_bridge.node.robot_parameters import GROUPS, Parameters, check, zone_sensors
@@ -57,7 +59,7 @@ LOG = {OK: rospy.loginfo, WARN: rospy.logwarn, ERROR: rospy.logerr}
 
 
 def driver_options(parameters: Parameters) -> Options:
-    """The driver's options.  The driver also gets the command timeout, in case the node is stuck."""
+    """The driver's options.  The driver owns the command timeout, so that it also works while the node is stuck."""
     return Options(
         period_ms=round(1000 / parameters.rate),
         command_timeout_s=parameters.cmd_vel_timeout,
@@ -80,7 +82,7 @@ class RobotNode:
         self._driver = Driver(parameters.port, parameters.robot, parameters.baud, driver_options(parameters))
         self._battery_state = ""
         self._sideways = False
-        self._tell_s = 0.0
+        self._seeks = False
         self._news = News()
         self._held = False
 
@@ -121,7 +123,8 @@ class RobotNode:
             parameters.max_linear_acceleration,
             parameters.max_angular_acceleration,
         )
-        self._commander = Commander(driver, limits, parameters.cmd_vel_timeout)
+        driver.limits = limits
+        self._commander = Commander(driver)
         self._pose_goal = PoseGoal(
             self._commander, parameters.odom_frame, parameters.base_frame, model.sonars
         )
@@ -138,11 +141,7 @@ class RobotNode:
         self._status = StatusTeller(
             self._commander, self._publishers.status, rospy.get_name(), self._hardware_id(board)
         )
-        driver.on_telemetry(self._on_telemetry)
-        driver.on_battery(self._on_battery)
-        driver.on_event(self._on_event)
-        if parameters.has("sensors"):
-            self._offer_sensors(board)
+        self._listen(board)
         self._offer_services()
         if parameters.has("commands"):
             self._take_commands()
@@ -155,11 +154,22 @@ class RobotNode:
             f"battery {board.battery_v:.1f} V"
         )
 
+    def _listen(self, board: Board) -> None:
+        """Let the driver call this node, first the publishers."""
+        driver = self._driver
+        driver.on_telemetry(self._publishers.telemetry)
+        if self._zones is not None:
+            driver.on_telemetry(self._on_zone_readings)
+        driver.on_battery(self._on_battery)
+        driver.on_event(self._on_event)
+        if self._parameters.has("sensors"):
+            self._offer_sensors(board)
+
     def _watch_zones(self, model: RobotModel, has_sonars: bool) -> None:
         self._zones: Optional[ZoneWatch] = None
         if self._parameters.zones != "none":
             self._zones = ZoneWatch(self._parameters, model, has_sonars)
-            self._commander.zones = self._zones.zones
+            self._commander.watch(self._zones.zones)
         self._sideways = isinstance(model.drive, OmniDrive)
 
     def _take_commands(self) -> None:
@@ -223,9 +233,13 @@ class RobotNode:
             updater = diagnostic_updater.Updater()
             updater.setHardwareID(self._hardware_id(board))
             Diagnostics(self._driver, self._commander, self._parameters).add_to(updater)
-        master = MasterWatch(rosgraph.get_master_uri())
-        while not self._driver.wait(DIAGNOSTICS_S):
+        master, due_s = MasterWatch(rosgraph.get_master_uri()), time.monotonic()
+        while not self._driver.wait(STATUS_S):
             self._status.tell()
+            self._tell_zone()
+            if time.monotonic() < due_s:
+                continue
+            due_s = time.monotonic() + DIAGNOSTICS_S
             words = master.look()
             if words:
                 rospy.logerr(words)
@@ -237,22 +251,18 @@ class RobotNode:
 
     # -- callbacks of the driver, on its reading thread
 
-    def _on_telemetry(self, telemetry: Telemetry) -> None:
-        self._publishers.telemetry(telemetry)
-        try:
-            if self._zones is not None:
-                self._zones.on_telemetry(telemetry, self._driver.command is None)
-            if self._commander.seeking:
-                ended = self._pose_goal.on_telemetry(telemetry)
-                if ended:
-                    rospy.loginfo(ended)
-            self._commander.tick()
-        except MrlError:
-            return  # the driver stores the error, and the main thread reports it
-        if telemetry.arrival_s >= self._tell_s:
-            self._tell_s = telemetry.arrival_s + STATUS_S
-            self._status.tell()
-            self._tell_zone()
+    def _on_zone_readings(self, telemetry: Telemetry) -> None:
+        """After the publishers: let the zones see the frame, and limit the command in force again."""
+        assert self._zones is not None
+        self._zones.on_telemetry(telemetry, self._driver.command is None)
+        with contextlib.suppress(MrlError):  # the driver stores the error, and the main thread reports it
+            self._driver.limit_again()
+
+    def _on_goal_step(self, telemetry: Telemetry) -> None:
+        with contextlib.suppress(MrlError):
+            ended = self._pose_goal.on_telemetry(telemetry)
+            if ended:
+                rospy.loginfo(ended)
 
     def _tell_zone(self) -> None:
         """Log once each time that a zone stops the robot."""
@@ -294,14 +304,46 @@ class RobotNode:
     # -- callbacks of ROS
 
     def _on_cmd_vel(self, message: Twist) -> None:
+        linear, angular, commander = message.linear, message.angular, self._commander
+        forward_m_s = linear.x
+        if linear.z or angular.x or angular.y or (linear.y and not self._sideways):
+            forward_m_s += self._ignore_axes(message)
+        if commander.seeking:
+            self._pose_goal.cancel()
         try:
-            self._command(message)
+            if self._sideways:
+                taken = commander.drive(forward_m_s, angular.z, linear.y)
+            else:
+                taken = commander.drive(forward_m_s, angular.z)
+        except FrameError:  # the driver has stopped the robot
+            words = messages.field_not_finite(message)
+            rospy.logwarn_throttle(WARN_EVERY_S, f"{words}; the robot was stopped")
         except MrlError:
             return
+        else:
+            if not taken:
+                rospy.logwarn_throttle(WARN_EVERY_S, f"cmd_vel refused: {commander.refusal()}")
+
+    def _ignore_axes(self, message: Twist) -> float:
+        """Warn of fields that the drive cannot follow.
+
+        Return 0, or NaN if one of them is not finite, which makes the command not finite for the driver.
+        """
+        if messages.field_not_finite(message):
+            return math.nan
+        unused = messages.unused_axes(message, self._sideways)
+        followed = "linear.x, linear.y and angular.z" if self._sideways else "linear.x and angular.z"
+        rospy.logwarn_throttle(
+            WARN_EVERY_S, f"cmd_vel {', '.join(unused)} ignored: the robot follows {followed} alone"
+        )
+        return 0.0
 
     def _on_pose(self, message: PoseStamped) -> None:
         try:
             self._pose_goal.start(message, self._driver.pose)
+            if not self._seeks:
+                self._seeks = True
+                self._driver.on_telemetry(self._on_goal_step)
         except ValueError as error:
             rospy.logwarn(f"pose refused: {error}")
 
@@ -311,24 +353,6 @@ class RobotNode:
             rospy.logwarn_throttle(WARN_EVERY_S, f"scan not used: {self._finder.trouble}")
         elif self._zones is not None:
             self._zones.on_scan(message, mount, time.monotonic())
-
-    def _command(self, message: Twist) -> None:
-        self._pose_goal.cancel()
-        try:
-            linear_m_s, angular_rad_s = messages.read_twist(message)
-        except ValueError as error:
-            self._commander.stop(NOT_FINITE)
-            rospy.logwarn_throttle(WARN_EVERY_S, f"{error}; the robot was stopped")
-            return
-        unused = messages.unused_axes(message, self._sideways)
-        if unused:
-            followed = "linear.x, linear.y and angular.z" if self._sideways else "linear.x and angular.z"
-            rospy.logwarn_throttle(
-                WARN_EVERY_S, f"cmd_vel {', '.join(unused)} ignored: the robot follows {followed} alone"
-            )
-        lateral_m_s = (message.linear.y,) if self._sideways else ()
-        if not self._commander.drive(linear_m_s, angular_rad_s, *lateral_m_s):
-            rospy.logwarn_throttle(WARN_EVERY_S, f"cmd_vel refused: {self._commander.refusal()}")
 
     def _on_radio(self, message: KeyValue) -> None:
         try:

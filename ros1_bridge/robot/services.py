@@ -5,7 +5,7 @@ from typing import Any, Callable, Tuple
 
 from mrl_driver.errors import MrlError
 from mrl_driver.protocol.table import BY_NAME
-from ros1_bridge.control.speed_limiter import Commander
+from ros1_bridge.control.commander import Commander
 
 Answer = Tuple[bool, str]
 STILL_M_S, STILL_RAD_S = 0.005, 0.02

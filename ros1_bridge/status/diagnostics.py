@@ -4,7 +4,7 @@ from typing import Any, Dict
 
 from mrl_driver.driver import Driver
 from mrl_driver.transport.baud_rates import FAST_BAUD
-from ros1_bridge.control.speed_limiter import Commander
+from ros1_bridge.control.commander import Commander
 from ros1_bridge.node.robot_parameters import Parameters
 
 from . import link_report, robot_status

@@ -1,12 +1,12 @@
 """The state of the robot as `status` and as diagnostics: levels, messages, keys and values.  Pure."""
 
-import threading
 from typing import Any, Callable, Dict, Optional, Tuple
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
+from mrl_driver.lock_order import new_lock
 from mrl_driver.session.events import MAY_MOVE, Status
-from ros1_bridge.control.speed_limiter import (
+from ros1_bridge.control.commander import (
     ADRIFT,
     BATTERY,
     DISABLED,
@@ -45,7 +45,7 @@ class StatusTeller:
     ) -> None:
         self._commander, self._publish = commander, publish
         self._name, self._hardware_id = f"{node_name}: status", hardware_id
-        self._lock = threading.Lock()
+        self._lock = new_lock("status")
         self._told: Optional[State] = None
 
     def tell(self) -> None:

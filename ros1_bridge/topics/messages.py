@@ -109,24 +109,14 @@ def fill_battery(message: BatteryState, stamp: Time, voltage_v: float, battery: 
     )
 
 
-def read_twist(message: Twist) -> Tuple[float, float]:
-    """Forward speed [m/s] and yaw rate [rad/s] of a command.
-
-    Raises:
-        ValueError: one of the six fields is NaN or infinite; the message names it.
-    """
-    linear, angular = message.linear, message.angular
-    if not math.isfinite(linear.x + linear.y + linear.z + angular.x + angular.y + angular.z):
-        _require_finite(message)
-    return linear.x, angular.z
-
-
-def _require_finite(message: Twist) -> None:
+def field_not_finite(message: Twist) -> str:
+    """Say which of the six fields of a command is NaN or infinite; empty if none is."""
     for part in ("linear", "angular"):
         for axis in "xyz":
             value = getattr(getattr(message, part), axis)
             if not math.isfinite(value):
-                raise ValueError(f"cmd_vel {part}.{axis} is {value}, expected a finite number")
+                return f"cmd_vel {part}.{axis} is {value}, expected a finite number"
+    return ""
 
 
 def unused_axes(message: Twist, sideways: bool = False) -> Tuple[str, ...]:

@@ -12,7 +12,6 @@ from sensor_msgs.msg import BatteryState, JointState, Range, Temperature
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.driver import Telemetry
-from mrl_driver.geometry import quaternion_of
 from mrl_driver.robot.covariance import uncertainty_of
 from mrl_driver.robot.kinematics import Planar, kinematics_of
 from mrl_driver.robot.models import OmniDrive, RobotModel
@@ -23,8 +22,11 @@ from ros1_bridge.node.tf_names import JOINTS, OMNI_JOINTS
 from . import messages
 from .fast_publisher import Fast, direct_publisher
 from .serialized_odometry import PackedOdometry, PackedOmniOdometry, PackedTransform
-from .stamps import Stamps
 
+STEP_S = 1e-6
+"""Smallest difference of two stamps; four times the resolution of a float with today's time in seconds."""
+JUMP_S = 1.0
+"""If the clock goes back further than this, it was set on purpose, and the stamps follow it."""
 LATCHED = {"battery": BatteryState, "board_temperature": Temperature, "status": DiagnosticStatus}
 
 
@@ -51,29 +53,30 @@ class Publishers:
         parameters: Parameters,
         model: RobotModel,
         clock: Callable[[], float] = time.time,
+        monotonic: Callable[[], float] = time.monotonic,
     ) -> None:
-        """`lost`: rospy's exception for a broken connection; `clock`: the clock of the stamps [s]."""
+        """`lost`: rospy's exception for a broken connection; `clock`: the clock of the stamps [s]; `monotonic`: that of
+        the telemetry [s].
+        """
         odom, base = parameters.odom_frame, parameters.base_frame
         self._class, self._lost = publisher_class, lost
         self._model, self._parameters = model, parameters
-        self._stamps, self._stamp, self._clock = Stamps(), Time(), clock
+        self._stamp, self._clock, self._monotonic = Time(), clock, monotonic
+        self._least_s = 0.0
         self.covariance = uncertainty_of(model)
         omni = isinstance(model.drive, OmniDrive)
         packed = PackedOmniOdometry if omni else PackedOdometry
         self._odometry, self._odometry_out = packed(odom, base), self._way("odom", Odometry)
         self._transform = PackedTransform(odom, base)
         self._transform_out = self._way("/tf", TFMessage) if parameters.publish_tf else None
-        self._joints, self._joints_out = (
-            messages.new_joints(OMNI_JOINTS if omni else JOINTS),
-            self._way("joint_states", JointState),
-        )
+        self._joints = messages.new_joints(OMNI_JOINTS if omni else JOINTS)
+        self._joints_out = self._way("joint_states", JointState)
         counts_a_turn = model.board["gearbox"] / 10 * model.board["encoder_counts"] / 10
         self._rad_per_count = 2 * math.pi / counts_a_turn
         self._rad_per_m = self._rad_per_count / model.drive.metres_per_count
         self._kinematics = kinematics_of(model.drive)
-        self._order = (
-            (2, 0, 1) if omni else (0, 1)
-        )  # joints are right, left, rear; the motors left, rear, right
+        # joints are right, left, rear; the motors left, rear, right
+        self._order = (2, 0, 1) if omni else (0, 1)
         self._ranges = {name: messages.new_range(base, name) for name in model.sonars}
         self._ranges_out: Dict[str, Fast] = {}
         self._battery = messages.new_battery(base, model.battery)
@@ -102,8 +105,13 @@ class Publishers:
     def telemetry(self, telemetry: Telemetry) -> None:
         """Publish pose, twist, wheels, and the sonars with a new reading."""
         stamp_s, _, (x_m, y_m, yaw_rad), twist, _, fresh, counts, _ = telemetry
-        secs, nsecs = self._stamps.next(stamp_s, time.monotonic(), self._clock())
-        z, w = quaternion_of(yaw_rad)
+        wall_s = max(0.0, self._clock() - self._monotonic() + stamp_s)  # simulated time begins at 0
+        if self._least_s - JUMP_S < wall_s < self._least_s:
+            wall_s = self._least_s
+        self._least_s = wall_s + STEP_S
+        secs = int(wall_s)
+        nsecs = int((wall_s - secs) * 1e9)
+        z, w = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)  # as `geometry.quaternion_of`, without a call
         self.covariance.update(counts, z, w)
         out = self._odometry_out
         if out.impl.connections:

@@ -7,7 +7,15 @@ array without a fixed length, starts with its length (uint32).  TCPROS puts the 
 import struct
 from typing import List, Sequence
 
-from .message_covariance import Unknowns, pose_matrix, twist_matrix, twist_variances
+from .message_covariance import (
+    SPEED_SHARE,
+    STILL_M2_S2,
+    STILL_RAD2_S2,
+    Unknowns,
+    pose_matrix,
+    twist_matrix,
+    twist_variances,
+)
 
 _PLANAR = "2d24x2d"
 """x, y; then z and the rotation's x, y, all zero; then the rotation's z, w."""
@@ -48,7 +56,8 @@ class PackedOdometry:
         """
         xx, xy, xt, yy, yt, tt = unknowns
         linear, angular = twist
-        along, turning = twist_variances(linear, angular)
+        along = STILL_M2_S2 + (SPEED_SHARE * linear) ** 2  # as `twist_variances`, without a call
+        turning = STILL_RAD2_S2 + (SPEED_SHARE * angular) ** 2
         return self._pack(
             self._size, sequence, secs, nsecs, self._names, x_m, y_m, half_sin, half_cos,
             xx, xy, xt, xy, yy, yt, self._axes, xt, yt, tt,

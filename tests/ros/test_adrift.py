@@ -6,7 +6,7 @@ import pytest
 
 from mrl_driver.robot import models
 from mrl_driver.session.events import MAY_MOVE, WAITS, Stale
-from ros1_bridge.control import speed_limiter as module
+from ros1_bridge.control import commander as module
 from ros1_bridge.status import robot_status
 from ros1_bridge.status.link_report import ERROR, News
 from ros1_bridge.status.robot_status import StatusTeller
@@ -15,7 +15,7 @@ from ros1_bridge.status.robot_status import StatusTeller
 def cut_off(may_be_moving):
     """A commander whose driver has lost a board."""
     driver = SimpleNamespace(ready=False, may_be_moving=may_be_moving, command=None, stop_reason="stale")
-    return module.Commander(driver, None, 0.5)
+    return module.Commander(driver)
 
 
 def values_of(commander):

@@ -1,4 +1,4 @@
-"""What keeps the commander's and the zones' state whole: one caller at a time, and each cause of a standstill told."""
+"""What keeps the zones' state whole: one caller at a time; and each cause of a standstill that the commander tells."""
 
 import threading
 from types import SimpleNamespace
@@ -7,11 +7,9 @@ import pytest
 
 from mrl_driver.navigation.protective_zones import Scan, Zones, ZoneSettings
 from mrl_driver.robot import models
-from mrl_driver.robot.models import Limits
-from ros1_bridge.control import speed_limiter as module
-from ros1_bridge.control.speed_limiter import Commander, scaled
+from ros1_bridge.control import commander as module
+from ros1_bridge.control.commander import Commander
 
-LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
 ENTERED_S = 0.1
 """A call that need not wait is over long before."""
 
@@ -35,43 +33,17 @@ class Intruder:
 
 
 class Driver:
-    """Lets the intruder in while it is busy with a command."""
+    """Does as it is told."""
 
     def __init__(self):
         self.command, self.ready, self.battery_state, self.mismatch = None, True, "ok", None
         self.stop_reason = "none"
-        self.intruder = None
 
-    def drive(self, *speeds):
-        if self.intruder is not None:
-            self.intruder.enter()
-        self.command = speeds
-        return True
+    def inhibit(self, reason):
+        self.command = None
 
     def stop(self):
         self.command = None
-
-
-@pytest.mark.parametrize(
-    "call",
-    [
-        lambda commander: commander.drive(0.1, 0.0),
-        lambda commander: commander.tick(),
-        lambda commander: commander.stop(),
-        lambda commander: commander.latch(),
-        lambda commander: commander.release(),
-        lambda commander: commander.enable(False),
-        lambda commander: commander.dropped,
-    ],
-    ids=["drive", "tick", "stop", "latch", "release", "enable", "dropped"],
-)
-def test_commander_serves_one_caller_at_a_time(call):
-    driver = Driver()
-    commander = Commander(driver, LIMITS, 0.5)
-    intruder = driver.intruder = Intruder(lambda: call(commander))
-    commander.drive(0.2, 0.0)
-    intruder.end()
-    assert intruder.waited
 
 
 class Slow(ZoneSettings):
@@ -109,18 +81,18 @@ def test_zones_serve_one_caller_at_a_time(monkeypatch, call):
     "command, moving", [(None, False), ((0.0, 0.0), False), ((0.1, 0.0), True), ((0.0, 0.2), True)]
 )
 def test_robot_moves_where_a_command_other_than_standstill_is_in_force(command, moving):
-    commander = Commander(SimpleNamespace(command=command), LIMITS, 0.5)
+    commander = Commander(SimpleNamespace(command=command))
     assert commander.moving is moving
 
 
 def test_disabled_motors_are_named_as_the_cause():
-    commander = Commander(Driver(), LIMITS, 0.5)
+    commander = Commander(Driver())
     commander.enable(False)
     assert commander.stopped_by == module.DISABLED and "enable_motors" in commander.refusal()
 
 
 def test_emergency_stop_comes_before_disabled_motors():
-    commander = Commander(Driver(), LIMITS, 0.5)
+    commander = Commander(Driver())
     commander.enable(False)
     commander.latch()
     assert commander.stopped_by == module.EMERGENCY
@@ -138,20 +110,7 @@ def test_emergency_stop_comes_before_disabled_motors():
 )
 def test_own_cause_of_a_stop_comes_before_the_drivers(cause, told, stopped_by):
     driver = Driver()
-    commander = Commander(driver, LIMITS, 0.5)
+    commander = Commander(driver)
     commander.stop(cause)
     driver.stop_reason = told
     assert commander.stopped_by == stopped_by
-
-
-@pytest.mark.parametrize(
-    "wanted, speeds",
-    [
-        ((0.1, 2.0), (0.05, 1.0)),
-        ((0.6, 0.5), (0.3, 0.25)),
-        ((0.3, 1.0), (0.3, 1.0)),
-        ((-0.6, 0.0), (-0.3, 0.0)),
-    ],
-)
-def test_either_speed_beyond_its_limit_scales_both(wanted, speeds):
-    assert scaled(*wanted, LIMITS) == pytest.approx(speeds)

@@ -82,19 +82,14 @@ def test_what_the_board_does_not_measure_is_nan():
 @pytest.mark.parametrize("part", ["linear", "angular"])
 @pytest.mark.parametrize("axis", "xyz")
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_command_with_any_field_not_finite_is_refused_by_name(part, axis, value):
+def test_field_of_a_command_that_is_not_finite_is_named(part, axis, value):
     message = Twist()
     setattr(getattr(message, part), axis, value)
-    with pytest.raises(ValueError, match=f"cmd_vel {part}.{axis} is {value}"):
-        messages.read_twist(message)
-
-
-def test_command_is_forward_speed_and_yaw_rate():
-    assert messages.read_twist(Twist(Vector3(0.2, 0, 0), Vector3(0, 0, -0.5))) == (0.2, -0.5)
+    assert messages.field_not_finite(message) == f"cmd_vel {part}.{axis} is {value}, expected a finite number"
 
 
 def test_numbers_whose_sum_is_infinite_are_finite():
-    assert messages.read_twist(Twist(Vector3(1e308, 1e308, 0), Vector3())) == (1e308, 0.0)
+    assert messages.field_not_finite(Twist(Vector3(1e308, 1e308, 0), Vector3())) == ""
 
 
 def test_axes_that_the_robot_lacks_are_named():

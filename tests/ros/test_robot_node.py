@@ -11,7 +11,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, Range
 from tf2_msgs.msg import TFMessage
 
-from ros1_bridge.control.speed_limiter import NOT_FINITE
+from ros1_bridge.control.commander import NOT_FINITE
 from ros1_bridge.node.robot_parameters import check
 from ros1_bridge.robot.robot_node import WARN_EVERY_S, driver_options
 from ros1_bridge.topics.message_covariance import UNUSED_VARIANCE

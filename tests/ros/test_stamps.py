@@ -1,13 +1,48 @@
-"""Stamps of frames."""
+"""Stamps of frames: wall time that never repeats, read from the messages."""
+
+from types import SimpleNamespace
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ros1_bridge.topics.stamps import STEP_S, Stamps
+from mrl_driver.driver import Telemetry
+from mrl_driver.geometry import ORIGIN
+from mrl_driver.robot.models import load
+from mrl_driver.robot.odometry import Twist, Wheels
+from ros1_bridge.node.robot_parameters import check
+from ros1_bridge.topics.publishers import STEP_S, Publishers
 
 WALL_S = 1.8e9
 FLOAT_NS = 240
 """Step of a float at that time."""
+
+
+class Stamps:
+    """Publishers whose odometry has a subscriber that keeps the last message."""
+
+    def __init__(self):
+        self._now_s = self._wall_s = 0.0
+        parameters, model = check({"port": "p"}, "node"), load("traxbot")
+        self._out = Publishers(
+            self._publisher, OSError, parameters, model, lambda: self._wall_s, lambda: self._now_s
+        )
+
+    def _publisher(self, topic, kind, **_options):
+        connection = SimpleNamespace(socket=None, write_data=lambda data: self._keep(kind, data))
+        impl = SimpleNamespace(
+            connections=[connection] if topic == "odom" else [], add_subscriber_listener=lambda _: None
+        )
+        return SimpleNamespace(impl=impl)
+
+    def _keep(self, kind, data):
+        stamp = kind().deserialize(data[4:]).header.stamp
+        self._last = stamp.secs, stamp.nsecs
+
+    def next(self, event_s, monotonic_s, wall_s):
+        """The stamp of a frame at `event_s`, published when the clocks show these times."""
+        self._now_s, self._wall_s = monotonic_s, wall_s
+        self._out.telemetry(Telemetry(event_s, event_s, ORIGIN, Twist(0.0, 0.0), {}, (), Wheels(0, 0), None))
+        return self._last
 
 
 def ns(stamp):

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from ros1_bridge.control.speed_limiter import BATTERY, EMERGENCY, NONE, TIMEOUT, ZONE
+from ros1_bridge.control.commander import BATTERY, EMERGENCY, NONE, TIMEOUT, ZONE
 from ros1_bridge.status.link_report import ERROR, OK, WARN
 from ros1_bridge.status.robot_status import StatusTeller
 

@@ -1,0 +1,163 @@
+"""The node's commands on their way to the driver: emergency stop, motor switch, protective zones, and why the robot
+stands.  No ROS.
+
+The driver limits the speeds and owns the command timeout.  It also refuses commands while it is inhibited, so that no
+command overtakes an emergency stop.  Therefore this module needs no lock.
+"""
+
+import time
+from typing import Any, Callable, Optional, Tuple
+
+from mrl_driver.navigation.protective_zones import Zones
+from mrl_driver.robot.models import Limits
+from mrl_driver.session.session import STALE_S
+
+EMERGENCY, DISABLED, LINK, BATTERY = "emergency stop", "motors disabled", "no telemetry", "battery"
+WHEEL = "wheel mismatch"
+ADRIFT = "no telemetry, may still be moving"
+"""The link to a board without a watchdog was lost while the robot drove."""
+ZONE = "protective zone"
+TIMEOUT, NOT_FINITE, NONE = "command timeout", "command not finite", "none"
+REFUSALS = {
+    EMERGENCY: "the emergency stop is latched; call the service release_stop",
+    DISABLED: "the motors are disabled; call the service enable_motors with true",
+}
+
+Speeds = Tuple[float, ...]
+"""Linear and angular speed; robots that move sideways add the lateral speed."""
+
+
+class Commander:
+    """Stands between the node's callbacks and a `Driver`; any thread may call it.
+
+    Each method that moves or stops the robot raises the same errors as the driver's method.
+    """
+
+    def __init__(self, driver: Any, clock: Callable[[], float] = time.monotonic) -> None:
+        self._driver, self._clock = driver, clock
+        self._commanded_s = float("-inf")
+        self._cause = NONE
+        self.latched = False
+        """The emergency stop is on: nothing moves until `release`."""
+        self.enabled = True
+        self.zones: Optional[Zones] = None
+        """The protective zones, if there are any; see `watch`."""
+        self.seeking = False
+        """The node itself sends the commands, to drive to a pose."""
+        self._held = self._commanded = False
+
+    @property
+    def limits(self) -> Limits:
+        """Limits in force; they may be replaced at any time."""
+        limits: Limits = self._driver.limits
+        return limits
+
+    @limits.setter
+    def limits(self, limits: Limits) -> None:
+        self._driver.limits = limits
+
+    def watch(self, zones: Zones) -> None:
+        """Let these zones limit each command."""
+        self.zones = zones
+        self._driver.restrict(self._within_zones)
+
+    def drive(self, linear_m_s: float, angular_rad_s: float, *lateral_m_s: float) -> bool:
+        """Take a command; False if the robot may not move now (see `refusal`).  Only some bases move sideways."""
+        self._cause, self._commanded_s = NONE, self._clock()
+        self._commanded = bool(self._driver.drive(linear_m_s, angular_rad_s, *lateral_m_s))
+        return self._commanded
+
+    def stop(self, cause: str = NONE) -> None:
+        """Stop at once; the next command moves the robot again."""
+        self._cause, self._commanded = cause, False
+        self._driver.stop()
+
+    def latch(self) -> None:
+        """Emergency stop: stop, and refuse commands until `release`."""
+        self.latched, self._cause, self._commanded = True, NONE, False
+        self._driver.inhibit(EMERGENCY)
+
+    def release(self) -> None:
+        """End the emergency stop; the robot stays still until the next command."""
+        self.latched = False
+        self._driver.allow(EMERGENCY)
+
+    def enable(self, enabled: bool) -> None:
+        """Let the motors follow commands, or stop them and refuse commands."""
+        self.enabled = enabled
+        if enabled:
+            self._driver.allow(DISABLED)
+        else:
+            self._cause, self._commanded = NONE, False
+            self._driver.inhibit(DISABLED)
+
+    @property
+    def moving(self) -> bool:
+        """A command other than standstill is in force."""
+        command = self._driver.command
+        return command is not None and any(command)
+
+    @property
+    def dropped(self) -> bool:
+        """The driver has dropped the last command (for example on a lost link), or the board has stopped by itself."""
+        if not self._commanded or self._driver.command is not None:
+            return False
+        silent = self._clock() - self._commanded_s >= STALE_S
+        return silent or self._driver.stop_reason != "command_timeout"
+
+    @property
+    def stopped_by(self) -> str:
+        """Why the robot may not move, or why it stopped; `none` if there is no reason."""
+        if not self._driver.ready and self._driver.may_be_moving:
+            return ADRIFT
+        if self.latched or not self.enabled:
+            return EMERGENCY if self.latched else DISABLED
+        if not self._driver.ready:
+            return LINK
+        if self._driver.battery_state in ("empty", "off"):
+            return BATTERY
+        if self._driver.mismatch is not None:
+            return WHEEL
+        told = self._driver.stop_reason
+        if self._driver.command is not None:
+            return ZONE if self._held else NONE  # if the robot stands still, its command says so
+        if told == "boot" and self._commanded_s == float("-inf"):
+            return NONE  # the board was switched on, and nobody has driven yet
+        if self._cause != NONE or told in ("none", "user"):
+            return self._cause
+        return NOT_FINITE if told == "not_a_number" else told.replace("_", " ")
+
+    @property
+    def ready(self) -> bool:
+        """The next command would move the robot."""
+        return self.stopped_by not in (EMERGENCY, DISABLED, LINK, ADRIFT, BATTERY, WHEEL)
+
+    def refusal(self) -> str:
+        """Why a command was refused, and what to do."""
+        cause = self.stopped_by
+        if cause == BATTERY:
+            driver = self._driver
+            return f"the battery is {driver.battery_state} at {driver.battery_v:.1f} V, charge it"
+        if cause == WHEEL:
+            return f"{self._driver.mismatch}; once that is put right, a command of zero lets it drive again"
+        return REFUSALS.get(
+            cause, "the board is silent or just restarting; send the command again when telemetry is back"
+        )
+
+    def _within_zones(self, speeds: Speeds, now: float) -> Speeds:
+        """Return the speeds as far as the zones allow them; the driver asks with its lock held."""
+        assert self.zones is not None
+        linear, angular, *lateral = speeds
+        if not lateral:
+            allowed = self.zones.limit(linear, now)
+            self._held = linear != 0 and allowed == 0
+            return allowed, angular
+        forward, left = self.zones.limited((linear, lateral[0]), now)
+        self._held = bool(linear or lateral[0]) and not (forward or left)
+        return forward, angular, left
+
+
+def lowered(limits: Limits, *wanted: float) -> Limits:
+    """The model's limits, each lowered to the wanted value (same order); 0 keeps the model's limit."""
+    lower = (min(most, own) if most > 0 else own for most, own in zip(wanted, limits))
+    return Limits(*lower, *limits[len(wanted) :])

@@ -1,0 +1,214 @@
+"""The speed limiter: arcs, ramps, and slides of robots that move sideways."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrl_driver.driver.speed_limiter import SpeedLimiter, ramp
+from mrl_driver.robot.models import Limits
+
+LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
+FRAME_S = 0.02
+SPEEDS = st.floats(-2, 2)
+
+
+class Bench:
+    """A limiter with a clock of its own."""
+
+    def __init__(self):
+        self.now_s = 100.0
+        self.limiter = SpeedLimiter()
+        self.limiter.limits = LIMITS
+
+    @property
+    def speeds(self):
+        return self.limiter.speeds
+
+    def drive(self, *speeds):
+        self.limiter.target = self.limiter.limited(speeds)
+        return self.limiter.step(self.now_s)
+
+    def tick(self):
+        self.limiter.step(self.now_s)
+
+    def run(self, seconds, linear=None, angular=0.0, *lateral):
+        """Frames of the stream, with a command before each where there is one."""
+        for _ in range(round(seconds / FRAME_S)):
+            self.now_s += FRAME_S
+            if linear is not None:
+                self.drive(linear, angular, *lateral)
+            self.tick()
+
+
+@pytest.fixture
+def bench():
+    return Bench()
+
+
+def test_first_command_is_in_force_at_once(bench):
+    assert bench.drive(0.3, 0.0)
+    assert bench.speeds == (pytest.approx(0.2 * FRAME_S), 0.0)
+
+
+def test_speeding_up_takes_as_long_as_the_limit_says(bench):
+    bench.run(1.0, 0.3)
+    assert bench.speeds[0] == pytest.approx(0.2, abs=0.01)
+    bench.run(0.6, 0.3)
+    assert bench.speeds[0] == 0.3
+
+
+def test_single_command_goes_on_speeding_up_with_the_stream(bench):
+    bench.drive(0.3, 0.0)
+    bench.run(0.4)
+    assert bench.speeds[0] == pytest.approx(0.2 * 0.42, abs=0.01)
+
+
+def test_slowing_down_is_not_delayed(bench):
+    bench.run(1.6, 0.3)
+    bench.drive(0.05, 0.0)
+    assert bench.speeds == (0.05, 0.0)
+
+
+def test_reversing_starts_from_standstill(bench):
+    bench.run(1.6, 0.3)
+    bench.now_s += FRAME_S
+    bench.drive(-0.3, 0.0)
+    assert bench.speeds[0] == pytest.approx(-0.2 * FRAME_S)
+
+
+def test_too_fast_a_command_keeps_its_arc(bench):
+    bench.run(3.0, 3.0, 5.0)
+    assert bench.speeds == (pytest.approx(0.3), pytest.approx(0.5))
+
+
+def test_largest_number_is_clamped(bench):
+    bench.run(3.0, 1e308)
+    assert bench.speeds == (pytest.approx(0.3), 0.0)
+
+
+@given(st.floats(-1, 1), st.floats(0.001, 1))
+def test_speed_approaches_no_number_by_becoming_none(speed, dt_s):
+    """Which the driver refuses."""
+    assert math.isnan(ramp((speed, 0.0), (math.nan, 0.0), LIMITS, dt_s)[0])
+
+
+def test_robot_that_the_driver_stopped_starts_from_standstill(bench):
+    bench.run(1.6, 0.3)
+    bench.limiter.drop()
+    bench.drive(0.3, 0.0)
+    assert bench.speeds[0] == pytest.approx(0.2 * FRAME_S)
+
+
+@given(st.tuples(SPEEDS, SPEEDS), st.tuples(SPEEDS, SPEEDS), st.floats(0, 0.5))
+def test_step_never_overshoots_and_never_delays_a_stop(before, wanted, dt_s):
+    rises = (dt_s * LIMITS.linear_acceleration_m_s2, dt_s * LIMITS.angular_acceleration_rad_s2)
+    for after, speed, target, rise in zip(ramp(before, wanted, LIMITS, dt_s), before, wanted, rises):
+        assert abs(after) <= abs(target) + 1e-12 and after * target >= 0
+        assert abs(after) <= max(0.0, math.copysign(speed, speed * target)) + rise + 1e-12 or after == target
+        assert abs(target) > abs(speed) or speed * target <= 0 or after == target
+
+
+@given(SPEEDS, SPEEDS)
+def test_robot_at_rest_speeds_up_on_the_commanded_arc(linear, angular):
+    bench = Bench()
+    bench.drive(linear, angular)
+    for _ in range(100):
+        forward, turn = bench.speeds
+        assert forward * angular == pytest.approx(turn * linear, abs=1e-9)
+        bench.now_s += FRAME_S
+        bench.drive(linear, angular)
+
+
+def test_slower_of_way_and_turn_decides_how_long_speeding_up_takes(bench):
+    """0.3 m/s at 0.2 m/s2 take 1.5 s, and so does 0.5 rad/s, for which 0.5 s would do."""
+    bench.run(0.75, 0.3, 0.5)
+    assert bench.speeds == (pytest.approx(0.15, abs=0.01), pytest.approx(0.25, abs=0.02))
+    bench.run(0.77, 0.3, 0.5)
+    assert bench.speeds == (0.3, 0.5)
+
+
+def test_curve_does_not_slow_a_robot_that_drives_straight(bench):
+    bench.run(1.6, 0.3)
+    bench.run(FRAME_S, 0.3, 0.5)
+    assert bench.speeds == (0.3, pytest.approx(FRAME_S))
+
+
+def test_slowing_down_into_a_curve_is_not_delayed(bench):
+    bench.run(1.6, 0.3)
+    bench.run(FRAME_S, 0.1, 0.5)
+    assert bench.speeds == (0.1, pytest.approx(FRAME_S))
+
+
+@given(SPEEDS, SPEEDS, SPEEDS)
+def test_a_slide_keeps_direction_and_arc_within_the_limits(linear, angular, lateral):
+    bench = Bench()
+    for _ in range(200):
+        bench.now_s += FRAME_S
+        bench.drive(linear, angular, lateral)
+    forward, turn, left = bench.speeds
+    assert math.hypot(forward, left) <= 0.3 + 1e-12 and abs(turn) <= 1.0
+    assert forward * lateral == pytest.approx(left * linear, abs=1e-9)
+    assert forward * angular == pytest.approx(turn * linear, abs=1e-9)
+
+
+def test_sideways_has_a_limit_of_its_own(bench):
+    bench.limiter.limits = LIMITS._replace(lateral_m_s=0.1)
+    for _ in range(200):
+        bench.now_s += FRAME_S
+        bench.drive(0.2, 0.4, 0.2)
+    assert bench.speeds == pytest.approx((0.1, 0.2, 0.1))
+
+
+def test_a_slide_may_follow_a_command_without_one(bench):
+    """As when cmd_vel takes over from a pose that is sought; and the other way round."""
+    bench.drive(0.1, 0.0)
+    bench.now_s += FRAME_S
+    bench.drive(0.1, 0.0, 0.1)
+    forward, _, left = bench.speeds
+    assert 0 < forward == left
+    bench.now_s += FRAME_S
+    bench.drive(0.1, 0.0)
+    assert len(bench.speeds) == 2
+
+
+def test_a_slide_speeds_up_as_the_limit_says_and_turns_its_direction_at_once(bench):
+    bench.drive(0.0, 0.0, 0.3)
+    assert bench.speeds == (0.0, 0.0, pytest.approx(0.2 * FRAME_S))
+    for _ in range(50):
+        bench.now_s += FRAME_S
+        bench.tick() if bench.now_s < 100.3 else bench.drive(0.3, 0.0, 0.3)
+    forward, _, left = bench.speeds
+    assert forward == left == pytest.approx(0.2 / math.sqrt(2), rel=0.1)
+    assert any(bench.speeds)
+    bench.drive(0.0, 0.0, -0.3)
+    assert abs(bench.speeds[2]) <= 0.2 * FRAME_S + 1e-12  # the other way it begins anew
+
+
+def test_what_restricts_the_speeds_is_asked_with_every_frame(bench):
+    bench.run(1.6, 0.3)
+    bench.limiter.restrict = lambda speeds, now: (min(0.1, speeds[0]), speeds[1])
+    bench.run(FRAME_S)
+    assert bench.speeds == (0.1, 0.0)
+
+
+def test_after_a_restriction_the_robot_speeds_up_by_the_ramp(bench):
+    bench.limiter.restrict = lambda speeds, now: (0.0, speeds[1])
+    bench.run(1.0, 0.3)
+    bench.limiter.restrict = None
+    bench.run(FRAME_S)
+    assert bench.speeds == (pytest.approx(0.2 * FRAME_S), 0.0)
+
+
+@pytest.mark.parametrize(
+    "wanted, speeds",
+    [
+        ((0.1, 2.0), (0.05, 1.0)),
+        ((0.6, 0.5), (0.3, 0.25)),
+        ((0.3, 1.0), (0.3, 1.0)),
+        ((-0.6, 0.0), (-0.3, 0.0)),
+    ],
+)
+def test_either_speed_beyond_its_limit_scales_both(wanted, speeds):
+    assert Bench().limiter.limited(wanted) == pytest.approx(speeds)
