@@ -4,6 +4,7 @@ import contextlib
 import json
 import math
 import re
+import sys
 
 import pytest
 
@@ -279,6 +280,25 @@ def test_without_permission_it_says_which_group(monkeypatch, groups, advice):
     monkeypatch.setattr(computer, "groups_by_file", lambda: groups)
     found = list(computer.check("/dev/null", Port("/dev/null")))
     assert found[0].level == FAULT and advice in found[0].advice
+
+
+@pytest.mark.parametrize(
+    "program, command",
+    [
+        ("/venv/bin/mrl", "sudo /venv/bin/mrl"),
+        ("/x/mrl_driver/__main__.py", f"sudo {sys.executable} -m mrl_driver"),
+    ],
+)
+def test_where_root_is_needed_it_names_the_path_of_the_program(monkeypatch, program, command):
+    """sudo does not search the virtual environment that this user has in PATH."""
+    monkeypatch.setattr(sys, "argv", [program, "doctor"])
+    monkeypatch.setattr(computer.os, "access", lambda name, mode: False)
+    monkeypatch.setattr(computer, "group_of", lambda name: "root")
+    monkeypatch.setattr(computer, "programs_named", lambda name: [1])
+    port = Port("/dev/null", (), 0x1A86, 0x7523)
+    found = {each.subject: each.advice for each in computer.check("/dev/null", port)}
+    assert found["permission"].endswith(f": {command} system install")
+    assert found["ModemManager"].startswith(f"{command} system install, or")
 
 
 def test_the_verdict_counts():

@@ -109,6 +109,11 @@ def test_ranges_that_may_be_other_values_are_drawn_with_a_warning(tmp_path, gree
     assert "build: environment" in done.stderr
 
 
+def test_ranges_of_a_board_that_tells_of_its_sonars_are_drawn_without_a_warning(tmp_path):
+    record(tmp_path / "a.mrl", encode_reply(5, 2500, 172, 1200, 2, 1), encode_reply(29, 2, bits("sonars")))
+    assert mrl("plot", tmp_path / "a.mrl").stderr == ""
+
+
 def test_without_ranges_there_is_no_warning_of_them(tmp_path):
     record(tmp_path / "a.mrl", encode_reply(5, 2500, 172, 1200, 1, 1))
     assert mrl("plot", tmp_path / "a.mrl", "--part", "speeds").stderr == ""

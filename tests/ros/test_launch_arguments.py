@@ -17,15 +17,24 @@ FILES = {
 
 
 @pytest.fixture
-def node_of(monkeypatch, tmp_path):
-    """The robot node that a file starts, and its parameters."""
+def config_of(monkeypatch, tmp_path):
+    """What roslaunch makes of a file."""
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(ROOT))
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
     monkeypatch.setattr(substitution_args, "_rospack", None)
 
+    def load(path, *arguments):
+        return roslaunch.config.load_config_default([(str(path), list(arguments))], None, verbose=False)
+
+    return load
+
+
+@pytest.fixture
+def node_of(config_of):
+    """The robot node that a file starts, and its parameters."""
+
     def load(file, *arguments):
-        path = str(LAUNCH / file)
-        config = roslaunch.config.load_config_default([(path, list(arguments))], None, verbose=False)
+        config = config_of(LAUNCH / file, *arguments)
         space = FILES[file]
         (node,) = (each for each in config.nodes if each.namespace + each.name == f"{space}/robot_node")
         return node, {name: each.value for name, each in config.params.items()}, f"{space}/robot_node"
@@ -44,3 +53,28 @@ def test_speed_of_the_port_reaches_the_node(node_of, file):
     ports = ["ports:=/dev/ttyACM0,/dev/ttyACM1"] if file == "team.launch" else []
     _, values, name = node_of(file, "baud:=57600", *ports)
     assert values[f"{name}/baud"] == 57600
+
+
+def test_robots_of_a_team_have_frames_of_their_own(node_of):
+    _, values, _ = node_of("team.launch")
+    frames = [
+        values[f"/robot{number}/robot_node/{key}_frame"] for number in (1, 2) for key in ("odom", "base")
+    ]
+    assert frames == ["robot1/odom", "robot1/base_link", "robot2/odom", "robot2/base_link"]
+
+
+GROUP = """
+<group ns="{name}"><include file="$(find mrl_robots)/ros1_bridge/launch/traxbot.launch">
+  <arg name="port" value="/dev/ttyACM0"/> {prefix}
+</include></group>
+"""
+
+
+@pytest.mark.parametrize("prefix, frames", [("", 1), ('<arg name="prefix" value="{name}/"/>', 2)])
+def test_robots_in_groups_need_a_prefix_to_have_frames_of_their_own(config_of, tmp_path, prefix, frames):
+    """Names in /tf are global: a namespace does not part them."""
+    groups = [GROUP.format(name=name, prefix=prefix.format(name=name)) for name in ("robot1", "robot2")]
+    file = tmp_path / "two.launch"
+    file.write_text(f"<launch>{''.join(groups)}</launch>")
+    params = config_of(file).params
+    assert len({params[f"/{name}/robot_node/odom_frame"].value for name in ("robot1", "robot2")}) == frames

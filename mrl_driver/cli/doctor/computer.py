@@ -4,6 +4,7 @@ import getpass
 import grp
 import os
 import stat
+import sys
 from typing import Iterator, List
 
 from mrl_driver.transport.port_info import (
@@ -30,6 +31,12 @@ def check(name: str, port: Port) -> Iterator[Finding]:
     yield from _latency_timer(port)
 
 
+def _as_root(words: str) -> str:
+    """Return the command that runs this program as root; sudo does not search a virtual environment."""
+    program = sys.argv[0] if os.path.basename(sys.argv[0]) == "mrl" else f"{sys.executable} -m mrl_driver"
+    return f"sudo {program} {words}"
+
+
 def _permission(name: str) -> Iterator[Finding]:
     try:
         if not stat.S_ISCHR(os.stat(name).st_mode):
@@ -44,7 +51,7 @@ def _permission(name: str) -> Iterator[Finding]:
             FAULT,
             "permission",
             f"only root may open {name}",
-            "let udev give serial ports to group dialout: sudo mrl system install",
+            f"let udev give serial ports to group dialout: {_as_root('system install')}",
         )
     elif group in groups_by_file():
         yield Finding(
@@ -85,7 +92,7 @@ def _modem_manager(port: Port) -> Iterator[Finding]:
             NOTE if known else WARNING,
             "ModemManager",
             "runs, and may keep the port busy for some seconds after the board is plugged in",
-            "sudo mrl system install, or: sudo systemctl disable --now ModemManager",
+            f"{_as_root('system install')}, or: sudo systemctl disable --now ModemManager",
         )
 
 
