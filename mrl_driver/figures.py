@@ -19,7 +19,7 @@ def require_matplotlib(what: str = "--plot") -> None:
     Raises:
         ConfigError: matplotlib is not installed.
     """
-    # a newer matplotlib beside Debian's mplot3d package warns about it; nothing here uses mplot3d
+    # a newer matplotlib next to Debian's mplot3d package warns about it; nothing here uses mplot3d
     warnings.filterwarnings("ignore", "Unable to import Axes3D")
     try:
         import matplotlib  # noqa: F401 - looked for, not used

@@ -86,5 +86,5 @@ class _OrderedLock:
         self.release()
 
     def _is_owned(self) -> bool:
-        """`threading.Condition` asks this; its own way would be wrong for a lock that may be taken again."""
+        """`threading.Condition` asks this; its own check would be wrong for a lock that may be taken again."""
         return self in _stack()

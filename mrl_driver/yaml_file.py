@@ -172,5 +172,5 @@ class Reader:
 
 
 def is_number(value: Any, low: float, high: float) -> bool:
-    """Tell whether the value is a number between two others, both included; true and false are not."""
+    """Return whether the value is a number between two others, both included; true and false are not."""
     return isinstance(value, (int, float)) and not isinstance(value, bool) and low <= value <= high

@@ -12,7 +12,7 @@ void begin();
 // Free-running counter of 64 us; wraps every 4.194 s.
 uint16_t ticks();
 
-// ---- serial port to the host, 8N1, interrupt-driven both ways
+// ---- serial port to the host, 8N1, interrupt-driven in both directions
 
 constexpr uint8_t SERIAL_OUT_SIZE = 64;
 constexpr uint8_t SERIAL_DIVIDER = 16;  // at first; the speed is 16 MHz / (8 (divider + 1))
@@ -93,7 +93,7 @@ ResetTrace reset_trace();
 // Resets the board 384 ms after the last call.
 void watchdog_kick();
 
-// ---- XBee: a second serial port, 9600 baud 8N1, interrupt-driven both ways; only in builds with MRL_XBEE
+// ---- XBee: a second serial port, 9600 baud 8N1, interrupt-driven in both directions; only in builds with MRL_XBEE
 
 constexpr uint8_t RADIO_OUT_SIZE = 64;
 

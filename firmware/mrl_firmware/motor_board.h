@@ -29,7 +29,7 @@ bool send(const Message& message);
 void refresh(Parameter parameter);
 void refresh_all();
 
-// ---- counters, read on demand
+// ---- counters, read when a frame needs them
 
 enum class CountsState : uint8_t { idle, wanted, reading, ready, failed };
 struct Counts {

@@ -62,7 +62,7 @@ class Driver:
         port: device name, URL (`tcp://host:port`, `udp://host:port`, or a pyserial URL), or an open `Link`.
         robot: name of a packaged model, path of a YAML file, a `RobotModel`, or `auto`: the model that lists
             the robot id reported by the board.
-        baud: baud rate of the serial port [Bd]; with a network address, baud rate of the serial line behind it.
+        baud: baud rate of the serial port [Bd]; with a network address, baud rate of the serial link behind it.
             Below 115200 the board streams only as fast as the line allows.
         options: see `Options`.
 
@@ -341,7 +341,7 @@ class Driver:
 
     @property
     def line_baud(self) -> int:
-        """Current speed of the line [Bd]: 500000 if the option `fast` has raised it, else the port's baud rate."""
+        """Current baud rate of the link: 500000 if the option `fast` has raised it, else the port's baud rate."""
         return FAST_BAUD if self._links.fast else self._baud
 
     @property
@@ -618,7 +618,7 @@ class Driver:
                     listener(event)
 
     def _supervise(self, link: Link, now: float) -> Sequence[DriverEvent]:
-        """In a search, check that the robot is the one that was lost; on a raised line, count its errors.
+        """In a search, check that the robot is the one that was lost; at a raised baud rate, count the link's errors.
 
         Raises:
             WrongRobot: another robot answers; its session was ended.

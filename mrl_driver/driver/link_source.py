@@ -19,7 +19,7 @@ from mrl_driver.transport.reconnect import Reconnection
 from .options import Options
 
 ERRORS, ERROR_SHARE = 20, 100
-"""A raised line goes back to 115200 after more than `ERRORS` damaged pieces plus one per `ERROR_SHARE` frames."""
+"""A link at 500000 baud goes back to 115200 after more than `ERRORS` damages plus one per `ERROR_SHARE` frames."""
 
 
 class LinkSource:
@@ -133,7 +133,7 @@ class LinkSource:
         return Reconnected(self._reconnection.port)
 
     def is_failing(self, session: Session, now: float) -> bool:
-        """Tell whether the line fails at the higher speed."""
+        """Return whether the link fails at the higher speed."""
         errors = sum(session.counters.garbage.values())
         if self._errors < 0:
             self._errors = errors

@@ -48,7 +48,7 @@ class Options(NamedTuple):
     then gets `Slowed`.  Only for device names, opened at 115200.
     """
     line_baud: int = BAUD
-    """Speed of the line [Bd], if it is slower than the port's baud rate (as with radios).  The stream's period and the
+    """Baud rate of the link, if it is slower than the port's baud rate (as with radios).  The stream's period and the
     time between commands are adapted to it.
     """
     tap: Optional[Callable[[str, bytes], None]] = None

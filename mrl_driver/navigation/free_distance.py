@@ -85,7 +85,7 @@ class Scan(NamedTuple):
         return points
 
     def looks(self, way: Point) -> bool:
-        """Tell whether the direction lies between the first and the last ray."""
+        """Return whether the direction lies between the first and the last ray."""
         first = self.first_rad + self.mount[2]
         low, high = sorted((first, first + self.step_rad * (len(self.ranges) - 1)))
         return low + (math.atan2(way[1], way[0]) - low) % (2 * math.pi) <= high + _ROUNDING
@@ -97,7 +97,7 @@ def off_axis(mount: SonarMount, way: Point) -> float:
 
 
 def looks(mount: SonarMount, way: Point) -> bool:
-    """Tell whether the whole cone of a sonar is ahead of a robot that moves in this direction."""
+    """Return whether the whole cone of a sonar is ahead of a robot that moves in this direction."""
     return off_axis(mount, way) < (math.pi - FIELD_OF_VIEW_RAD) / 2
 
 

@@ -2,7 +2,7 @@
 
 The robot turns towards the goal, drives, and turns to the goal's yaw.  Sonar readings are drawn into a grid.  If the
 straight path is blocked, the robot follows the cheapest free path in the grid.  It slows down near obstacles, and turns
-on the spot if an obstacle ahead is nearer than `STOP_M`.
+on the spot if an obstacle ahead is closer than `STOP_M`.
 """
 
 import math
@@ -23,7 +23,7 @@ NEAR_M, STOP_M, SIDE_M = 0.55, 0.25, 0.16
 each side [m].
 """
 SLOW_BESIDE_M = 0.3
-"""With an obstacle nearer than this on one side, the robot drives at half speed, to see more of it [m]."""
+"""With an obstacle closer than this on one side, the robot drives at half speed, to see more of it [m]."""
 TURN_FIRST_RAD = 0.5
 """If the yaw error is larger than this, the robot turns on the spot."""
 HEADING_GAIN = 2.0
@@ -31,7 +31,7 @@ SLOWING_M = 0.5
 SLOWEST_M_S, SLOWEST_RAD_S = 0.03, 0.15
 """At lower speeds the motors may not turn at all."""
 TIGHT_M, RETREAT_M, BESIDE_TRAIL_M = 0.2, 0.2, 0.05
-"""With an obstacle nearer than `TIGHT_M` on one side, the robot's corners have no room to turn on the spot.  It first
+"""With an obstacle closer than `TIGHT_M` on one side, the robot's corners have no room to turn on the spot.  It first
 goes back by `RETREAT_M`, if its own trail passes within `BESIDE_TRAIL_M` of that place.
 """
 STRIDE_M, TRAIL = 0.03, 20
@@ -122,8 +122,8 @@ class GoalSeeker:
         """Why the goal is blocked."""
         if self.blind:
             return f"no valid reading of sonar {', '.join(self.blind)}: check its cable"
-        no_way = "" if self._way or self._map.empty else ", and the sonars leave no way"
-        return f"{self._best_m:.1f} m away it came no nearer for {self._patience_s:g} s{no_way}"
+        no_way = "" if self._way or self._map.empty else ", and the sonars leave no free path"
+        return f"{self._best_m:.1f} m away it came no closer for {self._patience_s:g} s{no_way}"
 
     def _watch_progress(self, away_m: float, now_s: float) -> None:
         if away_m < self._best_m - PROGRESS_M:
@@ -180,7 +180,7 @@ class GoalSeeker:
         return linear, self._bounded(HEADING_GAIN * error + self._shy(left, right))
 
     def _retreats(self, pose: Pose) -> bool:
-        """Tell whether the robot must go back from an obstacle.  Also extend the trail, even while the robot still
+        """Return whether the robot must go back from an obstacle.  Also extend the trail, even while the robot still
         rolls on before it goes back.
         """
         here = pose[0], pose[1]

@@ -99,11 +99,11 @@ class FloorMap:
                 around[near] = around.get(near, 0) + step
 
     def is_near(self, point: Point) -> bool:
-        """Tell whether the point is too near to an obstacle for the robot's centre."""
+        """Return whether the point is too close to an obstacle for the robot's centre."""
         return self._around[FREE_ZONE].get(cell_of(point), 0) > 0
 
     def is_free(self, start: Point, end: Point) -> bool:
-        """Tell whether the straight path between two points is free; it is checked for at most `MOST_CELLS` cells."""
+        """Return whether the straight path between two points is free; it is checked for at most `MOST_CELLS` cells."""
         away = math.hypot(end[0] - start[0], end[1] - start[1]) / CELL_M
         steps = int(min(away, MOST_CELLS)) + 1
         dx, dy = (end[0] - start[0]) / max(steps, away), (end[1] - start[1]) / max(steps, away)
@@ -134,7 +134,7 @@ class FloorMap:
         return None
 
     def _is_closed(self, cell: Cell, step: Cell) -> bool:
-        """Tell whether the step enters an occupied cell or passes the corner of one."""
+        """Return whether the step enters an occupied cell or passes the corner of one."""
         return not self._taken.isdisjoint((step, (step[0], cell[1]), (cell[0], step[1])))
 
     def _penalty(self, cell: Cell) -> float:

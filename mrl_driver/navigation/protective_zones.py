@@ -4,7 +4,7 @@ Both zones start at the body's edge and extend in the direction of motion (forwa
 wide as the body across that direction, plus a clearance on each side.  They grow with the speed v by the stopping
 distance, v * reaction + v^2 / (2 * braking).  An obstacle in the warning zone slows the robot until the zone no longer
 contains it, or down to the slow speed.  An obstacle in the protective zone slows it further, so that it stops at the
-standing length of that zone.  There the robot may turn and drive away, but not come nearer, until the free distance has
+standing length of that zone.  There the robot may turn and drive away, but not come closer, until the free distance has
 grown by the hysteresis.
 
 The zones only lower speeds.  The direction stays the same, and so does the yaw rate, because a planner must be able to
@@ -115,7 +115,7 @@ class Zones:
     def __init__(
         self, settings: ZoneSettings, body: Body, sonars: Mapping[str, SonarMount], laser: bool = False
     ) -> None:
-        """`sonars` are the sonars to use; with `laser` scans are expected, which must at least cover the way ahead.
+        """`sonars` are the sonars to use; with `laser` scans are expected, which must at least cover the path ahead.
 
         Raises:
             ConfigError: see `require_settings`.
@@ -227,7 +227,7 @@ class Zones:
         return min(rooms_m, default=math.inf), watched and known
 
     def _view(self, name: str, way: Point) -> Tuple[bool, bool]:
-        """Tell whether a sensor looks ahead for motion in this direction, and whether it covers the direction."""
+        """Return whether a sensor looks ahead for motion in this direction, and whether it covers the direction."""
         if name in self._sonars:
             mount = self._sonars[name]
             return looks(mount, way), off_axis(mount, way) <= COVERED_RAD

@@ -220,7 +220,7 @@ class FrameDecoder:
 
 
 def _may_be_echo(frame: Frame) -> bool:
-    """Tell whether a request could look the same."""
+    """Return whether a request could look the same."""
     shape = REQUESTS.shapes.get(frame.code)
     return shape is not None and shape.least <= len(frame.args) <= shape.most
 

@@ -132,7 +132,7 @@ _ENCODERS = (
     _int16("left", "count", "Left wheel's counter, encoder 1 of the motor board; wraps at 16 bits."),
 )
 BAUDS = (115200, 250000, 500000, 1000000)
-"""Baud rates of the line; all but the first are exact on the Uno."""
+"""Baud rates of the serial link; all but the first are exact on the Uno."""
 BAUD = BAUDS[0]
 """Baud rate of each board after a reset, and the default of everything that opens a port."""
 _BAUD = Field("rate", 0, 3, "", "Baud rate: 0 is 115200, 1 is 250000, 2 is 500000, 3 is 1000000.")
@@ -280,7 +280,7 @@ CAPABILITIES: Tuple[Tuple[str, str], ...] = (
     ("environment", "Environment-sensor build: 20 to 28 have sensors."),
     ("xbee", "Radio build (38 to 40)."),
     ("omni", "Three omni wheels (43, 44)."),
-    ("baud", "Faster serial line (45)."),
+    ("baud", "Faster serial link (45)."),
 )
 FAULTS: Tuple[Tuple[str, str], ...] = (
     ("motor_board", "The motor board does not answer."),

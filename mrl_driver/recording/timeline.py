@@ -38,7 +38,7 @@ class Timeline(NamedTuple):
     battery: List[Tuple[float, float]]
     """Time and voltage [s V]."""
     sonars_known: bool
-    """The recording tells whether the board has sonars; if not, `ranges` may be other values."""
+    """The recording shows whether the board has sonars; if not, `ranges` may be other values."""
 
 
 def read(

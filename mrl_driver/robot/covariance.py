@@ -38,7 +38,7 @@ class Uncertainty:
         self.unknowns = self._start
 
     def widen(self, way_m: float, turn_rad: float) -> None:
-        """The robot may have moved by up to `way_m` in any direction and turned by up to `turn_rad` either way, unseen
+        """The robot may have moved by up to `way_m` in any direction and turned by up to `turn_rad`, unseen
         by the counters.  All values are equally likely.
         """
         xx, xy, xt, yy, yt, tt = self.unknowns

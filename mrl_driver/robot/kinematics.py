@@ -133,9 +133,7 @@ def kinematics_of(drive: Base) -> Kinematics:
 
 def cannot_sideways(left: float, kind: str) -> str:
     """Return the error text for a sideways speed that the base cannot reach."""
-    return (
-        f"{left:g} m/s sideways asked of a {kind} base, expected 0: turn it instead, or take one of kind omni"
-    )
+    return f"a {kind} base cannot move sideways ({left:g} m/s requested); turn instead, or use an omni base"
 
 
 def _least_squares(rows: Sequence[Row], axes: Tuple[int, ...], kind: str) -> Tuple[Tuple[float, ...], ...]:

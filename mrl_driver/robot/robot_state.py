@@ -187,7 +187,7 @@ class RobotState:
 
 
 def has_sonars(model: RobotModel, capabilities: FrozenSet[str], robot_id: Optional[int]) -> bool:
-    """Tell whether a board measures ranges.  2013 boards have no capabilities: model and robot id decide."""
+    """Return whether a board measures ranges.  2013 boards have no capabilities: model and robot id decide."""
     if not model.sonars:
         return False
     return "sonars" in capabilities if capabilities else robot_id not in SENSOR_BOARD_IDS

@@ -35,7 +35,7 @@ HIDDEN_S = 0.8
 LEAST_RAMP_MS = 500
 """Shortest ramp to full speed that is assumed for a motor [ms]."""
 ON_ITS_WAY_S = 0.05
-"""Delay of a command on its way to the motors if none is lost [s]."""
+"""Delay of a command from the driver to the motors if none is lost [s]."""
 STILL_M, STILL_TICKS = 0.0002, 10
 """A wheel that moves less than this per tick [m], for this many ticks, has come to rest.  A wheel that reverses sticks
 for up to 0.5 s, until the speed control has overcome friction at a control rate of 10 Hz."""
@@ -72,7 +72,7 @@ class _Wheel:
     """One wheel.
 
     `reference` is the speed on the slowest ramp of a healthy wheel [m/s, along the command]; below zero the wheel still
-    runs the other way.
+    runs in the other direction.
     """
 
     def __init__(self, acceleration_m_s2: float, latency_ticks: int) -> None:
@@ -120,7 +120,7 @@ class _Wheel:
 
     def _turn(self, direction: float, speed: float) -> None:
         """Start on a command in a new direction, with the wheel at `speed` along it.  If the other direction was
-        commanded before, the wheel may still accelerate that way.
+        commanded before, the wheel may still accelerate in that direction.
         """
         hidden = self._hidden_m_s if -direction in self._asked else 0.0
         still_back = self._reference if direction == self._last else 0.0
@@ -147,7 +147,7 @@ class WheelWatch:
     Args:
         drive: geometry of the drive.
         acceleration_m_s2: acceleration of a wheel by the model.
-        latency_s: longest delay of a command on its way to the motors, if one is lost [s].
+        latency_s: longest delay of a command from the driver to the motors, if one is lost [s].
     """
 
     def __init__(self, drive: WheelGeometry, acceleration_m_s2: float, latency_s: float) -> None:

@@ -63,11 +63,11 @@ class Plan(NamedTuple):
     watchdog_ms: int = 250
     period_ms: int = 20
     """Period of the stream [ms].  At most 50, so that two frames are sent within the 100 ms after which telemetry is
-    late; longer only on a slow line.
+    late; longer only on a slow serial link.
     """
     check: bool = True
     gap_s: float = 0.0
-    """Minimum time between two commands on a slow line [s]."""
+    """Minimum time between two commands on a slow serial link [s]."""
 
 
 DEFAULT_PLAN = Plan()
@@ -85,7 +85,7 @@ def capabilities_of(bits: int) -> FrozenSet[str]:
 
 
 def are_alike(one: Board, other: Board) -> bool:
-    """Tell whether both answers can come from the same board within a short time."""
+    """Return whether both answers can come from the same board within a short time."""
     return (
         one[:3] == other[:3]
         and abs(one.battery_v - other.battery_v) < NEAR_V
@@ -355,6 +355,6 @@ class Handshake:
 
 
 def _can_check(args: Tuple[int, ...]) -> bool:
-    """Tell whether a `read_protocol` reply names this driver's protocol and the capability `check` (checksums)."""
+    """Return whether a `read_protocol` reply names this driver's protocol and the capability `check` (checksums)."""
     protocol, bits = args
     return protocol == PROTOCOL_VERSION and bool(bits & 1)

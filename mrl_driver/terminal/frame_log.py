@@ -28,14 +28,14 @@ class Line(NamedTuple):
 
 
 class FrameLog:
-    """Keeps the latest kinds of frames; `hear` and `lines` may be called from different threads."""
+    """Keeps the latest kinds of frames; `add_bytes` and `lines` may be called from different threads."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._lines: Dict[Tuple[str, str], Line] = {}
         self._rest: Dict[str, bytes] = {}
 
-    def hear(self, direction: str, data: bytes, now_s: float) -> None:
+    def add_bytes(self, direction: str, data: bytes, now_s: float) -> None:
         """Add bytes that were sent in `direction`."""
         with self._lock:
             data = self._rest.get(direction, b"") + data

@@ -98,7 +98,7 @@ def sensor_texts(driver: "Driver") -> Dict[str, str]:
 
 
 def moves_sideways(model: Optional[RobotModel]) -> bool:
-    """Tell whether a robot can move sideways."""
+    """Return whether a robot can move sideways."""
     return model is not None and isinstance(model.drive, OmniDrive)
 
 

@@ -87,7 +87,7 @@ def of_model(model: RobotModel) -> Vehicle:
         contacts = _corners(body.length_m / 2, drive.wheel_separation_m / 2)
     else:
         raise ConfigError(
-            f"{model.name} has two wheels, and its model does not tell what else touches the ground, expected a "
+            f"{model.name} has two wheels, and its model does not hold what else touches the ground, expected a "
             "vehicle's .yaml with contacts"
         )
     return Vehicle(model.name, tuple(contacts), Mass(body.mass_kg, 0.0, 0.0, body.height_m / 2), {})

@@ -29,12 +29,12 @@ class Address(NamedTuple):
 
 
 def is_url(port: str) -> bool:
-    """Tell whether `port` is a URL and not the name of a device."""
+    """Return whether `port` is a URL and not the name of a device."""
     return "://" in port
 
 
 def is_network(port: str) -> bool:
-    """Tell whether `port` is a URL for a TCP connection or for UDP datagrams."""
+    """Return whether `port` is a URL for a TCP connection or for UDP datagrams."""
     return is_url(port) and scheme_of(port) in TCP + UDP
 
 

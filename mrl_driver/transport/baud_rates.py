@@ -12,19 +12,19 @@ from mrl_driver.protocol.table import BAUD, BAUDS
 from .address import is_url
 
 FAST_BAUD = BAUDS[2]
-"""Rate of a raised line [Bd]."""
+"""Raised baud rate of a serial link."""
 SLOW = "the board knows no other speed, or errors showed: update its firmware, or check cable and adapter"
-"""Why a line could not be raised, and what to do."""
+"""Why a link could not be raised to a higher baud rate, and what to do."""
 FRAME_BYTES, COMMAND_BYTES = 50, 24
 """Nearly the longest stream frame (with stamp, checksum and line end) and the longest motion command [byte]."""
 BYTE_BITS = 10
 SHARE = 0.7
-"""Share of the line for the stream; the replies to polling need about 110 bytes a second."""
+"""Share of the link's capacity for the stream; the replies to polling need about 110 bytes a second."""
 COMMAND_SHARE = 0.5
 
 
 def least_period_ms(baud: int) -> int:
-    """Return the shortest stream period that keeps to `SHARE` of the line [ms]; 0 (any period) on a fast line.
+    """Return the shortest stream period that keeps to `SHARE` of the link [ms]; 0 (any period) on a fast link.
 
     19 ms at 38400 baud, 38 at 19200, 75 at 9600.
     """

@@ -1,6 +1,6 @@
-"""Raising the baud rate: the board is asked for a higher rate, which is kept if a test of the line has no errors.
+"""Raising the baud rate: the board is asked for a higher rate, which is kept if a test of the link has no errors.
 
-This happens before the session begins.  If the board does not know the request, or the line does not work at the new
+This happens before the session begins.  If the board does not know the request, or the link does not work at the new
 rate, both stay at 115200 baud.  The board returns to 115200 by itself after 1 s without a valid frame.
 """
 
@@ -22,7 +22,7 @@ CHANGE_S = 0.02
 BACK_S = 1.1
 """After this time without a valid frame the board is at 115200 again [s]."""
 PROOFS, PROOF_S = 20, 0.1
-"""The test of the line: `PROOFS` replies in a row, each within `PROOF_S` [s]; one exchange takes 2 ms."""
+"""The test of the link: `PROOFS` replies in a row, each within `PROOF_S` [s]; one exchange takes 2 ms."""
 _BAUD, _INFO, _PROTOCOL, _STOP, _STOP_STREAM = (
     BY_NAME[name].code for name in ("set_baud", "robot_info", "read_protocol", "stop", "stop_stream")
 )
@@ -54,7 +54,7 @@ def speed_up(link: Link, baud: int = FAST_BAUD) -> bool:
 
 
 def _is_able(link: Link) -> bool:
-    """Tell whether the board knows the request."""
+    """Return whether the board knows the request."""
     end_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < end_s:
         with contextlib.suppress(BoardTimeout):

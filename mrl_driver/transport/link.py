@@ -78,7 +78,7 @@ def describe(name: str) -> Port:
 
 
 def in_use(name: str) -> bool:
-    """Tell whether a program has the port open, as far as this user can see.
+    """Return whether a program has the port open, as far as this user can see.
 
     A pseudo terminal is always open in its server; it counts as in use if it is the terminal of a process.
     """
@@ -92,12 +92,12 @@ def in_use(name: str) -> bool:
 
 
 def _works_in(process: str, device: str, there: os.stat_result) -> bool:
-    """Tell whether this is the process's controlling terminal, not one of the same number in a container."""
+    """Return whether this is the process's controlling terminal, not one of the same number in a container."""
     if _terminal(f"{process}/stat") != there.st_rdev:
         return False
     try:
         return os.path.samestat(os.stat(f"{process}/root{device}"), there)
-    except PermissionError:  # another user's process: it cannot be told
+    except PermissionError:  # another user's process: unknown
         return True
     except OSError:
         return False
@@ -246,7 +246,7 @@ class DescriptorLink:
         left_s = deadline - time.monotonic()
         if left_s <= 0 or not poll.poll(left_s * 1000):
             raise BoardTimeout(
-                f"{self.port} takes no more bytes since {WRITE_TIMEOUT_S * 1000:.0f} ms: "
+                f"{self.port} has accepted no data for {WRITE_TIMEOUT_S * 1000:.0f} ms: "
                 "the board is stalled; check its cable and power"
             )
 

@@ -77,7 +77,7 @@ def user_of(device: str) -> str:
 
 
 def is_terminal(name: str) -> bool:
-    """Tell whether `name` is a serial port or a pseudo terminal (and not /dev/null, which many programs open)."""
+    """Return whether `name` is a serial port or a pseudo terminal (and not /dev/null, which many programs open)."""
     try:
         number = os.stat(name).st_rdev
     except (OSError, ValueError):

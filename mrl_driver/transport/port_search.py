@@ -39,11 +39,11 @@ class Port(NamedTuple):
         return self.device, self.serial, self.location
 
     def is_like(self, other: "Port") -> bool:
-        """Tell whether both have the same USB vendor and product."""
+        """Return whether both have the same USB vendor and product."""
         return self.vendor is not None and (self.vendor, self.product) == (other.vendor, other.product)
 
     def is_same(self, other: "Port") -> bool:
-        """Tell whether both appear to be the same device: by serial number, or without one by USB socket or link."""
+        """Return whether both appear to be the same device: by serial number, or without one by USB socket or link."""
         if not self.is_like(other) or self.serial != other.serial:
             return False
         if self.serial is not None:
@@ -89,7 +89,7 @@ class Search:
         name: the name that the user gave.
         lost: the port that was lost.
         others: ports that were present at the same time; none of them is the robot's while it stays plugged in.
-        exists: tells whether a name exists.
+        exists: returns whether a name exists.
     """
 
     def __init__(
@@ -126,7 +126,7 @@ class Search:
         self._answered.discard(name)
 
     def take(self, name: str, port: Port, device: str, there: Sequence[Port]) -> bool:
-        """A board with the robot's id answers on `name`, which leads to `port`; tell whether it is the robot.
+        """A board with the robot's id answers on `name`, which leads to `port`; return whether it is the robot.
 
         If the lost device cannot be distinguished from others, the others are tried as well.  If several answer, none
         is taken.

@@ -88,7 +88,7 @@ class Reconnection:
         return link
 
     def judge(self, ready: bool, now: float) -> bool:
-        """Tell whether the robot is found on the port that was opened last.
+        """Return whether the robot is found on the port that was opened last.
 
         Raises:
             BoardTimeout: no answer in time.
@@ -113,9 +113,9 @@ class Reconnection:
                 f"{' and '.join(search.rivals)} answer with the id of the robot that was lost, and nothing tells them "
                 "apart: unplug all but that robot, or give the others another id with: mrl set-id"
             )
-        raise _Undecided(f"{self.port} answers with the robot's id, and others like it are to be asked first")
+        raise _Undecided(f"{self.port} answers with the robot's id, and others like it must be asked first")
 
 
 def may_be_there(name: str) -> bool:
-    """Tell whether to try a name: always for a URL; for a device only if it exists."""
+    """Return whether to try a name: always for a URL; for a device only if it exists."""
     return is_url(name) or os.path.exists(name)

@@ -56,7 +56,7 @@ class TopicRobot:
         self._publish(0.0, 0.0)
 
     def wait(self, seconds: float) -> bool:
-        """Tell whether the node ends."""
+        """Return whether the node ends."""
         return self._ended()
 
     @property

@@ -17,7 +17,7 @@ Play = Callable[[str, Parts, Setting], Result]
 
 
 def play_as_node(ros: Any, play: Play, arguments: Sequence[str]) -> int:
-    """Starts the master, makes this process a node, runs `play`, and saves the result beside the logs.
+    """Starts the master, makes this process a node, runs `play`, and saves the result next to the logs.
 
     Args:
         ros: The module rospy.

@@ -67,7 +67,7 @@ def _go(parts: Parts, player: Player, point: Pose) -> None:
     while not step.reached:
         parts.check()
         if step.blocked or time.monotonic() > end_s:
-            raise MrlError(f"waypoint {point[:2]} is not reached from {pose}; is the way free?")
+            raise MrlError(f"waypoint {point[:2]} is not reached from {pose}; clear the path")
         player.step(step.speeds)
         step = seek(player.ranges())
 

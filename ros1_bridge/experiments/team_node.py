@@ -43,7 +43,7 @@ RATE_HZ = 20
 WANDER_S, ROUNDS, MOST_S = 120.0, 2, 600.0
 """These runs are in real time and therefore shorter than the simulated ones."""
 TOUCH_M = 0.005
-"""A body that is nearer to an object than this counts as a collision."""
+"""A body that is closer to an object than this counts as a collision."""
 REMARK = (
     "Through ROS, in real time: robot nodes on emulated boards, true poses and odometry from their topics; "
     "a collision is less than 5 mm between bodies or walls."

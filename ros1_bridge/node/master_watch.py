@@ -22,7 +22,7 @@ class MasterWatch:
         before, self._there = self._there, _listens(self._uri)
         if before and not self._there:
             return (
-                f"no ROS master answers at {self._uri}: who is connected stays so, and without cmd_vel the robot "
+                f"no ROS master answers at {self._uri}: existing connections stay, and without cmd_vel the robot "
                 "stops; start roscore, then this node again"
             )
         if self._there and not before:

@@ -176,7 +176,7 @@ class AvrMachine:
         A held SDA is released after `release_clocks` clock pulses made by port writes; 0 means never.
         """
         if line not in HANGS:
-            raise ValueError(f"bus line {line!r} is none of 'sda', 'scl', None")
+            raise ValueError(f"bus line {line!r} is not one of 'sda', 'scl', None")
         self._native.mrl_twi_set_hang(self._board, HANGS[line], release_clocks)
 
     def stretch_clock(self, cycles: int) -> None:

@@ -42,7 +42,7 @@ def port_of(pin: int) -> int:
         ValueError: the Uno has no such pin.
     """
     if not 0 <= pin < PINS:
-        raise ValueError(f"pin {pin} is none of the Uno's 0..{PINS - 1}")
+        raise ValueError(f"pin {pin} is not one of the Uno's 0..{PINS - 1}")
     return PORT_D if pin < 8 else (PORT_B if pin < 14 else PORT_C)
 
 

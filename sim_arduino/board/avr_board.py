@@ -1,6 +1,6 @@
 """The engine that runs the firmware binary: a simulated Uno wired to a `Plant`.
 
-Both engines use the same Plant, so there is one physics model.  The simulated chip sets the timing of the serial line.
+Both engines use the same Plant, so there is one physics model.  The simulated chip sets the timing of the serial link.
 """
 
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""PythonBoard: the firmware's behaviour in Python, wired to a Plant, with the timing of the serial line.
+"""PythonBoard: the firmware's behaviour in Python, wired to a Plant, with the timing of the serial link.
 
 The modules `*_handlers` carry out the requests.  This module has the line, the order of events, streams and failsafes.
 """
@@ -34,11 +34,11 @@ RETRY_S = 5e-3
 ANSWERS = 8
 """Largest number of waiting replies; one more is dropped and counted as an overrun."""
 FETCH_S = {18: 0.34e-3, 44: 0.34e-3, 23: 0.64e-3, 25: 0.65e-3, 27: 0.0}
-"""Time to read the values of a stream's frame on the simulated ATmega328P [s]; a fast line waits for them."""
+"""Time to read the values of a stream's frame on the simulated ATmega328P [s]; a fast link waits for them."""
 LOW_WATER = 9
 """The reading begins when this many bytes of the previous frame have not left yet."""
 QUEUE_BYTES, SENDING_BYTES = 64, 2
-"""Size of the send queue, and number of bytes in the transmitter beside it."""
+"""Size of the send queue, and number of bytes in the transmitter itself."""
 _HEATER, _FAN = 15, 7
 
 

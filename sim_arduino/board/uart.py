@@ -1,4 +1,4 @@
-"""Timing of the serial line: bytes follow each other, and each takes the time of its ten bits."""
+"""Timing of the serial link: bytes follow each other, and each takes the time of its ten bits."""
 
 import math
 from collections import deque
@@ -14,7 +14,7 @@ _ROUNDING_S = 1e-9
 
 
 class Outgoing:
-    """Bytes on their way to the host; each takes `byte_s` [s]."""
+    """Bytes in transit to the host; each takes `byte_s` [s]."""
 
     def __init__(self) -> None:
         self.free_s, self.byte_s = 0.0, OUT_BYTE_S
@@ -51,7 +51,7 @@ class Outgoing:
 
 
 class Incoming:
-    """Bytes on their way from the host; each takes `byte_s` [s].
+    """Bytes in transit from the host; each takes `byte_s` [s].
 
     They are cut after each end of a frame, where the board may have something to do.
     """

@@ -1,4 +1,4 @@
-"""Faults of a bad serial line, which hit the bytes in one direction.  Pure; seeded; the caller passes time.
+"""Faults of the serial link, which hit the bytes in one direction.  Pure; seeded; the caller passes time.
 
 A fault gets bytes and their time, and returns the bytes that come out at this time.  Random faults hit the same bytes,
 no matter how the stream is cut into pieces.

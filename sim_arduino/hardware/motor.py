@@ -103,7 +103,7 @@ class Motor:
         self.mode, self.target = Mode.SPEED, counts_s
 
     def go_to(self, travel: float, counts_s: float, hold: bool) -> None:
-        """Goes to a travel [count] at most so fast [count/s], then holds with torque, or brakes."""
+        """Goes to a travel [count] at this speed at most [count/s], then holds with torque, or brakes."""
         if self.mode is not Mode.POSITION:
             self._begin_control()
         self.mode, self.target, self._goal, self._hold = Mode.POSITION, abs(counts_s), travel, hold

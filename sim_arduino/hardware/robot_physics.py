@@ -61,7 +61,7 @@ class Params(NamedTuple):
     """Final temperature rise of the motor board per ampere through the motors [degC/A]."""
     heating_s: float = 300.0
     wheel_noise: float = 0.0
-    """Variance of a wheel's way on the floor, per way [m2/m]."""
+    """Variance of a wheel's distance on the floor, per distance [m2/m]."""
     turn_noise: float = 0.0
     """Variance of the yaw by slip, per angle turned [rad2/rad]."""
 
@@ -99,7 +99,7 @@ class Errors(NamedTuple):
     control_hz: float = 20.0
     """Rate of the motor board's control loop [Hz]: 10, 20 or 40."""
     wheel_noise: float = 0.0
-    """Variance of a wheel's way on the floor, per way [m2/m]."""
+    """Variance of a wheel's distance on the floor, per distance [m2/m]."""
     turn_noise: float = 0.0
     """Variance of the yaw by slip, per angle turned [rad2/rad]."""
 

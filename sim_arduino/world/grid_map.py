@@ -174,7 +174,7 @@ def _reached(open_cells: Any, seed: Tuple[int, int]) -> Any:
 
 
 def write(grid: GridMap, yaml_path: str) -> None:
-    """Writes `yaml_path` and a PGM beside it, as map_saver does.
+    """Writes `yaml_path` and a PGM next to it, as map_saver does.
 
     Raises:
         ConfigError: a file cannot be written.

@@ -43,7 +43,7 @@ class WallIndex:
         return float(rays.distances(self.array(), x, y).min())
 
     def near(self, x: float, y: float, radius_m: float) -> List[Wall]:
-        """Walls that are nearer to a point than `radius_m`."""
+        """Walls that are closer to a point than `radius_m`."""
         if len(self.walls) <= FEW:
             return [wall for wall in self.walls if distance(wall, x, y) < radius_m]
         from . import rays

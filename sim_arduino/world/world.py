@@ -1,7 +1,7 @@
 """The world around the robots: fixed walls, moving robots, sources for the sensors.
 
     world = world_file.load("l-course")                     # a packaged world, a world file, or a map_server map
-    world.nearest(pose, math.radians(18), 6.45)             # what a sonar hears
+    world.nearest(pose, math.radians(18), 6.45)             # range of a sonar
     world.scan(pose, -1.57, 0.006136, 512, 4.095)           # what a laser sees
 
 Distances are exact for straight walls.  `world_file` describes the file format of worlds.
@@ -66,7 +66,7 @@ class World:
         return self.standing[name].pose if name in self.standing else self.start
 
     def outlines(self, x: float, y: float, range_m: float, without: str = "") -> List[Wall]:
-        """Sides of the robots that are nearer to a point than `range_m`."""
+        """Sides of the robots that are closer to a point than `range_m`."""
         return [
             side
             for mover in self.robots(without)

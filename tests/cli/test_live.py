@@ -32,7 +32,8 @@ def watched(serve):
     """A connected driver, its board, and its frame log."""
     port, log = serve(), FrameLog()
     with Driver(
-        port.path, options=Options(tap=lambda direction, data: log.hear(direction, data, time.monotonic()))
+        port.path,
+        options=Options(tap=lambda direction, data: log.add_bytes(direction, data, time.monotonic())),
     ) as driver:
         yield driver, port.board, log
 
@@ -233,8 +234,8 @@ def test_the_view_stands_still_while_the_robot_moves_a_little():
 
 def test_frames_are_kept_by_kind_with_the_newest_text():
     log = FrameLog()
-    log.hear("<", b"@6,1,2e\r\n@6,3,4e\r\n", 1.0)
-    log.hear(">", b"@13e", 2.0)
+    log.add_bytes("<", b"@6,1,2e\r\n@6,3,4e\r\n", 1.0)
+    log.add_bytes(">", b"@13e", 2.0)
     assert [(line.direction, line.name, line.text, line.times) for line in log.lines()] == [
         ("<", "read_encoders", "@6,3,4e", 2),
         (">", "stop", "@13e", 1),
@@ -246,9 +247,9 @@ def test_pieces_do_not_matter(data):
     wire = b"@5,2500,172,1200,2,1e\r\nboot\r\n@6,1,2e\r\n@8,1,2,3,4,5e\r\n"
     cuts = sorted(data.draw(st.lists(st.integers(0, len(wire)))))
     whole, pieces = FrameLog(), FrameLog()
-    whole.hear("<", wire, 0.0)
+    whole.add_bytes("<", wire, 0.0)
     for start, end in zip([0, *cuts], [*cuts, len(wire)]):
-        pieces.hear("<", wire[start:end], 0.0)
+        pieces.add_bytes("<", wire[start:end], 0.0)
     frames = [line for line in whole.lines() if line.name != "text"]
     assert [line for line in pieces.lines() if line.name != "text"] == frames and len(frames) == 3
 
@@ -257,12 +258,12 @@ def test_pieces_do_not_matter(data):
 def test_any_bytes_are_shown_in_printable_characters(data):
     log = FrameLog()
     for direction in "<>":
-        log.hear(direction, data + b"e", 0.0)
+        log.add_bytes(direction, data + b"e", 0.0)
     assert all(line.text.isprintable() for line in log.lines())
 
 
 def test_the_log_does_not_grow():
     log = FrameLog()
     for code in range(100, 400):
-        log.hear("<", f"@{code},1e\r\n".encode(), float(code))
+        log.add_bytes("<", f"@{code},1e\r\n".encode(), float(code))
     assert len(log.lines()) == MOST_LINES and log.lines()[-1].name == "command 399"

@@ -91,7 +91,7 @@ def test_a_goal_behind_something_is_reached_and_nothing_touched(tmp_path, floor,
 def test_a_goal_in_a_wall_is_given_up_after_the_patience(tmp_path):
     seeker, _, bumps = seek(tmp_path, room(), (0.0, 0.0, 0.0), (2.4, 0.0, 0.0), patience_s=8.0)
     assert seeker.blocked and bumps == 0
-    assert seeker.why.endswith("it came no nearer for 8 s") or seeker.why.endswith("leave no way")
+    assert seeker.why.endswith("it came no closer for 8 s") or seeker.why.endswith("leave no free path")
 
 
 def test_what_is_seen_near_closes_the_way_and_is_forgotten_where_later_looks_are_free():

@@ -235,7 +235,7 @@ def test_a_line_that_cannot_be_raised_in_the_search_is_tried_again(cable, monkey
 
     monkeypatch.setattr("mrl_driver.driver.link_source.speed_up", speed_up)
     with Driver(cable.path, options=Options(reconnect=True, fast=True)) as robot:
-        failures.append(error("the port takes no more bytes"))
+        failures.append(error("the port accepts no data"))
         cable.unplug()
         cable.plug()
         wait_until(lambda: not failures and robot.ready)

@@ -167,7 +167,7 @@ def test_a_stop_goes_before_all_else(serve):
 def test_a_line_that_takes_no_bytes_is_not_raised(monkeypatch):
     class Blocked:
         def write(self, _):
-            raise BoardTimeout("the port takes no more bytes")
+            raise BoardTimeout("the port accepts no data")
 
     monkeypatch.setattr(baud_upgrade, "PATIENCE_S", 0.01)
     assert not baud_upgrade.speed_up(Blocked())

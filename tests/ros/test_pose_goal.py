@@ -85,7 +85,7 @@ def test_it_drives_there_and_stops(goal, noted):
 def test_it_gives_up_when_it_comes_no_nearer(goal, noted):
     goal.start(message("odom", 1.0, 0.0), HERE)
     ends = [goal.on_telemetry(at((0.0, 0.0, 0.0), float(second))) for second in range(70)]
-    assert f"{BLOCKED}: 1.0 m away it came no nearer for 60 s" in ends and noted.stops == 1
+    assert f"{BLOCKED}: 1.0 m away it came no closer for 60 s" in ends and noted.stops == 1
 
 
 def test_it_gives_up_when_the_driver_has_stopped_the_robot(goal, noted):

@@ -151,7 +151,7 @@ def watch_live(
         reconnect=reconnect,
         fast=fast,
         command_timeout_s=STALL_S,
-        tap=lambda direction, data: log.hear(direction, data, time.monotonic()),
+        tap=lambda direction, data: log.add_bytes(direction, data, time.monotonic()),
     )
     with waiting("waiting for the board to answer"):
         driver = connection.__enter__()
