@@ -146,7 +146,7 @@ class RecordedRobot:
 
     @property
     def sonars_known(self) -> bool:
-        """The recording tells whether the board measures ranges: 2013 boards do not report it."""
+        """The recording shows whether the board measures ranges: 2013 boards do not report it."""
         return bool(self.capabilities) or not self.has_sonars
 
     def begin_again(self) -> None:

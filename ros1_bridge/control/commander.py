@@ -1,4 +1,4 @@
-"""The node's commands on their way to the driver: emergency stop, motor switch, protective zones, and why the robot
+"""The node's commands to the driver: emergency stop, motor switch, protective zones, and why the robot
 stands.  No ROS.
 
 The driver limits the speeds and owns the command timeout.  It also refuses commands while it is inhibited, so that no
