@@ -10,7 +10,7 @@ from sim_arduino.hardware.wiring import Plant
 from tests.firmware.pc_board import ENVIRONMENT, SONARS, PcBoard
 from tests.models import eeprom, model
 
-READY_S = 0.25
+READY_S = 0.12
 """Boot, and the motor board set up."""
 ANSWER_S = 0.03
 

@@ -78,13 +78,6 @@ def test_flash_without_a_board_says_so_in_one_line(port):
     assert len(lines) == 1 and lines[0].startswith("make flash:")
 
 
-def test_two_builds_give_the_same_image(tmp_path):
-    """Of one commit by one compiler, whatever the folder and the order of the jobs."""
-    run("make", "-j2", f"FW_BUILD={tmp_path}", tmp_path / "mrl_firmware.elf")
-    built = ROOT / "build" / "firmware" / "mrl_firmware.hex"
-    assert (tmp_path / "mrl_firmware.hex").read_bytes() == built.read_bytes()
-
-
 def test_nothing_is_built_twice():
     done = run("make", "-q", "firmware", "pc-firmware")
     assert done.returncode == 0, done.stderr

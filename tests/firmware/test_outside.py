@@ -27,24 +27,25 @@ def files(tree):
     return {path.relative_to(tree): path.read_bytes() for path in tree.rglob("*") if path.is_file()}
 
 
-@pytest.fixture
-def build(tmp_path):
-    """Builds goals against a core that appears while make runs: (what make did, the core's folder)."""
-    rules, core = tmp_path / "rules.mk", tmp_path / "avr"
-    rules.write_text(PACKAGE_APPEARS)
-
-    def run(*goals):
-        folders = f"FW_BUILD={tmp_path / 'firmware'}", f"ARDUINO_AVR={core}"
-        return make("-f", rules, *folders, *goals), core
-
-    return run
-
-
-@pytest.mark.parametrize("order", [("apt",), ("-j2",)], ids=["set-up first", "both at once"])
-def test_core_installed_by_the_same_make_stays_whole(build, order, tmp_path):
-    done, core = build(*order, tmp_path / "firmware" / "mrl_firmware.elf")
+@pytest.fixture(scope="module", params=["apt", "-j2"], ids=["set-up first", "both at once"])
+def built(request, tmp_path_factory):
+    """A build against a core that appears while make runs; its folder, with the core in `avr`."""
+    folder = tmp_path_factory.mktemp("built")
+    (folder / "rules.mk").write_text(PACKAGE_APPEARS)
+    folders = f"FW_BUILD={folder}", f"ARDUINO_AVR={folder / 'avr'}"
+    done = make("-f", folder / "rules.mk", *folders, request.param, folder / "mrl_firmware.elf")
     assert done.returncode == 0 and done.stdout.count("core installed") == 1, done.stderr
-    assert files(core) == files(ARDUINO)
+    return folder
+
+
+def test_core_installed_by_the_same_make_stays_whole(built):
+    assert files(built / "avr") == files(ARDUINO)
+
+
+def test_two_builds_give_the_same_image(built):
+    """Of one commit by one compiler, whatever the folder and the order of the jobs."""
+    image = ROOT / "build" / "firmware" / "mrl_firmware.hex"
+    assert (built / "mrl_firmware.hex").read_bytes() == image.read_bytes()
 
 
 def test_missing_core_is_named(tmp_path):
