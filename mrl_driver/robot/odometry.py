@@ -94,15 +94,6 @@ Step = Tuple[Any, ...]
 """Movement of all wheels between two accepted readings [count], and the time between them [s]."""
 
 
-def tick_delta(previous: int, current: int) -> int:
-    """Signed movement between two readings of a 16-bit counter [count].
-
-    Exact while the wheel moves less than half the range between the readings (2.87 m on TraxBot: 32768 counts
-    x 8.7512e-5 m).
-    """
-    return ((current - previous + 0x8000) & 0xFFFF) - 0x8000
-
-
 def fastest_wheel_m_s(linear_m_s: float, angular_rad_s: float, wheel_separation_m: float) -> float:
     """Return the speed that no wheel exceeds [m/s]: both ceilings of the board together, times `SPEED_MARGIN`."""
     return SPEED_MARGIN * (linear_m_s + angular_rad_s * wheel_separation_m / 2)

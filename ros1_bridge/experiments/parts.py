@@ -107,10 +107,6 @@ class Parts:
             **parameters,
         )
 
-    def end_nodes(self) -> None:
-        """Ends all nodes at the same time."""
-        _end_all(self._nodes)
-
     def check(self) -> None:
         """Raises MrlError if a program has ended."""
         for child in self._masters + self._boards + self._nodes:

@@ -5,13 +5,11 @@ The node takes goals from the action, from `move_base_simple/goal` (rviz's 2D Na
 """
 
 import math
-import sys
 import threading
 import time
 from typing import Dict, List, Optional, Tuple
 
 import actionlib
-import rosgraph
 import rospy
 import tf2_ros
 from actionlib_msgs.msg import GoalStatus
@@ -21,15 +19,14 @@ from move_base_msgs.msg import MoveBaseAction, MoveBaseFeedback, MoveBaseGoal, M
 from nav_msgs.msg import Odometry, Path
 from sensor_msgs.msg import Range
 
-from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose, quaternion_of
 from mrl_driver.navigation.goal_seeker import PATIENCE_S, GoalSeeker
 from mrl_driver.robot.models import Limits, SonarMount
 from mrl_driver.robot.sonar import NAMES
 from ros1_bridge.node.cmd_vel import CmdVel
-from ros1_bridge.node.master_watch import await_master
 from ros1_bridge.node.parameters import Row, read, speed_rows
 from ros1_bridge.node.plane_poses import planar, yaw_of
+from ros1_bridge.node.run_node import run_node
 
 RATE_HZ = 20.0
 ODOM_LATE_S = 0.5
@@ -298,13 +295,9 @@ class GoToGoal:
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the node; returns the exit code."""
-    await_master(rosgraph.get_master_uri(), rospy.logwarn)
-    rospy.init_node("go_to_goal", argv=argv or sys.argv)
-    try:
-        node = GoToGoal()
-    except ConfigError as error:
-        rospy.logfatal(str(error))
-        return error.exit_code
-    node.take_goals()
+    return run_node("go_to_goal", _run, argv)
+
+
+def _run() -> None:
+    GoToGoal().take_goals()
     rospy.spin()
-    return 0

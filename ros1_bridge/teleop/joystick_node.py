@@ -4,18 +4,15 @@ When the button is released, the node sends one stop and then nothing, so that o
 falls silent, the command timeout of the robot stops it.
 """
 
-import sys
 from typing import List, Optional
 
-import rosgraph
 import rospy
 from geometry_msgs.msg import Twist
 from sensor_msgs.msg import Joy
 
-from mrl_driver.errors import ConfigError
 from ros1_bridge.node.cmd_vel import CmdVel
-from ros1_bridge.node.master_watch import await_master
 from ros1_bridge.node.parameters import Row, read, speed_rows
+from ros1_bridge.node.run_node import run_node
 
 from .joystick_mapping import LAYOUTS, shares_of
 
@@ -56,13 +53,9 @@ class TeleopJoystick:
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the node; returns the exit code."""
-    await_master(rosgraph.get_master_uri(), rospy.logwarn)
-    rospy.init_node("teleop_joystick", argv=argv or sys.argv)
-    try:
-        node = TeleopJoystick()
-    except ConfigError as error:
-        rospy.logfatal(str(error))
-        return error.exit_code
+    return run_node("teleop_joystick", _run, argv)
+
+
+def _run() -> None:
+    node = TeleopJoystick()  # noqa: F841 - its subscriber lives as long as the node
     rospy.spin()
-    del node
-    return 0

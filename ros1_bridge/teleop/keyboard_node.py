@@ -4,7 +4,6 @@ import sys
 import time
 from typing import List, Optional
 
-import rosgraph
 import rospy
 from geometry_msgs.msg import Twist
 
@@ -12,8 +11,8 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.terminal.keyboard import Keyboard
 from mrl_driver.terminal.teleop_keys import ANGULAR_RAD_S, LINEAR_M_S, Teleop
 from ros1_bridge.node.cmd_vel import CmdVel
-from ros1_bridge.node.master_watch import await_master
 from ros1_bridge.node.parameters import read, speed_rows
+from ros1_bridge.node.run_node import run_node
 
 PERIOD_S = 0.05
 HELP = "arrow keys or w a s d drive, space stops, q ends"
@@ -62,17 +61,13 @@ class TeleopKeyboard:
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the node; returns the exit code."""
-    await_master(rosgraph.get_master_uri(), rospy.logwarn)
-    rospy.init_node("teleop_keyboard", argv=argv or sys.argv)
+    return run_node("teleop_keyboard", _run, argv)
+
+
+def _run() -> None:
     if not sys.stdin.isatty():
-        rospy.logfatal("stdin is not a terminal; start the node in one, not in the background")
-        return 2
-    try:
-        node = TeleopKeyboard()
-    except ConfigError as error:
-        rospy.logfatal(str(error))
-        return error.exit_code
+        raise ConfigError("stdin is not a terminal; start the node in one, not in the background")
+    node = TeleopKeyboard()
     rospy.loginfo(HELP)
     with Keyboard() as keyboard:
         node.run(keyboard)
-    return 0

@@ -2,7 +2,7 @@
 
 from typing import List, Tuple
 
-from mrl_driver.robot.covariance import Spread, Uncertainty
+from mrl_driver.robot.covariance import Spread
 
 UNUSED_VARIANCE = 1e6
 """Variance of axes that a robot on the floor does not have; filters treat it as "not measured"."""
@@ -10,7 +10,6 @@ STILL_M2_S2, STILL_RAD2_S2, SIDEWAYS_M2_S2 = 1e-4, 1e-3, 1e-6
 """Twist variances of a standing robot; the sideways variance is small because the wheels prevent sliding."""
 SPEED_SHARE = 0.05
 """Standard deviation of a speed, as a share of the speed."""
-PoseCovariance = Uncertainty
 Unknowns = Spread
 
 

@@ -21,7 +21,7 @@ from ros1_bridge.node.tf_names import JOINTS, OMNI_JOINTS
 
 from . import messages
 from .fast_publisher import Fast, direct_publisher
-from .serialized_odometry import PackedOdometry, PackedOmniOdometry, PackedTransform
+from .serialized_odometry import PackedOdometry, PackedTransform
 
 STEP_S = 1e-6
 """Smallest difference of two stamps; four times the resolution of a float with today's time in seconds."""
@@ -65,8 +65,7 @@ class Publishers:
         self._least_s = 0.0
         self.covariance = uncertainty_of(model)
         omni = isinstance(model.drive, OmniDrive)
-        packed = PackedOmniOdometry if omni else PackedOdometry
-        self._odometry, self._odometry_out = packed(odom, base), self._way("odom", Odometry)
+        self._odometry, self._odometry_out = PackedOdometry(odom, base), self._way("odom", Odometry)
         self._transform = PackedTransform(odom, base)
         self._transform_out = self._way("/tf", TFMessage) if parameters.publish_tf else None
         self._joints = messages.new_joints(OMNI_JOINTS if omni else JOINTS)

@@ -8,13 +8,13 @@ import struct
 from typing import List, Sequence
 
 from .message_covariance import (
+    SIDEWAYS_M2_S2,
     SPEED_SHARE,
     STILL_M2_S2,
     STILL_RAD2_S2,
     Unknowns,
     pose_matrix,
     twist_matrix,
-    twist_variances,
 )
 
 _PLANAR = "2d24x2d"
@@ -24,52 +24,11 @@ _ROW = "2d24xd"
 
 
 class PackedOdometry:
-    """nav_msgs/Odometry of a robot on the floor, with its frames set."""
+    """nav_msgs/Odometry of a robot on the floor, with its frames set; its twist may have a speed to the left."""
 
     def __init__(self, odom_frame: str, base_frame: str) -> None:
         self._names = _text(odom_frame) + _text(base_frame)
         self._axes = _doubles(pose_matrix((0.0,) * 6)[12:30])  # the rows of z, roll and pitch
-        self._between = _doubles(twist_matrix(0.0, 0.0)[1:35])
-        layout = struct.Struct(
-            f"<4I{len(self._names)}s{_PLANAR}{_ROW}{_ROW}{len(self._axes)}s{_ROW}"  # header and pose
-            f"d32xd d{len(self._between)}sd"  # twist
-        )
-        self._size, self._pack = layout.size - 4, layout.pack
-
-    def pack(
-        self,
-        sequence: int,
-        secs: int,
-        nsecs: int,
-        x_m: float,
-        y_m: float,
-        half_sin: float,
-        half_cos: float,
-        unknowns: Unknowns,
-        twist: Sequence[float],
-    ) -> bytes:
-        """The serialized message.
-
-        Args:
-            half_sin, half_cos: Sine and cosine of half the heading.
-            twist: Linear and angular speed [m/s rad/s].
-        """
-        xx, xy, xt, yy, yt, tt = unknowns
-        linear, angular = twist
-        along = STILL_M2_S2 + (SPEED_SHARE * linear) ** 2  # as `twist_variances`, without a call
-        turning = STILL_RAD2_S2 + (SPEED_SHARE * angular) ** 2
-        return self._pack(
-            self._size, sequence, secs, nsecs, self._names, x_m, y_m, half_sin, half_cos,
-            xx, xy, xt, xy, yy, yt, self._axes, xt, yt, tt,
-            linear, angular, along, self._between, turning,
-        )  # fmt: skip
-
-
-class PackedOmniOdometry(PackedOdometry):
-    """nav_msgs/Odometry of a robot that also moves sideways; `twist` is linear, angular, lateral."""
-
-    def __init__(self, odom_frame: str, base_frame: str) -> None:
-        super().__init__(odom_frame, base_frame)
         self._between = _doubles(twist_matrix(0.0, 0.0)[8:35])
         layout = struct.Struct(
             f"<4I{len(self._names)}s{_PLANAR}{_ROW}{_ROW}{len(self._axes)}s{_ROW}"  # header and pose
@@ -89,11 +48,20 @@ class PackedOmniOdometry(PackedOdometry):
         unknowns: Unknowns,
         twist: Sequence[float],
     ) -> bytes:
-        """The serialized message; arguments as in `PackedOdometry.pack`."""
+        """The serialized message.
+
+        Args:
+            half_sin, half_cos: Sine and cosine of half the heading.
+            twist: Linear and angular speed [m/s rad/s], and perhaps the speed to the left [m/s].
+        """
         xx, xy, xt, yy, yt, tt = unknowns
-        linear, angular, lateral = twist
-        along, turning = twist_variances(linear, angular)
-        aside, _ = twist_variances(lateral, 0.0)
+        linear, angular = twist[0], twist[1]
+        along = STILL_M2_S2 + (SPEED_SHARE * linear) ** 2  # as `twist_variances`, without a call
+        turning = STILL_RAD2_S2 + (SPEED_SHARE * angular) ** 2
+        lateral, aside = 0.0, SIDEWAYS_M2_S2
+        if len(twist) == 3:
+            lateral = twist[2]
+            aside = STILL_M2_S2 + (SPEED_SHARE * lateral) ** 2
         return self._pack(
             self._size, sequence, secs, nsecs, self._names, x_m, y_m, half_sin, half_cos,
             xx, xy, xt, xy, yy, yt, self._axes, xt, yt, tt,

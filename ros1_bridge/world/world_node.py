@@ -6,20 +6,17 @@ and `scan` in its own namespace; `map` is latched.  With `~only` there is one ro
 """
 
 import math
-import sys
 import time
 from typing import Any, Dict, List, Optional, Tuple
 
-import rosgraph
 import rospy
 from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
-from mrl_driver.errors import MrlError
 from mrl_driver.geometry import ORIGIN, Pose, yaw_of
-from ros1_bridge.node.master_watch import await_master
 from ros1_bridge.node.parameters import Row, read
+from ros1_bridge.node.run_node import run_node
 from ros1_bridge.topics import messages
 from ros1_bridge.topics.fast_publisher import direct_publisher
 from sim_arduino.hardware.laser import URG_04LX, LaserScanner
@@ -133,14 +130,5 @@ class WorldNode:
 
 
 def main(argv: Optional[List[str]] = None) -> int:
-    """Run the node; returns the exit code, which is that of the error if there was one."""
-    await_master(rosgraph.get_master_uri(), rospy.logwarn)
-    rospy.init_node("world_node", argv=argv or sys.argv)
-    try:
-        WorldNode().run()
-    except rospy.ROSInterruptException:
-        return 0
-    except MrlError as error:
-        rospy.logfatal(str(error))
-        return error.exit_code
-    return 0
+    """Run the node; returns the exit code."""
+    return run_node("world_node", lambda: WorldNode().run(), argv)

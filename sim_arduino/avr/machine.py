@@ -15,9 +15,8 @@ from .elf import Image, Symbol, read_image
 from .records import PinChange, SentByte, Transfer, bit_of, pin_masks, pin_of, port_of
 
 UNO_HZ = 16000000
-LINE_BITS = 10  # 8N1: start, eight data bits, stop
 FLASH_BYTES, EEPROM_BYTES = 32768, 1024
-RAM_START, RAM_END = 0x100, 0x8FF
+RAM_END = 0x8FF
 HANGS = {None: 0, "sda": 1, "scl": 2}
 
 

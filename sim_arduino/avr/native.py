@@ -18,7 +18,6 @@ from typing import Any, Dict, List, Tuple
 from .build import SimulatorMissing, build, library_path
 
 RUN_CRASHED = 1
-I2C_BUFFER = 64
 
 PRESENT = ctypes.CFUNCTYPE(c_int, c_uint8, c_uint64)
 WRITE = ctypes.CFUNCTYPE(None, c_uint8, POINTER(c_uint8), c_int, c_uint64)

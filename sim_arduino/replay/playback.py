@@ -12,7 +12,7 @@ from typing import Callable, List, Optional
 
 from mrl_driver.protocol.table import BY_CODE
 from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD, Entry, Recording
-from sim_arduino.serve.pty import PtyPort
+from sim_arduino.serve.pty import PtyPort, read_all
 
 POLL_S = 0.02
 QUIET_POLLS = 5
@@ -95,7 +95,7 @@ class Audience:
 
     def _listen(self) -> None:
         """Reads before it checks for another program, so that requests of that program never count for this one."""
-        self._unread += self._port.read_all()
+        self._unread += read_all(self._port)
         found = list(_REQUEST.finditer(self._unread))
         self._asked = (self._asked + [int(each.group(1)) for each in found])[-MOST_ASKED:]
         self._unread = self._unread[found[-1].end() if found else 0 :][-8:]

@@ -53,14 +53,16 @@ class BoardPort(Protocol):
     def read(self, limit: int = READ_BYTES) -> bytes:
         """Bytes from the host."""
 
-    def read_all(self) -> bytes:
-        """All waiting bytes from the host."""
-
     def write(self, data: bytes) -> None:
         """Sends bytes to the host."""
 
     def close(self) -> None:
         """Closes the port."""
+
+
+def read_all(port: BoardPort) -> bytes:
+    """All waiting bytes from the host."""
+    return b"".join(iter(lambda: port.read(_EVERYTHING), b""))
 
 
 class PtyPort:
@@ -172,15 +174,6 @@ class PtyPort:
         return (
             struct.unpack("i", fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4)))[0] if self.is_open else 0
         )
-
-    def read_all(self) -> bytes:
-        """All waiting bytes from the host."""
-        data = b""
-        while True:
-            piece = self.read(_EVERYTHING)
-            if not piece:
-                return data
-            data += piece
 
     def write(self, data: bytes) -> None:
         """Sends the bytes that the host's buffer accepts; the rest is lost."""

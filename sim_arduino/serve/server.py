@@ -14,7 +14,7 @@ from sim_arduino.board.engine import Engine
 from sim_arduino.hardware.wiring import Plant
 
 from .control import Control
-from .pty import BoardPort
+from .pty import BoardPort, read_all
 
 HEARTBEAT_S = 0.1
 """Longest wait; if a pause is longer than requested, this process has stalled."""
@@ -142,7 +142,7 @@ class PtyServer:
             self._start_s += (late_s - HEARTBEAT_S) / self._speed
             self._now_s -= late_s - HEARTBEAT_S
         elif late_s > STALL_S:
-            waiting = self._port.read_all()
+            waiting = read_all(self._port)
             self._write_log("stalled", waiting)
             self._engine.gap(self._now_s, waiting)
         self._expected_s = self._now_s

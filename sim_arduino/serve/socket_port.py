@@ -7,8 +7,6 @@ from mrl_driver.transport.listener import Listener, listen
 
 from .pty import READ_BYTES
 
-_EVERYTHING = 65536
-
 
 class SocketPort:
     """Listens on a URL; has the same interface as `PtyPort`.
@@ -69,15 +67,6 @@ class SocketPort:
     def read(self, limit: int = READ_BYTES) -> bytes:
         """Bytes from the client: at most `limit`, or one datagram."""
         return self._listener.read(limit) if self._listener else b""
-
-    def read_all(self) -> bytes:
-        """All waiting bytes from the client."""
-        data = b""
-        while True:
-            piece = self.read(_EVERYTHING)
-            if not piece:
-                return data
-            data += piece
 
     def unread(self) -> int:
         """Always 0: unread bytes are in the network, not at this end."""

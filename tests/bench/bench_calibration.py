@@ -19,10 +19,11 @@ from mrl_driver.calibration.trial import Trial, errors
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.geometry import Pose
-from mrl_driver.robot.covariance import Uncertainty, error_squared
+from mrl_driver.robot.covariance import Uncertainty
 from mrl_driver.robot.models import RobotModel, load
 from mrl_driver.robot.robot_state import Telemetry
 from sim_arduino.serve import factory
+from tests.error_squared import error_squared
 
 from . import report
 

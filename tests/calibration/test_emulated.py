@@ -8,11 +8,12 @@ import pytest
 from mrl_driver.calibration import fit
 from mrl_driver.calibration.trial import Trial, path
 from mrl_driver.geometry import Pose
-from mrl_driver.robot.covariance import Uncertainty, error_squared
+from mrl_driver.robot.covariance import Uncertainty
 from mrl_driver.robot.models import load
 from mrl_driver.robot.odometry import Odometry
 from mrl_driver.robot.robot_state import fastest_m_s
 from sim_arduino.hardware.robot_physics import Errors, RobotPhysics, params_for
+from tests.error_squared import error_squared
 
 TRAXBOT = load("traxbot")
 PERIOD_S = 0.05

@@ -11,8 +11,9 @@ from mrl_driver.calibration import fit, geometry, umbmark
 from mrl_driver.calibration.trial import Trial, errors, spread
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose, advance
-from mrl_driver.robot.covariance import Uncertainty, error_squared
+from mrl_driver.robot.covariance import Uncertainty
 from mrl_driver.robot.models import Noise, load
+from tests.error_squared import error_squared
 
 from . import paths
 

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from mrl_driver.geometry import ORIGIN, wrap_angle
 from mrl_driver.robot.models import load
-from mrl_driver.robot.odometry import CONFIRMATIONS, Baseline, Odometry, fastest_wheel_m_s, tick_delta
+from mrl_driver.robot.odometry import CONFIRMATIONS, Baseline, Odometry, fastest_wheel_m_s
 
 DRIVE = load("traxbot").drive
 FASTEST_M_S = fastest_wheel_m_s(0.65, 5.0, DRIVE.wheel_separation_m)
@@ -19,16 +19,11 @@ def as_int16(count):
     return ((int(count) + 0x8000) & 0xFFFF) - 0x8000
 
 
-@given(int16, st.integers(-32768, 32767))
-def test_tick_delta_undoes_the_wrap(start, moved):
-    assert tick_delta(start, as_int16(start + moved)) == moved
-
-
-@pytest.mark.parametrize(
-    ("previous", "current", "moved"), [(32767, -32768, 1), (-32768, 32767, -1), (5, 5, 0)]
-)
-def test_tick_delta_over_the_edge(previous, current, moved):
-    assert tick_delta(previous, current) == moved
+@given(int16, st.integers(-2000, 2000))
+def test_movement_is_the_difference_of_counters_that_may_wrap(start, moved):
+    baseline = Baseline(DRIVE.metres_per_count, FASTEST_M_S, 0.002)
+    baseline.update(start, start, 0.0)
+    assert baseline.update(as_int16(start + moved), as_int16(start - moved), 1.0) == (moved, -moved, 1.0)
 
 
 def test_first_reading_primes():

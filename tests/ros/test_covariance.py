@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrl_driver.geometry import ORIGIN, advance
+from mrl_driver.robot.covariance import Uncertainty
 from mrl_driver.robot.models import ON_WHEELS, load
 from ros1_bridge.topics import message_covariance
-from ros1_bridge.topics.message_covariance import UNUSED_VARIANCE, PoseCovariance, pose_matrix
+from ros1_bridge.topics.message_covariance import UNUSED_VARIANCE, pose_matrix
 
 MODEL = load("stingbot")
 COUNTS_A_METRE = 1 / MODEL.drive.metres_per_count
@@ -24,7 +25,7 @@ def half(yaw_rad):
 
 def driven(right_m, left_m, steps=200):
     """The covariance after both wheels went so far at constant speeds."""
-    made = PoseCovariance(MODEL)
+    made = Uncertainty(MODEL)
     for i in range(1, steps + 1):
         share = i / steps
         counts = (right_m * share * COUNTS_A_METRE, left_m * share * COUNTS_A_METRE)
@@ -33,7 +34,7 @@ def driven(right_m, left_m, steps=200):
 
 
 def test_standing_robot_is_as_sure_as_at_the_start():
-    made = PoseCovariance(MODEL)
+    made = Uncertainty(MODEL)
     start = made.unknowns
     for _ in range(10):
         made.update((0, 0), 0.0, 1.0)
@@ -75,7 +76,7 @@ def test_covariance_agrees_with_random_wheels():
 
 
 def test_tracks_are_less_sure_than_wheels():
-    made = PoseCovariance(load("traxbot"))
+    made = Uncertainty(load("traxbot"))
     metres = MODEL.drive.metres_per_count / load("traxbot").drive.metres_per_count
     made.update((COUNTS_A_METRE * metres,) * 2, 0.0, 1.0)
     assert made.unknowns[0] > driven(1.0, 1.0, 1)[XX]
@@ -83,14 +84,14 @@ def test_tracks_are_less_sure_than_wheels():
 
 def test_a_way_that_was_lost_widens_position_and_yaw():
     """Evenly spread over 0.3 m and 0.6 rad to either side."""
-    spread = PoseCovariance(MODEL)
+    spread = Uncertainty(MODEL)
     xx, xy, xt, yy, yt, tt = spread.unknowns
     spread.widen(0.3, 0.6)
     assert spread.unknowns == pytest.approx((xx + 0.03, xy, xt, yy + 0.03, yt, tt + 0.12))
 
 
 def test_reset_is_as_sure_as_the_start():
-    made = PoseCovariance(MODEL)
+    made = Uncertainty(MODEL)
     start = made.unknowns
     made.update((5000, 4000), *half(0.3))
     made.reset()
@@ -100,7 +101,7 @@ def test_reset_is_as_sure_as_the_start():
 @settings(max_examples=50)
 @given(st.lists(st.tuples(st.integers(-300, 300), st.integers(-300, 300)), max_size=30))
 def test_covariance_stays_symmetric_and_positive(moves):
-    made, right, left = PoseCovariance(MODEL), 0, 0
+    made, right, left = Uncertainty(MODEL), 0, 0
     for move_right, move_left in moves:
         right, left = right + move_right, left + move_left
         made.update((right, left), *half((right - left) * MODEL.drive.metres_per_count / BASE_M))

@@ -10,7 +10,7 @@ from nav_msgs.msg import Odometry
 from tf2_msgs.msg import TFMessage
 
 from ros1_bridge.topics.message_covariance import pose_matrix, twist_matrix, twist_variances
-from ros1_bridge.topics.serialized_odometry import PackedOdometry, PackedOmniOdometry, PackedTransform
+from ros1_bridge.topics.serialized_odometry import PackedOdometry, PackedTransform
 
 WORDS = st.integers(0, 2**32 - 1)
 NUMBERS = st.floats()
@@ -52,7 +52,7 @@ def test_sideways_speed_and_its_variance_are_packed_too(linear, angular, lateral
         twist_matrix(linear, angular),
     )
     message.twist.covariance[7] = twist_variances(lateral, 0.0)[0]
-    packed = PackedOmniOdometry("odom", "base_link").pack(
+    packed = PackedOdometry("odom", "base_link").pack(
         7, 8, 9, 1.0, 2.0, 0.6, 0.8, (1, 2, 3, 4, 5, 6), (linear, angular, lateral)
     )
     assert packed == wire(message)

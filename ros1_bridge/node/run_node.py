@@ -1,0 +1,25 @@
+"""Runs a node, from waiting for the master to its exit code.  For nodes."""
+
+import sys
+from typing import Callable, List, Optional
+
+import rosgraph
+import rospy
+
+from mrl_driver.errors import MrlError
+
+from .master_watch import await_master
+
+
+def run_node(name: str, run: Callable[[], None], argv: Optional[List[str]] = None) -> int:
+    """Start the node `name` and call `run`; returns the exit code, which is that of the error if `run` raises one."""
+    await_master(rosgraph.get_master_uri(), rospy.logwarn)
+    rospy.init_node(name, argv=argv or sys.argv)
+    try:
+        run()
+    except rospy.ROSInterruptException:
+        return 0
+    except MrlError as error:
+        rospy.logfatal(str(error))
+        return error.exit_code
+    return 0
