@@ -19,7 +19,8 @@ from mrl_driver.robot.covariance import OmniUncertainty
 from mrl_driver.robot.kinematics import Planar, kinematics_of
 from mrl_driver.robot.odometry import CONFIRMATIONS, OmniTwist, OmniWheels
 from mrl_driver.robot.omni_odometry import MOVE_OMNI, OmniCommands, OmniOdometry
-from mrl_driver.session.handshake import Handshake, Plan
+from mrl_driver.robot.robot_state import RobotState
+from mrl_driver.session.handshake import Board, Handshake, Plan
 from sim_arduino.serve.factory import Options, make
 
 OMNI = models.load("omni")
@@ -251,10 +252,18 @@ def test_not_a_number_sideways_stops(robot):
         robot.driver.drive(0.1, 0.0, math.nan)
 
 
+MECANUM = OMNI._replace(drive=models.MecanumDrive(0.2, 0.15, 0.05, 2000, 1.0))
+
+
 def test_a_base_that_no_board_moves():
-    drive = models.MecanumDrive(0.2, 0.15, 0.05, 2000, 1.0)
     with pytest.raises(ConfigError, match="drive of kind mecanum, which no board with three motors moves"):
-        Core(OMNI._replace(drive=drive), DEFAULTS)
+        Core(MECANUM, DEFAULTS)
+
+
+def test_a_base_that_no_board_moves_is_refused_when_its_board_answers():
+    """A model that is found by the board's id is known only then."""
+    with pytest.raises(ConfigError, match="drive of kind mecanum, which no board with three motors moves"):
+        RobotState(MECANUM).admit(Board(21, 2, 1.72, 12.0, 25.0))
 
 
 @pytest.mark.parametrize("version", [1, 2])
