@@ -8,7 +8,7 @@ import heapq
 import math
 from typing import Dict, List, Mapping, Optional, Set, Tuple
 
-from mrl_driver.geometry import Pose, wrap_angle
+from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import SonarMount
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
 
@@ -69,21 +69,25 @@ class FloorMap:
 
     def _draw(self, pose: Pose, mount: SonarMount, range_m: float) -> None:
         x, y, yaw = Pose(*pose).compose(*mount.pose)
-        half = FIELD_OF_VIEW_RAD / 2
+        cos, sin, half = math.cos(yaw), math.sin(yaw), FIELD_OF_VIEW_RAD / 2
         echo = range_m <= NEAR_M
         edge_m = range_m - CELL_M / 2 if echo else NEAR_M
+        end_m = range_m + CELL_M / 2 if echo else NEAR_M
         reach = int(min(range_m, NEAR_M) / CELL_M) + 2
         middle_i, middle_j = cell_of((x, y))
         for i in range(middle_i - reach, middle_i + reach + 1):
             for j in range(middle_j - reach, middle_j + reach + 1):
-                at = middle_of((i, j))
-                way_m = math.hypot(at[0] - x, at[1] - y)
-                aside = abs(wrap_angle(math.atan2(at[1] - y, at[0] - x) - yaw))
+                at_x, at_y = middle_of((i, j))
+                ahead_m = cos * (at_x - x) + sin * (at_y - y)
+                if not 0.0 <= ahead_m < end_m:
+                    continue
+                left_m = cos * (at_y - y) - sin * (at_x - x)
+                way_m, aside = math.hypot(ahead_m, left_m), math.atan2(abs(left_m), ahead_m)
                 if aside > half or (way_m < edge_m and aside > CLEARED_RAD):
                     continue
                 if way_m < edge_m:
                     self._score((i, j), -1)
-                elif echo and way_m < range_m + CELL_M / 2:
+                elif echo and way_m < end_m:
                     self._score((i, j), 2 * SCORE if range_m < SURE_M else 1)
 
     def _score(self, cell: Cell, by: int) -> None:
