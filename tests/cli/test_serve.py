@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from mrl_driver.cli import main
+from mrl_driver.cli.doctor import board
 from mrl_driver.driver import Driver
 from mrl_driver.errors import LinkLost
 from mrl_driver.transport.link import SerialLink
@@ -16,7 +17,7 @@ from mrl_driver.transport.open_link import open_link
 from mrl_driver.transport.relay import STOP, Bridge
 from sim_arduino.testing import EmulatedBoard
 
-from .run import fails
+from .run import fails, mrl
 
 ADDRESS = "127.0.0.1:0"
 
@@ -51,6 +52,13 @@ def served(request):
     served = Served(request.param)
     yield served
     served.close()
+
+
+def test_the_doctor_blames_no_usb_cable_of_a_board_on_a_network(served, monkeypatch):
+    poor = board.LinkFigures(30.0, 50.0, 2, {"noise": 3}, [0.08])
+    monkeypatch.setattr(board, "watch", lambda driver: poor)
+    done = mrl("doctor", "--port", served.url)
+    assert "bring robot and access point closer together" in done.stdout and "USB cable" not in done.stdout
 
 
 def test_a_driver_drives_through_it(served):

@@ -2,7 +2,7 @@
 
 import pytest
 import roslaunch
-from roslaunch import substitution_args
+from roslaunch import arg_dump, substitution_args
 
 from .rig import ROOT
 
@@ -78,3 +78,12 @@ def test_robots_in_groups_need_a_prefix_to_have_frames_of_their_own(config_of, t
     file.write_text(f"<launch>{''.join(groups)}</launch>")
     params = config_of(file).params
     assert len({params[f"/{name}/robot_node/odom_frame"].value for name in ("robot1", "robot2")}) == frames
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_arguments_of_the_line_are_listed(file, monkeypatch):
+    """By `roslaunch mrl_robots FILE --ros-args`."""
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(ROOT))
+    monkeypatch.setattr(substitution_args, "_rospack", None)
+    listed = set(arg_dump.get_args([str(LAUNCH / file)]))
+    assert {"fast", "respawn"} | ({"baud"} if file != "sim.launch" else set()) <= listed
