@@ -13,4 +13,4 @@ check-description: ## Are the URDF files current?
 
 .PHONY: picture
 picture: setup ## Take the picture of rviz for the README, without a screen
-	$(ROS_ENV) $(PY) -m ros1_bridge.demo.rviz_picture ros1_bridge/rviz.png
+	$(ROS_ENV) $(PY) -m tests.documents.rviz_picture ros1_bridge/rviz.png

@@ -29,6 +29,11 @@ class Garbage(NamedTuple):
 Event = Union[Frame, Garbage]
 
 
+def to_int16(value: int) -> int:
+    """Return the lower 16 bits of `value` as a signed number."""
+    return ((value + 0x8000) & 0xFFFF) - 0x8000
+
+
 def check_value(body: bytes) -> int:
     """Checksum of `body`: CRC-16/IBM-3740 (polynomial 0x1021, initial 0xFFFF, unreflected) as signed int16."""
     crc = crc_hqx(body, 0xFFFF)

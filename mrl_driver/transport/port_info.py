@@ -95,7 +95,10 @@ def group_of(device: str) -> str:
 
 
 def udev_properties(device: str) -> Dict[str, str]:
-    """Return udev's properties of a device; empty without udev."""
+    """Return udev's properties of a device; empty without udev.
+
+    Not by pyudev: only `mrl doctor` asks, for one property; all else about ports comes from pyserial.
+    """
     try:
         number = os.stat(device).st_rdev
         with open(

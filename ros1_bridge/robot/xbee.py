@@ -5,6 +5,7 @@ from typing import Any, Callable, FrozenSet, NamedTuple, Tuple
 from diagnostic_msgs.msg import KeyValue
 
 from mrl_driver.protocol.codec import Frame
+from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.table import BY_NAME
 from ros1_bridge.topics.fast_publisher import direct_publisher
 
@@ -59,11 +60,7 @@ def send_request(message: KeyValue) -> Tuple[int, ...]:
         raise ValueError(
             f"{RADIO_OUT} value is {message.value!r}, expected 1 to {TEXT_BYTES} ASCII characters"
         )
-    words = [_signed(address >> shift & 0xFFFF) for shift in (48, 32, 16, 0)]
+    words = [to_int16(address >> shift & 0xFFFF) for shift in (48, 32, 16, 0)]
     padded = data + b"\0" * (len(data) % 2)
-    texts = [_signed(padded[i] << 8 | padded[i + 1]) for i in range(0, len(padded), 2)]
+    texts = [to_int16(padded[i] << 8 | padded[i + 1]) for i in range(0, len(padded), 2)]
     return (_TEXT_OUT, *words, len(data), *texts)
-
-
-def _signed(word: int) -> int:
-    return word - 0x10000 if word & 0x8000 else word

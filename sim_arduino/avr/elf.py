@@ -1,4 +1,8 @@
-"""Reads an image for the simulated chip: flash, EEPROM and symbols from an AVR ELF file, or flash from Intel HEX."""
+"""Reads an image for the simulated chip: flash, EEPROM and symbols from an AVR ELF file, or flash from Intel HEX.
+
+Neither pyelftools nor intelhex: the emulator runs in `sim.launch` with what a robot's Debian has, and three tables of
+one kind of ELF are less code than an extra that may be missing.
+"""
 
 import struct
 from pathlib import Path

@@ -10,6 +10,7 @@ import struct
 from functools import partial
 from typing import Callable, Iterator, List, NamedTuple, Optional, Set, Tuple
 
+from mrl_driver.protocol.frames import to_int16
 from sim_arduino.hardware.environment_sensors import COMPASS_ADDRESS, THERMOPILE_ADDRESS
 from sim_arduino.hardware.omni3md import BoardGeometry
 from sim_arduino.hardware.sonars import VOLTS_PER_COUNT
@@ -415,7 +416,7 @@ def _number(token: bytes) -> int:
     if not token or len(token) > DIGITS:
         return MISSING
     found = re.match(rb"[ \t-\r]*([+-]?[0-9]+)", token)
-    return (int(found.group(1)) + 0x8000 & 0xFFFF) - 0x8000 if found else 0
+    return to_int16(int(found.group(1))) if found else 0
 
 
 def through_single_precision(wire: int) -> int:
@@ -428,4 +429,4 @@ def through_single_precision(wire: int) -> int:
         return float(struct.unpack("f", struct.pack("f", value))[0])
 
     sent = int(single(single((wire & 0xFFFF) / 1000.0) * 1000.0))
-    return (sent + 0x8000 & 0xFFFF) - 0x8000
+    return to_int16(sent)

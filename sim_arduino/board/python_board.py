@@ -8,6 +8,7 @@ from collections import deque
 from typing import Deque, NamedTuple, Optional
 
 from mrl_driver.protocol.codec import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
+from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.table import BAUD, BAUDS, BY_CODE, TICK_S
 from sim_arduino.hardware.omni3md import Omni3MD
 from sim_arduino.hardware.sonars import VOLTS_PER_COUNT
@@ -318,7 +319,7 @@ class PythonBoard:
             return False
         stamp = None
         if self._decoder.checked and BY_CODE[code].stamped:
-            stamp = Stamp(_int16(self._sequence), _int16(int((self.now_s - self.started_s) / TICK_S)))
+            stamp = Stamp(to_int16(self._sequence), to_int16(int((self.now_s - self.started_s) / TICK_S)))
             self._sequence += 1
         self._outgoing.put(encode_reply(code, *args, stamp=stamp, checked=self._decoder.checked), self.now_s)
         self._frame_s = self._outgoing.free_s - self.now_s
@@ -379,7 +380,3 @@ class PythonBoard:
     def adc(self, channel: int) -> int:
         """ADC count of A0 to A3."""
         return min(1023, int(self.plant.adc_volts(channel, self.now_s) / VOLTS_PER_COUNT))
-
-
-def _int16(value: int) -> int:
-    return (value + 0x8000 & 0xFFFF) - 0x8000

@@ -6,7 +6,7 @@ import numpy as np
 
 from mrl_driver.calibration import parts, sonar_curve
 from mrl_driver.calibration.manoeuvres import Speeds, Track
-from mrl_driver.calibration.sonar_curve import Curve
+from mrl_driver.calibration.sonar_curve import THESIS
 from sim_arduino.world.geometry import Wall
 from sim_arduino.world.world import World
 
@@ -17,7 +17,6 @@ from .report import Figure, Result
 PLAN = parts.SonarPlan()
 APPROACHES = 3
 """Number of approaches to the wall: with a noise of 1 cm, each distance needs more than one reading."""
-THESIS = Curve(1.1767, 0.94657, -0.3759)
 THESIS_R2 = 0.9992
 WIDE_M = 10.0
 """The wall extends this far to both sides."""

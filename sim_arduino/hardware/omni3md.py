@@ -7,6 +7,7 @@ import math
 from collections import deque
 from typing import Deque, NamedTuple, Tuple
 
+from mrl_driver.protocol.frames import to_int16
 from mrl_driver.robot.models import RobotModel
 
 from .motor import BoardGeometry, ControlSettings
@@ -33,14 +34,10 @@ class _Counter:
         self.count, self.pulses, self.prescale = 0, 0, 1
 
     def read(self, travel: float) -> int:
-        return _int16(self.count + (math.floor(travel) - self.pulses) // self.prescale)
+        return to_int16(self.count + (math.floor(travel) - self.pulses) // self.prescale)
 
     def preset(self, count: int, travel: float) -> None:
         self.count, self.pulses = count, math.floor(travel)
-
-
-def _int16(value: int) -> int:
-    return (value + 0x8000 & 0xFFFF) - 0x8000
 
 
 def _share(percent: int) -> float:

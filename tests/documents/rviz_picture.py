@@ -1,4 +1,4 @@
-"""`python -m ros1_bridge.demo.rviz_picture FILE.png` makes a picture of rviz with an emulated robot, without a screen.
+"""`python -m tests.documents.rviz_picture FILE.png` makes a picture of rviz with an emulated robot, without a screen.
 
 It starts a ROS master, an X server in memory, `sim.launch`, `go_to_goal.launch` and `rviz.launch`, drives an arc,
 and saves a screenshot.  It needs the packages rviz, xvfb, libgl1-mesa-dri and imagemagick.
@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Dict, List, Sequence
 from xmlrpc.client import ServerProxy
 
-from .launcher import master_answers
-from .processes import Child, wait_until
+from ros1_bridge.demo.launcher import master_answers
+from ros1_bridge.demo.processes import Child, wait_until
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 LAUNCH = ROOT / "ros1_bridge" / "launch"
