@@ -1,6 +1,6 @@
 """ROS node `demo_view`: shows a robot live, drives it in a square or from the keyboard.
 
-The node subscribes to `odom`, `sonar/*`, `battery` and `/diagnostics`, and publishes `cmd_vel`.
+The node subscribes to `odom`, `sonar/*`, `battery`, `status` and `/diagnostics`, and publishes `cmd_vel`.
 
 Private parameters: `~square` drives the square from the start; `~duration` [s] ends the run after that much
 odometry; `~robot` is the model, or auto.
@@ -15,7 +15,7 @@ from typing import List, Optional
 
 import rosgraph
 import rospy
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, Range
@@ -43,6 +43,7 @@ def topic_robot(robot: str) -> TopicRobot:
     found = TopicRobot(publish, rospy.is_shutdown, robot)
     rospy.Subscriber("odom", Odometry, found.on_odometry, queue_size=50, tcp_nodelay=True)
     rospy.Subscriber("battery", BatteryState, found.on_battery, queue_size=1)
+    rospy.Subscriber("status", DiagnosticStatus, found.on_status, queue_size=1)
     rospy.Subscriber("/diagnostics", DiagnosticArray, found.on_diagnostics, queue_size=10)
     for name in SONARS:
         rospy.Subscriber(f"sonar/{name}", Range, found.on_range, callback_args=name, queue_size=1)

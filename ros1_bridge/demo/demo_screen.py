@@ -2,7 +2,7 @@
 
 import math
 import time
-from typing import Optional
+from typing import TYPE_CHECKING, Optional
 
 from mrl_driver.navigation.line_follower import Square
 from mrl_driver.terminal.live import Screen, Settings
@@ -10,6 +10,9 @@ from mrl_driver.terminal.state import State
 from mrl_driver.terminal.teleop_keys import Teleop
 
 from .topic_robot import STALE_S, TopicRobot
+
+if TYPE_CHECKING:
+    from mrl_driver.terminal.live_view import Shown
 
 PATIENCE_S = 20.0
 """If a duration is set, odometry must begin within this time."""
@@ -63,6 +66,11 @@ class DemoScreen(Screen):
     def state(self) -> State:
         """Return the robot's state now."""
         return self._robot.state()
+
+    def shown(self, now_s: float) -> "Shown":
+        """Return what to show now; above all, why the robot does not drive."""
+        shown = super().shown(now_s)
+        return shown._replace(notice=self._robot.notice or shown.notice)
 
     def summary(self) -> str:
         """The last line of a run."""

@@ -34,6 +34,8 @@ class TopicRobot:
         self.command: Optional[Twist] = None
         self.ranges: Dict[str, float] = {}
         self.battery_v = self._charge = math.nan
+        self.notice = ""
+        """Why the robot does not drive, as its node says; empty while it may."""
         self._link: Mapping[str, str] = {}
         self._heard_s = -math.inf
         self._listeners: List[Callable[[Any], None]] = []
@@ -90,6 +92,10 @@ class TopicRobot:
     def on_battery(self, message: Any) -> None:
         """Take a sensor_msgs/BatteryState."""
         self.battery_v, self._charge = message.voltage, message.percentage
+
+    def on_status(self, message: Any) -> None:
+        """Take the diagnostic_msgs/DiagnosticStatus of the robot's state."""
+        self.notice = message.message if message.level else ""
 
     def on_diagnostics(self, message: Any) -> None:
         """Take a diagnostic_msgs/DiagnosticArray."""

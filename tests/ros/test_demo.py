@@ -220,6 +220,14 @@ def test_the_view_shows_what_the_topics_say(demo):
         assert words in text, words
 
 
+def test_the_view_says_why_the_robot_does_not_drive(demo):
+    view = demo()
+    view.robot.on_status(DiagnosticStatus(level=2, message="stopped by wheel mismatch"))
+    assert "stopped by wheel mismatch" in view.picture()
+    view.robot.on_status(DiagnosticStatus(level=0, message="moving"))
+    assert "moving" not in view.picture()
+
+
 def test_the_view_says_that_there_is_no_odometry_yet(demo):
     assert "NO TELEMETRY yet" in demo().picture()
 
