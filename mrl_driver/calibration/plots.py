@@ -40,8 +40,8 @@ def draw_sonar(path: str, counts: np.ndarray, ranges_m: np.ndarray, fit: SonarFi
     """Plot the curve, the readings (N,), and the remaining errors."""
     figure = figures.figure(7.0, 6.0)
     upper, lower = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [2, 1]})
-    heard = np.isfinite(counts)
-    line = np.linspace(max(1.0, counts[heard].min() * 0.8), counts[heard].max() * 1.05, 200)
+    valid = np.isfinite(counts)
+    line = np.linspace(max(1.0, counts[valid].min() * 0.8), counts[valid].max() * 1.05, 200)
     a, b, c = fit.curve
     upper.plot(
         line, 100 * fit.curve.range_m(line), color=BLUE, label=f"{a:.4f} s^{b:.5f} {c:+.4f}, R² {fit.r2:.5f}"

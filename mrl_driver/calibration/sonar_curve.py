@@ -70,12 +70,12 @@ def fit(counts: Sequence[float], ranges_m: Sequence[float]) -> SonarFit:
         ConfigError: there are too few distances, or the wall was missed too often; the message lists the distances.
     """
     s, truth = np.asarray(counts, float), np.asarray(ranges_m, float)
-    heard = np.isfinite(s) & (s > 0)
-    require_wall(truth, heard)
-    curve = _least_squares(s[heard], truth[heard])
+    valid = np.isfinite(s) & (s > 0)
+    require_wall(truth, valid)
+    curve = _least_squares(s[valid], truth[valid])
     for _ in range(10):
-        off = np.where(heard, curve.range_m(np.where(heard, s, 1.0)) - truth, np.inf)
-        usual = 1.4826 * float(np.median(np.abs(off[heard])))
+        off = np.where(valid, curve.range_m(np.where(valid, s, 1.0)) - truth, np.inf)
+        usual = 1.4826 * float(np.median(np.abs(off[valid])))
         kept = np.abs(off) <= max(MISSED_M, OUTLIERS * usual)
         require_wall(truth, kept)
         better = _least_squares(s[kept], truth[kept])
@@ -84,21 +84,21 @@ def fit(counts: Sequence[float], ranges_m: Sequence[float]) -> SonarFit:
         curve = better
     left = off[kept]
     r2 = 1 - float(left @ left) / float(np.sum((truth[kept] - truth[kept].mean()) ** 2))
-    return SonarFit(curve, r2, np.where(heard, off, np.nan), kept)
+    return SonarFit(curve, r2, np.where(valid, off, np.nan), kept)
 
 
-def require_wall(ranges_m: np.ndarray, heard: np.ndarray) -> None:
+def require_wall(ranges_m: np.ndarray, valid: np.ndarray) -> None:
     """Refuse readings that did not measure a wall.
 
     Raises:
         ConfigError: there are too few distances, or the wall was missed too often.
     """
-    distances = np.unique(np.round(ranges_m[heard], 3))
-    lost = [d for d in np.unique(np.round(ranges_m, 3)) if not heard[np.abs(ranges_m - d) < 1e-3].any()]
-    if lost or np.mean(~heard) > MOST_MISSED:
+    distances = np.unique(np.round(ranges_m[valid], 3))
+    lost = [d for d in np.unique(np.round(ranges_m, 3)) if not valid[np.abs(ranges_m - d) < 1e-3].any()]
+    if lost or np.mean(~valid) > MOST_MISSED:
         where = ", ".join(f"{d:.2f}" for d in lost[:4]) or "several distances"
         raise ConfigError(
-            f"the sonar missed the wall {int(np.sum(~heard))} of {len(heard)} times, always at {where} m; expected a "
+            f"the sonar missed the wall {int(np.sum(~valid))} of {len(valid)} times, always at {where} m; expected a "
             "flat wall straight ahead at each distance"
         )
     reach = distances[-1] / max(distances[0], 1e-3) if len(distances) else 0.0

@@ -159,8 +159,8 @@ class Zones:
             if math.isnan(range_m):
                 self._sights[name].hear(now)
             else:
-                told = self._outline, mount, range_m
-                rooms = partial(sonar_room, *told), partial(slant_room, *told)
+                arguments = self._outline, mount, range_m
+                rooms = partial(sonar_room, *arguments), partial(slant_room, *arguments)
                 self._sights[name].know(*rooms, self._recent(), now)
 
     def on_scan(self, scan: Scan, now: float) -> None:

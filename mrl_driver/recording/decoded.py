@@ -137,7 +137,7 @@ class RecordedRobot:
         self.counters = Counters()
         self._stream = Stream(self.counters)
         self._exact = False
-        self._heard_s = -math.inf
+        self._last_stamp_s = -math.inf
 
     @property
     def has_sonars(self) -> bool:
@@ -166,8 +166,8 @@ class RecordedRobot:
         elif code == _PROTOCOL:
             self.capabilities = capabilities_of(frame.args[1])
         if stamp is not None:
-            silent = time_s - self._heard_s >= STALE_S
-            self._heard_s = time_s
+            silent = time_s - self._last_stamp_s >= STALE_S
+            self._last_stamp_s = time_s
             missing = self._stream.missing(stamp.sequence, silent)
             if not counts or missing < 0:
                 return False

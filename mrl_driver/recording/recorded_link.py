@@ -58,7 +58,7 @@ class DriverRecording:
         self._tap = tap
         self._checked: Optional[bool] = None
 
-    def _hear(self, direction: str, data: bytes) -> None:
+    def _record(self, direction: str, data: bytes) -> None:
         if self.recorder is not None:
             self.recorder.add(direction, data)
         if self._tap is not None and direction != REMARK:
@@ -66,8 +66,8 @@ class DriverRecording:
 
     def open(self, port: str, baud: int, patience_s: float) -> RecordedLink:
         """Open a link as `open_link` does; its bytes are recorded."""
-        link = RecordedLink(open_link(port, baud, patience_s), self._hear)
-        self._hear(REMARK, OPENED + port.encode("utf-8", "replace"))
+        link = RecordedLink(open_link(port, baud, patience_s), self._record)
+        self._record(REMARK, OPENED + port.encode("utf-8", "replace"))
         self._checked = None
         return link
 
@@ -75,7 +75,7 @@ class DriverRecording:
         """Record whether the board's frames carry a checksum from now on; writes a remark only on a change."""
         if checked != self._checked:
             self._checked = checked
-            self._hear(REMARK, CHECKED if checked else PLAIN)
+            self._record(REMARK, CHECKED if checked else PLAIN)
 
     def close(self) -> None:
         """Write all pending entries, and close the file."""

@@ -112,8 +112,8 @@ class Search:
             return None
         if self.rivals:
             self._answered.clear()
-        unheard = [name for name in names if name not in self._answered]
-        for name in unheard + [name for name in names if name in self._answered]:
+        unanswered = [name for name in names if name not in self._answered]
+        for name in unanswered + [name for name in names if name in self._answered]:
             if now >= self._refused.get(name, -math.inf):
                 return name
         return None

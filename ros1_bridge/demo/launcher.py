@@ -207,12 +207,20 @@ def supervise(run: Run, robot: Optional[str], port: str, engine: Optional[str], 
 
 
 @click.command()
-@click.option("--robot", metavar="NAME|FILE", help="Model; the board's own by default, emulated: traxbot.")
+@click.option(
+    "--robot",
+    metavar="NAME|FILE",
+    help="Robot model; default: that of the board's id, or traxbot for an emulated robot.",
+)
 @click.option("--port", default="", help="Serial port of a real robot; it moves only when you press a key.")
-@click.option("--engine", type=click.Choice(["avr", "python"]), help="What the emulated board runs on.")
+@click.option(
+    "--engine",
+    type=click.Choice(["avr", "python"]),
+    help="Emulate the board in Python, or run the firmware binary on a simulated chip (avr).",
+)
 @click.option("--duration", type=Between(min=0.1), help="End after this many seconds of odometry.")
 @click.option(
-    "--logs", type=click.Path(path_type=Path, file_okay=False), default=LOGS, help="Folder of the logs."
+    "--logs", type=click.Path(path_type=Path, file_okay=False), default=LOGS, help="Folder for the logs."
 )
 def main(
     robot: Optional[str], port: str, engine: Optional[str], duration: Optional[float], logs: Path

@@ -50,8 +50,8 @@ def run(name: str, setting: Setting) -> Result:
             end(child)
         result = report.read(folder, name)
         if result is None:
-            said = [line for line in child.output() if line.strip()]
-            raise MrlError(f"experiment {name}: {said[-1] if said else f'exit code {child.exit_code}'}")
+            lines = [line for line in child.output() if line.strip()]
+            raise MrlError(f"experiment {name}: {lines[-1] if lines else f'exit code {child.exit_code}'}")
         return result
 
 

@@ -134,5 +134,5 @@ def _end_all(children: List[Child]) -> None:
 
 def _last(child: Child) -> Optional[str]:
     """The last line of a program's output; None if it has none."""
-    said = [line for line in child.output() if line.strip()]
-    return said[-1].strip() if said else None
+    lines = [line for line in child.output() if line.strip()]
+    return lines[-1].strip() if lines else None

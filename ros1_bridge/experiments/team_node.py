@@ -33,7 +33,7 @@ from sim_arduino.experiments.experiment_robot import NOISE, Setting, Step
 from sim_arduino.experiments.report import Result
 from sim_arduino.experiments.team import Member, Player, Team, footprint_of, pose_option
 from sim_arduino.world import world_file
-from sim_arduino.world.shared_robots import SharedCrowd
+from sim_arduino.world.shared_robots import SharedRegistry
 from sim_arduino.world.world import World
 
 from .parts import START_S, Parts
@@ -101,8 +101,8 @@ class TopicRobot:
     @property
     def ready(self) -> bool:
         """A message has come on every topic, and the action server is there."""
-        heard = None not in (self._odom, self._true) and len(self.ranges) == len(NAMES)
-        return heard and (self._move_base is None or self._move_base.wait_for_server(rospy.Duration(0.01)))
+        complete = None not in (self._odom, self._true) and len(self.ranges) == len(NAMES)
+        return complete and (self._move_base is None or self._move_base.wait_for_server(rospy.Duration(0.01)))
 
     @property
     def pose(self) -> Pose:
@@ -189,24 +189,24 @@ def gather(
         MrlError: a part has failed, or is not ready in time.
     """
     truth, virtual = world_file.load(world), world_file.load(world)
-    virtual.crowd = crowd = SharedCrowd(_shared("virtual"))
-    stack.callback(crowd.close)
+    virtual.registry = registry = SharedRegistry(_shared("virtual"))
+    stack.callback(registry.close)
     for space in sorted({"virtual" if member.virtual else "real" for member in members}):
         parts.node("world_node", space, world=world, world_name=_shared(space), localise=False)
     for number, member in enumerate(members):
         _start(parts, member, world, setting.seed + number, navigated)
     places = tf2_ros.StaticTransformBroadcaster()
     places.sendTransform([_place(member) for member in members])
-    stage = [TopicRobot(member, truth, navigated) for member in members]
-    for robot in stage:
+    robots = [TopicRobot(member, truth, navigated) for member in members]
+    for robot in robots:
         stack.callback(robot.stop)
-    wait_until(lambda: parts.check() or all(robot.ready for robot in stage), START_S)  # type: ignore[func-returns-value]
-    late = [robot.member.name for robot in stage if not robot.ready]
+    wait_until(lambda: parts.check() or all(robot.ready for robot in robots), START_S)  # type: ignore[func-returns-value]
+    late = [robot.member.name for robot in robots if not robot.ready]
     if late:
         raise MrlError(
             f"no odometry, sonars, true pose or move_base of {', '.join(late)} after {START_S:g} s"
         )
-    return Team([Player(robot.member, robot, virtual) for robot in stage])
+    return Team([Player(robot.member, robot, virtual) for robot in robots])
 
 
 def _shared(space: str) -> str:

@@ -46,15 +46,15 @@ class StatusTeller:
         self._commander, self._publish = commander, publish
         self._name, self._hardware_id = f"{node_name}: status", hardware_id
         self._lock = new_lock("status")
-        self._told: Optional[State] = None
+        self._published: Optional[State] = None
 
     def tell(self) -> None:
         """Publish the state, unless it is the same as last time."""
         with self._lock:
             commander = self._commander
             state = commander.moving, commander.stopped_by, commander.seeking, zones_clear(commander)
-            if state != self._told:
-                self._told = state
+            if state != self._published:
+                self._published = state
                 self._publish(self._message(*state))
 
     def _message(self, moving: bool, cause: str, seeking: bool, clear: Tuple[str, str]) -> DiagnosticStatus:

@@ -80,9 +80,9 @@ class Publishers:
         self._ranges_out: Dict[str, Fast] = {}
         self._battery = messages.new_battery(base, model.battery)
         self._temperature = messages.new_temperature(base)
-        told = parameters.has("status")
+        with_status = parameters.has("status")
         self._latched = {
-            name: direct_publisher(publisher_class, name, kind, latch=True) if told else Unpublished()
+            name: direct_publisher(publisher_class, name, kind, latch=True) if with_status else Unpublished()
             for name, kind in LATCHED.items()
         }
 

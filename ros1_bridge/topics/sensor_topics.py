@@ -92,9 +92,9 @@ class SensorTopics:
             if SENSOR_BY_NAME[each.sensor].capability:
                 self._publisher(topic)
 
-    def on_sensor(self, told: Tuple[str, Reading]) -> None:
+    def on_sensor(self, event: Tuple[str, Reading]) -> None:
         """Publish a reading."""
-        name, found = told
+        name, found = event
         for topic, entry in self._entries.items():
             if entry.sensor == name:
                 message = self._messages[topic]

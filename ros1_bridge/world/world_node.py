@@ -21,7 +21,7 @@ from ros1_bridge.topics import messages
 from ros1_bridge.topics.fast_publisher import direct_publisher
 from sim_arduino.hardware.laser import URG_04LX, LaserScanner
 from sim_arduino.world import grid_map, world_file
-from sim_arduino.world.shared_robots import SharedCrowd
+from sim_arduino.world.shared_robots import SharedRegistry
 
 from . import world_messages
 
@@ -96,7 +96,7 @@ class WorldNode:
         """
         given = read(PARAMETERS, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
         self._world = world_file.load(given["world"])
-        self._world.crowd = SharedCrowd(given["world_name"])
+        self._world.registry = SharedRegistry(given["world_name"])
         self._only, self._prefix, self._localise = given["only"], given["prefix"], given["localise"]
         self._frame = given["map_frame"]
         self._robots: Dict[str, RobotTopics] = {}

@@ -9,7 +9,7 @@ FRAME_BITS = 10  # start, eight data bits, stop
 CLOSE_ENOUGH = 0.04  # relative speed difference at which the last bit is still read correctly
 
 
-def heard(sent: Sequence[SentByte], bit_cycles: float) -> bytes:
+def received(sent: Sequence[SentByte], bit_cycles: float) -> bytes:
     """The bytes that a receiver with this bit length [cycle] reads, including framing errors.
 
     Bytes at the receiver's speed pass unchanged; others are sampled in the middle of the receiver's bits.

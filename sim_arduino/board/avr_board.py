@@ -9,7 +9,7 @@ from typing import Any, List, Optional, Sequence, Tuple, Union
 from mrl_driver.errors import SimulatorError
 from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.table import BAUD, BY_NAME, PARAMETER_BY_NAME
-from sim_arduino.avr.line import heard
+from sim_arduino.avr.line import received
 from sim_arduino.avr.machine import AvrMachine
 
 from . import parameter_store
@@ -117,7 +117,7 @@ class AvrEngine:
             self.machine.set_pin(DUST, level, self._cycle_at(max(time_s, self.machine.time_s)))
         self.machine.run_until(self._cycle_at(to_s))
         self.plant.advance(self.machine.time_s)
-        return heard(self.machine.sent(), self.machine.frequency_hz / self._host_baud)
+        return received(self.machine.sent(), self.machine.frequency_hz / self._host_baud)
 
     def set_host_baud(self, baud: float) -> None:
         """Set the host's baud rate in both directions; if it differs from the board's, bytes arrive corrupted."""

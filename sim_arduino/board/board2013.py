@@ -107,7 +107,7 @@ class Board2013:
             else:
                 self._loop()
         self.now_s = max(self.now_s, to_s)
-        self._hear(self.now_s)
+        self._receive_until(self.now_s)
         self.plant.advance(self.now_s)
         return self._out.take(self.now_s)
 
@@ -121,7 +121,7 @@ class Board2013:
         self.plant.advance(to_s)
         self.now_s = to_s
         self._busy_s = max(to_s, self._busy_s)
-        self._hear(to_s)
+        self._receive_until(to_s)
         self._input.put(waiting)
 
     def reset(self) -> None:
@@ -178,7 +178,7 @@ class Board2013:
         return min(self._set_up_s, max(due, self._busy_s))
 
     def _loop(self) -> None:
-        self._hear(self.now_s)
+        self._receive_until(self.now_s)
         self._busy_s = self.now_s + PASS_S
         byte = self._input.take()
         acted = byte is not None and self._parse(byte)
@@ -186,7 +186,7 @@ class Board2013:
             self._run(next(row for row in self._rows.streams if row.code in self.streams))
         self._busy_s = max(self._busy_s, self._out.free_s - OUTPUT_BYTES * OUT_BYTE_S)
 
-    def _hear(self, to_s: float) -> None:
+    def _receive_until(self, to_s: float) -> None:
         """Moves the bytes that have arrived into the input buffer."""
         arrived = 0
         while arrived < len(self._line) and self._line[arrived][0] <= to_s:
@@ -317,7 +317,7 @@ class Rows:
             yield from self._stream(18, 19, self._both, ENCODERS_S + sonars_s, 8)
 
     def _settings(self) -> Iterator[Request]:
-        yield Request(15, 0, self._tell_debug, PRINTED_S, 15)
+        yield Request(15, 0, self._report_debug, PRINTED_S, 15)
         yield Request(16, 1, self._set_debug, PRINTED_S, 16)
         yield Request(17, 0, lambda: (int(18 in self._board.streams),), PRINTED_S, 17)
 
@@ -346,13 +346,13 @@ class Rows:
         if self._board.has_motors():
             method(self._board.now_s, *args)
 
-    def _tell_debug(self) -> Tuple[int, ...]:
+    def _report_debug(self) -> Tuple[int, ...]:
         self._board.say(b"[INFO] Debug mode is " + (b"ON!" if self._board.debug else b"OFF..."))
         return (self._board.debug,)
 
     def _set_debug(self, level: int) -> None:
         self._board.debug = level & 0xFF
-        self._tell_debug()
+        self._report_debug()
 
     def _info(self) -> Tuple[int, ...]:
         motor, now = self._plant.motor_board, self._board.now_s

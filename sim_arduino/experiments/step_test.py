@@ -15,7 +15,7 @@ from mrl_driver.errors import MrlError
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.goal_seeker import GoalSeeker
 from sim_arduino.testing import EmulatedBoard
-from sim_arduino.world.shared_robots import SharedCrowd
+from sim_arduino.world.shared_robots import SharedRegistry
 
 from . import plots
 from .experiment_robot import PERIOD_MS, TICK_S, Setting
@@ -56,7 +56,7 @@ class Mirrored:
         self._process = subprocess.Popen([*command, "--robot", robot], stdin=subprocess.PIPE, text=True)
         assert self._process.stdin is not None
         self._pipe = self._process.stdin
-        self._crowd = SharedCrowd(self._name)
+        self._registry = SharedRegistry(self._name)
         self._sent: Dict[Tuple[float, ...], float] = {}
         self._ending = False
         self.poses: List[Tuple[float, ...]] = []
@@ -74,7 +74,7 @@ class Mirrored:
     def _watch(self) -> None:
         last = None
         while not self._ending:
-            for mover in self._crowd.others(""):
+            for mover in self._registry.others(""):
                 pose = tuple(mover.pose)
                 if pose != last and pose in self._sent:
                     self.delays_s.append(time.monotonic() - self._sent[pose])
@@ -95,7 +95,7 @@ class Mirrored:
         self._thread.join()
         self._process.terminate()
         self._process.communicate()
-        self._crowd.close()
+        self._registry.close()
 
 
 def run(setting: Setting) -> Result:

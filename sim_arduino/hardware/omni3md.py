@@ -149,13 +149,13 @@ class Omni3MD:
         The radii in the board's default settings are fitted so that speeds are in SI units; other radii change them.
         """
         self._note(time_s, 0xEB, linear_mm_s, angular_mrad_s)
-        told, fitted = self.geometry, self._fitted
-        half_axle_m = 0.5 * self._track_m * told.axis_radius / fitted.axis_radius
+        geometry, fitted = self.geometry, self._fitted
+        half_axle_m = 0.5 * self._track_m * geometry.axis_radius / fitted.axis_radius
         counts_per_m = (
             fitted.wheel_radius
-            / told.wheel_radius
-            * told.gearbox
-            * told.encoder_counts
+            / geometry.wheel_radius
+            * geometry.gearbox
+            * geometry.encoder_counts
             / (fitted.gearbox * fitted.encoder_counts)
             / self._m_per_count
         )

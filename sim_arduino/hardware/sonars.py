@@ -142,11 +142,11 @@ class SonarChain:
     def _spoilt(self, range_m: float, pose: Pose) -> float:
         """A reading with the sensor's errors."""
         missed, confused, noise = self._rng.random(), self._rng.random(), self._rng.gauss(0.0, 1.0)
-        heard = min(range_m, self._before_m) if confused < self._errors.crosstalk else range_m
+        measured_m = min(range_m, self._before_m) if confused < self._errors.crosstalk else range_m
         self._before_m = range_m
         if self._errors.crosstalk:
-            heard = min([heard, *self._strangers(pose)])
-        return math.inf if missed < self._errors.missed else heard + self._errors.noise * noise
+            measured_m = min([measured_m, *self._strangers(pose)])
+        return math.inf if missed < self._errors.missed else measured_m + self._errors.noise * noise
 
     def _strangers(self, pose: Pose) -> List[float]:
         """False distances from pings of other robots.

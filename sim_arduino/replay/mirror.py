@@ -19,7 +19,7 @@ from mrl_driver.robot import models
 from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.serve.one_line import OneLine
 from sim_arduino.world.geometry import Footprint
-from sim_arduino.world.shared_robots import SharedCrowd
+from sim_arduino.world.shared_robots import SharedRegistry
 
 
 class Mirror:
@@ -33,19 +33,19 @@ class Mirror:
     """
 
     def __init__(self, world_name: str, name: str, footprint: Footprint, origin: Pose = ORIGIN) -> None:
-        self._crowd = SharedCrowd(world_name)
+        self._registry = SharedRegistry(world_name)
         self._name, self._footprint, self._origin = name, footprint, origin
         self.moved(0.0, 0.0, 0.0)
 
     def moved(self, x_m: float, y_m: float, yaw_rad: float) -> Pose:
         """Takes the robot's odometry pose; returns its pose in the world."""
         pose = self._origin.compose(x_m, y_m, yaw_rad)
-        self._crowd.place(self._name, pose, self._footprint)
+        self._registry.place(self._name, pose, self._footprint)
         return pose
 
     def close(self) -> None:
         """Removes the robot from the world."""
-        self._crowd.close()
+        self._registry.close()
 
     def __enter__(self) -> "Mirror":
         """Returns the mirror itself."""
@@ -84,13 +84,17 @@ def _pose(number: int, line: str) -> Tuple[float, float, float]:
     return x, y, yaw
 
 
-@click.command("mirror", cls=OneLine, short_help="Show a real robot to the emulated ones.")
-@click.option("--world-name", required=True, metavar="NAME", help="The shared world.")
-@click.option("--name", required=True, help="The robot's name there.")
+@click.command("mirror", cls=OneLine, short_help="Place a real robot in the world of emulated ones.")
+@click.option("--world-name", required=True, metavar="NAME", help="Name of the shared world.")
+@click.option("--name", required=True, help="Name of the robot in that world.")
 @click.option("--robot", default="traxbot", metavar="NAME|FILE", show_default=True, help="Robot model.")
-@click.option("--pose", metavar="X,Y,YAW", help="Where its odometry began, metres and degrees.")
+@click.option(
+    "--pose", metavar="X,Y,YAW", help="Start pose of its odometry in the world, in metres and degrees."
+)
 def main(world_name: str, name: str, robot: str, pose: str) -> None:
-    """Show a real robot to the emulated ones: its poses come as JSON lines on stdin.
+    """Place a real robot in the world of emulated ones.
+
+    Reads the poses of the robot as JSON lines from stdin, as mrl monitor --json prints them.
 
     \b
     Example:

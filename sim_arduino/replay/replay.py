@@ -13,29 +13,34 @@ from mrl_driver.recording.recording import Recording
 from mrl_driver.robot import models
 
 
-@click.command(short_help="Say what a recording holds, or play it again.")
+@click.command(short_help="Summarise a recording, or play it again.")
 @click.argument("file")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 @click.option(
     "--robot", default="auto", show_default=True, help="Robot model: auto, a name, or a .yaml file."
 )
-@click.option("--pty", is_flag=True, help="Serve the board's side on a virtual serial port instead.")
-@click.option("--speed", type=float, help="With --pty: times as fast as recorded; 0 is as fast as it goes.")
-@click.option("--link", metavar="NAME", help="With --pty: symbolic link to the port, removed at the end.")
+@click.option("--pty", is_flag=True, help="Instead, play the board's bytes on a virtual serial port.")
+@click.option(
+    "--speed", type=float, help="With --pty: factor over the recorded speed; 0 is as fast as possible."
+)
+@click.option(
+    "--link", metavar="NAME", help="With --pty: make a symbolic link to the port, and remove it at the end."
+)
 def main(
     file: str, as_json: bool, robot: str, pty: bool, speed: Optional[float], link: Optional[str]
 ) -> None:
-    """Say what a recording holds, or play it on a virtual serial port.
+    """Print a summary of a recording, or play it on a virtual serial port.
 
-    With --pty it prints the port's path.  Each program that opens the port gets the recording from its start: answers
-    when it asks, or after 1 s if it only listens, the rest in its time.  Ends when one has got all of it.
+    With --pty, prints the path of the port.  Each program that opens the port gets the recording from its start: the
+    answers when it asks (or after 1 s without a request), then the rest at the recorded times.  Ends when a program
+    has received the whole recording.
 
     Example: mrl replay drive.mrl --pty --speed 4
     """
     recording = Recording(file)
     if not pty:
         if speed is not None or link is not None:
-            raise ConfigError("--speed or --link is given without --pty, expected both or none")
+            raise ConfigError("--speed or --link is given without --pty; add --pty")
         from mrl_driver.recording.summary import summarise
 
         show(summarise(recording, None if robot == "auto" else models.load(robot)), as_json)

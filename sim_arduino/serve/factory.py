@@ -111,9 +111,9 @@ def _require_in(name: str, value: Optional[float], low: float, high: float) -> N
 def _world(options: Options) -> World:
     world = world_file.load(options.world)
     if options.world_name is not None:
-        from sim_arduino.world.shared_robots import SharedCrowd
+        from sim_arduino.world.shared_robots import SharedRegistry
 
-        world.crowd = SharedCrowd(options.world_name)
+        world.registry = SharedRegistry(options.world_name)
     return world
 
 

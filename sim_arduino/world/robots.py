@@ -19,7 +19,7 @@ class Mover(NamedTuple):
     footprint: Footprint
 
 
-class Crowd(Protocol):
+class RobotRegistry(Protocol):
     """The robots in a world and their poses."""
 
     def place(self, name: str, pose: Pose, footprint: Footprint) -> None:
@@ -32,7 +32,7 @@ class Crowd(Protocol):
         """All robots but that one."""
 
 
-class LocalCrowd:
+class LocalRegistry:
     """The robots of one process."""
 
     def __init__(self) -> None:

@@ -61,7 +61,7 @@ def _checked(what: str, name: str) -> str:
     return name
 
 
-class SharedCrowd:
+class SharedRegistry:
     """The robots of all processes that share a world by its name.
 
     Raises:

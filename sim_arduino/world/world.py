@@ -13,7 +13,7 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 from mrl_driver.geometry import ORIGIN, Pose
 
 from .geometry import Footprint, Wall, encloses, nearest_in_cone
-from .robots import Crowd, LocalCrowd, Mover
+from .robots import LocalRegistry, Mover, RobotRegistry
 from .scene import Scene
 from .wall_index import WallIndex
 
@@ -24,7 +24,7 @@ class World:
     """Walls, robots, sources for the sensors, and the pose at which a robot starts.
 
     Attributes:
-        crowd: The robots, of this process or of all processes that share the world.
+        registry: The robots, of this process or of all processes that share the world.
         scene: Heat, gas, dust, light and north.
         standing: Parked robots by name; each is there until a real robot with its name takes its place.
         solids: Closed lines among the walls that are solid inside: boxes, a map.
@@ -35,7 +35,7 @@ class World:
     ) -> None:
         self.start = start
         self.scene = Scene() if scene is None else scene
-        self.crowd: Crowd = LocalCrowd()
+        self.registry: RobotRegistry = LocalRegistry()
         self.standing: Dict[str, Mover] = {}
         self.solids: List[List[Wall]] = []
         self._index = WallIndex(walls)
@@ -47,15 +47,15 @@ class World:
 
     def place(self, name: str, pose: Pose, footprint: Footprint) -> None:
         """Puts a robot into the world, or moves it."""
-        self.crowd.place(name, pose, footprint)
+        self.registry.place(name, pose, footprint)
 
     def remove(self, name: str) -> None:
         """Takes a robot out of the world, if it is there."""
-        self.crowd.remove(name)
+        self.registry.remove(name)
 
     def robots(self, without: str = "") -> List[Mover]:
         """All robots except the one named `without`."""
-        there = self.crowd.others(without)
+        there = self.registry.others(without)
         if not self.standing:
             return there
         taken = {without, *(mover.name for mover in there)}

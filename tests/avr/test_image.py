@@ -99,9 +99,9 @@ def test_a_hanging_bus_holds_up_no_answer_for_long(rig, line):
         asked.append(rig.machine.send(b"@17e"))
         rig.run(4e-3)
     rig.run(BLOCKED_S)
-    heard = [reply.end_cycle for reply in rig.replies()]
-    assert len(heard) == len(asked)
-    assert max(b - a for a, b in zip(asked, heard)) <= BLOCKED_S * rig.machine.frequency_hz
+    received = [reply.end_cycle for reply in rig.replies()]
+    assert len(received) == len(asked)
+    assert max(b - a for a, b in zip(asked, received)) <= BLOCKED_S * rig.machine.frequency_hz
 
 
 def test_a_slave_that_holds_sda_is_clocked_out(rig):

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_arduino.avr.line import heard
+from sim_arduino.avr.line import received
 from sim_arduino.avr.records import SentByte
 
 BIT = 136  # cycles at 117647 baud
@@ -21,26 +21,26 @@ def line(data, bit=BIT, gap=0):
 @given(st.binary(max_size=40), st.floats(BIT * 0.97, BIT * 1.03))
 def test_close_speeds_hear_every_byte(data, bit):
     """3 % apart is close enough."""
-    assert heard(line(data), bit) == data
+    assert received(line(data), bit) == data
 
 
 @given(st.binary(min_size=1, max_size=10), st.sampled_from([0.95, 1.05]))
 def test_sampling_agrees_with_the_short_cut(data, factor):
     """5 % apart, with idle time between: still the same bytes, bit by bit."""
-    assert heard(line(data, gap=5 * BIT), BIT * factor) == data
+    assert received(line(data, gap=5 * BIT), BIT * factor) == data
 
 
 @pytest.mark.parametrize("factor", [0.25, 0.5, 2, 12])
 def test_other_speeds_hear_something_else(factor):
     """No frame comes through."""
-    assert b"@8," not in heard(line(b"@8,1,2,3,4,5e\r\n"), BIT * factor)
+    assert b"@8," not in received(line(b"@8,1,2,3,4,5e\r\n"), BIT * factor)
 
 
 def test_a_slow_receiver_hears_fewer_bytes():
     """At half the speed."""
-    assert len(heard(line(b"@8,1,2,3,4,5e\r\n"), BIT * 2)) < 15
+    assert len(received(line(b"@8,1,2,3,4,5e\r\n"), BIT * 2)) < 15
 
 
 def test_silence_is_silence():
     """No bytes, no bytes."""
-    assert heard([], BIT) == b""
+    assert received([], BIT) == b""

@@ -214,8 +214,8 @@ def test_noise_alone_is_usual():
     ],
 )
 def test_what_the_counters_say_of_a_wheel(right_m, left_m, words):
-    assert words in wheels.judge("right", Moved(right_m, left_m, "")).text
-    assert words in wheels.judge("left", Moved(left_m, right_m, "")).text
+    assert words in wheels.evaluate("right", Moved(right_m, left_m, "")).text
+    assert words in wheels.evaluate("left", Moved(left_m, right_m, "")).text
 
 
 @pytest.mark.parametrize(

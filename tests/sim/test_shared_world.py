@@ -14,7 +14,7 @@ from mrl_driver.geometry import Pose
 from sim_arduino.replay.mirror import Mirror, follow
 from sim_arduino.world import shared_robots
 from sim_arduino.world.geometry import Footprint
-from sim_arduino.world.shared_robots import SharedCrowd
+from sim_arduino.world.shared_robots import SharedRegistry
 from tests.sim.simulator import Client, Simulator
 from tests.waiting import PATIENCE_S, wait_until
 
@@ -30,87 +30,87 @@ def lab(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def crowds(lab):
+def registries(lab):
     """Two processes' views of one world, as far as locks and files go."""
-    made = [SharedCrowd(lab), SharedCrowd(lab)]
+    made = [SharedRegistry(lab), SharedRegistry(lab)]
     yield made
-    for crowd in made:
-        crowd.close()
+    for registry in made:
+        registry.close()
 
 
-def test_robots_of_other_processes_are_there(crowds):
-    crowds[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
-    assert crowds[1].others("two") == [("one", Pose(1.0, 2.0, 3.0), BOX)]
+def test_robots_of_other_processes_are_there(registries):
+    registries[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
+    assert registries[1].others("two") == [("one", Pose(1.0, 2.0, 3.0), BOX)]
 
 
-def test_they_move(crowds):
-    crowds[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
-    crowds[1].others("")
-    crowds[0].place("one", Pose(4.0, 5.0, 6.0), BOX)
-    assert crowds[1].others("")[0].pose == (4.0, 5.0, 6.0)
+def test_they_move(registries):
+    registries[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
+    registries[1].others("")
+    registries[0].place("one", Pose(4.0, 5.0, 6.0), BOX)
+    assert registries[1].others("")[0].pose == (4.0, 5.0, 6.0)
 
 
-def test_one_does_not_meet_itself(crowds):
-    crowds[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
-    assert crowds[0].others("one") == []
+def test_one_does_not_meet_itself(registries):
+    registries[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
+    assert registries[0].others("one") == []
 
 
-def test_a_process_meets_its_own_other_robots(crowds):
-    crowds[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
-    assert [mover.name for mover in crowds[0].others("two")] == ["one"]
+def test_a_process_meets_its_own_other_robots(registries):
+    registries[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
+    assert [mover.name for mover in registries[0].others("two")] == ["one"]
 
 
-def test_who_leaves_is_gone(crowds):
-    crowds[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
-    crowds[1].others("")
-    crowds[0].remove("one")
-    assert crowds[1].others("") == []
+def test_who_leaves_is_gone(registries):
+    registries[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
+    registries[1].others("")
+    registries[0].remove("one")
+    assert registries[1].others("") == []
 
 
-def test_who_comes_back_under_its_name_is_seen(crowds):
-    crowds[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
-    crowds[1].others("")
-    crowds[0].remove("one")
-    crowds[0].place("one", Pose(7.0, 8.0, 9.0), BOX)
-    assert crowds[1].others("")[0].pose == (7.0, 8.0, 9.0)
+def test_who_comes_back_under_its_name_is_seen(registries):
+    registries[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
+    registries[1].others("")
+    registries[0].remove("one")
+    registries[0].place("one", Pose(7.0, 8.0, 9.0), BOX)
+    assert registries[1].others("")[0].pose == (7.0, 8.0, 9.0)
 
 
-def test_a_name_is_taken_once(crowds):
-    crowds[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
+def test_a_name_is_taken_once(registries):
+    registries[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
     with pytest.raises(ConfigError, match="robot 'one' is in world .* already"):
-        crowds[1].place("one", Pose(1.0, 2.0, 3.0), BOX)
+        registries[1].place("one", Pose(1.0, 2.0, 3.0), BOX)
 
 
-def test_a_robot_whose_process_was_killed_is_gone(crowds, lab):
+def test_a_robot_whose_process_was_killed_is_gone(registries, lab):
     code = (
-        f"from sim_arduino.world.shared_robots import *; c = SharedCrowd({lab!r}); "
+        f"from sim_arduino.world.shared_robots import *; c = SharedRegistry({lab!r}); "
         "c.place('dead', Pose(0, 0, 0), Footprint(1, 1)); print(flush=True); input()"
     )
     process = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     process.stdout.readline()
-    before = [mover.name for mover in crowds[0].others("")]
+    before = [mover.name for mover in registries[0].others("")]
     process.kill()
     process.communicate()
-    assert (before, crowds[0].others("")) == (["dead"], [])
+    assert (before, registries[0].others("")) == (["dead"], [])
 
 
 @pytest.mark.parametrize("name", ["", "a b", "../x", "x" * 41])
 def test_bad_world_names(name):
     with pytest.raises(ConfigError, match="expected 1 to 40 letters, digits, - or _"):
-        SharedCrowd(name)
+        SharedRegistry(name)
 
 
 # ---- mirrors
 
 
 @pytest.mark.parametrize("line", ["POSE", '{"pose": POSE, "battery_v": 12.1}'])
-def test_a_mirror_stands_where_the_odometry_says(crowds, lab, line):
+def test_a_mirror_stands_where_the_odometry_says(registries, lab, line):
     """Odometry that began at (1, 0), looking along y."""
     with Mirror(lab, "real", BOX, Pose(1.0, 0.0, 1.5707963267948966)) as mirror:
         pose = '{"x_m": 0.5, "y_m": 0.0, "yaw_rad": 0.0}'
         follow(mirror, [line.replace("POSE", pose), "\n"])
-        assert crowds[0].others("")[0].pose == pytest.approx((1.0, 0.5, 1.5707963))
-    assert crowds[0].others("") == []
+        assert registries[0].others("")[0].pose == pytest.approx((1.0, 0.5, 1.5707963))
+    assert registries[0].others("") == []
 
 
 @pytest.mark.parametrize(
@@ -184,23 +184,23 @@ def at_each_step(action, look):
         sys.settrace(before)
 
 
-def test_reader_in_the_middle_of_a_move_sees_the_place_before_or_after(crowds):
+def test_reader_in_the_middle_of_a_move_sees_the_place_before_or_after(registries):
     before, after = Pose(1.0, 2.0, 3.0), Pose(4.0, 5.0, 6.0)
-    crowds[0].place("one", before, BOX)
-    seen = [crowds[1].others("")[0].pose]
+    registries[0].place("one", before, BOX)
+    seen = [registries[1].others("")[0].pose]
     at_each_step(
-        lambda: crowds[0].place("one", after, BOX), lambda: seen.append(crowds[1].others("")[0].pose)
+        lambda: registries[0].place("one", after, BOX), lambda: seen.append(registries[1].others("")[0].pose)
     )
-    assert set(seen) <= {before, after} and (seen[0], crowds[1].others("")[0].pose) == (before, after)
+    assert set(seen) <= {before, after} and (seen[0], registries[1].others("")[0].pose) == (before, after)
 
 
-def test_a_row_is_marked_while_it_is_written(crowds, lab, tmp_path):
+def test_a_row_is_marked_while_it_is_written(registries, lab, tmp_path):
     """By an odd version, which the first 8 bytes hold: another process may read at any instruction."""
     file = tmp_path / "mrl-sim" / lab / "one.robot"
-    crowds[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
+    registries[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
     seen = [file.read_bytes()]
     at_each_step(
-        lambda: crowds[0].place("one", Pose(4.0, 5.0, 6.0), BOX), lambda: seen.append(file.read_bytes())
+        lambda: registries[0].place("one", Pose(4.0, 5.0, 6.0), BOX), lambda: seen.append(file.read_bytes())
     )
     changes = [data for data, previous in zip(seen[1:], seen) if data != previous]
     versions = [int.from_bytes(data[:8], "little") % 2 for data in changes]

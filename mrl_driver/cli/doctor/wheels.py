@@ -37,7 +37,7 @@ def check(driver: "Driver", ask: Optional[Ask]) -> Iterator[Finding]:
         yield Finding(FAULT, "wheels", f"not checked: the battery is {driver.battery_state}")
         return
     for side in SIDES:
-        finding = judge(side, turn(driver, side))
+        finding = evaluate(side, turn(driver, side))
         if finding.level == OK and ask is not None and not ask(f"Did the {side} wheel turn forward, alone?"):
             finding = Finding(
                 FAULT,
@@ -77,7 +77,7 @@ def _counts(driver: "Driver") -> Wheels:
     return Wheels(*telemetry.counts[:2]) if telemetry else Wheels(0, 0)
 
 
-def judge(side: str, moved: Moved) -> Finding:
+def evaluate(side: str, moved: Moved) -> Finding:
     """Return the finding for a wheel that was commanded forward alone, from the counters."""
     own, other = (moved.right_m, moved.left_m) if side == "right" else (moved.left_m, moved.right_m)
     words = f"{own * 1000:.0f} mm, the other wheel {other * 1000:.0f} mm"
