@@ -1,0 +1,196 @@
+"""The order in which locks are taken, and that none is held while the port blocks a write."""
+
+import threading
+import time
+
+import pytest
+
+from mrl_driver import lock_order
+from mrl_driver.driver import Driver, Options
+from mrl_driver.errors import MrlError
+from mrl_driver.lock_order import ORDER, VARIABLE, new_lock
+from mrl_driver.protocol.table import BY_NAME
+from tests.fake_board import FakeBoard
+from tests.waiting import PATIENCE_S, wait_until
+
+LASTING = Options(command_timeout_s=None)
+STATUS = BY_NAME["read_status"].code
+STEP_S = 0.002
+
+
+@pytest.fixture(autouse=True)
+def checked(monkeypatch):
+    monkeypatch.setenv(VARIABLE, "1")
+
+
+class Line:
+    """A link to a fake board; it notes the locks held during writes.
+
+    While `open` is cleared, the writes of the thread `stuck` block, or of any thread if that is None.
+    """
+
+    port = "line"
+
+    def __init__(self):
+        self.board, self.open, self.held = FakeBoard(), threading.Event(), set()
+        self.blocked, self.stuck = [], None
+        self._guard, self._woken, self._closed = threading.Lock(), threading.Event(), False
+        self.open.set()
+        self.board.reset(time.monotonic())
+
+    def read(self, timeout_s):
+        end_s = time.monotonic() + timeout_s
+        while not self._closed:
+            with self._guard:
+                data = self.board.advance(time.monotonic())
+            if data or self._woken.wait(STEP_S) or time.monotonic() >= end_s:
+                self._woken.clear()
+                return data
+        return b""
+
+    def write(self, data):
+        self.held.add(lock_order.held())
+        writer = threading.current_thread().name
+        if not self.open.is_set() and self.stuck in (None, writer):
+            self.blocked.append(writer)
+            self.open.wait(PATIENCE_S)
+        with self._guard:
+            self.board.receive(data, time.monotonic())
+
+    def wake(self):
+        self._woken.set()
+
+    def close(self):
+        self._closed = True
+
+    def fileno(self):
+        return -1
+
+    def set_baud(self, baud):
+        raise NotImplementedError
+
+
+@pytest.fixture
+def line():
+    line = Line()
+    yield line
+    line.open.set()
+
+
+def aside(work):
+    """Run `work` on a thread of its own, which must end although the port blocks."""
+    done = []
+    thread = threading.Thread(target=lambda: done.append(work()), daemon=True)
+    thread.start()
+    thread.join(PATIENCE_S)
+    assert done, "it waits for the port"
+    return done[0]
+
+
+def test_no_lock_is_held_during_a_write(line):
+    with Driver(line, options=LASTING) as robot:
+        robot.drive(0.1, 0.0)
+        robot.request(STATUS)
+        robot.ask(BY_NAME["read_counters"].code)
+        robot.stop()
+    assert line.held == {()}
+
+
+def ask_until_blocked(robot, line):
+    """A request is written at once by the thread that makes it, unless another one is just writing."""
+    while not line.blocked:
+        robot.request(STATUS)
+
+
+@pytest.mark.parametrize("writer", ["another thread", "mrl-driver"])
+def test_while_a_write_blocks_the_state_is_read_and_a_stop_returns(line, writer):
+    with Driver(line, options=LASTING) as robot:
+        wait_until(lambda: robot.drive(0.1, 0.0) and line.board.speeds == (100, 0))
+        line.stuck = writer
+        line.open.clear()
+        if writer == "another thread":
+            threading.Thread(target=ask_until_blocked, args=(robot, line), name=writer, daemon=True).start()
+        wait_until(lambda: line.blocked)
+        assert line.blocked == [writer]
+        aside(
+            lambda: (robot.pose, robot.command, robot.statistics, robot.stopped, robot.sensors, robot.age_s)
+        )
+        aside(robot.stop)
+        assert robot.command is None and line.blocked == [writer]
+        line.open.set()
+        wait_until(lambda: line.board.speeds == (0, 0))
+        wait_until(lambda: robot.stopped)
+
+
+def test_a_command_that_is_being_written_does_not_overtake_an_emergency_stop(line):
+    with Driver(line, options=LASTING) as robot:
+        wait_until(lambda: robot.drive(0.2, 0.0))
+        line.open.clear()
+        wait_until(lambda: line.blocked)
+        aside(lambda: robot.inhibit("emergency stop"))
+        assert not aside(lambda: robot.drive(0.2, 0.0))
+        line.open.set()
+        wait_until(lambda: robot.stopped and line.board.speeds == (0, 0))
+        robot.allow("emergency stop")
+        assert robot.drive(0.2, 0.0)
+
+
+def test_two_reasons_to_inhibit_end_one_by_one(line):
+    with Driver(line, options=LASTING) as robot:
+        robot.inhibit("emergency stop")
+        robot.inhibit("motors disabled")
+        robot.allow("emergency stop")
+        assert not robot.drive(0.1, 0.0)
+        robot.allow("motors disabled")
+        assert robot.drive(0.1, 0.0)
+
+
+def test_a_driver_takes_its_locks_in_order(serve):
+    """All its calls at once, on a port; a wrong order would end its thread, or the call."""
+    port, errors = serve(), []
+    with Driver(port.path, options=LASTING) as robot:
+
+        def call_all():
+            try:
+                for _ in range(20):
+                    robot.drive(0.1, 0.0)
+                    robot.ask(BY_NAME["read_counters"].code)
+                    robot.limit_again()
+                    robot.reset_pose()
+                    assert robot.statistics and robot.sensors is not None
+                    robot.stop()
+            except (MrlError, RuntimeError) as error:
+                errors.append(error)
+
+        threads = [threading.Thread(target=call_all) for _ in range(3)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    assert not errors and robot.error is None
+
+
+@pytest.mark.parametrize("first", range(1, len(ORDER)))
+def test_an_earlier_lock_is_not_taken_after_a_later_one(first):
+    with new_lock(ORDER[first]), pytest.raises(RuntimeError, match="expected the order"):
+        new_lock(ORDER[first - 1]).acquire()
+
+
+def test_two_locks_of_one_name_are_not_taken_together():
+    with new_lock("driver"), pytest.raises(RuntimeError, match="'driver' is taken while"):
+        new_lock("driver").acquire()
+
+
+def test_locks_are_taken_in_order_and_again():
+    locks = [new_lock(name) for name in ORDER]
+    for lock in [*locks, *locks]:
+        lock.acquire()
+    assert lock_order.held() == ORDER * 2
+    for lock in [*locks, *locks]:
+        lock.release()
+    assert lock_order.held() == ()
+
+
+def test_without_the_variable_a_lock_is_that_of_python(monkeypatch):
+    monkeypatch.delenv(VARIABLE)
+    assert isinstance(new_lock("driver"), type(threading.RLock()))
