@@ -107,7 +107,7 @@ def driven(module_rig, tmp_path_factory):
     rig.odom = rig.topic("odom", Odometry)
     rig.odom.wait()
     rig.plans = rig.topic("plan", Path)
-    rig.go_to_goal("_patience:=4")
+    rig.seeker = rig.go_to_goal("_patience:=4")
     rig.client = client_of(rig.ns)
     return rig
 
@@ -151,6 +151,15 @@ def test_client_of_move_base_reaches_its_goal(robot):
     state = robot.client.send_goal_and_wait(MoveBaseGoal(goal(robot, 0.2, 0.0)), rospy.Duration(START_S))
     assert state == SUCCEEDED, robot.client.get_goal_status_text()
     assert distance(robot, 0.2, 0.0) < PLACE_M
+
+
+def test_goal_that_is_reached_is_logged(robot):
+    def times():
+        return sum("goal reached" in line for line in robot.seeker.output())
+
+    before = times()
+    robot.client.send_goal_and_wait(MoveBaseGoal(goal(robot, 0.2, 0.0)), rospy.Duration(START_S))
+    wait_until(lambda: times() == before + 1)
 
 
 @pytest.mark.parametrize(
