@@ -1,7 +1,7 @@
 """`mrl calibrate straight`, `turn` and `umbmark`."""
 
 from functools import partial
-from typing import TYPE_CHECKING, Any, List, Mapping, NamedTuple, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Callable, List, Mapping, NamedTuple, Sequence, Tuple
 
 import click
 
@@ -160,18 +160,19 @@ def _speeds(speed: float) -> Any:
     return Speeds(linear_m_s=speed)
 
 
+def _count_option(default: int, ways: str) -> Callable[[Any], Any]:
+    kind = click.IntRange(2, 50)
+    return click.option(
+        "--count", type=kind, default=default, show_default=True, help=f"Runs, alternately {ways}."
+    )
+
+
 @click.command()
 @job_options
 @click.option(
     "--distance", type=Between(0.3, 20.0), default=2.0, show_default=True, help="Length of a run [m]."
 )
-@click.option(
-    "--count",
-    type=click.IntRange(2, 50),
-    default=4,
-    show_default=True,
-    help="Runs, alternately there and back.",
-)
+@_count_option(4, "there and back")
 @_speed_option
 @_run_option
 @_again_option
@@ -197,13 +198,7 @@ def straight(
 @click.option(
     "--turns", type=click.IntRange(1, 20), default=2, show_default=True, help="Whole turns per run."
 )
-@click.option(
-    "--count",
-    type=click.IntRange(2, 50),
-    default=6,
-    show_default=True,
-    help="Runs, alternately left and right.",
-)
+@_count_option(6, "left and right")
 @_speed_option
 @_run_option
 @_again_option
