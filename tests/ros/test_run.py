@@ -24,6 +24,8 @@ from .rig import ROOT, START_S, free_port
 
 MOVE = 11
 PYTHON = ("--engine", "python")
+LOOKS = 10
+"""Pictures of the live view, which take a second, before a key is pressed."""
 
 
 class Started:
@@ -103,16 +105,6 @@ def ended(tmp_path_factory, master):
         yield run.process.returncode, output, run.alive()
 
 
-@pytest.fixture
-def terminal():
-    """Both ends of a terminal: the user's and the program's."""
-    user, program = pty.openpty()
-    fcntl.ioctl(program, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 100, 0, 0))
-    yield user, program
-    os.close(user)
-    os.close(program)
-
-
 def test_duration_ends_the_run_with_a_summary_and_nothing_left(ended):
     code, output, alive = ended
     assert code == 0, output
@@ -143,14 +135,38 @@ def test_part_that_dies_ends_the_run_with_its_code_and_words(start):
     assert run.alive() == []
 
 
+def shown(user, words):
+    """Read the terminal until it shows `words`."""
+    seen, until = b"", time.monotonic() + START_S
+    while words not in seen:
+        assert select.select([user], [], [], max(0.0, until - time.monotonic()))[0], seen[-2000:]
+        seen += os.read(user, 65536)
+
+
 @pytest.fixture(scope="module")
 def of_real_robot(tmp_path_factory, master, module_rig):
-    """A run with a port while a roscore is there, at its end: its exit code, output and what the board was sent."""
+    """A run with a port, on a terminal, while a roscore is there: left alone at first, driven by a key, ended by q.
+
+    Its exit code, what the board was sent before the key, and the terminal's settings before and after.
+    """
+    user, program = pty.openpty()
+    fcntl.ioctl(program, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 100, 0, 0))
+    settings = termios.tcgetattr(program)
     wire = module_rig.tap(module_rig.board().port)
     with starting(tmp_path_factory.mktemp("run"), master) as starter:
-        run = starter("--port", wire.port, "--duration", "1")
-        output = run.end()
-        yield run.process.returncode, output, [data for _, data in wire.sent]
+        run = starter("--port", wire.port, terminal=program)
+        for _ in range(LOOKS):
+            shown(user, b" Hz, ")
+        unasked, since = [data for _, data in wire.sent], time.monotonic()
+        os.write(user, b"w")
+        shown(user, b"+0.250 m/s")
+        wire.wait_for(MOVE, since)
+        shown(user, b"stopped")
+        os.write(user, b"q")
+        shown(user, b"ran ")
+        yield run.process.wait(START_S), unasked, (settings, termios.tcgetattr(program))
+    os.close(user)
+    os.close(program)
 
 
 def test_foreign_roscore_is_left_running(of_real_robot, master):
@@ -166,34 +182,13 @@ def test_real_robot_that_is_not_there_is_one_line(start):
 
 
 def test_real_robot_is_not_moved_unasked(of_real_robot):
-    code, _, sent = of_real_robot
-    assert code == 0 and sent
-    assert not any(b"@11," in data for data in sent)
+    unasked = of_real_robot[1]
+    assert unasked and not any(b"@11," in data for data in unasked)
 
 
-def shown(user, words):
-    """Read the terminal until it shows `words`."""
-    seen, until = b"", time.monotonic() + START_S
-    while words not in seen:
-        assert select.select([user], [], [], max(0.0, until - time.monotonic()))[0], seen[-2000:]
-        seen += os.read(user, 65536)
-
-
-def test_keys_drive_a_real_robot_and_q_gives_back_the_terminal(start, rig, terminal):
-    user, program = terminal
-    settings = termios.tcgetattr(program)
-    wire = rig.tap(rig.board().port)
-    run = start("--port", wire.port, terminal=program)
-    shown(user, b" Hz, ")
-    since = time.monotonic()
-    os.write(user, b"w")
-    shown(user, b"+0.250 m/s")
-    wire.wait_for(MOVE, since)
-    shown(user, b"stopped")
-    os.write(user, b"q")
-    shown(user, b"ran ")
-    assert run.process.wait(START_S) == 0
-    assert termios.tcgetattr(program) == settings
+def test_keys_drive_a_real_robot_and_q_gives_back_the_terminal(of_real_robot):
+    code, _, (before, after) = of_real_robot
+    assert code == 0 and before == after
 
 
 def test_logs_that_cannot_be_written_are_one_line(start, tmp_path):
