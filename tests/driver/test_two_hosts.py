@@ -1,16 +1,13 @@
-"""A board reached over TCP and UDP from another host: two network namespaces with a cable between them.
-
-Needs root, or a kernel that lets users make namespaces (sysctl kernel.unprivileged_userns_clone=1), and iproute2.
-"""
+"""A board reached over TCP and UDP from another host: two network namespaces with a cable between them."""
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from tests.network import own_network
 from tests.waiting import PATIENCE
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -21,13 +18,12 @@ POSE_ERROR_M = 1e-3
 @pytest.fixture(scope="module")
 def seen(tmp_path_factory):
     """What the trials of `two_hosts` have seen."""
-    user = [] if os.geteuid() == 0 else ["--user", "--map-root-user"]
-    command = ["unshare", *user, "--net", sys.executable, "-m", "tests.driver.two_hosts"]
+    command = [*own_network(), sys.executable, "-m", "tests.driver.two_hosts"]
     folder = tmp_path_factory.mktemp("hosts")
     done = subprocess.run(
         [*command, str(folder)], cwd=str(ROOT), capture_output=True, text=True, timeout=LONGEST_S
     )
-    assert done.returncode == 0, f"{done.stderr}\n{(__doc__ or '').splitlines()[-1]}"
+    assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 
 

@@ -1,7 +1,4 @@
-"""The master on one machine, the robot on another: two network namespaces with a cable between them.
-
-Skipped only where the kernel forbids such namespaces to root and to users alike, as in an unprivileged container.
-"""
+"""The master on one machine, the robot on another: two network namespaces with a cable between them."""
 
 import json
 import math
@@ -10,24 +7,16 @@ import sys
 
 import pytest
 
+from tests.network import own_network
+
 from .rig import ROOT
-
-
-def namespaces():
-    """The command that enters networks and mounts of its own: root's, or that of a user who is root in there."""
-    for user in ([], ["--user", "--map-root-user"]):
-        command = ["unshare", *user, "--net", "--mount"]
-        tried = subprocess.run([*command, "ip", "link", "set", "lo", "up"], capture_output=True, text=True)
-        if tried.returncode == 0:
-            return command
-    return pytest.skip(f"the kernel forbids network namespaces: {tried.stderr.strip()}")
 
 
 @pytest.fixture(scope="module")
 def seen(tmp_path_factory):
     """What the trial of `two_machines` has seen."""
     folder = tmp_path_factory.mktemp("network")
-    command = [*namespaces(), sys.executable, "-m", "tests.ros.two_machines", str(folder)]
+    command = [*own_network(), sys.executable, "-m", "tests.ros.two_machines", str(folder)]
     done = subprocess.run(command, cwd=str(ROOT), capture_output=True, text=True, timeout=110)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])

@@ -1,6 +1,7 @@
 """The server between a port and a board: how fast the host's bytes pass."""
 
 import os
+import statistics
 
 import pytest
 
@@ -60,8 +61,12 @@ def gaps_s(baud):
 
 
 @pytest.mark.parametrize("baud", [115200, 500000])
-def test_the_hosts_bytes_pass_at_the_ports_speed(baud):
-    """Never faster on the whole; a busy machine delays some pieces, but not all."""
+def test_the_hosts_bytes_do_not_pass_faster_than_the_ports_speed(baud):
     needed_s, gaps = 10 * len(PIECE) / baud, gaps_s(baud)
     assert sum(gaps) > 0.9 * len(gaps) * needed_s
-    assert min(gaps) < 2 * needed_s
+
+
+@pytest.mark.realtime
+@pytest.mark.parametrize("baud", [115200, 500000])
+def test_the_hosts_bytes_pass_at_the_ports_speed(baud):
+    assert statistics.median(gaps_s(baud)) < 2 * 10 * len(PIECE) / baud

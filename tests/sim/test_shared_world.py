@@ -1,5 +1,6 @@
 """Several processes in one world."""
 
+import inspect
 import json
 import os
 import signal
@@ -170,18 +171,22 @@ def test_nothing_is_left_behind(lab, tmp_path):
 def at_each_step(action, look):
     """Does `action`, and calls `look` before each of its Python instructions."""
 
+    looks = []
+
     def trace(frame, event, _):
         frame.f_trace_opcodes = True
         if event == "opcode":
-            look()
+            looks.append(look())
         return trace
 
     before = sys.gettrace()
+    inspect.currentframe().f_trace_opcodes = True  # Python 3.12 counts only those that ask before `settrace`
     sys.settrace(trace)
     try:
         action()
     finally:
         sys.settrace(before)
+    assert looks
 
 
 def test_reader_in_the_middle_of_a_move_sees_the_place_before_or_after(registries):
