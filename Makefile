@@ -94,10 +94,10 @@ test: apt ## Set everything up and run all tests
 	[ $$others$$realtime = passedpassed ]
 
 .PHONY: bench-firmware bench-host
-bench-firmware: setup firmware ## Measure the firmware image on the simulated chip; build/bench/firmware.json
+bench-firmware: setup firmware ## Measure the firmware binary on the simulated chip; build/bench/firmware.json
 	$(PY) -m tests.bench.bench_firmware
 
-bench-host: setup ## Measure codec, recording and the driver alone; build/bench/host.json
+bench-host: setup ## Measure codec, recording and the driver without ROS; build/bench/host.json
 	$(PY) -m tests.bench.bench_host
 	$(PY) -m tests.bench.bench_recording
 
@@ -106,11 +106,11 @@ run: $(VENV)/.ready firmware ## Drive an emulated robot through ROS with a live 
 	  $(if $(PORT),--port $(PORT)) $(if $(DURATION),--duration $(DURATION))
 
 .PHONY: docs generate
-generate: setup ## Render protocol.h and PROTOCOL.md out of the table, the URDFs out of the robot models
+generate: setup ## Render protocol.h and PROTOCOL.md from the table, and the URDFs from the robot models
 	$(PY) -m mrl_driver.generate
 	$(PY) -m ros1_bridge.description
 
-docs: setup ## API documentation in build/docs; fails on a warning
+docs: setup ## API documentation in build/docs; a warning is an error
 	@mkdir -p build
 	@$(ROS_ENV) $(PY) -m pdoc --docformat google -t docs -o build/docs mrl_driver '!mrl_driver.cli.commands' \
 	  mrl_driver.driver.simulated sim_arduino ros1_bridge 2>build/docs.log; code=$$?; \

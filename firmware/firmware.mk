@@ -67,7 +67,7 @@ flash: ## Upload to an Arduino Uno: PORT=/dev/ttyACM0, IMAGE=mrl_firmware_enviro
 	  { echo "make flash: no board answers at $(PORT): $$(echo "$$out" | grep . | head -1)" >&2; exit 1; }
 
 PC_LIBRARIES := $(patsubst %,$(PC_BUILD)/libmrl_firmware%.so,_xbee _environment) $(PC_BUILD)/libmrl_firmware.so
-pc-firmware: $(PC_LIBRARIES) $(PC_BUILD)/fuzz_firmware $(PC_BUILD)/checked_firmware ## The same C++ for the PC's tests
+pc-firmware: $(PC_LIBRARIES) $(PC_BUILD)/fuzz_firmware $(PC_BUILD)/checked_firmware ## Build the same C++ for tests on the PC
 
 $(PC_BUILD)/libmrl_firmware_environment.so: PC_DEFINES := -DMRL_ENVIRONMENT=1
 $(PC_BUILD)/libmrl_firmware_xbee.so: PC_DEFINES := -DMRL_XBEE=1

@@ -2,15 +2,15 @@
 PACKAGES_test += rviz liburdfdom-tools xvfb x11-utils imagemagick libgl1-mesa-dri iproute2
 
 .PHONY: bench-ros description check-description
-bench-ros: setup ## Measure the ROS node beside a bare rospy loop; build/bench/ros.json; FAST=1 is shorter
+bench-ros: setup ## Measure the ROS node and, for comparison, a bare rospy loop; build/bench/ros.json; FAST=1 is shorter
 	$(ROS_ENV) $(PY) -m tests.bench.bench_ros
 
-description: ## Render the robots' URDF files out of their geometry
+description: ## Render the robots' URDF files from their geometry
 	$(PY) -m ros1_bridge.description
 
-check-description: ## Are the URDF files current?
+check-description: ## Check that the URDF files are current
 	$(PY) -m ros1_bridge.description --check
 
 .PHONY: picture
-picture: setup ## Take the picture of rviz for the README, without a screen
+picture: setup ## Take the picture of rviz for the README, without a display
 	$(ROS_ENV) $(PY) -m tests.documents.rviz_picture ros1_bridge/rviz.png

@@ -8,7 +8,7 @@ fuzz: setup pc-firmware ## Damage frames and feed the decoders random bytes for 
 	$(PY) -m tests.fuzz.greetings --board august --greetings 500
 	cd $(PC_BUILD) && ./fuzz_firmware -max_total_time=$$(( $(MINUTES) * 60 )) -print_final_stats=1
 
-soak: setup firmware ## Kill, unplug, stop, close again and again, then drive on for MINUTES=n; build/bench/reliability.json
+soak: setup firmware ## Kill, unplug, stop and close repeatedly, then keep driving for MINUTES=n; build/bench/reliability.json
 	$(PY) -m tests.fuzz.soak --minutes $(MINUTES)
 
 .PHONY: bench-calibration
@@ -17,10 +17,10 @@ bench-calibration: setup ## Calibrate 20 emulated robots with hidden errors; bui
 
 PACKAGES_test-fresh := mmdebstrap $(if $(findstring image,$(WAYS)),buildah)
 .PHONY: test-fresh
-test-fresh: | apt ## The README's commands in minimal Debian systems; RELEASES=trixie, WAYS="root user container image", COMMANDS=run
+test-fresh: | apt ## Run the README's commands in minimal Debian systems; RELEASES=trixie, WAYS="root user container image", COMMANDS=run
 	@mkdir -p build/fresh && git bundle create -q build/fresh/head.bundle HEAD
 	@$(SUDO) env $(foreach v,RELEASES WAYS COMMANDS MIRROR TMPDIR,$(if $($(v)),$(v)="$($(v))")) tests/fresh.sh build/fresh/head.bundle
 
 .PHONY: test-pythons
-test-pythons: | apt firmware pc-firmware ## The tests that need no ROS on each Python from 3.8 to 3.13 there is; PYTHONS="3.8 3.13"
+test-pythons: | apt firmware pc-firmware ## Run the tests that need no ROS on each installed Python from 3.8 to 3.13; PYTHONS="3.8 3.13"
 	@$(if $(PYTHONS),PYTHONS="$(PYTHONS)") tests/pythons.sh

@@ -1,4 +1,4 @@
-/* What the peripherals and the run loop share: growing arrays, and registers with a handler. */
+/* Shared by the peripherals and the run loop: growing arrays, and registers with a handler. */
 #include "board.h"
 
 #include <stdlib.h>

@@ -138,7 +138,7 @@ EXPORT int mrl_run_until(board_t *board, uint64_t target) {
     return board->stop ? RUN_STOPPED : RUN_DONE;
 }
 
-/* The CPU stands still until `target` while everything around it goes on. */
+/* The CPU stands still until `target`, while the peripherals run on. */
 EXPORT void mrl_stall_until(board_t *board, uint64_t target) {
     if (board->avr->cycle < target)
         board->avr->cycle = target;

@@ -8,7 +8,7 @@ static const char port_names[PORTS] = {'B', 'C', 'D'};
 
 static int pin_address(int port) { return PIN_B + 3 * port; }
 
-/* Level of every pin of a port: what an output drives, what comes from outside on an input. */
+/* Level of every pin of a port: that of the output, or the external level of an input. */
 static uint8_t levels(const board_t *board, int port) {
     const uint8_t *data = board->avr->data;
     uint8_t direction = data[pin_address(port) + 1];
@@ -25,7 +25,7 @@ static void note_change(board_t *board, int port, int bit, int level) {
         board->hooks.pin(port, bit, level, cycle);
 }
 
-/* A pin that the board begins to drive is news even if it was at that level before. */
+/* A pin that becomes an output counts as changed, even if its level stays. */
 static void compare_levels(board_t *board, int port) {
     pins_t *pins = &board->pins;
     uint8_t now = levels(board, port), outputs = board->avr->data[pin_address(port) + 1];

@@ -1,4 +1,4 @@
-/* USART0: frames of 10 bits (8N1) from UBRR and U2X, UDR plus shift register both ways, data overrun. */
+/* USART0: frames of 10 bits (8N1) from UBRR and U2X, UDR plus shift register in both directions, data overrun. */
 #include "peripherals.h"
 
 #include <math.h>

@@ -1,7 +1,7 @@
 """Finds phrases that are hard to read: `python -m tests.documents.plain_english` lists them and exits with 1.
 
 It reads the Markdown files, without their code, every text in the Python packages (docstrings, help, errors and
-comments), and the comments of the firmware.
+comments), the launch files and makefiles, and the comments of the firmware and of the simulated chip.
 """
 
 import ast
@@ -14,6 +14,11 @@ from typing import Iterator, List
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PACKAGES = ("mrl_driver", "sim_arduino", "ros1_bridge")
+OTHERS = (
+    *("*.md", "*/*.md", "Makefile", "*/*.mk", "firmware/mrl_firmware/*", "sim_arduino/avr/*.[ch]"),
+    *("ros1_bridge/launch/*.launch", "ros1_bridge/nodes/*", "ros1_bridge/*/*.yaml"),
+)
+"""Patterns of the files to check besides the modules."""
 PHRASES = {
     # words of the avoid list
     r"(?<!there )is no(?! longer)": "is not, there is no",
@@ -89,16 +94,20 @@ def texts(source: str) -> List[str]:
 
 
 def comments(source: str) -> str:
-    """All `//` comments of a C++ file, joined, because a sentence may continue in the next line."""
-    return " ".join(re.findall(r"//[/ -]*(.*)", source))
+    """All comments of a C or C++ file, joined, because a sentence may continue in the next line."""
+    return " ".join(
+        line or block for line, block in re.findall(r"//[/ -]*([^\n]*)|/\*(.*?)\*/", source, re.S)
+    )
 
 
 def parts_of(path: pathlib.Path) -> List[str]:
     """The texts of one file."""
     content = path.read_text(encoding="utf-8")
-    if path.suffix == ".py":
+    if path.suffix == ".py" or path.parent.name == "nodes":
         return texts(content)
-    return [without_code(content) if path.suffix == ".md" else comments(content)]
+    if path.suffix in (".h", ".cpp", ".ino", ".c"):
+        return [comments(content)]
+    return [without_code(content) if path.suffix == ".md" else content]
 
 
 def of_file(path: pathlib.Path) -> List[str]:
@@ -108,9 +117,9 @@ def of_file(path: pathlib.Path) -> List[str]:
 
 def files() -> List[pathlib.Path]:
     """The files to check."""
-    found = [*ROOT.glob("*.md"), *ROOT.glob("*/*.md"), *ROOT.glob("firmware/mrl_firmware/*")]
-    for package in PACKAGES:
-        found += ROOT.glob(f"{package}/**/*.py")
+    found: List[pathlib.Path] = []
+    for pattern in (*OTHERS, *(f"{package}/**/*.py" for package in PACKAGES)):
+        found += ROOT.glob(pattern)
     return sorted(set(found))
 
 

@@ -56,8 +56,8 @@ def test_docstrings_help_and_errors_are_read():
 
 def test_comments_are_read():
     assert "# why" in texts("x = 1  # why\n")
-    assert comments("int a;  // so\n// many\n") == "so many"
+    assert comments("int a;  // so\n// many\nint b; /* or\nmore */\n").split() == ["so", "many", "or", "more"]
 
 
-def test_documents_modules_and_firmware_are_checked():
-    assert {path.suffix for path in files()} >= {".md", ".py", ".h", ".cpp"}
+def test_documents_modules_firmware_and_launch_files_are_checked():
+    assert {path.suffix for path in files()} >= {".md", ".py", ".h", ".cpp", ".c", ".launch", ".mk"}
