@@ -114,7 +114,7 @@ def test_arguments_are_listed_by_the_command(packages):
     start = "import sys, roslaunch; roslaunch.main(sys.argv)"
     command = [sys.executable, "-c", start, "--ros-args", str(LAUNCH / "sim.launch")]
     listed = subprocess.run(command, env=packages, capture_output=True, text=True, timeout=60).stdout
-    assert "engine" in listed and "real firmware image" in listed
+    assert "engine" in listed and "the firmware binary" in listed
 
 
 def test_parameters_of_the_launch_file_are_those_of_the_node(packages):
