@@ -98,7 +98,8 @@ class Driver:
         self._thread: Optional[threading.Thread] = None
         self._error: Optional[MrlError] = None
         self._broken: Optional[LinkLost] = None
-        self._beginning = self._closing = self._writing = False
+        self._beginning = self._closing = False
+        self._writer: Optional[int] = None
         self._asking, self._settling = 0, True
         self._slept_s = math.inf
         self._on_state: List[Listener] = []
@@ -636,14 +637,18 @@ class Driver:
                 raise
             if found is not None:
                 events.append(found)
-        if links.fast and links.is_failing(session, now) and not self._writing:
+        if links.fast and links.is_failing(session, now):
             with self._lock:
-                self._writing = True  # nobody else writes until the speed is changed
-            try:
-                link.set_baud(BAUD)  # the board does the same by itself
-            finally:
-                self._writing = links.fast = False
-            events.append(Slowed(BAUD))
+                alone = self._writer is None
+                if alone:
+                    self._writer = threading.get_ident()  # nobody else writes until the speed is changed
+            if alone:
+                links.fast = False
+                try:
+                    link.set_baud(BAUD)  # the board does the same by itself
+                finally:
+                    self._writer = None
+                events.append(Slowed(BAUD))
         return events
 
     def _lose(self, error: MrlError) -> None:
@@ -700,33 +705,32 @@ class Driver:
 
         Only one thread writes at a time, without a lock.  What others add meanwhile, the reading thread sends next.
         """
-        core, data = self._core, b""
-        with self._lock:
-            link, session = self._link, core.session
-            due_s = -math.inf if session.hurried else session.motion.due_s
-            wake = due_s < core.due_s
-            if wake:
-                core.due_s = due_s
-            if session.out and not self._writing:
-                data = bytes(session.out)
-                session.out.clear()
-                session.counters.bytes_out += len(data)
-                self._writing = link is not None
-        if link is None:
-            return
-        if data:
-            try:
+        core, session, data = self._core, self._core.session, b""
+        try:
+            with self._lock:
+                link, due_s = self._link, -math.inf if session.hurried else session.motion.due_s
+                wake = due_s < core.due_s
+                if wake:
+                    core.due_s = due_s
+                if session.out and self._writer is None:
+                    data = bytes(session.out)
+                    self._writer = threading.get_ident()
+                    session.out.clear()
+                    session.counters.bytes_out += len(data)
+            if data and link is not None:
                 link.write(data)
-            except BoardTimeout:
-                core.session.counters.blocked_writes += 1
-            except LinkLost as error:
+        except BoardTimeout:
+            session.counters.blocked_writes += 1
+        except LinkLost as error:
+            if link is not None:
                 self._on_broken(link, error)
-            finally:
+        finally:
+            if data:
                 with self._lock:
-                    self._writing, link = False, self._link or link
-                    if core.session.out:
+                    self._writer, link = None, self._link
+                    if session.out:
                         core.due_s, wake = -math.inf, True
-        if wake and threading.current_thread() is not self._thread:
+        if wake and link is not None and threading.current_thread() is not self._thread:
             link.wake()
 
     def _on_broken(self, link: Link, error: LinkLost) -> None:

@@ -219,7 +219,10 @@ class DescriptorLink:
         """As `Link.write`."""
         with self._writing:
             while self._busy:  # frames of two threads never mix
-                self._writer_done.wait()
+                if not self._writer_done.wait(WRITE_TIMEOUT_S):
+                    raise BoardTimeout(
+                        f"{self.port}: another write has blocked for {WRITE_TIMEOUT_S * 1000:.0f} ms"
+                    )
             self._busy = True
         try:
             deadline = time.monotonic() + WRITE_TIMEOUT_S

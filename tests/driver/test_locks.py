@@ -135,6 +135,24 @@ def test_a_command_that_is_being_written_does_not_overtake_an_emergency_stop(lin
         assert robot.drive(0.2, 0.0)
 
 
+def test_a_write_that_is_interrupted_leaves_the_next_one_its_turn(line, monkeypatch):
+    """As by Ctrl-C in a program that drives."""
+    with Driver(line, options=LASTING) as robot:
+        write, interrupts = line.write, [KeyboardInterrupt()]
+
+        def interrupted(data):
+            if interrupts and threading.current_thread() is threading.main_thread():
+                raise interrupts.pop()
+            write(data)
+
+        monkeypatch.setattr(line, "write", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            while True:
+                robot.request(STATUS)
+        robot.drive(0.1, 0.0)
+        wait_until(lambda: line.board.speeds == (100, 0))
+
+
 def test_two_reasons_to_inhibit_end_one_by_one(line):
     with Driver(line, options=LASTING) as robot:
         robot.inhibit("emergency stop")
