@@ -37,7 +37,7 @@ from mrl_driver.session.session import PAUSE_S
 from mrl_driver.transport import fork_guard
 from mrl_driver.transport.address import require_port
 from mrl_driver.transport.baud_rates import FAST_BAUD, require_raisable
-from mrl_driver.transport.link import Link
+from mrl_driver.transport.link import WRITE_TIMEOUT_S, Link
 from mrl_driver.transport.reconnect import LOOK_S
 
 from .link_source import LinkSource
@@ -51,6 +51,8 @@ ATTEMPTS, ANSWER_S = 3, 0.5
 """`ask` sends a request at most this many times and waits this long for each reply [s]."""
 CLOSE_S = 0.8
 """The stop at the end waits at most this long for telemetry to confirm it [s]."""
+QUEUE_BYTES = 512
+"""While the port blocks, `request` queues at most this many bytes, so that a stop does not wait for many others."""
 CLOCK_BOOTTIME = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 Listener = Callable[[Any], None]
 
@@ -100,7 +102,8 @@ class Driver:
         self._broken: Optional[LinkLost] = None
         self._beginning = self._closing = False
         self._writer: Optional[int] = None
-        self._asking, self._settling = 0, True
+        self._asking = self._queuing = 0
+        self._settling = True
         self._slept_s = math.inf
         self._on_state: List[Listener] = []
         self._listeners: Dict[type, List[Listener]] = {Telemetry: [], Status: [], Board: [], SensorRead: []}
@@ -301,10 +304,18 @@ class Driver:
             LinkLost: the port went away.
         """
         core = self._connected()
-        with self._lock:
+        session = core.session
+        with self._changed:
             if self._link is None:
                 raise LinkLost("the port went away and is searched; try again when it is back")
-            core.session.request(code, *args)
+            if len(session.out) > QUEUE_BYTES:
+                self._queuing += 1
+                room = self._changed.wait_for(lambda: len(session.out) <= QUEUE_BYTES, WRITE_TIMEOUT_S)
+                self._queuing -= 1
+                if not room:
+                    session.counters.blocked_writes += 1
+                    return
+            session.request(code, *args)
         self._flush()
 
     def ask(self, code: int, *args: int, timeout_s: float = ANSWER_S) -> Tuple[int, ...]:
@@ -728,6 +739,8 @@ class Driver:
             if data:
                 with self._lock:
                     self._writer, link = None, self._link
+                    if self._queuing:
+                        self._changed.notify_all()
                     if session.out:
                         core.due_s, wake = -math.inf, True
         if wake and link is not None and threading.current_thread() is not self._thread:

@@ -143,9 +143,11 @@ class RobotNode:
         )
         self._listen(board)
         self._offer_services()
+        self._status.tell()
         if parameters.has("commands"):
             self._take_commands()
-            self._offer_reconfigure(model, limits)
+            offer = threading.Thread(target=self._offer_reconfigure, args=(model, limits), daemon=True)
+            offer.start()  # it takes a second, and `cmd_vel` and `status` should not wait
         gc.collect()
         gc.freeze()  # all present objects stay, so that garbage collections need not scan them again
         rospy.loginfo(
@@ -218,14 +220,18 @@ class RobotNode:
         return done, "stopped; the node closes the port and ends" if done else f"{text}; the node ends"
 
     def _offer_reconfigure(self, model: RobotModel, limits: Limits) -> None:
-        from dynamic_reconfigure.server import Server  # late: it takes a second, and cmd_vel should not wait
+        from dynamic_reconfigure.server import Server  # late: the import takes most of the second
 
-        for group in GROUPS:  # values of an earlier run must not override this run's parameters
-            if rospy.has_param(f"~{group}"):
-                rospy.delete_param(f"~{group}")
-        self._servers = [Server(reconfigure.limits_description(model, limits), self._on_limits, "limits")]
-        if self._parameters.allow_gains:
-            self._servers.append(Server(reconfigure.gains_description(model), self._on_gains, "gains"))
+        try:
+            for group in GROUPS:  # values of an earlier run must not override this run's parameters
+                if rospy.has_param(f"~{group}"):
+                    rospy.delete_param(f"~{group}")
+            self._servers = [Server(reconfigure.limits_description(model, limits), self._on_limits, "limits")]
+            if self._parameters.allow_gains:
+                self._servers.append(Server(reconfigure.gains_description(model), self._on_gains, "gains"))
+        except (rospy.ROSException, OSError):  # the shutdown has closed a service, or the master, meanwhile
+            if not rospy.is_shutdown():
+                raise
 
     def _serve(self, board: Board) -> None:
         updater = None

@@ -7,6 +7,7 @@ import pytest
 
 from mrl_driver import lock_order
 from mrl_driver.driver import Driver, Options
+from mrl_driver.driver.driver import QUEUE_BYTES
 from mrl_driver.errors import MrlError
 from mrl_driver.lock_order import ORDER, VARIABLE, new_lock
 from mrl_driver.protocol.table import BY_NAME
@@ -133,6 +134,29 @@ def test_a_command_that_is_being_written_does_not_overtake_an_emergency_stop(lin
         wait_until(lambda: robot.stopped and line.board.speeds == (0, 0))
         robot.allow("emergency stop")
         assert robot.drive(0.2, 0.0)
+
+
+def test_a_stop_does_not_wait_for_a_flood_of_requests(line):
+    """While the port blocks, the other thread's requests are queued up to a bound, then dropped and counted."""
+    with Driver(line, options=LASTING) as robot:
+        wait_until(lambda: robot.drive(0.1, 0.0) and line.board.speeds == (100, 0))
+        line.open.clear()
+        wait_until(lambda: line.blocked)
+        end = threading.Event()
+
+        def flood():
+            while not end.is_set():
+                robot.request(STATUS)
+
+        threading.Thread(target=flood, daemon=True).start()
+        wait_until(lambda: robot.statistics.blocked_writes)
+        aside(robot.stop)
+        before = len(line.board.heard)
+        end.set()
+        line.open.set()
+        wait_until(lambda: line.board.speeds == (0, 0))
+        codes = [frame.code for frame in line.board.heard[before:]]
+        assert codes.index(BY_NAME["stop"].code) < 2 * QUEUE_BYTES / len(b"@30,-18524e")
 
 
 def test_a_write_that_is_interrupted_leaves_the_next_one_its_turn(line, monkeypatch):
