@@ -250,10 +250,9 @@ def _formula(curve: "Curve") -> str:
 def gains(job: Job, recording: Optional[str]) -> None:
     """Measure the gains of the motors' speed control.
 
-    From a step of the speed of each wheel.
-
-    Asks, then turns the robot in place three times, for 1.5 s each; the floor around it must be free.  At the end the
-    board has its former gains again.  Takes 10 s; after Ctrl-C it starts from the beginning.
+    Asks, then turns the robot in place three times, for 1.5 s each, and evaluates how the wheels speed up.  The floor
+    around the robot must be free.  At the end the board has its former gains again.  Takes 10 s; after Ctrl-C it
+    starts from the beginning.
 
     \b
     Example:
