@@ -6,7 +6,7 @@ Directions are unit vectors in base_link; points are x and y in base_link [m].
 import math
 from typing import Callable, Dict, List, NamedTuple, Sequence, Tuple
 
-from mrl_driver.geometry import wrap_angle
+from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot.models import Body, SonarMount
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
 
@@ -63,8 +63,8 @@ class Scan(NamedTuple):
     first_rad: float
     step_rad: float
     near_m: float
-    mount: Tuple[float, float, float]
-    """x, y, yaw in base_link [m m rad]."""
+    mount: Pose
+    """In base_link."""
 
     @property
     def valid(self) -> bool:
@@ -86,7 +86,7 @@ class Scan(NamedTuple):
 
     def looks(self, way: Point) -> bool:
         """Return whether the direction lies between the first and the last ray."""
-        first = self.first_rad + self.mount[2]
+        first = self.first_rad + self.mount.yaw_rad
         low, high = sorted((first, first + self.step_rad * (len(self.ranges) - 1)))
         return low + (math.atan2(way[1], way[0]) - low) % (2 * math.pi) <= high + _ROUNDING
 

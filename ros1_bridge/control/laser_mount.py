@@ -2,7 +2,9 @@
 
 from typing import Any, Optional
 
-from .zone_feed import Mount, mount_of
+from mrl_driver.geometry import Pose
+
+from .zone_feed import mount_of
 
 
 class MountFinder:
@@ -12,11 +14,11 @@ class MountFinder:
         self._base = base_frame
         self._buffer: Any = None
         self._listener: Any = None
-        self._mount: Optional[Mount] = None
+        self._mount: Optional[Pose] = None
         self.trouble = ""
         """Why the mount is not known."""
 
-    def mount(self, frame: str) -> Optional[Mount]:
+    def mount(self, frame: str) -> Optional[Pose]:
         """x, y, yaw of `frame` in base_frame [m m rad]; None if unknown, and `trouble` says why."""
         if self._mount is None:
             self._look(frame)

@@ -1,10 +1,10 @@
 """Passes a robot's telemetry and laser scans to its protective zones.  Imports no ROS."""
 
 import math
-from typing import Any, Optional, Tuple
+from typing import Any, Optional
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.geometry import yaw_of
+from mrl_driver.geometry import Pose, yaw_of
 from mrl_driver.navigation.protective_zones import Scan, Zones
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.robot_state import Telemetry
@@ -12,7 +12,6 @@ from ros1_bridge.node.robot_parameters import Parameters, zone_sensors, zone_set
 
 LONGEST_S = 0.5
 """After a longer gap between two frames, the distance driven meanwhile is unknown."""
-Mount = Tuple[float, float, float]
 
 
 class ZoneWatch:
@@ -46,14 +45,14 @@ class ZoneWatch:
         if standing:
             zones.limit(0.0, now)
 
-    def on_scan(self, message: Any, mount: Mount, now: float) -> None:
+    def on_scan(self, message: Any, mount: Pose, now: float) -> None:
         """Pass on a sensor_msgs/LaserScan; the laser is at `mount`: x, y, yaw in base_frame [m m rad]."""
         self.zones.on_scan(
             Scan(message.ranges, message.angle_min, message.angle_increment, message.range_min, mount), now
         )
 
 
-def mount_of(transform: Any) -> Mount:
+def mount_of(transform: Any) -> Pose:
     """x, y, yaw of a geometry_msgs/Transform from base_frame to a laser.
 
     Raises:
@@ -62,4 +61,4 @@ def mount_of(transform: Any) -> Mount:
     at, turn = transform.translation, transform.rotation
     if math.hypot(turn.x, turn.y) > 0.05:
         raise ValueError("the laser is tilted or upside down, expected one that lies flat and upright")
-    return at.x, at.y, yaw_of(turn.x, turn.y, turn.z, turn.w)
+    return Pose(at.x, at.y, yaw_of(turn.x, turn.y, turn.z, turn.w))

@@ -12,7 +12,7 @@ from geometry_msgs.msg import TransformStamped, Twist
 from sensor_msgs.msg import BatteryState, JointState, Range, Temperature
 from tf2_msgs.msg import TFMessage
 
-from mrl_driver.geometry import quaternion_of
+from mrl_driver.geometry import Pose, quaternion_of
 from mrl_driver.robot.models import Battery, SonarMount
 from mrl_driver.robot.sonar import FARTHEST_M, FIELD_OF_VIEW_RAD, NEAREST_M
 from ros1_bridge.node.tf_names import JOINTS, SONAR_HEIGHT_M, sonar_frame
@@ -23,8 +23,8 @@ def new_transform(odom_frame: str, base_frame: str) -> TFMessage:
     return TFMessage([_transform(odom_frame, base_frame, 0.0, 0.0, 0.0)])
 
 
-def fill_transform(message: TFMessage, stamp: Time, pose: Tuple[float, float, float]) -> None:
-    """Write a pose (x, y, yaw [m m rad]) into a message of `new_transform`."""
+def fill_transform(message: TFMessage, stamp: Time, pose: Pose) -> None:
+    """Write a pose into a message of `new_transform`."""
     transform = message.transforms[0]
     transform.header.stamp = stamp
     translation, rotation = transform.transform.translation, transform.transform.rotation

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.navigation.free_distance import Outline, Scan, looks, sonar_room
 from mrl_driver.navigation.goal_seeker import GoalSeeker
 from mrl_driver.navigation.protective_zones import LEAST_M_S, STALE_S, Zones, ZoneSettings, require_settings
@@ -42,7 +43,7 @@ def told(zones, front, left=math.inf, right=math.inf, now=0.0):
 
 def saw(zones, room_m, now=0.0):
     """A laser with one ray says how much way is free before the body."""
-    zones.on_scan(Scan([room_m + FRONT_M], 0.0, 0.01, 0.02, (0.0, 0.0, 0.0)), now)
+    zones.on_scan(Scan([room_m + FRONT_M], 0.0, 0.01, 0.02, ORIGIN), now)
     return zones
 
 
@@ -142,7 +143,10 @@ def test_where_a_sonar_looks(yaw, ways):
 # -- laser
 
 
-def scan(range_m, span_deg=240, mount=(0.085, 0.0, 0.0), near_m=0.02):
+LASER = Pose(0.085, 0.0, 0.0)
+
+
+def scan(range_m, span_deg=240, mount=LASER, near_m=0.02):
     rays = span_deg + 1
     return Scan([range_m] * rays, -math.radians(span_deg) / 2, math.radians(1), near_m, mount)
 

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from mrl_driver.geometry import Pose
 from mrl_driver.navigation.protective_zones import Scan, Zones, ZoneSettings
 from mrl_driver.robot import models
 from ros1_bridge.control import commander as module
@@ -60,7 +61,7 @@ class Slow(ZoneSettings):
 @pytest.mark.parametrize(
     "call",
     [
-        lambda zones: zones.on_scan(Scan((1.0,), 0.0, 0.1, 0.05, (0.1, 0.0, 0.0)), 1.0),
+        lambda zones: zones.on_scan(Scan((1.0,), 0.0, 0.1, 0.05, Pose(0.1, 0.0, 0.0)), 1.0),
         lambda zones: zones.on_range("front", 1.0, 1.0),
         lambda zones: zones.moved(0.1, 1.0),
         lambda zones: zones.limit(0.1, 1.0),
