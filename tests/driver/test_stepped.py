@@ -1,10 +1,13 @@
 """The driver in simulated time, on the emulator's board."""
 
+import math
+
 import pytest
 
 from mrl_driver.driver import Driver, Options
 from mrl_driver.driver.options import COMMAND_TIMEOUT_S
 from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.driver.speed_limiter import FIRST_STEP_S
 from mrl_driver.errors import BoardTimeout, LinkLost, NotARobot, WrongRobot
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
 from sim_arduino.serve import factory
@@ -152,3 +155,53 @@ def test_a_late_answer_to_another_index_is_none(robot):
     expected = robot.ask(read, ramp)
     robot.request(read, kp)
     assert robot.ask(read, ramp) == expected
+
+
+def test_limits_are_the_models_speeds_and_no_acceleration_until_others_are_set(robot):
+    model = robot.model.limits
+    assert robot.limits[:2] == model[:2] and robot.limits.linear_acceleration_m_s2 == math.inf
+    robot.drive(9.0, 0.0)
+    assert robot.command == (model.linear_m_s, 0.0)
+
+
+def test_a_single_command_goes_on_speeding_up_with_the_stream(robot):
+    robot.limits = robot.limits._replace(linear_acceleration_m_s2=0.2)
+    robot.drive(0.3, 0.0)
+    robot.wait(0.4)
+    assert robot.command.linear_m_s == pytest.approx(0.2 * 0.42, abs=0.01)
+
+
+def test_after_a_dropped_command_the_next_one_starts_from_standstill(robot):
+    robot.limits = robot.limits._replace(linear_acceleration_m_s2=0.2)
+    robot.drive(0.3, 0.0)
+    robot.wait(1.0)
+    robot.pause(0.3)
+    assert robot.command is None and robot.stop_reason == "host_paused"
+    robot.drive(0.3, 0.0)
+    assert robot.command.linear_m_s == pytest.approx(0.2 * FIRST_STEP_S)
+
+
+def test_a_robot_that_slows_down_for_its_battery_speeds_up_no_more(robot, emulated):
+    robot.limits = robot.limits._replace(linear_acceleration_m_s2=0.03)
+    robot.drive(0.4, 0.0)
+    robot.wait(3.0)
+    emulated.plant.robot.set_battery(8.3)
+    while robot.battery_state != "empty":
+        robot.wait(0.01)
+    speed_m_s = robot.command.linear_m_s
+    assert 0.1 < speed_m_s < 0.4
+    while robot.command is not None:
+        assert robot.command.linear_m_s <= speed_m_s
+        speed_m_s = robot.command.linear_m_s
+        robot.wait(0.02)
+    assert robot.stop_reason == "battery"
+
+
+def test_what_restricts_commands_is_given_speeds_and_the_drivers_time(robot):
+    asked = []
+    robot.restrict(lambda speeds, now: asked.append((speeds, now)) or (0.1, 0.0))
+    robot.drive(0.2, 0.5)
+    assert robot.command == (0.1, 0.0) and asked == [((0.2, 0.5), robot.now_s)]
+    robot.restrict(None)
+    robot.limit_again()
+    assert robot.command == (0.2, 0.5)

@@ -120,3 +120,12 @@ def test_another_command_takes_its_place(goal, noted):
     goal.start(message("odom", 1.0, 0.0), HERE)
     goal.cancel()
     assert goal.on_telemetry(at((0.0, 0.0, 0.0), 1.0)) == "" and noted.speeds is None
+
+
+def test_a_goal_that_is_cancelled_while_its_step_is_written_does_not_drive_on(goal, noted):
+    """As by a command of zero; the step that was computed before must not stay in force."""
+    goal.start(message("odom", 1.0, 0.0), HERE)
+    drive = noted.drive
+    noted.drive = lambda *speeds: goal.cancel() or drive(*speeds)
+    goal.on_telemetry(at((0.0, 0.0, 0.0), 1.0))
+    assert noted.stops == 1

@@ -165,6 +165,15 @@ def test_command_that_is_no_number_stops_the_robot_with_one_warning_a_second(rob
     assert count <= 1 + took_s / WARN_EVERY_S
 
 
+def test_command_with_an_unused_field_that_is_no_number_stops_the_robot_too(robot):
+    since = time.monotonic()
+    robot.cmd_vel.publish(forward(0.1))
+    moved = robot.wire.wait_for(MOVE, since)
+    warned(robot, "cmd_vel linear.y is nan, expected a finite number", forward(0.1, y=math.nan))
+    robot.wire.wait_for(STOP, moved)
+    wait_until(lambda: stopped_by(robot) == NOT_FINITE)
+
+
 def stopped_by(robot):
     return {pair.key: pair.value for pair in robot.status.wait()[-1].values}["stopped by"]
 
