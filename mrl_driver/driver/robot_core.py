@@ -238,7 +238,6 @@ class Core:
         motion, model = self.session.motion, self.state.model
         if motion.target is None or model is None:
             return
-        self.limiter.drop()
         if self.state.battery_state == battery.OFF:
             self.session.stop(now, "battery")
             return
