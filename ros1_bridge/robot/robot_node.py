@@ -152,8 +152,7 @@ class RobotNode:
         gc.freeze()  # all present objects stay, so that garbage collections need not scan them again
         rospy.loginfo(
             f"{model.name} (robot id {board.robot_id}, firmware {board.version}) on {parameters.port} at "
-            f"{driver.line_baud} baud, "
-            f"battery {board.battery_v:.1f} V"
+            f"{driver.line_baud} baud, battery {board.battery_v:.1f} V"
         )
 
     def _listen(self, board: Board) -> None:
