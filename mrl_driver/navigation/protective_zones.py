@@ -134,13 +134,13 @@ class Zones:
 
     @property
     def warning_clear(self) -> bool:
-        """The warning zone in the direction of the last request is free."""
-        return not self._warned.get(self._sector, False)
+        """The warning zone in the direction of the last request is free; False before the first request."""
+        return not self._warned.get(self._sector, True)
 
     @property
     def protective_clear(self) -> bool:
-        """The robot may move in the direction of the last request."""
-        return not self._held.get(self._sector, False)
+        """The robot may move in the direction of the last request; False before the first request."""
+        return not self._held.get(self._sector, True)
 
     def moved(self, forward_m: float, now: float, left_m: float = 0.0) -> None:
         """Add the distance moved along the robot's x and y axes since the last call [m]."""

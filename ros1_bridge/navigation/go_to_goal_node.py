@@ -220,7 +220,7 @@ class GoToGoal:
             rate.sleep()
         self._cmd_vel.publish(Twist())
         if seeker.reached:
-            rospy.loginfo("goal reached")
+            rospy.loginfo(f"goal reached: x {target.x_m:.3f} m, y {target.y_m:.3f} m")
             self._server.set_succeeded(MoveBaseResult(), "reached")
             return
         why = "the node ends" if self._ending.is_set() else "odometry has stopped"

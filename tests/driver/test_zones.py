@@ -113,6 +113,11 @@ def test_an_invalid_reading_does_not_make_the_one_before_forgotten():
     assert zones.limit(0.3, 0.3) == 0
 
 
+def test_no_zone_is_clear_before_the_first_request():
+    zones = zones_of()
+    assert not zones.protective_clear and not zones.warning_clear
+
+
 def test_a_silent_sonar_stops_the_robot():
     zones = told(zones_of(), math.inf)
     assert zones.limit(0.3, STALE_S + 0.1) == 0

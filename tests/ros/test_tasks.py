@@ -42,8 +42,10 @@ def robot(rig, tmp_path):
 
 def says(robot, **wanted):
     def said():
-        values = {pair.key.replace(" ", "_"): pair.value for pair in robot.status.messages[-1].values}
-        return wanted.items() <= values.items()
+        for message in robot.status.messages[-1:]:
+            values = {pair.key.replace(" ", "_"): pair.value for pair in message.values}
+            return wanted.items() <= values.items()
+        return False
 
     return said
 
