@@ -433,8 +433,7 @@ def test_a_driver_that_is_not_connected_says_so():
 @pytest.mark.parametrize("code", [8, 6])
 def test_2013_boards_work(serve, code):
     with Driver(serve(version=1, stream_code=code).path, options=Options(command_timeout_s=None)) as driver:
-        driver.drive(0.2, 0)
-        wait_until(lambda: driver.pose.x_m > 0.05)
+        wait_until(lambda: driver.drive(0.2, 0) and driver.pose.x_m > 0.05, step_s=0.05)
         wait_until(lambda: "front" in driver.ranges)
         assert driver.ranges["front"] == pytest.approx(0.798, abs=0.001)
         assert driver.board.protocol == 1 and driver.status is None
