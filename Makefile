@@ -2,8 +2,8 @@
 SHELL := /bin/bash
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-# Hundreds of programs start in a test run; each would compile all its modules again.
-unexport PYTHONDONTWRITEBYTECODE
+# Programs behave as on other machines: with compiled modules (hundreds start in a test run) and buffered output.
+unexport PYTHONDONTWRITEBYTECODE PYTHONUNBUFFERED
 
 VENV := .venv
 PY := $(VENV)/bin/python

@@ -53,6 +53,8 @@ CLOSE_S = 0.8
 """The stop at the end waits at most this long for telemetry to confirm it [s]."""
 QUEUE_BYTES = 512
 """While the port blocks, `request` queues at most this many bytes, so that a stop does not wait for many others."""
+FLUSH_S = 1e-3
+"""At the end, the driver looks this often whether another thread's write is over [s]."""
 CLOCK_BOOTTIME = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 Listener = Callable[[Any], None]
 
@@ -746,6 +748,19 @@ class Driver:
         if wake and link is not None and threading.current_thread() is not self._thread:
             link.wake()
 
+    def _flush_all(self) -> None:
+        """Send the session's bytes at the end, when the reading thread may not send them any more.
+
+        If another thread is writing, wait for it, at most `CLOSE_S`.
+        """
+        deadline = time.monotonic() + CLOSE_S
+        self._flush()
+        while (self._core.session.out or self._writer is not None) and time.monotonic() < deadline:
+            if self._link is None:
+                return
+            time.sleep(FLUSH_S)
+            self._flush()
+
     def _on_broken(self, link: Link, error: LinkLost) -> None:
         """A write has found that the port is gone: the reading thread searches it, or the driver ends.
 
@@ -787,7 +802,7 @@ class Driver:
                 core.session.end()
                 if self._links.fast:
                     core.session.request(BY_NAME["set_baud"].code, 0)
-            self._flush()
+            self._flush_all()
         except MrlError:
             return
 
@@ -796,7 +811,7 @@ class Driver:
             self._core.leaving = True
             self._core.limiter.drop()
             self._core.session.stop(self._clock(), "closed")
-        self._flush()
+        self._flush_all()
 
     def _give_up(self, error: MrlError) -> None:
         try:

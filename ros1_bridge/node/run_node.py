@@ -1,5 +1,6 @@
 """Runs a node, from waiting for the master to its exit code.  For nodes."""
 
+import io
 import sys
 from typing import Callable, List, Optional
 
@@ -13,6 +14,7 @@ from .master_watch import await_master
 
 def run_node(name: str, run: Callable[[], None], argv: Optional[List[str]] = None) -> int:
     """Start the node `name` and call `run`; returns the exit code, which is that of the error if `run` raises one."""
+    log_line_by_line()
     await_master(rosgraph.get_master_uri(), rospy.logwarn)
     rospy.init_node(name, argv=argv or sys.argv)
     try:
@@ -23,3 +25,9 @@ def run_node(name: str, run: Callable[[], None], argv: Optional[List[str]] = Non
         rospy.logfatal(str(error))
         return error.exit_code
     return 0
+
+
+def log_line_by_line() -> None:
+    """Show rospy's log on stdout at once; Python writes it in blocks if stdout is a file, as under roslaunch."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True)

@@ -35,6 +35,7 @@ from ros1_bridge.control.pose_goal import PoseGoal
 from ros1_bridge.control.zone_feed import ZoneWatch
 from ros1_bridge.node.master_watch import MasterWatch, await_master
 from ros1_bridge.node.robot_parameters import GROUPS, Parameters, check, zone_sensors
+from ros1_bridge.node.run_node import log_line_by_line
 from ros1_bridge.status.diagnostics import Diagnostics
 from ros1_bridge.status.link_report import ERROR, OK, WARN, News
 from ros1_bridge.status.robot_status import StatusTeller
@@ -379,6 +380,7 @@ class RobotNode:
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the node; returns the exit code, which is that of the error if there was one."""
     sys.setswitchinterval(SWITCH_S)
+    log_line_by_line()
     try:
         await_master(rosgraph.get_master_uri(), rospy.logwarn)
         rospy.init_node("robot_node", argv=argv, disable_signals=True)

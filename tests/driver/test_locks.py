@@ -136,6 +136,19 @@ def test_a_command_that_is_being_written_does_not_overtake_an_emergency_stop(lin
         assert robot.drive(0.2, 0.0)
 
 
+def test_a_close_sends_its_stop_although_another_thread_is_writing(line):
+    """The board is silent, so the driver does not wait until telemetry confirms the stop."""
+    with Driver(line, options=LASTING) as robot:
+        line.board.mute, line.stuck = True, "mrl-driver"
+        wait_until(lambda: not robot.ready)
+        line.open.clear()
+        wait_until(lambda: line.blocked)
+        before = len(line.board.heard)
+        threading.Timer(0.05, line.open.set).start()
+    codes = [frame.code for frame in line.board.heard[before:]]
+    assert codes[-4:] == [BY_NAME[name].code for name in ("stop", "stop", "stop_stream", "set_check")]
+
+
 def test_a_stop_does_not_wait_for_a_flood_of_requests(line):
     """While the port blocks, the other thread's requests are queued up to a bound, then dropped and counted."""
     with Driver(line, options=LASTING) as robot:
