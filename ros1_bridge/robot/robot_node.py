@@ -275,7 +275,9 @@ class RobotNode:
         held, before = self._commander.stopped_by == ZONE, self._held
         self._held = held
         if held and not before:
-            rospy.logwarn("something is in the protective zone: the robot stands, and may turn or drive away")
+            rospy.logwarn(
+                "the protective zone holds the robot: something is close, or a sensor is silent; it may turn or drive away"
+            )
 
     def _on_event(self, event: Any) -> None:
         if isinstance(event, Reply):
