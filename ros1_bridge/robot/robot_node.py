@@ -276,7 +276,7 @@ class RobotNode:
         self._held = held
         if held and not before:
             rospy.logwarn(
-                "the protective zone holds the robot: something is close, or a sensor is silent; it may turn or drive away"
+                "the protective zone holds the robot: something is close, or a sensor is silent; it may turn or leave"
             )
 
     def _on_event(self, event: Any) -> None:
