@@ -717,6 +717,7 @@ class Driver:
         """Send the session's bytes, and wake the reading thread if something is now due earlier.
 
         Only one thread writes at a time, without a lock.  What others add meanwhile, the reading thread sends next.
+        A signal handler of the thread that writes may write as well.
         """
         core, session, data = self._core, self._core.session, b""
         try:
@@ -725,7 +726,7 @@ class Driver:
                 wake = due_s < core.due_s
                 if wake:
                     core.due_s = due_s
-                if session.out and self._writer is None:
+                if session.out and self._writer in (None, threading.get_ident()):
                     data = bytes(session.out)
                     self._writer = threading.get_ident()
                     session.out.clear()
@@ -755,7 +756,8 @@ class Driver:
         """
         deadline = time.monotonic() + CLOSE_S
         self._flush()
-        while (self._core.session.out or self._writer is not None) and time.monotonic() < deadline:
+        here = (None, threading.get_ident())
+        while (self._core.session.out or self._writer not in here) and time.monotonic() < deadline:
             if self._link is None:
                 return
             time.sleep(FLUSH_S)

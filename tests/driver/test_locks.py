@@ -1,5 +1,6 @@
 """The order in which locks are taken, and that none is held while the port blocks a write."""
 
+import contextlib
 import threading
 import time
 
@@ -147,6 +148,29 @@ def test_a_close_sends_its_stop_although_another_thread_is_writing(line):
         threading.Timer(0.05, line.open.set).start()
     codes = [frame.code for frame in line.board.heard[before:]]
     assert codes[-4:] == [BY_NAME[name].code for name in ("stop", "stop", "stop_stream", "set_check")]
+
+
+def test_a_close_sends_its_stop_although_its_own_thread_is_writing(line, monkeypatch):
+    """As in a signal handler of the program; the board is silent, so nothing waits for telemetry."""
+    write, handlers = line.write, []
+
+    def interrupted(data):
+        if handlers and threading.current_thread() is threading.main_thread():
+            handlers.pop()()
+        write(data)
+
+    monkeypatch.setattr(line, "write", interrupted)
+    robot = Driver(line, options=LASTING)
+    robot.connect()
+    line.board.mute = True
+    wait_until(lambda: not robot.ready)
+    before = len(line.board.heard)
+    handlers.append(robot.close)
+    with contextlib.suppress(MrlError):
+        while handlers:
+            robot.request(STATUS)
+    codes = [frame.code for frame in line.board.heard[before:]]
+    assert codes.count(BY_NAME["stop"].code) == 2
 
 
 def test_a_stop_does_not_wait_for_a_flood_of_requests(line):
