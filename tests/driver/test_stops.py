@@ -74,7 +74,7 @@ def test_stop_and_go_is_no_mismatch(robot):
     for _ in range(12):
         time.sleep(0.1)
         robot.stop()
-        assert robot.drive(0.2, 0.0)
+        wait_until(lambda: robot.drive(0.2, 0.0))  # a busy host may find the board silent for a moment
     assert not mismatches(robot)
 
 
