@@ -15,7 +15,7 @@ from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.odometry import AnyTwist, Wheels
 from mrl_driver.robot.robot_state import Telemetry
-from mrl_driver.robot.wheel_monitor import Mismatch
+from mrl_driver.safety.wheel_monitor import Mismatch
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.link_counters import Statistics
 

@@ -27,7 +27,8 @@ from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits, RobotModel
 from mrl_driver.robot.odometry import AnyTwist, OmniTwist, Twist
 from mrl_driver.robot.robot_state import Telemetry
-from mrl_driver.robot.wheel_monitor import Mismatch
+from mrl_driver.safety.speed_limiter import Speeds
+from mrl_driver.safety.wheel_monitor import Mismatch
 from mrl_driver.session.events import SensorRead, Slowed, Status
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.link_counters import Statistics
@@ -43,7 +44,6 @@ from mrl_driver.transport.reconnect import LOOK_S
 from .link_source import LinkSource
 from .options import DEFAULTS, Options, require_options, require_range
 from .robot_core import Core, DriverEvent
-from .speed_limiter import Speeds
 
 __all__ = ["Board", "Driver", "Options", "Telemetry"]
 

@@ -15,14 +15,14 @@ from mrl_driver.robot.models import OmniDrive, RobotModel, kind_of, require_driv
 from mrl_driver.robot.odometry import AnyTwist, AnyWheels, OmniTwist, Twist
 from mrl_driver.robot.omni_odometry import OmniCommands
 from mrl_driver.robot.robot_state import RobotEvent, RobotState, Telemetry
-from mrl_driver.robot.wheel_monitor import Mismatch, WheelWatch, wheel_watch
+from mrl_driver.safety.speed_limiter import SpeedLimiter
+from mrl_driver.safety.wheel_monitor import Mismatch, WheelWatch, wheel_watch
 from mrl_driver.session.events import Counts, Info, Lost, Ready, Reconnected, Reply, SensorRead, Slowed
 from mrl_driver.session.handshake import Board, Plan
 from mrl_driver.session.session import Session, SessionEvent
 from mrl_driver.transport.baud_rates import command_gap_s, least_period_ms
 
 from .options import Options
-from .speed_limiter import SpeedLimiter
 
 DriverEvent = Union[RobotEvent, SensorRead, Mismatch, Lost, Reconnected, Slowed]
 """What a driver reports to its listeners, besides the `MrlError` that ends it."""

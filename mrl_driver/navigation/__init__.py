@@ -1,1 +1,1 @@
-"""Line following, goal seeking, occupancy grid and protective zones.  No I/O; imports robot."""
+"""Line following, goal seeking and the occupancy grid.  No I/O; imports robot."""

@@ -8,8 +8,8 @@ command overtakes an emergency stop.  Therefore this module needs no lock.
 import time
 from typing import Any, Callable, Optional, Tuple
 
-from mrl_driver.navigation.protective_zones import Zones
 from mrl_driver.robot.models import Limits
+from mrl_driver.safety.protective_zones import Zones
 from mrl_driver.session.session import STALE_S
 
 EMERGENCY, DISABLED, LINK, BATTERY = "emergency stop", "motors disabled", "no telemetry", "battery"

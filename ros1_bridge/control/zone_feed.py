@@ -5,9 +5,9 @@ from typing import Any, Optional
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose, yaw_of
-from mrl_driver.navigation.protective_zones import Scan, Zones
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.robot_state import Telemetry
+from mrl_driver.safety.protective_zones import Scan, Zones
 from ros1_bridge.node.robot_parameters import Parameters, zone_sensors, zone_settings
 
 LONGEST_S = 0.5

@@ -3,8 +3,8 @@
 from typing import Any, Mapping, NamedTuple, Tuple
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.navigation.protective_zones import ZoneSettings, require_settings
 from mrl_driver.protocol.table import BAUD
+from mrl_driver.safety.protective_zones import ZoneSettings, require_settings
 from mrl_driver.transport.address import require_port
 from mrl_driver.transport.baud_rates import require_raisable
 

@@ -3,7 +3,7 @@
 from typing import Any, Dict, NamedTuple, Optional
 
 from mrl_driver.robot.robot_state import Telemetry
-from mrl_driver.robot.wheel_monitor import Mismatch
+from mrl_driver.safety.wheel_monitor import Mismatch
 from mrl_driver.session.events import MAY_MOVE, WAITS, Lost, Ready, Reconnected, Slowed, Stale, WayLost
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.link_counters import Statistics

@@ -14,7 +14,7 @@ from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.battery import EMPTY_AFTER_S
-from mrl_driver.robot.wheel_monitor import DEAD, Mismatch
+from mrl_driver.safety.wheel_monitor import DEAD, Mismatch
 from mrl_driver.session.events import Lost, Reconnected, Slowed, WayLost
 from mrl_driver.terminal import trail
 from mrl_driver.terminal.canvas import Canvas, View, fit

@@ -11,7 +11,6 @@ from mrl_driver.driver.options import DEFAULTS
 from mrl_driver.driver.options import Options as DriverOptions
 from mrl_driver.driver.robot_core import Core
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.driver.speed_limiter import SpeedLimiter
 from mrl_driver.errors import ConfigError, FrameError, WrongRobot
 from mrl_driver.protocol.codec import Frame
 from mrl_driver.robot import models
@@ -20,6 +19,7 @@ from mrl_driver.robot.kinematics import Planar, kinematics_of
 from mrl_driver.robot.odometry import CONFIRMATIONS, OmniTwist, OmniWheels
 from mrl_driver.robot.omni_odometry import MOVE_OMNI, OmniCommands, OmniOdometry
 from mrl_driver.robot.robot_state import RobotState
+from mrl_driver.safety.speed_limiter import SpeedLimiter
 from mrl_driver.session.handshake import Board, Handshake, Plan
 from sim_arduino.serve.factory import Options, make
 

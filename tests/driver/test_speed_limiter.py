@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrl_driver.driver.speed_limiter import SpeedLimiter, ramp
 from mrl_driver.robot.models import Limits
+from mrl_driver.safety.speed_limiter import SpeedLimiter, ramp
 
 LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
 FRAME_S = 0.02

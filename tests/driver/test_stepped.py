@@ -7,9 +7,9 @@ import pytest
 from mrl_driver.driver import Driver, Options
 from mrl_driver.driver.options import COMMAND_TIMEOUT_S
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.driver.speed_limiter import FIRST_STEP_S
 from mrl_driver.errors import BoardTimeout, LinkLost, NotARobot, WrongRobot
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
+from mrl_driver.safety.speed_limiter import FIRST_STEP_S
 from sim_arduino.serve import factory
 from tests.scripted_line import ScriptedLine
 

@@ -12,7 +12,7 @@ import pytest
 from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import FrameError
 from mrl_driver.protocol.table import STOP_REASONS
-from mrl_driver.robot.wheel_monitor import DEAD, POWERLESS, Mismatch
+from mrl_driver.safety.wheel_monitor import DEAD, POWERLESS, Mismatch
 from mrl_driver.session.motion_command import STOPS
 from mrl_driver.transport.link import SerialLink
 from tests.waiting import PATIENCE_S, wait_until

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from mrl_driver.robot.kinematics import Planar, kinematics_of
 from mrl_driver.robot.odometry import OmniWheels, Wheels
-from mrl_driver.robot.wheel_monitor import (
+from mrl_driver.safety.wheel_monitor import (
     DEAD,
     GAP_S,
     POWERLESS,

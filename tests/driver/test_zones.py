@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import ORIGIN, Pose
-from mrl_driver.navigation.free_distance import Outline, Scan, looks, sonar_room
 from mrl_driver.navigation.goal_seeker import GoalSeeker
-from mrl_driver.navigation.protective_zones import LEAST_M_S, STALE_S, Zones, ZoneSettings, require_settings
 from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits, SonarMount
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
+from mrl_driver.safety.free_distance import Outline, Scan, looks, sonar_room
+from mrl_driver.safety.protective_zones import LEAST_M_S, STALE_S, Zones, ZoneSettings, require_settings
 from sim_arduino.serve import factory
 from sim_arduino.world import world_file
 

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import pytest
 
 from mrl_driver.geometry import Pose
-from mrl_driver.navigation.protective_zones import Scan, Zones, ZoneSettings
 from mrl_driver.robot import models
+from mrl_driver.safety.protective_zones import Scan, Zones, ZoneSettings
 from ros1_bridge.control import commander as module
 from ros1_bridge.control.commander import Commander
 

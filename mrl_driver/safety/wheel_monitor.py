@@ -10,11 +10,10 @@ import math
 from collections import deque
 from typing import Deque, NamedTuple, Optional, Set, Tuple
 
+from mrl_driver.robot.kinematics import Planar, kinematics_of
+from mrl_driver.robot.models import OmniDrive, RobotModel
+from mrl_driver.robot.odometry import AnyWheels, OmniWheels, WheelGeometry, Wheels
 from mrl_driver.session.motion_command import Pace
-
-from .kinematics import Planar, kinematics_of
-from .models import OmniDrive, RobotModel
-from .odometry import AnyWheels, OmniWheels, WheelGeometry, Wheels
 
 TICK_S = 0.05
 """Period of the comparison [s]; frames in between cost nothing."""
