@@ -97,7 +97,7 @@ test: apt ## Set everything up and run all tests
 bench-firmware: setup firmware ## Measure the firmware binary on the simulated chip; build/bench/firmware.json
 	$(PY) -m tests.bench.bench_firmware
 
-bench-host: setup ## Measure codec, recording and the driver without ROS; build/bench/host.json
+bench-host: setup ## Measure the decoder, recording and the driver without ROS; build/bench/host.json
 	$(PY) -m tests.bench.bench_host
 	$(PY) -m tests.bench.bench_recording
 

@@ -1,10 +1,10 @@
-"""A board without physics, on the project's own codec: wheels follow commands at once.  Sans I/O, time
+"""A board without physics, on the project's own decoder and encoder: wheels follow commands at once.  Sans I/O, time
 injected.
 """
 
 from typing import List, Optional, Set
 
-from mrl_driver.protocol.codec import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
+from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
 from mrl_driver.protocol.table import TICK_S
 
 SEPARATION_M, METRES = 0.180, 0.000087512033

@@ -5,7 +5,7 @@ from typing import Any, Dict, List, NamedTuple
 
 import yaml
 
-from mrl_driver.protocol.codec import Event, Frame, Garbage, Stamp
+from mrl_driver.protocol import Event, Frame, Garbage, Stamp
 
 _FILE = os.path.join(os.path.dirname(__file__), "vectors.yaml")
 

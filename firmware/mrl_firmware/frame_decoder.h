@@ -1,4 +1,4 @@
-// Bytes to requests, one byte at a time.  The twin of FrameDecoder(REQUESTS) in mrl_driver/protocol/codec.py: same verdicts,
+// Bytes to requests, one byte at a time.  The twin of FrameDecoder(REQUESTS) in mrl_driver/protocol/decoder.py: same verdicts,
 // same reasons, same order.
 #pragma once
 #include <stdint.h>

@@ -7,7 +7,7 @@ import numpy as np
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
-from mrl_driver.protocol.codec import Frame
+from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import BY_CODE, BY_NAME
 from mrl_driver.recording.decoded import DecodedPart, decode
 from mrl_driver.recording.recording import TO_BOARD, Recording

@@ -1,1 +1,23 @@
-"""The wire format: the table of commands, and bytes to frames and back.  No I/O; imports only errors."""
+"""The wire format: the table of commands, and bytes to frames and back.  No I/O; imports only errors.
+
+`decoder` parses frames, `encoder` writes them, and `table` says which there are.
+"""
+
+from .decoder import FrameDecoder
+from .directions import REPLIES, REQUESTS, Direction
+from .encoder import encode_reply, encode_request
+from .frames import Event, Frame, Garbage, Stamp, check_value
+
+__all__ = [
+    "REPLIES",
+    "REQUESTS",
+    "Direction",
+    "Event",
+    "Frame",
+    "FrameDecoder",
+    "Garbage",
+    "Stamp",
+    "check_value",
+    "encode_reply",
+    "encode_request",
+]

@@ -1,8 +1,8 @@
 """The wire format, declared once: every command, refusal reason and board parameter is one row here.
 
-The codec, the driver and the emulator read these rows.  `mrl_driver.generate.render` turns them into the firmware's
-`protocol.h` and into `firmware/PROTOCOL.md`.  Codes 1 to 28 belong to the 2013 boards (firmware of January and August
-2013); codes from 29 on belong to this project.
+The decoder, the encoder, the driver and the emulator read these rows.  `mrl_driver.generate.render` turns them into the
+firmware's `protocol.h` and into `firmware/PROTOCOL.md`.  Codes 1 to 28 belong to the 2013 boards (firmware of January
+and August 2013); codes from 29 on belong to this project.
 """
 from typing import Dict, NamedTuple, Optional, Tuple
 

@@ -7,7 +7,7 @@ import math
 from collections import deque
 from typing import Deque, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
-from mrl_driver.protocol.codec import REPLIES, REQUESTS, Event, Frame, FrameDecoder
+from mrl_driver.protocol import REPLIES, REQUESTS, Event, Frame, FrameDecoder
 from mrl_driver.protocol.table import BY_CODE, BY_NAME
 from mrl_driver.robot import models
 from mrl_driver.robot.models import OmniDrive, RobotModel

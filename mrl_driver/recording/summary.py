@@ -5,7 +5,7 @@ from collections import Counter
 from typing import Any, Dict, Optional
 
 from mrl_driver.geometry import ORIGIN
-from mrl_driver.protocol.codec import Frame
+from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import BY_CODE, SENSORS, Sensor
 from mrl_driver.robot.models import RobotModel
 

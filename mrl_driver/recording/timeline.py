@@ -5,7 +5,7 @@ import os
 from typing import Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.protocol.codec import Frame
+from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.robot.omni_odometry import MOVE_OMNI, STREAM, OmniCommands

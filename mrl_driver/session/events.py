@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple, Optional, Tuple, Union
 
-from mrl_driver.protocol.codec import Frame
+from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import FAULTS, RESET_CAUSES, STOP_REASONS
 
 from .handshake import Board

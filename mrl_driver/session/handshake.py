@@ -11,7 +11,7 @@ without a checksum it must come `ALIKE_TO_REFUSE` times in a row.
 from typing import Callable, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import BoardError, BoardTimeout, MrlError, NotARobot, WrongRobot
-from mrl_driver.protocol.codec import Frame
+from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import BY_NAME, CAPABILITIES, PROTOCOL_VERSION
 
 RETRY_S = 0.25

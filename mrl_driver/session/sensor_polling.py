@@ -6,7 +6,7 @@ A sensor without a capability may be absent.  After two requests without an answ
 import math
 from typing import Dict, FrozenSet, List, NamedTuple, Tuple
 
-from mrl_driver.protocol.codec import Frame
+from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import SENSORS, Sensor
 
 ABSENT_S = 10.0

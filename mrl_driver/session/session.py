@@ -9,7 +9,7 @@ from functools import lru_cache
 from typing import Callable, List, Optional, Tuple
 
 from mrl_driver.errors import BoardTimeout
-from mrl_driver.protocol.codec import REPLIES, Event, Frame, FrameDecoder, Garbage, encode_request
+from mrl_driver.protocol import REPLIES, Event, Frame, FrameDecoder, Garbage, encode_request
 from mrl_driver.protocol.table import BY_NAME, INT16_MAX, INT16_MIN
 
 from .events import Counts, Info, Ready, Reply, SessionEvent, Sonars, Stale, Status, status_of

@@ -9,7 +9,7 @@ import time
 from typing import Optional, Tuple
 
 from mrl_driver.errors import BoardTimeout
-from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder, encode_request
+from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.table import BAUD, BAUDS, BY_NAME, CAPABILITIES
 
 from .baud_rates import FAST_BAUD

@@ -4,7 +4,7 @@ import select
 from typing import Callable, List, Optional
 
 from mrl_driver.errors import BoardTimeout
-from mrl_driver.protocol.codec import encode_request
+from mrl_driver.protocol import encode_request
 from mrl_driver.protocol.table import STOP_CODE
 
 from .link import Link

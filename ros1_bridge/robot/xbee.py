@@ -4,7 +4,7 @@ from typing import Any, Callable, FrozenSet, NamedTuple, Tuple
 
 from diagnostic_msgs.msg import KeyValue
 
-from mrl_driver.protocol.codec import Frame
+from mrl_driver.protocol import Frame
 from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.table import BY_NAME
 from ros1_bridge.topics.fast_publisher import direct_publisher

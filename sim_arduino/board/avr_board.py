@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, List, Optional, Sequence, Tuple, Union
 
 from mrl_driver.errors import SimulatorError
-from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder, encode_request
+from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.table import BAUD, BY_NAME, PARAMETER_BY_NAME
 from sim_arduino.avr.line import received
 from sim_arduino.avr.machine import AvrMachine

@@ -7,7 +7,7 @@ import math
 from collections import deque
 from typing import Deque, NamedTuple, Optional
 
-from mrl_driver.protocol.codec import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
+from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
 from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.table import BAUD, BAUDS, BY_CODE, TICK_S
 from sim_arduino.hardware.omni3md import Omni3MD

@@ -5,7 +5,7 @@ from typing import Iterator, List
 
 import pytest
 
-from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder
+from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
 from mrl_driver.protocol.table import FAULTS, REASONS, RESET_CAUSES, STOP_REASONS
 from tests.bench.firmware_board import Rig, request
 

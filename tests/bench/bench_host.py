@@ -12,7 +12,7 @@ import sys
 import time
 from typing import Callable, Dict, List, Tuple
 
-from mrl_driver.protocol.codec import REPLIES, FrameDecoder, Stamp, encode_reply
+from mrl_driver.protocol import REPLIES, FrameDecoder, Stamp, encode_reply
 from tests.bench import report
 
 FRAMES = 20000

@@ -13,7 +13,7 @@ import tempfile
 import time
 from typing import Optional
 
-from mrl_driver.protocol.codec import Stamp, encode_reply, encode_request
+from mrl_driver.protocol import Stamp, encode_reply, encode_request
 from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD, Recorder
 from tests.bench import report
 

@@ -14,7 +14,7 @@ import time
 import tty
 from typing import Dict, List, Tuple
 
-from mrl_driver.protocol.codec import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
+from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
 from mrl_driver.protocol.table import BY_NAME, TICK_S
 
 CODE = {name: row.code for name, row in BY_NAME.items()}

@@ -4,7 +4,7 @@ import random
 from pathlib import Path
 from typing import Callable, Dict, List, NamedTuple, Optional, Tuple
 
-from mrl_driver.protocol.codec import encode_request
+from mrl_driver.protocol import encode_request
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
 from sim_arduino.avr.machine import AvrMachine, SentByte, Transfer
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from statistics import median
 from typing import Dict, Iterable, List, Optional, Tuple
 
-from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder, encode_request
+from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.table import BAUD, COMMANDS
 from sim_arduino.avr.elf import read_image
 from tests.bench.firmware_board import Reply, Rig, request

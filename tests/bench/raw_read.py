@@ -8,7 +8,7 @@ import sys
 import time
 import tty
 
-from mrl_driver.protocol.codec import encode_request
+from mrl_driver.protocol import encode_request
 from mrl_driver.protocol.table import BY_NAME
 from tests.bench.driver_alone import cpu_s
 

@@ -22,7 +22,7 @@ from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
-from mrl_driver.protocol.codec import encode_reply
+from mrl_driver.protocol import encode_reply
 from mrl_driver.robot import models
 from sim_arduino.serve import factory
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from mrl_driver.protocol.codec import Stamp, encode_reply, encode_request
+from mrl_driver.protocol import Stamp, encode_reply, encode_request
 from mrl_driver.protocol.table import CAPABILITIES
 from mrl_driver.recording import timeline
 from mrl_driver.recording.recording import Recording

@@ -2,7 +2,7 @@
 
 from typing import Any, Callable, Dict, List, NamedTuple, Tuple
 
-from mrl_driver.protocol.codec import REPLIES, Event, Frame, FrameDecoder, encode_request
+from mrl_driver.protocol import REPLIES, Event, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, REASONS
 from sim_arduino.board import PythonBoard
 from sim_arduino.board.avr_board import FIRMWARE, AvrEngine

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder
+from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
 from sim_arduino.world.world import Wall, World
 
 COUNT_CM = 1

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mrl_driver.protocol.codec import Frame, Garbage, encode_request
+from mrl_driver.protocol import Frame, Garbage, encode_request
 from mrl_driver.protocol.table import BAUD, BAUDS, PARAMETER_BY_NAME, RESET_CAUSES, STOP_REASONS
 
 from .bench import ANSWER_S

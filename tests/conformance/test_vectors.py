@@ -4,7 +4,7 @@ from collections import Counter
 
 import pytest
 
-from mrl_driver.protocol.codec import Garbage
+from mrl_driver.protocol import Garbage
 from tests.vectors import load
 
 VECTORS = load("requests")

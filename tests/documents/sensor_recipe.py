@@ -4,7 +4,7 @@ import json
 import sys
 
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder
+from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
 from mrl_driver.protocol.table import SENSOR_BY_NAME
 from mrl_driver.terminal import text
 from ros1_bridge.topics import sensor_topics

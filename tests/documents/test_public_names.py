@@ -16,7 +16,7 @@ PUBLIC = {
     "mrl_driver.robots": ["load", "RobotModel"],
     "mrl_driver.errors": ["MrlError", "BoardTimeout", "LinkLost"],
     "mrl_driver.table": ["COMMANDS"],
-    "mrl_driver.codec": ["FrameDecoder"],
+    "mrl_driver.codec": ["FrameDecoder", "encode_reply", "encode_request"],
     "sim_arduino.board": ["PythonBoard"],
     "sim_arduino.boards": ["make", "Options"],
     "sim_arduino.grid_map": ["draw", "write"],

@@ -6,7 +6,7 @@ import itertools
 import pytest
 
 from mrl_driver.errors import BatteryDead, BoardTimeout, NotARobot, WrongRobot
-from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder, encode_reply
+from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_reply
 from mrl_driver.robot.robot_state import RobotState
 from mrl_driver.session.handshake import (
     ALIKE,

@@ -12,7 +12,7 @@ from mrl_driver.driver.options import Options as DriverOptions
 from mrl_driver.driver.robot_core import Core
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError, FrameError, WrongRobot
-from mrl_driver.protocol.codec import Frame
+from mrl_driver.protocol import Frame
 from mrl_driver.robot import models
 from mrl_driver.robot.covariance import OmniUncertainty
 from mrl_driver.robot.kinematics import Planar, kinematics_of

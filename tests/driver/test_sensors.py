@@ -3,7 +3,7 @@
 import pytest
 
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.protocol.codec import Frame, encode_reply
+from mrl_driver.protocol import Frame, encode_reply
 from mrl_driver.protocol.table import SENSOR_BY_NAME, SENSORS, Field, Sensor
 from mrl_driver.recording.recording import Recording
 from mrl_driver.recording.summary import summarise

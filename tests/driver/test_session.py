@@ -3,7 +3,7 @@ import re
 import pytest
 
 from mrl_driver.errors import BoardError, BoardTimeout, NotARobot, WrongRobot
-from mrl_driver.protocol.codec import Frame, encode_reply
+from mrl_driver.protocol import Frame, encode_reply
 from mrl_driver.protocol.table import BY_CODE, BY_NAME, STOP_REASONS
 from mrl_driver.session.handshake import Plan
 from mrl_driver.session.motion_command import SLOW

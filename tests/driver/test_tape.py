@@ -9,7 +9,7 @@ import pytest
 
 from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import ConfigError, PortMissing
-from mrl_driver.protocol.codec import REPLIES, REQUESTS, Frame, FrameDecoder
+from mrl_driver.protocol import REPLIES, REQUESTS, Frame, FrameDecoder
 from mrl_driver.recording.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
 from mrl_driver.recording.summary import summarise
 from mrl_driver.transport.link import SerialLink

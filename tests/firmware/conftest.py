@@ -4,7 +4,7 @@ from typing import Callable, Dict, Iterator, List
 
 import pytest
 
-from mrl_driver.protocol.codec import REPLIES, Event, Frame, FrameDecoder, encode_request
+from mrl_driver.protocol import REPLIES, Event, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.table import BY_NAME
 from sim_arduino.hardware.wiring import Plant
 from tests import models

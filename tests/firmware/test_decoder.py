@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver.protocol.codec import REQUESTS, FrameDecoder, Garbage, encode_request
+from mrl_driver.protocol import REQUESTS, FrameDecoder, Garbage, encode_request
 from mrl_driver.protocol.table import COMMANDS, MAX_FRAME, MAX_NOISE
 from tests.firmware.twin import TwinDecoder
 from tests.vectors import load

@@ -4,7 +4,7 @@ import ctypes
 
 import pytest
 
-from mrl_driver.protocol.codec import encode_request
+from mrl_driver.protocol import encode_request
 from mrl_driver.protocol.table import FAULTS, RESET_CAUSES, STOP_REASONS, TICK_S
 from mrl_driver.robot import models
 from sim_arduino.hardware.wiring import Plant

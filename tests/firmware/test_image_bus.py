@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from mrl_driver.protocol.codec import encode_request
+from mrl_driver.protocol import encode_request
 from mrl_driver.protocol.table import PARAMETER_BY_NAME
 from sim_arduino.avr.machine import AvrMachine
 

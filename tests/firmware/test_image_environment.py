@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from mrl_driver.protocol.codec import REPLIES, FrameDecoder
+from mrl_driver.protocol import REPLIES, FrameDecoder
 from sim_arduino.avr.machine import AvrMachine
 
 IMAGE = Path(__file__).resolve().parent.parent.parent / "build" / "firmware" / "mrl_firmware_environment.elf"

@@ -5,7 +5,7 @@ from typing import List
 
 import pytest
 
-from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder, encode_request
+from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from sim_arduino.avr.machine import AvrMachine
 from tests.firmware.test_xbee import ADDRESS, ADDRESS_WORDS, packet, received, words
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mrl_driver.protocol.codec import Frame, Garbage
+from mrl_driver.protocol import Frame, Garbage
 from mrl_driver.protocol.table import TICK_S
 
 PASS_S = 16e-6

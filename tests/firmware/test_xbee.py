@@ -4,7 +4,7 @@ import ctypes
 
 import pytest
 
-from mrl_driver.protocol.codec import Frame
+from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import CAPABILITIES
 from tests.firmware.pc_board import XBEE
 

@@ -3,7 +3,7 @@
 import functools
 from typing import Any, List
 
-from mrl_driver.protocol.codec import Event, Frame, Garbage
+from mrl_driver.protocol import Event, Frame, Garbage
 from mrl_driver.protocol.table import REASONS
 from tests.firmware.pc_board import SONARS, load
 

@@ -7,7 +7,7 @@ counted: it needs no check value by design, and stops.
 import random
 from typing import Callable, Iterator, List, NamedTuple
 
-from mrl_driver.protocol.codec import (
+from mrl_driver.protocol import (
     REPLIES,
     REQUESTS,
     Direction,

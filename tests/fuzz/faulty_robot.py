@@ -5,7 +5,7 @@ import random
 from typing import List, NamedTuple, Set, Tuple
 
 from mrl_driver.geometry import ORIGIN
-from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder
+from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
 from mrl_driver.protocol.table import STOP_CODE
 from mrl_driver.robot.models import load
 from mrl_driver.robot.odometry import QUANTUM_COUNTS

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from mrl_driver.protocol.codec import (
+from mrl_driver.protocol import (
     REPLIES,
     REQUESTS,
     Frame,

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from mrl_driver.protocol import codec
-from mrl_driver.protocol.codec import REPLIES, REQUESTS, Event, Frame, FrameDecoder, Stamp, encode_reply
+from mrl_driver.protocol import REPLIES, REQUESTS, Event, Frame, FrameDecoder, Stamp, decoder, encode_reply
 from mrl_driver.protocol.table import BY_CODE, COMMANDS, INT16_MAX, INT16_MIN, MAX_NOISE, Field
 
 STREAM = 8
@@ -131,7 +130,7 @@ def test_runs_and_pieces_give_what_single_bytes_give(
     for damage in damages:
         wire = damage.done_to(wire)
     quick, scanner = FrameDecoder(direction, checked), Scanner(direction, checked)
-    with mock.patch.object(codec, "LEAST_RUN", 1):
+    with mock.patch.object(decoder, "LEAST_RUN", 1):
         for piece in (*pieces_of(wire, cuts), rest):
             assert quick.feed(piece) == scanner.feed(piece)
 
@@ -178,9 +177,9 @@ def test_the_check_may_go_on_and_off_within_a_frame(checked, cut, before):
     """The session changes `checked` between two feeds, wherever they were cut."""
     wire = before + b"".join(lines([STREAM] * 40, not checked, 1))
     quick, scanner = FrameDecoder(REPLIES, checked), Scanner(REPLIES, checked)
-    for decoder in (quick, scanner):
-        decoder.feed(wire[:cut])
-        decoder.checked = not checked
+    for each in (quick, scanner):
+        each.feed(wire[:cut])
+        each.checked = not checked
     assert quick.feed(wire[cut:]) == scanner.feed(wire[cut:])
 
 

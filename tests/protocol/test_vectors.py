@@ -1,8 +1,8 @@
-"""The golden vectors through the Python codec: whole, byte by byte, and amid noise."""
+"""The golden vectors through the Python decoder: whole, byte by byte, and amid noise."""
 
 import pytest
 
-from mrl_driver.protocol.codec import REPLIES, REQUESTS, Frame, FrameDecoder, Garbage, Stamp
+from mrl_driver.protocol import REPLIES, REQUESTS, Frame, FrameDecoder, Garbage, Stamp
 from tests.vectors import Vector, load
 
 DIRECTIONS = {"requests": REQUESTS, "replies": REPLIES}

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mrl_driver.protocol.codec import REPLIES, FrameDecoder, encode_request
+from mrl_driver.protocol import REPLIES, FrameDecoder, encode_request
 from mrl_driver.protocol.table import BY_CODE, COMMANDS, PARAMETERS
 from mrl_driver.robot import models
 from sim_arduino.board import PythonBoard, parameter_store, registry

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mrl_driver.protocol.codec import REPLIES, Frame, FrameDecoder
+from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
 from mrl_driver.robot import models
 from sim_arduino.board.board2013 import Board2013August, Board2013January, through_single_precision
 from sim_arduino.hardware.wiring import Plant

@@ -13,7 +13,7 @@ import pytest
 
 from mrl_driver.driver import Driver
 from mrl_driver.driver.options import Options
-from mrl_driver.protocol.codec import Stamp, encode_reply, encode_request
+from mrl_driver.protocol import Stamp, encode_reply, encode_request
 from mrl_driver.recording.recording import FROM_BOARD, Recording
 from mrl_driver.recording.summary import summarise
 from mrl_driver.robot.models import load

@@ -1,11 +1,11 @@
-"""Laws of the codec, held by Hypothesis."""
+"""Laws of the decoder and the encoder, held by Hypothesis."""
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mrl_driver.errors import FrameError
-from mrl_driver.protocol.codec import (
+from mrl_driver.protocol import (
     REPLIES,
     REQUESTS,
     Frame,

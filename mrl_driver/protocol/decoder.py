@@ -1,4 +1,4 @@
-"""Bytes to frames and back, without I/O: no port, clock, thread or logger.  Other packages import the codec from here.
+"""Bytes to frames, without I/O: no port, clock, thread or logger.
 
 `FrameDecoder.feed` takes any bytes and returns frames and garbage; each piece of garbage has a reason.  It never raises
 on input and never blocks.  The C++ version is `firmware/mrl_firmware/frame_decoder.cpp`.
@@ -11,24 +11,10 @@ from binascii import crc_hqx
 from struct import error as StructError
 from typing import List, Optional, Sequence
 
-from .directions import REPLIES, REQUESTS, Direction, Shape
-from .encoder import encode_reply, encode_request
+from .directions import REQUESTS, Direction, Shape
 from .frames import Event, Frame, Garbage, Stamp, check_value
 from .table import INT16_MAX, INT16_MIN, MAX_ARGUMENTS, MAX_FRAME, MAX_NOISE, STAMP, STOP_CODE
 
-__all__ = [
-    "REPLIES",
-    "REQUESTS",
-    "Direction",
-    "Event",
-    "Frame",
-    "FrameDecoder",
-    "Garbage",
-    "Stamp",
-    "check_value",
-    "encode_reply",
-    "encode_request",
-]
 _AT, _END, _CR, _LF = b"@e\r\n"
 _QUIET = (b"", b"\r\n", b"\r", b"\n")
 """Bytes between frames that may end a feed and mean nothing."""
