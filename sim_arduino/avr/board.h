@@ -137,7 +137,7 @@ struct board {
     bool stop, reset_wanted, asleep;
     int reset_flags; /* MCUSR after a reset; -1 = what the chip sets */
     uint32_t crash_pc;
-    uint64_t resets;
+    uint64_t resets, slept; /* number of program starts; cycles for which the CPU slept */
 };
 
 /* ATmega328P data addresses */

@@ -100,9 +100,12 @@ static avr_cycle_count_t slice_end(avr_t *avr, avr_cycle_count_t when, void *par
 
 static void reset_now(board_t *board, uint8_t cause);
 
-static void sleep_until(avr_t *avr, avr_cycle_count_t pause, uint64_t target) {
+static void sleep_until(board_t *board, avr_cycle_count_t pause, uint64_t target) {
+    avr_t *avr = board->avr;
     uint64_t left = target > avr->cycle ? target - avr->cycle : 0;
-    avr->cycle += pause < left ? (pause ? pause : 1) : left;
+    uint64_t step = pause < left ? (pause ? pause : 1) : left;
+    avr->cycle += step;
+    board->slept += step;
 }
 
 static void run_some(board_t *board, uint64_t target) {
@@ -120,7 +123,7 @@ static void run_some(board_t *board, uint64_t target) {
     else if (avr->interrupt_state)
         serve_interrupts(board);
     if (avr->state == cpu_Sleeping)
-        sleep_until(avr, pause, target);
+        sleep_until(board, pause, target);
 }
 
 /* Runs to the first instruction boundary at or after `target`. */
@@ -244,4 +247,17 @@ EXPORT uint32_t mrl_crash_pc(board_t *board) { return board->crash_pc; }
 EXPORT uint64_t mrl_resets(board_t *board) { return board->resets; }
 EXPORT uint8_t *mrl_data(board_t *board) { return board->avr->data; }
 EXPORT const char *mrl_message(void) { return last_message; }
-EXPORT int mrl_is_asleep(board_t *board) { return board->avr->state == cpu_Sleeping; }
+EXPORT uint64_t mrl_slept(board_t *board) { return board->slept; }
+
+/* Earliest cycle at which the chip can do anything by itself: now while it is awake, else the next event of a timer
+ * or peripheral; UINT64_MAX if there is none. */
+EXPORT uint64_t mrl_next_event(board_t *board) {
+    avr_t *avr = board->avr;
+    if (avr->state != cpu_Sleeping)
+        return avr->cycle;
+    const avr_cycle_timer_slot_t *first = avr->cycle_timers.timer;
+    if (!first)
+        return UINT64_MAX;
+    return first->when > avr->cycle ? first->when : avr->cycle;
+}
+

@@ -92,6 +92,16 @@ class AvrMachine:
         return self.cycle / self.frequency_hz
 
     @property
+    def awake_cycles(self) -> int:
+        """CPU cycles since the first power-up in which the CPU did not sleep."""
+        return self.cycle - self._native.mrl_slept(self._board)
+
+    @property
+    def next_event_cycle(self) -> int:
+        """The first cycle at which the chip can do something if nothing comes from outside; now while it is awake."""
+        return self._native.mrl_next_event(self._board)
+
+    @property
     def resets(self) -> int:
         """Number of program starts so far, including the first."""
         return self._native.mrl_resets(self._board)

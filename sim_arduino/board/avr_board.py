@@ -19,6 +19,7 @@ FAN, SONAR_TRIGGER, SONAR_POWER, HEATER = 7, 12, 13, 15
 WATCHED_PINS = (FAN, SONAR_TRIGGER, SONAR_POWER, HEATER)
 BOOT_S, WRITE_S, SAVE_S = 0.3, 0.05, 0.4  # saving takes 64 bytes of EEPROM at 3.4 ms each
 SLICE_S = 1e-3  # longest delay until a server gets a byte that was sent
+LONGEST_SLEEP_S = 1.0
 
 FIRMWARE = Path(__file__).resolve().parent.parent.parent / "build" / "firmware" / "mrl_firmware.elf"
 """Image of the sonar build in a checkout, after `make firmware`."""
@@ -134,8 +135,14 @@ class AvrEngine:
 
     @property
     def next_event_s(self) -> float:
-        """Time of the next call of `advance` if no bytes arrive [s]; one slice from now: the chip always runs."""
-        return self.machine.time_s + SLICE_S
+        """Time of the next call of `advance` if no bytes arrive [s].
+
+        While the chip sleeps, this is its next event, and at most LONGEST_SLEEP_S from now.  It is at least one slice
+        from now, so that a chip that is awake or sends bytes does not need a call for each of them.
+        """
+        now_s = self.machine.time_s
+        event_s = self.machine.next_event_cycle / self.machine.frequency_hz
+        return min(max(event_s, now_s + SLICE_S), now_s + LONGEST_SLEEP_S)
 
     def _cycle_at(self, time_s: float) -> int:
         return int(round(time_s * self.machine.frequency_hz))

@@ -7,6 +7,8 @@ from sim_arduino.board.avr_board import AvrEngine
 
 BYTE_S = 85e-6
 FAN = 7
+IDLE = 1  # SMCR: sleep enable, idle mode
+OVERFLOW_S = 256 * 1024 / 16e6
 
 
 class Plant:
@@ -85,6 +87,20 @@ def test_the_next_event_is_ahead(engine):
     """A server that waits for it makes progress."""
     board = engine("uart.c")
     assert board.next_event_s > board.machine.time_s
+
+
+def test_the_next_event_of_a_sleeping_chip_is_when_it_can_wake(engine):
+    """The overflow of timer 2, 16.4 ms after the program started it."""
+    board = engine("sleep.c")
+    poke(board, "mode", IDLE)
+    board.advance(1e-3)
+    assert board.next_event_s == pytest.approx(200e-6 + OVERFLOW_S, abs=20e-6)
+
+
+def test_a_chip_that_is_awake_needs_a_call_each_slice(engine):
+    """It may send a byte at any time."""
+    board = engine("uart.c")
+    assert board.next_event_s == pytest.approx(board.machine.time_s + 1e-3)
 
 
 def test_time_that_has_passed_changes_nothing(engine):

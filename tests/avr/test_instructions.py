@@ -5,6 +5,8 @@ from typing import List
 import pytest
 
 MARK_CYCLES = 2  # sbi
+IDLE = 1  # SMCR: sleep enable, idle mode
+OVERFLOW_S = 256 * 1024 / 16e6
 CYCLES = {
     "nop": (1, 1),
     "lds": (2, 2),
@@ -82,3 +84,13 @@ def test_waiting_interrupts_are_served_by_vector_number(bench):
     board.set("go", 1)
     board.machine.run(200e-6)
     assert board.bytes("order")[:3] == b"co1"
+
+
+def test_sleep_is_not_awake(bench):
+    """Ten overflows of timer 2 cost some 20 cycles each; the rest is sleep."""
+    board = bench("sleep.c")
+    board.set("mode", IDLE)
+    begun, awake = board.machine.cycle, board.machine.awake_cycles
+    board.machine.run(10.5 * OVERFLOW_S)
+    assert board.get("wakes") == 10
+    assert board.machine.awake_cycles - awake < 0.001 * (board.machine.cycle - begun)
