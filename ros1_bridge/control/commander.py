@@ -43,7 +43,7 @@ class Commander:
         self.zones: Optional[Zones] = None
         """The protective zones, if there are any; see `watch`."""
         self.seeking = False
-        """The node itself sends the commands, to drive to a pose."""
+        """The node itself sends the commands, to drive to a pose; an emergency stop and disabled motors end it."""
         self._held = self._commanded = False
 
     @property
@@ -74,7 +74,7 @@ class Commander:
 
     def latch(self) -> None:
         """Emergency stop: stop, and refuse commands until `release`."""
-        self.latched, self._cause, self._commanded = True, NONE, False
+        self.latched, self.seeking, self._cause, self._commanded = True, False, NONE, False
         self._driver.inhibit(EMERGENCY)
 
     def release(self) -> None:
@@ -88,7 +88,7 @@ class Commander:
         if enabled:
             self._driver.allow(DISABLED)
         else:
-            self._cause, self._commanded = NONE, False
+            self.seeking, self._cause, self._commanded = False, NONE, False
             self._driver.inhibit(DISABLED)
 
     @property

@@ -15,13 +15,21 @@ class MountFinder:
         self._buffer: Any = None
         self._listener: Any = None
         self._mount: Optional[Pose] = None
+        self._frame = ""
         self.trouble = ""
         """Why the mount is not known."""
 
     def mount(self, frame: str) -> Optional[Pose]:
-        """x, y, yaw of `frame` in base_frame [m m rad]; None if unknown, and `trouble` says why."""
+        """x, y, yaw of `frame` in base_frame [m m rad]; None if unknown or not the frame of the first scan, and `trouble`
+        says why.
+        """
         if self._mount is None:
             self._look(frame)
+        elif frame != self._frame:
+            self.trouble = (
+                f"it is in frame {frame}, expected {self._frame} as before: the zones watch one laser"
+            )
+            return None
         return self._mount
 
     def _look(self, frame: str) -> None:
@@ -33,7 +41,7 @@ class MountFinder:
             self._listener = tf2_ros.TransformListener(self._buffer)
         try:
             found = self._buffer.lookup_transform(self._base, frame, Time())
-            self._mount = mount_of(found.transform)
+            self._mount, self._frame = mount_of(found.transform), frame
         except (tf2_ros.TransformException, ValueError) as error:
             self.trouble = f"{frame or 'its frame'} has no place on the robot: {error}"
             return

@@ -41,8 +41,10 @@ class PoseGoal:
         """Take a geometry_msgs/PoseStamped; returns the goal in the odom frame.
 
         Raises:
-            ValueError: the pose is not finite, or is in another frame.
+            ValueError: the pose is not finite, or is in another frame, or the robot may not move now.
         """
+        if not self._commander.ready:  # it would set off by itself as soon as it may
+            raise ValueError(self._commander.refusal())
         frame, goal = message.header.frame_id, planar(message.pose)
         if frame not in ("", self._odom, self._base):
             raise ValueError(
@@ -73,6 +75,9 @@ class PoseGoal:
             goal = self._goal
             if goal is None:
                 return ""
+            if not self._commander.seeking:
+                self._end()
+                return f"{BLOCKED}: the robot was stopped"
             if self._seeker is not None and self._commander.dropped:
                 self._end()
                 return f"{BLOCKED}: the robot was stopped ({self._commander.stopped_by})"
@@ -85,8 +90,8 @@ class PoseGoal:
                 if self._goal is goal:
                     self._end()
             return f"the pose is given up: {self._commander.refusal()}"
-        elif self._goal is not goal:
-            self._commander.stop()  # cancelled meanwhile: these speeds must not stay in force
+        elif self._goal is not goal or not self._commander.seeking:
+            self._commander.stop()  # cancelled or stopped meanwhile: these speeds must not stay in force
         return end
 
     def _step(

@@ -8,6 +8,8 @@ from mrl_driver.robot.models import Limits, RobotModel
 
 Number = Union[int, float]
 LIMITS = ("max_linear_speed", "max_angular_speed", "max_linear_acceleration", "max_angular_acceleration")
+LOWEST = 0.01
+"""Lowest limit that may be set at run time, unless a parameter has set a lower one."""
 
 
 class LiveValue(NamedTuple):
@@ -34,14 +36,17 @@ class Description:
 
 
 def limits_description(model: RobotModel, start: Limits) -> Description:
-    """Speed and acceleration limits; the model's limits are the maximum."""
-    own = model.limits
+    """Speed and acceleration limits, from 0.01 or the start if that is less; the model's limits are the maximum."""
+    texts = (
+        "Highest speed forward or back [m/s]",
+        "Highest yaw rate [rad/s]",
+        "Speeding up [m/s2]",
+        "Speeding up a turn [rad/s2]",
+    )
     return Description(
-        (
-            LiveValue(LIMITS[0], start[0], 0.01, own[0], "Highest speed forward or back [m/s]"),
-            LiveValue(LIMITS[1], start[1], 0.01, own[1], "Highest yaw rate [rad/s]"),
-            LiveValue(LIMITS[2], start[2], 0.01, own[2], "Speeding up [m/s2]"),
-            LiveValue(LIMITS[3], start[3], 0.01, own[3], "Speeding up a turn [rad/s2]"),
+        tuple(
+            LiveValue(name, begin, min(LOWEST, begin), most, text)
+            for name, begin, most, text in zip(LIMITS, start, model.limits, texts)
         )
     )
 

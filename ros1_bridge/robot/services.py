@@ -10,6 +10,7 @@ from ros1_bridge.control.commander import Commander
 Answer = Tuple[bool, str]
 STILL_M_S, STILL_RAD_S = 0.005, 0.02
 """Slower than this counts as standing still."""
+UNDER_WAY = "the robot moves, or is on its way to a pose"
 
 
 class Services:
@@ -21,7 +22,7 @@ class Services:
     def reset_odometry(self) -> Answer:
         """Set the pose to the origin of odom."""
         if not self._still():
-            return False, "the robot moves; stop it first, for a pose that jumps in motion misleads filters"
+            return False, f"{UNDER_WAY}; stop it first, for a pose that jumps in motion misleads filters"
         self._driver.reset_pose()
         self._forget_way()
         return True, "the pose is 0, 0, 0"
@@ -54,7 +55,7 @@ class Services:
         if not self._commander.ready:
             return False, f"refused: {self._commander.refusal()}"
         if not self._still():
-            return False, "refused: the robot moves; stop it first"
+            return False, f"refused: {UNDER_WAY}; stop it first"
         try:
             self._driver.request(BY_NAME["calibrate"].code)
         except MrlError as error:
@@ -72,4 +73,4 @@ class Services:
     def _still(self) -> bool:
         twist = self._driver.twist
         fast = math.hypot(twist[0], *twist[2:]) > STILL_M_S or math.fabs(twist[1]) > STILL_RAD_S
-        return not fast and not self._commander.moving
+        return not (fast or self._commander.moving or self._commander.seeking)

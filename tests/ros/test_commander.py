@@ -7,6 +7,7 @@ import pytest
 from mrl_driver.driver import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import FrameError, LinkLost
+from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits
 from ros1_bridge.control import commander as module
 from ros1_bridge.control.commander import Commander, lowered
@@ -192,6 +193,20 @@ def test_emergency_stop_is_latched_even_when_the_link_is_gone(bench):
     assert bench.commander.latched
 
 
+@pytest.mark.parametrize("stop", [Commander.latch, lambda commander: commander.enable(False)])
+def test_stop_that_stays_ends_the_drive_to_a_pose(bench, stop):
+    bench.commander.seeking = True
+    stop(bench.commander)
+    assert not bench.commander.seeking
+
+
+def test_stop_ends_the_drive_to_a_pose_even_when_the_link_is_gone(bench):
+    bench.commander.seeking, bench.driver.lost = True, True
+    with pytest.raises(LinkLost):
+        bench.commander.latch()
+    assert not bench.commander.seeking
+
+
 def test_disabled_motors_refuse(bench):
     bench.commander.enable(False)
     assert bench.driver.stops == 1
@@ -305,3 +320,10 @@ def test_an_emergency_stop_holds_until_it_is_released(robot):
 
 def test_limits_are_lowered_never_raised():
     assert lowered(LIMITS, 0.1, 5.0, 0.0, 0.5) == Limits(0.1, 1.0, 0.2, 0.5)
+
+
+def test_low_limit_of_the_parameters_is_not_raised_at_the_start():
+    """dynamic_reconfigure raises a value to the least that is allowed."""
+    start = Limits(0.005, 0.001, 0.002, 0.003)
+    offered = reconfigure.limits_description(models.load("traxbot"), start)
+    assert [offered.min[name] for name in reconfigure.LIMITS] == list(start[:4])

@@ -19,7 +19,7 @@ class Noted:
     def __init__(self):
         self.limits, self.seeking, self.willing = Limits(0.3, 1.0, 0.2, 1.0), False, True
         self.speeds, self.stops = None, 0
-        self.dropped, self.stopped_by = False, "link lost"
+        self.dropped, self.stopped_by, self.ready = False, "link lost", True
 
     def drive(self, *speeds):
         self.speeds = speeds
@@ -73,6 +73,36 @@ def test_a_wrong_pose_is_refused_and_the_one_before_stays(goal, wrong, words):
     with pytest.raises(ValueError, match=words):
         goal.start(wrong, HERE)
     assert goal.active
+
+
+def test_a_pose_is_refused_while_the_robot_may_not_move(goal, noted):
+    """Otherwise the robot would set off by itself, much later, when telemetry is back."""
+    noted.ready = False
+    with pytest.raises(ValueError, match="the motors are disabled"):
+        goal.start(message("odom", 3.0, 4.0), HERE)
+    assert (goal.active, noted.seeking) == (False, False)
+
+
+def test_an_emergency_stop_that_is_released_between_two_steps_ends_it(goal, noted):
+    """The robot then stands still until the next command."""
+    goal.start(message("odom", 1.0, 0.0), HERE)
+    goal.on_telemetry(at((0.0, 0.0, 0.0), 1.0))
+    noted.seeking, noted.speeds = False, None  # what `Commander.latch` does
+    assert goal.on_telemetry(at((0.0, 0.0, 0.0), 2.0)) == f"{BLOCKED}: the robot was stopped"
+    assert (goal.active, noted.speeds) == (False, None)
+
+
+def test_an_emergency_stop_that_is_released_while_a_step_is_written_stops_the_robot(goal, noted):
+    goal.start(message("odom", 1.0, 0.0), HERE)
+    drive = noted.drive
+
+    def stopped_before(*speeds):
+        noted.seeking = False
+        return drive(*speeds)
+
+    noted.drive = stopped_before
+    goal.on_telemetry(at((0.0, 0.0, 0.0), 1.0))
+    assert noted.stops == 1
 
 
 def test_it_drives_there_and_stops(goal, noted):
