@@ -20,8 +20,9 @@ class MountFinder:
         """Why the mount is not known."""
 
     def mount(self, frame: str) -> Optional[Pose]:
-        """x, y, yaw of `frame` in base_frame [m m rad]; None if unknown or not the frame of the first scan, and `trouble`
-        says why.
+        """x, y, yaw of `frame` in base_frame [m m rad].
+
+        None if it is unknown, or if the first scan had another frame; `trouble` says why.
         """
         if self._mount is None:
             self._look(frame)

@@ -10,7 +10,7 @@ from ros1_bridge.control.commander import Commander
 Answer = Tuple[bool, str]
 STILL_M_S, STILL_RAD_S = 0.005, 0.02
 """Slower than this counts as standing still."""
-UNDER_WAY = "the robot moves, or is on its way to a pose"
+UNDER_WAY = "the robot moves, or drives to a pose"
 
 
 class Services:
