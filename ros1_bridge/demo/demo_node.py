@@ -20,7 +20,7 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, Range
 
-from mrl_driver.terminal import live
+from mrl_driver.terminal import live_view
 from mrl_driver.terminal.state import line_of
 from ros1_bridge.node.cmd_vel import CmdVel
 
@@ -61,7 +61,7 @@ def run_lines(robot: TopicRobot, screen: DemoScreen) -> None:
             state = robot.state()
             started = math.isfinite(state.age_s)
             _say(f"{screen.elapsed_s:5.0f} s  {line_of(state)}" if started else "waiting for odometry")
-        time.sleep(live.TICK_S)
+        time.sleep(live_view.TICK_S)
 
 
 def can_show_screen() -> bool:
@@ -82,7 +82,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     square, duration_s = bool(rospy.get_param("~square", False)), float(rospy.get_param("~duration", 0.0))
     screen = DemoScreen(robot, f"ROS_MASTER_URI={rosgraph.get_master_uri()}", square, duration_s)
     if can_show_screen():
-        live.run(robot, screen)
+        live_view.run(robot, screen)
     else:
         run_lines(robot, screen)
     if robot.command is not None:

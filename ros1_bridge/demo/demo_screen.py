@@ -5,14 +5,14 @@ import time
 from typing import TYPE_CHECKING, Optional
 
 from mrl_driver.navigation.line_follower import Square
-from mrl_driver.terminal.live import Screen, Settings
+from mrl_driver.terminal.live_view import Screen, Settings
 from mrl_driver.terminal.state import State
 from mrl_driver.terminal.teleop_keys import Teleop
 
 from .topic_robot import STALE_S, TopicRobot
 
 if TYPE_CHECKING:
-    from mrl_driver.terminal.live_view import Shown
+    from mrl_driver.terminal.live_panels import Shown
 
 PATIENCE_S = 20.0
 """If a duration is set, odometry must begin within this time."""

@@ -10,11 +10,11 @@ from typing import Dict
 
 from mrl_driver.errors import MrlError
 from ros1_bridge.demo.processes import Child, wait_until
-from sim_arduino.experiments import report
+from sim_arduino.experiments import experiment_report
+from sim_arduino.experiments.experiment_report import Result
 from sim_arduino.experiments.experiment_robot import Setting
-from sim_arduino.experiments.report import Result
 
-from .parts import ROOT, end, environment
+from .experiment_processes import ROOT, end, environment
 
 NODES = {
     "step-test": "step_node",
@@ -48,7 +48,7 @@ def run(name: str, setting: Setting) -> Result:
             wait_until(lambda: child.exit_code is not None, MOST_S)
         finally:
             end(child)
-        result = report.read(folder, name)
+        result = experiment_report.read(folder, name)
         if result is None:
             lines = [line for line in child.output() if line.strip()]
             raise MrlError(f"experiment {name}: {lines[-1] if lines else f'exit code {child.exit_code}'}")

@@ -6,11 +6,11 @@ import sys
 from typing import Any, Callable, Sequence
 
 from mrl_driver.errors import MrlError
-from sim_arduino.experiments import report
+from sim_arduino.experiments import experiment_report
+from sim_arduino.experiments.experiment_report import Result
 from sim_arduino.experiments.experiment_robot import Setting
-from sim_arduino.experiments.report import Result
 
-from .parts import Parts
+from .experiment_processes import Parts
 
 TERMINATED = 143
 Play = Callable[[str, Parts, Setting], Result]
@@ -37,7 +37,7 @@ def play_as_node(ros: Any, play: Play, arguments: Sequence[str]) -> int:
                 result = play(name, parts, Setting(folder, None, robot, int(seed), True))
             finally:
                 ros.signal_shutdown("the experiment is over")
-            report.save(result, str(parts.folder))
+            experiment_report.save(result, str(parts.folder))
     except MrlError as error:
         sys.stderr.write(f"{error}\n")
         return error.exit_code

@@ -13,12 +13,12 @@ from mrl_driver.errors import MrlError
 from mrl_driver.geometry import ORIGIN, Pose
 from ros1_bridge.node.plane_poses import planar
 from sim_arduino.experiments import step_test
+from sim_arduino.experiments.experiment_report import Result
 from sim_arduino.experiments.experiment_robot import Setting
-from sim_arduino.experiments.report import Result
 from sim_arduino.experiments.step_test import Mirrored, StepRecord
 from sim_arduino.experiments.team import Member, Player
 
-from .parts import Parts
+from .experiment_processes import Parts
 from .playing import play_as_node
 from .team_node import TopicRobot, gather, ignore
 

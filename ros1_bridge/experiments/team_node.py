@@ -29,14 +29,14 @@ from ros1_bridge.demo.processes import wait_until
 from ros1_bridge.node.plane_poses import planar
 from ros1_bridge.node.tf_names import sonar_frame
 from sim_arduino.experiments import mixed_team, shared_waypoint
+from sim_arduino.experiments.experiment_report import Result
 from sim_arduino.experiments.experiment_robot import NOISE, Setting, Step
-from sim_arduino.experiments.report import Result
 from sim_arduino.experiments.team import Member, Player, Team, footprint_of, pose_option
 from sim_arduino.world import world_file
 from sim_arduino.world.shared_robots import SharedRegistry
 from sim_arduino.world.world import World
 
-from .parts import START_S, Parts
+from .experiment_processes import START_S, Parts
 from .playing import play_as_node
 
 RATE_HZ = 20

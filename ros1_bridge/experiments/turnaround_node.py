@@ -15,11 +15,11 @@ from nav_msgs.msg import Odometry
 from mrl_driver.errors import MrlError
 from ros1_bridge.demo.processes import wait_until
 from sim_arduino.experiments import turnaround
+from sim_arduino.experiments.experiment_report import Result
 from sim_arduino.experiments.experiment_robot import Setting
-from sim_arduino.experiments.report import Result
 from sim_arduino.experiments.turnaround import Topics
 
-from .parts import START_S, Parts
+from .experiment_processes import START_S, Parts
 from .playing import play_as_node
 from .wire_log import command_s, commanded, odometry_s, read, sent
 

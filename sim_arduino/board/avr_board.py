@@ -9,8 +9,8 @@ from typing import Any, List, Optional, Sequence, Tuple, Union
 from mrl_driver.errors import SimulatorError
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.table import BAUD, BY_NAME, PARAMETER_BY_NAME
-from sim_arduino.avr.line import received
 from sim_arduino.avr.machine import AvrMachine
+from sim_arduino.avr.receiver import received
 
 from . import parameter_store
 

@@ -17,8 +17,8 @@ if TYPE_CHECKING:  # `mrl --help` loads this module
     from rich.console import Console
     from rich.table import Table
 
+    from .experiment_report import Result
     from .experiment_robot import Setting
-    from .report import Result
 
 
 class Experiment(NamedTuple):
@@ -31,14 +31,14 @@ class Experiment(NamedTuple):
 EXPERIMENTS = {
     "square": Experiment("square", "square of 1 m by odometry, before and after calibration"),
     "sonar-calibration": Experiment(
-        "sonar_curve", "sonar in front of a wall at 20 cm to 2 m, and its fitted curve"
+        "sonar_approach", "sonar in front of a wall at 20 cm to 2 m, and its fitted curve"
     ),
     "l-course": Experiment("l_course", "L-shaped course mapped with sonars and with a laser"),
     "power": Experiment("power", "circles until the battery packs are empty"),
     "step-test": Experiment("step_test", "driving from point to point over a grid, mirrored live"),
     "mixed-team": Experiment("mixed_team", "two real robots and a virtual one wander in one arena"),
     "shared-waypoint": Experiment("shared_waypoint", "three robots share a waypoint"),
-    "environment": Experiment("environment", "map of heat, dust and alcohol in the arena"),
+    "environment": Experiment("arena_sweep", "map of heat, dust and alcohol in the arena"),
     "turnaround": Experiment("turnaround", "time of messages between PC, or topic, and motor board"),
 }
 WORKERS = 2
@@ -99,8 +99,8 @@ def main(
         confirm_motion(f"The robot on {port} drives by itself ({', '.join(chosen)}). Is the floor free?", yes)
     from rich.console import Console
 
+    from .experiment_report import save
     from .experiment_robot import Setting
-    from .report import save
 
     setting = Setting(_folder(out), port, robot, seed, port is None and _through_ros(chosen, ros))
     console = Console()
@@ -214,7 +214,7 @@ def timed(name: str, setting: "Setting") -> Tuple[str, "Result", float]:
 def _table(name: str, result: "Result", seconds: float, folder: str) -> "Table":
     from rich.table import Table
 
-    from .report import figure_text
+    from .experiment_report import figure_text
 
     files = ", ".join(os.path.join(folder, picture) for picture in result.pictures)
     table = Table(title=result.title, caption=f"{name}: {seconds:.0f} s, {files}", title_justify="left")

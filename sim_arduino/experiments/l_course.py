@@ -13,10 +13,10 @@ from sim_arduino.world import grid_map, world_file
 from sim_arduino.world.grid_map import OCCUPIED, GridMap
 from sim_arduino.world.world import World
 
-from . import plots
+from . import plot_style
+from .experiment_report import Figure, Result
 from .experiment_robot import NOISE, ExperimentRobot, Setting, follow, open_robot
 from .occupancy import Grid, points, share_near
-from .report import Figure, Result
 
 SIDES = ("left", "right")
 """The front sonar only serves to avoid obstacles, as in the thesis."""
@@ -150,7 +150,7 @@ def _evaluate(name: str, made: GridMap, view: Any, world: World) -> List[Figure]
 
 
 def _draw(setting: Setting, world: World, drive: CourseRecord, maps: Any) -> str:
-    made, axes = plots.figure(2, 9.0, 4.6)
+    made, axes = plot_style.figure(2, 9.0, 4.6)
     for each, (name, grid) in zip(axes, maps.items()):
         low = grid.origin
         height, width = grid.cells.shape
@@ -159,9 +159,11 @@ def _draw(setting: Setting, world: World, drive: CourseRecord, maps: Any) -> str
         each.imshow(shade, origin="lower", extent=extent, cmap="gray", vmin=0, vmax=1)
         for number, wall in enumerate(world.walls):
             label = "true walls" if number == 0 else None
-            each.plot([wall.x1, wall.x2], [wall.y1, wall.y2], color=plots.ORANGE, linewidth=1.0, label=label)
-        plots.path(each, drive.path, plots.BLUE, "path by odometry")
-        plots.floor(each, f"mapped with {name}")
+            each.plot(
+                [wall.x1, wall.x2], [wall.y1, wall.y2], color=plot_style.ORANGE, linewidth=1.0, label=label
+            )
+        plot_style.path(each, drive.path, plot_style.BLUE, "path by odometry")
+        plot_style.floor(each, f"mapped with {name}")
         each.grid(False)
         each.legend(loc="upper left", fontsize="small")
-    return plots.save(made, setting.folder, "l-course")
+    return plot_style.save(made, setting.folder, "l-course")

@@ -9,9 +9,9 @@ from mrl_driver.navigation.goal_seeker import room
 from mrl_driver.robot.models import Limits
 from sim_arduino.world import world_file
 
-from . import plots
+from . import plot_style
+from .experiment_report import Figure, Result
 from .experiment_robot import TICK_S, Setting, require_emulated
-from .report import Figure, Result
 from .team import Member, Team, gather
 
 MEMBERS = (
@@ -82,14 +82,16 @@ def _result(setting: Setting, team: Team, duration_s: float, remark: str) -> Res
 
 def draw(setting: Setting, team: Team, name: str) -> str:
     """Paths of a team in its world."""
-    made, (axes,) = plots.figure(1, 6.0, 6.0)
-    plots.walls(axes, world_file.load(WORLD).walls)
+    made, (axes,) = plot_style.figure(1, 6.0, 6.0)
+    plot_style.walls(axes, world_file.load(WORLD).walls)
     for index, player in enumerate(team.players):
-        plots.band(axes, player.odometry_path, "by odometry" if index == 0 else None)
-    for player, colour, line in zip(team.players, (plots.BLUE, plots.GREEN, plots.ORANGE), plots.LINES):
-        plots.path(axes, player.path, colour, f"{player.member.name} ({player.member.robot})", line)
+        plot_style.band(axes, player.odometry_path, "by odometry" if index == 0 else None)
+    for player, colour, line in zip(
+        team.players, (plot_style.BLUE, plot_style.GREEN, plot_style.ORANGE), plot_style.LINES
+    ):
+        plot_style.path(axes, player.path, colour, f"{player.member.name} ({player.member.robot})", line)
         axes.plot(*player.path[0][:2], "o", color=colour, markersize=5)
-    axes.plot([], [], "o", color=plots.GREY, markersize=5, label="starts")
-    plots.floor(axes)
+    axes.plot([], [], "o", color=plot_style.GREY, markersize=5, label="starts")
+    plot_style.floor(axes)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncol=3, fontsize="small")
-    return plots.save(made, setting.folder, name)
+    return plot_style.save(made, setting.folder, name)

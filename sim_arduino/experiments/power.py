@@ -4,9 +4,9 @@ from typing import List, NamedTuple, Tuple
 
 from mrl_driver.errors import BoardError, MrlError
 
-from . import plots
+from . import plot_style
+from .experiment_report import Figure, Result
 from .experiment_robot import ExperimentRobot, Setting, open_robot
-from .report import Figure, Result
 
 SPEEDS_MM_S = (50, 100, 200)
 RADIUS_M = 0.3
@@ -78,13 +78,13 @@ def _time_factor(robot: ExperimentRobot) -> Tuple[float, float]:
 
 
 def _draw(setting: Setting, runs: List[PowerRun]) -> str:
-    made, (axes,) = plots.figure()
-    colours = (plots.BLUE, plots.ORANGE, plots.GREEN)
-    for each, colour, line in zip(runs, colours, plots.LINES):
+    made, (axes,) = plot_style.figure()
+    colours = (plot_style.BLUE, plot_style.ORANGE, plot_style.GREEN)
+    for each, colour, line in zip(runs, colours, plot_style.LINES):
         label = f"{each.speed_mm_s} mm/s: {each.hours[-1]:.2f} h"
         axes.plot(each.hours, each.volts, line, color=colour, label=label)
-    axes.axhline(EMPTY_V, color=plots.GREY, linewidth=1.0)
-    axes.axvspan(2.0, 3.0, color=plots.SKY, alpha=0.2, label="published: 2 to 3 h")
+    axes.axhline(EMPTY_V, color=plot_style.GREY, linewidth=1.0)
+    axes.axvspan(2.0, 3.0, color=plot_style.SKY, alpha=0.2, label="published: 2 to 3 h")
     axes.set(xlabel="time [h]", ylabel="battery [V]", xlim=(0, None))
     axes.legend(loc="lower left")
-    return plots.save(made, setting.folder, "power")
+    return plot_style.save(made, setting.folder, "power")

@@ -6,9 +6,9 @@ from typing import Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 
 from mrl_driver.geometry import Pose
 
+from .experiment_report import Figure, Result
 from .experiment_robot import TICK_S, Setting, Step, require_emulated
 from .mixed_team import SIMULATED, WORLD, draw
-from .report import Figure, Result
 from .team import Member, Player, Team, gather
 
 Point = Tuple[float, float]

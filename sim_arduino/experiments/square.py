@@ -5,15 +5,15 @@ import random
 from typing import Dict, List, NamedTuple, Sequence, Tuple
 
 from mrl_driver.calibration import manoeuvres
-from mrl_driver.calibration.geometry import UMBMARK, evaluate, gather, umbmark_legs
+from mrl_driver.calibration.geometry_procedures import UMBMARK, evaluate, gather, umbmark_legs
 from mrl_driver.calibration.ground_truth import Truth
 from mrl_driver.calibration.trial import LEFT, RIGHT, Trial, errors, sense
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import Drive
 
-from . import plots
+from . import plot_style
+from .experiment_report import Figure, Result
 from .experiment_robot import ExperimentRobot, Setting, open_robot, require_emulated
-from .report import Figure, Result
 
 SIDE_M = 1.0
 LAPS = 2
@@ -134,19 +134,19 @@ def _lap(drive: Drive, driven: Trial, true: List[Pose]) -> Lap:
 
 
 def _draw(setting: Setting, like: RobotLaps, others: Sequence[RobotLaps]) -> str:
-    made, (floor, ends) = plots.figure(2, 9.5, 5.6)
-    for lap_before, lap_after, colour in zip(like.before, like.after, (plots.BLUE, plots.ORANGE)):
-        plots.path(floor, lap_before.true, colour, f"{lap_before.sense}, before", "--")
-        plots.path(floor, lap_after.true, colour, f"{lap_after.sense}, after")
-    plots.floor(floor, "true paths of a robot like the published one")
+    made, (floor, ends) = plot_style.figure(2, 9.5, 5.6)
+    for lap_before, lap_after, colour in zip(like.before, like.after, (plot_style.BLUE, plot_style.ORANGE)):
+        plot_style.path(floor, lap_before.true, colour, f"{lap_before.sense}, before", "--")
+        plot_style.path(floor, lap_after.true, colour, f"{lap_after.sense}, after")
+    plot_style.floor(floor, "true paths of a robot like the published one")
     floor.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), fontsize="small")
-    marks = (("before", plots.ORANGE, "x"), ("after", plots.BLUE, "o"))
+    marks = (("before", plot_style.ORANGE, "x"), ("after", plot_style.BLUE, "o"))
     for when, colour, mark in marks:
         laps = [each for robot in others for each in getattr(robot, when)]
         x, y = ([100 * getattr(each.error, axis) for each in laps] for axis in ("x_m", "y_m"))
         ends.plot(x, y, mark, color=colour, label=f"{when} calibration", fillstyle="none")
     for cm, _ in PUBLISHED.values():
-        ends.add_patch(plots.circle(cm, plots.GREY, "published distances" if cm > 9 else None))
+        ends.add_patch(plot_style.circle(cm, plot_style.GREY, "published distances" if cm > 9 else None))
     ends.set(
         xlabel="error in x [cm]",
         ylabel="error in y [cm]",
@@ -154,4 +154,4 @@ def _draw(setting: Setting, like: RobotLaps, others: Sequence[RobotLaps]) -> str
         title=f"ends of {TEAM} robots' laps",
     )
     ends.legend(loc="upper right", fontsize="small")
-    return plots.save(made, setting.folder, "square")
+    return plot_style.save(made, setting.folder, "square")

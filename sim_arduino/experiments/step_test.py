@@ -17,9 +17,9 @@ from mrl_driver.navigation.goal_seeker import GoalSeeker
 from sim_arduino.testing import EmulatedBoard
 from sim_arduino.world.shared_robots import SharedRegistry
 
-from . import plots
+from . import plot_style
+from .experiment_report import Figure, Result
 from .experiment_robot import PERIOD_MS, TICK_S, Setting
-from .report import Figure, Result
 
 WAYPOINTS = ((0.4, 0.0), (0.4, 0.4), (0.8, 0.4), (0.8, 0.8), (1.2, 0.8), (1.2, 1.2))
 TIME_LIMIT_S = 120.0
@@ -176,12 +176,16 @@ def _go(driver: Driver, waypoint: Tuple[float, float], after_step: Callable[[Dri
 
 
 def _draw(setting: Setting, drive: StepRecord) -> str:
-    made, (floor, late) = plots.figure(2, 9.0, 4.6)
-    plots.path(floor, drive.true, plots.BLUE, "true path")
-    plots.path(floor, drive.mirrored, plots.ORANGE, "mirror", "--")
-    floor.plot(*zip(*WAYPOINTS), "s", color=plots.GREEN, markersize=7, fillstyle="none", label="waypoints")
-    plots.floor(floor)
+    made, (floor, late) = plot_style.figure(2, 9.0, 4.6)
+    plot_style.path(floor, drive.true, plot_style.BLUE, "true path")
+    plot_style.path(floor, drive.mirrored, plot_style.ORANGE, "mirror", "--")
+    floor.plot(
+        *zip(*WAYPOINTS), "s", color=plot_style.GREEN, markersize=7, fillstyle="none", label="waypoints"
+    )
+    plot_style.floor(floor)
     floor.legend(loc="upper left", fontsize="small")
-    late.hist([1000 * delay for delay in drive.delays_s], bins=40, color=plots.SKY, edgecolor=plots.BLUE)
+    late.hist(
+        [1000 * delay for delay in drive.delays_s], bins=40, color=plot_style.SKY, edgecolor=plot_style.BLUE
+    )
     late.set(xlabel="delay of the mirror [ms]", ylabel="poses")
-    return plots.save(made, setting.folder, "step-test")
+    return plot_style.save(made, setting.folder, "step-test")

@@ -14,7 +14,7 @@ from mrl_driver.robot import models
 from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.hardware.sonars import HALF_CONE_RAD, RANGE_M
 from sim_arduino.world import world_file
-from sim_arduino.world.geometry import Footprint
+from sim_arduino.world.shapes import Footprint
 from sim_arduino.world.world import World
 
 from .experiment_robot import NOISE, TICK_S, Setting, Step, open_robot

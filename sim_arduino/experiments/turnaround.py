@@ -8,9 +8,9 @@ from mrl_driver.protocol.table import BY_NAME
 from sim_arduino.board.engine import Engine
 from sim_arduino.serve import factory
 
-from . import plots
+from . import plot_style
+from .experiment_report import Figure, Result
 from .experiment_robot import Setting, require_emulated
-from .report import Figure, Result
 
 COUNTS = (1, 2, 5, 10, 20, 30, 40, 50)
 """Numbers of messages per second."""
@@ -139,27 +139,34 @@ def _one_s(driver: SteppedDriver, code: int) -> float:
 def _draw(
     setting: Setting, plain: Sequence[Point], checked: Sequence[Point], topics: Optional[Topics]
 ) -> str:
-    made, (axes,) = plots.figure()
+    made, (axes,) = plot_style.figure()
     lines: List[Tuple[str, Any, str, str]] = [
-        ("rosserial, measured", [(n, n * MEASURED_MS["rosserial"]) for n in COUNTS], plots.GREY, ":"),
+        ("rosserial, measured", [(n, n * MEASURED_MS["rosserial"]) for n in COUNTS], plot_style.GREY, ":"),
         (
             "2013 firmware, measured",
             [(n, n * MEASURED_MS["2013 firmware"]) for n in COUNTS],
-            plots.GREY,
+            plot_style.GREY,
             "-.",
         ),
-        ("with checksum", checked, plots.ORANGE, "--"),
-        ("plain", plain, plots.BLUE, "-"),
+        ("with checksum", checked, plot_style.ORANGE, "--"),
+        ("plain", plain, plot_style.BLUE, "-"),
     ]
     if topics:
         lines += [
-            ("ROS: cmd_vel to motor board", [(n, n * topics.command_ms) for n in COUNTS], plots.PINK, "--"),
-            ("ROS: frame to odom", [(n, n * topics.odometry_ms) for n in COUNTS], plots.SKY, "-"),
+            (
+                "ROS: cmd_vel to motor board",
+                [(n, n * topics.command_ms) for n in COUNTS],
+                plot_style.PINK,
+                "--",
+            ),
+            ("ROS: frame to odom", [(n, n * topics.odometry_ms) for n in COUNTS], plot_style.SKY, "-"),
         ]
     for label, points, colour, line in lines:
-        plots.path(axes, points, colour, label, line)
-    axes.plot(PUBLISHED_COUNT, PUBLISHED_MS, "s", color=plots.GREEN, label="published: rosserial")
-    axes.plot(PUBLISHED_COUNT, PUBLISHED_MS * (1 - LESS), "^", color=plots.GREEN, label="published: frames")
+        plot_style.path(axes, points, colour, label, line)
+    axes.plot(PUBLISHED_COUNT, PUBLISHED_MS, "s", color=plot_style.GREEN, label="published: rosserial")
+    axes.plot(
+        PUBLISHED_COUNT, PUBLISHED_MS * (1 - LESS), "^", color=plot_style.GREEN, label="published: frames"
+    )
     axes.set(xlabel="messages in a second", ylabel="total time [ms]", xlim=(0, None), ylim=(0, None))
     axes.legend(loc="upper left")
-    return plots.save(made, setting.folder, "turnaround")
+    return plot_style.save(made, setting.folder, "turnaround")

@@ -11,8 +11,8 @@ from typing import Iterable, List, Protocol, Union
 
 from sim_arduino.board.engine import Engine
 
+from .fault_table import BOTH, TO_BOARD, TO_HOST, Fault, parse
 from .schedule import Chain, Window
-from .table import BOTH, TO_BOARD, TO_HOST, Fault, parse
 
 
 class _Timed(Protocol):

@@ -6,7 +6,7 @@ from typing import Callable, Optional
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import RobotModel
-from sim_arduino.world.geometry import Footprint, distance
+from sim_arduino.world.shapes import Footprint, distance
 from sim_arduino.world.world import World
 
 OTHERS_M_S = 1.5

@@ -18,7 +18,7 @@ from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.robot import models
 from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.serve.one_line import OneLine
-from sim_arduino.world.geometry import Footprint
+from sim_arduino.world.shapes import Footprint
 from sim_arduino.world.shared_robots import SharedRegistry
 
 

@@ -8,12 +8,12 @@ from mrl_driver.geometry import Pose
 from mrl_driver.host.firmware_images import image_path
 from mrl_driver.robot import models
 from sim_arduino.board.engine import Engine
-from sim_arduino.faults import key_values, table
+from sim_arduino.faults import fault_table, key_values
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world import world_file
-from sim_arduino.world.geometry import Footprint
+from sim_arduino.world.shapes import Footprint
 from sim_arduino.world.world import World
 
 PROFILES = ("current", "2013-august", "2013-january")
@@ -78,7 +78,7 @@ def make(options: Options, world: Optional[World] = None) -> Emulated:
     """
     for name, limits in _LIMITS.items():
         _require_in(name, getattr(options, name), *limits)
-    faults = [table.parse(spec) for spec in options.faults]
+    faults = [fault_table.parse(spec) for spec in options.faults]
     model = models.load(options.robot)
     models.require_drivable(model)
     errors, sonar = key_values.robot_errors(options.error), key_values.sonar_errors(options.sonar)

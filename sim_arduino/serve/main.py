@@ -9,7 +9,7 @@ import click
 
 from mrl_driver import figures
 from mrl_driver.errors import ConfigError
-from sim_arduino.faults import key_values, table
+from sim_arduino.faults import fault_table, key_values
 from sim_arduino.view import world_picture
 from sim_arduino.view.travelled_path import PlantTrail
 
@@ -30,7 +30,7 @@ _EPILOG = "\b\nKeys of --error:\n{}\n\n\b\nKeys of --sonar:\n{}\n\n{}".format(
     _indented(key_values.usage(key_values.SONAR_KEYS)),
     "\b\nFaults, such as --fault loss:rate=0.01,at=5 (keys with their defaults):\n{}\n\n\b\n"
     "Orders of --control:\n{}".format(
-        _indented(table.usage()),
+        _indented(fault_table.usage()),
         "\n".join(f"  {order:18}{text}" for order, text in ORDERS),
     ),
 )

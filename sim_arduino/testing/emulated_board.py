@@ -15,8 +15,8 @@ from typing import Any, Callable, Iterator, List, Optional, Union
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
+from sim_arduino.faults.fault_table import Fault
 from sim_arduino.faults.faulty_engine import FaultyEngine
-from sim_arduino.faults.table import Fault
 from sim_arduino.hardware.omni3md import MotorCommand
 from sim_arduino.serve import factory
 from sim_arduino.serve.control import Control

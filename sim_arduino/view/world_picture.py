@@ -4,7 +4,7 @@ from typing import Any
 
 from mrl_driver import figures
 from mrl_driver.figures import BLUE, GREY, ORANGE
-from sim_arduino.world.geometry import Wall
+from sim_arduino.world.shapes import Wall
 
 from .travelled_path import PlantTrail, frame
 

@@ -12,7 +12,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.yaml_file import Reader, is_number
 
-from .geometry import Wall
+from .shapes import Wall
 from .world import World
 
 OCCUPIED, FREE, UNKNOWN = 100, 0, -1

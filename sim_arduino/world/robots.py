@@ -5,7 +5,7 @@ from typing import Dict, List, NamedTuple, Protocol
 
 from mrl_driver.geometry import Pose
 
-from .geometry import Footprint
+from .shapes import Footprint
 
 NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
 NAME_TEXT = "1 to 40 letters, digits, - or _"

@@ -15,8 +15,8 @@ from typing import Dict, List, NamedTuple, Optional
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 
-from .geometry import Footprint
 from .robots import NAME, NAME_TEXT, Mover
+from .shapes import Footprint
 
 _ROW = struct.Struct("<Q5d?7x")
 """Version, odd while being written; x y yaw, length width, whether a circle."""

@@ -5,7 +5,7 @@ from typing import Any, List, Sequence
 
 from mrl_driver.geometry import Pose
 
-from .geometry import Wall, distance, nearest_in_cone
+from .shapes import Wall, distance, nearest_in_cone
 
 FEW = 96
 """Up to this number of walls a loop is as fast as arrays, and it starts faster."""

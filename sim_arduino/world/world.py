@@ -12,9 +12,9 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 from mrl_driver.geometry import ORIGIN, Pose
 
-from .geometry import Footprint, Wall, encloses, nearest_in_cone
 from .robots import LocalRegistry, Mover, RobotRegistry
 from .scene import Scene
+from .shapes import Footprint, Wall, encloses, nearest_in_cone
 from .wall_index import WallIndex
 
 __all__ = ["ORIGIN", "Footprint", "Pose", "Wall", "World"]

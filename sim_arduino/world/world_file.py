@@ -25,9 +25,9 @@ from mrl_driver.robot import models
 from mrl_driver.yaml_file import Reader, is_number, read_expected
 from sim_arduino.world.environment import OTHERS, PIXELS, Environment
 
-from .geometry import Footprint, Wall, polygon
 from .robots import NAME, NAME_TEXT, Mover
 from .scene import Scene, Source
+from .shapes import Footprint, Wall, polygon
 from .world import World
 
 _FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "worlds")

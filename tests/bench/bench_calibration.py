@@ -12,7 +12,7 @@ from typing import List, Tuple
 
 import numpy as np
 
-from mrl_driver.calibration import fit, geometry, manoeuvres
+from mrl_driver.calibration import fit, geometry_procedures, manoeuvres
 from mrl_driver.calibration.ground_truth import Truth
 from mrl_driver.calibration.manoeuvres import Speeds, Track
 from mrl_driver.calibration.trial import Trial, errors
@@ -50,11 +50,11 @@ class Emulated:
         self._track = Track(self._driver)
         self._model = model
 
-    def drive(self, legs: List[geometry.Leg]) -> Runs:
+    def drive(self, legs: List[geometry_procedures.Leg]) -> Runs:
         """Drives and measures all of them."""
         runs: Runs = []
         ruler = Truth(lambda: Pose(*self._made.plant.true_pose))
-        geometry.gather(self._driver, legs, ruler, runs.append, self._track)
+        geometry_procedures.gather(self._driver, legs, ruler, runs.append, self._track)
         return runs
 
     def error_squared(self) -> float:
@@ -89,11 +89,13 @@ def calibrate(hidden: str) -> Tuple[np.ndarray, np.ndarray, float]:
     plain = load("traxbot")
     model = plain
     robot = Emulated(model, hidden)
-    runs = robot.drive(geometry.straight_legs(2, 2.0, _SPEEDS))
-    model = model._replace(drive=geometry.evaluate(geometry.STRAIGHT, runs, model).after)
-    laps = robot.drive(geometry.umbmark_legs(2, 1.0, _SPEEDS))
-    model = model._replace(drive=geometry.evaluate(geometry.UMBMARK, laps, model).after)
-    tried = Emulated(model, hidden).drive(geometry.umbmark_legs(1, 1.0, _SPEEDS))
+    runs = robot.drive(geometry_procedures.straight_legs(2, 2.0, _SPEEDS))
+    model = model._replace(
+        drive=geometry_procedures.evaluate(geometry_procedures.STRAIGHT, runs, model).after
+    )
+    laps = robot.drive(geometry_procedures.umbmark_legs(2, 1.0, _SPEEDS))
+    model = model._replace(drive=geometry_procedures.evaluate(geometry_procedures.UMBMARK, laps, model).after)
+    tried = Emulated(model, hidden).drive(geometry_procedures.umbmark_legs(1, 1.0, _SPEEDS))
     missed_m = max(math.hypot(run.end.x_m, run.end.y_m) for run in tried)
     return errors(plain.drive, [laps[0], laps[-1]]), errors(model.drive, tried), missed_m
 
@@ -103,12 +105,12 @@ def consistency() -> float:
     model, runs = load("traxbot"), []
     robot = Emulated(model, NOISY)
     for procedure, legs in (
-        (geometry.STRAIGHT, geometry.straight_legs(20, 1.0, _SPEEDS)),
-        (geometry.TURN, geometry.turn_legs(20, 1, _SPEEDS)),
-        (geometry.UMBMARK, geometry.umbmark_legs(10, 0.5, _SPEEDS)),
+        (geometry_procedures.STRAIGHT, geometry_procedures.straight_legs(20, 1.0, _SPEEDS)),
+        (geometry_procedures.TURN, geometry_procedures.turn_legs(20, 1, _SPEEDS)),
+        (geometry_procedures.UMBMARK, geometry_procedures.umbmark_legs(10, 0.5, _SPEEDS)),
     ):
         new = robot.drive(legs)
-        found = geometry.evaluate(procedure, new, model, 0.5, fit.BY_TRUTH, runs)
+        found = geometry_procedures.evaluate(procedure, new, model, 0.5, fit.BY_TRUTH, runs)
         model = model._replace(drive=found.after, noise=found.noise or model.noise)
         runs += new
     print(f"noise {model.noise}, {model.drive}")

@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import pytest
 
-from mrl_driver.calibration import files, manoeuvres, parts
+from mrl_driver.calibration import calibration_files, manoeuvres, part_procedures
 from mrl_driver.calibration.gains import Gains
 from mrl_driver.calibration.ground_truth import Truth
 from mrl_driver.calibration.sonar_curve import THESIS, Curve
@@ -473,7 +473,7 @@ def test_a_step_is_not_cut_by_the_stop_of_the_greeting(lab):
         robot.drive(0.1, 0.0)
         robot.wait(0.5)
         robot.stop()
-        taken = parts.step(robot, manoeuvres.Track(robot), manoeuvres.MOVE, 40)
+        taken = part_procedures.step(robot, manoeuvres.Track(robot), manoeuvres.MOVE, 40)
     speeds = np.diff(taken.right) / np.diff(taken.times_s)
     assert taken.right[0] == 0 and speeds[10:].min() > 4000
 
@@ -486,10 +486,10 @@ def test_a_damaged_state_is_not_written_over(lab, tmp_path):
 
 def test_a_yaml_that_cannot_be_edited_line_by_line_stays(tmp_path):
     file = tmp_path / "flow.yaml"
-    text = pathlib.Path(files.source_of("traxbot")).read_text()
+    text = pathlib.Path(calibration_files.source_of("traxbot")).read_text()
     head, rest = text[: text.index("drive:")], text[text.index("board:") :]
     file.write_text(f"{head}drive: {{wheel_separation_m: 0.18, metres_per_count: 0.0000875}}\n{rest}")
     before = file.read_text()
     with pytest.raises(ConfigError, match="nothing was changed"):
-        files.write_model(str(file), str(file), {("drive", "turn_slip"): 0.1}, "test")
+        calibration_files.write_model(str(file), str(file), {("drive", "turn_slip"): 0.1}, "test")
     assert file.read_text() == before and os.listdir(tmp_path) == ["flow.yaml"]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver.calibration import fit, geometry, umbmark
+from mrl_driver.calibration import fit, geometry_procedures, umbmark
 from mrl_driver.calibration.trial import Trial, errors, spread
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose, advance
@@ -81,7 +81,7 @@ def test_an_outlier_is_named_with_what_drives_it_again():
     runs = laps(BELIEVED._replace(turn_slip=0.05), 3)
     runs[4] = Trial(runs[4].steps, runs[4].end._replace(x_m=runs[4].end.x_m + 0.3))
     with pytest.raises(ConfigError, match="--again 5$"):
-        geometry.evaluate(geometry.UMBMARK, runs, TRAXBOT)
+        geometry_procedures.evaluate(geometry_procedures.UMBMARK, runs, TRAXBOT)
 
 
 def test_runs_without_any_measured_end_tell_nothing():

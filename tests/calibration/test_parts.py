@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from mrl_driver.calibration import gains, sonar_curve
 from mrl_driver.calibration.gains import MotorModel
 from mrl_driver.calibration.sonar_curve import THESIS, Curve
-from mrl_driver.calibration.wiring import LEFT, RIGHT, Trial, diagnose, seen_in
+from mrl_driver.calibration.wiring_check import LEFT, RIGHT, Trial, diagnose, seen_in
 from mrl_driver.errors import ConfigError
 
 DISTANCES_M = np.arange(0.20, 2.001, 0.05)

@@ -19,8 +19,8 @@ from mrl_driver.session.events import Lost, Reconnected, Slowed, WayLost
 from mrl_driver.terminal import trail
 from mrl_driver.terminal.canvas import Canvas, View, fit
 from mrl_driver.terminal.frame_log import MOST_LINES, FrameLog
-from mrl_driver.terminal.live import Screen, Settings
-from mrl_driver.terminal.live_view import render
+from mrl_driver.terminal.live_panels import render
+from mrl_driver.terminal.live_view import Screen, Settings
 from sim_arduino.serve import factory
 from tests.waiting import wait_until
 

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from mrl_driver.errors import ConfigError, LinkLost, OutputError
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import load
-from sim_arduino.experiments import cli, report, step_test, workers
+from sim_arduino.experiments import cli, experiment_report, step_test, workers
 from sim_arduino.experiments.experiment_robot import Setting
 from tests.experiments.pools import at_once
 
@@ -29,7 +29,7 @@ def started(monkeypatch):
         calls.append((name, os.getpid()))
         if setting.robot == "stingbot" and name != "l-course":
             raise ConfigError(f"{name}: no")
-        return name, report.Result(name, name, []), 0.0
+        return name, experiment_report.Result(name, name, []), 0.0
 
     monkeypatch.setattr(cli, "timed", timed)
     return calls
@@ -81,14 +81,14 @@ def test_figures_that_cannot_be_written_are_named(tmp_path):
     """The name of the file, also where the error of the system has none, as on a full disk."""
     (tmp_path / "power.json").mkdir()
     with pytest.raises(OutputError, match=f"{tmp_path}/power.json cannot be written: Is a directory"):
-        report.save(report.Result("power", "Circles", []), str(tmp_path))
+        experiment_report.save(experiment_report.Result("power", "Circles", []), str(tmp_path))
 
 
 def test_figures_and_picture_are_named(tmp_path):
     result = run("sonar-calibration", "--out", str(tmp_path))
     assert result.exit_code == 0, result.output
     assert (
-        report.read(str(tmp_path), "sonar-calibration") is not None
+        experiment_report.read(str(tmp_path), "sonar-calibration") is not None
         and (tmp_path / "sonar-calibration.png").exists()
     )
 
@@ -120,4 +120,6 @@ def test_others_go_on_when_one_fails(started, tmp_path, monkeypatch):
     result = run("power", "square", "l-course", "--robot", "stingbot", "--out", str(tmp_path))
     assert result.exit_code == ConfigError.exit_code
     assert re.search("(power|square): no; (power|square): no\n$", result.output)
-    assert report.read(str(tmp_path), "l-course") and not report.read(str(tmp_path), "power")
+    assert experiment_report.read(str(tmp_path), "l-course") and not experiment_report.read(
+        str(tmp_path), "power"
+    )

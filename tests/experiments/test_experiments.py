@@ -10,13 +10,13 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import ORIGIN
 from mrl_driver.robot import models
 from sim_arduino.experiments import (
-    environment,
+    arena_sweep,
+    experiment_report,
     l_course,
     mixed_team,
     power,
-    report,
     shared_waypoint,
-    sonar_curve,
+    sonar_approach,
     square,
     step_test,
     team,
@@ -79,7 +79,7 @@ def test_square_before_calibration_is_off_by_the_published_angles(square_figures
 
 
 def test_sonar_curve_is_found(tmp_path):
-    figures = run(sonar_curve, tmp_path, APPROACHES=2)
+    figures = run(sonar_approach, tmp_path, APPROACHES=2)
     assert figures["r2"] >= 0.999 and figures["error_cm"] < 1.0
 
 
@@ -132,8 +132,8 @@ def test_shared_waypoint_is_one_robots_at_a_time():
 
 
 def test_alerts_lie_at_their_sources(tmp_path):
-    figures = run(environment, tmp_path, LANE_M=3.0)
-    assert all(figures[f"{each.title}_distance_m"] < 1.0 for each in environment.VARIABLES)
+    figures = run(arena_sweep, tmp_path, LANE_M=3.0)
+    assert all(figures[f"{each.title}_distance_m"] < 1.0 for each in arena_sweep.VARIABLES)
 
 
 def test_messages_take_less_than_those_of_2013(tmp_path):
@@ -148,15 +148,15 @@ def test_port_is_refused_where_robots_are_emulated(experiment):
 
 
 def test_result_is_read_as_it_was_saved(tmp_path):
-    row = report.Figure("way_m", "way", 1.25, "m", "1 m")
-    result = report.Result("drive", "A drive", [row], ["drive.png"], "remark")
-    report.save(result, str(tmp_path))
-    assert report.read(str(tmp_path), "drive") == result
+    row = experiment_report.Figure("way_m", "way", 1.25, "m", "1 m")
+    result = experiment_report.Result("drive", "A drive", [row], ["drive.png"], "remark")
+    experiment_report.save(result, str(tmp_path))
+    assert experiment_report.read(str(tmp_path), "drive") == result
 
 
 def test_report_has_all_results(tmp_path):
     for name in ("one", "two"):
-        report.save(report.Result(name, f"Title {name}", []), str(tmp_path))
+        experiment_report.save(experiment_report.Result(name, f"Title {name}", []), str(tmp_path))
     text = (tmp_path / "report.md").read_text()
     assert "Title one" in text and "Title two" in text
 
@@ -186,6 +186,6 @@ def test_sonar_without_an_echo_makes_its_cone_free():
 
 
 def test_json_names_what_was_published(tmp_path):
-    row = report.Figure("way_m", "way", 1.25, "m", "1 m")
-    report.save(report.Result("drive", "A drive", [row]), str(tmp_path))
+    row = experiment_report.Figure("way_m", "way", 1.25, "m", "1 m")
+    experiment_report.save(experiment_report.Result("drive", "A drive", [row]), str(tmp_path))
     assert json.loads((tmp_path / "drive.json").read_text())["rows"][0]["published"] == "1 m"

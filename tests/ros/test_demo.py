@@ -14,7 +14,7 @@ from sensor_msgs.msg import BatteryState, Range
 
 from mrl_driver import geometry
 from mrl_driver.navigation.line_follower import FollowerLimits, Square
-from mrl_driver.terminal.live_view import render
+from mrl_driver.terminal.live_panels import render
 from mrl_driver.terminal.teleop_keys import ANGULAR_RAD_S, HOLD_S, LINEAR_M_S, Teleop
 from ros1_bridge.demo.demo_screen import PATIENCE_S, DemoScreen
 from ros1_bridge.demo.topic_robot import STALE_S, TopicRobot

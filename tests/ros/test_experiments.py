@@ -15,11 +15,11 @@ from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.sonar import NAMES
 from ros1_bridge.experiments import legs, team_node
-from ros1_bridge.experiments.parts import Parts, environment
+from ros1_bridge.experiments.experiment_processes import Parts, environment
 from ros1_bridge.experiments.wire_log import command_s, commanded, odometry_s, read, sent
 from sim_arduino.experiments import cli, workers
+from sim_arduino.experiments.experiment_report import Result
 from sim_arduino.experiments.experiment_robot import Setting
-from sim_arduino.experiments.report import Result
 from sim_arduino.experiments.team import Member
 from tests.experiments.pools import at_once
 from tests.waiting import wait_until

@@ -11,7 +11,7 @@ from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
 from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.hardware.wiring import Plant
-from sim_arduino.world.geometry import Footprint, Wall, polygon
+from sim_arduino.world.shapes import Footprint, Wall, polygon
 from sim_arduino.world.world import World
 
 TRAXBOT = models.load("traxbot")

@@ -9,8 +9,8 @@ import time
 import pytest
 
 from mrl_driver.errors import ConfigError
+from sim_arduino.faults.fault_table import FAULTS
 from sim_arduino.faults.faulty_engine import FaultyEngine
-from sim_arduino.faults.table import FAULTS
 from sim_arduino.serve.control import Control, obey
 from sim_arduino.serve.pty import PtyPort
 from tests.waiting import PATIENCE_S, wait_until

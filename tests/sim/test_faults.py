@@ -12,9 +12,9 @@ from mrl_driver.protocol import REPLIES, REQUESTS, Frame, FrameDecoder
 from mrl_driver.protocol.table import STOP_CODE
 from mrl_driver.robot.models import load
 from sim_arduino.board import PythonBoard
+from sim_arduino.faults.fault_table import FAULTS, parse, usage
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.faults.schedule import Window
-from sim_arduino.faults.table import FAULTS, parse, usage
 from sim_arduino.hardware.wiring import Plant
 
 PLENTY = bytes(range(256)) * 400

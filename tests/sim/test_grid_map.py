@@ -9,8 +9,8 @@ import yaml
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from sim_arduino.world import grid_map
-from sim_arduino.world.geometry import Wall
 from sim_arduino.world.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
+from sim_arduino.world.shapes import Wall
 from sim_arduino.world.world_file import load
 
 GOOD = {"image": "map.pgm", "resolution": 0.1, "origin": [0.0, 0.0, 0.0], "negate": 0}

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mrl_driver.geometry import Pose
 from sim_arduino.hardware.laser import URG_04LX, LaserScanner
 from sim_arduino.world import rays
-from sim_arduino.world.geometry import Footprint, Wall, distance, nearest_in_cone, polygon
+from sim_arduino.world.shapes import Footprint, Wall, distance, nearest_in_cone, polygon
 from sim_arduino.world.world import World
 
 CONE_RAD, RANGE_M, EXACT_M = math.radians(18), 6.45, 1e-9

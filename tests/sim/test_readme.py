@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from mrl_driver.protocol.table import SENSORS
-from sim_arduino.faults.table import FAULTS, parse
+from sim_arduino.faults.fault_table import FAULTS, parse
 from sim_arduino.replay.mirror import main as mirror
 from sim_arduino.serve.control import ORDERS
 from sim_arduino.serve.main import main

@@ -18,7 +18,7 @@ from sim_arduino.serve.factory import Options, make
 from sim_arduino.view import world_picture
 from sim_arduino.view.terminal import draw, numbers
 from sim_arduino.view.travelled_path import PlantTrail, frame
-from sim_arduino.world.geometry import Footprint, Wall
+from sim_arduino.world.shapes import Footprint, Wall
 from sim_arduino.world.world import World
 from sim_arduino.world.world_file import load
 from tests.sim.simulator import Client, Simulator

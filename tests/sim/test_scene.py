@@ -11,8 +11,8 @@ from sim_arduino.board.avr_board import FIRMWARE, AvrEngine
 from sim_arduino.hardware.environment_sensors import DustPulses, dust_share
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.environment import Environment
-from sim_arduino.world.geometry import Wall
 from sim_arduino.world.scene import PIXEL_RAD, Scene, Source
+from sim_arduino.world.shapes import Wall
 from sim_arduino.world.world import World
 from sim_arduino.world.world_file import load
 

@@ -14,7 +14,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from sim_arduino.replay.mirror import Mirror, follow
 from sim_arduino.world import shared_robots
-from sim_arduino.world.geometry import Footprint
+from sim_arduino.world.shapes import Footprint
 from sim_arduino.world.shared_robots import SharedRegistry
 from tests.sim.simulator import Client, Simulator
 from tests.waiting import PATIENCE_S, wait_until

@@ -8,7 +8,7 @@ import pytest
 from mrl_driver.errors import ConfigError
 from sim_arduino.hardware.omni3md_registers import Omni3MDRegisters
 from sim_arduino.testing.emulated_board import COMMANDS, EmulatedBoard
-from sim_arduino.world.geometry import Wall
+from sim_arduino.world.shapes import Wall
 from sim_arduino.world.world import World
 from tests.sim.simulator import Client
 

@@ -21,8 +21,8 @@ from .calibrate_job import (
 from .shared import Between, print_json, print_message, warn
 
 if TYPE_CHECKING:
-    from mrl_driver.calibration.files import Key, Progress
-    from mrl_driver.calibration.geometry import Leg, Outcome
+    from mrl_driver.calibration.calibration_files import Key, Progress
+    from mrl_driver.calibration.geometry_procedures import Leg, Outcome
     from mrl_driver.calibration.ground_truth import Ruler
     from mrl_driver.calibration.trial import Trial
     from mrl_driver.driver import Driver
@@ -41,7 +41,7 @@ class CalibrationPlan(NamedTuple):
 
 def _geometry(plan: CalibrationPlan, job: Job) -> None:
     """Drive the runs or read recordings, evaluate them, and write the result."""
-    from mrl_driver.calibration import fit, geometry
+    from mrl_driver.calibration import fit, geometry_procedures
 
     from .calibrate_view import ruler_for
 
@@ -67,8 +67,8 @@ def _geometry(plan: CalibrationPlan, job: Job) -> None:
         runs, others = progress.runs(plan.procedure, plan.settings), progress.other_runs(plan.procedure)
         measured = fit.BY_TRUTH if job.truth else fit.BY_TAPE
         side_m = plan.settings.get("side_m", 1.0)
-        outcome = geometry.evaluate(plan.procedure, runs, model, side_m, measured, others)
-        values = geometry.values_for(model, outcome)
+        outcome = geometry_procedures.evaluate(plan.procedure, runs, model, side_m, measured, others)
+        values = geometry_procedures.values_for(model, outcome)
         report(plan.procedure, outcome, runs, model, values, output, job)
         progress.finish(plan.procedure)
         offer_eeprom(driver, values, job)
@@ -76,7 +76,7 @@ def _geometry(plan: CalibrationPlan, job: Job) -> None:
 
 def _gather(plan: CalibrationPlan, driver: "Driver", progress: "Progress", ruler: "Ruler") -> None:
     """Drive the missing runs, and those to repeat."""
-    from mrl_driver.calibration import geometry, manoeuvres
+    from mrl_driver.calibration import geometry_procedures, manoeuvres
 
     from .calibrate_view import console
 
@@ -88,12 +88,12 @@ def _gather(plan: CalibrationPlan, driver: "Driver", progress: "Progress", ruler
         if not 1 <= number <= done:
             raise ConfigError(f"--again is {number}, expected the number of one of the {done} finished runs")
         put = partial(progress.replace, procedure, number - 1)
-        geometry.gather(driver, [legs[number - 1]], ruler, put, track)
-    geometry.gather(driver, legs[done:], ruler, partial(progress.add, procedure, settings), track)
+        geometry_procedures.gather(driver, [legs[number - 1]], ruler, put, track)
+    geometry_procedures.gather(driver, legs[done:], ruler, partial(progress.add, procedure, settings), track)
 
 
 def _from_recordings(plan: CalibrationPlan, job: Job) -> None:
-    from mrl_driver.calibration import from_recording, geometry
+    from mrl_driver.calibration import from_recording, geometry_procedures
     from mrl_driver.calibration.ground_truth import parse_pose
 
     model = recorded_model(job)
@@ -106,10 +106,10 @@ def _from_recordings(plan: CalibrationPlan, job: Job) -> None:
                 f"--run is {text!r}, expected FILE:X,Y or FILE:X,Y,HEADING, in metres and degrees"
             )
         run = from_recording.run_of(path, parse_pose(end), model)
-        geometry.check_recorded(plan.procedure, model.differential, run, path)
+        geometry_procedures.check_recorded(plan.procedure, model.differential, run, path)
         runs.append(run)
-    outcome = geometry.evaluate(plan.procedure, runs, model, plan.settings.get("side_m", 1.0))
-    report(plan.procedure, outcome, runs, model, geometry.values_for(model, outcome), output, job)
+    outcome = geometry_procedures.evaluate(plan.procedure, runs, model, plan.settings.get("side_m", 1.0))
+    report(plan.procedure, outcome, runs, model, geometry_procedures.values_for(model, outcome), output, job)
 
 
 def report(
@@ -125,11 +125,11 @@ def report(
     from .calibrate_view import facts_of, outcome_lines, show_values
 
     if job.plot is not None:
-        from mrl_driver.calibration import plots
+        from mrl_driver.calibration import calibration_plots
         from mrl_driver.calibration import trial as run
 
         senses = [run.sense(outcome.after, each) for each in runs]
-        plots.draw_ends(job.plot, outcome.errors_before, outcome.errors_after, senses)
+        calibration_plots.draw_ends(job.plot, outcome.errors_before, outcome.errors_after, senses)
     if job.as_json:
         print_json({"procedure": procedure, "output": output, **facts_of(outcome)})
     else:
@@ -186,7 +186,7 @@ def straight(
       mrl calibrate straight --port /dev/ttyACM0 --distance 3
       mrl calibrate straight --robot traxbot --output lab3.yaml --run a.mrl:2.01,0.02 --run b.mrl:2.0,0.03
     """
-    from mrl_driver.calibration.geometry import STRAIGHT, straight_legs
+    from mrl_driver.calibration.geometry_procedures import STRAIGHT, straight_legs
 
     settings = {"distance_m": distance, "count": count}
     legs = straight_legs(count, distance, _speeds(speed))
@@ -213,7 +213,7 @@ def turn(
     Example:
       mrl calibrate turn --robot lab3.yaml --port /dev/ttyACM0 --turns 3
     """
-    from mrl_driver.calibration.geometry import TURN, turn_legs
+    from mrl_driver.calibration.geometry_procedures import TURN, turn_legs
 
     legs = turn_legs(count, turns, _speeds(speed))
     _geometry(CalibrationPlan(TURN, {"turns": turns, "count": count}, legs, runs, again), job)
@@ -238,7 +238,7 @@ def umbmark(
       mrl calibrate umbmark --robot lab3.yaml --port /dev/ttyACM0
       mrl calibrate umbmark --port /dev/pts/3 --truth truth.jsonl --laps 3 --yes     an emulated robot
     """
-    from mrl_driver.calibration.geometry import UMBMARK, umbmark_legs
+    from mrl_driver.calibration.geometry_procedures import UMBMARK, umbmark_legs
     from mrl_driver.calibration.umbmark import require_laps
 
     require_laps(laps, "counter-clockwise")

@@ -23,7 +23,7 @@ from .shared import (
 )
 
 if TYPE_CHECKING:
-    from mrl_driver.calibration.files import Key, Progress
+    from mrl_driver.calibration.calibration_files import Key, Progress
     from mrl_driver.driver import Driver
     from mrl_driver.robot.models import RobotModel
 
@@ -75,7 +75,7 @@ def job_options(command: Callable[..., None]) -> Callable[..., None]:
 
             figures.require_writable(job.plot)
         if job.output is not None:
-            from mrl_driver.calibration.files import require_writable
+            from mrl_driver.calibration.calibration_files import require_writable
 
             require_writable(job.output)
         confirm_overwrite(job.record, job.yes)
@@ -123,7 +123,7 @@ def output_for(job: Job, model: "RobotModel", robot_id: Optional[int]) -> str:
     Raises:
         ConfigError: it would replace a file that is not the robot's own.
     """
-    from mrl_driver.calibration.files import require_writable
+    from mrl_driver.calibration.calibration_files import require_writable
 
     own = job.target.model if job.target.model.endswith((".yaml", ".yml")) else None
     if job.output is None and own is None and robot_id is None:
@@ -139,7 +139,7 @@ def output_for(job: Job, model: "RobotModel", robot_id: Optional[int]) -> str:
 
 def open_progress(output: str, model: "RobotModel", robot_id: int) -> "Progress":
     """Return the runs so far, from a file next to the output."""
-    from mrl_driver.calibration.files import Progress
+    from mrl_driver.calibration.calibration_files import Progress
 
     return Progress(f"{os.path.splitext(output)[0]}.calibration.json", f"{model.name} {robot_id}")
 
@@ -148,11 +148,13 @@ def write_yaml(
     procedure: str, values: Mapping["Key", float], output: str, job: Job, model: "RobotModel"
 ) -> None:
     """Write the robot's YAML after asking."""
-    from mrl_driver.calibration import files
+    from mrl_driver.calibration import calibration_files
 
     confirm(f"Write {output}?", job.yes)
     source = job.target.model if job.target.model != "auto" else model.name
-    kept = files.write_model(files.source_of(source), output, values, f"mrl calibrate {procedure}")
+    kept = calibration_files.write_model(
+        calibration_files.source_of(source), output, values, f"mrl calibrate {procedure}"
+    )
     print_message(
         f"{output} is written{f', the old file is {kept}' if kept else ''}; use it with --robot {output}"
     )

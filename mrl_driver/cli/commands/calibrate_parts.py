@@ -28,7 +28,7 @@ from .shared import print_json, print_message, warn
 if TYPE_CHECKING:
     import numpy as np
 
-    from mrl_driver.calibration.files import Key
+    from mrl_driver.calibration.calibration_files import Key
     from mrl_driver.calibration.sonar_curve import Curve
     from mrl_driver.robot.models import RobotModel
 
@@ -51,13 +51,13 @@ def wiring(job: Job, unseen: bool, recording: Optional[str]) -> None:
     Example:
       mrl calibrate wiring --port /dev/ttyACM0
     """
-    from mrl_driver.calibration import parts
+    from mrl_driver.calibration import part_procedures
     from mrl_driver.calibration.manoeuvres import Track
 
     from .calibrate_view import Unmeasured, observer_for, require_terminal, ruler_for
 
     if recording is not None:
-        found = parts.recorded_wiring(recording, recorded_model(job))
+        found = part_procedures.recorded_wiring(recording, recorded_model(job))
     else:
         if job.truth is None and not unseen:
             require_terminal("--unseen to skip the question which wheel turned")
@@ -67,7 +67,9 @@ def wiring(job: Job, unseen: bool, recording: Optional[str]) -> None:
             confirm_drive(
                 job, "Each wheel turns forward for half a second. Is the robot on a box, or its path free?"
             )
-            found = parts.check_wiring(driver, Track(driver), ruler, observer_for(job.truth, unseen))
+            found = part_procedures.check_wiring(
+                driver, Track(driver), ruler, observer_for(job.truth, unseen)
+            )
     if job.as_json:
         print_json({"findings": found})
     if found:
@@ -105,13 +107,13 @@ def sonar(
       mrl calibrate sonar --robot lab3.yaml --port /dev/ttyACM0 --start 2
       mrl calibrate sonar --robot lab3.yaml --points wall.csv --plot curve.png
     """
-    from mrl_driver.calibration import parts
+    from mrl_driver.calibration import part_procedures
     from mrl_driver.calibration.manoeuvres import Speeds, Track
     from mrl_driver.calibration.sonar_curve import THESIS
 
     from .calibrate_view import console
 
-    plan = parts.SonarPlan(start, stop, step)
+    plan = part_procedures.SonarPlan(start, stop, step)
     plan.distances()
     if points is not None or recording is not None:
         model = recorded_model(job)
@@ -121,7 +123,7 @@ def sonar(
         else:
             from mrl_driver.calibration import from_recording
 
-            ranges, distances = parts.readings_at_stops(
+            ranges, distances = part_procedures.readings_at_stops(
                 from_recording.read(str(recording), model).rows, model.differential, start
             )
         values = _fit_sonar(ranges, distances, _model_curve(model) or THESIS, job)
@@ -149,12 +151,12 @@ def sonar(
             before = list(ranges), list(distances)
 
             def keep(rows: "np.ndarray") -> None:
-                measured = parts.readings_at_stops(rows, model.differential, remaining[0])
+                measured = part_procedures.readings_at_stops(rows, model.differential, remaining[0])
                 ranges[:], distances[:] = before[0] + measured[0], before[1] + measured[1]
                 _keep_points(kept, ranges, distances)
 
             try:
-                parts.approach_wall(driver, Track(driver), remaining, Speeds(), console.print, keep)
+                part_procedures.approach_wall(driver, Track(driver), remaining, Speeds(), console.print, keep)
             except BaseException:
                 with contextlib.suppress(MrlError):
                     driver.stop()
@@ -163,7 +165,7 @@ def sonar(
                         f"{len(distances)} distances are kept in {kept}; repeat the command to continue"
                     )
                 raise
-        values = _fit_sonar(ranges, distances, parts.curve_in_force(driver), job)
+        values = _fit_sonar(ranges, distances, part_procedures.curve_in_force(driver), job)
         write_yaml("sonar", values, output, job, model)
         os.remove(kept)
         offer_eeprom(driver, values, job)
@@ -217,16 +219,16 @@ def _fit_sonar(ranges: List[float], distances: List[float], present: "Curve", jo
     """Fit the curve, show the errors before and after, draw; return the values for the YAML file."""
     import numpy as np
 
-    from mrl_driver.calibration import parts, sonar_curve
+    from mrl_driver.calibration import part_procedures, sonar_curve
 
     reading, truth = np.array(ranges), np.array(distances)
     counts = present.counts(reading)
     fit = sonar_curve.fit(counts.tolist(), distances)
     wire = fit.curve.on_wire()
     if job.plot is not None:
-        from mrl_driver.calibration import plots
+        from mrl_driver.calibration import calibration_plots
 
-        plots.draw_sonar(job.plot, counts, truth, fit)
+        calibration_plots.draw_sonar(job.plot, counts, truth, fit)
     off_m = float(np.abs(reading - truth)[fit.used].max())
     if job.as_json:
         print_json(
@@ -237,7 +239,7 @@ def _fit_sonar(ranges: List[float], distances: List[float], present: "Curve", jo
         click.echo(
             f"after:  {_formula(wire)}, worst error {fit.worst_m * 100:.1f} cm, R2 {fit.r2:.5f}, {len(truth)} distances"
         )
-    return {("board", name): value for name, value in parts.curve_values(fit.curve).items()}
+    return {("board", name): value for name, value in part_procedures.curve_values(fit.curve).items()}
 
 
 def _formula(curve: "Curve") -> str:
@@ -258,7 +260,7 @@ def gains(job: Job, recording: Optional[str]) -> None:
     Example:
       mrl calibrate gains --port /dev/ttyACM0 --plot gains.png
     """
-    from mrl_driver.calibration import parts
+    from mrl_driver.calibration import part_procedures
     from mrl_driver.calibration.gains import Gains
     from mrl_driver.calibration.manoeuvres import Track
 
@@ -267,7 +269,7 @@ def gains(job: Job, recording: Optional[str]) -> None:
     if recording is not None:
         model = recorded_model(job)
         output = output_for(job, model, None)
-        plants, wanted = parts.recorded_gains(recording, model)
+        plants, wanted = part_procedures.recorded_gains(recording, model)
         for name, plant in zip(("right", "left"), plants):
             click.echo(
                 f"{name} motor: {plant.full_counts_s:.0f} count/s, {plant.time_constant_s * 1000:.0f} ms"
@@ -282,7 +284,9 @@ def gains(job: Job, recording: Optional[str]) -> None:
         output = output_for(job, model, driver.board.robot_id)
         confirm_drive(job, "The robot turns in place three times, quickly. Is the floor around it free?")
         present = Gains(*(model.board[name] for name in Gains._fields))
-        tuned = parts.tune(driver, Track(driver), parts.gains_in_force(driver, present), console.print)
+        tuned = part_procedures.tune(
+            driver, Track(driver), part_procedures.gains_in_force(driver, present), console.print
+        )
         _report_gains(tuned, job)
         values = _gain_values(tuned.after)
         _show(values, model, job)
@@ -305,9 +309,9 @@ def _report_gains(tuned: Any, job: Job) -> None:
     from .calibrate_view import response_line
 
     if job.plot is not None:
-        from mrl_driver.calibration import plots
+        from mrl_driver.calibration import calibration_plots
 
-        plots.draw_gains(job.plot, tuned)
+        calibration_plots.draw_gains(job.plot, tuned)
     steps = {"before": tuned.steps_before, "after": tuned.steps_after}
     found = {
         when: {name: each.response(name == "left") for name in ("left", "right")}

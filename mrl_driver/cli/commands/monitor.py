@@ -138,7 +138,7 @@ def watch_live(
 ) -> None:
     """Run the live view; `keys_drive` refuses an empty battery, as `mrl drive` does."""
     from mrl_driver.terminal.frame_log import FrameLog
-    from mrl_driver.terminal.live import Settings, show
+    from mrl_driver.terminal.live_view import Settings, show
 
     from .progress import waiting
 

@@ -46,8 +46,7 @@ def plot(file: str, output: Optional[str], parts: Tuple[str, ...], robot: str, a
       mrl plot drive.mrl --part path -o path.svg
     """
     from mrl_driver import figures
-    from mrl_driver.recording import plot as plots
-    from mrl_driver.recording import timeline
+    from mrl_driver.recording import recording_plot, timeline
 
     picture = output or f"{os.path.splitext(file)[0]}.png"
     figures.require_writable(picture, "picture")
@@ -55,8 +54,8 @@ def plot(file: str, output: Optional[str], parts: Tuple[str, ...], robot: str, a
     name = resolve(robot).model
     with progress(f"reading {os.path.basename(file)}", 1.0) as advance:
         found = timeline.read(recording, None if name == "auto" else models.load(name), advance)
-    plots.draw(found, picture, parts or plots.PARTS)
-    if found.ranges and not found.sonars_known and {"path", "ranges"} & set(parts or plots.PARTS):
+    recording_plot.draw(found, picture, parts or recording_plot.PARTS)
+    if found.ranges and not found.sonars_known and {"path", "ranges"} & set(parts or recording_plot.PARTS):
         print_message(
             f"warning: {file} does not say whether the board has sonars; if it has environment sensors, the ranges "
             "are false: give --robot a model file with build: environment"

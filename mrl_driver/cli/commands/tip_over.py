@@ -44,9 +44,9 @@ def tip_over(vehicle: str, reserve: float, slope: float, picture: Optional[str],
     found = vehicle_file.load(vehicle)
     reserve_rad, slope_rad = math.radians(reserve), math.radians(slope)
     if picture:
-        from mrl_driver.tip_over import plot
+        from mrl_driver.tip_over import margin_plot
 
-        plot.draw(found, picture, reserve_rad, slope_rad)
+        margin_plot.draw(found, picture, reserve_rad, slope_rad)
     margins = margin.margins(found)
     tips = margin.limits(found, 0.0, slope_rad)
     kept = margin.limits(found, reserve_rad, slope_rad)

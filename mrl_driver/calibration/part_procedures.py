@@ -8,7 +8,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import Drive, RobotModel
 
-from . import eeprom, from_recording, gains, manoeuvres, sonar_curve, wiring
+from . import eeprom, from_recording, gains, manoeuvres, sonar_curve, wiring_check
 from .gains import Gains, MotorModel, Response
 from .ground_truth import Ruler
 from .manoeuvres import MOVE, MOVE_PID, DrivenRobot, Speeds, Track
@@ -29,7 +29,7 @@ Observe = Callable[[str, Pose], Tuple[Optional[str], int]]
 def check_wiring(robot: DrivenRobot, track: Track, ruler: Ruler, observe: Observe) -> List[str]:
     """Turn each motor forward alone, without speed control; returns the faults of the wires."""
     trials = []
-    for motor, percents in ((wiring.LEFT, (DUTY_PERCENT, 0)), (wiring.RIGHT, (0, DUTY_PERCENT))):
+    for motor, percents in ((wiring_check.LEFT, (DUTY_PERCENT, 0)), (wiring_check.RIGHT, (0, DUTY_PERCENT))):
         manoeuvres.settle(robot)
         ruler.begin(f"{motor} motor alone")
         track.begin()
@@ -38,11 +38,11 @@ def check_wiring(robot: DrivenRobot, track: Track, ruler: Ruler, observe: Observ
         rows = track.end()
         right, left = (int(value) for value in rows[-1, 1:3] - rows[0, 1:3])
         trials.append(
-            wiring.Trial(
+            wiring_check.Trial(
                 motor, right, left, *observe(motor, ruler.end(f"{motor} motor alone", lambda _: None))
             )
         )
-    return wiring.diagnose(trials)
+    return wiring_check.diagnose(trials)
 
 
 # -- sonar
@@ -274,14 +274,14 @@ def recorded_wiring(path: str, model: RobotModel) -> List[str]:
     found: Dict[str, Tuple[float, float]] = {}
     for time_s, frame in recorded.requests:
         if frame.code == MOVE and (frame.args[0] > 0) != (frame.args[1] > 0):
-            motor = wiring.LEFT if frame.args[0] > 0 else wiring.RIGHT
+            motor = wiring_check.LEFT if frame.args[0] > 0 else wiring_check.RIGHT
             begin, last = found.get(motor, (time_s, time_s))
             found[motor] = (begin, time_s)
     trials = []
     for motor, (begin_s, last_s) in found.items():
         first, last = np.searchsorted(times_s, (begin_s, last_s + manoeuvres.SETTLED_S))
         moved = recorded.rows[min(last, len(times_s) - 1)] - recorded.rows[max(0, first - 1)]
-        trials.append(wiring.Trial(motor, int(moved[1]), int(moved[2])))
+        trials.append(wiring_check.Trial(motor, int(moved[1]), int(moved[2])))
     if not trials:
         raise ConfigError(f"{path}: no motor was turned alone, expected a recording of mrl calibrate wiring")
-    return wiring.diagnose(trials)
+    return wiring_check.diagnose(trials)

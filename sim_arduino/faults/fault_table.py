@@ -5,7 +5,7 @@ from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple, Union
 
 from mrl_driver.errors import ConfigError
 
-from . import datagrams, line
+from . import datagrams, line_faults
 from .schedule import LineFault
 
 FOREVER_S = 1e9
@@ -60,11 +60,11 @@ _KINDS = (
             *_rate("share of bytes at which a loss begins"),
             FaultParameter("burst", 1, 1, 1024, "byte", "bytes lost in a row"),
         ),
-        line.Loss,
+        line_faults.Loss,
     ),
-    FaultKind("flip", "one bit of a byte is flipped", _rate("share of bytes"), line.Flip),
-    FaultKind("change", "a byte is replaced by another one", _rate("share of bytes"), line.Change),
-    FaultKind("swap", "a byte and the next one are exchanged", _rate("share of bytes"), line.Swap),
+    FaultKind("flip", "one bit of a byte is flipped", _rate("share of bytes"), line_faults.Flip),
+    FaultKind("change", "a byte is replaced by another one", _rate("share of bytes"), line_faults.Change),
+    FaultKind("swap", "a byte and the next one are exchanged", _rate("share of bytes"), line_faults.Swap),
     FaultKind("drop", "a whole frame is lost, as a datagram is", _rate("share of frames"), datagrams.Drop),
     FaultKind("repeat", "a frame arrives twice", _rate("share of frames"), datagrams.Repeat),
     FaultKind(
@@ -80,7 +80,7 @@ _KINDS = (
             FaultParameter("delay", 0.0, 0.0, 60.0, "s", "delay of every piece"),
             FaultParameter("jitter", 0.016, 0.0, 60.0, "s", "largest random addition"),
         ),
-        line.Delay,
+        line_faults.Delay,
     ),
     FaultKind(
         "split",
@@ -89,11 +89,11 @@ _KINDS = (
             FaultParameter("size", 3, 1, 1024, "byte", "largest size of a piece"),
             FaultParameter("gap", 0.003, 0.0, 1.0, "s", "time between pieces"),
         ),
-        line.Split,
+        line_faults.Split,
     ),
-    FaultKind("stall", "all bytes are held back, then delivered at once", (), line.Hold, 1.0, 1.0),
-    FaultKind("junk", "random bytes are inserted", _junk(20.0), line.Junk),
-    FaultKind("flood", "random bytes at the full rate of the serial link", _junk(11520.0), line.Junk),
+    FaultKind("stall", "all bytes are held back, then delivered at once", (), line_faults.Hold, 1.0, 1.0),
+    FaultKind("junk", "random bytes are inserted", _junk(20.0), line_faults.Junk),
+    FaultKind("flood", "random bytes at the full rate of the serial link", _junk(11520.0), line_faults.Junk),
     FaultKind(
         "text",
         "lines of text are inserted, as 2013 boards send them",
@@ -101,13 +101,13 @@ _KINDS = (
             FaultParameter("period", 1.0, 0.001, 3600.0, "s", "time between lines"),
             FaultParameter("text", _TEXT, None, 0.0, "", "the text, without commas"),
         ),
-        line.Text,
+        line_faults.Text,
     ),
     FaultKind(
         "baud",
         "the host's port has another baud rate than the board",
         (FaultParameter("rate", 57600, 300, 1000000, "Bd", "rate of the host's port"),),
-        line.Baud,
+        line_faults.Baud,
     ),
     FaultKind("unplug", "the port disappears, and returns with another name", (), None, 1.0, 1.0),
     FaultKind("freeze", "the board stops running, its motor board does not", (), None, 1.0, 1.0),

@@ -5,7 +5,7 @@ from typing import Any, Iterable, Optional, Sequence, Tuple
 
 from mrl_driver import figures
 from mrl_driver.figures import BLUE, GREEN, GREY, ORANGE, PINK, SKY
-from sim_arduino.world.geometry import Wall
+from sim_arduino.world.shapes import Wall
 
 __all__ = ["BLUE", "GREEN", "GREY", "ORANGE", "PINK", "SKY"]
 LINES = ("-", "--", ":", "-.")

@@ -4,17 +4,17 @@ from typing import List, Sequence, Tuple
 
 import numpy as np
 
-from mrl_driver.calibration import parts, sonar_curve
+from mrl_driver.calibration import part_procedures, sonar_curve
 from mrl_driver.calibration.manoeuvres import Speeds, Track
 from mrl_driver.calibration.sonar_curve import THESIS
-from sim_arduino.world.geometry import Wall
+from sim_arduino.world.shapes import Wall
 from sim_arduino.world.world import World
 
-from . import plots
+from . import plot_style
+from .experiment_report import Figure, Result
 from .experiment_robot import NOISE, Setting, open_robot
-from .report import Figure, Result
 
-PLAN = parts.SonarPlan()
+PLAN = part_procedures.SonarPlan()
 APPROACHES = 3
 """Number of approaches to the wall: with a noise of 1 cm, each distance needs more than one reading."""
 THESIS_R2 = 0.9992
@@ -61,21 +61,25 @@ def _approach(setting: Setting) -> Tuple[Sequence[float], Sequence[float]]:
         driver = robot.driver
         assert driver.model is not None
         track = Track(driver)
-        parts.approach_wall(driver, track, PLAN.distances(), Speeds(), lambda _: None, lambda _: None)
-        return parts.readings_at_stops(track.end(), driver.model.differential, PLAN.start_m)
+        part_procedures.approach_wall(
+            driver, track, PLAN.distances(), Speeds(), lambda _: None, lambda _: None
+        )
+        return part_procedures.readings_at_stops(track.end(), driver.model.differential, PLAN.start_m)
 
 
 def _draw(
     setting: Setting, counts: Sequence[float], distances: Sequence[float], fit: sonar_curve.SonarFit
 ) -> str:
-    made, (curve, errors) = plots.figure(2, 9.5, 4.5)
+    made, (curve, errors) = plot_style.figure(2, 9.5, 4.5)
     s = np.linspace(10, max(counts), 200)
-    curve.plot(counts, 100 * np.array(distances), "o", color=plots.BLUE, fillstyle="none", label="readings")
-    curve.plot(s, 100 * fit.curve.range_m(s), color=plots.ORANGE, label=f"fit, R2 {fit.r2:.4f}")
+    curve.plot(
+        counts, 100 * np.array(distances), "o", color=plot_style.BLUE, fillstyle="none", label="readings"
+    )
+    curve.plot(s, 100 * fit.curve.range_m(s), color=plot_style.ORANGE, label=f"fit, R2 {fit.r2:.4f}")
     curve.plot(s, 100 * THESIS.range_m(s), ":", color="black", label="published, R2 0.9992")
     curve.set(xlabel="ADC count", ylabel="distance [cm]")
     curve.legend(loc="upper left")
-    errors.plot(100 * np.array(distances), 100 * fit.errors_m, "o", color=plots.BLUE, fillstyle="none")
+    errors.plot(100 * np.array(distances), 100 * fit.errors_m, "o", color=plot_style.BLUE, fillstyle="none")
     errors.axhline(0.0, color="black", linewidth=0.8)
     errors.set(xlabel="distance [cm]", ylabel="fit minus distance [cm]")
-    return plots.save(made, setting.folder, "sonar-calibration")
+    return plot_style.save(made, setting.folder, "sonar-calibration")

@@ -12,10 +12,10 @@ from sim_arduino.world import world_file
 from sim_arduino.world.scene import PIXEL_RAD
 from sim_arduino.world.world import World
 
-from . import plots
+from . import plot_style
+from .experiment_report import Figure, Result
 from .experiment_robot import ExperimentRobot, Setting, follow, open_robot
 from .occupancy import Grid, points
-from .report import Figure, Result
 
 LANE_M = 0.5
 EDGE_M = 0.5
@@ -48,9 +48,9 @@ class Variable(NamedTuple):
 
 
 VARIABLES = (
-    Variable("heat", "read_thermopile", 1, 39.0, "degC", "heat", plots.ORANGE, remote=True),
-    Variable("dust", "read_dust", 0, 5500.0, "pcs/l", "dust", plots.GREY),
-    Variable("alcohol", "read_alcohol", 0, 154.0, "counts", "gas", plots.GREEN),
+    Variable("heat", "read_thermopile", 1, 39.0, "degC", "heat", plot_style.ORANGE, remote=True),
+    Variable("dust", "read_dust", 0, 5500.0, "pcs/l", "dust", plot_style.GREY),
+    Variable("alcohol", "read_alcohol", 0, 154.0, "counts", "gas", plot_style.GREEN),
 )
 
 
@@ -141,9 +141,9 @@ def _evaluate(index: int, each: Variable, samples: List[Sample], world: World) -
 
 
 def _draw(setting: Setting, world: World, samples: List[Sample]) -> str:
-    made, (axes,) = plots.figure(1, 6.4, 6.4)
-    plots.walls(axes, world.walls)
-    plots.path(axes, [s.pose for s in samples], plots.BLUE, "path by odometry", ":")
+    made, (axes,) = plot_style.figure(1, 6.4, 6.4)
+    plot_style.walls(axes, world.walls)
+    plot_style.path(axes, [s.pose for s in samples], plot_style.BLUE, "path by odometry", ":")
     for index, each in enumerate(VARIABLES):
         spots = _above(index, each, samples, world)
         strengths = [max(s.values[index]) / each.alert for s in samples if max(s.values[index]) >= each.alert]
@@ -160,6 +160,6 @@ def _draw(setting: Setting, world: World, samples: List[Sample]) -> str:
         sources = getattr(world.scene, each.scene)
         axes.plot([s.x_m for s in sources], [s.y_m for s in sources], "x", color=each.colour, markersize=9)
     axes.plot([], [], "kx", label="sources")
-    plots.floor(axes)
+    plot_style.floor(axes)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncol=3, fontsize="small")
-    return plots.save(made, setting.folder, "environment")
+    return plot_style.save(made, setting.folder, "environment")

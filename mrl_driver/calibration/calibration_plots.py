@@ -8,7 +8,7 @@ from mrl_driver import figures
 from mrl_driver.figures import BLUE, GREY, ORANGE
 
 from .gains import speeds
-from .parts import Steps, Tuned
+from .part_procedures import Steps, Tuned
 from .sonar_curve import THESIS, SonarFit
 from .trial import LEFT
 

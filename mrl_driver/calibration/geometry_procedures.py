@@ -9,7 +9,7 @@ from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import Drive, Noise, RobotModel
 
 from . import fit, manoeuvres, umbmark
-from .files import Key
+from .calibration_files import Key
 from .fit import AXLE, OFFSET, SCALE, SLIP, Measured
 from .ground_truth import Ruler
 from .manoeuvres import DrivenRobot, Speeds, Track
