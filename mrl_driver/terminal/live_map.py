@@ -8,7 +8,7 @@ from mrl_driver.robot.models import SonarMount
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD, NEAREST_M
 
 from .canvas import Canvas, Point, fit
-from .state import State
+from .shown_state import ShownState
 
 _GRIDS_M = (0.5, 1.0, 2.0, 5.0, 10.0)
 _LEAST_GRID_COLUMNS = 5
@@ -17,7 +17,7 @@ LONGEST_CONE_M = 2.5
 _NEAR_M = 0.3
 
 
-def draw(state: State, trail: Sequence[Pose], columns: int, rows: int) -> Tuple[Canvas, float]:
+def draw(state: ShownState, trail: Sequence[Pose], columns: int, rows: int) -> Tuple[Canvas, float]:
     """Return the drawing, scaled to the path and the sonars' cones, and the step of its grid [m]."""
     pose, model = state.pose, state.model
     mounts = model.sonars if model else {}

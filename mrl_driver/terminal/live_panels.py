@@ -15,7 +15,7 @@ from mrl_driver.geometry import Pose
 
 from .frame_log import Line
 from .live_map import draw
-from .state import State, moves_sideways, range_text
+from .shown_state import ShownState, moves_sideways, range_text
 
 LEFT_COLUMNS = 39
 NARROW, LOW = 72, 18
@@ -33,9 +33,9 @@ _BATTERY_STYLES = {"ok": "green", "low": "yellow"}
 
 
 class Shown(NamedTuple):
-    """State of the view at one moment."""
+    """ShownState of the view at one moment."""
 
-    state: State
+    state: ShownState
     port: str
     record: str
     incomplete: bool
@@ -94,11 +94,11 @@ def _header(now: Shown, width: int) -> Text:
     return text.append(" " * max(1, width - len(text.plain) - len(record) - len(clock)) + record + clock)
 
 
-def _is_silent(state: State) -> bool:
+def _is_silent(state: ShownState) -> bool:
     return state.age_s > _STALE_S or not state.ready
 
 
-def _silence(state: State) -> str:
+def _silence(state: ShownState) -> str:
     return f"NO TELEMETRY for {state.age_s:.1f} s" if state.age_s < math.inf else "NO TELEMETRY yet"
 
 
@@ -182,7 +182,7 @@ def _motion(now: Shown) -> Table:
     return grid
 
 
-def _ranges(state: State) -> Table:
+def _ranges(state: ShownState) -> Table:
     grid, ranges = _grid(), state.ranges
     order = [name for name in ("left", "front", "right") if name in ranges]
     for name in [*order, *(name for name in ranges if name not in order)]:
@@ -193,14 +193,14 @@ def _ranges(state: State) -> Table:
     return grid
 
 
-def _sensors(state: State) -> Table:
+def _sensors(state: ShownState) -> Table:
     grid = _grid()
     for name, value in state.sensors.items():
         _add(grid, name, value)
     return grid
 
 
-def _supply(state: State) -> Table:
+def _supply(state: ShownState) -> Table:
     grid, style = _grid(), _BATTERY_STYLES.get(state.battery_state, "red")
     words = "" if state.battery_state == "ok" else f" {state.battery_state}"
     if not math.isnan(state.battery_v):

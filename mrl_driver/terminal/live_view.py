@@ -11,7 +11,7 @@ from mrl_driver.session.events import Lost, Reconnected, Slowed, WayLost
 
 from .frame_log import FrameLog
 from .keyboard import Keyboard
-from .state import State, moves_sideways, state_of
+from .shown_state import ShownState, moves_sideways, state_of
 from .teleop_keys import Teleop
 from .trail import Trail
 
@@ -109,7 +109,7 @@ class Screen:
         elif self._driver.command is not None:
             self._driver.stop()
 
-    def state(self) -> State:
+    def state(self) -> ShownState:
         """Return the robot's state now."""
         return state_of(self._driver)
 

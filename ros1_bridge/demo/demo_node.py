@@ -21,7 +21,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, Range
 
 from mrl_driver.terminal import live_view
-from mrl_driver.terminal.state import line_of
+from mrl_driver.terminal.shown_state import line_of
 from ros1_bridge.node.cmd_vel import CmdVel
 
 from .demo_screen import PATIENCE_S, DemoScreen

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Optional
 
 from mrl_driver.navigation.line_follower import Square
 from mrl_driver.terminal.live_view import Screen, Settings
-from mrl_driver.terminal.state import State
+from mrl_driver.terminal.shown_state import ShownState
 from mrl_driver.terminal.teleop_keys import Teleop
 
 from .topic_robot import STALE_S, TopicRobot
@@ -63,7 +63,7 @@ class DemoScreen(Screen):
         elif self._robot.command is not None:
             self._robot.stop()
 
-    def state(self) -> State:
+    def state(self) -> ShownState:
         """Return the robot's state now."""
         return self._robot.state()
 

@@ -9,7 +9,7 @@ from mrl_driver.geometry import ORIGIN, Pose, yaw_of
 from mrl_driver.robot import models
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.odometry import Twist
-from mrl_driver.terminal.state import Row, State
+from mrl_driver.terminal.shown_state import Row, ShownState
 
 STALE_S = 0.3
 LOW_SHARE = 0.1
@@ -104,11 +104,11 @@ class TopicRobot:
                 self._link = {pair.key: pair.value for pair in status.values}
                 self.model = self.model or _model_of(self._link.get("Device ID", ""))
 
-    def state(self) -> State:
+    def state(self) -> ShownState:
         """Return the state now."""
         link, age_s = self._link, self.age_s
         board = [Row("firmware", link["Firmware Version"]), Row("port", link["Serial Port"])] if link else []
-        return State(
+        return ShownState(
             f"{self.model.name if self.model else 'robot'} {link.get('Device ID', '')}".rstrip(),
             self.model,
             self.pose,

@@ -11,7 +11,7 @@ from mrl_driver import figures
 from mrl_driver.errors import ConfigError
 from sim_arduino.faults import fault_table, key_values
 from sim_arduino.view import world_picture
-from sim_arduino.view.travelled_path import PlantTrail
+from sim_arduino.view.plant_trail import PlantTrail
 
 from . import factory
 from .control import ORDERS, Control
@@ -177,9 +177,9 @@ def _watchers(stack: ExitStack, trail: PlantTrail, plot: Optional[str], view: bo
     if plot:
         stack.callback(world_picture.draw, trail, plot)
     if view:
-        from sim_arduino.view.terminal import LiveView
+        from sim_arduino.view.world_view import WorldView
 
-        watchers.append(LiveView(trail))
+        watchers.append(WorldView(trail))
         stack.callback(watchers[-1].close)  # type: ignore[attr-defined]
     return watchers
 

@@ -6,7 +6,7 @@ from mrl_driver import figures
 from mrl_driver.figures import BLUE, GREY, ORANGE
 from sim_arduino.world.shapes import Wall
 
-from .travelled_path import PlantTrail, frame
+from .plant_trail import PlantTrail, frame
 
 _SOURCES = {"heat": "#d55e00", "gas": "#009e73", "dust": "#999999", "light": "#e69f00"}
 

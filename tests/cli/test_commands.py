@@ -17,7 +17,7 @@ from mrl_driver.recording.recording import Recording
 from mrl_driver.robot import models
 from mrl_driver.session.events import Lost, Reconnected, Slowed, WayLost
 from mrl_driver.terminal import keyboard
-from mrl_driver.terminal.state import range_text
+from mrl_driver.terminal.shown_state import range_text
 from tests.waiting import PATIENCE_S, wait_until
 
 from .run import fails, mrl

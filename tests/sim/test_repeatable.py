@@ -16,8 +16,8 @@ from sim_arduino.hardware.sonars import READING_S, SonarChain, SonarErrors, coun
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.serve.factory import Options, make
 from sim_arduino.view import world_picture
-from sim_arduino.view.terminal import draw, numbers
-from sim_arduino.view.travelled_path import PlantTrail, frame
+from sim_arduino.view.plant_trail import PlantTrail, frame
+from sim_arduino.view.world_view import draw, numbers
 from sim_arduino.world.shapes import Footprint, Wall
 from sim_arduino.world.world import World
 from sim_arduino.world.world_file import load

@@ -10,7 +10,7 @@ import click
 from mrl_driver.errors import BoardTimeout, ConfigError, WheelFault
 from mrl_driver.host.named_robots import Target
 from mrl_driver.session.events import MAY_MOVE
-from mrl_driver.terminal.text import line, snapshot
+from mrl_driver.terminal.shown_state import line, snapshot
 
 from .monitor import watch_live
 from .shared import (

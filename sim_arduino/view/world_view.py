@@ -6,7 +6,7 @@ from typing import Any
 from mrl_driver.terminal.canvas import Canvas, View
 from sim_arduino.hardware.wiring import Plant
 
-from .travelled_path import PlantTrail, frame
+from .plant_trail import PlantTrail, frame
 
 VIEW_S = 0.1
 
@@ -38,7 +38,7 @@ def numbers(plant: Plant) -> str:
     )
 
 
-class LiveView:
+class WorldView:
     """Draws a trail on stderr, ten times a second, until it is closed."""
 
     def __init__(self, trail: PlantTrail) -> None:

@@ -1,7 +1,7 @@
-"""The state of a robot as users see it: what the live view draws, and what a line of text says.  No I/O."""
+"""The state of a robot as users see it: in the live view, as a line of text, and as a mapping for programs.  No I/O."""
 
 import math
-from typing import TYPE_CHECKING, Dict, Mapping, NamedTuple, Optional, Sequence
+from typing import TYPE_CHECKING, Any, Dict, Mapping, NamedTuple, Optional, Sequence
 
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol.table import SENSOR_BY_NAME
@@ -21,7 +21,7 @@ class Row(NamedTuple):
     style: str = ""
 
 
-class State(NamedTuple):
+class ShownState(NamedTuple):
     """State at one moment, from a driver or from ROS topics."""
 
     name: str
@@ -49,12 +49,12 @@ class State(NamedTuple):
     """Errors of the link."""
 
 
-def state_of(driver: "Driver") -> State:
+def state_of(driver: "Driver") -> ShownState:
     """Return the state of a driver's robot."""
     model, seen = driver.model, driver.statistics
     damage = sum(seen.garbage.values())
     bad = f"{seen.lost} lost, {damage} bad" + (f", {seen.restarts} resets" if seen.restarts else "")
-    return State(
+    return ShownState(
         f"{model.name if model else 'robot'} {driver.board.robot_id}",
         model,
         driver.pose,
@@ -111,7 +111,7 @@ def range_text(value_m: float) -> str:
     return f"{value_m:.2f} m"
 
 
-def line_of(state: State) -> str:
+def line_of(state: ShownState) -> str:
     """Return pose, speeds, ranges and battery in one line."""
     pose, twist = state.pose, state.twist
     aside = f"sideways {twist.lateral_m_s:6.3f} m/s  " if len(twist) == 3 else ""
@@ -123,3 +123,31 @@ def line_of(state: State) -> str:
         + "".join(f"  {name} {value}" for name, value in state.sensors.items())
         + ("" if state.ready else "  NO TELEMETRY")
     )
+
+
+def line(driver: "Driver") -> str:
+    """Return pose, speeds, ranges and battery in one line."""
+    return line_of(state_of(driver))
+
+
+def snapshot(driver: "Driver") -> Dict[str, Any]:
+    """Return the robot's state and the state of the link, for JSON; SI units, with the unit at the end of the key."""
+    seen, command = driver.statistics, driver.command
+    return {
+        "pose": driver.pose._asdict(),
+        "twist": driver.twist._asdict(),
+        "command": command._asdict() if command else None,
+        "ranges_m": driver.ranges,
+        "sensors": {name: list(found.values) for name, found in driver.sensors.items()},
+        "battery_v": driver.battery_v,
+        "battery_state": driver.battery_state,
+        "temperature_c": driver.temperature_c,
+        "ready": driver.ready,
+        "age_s": driver.age_s,
+        "stop_reason": driver.stop_reason,
+        "frames": seen.frames,
+        "lost": seen.lost,
+        "garbage": dict(seen.garbage),
+        "refused_counts": seen.refused_counts,
+        "restarts": seen.restarts,
+    }
