@@ -47,9 +47,12 @@ After=dev-mrl\\x2d%i.device network.target
 [Service]
 User={user}
 SupplementaryGroups={group}
-Environment="ROS_PACKAGE_PATH={packages}"
+Environment="MRL_CHECKOUT={checkout}"
 EnvironmentFile=-/etc/default/mrl-robot
-ExecStart=/bin/sh -c '[ -z "$ROS_SETUP" ] || . "$ROS_SETUP"; exec roslaunch mrl_robots robot.launch port:=/dev/mrl-%I'
+# ROS_SETUP replaces ROS_PACKAGE_PATH, so a checkout is added after it.
+ExecStart=/bin/sh -c '[ -z "$ROS_SETUP" ] || . "$ROS_SETUP"; \
+  [ -z "$MRL_CHECKOUT" ] || export ROS_PACKAGE_PATH="$MRL_CHECKOUT:$ROS_PACKAGE_PATH"; \
+  exec roslaunch mrl_robots robot.launch port:=/dev/mrl-%I'
 KillSignal=SIGINT
 TimeoutStopSec=10
 Restart=on-failure
@@ -75,8 +78,8 @@ def rules() -> str:
 def unit(user: str) -> str:
     """Return the text of the unit, which runs as `user`; in a checkout it adds the checkout to ROS_PACKAGE_PATH."""
     checkout = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-    packages = checkout if os.path.isfile(os.path.join(checkout, "package.xml")) else ""
-    return UNIT_TEXT.format(mark=MARK, user=user, group=GROUP, packages=packages)
+    found = os.path.isfile(os.path.join(checkout, "package.xml"))
+    return UNIT_TEXT.format(mark=MARK, user=user, group=GROUP, checkout=checkout if found else "")
 
 
 def files(user: str) -> Dict[str, str]:

@@ -1,10 +1,12 @@
 """`mrl config` against an emulated board."""
 
 import json
+from pathlib import Path
 
 import pytest
 
 from mrl_driver.protocol.table import PARAMETERS
+from mrl_driver.robot import models
 
 from .run import fails, mrl
 
@@ -40,6 +42,22 @@ def test_defaults_undo_changes(emulated_board):
     assert get(emulated_board.port, "kp")["kp"]["value"] == 700
 
 
+def test_defaults_are_those_of_the_robots_own_file(emulated_board, tmp_path):
+    """The firmware knows only the packaged models; with their gearbox, another robot drives at the wrong speed."""
+    own = tmp_path / "own.yaml"
+    text = Path(models.__file__).with_name("traxbot.yaml").read_text()
+    own.write_text(text.replace("gearbox: 437", "gearbox: 300"))
+    to = "--robot", own, "--port", emulated_board.port
+    assert mrl("config", "defaults", "--yes", *to).returncode == 0
+    emulated_board.faults.reset()
+    assert get(emulated_board.port, "gearbox")["gearbox"]["value"] == 300
+
+
+def test_a_negative_value_is_not_taken_for_an_option(emulated_board):
+    done = mrl("config", "set", "sonar_c", "-500", "--yes", "--port", emulated_board.port)
+    assert done.stdout.endswith("to -500: saved\n"), done
+
+
 def test_nothing_changes_unasked(emulated_board):
     line = fails(2, "config", "set", "kp", "800", "--port", emulated_board.port)
     assert "Change kp 700 to 800 on robot 1?" in line and "--yes" in line
@@ -58,10 +76,11 @@ def test_a_2013_board_keeps_nothing(serve):
         (["kp", "many"], "kp is 'many', expected a whole number from 0 to 32767"),
         (["kp", "1.5"], "kp is '1.5'"),
         (["kp", "-1"], "from 0 to 32767"),
+        (["kp", "800", "--tyr", "1"], "parameter '--tyr' is unknown, expected"),
         (["bus_speed", "401"], "expected a whole number from 100 to 400 [kHz]"),
         (["kp", "1", "kp", "2"], "given twice"),
         (["robot_id", "3"], "mrl set-id"),
     ],
 )
 def test_wrong_words_are_refused_before_the_port_is_opened(words, line):
-    assert line in fails(2, "config", "set", "--port", "/dev/nowhere", "--", *words)
+    assert line in fails(2, "config", "set", "--port", "/dev/nowhere", *words)

@@ -5,6 +5,7 @@ import os
 import pathlib
 import pwd
 import re
+import shlex
 import subprocess
 import sys
 
@@ -116,6 +117,24 @@ def test_unit_runs_the_node_as_the_user_while_the_robot_is_there(tmp_path):
     assert "roslaunch mrl_robots robot.launch port:=/dev/mrl-%I" in unit["Service"]["ExecStart"]
 
 
+@pytest.mark.parametrize("setup", ["", "export ROS_PACKAGE_PATH=/opt/ros/noetic/share\n"])
+def test_unit_finds_the_checkout_although_setup_files_of_ros_replace_the_package_path(tmp_path, setup):
+    system_setup.install("ada", str(tmp_path))
+    service = configparser.ConfigParser(interpolation=None, strict=False)
+    service.optionxform = str
+    service.read(tmp_path / system_setup.UNIT)
+    (tmp_path / "setup.sh").write_text(setup)
+    (tmp_path / "roslaunch").write_text('#!/bin/sh\necho "$ROS_PACKAGE_PATH"\n')
+    (tmp_path / "roslaunch").chmod(0o755)
+    env = dict([shlex.split(service["Service"]["Environment"])[0].split("=", 1)])
+    env.update(PATH=f"{tmp_path}:{os.environ['PATH']}", ROS_SETUP=str(tmp_path / "setup.sh") if setup else "")
+    found = subprocess.run(
+        shlex.split(service["Service"]["ExecStart"]), env=env, stdout=subprocess.PIPE, check=True
+    ).stdout.decode()
+    wanted = [str(pathlib.Path(__file__).resolve().parents[2]), *(["/opt/ros/noetic/share"] if setup else [])]
+    assert [path for path in found.strip().split(":") if path] == wanted
+
+
 def test_on_the_machine_itself_it_takes_effect_at_once(monkeypatch):
     """And who may not be in the group yet is put there."""
     monkeypatch.setattr(system_setup.shutil, "which", lambda name: name)
@@ -182,6 +201,6 @@ def test_a_file_that_cannot_be_read_is_said_in_one_line(tmp_path, action):
 
 def test_a_checkout_is_named_to_ros_an_installed_package_is_not(tmp_path, monkeypatch):
     checkout = str(pathlib.Path(system_setup.__file__).parents[2])
-    assert f'"ROS_PACKAGE_PATH={checkout}"' in system_setup.unit("ada")
+    assert f'"MRL_CHECKOUT={checkout}"' in system_setup.unit("ada")
     monkeypatch.setattr(system_setup, "__file__", str(tmp_path / "mrl_driver" / "host" / "system_setup.py"))
-    assert '"ROS_PACKAGE_PATH="' in system_setup.unit("ada")
+    assert '"MRL_CHECKOUT="' in system_setup.unit("ada")

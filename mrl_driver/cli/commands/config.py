@@ -10,7 +10,7 @@ from mrl_driver.host.named_robots import Target
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, PARAMETERS, Parameter
 from mrl_driver.robot.models import COMMON_BOARD, RobotModel
 
-from .set_id import require_config, save
+from .set_id import require_config, save, write_parameters
 from .shared import complete_parameter, confirm, connected, json_option, print_json, robot_options, yes_option
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def get(target: Target, names: Tuple[str, ...], as_json: bool) -> None:
         show(values)
 
 
-@config.command("set")
+@config.command("set", context_settings={"ignore_unknown_options": True})  # a value may be negative
 @click.argument(
     "words", nargs=-1, required=True, metavar="NAME VALUE [NAME VALUE]...", shell_complete=complete_parameter
 )
@@ -131,10 +131,10 @@ def defaults(target: Target, yes: bool) -> None:
     """
     with connected(target, ignore_battery=True) as driver:
         require_config(driver)
-        confirm(f"Set all parameters of robot {driver.board.robot_id} but its id to the defaults?", yes)
-        if driver.ask(BY_NAME["default_config"].code) != (1,):
-            raise BoardRefused("the board refused to set its defaults; try again")
-        save(driver)
+        assert driver.model is not None
+        robot_id, model = driver.board.robot_id, driver.model
+        confirm(f"Set all parameters of robot {robot_id} but its id to those of the model {model.name}?", yes)
+        write_parameters(driver, robot_id, model)
     click.echo("the defaults are saved")
 
 

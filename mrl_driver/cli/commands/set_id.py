@@ -38,7 +38,7 @@ def set_id(target: Target, robot_id: int, yes: bool) -> None:
         )
     with connected(target, model, ignore_battery=True, any_id=True) as driver:
         confirm(f"Change the robot id from {driver.board.robot_id} to {robot_id}?", yes)
-        write_id(driver, robot_id, model)
+        write_parameters(driver, robot_id, model)
     click.echo(f"robot id {robot_id} is set")
 
 
@@ -65,7 +65,7 @@ def save(driver: "Driver") -> None:
         raise BoardRefused("the board could not write its EEPROM; try again")
 
 
-def write_id(driver: "Driver", robot_id: int, model: "RobotModel") -> None:
+def write_parameters(driver: "Driver", robot_id: int, model: "RobotModel") -> None:
     """Write the id and the model's parameters (the firmware may not know this model), and save all.
 
     Raises:
@@ -74,7 +74,8 @@ def write_id(driver: "Driver", robot_id: int, model: "RobotModel") -> None:
     """
     require_config(driver)
     _write(driver, "robot_id", robot_id)
-    driver.ask(BY_NAME["default_config"].code)
+    if driver.ask(BY_NAME["default_config"].code) != (1,):
+        raise BoardRefused("the board refused to set its defaults; try again")
     for name, value in model.board.items():
         _write(driver, name, value)
     save(driver)
