@@ -155,7 +155,7 @@ class Driver:
                 self._thread.start()
                 return
         link.close()
-        self._links.end_tape()
+        self._links.end_recording()
         raise LinkLost("the driver was closed while it connected")
 
     def close(self) -> None:
@@ -180,7 +180,7 @@ class Driver:
             link.close()
         if not on_thread:
             thread.join()
-        self._links.end_tape()
+        self._links.end_recording()
         atexit.unregister(self._end_with_program)
 
     def _end_with_program(self) -> None:
@@ -361,8 +361,8 @@ class Driver:
     @property
     def recorder(self) -> Optional[Recorder]:
         """The recorder, with the lines it `lost` and its last `error`; None without a recording."""
-        tape = self._links.tape
-        return tape.recorder if tape is not None else None
+        recording = self._links.recording
+        return recording.recorder if recording is not None else None
 
     @property
     def _motion(self) -> Optional[Motion]:
@@ -568,7 +568,7 @@ class Driver:
         self._listeners[SensorRead].append(callback)
 
     def on_event(self, callback: Callable[[Union[DriverEvent, MrlError]], None]) -> None:
-        """Call `callback` for each `Ready`, `Stale`, `Lost`, `Reconnected`, `Slowed`, `WayLost` and `Reply` of
+        """Call `callback` for each `Ready`, `Stale`, `Lost`, `Reconnected`, `Slowed`, `PathUnknown` and `Reply` of
         `session.events`, for a wheel's `Mismatch`, and for the `MrlError` that ends the driver.
         """
         self._on_state.append(callback)
@@ -616,8 +616,8 @@ class Driver:
                     core.stop(now, "host_paused")
                 self._slept_s = slept_s
                 events = core.turn(data, now)
-                if links.tape is not None:
-                    links.tape.note(session.checked)
+                if links.recording is not None:
+                    links.recording.note(session.checked)
                 if self._asking:
                     self._changed.notify_all()
             if links.searching or links.fast:

@@ -26,14 +26,14 @@ class LinkSource:
     """The links of one driver.  `close` may be called from any thread; all else only from the thread that reads.
 
     Attributes:
-        tape: the recording; None without one.
+        recording: the recording; None without one.
         fast: the line runs at 500000 baud.
         searching: the port is lost, or a robot on a new port is not yet known to be the one that was lost.
     """
 
     def __init__(self, port: Union[str, Link], baud: int, options: Options) -> None:
         self._port, self._baud, self._options = port, baud, options
-        self.tape: Optional[DriverRecording] = None
+        self.recording: Optional[DriverRecording] = None
         self.fast = self.searching = False
         self._reconnection: Optional[Reconnection] = None
         self._well_s, self._errors = 0.0, 0
@@ -52,18 +52,18 @@ class LinkSource:
         if not isinstance(port, str):
             return port
         if record is not None or tap is not None:
-            self.tape = DriverRecording(record, port, self._baud, tap)
+            self.recording = DriverRecording(record, port, self._baud, tap)
         try:
             link = self._open(port, CONNECT_S)
         except BaseException:
-            self.end_tape()
+            self.end_recording()
             raise
         if self._options.reconnect:
             self._reconnection = Reconnection(port, self._open, self._options.greeting_s)
         return link
 
     def _open(self, name: str, patience_s: float = AGAIN_S) -> Link:
-        opener = self.tape.open if self.tape is not None else open_link
+        opener = self.recording.open if self.recording is not None else open_link
         link: Link = opener(name, self._baud, patience_s)
         try:
             self.fast = self._options.fast and self._speed_up(link)
@@ -91,10 +91,10 @@ class LinkSource:
         if trial is not None:
             trial.close()
 
-    def end_tape(self) -> None:
+    def end_recording(self) -> None:
         """Finish the recording."""
-        if self.tape is not None:
-            self.tape.close()
+        if self.recording is not None:
+            self.recording.close()
 
     @property
     def reconnects(self) -> bool:
@@ -145,5 +145,5 @@ class LinkSource:
     def abandon(self) -> None:
         """In a forked child: forget the links and the recording, which stay with the parent."""
         self._lock = new_lock("links")
-        self._trial = self._reconnection = self.tape = None
+        self._trial = self._reconnection = self.recording = None
         self._closed = True

@@ -119,8 +119,8 @@ class Core:
             telemetry = state.on_counts(event)
             if telemetry is None:
                 continue
-            if state.way_lost is not None:
-                events.append(state.way_lost)
+            if state.path_unknown is not None:
+                events.append(state.path_unknown)
             events += (telemetry,) if self._every == 1 else self._thin(telemetry)
             target, watch = motion.target, self._watch
             if target is None:

@@ -68,7 +68,7 @@ class GoalSeeker:
         self._map = FloorMap(sonars)
         self._drawn: Dict[str, Tuple[float, float]] = {}
         self._valid_s: Dict[str, float] = {}
-        self._way: List[Point] = []
+        self._path: List[Point] = []
         self._planned_s = -math.inf
         self._trail: Deque[Point] = deque(maxlen=TRAIL)
         self._retreat: Optional[Point] = None
@@ -122,8 +122,8 @@ class GoalSeeker:
         """Why the goal is blocked."""
         if self.blind:
             return f"no valid reading of sonar {', '.join(self.blind)}: check its cable"
-        no_way = "" if self._way or self._map.empty else ", and the sonars leave no free path"
-        return f"{self._best_m:.1f} m away it came no closer for {self._patience_s:g} s{no_way}"
+        no_path = "" if self._path or self._map.empty else ", and the sonars leave no free path"
+        return f"{self._best_m:.1f} m away it came no closer for {self._patience_s:g} s{no_path}"
 
     def _watch_progress(self, away_m: float, now_s: float) -> None:
         if away_m < self._best_m - PROGRESS_M:
@@ -142,21 +142,21 @@ class GoalSeeker:
         """Return the point to steer for; None if the grid has no free path."""
         here, goal = (pose[0], pose[1]), (self._goal[0], self._goal[1])
         if self._map.empty or self._map.is_free(here, goal):
-            self._way, self._planned_s = [], -math.inf
+            self._path, self._planned_s = [], -math.inf
             return goal
-        if now_s - self._planned_s > (REPLAN_S if self._way else AGAIN_S):
+        if now_s - self._planned_s > (REPLAN_S if self._path else AGAIN_S):
             self._planned_s = now_s
-            self._way = self._map.way(here, goal) or []
+            self._path = self._map.path(here, goal) or []
         return self._ahead(here)
 
     def _ahead(self, here: Point) -> Optional[Point]:
         """Return the farthest point of the path within `AHEAD_M` that is free in a straight line."""
-        if not self._way:
+        if not self._path:
             return None
-        nearest = min(range(len(self._way)), key=lambda k: _away_m(here, self._way[k]))
-        self._way = self._way[nearest:]
-        found = self._way[min(2, len(self._way) - 1)]
-        for point in self._way:
+        nearest = min(range(len(self._path)), key=lambda k: _away_m(here, self._path[k]))
+        self._path = self._path[nearest:]
+        found = self._path[min(2, len(self._path) - 1)]
+        for point in self._path:
             if _away_m(here, point) > AHEAD_M or not self._map.is_free(here, point):
                 break
             found = point
@@ -197,8 +197,8 @@ class GoalSeeker:
         """Return the free distance ahead of a sonar from its last valid reading [m]."""
         return room(self._drawn.get(name, (math.nan, 0.0))[0])
 
-    def _came_from_behind(self, pose: Pose, way_m: float) -> bool:
-        behind = pose.compose(-way_m, 0.0)[:2]
+    def _came_from_behind(self, pose: Pose, distance_m: float) -> bool:
+        behind = pose.compose(-distance_m, 0.0)[:2]
         return any(_away_m(behind, point) < BESIDE_TRAIL_M for point in self._trail)
 
     def _shy(self, left: float, right: float) -> float:

@@ -82,12 +82,12 @@ class FloorMap:
                 if not 0.0 <= ahead_m < end_m:
                     continue
                 left_m = cos * (at_y - y) - sin * (at_x - x)
-                way_m, aside = math.hypot(ahead_m, left_m), math.atan2(abs(left_m), ahead_m)
-                if aside > half or (way_m < edge_m and aside > CLEARED_RAD):
+                distance_m, aside = math.hypot(ahead_m, left_m), math.atan2(abs(left_m), ahead_m)
+                if aside > half or (distance_m < edge_m and aside > CLEARED_RAD):
                     continue
-                if way_m < edge_m:
+                if distance_m < edge_m:
                     self._score((i, j), -1)
-                elif echo and way_m < end_m:
+                elif echo and distance_m < end_m:
                     self._score((i, j), 2 * SCORE if range_m < SURE_M else 1)
 
     def _score(self, cell: Cell, by: int) -> None:
@@ -113,7 +113,7 @@ class FloorMap:
         dx, dy = (end[0] - start[0]) / max(steps, away), (end[1] - start[1]) / max(steps, away)
         return not any(self.is_near((start[0] + dx * k, start[1] + dy * k)) for k in range(steps + 1))
 
-    def way(self, start: Point, goal: Point) -> Optional[List[Point]]:
+    def path(self, start: Point, goal: Point) -> Optional[List[Point]]:
         """Return the cheapest path as points from cell to cell, the goal last; None if there is none."""
         first, last = cell_of(start), cell_of(goal)
         before: Dict[Cell, Cell] = {}
@@ -159,7 +159,7 @@ def middle_of(cell: Cell) -> Point:
 
 
 def _back(before: Mapping[Cell, Cell], cell: Cell) -> List[Cell]:
-    way = [cell]
-    while way[-1] in before:
-        way.append(before[way[-1]])
-    return way[::-1]
+    path = [cell]
+    while path[-1] in before:
+        path.append(before[path[-1]])
+    return path[::-1]

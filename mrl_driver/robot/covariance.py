@@ -37,12 +37,12 @@ class Uncertainty:
         """The pose was set: go back to the covariance of the start."""
         self.unknowns = self._start
 
-    def widen(self, way_m: float, turn_rad: float) -> None:
-        """The robot may have moved by up to `way_m` in any direction and turned by up to `turn_rad`, unseen
+    def widen(self, distance_m: float, turn_rad: float) -> None:
+        """The robot may have moved by up to `distance_m` in any direction and turned by up to `turn_rad`, unseen
         by the counters.  All values are equally likely.
         """
         xx, xy, xt, yy, yt, tt = self.unknowns
-        position, yaw = way_m * way_m / 3, turn_rad * turn_rad / 3
+        position, yaw = distance_m * distance_m / 3, turn_rad * turn_rad / 3
         self.unknowns = (xx + position, xy, xt, yy + position, yt, tt + yaw)
 
     def update(self, counts: Sequence[float], half_sin: float, half_cos: float) -> None:
@@ -55,17 +55,17 @@ class Uncertainty:
         self._counts = counts
         (right_m, left_m), base_m, (noise_m, noise_rad) = self._metres, self._base_m, self._noise
         right_m, left_m = (counts[0] - before[0]) * right_m, (counts[1] - before[1]) * left_m
-        way_m, back_rad = (right_m + left_m) / 2, (right_m - left_m) / base_m / 2
+        forward_m, back_rad = (right_m + left_m) / 2, (right_m - left_m) / base_m / 2
         cos, sin = half_cos * half_cos - half_sin * half_sin, 2 * half_sin * half_cos
         cos, sin = (
             cos + sin * back_rad,
             sin - cos * back_rad,
         )  # yaw at the middle of the step, for small turns
         right, left, slip = noise_m * abs(right_m), noise_m * abs(left_m), noise_rad * abs(back_rad)
-        lean = way_m / 2 / base_m
+        lean = forward_m / 2 / base_m
         xr, xl = cos / 2 - lean * sin, cos / 2 + lean * sin
         yr, yl = sin / 2 + lean * cos, sin / 2 - lean * cos
-        dx, dy = -way_m * sin, way_m * cos
+        dx, dy = -forward_m * sin, forward_m * cos
         xx, xy, xt, yy, yt, tt = self.unknowns
         whole, half = tt + slip / 2, tt + slip  # `slip` is the variance for half the turn
         self.unknowns = (
@@ -95,12 +95,12 @@ class OmniUncertainty(Uncertainty):
             return
         self._counts = counts
         right_m, left_m, rear_m = ((now - was) * self._m_per_count for now, was in zip(counts, before))
-        ways = (left_m, rear_m, right_m)
-        forward, left, turn = self._kinematics.step(ways)
+        wheels_m = (left_m, rear_m, right_m)
+        forward, left, turn = self._kinematics.step(wheels_m)
         yaw_rad = yaw_of(0.0, 0.0, half_sin, half_cos) - turn / 2  # yaw at the middle of the step
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         dx, dy = -(sin * forward + cos * left), cos * forward - sin * left
-        fxx, fxl, fxt, fll, flt, ftt = self._kinematics.covariance(ways, *self._noise)
+        fxx, fxl, fxt, fll, flt, ftt = self._kinematics.covariance(wheels_m, *self._noise)
         xx, xy, xt, yy, yt, tt = self.unknowns
         self.unknowns = (
             xx + dx * (2 * xt + dx * tt) + cos * cos * fxx - 2 * cos * sin * fxl + sin * sin * fll,

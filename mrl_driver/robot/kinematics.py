@@ -48,25 +48,27 @@ class Kinematics:
         self.kind, self.names, self.rows, self.sideways = kind, tuple(names), tuple(rows), sideways
         self._inverse = _least_squares(self.rows, (0, 1, 2) if sideways else (0, 2), kind)
 
-    def step(self, ways: Sequence[float]) -> Planar:
+    def step(self, wheels_m: Sequence[float]) -> Planar:
         """Return the body's step for these wheel distances [m], or its speeds for wheel speeds [m/s]."""
-        forward, left, turn = (sum(a * way for a, way in zip(row, ways)) for row in self._inverse)
+        forward, left, turn = (sum(a * wheel_m for a, wheel_m in zip(row, wheels_m)) for row in self._inverse)
         return Planar(forward, left, turn)
 
-    def covariance(self, ways: Sequence[float], wheel_m2_per_m: float, turn_rad2_per_rad: float) -> Spread:
-        """Return the covariance of `step(ways)`.
+    def covariance(
+        self, wheels_m: Sequence[float], wheel_m2_per_m: float, turn_rad2_per_rad: float
+    ) -> Spread:
+        """Return the covariance of `step(wheels_m)`.
 
         The wheels err independently, in proportion to their distances; the yaw also errs in proportion to the turn.
         """
-        variances = [wheel_m2_per_m * abs(way) for way in ways]
+        variances = [wheel_m2_per_m * abs(wheel_m) for wheel_m in wheels_m]
         x, y, t = self._inverse
         xx, xy, xt, yy, yt, tt = (
             sum(a * b * v for a, b, v in zip(p, q, variances))
             for p, q in ((x, x), (x, y), (x, t), (y, y), (y, t), (t, t))
         )
-        return xx, xy, xt, yy, yt, tt + turn_rad2_per_rad * abs(self.step(ways).turn)
+        return xx, xy, xt, yy, yt, tt + turn_rad2_per_rad * abs(self.step(wheels_m).turn)
 
-    def ways(self, step: Planar) -> Tuple[float, ...]:
+    def wheel_steps(self, step: Planar) -> Tuple[float, ...]:
         """Return the wheel distances for a step of the body [m], or wheel speeds for its speeds [m/s].
 
         Raises:
@@ -83,11 +85,11 @@ class Kinematics:
         Raises:
             FrameError: the twist goes sideways and the base cannot.
         """
-        excess = max(map(abs, self.ways(twist))) / most_m_s
+        excess = max(map(abs, self.wheel_steps(twist))) / most_m_s
         if math.isinf(excess):  # a wheel's speed, or the quotient, overflows
             most = max(map(abs, twist))
             twist = Planar(twist.forward / most, twist.left / most, twist.turn / most)
-            excess = max(map(abs, self.ways(twist))) / most_m_s
+            excess = max(map(abs, self.wheel_steps(twist))) / most_m_s
         if excess <= 1.0:
             return twist
         return Planar(twist.forward / excess, twist.left / excess, twist.turn / excess)

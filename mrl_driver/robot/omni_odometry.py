@@ -94,6 +94,6 @@ class OmniCommands:
     def read(self, arguments: Tuple[int, ...]) -> OmniTwist:
         """Return the speeds that a `move_omni` request (command 43) commands."""
         share, rotation, direction_deg = arguments
-        way_m_s, heading = share * self._full_m_s / 100, math.radians(direction_deg + self._turned_deg)
+        speed_m_s, heading = share * self._full_m_s / 100, math.radians(direction_deg + self._turned_deg)
         turn_rad_s = rotation * self._full_m_s / 100 / self._radius_m
-        return OmniTwist(way_m_s * math.cos(heading), turn_rad_s, way_m_s * math.sin(heading))
+        return OmniTwist(speed_m_s * math.cos(heading), turn_rad_s, speed_m_s * math.sin(heading))

@@ -5,7 +5,17 @@ from typing import Dict, FrozenSet, List, NamedTuple, Optional, Tuple, Union
 
 from mrl_driver.errors import WrongRobot
 from mrl_driver.geometry import Pose
-from mrl_driver.session.events import Counts, Info, Ready, Reply, SessionEvent, Sonars, Stale, Status, WayLost
+from mrl_driver.session.events import (
+    Counts,
+    Info,
+    PathUnknown,
+    Ready,
+    Reply,
+    SessionEvent,
+    Sonars,
+    Stale,
+    Status,
+)
 from mrl_driver.session.handshake import Board
 
 from . import battery, models, sonar
@@ -35,7 +45,7 @@ class Telemetry(NamedTuple):
     """Sequence number of the frame (int16, wraps); None from boards without one."""
 
 
-RobotEvent = Union[Telemetry, Board, Ready, Status, Stale, WayLost, Reply]
+RobotEvent = Union[Telemetry, Board, Ready, Status, Stale, PathUnknown, Reply]
 """What the state of a robot reports; a `Board` is its new battery voltage and temperature."""
 SENSOR_BOARD_IDS = range(6, 11)
 """Robot ids of 2013 boards that carry environment sensors and do not drive the robot."""
@@ -54,8 +64,8 @@ class RobotState:
         self.battery_state = battery.OK
         self.ranges: Dict[str, float] = {}
         self.telemetry: Optional[Telemetry] = None
-        self.way_lost: Optional[WayLost] = None
-        """The `WayLost` event of the last reading; None if there is none."""
+        self.path_unknown: Optional[PathUnknown] = None
+        """The `PathUnknown` event of the last reading; None if there is none."""
         self.powerless = False
         """The battery is empty or off, so the robot must not drive."""
         self._primed, self._used_s = 0, 0.0
@@ -103,7 +113,7 @@ class RobotState:
         """Process an event; return the events for the listeners."""
         if isinstance(event, Counts):
             telemetry = self.on_counts(event)
-            lost: List[RobotEvent] = [self.way_lost] if self.way_lost else []
+            lost: List[RobotEvent] = [self.path_unknown] if self.path_unknown else []
             return [*lost, telemetry] if telemetry else []
         if isinstance(event, Sonars):
             if self.info is not None:  # otherwise the model is not known yet
@@ -135,7 +145,7 @@ class RobotState:
             used = odometry.update(event.right, event.left, event.time_s)
         elif isinstance(odometry, OmniOdometry):
             used = odometry.update(event.right, event.left, event.time_s, event.rear)
-        self.way_lost = None
+        self.path_unknown = None
         if used:
             self._used_s = arrival_s
         elif odometry.baseline.primed != self._primed:
@@ -159,7 +169,7 @@ class RobotState:
             gap_s, limits = now - self._used_s, self.model.limits
             moving_s = min(gap_s, odometry.baseline.coast_s)
             turn_rad = min(math.pi, limits.angular_rad_s * moving_s)
-            self.way_lost = WayLost(gap_s, limits.linear_m_s * moving_s, turn_rad)
+            self.path_unknown = PathUnknown(gap_s, limits.linear_m_s * moving_s, turn_rad)
         self._primed, self._used_s = odometry.baseline.primed, now
 
     def _on_new(self, new: Tuple[str, ...], values: Tuple[int, ...]) -> Tuple[str, ...]:

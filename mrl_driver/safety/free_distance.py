@@ -25,13 +25,13 @@ class Outline(NamedTuple):
     half_width_m: float
     clearance_m: float
 
-    def room(self, point: Point, way: Point) -> float:
-        """Return how far the outline may move along `way` until it reaches a point [m]; infinity if it passes by."""
-        if point[0] * way[0] + point[1] * way[1] <= 0:
+    def room(self, point: Point, direction: Point) -> float:
+        """Return how far the outline may move before it reaches a point [m]; infinity if it passes by."""
+        if point[0] * direction[0] + point[1] * direction[1] <= 0:
             return math.inf
         enter, leave = -math.inf, math.inf
         halves = self.half_length_m + self.clearance_m, self.half_width_m + self.clearance_m
-        for place, along, half in zip(point, way, halves):
+        for place, along, half in zip(point, direction, halves):
             if abs(along) < _ROUNDING:
                 if abs(place) > half + _ROUNDING:
                     return math.inf
@@ -40,15 +40,15 @@ class Outline(NamedTuple):
             enter, leave = max(enter, (place - half) / along), min(leave, (place + half) / along)
         return enter + self.clearance_m if enter <= leave + _ROUNDING else math.inf
 
-    def sides(self, way: Point) -> List[float]:
+    def sides(self, direction: Point) -> List[float]:
         """Return the distances of the corners to the left of the centre's path [m]."""
         length, width = self.half_length_m + self.clearance_m, self.half_width_m + self.clearance_m
-        return [way[0] * y - way[1] * x for x in (length, -length) for y in (width, -width)]
+        return [direction[0] * y - direction[1] * x for x in (length, -length) for y in (width, -width)]
 
-    def wall_room(self, point: Point, way: Point) -> float:
+    def wall_room(self, point: Point, direction: Point) -> float:
         """Return how far the outline may move until it touches a wall across the path at a point [m]."""
-        reach_m = self.half_length_m * abs(way[0]) + self.half_width_m * abs(way[1])
-        return point[0] * way[0] + point[1] * way[1] - reach_m
+        reach_m = self.half_length_m * abs(direction[0]) + self.half_width_m * abs(direction[1])
+        return point[0] * direction[0] + point[1] * direction[1] - reach_m
 
 
 def outline_of(body: Body, clearance_m: float) -> Outline:
@@ -84,59 +84,67 @@ class Scan(NamedTuple):
                 points.append((x + range_m * math.cos(angle), y + range_m * math.sin(angle)))
         return points
 
-    def looks(self, way: Point) -> bool:
+    def looks(self, direction: Point) -> bool:
         """Return whether the direction lies between the first and the last ray."""
         first = self.first_rad + self.mount.yaw_rad
         low, high = sorted((first, first + self.step_rad * (len(self.ranges) - 1)))
-        return low + (math.atan2(way[1], way[0]) - low) % (2 * math.pi) <= high + _ROUNDING
+        return low + (math.atan2(direction[1], direction[0]) - low) % (2 * math.pi) <= high + _ROUNDING
 
 
-def off_axis(mount: SonarMount, way: Point) -> float:
+def off_axis(mount: SonarMount, direction: Point) -> float:
     """Return the angle between a sonar's axis and a direction, 0 to pi [rad]."""
-    return abs(wrap_angle(mount.pose.yaw_rad - math.atan2(way[1], way[0])))
+    return abs(wrap_angle(mount.pose.yaw_rad - math.atan2(direction[1], direction[0])))
 
 
-def looks(mount: SonarMount, way: Point) -> bool:
+def looks(mount: SonarMount, direction: Point) -> bool:
     """Return whether the whole cone of a sonar is ahead of a robot that moves in this direction."""
-    return off_axis(mount, way) < (math.pi - FIELD_OF_VIEW_RAD) / 2
+    return off_axis(mount, direction) < (math.pi - FIELD_OF_VIEW_RAD) / 2
 
 
-def sonar_room(outline: Outline, mount: SonarMount, range_m: float, way: Point) -> float:
+def sonar_room(outline: Outline, mount: SonarMount, range_m: float, direction: Point) -> float:
     """Return the free distance if there is an object at this range (REP 117, no NaN) anywhere in a sonar's cone [m]."""
     if math.isinf(range_m):
         return math.inf if range_m > 0 else 0.0
-    yaw, heading = math.radians(mount.yaw_deg), math.atan2(way[1], way[0])
+    yaw, heading = math.radians(mount.yaw_deg), math.atan2(direction[1], direction[0])
     half = FIELD_OF_VIEW_RAD / 2
     angles = [yaw - half, yaw, yaw + half]
-    for side_m in outline.sides(way):  # between these angles the nearest point of the arc is one of its ends
-        sine = (side_m - way[0] * mount.y_m + way[1] * mount.x_m) / range_m if range_m > 0 else math.inf
+    for side_m in outline.sides(
+        direction
+    ):  # between these angles the nearest point of the arc is one of its ends
+        sine = (
+            (side_m - direction[0] * mount.y_m + direction[1] * mount.x_m) / range_m
+            if range_m > 0
+            else math.inf
+        )
         if abs(sine) <= 1:
             angles += [heading + math.asin(sine), heading + math.pi - math.asin(sine)]
     rooms_m = [
-        outline.room((mount.x_m + range_m * math.cos(angle), mount.y_m + range_m * math.sin(angle)), way)
+        outline.room(
+            (mount.x_m + range_m * math.cos(angle), mount.y_m + range_m * math.sin(angle)), direction
+        )
         for angle in angles
         if abs(wrap_angle(angle - yaw)) <= half + _ROUNDING
     ]
     return min(rooms_m, default=math.inf)
 
 
-def slant_room(outline: Outline, mount: SonarMount, range_m: float, way: Point) -> float:
+def slant_room(outline: Outline, mount: SonarMount, range_m: float, direction: Point) -> float:
     """As `sonar_room`, for a direction that no sonar covers: a wall across the path is then seen only at an angle, by
     the edge of the cone nearest to the direction.
     """
-    room_m = sonar_room(outline, mount, range_m, way)
+    room_m = sonar_room(outline, mount, range_m, direction)
     if math.isinf(range_m):
         return room_m
     yaw, half = math.radians(mount.yaw_deg), FIELD_OF_VIEW_RAD / 2
-    aside = wrap_angle(math.atan2(way[1], way[0]) - yaw)
+    aside = wrap_angle(math.atan2(direction[1], direction[0]) - yaw)
     angle = yaw + max(-half, min(half, aside))
     edge = mount.x_m + range_m * math.cos(angle), mount.y_m + range_m * math.sin(angle)
-    return min(room_m, outline.wall_room(edge, way))
+    return min(room_m, outline.wall_room(edge, direction))
 
 
-def scan_room(outline: Outline, points: Sequence[Point], way: Point) -> float:
+def scan_room(outline: Outline, points: Sequence[Point], direction: Point) -> float:
     """Return the free distance if a laser has seen these points [m]."""
-    return min((outline.room(point, way) for point in points), default=math.inf)
+    return min((outline.room(point, direction) for point in points), default=math.inf)
 
 
 Room = Callable[[Point], float]
@@ -164,11 +172,11 @@ class Sight:
         self._rooms, self._places = (slant_room, room), places
         self._found.clear()
 
-    def room_m(self, way: Point, watched: bool, place: Point) -> float:
+    def room_m(self, direction: Point, watched: bool, place: Point) -> float:
         """Return the free distance of the robot at this place [m]."""
-        if (way, watched) not in self._found:
+        if (direction, watched) not in self._found:
             if len(self._found) >= _MEMORY:
                 self._found.clear()
-            self._found[way, watched] = self._rooms[watched](way)
-        least = min(way[0] * x + way[1] * y for x, y in self._places)
-        return self._found[way, watched] - (way[0] * place[0] + way[1] * place[1] - least)
+            self._found[direction, watched] = self._rooms[watched](direction)
+        least = min(direction[0] * x + direction[1] * y for x, y in self._places)
+        return self._found[direction, watched] - (direction[0] * place[0] + direction[1] * place[1] - least)

@@ -188,15 +188,15 @@ class Zones:
         speed_m_s = math.hypot(*velocity_m_s)
         if not math.isfinite(speed_m_s):
             return velocity_m_s
-        way = (velocity_m_s[0] / speed_m_s, velocity_m_s[1] / speed_m_s) if speed_m_s > 0 else AHEAD
+        direction = (velocity_m_s[0] / speed_m_s, velocity_m_s[1] / speed_m_s) if speed_m_s > 0 else AHEAD
         with self._lock:
-            self._sector = round(math.atan2(way[1], way[0]) / (2 * math.pi) * SECTORS) % SECTORS
-            cap_m_s = self._cap(way, self._sector, speed_m_s, now)
-        return velocity_m_s if cap_m_s >= speed_m_s else (cap_m_s * way[0], cap_m_s * way[1])
+            self._sector = round(math.atan2(direction[1], direction[0]) / (2 * math.pi) * SECTORS) % SECTORS
+            cap_m_s = self._cap(direction, self._sector, speed_m_s, now)
+        return velocity_m_s if cap_m_s >= speed_m_s else (cap_m_s * direction[0], cap_m_s * direction[1])
 
-    def _cap(self, way: Point, sector: int, asked_m_s: float, now: float) -> float:
+    def _cap(self, direction: Point, sector: int, asked_m_s: float, now: float) -> float:
         settings = self.settings
-        room_m, certain = self._room(way, now)
+        room_m, certain = self._room(direction, now)
         edge_m = settings.protective_m + settings.growth_m(LEAST_M_S)
         edge_m += settings.hysteresis_m if self._held.get(sector) else 0.0
         self._held[sector] = room_m < edge_m
@@ -208,12 +208,12 @@ class Zones:
         cap = max(settings.slow_m_s, settings.speed_m_s(room_m - settings.warning_m) if certain else 0.0)
         return min(cap, settings.speed_m_s(room_m - settings.protective_m))
 
-    def _room(self, way: Point, now: float) -> Tuple[float, bool]:
+    def _room(self, direction: Point, now: float) -> Tuple[float, bool]:
         """Return the free distance [m], and whether the direction is covered and all its sensors have valid readings.
 
         The distance is 0 if one of its sensors is silent.
         """
-        views = {name: self._view(name, way) for name in self._sights}
+        views = {name: self._view(name, direction) for name in self._sights}
         watched, known = any(covers for _, covers in views.values()), True
         rooms_m: List[float] = []
         for name, sight in self._sights.items():
@@ -223,15 +223,15 @@ class Zones:
                 return 0.0, False
             known = known and sight.known_s == sight.heard_s
             if now - sight.known_s <= STALE_S:
-                rooms_m.append(sight.room_m(way, watched, self._place))
+                rooms_m.append(sight.room_m(direction, watched, self._place))
         return min(rooms_m, default=math.inf), watched and known
 
-    def _view(self, name: str, way: Point) -> Tuple[bool, bool]:
+    def _view(self, name: str, direction: Point) -> Tuple[bool, bool]:
         """Return whether a sensor looks ahead for motion in this direction, and whether it covers the direction."""
         if name in self._sonars:
             mount = self._sonars[name]
-            return looks(mount, way), off_axis(mount, way) <= COVERED_RAD
-        seen = self._scan.looks(way) if self._scan is not None else way[0] > 0
+            return looks(mount, direction), off_axis(mount, direction) <= COVERED_RAD
+        seen = self._scan.looks(direction) if self._scan is not None else direction[0] > 0
         return seen, seen
 
     def _recent(self) -> Tuple[Point, ...]:

@@ -24,7 +24,7 @@ LEAST_SHARE = 0.1
 REVERSED_SHARE = -0.3
 """A wheel that moved backwards by more than this share of the expected distance in the newest ticks runs in reverse."""
 NEWEST = 2
-LEAST_WAY_M = 0.006
+LEAST_DISTANCE_M = 0.006
 """Smallest expected distance over the window that is judged [m]: 24 mm/s.  A slower motor may stick for half a second.
 """
 SLOWNESS = 0.5
@@ -79,7 +79,7 @@ class _Wheel:
         self._hidden_m_s = HIDDEN_S * acceleration_m_s2
         self._targets: Deque[float] = deque([0.0] * (latency_ticks + 1), maxlen=latency_ticks + 1)
         self._speeds = self._targets.copy()
-        self._ways: Deque[Tuple[float, float]] = deque(maxlen=WINDOW)
+        self._distances: Deque[Tuple[float, float]] = deque(maxlen=WINDOW)
         self._reference = 0.0
         self._direction = self._last = 0.0
         self._asked: Set[float] = set()
@@ -98,24 +98,24 @@ class _Wheel:
         floor = _least(self._targets)
         if floor == 0.0:
             self._direction = 0.0
-            self._ways.clear()
+            self._distances.clear()
             return None
         direction = math.copysign(1.0, floor)
         if direction != self._direction:
             self._turn(direction, self._speeds[0] * direction)
         self._follow(abs(floor), dt_s)
         if self._reference <= 0.0:
-            self._ways.clear()
+            self._distances.clear()
             return None
-        self._ways.append((self._reference * dt_s, moved_m * direction))
-        return self._judge() if len(self._ways) == WINDOW else None
+        self._distances.append((self._reference * dt_s, moved_m * direction))
+        return self._judge() if len(self._distances) == WINDOW else None
 
     def _judge(self) -> Optional[Mismatch]:
-        expected, moved = (sum(way) for way in zip(*self._ways))
-        if expected < LEAST_WAY_M or moved >= LEAST_SHARE * expected:
+        expected, moved = (sum(each) for each in zip(*self._distances))
+        if expected < LEAST_DISTANCE_M or moved >= LEAST_SHARE * expected:
             return None
-        lately, way = (sum(way) for way in zip(*list(self._ways)[-NEWEST:]))
-        return Mismatch("", REVERSED if way < REVERSED_SHARE * lately else DEAD, expected, moved)
+        lately, moved_lately = (sum(each) for each in zip(*list(self._distances)[-NEWEST:]))
+        return Mismatch("", REVERSED if moved_lately < REVERSED_SHARE * lately else DEAD, expected, moved)
 
     def _turn(self, direction: float, speed: float) -> None:
         """Start on a command in a new direction, with the wheel at `speed` along it.  If the other direction was
@@ -212,7 +212,7 @@ class OmniWheelWatch(WheelWatch):
         lateral_m_s: float = 0.0,
     ) -> Optional[Mismatch]:
         """Compare the command in force with `travel` [count, without wrap] read at `time_s` [s]."""
-        left, rear, right = self._kinematics.ways(Planar(linear_m_s, lateral_m_s, angular_rad_s))
+        left, rear, right = self._kinematics.wheel_steps(Planar(linear_m_s, lateral_m_s, angular_rad_s))
         targets = (right, left, rear)
         if targets != self._asked:
             self._asked = targets

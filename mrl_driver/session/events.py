@@ -106,12 +106,12 @@ class Slowed(NamedTuple):
         return f"the line shows errors at its higher speed and goes back to {self.baud} baud"
 
 
-class WayLost(NamedTuple):
+class PathUnknown(NamedTuple):
     """The robot may have moved while its counters could not be followed; the pose does not contain that motion."""
 
     gap_s: float
     """Time between the last reading before and the first after [s]."""
-    way_m: float
+    distance_m: float
     """Largest possible position error [m]."""
     turn_rad: float
     """Largest possible yaw error [rad]; at most pi."""
@@ -120,7 +120,7 @@ class WayLost(NamedTuple):
         """One line for people."""
         return (
             f"the wheels could not be followed for {self.gap_s:.1f} s: the pose may be off by up to "
-            f"{self.way_m:.2f} m and {self.turn_rad:.2f} rad"
+            f"{self.distance_m:.2f} m and {self.turn_rad:.2f} rad"
         )
 
 

@@ -178,7 +178,7 @@ def _motion(now: Shown) -> Table:
     else:
         aside = f"  {asked.lateral_m_s:+.3f} m/s to the left" if len(asked) == 3 else ""
         _add(grid, "asked", f"{asked[0]:+.3f} m/s  {asked[1]:+.2f} rad/s{aside}", "green")
-    grid.add_row("way", f"{now.distance_m:.2f} m")
+    grid.add_row("path", f"{now.distance_m:.2f} m")
     return grid
 
 

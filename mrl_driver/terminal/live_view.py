@@ -7,7 +7,7 @@ import time
 from typing import TYPE_CHECKING, Any, Callable, Iterator, List, NamedTuple, Optional, Tuple
 
 from mrl_driver.robot.robot_state import Telemetry
-from mrl_driver.session.events import Lost, Reconnected, Slowed, WayLost
+from mrl_driver.session.events import Lost, PathUnknown, Reconnected, Slowed
 
 from .frame_log import FrameLog
 from .keyboard import Keyboard
@@ -72,7 +72,7 @@ class Screen:
         self.trail.add(telemetry.pose)
 
     def _on_event(self, event: object) -> None:
-        if isinstance(event, (Lost, Reconnected, Slowed, WayLost)):
+        if isinstance(event, (Lost, Reconnected, Slowed, PathUnknown)):
             self._notice = str(event)
 
     def press(self, key: str, now_s: float) -> None:

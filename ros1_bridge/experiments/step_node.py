@@ -41,7 +41,7 @@ def play(_: str, parts: Parts, setting: Setting) -> Result:
             player.robot.stop()
             player.robot.on_odometry = ignore
             mirror.close()
-    odometry, true = ([tuple(pose) for pose in way] for way in (player.odometry_path, player.path))
+    odometry, true = ([tuple(pose) for pose in path] for path in (player.odometry_path, player.path))
     return step_test.outcome(setting, StepRecord(odometry, true, mirror.poses, mirror.delays_s), REMARK)
 
 

@@ -51,8 +51,8 @@ def commanded(rows: Sequence[Passed], since_s: float) -> Dict[int, float]:
 
 def odometry_s(frames_s: Sequence[float], arrived_s: Sequence[float]) -> float:
     """Median time from a frame to its Odometry message [s]; a message belongs to the last frame before it."""
-    ways = (at - max(each for each in frames_s if each <= at) for at in arrived_s)
-    return statistics.median(ways)
+    delays_s = (at - max(each for each in frames_s if each <= at) for at in arrived_s)
+    return statistics.median(delays_s)
 
 
 def command_s(published_s: Dict[int, float], commanded_s: Dict[int, float]) -> float:

@@ -26,7 +26,7 @@ from mrl_driver.driver.options import Options
 from mrl_driver.errors import FrameError, LinkLost, MrlError
 from mrl_driver.robot.battery import EMPTY, LOW, OFF
 from mrl_driver.robot.models import Limits, OmniDrive, RobotModel
-from mrl_driver.session.events import Reply, WayLost
+from mrl_driver.session.events import PathUnknown, Reply
 from mrl_driver.session.handshake import Board
 from mrl_driver.transport.reconnect import may_be_there
 from ros1_bridge.control.commander import ZONE, Commander, lowered
@@ -282,8 +282,8 @@ class RobotNode:
     def _on_event(self, event: Any) -> None:
         if isinstance(event, Reply):
             self._radio.on_frame(event.frame)
-        elif isinstance(event, WayLost):
-            self._publishers.covariance.widen(event.way_m, event.turn_rad)
+        elif isinstance(event, PathUnknown):
+            self._publishers.covariance.widen(event.distance_m, event.turn_rad)
         told = self._news.of(event)
         if told is not None and not rospy.is_shutdown():
             LOG[told.level](told.message)

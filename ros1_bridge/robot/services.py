@@ -14,17 +14,17 @@ UNDER_WAY = "the robot moves, or drives to a pose"
 
 
 class Services:
-    """The services of one robot; `forget_way` resets the covariance of the pose."""
+    """The services of one robot; `forget_path` resets the covariance of the pose."""
 
-    def __init__(self, driver: Any, commander: Commander, forget_way: Callable[[], None]) -> None:
-        self._driver, self._commander, self._forget_way = driver, commander, forget_way
+    def __init__(self, driver: Any, commander: Commander, forget_path: Callable[[], None]) -> None:
+        self._driver, self._commander, self._forget_path = driver, commander, forget_path
 
     def reset_odometry(self) -> Answer:
         """Set the pose to the origin of odom."""
         if not self._still():
             return False, f"{UNDER_WAY}; stop it first, for a pose that jumps in motion misleads filters"
         self._driver.reset_pose()
-        self._forget_way()
+        self._forget_path()
         return True, "the pose is 0, 0, 0"
 
     def stop(self) -> Answer:

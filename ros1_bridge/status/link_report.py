@@ -4,7 +4,7 @@ from typing import Any, Dict, NamedTuple, Optional
 
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.safety.wheel_monitor import Mismatch
-from mrl_driver.session.events import MAY_MOVE, WAITS, Lost, Ready, Reconnected, Slowed, Stale, WayLost
+from mrl_driver.session.events import MAY_MOVE, WAITS, Lost, PathUnknown, Ready, Reconnected, Slowed, Stale
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.link_counters import Statistics
 from mrl_driver.transport.baud_rates import SLOW
@@ -47,7 +47,7 @@ class News:
             )
         if isinstance(event, Mismatch):
             return LinkHealth(ERROR, f"{event}; the robot was stopped")
-        return LinkHealth(WARN, str(event)) if isinstance(event, (Slowed, WayLost)) else None
+        return LinkHealth(WARN, str(event)) if isinstance(event, (Slowed, PathUnknown)) else None
 
 
 def error_count(statistics: Statistics) -> int:

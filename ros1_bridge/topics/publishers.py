@@ -65,11 +65,11 @@ class Publishers:
         self._least_s = 0.0
         self.covariance = uncertainty_of(model)
         omni = isinstance(model.drive, OmniDrive)
-        self._odometry, self._odometry_out = PackedOdometry(odom, base), self._way("odom", Odometry)
+        self._odometry, self._odometry_out = PackedOdometry(odom, base), self._sender("odom", Odometry)
         self._transform = PackedTransform(odom, base)
-        self._transform_out = self._way("/tf", TFMessage) if parameters.publish_tf else None
+        self._transform_out = self._sender("/tf", TFMessage) if parameters.publish_tf else None
         self._joints = messages.new_joints(OMNI_JOINTS if omni else JOINTS)
-        self._joints_out = self._way("joint_states", JointState)
+        self._joints_out = self._sender("joint_states", JointState)
         counts_a_turn = model.board["gearbox"] / 10 * model.board["encoder_counts"] / 10
         self._rad_per_count = 2 * math.pi / counts_a_turn
         self._rad_per_m = self._rad_per_count / model.drive.metres_per_count
@@ -86,7 +86,7 @@ class Publishers:
             for name, kind in LATCHED.items()
         }
 
-    def _way(self, topic: str, kind: type) -> Union[Fast, Unpublished]:
+    def _sender(self, topic: str, kind: type) -> Union[Fast, Unpublished]:
         """A publisher for a topic of the part odometry."""
         return self._fast(topic, kind) if self._parameters.has("odometry") else Unpublished()
 
@@ -128,7 +128,9 @@ class Publishers:
         if not self._joints_out.impl.connections:
             return
         twist, scale = telemetry.twist, self._rad_per_count
-        speeds = self._kinematics.ways(Planar(twist.linear_m_s, twist.lateral_m_s, twist.angular_rad_s))
+        speeds = self._kinematics.wheel_steps(
+            Planar(twist.linear_m_s, twist.lateral_m_s, twist.angular_rad_s)
+        )
         messages.fill_joints(
             self._joints,
             self._stamp,

@@ -73,7 +73,7 @@ def _result(setting: Setting, team: Team, duration_s: float, remark: str) -> Res
     rows = [
         Figure("collisions", "ticks of 50 ms with a collision", team.collisions, "", "none"),
         Figure("nearest_m", "smallest distance between two robots' centres", team.nearest_m, "m"),
-        Figure("way_m", "distance driven by all robots", driven_m, "m"),
+        Figure("distance_m", "distance driven by all robots", driven_m, "m"),
         Figure("duration_s", "duration", duration_s, "s"),
     ]
     title = "Two real robots and a virtual one wander in one arena"

@@ -47,16 +47,16 @@ class Bumper:
         self._world, self._footprint, self._name = world, footprint, name
         self._free_m = 0.0
 
-    def share(self, old: Pose, way_m: float, at: Callable[[float], Pose], dt: float) -> float:
+    def share(self, old: Pose, distance_m: float, at: Callable[[float], Pose], dt: float) -> float:
         """Share of a motion that is possible, 0 to 1.
 
         Args:
             old: Pose at the start.
-            way_m: Largest distance of a wheel; the robot's middle moves at most twice that [m].
+            distance_m: Largest distance of a wheel; the robot's middle moves at most twice that [m].
             at: Gives the pose after a share of the motion.
             dt: Duration of the motion [s].
         """
-        self._free_m -= 2.0 * way_m + OTHERS_M_S * dt
+        self._free_m -= 2.0 * distance_m + OTHERS_M_S * dt
         if self._free_m > 0.0 or self._gets_to(old, at(1.0)):
             return 1.0
         if not self._gets_to(old, at(0.5**_HALVINGS)):

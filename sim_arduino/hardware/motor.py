@@ -122,9 +122,9 @@ class Motor:
 
     def move(self, dt: float, volts: float) -> float:
         """Moves for `dt` [s] at a constant duty; returns the distance [count]."""
-        way = self._braked(dt) if self.mode is Mode.BRAKE else self._driven(dt, volts)
-        self.travel += way
-        return way
+        moved = self._braked(dt) if self.mode is Mode.BRAKE else self._driven(dt, volts)
+        self.travel += moved
+        return moved
 
     def control(self, period_s: float, gains: ControlSettings) -> None:
         """One tick of the board's control loop."""
@@ -184,12 +184,12 @@ class Motor:
         turns_back = friction > 0.0 and speed * final < 0.0
         to_rest = tau * math.log1p(-speed / final) if turns_back else math.inf
         gone = -math.expm1(-min(dt, to_rest) / tau)
-        way = final * min(dt, to_rest) + (speed - final) * tau * gone
+        moved = final * min(dt, to_rest) + (speed - final) * tau * gone
         if dt < to_rest:
             self.speed = speed + (final - speed) * gone
-            return way
+            return moved
         self.speed = 0.0
-        return way + self._driven(dt - to_rest, volts)
+        return moved + self._driven(dt - to_rest, volts)
 
     def _braked(self, dt: float) -> float:
         speed, slowing = self.speed, self.params.brake_counts_s2

@@ -117,11 +117,11 @@ class Omni3MD:
         for motor in self.robot.motors:
             motor.brake()
 
-    def calibrate(self, time_s: float, ways: Tuple[int, int, int] = (1, 1, 1)) -> None:
+    def calibrate(self, time_s: float, directions: Tuple[int, int, int] = (1, 1, 1)) -> None:
         """Runs the motors at full duty for 1 s, stores their speeds [count per control period], and brakes."""
-        self._note(time_s, 0xFB, *ways)
-        for motor, way in zip(self.robot.motors, ways):
-            motor.set_duty(1.0 if way else -1.0)
+        self._note(time_s, 0xFB, *directions)
+        for motor, direction in zip(self.robot.motors, directions):
+            motor.set_duty(1.0 if direction else -1.0)
         self._calibrated_s = self.time_s + _CALIBRATION_S
 
     def move_percent(self, time_s: float, percents: Tuple[int, int, int], pid: bool) -> None:

@@ -70,7 +70,7 @@ class Omni3MDRegisters:
         board = self._board
         return {
             0xFC: ("2B", _Keyed(board.stop, 0, 1)),
-            0xFB: ("5B", _Keyed(lambda time_s, *ways: board.calibrate(time_s, ways), 3, 4)),
+            0xFB: ("5B", _Keyed(lambda time_s, *directions: board.calibrate(time_s, directions), 3, 4)),
             0xFA: ("b2h", board.move_omni),
             0xED: ("2B", _Keyed(board.save_positions, 0, 1)),
             0xF8: ("3h", lambda time_s, *percents: board.move_percent(time_s, percents, True)),

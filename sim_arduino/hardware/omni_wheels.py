@@ -11,12 +11,12 @@ OMNI_ANGLES_RAD = (math.pi / 3, math.pi, -math.pi / 3)
 
 
 def twist_of(
-    ways: Sequence[float], radius_m: float, angles_rad: Sequence[float] = OMNI_ANGLES_RAD
+    distances: Sequence[float], radius_m: float, angles_rad: Sequence[float] = OMNI_ANGLES_RAD
 ) -> Tuple[float, float, float]:
-    """Motion forward [m], to the left [m] and turn [rad], if the wheels at these angles roll `ways` [m]."""
-    forward = sum(-math.sin(angle) * way for angle, way in zip(angles_rad, ways)) * 2.0 / 3.0
-    aside = sum(math.cos(angle) * way for angle, way in zip(angles_rad, ways)) * 2.0 / 3.0
-    return forward, aside, sum(ways) / (3.0 * radius_m)
+    """Motion forward [m], to the left [m] and turn [rad], if the wheels at these angles roll `distances` [m]."""
+    forward = sum(-math.sin(angle) * distance for angle, distance in zip(angles_rad, distances)) * 2.0 / 3.0
+    aside = sum(math.cos(angle) * distance for angle, distance in zip(angles_rad, distances)) * 2.0 / 3.0
+    return forward, aside, sum(distances) / (3.0 * radius_m)
 
 
 def shares_for(speed: float, rotation: float, direction_rad: float) -> Tuple[float, float, float]:

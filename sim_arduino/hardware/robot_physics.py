@@ -170,7 +170,7 @@ def interpolate(pairs: Tuple[Tuple[float, float], ...], x: float) -> float:
     return y0 + (y1 - y0) * (x - x0) / (x1 - x0)
 
 
-Way = Callable[[Pose, float, Callable[[float], Pose], float], float]
+Allow = Callable[[Pose, float, Callable[[float], Pose], float], float]
 """Computes the share of a motion that is possible, see `collision.Bumper.share`."""
 
 
@@ -178,7 +178,7 @@ class RobotPhysics:
     """Params, state and motors; `step` simulates them.
 
     Attributes:
-        way: Limits motions at obstacles; None means an endless empty floor.
+        allow: Limits motions at obstacles; None means an endless empty floor.
     """
 
     def __init__(
@@ -188,7 +188,7 @@ class RobotPhysics:
         self.state = State(*pose, temperature_c=params.ambient_c, to_tick_s=1.0 / params.control_hz)
         self.motors = tuple(Motor(params.motor) for _ in range(3))
         self.gains = ControlSettings()
-        self.way: Optional[Way] = None
+        self.allow: Optional[Allow] = None
         self._rng = random.Random(f"wheels {seed}")
         self._unaccounted_s = 0.0
         self._update_battery(0.0)
@@ -243,14 +243,14 @@ class RobotPhysics:
             return _along_arc(old, share * forward, share * aside, share * turn)
 
         furthest = max(abs(left_m), abs(rear_m if self.params.omni_radius_m else 0.0), abs(right_m))
-        share = 1.0 if self.way is None else self.way(old, furthest, after, dt)
+        share = 1.0 if self.allow is None else self.allow(old, furthest, after, dt)
         state.bumped = share < 1.0
         state.x_m, state.y_m, state.yaw_rad = after(share)
 
-    def _jittered(self, way_m: float) -> float:
+    def _jittered(self, distance_m: float) -> float:
         """The distance of a wheel on the floor, from the distance that its encoder measures."""
         noise = self.params.wheel_noise
-        return way_m + self._rng.gauss(0.0, math.sqrt(noise * abs(way_m))) if noise else way_m
+        return distance_m + self._rng.gauss(0.0, math.sqrt(noise * abs(distance_m))) if noise else distance_m
 
     def _twist(self, left_m: float, rear_m: float, right_m: float) -> Tuple[float, float, float]:
         """Motion forward [m], to the left [m] and turn [rad] for these distances of the wheels."""

@@ -71,7 +71,7 @@ class Plant:
         self.robot = RobotPhysics(params_for(model, errors, omni), start, seed)
         self.footprint = footprint_for(model, footprint)
         if self.footprint:
-            self.robot.way = Bumper(self.world, self.footprint, name).share
+            self.robot.allow = Bumper(self.world, self.footprint, name).share
         if battery_v is not None:
             self.robot.set_battery(battery_v)
         self.motor_board = Omni3MD(self.robot, model)

@@ -32,7 +32,7 @@ END_M, END_RAD = 0.01, math.radians(0.5)
 BELIEVED = models.load("traxbot").drive
 
 
-class Taped:
+class Recorded:
     """An engine of which every byte is written down, as on a port with --record."""
 
     def __init__(self, engine, path):
@@ -62,7 +62,7 @@ class Lab:
     """Emulated robots, a new one for each command, and the command line."""
 
     def __init__(self, capsys):
-        self.options, self.rewire, self.emulated, self.tape = {}, None, None, None
+        self.options, self.rewire, self.emulated, self.recording = {}, None, None, None
         self._capsys = capsys
 
     @contextlib.contextmanager
@@ -75,8 +75,8 @@ class Lab:
         self.emulated = factory.make(factory.Options(robot="traxbot", **options))
         if self.rewire:
             self.rewire(self.emulated.plant.motor_board)
-        engine = Taped(self.emulated.engine, self.tape) if self.tape else self.emulated.engine
-        return SteppedDriver(engine, model, Options(period_ms=period_ms, check=self.tape is None))
+        engine = Recorded(self.emulated.engine, self.recording) if self.recording else self.emulated.engine
+        return SteppedDriver(engine, model, Options(period_ms=period_ms, check=self.recording is None))
 
     def pose(self):
         return Pose(*self.emulated.plant.true_pose)
@@ -227,13 +227,13 @@ def run(path, moves, true):
     return "--run", f"{record(path, moves)}:{x:.4f},{y:.4f},{math.degrees(yaw):.3f}"
 
 
-FROM_TAPE = ("--robot", "traxbot", "--output", "taped.yaml", "--yes", "--recording", "tape.mrl")
+FROM_RECORDING = ("--robot", "traxbot", "--output", "recorded_lab.yaml", "--yes", "--recording", "lab.mrl")
 
 
 @pytest.fixture
-def taped(lab, tmp_path):
-    """The laboratory; what its robots say and hear is kept in tape.mrl."""
-    lab.tape = tmp_path / "tape.mrl"
+def recorded_lab(lab, tmp_path):
+    """The laboratory; what its robots say and hear is kept in lab.mrl."""
+    lab.recording = tmp_path / "lab.mrl"
     return lab
 
 
@@ -241,30 +241,30 @@ def taped(lab, tmp_path):
     ("procedure", "keys"),
     [(("gains",), Gains._fields), (("sonar", "--start", 1.5, "--step", 0.15), models.CURVE_KEYS)],
 )
-def test_a_recording_of_a_calibration_says_what_the_calibration_said(taped, procedure, keys):
-    taped.options = {"pose": "0.4,0,0", "footprint": "box"}
-    assert taped.mrl(*procedure, "--yes")[0] == 0
-    code, _, lines = taped.mrl(*procedure, *FROM_TAPE)
+def test_a_recording_of_a_calibration_says_what_the_calibration_said(recorded_lab, procedure, keys):
+    recorded_lab.options = {"pose": "0.4,0,0", "footprint": "box"}
+    assert recorded_lab.mrl(*procedure, "--yes")[0] == 0
+    code, _, lines = recorded_lab.mrl(*procedure, *FROM_RECORDING)
     assert code == 0, lines
-    live, replayed = (models.load(f"{name}.yaml").board for name in ("traxbot-1", "taped"))
+    live, replayed = (models.load(f"{name}.yaml").board for name in ("traxbot-1", "recorded_lab"))
     assert [replayed[key] for key in keys] == pytest.approx([live[key] for key in keys], rel=0.02)
 
 
-def test_the_wires_are_judged_from_a_recording_too(taped):
-    assert taped.mrl("wiring", "--unseen", "--yes")[0] == 0
-    code, out, _ = taped.mrl("wiring", *FROM_TAPE)
+def test_the_wires_are_judged_from_a_recording_too(recorded_lab):
+    assert recorded_lab.mrl("wiring", "--unseen", "--yes")[0] == 0
+    code, out, _ = recorded_lab.mrl("wiring", *FROM_RECORDING)
     assert (code, out) == (0, "the wiring of motors and encoders is right\n")
 
 
-def test_swapped_wires_are_found_in_a_recording(taped):
+def test_swapped_wires_are_found_in_a_recording(recorded_lab):
     def swap(board):
         encoder = board.encoder
         board.encoder = lambda number, time_s: encoder(4 - number, time_s)
 
-    taped.rewire = swap
-    code, out, _ = taped.mrl("wiring", "--unseen", "--yes", "--json")
+    recorded_lab.rewire = swap
+    code, out, _ = recorded_lab.mrl("wiring", "--unseen", "--yes", "--json")
     assert code == 14 and json.loads(out)["findings"][0].startswith("encoders or motors swapped")
-    code, _, lines = taped.mrl("wiring", *FROM_TAPE)
+    code, _, lines = recorded_lab.mrl("wiring", *FROM_RECORDING)
     assert code == 14 and "encoders or motors swapped" in lines[-1]
 
 
@@ -281,29 +281,31 @@ def test_swapped_wires_are_found_in_a_recording(taped):
             "gains",
             "holds no request 10 that moves",
         ),
-        (("wiring", "--unseen"), "gains", "tape.mrl: the first step turns only one motor, expected both"),
+        (("wiring", "--unseen"), "gains", "lab.mrl: the first step turns only one motor, expected both"),
     ],
 )
-def test_a_recording_of_another_calibration_is_refused(taped, recorded, wanted, said):
-    taped.mrl(*recorded, "--yes")
-    assert said in taped.refused(wanted, *FROM_TAPE)
+def test_a_recording_of_another_calibration_is_refused(recorded_lab, recorded, wanted, said):
+    recorded_lab.mrl(*recorded, "--yes")
+    assert said in recorded_lab.refused(wanted, *FROM_RECORDING)
 
 
-def test_a_recording_of_another_robot_is_refused(taped):
-    taped.mrl("wiring", "--unseen", "--yes")
-    words = [word if word != "traxbot" else "stingbot" for word in FROM_TAPE]
-    assert "tape.mrl is a recording of robot id 1, expected a stingbot" in taped.refused("wiring", *words)
+def test_a_recording_of_another_robot_is_refused(recorded_lab):
+    recorded_lab.mrl("wiring", "--unseen", "--yes")
+    words = [word if word != "traxbot" else "stingbot" for word in FROM_RECORDING]
+    assert "lab.mrl is a recording of robot id 1, expected a stingbot" in recorded_lab.refused(
+        "wiring", *words
+    )
 
 
 def test_a_recording_without_counts_is_refused(lab, tmp_path):
-    (tmp_path / "tape.mrl").write_text("#mrl-recording 1 {}\n0.0 ! opened x\n")
-    assert "tape.mrl holds 0 readings of the counters" in lab.refused("gains", *FROM_TAPE)
+    (tmp_path / "lab.mrl").write_text("#mrl-recording 1 {}\n0.0 ! opened x\n")
+    assert "lab.mrl holds 0 readings of the counters" in lab.refused("gains", *FROM_RECORDING)
 
 
 def test_of_which_robot_a_recording_is_must_be_said(lab):
-    assert "--robot is missing" in lab.refused("gains", "--recording", "tape.mrl")
-    assert "--run is 'tape.mrl', expected FILE:X,Y" in lab.refused(
-        "turn", *FROM_TAPE[:-2], "--run", "tape.mrl"
+    assert "--robot is missing" in lab.refused("gains", "--recording", "lab.mrl")
+    assert "--run is 'lab.mrl', expected FILE:X,Y" in lab.refused(
+        "turn", *FROM_RECORDING[:-2], "--run", "lab.mrl"
     )
 
 

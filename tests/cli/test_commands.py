@@ -15,7 +15,7 @@ from mrl_driver.cli import main
 from mrl_driver.cli.commands import shared
 from mrl_driver.recording.recording import Recording
 from mrl_driver.robot import models
-from mrl_driver.session.events import Lost, Reconnected, Slowed, WayLost
+from mrl_driver.session.events import Lost, PathUnknown, Reconnected, Slowed
 from mrl_driver.terminal import keyboard
 from mrl_driver.terminal.shown_state import range_text
 from tests.waiting import PATIENCE_S, wait_until
@@ -318,7 +318,8 @@ def test_a_blocked_wheel_has_its_own_exit_code(serve):
 
 
 @pytest.mark.parametrize(
-    "event", [Lost("/dev/x", "it went away"), Reconnected("/dev/y"), Slowed(115200), WayLost(3.0, 0.9, 1.0)]
+    "event",
+    [Lost("/dev/x", "it went away"), Reconnected("/dev/y"), Slowed(115200), PathUnknown(3.0, 0.9, 1.0)],
 )
 def test_what_happens_to_the_line_is_told_in_one_line(capsys, event):
     listeners = []

@@ -15,7 +15,7 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.battery import EMPTY_AFTER_S
 from mrl_driver.safety.wheel_monitor import DEAD, Mismatch
-from mrl_driver.session.events import Lost, Reconnected, Slowed, WayLost
+from mrl_driver.session.events import Lost, PathUnknown, Reconnected, Slowed
 from mrl_driver.terminal import trail
 from mrl_driver.terminal.canvas import Canvas, View, fit
 from mrl_driver.terminal.frame_log import MOST_LINES, FrameLog
@@ -53,7 +53,8 @@ def test_the_view_fits_terminals_of_all_sizes(watched, size):
 
 
 @pytest.mark.parametrize(
-    "event", [Lost("/dev/x", "it went away"), Reconnected("/dev/y"), Slowed(115200), WayLost(3.0, 0.9, 1.0)]
+    "event",
+    [Lost("/dev/x", "it went away"), Reconnected("/dev/y"), Slowed(115200), PathUnknown(3.0, 0.9, 1.0)],
 )
 def test_the_view_shows_what_happened_to_the_line(watched, monkeypatch, event):
     driver, _, log = watched

@@ -137,7 +137,7 @@ def test_parts_and_other_formats(recorded, tmp_path):
     target = tmp_path / "path.svg"
     figures = json.loads(mrl("plot", recorded, "--part", "path", "-o", target, "--json").stdout)
     text = target.read_text()
-    assert figures["way_m"] == pytest.approx(0.5, abs=1e-3) and figures["skipped_lines"] == 1
+    assert figures["path_m"] == pytest.approx(0.5, abs=1e-3) and figures["skipped_lines"] == 1
     assert "<svg" in text
 
 

@@ -8,7 +8,7 @@ from mrl_driver.driver.options import DEFAULTS
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.robot.models import load
 from mrl_driver.robot.robot_state import RobotState
-from mrl_driver.session.events import Ready, WayLost
+from mrl_driver.session.events import PathUnknown, Ready
 from mrl_driver.session.session import STOPPING_S
 from sim_arduino.board import PythonBoard
 from sim_arduino.board.board2013 import Board2013August
@@ -58,7 +58,7 @@ class Drive:
 def test_heavy_damage_neither_loses_the_way_nor_makes_restarts(kind, seed):
     drive = Drive(f"{kind}:rate=0.03,direction=to_host,at=1", seed=seed).run(12.0)
     assert drive.error_m < ERROR_M
-    assert drive.robot.statistics.restarts == 0 and not drive.seen(WayLost)
+    assert drive.robot.statistics.restarts == 0 and not drive.seen(PathUnknown)
 
 
 @pytest.mark.parametrize("gap_s", [2, 4, 9])
@@ -75,7 +75,7 @@ def test_after_a_silence_of_the_same_boot_nothing_is_missed(gap_s):
 )
 def test_a_robot_that_may_have_driven_on_in_a_silence_has_lost_its_way(make, options):
     drive = Drive("loss:rate=1,at=6,lasts=4", make, options).run(12.0)
-    lost = drive.seen(WayLost)
+    lost = drive.seen(PathUnknown)
     assert len(lost) == 1
     assert 3.5 < lost[0].gap_s < 6.0 and lost[0].turn_rad == math.pi
 
@@ -85,9 +85,9 @@ def test_a_board_that_restarts_loses_no_more_than_the_wheels_can_coast():
     talk.board.reset(talk.now)
     talk.until(lambda: len(talk.seen(Ready)) == 2).run(0.2)
     events = [found for event in talk.events for found in state.digest(event, talk.now)]
-    lost = [event for event in events if isinstance(event, WayLost)]
+    lost = [event for event in events if isinstance(event, PathUnknown)]
     assert len(lost) == 1 and 0.28 < lost[0].gap_s < 1.0
-    assert lost[0].way_m == pytest.approx(state.model.limits.linear_m_s * lost[0].gap_s)
+    assert lost[0].distance_m == pytest.approx(state.model.limits.linear_m_s * lost[0].gap_s)
 
 
 def test_a_board_that_restarts_in_a_long_silence_loses_what_the_wheels_coast_until_its_watchdog_acts():
@@ -98,14 +98,14 @@ def test_a_board_that_restarts_in_a_long_silence_loses_what_the_wheels_coast_unt
     talk.board.reset(talk.now)
     talk.until(lambda: len(talk.seen(Ready)) == 2).run(0.2)
     events = [found for event in talk.events for found in state.digest(event, talk.now)]
-    lost = [event for event in events if isinstance(event, WayLost)]
+    lost = [event for event in events if isinstance(event, PathUnknown)]
     assert len(lost) == 1 and lost[0].gap_s > 5.0
     coast_s = DEFAULTS.watchdog_ms / 1000 + STOPPING_S
-    assert lost[0].way_m == pytest.approx(state.model.limits.linear_m_s * coast_s)
+    assert lost[0].distance_m == pytest.approx(state.model.limits.linear_m_s * coast_s)
 
 
 def test_a_lost_way_says_how_far_the_pose_may_be_off():
-    assert str(WayLost(3.21, 0.963, 3.14)) == (
+    assert str(PathUnknown(3.21, 0.963, 3.14)) == (
         "the wheels could not be followed for 3.2 s: the pose may be off by up to 0.96 m and 3.14 rad"
     )
 

@@ -97,7 +97,7 @@ def test_a_goal_in_a_wall_is_given_up_after_the_patience(tmp_path):
 def test_what_is_seen_near_closes_the_way_and_is_forgotten_where_later_looks_are_free():
     floor = FloorMap(SONARS)
     floor.see((0.0, 0.0, 0.0), {"front": 0.3})
-    assert not floor.is_free((0.0, 0.0), (1.0, 0.0)) and floor.way((0.0, 0.0), (1.0, 0.0))
+    assert not floor.is_free((0.0, 0.0), (1.0, 0.0)) and floor.path((0.0, 0.0), (1.0, 0.0))
     for step in range(-10, 11):
         floor.see((0.0, 0.0, 0.04 * step), {"front": 3.0})
     assert floor.is_free((0.0, 0.0), (1.0, 0.0))
@@ -107,7 +107,7 @@ def test_a_robot_that_is_walled_in_has_no_way():
     floor = FloorMap(SONARS)
     for step in range(72):
         floor.see((0.0, 0.0, math.radians(5 * step)), {"front": 0.3})
-    assert floor.way((0.0, 0.0), (2.0, 0.0)) is None
+    assert floor.path((0.0, 0.0), (2.0, 0.0)) is None
 
 
 @pytest.mark.parametrize("yaw, backs", [(0.0, True), (1.2, False)], ids=["from-behind", "from-aside"])

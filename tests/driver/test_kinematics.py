@@ -44,7 +44,7 @@ def possible(base: Kinematics, twist: Planar) -> Planar:
 @given(twist=twists)
 def test_twist_to_wheels_and_back_is_the_same(base, twist):
     told = possible(base, twist)
-    assert base.step(base.ways(told)) == pytest.approx(told, abs=EXACT)
+    assert base.step(base.wheel_steps(told)) == pytest.approx(told, abs=EXACT)
 
 
 @given(right=speed, left=speed)
@@ -83,7 +83,7 @@ def test_mecanum_odometry_is_the_best_fit(ways, other):
     base = BASES["mecanum"]
 
     def misfit(step: Planar) -> float:
-        return sum((a - b) ** 2 for a, b in zip(base.ways(step), ways))
+        return sum((a - b) ** 2 for a, b in zip(base.wheel_steps(step), ways))
 
     assert misfit(base.step(ways)) <= misfit(other) + 1e-9
 
@@ -94,7 +94,7 @@ def test_saturation_keeps_the_direction_of_the_largest_twists(base, size):
     kept = base.saturated(Planar(size, size if base.sideways else 0.0, -size / 2), 0.3)
     assert kept.forward > 0 and kept.turn == pytest.approx(-kept.forward / 2)
     assert kept.left == (kept.forward if base.sideways else 0.0)
-    assert max(map(abs, base.ways(kept))) == pytest.approx(0.3)
+    assert max(map(abs, base.wheel_steps(kept))) == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize("base", BASES.values(), ids=BASES)
@@ -102,8 +102,8 @@ def test_saturation_keeps_the_direction_of_the_largest_twists(base, size):
 def test_saturation_keeps_the_direction(base, twist, most):
     told = possible(base, twist)
     kept = base.saturated(told, most)
-    assert max(map(abs, base.ways(kept))) <= most + EXACT
-    factor = min(1.0, most / max(*map(abs, base.ways(told)), EXACT))
+    assert max(map(abs, base.wheel_steps(kept))) <= most + EXACT
+    factor = min(1.0, most / max(*map(abs, base.wheel_steps(told)), EXACT))
     assert kept == pytest.approx([factor * part for part in told], abs=EXACT)
 
 
@@ -111,7 +111,7 @@ def test_saturation_keeps_the_direction(base, twist, most):
 @given(twist=twists)
 def test_covariance_is_that_of_independent_wheels(base, twist):
     """One wheel after the other: the spread is the sum of the steps that their deviations make."""
-    ways = base.ways(possible(base, twist))
+    ways = base.wheel_steps(possible(base, twist))
     expected = [0.0] * 6
     for at, way in enumerate(ways):
         deviation = math.sqrt(1e-4 * abs(way))
@@ -129,7 +129,7 @@ def square(base: Kinematics, whole_counts: bool) -> float:
         for _ in range(100):
             heading = side * math.pi / 2 - true.yaw_rad
             step = Planar(0.01 * math.cos(heading), 0.01 * math.sin(heading), 2 * math.pi / 400)
-            ways = base.ways(step)
+            ways = base.wheel_steps(step)
             true = advance(true, step.forward, step.turn, step.left)
             travelled = [a + way / COUNT_M for a, way in zip(travelled, ways)]
             read = [math.floor(count) for count in travelled] if whole_counts else travelled
@@ -150,7 +150,7 @@ def test_two_wheels_cannot_go_sideways():
     with pytest.raises(
         FrameError, match=r"a differential base cannot move sideways \(0.2 m/s requested\); turn instead"
     ):
-        BASES["differential"].ways(Planar(0.1, 0.2, 0.0))
+        BASES["differential"].wheel_steps(Planar(0.1, 0.2, 0.0))
 
 
 def test_wheels_that_do_not_determine_the_motion():
@@ -170,7 +170,7 @@ def test_wheels_that_do_not_determine_the_motion():
 def test_the_drive_of_a_model_chooses_the_base(drive, kind):
     base = kinematics_of(drive)
     assert base.kind == kind
-    assert base.ways(Planar(0.0, 0.0, 1.0))[0 if len(base.names) < 4 else 1] == pytest.approx(
+    assert base.wheel_steps(Planar(0.0, 0.0, 1.0))[0 if len(base.names) < 4 else 1] == pytest.approx(
         drive.turning_separation_m / 2
     )
 

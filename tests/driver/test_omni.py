@@ -140,7 +140,7 @@ def test_limits_keep_direction_and_arc(linear, angular, lateral):
     kept = OmniTwist(*limiter(limits, drive).limited((linear, angular, lateral)))
     assert math.hypot(kept.linear_m_s, kept.lateral_m_s) <= limits.linear_m_s + 1e-12
     assert abs(kept.angular_rad_s) <= limits.angular_rad_s + 1e-12
-    ways = kinematics_of(drive).ways(Planar(kept.linear_m_s, kept.lateral_m_s, kept.angular_rad_s))
+    ways = kinematics_of(drive).wheel_steps(Planar(kept.linear_m_s, kept.lateral_m_s, kept.angular_rad_s))
     assert max(map(abs, ways)) <= drive.full_speed_m_s + 1e-12
     assert kept.linear_m_s * angular == pytest.approx(linear * kept.angular_rad_s, abs=1e-9)
     assert kept.linear_m_s * lateral == pytest.approx(linear * kept.lateral_m_s, abs=1e-9)
@@ -195,7 +195,7 @@ def test_three_counters_that_start_from_zero_again_move_nothing(exact):
 def test_covariance_of_a_way_to_the_side():
     """To the left the rear wheel does two thirds of the work: sideways errors are larger than forward ones."""
     made = OmniUncertainty(OMNI)
-    ways = kinematics_of(OMNI.drive).ways(Planar(0.0, 1.0, 0.0))
+    ways = kinematics_of(OMNI.drive).wheel_steps(Planar(0.0, 1.0, 0.0))
     left, rear, right = (way / OMNI.drive.metres_per_count for way in ways)
     before = made.unknowns
     made.update(OmniWheels(right, left, rear), 0.0, 1.0)
@@ -211,7 +211,8 @@ def test_covariance_is_carried_along_the_way(turned):
     """In small steps straight ahead: sideways grow the errors of the wheels, of the yaw, and of both together."""
     made, steps = OmniUncertainty(OMNI), 1000
     left, rear, right = (
-        way / OMNI.drive.metres_per_count for way in kinematics_of(OMNI.drive).ways(Planar(1.0, 0.0, 0.0))
+        way / OMNI.drive.metres_per_count
+        for way in kinematics_of(OMNI.drive).wheel_steps(Planar(1.0, 0.0, 0.0))
     )
     for step in range(1, steps + 1):
         share = step / steps

@@ -309,7 +309,7 @@ def test_three_wheels_are_told_apart(dead, wheel, cause):
     ways = dict.fromkeys(OmniWheels._fields, 0.0)
     for _ in range(60):
         now += 1.001 * TICK_S
-        left, rear, right = kinematics_of(model.drive).ways(Planar(0.0, 0.0, 1.0))
+        left, rear, right = kinematics_of(model.drive).wheel_steps(Planar(0.0, 0.0, 1.0))
         for name, speed in (("left", left), ("rear", rear), ("right", right)):
             ways[name] += 0.0 if name in dead.split() else speed * TICK_S
         counts = OmniWheels(*(round(way / model.drive.metres_per_count) for way in ways.values()))

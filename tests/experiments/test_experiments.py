@@ -114,7 +114,7 @@ def test_sonar_without_a_reading_is_unknown_although_nothing_stands_in_the_virtu
 
 def test_mixed_team_does_not_collide(tmp_path):
     figures = run(mixed_team, tmp_path, DURATION_S=30.0)
-    assert figures["collisions"] == 0 and figures["way_m"] > 7
+    assert figures["collisions"] == 0 and figures["distance_m"] > 7
 
 
 def test_team_shares_a_waypoint_without_a_collision(tmp_path):
@@ -148,7 +148,7 @@ def test_port_is_refused_where_robots_are_emulated(experiment):
 
 
 def test_result_is_read_as_it_was_saved(tmp_path):
-    row = experiment_report.Figure("way_m", "way", 1.25, "m", "1 m")
+    row = experiment_report.Figure("distance_m", "distance", 1.25, "m", "1 m")
     result = experiment_report.Result("drive", "A drive", [row], ["drive.png"], "remark")
     experiment_report.save(result, str(tmp_path))
     assert experiment_report.read(str(tmp_path), "drive") == result
@@ -186,6 +186,6 @@ def test_sonar_without_an_echo_makes_its_cone_free():
 
 
 def test_json_names_what_was_published(tmp_path):
-    row = experiment_report.Figure("way_m", "way", 1.25, "m", "1 m")
+    row = experiment_report.Figure("distance_m", "distance", 1.25, "m", "1 m")
     experiment_report.save(experiment_report.Result("drive", "A drive", [row]), str(tmp_path))
     assert json.loads((tmp_path / "drive.json").read_text())["rows"][0]["published"] == "1 m"

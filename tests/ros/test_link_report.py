@@ -11,7 +11,7 @@ from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
 from mrl_driver.robot.odometry import Twist, Wheels
 from mrl_driver.robot.robot_state import Telemetry
-from mrl_driver.session.events import Lost, Ready, Reconnected, Reply, Stale, WayLost
+from mrl_driver.session.events import Lost, PathUnknown, Ready, Reconnected, Reply, Stale
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.link_counters import Counters
 from ros1_bridge.node.robot_parameters import check
@@ -38,7 +38,7 @@ def telemetry(sequence):
         ((Stale(0.3), UNKNOWN), [ERROR, OK]),
         ((LOST, RESTARTED, BACK), [ERROR, None, OK]),
         ((LOST, BACK, RESTARTED), [ERROR, OK, WARN]),
-        ((WayLost(3.0, 0.9, 1.0),), [WARN]),
+        ((PathUnknown(3.0, 0.9, 1.0),), [WARN]),
         ((Reply(()),), [None]),
     ],
     ids=["silent", "restarted", "silent, no check value", "lost", "restarted later", "lost way", "a reply"],

@@ -66,7 +66,7 @@ def plot(file: str, output: Optional[str], parts: Tuple[str, ...], robot: str, a
             {
                 "picture": picture,
                 "robot": found.model.name,
-                "way_m": path_length_m,
+                "path_m": path_length_m,
                 "end": dict(zip(("time_s", "x_m", "y_m", "yaw_rad"), found.poses[-1])),
                 "skipped_lines": recording.skipped_count,
             }

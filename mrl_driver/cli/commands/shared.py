@@ -14,7 +14,7 @@ from mrl_driver.errors import ConfigError, OutputError
 from mrl_driver.host import named_robots
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot import models
-from mrl_driver.session.events import Lost, Reconnected, Slowed, WayLost
+from mrl_driver.session.events import Lost, PathUnknown, Reconnected, Slowed
 from mrl_driver.transport.baud_rates import FAST_BAUD, SLOW
 
 if TYPE_CHECKING:
@@ -178,7 +178,7 @@ def report_losses(driver: "Driver") -> None:
     """
 
     def report(event: object) -> None:
-        if isinstance(event, (Lost, Reconnected, Slowed, WayLost)):
+        if isinstance(event, (Lost, Reconnected, Slowed, PathUnknown)):
             print_message(str(event))
 
     driver.on_event(report)

@@ -31,12 +31,12 @@ def joined(entries, way):
     return b"".join(entry.data for entry in entries if entry.direction == way)
 
 
-def test_what_went_to_the_board_is_on_the_tape(recorded):
+def test_what_went_to_the_board_is_recorded(recorded):
     entries, board, _ = recorded
     wait_until(lambda: bytes(board.received) == joined(entries, TO_BOARD))
 
 
-def test_what_came_from_the_board_is_on_the_tape(recorded):
+def test_what_came_from_the_board_is_recorded(recorded):
     """Plain until the check value is switched on."""
     entries, _, _ = recorded
     switch = next(i for i, entry in enumerate(entries) if entry.data == b"checked")
@@ -93,7 +93,7 @@ def test_the_header_tells_the_port(recorded):
     assert recording.header["port"] == board.path
 
 
-def test_the_stop_at_the_end_is_on_the_tape(recorded):
+def test_the_stop_at_the_end_is_recorded(recorded):
     entries, _, _ = recorded
     assert Frame(13, ()) in FrameDecoder(REQUESTS, checked=True).feed(joined(entries, TO_BOARD))
 
