@@ -25,6 +25,8 @@ from .serialized_odometry import PackedOdometry, PackedTransform
 
 STEP_S = 1e-6
 """Smallest difference of two stamps; four times the resolution of a float with today's time in seconds."""
+PAUSE_S = 1e-4
+"""If the difference of the two clocks shrinks by more than this, it is read again."""
 JUMP_S = 1.0
 """If the clock goes back further than this, it was set on purpose, and the stamps follow it."""
 LATCHED = {"battery": BatteryState, "board_temperature": Temperature, "status": DiagnosticStatus}
@@ -62,6 +64,7 @@ class Publishers:
         self._class, self._lost = publisher_class, lost
         self._model, self._parameters = model, parameters
         self._stamp, self._clock, self._monotonic = Time(), clock, monotonic
+        self._ahead_s = -math.inf
         self._least_s = 0.0
         self.covariance = uncertainty_of(model)
         omni = isinstance(model.drive, OmniDrive)
@@ -104,7 +107,11 @@ class Publishers:
     def telemetry(self, telemetry: Telemetry) -> None:
         """Publish pose, twist, wheels, and the sonars with a new reading."""
         stamp_s, _, (x_m, y_m, yaw_rad), twist, _, fresh, counts, _ = telemetry
-        wall_s = max(0.0, self._clock() - self._monotonic() + stamp_s)  # simulated time begins at 0
+        ahead_s = self._clock() - self._monotonic()
+        if ahead_s < self._ahead_s - PAUSE_S:  # the clock was set back, or this thread paused between the two readings
+            ahead_s = max(ahead_s, self._clock() - self._monotonic())
+        self._ahead_s = ahead_s
+        wall_s = max(0.0, ahead_s + stamp_s)  # simulated time begins at 0
         if self._least_s - JUMP_S < wall_s < self._least_s:
             wall_s = self._least_s
         self._least_s = wall_s + STEP_S

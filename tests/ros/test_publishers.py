@@ -48,6 +48,49 @@ def published(*heard, fresh=(), yaw_rad=0.0, twist=Twist(0.0, 0.0), counts=Wheel
     return topics
 
 
+class Clocks:
+    """Wall clock and monotonic clock of a thread that pauses for `pause_s` between two readings."""
+
+    def __init__(self):
+        self.now_s, self.wall_ahead_s, self.pause_s = 50.0, 1000.0, 0.0
+
+    def wall(self):
+        wall_s = self.now_s + self.wall_ahead_s
+        self.now_s, self.pause_s = self.now_s + self.pause_s, 0.0
+        return wall_s
+
+    def monotonic(self):
+        return self.now_s
+
+
+def stamps(*changes):
+    """Stamps of frames 0.02 s apart [s]; before each frame but the first, the clocks are set as `changes` say."""
+    topics, clocks = Topics("odom"), Clocks()
+    out = Publishers(
+        topics, OSError, check({"port": "p"}, "node"), MODEL, clock=clocks.wall, monotonic=clocks.monotonic
+    )
+    for number, change in enumerate(({}, *changes)):
+        vars(clocks).update(change)
+        stamp_s = 50.0 + 0.02 * number
+        out.telemetry(
+            Telemetry(stamp_s, stamp_s, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), {}, (), Wheels(0, 0), number)
+        )
+    return [message.header.stamp.to_sec() for message in topics["odom"].sent]
+
+
+def test_a_pause_between_the_readings_of_the_clocks_leaves_the_stamp():
+    assert stamps({"pause_s": 2.0}) == pytest.approx([1050.0, 1050.02], abs=1e-6)
+
+
+def test_stamps_increase_though_the_clock_goes_back_a_little():
+    first, second, third = stamps({"wall_ahead_s": 999.5}, {})
+    assert first < second < third < first + 1e-4
+
+
+def test_stamps_follow_a_clock_that_is_set_back():
+    assert stamps({"wall_ahead_s": 900.0}) == pytest.approx([1050.0, 950.02], abs=1e-6)
+
+
 def test_wheels_turn_as_fast_as_the_robot_moves():
     """Straight ahead each by the speed over its radius."""
     (joints,) = published("joint_states", twist=Twist(0.2, 0.0))["joint_states"].sent
