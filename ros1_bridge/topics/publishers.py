@@ -108,7 +108,8 @@ class Publishers:
         """Publish pose, twist, wheels, and the sonars with a new reading."""
         stamp_s, _, (x_m, y_m, yaw_rad), twist, _, fresh, counts, _ = telemetry
         ahead_s = self._clock() - self._monotonic()
-        if ahead_s < self._ahead_s - PAUSE_S:  # the clock was set back, or this thread paused between the two readings
+        # the clock was set back, or this thread paused between the two readings
+        if ahead_s < self._ahead_s - PAUSE_S:
             ahead_s = max(ahead_s, self._clock() - self._monotonic())
         self._ahead_s = ahead_s
         wall_s = max(0.0, ahead_s + stamp_s)  # simulated time begins at 0
