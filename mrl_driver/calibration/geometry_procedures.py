@@ -151,6 +151,16 @@ def evaluate(
     elif procedure == TURN:
         start = fit.fit(runs[:2], before, free, model.noise, measured).drive
     fitted = fit.fit(runs, start, free, model.noise, measured)
+    _require_no_outlier(runs, fitted)
+    together = [*runs, *others]
+    noise = None
+    if len(together) >= fit.LEAST_RUNS_FOR_NOISE:
+        whole = fit.GeometryFit(fitted.drive, errors(fitted.drive, together), ())
+        noise = fit.estimate_noise(together, whole, len(free) + (len(others) > 0), measured)
+    return Outcome(before, fitted.drive, found, fitted.errors, result, noise)
+
+
+def _require_no_outlier(runs: List[Trial], fitted: fit.GeometryFit) -> None:
     odd = fit.outlier(runs, fitted)
     if odd >= 0:
         off_m = float(np.hypot(*fitted.errors[odd, :2]))
@@ -158,12 +168,6 @@ def evaluate(
             f"run {odd + 1} of {len(runs)} ends {off_m:.3f} m from where the others predict: wrongly measured, "
             f"or a wheel slipped; drive it again with --again {odd + 1}"
         )
-    together = [*runs, *others]
-    noise = None
-    if len(together) >= fit.LEAST_RUNS_FOR_NOISE:
-        whole = fit.GeometryFit(fitted.drive, errors(fitted.drive, together), ())
-        noise = fit.estimate_noise(together, whole, len(free) + (len(others) > 0), measured)
-    return Outcome(before, fitted.drive, found, fitted.errors, result, noise)
 
 
 def _umbmark(runs: List[Trial], found: np.ndarray, drive: Drive, side_m: float) -> umbmark.UmbmarkResult:

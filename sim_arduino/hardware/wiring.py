@@ -80,17 +80,19 @@ class Plant:
         self.sonars = SonarChain(
             model.sonars if sonars else {}, self.world, self._pose_at, name, sonar_errors, seed
         )
-        self.i2c: Dict[int, Any] = {
-            ADDRESS: Omni3MDRegisters(self.motor_board),
-            THERMOPILE_ADDRESS: Thermopile(self.sensed),
-            COMPASS_ADDRESS: Compass(
-                lambda time_s: self._pose_at(time_s).yaw_rad, self.world.scene.north_rad
-            ),
-        }
-        self.i2c.update({row.i2c.address: PlainSensor(row, self.sensed) for row in OTHERS if row.i2c})
+        self.i2c = self._slaves()
         self._dust = DustPulses(lambda time_s: self._sensed_now().dust_pcs_l)
         self._shown: Optional[Pose] = None
         self._show()
+
+    def _slaves(self) -> Dict[int, Any]:
+        north_rad = self.world.scene.north_rad
+        return {
+            ADDRESS: Omni3MDRegisters(self.motor_board),
+            THERMOPILE_ADDRESS: Thermopile(self.sensed),
+            COMPASS_ADDRESS: Compass(lambda time_s: self._pose_at(time_s).yaw_rad, north_rad),
+            **{row.i2c.address: PlainSensor(row, self.sensed) for row in OTHERS if row.i2c},
+        }
 
     def advance(self, time_s: float) -> None:
         """Runs all parts to `time_s` [s]."""

@@ -142,21 +142,13 @@ def main(
     """
     if plot:
         figures.require_writable(plot)
-    if link and listen:
-        raise ConfigError(
-            "--link is given with --listen, expected one of them: a network address has no file"
-        )
     robot = factory.make(factory.Options(**options))
     with ExitStack() as stack:
         stack.callback(robot.close)
+        port = _port(stack, link, listen)
         files = _open(stack, "--truth", truth), _open(stack, "--log", log)
-        port: BoardPort = SocketPort(listen) if listen else PtyPort()
-        stack.callback(port.close)
-        announce = _announcer(stack, link)
-        orders = sys.stdin.fileno() if control else None
-        attendant = (
-            Control(robot.board, orders, announce, _print_message) if robot.has_faults or control else None
-        )
+        announce = _announcer(stack, link, bool(listen))
+        attendant = _attendant(robot, control, announce)
         engine = robot.board if attendant else robot.engine
         watchers = _watchers(stack, PlantTrail(robot.plant), plot, view)
         server = PtyServer(
@@ -164,11 +156,17 @@ def main(
         )
         _stop_on_signals(server)
         announce(port.path)
-        if listen:
-            _print_message(
-                f"listening on {port.path}; everybody who can reach this address can drive the robot"
-            )
         server.run()
+
+
+def _port(stack: ExitStack, link: Optional[str], listen: Optional[str]) -> BoardPort:
+    if link and listen:
+        raise ConfigError(
+            "--link is given with --listen, expected one of them: a network address has no file"
+        )
+    port: BoardPort = SocketPort(listen) if listen else PtyPort()
+    stack.callback(port.close)
+    return port
 
 
 def _watchers(stack: ExitStack, trail: PlantTrail, plot: Optional[str], view: bool) -> List[Watcher]:
@@ -184,7 +182,14 @@ def _watchers(stack: ExitStack, trail: PlantTrail, plot: Optional[str], view: bo
     return watchers
 
 
-def _announcer(stack: ExitStack, name: Optional[str]) -> Callable[[str], None]:
+def _attendant(robot: factory.Emulated, control: bool, announce: Callable[[str], None]) -> Optional[Control]:
+    """What triggers faults and takes orders, if there are any."""
+    if not robot.has_faults and not control:
+        return None
+    return Control(robot.board, sys.stdin.fileno() if control else None, announce, _print_message)
+
+
+def _announcer(stack: ExitStack, name: Optional[str], network: bool) -> Callable[[str], None]:
     """A function that prints the path of each plugged-in port, and points the link to it."""
     link = SymbolicLink(name) if name else None
     if link:
@@ -195,6 +200,8 @@ def _announcer(stack: ExitStack, name: Optional[str]) -> Callable[[str], None]:
             link.move(path)
         if path:
             click.echo(path)
+        if network:
+            _print_message(f"listening on {path}; everybody who can reach this address can drive the robot")
 
     return announce
 

@@ -26,8 +26,8 @@ def test_json_and_a_picture(tmp_path):
     "words, expected",
     [
         (("nope",), "is unknown, expected mecanum-arm"),
-        (("mecanum-arm", "--slope", "95"), "--slope is 95, expected 0 to less than 90 deg"),
-        (("mecanum-arm", "--reserve", "nan"), "--reserve is nan"),
+        (("mecanum-arm", "--slope", "95"), "'--slope': 95.0 is not in the range 0<=x<90"),
+        (("mecanum-arm", "--reserve", "nan"), "'--reserve': nan is not in the range"),
         (("mecanum-arm", "--plot", "arm.txt"), "expected a file that ends in .png"),
     ],
 )

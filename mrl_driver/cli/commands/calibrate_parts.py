@@ -4,7 +4,7 @@ import contextlib
 import csv
 import math
 import os
-from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Dict, List, Optional, Sequence, Tuple
 
 import click
 
@@ -29,9 +29,14 @@ if TYPE_CHECKING:
     import numpy as np
 
     from mrl_driver.calibration.calibration_files import Key
+    from mrl_driver.calibration.gains import Gains
+    from mrl_driver.calibration.part_procedures import SonarPlan
     from mrl_driver.calibration.sonar_curve import Curve
+    from mrl_driver.driver import Driver
     from mrl_driver.robot.models import RobotModel
 
+Points = Tuple[List[float], List[float]]
+"""Readings and distances [m]."""
 _recording_option = click.option(
     "--recording", metavar="FILE", help="Instead of driving: a recording of this calibration."
 )
@@ -108,67 +113,73 @@ def sonar(
       mrl calibrate sonar --robot lab3.yaml --points wall.csv --plot curve.png
     """
     from mrl_driver.calibration import part_procedures
-    from mrl_driver.calibration.manoeuvres import Speeds, Track
     from mrl_driver.calibration.sonar_curve import THESIS
-
-    from .calibrate_view import console
 
     plan = part_procedures.SonarPlan(start, stop, step)
     plan.distances()
     if points is not None or recording is not None:
         model = recorded_model(job)
         output = output_for(job, model, None)
-        if points is not None:
-            ranges, distances = _points(points)
-        else:
-            from mrl_driver.calibration import from_recording
-
-            ranges, distances = part_procedures.readings_at_stops(
-                from_recording.read(str(recording), model).rows, model.differential, start
-            )
-        values = _fit_sonar(ranges, distances, _model_curve(model) or THESIS, job)
-        write_yaml("sonar", values, output, job, model)
+        readings = _points(points) if points is not None else _recorded_points(str(recording), model, start)
+        write_yaml("sonar", _fit_sonar(*readings, _model_curve(model) or THESIS, job), output, job, model)
         return
     with calibrate_job.connect(job) as driver:
         warn(driver)
         model = model_of(driver)
         output = output_for(job, model, driver.board.robot_id)
         kept = f"{os.path.splitext(output)[0]}.sonar.csv"
-        if job.restart and os.path.exists(kept):
-            os.remove(kept)
-        ranges, distances = _points(kept) if os.path.exists(kept) else ([], [])
-        remaining = [each for each in plan.distances() if each < min(distances, default=math.inf) - step / 2]
-        if distances:
-            console.print(
-                f"{len(distances)} of {len(distances) + len(remaining)} distances are already in {kept}"
-            )
-        if remaining:
-            confirm_drive(
-                job,
-                f"The robot drives {remaining[0] - remaining[-1]:.2f} m forward. Does the front sonar point at a wall "
-                f"{remaining[0]:.2f} m away, and is the path free?",
-            )
-            before = list(ranges), list(distances)
-
-            def keep(rows: "np.ndarray") -> None:
-                measured = part_procedures.readings_at_stops(rows, model.differential, remaining[0])
-                ranges[:], distances[:] = before[0] + measured[0], before[1] + measured[1]
-                _keep_points(kept, ranges, distances)
-
-            try:
-                part_procedures.approach_wall(driver, Track(driver), remaining, Speeds(), console.print, keep)
-            except BaseException:
-                with contextlib.suppress(MrlError):
-                    driver.stop()
-                if distances:
-                    print_message(
-                        f"{len(distances)} distances are kept in {kept}; repeat the command to continue"
-                    )
-                raise
-        values = _fit_sonar(ranges, distances, part_procedures.curve_in_force(driver), job)
+        values = _fit_sonar(*_approach(driver, plan, kept, job), part_procedures.curve_in_force(driver), job)
         write_yaml("sonar", values, output, job, model)
         os.remove(kept)
         offer_eeprom(driver, values, job)
+
+
+def _recorded_points(path: str, model: "RobotModel", start_m: float) -> Points:
+    from mrl_driver.calibration import from_recording, part_procedures
+
+    rows = from_recording.read(path, model).rows
+    return part_procedures.readings_at_stops(rows, model.differential, start_m)
+
+
+def _approach(driver: "Driver", plan: "SonarPlan", kept: str, job: Job) -> Points:
+    """Drive up to the wall, on from the readings in the file `kept`, and add the new ones to it."""
+    from mrl_driver.calibration.manoeuvres import Speeds, Track
+    from mrl_driver.calibration.part_procedures import approach_wall, readings_at_stops
+
+    from .calibrate_view import console
+
+    if job.restart and os.path.exists(kept):
+        os.remove(kept)
+    earlier = readings = _points(kept) if os.path.exists(kept) else ([], [])
+    nearest_m = min(earlier[1], default=math.inf)
+    remaining = [each for each in plan.distances() if each < nearest_m - plan.step_m / 2]
+    if earlier[1]:
+        console.print(
+            f"{len(earlier[1])} of {len(earlier[1]) + len(remaining)} distances are already in {kept}"
+        )
+    if not remaining:
+        return earlier
+    confirm_drive(
+        job,
+        f"The robot drives {remaining[0] - remaining[-1]:.2f} m forward. Does the front sonar point at a wall "
+        f"{remaining[0]:.2f} m away, and is the path free?",
+    )
+
+    def keep(rows: "np.ndarray") -> None:
+        nonlocal readings
+        ranges, distances = readings_at_stops(rows, model_of(driver).differential, remaining[0])
+        readings = earlier[0] + ranges, earlier[1] + distances
+        _keep_points(kept, *readings)
+
+    try:
+        approach_wall(driver, Track(driver), remaining, Speeds(), console.print, keep)
+    except BaseException:
+        with contextlib.suppress(MrlError):
+            driver.stop()
+        if readings[1]:
+            print_message(f"{len(readings[1])} distances are kept in {kept}; repeat the command to continue")
+        raise
+    return readings
 
 
 def _keep_points(path: str, ranges: Sequence[float], distances: Sequence[float]) -> None:
@@ -190,7 +201,7 @@ def _model_curve(model: "RobotModel") -> Optional["Curve"]:
     return Curve(*(float(value) / 1e4 for value in coefficients if value is not None))
 
 
-def _points(path: str) -> Tuple[List[float], List[float]]:
+def _points(path: str) -> Points:
     """Return the readings and distances [m] from a file; `-` or `inf` means no reading.
 
     Raises:
@@ -274,35 +285,30 @@ def gains(job: Job, recording: Optional[str]) -> None:
             click.echo(
                 f"{name} motor: {plant.full_counts_s:.0f} count/s, {plant.time_constant_s * 1000:.0f} ms"
             )
-        values = _gain_values(wanted)
-        _show(values, model, job)
-        write_yaml("gains", values, output, job, model)
+        _write_gains(wanted, output, job, model)
         return
     with calibrate_job.connect(job) as driver:
         warn(driver)
         model = model_of(driver)
         output = output_for(job, model, driver.board.robot_id)
         confirm_drive(job, "The robot turns in place three times, quickly. Is the floor around it free?")
-        present = Gains(*(model.board[name] for name in Gains._fields))
-        tuned = part_procedures.tune(
-            driver, Track(driver), part_procedures.gains_in_force(driver, present), console.print
+        present = part_procedures.gains_in_force(
+            driver, Gains(*(model.board[name] for name in Gains._fields))
         )
+        tuned = part_procedures.tune(driver, Track(driver), present, console.print)
         _report_gains(tuned, job)
-        values = _gain_values(tuned.after)
-        _show(values, model, job)
-        write_yaml("gains", values, output, job, model)
-        offer_eeprom(driver, values, job)
+        offer_eeprom(driver, _write_gains(tuned.after, output, job, model), job)
 
 
-def _gain_values(wanted: Any) -> Dict["Key", float]:
-    return {("board", name): value for name, value in wanted._asdict().items()}
-
-
-def _show(values: Mapping["Key", float], model: "RobotModel", job: Job) -> None:
+def _write_gains(wanted: "Gains", output: str, job: Job, model: "RobotModel") -> Dict["Key", float]:
+    """Show the gains, and write them into the robot's YAML file; return the values for it."""
     from .calibrate_view import show_values
 
+    values: Dict[Key, float] = {("board", name): value for name, value in wanted._asdict().items()}
     if not job.as_json:
         show_values(model, values)
+    write_yaml("gains", values, output, job, model)
+    return values
 
 
 def _report_gains(tuned: Any, job: Job) -> None:

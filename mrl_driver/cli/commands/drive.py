@@ -70,12 +70,9 @@ def drive(
       mrl drive --robot omni1 --lateral 0.2 --for 2         0.4 m to the left, on three wheels
     """
     timed = (linear, lateral, angular, seconds) != (None, None, None, None)
+    speeds = linear or 0.0, angular or 0.0, lateral or 0.0
     if timed:
-        _require_finite(linear=linear or 0.0, lateral=lateral or 0.0, angular=angular or 0.0)
-        if seconds is None:
-            raise ConfigError("--for is missing, expected the seconds to drive, such as: --for 2")
-        if not 0 < seconds <= 3600:
-            raise ConfigError(f"--for is {seconds}, expected seconds from above 0 to 3600")
+        _require_drive(seconds, linear=speeds[0], angular=speeds[1], lateral=speeds[2])
     elif as_json or not (sys.stdin.isatty() and full_screen()):
         raise ConfigError("stdin or stdout is not a terminal; give --linear or --angular, and --for SECONDS")
     confirm_overwrite(record, yes)
@@ -85,7 +82,6 @@ def drive(
     with connected(target, ignore_battery=ignore_battery, record=record, fast=fast) as driver:
         warn(driver)
         report_losses(driver)
-        speeds = linear or 0.0, angular or 0.0, lateral or 0.0
         _report_limits(driver, *speeds)
         drive_for(driver, speeds[0], speeds[1], seconds or 0.0, speeds[2])
         if as_json:
@@ -94,7 +90,11 @@ def drive(
             click.echo(line(driver))
 
 
-def _require_finite(**speeds: float) -> None:
+def _require_drive(seconds: Optional[float], **speeds: float) -> None:
+    if seconds is None:
+        raise ConfigError("--for is missing, expected the seconds to drive, such as: --for 2")
+    if not 0 < seconds <= 3600:
+        raise ConfigError(f"--for is {seconds}, expected seconds from above 0 to 3600")
     for name, value in speeds.items():
         if not math.isfinite(value):
             raise ConfigError(f"--{name} is {value}, expected a finite number")

@@ -1,22 +1,29 @@
 """`mrl tip-over`: tip-over margin of a vehicle, and its largest safe acceleration."""
 
 import math
-from typing import Optional
+from typing import TYPE_CHECKING, Mapping, Optional
 
 import click
 
-from mrl_driver.errors import ConfigError
+from .shared import Between, json_option, print_json
 
-from .shared import json_option, print_json
+if TYPE_CHECKING:
+    from mrl_driver.tip_over.margin import Vehicle
 
 
 @click.command("tip-over")
 @click.argument("vehicle")
 @click.option(
-    "--reserve", default=10.0, show_default=True, metavar="DEG", help="Margin to keep at least [deg]."
+    "--reserve",
+    type=Between(0, 90, max_open=True),
+    default=10.0,
+    show_default=True,
+    metavar="DEG",
+    help="Margin to keep at least [deg].",
 )
 @click.option(
     "--slope",
+    type=Between(0, 90, max_open=True),
     default=0.0,
     show_default=True,
     metavar="DEG",
@@ -38,16 +45,12 @@ def tip_over(vehicle: str, reserve: float, slope: float, picture: Optional[str],
     """
     from mrl_driver.tip_over import margin, vehicle_file
 
-    for name, value in (("reserve", reserve), ("slope", slope)):
-        if not 0 <= value < 90:
-            raise ConfigError(f"--{name} is {value:g}, expected 0 to less than 90 deg")
     found = vehicle_file.load(vehicle)
     reserve_rad, slope_rad = math.radians(reserve), math.radians(slope)
     if picture:
         from mrl_driver.tip_over import margin_plot
 
         margin_plot.draw(found, picture, reserve_rad, slope_rad)
-    margins = margin.margins(found)
     tips = margin.limits(found, 0.0, slope_rad)
     kept = margin.limits(found, reserve_rad, slope_rad)
     if as_json:
@@ -55,7 +58,7 @@ def tip_over(vehicle: str, reserve: float, slope: float, picture: Optional[str],
             {
                 "vehicle": found.name,
                 "whole": found.whole._asdict(),
-                "margin_rad": margin.least(margins).angle_rad,
+                "margin_rad": margin.least(margin.margins(found)).angle_rad,
                 "tips_m_s2": tips,
                 "limit_m_s2": kept,
                 "reserve_rad": reserve_rad,
@@ -64,12 +67,20 @@ def tip_over(vehicle: str, reserve: float, slope: float, picture: Optional[str],
             }
         )
         return
-    mass = found.whole
+    _print(found, tips, kept, reserve)
+    if picture:
+        click.echo(picture)
+
+
+def _print(vehicle: "Vehicle", tips: Mapping[str, float], kept: Mapping[str, float], reserve: float) -> None:
+    from mrl_driver.tip_over import margin
+
+    mass = vehicle.whole
     click.echo(
-        f"{found.name}: {mass.mass_kg:g} kg, centre of mass at x {mass.x_m:.3f} m, y {mass.y_m:.3f} m, "
+        f"{vehicle.name}: {mass.mass_kg:g} kg, centre of mass at x {mass.x_m:.3f} m, y {mass.y_m:.3f} m, "
         f"height {mass.height_m:.3f} m"
     )
-    margin_deg = math.degrees(margin.least(margins).angle_rad)
+    margin_deg = math.degrees(margin.least(margin.margins(vehicle)).angle_rad)
     tips_at_rest = (
         "" if margin_deg > 0 else "; it tips over at rest: its centre of mass is not above its contacts"
     )
@@ -80,5 +91,3 @@ def tip_over(vehicle: str, reserve: float, slope: float, picture: Optional[str],
     click.echo(
         f"limit in every direction: {min(kept.values()):.2f} m/s2; a curve uses v * omega of it sideways"
     )
-    if picture:
-        click.echo(picture)
