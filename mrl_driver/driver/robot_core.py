@@ -16,7 +16,7 @@ from mrl_driver.robot.odometry import AnyTwist, AnyWheels, OmniTwist, Twist
 from mrl_driver.robot.omni_odometry import OmniCommands
 from mrl_driver.robot.robot_state import RobotEvent, RobotState, Telemetry
 from mrl_driver.safety.speed_limiter import SpeedLimiter
-from mrl_driver.safety.wheel_monitor import Mismatch, WheelWatch, wheel_watch
+from mrl_driver.safety.wheel_monitor import Mismatch, WheelMonitor, monitor_of
 from mrl_driver.session.events import Counts, Info, Lost, Ready, Reconnected, Reply, SensorRead, Slowed
 from mrl_driver.session.handshake import Board, Plan
 from mrl_driver.session.session import Session, SessionEvent
@@ -66,8 +66,8 @@ class Core:
         """The driver is closing: it refuses new commands."""
         self.due_s = -math.inf
         """Latest time of the next `turn` if no bytes arrive before [s]."""
-        self._watch: Optional[WheelWatch] = None
-        self._watched: Optional[Tuple[int, ...]] = None
+        self._monitor: Optional[WheelMonitor] = None
+        self._monitored: Optional[Tuple[int, ...]] = None
         least_ms = least_period_ms(options.line_baud)
         self._every = max(1, math.ceil(options.period_ms / max(SLOWEST_MS, least_ms)))
         self._period_ms = max(least_ms, round(options.period_ms / self._every))
@@ -122,10 +122,10 @@ class Core:
             if state.path_unknown is not None:
                 events.append(state.path_unknown)
             events += (telemetry,) if self._every == 1 else self._thin(telemetry)
-            target, watch = motion.target, self._watch
+            target, monitor = motion.target, self._monitor
             if target is None:
-                self._watch = None
-            elif watch is None or target != self._watched or event.time_s >= watch.next_s:
+                self._monitor = None
+            elif monitor is None or target != self._monitored or event.time_s >= monitor.next_s:
                 events += self._check_wheels(telemetry.counts, event.time_s, now)
         limiter = self.limiter
         if motion.target is None:
@@ -188,7 +188,7 @@ class Core:
 
     def stop(self, now: float, reason: str) -> None:
         """Stop at once; `reason` is one of `motion_command.STOPS`."""
-        self.mismatch = self._watch = None
+        self.mismatch = self._monitor = None
         self.limiter.drop()
         self.session.stop(now, reason)
 
@@ -196,7 +196,7 @@ class Core:
         """Update the robot's state from an event, and stop the robot if its battery is empty or off."""
         events: List[DriverEvent] = [*self.state.digest(event, now)]
         if isinstance(event, Ready):
-            self._watch = None  # after a restart the board's time starts at zero again
+            self._monitor = None  # after a restart the board's time starts at zero again
         elif isinstance(event, Info) and self.state.powerless:
             self._spare_battery(now)
         elif isinstance(event, Reply):
@@ -219,12 +219,14 @@ class Core:
         """Stop the robot if a wheel does not follow its command, and report the wheel."""
         motion = self.session.motion
         assert motion.target is not None and self.state.model is not None
-        if self._watch is None:
-            self._watch = wheel_watch(self.state.model, motion.pace)
-        self._watched = motion.target
+        if self._monitor is None:
+            self._monitor = monitor_of(self.state.model, motion.pace)
+        self._monitored = motion.target
         linear_mm_s, angular_mrad_s, *lateral_mm_s = motion.target
         lateral_m_s = lateral_mm_s[0] / 1000 if lateral_mm_s else 0.0
-        mismatch = self._watch.update(linear_mm_s / 1000, angular_mrad_s / 1000, travel, time_s, lateral_m_s)
+        mismatch = self._monitor.update(
+            linear_mm_s / 1000, angular_mrad_s / 1000, travel, time_s, lateral_m_s
+        )
         if mismatch is None:
             return []
         self.stop(now, "wheel_mismatch")

@@ -8,11 +8,11 @@ A wheel that makes less than a tenth of that distance over a quarter of a second
 
 import math
 from collections import deque
-from typing import Deque, NamedTuple, Optional, Set, Tuple
+from typing import Deque, NamedTuple, Optional, Sequence, Set, Tuple, Union
 
-from mrl_driver.robot.kinematics import Planar, kinematics_of
-from mrl_driver.robot.models import OmniDrive, RobotModel
-from mrl_driver.robot.odometry import AnyWheels, OmniWheels, WheelGeometry, Wheels
+from mrl_driver.robot.kinematics import Planar, differential, kinematics_of
+from mrl_driver.robot.models import Drive, OmniDrive, RobotModel
+from mrl_driver.robot.odometry import AnyWheels, OmniWheels, Wheels
 from mrl_driver.session.motion_command import Pace
 
 TICK_S = 0.05
@@ -33,7 +33,7 @@ HIDDEN_S = 0.8
 """After a reversal, a wheel may keep accelerating in the old direction for this time [s]."""
 LEAST_RAMP_MS = 500
 """Shortest ramp to full speed that is assumed for a motor [ms]."""
-ON_ITS_WAY_S = 0.05
+DELAY_S = 0.05
 """Delay of a command from the driver to the motors if none is lost [s]."""
 STILL_M, STILL_TICKS = 0.0002, 10
 """A wheel that moves less than this per tick [m], for this many ticks, has come to rest.  A wheel that reverses sticks
@@ -134,14 +134,8 @@ class _Wheel:
         self._reference = min(floor, ramped)
 
 
-def _least(targets: Deque[float]) -> float:
-    """Return the slowest of some speeds; 0 if they differ in direction."""
-    low, high = min(targets), max(targets)
-    return low if low > 0.0 else high if high < 0.0 else 0.0
-
-
-class WheelWatch:
-    """Monitors both wheels of a differential drive.
+class WheelMonitor:
+    """Monitors the wheels of one robot.
 
     Args:
         drive: geometry of the drive.
@@ -149,18 +143,24 @@ class WheelWatch:
         latency_s: longest delay of a command from the driver to the motors, if one is lost [s].
     """
 
-    def __init__(self, drive: WheelGeometry, acceleration_m_s2: float, latency_s: float) -> None:
-        self._metres, self._half_m = drive.metres_per_count, drive.wheel_separation_m / 2
+    def __init__(self, drive: Union[Drive, OmniDrive], acceleration_m_s2: float, latency_s: float) -> None:
+        self._metres = drive.metres_per_count
         self._make = (acceleration_m_s2, math.ceil(latency_s / TICK_S))
+        self._names: Tuple[str, ...] = Wheels._fields
+        self._order: Tuple[int, ...] = (0, 1)
+        """Index of each wheel in the numbers of the kinematics."""
+        if isinstance(drive, OmniDrive):
+            self._kinematics, self._names, self._order = kinematics_of(drive), OmniWheels._fields, (2, 0, 1)
+        else:
+            self._kinematics = differential(drive.wheel_separation_m)
         self.reset()
 
     def reset(self) -> None:
         """The robot was stopped: start again."""
-        self._right, self._left = _Wheel(*self._make), _Wheel(*self._make)
-        self._time_s = -math.inf
-        self.next_s = -math.inf
-        self._travel: AnyWheels = Wheels(0, 0)
-        self._command = (0.0, 0.0)
+        self._wheels = [_Wheel(*self._make) for _ in self._names]
+        self._time_s = self.next_s = -math.inf
+        self._travel: Sequence[float] = (0,) * len(self._names)
+        self._targets: Tuple[float, ...] = ()
 
     def update(
         self,
@@ -171,52 +171,11 @@ class WheelWatch:
         lateral_m_s: float = 0.0,
     ) -> Optional[Mismatch]:
         """Compare the command in force with `travel` [count, without wrap] read at `time_s` [s]."""
-        if (linear_m_s, angular_rad_s) != self._command:
-            self._command = (linear_m_s, angular_rad_s)
-            self._right.ask(linear_m_s + angular_rad_s * self._half_m)
-            self._left.ask(linear_m_s - angular_rad_s * self._half_m)
-        if time_s < self.next_s:
-            return None
-        dt_s, last = time_s - self._time_s, self._travel
-        self._time_s, self.next_s, self._travel = time_s, time_s + TICK_S, travel
-        if dt_s > GAP_S:
-            self.reset()
-            self._time_s, self.next_s, self._travel = time_s, time_s + TICK_S, travel
-            return None
-        turning = angular_rad_s * self._half_m
-        right = self._right.tick(linear_m_s + turning, (travel.right - last.right) * self._metres, dt_s)
-        left = self._left.tick(linear_m_s - turning, (travel.left - last.left) * self._metres, dt_s)
-        return _together(right, left)
-
-
-class OmniWheelWatch(WheelWatch):
-    """Monitors three omni wheels."""
-
-    def __init__(self, drive: OmniDrive, acceleration_m_s2: float, latency_s: float) -> None:
-        self._kinematics = kinematics_of(drive)
-        super().__init__(drive, acceleration_m_s2, latency_s)
-
-    def reset(self) -> None:
-        """The robot was stopped: start again."""
-        super().reset()
-        self._three = tuple(_Wheel(*self._make) for _ in range(3))
-        self._travel = OmniWheels(0, 0, 0)
-        self._asked: Tuple[float, ...] = ()
-
-    def update(
-        self,
-        linear_m_s: float,
-        angular_rad_s: float,
-        travel: AnyWheels,
-        time_s: float,
-        lateral_m_s: float = 0.0,
-    ) -> Optional[Mismatch]:
-        """Compare the command in force with `travel` [count, without wrap] read at `time_s` [s]."""
-        left, rear, right = self._kinematics.wheel_steps(Planar(linear_m_s, lateral_m_s, angular_rad_s))
-        targets = (right, left, rear)
-        if targets != self._asked:
-            self._asked = targets
-            for wheel, target in zip(self._three, targets):
+        speeds = self._kinematics.wheel_steps(Planar(linear_m_s, lateral_m_s, angular_rad_s))
+        targets = tuple(speeds[i] for i in self._order)
+        if targets != self._targets:
+            self._targets = targets
+            for wheel, target in zip(self._wheels, targets):
                 wheel.ask(target)
         if time_s < self.next_s:
             return None
@@ -226,35 +185,36 @@ class OmniWheelWatch(WheelWatch):
         self._time_s, self.next_s, self._travel = time_s, time_s + TICK_S, travel
         if dt_s > GAP_S:
             return None
-        metres = self._metres
-        verdicts = [
-            wheel.tick(target, (now - before) * metres, dt_s)
-            for wheel, target, now, before in zip(self._three, targets, travel, last)
+        found = [
+            wheel.tick(target, (now - before) * self._metres, dt_s)
+            for wheel, target, now, before in zip(self._wheels, targets, travel, last)
         ]
-        found = [(verdict, name) for verdict, name in zip(verdicts, OmniWheels._fields) if verdict]
-        if not found:
+        return self._combine(found)
+
+    def _combine(self, found: Sequence[Optional[Mismatch]]) -> Optional[Mismatch]:
+        """Return one mismatch for all wheels; None if all follow."""
+        wrong = {name: each for name, each in zip(self._names, found) if each is not None}
+        if not wrong:
             return None
-        if len(found) == len(verdicts) and all(verdict.cause == DEAD for verdict, _ in found):
-            return found[0][0]._replace(wheel="several", cause=POWERLESS)
-        verdict, name = found[0]
-        return verdict._replace(wheel=name if len(found) == 1 else "several")
+        name, first = next(iter(wrong.items()))
+        if len(wrong) == 1:
+            return first._replace(wheel=name)
+        cause = REVERSED if any(each.cause == REVERSED for each in wrong.values()) else DEAD
+        if cause == DEAD and len(wrong) == len(found):
+            cause = POWERLESS
+        return first._replace(wheel="both" if len(found) == 2 else "several", cause=cause)
 
 
-def wheel_watch(model: RobotModel, pace: Pace) -> WheelWatch:
+def monitor_of(model: RobotModel, pace: Pace) -> WheelMonitor:
     """Return the monitor for a robot of this model with commands at this pace."""
     ramp_ms = max(LEAST_RAMP_MS, model.board["ramp_time"])
+    latency_s = pace.repeat_s + DELAY_S
     if isinstance(model.drive, OmniDrive):
-        acceleration = 1000 * model.drive.full_speed_m_s / ramp_ms
-        return OmniWheelWatch(model.drive, acceleration, pace.repeat_s + ON_ITS_WAY_S)
-    return WheelWatch(model.drive, model.board["linear_ceiling"] / ramp_ms, pace.repeat_s + ON_ITS_WAY_S)
+        return WheelMonitor(model.drive, 1000 * model.drive.full_speed_m_s / ramp_ms, latency_s)
+    return WheelMonitor(model.differential, model.board["linear_ceiling"] / ramp_ms, latency_s)
 
 
-def _together(right: Optional[Mismatch], left: Optional[Mismatch]) -> Optional[Mismatch]:
-    """Combine the results of both wheels."""
-    if right and left:
-        return right._replace(
-            wheel="both", cause=POWERLESS if right.cause == left.cause == DEAD else REVERSED
-        )
-    if right:
-        return right._replace(wheel="right")
-    return left._replace(wheel="left") if left else None
+def _least(targets: Deque[float]) -> float:
+    """Return the slowest of some speeds; 0 if they differ in direction."""
+    low, high = min(targets), max(targets)
+    return low if low > 0.0 else high if high < 0.0 else 0.0

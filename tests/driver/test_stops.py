@@ -40,7 +40,7 @@ def mismatches(robot):
     [({"left"}, "left", DEAD), ({"right"}, "right", DEAD), ({"left", "right"}, "both", POWERLESS)],
 )
 def test_a_dead_wheel_stops_the_robot_and_is_named(robot, dead, wheel, cause):
-    """`test_wheel_watch` has the time that it takes."""
+    """`test_wheel_monitor` has the time that it takes."""
     wait_until(lambda: robot.twist.linear_m_s > 0.15)
     robot.fake.dead = dead
     wait_until(lambda: robot.fake.speeds == (0, 0))

@@ -16,8 +16,8 @@ from mrl_driver.safety.wheel_monitor import (
     STILL_TICKS,
     TICK_S,
     Mismatch,
-    WheelWatch,
-    wheel_watch,
+    WheelMonitor,
+    monitor_of,
 )
 from mrl_driver.session.motion_command import QUICK, SLOW
 from sim_arduino.hardware.omni3md import Omni3MD
@@ -47,7 +47,7 @@ class Drive:
         self.motors = Omni3MD(self.robot, model)
         self.motors.set_gains(0, *(model.board[key] for key in ("kp", "ki", "kd")))
         self.motors.set_ramp(0, model.board["ramp_time"], model.board["ramp_gain"])
-        self.watch = wheel_watch(model, pace)
+        self.watch = monitor_of(model, pace)
         self.frame_s, self.now, self.told = frame_s, 0.0, (0.0, 0.0)
         self.fault = sound
         self.found = None
@@ -230,7 +230,7 @@ class Bare:
 
     def __init__(self, acceleration_m_s2=0.2):
         self.drive = load("traxbot").drive
-        self.watch = WheelWatch(self.drive, acceleration_m_s2, LATENCY_S)
+        self.watch = WheelMonitor(self.drive, acceleration_m_s2, LATENCY_S)
         self.now, self.right_m, self.left_m = 0.0, 0.0, 0.0
 
     def look(self, linear_m_s, angular_rad_s=0.0):
@@ -305,7 +305,7 @@ def test_a_wheel_that_was_sent_back_for_a_moment_may_go_back_first(side):
 def test_three_wheels_are_told_apart(dead, wheel, cause):
     """The robot turns in place, so that all wheels are equally fast."""
     model = load("omni")
-    watch, found, now = wheel_watch(model, QUICK), None, 0.0
+    watch, found, now = monitor_of(model, QUICK), None, 0.0
     ways = dict.fromkeys(OmniWheels._fields, 0.0)
     for _ in range(60):
         now += 1.001 * TICK_S
