@@ -2,9 +2,6 @@
 
 The node subscribes to `odom`, `sonar/*`, `battery`, `status` and `/diagnostics`, and publishes `cmd_vel`.
 
-Private parameters: `~square` drives the square from the start; `~duration` [s] ends the run after that much
-odometry; `~robot` is the model, or auto.
-
 Without a terminal, on a dumb terminal, or without the library `rich`, it prints a line every second and reads no keys.
 """
 
@@ -23,12 +20,20 @@ from sensor_msgs.msg import BatteryState, Range
 from mrl_driver.terminal import live_view
 from mrl_driver.terminal.shown_state import line_of
 from ros1_bridge.node.cmd_vel import CmdVel
+from ros1_bridge.node.parameters import Row, read
+from ros1_bridge.node.run_node import run_node
 
 from .demo_screen import PATIENCE_S, DemoScreen
 from .topic_robot import TopicRobot
 
 SONARS = ("front", "left", "right")
 LINE_S = 1.0
+PARAMETERS = (
+    Row("square", bool, False, "", "Drive the square from the start"),
+    Row("duration", float, 0.0, "s", "End after this much odometry; 0 means no end", 0.0, 1e6),
+    Row("robot", str, "auto", "", "Robot model, path of a .yaml file, or auto: by the board's id"),
+)
+"""The node's private parameters."""
 
 
 def topic_robot(robot: str) -> TopicRobot:
@@ -77,10 +82,14 @@ def can_show_screen() -> bool:
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the node; exit code 1 if a run with a duration saw no odometry."""
-    rospy.init_node("demo_view", argv=argv)
-    robot = topic_robot(str(rospy.get_param("~robot", "auto")))
-    square, duration_s = bool(rospy.get_param("~square", False)), float(rospy.get_param("~duration", 0.0))
-    screen = DemoScreen(robot, f"ROS_MASTER_URI={rosgraph.get_master_uri()}", square, duration_s)
+    return run_node("demo_view", _run, argv)
+
+
+def _run() -> int:
+    given = read(PARAMETERS, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+    robot = topic_robot(given["robot"])
+    master = f"ROS_MASTER_URI={rosgraph.get_master_uri()}"
+    screen = DemoScreen(robot, master, given["square"], given["duration"])
     if can_show_screen():
         live_view.run(robot, screen)
     else:

@@ -139,6 +139,11 @@ class GoToGoal:
             self._server.action_server.started = False
 
     def _on_odometry(self, message: Odometry) -> None:
+        try:
+            planar(message.pose.pose)
+        except ValueError as error:
+            rospy.logwarn_throttle(WARN_EVERY_S, f"odometry not used: {error}")
+            return
         self._odometry, self._odometry_s = message, rospy.get_time()
         self._located.set()
 

@@ -12,19 +12,21 @@ from mrl_driver.errors import MrlError
 from .master_watch import await_master
 
 
-def run_node(name: str, run: Callable[[], None], argv: Optional[List[str]] = None) -> int:
-    """Start the node `name` and call `run`; returns the exit code, which is that of the error if `run` raises one."""
+def run_node(name: str, run: Callable[[], Optional[int]], argv: Optional[List[str]] = None) -> int:
+    """Start the node `name` and call `run`; returns the exit code.
+
+    It is what `run` returns, 0 for None; or that of the error if `run` raises one.
+    """
     log_line_by_line()
     await_master(rosgraph.get_master_uri(), rospy.logwarn)
     rospy.init_node(name, argv=argv or sys.argv)
     try:
-        run()
+        return run() or 0
     except rospy.ROSInterruptException:
         return 0
     except MrlError as error:
         rospy.logfatal(str(error))
         return error.exit_code
-    return 0
 
 
 def log_line_by_line() -> None:

@@ -23,7 +23,7 @@ from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 from mrl_driver.driver import Driver, Telemetry
 from mrl_driver.driver.options import Options
-from mrl_driver.errors import FrameError, LinkLost, MrlError
+from mrl_driver.errors import FrameError, LinkLost, MrlError, PortBusy
 from mrl_driver.robot.battery import EMPTY, LOW, OFF
 from mrl_driver.robot.models import Limits, OmniDrive, RobotModel
 from mrl_driver.session.events import PathUnknown, Reply
@@ -51,6 +51,8 @@ DIAGNOSTICS_S = 1.0
 STATUS_S = 0.2
 """A change of the robot's state is published within this time."""
 PORT_LOOK_S = 0.1
+FREED_S = 2.0
+"""A node of the same name, which the master ends when this one registers, closes the port within this time."""
 ANSWER_S = 0.2
 """Time for the answer of the service shutdown to leave."""
 WARN_EVERY_S = 1.0
@@ -98,7 +100,7 @@ class RobotNode:
         if rospy.is_shutdown():
             return
         try:
-            board = self._driver.connect()
+            board = self._connect()
             assert self._driver.model is not None
             self._wire(board, self._driver.model)
             self._serve(board)
@@ -114,6 +116,16 @@ class RobotNode:
             if rospy.is_shutdown():
                 return
             time.sleep(PORT_LOOK_S)
+
+    def _connect(self) -> Board:
+        until_s = time.monotonic() + FREED_S
+        while True:
+            try:
+                return self._driver.connect()
+            except PortBusy:
+                if time.monotonic() >= until_s or rospy.is_shutdown():
+                    raise
+                time.sleep(PORT_LOOK_S)
 
     def _wire(self, board: Board, model: RobotModel) -> None:
         parameters, driver = self._parameters, self._driver

@@ -94,6 +94,10 @@ class Robot:
             if self.hears:
                 self._sonar.publish(self._range)
 
+    def locate(self, x_m):
+        """Publish this place from now on."""
+        self._odometry.pose.pose.position.x = x_m
+
     def close(self):
         self._end.set()
         self._thread.join()
@@ -152,6 +156,14 @@ def test_robot_stands_when_its_odometry_stops_and_the_goal_is_given_up(rig, robo
     fitted.locates = False
     wait_until(lambda: rig.commands.messages[-1] == Twist())
     wait_until(lambda: ended_for(rig, "odometry has stopped"))
+
+
+def test_odometry_that_is_not_finite_counts_as_none(rig, robot):
+    fitted = robot()
+    wait_until(lambda: any(twist.linear.x > 0 for twist in rig.commands.messages))
+    fitted.locate(math.nan)
+    wait_until(lambda: ended_for(rig, "odometry has stopped"))
+    assert rig.commands.messages[-1] == Twist()
 
 
 def test_robot_stands_when_its_sonar_falls_silent_and_the_goal_is_given_up(rig, robot):

@@ -88,3 +88,15 @@ def test_board_that_goes_away_ends_the_node_with_its_own_code(rig):
     assert node.wait(START_S)
     assert node.exit_code == 6
     assert any("went away" in line for line in node.output())
+
+
+def test_node_takes_over_from_one_of_the_same_name(rig):
+    """The master ends the first node when the second registers, while the port may still be in use."""
+    port = rig.board().port
+    first, odom = rig.node(port), rig.topic("odom", Odometry)
+    odom.wait()
+    second = rig.node(port)
+    assert first.wait(START_S) and first.exit_code == 0
+    wait_until(lambda: any(" on /dev/" in line for line in second.output()) or second.exit_code is not None)
+    assert second.exit_code is None, second.last_words()
+    odom.wait_for_more(5)
