@@ -1,8 +1,8 @@
 """Starts a command of the project: what happens before its own error handling exists."""
 
+import importlib
 import signal
 import sys
-from typing import Callable
 
 from .errors import ConfigError
 
@@ -11,8 +11,8 @@ _NAMES_FOR_PIP = {"serial": "pyserial", "yaml": "PyYAML"}
 _OWN = ("", "mrl_driver", "sim_arduino", "ros1_bridge")
 
 
-def start(name: str, load: Callable[[], Callable[[], None]]) -> None:
-    """Run the command `name`, whose main function `load` imports.
+def start(name: str, module: str) -> None:
+    """Run the command `name`: the function `main` of `module`, which is imported now.
 
     Ctrl-C during the imports ends the program without a message.  If a Python package is missing, now or later, the
     program ends with one line.
@@ -24,7 +24,7 @@ def start(name: str, load: Callable[[], Callable[[], None]]) -> None:
     if before is signal.default_int_handler:  # else a shell has it ignored, for a program in the background
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     try:
-        run = load()
+        run = importlib.import_module(module).main
         signal.signal(signal.SIGINT, before)
         run()
     except ModuleNotFoundError as error:

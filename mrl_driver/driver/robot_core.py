@@ -172,7 +172,7 @@ class Core:
         limiter.target = limiter.limited(wanted)
         linear, angular, *others = limiter.step(now)
         lateral_mm_s = (round(others[0] * 1000),) if others else ()
-        return session.drive(round(linear * 1000), round(angular * 1000), now, *lateral_mm_s, moves=moves)
+        return session.drive((round(linear * 1000), round(angular * 1000), *lateral_mm_s), now, moves)
 
     def limit_again(self, now: float) -> None:
         """Continue to accelerate, and apply `limiter.restrict` again, if a command is in force."""

@@ -76,20 +76,13 @@ class Motion:
         self._still_since_s: Optional[float] = None
         self._still = 0
 
-    def drive(
-        self,
-        linear_mm_s: int,
-        angular_mrad_s: int,
-        now: float,
-        *lateral_mm_s: int,
-        moves: Optional[bool] = None,
-    ) -> None:
-        """Set the command in force; only some bases have a lateral speed.  Its time begins now.
+    def drive(self, speeds: Speeds, now: float, moves: Optional[bool] = None) -> None:
+        """Set the command in force.  Its time begins now.
 
         `moves` says whether the command was to move, if its limited speeds may still be zero.
         """
-        self.target = (linear_mm_s, angular_mrad_s, *lateral_mm_s)
-        self._moves = any(self.target) if moves is None else moves
+        self.target = speeds
+        self._moves = any(speeds) if moves is None else moves
         self._expires_s = now + self.timeout_s if self.timeout_s is not None else math.inf
         self._new, self.stopping, self._fade = True, False, None
         self.due_s = min(self._sent_s + self.pace.gap_s, self._expires_s)

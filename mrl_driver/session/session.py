@@ -126,20 +126,13 @@ class Session:
         self.counters.bytes_out += len(data)
         return data
 
-    def drive(
-        self,
-        linear_mm_s: int,
-        angular_mrad_s: int,
-        now: float,
-        *lateral_mm_s: int,
-        moves: Optional[bool] = None,
-    ) -> bool:
+    def drive(self, speeds: Speeds, now: float, moves: Optional[bool] = None) -> bool:
         """Put a command in force; do nothing and return False unless the board is ready.  For `moves` see `Motion`."""
         if self._greeting is not None:
             return False
         self._attended_s = now
         motion = self.motion
-        motion.drive(linear_mm_s, angular_mrad_s, now, *lateral_mm_s, moves=moves)
+        motion.drive(speeds, now, moves)
         request = motion.take(now, now - self.heard_s < LATE_S)
         if request is not None:
             self.out += _encode(*request, checked=self._decoder.checked)

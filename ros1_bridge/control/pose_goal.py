@@ -32,11 +32,6 @@ class PoseGoal:
         self._seeker: Optional[GoalSeeker] = None
         self._due_s = -math.inf
 
-    @property
-    def active(self) -> bool:
-        """The robot is driving to a pose."""
-        return self._goal is not None
-
     def start(self, message: Any, now_pose: Pose) -> Pose:
         """Take a geometry_msgs/PoseStamped; returns the goal in the odom frame.
 

@@ -75,13 +75,13 @@ class Robot(Talk):
 
     def side(self, length_m):
         x_m, y_m, _ = self.pose
-        self.session.drive(round(self.model.limits.linear_m_s * 1000), 0, self.now)
+        self.session.drive((round(self.model.limits.linear_m_s * 1000), 0), self.now)
         self.until(lambda: math.dist(self.pose[:2], (x_m, y_m)) >= length_m, 30)
         self.halt()
 
     def corner(self):
         start = self.pose.yaw_rad
-        self.session.drive(0, round(self.model.limits.angular_rad_s * 1000), self.now)
+        self.session.drive((0, round(self.model.limits.angular_rad_s * 1000)), self.now)
         self.until(lambda: abs(math.remainder(self.pose.yaw_rad - start, math.tau)) >= math.pi / 2, 30)
         self.halt()
 
@@ -137,7 +137,7 @@ def test_a_board_reset_on_the_move_keeps_the_pose():
     robot = Robot().until_ready()
     robot.side(0.3)
     before = robot.pose
-    robot.session.drive(200, 0, robot.now)
+    robot.session.drive((200, 0), robot.now)
     robot.run(0.05)
     robot.board.engine.reset()
     robot.events, robot.digested = [], 0
@@ -148,7 +148,7 @@ def test_a_board_reset_on_the_move_keeps_the_pose():
 
 def test_a_command_takes_effect_and_a_silent_host_stops_the_board():
     robot = Robot().until_ready()
-    robot.session.drive(200, 0, robot.now)
+    robot.session.drive((200, 0), robot.now)
     robot.run(1.0)
     assert robot.plant.true_pose.x_m > 0.05
     robot.to_board = lambda data: b""

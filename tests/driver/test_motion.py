@@ -17,13 +17,13 @@ def drain(motion, start_s, end_s, step_s=0.001, allowed=True):
 
 def test_a_command_is_due_at_once():
     motion = Motion()
-    motion.drive(200, -300, 1.0)
+    motion.drive((200, -300), 1.0)
     assert motion.take(1.0) == (MOVE, 200, -300)
 
 
 def test_a_command_is_repeated():
     motion = Motion()
-    motion.drive(200, 0, 0.0)
+    motion.drive((200, 0), 0.0)
     assert len(drain(motion, 0.0, 1.0)) == 10
 
 
@@ -31,7 +31,7 @@ def test_the_latest_command_wins():
     """A thousand commands a second go out at the board's pace, none late."""
     motion, sent = Motion(), []
     for i in range(1000):
-        motion.drive(i, 0, i / 1000)
+        motion.drive((i, 0), i / 1000)
         sent += filter(None, [motion.take(i / 1000)])
     assert 150 <= len(sent) <= 200
     motion.take(1.0)
@@ -40,7 +40,7 @@ def test_the_latest_command_wins():
 
 def test_a_stop_waits_for_nothing():
     motion = Motion()
-    motion.drive(200, 0, 0.0)
+    motion.drive((200, 0), 0.0)
     motion.take(0.0)
     motion.stop()
     assert motion.take(0.0) == (STOP,)
@@ -74,7 +74,7 @@ def test_readings_before_the_stop_was_sent_confirm_nothing():
 
 def test_late_telemetry_holds_motion_back_but_no_stop():
     motion = Motion()
-    motion.drive(200, 0, 0.0)
+    motion.drive((200, 0), 0.0)
     assert motion.take(0.0, allowed=False) is None
     motion.stop()
     assert motion.take(0.0, allowed=False) == (STOP,)
@@ -83,7 +83,7 @@ def test_late_telemetry_holds_motion_back_but_no_stop():
 @pytest.mark.parametrize("timeout_s", [0.2, 0.5, 1.0])
 def test_a_command_without_successor_expires(timeout_s):
     motion = Motion(timeout_s=timeout_s)
-    motion.drive(200, 0, 0.0)
+    motion.drive((200, 0), 0.0)
     sent = drain(motion, 0.0, 2.0)
     stopped_s = next(now for now, request in sent if request == (STOP,))
     assert timeout_s <= stopped_s < timeout_s + 0.002
@@ -91,21 +91,21 @@ def test_a_command_without_successor_expires(timeout_s):
 
 def test_a_command_to_stand_that_expires_was_the_users_stop():
     motion = Motion(timeout_s=0.2)
-    motion.drive(0, 0, 0.0)
+    motion.drive((0, 0), 0.0)
     drain(motion, 0.0, 1.0)
     assert (motion.target, motion.stop_reason) == (None, "user")
 
 
 def test_an_expiry_is_a_deadline():
     motion = Motion(QUICK, timeout_s=0.03)
-    motion.drive(200, 0, 0.0)
+    motion.drive((200, 0), 0.0)
     motion.take(0.0)
     assert motion.due_s == pytest.approx(0.03)
 
 
 def test_a_gentle_stop_slows_down_evenly():
     motion = Motion()
-    motion.drive(300, 0, 0.0)
+    motion.drive((300, 0), 0.0)
     motion.take(0.0)
     motion.fade(0.0, 1.0)
     sent = drain(motion, 0.001, 1.1)
@@ -117,15 +117,15 @@ def test_a_gentle_stop_slows_down_evenly():
 
 def test_a_new_command_ends_a_gentle_stop():
     motion = Motion()
-    motion.drive(300, 0, 0.0)
+    motion.drive((300, 0), 0.0)
     motion.fade(0.0, 1.0)
-    motion.drive(100, 0, 0.5)
+    motion.drive((100, 0), 0.5)
     assert motion.take(0.5) == (MOVE, 100, 0)
 
 
 def test_minus_one_is_spelt_zero_for_boards_that_drop_it():
     motion = Motion(skip_minus_one=True)
-    motion.drive(-1, -2, 0.0)
+    motion.drive((-1, -2), 0.0)
     assert motion.take(0.0) == (MOVE, 0, -2)
 
 
@@ -135,7 +135,7 @@ def test_nothing_is_due_while_stopped():
 
 def test_a_second_fade_does_not_begin_again():
     motion = Motion()
-    motion.drive(300, 0, 0.0)
+    motion.drive((300, 0), 0.0)
     motion.fade(0.0, 1.0)
     assert motion.take(0.5) == (MOVE, 150, 0)
     motion.fade(0.5, 1.0)
@@ -144,7 +144,7 @@ def test_a_second_fade_does_not_begin_again():
 
 def test_a_fade_ends_in_a_stop_on_time():
     motion = Motion()
-    motion.drive(300, 0, 0.0)
+    motion.drive((300, 0), 0.0)
     motion.fade(0.0, 1.0)
     assert motion.take(1.0) == (STOP,) and motion.stop_reason == "battery"
 

@@ -93,14 +93,14 @@ def test_robot_that_is_cut_off_again_when_it_stands_is_not_moving(cut):
 
 def test_robot_that_is_cut_off_under_a_command_of_zero_is_not_moving():
     motion = Motion()
-    motion.drive(0, 0, 0.0)
+    motion.drive((0, 0), 0.0)
     motion.forget("stale")
     assert not motion.unconfirmed
 
 
 def test_port_that_is_back_before_the_board_answers_shows_nothing():
     talk = Talk(FakeBoard(version=1)).until_ready()
-    talk.session.drive(200, 0, talk.now)
+    talk.session.drive((200, 0), talk.now)
     talk.run(0.2)
     talk.session.lose(talk.now)
     talk.session.relink(talk.now)

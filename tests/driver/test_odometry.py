@@ -183,14 +183,16 @@ def test_frames_lost_from_a_burst_are_bridged_once_they_are_confirmed():
     assert distance_m(readings, exact=False) == pytest.approx(606 * DRIVE.metres_per_count)
 
 
-def test_a_confirmed_jump_that_no_wheel_can_make_is_not_integrated():
-    readings = [(5000, 0.0), (25000, 0.001), (25002, 0.002), (25004, 0.003), (25006, 0.004)]
-    assert distance_m(readings, exact=False) == pytest.approx(2 * DRIVE.metres_per_count)
-
-
-def test_a_confirmed_jump_in_whose_time_the_counter_may_have_wrapped_is_not_integrated():
-    readings = [(5000, 0.0), (15000, 60.0), (15002, 60.003), (15004, 60.006), (15006, 60.009)]
-    assert distance_m(readings, exact=False) == pytest.approx(2 * DRIVE.metres_per_count)
+@pytest.mark.parametrize(
+    ("jump", "pause_s"),
+    [
+        pytest.param(20000, 0.001, id="no wheel can make it"),
+        pytest.param(10000, 60.0, id="it may have wrapped"),
+    ],
+)
+def test_a_confirmed_jump_of_unknown_length_is_not_integrated(jump, pause_s):
+    after = [(5000 + jump + 2 * i, pause_s + 0.003 * i) for i in range(4)]
+    assert distance_m([(5000, 0.0), *after], exact=False) == pytest.approx(2 * DRIVE.metres_per_count)
 
 
 def test_a_gap_after_which_the_wheels_must_have_stood_is_bridged():

@@ -358,7 +358,7 @@ def test_half_a_frame_of_the_lost_link_is_forgotten():
 
 def test_nothing_waits_for_the_new_link():
     talk = Talk().until_ready()
-    talk.session.drive(200, 0, talk.now)
+    talk.session.drive((200, 0), talk.now)
     talk.session.lose(talk.now)
     assert talk.session.take() == b"" and talk.session.motion.target is None
 
@@ -368,20 +368,20 @@ def test_nothing_waits_for_the_new_link():
 
 def test_a_command_goes_out_at_once():
     talk = Talk().until_ready().run(0.01)
-    assert talk.session.drive(500, -800, talk.now)
+    assert talk.session.drive((500, -800), talk.now)
     assert talk.session.take().startswith(b"@11,500,-800,")
 
 
 def test_no_command_is_taken_before_the_board_is_ready():
     talk = Talk()
-    assert not talk.session.drive(500, 0, 0.0)
+    assert not talk.session.drive((500, 0), 0.0)
     assert 11 not in codes(talk.run(2))
 
 
 @pytest.mark.parametrize("watchdog_ms", [60, 250, 2000])
 def test_the_watchdog_is_fed_while_driving(watchdog_ms):
     talk = Talk(plan=Plan(watchdog_ms=watchdog_ms)).until_ready()
-    talk.session.drive(200, 0, talk.now)
+    talk.session.drive((200, 0), talk.now)
     for _ in range(300):
         assert talk.run(0.01).board.speeds == (200, 0)
 
@@ -400,21 +400,21 @@ def test_a_2013_board_is_not_flooded(code):
     talk = Talk(FakeBoard(version=1, stream_code=code)).until_ready().run(0.5)
     start, before = talk.now, len(talk.board.heard)
     for i in range(1000):
-        talk.session.drive(100 + i % 7, 0, talk.now)
+        talk.session.drive((100 + i % 7, 0), talk.now)
         talk.run(0.002)
     assert (len(talk.board.heard) - before) / (talk.now - start) <= BOARD_2013_MAX_HZ
 
 
 def test_a_2013_board_gets_no_minus_one():
     talk = Talk(FakeBoard(version=1)).until_ready()
-    talk.session.drive(-1, 500, talk.now)
+    talk.session.drive((-1, 500), talk.now)
     talk.run(0.2)
     assert talk.board.moves[-1] == (0, 500)
 
 
 def test_a_stop_is_plain_and_repeated_until_the_wheels_stand():
     talk = Talk().until_ready()
-    talk.session.drive(200, 0, talk.now)
+    talk.session.drive((200, 0), talk.now)
     talk.run(0.5)
     talk.to_board = lambda data: data.replace(b"@13e", b"@13,")
     stopped_s = talk.now
@@ -429,19 +429,19 @@ def test_a_stop_is_plain_and_repeated_until_the_wheels_stand():
 def test_late_telemetry_holds_commands_back():
     """A stalled board would carry them all out later."""
     talk = Talk().until_ready()
-    talk.session.drive(200, 0, talk.now)
+    talk.session.drive((200, 0), talk.now)
     talk.run(0.2)
     talk.board.mute = True
     late_s = talk.session.heard_s + 0.1
     talk.run(0.15)
-    talk.session.drive(250, 0, talk.now)
+    talk.session.drive((250, 0), talk.now)
     talk.run(1.0)
     assert b"@11" not in talk.sent_since(late_s)
 
 
 def test_late_telemetry_is_no_busy_loop():
     talk = Talk().until_ready()
-    talk.session.drive(200, 0, talk.now)
+    talk.session.drive((200, 0), talk.now)
     talk.board.mute = True
     talk.run(0.2)
     assert talk.session.deadline(talk.now) > talk.now
@@ -449,7 +449,7 @@ def test_late_telemetry_is_no_busy_loop():
 
 def test_a_command_expires_without_successor():
     talk = Talk(command_timeout_s=0.5).until_ready()
-    talk.session.drive(200, 0, talk.now)
+    talk.session.drive((200, 0), talk.now)
     start = talk.now
     talk.until(lambda: talk.board.speeds == (0, 0) and talk.now > start + 0.1)
     assert talk.now - start == pytest.approx(0.5, abs=0.05)
@@ -460,7 +460,7 @@ def test_a_command_expires_without_successor():
 
 def test_a_board_reset_is_greeted_anew_and_stays_stopped():
     talk = Talk().until_ready()
-    talk.session.drive(200, 0, talk.now)
+    talk.session.drive((200, 0), talk.now)
     talk.run(0.5)
     talk.board.reset(talk.now)
     reset_s, talk.events = talk.now, []
@@ -498,7 +498,7 @@ def test_a_stall_is_no_restart():
 
 def test_a_stall_drops_the_command():
     talk = Talk().until_ready()
-    talk.session.drive(200, 0, talk.now)
+    talk.session.drive((200, 0), talk.now)
     talk.board.mute = True
     talk.run(1)
     talk.board.mute = False
@@ -574,7 +574,7 @@ def test_a_request_of_the_caller_is_answered():
 def test_a_stop_is_confirmed_after_every_greeting():
     """The stop before the silence may have been lost with all that the greeting sent."""
     talk = Talk(plan=Plan(watchdog_ms=0)).until_ready()
-    talk.session.drive(300, 0, talk.now)
+    talk.session.drive((300, 0), talk.now)
     talk.run(0.3)
     talk.session.stop(talk.now)
     talk.to_board = talk.to_host = lambda data: b""
@@ -587,7 +587,7 @@ def test_a_stop_is_confirmed_after_every_greeting():
 
 def test_a_paused_host_does_not_drive_on():
     talk = Talk(plan=Plan(watchdog_ms=0)).until_ready()
-    talk.session.drive(300, 0, talk.now)
+    talk.session.drive((300, 0), talk.now)
     talk.run(0.2)
     talk.now += 0.3
     talk.run(0.2)
@@ -596,7 +596,7 @@ def test_a_paused_host_does_not_drive_on():
 
 def test_a_board_that_stopped_by_itself_is_not_driven_on():
     talk = Talk().until_ready()
-    talk.session.drive(300, 0, talk.now)
+    talk.session.drive((300, 0), talk.now)
     talk.board.stop_reason = STOP_REASONS.index("stall")
     talk.until(lambda: talk.session.status.stop_reason == "stall")
     assert talk.session.motion.target is None

@@ -46,7 +46,7 @@ class LinkUnderFaults(RuleBasedStateMachine):
 
     @rule(linear=st.integers(-300, 300), angular=st.integers(-1000, 1000))
     def drive(self, linear, angular):
-        self.talk.session.drive(linear, angular, self.talk.now)
+        self.talk.session.drive((linear, angular), self.talk.now)
         self._go(0.05)
 
     @rule()
@@ -104,7 +104,7 @@ class LinkUnderFaults(RuleBasedStateMachine):
             return
         self._go(1.5)
         self.talk.until(lambda: self.talk.session.ready, 5)
-        assert self.talk.session.drive(100, 0, self.talk.now)
+        assert self.talk.session.drive((100, 0), self.talk.now)
         self._go(0.3)
         assert self.talk.board.speeds == (100, 0)
         self.talk.session.stop(self.talk.now)

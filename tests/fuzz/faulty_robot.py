@@ -199,7 +199,7 @@ def drive_about(robot: FaultyRobot, rng: random.Random, seconds: float, breaks: 
     """Random commands, as a person gives them; with `breaks` the motor board loses its counts now and then."""
     end = robot.now + seconds
     while robot.now < end:
-        robot.session.drive(rng.randint(-300, 300), rng.randint(-1500, 1500), robot.now)
+        robot.session.drive((rng.randint(-300, 300), rng.randint(-1500, 1500)), robot.now)
         if rng.random() < 0.15:
             robot.session.stop(robot.now)
         if breaks and rng.random() < 0.15:

@@ -19,7 +19,7 @@ def test_a_drive_with_faults_has_no_wrong_value_and_no_jump_and_ends_stopped(see
     robot, what = drive(seed, DRIVE_S)
     assert robot.accepted > 20, what
     if seed % 2:
-        robot.session.drive(300, 0, robot.now)
+        robot.session.drive((300, 0), robot.now)
         robot.session.take()
         robot.session.stop(robot.now)
         robot.run(WATCHDOG_S + STOPPING_S)

@@ -68,11 +68,11 @@ def test_in_the_robots_own_frame_it_is_relative(goal):
         (message("odom", 1, 1, 0.0), "quaternion"),
     ],
 )
-def test_a_wrong_pose_is_refused_and_the_one_before_stays(goal, wrong, words):
+def test_a_wrong_pose_is_refused_and_the_one_before_stays(goal, noted, wrong, words):
     goal.start(message("odom", 3.0, 4.0), HERE)
     with pytest.raises(ValueError, match=words):
         goal.start(wrong, HERE)
-    assert goal.active
+    assert noted.seeking
 
 
 def test_a_pose_is_refused_while_the_robot_may_not_move(goal, noted):
@@ -80,7 +80,7 @@ def test_a_pose_is_refused_while_the_robot_may_not_move(goal, noted):
     noted.ready = False
     with pytest.raises(ValueError, match="the motors are disabled"):
         goal.start(message("odom", 3.0, 4.0), HERE)
-    assert (goal.active, noted.seeking) == (False, False)
+    assert noted.seeking is False
 
 
 def test_an_emergency_stop_that_is_released_between_two_steps_ends_it(goal, noted):
@@ -89,7 +89,7 @@ def test_an_emergency_stop_that_is_released_between_two_steps_ends_it(goal, note
     goal.on_telemetry(at((0.0, 0.0, 0.0), 1.0))
     noted.seeking, noted.speeds = False, None  # what `Commander.latch` does
     assert goal.on_telemetry(at((0.0, 0.0, 0.0), 2.0)) == f"{BLOCKED}: the robot was stopped"
-    assert (goal.active, noted.speeds) == (False, None)
+    assert (goal.on_telemetry(at((0.0, 0.0, 0.0), 3.0)), noted.speeds) == ("", None)
 
 
 def test_an_emergency_stop_that_is_released_while_a_step_is_written_stops_the_robot(goal, noted):
@@ -109,7 +109,7 @@ def test_it_drives_there_and_stops(goal, noted):
     goal.start(message("odom", 1.0, 0.0), HERE)
     assert goal.on_telemetry(at((0.0, 0.0, 0.0), 1.0)) == "" and noted.speeds[0] > 0 and noted.seeking
     assert goal.on_telemetry(at((1.0, 0.0, 0.0), 1.0 + STEP_S)) == REACHED
-    assert (noted.stops, noted.seeking, goal.active) == (1, False, False)
+    assert (noted.stops, noted.seeking) == (1, False)
 
 
 def test_it_gives_up_when_it_comes_no_nearer(goal, noted):
@@ -125,14 +125,14 @@ def test_it_gives_up_when_the_driver_has_stopped_the_robot(goal, noted):
     assert goal.on_telemetry(at((0.0, 0.0, 0.0), 1.0)) == "" and noted.speeds
     noted.speeds = None
     assert goal.on_telemetry(at((0.0, 0.0, 0.0), 2.0)) == f"{BLOCKED}: the robot was stopped (link lost)"
-    assert (noted.speeds, noted.seeking, goal.active) == (None, False, False)
+    assert (noted.speeds, noted.seeking) == (None, False)
 
 
 def test_it_gives_up_when_the_robot_may_not_move(goal, noted):
     noted.willing = False
     goal.start(message("odom", 1.0, 0.0), HERE)
     assert "motors are disabled" in goal.on_telemetry(at((0.0, 0.0, 0.0), 1.0))
-    assert not goal.active
+    assert not noted.seeking
 
 
 def test_it_keeps_straight_on_beside_what_a_sonar_sees_elsewhere(noted):
