@@ -1,5 +1,5 @@
 /* One simulated Arduino Uno: libsimavr's ATmega328P core with peripherals of our own where 1.6 is not true to
- * the chip (USART0, TWI, ADC, EEPROM, watchdog, interrupts).
+ * the chip (USART0, TWI, ADC, EEPROM, watchdog, timer 1, sleep, interrupts).
  *
  * libsimavr is GPL. This code is compiled on the user's machine; no binary linked with it is shipped.
  * All times are CPU cycles since power-up; numbers are from the ATmega328P datasheet unless named otherwise.
@@ -97,6 +97,12 @@ typedef struct {
 } adc_t;
 
 typedef struct {
+    uint64_t origin, counted; /* the prescaler's start; number of its edges that are counted */
+    uint32_t count, top, divider, compare[2];
+    uint8_t high;
+} timer1_t;
+
+typedef struct {
     uint64_t cycle;
     uint8_t port, bit, level;
 } pin_event_t;
@@ -130,6 +136,7 @@ struct board {
     twi_t twi;
     watchdog_t watchdog;
     adc_t adc;
+    timer1_t timer1;
     pins_t pins;
     avr_int_vector_t *vector[VECTORS];
     wrapped_t wrapped[IO_ADDRESSES], eeprom_control;
@@ -142,7 +149,7 @@ struct board {
 
 /* ATmega328P data addresses */
 enum {
-    PIN_B = 0x23, EECR_ = 0x3F, MCUSR_ = 0x54, WDTCSR_ = 0x60, ADCL_ = 0x78, ADCH_ = 0x79, ADCSRA_ = 0x7A,
+    PIN_B = 0x23, EECR_ = 0x3F, SMCR_ = 0x53, MCUSR_ = 0x54, WDTCSR_ = 0x60, ADCL_ = 0x78, ADCH_ = 0x79, ADCSRA_ = 0x7A,
     ADCSRB_ = 0x7B, ADMUX_ = 0x7C, TWBR_ = 0xB8, TWSR_ = 0xB9, TWDR_ = 0xBB, TWCR_ = 0xBC,
     UCSR0A_ = 0xC0, UCSR0B_ = 0xC1, UCSR0C_ = 0xC2, UBRR0L_ = 0xC4, UBRR0H_ = 0xC5, UDR0_ = 0xC6
 };

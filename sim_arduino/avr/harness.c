@@ -8,6 +8,7 @@
 #include <string.h>
 
 enum { DATA_SPACE = 0x10000, INTERRUPT_ENTRY_CYCLES = 4, WAKE_UP_CYCLES = 4 };
+enum { SE_BIT = 0x01, SM_BITS = 0x0E };
 enum { PORF_BIT = 0, EXTRF_BIT = 1, WDRF_BIT = 3 };
 
 static char last_message[256];
@@ -65,7 +66,7 @@ static void enter(board_t *board, avr_int_vector_t *vector) {
     avr->cycle += INTERRUPT_ENTRY_CYCLES;
     if (board->asleep)
         avr->cycle += WAKE_UP_CYCLES;
-    avr->state = cpu_Running;
+    board->asleep = false;
     _avr_push_addr(avr, avr->pc);
     avr->sreg[S_I] = 0;
     avr->pc = vector->vector * avr->vector_size;
@@ -100,30 +101,54 @@ static avr_cycle_count_t slice_end(avr_t *avr, avr_cycle_count_t when, void *par
 
 static void reset_now(board_t *board, uint8_t cause);
 
-static void sleep_until(board_t *board, avr_cycle_count_t pause, uint64_t target) {
+/* SLEEP does nothing unless SE is set. Of the modes only idle is simulated: it stops the CPU and nothing else. */
+static void fall_asleep(board_t *board) {
     avr_t *avr = board->avr;
-    uint64_t left = target > avr->cycle ? target - avr->cycle : 0;
-    uint64_t step = pause < left ? (pause ? pause : 1) : left;
-    avr->cycle += step;
-    board->slept += step;
+    uint8_t control = avr->data[SMCR_];
+    avr->state = cpu_Running; /* the core would wake for interrupts that are not served */
+    board->asleep = control & SE_BIT;
+    if (!board->asleep || !(control & SM_BITS))
+        return;
+    snprintf(last_message, sizeof last_message, "SMCR is 0x%02x, but only idle mode is simulated", control);
+    avr->state = cpu_Crashed;
+}
+
+static void run_instruction(board_t *board) {
+    avr_t *avr = board->avr;
+    avr_flashaddr_t at = avr->pc, next = avr_run_one(avr);
+    if (avr->state == cpu_Sleeping)
+        fall_asleep(board);
+    if (avr->state != cpu_Running)
+        board->crash_pc = at;
+    avr->pc = next;
+}
+
+/* The cycle of the next event of a timer or peripheral. */
+static uint64_t next_timer(const avr_t *avr) {
+    return avr->cycle_timers.timer ? avr->cycle_timers.timer->when : UINT64_MAX;
+}
+
+static void sleep_until(board_t *board, uint64_t target) {
+    avr_t *avr = board->avr;
+    uint64_t event = next_timer(avr), until = event < target ? event : target;
+    if (until <= avr->cycle)
+        return;
+    board->slept += until - avr->cycle;
+    avr->cycle = until;
 }
 
 static void run_some(board_t *board, uint64_t target) {
     avr_t *avr = board->avr;
-    board->asleep = avr->state == cpu_Sleeping;
-    if (avr->state == cpu_Running) {
-        avr_flashaddr_t next = avr_run_one(avr);
-        if (avr->state == cpu_Crashed || avr->state == cpu_Stopped)
-            board->crash_pc = avr->pc;
-        avr->pc = next;
-    }
-    avr_cycle_count_t pause = avr_cycle_timer_process(avr);
+    if (board->asleep)
+        sleep_until(board, target);
+    else
+        run_instruction(board);
+    if (next_timer(avr) <= avr->cycle)
+        avr_cycle_timer_process(avr);
     if (board->reset_wanted)
         reset_now(board, 1 << WDRF_BIT);
     else if (avr->interrupt_state)
         serve_interrupts(board);
-    if (avr->state == cpu_Sleeping)
-        sleep_until(board, pause, target);
 }
 
 /* Runs to the first instruction boundary at or after `target`. */
@@ -132,12 +157,11 @@ EXPORT int mrl_run_until(board_t *board, uint64_t target) {
     board->stop = false;
     if (avr->cycle < target)
         avr_cycle_timer_register(avr, target - avr->cycle, slice_end, board);
-    while (avr->cycle < target && !board->stop) {
+    while (avr->cycle < target && !board->stop && avr->state == cpu_Running)
         run_some(board, target);
-        if (avr->state != cpu_Running && avr->state != cpu_Sleeping)
-            return RUN_CRASHED;
-    }
     avr_cycle_timer_cancel(avr, slice_end, board);
+    if (avr->state != cpu_Running)
+        return RUN_CRASHED;
     return board->stop ? RUN_STOPPED : RUN_DONE;
 }
 
@@ -157,12 +181,13 @@ static void reset_now(board_t *board, uint8_t cause) {
     avr->cycle = cycle;
     avr->run_cycle_limit = avr->frequency; /* a reset sets 1: control back after every instruction */
     avr->data[MCUSR_] = board->reset_flags < 0 ? flags : (uint8_t)board->reset_flags;
-    board->reset_wanted = false;
+    board->reset_wanted = board->asleep = false;
     board->resets++;
     usart_reset(board);
     twi_reset(board);
     watchdog_reset(board);
     adc_reset(board);
+    timer1_reset(board);
     pins_reset(board);
 }
 
@@ -217,6 +242,7 @@ EXPORT board_t *mrl_create(uint32_t frequency_hz, const hooks_t *hooks) {
     twi_attach(board);
     watchdog_attach(board);
     adc_attach(board);
+    timer1_attach(board);
     eeprom_attach(board);
     pins_attach(board);
     collect_vectors(board);
@@ -252,12 +278,7 @@ EXPORT uint64_t mrl_slept(board_t *board) { return board->slept; }
 /* Earliest cycle at which the chip can do anything by itself: now while it is awake, else the next event of a timer
  * or peripheral; UINT64_MAX if there is none. */
 EXPORT uint64_t mrl_next_event(board_t *board) {
-    avr_t *avr = board->avr;
-    if (avr->state != cpu_Sleeping)
-        return avr->cycle;
-    const avr_cycle_timer_slot_t *first = avr->cycle_timers.timer;
-    if (!first)
-        return UINT64_MAX;
-    return first->when > avr->cycle ? first->when : avr->cycle;
+    uint64_t now = board->avr->cycle, event = next_timer(board->avr);
+    return board->asleep && event > now ? event : now;
 }
 

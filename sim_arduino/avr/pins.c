@@ -59,17 +59,21 @@ static void raise_input(board_t *board, int port, int bit) {
     avr_raise_irq(pin, (board->pins.external[port] >> bit) & 1);
 }
 
-void pins_set(board_t *board, int port, int bit, int level) {
+static void set_at(board_t *board, int port, int bit, int level, uint64_t cycle) {
     avr_t *avr = board->avr;
-    uint8_t mask = (uint8_t)(1 << bit);
+    uint8_t mask = (uint8_t)(1 << bit), before = board->pins.external[port];
     board->pins.external[port] = (uint8_t)((board->pins.external[port] & ~mask) | (level ? mask : 0));
     show_outside(board, port);
     bool is_output = avr->data[pin_address(port) + 1] & mask;
     if (!is_output)
         raise_input(board, port, bit);
+    if (port == 0 && bit == 0 && before != board->pins.external[0])
+        timer1_capture(board, level, cycle);
     compare_levels(board, port);
     board_recheck(board);
 }
+
+void pins_set(board_t *board, int port, int bit, int level) { set_at(board, port, bit, level, board->avr->cycle); }
 
 static avr_cycle_count_t planned_change(avr_t *avr, avr_cycle_count_t when, void *param) {
     board_t *board = param;
@@ -77,7 +81,7 @@ static avr_cycle_count_t planned_change(avr_t *avr, avr_cycle_count_t when, void
     size_t done = 0;
     while (done < pins->planned_count && pins->planned[done].cycle <= when) {
         pin_event_t event = pins->planned[done++];
-        pins_set(board, event.port, event.bit, event.level);
+        set_at(board, event.port, event.bit, event.level, event.cycle);
     }
     pins->planned_count -= done;
     memmove(pins->planned, pins->planned + done, pins->planned_count * sizeof *pins->planned);

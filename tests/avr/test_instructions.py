@@ -4,6 +4,8 @@ from typing import List
 
 import pytest
 
+from sim_arduino.avr.machine import MachineCrashed
+
 MARK_CYCLES = 2  # sbi
 IDLE = 1  # SMCR: sleep enable, idle mode
 OVERFLOW_S = 256 * 1024 / 16e6
@@ -94,3 +96,30 @@ def test_sleep_is_not_awake(bench):
     board.machine.run(10.5 * OVERFLOW_S)
     assert board.get("wakes") == 10
     assert board.machine.awake_cycles - awake < 0.001 * (board.machine.cycle - begun)
+
+
+@pytest.mark.parametrize("mode", [0x02, 0x0E])
+def test_sleep_without_its_enable_bit_does_nothing(bench, mode):
+    """SE in SMCR is clear: the program goes on."""
+    board = bench("sleep.c")
+    board.set("mode", mode)
+    board.machine.run(100e-6)
+    assert board.get("wakes") > 100
+
+
+@pytest.mark.parametrize("mode", [0x03, 0x05, 0x07, 0x0D, 0x0F])
+def test_a_sleep_mode_that_is_not_simulated_is_refused(bench, mode):
+    """Those that stop the clocks of timers and serial port."""
+    board = bench("sleep.c")
+    board.set("mode", mode)
+    with pytest.raises(MachineCrashed, match=f"SMCR is 0x{mode:02x}, but only idle mode"):
+        board.machine.run(100e-6)
+
+
+def test_an_interrupt_that_waits_at_sleep_wakes_the_chip(bench):
+    """SEI lets SLEEP follow before any interrupt: the chip sleeps and wakes at once, with no other event."""
+    board = bench("sleep.c")
+    board.set("pending", 1)
+    board.set("mode", IDLE)
+    board.machine.run(100e-6)
+    assert board.get("wakes") == 1

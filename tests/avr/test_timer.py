@@ -1,0 +1,66 @@
+"""Timer 1, against the ATmega328P datasheet: the clock of the firmware and its alarm."""
+
+import pytest
+
+LED = 13
+TICK = 1024  # cycles
+NORMAL, CTC = 0x05, 0x0D  # TCCR1B: prescaler 1024, normal and CTC mode
+OVERFLOW = 0x01
+ENTRY_CYCLES = 20  # the interrupt waits for the sketch, which keeps interrupts off for moments
+
+
+def run(bench, start, compare, control=NORMAL, ticks=20):
+    """Starts the sketch; returns it and the cycles from the start to each interrupt of the compare unit."""
+    board = bench("compare.c")
+    for name, value in {"start": start, "compare": compare, "control": control, "go": 1}.items():
+        board.set(name, value)
+    board.machine.watch_pins([LED])
+    board.machine.run(ticks * TICK / board.machine.frequency_hz)
+    first, *rest = [change.cycle for change in board.machine.pin_changes()]
+    return board, [cycle - first for cycle in rest]
+
+
+def ticks(cycles):
+    """The prescaler's phase is random, so that the first tick is a part of one: whole ticks begun."""
+    return [-(-(each - 30) // TICK) for each in cycles]
+
+
+@pytest.mark.parametrize("start, compare, wait", [(0, 4, 5), (100, 103, 4), (65534, 1, 4), (7, 7, 1)])
+def test_a_compare_match_is_flagged_when_the_counter_leaves_the_value(bench, start, compare, wait):
+    """Section "Timer/Counter Timing Diagrams": the flag is set with the next clock of the timer."""
+    _, matches = run(bench, start, compare)
+    assert ticks(matches) == [wait]
+
+
+def test_a_value_that_has_passed_matches_a_whole_round_later(bench):
+    """4.19 s: the firmware must not wait for it."""
+    _, matches = run(bench, 10, 9, ticks=65600)
+    assert ticks(matches) == [65536]
+
+
+def test_a_write_of_the_compare_value_leaves_the_counter(bench):
+    """It goes on from where it was."""
+    board, _ = run(bench, 1000, 2000)
+    assert board.get("counted") == 1000
+
+
+def test_ctc_mode_starts_again_after_the_compare_value(bench):
+    """Each fourth tick for the value 3."""
+    _, matches = run(bench, 0, 3, control=CTC, ticks=18)
+    assert [b - a for a, b in zip(matches, matches[1:])] == [pytest.approx(4 * TICK, abs=ENTRY_CYCLES)] * 3
+
+
+def test_an_overflow_is_flagged(bench):
+    """When the counter goes from 65535 to 0."""
+    board, _ = run(bench, 65530, 0x8000, ticks=5)
+    before = board.get("flags") & OVERFLOW
+    board.machine.run(2 * TICK / board.machine.frequency_hz)
+    assert (before, board.get("flags") & OVERFLOW) == (0, OVERFLOW)
+
+
+def test_the_counter_follows_the_prescaler(bench):
+    """Ten ticks later it has counted ten more."""
+    board, _ = run(bench, 250, 0x8000)
+    before = board.get("word")
+    board.machine.run(10 * TICK / board.machine.frequency_hz)
+    assert board.get("word") - before == 10
