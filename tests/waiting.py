@@ -5,7 +5,7 @@ MRL_TEST_PATIENCE multiplies every time-out of the tests, that of pytest too: 3 
 
 import os
 import time
-from typing import Callable, TypeVar
+from typing import Any, Callable, TypeVar
 
 PATIENCE = float(os.environ.get("MRL_TEST_PATIENCE", "1"))
 PATIENCE_S = 30.0 * PATIENCE
@@ -30,3 +30,14 @@ def wait_until(
             return result
         assert time.monotonic() < deadline_s, f"{what} did not happen within {limit_s:g} s"
         time.sleep(step_s)
+
+
+def drive_until(robot: Any, linear_m_s: float, angular_rad_s: float, condition: Callable[[], Any]) -> None:
+    """Gives the command again and again until `condition` returns something true.
+
+    A driver drops its command when the host was held up, and expects a new one.
+
+    Raises:
+        AssertionError: nothing true within the time of `wait_until`.
+    """
+    wait_until(lambda: robot.drive(linear_m_s, angular_rad_s) and condition(), step_s=0.02)

@@ -16,6 +16,7 @@ from mrl_driver.transport.listener import SILENT_S, listen
 from mrl_driver.transport.open_link import open_link
 from mrl_driver.transport.relay import STOP, Bridge
 from sim_arduino.testing import EmulatedBoard
+from tests.waiting import drive_until
 
 from .run import fails, mrl
 
@@ -63,8 +64,7 @@ def test_the_doctor_blames_no_usb_cable_of_a_board_on_a_network(served, monkeypa
 
 def test_a_driver_drives_through_it(served):
     with Driver(served.url) as robot:
-        robot.drive(0.2, 0.0)
-        served.board.wait_until(lambda: robot.pose.x_m > 0.02)
+        drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 0.02)
 
 
 def test_the_robot_stops_when_its_client_is_gone(served):

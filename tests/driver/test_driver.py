@@ -24,7 +24,7 @@ from mrl_driver.errors import (
 from mrl_driver.robot.models import load
 from mrl_driver.transport import open_link
 from mrl_driver.transport.link import SerialLink
-from tests.waiting import PATIENCE_S, wait_until
+from tests.waiting import PATIENCE_S, drive_until, wait_until
 
 CLOSE_S, RUNS = 1.0, 5
 """Longest good-bye, the median of so many."""
@@ -51,14 +51,12 @@ def test_the_first_telemetry_is_there_when_connected(robot):
 
 
 def test_driving_reaches_the_board_in_its_units(robot):
-    assert robot.drive(0.2, -0.8)
-    wait_until(lambda: robot.fake.speeds == (200, -800))
+    drive_until(robot, 0.2, -0.8, lambda: robot.fake.speeds == (200, -800))
     assert robot.command == (0.2, -0.8)
 
 
 def test_the_pose_follows(robot):
-    robot.drive(0.3, 0)
-    wait_until(lambda: robot.pose.x_m > 0.02)
+    drive_until(robot, 0.3, 0, lambda: robot.pose.x_m > 0.02)
     assert robot.twist.linear_m_s == pytest.approx(0.3, abs=0.05)
 
 
@@ -83,8 +81,7 @@ def test_no_number_is_refused_and_stops_the_robot(robot, speeds):
 
 
 def test_a_stop_is_confirmed(robot):
-    robot.drive(0.2, 0)
-    wait_until(lambda: robot.fake.speeds == (200, 0))
+    drive_until(robot, 0.2, 0, lambda: robot.fake.speeds == (200, 0))
     robot.stop()
     assert not robot.stopped
     wait_until(lambda: robot.stopped)
@@ -94,8 +91,7 @@ def test_a_stop_is_confirmed(robot):
 def test_leaving_the_block_stops_the_robot_first(serve):
     port = serve()
     with Driver(port.path, options=Options(command_timeout_s=None)) as driver:
-        driver.drive(0.2, 0)
-        wait_until(lambda: port.board.speeds == (200, 0))
+        drive_until(driver, 0.2, 0, lambda: port.board.speeds == (200, 0))
     wait_until(lambda: port.board.speeds == (0, 0))
     assert port.board.moves[-1] == (200, 0)
 
@@ -105,8 +101,7 @@ def test_an_error_in_the_block_stops_the_robot_too(serve):
     with pytest.raises(ZeroDivisionError), Driver(
         port.path, options=Options(command_timeout_s=None)
     ) as driver:
-        driver.drive(0.2, 0)
-        wait_until(lambda: port.board.speeds == (200, 0))
+        drive_until(driver, 0.2, 0, lambda: port.board.speeds == (200, 0))
         1 / 0  # noqa: B018
     wait_until(lambda: port.board.speeds == (0, 0))
 
@@ -148,8 +143,7 @@ def test_a_close_from_a_callback_repeats_a_stop_that_was_lost(serve, monkeypatch
     port = serve(version=1)
     driver = Driver(port.path, options=Options(command_timeout_s=None))
     driver.connect()
-    driver.drive(0.2, 0.0)
-    wait_until(lambda: port.board.speeds == (200, 0) and driver.twist.linear_m_s > 0.1)
+    drive_until(driver, 0.2, 0.0, lambda: port.board.speeds == (200, 0) and driver.twist.linear_m_s > 0.1)
     write, lost = SerialLink.write, []
 
     def lose_first_stop(link, data):
@@ -214,8 +208,7 @@ def test_an_error_of_its_own_ends_the_driver_and_stops_the_robot(serve):
         raise FrameError("no such frame")
 
     with Driver(port.path, options=Options(command_timeout_s=None)) as robot:
-        robot.drive(0.1, 0)
-        wait_until(lambda: port.board.speeds == (100, 0))
+        drive_until(robot, 0.1, 0, lambda: port.board.speeds == (100, 0))
         robot.on_telemetry(refuse)
         wait_until(lambda: port.board.speeds == (0, 0))
 
@@ -225,8 +218,7 @@ def test_a_callback_that_raises_ends_the_driver_and_stops_the_robot(serve, monke
     monkeypatch.setattr(threading, "excepthook", lambda args: None)
     port = serve(version=version)
     with Driver(port.path, options=Options(command_timeout_s=None)) as robot:
-        robot.drive(0.1, 0)
-        wait_until(lambda: port.board.speeds == (100, 0))
+        drive_until(robot, 0.1, 0, lambda: port.board.speeds == (100, 0))
         robot.on_telemetry(lambda _: 1 / 0)
         wait_until(lambda: robot.error is not None)
         with pytest.raises(MrlError, match="callback"):
@@ -295,14 +287,12 @@ def test_a_stalled_board_is_stale_and_no_command_is_taken(robot):
 
 
 def test_the_pose_is_continuous_over_a_board_reset(robot):
-    robot.drive(0.3, 0)
-    wait_until(lambda: robot.pose.x_m > 0.05)
+    drive_until(robot, 0.3, 0, lambda: robot.pose.x_m > 0.05)
     robot.fake.reset(time.monotonic())
     before = robot.pose.x_m
     wait_until(lambda: robot.statistics.restarts == 1 and robot.ready)
     assert abs(robot.pose.x_m - before) < 0.02
-    assert robot.drive(0.3, 0)
-    wait_until(lambda: robot.pose.x_m > before + 0.02)
+    drive_until(robot, 0.3, 0, lambda: robot.pose.x_m > before + 0.02)
 
 
 def test_a_command_expires_with_the_option(serve):

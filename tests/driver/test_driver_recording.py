@@ -13,7 +13,7 @@ from mrl_driver.protocol import REPLIES, REQUESTS, Frame, FrameDecoder
 from mrl_driver.recording.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
 from mrl_driver.recording.summary import summarise
 from mrl_driver.transport.link import SerialLink
-from tests.waiting import PATIENCE_S, wait_until
+from tests.waiting import PATIENCE_S, drive_until, wait_until
 
 
 @pytest.fixture
@@ -21,8 +21,7 @@ def recorded(serve, tmp_path):
     """Entries of a short drive, and the board that it was with."""
     board, path = serve(), str(tmp_path / "drive.mrl")
     with Driver(board.path, options=Options(record=path, command_timeout_s=None)) as robot:
-        robot.drive(0.2, 0.0)
-        wait_until(lambda: robot.pose.x_m > 0.01)
+        drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 0.01)
     recording = Recording(path)
     return list(recording), board, recording
 
@@ -100,8 +99,7 @@ def test_the_stop_at_the_end_is_recorded(recorded):
 
 def test_a_full_disk_does_not_stop_the_robot(serve):
     with Driver(serve().path, options=Options(record="/dev/full", command_timeout_s=None)) as robot:
-        robot.drive(0.2, 0.0)
-        wait_until(lambda: robot.pose.x_m > 0.01 and robot.recorder.lost > 10)
+        drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 0.01 and robot.recorder.lost > 10)
         assert robot.command is not None
         assert "No space" in robot.recorder.error
 

@@ -21,7 +21,7 @@ from sim_arduino.board.avr_board import AvrEngine
 from sim_arduino.board.board2013 import Board2013
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.world import Wall, World
-from tests.waiting import PATIENCE_S, wait_until
+from tests.waiting import PATIENCE_S, drive_until, wait_until
 
 from .talk import Talk
 
@@ -252,8 +252,7 @@ def test_a_killed_emulator_is_a_lost_link(mrl_sim):
 
 def test_a_stalled_board_does_not_move_when_it_goes_on(mrl_sim):
     with Driver(mrl_sim(), options=Options(command_timeout_s=None)) as robot:
-        robot.drive(0.2, 0)
-        wait_until(lambda: robot.pose.x_m > 0.02)
+        drive_until(robot, 0.2, 0, lambda: robot.pose.x_m > 0.02)
         os.kill(mrl_sim.process.pid, signal.SIGSTOP)
         wait_until(lambda: not robot.ready)
         os.kill(mrl_sim.process.pid, signal.SIGCONT)

@@ -17,7 +17,7 @@ import mrl_driver
 from mrl_driver.driver import Driver, Options
 from mrl_driver.session.events import Stale
 from mrl_driver.transport.link import SerialLink
-from tests.waiting import PATIENCE_S, wait_until
+from tests.waiting import PATIENCE_S, drive_until, wait_until
 
 from .emulator import MOVE, STOP, Emulator
 from .test_emulator import mrl_sim  # noqa: F401
@@ -86,8 +86,7 @@ def test_a_stop_that_is_lost_is_repeated(emulate, monkeypatch):
     """The line swallows the first three stops; the board's watchdog is off, so nothing else helps."""
     robot = emulate()
     with Driver(robot.path, options=Options(watchdog_ms=0, command_timeout_s=None)) as driver:
-        driver.drive(0.2, 0.0)
-        wait_until(lambda: robot.moves)
+        drive_until(driver, 0.2, 0.0, lambda: robot.moves)
         write, lost = SerialLink.write, []
 
         def swallow(link, data):
@@ -201,15 +200,23 @@ def test_signals_stop_the_robot_and_end_the_program(emulate, number, code):
 @pytest.mark.parametrize("jump_s", [3600.0, -3600.0])
 def test_the_wall_clock_may_jump(serve, monkeypatch, jump_s):
     with Driver(serve().path, options=Options(command_timeout_s=None)) as driver:
-        driver.drive(0.2, 0.0)
-        wait_until(lambda: driver.twist.linear_m_s > 0.15)
-        seen = []
+        seen, events, real = [], [], time.time
         driver.on_telemetry(seen.append)
-        real = time.time
-        monkeypatch.setattr(time, "time", lambda: real() + jump_s)
-        wait_until(lambda: len(seen) > 20)
+        driver.on_event(events.append)
+
+        def driven_through_a_jump():
+            """False if the driver noticed a silence, as when the host is held up: then once more."""
+            drive_until(driver, 0.2, 0.0, lambda: driver.twist.linear_m_s > 0.15)
+            seen.clear()
+            events.clear()
+            with monkeypatch.context() as jump:
+                jump.setattr(time, "time", lambda: real() + jump_s)
+                wait_until(lambda: len(seen) > 20)
+            return not events and driver.command == (0.2, 0.0)
+
+        wait_until(driven_through_a_jump)
         assert all(0.1 < each.twist.linear_m_s < 0.3 for each in seen)
-        assert driver.command == (0.2, 0.0) and driver.age_s < 1.0
+        assert driver.age_s < 1.0
 
 
 def test_nothing_in_the_driver_asks_for_the_time_of_day():

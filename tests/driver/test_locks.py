@@ -13,7 +13,7 @@ from mrl_driver.errors import MrlError
 from mrl_driver.lock_order import ORDER, VARIABLE, new_lock
 from mrl_driver.protocol.table import BY_NAME
 from tests.fake_board import FakeBoard
-from tests.waiting import PATIENCE_S, wait_until
+from tests.waiting import PATIENCE_S, drive_until, wait_until
 
 LASTING = Options(command_timeout_s=None)
 STATUS = BY_NAME["read_status"].code
@@ -210,8 +210,7 @@ def test_a_write_that_is_interrupted_leaves_the_next_one_its_turn(line, monkeypa
         with pytest.raises(KeyboardInterrupt):
             while True:
                 robot.request(STATUS)
-        robot.drive(0.1, 0.0)
-        wait_until(lambda: line.board.speeds == (100, 0))
+        drive_until(robot, 0.1, 0.0, lambda: line.board.speeds == (100, 0))
 
 
 def test_two_reasons_to_inhibit_end_one_by_one(line):

@@ -13,7 +13,7 @@ from mrl_driver.session.events import Lost, Reconnected
 from mrl_driver.transport import reconnect
 from mrl_driver.transport.link import SerialLink
 from mrl_driver.transport.port_search import Port
-from tests.waiting import PATIENCE_S, wait_until
+from tests.waiting import PATIENCE_S, drive_until, wait_until
 
 NOTICED_S, BACK_S, CLOSE_S, RUNS = 0.1, 2.0, 1.0, 5
 """Limits for the medians of so many runs."""
@@ -122,13 +122,11 @@ def test_it_waits_for_a_new_command(robot, cable):
     wait_until(lambda: heard(robot, Reconnected))
     time.sleep(0.3)
     assert cable.port.board.moves == [] and robot.command is None
-    assert robot.drive(0.2, 0)
-    wait_until(lambda: cable.port.board.speeds == (200, 0))
+    drive_until(robot, 0.2, 0, lambda: cable.port.board.speeds == (200, 0))
 
 
 def test_the_pose_goes_on_where_it_was(robot, cable):
-    robot.drive(0.3, 0.5)
-    wait_until(lambda: robot.pose.x_m > 0.05)
+    drive_until(robot, 0.3, 0.5, lambda: robot.pose.x_m > 0.05)
     cable.unplug()
     wait_until(lambda: heard(robot, Lost))
     before = robot.pose
@@ -137,14 +135,12 @@ def test_the_pose_goes_on_where_it_was(robot, cable):
     wait_until(lambda: heard(robot, Reconnected))
     time.sleep(0.2)
     assert robot.pose == before
-    robot.drive(0.3, 0)
-    wait_until(lambda: math.dist(robot.pose[:2], before[:2]) > 0.02)
+    drive_until(robot, 0.3, 0, lambda: math.dist(robot.pose[:2], before[:2]) > 0.02)
 
 
 def test_the_same_board_that_ran_on_bridges_the_gap(robot, cable):
     """It still speaks with check values, so its counters and its clock go on."""
-    robot.drive(0.1, 0)
-    wait_until(lambda: robot.pose.x_m > 0.02)
+    drive_until(robot, 0.1, 0, lambda: robot.pose.x_m > 0.02)
     board = cable.port.board
     cable.unplug()
     wait_until(lambda: heard(robot, Lost))

@@ -15,7 +15,7 @@ from mrl_driver.protocol.table import STOP_REASONS
 from mrl_driver.safety.wheel_monitor import DEAD, POWERLESS, Mismatch
 from mrl_driver.session.motion_command import STOPS
 from mrl_driver.transport.link import SerialLink
-from tests.waiting import PATIENCE_S, wait_until
+from tests.waiting import PATIENCE_S, drive_until, wait_until
 
 
 @pytest.fixture
@@ -26,8 +26,7 @@ def robot(serve):
         driver.fake, driver.port_of = port.board, port
         driver.heard = []
         driver.on_event(driver.heard.append)
-        driver.drive(0.2, 0.0)
-        wait_until(lambda: port.board.speeds == (200, 0))
+        drive_until(driver, 0.2, 0.0, lambda: port.board.speeds == (200, 0))
         yield driver
 
 
@@ -41,10 +40,10 @@ def mismatches(robot):
 )
 def test_a_dead_wheel_stops_the_robot_and_is_named(robot, dead, wheel, cause):
     """`test_wheel_monitor` has the time that it takes."""
-    wait_until(lambda: robot.twist.linear_m_s > 0.15)
+    drive_until(robot, 0.2, 0.0, lambda: robot.twist.linear_m_s > 0.15)
     robot.fake.dead = dead
+    wait_until(lambda: mismatches(robot) or robot.drive(0.2, 0.0) and None, step_s=0.02)
     wait_until(lambda: robot.fake.speeds == (0, 0))
-    wait_until(lambda: mismatches(robot))
     assert (mismatches(robot)[0].wheel, mismatches(robot)[0].cause) == (wheel, cause)
     assert robot.stop_reason == "wheel_mismatch" and robot.mismatch == mismatches(robot)[0]
 
@@ -52,18 +51,17 @@ def test_a_dead_wheel_stops_the_robot_and_is_named(robot, dead, wheel, cause):
 def test_after_a_mismatch_a_stop_must_come_before_the_next_command(robot):
     """A planner that goes on sending must not drag a blocked wheel along in jerks."""
     robot.fake.dead = {"left"}
-    wait_until(lambda: robot.mismatch)
+    wait_until(lambda: robot.mismatch or robot.drive(0.2, 0.0) and None, step_s=0.02)
     assert not robot.drive(0.2, 0.0)
     assert robot.fake.moves[-1] == (200, 0) and robot.command is None
     robot.fake.dead = set()
     assert robot.drive(0.0, 0.0) and robot.mismatch is None
-    assert robot.drive(0.2, 0.0)
-    wait_until(lambda: robot.fake.speeds == (200, 0))
+    drive_until(robot, 0.2, 0.0, lambda: robot.fake.speeds == (200, 0))
 
 
 def test_a_stop_allows_the_next_command_too(robot):
     robot.fake.dead = {"right"}
-    wait_until(lambda: robot.mismatch)
+    wait_until(lambda: robot.mismatch or robot.drive(0.2, 0.0) and None, step_s=0.02)
     robot.stop()
     assert robot.mismatch is None and robot.drive(0.1, 0.0)
 
@@ -146,8 +144,7 @@ def test_the_stop_of_a_driver_that_fails_is_repeated_until_it_is_seen(serve, mon
     monkeypatch.setattr(threading, "excepthook", lambda args: None)
     port = serve(version=version)
     with Driver(port.path, options=Options(watchdog_ms=0, command_timeout_s=None)) as robot:
-        robot.drive(0.1, 0.0)
-        wait_until(lambda: port.board.speeds == (100, 0))
+        drive_until(robot, 0.1, 0.0, lambda: port.board.speeds == (100, 0))
         write, lost = SerialLink.write, []
 
         def swallow(link, data):

@@ -18,7 +18,7 @@ from mrl_driver.transport import baud_upgrade, sockets
 from mrl_driver.transport.open_link import open_link
 from sim_arduino.serve import factory
 from sim_arduino.testing import EmulatedBoard
-from tests.waiting import wait_until
+from tests.waiting import drive_until, wait_until
 
 from .talk import Talk
 
@@ -150,8 +150,7 @@ def test_a_slow_line_is_never_full(baud, rate_hz):
 def test_the_line_is_raised_and_left_as_it_was():
     with EmulatedBoard("square") as board:
         with Driver(board.port, options=Options(fast=True)) as robot:
-            robot.drive(0.2, 0.0)
-            board.wait_until(lambda: robot.pose.x_m > 0.02)
+            drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 0.02)
             assert robot.statistics.garbage == {} and robot.line_baud == 500000
         with Driver(board.port) as usual:
             assert usual.ready and usual.line_baud == 115200
@@ -204,8 +203,7 @@ def scheme(request):
 
 def test_a_robot_drives_over_a_socket(scheme):
     with EmulatedBoard("square", listen=f"{scheme}://127.0.0.1:0") as board, Driver(board.port) as robot:
-        robot.drive(0.2, 0.0)
-        board.wait_until(lambda: board.true_pose.x_m > 0.02)
+        drive_until(robot, 0.2, 0.0, lambda: board.true_pose.x_m > 0.02)
         robot.stop()
         board.wait_until(lambda: robot.stopped)
         assert robot.pose.x_m == pytest.approx(board.true_pose.x_m, abs=POSE_ERROR_M)

@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 from mrl_driver.driver import Driver, Options
-from tests.waiting import wait_until
+from tests.waiting import drive_until, wait_until
 
 DESK, ROBOT = "10.78.0.1", "10.78.0.2"
 CUT_S, WATCH_S = 0.65, 0.2
@@ -59,8 +59,7 @@ def trial(scheme, robot_net, folder):
     try:
         port = board.stdout.readline().strip()
         with Driver(port, options=Options(reconnect=True, command_timeout_s=None)) as robot:
-            robot.drive(0.2, 0.3)
-            wait_until(lambda: robot.pose.x_m > 0.1)
+            drive_until(robot, 0.2, 0.3, lambda: robot.pose.x_m > 0.1)
             robot.stop()
             wait_until(lambda: robot.stopped)
             robot.wait(0.1)
