@@ -61,6 +61,17 @@ class World:
         taken = {without, *(mover.name for mover in there)}
         return there + [mover for name, mover in self.standing.items() if name not in taken]
 
+    def _gaps(self, x: float, y: float, without: str) -> List[Tuple[float, Mover]]:
+        """The other robots, each with its distance from a point to the circle around it [m]."""
+        hypot, known, radius_m = math.hypot, None, 0.0
+        found = []
+        for mover in self.robots(without):
+            _, at, footprint = mover
+            if footprint != known:
+                known, radius_m = footprint, footprint.radius_m
+            found.append((hypot(at[0] - x, at[1] - y) - radius_m, mover))
+        return found
+
     def start_of(self, name: str) -> Pose:
         """Start pose of the robot with this name: its own in `standing`, else the world's start pose."""
         return self.standing[name].pose if name in self.standing else self.start
@@ -69,8 +80,8 @@ class World:
         """Sides of the robots that are closer to a point than `range_m`."""
         return [
             side
-            for mover in self.robots(without)
-            if _gap(mover, x, y) < range_m
+            for gap_m, mover in self._gaps(x, y, without)
+            if gap_m < range_m
             for side in mover.footprint.outline(mover.pose)
         ]
 
@@ -79,9 +90,30 @@ class World:
 
         Exact for a flat cone: the echo comes from the nearest surface, which nothing can hide.
         """
-        still = self._index.nearest(pose, half_angle_rad, range_m)
-        moving = self.outlines(pose.x_m, pose.y_m, range_m, without)
-        return min(still, nearest_in_cone(moving, pose, half_angle_rad, range_m)) if moving else still
+        least = min(range_m, self._index.nearest(pose, half_angle_rad, range_m))
+        for gap_m, mover in self._in_cone(pose, half_angle_rad, least, without):
+            if gap_m >= least:
+                break
+            outline = mover.footprint.outline(mover.pose)
+            least = min(least, nearest_in_cone(outline, pose, half_angle_rad, least))
+        return least if least < range_m else math.inf
+
+    def _in_cone(
+        self, pose: Pose, half_angle_rad: float, range_m: float, without: str
+    ) -> List[Tuple[float, Mover]]:
+        """Robots whose circle reaches into a cone along the pose's x axis, the nearest circle first."""
+        cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+        along, across = math.cos(half_angle_rad), math.sin(half_angle_rad)
+        found = []
+        for each in self._gaps(pose.x_m, pose.y_m, without):
+            gap_m, (_, at, footprint) = each
+            if gap_m >= range_m:
+                continue
+            dx, dy = at[0] - pose.x_m, at[1] - pose.y_m
+            u, v = cos * dx + sin * dy, cos * dy - sin * dx
+            if abs(v) * along - u * across <= footprint.radius_m >= -u:
+                found.append(each)
+        return sorted(found)
 
     def scan(
         self, pose: Pose, first_rad: float, step_rad: float, count: int, range_m: float, without: str = ""
@@ -105,15 +137,15 @@ class World:
 
     def clearance(self, x: float, y: float, without: str = "") -> float:
         """Distance from a point to the nearest wall or robot [m]; a robot counts as the circle around it."""
-        gaps = [_gap(mover, x, y) for mover in self.robots(without)]
-        return min(self._index.clearance(x, y), *gaps, math.inf)
+        gaps = (gap_m for gap_m, _ in self._gaps(x, y, without))
+        return min(self._index.clearance(x, y), min(gaps, default=math.inf))
 
     def touching(self, pose: Pose, footprint: Footprint, without: str = "") -> List[Wall]:
         """Walls, and sides of other robots, that reach into a robot at `pose`."""
         reach = footprint.radius_m
         near = self._index.near(pose.x_m, pose.y_m, reach)
-        for mover in self.robots(without):
-            if _gap(mover, pose.x_m, pose.y_m) < reach:
+        for gap_m, mover in self._gaps(pose.x_m, pose.y_m, without):
+            if gap_m < reach:
                 near += mover.footprint.outline(mover.pose) + mover.footprint.inside(mover.pose)
         return [wall for wall in near if footprint.touches(pose, wall)]
 
@@ -126,10 +158,6 @@ class World:
         xs = [self.start.x_m, *(x for wall in self.walls for x in (wall.x1, wall.x2))]
         ys = [self.start.y_m, *(y for wall in self.walls for y in (wall.y1, wall.y2))]
         return min(xs), min(ys), max(xs), max(ys)
-
-
-def _gap(mover: Mover, x: float, y: float) -> float:
-    return math.hypot(mover.pose.x_m - x, mover.pose.y_m - y) - mover.footprint.radius_m
 
 
 def _cross(a: Wall, b: Wall) -> bool:
