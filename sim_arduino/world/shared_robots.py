@@ -10,7 +10,7 @@ import os
 import struct
 import tempfile
 import time
-from typing import Dict, List, NamedTuple, Optional
+from typing import Dict, List, Optional
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
@@ -27,11 +27,13 @@ LOOK_S = 0.5
 _TRIES = 20
 
 
-class _Row(NamedTuple):
-    """A mapped file."""
+class _Row:
+    """A mapped file, and the robot in it as it was read or written last."""
 
-    fd: int
-    memory: mmap.mmap
+    def __init__(self, fd: int, memory: mmap.mmap) -> None:
+        self.fd, self.memory = fd, memory
+        self.version = -1
+        self.mover: Optional[Mover] = None
 
     def close(self) -> None:
         self.memory.close()
@@ -73,7 +75,6 @@ class SharedRegistry:
         self._world_name = world_name
         self._mine: Dict[str, _Row] = {}
         self._theirs: Dict[str, _Row] = {}
-        self._last: Dict[str, Mover] = {}
         self._look_due_s = 0.0
 
     def place(self, name: str, pose: Pose, footprint: Footprint) -> None:
@@ -86,12 +87,13 @@ class SharedRegistry:
         if row is None:
             self._join(name, pose, footprint)
             return
-        version = _VERSION.unpack_from(row.memory)[0]
+        version = row.version
         data = _ROW.pack(version + 2, *pose, *footprint)
         # pack_into would first write zeros, which a reader takes for a robot at the origin, of version 0
         row.memory[: _VERSION.size] = _VERSION.pack(version + 1)
         row.memory[_VERSION.size :] = data[_VERSION.size :]
         row.memory[: _VERSION.size] = data[: _VERSION.size]
+        row.version, row.mover = version + 2, Mover(name, pose, footprint)
 
     def remove(self, name: str) -> None:
         """Takes one of this process's robots out of the world."""
@@ -106,7 +108,11 @@ class SharedRegistry:
         if now_s >= self._look_due_s:
             self._look_due_s = now_s + LOOK_S
             self._look()
-        found = (self._read(other, row) for other, row in self._theirs.items() if other != name)
+        found = [row.mover for other, row in self._mine.items() if other != name]
+        for other, row in self._theirs.items():
+            if _VERSION.unpack_from(row.memory)[0] != row.version:
+                self._read(other, row)
+            found.append(row.mover)
         return [mover for mover in found if mover is not None]
 
     def close(self) -> None:
@@ -132,7 +138,8 @@ class SharedRegistry:
         fcntl.flock(fd, fcntl.LOCK_EX)
         os.write(fd, _ROW.pack(0, *pose, *footprint))
         os.rename(temporary, path)
-        self._mine[name] = _Row(fd, mmap.mmap(fd, _ROW.size))
+        row = self._mine[name] = _Row(fd, mmap.mmap(fd, _ROW.size))
+        row.version, row.mover = 0, Mover(name, pose, footprint)
         self._look_due_s = 0.0
 
     def _look(self) -> None:
@@ -141,7 +148,7 @@ class SharedRegistry:
         for name in list(self._theirs):
             if name not in present or not self._is_current(name):
                 self._theirs.pop(name).close()
-        for name in present - set(self._theirs):
+        for name in present - set(self._theirs) - set(self._mine):
             row = self._open(name)
             if row is not None:
                 self._theirs[name] = row
@@ -153,7 +160,7 @@ class SharedRegistry:
             same = os.stat(self._path(name)).st_ino == os.fstat(row.fd).st_ino
         except OSError:
             return False
-        return same and (name in self._mine or _is_locked(row.fd))
+        return same and _is_locked(row.fd)
 
     def _open(self, name: str) -> Optional[_Row]:
         """Maps a robot's file; if its owner is dead, removes the file and returns None."""
@@ -161,7 +168,7 @@ class SharedRegistry:
             fd = os.open(self._path(name), os.O_RDONLY)
         except OSError:
             return None
-        if name in self._mine or _is_locked(fd):
+        if _is_locked(fd):
             return _Row(fd, mmap.mmap(fd, _ROW.size, prot=mmap.PROT_READ))
         os.close(fd)
         try:
@@ -170,14 +177,13 @@ class SharedRegistry:
             pass
         return None
 
-    def _read(self, name: str, row: _Row) -> Optional[Mover]:
-        """Pose and outline of a robot; the last known ones if its owner is writing at each attempt."""
+    def _read(self, name: str, row: _Row) -> None:
+        """Reads pose and outline of a robot; the last known ones stay if its owner is writing at each attempt."""
         for _ in range(_TRIES):
             version, x, y, yaw, length, width, circle = _ROW.unpack_from(row.memory)
             if version % 2 == 0 and _VERSION.unpack_from(row.memory)[0] == version:
-                self._last[name] = Mover(name, Pose(x, y, yaw), Footprint(length, width, circle))
+                row.version, row.mover = version, Mover(name, Pose(x, y, yaw), Footprint(length, width, circle))
                 break
-        return self._last.get(name)
 
 
 def _is_held(path: str) -> bool:
