@@ -1,4 +1,7 @@
-"""Serves an engine on a port in real time.  The server owns the clock; the port owns its descriptors."""
+"""Serves engines on ports in real time.  A server owns its board's clock; a port owns its descriptors.
+
+`PtyServer` serves one board; `serve_together` serves many in one thread.
+"""
 
 import contextlib
 import json
@@ -6,7 +9,7 @@ import os
 import select
 import threading
 import time
-from typing import Any, Dict, List, Optional, Protocol, Sequence, TextIO
+from typing import Any, Callable, Dict, List, Optional, Protocol, Sequence, TextIO
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.protocol.table import BAUD
@@ -25,6 +28,8 @@ _PACKET_BYTES, _PACKET_S = 64, 0.002
 _BYTE_BITS = 10
 _LINK_AHEAD_S = 0.002
 """If the host's bytes are further ahead of the serial link than this, they stay in the pty."""
+ROUND_S = 0.001
+"""Shortest time between two rounds of many boards [s]: a USB host, too, asks its devices once in a millisecond."""
 
 
 class Watcher(Protocol):
@@ -37,6 +42,30 @@ class Watcher(Protocol):
         """Looks at the robot, and sets the next `due_s`."""
 
 
+class Waker:
+    """Ends the wait of a server's thread; may be used from a signal handler or another thread."""
+
+    def __init__(self) -> None:
+        self.fd, self._end = os.pipe()
+        os.set_blocking(self.fd, False)
+        os.set_blocking(self._end, False)
+
+    def wake(self) -> None:
+        """Ends the wait at once."""
+        with contextlib.suppress(OSError):
+            os.write(self._end, b"x")
+
+    def clear(self) -> None:
+        """Forgets the calls of `wake` so far."""
+        with contextlib.suppress(BlockingIOError):
+            os.read(self.fd, 4096)
+
+    def close(self) -> None:
+        """Frees the descriptors."""
+        os.close(self.fd)
+        os.close(self._end)
+
+
 class PtyServer:
     """Connects an engine and a port until `stop` is called.
 
@@ -47,8 +76,12 @@ class PtyServer:
         log: File for the bytes of both directions as JSON lines.
         reset_on_open: Opening the port resets the board, as the DTR line of an Uno does.
         control: Carries out orders, and plugs or unplugs the port.
+        waker: Of the thread that serves this board among others; by default the server has its own.
 
     Attributes:
+        running: False after `stop`.
+        watched: Descriptors of which one is readable when `step` has something to do.
+        due_s: Time of the next `step` if none of them is [s, of the monotonic clock].
         lock: Held while the board runs; take it to look at the board from another thread.
 
     Raises:
@@ -66,6 +99,7 @@ class PtyServer:
         control: Optional[Control] = None,
         speed: float = 1.0,
         watchers: Sequence[Watcher] = (),
+        waker: Optional[Waker] = None,
     ) -> None:
         if not SLOWEST <= speed <= FASTEST:
             raise ConfigError(f"speed is {speed!r}, expected {SLOWEST:g} to {FASTEST:g} times real time")
@@ -74,44 +108,36 @@ class PtyServer:
         self._engine, self._port, self._plant = engine, port, plant
         self._truth, self._log = truth, log
         self._reset_on_open, self._control = reset_on_open, control
-        self._wake, self._waker = os.pipe()
-        os.set_blocking(self._waker, False)
+        self.waker = Waker() if waker is None else waker
         self._start_s = time.monotonic()
         self._now_s = self._expected_s = 0.0
         self._link_free_s = 0.0
         self._held, self._baud = b"", BAUD
         self._truth_due_s = 0.0 if truth and plant else float("inf")
-        self._running = True
+        self.running = True
+        self.watched: List[int] = []
+        self.due_s = 0.0
 
     def stop(self) -> None:
-        """Ends `run`; may be called from a signal handler or another thread."""
-        self._running = False
+        """Ends the serving; may be called from a signal handler or another thread."""
+        self.running = False
         self.wake()
 
     def wake(self) -> None:
         """Makes the board run up to now at once; may be called from a signal handler or another thread."""
-        try:
-            os.write(self._waker, b"x")
-        except OSError:
-            pass
+        self.waker.wake()
 
     def run(self) -> None:
         """Serves until `stop`."""
         try:
-            while self._running:
-                self._step()
+            while self.running:
+                self.step()
+                wait([self], self.waker, 0.0)
         finally:
-            os.close(self._wake)
-            os.close(self._waker)
+            self.waker.close()
 
-    def _step(self) -> None:
-        with self.lock:
-            self._read_clock()
-            self._advance()
-            if self._control:
-                self._control.attend(self._port)
-            self._run_watchers()
-        self._wait()
+    def step(self) -> None:
+        """Takes what the host has sent, runs the board to now, and sets `watched` and `due_s`."""
         with self.lock:
             self._read_clock()
             if self._port.newly_opened() and self._reset_on_open:
@@ -119,6 +145,11 @@ class PtyServer:
                 self._engine.reset()
             if self._link_ready():
                 self._take_input()
+            self._advance()
+            if self._control:
+                self._control.attend(self._port)
+            self._run_watchers()
+            self._plan()
 
     def _run_watchers(self) -> None:
         if self._now_s >= self._truth_due_s:
@@ -147,21 +178,18 @@ class PtyServer:
             self._engine.gap(self._now_s, waiting)
         self._expected_s = self._now_s
 
-    def _wait(self) -> None:
+    def _plan(self) -> None:
+        """Sets `watched` and `due_s`."""
         until = min(self._engine.next_event_s, self._truth_due_s, self._now_s + HEARTBEAT_S * self._speed)
         until = min([until, *(watcher.due_s for watcher in self._watchers)])
-        watched: List[int] = [self._wake]
-        control = self._control.fd if self._control else None
-        watched += [fd for fd in (self._port.watch, control) if fd is not None]
+        watched = [self._port.watch, self._control.fd if self._control else None]
         if self._link_ready():
-            watched += [self._port.master] if self._port.master is not None else []
+            watched.append(self._port.master)
         else:
             until = min(until, self._link_free_s - _LINK_AHEAD_S)
-        timeout = max(0.0, until - self._clock())
-        self._expected_s = self._now_s + timeout
-        ready, _, _ = select.select(watched, [], [], timeout / self._speed)
-        if self._wake in ready:
-            os.read(self._wake, 4096)
+        self.watched = [fd for fd in watched if fd is not None]
+        self._expected_s = max(until, self._now_s)
+        self.due_s = self._start_s + self._expected_s / self._speed
 
     def _link_ready(self) -> bool:
         return self._link_free_s - _LINK_AHEAD_S <= self._now_s
@@ -213,6 +241,45 @@ class PtyServer:
     def _write_log(self, source: str, data: bytes) -> None:
         if self._log:
             _append(self._log, {"t": round(self._now_s, 6), "from": source, "bytes": data.decode("latin-1")})
+
+
+def wait(servers: Sequence[PtyServer], waker: Waker, least_s: float) -> List[PtyServer]:
+    """Waits until a server has something to do, at least `least_s` [s] unless a descriptor is readable.
+
+    Returns:
+        The servers to step: those that are due or have something to read; all of them after `waker.wake`.
+    """
+    watched = [fd for server in servers for fd in server.watched]
+    first_s = min([server.due_s for server in servers], default=0.0)
+    ready, _, _ = select.select([waker.fd, *watched], [], [], max(least_s, first_s - time.monotonic()))
+    if waker.fd in ready:
+        waker.clear()
+        return list(servers)
+    now_s, found = time.monotonic(), set(ready)
+    return [each for each in servers if each.due_s <= now_s or not found.isdisjoint(each.watched)]
+
+
+def serve_together(
+    servers: Sequence[PtyServer], waker: Waker, failed: Callable[[PtyServer, Exception], None]
+) -> None:
+    """Serves many boards in one thread, until all are stopped.
+
+    Args:
+        servers: The boards; all have this `waker`.
+        failed: Called with a server whose board has failed, and its error; the others run on.
+    """
+    running, due = list(servers), list(servers)
+    while running:
+        for server in due:
+            try:
+                if server.running:
+                    server.step()
+            except Exception as error:  # noqa: BLE001 - one board does not end the others
+                server.running = False
+                failed(server, error)
+        running = [server for server in running if server.running]
+        if running:
+            due = wait(running, waker, ROUND_S)
 
 
 def _append(file: TextIO, row: Dict[str, Any]) -> None:
