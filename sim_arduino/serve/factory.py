@@ -1,7 +1,7 @@
 """Makes an emulated robot from its options; `mrl-sim` and the test fixtures use it."""
 
 import os
-from typing import NamedTuple, Optional, Tuple
+from typing import List, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
@@ -101,6 +101,30 @@ def make(options: Options, world: Optional[World] = None) -> Emulated:
         name=name,
     )
     return Emulated(plant, FaultyEngine(_engine(plant, options), faults, options.seed), bool(faults))
+
+
+def make_team(options: Options, names: Sequence[str], poses: Sequence[str]) -> List[Emulated]:
+    """Makes a robot for each name in one world, or one robot without a name; the poses are in the same order.
+
+    The seed of each robot is one higher than that of the robot before.
+
+    Raises:
+        ConfigError: as for `make`, or a name appears twice.
+    """
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise ConfigError(f"robot {twice[0]!r} is named twice, expected another name for each robot")
+    world, robots = _world(options), []
+    try:
+        for number, name in enumerate(names or [options.name]):
+            pose = poses[number] if number < len(poses) else options.pose
+            its = options._replace(name=name, pose=pose, seed=options.seed + number)
+            robots.append(make(its, world))
+    except BaseException:
+        for robot in robots:
+            robot.close()
+        raise
+    return robots
 
 
 def _require_in(name: str, value: Optional[float], low: float, high: float) -> None:

@@ -3,7 +3,8 @@
 import signal
 import sys
 from contextlib import ExitStack
-from typing import Any, Callable, List, Optional, TextIO
+from functools import partial
+from typing import Any, Callable, List, NamedTuple, Optional, Sequence, TextIO, Tuple
 
 import click
 
@@ -17,7 +18,7 @@ from . import factory
 from .control import ORDERS, Control
 from .one_line import OneLine
 from .pty import BoardPort, PtyPort, SymbolicLink
-from .server import FASTEST, SLOWEST, PtyServer, Watcher
+from .server import FASTEST, SLOWEST, PtyServer, Waker, Watcher, serve_together
 from .socket_port import SocketPort
 
 
@@ -34,6 +35,28 @@ _EPILOG = "\b\nKeys of --error:\n{}\n\n\b\nKeys of --sonar:\n{}\n\n{}".format(
         "\n".join(f"  {order:18}{text}" for order, text in ORDERS),
     ),
 )
+
+
+class _PortOptions(NamedTuple):
+    """The options of a robot's port and files; `name` is set if there are several robots."""
+
+    link: Optional[str]
+    listen: Optional[str]
+    truth: Optional[str]
+    log: Optional[str]
+    reset_on_open: bool
+    control: bool
+    speed: float
+    plot: Optional[str]
+    view: bool
+    name: str = ""
+
+    def of(self, name: str) -> "_PortOptions":
+        """The options of the robot with this name."""
+        link, truth, log = (
+            file and file.replace("{name}", name) for file in (self.link, self.truth, self.log)
+        )
+        return self._replace(link=link, truth=truth, log=log, name=name)
 
 
 @click.command(
@@ -71,10 +94,20 @@ _EPILOG = "\b\nKeys of --error:\n{}\n\n\b\nKeys of --sonar:\n{}\n\n{}".format(
     help="World around the robot: a packaged world, a world file, or a map of map_server.",
 )
 @click.option(
-    "--pose", metavar="X,Y,YAW", help="Start pose in metres and degrees; default: the start of the world."
+    "--pose",
+    "poses",
+    multiple=True,
+    metavar="X,Y,YAW",
+    help="Start pose in metres and degrees; default: the robot's or the start of the world.",
 )
 @click.option("--world-name", metavar="NAME", help="Share the world with all boards that give the same name.")
-@click.option("--name", help="The robot's name in the world.")
+@click.option(
+    "--name",
+    "names",
+    multiple=True,
+    metavar="NAME",
+    help="The robot's name in the world; repeat it, and --pose in the same order, for several robots.",
+)
 @click.option("--slip", is_flag=True, help="Let the tracks slip in turns.")
 @click.option(
     "--error", default="", metavar="KEYS|FILE", help="Deviations of the robot from its model, see below."
@@ -118,45 +151,100 @@ _EPILOG = "\b\nKeys of --error:\n{}\n\n\b\nKeys of --sonar:\n{}\n\n{}".format(
 @click.version_option(
     package_name="mrl-driver", message="mrl-sim, version %(version)s", help="Show the version."
 )
-def main(
-    link: Optional[str],
-    listen: Optional[str],
-    truth: Optional[str],
-    log: Optional[str],
-    reset_on_open: bool,
-    control: bool,
-    speed: float,
-    plot: Optional[str],
-    view: bool,
-    **options: Any,
-) -> None:
+def main(names: Tuple[str, ...], poses: Tuple[str, ...], **given: Any) -> None:
     """Serve an emulated robot on a virtual serial port.
 
-    Prints the path of the port when the robot is ready.  Runs until Ctrl-C.
+    Prints the path of the port when the robot is ready.  Runs until Ctrl-C.  With several names, all robots are in one
+    world and process: each prints its name and path, and {name} in --link, --truth and --log stands for its name.
 
     \b
     Examples:
       mrl-sim --link /tmp/robot
       mrl-sim --robot stingbot --world square --view
       mrl-sim --fault loss:rate=0.01 --truth truth.jsonl
+      mrl-sim --name one --name two --pose 0,0,0 --pose 1,1,90 --link /tmp/{name}
     """
-    if plot:
-        figures.require_writable(plot)
-    robot = factory.make(factory.Options(**options))
+    port = _PortOptions(**{name: given.pop(name) for name in _PortOptions._fields[:-1]})
+    if port.plot:
+        figures.require_writable(port.plot)
+    _require_single(names, poses, port)
     with ExitStack() as stack:
-        stack.callback(robot.close)
-        port = _port(stack, link, listen)
-        files = _open(stack, "--truth", truth), _open(stack, "--log", log)
-        announce = _announcer(stack, link, bool(listen))
-        attendant = _attendant(robot, control, announce)
-        engine = robot.board if attendant else robot.engine
-        watchers = _watchers(stack, PlantTrail(robot.plant), plot, view)
-        server = PtyServer(
-            engine, port, robot.plant, *files, reset_on_open, attendant, speed=speed, watchers=watchers
-        )
-        _stop_on_signals(server)
-        announce(port.path)
-        server.run()
+        robots = factory.make_team(factory.Options(**given), names, poses)
+        for robot in robots:
+            stack.callback(robot.close)
+        if len(robots) == 1:
+            server, announce = _server(stack, robots[0], port)
+            _stop_on_signals([server])
+            announce()
+            server.run()
+        else:
+            _serve_team(stack, robots, port)
+
+
+def _require_single(names: Tuple[str, ...], poses: Tuple[str, ...], port: _PortOptions) -> None:
+    """Refuses options that do not fit the number of robots."""
+    if len(poses) > max(1, len(names)):
+        raise ConfigError(f"--pose is given {len(poses)} times, expected at most once for each --name")
+    if len(names) < 2:
+        return
+    for option in ("listen", "control", "plot", "view"):
+        if getattr(port, option):
+            raise ConfigError(f"--{option} is given with {len(names)} names, expected one --name with it")
+    for option in ("link", "truth", "log"):
+        if "{name}" not in (getattr(port, option) or "{name}"):
+            raise ConfigError(
+                f"--{option} is {getattr(port, option)!r}, expected {{name}} in it: each robot needs its own"
+            )
+
+
+def _serve_team(stack: ExitStack, robots: List[factory.Emulated], port: _PortOptions) -> None:
+    """Serves several robots; if one fails, it says so, and the others run on.
+
+    Raises:
+        Exception: the error of the first robot that failed, at the end.
+    """
+    waker = Waker()
+    stack.callback(waker.close)
+    names, errors = {}, []
+    for robot in robots:
+        its = stack.enter_context(ExitStack())
+        server, announce = _server(its, robot, port.of(robot.plant.name), waker)
+        names[server] = robot.plant.name, its, announce
+
+    def failed(server: PtyServer, error: Exception) -> None:
+        name, its, _ = names[server]
+        errors.append(error)
+        its.close()
+        _print_message(f"robot {name}: {error}; it has no port any more")
+
+    _stop_on_signals(list(names))
+    for _, _, announce in names.values():
+        announce()
+    serve_together(list(names), waker, failed)
+    if errors:
+        raise errors[0]
+
+
+def _server(
+    stack: ExitStack, robot: factory.Emulated, given: _PortOptions, waker: Optional[Waker] = None
+) -> Tuple[PtyServer, Callable[[], None]]:
+    """The server of a robot, and a function that announces its port."""
+    port = _port(stack, given.link, given.listen)
+    files = _open(stack, "--truth", given.truth), _open(stack, "--log", given.log)
+    announce = _announcer(stack, given)
+    attendant = _attendant(robot, given.control, announce)
+    server = PtyServer(
+        robot.board if attendant else robot.engine,
+        port,
+        robot.plant,
+        *files,
+        given.reset_on_open,
+        attendant,
+        speed=given.speed,
+        watchers=_watchers(stack, PlantTrail(robot.plant), given.plot, given.view),
+        waker=waker,
+    )
+    return server, partial(announce, port.path)
 
 
 def _port(stack: ExitStack, link: Optional[str], listen: Optional[str]) -> BoardPort:
@@ -189,9 +277,9 @@ def _attendant(robot: factory.Emulated, control: bool, announce: Callable[[str],
     return Control(robot.board, sys.stdin.fileno() if control else None, announce, _print_message)
 
 
-def _announcer(stack: ExitStack, name: Optional[str], network: bool) -> Callable[[str], None]:
-    """A function that prints the path of each plugged-in port, and points the link to it."""
-    link = SymbolicLink(name) if name else None
+def _announcer(stack: ExitStack, given: _PortOptions) -> Callable[[str], None]:
+    """A function that prints the path of each plugged-in port, after the robot's name, and points the link to it."""
+    link = SymbolicLink(given.link) if given.link else None
     if link:
         stack.callback(link.remove)
 
@@ -199,8 +287,8 @@ def _announcer(stack: ExitStack, name: Optional[str], network: bool) -> Callable
         if link:
             link.move(path)
         if path:
-            click.echo(path)
-        if network:
+            click.echo(f"{given.name} {path}".strip())
+        if path and given.listen:
             _print_message(f"listening on {path}; everybody who can reach this address can drive the robot")
 
     return announce
@@ -219,9 +307,13 @@ def _open(stack: ExitStack, option: str, path: Optional[str]) -> Optional[TextIO
         raise ConfigError(f"{option} {path} cannot be written: {error.strerror}; give another file") from None
 
 
-def _stop_on_signals(server: PtyServer) -> None:
+def _stop_on_signals(servers: Sequence[PtyServer]) -> None:
+    def stop(*_: Any) -> None:
+        for server in servers:
+            server.stop()
+
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: server.stop())
+        signal.signal(number, stop)
 
 
 if __name__ == "__main__":

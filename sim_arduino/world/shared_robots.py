@@ -180,9 +180,9 @@ class SharedRegistry:
     def _read(self, name: str, row: _Row) -> None:
         """Reads pose and outline of a robot; the last known ones stay if its owner is writing at each attempt."""
         for _ in range(_TRIES):
-            version, x, y, yaw, length, width, circle = _ROW.unpack_from(row.memory)
+            version, x, y, yaw, *sizes = _ROW.unpack_from(row.memory)
             if version % 2 == 0 and _VERSION.unpack_from(row.memory)[0] == version:
-                row.version, row.mover = version, Mover(name, Pose(x, y, yaw), Footprint(length, width, circle))
+                row.version, row.mover = version, Mover(name, Pose(x, y, yaw), Footprint(*sizes))
                 break
 
 

@@ -1,0 +1,215 @@
+"""Many boards in one process and thread."""
+
+import os
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.robot import models
+from sim_arduino.board import PythonBoard
+from sim_arduino.hardware.wiring import Plant
+from sim_arduino.serve import factory
+from sim_arduino.serve.pty import PtyPort
+from sim_arduino.serve.server import HEARTBEAT_S, PtyServer, Waker, serve_together
+from tests.waiting import PATIENCE_S, wait_until
+
+from .simulator import Client, Simulator
+
+
+class Idle:
+    """A board without events that counts its calls; `heard` is called with the host's bytes."""
+
+    next_event_s = float("inf")
+
+    def __init__(self, heard=lambda data: None):
+        self.heard, self.advances = heard, 0
+
+    def advance(self, to_s):
+        self.advances += 1
+        return b""
+
+    def gap(self, to_s, waiting):
+        pass
+
+    def receive(self, data):
+        self.heard(data)
+
+
+@pytest.fixture
+def together():
+    """Serves engines in one thread; gives the servers, their ports, and the list of failures."""
+    waker, ports, servers, threads, failures = Waker(), [], [], [], []
+
+    def serve(*engines):
+        ports.extend(PtyPort() for _ in engines)
+        servers.extend(PtyServer(engine, port, waker=waker) for engine, port in zip(engines, ports))
+        arguments = servers, waker, lambda server, error: failures.append((server, error))
+        threads.append(threading.Thread(target=serve_together, args=arguments))
+        threads[-1].start()
+        return servers, ports, failures
+
+    yield serve
+    for server in servers:
+        server.stop()
+    for thread in threads:
+        thread.join()
+    for port in ports:
+        port.close()
+    waker.close()
+
+
+def plant(name="robot"):
+    return Plant(models.load("traxbot"), name=name)
+
+
+def steps_in_a_second(board):
+    """How often a server would call a board between 1 and 2 s of its time."""
+    count, now_s = 0, 1.0
+    board.advance(now_s)
+    while now_s < 2.0:
+        now_s = min(board.next_event_s, now_s + HEARTBEAT_S)
+        board.advance(now_s)
+        count += 1
+    return count
+
+
+def test_an_idle_board_is_called_about_ten_times_a_second():
+    assert steps_in_a_second(PythonBoard(plant())) <= 15
+
+
+def test_a_board_that_streams_at_50_hz_is_called_about_once_for_each_frame():
+    board = PythonBoard(plant())
+    board.advance(0.5)
+    board.receive(b"@11,150,600e@18,20e")
+    assert steps_in_a_second(board) <= 60
+
+
+def test_an_idle_server_waits_for_its_heartbeat():
+    port = PtyPort()
+    server = PtyServer(Idle(), port)
+    before_s = time.monotonic()
+    server.step()
+    port.close()
+    server.waker.close()
+    assert server.due_s >= before_s + HEARTBEAT_S
+
+
+def test_bytes_for_one_board_are_taken_although_no_board_is_due(together, monkeypatch):
+    """Only the bytes themselves, and no heartbeat, can end this wait."""
+    monkeypatch.setattr("sim_arduino.serve.server.HEARTBEAT_S", 1e6)
+    taken, other = threading.Event(), Idle()
+    _, ports, _ = together(other, Idle(lambda data: taken.set()))
+    with Client(ports[1].path) as client:
+        client.send(b"@13e")
+        assert taken.wait(PATIENCE_S)
+
+
+def test_bytes_for_one_board_do_not_call_the_others(together, monkeypatch):
+    monkeypatch.setattr("sim_arduino.serve.server.HEARTBEAT_S", 1e6)
+    taken, other = [], Idle()
+    _, ports, _ = together(other, Idle(taken.append))
+    with Client(ports[1].path) as client:
+        for _ in range(10):
+            before = len(taken)
+            client.send(b"@13e")
+            wait_until(lambda before=before: len(taken) > before)
+    assert other.advances == 1
+
+
+def test_two_boards_that_get_a_stop_at_once_both_stop(together):
+    plants = [plant("one"), plant("two")]
+    _, ports, _ = together(*map(PythonBoard, plants))
+    with Client(ports[0].path) as one, Client(ports[1].path) as two:
+        for client in (one, two):
+            client.ask(b"@15e")
+            client.send(b"@11,300,0e@13e")
+        wait_until(lambda: all(each.motor_board.commands[-1].code == 0xFC for each in plants))
+        wait_until(lambda: all(0xEB in [c.code for c in list(each.motor_board.commands)] for each in plants))
+
+
+class Broken(Idle):
+    """A board that fails when the host sends something."""
+
+    def receive(self, data):
+        raise ValueError("broken")
+
+
+def test_a_board_that_fails_does_not_stop_the_others(together):
+    taken = threading.Event()
+    servers, ports, failures = together(Broken(), Idle(lambda data: taken.set()))
+    with Client(ports[0].path) as broken, Client(ports[1].path) as sound:
+        broken.send(b"@13e")
+        wait_until(lambda: failures)
+        sound.send(b"@13e")
+        assert taken.wait(PATIENCE_S)
+    assert failures[0][0] is servers[0] and str(failures[0][1]) == "broken"
+
+
+# ---- mrl-sim with several names
+
+TEAM = ("--name", "one", "--name", "two", "--pose", "0,0,0", "--pose", "0.6,0,180")
+
+
+def test_all_robots_of_a_process_answer():
+    with Simulator(*TEAM) as simulator:
+        lines = [simulator.path, simulator.process.stdout.readline().strip()]
+        assert [line.split()[0] for line in lines] == ["one", "two"]
+        for line in lines:
+            with Client(line.split()[1]) as client:
+                assert client.ask(b"@15e") == b"@15,0e\r\n"
+
+
+def test_they_see_each_other(tmp_path):
+    """Face to face at 0.6 m: 0.39 m from the front sonar to the other's bow; the wall is farther away."""
+    with Simulator(*TEAM, "--world", "square", "--link", str(tmp_path / "{name}")) as simulator:
+        simulator.process.stdout.readline()
+        with Client(str(tmp_path / "one")) as client:
+            assert client.ask_until(b"@7e", b"@7,39,")
+
+
+def test_each_robot_has_a_link_and_files_with_its_name(tmp_path):
+    files = [("--link", "link"), ("--truth", "truth"), ("--log", "log")]
+    options = [word for option, file in files for word in (option, str(tmp_path / f"{file}-{{name}}"))]
+    with Simulator(*TEAM, *options) as simulator:
+        simulator.process.stdout.readline()
+        expected = sorted(f"{file}-{name}" for _, file in files for name in ("one", "two"))
+        assert sorted(os.listdir(tmp_path)) == expected
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ((*TEAM, "--link", "/tmp/robot"), "--link is '/tmp/robot', expected {name} in it"),
+        ((*TEAM, "--control"), "--control is given with 2 names, expected one --name with it"),
+        (("--pose", "0,0,0", "--pose", "1,1,0"), "--pose is given 2 times, expected at most once for each"),
+        (("--name", "one", "--name", "one"), "robot 'one' is named twice"),
+        (("--name", "one", "--name", "two"), "is in a wall or another robot (one)"),
+    ],
+)
+def test_options_that_do_not_fit_several_robots(options, text):
+    command = [sys.executable, "-m", "sim_arduino.serve.main", *options]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert text in done.stderr
+
+
+def test_the_robots_of_a_team_have_different_seeds():
+    """With the same seed their sonars would have the same errors."""
+    robots = factory.make_team(factory.Options(sonar="noise=0.05", footprint="none"), ["one", "two"], [])
+    readings = []
+    for robot in robots:
+        robot.engine.advance(2.0)
+        readings.append([robot.plant.adc_volts(channel, 2.0) for channel in range(3)])
+        robot.close()
+    assert readings[0] != readings[1]
+
+
+def test_a_team_that_does_not_fit_leaves_no_robot_in_a_shared_world(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with pytest.raises(ConfigError, match="in a wall or another robot"):
+        factory.make_team(factory.Options(world_name="lab"), ["one", "two"], [])
+    assert os.listdir(tmp_path / "mrl-sim" / "lab") == []
