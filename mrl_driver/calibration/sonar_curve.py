@@ -1,6 +1,6 @@
 """The sonars' curve: range_cm = a s^b + c for the ADC count s, fitted to a wall at known distances."""
 
-from typing import List, NamedTuple, Sequence, Tuple
+from typing import NamedTuple, Sequence, Tuple
 
 import numpy as np
 
@@ -138,14 +138,3 @@ def _with(b: float, s: np.ndarray, ranges_m: np.ndarray) -> Tuple[float, Curve]:
         a = float(power @ (truth - c) / (power @ power))
     off = a * power + c - truth
     return float(off @ off), Curve(a, b, c)
-
-
-def medians(counts: Sequence[float], ranges_m: Sequence[float]) -> Tuple[List[float], List[float]]:
-    """One reading per distance: the median of the valid readings; NaN if most are missing."""
-    s, truth = np.asarray(counts, float), np.round(np.asarray(ranges_m, float), 4)
-    distances = np.unique(truth)
-    found = []
-    for distance in distances:
-        here = s[truth == distance]
-        found.append(float(np.nanmedian(here)) if np.isfinite(here).mean() > 0.5 else float("nan"))
-    return found, distances.tolist()

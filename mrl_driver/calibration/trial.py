@@ -7,8 +7,7 @@ import numpy as np
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose, wrap_angles
-from mrl_driver.robot.models import Noise
-from mrl_driver.robot.odometry import WheelGeometry
+from mrl_driver.robot.models import Drive, Noise
 
 MIN_LENGTH_M = 0.02
 LEFT, RIGHT, NEITHER = "counter-clockwise", "clockwise", "straight"
@@ -25,7 +24,7 @@ class Trial(NamedTuple):
     end: Pose
 
 
-def path(drive: WheelGeometry, steps: np.ndarray) -> np.ndarray:
+def path(drive: Drive, steps: np.ndarray) -> np.ndarray:
     """(N + 1, 3) poses by exact arcs, from (0, 0, 0); columns x y yaw [m m rad], yaw without wrap.
 
     As `geometry.advance`, for all steps at once: a fit computes the whole path hundreds of times.
@@ -40,20 +39,20 @@ def path(drive: WheelGeometry, steps: np.ndarray) -> np.ndarray:
     return poses
 
 
-def length_m(drive: WheelGeometry, run: Trial) -> float:
+def length_m(drive: Drive, run: Trial) -> float:
     """Distance travelled by the robot's middle [m]; forward and back both count."""
     lengths_m = np.abs(run.steps) @ (drive.right_m_per_count / 2, drive.left_m_per_count / 2)
     return float(lengths_m.sum())
 
 
-def errors(drive: WheelGeometry, runs: List[Trial]) -> np.ndarray:
+def errors(drive: Drive, runs: List[Trial]) -> np.ndarray:
     """(R, 3) measured end minus end by counts, columns x y yaw [m m rad], yaw in (-pi, pi]; NaN if not measured."""
     found = np.array([np.subtract(run.end, path(drive, run.steps)[-1]) for run in runs]).reshape(-1, 3)
     found[:, 2] = wrap_angles(found[:, 2])
     return found
 
 
-def unit_spreads(drive: WheelGeometry, steps: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+def unit_spreads(drive: Drive, steps: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
     """Covariances (3, 3) of the end for unit `Noise`: that of the wheels, and that of the turns."""
     poses = path(drive, steps)
     right_m, left_m = steps[:, 0] * drive.right_m_per_count, steps[:, 1] * drive.left_m_per_count
@@ -69,19 +68,19 @@ def unit_spreads(drive: WheelGeometry, steps: np.ndarray) -> Tuple[np.ndarray, n
     return wheels, (turned * np.abs(turn)) @ turned.T
 
 
-def spread(drive: WheelGeometry, steps: np.ndarray, noise: Noise) -> np.ndarray:
+def spread(drive: Drive, steps: np.ndarray, noise: Noise) -> np.ndarray:
     """Covariance (3, 3) of the end of these steps, as `robot.covariance` computes it from zero."""
     wheels, turns = unit_spreads(drive, steps)
     return noise.wheel_m2_per_m * wheels + noise.turn_rad2_per_rad * turns
 
 
-def sense(drive: WheelGeometry, run: Trial) -> str:
+def sense(drive: Drive, run: Trial) -> str:
     """Direction in which a run turned: `LEFT`, `RIGHT`, or `NEITHER` for less than an eighth of a turn."""
     turned = float(path(drive, run.steps)[-1, 2])
     return NEITHER if abs(turned) < math.pi / 4 else LEFT if turned > 0 else RIGHT
 
 
-def require_sense(drive: WheelGeometry, run: Trial, expected: str, name: str) -> None:
+def require_sense(drive: Drive, run: Trial, expected: str, name: str) -> None:
     """Refuse a run that went in the wrong direction.
 
     Raises:
@@ -96,7 +95,7 @@ def require_sense(drive: WheelGeometry, run: Trial, expected: str, name: str) ->
         raise ConfigError(f"{name} went {found}, expected {expected}; drive it again in the right direction")
 
 
-def require_plausible(drive: WheelGeometry, run: Trial, name: str) -> None:
+def require_plausible(drive: Drive, run: Trial, name: str) -> None:
     """Refuse an end that is far from the end by the counts; a wrong mark or unit causes that.
 
     Raises:

@@ -4,9 +4,11 @@ Poses are in the odom frame (x forward at the start, y left, yaw counter-clockwi
 """
 
 import math
-from typing import Any, NamedTuple, Optional, Protocol, Tuple, Union
+from typing import Any, NamedTuple, Optional, Tuple, Union
 
 from mrl_driver.geometry import ORIGIN, Pose, advance
+
+from .models.drives import Base
 
 SPEED_MARGIN = 1.5
 """Counts are refused if a wheel seems faster than the board's ceilings times this factor."""
@@ -20,30 +22,6 @@ CONFIRMATIONS = 3
 """This many readings in a row that agree with each other, but not with the baseline, make a new baseline."""
 TWIST_INTERVAL_S = 0.015
 """Without board time, speeds are averaged over at least this time [s], so that a burst does not make a spike."""
-
-
-class WheelGeometry(Protocol):
-    """The geometry of a differential drive that odometry needs; `models.Drive` provides it."""
-
-    @property
-    def wheel_separation_m(self) -> float:
-        """Distance between the ground contact points of the wheels [m], nominal or calibrated."""
-
-    @property
-    def metres_per_count(self) -> float:
-        """Distance of a wheel per count [m], mean of both."""
-
-    @property
-    def right_m_per_count(self) -> float:
-        """Distance of the right wheel per count [m]."""
-
-    @property
-    def left_m_per_count(self) -> float:
-        """Distance of the left wheel per count [m]."""
-
-    @property
-    def turning_separation_m(self) -> float:
-        """Difference of the wheels' distances that turns the robot by 1 rad [m], including slip."""
 
 
 class Twist(NamedTuple):
@@ -217,9 +195,7 @@ class Odometry:
     `exact_time` says that the times come from the board; otherwise they are arrival times, which come in bursts.
     """
 
-    def __init__(
-        self, drive: WheelGeometry, fastest_m_s: float, exact_time: bool = True, pose: Pose = ORIGIN
-    ) -> None:
+    def __init__(self, drive: Base, fastest_m_s: float, exact_time: bool = True, pose: Pose = ORIGIN) -> None:
         self._forward = Wheels(drive.right_m_per_count / 2, drive.left_m_per_count / 2)
         self._turning = Wheels(*(2 * half_m / drive.turning_separation_m for half_m in self._forward))
         self._interval_s = 0.0 if exact_time else TWIST_INTERVAL_S

@@ -22,7 +22,7 @@ NODES = {
     "shared-waypoint": "team_node",
     "turnaround": "turnaround_node",
 }
-"""Experiments by name, and the module of the node that runs each."""
+"""Experiments by name, and the module whose `play` runs each."""
 NEEDED = ("rospy", "tf2_ros", "actionlib", "move_base_msgs", "nav_msgs", "sensor_msgs")
 REMEDY = "install ROS Noetic, or Debian's ros-base, python3-tf2-ros and python3-move-base-msgs"
 MOST_S = 1800.0
@@ -57,9 +57,18 @@ def run(name: str, setting: Setting) -> Result:
 
 def _command(name: str, setting: Setting) -> list:
     """The command line of the child; paths are absolute, as the child gets another folder for its files."""
-    module = f"{__package__}.{NODES[name]}"
+    module = f"{__package__}.experiment_node"
     robot = os.path.abspath(setting.robot) if setting.robot.endswith((".yaml", ".yml")) else setting.robot
-    return [sys.executable, "-m", module, name, os.path.abspath(setting.folder), robot, str(setting.seed)]
+    return [
+        sys.executable,
+        "-m",
+        module,
+        NODES[name],
+        name,
+        os.path.abspath(setting.folder),
+        robot,
+        str(setting.seed),
+    ]
 
 
 def _environment(folder: str) -> Dict[str, str]:

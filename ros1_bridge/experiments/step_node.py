@@ -1,10 +1,8 @@
 """The node that drives the step test: sends goals to `go_to_goal`; a mirror in another process follows `odom`."""
 
 import math
-import sys
 import time
 from contextlib import ExitStack
-from typing import List
 
 import rospy
 from nav_msgs.msg import Odometry
@@ -19,7 +17,6 @@ from sim_arduino.experiments.step_test import Mirrored, StepRecord
 from sim_arduino.experiments.team import Member, Player
 
 from .experiment_processes import Parts
-from .playing import play_as_node
 from .team_node import TopicRobot, gather, ignore
 
 REMARK = (
@@ -70,12 +67,3 @@ def _go(parts: Parts, player: Player, point: Pose) -> None:
             raise MrlError(f"waypoint {point[:2]} is not reached from {pose}; clear the path")
         player.step(step.speeds)
         step = seek(player.ranges())
-
-
-def main(arguments: List[str]) -> int:
-    """Run the node; returns the exit code."""
-    return play_as_node(rospy, play, arguments)
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

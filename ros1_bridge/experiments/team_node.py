@@ -6,10 +6,9 @@ drives by `cmd_vel` and uses the ranges on `sonar/...`.  In `shared-waypoint` it
 """
 
 import os
-import sys
 import time
 from contextlib import ExitStack
-from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence
+from typing import Any, Callable, Dict, Mapping, Optional, Sequence
 
 import actionlib
 import rospy
@@ -37,7 +36,6 @@ from sim_arduino.world.shared_robots import SharedRegistry
 from sim_arduino.world.world import World
 
 from .experiment_processes import START_S, Parts
-from .playing import play_as_node
 
 RATE_HZ = 20
 WANDER_S, ROUNDS, MOST_S = 120.0, 2, 600.0
@@ -239,12 +237,3 @@ def play(name: str, parts: Parts, setting: Setting) -> Result:
             return mixed_team.drive_team(setting, team, WANDER_S, REMARK)
         team = gather(stack, parts, setting, shared_waypoint.MEMBERS, navigated=True)
         return shared_waypoint.drive_team(setting, team, ROUNDS, MOST_S, REMARK)
-
-
-def main(arguments: List[str]) -> int:
-    """Run the node; returns the exit code."""
-    return play_as_node(rospy, play, arguments)
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

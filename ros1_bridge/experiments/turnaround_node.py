@@ -4,7 +4,6 @@ An emulated board in its own process logs the bytes at its port with their times
 each command, and when each Odometry message came.
 """
 
-import sys
 import time
 from typing import Dict, List
 
@@ -20,7 +19,6 @@ from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.experiments.turnaround import Topics
 
 from .experiment_processes import START_S, Parts
-from .playing import play_as_node
 from .wire_log import command_s, commanded, odometry_s, read, sent
 
 SPACE = "robot"
@@ -89,12 +87,3 @@ def play(_: str, parts: Parts, setting: Setting) -> Result:
     topics = measure(parts, setting.robot)
     parts.close()
     return turnaround.run(setting, topics)
-
-
-def main(arguments: List[str]) -> int:
-    """Run the node; returns the exit code."""
-    return play_as_node(rospy, play, arguments)
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

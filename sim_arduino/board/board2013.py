@@ -255,20 +255,6 @@ class Board2013:
         self._out.put(text + b"\r\n", self.now_s)
 
 
-class Board2013August(Board2013):
-    """The board of August 2013; its stream repeats reply 8."""
-
-    def __init__(self, plant: Plant, robot_id: Optional[int] = None) -> None:
-        super().__init__(plant, False, robot_id)
-
-
-class Board2013January(Board2013):
-    """The board of January 2013; its stream repeats reply 6."""
-
-    def __init__(self, plant: Plant, robot_id: Optional[int] = None) -> None:
-        super().__init__(plant, True, robot_id)
-
-
 class Rows:
     """The requests of one board.
 

@@ -1,22 +1,40 @@
 """Handlers of the requests that move the motors or set up the motor board."""
 
-from typing import Tuple
+from functools import partial
+from typing import Callable, Tuple
 
 from mrl_driver.protocol.table import INT16_MAX
+from sim_arduino.hardware.omni3md import Omni3MD
 
 from .python_board import PythonBoard
-from .registry import request
+from .registry import REQUESTS, request
 
 _PER_MM_S = 95492
 """6e5 / (2 pi): ceiling [mm/s] * this / (full_speed [1/min] * wheel_radius [0.01 mm]) is the ceiling in %."""
 
 
-@request
-def calibrate(board: PythonBoard) -> None:
-    """1."""
-    if board.require_motors():
-        board.health.turned()
-        board.motor_board.calibrate(board.now_s)
+def _register(name: str, method: Callable[..., None], turns: bool) -> None:
+    """Registers a request that goes to the motor board if it answers; with `turns` the motors may turn from then on."""
+
+    def handle(board: PythonBoard, *values: int) -> None:
+        if board.require_motors():
+            if turns:
+                board.health.turned()
+            method(board.motor_board, board.now_s, *values)
+
+    REQUESTS[name] = handle
+
+
+def _move_motors(motors: Omni3MD, now_s: float, left: int, right: int, pid: bool) -> None:
+    motors.move_percent(now_s, (left, 0, right), pid)
+
+
+_register("calibrate", Omni3MD.calibrate, True)
+_register("set_encoder_prescaler", Omni3MD.set_prescaler, False)
+_register("preset_encoder", Omni3MD.preset_encoder, False)
+_register("move_motors_pid", partial(_move_motors, pid=True), True)
+_register("move_motors", partial(_move_motors, pid=False), True)
+_register("move_to_position", partial(Omni3MD.move_to_position, hold=True), True)
 
 
 @request
@@ -26,36 +44,6 @@ def set_pid_gains(board: PythonBoard, kp: int, ki: int, kd: int) -> None:
     if board.require_motors() and (kp, ki, kd) != (config["kp"], config["ki"], config["kd"]):
         config["kp"], config["ki"], config["kd"] = kp, ki, kd
         board.motor_board.set_gains(board.now_s, kp, ki, kd)
-
-
-@request
-def set_encoder_prescaler(board: PythonBoard, encoder: int, prescaler: int) -> None:
-    """3."""
-    if board.require_motors():
-        board.motor_board.set_prescaler(board.now_s, encoder, prescaler)
-
-
-@request
-def preset_encoder(board: PythonBoard, encoder: int, count: int) -> None:
-    """4."""
-    if board.require_motors():
-        board.motor_board.preset_encoder(board.now_s, encoder, count)
-
-
-@request
-def move_motors_pid(board: PythonBoard, left: int, right: int) -> None:
-    """9."""
-    if board.require_motors():
-        board.health.turned()
-        board.motor_board.move_percent(board.now_s, (left, 0, right), pid=True)
-
-
-@request
-def move_motors(board: PythonBoard, left: int, right: int) -> None:
-    """10."""
-    if board.require_motors():
-        board.health.turned()
-        board.motor_board.move_percent(board.now_s, (left, 0, right), pid=False)
 
 
 @request
@@ -105,14 +93,6 @@ def _scaled(value: int, top: int, by: int) -> int:
     """`value * top / by`, rounded towards zero."""
     size = abs(value) * top // by
     return size if value >= 0 else -size
-
-
-@request
-def move_to_position(board: PythonBoard, motor: int, speed: int, position: int) -> None:
-    """12: the motor holds its position with torque."""
-    if board.require_motors():
-        board.health.turned()
-        board.motor_board.move_to_position(board.now_s, motor, speed, position, hold=True)
 
 
 @request

@@ -36,37 +36,11 @@ def _encoders_and_sonars(board: PythonBoard, _: int) -> Values:
     return None if encoders is None else encoders + _sonar_values(board)
 
 
-@request
-def start_stream(board: PythonBoard, period: int = 0) -> None:
-    """18."""
-    board.start_stream(BY_NAME["start_stream"].code, period)
-
-
-@request
-def stop_stream(board: PythonBoard) -> None:
-    """19."""
-    board.stop_stream(BY_NAME["start_stream"].code)
-    board.stop_stream(BY_NAME["start_omni_stream"].code)
-
-
-@request
-def start_omni_stream(board: PythonBoard, period: int = 0) -> None:
-    """44."""
-    board.start_stream(BY_NAME["start_omni_stream"].code, period)
-
-
 @reply("start_omni_stream")
 def _omni(board: PythonBoard, _: int) -> Values:
     encoders = board.motors.encoders(board.now_s)
     rear = board.motor_board.encoder(2, board.now_s)
     return None if encoders is None else (*encoders, rear, *_sonar_values(board))
-
-
-def _start(board: PythonBoard, name: str, period: int, there: bool) -> None:
-    if there:
-        board.start_stream(BY_NAME[name].code, period)
-    else:
-        board.refuse("unavailable")
 
 
 # ---- environment sensors
@@ -133,43 +107,33 @@ for _each in SENSORS_OF_TABLE:
 _THERMOPILE, _COMPASS = SENSOR_BY_NAME["thermopile"], SENSOR_BY_NAME["compass"]
 
 
-# ---- streams of sensors
+# ---- streams
+
+
+def _register_stream(start: str, stop: str, of_environment: bool) -> None:
+    """Registers the requests that start and stop a stream."""
+    code = BY_NAME[start].code
+
+    def begin(board: PythonBoard, period: int = 0) -> None:
+        if of_environment and not board.environment:
+            board.refuse("unavailable")
+        else:
+            board.start_stream(code, period)
+
+    REQUESTS[start], REQUESTS[stop] = begin, lambda board: board.stop_stream(code)
+
+
+for _name in ("sensor_stream", "sensor_ldr_stream", "compass_stream"):
+    _register_stream(f"start_{_name}", f"stop_{_name}", True)
+for _name in ("start_stream", "start_omni_stream"):
+    _register_stream(_name, "stop_stream", False)
 
 
 @request
-def start_sensor_stream(board: PythonBoard, period: int = 0) -> None:
-    """23."""
-    _start(board, "start_sensor_stream", period, board.environment)
-
-
-@request
-def stop_sensor_stream(board: PythonBoard) -> None:
-    """24."""
-    board.stop_stream(BY_NAME["start_sensor_stream"].code)
-
-
-@request
-def start_sensor_ldr_stream(board: PythonBoard, period: int = 0) -> None:
-    """25."""
-    _start(board, "start_sensor_ldr_stream", period, board.environment)
-
-
-@request
-def stop_sensor_ldr_stream(board: PythonBoard) -> None:
-    """26."""
-    board.stop_stream(BY_NAME["start_sensor_ldr_stream"].code)
-
-
-@request
-def start_compass_stream(board: PythonBoard, period: int = 0) -> None:
-    """27."""
-    _start(board, "start_compass_stream", period, board.environment)
-
-
-@request
-def stop_compass_stream(board: PythonBoard) -> None:
-    """28."""
-    board.stop_stream(BY_NAME["start_compass_stream"].code)
+def stop_stream(board: PythonBoard) -> None:
+    """19: ends the stream of two wheels or of three."""
+    board.stop_stream(BY_NAME["start_stream"].code)
+    board.stop_stream(BY_NAME["start_omni_stream"].code)
 
 
 def _counts_or_none_needed(board: PythonBoard) -> Values:

@@ -11,7 +11,7 @@ from mrl_driver.robot.robot_state import RobotState
 from mrl_driver.session.events import PathUnknown, Ready
 from mrl_driver.session.session import STOPPING_S
 from sim_arduino.board import PythonBoard
-from sim_arduino.board.board2013 import Board2013August
+from sim_arduino.board.board2013 import Board2013
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.world import World
@@ -70,7 +70,7 @@ def test_after_a_silence_of_the_same_boot_nothing_is_missed(gap_s):
 
 @pytest.mark.parametrize(
     "make, options",
-    [(Board2013August, DEFAULTS), (PythonBoard, DEFAULTS._replace(watchdog_ms=0))],
+    [(Board2013, DEFAULTS), (PythonBoard, DEFAULTS._replace(watchdog_ms=0))],
     ids=["2013", "without watchdog"],
 )
 def test_a_robot_that_may_have_driven_on_in_a_silence_has_lost_its_way(make, options):

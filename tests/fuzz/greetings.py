@@ -5,6 +5,7 @@ A greeting is wrong if the driver takes the board for another one, or leaves und
 
 import multiprocessing
 import os
+from functools import partial
 from typing import Any, List, NamedTuple, Tuple
 
 import click
@@ -13,7 +14,7 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import MrlError
 from mrl_driver.robot import models
 from sim_arduino.board import parameter_store
-from sim_arduino.board.board2013 import Board2013August, Board2013January
+from sim_arduino.board.board2013 import Board2013
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.world import World
@@ -30,7 +31,7 @@ def pc_board(plant: Plant) -> PcBoard:
 
 
 TRAXBOT = models.load("traxbot")
-BOARDS = {"pc": pc_board, "august": Board2013August, "january": Board2013January}
+BOARDS = {"pc": pc_board, "august": Board2013, "january": partial(Board2013, january=True)}
 
 
 class Booted:

@@ -104,7 +104,7 @@ def test_part_that_died_is_named_with_its_last_words(tmp_path):
 
 def test_failure_of_an_experiment_is_its_last_line(monkeypatch):
     monkeypatch.setitem(legs.NODES, "turnaround", "no_such_node")
-    with pytest.raises(MrlError, match=r"^experiment turnaround: .*No module named \S+\.no_such_node$"):
+    with pytest.raises(MrlError, match=r"^experiment turnaround: .*No module named '\S+\.no_such_node'$"):
         legs.run("turnaround", Setting(""))
 
 

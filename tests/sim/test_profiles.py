@@ -1,21 +1,24 @@
 """The boards of 2013 and their faults."""
 
+from functools import partial
+
 import pytest
 
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
 from mrl_driver.robot import models
-from sim_arduino.board.board2013 import Board2013August, Board2013January, through_single_precision
+from sim_arduino.board.board2013 import Board2013, through_single_precision
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.world import Wall, World
 
 TRAXBOT = models.load("traxbot")
-BOTH = pytest.mark.parametrize("profile", [Board2013August, Board2013January])
+JANUARY = partial(Board2013, january=True)
+BOTH = pytest.mark.parametrize("profile", [Board2013, JANUARY])
 
 
 class Bench:
     """A board of 2013, awake."""
 
-    def __init__(self, profile=Board2013August, **options):
+    def __init__(self, profile=Board2013, **options):
         self.plant = Plant(TRAXBOT, options.pop("world", None), sonars=options.pop("sonars", True))
         self.board = profile(self.plant, **options)
         self.now_s = 0.0
@@ -41,7 +44,7 @@ def test_reports_version_1(profile):
     assert Bench(profile).send(b"@5e") == b"@5,2500,172,1360,1,1e\r\n"
 
 
-@pytest.mark.parametrize("profile, boot_s", [(Board2013August, 3.35), (Board2013January, 0.10)])
+@pytest.mark.parametrize("profile, boot_s", [(Board2013, 3.35), (JANUARY, 0.10)])
 def test_sets_itself_up_and_then_answers_what_waited(profile, boot_s):
     """On the chip the first answer begins 3.35 s (August: a pause of 3 s for its sensors) and 0.10 s after a reset."""
     board = profile(Plant(TRAXBOT))
@@ -70,7 +73,7 @@ def test_set_up_tells_the_motor_board_11_ms_after_a_reset(profile):
     ]
 
 
-@pytest.mark.parametrize("profile, code", [(Board2013August, 8), (Board2013January, 6)])
+@pytest.mark.parametrize("profile, code", [(Board2013, 8), (JANUARY, 6)])
 def test_stream(profile, code):
     bench = Bench(profile)
     frames = FrameDecoder(REPLIES).feed(bench.send(b"@18e"))
@@ -88,10 +91,10 @@ def test_stream_rate_of_august():
 @pytest.mark.parametrize(
     "profile, start, hz",
     [
-        (Board2013January, 18, 759),
-        (Board2013August, 23, 168),
-        (Board2013August, 25, 163),
-        (Board2013August, 27, 1054),
+        (JANUARY, 18, 759),
+        (Board2013, 23, 168),
+        (Board2013, 25, 163),
+        (Board2013, 27, 1054),
     ],
 )
 def test_rates_of_the_other_streams(profile, start, hz):
@@ -117,7 +120,7 @@ def test_streams_of_august_go_on_until_each_is_stopped():
 
 
 def test_january_knows_nothing_beyond_19():
-    bench = Bench(Board2013January)
+    bench = Bench(JANUARY)
     assert b"".join(bench.send(b"@%de" % code) for code in range(20, 29)) == b""
 
 
