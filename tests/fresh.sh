@@ -12,7 +12,7 @@ set -euo pipefail
 
 ROOT=$(realpath "$(dirname "$0")/..")
 LOGS=$ROOT/build/fresh
-PASSED_ON='^(PIP_(INDEX_URL|CERT|PROXY|TRUSTED_HOST|DEFAULT_TIMEOUT)|https?_proxy|no_proxy|HTTPS?_PROXY|NO_PROXY)='
+PASSED_ON='^(MRL_TEST_PATIENCE|PIP_(INDEX_URL|CERT|PROXY|TRUSTED_HOST|DEFAULT_TIMEOUT)|https?_proxy|no_proxy|HTTPS?_PROXY|NO_PROXY)='
 
 fail() { echo "test-fresh: $*" >&2; exit 1; }
 
