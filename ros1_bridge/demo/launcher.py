@@ -4,7 +4,10 @@ Run it as `python -m ros1_bridge.demo.launcher`.  The roscore is on a free port 
 demonstration's `/cmd_vel` would drive other robots too.
 """
 
+import contextlib
+import http.client
 import os
+import random
 import re
 import signal
 import socket
@@ -31,6 +34,11 @@ _POLL_S = 0.05
 _DEFAULT_ROBOT = "traxbot"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _LOCALHOST = "127.0.0.1"
+_PORTS = range(20000, 32768)
+"""Linux gives connections higher ports, so that no other program takes the port before roscore does."""
+_ANSWER_S = 2.0
+_COMPLETE = "started core service [/rosout]"
+"""roscore's last line.  It comes after roscore has set the parameter that each roslaunch compares with its own."""
 _OF_ROSCORE = {"/rosout"}
 _DIED = re.compile(r"REQUIRED process \[(\w+)-\d+\] has died!\nprocess has died \[pid \d+, exit code (-?\d+)")
 """What roslaunch prints when a node ends."""
@@ -95,10 +103,12 @@ def _ended(child: Child) -> RunError:
 
 
 def free_port() -> int:
-    """A free TCP port of localhost."""
-    with socket.socket() as probe:
-        probe.bind((_LOCALHOST, 0))
-        return int(probe.getsockname()[1])
+    """A free TCP port."""
+    while True:
+        port = random.SystemRandom().choice(_PORTS)
+        with contextlib.suppress(OSError), socket.socket() as probe:
+            probe.bind(("", port))
+            return port
 
 
 def environment(logs: Path) -> Dict[str, str]:
@@ -115,13 +125,23 @@ def environment(logs: Path) -> Dict[str, str]:
     return env
 
 
+class _Patient(xmlrpc.client.Transport):
+    """Waits at most `_ANSWER_S` for each answer."""
+
+    def make_connection(self, host: Any) -> http.client.HTTPConnection:
+        """The connection that the transport uses."""
+        connection = super().make_connection(host)
+        connection.timeout = _ANSWER_S
+        return connection
+
+
 def master_answers(uri: str) -> bool:
     """Whether a ROS master runs there."""
     try:
-        with xmlrpc.client.ServerProxy(uri) as master:
+        with xmlrpc.client.ServerProxy(uri, _Patient()) as master:
             reply = master.getPid("/mrl_run")
             return isinstance(reply, list) and reply[0] == 1
-    except (OSError, xmlrpc.client.Error, ValueError, TypeError, IndexError):
+    except (OSError, http.client.HTTPException, xmlrpc.client.Error, ValueError, TypeError, IndexError):
         return False
 
 
@@ -142,24 +162,23 @@ def require_alone(uri: str) -> None:
 
 
 def start_roscore(run: Run) -> None:
-    """Start this run's own roscore, and wait for it.
+    """Start this run's own roscore, and wait until it is complete.
 
     Raises:
         RunError: it did not start, or it has other nodes.
         Stopped: a signal came.
     """
     uri = run.env["ROS_MASTER_URI"]
-    run.start("roscore", "roscore", "-p", uri.rsplit(":", 1)[1])
+    roscore = run.start("roscore", "roscore", "-p", uri.rsplit(":", 1)[1])
 
-    def answers() -> bool:
+    def complete() -> bool:
         run.check()
-        return master_answers(uri)
+        return any(_COMPLETE in line for line in roscore.output())
 
-    if not wait_until(answers, ROSCORE_TIMEOUT_S):
+    if not wait_until(complete, ROSCORE_TIMEOUT_S):
         raise RunError(
-            f"roscore does not answer at {uri} within {ROSCORE_TIMEOUT_S:.0f} s; its log is in {run.logs}"
+            f"roscore at {uri} is not complete within {ROSCORE_TIMEOUT_S:.0f} s; its log is in {run.logs}"
         )
-    run.check()
     require_alone(uri)
 
 

@@ -1,8 +1,10 @@
 """Runs a node, from waiting for the master to its exit code.  For nodes."""
 
 import io
+import signal
 import sys
-from typing import Callable, List, Optional
+import threading
+from typing import Any, Callable, List, Optional
 
 import rosgraph
 import rospy
@@ -18,15 +20,34 @@ def run_node(name: str, run: Callable[[], Optional[int]], argv: Optional[List[st
     It is what `run` returns, 0 for None; or that of the error if `run` raises one.
     """
     log_line_by_line()
-    await_master(rosgraph.get_master_uri(), rospy.logwarn)
-    rospy.init_node(name, argv=argv or sys.argv)
     try:
+        await_master(rosgraph.get_master_uri(), rospy.logwarn)
+        rospy.init_node(name, argv=argv or sys.argv, disable_signals=True)
+        _end_on_signals()
         return run() or 0
-    except rospy.ROSInterruptException:
-        return 0
+    except rospy.ROSException:  # the shutdown has closed a publisher or a service meanwhile
+        if not rospy.is_shutdown():
+            raise
     except MrlError as error:
-        rospy.logfatal(str(error))
-        return error.exit_code
+        if not rospy.is_shutdown():
+            rospy.logfatal(str(error))
+            return error.exit_code
+    return 0
+
+
+def _end_on_signals() -> None:
+    """Shut down from another thread.
+
+    rospy's own handler runs in the main thread, which may hold locks that the shutdown needs: the handler would wait
+    forever if the signal came during a call to the master.
+    """
+
+    def end(number: int, _frame: Any) -> None:
+        threading.Thread(target=rospy.signal_shutdown, args=(f"signal {number}",)).start()
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup sets it
+            signal.signal(number, end)
 
 
 def log_line_by_line() -> None:

@@ -7,7 +7,6 @@ README of this package lists topics, services and parameters.
 import contextlib
 import gc
 import math
-import signal
 import sys
 import threading
 import time
@@ -33,9 +32,9 @@ from ros1_bridge.control.commander import ZONE, Commander, lowered
 from ros1_bridge.control.laser_mount import MountFinder
 from ros1_bridge.control.pose_goal import PoseGoal
 from ros1_bridge.control.zone_feed import ZoneWatch
-from ros1_bridge.node.master_watch import MasterWatch, await_master
+from ros1_bridge.node.master_watch import MasterWatch
 from ros1_bridge.node.robot_parameters import GROUPS, Parameters, check, zone_sensors
-from ros1_bridge.node.run_node import log_line_by_line
+from ros1_bridge.node.run_node import run_node
 from ros1_bridge.status.diagnostics import Diagnostics
 from ros1_bridge.status.link_report import ERROR, OK, WARN, News
 from ros1_bridge.status.robot_status import StatusTeller
@@ -394,35 +393,7 @@ class RobotNode:
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the node; returns the exit code, which is that of the error if there was one."""
     sys.setswitchinterval(SWITCH_S)
-    log_line_by_line()
-    try:
-        await_master(rosgraph.get_master_uri(), rospy.logwarn)
-        rospy.init_node("robot_node", argv=argv, disable_signals=True)
-        _end_on_signals()
-        RobotNode(_parameters()).run()
-    except rospy.ROSException:  # the shutdown has closed a publisher or a service meanwhile
-        if not rospy.is_shutdown():
-            raise
-    except MrlError as error:
-        if rospy.is_shutdown():
-            return 0
-        rospy.logfatal(str(error))
-        return error.exit_code
-    return 0
-
-
-def _end_on_signals() -> None:
-    """Shut down from another thread.
-
-    rospy's own handler runs in the main thread, which may hold locks that the shutdown needs.
-    """
-
-    def end(number: int, _frame: Any) -> None:
-        threading.Thread(target=rospy.signal_shutdown, args=(f"signal {number}",)).start()
-
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup sets it
-            signal.signal(number, end)
+    return run_node("robot_node", lambda: RobotNode(_parameters()).run(), argv)
 
 
 def _parameters() -> Parameters:

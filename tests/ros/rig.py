@@ -6,7 +6,6 @@ import os
 import pty
 import select
 import signal
-import socket
 import sys
 import threading
 import time
@@ -18,19 +17,13 @@ from xmlrpc.client import ServerProxy
 import rosgraph
 import rospy
 
+from ros1_bridge.demo.launcher import free_port  # noqa: F401
 from ros1_bridge.demo.processes import Child
 from tests.waiting import PATIENCE_S, wait_until
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 NODE = ROOT / "ros1_bridge" / "nodes" / "robot_node"
 START_S = PATIENCE_S
-
-
-def free_port() -> int:
-    """A TCP port that nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 class Board(NamedTuple):

@@ -59,12 +59,18 @@ class Started:
         found = [p for p in self.alive() if name.encode() in Path(f"/proc/{p}/cmdline").read_bytes()]
         return found[0] if found else None
 
+    def wait_for(self, words):
+        """Read output up to the first line with `words`; that line."""
+        seen = []
+        for line in self.process.stdout:
+            seen.append(line)
+            if words in line:
+                return line
+        raise AssertionError(f"the run ended before it printed {words!r}: {''.join(seen)}")
+
     def wait_for_odometry(self):
         """Read output up to the first line with a pose."""
-        for line in self.process.stdout:
-            if " s  x " in line:
-                return
-        raise AssertionError("the run ended before its first odometry")
+        self.wait_for(" s  x ")
 
     def end(self):
         """Wait for the end; the rest of the output."""

@@ -2,14 +2,25 @@
 
 import os
 import signal
+import socket
+import stat
 import xmlrpc.client
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 import rospy
 from geometry_msgs.msg import Twist
 
-from ros1_bridge.demo.launcher import RunError, require_alone
+from ros1_bridge.demo.launcher import (
+    Run,
+    RunError,
+    environment,
+    free_port,
+    master_answers,
+    require_alone,
+    start_roscore,
+)
 
 from .test_run import PYTHON, starting
 
@@ -25,7 +36,7 @@ def nodes_on(uri):
 
 def uri_of(run):
     """The master that a run names, read from its output."""
-    return next(line.split(URI)[1].split()[0] for line in run.process.stdout if URI in line)
+    return run.wait_for(URI).split(URI)[1].split()[0]
 
 
 @pytest.fixture(scope="module")
@@ -79,3 +90,36 @@ def test_master_with_another_node_is_refused(master):
     with pytest.raises(RunError, match=f"{rospy.get_name()}.*expected no other node"):
         require_alone(os.environ["ROS_MASTER_URI"])
     publisher.unregister()
+
+
+LATE_ROSCORE = """#!/bin/sh
+rosmaster --core -p $2 &
+sleep 1
+echo "started core service [/rosout]"
+wait
+"""
+
+
+def test_nodes_start_after_roscore_is_complete(tmp_path):
+    """Its master answers before; a roslaunch that starts then may choose another run_id, which ends one of both."""
+    program = tmp_path / "roscore"
+    program.write_text(LATE_ROSCORE)
+    program.chmod(stat.S_IRWXU)
+    env = environment(tmp_path)
+    run = Run({**env, "PATH": f"{tmp_path}:{os.environ['PATH']}"}, tmp_path)
+    try:
+        start_roscore(run)
+        assert "started core service" in (tmp_path / "roscore.log").read_text()
+    finally:
+        run.stop()
+
+
+def test_program_that_does_not_answer_is_no_master():
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        assert not master_answers(f"http://127.0.0.1:{silent.getsockname()[1]}")
+
+
+def test_port_of_the_master_is_none_that_connections_get():
+    """Another program would take it now and then, before roscore does."""
+    first = int(Path("/proc/sys/net/ipv4/ip_local_port_range").read_text().split()[0])
+    assert all(free_port() < first for _ in range(10))

@@ -3,19 +3,24 @@
 import math
 import signal
 import subprocess
+import threading
 import time
 from statistics import median
+from xmlrpc.client import ServerProxy
 
 import pytest
 from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
+from rosgraph.xmlrpc import ThreadingXMLRPCServer
 
-from tests.waiting import wait_until
+from tests.waiting import PATIENCE_S, wait_until
 
-from .rig import START_S
+from .rig import NODE, START_S
 
 MOVE, STOP = 11, 13
 STOP_S, EXIT_S = 0.1, 2.0
+SIGNAL_S = 0.2
+"""A signal reaches the program within this time, and nothing shows that it has."""
 LONG_S = 10.0
 """Timeout of commands in these tests: the robot does not stop by itself."""
 
@@ -100,3 +105,51 @@ def test_node_takes_over_from_one_of_the_same_name(rig):
     wait_until(lambda: any(" on /dev/" in line for line in second.output()) or second.exit_code is not None)
     assert second.exit_code is None, second.last_words()
     odom.wait_for_more(5)
+
+
+class SlowMaster:
+    """Passes calls on to a ROS master; answers `method` only after `answers` is set."""
+
+    def __init__(self, uri, method):
+        self._uri, self._method = uri, method
+        self.called, self.answers = threading.Event(), threading.Event()
+        self._server = ThreadingXMLRPCServer(("127.0.0.1", 0), log_requests=False)
+        self._server.register_instance(self)
+        self.uri = f"http://127.0.0.1:{self._server.server_address[1]}"
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.01,))
+        self._thread.start()
+
+    def _dispatch(self, method, params):
+        if method == self._method:
+            self.called.set()
+            assert self.answers.wait(PATIENCE_S)
+        with ServerProxy(self._uri) as master:
+            return getattr(master, method)(*params)
+
+    def close(self):
+        self.answers.set()
+        self._server.shutdown()
+        self._thread.join()
+        self._server.server_close()
+
+
+@pytest.fixture
+def slow_master(rig):
+    """Answers the registration of a subscriber late."""
+    master = SlowMaster(rig.env["ROS_MASTER_URI"], "registerSubscriber")
+    rig.env = {**rig.env, "ROS_MASTER_URI": master.uri}
+    yield master
+    master.close()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("name", ["demo_view", "teleop_joystick", "go_to_goal"])
+def test_signal_while_a_node_waits_for_the_master_ends_it(rig, slow_master, name, number):
+    node = rig.start(name, str(NODE.with_name(name)), f"__ns:={rig.ns}")
+    assert slow_master.called.wait(PATIENCE_S)
+    node.signal(number)
+    time.sleep(SIGNAL_S)
+    slow_master.answers.set()
+    assert node.wait(START_S)
+    assert node.exit_code == 0, node.output()
+    assert not any("Traceback" in line for line in node.output())
