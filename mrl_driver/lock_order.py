@@ -10,8 +10,8 @@ Threads:
 Locks, in the order in which a thread may take them (`ORDER`).  A thread that holds one takes only later ones:
     status: the state that the node published last.
     pose goal: the pose that the node drives to.
-    links: the link that is being opened, so that `close` can interrupt it.
     driver: the core with its session and state.  Callbacks run without it.
+    links: the link that is being opened, so that `close` can interrupt it.
     zones: the readings of the protective zones; the core asks them for the speed that they allow.
     link read: one reader of a link at a time.  It is held while the reader waits for bytes.
     link write, link wake: the descriptors of a link; held for one call of the system that does not block.
@@ -26,7 +26,7 @@ import os
 import threading
 from typing import Any, List, Tuple
 
-ORDER = ("status", "pose goal", "links", "driver", "zones", "link read", "link write", "link wake")
+ORDER = ("status", "pose goal", "driver", "links", "zones", "link read", "link write", "link wake")
 VARIABLE = "MRL_CHECK_LOCKS"
 _threads = threading.local()
 

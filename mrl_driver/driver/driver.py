@@ -53,6 +53,7 @@ CLOSE_S = 0.8
 """The stop at the end waits at most this long for telemetry to confirm it [s]."""
 QUEUE_BYTES = 512
 """While the port blocks, `request` queues at most this many bytes, so that a stop does not wait for many others."""
+CLOSED_EARLY = "the driver was closed while it connected"
 FLUSH_S = 1e-3
 """At the end, the driver looks this often whether another thread's write is over [s]."""
 CLOCK_BOOTTIME = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
@@ -97,15 +98,18 @@ class Driver:
         self._clock: Callable[[], float] = time.monotonic
         self._lock = new_lock("driver")
         self._changed = threading.Condition(self._lock)
-        self._settled = threading.Event()
         self._link: Optional[Link] = None
         self._thread: Optional[threading.Thread] = None
         self._error: Optional[MrlError] = None
         self._broken: Optional[LinkLost] = None
         self._beginning = self._closing = False
-        self._writer: Optional[int] = None
+        self._writer: Optional[Tuple[int, Optional[Link]]] = None
+        """Thread and link of the write that is under way."""
         self._asking = self._queuing = 0
-        self._settling = True
+        self._settled = False
+        """Telemetry has arrived, or the driver has failed before."""
+        self._seized = False
+        """A signal handler closes the driver while its own thread holds the lock."""
         self._slept_s = math.inf
         self._on_state: List[Listener] = []
         self._listeners: Dict[type, List[Listener]] = {Telemetry: [], Status: [], Board: [], SensorRead: []}
@@ -125,6 +129,7 @@ class Driver:
             WrongRobot: another robot answers, or the board speaks another protocol.
             BatteryDead: motor power is off, or the battery is too low to start (unless `ignore_battery`).
             BoardTimeout, LinkLost: the board stopped answering, or the port went away, during the greeting.
+            LinkLost: the driver was closed while it connected.
         """
         if self._thread is not None or self._closing:
             raise MrlError("this driver was connected already; create another one to connect again")
@@ -136,13 +141,14 @@ class Driver:
         fork_guard.leave_to_parent(self._abandon)
         atexit.register(self._end_with_program)
         try:
-            self._settled.wait()
+            with self._changed:
+                self._changed.wait_for(lambda: self._settled or self._closing)
         except BaseException:
             self.close()
             raise
-        if self._error is not None:
+        if self._error is not None or self._closing:
             self.close()
-            raise self._error
+            raise self._error or LinkLost(CLOSED_EARLY)
         return self.board
 
     def _start(self, link: Link) -> None:
@@ -156,10 +162,14 @@ class Driver:
                 return
         link.close()
         self._links.end_recording()
-        raise LinkLost("the driver was closed while it connected")
+        raise LinkLost(CLOSED_EARLY)
 
     def close(self) -> None:
-        """Stop the robot, wait at most a second for telemetry to confirm the stop, and close the port."""
+        """Stop the robot, wait at most a second for telemetry to confirm the stop, and close the port.
+
+        Signal handlers may call it as well.
+        """
+        self._seized = self._seized or self._holds_lock()
         with self._lock:
             thread = self._thread
             self._closing = self._closing or (thread is None and self._beginning)
@@ -167,21 +177,28 @@ class Driver:
             if self._closing:
                 self._links.close()
             return
-        on_thread = thread is threading.current_thread()
-        if self._error is None and not self._closing:
-            self._say_goodbye(wait=not on_thread)
+        alone = thread is threading.current_thread() or self._holds_lock()
+        if not self._closing:
+            self._say_goodbye(wait=not alone)
         with self._changed:
             self._closing = True
             self._changed.notify_all()
             link = self._link
-        self._settled.set()
         self._links.close()
         if link is not None:
             link.close()
-        if not on_thread:
+        if not alone:
             thread.join()
         self._links.end_recording()
         atexit.unregister(self._end_with_program)
+
+    def _holds_lock(self) -> bool:
+        """Return whether this thread holds the driver's lock: a signal handler runs, which has interrupted it."""
+        try:
+            self._changed.notify(0)
+        except RuntimeError:
+            return False
+        return True
 
     def _end_with_program(self) -> None:
         """Close at the end of the program: after an error the driver may still be open, and 2013 boards drive on."""
@@ -197,7 +214,7 @@ class Driver:
     def _abandon(self) -> None:
         """Run in a forked child: the parent keeps the robot.  Here the driver is closed, and each call raises why."""
         self._lock = new_lock("driver")
-        self._changed, self._settled = threading.Condition(self._lock), threading.Event()
+        self._changed = threading.Condition(self._lock)
         self._links.abandon()
         self._link = self._thread = None
         self._closing = True
@@ -339,7 +356,9 @@ class Driver:
             try:
                 self.request(code, *args)
                 with self._changed:
-                    self._changed.wait_for(lambda: core.answer(code, args) or self._error, timeout_s)
+                    self._changed.wait_for(
+                        lambda: core.answer(code, args) or self._error or self._closing, timeout_s
+                    )
             finally:
                 with self._lock:
                     self._asking -= 1
@@ -577,6 +596,13 @@ class Driver:
 
     def _run(self) -> None:
         try:
+            self._work()
+        finally:
+            with self._changed:
+                self._changed.notify_all()  # a signal handler may have closed the driver just before a wait began
+
+    def _work(self) -> None:
+        try:
             while not self._closing:
                 try:
                     if self._link is None:
@@ -591,11 +617,14 @@ class Driver:
                     self._lose(error)
         except MrlError as error:
             self._give_up(error)
-        finally:
-            if not self._closing and self._error is None:
-                self._give_up(
-                    MrlError("a callback raised; the driver has ended and sent a stop to the robot")
+        except BaseException as error:
+            if not self._closing:
+                failure = MrlError(
+                    f"a callback raised {error!r}; the driver has ended and sent a stop to the robot"
                 )
+                failure.__cause__ = error
+                self._give_up(failure)
+            raise
 
     def _serve(self, link: Link) -> None:
         """Read the link and do what is due, until it is lost or the driver is closed."""
@@ -624,12 +653,17 @@ class Driver:
                 events += self._supervise(link, now)
             if session.out:
                 self._flush()
-            if self._settling and core.state.telemetry is not None:
-                self._settling = False
-                self._settled.set()
+            if not self._settled and core.state.telemetry is not None:
+                self._settle()
             for event in events:
                 for listener in self._listeners.get(type(event), self._on_state):
                     listener(event)
+
+    def _settle(self) -> None:
+        """Let `connect` return."""
+        with self._changed:
+            self._settled = True
+            self._changed.notify_all()
 
     def _supervise(self, link: Link, now: float) -> Sequence[DriverEvent]:
         """In a search, check that the robot is the one that was lost; at a raised baud rate, count the link's errors.
@@ -653,8 +687,8 @@ class Driver:
         if links.fast and links.is_failing(session, now):
             with self._lock:
                 alone = self._writer is None
-                if alone:
-                    self._writer = threading.get_ident()  # nobody else writes until the speed is changed
+                if alone:  # nobody else writes until the speed is changed
+                    self._writer = (threading.get_ident(), link)
             if alone:
                 links.fast = False
                 try:
@@ -672,6 +706,7 @@ class Driver:
             if link is None or not self._may_search():
                 raise error
             self._link = self._broken = None
+            self._writer = None  # a write that still blocks on the lost link does not hinder the next one
             self._core.session.lose(now)
             may_be_moving = self._core.session.may_be_moving
         lost = self._links.lose(error, now, may_be_moving)
@@ -681,7 +716,7 @@ class Driver:
 
     def _may_search(self) -> bool:
         """The driver searches a lost port: not before the first connection, and only with the option `reconnect`."""
-        return self._links.reconnects and self._settled.is_set() and not self._closing and self._error is None
+        return self._links.reconnects and self._settled and not self._closing and self._error is None
 
     def _seek(self) -> None:
         """Look for the port once.  If it is found, `_serve` greets the robot on it."""
@@ -720,15 +755,16 @@ class Driver:
         A signal handler of the thread that writes may write as well.
         """
         core, session, data = self._core, self._core.session, b""
+        mine = (threading.get_ident(), self._link)
         try:
             with self._lock:
                 link, due_s = self._link, -math.inf if session.hurried else session.motion.due_s
                 wake = due_s < core.due_s
                 if wake:
                     core.due_s = due_s
-                if session.out and self._writer in (None, threading.get_ident()):
+                if session.out and self._may_write():
                     data = bytes(session.out)
-                    self._writer = threading.get_ident()
+                    self._writer = mine
                     session.out.clear()
                     session.counters.bytes_out += len(data)
             if data and link is not None:
@@ -741,13 +777,19 @@ class Driver:
         finally:
             if data:
                 with self._lock:
-                    self._writer, link = None, self._link
+                    if self._writer is mine:
+                        self._writer = None
+                    link = self._link
                     if self._queuing:
                         self._changed.notify_all()
                     if session.out:
                         core.due_s, wake = -math.inf, True
         if wake and link is not None and threading.current_thread() is not self._thread:
             link.wake()
+
+    def _may_write(self) -> bool:
+        """Return whether this thread may write: no other does, or another cannot report that it is done."""
+        return self._writer is None or self._writer[0] == threading.get_ident() or self._seized
 
     def _flush_all(self) -> None:
         """Send the session's bytes at the end, when the reading thread may not send them any more.
@@ -756,15 +798,14 @@ class Driver:
         """
         deadline = time.monotonic() + CLOSE_S
         self._flush()
-        here = (None, threading.get_ident())
-        while (self._core.session.out or self._writer not in here) and time.monotonic() < deadline:
+        while (self._core.session.out or not self._may_write()) and time.monotonic() < deadline:
             if self._link is None:
                 return
             time.sleep(FLUSH_S)
             self._flush()
 
     def _on_broken(self, link: Link, error: LinkLost) -> None:
-        """A write has found that the port is gone: the reading thread searches it, or the driver ends.
+        """A write has found that the port is gone: the reading thread searches it, or stops the robot and ends.
 
         Raises:
             LinkLost: the driver does not search the port.
@@ -772,9 +813,8 @@ class Driver:
         with self._lock:
             if self._link is not link:
                 return  # another thread has found it before
-            if self._may_search():
-                self._broken = error
-            elif not self._closing:
+            self._broken = error
+            if not self._may_search() and not self._closing:
                 self._error = self._error or error
                 self._changed.notify_all()
             failed = self._error is error
@@ -787,10 +827,14 @@ class Driver:
     def _say_goodbye(self, wait: bool) -> None:
         """Stop the robot, wait for the confirmation, and set the board back to what a 2013 host expects.
 
-        Without `wait` the caller is the reading thread itself, so this method reads the link.
+        Without `wait` the reading thread cannot go on, because it is the caller or because the caller holds the lock.
+        So this method reads the link.
         """
         try:
-            core = self._connected()
+            core = self._core
+            if self._error is not None:
+                self._stop_for_good()  # the port may still take it
+                return
             if wait:
                 self._stop_for_good()
             else:
@@ -840,7 +884,6 @@ class Driver:
         with self._changed:
             if self._closing:
                 return
-            self._error = error
-            self._changed.notify_all()
-        self._settled.set()
+            self._error = error = self._error or error
+            self._settle()
         self._tell_state(error)

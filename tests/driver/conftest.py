@@ -9,6 +9,8 @@ import pytest
 
 from tests.fake_board import FakeBoard
 
+from .line import Line
+
 
 class PtyBoard:
     """A fake board on a pty, in a thread; `lock` guards the board."""
@@ -72,3 +74,10 @@ def serve():
     yield start
     for board in boards:
         board.close()
+
+
+@pytest.fixture
+def line():
+    line = Line()
+    yield line
+    line.open.set()

@@ -21,6 +21,7 @@ from mrl_driver.errors import (
     PortBusy,
     WrongRobot,
 )
+from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.robot.models import load
 from mrl_driver.transport import open_link
 from mrl_driver.transport.link import SerialLink
@@ -178,6 +179,24 @@ def test_a_close_while_the_port_opens_ends_the_connecting(serve, monkeypatch):
     assert driver.wait(0)
 
 
+@pytest.mark.parametrize("where", ["a timer", "a callback"])
+def test_a_close_while_the_board_is_greeted_says_so(serve, where):
+    robot = Driver(serve(boot_s=PATIENCE_S if where == "a timer" else 0.0).path)
+    robot.on_event(lambda _: robot.close())
+    timer = threading.Timer(0.1 if where == "a timer" else PATIENCE_S, robot.close)
+    timer.start()
+    with pytest.raises(LinkLost, match="closed while it connected"):
+        robot.connect()
+    timer.cancel()
+
+
+def test_a_close_ends_the_wait_for_an_answer(robot):
+    robot.fake.unknown.add(BY_NAME["read_counters"].code)
+    threading.Timer(0.1, robot.close).start()
+    with pytest.raises(LinkLost, match="closed"):
+        robot.ask(BY_NAME["read_counters"].code, timeout_s=PATIENCE_S)
+
+
 def test_telemetry_is_called_back_for_each_frame(robot):
     seen = []
     robot.on_telemetry(seen.append)
@@ -221,7 +240,7 @@ def test_a_callback_that_raises_ends_the_driver_and_stops_the_robot(serve, monke
         drive_until(robot, 0.1, 0, lambda: port.board.speeds == (100, 0))
         robot.on_telemetry(lambda _: 1 / 0)
         wait_until(lambda: robot.error is not None)
-        with pytest.raises(MrlError, match="callback"):
+        with pytest.raises(MrlError, match="callback raised ZeroDivisionError"):
             robot.drive(0.1, 0)
         wait_until(lambda: port.board.speeds == (0, 0))
 

@@ -2,7 +2,6 @@
 
 import contextlib
 import threading
-import time
 
 import pytest
 
@@ -12,71 +11,15 @@ from mrl_driver.driver.driver import QUEUE_BYTES
 from mrl_driver.errors import MrlError
 from mrl_driver.lock_order import ORDER, VARIABLE, new_lock
 from mrl_driver.protocol.table import BY_NAME
-from tests.fake_board import FakeBoard
 from tests.waiting import PATIENCE_S, drive_until, wait_until
 
 LASTING = Options(command_timeout_s=None)
 STATUS = BY_NAME["read_status"].code
-STEP_S = 0.002
 
 
 @pytest.fixture(autouse=True)
 def checked(monkeypatch):
     monkeypatch.setenv(VARIABLE, "1")
-
-
-class Line:
-    """A link to a fake board; it notes the locks held during writes.
-
-    While `open` is cleared, the writes of the thread `stuck` block, or of any thread if that is None.
-    """
-
-    port = "line"
-
-    def __init__(self):
-        self.board, self.open, self.held = FakeBoard(), threading.Event(), set()
-        self.blocked, self.stuck = [], None
-        self._guard, self._woken, self._closed = threading.Lock(), threading.Event(), False
-        self.open.set()
-        self.board.reset(time.monotonic())
-
-    def read(self, timeout_s):
-        end_s = time.monotonic() + timeout_s
-        while not self._closed:
-            with self._guard:
-                data = self.board.advance(time.monotonic())
-            if data or self._woken.wait(STEP_S) or time.monotonic() >= end_s:
-                self._woken.clear()
-                return data
-        return b""
-
-    def write(self, data):
-        self.held.add(lock_order.held())
-        writer = threading.current_thread().name
-        if not self.open.is_set() and self.stuck in (None, writer):
-            self.blocked.append(writer)
-            self.open.wait(PATIENCE_S)
-        with self._guard:
-            self.board.receive(data, time.monotonic())
-
-    def wake(self):
-        self._woken.set()
-
-    def close(self):
-        self._closed = True
-
-    def fileno(self):
-        return -1
-
-    def set_baud(self, baud):
-        raise NotImplementedError
-
-
-@pytest.fixture
-def line():
-    line = Line()
-    yield line
-    line.open.set()
 
 
 def aside(work):
@@ -107,7 +50,7 @@ def ask_until_blocked(robot, line):
 @pytest.mark.parametrize("writer", ["another thread", "mrl-driver"])
 def test_while_a_write_blocks_the_state_is_read_and_a_stop_returns(line, writer):
     with Driver(line, options=LASTING) as robot:
-        wait_until(lambda: robot.drive(0.1, 0.0) and line.board.speeds == (100, 0))
+        drive_until(robot, 0.1, 0.0, lambda: line.board.speeds == (100, 0))
         line.stuck = writer
         line.open.clear()
         if writer == "another thread":
@@ -176,7 +119,7 @@ def test_a_close_sends_its_stop_although_its_own_thread_is_writing(line, monkeyp
 def test_a_stop_does_not_wait_for_a_flood_of_requests(line):
     """While the port blocks, the other thread's requests are queued up to a bound, then dropped and counted."""
     with Driver(line, options=LASTING) as robot:
-        wait_until(lambda: robot.drive(0.1, 0.0) and line.board.speeds == (100, 0))
+        drive_until(robot, 0.1, 0.0, lambda: line.board.speeds == (100, 0))
         line.open.clear()
         wait_until(lambda: line.blocked)
         end = threading.Event()
@@ -272,3 +215,52 @@ def test_locks_are_taken_in_order_and_again():
 def test_without_the_variable_a_lock_is_that_of_python(monkeypatch):
     monkeypatch.delenv(VARIABLE)
     assert isinstance(new_lock("driver"), type(threading.RLock()))
+
+
+def test_a_close_ends_although_its_own_thread_holds_the_lock(line):
+    """As in a signal handler that interrupts `drive`: no other thread can take the lock before the handler returns."""
+    robot = Driver(line, options=LASTING)
+    robot.connect()
+    drive_until(robot, 0.1, 0.0, lambda: line.board.speeds == (100, 0))
+    main = threading.current_thread()
+
+    def interrupted(speeds, now):
+        if threading.current_thread() is main:
+            robot.restrict(None)
+            robot.close()
+        return speeds
+
+    robot.restrict(interrupted)
+    robot.drive(0.1, 0.0)
+    assert line.board.speeds == (0, 0) and line.board.period_s is None
+    robot.close()
+    with pytest.raises(MrlError, match="closed"):
+        robot.stop()
+
+
+def test_a_close_under_the_lock_sends_its_stop_although_another_thread_is_writing(line, monkeypatch):
+    """The other thread has written, but needs the lock to say so."""
+    robot = Driver(line, options=LASTING)
+    robot.connect()
+    drive_until(robot, 0.1, 0.0, lambda: line.board.speeds == (100, 0))
+    main, write = threading.current_thread(), line.write
+    begun, over = threading.Event(), threading.Event()
+
+    def slow(data):
+        write(data)
+        if threading.current_thread() is not main:
+            begun.set()
+            assert over.wait(PATIENCE_S)
+
+    def interrupted(speeds, now):
+        if threading.current_thread() is main:
+            robot.restrict(None)
+            over.set()
+            robot.close()
+        return speeds
+
+    monkeypatch.setattr(line, "write", slow)
+    assert begun.wait(PATIENCE_S)
+    robot.restrict(interrupted)
+    robot.drive(0.1, 0.0)
+    assert line.board.speeds == (0, 0) and line.board.period_s is None

@@ -2,6 +2,7 @@
 
 import math
 import os
+import threading
 import time
 from statistics import median
 
@@ -273,6 +274,31 @@ def test_a_loss_while_a_command_is_written_starts_the_search_too(robot, cable, m
     robot.drive(0.1, 0)
     wait_until(lambda: heard(robot, Lost))
     wait_until(lambda: heard(robot, Reconnected))
+
+
+def test_a_write_that_fails_on_the_lost_link_does_not_break_the_new_one(robot, cable, monkeypatch):
+    """The thread that wrote learns only after the reconnection that its write failed."""
+    write, begun, found = SerialLink.write, threading.Event(), threading.Event()
+    user = threading.Thread(target=lambda: robot.drive(0.1, 0.0), daemon=True)
+
+    def failing(link, data):
+        if threading.current_thread() is user and not begun.is_set():
+            begun.set()
+            assert found.wait(PATIENCE_S)
+            raise LinkLost("the port went away")
+        write(link, data)
+
+    monkeypatch.setattr(SerialLink, "write", failing)
+    user.start()
+    assert begun.wait(PATIENCE_S)
+    cable.unplug()
+    wait_until(lambda: heard(robot, Lost))
+    cable.plug()
+    wait_until(lambda: cable.port.board.period_s is not None or heard(robot, Reconnected))
+    found.set()
+    user.join(PATIENCE_S)
+    drive_until(robot, 0.1, 0.0, lambda: cable.port.board.speeds == (100, 0))
+    assert not user.is_alive() and len(heard(robot, Lost)) == 1 and robot.error is None
 
 
 def test_a_port_with_usb_ids_is_found_under_its_new_device(serve, cable, monkeypatch):
