@@ -4,6 +4,7 @@ from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
+from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import Drive, Noise, RobotModel
@@ -12,7 +13,7 @@ from . import fit, manoeuvres, umbmark
 from .calibration_files import Key
 from .fit import AXLE, OFFSET, SCALE, SLIP, Measured
 from .ground_truth import Ruler
-from .manoeuvres import DrivenRobot, Speeds, Track
+from .manoeuvres import Speeds, Track
 from .trial import LEFT, NEITHER, RIGHT, Trial, errors, require_plausible, require_sense, sense
 
 STRAIGHT, TURN, UMBMARK = "straight", "turn", "umbmark"
@@ -26,7 +27,7 @@ class Leg(NamedTuple):
 
     name: str
     sense: str
-    drive: Callable[[DrivenRobot], None]
+    drive: Callable[[Driver], None]
 
 
 class Outcome(NamedTuple):
@@ -74,7 +75,7 @@ def umbmark_legs(laps: int, side_m: float, speeds: Speeds) -> List[Leg]:
 
 
 def gather(
-    robot: DrivenRobot,
+    robot: Driver,
     legs: Sequence[Leg],
     ruler: Ruler,
     keep: Callable[[Trial], None],

@@ -4,20 +4,17 @@ The same code works with `Driver` and `SteppedDriver`.
 """
 
 import math
-from typing import Any, Callable, List, NamedTuple, Optional, Protocol, Tuple
+from typing import Any, Callable, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
+from mrl_driver.driver import Driver
 from mrl_driver.errors import BoardTimeout, ConfigError, WheelFault
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.navigation.line_follower import limit_to_stop
 from mrl_driver.protocol.table import BY_NAME
-from mrl_driver.robot.models import RobotModel
-from mrl_driver.robot.odometry import AnyTwist, Wheels
+from mrl_driver.robot.odometry import Wheels
 from mrl_driver.robot.robot_state import Telemetry
-from mrl_driver.safety.wheel_monitor import Mismatch
-from mrl_driver.session.handshake import Board
-from mrl_driver.session.link_counters import Statistics
 
 TICK_S = 0.05
 SETTLED_S = 0.4
@@ -38,37 +35,6 @@ MOVE_PID, MOVE, SET_GAINS = (
 Command = Optional[Tuple[float, float]]
 
 
-class DrivenRobot(Protocol):
-    """The common part of `Driver` and `SteppedDriver` that this module needs."""
-
-    @property
-    def model(self) -> Optional[RobotModel]: ...  # noqa: D102
-    @property
-    def board(self) -> Board: ...  # noqa: D102
-    @property
-    def pose(self) -> Pose: ...  # noqa: D102
-    @property
-    def telemetry(self) -> Optional[Telemetry]: ...  # noqa: D102
-    @property
-    def ready(self) -> bool: ...  # noqa: D102
-    @property
-    def stopped(self) -> bool: ...  # noqa: D102
-    @property
-    def stop_reason(self) -> str: ...  # noqa: D102
-    @property
-    def mismatch(self) -> Optional[Mismatch]: ...  # noqa: D102
-    @property
-    def command(self) -> Optional[AnyTwist]: ...  # noqa: D102
-    @property
-    def statistics(self) -> Statistics: ...  # noqa: D102
-    def drive(self, linear_m_s: float, angular_rad_s: float) -> bool: ...  # noqa: D102
-    def stop(self) -> None: ...  # noqa: D102
-    def wait(self, timeout_s: float) -> bool: ...  # noqa: D102
-    def request(self, code: int, *args: int) -> None: ...  # noqa: D102
-    def ask(self, code: int, *args: int, timeout_s: float = ...) -> Tuple[int, ...]: ...  # noqa: D102
-    def on_telemetry(self, callback: Callable[[Telemetry], None]) -> None: ...  # noqa: D102
-
-
 class Speeds(NamedTuple):
     """Speeds of a calibration; low, to avoid slip."""
 
@@ -81,7 +47,7 @@ class Speeds(NamedTuple):
 class Track:
     """Records the wheels between `begin` and `end`.  Make one per robot: its callback stays registered."""
 
-    def __init__(self, robot: DrivenRobot) -> None:
+    def __init__(self, robot: Driver) -> None:
         self._robot = robot
         self._rows: List[Tuple[float, ...]] = []
         self._on = False
@@ -130,7 +96,7 @@ def steps_of(rows: np.ndarray) -> np.ndarray:
     return moved
 
 
-def settle(robot: DrivenRobot) -> None:
+def settle(robot: Driver) -> None:
     """Stop, and wait until the robot is at rest.
 
     Raises:
@@ -150,11 +116,11 @@ def settle(robot: DrivenRobot) -> None:
             )
 
 
-def _counts(robot: DrivenRobot) -> Wheels:
+def _counts(robot: Driver) -> Wheels:
     return Wheels(*robot.telemetry.counts[:2]) if robot.telemetry else Wheels(0, 0)
 
 
-def follow(robot: DrivenRobot, steer: Callable[[Pose], Command], patience_s: float) -> None:
+def follow(robot: Driver, steer: Callable[[Pose], Command], patience_s: float) -> None:
     """Drive by `steer`, which returns speeds for a pose, or None at the end; then come to rest.
 
     Raises:
@@ -180,7 +146,7 @@ def follow(robot: DrivenRobot, steer: Callable[[Pose], Command], patience_s: flo
     settle(robot)
 
 
-def straight(robot: DrivenRobot, distance_m: float, speeds: Speeds, line: Optional[Pose] = None) -> None:
+def straight(robot: Driver, distance_m: float, speeds: Speeds, line: Optional[Pose] = None) -> None:
     """Drive straight, back for negative distances; `line` is the ideal start pose if it is not the present pose."""
     start, sign = line or robot.pose, math.copysign(1.0, distance_m)
 
@@ -197,7 +163,7 @@ def straight(robot: DrivenRobot, distance_m: float, speeds: Speeds, line: Option
     follow(robot, steer, 10 + 4 * abs(distance_m) / speeds.linear_m_s)
 
 
-def turn(robot: DrivenRobot, angle_rad: float, speeds: Speeds) -> None:
+def turn(robot: Driver, angle_rad: float, speeds: Speeds) -> None:
     """Turn in place, counter-clockwise for positive angles; more than one whole turn is possible."""
     done_rad, before = 0.0, robot.pose.yaw_rad
 
@@ -215,7 +181,7 @@ def turn(robot: DrivenRobot, angle_rad: float, speeds: Speeds) -> None:
 
 
 def square(
-    robot: DrivenRobot, side_m: float, left: bool, speeds: Speeds, at_rest: Callable[[], Any] = lambda: None
+    robot: Driver, side_m: float, left: bool, speeds: Speeds, at_rest: Callable[[], Any] = lambda: None
 ) -> None:
     """Drive one lap, correcting the error of each corner; `at_rest` is called at each of the eight stops."""
     corner = math.pi / 2 if left else -math.pi / 2
@@ -233,7 +199,7 @@ def _near(angle_rad: float, wanted_rad: float) -> float:
     return angle_rad if abs(angle_rad - wanted_rad) < 1.0 else wanted_rad
 
 
-def spin_motors(robot: DrivenRobot, code: int, left_percent: int, right_percent: int, seconds: float) -> None:
+def spin_motors(robot: Driver, code: int, left_percent: int, right_percent: int, seconds: float) -> None:
     """Turn the motors at these shares of full speed; afterwards they turn until they are stopped.
 
     The robot must be settled first; before that, the driver still repeats its stop.

@@ -4,14 +4,15 @@ from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
+from mrl_driver.driver import Driver, eeprom
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import Drive, RobotModel
 
-from . import eeprom, from_recording, gains, manoeuvres, sonar_curve, wiring_check
+from . import from_recording, gains, manoeuvres, sonar_curve, wiring_check
 from .gains import Gains, MotorModel, Response
 from .ground_truth import Ruler
-from .manoeuvres import MOVE, MOVE_PID, DrivenRobot, Speeds, Track
+from .manoeuvres import MOVE, MOVE_PID, Speeds, Track
 from .sonar_curve import Curve
 
 DUTY_PERCENT, WIRING_S = 35, 0.5
@@ -26,7 +27,7 @@ Observe = Callable[[str, Pose], Tuple[Optional[str], int]]
 """Which wheel turned, and in which direction, given the driven motor and the measured end; see `wiring.Trial`."""
 
 
-def check_wiring(robot: DrivenRobot, track: Track, ruler: Ruler, observe: Observe) -> List[str]:
+def check_wiring(robot: Driver, track: Track, ruler: Ruler, observe: Observe) -> List[str]:
     """Turn each motor forward alone, without speed control; returns the faults of the wires."""
     trials = []
     for motor, percents in ((wiring_check.LEFT, (DUTY_PERCENT, 0)), (wiring_check.RIGHT, (0, DUTY_PERCENT))):
@@ -72,7 +73,7 @@ class SonarPlan(NamedTuple):
 
 
 def approach_wall(
-    robot: DrivenRobot,
+    robot: Driver,
     track: Track,
     distances: Sequence[float],
     speeds: Speeds,
@@ -96,7 +97,7 @@ def approach_wall(
         keep(track.so_far())
 
 
-def _front_range(robot: DrivenRobot) -> float:
+def _front_range(robot: Driver) -> float:
     """Median range of the front sonar while the robot stands still [m]; NaN without a reading."""
     readings = []
     for _ in range(READINGS):
@@ -136,7 +137,7 @@ def readings_at_stops(rows: np.ndarray, drive: Drive, start_m: float) -> Tuple[L
     return ranges, distances
 
 
-def curve_in_force(robot: DrivenRobot) -> Curve:
+def curve_in_force(robot: Driver) -> Curve:
     """The curve that converts counts to ranges now; ranges of 2013 boards are corrected to the thesis's curve."""
     if not eeprom.can_configure(robot):
         return sonar_curve.THESIS
@@ -166,7 +167,7 @@ class Steps(NamedTuple):
         return gains.describe(self.times_s, travelled, float(speed[-max(1, len(speed) // 4) :].mean()))
 
 
-def step(robot: DrivenRobot, track: Track, code: int, percent: int, seconds: float = STEP_S) -> Steps:
+def step(robot: Driver, track: Track, code: int, percent: int, seconds: float = STEP_S) -> Steps:
     """Turn in place from rest: left motor back, right motor forward."""
     manoeuvres.settle(robot)
     track.begin()
@@ -202,7 +203,7 @@ class Tuned(NamedTuple):
     steps_after: Steps
 
 
-def tune(robot: DrivenRobot, track: Track, present: Gains, report: Callable[[str], None]) -> Tuned:
+def tune(robot: Driver, track: Track, present: Gains, report: Callable[[str], None]) -> Tuned:
     """Drive steps of the duty, compute gains, and drive steps of the speed with the old and the new gains.
 
     At the end the old gains and the ramp are in force again, even after an error.
@@ -230,13 +231,13 @@ def tune(robot: DrivenRobot, track: Track, present: Gains, report: Callable[[str
             eeprom.write(robot, ramp)
 
 
-def set_gains(robot: DrivenRobot, wanted: Sequence[int]) -> None:
+def set_gains(robot: Driver, wanted: Sequence[int]) -> None:
     """Set gains until the board restarts."""
     robot.request(manoeuvres.SET_GAINS, *wanted)
     robot.wait(0.1)
 
 
-def gains_in_force(robot: DrivenRobot, default: Gains) -> Gains:
+def gains_in_force(robot: Driver, default: Gains) -> Gains:
     """The gains in the board's configuration; `default` if the board stores no configuration."""
     if not eeprom.can_configure(robot):
         return default

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mrl_driver.cli.commands.set_id import write_parameters
+from mrl_driver.driver.eeprom import save_model
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardRefused, ConfigError
@@ -60,7 +60,7 @@ def test_a_blank_board_becomes_one(home):
     """The firmware's own defaults for an unknown id are TraxBot's."""
     model, board = models.load(NAME), factory.make(factory.Options(robot="traxbot", robot_id=0)).engine
     with SteppedDriver(board, model, Options(any_id=True)) as robot:
-        write_parameters(robot, IDS[0], model)
+        save_model(robot, IDS[0], model)
     values = parameter_store.Config(board.eeprom)
     assert {name: values[name] for name in model.board} == model.board and values["robot_id"] == IDS[0]
 
@@ -78,7 +78,7 @@ def test_a_board_that_restarts_before_it_saves_is_told_of(home, monkeypatch):
 
         monkeypatch.setattr(robot, "ask", restart_first)
         with pytest.raises(BoardRefused, match=f"has robot_id 0, expected {IDS[0]}"):
-            write_parameters(robot, IDS[0], model)
+            save_model(robot, IDS[0], model)
 
 
 def test_a_users_file_comes_before_the_packaged_one(home):

@@ -166,17 +166,17 @@ def offer_eeprom(driver: "Driver", values: Mapping["Key", float], job: Job) -> N
     Raises:
         BoardRefused: --eeprom was given, but the board keeps no configuration or refused a value.
     """
-    from mrl_driver.calibration import eeprom as board
+    from mrl_driver.driver import eeprom
 
     from .calibrate_view import confirm_here
 
     wanted: Dict[str, int] = {
         name: int(value) for (section, name), value in values.items() if section == "board"
     }
-    if not wanted or job.eeprom is False or (job.eeprom is None and not board.can_configure(driver)):
+    if not wanted or job.eeprom is False or (job.eeprom is None and not eeprom.can_configure(driver)):
         return
     listed = ", ".join(f"{name} {value}" for name, value in wanted.items())
     if job.eeprom or confirm_here(f"Write {listed} to the board's EEPROM?", False):
-        board.write(driver, wanted)
-        board.save(driver)
+        eeprom.write(driver, wanted)
+        eeprom.save(driver)
         print_message(f"the board's EEPROM has {listed}")

@@ -5,12 +5,11 @@ from typing import TYPE_CHECKING, Any, Dict, List, NamedTuple, Optional, Sequenc
 
 import click
 
-from mrl_driver.errors import BoardRefused, ConfigError
+from mrl_driver.errors import ConfigError
 from mrl_driver.host.named_robots import Target
-from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, PARAMETERS, Parameter
+from mrl_driver.protocol.table import PARAMETER_BY_NAME, PARAMETERS, Parameter
 from mrl_driver.robot.models import COMMON_BOARD, RobotModel
 
-from .set_id import require_config, save, write_parameters
 from .shared import complete_parameter, confirm, connected, json_option, print_json, robot_options, yes_option
 
 if TYPE_CHECKING:
@@ -53,9 +52,11 @@ def get(target: Target, names: Tuple[str, ...], as_json: bool) -> None:
       mrl config get --port /dev/ttyACM0
       mrl config get kp ki kd --robot lab3 --json
     """
+    from mrl_driver.driver import eeprom
+
     rows = [_row(name) for name in names] or list(PARAMETERS)
     with connected(target, ignore_battery=True) as driver:
-        require_config(driver)
+        eeprom.require_config(driver)
         values = [_value(driver, row) for row in rows]
     if as_json:
         print_json([_plain(each) for each in values])
@@ -87,16 +88,17 @@ def set_(target: Target, words: Tuple[str, ...], only_try: bool, yes: bool, as_j
       mrl config set linear_ceiling 500 --port /dev/ttyACM0
       mrl config set kp 800 ki 350 --robot lab3 --yes
     """
+    from mrl_driver.driver import eeprom
+
     wanted = parse(words)
     with connected(target, ignore_battery=True) as driver:
-        require_config(driver)
-        old = {row.name: _read(driver, row) for row, _ in wanted}
+        eeprom.require_config(driver)
+        old = eeprom.read(driver, *(row.name for row, _ in wanted))
         changes = ", ".join(f"{row.name} {old[row.name]} to {value}" for row, value in wanted)
         confirm(f"Change {changes} on robot {driver.board.robot_id}?", yes)
-        for row, value in wanted:
-            _write(driver, row, value)
+        eeprom.write(driver, {row.name: value for row, value in wanted})
         if not only_try:
-            save(driver)
+            eeprom.save(driver)
         values = [_value(driver, row) for row, _ in wanted]
     if as_json:
         print_json([_plain(each) for each in values])
@@ -112,10 +114,12 @@ def save_(target: Target, yes: bool) -> None:
 
     Works on boards that do not reset when their port is opened.  An Uno resets, and loses what --try changed.
     """
+    from mrl_driver.driver import eeprom
+
     with connected(target, ignore_battery=True) as driver:
-        require_config(driver)
+        eeprom.require_config(driver)
         confirm(f"Save the parameters in force on robot {driver.board.robot_id}?", yes)
-        save(driver)
+        eeprom.save(driver)
     click.echo("saved")
 
 
@@ -129,12 +133,14 @@ def defaults(target: Target, yes: bool) -> None:
     Example:
       mrl config defaults --robot lab3
     """
+    from mrl_driver.driver import eeprom
+
     with connected(target, ignore_battery=True) as driver:
-        require_config(driver)
+        eeprom.require_config(driver)
         assert driver.model is not None
         robot_id, model = driver.board.robot_id, driver.model
         confirm(f"Set all parameters of robot {robot_id} but its id to those of the model {model.name}?", yes)
-        write_parameters(driver, robot_id, model)
+        eeprom.save_model(driver, robot_id, model)
     click.echo("the defaults are saved")
 
 
@@ -176,20 +182,10 @@ def _row(name: str) -> Parameter:
     return PARAMETER_BY_NAME[name]
 
 
-def _read(driver: "Driver", row: Parameter) -> int:
-    index, value = driver.ask(BY_NAME["read_config"].code, row.number)
-    if index != row.number:
-        raise BoardRefused(f"the board answered for parameter {index}, expected {row.number}; try again")
-    return value
-
-
-def _write(driver: "Driver", row: Parameter, value: int) -> None:
-    if driver.ask(BY_NAME["write_config"].code, row.number, value) != (row.number, value):
-        raise BoardRefused(f"the board refused {row.name} {value}; nothing was saved")
-
-
 def _value(driver: "Driver", row: Parameter) -> ParameterValue:
-    return ParameterValue(row, _read(driver, row), default_of(driver.model, row))
+    from mrl_driver.driver import eeprom
+
+    return ParameterValue(row, eeprom.read(driver, row.name)[row.name], default_of(driver.model, row))
 
 
 def default_of(model: Optional[RobotModel], row: Parameter) -> Optional[int]:

@@ -1,0 +1,80 @@
+"""Reads, sets and saves the parameters of a board: those in force, and those in its EEPROM."""
+
+from typing import Dict, Mapping
+
+from mrl_driver.errors import BoardRefused
+from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
+from mrl_driver.robot.models import RobotModel
+
+from .driver import Driver
+
+_READ, _WRITE, _SAVE, _DEFAULTS = (
+    BY_NAME[name].code for name in ("read_config", "write_config", "save_config", "default_config")
+)
+
+
+def can_configure(driver: Driver) -> bool:
+    """Return whether the board stores a configuration; boards of 2013 do not."""
+    return "config" in driver.board.capabilities
+
+
+def require_config(driver: Driver) -> None:
+    """Raise BoardRefused unless the board stores a configuration."""
+    if not can_configure(driver):
+        raise BoardRefused(
+            "board firmware 1 (2013) cannot store parameters or an id; upload the current firmware with: mrl flash"
+        )
+
+
+def read(driver: Driver, *names: str) -> Dict[str, int]:
+    """Return the parameters in force, in units of the table.
+
+    Raises:
+        BoardTimeout: the board does not reply.
+    """
+    return {name: driver.ask(_READ, PARAMETER_BY_NAME[name].number)[1] for name in names}
+
+
+def write(driver: Driver, values: Mapping[str, int]) -> None:
+    """Set parameters until the board restarts.
+
+    Raises:
+        BoardRefused: the board stores no configuration, or refused a value.
+        BoardTimeout: the board does not reply.
+    """
+    require_config(driver)
+    for name, value in values.items():
+        number = PARAMETER_BY_NAME[name].number
+        if driver.ask(_WRITE, number, value) != (number, value):
+            raise BoardRefused(f"the board refused {name} {value}; nothing was saved")
+
+
+def save(driver: Driver) -> None:
+    """Save the parameters in force to the EEPROM.
+
+    Raises:
+        BoardRefused: the board could not save them.
+        BoardTimeout: the board does not reply.
+    """
+    if driver.ask(_SAVE, timeout_s=2.0) != (1,):
+        raise BoardRefused("the board could not write its EEPROM; try again")
+
+
+def save_model(driver: Driver, robot_id: int, model: RobotModel) -> None:
+    """Save the id and the model's parameters (the firmware may not know this model), and check them.
+
+    Raises:
+        BoardRefused: the board stores no configuration, refused a value, or restarted before saving.
+        BoardTimeout: the board does not reply.
+    """
+    write(driver, {"robot_id": robot_id})
+    if driver.ask(_DEFAULTS) != (1,):
+        raise BoardRefused("the board refused to set its defaults; try again")
+    write(driver, model.board)
+    save(driver)
+    for name, value in {"robot_id": robot_id, **model.board}.items():
+        found = read(driver, name)[name]
+        if found != value:
+            raise BoardRefused(
+                f"the board has {name} {found}, expected {value}: it restarted before saving; try again"
+            )
