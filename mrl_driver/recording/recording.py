@@ -123,13 +123,16 @@ class Recording:
     the reason.
 
     Raises:
-        ConfigError: the file does not exist, is not a recording, or has a newer version.
+        ConfigError: the file does not exist or is not a plain file (reading a port would wait for bytes), is not a
+            recording, or has a newer version.
     """
 
     def __init__(self, path: str) -> None:
         self.path = path
         self.skipped: Dict[int, str] = {}
         self.skipped_count = 0
+        if os.path.exists(path) and not os.path.isfile(path):
+            raise ConfigError(f"cannot read {path!r}: it is not a plain file; give a recording")
         try:
             with open(path, "rb") as file:
                 first = file.readline(_LONGEST_LINE)

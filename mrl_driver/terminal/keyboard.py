@@ -8,6 +8,8 @@ import tty
 from typing import Any, List, Optional
 
 _ARROWS = {b"\x1b[A": "up", b"\x1b[B": "down", b"\x1b[C": "right", b"\x1b[D": "left"}
+_NO_KEY = b"\0"
+"""POSIX's _POSIX_VDISABLE on Linux."""
 _NAMES = {b" ": "space", b"\x1b": "escape"}
 
 
@@ -22,7 +24,10 @@ def split(data: bytes) -> List[str]:
 
 
 class Keyboard:
-    """Reads keys from stdin inside a `with` block, which restores the terminal's settings at its end."""
+    """Reads keys from stdin inside a `with` block, which restores the terminal's settings at its end.
+
+    Ctrl-Z is a key as any other and does not suspend the program: the shell would get the terminal as it is here.
+    """
 
     def __init__(self) -> None:
         self._fd = sys.stdin.fileno()
@@ -31,6 +36,9 @@ class Keyboard:
     def __enter__(self) -> "Keyboard":
         self._settings = termios.tcgetattr(self._fd)
         tty.setcbreak(self._fd)
+        changed = termios.tcgetattr(self._fd)
+        changed[6][termios.VSUSP] = _NO_KEY
+        termios.tcsetattr(self._fd, termios.TCSANOW, changed)
         return self
 
     def __exit__(self, *_: object) -> None:

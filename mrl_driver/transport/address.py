@@ -72,7 +72,7 @@ def parse(url: str, listening: bool = False) -> Address:
     Raises:
         ConfigError: the URL does not parse.
     """
-    scheme = scheme_of(url)
+    scheme = url.partition("://")[0].lower()
     if scheme not in TCP + UDP:
         raise ConfigError(
             f"port {url!r} is not a network address, expected tcp://HOST:PORT or udp://HOST:PORT"

@@ -22,6 +22,7 @@ from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 from mrl_driver.driver import Driver, Telemetry
 from mrl_driver.driver.options import Options
+from mrl_driver.driver.suspension import stopped_while_suspended
 from mrl_driver.errors import FrameError, LinkLost, MrlError, PortBusy
 from mrl_driver.robot.battery import EMPTY, LOW, OFF
 from mrl_driver.robot.models import Limits, OmniDrive, RobotModel
@@ -102,7 +103,8 @@ class RobotNode:
             board = self._connect()
             assert self._driver.model is not None
             self._wire(board, self._driver.model)
-            self._serve(board)
+            with stopped_while_suspended(self._driver):
+                self._serve(board)
         except LinkLost:
             if self._driver.error is not None or not rospy.is_shutdown():
                 raise

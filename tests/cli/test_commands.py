@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import click.testing
@@ -95,6 +96,31 @@ def test_a_signal_stops_the_robot_first(serve, number):
     assert process.returncode == {signal.SIGINT: 130, signal.SIGTERM: 143}[number]
     assert port.board.speeds == (0, 0) and port.board.heard[-1].code != 11
     assert "Traceback" not in err
+
+
+def is_suspended(process):
+    """Whether the kernel has stopped the process."""
+    return Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()[0] == "T"
+
+
+def test_a_program_that_is_suspended_has_stopped_the_robot(serve):
+    """As by Ctrl-Z; boards of 2013 would drive on."""
+    port = serve(version=1)
+    command = [sys.executable, "-m", "mrl_driver", "drive", "--port", port.path]
+    process = subprocess.Popen(
+        [*command, "--linear", "0.1", "--for", "60"],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+    )
+    wait_until(lambda: port.board.speeds == (100, 0))
+    process.send_signal(signal.SIGTSTP)
+    wait_until(lambda: is_suspended(process))
+    assert port.board.speeds == (0, 0)
+    process.send_signal(signal.SIGCONT)
+    _, err = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, port.board.speeds) == (10, (0, 0))
+    assert "stopped early" in err
 
 
 def test_unplugging_has_its_own_exit_code(serve):
@@ -278,6 +304,21 @@ def test_driving_with_the_keyboard(serve):
         terminal.end(signal.SIGKILL)
         raise
     assert terminal.end() == 0 and port.board.speeds == (0, 0)
+
+
+def test_ctrl_z_does_not_suspend_the_live_view(serve):
+    """It would leave the shell a terminal that shows no input."""
+    port = serve()
+    terminal = Terminal("drive", "--port", port.path)
+    try:
+        wait_until(lambda: b"asked" in terminal.seen)
+        terminal.press(b"\x1a\x1b[A")
+        wait_until(lambda: port.board.speeds == (250, 0))
+        terminal.press(b"q")
+    except BaseException:
+        terminal.end(signal.SIGKILL)
+        raise
+    assert terminal.end() == 0
 
 
 def test_a_terminal_that_takes_no_more_output_stops_the_robot(serve):

@@ -179,3 +179,8 @@ def test_a_recording_without_odometry(tmp_path, text, words):
     path = tmp_path / "empty.mrl"
     path.write_text("#mrl-recording 1 {}\n" + text)
     assert words in fails(2, "plot", path)
+
+
+def test_a_port_is_not_read_as_a_recording(serve):
+    """It would wait for bytes, and take them from the program that drives the robot."""
+    assert "is not a plain file; give a recording" in fails(2, "plot", serve().path, "-o", "p.png")

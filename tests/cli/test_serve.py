@@ -2,7 +2,11 @@
 
 import contextlib
 import os
+import signal
+import subprocess
+import sys
 import threading
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -158,3 +162,30 @@ def test_an_address_in_use_is_refused():
     listener = listen(f"tcp://{ADDRESS}")
     assert "in use" in fails(5, "serve", "--port", "/dev/ttyACM0", "--listen", str(listener.address))
     listener.close()
+
+
+@pytest.mark.parametrize("address", ["10.0.0.7:7000", "foo://10.0.0.7:7000", "rfc2217://10.0.0.7:7000"])
+def test_what_cannot_be_listened_on_is_named(address):
+    line = fails(2, "serve", "--port", "/dev/nowhere", "--listen", address)
+    assert f"{address!r} is not a network address, expected tcp://HOST:PORT or udp://HOST:PORT" in line
+
+
+def test_a_bridge_is_not_suspended(serve):
+    """Ctrl-Z would leave its client without a stop."""
+    command = [
+        sys.executable,
+        "-m",
+        "mrl_driver",
+        "serve",
+        "--port",
+        serve().path,
+        "--listen",
+        f"tcp://{ADDRESS}",
+    ]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert "serves" in process.stdout.readline()
+        (ignored,) = (
+            line for line in Path(f"/proc/{process.pid}/status").read_text().splitlines() if "SigIgn" in line
+        )
+        process.terminate()
+    assert int(ignored.split()[1], 16) >> (signal.SIGTSTP - 1) & 1

@@ -1,6 +1,7 @@
 """`mrl serve`: offer a robot's serial port on the network."""
 
 import contextlib
+import signal
 
 import click
 
@@ -29,12 +30,14 @@ def serve(target: Target, listen: str) -> None:
       mrl serve --port /dev/ttyACM0 --listen tcp://10.0.0.7:7000
       mrl serve --robot lab3 --listen udp://10.0.0.7:7000
     """
+    from mrl_driver.driver.suspension import on_suspend
     from mrl_driver.transport.listener import listen as listen_on
     from mrl_driver.transport.open_link import open_link
     from mrl_driver.transport.relay import Bridge
 
     port = require_port(target)
     with contextlib.ExitStack() as stack:
+        stack.enter_context(on_suspend(signal.SIG_IGN))  # a suspended bridge passes no stop
         listener = listen_on(listen)
         stack.callback(listener.close)
         link = open_link(port, target.baud)

@@ -153,10 +153,11 @@ def connected(target: Target, model: Optional["RobotModel"] = None, **options: A
         OutputError: everything else succeeded, but the recording is incomplete.
     """
     from mrl_driver.driver import Driver, Options
+    from mrl_driver.driver.suspension import stopped_while_suspended
 
     driver = Driver(require_port(target), model or target.model, target.baud, Options(**options))
     try:
-        with driver:
+        with driver, stopped_while_suspended(driver):
             if options.get("fast") and driver.line_baud != FAST_BAUD:
                 print_message(f"warning: the serial link stays at {driver.line_baud} baud: {SLOW}")
             yield driver
