@@ -1,4 +1,4 @@
-"""Ctrl-Z stops the robot before it suspends the program: a suspended program cannot, and 2013 boards have no watchdog."""
+"""Ctrl-Z stops the robot before it suspends the program: 2013 boards have no watchdog, and would drive on."""
 
 import contextlib
 import os
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from .driver import Driver
 
 CONFIRM_S, LOOK_S = 0.5, 0.01
-"""The program is suspended when telemetry has confirmed the stop, at the latest after `CONFIRM_S`; time between looks."""
+"""The program is suspended when telemetry has confirmed the stop, at the latest after this time; time between looks."""
 
 
 @contextlib.contextmanager
