@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 SIDES = ("right", "left")
 WHEEL_M_S, TURN_S, REST_S = 0.1, 1.5, 2.0
 MIN_MOVED_M, OTHER_WHEEL_SHARE = 0.02, 0.3
-"""A wheel has turned if it moved at least `MIN_MOVED_M` [m]; the other one may move by `OTHER_WHEEL_SHARE` of that distance."""
+"""A wheel has turned if it moved at least this far [m]; the other one may move by this share of its distance."""
 CLOSER_M, HAND_M = 0.2, 0.6
 """A hand is in front of a sonar if it reads below `HAND_M`, and at least `CLOSER_M` less than before [m]."""
 _MOTORS = {"right": "motor and encoder 3", "left": "motor and encoder 1"}
