@@ -19,6 +19,22 @@ def _in_frame(walls: Any, pose: Pose) -> Any:
     return cos * dx + sin * dy, cos * dy - sin * dx, cos * ex + sin * ey, cos * ey - sin * ex
 
 
+def circles(walls: Any) -> Any:
+    """The smallest circles around walls, `(3, N)`: rows x, y of the middle and radius [m]."""
+    middle = 0.5 * (walls[:, :2] + walls[:, 2:])
+    return np.vstack((middle.T, 0.5 * np.hypot(walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1])))
+
+
+def near_cone(circles: Any, pose: Pose, half_angle_rad: float, range_m: float) -> Any:
+    """Indices of the circles that may reach into a cone along the pose's x: all that do, and few others."""
+    x, y, radius = circles
+    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    dx, dy = x - pose.x_m, y - pose.y_m
+    u, v = cos * dx + sin * dy, cos * dy - sin * dx
+    outside = np.abs(v) * math.cos(half_angle_rad) - u * math.sin(half_angle_rad)
+    return (np.maximum(outside, np.maximum(-u, u - range_m)) <= radius + _EDGE).nonzero()[0]
+
+
 def nearest_in_cone(walls: Any, pose: Pose, half_angle_rad: float, range_m: float) -> float:
     """`geometry.nearest_in_cone` for many walls."""
     u, v, du, dv = _in_frame(walls, pose)

@@ -17,6 +17,7 @@ class WallIndex:
     def __init__(self, walls: Sequence[Wall]) -> None:
         self.walls = list(walls)
         self._array: Any = None
+        self._circles: Any = None
 
     def array(self) -> Any:
         """The walls as `(N, 4)`, columns x1 y1 x2 y2 [m]."""
@@ -32,7 +33,12 @@ class WallIndex:
             return nearest_in_cone(self.walls, pose, half_angle_rad, range_m)
         from . import rays
 
-        return rays.nearest_in_cone(self.array(), pose, half_angle_rad, range_m)
+        if self._circles is None:
+            self._circles = rays.circles(self.array())
+        near = rays.near_cone(self._circles, pose, half_angle_rad, range_m)
+        if len(near) <= FEW:
+            return nearest_in_cone([self.walls[i] for i in near.tolist()], pose, half_angle_rad, range_m)
+        return rays.nearest_in_cone(self.array()[near], pose, half_angle_rad, range_m)
 
     def clearance(self, x: float, y: float) -> float:
         """Distance from a point to the nearest wall [m]; infinite without walls."""

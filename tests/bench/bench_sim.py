@@ -27,6 +27,7 @@ READ_S = 0.01
 MIDDLE_M = 4.0
 """Width of the square in the middle of the world in which the boards start."""
 PROCESSES = 2
+TRIES = 3
 STEP_S = 0.02
 ON_TIME = 0.99
 """A board holds real time if it sends this share of the frames that are due, and its own clock is as far."""
@@ -96,12 +97,17 @@ def watch(served: List[Served], seconds: float) -> None:
 
 
 def begin(served: List[Served], period_ms: int) -> None:
-    """Has all boards drive a circle in the middle of the world and stream; none is fed, so the watchdog is off."""
+    """Has all boards drive a circle in the middle of the world and stream; none is fed, so the watchdog is off.
+
+    A board whose process has just been held up drops old requests, so those that do not stream are asked again.
+    """
     watch(served, SETTLE_S)
-    for each in served:
-        for fd in each.frames:
-            os.write(fd, b"@11,150,600e@18,%de" % period_ms)
-    watch(served, SETTLE_S)
+    for _ in range(TRIES):
+        for each in served:
+            for fd, frames in each.frames.items():
+                if not frames:
+                    os.write(fd, b"@11,150,600e@18,%de" % period_ms)
+        watch(served, SETTLE_S)
     for each in served:
         each.frames = dict.fromkeys(each.frames, 0)
 

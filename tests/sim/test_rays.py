@@ -27,6 +27,19 @@ def test_arrays_and_the_loop_hear_the_same(walls, pose):
 
 
 @given(walls=walls, pose=poses)
+def test_walls_in_a_cone_are_among_those_near_it(walls, pose):
+    near = rays.near_cone(rays.circles(np.array(walls)), pose, CONE_RAD, RANGE_M)
+    heard = [i for i, wall in enumerate(walls) if nearest_in_cone([wall], pose, CONE_RAD, RANGE_M) < math.inf]
+    assert set(heard) <= set(near)
+
+
+def test_a_wall_beside_a_cone_is_not_near_it():
+    """The cone looks along x; a wall of 0.2 m stands in it, one beside it, one behind it, one out of range."""
+    walls = [Wall(2, 0, 2, 0.2), Wall(2, 1.5, 2, 1.7), Wall(-1, 0, -1, 0.2), Wall(7, 0, 7, 0.2)]
+    assert list(rays.near_cone(rays.circles(np.array(walls)), Pose(0, 0, 0), CONE_RAD, RANGE_M)) == [0]
+
+
+@given(walls=walls, pose=poses)
 def test_arrays_and_the_loop_measure_the_same_distances(walls, pose):
     each = [distance(wall, pose.x_m, pose.y_m) for wall in walls]
     assert rays.distances(np.array(walls), pose.x_m, pose.y_m) == pytest.approx(each)
