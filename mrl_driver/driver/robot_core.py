@@ -19,7 +19,7 @@ from mrl_driver.safety.speed_limiter import SpeedLimiter
 from mrl_driver.safety.wheel_monitor import Mismatch, WheelMonitor, monitor_of
 from mrl_driver.session.events import Counts, Info, Lost, Ready, Reconnected, Reply, SensorRead, Slowed
 from mrl_driver.session.handshake import Board, Plan
-from mrl_driver.session.session import Session, SessionEvent
+from mrl_driver.session.session import LATE_S, Session, SessionEvent
 from mrl_driver.transport.baud_rates import command_gap_s, least_period_ms
 
 from .options import Options
@@ -126,7 +126,7 @@ class Core:
             if target is None:
                 self._monitor = None
             elif monitor is None or target != self._monitored or event.time_s >= monitor.next_s:
-                events += self._check_wheels(telemetry.counts, event.time_s, now)
+                events += self._check_wheels(telemetry.counts, event, now)
         limiter = self.limiter
         if motion.target is None:
             limiter.target = None
@@ -215,17 +215,23 @@ class Core:
         telemetry, self._fresh = telemetry._replace(fresh=self._fresh), ()
         return [telemetry]
 
-    def _check_wheels(self, travel: AnyWheels, time_s: float, now: float) -> List[DriverEvent]:
-        """Stop the robot if a wheel does not follow its command, and report the wheel."""
+    def _check_wheels(self, travel: AnyWheels, event: Counts, now: float) -> List[DriverEvent]:
+        """Stop the robot if a wheel does not follow its command, and report the wheel.
+
+        A frame that arrives late was made while commands were late too, or held back: the monitor starts again.
+        """
         motion = self.session.motion
         assert motion.target is not None and self.state.model is not None
+        if event.arrival_s - event.stamp_s >= LATE_S:
+            self._monitor = None
+            return []
         if self._monitor is None:
             self._monitor = monitor_of(self.state.model, motion.pace)
         self._monitored = motion.target
         linear_mm_s, angular_mrad_s, *lateral_mm_s = motion.target
         lateral_m_s = lateral_mm_s[0] / 1000 if lateral_mm_s else 0.0
         mismatch = self._monitor.update(
-            linear_mm_s / 1000, angular_mrad_s / 1000, travel, time_s, lateral_m_s
+            linear_mm_s / 1000, angular_mrad_s / 1000, travel, event.time_s, lateral_m_s
         )
         if mismatch is None:
             return []
