@@ -29,7 +29,19 @@ HEARD = 24
 """Number of first bytes that the error quotes if the connection ends without a frame."""
 
 
-class TcpLink(DescriptorLink):
+class _SocketLink(DescriptorLink):
+    _socket: socket.socket
+
+    def _release(self) -> None:
+        self._socket.close()
+
+    def _lost(self, why: Optional[str]) -> LinkLost:
+        by_words = {os.strerror(number): text for number, text in _REMEDY.items()}
+        remedy = by_words.get(why or "", "check the bridge's power and the network")
+        return LinkLost(f"{self.port} went away ({(why or 'no reason given').lower()}): {remedy}")
+
+
+class TcpLink(_SocketLink):
     """A connection to `tcp://host:port`, which carries the board's bytes unchanged.
 
     Raises:
@@ -42,9 +54,6 @@ class TcpLink(DescriptorLink):
         self._socket = _connect(parse(port), port, patience_s)
         self._heard = b""
         self._begin(port, self._socket.fileno())
-
-    def _release(self) -> None:
-        self._socket.close()
 
     def read(self, timeout_s: float) -> bytes:
         """As `Link.read`."""
@@ -63,11 +72,8 @@ class TcpLink(DescriptorLink):
             f"{self.port}: the other end closed the connection; it may serve another program, or have lost its board"
         )
 
-    def _lost(self, why: Optional[str]) -> LinkLost:
-        return _lost(self.port, why)
 
-
-class UdpLink(DescriptorLink):
+class UdpLink(_SocketLink):
     """Datagrams to and from `udp://host:port`; datagrams from other senders are not received.
 
     Each `write` sends one datagram with whole frames.  Only the session can notice a lost datagram; the system reports
@@ -85,20 +91,8 @@ class UdpLink(DescriptorLink):
         self._socket.setblocking(False)
         self._begin(port, self._socket.fileno())
 
-    def _release(self) -> None:
-        self._socket.close()
-
     def _end_of_data(self) -> None:
         """Ignore an empty datagram: it does not end the link."""
-
-    def _lost(self, why: Optional[str]) -> LinkLost:
-        return _lost(self.port, why)
-
-
-def _lost(port: str, why: Optional[str]) -> LinkLost:
-    by_words = {os.strerror(number): text for number, text in _REMEDY.items()}
-    remedy = by_words.get(why or "", "check the bridge's power and the network")
-    return LinkLost(f"{port} went away ({(why or 'no reason given').lower()}): {remedy}")
 
 
 def _connect(address: Address, port: str, patience_s: float) -> socket.socket:

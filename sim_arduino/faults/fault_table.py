@@ -1,26 +1,15 @@
 """The table of faults, one row each, and the parser of their command line form: `loss:rate=0.001,burst=3`."""
 
-import math
 from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple, Union
 
 from mrl_driver.errors import ConfigError
 
 from . import datagrams, line_faults
+from .key_values import Key, check_value
 from .schedule import LineFault
 
 FOREVER_S = 1e9
 TO_BOARD, TO_HOST, BOTH = "to_board", "to_host", "both"
-
-
-class FaultParameter(NamedTuple):
-    """A parameter of a fault: a number, or text if `low` is None."""
-
-    name: str
-    default: Union[float, str]
-    low: Optional[float]
-    high: float
-    unit: str
-    text: str
 
 
 class FaultKind(NamedTuple):
@@ -28,7 +17,7 @@ class FaultKind(NamedTuple):
 
     name: str
     text: str
-    parameters: Tuple[FaultParameter, ...] = ()
+    parameters: Tuple[Key, ...] = ()
     make: Optional[Callable[..., LineFault]] = None
     at_s: float = 0.0
     lasts_s: float = FOREVER_S
@@ -43,12 +32,12 @@ class Fault(NamedTuple):
     window: Tuple[float, float, float]
 
 
-def _rate(text: str) -> Tuple[FaultParameter, ...]:
-    return (FaultParameter("rate", 0.001, 0.0, 1.0, "", text),)
+def _rate(text: str) -> Tuple[Key, ...]:
+    return (Key("rate", 0.001, 0.0, 1.0, text),)
 
 
-def _junk(bytes_per_s: float) -> Tuple[FaultParameter, ...]:
-    return (FaultParameter("rate", bytes_per_s, 0.1, 100000.0, "byte/s", "bytes per second"),)
+def _junk(bytes_per_s: float) -> Tuple[Key, ...]:
+    return (Key("rate", bytes_per_s, 0.1, 100000.0, "bytes per second", "byte/s"),)
 
 
 _TEXT = "[INFO] the wheel e turned, @13e and @6,1,2e are not frames here"
@@ -58,7 +47,7 @@ _KINDS = (
         "bytes are lost",
         (
             *_rate("share of bytes at which a loss begins"),
-            FaultParameter("burst", 1, 1, 1024, "byte", "bytes lost in a row"),
+            Key("burst", 1, 1, 1024, "bytes lost in a row", "byte"),
         ),
         line_faults.Loss,
     ),
@@ -70,15 +59,15 @@ _KINDS = (
     FaultKind(
         "overtake",
         "a frame arrives after later ones",
-        (*_rate("share of frames"), FaultParameter("delay", 0.05, 0.0, 60.0, "s", "longest delay")),
+        (*_rate("share of frames"), Key("delay", 0.05, 0.0, 60.0, "longest delay", "s")),
         datagrams.Overtake,
     ),
     FaultKind(
         "delay",
         "bytes arrive late, in their order",
         (
-            FaultParameter("delay", 0.0, 0.0, 60.0, "s", "delay of every piece"),
-            FaultParameter("jitter", 0.016, 0.0, 60.0, "s", "largest random addition"),
+            Key("delay", 0.0, 0.0, 60.0, "delay of every piece", "s"),
+            Key("jitter", 0.016, 0.0, 60.0, "largest random addition", "s"),
         ),
         line_faults.Delay,
     ),
@@ -86,8 +75,8 @@ _KINDS = (
         "split",
         "bytes arrive in small pieces",
         (
-            FaultParameter("size", 3, 1, 1024, "byte", "largest size of a piece"),
-            FaultParameter("gap", 0.003, 0.0, 1.0, "s", "time between pieces"),
+            Key("size", 3, 1, 1024, "largest size of a piece", "byte"),
+            Key("gap", 0.003, 0.0, 1.0, "time between pieces", "s"),
         ),
         line_faults.Split,
     ),
@@ -98,15 +87,15 @@ _KINDS = (
         "text",
         "lines of text are inserted, as 2013 boards send them",
         (
-            FaultParameter("period", 1.0, 0.001, 3600.0, "s", "time between lines"),
-            FaultParameter("text", _TEXT, None, 0.0, "", "the text, without commas"),
+            Key("period", 1.0, 0.001, 3600.0, "time between lines", "s"),
+            Key("text", _TEXT, None, 0.0, "the text, without commas"),
         ),
         line_faults.Text,
     ),
     FaultKind(
         "baud",
         "the host's port has another baud rate than the board",
-        (FaultParameter("rate", 57600, 300, 1000000, "Bd", "rate of the host's port"),),
+        (Key("rate", 57600, 300, 1000000, "rate of the host's port", "Bd"),),
         line_faults.Baud,
     ),
     FaultKind("unplug", "the port disappears, and returns with another name", (), None, 1.0, 1.0),
@@ -115,9 +104,9 @@ _KINDS = (
 )
 FAULTS: Dict[str, FaultKind] = {kind.name: kind for kind in _KINDS}
 _SHARED = (
-    FaultParameter("at", 0.0, 0.0, FOREVER_S, "s", "start"),
-    FaultParameter("lasts", FOREVER_S, 0.001, FOREVER_S, "s", "duration"),
-    FaultParameter("every", 0.0, 0.001, FOREVER_S, "s", "repeat after this time; default: once"),
+    Key("at", 0.0, 0.0, FOREVER_S, "start", "s"),
+    Key("lasts", FOREVER_S, 0.001, FOREVER_S, "duration", "s"),
+    Key("every", 0.0, 0.001, FOREVER_S, "repeat after this time; default: once", "s"),
 )
 
 
@@ -134,7 +123,7 @@ def usage() -> str:
     return "\n".join(lines)
 
 
-def _unit(parameter: FaultParameter) -> str:
+def _unit(parameter: Key) -> str:
     return f" [{parameter.unit}]" if parameter.unit else ""
 
 
@@ -161,7 +150,7 @@ def parse(spec: str) -> Fault:
         if key == "direction" and kind.make:
             direction = _direction(spec, text)
         elif key in known:
-            values[key] = _value(spec, known[key], text)
+            values[key] = check_value(f"fault {spec!r}", known[key], text)
         else:
             expected = ", ".join([*known, *(["direction"] if kind.make else [])])
             raise ConfigError(f"fault {spec!r}: key {key!r} is unknown, expected {expected}")
@@ -173,19 +162,3 @@ def _direction(spec: str, text: str) -> str:
     if text not in (BOTH, TO_BOARD, TO_HOST):
         raise ConfigError(f"fault {spec!r}: direction is {text!r}, expected {BOTH}, {TO_BOARD} or {TO_HOST}")
     return text
-
-
-def _value(spec: str, parameter: FaultParameter, text: str) -> Union[float, str]:
-    if parameter.low is None:
-        return text
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    whole = isinstance(parameter.default, int)
-    if not parameter.low <= value <= parameter.high or (whole and value % 1.0):
-        raise ConfigError(
-            f"fault {spec!r}: {parameter.name} is {text!r}, expected {'a whole number, ' if whole else ''}"
-            f"{parameter.low:g} to {parameter.high:g} {parameter.unit}".rstrip()
-        )
-    return value

@@ -1,7 +1,7 @@
 """Reads errors of a robot and its sonars from a command line or a YAML file: `wheel_ratio=1.01,axle=0.98`."""
 
 import math
-from typing import Any, Dict, NamedTuple, Tuple
+from typing import Any, Dict, NamedTuple, Optional, Tuple, Union
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.yaml_file import Reader, read_expected
@@ -10,13 +10,14 @@ from sim_arduino.hardware.sonars import SonarErrors
 
 
 class Key(NamedTuple):
-    """A key with its default and its range."""
+    """A key with its default and its range: a number, or text if `low` is None."""
 
     name: str
-    default: float
-    low: float
+    default: Union[float, str]
+    low: Optional[float]
     high: float
     text: str
+    unit: str = ""
 
 
 ROBOT_KEYS = (
@@ -63,14 +64,14 @@ def usage(keys: Tuple[Key, ...]) -> str:
     return "\n".join(f"{key.name}={key.default:g}  {key.text}, {key.low:g} to {key.high:g}" for key in keys)
 
 
-def _values(what: str, text: str, keys: Tuple[Key, ...]) -> Dict[str, float]:
+def _values(what: str, text: str, keys: Tuple[Key, ...]) -> Dict[str, Any]:
     known = {key.name: key for key in keys}
-    values = {key.name: key.default for key in keys}
+    values: Dict[str, Any] = {key.name: key.default for key in keys}
     source = f"{what} {text!r}"
     for name, value in _given(source, text).items():
         if name not in known:
             raise ConfigError(f"{source}: key {name!r} is unknown, expected {', '.join(known)}")
-        values[name] = _number(source, known[name], value)
+        values[name] = check_value(source, known[name], value)
     return values
 
 
@@ -83,11 +84,22 @@ def _given(source: str, text: str) -> Dict[str, Any]:
     return {str(name): value for name, value in found.items()}
 
 
-def _number(source: str, key: Key, value: Any) -> float:
+def check_value(source: str, key: Key, value: Any) -> Union[float, str]:
+    """The value of a key, from text or from YAML; whole if the default is.
+
+    Raises:
+        ConfigError: it is not a number in the key's range.
+    """
+    if key.low is None:
+        return str(value)
     try:
         number = math.nan if isinstance(value, bool) else float(value)
     except (TypeError, ValueError):
         number = math.nan
-    if not key.low <= number <= key.high:
-        raise ConfigError(f"{source}: {key.name} is {value!r}, expected {key.low:g} to {key.high:g}")
+    whole = isinstance(key.default, int)
+    if not key.low <= number <= key.high or (whole and number % 1.0):
+        raise ConfigError(
+            f"{source}: {key.name} is {value!r}, expected {'a whole number, ' if whole else ''}"
+            f"{key.low:g} to {key.high:g} {key.unit}".rstrip()
+        )
     return number

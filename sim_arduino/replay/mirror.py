@@ -9,6 +9,7 @@ they may come from anywhere over any pipe.
 import json
 import math
 import sys
+from contextlib import closing
 from typing import Iterable, Tuple
 
 import click
@@ -23,7 +24,7 @@ from sim_arduino.world.shared_robots import SharedRegistry
 
 
 class Mirror:
-    """A real robot in a shared world; a context manager that removes it at the end.
+    """A real robot in a shared world, until `close`.
 
     Args:
         origin: Pose in the world at which the robot's odometry began.
@@ -46,14 +47,6 @@ class Mirror:
     def close(self) -> None:
         """Removes the robot from the world."""
         self._registry.close()
-
-    def __enter__(self) -> "Mirror":
-        """Returns the mirror itself."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Removes the robot from the world."""
-        self.close()
 
 
 def follow(mirror: Mirror, lines: Iterable[str]) -> None:
@@ -104,7 +97,7 @@ def main(world_name: str, name: str, robot: str, pose: str) -> None:
 
     footprint = footprint_for(models.load(robot))
     assert footprint
-    with Mirror(world_name, name, footprint, parse_pose(pose, ORIGIN)) as mirror:
+    with closing(Mirror(world_name, name, footprint, parse_pose(pose, ORIGIN))) as mirror:
         follow(mirror, sys.stdin)
 
 

@@ -8,6 +8,7 @@ from typing import Any, Dict, Optional
 
 import click
 
+from mrl_driver.cli.commands.shared import Between, json_option, print_message
 from mrl_driver.errors import ConfigError
 from mrl_driver.recording.recording import Recording
 from mrl_driver.robot import models
@@ -15,13 +16,15 @@ from mrl_driver.robot import models
 
 @click.command(short_help="Summarise a recording, or play it again.")
 @click.argument("file")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@json_option
 @click.option(
     "--robot", default="auto", show_default=True, help="Robot model: auto, a name, or a .yaml file."
 )
 @click.option("--pty", is_flag=True, help="Instead, play the board's bytes on a virtual serial port.")
 @click.option(
-    "--speed", type=float, help="With --pty: factor over the recorded speed; 0 is as fast as possible."
+    "--speed",
+    type=Between(0, 1e6),
+    help="With --pty: factor over the recorded speed; 0 is as fast as possible.",
 )
 @click.option(
     "--link", metavar="NAME", help="With --pty: make a symbolic link to the port, and remove it at the end."
@@ -47,13 +50,7 @@ def main(
         return
     if as_json:
         raise ConfigError("--json is given with --pty, expected one of them")
-    serve(recording, _require_speed(1.0 if speed is None else speed), link)
-
-
-def _require_speed(speed: float) -> float:
-    if not 0 <= speed <= 1e6:
-        raise ConfigError(f"--speed is {speed}, expected 0 to 1e6")
-    return speed or math.inf
+    serve(recording, math.inf if speed == 0 else speed or 1.0, link)
 
 
 def show(figures: Dict[str, Any], as_json: bool) -> None:
@@ -90,18 +87,14 @@ def serve(recording: Recording, speed: float, link: Optional[str] = None) -> Non
     try:
         click.echo(port.path)
         sys.stdout.flush()
-        play(recording, port, speed, _tell)
-        _tell(f"{recording.path} is over")
+        play(recording, port, speed, print_message)
+        print_message(f"{recording.path} is over")
     except KeyboardInterrupt:
         return
     finally:
         if name:
             name.remove()
         port.close()
-
-
-def _tell(text: str) -> None:
-    click.echo(f"mrl: {text}", err=True)
 
 
 def _end(*_: Any) -> None:

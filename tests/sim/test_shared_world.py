@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import uuid
+from contextlib import closing
 
 import pytest
 
@@ -107,7 +108,7 @@ def test_bad_world_names(name):
 @pytest.mark.parametrize("line", ["POSE", '{"pose": POSE, "battery_v": 12.1}'])
 def test_a_mirror_stands_where_the_odometry_says(registries, lab, line):
     """Odometry that began at (1, 0), looking along y."""
-    with Mirror(lab, "real", BOX, Pose(1.0, 0.0, 1.5707963267948966)) as mirror:
+    with closing(Mirror(lab, "real", BOX, Pose(1.0, 0.0, 1.5707963267948966))) as mirror:
         pose = '{"x_m": 0.5, "y_m": 0.0, "yaw_rad": 0.0}'
         follow(mirror, [line.replace("POSE", pose), "\n"])
         assert registries[0].others("")[0].pose == pytest.approx((1.0, 0.5, 1.5707963))
@@ -126,7 +127,7 @@ def test_a_mirror_stands_where_the_odometry_says(registries, lab, line):
     ],
 )
 def test_a_bad_line_is_named_by_its_number(lab, line):
-    with Mirror(lab, "real", BOX) as mirror, pytest.raises(ConfigError, match="line 2 is"):
+    with closing(Mirror(lab, "real", BOX)) as mirror, pytest.raises(ConfigError, match="line 2 is"):
         follow(mirror, ["\n", line])
 
 
