@@ -160,6 +160,7 @@ class Core:
         if state.powerless and session.motion.target is not None and not moves:
             self.stop(now, "battery")  # at once: the gentle stop ends here
         if limiter.limits is None or self.leaving or state.powerless or self.inhibited:
+            session.motion.prolong(now)
             return False
         if self.mismatch is not None and moves:
             return False

@@ -67,9 +67,11 @@ class Motion:
         """A command was dropped while the robot moved, and no standstill was observed since."""
         self.stopping = False
         """A stop is not confirmed yet."""
+        self.settling = False
+        """After a stop or a command of zero: `observe` has not confirmed that the wheels stand still."""
         self.due_s = math.inf
         """Time when `take` next has something to send [s]; infinity while stopped."""
-        self._new = self._moves = False
+        self._new = self._moves = self._turning = False
         self._expires_s = math.inf
         self._sent_s = -math.inf
         self._fade: Optional[Tuple[float, float, Speeds]] = None
@@ -81,23 +83,37 @@ class Motion:
 
         `moves` says whether the command was to move, if its limited speeds may still be zero.
         """
-        self.target = speeds
+        self._set(speeds)
         self._moves = any(speeds) if moves is None else moves
         self._expires_s = now + self.timeout_s if self.timeout_s is not None else math.inf
         self._new, self.stopping, self._fade = True, False, None
         self.due_s = min(self._sent_s + self.pace.gap_s, self._expires_s)
 
     def adjust(self, speeds: Speeds) -> None:
-        """Change the speeds of the command in force, without starting its time again."""
-        if speeds != self.target:
-            self.target, self._new = speeds, True
-            self.due_s = min(self._sent_s + self.pace.gap_s, self._expires_s)
+        """Change the speeds of the command in force, without starting its time again; a `fade` is never raised."""
+        if self._fade is not None:
+            start_s, duration_s, faded = self._fade
+            speeds = tuple(min(was, now, key=abs) for was, now in zip(faded, speeds))
+            changed, self._fade = speeds != faded, (start_s, duration_s, speeds)
+        else:
+            changed = speeds != self.target
+        if changed:
+            self._set(speeds)
+            self._new, self.due_s = True, min(self._sent_s + self.pace.gap_s, self._expires_s)
+
+    def _set(self, speeds: Speeds) -> None:
+        self.target = speeds
+        if any(speeds):
+            self._turning, self.settling = True, False
+            self._still_since_s, self._still = None, 0
+        else:
+            self.settling = self._turning or self.stopping
 
     def stop(self, reason: str = "user") -> None:
         """Stop; the request is due at once and is repeated until `observe` has confirmed the stop."""
         self.stop_reason = reason
         self.target = self._fade = self._still_since_s = None
-        self.stopping = self._new = True
+        self.stopping = self.settling = self._new = True
         self._still, self.due_s = 0, -math.inf
 
     def make_sure(self) -> None:
@@ -110,9 +126,9 @@ class Motion:
         """Drop the command without a stop: the board is stopped already, or away."""
         if self.target is not None:
             self.stop_reason = reason
-        self.unconfirmed = self.unconfirmed or self.stopping or any(self.target or ())
+        self.unconfirmed = self.unconfirmed or self.stopping or self._turning
         self.target = self._fade = None
-        self._new = self.stopping = False
+        self._new = self.stopping = self.settling = False
         self.due_s = math.inf
 
     def fade(self, now: float, duration_s: float) -> None:
@@ -121,18 +137,25 @@ class Motion:
             self._fade = (now, duration_s, self.target)
             self.due_s = min(self._sent_s + self.pace.gap_s, self._expires_s)
 
+    def prolong(self, now: float) -> None:
+        """Let a `fade` go on, because a new command shows that the source of commands is alive."""
+        if self._fade is not None and self.timeout_s is not None:
+            self._expires_s = now + self.timeout_s
+
     def observe(self, moved: bool, now: float) -> None:
         """Process a reading: `moved` says that a wheel moved since the one before.  Enough still readings confirm a
-        stop.
+        stop, or that the robot stands under a command of zero.
         """
-        if not self.stopping or self._new:
+        if not self.settling or self._new:
             return
         if moved or self._still_since_s is None:
             self._still_since_s, self._still = now, 0
             return
         self._still += 1
         if self._still >= STILL_FRAMES and now - self._still_since_s >= STILL_S:
-            self.stopping, self.due_s = False, math.inf
+            self.stopping = self.settling = self._turning = False
+            if self.target is None:
+                self.due_s = math.inf
 
     def take(self, now: float, allowed: bool = True) -> Optional[Request]:
         """Return the request to send now, or None.  Without `allowed` (telemetry is late) it returns only stops."""

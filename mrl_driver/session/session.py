@@ -353,7 +353,7 @@ class Session:
             counts, sonars, rear = args[:3], args[3:], args[2]
         elif counts == args:
             self._poll.add_sonars(now)
-        if self.motion.stopping:
+        if self.motion.settling:
             self.motion.observe(counts != self._last, now)
         self._last = counts
         events.append(_new(Counts, (args[0], args[1], sonars, time_s, stamp_s, now, sequence, rear)))

@@ -59,6 +59,23 @@ def test_a_command_does_not_end_the_gentle_stop_of_an_empty_battery(robot):
     assert robot.motion.target is not None
 
 
+@pytest.mark.parametrize("goes_on, reason", [(True, "battery"), (False, "command_timeout")])
+def test_the_gentle_stop_of_an_empty_battery_lasts_while_commands_come(robot, goes_on, reason):
+    """The commands are refused, but show that their source is alive."""
+    robot.until_empty(0.3)
+    robot.until(lambda: (goes_on and robot.drive(0.3)) or robot.motion.target is None)
+    assert robot.motion.stop_reason == reason
+
+
+def test_a_restriction_holds_in_the_gentle_stop_of_an_empty_battery(robot):
+    """As of a protective zone with an obstacle in it."""
+    robot.until_empty(0.3)
+    robot.core.limiter.restrict = lambda speeds, now: (0.0, 0.0)
+    before = len(robot.board.moves)
+    robot.until(lambda: len(robot.board.moves) > before)
+    assert robot.board.moves[-1] == (0, 0)
+
+
 def test_a_command_of_zero_with_an_empty_battery_leaves_the_reason_of_a_stop(robot):
     robot.until_empty(0.2)
     robot.core.stop(robot.now, "user")

@@ -166,3 +166,14 @@ def test_a_stop_is_confirmed_by_so_many_frames_over_so_long(step_s):
         assert motion.stopping
     motion.observe(False, max(STILL_S, STILL_FRAMES * step_s))
     assert not motion.stopping
+
+
+@pytest.mark.parametrize("speeds, faded", [((0, 0), 0), ((100, 0), 50), ((400, 0), 150)])
+def test_a_gentle_stop_obeys_a_limit_but_is_never_raised(speeds, faded):
+    """As of a protective zone, or of a ramp that was speeding up."""
+    motion = Motion()
+    motion.drive((300, 0), 0.0)
+    motion.fade(0.0, 1.0)
+    motion.take(0.1)
+    motion.adjust(speeds)
+    assert motion.take(0.5) == (MOVE, faded, 0)

@@ -129,3 +129,37 @@ def test_timed_drive_says_that_the_robot_may_still_be_moving(monkeypatch, cut_s)
         with pytest.raises(BoardTimeout, match=MAY_MOVE):
             drive_for(driver, 0.2, 0.0, 1.0)
     emulated.close()
+
+
+@pytest.mark.parametrize("moves", [True, False], ids=["still rolling", "standing"])
+def test_robot_that_is_cut_off_after_a_command_of_zero_may_move_until_its_wheels_were_seen_to_stand(moves):
+    """The command of zero may have been lost on its way."""
+    talk = Talk(FakeBoard(version=1)).until_ready()
+    talk.session.drive((200, 0), talk.now)
+    talk.run(0.2)
+    talk.session.drive((0, 0), talk.now)
+    talk.run(0.01 if moves else 0.5)
+    talk.session.lose(talk.now)
+    assert talk.session.may_be_moving == moves
+
+
+def test_command_of_zero_that_is_lost_leaves_a_robot_that_may_be_moving():
+    talk = Talk(FakeBoard(version=1)).until_ready()
+    talk.session.drive((200, 0), talk.now)
+    talk.run(0.2)
+    talk.session.drive((0, 0), talk.now)
+    talk.session.take()
+    talk.run(0.3)
+    talk.session.lose(talk.now)
+    assert talk.board.speeds == (200, 0) and talk.session.may_be_moving
+
+
+def test_lost_port_under_a_stop_that_followed_a_command_of_zero_needs_the_wheels_to_stand():
+    motion = Motion()
+    motion.drive((200, 0), 0.0)
+    motion.drive((0, 0), 0.1)
+    motion.take(0.1)
+    for i in range(10):
+        motion.observe(False, 0.1 + i / 20)
+    motion.forget("link_lost")
+    assert not motion.unconfirmed
