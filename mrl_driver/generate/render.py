@@ -8,7 +8,7 @@ Both files are committed, so that the Arduino IDE needs no Python.
 
 import sys
 from pathlib import Path
-from typing import Callable, Dict, List, Sequence
+from typing import Callable, Dict, Mapping, Sequence, Tuple
 
 from .cpp_header import header
 from .reference import reference
@@ -21,26 +21,24 @@ FILES: Dict[str, Callable[[], str]] = {
 }
 
 
-def stale() -> List[str]:
-    """Names of the generated files that do not hold what the table says."""
-    return [name for name, render in FILES.items() if _read(ROOT / name) != render()]
-
-
 def main(arguments: Sequence[str]) -> int:
-    """Writes what is stale, or with `--check` only names it; the exit code."""
-    names = stale()
+    """Write what is stale, or with `--check` only name it; returns the exit code."""
+    files = {name: (ROOT / name, render()) for name, render in FILES.items()}
+    return write_stale(files, "python -m mrl_driver.generate", arguments)
+
+
+def write_stale(files: Mapping[str, Tuple[Path, str]], command: str, arguments: Sequence[str]) -> int:
+    """Write the files, by name, that do not hold their text; with `--check` name them, and return 1 if there is one."""
+    stale = {name: each for name, each in files.items() if _read(each[0]) != each[1]}
     if "--check" in arguments:
-        for name in names:
-            sys.stderr.write(f"{name} is stale: run `python -m mrl_driver.generate`\n")
-        return 1 if names else 0
-    for name in names:
-        (ROOT / name).write_text(FILES[name](), encoding="utf-8")
+        for name in stale:
+            sys.stderr.write(f"{name} is stale; render it with: {command}\n")
+        return 1 if stale else 0
+    for path, text in stale.values():
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text, encoding="utf-8")
     return 0
 
 
 def _read(path: Path) -> str:
     return path.read_text(encoding="utf-8") if path.exists() else ""
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

@@ -1,6 +1,6 @@
 """The wire format, declared once: every command, refusal reason and board parameter is one row here.
 
-The decoder, the encoder, the driver and the emulator read these rows.  `mrl_driver.generate.render` turns them into the
+The decoder, the encoder, the driver and the emulator read these rows.  `mrl_driver.generate` turns them into the
 firmware's `protocol.h` and into `firmware/PROTOCOL.md`.  Codes 1 to 28 belong to the 2013 boards (firmware of January
 and August 2013); codes from 29 on belong to this project.
 """

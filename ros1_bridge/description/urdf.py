@@ -5,11 +5,11 @@ the height of the axle, midway between the wheels.
 """
 
 import math
-import sys
 from pathlib import Path
 from typing import Dict, Iterator, List, NamedTuple, Sequence, Tuple
 from xml.sax.saxutils import quoteattr
 
+from mrl_driver.generate.render import write_stale
 from mrl_driver.robot import models
 from mrl_driver.robot.models import OmniDrive, RobotModel
 from ros1_bridge.node.tf_names import JOINTS, OMNI_JOINTS, SONAR_HEIGHT_M
@@ -245,16 +245,5 @@ def _colour(model: RobotModel) -> str:
 
 def main(arguments: Sequence[str]) -> int:
     """Render the committed files; with `--check`, name the stale files, and return 1 if there is one."""
-    stale = [path for path, text in files() if not path.exists() or path.read_text(encoding="utf-8") != text]
-    if "--check" in arguments:
-        for path in stale:
-            sys.stderr.write(f"{path} is stale; render it with: python -m ros1_bridge.description\n")
-        return 1 if stale else 0
-    FOLDER.mkdir(exist_ok=True)
-    for path, text in files():
-        path.write_text(text, encoding="utf-8")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    made = {str(path): (path, text) for path, text in files()}
+    return write_stale(made, "python -m ros1_bridge.description", arguments)

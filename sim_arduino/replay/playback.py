@@ -12,7 +12,8 @@ from typing import Callable, List, Optional
 
 from mrl_driver.protocol.table import BY_CODE
 from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD, Entry, Recording
-from sim_arduino.serve.pty import PtyPort, read_all
+from sim_arduino.serve.pty import PtyPort
+from sim_arduino.serve.socket_port import read_all
 
 POLL_S = 0.02
 QUIET_POLLS = 5

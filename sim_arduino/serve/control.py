@@ -8,7 +8,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.yaml_file import short
 from sim_arduino.faults.faulty_engine import FaultyEngine
 
-from .pty import BoardPort
+from .socket_port import BoardPort
 
 _LONGEST_LINE = 4096
 

@@ -17,9 +17,9 @@ from sim_arduino.view.plant_trail import PlantTrail
 from . import factory
 from .control import ORDERS, Control
 from .one_line import OneLine
-from .pty import BoardPort, PtyPort, SymbolicLink
+from .pty import PtyPort, SymbolicLink
 from .server import FASTEST, SLOWEST, PtyServer, Waker, Watcher, serve_together
-from .socket_port import SocketPort
+from .socket_port import BoardPort, SocketPort
 
 
 def _indented(text: str) -> str:

@@ -7,7 +7,7 @@ import os
 import struct
 import termios
 import tty
-from typing import Optional, Protocol, Tuple
+from typing import Optional, Tuple
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.protocol.table import BAUD
@@ -17,52 +17,7 @@ _EVENT = struct.Struct("iIII")
 READ_BYTES = 256
 _FAST = {termios.B500000: 500000, termios.B1000000: 1000000, 0o010000: 250000}
 """Baud rates by their code; the code for 250000 means "a custom rate".  All other codes count as the default rate."""
-_EVERYTHING = 65536
-
-
-class BoardPort(Protocol):
-    """A port of a board, see `PtyPort`."""
-
-    path: str
-
-    @property
-    def master(self) -> Optional[int]:
-        """Descriptor that is readable when data has arrived."""
-
-    @property
-    def watch(self) -> Optional[int]:
-        """Descriptor that is readable when a program opens or closes the port."""
-
-    @property
-    def plugged(self) -> bool:
-        """Whether the port is plugged in."""
-
-    @property
-    def baud(self) -> int:
-        """Baud rate that the host has set."""
-
-    def plug(self) -> None:
-        """Plugs the port in."""
-
-    def unplug(self) -> None:
-        """Unplugs the port."""
-
-    def newly_opened(self) -> bool:
-        """Whether a program has opened the port since the last call."""
-
-    def read(self, limit: int = READ_BYTES) -> bytes:
-        """Bytes from the host."""
-
-    def write(self, data: bytes) -> None:
-        """Sends bytes to the host."""
-
-    def close(self) -> None:
-        """Closes the port."""
-
-
-def read_all(port: BoardPort) -> bytes:
-    """All waiting bytes from the host."""
-    return b"".join(iter(lambda: port.read(_EVERYTHING), b""))
+EVERYTHING = 65536
 
 
 class PtyPort:
@@ -143,7 +98,7 @@ class PtyPort:
 
     def _on_last_close(self) -> None:
         """Keeps the bytes from the last program, and resets its settings, as a real device does at the last close."""
-        self._left += self._read(_EVERYTHING)
+        self._left += self._read(EVERYTHING)
         fcntl.ioctl(self._slave, termios.TIOCNXCL)
         termios.tcsetattr(self._slave, termios.TCSANOW, self._settings)
         termios.tcflush(self._slave, termios.TCIFLUSH)

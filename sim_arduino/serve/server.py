@@ -17,7 +17,7 @@ from sim_arduino.board.engine import Engine
 from sim_arduino.hardware.wiring import Plant
 
 from .control import Control
-from .pty import BoardPort, read_all
+from .socket_port import BoardPort, read_all
 
 HEARTBEAT_S = 0.1
 """Longest wait; if a pause is longer than requested, this process has stalled."""

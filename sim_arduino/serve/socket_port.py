@@ -1,11 +1,11 @@
 """The emulator's port on a network: serves the board by TCP or UDP on a given address."""
 
-from typing import Optional
+from typing import Optional, Union
 
 from mrl_driver.protocol.table import BAUD
 from mrl_driver.transport.listener import Listener, listen
 
-from .pty import READ_BYTES
+from .pty import EVERYTHING, READ_BYTES, PtyPort
 
 
 class SocketPort:
@@ -79,3 +79,11 @@ class SocketPort:
     def close(self) -> None:
         """Stops listening."""
         self.unplug()
+
+
+BoardPort = Union[PtyPort, SocketPort]
+
+
+def read_all(port: BoardPort) -> bytes:
+    """All waiting bytes from the host."""
+    return b"".join(iter(lambda: port.read(EVERYTHING), b""))

@@ -20,9 +20,9 @@ from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.hardware.omni3md import MotorCommand
 from sim_arduino.serve import factory
 from sim_arduino.serve.control import Control
-from sim_arduino.serve.pty import BoardPort, PtyPort
+from sim_arduino.serve.pty import PtyPort
 from sim_arduino.serve.server import PtyServer
-from sim_arduino.serve.socket_port import SocketPort
+from sim_arduino.serve.socket_port import BoardPort, SocketPort
 from sim_arduino.world.world import World
 
 PATIENCE_S = 5.0

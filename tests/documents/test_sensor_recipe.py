@@ -61,7 +61,7 @@ def carry_out(tree):
         else:
             text = (target.read_text() if target.exists() else "") + added
         target.write_text(text)
-    run(tree, sys.executable, "-m", "mrl_driver.generate.render")
+    run(tree, sys.executable, "-m", "mrl_driver.generate")
 
 
 @pytest.fixture(scope="module")

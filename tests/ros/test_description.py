@@ -127,5 +127,5 @@ def test_unknown_model_costs_one_line():
 
 
 def test_check_is_a_command():
-    command = [sys.executable, "-m", "ros1_bridge.description.urdf", "--check"]
+    command = [sys.executable, "-m", "ros1_bridge.description", "--check"]
     assert subprocess.run(command, cwd=ROOT).returncode == 0
