@@ -25,6 +25,17 @@ def pytest_configure(config: Any) -> None:
     )
 
 
+def pytest_addoption(parser: Any) -> None:
+    """Adds the option for the engine."""
+    parser.addoption(
+        "--emulated-engine",
+        choices=("python", "avr"),
+        default="python",
+        help="engine of emulated boards whose test does not choose one: the board in Python, or the firmware binary "
+        "on a simulated chip, which needs a C compiler and libsimavr",
+    )
+
+
 def _options(request: Any) -> Any:
     marker = request.node.get_closest_marker("emulated_board")
     return dict(marker.kwargs) if marker else {}
@@ -41,14 +52,20 @@ def emulated_world(request: Any) -> "World":
 
 
 @pytest.fixture
-def make_emulated_board(emulated_world: "World") -> Iterator[Callable[..., "EmulatedBoard"]]:
+def make_emulated_board(
+    emulated_world: "World", pytestconfig: Any
+) -> Iterator[Callable[..., "EmulatedBoard"]]:
     """Makes any number of boards in one world: `make_emulated_board(name="two", pose="1,0,180")`."""
     from .emulated_board import EmulatedBoard
 
     made: List[EmulatedBoard] = []
+    engine = pytestconfig.getoption("--emulated-engine")
 
     def make(**options: Any) -> EmulatedBoard:
-        made.append(EmulatedBoard(**{"world": emulated_world, "name": f"robot{len(made) + 1}", **options}))
+        usual = {"world": emulated_world, "name": f"robot{len(made) + 1}", "engine": engine}
+        if options.get("profile", "current") != "current":
+            usual["engine"] = "python"
+        made.append(EmulatedBoard(**{**usual, **options}))
         return made[-1]
 
     yield make

@@ -76,6 +76,27 @@ def test_a_test_that_should_fail_fails(tmp_path):
     assert "not within 0.2 s: the condition; the robot is at x 0.000 m" in out
 
 
+NEEDS_NO_IMAGE = """import pytest
+@pytest.mark.emulated_board(elf="/nope.elf"{})
+def test_starts(emulated_board): pass
+"""
+
+
+@pytest.mark.parametrize(
+    ("marked", "expected"),
+    [
+        ("", "image /nope.elf does not exist"),
+        (", engine='python'", "1 passed"),
+        (", profile='2013-august'", "1 passed"),
+    ],
+)
+def test_an_option_of_pytest_chooses_the_engine_if_the_test_does_not(tmp_path, marked, expected):
+    """Only the avr engine opens the image; a board of 2013 has none."""
+    assert expected in run_pytest(
+        tmp_path, NEEDS_NO_IMAGE.format(marked), "-p", PLUGIN, "--emulated-engine=avr"
+    )
+
+
 def test_other_code_of_the_readme_runs(tmp_path):
     code = "\n".join(text for text in PYTHON if "def test_" not in text)
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
