@@ -110,6 +110,8 @@ class SharedRegistry:
             self._look()
         found = [row.mover for other, row in self._mine.items() if other != name]
         for other, row in self._theirs.items():
+            if other == name:
+                continue
             if _VERSION.unpack_from(row.memory)[0] != row.version:
                 self._read(other, row)
             found.append(row.mover)

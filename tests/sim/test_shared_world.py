@@ -57,6 +57,12 @@ def test_one_does_not_meet_itself(registries):
     assert registries[0].others("one") == []
 
 
+def test_a_process_that_scans_for_a_robot_of_another_one_leaves_it_out(registries):
+    """As the node of the world does: a laser must not see the robot that carries it."""
+    registries[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
+    assert registries[1].others("one") == []
+
+
 def test_a_process_meets_its_own_other_robots(registries):
     registries[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
     assert [mover.name for mover in registries[0].others("two")] == ["one"]
