@@ -6,18 +6,16 @@ variance of the yaw also grows with the angle turned, because tracks slip in tur
 """
 
 import math
-from typing import Sequence, Tuple
+from typing import Sequence
 
 from mrl_driver.geometry import yaw_of
 
-from .kinematics import kinematics_of
+from .kinematics import Spread, kinematics_of
 from .models import OmniDrive, RobotModel
 
 START_POSITION_M2, START_YAW_RAD2 = 1e-6, 1e-6
 """Variances at the start: 1 mm and 1 mrad squared, because filters refuse zeros."""
 
-Spread = Tuple[float, float, float, float, float, float]
-"""Upper triangle of a symmetric covariance: xx, xy, x-yaw, yy, y-yaw, yaw-yaw [m2, m rad, rad2]."""
 AT_START: Spread = (START_POSITION_M2, 0.0, 0.0, START_POSITION_M2, 0.0, START_YAW_RAD2)
 
 

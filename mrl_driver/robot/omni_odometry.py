@@ -11,7 +11,7 @@ from mrl_driver.protocol.table import BY_NAME
 from .kinematics import Planar, kinematics_of
 from .models import OmniDrive
 from .models.drives import THREE_WHEELS_DEG
-from .odometry import TWIST_INTERVAL_S, Odometry, OmniTwist, OmniWheels
+from .odometry import Odometry, OmniTwist, OmniWheels
 
 MOVE_OMNI = BY_NAME["move_omni"].code
 STREAM = "start_omni_stream"
@@ -28,7 +28,6 @@ class OmniOdometry(Odometry):
         super().__init__(drive, fastest_m_s, exact_time, pose)
         self._metres = drive.metres_per_count
         self._kinematics = kinematics_of(drive)
-        self._least_s = 0.0 if exact_time else TWIST_INTERVAL_S
         self._sum = _NOTHING
         self.twist = _STANDING
         self.travel: OmniWheels = OmniWheels(0, 0, 0)
@@ -55,7 +54,7 @@ class OmniOdometry(Odometry):
     def _speeds(self, moved: Planar, dt_s: float) -> None:
         """Compute the speeds, together with earlier readings that were too close in time."""
         forward, left, turn, time_s = (a + b for a, b in zip(self._sum, (*moved, dt_s)))
-        if time_s <= self._least_s:
+        if time_s <= self._interval_s:
             self._sum = (forward, left, turn, time_s)
             return
         self._sum = _NOTHING

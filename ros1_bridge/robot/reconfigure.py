@@ -1,25 +1,15 @@
 """Makes the descriptions for dynamic_reconfigure in code, so that nothing has to be built.  Pure."""
 
 import math
-from typing import Any, Dict, List, MutableMapping, NamedTuple, Sequence, Union
+from typing import Any, Dict, List, MutableMapping, Sequence
 
 from mrl_driver.protocol.table import INT16_MAX
 from mrl_driver.robot.models import Limits, RobotModel
+from ros1_bridge.node.parameters import Row
 
-Number = Union[int, float]
 LIMITS = ("max_linear_speed", "max_angular_speed", "max_linear_acceleration", "max_angular_acceleration")
 LOWEST = 0.01
 """Lowest limit that may be set at run time, unless a parameter has set a lower one."""
-
-
-class LiveValue(NamedTuple):
-    """One value that may change while the node runs; the type of `default` (int or float) is its type."""
-
-    name: str
-    default: Number
-    low: Number
-    high: Number
-    text: str
 
 
 class Description:
@@ -27,7 +17,7 @@ class Description:
 
     all_level = 1
 
-    def __init__(self, values: Sequence[LiveValue]) -> None:
+    def __init__(self, values: Sequence[Row]) -> None:
         self.defaults = {value.name: value.default for value in values}
         self.min = {value.name: value.low for value in values}
         self.max = {value.name: value.high for value in values}
@@ -45,7 +35,7 @@ def limits_description(model: RobotModel, start: Limits) -> Description:
     )
     return Description(
         tuple(
-            LiveValue(name, begin, min(LOWEST, begin), most, text)
+            Row(name, float, begin, "", text, min(LOWEST, begin), most)
             for name, begin, most, text in zip(LIMITS, start, model.limits, texts)
         )
     )
@@ -63,14 +53,22 @@ def gains_description(model: RobotModel) -> Description:
     """Gains of the motor board, which stores each change."""
     return Description(
         tuple(
-            LiveValue(name, model.board[name], 0, INT16_MAX, f"{text} gain of the motor board; stored there")
+            Row(
+                name,
+                int,
+                model.board[name],
+                "",
+                f"{text} gain of the motor board; stored there",
+                0,
+                INT16_MAX,
+            )
             for name, text in (("kp", "Proportional"), ("ki", "Integral"), ("kd", "Derivative"))
         )
     )
 
 
-def _parameter(value: LiveValue) -> Dict[str, Any]:
-    kind = "int" if isinstance(value.default, int) else "double"
+def _parameter(value: Row) -> Dict[str, Any]:
+    kind = "int" if value.kind is int else "double"
     return {
         "name": value.name,
         "type": kind,

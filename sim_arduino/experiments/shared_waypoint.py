@@ -33,7 +33,6 @@ class Claims:
 
     def __init__(self) -> None:
         self.holder: Optional[str] = None
-        self.waits = 0
 
     def ask(self, name: str) -> bool:
         """Claims the waypoint; False while another robot holds it."""

@@ -68,10 +68,6 @@ class SocketPort:
         """Bytes from the client: at most `limit`, or one datagram."""
         return self._listener.read(limit) if self._listener else b""
 
-    def unread(self) -> int:
-        """Always 0: unread bytes are in the network, not at this end."""
-        return 0
-
     def write(self, data: bytes) -> None:
         """Sends the bytes that the client's buffer accepts; the rest is lost."""
         self.dropped += len(data) - (self._listener.write(data) if self._listener and data else 0)

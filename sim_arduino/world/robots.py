@@ -1,7 +1,7 @@
 """The robots in a world as other robots meet them, and the list of them in one process."""
 
 import re
-from typing import Dict, List, NamedTuple, Protocol
+from typing import Dict, List, NamedTuple
 
 from mrl_driver.geometry import Pose
 
@@ -19,21 +19,8 @@ class Mover(NamedTuple):
     footprint: Footprint
 
 
-class RobotRegistry(Protocol):
-    """The robots in a world and their poses."""
-
-    def place(self, name: str, pose: Pose, footprint: Footprint) -> None:
-        """Puts a robot into the world, or moves it."""
-
-    def remove(self, name: str) -> None:
-        """Takes a robot out of the world, if it is there."""
-
-    def others(self, name: str) -> List[Mover]:
-        """All robots but that one."""
-
-
-class LocalRegistry:
-    """The robots of one process."""
+class RobotRegistry:
+    """The robots in a world and their poses, in one process."""
 
     def __init__(self) -> None:
         self._movers: Dict[str, Mover] = {}

@@ -15,7 +15,7 @@ from typing import Dict, List, Optional
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 
-from .robots import NAME, NAME_TEXT, Mover
+from .robots import NAME, NAME_TEXT, Mover, RobotRegistry
 from .shapes import Footprint
 
 _ROW = struct.Struct("<Q5d?7x")
@@ -63,7 +63,7 @@ def _checked(what: str, name: str) -> str:
     return name
 
 
-class SharedRegistry:
+class SharedRegistry(RobotRegistry):
     """The robots of all processes that share a world by its name.
 
     Raises:
@@ -71,6 +71,7 @@ class SharedRegistry:
     """
 
     def __init__(self, world_name: str) -> None:
+        super().__init__()
         self._folder = folder_of(world_name)
         self._world_name = world_name
         self._mine: Dict[str, _Row] = {}

@@ -12,7 +12,7 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 from mrl_driver.geometry import ORIGIN, Pose
 
-from .robots import LocalRegistry, Mover, RobotRegistry
+from .robots import Mover, RobotRegistry
 from .scene import Scene
 from .shapes import Footprint, Wall, encloses, nearest_in_cone
 from .wall_index import WallIndex
@@ -35,7 +35,7 @@ class World:
     ) -> None:
         self.start = start
         self.scene = Scene() if scene is None else scene
-        self.registry: RobotRegistry = LocalRegistry()
+        self.registry = RobotRegistry()
         self.standing: Dict[str, Mover] = {}
         self.solids: List[List[Wall]] = []
         self._index = WallIndex(walls)
