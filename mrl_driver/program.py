@@ -1,6 +1,7 @@
 """Starts a command of the project: what happens before its own error handling exists."""
 
 import importlib
+import os
 import signal
 import sys
 
@@ -20,6 +21,7 @@ def start(name: str, module: str) -> None:
     Raises:
         SystemExit: a package is missing.
     """
+    _open_closed_streams()
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:  # else a shell has it ignored, for a program in the background
         signal.signal(signal.SIGINT, signal.SIG_DFL)
@@ -36,3 +38,10 @@ def start(name: str, module: str) -> None:
             f"or: pip install {_NAMES_FOR_PIP.get(package, package)}\n"
         )
         sys.exit(ConfigError.exit_code)
+
+
+def _open_closed_streams() -> None:
+    """Let a standard stream that the caller has closed lead nowhere: otherwise a port gets its number, and messages."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode))  # the lowest free number, which is that of the stream

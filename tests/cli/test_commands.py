@@ -123,6 +123,15 @@ def test_a_program_that_is_suspended_has_stopped_the_robot(serve):
     assert "stopped early" in err
 
 
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_a_program_with_closed_streams_watches_a_robot(serve, closed):
+    """As some services start programs.  The port must not get the number of a stream: messages would go to the board."""
+    port = serve()
+    command = [sys.executable, "-m", "mrl_driver", "monitor", "--port", port.path, "--seconds", "1"]
+    done = subprocess.run(["sh", "-c", f'exec "$@" {closed}', "sh", *command], timeout=PATIENCE_S)
+    assert done.returncode == 0 and b"battery" not in port.received
+
+
 def test_unplugging_has_its_own_exit_code(serve):
     port = serve()
     command = [sys.executable, "-m", "mrl_driver", "monitor", "--port", port.path, "--no-reconnect"]
