@@ -42,6 +42,7 @@ def start(name: str, module: str) -> None:
 
 def _open_closed_streams() -> None:
     """Let a standard stream that the caller has closed lead nowhere: otherwise a port gets its number, and messages."""
-    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+    for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
         if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, mode))  # the lowest free number, which is that of the stream
+            os.open(os.devnull, os.O_RDWR)  # gets the lowest free number, which is that of the stream
+            setattr(sys, name, os.fdopen(number, mode))

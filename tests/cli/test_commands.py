@@ -125,7 +125,7 @@ def test_a_program_that_is_suspended_has_stopped_the_robot(serve):
 
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
 def test_a_program_with_closed_streams_watches_a_robot(serve, closed):
-    """As some services start programs.  The port must not get the number of a stream: messages would go to the board."""
+    """As some services start programs.  The port must not get the number of a stream: the board would get messages."""
     port = serve()
     command = [sys.executable, "-m", "mrl_driver", "monitor", "--port", port.path, "--seconds", "1"]
     done = subprocess.run(["sh", "-c", f'exec "$@" {closed}', "sh", *command], timeout=PATIENCE_S)
