@@ -19,7 +19,7 @@ import time
 from typing import Any, Callable, Dict, List, NoReturn, Optional, Sequence, Tuple, Union
 
 from mrl_driver.errors import BoardError, BoardTimeout, ConfigError, LinkLost, MrlError, WrongRobot
-from mrl_driver.geometry import ORIGIN, Pose
+from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
 from mrl_driver.lock_order import new_lock
 from mrl_driver.protocol.table import BAUD, BY_NAME
 from mrl_driver.recording.recording import Recorder
@@ -42,7 +42,7 @@ from mrl_driver.transport.link import WRITE_TIMEOUT_S, Link
 from mrl_driver.transport.reconnect import LOOK_S
 
 from .link_source import LinkSource
-from .options import DEFAULTS, Options, require_options, require_range
+from .options import DEFAULTS, Options, require_baud, require_limits, require_options
 from .robot_core import Core, DriverEvent
 
 __all__ = ["Board", "Driver", "Options", "Telemetry"]
@@ -83,7 +83,7 @@ class Driver:
         baud: int = BAUD,
         options: Options = DEFAULTS,
     ) -> None:
-        require_range("baud", baud, 300, 4_000_000, "Bd", int)
+        require_baud("baud", baud)
         require_options(options)
         if isinstance(port, str):
             require_port(port)
@@ -93,8 +93,8 @@ class Driver:
             require_raisable(port, baud)
         options = options._replace(line_baud=min(baud, options.line_baud))
         model = robot if isinstance(robot, RobotModel) else None if robot == "auto" else models.load(robot)
-        self._core, self._baud = Core(model, options), baud
-        self._links = LinkSource(port, baud, options)
+        self._core, self._baud = Core(model, options), int(baud)
+        self._links = LinkSource(port, self._baud, options)
         self._clock: Callable[[], float] = time.monotonic
         self._lock = new_lock("driver")
         self._changed = threading.Condition(self._lock)
@@ -402,13 +402,20 @@ class Driver:
         """Limits of speed and acceleration in force; None until `connect` if the driver was created with `auto`.
 
         At first the model's speeds, without a limit of acceleration: the board has its own ramp.  They may be replaced
-        at any time, and hold from the next command or frame on.
+        at any time, and hold from the next command or frame on.  A command in force is only lowered; after an increase,
+        the next command may be faster.
+
+        Raises:
+            ConfigError: on setting, a speed is not positive or does not fit into a frame, or an acceleration is not
+                positive.
         """
         return self._core.limiter.limits or (self.model.limits if self.model else None)
 
     @limits.setter
     def limits(self, limits: Limits) -> None:
-        self._core.limiter.limits = limits
+        require_limits(limits)
+        with self._lock:
+            self._core.limiter.change(limits)
 
     @property
     def ready(self) -> bool:
@@ -457,7 +464,13 @@ class Driver:
         return OmniTwist(*speeds) if len(speeds) == 3 else Twist(*speeds)
 
     def limited(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) -> AnyTwist:
-        """The speeds that `drive` would use: scaled down to the limits, on the same arc.  Needs a connection."""
+        """The speeds that `drive` would use: scaled down to the limits, on the same arc.
+
+        Raises:
+            BoardTimeout: not connected yet.
+        """
+        if self._core.limiter.limits is None or self._core.state.info is None:
+            raise BoardTimeout("not connected; call connect() first")
         return self._core.limited(linear_m_s, angular_rad_s, lateral_m_s)
 
     @property
@@ -563,10 +576,19 @@ class Driver:
             return counters.snapshot()
 
     def reset_pose(self, pose: Pose = ORIGIN) -> None:
-        """Continue the odometry from `pose`; counters and speeds do not change."""
+        """Continue the odometry from `pose`; counters and speeds do not change.
+
+        Raises:
+            ConfigError: a part of the pose is not finite.
+        """
+        x_m, y_m, yaw_rad = pose
+        if not (math.isfinite(x_m) and math.isfinite(y_m) and math.isfinite(yaw_rad)):
+            raise ConfigError(
+                f"the pose is {pose}, expected finite numbers; the odometry continues as before"
+            )
         with self._lock:
             if self._core.state.odometry is not None:
-                self._core.state.odometry.pose = pose
+                self._core.state.odometry.pose = Pose(float(x_m), float(y_m), wrap_angle(float(yaw_rad)))
 
     # -- callbacks: they run on the reading thread, one after the other, without a lock
 
@@ -884,6 +906,6 @@ class Driver:
         with self._changed:
             if self._closing:
                 return
-            self._error = error = self._error or error
+            self._error = error
             self._settle()
         self._tell_state(error)

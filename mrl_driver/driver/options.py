@@ -1,11 +1,16 @@
 """The options of a driver, and the check of their ranges."""
 
-from typing import Any, Callable, NamedTuple, Optional
+import math
+from numbers import Integral, Real
+from typing import Any, Callable, NamedTuple, Optional, Type
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.protocol.table import BAUD
+from mrl_driver.protocol.table import BAUD, INT16_MAX
+from mrl_driver.robot.models import Limits
 from mrl_driver.session.handshake import TIMEOUT_S
+from mrl_driver.transport.baud_rates import SLOWEST_BAUD
 
+FASTEST_BAUD = 4_000_000
 COMMAND_TIMEOUT_S = 0.5
 """Default of `Options.command_timeout_s`: the robot drives at most this long after the last `drive` [s]."""
 
@@ -60,21 +65,44 @@ class Options(NamedTuple):
 DEFAULTS = Options()
 
 
-def require_range(name: str, value: Any, low: float, high: float, unit: str, *kinds: type) -> None:
-    """Raise ConfigError unless the type of `value` is one of `kinds` and its value is from `low` to `high`."""
-    if type(value) not in kinds or not low <= value <= high:
-        raise ConfigError(f"{name} is {value!r}, expected {low:g} to {high:g} {unit}")
+def require_range(
+    name: str, value: Any, low: float, high: float, unit: str, kind: Type[Any] = Integral
+) -> None:
+    """Raise ConfigError unless `value` is a number of this kind (`Integral` or `Real`) from `low` to `high`."""
+    if isinstance(value, bool) or not isinstance(value, kind) or not low <= value <= high:
+        whole = ", a whole number" if kind is Integral else ""
+        raise ConfigError(f"{name} is {value!r}, expected {low} to {high} {unit}{whole}")
+
+
+def require_baud(name: str, value: Any) -> None:
+    """Raise ConfigError unless `value` is a baud rate at which a board can stream."""
+    require_range(name, value, SLOWEST_BAUD, FASTEST_BAUD, "Bd")
 
 
 def require_options(options: Options) -> None:
     """Raise ConfigError unless each option is in its range; the bounds in ms come from the command table."""
-    require_range("period_ms", options.period_ms, 0, 10000, "ms", int)
-    require_range("watchdog_ms", options.watchdog_ms, 0, 10000, "ms", int)
-    require_range("greeting_s", options.greeting_s, 0.1, 3600, "s", int, float)
-    require_range("line_baud", options.line_baud, 300, 4_000_000, "Bd", int)
-    if type(options.reconnect) is not bool:
-        raise ConfigError(f"reconnect is {options.reconnect!r}, expected True or False")
+    require_range("period_ms", options.period_ms, 0, 10000, "ms")
+    require_range("watchdog_ms", options.watchdog_ms, 0, 10000, "ms")
+    require_range("greeting_s", options.greeting_s, 0.1, 3600, "s", Real)
+    require_baud("line_baud", options.line_baud)
+    for name in ("check", "ignore_battery", "any_id", "reconnect", "fast"):
+        value = getattr(options, name)
+        if not isinstance(value, bool):
+            raise ConfigError(f"{name} is {value!r}, expected True or False")
     if options.record is not None and (not isinstance(options.record, str) or not options.record):
         raise ConfigError(f"record is {options.record!r}, expected the name of a file")
+    if options.tap is not None and not callable(options.tap):
+        raise ConfigError(f"tap is {options.tap!r}, expected a function of direction and bytes")
     if options.command_timeout_s is not None:
-        require_range("command_timeout_s", options.command_timeout_s, 0.01, 3600, "s", int, float)
+        require_range("command_timeout_s", options.command_timeout_s, 0.01, 3600, "s", Real)
+
+
+def require_limits(limits: Limits) -> None:
+    """Raise ConfigError unless each speed is positive and fits into a frame, and each acceleration is positive.
+
+    The lateral speed may be zero; an acceleration may be infinite.
+    """
+    for name, value in limits._asdict().items():
+        most = math.inf if "acceleration" in name else INT16_MAX / 1000
+        if not (0 < value <= most or (value == 0 and name == "lateral_m_s")):
+            raise ConfigError(f"limit {name} is {value!r}, expected more than 0, at most {most:g}")

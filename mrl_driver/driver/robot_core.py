@@ -145,7 +145,11 @@ class Core:
             FrameError: a speed is NaN or infinite, or the base cannot move sideways; the robot was stopped.
         """
         session, state, limiter = self.session, self.state, self.limiter
-        if not (math.isfinite(linear_m_s) and math.isfinite(angular_rad_s) and math.isfinite(lateral_m_s)):
+        try:
+            finite = math.isfinite(linear_m_s) and math.isfinite(angular_rad_s) and math.isfinite(lateral_m_s)
+        except OverflowError:  # a whole number beyond the largest float
+            finite = False
+        if not finite:
             self.stop(now, "not_a_number")
             lateral = f", {lateral_m_s}" if lateral_m_s else ""
             raise FrameError(

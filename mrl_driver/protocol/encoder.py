@@ -55,7 +55,7 @@ def _encode(
             f"command {row.code} ({row.name}) takes {len(fields)} arguments, got {len(args)}: {args}"
         )
     for field, value in zip(fields, args):
-        if not field.low <= value <= field.high:
+        if not (field.low <= value <= field.high and value == int(value)):
             raise FrameError(
                 f"{row.name}: {field.name} is {value}, expected {field.low} to {field.high} {field.unit}"
             )

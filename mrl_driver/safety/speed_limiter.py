@@ -41,6 +41,12 @@ class SpeedLimiter:
         self.speeds: Speeds = ()
         self._stepped_s = -math.inf
 
+    def change(self, limits: Limits) -> None:
+        """Replace the limits; a command in force is lowered with the next step."""
+        self.limits = limits
+        if self.target is not None:
+            self.target = self.limited(self.target)
+
     def drop(self) -> None:
         """The robot was stopped: the next command starts from standstill."""
         self.target, self.speeds = None, ()

@@ -78,6 +78,10 @@ class Session:
         self.status: Optional[Status] = None
         self._stream = Stream(self.counters)
         self._last: Optional[Tuple[int, ...]] = None
+        """Counters of the last telemetry; None before the first."""
+        self._telemetry_by_s = math.inf
+        """Latest time of the first telemetry [s]."""
+        self._greeting_s = greeting_s
         self.heard_s = -math.inf
         """Arrival of the last telemetry [s]."""
         self._greeting: Optional[Handshake] = Handshake(plan, self._send, admit, now, timeout_s=greeting_s)
@@ -150,6 +154,7 @@ class Session:
 
     def lose(self, now: float) -> None:
         """The link is gone: drop the command and the bytes not yet sent."""
+        self._telemetry_by_s = math.inf
         self._greet_again(now, "link_lost")
         self.out.clear()
 
@@ -223,12 +228,17 @@ class Session:
 
         Raises:
             NotARobot: nothing answers the greeting, or the answer is not made of frames.
-            BoardTimeout: the board stopped answering during the greeting.
+            BoardTimeout: the board stopped answering during the greeting, or sends no telemetry after it.
         """
         if now - self._attended_s > PAUSE_S:
             self._resume()
         self._attended_s = now
         events: List[SessionEvent] = []
+        if self._last is None and self.board is not None and now >= self._telemetry_by_s:
+            raise BoardTimeout(
+                f"the board (robot id {self.board.robot_id}) has answered, but no telemetry follows, expected a frame "
+                f"every {self._plan.period_ms} ms; reset it and try again"
+            )
         if self._greeting is not None:
             self._greeting.tick(now, self.checked)
         elif now - self.heard_s >= STALE_S:
@@ -394,6 +404,8 @@ class Session:
         greeting, self._greeting = self._greeting, None
         assert greeting is not None and greeting.board is not None
         again, self.board = self.board is not None, greeting.board
+        if not again:
+            self._telemetry_by_s = now + self._greeting_s
         old = self.board.protocol < 2
         self.motion.pace, self.motion.skip_minus_one = SLOW if old else self._pace(), old
         self._poll.begin(self.board, now)
@@ -402,7 +414,6 @@ class Session:
         self.counters.restarts += again and self._restarted
         if self._restarted:
             self._stream.begin_anew()
-            self._last = None
             self.counters.lost = self._lost_before  # after a restart the numbers start again: none were lost
         self.heard_s = now
         self.motion.make_sure()

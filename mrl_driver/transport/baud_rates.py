@@ -17,6 +17,9 @@ SLOW = "the board knows no other speed, or errors showed: update its firmware, o
 """Why a link could not be raised to a higher baud rate, and what to do."""
 FRAME_BYTES, COMMAND_BYTES = 50, 24
 """Nearly the longest stream frame (with stamp, checksum and line end) and the longest motion command [byte]."""
+SLOWEST_BAUD = 4800
+"""Slowest link [Bd].  On a slower one the time between two stream frames comes near 280 ms, after which telemetry is
+stale."""
 BYTE_BITS = 10
 SHARE = 0.7
 """Share of the link's capacity for the stream; the replies to polling need about 110 bytes a second."""

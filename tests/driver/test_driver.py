@@ -7,6 +7,7 @@ import time
 import tty
 from statistics import median
 
+import numpy as np
 import pytest
 
 from mrl_driver.driver import Driver, Options
@@ -72,7 +73,7 @@ def test_a_huge_speed_is_clamped(robot, huge):
     assert robot.command == (math.copysign(0.3, huge), 0)
 
 
-@pytest.mark.parametrize("speeds", [(math.nan, 0), (0, math.inf), (-math.inf, math.nan)])
+@pytest.mark.parametrize("speeds", [(math.nan, 0), (0, math.inf), (-math.inf, math.nan), (10**400, 0)])
 def test_no_number_is_refused_and_stops_the_robot(robot, speeds):
     robot.drive(0.2, 0)
     with pytest.raises(FrameError, match="expected finite speeds"):
@@ -399,6 +400,11 @@ def test_an_unknown_model_is_refused_before_the_port_is_opened():
         {"command_timeout_s": math.nan},
         {"command_timeout_s": 0},
         {"greeting_s": "8"},
+        {"line_baud": 2400},
+        {"check": 1},
+        {"ignore_battery": "false"},
+        {"tap": "file"},
+        {"record": 3},
     ],
 )
 def test_an_option_out_of_range_is_refused_before_the_port_is_opened(wrong):
@@ -406,10 +412,15 @@ def test_an_option_out_of_range_is_refused_before_the_port_is_opened(wrong):
         Driver("/nowhere", options=Options(**wrong))
 
 
-@pytest.mark.parametrize("baud", [0, "115200", True, 10**9])
+@pytest.mark.parametrize("baud", [0, 2400, 9600.5, "115200", True, 10**9])
 def test_a_baud_rate_that_is_none_is_refused_before_the_port_is_opened(baud):
-    with pytest.raises(ConfigError, match="baud is .*, expected 300 to"):
+    with pytest.raises(ConfigError, match="baud is .*, expected 4800 to 4000000 Bd, a whole number"):
         Driver("/nowhere", baud=baud)
+
+
+def test_numbers_of_numpy_are_numbers():
+    options = Options(period_ms=np.int64(20), command_timeout_s=np.float32(0.5))
+    assert Driver("/nowhere", baud=np.int32(9600), options=options).line_baud == 9600
 
 
 def test_a_silent_port_is_no_robot():
@@ -435,6 +446,8 @@ def test_a_driver_that_is_not_connected_says_so():
         driver.board  # noqa: B018
     with pytest.raises(LinkLost, match="not connected"):
         driver.stop()
+    with pytest.raises(BoardTimeout, match="not connected"):
+        driver.limited(0.1, 0.0)
     assert driver.telemetry is None and driver.pose == (0, 0, 0) and math.isnan(driver.battery_v)
     driver.close()
 

@@ -179,6 +179,21 @@ def test_a_board_that_dies_in_the_greeting_is_a_timeout():
         talk.run(5)
 
 
+def test_a_board_that_falls_silent_before_its_first_telemetry_is_a_timeout():
+    talk = Talk(greeting_s=1.0)
+    talk.until(lambda: talk.seen(Ready))
+    assert not talk.counts
+    talk.board.mute = True
+    with pytest.raises(BoardTimeout, match="robot id 1.*no telemetry follows"):
+        talk.run(5)
+
+
+def test_a_board_that_streams_too_slowly_is_a_timeout():
+    """Each first frame completes the greeting; the next one comes after the stream counts as stale."""
+    with pytest.raises(BoardTimeout, match="no telemetry follows, expected a frame every 300 ms"):
+        Talk(plan=Plan(period_ms=300), greeting_s=3.0).run(10)
+
+
 def test_a_pause_of_this_program_in_the_greeting_is_not_held_against_the_board():
     talk = Talk().run(0.002)
     talk.now += 9.0
@@ -538,7 +553,7 @@ def test_each_frame_is_counted_once_as_a_frame_or_as_garbage():
 
 
 def test_a_dead_board_is_greeted_for_ever():
-    talk = Talk().until_ready()
+    talk = Talk().until_ready().run(0.1)
     talk.board.mute = True
     talk.run(30)
     talk.board.mute, talk.events = False, []

@@ -7,7 +7,8 @@ import pytest
 from mrl_driver.driver import Driver, Options
 from mrl_driver.driver.options import COMMAND_TIMEOUT_S
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import BoardTimeout, LinkLost, NotARobot, WrongRobot
+from mrl_driver.errors import BoardTimeout, ConfigError, LinkLost, NotARobot, WrongRobot
+from mrl_driver.geometry import Pose
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
 from mrl_driver.safety.speed_limiter import FIRST_STEP_S
 from sim_arduino.serve import factory
@@ -205,3 +206,51 @@ def test_what_restricts_commands_is_given_speeds_and_the_drivers_time(robot):
     robot.restrict(None)
     robot.limit_again()
     assert robot.command == (0.2, 0.5)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"linear_m_s": 0.0},
+        {"linear_m_s": -0.1},
+        {"angular_rad_s": math.nan},
+        {"linear_m_s": 33.0},
+        {"linear_acceleration_m_s2": 0.0},
+        {"angular_acceleration_rad_s2": math.nan},
+        {"lateral_m_s": -0.1},
+    ],
+)
+def test_limits_that_are_none_are_refused_and_the_former_stay(robot, wrong):
+    limits = robot.limits
+    with pytest.raises(ConfigError, match=f"limit {next(iter(wrong))} is .*, expected more than 0"):
+        robot.limits = limits._replace(**wrong)
+    assert robot.limits == limits
+
+
+def test_a_lower_limit_holds_from_the_next_frame_on(emulated):
+    """Also if no other command ever comes."""
+    with SteppedDriver(emulated.engine, options=Options(command_timeout_s=None)) as robot:
+        robot.drive(0.3, 0.5)
+        robot.wait(0.1)
+        robot.limits = robot.limits._replace(linear_m_s=0.1)
+        robot.wait(0.1)
+        assert robot.command == pytest.approx((0.1, 0.5 / 3), abs=1e-3)
+        robot.limits = robot.limits._replace(linear_m_s=0.3)
+        robot.wait(0.1)
+        assert robot.command.linear_m_s == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("pose", [(math.nan, 0, 0), (0, math.inf, 0), (0, 0, -math.inf)])
+def test_a_pose_that_is_not_finite_is_refused_and_the_former_stays(robot, pose):
+    before = robot.pose
+    with pytest.raises(ConfigError, match="expected finite numbers"):
+        robot.reset_pose(Pose(*pose))
+    assert robot.pose == before
+
+
+def test_a_pose_is_taken_with_its_yaw_in_range(robot):
+    robot.reset_pose((1, 2, 2 * math.pi + 0.5))
+    assert robot.pose == (1, 2, pytest.approx(0.5))
+    robot.drive(0.2, 0.0)
+    robot.wait(0.2)
+    assert robot.pose.x_m > 1

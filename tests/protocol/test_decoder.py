@@ -119,6 +119,7 @@ def test_check_value_is_signed():
         (99, (), f"command 99 is not in the table, expected 1 to {max(BY_CODE)}"),
         (11, (1,), r"command 11 \(move_differential\) takes 2 arguments, got 1"),
         (11, (40000, 0), "move_differential: linear is 40000, expected -32768 to 32767 mm/s"),
+        (33, (250.5,), "set_watchdog: period is 250.5, expected 0 to 10000 ms"),
         (9, (101, 0), "move_motors_pid: motor_1 is 101, expected -100 to 100 %"),
     ],
 )
