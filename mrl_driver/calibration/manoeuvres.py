@@ -4,7 +4,7 @@ The same code works with `Driver` and `SteppedDriver`.
 """
 
 import math
-from typing import Any, Callable, List, NamedTuple, Optional, Tuple
+from typing import Callable, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -180,18 +180,14 @@ def turn(robot: Driver, angle_rad: float, speeds: Speeds) -> None:
     follow(robot, steer, 10 + 4 * abs(angle_rad) / speeds.angular_rad_s)
 
 
-def square(
-    robot: Driver, side_m: float, left: bool, speeds: Speeds, at_rest: Callable[[], Any] = lambda: None
-) -> None:
-    """Drive one lap, correcting the error of each corner; `at_rest` is called at each of the eight stops."""
+def square(robot: Driver, side_m: float, left: bool, speeds: Speeds) -> None:
+    """Drive one lap, correcting the error of each corner."""
     corner = math.pi / 2 if left else -math.pi / 2
     line = robot.pose
     for _ in range(4):
         straight(robot, side_m, speeds, line)
-        at_rest()
         line = line.compose(side_m, 0.0, corner)
         turn(robot, _near(wrap_angle(line.yaw_rad - robot.pose.yaw_rad), corner), speeds)
-        at_rest()
 
 
 def _near(angle_rad: float, wanted_rad: float) -> float:

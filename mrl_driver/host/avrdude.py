@@ -70,7 +70,7 @@ _EXPLANATIONS: Tuple[Tuple[str, Type[MrlError], str], ...] = (
 """Messages of avrdude 6.3 to 7.3 and their errors, the most specific first."""
 
 
-def command(port: str, image: str, baud: int = BAUD) -> List[str]:
+def command(port: str, image: str) -> List[str]:
     """Return the command line of the upload; avrdude itself reads back and compares."""
     return [
         PROGRAM,
@@ -79,7 +79,7 @@ def command(port: str, image: str, baud: int = BAUD) -> List[str]:
         "-c",
         "arduino",
         "-b",
-        str(baud),
+        str(BAUD),
         "-P",
         port,
         "-D",
@@ -88,9 +88,7 @@ def command(port: str, image: str, baud: int = BAUD) -> List[str]:
     ]
 
 
-def upload(
-    port: str, image: str, baud: int = BAUD, advance: Callable[[float], None] = lambda marks: None
-) -> None:
+def upload(port: str, image: str, advance: Callable[[float], None] = lambda marks: None) -> None:
     """Write an image and read it back; `advance` is called with the number of new progress marks, `MARKS` in all.
 
     Raises:
@@ -104,7 +102,7 @@ def upload(
         raise ConfigError(f"image {image!r} does not exist, expected a .hex file")
     try:
         process = subprocess.Popen(
-            command(port, image, baud),
+            command(port, image),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,

@@ -42,30 +42,25 @@ class Course:
     Args:
         points: ends of the legs, x y [m] in the frame of the poses.
         limits: speeds and decelerations.
-        final_yaw_rad: yaw at the end, or None for any.
     """
 
-    def __init__(
-        self,
-        points: Sequence[Point],
-        limits: FollowerLimits = DEFAULT_LIMITS,
-        final_yaw_rad: Optional[float] = None,
-    ) -> None:
-        self._limits, self._final_yaw_rad = limits, final_yaw_rad
+    def __init__(self, points: Sequence[Point], limits: FollowerLimits = DEFAULT_LIMITS) -> None:
+        self._limits = limits
         self._points: List[Point] = list(points)
         self._begin: Optional[Point] = None
         self._turning = True
         self.corner = 0
         """Number of points reached."""
         self.done = False
-        """The last point and the final yaw are reached."""
+        """The last point is reached."""
 
     def command(self, pose: Pose) -> Tuple[float, float]:
         """Return the speeds (linear [m/s], angular [rad/s]) at this pose; zero when done."""
         if self._begin is None:
             self._begin = (pose[0], pose[1])
         if self.corner == len(self._points):
-            return self._end(pose)
+            self.done = True
+            return 0.0, 0.0
         end = self._points[self.corner]
         if (
             math.hypot(end[0] - self._begin[0], end[1] - self._begin[1]) < ARRIVED_M
@@ -84,14 +79,6 @@ class Course:
         self._begin = self._points[self.corner]
         self.corner += 1
         self._turning = True
-
-    def _end(self, pose: Pose) -> Tuple[float, float]:
-        if self.done or self._final_yaw_rad is None:
-            self.done = True
-            return 0.0, 0.0
-        speeds = self._turn(wrap_angle(self._final_yaw_rad - pose[2]))
-        self.done = not self._turning
-        return speeds
 
     @staticmethod
     def _on_leg(begin: Point, end: Point, pose: Pose) -> Tuple[float, float, float]:
@@ -127,17 +114,17 @@ class Square(Course):
     def command(self, pose: Pose) -> Tuple[float, float]:
         """Return the speeds (linear [m/s], angular [rad/s]) at this pose."""
         if not self._round:
-            self._round = square(pose, self._side_m)
+            self._round = _square(pose, self._side_m)
         if self.corner == len(self._points):
             self._points += self._round
         return super().command(pose)
 
 
-def square(start: Pose, side_m: float, clockwise: bool = False) -> List[Point]:
+def _square(start: Pose, side_m: float) -> List[Point]:
     """Return the corners of a square in driving order; the first side is ahead of the robot, the start comes last."""
     corner, corners = Pose(*start), []
     for _ in range(3):
-        corner = corner.compose(side_m, 0.0, -math.pi / 2 if clockwise else math.pi / 2)
+        corner = corner.compose(side_m, 0.0, math.pi / 2)
         corners.append(corner[:2])
     return [*corners, (start[0], start[1])]
 

@@ -16,6 +16,7 @@ from .address import TCP, Address, parse
 
 SILENT_S = 2.0
 """A UDP client that sends nothing for this time counts as gone [s]; a driver sends something every 0.5 s."""
+GONE_S = 2
 READ_SIZE = 4096
 LONGEST = 1400
 """Longest datagram [byte]; Ethernet would split a longer one."""
@@ -194,15 +195,15 @@ def listen(url: str) -> Listener:
     return TcpListener(address) if address.scheme in TCP else UdpListener(address)
 
 
-def prompt(end: socket.socket, gone_s: int = 2) -> None:
-    """Make a connection send at once, and notice within about `gone_s` that the other end is gone [s]."""
+def prompt(end: socket.socket) -> None:
+    """Make a connection send at once, and notice within about `GONE_S` that the other end is gone [s]."""
     end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     end.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     settings = {
         "TCP_KEEPIDLE": 1,
         "TCP_KEEPINTVL": 1,
-        "TCP_KEEPCNT": gone_s,
-        "TCP_USER_TIMEOUT": gone_s * 1000,
+        "TCP_KEEPCNT": GONE_S,
+        "TCP_USER_TIMEOUT": GONE_S * 1000,
     }
     for name, value in settings.items():
         if hasattr(socket, name):

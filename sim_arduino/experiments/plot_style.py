@@ -26,7 +26,7 @@ def floor(axes: Any, title: str = "") -> None:
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title=title)
 
 
-def walls(axes: Any, each: Iterable[Wall], label: str = "walls") -> None:
+def walls(axes: Any, each: Iterable[Wall]) -> None:
     """Draws walls."""
     for number, wall in enumerate(each):
         axes.plot(
@@ -34,7 +34,7 @@ def walls(axes: Any, each: Iterable[Wall], label: str = "walls") -> None:
             [wall.y1, wall.y2],
             color="black",
             linewidth=1.5,
-            label=label if number == 0 else None,
+            label="walls" if number == 0 else None,
         )
 
 

@@ -20,9 +20,3 @@ def test_leg_without_length_is_passed_without_a_turn(points):
 def test_course_that_ends_where_it_begins_is_done_at_once():
     course = Course([HERE[:2]])
     assert [course.command(HERE) for _ in range(2)] == [(0.0, 0.0)] * 2 and course.done
-
-
-def test_final_heading_is_turned_to_behind_a_leg_without_length():
-    course = Course([HERE[:2]], final_yaw_rad=math.pi)
-    course.command(HERE)
-    assert course.command(HERE)[1] > 0

@@ -22,7 +22,6 @@ from .shared import (
     record_option,
     report_losses,
     require_port,
-    require_seconds,
     robot_options,
     seconds_option,
     warn,
@@ -101,7 +100,6 @@ def _watch(
     as_json: bool = False,
     ignore_battery: bool = False,
 ) -> None:
-    require_seconds(seconds)
     if not as_json and full_screen():
         watch_live(target, seconds, file, ignore_battery, reconnect=reconnect, fast=fast)
         return

@@ -23,6 +23,18 @@ if TYPE_CHECKING:
 
 FOREVER_S = 1e9
 
+
+class Between(click.FloatRange):
+    """A number in a range; click's own range accepts NaN, this one does not."""
+
+    def convert(self, value: Any, param: Optional[click.Parameter], ctx: Optional[click.Context]) -> Any:
+        """Return the number; an error names the range."""
+        number = super().convert(value, param, ctx)
+        if math.isnan(number):
+            self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)
+        return number
+
+
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, for programs.")
 record_option = click.option(
     "--record",
@@ -37,7 +49,10 @@ fast_option = click.option(
     help="Switch the serial link to 500000 baud if board and port support it; for cables.",
 )
 seconds_option = click.option(
-    "--seconds", type=float, default=FOREVER_S, help="End after this time [s]; default: run until Ctrl-C."
+    "--seconds",
+    type=Between(0, min_open=True),
+    default=FOREVER_S,
+    help="End after this time [s]; default: run until Ctrl-C.",
 )
 reconnect_option = click.option(
     "--reconnect/--no-reconnect",
@@ -46,17 +61,6 @@ reconnect_option = click.option(
     help="Find the robot again after its port was unplugged, or end with exit code 6.",
 )
 yes_option = click.option("--yes", is_flag=True, help="Answer yes to every question.")
-
-
-class Between(click.FloatRange):
-    """A number in a range; click's own range accepts NaN, this one does not."""
-
-    def convert(self, value: Any, param: Optional[click.Parameter], ctx: Optional[click.Context]) -> Any:
-        """Return the number; an error names the range."""
-        number = super().convert(value, param, ctx)
-        if math.isnan(number):
-            self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)
-        return number
 
 
 class Interrupted(KeyboardInterrupt):
@@ -255,9 +259,3 @@ def confirm_overwrite(record: Optional[str], yes: bool) -> None:
     """
     if record is not None and os.path.isfile(record) and os.path.getsize(record):
         confirm(f"{record} already exists. Replace it?", yes)
-
-
-def require_seconds(seconds: float, option: str = "--seconds") -> None:
-    """Raise ConfigError unless a time span is above 0."""
-    if not seconds > 0:
-        raise ConfigError(f"{option} is {seconds}, expected a number above 0")
