@@ -7,7 +7,6 @@ import pathlib
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -203,9 +202,15 @@ def test_a_drive_on_a_pty_ends_at_the_true_pose(mrl_sim, tmp_path, engine, speed
         wait_until(lambda: robot.drive(0.3, 0.6) and robot.pose.x_m > 0.1)  # a held-up host drops its command
         robot.stop()
 
+        def heard_on():
+            """As much as an emulator that is not held up sends in 0.15 s, by its own clock."""
+            begin, looks = robot.telemetry.sequence, len(truth.read_text().splitlines())
+            wait_until(lambda: (robot.telemetry.sequence - begin) % 0x10000 >= 7)
+            wait_until(lambda: len(truth.read_text().splitlines()) >= looks + 3)
+
         def stands():
             before = robot.pose, true_pose(truth)
-            time.sleep(0.15)
+            heard_on()
             return before == (robot.pose, true_pose(truth))
 
         wait_until(stands)

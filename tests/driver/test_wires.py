@@ -147,7 +147,9 @@ def test_a_slow_line_is_never_full(baud, rate_hz):
 # -- a faster line
 
 
-def test_the_line_is_raised_and_left_as_it_was():
+def test_the_line_is_raised_and_left_as_it_was(monkeypatch):
+    """A held-up host may prove it late; the board itself waits 1 s."""
+    monkeypatch.setattr(baud_upgrade, "PROOF_S", 0.9)
     with EmulatedBoard("square") as board:
         with Driver(board.port, options=Options(fast=True)) as robot:
             drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 0.02)
