@@ -57,18 +57,12 @@ class Unmeasured:
         return Pose(math.nan, math.nan, math.nan)
 
 
-class _Announced:
-    """A ruler that also announces each run."""
-
-    def __init__(self, ruler: Ruler) -> None:
-        self._ruler = ruler
+class _AnnouncedTruth(Truth):
+    """Also announces each run."""
 
     def begin(self, run: str) -> None:
         console.print(run)
-        self._ruler.begin(run)
-
-    def end(self, run: str, check: Check) -> Pose:
-        return self._ruler.end(run, check)
+        super().begin(run)
 
 
 def require_terminal(instead: str) -> None:
@@ -84,7 +78,7 @@ def ruler_for(truth: Optional[str]) -> Ruler:
         ConfigError: there is neither.
     """
     if truth is not None:
-        return _Announced(Truth(truth_file(truth)))
+        return _AnnouncedTruth(truth_file(truth))
     require_terminal("--truth FILE for an emulated robot, or --run FILE:X,Y,HEADING for recordings")
     return TapeMeasure()
 
