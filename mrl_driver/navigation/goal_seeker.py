@@ -40,7 +40,9 @@ AHEAD_M = 0.4
 REPLAN_S, AGAIN_S = 0.5, 2.0
 """Time between two path searches while the straight path is blocked, and after a search without a result [s]."""
 PROGRESS_M, PATIENCE_S = 0.1, 60.0
-"""Give up when the robot has not come this much closer to the goal for this long, unless the caller says otherwise."""
+"""Give up when the robot has not come this much closer to the goal, or turned further to its yaw, for this long, unless
+the caller says otherwise.
+"""
 BLIND_S = 1.0
 """The robot stops if a sonar has given no valid reading for this time [s]: three cycles of the sonars."""
 
@@ -73,7 +75,7 @@ class GoalSeeker:
         self._trail: Deque[Point] = deque(maxlen=TRAIL)
         self._retreat: Optional[Point] = None
         self._there = False
-        self._best_m, self._best_s = math.inf, now_s
+        self._best_m, self._best_rad, self._best_s = math.inf, math.inf, now_s
         self.reached = self.blocked = False
         self.blind: Tuple[str, ...] = ()
         """Sonars without a valid reading for `BLIND_S`; the robot stands still until they have one."""
@@ -86,12 +88,12 @@ class GoalSeeker:
         """
         pose = Pose(*pose)
         away_m = math.hypot(self._goal[0] - pose[0], self._goal[1] - pose[1])
-        self._watch_progress(away_m, now_s)
         self._there = self._there or away_m < ARRIVED_M
-        if self._there:
-            return self._align(pose)
+        self._watch_progress(away_m, abs(wrap_angle(self._goal[2] - pose[2])), now_s)
         if self.blocked:
             return 0.0, 0.0
+        if self._there:
+            return self._align(pose)
         self._map.see(pose, self._new_readings(ranges, now_s))
         if self.blind:
             return 0.0, 0.0
@@ -120,15 +122,19 @@ class GoalSeeker:
     @property
     def why(self) -> str:
         """Why the goal is blocked."""
+        if self._there:
+            return f"it is there, but has not turned further to the goal's yaw for {self._patience_s:g} s"
         if self.blind:
             return f"no valid reading of sonar {', '.join(self.blind)}: check its cable"
         no_path = "" if self._path or self._map.empty else ", and the sonars leave no free path"
         return f"{self._best_m:.1f} m away it came no closer for {self._patience_s:g} s{no_path}"
 
-    def _watch_progress(self, away_m: float, now_s: float) -> None:
-        if away_m < self._best_m - PROGRESS_M:
+    def _watch_progress(self, away_m: float, error_rad: float, now_s: float) -> None:
+        if self._there and error_rad < self._best_rad - ALIGNED_RAD:
+            self._best_rad, self._best_s = error_rad, now_s
+        elif not self._there and away_m < self._best_m - PROGRESS_M:
             self._best_m, self._best_s = away_m, now_s
-        elif now_s - self._best_s > self._patience_s and not self._there:
+        elif now_s - self._best_s > self._patience_s:
             self.blocked = True
 
     def _align(self, pose: Pose) -> Speeds:

@@ -185,6 +185,23 @@ def test_goal_given_up_for_a_silent_sonar_says_so():
     assert seeker.blocked and seeker.why == "no valid reading of sonar front: check its cable"
 
 
+def test_goal_is_given_up_if_the_robot_does_not_turn_to_its_yaw():
+    """As when the emergency stop is latched there: the client would wait for ever."""
+    seeker = GoalSeeker((0.0, 0.0, 2.0), LIMITS, 0.0, SONARS, patience_s=5.0)
+    for time_s in range(7):
+        assert not seeker.blocked
+        speeds = seeker.command((0.0, 0.0, 0.0), {}, float(time_s))
+    assert seeker.blocked and speeds == (0.0, 0.0)
+    assert seeker.why == "it is there, but has not turned further to the goal's yaw for 5 s"
+
+
+def test_goal_is_not_given_up_while_the_robot_turns_to_its_yaw():
+    seeker = GoalSeeker((0.0, 0.0, 2.0), LIMITS, 0.0, SONARS, patience_s=5.0)
+    for time_s in range(20):
+        assert seeker.command((0.0, 0.0, 0.05 * time_s), {}, float(time_s))[1] > 0
+    assert not seeker.blocked
+
+
 def test_last_range_counts_while_a_reading_is_invalid():
     """The robot drives at half speed beside something; for the next half second the sonar says nothing."""
     seeker = GoalSeeker((3.0, 0.0, 0.0), LIMITS, 0.0, {"left": SonarMount(0.0, 0.1, 90.0)})
