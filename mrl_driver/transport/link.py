@@ -181,7 +181,9 @@ class DescriptorLink:
 
     def _make_locks(self) -> None:
         self._reading, self._writing, self._waking = map(new_lock, LOCKS)
-        self._writer_done, self._busy = threading.Condition(self._writing), False
+        self._writer_done = threading.Condition(self._writing)
+        self._writer: Optional[int] = None
+        """Thread that writes."""
 
     def _abandon(self) -> None:
         """In a forked child: close the copies of the descriptors; port, TIOCEXCL and lock stay with the parent."""
@@ -217,41 +219,51 @@ class DescriptorLink:
 
     def write(self, data: bytes) -> None:
         """As `Link.write`."""
-        with self._writing:
-            while self._busy:  # frames of two threads never mix
-                if not self._writer_done.wait(WRITE_TIMEOUT_S):
-                    raise BoardTimeout(
-                        f"{self.port}: another write has blocked for {WRITE_TIMEOUT_S * 1000:.0f} ms"
-                    )
-            self._busy = True
+        thread = threading.get_ident()
+        interrupted = self._writer == thread  # this write is a signal handler's
         try:
-            deadline = time.monotonic() + WRITE_TIMEOUT_S
-            while data:
-                with self._writing:
-                    if self.closed:
-                        raise LinkLost(f"{self.port} is closed")
-                    try:
-                        data = data[os.write(self._fd, data) :]
-                        continue
-                    except BlockingIOError:
-                        pass
-                    except OSError as error:
-                        raise self._lost(error.strerror) from None
-                self._await_room(deadline)
+            with self._writing:
+                while self._writer not in (None, thread):  # frames of two threads never mix
+                    if not self._writer_done.wait(WRITE_TIMEOUT_S):
+                        raise BoardTimeout(
+                            f"{self.port}: another write has blocked for {WRITE_TIMEOUT_S * 1000:.0f} ms"
+                        )
+                self._writer = thread
+            self._send(data)
         finally:
             with self._writing:
-                self._busy = False
-                self._writer_done.notify()
+                if self._writer == thread and not interrupted:
+                    self._writer = None
+                    self._writer_done.notify()
+
+    def _send(self, data: bytes) -> None:
+        """Send all of `data`; no other thread writes meanwhile."""
+        deadline = time.monotonic() + WRITE_TIMEOUT_S
+        while data:
+            with self._writing:
+                if self.closed:
+                    raise LinkLost(f"{self.port} is closed")
+                try:
+                    data = data[os.write(self._fd, data) :]
+                    continue
+                except BlockingIOError:
+                    pass
+                except OSError as error:
+                    raise self._lost(error.strerror) from None
+            self._await_room(deadline)
 
     def _await_room(self, deadline: float) -> None:
         poll = select.poll()
         poll.register(self._fd, select.POLLOUT)
         left_s = deadline - time.monotonic()
         if left_s <= 0 or not poll.poll(left_s * 1000):
-            raise BoardTimeout(
-                f"{self.port} has accepted no data for {WRITE_TIMEOUT_S * 1000:.0f} ms: "
-                "the board is stalled; check its cable and power"
-            )
+            raise self._stalled()
+
+    def _stalled(self) -> BoardTimeout:
+        return BoardTimeout(
+            f"{self.port} has accepted no data for {WRITE_TIMEOUT_S * 1000:.0f} ms: "
+            "the board is stalled; check its cable and power"
+        )
 
     def wake(self) -> None:
         """As `Link.wake`."""

@@ -50,24 +50,16 @@ class UrlLink(DescriptorLink):
         finally:
             os.close(self._into)
 
-    def write(self, data: bytes) -> None:
-        """As `Link.write`; pyserial's handler decides how long it may block."""
-        with self._writing:
-            while self._busy:
-                self._writer_done.wait()
-            self._busy = True
+    def _send(self, data: bytes) -> None:
+        """Send all of `data`; pyserial's handler decides how long it may block."""
+        if self.closed:
+            raise LinkLost(f"{self.port} is closed")
         try:
-            if self.closed:
-                raise LinkLost(f"{self.port} is closed")
             self._serial.write(data)
-        except LinkLost:
-            raise
+        except serial.SerialTimeoutException:
+            raise self._stalled() from None
         except Exception as error:  # noqa: BLE001 - as in _feed
             raise self._lost(_words(error)) from None
-        finally:
-            with self._writing:
-                self._busy = False
-                self._writer_done.notify()
 
     def set_baud(self, baud: int) -> None:
         """As `Link.set_baud`."""

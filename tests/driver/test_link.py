@@ -176,6 +176,22 @@ def test_writes_of_two_threads_stay_whole(pty, monkeypatch):
     link.close()
 
 
+def test_a_write_in_a_signal_handler_does_not_wait_for_the_write_that_it_interrupts(pty, monkeypatch):
+    """That one cannot go on before the handler returns.  Its frame may be cut, which the '@' of the next one ends."""
+    link, write, handlers = SerialLink(pty[1]), os.write, []
+
+    def interrupted(fd, data):
+        if handlers and data != b"@13e":
+            handlers.pop()()
+        return write(fd, data)
+
+    monkeypatch.setattr(os, "write", interrupted)
+    handlers.append(lambda: link.write(b"@13e"))
+    link.write(b"@5e")
+    assert os.read(pty[0], 64) == b"@13e@5e"
+    link.close()
+
+
 def test_a_serial_port_is_marked_exclusive_while_it_is_open(pty, monkeypatch):
     """The mark keeps out programs that do not lock; root alone gets in, so the mark itself is asked for."""
     monkeypatch.setattr("mrl_driver.transport.link.PTY_MAJORS", ())

@@ -8,6 +8,7 @@ import time
 from contextlib import closing
 
 import pytest
+from serial.urlhandler import protocol_loop
 
 from mrl_driver.driver import Driver, Options
 from mrl_driver.driver.simulated import SteppedDriver
@@ -296,6 +297,30 @@ def test_reading_from_a_device_that_pyserial_lost_says_why(unplugged):
 def test_writing_to_a_device_that_pyserial_lost_says_why(unplugged):
     with pytest.raises(LinkLost, match="went away .*write failed.*: check the cable"):
         unplugged.write(b"@5e")
+
+
+def test_a_write_of_pyserial_in_a_signal_handler_does_not_wait_for_the_write_that_it_interrupts(monkeypatch):
+    with closing(open_link("loop://")) as link:
+        write, handlers = protocol_loop.Serial.write, [lambda: link.write(b"@13e")]
+
+        def interrupted(port, data):
+            if handlers:
+                handlers.pop()()
+            return write(port, data)
+
+        monkeypatch.setattr(protocol_loop.Serial, "write", interrupted)
+        link.write(b"@5e")
+        wait_until(lambda: link.read(1.0).endswith(b"@5e"))
+
+
+def test_a_device_behind_a_url_that_takes_no_bytes_is_a_timeout(tmp_path):
+    """It is not lost: it may take bytes again."""
+    master, slave = os.openpty()
+    with closing(open_link(f"spy://{os.ttyname(slave)}?file={tmp_path / 'spy.txt'}")) as link:
+        with pytest.raises(BoardTimeout, match="has accepted no data"):
+            link.write(bytes(1 << 20))
+    os.close(master)
+    os.close(slave)
 
 
 def test_a_closed_url_of_pyserial_takes_nothing():
