@@ -316,9 +316,9 @@ def test_a_write_of_pyserial_in_a_signal_handler_does_not_wait_for_the_write_tha
 def test_a_device_behind_a_url_that_takes_no_bytes_is_a_timeout(tmp_path):
     """It is not lost: it may take bytes again."""
     master, slave = os.openpty()
-    with closing(open_link(f"spy://{os.ttyname(slave)}?file={tmp_path / 'spy.txt'}")) as link:
-        with pytest.raises(BoardTimeout, match="has accepted no data"):
-            link.write(bytes(1 << 20))
+    url = f"spy://{os.ttyname(slave)}?file={tmp_path / 'spy.txt'}"
+    with closing(open_link(url)) as link, pytest.raises(BoardTimeout, match="has accepted no data"):
+        link.write(bytes(1 << 20))
     os.close(master)
     os.close(slave)
 
