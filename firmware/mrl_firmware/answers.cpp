@@ -1,6 +1,7 @@
 #include "answers.h"
 
 #include "baud.h"
+#include "board_clock.h"
 #include "bus.h"
 #include "frame_writer.h"
 #include "hal.h"
@@ -16,7 +17,7 @@ namespace {
 
 // The counters for the next frame are read when this many bytes are left in the transmitter's queue.  The read takes
 // 0.28 ms, after perhaps a move and a battery read; 7 bytes take 0.6 ms on the serial link.
-constexpr uint8_t LOW_WATER = 7;
+constexpr uint8_t LOW_WATER = hal::SERIAL_OUT_NEWS;
 constexpr uint8_t QUESTIONS = 8;
 
 struct Question {
@@ -86,6 +87,7 @@ void start(const Question& question, bool is_stream) {
   job_is_stream = is_stream;
   writer_has_begun = false;
   stage = Stage::sensors;
+  board_clock::stay_awake();
   rows::want_sensors(job.code);
   await_sensors();
 }

@@ -1,6 +1,7 @@
 #include "baud.h"
 
 #include "answers.h"
+#include "board_clock.h"
 #include "flash.h"
 #include "hal.h"
 #include "protocol.h"
@@ -14,7 +15,9 @@ const uint8_t DIVIDERS[] PROGMEM = {hal::SERIAL_DIVIDER, 7, 3, 1};
 // The last two bytes of an answer are in the transmitter, not in the queue, and take 170 us at 117647 baud.
 constexpr uint8_t QUIET_TICKS = 4;
 
-uint8_t in_force, wanted, quiet;
+uint8_t in_force, wanted;
+uint32_t quiet_since;
+bool quiet;
 
 void change() {
   in_force = wanted;
@@ -34,9 +37,12 @@ void reset() {
 
 void service() {
   if (!changing()) return;
-  quiet = answers::silent() ? static_cast<uint8_t>(quiet + 1) : static_cast<uint8_t>(0);
-  if (quiet < QUIET_TICKS) return;
-  quiet = 0;
+  const bool was_quiet = quiet;
+  quiet = answers::silent();
+  if (!quiet) return;
+  if (!was_quiet) quiet_since = board_clock::now();
+  if (!board_clock::passed(quiet_since, QUIET_TICKS)) return;
+  quiet = false;
   change();
 }
 

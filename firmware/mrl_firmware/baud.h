@@ -4,7 +4,7 @@
 namespace mrl {
 namespace baud {
 
-// Changes the baud rate after the answer has been sent; call it at every tick of the clock.
+// Changes the baud rate after the answer has been sent.
 void service();
 // True from the request until the change; no stream frame begins during this time.
 bool changing();

@@ -28,30 +28,25 @@ void begin() {
   xbee::begin();
 }
 
-namespace {
-
-void (*const IN_TURN[])() = {motor::service,  bus::service_background, sonar::service, environment::service,
-                             config::service, status::service,         xbee::service};
-constexpr uint8_t TURNS = sizeof IN_TURN / sizeof IN_TURN[0];
-uint8_t turn;
-
-}  // namespace
-
-// Tasks that depend only on time take turns, one at each tick of the clock.  This keeps each pass short: new bytes and
-// ended transfers are found soon, and an answer begins within microseconds.
+// The chip sleeps only after a quiet pass: one that began without news, in which no time had passed and no task was left
+// with work.  All tasks have then been asked, and nothing has changed since, so that no deadline can be missing.
 void run() {
+  const bool news = hal::take_news();
   const uint16_t gap = board_clock::update();
-  if (gap) {
-    hal::watchdog_kick();
-    failsafe::service(gap);
-    baud::service();
-  }
+  hal::watchdog_kick();
+  failsafe::service(gap);
   commands::receive();
   bus::service();
   answers::service();
-  if (!gap) return;
-  IN_TURN[turn]();
-  turn = static_cast<uint8_t>((turn + 1) % TURNS);
+  motor::service();
+  bus::service_background();
+  sonar::service();
+  environment::service();
+  config::service();
+  status::service();
+  xbee::service();
+  baud::service();
+  if (!news) hal::sleep_until(board_clock::alarm());
 }
 
 }  // namespace board

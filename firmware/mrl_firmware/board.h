@@ -5,7 +5,7 @@ namespace mrl {
 namespace board {
 
 void begin();
-// One pass of the loop; returns without waiting for anything.
+// One pass of the loop; sleeps at its end if nothing is left to do.
 void run();
 
 }  // namespace board

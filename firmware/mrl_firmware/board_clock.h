@@ -1,4 +1,5 @@
 // The board's clock: 64 us ticks, extended to 32 bits (76 hours) by the loop.  Differences survive the wrap.
+// The clock is also the alarm: a task that asks whether a time has passed, before it has, is called again at that time.
 #pragma once
 #include <stdint.h>
 
@@ -14,7 +15,12 @@ void begin();
 uint16_t update();
 // Time of the last update().
 uint32_t now();
-inline bool passed(uint32_t since, uint32_t ticks) { return now() - since >= ticks; }
+// Whether this time has passed since then.  If not, the loop sleeps no longer than until it has.
+bool passed(uint32_t since, uint32_t ticks);
+// For a task that has more to do: the loop makes another pass before it sleeps.
+void stay_awake();
+// The tick until which the loop may sleep after this pass; the present one if a time had passed, or a task is not done.
+uint16_t alarm();
 // Whole seconds since begin().
 uint32_t uptime_s();
 

@@ -1,5 +1,6 @@
 #include "commands.h"
 
+#include "board_clock.h"
 #include "debug.h"
 #include "failsafe.h"
 #include "flash.h"
@@ -41,6 +42,7 @@ void receive() {
     const Verdict verdict = decoder.feed(static_cast<uint8_t>(byte));
     if (verdict == Verdict::frame) execute();
     if (verdict == Verdict::garbage) status::refuse(decoder.reason());
+    if (verdict != Verdict::none) board_clock::stay_awake();
   }
 }
 

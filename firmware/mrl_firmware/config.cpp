@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "answers.h"
+#include "board_clock.h"
 #include "bus.h"
 #include "crc.h"
 #include "flash.h"
@@ -162,6 +163,7 @@ void set(Parameter parameter, int16_t value) { values[static_cast<uint8_t>(param
 
 void service() {
   if (step == Step::idle || !hal::eeprom_ready()) return;
+  board_clock::stay_awake();
   if (saving < IMAGE_SIZE) {
     const uint8_t byte = image_byte(saving);
     if (hal::eeprom_read(address_of(saving)) != byte) hal::eeprom_write(address_of(saving), byte);

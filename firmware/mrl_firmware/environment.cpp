@@ -24,15 +24,29 @@ constexpr uint8_t SILENT_SLOTS = 12;  // a minute without one pulse: no sensor
 uint32_t low_ticks[SLOTS];
 uint32_t slot_began;
 uint8_t slot, slots_filled, silent_slots;
+constexpr uint32_t NEXT_INPUT = board_clock::of_ms(8);
 int16_t alcohol_count, light_count;
-bool converting_light;
+uint32_t converted_at;
+bool converting, converting_light;
 
-void service_inputs() {
+void convert() {
+  converted_at = board_clock::now();
+  converting = true;
+  hal::adc_start(pins::channel(converting_light ? pins::LIGHT : pins::ALCOHOL));
+}
+
+void take_conversion() {
   const int16_t count = hal::adc_result();
   if (count < 0) return;
   (converting_light ? light_count : alcohol_count) = count;
   converting_light = !converting_light;
-  hal::adc_start(pins::channel(converting_light ? pins::LIGHT : pins::ALCOHOL));
+  converting = false;
+}
+
+// The two inputs take turns.
+void service_inputs() {
+  if (converting) take_conversion();
+  if (!converting && board_clock::passed(converted_at, NEXT_INPUT)) convert();
 }
 
 void next_slot() {
@@ -57,7 +71,7 @@ void service_dust() {
 void begin() {
   hal::pin_output(pins::ALCOHOL_HEATER, false);
   hal::pin_output(pins::FAN, true);
-  hal::adc_start(pins::channel(pins::ALCOHOL));
+  convert();
   slot_began = board_clock::now();
 }
 

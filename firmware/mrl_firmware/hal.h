@@ -12,9 +12,20 @@ void begin();
 // Free-running counter of 64 us; wraps every 4.194 s.
 uint16_t ticks();
 
+// ---- sleep
+
+// True if an interrupt has had news for the loop since the last call: room in a queue, a byte of the radio, the end of a
+// transfer, a conversion or an EEPROM write, the time of sleep_until().
+bool take_news();
+// Sleeps until there is news or a byte from the host, or ticks() is `tick`, which may have passed already; at most 2 s
+// ahead.
+void sleep_until(uint16_t tick);
+
 // ---- serial port to the host, 8N1, interrupt-driven in both directions
 
 constexpr uint8_t SERIAL_OUT_SIZE = 64;
+// It is news when this many bytes are waiting to be sent, or a multiple of eight more, or none.
+constexpr uint8_t SERIAL_OUT_NEWS = 7;
 constexpr uint8_t SERIAL_DIVIDER = 16;  // at first; the speed is 16 MHz / (8 (divider + 1))
 
 // The next received byte, or -1.

@@ -95,6 +95,43 @@ uint16_t ticks() {
   return now;
 }
 
+// ---- sleep
+
+ISR(TIMER1_COMPA_vect, ISR_NAKED) {
+  tell_loop();
+  reti();
+}
+
+// The caller looks for the news after this, so that an interrupt between reading and clearing the flag loses nothing.
+bool take_news() {
+  if (!has_news()) return false;
+  GPIOR0 &= static_cast<uint8_t>(~_BV(0));
+  return true;
+}
+
+// The compare unit flags the end of the tick in its register, so that at least one whole tick must lie ahead.  SEI lets
+// one more instruction pass before any interrupt: what has come since the last look wakes the chip at once.
+void sleep_until(uint16_t tick) {
+  cli();
+  OCR1A = static_cast<uint16_t>(tick - 1);
+  TIFR1 = _BV(OCF1A);
+  while (!has_news() && !received.used() && static_cast<int16_t>(tick - TCNT1) > 1) {
+    asm volatile("sei\n\tsleep\n\tcli" ::: "memory");
+  }
+  sei();
+}
+
+// Timers 0 and 2 were started by the Arduino core, for functions that the firmware does not use.
+static void start_clock() {
+  TIMSK0 = 0;
+  TCCR0B = 0;
+  TCCR2B = 0;
+  TCCR1A = 0;
+  TCCR1B = _BV(CS12) | _BV(CS10);  // F_CPU / 1024
+  TIMSK1 = _BV(OCIE1A);
+  SMCR = _BV(SE);  // idle mode: all but the CPU goes on
+}
+
 // ---- serial port
 
 ISR(USART_RX_vect) {
@@ -107,7 +144,9 @@ ISR(USART_RX_vect) {
 
 ISR(USART_UDRE_vect) {
   UDR0 = sending.take();
-  if (!sending.used()) UCSR0B &= static_cast<uint8_t>(~_BV(UDRIE0));
+  const uint8_t left = sending.used();
+  if (!left) UCSR0B &= static_cast<uint8_t>(~_BV(UDRIE0));
+  if (!left || left % 8 == SERIAL_OUT_NEWS) tell_loop();
 }
 
 int16_t serial_read() { return received.used() ? received.take() : -1; }
@@ -145,6 +184,11 @@ static void start_serial() {
 
 // ---- analog inputs
 
+ISR(ADC_vect, ISR_NAKED) {
+  tell_loop();
+  reti();
+}
+
 void adc_start(uint8_t channel) {
   ADMUX = static_cast<uint8_t>(_BV(REFS0) | channel);
   ADCSRA |= _BV(ADSC);
@@ -152,7 +196,7 @@ void adc_start(uint8_t channel) {
 
 int16_t adc_result() { return ADCSRA & _BV(ADSC) ? static_cast<int16_t>(-1) : static_cast<int16_t>(ADC); }
 
-static void start_adc() { ADCSRA = _BV(ADEN) | _BV(ADPS2) | _BV(ADPS1) | _BV(ADPS0); }
+static void start_adc() { ADCSRA = _BV(ADEN) | _BV(ADIE) | _BV(ADPS2) | _BV(ADPS1) | _BV(ADPS0); }
 
 // ---- pins
 
@@ -162,6 +206,12 @@ void pin_output(uint8_t pin, bool level) {
 }
 
 // ---- EEPROM
+
+ISR(EE_READY_vect, ISR_NAKED) {
+  EECR &= static_cast<uint8_t>(~_BV(EERIE));
+  tell_loop();
+  reti();
+}
 
 bool eeprom_ready() { return !(EECR & _BV(EEPE)); }
 
@@ -177,13 +227,13 @@ void eeprom_write(uint16_t address, uint8_t value) {
   cli();
   EECR |= _BV(EEMPE);
   EECR |= _BV(EEPE);
+  EECR |= _BV(EERIE);
   sei();
 }
 
 void begin() {
   take_trace();
-  TCCR1A = 0;
-  TCCR1B = _BV(CS12) | _BV(CS10);  // F_CPU / 1024
+  start_clock();
   start_serial();
   bus_begin();
   start_adc();

@@ -26,6 +26,7 @@ constexpr uint8_t STOP = _BV(TWINT) | _BV(TWEN) | _BV(TWSTO);
 static inline void end_transfer(BusState state) {
   TWCR = STOP;
   bus = state;
+  tell_loop();
 }
 
 // Acknowledges every byte except the last one.

@@ -54,7 +54,7 @@ bool dust_changed() {
 void dust_begin() {
   TCCR1B = static_cast<uint8_t>((TCCR1B | _BV(ICNC1)) & ~_BV(ICES1));
   TIFR1 = _BV(ICF1);
-  TIMSK1 = _BV(ICIE1);
+  TIMSK1 |= _BV(ICIE1);
 }
 #else
 void dust_begin() {}

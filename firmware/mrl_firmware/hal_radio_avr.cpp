@@ -6,6 +6,7 @@
 #include <avr/io.h>
 
 #include "hal.h"
+#include "hal_avr.h"
 #include "pins.h"
 #include "ring.h"
 
@@ -62,7 +63,9 @@ void fill(uint8_t bits, bool high) {
 void end_frame(bool high) {
   fill(FRAME_BITS, high);
   receiving = false;
-  if ((in_frame & 0x201) == 0x200 && heard.room()) heard.put(static_cast<uint8_t>(in_frame >> 1));
+  if ((in_frame & 0x201) != 0x200 || !heard.room()) return;
+  heard.put(static_cast<uint8_t>(in_frame >> 1));
+  tell_loop();
 }
 
 void begin_frame(Moment now) {

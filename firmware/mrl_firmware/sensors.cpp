@@ -51,6 +51,7 @@ struct State {
 State states[BUS_SENSORS];
 int16_t all_values[0 MRL_BUS_SENSORS(PLUS_VALUES)];
 uint8_t asked;
+bool any_wanted;
 
 // SENSORS if the code does not belong to a sensor.
 __attribute__((noinline)) uint8_t index_of(uint8_t code) {
@@ -97,7 +98,7 @@ void want(uint8_t code) {
     state.known = state.answered = state.failed = false;
     state.asked_at = board_clock::now() - READ_PERIOD;
   }
-  state.wanted = true;
+  state.wanted = any_wanted = true;
   state.wanted_at = board_clock::now();
 }
 
@@ -110,6 +111,7 @@ rows::Readiness readiness(uint8_t code) {
 }
 
 bool failing() {
+  if (!any_wanted) return false;
   for (uint8_t i = 0; i < BUS_SENSORS; i++) {
     const State& state = states[i];
     if (state.wanted && state.failed && (state.seen || !flash_byte(&ROWS[i].optional))) return true;
@@ -133,10 +135,13 @@ int16_t largest(uint8_t code) {
 }
 
 bool next_transfer(hal::Transfer& transfer) {
+  if (!any_wanted) return false;
+  any_wanted = false;
   for (uint8_t i = 0; i < BUS_SENSORS; i++) {
+    any_wanted = any_wanted || states[i].wanted;
     if (!due(states[i])) continue;
     read(transfer, i);
-    return true;
+    return any_wanted = true;
   }
   return false;
 }

@@ -22,7 +22,12 @@ uint32_t next;
 
 uint32_t now() { return board_clock::now() << 3; }
 
-bool reached(uint32_t time) { return static_cast<int32_t>(now() - time) >= 0; }
+int32_t left_until(uint32_t time) { return static_cast<int32_t>(time - now()); }
+
+bool reached(uint32_t time) {
+  const int32_t left = left_until(time);
+  return board_clock::passed(board_clock::now(), left > 0 ? static_cast<uint32_t>(left + 7) / 8 : 0);
+}
 
 void start(uint8_t code, const int16_t* args, uint8_t count) {
   running = code;
@@ -40,7 +45,7 @@ uint8_t code() { return running; }
 
 bool due() { return running && reached(next); }
 
-bool almost_due() { return running && period && reached(next - ALMOST); }
+bool almost_due() { return running && period && left_until(next - ALMOST) <= 0; }
 
 // A frame that is more than a period late starts a new cadence.
 void sent() {

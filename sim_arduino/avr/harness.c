@@ -165,8 +165,11 @@ EXPORT int mrl_run_until(board_t *board, uint64_t target) {
     return board->stop ? RUN_STOPPED : RUN_DONE;
 }
 
-/* The CPU stands still until `target`, while the peripherals run on. */
+/* The CPU stands still until `target`, while the peripherals run on. A program hangs while it runs: if it sleeps, its
+ * last kick of the watchdog counts as given now. */
 EXPORT void mrl_stall_until(board_t *board, uint64_t target) {
+    if (board->asleep)
+        watchdog_kick(board);
     if (board->avr->cycle < target)
         board->avr->cycle = target;
 }

@@ -10,6 +10,7 @@ void twi_attach(board_t *board);
 void twi_reset(board_t *board);
 void watchdog_attach(board_t *board);
 void watchdog_reset(board_t *board);
+void watchdog_kick(board_t *board);
 uint8_t watchdog_served(uint8_t control);
 void adc_attach(board_t *board);
 void eeprom_attach(board_t *board);

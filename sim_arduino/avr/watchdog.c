@@ -31,7 +31,7 @@ uint8_t watchdog_served(uint8_t control) {
     return control & (uint8_t)~cleared;
 }
 
-static void restart(board_t *board) {
+void watchdog_kick(board_t *board) {
     avr_cycle_timer_cancel(board->avr, timed_out, board);
     if (board->avr->data[WDTCSR_] & (WDIE | WDE))
         avr_cycle_timer_register(board->avr, period(board), timed_out, board);
@@ -57,14 +57,14 @@ static void write_control(avr_t *avr, avr_io_addr_t address, uint8_t value, void
     avr->data[address] = now;
     bool was_on = before & (WDIE | WDE), is_on = now & (WDIE | WDE);
     if (was_on != is_on || ((before ^ now) & (WDP3 | WDP012)))
-        restart(board);
+        watchdog_kick(board);
 }
 
 static int wdr(avr_io_t *io, uint32_t control, void *param) {
     (void)param;
     if (control != AVR_IOCTL_DEF('w', 'd', 't', 'r'))
         return -1;
-    restart(((watchdog_t *)io)->board);
+    watchdog_kick(((watchdog_t *)io)->board);
     return 0;
 }
 
@@ -72,7 +72,7 @@ static int wdr(avr_io_t *io, uint32_t control, void *param) {
 void watchdog_reset(board_t *board) {
     board->avr->data[WDTCSR_] = board->avr->data[MCUSR_] & WDRF ? WDE : 0;
     board->watchdog.change_until = 0;
-    restart(board);
+    watchdog_kick(board);
 }
 
 void watchdog_attach(board_t *board) {

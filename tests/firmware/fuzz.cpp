@@ -1,5 +1,6 @@
-// libFuzzer's entry: bytes on the line, amid faults of the bus, must never leave memory or stop the loop.
+// libFuzzer's entry: bytes on the line, amid faults of the bus, must never leave memory, stop the loop, or let it oversleep.
 #include <stddef.h>
+#include <stdlib.h>
 
 #include "hal_pc.h"
 #include "protocol.h"
@@ -40,6 +41,7 @@ void wait(double us) {
   uint8_t out[256];
   while (pc_sent(out, sizeof out)) {
   }
+  if (pc_slept_too_long()) abort();
 }
 
 // Bytes from 0xF0 on are events of the world, not of the line.

@@ -18,6 +18,19 @@ namespace {
 constexpr double TICK_US = 64, PASS_US = 16, BITS = 10;
 constexpr double ADC_US = 104, EEPROM_WRITE_US = 3400;
 
+// The chip sleeps between passes of the loop.  Here the loop is called on, and must then do nothing: whatever it does
+// before its alarm or an interrupt's news would have come too late on the chip.
+struct Sleep {
+  bool on, acted;
+  uint16_t until;
+  uint8_t waiting;  // bytes to be sent when it fell asleep: fewer are only seen when they are news
+  int too_long;
+} asleep;
+bool news;
+
+// For everything that the loop does to the hardware or takes from it.
+void act() { asleep.acted = true; }
+
 struct Arrival {
   uint8_t byte;
   double time_us;
@@ -74,6 +87,7 @@ void move_serial() {
   while (sending.used() && out_free_us <= now_us) {
     const double began = out_free_us > now_us - PASS_US ? out_free_us : now_us;
     sent.push_back(through_line(sending.take()));
+    news = news || !sending.used() || sending.used() % 8 == hal::SERIAL_OUT_NEWS;
     out_free_us = began + byte_out_us();
   }
 }
@@ -89,12 +103,27 @@ bool carry_out_transfer() {
 void move_bus() {
   if (bus != hal::BusState::busy || hung || now_us < bus_until_us) return;
   bus = carry_out_transfer() ? hal::BusState::idle : hal::BusState::nack;
+  news = true;
 }
 
 void pass_time(double to_us) {
+  const double from_us = now_us;
   now_us = to_us;
   move_serial();
   move_bus();
+  for (const double end_us : {adc_until_us, eeprom_until_us}) news = news || (from_us < end_us && end_us <= to_us);
+}
+
+void run_loop() {
+  if (asleep.on && (news || received.used() || static_cast<int16_t>(asleep.until - hal::ticks()) <= 0)) asleep.on = false;
+  const Sleep before = asleep;
+  asleep.acted = false;
+  mrl::board::run();
+  if (!before.on) return;
+  asleep.on = true;
+  asleep.until = before.until;
+  asleep.waiting = before.waiting;
+  if (asleep.acted) asleep.too_long++;
 }
 
 }  // namespace
@@ -109,12 +138,34 @@ uint16_t ticks() {
   return static_cast<uint16_t>(first_tick + static_cast<uint64_t>((now_us - start_us) / TICK_US));
 }
 
-int16_t serial_read() { return received.used() ? received.take() : static_cast<int16_t>(-1); }
+bool take_news() {
+  const bool had = news;
+  news = false;
+  return had;
+}
+
+void sleep_until(uint16_t tick) {
+  asleep.on = !news && !received.used() && static_cast<int16_t>(tick - ticks()) > 0;
+  asleep.until = tick;
+  asleep.waiting = sending.used();
+}
+
+int16_t serial_read() {
+  if (!received.used()) return -1;
+  act();
+  return received.take();
+}
 void serial_discard() { received.clear(); }
-uint8_t serial_room() { return sending.room(); }
-uint8_t serial_waiting() { return sending.used(); }
-void serial_write(uint8_t byte) { sending.put(byte); }
-void serial_speed(uint8_t to) { divider = to; }
+uint8_t serial_room() { return static_cast<uint8_t>(SERIAL_OUT_SIZE - serial_waiting()); }
+uint8_t serial_waiting() { return asleep.on ? asleep.waiting : sending.used(); }
+void serial_write(uint8_t byte) {
+  act();
+  sending.put(byte);
+}
+void serial_speed(uint8_t to) {
+  act();
+  divider = to;
+}
 uint8_t serial_overruns() {
   const uint8_t count = overruns;
   overruns = 0;
@@ -123,17 +174,20 @@ uint8_t serial_overruns() {
 
 void bus_start() {
   const int bytes = 1 + transfer.out_count + (transfer.in_count ? 1 + transfer.in_count : 0);
+  act();
   bus = BusState::busy;
   bus_until_us = now_us + (9 * bytes + 3) * (16 + 2 * transfer.divider) / 16.0;
 }
 BusState bus_state() { return bus; }
 uint16_t bus_latched() { return latched; }
 void bus_recover() {
+  act();
   bus = BusState::idle;
   if (recoveries_left && !--recoveries_left) hung = false;
 }
 
 void adc_start(uint8_t channel) {
+  act();
   adc_channel = channel;
   adc_until_us = now_us + ADC_US;
 }
@@ -141,11 +195,15 @@ int16_t adc_result() {
   return now_us < adc_until_us ? static_cast<int16_t>(-1) : static_cast<int16_t>(world.adc(adc_channel, now_us));
 }
 
-void pin_output(uint8_t pin, bool level) { world.pin(pin, level, now_us); }
+void pin_output(uint8_t pin, bool level) {
+  act();
+  world.pin(pin, level, now_us);
+}
 
 bool eeprom_ready() { return now_us >= eeprom_until_us; }
 uint8_t eeprom_read(uint16_t address) { return eeprom[address]; }
 void eeprom_write(uint16_t address, uint8_t value) {
+  act();
   if (!eeprom_broken) eeprom[address] = value;
   eeprom_until_us = now_us + EEPROM_WRITE_US;
 }
@@ -168,12 +226,16 @@ void watchdog_kick() {
 void radio_begin() {}
 int16_t radio_read() {
   if (radio_in.empty()) return -1;
+  act();
   const uint8_t byte = radio_in.front();
   radio_in.pop_front();
   return byte;
 }
 uint8_t radio_room() { return static_cast<uint8_t>(RADIO_OUT_SIZE - radio_out.size()); }
-void radio_write(uint8_t byte) { radio_out.push_back(byte); }
+void radio_write(uint8_t byte) {
+  act();
+  radio_out.push_back(byte);
+}
 
 uint32_t dust_low_ticks() {
   const uint32_t low = dust_low;
@@ -195,6 +257,7 @@ void pc_start(const PcWorld* outside, double time_us, uint16_t tick, int reset_f
   flags = reset_flags;
   divider = hal::SERIAL_DIVIDER;
   host_baud = 115200;
+  asleep = Sleep();
   memcpy(eeprom, image, sizeof eeprom);
   mrl::board::begin();
 }
@@ -202,11 +265,14 @@ void pc_start(const PcWorld* outside, double time_us, uint16_t tick, int reset_f
 void pc_advance(double time_us) {
   while (now_us < time_us) {
     pass_time(now_us + PASS_US);
-    mrl::board::run();
+    run_loop();
   }
 }
 
-void pc_stall(double time_us) { pass_time(time_us > now_us ? time_us : now_us); }
+void pc_stall(double time_us) {
+  pass_time(time_us > now_us ? time_us : now_us);
+  asleep.on = false;
+}
 
 double pc_now_us() { return now_us; }
 
@@ -238,7 +304,10 @@ void pc_dust(uint32_t low_ticks) {
   dust_seen = true;
 }
 
-void pc_radio_receive(uint8_t byte) { radio_in.push_back(byte); }
+void pc_radio_receive(uint8_t byte) {
+  radio_in.push_back(byte);
+  news = true;
+}
 
 int pc_radio_sent(uint8_t* bytes, int room) {
   int count = 0;
@@ -250,6 +319,8 @@ int pc_radio_sent(uint8_t* bytes, int room) {
 const uint8_t* pc_eeprom() { return eeprom; }
 
 void pc_break_eeprom(int on) { eeprom_broken = on; }
+
+int pc_slept_too_long() { return asleep.too_long; }
 
 double pc_longest_kick_gap_us() { return longest_gap_us; }
 

@@ -37,6 +37,8 @@ int pc_radio_sent(uint8_t* bytes, int room);
 const uint8_t* pc_eeprom();
 // EEPROM cells that take no more bytes.
 void pc_break_eeprom(int on);
+// Number of passes in which the loop did something although it had asked to sleep until later.
+int pc_slept_too_long();
 // Longest time between two kicks of the hardware watchdog so far.
 double pc_longest_kick_gap_us();
 

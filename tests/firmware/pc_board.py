@@ -113,6 +113,7 @@ class PcBoard:
         """Runs to `to_s` [s]; the bytes that left the board until then."""
         self.native.pc_advance(to_s * 1e6)
         self._raise_failure()
+        assert not self.native.pc_slept_too_long(), "the loop slept although something was due"
         self.plant.advance(max(to_s, self.now_s))
         buffer = (ctypes.c_uint8 * 65536)()
         return bytes(buffer[: self.native.pc_sent(buffer, 65536)])
