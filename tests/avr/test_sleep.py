@@ -150,7 +150,7 @@ def test_an_event_of_the_chip_at_any_cycle_of_a_pass_is_in_time(sonar_rig, event
 
 
 def test_without_the_guard_the_end_of_a_read_would_wait(sonar_rig):
-    """The test above would notice.  An alarm has a guard of its own: the loop sleeps only if a whole tick lies ahead."""
+    """The test above would notice.  For an alarm the loop has another guard: it sleeps only if a whole tick is left."""
     sonar_rig.machine.patch(last_check(sonar_rig)[0], NOP)
     assert max(delays_us(sonar_rig, -1)) > FRAME_LATE_US
 
