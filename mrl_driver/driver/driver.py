@@ -784,7 +784,7 @@ class Driver:
                 wake = due_s < core.due_s
                 if wake:
                     core.due_s = due_s
-                if session.out and self._may_write():
+                if session.out and (self._writer is None or self._may_write()):
                     data = bytes(session.out)
                     self._writer = mine
                     session.out.clear()

@@ -83,8 +83,13 @@ class Motion:
 
         `moves` says whether the command was to move, if its limited speeds may still be zero.
         """
-        self._set(speeds)
-        self._moves = any(speeds) if moves is None else moves
+        turns = any(speeds)
+        if turns:  # as in `_set`, without a call
+            self.target, self._turning, self.settling = speeds, True, False
+            self._still_since_s, self._still = None, 0
+        else:
+            self._set(speeds)
+        self._moves = turns if moves is None else moves
         self._expires_s = now + self.timeout_s if self.timeout_s is not None else math.inf
         self._new, self.stopping, self._fade = True, False, None
         self.due_s = min(self._sent_s + self.pace.gap_s, self._expires_s)
