@@ -90,32 +90,41 @@ def real_image(plant):
     return AvrEngine(plant, IMAGE, robot_id=plant.model.ids[0])
 
 
+def january(plant):
+    """A board with the firmware of January 2013."""
+    return Board2013(plant, january=True)
+
+
+ON_BOTH_BOARDS = pytest.mark.parametrize("make", [PythonBoard, real_image], ids=["python", "avr"])
+
+
 @pytest.mark.parametrize(
-    ("name", "make", "side_m"),
-    [("traxbot", PythonBoard, 1.0), ("stingbot", PythonBoard, 1.0), ("traxbot", real_image, 0.3)],
+    ("name", "make"),
+    [("traxbot", PythonBoard), ("stingbot", PythonBoard), ("traxbot", real_image), ("stingbot", real_image)],
 )
-def test_the_pose_of_a_square_is_the_true_one(name, make, side_m):
+def test_the_pose_of_a_square_is_the_true_one(name, make):
     robot = Robot(name, make).until_ready()
     count_m = robot.model.drive.metres_per_count
     for _ in range(4):
-        robot.side(side_m)
+        robot.side(1.0)
         robot.corner()
     distance_m, angle_rad = robot.error()
     assert distance_m <= POSE_M + count_m
     assert angle_rad <= YAW_RAD + 2 * count_m / robot.model.drive.wheel_separation_m
 
 
-@pytest.mark.parametrize("january", [False, True])
-def test_a_2013_board_drives_a_side_and_a_corner(january):
-    robot = Robot(make=lambda plant: Board2013(plant, january=january)).until_ready()
+@pytest.mark.parametrize("make", [Board2013, january])
+def test_a_2013_board_drives_a_side_and_a_corner(make):
+    robot = Robot(make=make).until_ready()
     robot.side(0.5)
     robot.corner()
     assert robot.error()[0] <= POSE_M + robot.model.drive.metres_per_count
 
 
-def test_the_counters_wrap_without_a_jump():
+@ON_BOTH_BOARDS
+def test_the_counters_wrap_without_a_jump(make):
     """Preset near the edge before the driver comes, as after 2.87 m."""
-    robot = Robot()
+    robot = Robot(make=make)
     robot.run(0.5)
     for encoder, count in ((3, 32700), (1, 32000)):
         robot.plant.motor_board.preset_encoder(robot.now, encoder, count)
@@ -124,16 +133,16 @@ def test_the_counters_wrap_without_a_jump():
     assert robot.error()[0] <= POSE_M
 
 
-@pytest.mark.parametrize("january", [None, False, True])
-def test_sonars_see_the_wall_at_its_distance(january):
-    make = PythonBoard if january is None else lambda plant: Board2013(plant, january=january)
+@pytest.mark.parametrize("make", [PythonBoard, real_image, Board2013, january])
+def test_sonars_see_the_wall_at_its_distance(make):
     robot = Robot(make=make, world=World([Wall(2.1, -5.0, 2.1, 5.0)])).until_ready().run(2.0)
     front = load("traxbot").sonars["front"]
     assert robot.state.ranges["front"] == pytest.approx(2.1 - front.x_m, abs=0.03)
 
 
-def test_a_board_reset_on_the_move_keeps_the_pose():
-    robot = Robot().until_ready()
+@ON_BOTH_BOARDS
+def test_a_board_reset_on_the_move_keeps_the_pose(make):
+    robot = Robot(make=make).until_ready()
     robot.side(0.3)
     before = robot.pose
     robot.session.drive((200, 0), robot.now)
@@ -145,8 +154,9 @@ def test_a_board_reset_on_the_move_keeps_the_pose():
     assert robot.session.motion.target is None
 
 
-def test_a_command_takes_effect_and_a_silent_host_stops_the_board():
-    robot = Robot().until_ready()
+@ON_BOTH_BOARDS
+def test_a_command_takes_effect_and_a_silent_host_stops_the_board(make):
+    robot = Robot(make=make).until_ready()
     robot.session.drive((200, 0), robot.now)
     robot.run(1.0)
     assert robot.plant.true_pose.x_m > 0.05

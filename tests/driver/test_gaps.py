@@ -11,6 +11,7 @@ from mrl_driver.robot.robot_state import RobotState
 from mrl_driver.session.events import PathUnknown, Ready
 from mrl_driver.session.session import STOPPING_S
 from sim_arduino.board import PythonBoard
+from sim_arduino.board.avr_board import AvrEngine
 from sim_arduino.board.board2013 import Board2013
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.hardware.wiring import Plant
@@ -53,17 +54,24 @@ class Drive:
         return math.dist(self.robot.pose[:2], (true.x_m, true.y_m))
 
 
+def real_image(plant):
+    """The firmware's image on a simulated chip."""
+    return AvrEngine(plant, robot_id=plant.model.ids[0])
+
+
+@pytest.mark.parametrize("make", [PythonBoard, real_image])
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("kind", ["loss", "change"])
-def test_heavy_damage_neither_loses_the_way_nor_makes_restarts(kind, seed):
-    drive = Drive(f"{kind}:rate=0.03,direction=to_host,at=1", seed=seed).run(12.0)
+def test_heavy_damage_neither_loses_the_way_nor_makes_restarts(kind, seed, make):
+    drive = Drive(f"{kind}:rate=0.03,direction=to_host,at=1", make, seed=seed).run(12.0)
     assert drive.error_m < ERROR_M
     assert drive.robot.statistics.restarts == 0 and not drive.seen(PathUnknown)
 
 
+@pytest.mark.parametrize("make", [PythonBoard, real_image])
 @pytest.mark.parametrize("gap_s", [2, 4, 9])
-def test_after_a_silence_of_the_same_boot_nothing_is_missed(gap_s):
-    drive = Drive(f"loss:rate=1,at=5,lasts={gap_s}").run(8.0)
+def test_after_a_silence_of_the_same_boot_nothing_is_missed(gap_s, make):
+    drive = Drive(f"loss:rate=1,at=5,lasts={gap_s}", make).run(8.0)
     assert drive.error_m < ERROR_M
     assert [event.restarted for event in drive.seen(Ready)] == [True, False]
 

@@ -11,6 +11,7 @@ import pytest
 from mrl_driver.errors import ConfigError
 from mrl_driver.robot import models
 from sim_arduino.board import PythonBoard
+from sim_arduino.board.avr_board import AvrEngine
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.serve import factory
 from sim_arduino.serve.pty import PtyPort
@@ -88,6 +89,25 @@ def test_a_board_that_streams_at_50_hz_is_called_about_once_for_each_frame():
     assert steps_in_a_second(board) <= 60
 
 
+@pytest.fixture
+def image():
+    """The firmware's image on a simulated chip."""
+    engine = AvrEngine(plant(), robot_id=1)
+    yield engine
+    engine.close()
+
+
+def test_an_idle_image_is_called_less_than_a_hundred_times_a_second(image):
+    assert steps_in_a_second(image) < 100
+
+
+def test_an_image_that_streams_at_50_hz_is_called_about_five_times_for_each_frame(image):
+    """When it begins to read the motor board, and each millisecond while bytes leave."""
+    image.advance(0.5)
+    image.receive(b"@11,150,600e@18,20e")
+    assert steps_in_a_second(image) <= 300
+
+
 def test_an_idle_server_waits_for_its_heartbeat():
     port = PtyPort()
     server = PtyServer(Idle(), port)
@@ -154,8 +174,9 @@ def test_a_board_that_fails_does_not_stop_the_others(together):
 TEAM = ("--name", "one", "--name", "two", "--pose", "0,0,0", "--pose", "0.6,0,180")
 
 
-def test_all_robots_of_a_process_answer():
-    with Simulator(*TEAM) as simulator:
+@pytest.mark.parametrize("engine", ["python", "avr"])
+def test_all_robots_of_a_process_answer(engine):
+    with Simulator(*TEAM, "--engine", engine) as simulator:
         lines = [simulator.path, simulator.process.stdout.readline().strip()]
         assert [line.split()[0] for line in lines] == ["one", "two"]
         for line in lines:
