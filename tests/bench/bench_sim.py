@@ -144,6 +144,8 @@ def holds(count: int, processes: int, period_ms: int, *options: str) -> bool:
         return least >= ON_TIME * due - 1
     finally:
         for each in served:
+            each.process.terminate()
+        for each in served:
             each.close()
 
 
