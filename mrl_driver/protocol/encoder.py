@@ -1,10 +1,11 @@
 """Frames to bytes, checked against the rows of the table."""
 
+from binascii import crc_hqx
 from typing import Optional, Sequence
 
 from mrl_driver.errors import FrameError
 
-from .frames import Stamp, check_value
+from .frames import Stamp
 from .table import BY_CODE, Command, Field
 
 
@@ -60,4 +61,7 @@ def _encode(
                 f"{row.name}: {field.name} is {value}, expected {field.low} to {field.high} {field.unit}"
             )
     body = (b"@%d" + b",%d" * (len(args) + len(tail))) % (row.code, *args, *tail)
-    return b"%s,%de" % (body, check_value(body)) if checked else body + b"e"
+    if not checked:
+        return body + b"e"
+    check = crc_hqx(body, 0xFFFF)  # `frames.check_value`, without a call
+    return b"%s,%de" % (body, check - 65536 if check > 32767 else check)
