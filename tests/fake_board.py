@@ -13,6 +13,9 @@ SEPARATION_M, METRES = 0.180, 0.000087512033
 class FakeBoard:
     """A TraxBot's board; `version` 1 is 2013 with a stream of `stream_code` 8 or 6."""
 
+    watches = True
+    """Its watchdog stops the motors if the host falls silent."""
+
     def __init__(
         self, robot_id: int = 1, version: int = 2, stream_code: int = 8, boot_s: float = 0.0
     ) -> None:
@@ -64,7 +67,7 @@ class FakeBoard:
             self.right += (linear + angular * SEPARATION_M / 2) * dt / METRES
         if "left" not in self.dead:
             self.left += (linear - angular * SEPARATION_M / 2) * dt / METRES
-        if self.watchdog_s and now - self.fed_s > self.watchdog_s:
+        if self.watches and self.watchdog_s and now - self.fed_s > self.watchdog_s:
             self.speeds = (0, 0)
             self.stop_reason = 2
         while self.period_s is not None and now >= self.due_s:

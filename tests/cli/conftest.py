@@ -4,7 +4,7 @@ import signal
 
 import pytest
 
-from tests.driver.conftest import serve  # noqa: F401
+from tests.driver.conftest import patient, prompt, serve  # noqa: F401
 
 
 @pytest.fixture(autouse=True)

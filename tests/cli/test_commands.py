@@ -17,6 +17,7 @@ from mrl_driver.cli.commands import shared
 from mrl_driver.recording.recording import Recording
 from mrl_driver.robot import models
 from mrl_driver.session.events import Lost, PathUnknown, Reconnected, Slowed
+from mrl_driver.session.polling import STATUS
 from mrl_driver.terminal import keyboard
 from mrl_driver.terminal.shown_state import range_text
 from tests.waiting import PATIENCE_S, wait_until
@@ -150,8 +151,9 @@ def test_monitor_finds_a_robot_again_that_was_unplugged(serve, tmp_path):
     os.symlink(port.path, link)
     command = [sys.executable, "-m", "mrl_driver", "record", "--port", link, log]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
-    wait_until(lambda: port.board.period_s is not None)
-    time.sleep(0.1)
+    wait_until(
+        lambda: sum(frame.code == STATUS for frame in port.board.heard) > 2
+    )  # asked of a robot that is ready
     os.remove(link)
     port.unplug()
     lost = process.stderr.readline()

@@ -7,7 +7,9 @@ import tty
 
 import pytest
 
+from mrl_driver.session import session
 from tests.fake_board import FakeBoard
+from tests.waiting import PATIENCE_S
 
 from .line import Line
 
@@ -62,7 +64,21 @@ class PtyBoard:
 
 
 @pytest.fixture
-def serve():
+def prompt():
+    """For tests of silence: driver and board keep their own limits."""
+
+
+@pytest.fixture
+def patient(request, monkeypatch):
+    """Driver and fake board bear a silence of any length, or a busy computer would drop a test's command."""
+    if "prompt" not in request.fixturenames:
+        for limit in ("LATE_S", "STALE_S", "PAUSE_S"):
+            monkeypatch.setattr(session, limit, PATIENCE_S)
+        monkeypatch.setattr(FakeBoard, "watches", False)
+
+
+@pytest.fixture
+def serve(patient):
     """Puts a fake board on a pty; call it with the arguments of FakeBoard."""
     boards = []
 

@@ -48,7 +48,7 @@ def test_what_came_from_the_board_is_recorded(recorded):
     assert len([frame for frame in frames if frame.code == 8]) > 3
 
 
-def test_a_summary_counts_the_frames_that_the_driver_counted(serve, tmp_path):
+def test_a_summary_counts_the_frames_that_the_driver_counted(prompt, serve, tmp_path):
     """Also those around the beginning and the end of the check value, which the remark comes behind."""
     board, path = serve(), str(tmp_path / "drive.mrl")
     with Driver(board.path, options=Options(record=path)) as robot:

@@ -13,6 +13,7 @@ from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import FrameError
 from mrl_driver.protocol.table import STOP_REASONS
 from mrl_driver.safety.wheel_monitor import DEAD, POWERLESS, Mismatch
+from mrl_driver.session import session
 from mrl_driver.session.motion_command import STOPS
 from mrl_driver.transport.link import SerialLink
 from tests.waiting import PATIENCE_S, drive_until, wait_until
@@ -112,7 +113,8 @@ def test_a_stop_because_motor_power_went_off(robot):
     assert robot.command is None
 
 
-def test_a_stop_because_telemetry_stays_away(robot):
+def test_a_stop_because_telemetry_stays_away(prompt, robot, monkeypatch):
+    monkeypatch.setattr(session, "PAUSE_S", PATIENCE_S)  # a held-up host is another reason
     robot.fake.mute = True
     wait_until(lambda: robot.command is None)
     assert robot.stop_reason == "stale"
