@@ -34,7 +34,7 @@ from mrl_driver.session.handshake import Board
 from mrl_driver.session.link_counters import Statistics
 from mrl_driver.session.motion_command import Motion
 from mrl_driver.session.sensor_polling import Reading
-from mrl_driver.session.session import PAUSE_S
+from mrl_driver.session.session import PAUSE_S, TURNING
 from mrl_driver.transport import fork_guard
 from mrl_driver.transport.address import require_port
 from mrl_driver.transport.baud_rates import FAST_BAUD, require_raisable
@@ -280,7 +280,8 @@ class Driver:
         self._flush()
 
     def inhibit(self, reason: str) -> None:
-        """Stop, and refuse commands until `allow` is called with each reason; no command overtakes this.
+        """Stop, and refuse commands and requests that turn motors until `allow` is called with each reason; none
+        overtakes this.
 
         Raises:
             LinkLost: the port went away; commands are refused nevertheless.
@@ -321,6 +322,8 @@ class Driver:
             FrameError: the command table does not allow the request.
             BoardTimeout: the request would turn motors, and the board is silent; it was not sent.
             LinkLost: the port went away.
+            MrlError: the request would turn motors, and commands are inhibited or the driver is being closed; it was
+                not sent.
         """
         core = self._connected()
         session = core.session
@@ -334,6 +337,8 @@ class Driver:
                 if not room:
                     session.counters.blocked_writes += 1
                     return
+            if code in TURNING:
+                core.require_uninhibited(code)
             session.request(code, *args)
         self._flush()
 

@@ -7,8 +7,8 @@ emulated board in simulated time.  All times are seconds of one monotonic clock,
 import math
 from typing import Dict, List, Optional, Set, Tuple, Union
 
-from mrl_driver.errors import FrameError
-from mrl_driver.protocol.table import COMMANDS
+from mrl_driver.errors import FrameError, MrlError
+from mrl_driver.protocol.table import BY_CODE, COMMANDS
 from mrl_driver.robot import battery
 from mrl_driver.robot.kinematics import cannot_sideways
 from mrl_driver.robot.models import OmniDrive, RobotModel, kind_of, require_drivable
@@ -178,6 +178,15 @@ class Core:
         linear, angular, *others = limiter.step(now)
         lateral_mm_s = (round(others[0] * 1000),) if others else ()
         return session.drive((round(linear * 1000), round(angular * 1000), *lateral_mm_s), now, moves)
+
+    def require_uninhibited(self, code: int) -> None:
+        """Raise MrlError if a request that turns motors must not be sent now."""
+        if self.leaving or self.inhibited:
+            why = "the driver is being closed" if self.leaving else ", ".join(sorted(self.inhibited))
+            raise MrlError(
+                f"{BY_CODE[code].name} is refused while commands are inhibited ({why}), nothing was sent; "
+                "try again after that has ended"
+            )
 
     def limit_again(self, now: float) -> None:
         """Continue to accelerate, and apply `limiter.restrict` again, if a command is in force."""

@@ -49,7 +49,18 @@ _CHECK = BY_NAME["set_check"].code
 
 _encode = lru_cache(maxsize=32)(encode_request)
 """Cached, because polls, repeats and stops are often the same bytes."""
-_TURNING = {BY_NAME[n].code for n in ("calibrate", "move_motors_pid", "move_motors", "move_to_position")}
+TURNING = {
+    BY_NAME[n].code
+    for n in (
+        "calibrate",
+        "move_motors_pid",
+        "move_motors",
+        "move_differential",
+        "move_to_position",
+        "move_omni",
+    )
+}
+"""Requests that turn motors."""
 
 
 class Session:
@@ -183,12 +194,12 @@ class Session:
             FrameError: the command table does not allow the request.
             BoardTimeout: the request would turn motors, and the board is silent or being greeted; it was not sent.
         """
-        if code in _TURNING and not self.ready:
+        if code in TURNING and not self.ready:
             raise BoardTimeout(
                 "the board is silent or being greeted, nothing was sent; try again when it is ready"
             )
         self._send(code, *args)
-        if code in _TURNING:
+        if code in TURNING:
             self._poll.hurry()
             self.hurried = True
 

@@ -1,5 +1,6 @@
 """The driver with its thread, on a pty with a fake board at the other end."""
 
+import contextlib
 import math
 import os
 import re
@@ -29,6 +30,7 @@ from mrl_driver.transport import open_link
 from mrl_driver.transport.link import SerialLink
 from tests.waiting import PATIENCE_S, drive_until, wait_until
 
+TURN, STOP = BY_NAME["move_motors_pid"].code, BY_NAME["stop"].code
 CLOSE_S, RUNS = 1.0, 5
 """Longest good-bye, the median of so many."""
 
@@ -220,6 +222,22 @@ def test_a_callback_cannot_start_a_robot_that_is_being_stopped(serve):
         wait_until(lambda: port.board.speeds == (100, 0))
     wait_until(lambda: port.board.period_s is None)
     assert port.board.speeds == (0, 0)
+
+
+def test_a_callback_cannot_turn_the_motors_of_a_robot_that_is_being_stopped(serve):
+    """A request is a command, too."""
+    port = serve()
+
+    def turn(_):
+        with contextlib.suppress(MrlError):
+            driver.request(TURN, 50, 50)
+
+    with Driver(port.path) as driver:
+        driver.on_telemetry(turn)
+        wait_until(lambda: TURN in [frame.code for frame in port.board.heard])
+    wait_until(lambda: port.board.period_s is None)
+    codes = [frame.code for frame in port.board.heard]
+    assert TURN not in codes[codes.index(STOP, codes.index(TURN)) :]
 
 
 def test_an_error_of_its_own_ends_the_driver_and_stops_the_robot(serve):

@@ -7,7 +7,7 @@ import pytest
 from mrl_driver.driver import Driver, Options
 from mrl_driver.driver.options import COMMAND_TIMEOUT_S
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import BoardTimeout, ConfigError, LinkLost, NotARobot, WrongRobot
+from mrl_driver.errors import BoardTimeout, ConfigError, LinkLost, MrlError, NotARobot, WrongRobot
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
 from mrl_driver.safety.speed_limiter import FIRST_STEP_S
@@ -254,3 +254,16 @@ def test_a_pose_is_taken_with_its_yaw_in_range(robot):
     robot.drive(0.2, 0.0)
     robot.wait(0.2)
     assert robot.pose.x_m > 1
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [("calibrate",), ("move_motors", 50, 50), ("move_differential", 200, 0), ("move_omni", 50, 0, 0)],
+)
+def test_a_request_that_turns_motors_is_refused_while_commands_are_inhibited(robot, request_):
+    name, *arguments = request_
+    robot.inhibit("emergency stop")
+    with pytest.raises(MrlError, match=f"{name} is refused.*emergency stop.*nothing was sent"):
+        robot.request(BY_NAME[name].code, *arguments)
+    robot.allow("emergency stop")
+    robot.request(BY_NAME[name].code, *arguments)
