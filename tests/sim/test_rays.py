@@ -39,6 +39,16 @@ def test_a_wall_beside_a_cone_is_not_near_it():
     assert list(rays.near_cone(rays.circles(np.array(walls)), Pose(0, 0, 0), CONE_RAD, RANGE_M)) == [0]
 
 
+@given(pose=poses, others=st.lists(poses, min_size=1, max_size=8), round_one=st.booleans())
+def test_a_sonar_hears_the_nearest_outline_of_all_robots(pose, others, round_one):
+    world, footprint = World(), Footprint(0.4, 0.3, round_one)
+    for number, other in enumerate(others):
+        world.place(f"r{number}", other, footprint)
+    sides = [side for other in others for side in footprint.outline(other)]
+    expected = nearest_in_cone(sides, pose, CONE_RAD, RANGE_M)
+    assert world.nearest(pose, CONE_RAD, RANGE_M) == pytest.approx(expected)
+
+
 @given(walls=walls, pose=poses)
 def test_arrays_and_the_loop_measure_the_same_distances(walls, pose):
     each = [distance(wall, pose.x_m, pose.y_m) for wall in walls]
