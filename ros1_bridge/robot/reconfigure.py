@@ -1,7 +1,7 @@
 """Makes the descriptions for dynamic_reconfigure in code, so that nothing has to be built.  Pure."""
 
 import math
-from typing import Any, Dict, List, MutableMapping, Sequence
+from typing import Any, Dict, List, Mapping, MutableMapping, Sequence
 
 from mrl_driver.protocol.table import INT16_MAX
 from mrl_driver.robot.models import Limits, RobotModel
@@ -49,14 +49,14 @@ def limits_of(config: MutableMapping[str, Any], before: Limits) -> Limits:
     return Limits(*(config[name] for name in LIMITS), *before[len(LIMITS) :])
 
 
-def gains_description(model: RobotModel) -> Description:
-    """Gains of the motor board, which stores each change."""
+def gains_description(gains: Mapping[str, int]) -> Description:
+    """Gains of the motor board, which stores each change; `gains` are those at the start."""
     return Description(
         tuple(
             Row(
                 name,
                 int,
-                model.board[name],
+                gains[name],
                 "",
                 f"{text} gain of the motor board; stored there",
                 0,

@@ -44,7 +44,7 @@ from ros1_bridge.topics.publishers import Publishers
 from ros1_bridge.topics.sensor_topics import SensorTopics
 
 from . import reconfigure, xbee
-from .services import Answer, Services
+from .services import GAINS, Answer, Services
 from .xbee import Radio
 
 DIAGNOSTICS_S = 1.0
@@ -241,7 +241,13 @@ class RobotNode:
                     rospy.delete_param(f"~{group}")
             self._servers = [Server(reconfigure.limits_description(model, limits), self._on_limits, "limits")]
             if self._parameters.allow_gains:
-                self._servers.append(Server(reconfigure.gains_description(model), self._on_gains, "gains"))
+                self._gains = self._services.gains()
+                self._servers.append(
+                    Server(reconfigure.gains_description(self._gains), self._on_gains, "gains")
+                )
+        except MrlError as error:
+            if not rospy.is_shutdown():
+                rospy.logerr(f"gains are not offered, because those of the board cannot be read: {error}")
         except (rospy.ROSException, OSError):  # the shutdown has closed a service, or the master, meanwhile
             if not rospy.is_shutdown():
                 raise
@@ -389,6 +395,9 @@ class RobotNode:
         if level != -1:  # -1 is the call at the start: the board keeps its gains
             done, text = self._services.set_gains(config["kp"], config["ki"], config["kd"])
             (rospy.loginfo if done else rospy.logerr)(text)
+            if done:
+                self._gains = {name: config[name] for name in GAINS}
+            config.update(self._gains)
         return config
 
 

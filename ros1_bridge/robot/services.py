@@ -1,15 +1,16 @@
 """The actions of the node's services: each takes nothing or a switch, and returns (success, message).  No ROS."""
 
 import math
-from typing import Any, Callable, Tuple
+from typing import Any, Callable, Dict, Tuple
 
 from mrl_driver.errors import MrlError
-from mrl_driver.protocol.table import BY_NAME
+from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
 from ros1_bridge.control.commander import Commander
 
 Answer = Tuple[bool, str]
 STILL_M_S, STILL_RAD_S = 0.005, 0.02
 """Slower than this counts as standing still."""
+GAINS = ("kp", "ki", "kd")
 UNDER_WAY = "the robot moves, or drives to a pose"
 
 
@@ -61,6 +62,18 @@ class Services:
         except MrlError as error:
             return False, str(error)
         return True, "the motor board calibrates, the wheels turn; reset_odometry afterwards"
+
+    def gains(self) -> Dict[str, int]:
+        """The gains kp, ki and kd of the motor board; the model's if the board does not tell them (2013).
+
+        Raises:
+            MrlError: the board does not answer.
+        """
+        driver = self._driver
+        if "config" not in driver.board.capabilities:
+            return {name: driver.model.board[name] for name in GAINS}
+        read = BY_NAME["read_config"].code
+        return {name: driver.ask(read, PARAMETER_BY_NAME[name].number)[1] for name in GAINS}
 
     def set_gains(self, kp: int, ki: int, kd: int) -> Answer:
         """Set the gains of the motor board's speed control; the board stores them."""

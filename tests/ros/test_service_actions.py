@@ -4,6 +4,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from mrl_driver.errors import BoardTimeout
+from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
+from mrl_driver.robot import models
 from ros1_bridge.robot.services import Services
 
 
@@ -31,3 +34,34 @@ def test_robot_under_way_is_refused(done, action, state):
     """Also while it stands on its way to a pose, because a sonar is silent: the pose would be another place."""
     success, words = action(services(done, **state))
     assert (success, done) == (False, []) and "stop it first" in words
+
+
+def with_gains(gains, capabilities=("config",)):
+    """Services of a board that has these gains."""
+    numbers = {PARAMETER_BY_NAME[name].number: value for name, value in gains.items()}
+
+    def ask(code, number):
+        assert code == BY_NAME["read_config"].code
+        if number not in numbers:
+            raise BoardTimeout("no answer")
+        return number, numbers[number]
+
+    driver = SimpleNamespace(
+        board=SimpleNamespace(capabilities=frozenset(capabilities)), ask=ask, model=models.load("traxbot")
+    )
+    return Services(driver, None, None)
+
+
+def test_gains_that_are_offered_are_the_boards_own():
+    """dynamic_reconfigure sends all three if one is changed: calibrated gains would be overwritten."""
+    gains = {"kp": 800, "ki": 350, "kd": 210}
+    assert with_gains(gains).gains() == gains
+
+
+def test_gains_of_a_board_that_does_not_tell_them_are_the_models():
+    assert with_gains({}, ()).gains() == {"kp": 700, "ki": 400, "kd": 200}
+
+
+def test_gains_that_cannot_be_read_are_not_guessed():
+    with pytest.raises(BoardTimeout):
+        with_gains({"kp": 800}).gains()
