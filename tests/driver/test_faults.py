@@ -71,14 +71,17 @@ def test_a_killed_driver_leaves_a_robot_that_stops(emulate):
 
 @pytest.mark.realtime
 def test_a_command_source_that_dies_stops_the_robot(emulate):
+    """A stop for another reason is not counted: a busy computer may hold up the driver before the last command."""
     robot, times = emulate(), []
     with Driver(robot.path, options=Options(command_timeout_s=TIMEOUT_S)) as driver:
-        for _ in range(RUNS):
+        while len(times) < RUNS:
             for _ in range(3):
-                driver.drive(0.2, 0.0)
+                taken = driver.drive(0.2, 0.0)
                 last_s = time.monotonic()
                 time.sleep(0.05)
-            times.append(robot.wait_for(STOP, last_s) - last_s)
+            stopped_s = robot.wait_for(STOP, last_s) if taken else 0.0
+            if taken and driver.stop_reason == "command_timeout":
+                times.append(stopped_s - last_s)
     assert TIMEOUT_S - ON_CLOCKS_S <= min(times) and median(times) <= TIMEOUT_S + BEYOND_TIMEOUT_S, times
 
 
