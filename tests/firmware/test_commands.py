@@ -336,3 +336,14 @@ def test_debug_flag(bench):
     before = board.ask("get_debug").args
     board.send("set_debug", 1)
     assert (before, board.ask("get_debug").args) == ((0,), (1,))
+
+
+def test_a_request_behind_several_that_fail_is_answered_at_once(bench):
+    """Without the motor board no counts come; the loop goes on to the next request before it sleeps."""
+    board = bench()
+    board.plant.motor_board.present = False
+    board.run(0.3)
+    board.frames()
+    board.raw(b"@31e@6e@6e@6e@17e")
+    board.run(0.05)
+    assert [frame.code for frame in board.frames()] == [31, 17]
