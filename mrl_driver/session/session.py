@@ -93,6 +93,8 @@ class Session:
         self._telemetry_by_s = math.inf
         """Latest time of the first telemetry [s]."""
         self._greeting_s = greeting_s
+        self._stream_code = _BOTH
+        """Code of the stream's frames; other counters are replies to requests."""
         self.heard_s = -math.inf
         """Arrival of the last telemetry [s]."""
         self._greeting: Optional[Handshake] = Handshake(plan, self._send, admit, now, timeout_s=greeting_s)
@@ -349,6 +351,7 @@ class Session:
                 self._decoder.checked = bool(frame.args[0])
             self._greeting.on_frame(frame, now, checked)
             if self._greeting is not None and self._greeting.done:
+                self._stream_code = code
                 self._begin(now, events)
 
     def _on_counts(self, frame: Frame, now: float, events: List[SessionEvent]) -> None:
@@ -367,6 +370,9 @@ class Session:
         else:
             sequence, stamp_s, time_s = None, stream.unnumbered(now), now
         if self._greeting is not None:
+            return
+        if frame.code != self._stream_code:
+            events.append(Reply(frame))
             return
         self.heard_s = now
         counts, sonars, rear = args[:2], args[2:] or None, None

@@ -90,6 +90,19 @@ def test_a_square_of_a_metre_while_it_turns(robot):
     )
 
 
+def test_two_counters_that_were_requested_do_not_move_it(robot):
+    """The third would count as zero."""
+    driver = robot.driver
+    driver.drive(0.0, 0.0, 0.1)
+    driver.wait(1.0)
+    poses = []
+    driver.on_telemetry(lambda telemetry: poses.append(telemetry.pose))
+    driver.request(8)
+    driver.wait(0.2)
+    assert driver.statistics.refused_counts == 0
+    assert all(one.y_m <= next.y_m for one, next in zip(poses, poses[1:]))
+
+
 def test_silence_of_the_program_stops_it_too(robot):
     """The stop is the same one: row 13, confirmed by three counters."""
     driver = robot.driver

@@ -7,7 +7,7 @@ from mrl_driver.protocol import Frame, encode_reply
 from mrl_driver.protocol.table import BY_CODE, BY_NAME, STOP_REASONS
 from mrl_driver.session.handshake import Plan
 from mrl_driver.session.motion_command import SLOW
-from mrl_driver.session.session import Info, Ready, Sonars, Stale, Status
+from mrl_driver.session.session import Info, Ready, Reply, Sonars, Stale, Status
 from tests.fake_board import FakeBoard
 
 from .talk import Talk
@@ -317,6 +317,16 @@ def test_a_stream_of_eight_needs_no_poll():
     talk = Talk(FakeBoard(version=1)).until_ready().run(2)
     assert 7 not in codes(talk)
     assert talk.counts[-1].sonars == (120, 45, 645)
+
+
+def test_counters_that_were_requested_are_a_reply_and_no_telemetry():
+    """Else their missing sonars would be polled for the rest of the session."""
+    talk = Talk().until_ready().run(0.1)
+    talk.session.request(6)
+    talk.run(0.1)
+    talk.until(lambda: any(event.frame.code == 6 for event in talk.seen(Reply)))
+    talk.run(1)
+    assert 7 not in codes(talk) and all(counts.sonars for counts in talk.counts)
 
 
 def test_status_and_battery_are_asked_for():
