@@ -92,8 +92,9 @@ def test_master_with_another_node_is_refused(master):
     publisher.unregister()
 
 
-LATE_ROSCORE = """#!/bin/sh
+LATE_ROSCORE = """#!/bin/bash
 rosmaster --core -p $2 &
+until : < /dev/tcp/127.0.0.1/$2; do sleep 0.1; done
 sleep 1
 echo "started core service [/rosout]"
 wait
