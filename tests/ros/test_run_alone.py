@@ -94,6 +94,7 @@ def test_master_with_another_node_is_refused(master):
 
 LATE_ROSCORE = """#!/bin/bash
 rosmaster --core -p $2 &
+trap "kill $!" EXIT INT TERM
 until : < /dev/tcp/127.0.0.1/$2; do sleep 0.1; done
 sleep 1
 echo "started core service [/rosout]"
@@ -113,6 +114,7 @@ def test_nodes_start_after_roscore_is_complete(tmp_path):
         assert "started core service" in (tmp_path / "roscore.log").read_text()
     finally:
         run.stop()
+    assert not master_answers(env["ROS_MASTER_URI"])
 
 
 def test_program_that_does_not_answer_is_no_master():
