@@ -264,3 +264,21 @@ def test_a_close_under_the_lock_sends_its_stop_although_another_thread_is_writin
     robot.restrict(interrupted)
     robot.drive(0.1, 0.0)
     assert line.board.speeds == (0, 0) and line.board.period_s is None
+
+
+def test_a_close_just_before_a_wait_begins_ends_the_wait(line, monkeypatch):
+    """As in a signal handler: the wait has seen an open driver, and is not yet among those that are notified."""
+    robot = Driver(line, options=LASTING)
+    robot.connect()
+    wait, handlers = threading.Condition.wait, [robot.close]
+
+    def interrupted(condition, timeout=None):
+        if handlers and timeout is None and threading.current_thread() is not threading.main_thread():
+            handlers.pop()()
+        return wait(condition, timeout)
+
+    def wait_for_the_end():
+        monkeypatch.setattr(threading.Condition, "wait", interrupted)
+        return robot.wait()
+
+    assert aside(wait_for_the_end)
