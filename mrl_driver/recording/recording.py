@@ -56,7 +56,8 @@ class Recorder:
         self.lost = 0
         self.error = ""
         self._torn = False
-        self._waiting: Deque[str] = deque()
+        self._waiting: Deque[Entry] = deque()
+        self._written_s = 0.0
         self._ended = threading.Event()
         try:
             self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
@@ -76,8 +77,7 @@ class Recorder:
             self.lost += 1
             self.error = self.error or "the disk is too slow"
             return
-        text = codecs.escape_encode(data)[0].decode("ascii")
-        self._waiting.append(f"{time.monotonic() - self._start_s:.6f} {direction} {text}\n")
+        self._waiting.append(Entry(time.monotonic() - self._start_s, direction, bytes(data)))
 
     @property
     def loss(self) -> str:
@@ -99,9 +99,16 @@ class Recorder:
         ended = False
         while not ended:
             ended = self._ended.wait(FLUSH_S)
-            lines = [self._waiting.popleft() for _ in range(len(self._waiting))]
-            if lines:
-                self._write("".join(lines), len(lines))
+            entries = [self._waiting.popleft() for _ in range(len(self._waiting))]
+            if entries:
+                entries.sort(key=lambda entry: entry.time_s)  # a thread may pause before it appends
+                self._write("".join(map(self._line, entries)), len(entries))
+
+    def _line(self, entry: Entry) -> str:
+        """The entry as a line, not before the last one: the time of an entry that missed its turn is moved."""
+        self._written_s = max(self._written_s, entry.time_s)
+        text = codecs.escape_encode(entry.data)[0].decode("ascii")
+        return f"{self._written_s:.6f} {entry.direction} {text}\n"
 
     def _write(self, text: str, lines: int) -> None:
         data = (("\n" if self._torn else "") + text).encode("ascii")

@@ -3,6 +3,7 @@
 import errno
 import os
 import threading
+import time
 
 import pytest
 from hypothesis import given
@@ -61,6 +62,35 @@ def test_what_was_added_is_on_the_disk_within_a_second(tmp_path):
     assert recording.FLUSH_S <= 0.5
     wait_until(lambda: b"@6,1,2e" in (tmp_path / "log").read_bytes())
     recorder.close()
+
+
+def recorded_late(path, monkeypatch, meanwhile):
+    """Data of a recording in which a thread pauses between the time of `late` and its line, and the lines skipped."""
+    recorder, clock, paused = Recorder(str(path)), time.monotonic, []
+
+    def pausing():
+        now = clock()
+        if not paused:
+            paused.append(True)
+            recorder.add(FROM_BOARD, b"other")
+            meanwhile()
+        return now
+
+    monkeypatch.setattr(time, "monotonic", pausing)
+    recorder.add(TO_BOARD, b"late")
+    recorder.close()
+    recording = Recording(str(path))
+    return [entry.data for entry in recording], recording.skipped_count
+
+
+def test_a_thread_that_pauses_while_it_records_keeps_the_order(tmp_path, monkeypatch):
+    assert recorded_late(tmp_path / "log", monkeypatch, lambda: None) == ([b"late", b"other"], 0)
+
+
+def test_a_line_that_missed_its_turn_is_read(tmp_path, monkeypatch):
+    path = tmp_path / "log"
+    written = lambda: wait_until(lambda: b"other" in path.read_bytes())  # noqa: E731
+    assert recorded_late(path, monkeypatch, written) == ([b"other", b"late"], 0)
 
 
 def test_a_full_disk_is_counted_and_named():
