@@ -4,7 +4,7 @@ A recording goes on over all of them.  With the option `fast` each line is raise
 """
 
 import time
-from typing import Optional, Union
+from typing import Optional, Tuple, Union
 
 from mrl_driver.errors import LinkLost, MrlError
 from mrl_driver.lock_order import new_lock
@@ -18,8 +18,10 @@ from mrl_driver.transport.reconnect import Reconnection
 
 from .options import Options
 
-ERRORS, ERROR_SHARE = 20, 100
-"""A link at 500000 baud goes back to 115200 after more than `ERRORS` damages plus one per `ERROR_SHARE` frames."""
+ERRORS, ERROR_SHARE, COUNTED_FRAMES = 20, 100, 3000
+"""A link at 500000 baud goes back to 115200 after more than `ERRORS` damages plus one per `ERROR_SHARE` frames.  The
+count starts again after `COUNTED_FRAMES` frames, a minute of driving, so that hours without damage do not hide it.
+"""
 
 
 class LinkSource:
@@ -36,7 +38,9 @@ class LinkSource:
         self.recording: Optional[DriverRecording] = None
         self.fast = self.searching = False
         self._reconnection: Optional[Reconnection] = None
-        self._well_s, self._errors = 0.0, 0
+        self._well_s = 0.0
+        self._begun: Optional[Tuple[int, int]] = None
+        """Frames and damages when the count of damages started."""
         self._lock = new_lock("links")
         self._trial: Optional[Link] = None
         self._closed = False
@@ -70,7 +74,7 @@ class LinkSource:
         except BaseException:
             link.close()
             raise
-        self._well_s, self._errors = time.monotonic(), -1
+        self._well_s, self._begun = time.monotonic(), None
         return link
 
     def _speed_up(self, link: Link) -> bool:
@@ -134,13 +138,13 @@ class LinkSource:
 
     def is_failing(self, session: Session, now: float) -> bool:
         """Return whether the link fails at the higher speed."""
-        errors = sum(session.counters.garbage.values())
-        if self._errors < 0:
-            self._errors = errors
+        frames, errors = session.counters.frames, sum(session.counters.garbage.values())
+        if self._begun is None or frames - self._begun[0] >= COUNTED_FRAMES:
+            self._begun = frames, errors
         if session.ready:
             self._well_s = now
-        most = session.counters.frames // ERROR_SHARE + ERRORS
-        return now - self._well_s > BACK_S or errors - self._errors > most
+        most = (frames - self._begun[0]) // ERROR_SHARE + ERRORS
+        return now - self._well_s > BACK_S or errors - self._begun[1] > most
 
     def abandon(self) -> None:
         """In a forked child: forget the links and the recording, which stay with the parent."""

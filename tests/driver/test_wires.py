@@ -6,11 +6,13 @@ import socket
 import threading
 import time
 from contextlib import closing
+from types import SimpleNamespace
 
 import pytest
 from serial.urlhandler import protocol_loop
 
 from mrl_driver.driver import Driver, Options
+from mrl_driver.driver.link_source import LinkSource
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout, ConfigError, LinkError, LinkLost, NotARobot, PortMissing
 from mrl_driver.protocol.table import BY_NAME
@@ -188,6 +190,34 @@ def test_a_raised_line_that_fails_goes_back():
         assert [str(event) for event in heard if isinstance(event, Slowed)] == [
             "the line shows errors at its higher speed and goes back to 115200 baud"
         ]
+
+
+class Frames:
+    """A session that is ready, and counts frames and damages."""
+
+    def __init__(self):
+        self.ready, self.counters = True, SimpleNamespace(frames=0, garbage={"noise": 0})
+
+    def hear(self, frames, damaged=0):
+        self.counters.frames += frames
+        self.counters.garbage["noise"] += damaged
+
+
+def test_a_raised_line_may_have_a_few_damages_in_each_minute():
+    links, heard = LinkSource("/dev/none", 115200, Options()), Frames()
+    for _ in range(100):
+        assert not links.is_failing(heard, 0.0)
+        heard.hear(3000, damaged=20)
+
+
+def test_hours_without_damage_do_not_hide_a_raised_line_that_fails():
+    links, heard = LinkSource("/dev/none", 115200, Options()), Frames()
+    for _ in range(300):
+        assert not links.is_failing(heard, 0.0)
+        heard.hear(3000)
+    assert not links.is_failing(heard, 0.0)
+    heard.hear(10, damaged=21)
+    assert links.is_failing(heard, 0.0)
 
 
 def test_a_board_that_knows_no_other_speed_is_driven_as_it_is():
