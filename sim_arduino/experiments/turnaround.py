@@ -2,8 +2,8 @@
 
 from typing import Any, List, NamedTuple, Optional, Sequence, Tuple
 
-from mrl_driver.driver.options import Options
-from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.errors import BoardTimeout
+from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.table import BY_NAME
 from sim_arduino.board.engine import Engine
 from sim_arduino.serve import factory
@@ -26,6 +26,8 @@ TO_TOPICS = (
     "The times to and from topics are medians of 200 messages in real time: that of a frame begins when it has left "
     "the board, that of a command ends with its last byte on the serial link."
 )
+BOOT_S, PAUSE_S, PATIENCE_S = 2.5, 0.1, 1.0
+"""Time for the start of the board, pause after a request without a reply, and longest wait for a reply [s]."""
 REQUEST = "read_encoders"
 COUNTERS = ((1, -567), (3, 1234))
 """Counter values in the reply, which has 15 bytes without a checksum."""
@@ -42,26 +44,40 @@ class Topics(NamedTuple):
     command_ms: float
 
 
-class TimedEngine:
-    """An engine that runs in steps short enough to time its replies."""
+class Host:
+    """A PC that sends requests to `engine`, and looks for replies after every `STEP_S`."""
 
     def __init__(self, engine: Engine) -> None:
-        self._engine = engine
-        self._now_s = 0.0
+        self._engine, self._now_s = engine, 0.0
+        self._checked = False
 
-    @property
-    def next_event_s(self) -> float:
-        """One step from now."""
-        return self._now_s + STEP_S
+    def request(self, name: str, *args: int) -> int:
+        """Sends a request; returns its code."""
+        code = BY_NAME[name].code
+        self._engine.receive(encode_request(code, *args, checked=self._checked))
+        return code
 
-    def receive(self, data: bytes) -> None:
-        """As `Engine.receive`."""
-        self._engine.receive(data)
+    def check(self) -> None:
+        """Has all frames from here on carry a checksum."""
+        self.request("set_check", 1)
+        self.wait(PAUSE_S)
+        self._checked = True
 
-    def advance(self, to_s: float) -> bytes:
-        """As `Engine.advance`."""
-        self._now_s = to_s
-        return self._engine.advance(to_s)
+    def wait(self, seconds: float) -> None:
+        """Lets time pass; what the board sends is lost."""
+        self._now_s += seconds
+        self._engine.advance(self._now_s)
+
+    def time_s(self, name: str) -> float:
+        """Time from a request to the end of its reply [s]."""
+        begin_s, decoder = self._now_s, FrameDecoder(REPLIES, checked=self._checked)
+        code = self.request(name)
+        while self._now_s < begin_s + PATIENCE_S:
+            self._now_s += STEP_S
+            for event in decoder.feed(self._engine.advance(self._now_s)):
+                if isinstance(event, Frame) and event.code == code:
+                    return self._now_s - begin_s
+        raise BoardTimeout(f"the image does not answer {name} within {PATIENCE_S:g} s; build it again")
 
 
 def run(setting: Setting, topics: Optional[Topics] = None) -> Result:
@@ -109,31 +125,21 @@ def _rows(topics: Topics, plain_ms: float, published: str) -> List[Figure]:
 
 def _total_ms(setting: Setting, count: int, check: bool) -> float:
     """Total time of `count` messages [ms]."""
-    made = factory.make(factory.Options(robot=setting.robot, engine="avr", seed=setting.seed))
-    code, total_s = BY_NAME[REQUEST].code, 0.0
+    made, total_s = factory.make(factory.Options(robot=setting.robot, engine="avr", seed=setting.seed)), 0.0
     try:
-        with SteppedDriver(
-            TimedEngine(made.engine), setting.robot, Options(period_ms=0, check=check)
-        ) as driver:
-            driver.request(BY_NAME["stop_stream"].code)
-            for wheel, counts in COUNTERS:
-                driver.request(BY_NAME["preset_encoder"].code, wheel, counts)
-            driver.wait(0.1)
-            for _ in range(count):
-                total_s += _one_s(driver, code)
-                driver.wait(max(0.0, 1.0 / count - total_s / count))
+        host = Host(made.engine)
+        host.wait(BOOT_S)
+        if check:
+            host.check()
+        for wheel, counts in COUNTERS:
+            host.request("preset_encoder", wheel, counts)
+            host.wait(PAUSE_S)
+        for _ in range(count):
+            total_s += host.time_s(REQUEST)
+            host.wait(max(0.0, 1.0 / count - total_s / count))
     finally:
         made.close()
     return 1000 * total_s
-
-
-def _one_s(driver: SteppedDriver, code: int) -> float:
-    """Time from a request to the telemetry that answers it [s]."""
-    begin_s, before = driver.now_s, driver.telemetry
-    driver.request(code)
-    while driver.telemetry is before:
-        driver.wait(STEP_S)
-    return driver.now_s - begin_s
 
 
 def _draw(

@@ -61,7 +61,8 @@ def turn(driver: "Driver", side: str) -> Moved:
     yaw_rate = WHEEL_M_S / separation_m
     command = WHEEL_M_S / 2, yaw_rate if side == "right" else -yaw_rate
     end_s = time.monotonic() + TURN_S
-    while driver.drive(*command) and time.monotonic() < end_s:
+    while driver.mismatch is None and time.monotonic() < end_s:
+        driver.drive(*command)  # again also after a silence, in which the driver drops its command
         driver.wait(0.02)
     cause = "" if driver.mismatch is None else driver.mismatch.cause
     driver.stop()
