@@ -4,6 +4,7 @@ import ctypes
 import errno
 import fcntl
 import os
+import select
 import struct
 import termios
 import tty
@@ -113,6 +114,9 @@ class PtyPort:
             return data
         data = self._read(limit)
         if data and not self._clients:
+            if _is_readable(self.watch):
+                self._left = data  # of a program that has opened the port since the last look
+                return b""
             self._clients = 1
         return data
 
@@ -155,6 +159,10 @@ def _watch(path: str) -> Optional[int]:
     if descriptor < 0 or libc.inotify_add_watch(descriptor, path.encode(), _IN_OPEN | _IN_CLOSE) < 0:
         return None
     return int(descriptor)
+
+
+def _is_readable(descriptor: Optional[int]) -> bool:
+    return descriptor is not None and bool(select.select([descriptor], [], [], 0)[0])
 
 
 def _events(watch: Optional[int]) -> Tuple[bool, ...]:

@@ -5,7 +5,7 @@ import pytest
 TWINT, TWEA, TWSTA, TWSTO, TWEN = 0x80, 0x40, 0x20, 0x10, 0x04
 GO = TWINT | TWEN
 SCL_100K, SCL_400K = 160, 40  # cycles per clock at TWBR 72 and 12
-POLL_CYCLES = 17  # of the program's waiting loop, and its own instructions
+POLL_CYCLES = 20  # of the program's waiting loop, and its own instructions; they depend on the compiler
 PROGRAM_CYCLES = 80  # between two steps of the script
 START, STOP = (GO | TWSTA, 0), (GO | TWSTO, 0)
 MOTOR_BOARD = 0x18

@@ -53,6 +53,18 @@ def test_opening_again_is_noticed(port):
         assert port.newly_opened()
 
 
+def test_bytes_wait_until_the_opening_before_them_was_noticed(port):
+    """The opening may reset the board, and it counts once."""
+    with Client(port.path) as client:
+        client.send(b"@13e")
+        assert port.read() == b""
+        assert port.newly_opened()
+        assert port.read() == b"@13e"
+    port.newly_opened()
+    with Client(port.path):
+        assert port.newly_opened()
+
+
 def test_what_is_sent_while_nobody_listens_is_lost(port):
     port.write(b"old")
     with Client(port.path) as client:
