@@ -79,8 +79,7 @@ class Session:
         greeting_s: float = 8.0,
     ) -> None:
         self._admit, self._plan = admit, plan
-        self._decoder = FrameDecoder(REPLIES)
-        self._other = 0
+        self._decoder, self._other = FrameDecoder(REPLIES), 0
         self.out = bytearray()
         """Bytes to send; see `take`."""
         self.counters = Counters()
@@ -104,9 +103,8 @@ class Session:
         self._status_heard_s = -math.inf
         self._boot_s = self._boot_before_s = math.nan
         """Start time of the board [s], from its last status and from the last status before the greeting."""
-        self.lead_s = plan.period_ms / 2000
+        self.lead_s = self.motion.lead_s = plan.period_ms / 2000
         """Work due within this time is done together with the current frame, which saves a wake-up [s]."""
-        self.motion.lead_s = self.lead_s
         self._poll = Poll(self._send, self.counters, self.lead_s)
         self.sensors = self._poll.sensors
         self._attended_s = now
