@@ -4,6 +4,7 @@ import contextlib
 import itertools
 import os
 import pty
+import re
 import select
 import signal
 import sys
@@ -150,6 +151,19 @@ def _links(node_uri: str) -> List[List[Any]]:
     """The connections of a node: number, peer, direction, transport, topic."""
     answer: Any = ServerProxy(node_uri).getBusInfo(rospy.get_name())
     return list(answer[2])
+
+
+_LEFT_WHILE_IT_CONNECTED = re.compile(
+    r".*Inbound TCP/IP connection failed.*(\nTraceback(\n .*)+\n.*ROSHandshakeException.*)?"
+)
+
+
+def without_broken_connections(said: str) -> str:
+    """What nodes said, without rospy's words about a subscriber that left before it was served.
+
+    rospy itself leaves so: it connects twice when two updates of the publishers come at once, and drops one connection.
+    """
+    return _LEFT_WHILE_IT_CONNECTED.sub("", said)
 
 
 def end(child: Child) -> None:

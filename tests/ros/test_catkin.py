@@ -14,7 +14,7 @@ from ros1_bridge.demo.launcher import master_answers
 from ros1_bridge.demo.processes import Child
 from tests.waiting import wait_until
 
-from .rig import ROOT, START_S, free_port
+from .rig import ROOT, START_S, free_port, without_broken_connections
 
 pytestmark = pytest.mark.timeout(300)
 SPACES = ("devel", "install")
@@ -25,10 +25,6 @@ OF_THE_MACHINE = ("Please update rosdep", "missing core ROS Python modules: rosd
 """What roswtf says where rosdep is not installed."""
 OF_A_BUSY_MACHINE = "the board is silent"
 """What the node says when the emulator's process was held up for 0.3 s."""
-LEFT_WHILE_IT_CONNECTED = re.compile(
-    r".*Inbound TCP/IP connection failed.*(\nTraceback(\n .*)+\n.*ROSHandshakeException.*)?"
-)
-"""What rospy says if a program that asked for a topic ends before it is served; rostest's programs end at any time."""
 UNCONNECTED = "node subscriptions are unconnected"
 LISTEN_S = 1.0
 
@@ -115,7 +111,7 @@ def running(workspace, space):
     logs = [path for path in log.rglob("*.log") if "master" not in path.name]
     said = child.output() + [line for path in logs for line in path.read_text(errors="replace").splitlines()]
     said = "\n".join(line for line in said if OF_A_BUSY_MACHINE not in line)
-    said = LEFT_WHILE_IT_CONNECTED.sub("", said)
+    said = without_broken_connections(said)
     assert logs and "shutting down" in said
     assert not re.search(r"WARN|\[ERROR|Traceback|escalating", said), said
 
