@@ -1,11 +1,10 @@
-"""Handlers of the requests that move the motors or set up the motor board."""
+"""Handlers of the requests that move the motors or set them up."""
 
-from functools import partial
 from typing import Callable, Tuple
 
 from mrl_driver.protocol.table import INT16_MAX
-from sim_arduino.hardware.omni3md import Omni3MD
 
+from .motors import Motors
 from .python_board import PythonBoard
 from .registry import REQUESTS, request
 
@@ -13,37 +12,40 @@ _PER_MM_S = 95492
 """6e5 / (2 pi): ceiling [mm/s] * this / (full_speed [1/min] * wheel_radius [0.01 mm]) is the ceiling in %."""
 
 
-def _register(name: str, method: Callable[..., None], turns: bool) -> None:
-    """Registers a request that goes to the motor board if it answers; with `turns` the motors may turn from then on."""
+def _register(name: str, method: Callable[..., bool]) -> None:
+    """Registers a request that a method of `Motors` carries out, given the time and the request's arguments."""
 
     def handle(board: PythonBoard, *values: int) -> None:
-        if board.require_motors():
-            if turns:
-                board.health.turned()
-            method(board.motor_board, board.now_s, *values)
+        if not method(board.motors, board.now_s, *values):
+            board.refuse("unavailable")
 
     REQUESTS[name] = handle
 
 
-def _move_motors(motors: Omni3MD, now_s: float, left: int, right: int, pid: bool) -> None:
-    motors.move_percent(now_s, (left, 0, right), pid)
+def _move_motors_pid(motors: Motors, now_s: float, left: int, right: int) -> bool:
+    return motors.move_percent(now_s, left, right, True)
 
 
-_register("calibrate", Omni3MD.calibrate, True)
-_register("set_encoder_prescaler", Omni3MD.set_prescaler, False)
-_register("preset_encoder", Omni3MD.preset_encoder, False)
-_register("move_motors_pid", partial(_move_motors, pid=True), True)
-_register("move_motors", partial(_move_motors, pid=False), True)
-_register("move_to_position", partial(Omni3MD.move_to_position, hold=True), True)
+def _move_motors(motors: Motors, now_s: float, left: int, right: int) -> bool:
+    return motors.move_percent(now_s, left, right, False)
+
+
+_register("calibrate", lambda motors, *values: motors.calibrate(*values))
+_register("set_encoder_prescaler", lambda motors, *values: motors.set_prescaler(*values))
+_register("preset_encoder", lambda motors, *values: motors.preset(*values))
+_register("move_motors_pid", _move_motors_pid)
+_register("move_motors", _move_motors)
+_register("move_to_position", lambda motors, *values: motors.move_position(*values))
+_register("reset_encoders", lambda motors, *values: motors.reset_encoders(*values))
 
 
 @request
 def set_pid_gains(board: PythonBoard, kp: int, ki: int, kd: int) -> None:
-    """2: unchanged gains are not written to the motor board's EEPROM again."""
+    """2: unchanged gains are not set again, because a motor board would write them to its EEPROM."""
     config = board.config
     if board.require_motors() and (kp, ki, kd) != (config["kp"], config["ki"], config["kd"]):
         config["kp"], config["ki"], config["kd"] = kp, ki, kd
-        board.motor_board.set_gains(board.now_s, kp, ki, kd)
+        board.motors.refresh(board.now_s, "kp")
 
 
 @request
@@ -51,9 +53,8 @@ def move_differential(board: PythonBoard, linear: int, angular: int) -> None:
     """11."""
     config = board.config
     linear, angular = _clamped(board, linear, angular, config["linear_ceiling"], config["angular_ceiling"])
-    if board.require_motors():
-        board.health.turned()
-        board.motor_board.move_differential(board.now_s, linear, angular)
+    if not board.motors.move_speed(board.now_s, linear, angular):
+        board.refuse("unavailable")
 
 
 @request
@@ -66,9 +67,8 @@ def move_omni(board: PythonBoard, speed: int, rotation: int, direction: int) -> 
     turning = angular * config["axis_radius"] // 355 * 339  # 3 / pi
     most_rotation = INT16_MAX if angular == INT16_MAX else min(100, turning // full)
     speed, rotation = _clamped(board, speed, rotation, most_speed, most_rotation)
-    if board.require_motors():
-        board.health.turned()
-        board.motor_board.move_omni(board.now_s, speed, rotation, direction)
+    if not board.motors.move_omni(board.now_s, speed, rotation, direction):
+        board.refuse("unavailable")
 
 
 def _clamped(
@@ -100,11 +100,3 @@ def stop(board: PythonBoard) -> None:
     """13."""
     board.stop_motors("host")
     board.require_motors()
-
-
-@request
-def reset_encoders(board: PythonBoard) -> None:
-    """14."""
-    if board.require_motors():
-        for encoder in (1, 2, 3):
-            board.motor_board.preset_encoder(board.now_s, encoder, 0)

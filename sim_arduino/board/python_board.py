@@ -10,13 +10,13 @@ from typing import Deque, NamedTuple, Optional
 from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
 from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.table import BAUD, BAUDS, BY_CODE, TICK_S
-from sim_arduino.hardware.omni3md import Omni3MD
 from sim_arduino.hardware.sonars import VOLTS_PER_COUNT
 from sim_arduino.hardware.wiring import Plant
 
 from . import parameter_store, registry
 from .board_status import BoardStatus
 from .motor_control import MotorControl
+from .motors import Motors
 from .parameter_store import Config
 from .sonar_chain import SonarTask
 from .uart import OUT_BYTE_S, Incoming, Outgoing
@@ -70,7 +70,7 @@ class PythonBoard:
     Attributes:
         config: The parameters in force.
         health: Counters and flags since the last reset.
-        motors: The motor board as the firmware sees it.
+        motors: The motors as the requests see them.
         sonars: The board's sonar task; None in the environment-sensor build.
     """
 
@@ -104,7 +104,7 @@ class PythonBoard:
     def advance(self, to_s: float) -> bytes:
         """Runs to `to_s` [s]; returns the bytes that left the board until then."""
         if self._booted and self.motors.changed():
-            self.motor_there()
+            self.motors.there(self.now_s)
         while True:
             event_s = self._next_s(0.0)
             if event_s > to_s:
@@ -139,9 +139,7 @@ class PythonBoard:
         if to_s - self.now_s <= STALL_S:
             self.receive(waiting)
             return
-        self.motor_board.fed = False
-        self.plant.advance(to_s)
-        self.motor_board.fed = True
+        self.motors.halt(self.now_s, to_s)
         self.now_s = self._valid_s = self._stream_due_s = to_s
         self._incoming.clear()
         self._decoder = FrameDecoder(REQUESTS, self._decoder.checked)
@@ -149,8 +147,7 @@ class PythonBoard:
 
     def reset(self) -> None:
         """Pull the reset line: RAM is cleared, EEPROM stays; the motors stop when the sketch has started."""
-        self.motor_board.fed = False
-        self.plant.advance(self.now_s)
+        self.motors.release(self.now_s)
         self._start("external")
 
     def close(self) -> None:
@@ -163,7 +160,9 @@ class PythonBoard:
         self.ready_s = self.now_s + BOOT_S
         self.health = BoardStatus(cause)
         self.config = Config(self.eeprom)
-        self.motors = MotorControl(self.plant.motor_board, self.config, self.health)
+        self.motors: Motors = MotorControl(
+            self.plant.motor_board, self.config, self.health, self.plant.advance
+        )
         self.sonars: Optional[SonarTask] = None
         self.debug = False
         self.stream: Optional[RunningStream] = None
@@ -192,10 +191,7 @@ class PythonBoard:
             self.plant.pin_changed(_FAN, 1, self.now_s)
         else:
             self.sonars = SonarTask(self.plant, self.config, self.adc, self.now_s)
-        if self.motor_there():
-            self.motor_board.fed = True
-            self.motor_board.stop(self.now_s)
-            self.motors.set_up(self.now_s)
+        self.motors.boot(self.now_s)
 
     # ---- events in time
 
@@ -207,6 +203,7 @@ class PythonBoard:
         return min(
             self._incoming.next_s,
             trigger_s,
+            self.motors.next_s,
             self._watchdog_due_s(),
             self._check_due_s(),
             self._baud_due_s(),
@@ -218,6 +215,8 @@ class PythonBoard:
         if not self._booted:
             self._boot()
             return
+        if self.motors.next_s <= now:
+            self.motors.run(now)
         if self._incoming.next_s <= now:
             self._take(self._incoming.take())
         if self.sonars:
@@ -357,24 +356,15 @@ class PythonBoard:
         self.health.count(reason)
         self._say("[ERROR] " + reason)
 
-    @property
-    def motor_board(self) -> Omni3MD:
-        """The plant's motor board."""
-        return self.plant.motor_board
-
-    def motor_there(self) -> bool:
-        """Whether the motor board answers now."""
-        return self.motors.there(self.now_s)
-
     def require_motors(self) -> bool:
-        """Whether the motor board answers now; counts a refusal if not."""
-        there = self.motor_there()
+        """Whether the motors can be commanded now; counts a refusal if not."""
+        there = self.motors.there(self.now_s)
         if not there:
             self.refuse("unavailable")
         return there
 
     def stop_motors(self, reason: str) -> None:
-        """Sends the motor board's own stop command at once."""
+        """Stops the motors at once."""
         self.motors.stop(self.now_s, reason)
 
     def adc(self, channel: int) -> int:

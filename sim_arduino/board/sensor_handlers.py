@@ -13,9 +13,15 @@ from .sonar_chain import SONARS
 asks("read_encoders")
 
 
+def _wheels(board: PythonBoard) -> Optional[Tuple[int, int]]:
+    """Counters of the right and the left wheel; None if they cannot be read."""
+    counts = board.motors.counts(board.now_s)
+    return None if counts is None else (counts.right, counts.left)
+
+
 @reply("read_encoders")
 def _encoders(board: PythonBoard, _: int) -> Values:
-    return board.motors.encoders(board.now_s)
+    return _wheels(board)
 
 
 asks("read_sonars", "read_encoders_and_sonars")
@@ -32,15 +38,14 @@ def _sonars(board: PythonBoard, _: int) -> Values:
 
 @reply("read_encoders_and_sonars")
 def _encoders_and_sonars(board: PythonBoard, _: int) -> Values:
-    encoders = board.motors.encoders(board.now_s)
+    encoders = _wheels(board)
     return None if encoders is None else encoders + _sonar_values(board)
 
 
 @reply("start_omni_stream")
 def _omni(board: PythonBoard, _: int) -> Values:
-    encoders = board.motors.encoders(board.now_s)
-    rear = board.motor_board.encoder(2, board.now_s)
-    return None if encoders is None else (*encoders, rear, *_sonar_values(board))
+    counts = board.motors.counts(board.now_s)
+    return None if counts is None else (*counts, *_sonar_values(board))
 
 
 # ---- environment sensors
@@ -140,7 +145,7 @@ def _counts_or_none_needed(board: PythonBoard) -> Values:
     """Counts, or the value 999 that boards without motors have sent instead since 2013."""
     if board.config["robot_id"] > 5 and not board.motors.ever_found:
         return 999, 999
-    return board.motors.encoders(board.now_s)
+    return _wheels(board)
 
 
 @reply("start_sensor_stream")

@@ -13,11 +13,7 @@ asks("robot_info", "get_debug", "get_stream", "read_protocol", "read_status", "r
 
 @reply("robot_info")
 def _robot_info(board: PythonBoard, _: int) -> Values:
-    if not board.motor_there():
-        return 0, 0, 0, PROTOCOL_VERSION, board.config["robot_id"]
-    motor, now = board.motor_board, board.now_s
-    tenths = round(motor.temperature_c(now) * 10.0), round(motor.battery_v(now) * 10.0)
-    return tenths[0] * 10, 172, tenths[1] * 10, PROTOCOL_VERSION, board.config["robot_id"]
+    return (*board.motors.info(board.now_s), PROTOCOL_VERSION, board.config["robot_id"])
 
 
 @request
@@ -40,7 +36,8 @@ def _stream(board: PythonBoard, _: int) -> Values:
 def _protocol(board: PythonBoard, _: int) -> Values:
     build = "environment" if board.environment else "sonars"
     return PROTOCOL_VERSION, sum(
-        _CAPABILITY[name] for name in ("check", "watchdog", "period", "config", "omni", "baud", build)
+        _CAPABILITY[name]
+        for name in ("check", "watchdog", "period", "config", "baud", build, *board.motors.capabilities)
     )
 
 
@@ -87,8 +84,7 @@ def write_config(board: PythonBoard, index: int, value: int) -> None:
         return
     board.config[row.name] = value
     board.health.set_fault("id_unset", board.config["robot_id"] == 0)
-    if board.motor_there():
-        board.motors.set_up(board.now_s, row.name)
+    board.motors.refresh(board.now_s, row.name)
     board.ask(BY_NAME["write_config"].code, index)
 
 
@@ -104,8 +100,7 @@ def save_config(board: PythonBoard) -> None:
 def default_config(board: PythonBoard) -> None:
     """37."""
     board.config.set_defaults()
-    if board.motor_there():
-        board.motors.set_up(board.now_s)
+    board.motors.refresh(board.now_s)
     board.ask(BY_NAME["default_config"].code, 1)
 
 
