@@ -5,7 +5,7 @@
 #include "bus.h"
 #include "frame_writer.h"
 #include "hal.h"
-#include "motor_board.h"
+#include "motor.h"
 #include "protocol.h"
 #include "rows.h"
 #include "status.h"

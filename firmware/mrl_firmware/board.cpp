@@ -9,7 +9,7 @@
 #include "environment.h"
 #include "failsafe.h"
 #include "hal.h"
-#include "motor_board.h"
+#include "motor.h"
 #include "sonar.h"
 #include "status.h"
 #include "xbee.h"

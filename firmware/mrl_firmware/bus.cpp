@@ -5,7 +5,7 @@
 #include "commands.h"
 #include "config.h"
 #include "hal.h"
-#include "motor_board.h"
+#include "motor.h"
 #include "sensors.h"
 #include "status.h"
 

@@ -9,7 +9,7 @@
 #include "flash.h"
 #include "frame_writer.h"
 #include "hal.h"
-#include "motor_board.h"
+#include "motor.h"
 #include "sonar.h"
 #include "status.h"
 

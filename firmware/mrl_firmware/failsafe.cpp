@@ -5,7 +5,7 @@
 #include "board_clock.h"
 #include "commands.h"
 #include "frame_writer.h"
-#include "motor_board.h"
+#include "motor.h"
 #include "protocol.h"
 
 namespace mrl {

@@ -2,7 +2,7 @@
 #include "answers.h"
 #include "ceiling.h"
 #include "config.h"
-#include "motor_board.h"
+#include "motor.h"
 #include "protocol.h"
 #include "status.h"
 

@@ -2,7 +2,7 @@
 
 #include "ceiling.h"
 #include "frame_writer.h"
-#include "motor_board.h"
+#include "motor.h"
 #include "protocol.h"
 #include "status.h"
 

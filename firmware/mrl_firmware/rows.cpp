@@ -5,7 +5,7 @@
 #include "failsafe.h"
 #include "flash.h"
 #include "frame_writer.h"
-#include "motor_board.h"
+#include "motor.h"
 #include "omni.h"
 #include "protocol.h"
 #include "sensors.h"

@@ -2,7 +2,7 @@
 #pragma once
 #include <stdint.h>
 
-#include "motor_message.h"
+#include "omni3md_message.h"
 #include "protocol.h"
 
 namespace mrl {

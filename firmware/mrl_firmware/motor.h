@@ -4,7 +4,7 @@
 
 #include "bus.h"
 #include "hal.h"
-#include "motor_message.h"
+#include "omni3md_message.h"
 #include "protocol.h"
 
 namespace mrl {

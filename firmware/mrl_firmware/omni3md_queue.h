@@ -1,6 +1,6 @@
 // Commands that wait for the motor board, oldest first.
 #pragma once
-#include "motor_message.h"
+#include "omni3md_message.h"
 
 namespace mrl {
 namespace motor {

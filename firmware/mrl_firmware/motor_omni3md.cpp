@@ -1,10 +1,10 @@
-#include "motor_board.h"
+#include "motor.h"
 
 #include "board_clock.h"
 #include "config.h"
 #include "frame_writer.h"
-#include "motor_queue.h"
-#include "motor_set_up.h"
+#include "omni3md_queue.h"
+#include "omni3md_set_up.h"
 #include "status.h"
 
 namespace mrl {

@@ -1,4 +1,4 @@
-#include "motor_set_up.h"
+#include "omni3md_set_up.h"
 
 #include "config.h"
 
