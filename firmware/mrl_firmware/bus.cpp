@@ -5,7 +5,7 @@
 #include "commands.h"
 #include "config.h"
 #include "hal.h"
-#include "motor.h"
+#include "motor_bus.h"
 #include "sensors.h"
 #include "status.h"
 

@@ -1,4 +1,4 @@
-// Commands that go to the motor board: moves, gains, encoders.
+// Commands to the motors: moves, gains, encoders.
 #include "answers.h"
 #include "ceiling.h"
 #include "config.h"
@@ -9,15 +9,15 @@
 namespace mrl {
 namespace {
 
-void forward(const motor::Message& message) {
-  if (!motor::send(message)) status::refuse(Reason::unavailable);
+void require(bool available) {
+  if (!available) status::refuse(Reason::unavailable);
 }
 
 }  // namespace
 
 namespace handlers {
 
-void calibrate(const int16_t*, uint8_t) { forward(motor::Message(motor::CALIBRATE_MOTORS).byte(1).byte(1).byte(1).keys()); }
+void calibrate(const int16_t*, uint8_t) { require(motor::calibrate()); }
 
 void set_pid_gains(const int16_t* args, uint8_t) {
   if (!motor::available()) return status::refuse(Reason::unavailable);
@@ -31,44 +31,31 @@ void set_pid_gains(const int16_t* args, uint8_t) {
 }
 
 void set_encoder_prescaler(const int16_t* args, uint8_t) {
-  forward(motor::Message(motor::PRESCALER, 10)
-           .byte(static_cast<uint8_t>(args[0]))
-           .byte(static_cast<uint8_t>(args[1]))
-           .keys());
+  require(motor::set_prescaler(static_cast<uint8_t>(args[0]), static_cast<uint8_t>(args[1])));
 }
 
 void preset_encoder(const int16_t* args, uint8_t) {
-  forward(motor::Message(motor::PRESET).byte(static_cast<uint8_t>(args[0])).word(args[1]).keys());
+  require(motor::preset_encoder(static_cast<uint8_t>(args[0]), args[1]));
 }
 
-void reset_encoders(const int16_t*, uint8_t) {
-  for (uint8_t encoder = 1; encoder <= 3; encoder++) forward(motor::Message(motor::PRESET).byte(encoder).word(0).keys());
-}
+void reset_encoders(const int16_t*, uint8_t) { require(motor::reset_encoders()); }
 
-void move_motors_pid(const int16_t* args, uint8_t) {
-  forward(motor::Message(motor::MOVE_PID).word(args[0]).word(0).word(args[1]));
-}
+void move_motors_pid(const int16_t* args, uint8_t) { require(motor::move_percent(args[0], args[1], true)); }
 
-void move_motors(const int16_t* args, uint8_t) {
-  forward(motor::Message(motor::MOVE_PLAIN).word(args[0]).word(0).word(args[1]));
-}
+void move_motors(const int16_t* args, uint8_t) { require(motor::move_percent(args[0], args[1], false)); }
 
 void move_differential(const int16_t* args, uint8_t) {
   int16_t linear = args[0], angular = args[1];
   ceiling::clamp(linear, angular);
-  forward(motor::Message(motor::MOVE_SI).word(linear).word(angular));
+  require(motor::move_speed(linear, angular));
 }
 
 void move_to_position(const int16_t* args, uint8_t) {
-  forward(motor::Message(motor::MOVE_POSITION)
-           .byte(static_cast<uint8_t>(args[0]))
-           .word(args[1])
-           .word(args[2])
-           .byte(1));
+  require(motor::move_position(static_cast<uint8_t>(args[0]), args[1], args[2]));
 }
 
 void stop(const int16_t*, uint8_t) {
-  if (!motor::available()) status::refuse(Reason::unavailable);
+  require(motor::available());
   motor::stop(StopReason::host);
 }
 

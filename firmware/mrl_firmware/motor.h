@@ -1,40 +1,52 @@
-// The motor board on the bus: finds it, sets it up, sends commands, reads its counters.  Nothing here waits.
+// The robot's motors and their encoders.  The back end is motor_omni3md.cpp.  Nothing here waits.
 #pragma once
 #include <stdint.h>
 
-#include "bus.h"
-#include "hal.h"
-#include "omni3md_message.h"
 #include "protocol.h"
 
 namespace mrl {
 namespace motor {
 
-// Looks for the board; it is stopped and set up as soon as it answers, and each time it comes back.
 void begin();
 void service();
 
-// False when the board does not answer.
+// False if the motors do not answer.
 bool available();
-// True once it is known whether the board is there.
+// True once it is known whether there are motors.
 bool asked();
-// True if it has answered since the start.
+// True if they have answered since the start.
 bool ever_found();
 
-// Stops the motors before all other commands, and drops waiting moves.
-void stop(StopReason reason);
-// Queues a command; false if the board is not available.
-bool send(const Message& message);
-// Sends a changed parameter to the board.
+// Takes over a changed parameter.
 void refresh(Parameter parameter);
 void refresh_all();
+
+// ---- moves and encoders; each returns false if it is not available
+
+// Linear speed [mm/s], angular speed [mrad/s].
+bool move_speed(int16_t linear, int16_t angular);
+// Percent of full speed if `controlled`, otherwise of full duty.
+bool move_percent(int16_t left, int16_t right, bool controlled);
+// Turns motor 1 (left), 2 (rear) or 3 (right) at `speed` [%] to a counter value, and holds it there.
+bool move_position(uint8_t motor, int16_t speed, int16_t position);
+// Three omni wheels: speed and rotation [%], direction [deg].
+bool move_omni(uint8_t speed, int16_t rotation, int16_t direction);
+// Lets the motor board measure its motors, which turns them.
+bool calibrate();
+// Encoders have the numbers of their motors.
+bool set_prescaler(uint8_t encoder, uint8_t value);
+bool preset_encoder(uint8_t encoder, int16_t count);
+bool reset_encoders();
+
+// Stops the motors before everything else, and drops waiting moves.
+void stop(StopReason reason);
 
 // ---- counters, read when a frame needs them
 
 enum class CountsState : uint8_t { idle, wanted, reading, ready, failed };
 struct Counts {
   int16_t right, left, rear;
-  uint16_t tick;  // when the board latched them
+  uint16_t tick;  // when they were latched
 };
 void want_counts();
 // `ready` and `failed` last until the next want_counts().
@@ -43,16 +55,6 @@ const Counts& counts();
 
 // The row of the reply to 5.
 void report_info();
-
-// ---- for the bus
-
-// A quick check whether next_transfer() may return a transfer.
-bool has_work();
-// Fills in the transfer that must be sent now; false if there is none.
-bool next_transfer(hal::Transfer& transfer);
-// Fills in a battery or temperature read, which can wait; with `only_overdue`, only if it has waited for long.
-bool next_poll(hal::Transfer& transfer, bool only_overdue);
-void transfer_ended(bus::Result result);
 
 }  // namespace motor
 }  // namespace mrl

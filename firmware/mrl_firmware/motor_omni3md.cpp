@@ -1,8 +1,10 @@
-#include "motor.h"
-
+// The OMNI-3MD on the bus: finds it, sets it up as soon as it answers and each time it comes back, sends commands, reads
+// its counters.
 #include "board_clock.h"
 #include "config.h"
 #include "frame_writer.h"
+#include "motor.h"
+#include "motor_bus.h"
 #include "omni3md_queue.h"
 #include "omni3md_set_up.h"
 #include "status.h"
@@ -244,6 +246,17 @@ bool next_stop(hal::Transfer& transfer) {
   return true;
 }
 
+// Queues a command; false if the board is not available.
+bool send(const Message& message) {
+  if (!available()) return false;
+  if (!queue.push(message)) status::refuse(Reason::unavailable);
+  if (message.turns_motors() && !turning) {
+    status::set_stop_reason(StopReason::none);  // so that a second stop for the same reason is seen as one
+    turning = true;
+  }
+  return true;
+}
+
 }  // namespace
 
 void begin() {
@@ -272,14 +285,30 @@ void stop(StopReason reason) {
   stop_wanted = true;
 }
 
-bool send(const Message& message) {
-  if (!available()) return false;
-  if (!queue.push(message)) status::refuse(Reason::unavailable);
-  if (message.turns_motors() && !turning) {
-    status::set_stop_reason(StopReason::none);  // so that a second stop for the same reason is seen as one
-    turning = true;
-  }
-  return true;
+bool move_speed(int16_t linear, int16_t angular) { return send(Message(MOVE_SI).word(linear).word(angular)); }
+
+bool move_percent(int16_t left, int16_t right, bool controlled) {
+  return send(Message(controlled ? MOVE_PID : MOVE_PLAIN).word(left).word(0).word(right));
+}
+
+bool move_position(uint8_t motor, int16_t speed, int16_t position) {
+  return send(Message(MOVE_POSITION).byte(motor).word(speed).word(position).byte(1));
+}
+
+bool move_omni(uint8_t speed, int16_t rotation, int16_t direction) {
+  return send(Message(MOVE_OMNI).byte(speed).word(rotation).word(direction));
+}
+
+bool calibrate() { return send(Message(CALIBRATE_MOTORS).byte(1).byte(1).byte(1).keys()); }
+
+bool set_prescaler(uint8_t encoder, uint8_t value) { return send(Message(PRESCALER, 10).byte(encoder).byte(value).keys()); }
+
+bool preset_encoder(uint8_t encoder, int16_t count) { return send(Message(PRESET).byte(encoder).word(count).keys()); }
+
+bool reset_encoders() {
+  bool all = true;
+  for (uint8_t encoder = 1; encoder <= 3; encoder++) all = preset_encoder(encoder, 0) && all;
+  return all;
 }
 
 void refresh(Parameter parameter) {

@@ -23,9 +23,7 @@ namespace handlers {
 void move_omni(const int16_t* args, uint8_t) {
   int16_t speed = args[0], rotation = args[1];
   ceiling::clamp_shares(speed, rotation);
-  const motor::Message message =
-      motor::Message(motor::MOVE_OMNI).byte(static_cast<uint8_t>(speed)).word(rotation).word(args[2]);
-  if (!motor::send(message)) status::refuse(Reason::unavailable);
+  if (!motor::move_omni(static_cast<uint8_t>(speed), rotation, args[2])) status::refuse(Reason::unavailable);
 }
 
 }  // namespace handlers

@@ -1,4 +1,4 @@
-// Robots with three omni wheels: the motor board's own omnidirectional mode, and its third encoder.
+// Robots with three omni wheels: the omnidirectional mode of their motor board, and the third encoder.
 #pragma once
 
 namespace mrl {

@@ -7,7 +7,7 @@ namespace rows {
 
 enum class Readiness : uint8_t { ready, wait, impossible };
 
-// True if the frame carries counters, which must be read from the motor board.
+// True if the frame carries counters, which must be fetched for it.
 bool needs_counts(uint8_t code);
 // True if the frame has a sequence number and the board time.
 bool is_stamped(uint8_t code);
