@@ -99,8 +99,9 @@ uint8_t image_byte(uint8_t place) {
   return static_cast<uint8_t>(place < IMAGE_SIZE - 1 ? crc : crc >> 8);
 }
 
-bool matches_image() {
-  for (uint8_t place = 0; place < IMAGE_SIZE; place++) {
+// Whether the first bytes of the EEPROM are those of the image.
+bool matches_image(uint8_t size) {
+  for (uint8_t place = 0; place < size; place++) {
     if (hal::eeprom_read(address_of(place)) != image_byte(place)) return false;
   }
   return true;
@@ -119,21 +120,30 @@ int16_t read_id() {
   return static_cast<float>(whole) == number ? whole : static_cast<int16_t>(0);
 }
 
-// Loads the block; false if it has another layout or is damaged.
-bool read_block() {
+// Loads a block with this layout and number of parameters, which come first in the table; false if it has another layout
+// or is damaged.
+bool read_block(uint8_t layout, uint8_t count) {
+  const uint8_t body_size = static_cast<uint8_t>(1 + 2 * count);
   uint16_t crc = CRC_START;
   uint8_t block[BLOCK_SIZE];
-  for (uint8_t i = 0; i < BLOCK_SIZE; i++) {
+  for (uint8_t i = 0; i < body_size + 2; i++) {
     block[i] = hal::eeprom_read(static_cast<uint16_t>(BLOCK_AT + i));
-    if (i < BLOCK_SIZE - 2) crc = crc_update(crc, block[i]);
+    if (i < body_size) crc = crc_update(crc, block[i]);
   }
-  if (block[0] != LAYOUT || block[BLOCK_SIZE - 2] != (crc & 0xFF) || block[BLOCK_SIZE - 1] != crc >> 8) return false;
+  if (block[0] != layout || block[body_size] != (crc & 0xFF) || block[body_size + 1] != crc >> 8) return false;
   bool good = true;
-  for (uint8_t i = 0; i < PARAMETER_COUNT; i++) {
+  for (uint8_t i = 0; i < count; i++) {
     values[i] = static_cast<int16_t>(block[1 + 2 * i] | block[2 + 2 * i] << 8);
     good = good && allowed(i, values[i]);
   }
   return good;
+}
+
+// Loads the present layout, or the old one with the defaults of the parameters that it lacks.
+bool read_block() {
+  if (read_block(LAYOUT, PARAMETER_COUNT)) return true;
+  take_defaults();
+  return read_block(OLD_LAYOUT, OLD_PARAMETER_COUNT);
 }
 
 void apply() {
@@ -151,7 +161,7 @@ void apply() {
 void begin() {
   const bool good = read_block();
   if (!good) id() = read_id();
-  const bool sound = good && matches_image();
+  const bool sound = good && matches_image(ID_SIZE);
   if (!sound) take_defaults();
   status::set_fault(FAULT_EEPROM, !sound);
   apply();
@@ -171,7 +181,7 @@ void service() {
     return;
   }
   step = Step::idle;
-  const bool saved = matches_image();
+  const bool saved = matches_image(IMAGE_SIZE);
   status::set_fault(FAULT_EEPROM, !saved);
   answers::ask(SAVE_CONFIG, saved);
 }

@@ -13,7 +13,7 @@ constexpr uint8_t STOP_CODE = 13;  // accepted without a checksum in every state
 constexpr int16_t SONAR_INVALID = -1;  // no reading
 constexpr int16_t SONAR_NOTHING = 645;  // cm, nothing in range
 constexpr uint8_t REASON_COUNT = 11;
-constexpr uint8_t PARAMETER_COUNT = 19;
+constexpr uint8_t PARAMETER_COUNT = 26;
 constexpr uint8_t MODEL_PARAMETER_FIRST = 1;  // parameters whose defaults differ by model
 constexpr uint8_t MODEL_PARAMETER_COUNT = 11;
 
@@ -89,12 +89,25 @@ constexpr int16_t CAPABILITY_ENVIRONMENT = 32;
 constexpr int16_t CAPABILITY_XBEE = 64;
 constexpr int16_t CAPABILITY_OMNI = 128;
 constexpr int16_t CAPABILITY_BAUD = 256;
+constexpr int16_t CAPABILITY_BRIDGE = 512;
+constexpr int16_t CAPABILITY_NO_BATTERY = 1024;
+constexpr int16_t CAPABILITY_NO_TEMPERATURE = 2048;
 
 constexpr int16_t FAULT_MOTOR_BOARD = 1;
 constexpr int16_t FAULT_BUS_HUNG = 2;
 constexpr int16_t FAULT_EEPROM = 4;
 constexpr int16_t FAULT_ID_UNSET = 8;
 constexpr int16_t FAULT_SENSOR = 16;
+constexpr int16_t FAULT_WIRING = 32;
+
+constexpr int16_t WIRING_SET = 1;
+constexpr int16_t WIRING_MOTORS_SWAPPED = 2;
+constexpr int16_t WIRING_LEFT_MOTOR_REVERSED = 4;
+constexpr int16_t WIRING_RIGHT_MOTOR_REVERSED = 8;
+constexpr int16_t WIRING_ENCODERS_SWAPPED = 16;
+constexpr int16_t WIRING_LEFT_ENCODER_REVERSED = 32;
+constexpr int16_t WIRING_RIGHT_ENCODER_REVERSED = 64;
+constexpr int16_t WIRING_SINGLE_CHANNEL = 128;
 
 // What started the board.
 enum class ResetCause : uint8_t {
@@ -114,6 +127,20 @@ enum class StopReason : uint8_t {
   motor_board = 4,
   boot = 5,
   check_ended = 6,
+  wheel_blocked = 7,
+  encoder = 8,
+  undervoltage = 9,
+};
+
+// Bridge chips of parameter 19.
+enum class Bridge : uint8_t {
+  unset = 0,
+  vnh5019 = 1,
+  cytron = 2,
+  l298n = 3,
+  tb6612 = 4,
+  drv8833 = 5,
+  bts7960 = 6,
 };
 
 // Rows of the EEPROM configuration.
@@ -137,6 +164,13 @@ enum class Parameter : uint8_t {
   bus_speed = 16,
   bus_stop = 17,
   full_speed = 18,
+  bridge = 19,
+  wiring = 20,
+  stop_mode = 21,
+  reversal_pause = 22,
+  friction_duty = 23,
+  battery_divider = 24,
+  undervoltage = 25,
 };
 
 // One handler for each request; a forgotten one fails to link.
@@ -276,8 +310,8 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   RANGE(0, 10000) \
   RANGE(0, 1) \
   RANGE(0, 10000) \
-  RANGE(0, 18) \
-  RANGE(0, 18) \
+  RANGE(0, 25) \
+  RANGE(0, 25) \
   RANGE(INT16_MIN, 32767) \
   RANGE(INT16_MIN, 32767) \
   RANGE(INT16_MIN, 32767) \
@@ -343,7 +377,14 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   RANGE(INT16_MIN, 32767) \
   RANGE(100, 400) \
   RANGE(0, 1) \
-  RANGE(1, 1000)
+  RANGE(1, 1000) \
+  RANGE(0, 6) \
+  RANGE(0, 255) \
+  RANGE(0, 1) \
+  RANGE(0, 1000) \
+  RANGE(0, 500) \
+  RANGE(0, 32767) \
+  RANGE(0, 32767)
 
 // lowest and highest robot id, then the parameters from axis_radius on: traxbot, stingbot, omni
 #define MRL_MODELS(MODEL) \
@@ -359,4 +400,11 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   VALUE(-3759) \
   VALUE(400) \
   VALUE(0) \
-  VALUE(160)
+  VALUE(160) \
+  VALUE(0) \
+  VALUE(0) \
+  VALUE(0) \
+  VALUE(50) \
+  VALUE(0) \
+  VALUE(0) \
+  VALUE(0)

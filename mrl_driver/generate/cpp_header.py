@@ -3,6 +3,7 @@
 from typing import Iterable, List, Sequence
 
 from mrl_driver.protocol.table import (
+    BRIDGES,
     CAPABILITIES,
     COMMANDS,
     FAULTS,
@@ -18,6 +19,7 @@ from mrl_driver.protocol.table import (
     SONAR_NOTHING,
     STOP_CODE,
     STOP_REASONS,
+    WIRING,
     Command,
 )
 from mrl_driver.robot import models as robots
@@ -42,8 +44,10 @@ def header() -> str:
         ),
         *_bits("CAPABILITY", [name for name, _ in CAPABILITIES]),
         *_bits("FAULT", [name for name, _ in FAULTS]),
+        *_bits("WIRING", [name for name, _ in WIRING]),
         *_enumeration("ResetCause", RESET_CAUSES, "What started the board."),
         *_enumeration("StopReason", STOP_REASONS, "Why the motors were last stopped."),
+        *_enumeration("Bridge", BRIDGES, "Bridge chips of parameter 19."),
         *_enumeration("Parameter", [row.name for row in PARAMETERS], "Rows of the EEPROM configuration."),
         *_handlers(),
         "}  // namespace mrl",

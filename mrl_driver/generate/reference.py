@@ -3,6 +3,7 @@
 from typing import Iterable, List, Sequence, Tuple
 
 from mrl_driver.protocol.table import (
+    BRIDGES,
     CAPABILITIES,
     CHECK,
     COMMANDS,
@@ -15,6 +16,7 @@ from mrl_driver.protocol.table import (
     SENSORS,
     STAMP,
     STOP_REASONS,
+    WIRING,
     Command,
     Field,
     Parameter,
@@ -88,6 +90,8 @@ def reference() -> str:
         "",
         *_table(("capability (29)", "bit", "meaning"), _bit_cells(CAPABILITIES)),
         *_table(("fault (30)", "bit", "meaning"), _bit_cells(FAULTS)),
+        *_table(("value", "bridge (parameter 19)"), _numbered(BRIDGES)),
+        *_table(("wiring (parameter 20)", "bit", "meaning"), _bit_cells(WIRING)),
         *_table(("value", "reset cause (30)"), _numbered(RESET_CAUSES)),
         *_table(("value", "stop reason (30)"), _numbered(STOP_REASONS)),
     ]

@@ -151,7 +151,7 @@ _HOTTEST = Field("hottest", 0, 255, "degC", "Hottest of the TPA81's eight pixels
 _LDR = Field("ldr", 0, 1023, "count", "ADC count of the light sensor.")
 _BEARING = Field("bearing", 0, 359, "deg", "Clockwise from north, CMPS10.")
 _CHECKED = _flag("checked", "1: every frame in both directions carries a checksum.")
-_INDEX = Field("index", 0, 18, "", "Row of the parameter table.")
+_INDEX = Field("index", 0, 25, "", "Row of the parameter table.")
 _VALUE = _int16("value", "", "The parameter's value in the unit of its row.")
 _ADDRESS = tuple(_int16(f"address_{i}", "", f"Bits {16 * i + 15} to {16 * i} of the XBee's 64-bit address.")
                  for i in (3, 2, 1, 0))
@@ -217,9 +217,10 @@ _OTHERS: Tuple[Command, ...] = (
         _count("uptime_high", "Time since reset in units of 32768 s."),
         Field("uptime", 0, INT16_MAX, "s", "Remainder of the time since reset."),
         Field("reset_cause", 0, 4, "", "Row of the reset cause table."),
-        Field("stop_reason", 0, 6, "", "Row of the stop reason table: why motors stopped; none while they turn."),
+        Field("stop_reason", 0, 9, "", "Row of the stop reason table: why motors stopped; none while they turn."),
         Field("faults", 0, INT16_MAX, "bits", "Sum of the rows of the fault table."),
-        _count("clamped", "Commands above the speed ceiling."))),
+        _count("clamped", "Commands above the speed ceiling."),
+        _count("impossible", "Encoder transitions that skip a state; only from H-bridge builds.")), optional_reply=1),
     Command(31, "read_counters", "Number of refusals by reason; each counter stops at 32767.", (), tuple(
         _count(name, text) for name, text in (
             ("noise", "Runs of bytes outside a frame."), ("restarted", "Frames cut short by '@'."),
@@ -281,6 +282,9 @@ CAPABILITIES: Tuple[Tuple[str, str], ...] = (
     ("xbee", "Radio build (38 to 40)."),
     ("omni", "Three omni wheels (43, 44)."),
     ("baud", "Faster serial link (45)."),
+    ("bridge", "H-bridge build: motors and encoders on the Arduino's pins; refuses 1 and 43."),
+    ("no_battery", "The battery's voltage is not measured; 5 reports 0."),
+    ("no_temperature", "The motors' temperature is not measured; 5 reports 0."),
 )
 FAULTS: Tuple[Tuple[str, str], ...] = (
     ("motor_board", "The motor board does not answer."),
@@ -288,9 +292,24 @@ FAULTS: Tuple[Tuple[str, str], ...] = (
     ("eeprom", "The EEPROM configuration was damaged; the model's defaults are in force."),
     ("id_unset", "No robot id is set."),
     ("sensor", "An environment sensor does not answer."),
+    ("wiring", "The bridge or its wiring is not set; the board refuses to move."),
 )
+BRIDGES: Tuple[str, ...] = ("unset", "vnh5019", "cytron", "l298n", "tb6612", "drv8833", "bts7960")
+"""Bridge chips of parameter 19."""
+WIRING: Tuple[Tuple[str, str], ...] = (
+    ("set", "The wiring is known; without this bit the board refuses to move."),
+    ("motors_swapped", "Motor output 1 drives the right wheel, and 3 the left one."),
+    ("left_motor_reversed", "The left wheel's motor turns backward when it is driven forward."),
+    ("right_motor_reversed", "The same for the right wheel's motor."),
+    ("encoders_swapped", "Encoder input 1 belongs to the right wheel, and 3 to the left one."),
+    ("left_encoder_reversed", "The left wheel's encoder counts down when the wheel turns forward."),
+    ("right_encoder_reversed", "The same for the right wheel's encoder."),
+    ("single_channel", "The encoders have channel A only; the direction is that of the command."),
+)
+"""Bits of parameter 20.  Each wheel's bits apply after the swaps: they belong to what drives or measures that wheel."""
 RESET_CAUSES: Tuple[str, ...] = ("unknown", "power_on", "external", "brown_out", "watchdog")
-STOP_REASONS: Tuple[str, ...] = ("none", "host", "link_watchdog", "stall", "motor_board", "boot", "check_ended")
+STOP_REASONS: Tuple[str, ...] = ("none", "host", "link_watchdog", "stall", "motor_board", "boot", "check_ended",
+                                 "wheel_blocked", "encoder", "undervoltage")
 
 PARAMETERS: Tuple[Parameter, ...] = (
     Parameter(0, "robot_id", 0, INT16_MAX, "", "Robot id; 0 is not set."),
@@ -298,9 +317,9 @@ PARAMETERS: Tuple[Parameter, ...] = (
     Parameter(2, "wheel_radius", 1, INT16_MAX, "0.01 mm", "Wheel radius, as fitted for the motor board."),
     Parameter(3, "gearbox", 1, INT16_MAX, "0.1", "Motor turns per wheel turn."),
     Parameter(4, "encoder_counts", 1, INT16_MAX, "0.1", "Encoder counts per motor turn."),
-    Parameter(5, "kp", 0, INT16_MAX, "", "Proportional gain."),
-    Parameter(6, "ki", 0, INT16_MAX, "", "Integral gain."),
-    Parameter(7, "kd", 0, INT16_MAX, "", "Derivative gain."),
+    Parameter(5, "kp", 0, INT16_MAX, "", "Proportional gain; H-bridge: 0.001 of full duty per error of full speed."),
+    Parameter(6, "ki", 0, INT16_MAX, "", "Integral gain; H-bridge: 0.001 /s of full duty per error of full speed."),
+    Parameter(7, "kd", 0, INT16_MAX, "", "Derivative gain; not used by H-bridge builds."),
     Parameter(8, "ramp_time", 0, INT16_MAX, "ms", "Time from standstill to full speed."),
     Parameter(9, "ramp_gain", 0, INT16_MAX, "", "Take-off gain of the ramp."),
     Parameter(10, "linear_ceiling", 1, INT16_MAX, "mm/s", "Larger forward speeds are clamped to this."),
@@ -312,6 +331,13 @@ PARAMETERS: Tuple[Parameter, ...] = (
     Parameter(16, "bus_speed", 100, 400, "kHz", "I2C clock towards the motor board."),
     Parameter(17, "bus_stop", 0, 1, "", "1: stop and start between the register and the read, for old motor boards."),
     Parameter(18, "full_speed", 1, 1000, "1/min", "Turns of a wheel at 100 %; applies the ceilings to 43."),
+    Parameter(19, "bridge", 0, len(BRIDGES) - 1, "", "Row of the bridge table; 0 is not set."),
+    Parameter(20, "wiring", 0, 255, "bits", "Sum of the rows of the wiring table; 0 is not set."),
+    Parameter(21, "stop_mode", 0, 1, "", "How the H-bridge stops: 0 brakes, 1 lets the wheels coast."),
+    Parameter(22, "reversal_pause", 0, 1000, "ms", "Time without drive before a wheel changes direction."),
+    Parameter(23, "friction_duty", 0, 500, "0.1 %", "Duty at which a wheel begins to turn."),
+    Parameter(24, "battery_divider", 0, INT16_MAX, "0.001", "Battery voltage per volt at A3; 0: not measured."),
+    Parameter(25, "undervoltage", 0, INT16_MAX, "0.01 V", "The motors stop below this voltage; 0 turns it off."),
 )
 PARAMETER_BY_NAME: Dict[str, Parameter] = {row.name: row for row in PARAMETERS}
 

@@ -59,6 +59,8 @@ class Status(NamedTuple):
     stop_reason: str
     faults: Tuple[str, ...]
     clamped: int
+    impossible: Optional[int] = None
+    """Encoder transitions that skip a state; None if the board does not count them."""
 
 
 WAITS = "the robot waits for a new command"
@@ -143,6 +145,6 @@ SessionEvent = Union[Ready, Counts, Sonars, Info, Status, Stale, Reply]
 
 def status_of(args: Tuple[int, ...]) -> Status:
     """Return the fields of a `read_status` reply as a `Status`."""
-    high, low, cause, reason, faults, clamped = args
+    high, low, cause, reason, faults, clamped, *bridge = args
     names = tuple(name for i, (name, _) in enumerate(FAULTS) if faults >> i & 1)
-    return Status(high * 32768 + low, RESET_CAUSES[cause], STOP_REASONS[reason], names, clamped)
+    return Status(high * 32768 + low, RESET_CAUSES[cause], STOP_REASONS[reason], names, clamped, *bridge)

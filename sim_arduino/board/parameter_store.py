@@ -12,11 +12,13 @@ from typing import Dict, List, Tuple
 from mrl_driver.protocol.table import PARAMETER_BY_NAME, PARAMETERS
 from mrl_driver.robot import models as robots
 
-ID_AT, BLOCK_AT, LAYOUT = 0, 16, 2
+ID_AT, BLOCK_AT, LAYOUT = 0, 16, 3
+OLD_LAYOUT, OLD_PARAMETERS = 2, 19
+"""The layout before the H-bridge; its values are kept, and the later parameters take their defaults."""
 EEPROM_BYTES = 1024
 EEPROM_BYTE_S, EEPROM_LOOK_S = 3.4e-3, 20.2e-3
 """Time to write one byte, and to compare all stored bytes before the reply to a save [s]."""
-_BODY = struct.Struct(f"<B{len(PARAMETERS)}h")
+_BODIES = {LAYOUT: struct.Struct(f"<B{len(PARAMETERS)}h"), OLD_LAYOUT: struct.Struct(f"<B{OLD_PARAMETERS}h")}
 _LONGEST_CM = 1250
 _FIRST_MODEL = "traxbot"
 
@@ -46,17 +48,17 @@ def first(robot_id: int, model: robots.RobotModel) -> List[int]:
     return configured(robot_id, model) if robot_id in model.ids else defaults(robot_id)
 
 
-def image(values: List[int]) -> bytes:
-    """A fresh EEPROM that holds these parameters."""
+def image(values: List[int], layout: int = LAYOUT) -> bytes:
+    """A fresh EEPROM that holds these parameters, which are the first 19 in the old layout."""
     blank = bytearray(b"\xff" * EEPROM_BYTES)
-    store(blank, values)
+    store(blank, values, layout)
     return bytes(blank)
 
 
-def store(eeprom: bytearray, values: List[int]) -> int:
+def store(eeprom: bytearray, values: List[int], layout: int = LAYOUT) -> int:
     """Writes the parameters; returns the number of changed bytes."""
     before = bytes(eeprom)
-    body = _BODY.pack(LAYOUT, *values)
+    body = _BODIES[layout].pack(layout, *values)
     eeprom[ID_AT : ID_AT + 4] = struct.pack("<f", values[0])
     block = body + struct.pack("<H", crc_hqx(body, 0xFFFF))
     eeprom[BLOCK_AT : BLOCK_AT + len(block)] = block
@@ -100,11 +102,15 @@ class Config:
         return store(self._eeprom, self.values)
 
     def _block(self) -> Tuple[List[int], bool]:
-        body = bytes(self._eeprom[BLOCK_AT : BLOCK_AT + _BODY.size])
-        (crc,) = struct.unpack_from("<H", self._eeprom, BLOCK_AT + _BODY.size)
-        layout, *values = _BODY.unpack(body)
-        good = layout == LAYOUT and crc == crc_hqx(body, 0xFFFF)
-        return values, good and all(row.low <= value <= row.high for row, value in zip(PARAMETERS, values))
+        """The stored values, and whether they are sound."""
+        for layout, packed in _BODIES.items():
+            body = bytes(self._eeprom[BLOCK_AT : BLOCK_AT + packed.size])
+            (crc,) = struct.unpack_from("<H", self._eeprom, BLOCK_AT + packed.size)
+            found, *values = packed.unpack(body)
+            if found == layout and crc == crc_hqx(body, 0xFFFF):
+                values += defaults(values[0])[len(values) :]
+                return values, all(row.low <= value <= row.high for row, value in zip(PARAMETERS, values))
+        return defaults(0), False
 
     def _float_id(self) -> int:
         (number,) = struct.unpack_from("<f", self._eeprom, ID_AT)

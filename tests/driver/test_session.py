@@ -5,6 +5,7 @@ import pytest
 from mrl_driver.errors import BoardError, BoardTimeout, NotARobot, WrongRobot
 from mrl_driver.protocol import Frame, encode_reply
 from mrl_driver.protocol.table import BY_CODE, BY_NAME, STOP_REASONS
+from mrl_driver.session.events import status_of
 from mrl_driver.session.handshake import Plan
 from mrl_driver.session.motion_command import SLOW
 from mrl_driver.session.session import Info, Ready, Reply, Sonars, Stale, Status
@@ -651,3 +652,11 @@ def test_a_board_that_started_two_seconds_later_than_before_has_restarted():
     talk.board.started_s += 2.0
     talk.board.mute = False
     assert talk.until_ready().seen(Ready)[-1].restarted
+
+
+def test_status_of_an_h_bridge_board_counts_impossible_transitions():
+    assert status_of((0, 5, 1, 8, 0, 0, 12)) == Status(5, "power_on", "encoder", (), 0, 12)
+
+
+def test_status_of_other_boards_knows_no_impossible_transitions():
+    assert status_of((0, 5, 1, 0, 0, 0)).impossible is None

@@ -12,7 +12,7 @@ from sim_arduino.board import parameter_store
 FAULT = {name: 1 << bit for bit, (name, _) in enumerate(FAULTS)}
 BLANK = b"\xff" * 1024
 SAVED_S = 0.3
-"""43 bytes of 3.4 ms at most."""
+"""59 bytes of 3.4 ms at most."""
 BLOCK_BYTES = 1 + 2 * len(PARAMETERS) + 2
 USED = [*range(4), *range(parameter_store.BLOCK_AT, parameter_store.BLOCK_AT + BLOCK_BYTES)]
 
@@ -59,7 +59,38 @@ def test_all_zero(bench):
     assert parameters(board) == parameter_store.defaults(0) and faults(board) & FAULT["eeprom"]
 
 
-@pytest.mark.parametrize("layout", [0, 1, 3])
+def calibrated():
+    """Values of a StingBot's board that differ from its defaults."""
+    values = parameter_store.defaults(4)
+    values[1] += 100
+    return values
+
+
+def old_image():
+    """The calibrated board's EEPROM before the H-bridge."""
+    values = calibrated()[: parameter_store.OLD_PARAMETERS]
+    return parameter_store.image(values, parameter_store.OLD_LAYOUT)
+
+
+def test_block_of_the_old_layout_keeps_its_values(bench):
+    board = bench(eeprom=old_image())
+    assert parameters(board) == calibrated() and faults(board) == 0
+
+
+def test_emulated_board_keeps_the_values_of_the_old_layout():
+    config = parameter_store.Config(bytearray(old_image()))
+    assert config.values == calibrated() and config.sound
+
+
+@pytest.mark.parametrize("place", [0, 3, 16, 17, 54, 55, 56])
+def test_damaged_block_of_the_old_layout_is_refused(bench, place):
+    image = bytearray(old_image())
+    image[place] ^= 1
+    board = bench(eeprom=bytes(image))
+    assert parameters(board) == parameter_store.defaults(4) and faults(board) == FAULT["eeprom"]
+
+
+@pytest.mark.parametrize("layout", [0, 1, 4])
 def test_other_layout(bench, layout):
     """Older and newer layouts are not read, even with a right check value."""
     values = parameter_store.defaults(1)

@@ -367,7 +367,17 @@ BOARD_KEYS = range(1, 12)
 """Indices of the parameters whose defaults differ between models; `COMMON_BOARD` has the others."""
 CURVE_KEYS = ("sonar_a", "sonar_b", "sonar_c")
 """Parameters that a model may override after a calibration."""
-OWN_KEYS = (*CURVE_KEYS, "full_speed")
+BRIDGE_KEYS = (
+    "bridge",
+    "wiring",
+    "stop_mode",
+    "reversal_pause",
+    "friction_duty",
+    "battery_divider",
+    "undervoltage",
+)
+"""Parameters of boards with an H-bridge; without a bridge and its wiring, such a board refuses to move."""
+OWN_KEYS = (*CURVE_KEYS, "full_speed", *BRIDGE_KEYS)
 """Shared parameters that a model may override."""
 COMMON_BOARD = {
     "motor_timeout": 3,
@@ -377,6 +387,8 @@ COMMON_BOARD = {
     "bus_speed": 400,
     "bus_stop": 0,
     "full_speed": 160,
+    **dict.fromkeys(BRIDGE_KEYS, 0),
+    "reversal_pause": 50,
 }
 """Defaults that all models share.
 
