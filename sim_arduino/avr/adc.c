@@ -3,19 +3,21 @@
 
 enum { ADEN = 0x80, ADSC = 0x40, ADATE = 0x20, ADIF = 0x10, ADPS = 0x07 };
 enum { ADLAR = 0x20, REFS = 0xC0, REFS_INTERNAL = 0xC0, MUX = 0x0F, ADTS = 0x07 };
-enum { CONVERSION_CLOCKS = 13, FIRST_CLOCKS = 25, TOP = 1023, PINS_ANALOGUE = 8, MUX_BANDGAP = 14 };
+enum { CONVERSION_CLOCKS = 13, FIRST_CLOCKS = 25, TOP = 1023 };
 
 static const double SUPPLY_V = 5.0, BANDGAP_V = 1.1;
 
 static uint64_t conversion_cycles(const board_t *board) {
-    unsigned step = board->avr->data[ADCSRA_] & ADPS;
+    const chip_adc_t *at = &board->chip->adc;
+    unsigned step = board->avr->data[at->adcsra] & ADPS;
     return (uint64_t)(board->adc.first ? FIRST_CLOCKS : CONVERSION_CLOCKS) << (step ? step : 1);
 }
 
 static double input_volts(board_t *board, int channel) {
-    if (channel < PINS_ANALOGUE)
+    const chip_adc_t *at = &board->chip->adc;
+    if (channel < at->pins)
         return board->hooks.adc ? board->hooks.adc(channel, board->avr->cycle) : 0.0;
-    return channel == MUX_BANDGAP ? BANDGAP_V : 0.0;
+    return channel == at->bandgap_channel ? BANDGAP_V : 0.0;
 }
 
 static uint16_t count_of(double volts, double reference) {
@@ -26,25 +28,27 @@ static uint16_t count_of(double volts, double reference) {
 }
 
 static void sample(board_t *board) {
-    uint8_t admux = board->avr->data[ADMUX_];
+    const chip_adc_t *at = &board->chip->adc;
+    uint8_t admux = board->avr->data[at->admux];
     double reference = (admux & REFS) == REFS_INTERNAL ? BANDGAP_V : SUPPLY_V;
     board->adc.count = count_of(input_volts(board, admux & MUX), reference);
 }
 
 static avr_cycle_count_t converted(avr_t *avr, avr_cycle_count_t when, void *param) {
     board_t *board = param;
+    const chip_adc_t *at = &board->chip->adc;
     uint8_t *data = avr->data;
-    uint16_t shown = data[ADMUX_] & ADLAR ? (uint16_t)(board->adc.count << 6) : board->adc.count;
-    data[ADCL_] = (uint8_t)shown;
-    data[ADCH_] = (uint8_t)(shown >> 8);
-    data[ADCSRA_] |= ADIF;
+    uint16_t shown = data[at->admux] & ADLAR ? (uint16_t)(board->adc.count << 6) : board->adc.count;
+    data[at->adcl] = (uint8_t)shown;
+    data[at->adch] = (uint8_t)(shown >> 8);
+    data[at->adcsra] |= ADIF;
     board->adc.first = false;
     board_recheck(board);
-    if ((data[ADCSRA_] & ADATE) && !(data[ADCSRB_] & ADTS)) {
+    if ((data[at->adcsra] & ADATE) && !(data[at->adcsrb] & ADTS)) {
         sample(board);
         return when + conversion_cycles(board);
     }
-    data[ADCSRA_] &= (uint8_t)~ADSC;
+    data[at->adcsra] &= (uint8_t)~ADSC;
     return 0;
 }
 
@@ -68,9 +72,10 @@ static void write_control(avr_t *avr, avr_io_addr_t address, uint8_t value, void
 void adc_reset(board_t *board) { board->adc.first = true; }
 
 void adc_attach(board_t *board) {
-    board_on_write(board, ADCSRA_, write_control);
-    board_on_write(board, ADCSRB_, NULL);
-    board_on_write(board, ADMUX_, NULL);
-    for (int address = ADCL_; address <= ADMUX_; address++)
+    const chip_adc_t *at = &board->chip->adc;
+    board_on_write(board, at->adcsra, write_control);
+    board_on_write(board, at->adcsrb, NULL);
+    board_on_write(board, at->admux, NULL);
+    for (int address = at->adcl; address <= at->admux; address++)
         board_on_read(board, address, NULL);
 }

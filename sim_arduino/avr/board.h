@@ -7,6 +7,8 @@
 #ifndef MRL_BOARD_H
 #define MRL_BOARD_H
 
+#include "chip.h"
+
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -14,9 +16,7 @@
 
 #define EXPORT __attribute__((visibility("default")))
 
-enum { I2C_BUFFER = 64, VECTORS = 32, IO_ADDRESSES = 256, PORTS = 3 };
-
-enum { VECTOR_WDT = 6, VECTOR_USART_RX = 18, VECTOR_USART_UDRE = 19, VECTOR_EEPROM = 22, VECTOR_TWI = 24 };
+enum { I2C_BUFFER = 64 };
 
 enum run_status { RUN_DONE = 0, RUN_CRASHED = 1, RUN_STOPPED = 2 };
 
@@ -130,6 +130,7 @@ typedef struct {
 } wrapped_t;
 
 struct board {
+    const chip_t *chip;
     avr_t *avr;
     hooks_t hooks;
     usart_t usart;
@@ -145,13 +146,6 @@ struct board {
     int reset_flags; /* MCUSR after a reset; -1 = what the chip sets */
     uint32_t crash_pc;
     uint64_t resets, slept; /* number of program starts; cycles for which the CPU slept */
-};
-
-/* ATmega328P data addresses */
-enum {
-    PIN_B = 0x23, EECR_ = 0x3F, SMCR_ = 0x53, MCUSR_ = 0x54, WDTCSR_ = 0x60, ADCL_ = 0x78, ADCH_ = 0x79, ADCSRA_ = 0x7A,
-    ADCSRB_ = 0x7B, ADMUX_ = 0x7C, TWBR_ = 0xB8, TWSR_ = 0xB9, TWDR_ = 0xBB, TWCR_ = 0xBC,
-    UCSR0A_ = 0xC0, UCSR0B_ = 0xC1, UCSR0C_ = 0xC2, UBRR0L_ = 0xC4, UBRR0H_ = 0xC5, UDR0_ = 0xC6
 };
 
 void board_on_write(board_t *board, int address, avr_io_write_t handler);

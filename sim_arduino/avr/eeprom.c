@@ -8,15 +8,17 @@ enum { ERASE_AND_WRITE_US = 3400, HALF_US = 1800, HALTED_READING = 4, HALTED_WRI
 
 static avr_cycle_count_t written(avr_t *avr, avr_cycle_count_t when, void *param) {
     (void)when;
-    avr->data[EECR_] &= (uint8_t)~EEPE;
-    board_recheck(param);
+    board_t *board = param;
+    avr->data[board->chip->eeprom.eecr] &= (uint8_t)~EEPE;
+    board_recheck(board);
     return 0;
 }
 
 static void begin_write(board_t *board) {
+    const chip_eeprom_t *at = &board->chip->eeprom;
     avr_t *avr = board->avr;
-    uint64_t duration_us = avr->data[EECR_] & EEPM ? HALF_US : ERASE_AND_WRITE_US;
-    avr->data[EECR_] |= EEPE;
+    uint64_t duration_us = avr->data[at->eecr] & EEPM ? HALF_US : ERASE_AND_WRITE_US;
+    avr->data[at->eecr] |= EEPE;
     avr->cycle += HALTED_WRITING;
     avr_cycle_timer_register(avr, duration_us * (avr->frequency / 1000000), written, board);
 }
@@ -36,7 +38,7 @@ static void write_control(avr_t *avr, avr_io_addr_t address, uint8_t value, void
         avr->cycle += HALTED_READING;
 }
 
-bool eeprom_is_ready(const board_t *board) { return !(board->avr->data[EECR_] & EEPE); }
+bool eeprom_is_ready(const board_t *board) { return !(board->avr->data[board->chip->eeprom.eecr] & EEPE); }
 
 EXPORT int mrl_eeprom_get(board_t *board, uint8_t *out, int offset, int size) {
     avr_eeprom_desc_t view = {.ee = out, .offset = (uint16_t)offset, .size = (uint32_t)size};
@@ -49,7 +51,8 @@ EXPORT int mrl_eeprom_set(board_t *board, uint8_t *bytes, int offset, int size) 
 }
 
 void eeprom_attach(board_t *board) {
-    int io = EECR_ - 32;
+    const chip_eeprom_t *at = &board->chip->eeprom;
+    int io = at->eecr - 32;
     board->eeprom_control = (wrapped_t){board, board->avr->io[io].w.c, board->avr->io[io].w.param};
-    board_on_write(board, EECR_, write_control);
+    board_on_write(board, at->eecr, write_control);
 }

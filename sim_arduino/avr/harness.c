@@ -32,7 +32,8 @@ static void watch_register(board_t *board, int address) {
 }
 
 static void collect_vectors(board_t *board) {
-    static const uint8_t levels[] = {VECTOR_USART_RX, VECTOR_USART_UDRE, VECTOR_TWI};
+    const chip_t *chip = board->chip;
+    const uint8_t levels[] = {chip->usart.rx_vector, chip->usart.udre_vector, chip->twi.vector};
     avr_int_table_t *table = &board->avr->interrupts;
     for (int i = 0; i < table->vector_count; i++) {
         avr_int_vector_t *vector = table->vector[i];
@@ -49,7 +50,7 @@ static bool is_wanted(board_t *board, avr_int_vector_t *vector) {
     avr_t *avr = board->avr;
     if (!vector || !avr_regbit_get(avr, vector->enable))
         return false;
-    if (vector->vector == VECTOR_EEPROM)
+    if (vector->vector == board->chip->eeprom.ready_vector)
         return eeprom_is_ready(board);
     return vector->raised.reg ? avr_regbit_get(avr, vector->raised) : vector->pending;
 }
@@ -70,10 +71,11 @@ static void enter(board_t *board, avr_int_vector_t *vector) {
     _avr_push_addr(avr, avr->pc);
     avr->sreg[S_I] = 0;
     avr->pc = vector->vector * avr->vector_size;
-    uint8_t watchdog = avr->data[WDTCSR_];
+    const chip_watchdog_t *watchdog = &board->chip->watchdog;
+    uint8_t control = avr->data[watchdog->wdtcsr];
     avr_clear_interrupt(avr, vector);
-    if (vector->vector == VECTOR_WDT)
-        avr->data[WDTCSR_] = watchdog_served(watchdog);
+    if (vector->vector == watchdog->vector)
+        avr->data[watchdog->wdtcsr] = watchdog_served(control);
 }
 
 /* After SEI and RETI one more instruction runs before an interrupt: the core sets -2 there. */
@@ -104,7 +106,7 @@ static void reset_now(board_t *board, uint8_t cause);
 /* SLEEP does nothing unless SE is set. Of the modes only idle is simulated: it stops the CPU and nothing else. */
 static void fall_asleep(board_t *board) {
     avr_t *avr = board->avr;
-    uint8_t control = avr->data[SMCR_];
+    uint8_t control = avr->data[board->chip->control.smcr];
     avr->state = cpu_Running; /* the core would wake for interrupts that are not served */
     board->asleep = control & SE_BIT;
     if (!board->asleep || !(control & SM_BITS))
@@ -178,12 +180,12 @@ EXPORT void mrl_stall_until(board_t *board, uint64_t target) {
 
 static void reset_now(board_t *board, uint8_t cause) {
     avr_t *avr = board->avr;
-    uint8_t flags = (uint8_t)((avr->data[MCUSR_] | cause) & 0x0F);
+    uint8_t flags = (uint8_t)((avr->data[board->chip->control.mcusr] | cause) & 0x0F);
     uint64_t cycle = avr->cycle;
     avr_reset(avr);
     avr->cycle = cycle;
     avr->run_cycle_limit = avr->frequency; /* a reset sets 1: control back after every instruction */
-    avr->data[MCUSR_] = board->reset_flags < 0 ? flags : (uint8_t)board->reset_flags;
+    avr->data[board->chip->control.mcusr] = board->reset_flags < 0 ? flags : (uint8_t)board->reset_flags;
     board->reset_wanted = board->asleep = false;
     board->resets++;
     usart_reset(board);
@@ -206,7 +208,7 @@ EXPORT void mrl_power_cycle(board_t *board, const uint8_t *pattern) {
     memset(avr->data + 32, 0, (size_t)avr->ioend + 1 - 32);
     reset_now(board, 1 << PORF_BIT);
     if (board->reset_flags < 0)
-        avr->data[MCUSR_] = 1 << PORF_BIT;
+        avr->data[board->chip->control.mcusr] = 1 << PORF_BIT;
 }
 
 /* MCUSR as every following start shows it; -1 = as the chip does (a bootloader clears it: 0). */
@@ -230,9 +232,10 @@ static bool widen_data_space(avr_t *avr) {
 EXPORT board_t *mrl_create(uint32_t frequency_hz, const hooks_t *hooks) {
     avr_global_logger_set(keep_message);
     board_t *board = calloc(1, sizeof *board);
-    avr_t *avr = board ? avr_make_mcu_by_name("atmega328p") : NULL;
+    avr_t *avr = board ? avr_make_mcu_by_name(chip_atmega328p.name) : NULL;
     if (!avr)
         return NULL;
+    board->chip = &chip_atmega328p;
     avr_init(avr);
     if (!widen_data_space(avr))
         return NULL;
@@ -251,6 +254,8 @@ EXPORT board_t *mrl_create(uint32_t frequency_hz, const hooks_t *hooks) {
     collect_vectors(board);
     return board;
 }
+
+EXPORT const chip_memory_t *mrl_memory(void) { return &chip_atmega328p.memory; }
 
 EXPORT void mrl_load(board_t *board, uint8_t *code, uint32_t size, uint32_t address) {
     avr_loadcode(board->avr, code, size, address);

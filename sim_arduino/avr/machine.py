@@ -15,8 +15,6 @@ from .elf import Image, Symbol, read_image
 from .records import PinChange, SentByte, Transfer, bit_of, pin_masks, pin_of, port_of
 
 UNO_HZ = 16000000
-FLASH_BYTES, EEPROM_BYTES = 32768, 1024
-RAM_END = 0x8FF
 HANGS = {None: 0, "sda": 1, "scl": 2}
 
 
@@ -44,7 +42,9 @@ class AvrMachine:
     def __init__(self, elf: Union[str, Path], frequency_hz: int = UNO_HZ, seed: int = 0) -> None:
         """Powers the board; `seed` draws the noise in the SRAM at the start."""
         image = read_image(Path(elf))
-        _require_fit(elf, image)
+        self._native = native.load()
+        self._memory = self._native.mrl_memory().contents
+        _require_fit(elf, image, self._memory)
         self.frequency_hz = frequency_hz
         self.symbols = image.symbols
         self.image_flash = image.flash
@@ -53,7 +53,6 @@ class AvrMachine:
         self.on_pin: Optional[Callable[[int, int, float], None]] = None
         self.on_transfer: Optional[Callable[[Transfer], None]] = None
         self._failure: Optional[BaseException] = None
-        self._native = native.load()
         self._hooks = self._make_hooks()
         self._board = self._native.mrl_create(frequency_hz, self._hooks)
         if not self._board:
@@ -135,7 +134,7 @@ class AvrMachine:
     def power_cycle(self, seed: int = 0) -> None:
         """Switch power off and on: SRAM and registers then hold noise drawn from `seed`."""
         noise = random.Random(seed)
-        self._noise = bytes(noise.getrandbits(8) for _ in range(RAM_END + 1))
+        self._noise = bytes(noise.getrandbits(8) for _ in range(self._memory.ram_end + 1))
         self._native.mrl_power_cycle(self._board, self._noise)
 
     def set_reset_flags(self, flags: Optional[int]) -> None:
@@ -259,12 +258,13 @@ class AvrMachine:
     def sram_untouched(self) -> int:
         """Number of bytes above the variables that neither heap nor stack has written since power-up."""
         start = self.symbol("_end").address
-        now = self.peek(start, RAM_END + 1 - start)
+        now = self.peek(start, self._memory.ram_end + 1 - start)
         before = self._noise[start:]
         return next((index for index, value in enumerate(now) if value != before[index]), len(now))
 
-    def read_eeprom(self, address: int = 0, count: int = EEPROM_BYTES) -> bytes:
-        """Bytes of the EEPROM."""
+    def read_eeprom(self, address: int = 0, count: Optional[int] = None) -> bytes:
+        """Bytes of the EEPROM: `count` from `address` on, or all up to its end."""
+        count = self._memory.eeprom - address if count is None else count
         buffer = (native.c_uint8 * count)()
         self._native.mrl_eeprom_get(self._board, buffer, address, count)
         return bytes(buffer)
@@ -273,10 +273,11 @@ class AvrMachine:
         """Overwrites bytes of the EEPROM from outside.
 
         Raises:
-            ValueError: the bytes do not fit into the 1024 bytes of EEPROM.
+            ValueError: the bytes do not fit into the EEPROM.
         """
-        if not 0 <= address <= EEPROM_BYTES - len(data):
-            raise ValueError(f"{len(data)} bytes at {address} are beyond an EEPROM of 1024")
+        size = self._memory.eeprom
+        if not 0 <= address <= size - len(data):
+            raise ValueError(f"{len(data)} bytes at {address} are beyond an EEPROM of {size}")
         self._native.mrl_eeprom_set(self._board, bytes(data), address, len(data))
 
     # ---- callbacks of the simulated chip
@@ -339,12 +340,12 @@ class AvrMachine:
         return f"the program crashed at pc 0x{where:04x}, cycle {self.cycle}: {message}"
 
 
-def _require_fit(path: Union[str, Path], image: Image) -> None:
+def _require_fit(path: Union[str, Path], image: Image, memory: native.Memory) -> None:
     """Refuses an image for a larger chip."""
-    for memory, pieces, size in (("flash", image.flash, FLASH_BYTES), ("EEPROM", image.eeprom, EEPROM_BYTES)):
+    for name, pieces, size in (("flash", image.flash, memory.flash), ("EEPROM", image.eeprom, memory.eeprom)):
         end = max((address + len(data) for address, data in pieces), default=0)
         if end > size:
             raise SimulatorError(
-                f"firmware image {path} needs {end} bytes of {memory}, but the Uno's ATmega328P has {size}; "
+                f"firmware image {path} needs {end} bytes of {name}, but the Uno's ATmega328P has {size}; "
                 "build the image for an Arduino Uno"
             )

@@ -32,6 +32,12 @@ class Hooks(Structure):
     _fields_ = [("present", PRESENT), ("write", WRITE), ("read", READ), ("adc", ADC), ("pin", PIN)]
 
 
+class Memory(Structure):
+    """chip_memory_t: sizes of flash and EEPROM [byte], and the last address of the SRAM."""
+
+    _fields_ = [("flash", c_uint32), ("eeprom", c_uint32), ("ram_end", c_uint32)]
+
+
 class Sent(Structure):
     """sent_byte_t: one byte that left the transmitter."""
 
@@ -47,6 +53,7 @@ class PinEvent(Structure):
 _BOARD = c_void_p
 _SIGNATURES: Dict[str, Tuple[Any, List[Any]]] = {
     "mrl_create": (_BOARD, [c_uint32, POINTER(Hooks)]),
+    "mrl_memory": (POINTER(Memory), []),
     "mrl_destroy": (None, [_BOARD]),
     "mrl_load": (None, [_BOARD, c_char_p, c_uint32, c_uint32]),
     "mrl_run_until": (c_int, [_BOARD, c_uint64]),

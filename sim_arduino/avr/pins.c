@@ -4,15 +4,16 @@
 #include <simavr/avr_ioport.h>
 #include <string.h>
 
-static const char port_names[PORTS] = {'B', 'C', 'D'};
+static const chip_port_t *port_of(const board_t *board, int port) { return &board->chip->ports[port]; }
 
-static int pin_address(int port) { return PIN_B + 3 * port; }
+static bool is_pin(chip_pin_t pin, int port, int bit) { return pin.port == port && pin.bit == bit; }
 
 /* Level of every pin of a port: that of the output, or the external level of an input. */
 static uint8_t levels(const board_t *board, int port) {
     const uint8_t *data = board->avr->data;
-    uint8_t direction = data[pin_address(port) + 1];
-    return (uint8_t)((data[pin_address(port) + 2] & direction) | (board->pins.external[port] & ~direction));
+    const chip_port_t *at = port_of(board, port);
+    uint8_t direction = data[at->ddr];
+    return (uint8_t)((data[at->port] & direction) | (board->pins.external[port] & ~direction));
 }
 
 static void note_change(board_t *board, int port, int bit, int level) {
@@ -28,11 +29,12 @@ static void note_change(board_t *board, int port, int bit, int level) {
 /* A pin that becomes an output counts as changed, even if its level stays. */
 static void compare_levels(board_t *board, int port) {
     pins_t *pins = &board->pins;
-    uint8_t now = levels(board, port), outputs = board->avr->data[pin_address(port) + 1];
+    uint8_t now = levels(board, port), outputs = board->avr->data[port_of(board, port)->ddr];
     uint8_t changed = now ^ pins->level[port], begun = outputs & ~pins->outputs[port];
     pins->level[port] = now;
     pins->outputs[port] = outputs;
-    if (port == 1 && (changed & 0x20) && !(now & 0x20))
+    chip_pin_t scl = board->chip->twi.scl;
+    if (port == scl.port && (changed & ~now & (1 << scl.bit)))
         board->clocked_by_hand(board);
     for (int bit = 0; bit < 8; bit++)
         if ((changed | begun) & pins->watched[port] & (1 << bit))
@@ -50,12 +52,13 @@ static void port_written(avr_t *avr, avr_io_addr_t address, uint8_t value, void 
 /* The core pulls its inputs to these levels whenever the port is written. */
 static void show_outside(board_t *board, int port) {
     uint8_t value = board->pins.external[port];
-    avr_ioport_external_t outside = {.name = port_names[port], .mask = 0xFF, .value = value};
-    avr_ioctl(board->avr, AVR_IOCTL_IOPORT_SET_EXTERNAL(port_names[port]), &outside);
+    char name = port_of(board, port)->name;
+    avr_ioport_external_t outside = {.name = name, .mask = 0xFF, .value = value};
+    avr_ioctl(board->avr, AVR_IOCTL_IOPORT_SET_EXTERNAL(name), &outside);
 }
 
 static void raise_input(board_t *board, int port, int bit) {
-    avr_irq_t *pin = avr_io_getirq(board->avr, AVR_IOCTL_IOPORT_GETIRQ(port_names[port]), bit);
+    avr_irq_t *pin = avr_io_getirq(board->avr, AVR_IOCTL_IOPORT_GETIRQ(port_of(board, port)->name), bit);
     avr_raise_irq(pin, (board->pins.external[port] >> bit) & 1);
 }
 
@@ -64,10 +67,10 @@ static void set_at(board_t *board, int port, int bit, int level, uint64_t cycle)
     uint8_t mask = (uint8_t)(1 << bit), before = board->pins.external[port];
     board->pins.external[port] = (uint8_t)((board->pins.external[port] & ~mask) | (level ? mask : 0));
     show_outside(board, port);
-    bool is_output = avr->data[pin_address(port) + 1] & mask;
+    bool is_output = avr->data[port_of(board, port)->ddr] & mask;
     if (!is_output)
         raise_input(board, port, bit);
-    if (port == 0 && bit == 0 && before != board->pins.external[0])
+    if (is_pin(board->chip->timer1.capture, port, bit) && before != board->pins.external[port])
         timer1_capture(board, level, cycle);
     compare_levels(board, port);
     board_recheck(board);
@@ -134,14 +137,16 @@ void pins_reset(board_t *board) {
         show_outside(board, port);
         for (int bit = 0; bit < 8; bit++)
             raise_input(board, port, bit);
-        board->avr->data[pin_address(port)] = board->pins.external[port];
+        board->avr->data[port_of(board, port)->pin] = board->pins.external[port];
         compare_levels(board, port);
     }
     arm_planned(board);
 }
 
 static void hear_register(board_t *board, int port, int offset) {
-    int io = pin_address(port) + offset - 32;
+    const chip_port_t *at = port_of(board, port);
+    const uint8_t addresses[] = {at->pin, at->ddr, at->port};
+    int io = addresses[offset] - 32;
     port_register_t *heard = &board->pins.registers[port][offset];
     *heard = (port_register_t){board, port, board->avr->io[io].w.c, board->avr->io[io].w.param};
     board->avr->io[io].w.c = port_written;

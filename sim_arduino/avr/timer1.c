@@ -5,16 +5,14 @@
  */
 #include "peripherals.h"
 
-enum { TIFR1_ = 0x36, TIMSK1_ = 0x6F, TCCR1A_ = 0x80, TCCR1B_ = 0x81, TCNT1L_ = 0x84, TCNT1H_ = 0x85, ICR1L_ = 0x86,
-       ICR1H_ = 0x87, OCR1AL_ = 0x88, OCR1AH_ = 0x89, OCR1BL_ = 0x8A, OCR1BH_ = 0x8B };
 enum { TOV1 = 0x01, OCF1A = 0x02, OCF1B = 0x04, ICF1 = 0x20 };
 enum { CS1 = 0x07, WGM12 = 0x08, WGM13 = 0x10, ICES1 = 0x40, WGM11_10 = 0x03 };
 enum { MAX = 0xFFFF, NEVER = 0x10001 };
 
-static const uint16_t dividers[8] = {0, 1, 8, 64, 256, 1024, 0, 0}; /* no external clock */
-
-static bool clears_on_compare(const uint8_t *data) {
-    return !(data[TCCR1A_] & WGM11_10) && (data[TCCR1B_] & (WGM12 | WGM13)) == WGM12;
+static bool clears_on_compare(const board_t *board) {
+    const chip_timer16_t *at = &board->chip->timer1;
+    const uint8_t *data = board->avr->data;
+    return !(data[at->tccra] & WGM11_10) && (data[at->tccrb] & (WGM12 | WGM13)) == WGM12;
 }
 
 /* Edges that the prescaler has given from the reset to `cycle`. */
@@ -46,6 +44,7 @@ static uint64_t next_event_cycle(const timer1_t *timer) {
 }
 
 static void pass_event(board_t *board) {
+    const chip_timer16_t *at = &board->chip->timer1;
     timer1_t *timer = &board->timer1;
     uint32_t passed = next_event(timer);
     uint8_t flags = 0;
@@ -56,7 +55,7 @@ static void pass_event(board_t *board) {
     if (edges_to_leave(timer, MAX) == passed)
         flags |= TOV1;
     advance(timer, passed);
-    board->avr->data[TIFR1_] |= flags;
+    board->avr->data[at->tifr] |= flags;
     board_recheck(board);
 }
 
@@ -81,10 +80,11 @@ static avr_cycle_count_t event(avr_t *avr, avr_cycle_count_t when, void *param) 
 
 /* Plans the next event after the counter or a setting has changed. */
 static void plan(board_t *board) {
+    const chip_timer16_t *at = &board->chip->timer1;
     timer1_t *timer = &board->timer1;
     const uint8_t *data = board->avr->data;
-    timer->divider = dividers[data[TCCR1B_] & CS1];
-    timer->top = clears_on_compare(data) ? timer->compare[0] : MAX;
+    timer->divider = at->dividers[data[at->tccrb] & CS1];
+    timer->top = clears_on_compare(board) ? timer->compare[0] : MAX;
     avr_cycle_timer_cancel(board->avr, event, board);
     if (!timer->divider)
         return;
@@ -114,15 +114,16 @@ static void write_high(avr_t *avr, avr_io_addr_t address, uint8_t value, void *p
 
 static void write_low(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
     board_t *board = param;
+    const chip_timer16_t *at = &board->chip->timer1;
     timer1_t *timer = &board->timer1;
     uint16_t word = (uint16_t)(timer->high << 8 | value);
     count_to(board, avr->cycle);
     avr->data[address] = value;
     avr->data[address + 1] = timer->high;
-    if (address == TCNT1L_)
+    if (address == at->tcnt)
         timer->count = word;
     else
-        timer->compare[address == OCR1BL_] = word;
+        timer->compare[address == at->ocr[1]] = word;
     plan(board);
 }
 
@@ -141,19 +142,21 @@ static uint8_t read_count(avr_t *avr, avr_io_addr_t address, void *param) {
 }
 
 static uint8_t read_capture(avr_t *avr, avr_io_addr_t address, void *param) {
-    ((board_t *)param)->timer1.high = avr->data[ICR1H_];
+    board_t *board = param;
+    board->timer1.high = avr->data[board->chip->timer1.icr + 1];
     return avr->data[address];
 }
 
 /* The level of ICP1 has changed at `cycle`, perhaps in the middle of the last instruction. */
 void timer1_capture(board_t *board, bool rose, uint64_t cycle) {
+    const chip_timer16_t *at = &board->chip->timer1;
     uint8_t *data = board->avr->data;
-    if (rose != !!(data[TCCR1B_] & ICES1))
+    if (rose != !!(data[at->tccrb] & ICES1))
         return;
     count_to(board, cycle);
-    data[ICR1L_] = (uint8_t)board->timer1.count;
-    data[ICR1H_] = (uint8_t)(board->timer1.count >> 8);
-    data[TIFR1_] |= ICF1;
+    data[at->icr] = (uint8_t)board->timer1.count;
+    data[at->icr + 1] = (uint8_t)(board->timer1.count >> 8);
+    data[at->tifr] |= ICF1;
     board_recheck(board);
 }
 
@@ -165,17 +168,18 @@ void timer1_reset(board_t *board) {
 }
 
 void timer1_attach(board_t *board) {
-    static const int lows[] = {TCNT1L_, OCR1AL_, OCR1BL_};
+    const chip_timer16_t *at = &board->chip->timer1;
+    const int lows[] = {at->tcnt, at->ocr[0], at->ocr[1]};
     for (size_t i = 0; i < sizeof lows / sizeof *lows; i++) {
         board_on_write(board, lows[i], write_low);
         board_on_write(board, lows[i] + 1, write_high);
     }
-    board_on_write(board, TCCR1A_, write_control);
-    board_on_write(board, TCCR1B_, write_control);
-    board_on_write(board, TIFR1_, write_flags);
-    board_on_write(board, TIMSK1_, NULL);
-    board_on_read(board, TCNT1L_, read_count);
-    board_on_read(board, TCNT1H_, read_high);
-    board_on_read(board, ICR1L_, read_capture);
-    board_on_read(board, ICR1H_, read_high);
+    board_on_write(board, at->tccra, write_control);
+    board_on_write(board, at->tccrb, write_control);
+    board_on_write(board, at->tifr, write_flags);
+    board_on_write(board, at->timsk, NULL);
+    board_on_read(board, at->tcnt, read_count);
+    board_on_read(board, at->tcnt + 1, read_high);
+    board_on_read(board, at->icr, read_capture);
+    board_on_read(board, at->icr + 1, read_high);
 }

@@ -8,13 +8,15 @@ enum { RXC = 0x80, TXC = 0x40, UDRE = 0x20, FE = 0x10, DOR = 0x08, U2X = 0x02, M
 enum { RXEN = 0x10, TXEN = 0x08 };
 enum { LINE_BITS = 10 };
 
-static uint64_t bit_cycles(const uint8_t *data) {
-    unsigned ubrr = (unsigned)((data[UBRR0H_] & 0x0F) << 8 | data[UBRR0L_]);
-    return (uint64_t)(ubrr + 1) * (data[UCSR0A_] & U2X ? 8 : 16);
+static uint64_t bit_cycles(const board_t *board) {
+    const chip_usart_t *at = &board->chip->usart;
+    const uint8_t *data = board->avr->data;
+    unsigned ubrr = (unsigned)((data[at->ubrrh] & 0x0F) << 8 | data[at->ubrrl]);
+    return (uint64_t)(ubrr + 1) * (data[at->ucsra] & U2X ? 8 : 16);
 }
 
-static unsigned frame_bits(const uint8_t *data) {
-    unsigned format = data[UCSR0C_];
+static unsigned frame_bits(const board_t *board) {
+    unsigned format = board->avr->data[board->chip->usart.ucsrc];
     unsigned parity = format & 0x20 ? 1 : 0, stops = format & 0x08 ? 2 : 1;
     return 1 + 5 + ((format >> 1) & 3) + parity + stops;
 }
@@ -30,11 +32,10 @@ static avr_cycle_count_t frame_sent(avr_t *avr, avr_cycle_count_t when, void *pa
 
 static void start_frame(board_t *board, uint8_t value, uint64_t start) {
     usart_t *usart = &board->usart;
-    const uint8_t *data = board->avr->data;
     usart->shifting = true;
     usart->shift = value;
     usart->shift_start = start;
-    usart->shift_end = start + bit_cycles(data) * frame_bits(data);
+    usart->shift_end = start + bit_cycles(board) * frame_bits(board);
     avr_cycle_timer_register(board->avr, usart->shift_end - board->avr->cycle, frame_sent, board);
 }
 
@@ -46,15 +47,16 @@ static void log_sent(usart_t *usart) {
 static avr_cycle_count_t frame_sent(avr_t *avr, avr_cycle_count_t when, void *param) {
     (void)when;
     board_t *board = param;
+    const chip_usart_t *at = &board->chip->usart;
     usart_t *usart = &board->usart;
     log_sent(usart);
     usart->shifting = false;
     if (usart->full) {
         usart->full = false;
-        avr->data[UCSR0A_] |= UDRE;
+        avr->data[at->ucsra] |= UDRE;
         start_frame(board, usart->buffer, usart->shift_end);
     } else {
-        avr->data[UCSR0A_] |= TXC;
+        avr->data[at->ucsra] |= TXC;
     }
     board_recheck(board);
     return 0;
@@ -63,7 +65,8 @@ static avr_cycle_count_t frame_sent(avr_t *avr, avr_cycle_count_t when, void *pa
 static void write_udr(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
     (void)address;
     board_t *board = param;
-    if (!(avr->data[UCSR0B_] & TXEN) || board->usart.full)
+    const chip_usart_t *at = &board->chip->usart;
+    if (!(avr->data[at->ucsrb] & TXEN) || board->usart.full)
         return;
     if (!board->usart.shifting) {
         start_frame(board, value, avr->cycle);
@@ -71,7 +74,7 @@ static void write_udr(avr_t *avr, avr_io_addr_t address, uint8_t value, void *pa
     }
     board->usart.full = true;
     board->usart.buffer = value;
-    avr->data[UCSR0A_] &= (uint8_t)~UDRE;
+    avr->data[at->ucsra] &= (uint8_t)~UDRE;
 }
 
 EXPORT size_t mrl_uart_sent(board_t *board, sent_byte_t *out, size_t limit) {
@@ -138,9 +141,10 @@ static avr_cycle_count_t start_bit_seen(avr_t *avr, avr_cycle_count_t when, void
 static avr_cycle_count_t frame_received(avr_t *avr, avr_cycle_count_t when, void *param);
 
 static void listen(board_t *board) {
+    const chip_usart_t *at = &board->chip->usart;
     usart_t *usart = &board->usart;
     avr_t *avr = board->avr;
-    if (usart->receiving || !(avr->data[UCSR0B_] & RXEN))
+    if (usart->receiving || !(avr->data[at->ucsrb] & RXEN))
         return;
     forget_line_before(usart, usart->look_from);
     if (!next_falling_edge(usart, usart->look_from, &usart->frame_start))
@@ -152,15 +156,16 @@ static void listen(board_t *board) {
 static avr_cycle_count_t start_bit_seen(avr_t *avr, avr_cycle_count_t when, void *param) {
     (void)when;
     board_t *board = param;
+    const chip_usart_t *at = &board->chip->usart;
     usart_t *usart = &board->usart;
     if (usart->waiting_full) {
         usart->waiting_full = false;
         usart->overrun = true;
         usart->lost++;
-        avr->data[UCSR0A_] |= DOR;
+        avr->data[at->ucsra] |= DOR;
     }
     /* the receiver samples the middle of every bit and is done in the middle of the stop bit */
-    double done = usart->frame_start + 9.5 * (double)bit_cycles(avr->data);
+    double done = usart->frame_start + 9.5 * (double)bit_cycles(board);
     avr_cycle_timer_register(avr, cycles_until(avr, done), frame_received, board);
     return 0;
 }
@@ -174,7 +179,8 @@ static received_t sample_frame(const usart_t *usart, double bit) {
 }
 
 static void show_fifo(board_t *board) {
-    uint8_t *status = &board->avr->data[UCSR0A_];
+    const chip_usart_t *at = &board->chip->usart;
+    uint8_t *status = &board->avr->data[at->ucsra];
     *status &= (uint8_t)~(RXC | FE | DOR);
     if (board->usart.fifo_count)
         *status |= RXC | (board->usart.fifo[0].frame_error ? FE : 0);
@@ -183,10 +189,10 @@ static void show_fifo(board_t *board) {
 }
 
 static avr_cycle_count_t frame_received(avr_t *avr, avr_cycle_count_t when, void *param) {
-    (void)when;
+    (void)avr, (void)when;
     board_t *board = param;
     usart_t *usart = &board->usart;
-    double bit = (double)bit_cycles(avr->data);
+    double bit = (double)bit_cycles(board);
     received_t frame = sample_frame(usart, bit);
     if (usart->fifo_count < 2) {
         usart->fifo[usart->fifo_count++] = frame;
@@ -252,8 +258,9 @@ static void write_control(avr_t *avr, avr_io_addr_t address, uint8_t value, void
 
 /* Lets `length` bytes follow each other on the line from `start` on, or when the line is free. */
 EXPORT void mrl_uart_send(board_t *board, const uint8_t *bytes, size_t length, uint64_t start) {
+    const chip_usart_t *at = &board->chip->usart;
     usart_t *usart = &board->usart;
-    if (!(board->avr->data[UCSR0B_] & RXEN))
+    if (!(board->avr->data[at->ucsrb] & RXEN))
         forget_line_before(usart, (double)board->avr->cycle);
     if (usart->line_free < (double)start)
         usart->line_free = (double)start;
@@ -273,25 +280,27 @@ EXPORT void mrl_uart_set_host(board_t *board, double bit, double gap) {
 
 EXPORT double mrl_uart_line_free(board_t *board) { return board->usart.line_free; }
 EXPORT uint64_t mrl_uart_lost(board_t *board) { return board->usart.lost; }
-EXPORT uint64_t mrl_uart_bit(board_t *board) { return bit_cycles(board->avr->data); }
+EXPORT uint64_t mrl_uart_bit(board_t *board) { return bit_cycles(board); }
 
 void usart_reset(board_t *board) {
+    const chip_usart_t *at = &board->chip->usart;
     uint8_t *data = board->avr->data;
     board->usart.shifting = board->usart.full = false;
     avr_cycle_timer_cancel(board->avr, frame_sent, board);
-    data[UCSR0B_] = 0;
-    data[UCSR0C_] = 0x06;
-    data[UCSR0A_] = UDRE;
+    data[at->ucsrb] = 0;
+    data[at->ucsrc] = 0x06;
+    data[at->ucsra] = UDRE;
     flush_receiver(board);
 }
 
 void usart_attach(board_t *board) {
-    board_on_write(board, UCSR0A_, write_status);
-    board_on_write(board, UCSR0B_, write_control);
-    board_on_write(board, UCSR0C_, NULL);
-    board_on_write(board, UBRR0L_, NULL);
-    board_on_write(board, UBRR0H_, NULL);
-    board_on_write(board, UDR0_, write_udr);
-    board_on_read(board, UCSR0A_, NULL);
-    board_on_read(board, UDR0_, read_udr);
+    const chip_usart_t *at = &board->chip->usart;
+    board_on_write(board, at->ucsra, write_status);
+    board_on_write(board, at->ucsrb, write_control);
+    board_on_write(board, at->ucsrc, NULL);
+    board_on_write(board, at->ubrrl, NULL);
+    board_on_write(board, at->ubrrh, NULL);
+    board_on_write(board, at->udr, write_udr);
+    board_on_read(board, at->ucsra, NULL);
+    board_on_read(board, at->udr, read_udr);
 }
