@@ -1,9 +1,9 @@
 """Reads, sets and saves the parameters of a board: those in force, and those in its EEPROM."""
 
-from typing import Dict, Mapping
+from typing import Dict, Iterable, Mapping, Tuple
 
 from mrl_driver.errors import BoardRefused
-from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
+from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, PARAMETERS, Parameter
 from mrl_driver.robot.models import RobotModel
 
 from .driver import Driver
@@ -26,12 +26,30 @@ def require_config(driver: Driver) -> None:
         )
 
 
+def parameters(driver: Driver) -> Tuple[Parameter, ...]:
+    """Return the parameters that the board uses; earlier firmware refuses the numbers of all others."""
+    return tuple(row for row in PARAMETERS if row.capability in ("", *driver.board.capabilities))
+
+
+def require_parameters(driver: Driver, names: Iterable[str]) -> None:
+    """Raise BoardRefused unless the board uses all parameters of these names."""
+    used = {row.name for row in parameters(driver)}
+    for name in names:
+        if name not in used:
+            raise BoardRefused(
+                f"the board has no parameter {name}, expected firmware with the capability "
+                f"{PARAMETER_BY_NAME[name].capability}: upload it with: mrl flash"
+            )
+
+
 def read(driver: Driver, *names: str) -> Dict[str, int]:
     """Return the parameters in force, in units of the table.
 
     Raises:
+        BoardRefused: the board does not have one of them.
         BoardTimeout: the board does not reply.
     """
+    require_parameters(driver, names)
     return {name: driver.ask(_READ, PARAMETER_BY_NAME[name].number)[1] for name in names}
 
 
@@ -39,10 +57,11 @@ def write(driver: Driver, values: Mapping[str, int]) -> None:
     """Set parameters until the board restarts.
 
     Raises:
-        BoardRefused: the board stores no configuration, or refused a value.
+        BoardRefused: the board stores no configuration, does not have a parameter, or refused a value.
         BoardTimeout: the board does not reply.
     """
     require_config(driver)
+    require_parameters(driver, values)
     for name, value in values.items():
         number = PARAMETER_BY_NAME[name].number
         if driver.ask(_WRITE, number, value) != (number, value):
@@ -64,9 +83,12 @@ def save_model(driver: Driver, robot_id: int, model: RobotModel) -> None:
     """Save the id and the model's parameters (the firmware may not know this model), and check them.
 
     Raises:
-        BoardRefused: the board stores no configuration, refused a value, or restarted before saving.
+        BoardRefused: the board stores no configuration, does not have a parameter, refused a value, or restarted
+            before saving.
         BoardTimeout: the board does not reply.
     """
+    require_config(driver)
+    require_parameters(driver, model.board)
     write(driver, {"robot_id": robot_id})
     if driver.ask(_DEFAULTS) != (1,):
         raise BoardRefused("the board refused to set its defaults; try again")

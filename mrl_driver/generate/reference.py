@@ -135,7 +135,8 @@ def _sensor_cells(row: Sensor) -> Tuple[str, ...]:
 
 
 def _parameter_cells(row: Parameter) -> Tuple[str, ...]:
-    return (str(row.number), row.name, f"{row.low} to {row.high}", row.unit, row.text)
+    text = f"{row.text} Capability `{row.capability}`." if row.capability else row.text
+    return (str(row.number), row.name, f"{row.low} to {row.high}", row.unit, text)
 
 
 def _defaults_table() -> List[str]:

@@ -105,7 +105,11 @@ class Reason(NamedTuple):
 
 
 class Parameter(NamedTuple):
-    """One value of the board's EEPROM configuration, read and written by number."""
+    """One value of the board's EEPROM configuration, read and written by number.
+
+    `capability` names the boards that use the parameter; others may refuse its number.  Without it all boards have the
+    parameter.
+    """
 
     number: int
     name: str
@@ -113,6 +117,7 @@ class Parameter(NamedTuple):
     high: int
     unit: str
     text: str
+    capability: str = ""
 
 
 def _int16(name: str, unit: str, text: str) -> Field:
@@ -331,13 +336,15 @@ PARAMETERS: Tuple[Parameter, ...] = (
     Parameter(16, "bus_speed", 100, 400, "kHz", "I2C clock towards the motor board."),
     Parameter(17, "bus_stop", 0, 1, "", "1: stop and start between the register and the read, for old motor boards."),
     Parameter(18, "full_speed", 1, 1000, "1/min", "Turns of a wheel at 100 %; applies the ceilings to 43."),
-    Parameter(19, "bridge", 0, len(BRIDGES) - 1, "", "Row of the bridge table; 0 is not set."),
-    Parameter(20, "wiring", 0, 255, "bits", "Sum of the rows of the wiring table; 0 is not set."),
-    Parameter(21, "stop_mode", 0, 1, "", "How the H-bridge stops: 0 brakes, 1 lets the wheels coast."),
-    Parameter(22, "reversal_pause", 0, 1000, "ms", "Time without drive before a wheel changes direction."),
-    Parameter(23, "friction_duty", 0, 500, "0.1 %", "Duty at which a wheel begins to turn."),
-    Parameter(24, "battery_divider", 0, INT16_MAX, "0.001", "Battery voltage per volt at A3; 0: not measured."),
-    Parameter(25, "undervoltage", 0, INT16_MAX, "0.01 V", "The motors stop below this voltage; 0 turns it off."),
+    Parameter(19, "bridge", 0, len(BRIDGES) - 1, "", "Row of the bridge table; 0 is not set.", "bridge"),
+    Parameter(20, "wiring", 0, 255, "bits", "Sum of the rows of the wiring table; 0 is not set.", "bridge"),
+    Parameter(21, "stop_mode", 0, 1, "", "How the H-bridge stops: 0 brakes, 1 lets the wheels coast.", "bridge"),
+    Parameter(22, "reversal_pause", 0, 1000, "ms", "Time without drive before a wheel changes direction.", "bridge"),
+    Parameter(23, "friction_duty", 0, 500, "0.1 %", "Duty at which a wheel begins to turn.", "bridge"),
+    Parameter(24, "battery_divider", 0, INT16_MAX, "0.001", "Battery voltage per volt at A3; 0: not measured.",
+              "bridge"),
+    Parameter(25, "undervoltage", 0, INT16_MAX, "0.01 V", "The motors stop below this voltage; 0 turns it off.",
+              "bridge"),
 )
 PARAMETER_BY_NAME: Dict[str, Parameter] = {row.name: row for row in PARAMETERS}
 

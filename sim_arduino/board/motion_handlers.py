@@ -32,7 +32,7 @@ def _move_motors(motors: Motors, now_s: float, left: int, right: int) -> bool:
 
 _register("calibrate", lambda motors, *values: motors.calibrate(*values))
 _register("set_encoder_prescaler", lambda motors, *values: motors.set_prescaler(*values))
-_register("preset_encoder", lambda motors, *values: motors.preset(*values))
+_register("preset_encoder", lambda motors, *values: motors.preset_encoder(*values))
 _register("move_motors_pid", _move_motors_pid)
 _register("move_motors", _move_motors)
 _register("move_to_position", lambda motors, *values: motors.move_position(*values))

@@ -152,7 +152,7 @@ class MotorControl:
             self.driver.set_prescaler(now_s, encoder, value)
         return there
 
-    def preset(self, now_s: float, encoder: int, count: int) -> bool:
+    def preset_encoder(self, now_s: float, encoder: int, count: int) -> bool:
         """Sets a counter."""
         if there := self.there(now_s):
             self.driver.preset_encoder(now_s, encoder, count)
@@ -160,4 +160,4 @@ class MotorControl:
 
     def reset_encoders(self, now_s: float) -> bool:
         """Sets all three counters to 0."""
-        return all([self.preset(now_s, encoder, 0) for encoder in (1, 2, 3)])
+        return all([self.preset_encoder(now_s, encoder, 0) for encoder in (1, 2, 3)])

@@ -85,7 +85,7 @@ class Motors(Protocol):
     def set_prescaler(self, now_s: float, encoder: int, value: int) -> bool:
         """Sets how many pulses make a count: 1, 10, 100, 1000 or 10000 for 0 to 4."""
 
-    def preset(self, now_s: float, encoder: int, count: int) -> bool:
+    def preset_encoder(self, now_s: float, encoder: int, count: int) -> bool:
         """Sets a counter."""
 
     def reset_encoders(self, now_s: float) -> bool:

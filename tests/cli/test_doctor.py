@@ -12,6 +12,7 @@ from mrl_driver.cli.commands import doctor
 from mrl_driver.cli.doctor import board, computer, wheels
 from mrl_driver.cli.doctor.findings import FAULT, NOTE, OK, WARNING, Finding, verdict
 from mrl_driver.cli.doctor.wheels import Moved
+from mrl_driver.protocol.table import FAULTS
 from mrl_driver.robot import models
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.session import Status
@@ -158,10 +159,33 @@ def test_battery(volts, level):
     assert levels(board.supply(GOOD._replace(battery_v=volts), TRAXBOT))["battery"] == level
 
 
-@pytest.mark.parametrize("fault", ["motor_board", "bus_hung", "eeprom", "id_unset", "sensor"])
+@pytest.mark.parametrize("fault", [name for name, _ in FAULTS])
 def test_each_fault_of_the_board_has_its_advice(fault):
     found = [each for each in board.health(HEALTHY._replace(faults=(fault,))) if each.level == FAULT]
     assert len(found) == 1 and found[0].advice
+
+
+@pytest.mark.parametrize(
+    ("reason", "level"),
+    [("host", None), ("wheel_blocked", WARNING), ("encoder", WARNING), ("undervoltage", WARNING)],
+)
+def test_a_stop_that_needs_attention(reason, level):
+    assert levels(board.health(HEALTHY._replace(stop_reason=reason))).get("last stop") == level
+
+
+@pytest.mark.parametrize(("count", "level"), [(None, None), (0, None), (3, NOTE)])
+def test_encoder_transitions_that_skip_a_state(count, level):
+    assert levels(board.health(HEALTHY._replace(impossible=count))).get("encoders") == level
+
+
+def test_a_battery_that_is_not_measured_is_not_empty():
+    bare = GOOD._replace(battery_v=0.0, capabilities=GOOD.capabilities | {"no_battery"})
+    assert levels(board.supply(bare, TRAXBOT))["battery"] == NOTE
+
+
+def test_a_board_with_an_h_bridge_has_no_motor_board():
+    bridge = GOOD._replace(capabilities=GOOD.capabilities | {"bridge"})
+    assert "motor board" not in levels(board.supply(bridge, TRAXBOT))
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import click
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.host.named_robots import Target
-from mrl_driver.protocol.table import PARAMETER_BY_NAME, PARAMETERS, Parameter
+from mrl_driver.protocol.table import PARAMETER_BY_NAME, Parameter
 from mrl_driver.robot.models import COMMON_BOARD, RobotModel
 
 from .shared import complete_parameter, confirm, connected, json_option, print_json, robot_options, yes_option
@@ -43,7 +43,7 @@ def config() -> None:
 @robot_options
 @json_option
 def get(target: Target, names: Tuple[str, ...], as_json: bool) -> None:
-    """Show all parameters, or those named.
+    """Show all parameters that the board uses, or those named.
 
     A * marks values that differ from the robot model.
 
@@ -54,10 +54,10 @@ def get(target: Target, names: Tuple[str, ...], as_json: bool) -> None:
     """
     from mrl_driver.driver import eeprom
 
-    rows = [_row(name) for name in names] or list(PARAMETERS)
+    rows = [_row(name) for name in names]
     with connected(target, ignore_battery=True) as driver:
         eeprom.require_config(driver)
-        values = [_value(driver, row) for row in rows]
+        values = [_value(driver, row) for row in rows or eeprom.parameters(driver)]
     if as_json:
         print_json([_plain(each) for each in values])
     else:

@@ -28,6 +28,12 @@ _ADVICE = {
     "eeprom": "set the parameters that must differ from the model's defaults again: mrl config set NAME VALUE",
     "id_unset": "mrl set-id ID (TraxBot 1-3, StingBot 4-5)",
     "sensor": "check the I2C wires and power of the thermopile (0x68) and the compass (0x60)",
+    "wiring": "set the bridge with: mrl config set bridge NUMBER, then run: mrl calibrate wiring",
+}
+_STOPS = {
+    "wheel_blocked": "a wheel did not turn at full drive: check that it turns freely, and the motor's wires",
+    "encoder": "an encoder was silent or counted in the wrong direction: check its wires, then run: mrl calibrate wiring",
+    "undervoltage": "the battery fell below the parameter undervoltage: charge it",
 }
 _RESETS = {
     "watchdog": "the firmware hung and its watchdog restarted it; please report it with: mrl doctor --report",
@@ -81,7 +87,21 @@ def identity(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
 
 
 def supply(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
-    """Check battery and motor board."""
+    """Check battery and motor board, as far as the board measures them."""
+    if "no_battery" in board.capabilities:
+        yield Finding(
+            NOTE,
+            "battery",
+            "not measured",
+            "connect its divider to A3, and set the parameter battery_divider",
+        )
+    else:
+        yield from _battery(board, model)
+    if "bridge" not in board.capabilities:
+        yield _motor_board(board)
+
+
+def _battery(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
     text = f"{board.battery_v:.1f} V"
     if model is not None:
         levels = model.battery
@@ -97,8 +117,11 @@ def supply(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
             yield Finding(WARNING, "battery", f"{text}: low", "charge it soon")
         else:
             yield Finding(OK, "battery", f"{text} (full {levels.full_v:g} V, low below {levels.low_v:g} V)")
+
+
+def _motor_board(board: Board) -> Finding:
     hot = board.temperature_c > 60
-    yield Finding(
+    return Finding(
         WARNING if hot else OK,
         "motor board",
         f"firmware {board.motor_board_version:.2f}, {board.temperature_c:.0f} degC",
@@ -107,7 +130,7 @@ def supply(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
 
 
 def health(status: Optional[Status]) -> Iterator[Finding]:
-    """Check the faults that the board reports, and the cause of its last start."""
+    """Check the faults that the board reports, its last stop, and the cause of its last start."""
     if status is None:
         return
     words = dict(FAULTS)
@@ -120,6 +143,15 @@ def health(status: Optional[Status]) -> Iterator[Finding]:
         f"{cause.replace('_', ' ')}, {status.uptime_s} s ago",
         _RESETS.get(cause, ""),
     )
+    if status.stop_reason in _STOPS:
+        yield Finding(WARNING, "last stop", status.stop_reason.replace("_", " "), _STOPS[status.stop_reason])
+    if status.impossible:
+        yield Finding(
+            NOTE,
+            "encoders",
+            f"{status.impossible} transitions skipped a state",
+            "check the encoders' wires and ground, and keep them away from the motors' wires",
+        )
     if status.clamped:
         yield Finding(
             NOTE,
