@@ -1,12 +1,13 @@
 """Pictures of calibrations, as PNG, PDF or SVG.  Needs matplotlib, an extra of the package."""
 
-from typing import Any, Sequence
+from typing import Any, Sequence, Union
 
 import numpy as np
 
 from mrl_driver import figures
 from mrl_driver.figures import BLUE, GREY, ORANGE
 
+from .bridge_procedures import TunedBridge
 from .gains import speeds
 from .part_procedures import Steps, Tuned
 from .sonar_curve import THESIS, SonarFit
@@ -62,8 +63,8 @@ def draw_sonar(path: str, counts: np.ndarray, ranges_m: np.ndarray, fit: SonarFi
     figures.save(figure, path)
 
 
-def draw_gains(path: str, tuned: Tuned) -> None:
-    """Plot the steps of both wheels with the old and the new gains."""
+def draw_gains(path: str, tuned: Union[Tuned, TunedBridge]) -> None:
+    """Plot the steps of both wheels with the old and the new gains, and the target if it is known."""
     figure = figures.figure(7.0, 5.6)
     pair = figure.subplots(2, 1, sharex=True)
     for axes, name in zip(pair, ("left", "right")):
@@ -72,9 +73,10 @@ def draw_gains(path: str, tuned: Tuned) -> None:
             (tuned.steps_after, tuned.after, BLUE, "-"),
         ):
             times_s, speed = _speed(steps, name)
-            axes.plot(
-                times_s, speed, style, color=colour, label=f"kp {gains.kp}, ki {gains.ki}, kd {gains.kd}"
-            )
+            label = ", ".join(f"{name} {value}" for name, value in gains._asdict().items())
+            axes.plot(times_s, speed, style, color=colour, label=label)
+        if isinstance(tuned, TunedBridge):
+            axes.axhline(tuned.target_counts_s, color=ORANGE, linewidth=0.8, label="target")
         axes.set(ylabel=f"{name} wheel [count/s]")
         axes.legend(fontsize="small", loc="lower right")
     pair[0].set(title="Step response of the speed")

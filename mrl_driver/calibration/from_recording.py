@@ -1,7 +1,8 @@
 """Reads recordings for calibrations: counts of the wheels, ranges of the front sonar, requests to the motors."""
 
+import itertools
 import math
-from typing import List, NamedTuple, Tuple
+from typing import Iterator, List, NamedTuple, Tuple
 
 import numpy as np
 
@@ -99,14 +100,18 @@ def step_of(replayed: Replayed, code: int) -> Tuple[np.ndarray, Tuple[int, int]]
     Raises:
         ConfigError: the recording has no such step.
     """
-    orders = [(time_s, frame) for time_s, frame in replayed.requests if frame.code in (code, *_MOVING)]
-    for number, (begin_s, frame) in enumerate(orders):
-        if frame.code == code and any(frame.args):
-            ends = [
-                time_s for time_s, other in orders[number:] if (other.code, other.args) != (code, frame.args)
-            ]
-            times_s = replayed.rows[:, 0]
-            first = max(0, int(np.searchsorted(times_s, begin_s)) - 1)
-            last = int(np.searchsorted(times_s, ends[0])) if ends else len(times_s)
-            return replayed.rows[first:last], (frame.args[0], frame.args[1])
+    for found in motor_steps_of(replayed, code):
+        return found
     raise ConfigError(f"the recording holds no request {code} that moves a motor, expected a step from rest")
+
+
+def motor_steps_of(replayed: Replayed, code: int) -> Iterator[Tuple[np.ndarray, Tuple[int, int]]]:
+    """Rows and arguments of each step with this request; the next other request to the motors ends a step."""
+    orders = [(time_s, frame) for time_s, frame in replayed.requests if frame.code in (code, *_MOVING)]
+    runs = [next(same) for _, same in itertools.groupby(orders, lambda order: (order[1].code, order[1].args))]
+    ends_s = [time_s for time_s, _ in runs[1:]] + [math.inf]
+    times_s = replayed.rows[:, 0]
+    for (begin_s, frame), end_s in zip(runs, ends_s):
+        if frame.code == code and any(frame.args):
+            first = max(0, int(np.searchsorted(times_s, begin_s)) - 1)
+            yield replayed.rows[first : int(np.searchsorted(times_s, end_s))], (frame.args[0], frame.args[1])

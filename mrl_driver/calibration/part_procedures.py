@@ -1,6 +1,7 @@
 """Calibrates parts: wires, the sonars' curve, the motors' gains.  It drives; the pure modules compute."""
 
-from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+import contextlib
+from typing import Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -208,6 +209,25 @@ def tune(robot: Driver, track: Track, present: Gains, report: Callable[[str], No
 
     At the end the old gains and the ramp are in force again, even after an error.
     """
+    with ramp_off(robot):
+        try:
+            report(f"step of the duty, {STEP_PERCENT} %")
+            plants = identify(step(robot, track, MOVE, STEP_PERCENT))
+            wanted = gains.suggest(plants)
+            measured = []
+            for name, trial in (("present", present), ("suggested", wanted)):
+                report(f"step of the speed, {name} gains {trial.kp} {trial.ki} {trial.kd}")
+                set_gains(robot, trial)
+                measured.append(step(robot, track, MOVE_PID, STEP_PERCENT))
+            return Tuned(plants, present, wanted, measured[0], measured[1])
+        finally:
+            robot.stop()
+            set_gains(robot, present)
+
+
+@contextlib.contextmanager
+def ramp_off(robot: Driver) -> Iterator[None]:
+    """Without a ramp inside the block, if the board has a configuration; then with the former ramp again."""
     ramped = eeprom.can_configure(robot)
     ramp = eeprom.read(robot, "ramp_time") if ramped else {}
     if ramped and not ramp["ramp_time"] and robot.model is not None:
@@ -215,18 +235,9 @@ def tune(robot: Driver, track: Track, present: Gains, report: Callable[[str], No
     try:
         if ramped:
             eeprom.write(robot, {"ramp_time": 0})
-        report(f"step of the duty, {STEP_PERCENT} %")
-        plants = identify(step(robot, track, MOVE, STEP_PERCENT))
-        wanted = gains.suggest(plants)
-        measured = []
-        for name, trial in (("present", present), ("suggested", wanted)):
-            report(f"step of the speed, {name} gains {trial.kp} {trial.ki} {trial.kd}")
-            set_gains(robot, trial)
-            measured.append(step(robot, track, MOVE_PID, STEP_PERCENT))
-        return Tuned(plants, present, wanted, measured[0], measured[1])
+        yield
     finally:
         robot.stop()
-        set_gains(robot, present)
         if ramped:
             eeprom.write(robot, ramp)
 

@@ -4,7 +4,7 @@ import contextlib
 import csv
 import math
 import os
-from typing import TYPE_CHECKING, Any, Dict, List, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import click
 
@@ -28,8 +28,9 @@ from .shared import print_json, print_message, warn
 if TYPE_CHECKING:
     import numpy as np
 
+    from mrl_driver.calibration.bridge_gains import MotorFit
     from mrl_driver.calibration.calibration_files import Key
-    from mrl_driver.calibration.gains import Gains
+    from mrl_driver.calibration.gains import Response
     from mrl_driver.calibration.part_procedures import SonarPlan
     from mrl_driver.calibration.sonar_curve import Curve
     from mrl_driver.driver import Driver
@@ -263,66 +264,120 @@ def _formula(curve: "Curve") -> str:
 def gains(job: Job, recording: Optional[str]) -> None:
     """Measure the gains of the motors' speed control.
 
-    Asks, then turns the robot in place three times, for 1.5 s each, and evaluates how the wheels speed up.  The floor
-    around the robot must be free.  At the end the board has its former gains again.  Takes 10 s; after Ctrl-C it
-    starts from the beginning.
+    Asks, then turns the robot in place, for 1 to 1.5 s each: three times, or five times with an H-bridge board.  It
+    evaluates how the wheels speed up.  The floor around the robot must be free.  At the end the board has its former
+    gains again.  Takes 10 to 15 s; after Ctrl-C it starts from the beginning.
+
+    With an H-bridge board it also measures full_speed and friction_duty, and suggests kp and ki by lambda tuning.
+    Charge the battery first: full_speed is that of the present voltage.
 
     \b
     Example:
       mrl calibrate gains --port /dev/ttyACM0 --plot gains.png
     """
+    from mrl_driver.calibration import bridge_procedures
+
+    if recording is not None:
+        model = recorded_model(job)
+        output = output_for(job, model, None)
+        _write_gains(_recorded_gains(recording, model), output, job, model)
+        return
+    with calibrate_job.connect(job) as driver:
+        warn(driver)
+        model = model_of(driver)
+        output = output_for(job, model, driver.board.robot_id)
+        on_bridge = bridge_procedures.CAPABILITY in driver.board.capabilities
+        times = "five" if on_bridge else "three"
+        confirm_drive(job, f"The robot turns in place {times} times, quickly. Is the floor around it free?")
+        wanted = _tune_bridge(driver, model, job) if on_bridge else _tune(driver, model, job)
+        offer_eeprom(driver, _write_gains(wanted, output, job, model), job)
+
+
+def _recorded_gains(recording: str, model: "RobotModel") -> Mapping[str, int]:
+    """Show the recorded motors, and return the gains for them."""
+    from mrl_driver.calibration import bridge_procedures, part_procedures
+
+    if model.board.get("bridge"):
+        motors, found = bridge_procedures.recorded(recording, model)
+        _show_motors(motors, model)
+        return found._asdict()
+    plants, wanted = part_procedures.recorded_gains(recording, model)
+    for name, plant in zip(("right", "left"), plants):
+        click.echo(f"{name} motor: {plant.full_counts_s:.0f} count/s, {plant.time_constant_s * 1000:.0f} ms")
+    return wanted._asdict()
+
+
+def _tune(driver: "Driver", model: "RobotModel", job: Job) -> Mapping[str, int]:
     from mrl_driver.calibration import part_procedures
     from mrl_driver.calibration.gains import Gains
     from mrl_driver.calibration.manoeuvres import Track
 
     from .calibrate_view import console
 
-    if recording is not None:
-        model = recorded_model(job)
-        output = output_for(job, model, None)
-        plants, wanted = part_procedures.recorded_gains(recording, model)
-        for name, plant in zip(("right", "left"), plants):
-            click.echo(
-                f"{name} motor: {plant.full_counts_s:.0f} count/s, {plant.time_constant_s * 1000:.0f} ms"
-            )
-        _write_gains(wanted, output, job, model)
-        return
-    with calibrate_job.connect(job) as driver:
-        warn(driver)
-        model = model_of(driver)
-        output = output_for(job, model, driver.board.robot_id)
-        confirm_drive(job, "The robot turns in place three times, quickly. Is the floor around it free?")
-        present = part_procedures.gains_in_force(
-            driver, Gains(*(model.board[name] for name in Gains._fields))
+    present = part_procedures.gains_in_force(driver, Gains(*(model.board[name] for name in Gains._fields)))
+    tuned = part_procedures.tune(driver, Track(driver), present, console.print)
+    found = {
+        when: {name: steps.response(name == "left") for name in ("left", "right")}
+        for when, steps in (("before", tuned.steps_before), ("after", tuned.steps_after))
+    }
+    _report_gains(tuned, found, job)
+    return tuned.after._asdict()
+
+
+def _tune_bridge(driver: "Driver", model: "RobotModel", job: Job) -> Mapping[str, int]:
+    from mrl_driver.calibration import bridge_procedures
+    from mrl_driver.calibration.manoeuvres import Track
+
+    from .calibrate_view import console
+
+    tuned = bridge_procedures.tune(driver, model, Track(driver), console.print)
+    if not job.as_json:
+        _show_motors(tuned.motors, model)
+    found = {
+        when: {name: tuned.response(steps, name == "left") for name in ("left", "right")}
+        for when, steps in (("before", tuned.steps_before), ("after", tuned.steps_after))
+    }
+    _report_gains(tuned, found, job)
+    return tuned.after._asdict()
+
+
+def _show_motors(motors: Sequence["MotorFit"], model: "RobotModel") -> None:
+    """Print the motors of an H-bridge board, and a warning if their speed is not a line over the duty."""
+    from mrl_driver.calibration import bridge_gains, bridge_procedures
+
+    a_turn = bridge_procedures.counts_per_turn(model)
+    for name, motor in zip(("right", "left"), motors):
+        full_rpm = motor.full_counts_s * 60 / a_turn
+        click.echo(
+            f"{name} motor: turns from {motor.dead_band:.1%} duty, {full_rpm:.0f} 1/min at full duty, "
+            f"time constant {motor.time_constant_s * 1000:.0f} ms"
         )
-        tuned = part_procedures.tune(driver, Track(driver), present, console.print)
-        _report_gains(tuned, job)
-        offer_eeprom(driver, _write_gains(tuned.after, output, job, model), job)
+        if motor.off_line > bridge_gains.LINEAR_WITHIN:
+            print_message(
+                f"warning: the speed of the {name} motor is up to {motor.off_line:.0%} of full speed off a line "
+                "over the duty; check the battery, the bridge and the gearbox"
+            )
 
 
-def _write_gains(wanted: "Gains", output: str, job: Job, model: "RobotModel") -> Dict["Key", float]:
+def _write_gains(wanted: Mapping[str, int], output: str, job: Job, model: "RobotModel") -> Dict["Key", float]:
     """Show the gains, and write them into the robot's YAML file; return the values for it."""
     from .calibrate_view import show_values
 
-    values: Dict[Key, float] = {("board", name): value for name, value in wanted._asdict().items()}
+    values: Dict[Key, float] = {("board", name): value for name, value in wanted.items()}
     if not job.as_json:
         show_values(model, values)
     write_yaml("gains", values, output, job, model)
     return values
 
 
-def _report_gains(tuned: Any, job: Job) -> None:
+def _report_gains(tuned: Any, found: Mapping[str, Mapping[str, "Response"]], job: Job) -> None:
+    """Show the steps before and after, and draw them."""
     from .calibrate_view import response_line
 
     if job.plot is not None:
         from mrl_driver.calibration import calibration_plots
 
         calibration_plots.draw_gains(job.plot, tuned)
-    steps = {"before": tuned.steps_before, "after": tuned.steps_after}
-    found = {
-        when: {name: each.response(name == "left") for name in ("left", "right")}
-        for when, each in steps.items()
-    }
     if job.as_json:
         plain = {when: {name: one._asdict() for name, one in each.items()} for when, each in found.items()}
         print_json({"gains_before": tuned.before._asdict(), "gains_after": tuned.after._asdict(), **plain})

@@ -184,5 +184,5 @@ def response_line(name: str, response: Response) -> str:
     """Return one line about a step response."""
     return (
         f"{name}: rises in {response.rise_s * 1000:.0f} ms, overshoots {response.overshoot:.1%}, "
-        f"settles after {response.settle_s * 1000:.0f} ms"
+        f"settles after {response.settle_s * 1000:.0f} ms, mean error {response.offset:.1%}"
     )
