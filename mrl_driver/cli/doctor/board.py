@@ -32,7 +32,7 @@ _ADVICE = {
 }
 _STOPS = {
     "wheel_blocked": "a wheel did not turn at full drive: check that it turns freely, and the motor's wires",
-    "encoder": "an encoder was silent or counted in the wrong direction: check its wires, then run: mrl calibrate wiring",
+    "encoder": "an encoder was silent or counted the other direction: check its wires, then run: mrl calibrate wiring",
     "undervoltage": "the battery fell below the parameter undervoltage: charge it",
 }
 _RESETS = {
