@@ -5,7 +5,7 @@ injected.
 from typing import List, Optional, Set
 
 from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
-from mrl_driver.protocol.table import TICK_S
+from mrl_driver.protocol.table import CAPABILITIES, TICK_S
 
 SEPARATION_M, METRES = 0.180, 0.000087512033
 
@@ -21,7 +21,8 @@ class FakeBoard:
     ) -> None:
         self.robot_id, self.version, self.stream_code = robot_id, version, stream_code
         self.boot_s = boot_s
-        self.battery = 1200
+        self.battery, self.temperature = 1200, 2500
+        self.capabilities = {name for name, _ in CAPABILITIES[:5]}
         self.sonars = (120, 45, 645)
         self.right = self.left = 0.0
         self.moves: List[tuple] = []
@@ -93,7 +94,7 @@ class FakeBoard:
         if code in self.unknown:
             return
         if code == 5:
-            self._say(5, 2500, 172, self.battery, self.version, self.robot_id)
+            self._say(5, self.temperature, 172, self.battery, self.version, self.robot_id)
         elif code in (6, 8):
             self._reply(code, now)
         elif code == 7:
@@ -120,7 +121,8 @@ class FakeBoard:
 
     def _modern(self, code: int, args: tuple, now: float) -> None:
         if code == 29:
-            self._say(29, 2, 0b0011111)
+            names = [name for name, _ in CAPABILITIES]
+            self._say(29, 2, sum(1 << names.index(name) for name in self.capabilities))
         elif code == 30:
             self._say(30, 0, int(now - self.started_s), 1, self.stop_reason, 0, 0)
         elif code == 31:

@@ -541,17 +541,17 @@ class Driver:
 
     @property
     def battery_v(self) -> float:
-        """Battery voltage, at most 2 s old; NaN before it is known."""
+        """Battery voltage, at most 2 s old; NaN before it is known, and if the board does not measure it."""
         return self._core.state.info.battery_v if self._core.state.info else math.nan
 
     @property
     def battery_state(self) -> str:
-        """`ok`, `low`, `empty` or `off`, see `robot.battery`."""
+        """`ok`, `low`, `empty` or `off`, see `robot.battery`; `ok` if the board does not measure its battery."""
         return self._core.state.battery_state
 
     @property
     def temperature_c(self) -> float:
-        """Temperature of the motor board; NaN before it is known."""
+        """Temperature of the motor board; NaN before it is known, and if the board does not measure it."""
         return self._core.state.info.temperature_c if self._core.state.info else math.nan
 
     @property

@@ -12,6 +12,9 @@ _READ, _WRITE, _SAVE, _DEFAULTS = (
     BY_NAME[name].code for name in ("read_config", "write_config", "save_config", "default_config")
 )
 
+CABLES = ("bridge", "wiring")
+"""Parameters that describe the cables of one robot; `mrl calibrate wiring` sets them."""
+
 
 def can_configure(driver: Driver) -> bool:
     """Return whether the board stores a configuration; boards of 2013 do not."""
@@ -82,6 +85,8 @@ def save(driver: Driver) -> None:
 def save_model(driver: Driver, robot_id: int, model: RobotModel) -> None:
     """Save the id and the model's parameters (the firmware may not know this model), and check them.
 
+    A board with an H-bridge keeps its bridge and wiring, unless the model sets them: they belong to its cables.
+
     Raises:
         BoardRefused: the board stores no configuration, does not have a parameter, refused a value, or restarted
             before saving.
@@ -89,12 +94,14 @@ def save_model(driver: Driver, robot_id: int, model: RobotModel) -> None:
     """
     require_config(driver)
     require_parameters(driver, model.board)
+    kept = read(driver, *CABLES) if "bridge" in driver.board.capabilities else {}
+    values = {"robot_id": robot_id, **kept, **model.board}
     write(driver, {"robot_id": robot_id})
     if driver.ask(_DEFAULTS) != (1,):
         raise BoardRefused("the board refused to set its defaults; try again")
-    write(driver, model.board)
+    write(driver, {name: value for name, value in values.items() if name != "robot_id"})
     save(driver)
-    for name, value in {"robot_id": robot_id, **model.board}.items():
+    for name, value in values.items():
         found = read(driver, name)[name]
         if found != value:
             raise BoardRefused(

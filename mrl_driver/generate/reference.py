@@ -144,7 +144,7 @@ def _defaults_table() -> List[str]:
     rows = [
         (
             row.name,
-            *(str(model.board.get(row.name, robots.COMMON_BOARD.get(row.name, "–"))) for model in models),
+            *(str(robots.firmware_defaults(model).get(row.name, "–")) for model in models),
         )
         for row in PARAMETERS
     ]

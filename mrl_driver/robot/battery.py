@@ -4,6 +4,7 @@ Sources of the levels: the 2013 host (motor power is off below 1 V, the battery 
 2012 (packs are empty at about 9 V).
 """
 
+import math
 from typing import Optional
 
 from mrl_driver.errors import BatteryDead
@@ -19,7 +20,7 @@ RECOVERY_V = 0.2
 
 
 def require_charge(volts: float, levels: Battery) -> None:
-    """Check before the start.
+    """Check before the start; a voltage of NaN is not measured and passes.
 
     Raises:
         BatteryDead: the motors have no power, or the battery is too low to start.
@@ -36,6 +37,11 @@ def require_charge(volts: float, levels: Battery) -> None:
         )
 
 
+def voltage_text(volts: float) -> str:
+    """Return a voltage for people: `11.4 V`, or `not measured` for NaN."""
+    return "not measured" if math.isnan(volts) else f"{volts:.1f} V"
+
+
 class BatteryMonitor:
     """State of the battery while running: `ok`, `low` (warn), `empty` (stop gently), `off` (no power)."""
 
@@ -45,7 +51,9 @@ class BatteryMonitor:
         self.state = OK
 
     def update(self, volts: float, time_s: float) -> str:
-        """Return the state after a reading of `volts` at `time_s` [s]."""
+        """Return the state after a reading of `volts` at `time_s` [s]; NaN (not measured) does not change it."""
+        if math.isnan(volts):
+            return self.state
         if volts < self._levels.off_v:
             self.state, self._below_since_s = OFF, None
             return OFF

@@ -16,7 +16,7 @@ from mrl_driver.session.events import (
     Stale,
     Status,
 )
-from mrl_driver.session.handshake import Board
+from mrl_driver.session.handshake import Board, with_measured
 
 from . import battery, models, sonar
 from .models import OmniDrive, RobotModel, require_drivable
@@ -104,7 +104,7 @@ class RobotState:
                 f"robot id {board.robot_id} answers, expected {self.info.robot_id}, the robot of before: "
                 "connect that one, or start again"
             )
-        if self.odometry is None and not self._ignore_battery:
+        if self.odometry is None and not self._ignore_battery and not _may_lack_battery(board):
             battery.require_charge(board.battery_v, self.model.battery)
         require_drivable(self.model)
         return STREAM if isinstance(self.model.drive, OmniDrive) else None
@@ -190,10 +190,16 @@ class RobotState:
     def _on_info(self, board: Board, now: float) -> List[RobotEvent]:
         if self.info is None or self._monitor is None:
             return []
+        board = with_measured(board, self.info.capabilities)
         self.info = self.info._replace(battery_v=board.battery_v, temperature_c=board.temperature_c)
         self.battery_state = self._monitor.update(board.battery_v, now)
         self.powerless = not self._ignore_battery and self.battery_state in (battery.EMPTY, battery.OFF)
         return [self.info]
+
+
+def _may_lack_battery(board: Board) -> bool:
+    """Return whether 0 V may mean that the board does not measure its battery: it has not reported its capabilities."""
+    return board.version >= 2 and board.protocol < 2 and board.battery_v == 0.0
 
 
 def has_sonars(model: RobotModel, capabilities: FrozenSet[str], robot_id: Optional[int]) -> bool:

@@ -8,6 +8,7 @@ has no checksums, `ALIKE` equal answers in a row are required.  An answer that r
 without a checksum it must come `ALIKE_TO_REFUSE` times in a row.
 """
 
+import math
 from typing import Callable, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import BoardError, BoardTimeout, MrlError, NotARobot, WrongRobot
@@ -44,8 +45,10 @@ _ANSWERS[_CODE["start_stream"]] = (_CODE["read_encoders_and_sonars"], _CODE["rea
 
 
 class Board(NamedTuple):
-    """Board identity, battery voltage and temperature.  A board that does not report its protocol counts as protocol 1
-    without capabilities; 2013 boards (firmware version 1) are of this kind.
+    """Board identity, battery voltage and temperature; a value that the board does not measure is NaN.
+
+    A board that does not report its protocol counts as protocol 1 without capabilities; 2013 boards (firmware version
+    1) are of this kind.
     """
 
     robot_id: int
@@ -84,6 +87,17 @@ def capabilities_of(bits: int) -> FrozenSet[str]:
     return frozenset(name for i, (name, _) in enumerate(CAPABILITIES) if bits >> i & 1)
 
 
+def with_measured(board: Board, capabilities: FrozenSet[str]) -> Board:
+    """Return the board with NaN in place of each value that a board with these capabilities does not measure.
+
+    On the wire these values are 0.
+    """
+    return board._replace(
+        battery_v=math.nan if "no_battery" in capabilities else board.battery_v,
+        temperature_c=math.nan if "no_temperature" in capabilities else board.temperature_c,
+    )
+
+
 def are_alike(one: Board, other: Board) -> bool:
     """Return whether both answers can come from the same board within a short time."""
     return (
@@ -100,8 +114,8 @@ class Handshake:
         plan: settings for the board.
         send: `send(code, *args)` sends a request.
         admit: `admit(board)` may raise to refuse a board before anything is set.  It returns the table row of the
-            stream to start, or None for the usual one.  It is called again after the board has identified itself
-            with a checksum.
+            stream to start, or None for the usual one.  It is called again after the board has reported its
+            capabilities, and after the board has identified itself with a checksum.
         now: time of the start [s].
         patient: never give up; used after a board's restart.
         timeout_s: time for the first answer [s].
@@ -282,6 +296,9 @@ class Handshake:
             self.hurry(now)
             return
         self._learn(args)
+        assert self.board is not None
+        if checked or self._alike >= ALIKE:
+            self._admit(self.board)
         self._next(now)
 
     def _do_without(self) -> None:
@@ -306,7 +323,10 @@ class Handshake:
                 f"the board speaks protocol {protocol}, this driver {PROTOCOL_VERSION}: update the older "
                 "one (the board with: mrl flash --port PORT)"
             )
-        self.board = self.board._replace(protocol=protocol, capabilities=capabilities_of(bits))
+        capabilities = capabilities_of(bits)
+        self.board = with_measured(self.board, capabilities)._replace(
+            protocol=protocol, capabilities=capabilities
+        )
 
     def _next(self, now: float) -> None:
         """Go to the next request that gets an answer; send those before it that get none."""

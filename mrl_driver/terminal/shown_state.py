@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, Dict, Mapping, NamedTuple, Optional, Sequ
 
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol.table import SENSOR_BY_NAME
+from mrl_driver.robot.battery import voltage_text
 from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.robot.odometry import AnyTwist
 from mrl_driver.session.sensor_polling import text
@@ -78,7 +79,8 @@ def _board(driver: "Driver") -> Sequence[Row]:
     if status is None:
         return [Row("firmware", "1 (2013), no watchdog")]
     faults = ", ".join(status.faults).replace("_", " ")
-    up = f"up {_span(status.uptime_s)}, {driver.temperature_c:.0f} degC"
+    warm = "" if math.isnan(driver.temperature_c) else f", {driver.temperature_c:.0f} degC"
+    up = f"up {_span(status.uptime_s)}{warm}"
     return [
         Row("firmware", f"{driver.board.version}, {up}"),
         Row("last stop", f"by {status.stop_reason.replace('_', ' ')}"),
@@ -119,7 +121,7 @@ def line_of(state: ShownState) -> str:
     return (
         f"x {pose.x_m:7.3f} m  y {pose.y_m:7.3f} m  yaw {math.degrees(pose.yaw_rad):7.2f} deg  "
         f"v {twist.linear_m_s:6.3f} m/s  {aside}w {twist.angular_rad_s:6.3f} rad/s  {ranges}  "
-        f"battery {state.battery_v:.1f} V ({state.battery_state})"
+        f"battery {voltage_text(state.battery_v)} ({state.battery_state})"
         + "".join(f"  {name} {value}" for name, value in state.sensors.items())
         + ("" if state.ready else "  NO TELEMETRY")
     )

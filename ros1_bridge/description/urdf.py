@@ -31,6 +31,7 @@ COLOURS = {
     "traxbot": "0.1 0.35 0.7 1",
     "stingbot": "0.85 0.55 0.1 1",
     "omni": "0.1 0.5 0.25 1",
+    "duo": "0.75 0.15 0.15 1",
 }
 
 Point = Tuple[float, float, float]

@@ -24,7 +24,7 @@ from mrl_driver.driver import Driver, Telemetry
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.suspension import stopped_while_suspended
 from mrl_driver.errors import FrameError, LinkLost, MrlError, PortBusy
-from mrl_driver.robot.battery import EMPTY, LOW, OFF
+from mrl_driver.robot.battery import EMPTY, LOW, OFF, voltage_text
 from mrl_driver.robot.models import Limits, OmniDrive, RobotModel
 from mrl_driver.session.events import PathUnknown, Reply
 from mrl_driver.session.handshake import Board
@@ -166,7 +166,7 @@ class RobotNode:
         gc.freeze()  # all present objects stay, so that garbage collections need not scan them again
         rospy.loginfo(
             f"{model.name} (robot id {board.robot_id}, firmware {board.version}) on {parameters.port} at "
-            f"{driver.line_baud} baud, battery {board.battery_v:.1f} V"
+            f"{driver.line_baud} baud, battery {voltage_text(board.battery_v)}"
         )
 
     def _listen(self, board: Board) -> None:

@@ -1,5 +1,6 @@
 """The state of the robot as `status` and as diagnostics: levels, messages, keys and values.  Pure."""
 
+import math
 from typing import Any, Callable, Dict, Optional, Tuple
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
@@ -87,13 +88,16 @@ def zones_clear(commander: Commander) -> Tuple[str, str]:
 
 def battery_health(state: str, volts: float) -> LinkHealth:
     """Level and message for a battery state of the driver."""
+    if math.isnan(volts):
+        return LinkHealth(OK, "this board does not measure its battery")
     level = {"ok": OK, "low": WARN}.get(state, ERROR)
     return LinkHealth(level, f"battery is {state} at {volts:.1f} V")
 
 
 def battery_values(volts: float, state: str, capacity_ah: float) -> Dict[str, str]:
     """Keys and values for the battery."""
-    return {"Voltage": f"{volts:.2f} V", "State": state, "Design Capacity": f"{capacity_ah:g} Ah"}
+    voltage = "not measured" if math.isnan(volts) else f"{volts:.2f} V"
+    return {"Voltage": voltage, "State": state, "Design Capacity": f"{capacity_ah:g} Ah"}
 
 
 def board_health(status: Any) -> LinkHealth:
@@ -109,7 +113,8 @@ def board_health(status: Any) -> LinkHealth:
 
 def board_values(status: Any, temperature_c: float) -> Dict[str, str]:
     """Keys and values for the board."""
-    values = {"Motor Board Temperature": f"{temperature_c:.1f} degC"}
+    warm = "not measured" if math.isnan(temperature_c) else f"{temperature_c:.1f} degC"
+    values = {"Motor Board Temperature": warm}
     if isinstance(status, Status):
         values.update(
             {

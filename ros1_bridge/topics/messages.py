@@ -97,9 +97,16 @@ def new_battery(base_frame: str, battery: Battery) -> BatteryState:
 
 
 def fill_battery(message: BatteryState, stamp: Time, voltage_v: float, battery: Battery) -> None:
-    """Write a voltage [V]; the percentage is linear between empty and full, 0 to 1."""
+    """Write a voltage [V]; the percentage is linear between empty and full, 0 to 1.
+
+    If the voltage is NaN, it is not measured: the percentage is NaN as well, and the health is unknown.
+    """
     message.header.stamp = stamp
     message.voltage = voltage_v
+    if math.isnan(voltage_v):
+        message.present, message.percentage = True, math.nan
+        message.power_supply_health = BatteryState.POWER_SUPPLY_HEALTH_UNKNOWN
+        return
     message.present = voltage_v >= battery.off_v
     share = battery.charge(voltage_v)
     message.percentage = min(1.0, max(0.0, share))

@@ -60,7 +60,7 @@ def _parameters_of(plant: Any, robot_id: int) -> List[Tuple[int, int]]:
     model = getattr(plant, "model", None)
     if model is None or robot_id not in model.ids:
         return []
-    wanted, known = parameter_store.configured(robot_id, model), parameter_store.defaults(robot_id)
+    wanted, known = parameter_store.first(robot_id, model), parameter_store.defaults(robot_id)
     return [(number, value) for number, value in enumerate(wanted) if value != known[number]]
 
 

@@ -26,9 +26,8 @@ _FIRST_MODEL = "traxbot"
 def defaults(robot_id: int) -> List[int]:
     """The firmware's default parameters for an id, in the table's order; an id without a model gets TraxBot's."""
     models = _packaged()
-    return configured(
-        robot_id, next((each for each in models.values() if robot_id in each.ids), models[_FIRST_MODEL])
-    )
+    model = next((each for each in models.values() if robot_id in each.ids), models[_FIRST_MODEL])
+    return _in_order(robot_id, robots.firmware_defaults(model))
 
 
 @functools.lru_cache(maxsize=None)
@@ -39,13 +38,23 @@ def _packaged() -> Dict[str, robots.RobotModel]:
 
 def configured(robot_id: int, model: robots.RobotModel) -> List[int]:
     """Parameters of a board configured with this id and model, in the table's order."""
-    by_name = {"robot_id": robot_id, **robots.COMMON_BOARD, **model.board}
+    return _in_order(robot_id, {**robots.COMMON_BOARD, **model.board})
+
+
+def _in_order(robot_id: int, by_name: Dict[str, int]) -> List[int]:
+    by_name = {**by_name, "robot_id": robot_id}
     return [by_name[row.name] for row in PARAMETERS]
 
 
 def first(robot_id: int, model: robots.RobotModel) -> List[int]:
-    """Parameters of a new board: those of `model` if the id belongs to it, else the firmware's defaults."""
-    return configured(robot_id, model) if robot_id in model.ids else defaults(robot_id)
+    """Parameters of a new board: those of `model` if the id belongs to it, else the firmware's defaults.
+
+    A model with an H-bridge has wires as in HARDWARE.md, and its board knows that.
+    """
+    if robot_id not in model.ids:
+        return defaults(robot_id)
+    wired = {"wiring": 1} if model.board.get("bridge") else {}
+    return configured(robot_id, model._replace(board={**wired, **model.board}))
 
 
 def image(values: List[int], layout: int = LAYOUT) -> bytes:

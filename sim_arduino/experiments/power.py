@@ -1,8 +1,9 @@
 """Drives circles until the battery packs reach 9 V, to measure how long they last at each speed."""
 
+import math
 from typing import List, NamedTuple, Tuple
 
-from mrl_driver.errors import BoardError, MrlError
+from mrl_driver.errors import BoardError, ConfigError, MrlError
 
 from . import plot_style
 from .experiment_report import Figure, Result
@@ -51,6 +52,10 @@ def _circle(setting: Setting, speed_mm_s: int) -> PowerRun:
     driven = PowerRun(speed_mm_s, [], [])
     with open_robot(setting, "square", period_ms=PERIOD_MS, command_timeout_s=2 * READ_PERIOD_S) as robot:
         driver, (factor, period_s) = robot.driver, _time_factor(robot)
+        if math.isnan(driver.battery_v):
+            raise ConfigError(
+                "the board does not measure its battery, which this experiment plots; expected one that does"
+            )
         start_s = driver.now_s
         while not driven.volts or driven.volts[-1] > EMPTY_V:
             if not driver.drive(linear, linear / RADIUS_M):

@@ -1,7 +1,18 @@
+import math
+
 import pytest
 
 from mrl_driver.errors import BatteryDead
-from mrl_driver.robot.battery import EMPTY, EMPTY_AFTER_S, LOW, OFF, OK, BatteryMonitor, require_charge
+from mrl_driver.robot.battery import (
+    EMPTY,
+    EMPTY_AFTER_S,
+    LOW,
+    OFF,
+    OK,
+    BatteryMonitor,
+    require_charge,
+    voltage_text,
+)
 from mrl_driver.robot.models import load
 
 LEVELS = load("traxbot").battery
@@ -66,3 +77,13 @@ def test_a_start_with_an_empty_battery_is_refused():
 
 def test_a_start_with_a_low_battery_is_allowed():
     require_charge(8.5, LEVELS)
+
+
+def test_a_voltage_that_is_not_measured_changes_no_state():
+    """NaN for ten seconds; a low voltage for as long would be empty."""
+    assert state_after(*[math.nan] * 21) == [OK] * 21
+    require_charge(math.nan, LEVELS)
+
+
+def test_a_voltage_that_is_not_measured_is_said_so():
+    assert [voltage_text(each) for each in (11.44, math.nan)] == ["11.4 V", "not measured"]

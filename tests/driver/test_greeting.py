@@ -2,6 +2,7 @@
 
 import functools
 import itertools
+import math
 
 import pytest
 
@@ -190,6 +191,34 @@ def test_a_battery_that_is_empty_each_time_is_believed():
     board = FakeBoard(version=1)
     board.battery = 120
     with pytest.raises(BatteryDead, match="reads 1.20 V"):
+        Talk(board, RobotState(None).admit).run(3.0)
+
+
+def without_measurements(*, checks=True):
+    """An H-bridge board without a divider: it sends 0 for battery and temperature."""
+    board = FakeBoard()
+    board.battery = board.temperature = 0
+    board.capabilities |= {"bridge", "no_battery", "no_temperature"}
+    if not checks:
+        board.capabilities.remove("check")
+    return board
+
+
+@pytest.mark.parametrize("checks", [True, False])
+def test_what_a_board_does_not_measure_is_nan_and_refuses_no_start(checks):
+    state = RobotState(None)
+    talk = Talk(without_measurements(checks=checks), state.admit).until_ready()
+    for event in talk.events:
+        state.digest(event, talk.now)
+    assert math.isnan(state.info.battery_v) and math.isnan(state.info.temperature_c)
+    assert (state.battery_state, state.powerless) == ("ok", False)
+
+
+@pytest.mark.parametrize("checks", [True, False])
+def test_a_board_that_measures_0_volts_is_refused(checks):
+    board = without_measurements(checks=checks)
+    board.capabilities.remove("no_battery")
+    with pytest.raises(BatteryDead, match="reads 0.00 V"):
         Talk(board, RobotState(None).admit).run(3.0)
 
 

@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.protocol.table import BRIDGES
 from mrl_driver.robot import models
 
 
@@ -25,7 +26,7 @@ def load(tmp_path, data):
 def test_packaged_models_load():
     names = models.packaged()
     assert [models.load_packaged(name).name for name in names] == names
-    assert {"omni", "stingbot", "traxbot"} <= set(names)
+    assert {"duo", "omni", "stingbot", "traxbot"} <= set(names)
 
 
 @pytest.mark.parametrize("name, radius_m", [("traxbot", 0.0390), ("stingbot", 0.0327)])
@@ -34,6 +35,30 @@ def test_metres_per_count_gives_the_wheel_radius(name, radius_m):
     assert models.load(name).drive.metres_per_count * 2796.8 / (2 * math.pi) == pytest.approx(
         radius_m, abs=1e-4
     )
+
+
+def test_metres_per_count_of_duo_gives_its_wheel():
+    """1496.0 counts a turn of a wheel of 65 mm."""
+    model = models.load("duo")
+    counts = model.board["gearbox"] * model.board["encoder_counts"] / 100
+    assert counts == 1496.0
+    assert model.drive.metres_per_count * counts / math.pi == pytest.approx(0.065, abs=1e-6)
+
+
+def test_each_number_of_duo_has_a_source():
+    """A fact of the physical world carries a source, the word assumed, or follows from other numbers."""
+    with open(models.__file__.replace("__init__.py", "duo.yaml"), encoding="utf-8") as file:
+        lines = file.read().splitlines()
+    facts = (
+        "wheel_separation_m",
+        "metres_per_count",
+        "gearbox",
+        "encoder_counts",
+        "full_speed",
+        "friction_duty",
+    )
+    bare = [each for each in lines if each.strip().startswith(facts) and "assumed" not in each]
+    assert bare == []
 
 
 def test_no_id_belongs_to_two_models():
@@ -283,3 +308,67 @@ def test_a_base_of_kind_tracked_has_tracks(tmp_path, traxbot):
     traxbot["body"]["tracks"] = False
     with pytest.raises(ConfigError, match="body.tracks is False, expected true for a tracked drive"):
         load(tmp_path, traxbot)
+
+
+# -- H-bridges
+
+
+@pytest.fixture
+def duo():
+    with open(models.__file__.replace("__init__.py", "duo.yaml"), encoding="utf-8") as file:
+        return yaml.safe_load(file)
+
+
+@pytest.mark.parametrize("bridge", ["L298N", "l298n", 3])
+def test_a_bridge_is_named_by_its_chip_or_number(tmp_path, duo, bridge):
+    duo["board"]["bridge"] = bridge
+    assert load(tmp_path, duo).board["bridge"] == BRIDGES.index("l298n") == 3
+
+
+@pytest.mark.parametrize("bridge", ["l293d", "unset", 0, 7, True, 3.0, None])
+def test_an_unknown_bridge_is_refused(tmp_path, duo, bridge):
+    duo["board"]["bridge"] = bridge
+    with pytest.raises(ConfigError, match=f"board.bridge is {bridge!r}, expected vnh5019, cytron, l298n, "):
+        load(tmp_path, duo)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("encoder_counts", 0, "board.encoder_counts is 0, expected a whole number from 1"),
+        ("encoder_counts", 0.5, "board.encoder_counts is 0.5"),
+        ("gearbox", 0, "board.gearbox is 0, expected a whole number from 1"),
+    ],
+)
+def test_a_wheel_without_counts_is_refused(tmp_path, duo, key, value, message):
+    duo["board"][key] = value
+    with pytest.raises(ConfigError, match=message):
+        load(tmp_path, duo)
+
+
+def test_less_than_one_count_a_wheel_turn_is_refused(tmp_path, duo):
+    duo["board"].update(gearbox=9, encoder_counts=11)
+    with pytest.raises(ConfigError, match="give 0.99 counts a wheel turn, expected at least 1"):
+        load(tmp_path, duo)
+
+
+def test_sensors_on_the_pins_of_the_bridge_are_refused(tmp_path, duo):
+    with pytest.raises(
+        ConfigError, match="build is 'environment', expected sonar: .* pins that the board.bridge"
+    ):
+        load(tmp_path, {**duo, "build": "environment"})
+
+
+def test_three_wheels_have_no_bridge(tmp_path, omni):
+    omni["board"]["bridge"] = "tb6612"
+    with pytest.raises(
+        ConfigError, match="drive.kind is 'omni', expected differential or tracked for a board"
+    ):
+        load(tmp_path, omni)
+
+
+def test_the_firmware_gives_no_bridge_by_default():
+    """A board without a bridge and a wiring of its own refuses to move."""
+    for model in models.packaged_models():
+        defaults = models.firmware_defaults(model)
+        assert (defaults["bridge"], defaults["wiring"]) == (0, 0)

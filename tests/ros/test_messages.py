@@ -73,6 +73,13 @@ def test_charge_is_between_empty_and_full(volts, percentage):
     assert message.percentage == pytest.approx(percentage)
 
 
+def test_a_battery_that_is_not_measured_is_nan():
+    message = messages.new_battery("base_link", BATTERY)
+    messages.fill_battery(message, STAMP, math.nan, BATTERY)
+    assert math.isnan(message.voltage) and math.isnan(message.percentage)
+    assert message.power_supply_health == BatteryState.POWER_SUPPLY_HEALTH_UNKNOWN
+
+
 def test_what_the_board_does_not_measure_is_nan():
     message = messages.new_battery("base_link", BATTERY)
     assert all(math.isnan(value) for value in (message.current, message.charge, message.capacity))

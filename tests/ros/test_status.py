@@ -1,12 +1,13 @@
 """What the status says, and when it is told."""
 
+import math
 from types import SimpleNamespace
 
 import pytest
 
 from ros1_bridge.control.commander import BATTERY, EMERGENCY, NONE, TIMEOUT, ZONE
 from ros1_bridge.status.link_report import ERROR, OK, WARN
-from ros1_bridge.status.robot_status import StatusTeller
+from ros1_bridge.status.robot_status import StatusTeller, battery_health, battery_values, board_values
 
 
 class Told(list):
@@ -29,6 +30,12 @@ def test_state_is_told_once():
     for moving in (False, False, True, True, False):
         told.tell(moving, NONE)
     assert [message.message for message in told] == ["ready", "moving", "ready"]
+
+
+def test_what_is_not_measured_is_no_fault():
+    assert battery_health("ok", math.nan).level == OK
+    assert battery_values(math.nan, "ok", 2.6)["Voltage"] == "not measured"
+    assert board_values(None, math.nan)["Motor Board Temperature"] == "not measured"
 
 
 def test_each_status_is_a_message_of_its_own():

@@ -9,6 +9,7 @@ import click
 
 from mrl_driver.errors import BoardTimeout, ConfigError, WheelFault
 from mrl_driver.host.named_robots import Target
+from mrl_driver.robot.battery import voltage_text
 from mrl_driver.session.events import MAY_MOVE
 from mrl_driver.terminal.shown_state import line, snapshot
 
@@ -140,7 +141,7 @@ def drive_for(
                 raise BoardTimeout(f"no telemetry for {driver.age_s * 1000:.0f} ms; {MAY_MOVE}")
             raise BoardTimeout(
                 f"stopped early ({driver.stop_reason}): telemetry is {driver.age_s * 1000:.0f} ms old, "
-                f"battery is {driver.battery_state} ({driver.battery_v:.1f} V)"
+                f"battery is {driver.battery_state} ({voltage_text(driver.battery_v)})"
             )
     driver.stop()
     while not driver.stopped and not driver.wait(0.02):

@@ -7,6 +7,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from mrl_driver.robot.battery import voltage_text
+
 Row = Dict[str, Any]
 
 
@@ -58,4 +60,5 @@ def _robot(row: Row) -> Text:
         return Text(row["error"], style="yellow")
     model = row["model"] or ("no id set" if not row["robot_id"] else "unknown model")
     text = Text(f"{model} {row['robot_id'] or ''}".strip(), style="bold green")
-    return text.append(f"\nfirmware {row['firmware_version']}, {row['battery_v']:.1f} V", style="dim")
+    battery = voltage_text(row["battery_v"])
+    return text.append(f"\nfirmware {row['firmware_version']}, battery {battery}", style="dim")

@@ -217,6 +217,8 @@ def _plain(value: Any) -> Any:
 
 def format_value(value: Any) -> str:
     """Format a value for a table of facts."""
+    if isinstance(value, float) and math.isnan(value):
+        return "not measured"
     if isinstance(value, (list, tuple)):
         return ", ".join(map(str, value)) or "none"
     return "unknown" if value is None else str(value)

@@ -13,7 +13,7 @@ from typing import Any, Dict, List, NamedTuple, Tuple, Type, TypeVar, get_type_h
 from mrl_driver import folders, yaml_file
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
-from mrl_driver.protocol.table import BY_NAME, PARAMETERS
+from mrl_driver.protocol.table import BRIDGES, BY_NAME, PARAMETERS
 
 from .drives import DIFFERENTIAL, EXTRA, KINDS, TRACKED, Base, Drive, MecanumDrive, OmniDrive, kind_of
 
@@ -231,6 +231,15 @@ def packaged_models() -> List[RobotModel]:
     return sorted((load_packaged(name) for name in packaged()), key=lambda model: min(model.ids))
 
 
+def firmware_defaults(model: RobotModel) -> Dict[str, int]:
+    """Return the defaults that the firmware has for the ids of a packaged model: all parameters but the id.
+
+    The others of `model.board`, such as its bridge, reach a board only over the wire: by `mrl set-id`.
+    """
+    own = {row.name: model.board[row.name] for row in PARAMETERS if row.number in BOARD_KEYS}
+    return {**COMMON_BOARD, **own}
+
+
 SONARS = tuple(field.name for field in BY_NAME["read_sonars"].reply)
 """Names of the sonars that a board reads."""
 _POSITIVE = (1e-9, 1e6)
@@ -279,6 +288,7 @@ class _Reader(yaml_file.Reader):
         )
         self._check_battery(model.battery)
         self._check_limits(model)
+        self._check_bridge(model)
         if keys["drive"].get("kind") == TRACKED and not body.tracks:
             raise self.fail("body.tracks", body.tracks, "true for a tracked drive")
         return model
@@ -300,6 +310,21 @@ class _Reader(yaml_file.Reader):
         if isinstance(model.drive, Drive) and model.limits.lateral_m_s:
             base = kind_of(model.drive)
             raise self.fail("limits.lateral_m_s", model.limits.lateral_m_s, f"0 for a {base} base")
+
+    def _check_bridge(self, model: RobotModel) -> None:
+        """Check that an H-bridge can move the base, and that no sensor has the bridge's pins."""
+        if not model.board.get("bridge"):
+            return
+        if not isinstance(model.drive, Drive):
+            raise self.fail("drive.kind", kind_of(model.drive), "differential or tracked for a board.bridge")
+        if model.build != SONAR:
+            raise self.fail("build", model.build, "sonar: other sensors need pins that the board.bridge uses")
+        counts = model.board["gearbox"] * model.board["encoder_counts"] / 100
+        if counts < 1:
+            raise ConfigError(
+                f"{self.path}: board.gearbox and board.encoder_counts give {counts:g} counts a wheel turn, "
+                "expected at least 1"
+            )
 
     def _drive(self, data: Any) -> Base:
         """Read the section by its `kind`; without a kind it is a differential drive."""
@@ -355,12 +380,23 @@ class _Reader(yaml_file.Reader):
     def _board(self, data: Any) -> Dict[str, int]:
         rows = {row.name: row for row in PARAMETERS if row.number in BOARD_KEYS}
         rows.update((row.name, row) for row in PARAMETERS if row.name in OWN_KEYS)
-        found = self.keys("board", data, tuple(rows), OWN_KEYS)
+        found = dict(self.keys("board", data, tuple(rows), OWN_KEYS))
+        if "bridge" in found:
+            found["bridge"] = self._bridge(found["bridge"])
         return {
             name: self.whole(f"board.{name}", found[name], row.low, row.high)
             for name, row in rows.items()
             if name in found
         }
+
+    def _bridge(self, value: Any) -> int:
+        """Read the bridge of an H-bridge board, by the name of its chip or its number."""
+        chips = BRIDGES[1:]
+        if isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= len(chips):
+            return value
+        if not isinstance(value, str) or value.lower() not in chips:
+            raise self.fail("board.bridge", value, ", ".join(chips))
+        return BRIDGES.index(value.lower())
 
 
 BOARD_KEYS = range(1, 12)
