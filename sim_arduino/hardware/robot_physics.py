@@ -8,11 +8,12 @@ import math
 import random
 from bisect import bisect_left
 from dataclasses import dataclass, field
-from typing import Callable, NamedTuple, Optional, Tuple
+from typing import Any, Callable, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import OmniDrive, RobotModel
 
+from .dc_motor import DcMotor
 from .motor import ControlSettings, Motor, MotorParams
 from .omni_wheels import OMNI_ANGLES_RAD, twist_of
 
@@ -177,26 +178,43 @@ Allow = Callable[[Pose, float, Callable[[float], Pose], float], float]
 class RobotPhysics:
     """Params, state and motors; `step` simulates them.
 
+    Args:
+        bridged: Three motors on H-bridges, which nothing here controls; None makes those of the motor board.
+
     Attributes:
+        motors: Left, rear and right motor.
         allow: Limits motions at obstacles; None means an endless empty floor.
+        sag_v: Voltage that a fault takes from the battery [V].
     """
 
     def __init__(
-        self, params: Params, pose: Tuple[float, float, float] = (0.0, 0.0, 0.0), seed: int = 0
+        self,
+        params: Params,
+        pose: Tuple[float, float, float] = (0.0, 0.0, 0.0),
+        seed: int = 0,
+        bridged: Optional[Sequence[DcMotor]] = None,
     ) -> None:
         self.params = params
         self.state = State(*pose, temperature_c=params.ambient_c, to_tick_s=1.0 / params.control_hz)
-        self.motors = tuple(Motor(params.motor) for _ in range(3))
+        self._bridged = tuple(bridged or ())
+        self.motors: Tuple[Any, ...] = self._bridged or tuple(Motor(params.motor) for _ in range(3))
         self.gains = ControlSettings()
         self.allow: Optional[Allow] = None
         self._rng = random.Random(f"wheels {seed}")
+        self.sag_v = 0.0
         self._unaccounted_s = 0.0
+        self._bridges_a = 0.0
         self._update_battery(0.0)
 
     def set_battery(self, volts: float) -> None:
         """Sets the charge at which the battery has this voltage with the motors at rest."""
         rest = volts + self.params.idle_a * self.params.resistance_ohm if volts > 0.0 else 0.0
         self.state.charge = interpolate(tuple((v, c) for c, v in self.params.rest_curve), rest)
+        self._update_battery(0.0)
+
+    def sag(self, volts: float) -> None:
+        """Takes this voltage from the battery [V] until the next call."""
+        self.sag_v = volts
         self._update_battery(0.0)
 
     def step(self, dt: float) -> None:
@@ -227,7 +245,7 @@ class RobotPhysics:
         self._unaccounted_s = 0.0
         period = 1.0 / self.params.control_hz
         self.state.to_tick_s += period * math.ceil((1e-9 - self.state.to_tick_s) / period)
-        if not resting:
+        if not resting and not self._bridged:
             for motor in self.motors:
                 motor.control(period, self.gains)
 
@@ -264,14 +282,22 @@ class RobotPhysics:
 
     def _update_battery(self, dt: float) -> None:
         params, state = self.params, self.state
-        motors_a = sum(self._motor_a(motor) for motor in self.motors)
+        motors_a = self._motors_a(dt)
         current = params.idle_a + motors_a
         state.charge -= current * dt / 3600.0 / params.capacity_ah
         state.battery_v = max(
-            0.0, interpolate(params.rest_curve, state.charge) - current * params.resistance_ohm
+            0.0, interpolate(params.rest_curve, state.charge) - current * params.resistance_ohm - self.sag_v
         )
         final = params.ambient_c + params.heating_c_per_a * motors_a
         state.temperature_c += (final - state.temperature_c) * -math.expm1(-dt / params.heating_s)
+
+    def _motors_a(self, dt: float) -> float:
+        """Mean current of all motors in the last `dt` [s]; H-bridges keep their last one if no time has passed."""
+        if not self._bridged:
+            return sum(self._motor_a(motor) for motor in self.motors)
+        if dt > 0.0:
+            self._bridges_a = sum(motor.take_charge() for motor in self._bridged) / dt
+        return self._bridges_a
 
     def _motor_a(self, motor: Motor) -> float:
         share = motor.speed / motor.params.no_load_counts_s

@@ -3,12 +3,14 @@
 import dataclasses
 from typing import Any, Dict, List, Optional, Tuple
 
+from mrl_driver.errors import SimulatorError
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot.models import RobotModel
 from sim_arduino.world.environment import OTHERS, Environment
 from sim_arduino.world.world import World
 from sim_arduino.world.world_file import load
 
+from .bridge_plant import BATTERY_CHANNEL, BridgePlant, has_bridge, robot_for
 from .collision import Bumper, footprint_for
 from .environment_sensors import (
     COMPASS_ADDRESS,
@@ -40,9 +42,10 @@ class Plant:
         footprint: Outline used for collisions, see `collision.footprint_for`.
         omni: The robot has three omni wheels instead of two wheels.
         name: Name of the robot in the world.
+        wiring: How motors and encoders of a robot with H-bridges are connected, see `BridgePlant`.
 
     Attributes:
-        motor_board: The program of the OMNI-3MD.
+        bridge: Motors and encoders on the board's pins, if the model has a bridge; None with an OMNI-3MD.
         i2c: All I2C slaves by 7-bit address.
         environment: Values that the sensors measure far from all sources; may be changed at any time.
     """
@@ -61,6 +64,7 @@ class Plant:
         footprint: str = "box",
         omni: bool = False,
         name: str = "robot",
+        wiring: int = 1,
     ) -> None:
         self.model = model
         self.world = load() if world is None else world
@@ -68,13 +72,18 @@ class Plant:
         if slip and model.body.tracks and not errors.turn_slip:
             errors = errors._replace(turn_slip=TRACK_SLIP)
         start = self.world.start_of(name) if pose is None else Pose(*pose)
-        self.robot = RobotPhysics(params_for(model, errors, omni), start, seed)
+        self.robot = (
+            robot_for(model, errors, start, seed)
+            if has_bridge(model)
+            else RobotPhysics(params_for(model, errors, omni), start, seed)
+        )
         self.footprint = footprint_for(model, footprint)
         if self.footprint:
             self.robot.allow = Bumper(self.world, self.footprint, name).share
         if battery_v is not None:
             self.robot.set_battery(battery_v)
-        self.motor_board = Omni3MD(self.robot, model)
+        self.bridge = BridgePlant(self.robot, model, wiring) if has_bridge(model) else None
+        self._omni3md = None if self.bridge else Omni3MD(self.robot, model)
         self.environment = dataclasses.replace(self.world.scene.ambient)
         self.sonars_fitted = sonars
         self.sonars = SonarChain(
@@ -85,10 +94,31 @@ class Plant:
         self._shown: Optional[Pose] = None
         self._show()
 
+    @property
+    def motor_board(self) -> Omni3MD:
+        """The program of the OMNI-3MD.
+
+        Raises:
+            SimulatorError: the robot has H-bridges instead.
+        """
+        if self._omni3md is None:
+            raise SimulatorError(
+                f"robot {self.model.name} has H-bridges, expected an OMNI-3MD; use plant.bridge"
+            )
+        return self._omni3md
+
+    def _move(self, time_s: float) -> None:
+        """Runs the motors, and the body with them."""
+        if self.bridge:
+            self.bridge.advance(time_s)
+        else:
+            self.motor_board.advance(time_s)
+
     def _slaves(self) -> Dict[int, Any]:
         north_rad = self.world.scene.north_rad
+        motors = {} if self.bridge else {ADDRESS: Omni3MDRegisters(self.motor_board)}
         return {
-            ADDRESS: Omni3MDRegisters(self.motor_board),
+            **motors,
             THERMOPILE_ADDRESS: Thermopile(self.sensed),
             COMPASS_ADDRESS: Compass(lambda time_s: self._pose_at(time_s).yaw_rad, north_rad),
             **{row.i2c.address: PlainSensor(row, self.sensed) for row in OTHERS if row.i2c},
@@ -98,7 +128,7 @@ class Plant:
         """Runs all parts to `time_s` [s]."""
         while self.sonars.next_s <= time_s:
             self.sonars.advance(self.sonars.next_s)
-        self.motor_board.advance(time_s)
+        self._move(time_s)
         self._show()
 
     def _show(self) -> None:
@@ -131,8 +161,12 @@ class Plant:
         return [] if self.sonars_fitted else self._dust.edges(to_s)
 
     def adc_volts(self, channel: int, time_s: float) -> float:
-        """Voltage at A0 to A3 [V]: sonars in firing order, or alcohol on A0 and light on A2."""
+        """Voltage at A0 to A3 [V]: sonars in firing order, or alcohol on A0 and light on A2; an H-bridge board has its
+        battery's divider on A3.
+        """
         self.advance(time_s)
+        if self.bridge and channel == BATTERY_CHANNEL:
+            return self.bridge.divided_v()
         if self.sonars_fitted:
             return self.sonars.volts(channel, time_s)
         sensed = self.sensed(time_s)
@@ -148,5 +182,5 @@ class Plant:
             self.sonars.hold(bool(level), time_s)
 
     def _pose_at(self, time_s: float) -> Pose:
-        self.motor_board.advance(time_s)
+        self._move(time_s)
         return self._pose()

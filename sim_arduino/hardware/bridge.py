@@ -1,0 +1,132 @@
+"""The six H-bridge chips: what a motor's terminals do for the levels of its three wires, and for duties on them.
+
+Forward means that terminal A (OUT1, M+) is positive.  The wires are in the order PWM_A, PWM_B, LOGIC of HARDWARE.md.
+"""
+
+from enum import Enum
+from functools import lru_cache
+from typing import Dict, NamedTuple, Tuple
+
+
+class State(Enum):
+    """What a bridge does with the motor's terminals."""
+
+    FORWARD = "forward"
+    """Terminal A is at the battery's voltage, and terminal B at ground."""
+    BACKWARD = "backward"
+    """The opposite."""
+    BRAKE = "brake"
+    """Both terminals are at the same voltage: the motor is short-circuited."""
+    COAST = "coast"
+    """No current can flow, except while the winding's own decays."""
+
+
+class Shares(NamedTuple):
+    """Shares of time of the four states; their sum is 1."""
+
+    forward: float = 0.0
+    backward: float = 0.0
+    brake: float = 0.0
+    coast: float = 1.0
+
+    def reversed(self) -> "Shares":
+        """The shares of a motor whose terminals are swapped."""
+        return self._replace(forward=self.backward, backward=self.forward)
+
+
+F, B, K, C = State.FORWARD, State.BACKWARD, State.BRAKE, State.COAST
+
+
+class Bridge(NamedTuple):
+    """One kind of bridge.
+
+    Attributes:
+        rows: Levels of the wires ("1", "0", "x" either) and the state; the first row that fits holds.
+        resistance_ohm: Resistance of both switches in the motor's path.
+        drop_v: Voltage that the bridge loses at any current while it drives.
+        source: Where rows and numbers come from.
+    """
+
+    name: str
+    rows: Tuple[Tuple[str, State], ...]
+    resistance_ohm: float
+    drop_v: float
+    source: str
+
+    def state(self, levels: str) -> State:
+        """State at the levels of PWM_A, PWM_B and LOGIC, such as "101"."""
+        return next(
+            state for row, state in self.rows if all(want in ("x", got) for want, got in zip(row, levels))
+        )
+
+    def shares(self, pwm_a: float, pwm_b: float, logic: float) -> Shares:
+        """Shares of time of the states, for the shares 0 to 1 of time for which each wire is high.
+
+        Wires with PWM rise or lie together, because both come from one timer: while the wire with the smaller duty is
+        high, the other one is high too.
+        """
+        return _shares(self, pwm_a, pwm_b, logic)
+
+
+@lru_cache(maxsize=4096)
+def _shares(bridge: Bridge, *duties: float) -> Shares:
+    shares = {state: 0.0 for state in State}
+    limits = sorted({0.0, 1.0, *(min(1.0, max(0.0, duty)) for duty in duties)})
+    for low, high in zip(limits, limits[1:]):
+        levels = "".join("1" if duty > low else "0" for duty in duties)
+        shares[bridge.state(levels)] += high - low
+    return Shares(*(shares[state] for state in (F, B, K, C)))
+
+
+BRIDGES: Dict[int, Bridge] = {
+    1: Bridge(
+        "VNH5019",
+        (("x11", K), ("110", F), ("101", B), ("100", K), ("0xx", C)),
+        0.018,
+        0.0,
+        "ST VNH5019A-E, Doc ID 15701 Rev 7, table 11: wires PWM, INA, INB.  Section 2.4: PWM low turns both low-side "
+        "switches off, so PWM is drive and coast; both inputs high brake to the supply whatever PWM is.  18 mOhm: "
+        "its first page.",
+    ),
+    2: Bridge(
+        "MDxx",
+        (("0xx", K), ("1x0", F), ("1x1", B)),
+        0.03,
+        0.0,
+        "Cytron MD10C, table on the board: wires PWM, DIR.  PWM low pulls both outputs low; DIR low makes output A "
+        "high.  30 mOhm: assumed.",
+    ),
+    3: Bridge(
+        "L298N",
+        (("0xx", C), ("110", F), ("101", B), ("111", K), ("100", K)),
+        1.15,
+        1.4,
+        "ST L298, January 2000, figure 6: wires EN, IN1, IN2.  EN low is free running, equal inputs are a fast motor "
+        "stop.  Saturation of both transistors: typically 2.55 V at 1 A and 3.7 V at 2 A.",
+    ),
+    4: Bridge(
+        "TB6612",
+        (("x11", K), ("110", F), ("101", B), ("010", K), ("001", K), ("x00", C)),
+        0.5,
+        0.0,
+        "Toshiba TB6612FNG, 2014-10-01, H-SW control function: wires PWM, IN1, IN2.  PWM low is a short brake.  All "
+        "inputs low is not in its table: assumed off, as with PWM high.  0.5 Ohm: its first page.",
+    ),
+    5: Bridge(
+        "DRV8833",
+        (("10x", F), ("01x", B), ("11x", K), ("00x", C)),
+        0.36,
+        0.0,
+        "TI DRV8833, SLVSAR1, table 1 and 2: wires IN1, IN2.  PWM on one input with the other one low is fast decay "
+        "(drive and coast), with the other one high slow decay (drive and brake).  360 mOhm: its first page.",
+    ),
+    6: Bridge(
+        "BTS7960",
+        (("10x", F), ("01x", B), ("11x", K), ("00x", K)),
+        0.016,
+        0.0,
+        "Infineon BTS 7960, Rev. 1.1 2004-12-07, section 4.4.1: wires RPWM, LPWM; both INH are high, and each half "
+        "bridge has one switch on.  It cannot coast.  16 mOhm: its first page.",
+    ),
+}
+"""The bridges by the value of parameter 19."""

@@ -1,0 +1,188 @@
+"""Motors on H-bridges and encoders on the Arduino's pins: what an H-bridge board has in place of the OMNI-3MD.
+
+The board writes the six output pins as shares of time for which they are high; the edges of the four encoder pins come
+out at their true times.
+"""
+
+import math
+from typing import Dict, List, NamedTuple
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
+from mrl_driver.protocol.table import PARAMETER_BY_NAME, WIRING
+from mrl_driver.robot.models import COMMON_BOARD, OmniDrive, RobotModel
+
+from .bridge import BRIDGES, Bridge
+from .dc_motor import DcMotor, DcMotorParams, Gearmotor, Load, params_of
+from .encoders import Quadrature
+from .robot_physics import AS_MODELLED, Errors, RobotPhysics, params_for
+
+OUTPUT_PINS = ((5, 6, 7), (11, 3, 9))
+"""Pins PWM_A, PWM_B and LOGIC of the two motors (Arduino numbers)."""
+ENCODER_PINS = ((2, 4), (8, 10))
+"""Pins of channels A and B of the two encoders."""
+WHEELS = (0, 2)
+"""Motors of the body that turn the left and the right wheel."""
+BATTERY_CHANNEL = 3
+TICK_HZ = 200.0
+"""Rate at which the battery's voltage follows the motors' current [Hz]."""
+IDLE_A, BATTERY_OHM = 0.1, 0.1
+"""Current of board, bridge and encoders, and resistance of pack and leads; assumed."""
+LARGE_V, SMALL_V = 12.0, 6.0
+"""Nominal voltages of gearmotors, for batteries above and below 9 V when full."""
+STALL_W, NO_LOAD_W, STALL_NM_RAD_S = 14.4, 1.2, 8.9
+"""Power at stall (1.2 A at 12 V) and at no load (0.1 A), and stall torque times no-load speed (0.5 Nm at 170/min);
+assumed for a gearmotor of 25 mm."""
+ROTOR_KGM2_RAD2_S2 = 0.37
+"""Inertia of the rotor times the square of its speed at the output shaft (1e-6 kg m2, 34:1, 170/min); assumed."""
+ROLLING = 0.03
+"""Rolling friction of a wheel, as a share of the weight; assumed."""
+_BITS = {name: 1 << bit for bit, (name, _) in enumerate(WIRING)}
+
+
+class PinEdge(NamedTuple):
+    """A change of an encoder pin: time [s], Arduino pin, new level."""
+
+    time_s: float
+    pin: int
+    level: int
+
+
+def has_bridge(model: RobotModel) -> bool:
+    """Whether a robot of this model has its motors on H-bridges."""
+    return bool(model.board.get("bridge"))
+
+
+def motor_of(model: RobotModel) -> Gearmotor:
+    """The gearmotor of a model: `full_speed` is its no-load speed at nominal voltage; the rest is assumed."""
+    speed = model.board.get("full_speed", COMMON_BOARD["full_speed"]) * 2.0 * math.pi / 60.0
+    nominal_v = LARGE_V if model.battery.full_v > 9.0 else SMALL_V
+    return Gearmotor(
+        nominal_v,
+        speed,
+        NO_LOAD_W / nominal_v,
+        STALL_W / nominal_v,
+        STALL_NM_RAD_S / speed,
+        ROTOR_KGM2_RAD2_S2 / speed**2,
+    )
+
+
+def counts_per_turn(model: RobotModel) -> float:
+    """Encoder counts per turn of a wheel."""
+    return model.board["gearbox"] * model.board["encoder_counts"] / 100.0
+
+
+def motor_params(model: RobotModel, errors: Errors = AS_MODELLED) -> DcMotorParams:
+    """Parameters of one motor of a model, with its bridge."""
+    turn, bridge = counts_per_turn(model), BRIDGES[model.board["bridge"]]
+    radius_m = turn * model.drive.metres_per_count / (2.0 * math.pi)
+    load = Load(0.5 * model.body.mass_kg * errors.load, radius_m, ROLLING)
+    params = params_of(motor_of(model), load, turn)
+    return params._replace(resistance_ohm=params.resistance_ohm + bridge.resistance_ohm, drop_v=bridge.drop_v)
+
+
+def robot_for(model: RobotModel, errors: Errors, pose: Pose, seed: int) -> RobotPhysics:
+    """The body of a robot with H-bridges."""
+    if isinstance(model.drive, OmniDrive):
+        raise ConfigError(
+            f"robot {model.name} has an H-bridge and a drive of kind omni, expected differential or tracked: "
+            "the board has two bridges"
+        )
+    motor = motor_params(model, errors)
+    params = params_for(model, errors)._replace(control_hz=TICK_HZ, idle_a=IDLE_A, resistance_ohm=BATTERY_OHM)
+    return RobotPhysics(params, pose, seed, [DcMotor(motor) for _ in range(3)])
+
+
+class BridgePlant:
+    """Bridges, motors and encoders of one robot, and their cables.
+
+    Args:
+        wiring: How the cables are connected: a sum of rows of the wiring table, as in parameter 20.
+
+    Attributes:
+        encoders: What is at the board's two encoder inputs.
+        levels: Levels of the encoder pins after the last `advance`.
+        time_s: Time of the last `advance`.
+    """
+
+    def __init__(self, robot: RobotPhysics, model: RobotModel, wiring: int = 1) -> None:
+        row = PARAMETER_BY_NAME["wiring"]
+        if not row.low <= wiring <= row.high:
+            raise ConfigError(f"wiring is {wiring!r}, expected {row.low} to {row.high}: see the wiring table")
+        self.robot = robot
+        self.bridge: Bridge = BRIDGES[model.board["bridge"]]
+        self.time_s = 0.0
+        self._divider = model.board.get("battery_divider", 0) / 1000.0
+        self._set = {name for name, bit in _BITS.items() if wiring & bit}
+        single = "single_channel" in self._set
+        self.encoders = tuple(
+            Quadrature(single=single, reversed_=self._is_reversed("encoder", self._wheel("encoders", each)))
+            for each in (0, 1)
+        )
+        self.levels: Dict[int, int] = {}
+        self._edges: List[PinEdge] = []
+        self._note_levels()
+
+    # ---- cables
+
+    def _wheel(self, parts: str, index: int) -> int:
+        """Wheel (0 left, 1 right) to which the board's motor or encoder of this index is connected."""
+        return index ^ int(f"{parts}_swapped" in self._set)
+
+    def _is_reversed(self, part: str, wheel: int) -> bool:
+        return f"{('left', 'right')[wheel]}_{part}_reversed" in self._set
+
+    # ---- the board's outputs
+
+    def write(self, time_s: float, motor: int, pwm_a: float, pwm_b: float, logic: float) -> None:
+        """Sets the shares of time, 0 to 1, for which the wires of a motor (0 or 1) are high, until the next call."""
+        self.advance(time_s)
+        wheel = self._wheel("motors", motor)
+        shares = self.bridge.shares(pwm_a, pwm_b, logic)
+        self.motor(wheel).shares = shares.reversed() if self._is_reversed("motor", wheel) else shares
+
+    def off(self, time_s: float) -> None:
+        """All wires are low: the pins are inputs, and pull-downs hold the bridges."""
+        for motor in (0, 1):
+            self.write(time_s, motor, 0.0, 0.0, 0.0)
+
+    # ---- time, and the board's inputs
+
+    def advance(self, time_s: float) -> None:
+        """Runs the robot to `time_s` [s]."""
+        start_s = self.time_s
+        if time_s <= start_s:
+            return
+        self.robot.step(time_s - start_s)
+        self.time_s = time_s
+        motions = [self.motor(wheel).take_motions() for wheel in (0, 1)]
+        edges: List[PinEdge] = []
+        for index, encoder in enumerate(self.encoders):
+            wheel = self._wheel("encoders", index)
+            for edge in encoder.follow(start_s, time_s, motions[wheel]):
+                edges.append(PinEdge(edge.time_s, ENCODER_PINS[index][edge.channel], edge.level))
+        self._edges += sorted(edges)
+        self._note_levels()
+
+    def _note_levels(self) -> None:
+        for pins, encoder in zip(ENCODER_PINS, self.encoders):
+            self.levels.update({pin: wire.level for pin, wire in zip(pins, encoder.wires)})
+
+    def take_edges(self) -> List[PinEdge]:
+        """Edges of the encoder pins since the last call, in order of time."""
+        edges, self._edges = self._edges, []
+        return edges
+
+    @property
+    def battery_v(self) -> float:
+        """Voltage at the bridges [V]."""
+        return self.robot.state.battery_v
+
+    def divided_v(self) -> float:
+        """Voltage at A3 [V]: the battery's behind its divider; 0 without a divider."""
+        return min(5.0, self.battery_v / self._divider) if self._divider else 0.0
+
+    def motor(self, wheel: int) -> DcMotor:
+        """The motor that turns the left (0) or the right wheel (1)."""
+        motor: DcMotor = self.robot.motors[WHEELS[wheel]]
+        return motor

@@ -1,0 +1,232 @@
+"""A DC gearmotor on an H-bridge: back-EMF, winding resistance, friction, brake and coasting.
+
+The winding's inductance is left out: its time constant (below 1 ms) is short compared with that of the speed.  Each
+state of the bridge then has its own current at once, and the speed is of first order while shares and voltage are
+constant: a step of any length is exact.  Speeds and distances are those of the encoder [count/s, count].
+"""
+
+import math
+from typing import List, NamedTuple, Tuple
+
+from .bridge import Shares
+
+
+class Gearmotor(NamedTuple):
+    """Data of a motor with its gearbox, at the output shaft."""
+
+    nominal_v: float
+    no_load_rad_s: float
+    no_load_a: float
+    stall_a: float
+    stall_nm: float
+    rotor_kgm2: float
+    """Moment of inertia of the rotor, seen at the output shaft [kg m2]."""
+
+
+class Load(NamedTuple):
+    """What one wheel moves."""
+
+    mass_kg: float
+    """Share of the robot's mass on this wheel [kg]."""
+    wheel_radius_m: float
+    rolling: float
+    """Rolling friction, as a share of the weight."""
+
+
+STICTION = 1.5
+"""Static friction over moving friction; assumed."""
+GRAVITY_M_S2 = 9.81
+_SHORTEST_S = 1e-12
+"""A rest of a step that is left out, and the exactness of an edge's time [s]."""
+_MOST_STEPS = 60
+
+
+class DcMotorParams(NamedTuple):
+    """The same in the units of the equations."""
+
+    resistance_ohm: float
+    """Winding and bridge [Ohm]."""
+    volts_per_count_s: float
+    """Back-EMF per speed."""
+    counts_s2_per_a: float
+    """Acceleration per current."""
+    friction_counts_s2: float
+    """Deceleration by friction while the wheel turns."""
+    static_counts_s2: float
+    """Acceleration that a current must be worth to start the wheel."""
+    drop_v: float = 0.0
+    """Voltage lost in the bridge while it drives [V]."""
+
+
+def params_of(motor: Gearmotor, load: Load, counts_per_turn: float) -> DcMotorParams:
+    """Parameters of a motor without its bridge.
+
+    At no load the current overcomes the gearbox's friction alone; at stall no back-EMF is left.
+    """
+    counts_per_rad = counts_per_turn / (2.0 * math.pi)
+    winding_ohm = motor.nominal_v / motor.stall_a
+    volts_per_rad_s = (motor.nominal_v - motor.no_load_a * winding_ohm) / motor.no_load_rad_s
+    nm_per_a = motor.stall_nm / (motor.stall_a - motor.no_load_a)
+    inertia_kgm2 = motor.rotor_kgm2 + load.mass_kg * load.wheel_radius_m**2
+    rolling_nm = load.rolling * load.mass_kg * GRAVITY_M_S2 * load.wheel_radius_m
+    friction = (nm_per_a * motor.no_load_a + rolling_nm) / inertia_kgm2 * counts_per_rad
+    return DcMotorParams(
+        winding_ohm,
+        volts_per_rad_s / counts_per_rad,
+        nm_per_a / inertia_kgm2 * counts_per_rad,
+        friction,
+        STICTION * friction,
+    )
+
+
+class Motion(NamedTuple):
+    """A piece of motion in one direction: the speed approaches its end exponentially, or linearly at a rate of 0."""
+
+    start_s: float
+    """Start after the beginning of the step [s]."""
+    duration_s: float
+    travel: float
+    """Travel at the start [count]."""
+    speed: float
+    """Speed at the start [count/s]."""
+    acceleration: float
+    """Acceleration at the start [count/s2]."""
+    rate: float
+    """Reciprocal of the time constant [1/s]."""
+
+    def _gone(self, time_s: float) -> Tuple[float, float]:
+        """Time integral of exp(-rate t), and the integral of that [s, s2]."""
+        u = self.rate * time_s
+        if u < 1e-3:
+            return time_s * (1.0 - u * (0.5 - u / 6.0)), time_s * time_s * (0.5 - u * (1.0 / 6.0 - u / 24.0))
+        first = -math.expm1(-u) / self.rate
+        return first, (time_s - first) / self.rate
+
+    def after(self, time_s: float) -> Tuple[float, float]:
+        """Travel [count] and speed [count/s] at a time after the start [s]."""
+        first, second = self._gone(time_s)
+        return (
+            self.travel + self.speed * time_s + self.acceleration * second,
+            self.speed + self.acceleration * first,
+        )
+
+    def time_to_rest(self) -> float:
+        """Time after the start at which the speed becomes 0 [s]; infinite if it never does."""
+        if self.speed * self.acceleration >= 0.0:
+            return math.inf
+        share = -self.speed * self.rate / self.acceleration
+        if share >= 1.0:
+            return math.inf
+        return -math.log1p(-share) / self.rate if share > 1e-9 else -self.speed / self.acceleration
+
+    def time_at(self, travel: float) -> float:
+        """Time after the start at which the wheel passes `travel` [s]; it must be within the motion."""
+        side = math.copysign(1.0, self.speed or self.acceleration)
+        low, high = 0.0, self.duration_s
+        time_s = self._guess(max(0.0, (travel - self.travel) * side), side)
+        for _ in range(_MOST_STEPS):
+            place, speed = self.after(time_s)
+            beyond = (place - travel) * side
+            if beyond > 0.0:
+                high = time_s
+            else:
+                low = time_s
+            better = time_s - beyond / (speed * side) if speed else low
+            if not low <= better <= high:
+                better = 0.5 * (low + high)
+            if abs(better - time_s) < _SHORTEST_S:
+                return better
+            time_s = better
+        return time_s
+
+    def _guess(self, way: float, side: float) -> float:
+        """The time after which a motion at constant acceleration has gone `way` in the direction `side` [s]."""
+        root = math.sqrt(max(0.0, self.speed**2 + 2.0 * self.acceleration * side * way))
+        down = side * self.speed + root
+        return min(self.duration_s, 2.0 * way / down) if down > 0.0 else self.duration_s
+
+
+class DcMotor:
+    """State of one motor.
+
+    Attributes:
+        travel: Distance since power-up [count]; never wraps.
+        speed: Speed [count/s].
+        shares: What the bridge does; constant during a step.
+        blocked: Something holds the wheel.
+    """
+
+    def __init__(self, params: DcMotorParams) -> None:
+        self.params = params
+        self.travel = 0.0
+        self.speed = 0.0
+        self.shares = Shares()
+        self.blocked = False
+        self._charge_as = 0.0
+        self._clock_s = 0.0
+        self._motions: List[Motion] = []
+
+    @property
+    def at_rest(self) -> bool:
+        """The motor stands still without current, and will not move before the bridge changes."""
+        return self.speed == 0.0 and self.shares.forward == 0.0 == self.shares.backward
+
+    def move(self, dt: float, volts: float) -> float:
+        """Moves for `dt` [s] at constant shares and battery voltage; returns the distance [count]."""
+        before = self.travel
+        supply_v = max(0.0, volts - self.params.drop_v)
+        end_s, left_s = self._clock_s + dt, dt
+        while left_s > _SHORTEST_S:
+            left_s -= self._move_one_way(left_s, supply_v)
+        self._clock_s = end_s
+        return self.travel - before
+
+    def take_motions(self) -> List[Motion]:
+        """The motions since the last call; rest between them is left out."""
+        motions, self._motions = self._motions, []
+        self._clock_s = 0.0
+        return motions
+
+    def take_charge(self) -> float:
+        """Charge taken from the battery since the last call [A s]; braking against the battery gives some back."""
+        charge, self._charge_as = self._charge_as, 0.0
+        return charge
+
+    def _move_one_way(self, longest_s: float, supply_v: float) -> float:
+        """Moves until the wheel comes to rest, for `longest_s` at most; returns the time [s]."""
+        if self.blocked:
+            self.speed = 0.0
+        motion = self._motion(longest_s, supply_v)
+        if motion.speed == 0.0 == motion.acceleration:
+            self._take(longest_s, 0.0, supply_v)
+            return longest_s
+        rest_s = motion.time_to_rest()
+        duration_s = min(longest_s, rest_s)
+        before = self.travel
+        self.travel, self.speed = motion.after(duration_s)
+        if rest_s <= longest_s:
+            self.speed = 0.0
+        self._motions.append(motion._replace(duration_s=duration_s))
+        self._take(duration_s, self.travel - before, supply_v)
+        return duration_s
+
+    def _motion(self, longest_s: float, supply_v: float) -> Motion:
+        params, (forward, backward, brake, _) = self.params, self.shares
+        per_volt = params.counts_s2_per_a / params.resistance_ohm
+        drive = (forward - backward) * supply_v * per_volt
+        rate = (forward + backward + brake) * params.volts_per_count_s * per_volt
+        if self.speed:
+            acceleration = drive - rate * self.speed - math.copysign(params.friction_counts_s2, self.speed)
+        elif self.blocked or abs(drive) <= params.static_counts_s2:
+            acceleration = 0.0
+        else:
+            acceleration = drive - math.copysign(params.friction_counts_s2, drive)
+        return Motion(self._clock_s, longest_s, self.travel, self.speed, acceleration, rate)
+
+    def _take(self, duration_s: float, way: float, supply_v: float) -> None:
+        """Accounts for a step's charge: the battery's current flows only while the bridge drives."""
+        forward, backward, _, _ = self.shares
+        driven = (forward + backward) * supply_v * duration_s
+        generated = (forward - backward) * self.params.volts_per_count_s * way
+        self._charge_as += (driven - generated) / self.params.resistance_ohm
+        self._clock_s += duration_s

@@ -1,0 +1,153 @@
+"""A quadrature encoder on a motor: the edges of its two channels at their true times, and faults of its wires.
+
+Forward, channel A leads channel B by one count.  Position 0 lies in the middle of the count in which both are low: the
+n-th edge forward comes n - 0.5 counts from the start.
+"""
+
+import math
+from typing import List, NamedTuple, Sequence, Tuple
+
+from .dc_motor import Motion
+
+A, B = 0, 1
+PULLED_UP = 1
+"""Level of a wire with nothing on it: the board's pull-up."""
+
+
+class Edge(NamedTuple):
+    """A change of a wire: time [s], channel A or B, new level."""
+
+    time_s: float
+    channel: int
+    level: int
+
+
+class Bounce(NamedTuple):
+    """Each edge of the encoder is followed by `pulses` short pulses, each edge `spacing_s` after the one before [s]."""
+
+    pulses: int
+    spacing_s: float
+
+
+class Wire:
+    """A wire of an encoder: what the board sees of the encoder's output.
+
+    Attributes:
+        level: Level at the board.
+        open: The wire is broken, so that the board sees its own pull-up.
+        oscillation_hz: Edges per second that a broken wire picks up; 0 for none.
+    """
+
+    def __init__(self, level: int = 0) -> None:
+        self.level = level
+        self.open = False
+        self.oscillation_hz = 0.0
+        self._next_s = math.inf
+        self._bounces: List[float] = []
+
+    def follow(
+        self, start_s: float, end_s: float, source: int, toggles: Sequence[float], bounce: Bounce
+    ) -> List[Tuple[float, int]]:
+        """Changes (time, level) from `start_s` to `end_s` of a wire to a source that toggles at these times.
+
+        `source` is the source's level before its first toggle.
+        """
+        times = self._seen(start_s, end_s, source, toggles, bounce)
+        changes = []
+        for time_s in times:
+            self.level ^= 1
+            changes.append((time_s, self.level))
+        return changes
+
+    def _seen(
+        self, start_s: float, end_s: float, source: int, toggles: Sequence[float], bounce: Bounce
+    ) -> List[float]:
+        if self.open:
+            self._bounces.clear()
+            expected = self.level if self.oscillation_hz else PULLED_UP
+            jump = [start_s] if self.level != expected else []
+            return jump + self._oscillation(start_s, end_s)
+        self._next_s = math.inf
+        waiting = [time_s for time_s in self._bounces if time_s < end_s]
+        later = [time_s for time_s in self._bounces if time_s >= end_s]
+        expected = source ^ (len(self._bounces) & 1)
+        jump = [start_s] if self.level != expected else []
+        for edge_s in toggles:
+            extra = [edge_s + bounce.spacing_s * n for n in range(1, 2 * bounce.pulses + 1)]
+            waiting += [edge_s, *(time_s for time_s in extra if time_s < end_s)]
+            later += [time_s for time_s in extra if time_s >= end_s]
+        self._bounces = later
+        return sorted(jump + waiting)
+
+    def _oscillation(self, start_s: float, end_s: float) -> List[float]:
+        if not self.oscillation_hz:
+            self._next_s = math.inf
+            return []
+        period_s = 1.0 / self.oscillation_hz
+        if self._next_s == math.inf:
+            self._next_s = start_s + period_s
+        count = max(0, math.ceil((end_s - self._next_s) / period_s))
+        times = [self._next_s + n * period_s for n in range(count)]
+        self._next_s += count * period_s
+        return times
+
+
+class Quadrature:
+    """An encoder and its two wires to the board.
+
+    Args:
+        phase_error: Delay of channel B's edges, as a share of a count; -0.5 to 0.5.
+        single: Only channel A is connected.
+        reversed_: The channels are swapped where the encoder is made, so that the other direction counts as forward.
+
+    Attributes:
+        wires: The wires on the board's inputs A and B.
+        swapped: The wires have been swapped.
+        bounce: Short pulses after each edge.
+    """
+
+    def __init__(self, phase_error: float = 0.0, single: bool = False, reversed_: bool = False) -> None:
+        self._sign = -1 if reversed_ else 1
+        self._first = (0.5, 1.5 + phase_error)
+        self._passed = [self._count(channel, 0.0) for channel in (A, B)]
+        self.swapped = False
+        self.bounce = Bounce(0, 0.0)
+        self.wires = (Wire(self._passed[A] & 1), Wire(self._passed[B] & 1))
+        self._single = single
+        if single:
+            self.wires[B].open, self.wires[B].level = True, PULLED_UP
+
+    def open(self, channel: int, is_open: bool, oscillation_hz: float = 0.0) -> None:
+        """Breaks or mends a wire; the board sees its pull-up, or this many edges per second [1/s]."""
+        wire = self.wires[channel]
+        wire.open = is_open or (self._single and channel == B)
+        wire.oscillation_hz = oscillation_hz if is_open else 0.0
+
+    def _count(self, channel: int, position: float) -> int:
+        """Number of this channel's edges between the start and a position [count]."""
+        return math.floor((position - self._first[channel]) / 2.0) + 1
+
+    def follow(self, start_s: float, end_s: float, motions: Sequence[Motion]) -> List[Edge]:
+        """Edges at the board from `start_s` to `end_s` [s], in order of time; `motions` begin after `start_s`."""
+        before = [passed & 1 for passed in self._passed]
+        toggles: Tuple[List[float], List[float]] = ([], [])
+        for motion in motions:
+            for channel in (A, B):
+                toggles[channel].extend(self._passed_during(motion, channel, start_s))
+        edges = []
+        for channel, wire in enumerate(self.wires):
+            source = channel ^ int(self.swapped)
+            changes = wire.follow(start_s, end_s, before[source], toggles[source], self.bounce)
+            edges += [Edge(time_s, channel, level) for time_s, level in changes]
+        return sorted(edges)
+
+    def _passed_during(self, motion: Motion, channel: int, start_s: float) -> List[float]:
+        """Times at which the channel's edges pass during a motion [s]."""
+        end, _ = motion.after(motion.duration_s)
+        old, new = self._passed[channel], self._count(channel, self._sign * end)
+        self._passed[channel] = new
+        passed = range(old, new) if new >= old else range(old - 1, new - 1, -1)
+        first = self._first[channel]
+        return [
+            start_s + motion.start_s + motion.time_at(self._sign * (first + 2.0 * index)) for index in passed
+        ]

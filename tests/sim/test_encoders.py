@@ -1,0 +1,164 @@
+"""An encoder's edges: how many, when, in which order, and with broken or swapped wires."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_arduino.hardware.dc_motor import Motion
+from sim_arduino.hardware.encoders import PULLED_UP, A, B, Bounce, Quadrature
+
+EXACT_S = 1e-9
+ORDER = {(0, 0): (1, 0), (1, 0): (1, 1), (1, 1): (0, 1), (0, 1): (0, 0)}
+"""Levels of A and B forward: A leads."""
+
+
+def steady(counts_s, duration_s, travel=0.0):
+    """A motion at one speed."""
+    return Motion(0.0, duration_s, travel, counts_s, 0.0, 0.0)
+
+
+def count(levels, edges):
+    """Counts of a board that knows the order, and the number of edges that do not fit into it."""
+    counted = impossible = 0
+    for edge in edges:
+        new = (edge.level, levels[B]) if edge.channel == A else (levels[A], edge.level)
+        if ORDER[levels] == new:
+            counted += 1
+        elif ORDER[new] == levels:
+            counted -= 1
+        else:
+            impossible += 1
+        levels = new
+    return counted, impossible
+
+
+def at_board(encoder):
+    return encoder.wires[A].level, encoder.wires[B].level
+
+
+@pytest.mark.parametrize("counts_s", [1000.0, -1000.0])
+def test_edges_come_at_their_true_times(counts_s):
+    """The n-th edge comes n - 0.5 counts from the start."""
+    edges = Quadrature().follow(2.0, 2.01, [steady(counts_s, 0.01)])
+    assert [edge.time_s for edge in edges] == pytest.approx(
+        [2.0005 + 1e-3 * n for n in range(10)], abs=EXACT_S
+    )
+
+
+def test_edges_of_a_motion_that_speeds_up_come_at_its_times():
+    """From rest at 20000 count/s2 the n-th edge comes after sqrt(2 (n - 0.5) / 20000) seconds."""
+    edges = Quadrature().follow(0.0, 0.05, [Motion(0.0, 0.05, 0.0, 0.0, 20000.0, 0.0)])
+    assert [edge.time_s for edge in edges] == pytest.approx(
+        [math.sqrt((n + 0.5) / 10000.0) for n in range(25)], abs=EXACT_S
+    )
+
+
+@pytest.mark.parametrize("counts_s", [1000.0, -1000.0])
+def test_a_board_counts_what_the_wheel_turned(counts_s):
+    encoder = Quadrature()
+    assert count((0, 0), encoder.follow(0.0, 0.1, [steady(counts_s, 0.1)])) == (round(counts_s * 0.1), 0)
+
+
+def test_a_reversed_encoder_counts_the_other_way():
+    edges = Quadrature(reversed_=True).follow(0.0, 0.1, [steady(1000.0, 0.1)])
+    assert count((0, 0), edges) == (-100, 0)
+
+
+@given(st.lists(st.floats(-30.0, 30.0), max_size=20), st.floats(-0.9, 0.9))
+def test_there_and_back_leaves_no_count(ways, phase):
+    """However often it turns round within a count, edges come in the right order, and none is lost."""
+    encoder, travel, edges = Quadrature(phase_error=phase), 0.0, []
+    start = at_board(encoder)
+    for number, way in enumerate([*ways, -sum(ways)]):
+        edges += encoder.follow(number, number + 1.0, [steady(way, 1.0, travel)])
+        travel += way
+    counted, impossible = count(start, edges)
+    assert impossible == 0
+    assert abs(counted) <= 1
+
+
+def test_a_phase_error_moves_the_edges_of_channel_b():
+    """By 20 % of a count; those of A stay."""
+    exact, late = (
+        Quadrature(phase_error=phase).follow(0.0, 0.1, [steady(1000.0, 0.1)]) for phase in (0.0, 0.2)
+    )
+    moved = [(other.channel, other.time_s - one.time_s) for one, other in zip(exact, late)]
+    assert {(channel, round(by_s * 1e6)) for channel, by_s in moved} == {(A, 0), (B, 200)}
+
+
+def test_a_wheel_at_rest_gives_no_edges():
+    assert Quadrature().follow(0.0, 10.0, []) == []
+
+
+def test_a_single_channel_has_half_the_edges_and_the_other_wire_is_pulled_up():
+    encoder = Quadrature(single=True)
+    edges = encoder.follow(0.0, 0.1, [steady(1000.0, 0.1)])
+    assert [edge.channel for edge in edges] == [A] * 50
+    assert encoder.wires[B].level == PULLED_UP
+
+
+# ---- what is wrong with the wires
+
+
+def test_an_open_wire_is_pulled_up_and_silent():
+    encoder = Quadrature()
+    encoder.open(A, True)
+    edges = encoder.follow(1.0, 1.1, [steady(1000.0, 0.1)])
+    assert [edge for edge in edges if edge.channel == A] == [(1.0, A, 1)]
+    assert len([edge for edge in edges if edge.channel == B]) == 50
+
+
+def test_a_mended_wire_shows_the_encoder_again():
+    """The level jumps to the encoder's, and counting goes on."""
+    encoder = Quadrature()
+    encoder.open(A, True)
+    encoder.follow(0.0, 1.0, [])
+    encoder.open(A, False)
+    assert encoder.follow(1.0, 2.0, []) == [(1.0, A, 0)]
+
+
+def test_an_open_wire_oscillates_at_its_rate_even_at_rest():
+    encoder = Quadrature()
+    encoder.open(B, True, 20000.0)
+    edges = [edge for number in range(10) for edge in encoder.follow(number * 1e-3, (number + 1) * 1e-3, [])]
+    assert [edge.time_s for edge in edges] == pytest.approx(
+        [50e-6 * (n + 1) for n in range(199)], abs=EXACT_S
+    )
+    assert [edge.level for edge in edges[:4]] == [1, 0, 1, 0]
+
+
+def test_swapped_wires_count_the_wrong_way():
+    encoder = Quadrature()
+    encoder.swapped = True
+    assert count((0, 0), encoder.follow(0.0, 0.1, [steady(1000.0, 0.1)])) == (-100, 0)
+
+
+def test_wires_swapped_on_the_way_jump_to_the_other_channel():
+    encoder = Quadrature()
+    encoder.follow(0.0, 0.001, [steady(1000.0, 0.001)])  # A is high, B low
+    encoder.swapped = True
+    assert encoder.follow(1.0, 2.0, []) == [(1.0, A, 0), (1.0, B, 1)]
+
+
+def test_bounces_follow_each_edge():
+    """Two short pulses add four edges 20 us apart, and the count stays right."""
+    encoder = Quadrature()
+    encoder.bounce = Bounce(2, 20e-6)
+    edges = encoder.follow(0.0, 0.1, [steady(1000.0, 0.1)])
+    assert len(edges) == 5 * 100
+    assert [edge.time_s for edge in edges[:5]] == pytest.approx(
+        [0.0005 + 20e-6 * n for n in range(5)], abs=EXACT_S
+    )
+    assert count((0, 0), edges)[0] == 100
+
+
+def test_bounces_go_on_in_the_next_step():
+    """The edge comes at 0.5 ms; one step ends within its bounces."""
+    encoder = Quadrature()
+    encoder.bounce = Bounce(2, 20e-6)
+    first = encoder.follow(0.0, 0.53e-3, [steady(1000.0, 0.53e-3)])
+    second = encoder.follow(0.53e-3, 1e-3, [])
+    assert [len(first), len(second)] == [2, 3]
+    assert at_board(encoder) == (1, 0)
