@@ -19,7 +19,8 @@ FW_PARTS := $(notdir $(wildcard $(FW_SOURCE)/*.cpp)) mrl_firmware.ino
 
 PC_BUILD := build/pc
 PC_CXX := -std=gnu++11 -g -O1 -Wall -Wextra -Wconversion -Werror -I$(FW_SOURCE)
-PC_SOURCES = $(filter-out %_avr.cpp,$(wildcard $(FW_SOURCE)/*.cpp)) tests/firmware/hal_pc.cpp
+PC_SOURCES = $(filter-out %_avr.cpp,$(wildcard $(FW_SOURCE)/*.cpp)) tests/firmware/hal_pc.cpp tests/firmware/hal_bridge_pc.cpp
+PC_HEADERS := tests/firmware/hal_pc.h tests/firmware/hal_bridge_pc.h
 
 .PHONY: firmware flash pc-firmware
 
@@ -47,6 +48,9 @@ endef
 $(eval $(call FW_IMAGE,mrl_firmware,))
 $(eval $(call FW_IMAGE,mrl_firmware_environment,-DMRL_ENVIRONMENT=1))
 $(eval $(call FW_IMAGE,mrl_firmware_xbee,-DMRL_XBEE=1))
+$(eval $(call FW_IMAGE,mrl_firmware_hbridge,-DMRL_BRIDGE=1))
+# It is not packaged before it drives: make build/firmware/mrl_firmware_hbridge.elf.
+FW_IMAGES := $(filter-out %_hbridge.elf,$(FW_IMAGES))
 
 # The core's files belong to a package that `apt` may install while make runs.  A rule that names them would let make
 # delete them afterwards, as files of its own making, so no rule here names a file outside the checkout.
@@ -66,24 +70,25 @@ flash: ## Upload to an Arduino Uno: PORT=/dev/ttyACM0, IMAGE=mrl_firmware_enviro
 	  -U flash:w:$(FW_BUILD)/$(IMAGE).hex:i 2>&1) || \
 	  { echo "make flash: no board answers at $(PORT): $$(echo "$$out" | grep . | head -1)" >&2; exit 1; }
 
-PC_LIBRARIES := $(patsubst %,$(PC_BUILD)/libmrl_firmware%.so,_xbee _environment) $(PC_BUILD)/libmrl_firmware.so
+PC_LIBRARIES := $(patsubst %,$(PC_BUILD)/libmrl_firmware%.so,_xbee _environment _hbridge) $(PC_BUILD)/libmrl_firmware.so
 pc-firmware: $(PC_LIBRARIES) $(PC_BUILD)/fuzz_firmware $(PC_BUILD)/checked_firmware ## Build the same C++ for tests on the PC
 
 $(PC_BUILD)/libmrl_firmware_environment.so: PC_DEFINES := -DMRL_ENVIRONMENT=1
 $(PC_BUILD)/libmrl_firmware_xbee.so: PC_DEFINES := -DMRL_XBEE=1
-$(PC_LIBRARIES): $(PC_SOURCES) $(FW_HEADERS) tests/firmware/hal_pc.h firmware/firmware.mk | apt
+$(PC_BUILD)/libmrl_firmware_hbridge.so: PC_DEFINES := -DMRL_BRIDGE=1
+$(PC_LIBRARIES): $(PC_SOURCES) $(FW_HEADERS) $(PC_HEADERS) firmware/firmware.mk | apt
 	@mkdir -p $(@D)
 	@g++ $(PC_CXX) $(PC_DEFINES) -shared -fPIC $(PC_SOURCES) -o $@.new && mv $@.new $@
 
 # libFuzzer looks for inputs and stops at undefined behaviour; what it keeps is then tried under gcc's address and
 # undefined-behaviour sanitizers.
 FUZZ_SOURCES := tests/firmware/fuzz.cpp
-FUZZ_NEEDS = $(PC_SOURCES) $(FUZZ_SOURCES) $(FW_HEADERS) tests/firmware/hal_pc.h firmware/firmware.mk
+FUZZ_NEEDS = $(PC_SOURCES) $(FUZZ_SOURCES) $(FW_HEADERS) $(PC_HEADERS) firmware/firmware.mk
 
 FUZZ_OBJECTS = $(patsubst %.cpp,$(PC_BUILD)/fuzz.o/%.o,$(notdir $(PC_SOURCES) $(FUZZ_SOURCES)))
 vpath %.cpp $(FW_SOURCE) tests/firmware
 
-$(PC_BUILD)/fuzz.o/%.o: %.cpp $(FW_HEADERS) tests/firmware/hal_pc.h firmware/firmware.mk | apt
+$(PC_BUILD)/fuzz.o/%.o: %.cpp $(FW_HEADERS) $(PC_HEADERS) firmware/firmware.mk | apt
 	@mkdir -p $(@D)
 	@clang++ $(PC_CXX) -fsanitize=fuzzer-no-link,undefined -fsanitize-trap=undefined -c $< -o $@
 

@@ -10,3 +10,15 @@
 #ifndef MRL_XBEE
 #define MRL_XBEE 0
 #endif
+
+// 1: motors on an H-bridge and encoders on the Arduino's pins instead of the OMNI-3MD; Uno or Nano.
+#ifndef MRL_BRIDGE
+#define MRL_BRIDGE 0
+#endif
+
+#if MRL_BRIDGE && (MRL_ENVIRONMENT || MRL_XBEE)
+#error "MRL_BRIDGE uses the pins and timers of MRL_ENVIRONMENT and MRL_XBEE: set only one of the three to 1"
+// One error is enough.
+#undef MRL_BRIDGE
+#define MRL_BRIDGE 0
+#endif

@@ -123,4 +123,37 @@ uint32_t dust_low_ticks();
 // True if the input has changed at all since the last call.
 bool dust_changed();
 
+// ---- H-bridge and encoders; only in builds with MRL_BRIDGE.  Motor and encoder 0 are on the left pins, 1 on the right.
+
+// PWM of 3.9, 7.8 and 31.4 kHz.
+enum class PwmRate : uint8_t { slow, medium, fast };
+// Sets the rate; all outputs are low afterwards.
+void bridge_begin(PwmRate rate);
+
+enum class BridgePin : uint8_t { pwm_a, pwm_b, logic };
+// Holds the output high for `duty` / 255 of the time; 0 and 255 are constant.  Any duty but 0 is high on the logic pin.
+// Does nothing while a kick of the watchdog is missing.
+void bridge_write(uint8_t motor, BridgePin pin, uint8_t duty);
+// All outputs are low at once; from any context.  The watchdog's interrupt does this at the first missed kick.
+void bridge_off();
+
+constexpr uint16_t SAMPLE_TICKS = 78;  // 4.992 ms: 200.3 Hz
+// More edges between two samples mask the interrupt of an encoder: 50 000 edges/s, 22 % of the chip's time for each.
+constexpr uint8_t MOST_EDGES = 250;
+
+struct EncoderSample {
+  uint16_t count[2];      // forward, A before B, counts up; wraps
+  uint16_t edge_tick[2];  // ticks() at the last edge
+  uint16_t tick;          // ticks() at the sample
+};
+// Takes the newest sample; true if it is a new one.  A sample is news for the loop.
+bool encoder_sample(EncoderSample& sample);
+// Number of steps that changed both channels of an encoder at once, both encoders; stops at 65535.
+uint16_t impossible_transitions();
+// True after more than MOST_EDGES edges between two samples, until encoder_unmask().
+bool encoder_masked(uint8_t encoder);
+void encoder_unmask(uint8_t encoder);
+// Counts the edges of channel A alone, each one up.
+void encoder_single_channel(bool on);
+
 }  // namespace hal

@@ -1,5 +1,5 @@
 // The ATmega328P of the Uno at 16 MHz: resets, time, USB port, analog inputs, pins, EEPROM.  Only this file includes
-// Arduino.h; I2C, the dust sensor's input and the radio's port have their own files.
+// Arduino.h; I2C, the dust sensor's input, the radio's port and the H-bridge have their own files.
 #ifdef __AVR__
 #include <Arduino.h>
 #include <avr/wdt.h>
@@ -33,9 +33,10 @@ Mark running_mark __attribute__((section(".noinit")));
 Mark watchdog_mark __attribute__((section(".noinit")));
 uint8_t reset_flags __attribute__((section(".noinit")));
 ResetTrace trace;
-volatile uint8_t missed_kicks;
 
 }  // namespace
+
+volatile uint8_t missed_kicks;
 
 // ---- resets
 
@@ -61,7 +62,8 @@ static void take_trace() {
 
 ResetTrace reset_trace() { return trace; }
 
-// The period is 128 ms: the interrupt counts the first miss, leaves the mark at the second; the third resets the chip.
+// The period is 128 ms: the interrupt counts the first miss and switches an H-bridge off, leaves the mark at the second;
+// the third resets the chip.
 static void start_watchdog() {
   cli();
   wdt_reset();
@@ -71,6 +73,7 @@ static void start_watchdog() {
 
 ISR(WDT_vect) {
   if (++missed_kicks < 2) {
+    bridge_off();
     WDTCSR |= _BV(WDIE);
   } else {
     watchdog_mark.set(WATCHDOG_MARK);
@@ -238,6 +241,7 @@ void begin() {
   bus_begin();
   start_adc();
   dust_begin();
+  encoders_begin();
   start_watchdog();
   sei();
 }

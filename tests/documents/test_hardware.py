@@ -14,11 +14,13 @@ def constants(text):
 
 
 def in_header():
-    """Of every build, the sonar build, the environment-sensor build."""
-    common, rest = PINS.split("#if MRL_ENVIRONMENT")
-    environment, rest = rest.split("#else")
+    """Of every build, the builds with a motor board, the H-bridge build, sonars, environment sensors."""
+    common, rest = PINS.split("#if MRL_BRIDGE")
+    bridge, rest = rest.split("#else", 1)
+    motor_board, rest = rest.split("#endif", 1)
+    environment, rest = rest.split("#if MRL_ENVIRONMENT")[1].split("#else")
     sonar, _ = rest.split("#endif")
-    return [constants(part) for part in (common, sonar, environment)]
+    return [constants(part) for part in (common, motor_board, bridge, sonar, environment)]
 
 
 def number(pin):
@@ -26,8 +28,8 @@ def number(pin):
 
 
 def in_table():
-    columns = [{}, {}, {}]
-    for cells in re.findall(r"^\| ([AD]\d+) \|(.*)\|(.*)\|(.*)\|$", TABLE, re.M):
+    columns = [{}, {}, {}, {}, {}]
+    for cells in re.findall(r"^\| ([AD]\d+) \|(.*)\|(.*)\|(.*)\|(.*)\|(.*)\|$", TABLE, re.M):
         for column, cell in zip(columns, cells[1:]):
             column.update({name: number(cells[0]) for name in re.findall(r"`(\w+)`", cell)})
     return columns

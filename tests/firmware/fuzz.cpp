@@ -30,7 +30,7 @@ int adc(int, double) { return random_byte() * 4 + 3; }
 void pin(int, int, double) {}
 
 bool start() {
-  static const PcWorld world = {write, read, adc, pin};
+  static const PcWorld world = {write, read, adc, pin, nullptr, nullptr};
   static uint8_t eeprom[1024];
   pc_start(&world, 0, 0, PC_POWER_ON, eeprom);
   return true;

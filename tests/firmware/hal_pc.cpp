@@ -6,9 +6,11 @@
 #include <vector>
 
 #include "board.h"
+#include "build.h"
 #include "dust.h"
 #include "frame_decoder.h"
 #include "hal.h"
+#include "hal_bridge_pc.h"
 #include "ring.h"
 #include "sonar.h"
 #include "sonar_curve.h"
@@ -111,14 +113,17 @@ void pass_time(double to_us) {
   now_us = to_us;
   move_serial();
   move_bus();
+  if (MRL_BRIDGE) news = bridge_pc::pass_time(now_us) || news;
   for (const double end_us : {adc_until_us, eeprom_until_us}) news = news || (from_us < end_us && end_us <= to_us);
 }
 
 void run_loop() {
   if (asleep.on && (news || received.used() || static_cast<int16_t>(asleep.until - hal::ticks()) <= 0)) asleep.on = false;
   const Sleep before = asleep;
+  bridge_pc::take_action();
   asleep.acted = false;
   mrl::board::run();
+  asleep.acted = bridge_pc::take_action() || asleep.acted;
   if (!before.on) return;
   asleep.on = true;
   asleep.until = before.until;
@@ -219,6 +224,7 @@ ResetTrace reset_trace() {
   return trace;
 }
 void watchdog_kick() {
+  bridge_pc::kick(now_us);
   if (now_us - kicked_us > longest_gap_us) longest_gap_us = now_us - kicked_us;
   kicked_us = now_us;
 }
@@ -259,6 +265,7 @@ void pc_start(const PcWorld* outside, double time_us, uint16_t tick, int reset_f
   host_baud = 115200;
   asleep = Sleep();
   memcpy(eeprom, image, sizeof eeprom);
+  bridge_pc::begin(world, now_us, first_tick);
   mrl::board::begin();
 }
 

@@ -11,6 +11,9 @@ struct PcWorld {
   int (*i2c_read)(uint8_t address, uint8_t* data, int count, double time_us);         // 0: not acknowledged
   int (*adc)(int channel, double time_us);                                            // count, 0 to 1023
   void (*pin)(int pin, int level, double time_us);
+  // Builds with an H-bridge: all outputs of a motor [0 to 255], and the level of an encoder's line at the start.
+  void (*bridge)(int motor, int pwm_a, int pwm_b, int logic, double time_us);
+  int (*level)(int pin);
 };
 
 enum PcResetFlag { PC_POWER_ON = 1, PC_EXTERNAL = 2, PC_BROWN_OUT = 4, PC_WATCHDOG = 8, PC_MARKED = 16, PC_KEPT = 32 };
@@ -31,6 +34,8 @@ int pc_sent(uint8_t* bytes, int room);
 // Holds the bus: transfers never end until it is released by hand, or after so many recoveries (0: never).
 void pc_hang_bus(int on, int recoveries);
 void pc_dust(uint32_t low_ticks);
+// An edge of an encoder's line; edges come in the order of their times.
+void pc_edge(int pin, int level, double time_us);
 // A byte from the radio, and bytes to it.
 void pc_radio_receive(uint8_t byte);
 int pc_radio_sent(uint8_t* bytes, int room);

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any, Callable, List, Optional, Tuple
 
 BUILD = Path(__file__).resolve().parent.parent.parent / "build" / "pc"
-SONARS, ENVIRONMENT, XBEE = (
-    BUILD / f"libmrl_firmware{suffix}.so" for suffix in ("", "_environment", "_xbee")
+SONARS, ENVIRONMENT, XBEE, BRIDGE = (
+    BUILD / f"libmrl_firmware{suffix}.so" for suffix in ("", "_environment", "_xbee", "_hbridge")
 )
 EEPROM_SIZE = 1024
 VOLTS_PER_COUNT = 5.0 / 1024.0
@@ -27,10 +27,22 @@ _WRITE = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_uint8, _BYTES, ctypes.c_int, ct
 _READ = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_uint8, _BYTES, ctypes.c_int, ctypes.c_double)
 _ADC = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int, ctypes.c_double)
 _PIN = ctypes.CFUNCTYPE(None, ctypes.c_int, ctypes.c_int, ctypes.c_double)
+_BRIDGE = ctypes.CFUNCTYPE(None, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_double)
+_LEVEL = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int)
+FULL_DUTY = 255
+EDGE_DELAY_S = 1e-3
+"""The board runs in slices of this length [s]; the edges of a slice reach it in the next one."""
 
 
 class _World(ctypes.Structure):
-    _fields_ = [("i2c_write", _WRITE), ("i2c_read", _READ), ("adc", _ADC), ("pin", _PIN)]
+    _fields_ = [
+        ("i2c_write", _WRITE),
+        ("i2c_read", _READ),
+        ("adc", _ADC),
+        ("pin", _PIN),
+        ("bridge", _BRIDGE),
+        ("level", _LEVEL),
+    ]
 
 
 def load(library: Path) -> Any:
@@ -64,6 +76,7 @@ def load(library: Path) -> Any:
     native.pc_now_us.restype = native.pc_longest_kick_gap_us.restype = ctypes.c_double
     native.pc_eeprom.restype = _BYTES
     native.pc_decoder_arguments.restype = ctypes.POINTER(ctypes.c_int16)
+    native.pc_edge.argtypes = (ctypes.c_int, ctypes.c_int, ctypes.c_double)
     native.pc_dust.argtypes = (ctypes.c_uint32,)
     native.pc_dust_per_litre.argtypes = (ctypes.c_uint32, ctypes.c_uint32)
     return native
@@ -96,7 +109,14 @@ class PcBoard:
         self.transfers: List[Tuple[float, str, int, bytes]] = []
         self.nack: Callable[[int, bytes], bool] = lambda address, data: False
         self._library, self._first_tick = library, first_tick
-        self._world = _World(_WRITE(self._write), _READ(self._read), _ADC(self._adc), _PIN(self._pin))
+        self._world = _World(
+            _WRITE(self._write),
+            _READ(self._read),
+            _ADC(self._adc),
+            _PIN(self._pin),
+            _BRIDGE(self._bridge),
+            _LEVEL(self._level),
+        )
         self._failure: Optional[BaseException] = None
         self._register = b""
         self.native: Any = None
@@ -111,12 +131,24 @@ class PcBoard:
 
     def advance(self, to_s: float) -> bytes:
         """Runs to `to_s` [s]; the bytes that left the board until then."""
+        if getattr(self.plant, "bridge", None) is None:
+            self._advance_slice(to_s)
+        else:
+            self._advance_with_encoders(to_s)
+        buffer = (ctypes.c_uint8 * 65536)()
+        return bytes(buffer[: self.native.pc_sent(buffer, 65536)])
+
+    def _advance_with_encoders(self, to_s: float) -> None:
+        while self.now_s < to_s:
+            self._advance_slice(min(to_s, self.now_s + EDGE_DELAY_S))
+            for edge in self.plant.bridge.take_edges():
+                self.native.pc_edge(edge.pin, edge.level, (edge.time_s + EDGE_DELAY_S) * 1e6)
+
+    def _advance_slice(self, to_s: float) -> None:
         self.native.pc_advance(to_s * 1e6)
         self._raise_failure()
         assert not self.native.pc_slept_too_long(), "the loop slept although something was due"
         self.plant.advance(max(to_s, self.now_s))
-        buffer = (ctypes.c_uint8 * 65536)()
-        return bytes(buffer[: self.native.pc_sent(buffer, 65536)])
 
     def set_host_baud(self, baud: float) -> None:
         """The host's speed, both ways; at another speed than the board's the bytes turn into others."""
@@ -218,3 +250,18 @@ class PcBoard:
             return 0
 
         self._guard(change)
+
+    def _bridge(self, motor: int, pwm_a: int, pwm_b: int, logic: int, time_us: float) -> None:
+        shares = [duty / FULL_DUTY for duty in (pwm_a, pwm_b, logic)]
+
+        def write() -> int:
+            if getattr(self.plant, "bridge", None) is not None:
+                self.plant.bridge.write(time_us * 1e-6, motor, *shares)
+            return 0
+
+        self._guard(write)
+
+    def _level(self, pin: int) -> int:
+        """Lines that nothing drives are pulled up."""
+        bridge = getattr(self.plant, "bridge", None)
+        return self._guard(lambda: int(bridge.levels[pin]) if bridge is not None else 1)

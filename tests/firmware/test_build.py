@@ -58,16 +58,49 @@ def test_forgotten_handler_fails_to_link(tmp_path):
     assert built.returncode != 0 and "move_differential" in built.stderr
 
 
-@pytest.mark.parametrize("define", ["-DMRL_ENVIRONMENT=0", "-DMRL_ENVIRONMENT=1"])
-def test_shared_pin_fails_to_compile(tmp_path, define):
+WRONG_PINS = [
+    ("-DMRL_ENVIRONMENT=0", "SONAR_TRIGGER = 12", "SONAR_TRIGGER = 13", "two functions share a pin"),
+    ("-DMRL_ENVIRONMENT=1", "FAN = 7", "FAN = 8", "two functions share a pin"),
+    ("-DMRL_BRIDGE=1", "BATTERY = 17", "BATTERY = 16", "two functions share a pin"),
+    ("-DMRL_BRIDGE=1", "LEFT_PWM_A = 5", "LEFT_PWM_A = 19", "a pin without PWM of timer 0 or 2"),
+    ("-DMRL_BRIDGE=1", "RIGHT_LOGIC = 9", "RIGHT_LOGIC = 13", "no input of a bridge may be there"),
+    (
+        "-DMRL_BRIDGE=1",
+        "LEFT_ENCODER_B = 4",
+        "LEFT_ENCODER_B = 7",
+        "the left encoder's channels are on port D",
+    ),
+    (
+        "-DMRL_BRIDGE=1",
+        "RIGHT_ENCODER_A = 8",
+        "RIGHT_ENCODER_A = 9",
+        "the right encoder's channels are D8 and",
+    ),
+    ("-DMRL_BRIDGE=1", "Unit::timer0, ", "Unit::timer1, ", "two functions share a timer or an interrupt"),
+]
+"""Build, what pins.h says, what it says instead, the compiler's message."""
+
+
+@pytest.mark.parametrize("define, right, wrong, message", WRONG_PINS)
+def test_impossible_pins_fail_to_compile(tmp_path, define, right, wrong, message):
     """The conflict of 2013 is one: two functions on one pin."""
     text = (SKETCH / "pins.h").read_text()
-    wrong = text.replace("SONAR_TRIGGER = 12", "SONAR_TRIGGER = 13").replace("FAN = 7", "FAN = 8")
-    (tmp_path / "pins.h").write_text(wrong)
+    assert right in text
+    (tmp_path / "pins.h").write_text(text.replace(right, wrong))
     command = ["g++", "-std=gnu++11", "-fsyntax-only", define, f"-I{SKETCH}", "-x", "c++"]
     assert run(*command, SKETCH / "pins.h").returncode == 0
     failed = run(*command, tmp_path / "pins.h")
-    assert failed.returncode != 0 and "two functions share a pin" in failed.stderr
+    assert failed.returncode != 0 and message in failed.stderr
+
+
+@pytest.mark.parametrize("other", ["-DMRL_XBEE=1", "-DMRL_ENVIRONMENT=1"])
+def test_builds_that_exclude_each_other_fail_with_one_error(other):
+    """An H-bridge needs the pins of the radio and of the dust sensor."""
+    failed = run(
+        "g++", "-std=gnu++11", "-fsyntax-only", "-DMRL_BRIDGE=1", other, "-x", "c++", SKETCH / "pins.h"
+    )
+    errors = [line for line in failed.stderr.splitlines() if "error:" in line]
+    assert len(errors) == 1 and "set only one of the three to 1" in errors[0]
 
 
 @pytest.mark.parametrize("port", ["", "/dev/nothing", "/dev/null/x"])

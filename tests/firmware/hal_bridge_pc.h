@@ -1,0 +1,18 @@
+// The H-bridge and the encoders of the firmware on a PC; hal_pc.cpp moves their time.
+#pragma once
+#include <stdint.h>
+
+#include "hal_pc.h"
+
+namespace bridge_pc {
+
+// Reads the encoders' lines as they are; the first sample comes after one period.
+void begin(const PcWorld& world, double now_us, uint16_t tick);
+// Edges and samples up to a time; true if a sample was taken.
+bool pass_time(double now_us);
+// The loop kicks the watchdog.
+void kick(double now_us);
+// True if the loop has written another level or taken a sample since the last call.
+bool take_action();
+
+}  // namespace bridge_pc
