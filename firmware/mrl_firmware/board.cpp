@@ -1,6 +1,7 @@
 #include "board.h"
 
 #include "answers.h"
+#include "battery.h"
 #include "baud.h"
 #include "board_clock.h"
 #include "bus.h"
@@ -41,6 +42,7 @@ void run() {
   motor::service();
   bus::service_background();
   sonar::service();
+  battery::service();
   environment::service();
   config::service();
   status::service();

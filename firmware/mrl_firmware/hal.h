@@ -148,6 +148,8 @@ struct EncoderSample {
 };
 // Takes the newest sample; true if it is a new one.  A sample is news for the loop.
 bool encoder_sample(EncoderSample& sample);
+// The counters as they are now.
+void encoder_read(EncoderSample& sample);
 // Number of steps that changed both channels of an encoder at once, both encoders; stops at 65535.
 uint16_t impossible_transitions();
 // True after more than MOST_EDGES edges between two samples, until encoder_unmask().

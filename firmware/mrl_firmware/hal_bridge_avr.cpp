@@ -220,6 +220,16 @@ bool encoder_sample(EncoderSample& sample) {
   return true;
 }
 
+void encoder_read(EncoderSample& sample) {
+  cli();
+  for (uint8_t i = 0; i < 2; i++) {
+    sample.count[i] = counts[i];
+    sample.edge_tick[i] = edge_ticks[i];
+  }
+  sample.tick = TCNT1;
+  sei();
+}
+
 uint16_t impossible_transitions() {
   cli();
   const uint16_t count = impossible;

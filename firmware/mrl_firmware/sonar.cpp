@@ -1,6 +1,7 @@
 #include "sonar.h"
 
 #include "answers.h"
+#include "battery.h"
 #include "board_clock.h"
 #include "build.h"
 #include "config.h"
@@ -33,6 +34,7 @@ void configure() {
 
 void begin() {}
 void service() {}
+bool converting() { return false; }
 void report() {
   for (uint8_t i = 0; i < 3; i++) writer::add(SONAR_INVALID);
 }
@@ -109,13 +111,15 @@ void service() {
       go(Step::ranging);
       break;
     case Step::ranging:
-      if (board_clock::passed(since, READING)) end_turn();
+      if (board_clock::passed(since, READING) && !battery::converting()) end_turn();
       break;
     case Step::converting:
       take_conversion();
       break;
   }
 }
+
+bool converting() { return step == Step::converting; }
 
 void report() {
   for (uint8_t i = 0; i < COUNT; i++) writer::add(ranges[i]);

@@ -10,6 +10,8 @@ void begin();
 // Takes the curve from the configuration.
 void configure();
 void service();
+// True while the converter works for the sonars.
+bool converting();
 // The rows of the reply to 7: front, left, right [cm].
 void report();
 

@@ -157,6 +157,14 @@ bool encoder_sample(EncoderSample& sample) {
   return true;
 }
 
+void encoder_read(EncoderSample& sample) {
+  for (int i = 0; i < ENCODERS; i++) {
+    sample.count[i] = counts[i];
+    sample.edge_tick[i] = edge_ticks[i];
+  }
+  sample.tick = ticks();
+}
+
 uint16_t impossible_transitions() { return impossible; }
 bool encoder_masked(uint8_t encoder) { return masked[encoder]; }
 void encoder_unmask(uint8_t encoder) { masked[encoder] = false; }
