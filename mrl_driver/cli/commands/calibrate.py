@@ -2,7 +2,7 @@
 
 import click
 
-from . import calibrate_geometry, calibrate_parts
+from . import calibrate_geometry, calibrate_parts, calibrate_wiring
 
 
 @click.group()
@@ -20,5 +20,5 @@ def calibrate() -> None:
     """
 
 
-for _command in (*calibrate_geometry.COMMANDS, *calibrate_parts.COMMANDS):
+for _command in (*calibrate_geometry.COMMANDS, *calibrate_parts.COMMANDS, calibrate_wiring.wiring):
     calibrate.add_command(_command)

@@ -1,4 +1,4 @@
-"""`mrl calibrate wiring`, `sonar` and `gains`."""
+"""`mrl calibrate sonar` and `gains`."""
 
 import contextlib
 import csv
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, 
 
 import click
 
-from mrl_driver.errors import ConfigError, MrlError, WheelFault
+from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.files import replace_file
 from mrl_driver.robot import models
 
@@ -41,47 +41,6 @@ Points = Tuple[List[float], List[float]]
 _recording_option = click.option(
     "--recording", metavar="FILE", help="Instead of driving: a recording of this calibration."
 )
-
-
-@click.command()
-@job_options
-@click.option("--unseen", is_flag=True, help="Do not ask which wheel turned; finds fewer faults.")
-@_recording_option
-def wiring(job: Job, unseen: bool, recording: Optional[str]) -> None:
-    """Find swapped or reversed wires of motors and encoders.
-
-    Asks, then turns each wheel forward for half a second.  Put the robot on a box, or clear half a metre in front of
-    it.
-
-    \b
-    Example:
-      mrl calibrate wiring --port /dev/ttyACM0
-    """
-    from mrl_driver.calibration import part_procedures
-    from mrl_driver.calibration.manoeuvres import Track
-
-    from .calibrate_view import Unmeasured, observer_for, require_terminal, ruler_for
-
-    if recording is not None:
-        found = part_procedures.recorded_wiring(recording, recorded_model(job))
-    else:
-        if job.truth is None and not unseen:
-            require_terminal("--unseen to skip the question which wheel turned")
-        ruler = ruler_for(job.truth) if job.truth is not None else Unmeasured()
-        with calibrate_job.connect(job) as driver:
-            warn(driver)
-            confirm_drive(
-                job, "Each wheel turns forward for half a second. Is the robot on a box, or its path free?"
-            )
-            found = part_procedures.check_wiring(
-                driver, Track(driver), ruler, observer_for(job.truth, unseen)
-            )
-    if job.as_json:
-        print_json({"findings": found})
-    if found:
-        raise WheelFault("; ".join(found))
-    if not job.as_json:
-        click.echo("the wiring of motors and encoders is right")
 
 
 @click.command(short_help="Measure the curve of the sonars, range_cm = a s^b + c.")
@@ -387,4 +346,4 @@ def _report_gains(tuned: Any, found: Mapping[str, Mapping[str, "Response"]], job
             click.echo(response_line(f"{when}, {name} wheel", one))
 
 
-COMMANDS = (wiring, gains, sonar)
+COMMANDS = (gains, sonar)

@@ -14,8 +14,8 @@ from mrl_driver.calibration.calibration_files import Key
 from mrl_driver.calibration.gains import Response
 from mrl_driver.calibration.geometry_procedures import Outcome
 from mrl_driver.calibration.ground_truth import Check, Ruler, Truth, parse_pose, truth_file
-from mrl_driver.calibration.wiring_check import seen_in
-from mrl_driver.errors import ConfigError
+from mrl_driver.calibration.wiring_check import LEAST_RAD, seen_in
+from mrl_driver.errors import ConfigError, WheelFault
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import RobotModel
 
@@ -102,6 +102,59 @@ def _ask_wheel(motor: str, _: Pose) -> Tuple[Optional[str], int]:
         return motor, 0
     forward = Prompt.ask(Text("In which direction"), console=console, choices=["forward", "back"])
     return wheel, 1 if forward == "forward" else -1
+
+
+class SeenByTruth:
+    """The witness of an emulated robot: its true motion."""
+
+    def turned(self, output: str, expected: Optional[str], moved: Pose) -> Tuple[str, int]:
+        """Return the wheel that explains the motion, and its direction."""
+        wheel, direction = seen_in(moved.x_m, moved.yaw_rad)
+        if not direction or wheel is None:
+            raise no_wheel(output)
+        return wheel, direction
+
+    def turned_right(self, moved: Pose) -> bool:
+        """Return whether the robot turned to the right."""
+        return moved.yaw_rad < -LEAST_RAD
+
+
+class SeenByUser:
+    """A user at the terminal, or words that were given before as `answers`."""
+
+    def __init__(self, answers: Optional[str]) -> None:
+        self._answers = None if answers is None else [word.strip() for word in answers.split(",")]
+
+    def turned(self, output: str, expected: Optional[str], moved: Pose) -> Tuple[str, int]:
+        """Ask which wheel turned, if both are possible, and in which direction."""
+        wheel = expected or self._ask("Which wheel turned", ["left", "right", "none"])
+        words = f"In which direction did the {wheel} wheel turn"
+        direction = "none" if wheel == "none" else self._ask(words, ["forward", "back", "none"])
+        if direction == "none":
+            raise no_wheel(output)
+        return wheel, 1 if direction == "forward" else -1
+
+    def turned_right(self, moved: Pose) -> bool:
+        """Ask whether the wheels turned as they would in a right turn."""
+        return self._ask("Did the left wheel turn forward, and the right one back", ["yes", "no"]) == "yes"
+
+    def _ask(self, question: str, choices: Sequence[str]) -> str:
+        if self._answers is None:
+            return Prompt.ask(Text(question), console=console, choices=list(choices))
+        answer = self._answers.pop(0) if self._answers else "nothing"
+        if answer not in choices:
+            raise ConfigError(
+                f"--answers has {answer} for the question: {question}? expected {', '.join(choices)}"
+            )
+        return answer
+
+
+def no_wheel(output: str) -> WheelFault:
+    """Return the error for a motor output that turned no wheel."""
+    return WheelFault(
+        f"no wheel turned when the {output} motor output was driven, expected one: check the battery, the motor's "
+        "wires, and that --bridge names the right chip"
+    )
 
 
 def confirm_here(question: str, yes: bool) -> bool:

@@ -1,0 +1,170 @@
+"""`mrl calibrate wiring`: with a motor board, names wires to exchange; with an H-bridge, stores how they are."""
+
+from typing import TYPE_CHECKING, Any, NamedTuple, Optional
+
+import click
+
+from mrl_driver.errors import ConfigError, WheelFault
+from mrl_driver.protocol.table import BRIDGES
+
+from . import calibrate_job
+from .calibrate_job import Job, confirm_drive, job_options, model_of, recorded_model
+from .shared import print_json, warn
+
+if TYPE_CHECKING:
+    from mrl_driver.calibration.wiring_procedures import Scene
+    from mrl_driver.driver import Driver
+    from mrl_driver.robot.models import RobotModel
+
+CHIPS = BRIDGES[1:]
+bridge_choice = click.Choice(CHIPS, case_sensitive=False)
+
+
+class BridgeOptions(NamedTuple):
+    """The options for boards with an H-bridge."""
+
+    bridge: Optional[str]
+    single_channel: bool
+    answers: Optional[str]
+
+
+@click.command()
+@job_options
+@click.option("--unseen", is_flag=True, help="Do not ask which wheel turned; finds fewer faults.")
+@click.option(
+    "--bridge", type=bridge_choice, help="Chip of the H-bridge; default: that of the board or model."
+)
+@click.option(
+    "--single-channel", is_flag=True, help="The encoders of the H-bridge board have channel A only."
+)
+@click.option("--answers", metavar="WORDS", help="Answers for scripts, such as left,forward,back,yes.")
+@click.option("--recording", metavar="FILE", help="Instead of driving: a recording of this calibration.")
+def wiring(job: Job, unseen: bool, recording: Optional[str], **options: Any) -> None:
+    """Find swapped or reversed wires of motors and encoders.
+
+    With a motor board, it asks, turns each wheel forward for half a second, and names the wires to exchange.  Put the
+    robot on a box, or clear half a metre in front of it.
+
+    With an H-bridge board, no wire needs to be exchanged: the board stores how they are.  Lift the wheels off the
+    ground.  Each motor output turns its wheel for 0.3 s at 20 % duty, and you say which wheel turned, and in which
+    direction.  A slow turn to the right proves the result.  After Ctrl-C the board is as before.
+
+    \b
+    Examples:
+      mrl calibrate wiring --port /dev/ttyACM0
+      mrl calibrate wiring --robot kit --bridge l298n
+    """
+    from mrl_driver.calibration.bridge_procedures import CAPABILITY
+
+    from .calibrate_view import require_terminal
+
+    given = BridgeOptions(**options)
+    if recording is not None:
+        _report(_recorded(recording, recorded_model(job)), job)
+        return
+    if job.truth is None and not unseen and given.answers is None:
+        require_terminal(
+            "--unseen to skip the question which wheel turned, or --answers with an H-bridge board"
+        )
+    with calibrate_job.connect(job) as driver:
+        warn(driver)
+        if CAPABILITY in driver.board.capabilities:
+            _store(driver, job, given, unseen)
+        else:
+            _report(_check(driver, job, unseen), job)
+
+
+def _recorded(recording: str, model: "RobotModel") -> Any:
+    from mrl_driver.calibration import part_procedures
+
+    if model.board.get("bridge"):
+        raise ConfigError(
+            "--recording does not show which wheel turned, which the wiring of an H-bridge board needs; run "
+            "mrl calibrate wiring with the robot"
+        )
+    return part_procedures.recorded_wiring(recording, model)
+
+
+def _check(driver: "Driver", job: Job, unseen: bool) -> Any:
+    """Turn each wheel of a motor board, and return the faults."""
+    from mrl_driver.calibration import part_procedures
+    from mrl_driver.calibration.manoeuvres import Track
+
+    from .calibrate_view import Unmeasured, observer_for, ruler_for
+
+    ruler = ruler_for(job.truth) if job.truth is not None else Unmeasured()
+    confirm_drive(job, "Each wheel turns forward for half a second. Is the robot on a box, or its path free?")
+    return part_procedures.check_wiring(driver, Track(driver), ruler, observer_for(job.truth, unseen))
+
+
+def _report(found: Any, job: Job) -> None:
+    """Print the faults of a motor board's wires.
+
+    Raises:
+        WheelFault: there is one.
+    """
+    if job.as_json:
+        print_json({"findings": found})
+    if found:
+        raise WheelFault("; ".join(found))
+    if not job.as_json:
+        click.echo("the wiring of motors and encoders is right")
+
+
+def _store(driver: "Driver", job: Job, given: BridgeOptions, unseen: bool) -> None:
+    """Find the wiring of an H-bridge board, prove it, and save it in the EEPROM."""
+    from mrl_driver.calibration import bridge_wiring, wiring_procedures
+    from mrl_driver.driver import eeprom
+
+    if unseen:
+        raise ConfigError(
+            "--unseen is given, but the encoders of an H-bridge board do not show which wheel turned; leave it out, or "
+            "give --answers"
+        )
+    scene, bridge = _scene(driver, job, given), _bridge_of(driver, given.bridge)
+    confirm_drive(
+        job,
+        f"Each wheel turns slowly for {wiring_procedures.SLOW_S} s, driven by a {BRIDGES[bridge].upper()}. Are the "
+        "wheels off the ground?",
+    )
+    with wiring_procedures.uncorrected(driver, bridge, given.single_channel):
+        found = wiring_procedures.find_wiring(scene, given.single_channel)
+        eeprom.write(driver, {"wiring": found})
+        wiring_procedures.prove(scene)
+        if job.eeprom is not False:
+            eeprom.save(driver)
+    words = bridge_wiring.in_words(found)
+    if job.as_json:
+        print_json({"bridge": BRIDGES[bridge], "wiring": found, "differences": words})
+        return
+    kept = "in force until the board restarts" if job.eeprom is False else "stored in the board's EEPROM"
+    click.echo(f"{', '.join(words) or 'the wires are as in HARDWARE.md'}: wiring {found}, {kept}")
+
+
+def _scene(driver: "Driver", job: Job, given: BridgeOptions) -> "Scene":
+    from mrl_driver.calibration.manoeuvres import Track
+    from mrl_driver.calibration.wiring_procedures import Scene
+
+    from .calibrate_view import SeenByTruth, SeenByUser, Unmeasured, ruler_for
+
+    if job.truth is not None:
+        return Scene(driver, Track(driver), ruler_for(job.truth), SeenByTruth())
+    return Scene(driver, Track(driver), Unmeasured(), SeenByUser(given.answers))
+
+
+def _bridge_of(driver: "Driver", wanted: Optional[str]) -> int:
+    """Return the number of the bridge: as given, or that of the board, or that of the model.
+
+    Raises:
+        ConfigError: none is known.
+    """
+    from mrl_driver.driver import eeprom
+
+    if wanted is not None:
+        return BRIDGES.index(wanted.lower())
+    found = eeprom.read(driver, "bridge")["bridge"] or model_of(driver).board.get("bridge", 0)
+    if not found:
+        raise ConfigError(
+            f"neither the board nor the model names its bridge; give --bridge with one of {', '.join(CHIPS)}"
+        )
+    return found

@@ -1,0 +1,226 @@
+"""The wiring of H-bridge boards: what follows from what was seen, and what the board stores."""
+
+import contextlib
+import json
+
+import pytest
+
+from mrl_driver.calibration import bridge_wiring
+from mrl_driver.calibration.bridge_wiring import BITS, SET, SINGLE_CHANNEL
+from mrl_driver.calibration.wiring_check import Trial
+from mrl_driver.cli import main
+from mrl_driver.cli.commands import calibrate_job, calibrate_view
+from mrl_driver.driver.options import Options
+from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.errors import WheelFault
+from mrl_driver.protocol.table import WIRING
+
+from .kit import MODEL, Kit, counted, turned_by
+
+COUNTS_A_TURN = 1496.0
+SEEN_COUNTS = 140
+"""Counts of a slow move: 0.3 s at 20 % of 170 1/min, less what the start takes."""
+HIDDEN = [SET | sum_ << 1 for sum_ in range(2**6)]
+"""Every way to exchange or reverse two motors and two encoders."""
+SIDES = ("left", "right")
+
+
+def trial_of(hidden, output, counts=SEEN_COUNTS):
+    """What is seen of a kit with this wiring when one output is driven forward."""
+    wheels = turned_by(hidden, (1.0, 0.0) if output == "left" else (0.0, 1.0))
+    left, right = (round(counts * each) for each in counted(hidden, wheels))
+    turned = SIDES[0] if wheels[0] else SIDES[1]
+    return Trial(output, right, left, turned, 1 if max(wheels) > 0 else -1)
+
+
+def trials_of(hidden):
+    return [trial_of(hidden, output) for output in SIDES]
+
+
+@pytest.mark.parametrize("hidden", HIDDEN)
+def test_the_sum_that_is_stored_is_the_kits_wiring(hidden):
+    assert bridge_wiring.wiring_of(trials_of(hidden), COUNTS_A_TURN) == hidden
+
+
+@pytest.mark.parametrize("hidden", HIDDEN)
+def test_an_encoder_with_one_channel_is_never_reversed(hidden):
+    encoders = BITS["left_encoder_reversed"] | BITS["right_encoder_reversed"]
+    found = bridge_wiring.wiring_of(trials_of(hidden), COUNTS_A_TURN, single_channel=True)
+    assert found == (hidden & ~encoders) | SINGLE_CHANNEL
+
+
+def test_each_wiring_is_seen_differently():
+    """So no answer of one kit can be taken for that of another."""
+    assert len({tuple(trials_of(hidden)) for hidden in HIDDEN}) == len(HIDDEN)
+
+
+def test_the_encoders_alone_cannot_tell():
+    """Motors and encoders that are both exchanged count as those that are not."""
+    both = SET | BITS["motors_swapped"] | BITS["encoders_swapped"]
+    for right, exchanged in zip(trials_of(SET), trials_of(both)):
+        assert (right.left, right.right) == (exchanged.left, exchanged.right) and right.seen != exchanged.seen
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "words"),
+    [
+        (
+            ("left", 0, 9, "left", 1),
+            (),
+            "the left wheel turned, but no encoder counted .left 9, right 0.: check",
+        ),
+        (("left", 60, 140, "left", 1), (), "turned alone, but both encoders counted .left 140, right 60."),
+        (
+            ("left", 0, 140, "right", 1),
+            (),
+            "both motor outputs turned the right wheel, expected one wheel each",
+        ),
+        ((), ("right", 0, 140, "right", 1), "the left encoder input counted both wheels.* on D2 and D4"),
+    ],
+)
+def test_what_does_not_fit_together_is_said(first, second, words):
+    trials = [
+        Trial(*first) if first else trial_of(SET, "left"),
+        Trial(*second) if second else trial_of(SET, "right"),
+    ]
+    with pytest.raises(WheelFault, match=words) as refused:
+        bridge_wiring.wiring_of(trials, COUNTS_A_TURN)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("counts", [(140, -140), (-140, -140), (140, 140), (-140, 10), (-10, 140)])
+def test_a_proof_needs_the_left_wheel_forward_and_the_right_one_back(counts):
+    with pytest.raises(WheelFault, match="the wiring that was found does not hold"):
+        bridge_wiring.require_proof(*counts, COUNTS_A_TURN)
+    bridge_wiring.require_proof(-140, 140, COUNTS_A_TURN)
+
+
+def test_the_words_are_those_of_the_table():
+    assert bridge_wiring.in_words(SET) == []
+    assert bridge_wiring.in_words(255) == [name.replace("_", " ") for name, _ in WIRING[1:]]
+
+
+# -- the command
+
+
+class Bench:
+    """`mrl calibrate` on one kit."""
+
+    def __init__(self, capsys):
+        self.kit, self._capsys = Kit(), capsys
+
+    @contextlib.contextmanager
+    def connect(self, job):
+        with SteppedDriver(self.kit, MODEL, Options()) as driver:
+            yield driver
+
+    def wiring(self, *args):
+        """Run `mrl calibrate wiring`; exit code, stdout, stderr."""
+        with pytest.raises(SystemExit) as ended:
+            main.main(["calibrate", "wiring", *map(str, args)])
+        out, err = self._capsys.readouterr()
+        assert "Traceback" not in err
+        return ended.value.code or 0, out, err
+
+
+@pytest.fixture
+def bench(monkeypatch, capsys, tmp_path):
+    made = Bench(capsys)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(calibrate_job, "connect", made.connect)
+    monkeypatch.setattr(calibrate_view, "truth_file", lambda path: lambda: made.kit.pose)
+    return made
+
+
+@pytest.mark.parametrize("hidden", HIDDEN[::7])
+def test_the_wiring_is_stored(bench, hidden):
+    bench.kit = Kit(hidden)
+    code, out, _ = bench.wiring("--truth", "t", "--json")
+    assert code == 0 and json.loads(out)["wiring"] == hidden
+    assert (bench.kit.saved["bridge"], bench.kit.saved["wiring"]) == (4, hidden)
+
+
+def test_moves_are_slow_and_short(bench):
+    """At most 20 % duty; each is sent three times in 0.3 s, and the last one is the proof."""
+    bench.wiring("--truth", "t")
+    assert bench.kit.seen == [(20, 0)] * 3 + [(0, 20)] * 3 + [(20, -20)] * 3
+
+
+def test_a_user_is_asked_only_what_the_encoders_do_not_show(bench):
+    """Motors exchanged, the right one reversed: the second wheel follows from the first."""
+    bench.kit = Kit(SET | BITS["motors_swapped"] | BITS["right_motor_reversed"])
+    code, out, err = bench.wiring("--yes", "--answers", "right,back,forward,yes")
+    assert code == 0, err
+    assert out == "motors swapped, right motor reversed: wiring 11, stored in the board's EEPROM\n"
+
+
+@pytest.mark.parametrize(
+    ("answers", "code", "words"),
+    [
+        ("none", 14, "no wheel turned when the left motor output was driven"),
+        ("left,none", 14, "no wheel turned when the left motor output was driven"),
+        ("left,forward,forward,no", 14, "the wheels did not turn the robot to the right"),
+        (
+            "left,forward",
+            2,
+            "--answers has nothing for the question: In which direction did the right wheel turn?",
+        ),
+        ("up", 2, "--answers has up for the question: Which wheel turned? expected left, right, none"),
+    ],
+)
+def test_answers_that_do_not_fit_leave_the_board_unset(bench, answers, code, words):
+    ended, _, err = bench.wiring("--yes", "--answers", answers)
+    assert ended == code and words in err
+    assert (bench.kit.config["bridge"], bench.kit.config["wiring"]) == (0, 0)
+    assert bench.kit.saved["wiring"] == 0
+
+
+@pytest.mark.parametrize("move", [1, 4, 8])
+@pytest.mark.parametrize("before", [0, 37])
+def test_an_interrupted_calibration_leaves_the_board_as_it_was(bench, move, before):
+    bench.kit = Kit(wiring=before, bridge=3 if before else 0)
+
+    def interrupt():
+        if len(bench.kit.seen) == move:
+            raise KeyboardInterrupt
+
+    bench.kit.on_move = interrupt
+    code, _, _ = bench.wiring("--truth", "t", "--bridge", "TB6612")
+    assert code == main.INTERRUPTED
+    assert (bench.kit.config["bridge"], bench.kit.config["wiring"]) == (3 if before else 0, before)
+    assert bench.kit.saved["wiring"] == before
+
+
+def test_an_encoder_that_is_not_connected_is_named(bench):
+    bench.kit.dead_inputs = (0,)
+    code, _, err = bench.wiring("--truth", "t")
+    assert code == 14 and "the left wheel turned, but no encoder counted" in err
+    assert bench.kit.config["wiring"] == 0
+
+
+def test_a_motor_that_is_not_connected_is_named(bench):
+    bench.kit.stuck_outputs = (1,)
+    code, _, err = bench.wiring("--truth", "t")
+    assert code == 14 and "no wheel turned when the right motor output was driven" in err
+
+
+def test_nothing_moves_without_the_wheels_off_the_ground(bench):
+    code, _, err = bench.wiring("--answers", "left,forward,forward,yes")
+    assert code == 2 and "Are the wheels off the ground? stdin is not a terminal; give --yes" in err
+    assert bench.kit.seen == [] and bench.kit.config["wiring"] == 0
+
+
+def test_the_result_may_stay_in_force_until_the_board_restarts(bench):
+    code, out, _ = bench.wiring("--truth", "t", "--no-eeprom")
+    assert code == 0 and "the wires are as in HARDWARE.md: wiring 1, in force until" in out
+    assert (bench.kit.config["wiring"], bench.kit.saved["wiring"]) == (1, 0)
+
+
+def test_the_encoders_do_not_show_which_wheel_turned(bench):
+    code, _, err = bench.wiring("--unseen", "--yes")
+    assert code == 2 and "the encoders of an H-bridge board do not show which wheel turned" in err
+
+
+def test_an_unknown_bridge_is_refused(bench):
+    code, _, err = bench.wiring("--truth", "t", "--bridge", "l293d")
+    assert code == 2 and "vnh5019" in err and err.count("\n") == 1
