@@ -30,6 +30,9 @@ from ros1_bridge.node.run_node import run_node
 
 RATE_HZ = 20.0
 ODOM_LATE_S = 0.5
+OLD_ODOM_S = 1.0
+"""Odometry that was measured before the goal does not count for this long: a reset may lie between them.  Then it does,
+because the clocks of two machines may differ."""
 FIRST_ODOM_S = 3.0
 """If the first odometry takes longer, the node says that it waits for it."""
 SILENT_S = 0.5
@@ -53,6 +56,11 @@ PARAMETERS = (
     ),
 )
 """The node's private parameters."""
+
+
+def is_old(stamp_s: float, begun_s: float, now_s: float) -> bool:
+    """Whether odometry with this stamp was measured before a goal began, and does not count for it."""
+    return stamp_s < begun_s and now_s - begun_s < OLD_ODOM_S
 
 
 class Ranges:
@@ -212,7 +220,8 @@ class GoToGoal:
     def _seek(self, target: Pose) -> None:
         """Drive until the goal is reached or given up."""
         rate = rospy.Rate(RATE_HZ)
-        seeker = GoalSeeker(target, self._limits, rospy.get_time(), self._sonars, self._patience_s)
+        begun_s = rospy.get_time()
+        seeker = GoalSeeker(target, self._limits, begun_s, self._sonars, self._patience_s)
         self._show(target)
         while not self._ending.is_set():
             if self._server.is_preempt_requested():
@@ -220,7 +229,7 @@ class GoToGoal:
                     self._cmd_vel.publish(Twist())
                 self._server.set_preempted()
                 return
-            if not self._drive(seeker):
+            if not self._drive(seeker, begun_s):
                 break
             rate.sleep()
         self._cmd_vel.publish(Twist())
@@ -233,12 +242,14 @@ class GoToGoal:
         rospy.logwarn(f"goal given up: {why}")
         self._server.set_aborted(MoveBaseResult(), why)
 
-    def _drive(self, seeker: GoalSeeker) -> bool:
-        """Do one step; False if the goal has ended."""
+    def _drive(self, seeker: GoalSeeker, begun_s: float) -> bool:
+        """Do one step of a goal that began at `begun_s`; False if it has ended."""
         odometry, now_s = self._odometry, rospy.get_time()
         assert odometry is not None
         if now_s - self._odometry_s > ODOM_LATE_S:
             return False
+        if is_old(odometry.header.stamp.to_sec(), begun_s, now_s):
+            return True
         ranges = self._placed_ranges(odometry.child_frame_id, now_s) if self._avoid else {}
         linear, angular = seeker.command(planar(odometry.pose.pose), ranges, now_s)
         if seeker.reached or seeker.blocked:

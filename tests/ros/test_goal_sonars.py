@@ -14,13 +14,25 @@ from sensor_msgs.msg import Range
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.robot.models import SonarMount
-from ros1_bridge.navigation.go_to_goal_node import SILENT_S, Ranges
+from ros1_bridge.navigation.go_to_goal_node import OLD_ODOM_S, SILENT_S, Ranges, is_old
 from ros1_bridge.topics.messages import new_mounts
 from tests.waiting import wait_until
 
 PERIOD_S = 0.05
 ENTERED_S = 0.1
 """A call that need not wait is over long before."""
+
+
+def test_odometry_from_before_a_goal_does_not_end_it():
+    assert is_old(stamp_s=9.99, begun_s=10.0, now_s=10.05)
+
+
+def test_odometry_from_after_the_begin_of_a_goal_counts():
+    assert not is_old(stamp_s=10.0, begun_s=10.0, now_s=10.05)
+
+
+def test_odometry_of_a_machine_whose_clock_is_behind_counts_in_the_end():
+    assert not is_old(stamp_s=5.0, begun_s=10.0, now_s=10.0 + OLD_ODOM_S)
 
 
 def test_range_counts_for_a_while():
@@ -90,6 +102,7 @@ class Robot:
     def _publish(self):
         while not self._end.wait(PERIOD_S):
             if self.locates:
+                self._odometry.header.stamp = rospy.Time.now()
                 self._odom.publish(self._odometry)
             if self.hears:
                 self._sonar.publish(self._range)
