@@ -4,7 +4,7 @@ Both engines use the same Plant, so there is one physics model.  The simulated c
 """
 
 from pathlib import Path
-from typing import Any, List, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, List, Optional, Sequence, Tuple, Union
 
 from mrl_driver.errors import SimulatorError
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
@@ -13,6 +13,7 @@ from sim_arduino.avr.machine import AvrMachine
 from sim_arduino.avr.receiver import received
 
 from . import parameter_store
+from .bridge_wires import BridgeWires
 
 DUST = 8
 FAN, SONAR_TRIGGER, SONAR_POWER, HEATER = 7, 12, 13, 15
@@ -20,6 +21,7 @@ WATCHED_PINS = (FAN, SONAR_TRIGGER, SONAR_POWER, HEATER)
 BOOT_S, WRITE_S, SAVE_S = 0.3, 0.05, 0.4  # saving takes 64 bytes of EEPROM at 3.4 ms each
 SLICE_S = 1e-3  # longest delay until a server gets a byte that was sent
 LONGEST_SLEEP_S = 1.0
+BROWN_OUT = 1 << 2  # BORF in MCUSR
 
 FIRMWARE = Path(__file__).resolve().parent.parent.parent / "build" / "firmware" / "mrl_firmware.elf"
 """Image of the sonar build in a checkout, after `make firmware`."""
@@ -69,7 +71,7 @@ class AvrEngine:
 
     Args:
         plant: the hardware wired to the board: `i2c` (slaves by address), `adc_volts(channel, time_s)`,
-            `pin_changed(pin, level, time_s)` and `advance(time_s)`.
+            `pin_changed(pin, level, time_s)` and `advance(time_s)`; perhaps `bridge`, a `BridgePlant`.
         elf: firmware image.
         robot_id: this id and the model's defaults are saved in the EEPROM; None leaves the EEPROM blank, as on a
             new chip.
@@ -95,14 +97,17 @@ class AvrEngine:
         self._host_baud: float = BAUD
         if robot_id is not None:
             self.machine.write_eeprom(0, configured_eeprom(elf, robot_id, _parameters_of(plant, robot_id)))
+        self._reset_flags = 0 if bootloader else None
         if bootloader:
-            self.machine.set_reset_flags(0)
+            self.machine.set_reset_flags(self._reset_flags)
             self.machine.reset()
         self.machine.i2c = plant.i2c
         self.machine.adc_volts = plant.adc_volts
         self.machine.on_pin = plant.pin_changed
         self.machine.watch_pins(WATCHED_PINS)
         self._dust_edges = getattr(plant, "dust_edges", lambda to_s: ())
+        bridge = getattr(plant, "bridge", None)
+        self._wires = BridgeWires(self.machine, bridge) if bridge else None
 
     def receive(self, data: bytes) -> None:
         """Receives bytes from the host; transmission of the first byte starts now."""
@@ -116,9 +121,16 @@ class AvrEngine:
         """
         for time_s, level in self._dust_edges(to_s):
             self.machine.set_pin(DUST, level, self._cycle_at(max(time_s, self.machine.time_s)))
-        self.machine.run_until(self._cycle_at(to_s))
+        self._run(self._cycle_at(to_s), self.machine.run_until)
         self.plant.advance(self.machine.time_s)
         return received(self.machine.sent(), self.machine.frequency_hz / self._host_baud)
+
+    def _run(self, to_cycle: int, run_to: Callable[[int], None]) -> None:
+        """Runs the chip with `run_to`, and an H-bridge board's motors with it."""
+        if self._wires:
+            self._wires.run(to_cycle, run_to)
+        else:
+            run_to(to_cycle)
 
     def set_host_baud(self, baud: float) -> None:
         """Set the host's baud rate in both directions; if it differs from the board's, bytes arrive corrupted."""
@@ -131,16 +143,19 @@ class AvrEngine:
         For the chip this is a CPU that hung: timers and watchdog ran on, and the receiver kept its last three bytes.
         """
         self.receive(waiting)
-        self.machine.stall_until(self._cycle_at(to_s))
+        self._run(self._cycle_at(to_s), self.machine.stall_until)
 
     @property
     def next_event_s(self) -> float:
         """Time of the next call of `advance` if no bytes arrive [s].
 
         While the chip sleeps, this is its next event, and at most LONGEST_SLEEP_S from now.  It is at least one slice
-        from now, so that a chip that is awake or sends bytes does not need a call for each of them.
+        from now, so that a chip that is awake or sends bytes does not need a call for each of them.  Wheels that turn
+        need a call for each slice.
         """
         now_s = self.machine.time_s
+        if self._wires and self._wires.moving:
+            return now_s + SLICE_S
         event_s = self.machine.next_event_cycle / self.machine.frequency_hz
         return min(max(event_s, now_s + SLICE_S), now_s + LONGEST_SLEEP_S)
 
@@ -150,6 +165,12 @@ class AvrEngine:
     def reset(self) -> None:
         """The reset button, or DTR when a host opens the port."""
         self.machine.reset()
+
+    def brown_out(self) -> None:
+        """The supply voltage dropped: a reset that the program sees as a brown-out, whatever the bootloader does."""
+        self.machine.set_reset_flags(BROWN_OUT)
+        self.machine.reset()
+        self.machine.set_reset_flags(self._reset_flags)
 
     def close(self) -> None:
         """Frees the simulated chip."""

@@ -147,8 +147,15 @@ class PythonBoard:
 
     def reset(self) -> None:
         """Pull the reset line: RAM is cleared, EEPROM stays; the motors stop when the sketch has started."""
+        self._restart("external")
+
+    def brown_out(self) -> None:
+        """The supply voltage dropped: a reset with that cause."""
+        self._restart("brown_out")
+
+    def _restart(self, cause: str) -> None:
         self.motors.release(self.now_s)
-        self._start("external")
+        self._start(cause)
 
     def close(self) -> None:
         """Does nothing: there is nothing to free."""

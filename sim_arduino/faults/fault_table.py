@@ -4,7 +4,7 @@ from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple, Union
 
 from mrl_driver.errors import ConfigError
 
-from . import datagrams, line_faults
+from . import datagrams, hardware_faults, line_faults
 from .key_values import Key, check_value
 from .schedule import LineFault
 
@@ -13,7 +13,11 @@ TO_BOARD, TO_HOST, BOTH = "to_board", "to_host", "both"
 
 
 class FaultKind(NamedTuple):
-    """A kind of fault; `make` of a fault of the serial link is called with a random generator and the parameters."""
+    """A kind of fault.
+
+    `make` of a fault of the serial link is called with a random generator and the parameters.  `switch` of a fault of
+    the hardware is called with the plant, whether the fault is on, and the parameters; `bridged` ones need an H-bridge.
+    """
 
     name: str
     text: str
@@ -21,6 +25,8 @@ class FaultKind(NamedTuple):
     make: Optional[Callable[..., LineFault]] = None
     at_s: float = 0.0
     lasts_s: float = FOREVER_S
+    switch: Optional[Callable[..., None]] = None
+    bridged: bool = False
 
 
 class Fault(NamedTuple):
@@ -38,6 +44,15 @@ def _rate(text: str) -> Tuple[Key, ...]:
 
 def _junk(bytes_per_s: float) -> Tuple[Key, ...]:
     return (Key("rate", bytes_per_s, 0.1, 100000.0, "bytes per second", "byte/s"),)
+
+
+_WHEEL = Key("wheel", "left", None, 0.0, "left or right", choices=hardware_faults.WHEELS)
+_CHANNEL = Key("channel", "a", None, 0.0, "channel of the encoder, a or b", choices=hardware_faults.CHANNELS)
+
+
+def _bridged(name: str, text: str, switch: Callable[..., None], *parameters: Key) -> FaultKind:
+    """A fault of motors and encoders on an H-bridge board."""
+    return FaultKind(name, text, (_WHEEL, *parameters), switch=switch, bridged=True)
 
 
 _TEXT = "[INFO] the wheel e turned, @13e and @6,1,2e are not frames here"
@@ -101,6 +116,32 @@ _KINDS = (
     FaultKind("unplug", "the port disappears, and returns with another name", (), None, 1.0, 1.0),
     FaultKind("freeze", "the board stops running, its motor board does not", (), None, 1.0, 1.0),
     FaultKind("reset", "the board is reset", (), None, 1.0, 0.01),
+    FaultKind("brown_out", "the board is reset, because its supply voltage dropped", (), None, 1.0, 0.01),
+    FaultKind(
+        "battery_sag",
+        "the battery's voltage drops",
+        (Key("volts", 3.0, 0.0, 15.0, "voltage lost", "V"),),
+        switch=hardware_faults.battery_sag,
+    ),
+    _bridged("encoder_open", "a wire of an encoder is broken", hardware_faults.encoder_open, _CHANNEL),
+    _bridged(
+        "encoder_oscillation",
+        "a broken wire of an encoder picks up the pulses of the motor",
+        hardware_faults.encoder_oscillation,
+        _CHANNEL,
+        Key("rate", 62500.0, 1.0, 1e6, "edges per second: two for each pulse", "1/s"),
+    ),
+    _bridged(
+        "encoder_swapped", "channels A and B of an encoder are exchanged", hardware_faults.encoder_swapped
+    ),
+    _bridged(
+        "encoder_bounce",
+        "short pulses follow each edge of an encoder",
+        hardware_faults.encoder_bounce,
+        Key("pulses", 1, 1, 100, "number of pulses"),
+        Key("spacing", 20e-6, 1e-6, 0.01, "time between their edges", "s"),
+    ),
+    _bridged("wheel_blocked", "something holds a wheel", hardware_faults.wheel_blocked),
 )
 FAULTS: Dict[str, FaultKind] = {kind.name: kind for kind in _KINDS}
 _SHARED = (

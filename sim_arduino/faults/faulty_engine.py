@@ -7,11 +7,12 @@ Every fault is a row of `faults.table`, which `mrl-sim --fault` uses and its hel
 
 import math
 import random
-from typing import Iterable, List, Protocol, Union
+from typing import Any, Dict, Iterable, List, Protocol, Union
 
+from mrl_driver.errors import ConfigError
 from sim_arduino.board.engine import Engine
 
-from .fault_table import BOTH, TO_BOARD, TO_HOST, Fault, parse
+from .fault_table import BOTH, TO_BOARD, TO_HOST, Fault, FaultKind, parse
 from .schedule import Chain, Window
 
 
@@ -38,6 +39,27 @@ class _Switch:
         self.until_s = -math.inf
 
 
+class _HardwareFault:
+    """A fault of the hardware in its window."""
+
+    def __init__(self, kind: FaultKind, values: Dict[str, Any], window: Window) -> None:
+        assert kind.switch
+        self._switch_it, self._values, self._window = kind.switch, values, window
+        self._is_on = False
+
+    def next_s(self, now_s: float) -> float:
+        return self._window.next_s(now_s)
+
+    def update(self, plant: Any, on: bool) -> None:
+        """Switches the fault if it must change."""
+        if on != self._is_on:
+            self._is_on = on
+            self._switch_it(plant, on, **self._values)
+
+    def switch(self, plant: Any, now_s: float) -> None:
+        self.update(plant, self._window.on(now_s))
+
+
 class FaultyEngine:
     """An engine with a bad link: the same interface, and methods that inject faults.
 
@@ -56,7 +78,9 @@ class FaultyEngine:
         self._seed, self._count = seed, 0
         self._chains = {TO_BOARD: Chain(), TO_HOST: Chain()}
         self._unplugged, self._frozen, self._resetting = _Switch(), _Switch(), _Switch()
-        self._was_frozen = self._was_resetting = False
+        self._browning = _Switch()
+        self._hardware: List[_HardwareFault] = []
+        self._was_frozen = self._was_resetting = self._was_browning = False
         self._waiting = b""
         self.plugged = True
         """Whether the host has a port."""
@@ -69,18 +93,40 @@ class FaultyEngine:
         """Adds a fault; its times count from the engine's start.
 
         Raises:
-            ConfigError: the text is not a fault.
+            ConfigError: the text is not a fault, or the fault needs an H-bridge and the robot has none.
         """
         kind, values, direction, times = parse(fault) if isinstance(fault, str) else fault
         self._count += 1
+        if kind.switch is not None:
+            self._require_hardware(kind)
+            self._hardware.append(_HardwareFault(kind, values, Window(*times)))
+            self._hardware[-1].switch(self._plant, self.now_s)
+            return
         if kind.make is None:
-            switches = {"unplug": self._unplugged, "freeze": self._frozen, "reset": self._resetting}
+            switches = {
+                "unplug": self._unplugged,
+                "freeze": self._frozen,
+                "reset": self._resetting,
+                "brown_out": self._browning,
+            }
             switches[kind.name].windows.append(Window(*times))
             return
         for name, chain in self._chains.items():
             if direction in (BOTH, name):
                 rng = random.Random(f"{self._seed} {self._count} {name}")
                 chain.add(kind.make(rng, **values), Window(*times))
+
+    def _require_hardware(self, kind: FaultKind) -> None:
+        if kind.bridged and self._plant.bridge is None:
+            raise ConfigError(
+                f"fault {kind.name!r} needs motors on an H-bridge, robot {self._plant.model.name} has an OMNI-3MD; "
+                "expected another robot, such as duo"
+            )
+
+    @property
+    def _plant(self) -> Any:
+        """The hardware of the engine."""
+        return self.engine.plant  # type: ignore[attr-defined]
 
     def inject(self, fault: Union[Fault, str]) -> None:
         """Adds a fault; its times count from now.
@@ -96,8 +142,11 @@ class FaultyEngine:
         """Removes all faults; bytes that they held back are lost."""
         for chain in self._chains.values():
             chain.clear()
-        for switch in (self._unplugged, self._frozen, self._resetting):
+        for switch in (self._unplugged, self._frozen, self._resetting, self._browning):
             switch.off()
+        for fault in self._hardware:
+            fault.update(self._plant, False)
+        self._hardware.clear()
         self._switch()
 
     def unplug(self, seconds: float = math.inf) -> None:
@@ -163,7 +212,8 @@ class FaultyEngine:
 
     def _own_s(self) -> float:
         """Time of the next event of a fault, after now [s]."""
-        timed: List[_Timed] = [*self._chains.values(), self._unplugged, self._frozen, self._resetting]
+        switches = (self._unplugged, self._frozen, self._resetting, self._browning)
+        timed: List[_Timed] = [*self._chains.values(), *switches, *self._hardware]
         return min(each.next_s(self.now_s) for each in timed)
 
     def _step(self, to_s: float) -> bytes:
@@ -182,6 +232,12 @@ class FaultyEngine:
         if resetting and not self._was_resetting:
             self.engine.reset()
         self._was_resetting = resetting
+        browning = self._browning.on(self.now_s)
+        if browning and not self._was_browning:
+            getattr(self.engine, "brown_out", self.engine.reset)()
+        self._was_browning = browning
+        for fault in self._hardware:
+            fault.switch(self._plant, self.now_s)
 
     def _freeze(self, frozen: bool) -> None:
         if self._was_frozen and not frozen:

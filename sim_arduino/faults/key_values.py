@@ -10,7 +10,7 @@ from sim_arduino.hardware.sonars import SonarErrors
 
 
 class Key(NamedTuple):
-    """A key with its default and its range: a number, or text if `low` is None."""
+    """A key with its default and its range: a number, or text if `low` is None, perhaps one of `choices`."""
 
     name: str
     default: Union[float, str]
@@ -18,6 +18,7 @@ class Key(NamedTuple):
     high: float
     text: str
     unit: str = ""
+    choices: Tuple[str, ...] = ()
 
 
 ROBOT_KEYS = (
@@ -88,8 +89,10 @@ def check_value(source: str, key: Key, value: Any) -> Union[float, str]:
     """The value of a key, from text or from YAML; whole if the default is.
 
     Raises:
-        ConfigError: it is not a number in the key's range.
+        ConfigError: it is not a number in the key's range, or none of its choices.
     """
+    if key.choices and value not in key.choices:
+        raise ConfigError(f"{source}: {key.name} is {value!r}, expected {' or '.join(key.choices)}")
     if key.low is None:
         return str(value)
     try:

@@ -30,8 +30,8 @@ IDLE_A, BATTERY_OHM = 0.1, 0.1
 """Current of board, bridge and encoders, and resistance of pack and leads; assumed."""
 LARGE_V, SMALL_V = 12.0, 6.0
 """Nominal voltages of gearmotors, for batteries above and below 9 V when full."""
-STALL_W, NO_LOAD_W, STALL_NM_RAD_S = 14.4, 1.2, 8.9
-"""Power at stall (1.2 A at 12 V) and at no load (0.1 A), and stall torque times no-load speed (0.5 Nm at 170/min);
+STALL_W, NO_LOAD_W, STALL_NM_RAD_S = 14.4, 0.6, 8.9
+"""Power at stall (1.2 A at 12 V) and at no load (0.05 A), and stall torque times no-load speed (0.5 Nm at 170/min);
 assumed for a gearmotor of 25 mm."""
 ROTOR_KGM2_RAD2_S2 = 0.37
 """Inertia of the rotor times the square of its speed at the output shaft (1e-6 kg m2, 34:1, 170/min); assumed."""
@@ -172,6 +172,10 @@ class BridgePlant:
         """Edges of the encoder pins since the last call, in order of time."""
         edges, self._edges = self._edges, []
         return edges
+
+    def encoder(self, wheel: int) -> Quadrature:
+        """The encoder of the left (0) or the right wheel (1)."""
+        return self.encoders[self._wheel("encoders", wheel)]
 
     @property
     def battery_v(self) -> float:

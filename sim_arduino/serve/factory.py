@@ -10,6 +10,7 @@ from mrl_driver.robot import models
 from sim_arduino.board.engine import Engine
 from sim_arduino.faults import fault_table, key_values
 from sim_arduino.faults.faulty_engine import FaultyEngine
+from sim_arduino.hardware.bridge_plant import has_bridge
 from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world import world_file
@@ -18,7 +19,7 @@ from sim_arduino.world.world import World
 
 PROFILES = ("current", "2013-august", "2013-january")
 ENGINES = ("python", "avr")
-_LIMITS = {"robot_id": (0, 32767), "battery": (0.0, 15.0)}
+_LIMITS = {"robot_id": (0, 32767), "battery": (0.0, 15.0), "wiring": (0, 255)}
 
 
 class Options(NamedTuple):
@@ -42,6 +43,7 @@ class Options(NamedTuple):
     battery: Optional[float] = None
     seed: int = 0
     faults: Tuple[str, ...] = ()
+    wiring: Optional[int] = None
 
 
 class Emulated(NamedTuple):
@@ -81,13 +83,14 @@ def make(options: Options, world: Optional[World] = None) -> Emulated:
     faults = [fault_table.parse(spec) for spec in options.faults]
     model = models.load(options.robot)
     models.require_drivable(model)
+    _require_bridge(model, options)
     errors, sonar = key_values.robot_errors(options.error), key_values.sonar_errors(options.sonar)
     around = _world(options) if world is None else world
     name = options.name or f"robot{os.getpid()}"
     pose = world_file.parse_pose(options.pose, around.start_of(name))
     _require_room(around, pose, footprint_for(model, options.footprint), name)
     plant = Plant(
-        model,
+        _told_of_wiring(model, options.wiring),
         around,
         pose,
         slip=options.slip,
@@ -99,6 +102,7 @@ def make(options: Options, world: Optional[World] = None) -> Emulated:
         footprint=options.footprint,
         omni=options.omni,
         name=name,
+        wiring=model.board.get("wiring") or 1 if options.wiring is None else options.wiring,
     )
     return Emulated(plant, FaultyEngine(_engine(plant, options), faults, options.seed), bool(faults))
 
@@ -130,6 +134,32 @@ def make_team(options: Options, names: Sequence[str], poses: Sequence[str]) -> L
 def _require_in(name: str, value: Optional[float], low: float, high: float) -> None:
     if value is not None and not low <= value <= high:
         raise ConfigError(f"{name} is {value!r}, expected {low:g} to {high:g}")
+
+
+def _require_bridge(model: models.RobotModel, options: Options) -> None:
+    """Refuses options that do not fit a model with or without an H-bridge."""
+    if not has_bridge(model):
+        if options.wiring is not None:
+            raise ConfigError(
+                f"wiring {options.wiring} is given for robot {model.name}, which has an OMNI-3MD; "
+                "expected a robot with an H-bridge, such as duo"
+            )
+        return
+    for option, given in (("environment", options.environment), ("omni", options.omni)):
+        if given:
+            raise ConfigError(
+                f"--{option} is given for robot {model.name}, whose H-bridge uses the same pins"
+            )
+    if options.profile != "current":
+        raise ConfigError(
+            f"profile {options.profile} is given for robot {model.name}, expected current: "
+            "boards of 2013 have no H-bridge"
+        )
+
+
+def _told_of_wiring(model: models.RobotModel, wiring: Optional[int]) -> models.RobotModel:
+    """The model as the new board knows it: a wiring that is given with `--wiring` is for the user to find out."""
+    return model if wiring is None else model._replace(board={"wiring": 0, **model.board})
 
 
 def _world(options: Options) -> World:
@@ -174,7 +204,8 @@ def _avr_engine(plant: Plant, options: Options) -> Engine:
 
     if options.profile != "current":
         raise ConfigError(f"profile {options.profile} has no firmware binary, expected --engine python")
-    elf = options.elf or image_path("environment" if options.environment else "sonar")
+    build = "hbridge" if plant.bridge else "environment" if options.environment else "sonar"
+    elf = options.elf or image_path(build)
     if not os.path.exists(elf):
         raise ConfigError(
             f"image {elf} does not exist, expected an ELF or Intel HEX file; without --elf the packaged one runs"

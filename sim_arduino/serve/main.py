@@ -112,6 +112,13 @@ class _PortOptions(NamedTuple):
 @click.option(
     "--error", default="", metavar="KEYS|FILE", help="Deviations of the robot from its model, see below."
 )
+@click.option(
+    "--wiring",
+    type=click.IntRange(0, 255),
+    metavar="SUM",
+    help="How motors and encoders of a robot with an H-bridge are connected, a sum of rows of the wiring table in "
+    "PROTOCOL.md; the board does not know it.",
+)
 @click.option("--sonar", default="", metavar="KEYS|FILE", help="Errors of the sonars, see below.")
 @click.option(
     "--footprint",

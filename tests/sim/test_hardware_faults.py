@@ -1,0 +1,167 @@
+"""Faults of encoders, wheels and battery: what they do to the edges at the board, and to the robot."""
+
+import math
+from collections import Counter
+
+import pytest
+
+from mrl_driver.errors import ConfigError
+from sim_arduino.faults.fault_table import FAULTS, parse
+from sim_arduino.faults.faulty_engine import FaultyEngine
+from sim_arduino.hardware.wiring import Plant
+from sim_arduino.serve.control import obey
+from tests.models import bridged, model
+
+LEFT_A, LEFT_B, RIGHT_A, RIGHT_B = 2, 4, 8, 10
+ON_S = 0.5
+
+
+class Driven:
+    """An engine that drives both wheels forward at full duty, and collects the edges."""
+
+    next_event_s = math.inf
+
+    def __init__(self, plant):
+        self.plant, self.edges, self.causes = plant, [], []
+        for motor in (0, 1):
+            plant.bridge.write(0.0, motor, 1.0, 1.0, 0.0)
+
+    def advance(self, to_s):
+        self.plant.advance(to_s)
+        self.edges += self.plant.bridge.take_edges()
+        return b""
+
+    def receive(self, data):
+        pass
+
+    def reset(self):
+        self.causes.append("external")
+
+    def brown_out(self):
+        self.causes.append("brown_out")
+
+
+def driven(*faults):
+    return FaultyEngine(Driven(Plant(bridged())), faults)
+
+
+def edges_by_pin(engine, from_s=0.0):
+    return Counter(edge.pin for edge in engine.engine.edges if edge.time_s > from_s)
+
+
+def test_an_open_wire_is_silent_from_its_time_on():
+    engine = driven(f"encoder_open:at={ON_S}")
+    engine.advance(1.0)
+    before, after = edges_by_pin(engine), edges_by_pin(engine, ON_S)
+    assert before[LEFT_A] > 100
+    assert (after[LEFT_A], after[LEFT_B] > 100, after[RIGHT_A] > 100) == (0, True, True)
+    assert engine.engine.plant.bridge.levels[LEFT_A] == 1
+
+
+def test_wheel_and_channel_select_the_wire():
+    engine = driven("encoder_open:wheel=right,channel=b")
+    engine.advance(0.5)
+    assert set(edges_by_pin(engine, 1e-6)) == {LEFT_A, LEFT_B, RIGHT_A}
+
+
+def test_a_wire_is_open_for_its_window():
+    engine = driven("encoder_open:at=0.2,lasts=0.2")
+    engine.advance(1.0)
+    assert edges_by_pin(engine, 0.41)[LEFT_A] > 100
+
+
+def test_an_oscillating_wire_has_the_given_rate():
+    engine = driven("encoder_oscillation:rate=50000,at=0.1")
+    engine.advance(0.2)
+    assert edges_by_pin(engine, 0.1)[LEFT_A] == pytest.approx(5000, abs=2)
+
+
+def test_swapped_channels_exchange_their_edges():
+    """The wire of A then changes when that of B did."""
+    one, other = driven(), driven("encoder_swapped")
+    for engine in (one, other):
+        engine.advance(0.2)
+    times = [
+        [edge.time_s for edge in engine.engine.edges if edge.pin == pin]
+        for engine, pin in ((one, LEFT_B), (other, LEFT_A))
+    ]
+    assert times[0] == times[1]
+
+
+def test_bounces_multiply_the_edges():
+    one, other = driven(), driven("encoder_bounce:pulses=2")
+    for engine in (one, other):
+        engine.advance(0.2)
+    expected = 5 * edges_by_pin(one)[LEFT_A]
+    assert edges_by_pin(other)[LEFT_A] == pytest.approx(expected, abs=4)
+
+
+def test_a_blocked_wheel_stands_until_it_is_free():
+    engine = driven("wheel_blocked:wheel=right,at=0.3,lasts=0.3")
+    wheel = engine.engine.plant.bridge.motor(1)
+    speeds = []
+    for to_s in (0.29, 0.59, 0.9):
+        engine.advance(to_s)
+        speeds.append(wheel.speed > 0.0)
+    assert speeds == [True, False, True]
+
+
+def test_the_battery_sags_by_the_given_voltage():
+    """Whatever the motors take."""
+    plain, sagging = driven(), driven("battery_sag:volts=2.5,at=0.1")
+    for engine in (plain, sagging):
+        engine.advance(0.1)
+    volts = [engine.engine.plant.bridge.battery_v for engine in (plain, sagging)]
+    assert volts[0] - volts[1] == pytest.approx(2.5)
+
+
+def test_the_battery_of_an_omni3md_sags_too():
+    plant = Plant(model("traxbot"))
+    before_v = plant.robot.state.battery_v
+    plant.robot.sag(1.0)
+    assert before_v - plant.robot.state.battery_v == pytest.approx(1.0)
+
+
+def test_a_brown_out_is_a_reset_with_its_own_cause():
+    engine = driven("brown_out:at=0.5", "reset:at=0.7")
+    engine.advance(1.0)
+    assert engine.engine.causes == ["brown_out", "external"]
+
+
+def test_clear_ends_all_faults_of_the_hardware():
+    engine = driven("wheel_blocked", "battery_sag", "encoder_open", "encoder_swapped", "encoder_bounce")
+    engine.advance(0.1)
+    engine.clear()
+    bridge = engine.engine.plant.bridge
+    encoder = bridge.encoder(0)
+    assert not bridge.motor(0).blocked and not encoder.wires[0].open and not encoder.swapped
+    assert (encoder.bounce.pulses, engine.engine.plant.robot.sag_v) == (0, 0.0)
+
+
+def test_an_order_adds_a_fault_of_the_hardware_now():
+    engine = driven()
+    engine.advance(0.5)
+    obey(engine, "fault wheel_blocked:lasts=1")
+    engine.advance(0.6)
+    assert engine.engine.plant.bridge.motor(0).speed == 0.0
+
+
+@pytest.mark.parametrize("name", [name for name, kind in FAULTS.items() if kind.bridged])
+def test_a_robot_without_bridge_has_no_such_fault(name):
+    class Board:
+        plant = Plant(model("traxbot"))
+
+    with pytest.raises(ConfigError, match=f"fault '{name}' needs motors on an H-bridge, robot traxbot"):
+        FaultyEngine(Board(), [name])
+
+
+@pytest.mark.parametrize(
+    ("spec", "text"),
+    [
+        ("wheel_blocked:wheel=rear", "wheel is 'rear', expected left or right"),
+        ("encoder_open:channel=c", "channel is 'c', expected a or b"),
+    ],
+)
+def test_a_value_that_is_no_choice_is_refused(spec, text):
+    with pytest.raises(ConfigError, match=text):
+        parse(spec)
