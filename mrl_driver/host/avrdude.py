@@ -1,9 +1,9 @@
-"""Uploads a firmware image to an Arduino Uno with `avrdude`, and explains its errors in one line."""
+"""Uploads a firmware image to an Arduino Uno or Nano with `avrdude`, and explains its errors in one line."""
 
 import os
 import re
 import subprocess
-from typing import Callable, List, Optional, Tuple, Type
+from typing import Callable, List, Optional, Sequence, Tuple, Type
 
 from mrl_driver.errors import (
     BoardRefused,
@@ -17,13 +17,18 @@ from mrl_driver.errors import (
     PortMissing,
 )
 
-BAUD = 115200
-"""Baud rate of the Uno's bootloader."""
+BAUDS = (115200, 57600)
+"""Baud rates of bootloaders: of the Uno and the Nano, and of Nanos with the old bootloader.
+
+Source: `boards.txt` of the Arduino core, `upload.speed` of uno and nano.
+"""
 PROGRAM = "avrdude"
 MARKS = 100
 """Number of progress marks of an upload: 50 for writing, 50 for reading back."""
-_ATTEMPTS = 3
-"""Attempts before giving up.  avrdude makes ten of 5 s each; a board that fails three never answers."""
+_ATTEMPTS, _EARLY_ATTEMPTS = 3, 2
+"""Attempts before giving up, at the last baud rate and at those before.  avrdude makes ten of 5 s each; a board that
+fails three never answers.
+"""
 _ATTEMPT = re.compile(r"attempt (\d+) of \d+: not in sync")
 
 
@@ -42,7 +47,7 @@ _EXPLANATIONS: Tuple[Tuple[str, Type[MrlError], str], ...] = (
     (
         "expected signature|invalid device signature",
         BoardRefused,
-        "the chip at {port} is not an ATmega328P, expected an Arduino Uno; nothing was written",
+        "the chip at {port} is not an ATmega328P, expected an Arduino Uno or Nano; nothing was written",
     ),
     (
         "verif.*(error|mismatch)|content mismatch|first mismatch",
@@ -57,7 +62,7 @@ _EXPLANATIONS: Tuple[Tuple[str, Type[MrlError], str], ...] = (
     (
         "not in sync|not responding",
         NotARobot,
-        "no bootloader answers at {port} (not in sync): check that it is an Arduino Uno, unplug everything "
+        "no bootloader answers at {port} (not in sync): check that it is an Arduino Uno or Nano, unplug everything "
         "from D0 and D1 (such as an XBee shield), press reset and try again",
     ),
     (
@@ -70,7 +75,7 @@ _EXPLANATIONS: Tuple[Tuple[str, Type[MrlError], str], ...] = (
 """Messages of avrdude 6.3 to 7.3 and their errors, the most specific first."""
 
 
-def command(port: str, image: str) -> List[str]:
+def command(port: str, image: str, baud: int = BAUDS[0]) -> List[str]:
     """Return the command line of the upload; avrdude itself reads back and compares."""
     return [
         PROGRAM,
@@ -79,7 +84,7 @@ def command(port: str, image: str) -> List[str]:
         "-c",
         "arduino",
         "-b",
-        str(BAUD),
+        str(baud),
         "-P",
         port,
         "-D",
@@ -88,8 +93,15 @@ def command(port: str, image: str) -> List[str]:
     ]
 
 
-def upload(port: str, image: str, advance: Callable[[float], None] = lambda marks: None) -> None:
+def upload(
+    port: str,
+    image: str,
+    advance: Callable[[float], None] = lambda marks: None,
+    bauds: Sequence[int] = BAUDS[:1],
+) -> None:
     """Write an image and read it back; `advance` is called with the number of new progress marks, `MARKS` in all.
+
+    `bauds` are the baud rates of the bootloader to try, one after the other.
 
     Raises:
         ConfigError: the image is missing or damaged, or avrdude is not installed.
@@ -100,9 +112,25 @@ def upload(port: str, image: str, advance: Callable[[float], None] = lambda mark
     """
     if not os.path.isfile(image):
         raise ConfigError(f"image {image!r} does not exist, expected a .hex file")
+    for baud in bauds:
+        last = baud == bauds[-1]
+        output = _run(command(port, image, baud), advance, _ATTEMPTS if last else _EARLY_ATTEMPTS)
+        if output is None:
+            return
+        error = explain(output, port, image)
+        if last or not isinstance(error, NotARobot):
+            raise error
+
+
+def _run(words: List[str], advance: Callable[[float], None], attempts: int) -> Optional[str]:
+    """Run avrdude, with at most this many attempts to reach the bootloader; return its output if it failed, or None.
+
+    Raises:
+        ConfigError: avrdude is not installed.
+    """
     try:
         process = subprocess.Popen(
-            command(port, image),
+            words,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
@@ -110,16 +138,17 @@ def upload(port: str, image: str, advance: Callable[[float], None] = lambda mark
     except FileNotFoundError:
         raise ConfigError("avrdude is not installed; install it with: sudo apt install avrdude") from None
     try:
-        output = _read_output(process, advance)
+        output = _read_output(process, advance, attempts)
     finally:
         process.terminate()
         process.wait()
-    if process.returncode:
-        raise explain(output, port, image)
+    return output if process.returncode else None
 
 
-def _read_output(process: "subprocess.Popen[bytes]", advance: Callable[[float], None]) -> str:
-    """Return avrdude's output until it ends or has made `_ATTEMPTS` attempts."""
+def _read_output(
+    process: "subprocess.Popen[bytes]", advance: Callable[[float], None], most_attempts: int
+) -> str:
+    """Return avrdude's output until it ends or has made `most_attempts` attempts."""
     assert process.stderr is not None
     output = ""
     for chunk in iter(lambda: os.read(process.stderr.fileno(), 4096), b""):  # type: ignore[union-attr]
@@ -127,7 +156,7 @@ def _read_output(process: "subprocess.Popen[bytes]", advance: Callable[[float], 
         output += text
         advance(text.count("#"))
         attempts = _ATTEMPT.findall(output)
-        if attempts and int(attempts[-1]) >= _ATTEMPTS:
+        if attempts and int(attempts[-1]) >= most_attempts:
             return output
     process.wait()
     return output

@@ -1,7 +1,8 @@
-"""The Uno's bootloader on a pty: STK500 version 1, as far as avrdude speaks it, over a flash of 32 KiB."""
+"""The bootloader of an Uno or Nano on a pty: STK500 version 1, as far as avrdude speaks it, over a flash of 32 KiB."""
 
 import os
 import select
+import termios
 import threading
 import tty
 
@@ -12,9 +13,10 @@ ATMEGA328P = b"\x1e\x95\x0f"
 
 
 class Bootloader:
-    """Serves one pty until `close`; `flash` holds what was written."""
+    """Serves one pty until `close`; `flash` holds what was written.  At another baud rate it sends rubbish."""
 
-    def __init__(self, signature=ATMEGA328P, damaged=False):
+    def __init__(self, signature=ATMEGA328P, damaged=False, baud=termios.B115200):
+        self.baud = baud
         self.flash = bytearray(b"\xff" * 32768)
         self.signature, self.damaged = signature, damaged
         self.address = 0
@@ -30,6 +32,9 @@ class Bootloader:
         while not self._end.is_set():
             if select.select([self.master], [], [], 0.02)[0]:
                 data += os.read(self.master, 4096)
+            if data and termios.tcgetattr(self.slave)[4] != self.baud:
+                os.write(self.master, b"\0" * len(data))
+                data = b""
             while data:
                 size = self._size(data)
                 if size is None or len(data) < size:

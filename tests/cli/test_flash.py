@@ -4,6 +4,7 @@ import os
 import pathlib
 import stat
 import sys
+import termios
 
 import pytest
 
@@ -76,6 +77,31 @@ def test_the_real_avrdude_writes_the_image_and_reads_it_back(bootloader, image):
     board, marks = bootloader(), []
     avrdude.upload(board.path, image, advance=marks.append)
     assert board.flash[:16] == bytes(range(16)) and sum(marks) == avrdude.MARKS
+
+
+@pytest.mark.parametrize("baud", [termios.B115200, termios.B57600])
+def test_the_bootloaders_of_the_nano_answer_at_either_baud_rate(bootloader, image, baud):
+    board = bootloader(baud=baud)
+    avrdude.upload(board.path, image, bauds=avrdude.BAUDS)
+    assert board.flash[:16] == bytes(range(16))
+
+
+def test_a_board_that_refuses_at_the_first_baud_rate_is_not_tried_at_the_next(bootloader, image):
+    """Another chip is not a matter of the baud rate."""
+    with pytest.raises(BoardRefused, match="not an ATmega328P"):
+        avrdude.upload(bootloader(signature=b"\x1e\x95\x16").path, image, bauds=avrdude.BAUDS)
+
+
+def test_a_bootloader_that_answers_at_no_baud_rate_is_an_error(bootloader, image):
+    with pytest.raises(NotARobot, match="Arduino Uno or Nano"):
+        avrdude.upload(bootloader(baud=termios.B9600).path, image, bauds=avrdude.BAUDS)
+
+
+@pytest.mark.parametrize(("vendor", "bauds"), [(0x2341, (115200,)), (0x1A86, (115200, 57600))])
+def test_only_an_uno_has_one_baud_rate(monkeypatch, vendor, bauds):
+    """A Nano's serial adapter is that of copies of the Uno, too."""
+    monkeypatch.setattr(port_info, "described", lambda: [Port("/dev/ttyACM7", (), vendor, 0x0043)])
+    assert command.bauds_of("/dev/ttyACM7") == bauds
 
 
 def test_another_chip_is_not_written(bootloader, image):
@@ -152,16 +178,41 @@ def test_nothing_is_written_unasked(stand_in, serve):
 @pytest.mark.parametrize(
     ("answer", "build"),
     [
-        (Answer(error="silent"), "sonar"),
         (Answer(1, "traxbot", 1), "sonar"),
         (Answer(7, "", 1), "environment"),
         (Answer(12, "", 2, capabilities=("check", "environment")), "environment"),
         (Answer(2, "traxbot", 2, capabilities=("sonars", "xbee")), "xbee"),
+        (Answer(23, "duo", 2, capabilities=("bridge", "sonars")), "hbridge"),
     ],
 )
 def test_the_build_follows_the_board(monkeypatch, answer, build):
     monkeypatch.setattr("mrl_driver.driver.probe.probe", lambda port, baud: answer)
     assert command.build_of(Target("/dev/ttyACM7"))[0] == build
+
+
+def test_the_build_of_a_silent_board_is_asked(monkeypatch):
+    monkeypatch.setattr("mrl_driver.driver.probe.probe", lambda port, baud: Answer(error="silent"))
+    with pytest.raises(ConfigError, match="not a terminal; give --build with one of sonar, .*, hbridge"):
+        command.build_of(Target("/dev/ttyACM7"))
+
+
+def test_a_silent_board_of_a_known_model_is_not_asked():
+    assert command.build_of(Target("/dev/ttyACM7", "duo"))[0] == "hbridge"
+
+
+@pytest.mark.parametrize(
+    ("robot", "build", "words"),
+    [
+        ("duo", "xbee", "--build is xbee, but robot duo has an H-bridge, expected hbridge"),
+        (
+            "traxbot",
+            "hbridge",
+            "--build is hbridge, but robot traxbot has a motor board, expected another build",
+        ),
+    ],
+)
+def test_a_build_for_other_motors_is_refused(serve, robot, build, words):
+    assert words in fails(2, "flash", "--port", serve().path, "--robot", robot, "--build", build, "--yes")
 
 
 def test_without_a_port_the_only_arduino_is_taken(monkeypatch):

@@ -9,32 +9,42 @@ from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.host.named_robots import Target
 
 from .progress import progress, waiting
-from .shared import confirm, json_option, print_json, robot_options, yes_option
+from .shared import choose, confirm, json_option, print_json, robot_options, yes_option
 
 PIONEERS = range(6, 11)
 """Robot ids of the boards with environment sensors."""
+HBRIDGE = "hbridge"
+"""The build for motors on an H-bridge, and encoders on the Arduino's pins."""
+BUILD_TEXTS = {
+    "sonar": "motor board OMNI-3MD and sonars, such as TraxBot and StingBot",
+    "environment": "motor board OMNI-3MD, gas and light sensors",
+    "xbee": "motor board OMNI-3MD, sonars and a radio",
+    HBRIDGE: "motors on an H-bridge, encoders on the Arduino's pins, sonars",
+}
 
 
 @click.command()
 @robot_options
 @click.option(
     "--build",
-    type=click.Choice(["sonar", "environment", "xbee"]),
-    help="Firmware build; by default the one the board has now, or the one for its id.",
+    type=click.Choice(list(BUILD_TEXTS)),
+    help="Firmware build; by default the one the board has now, or the one for its id; otherwise it asks.",
 )
 @click.option("--image", type=click.Path(), metavar="FILE.hex", help="Your own firmware instead.")
 @yes_option
 @json_option
 def flash(target: Target, build: Optional[str], image: Optional[str], yes: bool, as_json: bool) -> None:
-    """Upload the firmware to an Arduino Uno.
+    """Upload the firmware to an Arduino Uno or Nano.
 
     Reads the firmware back and checks that the board answers.  Without --port it uses the board made by Arduino,
-    if only one is plugged in.  Needs avrdude.  The robot id and the other parameters in the EEPROM stay.
+    if only one is plugged in.  Needs avrdude.  The robot id and the other parameters in the EEPROM stay.  If the USB
+    device is not an Arduino Uno, it tries the baud rates of both bootloaders, 115200 and 57600.
 
     \b
     Examples:
       mrl flash --port /dev/ttyACM0
       mrl flash --robot lab3 --build environment
+      mrl flash --port /dev/ttyUSB0 --build hbridge
     """
     if build and image:
         raise ConfigError("--build is given with --image, expected one of them")
@@ -47,13 +57,14 @@ def flash(target: Target, build: Optional[str], image: Optional[str], yes: bool,
     SerialLink(port, target.baud).close()
     if image is None:
         build, why = (build, "as requested") if build else build_of(target)
+        _require_pins(build, target.model)
         image = image_path(build)
         what = f"the {build} build ({why})"
     else:
         what = os.path.basename(image)
     confirm(f"Upload {what} to {port}?", yes)
     with progress(f"writing and reading back {port}", avrdude.MARKS) as advance:
-        avrdude.upload(port, image, advance=advance)
+        avrdude.upload(port, image, advance=advance, bauds=bauds_of(port))
     answer = _read_identity(target)
     if as_json:
         print_json({"port": port, "image": image, "build": build, "answer": answer})
@@ -78,16 +89,51 @@ def _only_board() -> str:
     raise ConfigError(f"{several}, expected --port PORT; existing ports: {found}")
 
 
+def bauds_of(port: str) -> Tuple[int, ...]:
+    """Return the baud rates that the bootloader on a port may have: one if it is a board with Arduino's USB ids."""
+    from mrl_driver.host import avrdude
+    from mrl_driver.transport.port_info import facts
+
+    uno = any(each.arduino and os.path.realpath(port) == each.device for each in facts())
+    return avrdude.BAUDS[:1] if uno else avrdude.BAUDS
+
+
+def _has_bridge(model: str) -> bool:
+    """Return whether a model, by name or path, has an H-bridge."""
+    from mrl_driver.robot import models
+
+    return model != "auto" and bool(models.load(model).board.get("bridge"))
+
+
+def _require_pins(build: str, model: str) -> None:
+    """Check that a build drives the motors of a model.
+
+    Raises:
+        ConfigError: it does not.
+    """
+    if model == "auto" or _has_bridge(model) == (build == HBRIDGE):
+        return
+    motors, expected = ("an H-bridge", HBRIDGE) if _has_bridge(model) else ("a motor board", "another build")
+    raise ConfigError(f"--build is {build}, but robot {model} has {motors}, expected {expected}")
+
+
 def build_of(target: Target) -> Tuple[str, str]:
-    """Return the firmware build that suits the board, and why."""
+    """Return the firmware build that suits the board, and why; ask if neither the board nor its model tells.
+
+    Raises:
+        ConfigError: the build is unknown, and stdin is not a terminal.
+    """
     from mrl_driver.driver.probe import probe
 
+    if _has_bridge(target.model):
+        return HBRIDGE, f"for {target.model}"
     with waiting("asking the board for its identity"):
         answer = probe(str(target.port), target.baud)
     if answer.robot_id is None:
-        return "sonar", "the default, as the board does not answer"
-    for build in ("environment", "xbee"):
-        if build in answer.capabilities:
+        question = "The board does not answer. Which build fits its motors?"
+        return choose(question, BUILD_TEXTS, "--build"), "as requested"
+    for build, capability in (("environment", "environment"), ("xbee", "xbee"), (HBRIDGE, "bridge")):
+        if capability in answer.capabilities:
             return build, "as on the board now"
     if answer.robot_id in PIONEERS:
         return "environment", f"robot {answer.robot_id} is a Pioneer"

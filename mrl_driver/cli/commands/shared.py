@@ -6,7 +6,7 @@ import json
 import math
 import os
 import sys
-from typing import TYPE_CHECKING, Any, Callable, Iterator, List, Optional
+from typing import TYPE_CHECKING, Any, Callable, Iterator, List, Mapping, Optional
 
 import click
 
@@ -242,6 +242,23 @@ def confirm(question: str, yes: bool, otherwise: str = "nothing was changed") ->
         raise ConfigError(f"{question} stdin is not a terminal; give --yes to agree")
     if not click.confirm(question, err=True):
         raise click.Abort(otherwise)
+
+
+def choose(question: str, choices: Mapping[str, str], option: str) -> str:
+    """Show words with their meanings, and ask for one; `option` is the option that gives it without a question.
+
+    Raises:
+        ConfigError: stdin is not a terminal.
+    """
+    if not sys.stdin.isatty():
+        raise ConfigError(
+            f"{question} stdin is not a terminal; give {option} with one of {', '.join(choices)}"
+        )
+    width = max(map(len, choices))
+    for word, meaning in choices.items():
+        click.echo(f"  {word:<{width}}  {meaning}", err=True)
+    answer: str = click.prompt(question, type=click.Choice(list(choices), case_sensitive=False), err=True)
+    return answer.lower()
 
 
 def confirm_motion(question: str, yes: bool) -> None:
