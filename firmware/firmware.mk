@@ -49,8 +49,6 @@ $(eval $(call FW_IMAGE,mrl_firmware,))
 $(eval $(call FW_IMAGE,mrl_firmware_environment,-DMRL_ENVIRONMENT=1))
 $(eval $(call FW_IMAGE,mrl_firmware_xbee,-DMRL_XBEE=1))
 $(eval $(call FW_IMAGE,mrl_firmware_hbridge,-DMRL_BRIDGE=1))
-# It is not packaged before it drives: make build/firmware/mrl_firmware_hbridge.elf.
-FW_IMAGES := $(filter-out %_hbridge.elf,$(FW_IMAGES))
 
 # The core's files belong to a package that `apt` may install while make runs.  A rule that names them would let make
 # delete them afterwards, as files of its own making, so no rule here names a file outside the checkout.
@@ -60,7 +58,7 @@ $(FW_BUILD)/core/%.o: firmware/firmware.mk | apt
 	  { echo "no Arduino core in $(ARDUINO_AVR): apt-get install arduino-core-avr, or set ARDUINO_AVR" >&2; exit 1; }
 	@$(if $(filter %.c,$*),avr-gcc $(FW_FLAGS),avr-g++ $(FW_FLAGS) $(FW_CXX)) -w -c "$(ARDUINO_AVR)/cores/arduino/$*" -o $@
 
-firmware: $(FW_IMAGES) ## Build the sketch (sonar, environment-sensor and radio boards)
+firmware: $(FW_IMAGES) ## Build the sketch (sonar, environment-sensor, radio and H-bridge boards)
 
 flash: ## Upload to an Arduino Uno: PORT=/dev/ttyACM0, IMAGE=mrl_firmware_environment for another board
 	@[ -n "$(PORT)" ] || { echo "make flash: which port? make flash PORT=/dev/ttyACM0" >&2; exit 1; }

@@ -9,6 +9,7 @@ BUILDS: Dict[str, str] = {
     "sonar": "mrl_firmware",
     "environment": "mrl_firmware_environment",
     "xbee": "mrl_firmware_xbee",
+    "hbridge": "mrl_firmware_hbridge",
 }
 """Firmware builds and the names of their images."""
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
