@@ -112,9 +112,13 @@ void end() {
 
 void abandon() { step = Step::idle; }
 
+// A number takes 40 us.  Those behind the first one wait for bytes of the host, which may be a stop.
 void service() {
   if (step == Step::idle) return;
-  while (sent < count && hal::serial_room() >= NUMBER_BYTES) put_value(values[sent++]);
+  while (sent < count && hal::serial_room() >= NUMBER_BYTES) {
+    put_value(values[sent++]);
+    if (hal::serial_received()) return;
+  }
   if (step != Step::closed || sent < count || hal::serial_room() < END_BYTES) return;
   put_end();
   step = Step::idle;

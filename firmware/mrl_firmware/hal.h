@@ -30,6 +30,8 @@ constexpr uint8_t SERIAL_DIVIDER = 16;  // at first; the speed is 16 MHz / (8 (d
 
 // The next received byte, or -1.
 int16_t serial_read();
+// True if serial_read() has a byte.
+bool serial_received();
 // Drops all received bytes.
 void serial_discard();
 // Number of bytes lost since the last call; at most 255.

@@ -154,6 +154,8 @@ ISR(USART_UDRE_vect) {
 
 int16_t serial_read() { return received.used() ? received.take() : -1; }
 
+bool serial_received() { return received.used(); }
+
 void serial_discard() { received.clear(); }
 
 uint8_t serial_overruns() {

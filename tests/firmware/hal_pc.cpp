@@ -160,6 +160,7 @@ int16_t serial_read() {
   act();
   return received.take();
 }
+bool serial_received() { return received.used(); }
 void serial_discard() { received.clear(); }
 uint8_t serial_room() { return static_cast<uint8_t>(SERIAL_OUT_SIZE - serial_waiting()); }
 uint8_t serial_waiting() { return asleep.on ? asleep.waiting : sending.used(); }

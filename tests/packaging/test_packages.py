@@ -17,7 +17,7 @@ VERSION = xml.etree.ElementTree.parse(ROOT / "package.xml").findtext("version")
 FOLDERS = ("firmware", "mrl_driver", "ros1_bridge", "sim_arduino", "tests", ".ci")
 IMAGES = {
     f"mrl_driver/images/mrl_firmware{build}.hex": f"build/firmware/mrl_firmware{build}.hex"
-    for build in ("", "_environment", "_xbee")
+    for build in ("", "_environment", "_xbee", "_hbridge")
 }
 
 
