@@ -1,7 +1,7 @@
 """The motor back end of boards with an OMNI-3MD: finds it, sets it up, stops it, sends it moves, reads its counts."""
 
 import math
-from typing import Callable, Optional
+from typing import Callable, Optional, Tuple
 
 from sim_arduino.hardware.omni3md import BoardGeometry, Omni3MD
 
@@ -22,6 +22,8 @@ class MotorControl:
 
     capabilities = ("omni",)
     next_s = math.inf
+    counts_s = 0.34e-3
+    """Measured on the simulated ATmega328P."""
 
     def __init__(
         self, driver: Omni3MD, config: Config, health: BoardStatus, advance: Callable[[float], None]
@@ -100,6 +102,10 @@ class MotorControl:
             return _NO_INFO
         temperature, battery = self.driver.temperature_c(now_s), self.driver.battery_v(now_s)
         return Info(round(temperature * 10.0) * 10, 172, round(battery * 10.0) * 10)
+
+    def status(self) -> Tuple[int, ...]:
+        """Nothing."""
+        return ()
 
     # ---- requests
 

@@ -34,6 +34,10 @@ class Motors(Protocol):
         """Names in `table.CAPABILITIES` that this back end adds."""
 
     @property
+    def counts_s(self) -> float:
+        """Time to read the counters [s]."""
+
+    @property
     def next_s(self) -> float:
         """Time of the next call of `run` [s]; may be infinite."""
 
@@ -66,6 +70,9 @@ class Motors(Protocol):
 
     def info(self, now_s: float) -> Info:
         """Temperature, version and battery voltage."""
+
+    def status(self) -> Tuple[int, ...]:
+        """What the back end adds to the reply to `read_status`."""
 
     def move_speed(self, now_s: float, linear_mm_s: int, angular_mrad_s: int) -> bool:
         """Drives at these speeds."""

@@ -15,6 +15,7 @@ from sim_arduino.hardware.wiring import Plant
 
 from . import parameter_store, registry
 from .board_status import BoardStatus
+from .bridge_control import BridgeControl
 from .motor_control import MotorControl
 from .motors import Motors
 from .parameter_store import Config
@@ -34,8 +35,9 @@ RETRY_S = 5e-3
 """Pause of a full-rate stream if its values are not available [s]."""
 ANSWERS = 8
 """Largest number of waiting replies; one more is dropped and counted as an overrun."""
-FETCH_S = {18: 0.34e-3, 44: 0.34e-3, 23: 0.64e-3, 25: 0.65e-3, 27: 0.0}
-"""Time to read the values of a stream's frame on the simulated ATmega328P [s]; a fast link waits for them."""
+FETCH_S = {23: 0.64e-3, 25: 0.65e-3, 27: 0.0}
+"""Time to read the values of a sensor stream's frame on the simulated ATmega328P [s]; other streams need the counters
+alone.  A fast link waits for them."""
 LOW_WATER = 9
 """The reading begins when this many bytes of the previous frame have not left yet."""
 QUEUE_BYTES, SENDING_BYTES = 64, 2
@@ -167,9 +169,7 @@ class PythonBoard:
         self.ready_s = self.now_s + BOOT_S
         self.health = BoardStatus(cause)
         self.config = Config(self.eeprom)
-        self.motors: Motors = MotorControl(
-            self.plant.motor_board, self.config, self.health, self.plant.advance
-        )
+        self.motors = self._motors()
         self.sonars: Optional[SonarTask] = None
         self.debug = False
         self.stream: Optional[RunningStream] = None
@@ -188,6 +188,12 @@ class PythonBoard:
         self._outgoing.free_s = self.now_s
         self._decoder = FrameDecoder(REQUESTS)
         self._answers: Deque[WaitingReply] = deque()
+
+    def _motors(self) -> Motors:
+        """The motor back end that fits the plant."""
+        if self.plant.bridge:
+            return BridgeControl(self.plant, self.config, self.health, self.adc, self.started_s)
+        return MotorControl(self.plant.motor_board, self.config, self.health, self.plant.advance)
 
     def _boot(self) -> None:
         self._booted = True
@@ -303,7 +309,7 @@ class PythonBoard:
         elif answer:
             self._answers.remove(answer)
             if BY_CODE[answer.code].stamped:
-                self._counts_s = self.now_s + FETCH_S[18]
+                self._counts_s = self.now_s + self.motors.counts_s
             if not self._send(answer.code, answer.value):
                 self.refuse("unavailable")
 
@@ -315,7 +321,8 @@ class PythonBoard:
         if self._stream_due_s <= self.now_s:
             self._stream_due_s = self.now_s + (period if period or sent else RETRY_S)
         if sent and not period:
-            wait_s = max(0.0, FETCH_S[self.stream.code] - LOW_WATER * self._outgoing.byte_s)
+            fetch_s = FETCH_S.get(self.stream.code, self.motors.counts_s)
+            wait_s = max(0.0, fetch_s - LOW_WATER * self._outgoing.byte_s)
             self._stream_due_s = self._outgoing.free_s + wait_s
 
     def _send(self, code: int, value: int = 0) -> bool:

@@ -44,7 +44,7 @@ def _protocol(board: PythonBoard, _: int) -> Values:
 @reply("read_status")
 def _status(board: PythonBoard, _: int) -> Values:
     uptime = int(board.now_s - board.started_s)
-    return (uptime >> 15, uptime & 0x7FFF) + board.health.read()
+    return (uptime >> 15, uptime & 0x7FFF) + board.health.read() + board.motors.status()
 
 
 @reply("read_counters")

@@ -1,0 +1,296 @@
+"""The motor back end of boards with an H-bridge: turns requests into speeds of the wheels, and controls them."""
+
+import math
+from typing import Callable, List, Optional, Tuple
+
+from mrl_driver.protocol.table import BRIDGES, INT16_MAX, TICK_S, WIRING
+from sim_arduino.hardware.wiring import Plant
+
+from .board_status import BoardStatus
+from .bridge.battery_input import BatteryInput
+from .bridge.bridge_levels import levels, share
+from .bridge.encoder_counter import EncoderCounter
+from .bridge.encoder_inputs import SAMPLE_TICKS, EncoderInputs, EncoderSample
+from .bridge.integers import divide, int16, limit
+from .bridge.wheel import Wheel
+from .bridge.wheel_settings import FULL, NO_SETTINGS, settings_of
+from .motors import Counts, Info
+from .parameter_store import Config
+
+LEFT, RIGHT = 0, 1
+_SIDES = {1: LEFT, 3: RIGHT}
+"""Wheels by the numbers that motors and encoders have in the protocol."""
+_REVERSED = {
+    "motor": ("left_motor_reversed", "right_motor_reversed"),
+    "encoder": ("left_encoder_reversed", "right_encoder_reversed"),
+}
+_BITS = {name: 1 << bit for bit, (name, _) in enumerate(WIRING)}
+REFUSED_S = 1.0
+"""Moves are refused for this time after the board has stopped a wheel [s]."""
+MISSED_KICK_S = 0.128
+"""The chip's watchdog switches the outputs off when the program has not kicked it for this time [s]."""
+_PERIOD_S = SAMPLE_TICKS * TICK_S
+
+
+class BridgeControl:
+    """Two motors and two encoders on the Arduino's pins; see `motors.Motors` and motor_bridge.cpp.
+
+    Args:
+        adc: Returns the count of an analog input now.
+        start_s: Time at which the board's clock started [s].
+
+    Attributes:
+        encoders: The encoder inputs.
+    """
+
+    ever_found = True
+    counts_s = 0.0
+
+    def __init__(
+        self, plant: Plant, config: Config, health: BoardStatus, adc: Callable[[int], int], start_s: float
+    ) -> None:
+        assert plant.bridge is not None
+        self._plant, self._pins = plant, plant.bridge
+        self._config, self._health = config, health
+        self._start_s = start_s
+        self.next_s = math.inf
+        self.encoders = EncoderInputs(self._pins.levels)
+        self._battery = BatteryInput(config, adc, start_s)
+        self._wheels = (Wheel(), Wheel())
+        self._counters = (EncoderCounter(), EncoderCounter())
+        self._last_counts = [0, 0]
+        self._settings = NO_SETTINGS
+        self._usable = False
+        self._refused_since_s = -math.inf
+        self._turning = self._undervoltage = False
+
+    # ---- presence
+
+    @property
+    def capabilities(self) -> Tuple[str, ...]:
+        """The temperature is never measured, and the battery only with a divider."""
+        no_battery = () if self._config["battery_divider"] else ("no_battery",)
+        return ("bridge", "no_temperature", *no_battery)
+
+    def boot(self, now_s: float) -> None:
+        """Begins to sample the encoders, and takes the parameters."""
+        self._pins.take_edges()
+        self.encoders = EncoderInputs(self._pins.levels)
+        self.next_s = now_s + _PERIOD_S
+        self.refresh(now_s)
+
+    def changed(self) -> bool:
+        """Motors on the Arduino's own pins do not disappear."""
+        return False
+
+    def there(self, now_s: float) -> bool:
+        """They can always be stopped; moves say for themselves whether they can be carried out."""
+        return True
+
+    def release(self, now_s: float) -> None:
+        """The pins are inputs until the sketch starts; resistors hold the bridge off."""
+        self._pins.off(now_s)
+
+    def halt(self, now_s: float, to_s: float) -> None:
+        """The outputs stay as they are until the chip's watchdog switches them off."""
+        self._sample_until(min(to_s, now_s + MISSED_KICK_S))
+        if to_s > now_s + MISSED_KICK_S:
+            self._pins.off(now_s + MISSED_KICK_S)
+            self._sample_until(to_s)
+
+    def _sample_until(self, to_s: float) -> None:
+        """The sampling interrupt goes on although no wheel is served."""
+        while self.next_s <= to_s:
+            self._sample(self.next_s)
+        self._plant.advance(to_s)
+
+    # ---- parameters
+
+    def refresh(self, now_s: float, parameter: Optional[str] = None) -> None:
+        """Takes a changed parameter; if it concerns the wires, the motors stop first."""
+        if parameter in (None, "bridge", "wiring"):
+            self.stop(now_s, "host")
+            self._pins.off(now_s)
+            self.encoders.single_channel = self._wired("single_channel")
+        settings = settings_of(self._config) if self._config["bridge"] and self._wired("set") else None
+        self._settings, self._usable = settings or self._settings, settings is not None
+        if not self._usable:
+            self.stop(now_s, "host")
+        self._health.set_fault("wiring", not self._usable)
+
+    def _wired(self, name: str) -> bool:
+        return bool(self._config["wiring"] & _BITS[name])
+
+    def _motor_of(self, wheel: int) -> int:
+        return wheel ^ int(self._wired("motors_swapped"))
+
+    def _encoder_of(self, wheel: int) -> int:
+        return wheel ^ int(self._wired("encoders_swapped"))
+
+    # ---- periods
+
+    def run(self, now_s: float) -> None:
+        """Serves both wheels with a new sample."""
+        sample = self._sample(self.next_s)
+        self._battery.run(now_s)
+        self._watch_battery(now_s)
+        for wheel in (LEFT, RIGHT):
+            self._serve(now_s, wheel, sample)
+
+    def _sample(self, time_s: float) -> EncoderSample:
+        self._take_edges(time_s)
+        self.next_s = time_s + _PERIOD_S
+        return self.encoders.sample(self._tick(time_s))
+
+    def _take_edges(self, time_s: float) -> None:
+        self._plant.advance(time_s)
+        self.encoders.take(self._pins.take_edges(), self._start_s)
+
+    def _tick(self, time_s: float) -> int:
+        return int((time_s - self._start_s) / TICK_S + 1e-6)
+
+    def _serve(self, now_s: float, wheel: int, sample: EncoderSample) -> None:
+        encoder = self._encoder_of(wheel)
+        moved = self._moved_by(wheel, sample)
+        self._last_counts[encoder] = sample.counts[encoder]
+        reason = self._wheels[wheel].update(self._settings, moved, sample.edge_ticks[encoder], sample.tick)
+        if self._turning and self.encoders.masked(encoder):
+            reason = "encoder"
+        if reason == "none":
+            self._write(now_s, wheel)
+        else:
+            self.stop(now_s, reason)
+            self._refused_since_s = now_s
+
+    def _moved_by(self, wheel: int, now: EncoderSample) -> int:
+        """Counts of a wheel since its last period; a single channel counts in the direction of the command."""
+        encoder = self._encoder_of(wheel)
+        counts = int16(now.counts[encoder] - self._last_counts[encoder])
+        if self._wired("single_channel"):
+            return -counts if self._wheels[wheel].last_direction < 0 else counts
+        return -counts if self._wired(_REVERSED["encoder"][wheel]) else counts
+
+    def _write(self, now_s: float, wheel: int) -> None:
+        level = self._wheels[wheel].level()
+        backward = (self._wheels[wheel].last_direction < 0) != self._wired(_REVERSED["motor"][wheel])
+        chip = BRIDGES[self._config["bridge"] if self._usable else 0]
+        pins = levels(chip, backward, abs(level), bool(self._config["stop_mode"]))
+        self._pins.write(now_s, self._motor_of(wheel), *(share(chip, each) for each in pins))
+
+    def _watch_battery(self, now_s: float) -> None:
+        """A battery that has recovered without load must be a sixteenth above the limit."""
+        least, volts = self._config["undervoltage"], self._battery.centivolts
+        watched = bool(least and self._battery.measured)
+        if watched and volts < least and not self._undervoltage:
+            self._undervoltage = True
+            self.stop(now_s, "undervoltage")
+        if not watched or volts >= least + least // 16:
+            self._undervoltage = False
+
+    # ---- readings
+
+    def counts(self, now_s: float) -> Counts:
+        """The counters at this moment."""
+        left, right = (self._counters[wheel].read(self._travel(now_s, wheel)) for wheel in (LEFT, RIGHT))
+        return Counts(right, left, 0)
+
+    def _travel(self, now_s: float, wheel: int) -> int:
+        self._take_edges(now_s)
+        live = self.encoders.read(self._tick(now_s))
+        return self._wheels[wheel].travel + self._moved_by(wheel, live)
+
+    def info(self, now_s: float) -> Info:
+        """The battery's voltage, or 0 without its divider."""
+        return Info(0, 0, self._battery.centivolts)
+
+    def status(self) -> Tuple[int, ...]:
+        """The number of impossible transitions."""
+        return (min(INT16_MAX, self.encoders.impossible),)
+
+    # ---- requests
+
+    def stop(self, now_s: float, reason: str) -> None:
+        """Switches both outputs off at once."""
+        self._health.stopped(reason)
+        self._turning = False
+        if reason == "host":
+            self._refused_since_s = -math.inf
+        for wheel in (LEFT, RIGHT):
+            self._wheels[wheel].stop()
+            self._write(now_s, wheel)
+
+    def _begin_move(self, now_s: float, moves: bool) -> bool:
+        """Whether a move may begin; a masked encoder gets another chance."""
+        if not moves:
+            self._refused_since_s = -math.inf
+        if not self._usable or self._undervoltage or now_s < self._refused_since_s + REFUSED_S:
+            return False
+        self._take_edges(now_s)
+        for encoder in (0, 1):
+            if self.encoders.masked(encoder):
+                self.encoders.unmask(encoder, self._pins.levels)
+        self._health.turned()
+        self._turning = True
+        return True
+
+    def move_speed(self, now_s: float, linear_mm_s: int, angular_mrad_s: int) -> bool:
+        """If a wheel would be faster than it can be, both slow down by the same factor, which keeps the arc."""
+        if not self._begin_move(now_s, bool(linear_mm_s or angular_mrad_s)):
+            return False
+        ahead = linear_mm_s * self._settings.share_per_mm_s_q8 + 128 >> 8
+        turn = angular_mrad_s * self._settings.share_per_mrad_s_q12 + 2048 >> 12
+        shares: List[int] = [ahead - turn, ahead + turn]
+        most = max(map(abs, shares))
+        if most > FULL:
+            factor_q14 = (FULL << 14) // most
+            shares = [divide(divide(each, 16) * factor_q14, 1024) for each in shares]
+        for wheel, speed in zip(self._wheels, shares):
+            wheel.set_speed(speed)
+        return True
+
+    def move_percent(self, now_s: float, left: int, right: int, controlled: bool) -> bool:
+        """Turns the wheels at shares of full speed, or of full duty."""
+        begun = self._begin_move(now_s, bool(left or right))
+        if begun:
+            for wheel, percent in zip(self._wheels, (left, right)):
+                (wheel.set_speed if controlled else wheel.set_duty)(_share_of(percent))
+        return begun
+
+    def move_position(self, now_s: float, motor: int, percent: int, position: int) -> bool:
+        """Turns a wheel to a count and holds it there."""
+        if motor not in _SIDES or not self._begin_move(now_s, True):
+            return False
+        side = _SIDES[motor]
+        travel = self._counters[side].travel_at(position, self._travel(now_s, side))
+        self._wheels[side].go_to(travel, _share_of(percent))
+        return True
+
+    def move_omni(self, now_s: float, speed: int, rotation: int, direction: int) -> bool:
+        """There are two wheels."""
+        return False
+
+    def calibrate(self, now_s: float) -> bool:
+        """The host fits the gains."""
+        return False
+
+    def set_prescaler(self, now_s: float, encoder: int, value: int) -> bool:
+        """Sets how many pulses make a count."""
+        if encoder not in _SIDES:
+            return False
+        self._counters[_SIDES[encoder]].set_prescaler(value, self._travel(now_s, _SIDES[encoder]))
+        return True
+
+    def preset_encoder(self, now_s: float, encoder: int, count: int) -> bool:
+        """Sets a counter."""
+        if encoder not in _SIDES:
+            return False
+        self._counters[_SIDES[encoder]].preset(count, self._travel(now_s, _SIDES[encoder]))
+        return True
+
+    def reset_encoders(self, now_s: float) -> bool:
+        """Sets both counters to 0."""
+        return all([self.preset_encoder(now_s, encoder, 0) for encoder in _SIDES])
+
+
+def _share_of(percent: int) -> int:
+    return divide(limit(percent, -100, 100) * 10486, 64)
