@@ -32,6 +32,7 @@ OWN: Dict[str, str] = {
     "info": "mrl_driver.cli.commands.info:info",
     "monitor": "mrl_driver.cli.commands.monitor:monitor",
     "names": "mrl_driver.cli.commands.names:names",
+    "new": "mrl_driver.cli.commands.new:new",
     "plot": "mrl_driver.cli.commands.plot:plot",
     "ports": "mrl_driver.cli.commands.ports:ports",
     "record": "mrl_driver.cli.commands.monitor:record",
@@ -137,6 +138,7 @@ def cli(port: Optional[str], robot: Optional[str]) -> None:
       mrl doctor --port /dev/ttyACM0       check computer, cable and robot
       mrl monitor --port /dev/ttyACM0      watch the robot, and drive it with the keyboard
       mrl names add lab3 --port /dev/ttyACM0    give the robot a name; then: mrl --robot lab3 info
+      mrl new                              make a robot of your own, with motors on an H-bridge
     \b
     Exit codes:
       0 success                  1 a fault found, or another error   2 a wrong option or file

@@ -14,7 +14,8 @@ from tests.fake_board import FakeBoard
 
 MODEL = models.load("duo")
 LEFT, RIGHT = 0, 1
-_CODES = {BY_NAME[name].code: name for name in ("move_motors", "read_config", "write_config", "save_config")}
+_NAMES = ("move_motors", "read_config", "write_config", "save_config", "default_config")
+_CODES = {BY_NAME[name].code: name for name in _NAMES}
 _REVERSED = {
     "motor": (BITS["left_motor_reversed"], BITS["right_motor_reversed"]),
     "encoder": (BITS["left_encoder_reversed"], BITS["right_encoder_reversed"]),
@@ -62,7 +63,7 @@ class Kit(FakeBoard):
         self.seen = []
         self.next_event_s = 0.0
         self.pose = ORIGIN
-        super().__init__(robot_id=MODEL.ids[0])
+        super().__init__(robot_id=self.saved["robot_id"])
         self.capabilities |= {"bridge", "no_battery", "no_temperature"}
         self.battery = self.temperature = 0
 
@@ -112,7 +113,11 @@ class Kit(FakeBoard):
             self._say(frame.code, args[0], self.config[PARAMETERS[args[0]].name])
         elif name == "write_config":
             self.config[PARAMETERS[args[0]].name] = args[1]
+            self.robot_id = self.config["robot_id"]
             self._say(frame.code, *args)
+        elif name == "default_config":
+            self.config.update(models.COMMON_BOARD)
+            self._say(frame.code, 1)
         elif name == "save_config":
             self.saved = dict(self.config)
             self._say(frame.code, 1)

@@ -10,6 +10,7 @@ from mrl_driver.calibration.bridge_wiring import BITS, SET, SINGLE_CHANNEL
 from mrl_driver.calibration.wiring_check import Trial
 from mrl_driver.cli import main
 from mrl_driver.cli.commands import calibrate_job, calibrate_view
+from mrl_driver.driver import eeprom
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import WheelFault
@@ -224,3 +225,17 @@ def test_the_encoders_do_not_show_which_wheel_turned(bench):
 def test_an_unknown_bridge_is_refused(bench):
     code, _, err = bench.wiring("--truth", "t", "--bridge", "l293d")
     assert code == 2 and "vnh5019" in err and err.count("\n") == 1
+
+
+# -- what else must not lose the wiring
+
+
+@pytest.mark.parametrize("model", [MODEL, MODEL._replace(board={**MODEL.board, "wiring": 33})])
+def test_a_new_id_leaves_bridge_and_wiring_as_they_are(model):
+    """They belong to the cables; only a model that names a wiring sets it."""
+    kit = Kit(wiring=37, bridge=3)
+    board = {name: value for name, value in model.board.items() if name != "bridge"}
+    with SteppedDriver(kit, model) as driver:
+        eeprom.save_model(driver, 24, model._replace(board=board))
+    assert (kit.saved["robot_id"], kit.saved["bridge"]) == (24, 3)
+    assert kit.saved["wiring"] == model.board.get("wiring", 37)

@@ -79,11 +79,11 @@ def patient(request, monkeypatch):
 
 @pytest.fixture
 def serve(patient):
-    """Puts a fake board on a pty; call it with the arguments of FakeBoard."""
+    """Puts a fake board on a pty; call it with a board, or with the arguments of FakeBoard."""
     boards = []
 
-    def start(**kwargs):
-        boards.append(PtyBoard(FakeBoard(**kwargs)))
+    def start(board=None, **kwargs):
+        boards.append(PtyBoard(board or FakeBoard(**kwargs)))
         boards[-1].board.reset(time.monotonic())
         return boards[-1]
 

@@ -52,7 +52,7 @@ def flash(target: Target, build: Optional[str], image: Optional[str], yes: bool,
     from mrl_driver.host.firmware_images import image_path
     from mrl_driver.transport.link import SerialLink
 
-    port = target.port or _only_board()
+    port = target.port or only_board()
     target = target._replace(port=port)
     SerialLink(port, target.baud).close()
     if image is None:
@@ -72,7 +72,7 @@ def flash(target: Target, build: Optional[str], image: Optional[str], yes: bool,
         click.echo(f"{port} has {what}; {answer}")
 
 
-def _only_board() -> str:
+def only_board() -> str:
     """Return the port of the only board with Arduino's USB vendor id.
 
     Raises:

@@ -1,0 +1,229 @@
+"""`mrl new`: from a few questions to a calibrated robot of your own."""
+
+import os
+import sys
+from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Tuple, TypeVar
+
+import click
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.host import named_robots
+from mrl_driver.robot import models
+from mrl_driver.robot.models import kit
+from mrl_driver.robot.models.kit import Kit
+
+from .shared import Between, choose, complete_port, confirm, print_message, yes_option
+
+Answer = TypeVar("Answer")
+CHIPS = {
+    "vnh5019": "Pololu's VNH5019 shield or carrier: inputs INA, INB, PWM",
+    "cytron": "Cytron's MD10C, MD13S, MDD10A: inputs PWM, DIR",
+    "l298n": "modules with an L298N: inputs EN, IN1, IN2; remove the jumpers of EN",
+    "tb6612": "carriers of the TB6612FNG: inputs PWM, IN1, IN2; connect STBY to 5 V",
+    "drv8833": "carriers of the DRV8833: two inputs a motor",
+    "bts7960": "modules with two BTS7960 (IBT-2): inputs RPWM, LPWM; connect R_EN and L_EN to 5 V",
+}
+"""What each bridge is sold as."""
+_WHEEL = """
+           _____
+         /       \\
+        |    o    |  D    Wheel diameter D: measure across the tyre, under load.
+         \\ _____ /
+    --------------------- floor
+"""
+_AXLE = """
+            front
+         ___________
+     ___|           |___
+    |   |           |   |
+    | L |  seen     | R |    Wheel separation S: from the middle of one tyre
+    |   |  from     |   |    to the middle of the other, where they touch the floor.
+    |___|  above    |___|
+        |___________|
+      |<------ S ------>|
+"""
+_ENCODER = """
+    encoder disc --- motor --- gearbox --- wheel
+      lines                    ratio
+
+    Counts of a wheel turn = lines x 4 x ratio, such as 11 x 4 x 34.  A channel has as many pulses a motor turn as the
+    disc has lines (data sheet: PPR); CPR is often lines x 4 already.  Encoders with channel A only: lines x 2 x ratio.
+"""
+_PINS = (("PWM_A", "D5", "D11"), ("PWM_B", "D6", "D3"), ("LOGIC", "D7", "D9"))
+
+
+class Way(NamedTuple):
+    """How to go on after the file is written."""
+
+    port: Optional[str]
+    flash: bool
+    single_channel: bool
+    answers: Optional[str]
+    truth: Optional[str]
+    yes: bool
+
+
+@click.command(short_help="Make a robot of your own: file, firmware, calibration.")
+@click.argument("name", required=False)
+@click.option("--port", metavar="PORT", shell_complete=complete_port, help="Serial port of the board.")
+@click.option("--wheel-diameter", type=Between(*kit.DIAMETER_MM), help="Diameter of a wheel [mm].")
+@click.option("--separation", type=Between(*kit.SEPARATION_MM), help="Distance between the wheels [mm].")
+@click.option("--counts", metavar="NUMBER", help="Encoder counts of a wheel turn, such as 1496 or 11x4x34.")
+@click.option("--bridge", type=click.Choice(list(CHIPS), case_sensitive=False), help="Chip of the H-bridge.")
+@click.option(
+    "--id", "robot_id", type=click.IntRange(kit.LEAST_ID, 32767), help="Robot id; default: a free one."
+)
+@click.option("--single-channel", is_flag=True, help="The encoders have channel A only.")
+@click.option("--file-only", is_flag=True, help="Only write the robot's file.")
+@click.option("--flash/--no-flash", default=True, show_default=True, help="Upload the firmware.")
+@click.option("--answers", metavar="WORDS", help="As for mrl calibrate wiring, for scripts.")
+@click.option("--truth", metavar="FILE", help="As for mrl calibrate wiring, for an emulated robot.")
+@yes_option
+def new(name: Optional[str], file_only: bool, yes: bool, **options: Any) -> None:
+    """Make a robot of your own: two wheels, an H-bridge, an Arduino Uno or Nano.
+
+    Asks for its wheels, encoders and bridge, writes the robot's file, uploads the firmware, gives the board an id, and
+    goes on to mrl calibrate wiring and mrl calibrate gains.  Connect the bridge and the encoders as in HARDWARE.md
+    first; whether motors or encoders are exchanged or reversed does not matter.
+
+    \b
+    Examples:
+      mrl new
+      mrl new rover --wheel-diameter 65 --separation 150 --counts 11x4x34 --bridge tb6612 --file-only
+    """
+    name = _asked(name, "NAME", "", lambda: click.prompt("Name of the robot", err=True))
+    path = _path_of(name)
+    made = _kit(name, options)
+    model, text = kit.model_of(made), kit.text_of(made)
+    confirm(f"Write {path}, for {_in_words(made)}, with robot id {made.robot_id}?", yes)
+    _write(path, text)
+    click.echo(f"{path} is written; all programs know the robot as --robot {model.name}")
+    _show_wires(made.bridge)
+    ways = {key: options[key] for key in ("port", "flash", "single_channel", "answers", "truth")}
+    if not file_only:
+        _set_up(made, path, Way(**ways, yes=yes))
+
+
+def _path_of(name: str) -> str:
+    """Return the path of the file of a new robot.
+
+    Raises:
+        ConfigError: the name is not valid, or a robot has it.
+    """
+    path = os.path.join(models.own_folder(), f"{name}.yaml")
+    if os.path.exists(path):
+        raise ConfigError(
+            f"{path} already exists; give another name, or go on with: {_next('wiring', path, None)}"
+        )
+    named_robots.require_name(name)
+    return path
+
+
+def _kit(name: str, options: Mapping[str, Any]) -> Kit:
+    """Return the answers, from the options and by asking for the rest."""
+    diameter_mm = _number(
+        options["wheel_diameter"], "wheel-diameter", _WHEEL, "Wheel diameter [mm]", kit.DIAMETER_MM
+    )
+    separation_mm = _number(
+        options["separation"], "separation", _AXLE, "Wheel separation [mm]", kit.SEPARATION_MM
+    )
+    counts = _asked(options["counts"], "--counts", _ENCODER, _ask_counts)
+    bridge = options["bridge"] or choose("Which H-bridge drives the motors?", CHIPS, "--bridge")
+    robot_id = options["robot_id"] or kit.free_id()
+    return Kit(name, robot_id, diameter_mm, separation_mm, kit.parse_counts(counts), bridge.lower())
+
+
+def _asked(value: Optional[Answer], option: str, picture: str, ask: Callable[[], Answer]) -> Answer:
+    """Return the value, or show the picture and ask for it.
+
+    Raises:
+        ConfigError: there is no value, and stdin is not a terminal.
+    """
+    if value is not None:
+        return value
+    if not sys.stdin.isatty():
+        raise ConfigError(f"{option} is missing, and stdin is not a terminal to ask for it; give {option}")
+    click.echo(picture, err=True)
+    return ask()
+
+
+def _number(
+    value: Optional[float], option: str, picture: str, question: str, limits: Tuple[float, float]
+) -> float:
+    kind = Between(*limits)
+    return _asked(value, f"--{option}", picture, lambda: click.prompt(question, type=kind, err=True))
+
+
+def _ask_counts() -> str:
+    while True:
+        text: str = click.prompt("Counts of a wheel turn", err=True)
+        try:
+            kit.parse_counts(text)
+            return text
+        except ConfigError as error:
+            print_message(str(error))
+
+
+def _in_words(made: Kit) -> str:
+    return (
+        f"wheels of {made.wheel_diameter_mm:g} mm, {made.wheel_separation_mm:g} mm apart, "
+        f"{made.counts_per_turn:g} counts a turn, {made.bridge.upper()}"
+    )
+
+
+def _show_wires(bridge: str) -> None:
+    """Print which pin of the Arduino drives which input of the bridge."""
+    inputs = dict(zip(("PWM_A", "PWM_B", "LOGIC"), kit.WIRES[bridge]))
+    click.echo(f"\n  {'input of ' + bridge.upper():<18}left motor   right motor")
+    for name, left, right in _PINS:
+        if inputs[name]:
+            click.echo(f"  {inputs[name]:<18}{left:<13}{right}")
+    click.echo(f"  {'encoder A, B':<18}{'D2, D4':<13}D8, D10\n")
+
+
+def _write(path: str, text: str) -> None:
+    from mrl_driver.files import replace_file
+
+    try:
+        os.makedirs(os.path.dirname(path), exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be written: {error.strerror}") from None
+    replace_file(path, text)
+
+
+def _set_up(made: Kit, path: str, way: Way) -> None:
+    """Upload the firmware, set the id and the parameters, and calibrate wiring and gains."""
+    from .calibrate_parts import gains
+    from .calibrate_wiring import wiring
+    from .flash import HBRIDGE, flash, only_board
+    from .set_id import set_id
+
+    ctx = click.get_current_context()
+    outer = ctx.find_root().params.get("port") or os.environ.get("MRL_PORT")
+    port = way.port or outer or only_board()
+    robot: Dict[str, Any] = {"port": port, "robot": path, "baud": None}
+    if way.flash:
+        ctx.invoke(flash, **robot, build=HBRIDGE, yes=way.yes)
+    ctx.invoke(set_id, **robot, robot_id=made.robot_id, yes=True)
+    ctx.invoke(
+        wiring,
+        **robot,
+        bridge=made.bridge,
+        single_channel=way.single_channel,
+        answers=way.answers,
+        truth=way.truth,
+        yes=way.yes,
+    )
+    confirm(
+        "Put the robot on a free floor. Go on with mrl calibrate gains?", way.yes, _later("gains", path, port)
+    )
+    ctx.invoke(gains, **robot, truth=way.truth, eeprom=True, yes=way.yes)
+    click.echo(f"next, with a tape measure: {_next('straight', path, port)}, then turn and umbmark")
+
+
+def _next(procedure: str, path: str, port: Optional[str]) -> str:
+    return f"mrl calibrate {procedure} --robot {path} --port {port or 'PORT'}"
+
+
+def _later(procedure: str, path: str, port: str) -> str:
+    return f"the wiring is stored; go on later with: {_next(procedure, path, port)}"

@@ -1,0 +1,147 @@
+"""The model file of a new robot with two wheels on an H-bridge, from the few numbers that its builder knows."""
+
+import math
+from typing import Dict, NamedTuple, Set, Tuple
+
+from mrl_driver import yaml_file
+from mrl_driver.errors import ConfigError
+from mrl_driver.protocol.table import BRIDGES, INT16_MAX
+
+from . import RobotModel, load, load_packaged, names, parse
+
+LEAST_ID = 11
+"""Ids below belong to the robots of the papers."""
+LIKE = "duo"
+"""Model whose other numbers a new robot has until it is calibrated."""
+CEILING_SHARE = 0.85
+"""Ceiling of the speed as a share of full speed, so that the control has duty left; assumed."""
+DIAMETER_MM, SEPARATION_MM, COUNTS = (10.0, 650.0), (30.0, 650.0), (4.0, 100_000.0)
+"""Ranges of the numbers; half the separation and the wheel's radius must fit into 16 bits of 0.01 mm."""
+WIRES: Dict[str, Tuple[str, str, str]] = {
+    "vnh5019": ("PWM", "INA", "INB"),
+    "cytron": ("PWM", "", "DIR"),
+    "l298n": ("EN", "IN1", "IN2"),
+    "tb6612": ("PWM", "IN1", "IN2"),
+    "drv8833": ("IN1", "IN2", ""),
+    "bts7960": ("RPWM", "LPWM", ""),
+}
+"""Inputs of each bridge at PWM_A, PWM_B and LOGIC of HARDWARE.md; empty if there is no such wire."""
+
+
+class Kit(NamedTuple):
+    """What the builder of a robot knows."""
+
+    name: str
+    robot_id: int
+    wheel_diameter_mm: float
+    wheel_separation_mm: float
+    counts_per_turn: float
+    """Encoder counts of a wheel turn."""
+    bridge: str
+    """One of `table.BRIDGES`."""
+
+
+def parse_counts(text: str) -> float:
+    """Return a number, or the product of several, such as `1496` or `11 x 4 x 34`.
+
+    Raises:
+        ConfigError: it is not a number in the range of `COUNTS`.
+    """
+    product = 1.0
+    try:
+        for factor in text.lower().replace("*", "x").split("x"):
+            product *= float(factor)
+    except ValueError:
+        product = math.nan
+    low, high = COUNTS
+    if not low <= product <= high:
+        raise ConfigError(
+            f"counts of a wheel turn are {text!r}, expected a number from {low:g} to {high:g}, or a product such as "
+            "11 x 4 x 34"
+        )
+    return product
+
+
+def gearbox_and_counts(counts_per_turn: float) -> Tuple[int, int]:
+    """Return the parameters `gearbox` and `encoder_counts` [0.1]; their product is the counts of a wheel turn."""
+    gearbox = math.ceil(counts_per_turn * 10 / INT16_MAX) * 10
+    return gearbox, round(counts_per_turn * 100 / gearbox)
+
+
+def free_id() -> int:
+    """Return the lowest id from `LEAST_ID` on that no model lists; invalid files of the user do not count."""
+    taken: Set[int] = set()
+    for name in names():
+        try:
+            taken.update(load(name).ids)
+        except ConfigError:
+            continue
+    return next(each for each in range(LEAST_ID, INT16_MAX) if each not in taken)
+
+
+def text_of(kit: Kit) -> str:
+    """Return the YAML file of a new robot."""
+    like = load_packaged(LIKE)
+    diameter_m, separation_m = kit.wheel_diameter_mm / 1000, kit.wheel_separation_mm / 1000
+    gearbox, encoder_counts = gearbox_and_counts(kit.counts_per_turn)
+    full_mm_s = like.board["full_speed"] / 60 * math.pi * kit.wheel_diameter_mm
+    ceiling = max(1, round(CEILING_SHARE * full_mm_s))
+    turning = max(1, min(INT16_MAX, round(2 * ceiling / separation_m)))
+    limits, battery = like.limits, like.battery
+    wheel = f"pi x {diameter_m:.6g} m at {kit.counts_per_turn:g} counts a turn"
+    return f"""\
+# {kit.name}: two wheels on an H-bridge; from mrl new.  Numbers that it did not ask for are assumed.
+name: {kit.name}
+ids: [{kit.robot_id}]
+drive:
+  wheel_separation_m: {separation_m:.6g}
+  metres_per_count: {math.pi * diameter_m / kit.counts_per_turn:.12f}   # {wheel}
+board:
+  axis_radius: {round(kit.wheel_separation_mm * 50)}                # 0.01 mm, half the separation
+  wheel_radius: {round(kit.wheel_diameter_mm * 50)}               # 0.01 mm
+  gearbox: {gearbox}                      # 0.1
+  encoder_counts: {encoder_counts}            # 0.1; times gearbox / 10: counts of a wheel turn
+  kp: {like.board["kp"]}                         # kp, ki, full_speed and friction_duty: mrl calibrate gains
+  ki: {like.board["ki"]}
+  kd: {like.board["kd"]}
+  ramp_time: {like.board["ramp_time"]}                  # ms
+  ramp_gain: {like.board["ramp_gain"]}
+  linear_ceiling: {ceiling}              # mm/s
+  angular_ceiling: {turning}            # mrad/s
+  full_speed: {like.board["full_speed"]}                  # 1/min
+  bridge: {kit.bridge}
+  friction_duty: {like.board["friction_duty"]}                # 0.1 %
+limits:
+  linear_m_s: {min(limits.linear_m_s, ceiling / 1000):g}
+  angular_rad_s: {min(limits.angular_rad_s, turning / 1000):g}
+  linear_acceleration_m_s2: {limits.linear_acceleration_m_s2:g}
+  angular_acceleration_rad_s2: {limits.angular_acceleration_rad_s2:g}
+body:
+  length_m: {separation_m + diameter_m / 2:.3f}
+  width_m: {separation_m + 0.02:.3f}
+  height_m: {diameter_m + 0.03:.3f}
+  mass_kg: {like.body.mass_kg:g}
+  tracks: false
+sonars: {{}}
+battery: {{full_v: {battery.full_v:g}, low_v: {battery.low_v:g}, empty_v: {battery.empty_v:g}, \
+off_v: {battery.off_v:g}, capacity_ah: {battery.capacity_ah:g}}}
+"""
+
+
+def model_of(kit: Kit) -> RobotModel:
+    """Return the model that the file describes.
+
+    Raises:
+        ConfigError: a number is out of range.
+    """
+    for text, value, (low, high) in (
+        ("wheel diameter [mm]", kit.wheel_diameter_mm, DIAMETER_MM),
+        ("wheel separation [mm]", kit.wheel_separation_mm, SEPARATION_MM),
+        ("counts of a wheel turn", kit.counts_per_turn, COUNTS),
+    ):
+        if not low <= value <= high:
+            raise ConfigError(f"{text} is {value:g}, expected a number from {low:g} to {high:g}")
+    if kit.bridge not in BRIDGES[1:]:
+        raise ConfigError(f"bridge is {kit.bridge!r}, expected {', '.join(BRIDGES[1:])}")
+    path = f"{kit.name}.yaml"
+    return parse(yaml_file.parse(text_of(kit), path), path)
