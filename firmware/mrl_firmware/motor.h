@@ -1,4 +1,5 @@
-// The robot's motors and their encoders.  The back end is motor_omni3md.cpp.  Nothing here waits.
+// The robot's motors and their encoders.  build.h selects the back end: motor_omni3md.cpp or
+// motor_bridge.cpp.  Nothing here waits.
 #pragma once
 #include <stdint.h>
 
@@ -53,8 +54,14 @@ void want_counts();
 CountsState counts_state();
 const Counts& counts();
 
+// ---- rows
+
+// What hosts must know of these motors: bits of the reply to 29.
+int16_t capabilities();
 // The row of the reply to 5.
 void report_info();
+// Adds what only some motors have to the reply to 30.
+void report_status();
 
 }  // namespace motor
 }  // namespace mrl

@@ -1,5 +1,9 @@
 // The OMNI-3MD on the bus: finds it, sets it up as soon as it answers and each time it comes back, sends commands, reads
 // its counters.
+#include "build.h"
+
+#if !MRL_BRIDGE
+
 #include "board_clock.h"
 #include "config.h"
 #include "frame_writer.h"
@@ -323,6 +327,8 @@ CountsState counts_state() { return state; }
 
 const Counts& counts() { return last_counts; }
 
+int16_t capabilities() { return CAPABILITY_OMNI; }
+
 void report_info() {
   writer::add(temperature);
   writer::add(version);
@@ -330,6 +336,8 @@ void report_info() {
   writer::add(PROTOCOL_VERSION);
   writer::add(config::get(Parameter::robot_id));
 }
+
+void report_status() {}
 
 bool has_work() {
   return stop_wanted || retry_current || set_up_todo || presence == Presence::asking ||
@@ -374,3 +382,5 @@ void transfer_ended(bus::Result result) {
 
 }  // namespace motor
 }  // namespace mrl
+
+#endif

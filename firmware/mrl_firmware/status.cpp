@@ -6,13 +6,14 @@
 #include "debug.h"
 #include "frame_writer.h"
 #include "hal.h"
+#include "motor.h"
 
 namespace mrl {
 namespace status {
 namespace {
 
 constexpr int16_t CAPABILITIES = CAPABILITY_CHECK | CAPABILITY_WATCHDOG | CAPABILITY_PERIOD | CAPABILITY_CONFIG |
-                                 CAPABILITY_OMNI | CAPABILITY_BAUD |
+                                 CAPABILITY_BAUD |
                                  (MRL_ENVIRONMENT ? CAPABILITY_ENVIRONMENT : CAPABILITY_SONARS) |
                                  (MRL_XBEE ? CAPABILITY_XBEE : 0);
 
@@ -63,7 +64,7 @@ void service() {
 
 void report_protocol() {
   writer::add(PROTOCOL_VERSION);
-  writer::add(CAPABILITIES);
+  writer::add(CAPABILITIES | motor::capabilities());
 }
 
 void report_status() {
@@ -74,6 +75,7 @@ void report_status() {
   writer::add(static_cast<int16_t>(stop_reason));
   writer::add(present_faults | unread_faults);
   writer::add(clamped);
+  motor::report_status();
   unread_faults = 0;
 }
 

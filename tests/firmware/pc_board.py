@@ -139,7 +139,7 @@ class PcBoard:
         return bytes(buffer[: self.native.pc_sent(buffer, 65536)])
 
     def _advance_with_encoders(self, to_s: float) -> None:
-        while self.now_s < to_s:
+        while self.native.pc_now_us() < to_s * 1e6:
             self._advance_slice(min(to_s, self.now_s + EDGE_DELAY_S))
             for edge in self.plant.bridge.take_edges():
                 self.native.pc_edge(edge.pin, edge.level, (edge.time_s + EDGE_DELAY_S) * 1e6)

@@ -1,0 +1,60 @@
+#include "bridge.h"
+
+namespace mrl {
+namespace bridge {
+namespace {
+
+constexpr uint8_t LOW_LEVEL = 0, HIGH_LEVEL = 255;
+
+// Two inputs for the direction, and a third one that is high for the duty.
+Levels with_two_inputs(Bridge chip, bool backward, uint8_t duty, bool coast) {
+  if (duty) {
+    return backward ? Levels{duty, LOW_LEVEL, HIGH_LEVEL} : Levels{duty, HIGH_LEVEL, LOW_LEVEL};
+  }
+  if (!coast) return {HIGH_LEVEL, HIGH_LEVEL, HIGH_LEVEL};
+  // The TB6612's table has no row for all inputs low.
+  return {chip == Bridge::tb6612 ? HIGH_LEVEL : LOW_LEVEL, LOW_LEVEL, LOW_LEVEL};
+}
+
+// The direction stays while the motor brakes, so that the end of the last pulse does not drive in the other direction.
+Levels with_direction(bool backward, uint8_t duty) { return {duty, LOW_LEVEL, backward ? HIGH_LEVEL : LOW_LEVEL}; }
+
+// The motor brakes while both inputs are high, so that its speed is proportional to the duty.
+Levels with_pwm_on_both(Bridge chip, bool backward, uint8_t duty, bool coast) {
+  if (!duty && coast && chip == Bridge::drv8833) return {LOW_LEVEL, LOW_LEVEL, LOW_LEVEL};
+  const uint8_t rest = static_cast<uint8_t>(HIGH_LEVEL - duty);
+  return backward ? Levels{rest, HIGH_LEVEL, LOW_LEVEL} : Levels{HIGH_LEVEL, rest, LOW_LEVEL};
+}
+
+}  // namespace
+
+Levels levels(Bridge chip, bool backward, uint8_t duty, bool coast) {
+  switch (chip) {
+    case Bridge::vnh5019:
+    case Bridge::l298n:
+    case Bridge::tb6612:
+      return with_two_inputs(chip, backward, duty, coast);
+    case Bridge::cytron:
+      return with_direction(backward, duty);
+    case Bridge::drv8833:
+    case Bridge::bts7960:
+      return with_pwm_on_both(chip, backward, duty, coast);
+    default:
+      return {LOW_LEVEL, LOW_LEVEL, LOW_LEVEL};
+  }
+}
+
+hal::PwmRate rate(Bridge chip) {
+  switch (chip) {
+    case Bridge::l298n:
+      return hal::PwmRate::slow;
+    case Bridge::tb6612:
+    case Bridge::drv8833:
+      return hal::PwmRate::fast;
+    default:
+      return hal::PwmRate::medium;
+  }
+}
+
+}  // namespace bridge
+}  // namespace mrl
