@@ -30,6 +30,13 @@ ROBOT_KEYS = (
     Key("control", 20.0, 10.0, 40.0, "rate of the motor board's control loop [Hz]"),
     Key("noise", 0.0, 0.0, 0.01, "variance of a wheel's distance per distance [m2/m]"),
     Key("turn_noise", 0.0, 0.0, 0.1, "variance of the yaw per angle turned [rad2/rad]"),
+    Key(
+        "phase",
+        0.0,
+        -0.45,
+        0.45,
+        "delay of an encoder's channel B on an H-bridge board, as a share of a count",
+    ),
 )
 SONAR_KEYS = (
     Key("noise", 0.0, 0.0, 1.0, "standard deviation [m]"),
@@ -47,7 +54,7 @@ def robot_errors(text: str) -> Errors:
     values = _values("--error", text, ROBOT_KEYS)
     ratio, size = values["wheel_ratio"], values["wheel_size"]
     left = 2.0 / (1.0 + ratio) * size
-    others = ("axle", "slip", "load", "control", "noise", "turn_noise")
+    others = ("axle", "slip", "load", "control", "noise", "turn_noise", "phase")
     return Errors(left, left * ratio, *(values[key] for key in others))
 
 

@@ -98,6 +98,7 @@ class BridgePlant:
 
     Args:
         wiring: How the cables are connected: a sum of rows of the wiring table, as in parameter 20.
+        phase_error: Delay of the edges of both encoders' channel B, as a share of a count.
 
     Attributes:
         encoders: What is at the board's two encoder inputs.
@@ -105,7 +106,9 @@ class BridgePlant:
         time_s: Time of the last `advance`.
     """
 
-    def __init__(self, robot: RobotPhysics, model: RobotModel, wiring: int = 1) -> None:
+    def __init__(
+        self, robot: RobotPhysics, model: RobotModel, wiring: int = 1, phase_error: float = 0.0
+    ) -> None:
         row = PARAMETER_BY_NAME["wiring"]
         if not row.low <= wiring <= row.high:
             raise ConfigError(f"wiring is {wiring!r}, expected {row.low} to {row.high}: see the wiring table")
@@ -116,7 +119,11 @@ class BridgePlant:
         self._set = {name for name, bit in _BITS.items() if wiring & bit}
         single = "single_channel" in self._set
         self.encoders = tuple(
-            Quadrature(single=single, reversed_=self._is_reversed("encoder", self._wheel("encoders", each)))
+            Quadrature(
+                phase_error,
+                single,
+                reversed_=self._is_reversed("encoder", self._wheel("encoders", each)),
+            )
             for each in (0, 1)
         )
         self.levels: Dict[int, int] = {}

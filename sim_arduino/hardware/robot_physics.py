@@ -103,6 +103,8 @@ class Errors(NamedTuple):
     """Variance of a wheel's distance on the floor, per distance [m2/m]."""
     turn_noise: float = 0.0
     """Variance of the yaw by slip, per angle turned [rad2/rad]."""
+    encoder_phase: float = 0.0
+    """Delay of the edges of an encoder's channel B on an H-bridge board, as a share of a count, -0.45 to 0.45."""
 
 
 AS_MODELLED = Errors()

@@ -82,7 +82,9 @@ class Plant:
             self.robot.allow = Bumper(self.world, self.footprint, name).share
         if battery_v is not None:
             self.robot.set_battery(battery_v)
-        self.bridge = BridgePlant(self.robot, model, wiring) if has_bridge(model) else None
+        self.bridge = (
+            BridgePlant(self.robot, model, wiring, errors.encoder_phase) if has_bridge(model) else None
+        )
         self._omni3md = None if self.bridge else Omni3MD(self.robot, model)
         self.environment = dataclasses.replace(self.world.scene.ambient)
         self.sonars_fitted = sonars

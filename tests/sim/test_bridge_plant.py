@@ -130,6 +130,14 @@ def test_a_single_channel_has_edges_on_channel_a_only():
     assert {edge.pin for edge in drive(plant, 1, 1)} == {2, 8}
 
 
+def test_a_phase_error_delays_channel_b():
+    """By a fifth of a count at the wheel's speed."""
+    exact, late = (drive(plant_of(errors=Errors(encoder_phase=phase)), 1, 0, 0.3) for phase in (0.0, 0.2))
+    ahead, behind = ([edge.time_s for edge in edges if edge.pin == 4][-1] for edges in (exact, late))
+    counts_s = len(exact) / 0.3
+    assert 0.05 / counts_s < behind - ahead < 0.4 / counts_s
+
+
 def test_a_wiring_outside_the_table_is_refused():
     with pytest.raises(ConfigError, match="wiring is 256, expected 0 to 255"):
         Plant(bridged(), wiring=256)

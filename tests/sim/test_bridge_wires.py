@@ -88,6 +88,15 @@ def test_edges_are_planned_ahead_of_the_chip_and_none_is_missing(rig):
     assert len(chip.edges) == pytest.approx(turned, abs=2)
 
 
+def test_no_edge_is_planned_in_the_past(rig):
+    """A wire that breaks jumps at the end of a slice, which the chip has passed by some cycles."""
+    chip, plant, wires = rig
+    wires.run(MS, chip.run_until)
+    plant.bridge.encoder(0).open(0, True)
+    wires.run(2 * MS, chip.run_until)
+    assert chip.edges == [(2 * MS + chip.overshoot, 2, 2 * MS + chip.overshoot)]
+
+
 def test_the_motors_are_at_most_one_slice_ahead(rig):
     chip, plant, wires = rig
     for cycle in (1, 100, MS - 10, MS, MS + 1, 5 * MS + 7):
