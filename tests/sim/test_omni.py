@@ -120,14 +120,16 @@ def test_wheel_ratio_keeps_the_mean():
 
 
 def test_all_keys_of_a_robot():
-    errors = robot_errors("wheel_size=1.1,axle=0.98,slip=0.1,load=1.5,control=40,noise=2e-5,turn_noise=1e-4")
-    assert errors == pytest.approx((1.1, 1.1, 0.98, 0.1, 1.5, 40.0, 2e-5, 1e-4))
+    errors = robot_errors(
+        "wheel_size=1.1,axle=0.98,slip=0.1,load=1.5,control=40,noise=2e-5,turn_noise=1e-4,phase=0.2"
+    )
+    assert errors == pytest.approx((1.1, 1.1, 0.98, 0.1, 1.5, 40.0, 2e-5, 1e-4, 0.2))
 
 
 def test_errors_out_of_a_file(tmp_path):
     path = tmp_path / "robot7.yaml"
     path.write_text("axle: 1.03\nslip: 0.05\n")
-    assert robot_errors(str(path)) == pytest.approx((1.0, 1.0, 1.03, 0.05, 1.0, 20.0, 0.0, 0.0))
+    assert robot_errors(str(path)) == pytest.approx((1.0, 1.0, 1.03, 0.05, 1.0, 20.0, 0.0, 0.0, 0.0))
 
 
 def test_errors_of_sonars():
