@@ -22,6 +22,7 @@ class FakeBoard:
         self.robot_id, self.version, self.stream_code = robot_id, version, stream_code
         self.boot_s = boot_s
         self.battery, self.temperature = 1200, 2500
+        self.faults = 0
         self.capabilities = {name for name, _ in CAPABILITIES[:5]}
         self.sonars = (120, 45, 645)
         self.right = self.left = 0.0
@@ -124,7 +125,7 @@ class FakeBoard:
             names = [name for name, _ in CAPABILITIES]
             self._say(29, 2, sum(1 << names.index(name) for name in self.capabilities))
         elif code == 30:
-            self._say(30, 0, int(now - self.started_s), 1, self.stop_reason, 0, 0)
+            self._say(30, 0, int(now - self.started_s), 1, self.stop_reason, self.faults, 0)
         elif code == 31:
             self._say(31, *[0] * 11)
         elif code == 32:

@@ -446,7 +446,8 @@ class Driver:
         Reasons of this program (`motion_command.STOPS`): `user`, `not_a_number`, `command_timeout`, `battery`,
         `wheel_mismatch`, `stale` (no telemetry), `restarted` (the board restarted), `link_lost`, `host_paused` (this
         program stood still), `closed`.  Reasons of the board (`table.STOP_REASONS`): `link_watchdog`, `stall`,
-        `motor_board`, `boot`, `check_ended`; these are known within half a second.
+        `motor_board`, `boot`, `check_ended`, and of H-bridge boards `wheel_blocked` (full drive, no movement),
+        `encoder` (silent, or counts in the wrong direction) and `undervoltage`; these are known within half a second.
         """
         motion = self._motion
         return motion.stop_reason if motion else "none"
@@ -497,7 +498,12 @@ class Driver:
     @property
     def warning(self) -> str:
         """A warning for the user about this board; empty if there is none."""
-        info = self._core.state.info
+        info, status = self._core.state.info, self.status
+        if status is not None and "wiring" in status.faults:
+            return (
+                "the board refuses to move, because its bridge or wiring is not set; set it with: mrl calibrate wiring "
+                "--port PORT"
+            )
         if info is None or info.protocol >= 2:
             return ""
         name = "1 (2013)" if info.version < 2 else f"{info.version} without protocol"

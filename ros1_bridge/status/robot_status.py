@@ -31,6 +31,8 @@ MODES = {
 """Mode by the reason why the robot may not move; without a reason the mode is `drive` or `pose`."""
 HARMLESS = (NONE, "user", DISABLED, "closed")
 """Reasons for a stop that do not make it a safety stop."""
+FAULTY = ("wheel blocked", "encoder", "undervoltage")
+"""Stops by an H-bridge board that somebody must look into."""
 State = Tuple[bool, str, bool, Tuple[str, str]]
 
 
@@ -134,7 +136,7 @@ def motion_health(moving: bool, cause: str) -> LinkHealth:
         return LinkHealth(ERROR, f"no telemetry; {MAY_MOVE}")
     if moving or cause == NONE:
         return LinkHealth(OK, "moving" if moving else "ready")
-    level = ERROR if cause in (LINK, BATTERY, WHEEL) else WARN if cause in MODES else OK
+    level = ERROR if cause in (LINK, BATTERY, WHEEL, *FAULTY) else WARN if cause in MODES else OK
     return LinkHealth(level, f"stopped by {cause}")
 
 

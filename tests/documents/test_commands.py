@@ -157,6 +157,7 @@ def test_links_between_documents_lead_somewhere():
         "README.md",
         "CONTRIBUTING.md",
         "HARDWARE.md",
+        "docs/own_robot.md",
         "firmware/README.md",
         "ros1_bridge/README.md",
     ):

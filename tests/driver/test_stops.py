@@ -11,7 +11,7 @@ import pytest
 
 from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import FrameError
-from mrl_driver.protocol.table import STOP_REASONS
+from mrl_driver.protocol.table import FAULTS, STOP_REASONS
 from mrl_driver.safety.wheel_monitor import DEAD, POWERLESS, Mismatch
 from mrl_driver.session import session
 from mrl_driver.session.motion_command import STOPS
@@ -185,9 +185,17 @@ def test_the_end_of_a_program_stops_a_robot_that_was_not_closed(serve):
     assert port.board.moves
 
 
-def test_a_stop_by_the_board_is_told_with_its_status(robot):
-    robot.fake.stop_reason = STOP_REASONS.index("motor_board")
-    wait_until(lambda: robot.stop_reason == "motor_board")
+@pytest.mark.parametrize("reason", ["motor_board", "wheel_blocked", "encoder", "undervoltage"])
+def test_a_stop_by_the_board_is_told_with_its_status(robot, reason):
+    robot.fake.stop_reason = STOP_REASONS.index(reason)
+    wait_until(lambda: robot.stop_reason == reason)
+
+
+def test_a_board_that_refuses_to_move_is_warned_of(serve):
+    port = serve()
+    port.board.faults = 1 << [name for name, _ in FAULTS].index("wiring")
+    with Driver(port.path) as robot:
+        assert "its bridge or wiring is not set; set it with: mrl calibrate wiring" in robot.warning
 
 
 def test_the_reason_of_a_robot_that_was_never_stopped(serve):

@@ -53,6 +53,9 @@ def test_each_status_is_a_message_of_its_own():
         (TIMEOUT, OK, "drive", "true"),
         (EMERGENCY, WARN, "emergency stop", "false"),
         (BATTERY, ERROR, "battery", "false"),
+        ("wheel blocked", ERROR, "drive", "true"),
+        ("encoder", ERROR, "drive", "true"),
+        ("undervoltage", ERROR, "drive", "true"),
     ],
 )
 def test_status_says_what_keeps_the_robot_from_moving(cause, level, mode, ready):

@@ -67,10 +67,10 @@ def wiring(job: Job, unseen: bool, recording: Optional[str], **options: Any) -> 
             "--unseen to skip the question which wheel turned, or --answers with an H-bridge board"
         )
     with calibrate_job.connect(job) as driver:
-        warn(driver)
         if CAPABILITY in driver.board.capabilities:
             _store(driver, job, given, unseen)
         else:
+            warn(driver)
             _report(_check(driver, job, unseen), job)
 
 
