@@ -6,7 +6,7 @@ namespace {
 
 constexpr uint8_t LOW_LEVEL = 0, HIGH_LEVEL = 255;
 
-// Two inputs for the direction, and a third one that is high for the duty.
+// Two inputs for the direction, and PWM on a third one.
 Levels with_two_inputs(Bridge chip, bool backward, uint8_t duty, bool coast) {
   if (duty) {
     return backward ? Levels{duty, LOW_LEVEL, HIGH_LEVEL} : Levels{duty, HIGH_LEVEL, LOW_LEVEL};
@@ -14,6 +14,14 @@ Levels with_two_inputs(Bridge chip, bool backward, uint8_t duty, bool coast) {
   if (!coast) return {HIGH_LEVEL, HIGH_LEVEL, HIGH_LEVEL};
   // The TB6612's table has no row for all inputs low.
   return {chip == Bridge::tb6612 ? HIGH_LEVEL : LOW_LEVEL, LOW_LEVEL, LOW_LEVEL};
+}
+
+// The L298N coasts while EN is low.  With PWM on IN1 it brakes between the pulses, which makes the speed proportional to
+// the duty.
+Levels with_enable(bool backward, uint8_t duty, bool coast) {
+  if (!duty && coast) return {LOW_LEVEL, LOW_LEVEL, LOW_LEVEL};
+  if (backward) return {HIGH_LEVEL, static_cast<uint8_t>(HIGH_LEVEL - duty), HIGH_LEVEL};
+  return duty ? Levels{HIGH_LEVEL, duty, LOW_LEVEL} : Levels{HIGH_LEVEL, HIGH_LEVEL, HIGH_LEVEL};
 }
 
 // The direction stays while the motor brakes, so that the end of the last pulse does not drive in the other direction.
@@ -31,9 +39,10 @@ Levels with_pwm_on_both(Bridge chip, bool backward, uint8_t duty, bool coast) {
 Levels levels(Bridge chip, bool backward, uint8_t duty, bool coast) {
   switch (chip) {
     case Bridge::vnh5019:
-    case Bridge::l298n:
     case Bridge::tb6612:
       return with_two_inputs(chip, backward, duty, coast);
+    case Bridge::l298n:
+      return with_enable(backward, duty, coast);
     case Bridge::cytron:
       return with_direction(backward, duty);
     case Bridge::drv8833:

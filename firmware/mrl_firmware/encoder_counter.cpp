@@ -3,7 +3,7 @@
 namespace mrl {
 
 // Rounds down.
-int16_t EncoderCounter::read(int32_t travel) const {
+__attribute__((noinline)) int16_t EncoderCounter::read(int32_t travel) const {
   const int32_t moved = travel - travel_;
   if (prescale_ == 1) return static_cast<int16_t>(count_ + moved);
   const int32_t steps = (moved < 0 ? moved - prescale_ + 1 : moved) / prescale_;

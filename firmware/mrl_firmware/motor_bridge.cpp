@@ -105,7 +105,7 @@ bool allowed() {
 }
 
 // For each move: whether it may begin.  A masked encoder gets another chance.
-bool begin_move(bool moves) {
+__attribute__((noinline)) bool begin_move(bool moves) {
   if (!moves) refused = false;
   if (!allowed()) return false;
   for (uint8_t i = 0; i < SIDES; i++) {
@@ -118,7 +118,7 @@ bool begin_move(bool moves) {
 
 // ---- periods
 
-int16_t moved_by(uint8_t wheel, const hal::EncoderSample& now) {
+__attribute__((noinline)) int16_t moved_by(uint8_t wheel, const hal::EncoderSample& now) {
   const uint8_t encoder = encoder_of(wheel);
   const int16_t counts = static_cast<int16_t>(now.count[encoder] - last_counts[encoder]);
   return oriented(wheel, counts);
@@ -160,7 +160,7 @@ bool take_settings() {
 }
 
 // The travel at this moment, beyond the last sample.
-int32_t travel_of(uint8_t wheel) {
+__attribute__((noinline)) int32_t travel_of(uint8_t wheel) {
   hal::encoder_read(live);
   return wheels[wheel].travel() + moved_by(wheel, live);
 }

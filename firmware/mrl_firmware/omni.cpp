@@ -21,6 +21,7 @@ void report_encoders() {
 namespace handlers {
 
 void move_omni(const int16_t* args, uint8_t) {
+  if (!(motor::capabilities() & CAPABILITY_OMNI)) return status::refuse(Reason::unavailable);
   int16_t speed = args[0], rotation = args[1];
   ceiling::clamp_shares(speed, rotation);
   if (!motor::move_omni(static_cast<uint8_t>(speed), rotation, args[2])) status::refuse(Reason::unavailable);

@@ -22,10 +22,10 @@ constexpr uint32_t PER_MM_S = 4005265287;
 // FULL * 256 * 4.992 ms
 constexpr uint32_t RAMP = 20937966;
 
-uint32_t number(Parameter parameter) { return static_cast<uint16_t>(config::get(parameter)); }
+__attribute__((noinline)) uint32_t number(Parameter parameter) { return static_cast<uint16_t>(config::get(parameter)); }
 
 // A product with a constant, whose low 16 bits are dropped, rounded.
-uint16_t times(Parameter parameter, uint32_t factor_q16) {
+__attribute__((noinline)) uint16_t times(Parameter parameter, uint32_t factor_q16) {
   return static_cast<uint16_t>((number(parameter) * factor_q16 + 32768) >> 16);
 }
 

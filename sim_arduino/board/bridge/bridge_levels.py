@@ -19,8 +19,10 @@ _FAST_PWM = ("vnh5019", "cytron", "bts7960")
 
 def levels(chip: str, backward: bool, duty: int, coast: bool) -> Levels:
     """A drive with a duty of 0 to 255; 0 brakes, or lets the motor coast if the chip can."""
-    if chip in ("vnh5019", "l298n", "tb6612"):
+    if chip in ("vnh5019", "tb6612"):
         return _with_two_inputs(chip, backward, duty, coast)
+    if chip == "l298n":
+        return _with_enable(backward, duty, coast)
     if chip == "cytron":
         return Levels(duty, LOW, HIGH if backward else LOW)
     if chip in ("drv8833", "bts7960"):
@@ -34,6 +36,15 @@ def _with_two_inputs(chip: str, backward: bool, duty: int, coast: bool) -> Level
     if not coast:
         return Levels(HIGH, HIGH, HIGH)
     return Levels(HIGH if chip == "tb6612" else LOW, LOW, LOW)
+
+
+def _with_enable(backward: bool, duty: int, coast: bool) -> Levels:
+    """PWM is on IN1: the motor brakes between the pulses, so that its speed is proportional to the duty."""
+    if not duty and coast:
+        return _OFF
+    if backward:
+        return Levels(HIGH, HIGH - duty, HIGH)
+    return Levels(HIGH, duty, LOW) if duty else Levels(HIGH, HIGH, HIGH)
 
 
 def _with_pwm_on_both(chip: str, backward: bool, duty: int, coast: bool) -> Levels:
