@@ -8,9 +8,25 @@ constexpr uint16_t LEAST_TICKS = 120;  // 7.7 ms: two samples at high speed
 constexpr uint16_t MOST_COUNTS = 400;  // in a measurement; more would overflow
 constexpr uint8_t STANDING = 200;      // samples, 1 s; the ticks of five marks then still fit into 16 bits
 
+// n / d, at most 65535.  The compiler's division of 32 bits takes 38 us on the chip, this one 15 us.
+__attribute__((noinline)) uint16_t quotient(uint32_t n, uint16_t d) {
+  uint16_t high = static_cast<uint16_t>(n >> 16), low = static_cast<uint16_t>(n);
+  if (high >= d) return UINT16_MAX;
+  for (uint8_t bits = 16; bits; bits--) {
+    const bool carry = high & 0x8000;
+    high = static_cast<uint16_t>(high << 1 | low >> 15);
+    low = static_cast<uint16_t>(low << 1);
+    if (carry || high >= d) {
+      high = static_cast<uint16_t>(high - d);
+      low |= 1;
+    }
+  }
+  return low;
+}
+
 }  // namespace
 
-void SpeedEstimate::update(const WheelSettings& settings, uint16_t count, uint16_t edge_tick, uint16_t tick) {
+__attribute__((noinline)) void SpeedEstimate::update(const WheelSettings& settings, uint16_t count, uint16_t edge_tick, uint16_t tick) {
   if (!used_) return rest(count, tick);
   if (count == marks_[0].count) {
     if (quiet_ < STANDING) quiet_++;
@@ -44,17 +60,17 @@ void SpeedEstimate::measure(const WheelSettings& settings) {
   counts_ = static_cast<uint16_t>(backward_ ? -counts : counts);
   if (counts_ > MOST_COUNTS) counts_ = MOST_COUNTS;
   if (ticks_ < PERIOD_TICKS) ticks_ = PERIOD_TICKS;  // the first edges after a rest: less is not known
-  set_speed(settings.share_per_count_tick * counts_ / ticks_);
+  set_speed(quotient(settings.share_per_count_tick * counts_, ticks_));
 }
 
 // Without an edge for 1.5 times as long as expected, the wheel is slower than it was: at most 1.5 counts in this time.
 void SpeedEstimate::fade(const WheelSettings& settings, uint16_t waited) {
   if (2 * static_cast<uint32_t>(waited) * counts_ > 3 * static_cast<uint32_t>(ticks_)) {
-    set_speed(settings.share_per_count_tick * 3 / 2 / waited);
+    set_speed(quotient(settings.share_per_count_tick * 3 / 2, waited));
   }
 }
 
-void SpeedEstimate::set_speed(uint32_t magnitude) {
+void SpeedEstimate::set_speed(uint16_t magnitude) {
   const int16_t most = magnitude < INT16_MAX ? static_cast<int16_t>(magnitude) : INT16_MAX;
   speed_ = static_cast<int16_t>(backward_ ? -most : most);
 }

@@ -26,7 +26,7 @@ class SpeedEstimate {
   void rest(uint16_t count, uint16_t tick);
   void measure(const WheelSettings& settings);
   void fade(const WheelSettings& settings, uint16_t waited);
-  void set_speed(uint32_t magnitude);
+  void set_speed(uint16_t magnitude);
 
   Mark marks_[MARKS];  // newest first: samples in which the counter had changed
   uint8_t used_ = 0;

@@ -37,7 +37,8 @@ void Wheel::stop() {
   duty_ = 0;
 }
 
-StopReason Wheel::update(const WheelSettings& settings, int16_t moved, uint16_t edge_tick, uint16_t tick) {
+// Not merged into the loop, where the compiler would compute the wheel's address for each member.
+__attribute__((noinline)) StopReason Wheel::update(const WheelSettings& settings, int16_t moved, uint16_t edge_tick, uint16_t tick) {
   const bool edges = edge_tick != edge_tick_;
   edge_tick_ = edge_tick;
   travel_ += moved;

@@ -20,7 +20,7 @@ void add(uint8_t& count, uint8_t most = UINT8_MAX) {
 
 }  // namespace
 
-StopReason WheelWatch::update(const WheelSettings& settings, int8_t direction, int16_t duty, int16_t moved, bool edges,
+__attribute__((noinline)) StopReason WheelWatch::update(const WheelSettings& settings, int8_t direction, int16_t duty, int16_t moved, bool edges,
                               int16_t speed, bool controlled) {
   if (moved) add(seen_, ALIVE);
   if (direction != direction_) note_direction(direction, speed);
