@@ -1,1 +1,1 @@
-"""The hardware wired to the Arduino: motors, H-bridges, encoders, motor board, sonars, sensors, body. Imports world."""
+"""The hardware wired to the Arduino: motors, bridges, encoders, motor board, sonars, sensors, body. Imports world."""
