@@ -391,7 +391,7 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   MODEL(1, 3, 8700, 2700, 437, 640, 700, 400, 200, 2500, 0, 650, 5000) \
   MODEL(4, 5, 11000, 1900, 437, 640, 350, 200, 100, 1500, 0, 600, 4000) \
   MODEL(21, 22, 10000, 3000, 437, 640, 700, 400, 200, 1500, 0, 500, 5000) \
-  MODEL(23, 25, 7500, 3250, 340, 440, 1000, 10000, 0, 1000, 0, 500, 6000)
+  MODEL(23, 25, 7500, 3250, 340, 440, 1600, 23700, 0, 1000, 0, 500, 6000)
 
 // the parameters after those, the same for all models
 #define MRL_COMMON_DEFAULTS(VALUE) \

@@ -1,8 +1,8 @@
 """Tunes the speed control of an H-bridge board: fits each motor to steps of its duty, and computes PI gains.
 
 A motor that gets a duty above its dead band approaches gain (|duty| - dead band) with one time constant.  The control
-law, with the error as a share of full speed, is: duty = friction sign(target) + kp error + ki integral(error), limited
-to -1..1.
+law, with the error as a share of full speed, is: duty = friction + kp error + ki integral(error) in the target's
+direction, limited to 0..1.
 
 The gains follow lambda tuning, also called IMC tuning: D. E. Rivera, M. Morari and S. Skogestad, "Internal model
 control: PID controller design", Ind. Eng. Chem. Process Des. Dev. 25 (1986) 252-265, in the form of S. Skogestad,

@@ -118,7 +118,7 @@ def test_a_value_beyond_its_parameter_is_refused():
 def speeds_under_control(motor, gains, target_counts_s, seconds=1.0):
     """(N,) true speeds every 1 ms, as shares of the target, of the control law with whole counts at 200 Hz.
 
-    The speed is measured over 10 ms, and a duty acts 1 ms after the counts.
+    The speed is measured over 10 ms, and a duty acts 1 ms after the counts.  A duty never drives against the target.
     """
     full, speed, way, integral, duty = gains.full_speed * COUNTS_A_TURN / 60, 0.0, 0.0, 0.0, 0.0
     counts, true = [0.0, 0.0, 0.0], []
@@ -126,12 +126,12 @@ def speeds_under_control(motor, gains, target_counts_s, seconds=1.0):
         counts = [*counts[1:], float(np.floor(way))]
         error = (target_counts_s - (counts[-1] - counts[0]) / 0.010) / full
         ask = gains.friction_duty / 1000 + gains.kp / 1000 * error + integral
-        if abs(ask) < 1 or ask * error < 0:
+        if 0 < ask < 1 or ask * error < 0:
             integral += gains.ki / 1000 * error * 0.005
-        before, duty = duty, float(np.clip(ask, -1, 1))
+        before, duty = duty, float(np.clip(ask, 0, 1))
         for millisecond in range(5):
             applied = duty if millisecond else before
-            bound = motor.gain_counts_s * np.sign(applied) * max(0.0, abs(applied) - motor.dead_band)
+            bound = motor.gain_counts_s * max(0.0, applied - motor.dead_band)
             speed = bound + (speed - bound) * np.exp(-0.001 / motor.time_constant_s)
             way += speed * 0.001
             true.append(speed / target_counts_s)

@@ -1,11 +1,16 @@
-"""The pin table of HARDWARE.md is the firmware's pins.h."""
+"""The pins in HARDWARE.md, in tables and drawings, are those of the firmware's pins.h."""
 
 import re
+
+import pytest
 
 from .blocks import ROOT
 
 PINS = (ROOT / "firmware" / "mrl_firmware" / "pins.h").read_text(encoding="utf-8")
-TABLE = (ROOT / "HARDWARE.md").read_text(encoding="utf-8").split("## Pins")[1].split("##")[0]
+TEXT = (ROOT / "HARDWARE.md").read_text(encoding="utf-8")
+BRIDGE = TEXT.split("## H-bridge build")[1].split("\n## ")[0]
+DRAWN = {"L298N": "L298N module", "TB6612": "TB6612 board"}
+"""Bridges with a drawing, and their columns in the table of wires."""
 
 
 def constants(text):
@@ -27,13 +32,54 @@ def number(pin):
     return int(pin[1:]) + (14 if pin[0] == "A" else 0)
 
 
-def in_table():
-    columns = [{}, {}, {}, {}, {}]
-    for cells in re.findall(r"^\| ([AD]\d+) \|(.*)\|(.*)\|(.*)\|(.*)\|(.*)\|$", TABLE, re.M):
-        for column, cell in zip(columns, cells[1:]):
-            column.update({name: number(cells[0]) for name in re.findall(r"`(\w+)`", cell)})
-    return columns
+def rows_of(text):
+    """Cells of the rows that begin with a pin."""
+    lines = re.findall(r"^\| (?:[AD]\d+) \|.*\|$", text, re.M)
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
 
 
-def test_pins_are_those_of_the_firmware():
-    assert in_table() == in_header()
+def column(rows, at):
+    """Names in one column and their pins."""
+    return {name: number(row[0]) for row in rows for name in re.findall(r"`(\w+)`", row[at])}
+
+
+def terminals(title):
+    """Pins of the terminals of a bridge, in the table of wires."""
+    (head,) = re.findall(r"^\| Uno pin \| function \| VNH.*$", BRIDGE, re.M)
+    at = [cell.strip() for cell in head.strip("|").split("|")].index(title)
+    return {row[at]: row[0] for row in rows_of(BRIDGE) if len(row) > at}
+
+
+def test_the_pin_table_is_that_of_the_firmware():
+    rows = rows_of(TEXT.split("## Pins")[1].split("##")[0])
+    assert [column(rows, at) for at in range(1, 6)] == in_header()
+
+
+def test_each_wire_of_a_bridge_is_at_its_pin():
+    wires, bridge = column(rows_of(BRIDGE), 1), in_header()[2]
+    assert wires == {name: pin for name, pin in bridge.items() if "PWM" in name or "LOGIC" in name}
+
+
+@pytest.mark.parametrize("name", DRAWN)
+def test_a_drawing_shows_the_pins_of_its_table(name):
+    drawing = BRIDGE.split(f"### {name}, step by step")[1].split("```")[1]
+    drawn = re.findall(r"Uno (D\d+) +-+\| (\w+)", drawing)
+    assert {terminal: pin for pin, terminal in drawn} == terminals(DRAWN[name])
+
+
+def test_the_resistor_is_drawn_at_an_input_of_the_l298n():
+    ((pin, terminal),) = re.findall(r"Uno (D\d+) ----\+---- (\w+)", BRIDGE)
+    assert terminals(DRAWN["L298N"])[terminal] == pin
+
+
+def test_the_divider_is_drawn_at_its_pin():
+    (pin,) = re.findall(r"Uno ([AD]\d+) -+\+---- 100 nF", BRIDGE)
+    assert number(pin) == in_header()[2]["BATTERY"]
+
+
+def test_timers_of_the_pwm_are_named_with_their_pins():
+    """Timer 0 drives D5 and D6, timer 2 drives D3 and D11 (ATmega328P data sheet, OC0 and OC2)."""
+    (first, second) = re.search(r"timer 0 \((.*?)\) and timer 2 \((.*?)\)", BRIDGE).groups()
+    bridge = in_header()[2]
+    assert {number(pin) for pin in first.split(", ")} == {bridge["LEFT_PWM_A"], bridge["LEFT_PWM_B"]}
+    assert {number(pin) for pin in second.split(", ")} == {bridge["RIGHT_PWM_A"], bridge["RIGHT_PWM_B"]}
