@@ -3,6 +3,8 @@
 
 #include <stdlib.h>
 
+enum { SBI_HIGH = 0x9A, CBI_HIGH = 0x98 }; /* first byte of the opcodes */
+
 bool board_room(void **items, size_t *room, size_t count, size_t item_size) {
     if (count < *room)
         return true;
@@ -13,6 +15,22 @@ bool board_room(void **items, size_t *room, size_t count, size_t item_size) {
     *items = grown;
     *room = wanted;
     return true;
+}
+
+/* The bits that a write sets in a register where ones act and zeros do nothing.
+ *
+ * SBI and CBI act on their bit alone, but the core reads the register and writes all of it. */
+uint8_t board_written_ones(const avr_t *avr, uint8_t value) {
+    uint8_t high = avr->flash[avr->pc + 1], bit = (uint8_t)(1 << (avr->flash[avr->pc] & 7));
+    if (high == SBI_HIGH)
+        return bit;
+    return high == CBI_HIGH ? 0 : value;
+}
+
+/* Write handler of a register of interrupt flags: a one clears. */
+void board_clear_flags(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    (void)param;
+    avr->data[address] &= (uint8_t)~board_written_ones(avr, value);
 }
 
 /* Makes the run loop look at all interrupt sources after the current instruction. */
@@ -30,13 +48,22 @@ void board_write_and_recheck(avr_t *avr, avr_io_addr_t address, uint8_t value, v
     board_recheck(wrapped->board);
 }
 
-void board_on_write(board_t *board, int address, avr_io_write_t handler) {
-    board->wrapped[address] = (wrapped_t){board, handler, board};
+/* The handler, or plain memory for NULL, gets `param`. */
+void board_on_write_for(board_t *board, int address, avr_io_write_t handler, void *param) {
+    board->wrapped[address] = (wrapped_t){board, handler, param};
     board->avr->io[address - 32].w.c = board_write_and_recheck;
     board->avr->io[address - 32].w.param = &board->wrapped[address];
 }
 
-void board_on_read(board_t *board, int address, avr_io_read_t handler) {
+void board_on_read_for(board_t *board, int address, avr_io_read_t handler, void *param) {
     board->avr->io[address - 32].r.c = handler;
-    board->avr->io[address - 32].r.param = board;
+    board->avr->io[address - 32].r.param = param;
+}
+
+void board_on_write(board_t *board, int address, avr_io_write_t handler) {
+    board_on_write_for(board, address, handler, board);
+}
+
+void board_on_read(board_t *board, int address, avr_io_read_t handler) {
+    board_on_read_for(board, address, handler, board);
 }

@@ -1,5 +1,5 @@
 /* One simulated Arduino Uno: libsimavr's ATmega328P core with peripherals of our own where 1.6 is not true to
- * the chip (USART0, TWI, ADC, EEPROM, watchdog, timer 1, sleep, interrupts).
+ * the chip (USART0, TWI, ADC, EEPROM, watchdog, timers, pins and their interrupts, sleep, interrupts).
  *
  * libsimavr is GPL. This code is compiled on the user's machine; no binary linked with it is shipped.
  * All times are CPU cycles since power-up; numbers are from the ATmega328P datasheet unless named otherwise.
@@ -102,23 +102,44 @@ typedef struct {
     uint8_t high;
 } timer1_t;
 
+/* The output of a compare unit; `level` is kept while the pin is not driven, too. */
+typedef struct {
+    bool level, driving;
+    uint64_t high_cycles, high_from; /* cycles for which it drove the pin high, counted up to `high_from` */
+} timer8_output_t;
+
+typedef struct {
+    board_t *board;
+    const chip_timer8_t *at;
+    uint64_t origin, counted; /* the prescaler's start; number of its edges that are counted */
+    int shift;                /* the prescaler divides by 1 << shift; negative while the timer stands */
+    uint8_t mode;             /* WGM */
+    uint8_t com[OUTPUTS];     /* what the compare unit does to its output; 0 while the mode disconnects it */
+    uint8_t count, top, compare[OUTPUTS], buffer[OUTPUTS];
+    bool down, written; /* counts down; TCNT has been written since the last count */
+    timer8_output_t output[OUTPUTS];
+} timer8_t;
+
 typedef struct {
     uint64_t cycle;
     uint8_t port, bit, level;
 } pin_event_t;
 
+/* One port. The masks have a bit a pin. */
 typedef struct {
     board_t *board;
-    int port;
-    avr_io_write_t write;
-    void *param;
-} port_register_t;
+    const chip_port_t *at;
+    uint8_t level, outputs;              /* as the last comparison saw them */
+    uint8_t external, planned, watched;  /* levels from outside now and after all plans; pins that are reported */
+    uint8_t timed;                       /* pins whose level as an output comes from a timer */
+    uint8_t high;                        /* pins that the port register drives high */
+    uint64_t high_since[8], high_cycles[8];
+} port_t;
 
 typedef struct {
-    port_register_t registers[PORTS][3];
-    uint8_t level[PORTS], outputs[PORTS], external[PORTS], watched[PORTS];
-    pin_event_t *planned;
-    size_t planned_count, planned_room;
+    port_t ports[PORTS];
+    pin_event_t *planned; /* used: planned[planned_first] to planned[planned_count - 1], in order of time */
+    size_t planned_first, planned_count, planned_room;
     pin_event_t *changes;
     size_t changes_count, changes_room;
 } pins_t;
@@ -138,6 +159,7 @@ struct board {
     watchdog_t watchdog;
     adc_t adc;
     timer1_t timer1;
+    timer8_t timer8[TIMERS8];
     pins_t pins;
     avr_int_vector_t *vector[VECTORS];
     wrapped_t wrapped[IO_ADDRESSES], eeprom_control;
@@ -145,13 +167,18 @@ struct board {
     bool stop, reset_wanted, asleep;
     int reset_flags; /* MCUSR after a reset; -1 = what the chip sets */
     uint32_t crash_pc;
+    uint64_t run_until;     /* end of the running slice; 0 between slices */
     uint64_t resets, slept; /* number of program starts; cycles for which the CPU slept */
 };
 
 void board_on_write(board_t *board, int address, avr_io_write_t handler);
 void board_on_read(board_t *board, int address, avr_io_read_t handler);
+void board_on_write_for(board_t *board, int address, avr_io_write_t handler, void *param);
+void board_on_read_for(board_t *board, int address, avr_io_read_t handler, void *param);
 void board_recheck(board_t *board);
 void board_write_and_recheck(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param);
+uint8_t board_written_ones(const avr_t *avr, uint8_t value);
+void board_clear_flags(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param);
 bool board_room(void **items, size_t *room, size_t count, size_t item_size);
 
 #endif

@@ -8,16 +8,26 @@
 
 #include <stdint.h>
 
-enum { PORTS = 3, VECTORS = 32, IO_ADDRESSES = 256 };
+enum { PORTS = 3, TIMERS8 = 2, OUTPUTS = 2, EXTERNALS = 2, VECTORS = 32, IO_ADDRESSES = 256 };
 
 typedef struct {
     uint8_t port, bit;
 } chip_pin_t;
 
 typedef struct {
-    char name;
     uint8_t pin, ddr, port; /* registers */
+    uint8_t pcmsk;          /* pin changes: mask of the port's pins, in its order of bits */
+    uint8_t group;          /* bit of PCICR and PCIFR */
 } chip_port_t;
+
+typedef struct {
+    uint8_t pcicr, pcifr;
+    uint8_t eicra, eimsk, eifr;
+    struct {
+        uint8_t vector;
+        chip_pin_t pin;
+    } externals[EXTERNALS]; /* INT0 and INT1 */
+} chip_pin_interrupts_t;
 
 typedef struct {
     uint32_t flash, eeprom; /* bytes */
@@ -52,6 +62,13 @@ typedef struct {
     uint8_t ready_vector, eecr;
 } chip_eeprom_t;
 
+/* Timer with 8 bits: its compare units A and B have one output pin each. */
+typedef struct {
+    uint8_t tifr, timsk, tccra, tccrb, tcnt, ocr[OUTPUTS];
+    uint16_t dividers[8]; /* of the clock by CS, powers of two; 0 = the timer stands */
+    chip_pin_t output[OUTPUTS];
+} chip_timer8_t;
+
 /* Timer with 16 bits: addresses of the low bytes; the high byte follows each. */
 typedef struct {
     uint8_t tifr, timsk, tccra, tccrb, tcnt, icr, ocr[2];
@@ -64,11 +81,13 @@ typedef struct {
     chip_memory_t memory;
     chip_control_t control;
     chip_port_t ports[PORTS];
+    chip_pin_interrupts_t pin_interrupts;
     chip_watchdog_t watchdog;
     chip_usart_t usart;
     chip_twi_t twi;
     chip_adc_t adc;
     chip_eeprom_t eeprom;
+    chip_timer8_t timer8[TIMERS8];
     chip_timer16_t timer1;
 } chip_t;
 

@@ -9,7 +9,7 @@
 
 enum { DATA_SPACE = 0x10000, INTERRUPT_ENTRY_CYCLES = 4, WAKE_UP_CYCLES = 4 };
 enum { SE_BIT = 0x01, SM_BITS = 0x0E };
-enum { PORF_BIT = 0, EXTRF_BIT = 1, WDRF_BIT = 3 };
+enum { PORF_BIT = 0, EXTRF_BIT = 1, BORF_BIT = 2, WDRF_BIT = 3 };
 
 static char last_message[256];
 
@@ -52,7 +52,9 @@ static bool is_wanted(board_t *board, avr_int_vector_t *vector) {
         return false;
     if (vector->vector == board->chip->eeprom.ready_vector)
         return eeprom_is_ready(board);
-    return vector->raised.reg ? avr_regbit_get(avr, vector->raised) : vector->pending;
+    if (vector->raised.reg ? avr_regbit_get(avr, vector->raised) : vector->pending)
+        return true;
+    return pin_interrupts_level_requests(board, vector->vector);
 }
 
 static avr_int_vector_t *most_urgent(board_t *board) {
@@ -101,7 +103,14 @@ static avr_cycle_count_t slice_end(avr_t *avr, avr_cycle_count_t when, void *par
     return 0;
 }
 
-static void reset_now(board_t *board, uint8_t cause);
+/* The core returns from its instructions at its next event: here the end of the slice, which a reset forgets. */
+static void arm_slice_end(board_t *board) {
+    avr_t *avr = board->avr;
+    if (avr->cycle < board->run_until)
+        avr_cycle_timer_register(avr, board->run_until - avr->cycle, slice_end, board);
+}
+
+static void reset_now(board_t *board, uint8_t cause, uint64_t until);
 
 /* SLEEP does nothing unless SE is set. Of the modes only idle is simulated: it stops the CPU and nothing else. */
 static void fall_asleep(board_t *board) {
@@ -115,8 +124,17 @@ static void fall_asleep(board_t *board) {
     avr->state = cpu_Crashed;
 }
 
-static void run_instruction(board_t *board) {
+/* The cycle of the next event of a timer or peripheral. */
+static uint64_t next_timer(const avr_t *avr) {
+    return avr->cycle_timers.timer ? avr->cycle_timers.timer->when : UINT64_MAX;
+}
+
+/* Runs instructions to the next event or to a write that may enable an interrupt. The core does not count the cycles of
+ * such a write, nor those of an interrupt's entry, so each call sets the number of cycles to the event. */
+static void run_instructions(board_t *board) {
     avr_t *avr = board->avr;
+    uint64_t event = next_timer(avr);
+    avr->run_cycle_count = event > avr->cycle ? event - avr->cycle : 1;
     avr_flashaddr_t at = avr->pc, next = avr_run_one(avr);
     if (avr->state == cpu_Sleeping)
         fall_asleep(board);
@@ -125,30 +143,25 @@ static void run_instruction(board_t *board) {
     avr->pc = next;
 }
 
-/* The cycle of the next event of a timer or peripheral. */
-static uint64_t next_timer(const avr_t *avr) {
-    return avr->cycle_timers.timer ? avr->cycle_timers.timer->when : UINT64_MAX;
-}
-
-static void sleep_until(board_t *board, uint64_t target) {
+static void sleep_on(board_t *board) {
     avr_t *avr = board->avr;
-    uint64_t event = next_timer(avr), until = event < target ? event : target;
+    uint64_t event = next_timer(avr), until = event < board->run_until ? event : board->run_until;
     if (until <= avr->cycle)
         return;
     board->slept += until - avr->cycle;
     avr->cycle = until;
 }
 
-static void run_some(board_t *board, uint64_t target) {
+static void run_some(board_t *board) {
     avr_t *avr = board->avr;
     if (board->asleep)
-        sleep_until(board, target);
+        sleep_on(board);
     else
-        run_instruction(board);
+        run_instructions(board);
     if (next_timer(avr) <= avr->cycle)
         avr_cycle_timer_process(avr);
     if (board->reset_wanted)
-        reset_now(board, 1 << WDRF_BIT);
+        reset_now(board, 1 << WDRF_BIT, avr->cycle);
     else if (avr->interrupt_state)
         serve_interrupts(board);
 }
@@ -157,10 +170,11 @@ static void run_some(board_t *board, uint64_t target) {
 EXPORT int mrl_run_until(board_t *board, uint64_t target) {
     avr_t *avr = board->avr;
     board->stop = false;
-    if (avr->cycle < target)
-        avr_cycle_timer_register(avr, target - avr->cycle, slice_end, board);
+    board->run_until = target;
+    arm_slice_end(board);
     while (avr->cycle < target && !board->stop && avr->state == cpu_Running)
-        run_some(board, target);
+        run_some(board);
+    board->run_until = 0;
     avr_cycle_timer_cancel(avr, slice_end, board);
     if (avr->state != cpu_Running)
         return RUN_CRASHED;
@@ -178,12 +192,13 @@ EXPORT void mrl_stall_until(board_t *board, uint64_t target) {
 
 /* ---- resets ---- */
 
-static void reset_now(board_t *board, uint8_t cause) {
+/* The chip is held in reset until a cycle: its pins float and its clock stands. */
+static void reset_now(board_t *board, uint8_t cause, uint64_t until) {
     avr_t *avr = board->avr;
     uint8_t flags = (uint8_t)((avr->data[board->chip->control.mcusr] | cause) & 0x0F);
-    uint64_t cycle = avr->cycle;
+    pins_release(board);
     avr_reset(avr);
-    avr->cycle = cycle;
+    avr->cycle = until;
     avr->run_cycle_limit = avr->frequency; /* a reset sets 1: control back after every instruction */
     avr->data[board->chip->control.mcusr] = board->reset_flags < 0 ? flags : (uint8_t)board->reset_flags;
     board->reset_wanted = board->asleep = false;
@@ -193,20 +208,29 @@ static void reset_now(board_t *board, uint8_t cause) {
     watchdog_reset(board);
     adc_reset(board);
     timer1_reset(board);
+    timer8_reset(board);
     pins_reset(board);
+    arm_slice_end(board);
 }
 
 /* Reset line (DTR): SRAM keeps its contents. */
 EXPORT void mrl_reset(board_t *board) {
-    reset_now(board, 1 << EXTRF_BIT);
+    reset_now(board, 1 << EXTRF_BIT, board->avr->cycle);
+}
+
+/* The supply has dipped below the brown-out level, until a cycle: SRAM keeps its contents. */
+EXPORT void mrl_brown_out(board_t *board, uint64_t until) {
+    uint64_t now = board->avr->cycle;
+    reset_now(board, 1 << BORF_BIT, until > now ? until : now);
 }
 
 /* Power comes back: SRAM and registers hold the bytes of `pattern` (2304: from address 0 to RAMEND). */
 EXPORT void mrl_power_cycle(board_t *board, const uint8_t *pattern) {
     avr_t *avr = board->avr;
+    pins_release(board);
     memcpy(avr->data, pattern, (size_t)avr->ramend + 1);
     memset(avr->data + 32, 0, (size_t)avr->ioend + 1 - 32);
-    reset_now(board, 1 << PORF_BIT);
+    reset_now(board, 1 << PORF_BIT, avr->cycle);
     if (board->reset_flags < 0)
         avr->data[board->chip->control.mcusr] = 1 << PORF_BIT;
 }
@@ -249,8 +273,10 @@ EXPORT board_t *mrl_create(uint32_t frequency_hz, const hooks_t *hooks) {
     watchdog_attach(board);
     adc_attach(board);
     timer1_attach(board);
+    timer8_attach(board);
     eeprom_attach(board);
     pins_attach(board);
+    pin_interrupts_attach(board);
     collect_vectors(board);
     return board;
 }

@@ -5,7 +5,7 @@ Time is the CPU's cycle count since power-up.  The same image and inputs give th
 
 import random
 from pathlib import Path
-from typing import Any, Callable, Dict, Iterable, List, Optional, Union
+from typing import Any, Callable, Dict, Iterable, List, Optional, Sequence, Union
 
 from mrl_driver.errors import SimulatorError
 from mrl_driver.protocol.table import BAUD
@@ -137,6 +137,13 @@ class AvrMachine:
         self._noise = bytes(noise.getrandbits(8) for _ in range(self._memory.ram_end + 1))
         self._native.mrl_power_cycle(self._board, self._noise)
 
+    def brown_out(self, seconds: float = 0.0) -> None:
+        """Resets the chip with BORF set, as a dip of its supply does; it stays in reset for this long [s].
+
+        SRAM keeps its contents.
+        """
+        self._native.mrl_brown_out(self._board, self.cycle + int(round(seconds * self.frequency_hz)))
+
     def set_reset_flags(self, flags: Optional[int]) -> None:
         """Set MCUSR as the program reads it after each future reset.
 
@@ -208,6 +215,21 @@ class AvrMachine:
             self._native.mrl_pin_set(self._board, port, bit, int(level))
         else:
             self._native.mrl_pin_plan(self._board, port, bit, int(level), at_cycle)
+
+    def plan_edges(self, pin: int, cycles: Sequence[int]) -> None:
+        """Changes the level of an input at each of these cycles, which must rise.
+
+        The first edge leaves the level that earlier plans for the pin end with.  An edge in the past comes at once.
+        """
+        planned = (native.c_uint64 * len(cycles))(*cycles)
+        self._native.mrl_plan_edges(self._board, port_of(pin), bit_of(pin), planned, len(planned))
+
+    def high_cycles(self, pin: int) -> int:
+        """CPU cycles since the first power-up in which the chip drove the pin high, by its port or by PWM.
+
+        An input and a low output add none.
+        """
+        return self._native.mrl_pin_high_cycles(self._board, port_of(pin), bit_of(pin))
 
     def watch_pins(self, pins: Iterable[int]) -> None:
         """Selects the pins that `pin_changes` and `on_pin` report: new levels, and when the chip starts to drive."""

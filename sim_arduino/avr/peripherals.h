@@ -19,8 +19,22 @@ void adc_reset(board_t *board);
 void timer1_attach(board_t *board);
 void timer1_reset(board_t *board);
 void timer1_capture(board_t *board, bool rose, uint64_t cycle);
+void timer8_attach(board_t *board);
+void timer8_release(board_t *board);
+void timer8_reset(board_t *board);
+uint8_t timer8_levels(board_t *board, int port, uint64_t cycle);
+uint64_t timer8_high_cycles(board_t *board, int port, int bit);
+void timer8_pins_changed(board_t *board);
 void pins_attach(board_t *board);
+void pins_release(board_t *board);
 void pins_reset(board_t *board);
 void pins_set(board_t *board, int port, int bit, int level);
+void pins_connect(board_t *board, chip_pin_t pin, bool timed);
+void pins_compare(board_t *board, int port, uint64_t cycle);
+bool pins_is_observed(const board_t *board, chip_pin_t pin);
+void pin_interrupts_attach(board_t *board);
+void pin_interrupts_changed(board_t *board, int port, uint8_t changed, uint8_t level);
+bool pin_interrupts_observe(const board_t *board, chip_pin_t pin);
+bool pin_interrupts_level_requests(const board_t *board, uint8_t vector);
 
 #endif

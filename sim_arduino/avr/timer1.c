@@ -101,11 +101,6 @@ static void write_control(avr_t *avr, avr_io_addr_t address, uint8_t value, void
     plan(board);
 }
 
-static void write_flags(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
-    (void)param;
-    avr->data[address] &= (uint8_t)~value;
-}
-
 /* The 16-bit registers share one byte for the high half: writes put it there first, reads find it there afterwards. */
 static void write_high(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
     (void)avr, (void)address;
@@ -176,7 +171,7 @@ void timer1_attach(board_t *board) {
     }
     board_on_write(board, at->tccra, write_control);
     board_on_write(board, at->tccrb, write_control);
-    board_on_write(board, at->tifr, write_flags);
+    board_on_write(board, at->tifr, board_clear_flags);
     board_on_write(board, at->timsk, NULL);
     board_on_read(board, at->tcnt, read_count);
     board_on_read(board, at->tcnt + 1, read_high);

@@ -1,0 +1,453 @@
+/* Timers with 8 bits (0 and 2) and their PWM outputs: all modes, prescalers and compare output modes.
+ *
+ * The counter is lazy: it catches up when a register is read or written, when an enabled interrupt is due, and at each
+ * edge of an observed output. Whole rounds that passed meanwhile are counted in closed form, so PWM that
+ * is not observed costs nothing. Source: data sheet, "8-bit Timer/Counter0 with PWM" and "8-bit Timer/Counter2".
+ *
+ * All happens when the counter leaves a value, as in the chapters' timing diagrams: a match sets its flag and acts on its
+ * output; TOP ends a round, sets TOV (in phase-correct PWM, BOTTOM does) and loads the compare registers from their
+ * buffers. External clocks, the asynchronous timer 2, GTCCR and PRR are not simulated.
+ */
+#include "peripherals.h"
+
+enum { MAX = 0xFF, NEVER = 0x10000 };
+enum { TOV = 0x01, OCFA = 0x02 }; /* OCFA << 1 is OCFB; TIMSK has the same bits */
+enum { CS = 0x07, WGM2 = 0x08, FOCA = 0x80, WGM10 = 0x03 };
+enum { COM_NONE, COM_TOGGLE, COM_CLEAR, COM_SET };
+enum { KIND = 3, NORMAL = 0, PHASE_CORRECT = 1, CTC = 2, FAST = 3, TO_OCRA = 4 }; /* WGM: a kind, and TOP of PWM */
+enum { SETTLED = 1024, ROUNDS_FROM = 4096 }; /* counts after which all repeats; least counts that are not counted singly */
+
+static bool is_pwm(const timer8_t *timer) { return timer->mode & PHASE_CORRECT; }
+static bool is_dual_slope(const timer8_t *timer) { return (timer->mode & KIND) == PHASE_CORRECT; }
+static bool is_fast(const timer8_t *timer) { return (timer->mode & KIND) == FAST; }
+
+static uint8_t top_of(const timer8_t *timer) {
+    bool to_compare = is_pwm(timer) ? timer->mode & TO_OCRA : (timer->mode & KIND) == CTC;
+    return to_compare ? timer->compare[0] : MAX;
+}
+
+/* Counts in a round: from BOTTOM to BOTTOM. */
+static uint32_t period(const timer8_t *timer) {
+    if (!is_dual_slope(timer))
+        return timer->top + 1u;
+    return timer->top ? 2u * timer->top : 1;
+}
+
+static uint64_t edges(const timer8_t *timer, uint64_t cycle) { return (cycle - timer->origin) >> timer->shift; }
+static uint64_t cycle_of(const timer8_t *timer, uint64_t edge) { return timer->origin + (edge << timer->shift); }
+
+/* ---- outputs */
+
+static uint64_t high_at(const timer8_output_t *output, uint64_t cycle) {
+    return output->high_cycles + (output->driving && output->level ? cycle - output->high_from : 0);
+}
+
+static void count_high(timer8_output_t *output, uint64_t cycle) {
+    output->high_cycles = high_at(output, cycle);
+    output->high_from = cycle;
+}
+
+static void set_driving(timer8_output_t *output, bool driving, uint64_t cycle) {
+    count_high(output, cycle);
+    output->driving = driving;
+}
+
+static void act(timer8_output_t *output, int com, uint64_t cycle) {
+    bool level = com == COM_TOGGLE ? !output->level : com == COM_SET;
+    if (com == COM_NONE || level == output->level)
+        return;
+    count_high(output, cycle);
+    output->level = level;
+}
+
+static int opposite(int com) { return com == COM_CLEAR ? COM_SET : COM_CLEAR; }
+static bool sets_or_clears(int com) { return com == COM_CLEAR || com == COM_SET; }
+
+/* ---- the counter */
+
+/* A counter above TOP, which has moved below it, counts on to MAX. */
+static uint8_t last_of_round(const timer8_t *timer) { return timer->count <= timer->top ? timer->top : MAX; }
+
+static uint32_t single_slope_counts(const timer8_t *timer, uint8_t value) {
+    uint8_t last = last_of_round(timer);
+    if (value >= timer->count)
+        return value <= last ? value - timer->count + 1u : NEVER;
+    return value <= timer->top ? last - timer->count + 1u + value + 1u : NEVER;
+}
+
+static uint32_t dual_slope_counts(const timer8_t *timer, uint8_t value, bool downwards) {
+    if (value > timer->top || value == (downwards ? 0 : timer->top))
+        return NEVER;
+    uint32_t round = period(timer), from = timer->down ? round - timer->count : timer->count;
+    uint32_t to = downwards ? round - value : value;
+    return (to + round - from) % round + 1;
+}
+
+/* Number of counts until the counter has left a value, and so set its flag. */
+static uint32_t counts_to_leave(const timer8_t *timer, uint8_t value) {
+    if (!is_dual_slope(timer))
+        return single_slope_counts(timer, value);
+    uint32_t up = dual_slope_counts(timer, value, false), down = dual_slope_counts(timer, value, true);
+    return up < down ? up : down;
+}
+
+static uint8_t overflow_value(const timer8_t *timer) {
+    if (is_dual_slope(timer))
+        return 0;
+    return is_fast(timer) ? last_of_round(timer) : MAX;
+}
+
+/* Nothing but matches and ends of rounds lies ahead. */
+static bool is_regular(const timer8_t *timer) {
+    bool beside_round = is_dual_slope(timer) && (timer->count > timer->top || !timer->top);
+    return !timer->written && !beside_round;
+}
+
+static bool is_loaded(const timer8_t *timer) {
+    return timer->compare[0] == timer->buffer[0] && timer->compare[1] == timer->buffer[1];
+}
+
+static uint32_t least(uint32_t a, uint32_t b) { return a < b ? a : b; }
+
+/* Number of counts to the next match or end of a slope. */
+static uint32_t counts_to_event(const timer8_t *timer) {
+    if (!is_regular(timer))
+        return 1;
+    uint32_t first = counts_to_leave(timer, last_of_round(timer));
+    for (int unit = 0; unit < OUTPUTS; unit++)
+        first = least(first, counts_to_leave(timer, timer->compare[unit]));
+    return is_dual_slope(timer) ? least(first, counts_to_leave(timer, 0)) : first;
+}
+
+/* A write of TCNT blocks the match at the next count. */
+static uint8_t match(timer8_t *timer, uint64_t cycle) {
+    uint8_t flags = 0;
+    for (int unit = 0; unit < OUTPUTS; unit++) {
+        int com = timer->com[unit];
+        if (timer->compare[unit] != timer->count || timer->written)
+            continue;
+        flags |= (uint8_t)(OCFA << unit);
+        act(&timer->output[unit], is_dual_slope(timer) && timer->down && com != COM_TOGGLE ? opposite(com) : com, cycle);
+    }
+    timer->written = false;
+    return flags;
+}
+
+/* The compare registers are loaded from their buffers, and the outputs begin a round (fast PWM) or the second slope. */
+static void begin_slope(timer8_t *timer, uint64_t cycle) {
+    timer->compare[0] = timer->buffer[0];
+    timer->compare[1] = timer->buffer[1];
+    timer->top = top_of(timer);
+    for (int unit = 0; unit < OUTPUTS; unit++) {
+        int com = timer->com[unit];
+        bool as_after_match = is_dual_slope(timer) && timer->compare[unit] < timer->top;
+        if (sets_or_clears(com))
+            act(&timer->output[unit], as_after_match ? com : opposite(com), cycle);
+    }
+}
+
+static uint8_t count_single_slope(timer8_t *timer, uint64_t cycle) {
+    uint8_t last = last_of_round(timer), flags = match(timer, cycle);
+    if (timer->count == overflow_value(timer))
+        flags |= TOV;
+    if (timer->count++ != last)
+        return flags;
+    timer->count = 0;
+    if (is_fast(timer))
+        begin_slope(timer, cycle);
+    return flags;
+}
+
+static uint8_t count_dual_slope(timer8_t *timer, uint64_t cycle) {
+    uint8_t left = timer->count;
+    timer->down = left >= timer->top || (left && timer->down);
+    uint8_t flags = match(timer, cycle);
+    if (left >= timer->top)
+        begin_slope(timer, cycle);
+    if (!left)
+        flags |= TOV;
+    if (timer->down)
+        timer->count = left ? left - 1 : 0;
+    else
+        timer->count = left + 1;
+    return flags;
+}
+
+/* Counts this many edges; returns the flags that this sets. */
+static uint8_t count_singly(timer8_t *timer, uint64_t counts) {
+    uint8_t flags = 0;
+    while (counts) {
+        uint32_t event = counts_to_event(timer), quiet = event > counts ? (uint32_t)counts : event - 1;
+        timer->count = (uint8_t)(timer->down ? timer->count - quiet : timer->count + quiet);
+        timer->counted += quiet;
+        counts -= quiet;
+        if (!counts)
+            break;
+        uint64_t cycle = cycle_of(timer, ++timer->counted);
+        flags |= is_dual_slope(timer) ? count_dual_slope(timer, cycle) : count_single_slope(timer, cycle);
+        counts--;
+    }
+    return flags;
+}
+
+/* Two rounds repeat exactly, also those of a toggled output: the time high of many is a multiple of theirs. */
+static uint64_t count_rounds(timer8_t *timer, uint64_t counts) {
+    uint32_t two = 2 * period(timer);
+    uint64_t before[OUTPUTS], times = counts / two - 1;
+    for (int unit = 0; unit < OUTPUTS; unit++)
+        before[unit] = high_at(&timer->output[unit], cycle_of(timer, timer->counted));
+    count_singly(timer, two);
+    for (int unit = 0; unit < OUTPUTS; unit++) {
+        timer8_output_t *output = &timer->output[unit];
+        output->high_cycles += times * (high_at(output, cycle_of(timer, timer->counted)) - before[unit]);
+        output->high_from += (times * two) << timer->shift;
+    }
+    timer->counted += times * two;
+    return counts - (times + 1) * two;
+}
+
+/* Lets the counter catch up with `cycle`. */
+static void count_to(timer8_t *timer, uint64_t cycle) {
+    uint8_t *data = timer->board->avr->data, flags = 0;
+    uint64_t now = timer->shift < 0 ? 0 : edges(timer, cycle);
+    if (now <= timer->counted)
+        return;
+    uint64_t counts = now - timer->counted;
+    if (counts >= ROUNDS_FROM) {
+        flags |= count_singly(timer, SETTLED);
+        counts = count_rounds(timer, counts - SETTLED);
+    }
+    flags |= count_singly(timer, counts);
+    data[timer->at->tifr] |= flags;
+    if (flags & data[timer->at->timsk])
+        board_recheck(timer->board);
+}
+
+/* ---- events */
+
+static bool is_observed(const timer8_t *timer) {
+    for (int unit = 0; unit < OUTPUTS; unit++)
+        if (timer->output[unit].driving && pins_is_observed(timer->board, timer->at->output[unit]))
+            return true;
+    return false;
+}
+
+/* Number of counts to the next one that must not wait. */
+static uint32_t counts_to_alarm(const timer8_t *timer) {
+    uint8_t enabled = timer->board->avr->data[timer->at->timsk] & (TOV | OCFA | OCFA << 1);
+    bool observed = is_observed(timer);
+    if (!enabled && !observed)
+        return NEVER;
+    if (observed || !is_regular(timer) || !is_loaded(timer))
+        return counts_to_event(timer);
+    uint32_t first = enabled & TOV ? counts_to_leave(timer, overflow_value(timer)) : NEVER;
+    for (int unit = 0; unit < OUTPUTS; unit++)
+        if (enabled & OCFA << unit)
+            first = least(first, counts_to_leave(timer, timer->compare[unit]));
+    return first;
+}
+
+static avr_cycle_count_t alarm_cycle(const timer8_t *timer) {
+    uint32_t counts = timer->shift < 0 ? NEVER : counts_to_alarm(timer);
+    return counts == NEVER ? 0 : cycle_of(timer, timer->counted + counts);
+}
+
+static void show_outputs(const timer8_t *timer, uint64_t cycle) {
+    for (int unit = 0; unit < OUTPUTS; unit++)
+        if (timer->output[unit].driving)
+            pins_compare(timer->board, timer->at->output[unit].port, cycle);
+}
+
+static avr_cycle_count_t alarm(avr_t *avr, avr_cycle_count_t when, void *param) {
+    (void)avr;
+    timer8_t *timer = param;
+    count_to(timer, when);
+    if (is_observed(timer))
+        show_outputs(timer, when);
+    return alarm_cycle(timer);
+}
+
+/* Plans the next event after the counter or a setting has changed. */
+static void plan(timer8_t *timer) {
+    avr_t *avr = timer->board->avr;
+    avr_cycle_timer_cancel(avr, alarm, timer);
+    avr_cycle_count_t when = alarm_cycle(timer);
+    if (when)
+        avr_cycle_timer_register(avr, when - avr->cycle, alarm, timer);
+}
+
+/* ---- what the pins ask */
+
+static bool drives(const timer8_t *timer, int unit) {
+    chip_pin_t pin = timer->at->output[unit];
+    return timer->com[unit] && (timer->board->avr->data[timer->board->chip->ports[pin.port].ddr] >> pin.bit & 1);
+}
+
+/* The pins' directions, or the set of observed pins, have changed. */
+void timer8_pins_changed(board_t *board) {
+    for (timer8_t *timer = board->timer8; timer < board->timer8 + TIMERS8; timer++) {
+        count_to(timer, board->avr->cycle);
+        for (int unit = 0; unit < OUTPUTS; unit++)
+            set_driving(&timer->output[unit], drives(timer, unit), board->avr->cycle);
+        plan(timer);
+    }
+}
+
+/* Levels of a port's pins that timers drive, at a cycle. */
+uint8_t timer8_levels(board_t *board, int port, uint64_t cycle) {
+    uint8_t levels = 0;
+    for (timer8_t *timer = board->timer8; timer < board->timer8 + TIMERS8; timer++)
+        for (int unit = 0; unit < OUTPUTS; unit++) {
+            if (timer->at->output[unit].port != port || !timer->com[unit])
+                continue;
+            count_to(timer, cycle);
+            levels |= (uint8_t)(timer->output[unit].level << timer->at->output[unit].bit);
+        }
+    return levels;
+}
+
+/* Cycles since power-up for which a timer drove the pin high. */
+uint64_t timer8_high_cycles(board_t *board, int port, int bit) {
+    for (timer8_t *timer = board->timer8; timer < board->timer8 + TIMERS8; timer++)
+        for (int unit = 0; unit < OUTPUTS; unit++)
+            if (timer->at->output[unit].port == port && timer->at->output[unit].bit == bit) {
+                count_to(timer, board->avr->cycle);
+                return high_at(&timer->output[unit], board->avr->cycle);
+            }
+    return 0;
+}
+
+/* ---- registers */
+
+static uint8_t com_of(const timer8_t *timer, int unit) {
+    uint8_t com = timer->board->avr->data[timer->at->tccra] >> (6 - 2 * unit) & 3;
+    bool toggles_in_pwm = unit == 0 && (timer->mode & TO_OCRA);
+    return is_pwm(timer) && com == COM_TOGGLE && !toggles_in_pwm ? COM_NONE : com;
+}
+
+/* Outside PWM a write of a compare register takes effect at once. */
+static void load_unbuffered(timer8_t *timer) {
+    if (!is_pwm(timer)) {
+        timer->compare[0] = timer->buffer[0];
+        timer->compare[1] = timer->buffer[1];
+    }
+    timer->top = top_of(timer);
+}
+
+static void configure(timer8_t *timer) {
+    board_t *board = timer->board;
+    const uint8_t *data = board->avr->data;
+    uint8_t control = data[timer->at->tccrb];
+    uint16_t divider = timer->at->dividers[control & CS];
+    timer->mode = (uint8_t)((data[timer->at->tccra] & WGM10) | (control & WGM2 ? TO_OCRA : 0));
+    timer->shift = divider ? __builtin_ctz(divider) : -1;
+    timer->counted = divider ? edges(timer, board->avr->cycle) : 0;
+    timer->down = timer->down && is_dual_slope(timer);
+    load_unbuffered(timer);
+    for (int unit = 0; unit < OUTPUTS; unit++) {
+        uint8_t before = timer->com[unit];
+        timer->com[unit] = com_of(timer, unit);
+        set_driving(&timer->output[unit], drives(timer, unit), board->avr->cycle);
+        if (!before != !timer->com[unit])
+            pins_connect(board, timer->at->output[unit], timer->com[unit]);
+    }
+    plan(timer);
+}
+
+static void write_control_a(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    count_to(param, avr->cycle);
+    avr->data[address] = value;
+    configure(param);
+}
+
+/* FOC acts as a match does, without its flag. */
+static void write_control_b(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    timer8_t *timer = param;
+    count_to(timer, avr->cycle);
+    avr->data[address] = value & (CS | WGM2);
+    configure(timer);
+    for (int unit = 0; unit < OUTPUTS; unit++)
+        if ((value & FOCA >> unit) && !is_pwm(timer))
+            act(&timer->output[unit], timer->com[unit], avr->cycle);
+    show_outputs(timer, avr->cycle);
+}
+
+static void write_count(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    timer8_t *timer = param;
+    count_to(timer, avr->cycle);
+    avr->data[address] = timer->count = value;
+    timer->written = true;
+    plan(timer);
+}
+
+static void write_compare(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    timer8_t *timer = param;
+    count_to(timer, avr->cycle);
+    avr->data[address] = timer->buffer[address == timer->at->ocr[1]] = value;
+    load_unbuffered(timer);
+    plan(timer);
+}
+
+static void write_enables(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    count_to(param, avr->cycle);
+    avr->data[address] = value;
+    plan(param);
+}
+
+static void write_flags(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    count_to(param, avr->cycle);
+    board_clear_flags(avr, address, value, param);
+}
+
+static uint8_t read_flags(avr_t *avr, avr_io_addr_t address, void *param) {
+    count_to(param, avr->cycle);
+    return avr->data[address];
+}
+
+static uint8_t read_count(avr_t *avr, avr_io_addr_t address, void *param) {
+    (void)address;
+    count_to(param, avr->cycle);
+    return ((timer8_t *)param)->count;
+}
+
+/* ---- life */
+
+/* A reset begins: the outputs drive nothing any more. */
+void timer8_release(board_t *board) {
+    for (timer8_t *timer = board->timer8; timer < board->timer8 + TIMERS8; timer++) {
+        count_to(timer, board->avr->cycle);
+        for (int unit = 0; unit < OUTPUTS; unit++)
+            set_driving(&timer->output[unit], false, board->avr->cycle);
+    }
+}
+
+void timer8_reset(board_t *board) {
+    for (int i = 0; i < TIMERS8; i++) {
+        timer8_t *timer = &board->timer8[i], after = {.board = board, .at = &board->chip->timer8[i], .shift = -1};
+        after.origin = board->avr->cycle;
+        after.top = MAX;
+        for (int unit = 0; unit < OUTPUTS; unit++)
+            after.output[unit].high_cycles = timer->output[unit].high_cycles;
+        *timer = after;
+    }
+}
+
+void timer8_attach(board_t *board) {
+    timer8_reset(board);
+    for (timer8_t *timer = board->timer8; timer < board->timer8 + TIMERS8; timer++) {
+        const chip_timer8_t *at = timer->at;
+        board_on_write_for(board, at->tccra, write_control_a, timer);
+        board_on_write_for(board, at->tccrb, write_control_b, timer);
+        board_on_write_for(board, at->tcnt, write_count, timer);
+        board_on_write_for(board, at->ocr[0], write_compare, timer);
+        board_on_write_for(board, at->ocr[1], write_compare, timer);
+        board_on_write_for(board, at->timsk, write_enables, timer);
+        board_on_write_for(board, at->tifr, write_flags, timer);
+        board_on_read_for(board, at->tcnt, read_count, timer);
+        board_on_read_for(board, at->tifr, read_flags, timer);
+        board_on_read(board, at->tccra, NULL);
+        board_on_read(board, at->tccrb, NULL);
+        board_on_read(board, at->ocr[0], NULL);
+        board_on_read(board, at->ocr[1], NULL);
+    }
+}

@@ -1,0 +1,337 @@
+"""Pins: pin-change and external interrupts, planned edges, cycles driven high, resets."""
+
+import pytest
+
+LED, INT0, A, B, PORT_PIN, PWM_PIN = 13, 2, 2, 4, 7, 5
+GROUP_B, GROUP_D = 1, 4  # bits of PCICR and PCIFR
+READ, CLEAR, CLEAR_BY_SBI, ENABLE, DIRECTION, PORT, TOGGLE, PWM, INTERRUPTS_OFF, INTERRUPTS_ON = range(1, 11)
+ENTRY_CYCLES, VECTOR_CYCLES, WAKE_CYCLES = (
+    4,
+    3,
+    4,
+)  # data sheet, "Interrupt Response Time"; the vector is a JMP
+LOOP_INSTRUCTION_CYCLES = 2  # the longest one of the sketch's loop
+COMMAND_S = 20e-6
+LOW, ANY, FALLING, RISING = 0, 1, 2, 3
+BORF = 0x04
+SECOND = 16000000
+
+
+def started(bench, **settings):
+    """The sketch with these variables set, and D2 and D4 low."""
+    board = bench("pins.c")
+    for pin in (A, B):
+        board.machine.set_pin(pin, 0)
+    for name, value in dict({"mask": 1 << A | 1 << B, "enable": GROUP_D, "go": 1}, **settings).items():
+        board.set(name, value)
+    board.machine.watch_pins([LED, A, B, PORT_PIN])
+    board.machine.run(COMMAND_S)
+    board.machine.pin_changes()
+    return board
+
+
+def tell(board, command, value=0):
+    """Lets the sketch obey a command."""
+    board.set("value", value)
+    board.set("command", command)
+    board.machine.run(COMMAND_S)
+
+
+def shown(board):
+    """Cycles at which the interrupt's routine began since the last call."""
+    return [change.cycle for change in board.machine.pin_changes() if change.pin == LED]
+
+
+# ---- pin changes
+
+
+@pytest.mark.parametrize("offset", range(5))
+def test_a_pin_change_interrupts_after_the_running_instruction(bench, offset):
+    """Four cycles for the entry, three for the jump in the vector."""
+    board = started(bench)
+    edge = board.machine.cycle + 1000 + offset
+    board.machine.plan_edges(A, [edge])
+    board.machine.run(COMMAND_S + 1e-4)
+    (routine,) = shown(board)
+    assert 0 <= routine - edge - ENTRY_CYCLES - VECTOR_CYCLES < LOOP_INSTRUCTION_CYCLES
+
+
+def test_a_pin_change_wakes_the_chip(bench):
+    """From idle sleep, at the cycle of the edge."""
+    board = started(bench, asleep=1)
+    edge = board.machine.cycle + 12345
+    board.machine.plan_edges(A, [edge])
+    board.machine.run(2e-3)
+    assert shown(board) == [edge + WAKE_CYCLES + ENTRY_CYCLES + VECTOR_CYCLES]
+
+
+def test_each_edge_interrupts(bench):
+    """Both directions, both pins."""
+    board = started(bench)
+    begun = board.machine.cycle
+    board.machine.plan_edges(A, range(begun + 500, begun + 5000, 500))
+    board.machine.plan_edges(B, range(begun + 750, begun + 5000, 500))
+    board.machine.run(1e-3)
+    assert board.get("changes") == 9 + 9
+
+
+def test_edges_before_the_entry_make_one_interrupt(bench):
+    """There is one flag: it stands already."""
+    board = started(bench)
+    tell(board, INTERRUPTS_OFF)
+    board.machine.plan_edges(A, [board.machine.cycle + 10, board.machine.cycle + 13])
+    board.machine.run(COMMAND_S)
+    tell(board, INTERRUPTS_ON)
+    assert board.get("changes") == 1
+
+
+def test_an_edge_behind_the_entry_interrupts_again(bench):
+    """The entry clears the flag; three cycles later another edge sets it."""
+    board = started(bench, asleep=1)
+    edge = board.machine.cycle + 1000
+    board.machine.plan_edges(A, [edge, edge + WAKE_CYCLES + ENTRY_CYCLES + 3])
+    board.machine.run(1e-3)
+    assert (board.get("changes"), board.machine.pin(A)) == (2, 0)
+
+
+def test_a_pin_without_its_mask_bit_is_not_noticed(bench):
+    """PCMSK selects: no flag, no interrupt."""
+    board = started(bench, mask=1 << A)
+    board.machine.plan_edges(B, [board.machine.cycle + 100])
+    board.machine.run(COMMAND_S)
+    tell(board, READ)
+    assert (board.get("changes"), board.get("flags")) == (0, 0)
+
+
+def test_the_flag_is_set_while_the_group_is_off(bench):
+    """PCICR only lets it interrupt."""
+    board = started(bench, enable=0)
+    board.machine.plan_edges(A, [board.machine.cycle + 100])
+    board.machine.run(COMMAND_S)
+    tell(board, READ)
+    before = (board.get("changes"), board.get("flags"))
+    tell(board, ENABLE, GROUP_D)
+    assert (before, board.get("changes")) == ((0, GROUP_D), 1)
+
+
+@pytest.mark.parametrize("command, left", [(CLEAR, GROUP_D), (CLEAR_BY_SBI, GROUP_B)])
+def test_a_one_clears_its_flag_alone(bench, command, left):
+    """With SBI, the program clears the flag of D; with a write of 1, that of B."""
+    board = started(bench, enable=0, masked_pin_change=1)
+    board.machine.plan_edges(A, [board.machine.cycle + 100])
+    board.machine.plan_edges(8, [board.machine.cycle + 100])
+    board.machine.run(COMMAND_S)
+    tell(board, command, GROUP_B)
+    tell(board, READ)
+    assert board.get("flags") == left
+
+
+def test_a_flag_cleared_by_the_program_does_not_interrupt(bench):
+    """Written while interrupts are off."""
+    board = started(bench, enable=0)
+    board.machine.plan_edges(A, [board.machine.cycle + 100])
+    board.machine.run(COMMAND_S)
+    tell(board, CLEAR, GROUP_D)
+    tell(board, ENABLE, GROUP_D)
+    assert board.get("changes") == 0
+
+
+def test_an_output_that_changes_interrupts(bench):
+    """This is how a program makes a software interrupt."""
+    board = started(bench, mask=1 << PORT_PIN)
+    board.machine.set_pin(PORT_PIN, 0)
+    board.machine.run(COMMAND_S)
+    tell(board, DIRECTION, 1 << PORT_PIN)
+    before = board.get("changes")
+    tell(board, PORT, 1 << PORT_PIN)
+    assert board.get("changes") - before == 1
+
+
+def test_the_edges_of_pwm_interrupt(bench):
+    """High for 101 counts of eight cycles, low for 155."""
+    board = started(bench, mask=1 << PWM_PIN)
+    tell(board, DIRECTION, 1 << PWM_PIN)
+    tell(board, PWM, 100)
+    shown(board)
+    board.machine.run(10 * 128e-6)
+    routines = shown(board)
+    assert {round((b - a) / 8) for a, b in zip(routines, routines[1:])} == {101, 155}
+
+
+# ---- INT0
+
+
+@pytest.mark.parametrize("sense, expected", [(ANY, 4), (FALLING, 2), (RISING, 2)])
+def test_int0_has_a_sense(bench, sense, expected):
+    """Of four edges."""
+    board = started(bench, enable=0, sense=sense, external=1)
+    begun = board.machine.cycle
+    board.machine.plan_edges(INT0, range(begun + 500, begun + 2500, 500))
+    board.machine.run(1e-3)
+    assert board.get("externals") == expected
+
+
+def test_a_low_level_of_int0_interrupts_until_it_ends(bench):
+    """Again and again."""
+    board = started(bench, enable=0, sense=LOW, external=1)
+    board.machine.run(COMMAND_S)
+    many = board.get("externals")
+    board.machine.set_pin(INT0, 1)
+    board.machine.run(COMMAND_S)
+    after = board.get("externals")
+    board.machine.run(COMMAND_S)
+    assert (many > 5, board.get("externals")) == (True, after)
+
+
+# ---- planned edges
+
+
+def test_planned_edges_alternate_the_level(bench):
+    """At their cycles, from the level that the pin has."""
+    board = started(bench)
+    begun = board.machine.cycle
+    cycles = [begun + 100, begun + 103, begun + 900]
+    board.machine.plan_edges(A, cycles)
+    board.machine.run(COMMAND_S + 1e-4)
+    changes = [(each.level, each.cycle) for each in board.machine.pin_changes() if each.pin == A]
+    assert changes == list(zip([1, 0, 1], cycles))
+
+
+def test_later_plans_go_on_from_earlier_ones(bench):
+    """The level at the end of a plan that has not come yet."""
+    board = started(bench)
+    begun = board.machine.cycle
+    board.machine.plan_edges(A, [begun + 100])
+    board.machine.plan_edges(A, [begun + 200])
+    board.machine.run(COMMAND_S + 1e-4)
+    assert [each.level for each in board.machine.pin_changes() if each.pin == A] == [1, 0]
+
+
+def test_plans_go_on_from_a_level_that_was_set(bench):
+    """With `set_pin`, after the last plan."""
+    board = started(bench)
+    board.machine.plan_edges(A, [board.machine.cycle + 100])
+    board.machine.run(COMMAND_S)
+    board.machine.set_pin(A, 0)
+    board.machine.plan_edges(A, [board.machine.cycle + 100])
+    board.machine.run(COMMAND_S)
+    assert board.machine.pin(A) == 1
+
+
+def test_plans_of_two_pins_interleave(bench):
+    """Whatever was planned first."""
+    board = started(bench)
+    begun = board.machine.cycle
+    board.machine.plan_edges(B, range(begun + 250, begun + 1000, 200))
+    board.machine.plan_edges(A, range(begun + 150, begun + 1000, 200))
+    board.machine.run(COMMAND_S + 1e-4)
+    changes = [each for each in board.machine.pin_changes() if each.pin in (A, B)]
+    assert [each.cycle - begun for each in changes] == list(range(150, 1000, 100))
+
+
+def test_an_edge_in_the_past_comes_at_once(bench):
+    """None is lost."""
+    board = started(bench)
+    board.machine.plan_edges(A, [board.machine.cycle - 50])
+    board.machine.run(COMMAND_S)
+    assert (board.machine.pin(A), board.get("changes")) == (1, 1)
+
+
+def test_no_edge_of_forty_thousand_a_second_is_lost(bench):
+    """Planned by the millisecond, each wakes the chip."""
+    board = started(bench, asleep=1)
+    begun = board.machine.cycle + 1000
+    for slice_begun in range(begun, begun + SECOND // 20, 16000):
+        board.machine.plan_edges(A, range(slice_begun, slice_begun + 16000, 800))
+        board.machine.plan_edges(B, range(slice_begun + 400, slice_begun + 16000, 800))
+        board.machine.run_until(slice_begun + 16000)
+    board.machine.run(COMMAND_S)
+    assert board.get("changes") == 2000
+
+
+def test_a_one_in_pin_toggles_its_output_alone(bench):
+    """SBI: the other pins are as they were, though they read as ones."""
+    board = started(bench)
+    tell(board, DIRECTION, 0xF8)
+    tell(board, PORT, 0x48)
+    board.machine.pin_changes()
+    tell(board, TOGGLE)
+    assert [board.machine.pin(pin) for pin in (3, 6, 7)] == [1, 1, 1]
+
+
+# ---- cycles driven high
+
+
+def test_the_time_high_of_an_output_is_exact(bench):
+    """From the write that sets it to the one that clears it."""
+    board = started(bench)
+    tell(board, DIRECTION, 1 << PORT_PIN)
+    for value in (1 << PORT_PIN, 0, 1 << PORT_PIN, 0):
+        tell(board, PORT, value)
+    begun, first, second, third, last = [
+        each.cycle for each in board.machine.pin_changes() if each.pin == PORT_PIN
+    ]
+    assert board.machine.high_cycles(PORT_PIN) == second - first + last - third
+
+
+def test_the_time_high_counts_on_while_the_output_is_high(bench):
+    """To the cycle of the question."""
+    board = started(bench)
+    tell(board, DIRECTION, 1 << PORT_PIN)
+    tell(board, PORT, 1 << PORT_PIN)
+    before, begun = board.machine.high_cycles(PORT_PIN), board.machine.cycle
+    board.machine.run(1e-3)
+    assert board.machine.high_cycles(PORT_PIN) - before == board.machine.cycle - begun
+
+
+def test_an_input_that_is_high_is_not_driven(bench):
+    """Nor is its pull-up."""
+    board = started(bench)
+    board.machine.set_pin(PORT_PIN, 1)
+    tell(board, PORT, 1 << PORT_PIN)
+    assert (board.machine.pin(PORT_PIN), board.machine.high_cycles(PORT_PIN)) == (1, 0)
+
+
+@pytest.mark.parametrize("pin", [PORT_PIN, PWM_PIN])
+@pytest.mark.parametrize("action", ["reset", "brown_out", "power_cycle"])
+def test_a_reset_lets_all_pins_float(bench, action, pin):
+    """Nothing is driven after it; what was counted stays."""
+    board = started(bench)
+    tell(board, DIRECTION, 1 << pin)
+    tell(board, PORT, 1 << pin)
+    if pin == PWM_PIN:
+        tell(board, PWM, 100)
+    board.machine.run(1e-3)
+    before = board.machine.high_cycles(pin)
+    getattr(board.machine, action)()
+    board.machine.run(1e-3)
+    assert board.machine.high_cycles(pin) == before > 0
+
+
+def test_a_brown_out_is_flagged(bench):
+    """BORF."""
+    board = started(bench)
+    board.machine.brown_out()
+    board.machine.run(1e-3)
+    assert board.get("reset_flags") & BORF
+
+
+def test_a_brown_out_holds_the_chip_in_reset(bench):
+    """The sketch starts afterwards; what nobody drives is not counted meanwhile."""
+    board = started(bench)
+    tell(board, DIRECTION, 1 << PORT_PIN)
+    tell(board, PORT, 1 << PORT_PIN)
+    begun, high, resets = board.machine.cycle, board.machine.high_cycles(PORT_PIN), board.machine.resets
+    board.machine.brown_out(0.05)
+    assert (board.machine.cycle - begun, board.machine.pc, board.machine.resets - resets) == (800000, 0, 1)
+    assert board.machine.high_cycles(PORT_PIN) == high
+
+
+def test_a_brown_out_keeps_sram(bench):
+    """Only power-up brings noise."""
+    board = started(bench)
+    address = board.machine.symbol("_end").address + 64
+    board.machine.poke(address, b"robot")
+    board.machine.brown_out(0.05)
+    board.machine.run(1e-3)
+    assert board.machine.peek(address, 5) == b"robot"

@@ -1,0 +1,457 @@
+"""Timers 0 and 2 against the ATmega328P data sheet, "8-bit Timer/Counter0 with PWM" and "8-bit Timer/Counter2"."""
+
+import random
+
+import pytest
+
+OUTPUTS = {0: (6, 5), 2: (11, 3)}  # pins of the compare units A and B
+PRESCALERS = {0: (1, 8, 64, 256, 1024), 2: (1, 8, 32, 64, 128, 256, 1024)}
+NORMAL, PHASE_CORRECT, CTC, FAST, PHASE_CORRECT_TO_A, FAST_TO_A = 0, 1, 2, 3, 5, 7
+TOGGLE, CLEAR, SET = 1, 2, 3
+TOV, OCFA, OCFB = 1, 2, 4
+ALL_PINS = 0xFF
+WRITE_A, WRITE_B, WRITE_CONTROL_A, WRITE_CONTROL_B, WRITE_COUNT, READ = range(1, 7)
+CLEAR_FLAGS, DIRECTION, PORT, CLEAR_BY_SBI, SLEEP = range(7, 12)
+FORCE_A = 0x80
+HOUR_CYCLES = 3600 * 16000000
+COMMAND_S = 10e-6  # the sketch has obeyed
+DUTIES = (0, 1, 100, 254, 255)
+
+
+class Timer:
+    """A timer of the sketch that has just started.
+
+    Args:
+        number: 0 or 2.
+        mode: waveform generation mode, 0 to 7.
+        com: compare output modes of the units A and B.
+        compare: values of the compare registers A and B.
+        divider: of the prescaler.
+        watched: the outputs' edges are collected.
+        enable: the interrupts' enable bits.
+    """
+
+    def __init__(
+        self, bench, number, mode, com, compare, divider=1, watched=True, enable=0, outputs=ALL_PINS, count=0
+    ):
+        self.board = bench("pwm.c")
+        self.machine, self.pins = self.board.machine, OUTPUTS[number]
+        self.control_a = com[0] << 6 | com[1] << 4 | mode & 3
+        self.control_b = (mode & 4) << 1 | PRESCALERS[number].index(divider) + 1
+        settings = {
+            "timer2": number == 2,
+            "control_a": self.control_a,
+            "control_b": self.control_b,
+            "enable": enable,
+        }
+        settings.update(compare_a=compare[0], compare_b=compare[1], outputs=outputs, count=count, go=1)
+        for name, value in settings.items():
+            self.board.set(name, value)
+        if watched:
+            self.machine.watch_pins(self.pins)
+        self.machine.run(COMMAND_S)
+
+    def tell(self, command, value=0):
+        """Lets the sketch obey a command."""
+        self.board.set("value", value)
+        self.board.set("command", command)
+        self.machine.run(COMMAND_S)
+
+    def read(self, name):
+        """`count`, `flags` or `pins` as the program reads them now."""
+        self.tell(READ)
+        return self.board.get(name)
+
+    def edges(self, unit, cycles):
+        """(level, cycle) of an output's changes in the next cycles."""
+        self.machine.pin_changes()
+        self.machine.run_until(self.machine.cycle + cycles)
+        return [
+            (each.level, each.cycle) for each in self.machine.pin_changes() if each.pin == self.pins[unit]
+        ]
+
+    def wave(self, unit, cycles):
+        """Sets of the output's periods and high times in the next cycles."""
+        edges = self.edges(unit, cycles)
+        rises = [cycle for level, cycle in edges if level]
+        pairs = zip(edges, edges[1:])
+        return {b - a for a, b in zip(rises, rises[1:])}, {b[1] - a[1] for a, b in pairs if a[0]}
+
+    def shares_high(self, period, rounds=20):
+        """Shares of the time in which the outputs are high, over this many periods [cycle] or some more."""
+        self.machine.run_until(self.machine.cycle + 2 * period)  # behind the first round
+        begun, end = self.machine.cycle, self.machine.cycle + rounds * period
+        before = [self.machine.high_cycles(pin) for pin in self.pins]
+        while (
+            self.machine.cycle - begun
+        ) % period or self.machine.cycle < end:  # instructions last several cycles
+            self.machine.run_until(
+                max(end, self.machine.cycle + period - (self.machine.cycle - begun) % period)
+            )
+        cycles = self.machine.cycle - begun
+        return [(self.machine.high_cycles(pin) - high) / cycles for pin, high in zip(self.pins, before)]
+
+
+def all_dividers():
+    """(timer, divider), each once."""
+    return [(number, divider) for number, dividers in PRESCALERS.items() for divider in dividers]
+
+
+def running(bench, number, mode, com, compare, divider=1, **options):
+    return Timer(bench, number, mode, com, compare, divider, **options)
+
+
+@pytest.mark.parametrize("number, divider", all_dividers())
+def test_fast_pwm_is_high_for_one_count_more_than_its_compare_value(bench, number, divider):
+    """f = clk / (N 256); the output is set at BOTTOM and cleared when the counter leaves the compare value."""
+    timer = running(bench, number, FAST, (CLEAR, CLEAR), (100, 20), divider)
+    timer.machine.run_until(timer.machine.cycle + 256 * divider)
+    assert timer.wave(0, 256 * 4 * divider) == ({256 * divider}, {101 * divider})
+    assert timer.wave(1, 256 * 4 * divider) == ({256 * divider}, {21 * divider})
+
+
+@pytest.mark.parametrize("number, divider", all_dividers())
+def test_phase_correct_pwm_is_high_for_twice_its_compare_value(bench, number, divider):
+    """f = clk / (N 510)."""
+    timer = running(bench, number, PHASE_CORRECT, (CLEAR, CLEAR), (100, 20), divider)
+    timer.machine.run_until(timer.machine.cycle + 510 * divider)
+    assert timer.wave(0, 510 * 4 * divider) == ({510 * divider}, {200 * divider})
+    assert timer.wave(1, 510 * 4 * divider) == ({510 * divider}, {40 * divider})
+
+
+@pytest.mark.parametrize("number", OUTPUTS)
+def test_phase_correct_outputs_are_centred_on_bottom(bench, number):
+    """The middles of the high times of both units are one."""
+    timer = running(bench, number, PHASE_CORRECT, (CLEAR, CLEAR), (100, 20), 8)
+    timer.machine.run_until(timer.machine.cycle + 2 * 510 * 8)
+    timer.machine.pin_changes()
+    timer.machine.run_until(timer.machine.cycle + 2 * 510 * 8)
+    changes = timer.machine.pin_changes()
+    middles = []
+    for pin in timer.pins:
+        edges = [each for each in changes if each.pin == pin]
+        rise = next(i for i, each in enumerate(edges) if each.level)
+        middles.append((edges[rise].cycle + edges[rise + 1].cycle) / 2 % (510 * 8))
+    assert middles[0] == middles[1]
+
+
+@pytest.mark.parametrize("number", OUTPUTS)
+def test_fast_pwm_to_a_ends_its_round_at_compare_value_a(bench, number):
+    """f = clk / (N (1 + OCRA)); unit B makes the pulse."""
+    timer = running(bench, number, FAST_TO_A, (TOGGLE, CLEAR), (79, 19), 8)
+    timer.machine.run_until(timer.machine.cycle + 80 * 8)
+    assert timer.wave(1, 80 * 8 * 4) == ({80 * 8}, {20 * 8})
+    assert timer.wave(0, 80 * 8 * 6) == ({160 * 8}, {80 * 8})
+
+
+@pytest.mark.parametrize("number", OUTPUTS)
+def test_phase_correct_pwm_to_a_turns_at_compare_value_a(bench, number):
+    """f = clk / (N 2 OCRA)."""
+    timer = running(bench, number, PHASE_CORRECT_TO_A, (TOGGLE, CLEAR), (80, 20), 8)
+    timer.machine.run_until(timer.machine.cycle + 160 * 8)
+    assert timer.wave(1, 160 * 8 * 4) == ({160 * 8}, {40 * 8})
+    assert timer.wave(0, 160 * 8 * 6) == ({320 * 8}, {160 * 8})
+
+
+@pytest.mark.parametrize("number, divider", all_dividers())
+def test_ctc_mode_toggles_its_output_at_each_match(bench, number, divider):
+    """f = clk / (2 N (1 + OCRA))."""
+    timer = running(bench, number, CTC, (TOGGLE, 0), (49, 0), divider)
+    timer.machine.run_until(timer.machine.cycle + 50 * divider)
+    assert timer.wave(0, 50 * 6 * divider) == ({100 * divider}, {50 * divider})
+
+
+@pytest.mark.parametrize("number", OUTPUTS)
+def test_normal_mode_toggles_its_outputs_once_a_round(bench, number):
+    """256 counts."""
+    timer = running(bench, number, NORMAL, (TOGGLE, TOGGLE), (49, 7), 8)
+    for unit in range(2):
+        assert timer.wave(unit, 256 * 6 * 8) == ({512 * 8}, {256 * 8})
+
+
+@pytest.mark.parametrize("number", OUTPUTS)
+@pytest.mark.parametrize("mode", [NORMAL, CTC])
+def test_without_pwm_a_match_sets_or_clears(bench, number, mode):
+    """COM 3 sets for good, COM 2 clears."""
+    timer = running(bench, number, mode, (SET, CLEAR), (49, 7), 8)
+    timer.machine.run_until(timer.machine.cycle + 256 * 3 * 8)
+    assert [timer.machine.pin(pin) for pin in timer.pins] == [1, 0]
+
+
+@pytest.mark.parametrize("number", OUTPUTS)
+@pytest.mark.parametrize("mode, cycles", [(FAST, 256), (PHASE_CORRECT, 510)])
+@pytest.mark.parametrize("duty", DUTIES)
+def test_an_inverted_output_is_the_opposite(bench, number, mode, cycles, duty):
+    """COM 3 in the PWM modes."""
+    timer = running(bench, number, mode, (CLEAR, SET), (duty, duty), watched=False)
+    assert sum(timer.shares_high(cycles)) == 1
+
+
+# ---- special cases
+
+
+@pytest.mark.parametrize("number", OUTPUTS)
+@pytest.mark.parametrize("duty", DUTIES)
+def test_the_time_high_of_fast_pwm(bench, number, duty):
+    """OCR = 0 leaves a spike of one count, OCR = TOP is high for ever."""
+    timer = running(bench, number, FAST, (CLEAR, CLEAR), (duty, 255 - duty), watched=False)
+    assert timer.shares_high(256) == [(duty + 1) / 256, (256 - duty) / 256]
+
+
+@pytest.mark.parametrize("number", OUTPUTS)
+@pytest.mark.parametrize("duty", DUTIES)
+def test_the_time_high_of_phase_correct_pwm(bench, number, duty):
+    """OCR = 0 is low for ever, OCR = TOP high."""
+    timer = running(bench, number, PHASE_CORRECT, (CLEAR, CLEAR), (duty, 255 - duty), watched=False)
+    assert timer.shares_high(510) == [duty / 255, (255 - duty) / 255]
+
+
+@pytest.mark.parametrize("mode, compare", [(FAST, 255), (PHASE_CORRECT, 255), (PHASE_CORRECT, 0)])
+def test_a_constant_output_has_no_edge(bench, mode, compare):
+    """Nor a glitch."""
+    timer = running(bench, 0, mode, (CLEAR, CLEAR), (compare, compare))
+    timer.machine.run_until(timer.machine.cycle + 1024)
+    assert timer.edges(0, 4096) == []
+
+
+def test_the_spike_of_fast_pwm_is_one_count_wide(bench):
+    """OCR = 0."""
+    timer = running(bench, 0, FAST, (CLEAR, 0), (0, 0), 8)
+    timer.machine.run_until(timer.machine.cycle + 2048)
+    assert timer.wave(0, 4 * 2048) == ({2048}, {8})
+
+
+@pytest.mark.parametrize("mode, com", [(FAST, TOGGLE), (PHASE_CORRECT, TOGGLE)])
+def test_toggling_pwm_needs_top_at_compare_value_a(bench, mode, com):
+    """With TOP 0xFF, COM 1 leaves the pin to the port."""
+    timer = running(bench, 0, mode, (com, com), (10, 10))
+    assert timer.edges(0, 4096) == []
+
+
+@pytest.mark.parametrize("number", OUTPUTS)
+def test_a_pin_that_is_an_input_is_not_driven(bench, number):
+    """The compare output overrides PORT only if the direction is output."""
+    timer = running(bench, number, FAST, (CLEAR, CLEAR), (100, 100), outputs=0)
+    assert timer.edges(0, 4096) == []
+    assert timer.machine.high_cycles(timer.pins[0]) == 0
+
+
+def test_an_output_that_is_not_connected_follows_its_port(bench):
+    """COM 0."""
+    timer = running(bench, 0, FAST, (0, 0), (100, 100))
+    timer.tell(PORT, 1 << timer.pins[0])
+    assert [timer.machine.pin(pin) for pin in timer.pins] == [1, 0]
+
+
+def test_the_port_does_not_act_on_a_connected_output(bench):
+    """It shows again when the timer gives the pin back."""
+    timer = running(bench, 0, PHASE_CORRECT, (CLEAR, 0), (0, 0))
+    timer.machine.run_until(timer.machine.cycle + 1024)
+    timer.tell(PORT, 1 << timer.pins[0])
+    before = timer.machine.pin(timer.pins[0])
+    timer.tell(WRITE_CONTROL_A, PHASE_CORRECT)
+    assert (before, timer.machine.pin(timer.pins[0])) == (0, 1)
+
+
+def test_a_forced_compare_acts_as_a_match(bench):
+    """FOC, without its flag."""
+    timer = running(bench, 0, NORMAL, (TOGGLE, 0), (250, 250), 1024)
+    timer.tell(WRITE_CONTROL_B, timer.control_b | FORCE_A)
+    assert (timer.machine.pin(timer.pins[0]), timer.read("flags") & OCFA) == (1, 0)
+
+
+def test_pwm_ignores_a_forced_compare(bench):
+    """FOC is for the modes without PWM."""
+    timer = running(bench, 0, PHASE_CORRECT, (SET, 0), (250, 250), 1024)
+    before = timer.machine.pin(timer.pins[0])
+    timer.tell(WRITE_CONTROL_B, timer.control_b | FORCE_A)
+    assert timer.machine.pin(timer.pins[0]) == before
+
+
+# ---- double buffering
+
+
+def test_fast_pwm_loads_a_compare_value_at_bottom(bench):
+    """The running round keeps the old one."""
+    timer = running(bench, 0, FAST, (CLEAR, 0), (100, 0), 64)
+    timer.machine.run_until(timer.machine.cycle + 256 * 64)
+    (rise,) = [cycle for level, cycle in timer.edges(0, 256 * 64) if level]
+    timer.machine.run_until(rise + 256 * 64 + 10 * 64)
+    timer.machine.pin_changes()
+    timer.tell(WRITE_A, 50)
+    edges = timer.edges(0, 2 * 256 * 64)
+    assert edges[0] == (0, rise + 256 * 64 + 101 * 64)
+    assert edges[1:3] == [(1, rise + 2 * 256 * 64), (0, rise + 2 * 256 * 64 + 51 * 64)]
+
+
+def test_phase_correct_pwm_loads_a_compare_value_at_top(bench):
+    """So a pulse is changed on its rising edge first."""
+    timer = running(bench, 0, PHASE_CORRECT, (CLEAR, 0), (100, 0), 64)
+    timer.machine.run_until(timer.machine.cycle + 510 * 64)
+    rise = next(cycle for level, cycle in timer.edges(0, 510 * 64) if level)
+    timer.machine.run_until(rise + 510 * 64 + 10 * 64)
+    timer.tell(WRITE_A, 50)
+    edges = timer.edges(0, 2 * 510 * 64)
+    assert edges[0] == (0, rise + 510 * 64 + 200 * 64)
+    assert edges[1] == (1, rise + 2 * 510 * 64 + 50 * 64)
+
+
+def test_without_pwm_a_compare_value_is_loaded_at_once(bench):
+    """CTC: from the next count on."""
+    timer = running(bench, 0, CTC, (TOGGLE, 0), (200, 0), 64)
+    timer.tell(WRITE_A, 9)
+    timer.machine.run_until(timer.machine.cycle + 10 * 64)
+    assert timer.wave(0, 60 * 64) == ({20 * 64}, {10 * 64})
+
+
+def test_ctc_that_misses_its_match_counts_on_to_the_end(bench):
+    """TOP below the counter: the round has 256 counts more, and an overflow."""
+    timer = running(bench, 0, CTC, (0, 0), (200, 0), 64, count=100)
+    timer.tell(WRITE_A, 9)
+    timer.machine.run_until(timer.machine.cycle + 140 * 64)
+    before = timer.read("flags")
+    timer.machine.run_until(timer.machine.cycle + 16 * 64)
+    assert (before & (TOV | OCFA), timer.read("flags") & TOV) == (0, TOV)
+
+
+# ---- flags, counters, interrupts
+
+
+@pytest.mark.parametrize("number", OUTPUTS)
+@pytest.mark.parametrize(
+    "mode, a, per_round", [(NORMAL, 99, 256), (CTC, 99, 100), (FAST, 99, 256), (FAST_TO_A, 99, 100)]
+)
+def test_matches_of_single_slope_modes_interrupt_once_a_round(bench, number, mode, a, per_round):
+    """At the compare values of both units."""
+    timer = running(bench, number, mode, (0, 0), (a, 10), 64, enable=OCFA | OCFB)
+    timer.machine.run_until(timer.machine.cycle + 10 * per_round * 64)
+    assert (timer.board.get("matches_a"), timer.board.get("matches_b")) == (10, 10)
+
+
+@pytest.mark.parametrize("number", OUTPUTS)
+def test_matches_of_phase_correct_pwm_interrupt_on_both_slopes(bench, number):
+    """Up and down."""
+    timer = running(bench, number, PHASE_CORRECT, (0, 0), (99, 10), 64, enable=OCFA | OCFB)
+    timer.machine.run_until(timer.machine.cycle + 10 * 510 * 64)
+    assert (timer.board.get("matches_a"), timer.board.get("matches_b")) == (20, 20)
+
+
+@pytest.mark.parametrize("number", OUTPUTS)
+@pytest.mark.parametrize(
+    "mode, counts, expected",
+    [(NORMAL, 256, 10), (CTC, 100, 0), (FAST, 256, 10), (FAST_TO_A, 100, 10), (PHASE_CORRECT, 510, 10),
+     (PHASE_CORRECT_TO_A, 198, 10)],
+)  # fmt: skip
+def test_overflows_interrupt(bench, number, mode, counts, expected):
+    """At MAX in normal and CTC mode, at TOP in fast PWM, at BOTTOM in phase-correct PWM."""
+    timer = running(bench, number, mode, (0, 0), (99, 10), 64, enable=TOV, count=5)
+    timer.machine.run_until(timer.machine.cycle + 10 * counts * 64)
+    assert timer.board.get("overflows") == expected
+
+
+@pytest.mark.parametrize("flag, after", [(TOV, 256 - 5), (OCFA, 100 - 5), (OCFB, 11 - 5)])
+def test_flags_are_set_without_interrupts(bench, flag, after):
+    """When the counter leaves the value."""
+    timer = running(bench, 0, NORMAL, (0, 0), (99, 10), 1024, count=5)
+    timer.machine.run_until(timer.machine.cycle + (after - 2) * 1024)
+    before = timer.read("flags") & flag
+    timer.machine.run_until(timer.machine.cycle + 2 * 1024)
+    assert (before, timer.read("flags") & flag) == (0, flag)
+
+
+@pytest.mark.parametrize("command, left", [(CLEAR_FLAGS, OCFA | TOV), (CLEAR_BY_SBI, OCFB | TOV)])
+def test_a_one_clears_its_flag_alone(bench, command, left):
+    """SBI too: its read of the register is none of the chip's."""
+    timer = running(bench, 0, NORMAL, (0, 0), (99, 10), 8)
+    timer.machine.run_until(timer.machine.cycle + 256 * 8)
+    timer.tell(WRITE_CONTROL_B, 0)
+    timer.tell(command, OCFB)
+    assert timer.read("flags") == left
+
+
+def test_the_counter_reads_as_it_counts(bench):
+    """Down on the second slope."""
+    timer = running(bench, 0, PHASE_CORRECT, (0, 0), (0, 0), 1024)
+    seen = []
+    for _ in range(4):
+        timer.machine.run_until(timer.machine.cycle + 100 * 1024)
+        seen.append(timer.read("count"))
+    assert [round(value, -1) for value in seen] == [100, 200, 210, 110]
+
+
+def test_a_written_count_blocks_the_next_match(bench):
+    """Section "Compare Match Blocking by TCNT Write"."""
+    timer = running(bench, 0, NORMAL, (0, 0), (99, 99), 1024, count=0)
+    timer.tell(WRITE_COUNT, 99)
+    timer.machine.run_until(timer.machine.cycle + 3 * 1024)
+    assert timer.read("flags") & (OCFA | OCFB) == 0
+
+
+def test_a_stopped_timer_stands(bench):
+    """Its output keeps its level."""
+    timer = running(bench, 0, FAST, (CLEAR, 0), (100, 0), 64)
+    timer.tell(WRITE_CONTROL_B, 0)
+    count, level = timer.read("count"), timer.machine.pin(timer.pins[0])
+    timer.machine.run(10e-3)
+    assert (timer.read("count"), timer.machine.pin(timer.pins[0])) == (count, level)
+
+
+# ---- cycles driven high
+
+
+def test_pwm_that_nobody_watches_has_no_events(bench):
+    """The chip could sleep for ever."""
+    ends = []
+    for watched in (False, True):
+        timer = running(bench, 0, FAST, (CLEAR, CLEAR), (100, 100), watched=watched)
+        timer.tell(SLEEP)
+        ends.append(timer.machine.next_event_cycle - timer.machine.cycle)
+    assert ends[0] > HOUR_CYCLES > 256 >= ends[1]
+
+
+def random_settings(seed):
+    """Arguments of a Timer, drawn from a seed."""
+    draw = random.Random(seed)
+    number = draw.choice([0, 2])
+    return {
+        "number": number,
+        "mode": draw.choice([NORMAL, PHASE_CORRECT, CTC, FAST, PHASE_CORRECT_TO_A, FAST_TO_A]),
+        "com": (draw.randrange(4), draw.randrange(4)),
+        "compare": (draw.choice([0, 1, 3, 77, 254, 255]), draw.choice([0, 1, 2, 77, 200, 255])),
+        "divider": draw.choice(PRESCALERS[number]),
+        "count": draw.choice([0, 5, 255]),
+    }
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_the_time_high_in_closed_form_is_that_of_the_edges(bench, seed):
+    """A watched output is followed edge by edge; the other one is counted in rounds."""
+    settings, draw = random_settings(seed), random.Random(seed)
+    steps = [
+        (draw.randrange(1, 400000), draw.choice([WRITE_A, WRITE_B, READ, WRITE_COUNT])) for _ in range(6)
+    ]
+    high = []
+    for watched in (True, False):
+        timer, draw = running(bench, watched=watched, **settings), random.Random(seed)
+        for cycles, command in steps:
+            timer.machine.run_until(timer.machine.cycle + cycles)
+            timer.tell(command, draw.randrange(256))
+        high.append(
+            [timer.machine.high_cycles(pin) for pin in timer.pins]
+            + [timer.read("count"), timer.read("flags")]
+        )
+    assert high[0] == high[1]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_time_high_is_the_sum_of_the_watched_edges(bench, seed):
+    """From the first edge to the last one."""
+    timer = running(bench, **dict(random_settings(seed), divider=8))
+    for unit, pin in enumerate(timer.pins):
+        begun, level, before = timer.machine.cycle, timer.machine.pin(pin), timer.machine.high_cycles(pin)
+        edges = timer.edges(unit, 50000)
+        total = 0
+        for now, cycle in [*edges, (0, timer.machine.cycle)]:
+            total += level * (cycle - begun)
+            begun, level = cycle, now
+        assert timer.machine.high_cycles(pin) - before == total
