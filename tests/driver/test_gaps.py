@@ -22,6 +22,8 @@ from .talk import Talk
 
 ERROR_M = 0.005
 """A drive bridged over gaps in which it turned ends this near to the true pose."""
+DAMAGED_ERROR_M = 0.01
+"""The same for 3 m with a gap in each second.  48 drives of 12 seeds ended 2 mm away in the median, and 7 mm at most."""
 
 
 class Drive:
@@ -64,7 +66,7 @@ def real_image(plant):
 @pytest.mark.parametrize("kind", ["loss", "change"])
 def test_heavy_damage_neither_loses_the_way_nor_makes_restarts(kind, seed, make):
     drive = Drive(f"{kind}:rate=0.03,direction=to_host,at=1", make, seed=seed).run(12.0)
-    assert drive.error_m < ERROR_M
+    assert drive.error_m < DAMAGED_ERROR_M
     assert drive.robot.statistics.restarts == 0 and not drive.seen(PathUnknown)
 
 
