@@ -139,6 +139,7 @@ def test_the_wiring_is_stored(bench, hidden):
     code, out, _ = bench.wiring("--truth", "t", "--json")
     assert code == 0 and json.loads(out)["wiring"] == hidden
     assert (bench.kit.saved["bridge"], bench.kit.saved["wiring"]) == (4, hidden)
+    assert bench.kit.saved["ramp_time"] == MODEL.board["ramp_time"]  # it is off during the moves
 
 
 def test_moves_are_slow_and_short(bench):

@@ -207,7 +207,8 @@ def without_measurements(*, checks=True):
 @pytest.mark.parametrize("checks", [True, False])
 def test_what_a_board_does_not_measure_is_nan_and_refuses_no_start(checks):
     state = RobotState(None)
-    talk = Talk(without_measurements(checks=checks), state.admit).until_ready()
+    talk = Talk(without_measurements(checks=checks), state.admit).until_ready().run(5.0)
+    assert talk.seen(Info)
     for event in talk.events:
         state.digest(event, talk.now)
     assert math.isnan(state.info.battery_v) and math.isnan(state.info.temperature_c)

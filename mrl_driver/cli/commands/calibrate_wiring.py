@@ -113,7 +113,7 @@ def _report(found: Any, job: Job) -> None:
 
 def _store(driver: "Driver", job: Job, given: BridgeOptions, unseen: bool) -> None:
     """Find the wiring of an H-bridge board, prove it, and save it in the EEPROM."""
-    from mrl_driver.calibration import bridge_wiring, wiring_procedures
+    from mrl_driver.calibration import bridge_wiring, part_procedures, wiring_procedures
     from mrl_driver.driver import eeprom
 
     if unseen:
@@ -128,9 +128,10 @@ def _store(driver: "Driver", job: Job, given: BridgeOptions, unseen: bool) -> No
         "wheels off the ground?",
     )
     with wiring_procedures.uncorrected(driver, bridge, given.single_channel):
-        found = wiring_procedures.find_wiring(scene, given.single_channel)
-        eeprom.write(driver, {"wiring": found})
-        wiring_procedures.prove(scene)
+        with part_procedures.ramp_off(driver):  # a slow ramp would not reach 20 % in 0.3 s
+            found = wiring_procedures.find_wiring(scene, given.single_channel)
+            eeprom.write(driver, {"wiring": found})
+            wiring_procedures.prove(scene)
         if job.eeprom is not False:
             eeprom.save(driver)
     words = bridge_wiring.in_words(found)
