@@ -1,6 +1,5 @@
 """Robot models, and the EEPROM of boards that carry their ids: read once for all tests of a process."""
 
-import math
 from functools import lru_cache
 
 from mrl_driver.protocol.table import BRIDGES
@@ -21,10 +20,8 @@ def eeprom(robot_id: int) -> bytes:
 
 
 def bridged(bridge: str = "tb6612", **board: int) -> models.RobotModel:
-    """A kit with two wheels of 65 mm on this bridge, 1496 counts a turn and 170 turns a minute."""
-    base = model("stingbot")
-    numbers = {"gearbox": 340, "encoder_counts": 440, "full_speed": 170, "battery_divider": 4000}
+    """A duo with this bridge, a divider of 4 at A3, and these other numbers of its board."""
+    base = model("duo")
     return base._replace(
-        drive=base.differential._replace(metres_per_count=math.pi * 0.065 / 1496.0),
-        board={**base.board, **numbers, "bridge": BRIDGES.index(bridge), **board},
+        board={**base.board, "battery_divider": 4000, "bridge": BRIDGES.index(bridge), **board}
     )

@@ -5,8 +5,9 @@ slice, and the encoder edges of the next slice are planned at their cycles.  So 
 plant's motors are up to 1 ms ahead of the chip.
 """
 
-from typing import Any, Callable, Dict, List
+from typing import Callable, Dict, List
 
+from sim_arduino.avr.machine import AvrMachine
 from sim_arduino.hardware.bridge_plant import OUTPUT_PINS, BridgePlant
 
 SLICE_S = 1e-3
@@ -16,11 +17,11 @@ class BridgeWires:
     """Connects `machine` and `bridge`.
 
     Args:
-        machine: The chip, an `AvrMachine`; its cycle count is the time, from power-up on.
+        machine: The chip; its cycle count is the time, from power-up on.
         bridge: Bridges and encoders, at the same time as the chip.
     """
 
-    def __init__(self, machine: Any, bridge: BridgePlant) -> None:
+    def __init__(self, machine: AvrMachine, bridge: BridgePlant) -> None:
         self._machine, self._bridge = machine, bridge
         self._slice = int(round(SLICE_S * machine.frequency_hz))
         self._since = machine.cycle
@@ -64,9 +65,9 @@ class BridgeWires:
         """Moves the motors to the end of the next slice, and plans the edges until then."""
         self._end += self._slice
         self._bridge.advance(self.next_s)
-        now, frequency_hz = self._machine.cycle, self._machine.frequency_hz
-        cycles: Dict[int, List[int]] = {}
+        planned: Dict[int, List[int]] = {}
         for edge in self._bridge.take_edges():
-            cycles.setdefault(edge.pin, []).append(max(now, int(round(edge.time_s * frequency_hz))))
-        for pin, planned in cycles.items():
-            self._machine.plan_edges(pin, planned)
+            cycles = planned.setdefault(edge.pin, [self._machine.cycle - 1])
+            cycles.append(max(cycles[-1] + 1, int(round(edge.time_s * self._machine.frequency_hz))))
+        for pin, cycles in planned.items():
+            self._machine.plan_edges(pin, cycles[1:])

@@ -97,7 +97,7 @@ class Quadrature:
 
     Args:
         phase_error: Delay of channel B's edges, as a share of a count; -0.5 to 0.5.
-        single: Only channel A is connected.
+        single: Only channel A is connected, and a count is the way from one of its edges to the next.
         reversed_: The channels are swapped where the encoder is made, so that the other direction counts as forward.
 
     Attributes:
@@ -109,6 +109,7 @@ class Quadrature:
     def __init__(self, phase_error: float = 0.0, single: bool = False, reversed_: bool = False) -> None:
         self._sign = -1 if reversed_ else 1
         self._first = (0.5, 1.5 + phase_error)
+        self._apart = 1.0 if single else 2.0
         self._passed = [self._count(channel, 0.0) for channel in (A, B)]
         self.swapped = False
         self.bounce = Bounce(0, 0.0)
@@ -125,7 +126,7 @@ class Quadrature:
 
     def _count(self, channel: int, position: float) -> int:
         """Number of this channel's edges between the start and a position [count]."""
-        return math.floor((position - self._first[channel]) / 2.0) + 1
+        return math.floor((position - self._first[channel]) / self._apart) + 1
 
     def follow(self, start_s: float, end_s: float, motions: Sequence[Motion]) -> List[Edge]:
         """Edges at the board from `start_s` to `end_s` [s], in order of time; `motions` begin after `start_s`."""
@@ -149,5 +150,6 @@ class Quadrature:
         passed = range(old, new) if new >= old else range(old - 1, new - 1, -1)
         first = self._first[channel]
         return [
-            start_s + motion.start_s + motion.time_at(self._sign * (first + 2.0 * index)) for index in passed
+            start_s + motion.start_s + motion.time_at(self._sign * (first + self._apart * index))
+            for index in passed
         ]

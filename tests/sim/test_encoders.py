@@ -92,10 +92,10 @@ def test_a_wheel_at_rest_gives_no_edges():
     assert Quadrature().follow(0.0, 10.0, []) == []
 
 
-def test_a_single_channel_has_half_the_edges_and_the_other_wire_is_pulled_up():
+def test_a_single_channel_has_an_edge_a_count_and_the_other_wire_is_pulled_up():
     encoder = Quadrature(single=True)
     edges = encoder.follow(0.0, 0.1, [steady(1000.0, 0.1)])
-    assert [edge.channel for edge in edges] == [A] * 50
+    assert [edge.channel for edge in edges] == [A] * 100
     assert encoder.wires[B].level == PULLED_UP
 
 
