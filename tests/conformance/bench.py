@@ -1,18 +1,31 @@
-"""A board of any engine on a bench: requests in, replies out, and what reached the motor board."""
+"""A board of any engine and motor back end on a bench: requests in, replies out, and what the wheels do."""
 
-from typing import Any, Callable, Dict, List, NamedTuple, Tuple
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from mrl_driver.protocol import REPLIES, Event, Frame, FrameDecoder, encode_request
-from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, REASONS
-from sim_arduino.board import PythonBoard
+from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, REASONS, STOP_REASONS
+from mrl_driver.robot.models import COMMON_BOARD
+from sim_arduino.board import PythonBoard, parameter_store
 from sim_arduino.board.avr_board import FIRMWARE, AvrEngine
+from sim_arduino.hardware.motor import Mode
 from sim_arduino.hardware.wiring import Plant
-from tests.firmware.pc_board import ENVIRONMENT, SONARS, PcBoard
-from tests.models import eeprom, model
+from tests.firmware.pc_board import BRIDGE, ENVIRONMENT, SONARS, PcBoard
+from tests.models import model
 
 READY_S = 0.12
 """Boot, and the motor board set up."""
 ANSWER_S = 0.03
+STEP_S = 1e-3
+"""Resolution of `run_until_released`, and the slices in which the simulated chip drives an H-bridge."""
+
+ROBOTS = {"omni3md": "traxbot", "bridge": "duo"}
+"""Robot on the bench for each motor back end."""
+
+CAPABILITIES = {
+    "omni3md": 1 + 2 + 4 + 8 + 16 + 128 + 256,
+    "bridge": 1 + 2 + 4 + 8 + 16 + 256 + 512 + 1024 + 2048,
+}
+"""Capabilities of the sonar builds by motor back end; the duo does not measure its battery."""
 
 
 class Status(NamedTuple):
@@ -24,6 +37,14 @@ class Status(NamedTuple):
     stop_reason: int
     faults: int
     clamped: int
+    impossible: int = 0
+
+
+class Wheels(NamedTuple):
+    """True speeds of the wheels [m/s]."""
+
+    left: float
+    right: float
 
 
 def make_python(plant: Plant, eeprom: bytes, environment: bool) -> Any:
@@ -31,14 +52,22 @@ def make_python(plant: Plant, eeprom: bytes, environment: bool) -> Any:
 
 
 def make_pc(plant: Plant, eeprom: bytes, environment: bool) -> Any:
-    return PcBoard(plant, eeprom, ENVIRONMENT if environment else SONARS)
+    return PcBoard(plant, eeprom, ENVIRONMENT if environment else BRIDGE if plant.bridge else SONARS)
 
 
 def make_avr(plant: Plant, eeprom: bytes, environment: bool) -> Any:
-    image = FIRMWARE.with_name("mrl_firmware_environment.elf") if environment else FIRMWARE
-    engine = AvrEngine(plant, image)
+    suffix = "_environment" if environment else "_hbridge" if plant.bridge else ""
+    engine = AvrEngine(plant, FIRMWARE.with_name(f"mrl_firmware{suffix}.elf"))
     engine.machine.write_eeprom(0, eeprom)
     return engine
+
+
+def ready_eeprom(robot: str, stored: Dict[str, int]) -> bytes:
+    """The EEPROM of a robot of a model with these parameters instead of its own."""
+    values = parameter_store.first(model(robot).ids[0], model(robot))
+    for name, value in stored.items():
+        values[PARAMETER_BY_NAME[name].number] = value
+    return parameter_store.image(values)
 
 
 ENGINES: Dict[str, Callable[[Plant, bytes, bool], Any]] = {
@@ -49,17 +78,29 @@ ENGINES: Dict[str, Callable[[Plant, bytes, bool], Any]] = {
 
 
 class Bench:
-    """One board with TraxBot's or another model's plant, awake and set up.
+    """One board with the plant of its motor back end's robot, or of another model, awake and set up.
+
+    Args:
+        stored: Parameters in the EEPROM by name that differ from those of a robot that is ready to drive.
 
     Attributes:
         text: Everything the board has sent.
     """
 
-    def __init__(self, engine: str, robot: str = "traxbot", environment: bool = False, **plant: Any) -> None:
-        self.model = model(robot)
+    def __init__(
+        self,
+        engine: str,
+        motors: str = "omni3md",
+        robot: str = "",
+        environment: bool = False,
+        stored: Optional[Dict[str, int]] = None,
+        **plant: Any,
+    ) -> None:
+        self.motors = motors
+        self.model = model(robot or ROBOTS[motors])
         self.plant = Plant(self.model, sonars=not environment, **plant)
         self.environment = environment
-        self.board = ENGINES[engine](self.plant, eeprom(self.model.ids[0]), environment)
+        self.board = ENGINES[engine](self.plant, ready_eeprom(self.model.name, stored or {}), environment)
         self.now_s = 0.0
         self.checked = False
         self.text = b""
@@ -67,7 +108,8 @@ class Bench:
 
     def wake(self) -> "Bench":
         self.run(READY_S)
-        self.commands()
+        if not self.plant.bridge:
+            self.commands()
         return self
 
     def run(self, seconds: float) -> bytes:
@@ -99,6 +141,40 @@ class Bench:
         log = list(self.plant.motor_board.commands)
         new, self._seen = log[self._seen :], len(log)
         return [(each.code, *each.values) for each in new]
+
+    def wheels(self) -> Wheels:
+        """True speeds of the wheels."""
+        left, _, right = (motor.speed for motor in self.plant.robot.motors)
+        drive = self.model.drive
+        return Wheels(left * drive.left_m_per_count, right * drive.right_m_per_count)
+
+    def full_speed_m_s(self) -> float:
+        """Rim speed of a wheel at 100 %."""
+        turn = self.model.board["gearbox"] * self.model.board["encoder_counts"] / 100.0
+        per_minute = self.model.board.get("full_speed", COMMON_BOARD["full_speed"])
+        return per_minute / 60.0 * turn * self.model.drive.metres_per_count
+
+    def is_driven(self) -> bool:
+        """Whether the board drives a motor, or lets a motor board drive it."""
+        motors = (self.plant.robot.motors[0], self.plant.robot.motors[2])
+        if self.plant.bridge:
+            return any(motor.shares.forward or motor.shares.backward for motor in motors)
+        return any(motor.mode is not Mode.BRAKE for motor in motors)
+
+    def run_until_released(self, limit_s: float) -> float:
+        """Runs until no motor is driven; the time at which that was seen [s], up to STEP_S late.
+
+        Raises:
+            AssertionError: a motor is still driven after `limit_s`.
+        """
+        last_s = self.now_s + limit_s
+        while self.is_driven():
+            assert self.now_s < last_s, f"a motor is still driven after {limit_s} s"
+            self.run(STEP_S)
+        return self.now_s
+
+    def stop_reason(self) -> str:
+        return STOP_REASONS[self.status().stop_reason]
 
     def counters(self) -> Dict[str, int]:
         """Refusals by reason, those that happened; a stream or debug text may run beside the reply."""

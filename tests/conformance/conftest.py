@@ -1,8 +1,8 @@
-"""Every test of this folder runs on every engine."""
+"""Every test of this folder runs on every engine, and on both motor back ends unless its file or mark names one."""
 
 import pytest
 
-from .bench import ENGINES, Bench
+from .bench import ENGINES, ROBOTS, Bench
 
 
 @pytest.fixture(params=sorted(ENGINES))
@@ -10,13 +10,19 @@ def engine(request):
     return request.param
 
 
+@pytest.fixture(params=sorted(ROBOTS))
+def motors(request):
+    """The motor back end."""
+    return request.param
+
+
 @pytest.fixture
-def make(engine):
-    """Makes benches that are closed at the end: `make(**options)` awake, `make(wake=False)` at power-on."""
+def benches(engine):
+    """Makes benches that are closed at the end: `benches(motors, **options)` awake, with `wake=False` at power-on."""
     made = []
 
-    def build(wake=True, **options):
-        made.append(Bench(engine, **options))
+    def build(motors, wake=True, **options):
+        made.append(Bench(engine, motors, **options))
         return made[-1].wake() if wake else made[-1]
 
     yield build
@@ -25,12 +31,24 @@ def make(engine):
 
 
 @pytest.fixture
+def make(benches, motors):
+    """Makes benches with the motor back end: `make(**options)`."""
+    return lambda **options: benches(motors, **options)
+
+
+@pytest.fixture
 def bench(make):
-    """A TraxBot's board, awake."""
+    """The robot of the motor back end, awake: a TraxBot with an OMNI-3MD, or a duo with an H-bridge."""
     return make()
 
 
 @pytest.fixture
-def sensors(make):
+def omni3md(benches):
+    """A TraxBot's board with an OMNI-3MD, awake."""
+    return benches("omni3md")
+
+
+@pytest.fixture
+def sensors(benches):
     """A TraxBot's board of the environment-sensor build, awake."""
-    return make(environment=True)
+    return benches("omni3md", environment=True)

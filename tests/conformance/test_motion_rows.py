@@ -1,190 +1,189 @@
-"""Rows that move the motors or set up their board: what reaches the motor board."""
+"""Rows that move the motors: what the wheels do."""
 
 import pytest
 
-
-@pytest.mark.parametrize(
-    "name, args, reached",
-    [
-        ("calibrate", (), [(0xFB, 1, 1, 1)]),
-        ("set_pid_gains", (900, 300, 10), [(0xF4, 900, 300, 10)]),
-        ("set_encoder_prescaler", (3, 1), [(0xF0, 3, 1)]),
-        ("preset_encoder", (1, -5), [(0xEF, 1, -5)]),
-        ("move_motors_pid", (40, -30), [(0xF8, 40, 0, -30)]),
-        ("move_motors", (-40, 30), [(0xF7, -40, 0, 30)]),
-        ("move_differential", (500, -800), [(0xEB, 500, -800)]),
-        ("move_differential", (-1, 0), [(0xEB, -1, 0)]),
-        ("move_to_position", (3, 50, -1000), [(0xEE, 3, 50, -1000, 1)]),
-        ("stop", (), [(0xFC,)]),
-        ("reset_encoders", (), [(0xEF, 1, 0), (0xEF, 2, 0), (0xEF, 3, 0)]),
-    ],
-)
-def test_reaches_the_motor_board(bench, name, args, reached):
-    assert bench.ask(name, *args, wait_s=0.08) == []
-    assert bench.commands() == reached
+SPEED_M_S = 0.01
+"""How near a wheel comes to the speed that was asked for; an OMNI-3MD rounds, and an encoder's edges are 5 ms apart."""
+REACHED_COUNTS = 3
+RAMPED_S = 4.0
+"""Longer than the slowest ramp to full speed, and the control after it."""
+RELEASED_S = 0.005
+"""From the last bit of a request, or the end of the wait for one, to motors without drive."""
+ROLL_OUT_S = 1.0
+DRIVE = ("move_differential", 200, 0)
 
 
-def test_set_up_of_the_motor_board(make):
-    """Boot stops the motors, then tells geometry, gains, ramp and I2C timeout."""
-    bench = make(wake=False)
-    bench.run(0.4)
-    assert bench.commands() == [
-        (0xFC,),
-        (0xEA, 8700, 2700, 437, 640),
-        (0xF4, 700, 400, 200),
-        (0xEC, 2500, 0),
-        (0xF1, 3),
-    ]
+def speeds(bench, name, *args):
+    """True speeds of the wheels, long after a move [m/s]."""
+    assert bench.ask(name, *args, wait_s=RAMPED_S) == []
+    return bench.wheels()
 
 
-def test_set_up_respects_the_motor_boards_eeprom(make):
-    assert make().plant.motor_board.too_early == 0
+@pytest.mark.parametrize("left, right", [(40, -30), (-25, 50), (20, 0)])
+def test_percent_of_full_speed_turns_each_wheel_at_its_share(bench, left, right):
+    full = bench.full_speed_m_s()
+    assert speeds(bench, "move_motors_pid", left, right) == pytest.approx(
+        (left / 100 * full, right / 100 * full), abs=SPEED_M_S
+    )
 
 
-def test_speed_beyond_the_ceiling_is_clamped(bench):
-    bench.ask("move_differential", 2000, 0)
-    assert bench.commands() == [(0xEB, 650, 0)]
-    assert bench.status().clamped == 1
+@pytest.mark.parametrize("left, right", [(-40, 30), (60, 60)])
+def test_percent_of_full_duty_turns_each_wheel_its_way(bench, left, right):
+    """The speed is that of a motor without control: below the share of full speed that the battery would give."""
+    turned = speeds(bench, "move_motors", left, right)
+    assert turned.left * left > 0 and turned.right * right > 0
 
 
-def test_clamping_keeps_the_curvature(bench):
-    bench.ask("move_differential", 1300, 2000)
-    assert bench.commands() == [(0xEB, 650, 1000)]
+def test_more_duty_is_more_speed(bench):
+    assert speeds(bench, "move_motors", 60, 30).left > 1.5 * bench.wheels().right
 
 
-def test_the_angular_ceiling_holds_too(bench):
-    bench.ask("move_differential", 100, -20000)
-    assert bench.commands() == [(0xEB, 25, -5000)]
+@pytest.mark.parametrize("linear, angular", [(300, 0), (-200, 0), (0, -1500), (200, 1000)])
+def test_drives_at_the_speed_that_was_asked_for(bench, linear, angular):
+    half_m = 0.5 * bench.model.drive.wheel_separation_m
+    turning = angular / 1000 * half_m
+    wanted = linear / 1000 - turning, linear / 1000 + turning
+    assert speeds(bench, "move_differential", linear, angular) == pytest.approx(wanted, abs=SPEED_M_S)
 
 
-def test_the_widest_ceiling_passes_everything(bench):
-    bench.write_config("linear_ceiling", 32767)
-    bench.ask("move_differential", -32768, 0)
-    assert bench.commands()[-1] == (0xEB, -32768, 0)
-
-
-def test_drives_at_the_speed_that_was_asked_for(bench):
-    bench.ask("move_differential", 300, 0, wait_s=4.0)
+def test_a_second_at_a_speed_is_as_long_a_way(bench):
+    speeds(bench, "move_differential", 300, 0)
     before = bench.plant.true_pose.x_m
     bench.run(1.0)
     assert bench.plant.true_pose.x_m - before == pytest.approx(0.3, abs=0.003)
 
 
-def test_motor_boards_timeout_is_fed(bench):
-    """Nobody asks for anything; the board itself keeps the motor board's timeout from ending the drive."""
+def test_a_drive_without_further_requests_goes_on(bench):
+    """The link watchdog is off; a motor board's own timeout is fed."""
     bench.ask("move_differential", 200, 0, wait_s=3.0)
     before = bench.plant.true_pose.x_m
     bench.run(1.0)
     assert bench.plant.true_pose.x_m - before > 0.19
 
 
-def test_a_move_behind_a_stop_in_a_pause_of_the_motor_board_lasts(bench):
-    """The prescaler goes to its EEPROM; the stop that is repeated afterwards stays ahead of the move."""
-    bench.send(b"@3,1,0e@11,200,0e@13e@11,100,0e", wait_s=0.1)
-    reached = bench.commands()
-    assert reached[-1] == (0xEB, 100, 0) and (0xFC,) in reached
-    assert bench.status().stop_reason == 0
+def test_speed_beyond_the_ceiling_is_clamped(bench):
+    bench.write_config("linear_ceiling", 150)
+    assert speeds(bench, "move_differential", 2000, 0) == pytest.approx((0.15, 0.15), abs=SPEED_M_S)
+    assert bench.status().clamped == 1
 
 
-# ---- without a motor board
+def test_clamping_keeps_the_curvature(bench):
+    bench.write_config("linear_ceiling", 200)
+    half_m = 0.5 * bench.model.drive.wheel_separation_m
+    turned = speeds(bench, "move_differential", 400, 2000)
+    assert turned == pytest.approx((0.2 - half_m, 0.2 + half_m), abs=SPEED_M_S)
 
 
-@pytest.mark.parametrize(
-    "name, args",
-    [
-        ("calibrate", ()),
-        ("set_pid_gains", (1, 1, 1)),
-        ("set_encoder_prescaler", (1, 0)),
-        ("preset_encoder", (1, 0)),
-        ("move_motors_pid", (1, 1)),
-        ("move_motors", (1, 1)),
-        ("move_differential", (1, 1)),
-        ("move_to_position", (1, 1, 1)),
-        ("stop", ()),
-        ("read_encoders", ()),
-        ("read_encoders_and_sonars", ()),
-    ],
-)
-def test_without_a_motor_board_nothing_is_answered_and_the_refusal_is_counted(make, name, args):
-    bench = make(wake=False)
-    bench.plant.motor_board.present = False
-    bench.run(0.4)
-    assert bench.ask(name, *args) == []
-    assert bench.counters() == {"unavailable": 1}
+def test_the_angular_ceiling_holds_too(bench):
+    bench.write_config("angular_ceiling", 1000)
+    half_m = 0.5 * bench.model.drive.wheel_separation_m
+    turned = speeds(bench, "move_differential", 100, -4000)
+    assert turned == pytest.approx((0.025 + half_m, 0.025 - half_m), abs=SPEED_M_S)
 
 
-def test_a_lost_motor_board_is_a_fault(bench):
-    bench.plant.motor_board.present = False
-    bench.ask("read_encoders", wait_s=0.3)
-    assert bench.status().faults == 1
+def test_a_reversal_ends_at_the_other_speed(bench):
+    speeds(bench, *DRIVE)
+    assert speeds(bench, "move_differential", -200, 0) == pytest.approx((-0.2, -0.2), abs=SPEED_M_S)
 
 
-def test_a_motor_board_that_comes_back_is_stopped_and_set_up(bench):
-    bench.plant.motor_board.present = False
-    bench.ask("read_encoders", wait_s=0.3)
-    bench.plant.motor_board.present = True
-    bench.run(0.3)
-    bench.ask("read_encoders")
-    codes = [command[0] for command in bench.commands()]
-    assert codes == [0xFC, 0xEA, 0xF4, 0xEC, 0xF1]
+# ---- stops
 
 
-# ---- three wheels across
+def test_stop_releases_the_motors_at_once(bench):
+    speeds(bench, *DRIVE)
+    bench.send(b"@13e", wait_s=0.0)
+    sent_s = bench.now_s
+    assert bench.run_until_released(0.1) - sent_s <= RELEASED_S
+    bench.run(ROLL_OUT_S)
+    assert bench.wheels() == (0.0, 0.0)
 
 
-def test_three_wheels_move_sideways_and_turn(make):
-    """To the left while it turns: what reaches the motor board, and where the robot goes."""
-    bench = make(robot="omni")
-    assert bench.ask("move_omni", 40, -5, 90, wait_s=2.0) == []
-    assert bench.commands() == [(0xFA, 40, -5, 90)]
-    pose = bench.plant.true_pose
-    assert pose.y_m > 0.2 and pose.yaw_rad < -0.2
+def test_a_stopped_robot_stays_where_it_is(bench):
+    speeds(bench, *DRIVE)
+    bench.ask("stop", wait_s=ROLL_OUT_S)
+    before = bench.plant.true_pose
+    bench.run(2.0)
+    assert bench.plant.true_pose == before
 
 
-@pytest.mark.parametrize(
-    "asked, told",
-    [
-        ((100, 0, 90), (50, 0, 90)),
-        ((50, 40, 0), (50, 40, 0)),
-        ((100, -40, 0), (50, -20, 0)),
-        ((40, -80, 359), (20, -40, 359)),
-        ((0, 100, 0), (0, 40, 0)),
-    ],
-)
-def test_omni_moves_keep_below_the_ceilings(make, asked, told):
-    """Ceilings of half of full speed and two fifths of full rotation: both shares shrink alike, and are counted."""
-    bench = make(robot="omni")
-    bench.write_config("linear_ceiling", 252)  # full speed is 160 / 60 * 2 pi * 30 mm = 502.65 mm/s
-    bench.write_config("angular_ceiling", 2011)  # at 100 mm from the middle
-    bench.ask("move_omni", *asked)
-    assert bench.commands() == [(0xFA, *told)]
-    assert bench.status().clamped == (asked != told)
+def test_a_move_after_a_stop_drives_again(bench):
+    speeds(bench, *DRIVE)
+    bench.ask("stop")
+    assert speeds(bench, *DRIVE) == pytest.approx((0.2, 0.2), abs=SPEED_M_S)
+    assert bench.stop_reason() == "none"
 
 
-def test_the_widest_ceilings_leave_omni_moves_as_they_are(make):
-    bench = make(robot="omni")
-    for name in ("linear_ceiling", "angular_ceiling"):
-        bench.write_config(name, 32767)
-    bench.ask("move_omni", 100, -100, 0)
-    assert bench.commands() == [(0xFA, 100, -100, 0)]
+def test_a_move_right_behind_a_stop_lasts(bench):
+    """A prescaler keeps a motor board busy; the stop that is repeated afterwards stays ahead of the move."""
+    bench.send(b"@3,1,0e@11,200,0e@13e@11,100,0e", wait_s=RAMPED_S)
+    assert bench.wheels() == pytest.approx((0.1, 0.1), abs=SPEED_M_S)
+    assert bench.stop_reason() == "none"
 
 
-def test_omni_stream_carries_three_counters_until_the_stop(make):
-    """Each counter at its place, then the sonars; row 19 ends it."""
-    bench = make(robot="omni")
-    for encoder, count in ((1, 111), (2, -222), (3, 333)):
-        bench.ask("preset_encoder", encoder, count)
-    events = bench.ask("start_omni_stream", 20, wait_s=0.1)
-    assert {(event.code, event.args[:3]) for event in events} == {(44, (333, 111, -222))}
-    assert 4 <= len(events) <= 6 and len(events[0].args) == 6
-    bench.ask("stop_stream")
-    assert bench.run(0.1) == b""
+def test_speed_zero_comes_to_rest(bench):
+    speeds(bench, *DRIVE)
+    assert speeds(bench, "move_differential", 0, 0) == pytest.approx((0.0, 0.0), abs=1e-3)
 
 
-def test_omni_moves_end_with_the_watchdog(make):
-    """As any other move: silence stops the motors, and the board says why."""
-    bench = make(robot="omni")
-    assert bench.reply("set_watchdog", 250) == (250,)
-    bench.ask("move_omni", 30, 0, 45, wait_s=0.6)
-    assert bench.commands()[-2:] == [(0xFA, 30, 0, 45), (0xFC,)]
-    assert bench.status().stop_reason == 2
+# ---- positions and counters
+
+
+@pytest.mark.parametrize("motor, position", [(1, 1200), (3, -1000), (3, 30)])
+def test_a_positional_move_ends_at_its_count(bench, motor, position):
+    assert bench.ask("move_to_position", motor, 50, position, wait_s=RAMPED_S) == []
+    right, left = bench.reply("read_encoders")
+    reached, other = (left, right) if motor == 1 else (right, left)
+    assert reached == pytest.approx(position, abs=REACHED_COUNTS) and other == pytest.approx(0, abs=1)
+
+
+def test_a_positional_move_is_not_faster_than_its_speed(bench):
+    bench.ask("preset_encoder", 1, -30000)
+    bench.ask("move_to_position", 1, 20, 30000, wait_s=RAMPED_S)
+    assert bench.wheels().left <= 0.2 * bench.full_speed_m_s() + SPEED_M_S
+
+
+def test_a_prescaled_counter_counts_a_tenth(bench):
+    bench.ask("set_encoder_prescaler", 3, 1, wait_s=0.1)
+    speeds(bench, *DRIVE)
+    right, left = bench.reply("read_encoders")
+    assert left > 1000 and right == pytest.approx(left / 10, rel=0.02)
+
+
+def test_reset_encoders_sets_both_counters_to_0(bench):
+    bench.ask("preset_encoder", 1, 1234)
+    bench.ask("preset_encoder", 3, -99)
+    assert bench.ask("reset_encoders", wait_s=0.1) == []
+    assert bench.reply("read_encoders") == (0, 0)
+
+
+def test_counters_follow_the_wheels(bench):
+    speeds(bench, *DRIVE)
+    bench.ask("stop", wait_s=ROLL_OUT_S)
+    right, left = bench.reply("read_encoders")
+    way_m = bench.plant.true_pose.x_m
+    for count in (right, left):
+        assert count * bench.model.drive.metres_per_count == pytest.approx(way_m, abs=1e-3)
+
+
+# ---- gains
+
+
+def test_gains_are_parameters(bench):
+    assert bench.ask("set_pid_gains", 900, 300, 10, wait_s=0.1) == []
+    assert [bench.reply("read_config", index) for index in (5, 6, 7)] == [(5, 900), (6, 300), (7, 10)]
+
+
+def test_other_gains_are_in_force_at_once(make):
+    """A wheel takes another course to its speed."""
+    plain, changed = make(), make()
+    changed.ask("set_pid_gains", 0, 0, 0, wait_s=0.1)
+    plain.run(0.1)
+    for bench in (plain, changed):
+        bench.ask(*DRIVE, wait_s=1.0)
+    assert abs(plain.wheels().left - changed.wheels().left) > 0.005
+
+
+def test_a_longer_ramp_takes_longer(bench):
+    bench.write_config("ramp_time", 8000)
+    bench.ask("move_motors_pid", 50, 50, wait_s=1.0)
+    assert bench.wheels().left < 0.3 * bench.full_speed_m_s()

@@ -7,6 +7,8 @@ import pytest
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
 from sim_arduino.world.world import Wall, World
 
+from .bench import CAPABILITIES
+
 COUNT_CM = 1
 """What rounding the curve in integers may cost."""
 SONARS_READY_S = 0.6
@@ -101,7 +103,7 @@ def test_get_stream(bench):
 def test_requests_are_answered_between_the_frames_of_a_full_stream(bench):
     bench.ask("start_stream")
     got = bench.ask("read_protocol", wait_s=0.02)
-    assert Frame(29, (2, 415)) in got
+    assert Frame(29, (2, CAPABILITIES[bench.motors])) in got
 
 
 def test_another_streams_end_leaves_this_one_running(bench):
@@ -183,12 +185,11 @@ def test_sensor_stream_with_light(sensors):
     assert frames(sensors, 0.5)[-1].args[-1] == 321
 
 
-def test_compass_runs_clockwise_from_north(make):
+def test_compass_runs_clockwise_from_north(sensors):
     """Facing the world's x, east."""
-    bench = make(environment=True)
-    bench.ask("start_compass_stream", 100)
-    bench.run(0.5)
-    assert frames(bench, 0.5)[-1] == Frame(27, (90,))
+    sensors.ask("start_compass_stream", 100)
+    sensors.run(0.5)
+    assert frames(sensors, 0.5)[-1] == Frame(27, (90,))
 
 
 @pytest.mark.parametrize("name, args", [("send_xbee", (0, 0, 0, 1, 1, 0x4100)), ("discover_xbee", ())])

@@ -239,7 +239,10 @@ def test_gains_of_command_2_are_parameters(bench):
     assert parameters(board)[5:8] == [1, 2, 3]
 
 
-@pytest.mark.parametrize("name", models.names())
+WITH_MOTOR_BOARD = [name for name in models.names() if not models.load(name).board.get("bridge")]
+
+
+@pytest.mark.parametrize("name", WITH_MOTOR_BOARD)
 def test_motor_board_is_set_up_with_the_models_numbers(bench, name):
     model = models.load(name)
     board = bench(model=name, robot_id=model.ids[0], boot=False)

@@ -68,7 +68,7 @@ def test_unknown_world_costs_one_line(capsys, tmp_path):
 @pytest.mark.parametrize(
     ("option", "value", "said"),
     [
-        ("--robot", "moon", "robot 'moon' is unknown, expected omni"),
+        ("--robot", "moon", "robot 'moon' is unknown, expected duo, omni"),
         ("--engine", "simavr", "engine is 'simavr', expected python, avr"),
         ("--pose", "1,2", "pose is '1,2', expected X,Y,YAW"),
     ],
