@@ -268,7 +268,7 @@ def test_gains_of_command_2_are_in_force(kit):
 
 def test_one_channel_counts_in_the_direction_of_the_command(kit):
     single = 1 + BIT["single_channel"]
-    bench = kit(wires=single, wiring=single, encoder_counts=220)
+    bench = kit(wires=single, wiring=single)
     bench.send("move_differential", -200, 0, wait_s=1.0)
     assert bench.speed() == pytest.approx(-0.2, rel=0.05)
     assert bench.ask("read_encoders").args[0] < -500
@@ -343,6 +343,16 @@ def test_an_encoder_with_an_open_wire_stops_the_robot(kit, channels):
         faults.encoder_open(bench.plant, True, "right", channel)
     bench.send("move_differential", 200, 0, wait_s=0)
     bench.run(0.05)
+    assert bench.seconds_to(lambda: not bench.is_driven()) < 0.5
+    assert bench.stop_reason() == "encoder"
+
+
+@pytest.mark.parametrize("channel", ["a", "b"])
+def test_a_wire_that_breaks_on_the_way_stops_the_robot(kit, channel):
+    """The other channel's edges go to and fro."""
+    bench = kit()
+    bench.send("move_differential", 200, 0, wait_s=0.5)
+    faults.encoder_open(bench.plant, True, "right", channel)
     assert bench.seconds_to(lambda: not bench.is_driven()) < 0.5
     assert bench.stop_reason() == "encoder"
 
