@@ -4,6 +4,7 @@
 #include "battery.h"
 #include "baud.h"
 #include "board_clock.h"
+#include "build.h"
 #include "bus.h"
 #include "commands.h"
 #include "config.h"
@@ -17,6 +18,14 @@
 
 namespace mrl {
 namespace board {
+namespace {
+
+// A wheel on an H-bridge is controlled for 0.1 ms: a stop need not wait for this and for all tasks before it.
+void receive_beside_motors() {
+  if (MRL_BRIDGE) commands::receive();
+}
+
+}  // namespace
 
 void begin() {
   hal::begin();
@@ -39,7 +48,9 @@ void run() {
   commands::receive();
   bus::service();
   answers::service();
+  receive_beside_motors();
   motor::service();
+  receive_beside_motors();
   bus::service_background();
   sonar::service();
   battery::service();
