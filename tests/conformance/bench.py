@@ -4,12 +4,12 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from mrl_driver.protocol import REPLIES, Event, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, REASONS, STOP_REASONS
-from mrl_driver.robot.models import COMMON_BOARD
+from mrl_driver.robot.models import COMMON_BOARD, RobotModel
 from sim_arduino.board import PythonBoard, parameter_store
 from sim_arduino.board.avr_board import FIRMWARE, AvrEngine
 from sim_arduino.hardware.motor import Mode
 from sim_arduino.hardware.wiring import Plant
-from tests.firmware.pc_board import BRIDGE, ENVIRONMENT, SONARS, PcBoard
+from tests.firmware.pc_board import BRIDGE, BROWN_OUT, ENVIRONMENT, SONARS, PcBoard
 from tests.models import model
 
 READY_S = 0.12
@@ -17,6 +17,8 @@ READY_S = 0.12
 ANSWER_S = 0.03
 STEP_S = 1e-3
 """Resolution of `run_until_released`, and the slices in which the simulated chip drives an H-bridge."""
+
+BLANK = b"\xff" * parameter_store.EEPROM_BYTES
 
 ROBOTS = {"omni3md": "traxbot", "bridge": "duo"}
 """Robot on the bench for each motor back end."""
@@ -62,9 +64,9 @@ def make_avr(plant: Plant, eeprom: bytes, environment: bool) -> Any:
     return engine
 
 
-def ready_eeprom(robot: str, stored: Dict[str, int]) -> bytes:
+def ready_eeprom(robot: RobotModel, stored: Dict[str, int]) -> bytes:
     """The EEPROM of a robot of a model with these parameters instead of its own."""
-    values = parameter_store.first(model(robot).ids[0], model(robot))
+    values = parameter_store.first(robot.ids[0], robot)
     for name, value in stored.items():
         values[PARAMETER_BY_NAME[name].number] = value
     return parameter_store.image(values)
@@ -81,7 +83,9 @@ class Bench:
     """One board with the plant of its motor back end's robot, or of another model, awake and set up.
 
     Args:
+        board: Numbers of the robot's hardware, and of its board, that differ from the model's.
         stored: Parameters in the EEPROM by name that differ from those of a robot that is ready to drive.
+        blank: Nothing is in the EEPROM.
 
     Attributes:
         text: Everything the board has sent.
@@ -93,14 +97,18 @@ class Bench:
         motors: str = "omni3md",
         robot: str = "",
         environment: bool = False,
+        board: Optional[Dict[str, int]] = None,
         stored: Optional[Dict[str, int]] = None,
+        blank: bool = False,
         **plant: Any,
     ) -> None:
         self.motors = motors
-        self.model = model(robot or ROBOTS[motors])
+        base = model(robot or ROBOTS[motors])
+        self.model = base._replace(board={**base.board, **(board or {})})
         self.plant = Plant(self.model, sonars=not environment, **plant)
         self.environment = environment
-        self.board = ENGINES[engine](self.plant, ready_eeprom(self.model.name, stored or {}), environment)
+        eeprom = BLANK if blank else ready_eeprom(self.model, stored or {})
+        self.board = ENGINES[engine](self.plant, eeprom, environment)
         self.now_s = 0.0
         self.checked = False
         self.text = b""
@@ -188,6 +196,13 @@ class Bench:
     def write_config(self, name: str, value: int) -> None:
         number = PARAMETER_BY_NAME[name].number
         assert self.reply("write_config", number, value) == (number, value)
+
+    def brown_out(self) -> None:
+        """The supply voltage drops, and comes back."""
+        if isinstance(self.board, PcBoard):
+            self.board.reset(BROWN_OUT)
+        else:
+            self.board.brown_out()
 
     def close(self) -> None:
         self.board.close()
