@@ -11,7 +11,7 @@ from sim_arduino.avr.machine import AvrMachine, SentByte, Transfer
 MOTOR_BOARD = 0x18
 RIGHT, LEFT = 1234, -567  # counts
 TEMPERATURE, BATTERY = 250, 120  # tenths of degC and V, as on the I2C bus
-SONAR_VOLTS = (1.5, 2.0, 0.8)  # front, left, right
+VOLTS = (1.5, 2.0, 0.8, 3.6)  # sonars front, left, right; divided battery
 ENCODERS, VERSION, VERSION_DECIMALS, CONTROL_RATE = 0xD8, 0xFE, 0xFD, 0xD3
 FIRST_READABLE = 0xD8  # D8 D7 D6 encoders, D5 battery, D4 temperature: two bytes each
 SETTLED_S = 1.5  # boot, motor board's configuration and the first sonar chain are over
@@ -78,15 +78,32 @@ class MotorBoard:
 class Rig:
     """One board on the bench, its line and its bus under observation."""
 
+    FAULTS: Tuple[str, ...] = ("sda", "scl", "absent")
+    """Faults of `break_part` that the board must bear."""
+
     def __init__(self, elf: Path, seed: int = 1) -> None:
         self.random = random.Random(seed)
-        self.machine = AvrMachine(elf, seed=seed)
-        self.motors = MotorBoard()
-        self.machine.i2c[MOTOR_BOARD] = self.motors
-        self.machine.adc_volts = lambda channel, time_s: SONAR_VOLTS[channel] if channel < 3 else 0.0
+        self.machine = self._powered(elf, seed)
+        self.machine.adc_volts = lambda channel, time_s: VOLTS[channel] if channel < len(VOLTS) else 0.0
         self.transfers: List[Transfer] = []
         self.machine.on_transfer = self.transfers.append
         self._partial: List[SentByte] = []
+
+    def _powered(self, elf: Path, seed: int) -> AvrMachine:
+        """The chip and what is connected to it."""
+        machine = AvrMachine(elf, seed=seed)
+        self.motors = MotorBoard()
+        machine.i2c[MOTOR_BOARD] = self.motors
+        return machine
+
+    def break_part(self, fault: str) -> None:
+        """Breaks the bus in one of four ways ("sda", "scl", "absent", "stretch"), or mends it ("")."""
+        self.machine.hang_bus(fault if fault in ("sda", "scl") else None)
+        self.motors.present = fault != "absent"
+        self.machine.stretch_clock(160000 if fault == "stretch" else 0)
+
+    def hold_counts(self) -> None:
+        """Gives the counts as many digits as in the table's frames; here they always have them."""
 
     def settle(self, **parameters: int) -> "Rig":
         """Waits for the end of boot and sets board parameters, robot id 1 among them; returns the rig."""

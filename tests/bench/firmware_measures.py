@@ -4,27 +4,30 @@
 the I2C write that carries it out.  Requests come at random phases of a fixed seed.
 """
 
-from pathlib import Path
 from statistics import median
-from typing import Dict, Iterable, List, Optional, Tuple
+from typing import Callable, Dict, Iterable, List, Optional, Tuple
 
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.table import BAUD, COMMANDS
-from sim_arduino.avr.elf import read_image
 from tests.bench.firmware_board import Reply, Rig, request
 
 REQUESTS = 300
 STREAM_COMMANDS = 1000
 MOVE, STOP = 0xEB, 0xFC  # motor board commands
 WIDEST = 32767
+BUS_FAULTS = ("sda", "scl", "absent", "stretch")
 COMMAND_BYTES = 13
 BYTE_CYCLES = 1360  # 10 bits at UBRR 16 with U2X
+
+
+MakeRig = Callable[[], Rig]
 
 
 def turnarounds_us(rig: Rig, asked: bytes) -> List[float]:
     """Turnaround of requests on an idle line."""
     times = []
     for _ in range(REQUESTS):
+        rig.hold_counts()
         rig.replies()
         end = rig.send_somewhen(asked, 20e-3)
         reply = rig.await_value(lambda: next(iter(rig.replies()), None), end, 0.1)
@@ -34,9 +37,9 @@ def turnarounds_us(rig: Rig, asked: bytes) -> List[float]:
     return times
 
 
-def turnaround_figures(elf: Path) -> Dict[str, float]:
+def turnaround_figures(make: MakeRig) -> Dict[str, float]:
     """Medians of the three requests of the table."""
-    rig = Rig(elf).settle()
+    rig = make().settle()
     keys = {"encoders": b"@6e", "encoders_sonars": b"@8e", "info": b"@5e"}
     figures = {
         f"{key}_turnaround_us_median": median(turnarounds_us(rig, asked)) for key, asked in keys.items()
@@ -59,17 +62,13 @@ def wire_use(frames: List[Reply]) -> float:
     return sent * BYTE_CYCLES / (frames[-1].end_cycle - frames[0].end_cycle)
 
 
-def stream_figures(elf: Path) -> Dict[str, float]:
-    """Rate, use of the wire, age of the counts and jitter of the stream of 8."""
-    rig = Rig(elf).settle()
+def stream_figures(make: MakeRig) -> Dict[str, float]:
+    """Rate, use of the wire and jitter of the stream of 8."""
+    rig = make().settle()
     rig.machine.send(request("start_stream"))
     frames = stream_of(rig, 2.0)
     hertz = (len(frames) - 1) / ((frames[-1].end_cycle - frames[0].end_cycle) / rig.machine.frequency_hz)
-    figures = {
-        "stream_typical_hz": hertz,
-        "stream_wire_use": wire_use(frames),
-        "count_age_ms_max": count_age_ms(rig),
-    }
+    figures = {"stream_typical_hz": hertz, "stream_wire_use": wire_use(frames)}
     rig.machine.send(request("start_stream", 20))
     starts = [frame.start_cycle for frame in stream_of(rig, 10.0)]
     gaps = [later - earlier for earlier, later in zip(starts, starts[1:])]
@@ -77,16 +76,17 @@ def stream_figures(elf: Path) -> Dict[str, float]:
     return {**figures, "stream_jitter_us": rig.microseconds(max(gaps) - min(gaps))}
 
 
-def count_age_ms(rig: Rig) -> float:
+def count_age_figures(make: MakeRig) -> Dict[str, float]:
     """Largest time from the reading of counts to the first byte of their frame, in a running stream."""
+    rig = make().settle()
+    rig.machine.send(request("start_stream"))
     rig.motors.changing = True
-    frames = stream_of(rig, 0.2)
-    rig.motors.changing = False
     ages = [
         frame.start_cycle / rig.machine.frequency_hz - rig.motors.count_reads[counts_of(frame)]
-        for frame in frames
+        for frame in stream_of(rig, 0.2)
     ]
-    return 1e3 * max(ages)
+    rig.close()
+    return {"count_age_ms_max": 1e3 * max(ages)}
 
 
 def counts_of(frame: Reply) -> Tuple[int, int]:
@@ -95,9 +95,9 @@ def counts_of(frame: Reply) -> Tuple[int, int]:
     return int(values[1]), int(values[2])
 
 
-def checked_stream_figures(elf: Path) -> Dict[str, float]:
+def checked_stream_figures(make: MakeRig) -> Dict[str, float]:
     """Use of the wire with check value, sequence and board time, and frames that the decoder refuses."""
-    rig = Rig(elf).settle()
+    rig = make().settle()
     rig.ask(request("set_check", 1))
     rig.machine.send(request("start_stream", checked=True))
     frames = stream_of(rig, 1.0)
@@ -122,9 +122,9 @@ def command_delays_us(rig: Rig, command: bytes, code: int, count: int) -> List[f
     return delays
 
 
-def command_figures(elf: Path) -> Dict[str, float]:
+def command_figures(make: MakeRig) -> Dict[str, float]:
     """Delays of move and stop, idle and behind a full-rate stream."""
-    rig = Rig(elf).settle()
+    rig = make().settle()
     idle = command_delays_us(rig, b"@11,500,-800e", MOVE, REQUESTS)
     rig.machine.send(request("start_stream"))
     moves = command_delays_us(rig, b"@11,500,-800e", MOVE, STREAM_COMMANDS)
@@ -137,9 +137,9 @@ def command_figures(elf: Path) -> Dict[str, float]:
     }
 
 
-def moves_at(elf: Path, rate_hz: float, seconds: float) -> bool:
+def moves_at(make: MakeRig, rate_hz: float, seconds: float) -> bool:
     """Do all 13-byte commands of a rate arrive unaltered and in order behind a full-rate stream?"""
-    rig = Rig(elf).settle()
+    rig = make().settle()
     rig.machine.send(request("start_stream"))
     rig.run(0.1)
     rig.forget()
@@ -158,17 +158,17 @@ def pair_of(data: bytes) -> Tuple[int, int]:
     return int.from_bytes(data[1:3], "big", signed=True), int.from_bytes(data[3:5], "big", signed=True)
 
 
-def rate_figures(elf: Path) -> Dict[str, float]:
+def rate_figures(make: MakeRig) -> Dict[str, float]:
     """The highest rate that loses nothing in two seconds, in steps of 1 % down from the wire's."""
     rate = BAUD / (10 * COMMAND_BYTES)
-    while rate > 1 and not moves_at(elf, rate, 2.0):
+    while rate > 1 and not moves_at(make, rate, 2.0):
         rate *= 0.99
     return {"commands_streaming_hz": rate}
 
 
-def exact_figures(elf: Path) -> Dict[str, float]:
+def exact_figures(make: MakeRig) -> Dict[str, float]:
     """How many of all first arguments of command 11 arrive exactly."""
-    rig = Rig(elf).settle(linear_ceiling=WIDEST, angular_ceiling=WIDEST)
+    rig = make().settle(linear_ceiling=WIDEST, angular_ceiling=WIDEST)
     exact = sum(exact_in(rig, range(start, start + 4096)) for start in range(-32768, 32768, 4096))
     rig.close()
     return {"int16_exact": exact}
@@ -186,9 +186,9 @@ def exact_in(rig: Rig, values: Iterable[int]) -> int:
     return len(set(arrived) & set(wanted))
 
 
-def boot_figures(elf: Path) -> Dict[str, float]:
+def boot_figures(make: MakeRig) -> Dict[str, float]:
     """From the sketch's first instruction to the answer to requests that come every 10 ms."""
-    rig = Rig(elf)
+    rig = make()
     for tenth in range(100):
         rig.machine.send(b"@5e", int((1e-3 + tenth * 10e-3) * rig.machine.frequency_hz))
     reply = rig.await_value(lambda: next(iter(rig.replies()), None), 0, 5.0)
@@ -198,9 +198,9 @@ def boot_figures(elf: Path) -> Dict[str, float]:
     return {"boot_to_answer_ms": 1e3 * reply.end_cycle / rig.machine.frequency_hz}
 
 
-def watchdog_figures(elf: Path) -> Dict[str, float]:
+def watchdog_figures(make: MakeRig) -> Dict[str, float]:
     """From the last byte of the host to the stop on the bus, watchdog 250 ms, at 30 phases."""
-    rig = Rig(elf).settle()
+    rig = make().settle()
     rig.ask(request("set_watchdog", 250))
     delays = []
     for _ in range(30):
@@ -236,23 +236,16 @@ def stream_answer(rig: Rig) -> Optional[Reply]:
     return None
 
 
-def hang(rig: Rig, kind: str) -> None:
-    """Breaks the bus one way, or mends it ("")."""
-    rig.machine.hang_bus(kind if kind in ("sda", "scl") else None)
-    rig.motors.present = kind != "absent"
-    rig.machine.stretch_clock(160000 if kind == "stretch" else 0)
-
-
-def hang_figures(elf: Path) -> Dict[str, float]:
+def hang_figures(make: MakeRig) -> Dict[str, float]:
     """The longest pause of a board that is asked while its bus breaks in four ways at random phases."""
-    rig = Rig(elf).settle()
+    rig = make().settle()
     pauses = []
     for number in range(40):
         rig.machine.send(b"@11,300,0e@6e")
         rig.run(rig.random.random() * 3e-3)
-        hang(rig, ("sda", "scl", "absent", "stretch")[number % 4])
+        rig.break_part(BUS_FAULTS[number % 4])
         pauses += pauses_ms(rig, 0.12)
-        hang(rig, "")
+        rig.break_part("")
         pauses += pauses_ms(rig, 0.1)
     rig.close()
     return {"bus_hang_blocked_ms_max": max(pauses)}
@@ -284,22 +277,22 @@ BAD_INPUT = (
 
 
 def use_everything(rig: Rig) -> None:
-    """All commands, bad input, each stream for a while, and a broken bus while driving."""
+    """All commands, bad input, each stream for a while, and broken parts while driving."""
     for frame in every_request() + list(BAD_INPUT):
         rig.machine.send(frame)
         rig.run(20e-3)
-    for kind in ("sda", "scl", "absent", ""):
+    for fault in (*rig.FAULTS, ""):
         rig.machine.send(request("move_differential", 300, -300) + request("start_stream"))
-        hang(rig, kind)
+        rig.break_part(fault)
         rig.run(0.3)
     for name in ("start_sensor_stream", "start_sensor_ldr_stream", "start_compass_stream"):
         rig.machine.send(request(name))
         rig.run(0.1)
 
 
-def memory_figures(elf: Path) -> Dict[str, float]:
+def memory_figures(make: MakeRig) -> Dict[str, float]:
     """SRAM that nothing has touched after everything was used, plain and checked, and flash in use."""
-    rig = Rig(elf).settle()
+    rig = make().settle()
     use_everything(rig)
     rig.machine.send(request("set_check", 1))
     for frame in every_request():
@@ -307,4 +300,4 @@ def memory_figures(elf: Path) -> Dict[str, float]:
         rig.run(20e-3)
     free = rig.machine.sram_untouched()
     rig.close()
-    return {"sram_free_bytes": free, "flash_bytes": sum(len(data) for _, data in read_image(elf).flash)}
+    return {"sram_free_bytes": free, "flash_bytes": sum(len(data) for _, data in rig.machine.image_flash)}
