@@ -140,6 +140,7 @@ typedef struct {
     port_t ports[PORTS];
     pin_event_t *planned; /* used: planned[planned_first] to planned[planned_count - 1], in order of time */
     size_t planned_first, planned_count, planned_room;
+    bool delivering; /* planned levels are being set: a callback's new plan needs no event of its own */
     pin_event_t *changes;
     size_t changes_count, changes_room;
 } pins_t;
@@ -162,6 +163,7 @@ struct board {
     timer8_t timer8[TIMERS8];
     pins_t pins;
     avr_int_vector_t *vector[VECTORS];
+    uint32_t flagless; /* vectors whose interrupts may have no flag, a bit each */
     wrapped_t wrapped[IO_ADDRESSES], eeprom_control;
     void (*clocked_by_hand)(board_t *board); /* a falling edge on SCL made through the port */
     bool stop, reset_wanted, asleep;

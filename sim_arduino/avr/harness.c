@@ -44,17 +44,25 @@ static void collect_vectors(board_t *board) {
     }
     for (size_t i = 0; i < sizeof levels; i++)
         board->vector[levels[i]]->raise_sticky = 1; /* the flag stays until its cause is gone */
+    board->flagless = 1u << chip->eeprom.ready_vector;
+    for (int i = 0; i < EXTERNALS; i++)
+        board->flagless |= 1u << chip->pin_interrupts.externals[i].vector;
+}
+
+/* An idle EEPROM, and INT0 and INT1 at a low level, request an interrupt as long as this lasts, without a flag. */
+static bool is_requested(board_t *board, avr_int_vector_t *vector) {
+    if (vector->vector == board->chip->eeprom.ready_vector)
+        return eeprom_is_ready(board);
+    return avr_regbit_get(board->avr, vector->raised) || pin_interrupts_level_requests(board, vector->vector);
 }
 
 static bool is_wanted(board_t *board, avr_int_vector_t *vector) {
     avr_t *avr = board->avr;
     if (!vector || !avr_regbit_get(avr, vector->enable))
         return false;
-    if (vector->vector == board->chip->eeprom.ready_vector)
-        return eeprom_is_ready(board);
-    if (vector->raised.reg ? avr_regbit_get(avr, vector->raised) : vector->pending)
-        return true;
-    return pin_interrupts_level_requests(board, vector->vector);
+    if (board->flagless >> vector->vector & 1)
+        return is_requested(board, vector);
+    return vector->raised.reg ? avr_regbit_get(avr, vector->raised) : vector->pending;
 }
 
 static avr_int_vector_t *most_urgent(board_t *board) {

@@ -150,7 +150,7 @@ void pins_set(board_t *board, int port, int bit, int level) {
 }
 
 static void forget_done(pins_t *pins) {
-    if (pins->planned_first < pins->planned_count / 2)
+    if (!pins->planned_first || pins->planned_first < pins->planned_count / 2)
         return;
     pins->planned_count -= pins->planned_first;
     memmove(pins->planned, pins->planned + pins->planned_first, pins->planned_count * sizeof *pins->planned);
@@ -161,10 +161,12 @@ static avr_cycle_count_t planned_change(avr_t *avr, avr_cycle_count_t when, void
     (void)avr;
     board_t *board = param;
     pins_t *pins = &board->pins;
+    pins->delivering = true;
     while (pins->planned_first < pins->planned_count && pins->planned[pins->planned_first].cycle <= when) {
         pin_event_t event = pins->planned[pins->planned_first++];
         set_at(board, event.port, event.bit, event.level, event.cycle);
     }
+    pins->delivering = false;
     forget_done(pins);
     return pins->planned_first < pins->planned_count ? pins->planned[pins->planned_first].cycle : 0;
 }
@@ -172,6 +174,8 @@ static avr_cycle_count_t planned_change(avr_t *avr, avr_cycle_count_t when, void
 static void arm_planned(board_t *board) {
     pins_t *pins = &board->pins;
     uint64_t now = board->avr->cycle;
+    if (pins->delivering)
+        return;
     avr_cycle_timer_cancel(board->avr, planned_change, board);
     if (pins->planned_first == pins->planned_count)
         return;

@@ -56,6 +56,16 @@ def test_a_pin_change_interrupts_after_the_running_instruction(bench, offset):
     assert 0 <= routine - edge - ENTRY_CYCLES - VECTOR_CYCLES < LOOP_INSTRUCTION_CYCLES
 
 
+def test_writes_that_may_enable_interrupts_do_not_delay_an_edge(bench):
+    """A program that writes PCICR all the time."""
+    board = started(bench, writing=1)
+    edge = board.machine.cycle + 5000
+    board.machine.plan_edges(A, [edge])
+    board.machine.run(1e-3)
+    (routine,) = shown(board)
+    assert 0 <= routine - edge - ENTRY_CYCLES - VECTOR_CYCLES < LOOP_INSTRUCTION_CYCLES
+
+
 def test_a_pin_change_wakes_the_chip(bench):
     """From idle sleep, at the cycle of the edge."""
     board = started(bench, asleep=1)

@@ -253,6 +253,14 @@ def test_the_port_does_not_act_on_a_connected_output(bench):
     assert (before, timer.machine.pin(timer.pins[0])) == (0, 1)
 
 
+@pytest.mark.parametrize("compare, level", [(0, 0), (255, 1)])
+def test_the_program_reads_the_level_of_its_output(bench, compare, level):
+    """In PIN, whatever the port register says."""
+    timer = running(bench, 0, PHASE_CORRECT, (CLEAR, 0), (compare, 0), watched=False)
+    timer.machine.run_until(timer.machine.cycle + 1024)
+    assert timer.read("pins") >> timer.pins[0] & 1 == level
+
+
 def test_a_forced_compare_acts_as_a_match(bench):
     """FOC, without its flag."""
     timer = running(bench, 0, NORMAL, (TOGGLE, 0), (250, 250), 1024)

@@ -28,6 +28,14 @@ def test_reset_comes_after_16_ms(bench):
     assert (before, board.get("starts")) == (0, 1)
 
 
+def test_a_run_with_a_reset_in_it_ends_in_time(bench):
+    """At the first instruction boundary, as all runs do."""
+    board = in_mode(bench, RESET_ONLY)
+    end = board.machine.cycle + 20 * 16000
+    board.machine.run_until(end)
+    assert (board.get("starts"), board.machine.cycle - end < 5) == (1, True)
+
+
 def test_a_fed_watchdog_is_silent(bench):
     """No reset, no interrupt in 100 ms of a 16 ms period."""
     board = in_mode(bench, FED)

@@ -3,7 +3,7 @@
 #include <avr/io.h>
 #include <avr/sleep.h>
 
-volatile uint8_t mask = 0, enable = 0, sense = 0, external = 0, asleep = 0, masked_pin_change = 0, go = 0;
+volatile uint8_t mask = 0, enable = 0, sense = 0, external = 0, asleep = 0, writing = 0, masked_pin_change = 0, go = 0;
 volatile uint8_t command = 0, value = 0, flags = 0, reset_flags = 0;
 volatile uint16_t changes = 0, externals = 0;
 
@@ -52,6 +52,8 @@ int main(void) {
     for (;;) {
         if (command)
             obey();
+        while (writing)
+            PCICR = enable;
         if (asleep)
             sleep_mode();
     }
