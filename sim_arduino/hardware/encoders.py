@@ -52,6 +52,9 @@ class Wire:
 
         `source` is the source's level before its first toggle.
         """
+        quiet = not (toggles or self._bounces or self.oscillation_hz)
+        if quiet and self.level == (PULLED_UP if self.open else source):
+            return []
         times = self._seen(start_s, end_s, source, toggles, bounce)
         changes = []
         for time_s in times:
