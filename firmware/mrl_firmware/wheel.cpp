@@ -41,7 +41,7 @@ void Wheel::stop() {
 __attribute__((noinline)) StopReason Wheel::update(const WheelSettings& settings, int16_t moved, uint16_t edge_tick, uint16_t tick) {
   const bool edges = edge_tick != edge_tick_;
   edge_tick_ = edge_tick;
-  travel_ += moved;
+  travel_ = static_cast<int32_t>(static_cast<uint32_t>(travel_) + static_cast<uint32_t>(moved));  // wraps
   estimate_.update(settings, static_cast<uint16_t>(travel_), edge_tick, tick);
   const StopReason reason =
       watch_.update(settings, direction_, duty_, moved, edges, estimate_.speed(), mode_ != Mode::duty);

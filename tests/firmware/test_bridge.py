@@ -380,6 +380,15 @@ def test_sound_wheels_do_not_stop(kit, linear, angular):
     assert bench.stop_reason() == "none"
 
 
+def test_a_wheel_that_still_rolls_after_a_reversal_is_not_a_wrong_encoder(kit):
+    """It coasts for over 100 ms against a drive that is too weak to turn it back."""
+    bench = kit("vnh5019", stop_mode=1, kp=0, ki=0, friction_duty=0)
+    bench.send("move_differential", 500, 0, wait_s=0.8)
+    bench.send("move_differential", -20, 0, wait_s=0.15)
+    assert bench.speed() > 0.05
+    assert bench.is_driven() and bench.stop_reason() == "none"
+
+
 def test_a_stopped_wheel_is_not_driven_again_for_a_second(kit):
     bench = kit()
     bench.send("move_differential", 200, 0, wait_s=0.5)
