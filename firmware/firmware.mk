@@ -12,8 +12,8 @@ FW_FLAGS := -mmcu=atmega328p -DF_CPU=16000000L -DARDUINO=10819 -DARDUINO_AVR_UNO
 FW_WARNINGS := -Wall -Wextra -Wconversion -Werror
 FW_CXX := -std=gnu++11 -fno-exceptions -fno-threadsafe-statics
 
-# The core gives main(), init() and the pins; serial line and I2C are our own.
-FW_CORE := main.cpp hooks.c wiring.c wiring_digital.c
+# The core gives main() and init(); pins, serial line and I2C are our own.
+FW_CORE := main.cpp hooks.c wiring.c
 FW_HEADERS := $(wildcard $(FW_SOURCE)/*.h)
 FW_PARTS := $(notdir $(wildcard $(FW_SOURCE)/*.cpp)) mrl_firmware.ino
 

@@ -4,7 +4,6 @@
 #include "battery.h"
 #include "baud.h"
 #include "board_clock.h"
-#include "build.h"
 #include "bus.h"
 #include "commands.h"
 #include "config.h"
@@ -18,14 +17,6 @@
 
 namespace mrl {
 namespace board {
-namespace {
-
-// A wheel on an H-bridge is controlled for 0.1 ms: a stop need not wait for this and for all tasks before it.
-void receive_beside_motors() {
-  if (MRL_BRIDGE) commands::receive();
-}
-
-}  // namespace
 
 void begin() {
   hal::begin();
@@ -48,9 +39,9 @@ void run() {
   commands::receive();
   bus::service();
   answers::service();
-  receive_beside_motors();
+  commands::receive();  // a stop waits for one of the two long tasks at most
   motor::service();
-  receive_beside_motors();
+  commands::receive();
   bus::service_background();
   sonar::service();
   battery::service();

@@ -40,7 +40,7 @@ class FrameDecoder {
   void end_token();
   void refuse(Reason reason);
 
-  int16_t values_[MAX_ARGUMENTS + 1];
+  int16_t values_[MAX_ARGUMENTS + 1] = {};  // a decoder of zeros alone needs no code at the start
   uint16_t magnitude_ = 0;
   uint16_t crc_ = 0;
   uint16_t crc_at_comma_ = 0;

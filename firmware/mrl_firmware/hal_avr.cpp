@@ -1,9 +1,11 @@
-// The ATmega328P of the Uno at 16 MHz: resets, time, USB port, analog inputs, pins, EEPROM.  Only this file includes
-// Arduino.h; I2C, the dust sensor's input, the radio's port and the H-bridge have their own files.
+// The ATmega328P of the Uno at 16 MHz: resets, time, USB port, analog inputs, pins, EEPROM.  I2C, the dust sensor's input,
+// the radio's port and the H-bridge have their own files.
 #ifdef __AVR__
-#include <Arduino.h>
+#include <avr/interrupt.h>
+#include <avr/io.h>
 #include <avr/wdt.h>
 
+#include "chip.h"
 #include "hal.h"
 #include "hal_avr.h"
 #include "pins.h"
@@ -205,9 +207,18 @@ static void start_adc() { ADCSRA = _BV(ADEN) | _BV(ADIE) | _BV(ADPS2) | _BV(ADPS
 
 // ---- pins
 
+// The level goes first, so that the pin never shows the other one.
 void pin_output(uint8_t pin, bool level) {
-  digitalWrite(pin, level ? HIGH : LOW);
-  pinMode(pin, OUTPUT);
+  volatile uint8_t* const registers = &PINB + 3 * static_cast<uint8_t>(mrl::chip::port(pin));  // PIN, DDR, PORT
+  const uint8_t mask = mrl::chip::mask(pin), status = SREG;
+  cli();
+  if (level) {
+    registers[2] = registers[2] | mask;
+  } else {
+    registers[2] = static_cast<uint8_t>(registers[2] & ~mask);
+  }
+  registers[1] = registers[1] | mask;
+  SREG = status;
 }
 
 // ---- EEPROM

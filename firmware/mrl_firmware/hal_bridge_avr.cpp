@@ -194,16 +194,18 @@ static_assert((quadrature::IMPOSSIBLE & 3) == 2, "bits 0 and 1 tell a step from 
 ISR(PCINT2_vect, ISR_NAKED) { COUNT_EDGE(PIND, "lsr r24\n\tlsr r24\n\t", 0, GPIOR1, _BV(PCIE2)); }
 ISR(PCINT0_vect, ISR_NAKED) { COUNT_EDGE(PINB, "", 1, GPIOR2, _BV(PCIE0)); }
 
-// The compare unit flags the end of its tick.
+// The compare unit flags the end of its tick, so that at least one whole tick must lie ahead.  After a longer time without
+// interrupts the next sample would come in the timer's next round, 4 s later: the cadence then starts again.
 ISR(TIMER1_COMPB_vect) {
   newest.count[0] = counts[0];
   newest.count[1] = counts[1];
   newest.edge_tick[0] = edge_ticks[0];
   newest.edge_tick[1] = edge_ticks[1];
   edges_left[0] = edges_left[1] = MOST_EDGES;
-  const uint16_t tick = OCR1B;
-  newest.tick = static_cast<uint16_t>(tick + 1);
-  OCR1B = static_cast<uint16_t>(tick + SAMPLE_TICKS);
+  const uint16_t now = TCNT1, last = OCR1B;
+  newest.tick = now;
+  const bool in_time = static_cast<uint16_t>(now - last) < SAMPLE_TICKS;
+  OCR1B = static_cast<uint16_t>((in_time ? last : now) + SAMPLE_TICKS);
   is_new = true;
   tell_loop();
 }

@@ -36,7 +36,7 @@ def test_arduino_ide_builds_it(tmp_path):
     core = [ARDUINO / "cores/arduino" / name for name in ("main.cpp", "HardwareSerial.cpp", "Print.cpp")]
     image = tmp_path / "sketch.elf"
     built = run("avr-g++", *IDE, f"-I{SKETCH}", sketch, *sorted(SKETCH.glob("*.cpp")), *core,
-                *(CORE_OBJECTS / name for name in ("hooks.c.o", "wiring.c.o", "wiring_digital.c.o")),
+                *(CORE_OBJECTS / name for name in ("hooks.c.o", "wiring.c.o")),
                 "-o", image)  # fmt: skip
     assert built.returncode == 0, built.stderr
     assert flash_bytes(image) < FLASH_BYTES

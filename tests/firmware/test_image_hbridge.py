@@ -1,0 +1,357 @@
+"""The H-bridge image on the simulated chip: its outputs when something is wrong, and what its encoders count."""
+
+from pathlib import Path
+from typing import Dict, Iterator, List, Set
+
+import pytest
+
+from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
+from mrl_driver.protocol.table import (
+    BRIDGES,
+    BY_NAME,
+    FAULTS,
+    PARAMETER_BY_NAME,
+    RESET_CAUSES,
+    STOP_REASONS,
+    WIRING,
+)
+from tests.bench.firmware_board import Rig, request
+
+IMAGE = Path(__file__).resolve().parents[2] / "build" / "firmware" / "mrl_firmware_hbridge.elf"
+HZ = 16_000_000
+LEFT, RIGHT = (5, 6, 7), (11, 3, 9)  # PWM_A, PWM_B, LOGIC
+OUTPUTS = LEFT + RIGHT
+LEFT_A, LEFT_B, RIGHT_A, RIGHT_B = ENCODERS = (2, 4, 8, 10)
+BATTERY_CHANNEL = 3
+TB6612 = BRIDGES.index("tb6612")
+SET, SINGLE_CHANNEL = (1 << [name for name, _ in WIRING].index(each) for each in ("set", "single_channel"))
+READY_S = 0.05
+MOVES = (b"@9,40,40e", b"@10,40,40e", b"@11,200,0e", b"@12,1,40,500e")
+HALF_DUTY = b"@10,50,50e"  # without speed control: nothing has to turn
+ENDLESS_LOOP, NO_INTERRUPTS_AND_LOOP = b"\xff\xcf", b"\xf8\x94\xff\xcf"  # rjmp to itself; behind a cli
+MISSED_KICK_S = 0.256
+FIRST_INSTRUCTIONS = 100  # cycles from a reset until the outputs are held
+SAMPLE_S = 78 * 64e-6
+MOST_EDGES = 250  # of one encoder between two samples
+UNDERVOLTAGE_V = 9.0
+
+
+class Board(Rig):
+    """A board with resistors at its outputs that hold them low, and encoders whose lines are low."""
+
+    def __init__(self, eeprom: bytes = b"") -> None:
+        super().__init__(IMAGE)
+        for pin in OUTPUTS + ENCODERS:
+            self.machine.set_pin(pin, 0)
+        if eeprom:
+            self.machine.write_eeprom(0, eeprom)
+        self.machine.watch_pins(OUTPUTS)
+        self.machine.power_cycle(1)
+        self.machine.pin_changes()
+
+    def boot(self) -> "Board":
+        self.run(READY_S)
+        return self
+
+    def configure(self, **parameters: int) -> "Board":
+        """Sets parameters; a TB6612 with known wiring and no ramp unless they say otherwise."""
+        for name, value in {
+            "robot_id": 1,
+            "bridge": TB6612,
+            "wiring": SET,
+            "ramp_time": 0,
+            **parameters,
+        }.items():
+            self.say(request("write_config", PARAMETER_BY_NAME[name].number, value))
+        self.machine.pin_changes()
+        return self
+
+    def say(self, data: bytes, wait_s: float = 0.01) -> List[Frame]:
+        """Sends bytes; the frames that come until `wait_s` after the last one."""
+        self.replies()
+        self.machine.run_until(self.machine.send(data) + int(wait_s * HZ))
+        received = b"".join(reply.line for reply in self.replies())
+        return [event for event in FrameDecoder(REPLIES).feed(received) if isinstance(event, Frame)]
+
+    def status(self) -> Dict[str, int]:
+        """The answer to read_status by field."""
+        (frame,) = self.say(request("read_status"))
+        return dict(zip((field.name for field in BY_NAME["read_status"].reply), frame.args))
+
+    @property
+    def stop_reason(self) -> str:
+        return STOP_REASONS[self.status()["stop_reason"]]
+
+    @property
+    def faults(self) -> Set[str]:
+        present = self.status()["faults"]
+        return {name for bit, (name, _) in enumerate(FAULTS) if present >> bit & 1}
+
+    def counts(self) -> List[int]:
+        """Left and right counter."""
+        (frame,) = self.say(b"@6e")
+        return [frame.args[1], frame.args[0]]
+
+    def levels(self) -> Set[int]:
+        """Outputs that are high now."""
+        return {pin for pin in OUTPUTS if self.machine.pin(pin)}
+
+    def rises(self) -> List[int]:
+        """Cycles at which an output rose since the last look."""
+        return [change.cycle for change in self.machine.pin_changes() if change.level]
+
+    def duties(self, seconds: float = 0.02) -> Dict[int, float]:
+        """Shares of the next time for which each output is high."""
+        before, start = [self.machine.high_cycles(pin) for pin in OUTPUTS], self.machine.cycle
+        self.run(seconds)
+        passed = self.machine.cycle - start
+        return {pin: (self.machine.high_cycles(pin) - high) / passed for pin, high in zip(OUTPUTS, before)}
+
+    def turn(self, pins: tuple, edges: int, edges_hz: float) -> None:
+        """Turns an encoder forward (A before B) and lets it pass."""
+        gap, start = HZ / edges_hz, self.machine.cycle + 100
+        for channel, pin in enumerate(pins):
+            self.machine.plan_edges(pin, [start + int(edge * gap) for edge in range(channel, edges, 2)])
+        self.run((edges + 2) / edges_hz)
+
+    def oscillate(self, pin: int, hertz: float, seconds: float) -> None:
+        """Plans a line that goes to and fro from now on."""
+        gap, start = HZ / hertz / 2, self.machine.cycle + 100
+        self.machine.plan_edges(pin, [start + int(edge * gap) for edge in range(int(2 * hertz * seconds))])
+
+    def hang(self, code: bytes = ENDLESS_LOOP) -> None:
+        """Makes the program loop where it can be interrupted next."""
+        while not self.machine.interrupts_on:
+            self.run(1e-6)
+        self.machine.patch(self.machine.pc, code)
+
+    def mend(self) -> None:
+        for address, data in self.machine.image_flash:
+            self.machine.patch(address, data)
+
+
+@pytest.fixture
+def board() -> Iterator[Board]:
+    """A board with a TB6612, ready to drive."""
+    each = Board().boot().configure()
+    yield each
+    each.close()
+
+
+@pytest.fixture
+def blank() -> Iterator[Board]:
+    """A board with a blank EEPROM, from its power-up on."""
+    each = Board()
+    yield each
+    each.close()
+
+
+@pytest.fixture(scope="module")
+def saved() -> bytes:
+    """The EEPROM of a board whose configuration has been saved."""
+    each = Board().boot().configure()
+    each.say(request("save_config"), 0.5)
+    contents = each.machine.read_eeprom()
+    each.close()
+    return contents
+
+
+# ---- start
+
+
+def test_no_output_rises_before_the_first_move(blank):
+    """Not at power-up, not while the core sets its timers, not in the first half second."""
+    blank.run(0.5)
+    assert blank.rises() == []
+
+
+def test_the_first_instructions_hold_the_outputs_low(blank):
+    """All six are outputs, and low."""
+    blank.machine.run_until(blank.machine.cycle + FIRST_INSTRUCTIONS)
+    assert {change.pin for change in blank.machine.pin_changes()} == set(OUTPUTS)
+
+
+@pytest.mark.parametrize("restart", ["reset", "brown_out"])
+def test_a_reset_in_motion_leaves_the_outputs_low(board, restart):
+    """The resistors hold them, then the program does."""
+    board.say(HALF_DUTY)
+    assert board.rises()
+    if restart == "brown_out":
+        board.machine.set_reset_flags(0x04)
+    board.machine.reset()
+    board.machine.pin_changes()
+    board.run(0.3)
+    assert board.rises() == []
+
+
+def test_a_brown_out_is_told_as_such(board):
+    board.machine.set_reset_flags(0x04)
+    board.machine.reset()
+    board.boot()
+    assert RESET_CAUSES[board.status()["reset_cause"]] == "brown_out"
+
+
+# ---- bridge or wiring not set
+
+
+@pytest.mark.parametrize("move", MOVES)
+@pytest.mark.parametrize("missing", ["bridge", "wiring"])
+def test_without_bridge_or_wiring_every_move_is_refused(blank, missing, move):
+    """And the fault says why; there is no default wiring."""
+    blank.boot().configure(**{missing: 0})
+    blank.say(move, 0.3)
+    assert (blank.rises(), "wiring" in blank.faults) == ([], True)
+
+
+@pytest.mark.parametrize("move", MOVES)
+def test_with_a_damaged_eeprom_every_move_is_refused(saved, move):
+    """One bit of the stored configuration is wrong."""
+    damaged = bytearray(saved)
+    damaged[20] ^= 0x10
+    board = Board(bytes(damaged)).boot()
+    board.say(move, 0.3)
+    assert (board.rises(), board.faults & {"eeprom", "wiring"}) == ([], {"eeprom", "wiring"})
+    board.close()
+
+
+def test_a_saved_configuration_drives_after_power_up(saved):
+    """The counterpart of the test above."""
+    board = Board(saved).boot()
+    board.say(HALF_DUTY)
+    assert board.duties()[LEFT[0]] > 0.1
+    board.close()
+
+
+# ---- hung loop
+
+
+def test_a_hung_loop_switches_the_outputs_off_at_its_first_missed_kick(board):
+    """Within 256 ms of the last kick; the chip has not been reset yet."""
+    board.say(HALF_DUTY)
+    resets = board.machine.resets
+    board.hang()
+    hung = board.machine.cycle
+    board.machine.pin_changes()
+    board.run(MISSED_KICK_S)
+    last_rise = board.rises()[-1]
+    assert board.levels() == set() and last_rise - hung < MISSED_KICK_S * HZ
+    assert board.machine.resets == resets
+
+
+def test_a_loop_that_hangs_without_interrupts_is_reset(board):
+    """The watchdog's second time-out; then the resistors hold the outputs low."""
+    board.say(HALF_DUTY)
+    resets = board.machine.resets
+    board.hang(NO_INTERRUPTS_AND_LOOP)
+    board.run(MISSED_KICK_S + 1e-3)
+    assert board.machine.resets > resets and board.levels() == set()
+
+
+def test_a_loop_that_goes_on_after_a_missed_kick_drives_again(board):
+    """It stood still for 200 ms; the host has not been told to stop."""
+    board.say(HALF_DUTY)
+    board.hang()
+    board.run(0.2)
+    assert board.levels() == set()
+    board.mend()
+    assert board.duties(0.1)[LEFT[0]] > 0.1
+
+
+# ---- encoders
+
+
+@pytest.mark.parametrize("wheel", [0, 1])
+@pytest.mark.parametrize("way, sign", [(1, 1), (-1, -1)])
+def test_each_edge_is_a_count(board, wheel, way, sign):
+    """Forward, channel A comes before B."""
+    pins = ENCODERS[2 * wheel : 2 * wheel + 2][::way]
+    board.turn(pins, 1000, 10_000)
+    assert board.counts()[wheel] == sign * 1000
+
+
+def test_a_step_of_both_channels_is_counted_as_impossible(board):
+    """And moves no counter."""
+    at = board.machine.cycle + 1000
+    for pin in (LEFT_A, LEFT_B):
+        board.machine.plan_edges(pin, [at])
+    board.run(1e-3)
+    assert (board.counts(), board.status()["impossible"]) == ([0, 0], 1)
+
+
+def test_an_encoder_of_one_channel_counts_both_edges_of_it(board):
+    """Upwards; channel B, which may be open, is not looked at."""
+    board.configure(wiring=SET + SINGLE_CHANNEL)
+    board.oscillate(LEFT_B, 3000, 0.1)
+    gap = HZ // 1000
+    board.machine.plan_edges(LEFT_A, [board.machine.cycle + (edge + 1) * gap for edge in range(50)])
+    board.run(0.11)
+    assert board.counts() == [50, 0]
+
+
+@pytest.mark.parametrize("pins", [(LEFT_A,), (LEFT_A, RIGHT_B)], ids=["one line", "a line of each"])
+def test_an_oscillating_line_stops_the_robot(board, pins):
+    """500 kHz: after 250 edges the encoder's interrupt is masked, and the next sample stops."""
+    board.say(HALF_DUTY)
+    for pin in pins:
+        board.oscillate(pin, 500e3, 0.05)
+    board.run(3 * SAMPLE_S)
+    assert board.stop_reason == "encoder"
+
+
+def test_the_wheels_are_watched_after_the_chip_stood_still(board):
+    """For 20 ms, four samples; the next one would come in the timer's next round, 4 s later."""
+    board.say(HALF_DUTY)
+    board.machine.stall_until(board.machine.cycle + HZ // 50)
+    board.oscillate(LEFT_A, 500e3, 0.05)
+    board.run(3 * SAMPLE_S)
+    assert board.stop_reason == "encoder"
+
+
+def test_an_oscillating_line_delays_no_stop(board):
+    """A line at the most edges that are not masked yet, on each encoder."""
+    board.say(HALF_DUTY)
+    for pin in (LEFT_A, RIGHT_A):
+        board.oscillate(pin, (MOST_EDGES - 5) / SAMPLE_S / 2, 0.1)
+    board.machine.pin_changes()
+    end = board.machine.send(b"@13e")
+    board.machine.run_until(end + HZ // 100)
+    assert board.machine.pin_changes()[-1].cycle - end < 1e-3 * HZ
+
+
+def test_a_masked_encoder_counts_again_after_the_next_move(board):
+    """The wire was mended."""
+    board.say(HALF_DUTY)
+    board.oscillate(LEFT_A, 500e3, 0.02)
+    board.run(0.05)
+    board.say(b"@13e")
+    before = board.counts()[0]
+    board.say(b"@10,1,1e")
+    board.turn((LEFT_A, LEFT_B), 100, 10_000)
+    assert abs(board.counts()[0] - before) == 100
+
+
+# ---- battery
+
+
+def test_a_low_battery_stops_the_robot(board):
+    """Through a divider of 3 : 1, at 9 V."""
+    volts = [12.0]
+    board.machine.adc_volts = lambda channel, time_s: volts[0] / 3 if channel == BATTERY_CHANNEL else 1.0
+    board.configure(battery_divider=3000, undervoltage=int(UNDERVOLTAGE_V * 100))
+    board.run(0.3)
+    board.say(HALF_DUTY, 0.3)
+    assert board.duties()[LEFT[0]] > 0.1
+    volts[0] = UNDERVOLTAGE_V - 0.1
+    board.run(0.3)
+    assert board.stop_reason == "undervoltage"
+
+
+def test_battery_and_sonars_share_the_converter(board):
+    """Each gets the voltage of its own input."""
+    board.machine.adc_volts = lambda channel, time_s: 4.0 if channel == BATTERY_CHANNEL else 1.0
+    board.configure(battery_divider=3000)
+    board.run(2.0)
+    (sonars,) = board.say(b"@7e")
+    (info,) = board.say(b"@5e")
+    assert len(set(sonars.args)) == 1 and sonars.args[0] > 0
+    assert 1195 <= info.args[2] <= 1200
