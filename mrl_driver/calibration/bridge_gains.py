@@ -80,10 +80,9 @@ def identify(steps: Sequence[DutyStep]) -> MotorFit:
         ConfigError: there are too few readings, the wheel turned backward, or it turned at fewer than two duties.
     """
     used = [step for step in steps if _turned(step)]
-    duties = sorted({step.duty for step in used})
-    if len(duties) < 2:
+    if len({step.duty for step in used}) < 2:
         raise ConfigError(
-            f"the wheel turned at {len(duties)} of {len(steps)} duties, expected at least 2: check the battery, "
+            f"the wheel turned at {len(used)} of {len(steps)} duties, expected at least 2: check the battery, "
             "and run mrl calibrate wiring"
         )
     tau = _time_constant(used)
@@ -108,13 +107,20 @@ def _turned(step: DutyStep) -> bool:
 
 
 def _line(duties: np.ndarray, speeds: np.ndarray, weights: np.ndarray) -> Tuple[float, float]:
-    """Gain [count/s] and dead band of the line through the speeds; the dead band is at least 0."""
+    """Gain [count/s] and dead band of the line through the speeds.
+
+    A line that begins below a duty of 0 becomes one from 0 to full speed, extrapolated from the two highest duties: the
+    speed of a bridge that lets the motor coast between pulses is a curve, which is flat there.
+    """
     mean_duty, mean_speed = np.average(duties, weights=weights), np.average(speeds, weights=weights)
     spread = float(weights @ (duties - mean_duty) ** 2)
     gain = float(weights @ ((duties - mean_duty) * (speeds - mean_speed))) / spread
     if gain > 0 and mean_duty > mean_speed / gain:
         return gain, float(mean_duty - mean_speed / gain)
-    return float(weights @ (duties * speeds) / (weights @ duties**2)), 0.0
+    high, low = sorted(set(duties), reverse=True)[:2]
+    at_high, at_low = speeds[duties == high].mean(), speeds[duties == low].mean()
+    slope = max(0.0, float(at_high - at_low) / (high - low))
+    return float(at_high + slope * (1 - high)), 0.0
 
 
 # -- the shape of one step

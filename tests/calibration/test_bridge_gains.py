@@ -64,14 +64,16 @@ def test_a_dead_band_is_never_negative():
     assert bridge_gains.identify(steps).dead_band == 0.0
 
 
-def test_a_curve_is_told_from_a_line():
-    """A bridge that lets the motor coast between pulses: speed is a - b / duty."""
+def test_a_curve_is_told_from_a_line_and_full_speed_is_found():
+    """A bridge that lets the motor coast between pulses: speed is a - b / duty; at full duty 5400 count/s."""
     rng = np.random.default_rng(3)
     steps = [
         steps_of(MotorFit(0.0, 6000 * (1 - 0.1 / duty) / duty, 0.1, 0.0, 0.0), rng, (duty,))[0]
         for duty in DUTIES
     ]
-    assert bridge_gains.identify(steps).off_line > bridge_gains.LINEAR_WITHIN
+    found = bridge_gains.identify(steps)
+    assert found.off_line > bridge_gains.LINEAR_WITHIN
+    assert found.full_counts_s == pytest.approx(5400, rel=0.06)
 
 
 def test_a_wheel_that_turns_backward_is_refused():
