@@ -285,3 +285,57 @@ def test_during_a_reset_no_motor_is_driven(bench):
     bench.board.reset()
     bench.run(0.002)
     assert not bench.is_driven()
+
+
+# ---- what a move keeps to
+
+
+def test_a_mended_encoder_counts_again(bench):
+    bench.ask("move_differential", 200, 0, wait_s=DRIVE_S)
+    bench.plant.bridge.encoders[1].open(0, True, 100e3)
+    bench.run_until_released(0.1)
+    bench.plant.bridge.encoders[1].open(0, False)
+    bench.ask("stop")
+    bench.ask("move_differential", 200, 0, wait_s=DRIVE_S)
+    assert bench.wheels() == pytest.approx((0.2, 0.2), abs=SPEED_M_S)
+
+
+def test_a_battery_must_recover_by_a_sixteenth(make):
+    bench = make(board=MEASURED)
+    bench.plant.robot.sag(4.0)
+    bench.run(BATTERY_S)
+    bench.plant.robot.sag(bench.plant.bridge.battery_v + 4.0 - 10.3)
+    bench.run(BATTERY_S)
+    bench.ask("move_differential", 200, 0)
+    assert bench.counters() == {"unavailable": 1}
+
+
+def test_a_wheel_beyond_full_speed_slows_both_down_alike(make):
+    """0.125 and 0.875 m/s are asked for, and a wheel can turn at 0.579 m/s without load."""
+    bench = make()
+    bench.ask("move_differential", 500, 5000, wait_s=DRIVE_S)
+    left, right = bench.wheels()
+    assert right > 0.5 and left / right == pytest.approx(0.125 / 0.875, abs=0.03)
+
+
+def test_speed_zero_ends_the_second_of_refusals(bench):
+    bench.ask("move_differential", 200, 0, wait_s=DRIVE_S)
+    bench.plant.bridge.motor(0).blocked = True
+    bench.run_until_released(2.0)
+    bench.plant.bridge.motor(0).blocked = False
+    bench.ask("move_differential", 0, 0)
+    bench.ask("move_differential", 200, 0, wait_s=0.2)
+    assert bench.is_driven()
+
+
+def test_the_same_direction_needs_no_pause(make):
+    bench = make(stored={"reversal_pause": 1000, "ramp_time": 0})
+    bench.ask("move_differential", 200, 0, wait_s=DRIVE_S)
+    bench.ask("move_differential", 0, 0, wait_s=0.1)
+    bench.ask("move_differential", 200, 0, wait_s=0.05)
+    assert bench.is_driven()
+
+
+def test_a_wheel_at_its_count_is_not_driven(bench):
+    bench.ask("move_to_position", 1, 50, 1200, wait_s=4.0)
+    assert not bench.is_driven() and bench.wheels() == (0.0, 0.0)
