@@ -37,7 +37,9 @@ STICTION = 1.5
 """Static friction over moving friction; assumed."""
 GRAVITY_M_S2 = 9.81
 _SHORTEST_S = 1e-12
-"""A rest of a step that is left out, and the exactness of an edge's time [s]."""
+"""A rest of a step that is left out [s]."""
+_NEAR_S = 1e-7
+"""A correction of an edge's time after which no further one is needed: the error is of the order of its square [s]."""
 _MOST_STEPS = 60
 
 
@@ -134,7 +136,7 @@ class Motion(NamedTuple):
             better = time_s - beyond / (speed * side) if speed else low
             if not low <= better <= high:
                 better = 0.5 * (low + high)
-            if abs(better - time_s) < _SHORTEST_S:
+            if abs(better - time_s) < _NEAR_S:
                 return better
             time_s = better
         return time_s
