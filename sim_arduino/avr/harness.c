@@ -235,7 +235,6 @@ EXPORT void mrl_brown_out(board_t *board, uint64_t until) {
 /* Power comes back: SRAM and registers hold the bytes of `pattern` (2304: from address 0 to RAMEND). */
 EXPORT void mrl_power_cycle(board_t *board, const uint8_t *pattern) {
     avr_t *avr = board->avr;
-    pins_release(board);
     memcpy(avr->data, pattern, (size_t)avr->ramend + 1);
     memset(avr->data + 32, 0, (size_t)avr->ioend + 1 - 32);
     reset_now(board, 1 << PORF_BIT, avr->cycle);

@@ -4,7 +4,19 @@ import pytest
 
 LED, INT0, A, B, PORT_PIN, PWM_PIN = 13, 2, 2, 4, 7, 5
 GROUP_B, GROUP_D = 1, 4  # bits of PCICR and PCIFR
-READ, CLEAR, CLEAR_BY_SBI, ENABLE, DIRECTION, PORT, TOGGLE, PWM, INTERRUPTS_OFF, INTERRUPTS_ON = range(1, 11)
+(
+    READ,
+    CLEAR,
+    CLEAR_BY_SBI,
+    ENABLE,
+    DIRECTION,
+    PORT,
+    TOGGLE,
+    PWM,
+    INTERRUPTS_OFF,
+    INTERRUPTS_ON,
+    CBI_OF_FLAG,
+) = range(1, 12)
 ENTRY_CYCLES, VECTOR_CYCLES, WAKE_CYCLES = (
     4,
     3,
@@ -124,9 +136,11 @@ def test_the_flag_is_set_while_the_group_is_off(bench):
     assert (before, board.get("changes")) == ((0, GROUP_D), 1)
 
 
-@pytest.mark.parametrize("command, left", [(CLEAR, GROUP_D), (CLEAR_BY_SBI, GROUP_B)])
+@pytest.mark.parametrize(
+    "command, left", [(CLEAR, GROUP_D), (CLEAR_BY_SBI, GROUP_B), (CBI_OF_FLAG, GROUP_B | GROUP_D)]
+)
 def test_a_one_clears_its_flag_alone(bench, command, left):
-    """With SBI, the program clears the flag of D; with a write of 1, that of B."""
+    """With SBI, the program clears the flag of D; with a write of 1, that of B; with CBI, none."""
     board = started(bench, enable=0, masked_pin_change=1)
     board.machine.plan_edges(A, [board.machine.cycle + 100])
     board.machine.plan_edges(8, [board.machine.cycle + 100])
@@ -294,6 +308,18 @@ def test_the_time_high_counts_on_while_the_output_is_high(bench):
     assert board.machine.high_cycles(PORT_PIN) - before == board.machine.cycle - begun
 
 
+def test_pwm_drives_its_pin_only_while_it_is_an_output(bench):
+    """The compare output stays high."""
+    board = started(bench)
+    tell(board, DIRECTION, 1 << PWM_PIN)
+    tell(board, PWM, 255)
+    board.machine.run(1e-3)
+    tell(board, DIRECTION, 0)
+    high = board.machine.high_cycles(PWM_PIN)
+    board.machine.run(1e-3)
+    assert board.machine.high_cycles(PWM_PIN) == high > 0
+
+
 def test_an_input_that_is_high_is_not_driven(bench):
     """Nor is its pull-up."""
     board = started(bench)
@@ -310,7 +336,7 @@ def test_a_reset_lets_all_pins_float(bench, action, pin):
     tell(board, DIRECTION, 1 << pin)
     tell(board, PORT, 1 << pin)
     if pin == PWM_PIN:
-        tell(board, PWM, 100)
+        tell(board, PWM, 255)
     board.machine.run(1e-3)
     before = board.machine.high_cycles(pin)
     getattr(board.machine, action)()

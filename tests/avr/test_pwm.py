@@ -248,9 +248,9 @@ def test_the_port_does_not_act_on_a_connected_output(bench):
     timer = running(bench, 0, PHASE_CORRECT, (CLEAR, 0), (0, 0))
     timer.machine.run_until(timer.machine.cycle + 1024)
     timer.tell(PORT, 1 << timer.pins[0])
-    before = timer.machine.pin(timer.pins[0])
+    before = timer.machine.pin(timer.pins[0]), timer.machine.high_cycles(timer.pins[0])
     timer.tell(WRITE_CONTROL_A, PHASE_CORRECT)
-    assert (before, timer.machine.pin(timer.pins[0])) == (0, 1)
+    assert (before, timer.machine.pin(timer.pins[0])) == ((0, 0), 1)
 
 
 @pytest.mark.parametrize("compare, level", [(0, 0), (255, 1)])
@@ -367,6 +367,32 @@ def test_flags_are_set_without_interrupts(bench, flag, after):
     assert (before, timer.read("flags") & flag) == (0, flag)
 
 
+def test_phase_correct_pwm_overflows_at_bottom(bench):
+    """Not at TOP: 250 counts up to it, 255 down, and one to leave BOTTOM."""
+    timer = running(bench, 0, PHASE_CORRECT, (0, 0), (99, 10), 1024, count=5)
+    timer.machine.run_until(timer.machine.cycle + 504 * 1024)
+    before = timer.read("flags") & TOV
+    timer.machine.run_until(timer.machine.cycle + 2 * 1024)
+    assert (before, timer.read("flags") & TOV) == (0, TOV)
+
+
+def test_a_buffered_compare_value_interrupts_in_its_first_round(bench):
+    """Written behind the match of the old one."""
+    timer = running(bench, 0, FAST, (0, 0), (100, 0), 64, enable=OCFA)
+    timer.machine.run_until(timer.machine.cycle + 120 * 64)
+    timer.tell(WRITE_A, 50)
+    timer.machine.run_until(timer.machine.cycle + (136 + 60) * 64)
+    assert timer.board.get("matches_a") == 2
+
+
+def test_flags_of_the_past_are_cleared(bench):
+    """Though nobody read them before."""
+    timer = running(bench, 0, NORMAL, (0, 0), (99, 10), 64)
+    timer.machine.run_until(timer.machine.cycle + 300 * 64)
+    timer.tell(CLEAR_FLAGS, TOV | OCFA | OCFB)
+    assert timer.read("flags") == 0
+
+
 @pytest.mark.parametrize("command, left", [(CLEAR_FLAGS, OCFA | TOV), (CLEAR_BY_SBI, OCFB | TOV)])
 def test_a_one_clears_its_flag_alone(bench, command, left):
     """SBI too: its read of the register is none of the chip's."""
@@ -429,6 +455,16 @@ def random_settings(seed):
         "divider": draw.choice(PRESCALERS[number]),
         "count": draw.choice([0, 5, 255]),
     }
+
+
+def test_a_pin_that_the_timer_gives_back_is_not_driven_by_it(bench):
+    """Its compare unit stays high, its port is low."""
+    timer = running(bench, 0, NORMAL, (SET, 0), (1, 0))
+    timer.machine.run(COMMAND_S)
+    timer.tell(WRITE_CONTROL_A, 0)
+    high = timer.machine.high_cycles(timer.pins[0])
+    timer.machine.run(1e-3)
+    assert timer.machine.high_cycles(timer.pins[0]) == high > 0
 
 
 @pytest.mark.parametrize("seed", range(60))

@@ -14,7 +14,7 @@ ISR(PCINT2_vect, ISR_NAKED) {
 ISR(SPI_STC_vect) { changes++; }
 ISR(INT0_vect) { externals++; }
 
-enum { READ = 1, CLEAR, CLEAR_BY_SBI, ENABLE, DIRECTION, PORT, TOGGLE, PWM, INTERRUPTS_OFF, INTERRUPTS_ON };
+enum { READ = 1, CLEAR, CLEAR_BY_SBI, ENABLE, DIRECTION, PORT, TOGGLE, PWM, INTERRUPTS_OFF, INTERRUPTS_ON, CBI_OF_FLAG };
 
 static void obey(void) {
     switch (command) {
@@ -32,6 +32,7 @@ static void obey(void) {
         break;
     case INTERRUPTS_OFF: cli(); break;
     case INTERRUPTS_ON: sei(); break;
+    case CBI_OF_FLAG: PCIFR &= (uint8_t)~_BV(PCIF1); break;
     }
     command = 0;
 }
