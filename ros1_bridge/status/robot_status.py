@@ -127,6 +127,8 @@ def board_values(status: Any, temperature_c: float) -> Dict[str, str]:
                 "Clamped Commands": str(status.clamped),
             }
         )
+        if status.impossible is not None:
+            values["Impossible Encoder Transitions"] = str(status.impossible)
     return values
 
 

@@ -8,6 +8,7 @@ import pytest
 from mrl_driver.protocol.table import PARAMETERS
 from mrl_driver.robot import models
 from sim_arduino.board import registry
+from sim_arduino.testing import EmulatedBoard
 
 from .run import fails, mrl
 
@@ -23,6 +24,27 @@ def test_all_parameters_with_the_models_own(emulated_board):
     found = get(emulated_board.port)
     assert list(found) == [row.name for row in PARAMETERS if not row.capability]
     assert found["kp"]["value"] == found["kp"]["default"] == 700
+
+
+@pytest.fixture
+def duo():
+    """Port of a board with an H-bridge."""
+    with EmulatedBoard(robot="duo") as board:
+        yield board.port
+
+
+def test_an_h_bridge_board_has_all_parameters(duo):
+    assert list(get(duo)) == [row.name for row in PARAMETERS]
+
+
+def test_a_bridge_is_set_and_shown_by_its_chip(duo):
+    done = mrl("config", "set", "bridge", "l298n", "--yes", "--port", duo)
+    assert done.stdout == "bridge 4 to 3: saved\n"
+    assert "l298n" in mrl("config", "get", "bridge", "--port", duo).stdout
+
+
+def test_the_wiring_of_a_robot_differs_from_no_model(duo):
+    assert get(duo, "wiring")["wiring"]["default"] is None
 
 
 EARLIER_PARAMETERS = 19

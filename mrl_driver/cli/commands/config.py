@@ -7,7 +7,7 @@ import click
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.host.named_robots import Target
-from mrl_driver.protocol.table import PARAMETER_BY_NAME, Parameter
+from mrl_driver.protocol.table import BRIDGES, PARAMETER_BY_NAME, Parameter
 from mrl_driver.robot.models import COMMON_BOARD, RobotModel
 
 from .shared import complete_parameter, confirm, connected, json_option, print_json, robot_options, yes_option
@@ -162,7 +162,7 @@ def parse(words: Sequence[str]) -> List[Tuple[Parameter, int]]:
         if name in found:
             raise ConfigError(f"{name} is given twice, expected each name once")
         try:
-            value = int(text)
+            value = BRIDGES.index(text) if name == "bridge" and text in BRIDGES else int(text)
         except ValueError:
             value = row.high + 1
         if not row.low <= value <= row.high:
@@ -189,8 +189,10 @@ def _value(driver: "Driver", row: Parameter) -> ParameterValue:
 
 
 def default_of(model: Optional[RobotModel], row: Parameter) -> Optional[int]:
-    """Return a robot model's value of a parameter."""
+    """Return a robot model's value of a parameter; the wiring belongs to the robot, unless its own file has it."""
     own = model.board if model is not None else {}
+    if row.name == "wiring":
+        return own.get(row.name)
     return own.get(row.name, COMMON_BOARD.get(row.name))
 
 
@@ -213,6 +215,7 @@ def show(values: Sequence[ParameterValue]) -> None:
         row = each.row
         differs = each.default is not None and each.default != each.value
         mark = f"* {each.default}" if differs else ""
-        click.echo(f"{row.name:<16}{each.value:>7} {row.unit:<9}{mark:<9} {row.text}".rstrip())
+        chip = f"{BRIDGES[each.value]}: " if row.name == "bridge" else ""
+        click.echo(f"{row.name:<16}{each.value:>7} {row.unit:<9}{mark:<9} {chip}{row.text}".rstrip())
     if any(each.default not in (None, each.value) for each in values):
         click.echo("* differs from the robot model; its value follows the *")

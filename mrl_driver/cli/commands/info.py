@@ -57,6 +57,8 @@ def describe(driver: "Driver", port: str) -> Dict[str, Any]:
             stop_reason=status.stop_reason,
             faults=list(status.faults),
         )
+        if status.impossible is not None:
+            facts["impossible_transitions"] = status.impossible
     if driver.warning:
         facts["note"] = driver.warning.replace("--port PORT", f"--port {port}")
     return facts

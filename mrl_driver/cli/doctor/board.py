@@ -28,7 +28,7 @@ _ADVICE = {
     "eeprom": "set the parameters that must differ from the model's defaults again: mrl config set NAME VALUE",
     "id_unset": "mrl set-id ID (TraxBot 1-3, StingBot 4-5)",
     "sensor": "check the I2C wires and power of the thermopile (0x68) and the compass (0x60)",
-    "wiring": "set the bridge with: mrl config set bridge NUMBER, then run: mrl calibrate wiring",
+    "wiring": "set the bridge with: mrl config set bridge CHIP (such as l298n), then run: mrl calibrate wiring",
 }
 _STOPS = {
     "wheel_blocked": "a wheel did not turn at full drive: check that it turns freely, and the motor's wires",
