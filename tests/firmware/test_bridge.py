@@ -256,6 +256,34 @@ def test_a_position_is_reached_and_held(kit):
     assert abs(left - 700) <= 4 and abs(right + 700) <= 4
 
 
+def test_a_wheel_at_its_position_is_not_driven(kit):
+    bench = kit()
+    bench.send("move_to_position", 1, 50, 700, wait_s=2.0)
+    assert not bench.is_driven()
+
+
+def test_a_position_is_reached_with_a_ramp_without_going_beyond(kit):
+    """The ramp limits how fast the wheel becomes faster, not how fast it becomes slower."""
+    bench = kit(ramp_time=3000)
+    bench.send("move_to_position", 1, 100, 1500, wait_s=0)
+    counts = []
+    for _ in range(300):
+        bench.run(0.01)
+        counts.append(bench.plant.bridge.motor(0).travel)
+    assert max(counts) < 1510 and counts[-1] > 1490
+
+
+def test_the_duty_is_finer_than_the_steps_of_the_output(kit):
+    """1 % lies between 2 and 3 of 255 steps: the mean over the periods is right."""
+    bench = kit()
+    bench.send("move_motors", 1, 1, wait_s=0.1)
+    duties = []
+    for _ in range(200):
+        bench.run(1e-3)
+        duties.append(bench.shares().forward)
+    assert sum(duties) / len(duties) == pytest.approx(0.01, rel=0.02)
+
+
 def test_gains_of_command_2_are_in_force(kit):
     """Without gains, the feed-forward of a full speed that is too high is all that drives."""
     bench = kit(full_speed=340, friction_duty=0)
@@ -295,10 +323,12 @@ def test_preset_and_reset(kit):
     assert bench.ask("read_encoders").args == (0, 0)
 
 
-def test_prescaler_divides_the_counts(kit):
+@pytest.mark.parametrize("linear", [200, -200])
+def test_prescaler_divides_the_counts(kit, linear):
+    """Rounded down, as on the OMNI-3MD."""
     bench = kit()
     bench.send("set_encoder_prescaler", 1, 2)
-    bench.send("move_differential", 200, 0, wait_s=1.0)
+    bench.send("move_differential", linear, 0, wait_s=1.0)
     bench.send("stop", wait_s=0.5)
     right, left = bench.ask("read_encoders").args
     assert left == right // 100
@@ -363,6 +393,17 @@ def test_an_oscillating_line_stops_the_robot(kit):
     faults.encoder_oscillation(bench.plant, True, "left", "b", 100e3)
     assert bench.seconds_to(lambda: not bench.is_driven()) < 0.03
     assert bench.stop_reason() == "encoder"
+
+
+def test_a_masked_encoder_counts_again_from_the_next_move_on(kit):
+    bench = kit()
+    bench.send("move_differential", 200, 0, wait_s=0.5)
+    faults.encoder_oscillation(bench.plant, True, "left", "b", 100e3)
+    bench.run(0.1)
+    faults.encoder_oscillation(bench.plant, False, "left", "b", 100e3)
+    bench.send("stop")
+    bench.send("move_differential", 200, 0, wait_s=0.5)
+    assert bench.speed() == pytest.approx(0.2, rel=0.05) and bench.stop_reason() == "none"
 
 
 def test_open_loop_moves_bear_reversed_encoders(kit):
