@@ -1,5 +1,6 @@
 """The H-bridge image on the simulated chip: its outputs when something is wrong, and what its encoders count."""
 
+from collections import Counter
 from pathlib import Path
 from typing import Dict, Iterator, List, Set
 
@@ -15,6 +16,7 @@ from mrl_driver.protocol.table import (
     STOP_REASONS,
     WIRING,
 )
+from sim_arduino.avr.machine import AvrMachine
 from tests.bench.firmware_board import Rig, request
 
 IMAGE = Path(__file__).resolve().parents[2] / "build" / "firmware" / "mrl_firmware_hbridge.elf"
@@ -22,6 +24,7 @@ HZ = 16_000_000
 LEFT, RIGHT = (5, 6, 7), (11, 3, 9)  # PWM_A, PWM_B, LOGIC
 OUTPUTS = LEFT + RIGHT
 LEFT_A, LEFT_B, RIGHT_A, RIGHT_B = ENCODERS = (2, 4, 8, 10)
+PORT = {True: 0x2B, False: 0x25}  # registers PORTD of pins below 8, PORTB
 BATTERY_CHANNEL = 3
 TB6612 = BRIDGES.index("tb6612")
 SET, SINGLE_CHANNEL = (1 << [name for name, _ in WIRING].index(each) for each in ("set", "single_channel"))
@@ -29,11 +32,14 @@ READY_S = 0.05
 MOVES = (b"@9,40,40e", b"@10,40,40e", b"@11,200,0e", b"@12,1,40,500e")
 HALF_DUTY = b"@10,50,50e"  # without speed control: nothing has to turn
 ENDLESS_LOOP, NO_INTERRUPTS_AND_LOOP = b"\xff\xcf", b"\xf8\x94\xff\xcf"  # rjmp to itself; behind a cli
+WDR, NOP, LDS, EOR = b"\xa8\x95", b"\x00\x00", 0x9000, 0x2400
+MISSED_KICKS = "_ZN3hal12missed_kicksE"
 MISSED_KICK_S = 0.256
 FIRST_INSTRUCTIONS = 100  # cycles from a reset until the outputs are held
 SAMPLE_S = 78 * 64e-6
 MOST_EDGES = 250  # of one encoder between two samples
 UNDERVOLTAGE_V = 9.0
+CONVERTER_READINGS = 300  # 20 s
 
 
 class Board(Rig):
@@ -176,17 +182,14 @@ def test_a_reset_in_motion_leaves_the_outputs_low(board, restart):
     """The resistors hold them, then the program does."""
     board.say(HALF_DUTY)
     assert board.rises()
-    if restart == "brown_out":
-        board.machine.set_reset_flags(0x04)
-    board.machine.reset()
+    getattr(board.machine, restart)()
     board.machine.pin_changes()
     board.run(0.3)
     assert board.rises() == []
 
 
 def test_a_brown_out_is_told_as_such(board):
-    board.machine.set_reset_flags(0x04)
-    board.machine.reset()
+    board.machine.brown_out()
     board.boot()
     assert RESET_CAUSES[board.status()["reset_cause"]] == "brown_out"
 
@@ -247,6 +250,29 @@ def test_a_loop_that_hangs_without_interrupts_is_reset(board):
     assert board.machine.resets > resets and board.levels() == set()
 
 
+def without_kicks(machine: AvrMachine) -> None:
+    """Patches the kick of the watchdog: the WDR, and the look at the kicks that were missed, which finds none."""
+    missed = machine.symbol(MISSED_KICKS).address.to_bytes(2, "little")
+    ((begin, code),) = [piece for piece in machine.image_flash if WDR in piece[1]]
+    for at in range(0, len(code) - 6, 2):
+        load = int.from_bytes(code[at + 2 : at + 4], "little")
+        if code[at : at + 2] == WDR and load & 0xFE0F == LDS and code[at + 4 : at + 6] == missed:
+            register = load >> 4 & 31
+            zero = EOR | register << 4 | register >> 4 << 9 | register & 15
+            machine.patch(begin + at, NOP + zero.to_bytes(2, "little") + NOP)
+
+
+def test_after_a_missed_kick_nothing_switches_the_outputs_on(board):
+    """A loop that hangs where it writes the outputs again and again would."""
+    board.say(HALF_DUTY)
+    begun = board.machine.cycle
+    without_kicks(board.machine)
+    board.run(MISSED_KICK_S)
+    assert board.rises()[-1] - begun < MISSED_KICK_S * HZ
+    board.run(0.1)
+    assert (board.rises(), board.levels()) == ([], set())
+
+
 def test_a_loop_that_goes_on_after_a_missed_kick_drives_again(board):
     """It stood still for 200 ms; the host has not been told to stop."""
     board.say(HALF_DUTY)
@@ -281,7 +307,7 @@ def test_a_step_of_both_channels_is_counted_as_impossible(board):
 def test_an_encoder_of_one_channel_counts_both_edges_of_it(board):
     """Upwards; channel B, which may be open, is not looked at."""
     board.configure(wiring=SET + SINGLE_CHANNEL)
-    board.oscillate(LEFT_B, 3000, 0.1)
+    board.oscillate(LEFT_B, 300e3, 0.1)
     gap = HZ // 1000
     board.machine.plan_edges(LEFT_A, [board.machine.cycle + (edge + 1) * gap for edge in range(50)])
     board.run(0.11)
@@ -298,13 +324,12 @@ def test_an_oscillating_line_stops_the_robot(board, pins):
     assert board.stop_reason == "encoder"
 
 
-def test_the_wheels_are_watched_after_the_chip_stood_still(board):
+def test_the_wheels_are_driven_after_the_chip_stood_still(board):
     """For 20 ms, four samples; the next one would come in the timer's next round, 4 s later."""
     board.say(HALF_DUTY)
     board.machine.stall_until(board.machine.cycle + HZ // 50)
-    board.oscillate(LEFT_A, 500e3, 0.05)
-    board.run(3 * SAMPLE_S)
-    assert board.stop_reason == "encoder"
+    board.say(b"@10,20,20e")
+    assert board.duties()[LEFT[0]] == pytest.approx(0.2, abs=0.02)
 
 
 def test_an_oscillating_line_delays_no_stop(board):
@@ -330,6 +355,45 @@ def test_a_masked_encoder_counts_again_after_the_next_move(board):
     assert abs(board.counts()[0] - before) == 100
 
 
+def test_open_encoder_lines_are_pulled_up(board):
+    """Encoders with open collectors need it."""
+    pulled_up = {pin for pin in ENCODERS if board.machine.peek(PORT[pin < 8])[0] >> pin % 8 & 1}
+    assert pulled_up == set(ENCODERS)
+
+
+# ---- PWM
+
+PWM_HZ = {
+    "vnh5019": 7812.5,
+    "cytron": 7812.5,
+    "l298n": 3921.6,
+    "tb6612": 31372.5,
+    "drv8833": 31372.5,
+    "bts7960": 7812.5,
+}
+
+
+@pytest.mark.parametrize("name", BRIDGES[1:])
+def test_each_bridge_has_its_pwm_rate(board, name):
+    """The table of HARDWARE.md."""
+    board.configure(bridge=BRIDGES.index(name))
+    board.say(HALF_DUTY)
+    board.machine.pin_changes()
+    board.run(0.1)
+    rises = Counter(change.pin for change in board.machine.pin_changes() if change.level)
+    assert [rate for _, rate in rises.most_common()] == pytest.approx(2 * [0.1 * PWM_HZ[name]], rel=0.01)
+
+
+@pytest.mark.parametrize("name", BRIDGES[1:])
+def test_full_duty_is_a_constant_level(board, name):
+    """Without a gap at the timer's turn."""
+    board.configure(bridge=BRIDGES.index(name))
+    board.say(b"@10,100,100e", 0.02)
+    board.machine.pin_changes()
+    board.run(0.05)
+    assert board.machine.pin_changes() == []
+
+
 # ---- battery
 
 
@@ -347,11 +411,12 @@ def test_a_low_battery_stops_the_robot(board):
 
 
 def test_battery_and_sonars_share_the_converter(board):
-    """Each gets the voltage of its own input."""
+    """Each gets the voltage of its own input, at whatever phases their periods meet."""
     board.machine.adc_volts = lambda channel, time_s: 4.0 if channel == BATTERY_CHANNEL else 1.0
     board.configure(battery_divider=3000)
-    board.run(2.0)
-    (sonars,) = board.say(b"@7e")
-    (info,) = board.say(b"@5e")
-    assert len(set(sonars.args)) == 1 and sonars.args[0] > 0
-    assert 1195 <= info.args[2] <= 1200
+    board.run(1.0)
+    readings = set()
+    for _ in range(CONVERTER_READINGS):
+        (sonars,), (info,) = board.say(b"@7e", 0.03), board.say(b"@5e", 0.03)
+        readings |= {*sonars.args, info.args[2]}
+    assert len(readings) == 2 and max(readings) == pytest.approx(1200, abs=5)
