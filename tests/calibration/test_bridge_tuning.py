@@ -3,9 +3,10 @@
 import contextlib
 import json
 
+import numpy as np
 import pytest
 
-from mrl_driver.calibration import bridge_procedures, manoeuvres
+from mrl_driver.calibration import bridge_procedures, from_recording, manoeuvres
 from mrl_driver.calibration.bridge_gains import BridgeGains
 from mrl_driver.cli import main
 from mrl_driver.cli.commands import calibrate_job
@@ -13,6 +14,7 @@ from mrl_driver.driver import eeprom
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
+from mrl_driver.protocol import Frame
 from mrl_driver.robot import models
 from sim_arduino.serve import factory
 
@@ -136,3 +138,12 @@ def test_a_recording_without_steps_of_both_motors_is_refused(lab, tmp_path):
         manoeuvres.spin_motors(robot, manoeuvres.MOVE, 30, 0, 0.5)
     with pytest.raises(ConfigError, match="no step turns both motors, expected a recording of mrl calibrate"):
         bridge_procedures.recorded(str(lab.record), models.load("duo"))
+
+
+def test_a_request_without_duty_ends_a_step_and_begins_none():
+    rows = np.stack([np.arange(10.0), np.zeros(10), np.zeros(10), np.zeros(10)], axis=1)
+    requests = [(2.5, Frame(10, (30, 30))), (5.5, Frame(10, (0, 0)))]
+    ((step, percents),) = from_recording.motor_steps_of(
+        from_recording.Replayed(rows, requests), manoeuvres.MOVE
+    )
+    assert percents == (30, 30) and step[:, 0].tolist() == [2.0, 3.0, 4.0, 5.0]
