@@ -338,4 +338,17 @@ def test_the_same_direction_needs_no_pause(make):
 
 def test_a_wheel_at_its_count_is_not_driven(bench):
     bench.ask("move_to_position", 1, 50, 1200, wait_s=4.0)
-    assert not bench.is_driven() and bench.wheels() == (0.0, 0.0)
+    for _ in range(100):
+        bench.run(5e-3)
+        assert not bench.is_driven() and bench.wheels() == (0.0, 0.0)
+
+
+def test_a_speed_that_was_out_of_reach_leaves_no_overshoot(make):
+    """Seconds at full duty with a weak battery do not wind the integral up."""
+    bench = make(stored={"ramp_time": 0})
+    bench.plant.robot.sag(6.0)
+    bench.ask("move_differential", 500, 0, wait_s=3.0)
+    assert bench.wheels().left < 0.4
+    bench.plant.robot.sag(0.0)
+    bench.ask("move_differential", 200, 0, wait_s=0.1)
+    assert bench.wheels() == pytest.approx((0.2, 0.2), abs=2 * SPEED_M_S)
