@@ -199,6 +199,15 @@ def test_speed_is_that_of_the_command_without_overshoot(kit):
     assert sum(speeds[400:]) / 400 == pytest.approx(0.3, rel=0.01)
 
 
+def test_the_integral_does_not_wind_up_at_full_duty(kit):
+    """A second at a speed that the battery does not give, then a lower one."""
+    bench = kit(full_speed=400, linear_ceiling=32767)
+    bench.send("move_differential", 1300, 0, wait_s=1.0)
+    assert bench.shares().forward == 1.0
+    bench.send("move_differential", 400, 0, wait_s=0)
+    assert bench.seconds_to(lambda: bench.speed() < 0.42) < 0.12
+
+
 def test_slow_speed_is_even(kit):
     """0.02 m/s, 147 edges/s with a phase error of 20 %: at most 20 % from peak to peak."""
     bench = kit(phase=0.2)
@@ -259,7 +268,7 @@ def test_a_position_is_reached_and_held(kit):
 def test_a_wheel_at_its_position_is_not_driven(kit):
     bench = kit()
     bench.send("move_to_position", 1, 50, 700, wait_s=2.0)
-    assert not bench.is_driven()
+    assert bench.seconds_to(bench.is_driven, 0.5) == math.inf
 
 
 def test_a_position_is_reached_with_a_ramp_without_going_beyond(kit):
