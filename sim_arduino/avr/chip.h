@@ -1,4 +1,5 @@
-/* The facts of a chip that differ between AVRs: sizes, register addresses, vectors, pins. The peripherals read them here.
+/* The facts of a chip that differ between AVRs: sizes, register addresses, vectors, pins. The peripherals read them
+ * here.
  *
  * Addresses are those of the data space (I/O address + 32). Bits within a register are the same on all chips of the
  * family, so each peripheral keeps its own.

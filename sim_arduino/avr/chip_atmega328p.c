@@ -1,4 +1,5 @@
-/* ATmega328P, the chip of the Arduino Uno and Nano. Source: its data sheet, "Register Summary", "Interrupts", "I/O-Ports". */
+/* ATmega328P, the chip of the Arduino Uno and Nano. Source: its data sheet, "Register Summary", "Interrupts" and
+ * "I/O-Ports". */
 #include "chip.h"
 
 enum { B, C, D };
@@ -16,7 +17,8 @@ const chip_t chip_atmega328p = {
     .usart = {.rx_vector = 18, .udre_vector = 19, .ucsra = 0xC0, .ucsrb = 0xC1, .ucsrc = 0xC2, .ubrrl = 0xC4,
               .ubrrh = 0xC5, .udr = 0xC6},
     .twi = {.vector = 24, .twbr = 0xB8, .twsr = 0xB9, .twdr = 0xBB, .twcr = 0xBC, .sda = {C, 4}, .scl = {C, 5}},
-    .adc = {.adcl = 0x78, .adch = 0x79, .adcsra = 0x7A, .adcsrb = 0x7B, .admux = 0x7C, .pins = 8, .bandgap_channel = 14},
+    .adc = {.adcl = 0x78, .adch = 0x79, .adcsra = 0x7A, .adcsrb = 0x7B, .admux = 0x7C, .pins = 8,
+            .bandgap_channel = 14},
     .eeprom = {.ready_vector = 22, .eecr = 0x3F},
     .timer8 = {{.tifr = 0x35, .timsk = 0x6E, .tccra = 0x44, .tccrb = 0x45, .tcnt = 0x46, .ocr = {0x47, 0x48},
                 .dividers = {0, 1, 8, 64, 256, 1024, 0, 0}, .output = {{D, 6}, {D, 5}}},

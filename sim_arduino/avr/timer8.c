@@ -1,12 +1,12 @@
 /* Timers with 8 bits (0 and 2) and their PWM outputs: all modes, prescalers and compare output modes.
  *
  * The counter is lazy: it catches up when a register is read or written, when an enabled interrupt is due, and at each
- * edge of an observed output. Whole rounds that passed meanwhile are counted in closed form, so PWM that
- * is not observed costs nothing. Source: data sheet, "8-bit Timer/Counter0 with PWM" and "8-bit Timer/Counter2".
+ * edge of an observed output. Whole rounds that passed meanwhile are counted in closed form, so PWM that is not
+ * observed costs nothing. Source: data sheet, "8-bit Timer/Counter0 with PWM" and "8-bit Timer/Counter2".
  *
- * All happens when the counter leaves a value, as in the chapters' timing diagrams: a match sets its flag and acts on its
- * output; TOP ends a round, sets TOV (in phase-correct PWM, BOTTOM does) and loads the compare registers from their
- * buffers. External clocks, the asynchronous timer 2, GTCCR and PRR are not simulated.
+ * All happens when the counter leaves a value, as in the chapters' timing diagrams: a match sets its flag and acts on
+ * its output; TOP ends a round and loads the compare registers from their buffers; TOV is set at MAX, in fast PWM at
+ * TOP, in phase-correct PWM at BOTTOM. External clocks, the asynchronous timer 2, GTCCR and PRR are not simulated.
  */
 #include "peripherals.h"
 
@@ -15,7 +15,8 @@ enum { TOV = 0x01, OCFA = 0x02 }; /* OCFA << 1 is OCFB; TIMSK has the same bits 
 enum { CS = 0x07, WGM2 = 0x08, FOCA = 0x80, WGM10 = 0x03 };
 enum { COM_NONE, COM_TOGGLE, COM_CLEAR, COM_SET };
 enum { KIND = 3, NORMAL = 0, PHASE_CORRECT = 1, CTC = 2, FAST = 3, TO_OCRA = 4 }; /* WGM: a kind, and TOP of PWM */
-enum { SETTLED = 1024, ROUNDS_FROM = 4096 }; /* counts after which all repeats; least counts that are not counted singly */
+/* Counts after which all repeats; the least number of counts of which whole rounds are counted at once. */
+enum { SETTLED = 1024, ROUNDS_FROM = 4096 };
 
 static bool is_pwm(const timer8_t *timer) { return timer->mode & PHASE_CORRECT; }
 static bool is_dual_slope(const timer8_t *timer) { return (timer->mode & KIND) == PHASE_CORRECT; }
@@ -127,7 +128,8 @@ static uint8_t match(timer8_t *timer, uint64_t cycle) {
         if (timer->compare[unit] != timer->count || timer->written)
             continue;
         flags |= (uint8_t)(OCFA << unit);
-        act(&timer->output[unit], is_dual_slope(timer) && timer->down && com != COM_TOGGLE ? opposite(com) : com, cycle);
+        bool reversed = is_dual_slope(timer) && timer->down && sets_or_clears(com);
+        act(&timer->output[unit], reversed ? opposite(com) : com, cycle);
     }
     timer->written = false;
     return flags;
