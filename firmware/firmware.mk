@@ -69,7 +69,6 @@ flash: ## Upload to an Arduino Uno: PORT=/dev/ttyACM0, IMAGE=mrl_firmware_enviro
 	  { echo "make flash: no board answers at $(PORT): $$(echo "$$out" | grep . | head -1)" >&2; exit 1; }
 
 PC_LIBRARIES := $(patsubst %,$(PC_BUILD)/libmrl_firmware%.so,_xbee _environment _hbridge) $(PC_BUILD)/libmrl_firmware.so
-pc-firmware: $(PC_LIBRARIES) $(PC_BUILD)/fuzz_firmware $(PC_BUILD)/checked_firmware ## Build the same C++ for tests on the PC
 
 $(PC_BUILD)/libmrl_firmware_environment.so: PC_DEFINES := -DMRL_ENVIRONMENT=1
 $(PC_BUILD)/libmrl_firmware_xbee.so: PC_DEFINES := -DMRL_XBEE=1
@@ -80,20 +79,27 @@ $(PC_LIBRARIES): $(PC_SOURCES) $(FW_HEADERS) $(PC_HEADERS) firmware/firmware.mk 
 
 # libFuzzer looks for inputs and stops at undefined behaviour; what it keeps is then tried under gcc's address and
 # undefined-behaviour sanitizers.
-FUZZ_SOURCES := tests/firmware/fuzz.cpp
-FUZZ_NEEDS = $(PC_SOURCES) $(FUZZ_SOURCES) $(FW_HEADERS) $(PC_HEADERS) firmware/firmware.mk
-
-FUZZ_OBJECTS = $(patsubst %.cpp,$(PC_BUILD)/fuzz.o/%.o,$(notdir $(PC_SOURCES) $(FUZZ_SOURCES)))
+FUZZ_SOURCES = $(PC_SOURCES) tests/firmware/fuzz.cpp
+FUZZ_NEEDS = $(FW_HEADERS) $(PC_HEADERS) firmware/firmware.mk
 vpath %.cpp $(FW_SOURCE) tests/firmware
 
-$(PC_BUILD)/fuzz.o/%.o: %.cpp $(FW_HEADERS) $(PC_HEADERS) firmware/firmware.mk | apt
-	@mkdir -p $(@D)
-	@clang++ $(PC_CXX) -fsanitize=fuzzer-no-link,undefined -fsanitize-trap=undefined -c $< -o $@
+# $(1) what is behind the name of the image, $(2) its defines
+define FUZZ_IMAGE
+FUZZERS += $$(PC_BUILD)/fuzz_firmware$(1) $$(PC_BUILD)/checked_firmware$(1)
 
-$(PC_BUILD)/fuzz_firmware: $(FUZZ_OBJECTS)
-	@clang++ -fsanitize=fuzzer $^ -o $@.new && mv $@.new $@
+$$(PC_BUILD)/fuzz$(1).o/%.o: %.cpp $$(FUZZ_NEEDS) | apt
+	@mkdir -p $$(@D)
+	@clang++ $$(PC_CXX) $(2) -fsanitize=fuzzer-no-link,undefined -fsanitize-trap=undefined -c $$< -o $$@
 
-$(PC_BUILD)/checked_firmware: $(FUZZ_NEEDS) tests/firmware/replay.cpp | apt
-	@mkdir -p $(@D)
-	@g++ $(PC_CXX) -fsanitize=address,undefined -fno-sanitize-recover=all $(PC_SOURCES) $(FUZZ_SOURCES) \
-	  tests/firmware/replay.cpp -o $@.new && mv $@.new $@
+$$(PC_BUILD)/fuzz_firmware$(1): $$(patsubst %.cpp,$$(PC_BUILD)/fuzz$(1).o/%.o,$$(notdir $$(FUZZ_SOURCES)))
+	@clang++ -fsanitize=fuzzer $$^ -o $$@.new && mv $$@.new $$@
+
+$$(PC_BUILD)/checked_firmware$(1): $$(FUZZ_SOURCES) $$(FUZZ_NEEDS) tests/firmware/replay.cpp | apt
+	@mkdir -p $$(@D)
+	@g++ $$(PC_CXX) $(2) -fsanitize=address,undefined -fno-sanitize-recover=all $$(FUZZ_SOURCES) \
+	  tests/firmware/replay.cpp -o $$@.new && mv $$@.new $$@
+endef
+$(eval $(call FUZZ_IMAGE,,))
+$(eval $(call FUZZ_IMAGE,_hbridge,-DMRL_BRIDGE=1))
+
+pc-firmware: $(PC_LIBRARIES) $(FUZZERS) ## Build the same C++ for tests on the PC

@@ -6,7 +6,8 @@ fuzz: setup pc-firmware ## Damage frames and feed the decoders random bytes for 
 	$(PY) -m tests.fuzz --minutes $(MINUTES)
 	$(PY) -m tests.fuzz.greetings
 	$(PY) -m tests.fuzz.greetings --board august --greetings 500
-	cd $(PC_BUILD) && ./fuzz_firmware -max_total_time=$$(( $(MINUTES) * 60 )) -print_final_stats=1
+	cd $(PC_BUILD) && for fuzzer in ./fuzz_firmware ./fuzz_firmware_hbridge; do \
+	  $$fuzzer -max_total_time=$$(( $(MINUTES) * 60 )) -print_final_stats=1 || exit 1; done
 
 soak: setup firmware ## Kill, unplug, stop and close repeatedly, then keep driving for MINUTES=n; build/bench/reliability.json
 	$(PY) -m tests.fuzz.soak --minutes $(MINUTES)

@@ -124,7 +124,7 @@ constexpr uint8_t left_state(uint8_t port) {
 
 }  // namespace
 
-// Counts one edge in 67 cycles with the entry, 69 for the left encoder.  The compiler's code takes 105: the interrupts
+// Counts one edge in 67 cycles with the entry, 69 for the left encoder.  The compiler's code takes 103: the interrupts
 // must let the USB port, the other encoder and the sample have their turn at 100 000 edges/s.  The old state, already
 // shifted, is in a register of the chip that needs no LDS.  Bit 0 of a step is set if it counts.
 #define COUNT_EDGE(port, shift, encoder, old_state, change)                                               \

@@ -29,11 +29,15 @@ int adc(int, double) { return random_byte() * 4 + 3; }
 
 void pin(int, int, double) {}
 
-bool start() {
-  static const PcWorld world = {write, read, adc, pin, nullptr, nullptr};
-  static uint8_t eeprom[1024];
-  pc_start(&world, 0, 0, PC_POWER_ON, eeprom);
-  return true;
+// Lines of the encoders go to and fro, as those of turning wheels, open wires and oscillations.
+void move_encoders() {
+  static const int pins[] = {2, 4, 8, 10};
+  double time_us = pc_now_us();
+  for (int count = random_byte(); count; count--) {
+    const uint8_t which = random_byte();
+    time_us += which >> 4;
+    pc_edge(pins[which & 3], which >> 2 & 1, time_us);
+  }
 }
 
 void wait(double us) {
@@ -42,6 +46,16 @@ void wait(double us) {
   while (pc_sent(out, sizeof out)) {
   }
   if (pc_slept_too_long()) abort();
+}
+
+// A board with an H-bridge moves only if it knows bridge and wiring.
+bool start() {
+  static const PcWorld world = {write, read, adc, pin, nullptr, nullptr};
+  static uint8_t eeprom[1024];
+  pc_start(&world, 0, 0, PC_POWER_ON, eeprom);
+  for (const char* byte = "@35,19,4e@35,20,1e"; *byte; byte++) pc_receive(static_cast<uint8_t>(*byte));
+  wait(20000);
+  return true;
 }
 
 // Bytes from 0xF0 on are events of the world, not of the line.
@@ -61,6 +75,9 @@ void step(uint8_t byte) {
       break;
     case 0xF4:
       wait(500);
+      break;
+    case 0xF5:
+      move_encoders();
       break;
     default:
       pc_receive(byte);

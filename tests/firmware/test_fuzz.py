@@ -3,10 +3,13 @@
 import subprocess
 from pathlib import Path
 
+import pytest
+
 from tests.firmware.pc_board import BUILD
 from tests.vectors import load
 
 RUNS = 4000
+IMAGES = ("", "_hbridge")
 
 
 def run(*command) -> "subprocess.CompletedProcess[bytes]":
@@ -17,14 +20,15 @@ def seeds(folder: Path) -> Path:
     """The golden vectors, amid events of the world."""
     folder.mkdir()
     for number, vector in enumerate(load("requests")):
-        (folder / str(number)).write_bytes(vector.wire + b"\xf4\xf0\xf4" + vector.wire + b"\xf1\xf2")
+        (folder / str(number)).write_bytes(vector.wire + b"\xf4\xf0\xf4" + vector.wire + b"\xf1\xf5\xf2")
     return folder
 
 
-def test_fuzzer_finds_nothing(tmp_path):
+@pytest.mark.parametrize("image", IMAGES)
+def test_fuzzer_finds_nothing(tmp_path, image):
     corpus = seeds(tmp_path / "corpus")
     found = run(
-        BUILD / "fuzz_firmware",
+        BUILD / f"fuzz_firmware{image}",
         f"-runs={RUNS}",
         "-seed=1",
         "-max_len=256",
@@ -32,10 +36,11 @@ def test_fuzzer_finds_nothing(tmp_path):
         corpus,
     )
     assert found.returncode == 0, found.stderr.decode()[-2000:]
-    checked = run(BUILD / "checked_firmware", *sorted(corpus.iterdir()))
+    checked = run(BUILD / f"checked_firmware{image}", *sorted(corpus.iterdir()))
     assert checked.returncode == 0, checked.stderr.decode()[-2000:]
 
 
-def test_golden_vectors_under_the_sanitizers(tmp_path):
-    checked = run(BUILD / "checked_firmware", *sorted(seeds(tmp_path / "corpus").iterdir()))
+@pytest.mark.parametrize("image", IMAGES)
+def test_golden_vectors_under_the_sanitizers(tmp_path, image):
+    checked = run(BUILD / f"checked_firmware{image}", *sorted(seeds(tmp_path / "corpus").iterdir()))
     assert checked.returncode == 0, checked.stderr.decode()[-2000:]

@@ -85,7 +85,7 @@ def test_slow_slaves_may_stretch_the_clock(chip):
 
 def test_sram_is_left_free():
     """Every build has 900 bytes that nothing touches, after a second of everything."""
-    for name in ("mrl_firmware", "mrl_firmware_environment", "mrl_firmware_xbee"):
+    for name in ("mrl_firmware", "mrl_firmware_environment", "mrl_firmware_xbee", "mrl_firmware_hbridge"):
         with AvrMachine(BUILD / f"{name}.elf") as machine:
             machine.i2c[0x18] = MotorBoard()
             machine.send(b"@16,1e@18e@5e@31e@12,1,1,1e@99e" + encode_request(36) + encode_request(32, 1))

@@ -361,6 +361,16 @@ def test_open_encoder_lines_are_pulled_up(board):
     assert pulled_up == set(ENCODERS)
 
 
+# ---- sleep
+
+
+def test_an_idle_board_sleeps(board):
+    """It looks at its wheels 200 times a second."""
+    begun, awake = board.machine.cycle, board.machine.awake_cycles
+    board.run(1.0)
+    assert board.machine.awake_cycles - awake <= 0.05 * (board.machine.cycle - begun)
+
+
 # ---- PWM
 
 PWM_HZ = {
