@@ -266,17 +266,18 @@ void encoder_single_channel(bool on) {
   sei();
 }
 
-// Pull-ups hold the lines of encoders with open collectors, and those of a broken wire.
+// Pull-ups hold the lines of encoders with open collectors, and those of a broken wire.  The encoders' interrupts come
+// last: their reads of timer 1 use the byte through which a compare value is written.
 void encoders_begin() {
   PORTD |= PINS_D;
   PORTB |= PINS_B;
+  OCR1B = static_cast<uint16_t>(ticks() + SAMPLE_TICKS);
+  TIFR1 = _BV(OCF1B);
+  TIMSK1 |= _BV(OCIE1B);
   edges_left[0] = edges_left[1] = MOST_EDGES;
   encoder_single_channel(false);
   encoder_unmask(0);
   encoder_unmask(1);
-  OCR1B = static_cast<uint16_t>(ticks() + SAMPLE_TICKS);
-  TIFR1 = _BV(OCF1B);
-  TIMSK1 |= _BV(OCIE1B);
 }
 
 #else
