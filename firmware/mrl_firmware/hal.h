@@ -154,7 +154,7 @@ bool encoder_sample(EncoderSample& sample);
 void encoder_read(EncoderSample& sample);
 // Number of steps that changed both channels of an encoder at once, both encoders; stops at 65535.
 uint16_t impossible_transitions();
-// True after more than MOST_EDGES edges between two samples, until encoder_unmask().
+// True after more than MOST_EDGES edges between two samples, which is news for the loop, until encoder_unmask().
 bool encoder_masked(uint8_t encoder);
 void encoder_unmask(uint8_t encoder);
 // Counts the edges of channel A alone, each one up.

@@ -171,6 +171,7 @@ constexpr uint8_t left_state(uint8_t port) {
       "4: lds r24, %[enable]          \n\t"                                                               \
       "andi r24, %[others]            \n\t"                                                               \
       "sts  %[enable], r24            \n\t"                                                               \
+      "sbi  %[news], 0                \n\t"                                                               \
       "rjmp 1b                        \n\t"                                                               \
       /* no step, or an impossible one */                                                                 \
       "5: sbrs r30, 1                 \n\t"                                                               \
@@ -186,7 +187,8 @@ constexpr uint8_t left_state(uint8_t port) {
       [state] "I"(_SFR_IO_ADDR(old_state)), [channels] "M"(quadrature::CHANNELS), [table] "i"(steps),     \
       [left] "i"(&edges_left[encoder]), [count] "i"(&counts[encoder]), [tick] "i"(&edge_ticks[encoder]),  \
       [now] "i"(_SFR_MEM_ADDR(TCNT1)), [wrong] "i"(&impossible),                                          \
-      [enable] "i"(_SFR_MEM_ADDR(PCICR)), [others] "M"(0xFF & ~(change)))
+      [enable] "i"(_SFR_MEM_ADDR(PCICR)), [others] "M"(0xFF & ~(change)),                                 \
+      [news] "I"(_SFR_IO_ADDR(GPIOR0)))
 
 static_assert(chip::bit_of(pins::LEFT_ENCODER_A) == 2 && chip::bit_of(pins::RIGHT_ENCODER_A) == 0, "the shifts below");
 static_assert((quadrature::IMPOSSIBLE & 3) == 2, "bits 0 and 1 tell a step from an impossible one");

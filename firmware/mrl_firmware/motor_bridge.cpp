@@ -129,8 +129,7 @@ void serve(uint8_t wheel) {
   const int16_t moved = moved_by(wheel, sample);
   last_counts[encoder] = sample.count[encoder];
   const StopReason reason = wheels[wheel].update(settings, moved, sample.edge_tick[encoder], sample.tick);
-  const bool masked = turning && hal::encoder_masked(encoder);
-  if (masked || reason != StopReason::none) return stop_for(masked ? StopReason::encoder : reason);
+  if (reason != StopReason::none) return stop_for(reason);
   write(wheel);
 }
 
@@ -176,7 +175,9 @@ void begin() {
   refresh_all();
 }
 
+// A line that oscillates may have cost the chip the host's stop, so this does not wait for the next sample.
 void service() {
+  if (turning && (hal::encoder_masked(LEFT) || hal::encoder_masked(RIGHT))) stop_for(StopReason::encoder);
   if (!to_serve && hal::encoder_sample(sample)) {
     to_serve = SIDES;
     watch_battery();

@@ -22,7 +22,7 @@ struct Edge {
 const PcWorld* world;
 double start_us, now_us, kicked_us, sample_us;
 uint16_t first_tick;
-bool missed, acted, single, is_new;
+bool missed, acted, single, is_new, news;
 
 std::deque<Edge> planned;
 uint8_t states[ENCODERS], edges_left[ENCODERS];
@@ -65,7 +65,7 @@ void arrive(const Edge& edge) {
     states[encoder] = state;
     return;
   }
-  if (!--edges_left[encoder]) masked[encoder] = true;
+  if (!--edges_left[encoder]) masked[encoder] = news = true;
   count(encoder, state, tick_at(edge.time_us));
 }
 
@@ -77,7 +77,7 @@ void take_sample() {
   }
   newest.tick = tick_at(sample_us);
   sample_us += hal::SAMPLE_TICKS * TICK_US;
-  is_new = true;
+  is_new = news = true;
 }
 
 void arrive_until(double time_us) {
@@ -101,19 +101,17 @@ void begin(const PcWorld& outside, double time_us, uint16_t tick) {
 }
 
 bool pass_time(double to_us) {
-  const bool had = is_new;
-  is_new = false;
   for (; sample_us <= to_us; take_sample()) arrive_until(sample_us);
   arrive_until(to_us);
-  const bool sampled = is_new;
-  is_new = is_new || had;
   if (!missed && to_us - kicked_us >= MISSED_KICK_US) {
     missed = true;
     now_us = kicked_us + MISSED_KICK_US;
     hal::bridge_off();
   }
   now_us = to_us;
-  return sampled;
+  const bool had = news;
+  news = false;
+  return had;
 }
 
 void kick(double time_us) {

@@ -8,7 +8,7 @@ namespace bridge_pc {
 
 // Reads the encoders' lines as they are; the first sample comes after one period.
 void begin(const PcWorld& world, double now_us, uint16_t tick);
-// Edges and samples up to a time; true if a sample was taken.
+// Edges and samples up to a time; true if that is news for the loop.
 bool pass_time(double now_us);
 // The loop kicks the watchdog.
 void kick(double now_us);

@@ -38,6 +38,7 @@ MISSED_KICK_S = 0.256
 FIRST_INSTRUCTIONS = 100  # cycles from a reset until the outputs are held
 SAMPLE_S = 78 * 64e-6
 MOST_EDGES = 250  # of one encoder between two samples
+STORM_S = 1.6e-3  # 250 edges without a pause, the pass of the loop that they interrupt, and the stop
 UNDERVOLTAGE_V = 9.0
 CONVERTER_READINGS = 300  # 20 s
 
@@ -316,11 +317,14 @@ def test_an_encoder_of_one_channel_counts_both_edges_of_it(board):
 
 @pytest.mark.parametrize("pins", [(LEFT_A,), (LEFT_A, RIGHT_B)], ids=["one line", "a line of each"])
 def test_an_oscillating_line_stops_the_robot(board, pins):
-    """500 kHz: after 250 edges the encoder's interrupt is masked, and the next sample stops."""
+    """500 kHz: 250 edges take 1.1 ms, then the encoder's interrupt is masked, and the loop stops."""
     board.say(HALF_DUTY)
     for pin in pins:
         board.oscillate(pin, 500e3, 0.05)
+    begun = board.machine.cycle
+    board.machine.pin_changes()
     board.run(3 * SAMPLE_S)
+    assert board.machine.pin_changes()[-1].cycle - begun < len(pins) * STORM_S * HZ
     assert board.stop_reason == "encoder"
 
 
