@@ -29,13 +29,14 @@ def flash_bytes(elf: Path) -> int:
     return int(text) + int(data)
 
 
-def test_arduino_ide_builds_it(tmp_path):
+@pytest.mark.parametrize("build", ["-DMRL_BRIDGE=0", "-DMRL_BRIDGE=1"])
+def test_arduino_ide_builds_it(tmp_path, build):
     """Flat folder, no Python, -Os, the core's own serial port and I2C within the linker's reach."""
     sketch = tmp_path / "mrl_firmware.ino.cpp"
     sketch.write_text("#include <Arduino.h>\n" + (SKETCH / "mrl_firmware.ino").read_text())
     core = [ARDUINO / "cores/arduino" / name for name in ("main.cpp", "HardwareSerial.cpp", "Print.cpp")]
     image = tmp_path / "sketch.elf"
-    built = run("avr-g++", *IDE, f"-I{SKETCH}", sketch, *sorted(SKETCH.glob("*.cpp")), *core,
+    built = run("avr-g++", *IDE, build, f"-I{SKETCH}", sketch, *sorted(SKETCH.glob("*.cpp")), *core,
                 *(CORE_OBJECTS / name for name in ("hooks.c.o", "wiring.c.o")),
                 "-o", image)  # fmt: skip
     assert built.returncode == 0, built.stderr
