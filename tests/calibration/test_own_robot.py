@@ -18,7 +18,7 @@ from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
 from sim_arduino.serve import factory
 
-END_M, END_RAD = 0.01, math.radians(0.5)
+SIDE_M, END_M, END_RAD = 0.5, 0.01, math.radians(0.5)
 BEFORE_M = 0.05
 """The hidden errors put a square off by more than this."""
 HIDDEN = 54
@@ -72,12 +72,12 @@ class Workshop:
         return out
 
     def square_error(self, model):
-        """Error of the odometry after a clockwise square of 1 m: metres and radians."""
+        """Error of the odometry after a clockwise square: metres and radians."""
         with self.robot(model, period_ms=50) as robot:
             track, ruler = manoeuvres.Track(robot), Truth(self.pose)
             track.begin()
             ruler.begin("")
-            manoeuvres.square(robot, 1.0, False, manoeuvres.Speeds())
+            manoeuvres.square(robot, SIDE_M, False, manoeuvres.Speeds())
             steps = manoeuvres.steps_of(track.end())
             off = errors(robot.model.differential, [Trial(steps, ruler.end("", lambda _: None))])[0]
             return float(np.hypot(*off[:2])), abs(float(off[2]))
@@ -103,7 +103,7 @@ def test_an_unknown_kit_becomes_a_calibrated_robot(workshop, tmp_path):
     assert f"wiring {HIDDEN | 1}, stored in the board's EEPROM" in out
     path = str(tmp_path / "config" / "mrl-driver" / "robots" / "rover.yaml")
     before_m, _ = workshop.square_error("rover")
-    for procedure in (("straight", "--count", 2, "--distance", 1), ("umbmark", "--laps", 2, "--side", 0.6)):
+    for procedure in (("straight", "--count", 2, "--distance", 1), ("umbmark", "--laps", 2, "--side", SIDE_M)):
         workshop.mrl("calibrate", *procedure, "--robot", path, "--truth", "t", "--yes", "--eeprom")
     after_m, after_rad = workshop.square_error("rover")
     assert before_m > BEFORE_M and after_m < END_M and after_rad < END_RAD

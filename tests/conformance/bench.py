@@ -15,6 +15,8 @@ from tests.models import model
 READY_S = 0.12
 """Boot, and the motor board set up."""
 ANSWER_S = 0.03
+CONTROL_S = 0.8
+"""Longer than the control takes after the ramp."""
 STEP_S = 1e-3
 """Resolution of `run_until_released`, and the slices in which the simulated chip drives an H-bridge."""
 
@@ -89,6 +91,7 @@ class Bench:
 
     Attributes:
         text: Everything the board has sent.
+        ramped_s: Time after which any speed is reached [s].
     """
 
     def __init__(
@@ -105,6 +108,7 @@ class Bench:
         self.motors = motors
         base = model(robot or ROBOTS[motors])
         self.model = base._replace(board={**base.board, **(board or {})})
+        self.ramped_s = self.model.board["ramp_time"] / 1000.0 + CONTROL_S
         self.plant = Plant(self.model, sonars=not environment, **plant)
         self.environment = environment
         eeprom = BLANK if blank else ready_eeprom(self.model, stored or {})

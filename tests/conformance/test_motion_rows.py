@@ -5,8 +5,8 @@ import pytest
 SPEED_M_S = 0.01
 """How near a wheel comes to the speed that was asked for; an OMNI-3MD rounds, and an encoder's edges are 5 ms apart."""
 REACHED_COUNTS = 3
-RAMPED_S = 4.0
-"""Longer than the slowest ramp to full speed, and the control after it."""
+POSITION_S = 4.0
+"""Longer than any positional move here."""
 RELEASED_S = 0.005
 """From the last bit of a request, or the end of the wait for one, to motors without drive."""
 ROLL_OUT_S = 1.0
@@ -15,7 +15,7 @@ DRIVE = ("move_differential", 200, 0)
 
 def speeds(bench, name, *args):
     """True speeds of the wheels, long after a move [m/s]."""
-    assert bench.ask(name, *args, wait_s=RAMPED_S) == []
+    assert bench.ask(name, *args, wait_s=bench.ramped_s) == []
     return bench.wheels()
 
 
@@ -115,7 +115,7 @@ def test_a_move_after_a_stop_drives_again(bench):
 
 def test_a_move_right_behind_a_stop_lasts(bench):
     """A prescaler keeps a motor board busy; the stop that is repeated afterwards stays ahead of the move."""
-    bench.send(b"@3,1,0e@11,200,0e@13e@11,100,0e", wait_s=RAMPED_S)
+    bench.send(b"@3,1,0e@11,200,0e@13e@11,100,0e", wait_s=bench.ramped_s)
     assert bench.wheels() == pytest.approx((0.1, 0.1), abs=SPEED_M_S)
     assert bench.stop_reason() == "none"
 
@@ -130,7 +130,7 @@ def test_speed_zero_comes_to_rest(bench):
 
 @pytest.mark.parametrize("motor, position", [(1, 1200), (3, -1000), (3, 30)])
 def test_a_positional_move_ends_at_its_count(bench, motor, position):
-    assert bench.ask("move_to_position", motor, 50, position, wait_s=RAMPED_S) == []
+    assert bench.ask("move_to_position", motor, 50, position, wait_s=POSITION_S) == []
     right, left = bench.reply("read_encoders")
     reached, other = (left, right) if motor == 1 else (right, left)
     assert reached == pytest.approx(position, abs=REACHED_COUNTS) and other == pytest.approx(0, abs=1)
@@ -138,7 +138,7 @@ def test_a_positional_move_ends_at_its_count(bench, motor, position):
 
 def test_a_positional_move_is_not_faster_than_its_speed(bench):
     bench.ask("preset_encoder", 1, -30000)
-    bench.ask("move_to_position", 1, 20, 30000, wait_s=RAMPED_S)
+    bench.ask("move_to_position", 1, 20, 30000, wait_s=POSITION_S)
     assert bench.wheels().left <= 0.2 * bench.full_speed_m_s() + SPEED_M_S
 
 
