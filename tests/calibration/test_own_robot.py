@@ -103,7 +103,10 @@ def test_an_unknown_kit_becomes_a_calibrated_robot(workshop, tmp_path):
     assert f"wiring {HIDDEN | 1}, stored in the board's EEPROM" in out
     path = str(tmp_path / "config" / "mrl-driver" / "robots" / "rover.yaml")
     before_m, _ = workshop.square_error("rover")
-    for procedure in (("straight", "--count", 2, "--distance", 1), ("umbmark", "--laps", 2, "--side", SIDE_M)):
+    for procedure in (
+        ("straight", "--count", 2, "--distance", 1),
+        ("umbmark", "--laps", 2, "--side", SIDE_M),
+    ):
         workshop.mrl("calibrate", *procedure, "--robot", path, "--truth", "t", "--yes", "--eeprom")
     after_m, after_rad = workshop.square_error("rover")
     assert before_m > BEFORE_M and after_m < END_M and after_rad < END_RAD
