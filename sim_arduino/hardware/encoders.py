@@ -52,10 +52,13 @@ class Wire:
 
         `source` is the source's level before its first toggle.
         """
+        if not self.oscillation_hz:
+            self._next_s = math.inf
         quiet = not (toggles or self._bounces or self.oscillation_hz)
         if quiet and self.level == (PULLED_UP if self.open else source):
             return []
-        times = self._seen(start_s, end_s, source, toggles, bounce)
+        plain = not (self.open or self._bounces or bounce.pulses) and self.level == source
+        times = toggles if plain else self._seen(start_s, end_s, source, toggles, bounce)
         changes = []
         for time_s in times:
             self.level ^= 1
@@ -70,7 +73,6 @@ class Wire:
             expected = self.level if self.oscillation_hz else PULLED_UP
             jump = [start_s] if self.level != expected else []
             return jump + self._oscillation(start_s, end_s)
-        self._next_s = math.inf
         waiting = [time_s for time_s in self._bounces if time_s < end_s]
         later = [time_s for time_s in self._bounces if time_s >= end_s]
         expected = source ^ (len(self._bounces) & 1)
@@ -84,7 +86,6 @@ class Wire:
 
     def _oscillation(self, start_s: float, end_s: float) -> List[float]:
         if not self.oscillation_hz:
-            self._next_s = math.inf
             return []
         period_s = 1.0 / self.oscillation_hz
         if self._next_s == math.inf:

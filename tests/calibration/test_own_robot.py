@@ -18,7 +18,7 @@ from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
 from sim_arduino.serve import factory
 
-SIDE_M, END_M, END_RAD = 0.5, 0.01, math.radians(0.5)
+SIDE_M, END_M, END_RAD = 0.4, 0.01, math.radians(0.5)
 BEFORE_M = 0.05
 """The hidden errors put a square off by more than this."""
 HIDDEN = 54
