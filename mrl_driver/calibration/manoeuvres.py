@@ -20,6 +20,8 @@ TICK_S = 0.05
 SETTLED_S = 0.4
 """If the counts do not change for this time, the robot is at rest."""
 PATIENCE_S = 5.0
+HELD_UP_S = 1.0
+"""A robot stands while its driver refuses commands, as after a pause of the computer; it drives on within this time."""
 KEEP_ALIVE_S = 0.1
 """Requests that drive motors are repeated after this time, which feeds the board's watchdog."""
 ARRIVED_M, ARRIVED_RAD = 0.003, math.radians(0.4)
@@ -125,17 +127,19 @@ def follow(robot: Driver, steer: Callable[[Pose], Command], patience_s: float) -
 
     Raises:
         WheelFault: a wheel did not follow its command.
-        BoardTimeout: the robot did not accept a command, or did not arrive within `patience_s`.
+        BoardTimeout: the robot accepted no command for `HELD_UP_S`, its board restarted, or it did not arrive within
+            `patience_s`.
     """
-    waited_s = 0.0
+    waited_s = refused_s = 0.0
+    restarts = robot.statistics.restarts
     while True:
         command = steer(robot.pose)
         if command is None:
             break
-        taken = robot.drive(*command)
+        refused_s = 0.0 if robot.drive(*command) else refused_s + TICK_S
         if robot.mismatch is not None:
             raise WheelFault(f"stopped early: {robot.mismatch}; run mrl calibrate wiring")
-        if not taken:
+        if refused_s > HELD_UP_S or robot.statistics.restarts != restarts:
             robot.stop()
             raise BoardTimeout(f"the robot accepted no command ({robot.stop_reason}); run mrl doctor")
         robot.wait(TICK_S)
