@@ -53,20 +53,15 @@ def _watch_parent() -> None:
 
 def _end(*_: object) -> None:
     _ending.set()
-    threading.Thread(target=_leave, daemon=True).start()
     sys.exit(TERMINATED)
 
 
-def _leave() -> None:
-    """Ends the process when its work has ended: the executor takes the exception for a result, and waits for more."""
-    _idle.wait()
-    time.sleep(POLL_S)
-    os._exit(TERMINATED)
-
-
 def _follow_parent() -> None:
-    """Ends the work when the parent has ended."""
+    """Waits for the parent's end, then sends signals: one ends the work, another one the wait for more work."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()
-    os.kill(os.getpid(), signal.SIGTERM)
+    while True:
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(POLL_S)
+        _idle.wait()

@@ -43,17 +43,6 @@ def test_an_interrupt_ends_what_is_begun_and_what_waits(tmp_path):
     assert (first / "ended").exists() and not (first / "done").exists() and not list(second.iterdir())
 
 
-def test_a_worker_that_is_told_to_end_does_not_wait_for_more_work(tmp_path):
-    """`timeout` sends its signal to the workers, too."""
-    with pool(1) as submit:
-        submit(work, tmp_path)
-        begun = tmp_path / "begun"
-        wait_until(lambda: begun.exists() and begun.read_text())
-        os.kill(int(begun.read_text()), signal.SIGTERM)
-        wait_until(lambda: not is_alive(int(begun.read_text())))
-    assert (tmp_path / "ended").exists()
-
-
 def test_worker_whose_parent_is_killed_ends_its_work_and_itself(tmp_path):
     code = (
         "import pathlib, sys; from sim_arduino.experiments.workers import pool; "
