@@ -56,7 +56,7 @@ $(VENV)/.tested: $(VENV)/.ready
 	@set -o pipefail; $(PIP) 'mrl-driver[dev]' $(SHOWN)
 	@touch $@
 
-include firmware/firmware.mk $(wildcard ros1_bridge/ros.mk sim_arduino/sim.mk tests/long.mk)
+include firmware/firmware.mk firmware/comparison.mk $(wildcard ros1_bridge/ros.mk sim_arduino/sim.mk tests/long.mk)
 
 # What is missing is asked each time, so that a package removed later is noticed; where all is there, `apt` does nothing.
 # So it does where there is no dpkg, on a system whose owner installs a compiler and ROS by himself.
@@ -86,15 +86,15 @@ check: setup ## Format, lint, types, generated files, import rules, plain Englis
 	$(PY) -m tests.documents.plain_english
 
 test: apt ## Set everything up and run all tests
-	@$(MAKE) --no-print-directory -j3 -Otarget check firmware pc-firmware
+	@$(MAKE) --no-print-directory -j3 -Otarget check firmware comparison pc-firmware
 	@$(ROS_ENV) others=passed; realtime=passed; \
-	$(PY) -m pytest -m 'not realtime' -n 4 --dist loadfile || others=failed; \
+	$(PY) -m pytest -m 'not realtime' -n 5 --dist loadfile || others=failed; \
 	$(PY) -m pytest -m realtime -n 0 || realtime=failed; \
 	echo "tests that assert a wall-clock limit: $$realtime; all others: $$others"; \
 	[ $$others$$realtime = passedpassed ]
 
 .PHONY: bench-firmware bench-host
-bench-firmware: setup firmware ## Measure the firmware binary on the simulated chip; build/bench/firmware.json
+bench-firmware: setup firmware comparison ## Measure the firmware binary on the simulated chip; build/bench/firmware.json
 	$(PY) -m tests.bench.bench_firmware
 
 bench-host: setup ## Measure the decoder, recording and the driver without ROS; build/bench/host.json

@@ -85,6 +85,7 @@ setup(
         "mrl_driver.tip_over": ["vehicles/*.yaml"],
         "mrl_driver.robot.models": ["*.yaml"],
         "sim_arduino": ["py.typed"],
+        "sim_arduino.experiments": ["*.csv"],
         "sim_arduino.world": ["worlds/*.yaml"],
         "sim_arduino.avr": ["*.c", "*.h"],
         "ros1_bridge.topics": ["*.yaml"],

@@ -5,7 +5,9 @@ ARDUINO_AVR ?= /usr/share/arduino/hardware/arduino/avr
 AVRDUDE ?= avrdude
 IMAGE ?= mrl_firmware
 
-# -O2 for short answers; the Arduino IDE's -Os costs some 10 us each and saves 1.5 KB.
+# -O2 for short answers, where every frame passes; the Arduino IDE's -Os costs some 10 us each.  -Os for all the rest.
+FW_FAST := answers board board_clock bus commands frame_decoder frame_writer imu motor_omni3md rows stream hal_%
+FW_LEVEL = $(if $(filter $(FW_FAST),$(1)),-O2,-Os)
 FW_FLAGS := -mmcu=atmega328p -DF_CPU=16000000L -DARDUINO=10819 -DARDUINO_AVR_UNO -DARDUINO_ARCH_AVR \
   -O2 -g -flto -ffunction-sections -fdata-sections \
   -I$(ARDUINO_AVR)/cores/arduino -I$(ARDUINO_AVR)/variants/standard
@@ -32,7 +34,7 @@ FW_OBJECTS_$(1) := $$(patsubst %,$$(FW_BUILD)/$(1).o/%.o,$$(FW_PARTS)) $$(patsub
 $$(FW_BUILD)/$(1).o/%.cpp.o: $$(FW_SOURCE)/%.cpp $$(FW_HEADERS) firmware/firmware.mk | apt
 	@mkdir -p $$(@D)
 	@echo "  $(1): $$(<F)"
-	@avr-g++ $$(FW_FLAGS) $$(FW_CXX) $$(FW_WARNINGS) $(2) -c $$< -o $$@
+	@avr-g++ $$(FW_FLAGS) $$(call FW_LEVEL,$$*) $$(FW_CXX) $$(FW_WARNINGS) $(2) -c $$< -o $$@
 
 $$(FW_BUILD)/$(1).o/%.ino.o: $$(FW_SOURCE)/%.ino $$(FW_HEADERS) firmware/firmware.mk | apt
 	@mkdir -p $$(@D)

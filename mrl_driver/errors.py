@@ -17,6 +17,7 @@
     +-- FrameError             12   the command table does not allow this frame (also a ValueError)
     +-- SimulatorError         13   the emulator cannot be built or started
     +-- OutputError            15   output cannot be printed or written to a file
+    +-- GoalMissed             16   the robot gave up its goal
 
 Each message is one line: what was got, what was expected, what to do.  The command line prints it and
 exits with `exit_code`; libraries only raise.
@@ -119,3 +120,9 @@ class OutputError(MrlError):
     """Output cannot be printed or written to a file."""
 
     exit_code = 15
+
+
+class GoalMissed(MrlError):
+    """The robot gave up its goal: it was blocked, or the time was over."""
+
+    exit_code = 16

@@ -7,6 +7,9 @@ cancel out between the simulated robot and the odometry.
 import math
 from typing import Any, NamedTuple, Tuple
 
+GRAVITY_M_S2 = 9.80665
+"""Standard gravity, by definition (3rd CGPM, 1901)."""
+
 
 class Pose(NamedTuple):
     """Position, and yaw in (-pi, pi], counter-clockwise from x."""

@@ -10,6 +10,7 @@ Threads:
 Locks, in the order in which a thread may take them (`ORDER`).  A thread that holds one takes only later ones:
     status: the state that the node published last.
     pose goal: the pose that the node drives to.
+    limits: the node's operation mode and limits.
     driver: the core with its session and state.  Callbacks run without it.
     links: the link that is being opened, so that `close` can interrupt it.
     zones: the readings of the protective zones; the core asks them for the speed that they allow.
@@ -26,7 +27,7 @@ import os
 import threading
 from typing import Any, List, Tuple
 
-ORDER = ("status", "pose goal", "driver", "links", "zones", "link read", "link write", "link wake")
+ORDER = ("status", "pose goal", "limits", "driver", "links", "zones", "link read", "link write", "link wake")
 VARIABLE = "MRL_CHECK_LOCKS"
 _threads = threading.local()
 

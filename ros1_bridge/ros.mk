@@ -14,3 +14,13 @@ check-description: ## Check that the URDF files are current
 .PHONY: picture
 picture: setup ## Take the picture of rviz for the README, without a display
 	$(ROS_ENV) $(PY) -m tests.documents.rviz_picture ros1_bridge/rviz.png
+
+.PHONY: test-navigation
+test-navigation: ## Ten goals a robot with the real move_base; NAVIGATION_SRC=folder has its sources; build/navigation/table.json
+ifeq ($(NAVIGATION_SRC),)
+	@echo "NAVIGATION_SRC is not set, expected a folder with the sources of https://github.com/ros-planning/navigation:" \
+	  "make test-navigation NAVIGATION_SRC=folder" >&2; exit 2
+else
+	@$(MAKE) --no-print-directory setup
+	@$(ROS_ENV) $(PY) -m tests.navigation --source $(NAVIGATION_SRC)
+endif

@@ -2,12 +2,15 @@
 injected.
 """
 
-from typing import List, Optional, Set
+import math
+from typing import Callable, List, Optional, Set, Tuple
 
 from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
 from mrl_driver.protocol.table import CAPABILITIES, TICK_S
+from mrl_driver.session.events import ACCEL_M_S2, GYRO_RAD_S
 
 SEPARATION_M, METRES = 0.180, 0.000087512033
+UPWARD = round(9.81 / ACCEL_M_S2)
 
 
 class FakeBoard:
@@ -32,6 +35,14 @@ class FakeBoard:
         self.started_s = 0.0
         self.time_s = 0.0
         self.mute = False
+        self.counting = True
+        """The motor board answers, so that there are counters to send."""
+        self.imu: Callable[[float], Optional[Tuple[int, ...]]] = self._measured
+        """Fields of `read_imu` at a time [s]; None for a chip that does not answer.  For the capability `imu`."""
+        self.noise = 0
+        """Another number in each reading of the chip, 0 or 1."""
+        self.slip = 0.0
+        """Share of the turn by the wheels that the body does not make."""
         self.dead: Set[str] = set()
         """Wheels (`right`, `left`) whose counter stands still."""
         self.unknown: Set[int] = set()
@@ -41,6 +52,7 @@ class FakeBoard:
     def reset(self, now: float) -> None:
         self.decoder = FrameDecoder(REQUESTS)
         self.period_s: Optional[float] = None
+        self.imu_s, self.imu_period_s = math.inf, math.inf
         self.speeds = (0, 0)
         self.stop_reason = 0
         self.watchdog_s = 0.0
@@ -74,7 +86,11 @@ class FakeBoard:
             self.stop_reason = 2
         while self.period_s is not None and now >= self.due_s:
             self.due_s = max(self.due_s + self.period_s, now - self.period_s)
-            self._reply(self.stream_code, now)
+            if self.counting:
+                self._reply(self.stream_code, now)
+        while now >= self.imu_s:
+            self.imu_s = max(self.imu_s + self.imu_period_s, now - self.imu_period_s)
+            self._send_imu(now)
         out, self.out = bytes(self.out), bytearray()
         return b"" if self.mute else out
 
@@ -82,10 +98,23 @@ class FakeBoard:
         return tuple(((int(each) + 0x8000) & 0xFFFF) - 0x8000 for each in (self.right, self.left))
 
     def _reply(self, code: int, now: float) -> None:
-        args = self.counts() + (self.sonars if code == 8 else ())
+        self._stamped(code, self.counts() + (self.sonars if code == 8 else ()), now)
+
+    def _stamped(self, code: int, args: tuple, now: float) -> None:
         self.sequence = ((self.sequence + 0x8001) & 0xFFFF) - 0x8000
         ticks = ((int((now - self.started_s) / TICK_S) + 0x8000) & 0xFFFF) - 0x8000
         self.out += encode_reply(code, *args, stamp=Stamp(self.sequence, ticks), checked=self.decoder.checked)
+
+    def _send_imu(self, now: float) -> None:
+        self.noise ^= 1
+        values = self.imu(now)
+        if values is not None:
+            self._stamped(46, values, now)
+
+    def _measured(self, now: float) -> Tuple[int, ...]:
+        """A level chip without errors."""
+        turning = self.speeds[1] / 1000 * (1 - self.slip)
+        return (0, 0, round(turning / GYRO_RAD_S), 0, 0, UPWARD + self.noise)
 
     def _say(self, code: int, *args: int) -> None:
         self.out += encode_reply(code, *args, checked=self.decoder.checked)
@@ -128,6 +157,11 @@ class FakeBoard:
             self._say(30, 0, int(now - self.started_s), 1, self.stop_reason, self.faults, 0)
         elif code == 31:
             self._say(31, *[0] * 11)
+        elif code == 47 and "imu" in self.capabilities:
+            self.imu_period_s = args[0] / 1000
+            self.imu_s = self.due_s + self.imu_period_s / 2  # between the frames of the counters
+        elif code == 48:
+            self.imu_s = math.inf
         elif code == 32:
             self._say(32, *args)
             self.decoder.checked = bool(args[0])

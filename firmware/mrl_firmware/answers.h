@@ -14,7 +14,10 @@ bool can_ask();
 void service();
 // True if no frame is being sent or waiting.
 bool silent();
-// True if counters are being read, or will be very soon; other transfers should then wait.
+// True if counters or the IMU are being read, or the counters of a stream will be very soon; long computations should
+// then wait.
+bool reading();
+// True as well if an answer waits, which may need the counters; other transfers should then wait.
 bool about_to_read();
 
 }  // namespace answers

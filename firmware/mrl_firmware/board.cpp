@@ -38,8 +38,9 @@ void run() {
   failsafe::service(gap);
   commands::receive();
   bus::service();
+  commands::receive();  // a stop waits for one of the long tasks at most
   answers::service();
-  commands::receive();  // a stop waits for one of the two long tasks at most
+  commands::receive();
   motor::service();
   commands::receive();
   bus::service_background();

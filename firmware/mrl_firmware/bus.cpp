@@ -5,6 +5,7 @@
 #include "commands.h"
 #include "config.h"
 #include "hal.h"
+#include "imu.h"
 #include "motor_bus.h"
 #include "sensors.h"
 #include "status.h"
@@ -14,10 +15,11 @@ namespace bus {
 namespace {
 
 // The longest transfer, 10 bytes at 100 kHz, takes 1.2 ms; the rest is for slaves that stretch the clock.
-constexpr uint32_t LIMIT = board_clock::of_ms(5);
+constexpr uint32_t LIMIT = board_clock::of_ms(4);
+constexpr uint32_t IMU_LIMIT = board_clock::of_ms(2);  // it does not stretch
 constexpr uint32_t REST_AFTER_HANG = board_clock::of_ms(16);
 
-enum class Owner : uint8_t { none, motor_board, sensor } owner;
+enum class Owner : uint8_t { none, motor_board, imu, sensor } owner;
 uint32_t started, rest_from;
 uint8_t motor_divider;
 bool resting, restart_with_stop;
@@ -28,10 +30,11 @@ void end_transfer(Result result) {
   status::set_fault(FAULT_BUS_HUNG, result == Result::hung);
   if (result == Result::hung) {
     hal::bus_recover();
-    resting = true;
+    resting = who != Owner::imu;  // it is not asked again soon, so that the motor board need not wait
     rest_from = board_clock::now();
   }
   if (who == Owner::motor_board) motor::transfer_ended(result);
+  if (who == Owner::imu || result == Result::hung) imu::transfer_ended(result);
   if (who == Owner::sensor) sensors::transfer_ended(result);
 }
 
@@ -42,7 +45,7 @@ bool end_if_over() {
     end_transfer(Result::done);
   } else if (state == hal::BusState::nack) {
     end_transfer(Result::refused);
-  } else if (state == hal::BusState::lost || board_clock::passed(started, LIMIT)) {
+  } else if (state == hal::BusState::lost || board_clock::passed(started, owner == Owner::imu ? IMU_LIMIT : LIMIT)) {
     end_transfer(Result::hung);
   } else {
     return false;
@@ -69,7 +72,9 @@ bool is_free() {
 Owner next_background(hal::Transfer& transfer) {
   const bool only_overdue = commands::decoder.in_frame() || answers::about_to_read();
   if (motor::next_poll(transfer, only_overdue)) return Owner::motor_board;
-  if (!only_overdue && sensors::next_transfer(transfer)) return Owner::sensor;
+  if (only_overdue) return Owner::none;
+  if (imu::next_background(transfer)) return Owner::imu;
+  if (sensors::next_transfer(transfer)) return Owner::sensor;
   return Owner::none;
 }
 
@@ -82,11 +87,15 @@ void configure() {
 }
 
 void service() {
-  if (owner == Owner::none && !motor::has_work()) return;
-  if (is_free() && motor::next_transfer(hal::transfer)) start(Owner::motor_board);
+  if (owner == Owner::none && !motor::has_work() && !imu::has_work()) return;
+  if (!is_free()) return;
+  if (motor::next_transfer(hal::transfer)) return start(Owner::motor_board);
+  if (imu::next_transfer(hal::transfer)) start(Owner::imu);
 }
 
+// A request that has arrived in this pass goes first.
 void service_background() {
+  service();
   if (!is_free()) return;
   const Owner who = next_background(hal::transfer);
   if (who != Owner::none) start(who);

@@ -8,7 +8,7 @@ constexpr uint8_t PROTOCOL_VERSION = 2;  // what read_protocol reports
 constexpr uint8_t MAX_ARGUMENTS = 14;  // of any frame, including the checksum
 constexpr uint8_t MAX_FRAME = 98;  // bytes from '@' to 'e'
 constexpr uint8_t MAX_NOISE = 64;  // bytes outside a frame that are counted as one run
-constexpr uint8_t MAX_CODE = 45;  // codes run from 1 to this
+constexpr uint8_t MAX_CODE = 48;  // codes run from 1 to this
 constexpr uint8_t STOP_CODE = 13;  // accepted without a checksum in every state
 constexpr int16_t SONAR_INVALID = -1;  // no reading
 constexpr int16_t SONAR_NOTHING = 645;  // cm, nothing in range
@@ -63,6 +63,9 @@ enum Code : uint8_t {
   MOVE_OMNI = 43,
   START_OMNI_STREAM = 44,
   SET_BAUD = 45,
+  READ_IMU = 46,
+  START_IMU_STREAM = 47,
+  STOP_IMU_STREAM = 48,
 };
 
 // Why bytes were refused; the order of read_counters.
@@ -92,6 +95,7 @@ constexpr int16_t CAPABILITY_BAUD = 256;
 constexpr int16_t CAPABILITY_BRIDGE = 512;
 constexpr int16_t CAPABILITY_NO_BATTERY = 1024;
 constexpr int16_t CAPABILITY_NO_TEMPERATURE = 2048;
+constexpr int16_t CAPABILITY_IMU = 4096;
 
 constexpr int16_t FAULT_MOTOR_BOARD = 1;
 constexpr int16_t FAULT_BUS_HUNG = 2;
@@ -99,6 +103,7 @@ constexpr int16_t FAULT_EEPROM = 4;
 constexpr int16_t FAULT_ID_UNSET = 8;
 constexpr int16_t FAULT_SENSOR = 16;
 constexpr int16_t FAULT_WIRING = 32;
+constexpr int16_t FAULT_IMU = 64;
 
 constexpr int16_t WIRING_SET = 1;
 constexpr int16_t WIRING_MOTORS_SWAPPED = 2;
@@ -214,6 +219,9 @@ void discover_xbee(const int16_t* args, uint8_t count);  // 40
 void move_omni(const int16_t* args, uint8_t count);  // 43
 void start_omni_stream(const int16_t* args, uint8_t count);  // 44
 void set_baud(const int16_t* args, uint8_t count);  // 45
+void read_imu(const int16_t* args, uint8_t count);  // 46
+void start_imu_stream(const int16_t* args, uint8_t count);  // 47
+void stop_imu_stream(const int16_t* args, uint8_t count);  // 48
 }  // namespace handlers
 
 // One function for each sensor; a forgotten one fails to link.  On the I2C bus: values out of the bytes of
@@ -283,7 +291,10 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   REQUEST(42, read_compass, 0, 0, 0, 0, 39) \
   REQUEST(43, move_omni, 3, 3, 0, 0, 39) \
   REQUEST(44, start_omni_stream, 0, 1, 0, 1, 42) \
-  REQUEST(45, set_baud, 1, 1, 1, 0, 43)
+  REQUEST(45, set_baud, 1, 1, 1, 0, 43) \
+  REQUEST(46, read_imu, 0, 0, 0, 1, 44) \
+  REQUEST(47, start_imu_stream, 1, 1, 0, 0, 44) \
+  REQUEST(48, stop_imu_stream, 0, 0, 0, 0, 45)
 
 // lowest and highest value of each request's arguments
 #define MRL_ARGUMENT_RANGES(RANGE) \
@@ -330,7 +341,8 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   RANGE(-100, 100) \
   RANGE(0, 359) \
   RANGE(0, 10000) \
-  RANGE(0, 3)
+  RANGE(0, 3) \
+  RANGE(10, 10000)
 
 // names of the reasons, for the debug text
 #define MRL_REASONS(REASON) \

@@ -5,6 +5,7 @@
 #include "failsafe.h"
 #include "flash.h"
 #include "frame_writer.h"
+#include "imu.h"
 #include "motor.h"
 #include "omni.h"
 #include "protocol.h"
@@ -66,6 +67,7 @@ void want_sensors(uint8_t code) {
 }
 
 Readiness readiness(uint8_t code) {
+  if (code == READ_PROTOCOL && !imu::asked()) return Readiness::wait;
   if (code >= READ_ALCOHOL) return sensors::readiness(sensor_of(code));
   return code == ROBOT_INFO && !motor::asked() ? Readiness::wait : Readiness::ready;
 }
@@ -94,7 +96,7 @@ void report(uint8_t code, int16_t value, bool with_counts) {
     case GET_DEBUG:
       return debug::report();
     case GET_STREAM:
-      return stream::report();
+      return streams::report();
     case READ_PROTOCOL:
       return status::report_protocol();
     case READ_STATUS:
@@ -106,6 +108,8 @@ void report(uint8_t code, int16_t value, bool with_counts) {
     case READ_CONFIG:
     case WRITE_CONFIG:
       return config::report(value);
+    case READ_IMU:
+      return imu::report();
     case XBEE_TEXT:
       return xbee::report_text();
     case DISCOVER_XBEE:

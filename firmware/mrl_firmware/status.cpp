@@ -6,6 +6,7 @@
 #include "debug.h"
 #include "frame_writer.h"
 #include "hal.h"
+#include "imu.h"
 #include "motor.h"
 
 namespace mrl {
@@ -64,7 +65,7 @@ void service() {
 
 void report_protocol() {
   writer::add(PROTOCOL_VERSION);
-  writer::add(CAPABILITIES | motor::capabilities());
+  writer::add(CAPABILITIES | motor::capabilities() | imu::capabilities());
 }
 
 void report_status() {

@@ -9,6 +9,7 @@ from mrl_driver.figures import BLUE, GREY, ORANGE
 
 from .bridge_procedures import TunedBridge
 from .gains import speeds
+from .imu_procedures import ImuOutcome
 from .part_procedures import Steps, Tuned
 from .sonar_curve import THESIS, SonarFit
 from .trial import LEFT
@@ -52,7 +53,7 @@ def draw_sonar(path: str, counts: np.ndarray, ranges_m: np.ndarray, fit: SonarFi
         100 * THESIS.range_m(line),
         "--",
         color=GREY,
-        label="thesis 2012: 1.1767 s^0.94657 -0.3759, R² 0.9992",
+        label="Araujo 2012: 1.1767 s^0.94657 -0.3759, R² 0.9992",
     )
     upper.plot(counts[fit.used], 100 * ranges_m[fit.used], "o", color=ORANGE, markersize=4, label="readings")
     upper.set(ylabel="distance [cm]", title="Sonar curve")
@@ -81,6 +82,23 @@ def draw_gains(path: str, tuned: Union[Tuned, TunedBridge]) -> None:
         axes.legend(fontsize="small", loc="lower right")
     pair[0].set(title="Step response of the speed")
     pair[1].set(xlabel="time since the step [s]")
+    figures.save(figure, path)
+
+
+def draw_gyro(path: str, outcome: ImuOutcome) -> None:
+    """Plot the error of the gyro over the angle of each turn, before and after."""
+    figure = figures.figure(6.0, 4.0)
+    axes = figure.add_subplot()
+    angles = np.degrees([turn.true_rad for turn in outcome.turns])
+    for name, style, colour, mount in (
+        ("before", "o", ORANGE, outcome.before),
+        ("after", "+", BLUE, outcome.after),
+    ):
+        errors = np.degrees([turn.error_rad(mount.gyro_scale) for turn in outcome.turns])
+        axes.plot(angles, errors, style, color=colour, label=f"{name}, scale {mount.gyro_scale:.4f}")
+    axes.axhline(0, color=GREY, linewidth=0.8)
+    axes.set(xlabel="true angle [deg]", ylabel="gyro minus truth [deg]", title="Errors of the gyro")
+    axes.legend(fontsize="small")
     figures.save(figure, path)
 
 

@@ -3,7 +3,7 @@
 UMBmark's closed form is valid for small errors on a perfect square.  This fit starts from it and is valid for any run.
 """
 
-from typing import Callable, List, NamedTuple, Sequence, Tuple
+from typing import Callable, Dict, List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
@@ -19,6 +19,15 @@ OUTLIER = 6.0
 
 SCALE, OFFSET, SLIP, AXLE = "metres_per_count", "wheel_offset", "turn_slip", "wheel_separation_m"
 _DELTA = 1e-6
+LEAST_SCALE_SD = 2e-4
+"""Smallest standard deviation of a calibrated scale: tyres and floors change by more than the fit may say."""
+_SCALES = {
+    SCALE: "distance_scale_sd",
+    OFFSET: "wheel_ratio_sd",
+    SLIP: "turn_scale_sd",
+    AXLE: "turn_scale_sd",
+}
+"""Keys of `Noise` for the deviations of fitted parameters."""
 
 
 class Measured(NamedTuple):
@@ -77,6 +86,20 @@ def fit(
     rest = _weighted(roots, left)
     doubt = np.linalg.inv(slopes.T @ slopes) * (rest @ rest / max(1, len(rest) - len(free)))
     return GeometryFit(drive, left, tuple(np.sqrt(np.diag(doubt)).tolist()))
+
+
+def scale_deviations(fitted: GeometryFit, free: Sequence[str]) -> Dict[str, float]:
+    """Standard deviations of what was fitted, by their keys in `Noise`; at least `LEAST_SCALE_SD`.
+
+    Args:
+        fitted: result of the fit.
+        free: its free parameters.
+    """
+    found = {}
+    for name, deviation in zip(free, fitted.deviations):
+        share = deviation / (1 - fitted.drive.turn_slip) if name == SLIP else deviation
+        found[_SCALES[name]] = max(LEAST_SCALE_SD, share)
+    return found
 
 
 def _moved(drive: Drive, free: Sequence[str], step: Sequence[float]) -> Drive:

@@ -65,7 +65,7 @@ class _Reader:
     def __init__(self, model: RobotModel, path: str) -> None:
         self._model, self._path = model, path
         self._version = 2
-        self.odometry = Odometry(model.drive, fastest_m_s(model), exact_time=False)
+        self.odometry = Odometry(model.base, fastest_m_s(model), exact_time=False)
         self.rows: List[Tuple[float, float, float, float]] = []
         self.requests: List[Tuple[float, Frame]] = []
 

@@ -1,13 +1,13 @@
 """The calibrations of geometry: the runs to drive, their evaluation, and the new parameters of model and board."""
 
-from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
-from mrl_driver.robot.models import Drive, Noise, RobotModel
+from mrl_driver.robot.models import Drive, RobotModel
 
 from . import fit, manoeuvres, umbmark
 from .calibration_files import Key
@@ -37,8 +37,9 @@ class Outcome(NamedTuple):
     after: Drive
     errors_before: np.ndarray
     errors_after: np.ndarray
+    noise: Mapping[str, float]
+    """What was measured of the model's `Noise`, by its keys."""
     square: Optional[umbmark.UmbmarkResult] = None
-    noise: Optional[Noise] = None
 
 
 def straight_legs(runs: int, distance_m: float, speeds: Speeds) -> List[Leg]:
@@ -154,11 +155,12 @@ def evaluate(
     fitted = fit.fit(runs, start, free, model.noise, measured)
     _require_no_outlier(runs, fitted)
     together = [*runs, *others]
-    noise = None
+    noise = fit.scale_deviations(fitted, free)
     if len(together) >= fit.LEAST_RUNS_FOR_NOISE:
         whole = fit.GeometryFit(fitted.drive, errors(fitted.drive, together), ())
-        noise = fit.estimate_noise(together, whole, len(free) + (len(others) > 0), measured)
-    return Outcome(before, fitted.drive, found, fitted.errors, result, noise)
+        random = fit.estimate_noise(together, whole, len(free) + (len(others) > 0), measured)
+        noise.update(wheel_m2_per_m=random.wheel_m2_per_m, turn_rad2_per_rad=random.turn_rad2_per_rad)
+    return Outcome(before, fitted.drive, found, fitted.errors, noise, result)
 
 
 def _require_no_outlier(runs: List[Trial], fitted: fit.GeometryFit) -> None:
@@ -195,6 +197,5 @@ def values_for(model: RobotModel, outcome: Outcome) -> Dict[Key, float]:
     for name, value in (("wheel_radius", wheel), ("axis_radius", axis)):
         if round(value) != model.board[name]:
             values["board", name] = round(value)
-    if outcome.noise is not None:
-        values.update({("noise", name): value for name, value in outcome.noise._asdict().items()})
+    values.update({("noise", name): value for name, value in outcome.noise.items()})
     return values

@@ -98,6 +98,12 @@ def approach_wall(
         keep(track.so_far())
 
 
+def require_sonars(robot: Driver) -> None:
+    """Raise ConfigError if the robot has no front sonar, without which it would drive blindly."""
+    if robot.model is None or "front" not in robot.model.sonars:
+        raise ConfigError("this board has no front sonar, expected one: nothing was measured")
+
+
 def _front_range(robot: Driver) -> float:
     """Median range of the front sonar while the robot stands still [m]; NaN without a reading."""
     readings = []

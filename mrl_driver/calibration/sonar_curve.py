@@ -42,7 +42,7 @@ class Curve(NamedTuple):
 
 
 THESIS = Curve(1.1767, 0.94657, -0.3759)
-"""Thesis 2012, R2 0.9992."""
+"""(Araujo 2012), R2 0.9992."""
 
 
 class SonarFit(NamedTuple):

@@ -29,6 +29,7 @@ OWN: Dict[str, str] = {
     "doctor": "mrl_driver.cli.commands.doctor:doctor",
     "drive": "mrl_driver.cli.commands.drive:drive",
     "flash": "mrl_driver.cli.commands.flash:flash",
+    "goto": "mrl_driver.cli.commands.goto:goto",
     "info": "mrl_driver.cli.commands.info:info",
     "monitor": "mrl_driver.cli.commands.monitor:monitor",
     "names": "mrl_driver.cli.commands.names:names",
@@ -146,7 +147,8 @@ def cli(port: Optional[str], robot: Optional[str]) -> None:
       6 the port was unplugged   7 not a robot                       8 a different robot
       9 the battery is empty    10 the board does not answer        11 the board refused
      12 an invalid command      13 an error of the emulator         14 a wheel or its wires
-     15 a file or the output cannot be written                     130 Ctrl-C, or you answered no
+     15 a file or the output cannot be written                     16 a goal not reached
+    130 Ctrl-C, or you answered no
     """
 
 

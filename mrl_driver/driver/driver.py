@@ -24,6 +24,8 @@ from mrl_driver.lock_order import new_lock
 from mrl_driver.protocol.table import BAUD, BY_NAME
 from mrl_driver.recording.recording import Recorder
 from mrl_driver.robot import models
+from mrl_driver.robot.covariance import AT_START, LARGEST_VARIANCE, Spread, is_covariance
+from mrl_driver.robot.imu import Imu
 from mrl_driver.robot.models import Limits, RobotModel
 from mrl_driver.robot.odometry import AnyTwist, OmniTwist, Twist
 from mrl_driver.robot.robot_state import Telemetry
@@ -94,6 +96,7 @@ class Driver:
         options = options._replace(line_baud=min(baud, options.line_baud))
         model = robot if isinstance(robot, RobotModel) else None if robot == "auto" else models.load(robot)
         self._core, self._baud = Core(model, options), int(baud)
+        self._identifies = options.identify
         self._links = LinkSource(port, self._baud, options)
         self._clock: Callable[[], float] = time.monotonic
         self._lock = new_lock("driver")
@@ -112,7 +115,13 @@ class Driver:
         """A signal handler closes the driver while its own thread holds the lock."""
         self._slept_s = math.inf
         self._on_state: List[Listener] = []
-        self._listeners: Dict[type, List[Listener]] = {Telemetry: [], Status: [], Board: [], SensorRead: []}
+        self._listeners: Dict[type, List[Listener]] = {
+            Telemetry: [],
+            Imu: [],
+            Status: [],
+            Board: [],
+            SensorRead: [],
+        }
 
     # -- the connection
 
@@ -120,7 +129,7 @@ class Driver:
         """Open the port, greet the board and start its stream.  The robot gets a stop and stays still.
 
         Returns:
-            The board's identity, after the first telemetry has arrived.
+            The board's identity, after the first frame of its stream has arrived.
 
         Raises:
             ConfigError: the recording cannot be written.
@@ -255,6 +264,7 @@ class Driver:
 
         Raises:
             FrameError: a speed is NaN or infinite, or the base cannot move sideways; the robot was stopped.
+            ConfigError: the board has no motors.
             LinkLost: the port went away.
         """
         core = self._core
@@ -322,6 +332,7 @@ class Driver:
             FrameError: the command table does not allow the request.
             BoardTimeout: the request would turn motors, and the board is silent; it was not sent.
             LinkLost: the port went away.
+            ConfigError: the request would turn motors, and the board has none.
             MrlError: the request would turn motors, and commands are inhibited or the driver is being closed; it was
                 not sent.
         """
@@ -338,15 +349,15 @@ class Driver:
                     session.counters.blocked_writes += 1
                     return
             if code in TURNING:
-                core.require_uninhibited(code)
+                core.require_may_turn(code)
             session.request(code, *args)
         self._flush()
 
     def ask(self, code: int, *args: int, timeout_s: float = ANSWER_S) -> Tuple[int, ...]:
         """Send a request, wait for its `Reply` and return the reply's fields; repeat the request if no reply comes.
 
-        Do not use it for `robot_info`, `read_status` and the wheel counters, which arrive without a request, nor on
-        the reading thread.
+        Do not use it for `robot_info`, `read_status`, the wheel counters and the IMU, which arrive without a request,
+        nor on the reading thread.
 
         Raises:
             FrameError: the command table does not allow the request.
@@ -474,8 +485,9 @@ class Driver:
 
         Raises:
             BoardTimeout: not connected yet.
+            ConfigError: the board has no motors.
         """
-        if self._core.limiter.limits is None or self._core.state.info is None:
+        if self._core.state.info is None:
             raise BoardTimeout("not connected; call connect() first")
         return self._core.limited(linear_m_s, angular_rad_s, lateral_m_s)
 
@@ -498,13 +510,27 @@ class Driver:
     @property
     def warning(self) -> str:
         """A warning for the user about this board; empty if there is none."""
+        return "; ".join(filter(None, (self.build_warning, self._firmware_warning)))
+
+    @property
+    def build_assumed(self) -> bool:
+        """A 2013 board is taken to have sonars, because neither the model nor `Options.build` names its build."""
+        return self._core.state.build_assumed
+
+    @property
+    def build_warning(self) -> str:
+        """A part of `warning`: the board has another build than the model or `Options.build` names; or empty."""
+        return self._core.state.build_warning
+
+    @property
+    def _firmware_warning(self) -> str:
         info, status = self._core.state.info, self.status
         if status is not None and "wiring" in status.faults:
             return (
                 "the board refuses to move, because its bridge or wiring is not set; set it with: mrl calibrate wiring "
                 "--port PORT"
             )
-        if info is None or info.protocol >= 2:
+        if info is None or info.protocol >= 2 or not (self.model and self.model.drives):
             return ""
         name = "1 (2013)" if info.version < 2 else f"{info.version} without protocol"
         return (
@@ -514,12 +540,14 @@ class Driver:
 
     @property
     def telemetry(self) -> Optional[Telemetry]:
-        """The last telemetry; None before the first."""
+        """The last telemetry; None before the first, and with a board without motors."""
         return self._core.state.telemetry
 
     @property
     def pose(self) -> Pose:
-        """Pose in the odom frame; (0, 0, 0) at the start.  It has no jump when the board restarts."""
+        """Pose in the odom frame; (0, 0, 0) at the start, and always with a board without motors.  It has no jump when
+        the board restarts, or when the heading changes from gyro and wheels to the wheels alone.
+        """
         return self._core.state.odometry.pose if self._core.state.odometry else ORIGIN
 
     @property
@@ -528,6 +556,17 @@ class Driver:
         return (
             self._core.state.odometry.twist if self._core.state.odometry and self.ready else Twist(0.0, 0.0)
         )
+
+    @property
+    def imu(self) -> Optional[Imu]:
+        """The last reading of the board's IMU, however old; None before the first."""
+        tracker = self._core.state.tracker
+        return tracker.last if tracker is not None else None
+
+    @property
+    def imu_state(self) -> str:
+        """Whether the gyro gives the heading together with the wheels, or why not; one of `robot.imu.STATES`."""
+        return self._core.state.imu_state
 
     @property
     def has_sonars(self) -> bool:
@@ -547,7 +586,9 @@ class Driver:
 
     @property
     def battery_v(self) -> float:
-        """Battery voltage, at most 2 s old; NaN before it is known, and if the board does not measure it."""
+        """Battery voltage, at most 2 s old; NaN before it is known, and if the board does not measure it, as without
+        motors.
+        """
         return self._core.state.info.battery_v if self._core.state.info else math.nan
 
     @property
@@ -563,12 +604,21 @@ class Driver:
     @property
     def status(self) -> Optional[Status]:
         """Uptime, stop reason, faults and clamped commands; None with 2013 boards."""
-        return self._core.session.status if self._core.begun else None
+        status = self._core.session.status if self._core.begun else None
+        return self._core.state.told(status) if status is not None else None
 
     @property
     def age_s(self) -> float:
-        """Time since the last telemetry arrived; infinity before the first."""
-        return self.now_s - self._core.session.heard_s if self._core.begun else math.inf
+        """Time since the last telemetry arrived; infinity before the first, and with the option `identify`."""
+        streams = self._core.begun and not self._identifies
+        return self.now_s - self._core.session.heard_s if streams else math.inf
+
+    @property
+    def link_delay_s(self) -> float:
+        """Time from a request to the board's answer [s]: a command takes less.  Measured once a second, with boards of
+        2013 every 2 s.  NaN until then, and while the board is not ready.
+        """
+        return self._core.session.round_trip_s(self.now_s) if self._core.begun else math.nan
 
     @property
     def statistics(self) -> Statistics:
@@ -586,26 +636,38 @@ class Driver:
             )
             return counters.snapshot()
 
-    def reset_pose(self, pose: Pose = ORIGIN) -> None:
-        """Continue the odometry from `pose`; counters and speeds do not change.
+    def reset_pose(self, pose: Pose = ORIGIN, spread: Spread = AT_START) -> None:
+        """Continue the odometry from `pose`, which has the covariance `spread`; counters and speeds do not change.
 
         Raises:
-            ConfigError: a part of the pose is not finite.
+            ConfigError: a part of the pose is not finite, `spread` is not a covariance, or the board has no motors.
         """
+        if self.model is not None:
+            self.model.require_motors()
         x_m, y_m, yaw_rad = pose
         if not (math.isfinite(x_m) and math.isfinite(y_m) and math.isfinite(yaw_rad)):
             raise ConfigError(
                 f"the pose is {pose}, expected finite numbers; the odometry continues as before"
             )
+        if not is_covariance(spread):
+            raise ConfigError(
+                f"the covariance of the pose is {spread}, expected xx xy x-yaw yy y-yaw yaw-yaw with variances "
+                f"from 0 to {LARGEST_VARIANCE:g} and covariances that fit them; the odometry continues as before"
+            )
         with self._lock:
             if self._core.state.odometry is not None:
-                self._core.state.odometry.pose = Pose(float(x_m), float(y_m), wrap_angle(float(yaw_rad)))
+                pose = Pose(float(x_m), float(y_m), wrap_angle(float(yaw_rad)))
+                self._core.state.odometry.set_pose(pose, spread)
 
     # -- callbacks: they run on the reading thread, one after the other, without a lock
 
     def on_telemetry(self, callback: Callable[[Telemetry], None]) -> None:
-        """Call `callback` for each telemetry frame."""
+        """Call `callback` for each telemetry frame; boards without motors have none."""
         self._listeners[Telemetry].append(callback)
+
+    def on_imu(self, callback: Callable[[Imu], None]) -> None:
+        """Call `callback` for each reading of the board's IMU, also while the gyro is not used; see `Imu.state`."""
+        self._listeners[Imu].append(callback)
 
     def on_status(self, callback: Callable[[Status], None]) -> None:
         """Call `callback` for each status of the board, twice a second."""
@@ -620,8 +682,8 @@ class Driver:
         self._listeners[SensorRead].append(callback)
 
     def on_event(self, callback: Callable[[Union[DriverEvent, MrlError]], None]) -> None:
-        """Call `callback` for each `Ready`, `Stale`, `Lost`, `Reconnected`, `Slowed`, `PathUnknown` and `Reply` of
-        `session.events`, for a wheel's `Mismatch`, and for the `MrlError` that ends the driver.
+        """Call `callback` for each `Ready`, `Stale`, `Lost`, `Reconnected`, `Slowed`, `PathUnknown`, `ImuChanged` and
+        `Reply` of `session.events`, for a wheel's `Mismatch`, and for the `MrlError` that ends the driver.
         """
         self._on_state.append(callback)
 
@@ -686,7 +748,7 @@ class Driver:
                 events += self._supervise(link, now)
             if session.out:
                 self._flush()
-            if not self._settled and core.state.telemetry is not None:
+            if not self._settled and core.state.settled:
                 self._settle()
             for event in events:
                 for listener in self._listeners.get(type(event), self._on_state):
@@ -872,7 +934,7 @@ class Driver:
                 self._stop_for_good()
             else:
                 self._halt()
-            deadline = time.monotonic() + CLOSE_S
+            deadline = time.monotonic() + (0.0 if self._identifies else CLOSE_S)
             while wait and self.ready and not self.stopped and time.monotonic() < deadline:
                 time.sleep(0.01)
             with self._lock:

@@ -5,12 +5,13 @@ from numbers import Integral, Real
 from typing import Any, Callable, NamedTuple, Optional, Type
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.protocol.table import BAUD, INT16_MAX
-from mrl_driver.robot.models import Limits
+from mrl_driver.protocol.table import BAUD, BY_NAME, INT16_MAX
+from mrl_driver.robot.models import BUILDS, Limits
 from mrl_driver.session.handshake import TIMEOUT_S
-from mrl_driver.transport.baud_rates import SLOWEST_BAUD
+from mrl_driver.transport.baud_rates import SLOWEST_BAUD, SLOWEST_IMU_MS
 
 FASTEST_BAUD = 4_000_000
+LEAST_IMU_MS = BY_NAME["start_imu_stream"].request[0].low
 COMMAND_TIMEOUT_S = 0.5
 """Default of `Options.command_timeout_s`: the robot drives at most this long after the last `drive` [s]."""
 
@@ -36,6 +37,10 @@ class Options(NamedTuple):
     """Start, and keep driving, with an empty battery."""
     any_id: bool = False
     """Accept a board with any robot id for the given model; used to set the id."""
+    identify: bool = False
+    """Only identify the board, and let requests be sent that turn no motor: there is no telemetry.  Boards without
+    motors stream nothing before their id is set.
+    """
     greeting_s: float = TIMEOUT_S
     """Time for the board's first answer [s]."""
     reconnect: bool = False
@@ -55,6 +60,14 @@ class Options(NamedTuple):
     line_baud: int = BAUD
     """Baud rate of the link, if it is slower than the port's baud rate (as with radios).  The stream's period and the
     time between commands are adapted to it.
+    """
+    imu_period_ms: int = 20
+    """Time between the readings of an IMU on the board [ms], 10 to 40; 0 turns it off, and the heading comes from the
+    wheels alone.  It needs checksums, because only frames with them have board time, and a line that is fast enough.
+    """
+    build: str = ""
+    """Build of the board's firmware, `sonar` or `environment`; empty for that of the robot model.  2013 boards do not
+    report it; other boards are only compared with it.
     """
     tap: Optional[Callable[[str, bytes], None]] = None
     """Called with the direction and each chunk of bytes: `>` to the board, before sending; `<` from the board, on
@@ -83,14 +96,18 @@ def require_options(options: Options) -> None:
     """Raise ConfigError unless each option is in its range; the bounds in ms come from the command table."""
     require_range("period_ms", options.period_ms, 0, 10000, "ms")
     require_range("watchdog_ms", options.watchdog_ms, 0, 10000, "ms")
+    if options.imu_period_ms != 0:
+        require_range("imu_period_ms", options.imu_period_ms, LEAST_IMU_MS, SLOWEST_IMU_MS, "ms (or 0)")
     require_range("greeting_s", options.greeting_s, 0.1, 3600, "s", Real)
     require_baud("line_baud", options.line_baud)
-    for name in ("check", "ignore_battery", "any_id", "reconnect", "fast"):
+    for name in ("check", "ignore_battery", "any_id", "identify", "reconnect", "fast"):
         value = getattr(options, name)
         if not isinstance(value, bool):
             raise ConfigError(f"{name} is {value!r}, expected True or False")
     if options.record is not None and (not isinstance(options.record, str) or not options.record):
         raise ConfigError(f"record is {options.record!r}, expected the name of a file")
+    if options.build not in ("", *BUILDS):
+        raise ConfigError(f"build is {options.build!r}, expected {' or '.join(BUILDS)}")
     if options.tap is not None and not callable(options.tap):
         raise ConfigError(f"tap is {options.tap!r}, expected a function of direction and bytes")
     if options.command_timeout_s is not None:

@@ -6,6 +6,7 @@ from typing import Iterable, Iterator, NamedTuple, Optional, Tuple
 from mrl_driver.errors import MrlError
 from mrl_driver.protocol.table import BAUD
 from mrl_driver.robot import models
+from mrl_driver.robot.robot_state import without_motor_board
 
 from .driver import Driver
 from .options import Options
@@ -23,6 +24,7 @@ class Answer(NamedTuple):
     """Packaged model that lists the robot id; empty if there is none."""
     firmware_version: Optional[int] = None
     battery_v: Optional[float] = None
+    """NaN if the board does not measure it."""
     capabilities: Tuple[str, ...] = ()
     error: str = ""
     """Why there is no answer; empty if there is one."""
@@ -31,13 +33,18 @@ class Answer(NamedTuple):
 def probe(port: str, baud: int = BAUD) -> Answer:
     """Ask one port; takes up to 8 s if nothing answers."""
     try:
-        with Driver(port, _ANY_MODEL, baud, Options(ignore_battery=True, any_id=True)) as driver:
+        with Driver(
+            port, _ANY_MODEL, baud, Options(ignore_battery=True, any_id=True, identify=True)
+        ) as driver:
             board = driver.board
     except MrlError as error:
         return Answer(error=str(error))
+    name = models.by_id(board.robot_id)
+    if name and not models.load(name).drives:
+        board = without_motor_board(board)
     return Answer(
         board.robot_id,
-        models.by_id(board.robot_id),
+        name,
         board.version,
         board.battery_v,
         tuple(sorted(board.capabilities)),

@@ -11,16 +11,26 @@ from mrl_driver.errors import FrameError, MrlError
 from mrl_driver.protocol.table import BY_CODE, COMMANDS
 from mrl_driver.robot import battery
 from mrl_driver.robot.kinematics import cannot_sideways
-from mrl_driver.robot.models import OmniDrive, RobotModel, kind_of, require_drivable
+from mrl_driver.robot.models import OmniDrive, RobotModel, kind_of, require_supported
 from mrl_driver.robot.odometry import AnyTwist, AnyWheels, OmniTwist, Twist
 from mrl_driver.robot.omni_odometry import OmniCommands
 from mrl_driver.robot.robot_state import RobotEvent, RobotState, Telemetry
 from mrl_driver.safety.speed_limiter import SpeedLimiter
 from mrl_driver.safety.wheel_monitor import Mismatch, WheelMonitor, monitor_of
-from mrl_driver.session.events import Counts, Info, Lost, Ready, Reconnected, Reply, SensorRead, Slowed
+from mrl_driver.session.events import (
+    Counts,
+    ImuReading,
+    Info,
+    Lost,
+    Ready,
+    Reconnected,
+    Reply,
+    SensorRead,
+    Slowed,
+)
 from mrl_driver.session.handshake import Board, Plan
 from mrl_driver.session.session import LATE_S, Session, SessionEvent
-from mrl_driver.transport.baud_rates import command_gap_s, least_period_ms
+from mrl_driver.transport.baud_rates import command_gap_s, least_imu_period_ms, least_period_ms
 
 from .options import Options
 
@@ -32,6 +42,9 @@ SLOWEST_MS = 50
 """Longest stream period [ms], so that the driver notices silence in time.  Listeners that want fewer frames get every
 n-th one.
 """
+
+ONLY_IDENTIFIED = "the board is only identified"
+"""Reason to refuse commands with the option `identify`: without telemetry nobody sees what the robot does."""
 
 INDEXED = {
     row.code
@@ -49,14 +62,14 @@ class Core:
 
     def __init__(self, model: Optional[RobotModel], options: Options) -> None:
         if model is not None:
-            require_drivable(model)
+            require_supported(model)
         self._options = options
         self._omni: Optional[OmniCommands] = None
         self.begun = False
         """`begin` was called: there is a session."""
-        self.state = RobotState(model, options.ignore_battery, options.any_id)
+        self.state = RobotState(model, options.ignore_battery, options.any_id, options.build)
         self.limiter = SpeedLimiter()
-        self.inhibited: Set[str] = set()
+        self.inhibited: Set[str] = {ONLY_IDENTIFIED} if options.identify else set()
         """While there are reasons in it, commands are refused; see `Driver.inhibit`."""
         self.mismatch: Optional[Mismatch] = None
         """The wheel that did not follow its command, or None."""
@@ -78,7 +91,10 @@ class Core:
         """Start to greet the board; `turn` returns the results."""
         options = self._options
         gap_s = command_gap_s(options.line_baud)
-        plan = Plan(options.watchdog_ms, self._period_ms, options.check, gap_s)
+        least_imu_ms = least_imu_period_ms(options.line_baud, self._period_ms)
+        wanted = options.imu_period_ms and not options.identify
+        imu_ms = max(least_imu_ms, options.imu_period_ms) if least_imu_ms and wanted else 0
+        plan = Plan(options.watchdog_ms, self._period_ms, options.check, gap_s, imu_ms, not options.identify)
         self.session = Session(self._admit, now, plan, options.command_timeout_s, options.greeting_s)
         self.begun = True
 
@@ -91,7 +107,8 @@ class Core:
             motion.request_of, self.limiter.saturate = self._omni.spell, self._omni.saturated
         else:
             self._omni = motion.request_of = self.limiter.saturate = None
-        if self.limiter.limits is None:
+        self.session.reads_imu = model.drives
+        if self.limiter.limits is None and model.drives:
             self.limiter.limits = model.limits._replace(
                 linear_acceleration_m_s2=math.inf, angular_acceleration_rad_s2=math.inf
             )
@@ -112,6 +129,9 @@ class Core:
         events: List[DriverEvent] = []
         due_s = self.due_s
         for event in session.receive(data, now) if data else ():
+            if type(event) is ImuReading:
+                events += state.on_imu(event)
+                continue
             if type(event) is not Counts:
                 events += self._digest(event, now)
                 due_s = -math.inf
@@ -121,6 +141,8 @@ class Core:
                 continue
             if state.path_unknown is not None:
                 events.append(state.path_unknown)
+            if state.imu_changed is not None:
+                events.append(state.imu_changed)
             events += (telemetry,) if self._every == 1 else self._thin(telemetry)
             target, monitor = motion.target, self._monitor
             if target is None:
@@ -143,6 +165,7 @@ class Core:
 
         Raises:
             FrameError: a speed is NaN or infinite, or the base cannot move sideways; the robot was stopped.
+            ConfigError: the board has no motors.
         """
         session, state, limiter = self.session, self.state, self.limiter
         try:
@@ -155,6 +178,8 @@ class Core:
             raise FrameError(
                 f"drive({linear_m_s}, {angular_rad_s}{lateral}): expected finite speeds; the robot was stopped"
             )
+        if limiter.limits is None:
+            self._require_motors()
         if lateral_m_s and state.model is not None and self._omni is None:
             self.stop(now, "user")
             raise FrameError(
@@ -179,14 +204,20 @@ class Core:
         lateral_mm_s = (round(others[0] * 1000),) if others else ()
         return session.drive((round(linear * 1000), round(angular * 1000), *lateral_mm_s), now, moves)
 
-    def require_uninhibited(self, code: int) -> None:
-        """Raise MrlError if a request that turns motors must not be sent now."""
+    def require_may_turn(self, code: int) -> None:
+        """Raise MrlError if a request that turns motors must not be sent now, or ever."""
+        self._require_motors()
         if self.leaving or self.inhibited:
             why = "the driver is being closed" if self.leaving else ", ".join(sorted(self.inhibited))
             raise MrlError(
                 f"{BY_CODE[code].name} is refused while commands are inhibited ({why}), nothing was sent; "
                 "try again after that has ended"
             )
+
+    def _require_motors(self) -> None:
+        """Raise ConfigError if the board has no motors."""
+        if self.state.model is not None:
+            self.state.model.require_motors()
 
     def limit_again(self, now: float) -> None:
         """Continue to accelerate, and apply `limiter.restrict` again, if a command is in force."""
@@ -195,7 +226,12 @@ class Core:
             self.session.adjust(tuple(round(speed * 1000) for speed in limiter.step(now)), now)
 
     def limited(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) -> AnyTwist:
-        """The speeds after limiting, on the same arc; a base that cannot move sideways ignores the lateral speed."""
+        """The speeds after limiting, on the same arc; a base that cannot move sideways ignores the lateral speed.
+
+        Raises:
+            ConfigError: the board has no motors.
+        """
+        self._require_motors()
         if self._omni is not None:
             return OmniTwist(*self.limiter.limited((linear_m_s, angular_rad_s, lateral_m_s)))
         return Twist(*self.limiter.limited((linear_m_s, angular_rad_s)))
@@ -210,6 +246,7 @@ class Core:
         """Update the robot's state from an event, and stop the robot if its battery is empty or off."""
         events: List[DriverEvent] = [*self.state.digest(event, now)]
         if isinstance(event, Ready):
+            self.state.settled = self.state.settled or self._options.identify
             self._monitor = None  # after a restart the board's time starts at zero again
         elif isinstance(event, Info) and self.state.powerless:
             self._spare_battery(now)

@@ -114,7 +114,7 @@ class SteppedDriver(Driver):
             raise MrlError("this driver was connected already; create another one to connect again")
         self._link = self._board
         self._core.begin(self.now_s)
-        while self._core.state.telemetry is None:
+        while not self._core.state.settled:
             self._step(math.inf)
         return self.board
 

@@ -180,7 +180,7 @@ def _parameter_rows() -> List[str]:
 
 def _model_rows() -> List[str]:
     """Defaults: the parameters of each model in order, then those that all share."""
-    models = robots.packaged_models()
+    models = robots.driven_models()
     names = {row.number: row.name for row in PARAMETERS}
     rows = []
     for model in models:

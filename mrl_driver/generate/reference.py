@@ -47,7 +47,12 @@ were already sent stays unfinished.  Boards with robot id 6 or higher that have 
 23 and 25, as they did in 2013.  At most 8 replies wait for the serial link; further requests are dropped and counted
 as overruns.
 
-One stream runs at a time: starting one ends the other, and each stop command ends only its own stream.  In the
+One stream runs at a time: starting one ends the other, and each stop command ends only its own stream.  Only the
+stream of 47 is independent of the others.  Its frames wait for replies and for the other stream's frames, but a stream
+without a period lets them pass when they are due.  All stamped frames share one sequence.  Without an IMU, the board
+refuses 46 and 47 as unavailable; it searches for one about once a second.
+
+In the
 environment-sensor build, the sonars of 7, 8 and 18 read -1.  The sonar build refuses 20 to 23, 25, 27, 41 and 42.  The
 board reads a sensor on the I2C bus in the background while the host asks for it; the reply waits for the first reading.
 
@@ -140,7 +145,7 @@ def _parameter_cells(row: Parameter) -> Tuple[str, ...]:
 
 
 def _defaults_table() -> List[str]:
-    models = robots.packaged_models()
+    models = robots.driven_models()
     rows = [
         (
             row.name,

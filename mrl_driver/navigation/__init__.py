@@ -1,1 +1,4 @@
-"""Line following, goal seeking and the occupancy grid.  No I/O; imports robot."""
+"""Line following, goal seeking, the occupancy grid, tours of waypoints, their idleness, and claims of a shared place.
+
+No I/O; imports robot.
+"""

@@ -151,11 +151,16 @@ _MOTORS = (Field("motor_1", -100, 100, "%", "Left motor. " + _PERCENT),
            Field("motor_3", -100, 100, "%", "Right motor. " + _PERCENT))
 _PERIOD = (Field("period", 0, 10000, "ms", "Time between frames; absent or 0: as fast as the serial link allows."),)
 _ALCOHOL = Field("alcohol", 0, 1023, "count", "1023 minus the ADC count of the MQ303A.")
-_DUST = _count("dust", "Particles of 1 um and larger per litre, PPD42NS; larger values read 32767.")
+_DUST = _int16("dust", "", "Particles of 1 um and larger per litre, PPD42NS; larger values read 32767.  2013 boards "
+                           "wrap: add 65536 to a negative value.")
 _HOTTEST = Field("hottest", 0, 255, "degC", "Hottest of the TPA81's eight pixels.")
 _LDR = Field("ldr", 0, 1023, "count", "ADC count of the light sensor.")
 _BEARING = Field("bearing", 0, 359, "deg", "Clockwise from north, CMPS10.")
 _CHECKED = _flag("checked", "1: every frame in both directions carries a checksum.")
+_GYRO = tuple(_int16(f"gyro_{axis}", "0.000266462 rad/s", f"Angular rate about the chip's {axis} axis; 65.5 counts per "
+                                                         "deg/s.") for axis in "xyz")
+_ACCEL = tuple(_int16(f"accel_{axis}", "0.000598551 m/s2", f"Acceleration along the chip's {axis} axis, +1 g if it "
+                                                          "points up; 16384 counts per g.") for axis in "xyz")
 _INDEX = Field("index", 0, 25, "", "Row of the parameter table.")
 _VALUE = _int16("value", "", "The parameter's value in the unit of its row.")
 _ADDRESS = tuple(_int16(f"address_{i}", "", f"Bits {16 * i + 15} to {16 * i} of the XBee's 64-bit address.")
@@ -203,7 +208,7 @@ _OTHERS: Tuple[Command, ...] = (
     Command(14, "reset_encoders", "Set all counters to 0."),
     Command(15, "get_debug", "Is free text printed?", (), (_flag("debug", "1: yes."),)),
     Command(16, "set_debug", "Print free text, or not.", (_flag("debug", "1: yes."),)),
-    Command(17, "get_stream", "Is a stream running?", (), (_flag("stream", "1: yes."),)),
+    Command(17, "get_stream", "Is a stream running, other than the IMU's?", (), (_flag("stream", "1: yes."),)),
     Command(18, "start_stream", "Repeat the reply of 8 until stopped.", _PERIOD, optional=1, repeats=8),
     Command(19, "stop_stream", "End the stream of 18 or 44."),
     Command(23, "start_sensor_stream", "Repeat encoders and sensors.", _PERIOD,
@@ -261,6 +266,10 @@ _OTHERS: Tuple[Command, ...] = (
             _ENCODERS + (_REAR,) + _SONARS, optional=1, stamped=True, repeats=44),
     Command(45, "set_baud", "Change the baud rate after the reply is sent; it returns to 115200 after 1 s "
                             "without a valid frame.", (_BAUD,), (_BAUD,), guarded=True),
+    Command(46, "read_imu", "Read the gyro and the accelerometer.", (), _GYRO + _ACCEL, stamped=True),
+    Command(47, "start_imu_stream", "Repeat the reply of 46 until stopped; another stream may run too.", (
+        Field("period", 10, 10000, "ms", "Time between frames."),), repeats=46),
+    Command(48, "stop_imu_stream", "End the stream of 47."),
 )
 COMMANDS: Tuple[Command, ...] = tuple(sorted(_OTHERS + tuple(row.command for row in SENSORS)))
 
@@ -270,8 +279,8 @@ SENSOR_BY_NAME: Dict[str, Sensor] = {row.name: row for row in SENSORS}
 
 STAMP: Tuple[Field, ...] = (
     _int16("sequence", "", "One more in each stamped frame; wraps at 16 bits."),
-    _int16("time", "64 us", "Board time at which the counters were read; wraps every 4.194 s, a longer gap needs the "
-                            "host's clock."),
+    _int16("time", "64 us", "Board time at which the counters or the IMU were read; wraps every 4.194 s, a longer gap "
+                            "needs the host's clock."),
 )
 CHECK = _int16("check", "", "CRC-16 (0x1021, 0xFFFF, unreflected) from '@' up to the comma before this argument.")
 
@@ -290,6 +299,7 @@ CAPABILITIES: Tuple[Tuple[str, str], ...] = (
     ("bridge", "H-bridge build: motors and encoders on the Arduino's pins; refuses 1 and 43."),
     ("no_battery", "The battery's voltage is not measured; 5 reports 0."),
     ("no_temperature", "The motors' temperature is not measured; 5 reports 0."),
+    ("imu", "An IMU has answered since the start (46 to 48)."),
 )
 FAULTS: Tuple[Tuple[str, str], ...] = (
     ("motor_board", "The motor board does not answer."),
@@ -298,6 +308,7 @@ FAULTS: Tuple[Tuple[str, str], ...] = (
     ("id_unset", "No robot id is set."),
     ("sensor", "An environment sensor does not answer."),
     ("wiring", "The bridge or its wiring is not set; the board refuses to move."),
+    ("imu", "The IMU has answered, and does not any more."),
 )
 BRIDGES: Tuple[str, ...] = ("unset", "vnh5019", "cytron", "l298n", "tb6612", "drv8833", "bts7960")
 """Bridge chips of parameter 19."""

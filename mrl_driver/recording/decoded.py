@@ -9,13 +9,17 @@ from typing import Deque, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple,
 
 from mrl_driver.protocol import REPLIES, REQUESTS, Event, Frame, FrameDecoder
 from mrl_driver.protocol.table import BY_CODE, BY_NAME
-from mrl_driver.robot import models
+from mrl_driver.robot import imu, models
+from mrl_driver.robot.imu import Imu, ImuTracker
 from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.robot.odometry import Odometry
 from mrl_driver.robot.omni_odometry import STREAM, OmniOdometry
 from mrl_driver.robot.robot_state import has_sonars, odometry_of
+from mrl_driver.session.events import imu_reading
 from mrl_driver.session.handshake import capabilities_of
 from mrl_driver.session.link_counters import Counters
+from mrl_driver.session.sensor_polling import BY_CODE as SENSOR_BY_CODE
+from mrl_driver.session.sensor_polling import SENSOR_STREAM, Reading, reading, streamed
 from mrl_driver.session.sequence import Stream
 from mrl_driver.session.session import STALE_S
 
@@ -30,7 +34,8 @@ after it has read the first such frames.
 _TAIL_BYTES = 4096
 """The first such frame is at most this far from the end of the board's bytes before the remark."""
 _INFO, _PROTOCOL = BY_NAME["robot_info"].code, BY_NAME["read_protocol"].code
-_OMNI = BY_NAME[STREAM].code
+_OMNI, _IMU = BY_NAME[STREAM].code, BY_NAME["read_imu"].code
+_SENSING = BY_NAME[SENSOR_STREAM].code
 _COUNTS = {
     code
     for code, row in BY_CODE.items()
@@ -122,6 +127,14 @@ def _is_frame(data: bytes, checked: bool) -> bool:
     return any(isinstance(event, Frame) for event in FrameDecoder(REPLIES, checked).feed(data))
 
 
+def sensors_in(frame: Frame, time_s: float) -> Dict[str, Reading]:
+    """Return the readings of sensors in a reply, by name; empty if it has none."""
+    if frame.code == _SENSING:
+        return streamed(frame.args, time_s)
+    row = SENSOR_BY_CODE.get(frame.code)
+    return {} if row is None else {row.name: reading(row, frame.args, time_s)}
+
+
 class RecordedRobot:
     """The robot in a recording: its model, its path, and the frames that were lost.
 
@@ -134,10 +147,19 @@ class RecordedRobot:
         self.version = 2
         self.capabilities: FrozenSet[str] = frozenset()
         self.odometry: Optional[Odometry] = None
+        self.imu: Optional[Imu] = None
+        """The last reading of the IMU that `take` got; None before the first."""
+        self._tracker: Optional[ImuTracker] = None
+        self._counted_s = -math.inf
         self.counters = Counters()
         self._stream = Stream(self.counters)
         self._exact = False
         self._last_stamp_s = -math.inf
+
+    @property
+    def imu_state(self) -> str:
+        """The state of the board's IMU, one of `robot.imu.STATES`."""
+        return imu.state_of(self._tracker, self.capabilities)
 
     @property
     def has_sonars(self) -> bool:
@@ -154,21 +176,29 @@ class RecordedRobot:
         self._stream.begin_anew()
         if self.odometry is not None:
             self.odometry.reset()
+        if self._tracker is not None:
+            self._tracker.reset()
 
     def take(self, frame: Frame, time_s: float) -> bool:
         """Handle a reply; return True if it is a reading of the counters, which then has updated `odometry`."""
         code, stamp, made_s = frame.code, frame.stamp, time_s
-        counts = self.model is not None and (
-            code == _OMNI if isinstance(self.model.drive, OmniDrive) else code in _COUNTS
+        counts = (
+            self.model is not None
+            and self.model.drives
+            and (code == _OMNI if isinstance(self.model.drive, OmniDrive) else code in _COUNTS)
         )
         if code == _INFO:
             self._on_info(frame)
         elif code == _PROTOCOL:
             self.capabilities = capabilities_of(frame.args[1])
+        elif code == _SENSING and not self.capabilities:
+            self.capabilities = frozenset({"environment"})
         if stamp is not None:
             silent = time_s - self._last_stamp_s >= STALE_S
             self._last_stamp_s = time_s
             missing = self._stream.missing(stamp.sequence, silent)
+            if code == _IMU and missing >= 0:
+                self._on_imu(frame.args, *self._stream.clock.beside(stamp.time, time_s, not missing), time_s)
             if not counts or missing < 0:
                 return False
             self._stream.clock.update(stamp.time, time_s, not missing)
@@ -184,10 +214,24 @@ class RecordedRobot:
             name = models.by_id(robot_id)
             self.model = self.model or (models.load(name) if name else None)
 
+    def _on_imu(self, args: Tuple[int, ...], made_s: float, stamp_s: float, time_s: float) -> None:
+        """Use a reading of the IMU for the heading, as the driver does."""
+        odometry = self.odometry
+        if self.model is None or odometry is None:
+            return
+        if self._tracker is None:
+            self._tracker = ImuTracker(self.model)
+        odometry.heading = self._tracker.heading if self._exact else None
+        reading = imu_reading(args, made_s, stamp_s, time_s)
+        self.imu = self._tracker.update(reading, self._counted_s, odometry)
+
     def _move(self, frame: Frame, time_s: float) -> None:
         odometry, exact = self.odometry, frame.stamp is not None
         if odometry is None or exact != self._exact:
             odometry = self._make_odometry(exact)
+        if self._tracker is not None:
+            self._tracker.check(time_s)
+        self._counted_s = time_s
         right, left = frame.args[:2]
         if isinstance(odometry, OmniOdometry):
             odometry.update(right, left, time_s, frame.args[2])

@@ -6,15 +6,17 @@ for black and white prints.
 
 import math
 import os
-from typing import Any, Callable, Dict, List, Sequence, Tuple
+from functools import partial
+from typing import Any, Callable, Dict, Iterator, List, Sequence, Tuple
 
 from mrl_driver import figures
 from mrl_driver.figures import BLUE, GREEN, GREY, ORANGE, PINK
 from mrl_driver.geometry import Pose
+from mrl_driver.protocol.table import SENSOR_BY_NAME
 
 from .timeline import Timeline, path_length_m
 
-PARTS = ("path", "speeds", "ranges", "battery")
+PARTS = ("path", "speeds", "ranges", "sensors", "battery")
 _SONARS = {"left": (GREEN, "--"), "front": (BLUE, "-"), "right": (ORANGE, ":")}
 _MOST_POINTS = 20000
 _ARROWS = 8
@@ -29,7 +31,7 @@ def draw(timeline: Timeline, path: str, parts: Sequence[str] = PARTS) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    columns = [part for part in parts if part != "path" and _has(timeline, part)]
+    columns = list(_over_time(timeline, parts))
     with_path = "path" in parts
     size = (6.5 * with_path + 6.5 * bool(columns) or 6.5, max(5.5, 1.9 * len(columns)))
     figure = figures.figure(*size)
@@ -38,17 +40,24 @@ def draw(timeline: Timeline, path: str, parts: Sequence[str] = PARTS) -> None:
     if with_path:
         _draw_path(figure.add_subplot(grid[:, 0]), timeline)
     first = None
-    for row, part in enumerate(columns):
+    for row, draw_into in enumerate(columns):
         first = axes = figure.add_subplot(grid[row, -1], sharex=first)
-        _OVER_TIME[part](axes, timeline)
+        draw_into(axes, timeline)
         axes.grid(color="0.9")
         axes.tick_params(labelbottom=row == len(columns) - 1)
         axes.set_xlabel("time since the start [s]" if row == len(columns) - 1 else "")
     figures.save(figure, path)
 
 
-def _has(timeline: Timeline, part: str) -> bool:
-    return bool({"ranges": timeline.ranges, "battery": timeline.battery}.get(part, True))
+def _over_time(timeline: Timeline, parts: Sequence[str]) -> Iterator[Callable[[Any, Timeline], None]]:
+    """The functions that draw the parts with a time axis: one for each axes, and for each sensor one."""
+    has = {"ranges": bool(timeline.ranges), "battery": bool(timeline.battery), "path": False}
+    for part in parts:
+        if part == "sensors":
+            for name in timeline.sensors:
+                yield partial(_draw_sensor, name=name)
+        elif has.get(part, True):
+            yield _OVER_TIME[part]
 
 
 def _title(timeline: Timeline) -> str:
@@ -117,6 +126,9 @@ def _draw_speeds(axes: Any, timeline: Timeline) -> None:
     )
     turn.plot(times, _smooth(times, angular), color=ORANGE, linestyle="-.", label="yaw rate, measured")
     turn.set_ylabel("yaw rate [rad/s]", color=ORANGE)
+    if timeline.gyro:
+        gyro_s, rates = _thin(timeline.gyro)
+        turn.plot(gyro_s, _smooth(gyro_s, rates), color=PINK, linewidth=0.8, label="yaw rate, gyro")
     _level(axes, turn)
     handles = [*axes.get_lines(), *turn.get_lines()]
     axes.legend(handles, [line.get_label() for line in handles], fontsize="x-small", ncol=2)
@@ -153,6 +165,14 @@ def _draw_ranges(axes: Any, timeline: Timeline) -> None:
         title="sonars; gap: no reading, or nothing in range",
         title_fontsize="x-small",
     )
+
+
+def _draw_sensor(axes: Any, timeline: Timeline, name: str) -> None:
+    times, *columns = _thin(timeline.sensors[name])
+    for values in columns:
+        axes.plot(times, values, color=BLUE, linewidth=1.0)
+    unit = SENSOR_BY_NAME[name].fields[0].base_unit
+    axes.set_ylabel(f"{name} [{unit}]" if unit else name)
 
 
 def _draw_battery(axes: Any, timeline: Timeline) -> None:

@@ -2,31 +2,31 @@
 
 import math
 from collections import Counter
-from typing import Any, Dict, Optional
+from typing import Any, Dict, Optional, Tuple
 
 from mrl_driver.geometry import ORIGIN
 from mrl_driver.protocol import Frame
-from mrl_driver.protocol.table import BY_CODE, SENSORS, Sensor
+from mrl_driver.protocol.table import BY_CODE, SENSOR_BY_NAME
 from mrl_driver.robot.models import RobotModel
 
-from .decoded import DecodedPart, RecordedRobot, decode
+from .decoded import DecodedPart, RecordedRobot, decode, sensors_in
 from .recording import FROM_BOARD, REMARK, TO_BOARD, Recording
-
-_SENSORS = {row.code: row for row in SENSORS}
 
 
 def summarise(recording: Recording, model: Optional[RobotModel] = None) -> Dict[str, Any]:
     """Figures of a whole recording, ready for JSON; with the unit at the end of each key.
 
-    Without `model`, the packaged model that lists the board's id is used; if there is none, pose and `refused_counts`
-    are None.  Garbage is counted by the name of its reason, `lost` and `duplicates` by sequence number.  Each sensor
-    has its smallest and its largest value, in `unit`.
+    Without `model`, the packaged model that lists the board's id is used; if there is none, or its board has no motors,
+    pose and `refused_counts` are None.  Garbage is counted by the name of its reason, `lost` and `duplicates` by
+    sequence number.  Each sensor has its smallest and its largest value, in `unit`.  `imu` is the state of the IMU at
+    the end, one of `robot.imu.STATES`.
     """
     reader = _Reader(model)
     for part in decode(recording):
         reader.read(part)
     robot, odometry = reader.robot, reader.robot.odometry
-    pose = (odometry.pose if odometry else ORIGIN)._asdict() if robot.model else None
+    moves = robot.model is not None and robot.model.drives
+    pose = (odometry.pose if odometry else ORIGIN)._asdict() if moves else None
     refused = odometry.baseline.refused if odometry else 0
     return {
         "file": recording.path,
@@ -42,9 +42,10 @@ def summarise(recording: Recording, model: Optional[RobotModel] = None) -> Dict[
         "garbage": dict(sorted(reader.garbage.items())),
         "lost": robot.counters.lost,
         "duplicates": robot.counters.duplicates,
-        "refused_counts": refused if robot.model else None,
+        "refused_counts": refused if moves else None,
         "pose": pose,
         "sensors": reader.sensors,
+        "imu": robot.imu_state,
         "skipped_lines": recording.skipped_count,
         "skipped": {str(number): reason for number, reason in recording.skipped.items()},
     }
@@ -81,15 +82,13 @@ class _Reader:
             if isinstance(event, Frame):
                 self.frames[event.code] += 1
                 self.robot.take(event, time_s)
-                if event.code in _SENSORS:
-                    self._sense(_SENSORS[event.code], event)
+                for name, found in sensors_in(event, time_s).items():
+                    self._sense(name, found.values)
             else:
                 self.garbage[event.reason] += 1
 
-    def _sense(self, row: Sensor, frame: Frame) -> None:
-        values = [arg * field.scale for arg, field in zip(frame.args, row.fields)]
-        known = self.sensors.setdefault(
-            row.name, {"least": math.inf, "most": -math.inf, "unit": row.fields[0].base_unit}
-        )
+    def _sense(self, name: str, values: Tuple[float, ...]) -> None:
+        unit = SENSOR_BY_NAME[name].fields[0].base_unit
+        known = self.sensors.setdefault(name, {"least": math.inf, "most": -math.inf, "unit": unit})
         known["least"] = float(min(known["least"], *values))
         known["most"] = float(max(known["most"], *values))

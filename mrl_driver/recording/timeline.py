@@ -1,4 +1,4 @@
-"""A recording as columns over time, for plots: poses, speeds, ranges, battery."""
+"""A recording as columns over time, for plots: poses, speeds, ranges, sensors, battery."""
 
 import math
 import os
@@ -11,12 +11,13 @@ from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.robot.omni_odometry import MOVE_OMNI, STREAM, OmniCommands
 from mrl_driver.robot.sonar import NAMES, range_m
 
-from .decoded import LINE_BYTES, DecodedPart, RecordedRobot, decode
+from .decoded import LINE_BYTES, DecodedPart, RecordedRobot, decode, sensors_in
 from .recording import REMARK, TO_BOARD, Recording
 
 _CODE = {name: row.code for name, row in BY_NAME.items()}
 _WITH_SONARS = (_CODE["read_encoders_and_sonars"], _CODE[STREAM])
 _REPORT_EVERY = 2000
+_SENSOR_S = 0.5
 
 
 class Timeline(NamedTuple):
@@ -39,6 +40,10 @@ class Timeline(NamedTuple):
     """Time and voltage [s V]."""
     sonars_known: bool
     """The recording shows whether the board has sonars; if not, `ranges` may be other values."""
+    gyro: List[Tuple[float, float]]
+    """Time and yaw rate of the IMU's gyro, without its bias [s rad/s]; empty without an IMU."""
+    sensors: Dict[str, List[Tuple[float, ...]]]
+    """Time [s] and values in the sensor's unit, by name: each change, and at least two rows a second."""
 
 
 def read(
@@ -77,6 +82,8 @@ def read(
         {name: found for name, found in reader.ranges.items() if found},
         reader.battery,
         robot.sonars_known,
+        reader.gyro,
+        reader.sensors,
     )
 
 
@@ -84,6 +91,11 @@ def _nothing(recording: Recording, robot: RecordedRobot) -> str:
     if robot.model is None and robot.robot_id:
         return (
             f"{recording.path}: no packaged model lists robot id {robot.robot_id}; give its file with --robot"
+        )
+    if robot.model is not None and not robot.model.drives:
+        return (
+            f"{recording.path} holds no odometry, because {robot.model.name} is a board without motors; its sensors "
+            f"are shown by: mrl replay {recording.path}"
         )
     return f"{recording.path} holds no odometry, expected frames of a robot; check it with: mrl replay {recording.path}"
 
@@ -98,6 +110,8 @@ class _Reader:
         self.commands: List[Tuple[float, float, float]] = []
         self.ranges: Dict[str, List[Tuple[float, float]]] = {name: [] for name in NAMES}
         self.battery: List[Tuple[float, float]] = []
+        self.gyro: List[Tuple[float, float]] = []
+        self.sensors: Dict[str, List[Tuple[float, ...]]] = {}
 
     def read(self, part: DecodedPart) -> None:
         """Add one part."""
@@ -121,7 +135,14 @@ class _Reader:
     def _on_reply(self, frame: Frame, time_s: float) -> None:
         if frame.code == _CODE["robot_info"]:
             self.battery.append((time_s, frame.args[2] / 100))
+        for name, found in sensors_in(frame, time_s).items():
+            rows = self.sensors.setdefault(name, [])
+            if not rows or rows[-1][1:] != found.values or time_s - rows[-1][0] >= _SENSOR_S:
+                rows.append((time_s, *found.values))
         if not self.robot.take(frame, time_s):
+            if frame.code == _CODE["read_imu"] and self.robot.imu is not None:
+                imu = self.robot.imu
+                self.gyro.append((time_s, imu.angular_velocity_rad_s[2] - imu.bias_rad_s))
             return
         model, odometry = self.robot.model, self.robot.odometry
         assert model is not None and odometry is not None

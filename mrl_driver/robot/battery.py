@@ -1,7 +1,7 @@
 """Battery state from voltage and time, without I/O.
 
-Sources of the levels: the 2013 host (motor power is off below 1 V, the battery is low below 8.5 V) and the thesis of
-2012 (packs are empty at about 9 V).
+Sources of the levels: the 2013 host (motor power is off below 1 V, the battery is low below 8.5 V) and
+(Araujo 2012) (packs are empty at about 9 V).
 """
 
 import math

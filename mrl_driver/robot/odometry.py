@@ -1,13 +1,16 @@
-"""Pose and twist from wheel counts, by exact arcs.  No I/O: counts and seconds go in, poses come out.
+"""Pose and twist from wheel counts, and from the turn by a gyro if there is one, by exact arcs.  No I/O: counts and
+seconds go in, poses come out.
 
 Poses are in the odom frame (x forward at the start, y left, yaw counter-clockwise); twists are in base_link.
 """
 
 import math
-from typing import Any, NamedTuple, Optional, Tuple, Union
+from typing import Any, NamedTuple, Optional, Sequence, Tuple, Union
 
 from mrl_driver.geometry import ORIGIN, Pose, advance
 
+from .covariance import AT_START, TWIST_INTERVAL_S, Spread, Uncertainty
+from .heading import HeadingFilter
 from .models.drives import Base
 
 SPEED_MARGIN = 1.5
@@ -20,8 +23,8 @@ NEAR_S = 0.02
 """Arrival times cannot show a time shorter than this [s]."""
 CONFIRMATIONS = 3
 """This many readings in a row that agree with each other, but not with the baseline, make a new baseline."""
-TWIST_INTERVAL_S = 0.015
-"""Without board time, speeds are averaged over at least this time [s], so that a burst does not make a spike."""
+DITHER_COUNTS = 1
+"""The counter of a wheel that stands may change by this much."""
 
 
 class Twist(NamedTuple):
@@ -193,6 +196,10 @@ class Odometry:
     """Pose and twist of a differential drive from its counters.
 
     `exact_time` says that the times come from the board; otherwise they are arrival times, which come in bursts.
+
+    Attributes:
+        heading: filter that fuses the turn by the wheels with a gyro's; None without a gyro.
+        uncertainty: estimates the covariance of pose and twist; None if nobody needs it.
     """
 
     def __init__(self, drive: Base, fastest_m_s: float, exact_time: bool = True, pose: Pose = ORIGIN) -> None:
@@ -202,6 +209,9 @@ class Odometry:
         self._waiting = _NOTHING
         self.baseline = Baseline(drive.metres_per_count, fastest_m_s, SLACK_S[exact_time])
         self.pose = pose
+        self.heading: Optional[HeadingFilter] = None
+        self.uncertainty: Optional[Uncertainty] = None
+        self._stood: Sequence[float] = (0, 0)
         self.twist: AnyTwist = Twist(0.0, 0.0)
         self.travel: AnyWheels = Wheels(0, 0)
         """Counts of each wheel since the start, without wrap."""
@@ -211,6 +221,14 @@ class Odometry:
         self.baseline.reset()
         self.twist = Twist(0.0, 0.0)
         self._waiting = _NOTHING
+        if self.heading is not None:
+            self.heading.reset()
+
+    def set_pose(self, pose: Pose, spread: Spread = AT_START) -> None:
+        """Continue from `pose`, which has the covariance `spread`; counters and speeds do not change."""
+        self.pose = pose
+        if self.uncertainty is not None:
+            self.uncertainty.reset(spread)
 
     def update(self, right: int, left: int, time_s: float) -> bool:
         """Integrate a reading (int16 counts) of time `time_s` [s]; False if it is a new baseline or is refused."""
@@ -223,14 +241,33 @@ class Odometry:
             self.travel = _new(Wheels, (travel.right + right, travel.left + left))
             ds = right * self._forward[0] + left * self._forward[1]
             turn = right * self._turning[0] - left * self._turning[1]
-            self.pose = advance(self.pose, ds, turn)
         else:
             ds = turn = 0.0
+        heading, gyro = self.heading, None
+        if heading is not None:
+            turn = heading.turn(time_s, turn, self._rolled())
+            gyro = heading if heading.in_use else None
+        before, uncertainty = self.pose, self.uncertainty
+        if ds or turn:
+            self.pose = advance(before, ds, turn)
+        if uncertainty is not None and (right or left or turn):
+            wheels_m = 2 * right * self._forward[0], 2 * left * self._forward[1]
+            uncertainty.update(before, self.pose, wheels_m, turn, dt_s, gyro)
+        elif uncertainty is not None:
+            uncertainty.stand(dt_s, gyro)
         if dt_s > self._interval_s and self._waiting is _NOTHING:
             self.twist = _new(Twist, (ds / dt_s, turn / dt_s))
         else:
             self._differentiate(ds, turn, dt_s)
         return True
+
+    def _rolled(self) -> bool:
+        """Return whether a wheel has moved since the last call; a counter between two values may change by one."""
+        for now, stood in zip(self.travel, self._stood):
+            if not -DITHER_COUNTS <= now - stood <= DITHER_COUNTS:
+                self._stood = self.travel
+                return True
+        return False
 
     def _differentiate(self, ds: float, turn: float, dt_s: float) -> None:
         """Compute the speeds, together with earlier readings that were too close in time."""

@@ -29,12 +29,13 @@ class OmniOdometry(Odometry):
         self._metres = drive.metres_per_count
         self._kinematics = kinematics_of(drive)
         self._sum = _NOTHING
+        self._stood = (0, 0, 0)
         self.twist = _STANDING
         self.travel: OmniWheels = OmniWheels(0, 0, 0)
 
     def reset(self) -> None:
         """The board restarted: the next reading is a new baseline; the pose does not change."""
-        self.baseline.reset()
+        super().reset()
         self.twist, self._sum = _STANDING, _NOTHING
 
     def update(self, right: int, left: int, time_s: float, rear: int = 0) -> bool:
@@ -46,8 +47,18 @@ class OmniOdometry(Odometry):
         travel, metres = self.travel, self._metres
         if right or left or rear:
             self.travel = OmniWheels(travel[0] + right, travel[1] + left, travel[2] + rear)
-        moved = self._kinematics.step((left * metres, rear * metres, right * metres))
-        self.pose = advance(self.pose, moved.forward, moved.turn, moved.left)
+        wheels_m = (left * metres, rear * metres, right * metres)
+        moved = self._kinematics.step(wheels_m)
+        heading, gyro = self.heading, None
+        if heading is not None:
+            moved = moved._replace(turn=heading.turn(time_s, moved.turn, self._rolled()))
+            gyro = heading if heading.in_use else None
+        before = self.pose
+        self.pose = advance(before, moved.forward, moved.turn, moved.left)
+        if self.uncertainty is not None and (right or left or rear or moved.turn):
+            self.uncertainty.update(before, self.pose, wheels_m, moved.turn, dt_s, gyro)
+        elif self.uncertainty is not None:
+            self.uncertainty.stand(dt_s, gyro)
         self._speeds(moved, dt_s)
         return True
 

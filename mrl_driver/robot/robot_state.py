@@ -7,19 +7,25 @@ from mrl_driver.errors import WrongRobot
 from mrl_driver.geometry import Pose
 from mrl_driver.session.events import (
     Counts,
+    ImuChanged,
+    ImuReading,
     Info,
     PathUnknown,
     Ready,
     Reply,
+    SensorRead,
     SessionEvent,
     Sonars,
     Stale,
     Status,
 )
 from mrl_driver.session.handshake import Board, with_measured
+from mrl_driver.session.sensor_polling import SENSOR_STREAM
 
-from . import battery, models, sonar
-from .models import OmniDrive, RobotModel, require_drivable
+from . import battery, imu, models, sonar
+from .covariance import AT_START, Spread, Variances, uncertainty_of
+from .imu import Imu, ImuTracker
+from .models import OmniDrive, RobotModel, require_supported
 from .odometry import AnyTwist, AnyWheels, Odometry, fastest_wheel_m_s
 from .omni_odometry import STREAM, OmniOdometry
 
@@ -43,22 +49,37 @@ class Telemetry(NamedTuple):
     """Counts of each wheel since the start, without wrap [count]."""
     sequence: Optional[int]
     """Sequence number of the frame (int16, wraps); None from boards without one."""
+    gyro: bool = False
+    """The turn since the last frame comes from the gyro, not from the wheels."""
+    spread: Spread = AT_START
+    """Covariance of the pose."""
+    twist_variances: Variances = (0.0, 0.0, 0.0)
+    """Variances of the twist: linear, angular, lateral [m2/s2, rad2/s2, m2/s2]."""
 
 
-RobotEvent = Union[Telemetry, Board, Ready, Status, Stale, PathUnknown, Reply]
+RobotEvent = Union[Telemetry, Imu, ImuChanged, Board, Ready, Status, Stale, PathUnknown, Reply, SensorRead]
 """What the state of a robot reports; a `Board` is its new battery voltage and temperature."""
-SENSOR_BOARD_IDS = range(6, 11)
-"""Robot ids of 2013 boards that carry environment sensors and do not drive the robot."""
 
 
 class RobotState:
-    """Pose, ranges and battery of one robot.  If `model` is None, the model that lists the board's id is used."""
+    """Pose, ranges and battery of one robot.  If `model` is None, the model that lists the board's id is used.
+
+    `build` replaces the model's, see `models.with_build`.  When a board without sonars is ready, the model has none
+    either.
+
+    Raises:
+        ConfigError: the model cannot have this build.
+    """
 
     def __init__(
-        self, model: Optional[RobotModel], ignore_battery: bool = False, any_id: bool = False
+        self,
+        model: Optional[RobotModel],
+        ignore_battery: bool = False,
+        any_id: bool = False,
+        build: str = "",
     ) -> None:
-        self.model = model
-        self._auto = model is None
+        self.model = models.with_build(model, build) if model is not None else None
+        self._auto, self._build = model is None, build
         self.info: Optional[Board] = None
         self.odometry: Optional[Odometry] = None
         self.battery_state = battery.OK
@@ -66,9 +87,15 @@ class RobotState:
         self.telemetry: Optional[Telemetry] = None
         self.path_unknown: Optional[PathUnknown] = None
         """The `PathUnknown` event of the last reading; None if there is none."""
+        self.tracker: Optional[ImuTracker] = None
+        """Checks the readings of the IMU; None unless the board has, or had, one that is read."""
+        self.imu_changed: Optional[ImuChanged] = None
+        """The `ImuChanged` event of the last reading of the counters; None if there is none."""
+        self.settled = False
+        """The stream has begun, so that the robot can be used."""
         self.powerless = False
         """The battery is empty or off, so the robot must not drive."""
-        self._primed, self._used_s = 0, 0.0
+        self._primed, self._used_s, self._counted_s = 0, 0.0, -math.inf
         self._ignore_battery, self._any_id = ignore_battery, any_id
         self._monitor: Optional[battery.BatteryMonitor] = None
         self._new_readings = sonar.NewReadings()
@@ -80,6 +107,24 @@ class RobotState:
         if self.model is None or self.info is None:
             return False
         return has_sonars(self.model, self.info.capabilities, self.info.robot_id)
+
+    @property
+    def build_assumed(self) -> bool:
+        """A 2013 board is taken to have sonars, because nothing names its build."""
+        info, model = self.info, self.model
+        return self.has_sonars and info is not None and info.version < 2 and not (model and model.build)
+
+    @property
+    def build_warning(self) -> str:
+        """A warning if the board does not have the build that the model names; empty if it has, or names none."""
+        if self.model is None or self.info is None:
+            return ""
+        return build_warning(self.model, self.info)
+
+    @property
+    def imu_state(self) -> str:
+        """The state of the board's IMU, one of `imu.STATES`."""
+        return imu.state_of(self.tracker, self.info.capabilities if self.info else frozenset())
 
     def admit(self, board: Board) -> Optional[str]:
         """Accept the board, and choose its model if none was given.
@@ -95,7 +140,7 @@ class RobotState:
             BatteryDead: the battery is too low to start; not checked again after the start.
         """
         if self._auto and self.info is None:
-            self.model = model_of(board)
+            self.model = models.with_build(model_of(board), self._build)
         assert self.model is not None
         if board.robot_id not in self.model.ids and not self._any_id:
             raise _wrong(board, self.model)
@@ -104,17 +149,27 @@ class RobotState:
                 f"robot id {board.robot_id} answers, expected {self.info.robot_id}, the robot of before: "
                 "connect that one, or start again"
             )
+        if not self.model.drives:
+            return SENSOR_STREAM
         if self.odometry is None and not self._ignore_battery and not _may_lack_battery(board):
             battery.require_charge(board.battery_v, self.model.battery)
-        require_drivable(self.model)
-        return STREAM if isinstance(self.model.drive, OmniDrive) else None
+        require_supported(self.model)
+        if isinstance(self.model.drive, OmniDrive):
+            return STREAM
+        return (
+            SENSOR_STREAM
+            if board.version < 2 and models.has_environment(self.model, board.robot_id)
+            else None
+        )
 
     def digest(self, event: SessionEvent, now: float) -> List[RobotEvent]:
         """Process an event; return the events for the listeners."""
         if isinstance(event, Counts):
             telemetry = self.on_counts(event)
-            lost: List[RobotEvent] = [self.path_unknown] if self.path_unknown else []
-            return [*lost, telemetry] if telemetry else []
+            news = [each for each in (self.path_unknown, self.imu_changed) if each is not None]
+            return [*news, telemetry] if telemetry else []
+        if isinstance(event, ImuReading):
+            return self.on_imu(event)
         if isinstance(event, Sonars):
             if self.info is not None:  # otherwise the model is not known yet
                 self._late_sonars = self._on_new(self._new_readings.update(event.values, now), event.values)
@@ -122,32 +177,74 @@ class RobotState:
         if isinstance(event, Info):
             return self._on_info(event.board, now)
         if isinstance(event, Ready):
-            self._on_ready(event)
+            if self.model is not None and not self.model.drives:
+                event = event._replace(board=without_motor_board(event.board))
+            changed = self._on_ready(event)
+            return [event, changed] if changed else [event]
+        if isinstance(event, Status):
+            return [self.told(event)]
         return [event]
 
-    def _on_ready(self, event: Ready) -> None:
+    def told(self, status: Status) -> Status:
+        """Return a status as it applies to this robot: a board without motors needs no motor board."""
+        if self.model is None or self.model.drives:
+            return status
+        return status._replace(faults=tuple(name for name in status.faults if name != "motor_board"))
+
+    def _on_ready(self, event: Ready) -> Optional[ImuChanged]:
         assert self.model is not None
         self.info = event.board
+        if not self.model.drives:
+            return None
+        if not self.has_sonars:
+            self.model, self.ranges = self.model._replace(sonars={}), {}
         if self.odometry is None:
             self.odometry = odometry_of(self.model, event.checked)
             self._monitor = battery.BatteryMonitor(self.model.battery)
         elif event.restarted:
             self.odometry.reset()
         self.odometry.baseline.coast_s = event.coast_s
+        return self._begin_imu(event, self.odometry)
+
+    def _begin_imu(self, event: Ready, odometry: Odometry) -> Optional[ImuChanged]:
+        """Let gyro and wheels give the heading if the board's IMU is read, else the wheels alone."""
+        assert self.model is not None
+        tracker = self.tracker
+        if tracker is None and event.imu:
+            tracker = self.tracker = ImuTracker(self.model)
+        odometry.heading = tracker.heading if tracker is not None and event.imu else None
+        if tracker is None:
+            return None
+        if event.restarted:
+            tracker.reset()
+        return None if event.imu else tracker.end()
+
+    def on_imu(self, event: ImuReading) -> List[RobotEvent]:
+        """Process one reading of the IMU; return the events for the listeners."""
+        tracker, odometry = self.tracker, self.odometry
+        if tracker is None or odometry is None:
+            return []
+        found = tracker.update(event, self._counted_s, odometry)
+        return [found] if tracker.changed is None else [tracker.changed, found]
 
     def on_counts(self, event: Counts) -> Optional[Telemetry]:
-        """Process one frame of the stream; return the telemetry, or None before the first greeting."""
-        odometry = self.odometry
+        """Process one frame of the stream.
+
+        Return the telemetry, or None before the first greeting and from boards without motors: their counters are not
+        odometry.
+        """
+        odometry, self.settled = self.odometry, self.info is not None
         if odometry is None:
             return None
-        used, arrival_s, sonars = False, event.arrival_s, event.sonars
+        used, arrival_s, sonars, tracker = False, event.arrival_s, event.sonars, self.tracker
+        self.imu_changed = tracker.check(event.time_s) if tracker is not None else None
         if event.rear is None:
             used = odometry.update(event.right, event.left, event.time_s)
         elif isinstance(odometry, OmniOdometry):
             used = odometry.update(event.right, event.left, event.time_s, event.rear)
         self.path_unknown = None
         if used:
-            self._used_s = arrival_s
+            self._used_s, self._counted_s = arrival_s, event.time_s
         elif odometry.baseline.primed != self._primed:
             self._begin_baseline(odometry, arrival_s)
         if not sonars:
@@ -157,8 +254,15 @@ class RobotState:
         else:
             fresh = self._on_new(self._new_readings.update(sonars, arrival_s), sonars)
         pose, twist, travel = odometry.pose, odometry.twist, odometry.travel
+        uncertainty, heading = odometry.uncertainty, odometry.heading
+        assert uncertainty is not None
+        gyro = heading is not None and heading.in_use
         telemetry = self.telemetry = _new(
-            Telemetry, (event.stamp_s, arrival_s, pose, twist, self.ranges, fresh, travel, event.sequence)
+            Telemetry,
+            (
+                *(event.stamp_s, arrival_s, pose, twist, self.ranges, fresh, travel, event.sequence),
+                *(gyro, uncertainty.spread, uncertainty.variances),
+            ),
         )
         return telemetry
 
@@ -170,12 +274,12 @@ class RobotState:
             moving_s = min(gap_s, odometry.baseline.coast_s)
             turn_rad = min(math.pi, limits.angular_rad_s * moving_s)
             self.path_unknown = PathUnknown(gap_s, limits.linear_m_s * moving_s, turn_rad)
+            if odometry.uncertainty is not None:
+                odometry.uncertainty.widen(self.path_unknown.distance_m, self.path_unknown.turn_rad)
         self._primed, self._used_s = odometry.baseline.primed, now
 
     def _on_new(self, new: Tuple[str, ...], values: Tuple[int, ...]) -> Tuple[str, ...]:
         """Process sonar values of which those in `new` are new; return the names that this robot has."""
-        if not self.has_sonars:
-            return ()
         assert self.model is not None
         fresh = tuple(name for name in new if name in self.model.sonars)
         if fresh:
@@ -197,6 +301,15 @@ class RobotState:
         return [self.info]
 
 
+def without_motor_board(board: Board) -> Board:
+    """Return the board with NaN in place of each value that a motor board measures, and without its IMU.
+
+    The IMU is not read: its heading would need odometry.
+    """
+    unmeasured = board._replace(motor_board_version=math.nan, battery_v=math.nan, temperature_c=math.nan)
+    return unmeasured._replace(capabilities=board.capabilities - {"imu"})
+
+
 def _may_lack_battery(board: Board) -> bool:
     """Return whether 0 V may mean that the board does not measure its battery: it has not reported its capabilities."""
     return board.version >= 2 and board.protocol < 2 and board.battery_v == 0.0
@@ -206,14 +319,35 @@ def has_sonars(model: RobotModel, capabilities: FrozenSet[str], robot_id: Option
     """Return whether a board measures ranges.  2013 boards have no capabilities: model and robot id decide."""
     if not model.sonars:
         return False
-    return "sonars" in capabilities if capabilities else robot_id not in SENSOR_BOARD_IDS
+    return "sonars" in capabilities if capabilities else not models.has_environment(model, robot_id)
+
+
+def build_warning(model: RobotModel, board: Board) -> str:
+    """Return a warning if a board does not have the build that its model names or its id implies; empty if it has."""
+    if board.version < 2:
+        if not models.has_environment(model, board.robot_id) or board.capabilities:
+            return ""
+        return (
+            "the board does not send its environment sensors, as none with firmware of January 2013 does: there are no "
+            "sensor values and no ranges"
+        )
+    names = {"sonars": models.SONAR, "environment": models.ENVIRONMENT}
+    there = next((build for name, build in names.items() if name in board.capabilities), "")
+    if not model.build or not there or there == model.build:
+        return ""
+    lost = "its ranges are not used" if there == models.SONAR else "there are no ranges"
+    return (
+        f"the board has the build {there}, expected {model.build}, which the robot model or the parameter build "
+        f"names: {lost}; change the name, or flash with: mrl flash --build {model.build} --port PORT"
+    )
 
 
 def odometry_of(model: RobotModel, exact_time: bool) -> Odometry:
     """Return the odometry for a robot of this model."""
-    if isinstance(model.drive, OmniDrive):
-        return OmniOdometry(model.drive, fastest_m_s(model), exact_time)
-    return Odometry(model.drive, fastest_m_s(model), exact_time)
+    kind = OmniOdometry if isinstance(model.drive, OmniDrive) else Odometry
+    made = kind(model.drive, fastest_m_s(model), exact_time)  # type: ignore[arg-type]
+    made.uncertainty = uncertainty_of(model, exact_time)
+    return made
 
 
 def model_of(board: Board) -> RobotModel:
@@ -236,7 +370,7 @@ def model_of(board: Board) -> RobotModel:
 def fastest_m_s(model: RobotModel) -> float:
     """Return the speed that no wheel of this model exceeds [m/s]; faster counts are refused."""
     ceilings = model.board["linear_ceiling"] / 1000, model.board["angular_ceiling"] / 1000
-    return fastest_wheel_m_s(*ceilings, model.drive.wheel_separation_m)
+    return fastest_wheel_m_s(*ceilings, model.base.wheel_separation_m)
 
 
 def _wrong(board: Board, model: RobotModel) -> WrongRobot:

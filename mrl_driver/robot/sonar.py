@@ -25,7 +25,7 @@ NOTHING_2013_CM = int(_A_2013 * 640**_B + _C)
 def range_m(wire_cm: int, version: int = 2) -> float:
     """Return the range [m] for a sonar value of the wire [cm], from a board with this firmware version.
 
-    Boards of version 1 (2013) use 1.767 as the factor of the curve, the thesis 1.1767; this function corrects it.
+    Boards of version 1 (2013) use 1.767 as the factor of the curve, (Araujo 2012) 1.1767; this function corrects it.
     """
     if version < 2:
         return _range_2013(wire_cm)

@@ -1,8 +1,8 @@
 """Decides that the robot must stop or slow down.  No I/O; imports robot.
 
 `speed_limiter` scales and ramps each command, `protective_zones` slows the robot towards obstacles and stops it before
-them, and `wheel_monitor` finds a wheel that does not follow.  `driver/robot_core.py` applies them; it also stops the
-robot for its battery and for a command that is not finite.  The session below has the command timeout
-(`session/motion_command.py`), and stops the robot if telemetry is lost.  `motion_command.STOPS` lists all reasons.  The
-firmware has a watchdog of its own (`failsafe.cpp`).
+them, `operation_mode` lowers the limits in manual mode, and `wheel_monitor` finds a wheel that does not follow.
+`driver/robot_core.py` applies them; it also stops the robot for its battery and for a command that is not finite.  The
+session below has the command timeout (`session/motion_command.py`), and stops the robot if telemetry is lost.
+`motion_command.STOPS` lists all reasons.  The firmware has a watchdog of its own (`failsafe.cpp`).
 """

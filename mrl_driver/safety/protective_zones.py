@@ -1,11 +1,12 @@
 """Warning and protective zones: limit the speed towards obstacles seen by sonars or a laser.  No I/O.
 
-Both zones start at the body's edge and extend in the direction of motion (forward, back or to any side).  They are as
+The zones start at the body's edge and extend in the direction of motion (forward, back or to any side).  They are as
 wide as the body across that direction, plus a clearance on each side.  They grow with the speed v by the stopping
-distance, v * reaction + v^2 / (2 * braking).  An obstacle in the warning zone slows the robot until the zone no longer
-contains it, or down to the slow speed.  An obstacle in the protective zone slows it further, so that it stops at the
-standing length of that zone.  There the robot may turn and drive away, but not come closer, until the free distance has
-grown by the hysteresis.
+distance, v * reaction + v^2 / (2 * braking).  An obstacle in the outer warning zone is only reported, unless that zone
+has its own speed.  An obstacle in the warning zone slows the robot until the zone no longer contains it, or down to
+the slow speed.  An obstacle in the protective zone slows it further, so that it stops at the standing length of that
+zone.  There the robot may turn and drive away, but not come closer, until the free distance has grown by the
+hysteresis.  No speed is so low that the zones do not apply.
 
 The zones only lower speeds.  The direction stays the same, and so does the yaw rate, because a planner must be able to
 turn away.  Unknown readings are treated as follows:
@@ -64,9 +65,18 @@ class ZoneSettings(NamedTuple):
     hysteresis_m: float = 0.05
     clearance_m: float = 0.05
     """Obstacles within this distance of the swept path count as in the way."""
+    outer_m: float = 0.0
+    """Length of the outer warning zone; 0 for twice `warning_m`."""
+    outer_slow_m_s: float = 0.0
+    """The outer warning zone slows the robot as the warning zone does, but not below this; 0: it only warns."""
+
+    @property
+    def outer_edge_m(self) -> float:
+        """Length of the outer warning zone at standstill [m]."""
+        return self.outer_m or 2 * self.warning_m
 
     def growth_m(self, speed_m_s: float) -> float:
-        """Return the length that a speed adds to both zones: the stopping distance [m]."""
+        """Return the length that a speed adds to each zone: the stopping distance [m]."""
         return abs(speed_m_s) * self.reaction_s + speed_m_s**2 / (2 * self.braking_m_s2)
 
     def speed_m_s(self, room_m: float) -> float:
@@ -85,6 +95,8 @@ _RANGES = {
     "reaction_s": (0.0, 10.0),
     "hysteresis_m": (0.0, 1.0),
     "clearance_m": (0.0, 1.0),
+    "outer_m": (0.0, 20.0),
+    "outer_slow_m_s": (0.0, 10.0),
 }
 
 
@@ -103,6 +115,15 @@ def require_settings(settings: ZoneSettings) -> None:
         raise ConfigError(
             f"zones: warning_m is {settings.warning_m:g}, expected more than {least_m:g}, which is protective_m "
             f"{settings.protective_m:g} and hysteresis_m {settings.hysteresis_m:g}"
+        )
+    if settings.outer_edge_m <= settings.warning_m:
+        raise ConfigError(
+            f"zones: outer_m is {settings.outer_m:g}, expected more than warning_m {settings.warning_m:g}, or 0"
+        )
+    if 0 < settings.outer_slow_m_s < settings.slow_m_s:
+        raise ConfigError(
+            f"zones: outer_slow_m_s is {settings.outer_slow_m_s:g}, expected at least slow_m_s "
+            f"{settings.slow_m_s:g}, or 0"
         )
 
 
@@ -130,12 +151,18 @@ class Zones:
         self._places: Deque[Tuple[float, Point]] = deque()
         self._held: Dict[int, bool] = {}
         self._warned: Dict[int, bool] = {}
+        self._outer: Dict[int, bool] = {}
         self._sector = 0
 
     @property
     def warning_clear(self) -> bool:
         """The warning zone in the direction of the last request is free; False before the first request."""
         return not self._warned.get(self._sector, True)
+
+    @property
+    def outer_clear(self) -> bool:
+        """The same for the outer warning zone."""
+        return not self._outer.get(self._sector, True)
 
     @property
     def protective_clear(self) -> bool:
@@ -194,18 +221,34 @@ class Zones:
             cap_m_s = self._cap(direction, self._sector, speed_m_s, now)
         return velocity_m_s if cap_m_s >= speed_m_s else (cap_m_s * direction[0], cap_m_s * direction[1])
 
+    def allowed_ahead_m_s(self, now: float) -> float:
+        """Return the largest speed that the zones allow forward; infinite if nothing is ahead [m/s].
+
+        For planners, which can choose a path with a speed that is allowed.  It changes nothing.
+        """
+        with self._lock:
+            room_m, certain = self._room(AHEAD, now)
+            return 0.0 if self._held.get(0) else self._speed_m_s(room_m, certain)
+
     def _cap(self, direction: Point, sector: int, asked_m_s: float, now: float) -> float:
         settings = self.settings
         room_m, certain = self._room(direction, now)
         edge_m = settings.protective_m + settings.growth_m(LEAST_M_S)
         edge_m += settings.hysteresis_m if self._held.get(sector) else 0.0
         self._held[sector] = room_m < edge_m
-        far_m = settings.warning_m + settings.growth_m(asked_m_s)
-        far_m += settings.hysteresis_m if self._warned.get(sector) else 0.0
-        self._warned[sector] = room_m < far_m or not certain
-        if self._held[sector]:
-            return 0.0
+        for entered, length_m in ((self._warned, settings.warning_m), (self._outer, settings.outer_edge_m)):
+            far_m = length_m + settings.growth_m(asked_m_s)
+            far_m += settings.hysteresis_m if entered.get(sector) else 0.0
+            entered[sector] = room_m < far_m or not certain
+        return 0.0 if self._held[sector] else self._speed_m_s(room_m, certain)
+
+    def _speed_m_s(self, room_m: float, certain: bool) -> float:
+        """Return the allowed speed for this free distance."""
+        settings = self.settings
         cap = max(settings.slow_m_s, settings.speed_m_s(room_m - settings.warning_m) if certain else 0.0)
+        if settings.outer_slow_m_s:
+            outer = settings.speed_m_s(room_m - settings.outer_edge_m) if certain else 0.0
+            cap = min(cap, max(settings.outer_slow_m_s, outer))
         return min(cap, settings.speed_m_s(room_m - settings.protective_m))
 
     def _room(self, direction: Point, now: float) -> Tuple[float, bool]:

@@ -17,6 +17,8 @@ _BUCKET_S = 0.25
 _BUCKETS, _SPARE = 80, 20
 """The window is 80 buckets (20 s).  It may grow by a quarter before its oldest part is dropped and the hull rebuilt."""
 _LEAST_SPAN_S = 1.0
+_EARLIER = 0xF000
+"""A larger step of the lower 16 bits, between frames of two streams, is one back by less than 0.26 s [64 us]."""
 
 _Point = Tuple[float, float]
 
@@ -34,11 +36,13 @@ class BoardClock:
     def __init__(self) -> None:
         self._ticks: Optional[int] = None
         self._time = 0
+        self._mixed = False
+        """The last frame belongs to the other stream."""
         self._arrival_s = 0.0
         self._stamp_s = float("-inf")
         self._lows: List[_Point] = []
         self._hull: List[_Point] = []
-        self._bucket_end_s = 0.0
+        self._bucket_end_s = float("-inf")
         self._line: _Point = (0.0, 0.0)
         self._low = 0.0
         self.drift = self.board_s = self.latency_s = 0.0
@@ -54,6 +58,9 @@ class BoardClock:
             self._ticks = 0
         else:
             step = (time - self._time) & 0xFFFF
+            if self._mixed:
+                self._mixed = False
+                step = step - 0x10000 if step > _EARLIER else step
             self._ticks += step if next_one else step + self._wraps(step, arrival_s)
         self._time, self._arrival_s = time, arrival_s
         self.board_s = board_s = self._ticks * TICK_S
@@ -68,6 +75,25 @@ class BoardClock:
         self._stamp_s = stamp_s
         self.latency_s = arrival_s - estimate if arrival_s > estimate else 0.0
         return stamp_s
+
+    def beside(self, time: int, arrival_s: float, next_one: bool = False) -> Tuple[float, float]:
+        """Return the board time since the first frame [s] and the host time [s] of a frame of another stream.
+
+        Its stamp may be a little earlier than that of the frame before it, because one of them waited for the other on
+        the board.  The fit of the two clocks does not use it.  `next_one` is as for `update`.
+        """
+        if self._ticks is None:
+            self._ticks, self._time, self._arrival_s = 0, time, arrival_s
+        step = (time - self._time) & 0xFFFF
+        if step > _EARLIER and not self._mixed:
+            step -= 0x10000
+        self._ticks += step if next_one else step + self._wraps(step, arrival_s)
+        self._time, self._arrival_s, self._mixed = time, arrival_s, True
+        board_s = self._ticks * TICK_S
+        at, height = self._line
+        if not self._hull:
+            return board_s, arrival_s
+        return board_s, min(arrival_s, board_s + height + self.drift * (board_s - at))
 
     def _wraps(self, step: int, arrival_s: float) -> int:
         """Ticks of the whole wraps that passed besides `step`, by the host's clock."""

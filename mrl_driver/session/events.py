@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple, Optional, Tuple, Union
 
 from mrl_driver.protocol import Frame
-from mrl_driver.protocol.table import FAULTS, RESET_CAUSES, STOP_REASONS
+from mrl_driver.protocol.table import BY_NAME, FAULTS, RESET_CAUSES, STOP_REASONS
 
 from .handshake import Board
 from .sensor_polling import Reading
@@ -21,6 +21,8 @@ class Ready(NamedTuple):
     coast_s: float = math.inf
     """The wheels stand still at most this long after the last telemetry, because the board's watchdog stops
     them [s]."""
+    imu: bool = False
+    """The board has an IMU, and its stream was started."""
 
 
 class Counts(NamedTuple):
@@ -37,6 +39,34 @@ class Counts(NamedTuple):
     sequence: Optional[int]
     rear: Optional[int] = None
     """Counter of the third wheel; None without one."""
+
+
+class ImuReading(NamedTuple):
+    """One reading of the IMU, in the axes of the chip: x y z."""
+
+    time_s: float
+    """Board time, on the same axis as `Counts.time_s` [s]."""
+    stamp_s: float
+    """Time of the reading [s, caller's clock]."""
+    arrival_s: float
+    """Time when the frame arrived [s, same clock]."""
+    gyro_rad_s: Tuple[float, float, float]
+    accel_m_s2: Tuple[float, float, float]
+    """Acceleration; at rest it is that of gravity, upward."""
+
+
+class ImuChanged(NamedTuple):
+    """The gyro is not used for the heading, or is used again."""
+
+    in_use: bool
+    state: str
+    """The IMU's state now, one of `robot.imu.STATES`."""
+    text: str
+    """One line for people: the reason, and what to do."""
+
+    def __str__(self) -> str:
+        """One line for people."""
+        return self.text
 
 
 class Sonars(NamedTuple):
@@ -62,6 +92,9 @@ class Status(NamedTuple):
     impossible: Optional[int] = None
     """Encoder transitions that skip a state; None if the board does not count them."""
 
+
+GYRO_RAD_S, ACCEL_M_S2 = (BY_NAME["read_imu"].reply[i].scale for i in (0, 3))
+"""One count of the IMU's gyro [rad/s] and accelerometer [m/s2]."""
 
 WAITS = "the robot waits for a new command"
 MAY_MOVE = "the robot may still be moving, for its board has no watchdog: stop it by hand"
@@ -139,8 +172,20 @@ class SensorRead(NamedTuple):
     reading: Reading
 
 
-SessionEvent = Union[Ready, Counts, Sonars, Info, Status, Stale, Reply]
+SessionEvent = Union[Ready, Counts, ImuReading, Sonars, Info, Status, Stale, Reply, SensorRead]
 """What a session reports."""
+
+
+def imu_reading(args: Tuple[int, ...], time_s: float, stamp_s: float, arrival_s: float) -> ImuReading:
+    """Return the fields of a `read_imu` reply in SI units, with the times of its frame."""
+    gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z = args
+    return ImuReading(
+        time_s,
+        stamp_s,
+        arrival_s,
+        (gyro_x * GYRO_RAD_S, gyro_y * GYRO_RAD_S, gyro_z * GYRO_RAD_S),
+        (accel_x * ACCEL_M_S2, accel_y * ACCEL_M_S2, accel_z * ACCEL_M_S2),
+    )
 
 
 def status_of(args: Tuple[int, ...]) -> Status:

@@ -13,7 +13,9 @@ from typing import Callable, Dict, FrozenSet, Iterator, List, NamedTuple, Option
 
 from mrl_driver.errors import BoardError, BoardTimeout, MrlError, NotARobot, WrongRobot
 from mrl_driver.protocol import Frame
-from mrl_driver.protocol.table import BY_NAME, CAPABILITIES, PROTOCOL_VERSION
+from mrl_driver.protocol.table import BY_NAME, CAPABILITIES, FAULTS, PROTOCOL_VERSION
+
+from .sensor_polling import SENSOR_STREAM
 
 RETRY_S = 0.25
 TIMEOUT_S = 8.0
@@ -25,7 +27,9 @@ STEP_TIMEOUT_S = 2.0
 restarted, or turned checksums off, while this program was not running.
 """
 DEAF = 6
-"""After this many `robot_info` replies without a `read_protocol` reply, treat the board as 2013 firmware."""
+"""After this many `robot_info` replies without a `read_protocol` reply, treat the board as 2013 firmware.  After as
+many without a frame of `SENSOR_STREAM`, start the usual stream instead.
+"""
 ALIKE, ALIKE_TO_REFUSE = 3, 5
 """Number of equal answers in a row required to accept, or to refuse, a board that answers without a checksum."""
 NEAR_V, NEAR_DEGC = 0.5, 5.0
@@ -34,21 +38,25 @@ JUNK_S = 4.0
 JUNK_BYTES = 32
 """This many bytes that are not text, and no frame within `JUNK_S` of the first byte [s], mean another baud rate.
 A board of August 2013 is silent for 3.35 s after its bootloader."""
+_FAULT = {name: bit for bit, (name, _) in enumerate(FAULTS)}
 _TEXT = bytes(range(0x20, 0x7F)) + b"\r\n\t"
 _CODE = {name: row.code for name, row in BY_NAME.items()}
 _ANSWERS: Dict[int, Tuple[int, ...]] = {
     row.code: (row.code,) for row in BY_NAME.values() if row.reply and not row.repeats
 }
 """Codes of the frames that answer a request."""
-_ANSWERS[_CODE["start_omni_stream"]] = (_CODE["start_omni_stream"],)
+for _name in ("start_omni_stream", SENSOR_STREAM):
+    _ANSWERS[_CODE[_name]] = (_CODE[_name],)
+_MAY_BE_UNKNOWN = (_CODE["read_protocol"], _CODE[SENSOR_STREAM])
+"""Requests that a 2013 board may not know; it then answers `robot_info` alone."""
 _ANSWERS[_CODE["start_stream"]] = (_CODE["read_encoders_and_sonars"], _CODE["read_encoders"])
 
 
 class Board(NamedTuple):
     """Board identity, battery voltage and temperature; a value that the board does not measure is NaN.
 
-    A board that does not report its protocol counts as protocol 1 without capabilities; 2013 boards (firmware version
-    1) are of this kind.
+    A board that does not report its protocol counts as protocol 1; 2013 boards (firmware version 1) are of this kind.
+    Such a board has no capabilities, except `environment` if its telemetry is `SENSOR_STREAM`.
     """
 
     robot_id: int
@@ -71,6 +79,10 @@ class Plan(NamedTuple):
     check: bool = True
     gap_s: float = 0.0
     """Minimum time between two commands on a slow serial link [s]."""
+    imu_period_ms: int = 20
+    """Period of the IMU's stream [ms]; 0 turns it off."""
+    stream: bool = True
+    """Start the stream.  Without it there is no telemetry, and the board's silence goes unnoticed."""
 
 
 DEFAULT_PLAN = Plan()
@@ -136,7 +148,8 @@ class Handshake:
         """Time of the next `tick` [s]."""
         self.board: Optional[Board] = None
         self.done = False
-        self._stream = "start_stream"
+        self.stream = "start_stream"
+        """Row of the stream that the robot model needs."""
         self._steps: Iterator[Tuple[int, ...]] = iter(())
         self._step: Tuple[int, ...] = (_CODE["robot_info"],)
         self._attempts = 0
@@ -162,7 +175,7 @@ class Handshake:
 
         Raises:
             NotARobot: nothing answers, or the answer is not made of frames.
-            BoardError: the motor board does not answer its Arduino.
+            BoardError: the motor board, or the thermopile in the stream of sensors, does not answer its Arduino.
             BoardTimeout: the board stopped answering.
         """
         if now < self.due_s:
@@ -181,7 +194,7 @@ class Handshake:
                 )  # a frame after text on the same line is not decoded
             if self._patient or self._silent or self._attempts % 3 == 2:
                 self._send(*self._step, checked=not checked)
-        elif self._step[0] == _CODE["read_protocol"] and self._attempts and not self._sure:
+        elif self._step[0] in _MAY_BE_UNKNOWN and self._attempts and not self._sure:
             self._send(_CODE["robot_info"], checked=checked)
         self._send(*self._step, checked=checked)
         self._attempts += 1
@@ -204,7 +217,7 @@ class Handshake:
     def _judge(self, now: float) -> None:
         board = self.board or self._silent
         if board is not None:
-            if now >= self._give_up_s and (self._silent or self._faults & 1):
+            if now >= self._give_up_s and (self._silent or self._silencer()):
                 raise self._mute(board)
         elif self._junk and self._strange >= JUNK_BYTES and now >= self._junk[0] + JUNK_S:
             raise NotARobot(
@@ -215,17 +228,31 @@ class Handshake:
             raise NotARobot(self._nothing())
 
     def _mute(self, board: Board) -> BoardError:
-        if self._faults & 1:
+        silencer = self._silencer()
+        if silencer:
             return BoardError(
-                f"the motor board of robot {board.robot_id} does not answer its Arduino: check its power "
+                f"the {silencer} of robot {board.robot_id} does not answer its Arduino: check its power "
                 "and the I2C wires"
             )
         if self._alike:
             return BoardTimeout(f"the board (robot id {board.robot_id}) {self._differing()}")
+        hint = ""
+        if self.stream == SENSOR_STREAM and board.version < 2:
+            hint = (
+                ": a 2013 board hangs if its thermopile does not answer, so check its wires, or if the board has "
+                "sonars choose build sonar"
+            )
         return BoardTimeout(
-            f"the board (robot id {board.robot_id}) does not answer request {self._step[0]} any more; "
+            f"the board (robot id {board.robot_id}) does not answer request {self._step[0]} any more{hint}; "
             "reset it and try again"
         )
+
+    def _silencer(self) -> str:
+        """Return what keeps the stream from starting by the faults in the board's status; empty if nothing does."""
+        fault, name = (
+            ("sensor", "thermopile") if self.stream == SENSOR_STREAM else ("motor_board", "motor board")
+        )
+        return name if self._faults >> _FAULT[fault] & 1 else ""
 
     def _differing(self) -> str:
         return (
@@ -259,11 +286,13 @@ class Handshake:
         elif code in _ANSWERS.get(self._step[0], ()):
             if code == _CODE["read_status"]:
                 self._faults = frame.args[4]
+            elif code == _CODE[SENSOR_STREAM] and self.board is not None and self.board.protocol < 2:
+                self.board = self.board._replace(capabilities=frozenset({"environment"}))
             self._next(now)
 
     def _on_info(self, board: Board, now: float, checked: bool) -> None:
-        if self._step[0] == _CODE["read_protocol"] and not checked:
-            self._deaf += 1
+        if self._step[0] in _MAY_BE_UNKNOWN and not checked:
+            self._deaf = min(self._deaf + 1, self._attempts)  # replies to requests of before may still arrive
             if self._deaf >= DEAF:
                 self._do_without()
                 self._next(now)
@@ -282,7 +311,7 @@ class Handshake:
             self.hurry(now)
             return
         again, self._sure = self.board is not None, checked
-        self._stream = stream or "start_stream"
+        self.stream = stream or "start_stream"
         self.board = board
         if not again:
             self._steps, self._deaf = self._program(), 0
@@ -298,16 +327,19 @@ class Handshake:
         self._learn(args)
         assert self.board is not None
         if checked or self._alike >= ALIKE:
-            self._admit(self.board)
+            self.stream = self._admit(self.board) or "start_stream"
         self._next(now)
 
     def _do_without(self) -> None:
-        """Continue without `read_protocol`, which the board does not know.
+        """Continue without `read_protocol` or `SENSOR_STREAM`, which the board does not know.
 
         Raises:
             WrongRobot: the firmware is newer than this driver.
         """
         assert self.board is not None
+        if self._step[0] == _CODE[SENSOR_STREAM]:
+            self._steps = iter([(_CODE["start_stream"],)])
+            return
         if self.board.version > PROTOCOL_VERSION:
             raise WrongRobot(
                 f"the board has firmware {self.board.version} and does not tell its protocol, this driver knows "
@@ -350,15 +382,22 @@ class Handshake:
             if not self._sure:
                 yield (_CODE["robot_info"],)
                 yield (_CODE["read_protocol"],)
-        self._require_stream()
+        if self._plan.stream:
+            self._require_stream()
         if "watchdog" in self.board.capabilities:
             yield (_CODE["set_watchdog"], self._plan.watchdog_ms)
         yield (_CODE["read_status"],)
-        yield (_CODE[self._stream], self._plan.period_ms)
+        if self._plan.stream:
+            yield (_CODE[self.stream], self._plan.period_ms)
 
     def _plain_program(self) -> Iterator[Tuple[int, ...]]:
+        if not self._plan.stream:
+            return
         self._require_stream()
-        yield (_CODE["start_stream"],)
+        if self.stream == SENSOR_STREAM:  # on 2013 boards the streams of 23 and 27 come before it
+            yield (_CODE["stop_sensor_stream"],)
+            yield (_CODE["stop_compass_stream"],)
+        yield (_CODE[self.stream],)
 
     def _require_stream(self) -> None:
         """Check that the board has the stream that the robot model needs.
@@ -367,10 +406,15 @@ class Handshake:
             WrongRobot: it does not.
         """
         assert self.board is not None
-        if self._stream != "start_stream" and "omni" not in self.board.capabilities:
+        if self.stream == "start_omni_stream" and "omni" not in self.board.capabilities:
             raise WrongRobot(
-                f"the firmware of the board does not know three wheels (no request {_CODE[self._stream]}), which "
+                f"the firmware of the board does not know three wheels (no request {_CODE[self.stream]}), which "
                 "this robot model needs: flash it with: mrl flash --port PORT, or choose another model"
+            )
+        if self.stream == SENSOR_STREAM and "sonars" in self.board.capabilities:
+            raise WrongRobot(
+                "the firmware of the board has the build sonar, this robot model needs its environment sensors: "
+                "flash it with: mrl flash --build environment --port PORT, or choose another model"
             )
 
 

@@ -28,6 +28,8 @@ class Statistics(NamedTuple):
     """Writes that the port did not accept within 100 ms."""
     reconnects: int
     """Times the port was lost and the robot found again."""
+    streamed: int = 0
+    """Frames of the stream that were used."""
 
 
 class Counters:
@@ -37,7 +39,7 @@ class Counters:
         self.bytes_in = self.bytes_out = self.frames = self.lost = self.duplicates = 0
         self.overtaken = 0
         self.refused_counts = self.restarts = self.unanswered = self.blocked_writes = 0
-        self.reconnects = 0
+        self.reconnects = self.streamed = 0
         self.garbage: Dict[str, int] = {}
 
     def count_garbage(self, reason: str) -> None:

@@ -36,6 +36,10 @@ QUICK = Pace(0.005, 0.1, 0.05)
 """Pace for this project's firmware, which executes about 880 commands a second."""
 SLOW = Pace(0.1, 0.5, 0.15)
 """Pace for 2013 boards: they lose commands above 26 a second while they stream, and have no watchdog to feed."""
+SLOWEST = Pace(0.15, 0.5, 0.15)
+"""Pace for 2013 boards that stream their environment sensors: the board reads one byte for each frame that it sends,
+and sends 163 of these frames a second.
+"""
 STOPS = (
     "none", "user", "not_a_number", "command_timeout", "battery", "wheel_mismatch", "stale", "restarted", "link_lost",
     "host_paused", "closed",

@@ -1,4 +1,6 @@
-"""Periodic requests to the board: status, robot info, sensors, and sonars that are not in its stream."""
+"""Periodic requests to the board: status, robot info, sensors, sonars that are not in its stream, and the stream of its
+IMU.
+"""
 
 import math
 from typing import Callable, Set
@@ -18,7 +20,43 @@ BUSY_S = 3.0
 """After a motion request such as `calibrate`, the status is read more often for this time [s], to feed the board's
 watchdog.
 """
+IMU_S = 1.0
+"""If the IMU's stream is silent for this time, it is started again [s]: a request may be lost on the line."""
+LOST_S = 2.0
+"""Without an answer for this time, a `robot_info` counts as lost and is sent again [s]."""
 INFO, STATUS, SONARS = (BY_NAME[n].code for n in ("robot_info", "read_status", "read_sonars"))
+START_IMU, STOP_IMU = (BY_NAME[n].code for n in ("start_imu_stream", "stop_imu_stream"))
+
+
+class RoundTrip:
+    """Time from a request to its answer.  The answer to a request that follows a lost one may be that of the lost one,
+    and is not measured.
+
+    Attributes:
+        begun_s: time of the last request [s].
+    """
+
+    def __init__(self) -> None:
+        self.begun_s = self._certain_s = -math.inf
+        self._last_s = math.nan
+        self._certain = False
+        self._missed = 0
+
+    def begin(self, now: float, certain: bool) -> None:
+        """A request is sent; `certain` says that none before it waits for an answer."""
+        if self._certain_s == -math.inf:
+            self._certain_s = now
+        self.begun_s, self._certain = now, certain
+        self._missed += not certain
+
+    def end(self, now: float) -> None:
+        """The answer has arrived."""
+        if self._certain:
+            self._certain_s, self._last_s, self._missed = self.begun_s, now - self.begun_s, 0
+
+    def delay_s(self, now: float) -> float:
+        """The last round trip [s], NaN before the first; after two lost answers, the time since its request."""
+        return now - self._certain_s if self._missed > 1 else self._last_s
 
 
 class Poll:
@@ -37,28 +75,50 @@ class Poll:
         """No request is due before this time [s]."""
         self._asked: Set[int] = set()
         self._status_s = self._info_s = self._sonar_s = math.inf
+        self.imu_s = math.inf
+        """The IMU's stream is started then; `IMU_S` after its last frame [s]."""
+        self._imu_period_ms = 0
         self._info_period_s = INFO_S
+        self._sonars = True
         self._busy = False
         self._busy_until_s = -math.inf
+        self.round_trip = RoundTrip()
 
-    def begin(self, board: Board, now: float) -> None:
-        """Start: the board has been greeted."""
+    def begin(
+        self,
+        board: Board,
+        now: float,
+        imu_period_ms: int,
+        sensors_streamed: bool = False,
+        sonars: bool = True,
+    ) -> None:
+        """Start: the board has been greeted.  Without `imu_period_ms` the stream of an IMU is stopped.
+
+        `sensors_streamed` says that the telemetry is `SENSOR_STREAM`; without `sonars` they are never requested.
+        """
         old = board.protocol < 2
         self._info_period_s = POLL_2013_S if old else INFO_S
         self._status_s = math.inf if old else now + STATUS_S
         self._info_s = now + self._info_period_s
-        self.sensors.begin(board.capabilities, board.protocol, now)
+        self.round_trip = RoundTrip()
+        self._sonars = sonars
+        self.sensors.begin(board.capabilities, board.protocol, now, sensors_streamed)
+        if "imu" in board.capabilities:
+            self._imu_period_ms = imu_period_ms
+            self.imu_s = now if imu_period_ms else math.inf
+            if not imu_period_ms:
+                self._send(STOP_IMU)
         self.due_s = -math.inf
 
     def end(self) -> None:
         """Stop: nothing more is requested, and no answer is expected."""
         self._asked.clear()
         self.sensors.end()
-        self._status_s = self._info_s = self._sonar_s = math.inf
+        self._status_s = self._info_s = self._sonar_s = self.imu_s = math.inf
 
     def add_sonars(self, now: float) -> None:
         """Request the sonars as well, because the stream does not carry them."""
-        if self._sonar_s == math.inf:
+        if self._sonars and self._sonar_s == math.inf:
             self._sonar_s, self.due_s = now, -math.inf
 
     def hurry(self) -> None:
@@ -66,8 +126,10 @@ class Poll:
         if self._status_s < math.inf:
             self._busy, self._status_s, self.due_s = True, -math.inf, -math.inf
 
-    def answered(self, code: int) -> None:
+    def answered(self, code: int, now: float) -> None:
         """A frame with this code arrived."""
+        if code == INFO and code in self._asked:
+            self.round_trip.end(now)
         self._asked.discard(code)
         self.due_s = -math.inf
 
@@ -80,13 +142,25 @@ class Poll:
             period_s = quick_s if now < self._busy_until_s else STATUS_S
             self._status_s = self._ask(STATUS, self._status_s, now, period_s)
         if soon >= self._info_s:
-            self._info_s = self._ask(INFO, self._info_s, now, self._info_period_s)
+            self._ask_info(now)
         if soon >= self._sonar_s:
             self._sonar_s = self._ask(SONARS, self._sonar_s, now, SONAR_2013_S)
         if soon >= self.sensors.next_s:
             for code in self.sensors.take(soon):
                 self._send(code)
-        self.due_s = min(self._status_s, self._info_s, self._sonar_s, self.sensors.next_s)
+        if now >= self.imu_s:
+            self._send(START_IMU, self._imu_period_ms)
+            self.imu_s = now + IMU_S
+        self.due_s = min(self._status_s, self._info_s, self._sonar_s, self.sensors.next_s, self.imu_s)
+
+    def _ask_info(self, now: float) -> None:
+        """Send `robot_info`, which measures the round trip, unless the last one may still be answered."""
+        lost_s = self.round_trip.begun_s + LOST_S
+        if INFO in self._asked and now < lost_s:
+            self._info_s = lost_s
+            return
+        self.round_trip.begin(now, certain=INFO not in self._asked)
+        self._info_s = self._ask(INFO, self._info_s, now, self._info_period_s)
 
     def _ask(self, code: int, due_s: float, now: float, period_s: float) -> float:
         """Send a request and return when it is due again [s]; count the last one as lost if its answer is missing."""

@@ -12,11 +12,24 @@ from mrl_driver.errors import BoardTimeout
 from mrl_driver.protocol import REPLIES, Event, Frame, FrameDecoder, Garbage, encode_request
 from mrl_driver.protocol.table import BY_NAME, INT16_MAX, INT16_MIN
 
-from .events import Counts, Info, Ready, Reply, SessionEvent, Sonars, Stale, Status, status_of
+from .events import (
+    Counts,
+    Info,
+    Ready,
+    Reply,
+    SensorRead,
+    SessionEvent,
+    Sonars,
+    Stale,
+    Status,
+    imu_reading,
+    status_of,
+)
 from .handshake import DEFAULT_PLAN, Board, Handshake, Plan, board_of
 from .link_counters import Counters
-from .motion_command import QUICK, SLOW, STOP, Motion, Pace, Speeds
-from .polling import INFO, SONARS, STATUS, Poll
+from .motion_command import QUICK, SLOW, SLOWEST, STOP, Motion, Pace, Speeds
+from .polling import IMU_S, INFO, SONARS, STATUS, STOP_IMU, Poll
+from .sensor_polling import SENSOR_STREAM
 from .sequence import Stream
 
 __all__ = ["Counts", "Info", "Ready", "Reply", "Session", "SessionEvent", "Sonars", "Stale", "Status"]
@@ -41,11 +54,11 @@ STOPPING_S = 1.0
 PLAIN_FRAMES = 3
 """This many frames in a row without a checksum mean that the board restarted; fewer may be damaged frames."""
 
-_COUNTS, _BOTH, _OMNI = (
-    BY_NAME[n].code for n in ("read_encoders", "read_encoders_and_sonars", "start_omni_stream")
+_COUNTS, _BOTH, _OMNI, _SENSING = (
+    BY_NAME[n].code for n in ("read_encoders", "read_encoders_and_sonars", "start_omni_stream", SENSOR_STREAM)
 )
-_STREAMS = (_BOTH, _COUNTS, _OMNI)
-_CHECK = BY_NAME["set_check"].code
+_STREAMS = (_BOTH, _COUNTS, _OMNI, _SENSING)
+_CHECK, _IMU = BY_NAME["set_check"].code, BY_NAME["read_imu"].code
 
 _encode = lru_cache(maxsize=32)(encode_request)
 """Cached, because polls, repeats and stops are often the same bytes."""
@@ -107,6 +120,8 @@ class Session:
         """Work due within this time is done together with the current frame, which saves a wake-up [s]."""
         self._poll = Poll(self._send, self.counters, self.lead_s)
         self.sensors = self._poll.sensors
+        self.reads_imu = True
+        """Start the stream of the board's IMU, if it has one."""
         self._attended_s = now
         self.hurried = True
         """Work may be due earlier than `deadline` said last; the time of `motion` not counted."""
@@ -126,6 +141,10 @@ class Session:
         """The board has a watchdog, and it is on."""
         board = self.board
         return board is not None and "watchdog" in board.capabilities and self._plan.watchdog_ms > 0
+
+    def round_trip_s(self, now: float) -> float:
+        """Time from a request to its answer, measured once a second (every 2 s on boards of 2013); NaN before [s]."""
+        return self._poll.round_trip.delay_s(now) if self.ready else math.nan
 
     @property
     def checked(self) -> bool:
@@ -184,6 +203,10 @@ class Session:
         """End the session: stop the stream and turn checksums off, as a 2013 host expects."""
         self.motion.forget("closed")
         self._send(BY_NAME["stop_stream"].code)
+        if self._stream_code == _SENSING:
+            self._send(BY_NAME["stop_sensor_ldr_stream"].code)
+        if self.board is not None and "imu" in self.board.capabilities:
+            self._send(STOP_IMU)
         if self.checked:
             self._send(_CHECK, 0)
 
@@ -227,6 +250,9 @@ class Session:
             counters.frames += 1
             if frame.code in _STREAMS:
                 self._on_counts(frame, now, events)
+            elif frame.code == _IMU and self._poll.imu_s < math.inf:
+                self._on_imu(frame, now, events)
+                continue
             if frame.code not in _STREAMS or self._greeting is not None:
                 self._on_frame(frame, now, checked, events)
         if self._greeting is not None and (strange or b"@" not in data):
@@ -331,7 +357,7 @@ class Session:
     def _on_frame(self, frame: Frame, now: float, checked: bool, events: List[SessionEvent]) -> None:
         """Process any frame except telemetry of a ready board; `checked` says that it had a checksum."""
         code = frame.code
-        self._poll.answered(code)
+        self._poll.answered(code, now)
         if code == STATUS:
             self._on_status(status_of(frame.args), now, events)
         elif code == INFO:
@@ -340,8 +366,11 @@ class Session:
         elif code == SONARS:
             events.append(Sonars(frame.args))
         elif code not in _STREAMS:
-            if frame.stamp is not None and self._stream.missing(frame.stamp.sequence, self._silent(now)) < 0:
-                return  # an old frame; all streams share one sequence of numbers
+            if frame.stamp is not None:  # all streams share one sequence of numbers
+                missing = self._stream.missing(frame.stamp.sequence, self._silent(now))
+                if missing < 0:
+                    return  # an old frame
+                self._stream.clock.beside(frame.stamp.time, now, not missing)
             self.sensors.heard(frame, now)
             events.append(Reply(frame))
         if self._greeting is not None:
@@ -373,15 +402,35 @@ class Session:
             events.append(Reply(frame))
             return
         self.heard_s = now
+        self.counters.streamed += 1
         counts, sonars, rear = args[:2], args[2:] or None, None
         if frame.code == _OMNI:
             counts, sonars, rear = args[:3], args[3:], args[2]
+        elif frame.code == _SENSING:
+            sonars = None
+            for name in self.sensors.in_stream(args, now):
+                events.append(SensorRead(name, self.sensors.readings[name]))
         elif counts == args:
             self._poll.add_sonars(now)
         if self.motion.settling:
             self.motion.observe(counts != self._last, now)
         self._last = counts
         events.append(_new(Counts, (args[0], args[1], sonars, time_s, stamp_s, now, sequence, rear)))
+
+    def _on_imu(self, frame: Frame, now: float, events: List[SessionEvent]) -> None:
+        """Process a frame of the IMU's stream.  Without board time it is not used; see `_begin`."""
+        stamp, stream = frame.stamp, self._stream
+        if stamp is None:
+            return
+        sequence, missing = stamp.sequence, 0
+        if sequence == stream.expected:  # the common case
+            stream.expected = sequence + 1 if sequence < INT16_MAX else INT16_MIN
+        else:
+            missing = stream.missing(sequence, self._silent(now))
+            if missing < 0:
+                return
+        self._poll.imu_s = now + IMU_S
+        events.append(imu_reading(frame.args, *stream.clock.beside(stamp.time, now, not missing), now))
 
     def _silent(self, now: float) -> bool:
         return now - self.heard_s >= STALE_S
@@ -419,21 +468,27 @@ class Session:
         greeting, self._greeting = self._greeting, None
         assert greeting is not None and greeting.board is not None
         again, self.board = self.board is not None, greeting.board
-        if not again:
+        streams = self._plan.stream
+        if not again and streams:
             self._telemetry_by_s = now + self._greeting_s
         old = self.board.protocol < 2
-        self.motion.pace, self.motion.skip_minus_one = SLOW if old else self._pace(), old
-        self._poll.begin(self.board, now)
+        sensing = self._stream_code == _SENSING
+        pace = (SLOWEST if sensing else SLOW) if old else self._pace()
+        self.motion.pace, self.motion.skip_minus_one = pace, old
+        read = self.checked and self.reads_imu  # only checked frames have board time
+        imu_period_ms = self._plan.imu_period_ms if read else 0
+        self._poll.begin(self.board, now, imu_period_ms, sensing, greeting.stream != SENSOR_STREAM)
         if abs(self._boot_s - self._boot_before_s) < SAME_BOOT_S:
             self._restarted = False
         self.counters.restarts += again and self._restarted
         if self._restarted:
             self._stream.begin_anew()
             self.counters.lost = self._lost_before  # after a restart the numbers start again: none were lost
-        self.heard_s = now
+        self.heard_s = now if streams else math.inf  # without a stream nothing is late or stale
         self.motion.make_sure()
         coast_s = self._plan.watchdog_ms / 1000 + STOPPING_S if self._watched else math.inf
-        events.append(Ready(self.board, self._restarted, self.checked, coast_s))
+        imu = self._poll.imu_s < math.inf
+        events.append(Ready(self.board, self._restarted, self.checked, coast_s, imu))
         self._restarted = False
 
 

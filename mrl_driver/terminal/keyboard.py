@@ -4,6 +4,7 @@ import os
 import select
 import sys
 import termios
+import time
 import tty
 from typing import Any, List, Optional
 
@@ -27,9 +28,14 @@ class Keyboard:
     """Reads keys from stdin inside a `with` block, which restores the terminal's settings at its end.
 
     Ctrl-Z is a key as any other and does not suspend the program: the shell would get the terminal as it is here.
+
+    Attributes:
+        pressed_s: earliest time at which the keys that `read` returned last may have reached the terminal
+            [s, `time.monotonic()`]: the end of the `read` before it, if they waited already.
     """
 
     def __init__(self) -> None:
+        self.pressed_s = self._looked_s = time.monotonic()
         self._fd = sys.stdin.fileno()
         self._settings: Optional[List[Any]] = None
 
@@ -47,7 +53,22 @@ class Keyboard:
 
     def read(self, timeout_s: float) -> List[str]:
         """Return the keys pressed, after waiting at most `timeout_s` for the first; `q` if the terminal was closed."""
-        ready, _, _ = select.select([self._fd], [], [], timeout_s)
+        self.pressed_s = self._looked_s
+        ready, _, _ = select.select([self._fd], [], [], 0)
         if not ready:
-            return []
-        return split(os.read(self._fd, 64)) or ["q"]
+            ready, _, _ = select.select([self._fd], [], [], timeout_s)
+            self.pressed_s = time.monotonic()
+        keys = split(os.read(self._fd, 64)) or ["q"] if ready else []
+        self._looked_s = time.monotonic()
+        return keys
+
+
+class NoKeyboard:
+    """A keyboard on which nobody presses a key."""
+
+    pressed_s = 0.0
+
+    def read(self, timeout_s: float) -> List[str]:
+        """Return no key, after `timeout_s`."""
+        time.sleep(timeout_s)
+        return []

@@ -12,10 +12,11 @@ from rich.table import Table
 from rich.text import Text
 
 from mrl_driver.geometry import Pose
+from mrl_driver.safety.operator_delay import delay_text
 
 from .frame_log import Line
 from .live_map import draw
-from .shown_state import ShownState, moves_sideways, range_text
+from .shown_state import ShownState, has_motors, moves_sideways, range_text
 
 LEFT_COLUMNS = 39
 NARROW, LOW = 72, 18
@@ -52,6 +53,8 @@ class Shown(NamedTuple):
     keys: Sequence[Tuple[str, str]]
     """Further keys, and what they do."""
     now_s: float
+    delays_s: Tuple[float, float, float] = (math.nan, math.nan, math.nan)
+    """From a key press to the board, and its parts: to the written command, and the link; NaN if unknown."""
 
 
 def render(now: Shown, width: int, height: int) -> RenderableType:
@@ -65,13 +68,15 @@ def render(now: Shown, width: int, height: int) -> RenderableType:
     ]
     screen.split_column(*rows)
     inner = height - 1 - len(footer)
-    if width < NARROW:
+    mapped, logged = has_motors(now.state.model), now.log is not None and height >= LOW
+    if width < NARROW or not (mapped or logged):
         screen["body"].update(_left(now, inner))
         return screen
     columns = width - LEFT_COLUMNS
-    log_rows = 0 if now.log is None or height < LOW else max(5, min(len(now.log), inner // 3)) + 2
+    log_rows = max(5, min(len(now.log or ()), inner // 3)) + 2 if logged else 0
+    log_rows = log_rows if mapped else inner
     right = Layout()
-    parts = [Layout(_map(now, columns, inner - log_rows), name="map")]
+    parts = [Layout(_map(now, columns, inner - log_rows), name="map")] if mapped else []
     if log_rows:
         parts.append(Layout(_frames(now, columns, log_rows - 2), size=log_rows))
     right.split_column(*parts)
@@ -116,8 +121,10 @@ def _footer(now: Shown, width: int, height: int) -> List[Text]:
 
 
 def _keys(now: Shown) -> Text:
-    keys = (
-        [("arrows wasd", "drive"), ("space", "stop"), ("Enter", "lock")]
+    keys: List[Tuple[str, str]] = (
+        []
+        if not has_motors(now.state.model)
+        else [("arrows wasd", "drive"), ("space", "stop"), ("Enter", "lock")]
         if now.keys_drive
         else [("Enter", "drive with keys"), ("space", "stop")]
     )
@@ -167,6 +174,8 @@ def _left(now: Shown, height: int) -> RenderableType:
 
 def _motion(now: Shown) -> Table:
     state, grid = now.state, _grid()
+    if not has_motors(state.model):
+        return grid
     pose, twist, asked = state.pose, state.twist, state.command
     _add(grid, "pose", f"x {pose.x_m:+.3f}  y {pose.y_m:+.3f} m")
     grid.add_row("heading", f"{math.degrees(pose.yaw_rad):+.1f} deg")
@@ -218,6 +227,9 @@ def _link(now: Shown) -> Table:
     else:
         _add(grid, "state", f"{now.rate_hz:.0f} Hz, newest {state.age_s * 1000:.0f} ms ago")
     _add(grid, *state.errors)
+    delay_s, *parts_s = now.delays_s
+    key, link = ("?" if math.isnan(part_s) else f"{part_s * 1000:.0f}" for part_s in parts_s)
+    _add(grid, "delay", f"{delay_text(delay_s)}: key {key}, link {link}")
     return grid
 
 
@@ -228,7 +240,9 @@ def _bar(share: float, style: str) -> Text:
 
 def _map(now: Shown, columns: int, rows: int) -> Panel:
     canvas, step_m = draw(now.state, now.trail, max(4, columns - 4), max(2, rows - 2))
-    return _panel(canvas.text(), f"path and sonars[/] [dim]· each {step_m:g} m")
+    model = now.state.model
+    shown = "path" if model is not None and not model.sonars else "path and sonars"
+    return _panel(canvas.text(), f"{shown}[/] [dim]· each {step_m:g} m")
 
 
 def _frames(now: Shown, columns: int, rows: int) -> Panel:

@@ -4,14 +4,15 @@ import contextlib
 import math
 import sys
 import time
-from typing import TYPE_CHECKING, Any, Callable, Iterator, List, NamedTuple, Optional, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Iterator, List, NamedTuple, Optional, Tuple, Union
 
 from mrl_driver.robot.robot_state import Telemetry
-from mrl_driver.session.events import Lost, PathUnknown, Reconnected, Slowed
+from mrl_driver.safety.operator_delay import MAX_DELAY_S, DelayGuard
+from mrl_driver.session.events import ImuChanged, Lost, PathUnknown, Reconnected, Slowed
 
 from .frame_log import FrameLog
-from .keyboard import Keyboard
-from .shown_state import ShownState, moves_sideways, state_of
+from .keyboard import Keyboard, NoKeyboard
+from .shown_state import ShownState, has_motors, moves_sideways, state_of
 from .teleop_keys import Teleop
 from .trail import Trail
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from .live_panels import Shown
 
 TICK_S, REFRESH_S = 0.05, 0.1
+NO_MOTORS = "this board has no motors: no driving"
 
 
 class Rate:
@@ -46,6 +48,8 @@ class Settings(NamedTuple):
     keys_drive: bool = False
     """The keys drive from the start; otherwise the user must press Enter first."""
     ignore_battery: bool = False
+    max_delay_s: float = MAX_DELAY_S
+    """The keys do not drive above this delay from a key press to the board; 0 for no limit."""
 
 
 class Screen:
@@ -57,12 +61,22 @@ class Screen:
     keys: Tuple[Tuple[str, str], ...] = (("f", "frames"),)
     """Further keys, and what they do."""
 
-    def __init__(self, driver: Any, settings: Settings, log: Optional[FrameLog]) -> None:
+    def __init__(
+        self,
+        driver: Any,
+        settings: Settings,
+        log: Optional[FrameLog],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._clock, self._guard = clock, DelayGuard(settings.max_delay_s, "--max-delay")
+        self._pressed_s: Optional[float] = None
+        self._key_s = math.nan
         self._driver, self._settings, self._log = driver, settings, log
         self.trail, self._rate, self._teleop = Trail(), Rate(), Teleop()
         self._keys_drive, self._shows_log, self._notice = settings.keys_drive, True, driver.warning
-        self._start_s = time.monotonic()
+        self._start_s = clock()
         self.frames = 0
+        self._moves = has_motors(driver.model)
         self.ended = False
         driver.on_telemetry(self._on_telemetry)
         driver.on_event(self._on_event)
@@ -72,11 +86,11 @@ class Screen:
         self.trail.add(telemetry.pose)
 
     def _on_event(self, event: object) -> None:
-        if isinstance(event, (Lost, Reconnected, Slowed, PathUnknown)):
+        if isinstance(event, (Lost, Reconnected, Slowed, PathUnknown, ImuChanged)):
             self._notice = str(event)
 
     def press(self, key: str, now_s: float) -> None:
-        """Handle a key."""
+        """Handle a key that was pressed at `now_s`."""
         if key in ("q", "escape"):
             self.ended = True
         elif key in ("\r", "\n"):
@@ -90,11 +104,16 @@ class Screen:
             self._driver.stop()
             self._notice = ""
         elif self._keys_drive:
-            self._teleop.press(key, now_s)
+            if self._teleop.press(key, now_s) and self._pressed_s is None:
+                self._pressed_s = now_s
         elif self._teleop.moves(key, moves_sideways(self._driver.model)):
-            self._notice = "press Enter first to drive with the keys"
+            motors = has_motors(self._driver.model)
+            self._notice = "press Enter first to drive with the keys" if motors else NO_MOTORS
 
     def _toggle_keys(self) -> None:
+        if not has_motors(self._driver.model):
+            self._notice = NO_MOTORS
+            return
         empty = self._driver.battery_state in ("empty", "off") and not self._settings.ignore_battery
         self._keys_drive = not self._keys_drive and not empty
         self._notice = f"the battery is {self._driver.battery_state}: no driving" if empty else ""
@@ -104,14 +123,32 @@ class Screen:
         wanted: Tuple[float, ...] = self._teleop.command(now_s) if self._keys_drive else ()
         if wanted and moves_sideways(self._driver.model):
             wanted = (*wanted, self._teleop.slide(now_s))
-        if any(wanted):
+        if self._guard.may_drive(any(wanted), self.delays_s(now_s)[0]):
             self._driver.drive(*wanted)
         elif self._driver.command is not None:
             self._driver.stop()
+        if self._pressed_s is not None:
+            self._key_s, self._pressed_s = self._clock() - self._pressed_s, None
+
+    def delays_s(self, now_s: float) -> Tuple[float, float, float]:
+        """Return the operator's delay [s], and its parts: key press to written command, and the link.
+
+        A part that is not known yet is NaN and does not count.
+        """
+        key_s = self._key_s if self._pressed_s is None else now_s - self._pressed_s
+        link_s = self._driver.link_delay_s
+        known = [part for part in (key_s, link_s) if not math.isnan(part)]
+        return math.fsum(known) if known else math.nan, key_s, link_s
 
     def state(self) -> ShownState:
         """Return the robot's state now."""
         return state_of(self._driver)
+
+    @property
+    def _streamed(self) -> int:
+        """Number of frames so far; boards without motors have no telemetry that could be counted."""
+        count: int = self.frames if self._moves else self._driver.statistics.streamed
+        return count
 
     def shown(self, now_s: float) -> "Shown":
         """Return what to show now."""
@@ -125,14 +162,17 @@ class Screen:
             self._settings.record,
             bool(loss),
             now_s - self._start_s,
-            self._rate.update(self.frames, now_s),
+            self._rate.update(self._streamed, now_s),
             self.trail.poses,
             self.trail.distance_m,
             self._log.lines() if self._log and self._shows_log else None,
             self._keys_drive,
-            f"{mismatch}; space goes on" if mismatch is not None else loss or self._notice,
+            f"{mismatch}; space goes on"
+            if mismatch is not None
+            else self._guard.reason or loss or self._notice,
             self.keys,
             now_s,
+            self.delays_s(now_s),
         )
 
 
@@ -156,12 +196,11 @@ def run(driver: Any, screen: Screen, seconds: float = math.inf) -> None:
     live = Live(
         console=console, screen=True, auto_refresh=False, redirect_stdout=False, redirect_stderr=False
     )
-    with _keyboard() as read, live:
+    with _keyboard() as keyboard, live:
         while not screen.ended and time.monotonic() - start_s < seconds:
-            keys = read(TICK_S)
+            for key in keyboard.read(TICK_S):
+                screen.press(key, keyboard.pressed_s)
             now_s = time.monotonic()
-            for key in keys:
-                screen.press(key, now_s)
             screen.steer(now_s)
             if now_s >= shown_s + REFRESH_S:
                 shown_s = now_s
@@ -171,15 +210,10 @@ def run(driver: Any, screen: Screen, seconds: float = math.inf) -> None:
 
 
 @contextlib.contextmanager
-def _keyboard() -> Iterator[Callable[[float], List[str]]]:
-    """Return a function that reads keys; if stdin is not a terminal, it never returns any."""
+def _keyboard() -> Iterator[Union[Keyboard, NoKeyboard]]:
+    """The keyboard of the terminal; without keys if stdin is not a terminal."""
     if not sys.stdin.isatty():
-        yield _no_keys
+        yield NoKeyboard()
         return
     with Keyboard() as keyboard:
-        yield keyboard.read
-
-
-def _no_keys(timeout_s: float) -> List[str]:
-    time.sleep(timeout_s)
-    return []
+        yield keyboard

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Dict, Mapping, NamedTuple, Optional, Sequ
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol.table import SENSOR_BY_NAME
 from mrl_driver.robot.battery import voltage_text
+from mrl_driver.robot.imu import ABSENT, IN_USE, LEARNING, REASONS
 from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.robot.odometry import AnyTwist
 from mrl_driver.session.sensor_polling import text
@@ -48,6 +49,8 @@ class ShownState(NamedTuple):
     """Age of the newest telemetry [s]."""
     errors: Row
     """Errors of the link."""
+    imu: str = ""
+    """The state of the IMU, one of `robot.imu.STATES`; empty without one."""
 
 
 def state_of(driver: "Driver") -> ShownState:
@@ -71,20 +74,38 @@ def state_of(driver: "Driver") -> ShownState:
         driver.ready,
         driver.age_s,
         Row("errors", bad, "yellow" if seen.lost or damage or seen.restarts else ""),
+        "" if driver.imu_state == ABSENT else driver.imu_state,
     )
+
+
+def _imu(driver: "Driver") -> Sequence[Row]:
+    """Return the row of the IMU; none if the board has, and had, none."""
+    state, imu = driver.imu_state, driver.imu
+    if state == ABSENT and imu is None:
+        return []
+    if state == IN_USE and imu is not None:
+        return [Row("imu", f"{state}, bias {math.degrees(imu.bias_rad_s):+.2f} deg/s")]
+    if state == LEARNING:
+        return [Row("imu", f"{state}: stand still", "yellow")]
+    return [Row("imu", f"{state}: wheels alone", "bold red" if state in REASONS else "")]
 
 
 def _board(driver: "Driver") -> Sequence[Row]:
     status = driver.status
     if status is None:
-        return [Row("firmware", "1 (2013), no watchdog")]
+        return [Row("firmware", "1 (2013), no watchdog" if has_motors(driver.model) else "1 (2013)")]
     faults = ", ".join(status.faults).replace("_", " ")
     warm = "" if math.isnan(driver.temperature_c) else f", {driver.temperature_c:.0f} degC"
     up = f"up {_span(status.uptime_s)}{warm}"
     return [
         Row("firmware", f"{driver.board.version}, {up}"),
-        Row("last stop", f"by {status.stop_reason.replace('_', ' ')}"),
+        *(
+            [Row("last stop", f"by {status.stop_reason.replace('_', ' ')}")]
+            if has_motors(driver.model)
+            else []
+        ),
         Row("faults", faults or "none", "bold red" if faults else ""),
+        *_imu(driver),
     ]
 
 
@@ -104,6 +125,11 @@ def moves_sideways(model: Optional[RobotModel]) -> bool:
     return model is not None and isinstance(model.drive, OmniDrive)
 
 
+def has_motors(model: Optional[RobotModel]) -> bool:
+    """Return whether the board has motors, and so a pose; True while the model is unknown."""
+    return model is None or model.drives
+
+
 def range_text(value_m: float) -> str:
     """Return a range as text."""
     if math.isnan(value_m):
@@ -114,16 +140,21 @@ def range_text(value_m: float) -> str:
 
 
 def line_of(state: ShownState) -> str:
-    """Return pose, speeds, ranges and battery in one line."""
+    """Return pose, speeds, ranges, battery and other sensors in one line; without motors the sensors alone."""
     pose, twist = state.pose, state.twist
     aside = f"sideways {twist.lateral_m_s:6.3f} m/s  " if len(twist) == 3 else ""
-    ranges = "  ".join(f"{name} {range_text(value)}" for name, value in state.ranges.items())
+    ranges = "".join(f"{name} {range_text(value)}  " for name, value in state.ranges.items())
+    sensors = "".join(f"  {name} {value}" for name, value in state.sensors.items())
+    silent = "" if state.ready else "  NO TELEMETRY"
+    if not has_motors(state.model):
+        return f"{state.name}{sensors or '  no reading yet'}{silent}"
     return (
         f"x {pose.x_m:7.3f} m  y {pose.y_m:7.3f} m  yaw {math.degrees(pose.yaw_rad):7.2f} deg  "
-        f"v {twist.linear_m_s:6.3f} m/s  {aside}w {twist.angular_rad_s:6.3f} rad/s  {ranges}  "
+        f"v {twist.linear_m_s:6.3f} m/s  {aside}w {twist.angular_rad_s:6.3f} rad/s  {ranges}"
         f"battery {voltage_text(state.battery_v)} ({state.battery_state})"
-        + "".join(f"  {name} {value}" for name, value in state.sensors.items())
-        + ("" if state.ready else "  NO TELEMETRY")
+        + sensors
+        + (f"  imu {state.imu}" if state.imu else "")
+        + silent
     )
 
 
@@ -132,20 +163,38 @@ def line(driver: "Driver") -> str:
     return line_of(state_of(driver))
 
 
+def imu_facts(driver: "Driver") -> Dict[str, Any]:
+    """Return the IMU's state and what it measures, for JSON; without readings only the state."""
+    imu = driver.imu
+    facts: Dict[str, Any] = {"state": driver.imu_state}
+    if imu is not None:
+        facts.update(
+            angular_velocity_rad_s=imu.angular_velocity_rad_s,
+            linear_acceleration_m_s2=imu.linear_acceleration_m_s2,
+            bias_rad_s=imu.bias_rad_s if imu.bias_known else None,
+        )
+    return facts
+
+
 def snapshot(driver: "Driver") -> Dict[str, Any]:
-    """Return the robot's state and the state of the link, for JSON; SI units, with the unit at the end of the key."""
-    seen, command = driver.statistics, driver.command
+    """Return the robot's state and the state of the link, for JSON; SI units, with the unit at the end of the key.
+
+    A board without motors has no pose and no twist.
+    """
+    seen, command, moves = driver.statistics, driver.command, has_motors(driver.model)
     return {
-        "pose": driver.pose._asdict(),
-        "twist": driver.twist._asdict(),
+        "pose": driver.pose._asdict() if moves else None,
+        "twist": driver.twist._asdict() if moves else None,
         "command": command._asdict() if command else None,
         "ranges_m": driver.ranges,
         "sensors": {name: list(found.values) for name, found in driver.sensors.items()},
+        "imu": imu_facts(driver),
         "battery_v": driver.battery_v,
         "battery_state": driver.battery_state,
         "temperature_c": driver.temperature_c,
         "ready": driver.ready,
         "age_s": driver.age_s,
+        "link_delay_s": driver.link_delay_s,
         "stop_reason": driver.stop_reason,
         "frames": seen.frames,
         "lost": seen.lost,

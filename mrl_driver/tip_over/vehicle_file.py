@@ -11,11 +11,21 @@ from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.models.drives import MecanumDrive, OmniDrive
 from mrl_driver.yaml_file import Reader
 
-from .margin import Mass, Point, Vehicle, hull
+from .margin import Arm, Mass, Point, Vehicle, hull
 
 _FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "vehicles")
-_KEYS = ("name", "contacts", "body", "payloads")
-_RANGES = {"mass_kg": (1e-6, 1e5), "x_m": (-100.0, 100.0), "y_m": (-100.0, 100.0), "height_m": (1e-6, 100.0)}
+_KEYS = ("name", "contacts", "body", "payloads", "arm")
+RANGES = {
+    "mass_kg": (1e-6, 1e5),
+    "x_m": (-100.0, 100.0),
+    "y_m": (-100.0, 100.0),
+    "height_m": (1e-6, 100.0),
+    "length_m": (1e-3, 100.0),
+    "centre_m": (0.0, 100.0),
+    "angle_deg": (0.0, 180.0),
+    "heading_deg": (-180.0, 180.0),
+}
+"""Limits of the numbers in a file."""
 
 
 def names() -> List[str]:
@@ -61,13 +71,14 @@ def parse(data: Any, path: str) -> Vehicle:
         ConfigError: a key is missing, unknown, of the wrong type or out of range.
     """
     reader = Reader(path)
-    found = reader.keys("", data, _KEYS, ("payloads",))
+    found = reader.keys("", data, _KEYS, ("payloads", "arm"))
     payloads = reader.mapping("payloads", found.get("payloads", {}), "a mapping of names to masses")
     return Vehicle(
         reader.text("name", found["name"]),
         _contacts(reader, found["contacts"]),
         _mass(reader, "body", found["body"]),
         {str(name): _mass(reader, f"payloads.{name}", value) for name, value in payloads.items()},
+        _arm(reader, found["arm"]) if "arm" in found else None,
     )
 
 
@@ -77,7 +88,7 @@ def of_model(model: RobotModel) -> Vehicle:
     Raises:
         ConfigError: the model does not contain all ground contact points.
     """
-    drive, body = model.drive, model.body
+    drive, body = model.base, model.body
     if isinstance(drive, OmniDrive):
         angles = [math.radians(angle) for angle in drive.angles_deg]
         contacts = [(drive.radius_m * math.cos(angle), drive.radius_m * math.sin(angle)) for angle in angles]
@@ -104,7 +115,7 @@ def _contacts(reader: Reader, value: Any) -> Tuple[Point, ...]:
     for number, point in enumerate(value):
         if not isinstance(point, list) or len(point) != 2:
             raise reader.fail(f"contacts[{number}]", point, "x and y [m]")
-        x, y = (reader.number(f"contacts[{number}]", each, *_RANGES["x_m"]) for each in point)
+        x, y = (reader.number(f"contacts[{number}]", each, *RANGES["x_m"]) for each in point)
         points.append((x, y))
     try:
         hull(points)
@@ -115,4 +126,14 @@ def _contacts(reader: Reader, value: Any) -> Tuple[Point, ...]:
 
 def _mass(reader: Reader, key: str, data: Any) -> Mass:
     found = reader.keys(key, data, Mass._fields)
-    return Mass(*(reader.number(f"{key}.{name}", found[name], *_RANGES[name]) for name in Mass._fields))
+    return Mass(*(reader.number(f"{key}.{name}", found[name], *RANGES[name]) for name in Mass._fields))
+
+
+def _arm(reader: Reader, data: Any) -> Arm:
+    found = reader.keys("arm", data, Arm._fields, ("heading_deg",))
+    arm = Arm(**{name: reader.number(f"arm.{name}", value, *RANGES[name]) for name, value in found.items()})
+    if arm.centre_m > arm.length_m:
+        raise reader.fail(
+            "arm.centre_m", arm.centre_m, f"a place on the arm, which is {arm.length_m:g} m long"
+        )
+    return arm

@@ -17,6 +17,10 @@ SLOW = "the board knows no other speed, or errors showed: update its firmware, o
 """Why a link could not be raised to a higher baud rate, and what to do."""
 FRAME_BYTES, COMMAND_BYTES = 50, 24
 """Nearly the longest stream frame (with stamp, checksum and line end) and the longest motion command [byte]."""
+IMU_BYTES = 60
+"""Usual length of an IMU's frame [byte]."""
+SLOWEST_IMU_MS = 40
+"""Longest period of the IMU's stream [ms]: the gyro's filter passes 42 Hz, and a reading may be lost."""
 SLOWEST_BAUD = 4800
 """Slowest link [Bd].  On a slower one the time between two stream frames comes near 280 ms, after which telemetry is
 stale."""
@@ -32,6 +36,18 @@ def least_period_ms(baud: int) -> int:
     19 ms at 38400 baud, 38 at 19200, 75 at 9600.
     """
     return 0 if baud >= BAUD else math.ceil(1000 * BYTE_BITS * FRAME_BYTES / (baud * SHARE))
+
+
+def least_imu_period_ms(baud: int, stream_ms: int) -> int:
+    """Return the shortest period of the IMU's stream next to a stream of counters of period `stream_ms` [ms], within
+    `SHARE` of the link; 0 if there is no room for `SLOWEST_IMU_MS`.
+
+    10 ms on a fast link, where the IMU's frames wait for the others.
+    """
+    if baud >= BAUD:
+        return 10
+    room = baud / BYTE_BITS * SHARE - 1000 * FRAME_BYTES / max(1, stream_ms)
+    return math.ceil(1000 * IMU_BYTES / room) if room * SLOWEST_IMU_MS >= 1000 * IMU_BYTES else 0
 
 
 def command_gap_s(baud: int) -> float:

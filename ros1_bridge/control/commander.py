@@ -1,23 +1,31 @@
-"""The node's commands to the driver: emergency stop, motor switch, protective zones, and why the robot
-stands.  No ROS.
+"""The node's commands to the driver: emergency stop, motor switch, operation mode, protective zones, and why the
+robot stands.  No ROS.
 
 The driver limits the speeds and owns the command timeout.  It also refuses commands while it is inhibited, so that no
-command overtakes an emergency stop.  Therefore this module needs no lock.
+command overtakes an emergency stop.  Therefore only the limits need a lock.
 """
 
 import time
 from typing import Any, Callable, Optional, Tuple
 
+from mrl_driver.lock_order import new_lock
 from mrl_driver.robot.models import Limits
+from mrl_driver.safety.operation_mode import FASTEST_MANUAL_M_S, reduced
 from mrl_driver.safety.protective_zones import Zones
 from mrl_driver.session.session import STALE_S
+
+from .wheel_motion import WheelMotion
 
 EMERGENCY, DISABLED, LINK, BATTERY = "emergency stop", "motors disabled", "no telemetry", "battery"
 WHEEL = "wheel mismatch"
 ADRIFT = "no telemetry, may still be moving"
 """The link to a board without a watchdog was lost while the robot drove."""
 ZONE = "protective zone"
+LATE = "command too late"
+"""An operator's command arrived too late to be followed."""
 TIMEOUT, NOT_FINITE, NONE = "command timeout", "command not finite", "none"
+TO_MANUAL = "change to manual mode"
+"""It ended a drive to a pose."""
 REFUSALS = {
     EMERGENCY: "the emergency stop is latched; call the service release_stop",
     DISABLED: "the motors are disabled; call the service enable_motors with true",
@@ -44,17 +52,46 @@ class Commander:
         """The protective zones, if there are any; see `watch`."""
         self.seeking = False
         """The node itself sends the commands, to drive to a pose; an emergency stop and disabled motors end it."""
+        self.manual = False
+        """Manual mode: reduced speed, and no drive to a pose; see `set_manual`."""
+        self.manual_m_s = FASTEST_MANUAL_M_S
+        """Highest speed in manual mode."""
+        self._lock = new_lock("limits")
+        self._limits: Optional[Limits] = None
         self._held = self._commanded = False
+        self.late_commands = 0
+        """Operators' commands that arrived too late to be followed."""
+        self._wheels = WheelMotion(driver)
 
     @property
-    def limits(self) -> Limits:
-        """Limits in force; they may be replaced at any time."""
+    def in_force(self) -> Limits:
+        """Limits of the present mode."""
         limits: Limits = self._driver.limits
         return limits
 
+    @property
+    def limits(self) -> Limits:
+        """Limits of automatic mode; they may be replaced at any time."""
+        return self._limits or self.in_force
+
     @limits.setter
     def limits(self, limits: Limits) -> None:
-        self._driver.limits = limits
+        with self._lock:
+            self._limits = limits
+            self._apply()
+
+    def set_manual(self, manual: bool) -> None:
+        """Take a mode.  A command in force is lowered with the next frame; after that, only a new command is faster."""
+        with self._lock:
+            self._limits, self.manual = self.limits, manual
+            self._apply()
+        if manual and self.seeking:
+            self.seeking = False
+            self.stop(TO_MANUAL)
+
+    def _apply(self) -> None:
+        limits = self.limits
+        self._driver.limits = reduced(limits, self.manual_m_s) if self.manual else limits
 
     def watch(self, zones: Zones) -> None:
         """Let these zones limit each command."""
@@ -92,7 +129,18 @@ class Commander:
             self._driver.inhibit(DISABLED)
 
     @property
-    def moving(self) -> bool:
+    def wheels_turn(self) -> Optional[bool]:
+        """The wheels turn, by their counts; None if that is not known."""
+        return self._wheels.moving()
+
+    @property
+    def linked(self) -> bool:
+        """Telemetry arrives, and with it the zones are checked."""
+        ready: bool = self._driver.ready
+        return ready
+
+    @property
+    def driving(self) -> bool:
         """A command other than standstill is in force."""
         command = self._driver.command
         return command is not None and any(command)

@@ -16,6 +16,7 @@ STEP_S = 0.05
 """The speeds are computed again after this time, or with each frame if frames come more slowly."""
 REACHED = "the pose is reached"
 BLOCKED = "the pose is given up"
+REFUSED = "the robot is in manual mode; call the service manual_mode with false"
 
 
 class PoseGoal:
@@ -36,7 +37,7 @@ class PoseGoal:
         """Take a geometry_msgs/PoseStamped; returns the goal in the odom frame.
 
         Raises:
-            ValueError: the pose is not finite, or is in another frame, or the robot may not move now.
+            ValueError: the pose is not finite, or is in another frame, or the robot may not move by itself now.
         """
         if not self._commander.ready:  # it would set off by itself as soon as it may
             raise ValueError(self._commander.refusal())
@@ -51,6 +52,9 @@ class PoseGoal:
         with self._lock:
             self._goal, self._seeker, self._due_s = goal, None, -math.inf
             self._commander.seeking = True
+            if self._commander.manual:  # asked last, so that a change of the mode meanwhile counts
+                self._end()
+                raise ValueError(REFUSED)
         return goal
 
     def cancel(self) -> None:

@@ -19,7 +19,7 @@ from sensor_msgs.msg import BatteryState, Range
 
 from mrl_driver.terminal import live_view
 from mrl_driver.terminal.shown_state import line_of
-from ros1_bridge.node.cmd_vel import CmdVel
+from ros1_bridge.node.operator_cmd_vel import OperatorCmdVel, operator_now_s
 from ros1_bridge.node.parameters import Row, read
 from ros1_bridge.node.run_node import run_node
 
@@ -38,14 +38,14 @@ PARAMETERS = (
 
 def topic_robot(robot: str) -> TopicRobot:
     """The robot behind this node's topics; `robot` is its model, or auto."""
-    cmd_vel = CmdVel()
+    cmd_vel = OperatorCmdVel()
 
     def publish(linear_m_s: float, angular_rad_s: float) -> None:
         message = Twist()
         message.linear.x, message.angular.z = linear_m_s, angular_rad_s
-        cmd_vel.publish(message)
+        cmd_vel.send(message, operator_now_s())
 
-    found = TopicRobot(publish, rospy.is_shutdown, robot)
+    found = TopicRobot(publish, rospy.is_shutdown, robot, lambda: cmd_vel.delay_s)
     rospy.Subscriber("odom", Odometry, found.on_odometry, queue_size=50, tcp_nodelay=True)
     rospy.Subscriber("battery", BatteryState, found.on_battery, queue_size=1)
     rospy.Subscriber("status", DiagnosticStatus, found.on_status, queue_size=1)

@@ -21,6 +21,7 @@ import click
 
 from mrl_driver.cli.commands.shared import Between
 from mrl_driver.errors import ConfigError, MrlError, SimulatorError
+from mrl_driver.robot import models
 
 from .processes import Child, wait_until
 
@@ -114,12 +115,14 @@ def free_port() -> int:
 def environment(logs: Path) -> Dict[str, str]:
     """The environment of the child processes: their own ROS master, and all addresses on localhost.
 
-    Each run has the folder of its master's port for its logs.
+    Each run has the folder of its master's port for its logs, and for the files that ROS writes into a home: two
+    roscores that make one home at the same time end with an error (roslaunch 1.15).
     """
     port = free_port()
     env = {name: value for name, value in os.environ.items() if name != "ROS_HOSTNAME"}
     env["ROS_MASTER_URI"], env["ROS_IP"] = f"http://{_LOCALHOST}:{port}", _LOCALHOST
-    env.setdefault("ROS_LOG_DIR", str(logs / str(port)))
+    env["ROS_HOME"] = str(logs / str(port))
+    env.setdefault("ROS_LOG_DIR", env["ROS_HOME"])
     env["ROS_PACKAGE_PATH"] = os.pathsep.join(filter(None, (str(ROOT), env.get("ROS_PACKAGE_PATH"))))
     env["PYTHONUNBUFFERED"] = "1"
     return env
@@ -246,6 +249,8 @@ def main(
 ) -> None:
     """Drive a robot through ROS, an emulated one unless --port names a real one, with a live view."""
     try:
+        if robot and robot != "auto":
+            models.load(robot).require_motors()
         env = environment(logs)
         run = Run(env, logs / env["ROS_MASTER_URI"].rsplit(":", 1)[1])
         for folder in (logs, run.logs):

@@ -25,10 +25,17 @@ class TopicRobot:
     warning = ""
 
     def __init__(
-        self, publish: Callable[[float, float], None], ended: Callable[[], bool], robot: str
+        self,
+        publish: Callable[[float, float], None],
+        ended: Callable[[], bool],
+        robot: str,
+        delay: Callable[[], float] = lambda: math.nan,
     ) -> None:
-        """`publish` sends speeds [m/s, rad/s]; `robot` is a model's name or file, or auto: by the board's id."""
-        self._publish, self._ended = publish, ended
+        """`publish` sends speeds [m/s, rad/s]; `robot` is a model's name or file, or auto: by the board's id.
+
+        `delay` returns the time from sending to the echo of the robot's node [s], NaN if unknown.
+        """
+        self._publish, self._ended, self._delay = publish, ended, delay
         self.model: Optional[RobotModel] = None if robot == "auto" else models.load(robot)
         self.pose, self.twist = ORIGIN, Twist(0.0, 0.0)
         self.command: Optional[Twist] = None
@@ -70,6 +77,11 @@ class TopicRobot:
     def age_s(self) -> float:
         """Age of the newest odometry [s]; infinite before the first."""
         return time.monotonic() - self._heard_s
+
+    @property
+    def link_delay_s(self) -> float:
+        """Time from sending speeds to the echo of the robot's node [s]; NaN if unknown."""
+        return self._delay()
 
     @property
     def errors(self) -> int:

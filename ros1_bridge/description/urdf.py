@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Dict, Iterator, List, NamedTuple, Sequence, Tuple
 from xml.sax.saxutils import quoteattr
 
+from mrl_driver.errors import ConfigError
 from mrl_driver.generate.render import write_stale
 from mrl_driver.robot import models
 from mrl_driver.robot.models import OmniDrive, RobotModel
-from ros1_bridge.node.tf_names import JOINTS, OMNI_JOINTS, SONAR_HEIGHT_M
+from ros1_bridge.node.tf_names import JOINTS, OMNI_JOINTS, SONAR_HEIGHT_M, imu_frame
 
 FOLDER = Path(__file__).resolve().parent.parent / "urdf"
 WHEEL_WIDTH_M, TRACK_WIDTH_M = 0.026, 0.035
@@ -21,8 +22,6 @@ WHEEL_MASS_SHARE = 0.1
 CASTER_RADIUS_M = 0.012
 SONAR_LENGTH_M, SONAR_RADIUS_M = 0.016, 0.011
 """MB1300: 22 mm across (data sheet)."""
-LASER_X_M, LASER_Z_M = 0.085, 0.045
-"""Position of the Hokuyo URG-04LX, from the launch files of 2013."""
 LASER_SIZE_M = (0.05, 0.05, 0.07)
 LASER_MASS_KG = 0.16
 COLOURS = {
@@ -50,11 +49,20 @@ class LinkShape(NamedTuple):
 def wheel_radius_m(model: RobotModel) -> float:
     """True radius [m]: distance per wheel turn, from metres per count and counts per turn, divided by 2 pi."""
     counts = model.board["gearbox"] / 10 * model.board["encoder_counts"] / 10
-    return model.drive.metres_per_count * counts / (2 * math.pi)
+    return model.base.metres_per_count * counts / (2 * math.pi)
 
 
-def render(model: RobotModel, prefix: str = "", laser: bool = False) -> str:
-    """The URDF of a robot; each link name starts with `prefix` (such as `robot1/`)."""
+def render(model: RobotModel, prefix: str = "", laser: bool = False, imu: bool = False) -> str:
+    """The URDF of a robot; each link name starts with `prefix` (such as `robot1/`).
+
+    Raises:
+        ConfigError: the board has no motors, and so no body of its own.
+    """
+    if not model.drives:
+        raise ConfigError(
+            f"robot {model.name} is a board without motors (drive: none), expected a robot with a body of its own: "
+            "describe the robot that carries the board, and start this one with description:=false"
+        )
     lines = [
         '<?xml version="1.0"?>',
         "<!-- Rendered by ros1_bridge/description/urdf.py out of the robot's model; do not edit. -->",
@@ -64,7 +72,9 @@ def render(model: RobotModel, prefix: str = "", laser: bool = False) -> str:
         *_sonars(model, prefix),
     ]
     if laser:
-        lines += _laser(prefix)
+        lines += _laser(model, prefix)
+    if imu:
+        lines += _imu(model, prefix)
     lines += [*_gazebo(model, prefix), "</robot>"]
     return "\n".join(lines) + "\n"
 
@@ -72,22 +82,21 @@ def render(model: RobotModel, prefix: str = "", laser: bool = False) -> str:
 def files() -> List[Tuple[Path, str]]:
     """The committed files and their text."""
     made = []
-    for name in models.packaged():
-        model = models.load_packaged(name)
-        made.append((FOLDER / f"{name}.urdf", render(model)))
-        made.append((FOLDER / f"{name}_laser.urdf", render(model, laser=True)))
+    for model in models.driven_models():
+        made.append((FOLDER / f"{model.name}.urdf", render(model)))
+        made.append((FOLDER / f"{model.name}_laser.urdf", render(model, laser=True)))
     return made
 
 
 def _base(model: RobotModel, prefix: str) -> Lines:
     body, radius = model.body, wheel_radius_m(model)
-    width = model.drive.wheel_separation_m - (TRACK_WIDTH_M if body.tracks else WHEEL_WIDTH_M) - 0.01
+    width = model.base.wheel_separation_m - (TRACK_WIDTH_M if body.tracks else WHEEL_WIDTH_M) - 0.01
     middle, height = body.height_m / 2 - radius + 0.008, body.height_m - 0.016
-    round_body = isinstance(model.drive, OmniDrive)
+    round_body = isinstance(model.base, OmniDrive)
     size = (width / 2, height) if round_body else (body.length_m, width, height)
     chassis = LinkShape(size, (0.0, 0.0, middle), colour=_colour(model))
     parts = [chassis]
-    side_m = model.drive.wheel_separation_m / 2
+    side_m = model.base.wheel_separation_m / 2
     if body.tracks:
         track = (body.length_m - 2 * radius, TRACK_WIDTH_M, 2 * radius)
         for sign in (1, -1):
@@ -105,7 +114,7 @@ def _base(model: RobotModel, prefix: str) -> Lines:
 
 def _places(model: RobotModel) -> List[Tuple[str, Point, float]]:
     """Joint of each wheel, its position [m], and the direction in which it rolls [rad] when its counter counts up."""
-    drive = model.drive
+    drive = model.base
     if isinstance(drive, OmniDrive):
         left, rear, right = map(math.radians, drive.angles_deg)
         return [
@@ -140,22 +149,30 @@ def _sonars(model: RobotModel, prefix: str) -> Lines:
         yield from _joint(f"sonar_{name}_joint", "fixed", prefix + "base_link", link, at, yaw)
 
 
-def _laser(prefix: str) -> Lines:
+def _laser(model: RobotModel, prefix: str) -> Lines:
     box = LinkShape(LASER_SIZE_M, (0.0, 0.0, -LASER_SIZE_M[2] / 2 + 0.015), colour="dark")
     yield from _link(prefix + "laser", [box], LASER_MASS_KG, box, collisions=[box])
-    at = (LASER_X_M, 0.0, LASER_Z_M)
-    yield from _joint("laser_joint", "fixed", prefix + "base_link", prefix + "laser", at, 0.0)
+    mount, base = model.laser, prefix + "base_link"
+    at, yaw_rad = (mount.x_m, mount.y_m, mount.z_m), math.radians(mount.yaw_deg)
+    yield from _joint("laser_joint", "fixed", base, prefix + "laser", at, yaw_rad)
+
+
+def _imu(model: RobotModel, prefix: str) -> Lines:
+    """A frame at the IMU's place, with the axes of base_link: the driver has already rotated what the chip measured."""
+    base, mount = prefix + "base_link", model.imu
+    yield f"  <link name={quoteattr(imu_frame(base))}/>"
+    yield from _joint("imu_joint", "fixed", base, imu_frame(base), (mount.x_m, mount.y_m, mount.z_m), 0.0)
 
 
 def _gazebo(model: RobotModel, prefix: str) -> Lines:
     """Gazebo's own drive plugin, which replaces board and driver."""
-    if isinstance(model.drive, OmniDrive):
+    if isinstance(model.base, OmniDrive):
         yield from _plugin("planar_move", {"odometryRate": "50"}, prefix)
         return
     values = {
         "leftJoint": JOINTS[1],
         "rightJoint": JOINTS[0],
-        "wheelSeparation": f"{model.drive.wheel_separation_m:g}",
+        "wheelSeparation": f"{model.base.wheel_separation_m:g}",
         "wheelDiameter": f"{2 * wheel_radius_m(model):.5g}",
         "wheelAcceleration": f"{model.limits.linear_acceleration_m_s2:g}",
         "updateRate": "50",

@@ -17,9 +17,13 @@ from sim_arduino.experiments.experiment_robot import Setting
 from .experiment_processes import ROOT, end, environment
 
 NODES = {
+    "square": "square_node",
+    "sonar-calibration": "sonar_node",
+    "l-course": "course_node",
     "step-test": "step_node",
     "mixed-team": "team_node",
     "shared-waypoint": "team_node",
+    "patrol": "team_node",
     "turnaround": "turnaround_node",
 }
 """Experiments by name, and the module whose `play` runs each."""

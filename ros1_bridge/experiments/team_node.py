@@ -1,35 +1,39 @@
 """The node that runs experiments with a team of emulated boards, each with its own robot node.
 
 The odometry of the team's real robots places them in the world of the virtual robots.  In `mixed-team` the node
-drives by `cmd_vel` and uses the ranges on `sonar/...`.  In `shared-waypoint` it is a client of each robot's action
-`move_base`.
+drives by `cmd_vel` and uses the ranges on `sonar/...`.  In `shared-waypoint` and `patrol` each robot has its own
+`go_to_goal` and `follow_waypoints`, which claim shared waypoints from each other on the topic `/claims`; the node only
+passes on the ranges and watches.
 """
 
+import math
 import os
 import time
 from contextlib import ExitStack
-from typing import Any, Callable, Dict, Mapping, Optional, Sequence
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 
-import actionlib
 import rospy
 import tf2_ros
-from actionlib_msgs.msg import GoalStatus
-from geometry_msgs.msg import PoseStamped, TransformStamped, Twist, Vector3
-from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import TransformStamped, Twist, Vector3
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Range
 from std_msgs.msg import Header
 
 from mrl_driver.errors import MrlError
 from mrl_driver.geometry import ORIGIN, Pose, quaternion_of
+from mrl_driver.navigation.waypoint_tour import DONE, PAUSED
 from mrl_driver.robot import models
 from mrl_driver.robot.sonar import NAMES
 from ros1_bridge.demo.processes import wait_until
 from ros1_bridge.node.plane_poses import planar
 from ros1_bridge.node.tf_names import sonar_frame
-from sim_arduino.experiments import mixed_team, shared_waypoint
+from sim_arduino.experiments import disturbances, mixed_team, patrol, shared_waypoint
 from sim_arduino.experiments.experiment_report import Result
-from sim_arduino.experiments.experiment_robot import NOISE, Setting, Step
+from sim_arduino.experiments.experiment_robot import TICK_S, Setting, Step
+from sim_arduino.experiments.mixed_team import TeamRun, outcome, wander
+from sim_arduino.experiments.patrol import PatrolRun
+from sim_arduino.experiments.shared_waypoint import SharedRun
 from sim_arduino.experiments.team import Member, Player, Team, footprint_of, pose_option
 from sim_arduino.world import world_file
 from sim_arduino.world.shared_robots import SharedRegistry
@@ -38,15 +42,10 @@ from sim_arduino.world.world import World
 from .experiment_processes import START_S, Parts
 
 RATE_HZ = 20
-WANDER_S, ROUNDS, MOST_S = 120.0, 2, 600.0
-"""These runs are in real time and therefore shorter than the simulated ones."""
+WANDER_S, PATROL_S, ROUNDS, MOST_S = 60.0, 40.0, 1, 200.0
+"""These runs are in real time and therefore shorter than the simulated ones; `MOST_S` limits the rounds [s]."""
 TOUCH_M = 0.005
 """A body that is closer to an object than this counts as a collision."""
-REMARK = (
-    "Through ROS, in real time: robot nodes on emulated boards, true poses and odometry from their topics; "
-    "a collision is less than 5 mm between bodies or walls."
-)
-_OVER = (GoalStatus.ABORTED, GoalStatus.REJECTED, GoalStatus.PREEMPTED, GoalStatus.RECALLED, GoalStatus.LOST)
 
 
 class TopicRobot:
@@ -54,7 +53,7 @@ class TopicRobot:
 
     Args:
         member: The robot's role in the team; its name is its namespace.
-        truth: World that gets the true pose and reports contacts.
+        truth: World that reports contacts; it also gets the true pose of a real robot.
         navigated: `go_to_goal` drives the robot; otherwise this node does.
     """
 
@@ -62,6 +61,7 @@ class TopicRobot:
         self.member, self.model = member, models.load(member.robot)
         self.ranges: Dict[str, float] = {}
         self._truth, self._origin = truth, ORIGIN
+        self._status: Dict[str, str] = {}
         body = footprint_of(member)
         self._body = body
         self._grown = body._replace(length_m=body.length_m + 2 * TOUCH_M, width_m=body.width_m + 2 * TOUCH_M)
@@ -74,13 +74,11 @@ class TopicRobot:
         self._cmd_vel = (
             None if navigated else rospy.Publisher(f"{space}/cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
         )
-        self._move_base = (
-            actionlib.SimpleActionClient(f"{space}/move_base", MoveBaseAction) if navigated else None
-        )
         self._heard = {
             name: rospy.Publisher(f"{space}/heard/{name}", Range, queue_size=1) for name in NAMES if navigated
         }
         rospy.Subscriber(f"{space}/odom", Odometry, self._on_odometry, queue_size=1, tcp_nodelay=True)
+        rospy.Subscriber(f"{space}/waypoint_status", DiagnosticStatus, self._on_status, queue_size=10)
         world = "virtual" if member.virtual else "real"
         rospy.Subscriber(f"/{world}{space}/base_pose_ground_truth", Odometry, self._on_truth, queue_size=1)
         for name in NAMES:
@@ -93,14 +91,26 @@ class TopicRobot:
     def _on_truth(self, message: Odometry) -> None:
         self._true = Pose(*planar(message.pose.pose))
 
+    def _on_status(self, message: DiagnosticStatus) -> None:
+        self._status = {pair.key: pair.value for pair in message.values}
+
+    @property
+    def tour(self) -> str:
+        """State of the robot's tour of waypoints; empty before it has begun."""
+        return self._status.get("state", "")
+
+    @property
+    def visits(self) -> int:
+        """Number of waypoints that the robot has reached on its tour."""
+        return int(self._status.get("visits", 0))
+
     def _on_range(self, message: Range, name: str) -> None:
         self.ranges = {**self.ranges, name: message.range}
 
     @property
     def ready(self) -> bool:
-        """A message has come on every topic, and the action server is there."""
-        complete = None not in (self._odom, self._true) and len(self.ranges) == len(NAMES)
-        return complete and (self._move_base is None or self._move_base.wait_for_server(rospy.Duration(0.01)))
+        """A message has come on every topic."""
+        return None not in (self._odom, self._true) and len(self.ranges) == len(NAMES)
 
     @property
     def pose(self) -> Pose:
@@ -133,39 +143,30 @@ class TopicRobot:
         now_s = time.monotonic()
         self._due_s = max(self._due_s + seconds, now_s)
         time.sleep(self._due_s - now_s)
-        self._truth.place(self.member.name, self.true_pose, self._body)
+        if not self.member.virtual:
+            self._truth.place(self.member.name, self.true_pose, self._body)
+
+    def pass_on(self, ranges: Mapping[str, float]) -> None:
+        """Pass the ranges that the robot uses [m] to its `go_to_goal`."""
+        for name, range_m in ranges.items():
+            header = Header(frame_id=sonar_frame(f"{self.member.name}/base_link", name))
+            self._heard[name].publish(Range(header=header, range=range_m))
 
     def seek(self, goal: Pose) -> Callable[[Mapping[str, float]], Step]:
-        """Send a goal; the returned function passes ranges to `go_to_goal` and reports the progress."""
-        client = self._move_base
-        assert client is not None
-        client.send_goal(MoveBaseGoal(_stamped(goal)))
+        """Refused: `follow_waypoints` sends the goals.
 
-        def step(ranges: Mapping[str, float]) -> Step:
-            for name, range_m in ranges.items():
-                header = Header(frame_id=sonar_frame(f"{self.member.name}/base_link", name))
-                self._heard[name].publish(Range(header=header, range=range_m))
-            state = client.get_state()
-            return Step((0.0, 0.0), state == GoalStatus.SUCCEEDED, state in _OVER)
-
-        return step
+        Raises:
+            NotImplementedError: always.
+        """
+        raise NotImplementedError(f"goal {goal} for {self.member.name}: follow_waypoints sends the goals")
 
     def stop(self) -> None:
-        """Stop the robot and cancel its goals."""
+        """Stop the robot, unless `go_to_goal` drives: it stops when its client ends."""
         self.drive(0.0, 0.0)
-        if self._move_base is not None:
-            # It may arrive after the next goal, so it names the time.
-            self._move_base.cancel_goals_at_and_before_time(rospy.Time.now())
 
 
 def ignore(_: Odometry) -> None:
     """Ignore a message."""
-
-
-def _stamped(pose: Pose) -> PoseStamped:
-    message = PoseStamped(header=Header(frame_id="map"))
-    _write(pose, message.pose.position, message.pose.orientation)
-    return message
 
 
 def _write(pose: Pose, at: Any, turn: Any) -> None:
@@ -192,19 +193,17 @@ def gather(
     for space in sorted({"virtual" if member.virtual else "real" for member in members}):
         parts.node("world_node", space, world=world, world_name=_shared(space), localise=False)
     for number, member in enumerate(members):
-        _start(parts, member, world, setting.seed + number, navigated)
+        _start(parts, member, world, setting.seed, number, navigated)
     places = tf2_ros.StaticTransformBroadcaster()
     places.sendTransform([_place(member) for member in members])
-    robots = [TopicRobot(member, truth, navigated) for member in members]
+    robots = [TopicRobot(each, virtual if each.virtual else truth, navigated) for each in members]
     for robot in robots:
         stack.callback(robot.stop)
     wait_until(lambda: parts.check() or all(robot.ready for robot in robots), START_S)  # type: ignore[func-returns-value]
     late = [robot.member.name for robot in robots if not robot.ready]
     if late:
-        raise MrlError(
-            f"no odometry, sonars, true pose or move_base of {', '.join(late)} after {START_S:g} s"
-        )
-    return Team([Player(robot.member, robot, virtual) for robot in robots])
+        raise MrlError(f"no odometry, sonars or true pose of {', '.join(late)} after {START_S:g} s")
+    return Team([Player(r.member, r, virtual if r.member.virtual else truth, virtual) for r in robots])
 
 
 def _shared(space: str) -> str:
@@ -212,11 +211,13 @@ def _shared(space: str) -> str:
     return f"{space}-{os.getpid()}"
 
 
-def _start(parts: Parts, member: Member, world: str, seed: int, navigated: bool) -> None:
+def _start(parts: Parts, member: Member, world: str, seed: int, number: int, navigated: bool) -> None:
     """Start the board, the robot node and, if the robot is navigated, go_to_goal."""
     space = _shared("virtual" if member.virtual else "real")
-    options = ("--world", world, "--world-name", space, "--pose", pose_option(member.start))
-    port = parts.board(member.name, "--robot", member.robot, "--sonar", NOISE, "--seed", str(seed), *options)
+    pose = pose_option(disturbances.placed(member.start, seed, member.name))
+    errors = ("--error", disturbances.WANDER, "--sonar", disturbances.SONAR, "--seed", str(seed + number))
+    options = ("--world", world, "--world-name", space, "--pose", pose)
+    port = parts.board(member.name, "--robot", member.robot, *errors, *options)
     parts.robot(member.name, port, member.robot, RATE_HZ)
     if navigated:
         parts.node("go_to_goal", member.name, *(f"sonar/{name}:=heard/{name}" for name in NAMES))
@@ -229,11 +230,77 @@ def _place(member: Member) -> TransformStamped:
     return message
 
 
-def play(name: str, parts: Parts, setting: Setting) -> Result:
-    """Starts the team of an experiment, and runs the experiment."""
+def begin_tour(parts: Parts, name: str, poses: Sequence[Pose], **parameters: object) -> None:
+    """Starts `follow_waypoints` for a robot, with its waypoints in the frame of the map."""
+    rows = [[round(x, 4), round(y, 4), round(math.degrees(yaw), 2)] for x, y, yaw in poses]
+    parts.node(
+        "follow_waypoints", name, "claims:=/claims", waypoints=str(rows).replace(" ", ""), **parameters
+    )
+
+
+def watch(team: Team, seconds: float, over: Callable[[float], bool]) -> float:
+    """Passes ranges to the robots until `over` of the time so far [s], at most for `seconds`; the duration [s]."""
+    ticks = 0
+    while not over(ticks * TICK_S) and ticks * TICK_S < seconds:
+        for player in team.players:
+            player.robot.pass_on(player.ranges())  # type: ignore[attr-defined]
+        team.tick([(0.0, 0.0)] * len(team.players))
+        ticks += 1
+    return ticks * TICK_S
+
+
+def share_waypoint(parts: Parts, setting: Setting) -> SharedRun:
+    """The rounds of `shared-waypoint`, with claims on the topic `/claims`."""
     with ExitStack() as stack:
-        if name == "mixed-team":
-            team = gather(stack, parts, setting, mixed_team.MEMBERS, navigated=False)
-            return mixed_team.drive_team(setting, team, WANDER_S, REMARK)
-        team = gather(stack, parts, setting, shared_waypoint.MEMBERS, navigated=True)
-        return shared_waypoint.drive_team(setting, team, ROUNDS, MOST_S, REMARK)
+        members = shared_waypoint.MEMBERS
+        team = gather(stack, parts, setting, members, navigated=True, world=shared_waypoint.WORLD)
+        names = ",".join(member.name for member in members)
+        for member in members:
+            poses = shared_waypoint.tour_of(member.name, ROUNDS)
+            places = sorted(shared_waypoint.shared_of(poses))
+            shared = ",".join(str(place + 1) for place in places)
+            begin_tour(parts, member.name, poses, shared=shared, team=names)
+        robots: List[Any] = [player.robot for player in team.players]
+        lasted_s = watch(team, MOST_S, lambda _: all(robot.tour in (DONE, PAUSED) for robot in robots))
+        return SharedRun(outcome(team), sum(robot.visits // 2 for robot in robots), 0.0, lasted_s)
+
+
+def patrol_team(parts: Parts, setting: Setting) -> PatrolRun:
+    """The patrol of three robots, with `follow_waypoints` that repeats."""
+    with ExitStack() as stack:
+        beats = patrol.three(setting.seed)
+        members = [beat.member for beat in beats]
+        team = gather(stack, parts, setting, members, navigated=True, world=patrol.WORLD)
+        for beat in beats:
+            begin_tour(parts, beat.member.name, patrol.poses_for(beat.order), repeat=True)
+        visits = patrol.Visits(beats)
+
+        def count(now_s: float) -> bool:
+            for index, player in enumerate(team.players):
+                reached = player.robot.visits  # type: ignore[attr-defined]
+                visits.update(index, reached, player.robot.true_pose, now_s)
+            return False
+
+        return visits.outcome(team, watch(team, PATROL_S, count))
+
+
+def wander_team(parts: Parts, setting: Setting) -> TeamRun:
+    """The run of `mixed-team`."""
+    with ExitStack() as stack:
+        return wander(gather(stack, parts, setting, mixed_team.MEMBERS, navigated=False), WANDER_S)
+
+
+RUNS: Dict[str, Tuple[Callable[..., Any], Callable[..., Result]]] = {
+    "mixed-team": (wander_team, mixed_team.run),
+    "shared-waypoint": (share_waypoint, shared_waypoint.run),
+    "patrol": (patrol_team, patrol.run),
+}
+"""The run through ROS of each experiment, and the experiment itself."""
+
+
+def play(name: str, parts: Parts, setting: Setting) -> Result:
+    """Runs an experiment once through ROS, ends all programs, and then runs it in simulated time."""
+    through_ros, in_simulated_time = RUNS[name]
+    made: Any = through_ros(parts, setting)
+    parts.close()
+    return in_simulated_time(setting, made)

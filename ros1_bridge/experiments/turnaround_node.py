@@ -83,7 +83,7 @@ def measure(parts: Parts, robot: str, messages: int = MESSAGES) -> Topics:
 
 
 def play(_: str, parts: Parts, setting: Setting) -> Result:
-    """Measures the delays through ROS, then those on the simulated chip."""
+    """Measures the delays through ROS, in the driver's default mode, then those on the simulated chip."""
     topics = measure(parts, setting.robot)
     parts.close()
     return turnaround.run(setting, topics)

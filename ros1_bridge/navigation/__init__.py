@@ -1,1 +1,2 @@
-"""The node `go_to_goal`, and the settings for the navigation stack.  Imports node."""
+"""The nodes `go_to_goal`, `follow_waypoints` and `map_to_odom`, and the settings for navigation and mapping.  Imports
+topics, node."""

@@ -18,8 +18,9 @@ from geometry_msgs.msg import PoseStamped, Twist
 from move_base_msgs.msg import MoveBaseAction, MoveBaseFeedback, MoveBaseGoal, MoveBaseResult
 from nav_msgs.msg import Odometry, Path
 from sensor_msgs.msg import Range
+from std_msgs.msg import Bool
 
-from mrl_driver.geometry import Pose, quaternion_of
+from mrl_driver.geometry import Pose, quaternion_of, wrap_angle
 from mrl_driver.navigation.goal_seeker import PATIENCE_S, GoalSeeker
 from mrl_driver.robot.models import Limits, SonarMount
 from mrl_driver.robot.sonar import NAMES
@@ -29,7 +30,11 @@ from ros1_bridge.node.plane_poses import planar, yaw_of
 from ros1_bridge.node.run_node import run_node
 
 RATE_HZ = 20.0
-ODOM_LATE_S = 0.5
+ODOM_LATE_S, ODOM_GONE_S = 0.5, 3.0
+"""The robot waits if odometry is older than the first [s], and the goal is given up at the second: longer than a
+reconnection takes."""
+JUMP_M, JUMP_RAD = 0.1, 0.2
+"""Odometry that comes back farther off than the robot can have moved, and this, began again: the goal is elsewhere."""
 OLD_ODOM_S = 1.0
 """Odometry that was measured before the goal does not count for this long: a reset may lie between them.  Then it does,
 because the clocks of two machines may differ."""
@@ -40,6 +45,7 @@ SILENT_S = 0.5
 TF_TIMEOUT_S = 1.0
 WARN_EVERY_S = 5.0
 POLL_S = 0.2
+IN_MANUAL_MODE = "the robot is in manual mode"
 END_S = 1.5
 """On shutdown, a goal may take this long to end; longer than the wait for a transform."""
 PARAMETERS = (
@@ -61,6 +67,42 @@ PARAMETERS = (
 def is_old(stamp_s: float, begun_s: float, now_s: float) -> bool:
     """Whether odometry with this stamp was measured before a goal began, and does not count for it."""
     return stamp_s < begun_s and now_s - begun_s < OLD_ODOM_S
+
+
+class OdometryGap:
+    """Judges odometry that comes late, for one goal.
+
+    Args:
+        limits: largest speeds of the robot.
+    """
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self._before: Optional[Tuple[Pose, float]] = None
+        self.waiting = False
+        """The last odometry is too old to drive by."""
+        self.why = ""
+        """Why the goal must be given up; empty if it need not be."""
+
+    def update(self, pose: Pose, heard_s: float, now_s: float) -> bool:
+        """Judge the last pose, which came at `heard_s`; True if the robot can drive by it."""
+        silent_s = now_s - heard_s
+        self.waiting = silent_s > ODOM_LATE_S
+        if self.waiting:
+            self._before = pose, heard_s
+            if silent_s > ODOM_GONE_S:
+                self.why = "odometry has stopped"
+        elif self._before is not None:
+            before, before_s = self._before
+            self._before, gap_s = None, heard_s - before_s
+            moved_m = math.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m)
+            turned_rad = abs(wrap_angle(pose.yaw_rad - before.yaw_rad))
+            if (
+                moved_m > JUMP_M + self._limits.linear_m_s * gap_s
+                or turned_rad > JUMP_RAD + self._limits.angular_rad_s * gap_s
+            ):
+                self.why = f"odometry began again: {moved_m:.2f} m away after {gap_s:.1f} s without it"
+        return not self.waiting and not self.why
 
 
 class Ranges:
@@ -116,11 +158,13 @@ class GoToGoal:
         self._client = actionlib.ActionClient("move_base", MoveBaseAction)
         self._lock = threading.Lock()  # guards the next line
         self._tour = 0
+        self._manual = False
         self._ending, self._idle = threading.Event(), threading.Event()
         self._idle.set()
         self._odom = rospy.Subscriber("odom", Odometry, self._on_odometry, queue_size=1, tcp_nodelay=True)
         for name in NAMES:
             rospy.Subscriber(f"sonar/{name}", Range, self._on_range, callback_args=name, queue_size=1)
+        rospy.Subscriber("manual_mode", Bool, self._on_manual_mode, queue_size=1)
         rospy.on_shutdown(self._end)
 
     def take_goals(self) -> None:
@@ -157,6 +201,10 @@ class GoToGoal:
 
     def _on_range(self, message: Range, name: str) -> None:
         self._ranges.hear(name, message.range, message.header.frame_id, rospy.get_time())
+
+    def _on_manual_mode(self, message: Bool) -> None:
+        """Note the mode; robot_node cancels the goal when it changes."""
+        self._manual = message.data
 
     def _on_goal(self, message: PoseStamped) -> None:
         self._new_tour()
@@ -208,6 +256,10 @@ class GoToGoal:
             self._idle.set()
 
     def _attempt(self, goal: MoveBaseGoal) -> None:
+        if self._manual:
+            rospy.logwarn(f"goal refused: {IN_MANUAL_MODE}")
+            self._server.set_aborted(MoveBaseResult(), IN_MANUAL_MODE)
+            return
         try:
             target = self._target(goal.target_pose)
         except ValueError as error:
@@ -222,14 +274,15 @@ class GoToGoal:
         rate = rospy.Rate(RATE_HZ)
         begun_s = rospy.get_time()
         seeker = GoalSeeker(target, self._limits, begun_s, self._sonars, self._patience_s)
+        gap = OdometryGap(self._limits)
         self._show(target)
         while not self._ending.is_set():
             if self._server.is_preempt_requested():
                 if not self._server.is_new_goal_available():
                     self._cmd_vel.publish(Twist())
-                self._server.set_preempted()
+                self._server.set_preempted(MoveBaseResult(), IN_MANUAL_MODE if self._manual else "")
                 return
-            if not self._drive(seeker, begun_s):
+            if not self._drive(seeker, gap, begun_s):
                 break
             rate.sleep()
         self._cmd_vel.publish(Twist())
@@ -237,21 +290,25 @@ class GoToGoal:
             rospy.loginfo(f"goal reached: x {target.x_m:.3f} m, y {target.y_m:.3f} m")
             self._server.set_succeeded(MoveBaseResult(), "reached")
             return
-        why = "the node ends" if self._ending.is_set() else "odometry has stopped"
+        why = "the node ends" if self._ending.is_set() else gap.why
         why = f"blocked: {seeker.why}" if seeker.blocked else why
         rospy.logwarn(f"goal given up: {why}")
         self._server.set_aborted(MoveBaseResult(), why)
 
-    def _drive(self, seeker: GoalSeeker, begun_s: float) -> bool:
+    def _drive(self, seeker: GoalSeeker, gap: OdometryGap, begun_s: float) -> bool:
         """Do one step of a goal that began at `begun_s`; False if it has ended."""
         odometry, now_s = self._odometry, rospy.get_time()
         assert odometry is not None
-        if now_s - self._odometry_s > ODOM_LATE_S:
-            return False
+        pose = planar(odometry.pose.pose)
+        if not gap.update(pose, self._odometry_s, now_s):
+            if gap.waiting and not gap.why:
+                rospy.logwarn_throttle(WARN_EVERY_S, f"the robot waits: no odometry for {ODOM_LATE_S:g} s")
+            self._cmd_vel.publish(Twist())
+            return not gap.why
         if is_old(odometry.header.stamp.to_sec(), begun_s, now_s):
             return True
         ranges = self._placed_ranges(odometry.child_frame_id, now_s) if self._avoid else {}
-        linear, angular = seeker.command(planar(odometry.pose.pose), ranges, now_s)
+        linear, angular = seeker.command(pose, ranges, now_s)
         if seeker.reached or seeker.blocked:
             return False
         if seeker.blind:

@@ -29,5 +29,9 @@ class CmdVel:
         with self._lock:
             self._ended = True
             if self._moving:
-                self._out.publish(Twist())
+                self.stop_at_end()
                 rospy.rostime.wallsleep(LEAVES_S)
+
+    def stop_at_end(self) -> None:
+        """Publish the last message."""
+        self._out.publish(Twist())

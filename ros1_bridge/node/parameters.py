@@ -40,13 +40,15 @@ def speed_rows(
     )
 
 
-def read(rows: Sequence[Row], given: Any, namespace: str) -> Dict[str, Any]:
+def read(rows: Sequence[Row], given: Any, namespace: str, lists: Sequence[str] = ()) -> Dict[str, Any]:
     """Name to value of a node's parameters; `given` holds the contents of its private namespace.
+
+    `lists` names parameters that the node reads by itself; they are left out.
 
     Raises:
         ConfigError: a value is missing, of the wrong type or out of range, or a name is unknown.
     """
-    found, names = given if isinstance(given, dict) else {}, [row.name for row in rows]
+    found, names = given if isinstance(given, dict) else {}, [*lists, *(row.name for row in rows)]
     for name in found:
         if name not in names:
             raise ConfigError(
@@ -62,7 +64,7 @@ def expected(row: Row) -> str:
     if row.kind is bool:
         return "true or false"
     if row.choices:
-        return f"one of {', '.join(map(str, row.choices))}{unit}"
+        return f"one of {', '.join(str(each) or 'empty' for each in row.choices)}{unit}"
     if row.kind is float:
         return f"a number from {row.low:g} to {row.high:g}{unit}"
     if row.name in FRAMES:

@@ -37,3 +37,9 @@ def yaw_of(rotation: Any) -> float:
     if not _LEAST_LENGTH < length < math.inf:
         raise ValueError(f"orientation is {x:g}, {y:g}, {z:g}, {w:g}, expected a quaternion of length 1")
     return geometry.yaw_of(x / length, y / length, z / length, w / length)
+
+
+def correction(place: Pose, odometry: Pose) -> Pose:
+    """Pose of the odom frame in the map at which odometry puts the robot at `place`."""
+    yaw_rad = place.yaw_rad - odometry.yaw_rad
+    return Pose(place.x_m, place.y_m, yaw_rad).compose(-odometry.x_m, -odometry.y_m)

@@ -4,6 +4,9 @@ from typing import Any, Mapping, NamedTuple, Tuple
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.protocol.table import BAUD
+from mrl_driver.robot.models import BUILDS
+from mrl_driver.safety.operation_mode import AUTOMATIC, FASTEST_MANUAL_M_S, OPERATION_MODES
+from mrl_driver.safety.operator_delay import MAX_DELAY_S
 from mrl_driver.safety.protective_zones import ZoneSettings, require_settings
 from mrl_driver.transport.address import require_port
 from mrl_driver.transport.baud_rates import require_raisable
@@ -33,6 +36,14 @@ ROWS = (
         "",
         "Model name, path of a robot's .yaml file, or auto: chosen by the robot id of the board",
     ),
+    Row(
+        "build",
+        str,
+        "",
+        "",
+        "Firmware build of a 2013 board: sonar or environment; empty uses the model's, or the one for the robot id",
+        choices=("", *BUILDS),
+    ),
     Row("odom_frame", str, "odom", "", "Frame of the pose"),
     Row("base_frame", str, "base_link", "", "Frame of the robot; sonar frames use its prefix"),
     Row("publish_tf", bool, True, "", "Publish odom_frame to base_frame on /tf; set false if an EKF does"),
@@ -43,14 +54,49 @@ ROWS = (
         "",
         "Publish base_frame to the sonars; set false if robot_state_publisher does",
     ),
+    Row(
+        "publish_imu_mount",
+        bool,
+        True,
+        "",
+        "Publish base_frame to imu_link; set false if robot_state_publisher does",
+    ),
     Row("rate", float, 50.0, "Hz", "Rate of odom and of the board's stream", 1.0, 400.0),
+    Row("imu", bool, True, "", "Use the board's IMU, if it has one: heading from its gyro, and topics"),
+    Row("imu_rate", float, 50.0, "Hz", "Rate of imu/data and imu/data_raw", 25.0, 100.0),
     Row(
         "cmd_vel_timeout", float, 0.5, "s", "The robot stops if no cmd_vel arrives for this long", 0.05, 10.0
+    ),
+    Row(
+        "max_command_delay",
+        float,
+        MAX_DELAY_S,
+        "s",
+        "Refuse an operator's command that arrives this much later than his fastest; 0 turns it off",
+        0.0,
+        60.0,
     ),
     Row("max_linear_speed", float, 0.0, "m/s", f"Highest speed forward or back; {_OWN}", 0.0, 10.0),
     Row("max_angular_speed", float, 0.0, "rad/s", f"Highest yaw rate; {_OWN}", 0.0, 100.0),
     Row("max_linear_acceleration", float, 0.0, "m/s2", f"Limit for speeding up only; {_OWN}", 0.0, 100.0),
     Row("max_angular_acceleration", float, 0.0, "rad/s2", f"The same for turns; {_OWN}", 0.0, 1000.0),
+    Row(
+        "operation_mode",
+        str,
+        AUTOMATIC,
+        "",
+        "Mode at the start; in manual mode the robot is slow and takes no goals",
+        choices=OPERATION_MODES,
+    ),
+    Row(
+        "manual_speed",
+        float,
+        0.0,
+        "m/s",
+        f"Highest speed in manual mode; 0 uses half the model's limit, at most {FASTEST_MANUAL_M_S:g} m/s",
+        0.0,
+        FASTEST_MANUAL_M_S,
+    ),
     Row("clear_with_max_range", bool, False, "", "Sonars that see nothing report max_range instead of +Inf"),
     Row("reconnect", bool, True, "", "Search for a lost port; false ends the node"),
     Row("ignore_battery", bool, False, "", "Start, and keep driving, with an empty battery"),
@@ -68,8 +114,15 @@ ROWS = (
         str,
         "none",
         "",
-        "Sensors that watch the warning and the protective zone",
+        "Sensors that watch the warning zones and the protective zone",
         choices=("none", "sonars", "scan", "both"),
+    ),
+    Row(
+        "planner",
+        str,
+        "move_base/TrajectoryPlannerROS",
+        "",
+        "Planner whose max_vel_x follows the zones (its dynamic_reconfigure server), or none",
     ),
     Row(
         "zone_warning",
@@ -118,10 +171,28 @@ ROWS = (
         0.0,
         1.0,
     ),
+    Row(
+        "zone_outer",
+        float,
+        0.0,
+        "m",
+        "Obstacles closer to the body than this are reported; the distance grows with speed; 0 uses twice zone_warning",
+        0.0,
+        20.0,
+    ),
+    Row(
+        "zone_outer_speed",
+        float,
+        0.0,
+        "m/s",
+        "Lowest speed that the outer warning zone sets; 0: it does not slow the robot",
+        0.0,
+        10.0,
+    ),
 )
 PARTS = ("odometry", "sonars", "commands", "status", "sensors")
 """The parts that robot_node can have."""
-GROUPS = ("limits", "gains")
+GROUPS = ("limits", "gains", "sonars")
 """Namespaces in which dynamic_reconfigure keeps its own parameters."""
 
 
@@ -133,16 +204,23 @@ class Parameters(NamedTuple):
     baud: int
     fast: bool
     robot: str
+    build: str
     odom_frame: str
     base_frame: str
     publish_tf: bool
     publish_mounts: bool
+    publish_imu_mount: bool
     rate: float
+    imu: bool
+    imu_rate: float
     cmd_vel_timeout: float
+    max_command_delay: float
     max_linear_speed: float
     max_angular_speed: float
     max_linear_acceleration: float
     max_angular_acceleration: float
+    operation_mode: str
+    manual_speed: float
     clear_with_max_range: bool
     reconnect: bool
     ignore_battery: bool
@@ -150,6 +228,7 @@ class Parameters(NamedTuple):
     allow_gains: bool
     parts: str
     zones: str
+    planner: str
     zone_warning: float
     zone_protective: float
     zone_slow_speed: float
@@ -157,10 +236,35 @@ class Parameters(NamedTuple):
     zone_reaction: float
     zone_hysteresis: float
     zone_clearance: float
+    zone_outer: float
+    zone_outer_speed: float
 
     def has(self, part: str) -> bool:
         """Whether the node has this part (one of `PARTS`)."""
         return part in split_parts(self.parts)
+
+
+WITHOUT_MOTORS = ("status", "sensors")
+"""The parts that a board without motors can have: another node drives its robot."""
+
+
+def without_motors(parameters: Parameters) -> Parameters:
+    """The parameters for a board without motors: of the parts, those that it can have.
+
+    Raises:
+        ConfigError: zones are on, or no part is left.
+    """
+    parts = [name for name in split_parts(parameters.parts) if name in WITHOUT_MOTORS]
+    if not parts:
+        raise ConfigError(
+            f"parameter parts is {parameters.parts!r}, but this board has no motors, expected all, or some of "
+            f"{', '.join(WITHOUT_MOTORS)}"
+        )
+    if parameters.zones != "none":
+        raise ConfigError(
+            f"parameter zones is {parameters.zones}, but this board has no motors, expected none"
+        )
+    return parameters._replace(parts=", ".join(parts))
 
 
 def check(given: Mapping[str, Any], namespace: str) -> Parameters:
@@ -228,6 +332,8 @@ def zone_settings(parameters: Parameters, braking_m_s2: float) -> ZoneSettings:
         parameters.zone_reaction,
         parameters.zone_hysteresis,
         parameters.zone_clearance,
+        parameters.zone_outer,
+        parameters.zone_outer_speed,
     )
 
 

@@ -67,8 +67,14 @@ def gains_description(gains: Mapping[str, int]) -> Description:
     )
 
 
+def sonars_description(clear_with_max_range: bool) -> Description:
+    """What the sonars report if nothing is in range."""
+    text = "Sonars that see nothing report max_range instead of +Inf"
+    return Description((Row("clear_with_max_range", bool, clear_with_max_range, "", text, False, True),))
+
+
 def _parameter(value: Row) -> Dict[str, Any]:
-    kind = "int" if value.kind is int else "double"
+    kind = {int: "int", bool: "bool"}.get(value.kind, "double")
     return {
         "name": value.name,
         "type": kind,

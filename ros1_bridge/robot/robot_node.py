@@ -16,25 +16,29 @@ import diagnostic_updater
 import rosgraph
 import rospy
 from diagnostic_msgs.msg import KeyValue
-from geometry_msgs.msg import PoseStamped, Twist
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist, TwistStamped
 from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Header
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 from mrl_driver.driver import Driver, Telemetry
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.suspension import stopped_while_suspended
-from mrl_driver.errors import FrameError, LinkLost, MrlError, PortBusy
+from mrl_driver.errors import ConfigError, FrameError, LinkLost, MrlError, PortBusy
 from mrl_driver.robot.battery import EMPTY, LOW, OFF, voltage_text
 from mrl_driver.robot.models import Limits, OmniDrive, RobotModel
-from mrl_driver.session.events import PathUnknown, Reply
+from mrl_driver.safety.operation_mode import MANUAL, manual_speed_m_s
+from mrl_driver.safety.protective_zones import Zones
+from mrl_driver.session.events import Reply
 from mrl_driver.session.handshake import Board
 from mrl_driver.transport.reconnect import may_be_there
-from ros1_bridge.control.commander import ZONE, Commander, lowered
+from ros1_bridge.control.commander import LATE, ZONE, Commander, lowered
 from ros1_bridge.control.laser_mount import MountFinder
 from ros1_bridge.control.pose_goal import PoseGoal
 from ros1_bridge.control.zone_feed import ZoneWatch
 from ros1_bridge.node.master_watch import MasterWatch
-from ros1_bridge.node.robot_parameters import GROUPS, Parameters, check, zone_sensors
+from ros1_bridge.node.operator_cmd_vel import operator_now_s
+from ros1_bridge.node.robot_parameters import GROUPS, Parameters, check, without_motors, zone_sensors
 from ros1_bridge.node.run_node import run_node
 from ros1_bridge.status.diagnostics import Diagnostics
 from ros1_bridge.status.link_report import ERROR, OK, WARN, News
@@ -44,6 +48,9 @@ from ros1_bridge.topics.publishers import Publishers
 from ros1_bridge.topics.sensor_topics import SensorTopics
 
 from . import reconfigure, xbee
+from .mode_switch import ModeSwitch
+from .operators import Operators
+from .planner_calls import limit_of
 from .services import GAINS, Answer, Services
 from .xbee import Radio
 
@@ -51,6 +58,10 @@ DIAGNOSTICS_S = 1.0
 STATUS_S = 0.2
 """A change of the robot's state is published within this time."""
 PORT_LOOK_S = 0.1
+PLANNER_END_S = 1.0
+"""On shutdown, the planner gets its own speed back within this time."""
+PLANNER_LOOK_S = 2.0
+"""A planner that does not answer is looked for again after this time."""
 FREED_S = 2.0
 """A node of the same name, which the master ends when this one registers, closes the port within this time."""
 ANSWER_S = 0.2
@@ -58,6 +69,8 @@ ANSWER_S = 0.2
 WARN_EVERY_S = 1.0
 SWITCH_S = 0.0005
 """A frame waits at most this long for a thread that is busy with a service; Python's default is 5 ms."""
+STANDSTILL = Twist()
+SENSORS_ALONE = "no motors: its sensors are published, and neither odometry, tf nor cmd_vel is used"
 LOG = {OK: rospy.loginfo, WARN: rospy.logwarn, ERROR: rospy.logerr}
 
 
@@ -67,8 +80,10 @@ def driver_options(parameters: Parameters) -> Options:
         period_ms=round(1000 / parameters.rate),
         command_timeout_s=parameters.cmd_vel_timeout,
         ignore_battery=parameters.ignore_battery,
+        build=parameters.build,
         reconnect=parameters.reconnect,
         fast=parameters.fast,
+        imu_period_ms=round(1000 / parameters.imu_rate) if parameters.imu else 0,
     )
 
 
@@ -88,6 +103,7 @@ class RobotNode:
         self._seeks = False
         self._news = News()
         self._held = False
+        self._planner_ends = threading.Event()
 
     def run(self) -> None:
         """Serve until the node is shut down.
@@ -102,6 +118,8 @@ class RobotNode:
         try:
             board = self._connect()
             assert self._driver.model is not None
+            if not self._driver.model.drives:
+                self._parameters = without_motors(self._parameters)
             self._wire(board, self._driver.model)
             with stopped_while_suspended(self._driver):
                 self._serve(board)
@@ -130,15 +148,8 @@ class RobotNode:
 
     def _wire(self, board: Board, model: RobotModel) -> None:
         parameters, driver = self._parameters, self._driver
-        limits = lowered(
-            model.limits,
-            parameters.max_linear_speed,
-            parameters.max_angular_speed,
-            parameters.max_linear_acceleration,
-            parameters.max_angular_acceleration,
-        )
-        driver.limits = limits
         self._commander = Commander(driver)
+        limits = self._lower_limits(model)
         self._pose_goal = PoseGoal(
             self._commander, parameters.odom_frame, parameters.base_frame, model.sonars
         )
@@ -151,23 +162,50 @@ class RobotNode:
             self._publishers.sonars(rospy.Time.now())
         self._radio = Radio(rospy.Publisher, board.capabilities if parameters.has("sensors") else frozenset())
         self._watch_zones(model, has_sonars)
-        self._publishers.battery(board, rospy.Time.now())
+        if model.drives:
+            self._publishers.battery(board, rospy.Time.now())
         self._status = StatusTeller(
             self._commander, self._publishers.status, rospy.get_name(), self._hardware_id(board)
         )
         self._listen(board)
         self._offer_services()
         self._status.tell()
+        if self._zones is not None and parameters.planner != "none":
+            self._follow_zones(self._zones.zones)
         if parameters.has("commands"):
             self._take_commands()
             offer = threading.Thread(target=self._offer_reconfigure, args=(model, limits), daemon=True)
             offer.start()  # it takes a second, and `cmd_vel` and `status` should not wait
         gc.collect()
         gc.freeze()  # all present objects stay, so that garbage collections need not scan them again
+        power = f"battery {voltage_text(board.battery_v)}" if model.drives else SENSORS_ALONE
         rospy.loginfo(
             f"{model.name} (robot id {board.robot_id}, firmware {board.version}) on {parameters.port} at "
-            f"{driver.line_baud} baud, battery {voltage_text(board.battery_v)}"
+            f"{driver.line_baud} baud, {power}"
         )
+        if driver.build_assumed:
+            rospy.loginfo(
+                "this board of 2013 is taken to have sonars: if it has environment sensors, set ~build"
+            )
+        if driver.build_warning:
+            rospy.logwarn(driver.build_warning)
+
+    def _lower_limits(self, model: RobotModel) -> Limits:
+        """Lower the limits to the parameters, and take the mode; a board without motors has no limits."""
+        parameters = self._parameters
+        limits = lowered(
+            model.limits,
+            parameters.max_linear_speed,
+            parameters.max_angular_speed,
+            parameters.max_linear_acceleration,
+            parameters.max_angular_acceleration,
+        )
+        if model.drives:
+            commander = self._commander
+            commander.limits = limits
+            commander.manual_m_s = parameters.manual_speed or manual_speed_m_s(model.limits)
+            commander.set_manual(parameters.operation_mode == MANUAL)
+        return limits
 
     def _listen(self, board: Board) -> None:
         """Let the driver call this node, first the publishers."""
@@ -179,6 +217,8 @@ class RobotNode:
         driver.on_event(self._on_event)
         if self._parameters.has("sensors"):
             self._offer_sensors(board)
+            if self._parameters.imu and "imu" in board.capabilities:
+                driver.on_imu(self._publishers.imu(rospy.Time.now()).on_imu)
 
     def _watch_zones(self, model: RobotModel, has_sonars: bool) -> None:
         self._zones: Optional[ZoneWatch] = None
@@ -189,6 +229,11 @@ class RobotNode:
 
     def _take_commands(self) -> None:
         rospy.Subscriber("cmd_vel", Twist, self._on_cmd_vel, queue_size=1, tcp_nodelay=True)
+        topic = rospy.resolve_name("cmd_vel")
+        self._operators = Operators(self._parameters.max_command_delay, operator_now_s)
+        self._echo = rospy.Publisher(f"{topic}/echo", Header, queue_size=10, tcp_nodelay=True)
+        rospy.Subscriber(f"{topic}/ping", Header, self._on_ping, queue_size=10, tcp_nodelay=True)
+        rospy.Subscriber(f"{topic}/stamped", TwistStamped, self._on_stamped, queue_size=1, tcp_nodelay=True)
         rospy.Subscriber("pose", PoseStamped, self._on_pose, queue_size=1)
         if self._zones is not None and zone_sensors(self._parameters)[1]:
             self._finder = MountFinder(self._parameters.base_frame)
@@ -204,10 +249,11 @@ class RobotNode:
 
     def _offer_services(self) -> None:
         parameters = self._parameters
-        services = self._services = Services(self._driver, self._commander, self._publishers.covariance.reset)
+        services = self._services = Services(self._driver, self._commander)
         triggers: Dict[str, Callable[[], Answer]] = {"shutdown": self._end_node}
         if parameters.has("odometry"):
             triggers["reset_odometry"] = services.reset_odometry
+            rospy.Subscriber("set_pose", PoseWithCovarianceStamped, self._on_set_pose, queue_size=1)
         if parameters.has("commands"):
             triggers.update(stop=services.stop, release_stop=services.release_stop)
         if parameters.has("commands") and parameters.allow_calibration:
@@ -220,11 +266,14 @@ class RobotNode:
         for name, action in triggers.items():
             rospy.Service(name, Trigger, lambda _, act=action: TriggerResponse(*told(act())))
         if parameters.has("commands"):
-            rospy.Service(
-                "enable_motors",
-                SetBool,
-                lambda request: SetBoolResponse(*told(services.enable_motors(request.data))),
-            )
+            switches = {
+                "enable_motors": services.enable_motors,
+                "manual_mode": ModeSwitch(self._commander, rospy).set,
+            }
+            for name, switch in switches.items():
+                rospy.Service(
+                    name, SetBool, lambda request, act=switch: SetBoolResponse(*told(act(request.data)))
+                )
 
     def _end_node(self) -> Answer:
         """Stop now; the node closes the port and ends after the answer has left."""
@@ -240,6 +289,9 @@ class RobotNode:
                 if rospy.has_param(f"~{group}"):
                     rospy.delete_param(f"~{group}")
             self._servers = [Server(reconfigure.limits_description(model, limits), self._on_limits, "limits")]
+            if self._driver.has_sonars and self._parameters.has("sonars"):
+                sonars = reconfigure.sonars_description(self._publishers.clear_with_max_range)
+                self._servers.append(Server(sonars, self._on_sonars, "sonars"))
             if self._parameters.allow_gains:
                 self._gains = self._services.gains()
                 self._servers.append(
@@ -274,6 +326,40 @@ class RobotNode:
     def _hardware_id(self, board: Board) -> str:
         return f"{self._parameters.port} robot {board.robot_id}"
 
+    def _follow_zones(self, zones: Zones) -> None:
+        """Start the thread for the planner; the shutdown waits until the planner has its own speed back."""
+        thread = threading.Thread(target=self._tell_planner, args=(zones,), daemon=True)
+        thread.start()
+
+        def end() -> None:
+            self._planner_ends.set()
+            thread.join(PLANNER_END_S)
+
+        rospy.on_shutdown(end)  # after that of `run`, which stops the robot; services still answer
+
+    def _tell_planner(self, zones: Zones) -> None:
+        """Let the planner know how fast the zones allow it to drive ahead; on a thread of its own."""
+        absent = (KeyError, OSError, rospy.ROSException, rospy.ServiceException)
+        limit, due_s = limit_of(self._parameters.planner, rospy), -math.inf
+        while not self._planner_ends.wait(STATUS_S):
+            now = time.monotonic()
+            if now < due_s:
+                continue
+            allowed_m_s = zones.allowed_ahead_m_s(now)
+            if allowed_m_s >= self._commander.limits.linear_m_s:
+                allowed_m_s = math.inf
+            try:
+                line = limit.step(allowed_m_s, now)
+                if line:
+                    rospy.loginfo(line)
+            except ConfigError as error:
+                rospy.logwarn_once(f"{self._parameters.planner} does not follow the zones: {error}")
+                due_s = now + PLANNER_LOOK_S
+            except absent:
+                due_s = now + PLANNER_LOOK_S
+        with contextlib.suppress(*absent):
+            limit.give_back()
+
     # -- callbacks of the driver, on its reading thread
 
     def _on_zone_readings(self, telemetry: Telemetry) -> None:
@@ -301,8 +387,6 @@ class RobotNode:
     def _on_event(self, event: Any) -> None:
         if isinstance(event, Reply):
             self._radio.on_frame(event.frame)
-        elif isinstance(event, PathUnknown):
-            self._publishers.covariance.widen(event.distance_m, event.turn_rad)
         told = self._news.of(event)
         if told is not None and not rospy.is_shutdown():
             LOG[told.level](told.message)
@@ -351,6 +435,27 @@ class RobotNode:
             if not taken:
                 rospy.logwarn_throttle(WARN_EVERY_S, f"cmd_vel refused: {commander.refusal()}")
 
+    def _on_stamped(self, message: TwistStamped) -> None:
+        """Follow an operator's command and echo its header, or stop if it arrives too late.  No stop is too late."""
+        header, commander, refusal = message.header, self._commander, ""
+        if message.twist != STANDSTILL:
+            refusal = self._operators.refusal(header.frame_id, header.stamp.to_sec())
+        if not refusal:
+            self._on_cmd_vel(message.twist)
+            self._echo.publish(header)
+            return
+        commander.late_commands = self._operators.refused
+        rospy.logwarn_throttle(WARN_EVERY_S, refusal)
+        if commander.seeking:
+            self._pose_goal.cancel()
+        if commander.driving:
+            with contextlib.suppress(MrlError):
+                commander.stop(LATE)
+
+    def _on_ping(self, header: Header) -> None:
+        self._operators.late_s(header.frame_id, header.stamp.to_sec())
+        self._echo.publish(header)
+
     def _ignore_axes(self, message: Twist) -> float:
         """Warn of fields that the drive cannot follow.
 
@@ -371,8 +476,16 @@ class RobotNode:
             if not self._seeks:
                 self._seeks = True
                 self._driver.on_telemetry(self._on_goal_step)
+                if not self._driver.has_sonars:
+                    rospy.logwarn(
+                        "this board has no sonars: the robot drives to poses without seeing obstacles"
+                    )
         except ValueError as error:
             rospy.logwarn(f"pose refused: {error}")
+
+    def _on_set_pose(self, message: PoseWithCovarianceStamped) -> None:
+        done, text = self._services.set_pose(message, self._parameters.odom_frame)
+        (rospy.loginfo if done else rospy.logwarn)(text if done else f"set_pose refused: {text}")
 
     def _on_scan(self, message: LaserScan) -> None:
         mount = self._finder.mount(message.header.frame_id)
@@ -389,6 +502,14 @@ class RobotNode:
 
     def _on_limits(self, config: Any, _level: int) -> Any:
         self._commander.limits = reconfigure.limits_of(config, self._commander.limits)
+        return config
+
+    def _on_sonars(self, config: Any, level: int) -> Any:
+        self._publishers.clear_with_max_range = config["clear_with_max_range"]
+        if level != -1:  # -1 is the call at the start
+            rospy.set_param(
+                "~clear_with_max_range", config["clear_with_max_range"]
+            )  # for a respawn of the node
         return config
 
     def _on_gains(self, config: Any, level: int) -> Any:

@@ -1,32 +1,50 @@
-"""The actions of the node's services: each takes nothing or a switch, and returns (success, message).  No ROS."""
+"""The actions of the node's services and of `set_pose`: each returns (success, message).  No ROS."""
 
 import math
-from typing import Any, Callable, Dict, Tuple
+from typing import Any, Dict, Tuple
 
 from mrl_driver.errors import MrlError
+from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
+from mrl_driver.robot.covariance import AT_START, Spread
+from mrl_driver.session.events import MAY_MOVE
 from ros1_bridge.control.commander import Commander
+from ros1_bridge.control.wheel_motion import STILL_M_S
+from ros1_bridge.node.plane_poses import planar
+from ros1_bridge.topics.message_covariance import spread_of
 
 Answer = Tuple[bool, str]
-STILL_M_S, STILL_RAD_S = 0.005, 0.02
-"""Slower than this counts as standing still."""
+STILL_RAD_S = 0.02
+"""A slower turn counts as standing still."""
 GAINS = ("kp", "ki", "kd")
 UNDER_WAY = "the robot moves, or drives to a pose"
 
 
 class Services:
-    """The services of one robot; `forget_path` resets the covariance of the pose."""
+    """The services of one robot."""
 
-    def __init__(self, driver: Any, commander: Commander, forget_path: Callable[[], None]) -> None:
-        self._driver, self._commander, self._forget_path = driver, commander, forget_path
+    def __init__(self, driver: Any, commander: Commander) -> None:
+        self._driver, self._commander = driver, commander
 
     def reset_odometry(self) -> Answer:
         """Set the pose to the origin of odom."""
+        return self._set_pose(ORIGIN, AT_START)
+
+    def set_pose(self, message: Any, odom_frame: str) -> Answer:
+        """Set the pose in `odom_frame`, and its covariance, to those of a geometry_msgs/PoseWithCovarianceStamped."""
+        frame = message.header.frame_id
+        if frame not in ("", odom_frame):
+            return False, f"the pose is in {frame}, expected {odom_frame}"
+        try:
+            return self._set_pose(planar(message.pose.pose), spread_of(message.pose.covariance))
+        except ValueError as error:
+            return False, str(error)
+
+    def _set_pose(self, pose: Pose, spread: Spread) -> Answer:
         if not self._still():
             return False, f"{UNDER_WAY}; stop it first, for a pose that jumps in motion misleads filters"
-        self._driver.reset_pose()
-        self._forget_path()
-        return True, "the pose is 0, 0, 0"
+        self._driver.reset_pose(pose, spread)
+        return True, f"the pose is {pose.x_m:g}, {pose.y_m:g}, {pose.yaw_rad:g}"
 
     def stop(self) -> Answer:
         """Latch the emergency stop."""
@@ -34,6 +52,8 @@ class Services:
             self._commander.latch()
         except MrlError as error:
             return False, f"latched, but the robot cannot be reached: {error}"
+        if self._driver.may_be_moving:
+            return False, f"latched, but no telemetry arrives: {MAY_MOVE}"
         return True, "stopped; release_stop lets the robot follow commands again"
 
     def release_stop(self) -> Answer:
@@ -49,6 +69,8 @@ class Services:
             self._commander.enable(enabled)
         except MrlError as error:
             return False, f"disabled, but the robot cannot be reached: {error}"
+        if not enabled and self._driver.may_be_moving:
+            return False, f"disabled, but no telemetry arrives: {MAY_MOVE}"
         return True, "enabled" if enabled else "stopped and disabled"
 
     def calibrate(self) -> Answer:
@@ -57,6 +79,8 @@ class Services:
             return False, f"refused: {self._commander.refusal()}"
         if not self._still():
             return False, f"refused: {UNDER_WAY}; stop it first"
+        if self._commander.manual:
+            return False, "refused: the motor board turns the wheels faster than manual mode allows"
         try:
             self._driver.request(BY_NAME["calibrate"].code)
         except MrlError as error:
@@ -86,4 +110,4 @@ class Services:
     def _still(self) -> bool:
         twist = self._driver.twist
         fast = math.hypot(twist[0], *twist[2:]) > STILL_M_S or math.fabs(twist[1]) > STILL_RAD_S
-        return not (fast or self._commander.moving or self._commander.seeking)
+        return not (fast or self._commander.driving or self._commander.seeking)

@@ -14,7 +14,7 @@ Wrapper = Any
 
 
 class Diagnostics:
-    """Diagnostics of link, motion, battery and board, from the driver and the speed limiter."""
+    """Diagnostics of link, motion, battery, board and IMU, from the driver and the speed limiter."""
 
     def __init__(self, driver: Driver, commander: Commander, parameters: Parameters) -> None:
         self._driver, self._commander, self._parameters = driver, commander, parameters
@@ -22,9 +22,12 @@ class Diagnostics:
     def add_to(self, updater: Any) -> None:
         """Add the tasks to a diagnostic_updater.Updater."""
         updater.add("Link", self._link)
-        updater.add("Motion", self._motion)
-        updater.add("Battery", self._battery)
+        if self._driver.model is not None and self._driver.model.drives:
+            updater.add("Motion", self._motion)
+            updater.add("Battery", self._battery)
         updater.add("Board", self._board)
+        if self._parameters.imu and "imu" in self._driver.board.capabilities:
+            updater.add("IMU", self._imu)
 
     def _link(self, status: Wrapper) -> Wrapper:
         driver, parameters = self._driver, self._parameters
@@ -37,7 +40,7 @@ class Diagnostics:
 
     def _motion(self, status: Wrapper) -> Wrapper:
         commander = self._commander
-        health = robot_status.motion_health(commander.moving, commander.stopped_by)
+        health = robot_status.motion_health(commander.driving, commander.stopped_by)
         return _filled(status, health, robot_status.motion_values(commander))
 
     def _battery(self, status: Wrapper) -> Wrapper:
@@ -51,6 +54,10 @@ class Diagnostics:
         report = self._driver.status
         values = robot_status.board_values(report, self._driver.temperature_c)
         return _filled(status, robot_status.board_health(report), values)
+
+    def _imu(self, status: Wrapper) -> Wrapper:
+        state, imu = self._driver.imu_state, self._driver.imu
+        return _filled(status, robot_status.imu_health(state), robot_status.imu_values(state, imu))
 
 
 def _filled(status: Wrapper, health: link_report.LinkHealth, values: Dict[str, str]) -> Wrapper:

@@ -1,10 +1,21 @@
 """The state of the link as diagnostics: a level, a message, keys and values.  Pure."""
 
+import math
 from typing import Any, Dict, NamedTuple, Optional
 
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.safety.wheel_monitor import Mismatch
-from mrl_driver.session.events import MAY_MOVE, WAITS, Lost, PathUnknown, Ready, Reconnected, Slowed, Stale
+from mrl_driver.session.events import (
+    MAY_MOVE,
+    WAITS,
+    ImuChanged,
+    Lost,
+    PathUnknown,
+    Ready,
+    Reconnected,
+    Slowed,
+    Stale,
+)
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.link_counters import Statistics
 from mrl_driver.transport.baud_rates import SLOW
@@ -45,6 +56,8 @@ class News:
                 if restarted
                 else LinkHealth(OK, ANSWERS)
             )
+        if isinstance(event, ImuChanged):
+            return LinkHealth(OK if event.in_use else WARN, str(event))
         if isinstance(event, Mismatch):
             return LinkHealth(ERROR, f"{event}; the robot was stopped")
         return LinkHealth(WARN, str(event)) if isinstance(event, (Slowed, PathUnknown)) else None
@@ -82,7 +95,9 @@ def values(
         "Serial Port": port,
         "Serial Baud": str(baud),
         "Firmware Version": str(board.version),
-        "Motor Board Version": f"{board.motor_board_version:.2f}",
+        "Motor Board Version": "none"
+        if math.isnan(board.motor_board_version)
+        else f"{board.motor_board_version:.2f}",
         "Protocol Version": str(board.protocol),
         "Device ID": str(board.robot_id),
         "Computed Latency": latency,

@@ -1,11 +1,13 @@
 """The state of the robot as `status` and as diagnostics: levels, messages, keys and values.  Pure."""
 
 import math
-from typing import Any, Callable, Dict, Optional, Tuple
+from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple, Union
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from mrl_driver.lock_order import new_lock
+from mrl_driver.robot.imu import IN_USE, LEARNING, OFF, REASONS, Imu
+from mrl_driver.safety import operation_mode
 from mrl_driver.session.events import MAY_MOVE, Status
 from ros1_bridge.control.commander import (
     ADRIFT,
@@ -14,9 +16,11 @@ from ros1_bridge.control.commander import (
     EMERGENCY,
     LINK,
     NONE,
+    TO_MANUAL,
     WHEEL,
     Commander,
 )
+from ros1_bridge.topics.publishers import FIELD_TOPICS
 
 from .link_report import ERROR, OK, WARN, LinkHealth
 
@@ -28,12 +32,69 @@ MODES = {
     BATTERY: "battery",
     WHEEL: "wheel mismatch",
 }
-"""Mode by the reason why the robot may not move; without a reason the mode is `drive` or `pose`."""
-HARMLESS = (NONE, "user", DISABLED, "closed")
+"""Mode by the reason why the robot may not move; see `State.mode`."""
+HARMLESS = (NONE, "user", DISABLED, "closed", TO_MANUAL)
 """Reasons for a stop that do not make it a safety stop."""
 FAULTY = ("wheel blocked", "encoder", "undervoltage")
 """Stops by an H-bridge board that somebody must look into."""
-State = Tuple[bool, str, bool, Tuple[str, str]]
+FIELDS = ("warning", "outer warning", "protective")
+"""The zones, in the order of `FIELD_TOPICS`."""
+Value = Union[bool, str, None]
+
+
+class State(NamedTuple):
+    """What a robot does, and why it does not; None for what is not known."""
+
+    driving: bool
+    """A command other than standstill is in force."""
+    moving: Optional[bool]
+    """The wheels turn, by their counts."""
+    cause: str
+    """`Commander.stopped_by`."""
+    seeking: bool
+    manual: bool
+    clear: Tuple[Optional[bool], ...]
+    """Whether each of `FIELDS` is clear; all None without zones."""
+
+    @property
+    def mode(self) -> str:
+        """`drive`, `pose` while the robot drives to one, or why it may not move."""
+        return MODES.get(self.cause, "pose" if self.seeking else "drive")
+
+    @property
+    def safety_stop(self) -> bool:
+        """The robot was stopped, and not by its user."""
+        return not self.driving and self.cause not in HARMLESS
+
+    def topics(self) -> Dict[str, Value]:
+        """Return the values that have a topic of their own."""
+        fields = dict(zip(FIELD_TOPICS, self.clear))
+        return {"mode": self.mode, "moving": self.moving, "safety_stop": self.safety_stop, **fields}
+
+    def keys(self) -> Dict[str, str]:
+        """Return keys and values for `status`."""
+        zones = {f"{name} zone clear": _text(clear, "not watched") for name, clear in zip(FIELDS, self.clear)}
+        return {
+            "mode": self.mode,
+            "operation mode": operation_mode.MANUAL if self.manual else operation_mode.AUTOMATIC,
+            "ready": _text(self.cause not in MODES),
+            "moving": _text(self.moving),
+            **zones,
+            "safety stop": _text(self.safety_stop),
+            "stopped by": NONE if self.driving else self.cause,
+        }
+
+
+def state_of(commander: Commander) -> State:
+    """Return the state of a robot now."""
+    zones = commander.zones
+    clear: Tuple[Optional[bool], ...] = (None,) * len(FIELDS)
+    if zones is not None:
+        watched = commander.linked
+        fields = zones.warning_clear, zones.outer_clear, zones.protective_clear
+        clear = tuple(watched and each for each in fields)
+    cause, seeking = commander.stopped_by, commander.seeking
+    return State(commander.driving, commander.wheels_turn, cause, seeking, commander.manual, clear)
 
 
 class StatusTeller:
@@ -42,50 +103,40 @@ class StatusTeller:
     def __init__(
         self,
         commander: Commander,
-        publish: Callable[[DiagnosticStatus], None],
+        publish: Callable[[DiagnosticStatus, Dict[str, Value]], None],
         node_name: str,
         hardware_id: str,
     ) -> None:
+        """`publish` gets the status, and those values of topics that have changed."""
         self._commander, self._publish = commander, publish
         self._name, self._hardware_id = f"{node_name}: status", hardware_id
         self._lock = new_lock("status")
         self._published: Optional[State] = None
+        self._values: Dict[str, Value] = {}
 
     def tell(self) -> None:
         """Publish the state, unless it is the same as last time."""
         with self._lock:
-            commander = self._commander
-            state = commander.moving, commander.stopped_by, commander.seeking, zones_clear(commander)
+            state = state_of(self._commander)
             if state != self._published:
                 self._published = state
-                self._publish(self._message(*state))
+                self._publish(self._message(state), self._changed(state))
 
-    def _message(self, moving: bool, cause: str, seeking: bool, clear: Tuple[str, str]) -> DiagnosticStatus:
-        level, line = motion_health(moving, cause)
-        values = {
-            "mode": mode_of(cause, seeking),
-            "ready": _yes(cause not in MODES),
-            "moving": "unknown" if cause == ADRIFT else _yes(moving),
-            "warning zone clear": clear[0],
-            "protective zone clear": clear[1],
-            "safety stop": _yes(not moving and cause not in HARMLESS),
-            "stopped by": NONE if moving else cause,
-        }
-        pairs = [KeyValue(key, value) for key, value in values.items()]
+    def _changed(self, state: State) -> Dict[str, Value]:
+        """Return the new values.  A value that is no longer known is true: the robot may be moving."""
+        changed: Dict[str, Value] = {}
+        for topic, value in state.topics().items():
+            if value is None and topic not in self._values:
+                continue
+            value = True if value is None else value
+            if self._values.get(topic) != value:
+                changed[topic] = self._values[topic] = value
+        return changed
+
+    def _message(self, state: State) -> DiagnosticStatus:
+        level, line = motion_health(state.driving, state.cause)
+        pairs = [KeyValue(key, value) for key, value in state.keys().items()]
         return DiagnosticStatus(level, self._name, line, self._hardware_id, pairs)
-
-
-def mode_of(cause: str, seeking: bool = False) -> str:
-    """`drive`, `pose` while the robot drives to one, or why it may not move; `cause` is `Commander.stopped_by`."""
-    return MODES.get(cause, "pose" if seeking else "drive")
-
-
-def zones_clear(commander: Commander) -> Tuple[str, str]:
-    """Whether the warning and the protective zone are clear; `not watched` without zones."""
-    zones = commander.zones
-    if zones is None:
-        return "not watched", "not watched"
-    return _yes(zones.warning_clear), _yes(zones.protective_clear)
 
 
 def battery_health(state: str, volts: float) -> LinkHealth:
@@ -132,23 +183,51 @@ def board_values(status: Any, temperature_c: float) -> Dict[str, str]:
     return values
 
 
-def motion_health(moving: bool, cause: str) -> LinkHealth:
-    """Level and message for the motion; `cause` is `Commander.stopped_by`."""
+def imu_health(state: str) -> LinkHealth:
+    """Level and message for `Driver.imu_state`."""
+    if state in REASONS:
+        return LinkHealth(WARN, REASONS[state])
+    if state == IN_USE:
+        return LinkHealth(OK, "the heading comes from gyro and wheels")
+    why = "the gyro's bias is learned when the robot stands" if state == LEARNING else f"the IMU is {state}"
+    return LinkHealth(WARN if state == OFF else OK, f"the heading comes from the wheels alone: {why}")
+
+
+def imu_values(state: str, imu: Optional[Imu]) -> Dict[str, str]:
+    """Keys and values for the IMU; `imu` is the last reading."""
+    values = {"State": state}
+    if imu is not None:
+        known = f"{imu.bias_rad_s:.5f} rad/s, standard deviation {imu.bias_sd_rad_s:.5f} rad/s"
+        values["Gyro Bias"] = known if imu.bias_known else "not known yet"
+        values["Yaw Rate"] = f"{imu.angular_velocity_rad_s[2] - imu.bias_rad_s:.4f} rad/s"
+        values["Yaw Standard Deviation"] = f"{math.sqrt(imu.yaw_variance_rad2):.4f} rad"
+    return values
+
+
+def motion_health(driving: bool, cause: str) -> LinkHealth:
+    """Level and message for the motion.
+
+    Args:
+        driving: a command other than standstill is in force.
+        cause: `Commander.stopped_by`.
+    """
     if cause == ADRIFT:
         return LinkHealth(ERROR, f"no telemetry; {MAY_MOVE}")
-    if moving or cause == NONE:
-        return LinkHealth(OK, "moving" if moving else "ready")
+    if driving or cause == NONE:
+        return LinkHealth(OK, "driving" if driving else "ready")
     level = ERROR if cause in (LINK, BATTERY, WHEEL, *FAULTY) else WARN if cause in MODES else OK
     return LinkHealth(level, f"stopped by {cause}")
 
 
 def motion_values(commander: Commander) -> Dict[str, str]:
     """Keys and values for the motion."""
-    limits = commander.limits
+    limits, state = commander.in_force, state_of(commander)
     return {
-        "Mode": mode_of(commander.stopped_by, commander.seeking),
-        "Moving": "unknown" if commander.stopped_by == ADRIFT else _yes(commander.moving),
-        "Stop Reason": commander.stopped_by,
+        "Mode": state.mode,
+        "Operation Mode": state.keys()["operation mode"],
+        "Moving": _text(state.moving),
+        "Stop Reason": state.cause,
+        "Late Commands": str(commander.late_commands),
         "Linear Speed Limit": f"{limits.linear_m_s:g} m/s",
         "Angular Speed Limit": f"{limits.angular_rad_s:g} rad/s",
         "Linear Acceleration Limit": f"{limits.linear_acceleration_m_s2:g} m/s2",
@@ -156,5 +235,5 @@ def motion_values(commander: Commander) -> Dict[str, str]:
     }
 
 
-def _yes(flag: bool) -> str:
-    return "true" if flag else "false"
+def _text(flag: Optional[bool], unknown: str = "unknown") -> str:
+    return unknown if flag is None else "true" if flag else "false"

@@ -1,1 +1,1 @@
-"""The nodes that drive by keyboard and by joystick.  Imports node."""
+"""The nodes that drive by keyboard and by joystick, and the multiplexer of velocity commands.  Imports topics, node."""

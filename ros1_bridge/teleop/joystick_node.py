@@ -1,24 +1,29 @@
 """ROS node `teleop_joystick`: converts sensor_msgs/Joy on `joy` to `cmd_vel` while the dead-man button is held.
 
-When the button is released, the node sends one stop and then nothing, so that other nodes can drive.  If the joystick
-falls silent, the command timeout of the robot stops it.
+When the button is released, or the joystick is lost, the node sends one stop and then nothing, so that other nodes can
+drive.  If the joystick falls silent, the command timeout of the robot stops it.
 """
 
+import time
 from typing import List, Optional
 
 import rospy
 from geometry_msgs.msg import Twist
 from sensor_msgs.msg import Joy
 
-from ros1_bridge.node.cmd_vel import CmdVel
+from mrl_driver.safety.operator_delay import Lateness
+from ros1_bridge.node.operator_cmd_vel import DELAY_ROW, OperatorCmdVel, operator_now_s
 from ros1_bridge.node.parameters import Row, read, speed_rows
 from ros1_bridge.node.run_node import run_node
 
-from .joystick_mapping import LAYOUTS, shares_of
+from .joystick_mapping import LAYOUTS, Joystick
 
+CLOCK_STEP_S = 10.0
+"""If a message seems to be later than this, a clock was set [s]."""
 PARAMETERS = (
     Row("layout", str, "ps3", "", "Which button does what", choices=tuple(LAYOUTS)),
     *speed_rows("Speed at full deflection", "Yaw rate at full deflection"),
+    DELAY_ROW,
 )
 """The node's private parameters."""
 
@@ -33,14 +38,18 @@ class TeleopJoystick:
             ConfigError: a parameter is wrong.
         """
         given = read(PARAMETERS, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
-        self._layout = LAYOUTS[given["layout"]]
+        self._joystick, self._told = Joystick(LAYOUTS[given["layout"]]), ""
         self._linear_m_s, self._angular_rad_s = given["linear_speed"], given["angular_speed"]
         self._driving = False
-        self._out = CmdVel()
+        self._out = OperatorCmdVel(given["max_delay"])
+        self._lateness = Lateness()
         rospy.Subscriber("joy", Joy, self._on_joy, queue_size=1, tcp_nodelay=True)
 
     def _on_joy(self, message: Joy) -> None:
-        shares = shares_of(self._layout, message.axes, message.buttons)
+        stamp_s = message.header.stamp.to_sec()
+        input_s = operator_now_s() - self._late_s(stamp_s)
+        shares = self._joystick.shares(message.axes, message.buttons, stamp_s, time.monotonic())
+        self._tell()
         if shares is None and not self._driving:
             return
         self._driving = shares is not None
@@ -48,7 +57,23 @@ class TeleopJoystick:
         if shares is not None:
             twist.linear.x = shares[0] * self._linear_m_s
             twist.angular.z = shares[1] * self._angular_rad_s
-        self._out.publish(twist)
+        self._out.drive(twist, input_s)
+
+    def _late_s(self, stamp_s: float) -> float:
+        """How much later than the fastest the message has come from the joystick's node [s]."""
+        if not stamp_s or not rospy.rostime.is_wallclock():
+            return 0.0
+        late_s = self._lateness.of(stamp_s, time.time())
+        if late_s > CLOCK_STEP_S:
+            self._lateness, late_s = Lateness(), 0.0
+        return late_s
+
+    def _tell(self) -> None:
+        """Log once why a held button does not drive."""
+        trouble = self._joystick.trouble
+        if trouble and trouble != self._told:
+            rospy.logwarn(f"{trouble}; then release the dead-man button and press it again")
+        self._told = trouble
 
 
 def main(argv: Optional[List[str]] = None) -> int:

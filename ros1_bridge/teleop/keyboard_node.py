@@ -1,5 +1,6 @@
 """ROS node `teleop_keyboard`: converts keys of the terminal to `cmd_vel`; silent while no key is held."""
 
+import math
 import sys
 import time
 from typing import List, Optional
@@ -10,13 +11,13 @@ from geometry_msgs.msg import Twist
 from mrl_driver.errors import ConfigError
 from mrl_driver.terminal.keyboard import Keyboard
 from mrl_driver.terminal.teleop_keys import ANGULAR_RAD_S, LINEAR_M_S, Teleop
-from ros1_bridge.node.cmd_vel import CmdVel
+from ros1_bridge.node.operator_cmd_vel import DELAY_ROW, OperatorCmdVel, operator_now_s
 from ros1_bridge.node.parameters import read, speed_rows
 from ros1_bridge.node.run_node import run_node
 
-PERIOD_S = 0.05
+PERIOD_S, SHOW_S = 0.05, 0.2
 HELP = "arrow keys or w a s d drive, space stops, q ends"
-PARAMETERS = speed_rows("Speed forward and back", "Yaw rate", LINEAR_M_S, ANGULAR_RAD_S)
+PARAMETERS = (*speed_rows("Speed forward and back", "Yaw rate", LINEAR_M_S, ANGULAR_RAD_S), DELAY_ROW)
 """The node's private parameters."""
 
 
@@ -34,29 +35,40 @@ class TeleopKeyboard:
             given["linear_speed"] / LINEAR_M_S,
             given["angular_speed"] / ANGULAR_RAD_S,
         )
-        self._out = CmdVel()
+        self._out = OperatorCmdVel(given["max_delay"])
         self._driving = False
+        self._shown_s = -math.inf
 
     def run(self, keyboard: Keyboard) -> None:
         """Drive until `q` or the shutdown."""
         teleop = Teleop()
         while not rospy.is_shutdown():
-            for key in keyboard.read(PERIOD_S):
+            keys, input_s = keyboard.read(PERIOD_S), operator_now_s()
+            for key in keys:
                 if key in ("q", "escape", "\x03"):
                     return
-                teleop.press(key, time.monotonic())
+                input_s = operator_now_s() - (time.monotonic() - keyboard.pressed_s)
+                teleop.press(key, keyboard.pressed_s)
                 self._driving = self._driving or key == "space"
             now_s = time.monotonic()
-            self._publish(*teleop.command(now_s), teleop.slide(now_s))
+            self._publish(*teleop.command(now_s), teleop.slide(now_s), input_s)
+            self._show(now_s)
 
-    def _publish(self, linear: float, angular: float, lateral: float) -> None:
-        moving = bool(linear or angular or lateral)
+    def _publish(self, linear: float, angular: float, lateral: float, input_s: float) -> None:
+        twist = Twist()
+        twist.linear.x, twist.angular.z = linear * self._linear, angular * self._angular
+        twist.linear.y = lateral * self._linear
+        moving = twist != Twist()
         if moving or self._driving:
-            twist = Twist()
-            twist.linear.x, twist.angular.z = linear * self._linear, angular * self._angular
-            twist.linear.y = lateral * self._linear
-            self._out.publish(twist)
+            self._out.drive(twist, input_s)
         self._driving = moving
+
+    def _show(self, now_s: float) -> None:
+        """Show the delay on the last line of the terminal."""
+        if now_s >= self._shown_s + SHOW_S and sys.stdout.isatty():
+            self._shown_s = now_s
+            sys.stdout.write(f"\r{self._out.words()}\x1b[K")
+            sys.stdout.flush()
 
 
 def main(argv: Optional[List[str]] = None) -> int:

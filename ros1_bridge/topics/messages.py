@@ -1,6 +1,6 @@
 """Fills ROS messages from driver values.  Plain functions: no node, no clock, no robot maths.
 
-One message per topic is made once and filled again for each publication.  `serialized_odometry` has the messages
+One message per topic is made once and filled again for each publication.  `serialized_messages` has the messages
 that are published with every frame.
 """
 
@@ -13,14 +13,14 @@ from sensor_msgs.msg import BatteryState, JointState, Range, Temperature
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.geometry import Pose, quaternion_of
-from mrl_driver.robot.models import Battery, SonarMount
+from mrl_driver.robot.models import Battery, ImuMount, SonarMount
 from mrl_driver.robot.sonar import FARTHEST_M, FIELD_OF_VIEW_RAD, NEAREST_M
-from ros1_bridge.node.tf_names import JOINTS, SONAR_HEIGHT_M, sonar_frame
+from ros1_bridge.node.tf_names import JOINTS, SONAR_HEIGHT_M, imu_frame, sonar_frame
 
 
 def new_transform(odom_frame: str, base_frame: str) -> TFMessage:
     """A message for /tf with one transform from odom_frame to base_frame."""
-    return TFMessage([_transform(odom_frame, base_frame, 0.0, 0.0, 0.0)])
+    return TFMessage([_transform(odom_frame, base_frame)])
 
 
 def fill_transform(message: TFMessage, stamp: Time, pose: Pose) -> None:
@@ -36,10 +36,17 @@ def new_mounts(base_frame: str, sonars: Mapping[str, SonarMount], stamp: Time) -
     """Static transforms from `base_frame` to each sonar, x along its beam."""
     message = TFMessage()
     for name, mount in sonars.items():
-        transform = _transform(base_frame, sonar_frame(base_frame, name), *mount.pose)
+        transform = _transform(base_frame, sonar_frame(base_frame, name), *mount.pose, SONAR_HEIGHT_M)
         transform.header.stamp = stamp
         message.transforms.append(transform)
     return message
+
+
+def new_imu_mount(base_frame: str, mount: ImuMount, stamp: Time) -> TFMessage:
+    """The static transform from `base_frame` to the IMU, whose axes are parallel: readings arrive already rotated."""
+    transform = _transform(base_frame, imu_frame(base_frame), mount.x_m, mount.y_m, z_m=mount.z_m)
+    transform.header.stamp = stamp
+    return TFMessage([transform])
 
 
 def new_range(base_frame: str, sonar: str) -> Range:
@@ -135,10 +142,12 @@ def unused_axes(message: Twist, sideways: bool = False) -> Tuple[str, ...]:
     return tuple(name for name, value in fields.items() if value and not (sideways and name == "linear.y"))
 
 
-def _transform(parent: str, child: str, x_m: float, y_m: float, yaw_rad: float) -> TransformStamped:
+def _transform(
+    parent: str, child: str, x_m: float = 0.0, y_m: float = 0.0, yaw_rad: float = 0.0, z_m: float = 0.0
+) -> TransformStamped:
     transform = TransformStamped()
     transform.header.frame_id, transform.child_frame_id = parent, child
     translation, rotation = transform.transform.translation, transform.transform.rotation
-    translation.x, translation.y, translation.z = x_m, y_m, SONAR_HEIGHT_M
+    translation.x, translation.y, translation.z = x_m, y_m, z_m
     rotation.z, rotation.w = quaternion_of(yaw_rad)
     return transform

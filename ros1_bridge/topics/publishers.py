@@ -3,25 +3,26 @@
 import math
 import time
 from types import SimpleNamespace
-from typing import Any, Callable, Dict, Type, Union
+from typing import Any, Callable, Dict, Mapping, Type, Union
 
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from genpy import Time
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, JointState, Range, Temperature
+from std_msgs.msg import Bool, Header, String
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.driver import Telemetry
-from mrl_driver.robot.covariance import uncertainty_of
 from mrl_driver.robot.kinematics import Planar, kinematics_of
 from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.session.handshake import Board
 from ros1_bridge.node.robot_parameters import Parameters
-from ros1_bridge.node.tf_names import JOINTS, OMNI_JOINTS
+from ros1_bridge.node.tf_names import JOINTS, OMNI_JOINTS, imu_frame
 
 from . import messages
 from .fast_publisher import Fast, direct_publisher
-from .serialized_odometry import PackedOdometry, PackedTransform
+from .imu_topics import ImuTopics
+from .serialized_messages import PackedOdometry, PackedTransform
 
 STEP_S = 1e-6
 """Smallest difference of two stamps; four times the resolution of a float with today's time in seconds."""
@@ -29,7 +30,17 @@ PAUSE_S = 1e-4
 """If the difference of the two clocks shrinks by more than this, it is read again."""
 JUMP_S = 1.0
 """If the clock goes back further than this, it was set on purpose, and the stamps follow it."""
-LATCHED = {"battery": BatteryState, "board_temperature": Temperature, "status": DiagnosticStatus}
+LATCHED = {
+    "battery": BatteryState,
+    "board_temperature": Temperature,
+    "status": DiagnosticStatus,
+    "status_array": DiagnosticArray,
+    "mode": String,
+    "moving": Bool,
+    "safety_stop": Bool,
+}
+FIELD_TOPICS = ("warning_field_clear", "outer_warning_field_clear", "protective_field_clear")
+"""Latched topics of a robot with zones."""
 
 
 class Unpublished:
@@ -46,7 +57,10 @@ class Unpublished:
 
 
 class Publishers:
-    """Topics that every board has, `/tf` included."""
+    """Topics that every board has, `/tf` included.
+
+    A board without motors has none of those about motion and battery.
+    """
 
     def __init__(
         self,
@@ -63,31 +77,42 @@ class Publishers:
         odom, base = parameters.odom_frame, parameters.base_frame
         self._class, self._lost = publisher_class, lost
         self._model, self._parameters = model, parameters
+        self.clear_with_max_range = parameters.clear_with_max_range
+        """Sonars that see nothing report max_range instead of +Inf; it may be changed at any time."""
         self._stamp, self._clock, self._monotonic = Time(), clock, monotonic
         self._ahead_s = -math.inf
         self._least_s = 0.0
-        self.covariance = uncertainty_of(model)
-        omni = isinstance(model.drive, OmniDrive)
+        if model.drives:
+            self._add_wheels(odom, base)
+        self._ranges = {name: messages.new_range(base, name) for name in model.sonars}
+        self._ranges_out: Dict[str, Fast] = {}
+        self._mounts = TFMessage()
+        self._mounts_out: Any = None
+        self._battery = messages.new_battery(base, model.battery)
+        self._temperature = messages.new_temperature(base)
+        with_status, kinds = parameters.has("status") and model.drives, dict(LATCHED)
+        if parameters.zones != "none":
+            kinds.update(dict.fromkeys(FIELD_TOPICS, Bool))
+        self._latched = {
+            name: direct_publisher(publisher_class, name, kind, latch=True) if with_status else Unpublished()
+            for name, kind in kinds.items()
+        }
+
+    def _add_wheels(self, odom: str, base: str) -> None:
+        """Advertise what the wheels tell; boards without motors have no telemetry either."""
+        model, drive = self._model, self._model.base
+        omni = isinstance(drive, OmniDrive)
         self._odometry, self._odometry_out = PackedOdometry(odom, base), self._sender("odom", Odometry)
         self._transform = PackedTransform(odom, base)
-        self._transform_out = self._sender("/tf", TFMessage) if parameters.publish_tf else None
+        self._transform_out = self._sender("/tf", TFMessage) if self._parameters.publish_tf else None
         self._joints = messages.new_joints(OMNI_JOINTS if omni else JOINTS)
         self._joints_out = self._sender("joint_states", JointState)
         counts_a_turn = model.board["gearbox"] / 10 * model.board["encoder_counts"] / 10
         self._rad_per_count = 2 * math.pi / counts_a_turn
-        self._rad_per_m = self._rad_per_count / model.drive.metres_per_count
-        self._kinematics = kinematics_of(model.drive)
+        self._rad_per_m = self._rad_per_count / drive.metres_per_count
+        self._kinematics = kinematics_of(drive)
         # joints are right, left, rear; the motors left, rear, right
         self._order = (2, 0, 1) if omni else (0, 1)
-        self._ranges = {name: messages.new_range(base, name) for name in model.sonars}
-        self._ranges_out: Dict[str, Fast] = {}
-        self._battery = messages.new_battery(base, model.battery)
-        self._temperature = messages.new_temperature(base)
-        with_status = parameters.has("status")
-        self._latched = {
-            name: direct_publisher(publisher_class, name, kind, latch=True) if with_status else Unpublished()
-            for name, kind in LATCHED.items()
-        }
 
     def _sender(self, topic: str, kind: type) -> Union[Fast, Unpublished]:
         """A publisher for a topic of the part odometry."""
@@ -101,12 +126,26 @@ class Publishers:
         base, model = self._parameters.base_frame, self._model
         self._ranges_out = {name: self._fast(f"sonar/{name}", Range) for name in model.sonars}
         if self._parameters.publish_mounts:
+            self.mounts(messages.new_mounts(base, model.sonars, now))
+
+    def imu(self, now: Time) -> ImuTopics:
+        """Advertise the IMU's topics, and publish its mount; for boards that have an IMU."""
+        base, mount = self._parameters.base_frame, self._model.imu
+        if self._parameters.publish_imu_mount:
+            self.mounts(messages.new_imu_mount(base, mount, now))
+        return ImuTopics(self._fast, imu_frame(base), mount, lambda: self._ahead_s)
+
+    def mounts(self, more: TFMessage) -> None:
+        """Publish static transforms, together with those of before: a latched topic keeps only its last message."""
+        if self._mounts_out is None:
             self._mounts_out = direct_publisher(self._class, "/tf_static", TFMessage, latch=True)
-            self._mounts_out.publish(messages.new_mounts(base, model.sonars, now))
+        self._mounts = TFMessage([*self._mounts.transforms, *more.transforms])
+        self._mounts_out.publish(self._mounts)
 
     def telemetry(self, telemetry: Telemetry) -> None:
         """Publish pose, twist, wheels, and the sonars with a new reading."""
-        stamp_s, _, (x_m, y_m, yaw_rad), twist, _, fresh, counts, _ = telemetry
+        stamp_s, fresh, twist = telemetry.stamp_s, telemetry.fresh, telemetry.twist
+        x_m, y_m, yaw_rad = telemetry.pose
         ahead_s = self._clock() - self._monotonic()
         # the clock was set back, or this thread paused between the two readings
         if ahead_s < self._ahead_s - PAUSE_S:
@@ -119,11 +158,10 @@ class Publishers:
         secs = int(wall_s)
         nsecs = int((wall_s - secs) * 1e9)
         z, w = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)  # as `geometry.quaternion_of`, without a call
-        self.covariance.update(counts, z, w)
         out = self._odometry_out
         if out.impl.connections:
-            unknowns = self.covariance.unknowns
-            out.send(self._odometry.pack(out.sequence, secs, nsecs, x_m, y_m, z, w, unknowns, twist))
+            sure = telemetry.spread, twist, telemetry.twist_variances
+            out.send(self._odometry.pack(out.sequence, secs, nsecs, x_m, y_m, z, w, *sure))
         tf_out = self._transform_out
         if tf_out is not None and tf_out.impl.connections:
             tf_out.send(self._transform.pack(secs, nsecs, x_m, y_m, z, w))
@@ -152,9 +190,7 @@ class Publishers:
             publisher = self._ranges_out.get(name)
             if publisher is not None and publisher.impl.connections:
                 message = self._ranges[name]
-                messages.fill_range(
-                    message, self._stamp, telemetry.ranges[name], self._parameters.clear_with_max_range
-                )
+                messages.fill_range(message, self._stamp, telemetry.ranges[name], self.clear_with_max_range)
                 publisher.publish(message)
 
     def battery(self, board: Board, now: Time) -> None:
@@ -164,6 +200,10 @@ class Publishers:
         messages.fill_temperature(self._temperature, now, board.temperature_c)
         self._latched["board_temperature"].publish(self._temperature)
 
-    def status(self, status: DiagnosticStatus) -> None:
-        """Publish the robot's state."""
+    def status(self, status: DiagnosticStatus, values: Mapping[str, Any]) -> None:
+        """Publish the robot's state; `values` are those of its topics that have changed."""
         self._latched["status"].publish(status)
+        header = Header(stamp=Time.from_sec(self._clock()))
+        self._latched["status_array"].publish(DiagnosticArray(header, [status]))
+        for topic, value in values.items():
+            self._latched[topic].publish(value)

@@ -52,12 +52,6 @@ def fill_truth(message: Odometry, stamp: Time, pose: Pose, before: Tuple[float, 
     twist.angular.z = wrap_angle(pose.yaw_rad - then.yaw_rad) / dt_s
 
 
-def correction(truth: Pose, odometry: Pose) -> Pose:
-    """Pose of the odom frame in the map at which odometry and true pose agree."""
-    yaw_rad = truth.yaw_rad - odometry.yaw_rad
-    return Pose(truth.x_m, truth.y_m, yaw_rad).compose(-odometry.x_m, -odometry.y_m)
-
-
 def new_map(
     frame: str, stamp: Time, cells: Sequence[Sequence[int]], resolution_m: float, x: float, y: float
 ) -> OccupancyGrid:

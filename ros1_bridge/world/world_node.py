@@ -1,8 +1,9 @@
 """ROS node `world_node`: publishes ground truth, laser scans and a map of the world that the emulated sonars see.
 
 The robots are those of all `mrl-sim` processes that share a world by name.  Each robot has `base_pose_ground_truth`
-and `scan` in its own namespace; `map` is latched.  With `~only` there is one robot, without a namespace.  Unless
-`~localise` is false, /tf has the true position of each robot's odom frame in the map.
+and `scan` in its own namespace.  With `~only` there is one robot, without a namespace.  `true_map` is latched; it is
+not called `map`, because a mapper or map_server publishes a map of that name.  Unless `~localise` is false, /tf has the
+true position of each robot's odom frame in the map.
 """
 
 import math
@@ -15,7 +16,9 @@ from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.geometry import ORIGIN, Pose, yaw_of
+from mrl_driver.robot import models
 from ros1_bridge.node.parameters import Row, read
+from ros1_bridge.node.plane_poses import correction
 from ros1_bridge.node.run_node import run_node
 from ros1_bridge.topics import messages
 from ros1_bridge.topics.fast_publisher import direct_publisher
@@ -30,6 +33,7 @@ PARAMETERS = (
     Row("world_name", str, "world", "", "Name under which the boards share the world"),
     Row("only", str, "", "", "Serve only this robot, without its name as namespace; empty: all robots"),
     Row("prefix", str, "", "", "Prefix of that robot's frames"),
+    Row("robot", str, "traxbot", "", "Model, or path of a robot's .yaml file, that says where the laser is"),
     Row("map_frame", str, "map", "", "Frame of the map"),
     Row("resolution", float, 0.025, "m", "Side of a map cell", 0.005, 1.0),
     Row(
@@ -43,7 +47,14 @@ class RobotTopics:
     """Topics of one robot."""
 
     def __init__(
-        self, world: Any, name: str, space: str, prefix: str, map_frame: str, localise: bool
+        self,
+        world: Any,
+        name: str,
+        space: str,
+        prefix: str,
+        map_frame: str,
+        localise: bool,
+        mount: models.LaserMount,
     ) -> None:
         self._name = name
         self._odometry: Optional[Odometry] = None
@@ -52,7 +63,7 @@ class RobotTopics:
         if localise:
             self._place_out = direct_publisher(rospy.Publisher, "/tf", TFMessage)
             rospy.Subscriber(f"{space}odom", Odometry, self._on_odometry, queue_size=1, tcp_nodelay=True)
-        self._scanner = LaserScanner(world, seed=sum(name.encode()))
+        self._scanner = LaserScanner(world, URG_04LX._replace(mount=mount), sum(name.encode()))
         laser = self._scanner.laser
         self._scan = world_messages.new_scan(
             f"{prefix}laser", laser.first_rad, laser.step_rad, laser.rays, laser.rate_hz
@@ -75,7 +86,7 @@ class RobotTopics:
         if self._place_out is not None and odometry is not None:
             at, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
             measured = Pose(at.x, at.y, yaw_of(turn.x, turn.y, turn.z, turn.w))
-            messages.fill_transform(self._place, stamp, world_messages.correction(pose, measured))
+            messages.fill_transform(self._place, stamp, correction(pose, measured))
             self._place_out.publish(self._place)
         if self._scan_out.impl.has_connections():
             ranges = self._scanner.scan(pose, without=self._name)
@@ -92,16 +103,16 @@ class WorldNode:
         """Reads the private parameters.
 
         Raises:
-            ConfigError: a parameter is wrong, or there is no such world.
+            ConfigError: a parameter is wrong, or there is no such world or robot model.
         """
         given = read(PARAMETERS, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
         self._world = world_file.load(given["world"])
         self._world.registry = SharedRegistry(given["world_name"])
         self._only, self._prefix, self._localise = given["only"], given["prefix"], given["localise"]
-        self._frame = given["map_frame"]
+        self._frame, self._mount = given["map_frame"], models.load(given["robot"]).laser
         self._robots: Dict[str, RobotTopics] = {}
         grid = grid_map.draw(self._world, given["resolution"])
-        self._map_out = direct_publisher(rospy.Publisher, "map", OccupancyGrid, latch=True)
+        self._map_out = direct_publisher(rospy.Publisher, "true_map", OccupancyGrid, latch=True)
         self._map_out.publish(
             world_messages.new_map(
                 self._frame,
@@ -125,7 +136,9 @@ class WorldNode:
     def _robot(self, name: str) -> RobotTopics:
         if name not in self._robots:
             space, prefix = ("", self._prefix) if self._only else (f"{name}/", f"{name}/")
-            self._robots[name] = RobotTopics(self._world, name, space, prefix, self._frame, self._localise)
+            self._robots[name] = RobotTopics(
+                self._world, name, space, prefix, self._frame, self._localise, self._mount
+            )
         return self._robots[name]
 
 

@@ -373,7 +373,8 @@ class Rows:
         return 1023 - self._adc(0)
 
     def _dust(self) -> int:
-        return round(self._plant.sensed(self._board.now_s).dust_pcs_l)
+        """Particles per litre; the firmware prints its unsigned number as a signed one."""
+        return to_int16(round(self._plant.sensed(self._board.now_s).dust_pcs_l))
 
     def _pixels(self) -> Tuple[int, ...]:
         """The ambient temperature and the first seven pixels: the real board starts one register too early."""

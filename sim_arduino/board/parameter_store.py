@@ -20,20 +20,19 @@ EEPROM_BYTE_S, EEPROM_LOOK_S = 3.4e-3, 20.2e-3
 """Time to write one byte, and to compare all stored bytes before the reply to a save [s]."""
 _BODIES = {LAYOUT: struct.Struct(f"<B{len(PARAMETERS)}h"), OLD_LAYOUT: struct.Struct(f"<B{OLD_PARAMETERS}h")}
 _LONGEST_CM = 1250
-_FIRST_MODEL = "traxbot"
 
 
 def defaults(robot_id: int) -> List[int]:
     """The firmware's default parameters for an id, in the table's order; an id without a model gets TraxBot's."""
-    models = _packaged()
-    model = next((each for each in models.values() if robot_id in each.ids), models[_FIRST_MODEL])
+    models = _driven()
+    model = next((each for each in models if robot_id in each.ids), models[0])
     return _in_order(robot_id, robots.firmware_defaults(model))
 
 
 @functools.lru_cache(maxsize=None)
-def _packaged() -> Dict[str, robots.RobotModel]:
-    """The packaged models; they are cached, because reading them takes longer than starting a board."""
-    return {name: robots.load_packaged(name) for name in robots.packaged()}
+def _driven() -> List[robots.RobotModel]:
+    """The packaged models with motors; they are cached, because reading them takes longer than starting a board."""
+    return robots.driven_models()
 
 
 def configured(robot_id: int, model: robots.RobotModel) -> List[int]:
@@ -47,11 +46,11 @@ def _in_order(robot_id: int, by_name: Dict[str, int]) -> List[int]:
 
 
 def first(robot_id: int, model: robots.RobotModel) -> List[int]:
-    """Parameters of a new board: those of `model` if the id belongs to it, else the firmware's defaults.
+    """Parameters of a new board: those of `model` if it has motors and the id, else the firmware's defaults.
 
     A model with an H-bridge has wires as in HARDWARE.md, and its board knows that.
     """
-    if robot_id not in model.ids:
+    if robot_id not in model.ids or not model.drives:
         return defaults(robot_id)
     wired = {"wiring": 1} if model.board.get("bridge") else {}
     return configured(robot_id, model._replace(board={**wired, **model.board}))

@@ -9,13 +9,14 @@ from typing import Deque, NamedTuple, Optional
 
 from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
 from mrl_driver.protocol.frames import to_int16
-from mrl_driver.protocol.table import BAUD, BAUDS, BY_CODE, TICK_S
+from mrl_driver.protocol.table import BAUD, BAUDS, BY_CODE, BY_NAME, TICK_S
 from sim_arduino.hardware.sonars import VOLTS_PER_COUNT
 from sim_arduino.hardware.wiring import Plant
 
 from . import parameter_store, registry
 from .board_status import BoardStatus
 from .bridge_control import BridgeControl
+from .imu_reader import ImuReader, Reading
 from .motor_control import MotorControl
 from .motors import Motors
 from .parameter_store import Config
@@ -42,6 +43,13 @@ LOW_WATER = 9
 """The reading begins when this many bytes of the previous frame have not left yet."""
 QUEUE_BYTES, SENDING_BYTES = 64, 2
 """Size of the send queue, and number of bytes in the transmitter itself."""
+IMU_FRAME_S = 6.6e-3
+"""Longest time of an IMU frame with its reading, at the slowest baud rate [s]."""
+_TOGETHER_S = 1e-6
+"""Frames that are due within this time are due at the same time; sums of periods differ by rounding [s]."""
+READ_IMU = BY_NAME["read_imu"].code
+_COUNTS_OF = frozenset(BY_NAME[name].code for name in ("read_encoders", "read_encoders_and_sonars"))
+"""Answers with counters."""
 _HEATER, _FAN = 15, 7
 
 
@@ -60,6 +68,28 @@ class RunningStream(NamedTuple):
     period_s: float
 
 
+class ImuStream:
+    """The stream of IMU frames, independent of the other one: time between frames, and time of the next frame [s]."""
+
+    def __init__(self, period_s: float, now_s: float) -> None:
+        self.period_s, self.due_s = period_s, now_s
+
+    @property
+    def late_s(self) -> float:
+        """Time at which the next frame is late: half a period after it is due [s]."""
+        return self.due_s + 0.5 * self.period_s
+
+    def align(self, due_s: float, now_s: float) -> None:
+        """Lets its frames coincide with those of a stream whose next frame is due at `due_s` [s]."""
+        self.due_s = due_s - self.period_s * max(0, math.ceil((due_s - now_s) / self.period_s - 1.0))
+
+    def sent(self, now_s: float) -> None:
+        """Plans the next frame; after one that is more than a period late, a new cadence starts."""
+        self.due_s += self.period_s
+        if self.due_s <= now_s:
+            self.due_s = now_s + self.period_s
+
+
 class PythonBoard:
     """A board with our firmware.
 
@@ -74,6 +104,8 @@ class PythonBoard:
         health: Counters and flags since the last reset.
         motors: The motors as the requests see them.
         sonars: The board's sonar task; None in the environment-sensor build.
+        imu: The board's side of the IMU.
+        imu_reading: What the last reading of the IMU gave.
     """
 
     def __init__(
@@ -143,6 +175,8 @@ class PythonBoard:
             return
         self.motors.halt(self.now_s, to_s)
         self.now_s = self._valid_s = self._stream_due_s = to_s
+        if self.imu_stream:
+            self.imu_stream.due_s = to_s
         self._incoming.clear()
         self._decoder = FrameDecoder(REQUESTS, self._decoder.checked)
         self.stop_motors("stall")
@@ -171,14 +205,18 @@ class PythonBoard:
         self.config = Config(self.eeprom)
         self.motors = self._motors()
         self.sonars: Optional[SonarTask] = None
+        self.imu = ImuReader(self.plant.i2c, self.environment, self.health)
+        self.imu_reading: Optional[Reading] = None
+        self._imu_read_s, self._imu_ahead = 0.0, False
         self.debug = False
         self.stream: Optional[RunningStream] = None
+        self.imu_stream: Optional[ImuStream] = None
         self.watchdog_ms = 0
         self._valid_s = self._stream_due_s = self.ready_s
         self._silent = False
         self._sequence = 0
         self._frame_s = 0.0
-        self._stream_has_turn = False
+        self._last_turn = 0
         self._counts_s = 0.0
         self._booted = False
         self._incoming, self._outgoing = Incoming(), Outgoing()
@@ -205,6 +243,8 @@ class PythonBoard:
         else:
             self.sonars = SonarTask(self.plant, self.config, self.adc, self.now_s)
         self.motors.boot(self.now_s)
+        if self.plant.imu:
+            self.imu.begin(self.now_s)
 
     # ---- events in time
 
@@ -217,6 +257,7 @@ class PythonBoard:
             self._incoming.next_s,
             trigger_s,
             self.motors.next_s,
+            self.imu.next_s,
             self._watchdog_due_s(),
             self._check_due_s(),
             self._baud_due_s(),
@@ -230,6 +271,8 @@ class PythonBoard:
             return
         if self.motors.next_s <= now:
             self.motors.run(now)
+        if self.imu.next_s <= now:
+            self.imu.run(now)
         if self._incoming.next_s <= now:
             self._take(self._incoming.take())
         if self.sonars:
@@ -265,11 +308,37 @@ class PythonBoard:
         return self._valid_s + CHECK_SILENCE_S if self._decoder.checked else math.inf
 
     def _wire_due_s(self) -> float:
-        """Time at which the next frame is sent [s]: the line is free, and a reply or the stream is due."""
-        due = self._stream_due_s if self.stream and self._wanted_baud == self.baud else math.inf
+        """Time at which the next frame is sent [s]: the line is free, and a reply or a stream is due."""
+        due = self._main_due_s()
         if self._answers:
-            due = min(due, min(answer.due_s for answer in self._answers))
+            due = min(due, self._answer_due_s())
+        if self.imu_stream:
+            due = min(due, self._imu_turn_s(self.imu_stream))
         return max(due, self._outgoing.free_s)
+
+    def _main_due_s(self) -> float:
+        return self._stream_due_s if self.stream and self._wanted_baud == self.baud else math.inf
+
+    def _answer_due_s(self) -> float:
+        return min((answer.due_s for answer in self._answers), default=math.inf)
+
+    def _imu_turn_s(self, imu: ImuStream) -> float:
+        """Time at which an IMU frame has its turn if nothing else is sent before [s].
+
+        It gives way to answers, and to frames of the other stream that are due or that it would delay.  Behind one of
+        those frames it goes first if the stream has no period, and behind either if it is late.
+        """
+        if self._wanted_baud != self.baud:
+            return math.inf
+        turn_s = max(imu.due_s, self._outgoing.free_s)
+        answer, main = self._answer_due_s() <= turn_s, self.stream
+        if main and self._main_due_s() - (IMU_FRAME_S if main.period_s else 0.0) <= turn_s:
+            if self._last_turn != main.code:
+                return math.inf
+            return max(turn_s, imu.late_s) if answer or main.period_s else turn_s
+        if answer:
+            return math.inf if self._last_turn else max(turn_s, imu.late_s)
+        return turn_s
 
     def _take(self, data: bytes) -> None:
         """Decodes `data` and carries out the request, or counts why it was refused."""
@@ -298,20 +367,50 @@ class PythonBoard:
             self._answers.append(WaitingReply(self.now_s + after_s, code, value))
 
     def _send_next(self) -> None:
-        """Sends a reply or a frame of the stream; if both are due, they take turns."""
-        stream_due = (
-            self.stream is not None and self._stream_due_s <= self.now_s and self._wanted_baud == self.baud
-        )
-        answer = next((each for each in self._answers if each.due_s <= self.now_s), None)
-        self._stream_has_turn = stream_due and (answer is None or not self._stream_has_turn)
-        if self._stream_has_turn:
+        """Sends a reply or a frame of a stream; if replies and the stream are due, they take turns."""
+        now = self.now_s
+        main_due = self._main_due_s() <= now
+        answer = next((each for each in self._answers if each.due_s <= now), None) if self._answers else None
+        if self.imu_stream and self._imu_turn_s(self.imu_stream) <= now:
+            self._last_turn = READ_IMU
+            self._send_imu(self.imu_stream)
+        elif answer and (not main_due or self._last_turn):
+            self._last_turn = 0
+            self._send_answer(answer)
+        elif main_due:
+            assert self.stream
+            self._last_turn = self.stream.code
+            if self.imu_stream:
+                self._read_imu_ahead(self.imu_stream)
             self._send_stream()
-        elif answer:
-            self._answers.remove(answer)
-            if BY_CODE[answer.code].stamped:
-                self._counts_s = self.now_s + self.motors.counts_s
-            if not self._send(answer.code, answer.value):
-                self.refuse("unavailable")
+
+    def _send_answer(self, answer: WaitingReply) -> None:
+        self._answers.remove(answer)
+        if BY_CODE[answer.code].stamped:
+            self._counts_s = self.now_s + self.motors.counts_s
+        if answer.code == READ_IMU:
+            self._read_imu()
+        elif self.imu_stream and answer.code in _COUNTS_OF:
+            self._read_imu_ahead(self.imu_stream)
+        if not self._send(answer.code, answer.value):
+            self.refuse("unavailable")
+
+    def _send_imu(self, stream: ImuStream) -> None:
+        if not self._imu_ahead:
+            self._read_imu()
+        self._imu_ahead = False
+        self._send(READ_IMU)
+        stream.sent(self.now_s)
+
+    def _read_imu(self) -> None:
+        self.imu_reading, self._imu_read_s, self._imu_ahead = self.imu.read(self.now_s), self.now_s, False
+
+    def _read_imu_ahead(self, stream: ImuStream) -> None:
+        """Reads the IMU directly after the counters if its frame is due as well."""
+        self._imu_ahead = False
+        if stream.due_s <= self.now_s + _TOGETHER_S:
+            self._read_imu()
+            self._imu_ahead = True
 
     def _send_stream(self) -> None:
         assert self.stream
@@ -332,7 +431,8 @@ class PythonBoard:
             return False
         stamp = None
         if self._decoder.checked and BY_CODE[code].stamped:
-            stamp = Stamp(to_int16(self._sequence), to_int16(int((self.now_s - self.started_s) / TICK_S)))
+            read_s = self._imu_read_s if code == READ_IMU else self.now_s
+            stamp = Stamp(to_int16(self._sequence), to_int16(int((read_s - self.started_s) / TICK_S)))
             self._sequence += 1
         self._outgoing.put(encode_reply(code, *args, stamp=stamp, checked=self._decoder.checked), self.now_s)
         self._frame_s = self._outgoing.free_s - self.now_s
@@ -351,6 +451,20 @@ class PythonBoard:
         """Starts a stream; it replaces a running one."""
         self.stream = RunningStream(code, period_ms / 1000.0)
         self._stream_due_s = self.now_s
+        self._align_imu()
+
+    def start_imu_stream(self, period_ms: int) -> None:
+        """Starts the stream of the IMU; its first frame has a reading of its own."""
+        self.imu_stream, self._imu_ahead = ImuStream(period_ms / 1000.0, self.now_s), False
+        self._align_imu()
+
+    def stop_imu_stream(self) -> None:
+        """Ends the stream of the IMU."""
+        self.imu_stream = None
+
+    def _align_imu(self) -> None:
+        if self.imu_stream and self.stream and self.stream.period_s:
+            self.imu_stream.align(self._stream_due_s, self.now_s)
 
     def stop_stream(self, code: int) -> None:
         """Ends the stream that `code` started."""

@@ -6,7 +6,7 @@ from typing import Callable, Dict, Optional, Tuple
 from mrl_driver.protocol.table import BY_NAME, SENSOR_BY_NAME, SONAR_INVALID, Field, Sensor
 from mrl_driver.protocol.table import SENSORS as SENSORS_OF_TABLE
 
-from .python_board import PythonBoard
+from .python_board import READ_IMU, PythonBoard
 from .registry import REQUESTS, Values, asks, reply, request
 from .sonar_chain import SONARS
 
@@ -165,3 +165,38 @@ def _sensors_and_light(board: PythonBoard, value: int) -> Values:
 @reply("start_compass_stream")
 def _compass(board: PythonBoard, _: int) -> Values:
     return _values(board, _COMPASS)
+
+
+# ---- IMU
+
+
+def _require_imu(board: PythonBoard) -> bool:
+    """Whether an IMU has been found since the start; counts a refusal if not."""
+    if not board.imu.found:
+        board.refuse("unavailable")
+    return board.imu.found
+
+
+@request
+def read_imu(board: PythonBoard) -> None:
+    """46."""
+    if _require_imu(board):
+        board.ask(READ_IMU)
+
+
+@reply("read_imu")
+def _imu(board: PythonBoard, _: int) -> Values:
+    return board.imu_reading
+
+
+@request
+def start_imu_stream(board: PythonBoard, period: int) -> None:
+    """47."""
+    if _require_imu(board):
+        board.start_imu_stream(period)
+
+
+@request
+def stop_imu_stream(board: PythonBoard) -> None:
+    """48."""
+    board.stop_imu_stream()

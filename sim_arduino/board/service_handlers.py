@@ -34,11 +34,11 @@ def _stream(board: PythonBoard, _: int) -> Values:
 
 @reply("read_protocol")
 def _protocol(board: PythonBoard, _: int) -> Values:
-    build = "environment" if board.environment else "sonars"
-    return PROTOCOL_VERSION, sum(
-        _CAPABILITY[name]
-        for name in ("check", "watchdog", "period", "config", "baud", build, *board.motors.capabilities)
-    )
+    names = ["check", "watchdog", "period", "config", "baud", *board.motors.capabilities]
+    names.append("environment" if board.environment else "sonars")
+    if board.imu.found:
+        names.append("imu")
+    return PROTOCOL_VERSION, sum(_CAPABILITY[name] for name in names)
 
 
 @reply("read_status")

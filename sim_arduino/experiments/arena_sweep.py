@@ -1,29 +1,58 @@
-"""Sweeps the 4.0 x 4.6 m arena, and maps where alcohol, dust and heat exceed their alert levels."""
+"""Sweeps the 4.0 x 4.6 m arena, and maps where alcohol, dust and heat exceed their alert levels.
+
+The sources are at other places with each seed.  The robot is steered by its true pose around the obstacles, as a person
+with a Wiimote steers it by eye; the map has the poses of its odometry.
+"""
 
 import math
-from typing import Any, List, NamedTuple, Tuple
+import random
+from typing import Any, List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
-from mrl_driver.geometry import Pose
+from mrl_driver.calibration import manoeuvres
+from mrl_driver.geometry import Pose, wrap_angles
 from mrl_driver.navigation.line_follower import Course, FollowerLimits
 from mrl_driver.protocol.table import BY_NAME
-from sim_arduino.world import world_file
+from sim_arduino.hardware.environment_sensors import EnvironmentErrors
+from sim_arduino.hardware.imu import ImuErrors
+from sim_arduino.world import map_score
 from sim_arduino.world.scene import PIXEL_RAD
 from sim_arduino.world.world import World
 
-from . import plot_style
+from . import arena, disturbances, plot_style, trials
 from .experiment_report import Figure, Result
-from .experiment_robot import ExperimentRobot, Setting, follow, open_robot
-from .occupancy import Grid, points
+from .experiment_robot import PATIENCE_S, ExperimentRobot, Setting, open_robot, require_emulated
+from .team import pose_option
 
-LANE_M = 0.5
-EDGE_M = 0.5
-"""Distance of the sweep from the walls, which the robot needs for its turns [m]."""
 EVERY_TICKS = 6
-CELL_M, VIEWS = 0.1, 4
-"""Cell size of the thermopile's map [m], and number of hot pixels that must agree on a hot cell."""
-SPEEDS = FollowerLimits(linear_m_s=0.3, angular_rad_s=0.8)
+CELL_M, VIEWS, SHARE = 0.1, 6, 0.5
+"""Cell size of the thermopile's map [m], number of views that a hot cell needs, and share of them that must be hot."""
+PEAK_M, GROUP_M, LEAST_CELLS = 1.0, 0.8, 3
+"""A reading is a peak if none within the first distance is larger [m].  Readings within the second of a peak, or of a
+hot cell, belong to the same object [m].  A group of fewer hot cells is not an object.
+"""
+FALSE_M = 1.25
+"""An alert farther from all sources than this is false [m]; the fields reach the alert level at up to 1.05 m."""
+IGNORED = -math.inf
+"""Alert level of the control, in which each reading counts as an alert, all with the same weight."""
+STAND_S = 2.0
+GYRO_SCALE_SD = 0.0003
+"""Error of the gyro's scale after `mrl calibrate imu`: five turns to a mark that is read to 0.01 rad."""
+SPEEDS = FollowerLimits(linear_m_s=0.3, angular_rad_s=1.2)
+ERRORS = EnvironmentErrors(
+    heat_offset_c=1.0,
+    heat_scale=0.01,
+    heat_noise_c=0.5,
+    dust_scale=0.1,
+    dust_noise=0.1,
+    alcohol_offset=5.0,
+    alcohol_noise=2.0,
+)
+"""Standard deviations.  TPA81: half of its accuracy, 2 degC and 2 % (data sheet); noise assumed.  PPD42NS: sensors
+agree within 10 % after correction (Austin et al. 2015); noise assumed.  MQ303A: its data sheet gives no accuracy;
+offset assumed, and the noise is the accuracy of the ATmega328P's converter, 2 counts (data sheet).
+"""
 
 
 class Variable(NamedTuple):
@@ -31,8 +60,8 @@ class Variable(NamedTuple):
 
     Attributes:
         request: Name in the command table; the value is the largest field from `first` on.
-        alert: Values from here on are drawn (thesis, JINT paper 2013).  None is published for alcohol; here it is a
-            quarter more than in clean air.
+        alert: Values from here on are drawn (Araujo 2012; Araujo et al. 2015).  None is published for alcohol; here it
+            is assumed, a quarter more than in clean air.
         scene: Name of its sources in a world.
         remote: Pixels measure it from a distance; many views together give its position.
     """
@@ -47,119 +76,278 @@ class Variable(NamedTuple):
     remote: bool = False
 
 
-VARIABLES = (
-    Variable("heat", "read_thermopile", 1, 39.0, "degC", "heat", plot_style.ORANGE, remote=True),
-    Variable("dust", "read_dust", 0, 5500.0, "pcs/l", "dust", plot_style.GREY),
-    Variable("alcohol", "read_alcohol", 0, 154.0, "counts", "gas", plot_style.GREEN),
-)
+HEAT = Variable("heat", "read_thermopile", 1, 39.0, "degC", "heat", plot_style.ORANGE, remote=True)
+DUST = Variable("dust", "read_dust", 0, 5500.0, "pcs/l", "dust", plot_style.GREY)
+ALCOHOL = Variable("alcohol", "read_alcohol", 0, 154.0, "counts", "gas", plot_style.GREEN)
+VARIABLES = (HEAT, DUST, ALCOHOL)
 
 
 class Sample(NamedTuple):
-    """Values of all variables at a pose by odometry."""
+    """Values of all variables at a time [s] and at a pose by odometry."""
 
+    time_s: float
     pose: Pose
     values: Tuple[Tuple[int, ...], ...]
 
 
+class Drive(NamedTuple):
+    """A sweep of an arena.
+
+    Attributes:
+        bumps: Ticks in which an obstacle stopped the robot.
+        off_m: Distance of the odometry from the true position at the end [m].
+    """
+
+    world: World
+    samples: List[Sample]
+    bumps: int
+    off_m: float
+
+
+class Spots(NamedTuple):
+    """Places at which a variable is above its alert level, `(N, 2)` [m], and by how much, `(N,)`."""
+
+    places: Any
+    excess: Any
+
+
 def run(setting: Setting) -> Result:
-    """Sweeps the arena, and draws the three maps over each other."""
-    world = world_file.load("hazards")
-    with open_robot(setting, world, environment=True) as robot:
-        samples = _sweep(robot, world)
-    rows = [row for index, each in enumerate(VARIABLES) for row in _evaluate(index, each, samples, world)]
-    remark = "Published: the map of the three variables matches the scene, but not the sources' positions."
+    """Sweeps arenas with sources and without, and draws the map and the readings of the first."""
+    require_emulated(setting, "environment")
+    drives = trials.over_seeds(_drive, setting, trials.SEEDS)
+    empty = trials.over_seeds(_drive_without_sources, setting, trials.SEEDS)
+    rows = [row for index in range(len(VARIABLES)) for row in _evaluate(index, drives, empty)]
+    rows += [
+        trials.figure("collisions", "collisions with obstacles", [drive.bumps for drive in drives + empty]),
+        trials.figure(
+            "off_cm", "odometry, wheels and gyro, at the end", [100 * drive.off_m for drive in drives], "cm"
+        ),
+    ]
+    remark = (
+        "Control: each reading counts as an alert. The fields around the sources, their values and the alert level of "
+        "alcohol are assumed; the levels of heat and dust are published. The sweep is autonomous, with the plan of the "
+        "arena known; the paper's robot was driven with a Wiimote. Published: the map of the three variables matches "
+        "the scene, but not the sources' positions."
+    )
     return Result(
         "environment",
         "Map of heat, dust and alcohol in the arena",
         rows,
-        [_draw(setting, world, samples)],
+        [_draw(setting, drives[0])],
         remark,
     )
 
 
-def _sweep(robot: ExperimentRobot, world: World) -> List[Sample]:
-    driver, samples, turn = robot.driver, [], [0]
-    robot.reset_pose(world.start)
+# -- the drive
+
+
+def _drive(setting: Setting) -> Drive:
+    seed = setting.seed
+    return _sweep(setting, arena.drawn(seed), imu=True, imu_errors=_calibrated_gyro(seed))
+
+
+def _drive_without_sources(setting: Setting) -> Drive:
+    """Nothing is mapped, so that lanes in one direction and the wheels alone are enough."""
+    return _sweep(setting, arena.without_sources(arena.drawn(setting.seed)), twice=False)
+
+
+def _sweep(setting: Setting, world: World, twice: bool = True, **imu: Any) -> Drive:
+    """A sweep of a robot that a person put on the arena's mark, with errors of its own in wheels and sensors."""
+    start, seed = disturbances.placed(world.start, setting.seed), setting.seed
+    course = Course(arena.sweep(world, twice), SPEEDS)
+    with open_robot(
+        setting,
+        world,
+        environment=True,
+        environment_errors=ERRORS,
+        error=disturbances.error(seed),
+        pose=pose_option(start),
+        **imu,
+    ) as robot:
+        robot.wait(STAND_S)
+        robot.reset_pose(world.start)
+        samples, bumps = _follow(robot, course)
+        true = robot.true_pose
+        return Drive(world, samples, bumps, math.hypot(robot.pose[0] - true.x_m, robot.pose[1] - true.y_m))
+
+
+def _calibrated_gyro(seed: int) -> ImuErrors:
+    """Errors of an IMU whose gyro was calibrated with `mrl calibrate imu`."""
+    scale = random.Random(f"gyro {seed}").gauss(1.0, GYRO_SCALE_SD)
+    return ImuErrors.drawn(seed)._replace(gyro_scale=(1.0, 1.0, scale))
+
+
+def _follow(robot: ExperimentRobot, course: Course) -> Tuple[List[Sample], int]:
+    """The samples of the sweep, and the number of ticks in which the robot bumped."""
+    driver, samples, ticks, bumps = robot.driver, [], 0, 0
     codes = [BY_NAME[each.request].code for each in VARIABLES]
+    begin_s = driver.now_s
 
-    def sample() -> None:
-        turn[0] += 1
-        if turn[0] % EVERY_TICKS == 0:
+    def steer(_: Pose) -> manoeuvres.Command:
+        nonlocal ticks, bumps
+        ticks, bumps = ticks + 1, bumps + robot.bumped
+        if ticks % EVERY_TICKS == 0:
             values = [driver.ask(code)[each.first :] for code, each in zip(codes, VARIABLES)]
-            samples.append(Sample(Pose(*driver.pose), tuple(values)))
+            samples.append(Sample(driver.now_s - begin_s, Pose(*driver.pose), tuple(values)))
+        speeds = course.command(robot.true_pose)
+        return None if course.done else speeds
 
-    follow(robot, Course(_lanes(world), SPEEDS), sample)
-    return samples
+    manoeuvres.follow(driver, steer, PATIENCE_S)
+    return samples, bumps
 
 
-def _lanes(world: World) -> List[Tuple[float, float]]:
-    """Waypoints of lanes along y, from left to right, then of lanes along x, so that every place is seen from two
-    directions.
+# -- what it found
+
+
+def spots(index: int, drive: Drive, alert: float) -> Spots:
+    """Places at which a variable is at least at a level."""
+    if VARIABLES[index].remote:
+        return _hot_cells(index, drive, alert)
+    values = np.array([max(sample.values[index]) for sample in drive.samples])
+    places = np.array([sample.pose[:2] for sample in drive.samples])
+    above = values >= alert
+    excess = np.ones(len(values)) if alert == IGNORED else values - alert + 1.0
+    return Spots(places[above], excess[above])
+
+
+def _hot_cells(index: int, drive: Drive, alert: float) -> Spots:
+    """Cells that look hot in most of many views; the plan of the arena says which cells a pixel sees."""
+    left, bottom, right, top = drive.world.bounds()
+    x, y = np.meshgrid(
+        np.arange(left + CELL_M / 2, right, CELL_M), np.arange(bottom + CELL_M / 2, top, CELL_M)
+    )
+    seen, hot = np.zeros(x.shape, int), np.zeros(x.shape, int)
+    for sample in drive.samples:
+        pixels = np.array(sample.values[index])
+        half = len(pixels) / 2
+        bearing = wrap_angles(np.arctan2(y - sample.pose.y_m, x - sample.pose.x_m) - sample.pose.yaw_rad)
+        number = np.floor(half - bearing / PIXEL_RAD).astype(int)
+        inside = (number >= 0) & (number < len(pixels))
+        rays = drive.world.scan(sample.pose, (0.5 - half) * PIXEL_RAD, PIXEL_RAD, len(pixels), 10.0)[::-1]
+        number = np.where(inside, number, 0)
+        inside &= np.hypot(y - sample.pose.y_m, x - sample.pose.x_m) <= rays[number] + CELL_M
+        seen += inside
+        hot += inside & (pixels[number] >= alert)
+    found = (seen >= VIEWS) & (hot >= SHARE * seen)
+    return Spots(np.column_stack((x[found], y[found])), hot[found] / np.maximum(seen[found], 1))
+
+
+def objects(each: Variable, found: Spots) -> Any:
+    """Positions of the sources that the spots speak of, `(N, 2)` [m]: peaks of the readings, or groups of hot cells."""
+    left, made = list(range(len(found.places))), []
+    while left:
+        first = max(left, key=lambda number: found.excess[number])
+        away = np.hypot(*(found.places - found.places[first]).T)
+        near = away <= GROUP_M
+        peak = found.excess[first] >= found.excess[away <= PEAK_M].max()
+        if near.sum() >= LEAST_CELLS if each.remote else peak:
+            made.append(np.average(found.places[near], axis=0, weights=found.excess[near]))
+        left = [number for number in left if not near[number]]
+    return np.array(made).reshape(-1, 2)
+
+
+def _sources(each: Variable, drive: Drive) -> Any:
+    return np.array([source[:2] for source in getattr(drive.world.scene, each.scene)]).reshape(-1, 2)
+
+
+def apart_m(sources: Any, found: Any) -> float:
+    """Largest distance of a source from the nearest place found, or of a place from the nearest source [m].
+
+    So a source that is missed counts, and a place that is not one.  Infinite if nothing is found.
     """
-    left, bottom, right, top = world.bounds()
-    low, high = (left + EDGE_M, bottom + EDGE_M), (right - EDGE_M, top - EDGE_M)
-    columns, lines = (np.arange(a, b + 1e-9, LANE_M) for a, b in zip(low, high))
-    waypoints = [(x, y) for lane, x in enumerate(columns) for y in (low[1], high[1])[:: 1 - 2 * (lane % 2)]]
-    up = waypoints[-1][1] == low[1]
-    for lane, y in enumerate(lines if up else lines[::-1]):
-        waypoints += [(x, y) for x in (high[0], low[0])[:: 1 - 2 * (lane % 2)]]
-    return [(float(x), float(y)) for x, y in waypoints]
+    if not len(found):
+        return math.inf
+    return float(max(map_score.nearest(sources, found).max(), map_score.nearest(found, sources).max()))
 
 
-def _above(index: int, each: Variable, samples: List[Sample], world: World) -> Any:
-    """Places at which a variable is above its alert level, `(N, 2)` [m]."""
-    if each.remote:
-        return _remote_spots(index, each, samples, world)
-    return np.array([s.pose[:2] for s in samples if max(s.values[index]) >= each.alert]).reshape(-1, 2)
+def _false(each: Variable, drive: Drive, found: Spots) -> int:
+    """Number of spots far from all sources."""
+    return int((map_score.nearest(found.places, _sources(each, drive)) > FALSE_M).sum())
 
 
-def _remote_spots(index: int, each: Variable, samples: List[Sample], world: World) -> Any:
-    """Cells that pixels above the level see from several places, and no pixel below it sees."""
-    left, bottom, right, top = world.bounds()
-    grid = Grid((left, bottom), (right, top), CELL_M)
-    for sample in samples:
-        pixels = sample.values[index]
-        for number, value in enumerate(pixels):
-            aside = (len(pixels) / 2 - number - 0.5) * PIXEL_RAD
-            view = sample.pose.compose(0.0, 0.0, aside)
-            grid.wedge(view, PIXEL_RAD / 2, 0.5 if value >= each.alert else -1.0)
-    return points(grid.odds >= VIEWS / 2, grid.map())
-
-
-def _evaluate(index: int, each: Variable, samples: List[Sample], world: World) -> List[Figure]:
-    """Largest value, number of alerts, and their distance from the nearest source."""
-    sources = np.array([source[:2] for source in getattr(world.scene, each.scene)])
-    spots = _above(index, each, samples, world)
-    most = max(max(s.values[index]) for s in samples)
-    apart = [min(np.hypot(*(sources - spot).T)) for spot in spots]
-    median = float(np.median(apart)) if apart else math.nan
+def _evaluate(index: int, drives: Sequence[Drive], empty: Sequence[Drive]) -> List[Figure]:
+    """Distance of the sources from what was found, false alerts, and alerts in the arenas without sources."""
+    each = VARIABLES[index]
+    found = [spots(index, drive, each.alert) for drive in drives]
+    anywhere = [spots(index, drive, IGNORED) for drive in drives]
+    away, control = (
+        [apart_m(_sources(each, drive), objects(each, places)) for drive, places in zip(drives, all_of)]
+        for all_of in (found, anywhere)
+    )
+    most = [max(max(sample.values[index]) for sample in drive.samples) for drive in drives]
+    none = [spots(index, drive, each.alert) for drive in empty]
     return [
-        Figure(f"{each.title}_most", f"largest {each.title}", most, each.unit, f"alert from {each.alert:g}"),
-        Figure(f"{each.title}_alerts", f"places with {each.title} above its alert level", len(spots)),
-        Figure(f"{each.title}_distance_m", "their distance from a source, median", median, "m"),
+        trials.figure(
+            f"{each.title}_most",
+            f"largest {each.title}",
+            most,
+            each.unit,
+            worst=min,
+            published=f"alert from {each.alert:g}" if each is not ALCOHOL else "",
+            put_in=True,
+        ),
+        trials.figure(
+            f"{each.title}_distance_m",
+            f"{each.title}: largest distance between sources and places found",
+            away,
+            "m",
+            control,
+        ),
+        trials.figure(
+            f"{each.title}_false",
+            f"{each.title}: alerts more than {FALSE_M:g} m from all sources",
+            [_false(each, drive, places) for drive, places in zip(drives, found)],
+            control=[_false(each, drive, places) for drive, places in zip(drives, anywhere)],
+        ),
+        trials.figure(
+            f"{each.title}_without_sources",
+            f"{each.title}: alerts in an arena without sources",
+            [len(places.places) for places in none],
+        ),
     ]
 
 
-def _draw(setting: Setting, world: World, samples: List[Sample]) -> str:
-    made, (axes,) = plot_style.figure(1, 6.4, 6.4)
-    plot_style.walls(axes, world.walls)
-    plot_style.path(axes, [s.pose for s in samples], plot_style.BLUE, "path by odometry", ":")
+# -- the picture
+
+
+def _draw(setting: Setting, drive: Drive) -> str:
+    from mrl_driver import figures
+
+    made = figures.figure(12.0, 6.4)
+    grid = made.add_gridspec(len(VARIABLES), 2, width_ratios=(1.0, 1.15))
+    _draw_map(made.add_subplot(grid[:, 0]), drive)
     for index, each in enumerate(VARIABLES):
-        spots = _above(index, each, samples, world)
-        strengths = [max(s.values[index]) / each.alert for s in samples if max(s.values[index]) >= each.alert]
+        axes = made.add_subplot(grid[index, 1])
+        points = [(sample.time_s, max(sample.values[index])) for sample in drive.samples]
+        plot_style.path(axes, points, each.colour, each.title)
+        axes.axhline(
+            each.alert, color="black", linestyle="--", linewidth=0.9, label=f"alert from {each.alert:g}"
+        )
+        axes.set(ylabel=f"{each.title} [{each.unit}]", xlim=(0, None), ylim=(0, None))
+        axes.margins(y=0.25)
+        axes.grid(True, color="#dddddd", linewidth=0.6)
+        axes.legend(loc="upper right", fontsize="small")
+    axes.set(xlabel="time [s]")
+    return plot_style.save(made, setting.folder, "environment")
+
+
+def _draw_map(axes: Any, drive: Drive) -> None:
+    plot_style.walls(axes, drive.world.walls)
+    plot_style.path(axes, [sample.pose for sample in drive.samples], plot_style.BLUE, "path by odometry", ":")
+    for index, each in enumerate(VARIABLES):
+        found = spots(index, drive, each.alert)
         axes.scatter(
-            spots[:, 0],
-            spots[:, 1],
-            s=25 if each.remote else [90 * min(4.0, strength) for strength in strengths],
+            *found.places.T,
+            s=25 if each.remote else 30 + 90 * found.excess / max(found.excess, default=1.0),
             color=each.colour,
             alpha=0.35,
             edgecolors="black",
             linewidths=0.4,
             label=f"{each.title} from {each.alert:g} {each.unit}",
         )
-        sources = getattr(world.scene, each.scene)
-        axes.plot([s.x_m for s in sources], [s.y_m for s in sources], "x", color=each.colour, markersize=9)
+        axes.plot(*_sources(each, drive).T, "x", color=each.colour, markersize=10, markeredgewidth=2)
+        axes.plot(*objects(each, found).T, "+", color=each.colour, markersize=12, markeredgewidth=2)
     axes.plot([], [], "kx", label="sources")
+    axes.plot([], [], "k+", label="found")
     plot_style.floor(axes)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncol=3, fontsize="small")
-    return plot_style.save(made, setting.folder, "environment")

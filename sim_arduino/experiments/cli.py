@@ -1,9 +1,10 @@
 """`mrl experiment`: the papers' experiments, one after the other or two at a time."""
 
+import contextlib
 import importlib
 import os
 import time
-from typing import TYPE_CHECKING, Any, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Generator, List, NamedTuple, Optional, Sequence, Tuple
 
 import click
 
@@ -34,10 +35,13 @@ EXPERIMENTS = {
         "sonar_approach", "sonar in front of a wall at 20 cm to 2 m, and its fitted curve"
     ),
     "l-course": Experiment("l_course", "L-shaped course mapped with sonars and with a laser"),
+    "mapping": Experiment("mapping", "house mapped by recorded key presses, without and with a gyro"),
+    "gyro": Experiment("gyro", "turns and the L-course with and without a gyro; NEES of the pose"),
     "power": Experiment("power", "circles until the battery packs are empty"),
     "step-test": Experiment("step_test", "driving from point to point over a grid, mirrored live"),
     "mixed-team": Experiment("mixed_team", "two real robots and a virtual one wander in one arena"),
     "shared-waypoint": Experiment("shared_waypoint", "three robots share a waypoint"),
+    "patrol": Experiment("patrol", "waypoints visited again and again, by one robot and by three"),
     "environment": Experiment("arena_sweep", "map of heat, dust and alcohol in the arena"),
     "turnaround": Experiment("turnaround", "time of messages between PC, or topic, and motor board"),
 }
@@ -104,9 +108,10 @@ def main(
 
     setting = Setting(_folder(out), port, robot, seed, port is None and _through_ros(chosen, ros))
     console = Console()
-    for name, result, seconds in _results(chosen, setting, console):
-        save(result, setting.folder)
-        console.print(_table(name, result, seconds, setting.folder))
+    with contextlib.closing(_results(chosen, setting, console)) as results:
+        for name, result, seconds in results:
+            save(result, setting.folder)
+            console.print(_table(name, result, seconds, setting.folder))
     console.print(f"report: {os.path.join(setting.folder, 'report.md')}", soft_wrap=True)
 
 
@@ -163,7 +168,7 @@ def _folder(out: str) -> str:
 
 def _results(
     chosen: Sequence[str], setting: "Setting", console: "Console"
-) -> Iterator[Tuple[str, "Result", float]]:
+) -> Generator[Tuple[str, "Result", float], None, None]:
     """Each result as soon as it is ready, with its duration [s]; emulated experiments run two at a time.
 
     This process drives a real robot itself, so that any signal stops the robot; a child process might drive on.
@@ -214,12 +219,12 @@ def timed(name: str, setting: "Setting") -> Tuple[str, "Result", float]:
 def _table(name: str, result: "Result", seconds: float, folder: str) -> "Table":
     from rich.table import Table
 
-    from .experiment_report import figure_text
+    from .experiment_report import HEADINGS, cells
 
     files = ", ".join(os.path.join(folder, picture) for picture in result.pictures)
     table = Table(title=result.title, caption=f"{name}: {seconds:.0f} s, {files}", title_justify="left")
-    for column in ("figure", "ours", "published"):
+    for column in HEADINGS:
         table.add_column(column)
     for row in result.rows:
-        table.add_row(row.text, figure_text(row), row.published)
+        table.add_row(*cells(row))
     return table

@@ -14,7 +14,12 @@ class Figure(NamedTuple):
 
     Attributes:
         key: Its name in the JSON file.
+        ours: Its value; the median if there are several seeds.
         published: Value in the papers, as printed there; empty if they give none.
+        worst: The worst value of all seeds.
+        control: Median of the same runs without the feature under test.
+        seeds: Number of runs, each with random numbers of its own.
+        put_in: Whether the emulator contains the value, or one fitted to it, so that it proves nothing.
     """
 
     key: str
@@ -22,6 +27,10 @@ class Figure(NamedTuple):
     ours: Number
     unit: str = ""
     published: str = ""
+    worst: Optional[Number] = None
+    control: Optional[Number] = None
+    seeds: int = 1
+    put_in: bool = False
 
 
 class Result(NamedTuple):
@@ -39,10 +48,24 @@ class Result(NamedTuple):
     remark: str = ""
 
 
-def figure_text(row: Figure) -> str:
-    """Our figure with its unit, as text."""
-    value = f"{row.ours:.4g}" if isinstance(row.ours, float) else str(row.ours)
-    return f"{value} {row.unit}".strip()
+HEADINGS = ("figure", "ours", "worst", "control", "published")
+
+
+def cells(row: Figure) -> List[str]:
+    """A figure as text, under `HEADINGS`; the values with their unit."""
+    ours, worst, control = (_value(each, row.unit) for each in (row.ours, row.worst, row.control))
+    if worst and row.seeds > 1:
+        worst += f" of {row.seeds}"
+    if row.put_in:
+        ours += " (put in)"
+    return [row.text, ours, worst, control, row.published]
+
+
+def _value(number: Optional[Number], unit: str) -> str:
+    if number is None:
+        return ""
+    value = f"{number:.4g}" if isinstance(number, float) else str(number)
+    return f"{value} {unit}".strip()
 
 
 def save(result: Result, folder: str) -> None:
@@ -84,5 +107,5 @@ def _report(folder: str) -> str:
 
 def table(result: Result) -> List[str]:
     """The rows as a Markdown table."""
-    lines = ["| figure | ours | published |", "|---|---|---|"]
-    return lines + [f"| {row.text} | {figure_text(row)} | {row.published} |" for row in result.rows]
+    lines = [HEADINGS, ["---"] * len(HEADINGS), *map(cells, result.rows)]
+    return [f"| {' | '.join(line)} |" for line in lines]

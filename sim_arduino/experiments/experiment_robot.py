@@ -11,7 +11,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.goal_seeker import GoalSeeker
 from mrl_driver.navigation.line_follower import Course
-from mrl_driver.robot.models import Drive, RobotModel
+from mrl_driver.robot.models import Drive, ImuMount, RobotModel
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.serve import factory
 from sim_arduino.world.world import World
@@ -19,8 +19,6 @@ from sim_arduino.world.world import World
 TICK_S = 0.05
 """Behaviours compute new speeds after this time [s]."""
 PERIOD_MS = 50
-NOISE = "noise=0.01"
-"""Noise of all sonars, in the form of `factory.Options`: 1 cm."""
 PATIENCE_S = 900.0
 """Time limit of a course [s]."""
 
@@ -119,12 +117,14 @@ def open_robot(
     drive: Optional[Drive] = None,
     period_ms: int = PERIOD_MS,
     command_timeout_s: Optional[float] = 0.5,
+    imu_mount: Optional[ImuMount] = None,
     **emulated: Any,
 ) -> Iterator[ExperimentRobot]:
     """One robot, connected, at the start of a world.
 
     Args:
         drive: Drive geometry that the driver uses instead of the model's.
+        imu_mount: Mount and scale of an IMU that the driver uses instead of the model's.
         emulated: Options as in `factory.Options`.
     """
     options = Options(period_ms=period_ms, command_timeout_s=command_timeout_s)
@@ -138,7 +138,8 @@ def open_robot(
     else:
         made = factory.make(factory.Options(world=world, **emulated))
     try:
-        model = made.plant.model if drive is None else made.plant.model._replace(drive=drive)
+        model = made.plant.model
+        model = model._replace(drive=drive or model.drive, imu=imu_mount or model.imu)
         with SteppedDriver(made.engine, model, options) as stepped:
             yield ExperimentRobot(stepped, made.plant)
     finally:

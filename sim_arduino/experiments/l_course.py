@@ -1,23 +1,34 @@
-"""Maps the L-shaped course with the two side sonars and with the laser, in one drive."""
+"""Maps the L-shaped course with the two side sonars and with the laser, in one drive.
 
-from typing import Any, List, NamedTuple, Tuple
+Each robot drives it twice: with wheels and sonars calibrated before, and without these calibrations.
+"""
+
+import math
+from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
-from mrl_driver.driver import Telemetry
+from mrl_driver.calibration import part_procedures
+from mrl_driver.calibration.sonar_curve import Curve
+from mrl_driver.driver import Telemetry, eeprom
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.line_follower import Course, FollowerLimits
+from mrl_driver.robot.models import Drive
 from sim_arduino.hardware.laser import URG_04LX, LaserScanner
 from sim_arduino.hardware.sonars import HALF_CONE_RAD
 from sim_arduino.world import grid_map, world_file
 from sim_arduino.world.grid_map import OCCUPIED, GridMap
+from sim_arduino.world.map_score import points, share_near
 from sim_arduino.world.world import World
 
-from . import plot_style
+from . import disturbances, plot_style, sonar_approach, square, trials
 from .experiment_report import Figure, Result
-from .experiment_robot import NOISE, ExperimentRobot, Setting, follow, open_robot
-from .occupancy import Grid, points, share_near
+from .experiment_robot import ExperimentRobot, Setting, follow, open_robot
+from .occupancy import Grid
+from .team import pose_option
 
+WORLD = "l-course"
+SEEDS = trials.SEEDS
 SIDES = ("left", "right")
 """The front sonar only serves to avoid obstacles, as in the thesis."""
 SONAR_FAR_M = 2.5
@@ -40,40 +51,143 @@ class CourseRecord(NamedTuple):
     cones: List[Tuple[Pose, float, Pose]]
     """Pose of a sonar, its reading [m], and its true pose."""
     scans: List[Tuple[Pose, Any, Pose]]
+    true_path: List[Pose]
+
+    def by_true_poses(self) -> "CourseRecord":
+        """The same measurements, as odometry without errors places them."""
+        cones = [(true, range_m, true) for _, range_m, true in self.cones]
+        scans = [(true, ranges, true) for _, ranges, true in self.scans]
+        return self._replace(path=self.true_path, cones=cones, scans=scans)
 
 
-def run(setting: Setting) -> Result:
-    """Drives through the course, and draws both maps."""
-    world = world_file.load("l-course")
-    with open_robot(setting, world, sonar=NOISE) as robot:
-        drive = _drive(setting, robot, world)
-    by_sonars, by_laser = _grid(world), _grid(world)
-    for pose, range_m, _ in drive.cones:
-        by_sonars.cone(pose, HALF_CONE_RAD, range_m, SONAR_FAR_M)
-    for pose, ranges, _ in drive.scans:
-        by_laser.beams(pose, _angles(), ranges, URG_04LX.far_m)
-    grids = {"sonars": by_sonars, "laser": by_laser}
-    maps = {name: grid.map(OCCUPIED_FROM[name]) for name, grid in grids.items()}
-    views = {"sonars": _cones_view(world, drive), "laser": _scans_view(world, drive)}
-    for name, made in maps.items():
+class CourseScore(NamedTuple):
+    """Share of the wall cells in view that were found, and of the occupied cells that lie off the walls [%]."""
+
+    found: float
+    false: float
+
+
+class CourseRun(NamedTuple):
+    """The maps of a drive and their scores by the kind of sensor, and the largest error of a position by odometry."""
+
+    path: List[Pose]
+    maps: Dict[str, GridMap]
+    scores: Dict[str, CourseScore]
+    drift_cm: float
+
+
+class CourseTrial(NamedTuple):
+    """One robot: after its calibrations, then with true poses in place of the odometry's, and without calibrations."""
+
+    calibrated: CourseRun
+    true: CourseRun
+    uncalibrated: CourseRun
+
+
+def run(setting: Setting, live: Optional[CourseRecord] = None) -> Result:
+    """Drives through the course, and draws the maps of the first robot; `live` is one more drive, through ROS."""
+    title = "L-shaped course mapped with sonars and with a laser"
+    if setting.port is not None:
+        return _of_port(setting, title)
+    trialled = trials.over_seeds(_trial, setting, SEEDS)
+    rows = [row for sensor in OCCUPIED_FROM for row in _rows(sensor, trialled)]
+    drift, control = ([each.drift_cm for each in runs] for runs in list(zip(*trialled))[::2])
+    rows.append(trials.figure("drift_cm", "largest error of a position by odometry", drift, "cm", control))
+    rows += _live_rows(live) if live else []
+    shown = {"calibrated": trialled[0].calibrated, "not calibrated": trialled[0].uncalibrated}
+    for name, made in trialled[0].calibrated.maps.items():
         grid_map.write(made, f"{setting.folder}/l-course-{name}.yaml")
-    rows = [row for name in maps for row in _evaluate(name, maps[name], views[name], world)]
-    return Result(
-        "l-course",
-        "L-shaped course mapped with sonars and with a laser",
-        rows,
-        [_draw(setting, world, drive, maps)],
-        "The maps are in map_server's format. A wall cell counts as found if an occupied cell is within 5 cm.",
+    remark = (
+        f"A wall cell is found if an occupied cell is within {100 * NEAR_M:g} cm; a false cell has no wall within this "
+        "distance. Wheels, sonars and the start by hand have errors. The robots were calibrated as by `mrl calibrate "
+        f"umbmark` ({square.LAPS} laps in each direction) and `mrl calibrate sonar`. Control: the same robots without "
+        "these calibrations. With true poses, only sensors and mapping have errors. The maps of the first robot are in "
+        "map_server's format."
     )
+    remark += " The run through ROS is in real time, with a start by hand." if live else ""
+    return Result("l-course", title, rows, [_draw(setting, shown)], remark)
+
+
+def _of_port(setting: Setting, title: str) -> Result:
+    """The map of a real robot by its sonars."""
+    world = world_file.load(WORLD)
+    with open_robot(setting) as robot:
+        made = _mapped(_drive(setting, robot, world), world, ("sonars",))
+    grid_map.write(made.maps["sonars"], f"{setting.folder}/l-course-sonars.yaml")
+    rows = _score_rows("sonars", "sonars, poses by odometry", [made.scores["sonars"]])
+    return Result("l-course", title, rows, [_draw(setting, {"poses by odometry": made})])
+
+
+def _rows(sensor: str, trialled: Sequence[CourseTrial]) -> List[Figure]:
+    """Figures of one kind of sensor: with the poses by odometry next to the control, and with true poses."""
+    calibrated, true, uncalibrated = ([each.scores[sensor] for each in runs] for runs in zip(*trialled))
+    return [
+        *_score_rows(sensor, f"{sensor}, poses by odometry", calibrated, uncalibrated),
+        *_score_rows(f"{sensor}_true", f"{sensor}, true poses", true),
+    ]
+
+
+def _live_rows(live: CourseRecord) -> List[Figure]:
+    """Figures of a drive through ROS, with a robot that has random errors alone."""
+    made = _mapped(live, world_file.load(WORLD))
+    rows = [
+        row
+        for sensor, score in made.scores.items()
+        for row in _score_rows(
+            f"ros_{sensor}", f"{sensor}, one robot with random errors alone, through ROS", [score]
+        )
+    ]
+    drift = Figure(
+        "ros_drift_cm", "largest error of a position by odometry, through ROS", made.drift_cm, "cm"
+    )
+    return [*(row._replace(worst=None) for row in rows), drift]
+
+
+def _score_rows(
+    key: str, text: str, scores: Sequence[CourseScore], control: Sequence[CourseScore] = ()
+) -> List[Figure]:
+    found, false = ([each[i] for each in scores] for i in range(2))
+    found_control, false_control = ([each[i] for each in control] for i in range(2))
+    return [
+        trials.figure(f"{key}_found_percent", f"{text}: walls found", found, "%", found_control, worst=min),
+        trials.figure(f"{key}_false_percent", "false cells", false, "%", false_control),
+    ]
+
+
+def _trial(setting: Setting) -> CourseTrial:
+    """Calibrates a robot, and drives through the course with and without the calibrations."""
+    error, curve = disturbances.error(setting.seed), disturbances.sonar_curve(setting.seed)
+    drive = square.calibrated(setting, error)
+    fitted = sonar_approach.approach(setting, curve, error).fit.curve
+    unseen = setting._replace(seed=setting.seed + square.UNSEEN)
+    sonar = sonar_approach.sonar_errors(curve)
+    world = world_file.load(WORLD)
+    calibrated = _emulated(unseen, world, error, sonar, drive, fitted)
+    uncalibrated = _emulated(unseen, world, error, sonar)
+    records = (calibrated, calibrated.by_true_poses(), uncalibrated)
+    return CourseTrial(*(_mapped(each, world) for each in records))
+
+
+def _emulated(
+    setting: Setting,
+    world: World,
+    error: str,
+    sonar: str,
+    drive: Optional[Drive] = None,
+    curve: Optional[Curve] = None,
+) -> CourseRecord:
+    """The drive of an emulated robot, with a drive and a sonar curve in place of the model's if they are not None."""
+    pose = pose_option(disturbances.placed(world.start, setting.seed))
+    with open_robot(setting, world, drive, error=error, sonar=sonar, pose=pose) as robot:
+        if curve:
+            eeprom.write(robot.driver, part_procedures.curve_values(curve))
+        return _drive(setting, robot, world)
 
 
 def _drive(setting: Setting, robot: ExperimentRobot, world: World) -> CourseRecord:
-    start, scanner = world.start, LaserScanner(world, seed=setting.seed)
-    driver, drive = robot.driver, CourseRecord([], [], [])
-    robot.reset_pose(start)
-    assert driver.model is not None
-    mounts = driver.model.sonars
-    turn = [0]
+    scanner, driver = LaserScanner(world, seed=setting.seed), robot.driver
+    drive, mounts = CourseRecord([], [], [], []), robot.model.sonars
+    robot.reset_pose(world.start)
 
     def add_cones(telemetry: Telemetry) -> None:
         for name in telemetry.fresh:
@@ -84,15 +198,29 @@ def _drive(setting: Setting, robot: ExperimentRobot, world: World) -> CourseReco
 
     def add_scan() -> None:
         drive.path.append(driver.pose)
-        turn[0] += 1
-        if turn[0] % 2 == 0:
-            mount = (URG_04LX.x_m, URG_04LX.y_m)
+        drive.true_path.append(robot.true_pose)
+        if len(drive.path) % 2 == 0:
+            mount = (URG_04LX.mount.x_m, URG_04LX.mount.y_m)
             scan = scanner.scan(robot.true_pose, "robot")
             drive.scans.append((driver.pose.compose(*mount), scan, robot.true_pose.compose(*mount)))
 
     driver.on_telemetry(add_cones)
     follow(robot, Course(WAYPOINTS, SLOW), add_scan)
     return drive
+
+
+def _mapped(drive: CourseRecord, world: World, sensors: Sequence[str] = tuple(OCCUPIED_FROM)) -> CourseRun:
+    """The maps of a drive."""
+    grids = {sensor: _grid(world) for sensor in sensors}
+    for pose, range_m, _ in drive.cones:
+        grids["sonars"].cone(pose, HALF_CONE_RAD, range_m, SONAR_FAR_M)
+    for pose, ranges, _ in drive.scans if "laser" in grids else ():
+        grids["laser"].beams(pose, _angles(), ranges, URG_04LX.far_m)
+    maps = {sensor: grid.map(OCCUPIED_FROM[sensor]) for sensor, grid in grids.items()}
+    views = {"sonars": _cones_view, "laser": _scans_view}
+    scores = {sensor: _score(made, views[sensor](world, drive), world) for sensor, made in maps.items()}
+    off_m = [math.hypot(a.x_m - b.x_m, a.y_m - b.y_m) for a, b in zip(drive.path, drive.true_path)]
+    return CourseRun(drive.path, maps, scores, 100 * max(off_m))
 
 
 def _grid(world: World) -> Grid:
@@ -133,37 +261,33 @@ def _scans_view(world: World, drive: CourseRecord) -> Any:
     return _seen(world, poses, laser.first_rad, laser.step_rad, laser.rays, laser.far_m)
 
 
-def _evaluate(name: str, made: GridMap, view: Any, world: World) -> List[Figure]:
-    """Share of the wall cells in view that were found, and of the occupied cells that are walls."""
+def _score(made: GridMap, view: Any, world: World) -> CourseScore:
+    """How good a map is, given the points `(N, 2)` [m] at which its sensor saw walls."""
     true = grid_map.draw(world, made.resolution_m, MARGIN_M)
     walls = points(true.cells == OCCUPIED, true)
     occupied = points(made.cells == OCCUPIED, made)
     cells = {tuple(cell) for cell in np.floor(view / made.resolution_m).astype(int)}
     spots = (np.array(sorted(cells)) + 0.5) * made.resolution_m
     in_view = walls[[np.min(np.hypot(*(spots - wall).T)) <= made.resolution_m for wall in walls]]
-    found = 100 * share_near(in_view, occupied, NEAR_M)
-    sound = 100 * share_near(occupied, walls, NEAR_M)
-    return [
-        Figure(f"{name}_walls_found_percent", f"wall cells in view found by {name}", found, "%"),
-        Figure(f"{name}_cells_on_walls_percent", f"occupied cells of {name} on a wall", sound, "%"),
+    found, sound = share_near(in_view, occupied, NEAR_M), share_near(occupied, walls, NEAR_M)
+    return CourseScore(100 * found, 100 * (1 - sound))
+
+
+def _draw(setting: Setting, shown: Dict[str, CourseRun]) -> str:
+    """Draws the maps of each run, next to its name."""
+    panels = [
+        (f"{sensor}, {name}", each.maps[sensor], each.path)
+        for sensor in OCCUPIED_FROM
+        for name, each in shown.items()
+        if sensor in each.maps
     ]
-
-
-def _draw(setting: Setting, world: World, drive: CourseRecord, maps: Any) -> str:
-    made, axes = plot_style.figure(2, 9.0, 4.6)
-    for each, (name, grid) in zip(axes, maps.items()):
-        low = grid.origin
-        height, width = grid.cells.shape
-        extent = (low.x_m, low.x_m + width * grid.resolution_m, low.y_m, low.y_m + height * grid.resolution_m)
-        shade = np.where(grid.cells == OCCUPIED, 0.0, np.where(grid.cells == 0, 1.0, 0.75))
-        each.imshow(shade, origin="lower", extent=extent, cmap="gray", vmin=0, vmax=1)
-        for number, wall in enumerate(world.walls):
-            label = "true walls" if number == 0 else None
-            each.plot(
-                [wall.x1, wall.x2], [wall.y1, wall.y2], color=plot_style.ORANGE, linewidth=1.0, label=label
-            )
-        plot_style.path(each, drive.path, plot_style.BLUE, "path by odometry")
-        plot_style.floor(each, f"mapped with {name}")
-        each.grid(False)
-        each.legend(loc="upper left", fontsize="small")
+    made, axes = plot_style.figure(len(panels), 3.8 * len(panels), 3.5)
+    for axis, (title, grid, path) in zip(axes, panels):
+        plot_style.grid(axis, grid)
+        for wall in world_file.load(WORLD).walls:
+            axis.plot([wall.x1, wall.x2], [wall.y1, wall.y2], color=plot_style.ORANGE, linewidth=1.0)
+        plot_style.path(axis, path, plot_style.BLUE, "path by odometry")
+        plot_style.floor(axis, title)
+        axis.grid(False)
+    axes[0].legend(loc="upper left", fontsize="small")
     return plot_style.save(made, setting.folder, "l-course")

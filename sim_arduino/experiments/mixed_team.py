@@ -2,7 +2,7 @@
 
 import math
 from contextlib import ExitStack
-from typing import Mapping, Tuple
+from typing import List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.goal_seeker import room
@@ -12,7 +12,8 @@ from sim_arduino.world import world_file
 from . import plot_style
 from .experiment_report import Figure, Result
 from .experiment_robot import TICK_S, Setting, require_emulated
-from .team import Member, Team, gather
+from .team import Member, Player, Team, gather
+from .trials import figure, over_seeds
 
 MEMBERS = (
     Member("real1", Pose(-1.2, -1.2, 0.7), virtual=False),
@@ -20,11 +21,31 @@ MEMBERS = (
     Member("virtual", Pose(1.2, -1.2, 2.2), virtual=True),
 )
 WORLD = "room"
-DURATION_S = 300.0
-SIMULATED = "In simulated time, without ROS."
+DURATION_S, CONTROL_S = 300.0, 60.0
+"""Duration of a run, and largest duration of one in which the robots do not see each other [s]."""
+REMARK = (
+    "In simulated time. Real robots are emulated boards. In the control, real and virtual robots do not see each "
+    "other; its runs end with the first collision. Distances to the virtual robot are those of the mirrors."
+)
 NEAR_M, STOP_M, SIDE_M = 0.9, 0.45, 0.5
 SHARE = 0.5
 """Share of the robot's speed limit: two robots approach each other at twice their speed, and sonars are slow."""
+
+
+class TeamRun(NamedTuple):
+    """What came out of one run of a team.
+
+    Attributes:
+        collisions: Number of ticks in which a robot touched another one or a wall.
+        nearest_m: Smallest distance between the centres of two robots.
+        drift_m: Largest distance of a mirror from its real robot.
+    """
+
+    collisions: int
+    nearest_m: float
+    driven_m: float
+    drift_m: float
+    players: Sequence[Player]
 
 
 class Wanderer:
@@ -53,41 +74,94 @@ class Wanderer:
         return min(0.5, share) * self._linear, self._side * self._angular
 
 
-def run(setting: Setting) -> Result:
-    """Lets the team wander, and draws its paths."""
+def run(setting: Setting, through_ros: Optional[TeamRun] = None) -> Result:
+    """Lets the team wander with many seeds, and draws the paths of the first run.
+
+    Args:
+        through_ros: A run through ROS, in real time.
+    """
     require_emulated(setting, "mixed-team")
+    runs = over_seeds(_mirrored, setting)
+    rows = rows_of(runs, over_seeds(_blind, setting))
+    rows += [
+        figure(
+            "distance_m", "distance driven by all robots", [each.driven_m for each in runs], "m", worst=min
+        ),
+        figure(
+            "drift_m", "largest distance of a mirror from its robot", [each.drift_m for each in runs], "m"
+        ),
+        *ros_rows(through_ros),
+    ]
+    title = f"Two real robots and a virtual one wander in one arena for {DURATION_S:g} s"
+    picture = draw(setting, runs[0].players, "mixed-team", WORLD)
+    return Result("mixed-team", title, rows, [picture], REMARK)
+
+
+def _mirrored(setting: Setting) -> TeamRun:
     with ExitStack() as stack:
-        return drive_team(setting, gather(stack, setting, WORLD, MEMBERS), DURATION_S)
+        return wander(gather(stack, setting, WORLD, MEMBERS), DURATION_S)
 
 
-def drive_team(setting: Setting, team: Team, duration_s: float, remark: str = SIMULATED) -> Result:
-    """Runs the experiment with an existing team."""
+def _blind(setting: Setting) -> TeamRun:
+    """A run in which real and virtual robots do not see each other."""
+    with ExitStack() as stack:
+        return wander(gather(stack, setting, WORLD, MEMBERS, mirrored=False), CONTROL_S, until_collision=True)
+
+
+def wander(team: Team, duration_s: float, until_collision: bool = False) -> TeamRun:
+    """Lets a team wander, at most until its first collision if `until_collision`."""
     wanderers = [Wanderer(player.robot.model.limits) for player in team.players]
     for _ in range(round(duration_s / TICK_S)):
         team.tick([each.command(player.ranges()) for each, player in zip(wanderers, team.players)])
-    return _result(setting, team, duration_s, remark)
+        if until_collision and team.collisions:
+            break
+    return outcome(team)
 
 
-def _result(setting: Setting, team: Team, duration_s: float, remark: str) -> Result:
-    driven_m = sum(math.dist(a[:2], b[:2]) for p in team.players for a, b in zip(p.path, p.path[1:]))
-    rows = [
-        Figure("collisions", "ticks of 50 ms with a collision", team.collisions, "", "none"),
-        Figure("nearest_m", "smallest distance between two robots' centres", team.nearest_m, "m"),
-        Figure("distance_m", "distance driven by all robots", driven_m, "m"),
-        Figure("duration_s", "duration", duration_s, "s"),
+def outcome(team: Team) -> TeamRun:
+    """What came out of the run of a team."""
+    return TeamRun(team.collisions, team.nearest_m, team.driven_m, team.drift_m, team.players)
+
+
+def rows_of(runs: Sequence[TeamRun], control: Sequence[TeamRun]) -> List[Figure]:
+    """Collisions and nearest distances of many runs."""
+    others = _share(control) if control else None
+    return [
+        Figure("collided", "runs with a collision", _share(runs), "", "none", control=others),
+        figure(
+            "nearest_m",
+            "smallest distance between two robots' centres",
+            [each.nearest_m for each in runs],
+            "m",
+            [each.nearest_m for each in control],
+            worst=min,
+        ),
     ]
-    title = "Two real robots and a virtual one wander in one arena"
-    return Result("mixed-team", title, rows, [draw(setting, team, "mixed-team")], remark)
 
 
-def draw(setting: Setting, team: Team, name: str) -> str:
+def _share(runs: Sequence[TeamRun]) -> str:
+    return f"{sum(each.collisions > 0 for each in runs)} of {len(runs)}"
+
+
+def ros_rows(run: Optional[TeamRun]) -> List[Figure]:
+    """Figures of a run through ROS, if there was one."""
+    if run is None:
+        return []
+    return [
+        Figure("ros_collisions", "through ROS: ticks of 50 ms with a collision", run.collisions, "", "none"),
+        Figure("ros_nearest_m", "through ROS: smallest distance between centres", run.nearest_m, "m"),
+        Figure("ros_distance_m", "through ROS: distance driven by all robots", run.driven_m, "m"),
+    ]
+
+
+def draw(setting: Setting, players: Sequence[Player], name: str, world: str) -> str:
     """Paths of a team in its world."""
     made, (axes,) = plot_style.figure(1, 6.0, 6.0)
-    plot_style.walls(axes, world_file.load(WORLD).walls)
-    for index, player in enumerate(team.players):
+    plot_style.walls(axes, world_file.load(world).walls)
+    for index, player in enumerate(players):
         plot_style.band(axes, player.odometry_path, "by odometry" if index == 0 else None)
     for player, colour, line in zip(
-        team.players, (plot_style.BLUE, plot_style.GREEN, plot_style.ORANGE), plot_style.LINES
+        players, (plot_style.BLUE, plot_style.GREEN, plot_style.ORANGE), plot_style.LINES
     ):
         plot_style.path(axes, player.path, colour, f"{player.member.name} ({player.member.robot})", line)
         axes.plot(*player.path[0][:2], "o", color=colour, markersize=5)

@@ -86,11 +86,6 @@ class Grid:
         if hits:
             self._add(inside & (np.abs(away - range_m) <= sensor.thick_m), sensor.hit)
 
-    def wedge(self, pose: Pose, half_angle_rad: float, odds: float) -> None:
-        """Adds `odds` to all cells that lie within an angle of the axis of `pose`, at any distance."""
-        bearing = np.arctan2(self._y - pose.y_m, self._x - pose.x_m) - pose.yaw_rad
-        self._add(np.abs(wrap_angles(bearing)) <= half_angle_rad, odds)
-
     def _mask(self, x: Any, y: Any) -> Any:
         """Mask of the cells that contain the points, `(height, width)`."""
         mask = np.zeros(self.odds.shape, bool)
@@ -107,22 +102,3 @@ class Grid:
         """The map: cells above `occupied` are walls, cells below 0 are free."""
         cells = np.where(self.odds > occupied, OCCUPIED, np.where(self.odds < 0, FREE, UNKNOWN))
         return GridMap(cells.astype(np.int8), self.resolution_m, Pose(*self._low, 0.0))
-
-
-def points(mask: Any, grid: GridMap) -> Any:
-    """Centres of the cells in `mask`, `(N, 2)` [m]."""
-    rows, columns = np.nonzero(mask)
-    return np.column_stack(
-        (
-            grid.origin.x_m + (columns + 0.5) * grid.resolution_m,
-            grid.origin.y_m + (rows + 0.5) * grid.resolution_m,
-        )
-    )
-
-
-def share_near(of: Any, others: Any, within_m: float) -> float:
-    """Share of the points `of` that have one of `others` within a distance; both `(N, 2)`."""
-    if not len(of) or not len(others):
-        return 0.0
-    least = [np.min(np.hypot(*(others - point).T)) for point in of]
-    return float(np.mean(np.array(least) <= within_m))

@@ -5,6 +5,7 @@ from typing import Any, Iterable, Optional, Sequence, Tuple
 
 from mrl_driver import figures
 from mrl_driver.figures import BLUE, GREEN, GREY, ORANGE, PINK, SKY
+from sim_arduino.world.grid_map import FREE, UNKNOWN, GridMap
 from sim_arduino.world.shapes import Wall
 
 __all__ = ["BLUE", "GREEN", "GREY", "ORANGE", "PINK", "SKY"]
@@ -26,7 +27,7 @@ def floor(axes: Any, title: str = "") -> None:
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title=title)
 
 
-def walls(axes: Any, each: Iterable[Wall]) -> None:
+def walls(axes: Any, each: Iterable[Wall], label: str = "walls") -> None:
     """Draws walls."""
     for number, wall in enumerate(each):
         axes.plot(
@@ -34,7 +35,7 @@ def walls(axes: Any, each: Iterable[Wall]) -> None:
             [wall.y1, wall.y2],
             color="black",
             linewidth=1.5,
-            label="walls" if number == 0 else None,
+            label=label if number == 0 else None,
         )
 
 
@@ -46,6 +47,15 @@ def path(axes: Any, points: Sequence[Sequence[float]], colour: str, label: str, 
 def band(axes: Any, points: Sequence[Sequence[float]], label: Optional[str]) -> None:
     """Draws a path as a pale band below other paths."""
     axes.plot([p[0] for p in points], [p[1] for p in points], color="#d0d0d0", linewidth=4.0, label=label)
+
+
+def grid(axes: Any, made: GridMap) -> None:
+    """Draws a map: walls black, free cells white, unknown ones grey."""
+    height, width = made.cells.shape
+    left, bottom = made.origin.x_m, made.origin.y_m
+    extent = (left, left + width * made.resolution_m, bottom, bottom + height * made.resolution_m)
+    shade = (made.cells == UNKNOWN) * 0.75 + (made.cells == FREE) * 1.0
+    axes.imshow(shade, origin="lower", extent=extent, cmap="gray", vmin=0, vmax=1)
 
 
 def circle(radius: float, colour: str, label: Optional[str]) -> Any:

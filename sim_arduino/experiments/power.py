@@ -1,93 +1,193 @@
-"""Drives circles until the battery packs reach 9 V, to measure how long they last at each speed."""
+"""Drives circles until the battery packs are empty: how long they last at each speed, and how far the robot gets after
+the driver's warning.
+"""
 
 import math
-from typing import List, NamedTuple, Tuple
+import random
+from typing import List, NamedTuple, Sequence, Tuple
 
 from mrl_driver.errors import BoardError, ConfigError, MrlError
+from mrl_driver.robot import battery
 
-from . import plot_style
+from . import disturbances, plot_style, trials
 from .experiment_report import Figure, Result
 from .experiment_robot import ExperimentRobot, Setting, open_robot
 
+SEEDS = trials.SEEDS
 SPEEDS_MM_S = (50, 100, 200)
 RADIUS_M = 0.3
 EMPTY_V = 9.0
-READ_PERIOD_S = 10.0
-PERIOD_MS = 50
+"""End of the published discharges (Araujo 2012); the driver warns from here on."""
+STOP_V = 8.5
+"""End of the emulated discharges: the driver stops the robot when the battery stays below."""
+READ_PERIOD_S, EMULATED_READ_S = 10.0, 1.0
+"""Time between two readings of a real battery, and of an emulated one, which the driver reads once a second [s]."""
+PERIOD_MS = 100
 TIME_LIMIT_S = 6 * 3600.0
-TIME_FACTOR = 10.0
-"""Emulated packs have a capacity this many times smaller, and measured times are multiplied by it."""
+FASTER, NEAR_END, NEAR_END_V = 60.0, 6.0, 9.6
+"""Emulated packs have a capacity this many times smaller, at first and below a voltage; times are multiplied by it."""
+TITLE = f"Circles until the packs reach {EMPTY_V:g} V"
+REMARK = (
+    "Put in: the currents, which are fitted to the published 2 to 3 hours, and the curve of the packs. Each seed draws "
+    "the packs' capacity and resistance, and the noise of each reading. The control has a current that does not depend "
+    "on the speed."
+)
 
 
-class PowerRun(NamedTuple):
-    """Voltages over time at one speed."""
+class Discharge(NamedTuple):
+    """Readings of the battery over time at one speed."""
 
     speed_mm_s: int
     hours: List[float]
     volts: List[float]
+    warned_h: float
+    """Time of the driver's first warning [h]; infinite without one."""
+
+    @property
+    def duration_h(self) -> float:
+        """Time until the first reading of at most `EMPTY_V` [h]."""
+        return next((hour for hour, volts in zip(self.hours, self.volts) if volts <= EMPTY_V), self.hours[-1])
+
+    @property
+    def left_m(self) -> float:
+        """Distance driven after the driver's warning [m]."""
+        return 3.6 * self.speed_mm_s * (self.hours[-1] - self.warned_h)
+
+
+Packs = List[Discharge]
+"""The discharges of one seed's packs, one for each speed."""
 
 
 def run(setting: Setting) -> Result:
     """Drives each speed with full packs, and draws the voltages."""
-    runs = [_circle(setting, speed) for speed in SPEEDS_MM_S]
-    rows = [
-        Figure(
-            f"hours_{each.speed_mm_s}_mm_s",
-            f"packs last at {each.speed_mm_s} mm/s",
-            each.hours[-1],
-            "h",
-            "2-3 h",
-        )
-        for each in runs
-    ]
-    remark = (
-        "Published: 2 to 3 hours, shorter at higher speed. The emulated packs are fitted to these figures; they hold a "
-        f"{TIME_FACTOR:g}th, and measured times are multiplied by {TIME_FACTOR:g}."
+    if setting.port is not None:
+        return _real(setting)
+    packs = trials.over_seeds(_discharges, setting, SEEDS)
+    level = trials.over_seeds(_level, setting, SEEDS)
+    rows = [_hours(number, packs) for number in range(len(SPEEDS_MM_S))]
+    rows += [_ratio(packs, level), _left(packs)]
+    return Result("power", TITLE, rows, [_draw(setting, packs)], REMARK)
+
+
+def _real(setting: Setting) -> Result:
+    packs = [_circle(setting, speed, EMPTY_V) for speed in SPEEDS_MM_S]
+    rows = [Figure(*_named(each.speed_mm_s), each.duration_h, "h", "2-3 h") for each in packs]
+    return Result("power", TITLE, rows, [_draw(setting, [packs])])
+
+
+# -- figures
+
+
+def _named(speed_mm_s: int) -> Tuple[str, str]:
+    """Key and text of a duration."""
+    return f"hours_{speed_mm_s}_mm_s", f"packs last at {speed_mm_s} mm/s"
+
+
+def _hours(number: int, packs: Sequence[Packs]) -> Figure:
+    values = [each[number].duration_h for each in packs]
+    named = _named(SPEEDS_MM_S[number])
+    return trials.figure(*named, values, "h", worst=min, published="2-3 h", put_in=True)
+
+
+def _ratio(packs: Sequence[Packs], level: Sequence[Packs]) -> Figure:
+    ours, control = ([each[0].duration_h / each[-1].duration_h for each in some] for some in (packs, level))
+    text = f"duration at {SPEEDS_MM_S[0]} mm/s over that at {SPEEDS_MM_S[-1]} mm/s"
+    return trials.figure("ratio", text, ours, control=control, worst=min, published="above 1", put_in=True)
+
+
+def _left(packs: Sequence[Packs]) -> Figure:
+    return trials.figure(
+        "left_m",
+        f"distance from the driver's warning to {STOP_V:g} V, where it stops the robot, at {SPEEDS_MM_S[-1]} mm/s",
+        [one[-1].left_m for one in packs],
+        "m",
+        worst=min,
+        put_in=True,
     )
-    return Result("power", "Circles until the packs reach 9 V", rows, [_draw(setting, runs)], remark)
 
 
-def _circle(setting: Setting, speed_mm_s: int) -> PowerRun:
+# -- drives
+
+
+def _discharges(setting: Setting) -> Packs:
+    """The discharges of this seed's packs."""
+    return [_circle(setting, speed, STOP_V) for speed in SPEEDS_MM_S]
+
+
+def _level(setting: Setting) -> Packs:
+    """The discharges at the lowest and highest speed if the current does not depend on it."""
+    return [_circle(setting, speed, EMPTY_V, steady=True) for speed in (SPEEDS_MM_S[0], SPEEDS_MM_S[-1])]
+
+
+def _circle(setting: Setting, speed_mm_s: int, end_v: float, steady: bool = False) -> Discharge:
     linear = speed_mm_s / 1000
-    driven = PowerRun(speed_mm_s, [], [])
+    driven = Discharge(speed_mm_s, [], [], math.inf)
     with open_robot(setting, "square", period_ms=PERIOD_MS, command_timeout_s=2 * READ_PERIOD_S) as robot:
-        driver, (factor, period_s) = robot.driver, _time_factor(robot)
+        driver, packs = robot.driver, _EmulatedPacks(robot, setting, speed_mm_s, steady)
         if math.isnan(driver.battery_v):
             raise ConfigError(
                 "the board does not measure its battery, which this experiment plots; expected one that does"
             )
-        start_s = driver.now_s
-        while not driven.volts or driven.volts[-1] > EMPTY_V:
+        time_s = 0.0
+        while not driven.volts or driven.volts[-1] > end_v:
             if not driver.drive(linear, linear / RADIUS_M):
                 raise MrlError(
                     f"the robot refuses commands ({driver.stop_reason}, battery {driver.battery_state}); see mrl doctor"
                 )
-            driver.wait(period_s)
-            driven.hours.append(factor * (driver.now_s - start_s) / 3600)
+            time_s += packs.wait(driver.battery_v)
+            driven.hours.append(time_s / 3600)
             driven.volts.append(driver.battery_v)
-            if driven.hours[-1] > TIME_LIMIT_S / 3600:
+            if driver.battery_state != battery.OK:
+                driven = driven._replace(warned_h=min(driven.warned_h, driven.hours[-1]))
+            if time_s > TIME_LIMIT_S:
                 raise BoardError(
                     f"the packs have {driven.volts[-1]:.1f} V after {TIME_LIMIT_S / 3600:g} h, "
-                    f"expected at most {EMPTY_V:g} V; unplug the charger"
+                    f"expected at most {end_v:g} V; unplug the charger"
                 )
     return driven
 
 
-def _time_factor(robot: ExperimentRobot) -> Tuple[float, float]:
-    """Factor for times, and period of the readings [s]; reduces the capacity of an emulated robot's packs."""
-    if robot.plant is None:
-        return 1.0, READ_PERIOD_S
-    body = robot.plant.robot
-    body.params = body.params._replace(capacity_ah=body.params.capacity_ah / TIME_FACTOR)
-    return TIME_FACTOR, READ_PERIOD_S / TIME_FACTOR
+class _EmulatedPacks:
+    """The packs of a robot; those of an emulated one have errors, and less capacity so that time passes faster."""
+
+    def __init__(self, robot: ExperimentRobot, setting: Setting, speed_mm_s: int, steady: bool) -> None:
+        self._robot, self._body = robot, robot.plant.robot if robot.plant else None
+        if self._body is None:
+            return
+        self._rng = random.Random(f"readings {setting.seed} {speed_mm_s} {steady}")
+        params = self._body.params
+        capacity, resistance = disturbances.packs(setting.seed)
+        self._capacity_ah = params.capacity_ah * capacity
+        self._body.params = params._replace(
+            resistance_ohm=params.resistance_ohm * resistance,
+            running_a=0.0 if steady else params.running_a,
+            starting_a=0.0 if steady else params.starting_a,
+        )
+
+    def wait(self, volts: float) -> float:
+        """Lets time pass until the next reading; returns how long a pack of full capacity takes for it [s]."""
+        start_s, driver = self._robot.driver.now_s, self._robot.driver
+        if self._body is None:
+            driver.wait(READ_PERIOD_S)
+            return driver.now_s - start_s
+        factor = FASTER if volts > NEAR_END_V else NEAR_END
+        self._body.params = self._body.params._replace(capacity_ah=self._capacity_ah / factor)
+        self._body.sag(self._rng.gauss(0.0, disturbances.BATTERY_NOISE_V))
+        driver.wait(EMULATED_READ_S)
+        return factor * (driver.now_s - start_s)
 
 
-def _draw(setting: Setting, runs: List[PowerRun]) -> str:
+# -- picture
+
+
+def _draw(setting: Setting, packs: Sequence[Packs]) -> str:
     made, (axes,) = plot_style.figure()
     colours = (plot_style.BLUE, plot_style.ORANGE, plot_style.GREEN)
-    for each, colour, line in zip(runs, colours, plot_style.LINES):
-        label = f"{each.speed_mm_s} mm/s: {each.hours[-1]:.2f} h"
-        axes.plot(each.hours, each.volts, line, color=colour, label=label)
+    for number, (speed, colour, line) in enumerate(zip(SPEEDS_MM_S, colours, plot_style.LINES)):
+        hours = sorted(each[number].duration_h for each in packs)
+        for index, each in enumerate(packs):
+            label = f"{speed} mm/s: {hours[0]:.2f} to {hours[-1]:.2f} h" if index == 0 else None
+            axes.plot(each[number].hours, each[number].volts, line, color=colour, linewidth=0.8, label=label)
     axes.axhline(EMPTY_V, color=plot_style.GREY, linewidth=1.0)
     axes.axvspan(2.0, 3.0, color=plot_style.SKY, alpha=0.2, label="published: 2 to 3 h")
     axes.set(xlabel="time [h]", ylabel="battery [V]", xlim=(0, None))

@@ -1,85 +1,182 @@
-"""Approaches a wall with the front sonar, and fits the power law that converts ADC counts to ranges."""
+"""Approaches a wall with the front sonar, and fits the power law that converts ADC counts to ranges.
 
-from typing import List, Sequence, Tuple
+Each emulated robot has a sonar with a curve of its own, which the calibration has to find.
+"""
+
+from typing import Dict, List, NamedTuple, Optional, Sequence
 
 import numpy as np
 
 from mrl_driver.calibration import part_procedures, sonar_curve
 from mrl_driver.calibration.manoeuvres import Speeds, Track
-from mrl_driver.calibration.sonar_curve import THESIS
+from mrl_driver.calibration.sonar_curve import THESIS, Curve
+from mrl_driver.geometry import ORIGIN
 from sim_arduino.world.shapes import Wall
 from sim_arduino.world.world import World
 
-from . import plot_style
+from . import disturbances, plot_style, trials
 from .experiment_report import Figure, Result
-from .experiment_robot import NOISE, Setting, open_robot
+from .experiment_robot import Setting, open_robot
+from .team import pose_option
 
 PLAN = part_procedures.SonarPlan()
-APPROACHES = 3
-"""Number of approaches to the wall: with a noise of 1 cm, each distance needs more than one reading."""
+SEEDS = trials.SEEDS
+SONAR_X_M = 0.1
 THESIS_R2 = 0.9992
 WIDE_M = 10.0
 """The wall extends this far to both sides."""
+CHECKED_M = np.arange(0.2, 2.001, 0.05)
+"""Distances at which curves are compared [m]."""
 
 
-def run(setting: Setting) -> Result:
-    """Approaches the wall, and fits the curve.  A real robot must start 2 m in front of a wall."""
-    counts: List[float] = []
-    distances: List[float] = []
-    for number in range(APPROACHES if setting.port is None else 1):
-        ranges, found = _approach(setting._replace(seed=setting.seed + number))
-        counts += THESIS.counts(np.array(ranges)).tolist()
-        distances += found
-    fit = sonar_curve.fit(counts, distances)
-    points = np.arange(0.2, 2.001, 0.05)
-    off = np.abs(fit.curve.range_m(THESIS.counts(points)) - points)
-    rows = [
-        Figure("a", "a of a s^b + c [cm]", fit.curve.a, "", f"{THESIS.a}"),
-        Figure("b", "b", fit.curve.b, "", f"{THESIS.b}"),
-        Figure("c", "c", fit.curve.c, "", f"{THESIS.c}"),
-        Figure("r2", "R2", round(fit.r2, 5), "", f"{THESIS_R2}"),
-        Figure(
-            "error_cm", "largest difference from the true curve, 20 to 200 cm", 100 * float(off.max()), "cm"
-        ),
-    ]
-    remark = f"Emulated: {APPROACHES} approaches with 1 cm of noise; the sonar's dead zone is 15 cm."
-    return Result(
-        "sonar-calibration",
-        "Sonar in front of a wall",
-        rows,
-        [_draw(setting, counts, distances, fit)],
-        remark,
+class SonarRun(NamedTuple):
+    """One calibration; `hidden` is the curve of an emulated sonar."""
+
+    counts: Sequence[float]
+    distances: Sequence[float]
+    fit: sonar_curve.SonarFit
+    hidden: Optional[Curve] = None
+
+
+def run(setting: Setting, live: Optional[SonarRun] = None) -> Result:
+    """Approaches the wall, and fits the curve; `live` is one more approach, through ROS.
+
+    A real robot must start 2 m in front of a wall.
+    """
+    title = "Sonar in front of a wall"
+    if setting.port is not None:
+        found = approach(setting)
+        return Result("sonar-calibration", title, _coefficient_rows(found.fit), [_draw(setting, found, [])])
+    runs = trials.over_seeds(_calibrated, setting, SEEDS)
+    remark = (
+        f"Each robot has a sonar with a curve of its own and {100 * disturbances.SONAR_NOISE_M:g} cm of noise, wheels "
+        "with errors, and a start by hand; it approaches the wall once. Control: the published curve in place of the "
+        "calibrated one. The distances begin at 20 cm, the published ones at 5 cm: the dead zone of the sonar is 15 cm."
     )
+    rows = _rows(runs) + (_live_rows(live) if live else [])
+    return Result("sonar-calibration", title, rows, [_draw(setting, runs[0], runs)], remark)
 
 
-def _approach(setting: Setting) -> Tuple[Sequence[float], Sequence[float]]:
-    """Ranges by the curve in force, and true distances, for each stop [m]."""
-    sonar_x_m = 0.1
-    wall_m = sonar_x_m + PLAN.start_m
+def _coefficient_rows(fit: sonar_curve.SonarFit) -> List[Figure]:
+    rows = [
+        Figure(name, f"{name} of a s^b + c [cm]", getattr(fit.curve, name), "", f"{getattr(THESIS, name)}")
+        for name in Curve._fields
+    ]
+    return [*rows, Figure("r2", "R2", round(fit.r2, 5), "", f"{THESIS_R2}")]
+
+
+def _rows(runs: Sequence[SonarRun]) -> List[Figure]:
+    """How well the hidden curves were found; the control is the published curve."""
+    curves = [(each.fit.curve.on_wire(), each.hidden) for each in runs if each.hidden]
+    rows = [
+        trials.figure(
+            "error_cm",
+            "largest error of a range, 20 to 200 cm",
+            [_largest_cm(curve, hidden) for curve, hidden in curves],
+            "cm",
+            control=[_largest_cm(THESIS, hidden) for _, hidden in curves],
+        )
+    ]
+    for name in Curve._fields:
+        found, true = ([getattr(each, name) for each in side] for side in zip(*curves))
+        rows.append(
+            trials.figure(
+                f"{name}_error",
+                f"error of {name} of a s^b + c [cm]",
+                [abs(a - b) for a, b in zip(found, true)],
+                control=[abs(getattr(THESIS, name) - b) for b in true],
+            )
+        )
+    r2 = [round(each.fit.r2, 5) for each in runs]
+    return [*rows, trials.figure("r2", "R2", r2, worst=min, published=f"{THESIS_R2}")]
+
+
+def _live_rows(live: SonarRun) -> List[Figure]:
+    """Figures of an approach through ROS; the control is the published curve."""
+    assert live.hidden is not None
+    error, control = (_largest_cm(curve, live.hidden) for curve in (live.fit.curve.on_wire(), THESIS))
+    text = f"one approach through ROS with {len(live.distances)} stops: largest error of a range"
+    return [
+        Figure("ros_error_cm", text, error, "cm", control=control),
+        Figure("ros_r2", "R2, through ROS", round(live.fit.r2, 5), "", f"{THESIS_R2}"),
+    ]
+
+
+def _largest_cm(curve: Curve, hidden: Curve) -> float:
+    return float(np.abs(_errors_cm(curve, hidden)).max())
+
+
+def _errors_cm(curve: Curve, hidden: Curve) -> np.ndarray:
+    """Ranges by a curve at `CHECKED_M`, minus the true ones, of a sonar with a hidden curve [cm]."""
+    return 100 * (curve.range_m(hidden.counts(CHECKED_M)) - CHECKED_M)
+
+
+def _calibrated(setting: Setting) -> SonarRun:
+    curve = disturbances.sonar_curve(setting.seed)
+    found = approach(setting, curve, disturbances.error(setting.seed))
+    return found._replace(hidden=hidden_curve(setting.seed))
+
+
+def hidden_curve(seed: int) -> Curve:
+    """The curve that the sonars of an emulated robot have."""
+    curve = disturbances.sonar_curve(seed)
+    return Curve(THESIS.a * curve["gain"], THESIS.b * curve["exponent"], THESIS.c + 100 * curve["offset"])
+
+
+def sonar_errors(curve: Dict[str, float]) -> str:
+    """Noise and curve of an emulated robot's sonars, in the form of `factory.Options.sonar`."""
+    return disturbances.option(noise=disturbances.SONAR_NOISE_M, **curve)
+
+
+def approach(setting: Setting, curve: Optional[Dict[str, float]] = None, error: str = "") -> SonarRun:
+    """Approaches the wall, and fits the readings at the stops.
+
+    Args:
+        curve: Curve of an emulated robot's sonars, as in `disturbances.sonar_curve`.
+        error: Errors of its wheels.
+    """
+    wall_m = SONAR_X_M + PLAN.start_m
     world = World([Wall(wall_m, -WIDE_M, wall_m, WIDE_M)])
-    with open_robot(setting, world, sonar=NOISE, footprint="none") as robot:
-        driver = robot.driver
-        assert driver.model is not None
-        track = Track(driver)
+    with open_robot(
+        setting,
+        world,
+        error=error,
+        sonar=sonar_errors(curve or {}),
+        pose=pose_option(disturbances.placed(ORIGIN, setting.seed)),
+        footprint="none",
+    ) as robot:
+        driver, track = robot.driver, Track(robot.driver)
         part_procedures.approach_wall(
             driver, track, PLAN.distances(), Speeds(), lambda _: None, lambda _: None
         )
-        return part_procedures.readings_at_stops(track.end(), driver.model.differential, PLAN.start_m)
+        ranges, distances = part_procedures.readings_at_stops(
+            track.end(), robot.model.differential, PLAN.start_m
+        )
+        counts = part_procedures.curve_in_force(driver).counts(np.array(ranges)).tolist()
+    return SonarRun(counts, distances, sonar_curve.fit(counts, distances))
 
 
-def _draw(
-    setting: Setting, counts: Sequence[float], distances: Sequence[float], fit: sonar_curve.SonarFit
-) -> str:
+def _draw(setting: Setting, shown: SonarRun, runs: Sequence[SonarRun]) -> str:
     made, (curve, errors) = plot_style.figure(2, 9.5, 4.5)
-    s = np.linspace(10, max(counts), 200)
-    curve.plot(
-        counts, 100 * np.array(distances), "o", color=plot_style.BLUE, fillstyle="none", label="readings"
-    )
+    fit, distances_cm = shown.fit, 100 * np.array(shown.distances)
+    s = np.linspace(10, max(shown.counts), 200)
+    curve.plot(shown.counts, distances_cm, "o", color=plot_style.BLUE, fillstyle="none", label="readings")
     curve.plot(s, 100 * fit.curve.range_m(s), color=plot_style.ORANGE, label=f"fit, R2 {fit.r2:.4f}")
     curve.plot(s, 100 * THESIS.range_m(s), ":", color="black", label="published, R2 0.9992")
-    curve.set(xlabel="ADC count", ylabel="distance [cm]")
+    curve.set(xlabel="ADC count", ylabel="distance [cm]", title="one sonar")
     curve.legend(loc="upper left")
-    errors.plot(100 * np.array(distances), 100 * fit.errors_m, "o", color=plot_style.BLUE, fillstyle="none")
     errors.axhline(0.0, color="black", linewidth=0.8)
-    errors.set(xlabel="distance [cm]", ylabel="fit minus distance [cm]")
+    if not runs:
+        errors.plot(distances_cm, 100 * fit.errors_m, "o", color=plot_style.BLUE, fillstyle="none")
+    for number, each in enumerate(runs):
+        assert each.hidden is not None
+        for used, colour, label in (
+            (THESIS, plot_style.ORANGE, "by the published curve"),
+            (each.fit.curve.on_wire(), plot_style.BLUE, "by the calibrated curve"),
+        ):
+            off = list(zip(100 * CHECKED_M, _errors_cm(used, each.hidden)))
+            plot_style.path(errors, off, colour, label if number == 0 else "")
+    errors.set(xlabel="distance [cm]", ylabel="error of the range [cm]", title=f"{len(runs)} sonars")
+    if runs:
+        errors.legend(loc="upper left", fontsize="small")
     return plot_style.save(made, setting.folder, "sonar-calibration")

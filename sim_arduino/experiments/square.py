@@ -2,34 +2,50 @@
 
 import math
 import random
-from typing import Dict, List, NamedTuple, Sequence, Tuple
+from typing import List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
-from mrl_driver.calibration import manoeuvres
+from mrl_driver.calibration import fit, manoeuvres
 from mrl_driver.calibration.geometry_procedures import UMBMARK, evaluate, gather, umbmark_legs
 from mrl_driver.calibration.ground_truth import Truth
 from mrl_driver.calibration.trial import LEFT, RIGHT, Trial, errors, sense
 from mrl_driver.geometry import Pose
-from mrl_driver.robot.models import Drive
+from mrl_driver.robot.models import ON_TRACKS, Drive
 
-from . import plot_style
+from . import disturbances, plot_style, trials
 from .experiment_report import Figure, Result
 from .experiment_robot import ExperimentRobot, Setting, open_robot, require_emulated
 
 SIDE_M = 1.0
-LAPS = 2
-"""Laps in each direction, for the calibration."""
-TEAM = 20
+LAPS = 5
+"""Laps in each direction for the calibration, as by default in `mrl calibrate umbmark`."""
+SEEDS = trials.SEEDS
+UNSEEN = 500
+"""Added to the seed of laps that show a calibration, so that their random errors are not those of the calibration."""
 PUBLISHED = {LEFT: (9.67, -4.93), RIGHT: (7.71, 2.13)}
-"""Distance [cm] and angle [deg] from the start after one lap (thesis 2012)."""
-LIKE_PUBLISHED = {"wheel_ratio": 0.9989, "axle": 1.0099}
+"""Distance [cm] and angle [deg] from the start after one lap (Araujo 2012)."""
+LIKE_PUBLISHED = {"wheel_ratio": 0.9989, "wheel_size": 1.0, "axle": 1.0099, "slip": 0.0}
 """Errors of a robot whose odometry closes with the published angles: half their sum over four sides, and half their
 difference over four corners.
 """
-DEVIATION, MAX_SLIP = 0.005, 0.02
-"""Hidden errors of the other robots, for errors of about 8 to 10 cm: standard deviation of wheel ratio and axle, and
-largest slip.
-"""
 SPEEDS = manoeuvres.Speeds()
+
+
+class Case(NamedTuple):
+    """Robots, one for each seed; `given` are their errors that are not drawn."""
+
+    key: str
+    text: str
+    given: Mapping[str, float]
+
+
+ROUGH = {"noise": ON_TRACKS.wheel_m2_per_m, "turn_noise": ON_TRACKS.turn_rad2_per_rad}
+"""Random errors as large as the model of a tracked robot assumes."""
+CASES = (
+    Case("like", "robots like the published one", LIKE_PUBLISHED),
+    Case("drawn", "robots with drawn errors", {}),
+    Case("rough", "the same robots with the random errors of a track's model", ROUGH),
+)
+"""The first has figures and a picture of its own."""
 
 
 class Lap(NamedTuple):
@@ -51,67 +67,101 @@ class Lap(NamedTuple):
 
 
 class RobotLaps(NamedTuple):
-    """A robot's laps before and after the calibration, counter-clockwise and clockwise."""
+    """A robot's laps with the model's drive and with the calibrated one, counter-clockwise and clockwise."""
 
     before: Sequence[Lap]
     after: Sequence[Lap]
 
 
 def run(setting: Setting) -> Result:
-    """Drives, calibrates and drives again, with a robot like the published one and with twenty others."""
+    """Calibrates each robot, and drives the same laps without and with the calibration."""
     require_emulated(setting, "square")
-    like = _robot(setting, **LIKE_PUBLISHED)
-    rng = random.Random(f"square {setting.seed}")
-    others = [_robot(setting, **_errors(rng)) for _ in range(TEAM)]
-    rows = [row for lap in like.before for row in _rows(lap, "before")]
-    rows += [row for lap in like.after for row in _rows(lap, "after")]
-    before = sorted(lap.error_cm for robot in others for lap in robot.before)
-    after = [lap for robot in others for lap in robot.after]
-    rows += [
-        Figure("others_before_cm", f"{TEAM} robots drawn at random, median", before[len(before) // 2], "cm"),
-        Figure(
-            "others_after_cm",
-            "their worst lap after the calibration",
-            max(lap.error_cm for lap in after),
-            "cm",
-        ),
-        Figure("others_after_deg", "", max(abs(lap.error_deg) for lap in after), "deg"),
-    ]
+    like = _robots(setting, CASES[0])
+    rows = [row for number in range(2) for row in _direction_rows(like, number)]
+    rows += [row for case in CASES[1:] for row in _case_rows(case, _robots(setting, case))]
     remark = (
-        "An error is the true end of a lap minus the end by odometry. UMBmark: two laps in each direction."
+        "An error is the true end of a lap minus the end by odometry. UMBmark: "
+        f"{LAPS} laps in each direction, whose ends are measured by tape. The laps of the figures are others. Control: "
+        "the same laps without the calibration. Robots like the published one have the wheel ratio and the wheelbase "
+        "that give the published angles; the distances are not put in. Of other robots, the worse of both directions "
+        f"counts. Random errors: {disturbances.WANDER}; as in a track's model: {disturbances.option(**ROUGH)}."
     )
-    return Result("square", "Square of 1 m by odometry alone", rows, [_draw(setting, like, others)], remark)
+    return Result("square", "Square of 1 m by odometry alone", rows, [_draw(setting, like)], remark)
 
 
-def _errors(rng: random.Random) -> Dict[str, float]:
-    ratio, axle = rng.gauss(1.0, DEVIATION), rng.gauss(1.0, DEVIATION)
-    return {"wheel_ratio": ratio, "axle": axle, "slip": rng.uniform(0.0, MAX_SLIP)}
+def _robots(setting: Setting, case: Case) -> List[RobotLaps]:
+    return trials.over_seeds(lambda each: _robot(each, case), setting, SEEDS)
 
 
-def _rows(lap: Lap, when: str) -> List[Figure]:
-    cm, deg = PUBLISHED[lap.sense]
-    direction = lap.sense.replace("-", "_")
-    published = ("", "") if when == "after" else (f"{cm} cm", f"{deg} deg")
+def _direction_rows(robots: Sequence[RobotLaps], number: int) -> List[Figure]:
+    """Figures of the laps in one direction; published angles have signs."""
+    before, after = [robot.before[number] for robot in robots], [robot.after[number] for robot in robots]
+    (cm, deg), key = PUBLISHED[before[0].sense], before[0].sense.replace("-", "_")
+    of_cm, of_deg = [lap.error_cm for lap in before], [abs(lap.error_deg) for lap in before]
     return [
-        Figure(
-            f"{direction}_{when}_cm", f"{lap.sense}, {when} calibration", lap.error_cm, "cm", published[0]
+        trials.figure(
+            f"{key}_before_cm", f"{CASES[0].text}, {before[0].sense}", of_cm, "cm", published=f"{cm} cm"
         ),
-        Figure(f"{direction}_{when}_deg", "", lap.error_deg, "deg", published[1]),
+        trials.figure(
+            f"{key}_before_deg",
+            "",
+            [lap.error_deg for lap in before],
+            "deg",
+            worst=_farthest,
+            published=f"{deg} deg",
+            put_in=True,
+        ),
+        trials.figure(
+            f"{key}_after_cm", "after the calibration", [lap.error_cm for lap in after], "cm", control=of_cm
+        ),
+        trials.figure(f"{key}_after_deg", "", [abs(lap.error_deg) for lap in after], "deg", control=of_deg),
     ]
 
 
-def _robot(setting: Setting, **hidden: float) -> RobotLaps:
-    """Drives laps with hidden errors, calibrates, and drives laps with the calibrated drive."""
-    error_option = ",".join(f"{key}={value:.5f}" for key, value in hidden.items())
-    with open_robot(setting, error=error_option) as robot:
-        model = robot.driver.model
-        assert model is not None
-        laps = _laps(robot, LAPS)
-        found = evaluate(UMBMARK, [each for each, _ in laps], model).after
-        before = [_lap(model.differential, *each) for each in laps]
-    with open_robot(setting, error=error_option, drive=found) as robot:
-        after = [_lap(found, *each) for each in _laps(robot, 1)]
-    return RobotLaps([before[0], before[LAPS]], after)
+def _farthest(values: Sequence[float]) -> float:
+    return max(values, key=abs)
+
+
+def _case_rows(case: Case, robots: Sequence[RobotLaps]) -> List[Figure]:
+    """Figures of the worse lap of each robot after the calibration, next to its worse lap without."""
+    (cm, deg), (cm_before, deg_before) = (
+        zip(*(_worse(getattr(robot, when)) for robot in robots)) for when in ("after", "before")
+    )
+    return [
+        trials.figure(
+            f"{case.key}_after_cm", f"{case.text}, after the calibration", cm, "cm", control=cm_before
+        ),
+        trials.figure(f"{case.key}_after_deg", "", deg, "deg", control=deg_before),
+    ]
+
+
+def _worse(laps: Sequence[Lap]) -> Tuple[float, float]:
+    """The largest distance [cm] and the largest angle [deg] of laps."""
+    return max(lap.error_cm for lap in laps), max(abs(lap.error_deg) for lap in laps)
+
+
+def _robot(setting: Setting, case: Case) -> RobotLaps:
+    """Calibrates a robot, and drives other laps without and with the calibration."""
+    error = disturbances.error(setting.seed, "square", **case.given)
+    found = calibrated(setting, error)
+    unseen = setting._replace(seed=setting.seed + UNSEEN)
+    before, after = (_shown_laps(unseen, error, drive) for drive in (None, found))
+    return RobotLaps(before, after)
+
+
+def calibrated(setting: Setting, error: str) -> Drive:
+    """The drive that UMBmark finds for a robot with these errors."""
+    rng = random.Random(f"tape {setting.seed}")
+    with open_robot(setting, error=error) as robot:
+        runs = [each._replace(end=disturbances.measured(each.end, rng)) for each, _ in _laps(robot, LAPS)]
+        return evaluate(UMBMARK, runs, robot.model, SIDE_M, fit.BY_TAPE).after
+
+
+def _shown_laps(setting: Setting, error: str, drive: Optional[Drive]) -> List[Lap]:
+    """One lap in each direction, with a drive in place of the model's if it is not None."""
+    with open_robot(setting, error=error, drive=drive) as robot:
+        used = robot.model.differential
+        return [_lap(used, *each) for each in _laps(robot, 1)]
 
 
 def _laps(robot: ExperimentRobot, count: int) -> List[Tuple[Trial, List[Pose]]]:
@@ -133,16 +183,18 @@ def _lap(drive: Drive, driven: Trial, true: List[Pose]) -> Lap:
     return Lap(sense(drive, driven), Pose(*errors(drive, [driven])[0]), true)
 
 
-def _draw(setting: Setting, like: RobotLaps, others: Sequence[RobotLaps]) -> str:
+def _draw(setting: Setting, robots: Sequence[RobotLaps]) -> str:
     made, (floor, ends) = plot_style.figure(2, 9.5, 5.6)
-    for lap_before, lap_after, colour in zip(like.before, like.after, (plot_style.BLUE, plot_style.ORANGE)):
+    for lap_before, lap_after, colour in zip(
+        robots[0].before, robots[0].after, (plot_style.BLUE, plot_style.ORANGE)
+    ):
         plot_style.path(floor, lap_before.true, colour, f"{lap_before.sense}, before", "--")
         plot_style.path(floor, lap_after.true, colour, f"{lap_after.sense}, after")
     plot_style.floor(floor, "true paths of a robot like the published one")
     floor.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), fontsize="small")
     marks = (("before", plot_style.ORANGE, "x"), ("after", plot_style.BLUE, "o"))
     for when, colour, mark in marks:
-        laps = [each for robot in others for each in getattr(robot, when)]
+        laps = [each for robot in robots for each in getattr(robot, when)]
         x, y = ([100 * getattr(each.error, axis) for each in laps] for axis in ("x_m", "y_m"))
         ends.plot(x, y, mark, color=colour, label=f"{when} calibration", fillstyle="none")
     for cm, _ in PUBLISHED.values():
@@ -151,7 +203,7 @@ def _draw(setting: Setting, like: RobotLaps, others: Sequence[RobotLaps]) -> str
         xlabel="error in x [cm]",
         ylabel="error in y [cm]",
         aspect="equal",
-        title=f"ends of {TEAM} robots' laps",
+        title=f"ends of {len(robots)} robots' laps",
     )
     ends.legend(loc="upper right", fontsize="small")
     return plot_style.save(made, setting.folder, "square")

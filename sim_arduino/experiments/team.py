@@ -3,6 +3,9 @@
 The real robots are in one world.  The virtual ones are in another world with the same walls, and with mirrors that are
 placed by the odometry of the real robots.  The sonars of a virtual robot measure the mirrors.  A real robot uses the
 smaller of two ranges: that of its own sonar, and that of the same sonar on its mirror.
+
+Two real robots meet in the real world, all others in the virtual one.  There a robot touches another one if their
+bodies overlap, or if one of them is blocked.
 """
 
 import math
@@ -17,7 +20,8 @@ from sim_arduino.world import world_file
 from sim_arduino.world.shapes import Footprint
 from sim_arduino.world.world import World
 
-from .experiment_robot import NOISE, TICK_S, Setting, Step, open_robot
+from . import disturbances
+from .experiment_robot import TICK_S, Setting, Step, open_robot
 
 
 class Member(NamedTuple):
@@ -68,27 +72,34 @@ class RobotInterface(Protocol):
 class Player:
     """A member of the team and its robot.
 
+    Args:
+        world: The world in which the robot can touch others: the real one, or the one with the mirrors.
+        virtual_world: The world with the virtual robots and the mirrors of the real ones.
+        mirrored: Whether real and virtual robots see each other.
+
     Attributes:
         virtual: The world with the mirrors of the real robots.
         path: True path.
         odometry_path: Path by odometry.
-        bumps: Number of ticks in which an obstacle blocked the robot.
+        bumps: Number of ticks in which the robot touched another one or a wall.
     """
 
-    def __init__(self, member: Member, robot: RobotInterface, virtual_world: World) -> None:
+    def __init__(
+        self, member: Member, robot: RobotInterface, world: World, virtual_world: World, mirrored: bool = True
+    ) -> None:
         self.member, self.robot, self.virtual = member, robot, virtual_world
         self.footprint = footprint_of(member)
+        self._world, self._mirrored = world, mirrored
         self.path: List[Pose] = []
         self.odometry_path: List[Pose] = []
         self.bumps = 0
         robot.reset_pose(member.start)
-        if not member.virtual:
-            virtual_world.place(member.name, member.start, self.footprint)
+        self._mirror(member.start)
 
     def ranges(self) -> Dict[str, float]:
         """Ranges that the robot uses: sonar name to range [m]; NaN if its own sonar has no reading."""
         ranges = dict(self.robot.ranges)
-        if not self.member.virtual:
+        if self._mirrored and not self.member.virtual:
             for name, range_m in ranges.items():
                 if not math.isnan(range_m):
                     ranges[name] = min(range_m, self._in_virtual(name))
@@ -99,15 +110,25 @@ class Player:
         at = self.robot.pose.compose(*self.robot.model.sonars[name].pose)
         return self.virtual.nearest(at, HALF_CONE_RAD, RANGE_M, self.member.name)
 
+    def _mirror(self, pose: Pose) -> None:
+        """Moves the mirror of a real robot; without `mirrored`, it only shows whether robots touch each other."""
+        if not (self.member.virtual and self._mirrored):
+            self.virtual.place(self.member.name, pose, self.footprint)
+
+    @property
+    def met(self) -> Pose:
+        """Pose at which virtual robots meet this one: by odometry if it is real, else the true one."""
+        return self.path[-1] if self.member.virtual else self.odometry_path[-1]
+
     def step(self, speeds: Tuple[float, float]) -> None:
         """Drives for a tick."""
         self.robot.drive(*speeds)
         self.robot.wait(TICK_S)
-        if not self.member.virtual:
-            self.virtual.place(self.member.name, self.robot.pose, self.footprint)
-        self.bumps += self.robot.bumped
         self.path.append(self.robot.true_pose)
         self.odometry_path.append(self.robot.pose)
+        self._mirror(self.met)
+        touching = self._world.touching(self.path[-1], self.footprint, self.member.name)
+        self.bumps += bool(touching or self.robot.bumped)
 
 
 class Team:
@@ -122,13 +143,27 @@ class Team:
         for player, each in zip(self.players, speeds):
             player.step(each)
         for a, b in pairs(self.players):
-            gap = math.hypot(a.path[-1].x_m - b.path[-1].x_m, a.path[-1].y_m - b.path[-1].y_m)
-            self.nearest_m = min(self.nearest_m, gap)
+            both_real = not (a.member.virtual or b.member.virtual)
+            one, other = (a.path[-1], b.path[-1]) if both_real else (a.met, b.met)
+            self.nearest_m = min(self.nearest_m, math.dist(one[:2], other[:2]))
 
     @property
     def collisions(self) -> int:
         """Number of ticks in which a robot touched another one or a wall."""
         return sum(player.bumps for player in self.players)
+
+    @property
+    def driven_m(self) -> float:
+        """Distance driven by all robots [m]."""
+        return sum(math.dist(a[:2], b[:2]) for p in self.players for a, b in zip(p.path, p.path[1:]))
+
+    @property
+    def drift_m(self) -> float:
+        """Largest distance of a mirror from its real robot [m]."""
+        real = [p for p in self.players if not p.member.virtual]
+        return max(
+            (math.dist(a[:2], b[:2]) for p in real for a, b in zip(p.path, p.odometry_path)), default=0.0
+        )
 
 
 def pairs(players: Sequence[Player]) -> Iterator[Tuple[Player, Player]]:
@@ -150,14 +185,26 @@ def pose_option(pose: Pose) -> str:
     return f"{pose.x_m},{pose.y_m},{math.degrees(pose.yaw_rad)}"
 
 
-def gather(stack: ExitStack, setting: Setting, world: str, members: Sequence[Member]) -> Team:
-    """Puts a team into a packaged world, and the mirrors of its real robots into the virtual one."""
+def gather(
+    stack: ExitStack, setting: Setting, world: str, members: Sequence[Member], mirrored: bool = True
+) -> Team:
+    """Puts a team into a packaged world, and the mirrors of its real robots into the virtual one.
+
+    The robots are calibrated: their odometry has random errors and the error of placing, and no systematic ones.
+
+    Args:
+        mirrored: Whether real and virtual robots see each other.
+    """
     real, virtual = world_file.load(world), world_file.load(world)
+    seen = virtual if mirrored else world_file.load(world)
     players = []
     for number, member in enumerate(members):
-        place = virtual if member.virtual else real
+        place = seen if member.virtual else real
         its = setting._replace(robot=member.robot, seed=setting.seed + number)
-        pose = pose_option(member.start)
-        robot = stack.enter_context(open_robot(its, place, sonar=NOISE, name=member.name, pose=pose))
-        players.append(Player(member, robot, virtual))
+        pose = pose_option(disturbances.placed(member.start, setting.seed, member.name))
+        made = open_robot(
+            its, place, name=member.name, pose=pose, error=disturbances.WANDER, sonar=disturbances.SONAR
+        )
+        robot = stack.enter_context(made)
+        players.append(Player(member, robot, virtual if member.virtual else real, virtual, mirrored))
     return Team(players)

@@ -1,178 +1,180 @@
-"""Measures the time of messages from the PC to the motor board and back, with the real firmware image."""
+"""Measures the time of messages between the PC and the motor board, of ours and of sketches in the same mode."""
 
-from typing import Any, List, NamedTuple, Optional, Sequence, Tuple
+from itertools import accumulate
+from statistics import median
+from typing import Any, Dict, List, NamedTuple, Optional, Sequence
 
-from mrl_driver.errors import BoardTimeout
-from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
-from mrl_driver.protocol.table import BY_NAME
-from sim_arduino.board.engine import Engine
-from sim_arduino.serve import factory
-
-from . import plot_style
+from . import message_times, plot_style, trials
 from .experiment_report import Figure, Result
 from .experiment_robot import Setting, require_emulated
-
-COUNTS = (1, 2, 5, 10, 20, 30, 40, 50)
-"""Numbers of messages per second."""
-STEP_S = 1e-4
-"""Replies are checked after each such interval of simulated time [s]."""
-PUBLISHED_MS, PUBLISHED_COUNT, LESS = 36.0, 20, 0.35
-"""Time of 20 messages with rosserial, and share by which the 2012 frame driver was quicker (thesis)."""
-MEASURED_MS = {"2013 firmware": 2.445, "rosserial": 2.896}
-"""Time of one request for the encoders on the same simulated chip, for the 2013 firmware and for an equal rosserial
-sketch; medians of 300.
-"""
-TO_TOPICS = (
-    "The times to and from topics are medians of 200 messages in real time: that of a frame begins when it has left "
-    "the board, that of a command ends with its last byte on the serial link."
+from .message_times import (
+    CHECKED,
+    LONG,
+    PLAIN,
+    RATE_HZ,
+    ROSSERIAL,
+    ROSSERIAL_DEFAULT,
+    SHORT,
+    SUBJECTS,
+    TIMING_2013,
+    Counts,
+    Message,
+    Subject,
 )
-BOOT_S, PAUSE_S, PATIENCE_S = 2.5, 0.1, 1.0
-"""Time for the start of the board, pause after a request without a reply, and longest wait for a reply [s]."""
-REQUEST = "read_encoders"
-COUNTERS = ((1, -567), (3, 1234))
-"""Counter values in the reply, which has 15 bytes without a checksum."""
-Point = Tuple[int, float]
-"""Number of messages in a second, and their total time [ms]."""
+
+COUNT = 20
+"""Number of messages in the figures."""
+PUBLISHED_MS, LESS = 36.0, 0.35
+"""Time of 20 messages with rosserial, and share by which the frame driver of 2012 was quicker (Araujo 2012)."""
+RIVALS = {PLAIN: TIMING_2013, CHECKED: ROSSERIAL}
+"""The control of each of our modes: the sketch that sends the same with the same safety against damage."""
+PUBLISHED = {
+    PLAIN: f"{PUBLISHED_MS * (1 - LESS):.0f} ms (frames)",
+    ROSSERIAL: f"{PUBLISHED_MS:g} ms",
+    ROSSERIAL_DEFAULT: f"{PUBLISHED_MS:g} ms",
+}
+REMARK = (
+    "A message is a request for both counters, which the board reads from the motor board, and the reply, from the "
+    "first bit of the request to the last byte that the PC needs; the control of frames is 2013's timing, that of "
+    "frames with checksum is rosserial at 115200 baud. The sketches are ours (firmware/comparison). How the published "
+    "times were measured is not known."
+)
+NOT_BUILT = (
+    "Sketches to compare with are not built (make comparison in a checkout), so that their rows are missing: "
+)
+TO_TOPICS = (
+    "Through ROS: medians of 200 messages in real time, in the default mode, with checksum. The time of a frame begins "
+    "when it has left the board, that of a command ends with its last byte on the serial link."
+)
+Runs = Dict[Subject, List[List[Message]]]
+"""The messages of each seed."""
 
 
 class Topics(NamedTuple):
-    """Times of one message between the board and ROS [ms]: frame to Odometry in a subscriber, and cmd_vel to the motor
-    board.
+    """Times of one message between the board and ROS [ms]: frame to Odometry in a subscriber, and cmd_vel to the end of
+    the command on the serial link.
     """
 
     odometry_ms: float
     command_ms: float
 
 
-class Host:
-    """A PC that sends requests to `engine`, and looks for replies after every `STEP_S`."""
-
-    def __init__(self, engine: Engine) -> None:
-        self._engine, self._now_s = engine, 0.0
-        self._checked = False
-
-    def request(self, name: str, *args: int) -> int:
-        """Sends a request; returns its code."""
-        code = BY_NAME[name].code
-        self._engine.receive(encode_request(code, *args, checked=self._checked))
-        return code
-
-    def check(self) -> None:
-        """Has all frames from here on carry a checksum."""
-        self.request("set_check", 1)
-        self.wait(PAUSE_S)
-        self._checked = True
-
-    def wait(self, seconds: float) -> None:
-        """Lets time pass; what the board sends is lost."""
-        self._now_s += seconds
-        self._engine.advance(self._now_s)
-
-    def time_s(self, name: str) -> float:
-        """Time from a request to the end of its reply [s]."""
-        begin_s, decoder = self._now_s, FrameDecoder(REPLIES, checked=self._checked)
-        code = self.request(name)
-        while self._now_s < begin_s + PATIENCE_S:
-            self._now_s += STEP_S
-            for event in decoder.feed(self._engine.advance(self._now_s)):
-                if isinstance(event, Frame) and event.code == code:
-                    return self._now_s - begin_s
-        raise BoardTimeout(f"the image does not answer {name} within {PATIENCE_S:g} s; build it again")
-
-
 def run(setting: Setting, topics: Optional[Topics] = None) -> Result:
-    """Sends messages, evenly spread over a second, and draws their total time; with the times of ROS, if given."""
+    """Sends messages at random phases, and draws their total time; with the times of ROS, if given."""
     require_emulated(setting, "turnaround")
-    checked = [(count, _total_ms(setting, count, True)) for count in COUNTS]
-    plain = [(count, _total_ms(setting, count, False)) for count in COUNTS]
-    published = f"{PUBLISHED_MS:g} ms (rosserial), 35 % less (frames)"
-    rows = [
-        Figure("plain_20_ms", "20 messages", dict(plain)[20], "ms", published),
+    runs = {subject: _runs(setting, subject) for subject in SUBJECTS if subject.built}
+    rows = [_row(subject, runs) for subject in runs] + _link_rows(setting, runs[PLAIN])
+    if topics:
+        rows += _ros_rows(topics, _totals_ms(runs[CHECKED]))
+    missing = [subject.text for subject in SUBJECTS if subject not in runs]
+    remarks = [REMARK, NOT_BUILT + "; ".join(missing) + "." if missing else "", TO_TOPICS if topics else ""]
+    return Result(
+        "turnaround",
+        "Time of messages between PC and motor board",
+        rows,
+        [_draw(setting, runs, topics)],
+        " ".join(filter(None, remarks)),
+    )
+
+
+def _runs(setting: Setting, subject: Subject, counts: Counts = LONG) -> List[List[Message]]:
+    return trials.over_seeds(
+        lambda seeded: message_times.measure(seeded, subject, RATE_HZ, counts), setting, trials.SEEDS
+    )
+
+
+def _totals_ms(runs: Sequence[Sequence[Message]]) -> List[float]:
+    """The total time of `COUNT` messages, of each seed [ms]."""
+    return [1000 * sum(message.total_s for message in messages[:COUNT]) for messages in runs]
+
+
+def _row(subject: Subject, runs: Runs) -> Figure:
+    control = runs.get(RIVALS[subject], []) if subject in RIVALS else []
+    return trials.figure(
+        f"{subject.key}_{COUNT}_ms",
+        f"{COUNT} messages to the motor board and back, {subject.text}",
+        _totals_ms(runs[subject]),
+        "ms",
+        _totals_ms(control),
+        published=PUBLISHED.get(subject, ""),
+    )
+
+
+def _link_rows(setting: Setting, plain: Sequence[Sequence[Message]]) -> List[Figure]:
+    """What the serial link alone needs for the plain messages, and messages with shorter numbers."""
+    link_ms = 1000 * sum(message.link_s for message in plain[0][:COUNT])
+    return [
         Figure(
-            "checked_20_ms", "20 messages with checksum, sequence and board time", dict(checked)[20], "ms"
+            f"link_{COUNT}_ms", f"of {COUNT} messages by frames, the bytes on the serial link", link_ms, "ms"
         ),
+        trials.figure(
+            f"short_{COUNT}_ms",
+            f"{COUNT} messages by frames, both counters at 0",
+            _totals_ms(_runs(setting, PLAIN, SHORT)),
+            "ms",
+            published=PUBLISHED[PLAIN],
+        ),
+    ]
+
+
+def _ros_rows(topics: Topics, checked_ms: Sequence[float]) -> List[Figure]:
+    """Figures of the messages through ROS, in the default mode."""
+    odometry_ms, commands_ms = COUNT * topics.odometry_ms, COUNT * topics.command_ms
+    return [
         Figure(
-            "rosserial_20_ms",
-            "20 messages of rosserial on the same chip",
-            20 * MEASURED_MS["rosserial"],
+            f"ros_odometry_{COUNT}_ms",
+            f"{COUNT} frames from the board to Odometry in a subscriber, with checksum",
+            odometry_ms,
             "ms",
         ),
         Figure(
-            "firmware_2013_20_ms", "20 messages of the 2013 firmware", 20 * MEASURED_MS["2013 firmware"], "ms"
+            f"ros_commands_{COUNT}_ms",
+            f"{COUNT} commands from cmd_vel to the end of the serial link, with checksum",
+            commands_ms,
+            "ms",
         ),
-    ]
-    if topics:
-        rows += _rows(topics, dict(plain)[20], published)
-    remark = (
-        "A message is a request for the encoders, which the board reads from the motor board, and the reply. The "
-        "serial link alone takes 1.6 ms of it without a checksum. How the published time was measured is not known."
-    ) + (f" {TO_TOPICS}" if topics else "")
-    title = "Time of messages between PC and motor board"
-    return Result("turnaround", title, rows, [_draw(setting, plain, checked, topics)], remark)
-
-
-def _rows(topics: Topics, plain_ms: float, published: str) -> List[Figure]:
-    """Figures of 20 messages through ROS."""
-    odometry, commands = 20 * topics.odometry_ms, 20 * topics.command_ms
-    return [
-        Figure("ros_odometry_20_ms", "20 frames from the board to Odometry in a subscriber", odometry, "ms"),
-        Figure("ros_commands_20_ms", "20 commands from cmd_vel to the motor board", commands, "ms"),
         Figure(
-            "ros_20_ms", "20 messages, including their time to a topic", plain_ms + odometry, "ms", published
+            f"ros_{COUNT}_ms",
+            f"{COUNT} messages to the motor board, back and on to a topic, with checksum",
+            median(checked_ms) + odometry_ms,
+            "ms",
         ),
     ]
 
 
-def _total_ms(setting: Setting, count: int, check: bool) -> float:
-    """Total time of `count` messages [ms]."""
-    made, total_s = factory.make(factory.Options(robot=setting.robot, engine="avr", seed=setting.seed)), 0.0
-    try:
-        host = Host(made.engine)
-        host.wait(BOOT_S)
-        if check:
-            host.check()
-        for wheel, counts in COUNTERS:
-            host.request("preset_encoder", wheel, counts)
-            host.wait(PAUSE_S)
-        for _ in range(count):
-            total_s += host.time_s(REQUEST)
-            host.wait(max(0.0, 1.0 / count - total_s / count))
-    finally:
-        made.close()
-    return 1000 * total_s
-
-
-def _draw(
-    setting: Setting, plain: Sequence[Point], checked: Sequence[Point], topics: Optional[Topics]
-) -> str:
-    made, (axes,) = plot_style.figure()
-    lines: List[Tuple[str, Any, str, str]] = [
-        ("rosserial, measured", [(n, n * MEASURED_MS["rosserial"]) for n in COUNTS], plot_style.GREY, ":"),
-        (
-            "2013 firmware, measured",
-            [(n, n * MEASURED_MS["2013 firmware"]) for n in COUNTS],
-            plot_style.GREY,
-            "-.",
-        ),
-        ("with checksum", checked, plot_style.ORANGE, "--"),
-        ("plain", plain, plot_style.BLUE, "-"),
-    ]
-    if topics:
-        lines += [
-            (
-                "ROS: cmd_vel to motor board",
-                [(n, n * topics.command_ms) for n in COUNTS],
-                plot_style.PINK,
-                "--",
-            ),
-            ("ROS: frame to odom", [(n, n * topics.odometry_ms) for n in COUNTS], plot_style.SKY, "-"),
-        ]
-    for label, points, colour, line in lines:
-        plot_style.path(axes, points, colour, label, line)
-    axes.plot(PUBLISHED_COUNT, PUBLISHED_MS, "s", color=plot_style.GREEN, label="published: rosserial")
-    axes.plot(
-        PUBLISHED_COUNT, PUBLISHED_MS * (1 - LESS), "^", color=plot_style.GREEN, label="published: frames"
+def _draw(setting: Setting, runs: Runs, topics: Optional[Topics]) -> str:
+    made, (axes,) = plot_style.figure(1, 7.5, 5.2)
+    looks = (
+        (PLAIN, plot_style.BLUE, "-"),
+        (TIMING_2013, plot_style.BLUE, ":"),
+        (CHECKED, plot_style.ORANGE, "-"),
+        (ROSSERIAL, plot_style.ORANGE, ":"),
+        (ROSSERIAL_DEFAULT, plot_style.GREY, "-."),
     )
-    axes.set(xlabel="messages in a second", ylabel="total time [ms]", xlim=(0, None), ylim=(0, None))
-    axes.legend(loc="upper left")
+    for subject, colour, line in looks:
+        if subject in runs:
+            plot_style.path(axes, _points(runs[subject]), colour, subject.text, line)
+    if topics:
+        for label, each_ms, colour in (
+            ("ROS: cmd_vel to the serial link", topics.command_ms, plot_style.PINK),
+            ("ROS: frame to odom", topics.odometry_ms, plot_style.SKY),
+        ):
+            plot_style.path(axes, [(0, 0), (RATE_HZ, RATE_HZ * each_ms)], colour, label, "--")
+    _draw_published(axes)
+    axes.set(xlabel="messages", ylabel="total time [ms]", xlim=(0, None), ylim=(0, None))
+    axes.legend(loc="upper left", fontsize="small")
     return plot_style.save(made, setting.folder, "turnaround")
+
+
+def _points(runs: Sequence[Sequence[Message]]) -> List[Any]:
+    """Total time over the number of messages, the median of all seeds [ms]."""
+    totals = zip(*(accumulate(1000 * message.total_s for message in messages) for messages in runs))
+    return [(0, 0.0), *((number + 1, median(total)) for number, total in enumerate(totals))]
+
+
+def _draw_published(axes: Any) -> None:
+    for name, mark, milliseconds in (
+        ("rosserial", "s", PUBLISHED_MS),
+        ("frames", "^", PUBLISHED_MS * (1 - LESS)),
+    ):
+        axes.plot(COUNT, milliseconds, mark, color=plot_style.GREEN, label=f"published: {name}")

@@ -16,7 +16,8 @@ class FaultKind(NamedTuple):
     """A kind of fault.
 
     `make` of a fault of the serial link is called with a random generator and the parameters.  `switch` of a fault of
-    the hardware is called with the plant, whether the fault is on, and the parameters; `bridged` ones need an H-bridge.
+    the hardware is called with the plant, whether the fault is on, and the parameters; it needs the hardware `needs`:
+    "bridge", "imu", or "" for that of all robots.
     """
 
     name: str
@@ -26,7 +27,7 @@ class FaultKind(NamedTuple):
     at_s: float = 0.0
     lasts_s: float = FOREVER_S
     switch: Optional[Callable[..., None]] = None
-    bridged: bool = False
+    needs: str = ""
 
 
 class Fault(NamedTuple):
@@ -52,7 +53,12 @@ _CHANNEL = Key("channel", "a", None, 0.0, "channel of the encoder, a or b", choi
 
 def _bridged(name: str, text: str, switch: Callable[..., None], *parameters: Key) -> FaultKind:
     """A fault of motors and encoders on an H-bridge board."""
-    return FaultKind(name, text, (_WHEEL, *parameters), switch=switch, bridged=True)
+    return FaultKind(name, text, (_WHEEL, *parameters), switch=switch, needs="bridge")
+
+
+def _imu(name: str, text: str, switch: Callable[..., None], *parameters: Key) -> FaultKind:
+    """A fault of the IMU."""
+    return FaultKind(name, text, parameters, switch=switch, needs="imu")
 
 
 _TEXT = "[INFO] the wheel e turned, @13e and @6,1,2e are not frames here"
@@ -142,6 +148,15 @@ _KINDS = (
         Key("spacing", 20e-6, 1e-6, 0.01, "time between their edges", "s"),
     ),
     _bridged("wheel_blocked", "something holds a wheel", hardware_faults.wheel_blocked),
+    _imu("imu_absent", "the IMU does not answer", hardware_faults.imu_absent),
+    _imu("imu_power", "the IMU has no power, and comes back asleep", hardware_faults.imu_power),
+    _imu("imu_frozen", "the IMU's readings do not change", hardware_faults.imu_frozen),
+    _imu(
+        "imu_other",
+        "another chip is at the IMU's address",
+        hardware_faults.imu_other,
+        Key("identity", 0x12, 0, 255, "its WHO_AM_I"),
+    ),
 )
 FAULTS: Dict[str, FaultKind] = {kind.name: kind for kind in _KINDS}
 _SHARED = (

@@ -93,7 +93,7 @@ class FaultyEngine:
         """Adds a fault; its times count from the engine's start.
 
         Raises:
-            ConfigError: the text is not a fault, or the fault needs an H-bridge and the robot has none.
+            ConfigError: the text is not a fault, or the robot lacks the hardware that it needs.
         """
         kind, values, direction, times = parse(fault) if isinstance(fault, str) else fault
         self._count += 1
@@ -117,11 +117,13 @@ class FaultyEngine:
                 chain.add(kind.make(rng, **values), Window(*times))
 
     def _require_hardware(self, kind: FaultKind) -> None:
-        if kind.bridged and self._plant.bridge is None:
+        if kind.needs == "bridge" and self._plant.bridge is None:
             raise ConfigError(
                 f"fault {kind.name!r} needs motors on an H-bridge, robot {self._plant.model.name} has an OMNI-3MD; "
                 "expected another robot, such as duo"
             )
+        if kind.needs == "imu" and self._plant.imu is None:
+            raise ConfigError(f"fault {kind.name!r} needs an IMU, the robot has none; expected --imu too")
 
     @property
     def _plant(self) -> Any:

@@ -1,10 +1,11 @@
-"""Faults of motors, encoders and battery: each function switches one on or off in a `Plant`.
+"""Faults of motors, encoders, battery and IMU: each function switches one on or off in a `Plant`.
 
 Times are those of the plant, which a simulated chip lets run up to 1 ms ahead.
 """
 
 from sim_arduino.hardware.bridge_plant import BridgePlant
 from sim_arduino.hardware.encoders import Bounce
+from sim_arduino.hardware.imu import MPU6050, Mpu6050
 from sim_arduino.hardware.wiring import Plant
 
 WHEELS = ("left", "right")
@@ -45,3 +46,29 @@ def wheel_blocked(plant: Plant, on: bool, wheel: str) -> None:
 def battery_sag(plant: Plant, on: bool, volts: float) -> None:
     """The battery's voltage drops."""
     plant.robot.sag(volts if on else 0.0)
+
+
+def _imu(plant: Plant) -> Mpu6050:
+    assert plant.imu, "FaultyEngine refuses these faults without an IMU"
+    return plant.imu
+
+
+def imu_absent(plant: Plant, on: bool) -> None:
+    """A wire of the bus is broken; the IMU keeps its power and settings."""
+    _imu(plant).present = not on
+
+
+def imu_power(plant: Plant, on: bool) -> None:
+    """The IMU has no power; when it is back, its registers have their first values."""
+    _imu(plant).power_cycle()
+    _imu(plant).present = not on
+
+
+def imu_frozen(plant: Plant, on: bool) -> None:
+    """The data registers keep their values."""
+    _imu(plant).frozen = on
+
+
+def imu_other(plant: Plant, on: bool, identity: float) -> None:
+    """Another chip answers: WHO_AM_I differs."""
+    _imu(plant).who_am_i = int(identity) if on else MPU6050

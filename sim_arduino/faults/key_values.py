@@ -42,6 +42,9 @@ SONAR_KEYS = (
     Key("noise", 0.0, 0.0, 1.0, "standard deviation [m]"),
     Key("missed", 0.0, 0.0, 1.0, "share of readings without an echo"),
     Key("crosstalk", 0.0, 0.0, 1.0, "share of pings of other sonars that are taken for an echo"),
+    Key("gain", 1.0, 0.5, 2.0, "factor of the sensor's curve, divided by the thesis's"),
+    Key("exponent", 1.0, 0.8, 1.2, "exponent of the sensor's curve, divided by the thesis's"),
+    Key("offset", 0.0, -0.1, 0.1, "constant of the sensor's curve, minus the thesis's [m]"),
 )
 
 

@@ -75,7 +75,7 @@ def counts_per_turn(model: RobotModel) -> float:
 def motor_params(model: RobotModel, errors: Errors = AS_MODELLED) -> DcMotorParams:
     """Parameters of one motor of a model, with its bridge."""
     turn, bridge = counts_per_turn(model), BRIDGES[model.board["bridge"]]
-    radius_m = turn * model.drive.metres_per_count / (2.0 * math.pi)
+    radius_m = turn * model.base.metres_per_count / (2.0 * math.pi)
     load = Load(0.5 * model.body.mass_kg * errors.load, radius_m, ROLLING)
     params = params_of(motor_of(model), load, turn)
     return params._replace(resistance_ohm=params.resistance_ohm + bridge.resistance_ohm, drop_v=bridge.drop_v)

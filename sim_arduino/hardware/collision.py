@@ -18,10 +18,14 @@ _SIZE_M = (0.01, 5.0)
 def footprint_for(model: RobotModel, text: str = "box") -> Optional[Footprint]:
     """The outline of a robot: `box` has the model's length and width, `circle:RADIUS` [m] is round, `none`: no body.
 
+    A board without motors has no body of its own, so that its `box` is None too.
+
     Raises:
         ConfigError: `text` is something else.
     """
     if text == "none":
+        return None
+    if text == "box" and not model.drives:
         return None
     if text == "box":
         return Footprint(model.body.length_m, model.body.width_m)

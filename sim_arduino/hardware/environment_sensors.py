@@ -1,16 +1,72 @@
 """Environment sensors as the board sees them: I2C slaves, and the pulses of the dust sensor."""
 
+import dataclasses
 import math
-from typing import Callable, List, Tuple
+import random
+from typing import Callable, List, NamedTuple, Tuple
 
 from mrl_driver.protocol.table import Sensor
-from sim_arduino.world.environment import Environment
+from sim_arduino.world.environment import PIXELS, Environment
 
 THERMOPILE_ADDRESS, COMPASS_ADDRESS = 0x68, 0x60
 
 
 def _byte(value: float) -> int:
     return max(0, min(255, round(value)))
+
+
+class EnvironmentErrors(NamedTuple):
+    """Standard deviations of the errors of the environment sensors; none by default.
+
+    Attributes:
+        heat_offset_c: Offset of each pixel of the thermopile, the same for all readings [degC].
+        heat_scale: Its scale.
+        heat_noise_c: Its noise, new in each reading [degC].
+        dust_scale: Scale of the dust sensor, the same for all readings.
+        dust_noise: Its noise as a share of the value, new in each reading.
+        alcohol_offset: Offset of the alcohol sensor, the same for all readings [ADC count].
+        alcohol_noise: Its noise, new in each reading [ADC count].
+    """
+
+    heat_offset_c: float = 0.0
+    heat_scale: float = 0.0
+    heat_noise_c: float = 0.0
+    dust_scale: float = 0.0
+    dust_noise: float = 0.0
+    alcohol_offset: float = 0.0
+    alcohol_noise: float = 0.0
+
+
+PERFECT = EnvironmentErrors()
+
+
+class SpoiltReadings:
+    """Adds the errors of one robot's sensors, which `seed` draws, to the values at its place."""
+
+    def __init__(self, errors: EnvironmentErrors, seed: int = 0) -> None:
+        self._errors, self._rng = errors, random.Random(f"environment {seed}")
+        gauss = self._rng.gauss
+        self._offsets_c = [gauss(0.0, errors.heat_offset_c) for _ in range(PIXELS)]
+        self._scales = [gauss(1.0, errors.heat_scale) for _ in range(PIXELS)]
+        self._dust = gauss(1.0, errors.dust_scale)
+        self._alcohol = gauss(0.0, errors.alcohol_offset)
+
+    def reading(self, around: Environment) -> Environment:
+        """The values with the errors of one reading."""
+        if not any(self._errors):
+            return around
+        gauss, errors = self._rng.gauss, self._errors
+        pixels = (
+            scale * pixel + offset + gauss(0.0, errors.heat_noise_c)
+            for pixel, scale, offset in zip(around.pixels_c, self._scales, self._offsets_c)
+        )
+        count = round(around.alcohol_count + self._alcohol + gauss(0.0, errors.alcohol_noise))
+        return dataclasses.replace(
+            around,
+            pixels_c=tuple(pixels),
+            dust_pcs_l=max(0.0, around.dust_pcs_l * self._dust * gauss(1.0, errors.dust_noise)),
+            alcohol_count=max(0, min(1023, count)),
+        )
 
 
 class _Registers:

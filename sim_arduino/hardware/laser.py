@@ -4,16 +4,13 @@ import math
 from typing import Any, NamedTuple
 
 from mrl_driver.geometry import Pose
+from mrl_driver.robot.models import LaserMount
 from sim_arduino.world.world import World
 
 
 class Laser(NamedTuple):
     """Data of a scanner.  Angles are counter-clockwise from its x axis."""
 
-    x_m: float
-    y_m: float
-    z_m: float
-    """Position on the robot [m]."""
     first_rad: float
     step_rad: float
     rays: int
@@ -24,12 +21,11 @@ class Laser(NamedTuple):
     """Largest error at distances up to 1 m [m]."""
     error_share: float
     """Largest error beyond 1 m, as a share of the distance."""
+    mount: LaserMount = LaserMount()
 
 
-URG_04LX = Laser(
-    0.085, 0.0, 0.045, -256 * math.tau / 1024, math.tau / 1024, 512, 10.0, 0.02, 4.095, 0.010, 0.02
-)
-"""Mount, 180 of the 240 degrees in 512 readings and 10 Hz: launch file of 2013; errors and ranges: thesis (2012)."""
+URG_04LX = Laser(-256 * math.tau / 1024, math.tau / 1024, 512, 10.0, 0.02, 4.095, 0.010, 0.02)
+"""180 of the 240 degrees in 512 readings and 10 Hz: launch file of 2013; errors and ranges: (Araujo 2012)."""
 
 
 class LaserScanner:
@@ -55,7 +51,7 @@ class LaserScanner:
         import numpy as np
 
         laser = self.laser
-        pose = robot.compose(laser.x_m, laser.y_m)
+        pose = robot.compose(laser.mount.x_m, laser.mount.y_m, math.radians(laser.mount.yaw_deg))
         ranges = self._world.scan(
             pose, laser.first_rad, laser.step_rad, laser.rays, laser.far_m, without=without
         )

@@ -67,8 +67,8 @@ class Omni3MD:
         self.timeout_s = 0.0
         board = model.board
         self._fitted = BoardGeometry(*(board[name] for name in BoardGeometry._fields))
-        self._track_m = model.drive.wheel_separation_m
-        self._m_per_count = model.drive.metres_per_count
+        self._track_m = model.base.wheel_separation_m
+        self._m_per_count = model.base.metres_per_count
         self.geometry = self._fitted
         self.counters = (_Counter(), _Counter(), _Counter())
         self.maxima = [0, 0, 0]

@@ -1,7 +1,7 @@
 """The robot's body: motors, pose, battery, temperature.  `Params`, `State`, `Robot.step(dt)`; no bytes, no clock.
 
-The pose follows the true distances of the wheels along exact arcs.  Numbers without another source are from the
-thesis (2012).
+The pose follows the true distances of the wheels along exact arcs.  Numbers without another source are from
+(Araujo 2012).
 """
 
 import math
@@ -52,7 +52,9 @@ class Params(NamedTuple):
     """Battery voltage at no load, as pairs of charge (1 full, 0 empty) and voltage [V], rising."""
     resistance_ohm: float = 0.15
     idle_a: float = 1.3
-    """Current with the motors at rest [A]; with `running_a` a pack lasts 2.5 h at 50 mm/s and 2 h at 200 mm/s."""
+    """Current with the motors at rest [A].  It and `running_a` are chosen: packs last 2 to 3 h, less at higher speed,
+    as the published ones (Araujo 2012); here 2.8 h at 50 mm/s and 2.3 h at 200 mm/s.
+    """
     running_a: float = 1.6
     """Current of one motor at its no-load speed [A]."""
     starting_a: float = 5.0
@@ -113,8 +115,8 @@ AS_MODELLED = Errors()
 def params_for(model: RobotModel, errors: Errors = AS_MODELLED, omni: bool = False) -> Params:
     """Parameters of a robot of this model; `omni` gives it three omni wheels."""
     per_turn = model.board["gearbox"] * model.board["encoder_counts"] / 100.0
-    per_count = model.drive.metres_per_count
-    drive = model.drive
+    per_count = model.base.metres_per_count
+    drive = model.base
     three = isinstance(drive, OmniDrive)
     rpm = drive.full_speed_m_s / per_count if isinstance(drive, OmniDrive) else 160.0 / 60.0 * per_turn
     time_constant_s = _ROTOR_S + _BODY_S * errors.load
@@ -127,13 +129,13 @@ def params_for(model: RobotModel, errors: Errors = AS_MODELLED, omni: bool = Fal
         brake_counts_s2=2.0 / per_count * (_ROTOR_S + _BODY_S) / time_constant_s,
     )
     battery = model.battery
-    axle_m = model.drive.wheel_separation_m * errors.axle_scale
+    axle_m = model.base.wheel_separation_m * errors.axle_scale
     return Params(
         motor,
-        model.drive.left_m_per_count * errors.left_scale,
-        model.drive.right_m_per_count * errors.right_scale,
+        model.base.left_m_per_count * errors.left_scale,
+        model.base.right_m_per_count * errors.right_scale,
         axle_m,
-        1.0 - (1.0 - model.drive.turn_slip) * (1.0 - errors.turn_slip),
+        1.0 - (1.0 - model.base.turn_slip) * (1.0 - errors.turn_slip),
         0.5 * axle_m if omni or three else 0.0,
         tuple(map(math.radians, drive.angles_deg)) if isinstance(drive, OmniDrive) else OMNI_ANGLES_RAD,
         errors.control_hz,
@@ -175,6 +177,8 @@ def interpolate(pairs: Tuple[Tuple[float, float], ...], x: float) -> float:
 
 Allow = Callable[[Pose, float, Callable[[float], Pose], float], float]
 """Computes the share of a motion that is possible, see `collision.Bumper.share`."""
+Moved = Callable[[float, float, float, float], None]
+"""Gets a motion at constant speeds: its duration [s], and how far forward [m], to the left [m] and around [rad]."""
 
 
 class RobotPhysics:
@@ -206,7 +210,13 @@ class RobotPhysics:
         self.sag_v = 0.0
         self._unaccounted_s = 0.0
         self._bridges_a = 0.0
+        self._moved: Optional[Moved] = None
+        self._longest_step_s = MAX_STEP_S
         self._update_battery(0.0)
+
+    def report_motion(self, moved: Moved, longest_step_s: float) -> None:
+        """Reports all motions from now on, in steps of at most `longest_step_s` [s] while the robot moves."""
+        self._moved, self._longest_step_s = moved, min(MAX_STEP_S, longest_step_s)
 
     def set_battery(self, volts: float) -> None:
         """Sets the charge at which the battery has this voltage with the motors at rest."""
@@ -223,7 +233,7 @@ class RobotPhysics:
         """Simulates `dt` [s] in pieces that end at the control ticks; the motion between ticks is exact."""
         while dt > 0.0:
             resting = all(motor.at_rest for motor in self.motors)
-            piece = min(dt, _REST_STEP_S) if resting else min(dt, self.state.to_tick_s, MAX_STEP_S)
+            piece = min(dt, _REST_STEP_S) if resting else min(dt, self.state.to_tick_s, self._longest_step_s)
             dt -= piece
             self._piece(piece, resting)
 
@@ -237,6 +247,8 @@ class RobotPhysics:
                 right * self.params.right_m_per_count,
                 dt,
             )
+        elif self._moved:
+            self._moved(dt, 0.0, 0.0, 0.0)
         self._unaccounted_s += dt
         state.to_tick_s -= dt
         if state.to_tick_s <= 1e-9:
@@ -266,6 +278,8 @@ class RobotPhysics:
         share = 1.0 if self.allow is None else self.allow(old, furthest, after, dt)
         state.bumped = share < 1.0
         state.x_m, state.y_m, state.yaw_rad = after(share)
+        if self._moved:
+            self._moved(dt, share * forward, share * aside, share * turn)
 
     def _jittered(self, distance_m: float) -> float:
         """The distance of a wheel on the floor, from the distance that its encoder measures."""

@@ -1,7 +1,8 @@
 """Three MB1300 sonars in a chain: power, trigger, firing order, echo, output voltage.
 
-Dead zone, range, cone and 100 ms per reading are from the data sheet and the thesis (2012).  The voltage is the inverse
-of the thesis's calibration: its curve applied to the ADC count gives the true distance.
+Dead zone, range, cone and 100 ms per reading are from the data sheet and (Araujo 2012).  The voltage is the inverse
+of that thesis's calibration: its curve applied to the ADC count gives the true distance, unless `SonarErrors` has
+another curve.
 """
 
 import math
@@ -25,12 +26,6 @@ _A, _B, _C = 1.1767, 0.94657, -0.3759
 VOLTS_PER_COUNT = 5.0 / 1024.0
 
 
-def count_of(range_m: float) -> int:
-    """ADC count with which a sonar reports a distance [m]."""
-    centimetres = 100.0 * max(DEAD_ZONE_M, min(RANGE_M, range_m))
-    return min(FULL_COUNT, round(((centimetres - _C) / _A) ** (1.0 / _B)))
-
-
 class SonarErrors(NamedTuple):
     """Errors of the readings; none by default."""
 
@@ -44,9 +39,24 @@ class SonarErrors(NamedTuple):
     Foreign pings are echoes of the previous sensor in the chain, and pings that other robots' sonars send directly into
     this one at random times.
     """
+    gain: float = 1.0
+    """Factor of the curve that gives this sensor's distances, divided by the thesis's."""
+    exponent: float = 1.0
+    """Exponent of this curve, divided by the thesis's."""
+    offset: float = 0.0
+    """Constant of this curve, minus the thesis's [m]."""
 
 
 FLAWLESS = SonarErrors()
+
+
+def count_of(range_m: float, errors: SonarErrors = FLAWLESS) -> int:
+    """ADC count with which a sonar with this curve reports a distance [m]; other errors are left out."""
+    if range_m > RANGE_M:
+        return FULL_COUNT
+    centimetres = 100.0 * (max(DEAD_ZONE_M, range_m) - errors.offset)
+    base = max(0.0, centimetres - _C) / (_A * errors.gain)
+    return min(FULL_COUNT, round(base ** (1.0 / (_B * errors.exponent))))
 
 
 class SonarChain:
@@ -137,7 +147,7 @@ class SonarChain:
     def _fire(self, mount: SonarMount, time_s: float) -> int:
         pose = _mounted(self._pose_at(time_s), mount)
         range_m = self._world.nearest(pose, HALF_CONE_RAD, RANGE_M, self._name)
-        return count_of(self._spoilt(range_m, pose) if any(self._errors) else range_m)
+        return count_of(self._spoilt(range_m, pose) if self._errors != FLAWLESS else range_m, self._errors)
 
     def _spoilt(self, range_m: float, pose: Pose) -> float:
         """A reading with the sensor's errors."""

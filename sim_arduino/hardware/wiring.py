@@ -5,7 +5,7 @@ from typing import Any, Dict, List, Optional, Tuple
 
 from mrl_driver.errors import SimulatorError
 from mrl_driver.geometry import Pose, wrap_angle
-from mrl_driver.robot.models import RobotModel
+from mrl_driver.robot.models import RobotModel, load_packaged
 from sim_arduino.world.environment import OTHERS, Environment
 from sim_arduino.world.world import World
 from sim_arduino.world.world_file import load
@@ -14,24 +14,34 @@ from .bridge_plant import BATTERY_CHANNEL, BridgePlant, has_bridge, robot_for
 from .collision import Bumper, footprint_for
 from .environment_sensors import (
     COMPASS_ADDRESS,
+    PERFECT,
     THERMOPILE_ADDRESS,
     Compass,
     DustPulses,
+    EnvironmentErrors,
     PlainSensor,
+    SpoiltReadings,
     Thermopile,
 )
+from .imu import FLAWLESS_IMU, LONGEST_STEP_S, ImuErrors, InertialSensor, Mpu6050
 from .omni3md import ADDRESS, Omni3MD
 from .omni3md_registers import Omni3MDRegisters
 from .robot_physics import AS_MODELLED, Errors, RobotPhysics, params_for
 from .sonars import FLAWLESS, VOLTS_PER_COUNT, SonarChain, SonarErrors
 
 SONAR_TRIGGER, SONAR_POWER = 12, 13
+IMU_ADDRESS, IMU_BESIDE_THERMOPILE = 0x68, 0x69
+"""Address of the IMU; the environment-sensor build has its thermopile at the first, so that the IMU's AD0 is high."""
+STANDING = "traxbot"
+"""Model of the body under a board without motors: it stands still."""
 TRACK_SLIP = 0.1
 """Share of the yaw that a TraxBot's tracks lose in a turn if slip is on; wheels lose nothing."""
 
 
 class Plant:
-    """One robot in a world.  Times are seconds since the plant's start; they never decrease.
+    """One robot in a world; without motors it stands still.
+
+    Times are seconds since the plant's start; they never decrease.
 
     Args:
         pose: Start pose, x y [m] and yaw [rad]; the world's start pose if absent.
@@ -43,9 +53,13 @@ class Plant:
         omni: The robot has three omni wheels instead of two wheels.
         name: Name of the robot in the world.
         wiring: How motors and encoders of a robot with H-bridges are connected, see `BridgePlant`.
+        imu: An IMU is fitted where the model says.
+        imu_errors: Errors of the IMU; `seed` draws their noise.
+        environment_errors: Errors of the environment sensors; `seed` draws them.
 
     Attributes:
         bridge: Motors and encoders on the board's pins, if the model has a bridge; None with an OMNI-3MD.
+        imu: The IMU, or None.
         i2c: All I2C slaves by 7-bit address.
         environment: Values that the sensors measure far from all sources; may be changed at any time.
     """
@@ -65,6 +79,9 @@ class Plant:
         omni: bool = False,
         name: str = "robot",
         wiring: int = 1,
+        imu: bool = False,
+        imu_errors: ImuErrors = FLAWLESS_IMU,
+        environment_errors: EnvironmentErrors = PERFECT,
     ) -> None:
         self.model = model
         self.world = load() if world is None else world
@@ -72,10 +89,11 @@ class Plant:
         if slip and model.body.tracks and not errors.turn_slip:
             errors = errors._replace(turn_slip=TRACK_SLIP)
         start = self.world.start_of(name) if pose is None else Pose(*pose)
+        body = model if model.drives else load_packaged(STANDING)
         self.robot = (
             robot_for(model, errors, start, seed)
             if has_bridge(model)
-            else RobotPhysics(params_for(model, errors, omni), start, seed)
+            else RobotPhysics(params_for(body, errors, omni), start, seed)
         )
         self.footprint = footprint_for(model, footprint)
         if self.footprint:
@@ -85,12 +103,16 @@ class Plant:
         self.bridge = (
             BridgePlant(self.robot, model, wiring, errors.encoder_phase) if has_bridge(model) else None
         )
-        self._omni3md = None if self.bridge else Omni3MD(self.robot, model)
+        self._omni3md = None if self.bridge else Omni3MD(self.robot, body)
+        if self._omni3md and not model.drives:
+            self._omni3md.present = False
         self.environment = dataclasses.replace(self.world.scene.ambient)
+        self._spoilt = SpoiltReadings(environment_errors, seed)
         self.sonars_fitted = sonars
         self.sonars = SonarChain(
             model.sonars if sonars else {}, self.world, self._pose_at, name, sonar_errors, seed
         )
+        self.imu = self._imu(imu_errors, seed) if imu else None
         self.i2c = self._slaves()
         self._dust = DustPulses(lambda time_s: self._sensed_now().dust_pcs_l)
         self._shown: Optional[Pose] = None
@@ -116,14 +138,21 @@ class Plant:
         else:
             self.motor_board.advance(time_s)
 
+    def _imu(self, errors: ImuErrors, seed: int) -> Mpu6050:
+        imu = Mpu6050(InertialSensor(self.model.imu, errors, seed), self._move, seed=seed)
+        self.robot.report_motion(imu.moved, LONGEST_STEP_S)
+        return imu
+
     def _slaves(self) -> Dict[int, Any]:
         north_rad = self.world.scene.north_rad
         motors = {} if self.bridge else {ADDRESS: Omni3MDRegisters(self.motor_board)}
+        at = IMU_ADDRESS if self.sonars_fitted else IMU_BESIDE_THERMOPILE
         return {
             **motors,
             THERMOPILE_ADDRESS: Thermopile(self.sensed),
             COMPASS_ADDRESS: Compass(lambda time_s: self._pose_at(time_s).yaw_rad, north_rad),
             **{row.i2c.address: PlainSensor(row, self.sensed) for row in OTHERS if row.i2c},
+            **({at: self.imu} if self.imu else {}),
         }
 
     def advance(self, time_s: float) -> None:
@@ -156,7 +185,7 @@ class Plant:
         return self._sensed_now()
 
     def _sensed_now(self) -> Environment:
-        return self.world.scene.sensed(self.environment, self._pose(), self.world.sees)
+        return self._spoilt.reading(self.world.scene.sensed(self.environment, self._pose(), self.world.sees))
 
     def dust_edges(self, to_s: float) -> List[Tuple[float, int]]:
         """Edges at D8 of the dust pulses that begin until `to_s`: times [s] and levels."""

@@ -95,7 +95,9 @@ def main(world_name: str, name: str, robot: str, pose: str) -> None:
     """
     from sim_arduino.world.world_file import parse_pose
 
-    footprint = footprint_for(models.load(robot))
+    model = models.load(robot)
+    model.require_motors()
+    footprint = footprint_for(model)
     assert footprint
     with closing(Mirror(world_name, name, footprint, parse_pose(pose, ORIGIN))) as mirror:
         follow(mirror, sys.stdin)

@@ -12,6 +12,8 @@ from sim_arduino.faults import fault_table, key_values
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.hardware.bridge_plant import has_bridge
 from sim_arduino.hardware.collision import footprint_for
+from sim_arduino.hardware.environment_sensors import PERFECT, EnvironmentErrors
+from sim_arduino.hardware.imu import FLAWLESS_IMU, ImuErrors
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world import world_file
 from sim_arduino.world.shapes import Footprint
@@ -19,7 +21,7 @@ from sim_arduino.world.world import World
 
 PROFILES = ("current", "2013-august", "2013-january")
 ENGINES = ("python", "avr")
-_LIMITS = {"robot_id": (0, 32767), "battery": (0.0, 15.0), "wiring": (0, 255)}
+_LIMITS = {"robot_id": (0, 32767), "battery": (0.0, 15.0), "wiring": (0, 255), "imu_seed": (0, 10**6)}
 
 
 class Options(NamedTuple):
@@ -44,6 +46,13 @@ class Options(NamedTuple):
     seed: int = 0
     faults: Tuple[str, ...] = ()
     wiring: Optional[int] = None
+    imu: bool = False
+    imu_seed: int = 0
+    """Draws the errors of the IMU, see `ImuErrors.drawn`; 0: it has none."""
+    imu_errors: Optional[ImuErrors] = None
+    """Errors of the IMU in place of drawn ones."""
+    environment_errors: EnvironmentErrors = PERFECT
+    """Errors of the environment sensors; `seed` draws them."""
 
 
 class Emulated(NamedTuple):
@@ -82,8 +91,11 @@ def make(options: Options, world: Optional[World] = None) -> Emulated:
         _require_in(name, getattr(options, name), *limits)
     faults = [fault_table.parse(spec) for spec in options.faults]
     model = models.load(options.robot)
-    models.require_drivable(model)
+    models.require_supported(model)
+    options = options._replace(environment=_has_environment(model, options))
+    _require_motors(model, options)
     _require_bridge(model, options)
+    _require_imu(options)
     errors, sonar = key_values.robot_errors(options.error), key_values.sonar_errors(options.sonar)
     around = _world(options) if world is None else world
     name = options.name or f"robot{os.getpid()}"
@@ -103,14 +115,25 @@ def make(options: Options, world: Optional[World] = None) -> Emulated:
         omni=options.omni,
         name=name,
         wiring=model.board.get("wiring") or 1 if options.wiring is None else options.wiring,
+        imu=options.imu,
+        imu_errors=_imu_errors(options),
+        environment_errors=options.environment_errors,
     )
     return Emulated(plant, FaultyEngine(_engine(plant, options), faults, options.seed), bool(faults))
+
+
+def _has_environment(model: models.RobotModel, options: Options) -> bool:
+    """Whether the board has environment sensors: as an option says, or the model, or for 2013 boards the robot id."""
+    if options.environment or model.build == models.ENVIRONMENT:
+        return True
+    robot_id = model.ids[0] if options.robot_id is None else options.robot_id
+    return options.profile != "current" and models.has_environment(model, robot_id)
 
 
 def make_team(options: Options, names: Sequence[str], poses: Sequence[str]) -> List[Emulated]:
     """Makes a robot for each name in one world, or one robot without a name; the poses are in the same order.
 
-    The seed of each robot is one higher than that of the robot before.
+    The seed of each robot is one higher than that of the robot before, and so is the IMU's if it is not 0.
 
     Raises:
         ConfigError: as for `make`, or a name appears twice.
@@ -123,6 +146,8 @@ def make_team(options: Options, names: Sequence[str], poses: Sequence[str]) -> L
         for number, name in enumerate(names or [options.name]):
             pose = poses[number] if number < len(poses) else options.pose
             its = options._replace(name=name, pose=pose, seed=options.seed + number)
+            if options.imu_seed:
+                its = its._replace(imu_seed=options.imu_seed + number)
             robots.append(make(its, world))
     except BaseException:
         for robot in robots:
@@ -134,6 +159,17 @@ def make_team(options: Options, names: Sequence[str], poses: Sequence[str]) -> L
 def _require_in(name: str, value: Optional[float], low: float, high: float) -> None:
     if value is not None and not low <= value <= high:
         raise ConfigError(f"{name} is {value!r}, expected {low:g} to {high:g}")
+
+
+def _require_motors(model: models.RobotModel, options: Options) -> None:
+    """Refuses options that a board without motors cannot have."""
+    if model.drives:
+        return
+    for option in ("omni", "slip", "error", "battery"):
+        if getattr(options, option) not in (None, False, ""):
+            raise ConfigError(
+                f"--{option} is given for robot {model.name}, which has no motors (drive: none)"
+            )
 
 
 def _require_bridge(model: models.RobotModel, options: Options) -> None:
@@ -155,6 +191,22 @@ def _require_bridge(model: models.RobotModel, options: Options) -> None:
             f"profile {options.profile} is given for robot {model.name}, expected current: "
             "boards of 2013 have no H-bridge"
         )
+
+
+def _require_imu(options: Options) -> None:
+    """Refuses errors of an IMU without one, and an IMU on a board that cannot have one."""
+    if not options.imu and (options.imu_seed or options.imu_errors):
+        raise ConfigError("errors of an IMU are given without an IMU, expected --imu too")
+    if options.imu and options.profile != "current":
+        raise ConfigError(
+            f"--imu is given for profile {options.profile}, expected current: boards of 2013 have no IMU"
+        )
+
+
+def _imu_errors(options: Options) -> ImuErrors:
+    if options.imu_errors is not None:
+        return options.imu_errors
+    return ImuErrors.drawn(options.imu_seed) if options.imu_seed else FLAWLESS_IMU
 
 
 def _told_of_wiring(model: models.RobotModel, wiring: Optional[int]) -> models.RobotModel:

@@ -119,6 +119,14 @@ class _PortOptions(NamedTuple):
     help="How motors and encoders of a robot with an H-bridge are connected, a sum of rows of the wiring table in "
     "PROTOCOL.md; the board does not know it.",
 )
+@click.option("--imu", is_flag=True, help="Fit an IMU, an MPU-6050, where the model's section imu says.")
+@click.option(
+    "--imu-seed",
+    type=click.IntRange(0),
+    default=0,
+    show_default=True,
+    help="Seed of the IMU's errors: bias, drift, scale and noise within its data sheet; 0: none.",
+)
 @click.option("--sonar", default="", metavar="KEYS|FILE", help="Errors of the sonars, see below.")
 @click.option(
     "--footprint",

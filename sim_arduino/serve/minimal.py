@@ -24,6 +24,7 @@ roslaunch ends both at the same time; without the wait, the host would report a 
 _TEXTS = (
     ("robot", "traxbot", "model, or path of a robot's .yaml"),
     ("engine", "python", "python, or avr: the firmware binary on a simulated chip"),
+    ("profile", "current", "current, 2013-august or 2013-january"),
     ("world", "room", "world by name, or path of a .yaml"),
     ("world_name", None, "share the world with all boards that give the same name"),
     ("name", None, "the robot's name in the world"),
@@ -87,6 +88,9 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--link", required=True, help="name of the virtual serial port")
     for name, default, text in _TEXTS:
         parser.add_argument(f"--{name.replace('_', '-')}", default=default, help=text)
+    parser.add_argument("--environment", action="store_true", help="the build with environment sensors")
+    parser.add_argument("--imu", action="store_true", help="fit an IMU")
+    parser.add_argument("--imu-seed", type=int, default=0, help="seed of the IMU's errors; 0: none")
     given = vars(parser.parse_args(arguments))
     link = given.pop("link")
     try:

@@ -10,7 +10,7 @@ import yaml
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
-from mrl_driver.yaml_file import Reader, is_number
+from mrl_driver.yaml_file import Reader, is_number, read_expected
 
 from .shapes import Wall
 from .world import World
@@ -32,6 +32,16 @@ class GridMap(NamedTuple):
     cells: Any
     resolution_m: float
     origin: Pose
+
+
+def load(path: str) -> GridMap:
+    """The map in a map_server YAML.
+
+    Raises:
+        ConfigError: the file cannot be opened; or as for `read`.
+    """
+    expected = "a map_server YAML"
+    return read(path, Reader(path).mapping("", read_expected(path, expected), expected))
 
 
 def read(path: str, data: Mapping[str, Any]) -> GridMap:

@@ -129,10 +129,11 @@ class _Reader(Reader):
             raise self.fail(key, model, f"as its model one of {', '.join(models.names())}, or a file")
         x, y, yaw = self._numbers(key, row, "x, y, yaw", [_COORDINATE, _COORDINATE, _ANGLE])
         try:
-            body = models.load(model).body
+            there = models.load(model)
+            there.require_motors()
         except ConfigError as error:
             raise ConfigError(f"{self.path}: {key}: {error}") from None
-        return Mover(name, Pose(x, y, math.radians(yaw)), Footprint(body.length_m, body.width_m))
+        return Mover(name, Pose(x, y, math.radians(yaw)), Footprint(there.body.length_m, there.body.width_m))
 
     def _scene(self) -> Scene:
         north = self.number("north", self._get("north", 90.0), *_ANGLE)
@@ -169,8 +170,9 @@ class _Reader(Reader):
         if not name:
             return []
         path = os.path.join(os.path.dirname(self.path), name)
-        data = read_expected(path, "a map_server YAML")
-        return _map_walls(path, Reader(path).mapping("", data, "a map_server YAML"))
+        from . import grid_map
+
+        return grid_map.walls_of(grid_map.load(path))
 
     def _get(self, key: str, default: Any) -> Any:
         value = self._data.get(key)

@@ -15,6 +15,7 @@ SEI_SLEEP_CLI, CLI, NOP = b"\x78\x94\x88\x95\xf8\x94", b"\xf8\x94", b"\x00\x00"
 INSTRUCTIONS = 40  # more than the last check has
 BYTE_CYCLES = 10 * 136  # 117647 baud
 STOP_BIT_READ = 1292  # cycles from a start bit to the middle of the stop bit
+READ_S = 70e-6  # two bytes at 400 kHz, and into the pass of the loop that follows
 TURNAROUND_US = 1600  # of @6e, from its last byte: 1380, a pass of the loop, a read of the battery
 PERIOD_MS = 20
 TWO_PERIODS = 2 * PERIOD_MS * 16000  # cycles: a whole number of ticks
@@ -72,6 +73,7 @@ def go_to_check(rig: Rig) -> None:
     rig.transfers.clear()
     while not any(transfer.kind == "read" for transfer in rig.transfers):
         step(rig)
+    rig.run(READ_S)
     while rig.machine.pc != last_check(rig)[0]:
         step(rig)
 

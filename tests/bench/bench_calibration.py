@@ -19,11 +19,9 @@ from mrl_driver.calibration.trial import Trial, errors
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.geometry import Pose
-from mrl_driver.robot.covariance import Uncertainty
+from mrl_driver.robot.covariance import error_squared
 from mrl_driver.robot.models import RobotModel, load
-from mrl_driver.robot.robot_state import Telemetry
 from sim_arduino.serve import factory
-from tests.error_squared import error_squared
 
 from . import report
 
@@ -59,19 +57,14 @@ class Emulated:
 
     def error_squared(self) -> float:
         """Normalised estimation error squared at the end of a winding drive, by the driver's odometry."""
-        driver, sure = self._driver, Uncertainty(self._model)
-
-        def carry(telemetry: Telemetry) -> None:
-            half = telemetry.pose.yaw_rad / 2
-            sure.update(telemetry.counts, math.sin(half), math.cos(half))
-
-        driver.on_telemetry(carry)
+        driver = self._driver
         for way_m, turn_rad in WINDING:
             manoeuvres.straight(driver, way_m, _SPEEDS)
             manoeuvres.turn(driver, turn_rad, _SPEEDS)
         off = np.subtract(self._made.plant.true_pose, driver.pose)
         off[2] = math.remainder(off[2], math.tau)
-        return error_squared(sure.unknowns, *off)
+        assert driver.telemetry is not None
+        return error_squared(driver.telemetry.spread, *off)
 
 
 def hidden_errors(rng: random.Random) -> str:

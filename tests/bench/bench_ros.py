@@ -31,11 +31,16 @@ GOALS = {
     "node_cpu_percent_50hz": math.inf,
     "node_over_bare_cpu": 1.3,
     "node_full_over_bare_cpu": 3.0,
+    "node_imu_cpu_percent_50hz": math.inf,
+    "imu_cpu_percent_more": 2.0,
+    "imu_odom_latency_ms_median": 0.50,
+    "imu_odom_latency_ms_p99": 0.90,
     "max_frames_hz": 1000,
     "rss_mib": 70,
     "ten_robots_latency_ms_p99": 3.0,
     "motion_to_true_pose_mm": 0.15,
 }
+IMU = "imu/data"
 TEN_NODE = [*NODE, "_robot:=traxbot", "_rate:=20"]
 
 
@@ -61,10 +66,22 @@ def latencies(program: List[str], prefix: str = "") -> Dict[str, float]:
     }
 
 
+def imu_latencies() -> Dict[str, float]:
+    """Of odometry while an IMU streams beside it at the same rate [ms]."""
+    with Bench(NODE, imu=IMU) as bench:
+        odom = bench.latencies_s(50.0, LATENCY_S)[0]
+    return {
+        "imu_odom_latency_ms_median": 1e3 * statistics.median(odom),
+        "imu_odom_latency_ms_p99": 1e3 * p99(odom),
+    }
+
+
 def load_run() -> Dict[str, float]:
-    """CPU of the node, of the node with every topic subscribed, and of the reference, one after the other."""
+    """CPU of the node, with an IMU, with every topic subscribed, and of the reference, one after the other."""
     with Bench(NODE) as bench:
         node = bench.cpu_percent(CPU_S)
+    with Bench(NODE, imu=IMU) as bench:
+        imu = bench.cpu_percent(CPU_S)
     with Bench(BARE) as bench:
         bare = bench.cpu_percent(CPU_S)
     with Bench(NODE, full=True) as bench:
@@ -72,6 +89,8 @@ def load_run() -> Dict[str, float]:
         rss = bench.rss_mib()
     return {
         "node_cpu_percent_50hz": node,
+        "node_imu_cpu_percent_50hz": imu,
+        "imu_cpu_percent_more": imu - node,
         "bare_cpu_percent_50hz": bare,
         "node_over_bare_cpu": node / bare,
         "node_full_over_bare_cpu": full / bare,
@@ -125,6 +144,7 @@ def main() -> None:
     figures = {"motion_to_true_pose_mm": statistics.median(circle_error_mm(i / 12) for i in range(12))}
     with Master():
         figures.update(repeated("latencies of the node", lambda: latencies(NODE)))
+        figures.update(repeated("latencies with an IMU", imu_latencies))
         figures.update(repeated("latencies of a bare loop", lambda: latencies(BARE, "bare_")))
         figures.update(repeated("CPU and memory", load_run))
         figures["max_frames_hz"] = report.median_of("highest rate", RUNS, max_rate)

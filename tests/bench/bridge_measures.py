@@ -4,7 +4,7 @@
 """
 
 from pathlib import Path
-from typing import Dict, List, Tuple
+from typing import Callable, Dict, List, Tuple
 
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.robot import models
@@ -47,9 +47,13 @@ def load(rig: Rig, seconds: float, commands: Tuple[bytes, ...] = CONTROLLED) -> 
     rig.run(seconds)
 
 
-def loses_nothing(elf: Path, edges_hz: float, seconds: float = 1.0) -> bool:
+MakeTurning = Callable[[float], BridgeRig]
+"""Makes a rig whose wheels turn at a rate [edge/s, both together]."""
+
+
+def loses_nothing(make: MakeTurning, edges_hz: float, seconds: float = 1.0) -> bool:
     """Are all edges counted, all commands accepted and no byte lost under load?"""
-    rig = BridgeRig(elf, edges_hz).settle()
+    rig = make(edges_hz).settle()
     load(rig, seconds)
     rig.machine.turn(0.0, 0.0)
     rig.machine.send(request("stop_stream"))
@@ -63,14 +67,14 @@ def loses_nothing(elf: Path, edges_hz: float, seconds: float = 1.0) -> bool:
     return not any((*missed, status["impossible"], status["stop_reason"], refused, lost))
 
 
-def edge_figures(elf: Path) -> Dict[str, float]:
+def edge_figures(make: MakeTurning) -> Dict[str, float]:
     """The highest rate of edges, both wheels together, at which nothing is lost."""
     good, bad = LEAST_EDGES_HZ, MOST_EDGES_HZ
-    if not loses_nothing(elf, good):
+    if not loses_nothing(make, good):
         return {"edges_hz": 0.0}
     while bad / good > RATE_STEP:
         middle = (good * bad) ** 0.5
-        good, bad = (middle, bad) if loses_nothing(elf, middle) else (good, middle)
+        good, bad = (middle, bad) if loses_nothing(make, middle) else (good, middle)
     return {"edges_hz": good}
 
 
@@ -88,9 +92,9 @@ def sample_cycles(rig: Rig, count: int) -> List[int]:
     return cycles
 
 
-def sample_figures(elf: Path) -> Dict[str, float]:
+def sample_figures(make: MakeTurning) -> Dict[str, float]:
     """Spread of the intervals between count samples under load, and their mean rate."""
-    rig = BridgeRig(elf, LOAD_EDGES_HZ).settle()
+    rig = make(LOAD_EDGES_HZ).settle()
     seconds = SAMPLES * SAMPLE_CYCLES / rig.machine.frequency_hz
     period = rig.machine.frequency_hz // COMMANDS_HZ
     rig.machine.send(request("start_stream"))
@@ -123,9 +127,9 @@ def watch_outputs(rig: Rig) -> None:
     rig.machine.watch_pins(pin for pins in OUTPUTS for pin in pins)
 
 
-def stop_figures(elf: Path) -> Dict[str, float]:
+def stop_figures(make: MakeTurning) -> Dict[str, float]:
     """From the last byte of `@13e` to the last change of an output, under load, at random phases."""
-    rig = BridgeRig(elf, LOAD_EDGES_HZ).settle()
+    rig = make(LOAD_EDGES_HZ).settle()
     watch_outputs(rig)
     delays = []
     for _ in range(STOPS):

@@ -1,5 +1,7 @@
 """Boards for `bench_ros`: ptys that answer the greeting and stream frames at a set rate, with the time of each.
 
+`python -m tests.bench.feeder BOARDS [imu]`; with `imu`, each board has an IMU, which streams at the host's rate.
+
 Both counters go up by eight with each frame, so the pose tells which frame it came from; after a stop they stand long
 enough to confirm it, for a robot that does not stop is told again and again.  Lines on stdin: `rate HZ`
 streams and forgets what was noted, `pause` ends the stream and prints what was noted as one line of JSON.
@@ -15,16 +17,20 @@ import tty
 from typing import Dict, List, Tuple
 
 from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
-from mrl_driver.protocol.table import BY_NAME, TICK_S
+from mrl_driver.protocol.table import BY_NAME, CAPABILITIES, TICK_S
 
 CODE = {name: row.code for name, row in BY_NAME.items()}
-CAPABILITIES = 0b10111
-"""Check, watchdog, period, sonars."""
+HAS = "check", "watchdog", "period", "sonars"
+"""Capabilities of each board."""
+AT_REST = (12, -7, 3, 40, -60, 16384)
+"""Gyro and accelerometer of a chip that lies flat [count]; the last number of each gets noise, as in a real one."""
 COUNTS_A_FRAME = 8
 """Enough for a driver that watches whether the wheels follow commands, not too fast for a wheel at 2000 Hz."""
 SONARS = (150, 200, 80)
 STILL_S = 0.2
 """So long do the wheels stand after a stop."""
+LEARN_S = 1.5
+"""So long do they stand at first if there is an IMU: the driver learns the bias of its gyro."""
 LATEST_S = 0.05
 """A frame that is this late is left out rather than sent in a burst."""
 
@@ -32,7 +38,10 @@ LATEST_S = 0.05
 class Board:
     """One pty, its conversation, and notes of what came and went when."""
 
-    def __init__(self) -> None:
+    def __init__(self, imu: bool = False) -> None:
+        has = (*HAS, "imu") if imu else HAS
+        self._capabilities = sum(1 << bit for bit, (name, _) in enumerate(CAPABILITIES) if name in has)
+        self._imu_gap_s = self._imu_due_s = float("inf")
         self.master, self._slave = pty.openpty()
         tty.setraw(self._slave)
         self.port = os.ttyname(self._slave)
@@ -59,11 +68,11 @@ class Board:
         if code == CODE["move_differential"]:
             self.moves.append((now, args[0], args[1]))
         elif code == CODE["stop"]:
-            self._still_until_s = now + STILL_S
+            self._still_until_s = max(self._still_until_s, now + STILL_S)
         elif code == CODE["robot_info"]:
             self._reply(code, 2500, 172, 1250, 2, 1)
         elif code == CODE["read_protocol"]:
-            self._reply(code, 2, CAPABILITIES)
+            self._reply(code, 2, self._capabilities)
         elif code == CODE["set_check"]:
             self._decoder.checked = bool(args[0])
             self._reply(code, args[0])
@@ -73,6 +82,11 @@ class Board:
             self._reply(code, 0, int(now) % 32768, 1, 0, 0, 0)
         elif code in (CODE["start_stream"], CODE["stop_stream"]):
             self.streams = code == CODE["start_stream"]
+        elif code == CODE["start_imu_stream"]:
+            self._imu_gap_s, self._imu_due_s = args[0] / 1000, now
+            self._still_until_s = now + LEARN_S
+        elif code == CODE["stop_imu_stream"]:
+            self._imu_due_s = float("inf")
 
     def _reply(self, code: int, *args: int) -> None:
         os.write(self.master, encode_reply(code, *args, checked=self._decoder.checked))
@@ -84,18 +98,25 @@ class Board:
         now = time.monotonic()
         still = now < self._still_until_s
         self._count += not still
+        count = _int16(self._count * COUNTS_A_FRAME)
+        frame = self._stamped(CODE["read_encoders_and_sonars"], (count, count, *SONARS), now)
+        if not still:
+            self.written[self._count] = time.monotonic()
+        os.write(self.master, frame)
+        if now >= self._imu_due_s:
+            self._imu_due_s += self._imu_gap_s
+            noise = self._stamps % 5
+            values = tuple(value + (noise if at % 3 == 2 else 0) for at, value in enumerate(AT_REST))
+            os.write(self.master, self._stamped(CODE["read_imu"], values, now))
+
+    def _stamped(self, code: int, values: Tuple[int, ...], now: float) -> bytes:
+        """A reply, with sequence number and board time if frames carry them."""
         checked, stamp = self._decoder.checked, None
         if checked:
             self._stamps += 1
             ticks = round(now / TICK_S)
             stamp = Stamp(_int16(self._stamps), _int16(ticks))
-        count = _int16(self._count * COUNTS_A_FRAME)
-        frame = encode_reply(
-            CODE["read_encoders_and_sonars"], count, count, *SONARS, stamp=stamp, checked=checked
-        )
-        if not still:
-            self.written[self._count] = time.monotonic()
-        os.write(self.master, frame)
+        return encode_reply(code, *values, stamp=stamp, checked=checked)
 
 
 def _int16(value: int) -> int:
@@ -131,7 +152,7 @@ def serve(boards: List[Board]) -> None:
 
 
 def main() -> None:
-    boards = [Board() for _ in range(int(sys.argv[1]))]
+    boards = [Board(imu="imu" in sys.argv[2:]) for _ in range(int(sys.argv[1]))]
     print(" ".join(board.port for board in boards), flush=True)
     serve(boards)
 

@@ -7,8 +7,10 @@ from typing import Callable, Dict, List, NamedTuple, Optional, Tuple
 from mrl_driver.protocol import encode_request
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
 from sim_arduino.avr.machine import AvrMachine, SentByte, Transfer
+from tests.firmware.imu_chip import ImuChip
 
-MOTOR_BOARD = 0x18
+MOTOR_BOARD, IMU = 0x18, 0x68
+IMU_FRAME = b"@46,"
 RIGHT, LEFT = 1234, -567  # counts
 TEMPERATURE, BATTERY = 250, 120  # tenths of degC and V, as on the I2C bus
 VOLTS = (1.5, 2.0, 0.8, 3.6)  # sonars front, left, right; divided battery
@@ -76,7 +78,11 @@ class MotorBoard:
 
 
 class Rig:
-    """One board on the bench, its line and its bus under observation."""
+    """One board on the bench, its line and its bus under observation.
+
+    Attributes:
+        imu_frames: Frames of the IMU's stream since the last call of `forget`; `replies` leaves them out.
+    """
 
     FAULTS: Tuple[str, ...] = ("sda", "scl", "absent")
     """Faults of `break_part` that the board must bear."""
@@ -88,6 +94,14 @@ class Rig:
         self.transfers: List[Transfer] = []
         self.machine.on_transfer = self.transfers.append
         self._partial: List[SentByte] = []
+        self.imu_frames: List[Reply] = []
+        self._imu_period_ms = 0
+
+    def fit_imu(self, period_ms: int = 0) -> "Rig":
+        """Connects an IMU; with a period, `settle` starts its stream.  Returns the rig."""
+        self.machine.i2c[IMU] = ImuChip()
+        self._imu_period_ms = period_ms
+        return self
 
     def _powered(self, elf: Path, seed: int) -> AvrMachine:
         """The chip and what is connected to it."""
@@ -110,6 +124,8 @@ class Rig:
         self.run(SETTLED_S)
         for name, value in {"robot_id": 1, **parameters}.items():
             self.ask(request("write_config", PARAMETER_BY_NAME[name].number, value))
+        if self._imu_period_ms:
+            self.machine.send(request("start_imu_stream", self._imu_period_ms))
         self.run(0.1)
         self.replies()
         return self
@@ -138,7 +154,8 @@ class Rig:
             self._partial.append(byte)
             if byte.data == 0x0A:
                 text = bytes(one.data for one in self._partial)
-                lines.append(Reply(text, self._partial[0].start_cycle, byte.end_cycle))
+                kept = self.imu_frames if text.startswith(IMU_FRAME) else lines
+                kept.append(Reply(text, self._partial[0].start_cycle, byte.end_cycle))
                 self._partial = []
         return lines
 
@@ -166,10 +183,11 @@ class Rig:
         return None
 
     def writes(self, command: int) -> List[Transfer]:
-        """Completed I2C writes of one motor board command since the last call of `forget`."""
+        """Completed I2C writes that begin with this byte since the last call of `forget`."""
         return [one for one in self.transfers if one.kind == "write" and one.data[0] == command]
 
     def forget(self) -> None:
         """Drops what was observed so far."""
         self.transfers.clear()
         self.replies()
+        self.imu_frames.clear()

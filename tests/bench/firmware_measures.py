@@ -10,6 +10,7 @@ from typing import Callable, Dict, Iterable, List, Optional, Tuple
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.table import BAUD, COMMANDS
 from tests.bench.firmware_board import Reply, Rig, request
+from tests.firmware.imu_chip import GYRO_DATA
 
 REQUESTS = 300
 STREAM_COMMANDS = 1000
@@ -51,15 +52,21 @@ def turnaround_figures(make: MakeRig) -> Dict[str, float]:
 def stream_of(rig: Rig, seconds: float) -> List[Reply]:
     """Frames of a running stream over a duration, the first 50 ms dropped."""
     rig.run(50e-3)
-    rig.replies()
+    rig.forget()
     rig.run(seconds)
     return rig.replies()[1:]
 
 
-def wire_use(frames: List[Reply]) -> float:
+def wire_use(rig: Rig, frames: List[Reply]) -> float:
     """Share of the time between the first and the last frame's end in which a byte is on the wire."""
-    sent = sum(len(frame.line) for frame in frames[1:])
-    return sent * BYTE_CYCLES / (frames[-1].end_cycle - frames[0].end_cycle)
+    begin, end = frames[0].end_cycle, frames[-1].end_cycle
+    lines = frames[1:] + [one for one in rig.imu_frames if begin < one.end_cycle <= end]
+    return sum(len(frame.line) for frame in lines) * BYTE_CYCLES / (end - begin)
+
+
+def hertz(rig: Rig, frames: List[Reply]) -> float:
+    """Mean rate of the frames [1/s]."""
+    return (len(frames) - 1) / ((frames[-1].end_cycle - frames[0].end_cycle) / rig.machine.frequency_hz)
 
 
 def stream_figures(make: MakeRig) -> Dict[str, float]:
@@ -67,13 +74,35 @@ def stream_figures(make: MakeRig) -> Dict[str, float]:
     rig = make().settle()
     rig.machine.send(request("start_stream"))
     frames = stream_of(rig, 2.0)
-    hertz = (len(frames) - 1) / ((frames[-1].end_cycle - frames[0].end_cycle) / rig.machine.frequency_hz)
-    figures = {"stream_typical_hz": hertz, "stream_wire_use": wire_use(frames)}
+    figures = {"stream_typical_hz": hertz(rig, frames), "stream_wire_use": wire_use(rig, frames)}
     rig.machine.send(request("start_stream", 20))
     starts = [frame.start_cycle for frame in stream_of(rig, 10.0)]
-    gaps = [later - earlier for earlier, later in zip(starts, starts[1:])]
     rig.close()
-    return {**figures, "stream_jitter_us": rig.microseconds(max(gaps) - min(gaps))}
+    return {**figures, "stream_jitter_us": spread_us(rig, starts)}
+
+
+def spread_us(rig: Rig, cycles: List[int]) -> float:
+    """Largest minus smallest gap [us]."""
+    gaps = [later - earlier for earlier, later in zip(cycles, cycles[1:])]
+    return rig.microseconds(max(gaps) - min(gaps))
+
+
+def imu_figures(make: MakeRig) -> Dict[str, float]:
+    """The IMU's stream of 100 Hz: its rate next to a stream of 8 as fast as it goes, and the spread of the gaps between
+    its readings next to one of 20 ms; and what the serial link then leaves to the stream of 8, whose frames of 27 bytes
+    need all of it without the IMU."""
+    rig = make().settle()
+    rig.machine.send(request("start_stream"))
+    frames = stream_of(rig, 2.0)
+    imu_hz, imu_bytes = hertz(rig, rig.imu_frames), len(rig.imu_frames[-1].line)
+    left_hz = (rig.machine.frequency_hz / BYTE_CYCLES - imu_hz * imu_bytes) / len(frames[-1].line)
+    rig.machine.send(request("start_stream", 20))
+    rig.run(0.1)
+    rig.forget()
+    rig.run(2.0)
+    reads = [one.cycle for one in rig.writes(GYRO_DATA)]
+    rig.close()
+    return {"imu_hz": imu_hz, "stream_left_hz": left_hz, "imu_jitter_us": spread_us(rig, reads)}
 
 
 def count_age_figures(make: MakeRig) -> Dict[str, float]:
@@ -105,7 +134,7 @@ def checked_stream_figures(make: MakeRig) -> Dict[str, float]:
     events = [event for frame in frames for event in decoder.feed(frame.line)]
     rig.close()
     bad = sum(not isinstance(event, Frame) for event in events)
-    return {"stream_checked_wire_use": wire_use(frames), "stream_checked_frames_bad": bad}
+    return {"stream_checked_wire_use": wire_use(rig, frames), "stream_checked_frames_bad": bad}
 
 
 def command_delays_us(rig: Rig, command: bytes, code: int, count: int) -> List[float]:

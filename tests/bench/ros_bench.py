@@ -8,13 +8,13 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any, Dict, List, Tuple
+from typing import Any, Dict, List, Optional, Tuple
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import BatteryState, JointState, Range
+from sensor_msgs.msg import BatteryState, Imu, JointState, Range
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.robot.models import load
@@ -63,9 +63,10 @@ class Master:
 class Feeder:
     """The process that plays the boards."""
 
-    def __init__(self, boards: int) -> None:
+    def __init__(self, boards: int, imu: bool) -> None:
+        more = ["imu"] if imu else []
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "tests.bench.feeder", str(boards)],
+            [sys.executable, "-m", "tests.bench.feeder", str(boards), *more],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
@@ -103,9 +104,17 @@ class Bench:
 
     numbers = itertools.count(1)
 
-    def __init__(self, program: List[str], boards: int = 1, full: bool = False, hz: float = 50.0) -> None:
+    def __init__(
+        self,
+        program: List[str],
+        boards: int = 1,
+        full: bool = False,
+        hz: float = 50.0,
+        imu: Optional[str] = None,
+    ) -> None:
+        """`full` subscribes to every topic, `imu` to that topic of an IMU, which the boards then have."""
         number = next(self.numbers)
-        self.feeder = Feeder(boards)
+        self.feeder = Feeder(boards, imu is not None)
         self.spaces = [f"/bench{number}_{i}" for i in range(boards)]
         self.arrived: List[List[Tuple[float, float]]] = [[] for _ in range(boards)]
         self.feeder.rate(hz)
@@ -129,8 +138,17 @@ class Bench:
             topics["/diagnostics"] = DiagnosticArray
             for name, kind in topics.items():
                 self._subscribers.append(rospy.Subscriber(name, kind, lambda _: None, tcp_nodelay=True))
+        if imu is not None:
+            self.readings: List[Any] = []
+            for ns in self.spaces:
+                self._subscribers.append(
+                    rospy.Subscriber(f"{ns}/{imu}", Imu, self.readings.append, tcp_nodelay=True)
+                )
         self._commands = rospy.Publisher(f"{self.spaces[0]}/cmd_vel", Twist, queue_size=10, tcp_nodelay=True)
-        came = wait_until(lambda: all(len(each) > 20 for each in self.arrived), START_S)
+        came = wait_until(
+            lambda: all(len(each) > 20 for each in self.arrived) and (imu is None or bool(self.readings)),
+            START_S,
+        )
         assert came, self.nodes[0].last_words()
         time.sleep(1.0)
 

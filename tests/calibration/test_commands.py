@@ -130,7 +130,7 @@ def test_calibration_removes_the_errors_of_a_square(lab, tmp_path):
     assert end_m < END_M and end_rad < END_RAD
     assert (tmp_path / "ends.png").stat().st_size > 5000
     assert (tmp_path / "traxbot-1.yaml.1.bak").exists()
-    assert "thesis 2012" in (tmp_path / "traxbot-1.yaml").read_text()
+    assert "Araujo 2012" in (tmp_path / "traxbot-1.yaml").read_text()
 
 
 def test_an_interrupted_calibration_goes_on_where_it_was(lab, monkeypatch):

@@ -8,12 +8,11 @@ import pytest
 from mrl_driver.calibration import fit
 from mrl_driver.calibration.trial import Trial, path
 from mrl_driver.geometry import Pose
-from mrl_driver.robot.covariance import Uncertainty
+from mrl_driver.robot.covariance import error_squared
 from mrl_driver.robot.models import load
 from mrl_driver.robot.odometry import Odometry
-from mrl_driver.robot.robot_state import fastest_m_s
+from mrl_driver.robot.robot_state import fastest_m_s, odometry_of
 from sim_arduino.hardware.robot_physics import Errors, RobotPhysics, params_for
-from tests.error_squared import error_squared
 
 TRAXBOT = load("traxbot")
 PERIOD_S = 0.05
@@ -94,12 +93,10 @@ def test_errors_of_a_hundred_drives_agree_with_the_uncertainty_of_a_calibrated_r
     for seed in range(100):
         robot = quick(100 + seed, turn_slip=0.08, wheel_noise=2e-5, turn_noise=2e-4)
         ways, true = driven(robot, ZIGZAG)
-        odometry, sure = Odometry(calibrated.drive, fastest_m_s(TRAXBOT)), Uncertainty(calibrated)
+        odometry = odometry_of(calibrated, exact_time=True)
         for i, (right, left) in enumerate(np.floor(ways).astype(int).tolist()):
             odometry.update(right, left, i * PERIOD_S)
-            half = odometry.pose.yaw_rad / 2
-            sure.update(odometry.travel, math.sin(half), math.cos(half))
         off = np.subtract(true[-1], odometry.pose)
         off[2] = math.remainder(off[2], math.tau)
-        squared.append(error_squared(sure.unknowns, *off))
+        squared.append(error_squared(odometry.uncertainty.spread, *off))
     assert BOUNDS[0] < np.mean(squared) < BOUNDS[1]

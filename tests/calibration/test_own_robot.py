@@ -90,7 +90,7 @@ def workshop(monkeypatch, tmp_path, capsys):
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     monkeypatch.setattr(calibrate_job, "connect", lambda job: made.robot(job.target.model, period_ms=20))
     monkeypatch.setattr(
-        set_id, "connected", lambda target, model, ignore_battery, any_id: made.robot(model, any_id=any_id)
+        set_id, "connected", lambda target, model, any_id, **_: made.robot(model, any_id=any_id)
     )
     monkeypatch.setattr(calibrate_view, "truth_file", lambda path: made.pose)
     yield made

@@ -62,6 +62,12 @@ def test_a_timed_drive_ends_where_it_should(serve):
     assert port.board.speeds == (0, 0)
 
 
+@pytest.mark.emulated_board(imu=True, imu_seed=3)
+def test_a_timed_drive_begins_when_the_bias_of_the_gyro_is_known(emulated_board):
+    done = mrl("drive", "--port", emulated_board.port, "--angular", "0.5", "--for", "0.2", "--json")
+    assert json.loads(done.stdout)["imu"]["state"] == "in use"
+
+
 def test_monitor_without_a_terminal_prints_a_line_a_second(serve):
     done = mrl("monitor", "--port", serve().path, "--seconds", "2.5")
     assert done.returncode == 0

@@ -5,6 +5,7 @@ import json
 import math
 import re
 import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -207,6 +208,28 @@ def test_why_the_board_last_started(cause, level):
 def test_a_poor_link(seen, subject):
     found = levels(board.link(seen))
     assert found.pop(subject) == WARNING and set(found.values()) == {OK}
+
+
+@pytest.mark.parametrize(
+    "state, level, words",
+    [
+        ("in use", OK, "-1.50 deg/s"),
+        ("learning bias", WARNING, "stand still"),
+        ("off", NOTE, "not read"),
+        ("silent", FAULT, "A4 (SDA)"),
+        ("tilted", FAULT, "mrl calibrate imu"),
+        ("absent", FAULT, "no IMU any more"),
+        ("waiting", FAULT, "A4 (SDA)"),
+    ],
+)
+def test_the_use_of_an_imu(state, level, words):
+    reading = SimpleNamespace(bias_known=True, bias_rad_s=math.radians(-1.5))
+    (found,) = board.gyro(SimpleNamespace(imu_state=state, imu=reading))
+    assert found.level == level and words in found.text + found.advice
+
+
+def test_a_board_that_never_had_an_imu_is_not_blamed():
+    assert list(board.gyro(SimpleNamespace(imu_state="absent", imu=None))) == []
 
 
 def test_a_sonar_without_a_reading_names_its_pin():

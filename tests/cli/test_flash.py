@@ -22,6 +22,7 @@ from mrl_driver.errors import (
 )
 from mrl_driver.host import avrdude, firmware_images
 from mrl_driver.host.named_robots import Target
+from mrl_driver.robot import models
 from mrl_driver.transport import port_info
 from mrl_driver.transport.port_search import Port
 
@@ -188,6 +189,14 @@ def test_nothing_is_written_unasked(stand_in, serve):
 def test_the_build_follows_the_board(monkeypatch, answer, build):
     monkeypatch.setattr("mrl_driver.driver.probe.probe", lambda port, baud: answer)
     assert command.build_of(Target("/dev/ttyACM7"))[0] == build
+
+
+def test_the_build_of_a_2013_board_is_that_of_its_model(monkeypatch):
+    """The board does not report it; without the model it would get the build for sonars."""
+    model = models.load("traxbot")._replace(build="environment")
+    monkeypatch.setattr(models, "load", lambda name: model)
+    monkeypatch.setattr("mrl_driver.driver.probe.probe", lambda port, baud: Answer(1, "traxbot", 1))
+    assert command.build_of(Target("/dev/ttyACM7", "gas.yaml"))[0] == "environment"
 
 
 def test_the_build_of_a_silent_board_is_asked(monkeypatch):

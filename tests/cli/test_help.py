@@ -97,6 +97,7 @@ def test_the_script_of_a_shell(shell):
     ("words", "expected"),
     [
         (["mo"], ["monitor"]),
+        (["go"], ["goto"]),
         (["config", "set", "ra"], ["ramp_time", "ramp_gain"]),
         (["info", "--robot", "st"], ["stingbot"]),
         (["--robot", "st"], ["stingbot"]),

@@ -2,7 +2,11 @@
 
 import contextlib
 import io
+import os
+import pty
+import select
 import time
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
@@ -15,12 +19,14 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.battery import EMPTY_AFTER_S
 from mrl_driver.safety.wheel_monitor import DEAD, Mismatch
-from mrl_driver.session.events import Lost, PathUnknown, Reconnected, Slowed
-from mrl_driver.terminal import trail
+from mrl_driver.session.events import ImuChanged, Lost, PathUnknown, Reconnected, Slowed
+from mrl_driver.terminal import live_panels, live_view, trail
 from mrl_driver.terminal.canvas import Canvas, View, fit
 from mrl_driver.terminal.frame_log import MOST_LINES, FrameLog
+from mrl_driver.terminal.keyboard import Keyboard
 from mrl_driver.terminal.live_panels import render
 from mrl_driver.terminal.live_view import Screen, Settings
+from mrl_driver.terminal.teleop_keys import HOLD_S
 from sim_arduino.serve import factory
 from tests.waiting import wait_until
 
@@ -54,7 +60,13 @@ def test_the_view_fits_terminals_of_all_sizes(watched, size):
 
 @pytest.mark.parametrize(
     "event",
-    [Lost("/dev/x", "it went away"), Reconnected("/dev/y"), Slowed(115200), PathUnknown(3.0, 0.9, 1.0)],
+    [
+        Lost("/dev/x", "it went away"),
+        Reconnected("/dev/y"),
+        Slowed(115200),
+        PathUnknown(3.0, 0.9, 1.0),
+        ImuChanged(False, "frozen", "the heading comes from the wheels alone"),
+    ],
 )
 def test_the_view_shows_what_happened_to_the_line(watched, monkeypatch, event):
     driver, _, log = watched
@@ -105,6 +117,94 @@ def test_nothing_that_went_wrong_is_cut(watched, monkeypatch, size):
     text = picture(Screen(driver, Settings("/dev/" + "x" * 80 + "-if00", "d" * 80 + ".mrl"), log), *size)
     words = f"12345 lost, 678 bad, 12 resets id unset {cause}; space goes on quit -if00 .mrl 00:00"
     assert [word for word in words.split() if word not in text] == []
+
+
+class Delayed:
+    """The driver's place behind a link with a delay."""
+
+    def __init__(self, driver):
+        self._driver, self.link_delay_s = driver, 0.03
+
+    def __getattr__(self, name):
+        return getattr(self._driver, name)
+
+
+@pytest.fixture
+def delayed():
+    """A view of a robot in simulated time, whose keys drive: screen, driver."""
+    emulated = factory.make(factory.Options(robot="traxbot"))
+    with contextlib.closing(emulated), SteppedDriver(emulated.engine) as robot:
+        driver = Delayed(robot)
+        yield Screen(driver, Settings(keys_drive=True), FrameLog(), lambda: robot.now_s), driver
+
+
+def hold(screen, driver, seconds, key="up", late_s=0.0):
+    """Hold a key that is pressed again every 50 ms, each time seen `late_s` later."""
+    for _ in range(round(seconds / 0.05)):
+        screen.press(key, driver.now_s - late_s)
+        screen.steer(driver.now_s)
+        driver.wait(0.05)
+
+
+def test_the_view_shows_the_delay_from_key_to_port_and_that_of_the_link(delayed):
+    screen, driver = delayed
+    hold(screen, driver, 0.1, late_s=0.012)
+    assert "42 ms: key 12, link 30" in picture(screen, 80, 24)
+
+
+def test_keys_stop_driving_above_the_longest_delay_until_they_are_released(delayed):
+    screen, driver = delayed
+    hold(screen, driver, 0.1)
+    assert driver.command is not None
+    driver.link_delay_s = 0.51
+    hold(screen, driver, 0.05)
+    assert driver.command is None
+    assert "above the limit of 500 ms (--max-delay); release and press again" in picture(screen, 100, 30)
+    driver.link_delay_s = 0.03
+    hold(screen, driver, 0.5)
+    assert driver.command is None
+    hold(screen, driver, HOLD_S + 0.1, key="f")
+    hold(screen, driver, 0.05)
+    assert driver.command is not None
+
+
+def test_keys_that_waited_too_long_do_not_drive(delayed):
+    """As in a terminal that stood still."""
+    screen, driver = delayed
+    hold(screen, driver, 0.3, late_s=0.55)
+    assert driver.command is None and "above the limit" in screen.shown(driver.now_s).notice
+
+
+def test_a_key_that_waited_counts_from_the_look_before(monkeypatch):
+    """It may have been pressed at any time since then."""
+    user, program = pty.openpty()
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(fileno=lambda: program))
+    with Keyboard() as keyboard:
+        keyboard.read(0.0)
+        before_s = time.monotonic()
+        os.write(user, b"w")
+        wait_until(lambda: select.select([program], [], [], 0)[0])
+        assert keyboard.read(1.0) == ["w"] and keyboard.pressed_s <= before_s
+    for end in (user, program):
+        os.close(end)
+
+
+def test_the_view_drives_by_the_times_of_the_presses(monkeypatch):
+    class Keys:
+        pressed_s = 77.0
+        read = lambda self, timeout_s: ["w", "q"]  # noqa: E731
+        __enter__ = lambda self: self  # noqa: E731
+        __exit__ = lambda self, *_: None  # noqa: E731
+
+    seen = []
+    screen = SimpleNamespace(ended=False, steer=lambda now_s: None)
+    screen.press = lambda key, at_s: (seen.append(at_s), setattr(screen, "ended", key == "q"))
+    screen.shown = lambda now_s: None
+    monkeypatch.setattr(live_view, "Keyboard", Keys)
+    monkeypatch.setattr(live_panels, "render", lambda *_: "")
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: True))
+    live_view.run(SimpleNamespace(wait=lambda seconds: False), screen)
+    assert seen == [77.0, 77.0]
 
 
 def test_silence_is_told_at_the_top(watched):

@@ -14,6 +14,7 @@ MOVES = [
     (("calibrate", "gains"), "The robot turns in place"),
     (("calibrate", "sonar"), "The robot drives 1.80 m forward"),
     (("experiment", "power"), "drives by itself (power)"),
+    (("goto", "1", "0"), "The robot drives by itself to 1 m, 0 m"),
 ]
 
 

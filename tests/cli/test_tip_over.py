@@ -1,8 +1,12 @@
 """`mrl tip-over`: margins, limits, a picture."""
 
 import json
+import math
 
 import pytest
+
+from mrl_driver.tip_over import sweep, vehicle_file
+from tests.documents.blocks import ROOT
 
 from .run import fails, mrl
 
@@ -29,6 +33,20 @@ def test_json_and_a_picture(tmp_path):
         (("mecanum-arm", "--slope", "95"), "'--slope': 95.0 is not in the range 0<=x<90"),
         (("mecanum-arm", "--reserve", "nan"), "'--reserve': nan is not in the range"),
         (("mecanum-arm", "--plot", "arm.txt"), "expected a file that ends in .png"),
+        (("mecanum-arm", "--sweep", "force=0:9", "--plot", "arm.txt"), "expected a file that ends in .png"),
+        (("mecanum-arm", "--force", "-1"), "'--force': -1.0 is not in the range"),
+        (("mecanum-arm", "--force", "5", "--at", "1,2"), "--at is '1,2', expected three numbers"),
+        (("mecanum-arm", "--force", "5", "--at", "0,0,nan"), "--at is '0,0,nan', expected three numbers"),
+        (("mecanum-arm", "--force", "5", "--at", "0,0,-1"), "--at 0,0,-1 is below the ground"),
+        (("mecanum-arm", "--force", "5", "--direction", "north"), "--direction is 'north', expected worst"),
+        (("mecanum-arm", "--force", "5", "--direction", "0,0,0"), "expected a vector that is not zero"),
+        (("mecanum-arm", "--direction", "left"), "without a force, expected --force N"),
+        (("traxbot", "--force", "5"), "traxbot has no arm, expected the point of attack"),
+        (("traxbot", "--arm-angle", "5"), "traxbot has no arm"),
+        (("mecanum-arm", "--sweep", "colour=0:1"), "expected QUANTITY=FROM:TO with arm-angle"),
+        (("mecanum-arm", "--sweep", "force=9:1"), "with two rising numbers from 0 to 100000 N"),
+        (("mecanum-arm", "--sweep", "arm-angle=0:nan"), "with two rising numbers from 0 to 180 deg"),
+        (("mecanum-arm", "--force", "5", "--sweep", "force=0:9"), "expected one of them"),
     ],
 )
 def test_what_cannot_be_is_one_line(words, expected):
@@ -40,3 +58,42 @@ def test_a_vehicle_that_tips_over_at_rest_is_said_to(tmp_path):
     contacts, body = "[[0.2, 0.2], [0.2, -0.2], [-0.2, 0]]", "{mass_kg: 10, x_m: 1, y_m: 0, height_m: 0.2}"
     file.write_text(f"name: odd\ncontacts: {contacts}\nbody: {body}\n")
     assert "deg; it tips over at rest: its centre of mass" in mrl("tip-over", file).stdout
+
+
+def test_a_force_at_the_tip_of_the_arm():
+    """26 kg on a half width of 0.15 m, pushed 0.8 m above the ground."""
+    expected = 26 * 9.80665 * 0.15 / (0.15**2 + 0.8**2) ** 0.5
+    done = mrl("tip-over", "mecanum-arm", "--force", "30")
+    assert "margin with 30 N at 0.12, 0.00, 0.80 m, worst direction" in done.stdout
+    assert f"force there: tips over at {expected:.1f} N, 10 deg kept to" in done.stdout
+
+
+def test_json_of_a_force_has_its_direction_and_its_limits():
+    done = mrl("tip-over", "traxbot", "--force", "5", "--at", "0,0,0.1", "--direction", "0,-2,0", "--json")
+    push = json.loads(done.stdout)["push"]
+    assert push["direction"] == [0, -1, 0] and not push["worst"]
+    assert 5 < push["limit_n"] < push["tips_n"]
+
+
+def test_a_sweep_is_printed_and_drawn(tmp_path):
+    picture = tmp_path / "force.png"
+    done = mrl("tip-over", "mecanum-arm", "--sweep", "force=0:60", "--plot", picture)
+    assert "margin 0 at 46.99 N" in done.stdout and "60  tips over" in done.stdout
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_json_of_a_sweep_has_all_its_values():
+    done = mrl("tip-over", "mecanum-arm", "--arm-angle", "45", "--sweep", "acceleration=0:6", "--json")
+    made = json.loads(done.stdout)
+    assert (made["values"][0], made["values"][-1]) == (0, 6) and len(made["margin_rad"]) == 61
+
+
+def test_documented_margins_are_those_of_the_packaged_vehicle():
+    def shown(name, *values):
+        found = sweep.Situation(vehicle_file.load("mecanum-arm"))
+        at = [sweep.QUANTITIES[name].change(found, value).margin().angle_rad for value in values]
+        return " / ".join(f"{math.degrees(angle):.1f}" for angle in at)
+
+    text = (ROOT / "docs" / "experiments.md").read_text()
+    rows = {"arm-angle": (0, 90, 180), "arm-height": (0.1, 0.8, 1.5), "acceleration": (2, 6), "force": (30,)}
+    assert all(f"| {shown(name, *values)} deg" in text for name, values in rows.items())

@@ -10,6 +10,7 @@ DOCUMENTS = (
     "README.md",
     "CONTRIBUTING.md",
     "HARDWARE.md",
+    "docs/experiments.md",
     "docs/own_robot.md",
     "firmware/README.md",
     "firmware/SENSORS.md",

@@ -19,7 +19,7 @@ from .test_robot_recipe import TEXT
 
 SHOWN = shown()
 PORT = "/dev/ttyACM0"
-OUTSIDE = {".", "cd", "export", "git", "python3", "source", "usermod"}
+OUTSIDE = {".", "cd", "cp", "echo", "export", "git", "python3", "source", "usermod"}
 OF_ROS = ("catkin", "ros", "rqt", "rviz")
 """Programs of other projects: all of the name, all that begin so."""
 ENDS = {
@@ -46,6 +46,8 @@ def place(tmp_path, monkeypatch):
     folder = tmp_path / "mrl-driver" / "robots"
     folder.mkdir(parents=True)
     (folder / "eswarbot.yaml").write_text(TEXT)
+    traxbot = (ROOT / "mrl_driver" / "robot" / "models" / "traxbot.yaml").read_text()
+    (tmp_path / "gas.yaml").write_text(f"{traxbot}build: environment\n")
     (folder.parent / "robots.yaml").write_text(f"lab3: {{port: {PORT}}}\n")
     (tmp_path / "drive.log").write_text('#mrl-recording 1 {"port": "x"}\n0.0 < @5,2500,172,1180,2,1e\\r\\n\n')
 
@@ -136,8 +138,10 @@ def launch_file(words):
 
 @of("roslaunch", "rosrun")
 def test_launch_files_with_their_arguments_and_nodes_exist(words):
-    if words[0] == "rosrun":
-        assert words[1] == "mrl_robots" and (ROOT / "ros1_bridge" / "nodes" / words[2]).is_file()
+    if words[0] == "rosrun" and words[1] != "mrl_robots":
+        assert f">{words[1]}</exec_depend>" in (ROOT / "package.xml").read_text()
+    elif words[0] == "rosrun":
+        assert (ROOT / "ros1_bridge" / "nodes" / words[2]).is_file()
     elif not words[1].startswith("--"):
         root = xml.etree.ElementTree.parse(launch_file(words)).getroot()
         known = {each.get("name") for each in root.findall("arg")}
@@ -157,6 +161,7 @@ def test_links_between_documents_lead_somewhere():
         "README.md",
         "CONTRIBUTING.md",
         "HARDWARE.md",
+        "docs/experiments.md",
         "docs/own_robot.md",
         "firmware/README.md",
         "ros1_bridge/README.md",

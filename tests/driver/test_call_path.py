@@ -13,7 +13,7 @@ DRIVE = "mrl_driver/driver/driver.py:drive"
 LASTING = Options(command_timeout_s=None)
 
 
-def frames_of(board, speed_m_s):
+def frames_of(board, speed_m_s, frames=FRAMES):
     """The steps of the reading thread while the robot drives at this speed."""
     lists, heard = CallLists(READ).install(), []
     try:
@@ -22,7 +22,7 @@ def frames_of(board, speed_m_s):
             robot.drive(speed_m_s, 0.0)
             wait_until(lambda: len(heard) > 10)
             lists.steps.clear()
-            wait_until(lambda: len(heard) > FRAMES)
+            wait_until(lambda: len(heard) > frames)
     finally:
         lists.remove()
     return lists
@@ -35,6 +35,16 @@ def test_a_steady_frame_takes_few_calls(serve, speed_m_s):
     print(listed(step))
     assert len(step.calls) <= MOST_CALLS, listed(step)
     assert len(step.values) <= MOST_VALUES, listed(step)
+
+
+def test_a_reading_of_an_imu_and_a_frame_between_readings_take_few_calls(serve):
+    board = serve()
+    board.board.capabilities.add("imu")
+    frames = frames_of(board, 0.2, 40)
+    for part in ("imu.py:update", "odometry.py:update"):
+        step = frames.steady(f"mrl_driver/robot/{part}")
+        print(listed(step))
+        assert len(step.calls) <= MOST_CALLS, listed(step)
 
 
 def test_a_command_takes_few_calls(serve):

@@ -2,38 +2,9 @@
 
 import pytest
 
-from mrl_driver.driver.options import DEFAULTS
-from mrl_driver.driver.robot_core import Core
-from tests.fake_board import FakeBoard
 from tests.models import model as load
 
-STEP_S = 0.01
-
-
-class Robot:
-    """A core and a board, stepped together."""
-
-    def __init__(self, model, to_host=lambda data: data):
-        self.core, self.board, self.now, self.to_host = Core(model, DEFAULTS), FakeBoard(), 0.0, to_host
-        self.core.begin(0.0)
-        self.until(lambda: self.core.state.telemetry is not None)
-        self.motion = self.core.session.motion
-
-    def until(self, condition, seconds=20.0):
-        end_s = self.now + seconds
-        while not condition():
-            assert self.now < end_s, "it did not happen in time"
-            self.now += STEP_S
-            self.core.turn(self.to_host(self.board.advance(self.now)), self.now)
-            self.board.receive(self.core.session.take(), self.now)
-
-    def drive(self, linear_m_s):
-        return self.core.drive(linear_m_s, 0.0, self.now)
-
-    def until_empty(self, linear_m_s):
-        """Drives until the battery is empty, which takes 5 s."""
-        self.board.battery = 840
-        self.until(lambda: not self.drive(linear_m_s))
+from .robot import Robot
 
 
 @pytest.fixture

@@ -1,14 +1,22 @@
-"""Boards of 2013 with environment sensors send gas, dust and light where others send sonars: no ranges come of that."""
+"""Boards of 2013 with environment sensors: counters and sensors arrive in stream 25, and no ranges come of it."""
+
+import math
 
 import pytest
 
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import ConfigError
+from mrl_driver.errors import BoardTimeout, ConfigError, WrongRobot
+from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder, encode_reply
 from mrl_driver.robot import models
+from mrl_driver.session.session import Session
 from sim_arduino.serve import factory
+from tests.models import model as packaged_model
 
 PROFILES = ("2013-august", "2013-january")
+MOST_COMMANDS = 26
+"""More commands a second than this get lost on a board of 2013 that streams."""
+DRIVEN_S = 3.0
 
 
 def own_model(folder, robot_id, build=""):
@@ -17,6 +25,225 @@ def own_model(folder, robot_id, build=""):
     text = (folder / models.__file__).with_name("traxbot.yaml").read_text(encoding="utf-8")
     path.write_text(text.replace("ids: [1, 2, 3]", f"ids: [{robot_id}]{build}"), encoding="utf-8")
     return str(path)
+
+
+class Watched:
+    """A stepped driver on an emulated board, and the requests that it sends."""
+
+    def __init__(self, robot="traxbot", build="environment", **board):
+        self.emulated = factory.make(
+            factory.Options(**{"profile": "2013-august", "environment": True, **board})
+        )
+        self.requests = []
+        self._engine, self._decoder = self.emulated.engine, FrameDecoder(REQUESTS)
+        self.driver = SteppedDriver(self, robot, options=Options(ignore_battery=True, build=build))
+
+    def receive(self, data):
+        now = self.driver.now_s
+        self.requests += [(now, event) for event in self._decoder.feed(data) if isinstance(event, Frame)]
+        self._engine.receive(data)
+
+    def __getattr__(self, name):
+        return getattr(self._engine, name)
+
+    def __enter__(self):
+        return self.driver.__enter__()
+
+    def __exit__(self, *error):
+        self.driver.__exit__(*error)
+        self.emulated.close()
+
+    def codes(self, begin_s=0.0):
+        return [frame.code for sent_s, frame in self.requests if sent_s >= begin_s]
+
+
+@pytest.fixture(scope="module")
+def driven():
+    """A TraxBot with gas sensors that drove for `DRIVEN_S` with another speed every 20 ms, after its session."""
+    watched = Watched()
+    watched.emulated.plant.environment.light_count = 321
+    watched.emulated.plant.environment.dust_pcs_l = 40000.0
+    watched.told, watched.telemetry = [], []
+    with watched as driver:
+        driver.on_sensor(lambda event: watched.told.append((driver.now_s, event)))
+        driver.on_telemetry(watched.telemetry.append)
+        watched.begin_s = driver.now_s
+        for i in range(round(DRIVEN_S / 0.02)):
+            driver.drive(-0.2, -0.1 * (i % 7))
+            driver.wait(0.02)
+        watched.sensors, watched.statistics, watched.board = driver.sensors, driver.statistics, driver.board
+        driver.stop()
+        driver.wait(0.5)
+        watched.pose, watched.true_pose = driver.pose, watched.emulated.plant.true_pose
+        watched.model = driver.model
+    return watched
+
+
+def test_sensors_have_the_names_and_units_of_the_table(driven):
+    values = {name: found.values for name, found in driven.sensors.items()}
+    assert values == {"alcohol": (123,), "light": (321,), "dust": (40000,), "thermopile": (22,) * 8}
+
+
+def test_sensors_are_reported_twice_a_second_and_the_thermopile_once(driven):
+    names = [name for now, (name, _) in driven.told if now < driven.begin_s + DRIVEN_S]
+    counts = {name: names.count(name) for name in ("alcohol", "dust", "light")}
+    assert set(counts.values()) <= {5, 6} and names.count("thermopile") in (2, 3)
+
+
+def test_odometry_comes_from_the_sensor_stream(driven):
+    """The frames come 163 times a second, and the last one holds all that the wheels did."""
+    assert len(driven.telemetry) > 150 * DRIVEN_S and driven.statistics.refused_counts == 0
+    assert math.dist(driven.pose[:2], driven.true_pose[:2]) < 1e-3
+    assert driven.pose.yaw_rad == pytest.approx(driven.true_pose.yaw_rad, abs=2e-3)
+
+
+def test_the_board_has_the_capability_that_its_stream_shows(driven):
+    assert driven.board.capabilities == {"environment"} and driven.model.sonars == {}
+
+
+def test_no_second_has_more_commands_than_the_board_takes(driven):
+    times = [sent_s for sent_s, _ in driven.requests if sent_s > driven.begin_s]
+    most = max(sum(begin <= each < begin + 1.0 for each in times) for begin in times)
+    assert 5 < most <= MOST_COMMANDS
+
+
+def test_no_command_waits_for_the_bytes_of_many_before_it(driven):
+    """The board reads a byte for each of its 163 frames a second."""
+    size = sum(len(f"@{frame.code}e") + sum(len(f",{each}") for each in frame.args) for sent_s, frame in
+               driven.requests if driven.begin_s < sent_s < driven.begin_s + DRIVEN_S)  # fmt: skip
+    assert size / DRIVEN_S < 0.8 * 163
+
+
+def test_neither_sonars_nor_the_compass_are_requested(driven):
+    assert not {7, 27, 42} & set(driven.codes())
+    assert driven.codes(driven.begin_s).count(22) <= DRIVEN_S + 1
+
+
+def test_other_streams_are_stopped_before_and_this_one_at_the_end(driven):
+    """The streams of 18, 23 and 27 come before that of 25 on a board of 2013."""
+    codes = driven.codes()
+    streams = [code for code in codes if code in (19, 24, 25, 26, 28)]
+    assert streams[:4] == [19, 24, 28, 25] and streams[-2:] == [19, 26]
+
+
+@pytest.mark.parametrize("build", models.BUILDS)
+def test_odometry_counts_what_the_wheels_do_with_either_stream(build):
+    """25 with environment sensors, 18 with sonars."""
+    watched = Watched(build=build, environment=build == "environment")
+    with watched as driver:
+        for _ in range(20):
+            driver.drive(0.3, 0.5)
+            driver.wait(0.05)
+        driver.stop()
+        driver.wait(1.0)
+        motors = watched.emulated.plant.motor_board
+        assert driver.telemetry.counts == (motors.encoder(3, driver.now_s), motors.encoder(1, driver.now_s))
+        assert driver.telemetry.counts.right > 100
+
+
+def test_telemetry_begins_again_after_a_reset():
+    with Watched() as driver:
+        driver.drive(0.2, 0.0)
+        driver.wait(0.4)
+        before = driver.pose
+        driver._board._stepped.reset()
+        driver.wait(6.0)
+        assert driver.ready and set(driver.sensors) >= {"alcohol", "dust", "light"}
+        assert driver.pose.x_m == pytest.approx(before.x_m, abs=0.2) and driver.ranges == {}
+
+
+def test_telemetry_begins_again_after_another_stream_took_its_place():
+    with Watched() as driver:
+        driver.request(27)
+        driver.wait(3.0)
+        assert driver.ready and driver.age_s < 0.05
+
+
+def test_january_has_odometry_and_a_warning_but_no_sensors():
+    with Watched(profile="2013-january") as driver:
+        driver.drive(0.2, 0.0)
+        driver.wait(0.4)
+        assert driver.pose.x_m > 0 and not driver.sensors and not driver.ranges
+        assert "does not send its environment sensors" in driver.warning
+
+
+def test_january_is_not_asked_for_sonars_that_it_does_not_have():
+    watched = Watched(profile="2013-january")
+    with watched as driver:
+        driver.wait(1.0)
+    assert 7 not in watched.codes()
+
+
+def test_robot_with_three_wheels_is_refused():
+    """A board of 2013 neither counts nor moves the third wheel."""
+    watched = Watched(packaged_model("omni")._replace(ids=(1,)))
+    with pytest.raises(WrongRobot, match="does not know three wheels"):
+        watched.driver.connect()
+    watched.emulated.close()
+
+
+def test_missing_thermopile_is_named_because_it_hangs_the_board():
+    watched = Watched()
+    watched.emulated.plant.i2c[0x68].present = False
+    with pytest.raises(BoardTimeout, match="hangs if its thermopile does not answer.*choose build sonar"):
+        watched.driver.connect()
+    watched.emulated.close()
+
+
+@pytest.mark.parametrize("fields", [(1, 2, 3, 4, 5), (1, 2, 3, 4, 5, 6, 7)])
+def test_frame_of_the_stream_with_a_wrong_number_of_fields_is_garbage(fields):
+    session = Session(lambda board: "start_sensor_ldr_stream", 0.0)
+    frame = b"@25," + b",".join(b"%d" % each for each in fields) + b"e\r\n"
+    session.receive(encode_reply(25, 1, 2, 3, 4, 5, 6) + frame, 0.0)
+    assert session.counters.garbage == {"argument_count": 1} and session.counters.frames == 1
+
+
+@pytest.mark.parametrize(
+    "named, board, told", [("environment", {}, "sonar"), ("sonar", {"environment": True}, "environment")]
+)
+def test_build_that_a_board_of_this_firmware_does_not_have_is_told(named, board, told):
+    emulated = factory.make(factory.Options(**board))
+    with SteppedDriver(emulated.engine, "traxbot", options=Options(build=named)) as driver:
+        driver.wait(0.5)
+        assert driver.ranges == {}
+        assert f"the board has the build {told}, expected {named}" in driver.warning
+    emulated.close()
+
+
+def test_board_that_returns_without_sonars_leaves_no_old_ranges():
+    """It was flashed with another build while the driver waited."""
+    watched, other = Watched(build="", profile="current", environment=False), Watched(profile="current")
+    with watched as driver:
+        driver.wait(0.5)
+        before = driver.ranges
+        other.emulated.engine.advance(driver.now_s)
+        watched._engine = other.emulated.engine
+        driver.wait(3.0)
+        assert before and driver.ready and not driver.ranges and not driver.telemetry.ranges
+    other.emulated.close()
+
+
+def test_board_of_this_firmware_without_sonars_has_none_in_its_model():
+    emulated = factory.make(factory.Options(environment=True))
+    with SteppedDriver(emulated.engine) as driver:
+        assert driver.model.sonars == {} and not driver.ranges and not driver.warning
+    emulated.close()
+
+
+@pytest.mark.parametrize("build", ["sonnar", None, 3])
+def test_unknown_build_is_refused_with_the_allowed_ones(build):
+    with pytest.raises(ConfigError, match=r"build is .*, expected sonar or environment"):
+        SteppedDriver(None, "traxbot", options=Options(build=build))
+
+
+def test_build_of_the_model_cannot_be_taken_back(tmp_path):
+    with pytest.raises(ConfigError, match="has build: environment and no sonars, expected environment"):
+        models.with_build(models.load(own_model(tmp_path, 2, "\nbuild: environment")), "sonar")
+
+
+def test_robot_with_an_h_bridge_has_no_pins_for_environment_sensors():
+    with pytest.raises(ConfigError, match="has an H-bridge on the same pins, expected sonar"):
+        models.with_build(packaged_model("duo"), "environment")
 
 
 def told_ranges(model, **board):

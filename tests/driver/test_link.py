@@ -159,6 +159,7 @@ def test_a_write_that_blocks_is_given_up(pty):
 
 def test_writes_of_two_threads_stay_whole(pty, monkeypatch):
     """Even where the port takes them byte by byte."""
+    monkeypatch.setattr("mrl_driver.transport.link.WRITE_TIMEOUT_S", PATIENCE_S)  # of a machine that is busy
     link, write = SerialLink(pty[1]), os.write
     monkeypatch.setattr(
         os, "write", lambda fd, data: write(fd, data[:1]) if time.sleep(0.0002) is None else 0

@@ -13,10 +13,12 @@ from mrl_driver.driver.options import Options as DriverOptions
 from mrl_driver.driver.robot_core import Core
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError, FrameError, WrongRobot
+from mrl_driver.geometry import ORIGIN, Pose, advance
 from mrl_driver.protocol import Frame
 from mrl_driver.robot import models
 from mrl_driver.robot.covariance import OmniUncertainty
 from mrl_driver.robot.kinematics import Planar, kinematics_of
+from mrl_driver.robot.models import Noise
 from mrl_driver.robot.odometry import CONFIRMATIONS, OmniTwist, OmniWheels
 from mrl_driver.robot.omni_odometry import MOVE_OMNI, OmniCommands, OmniOdometry
 from mrl_driver.robot.robot_state import RobotState
@@ -25,6 +27,8 @@ from mrl_driver.session.handshake import Board, Handshake, Plan
 from sim_arduino.serve.factory import Options, make
 
 OMNI = models.load("omni")
+RANDOM = OMNI._replace(noise=Noise(1e-4, 0.0))
+"""Errors of its wheels are random only."""
 POSE_M, YAW_RAD = 0.002, 0.005
 """Odometry against the truth after some metres: counts round to 0.07 mm, chords of a frame to less."""
 SQUARE_M = 0.001
@@ -212,42 +216,51 @@ def test_three_counters_that_start_from_zero_again_move_nothing(exact):
 
 def test_covariance_of_a_way_to_the_side():
     """To the left the rear wheel does two thirds of the work: sideways errors are larger than forward ones."""
-    made = OmniUncertainty(OMNI)
+    made = OmniUncertainty(RANDOM)
     ways = kinematics_of(OMNI.drive).wheel_steps(Planar(0.0, 1.0, 0.0))
-    left, rear, right = (way / OMNI.drive.metres_per_count for way in ways)
-    before = made.unknowns
-    made.update(OmniWheels(right, left, rear), 0.0, 1.0)
-    expected = kinematics_of(OMNI.drive).covariance(ways, *OMNI.noise)
-    xx, _, _, yy, _, tt = (a - b for a, b in zip(made.unknowns, before))
+    before = made.spread
+    made.update(ORIGIN, Pose(0.0, 1.0, 0.0), ways, 0.0)
+    expected = kinematics_of(OMNI.drive).covariance(ways, *RANDOM.noise[:2])
+    xx, _, _, yy, _, tt = (a - b for a, b in zip(made.spread, before))
     assert (yy, tt) == pytest.approx((expected[3], expected[5]))
-    assert xx == pytest.approx(expected[0] + before[5])  # the yaw of the start, over a metre
+    by_yaw = before[5] + expected[5] / 4  # that of the start, and half of the one on the way, over a metre
+    assert xx == pytest.approx(expected[0] + by_yaw - expected[2])
     assert yy > expected[0]
 
 
 @pytest.mark.parametrize("turned", [0.0, 0.7])
 def test_covariance_is_carried_along_the_way(turned):
     """In small steps straight ahead: sideways grow the errors of the wheels, of the yaw, and of both together."""
-    made, steps = OmniUncertainty(OMNI), 1000
-    left, rear, right = (
-        way / OMNI.drive.metres_per_count
-        for way in kinematics_of(OMNI.drive).wheel_steps(Planar(1.0, 0.0, 0.0))
-    )
-    for step in range(1, steps + 1):
-        share = step / steps
-        made.update(
-            OmniWheels(right * share, left * share, rear * share), math.sin(turned / 2), math.cos(turned / 2)
-        )
-    xx, xy, xt, yy, yt, tt = made.unknowns
+    made, steps, pose = OmniUncertainty(RANDOM), 1000, Pose(0.0, 0.0, turned)
+    ways = kinematics_of(OMNI.drive).wheel_steps(Planar(1.0, 0.0, 0.0))
+    for _ in range(steps):
+        after = advance(pose, 1 / steps, 0.0)
+        made.update(pose, after, [way / steps for way in ways], 0.0)
+        pose = after
+    xx, xy, xt, yy, yt, tt = made.spread
     sin, cos = math.sin(turned), math.cos(turned)
     along = cos * cos * xx + 2 * cos * sin * xy + sin * sin * yy
     aside = sin * sin * xx - 2 * cos * sin * xy + cos * cos * yy
-    per_m = OMNI.noise.wheel_m2_per_m * abs(right * OMNI.drive.metres_per_count)
+    per_m = RANDOM.noise.wheel_m2_per_m * abs(ways[2])
     yaw = 2 * per_m / 9 / OMNI.drive.radius_m**2
     assert along == pytest.approx(1e-6 + 2 * per_m / 3, rel=1e-3)
     assert tt == pytest.approx(1e-6 + yaw, rel=1e-3)
     assert aside == pytest.approx(
         1e-6 + 1e-6 + yaw / 3 + 2 * per_m / 9 + 2 * per_m / 9 / OMNI.drive.radius_m, rel=1e-2
     )
+
+
+@pytest.mark.parametrize("way", [Planar(1.0, 0.0, 0.0), Planar(0.0, 1.0, 0.0)])
+def test_a_wheel_of_wrong_size_bends_the_way_as_the_kinematics_have_it(way):
+    """Each of three wheels is 0.5 % off, independently: the ratio of two is off by that times the root of 2."""
+    made = OmniUncertainty(
+        OMNI._replace(noise=Noise(0.0, 0.0, wheel_ratio_sd=0.005 * math.sqrt(2))), (0.0,) * 6
+    )
+    base = kinematics_of(OMNI.drive)
+    ways = base.wheel_steps(way)
+    made.update(ORIGIN, Pose(way.forward, way.left, 0.0), ways, 0.0)
+    off = [0.005 * base.step([each * (at == i) for at, each in enumerate(ways)]).turn for i in range(3)]
+    assert made.spread[5] == pytest.approx(sum(each**2 for each in off))
 
 
 # ---- bad input

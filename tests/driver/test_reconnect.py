@@ -279,7 +279,13 @@ def test_a_loss_while_a_command_is_written_starts_the_search_too(robot, cable, m
 def test_a_write_that_fails_on_the_lost_link_does_not_break_the_new_one(robot, cable, monkeypatch):
     """The thread that wrote learns only after the reconnection that its write failed."""
     write, begun, found = SerialLink.write, threading.Event(), threading.Event()
-    user = threading.Thread(target=lambda: robot.drive(0.1, 0.0), daemon=True)
+
+    def drive():
+        while not begun.is_set():  # one command may fall into a pause of the host
+            robot.drive(0.1, 0.0)
+            begun.wait(0.02)
+
+    user = threading.Thread(target=drive, daemon=True)
 
     def failing(link, data):
         if threading.current_thread() is user and not begun.is_set():

@@ -7,18 +7,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import GRAVITY_M_S2
 from mrl_driver.robot import models
-from mrl_driver.tip_over import vehicle_file
+from mrl_driver.tip_over import sweep, vehicle_file
 from mrl_driver.tip_over.margin import (
     DIRECTIONS,
-    GRAVITY_M_S2,
+    MOST_N,
+    Arm,
     Mass,
+    Push,
     Vehicle,
     greatest_acceleration,
+    greatest_force,
     hull,
     least,
     limits,
     margins,
+    worst,
 )
 
 EXACT = 1e-9
@@ -102,11 +107,135 @@ def test_points_inside_are_no_corners():
     assert hull([(0, 0), (1, 1), (1, -1), (-1, 1), (-1, -1), (1, 0)]) == [(-1, -1), (1, -1), (1, 1), (-1, 1)]
 
 
+# -- a force at a point, against the moments of a box about its lower edge
+
+WEIGHT_N = 10.0 * GRAVITY_M_S2
+BOX = (0.3, 0.2, 0.25)
+FORCES = st.floats(0.0, 0.9)
+ANGLES = st.floats(0.0, math.tau)
+
+
+def test_a_level_push_tips_a_box_at_weight_times_half_width_over_height():
+    push = Push(0.0, (0.0, 0.0, 0.4), (0.0, 1.0, 0.0))
+    assert greatest_force(box(*BOX), push) == pytest.approx(WEIGHT_N * 0.2 / 0.4)
+
+
+def test_a_push_in_the_worst_direction_has_the_distance_from_the_edge_as_its_arm():
+    expected = WEIGHT_N * 0.2 / math.hypot(0.2, 0.4)
+    assert greatest_force(box(*BOX), Push(0.0, (0.0, 0.0, 0.4))) == pytest.approx(expected)
+    worst_push = worst(box(*BOX), push=Push(expected, (0.0, 0.0, 0.4))).push
+    assert (abs(worst_push[1]), worst_push[2]) == pytest.approx(
+        (0.4 / math.hypot(0.2, 0.4), 0.2 / math.hypot(0.2, 0.4)), abs=1e-6
+    )
+
+
+def test_a_load_beyond_the_edge_tips_a_box_by_its_overhang():
+    down = Push(0.0, (0.0, 0.5, 0.3), (0.0, 0.0, -1.0))
+    assert greatest_force(box(*BOX), down) == pytest.approx(WEIGHT_N * 0.2 / (0.5 - 0.2))
+
+
+def test_a_load_above_the_contacts_never_tips_a_box():
+    assert greatest_force(box(*BOX), Push(0.0, (0.1, 0.1, 0.3), (0.0, 0.0, -1.0))) == MOST_N
+
+
+def test_a_level_push_and_an_acceleration_add_their_moments():
+    """Sideways: weight * b = m * a * height + force * its height."""
+    push = Push(20.0, (0.0, 0.0, 0.4), (0.0, -1.0, 0.0))
+    expected = (WEIGHT_N * 0.2 - 20.0 * 0.4) / (10.0 * 0.25)
+    assert limits(box(*BOX), push=push)["left"] == pytest.approx(expected)
+
+
+def test_a_push_at_the_centre_of_mass_is_a_force_without_a_moment():
+    made, force_n = box(*BOX), (3.0, -20.0, 5.0)
+    size = math.sqrt(sum(each * each for each in force_n))
+    push = Push(size, (0.0, 0.0, 0.25), tuple(each / size for each in force_n))
+    assert [each.angle_rad for each in margins(made, push=push)] == pytest.approx(
+        [each.angle_rad for each in margins(made, force_n=force_n)]
+    )
+
+
+@given(FORCES, st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(0.05, 1.0), ANGLES, st.floats(-1.0, 1.0))
+@settings(max_examples=30)
+def test_no_direction_leaves_less_margin_than_the_worst(share, x_m, y_m, height_m, heading, up):
+    """Up to the force that tips the vehicle over."""
+    made, at = box(*BOX), (x_m, y_m, height_m)
+    force_n = share * greatest_force(made, Push(0.0, at))
+    level = math.sqrt(1 - up * up)
+    direction = (level * math.cos(heading), level * math.sin(heading), up)
+    given_direction = least(margins(made, push=Push(force_n, at, direction))).angle_rad
+    assert worst(made, push=Push(force_n, at)).angle_rad <= given_direction + EXACT
+
+
+@given(st.floats(0.0, 3.0), st.floats(0.0, 0.3), ANGLES)
+@settings(max_examples=30)
+def test_no_direction_of_acceleration_and_slope_is_worse_than_the_worst(acceleration, slope_rad, heading):
+    made, out = box(*BOX), (math.cos(heading), math.sin(heading))
+    slope = (out[0] * math.sin(slope_rad), out[1] * math.sin(slope_rad))
+    found = least(margins(made, (-out[0] * acceleration, -out[1] * acceleration), slope=slope))
+    assert worst(made, acceleration, slope_rad).angle_rad <= found.angle_rad + EXACT
+
+
+# -- an arm, and sweeps
+
+
+ARM = Arm(mass_kg=4.0, x_m=0.1, y_m=0.0, height_m=0.3, length_m=0.8, centre_m=0.5, angle_deg=0.0)
+
+
+def with_arm(**values):
+    return sweep.Situation(box(*BOX)._replace(arm=ARM._replace(**values)))
+
+
+def test_a_level_arm_moves_the_centre_of_mass_forward():
+    assert with_arm().vehicle.whole == pytest.approx(
+        (14.0, 4.0 * 0.6 / 14.0, 0.0, (10 * 0.25 + 4 * 0.3) / 14.0)
+    )
+
+
+@pytest.mark.parametrize(
+    "angle_deg, heading_deg, tip",
+    [(90, 0, (0.1, 0.0, 1.1)), (180, 0, (-0.7, 0.0, 0.3)), (0, 90, (0.1, 0.8, 0.3))],
+)
+def test_an_arm_turns_about_its_lower_end(angle_deg, heading_deg, tip):
+    made = with_arm(angle_deg=angle_deg, heading_deg=heading_deg)
+    assert made.vehicle.tip == pytest.approx(tip)
+
+
+def test_a_sweep_over_the_arms_angle_finds_where_a_load_on_its_tip_tips_the_box():
+    """Moments about the front edge: 10 kg * 0.3 m against 4 kg and 60 N beyond it."""
+    down = Push(60.0, None, (0.0, 0.0, -1.0))
+    over = sweep.parse("arm-angle=0:80")
+    situation = with_arm()._replace(push=down)
+    (turning,) = sweep.crossings(situation, over, sweep.sweep(situation, over))
+    c = math.cos(math.radians(turning))
+    moment = 10 * 0.3 + 4 * (0.2 - 0.5 * c) + 60 / GRAVITY_M_S2 * (0.2 - 0.8 * c)
+    assert moment == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "text, expected",
+    [
+        ("acceleration=0:10", GRAVITY_M_S2 * 0.2 / 0.25),
+        ("force=0:90", WEIGHT_N * 0.2 / math.hypot(0.2, 0.4)),
+    ],
+)
+def test_a_sweep_crosses_zero_where_the_box_tips(text, expected):
+    situation, over = sweep.Situation(box(*BOX), push=Push(0.0, (0.0, 0.0, 0.4))), sweep.parse(text)
+    if over.name == "acceleration":
+        situation = sweep.Situation(box(*BOX))
+    assert sweep.crossings(situation, over, sweep.sweep(situation, over)) == pytest.approx([expected])
+
+
+def test_a_higher_arm_leaves_less_margin():
+    situation, over = with_arm(angle_deg=90.0), sweep.parse("arm-height=0.1:1")
+    angles = [margin.angle_rad for _, margin in sweep.sweep(situation, over)]
+    assert angles == sorted(angles, reverse=True) and len(set(angles)) == sweep.POINTS
+
+
 # -- files
 
 
 def test_the_worked_example():
-    """20 kg at 0.08 m and 6 kg at 0.5 m: sideways it tips at g * 0.15 / 0.177."""
+    """20 kg at 0.08 m and an arm of 6 kg at 0.5 m: sideways it tips at g * 0.15 / 0.177."""
     made = vehicle_file.load("mecanum-arm")
     height_m = (20 * 0.08 + 6 * 0.5) / 26
     assert limits(made)["left"] == pytest.approx(GRAVITY_M_S2 * 0.15 / height_m)
@@ -137,6 +266,12 @@ GOOD = {
         ({"payloads": {"arm": {**GOOD["body"], "hight_m": 1}}}, "key payloads.arm.hight_m is unknown"),
         ({"payloads": 3}, "payloads is 3"),
         ({"wheels": 4}, "key wheels is unknown"),
+        ({"arm": {"mass_kg": 1}}, "key arm.x_m is missing"),
+        (
+            {"arm": {**ARM._asdict(), "angle_deg": 200}},
+            "arm.angle_deg is 200, expected a number from 0 to 180",
+        ),
+        ({"arm": {**ARM._asdict(), "centre_m": 0.9}}, "arm.centre_m is 0.9, expected a place on the arm"),
         ({"name": ""}, "name is ''"),
     ],
 )

@@ -248,6 +248,31 @@ def test_a_pose_that_is_not_finite_is_refused_and_the_former_stays(robot, pose):
     assert robot.pose == before
 
 
+@pytest.mark.parametrize(
+    "spread",
+    [
+        (1e-4, 0, 0, 1e-4, 0),
+        (-1e-4, 0, 0, 1e-4, 0, 1e-4),
+        (1e-4, 2e-4, 0, 1e-4, 0, 1e-4),
+        (1, 0, 0, 1, 0, math.nan),
+        (1, 0.9, -0.9, 1, 0.9, 1),  # each pair fits, but not the three together
+        (1e308, 0, 0, 1, 0, 1),
+    ],
+)
+def test_what_is_no_covariance_is_refused_and_the_pose_stays(robot, spread):
+    before = robot.pose
+    with pytest.raises(ConfigError, match="the covariance of the pose is"):
+        robot.reset_pose(Pose(1.0, 2.0, 0.0), spread)
+    assert robot.pose == before
+
+
+def test_a_pose_is_as_sure_as_it_was_given(robot):
+    given = (0.04, 0.01, 0.0, 0.09, 0.0, 0.01)
+    robot.reset_pose(Pose(1.0, 2.0, 0.0), given)
+    robot.wait(0.2)
+    assert robot.telemetry.spread == given
+
+
 def test_a_pose_is_taken_with_its_yaw_in_range(robot):
     robot.reset_pose((1, 2, 2 * math.pi + 0.5))
     assert robot.pose == (1, 2, pytest.approx(0.5))

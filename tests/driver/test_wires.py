@@ -155,8 +155,10 @@ def test_the_line_is_raised_and_left_as_it_was(monkeypatch):
     monkeypatch.setattr(baud_upgrade, "PROOF_S", 0.9)
     with EmulatedBoard("square") as board:
         with Driver(board.port, options=Options(fast=True)) as robot:
+            # a held-up host asks twice, and one answer may come at the wrong rate
+            at_change = dict(robot.statistics.garbage)
             drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 0.02)
-            assert robot.statistics.garbage == {} and robot.line_baud == 500000
+            assert robot.statistics.garbage == at_change and robot.line_baud == 500000
         with Driver(board.port) as usual:
             assert usual.ready and usual.line_baud == 115200
 

@@ -54,6 +54,19 @@ def with_laser(kind=ZONES):
 # -- what a reading allows
 
 
+@pytest.mark.parametrize("front", [0.25, 0.5, 1.0, 2.0, math.inf, math.nan, -math.inf])
+def test_speed_that_is_allowed_ahead_is_that_of_a_command_that_is_too_fast(front):
+    zones = told(zones_of(), front)
+    allowed = zones.allowed_ahead_m_s(0.1)
+    assert zones.limit(99.0, 0.1) == min(allowed, 99.0)
+
+
+def test_question_what_is_allowed_ahead_changes_nothing():
+    zones = told(zones_of(), 0.1)
+    zones.allowed_ahead_m_s(0.1)
+    assert not zones.warning_clear and zones.limit(-0.1, 0.1) == -0.1
+
+
 def test_far_from_everything_the_robot_does_what_it_is_asked():
     zones = told(zones_of(), math.inf)
     assert zones.limit(0.3, 0.1) == 0.3
@@ -70,6 +83,35 @@ def test_the_warning_zone_slows():
     zones = told(zones_of(), 0.6)
     assert ZONES.slow_m_s <= zones.limit(0.3, 0.1) < 0.3
     assert not zones.warning_clear and zones.protective_clear
+
+
+@pytest.mark.parametrize("room_m", [0.4, 0.7, 0.9, 1.05, 1.2, 2.0])
+def test_the_outer_zone_only_warns_unless_it_has_a_speed(room_m):
+    slowed = max(ZONES.slow_m_s, ZONES.speed_m_s(room_m - ZONES.warning_m))
+    slowed = min(slowed, ZONES.speed_m_s(room_m - ZONES.protective_m))
+    assert saw(with_laser(), room_m).limit(9.0, 0.1) == pytest.approx(slowed)
+    outer = max(0.15, ZONES.speed_m_s(room_m - 2 * ZONES.warning_m))
+    zones = with_laser(ZONES._replace(outer_slow_m_s=0.15))
+    assert saw(zones, room_m).limit(9.0, 0.1) == pytest.approx(min(slowed, outer))
+
+
+def test_the_outer_zone_is_entered_first_and_is_twice_as_long():
+    zones = with_laser()
+    edge_m = 2 * ZONES.warning_m + ZONES.growth_m(0.1)
+    states = []
+    for more in (0.01, -0.01, 0.04, 0.06):  # the hysteresis is 0.05
+        saw(zones, edge_m + more).limit(0.1, 0.0)
+        states.append((zones.outer_clear, zones.warning_clear))
+    assert states == [(True, True), (False, True), (False, True), (True, True)]
+
+
+def test_an_outer_zone_that_is_not_known_to_be_free_is_not_clear():
+    zones = zones_of()
+    assert not zones.outer_clear
+    told(zones, math.nan).limit(0.1, 0.1)
+    assert not zones.outer_clear
+    told(zones, math.inf).limit(0.1, STALE_S + 0.2)
+    assert not zones.outer_clear, "the sonars are silent"
 
 
 def test_a_zone_reaches_further_the_faster_the_robot_is():
@@ -322,6 +364,8 @@ def test_no_deadlock(readings, asked):
         ({"warning_m": math.nan}, "warning_m is nan"),
         ({"braking_m_s2": 0.0}, "braking_m_s2 is 0"),
         ({"reaction_s": math.inf}, "reaction_s is inf"),
+        ({"outer_m": 0.5}, "outer_m is 0.5, expected more than warning_m 0.5, or 0"),
+        ({"outer_slow_m_s": 0.05}, "outer_slow_m_s is 0.05, expected at least slow_m_s 0.1, or 0"),
     ],
 )
 def test_zones_that_contradict_each_other_are_refused(wrong, words):

@@ -1,6 +1,7 @@
 """`mrl experiment` on the command line."""
 
 import builtins
+import contextlib
 import os
 import re
 from unittest import mock
@@ -11,7 +12,7 @@ from click.testing import CliRunner
 from mrl_driver.errors import ConfigError, LinkLost, OutputError
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import load
-from sim_arduino.experiments import cli, experiment_report, step_test, workers
+from sim_arduino.experiments import cli, experiment_report, sonar_approach, step_test, workers
 from sim_arduino.experiments.experiment_robot import Setting
 from tests.experiments.pools import at_once
 
@@ -84,8 +85,10 @@ def test_figures_that_cannot_be_written_are_named(tmp_path):
         experiment_report.save(experiment_report.Result("power", "Circles", []), str(tmp_path))
 
 
-def test_figures_and_picture_are_named(tmp_path):
-    result = run("sonar-calibration", "--out", str(tmp_path))
+def test_figures_and_picture_are_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(workers, "pool", at_once)
+    monkeypatch.setattr(sonar_approach, "SEEDS", 1)
+    result = run("sonar-calibration", "--no-ros", "--out", str(tmp_path))
     assert result.exit_code == 0, result.output
     assert (
         experiment_report.read(str(tmp_path), "sonar-calibration") is not None
@@ -123,3 +126,21 @@ def test_others_go_on_when_one_fails(started, tmp_path, monkeypatch):
     assert experiment_report.read(str(tmp_path), "l-course") and not experiment_report.read(
         str(tmp_path), "power"
     )
+
+
+def test_workers_end_when_a_signal_comes_between_two_results(started, tmp_path, monkeypatch):
+    """At once, and not at the end of the program, which waits for them."""
+    ended = []
+
+    @contextlib.contextmanager
+    def pool(count):
+        try:
+            with at_once(count) as submit:
+                yield submit
+        finally:
+            ended.append(True)
+
+    monkeypatch.setattr(workers, "pool", pool)
+    monkeypatch.setattr(experiment_report, "save", mock.Mock(side_effect=SystemExit(143)))
+    result = run("power", "--no-ros", "--out", str(tmp_path))
+    assert (result.exit_code, ended) == (143, [True])

@@ -1,25 +1,37 @@
 """Workers end with the process that gives them work."""
 
+import contextlib
 import os
 import pathlib
+import pickle
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
 
+from mrl_driver.errors import MrlError
+from sim_arduino.experiments import workers
 from sim_arduino.experiments.workers import pool
-from tests.waiting import wait_until
+from tests.waiting import PATIENCE_S, wait_until
 
-LONG_S = 600.0
+LONG_S, STEP_S = 600.0, 0.05
+
+
+def sleep_long():
+    """Sleeps in short steps: a signal just before one long sleep would not end it."""
+    end_s = time.monotonic() + LONG_S
+    while time.monotonic() < end_s:
+        time.sleep(STEP_S)
 
 
 def work(folder):
     """Takes long; notes when it begins, and when it is ended."""
     try:
         (folder / "begun").write_text(str(os.getpid()))
-        time.sleep(LONG_S)
+        sleep_long()
         (folder / "done").touch()
     finally:
         (folder / "ended").touch()
@@ -41,6 +53,103 @@ def test_an_interrupt_ends_what_is_begun_and_what_waits(tmp_path):
         wait_until((first / "begun").exists)
         raise KeyboardInterrupt
     assert (first / "ended").exists() and not (first / "done").exists() and not list(second.iterdir())
+
+
+def test_a_worker_that_is_told_to_end_ends_its_work_and_itself(tmp_path):
+    """`timeout` sends its signal to the workers, too; one that waited for more work would keep its parent for ever."""
+    with pool(1) as submit:
+        future = submit(work, tmp_path)
+        begun = tmp_path / "begun"
+        wait_until(lambda: begun.exists() and begun.read_text())
+        os.kill(int(begun.read_text()), signal.SIGTERM)
+        with pytest.raises(MrlError, match="a worker process has ended early"):
+            future.result(PATIENCE_S)
+        with pytest.raises(MrlError, match="a worker process has ended early"):
+            submit(work, tmp_path).result(PATIENCE_S)
+    assert (tmp_path / "ended").exists() and not is_alive(int(begun.read_text()))
+
+
+def stay(folder):
+    """Takes long, and swallows every signal that would end it."""
+    (folder / "begun").write_text(str(os.getpid()))
+    while True:
+        with contextlib.suppress(SystemExit):
+            time.sleep(LONG_S)
+
+
+def test_work_that_does_not_end_is_killed(tmp_path, monkeypatch):
+    monkeypatch.setattr(workers, "GRACE_S", 0.3)
+    with pytest.raises(KeyboardInterrupt), pool(1) as submit:
+        submit(stay, tmp_path)
+        begun = tmp_path / "begun"
+        wait_until(lambda: begun.exists() and begun.read_text())
+        raise KeyboardInterrupt
+    assert not is_alive(int(begun.read_text()))
+
+
+def clean_up(folder):
+    """Takes a moment to end."""
+    try:
+        (folder / "begun").write_text(str(os.getpid()))
+        sleep_long()
+    finally:
+        (folder / "ending").touch()
+        time.sleep(0.2)
+        (folder / "ended").touch()
+
+
+def test_a_second_signal_does_not_interrupt_the_end_of_the_work(tmp_path):
+    """The signal that `timeout` sends to a worker, and then that of the worker's parent."""
+    with pytest.raises(KeyboardInterrupt), pool(1) as submit:
+        submit(clean_up, tmp_path)
+        begun = tmp_path / "begun"
+        wait_until(lambda: begun.exists() and begun.read_text())
+        os.kill(int(begun.read_text()), signal.SIGTERM)
+        wait_until((tmp_path / "ending").exists)
+        raise KeyboardInterrupt
+    assert (tmp_path / "ended").exists()
+
+
+@pytest.fixture
+def sigterm():
+    """SIGTERM ends this thread as it ends `mrl`."""
+    before = signal.signal(signal.SIGTERM, lambda *_: sys.exit(workers.TERMINATED))
+    yield
+    signal.signal(signal.SIGTERM, before)
+
+
+def test_a_signal_that_comes_twice_leaves_the_work_its_time_to_end(tmp_path, monkeypatch, sigterm):
+    """`timeout` sends its signal to the program and then to the program's group."""
+    monkeypatch.setattr(workers, "TWICE_S", PATIENCE_S)
+    me = threading.get_ident()
+
+    def again():
+        wait_until((tmp_path / "ending").exists)
+        signal.pthread_kill(me, signal.SIGTERM)
+
+    second = threading.Thread(target=again)
+    with pytest.raises(SystemExit), pool(1) as submit:
+        submit(clean_up, tmp_path)
+        wait_until((tmp_path / "begun").exists)
+        second.start()
+        signal.raise_signal(signal.SIGTERM)
+    second.join()
+    assert (tmp_path / "ended").exists()
+
+
+def divide(numerator, denominator):
+    return numerator / denominator
+
+
+def test_results_and_errors_come_back_with_the_place_of_the_error():
+    with pool(2) as submit:
+        results = [submit(divide, each, 2) for each in range(5)]
+        wrong, unknown = submit(divide, 1, 0), submit(lambda: None)
+    assert [future.result() for future in results] == [0.0, 0.5, 1.0, 1.5, 2.0]
+    assert isinstance(wrong.exception(), ZeroDivisionError) and "in divide" in str(
+        wrong.exception().__cause__
+    )
+    assert isinstance(unknown.exception(), (AttributeError, pickle.PicklingError))
 
 
 def test_worker_whose_parent_is_killed_ends_its_work_and_itself(tmp_path):

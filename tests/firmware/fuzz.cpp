@@ -18,10 +18,20 @@ uint8_t random_byte() {
   return static_cast<uint8_t>(noise);
 }
 
-int write(uint8_t, const uint8_t*, int, double) { return !absent; }
+// Most of the time an IMU answers as it should.
+constexpr uint8_t WHO_AM_I = 0x75, MPU_6050 = 0x68, GYRO_CONFIG = 0x1B, GYRO_SCALE = 0x08;
+uint8_t pointer;
+
+int write(uint8_t, const uint8_t* data, int, double) {
+  pointer = data[0];
+  return !absent;
+}
 
 int read(uint8_t, uint8_t* data, int count, double) {
   for (int i = 0; i < count; i++) data[i] = random_byte();
+  const bool odd = !(random_byte() & 0x1F);
+  if (pointer == WHO_AM_I && !odd) data[0] = MPU_6050;
+  if (pointer == GYRO_CONFIG && !odd) data[0] = GYRO_SCALE;
   return !absent;
 }
 

@@ -239,7 +239,7 @@ def test_gains_of_command_2_are_parameters(bench):
     assert parameters(board)[5:8] == [1, 2, 3]
 
 
-WITH_MOTOR_BOARD = [name for name in models.names() if not models.load(name).board.get("bridge")]
+WITH_MOTOR_BOARD = [each.name for each in models.driven_models() if not each.board.get("bridge")]
 
 
 @pytest.mark.parametrize("name", WITH_MOTOR_BOARD)

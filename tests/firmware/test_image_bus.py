@@ -7,6 +7,7 @@ import pytest
 from mrl_driver.protocol import encode_request
 from mrl_driver.protocol.table import PARAMETER_BY_NAME
 from sim_arduino.avr.machine import AvrMachine
+from tests.firmware.imu_chip import ImuChip
 
 BUILD = Path(__file__).resolve().parent.parent.parent / "build" / "firmware"
 WRITE_CONFIG = 35
@@ -78,7 +79,7 @@ def test_stop_and_start_instead_of_a_repeated_start(chip):
 
 
 def test_slow_slaves_may_stretch_the_clock(chip):
-    """100 us more for each of nine bytes are within the patience of 5 ms."""
+    """100 us more for each of nine bytes are within the patience of 4 ms."""
     chip.stretch_clock(1600)
     assert counts(chip)[0] == b"@6,258,515e\r\n"
 
@@ -87,7 +88,10 @@ def test_sram_is_left_free():
     """Every build has 900 bytes that nothing touches, after a second of everything."""
     for name in ("mrl_firmware", "mrl_firmware_environment", "mrl_firmware_xbee", "mrl_firmware_hbridge"):
         with AvrMachine(BUILD / f"{name}.elf") as machine:
-            machine.i2c[0x18] = MotorBoard()
-            machine.send(b"@16,1e@18e@5e@31e@12,1,1,1e@99e" + encode_request(36) + encode_request(32, 1))
+            machine.i2c[0x18], machine.i2c[0x69] = MotorBoard(), ImuChip()
+            machine.run(0.1)
+            machine.send(
+                b"@16,1e@18e@47,10e@5e@31e@12,1,1,1e@99e" + encode_request(36) + encode_request(32, 1)
+            )
             machine.run(1.0)
             assert machine.sram_untouched() >= 900, name

@@ -6,6 +6,7 @@ import os
 import pytest
 import yaml
 
+from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
 from mrl_driver.protocol.table import BRIDGES
 from mrl_driver.robot import models
@@ -26,7 +27,7 @@ def load(tmp_path, data):
 def test_packaged_models_load():
     names = models.packaged()
     assert [models.load_packaged(name).name for name in names] == names
-    assert {"duo", "omni", "stingbot", "traxbot"} <= set(names)
+    assert {"duo", "omni", "pioneer", "stingbot", "traxbot"} <= set(names)
 
 
 @pytest.mark.parametrize("name, radius_m", [("traxbot", 0.0390), ("stingbot", 0.0327)])
@@ -67,7 +68,7 @@ def test_no_id_belongs_to_two_models():
 
 
 def test_id_finds_its_model():
-    assert [models.by_id(1), models.by_id(5), models.by_id(6)] == ["traxbot", "stingbot", ""]
+    assert [models.by_id(1), models.by_id(5), models.by_id(6)] == ["traxbot", "stingbot", "pioneer"]
 
 
 def test_unknown_name_lists_the_known():
@@ -91,10 +92,16 @@ def test_unknown_name_lists_the_known():
         ("board", "kp", 700.5, "board.kp is 700.5, expected a whole number from 0 to 32767"),
         ("board", "kp", 40000, "board.kp is 40000"),
         ("body", "tracks", 1, "body.tracks is 1, expected true or false"),
+        ("imu", "gyro_scale", -1.0, "imu.gyro_scale is -1.0, expected a number from 0.8 to 1.25"),
+        ("imu", "gyro_scale_sd", 0.0, "imu.gyro_scale_sd is 0.0, expected a number from 1e-05 to 0.25"),
+        ("imu", "roll_deg", 181, "imu.roll_deg is 181, expected a number from -180 to 180"),
+        ("imu", "z_m", "high", "imu.z_m is 'high', expected a number from -10 to 10"),
+        ("laser", "yaw_deg", 181, "laser.yaw_deg is 181, expected a number from -180 to 180"),
+        ("imu", "chip", "MPU-6050", "key imu.chip is unknown, expected x_m, y_m, z_m, roll_deg"),
     ],
 )
 def test_wrong_value_names_key_value_and_range(tmp_path, traxbot, section, key, value, message):
-    traxbot[section][key] = value
+    traxbot.setdefault(section, {})[key] = value
     with pytest.raises(ConfigError, match=message):
         load(tmp_path, traxbot)
 
@@ -142,9 +149,30 @@ def test_calibrated_keys_are_read(tmp_path, traxbot):
     traxbot["drive"].update(wheel_offset=-0.01, turn_slip=0.1)
     traxbot["noise"] = {"wheel_m2_per_m": 2e-5, "turn_rad2_per_rad": 0.001}
     model = load(tmp_path, traxbot)
-    assert model.noise == models.Noise(2e-5, 0.001)
+    assert model.noise == models.ON_TRACKS._replace(wheel_m2_per_m=2e-5, turn_rad2_per_rad=0.001)
     assert model.drive.right_m_per_count / model.drive.left_m_per_count == pytest.approx(0.995 / 1.005)
     assert model.drive.turning_separation_m == pytest.approx(0.2)
+
+
+def test_an_imu_lies_flat_at_the_origin_if_the_model_does_not_say_more(tmp_path, traxbot):
+    assert load(tmp_path, traxbot).imu == models.ImuMount(gyro_scale=1.0, gyro_scale_sd=0.01)
+    traxbot["imu"] = {"yaw_deg": -90, "gyro_scale": 1.02}
+    assert load(tmp_path, traxbot).imu == models.ImuMount(yaw_deg=-90.0, gyro_scale=1.02)
+
+
+@pytest.mark.parametrize(
+    ("angles", "turned"),
+    [
+        ({"roll_deg": 90}, (1, -3, 2)),
+        ({"pitch_deg": 90}, (3, 2, -1)),
+        ({"yaw_deg": 90}, (-2, 1, 3)),
+        ({"roll_deg": 90, "yaw_deg": 90}, (3, 1, 2)),
+        ({"roll_deg": 90, "pitch_deg": 90}, (2, -3, -1)),
+        ({"roll_deg": 180}, (1, -2, -3)),
+    ],
+)
+def test_an_imu_is_turned_about_fixed_axes_by_roll_then_pitch_then_yaw(angles, turned):
+    assert models.ImuMount(**angles).rotate((1.0, 2.0, 3.0)) == pytest.approx(turned)
 
 
 # ---- other bases
@@ -293,6 +321,24 @@ def test_values_that_do_not_go_together(tmp_path, traxbot, section, values, mess
         load(tmp_path, traxbot)
 
 
+FOURTH = (
+    r"key sonars.rear is unknown, expected front, left, right: a board reads .* firmware/SENSORS.md shows how"
+)
+
+
+def test_fourth_sonar_is_refused_with_what_to_do(tmp_path, traxbot):
+    traxbot["sonars"]["rear"] = {"x_m": -0.1, "y_m": 0.0, "yaw_deg": 180}
+    with pytest.raises(ConfigError, match=f"robot.yaml: {FOURTH}"):
+        load(tmp_path, traxbot)
+
+
+@pytest.mark.parametrize("use", [models.require_supported, lambda model: Driver("/dev/null", model)])
+def test_fourth_sonar_of_a_model_made_in_a_program_is_refused(use):
+    model = models.load("traxbot")
+    with pytest.raises(ConfigError, match=f"robot traxbot: {FOURTH}"):
+        use(model._replace(sonars={**model.sonars, "rear": model.sonars["front"]}))
+
+
 def test_a_robot_need_not_have_all_sonars(tmp_path, traxbot):
     del traxbot["sonars"]["left"]
     assert sorted(load(tmp_path, traxbot).sonars) == ["front", "right"]
@@ -369,6 +415,45 @@ def test_three_wheels_have_no_bridge(tmp_path, omni):
 
 def test_the_firmware_gives_no_bridge_by_default():
     """A board without a bridge and a wiring of its own refuses to move."""
-    for model in models.packaged_models():
+    for model in models.driven_models():
         defaults = models.firmware_defaults(model)
         assert (defaults["bridge"], defaults["wiring"]) == (0, 0)
+
+
+# ---- boards without motors
+
+PIONEER = {"name": "pioneer", "ids": [11], "drive": "none", "build": "environment"}
+
+
+def test_pioneer_is_the_model_of_its_ids():
+    assert {models.by_id(each) for each in range(6, 11)} == {"pioneer"}
+
+
+def test_board_without_motors_has_no_drive_and_no_battery():
+    model = models.load("pioneer")
+    assert (model.drives, models.kind_of(model.drive), model.build) == (False, "none", "environment")
+    assert model.board == {} and model.sonars == {} and math.isnan(model.battery.full_v)
+
+
+@pytest.mark.parametrize("ask", [lambda model: model.base, lambda model: model.differential])
+def test_what_needs_wheels_refuses_a_board_without_motors(ask):
+    with pytest.raises(ConfigError, match="robot pioneer is a board without motors .drive: none.: it has"):
+        ask(models.load("pioneer"))
+
+
+@pytest.mark.parametrize(
+    "changed, message",
+    [
+        ({"limits": {"linear_m_s": 0.3}}, "key limits is unknown, expected name, ids, drive, build"),
+        ({"sonars": {}}, "key sonars is unknown, expected name, ids, drive, build"),
+        ({"build": "sonar"}, "build is 'sonar', expected environment for a board without motors"),
+        ({"drive": "nothing"}, "key board is missing"),
+    ],
+)
+def test_board_without_motors_has_only_what_belongs_to_it(tmp_path, changed, message):
+    with pytest.raises(ConfigError, match=message):
+        load(tmp_path, {**PIONEER, **changed})
+
+
+def test_firmware_has_no_defaults_of_a_board_without_motors():
+    assert "pioneer" not in {model.name for model in models.driven_models()}

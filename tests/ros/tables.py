@@ -36,7 +36,7 @@ def cells_of(row):
         default, allowed = f"{row.default:g}", f"{row.low:g} to {row.high:g}"
     else:
         default = "none: must be given" if row.default is None else str(row.default) or "empty"
-        allowed = ", ".join(map(str, row.choices)) or "text"
+        allowed = ", ".join(str(each) or "empty" for each in row.choices) or "text"
     return [f"~{row.name}", default, allowed, row.unit, row.text]
 
 

@@ -7,6 +7,7 @@ import pytest
 from mrl_driver.robot import models
 from mrl_driver.session.events import MAY_MOVE, WAITS, Stale
 from ros1_bridge.control import commander as module
+from ros1_bridge.robot.services import Services
 from ros1_bridge.status import robot_status
 from ros1_bridge.status.link_report import ERROR, News
 from ros1_bridge.status.robot_status import StatusTeller
@@ -14,13 +15,19 @@ from ros1_bridge.status.robot_status import StatusTeller
 
 def cut_off(may_be_moving):
     """A commander whose driver has lost a board."""
-    driver = SimpleNamespace(ready=False, may_be_moving=may_be_moving, command=None, stop_reason="stale")
-    return module.Commander(driver)
+    return module.Commander(lost(may_be_moving))
+
+
+def lost(may_be_moving):
+    nothing = {"inhibit": lambda *_: None, "allow": lambda *_: None}
+    return SimpleNamespace(
+        ready=False, may_be_moving=may_be_moving, command=None, stop_reason="stale", **nothing
+    )
 
 
 def values_of(commander):
     told = []
-    StatusTeller(commander, told.append, "/robot_node", "port robot 1").tell()
+    StatusTeller(commander, lambda status, _: told.append(status), "/robot_node", "port robot 1").tell()
     return told[0], {pair.key: pair.value for pair in told[0].values}
 
 
@@ -60,3 +67,11 @@ def test_emergency_stop_does_not_hide_it(latched):
 def test_log_says_what_the_robot_may_do(may_move, words):
     told = News().of(Stale(0.3, may_move))
     assert told.level == ERROR and told.message.endswith(words)
+
+
+@pytest.mark.parametrize("may_move", [True, False])
+def test_services_that_stop_do_not_claim_to_have_stopped_it(may_move):
+    driver = lost(may_move)
+    services = Services(driver, module.Commander(driver))
+    for done, text in (services.stop(), services.enable_motors(False)):
+        assert (done, MAY_MOVE in text) == (not may_move, may_move)

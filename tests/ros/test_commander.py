@@ -9,14 +9,19 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import FrameError, LinkLost
 from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits
+from mrl_driver.safety.operation_mode import manual_speed_m_s, reduced
+from mrl_driver.safety.speed_limiter import LONGEST_STEP_S
 from ros1_bridge.control import commander as module
 from ros1_bridge.control.commander import Commander, lowered
 from ros1_bridge.robot import reconfigure
+from ros1_bridge.status.robot_status import state_of
 from sim_arduino.serve import factory
 
 LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
 REQUESTED = dict(zip(reconfigure.LIMITS, (0.1, 0.5, 0.05, 0.2)))
 TIMEOUT_S, FRAME_S = 0.5, 0.02
+ROUNDING_M_S = 0.001
+"""Of speeds on the wire."""
 
 
 class Noted:
@@ -26,7 +31,8 @@ class Noted:
         self.command, self.ready, self.battery_state, self.battery_v = None, True, "ok", 12.0
         self.stops, self.lost, self.may_be_moving = 0, False, False
         self.mismatch, self.stop_reason = None, "none"
-        self.inhibited = set()
+        self.model, self.telemetry = models.load("pioneer"), None
+        self.inhibited, self.limits = set(), LIMITS
 
     def drive(self, *speeds):
         if not self.ready or self.inhibited:
@@ -316,6 +322,65 @@ def test_an_emergency_stop_holds_until_it_is_released(robot):
     robot.commander.release()
     robot.run(FRAME_S, 0.3)
     assert robot.driver.command is not None
+
+
+def test_manual_mode_slows_a_robot_with_the_next_frame_on_the_same_arc(robot):
+    robot.run(2.0, 0.3, 0.6)
+    robot.commander.manual_m_s = 0.1
+    robot.commander.set_manual(True)
+    robot.driver.wait(FRAME_S)
+    assert robot.driver.command == pytest.approx((0.1, 0.2))
+    robot.run(1.0, -9.0)
+    assert robot.driver.command == (-0.1, 0.0)
+
+
+def test_after_manual_mode_the_robot_speeds_up_with_the_next_command_along_the_ramp(robot):
+    robot.commander.manual_m_s = 0.1
+    robot.commander.set_manual(True)
+    robot.run(1.0, 0.3)
+    robot.commander.set_manual(False)
+    robot.run(0.2)
+    assert robot.driver.command == (0.1, 0.0)
+    speeds = []
+    for _ in range(60):
+        robot.run(FRAME_S, 0.3)
+        speeds.append(robot.driver.command[0])
+    steps = [after - before for before, after in zip([0.1, *speeds], speeds)]
+    most_s = LONGEST_STEP_S + FRAME_S  # the step of the command, and that of the frame after it
+    assert max(steps) <= LIMITS.linear_acceleration_m_s2 * most_s + ROUNDING_M_S and speeds[-1] == 0.3
+
+
+def test_limits_that_change_in_manual_mode_hold_after_it(robot):
+    robot.commander.manual_m_s = 0.1
+    robot.commander.set_manual(True)
+    robot.commander.limits = LIMITS._replace(linear_m_s=0.2)
+    assert robot.driver.limits == Limits(0.1, 0.5, 0.2, 1.0)
+    robot.commander.set_manual(False)
+    assert robot.driver.limits == Limits(0.2, 1.0, 0.2, 1.0)
+
+
+def test_a_robot_that_is_slower_than_manual_mode_stays_as_slow():
+    assert reduced(LIMITS, 0.31) == LIMITS
+
+
+@pytest.mark.parametrize("model, speed_m_s", [("traxbot", 0.15), ("stingbot", 0.25)])
+def test_speed_of_manual_mode_is_half_the_robots_but_at_most_a_quarter_metre(model, speed_m_s):
+    assert manual_speed_m_s(models.load(model).limits) == speed_m_s
+
+
+def test_manual_mode_ends_the_drive_to_a_pose_which_is_no_safety_stop(bench):
+    bench.run(0.2, 0.3)
+    bench.commander.seeking = True
+    bench.commander.set_manual(True)
+    assert (bench.driver.stops, bench.commander.seeking) == (1, False)
+    assert bench.commander.stopped_by == module.TO_MANUAL and bench.commander.ready
+    assert not state_of(bench.commander).safety_stop
+
+
+def test_a_robot_that_is_driven_by_hand_is_not_stopped_by_manual_mode(bench):
+    bench.run(0.2, 0.3)
+    bench.commander.set_manual(True)
+    assert bench.driver.stops == 0 and bench.commander.driving
 
 
 def test_limits_are_lowered_never_raised():

@@ -79,11 +79,11 @@ def test_zones_serve_one_caller_at_a_time(monkeypatch, call):
 
 
 @pytest.mark.parametrize(
-    "command, moving", [(None, False), ((0.0, 0.0), False), ((0.1, 0.0), True), ((0.0, 0.2), True)]
+    "command, driving", [(None, False), ((0.0, 0.0), False), ((0.1, 0.0), True), ((0.0, 0.2), True)]
 )
-def test_robot_moves_where_a_command_other_than_standstill_is_in_force(command, moving):
+def test_robot_drives_while_a_command_other_than_standstill_is_in_force(command, driving):
     commander = Commander(SimpleNamespace(command=command))
-    assert commander.moving is moving
+    assert commander.driving is driving
 
 
 def test_disabled_motors_are_named_as_the_cause():

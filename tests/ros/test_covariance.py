@@ -7,38 +7,42 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver.geometry import ORIGIN, advance
+from mrl_driver.geometry import ORIGIN, Pose, advance
 from mrl_driver.robot.covariance import Uncertainty
-from mrl_driver.robot.models import ON_WHEELS, load
+from mrl_driver.robot.models import ON_TRACKS, ON_WHEELS, Noise, load
+from mrl_driver.robot.robot_state import odometry_of
 from ros1_bridge.topics import message_covariance
 from ros1_bridge.topics.message_covariance import UNUSED_VARIANCE, pose_matrix
 
-MODEL = load("stingbot")
-COUNTS_A_METRE = 1 / MODEL.drive.metres_per_count
+RANDOM = Noise(1e-4, 0.0)
+"""Errors of each step are random: 1 cm over 1 m."""
+MODEL = load("stingbot")._replace(noise=RANDOM)
 BASE_M = MODEL.drive.wheel_separation_m
 XX, YY, TT, YT = 0, 7, 35, 11
 
 
-def half(yaw_rad):
-    return math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
+def step(made, pose, right_m, left_m):
+    """The pose after a step of the wheels, which `made` follows."""
+    turn = (right_m - left_m) / BASE_M
+    after = advance(pose, (right_m + left_m) / 2, turn)
+    made.update(pose, after, (right_m, left_m), turn)
+    return after
 
 
 def driven(right_m, left_m, steps=200):
     """The covariance after both wheels went so far at constant speeds."""
-    made = Uncertainty(MODEL)
-    for i in range(1, steps + 1):
-        share = i / steps
-        counts = (right_m * share * COUNTS_A_METRE, left_m * share * COUNTS_A_METRE)
-        made.update(counts, *half((right_m - left_m) * share / BASE_M))
-    return pose_matrix(made.unknowns)
+    made, pose = Uncertainty(MODEL), ORIGIN
+    for _ in range(steps):
+        pose = step(made, pose, right_m / steps, left_m / steps)
+    return pose_matrix(made.spread)
 
 
 def test_standing_robot_is_as_sure_as_at_the_start():
-    made = Uncertainty(MODEL)
-    start = made.unknowns
-    for _ in range(10):
-        made.update((0, 0), 0.0, 1.0)
-    assert made.unknowns == start
+    odometry = odometry_of(MODEL, exact_time=True)
+    start = odometry.uncertainty.spread
+    for i in range(10):
+        odometry.update(5, 5, 0.02 * i)
+    assert odometry.uncertainty.spread == start
 
 
 def test_unused_axes_are_not_measured():
@@ -47,7 +51,7 @@ def test_unused_axes_are_not_measured():
 
 
 def test_yaw_variance_after_a_straight_metre_is_that_of_both_wheels():
-    expected = 2 * ON_WHEELS.wheel_m2_per_m / BASE_M**2
+    expected = 2 * RANDOM.wheel_m2_per_m / BASE_M**2
     assert driven(1.0, 1.0)[TT] == pytest.approx(expected, rel=0.01)
 
 
@@ -61,7 +65,7 @@ def test_covariance_agrees_with_random_wheels():
     """Monte Carlo: 2000 robots whose wheels err independently; 12 % is some four standard errors."""
     rng, steps, ends = random.Random(5), 40, []
     way_m = 1.0 / steps
-    spread = math.sqrt(ON_WHEELS.wheel_m2_per_m * way_m)
+    spread = math.sqrt(RANDOM.wheel_m2_per_m * way_m)
     for _ in range(2000):
         pose = ORIGIN
         for _ in range(steps):
@@ -75,45 +79,58 @@ def test_covariance_agrees_with_random_wheels():
         assert matrix[index] == pytest.approx(variance, rel=0.12)
 
 
-def test_tracks_are_less_sure_than_wheels():
-    made = Uncertainty(load("traxbot"))
-    metres = MODEL.drive.metres_per_count / load("traxbot").drive.metres_per_count
-    made.update((COUNTS_A_METRE * metres,) * 2, 0.0, 1.0)
-    assert made.unknowns[0] > driven(1.0, 1.0, 1)[XX]
+@pytest.mark.parametrize("axis", range(5))
+def test_tracks_are_at_most_as_sure_as_wheels(axis):
+    assert ON_TRACKS[axis] >= ON_WHEELS[axis]
 
 
 def test_a_way_that_was_lost_widens_position_and_yaw():
     """Evenly spread over 0.3 m and 0.6 rad to either side."""
-    spread = Uncertainty(MODEL)
-    xx, xy, xt, yy, yt, tt = spread.unknowns
-    spread.widen(0.3, 0.6)
-    assert spread.unknowns == pytest.approx((xx + 0.03, xy, xt, yy + 0.03, yt, tt + 0.12))
+    made = Uncertainty(MODEL)
+    xx, xy, xt, yy, yt, tt = made.spread
+    made.widen(0.3, 0.6)
+    assert made.spread == pytest.approx((xx + 0.03, xy, xt, yy + 0.03, yt, tt + 0.12))
 
 
 def test_reset_is_as_sure_as_the_start():
-    made = Uncertainty(MODEL)
-    start = made.unknowns
-    made.update((5000, 4000), *half(0.3))
+    made = Uncertainty(load("stingbot"))
+    start = made.spread
+    step(made, ORIGIN, 0.5, 0.4)
     made.reset()
-    assert made.unknowns == start
+    assert made.spread == start
+
+
+def test_reset_to_a_pose_with_a_covariance_goes_on_from_it():
+    made, given = Uncertainty(load("stingbot")), (4e-2, 0.0, 0.0, 9e-2, 0.0, 1e-2)
+    step(made, ORIGIN, 0.5, 0.4)
+    made.reset(given)
+    assert made.spread == given
 
 
 @settings(max_examples=50)
-@given(st.lists(st.tuples(st.integers(-300, 300), st.integers(-300, 300)), max_size=30))
+@given(st.lists(st.tuples(st.floats(-0.03, 0.03), st.floats(-0.03, 0.03)), max_size=30))
 def test_covariance_stays_symmetric_and_positive(moves):
-    made, right, left = Uncertainty(MODEL), 0, 0
-    for move_right, move_left in moves:
-        right, left = right + move_right, left + move_left
-        made.update((right, left), *half((right - left) * MODEL.drive.metres_per_count / BASE_M))
-    m = pose_matrix(made.unknowns)
+    made, pose = Uncertainty(load("stingbot")), ORIGIN
+    for right_m, left_m in moves:
+        pose = step(made, pose, right_m, left_m)
+    m = pose_matrix(made.spread)
     assert all(m[6 * i + j] == m[6 * j + i] for i in range(6) for j in range(6))
     assert m[0] > 0 and m[0] * m[7] - m[1] * m[6] > 0
-    xx, xy, xt, yy, yt, tt = made.unknowns
+    xx, xy, xt, yy, yt, tt = made.spread
     determinant = xx * (yy * tt - yt * yt) - xy * (xy * tt - yt * xt) + xt * (xy * yt - yy * xt)
     assert determinant > 0
 
 
 def test_twist_is_less_sure_at_speed():
-    matrix = message_covariance.twist_matrix(0.3, 0.0)
-    assert matrix[0] > message_covariance.STILL_M2_S2
-    assert matrix[35] == message_covariance.STILL_RAD2_S2
+    made = Uncertainty(load("stingbot"))
+    for _ in range(50):
+        made.stand(0.02)
+    still = made.variances
+    for _ in range(50):
+        made.update(ORIGIN, Pose(0.006, 0.0, 0.02), (0.008, 0.004), 0.02, 0.02)
+    assert made.variances[0] > still[0] > 0 and made.variances[1] > still[1] > 0
+
+
+def test_twist_matrix_has_the_variances_of_the_axes_that_are_measured():
+    matrix = message_covariance.twist_matrix((1.0, 2.0, 3.0))
+    assert [matrix[7 * i] for i in range(6)] == [1.0, 3.0, *[UNUSED_VARIANCE] * 3, 2.0]

@@ -9,7 +9,7 @@ import sys
 import time
 
 import pytest
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 
 from mrl_driver.errors import ConfigError
@@ -30,12 +30,12 @@ def robot(module_rig):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signal_during_the_square_sends_a_stop(robot, number):
-    commands = robot.topic("cmd_vel", Twist)
+    commands = robot.topic("cmd_vel/stamped", TwistStamped)
     view = robot.start("demo_view", sys.executable, str(VIEW), f"__ns:={robot.ns}", "_square:=true")
-    wait_until(lambda: any(message != Twist() for message in commands.messages), START_S)
+    wait_until(lambda: any(message.twist != Twist() for message in commands.messages), START_S)
     view.signal(number)
     wait_until(lambda: view.exit_code is not None, START_S)
-    wait_until(lambda: commands.messages[-1] == Twist(), 2.0)
+    wait_until(lambda: commands.messages[-1].twist == Twist(), 2.0)
 
 
 def shown(user, seen, words, count=1):

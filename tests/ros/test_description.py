@@ -7,12 +7,14 @@ import xml.etree.ElementTree as ElementTree
 
 import pytest
 
-from mrl_driver.robot.models import load, names
+from mrl_driver.errors import ConfigError
+from mrl_driver.robot.models import ImuMount, LaserMount, driven_models, load
 from ros1_bridge.description import urdf
-from ros1_bridge.node.tf_names import JOINTS, OMNI_JOINTS, sonar_frame
+from ros1_bridge.node.tf_names import JOINTS, OMNI_JOINTS, imu_frame, sonar_frame
 
 from .rig import ROOT
 
+NAMES = [model.name for model in driven_models()]
 FILES = [path for path, _ in urdf.files()]
 
 
@@ -48,14 +50,14 @@ def test_check_urdf_accepts(path):
     assert "root Link: base_link" in done.stdout
 
 
-@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize("name", NAMES)
 def test_masses_add_up_to_the_robot(name):
     model = load(name)
     mass = sum(float(each.get("value")) for each in tree(name).iter("mass"))
     assert mass == pytest.approx(model.body.mass_kg + 0.005 * len(model.sonars), rel=1e-3)
 
 
-@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize("name", NAMES)
 def test_inertias_are_those_of_a_body(name):
     for each in tree(name, laser=True).iter("inertia"):
         moments = sorted(float(each.get(key)) for key in ("ixx", "iyy", "izz"))
@@ -91,7 +93,7 @@ def test_three_wheels_roll_across():
         )
 
 
-@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("sonar", ["front", "left", "right"])
 def test_sonar_sits_where_the_node_publishes_it(name, sonar):
     mount, origin = load(name).sonars[sonar], joint(tree(name), f"sonar_{sonar}_joint").find("origin")
@@ -109,6 +111,27 @@ def test_prefix_goes_before_each_link():
 def test_laser_is_optional():
     assert not any(each.get("name") == "laser" for each in tree("traxbot").findall("link"))
     assert any(each.get("name") == "laser" for each in tree("traxbot", laser=True).findall("link"))
+
+
+def test_laser_is_where_the_model_says():
+    model = load("traxbot")._replace(laser=LaserMount(x_m=0.02, y_m=-0.01, z_m=0.1, yaw_deg=90.0))
+    found = joint(ElementTree.fromstring(urdf.render(model, laser=True)), "laser_joint").find("origin")
+    assert found.get("xyz") == "0.02 -0.01 0.1" and found.get("rpy") == "0 0 1.5708"
+
+
+def test_imu_is_where_the_model_says_with_the_axes_of_the_robot():
+    """Readings are in the axes of base_link; a frame with the rotation of the chip would rotate them twice."""
+    mount = ImuMount(x_m=0.03, y_m=-0.01, z_m=0.05, roll_deg=180.0, yaw_deg=90.0)
+    model = load("traxbot")._replace(imu=mount)
+    robot = ElementTree.fromstring(urdf.render(model, prefix="robot1/", imu=True))
+    found = joint(robot, "imu_joint")
+    assert found.find("child").get("link") == imu_frame("robot1/base_link") == "robot1/imu_link"
+    origin = found.find("origin")
+    assert (numbers(origin, "xyz"), numbers(origin, "rpy")) == ([0.03, -0.01, 0.05], [0.0, 0.0, 0.0])
+
+
+def test_imu_is_optional():
+    assert not any(each.get("name") == "imu_link" for each in tree("traxbot").findall("link"))
 
 
 def test_node_prints_the_description():
@@ -129,3 +152,10 @@ def test_unknown_model_costs_one_line():
 def test_check_is_a_command():
     command = [sys.executable, "-m", "ros1_bridge.description", "--check"]
     assert subprocess.run(command, cwd=ROOT).returncode == 0
+
+
+def test_board_without_motors_has_no_description():
+    with pytest.raises(
+        ConfigError, match="pioneer is a board without motors .* start this one with description:=false"
+    ):
+        urdf.render(load("pioneer"))

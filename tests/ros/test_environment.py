@@ -3,22 +3,18 @@
 import math
 
 import pytest
-import rospy
 from diagnostic_msgs.msg import DiagnosticArray, KeyValue
 from geometry_msgs.msg import Twist
 from hypothesis import given
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import Imu
-from std_msgs.msg import Float32, Float32MultiArray, UInt16
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.protocol.table import BY_NAME, SENSORS
 from ros1_bridge.robot import xbee
 from ros1_bridge.topics import sensor_topics
+from ros1_bridge.topics.sensor_topics import KINDS
 from tests.waiting import wait_until
-
-from .rig import ROOT
 
 COMPASS = sensor_topics.load()["compass"]
 
@@ -99,31 +95,13 @@ def test_text_that_the_wire_cannot_carry_is_refused(value):
         xbee.send_request(KeyValue("1", value))
 
 
-def test_board_of_2013_with_environment_sensors_has_no_topics_of_ranges(rig, tmp_path):
-    """It does not tell its build; its robot id does."""
-    text = (ROOT / "mrl_driver" / "robot" / "models" / "traxbot.yaml").read_text()
-    model = tmp_path / "carrier.yaml"
-    model.write_text(text.replace("ids: [1, 2, 3]", "ids: [7]"))
-    port = rig.board("--robot", str(model), "--profile", "2013-august", "--environment").port
-    odometry = rig.topic("odom", Odometry)
-    node = rig.node(port, f"_robot:={model}", "_ignore_battery:=true")
-    wait_until(lambda: odometry.arrived or node.exit_code is not None)
-    assert odometry.arrived, node.last_words()
-    assert not [name for name, _ in rospy.get_published_topics(rig.ns) if "/sonar/" in name]
-
-
 @pytest.fixture(scope="module")
 def robot(module_rig):
     rig = module_rig
     port = rig.board("--environment", "--robot", "traxbot").port
-    kinds = {
-        "alcohol": UInt16,
-        "dust": Float32,
-        "light": UInt16,
-        "thermopile": Float32MultiArray,
-        "compass": Imu,
+    rig.sensors = {
+        name: rig.topic(name, KINDS[each.type].message) for name, each in sensor_topics.load().items()
     }
-    rig.sensors = {name: rig.topic(name, kind) for name, kind in kinds.items()}
     rig.process = rig.node(port)
     rig.publisher("cmd_vel", Twist)
     return rig

@@ -10,23 +10,28 @@ import pytest
 import rosgraph
 from click.testing import CliRunner
 
+from mrl_driver.calibration.sonar_curve import THESIS
 from mrl_driver.cli.main import registered
 from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.geometry import Pose
+from mrl_driver.navigation.waypoint_tour import DONE
+from mrl_driver.robot.models import load
 from mrl_driver.robot.sonar import NAMES
-from ros1_bridge.experiments import legs, team_node
+from ros1_bridge.experiments import course_node, legs, sonar_node, square_node, team_node
 from ros1_bridge.experiments.experiment_processes import Parts, environment
+from ros1_bridge.experiments.one_robot_node import TimedPoses
 from ros1_bridge.experiments.wire_log import command_s, commanded, odometry_s, read, sent
-from sim_arduino.experiments import cli, workers
+from sim_arduino.experiments import cli, disturbances, l_course, sonar_approach, square, workers
 from sim_arduino.experiments.experiment_report import Result
 from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.experiments.team import Member
+from sim_arduino.hardware.sonars import HALF_CONE_RAD
 from tests.experiments.pools import at_once
 from tests.waiting import wait_until
 
 from .rig import START_S
 
-START, AHEAD_M, NEAR_M = Pose(-1.0, 0.5, math.pi / 2), 0.15, 0.06
+START, AHEAD_M, NEAR_M, DRIVE_S = Pose(-1.0, 0.5, math.pi / 2), 0.15, 0.06, 60.0
 HOST, BOARD = "host", "board"
 
 
@@ -37,27 +42,86 @@ def parts(master, tmp_path, monkeypatch):
         yield made
 
 
-def test_real_robot_reaches_a_goal_of_the_map_and_its_mirror_follows(parts):
-    """Board, robot node, go_to_goal and world node: odometry that begins elsewhere, what is heard, truth."""
+def test_real_robot_reaches_a_waypoint_of_the_map_and_its_mirror_follows(parts):
+    """Board, robot node, go_to_goal, follow_waypoints and world node: odometry that begins elsewhere, what is heard."""
     with ExitStack() as stack:
         member = Member("real1", START, virtual=False)
-        (player,) = team_node.gather(stack, parts, Setting(""), [member], navigated=True).players
+        made = team_node.gather(stack, parts, Setting(""), [member], navigated=True)
         master = rosgraph.Master("/tests")
         wait_until(
             lambda: {f"/real1/heard/{name}" for name in NAMES} <= heard_by(master, "/real1/go_to_goal")
         )
         goal = START.compose(AHEAD_M, 0.0)
-        seek = player.robot.seek(goal)
-
-        def ended():
-            step = seek(player.ranges())
-            player.step(step.speeds)
-            return step if step.reached or step.blocked else None
-
-        assert wait_until(ended).reached and not player.bumps
+        team_node.begin_tour(parts, "real1", [goal])
+        (player,) = made.players
+        team_node.watch(made, DRIVE_S, lambda _: player.robot.tour == DONE)
+        assert (player.robot.visits, player.bumps) == (1, 0)
         (mirror,) = player.virtual.robots()
         for pose in player.robot.true_pose, player.robot.pose, mirror.pose:
             assert math.dist(pose[:2], goal[:2]) < NEAR_M
+
+
+def test_lap_through_ros_ends_where_its_odometry_does_not(parts, monkeypatch):
+    """A right wheel that is 5 % smaller turns the robot by 0.05 * 0.4 m / 0.18 m to the right."""
+    monkeypatch.setattr(square_node, "POINTS", ((0.4, 0.0),))
+    monkeypatch.setattr(square_node, "STOP_S", 0.5)
+    monkeypatch.setattr(
+        square, "LIKE_PUBLISHED", {"wheel_ratio": 0.95, "axle": 1.0, "noise": 0, "turn_noise": 0}
+    )
+    error = square_node.lap(parts, Setting("", seed=1))
+    assert error.yaw_rad == pytest.approx(-0.11, abs=0.02) and error.y_m == pytest.approx(-0.022, abs=0.006)
+
+
+@pytest.fixture
+def course(parts, monkeypatch):
+    """The record of the first 20 cm of the L-course."""
+    monkeypatch.setattr(l_course, "WAYPOINTS", ((0.5, 0.5),))
+    monkeypatch.setattr(course_node, "STOP_S", 0.3)
+    return course_node.drive(parts, Setting("", seed=1))
+
+
+def test_course_through_ros_has_the_pose_of_each_reading(course):
+    """The wall ahead is at 2 m, the side walls at 0 and 1 m; a sonar measures along the side of its cone.
+
+    The first message of a sonar may be NaN, because it has not measured yet.
+    """
+    beyond_m = [
+        true.x_m + ranges[len(ranges) // 2] * math.cos(true.yaw_rad) for _, ranges, true in course.scans
+    ]
+    assert beyond_m == pytest.approx([2.0] * len(beyond_m), abs=0.04) and len(beyond_m) > 10
+    measured = [cone for cone in course.cones if not math.isnan(cone[1])]
+    for by_odometry, range_m, true in measured:
+        aside_m = true.y_m if math.sin(true.yaw_rad) < 0 else 1.0 - true.y_m
+        assert range_m == pytest.approx(aside_m / math.sin(abs(true.yaw_rad) + HALF_CONE_RAD), abs=0.06)
+        assert math.dist(by_odometry[:2], true[:2]) < 0.03
+    assert {math.copysign(1, true.yaw_rad) for _, _, true in measured} == {-1, 1}
+    assert course.path[0] == Pose(0.3, 0.5, 0.0) and course.path[-1].x_m == pytest.approx(0.5, abs=0.03)
+    assert math.dist(course.path[-1][:2], course.true_path[-1][:2]) < 0.03
+
+
+def test_course_without_readings_names_the_silent_topic(master):
+    sensors = course_node.Sensors(load("traxbot"))
+    with pytest.raises(MrlError, match="sonar/left"):
+        sensors.close()
+
+
+def test_pose_of_a_message_is_between_those_before_and_after_it():
+    poses = TimedPoses()
+    poses.add(1.0, Pose(0.0, 1.0, 3.0))
+    poses.add(2.0, Pose(1.0, 1.0, -3.0))
+    (at,) = poses.at([1.25])
+    assert tuple(at) == pytest.approx((0.25, 1.0, 3.0 + (2 * math.pi - 6.0) / 4))
+
+
+def test_sonar_that_approaches_a_wall_through_ros_has_its_hidden_curve(parts, monkeypatch):
+    monkeypatch.setattr(sonar_node, "PLAN", sonar_node.PLAN._replace(start_m=0.6, stop_m=0.5, step_m=0.1))
+    monkeypatch.setattr(type(sonar_node.PLAN), "distances", lambda plan: [plan.start_m, plan.stop_m])
+    monkeypatch.setattr(sonar_node, "FRESH_S", 0.4)
+    monkeypatch.setattr(disturbances, "sonar_curve", lambda _: {"gain": 0.7, "exponent": 1.0, "offset": 0.0})
+    ranges, distances = sonar_node.readings(parts, Setting("", seed=1))
+    counts = sonar_approach.hidden_curve(1).counts(distances)
+    assert distances == pytest.approx([0.6, 0.5], abs=0.01)
+    assert ranges == pytest.approx(THESIS.range_m(counts).tolist(), abs=0.04)
 
 
 def heard_by(master, node):
@@ -134,7 +198,7 @@ def experiment(monkeypatch, tmp_path):
 
 
 def test_without_ros_a_line_names_what_runs_without_it(without_ros, experiment):
-    result, through_ros = experiment("square", "mixed-team")
+    result, through_ros = experiment("power", "mixed-team")
     (line,) = result.stderr.splitlines()
     assert "rospy" in line and line.endswith("mixed-team") and "install" in line
     assert through_ros == [False, False]
@@ -147,7 +211,7 @@ def test_an_experiment_with_ros_needs_rospy(without_ros, experiment):
 
 
 def test_experiments_that_are_not_about_ros_do_not_ask_for_it(without_ros, experiment):
-    result, through_ros = experiment("square", "--ros")
+    result, through_ros = experiment("power", "--ros")
     assert through_ros == [False] and not result.stderr
 
 

@@ -6,22 +6,28 @@ import signal
 import actionlib
 import pytest
 import rospy
-from geometry_msgs.msg import PoseStamped, Quaternion, Twist
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseArray, PoseStamped, Quaternion, Twist
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from move_base_msgs.msg import MoveBaseAction, MoveBaseActionResult, MoveBaseGoal
 from nav_msgs.msg import Odometry, Path
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 from mrl_driver.geometry import Pose, advance
 from mrl_driver.navigation import goal_seeker
 from mrl_driver.navigation.goal_seeker import GoalSeeker
 from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits
+from ros1_bridge.navigation.go_to_goal_node import IN_MANUAL_MODE, OdometryGap
 from ros1_bridge.node.plane_poses import planar, yaw_of
+from sim_arduino.world.shapes import Footprint, Wall
+from sim_arduino.world.world import World
+from tests.navigation.drive import drive
+from tests.navigation.goals import Judge
 from tests.waiting import wait_until
 
-from .rig import START_S
+from .rig import ROOT, START_S
 from .tables import Offered, first_two, table
 
 LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
@@ -109,6 +115,8 @@ def driven(module_rig, tmp_path_factory):
     rig.plans = rig.topic("plan", Path)
     rig.seeker = rig.go_to_goal("_patience:=4")
     rig.client = client_of(rig.ns)
+    node = Offered(rig, "go_to_goal")
+    wait_until(lambda: "waypoints" in node.topics(1), step_s=0.05)  # the last that it takes, after its action
     return rig
 
 
@@ -120,6 +128,30 @@ def robot(driven):
     wait_until(lambda: reset().success, step_s=0.1)
     wait_until(lambda: distance(driven, 0.0, 0.0) < 1e-3)
     return driven
+
+
+def gap_of(pose, heard_s, now_s):
+    """The judgement of a pose, two seconds after odometry fell silent."""
+    gap = OdometryGap(LIMITS)
+    assert not gap.update(Pose(1.0, 0.0, 0.0), 0.0, 2.0)
+    assert gap.waiting and not gap.why
+    return gap, gap.update(pose, heard_s, now_s)
+
+
+def test_goal_goes_on_when_odometry_comes_back():
+    gap, drives_on = gap_of(Pose(1.2, 0.0, 0.5), 2.0, 2.05)
+    assert drives_on and not gap.waiting
+
+
+@pytest.mark.parametrize("pose", [Pose(0.0, 0.0, 0.0), Pose(1.0, 0.0, 3.0)], ids=["place", "heading"])
+def test_goal_ends_when_odometry_began_anew(pose):
+    gap, drives_on = gap_of(pose, 2.0, 2.05)
+    assert not drives_on and gap.why.startswith("odometry began again")
+
+
+def test_goal_ends_when_odometry_does_not_come_back():
+    gap, drives_on = gap_of(Pose(1.0, 0.0, 0.0), 0.0, 3.1)
+    assert not drives_on and gap.why == "odometry has stopped"
 
 
 def client_of(ns):
@@ -175,6 +207,24 @@ def test_goal_that_cannot_be_had_ends_the_one_before(robot, x, frame, text):
     wait_until(lambda: twists.messages[-1] == Twist())
 
 
+def test_manual_mode_cancels_the_goal_and_refuses_others(robot):
+    twists, mode = robot.topic("cmd_vel", Twist), rospy.ServiceProxy(f"{robot.ns}/manual_mode", SetBool)
+    far = MoveBaseGoal(goal(robot, 2.0, 0.1))
+    robot.client.send_goal(far)
+    drives(robot.client, twists)
+    assert mode(True).success
+    try:
+        assert robot.client.wait_for_result(rospy.Duration(START_S))
+        assert robot.client.get_state() == actionlib.GoalStatus.PREEMPTED
+        wait_until(lambda: twists.messages[-1] == Twist())
+        state = robot.client.send_goal_and_wait(far, rospy.Duration(START_S))
+        assert (state, robot.client.get_goal_status_text()) == (actionlib.GoalStatus.ABORTED, IN_MANUAL_MODE)
+    finally:
+        mode(False)
+    state = robot.client.send_goal_and_wait(MoveBaseGoal(goal(robot, 0.1, 0.0)), rospy.Duration(START_S))
+    assert state == SUCCEEDED, robot.client.get_goal_status_text()
+
+
 def test_goal_in_the_robots_frame_is_ahead_of_it(robot):
     at = robot.odom.messages[-1].pose.pose
     ahead = planar(at).compose(0.1, 0.0)
@@ -221,6 +271,21 @@ def test_cancelled_goal_stops_the_robot(robot):
     wait_until(lambda: twists.messages[-1] == Twist())
 
 
+def test_drive_to_goals_is_judged_by_true_poses(robot):
+    """What `make test-navigation` does with the real move_base: a goal that is reached, and one that takes too long."""
+    judge = Judge(World([Wall(99, -9, 99, 9)]), Footprint(0.2, 0.2))
+    seen = rospy.Subscriber(
+        f"{robot.ns}/odom", Odometry, lambda message: judge.see(planar(message.pose.pose))
+    )
+    at = robot.odom.messages[-1].pose.pose.position
+    near, far, frame = (at.x + 0.1, at.y, 0.0), (at.x + 9.0, at.y, 0.0), f"{robot.name}/odom"
+    (there,) = drive(robot.client, judge, [near], START_S, frame)
+    (late,) = drive(robot.client, judge, [far], 0.2, frame)
+    assert there.reached and there.error_m < PLACE_M and not there.contact
+    seen.unregister()
+    assert not late.succeeded and late.error_m > 8.0
+
+
 def test_goal_of_rviz_is_taken(robot):
     robot.publisher("move_base_simple/goal", PoseStamped).publish(goal(robot, 0.5, 0.1))
     wait_until(lambda: distance(robot, 0.5, 0.1) < PLACE_M)
@@ -240,6 +305,37 @@ def test_waypoints_are_visited_in_turn(robot):
     wait_until(arrived, 60.0)
     ways = [plan.poses[-1].pose.position.x for plan in robot.plans.messages[-2:]]
     assert ways == pytest.approx([at.x + 0.1, at.x + 0.2])
+
+
+def test_follow_waypoints_drives_through_its_list_and_stops_the_robot_when_it_ends(robot):
+    """Its list is a parameter at first; then a topic brings another one."""
+    name, frame = f"{robot.ns}/follow_waypoints", f"{robot.name}/odom"
+    rospy.set_param(name, {"waypoints": [[0.1, 0, 0], [0.2, 0, 0]], "map_frame": frame})
+    node = robot.start(
+        "follow", str(ROOT / "ros1_bridge" / "nodes" / "follow_waypoints"), f"__ns:={robot.ns}"
+    )
+    status, twists = robot.topic("waypoint_status", DiagnosticStatus), robot.topic("cmd_vel", Twist)
+    ended = robot.topic("move_base/result", MoveBaseActionResult)
+    ended.wait_for_publisher()
+
+    def said(state):
+        return any(message.message == state for message in status.messages)
+
+    wait_until(lambda: said("done"), 60.0)
+    assert distance(robot, 0.2, 0.0) < PLACE_M
+    offered = Offered(robot, "follow_waypoints")
+    rows = table("## Node `follow_waypoints`", "topic")
+    for index, way in enumerate(("out", "in")):
+        own = {k: kind for k, kind in offered.topics(index).items() if not k.startswith("move_base/")}
+        assert own == first_two([row for row in rows if row[2] == way])
+    assert offered.services() == first_two(table("## Node `follow_waypoints`", "service"))
+    robot.publisher("waypoint_poses", PoseArray).publish(poses=[goal(robot, 3.0, 0.1).pose])
+    wait_until(lambda: said("driving") and twists.messages[-1] != Twist())
+    node.signal(signal.SIGINT)
+    assert node.wait(START_S)
+    rospy.delete_param(name)
+    wait_until(lambda: ended.messages[-1].status.status == actionlib.GoalStatus.PREEMPTED)
+    wait_until(lambda: twists.messages[-1] == Twist())
 
 
 def test_node_that_ends_while_it_drives_ends_in_peace(robot):

@@ -1,7 +1,7 @@
 """Launch files: roslaunch-check finds nothing, each argument is documented, and they start what they say.
 
-Packages that Debian lacks are stood in for by empty ones, made for the test; so is `rosversion`, a second's work that
-roslaunch asks for with each file.
+Packages that Debian lacks are stood in for by empty nodes, made for the test; what these take is in
+test_launch_packages.py.  `rosversion` and `need_packages`, which roslaunch runs with each file, are stood in for too.
 """
 
 import os
@@ -21,31 +21,18 @@ from mrl_driver.robot import models
 from ros1_bridge.node.robot_parameters import ROWS
 from tests.waiting import wait_until
 
+from . import stand_ins
 from .rig import ROOT, without_broken_connections
 
 LAUNCH = ROOT / "ros1_bridge" / "launch"
 FILES = sorted(LAUNCH.glob("*.launch"))
-STAND_INS = {
-    "amcl": "amcl",
-    "gmapping": "slam_gmapping",
-    "hector_mapping": "hector_mapping",
-    "joy": "joy_node",
-    "map_server": "map_server",
-    "move_base": "move_base",
-    "wiimote": "wiimote_node.py",
-}
+ROSRUN = """#!/bin/sh
+[ "$2" = need_packages ] || exec /usr/bin/rosrun "$@"
+shift 2; echo "$@"
+"""
 LINKS = (("base_link", "odom"), ("sonar_left", "base_link"), ("left_wheel", "base_link"))
 """Some frames with their parents: one of the node, one that stands still, one that turns."""
 TROUBLE = ("FAILURE", "cannot find", "unable to find", "Missing", "Traceback", "WARNING")
-VARIANTS = [
-    ("slam.launch", "method:=hector", "hector_mapping"),
-    ("slam.launch", "method:=gmapping", "slam_gmapping"),
-    ("teleop_joystick.launch", "layout:=wiimote", "wiimote_node"),
-    ("teleop_joystick.launch", "layout:=ps3", "joy_node"),
-    ("traxbot.launch", "laser:=true", "robot_state_publisher"),
-    ("robot.launch", "robot:=auto", "robot_node"),
-    ("navigation.launch", "robot:=stingbot", "move_base"),
-]
 
 
 def program(path, text):
@@ -58,12 +45,9 @@ def program(path, text):
 def packages(tmp_path_factory):
     """Environment in which this repository and the stand-ins are packages, in this process too."""
     folder = tmp_path_factory.mktemp("packages")
-    for package, node in STAND_INS.items():
-        (folder / package).mkdir()
-        text = f"<package format='2'><name>{package}</name><version>1.0.0</version></package>"
-        (folder / package / "package.xml").write_text(text)
-        program(folder / package / node, "#!/bin/sh\n")
+    stand_ins.install(folder)
     program(folder / "rosversion", "#!/bin/sh\necho 1.15.15\n")
+    program(folder / "rosrun", ROSRUN)
     own = {
         "ROS_PACKAGE_PATH": os.pathsep.join((str(ROOT), str(folder))),
         "PATH": os.pathsep.join((str(folder), os.environ["PATH"])),
@@ -95,12 +79,6 @@ def test_roslaunch_check_finds_nothing(packages, tmp_path):
     assert all(f"checking {path}" in said for path in FILES)
 
 
-@pytest.mark.parametrize("file, argument, node", VARIANTS, ids=lambda each: str(each))
-def test_variant_has_its_node(file, argument, node, packages):
-    more = ["map:=map.yaml"] if file == "navigation.launch" else []
-    assert f"/{node}" in nodes_of(file, argument, *more)
-
-
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_each_argument_is_documented_and_listed(path, packages):
     listed = arg_dump.get_args([str(path)])
@@ -123,10 +101,18 @@ def test_parameters_of_the_launch_file_are_those_of_the_node(packages):
     assert given == {row.name for row in ROWS}
 
 
-@pytest.mark.parametrize("name", models.packaged())
+@pytest.mark.parametrize("name", [model.name for model in models.driven_models()])
 def test_description_of_a_packaged_model_is_the_committed_file(name, packages):
     shown = loaded("describe.launch", f"robot:={name}").params["/robot_description"].value
     assert shown == (ROOT / "ros1_bridge" / "urdf" / f"{name}.urdf").read_text()
+
+
+def test_board_without_motors_starts_without_a_description(packages):
+    assert nodes_of("robot.launch", "robot:=pioneer") == {"/robot_node"}
+
+
+def test_description_has_the_imu_if_it_is_asked_for(packages):
+    assert '"imu_link"' in loaded("describe.launch", "imu:=true").params["/robot_description"].value
 
 
 def test_description_of_a_models_own_file_is_rendered(packages, tmp_path):
@@ -134,6 +120,12 @@ def test_description_of_a_models_own_file_is_rendered(packages, tmp_path):
     own.write_text((ROOT / "mrl_driver" / "robot" / "models" / "traxbot.yaml").read_text())
     shown = loaded("robot.launch", f"robot:={own}").params["/robot_description"].value
     assert "sonar_left" in shown
+
+
+def test_mount_of_the_imu_is_described_if_the_node_does_not_publish_it(packages):
+    params = loaded("robot.launch", "robot:=traxbot", "publish_imu_mount:=false").params
+    assert params["/robot_node/publish_imu_mount"].value is False
+    assert "imu_link" in params["/robot_description"].value
 
 
 def test_unknown_model_is_named(packages, capfd):

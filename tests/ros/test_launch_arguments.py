@@ -87,3 +87,21 @@ def test_arguments_of_the_line_are_listed(file, monkeypatch):
     monkeypatch.setattr(substitution_args, "_rospack", None)
     listed = set(arg_dump.get_args([str(LAUNCH / file)]))
     assert {"fast", "respawn"} | ({"baud"} if file != "sim.launch" else set()) <= listed
+
+
+@pytest.mark.parametrize("imu, options", [("true", ["--imu", "--imu-seed=0"]), ("false", [])])
+@pytest.mark.parametrize("file", ["sim.launch", "team.launch"])
+def test_emulated_robots_have_an_imu_if_asked(config_of, file, imu, options):
+    nodes = [node for node in config_of(LAUNCH / file, f"imu:={imu}").nodes if node.name == "sim_board"]
+    assert len(nodes) == (1 if file == "sim.launch" else 3)
+    for node in nodes:
+        assert [option for option in node.args.split() if "imu" in option] == options
+
+
+def test_build_reaches_the_board_the_node_and_the_description(config_of):
+    """An emulated board of 2013 with environment sensors: its description has no sonars."""
+    config = config_of(LAUNCH / "sim.launch", "profile:=2013-august", "build:=environment")
+    (board,) = (node for node in config.nodes if node.name == "sim_board")
+    assert "--profile 2013-august" in board.args and "--environment" in board.args
+    assert config.params["/robot_node/build"].value == "environment"
+    assert "sonar" not in config.params["/robot_description"].value

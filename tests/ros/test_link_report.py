@@ -9,9 +9,10 @@ from genpy import Time
 
 from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
+from mrl_driver.robot.imu import IN_USE, SILENT
 from mrl_driver.robot.odometry import Twist, Wheels
 from mrl_driver.robot.robot_state import Telemetry
-from mrl_driver.session.events import Lost, PathUnknown, Ready, Reconnected, Reply, Stale
+from mrl_driver.session.events import ImuChanged, Lost, PathUnknown, Ready, Reconnected, Reply, Stale
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.link_counters import Counters
 from ros1_bridge.node.robot_parameters import check
@@ -40,8 +41,18 @@ def telemetry(sequence):
         ((LOST, BACK, RESTARTED), [ERROR, OK, WARN]),
         ((PathUnknown(3.0, 0.9, 1.0),), [WARN]),
         ((Reply(()),), [None]),
+        ((ImuChanged(False, SILENT, "lost"), ImuChanged(True, IN_USE, "back")), [WARN, OK]),
     ],
-    ids=["silent", "restarted", "silent, no check value", "lost", "restarted later", "lost way", "a reply"],
+    ids=[
+        "silent",
+        "restarted",
+        "silent, no check value",
+        "lost",
+        "restarted later",
+        "lost way",
+        "a reply",
+        "IMU",
+    ],
 )
 def test_events_are_told_once(events, levels):
     news = News()

@@ -1,25 +1,119 @@
-"""The shipped parameters of move_base, by the sums that its planner makes of them."""
+"""The shipped parameters of move_base and amcl: each has its reason, and they fit the robots."""
+
+import math
+import re
 
 import pytest
 import yaml
 
+from mrl_driver.robot import models
+from mrl_driver.robot.models import OmniDrive
+
 from .rig import ROOT
 
 FOLDER = ROOT / "ros1_bridge" / "navigation"
+ROBOTS = ("traxbot", "stingbot", "omni", "duo")
+LAYERS = ("layers_laser.yaml", "layers_sonars.yaml", "layers_both.yaml")
 INSCRIBED_COST = 253
 """costmap_2d gives this cost to a place where the robot just touches nothing; lethal ones are above it."""
+HALF_DOOR_M = 0.35
+"""The doors of the world `house` are 0.7 m wide."""
+SONAR_PERIOD_S = 0.3
+PARAMETER = re.compile(r"\s*(- )?[\w{]+: *[^\s&*#]")
 
 
 def parameters(name):
     return yaml.safe_load((FOLDER / name).read_text())
 
 
-@pytest.mark.parametrize("model", ["traxbot", "stingbot"])
-def test_a_narrow_door_costs_less_than_the_way_through_it_gains(model):
+def planner_of(robot):
+    common, own = (parameters(f"{name}.yaml")["TrajectoryPlannerROS"] for name in ("move_base", robot))
+    return {**common, **own}
+
+
+@pytest.fixture(params=ROBOTS)
+def robot(request):
+    return request.param
+
+
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.yaml")), ids=lambda path: path.stem)
+def test_each_parameter_has_its_reason(path):
+    lines = [line for line in path.read_text().splitlines() if PARAMETER.match(line)]
+    assert [line for line in lines if not re.search(r"  # \S", line)] == []
+
+
+def test_a_narrow_door_costs_less_than_the_way_through_it_gains(robot):
     """The planner adds both.  If the walls beside a door outweigh one trajectory, the robot stands before it."""
-    planner = {
-        **parameters("move_base.yaml")["TrajectoryPlannerROS"],
-        **parameters(f"{model}.yaml")["TrajectoryPlannerROS"],
-    }
-    gain = planner["gdist_scale"] * planner["max_vel_x"] * planner["sim_time"]
+    planner = planner_of(robot)
+    gain = planner["goal_distance_bias"] * planner["max_vel_x"] * planner["sim_time"]
     assert planner["occdist_scale"] * INSCRIBED_COST < gain
+
+
+def test_speeds_and_accelerations_are_the_models(robot):
+    planner, limits = planner_of(robot), models.load_packaged(robot).limits
+    assert planner["max_vel_x"] == limits.linear_m_s
+    assert (planner["max_vel_theta"], -planner["min_vel_theta"]) == (limits.angular_rad_s,) * 2
+    assert planner["acc_lim_x"] == limits.linear_acceleration_m_s2
+    assert planner["acc_lim_theta"] == limits.angular_acceleration_rad_s2
+    assert planner["min_vel_x"] < planner["max_vel_x"]
+    assert planner["min_in_place_vel_theta"] < planner["max_vel_theta"]
+
+
+def test_only_a_base_that_can_is_driven_sideways(robot):
+    planner, model = planner_of(robot), models.load_packaged(robot)
+    assert planner["holonomic_robot"] == isinstance(model.drive, OmniDrive)
+    if planner["holonomic_robot"]:
+        speeds = [float(part) for part in planner["y_vels"].split(",")]
+        assert sorted(speeds) == speeds and {-speed for speed in speeds} == set(speeds)
+        assert max(speeds) <= model.limits.lateral_m_s
+        assert planner["acc_lim_y"] == model.limits.linear_acceleration_m_s2
+    else:
+        assert "y_vels" not in planner
+
+
+def test_radius_holds_the_body_and_fits_through_a_door(robot):
+    body = models.load_packaged(robot).body
+    for costmap in ("global_costmap", "local_costmap"):
+        given = parameters(f"{robot}.yaml")[costmap]
+        assert math.hypot(body.length_m, body.width_m) / 2 < given["robot_radius"] < HALF_DOOR_M
+        assert given["inflation"]["inflation_radius"] > given["robot_radius"]
+
+
+def test_local_costmap_holds_what_the_planner_looks_at(robot):
+    planner, window = planner_of(robot), parameters("move_base.yaml")["local_costmap"]
+    assert planner["max_vel_x"] * planner["sim_time"] < min(window["width"], window["height"]) / 2
+
+
+@pytest.mark.parametrize("name", LAYERS)
+@pytest.mark.parametrize("costmap", ["global_costmap", "local_costmap"])
+def test_inflation_is_the_last_layer(name, costmap):
+    """It works on what the layers before it have marked."""
+    assert parameters(name)[costmap]["plugins"][-1]["name"] == "inflation"
+
+
+@pytest.mark.parametrize("name", LAYERS)
+def test_recovery_clears_the_lasers_layer_alone(name):
+    """Cells of the sonar layer that are cleared become unknown; the layer takes that for certainly occupied."""
+    given = parameters(name)
+    behaviours = given.get(
+        "recovery_behaviors", [{"name": "conservative_reset"}, {"name": "aggressive_reset"}]
+    )
+    cleared = {layer for each in behaviours for layer in given.get(each["name"], {}).get("layer_names", [])}
+    layers = {plugin["name"] for plugin in given["global_costmap"]["plugins"]}
+    assert cleared == layers & {"obstacles"}
+
+
+def test_without_a_laser_the_walls_come_from_the_map():
+    plugins = parameters("layers_sonars.yaml")["local_costmap"]["plugins"]
+    assert "costmap_2d::StaticLayer" in {plugin["type"] for plugin in plugins}
+
+
+def test_silent_sonars_stop_move_base_and_one_lost_reading_does_not():
+    sonars = parameters("sonar_layer.yaml")["sonars"]
+    assert 2 * SONAR_PERIOD_S < sonars["no_readings_timeout"] <= 2.0
+    assert sonars["clear_on_max_reading"]
+
+
+def test_obstacles_are_cleared_farther_than_they_are_marked():
+    scan = parameters("laser_layer.yaml")["obstacles"]["scan"]
+    assert scan["obstacle_range"] < scan["raytrace_range"]

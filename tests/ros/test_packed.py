@@ -7,14 +7,16 @@ from geometry_msgs.msg import TransformStamped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
+from sensor_msgs.msg import Imu
 from tf2_msgs.msg import TFMessage
 
-from ros1_bridge.topics.message_covariance import pose_matrix, twist_matrix, twist_variances
-from ros1_bridge.topics.serialized_odometry import PackedOdometry, PackedTransform
+from ros1_bridge.topics.message_covariance import pose_matrix, twist_matrix
+from ros1_bridge.topics.serialized_messages import PackedImu, PackedOdometry, PackedTransform
 
 WORDS = st.integers(0, 2**32 - 1)
 NUMBERS = st.floats()
 SPEEDS = st.floats(-10, 10)
+VECTORS = st.tuples(*[NUMBERS] * 3)
 FRAMES = st.text(max_size=30)
 STAMPS = st.tuples(WORDS, st.integers(0, 10**9 - 1))
 
@@ -27,33 +29,39 @@ def wire(message):
 
 
 @settings(max_examples=50)
-@given(FRAMES, FRAMES, WORDS, STAMPS, st.tuples(*[NUMBERS] * 4), st.tuples(*[NUMBERS] * 6), SPEEDS, SPEEDS)
-def test_packed_odometry_is_that_of_genpy(odom, base, sequence, stamp, planar, unknowns, linear, angular):
+@given(
+    FRAMES,
+    FRAMES,
+    WORDS,
+    STAMPS,
+    st.tuples(*[NUMBERS] * 4),
+    st.tuples(*[NUMBERS] * 6),
+    SPEEDS,
+    SPEEDS,
+    VECTORS,
+)
+def test_packed_odometry_is_that_of_genpy(odom, base, sequence, stamp, planar, spread, linear, angular, sure):
     message = Odometry(child_frame_id=base)
     message.header.seq, message.header.stamp, message.header.frame_id = sequence, Time(*stamp), odom
     pose, twist = message.pose.pose, message.twist.twist
     pose.position.x, pose.position.y, pose.orientation.z, pose.orientation.w = planar
     twist.linear.x, twist.angular.z = linear, angular
-    message.pose.covariance, message.twist.covariance = pose_matrix(unknowns), twist_matrix(linear, angular)
-    packed = PackedOdometry(odom, base).pack(sequence, *stamp, *planar, unknowns, (linear, angular))
+    message.pose.covariance, message.twist.covariance = pose_matrix(spread), twist_matrix(sure)
+    packed = PackedOdometry(odom, base).pack(sequence, *stamp, *planar, spread, (linear, angular), sure)
     assert packed == wire(message)
 
 
 @settings(max_examples=50)
-@given(SPEEDS, SPEEDS, SPEEDS)
-def test_sideways_speed_and_its_variance_are_packed_too(linear, angular, lateral):
+@given(SPEEDS, SPEEDS, SPEEDS, VECTORS)
+def test_sideways_speed_and_its_variance_are_packed_too(linear, angular, lateral, sure):
     message = Odometry(child_frame_id="base_link")
     message.header.seq, message.header.stamp, message.header.frame_id = 7, Time(8, 9), "odom"
     pose, twist = message.pose.pose, message.twist.twist
     pose.position.x, pose.position.y, pose.orientation.z, pose.orientation.w = 1.0, 2.0, 0.6, 0.8
     twist.linear.x, twist.linear.y, twist.angular.z = linear, lateral, angular
-    message.pose.covariance, message.twist.covariance = (
-        pose_matrix((1, 2, 3, 4, 5, 6)),
-        twist_matrix(linear, angular),
-    )
-    message.twist.covariance[7] = twist_variances(lateral, 0.0)[0]
+    message.pose.covariance, message.twist.covariance = pose_matrix((1, 2, 3, 4, 5, 6)), twist_matrix(sure)
     packed = PackedOdometry("odom", "base_link").pack(
-        7, 8, 9, 1.0, 2.0, 0.6, 0.8, (1, 2, 3, 4, 5, 6), (linear, angular, lateral)
+        7, 8, 9, 1.0, 2.0, 0.6, 0.8, (1, 2, 3, 4, 5, 6), (linear, angular, lateral), sure
     )
     assert packed == wire(message)
 
@@ -66,3 +74,23 @@ def test_packed_transform_is_that_of_genpy(odom, base, stamp, planar):
     at, turn = transform.transform.translation, transform.transform.rotation
     at.x, at.y, turn.z, turn.w = planar
     assert PackedTransform(odom, base).pack(*stamp, *planar) == wire(TFMessage([transform]))
+
+
+@settings(max_examples=50)
+@given(FRAMES, WORDS, STAMPS, VECTORS, VECTORS, VECTORS, VECTORS, st.tuples(NUMBERS, NUMBERS), NUMBERS)
+def test_packed_imu_is_that_of_genpy(
+    frame, sequence, stamp, orientation_variances, rates, rate_variances, accelerations, half, variance
+):
+    message = Imu()
+    message.header.seq, message.header.stamp, message.header.frame_id = sequence, Time(*stamp), frame
+    message.orientation.z, message.orientation.w = half
+    for axis, rate, acceleration in zip("xyz", rates, accelerations):
+        setattr(message.angular_velocity, axis, rate)
+        setattr(message.linear_acceleration, axis, acceleration)
+    message.orientation_covariance[::4] = orientation_variances
+    message.angular_velocity_covariance[::4] = rate_variances
+    message.linear_acceleration_covariance[::4] = [variance] * 3
+    packed = PackedImu(frame, variance)
+    assert packed.pack(
+        sequence, *stamp, *half, orientation_variances, rates, rate_variances, accelerations
+    ) == wire(message)

@@ -7,6 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
+from ros1_bridge.navigation.follow_waypoints_node import LIST, PARAMETERS
+from ros1_bridge.node.parameters import read
 from ros1_bridge.node.robot_parameters import GROUPS, PARTS, ROWS, Parameters, check
 
 GOOD = {"port": "/dev/ttyACM0"}
@@ -83,6 +85,11 @@ def test_misspelt_name_is_refused_with_the_names_there_are():
         ConfigError, match="/n/prot is unknown, expected port, port_timeout, baud, fast, robot"
     ):
         check({"prot": "/dev/ttyACM0"}, "/n")
+
+
+def test_names_that_a_node_reads_by_itself_are_among_those_there_are():
+    with pytest.raises(ConfigError, match="/n/waypoint is unknown, expected waypoints, map_frame"):
+        read(PARAMETERS, {"waypoint": []}, "/n", [LIST])
 
 
 def test_odom_and_base_frame_must_differ():

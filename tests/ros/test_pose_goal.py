@@ -19,7 +19,7 @@ class Noted:
     def __init__(self):
         self.limits, self.seeking, self.willing = Limits(0.3, 1.0, 0.2, 1.0), False, True
         self.speeds, self.stops = None, 0
-        self.dropped, self.stopped_by, self.ready = False, "link lost", True
+        self.dropped, self.stopped_by, self.ready, self.manual = False, "link lost", True, False
 
     def drive(self, *speeds):
         self.speeds = speeds
@@ -81,6 +81,14 @@ def test_a_pose_is_refused_while_the_robot_may_not_move(goal, noted):
     with pytest.raises(ValueError, match="the motors are disabled"):
         goal.start(message("odom", 3.0, 4.0), HERE)
     assert noted.seeking is False
+
+
+def test_a_pose_is_refused_in_manual_mode(goal, noted):
+    noted.manual = True
+    with pytest.raises(ValueError, match="manual mode; call the service manual_mode with false"):
+        goal.start(message("odom", 3.0, 4.0), HERE)
+    assert goal.on_telemetry(at((0.0, 0.0, 0.0), 1.0)) == ""
+    assert (noted.seeking, noted.speeds) == (False, None)
 
 
 def test_an_emergency_stop_that_is_released_between_two_steps_ends_it(goal, noted):

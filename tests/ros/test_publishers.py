@@ -1,7 +1,6 @@
-"""What a frame becomes on the topics: a stand-in for rospy's publishers keeps what it is sent."""
+"""What a frame becomes on the topics."""
 
 import math
-from types import SimpleNamespace
 
 import pytest
 from genpy import Time
@@ -14,28 +13,12 @@ from ros1_bridge.node.robot_parameters import check
 from ros1_bridge.topics import messages
 from ros1_bridge.topics.publishers import Publishers
 
+from .fake_topics import Topics
+
 MODEL = models.load("traxbot")
 WHEEL_RADIUS_M = 0.039
 COUNTS_A_TURN = 2796.8
 STAMP = Time(5, 0)
-
-
-class Topics(dict):
-    """Publishers by topic; those of `heard` have somebody who subscribes."""
-
-    def __init__(self, *heard):
-        super().__init__()
-        self._heard = heard
-
-    def __call__(self, topic, kind, **options):
-        made = self[topic] = SimpleNamespace(kind=kind, options=options, sent=[])
-        to = SimpleNamespace(
-            socket=None, write_data=lambda data: made.sent.append(kind().deserialize(data[4:]))
-        )
-        connections = [to] if topic in self._heard else []
-        made.impl = SimpleNamespace(connections=connections, add_subscriber_listener=lambda _: None)
-        made.publish = made.sent.append
-        return made
 
 
 def published(*heard, fresh=(), yaw_rad=0.0, twist=Twist(0.0, 0.0), counts=Wheels(0, 0)):  # noqa: B008

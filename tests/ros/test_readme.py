@@ -8,7 +8,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu
 from tf2_msgs.msg import TFMessage
 
-from ros1_bridge.navigation import go_to_goal_node
+from ros1_bridge.navigation import follow_waypoints_node, go_to_goal_node, map_to_odom_node
 from ros1_bridge.node.robot_parameters import ROWS
 from ros1_bridge.teleop import joystick_node, keyboard_node
 from ros1_bridge.world import world_node
@@ -21,7 +21,12 @@ from .tables import README, Offered, cells_of, first_two, table
 @pytest.fixture(scope="module")
 def offered(module_rig):
     rig = module_rig
-    rig.node(rig.board().port, "_allow_calibration:=true", "_allow_gains:=true", "_zones:=both")
+    rig.node(
+        rig.board("--robot", "traxbot", "--imu").port,
+        "_allow_calibration:=true",
+        "_allow_gains:=true",
+        "_zones:=both",
+    )
     rig.tf, rig.static = rig.topic("/tf", TFMessage), rig.topic("/tf_static", TFMessage)
     rig.topic("odom", Odometry).wait()
     rospy.wait_for_service(f"{rig.ns}/robot_node/gains/set_parameters", START_S)
@@ -69,6 +74,8 @@ def test_environment_topics_are_those_of_the_table(rig):
     [
         ("### Parameters", ROWS),
         ("### Parameters of `go_to_goal`", go_to_goal_node.PARAMETERS),
+        ("### Parameters of `follow_waypoints`", follow_waypoints_node.PARAMETERS),
+        ("### Parameters of `map_to_odom`", map_to_odom_node.PARAMETERS),
         ("### Parameters of `world_node`", world_node.PARAMETERS),
         ("### Parameters of `teleop_keyboard`", keyboard_node.PARAMETERS),
         ("### Parameters of `teleop_joystick`", joystick_node.PARAMETERS),

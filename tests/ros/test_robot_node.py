@@ -11,6 +11,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, Range
 from tf2_msgs.msg import TFMessage
 
+from mrl_driver.errors import ConfigError
 from ros1_bridge.control.commander import NOT_FINITE
 from ros1_bridge.node.robot_parameters import check
 from ros1_bridge.robot.robot_node import WARN_EVERY_S, driver_options
@@ -192,6 +193,21 @@ def test_driver_has_the_timeout_too():
     assert (
         driver_options(check({"port": "/dev/null", "cmd_vel_timeout": 0.3}, "node")).command_timeout_s == 0.3
     )
+
+
+@pytest.mark.parametrize("given, period_ms", [({}, 20), ({"imu_rate": 100}, 10), ({"imu": False}, 0)])
+def test_readings_of_an_imu_come_at_their_rate(given, period_ms):
+    assert driver_options(check({"port": "/dev/null", **given}, "node")).imu_period_ms == period_ms
+
+
+@pytest.mark.parametrize("given, build", [({}, ""), ({"build": "environment"}, "environment")])
+def test_driver_has_the_build_that_the_parameter_names(given, build):
+    assert driver_options(check({"port": "/dev/null", **given}, "node")).build == build
+
+
+def test_unknown_build_is_refused_with_the_allowed_ones():
+    with pytest.raises(ConfigError, match="node/build is 'gas', expected one of empty, sonar, environment"):
+        check({"port": "/dev/null", "build": "gas"}, "node")
 
 
 @pytest.mark.realtime

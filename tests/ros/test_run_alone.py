@@ -126,3 +126,10 @@ def test_port_of_the_master_is_none_that_connections_get():
     """Another program would take it now and then, before roscore does."""
     first = int(Path("/proc/sys/net/ipv4/ip_local_port_range").read_text().split()[0])
     assert all(free_port() < first for _ in range(10))
+
+
+def test_each_run_has_a_home_of_ros_in_its_folder(tmp_path):
+    """Two roscores that make the same home at once end with an error."""
+    homes = [Path(environment(tmp_path)["ROS_HOME"]) for _ in range(2)]
+    assert homes[0] != homes[1]
+    assert [home.parent for home in homes] == [tmp_path, tmp_path]

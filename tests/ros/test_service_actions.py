@@ -1,12 +1,18 @@
-"""What the node's services refuse, with a driver and a commander that only say what they are told to."""
+"""What the node's services and `set_pose` do and refuse; driver and commander only say what they are told to."""
 
+import math
 from types import SimpleNamespace
 
 import pytest
+from geometry_msgs.msg import Point, Pose, PoseWithCovariance, PoseWithCovarianceStamped, Quaternion
+from std_msgs.msg import Header
 
+from mrl_driver.driver import Driver
 from mrl_driver.errors import BoardTimeout
+from mrl_driver.geometry import ORIGIN
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
 from mrl_driver.robot import models
+from mrl_driver.robot.covariance import AT_START
 from ros1_bridge.robot.services import Services
 
 
@@ -16,24 +22,66 @@ def done():
     return []
 
 
-def services(done, twist=(0.0, 0.0), moving=False, seeking=False):
+def services(done, twist=(0.0, 0.0), driving=False, seeking=False, manual=False):
+
+    def reset_pose(pose, spread):
+        Driver("/dev/null").reset_pose(pose, spread)  # which refuses what is no covariance
+        done.append((pose, spread))
+
     driver = SimpleNamespace(
-        twist=twist, reset_pose=lambda: done.append("pose"), request=lambda *args: done.append(args)
+        twist=twist,
+        reset_pose=reset_pose,
+        request=lambda *args: done.append(args),
     )
-    commander = SimpleNamespace(moving=moving, seeking=seeking, ready=True)
-    return Services(driver, commander, lambda: done.append("covariance"))
+    commander = SimpleNamespace(driving=driving, seeking=seeking, ready=True, manual=manual)
+    return Services(driver, commander)
+
+
+def wanted(x_m=1.0, frame="odom", variances=(0.04, 0.09, 0.01)):
+    """A message on `set_pose` that turns the robot by 90 degrees."""
+    pose = PoseWithCovariance(Pose(Point(x_m, 2.0, 0.0), Quaternion(0.0, 0.0, 1.0, 1.0)), [0.0] * 36)
+    pose.covariance[0], pose.covariance[7], pose.covariance[35] = variances
+    return PoseWithCovarianceStamped(Header(frame_id=frame), pose)
+
+
+def set_pose(made, **other):
+    return made.set_pose(wanted(**other), "odom")
 
 
 def test_robot_at_rest_gets_a_new_origin(done):
-    assert services(done).reset_odometry()[0] and done == ["pose", "covariance"]
+    assert services(done).reset_odometry()[0] and done == [(ORIGIN, AT_START)]
 
 
-@pytest.mark.parametrize("state", [{"twist": (0.1, 0.0)}, {"moving": True}, {"seeking": True}])
-@pytest.mark.parametrize("action", [Services.reset_odometry, Services.calibrate])
+@pytest.mark.parametrize("frame", ["", "odom"])
+def test_pose_and_covariance_are_set(done, frame):
+    assert set_pose(services(done), frame=frame)[0]
+    assert done == [(pytest.approx((1.0, 2.0, math.pi / 2)), (0.04, 0.0, 0.0, 0.09, 0.0, 0.01))]
+
+
+@pytest.mark.parametrize(
+    "other, words",
+    [
+        ({"frame": "map"}, "the pose is in map, expected odom"),
+        ({"x_m": math.nan}, "position is nan"),
+        ({"variances": (0.1, -0.1, 0.1)}, "the covariance of the pose is"),
+    ],
+)
+def test_pose_that_makes_no_sense_is_refused(done, other, words):
+    success, said = set_pose(services(done), **other)
+    assert (success, done) == (False, []) and words in said
+
+
+@pytest.mark.parametrize("state", [{"twist": (0.1, 0.0)}, {"driving": True}, {"seeking": True}])
+@pytest.mark.parametrize("action", [Services.reset_odometry, set_pose, Services.calibrate])
 def test_robot_under_way_is_refused(done, action, state):
     """Also while it stands on its way to a pose, because a sonar is silent: the pose would be another place."""
     success, words = action(services(done, **state))
     assert (success, done) == (False, []) and "stop it first" in words
+
+
+def test_calibration_is_refused_in_manual_mode(done):
+    success, words = services(done, manual=True).calibrate()
+    assert (success, done) == (False, []) and "faster than manual mode allows" in words
 
 
 def with_gains(gains, capabilities=("config",)):
@@ -49,7 +97,7 @@ def with_gains(gains, capabilities=("config",)):
     driver = SimpleNamespace(
         board=SimpleNamespace(capabilities=frozenset(capabilities)), ask=ask, model=models.load("traxbot")
     )
-    return Services(driver, None, None)
+    return Services(driver, None)
 
 
 def test_gains_that_are_offered_are_the_boards_own():

@@ -7,11 +7,13 @@ import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from dynamic_reconfigure.client import Client
-from geometry_msgs.msg import Twist, Vector3
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist, Vector3
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import JointState, Temperature
+from sensor_msgs.msg import Imu, JointState, Temperature
+from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 
+from ros1_bridge.topics.message_covariance import diagonal
 from tests.waiting import wait_until
 
 from .rig import START_S
@@ -27,15 +29,18 @@ def values_of(status):
 @pytest.fixture(scope="module")
 def robot(module_rig):
     """A node with every opt-in; its rig, the tap on its wire, its topics."""
-    rig = module_rig
-    rig.wire = rig.tap(rig.board().port)
+    rig, module_rig.begun_s = module_rig, time.time()
+    rig.wire = rig.tap(rig.board("--robot", "traxbot", "--imu").port)
     rig.odom = rig.topic("odom", Odometry)
     rig.status = rig.topic("status", DiagnosticStatus)
     rig.joints = rig.topic("joint_states", JointState)
     rig.temperature = rig.topic("board_temperature", Temperature)
     rig.diagnostics = rig.topic("/diagnostics", DiagnosticArray)
+    rig.moving = rig.topic("moving", Bool)
+    rig.imu = rig.topic("imu/data", Imu)
     rig.process = rig.node(rig.wire.port, "_allow_calibration:=true", "_allow_gains:=true")
     rig.cmd_vel = rig.publisher("cmd_vel", Twist)
+    rig.set_pose = rig.publisher("set_pose", PoseWithCovarianceStamped)
     rig.odom.wait()
     rospy.wait_for_service(f"{rig.ns}/robot_node/gains/set_parameters", START_S)
     return rig
@@ -127,6 +132,19 @@ def test_status_tells_that_the_robot_moves(robot):
     stands(robot)
 
 
+def test_measured_motion_is_on_a_topic_of_its_own(robot):
+    drive_until(robot, lambda: robot.moving.messages[-1].data)
+    stands(robot)
+    wait_until(lambda: not robot.moving.messages[-1].data)
+
+
+def test_a_late_subscriber_gets_the_status_with_a_stamp_and_its_values(robot):
+    array, mode = robot.topic("status_array", DiagnosticArray).wait()[-1], robot.topic("mode", String).wait()
+    assert values_of(array.status[0]).keys() == values_of(robot.status.messages[-1]).keys()
+    assert robot.begun_s < array.header.stamp.to_sec() < time.time()
+    assert mode[-1].data == values_of(array.status[0])["mode"]
+
+
 def test_status_tells_that_commands_ended(robot):
     drive_until(robot, lambda: rolls(robot))
     assert status_is(robot, ready="true", moving="false", stopped_by="command timeout")
@@ -151,11 +169,49 @@ def test_disabled_motors_do_not_follow(robot):
     assert call(robot, "enable_motors", True).success
 
 
+def test_manual_mode_drives_slowly_and_takes_no_pose(robot):
+    pose, told = robot.publisher("pose", PoseStamped), robot.topic("manual_mode", Bool)
+    answer = call(robot, "manual_mode", True)
+    assert answer.success and "at most 0.15 m/s" in answer.message
+    assert told.wait()[-1].data and status_is(robot, operation_mode="manual")
+    assert rospy.get_param(f"{robot.ns}/robot_node/operation_mode") == "manual"
+    since = time.monotonic()
+    drive_until(robot, lambda: speeds_since(robot, since).count(150) >= 2, 0.3)
+    assert max(speeds_since(robot, since)) == 150
+    goal = PoseStamped()
+    goal.pose.orientation.w = 1.0
+    pose.publish(goal)
+    wait_until(
+        lambda: any("pose refused: the robot is in manual mode" in line for line in robot.process.output())
+    )
+    assert call(robot, "manual_mode", False).success and status_is(robot, operation_mode="automatic")
+    assert not told.messages[-1].data
+    stands(robot)
+
+
 def test_reset_sets_the_pose_to_the_origin(robot):
     drive_until(robot, lambda: robot.odom.messages[-1].pose.pose.position.x > 0.02)
     stands(robot)
     assert call(robot, "reset_odometry").success
     wait_until(lambda: abs(robot.odom.messages[-1].pose.pose.position.x) < 1e-6)
+
+
+def test_pose_and_covariance_are_those_that_were_set(robot):
+    stands(robot)
+    wanted = PoseWithCovarianceStamped()
+    wanted.header.frame_id = f"{robot.name}/odom"
+    wanted.pose.pose.position.y, wanted.pose.pose.orientation.w = 2.5, 1.0
+    wanted.pose.covariance = diagonal((0.04, 0.09, 1.0, 1.0, 1.0, 0.01))
+    robot.set_pose.publish(wanted)
+    wait_until(lambda: robot.odom.messages[-1].pose.pose.position.y == 2.5)
+    assert robot.odom.wait_for_more(2)[-1].pose.covariance[0::35] == (0.04, 0.01)
+
+
+def test_readings_of_the_imu_have_the_heading_of_the_odometry(robot):
+    stands(robot)
+    reading, odometry = robot.imu.wait_for_more(3)[-1], robot.odom.messages[-1]
+    assert reading.header.frame_id == f"{robot.name}/imu_link"
+    assert reading.orientation.z == pytest.approx(odometry.pose.pose.orientation.z, abs=0.01)
 
 
 def test_reset_is_refused_while_the_robot_moves(robot):
@@ -223,7 +279,7 @@ def test_calibration_is_passed_on(robot):
     robot.wire.wait_for(CALIBRATE, since)
 
 
-@pytest.mark.parametrize("part", ["Link", "Motion", "Battery", "Board"])
+@pytest.mark.parametrize("part", ["Link", "Motion", "Battery", "Board", "IMU"])
 def test_diagnostics_cover(robot, part):
     wait_until(lambda: robot.diagnosed(robot.diagnostics, part))
 
@@ -243,3 +299,10 @@ def test_opt_ins_are_off_by_default(rig):
     offered = [name for name in listed.stdout.split() if name.startswith(rig.ns)]
     assert f"{rig.ns}/reset_odometry" in offered
     assert not any("calibrate" in name or "gains" in name for name in offered)
+
+
+def test_a_node_begins_in_the_mode_of_its_parameter(rig):
+    """Which the service sets, so that a node that respawns keeps the mode."""
+    status = rig.topic("status", DiagnosticStatus)
+    rig.node(rig.board().port, "_operation_mode:=manual")
+    assert values_of(status.wait()[0])["operation mode"] == "manual"

@@ -15,7 +15,7 @@ from geometry_msgs.msg import (
 )
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan
-from std_msgs.msg import Header
+from std_msgs.msg import Bool, Header
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
@@ -62,11 +62,14 @@ def drive_until(robot, condition, speed_m_s):
 
 
 def test_a_robot_before_a_wall_stops_turns_away_by_pose_and_ends_by_shutdown(robot):
+    field = robot.topic("protective_field_clear", Bool)
     wait_until(says(robot, protective_zone_clear="true"))
+    wait_until(lambda: field.messages and field.messages[-1].data)
     held = says(
         robot, stopped_by="protective zone", protective_zone_clear="false", safety_stop="true", ready="true"
     )
     drive_until(robot, held, 0.3)
+    wait_until(lambda: not field.messages[-1].data)
     room_m = WALL_M - BODY_M / 2 - robot.odom.messages[-1].pose.pose.position.x
     assert PROTECTIVE_M - 0.03 < room_m < PROTECTIVE_M + 0.1
     turned = PoseStamped(Header(frame_id=f"{robot.name}/base_link"), Pose(Point(), Quaternion(0, 0, 1, 1)))
@@ -83,7 +86,7 @@ def test_a_node_does_the_parts_that_are_named(rig):
     rig.topic("odom", Odometry).wait(20)
     offered = Offered(rig)
     assert offered.topics(0).keys() == {"odom", "/tf", "joint_states"}
-    assert not offered.topics(1)
+    assert offered.topics(1).keys() == {"set_pose"}
     assert offered.services().keys() == {"reset_odometry", "shutdown"}
 
 
@@ -104,7 +107,8 @@ def test_a_laser_watches_the_zones_once_tf_tells_where_it_sits(rig):
     mount.transform.translation.x, mount.transform.rotation.w = 0.085, 1.0
     static = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
     static.publish(TFMessage([mount]))
-    assert seen(3.0, protective_zone_clear="true", warning_zone_clear="true")
+    assert seen(3.0, protective_zone_clear="true", outer_warning_zone_clear="true")
+    assert seen(1.0, warning_zone_clear="true", outer_warning_zone_clear="false")
     assert seen(0.5, protective_zone_clear="true", warning_zone_clear="false")
     assert seen(0.15, protective_zone_clear="false")
     static.unregister()

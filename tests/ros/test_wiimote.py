@@ -6,12 +6,12 @@ import sys
 import pytest
 from geometry_msgs.msg import Twist
 
+from . import stand_ins
 from .rig import ROOT
 
 LAUNCH = ROOT / "ros1_bridge" / "launch" / "teleop_joystick.launch"
-PACKAGE = "<package format='2'><name>wiimote</name><version>1.0.0</version></package>"
 NODE = """#!/usr/bin/python3
-# wiimote_node of joystick_drivers: sensor_msgs/Joy on `joy`, button 3 is B, 7 is right on the cross.
+# As the node of the table in stand_ins/wiimote.yaml; button 3 is B, 7 is right on the cross.
 import rospy
 from sensor_msgs.msg import Joy
 rospy.init_node("wiimote")
@@ -24,19 +24,16 @@ while not rospy.is_shutdown():
 
 @pytest.fixture
 def wiimote(tmp_path):
-    """Folder of the package."""
-    folder = tmp_path / "packages" / "wiimote"
-    folder.mkdir(parents=True)
-    (folder / "package.xml").write_text(PACKAGE)
-    node = folder / "wiimote_node.py"
-    node.write_text(NODE)
-    node.chmod(0o755)
+    """Folder of the package, whose node publishes what the real one does."""
+    assert stand_ins.table("wiimote", "wiimote_node.py").names("publishes")["joy"] == "sensor_msgs/Joy"
+    folder = tmp_path / "packages"
+    stand_ins.install(folder, ["wiimote"], NODE)
     return folder
 
 
 def test_wiimote_drives_by_its_own_topic(rig, wiimote):
     twists = rig.topic("cmd_vel", Twist)
-    path = os.pathsep.join((str(ROOT), str(wiimote.parent)))
+    path = os.pathsep.join((str(ROOT), str(wiimote)))
     rig.env = {**rig.env, "ROS_PACKAGE_PATH": path, "ROS_NAMESPACE": rig.ns}
     program = "import sys, roslaunch; roslaunch.main(sys.argv)"
     rig.start("roslaunch", sys.executable, "-c", program, str(LAUNCH), "layout:=wiimote")

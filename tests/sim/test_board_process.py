@@ -71,6 +71,7 @@ def test_unknown_world_costs_one_line(capsys, tmp_path):
         ("--robot", "moon", "robot 'moon' is unknown, expected duo, omni"),
         ("--engine", "simavr", "engine is 'simavr', expected python, avr"),
         ("--pose", "1,2", "pose is '1,2', expected X,Y,YAW"),
+        ("--imu-seed", "3", "errors of an IMU are given without an IMU, expected --imu too"),
     ],
 )
 def test_wrong_option_costs_one_line(capsys, tmp_path, option, value, said):

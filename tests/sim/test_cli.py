@@ -70,9 +70,9 @@ def test_options_of_the_board(options, answer):
         assert client.ask(b"@5e") == answer
 
 
-def test_environment_build():
-    with Simulator("--environment") as simulator, Client(simulator.path) as client:
-        assert client.ask(b"@29e") == b"@29,2,431e\r\n"
+def test_environment_build_with_an_imu():
+    with Simulator("--environment", "--imu") as simulator, Client(simulator.path) as client:
+        assert client.ask(b"@29e") == b"@29,2,4527e\r\n"
 
 
 def test_world_and_pose(tmp_path):
@@ -159,9 +159,10 @@ def test_opening_resets_the_board():
             client.send(b"@16,1e")
 
         def was_reset():
-            """The emulator notices an opening some time after the closing before it."""
+            """The emulator notices an opening a little later; a request, or half of its answer, may fall into that."""
             with Client(simulator.path) as client:
-                return client.ask(b"@15e") == b"@15,0e\r\n"
+                client.send(b"@15e")
+                return client.read(0.3) == b"@15,0e\r\n"
 
         wait_until(was_reset, step_s=0.1)
 
@@ -189,7 +190,7 @@ def test_a_stopped_process_is_a_stall_of_the_board():
         (
             ("--world", "nope"),
             2,
-            "world 'nope' is unknown, expected corridor, hazards, l-course, room, square",
+            "world 'nope' is unknown, expected corridor, hazards, house, l-course, room, square, steps",
         ),
         (("--pose", "1,2"), 2, "pose is '1,2', expected X,Y,YAW"),
         (("--id", "99999"), 2, "99999 is not in the range 0<=x<=32767"),
@@ -203,6 +204,8 @@ def test_a_stopped_process_is_a_stall_of_the_board():
             "image nope.elf does not exist, expected an ELF or Intel HEX file; without --elf the packaged one runs",
         ),
         (("--engine", "avr", "--profile", "2013-august"), 2, "expected --engine python"),
+        (("--imu-seed", "3"), 2, "errors of an IMU are given without an IMU, expected --imu too"),
+        (("--imu", "--profile", "2013-august"), 2, "expected current: boards of 2013 have no IMU"),
         (("--truth", "/nope/truth"), 2, "--truth /nope/truth cannot be written: No such file"),
         (("--nope",), 2, "No such option"),
     ],

@@ -1,4 +1,4 @@
-"""Faults of encoders, wheels and battery: what they do to the edges at the board, and to the robot."""
+"""Faults of encoders, wheels, battery and IMU: what they do to the edges at the board, and to the robot."""
 
 import math
 from collections import Counter
@@ -6,6 +6,7 @@ from collections import Counter
 import pytest
 
 from mrl_driver.errors import ConfigError
+from sim_arduino.board import PythonBoard
 from sim_arduino.faults.fault_table import FAULTS, parse
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.hardware.wiring import Plant
@@ -146,12 +147,61 @@ def test_an_order_adds_a_fault_of_the_hardware_now():
     assert engine.engine.plant.bridge.motor(0).speed == 0.0
 
 
-@pytest.mark.parametrize("name", [name for name, kind in FAULTS.items() if kind.bridged])
+@pytest.mark.parametrize("name", [name for name, kind in FAULTS.items() if kind.needs == "bridge"])
 def test_a_robot_without_bridge_has_no_such_fault(name):
     class Board:
         plant = Plant(model("traxbot"))
 
     with pytest.raises(ConfigError, match=f"fault '{name}' needs motors on an H-bridge, robot traxbot"):
+        FaultyEngine(Board(), [name])
+
+
+def measuring(*faults):
+    """A Python board with an IMU whose stream has run for half a second, and what it has sent."""
+    board = FaultyEngine(PythonBoard(Plant(model("traxbot"), imu=True)), faults)
+    board.advance(0.2)
+    board.receive(b"@47,20e")
+    return board, board.advance(0.5)
+
+
+@pytest.mark.parametrize("fault", ["imu_absent", "imu_power"])
+def test_an_imu_that_is_gone_comes_back(fault):
+    """0.5 s until the board looks for it, and 0.06 s until it has settled."""
+    board, before = measuring(f"{fault}:at=0.5,lasts=0.3")
+    gone, after = board.advance(0.8), board.advance(1.3)
+    assert before and after
+    assert gone == b""
+
+
+def test_a_short_loss_of_power_is_noticed_by_the_settings():
+    """The chip sleeps; nothing that it measured asleep is sent."""
+    board, _ = measuring("imu_power:at=0.51,lasts=0.001")
+    board.advance(0.51)
+    gap = board.advance(0.57)
+    after = board.advance(0.7).split(b"\r\n")
+    assert gap == b""
+    assert len(after) > 3
+    assert not any(b"@46,0,0,0,0,0,0e" in frame for frame in after)
+
+
+def test_a_frozen_imu_repeats_its_reading():
+    board, _ = measuring("imu_frozen:at=0.5")
+    frames = board.advance(1.0).split(b"\r\n")[1:-1]
+    assert len(frames) > 10
+    assert len(set(frames)) == 1
+
+
+def test_another_chip_at_its_address_is_not_taken_for_an_imu():
+    _, frames = measuring("imu_other:identity=18")
+    assert frames == b""
+
+
+@pytest.mark.parametrize("name", [name for name, kind in FAULTS.items() if kind.needs == "imu"])
+def test_a_robot_without_an_imu_has_no_such_fault(name):
+    class Board:
+        plant = Plant(model("traxbot"))
+
+    with pytest.raises(ConfigError, match=f"fault '{name}' needs an IMU, the robot has none"):
         FaultyEngine(Board(), [name])
 
 

@@ -8,6 +8,7 @@ from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
 from mrl_driver.robot import models
 from sim_arduino.board.board2013 import Board2013, through_single_precision
 from sim_arduino.hardware.wiring import Plant
+from sim_arduino.serve import factory
 from sim_arduino.world.world import Wall, World
 
 TRAXBOT = models.load("traxbot")
@@ -376,3 +377,13 @@ def test_reset_button_boots_again():
     bench.board.reset()
     assert bench.run(3.0) == b""
     assert bench.send(b"@17e", wait_s=1.0) == b"@17,0e\r\n"
+
+
+@pytest.mark.parametrize("robot_id, has_them", [(5, False), (6, True)])
+def test_robot_id_implies_environment_sensors(robot_id, has_them):
+    """Without them, the sonars are at the pins of the gas sensor."""
+    emulated = factory.make(factory.Options(profile="2013-august", robot_id=robot_id))
+    emulated.engine.advance(4.0)
+    emulated.engine.receive(b"@20e")
+    assert (emulated.engine.advance(4.1) == b"@20,123e\r\n") == has_them
+    emulated.close()

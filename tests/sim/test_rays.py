@@ -8,6 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mrl_driver.geometry import Pose
+from mrl_driver.robot.models import LaserMount
 from sim_arduino.hardware.laser import URG_04LX, LaserScanner
 from sim_arduino.world import rays
 from sim_arduino.world.shapes import Footprint, Wall, distance, nearest_in_cone, polygon
@@ -136,7 +137,13 @@ def test_a_robot_does_not_see_itself():
 def test_the_laser_sits_before_the_middle():
     """In the middle of the room the wall ahead is 2 - 0.085 m away."""
     scan = LaserScanner(SQUARE, exact=True).scan(Pose(0, 0, 0))
-    assert scan[256] == pytest.approx(2 - URG_04LX.x_m)
+    assert scan[256] == pytest.approx(2 - URG_04LX.mount.x_m)
+
+
+def test_laser_looks_from_where_it_is_mounted():
+    laser = URG_04LX._replace(mount=LaserMount(x_m=0.1, y_m=0.3, yaw_deg=90.0))
+    scan = LaserScanner(SQUARE, laser, exact=True).scan(Pose(0, 0, 0))
+    assert scan[256] == pytest.approx(1.7) and scan[0] == pytest.approx(1.9)
 
 
 def test_the_laser_sees_half_a_turn():
@@ -145,7 +152,7 @@ def test_the_laser_sees_half_a_turn():
 
 
 def errors_at(range_m):
-    world = World([Wall(URG_04LX.x_m + range_m, -50, URG_04LX.x_m + range_m, 50)])
+    world = World([Wall(URG_04LX.mount.x_m + range_m, -50, URG_04LX.mount.x_m + range_m, 50)])
     scanner, exact = LaserScanner(world, seed=3), LaserScanner(world, exact=True)
     true = exact.scan(Pose(0, 0, 0))
     near = np.isfinite(true) & (true < range_m * 1.05) & (true <= 4.0)
@@ -166,5 +173,5 @@ def test_the_same_seed_gives_the_same_scan():
 
 
 def test_too_near_is_minus_infinite():
-    world = World([Wall(URG_04LX.x_m + 0.01, -1, URG_04LX.x_m + 0.01, 1)])
+    world = World([Wall(URG_04LX.mount.x_m + 0.01, -1, URG_04LX.mount.x_m + 0.01, 1)])
     assert LaserScanner(world, exact=True).scan(Pose(0, 0, 0))[256] == -math.inf

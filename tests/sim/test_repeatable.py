@@ -28,14 +28,21 @@ NOISY = "noise=0.02,missed=0.1,crosstalk=0.1"
 
 
 def bytes_of(**options):
-    """Six seconds of a robot that wanders in the L-course, on a bad line."""
+    """Six seconds of a robot with an IMU that wanders in the L-course, on a bad line."""
     robot = make(
-        Options(world="l-course", sonar=NOISY, faults=("loss:rate=0.001", "flip:rate=0.001"), **options)
+        Options(
+            world="l-course",
+            sonar=NOISY,
+            faults=("loss:rate=0.001", "flip:rate=0.001"),
+            imu=True,
+            imu_seed=5,
+            **options,
+        )
     )
     out = b""
     for i in range(120):
         out += robot.engine.advance(i / 20)
-        robot.engine.receive({12: b"@18,20e", 20: b"@11,200,300e", 60: b"@11,300,-600e"}.get(i, b""))
+        robot.engine.receive({12: b"@18,20e@47,20e", 20: b"@11,200,300e", 60: b"@11,300,-600e"}.get(i, b""))
     return out
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
-from sim_arduino.hardware.sonars import FULL_COUNT, SonarChain, count_of
+from sim_arduino.hardware.sonars import FULL_COUNT, SonarChain, SonarErrors, count_of
 from sim_arduino.world.world import Wall, World
 
 MOUNTS = models.load("traxbot").sonars
@@ -35,6 +35,27 @@ def test_what_is_nearer_than_the_dead_zone_reads_as_its_edge():
 
 def test_nothing_in_range_is_the_full_count():
     assert count_of(float("inf")) == FULL_COUNT
+
+
+OTHER_CURVE = SonarErrors(gain=1.05, exponent=1.03, offset=-0.01)
+
+
+@pytest.mark.parametrize("centimetres", [15, 50, 200])
+def test_another_curve_gives_the_distance_back(centimetres):
+    count = count_of(centimetres / 100, OTHER_CURVE)
+    assert 1.05 * 1.1767 * count ** (1.03 * 0.94657) - 0.3759 - 1.0 == pytest.approx(centimetres, abs=0.6)
+
+
+def test_nothing_in_range_is_the_full_count_of_another_curve():
+    """Which reaches farther than the sonar before its voltage is at its end."""
+    assert count_of(6.4, OTHER_CURVE) < count_of(float("inf"), OTHER_CURVE) == FULL_COUNT
+
+
+def test_sonar_reports_by_its_own_curve():
+    sonars = SonarChain(MOUNTS, WALL, lambda time_s: Pose(0.0, 0.0, 0.0), errors=OTHER_CURVE)
+    sonars.power(True, 0.0)
+    sonars.trigger(0.3)
+    assert counts(sonars, 0.45)[0] == count_of(1.0, OTHER_CURVE) != count_of(1.0)
 
 
 def test_no_voltage_before_the_first_reading():

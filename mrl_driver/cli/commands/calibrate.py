@@ -2,7 +2,7 @@
 
 import click
 
-from . import calibrate_geometry, calibrate_parts, calibrate_wiring
+from . import calibrate_geometry, calibrate_imu, calibrate_parts, calibrate_wiring
 
 
 @click.group()
@@ -17,8 +17,14 @@ def calibrate() -> None:
       mrl calibrate turn        slip offset Cs of tracks, wheelbase of wheels
       mrl calibrate umbmark     squares in both directions: wheel ratio, wheelbase, noise
       mrl calibrate sonar       curve of the sonars, range_cm = a s^b + c
+      mrl calibrate imu         mounting angles of an IMU, scale of its gyro
     """
 
 
-for _command in (*calibrate_geometry.COMMANDS, *calibrate_parts.COMMANDS, calibrate_wiring.wiring):
+for _command in (
+    *calibrate_geometry.COMMANDS,
+    *calibrate_parts.COMMANDS,
+    calibrate_wiring.wiring,
+    calibrate_imu.imu,
+):
     calibrate.add_command(_command)

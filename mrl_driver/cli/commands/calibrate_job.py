@@ -84,9 +84,15 @@ def job_options(command: Callable[..., None]) -> Callable[..., None]:
     return wrapper
 
 
-def connect(job: Job) -> ContextManager["Driver"]:
-    """Connect to the robot; tests replace this by a robot in simulated time."""
-    return connected(job.target, ignore_battery=job.ignore_battery, record=job.record, command_timeout_s=0.5)
+def connect(job: Job, **options: Any) -> ContextManager["Driver"]:
+    """Connect to the robot; tests replace this by a robot in simulated time.
+
+    The IMU is off, unless the options turn it on: what is measured is the odometry of the wheels alone.
+    """
+    options = {"imu_period_ms": 0, "moves": True, **options}
+    return connected(
+        job.target, ignore_battery=job.ignore_battery, record=job.record, command_timeout_s=0.5, **options
+    )
 
 
 def confirm_drive(job: Job, question: str) -> None:

@@ -85,6 +85,7 @@ def sonar(
         return
     with calibrate_job.connect(job) as driver:
         warn(driver)
+        part_procedures.require_sonars(driver)
         model = model_of(driver)
         output = output_for(job, model, driver.board.robot_id)
         kept = f"{os.path.splitext(output)[0]}.sonar.csv"

@@ -16,12 +16,17 @@ from mrl_driver.calibration.geometry_procedures import Outcome
 from mrl_driver.calibration.ground_truth import Check, Ruler, Truth, parse_pose, truth_file
 from mrl_driver.calibration.wiring_check import LEAST_RAD, seen_in
 from mrl_driver.errors import ConfigError, WheelFault
-from mrl_driver.geometry import Pose
+from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot.models import RobotModel
 
 console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
 """Prompts and progress go to stderr, results to stdout."""
 MEASURED = Text("Measure from the mark: x y [m], and the heading [deg] if you can")
+
+ALIGNED = Text(
+    "Turn the robot slowly by hand until the same side lies along the line again, and press Enter; or type its heading "
+    "[deg], counter-clockwise from the start"
+)
 
 
 class TapeMeasure:
@@ -43,6 +48,38 @@ class TapeMeasure:
                 return pose
             except ConfigError as error:
                 console.print(f"{error}; measure again, or end with Ctrl-C: earlier runs are kept")
+
+
+class HeadingMark:
+    """A ruler that asks the user to align the robot with a line, or for its heading; it measures no position."""
+
+    def begin(self, run: str) -> None:
+        """Ask for the line."""
+        console.print(f"\n{run}", style="bold")
+        console.print("Align a side of the robot with a straight line on the floor, and clear its path.")
+        Prompt.ask(Text("Press Enter to drive"), console=console, default="", show_default=False)
+
+    def end(self, run: str, check: Check) -> Pose:
+        """Ask until the answer is plausible; the robot may be turned by hand before the answer."""
+        while True:
+            text = Prompt.ask(ALIGNED, console=console, default="0", show_default=False)
+            try:
+                pose = Pose(math.nan, math.nan, _heading(text))
+                check(pose)
+                return pose
+            except ConfigError as error:
+                console.print(f"{error}; measure again, or end with Ctrl-C")
+
+
+def _heading(text: str) -> float:
+    """Parse a heading [deg]; return it in (-pi, pi]."""
+    try:
+        heading_rad = wrap_angle(math.radians(float(text)))
+    except ValueError:
+        heading_rad = math.nan
+    if math.isnan(heading_rad):
+        raise ConfigError(f"got {text!r}, expected a heading in degrees, such as -1.5, or only Enter")
+    return heading_rad
 
 
 class Unmeasured:
@@ -71,14 +108,17 @@ def require_terminal(instead: str) -> None:
         raise ConfigError(f"stdin is not a terminal; give {instead}")
 
 
-def ruler_for(truth: Optional[str]) -> Ruler:
-    """Return a ruler: the emulator's ground truth, or a user with a tape.
+def ruler_for(truth: Optional[str], heading_only: bool = False) -> Ruler:
+    """Return a ruler: the emulator's ground truth, or a user with a tape or a line on the floor.
 
     Raises:
         ConfigError: there is neither.
     """
     if truth is not None:
         return _AnnouncedTruth(truth_file(truth))
+    if heading_only:
+        require_terminal("--truth FILE for an emulated robot")
+        return HeadingMark()
     require_terminal("--truth FILE for an emulated robot, or --run FILE:X,Y,HEADING for recordings")
     return TapeMeasure()
 
@@ -165,7 +205,7 @@ def confirm_here(question: str, yes: bool) -> bool:
 
 
 _THESIS = {"wheel_offset": " (Cm)", "turn_slip": " (Cs)"}
-"""Names in the thesis."""
+"""Names in (Araujo 2012)."""
 
 
 def show_values(model: RobotModel, values: Mapping[Key, float]) -> None:
@@ -225,11 +265,10 @@ def facts_of(outcome: Outcome) -> Dict[str, Any]:
         "drive_after": outcome.after._asdict(),
         "errors_before_m_rad": outcome.errors_before.tolist(),
         "errors_after_m_rad": outcome.errors_after.tolist(),
+        "noise": dict(outcome.noise),
     }
     if outcome.square is not None:
         facts["umbmark"] = outcome.square._asdict()
-    if outcome.noise is not None:
-        facts["noise"] = outcome.noise._asdict()
     return facts
 
 

@@ -16,7 +16,16 @@ from mrl_driver.transport.address import is_network
 
 from .info import describe
 from .progress import waiting
-from .shared import confirm, connected, json_option, print_json, require_port, robot_options, yes_option
+from .shared import (
+    await_sensors,
+    confirm,
+    connected,
+    json_option,
+    print_json,
+    require_port,
+    robot_options,
+    yes_option,
+)
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -135,7 +144,7 @@ class Checkup:
             connection.__exit__(*sys.exc_info())
 
     def _check(self, driver: "Driver", any_id: bool) -> None:
-        from mrl_driver.cli.doctor import board, wheels
+        from mrl_driver.cli.doctor import board
 
         if not any_id:
             self._add(board.identity(driver.board, driver.model))
@@ -143,7 +152,7 @@ class Checkup:
         self._add(board.health(driver.status))
         with waiting("watching the link"):
             seen = board.watch(driver)
-        counts = board.counters(driver)
+        counts, missing = board.counters(driver), await_sensors(driver)
         self.facts = {
             **describe(driver, require_port(self.target)),
             "rate_hz": seen.rate_hz,
@@ -153,9 +162,20 @@ class Checkup:
             "refused_by_board": counts,
         }
         self._add(board.link(seen, by_network=is_network(require_port(self.target))))
-        self._add(board.refusals(counts))
+        self._add(board.refusals(counts, driver.model is None or driver.model.drives))
+        self._add(board.gyro(driver))
+        self._add(board.build(driver))
         self._add(board.sonars(_settled_ranges(driver), driver.board))
-        if self._drives and driver.model is not None and not isinstance(driver.model.drive, Drive):
+        self._add(board.sensors(driver.sensors, missing))
+        self._check_motion(driver)
+
+    def _check_motion(self, driver: "Driver") -> None:
+        from mrl_driver.cli.doctor import wheels
+
+        if driver.model is not None and not driver.model.drives:
+            if self._drives:
+                self._add([Finding(NOTE, "wheels", "not checked: this board has no motors")])
+        elif self._drives and driver.model is not None and not isinstance(driver.model.drive, Drive):
             self._add(
                 [
                     Finding(

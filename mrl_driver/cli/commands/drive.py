@@ -16,12 +16,14 @@ from mrl_driver.terminal.shown_state import line, snapshot
 from .monitor import watch_live
 from .shared import (
     FOREVER_S,
+    await_gyro,
     battery_option,
     confirm_overwrite,
     connected,
     fast_option,
     full_screen,
     json_option,
+    max_delay_option,
     print_json,
     print_message,
     record_option,
@@ -35,6 +37,8 @@ if TYPE_CHECKING:
     from mrl_driver.driver import Driver
 
 TICK_S = 0.05
+STOP_S = 2.0
+"""Telemetry confirms a stop within this time [s]."""
 ROUNDING = 1e-6
 
 
@@ -47,6 +51,7 @@ ROUNDING = 1e-6
 @battery_option
 @record_option
 @fast_option
+@max_delay_option
 @yes_option
 @json_option
 def drive(
@@ -58,10 +63,13 @@ def drive(
     ignore_battery: bool,
     record: Optional[str],
     fast: bool,
+    max_delay: Optional[float],
     yes: bool,
     as_json: bool,
 ) -> None:
     """Drive with the keyboard, or at given speeds for a given time.
+
+    A robot with a gyro first stands until the gyro's bias is known, for at most 1 s.
 
     \b
     Examples:
@@ -73,17 +81,24 @@ def drive(
     timed = (linear, lateral, angular, seconds) != (None, None, None, None)
     speeds = linear or 0.0, angular or 0.0, lateral or 0.0
     if timed:
+        if max_delay is not None:
+            raise ConfigError(
+                "--max-delay is for driving with the keys, expected it without speeds and --for"
+            )
         _require_drive(seconds, linear=speeds[0], angular=speeds[1], lateral=speeds[2])
     elif as_json or not (sys.stdin.isatty() and full_screen()):
         raise ConfigError("stdin or stdout is not a terminal; give --linear or --angular, and --for SECONDS")
     confirm_overwrite(record, yes)
     if not timed:
-        watch_live(target, FOREVER_S, record, ignore_battery, keys_drive=True, fast=fast)
+        watch_live(
+            target, FOREVER_S, record, ignore_battery, keys_drive=True, fast=fast, max_delay_s=max_delay
+        )
         return
-    with connected(target, ignore_battery=ignore_battery, record=record, fast=fast) as driver:
+    with connected(target, moves=True, ignore_battery=ignore_battery, record=record, fast=fast) as driver:
         warn(driver)
         report_losses(driver)
         _report_limits(driver, *speeds)
+        await_gyro(driver)
         drive_for(driver, speeds[0], speeds[1], seconds or 0.0, speeds[2])
         if as_json:
             print_json(snapshot(driver))
@@ -134,18 +149,38 @@ def drive_for(
     while time.monotonic() < deadline:
         driver.wait(min(TICK_S, deadline - time.monotonic()))
         taken = taken and driver.command is not None and driver.drive(linear_m_s, angular_rad_s, lateral_m_s)
-        if not taken:
-            if driver.mismatch is not None:
-                raise WheelFault(f"stopped early: {driver.mismatch}")
-            if driver.may_be_moving:
-                raise BoardTimeout(f"no telemetry for {driver.age_s * 1000:.0f} ms; {MAY_MOVE}")
-            raise BoardTimeout(
-                f"stopped early ({driver.stop_reason}): telemetry is {driver.age_s * 1000:.0f} ms old, "
-                f"battery is {driver.battery_state} ({voltage_text(driver.battery_v)})"
-            )
+        require_driving(driver, taken)
+    confirm_stop(driver)
+
+
+def require_driving(driver: "Driver", taken: bool) -> None:
+    """Raise the reason why the robot was stopped, unless the last command was `taken` and is still in force.
+
+    Raises:
+        WheelFault: a wheel did not follow its command.
+        BoardTimeout: the robot stopped early for another reason.
+    """
+    if taken:
+        return
+    if driver.mismatch is not None:
+        raise WheelFault(f"stopped early: {driver.mismatch}")
+    if driver.may_be_moving:
+        raise BoardTimeout(f"no telemetry for {driver.age_s * 1000:.0f} ms; {MAY_MOVE}")
+    raise BoardTimeout(
+        f"stopped early ({driver.stop_reason}): telemetry is {driver.age_s * 1000:.0f} ms old, "
+        f"battery is {driver.battery_state} ({voltage_text(driver.battery_v)})"
+    )
+
+
+def confirm_stop(driver: "Driver") -> None:
+    """Stop, and wait up to `STOP_S` for telemetry to confirm it.
+
+    Raises:
+        BoardTimeout: a board without a watchdog did not confirm it.
+    """
     driver.stop()
-    while not driver.stopped and not driver.wait(0.02):
-        if time.monotonic() > deadline + 2:
-            break
+    deadline_s = driver.now_s + STOP_S
+    while not driver.stopped and driver.now_s < deadline_s and not driver.wait(0.02):
+        pass
     if driver.may_be_moving:
         raise BoardTimeout(f"the stop was sent, but not confirmed; {MAY_MOVE}")

@@ -7,17 +7,16 @@ import click
 
 from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.host.named_robots import Target
+from mrl_driver.robot.models import ENVIRONMENT, SONAR
 
 from .progress import progress, waiting
 from .shared import choose, confirm, json_option, print_json, robot_options, yes_option
 
-PIONEERS = range(6, 11)
-"""Robot ids of the boards with environment sensors."""
 HBRIDGE = "hbridge"
 """The build for motors on an H-bridge, and encoders on the Arduino's pins."""
 BUILD_TEXTS = {
-    "sonar": "motor board OMNI-3MD and sonars, such as TraxBot and StingBot",
-    "environment": "motor board OMNI-3MD, gas and light sensors",
+    SONAR: "motor board OMNI-3MD and sonars, such as TraxBot and StingBot",
+    ENVIRONMENT: "gas and light sensors, motor board OMNI-3MD or none",
     "xbee": "motor board OMNI-3MD, sonars and a radio",
     HBRIDGE: "motors on an H-bridge, encoders on the Arduino's pins, sonars",
 }
@@ -105,12 +104,23 @@ def _has_bridge(model: str) -> bool:
     return model != "auto" and bool(models.load(model).board.get("bridge"))
 
 
+def _is_for_sensors(model: str) -> bool:
+    """Return whether a model, by name or path, has environment sensors in place of sonars."""
+    from mrl_driver.robot import models
+
+    return model not in ("", "auto") and models.load(model).build == ENVIRONMENT
+
+
 def _require_pins(build: str, model: str) -> None:
-    """Check that a build drives the motors of a model.
+    """Check that a build has what a model needs on the board's pins.
 
     Raises:
         ConfigError: it does not.
     """
+    if _is_for_sensors(model) and build != ENVIRONMENT:
+        raise ConfigError(
+            f"--build is {build}, but robot {model} has environment sensors, expected {ENVIRONMENT}"
+        )
     if model == "auto" or _has_bridge(model) == (build == HBRIDGE):
         return
     motors, expected = ("an H-bridge", HBRIDGE) if _has_bridge(model) else ("a motor board", "another build")
@@ -124,20 +134,25 @@ def build_of(target: Target) -> Tuple[str, str]:
         ConfigError: the build is unknown, and stdin is not a terminal.
     """
     from mrl_driver.driver.probe import probe
+    from mrl_driver.robot import models
 
-    if _has_bridge(target.model):
-        return HBRIDGE, f"for {target.model}"
+    for build, suits in ((HBRIDGE, _has_bridge), (ENVIRONMENT, _is_for_sensors)):
+        if suits(target.model):
+            return build, f"for {target.model}"
     with waiting("asking the board for its identity"):
         answer = probe(str(target.port), target.baud)
     if answer.robot_id is None:
         question = "The board does not answer. Which build fits its motors?"
         return choose(question, BUILD_TEXTS, "--build"), "as requested"
-    for build, capability in (("environment", "environment"), ("xbee", "xbee"), (HBRIDGE, "bridge")):
+    for build, capability in ((ENVIRONMENT, "environment"), ("xbee", "xbee"), (HBRIDGE, "bridge")):
         if capability in answer.capabilities:
             return build, "as on the board now"
-    if answer.robot_id in PIONEERS:
-        return "environment", f"robot {answer.robot_id} is a Pioneer"
-    return "sonar", "as on the board now" if answer.capabilities else f"for robot {answer.robot_id}"
+    named = "" if target.model == "auto" else models.load(target.model).build
+    if named:
+        return named, f"for {target.model}"
+    if answer.robot_id in models.SENSOR_BOARD_IDS:
+        return ENVIRONMENT, f"robot {answer.robot_id} is a Pioneer"
+    return SONAR, "as on the board now" if answer.capabilities else f"for robot {answer.robot_id}"
 
 
 def _read_identity(target: Target) -> str:

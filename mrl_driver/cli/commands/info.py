@@ -5,8 +5,20 @@ from typing import TYPE_CHECKING, Any, Dict
 import click
 
 from mrl_driver.host.named_robots import Target
+from mrl_driver.robot.models import kind_of
+from mrl_driver.terminal.shown_state import sensor_texts
 
-from .shared import connected, fast_option, format_value, json_option, print_json, require_port, robot_options
+from .shared import (
+    await_gyro,
+    await_sensors,
+    connected,
+    fast_option,
+    format_value,
+    json_option,
+    print_json,
+    require_port,
+    robot_options,
+)
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -26,10 +38,13 @@ def info(target: Target, fast: bool, as_json: bool) -> None:
     """
     port = require_port(target)
     with connected(target, ignore_battery=True, fast=fast) as driver:
-        facts = describe(driver, port)
+        await_gyro(driver)
+        await_sensors(driver)
+        facts, sensors = describe(driver, port), sensor_texts(driver)
     if as_json:
         print_json(facts)
         return
+    facts["sensors"] = [f"{name} {value}" for name, value in sensors.items()]
     for key, value in facts.items():
         click.echo(f"{key.replace('_', ' '):>20}  {format_value(value)}")
 
@@ -42,6 +57,7 @@ def describe(driver: "Driver", port: str) -> Dict[str, Any]:
         "line_baud": driver.line_baud,
         "robot": driver.model.name if driver.model else None,
         "robot_id": board.robot_id,
+        "drive": kind_of(driver.model.drive) if driver.model else None,
         "firmware_version": board.version,
         "protocol_version": board.protocol,
         "capabilities": sorted(board.capabilities),
@@ -49,7 +65,12 @@ def describe(driver: "Driver", port: str) -> Dict[str, Any]:
         "battery_v": board.battery_v,
         "battery_state": driver.battery_state,
         "temperature_c": board.temperature_c,
+        "imu": driver.imu_state,
+        "sonars": sorted(driver.model.sonars) if driver.model else [],
+        "sensors": {name: list(found.values) for name, found in driver.sensors.items()},
     }
+    if driver.imu is not None and driver.imu.bias_known:
+        facts["gyro_bias_rad_s"] = driver.imu.bias_rad_s
     if status is not None:
         facts.update(
             uptime_s=status.uptime_s,

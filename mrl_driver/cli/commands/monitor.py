@@ -16,6 +16,7 @@ from .shared import (
     fast_option,
     full_screen,
     json_option,
+    max_delay_option,
     print_json,
     print_message,
     reconnect_option,
@@ -45,6 +46,7 @@ view, and then the robot stops.
 @record_option
 @reconnect_option
 @fast_option
+@max_delay_option
 @yes_option
 @json_option
 def monitor(
@@ -54,6 +56,7 @@ def monitor(
     record: Optional[str],
     reconnect: bool,
     fast: bool,
+    max_delay: Optional[float],
     yes: bool,
     as_json: bool,
 ) -> None:
@@ -69,7 +72,7 @@ def monitor(
       mrl monitor --robot lab3 --json --seconds 10 > drive.jsonl
     """
     confirm_overwrite(record, yes)
-    _watch(target, seconds, record, reconnect, fast, as_json, ignore_battery)
+    _watch(target, seconds, record, reconnect, fast, as_json, ignore_battery, max_delay)
 
 
 @click.command()
@@ -99,9 +102,12 @@ def _watch(
     fast: bool,
     as_json: bool = False,
     ignore_battery: bool = False,
+    max_delay_s: Optional[float] = None,
 ) -> None:
     if not as_json and full_screen():
-        watch_live(target, seconds, file, ignore_battery, reconnect=reconnect, fast=fast)
+        watch_live(
+            target, seconds, file, ignore_battery, reconnect=reconnect, fast=fast, max_delay_s=max_delay_s
+        )
         return
     with connected(target, ignore_battery=True, record=file, reconnect=reconnect, fast=fast) as driver:
         warn(driver)
@@ -133,17 +139,24 @@ def watch_live(
     keys_drive: bool = False,
     reconnect: bool = True,
     fast: bool = False,
+    max_delay_s: Optional[float] = None,
 ) -> None:
-    """Run the live view; `keys_drive` refuses an empty battery, as `mrl drive` does."""
+    """Run the live view; `keys_drive` refuses an empty battery, as `mrl drive` does.
+
+    `max_delay_s` limits the operator's delay; 0 turns the limit off, None means the default.
+    """
+    from mrl_driver.safety.operator_delay import MAX_DELAY_S
     from mrl_driver.terminal.frame_log import FrameLog
     from mrl_driver.terminal.live_view import Settings, show
 
     from .progress import waiting
 
     log = FrameLog()
-    settings = Settings(require_port(target), file or "", keys_drive, ignore_battery)
+    most_s = MAX_DELAY_S if max_delay_s is None else max_delay_s
+    settings = Settings(require_port(target), file or "", keys_drive, ignore_battery, most_s)
     connection = connected(
         target,
+        moves=keys_drive,
         ignore_battery=ignore_battery or not keys_drive,
         record=file,
         reconnect=reconnect,

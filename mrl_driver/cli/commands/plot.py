@@ -13,7 +13,7 @@ from .progress import progress
 from .shared import complete_robot, json_option, print_json, print_message
 
 
-@click.command(short_help="Draw a recording: path, speeds, ranges, battery.")
+@click.command(short_help="Draw a recording: path, speeds, ranges, sensors, battery.")
 @click.argument("file", type=click.Path())
 @click.option(
     "-o",
@@ -26,7 +26,7 @@ from .shared import complete_robot, json_option, print_json, print_message
     "--part",
     "parts",
     multiple=True,
-    type=click.Choice(["path", "speeds", "ranges", "battery"]),
+    type=click.Choice(["path", "speeds", "ranges", "sensors", "battery"]),
     help="Draw only this part; may be repeated.  [default: all]",
 )
 @click.option(
@@ -38,7 +38,7 @@ from .shared import complete_robot, json_option, print_json, print_message
 )
 @json_option
 def plot(file: str, output: Optional[str], parts: Tuple[str, ...], robot: str, as_json: bool) -> None:
-    """Draw a recording: path, commanded and measured speeds, ranges, battery.
+    """Draw a recording: path, commanded and measured speeds, ranges, other sensors, battery.
 
     \b
     Examples:

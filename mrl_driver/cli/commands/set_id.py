@@ -20,7 +20,7 @@ def set_id(target: Target, robot_id: int, yes: bool) -> None:
 
     \b
     Example:
-      mrl set-id 1 --port /dev/ttyACM0          TraxBot 1-3, StingBot 4-5
+      mrl set-id 1 --port /dev/ttyACM0          TraxBot 1-3, StingBot 4-5, Pioneer 6-10
     """
     from mrl_driver.driver import eeprom
 
@@ -31,7 +31,7 @@ def set_id(target: Target, robot_id: int, yes: bool) -> None:
         raise ConfigError(
             f"robot id {robot_id} is not an id of {model.name}, expected {', '.join(map(str, model.ids))}"
         )
-    with connected(target, model, ignore_battery=True, any_id=True) as driver:
+    with connected(target, model, ignore_battery=True, any_id=True, identify=True) as driver:
         confirm(f"Change the robot id from {driver.board.robot_id} to {robot_id}?", yes)
         eeprom.save_model(driver, robot_id, model)
     click.echo(f"robot id {robot_id} is set")

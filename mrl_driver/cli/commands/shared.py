@@ -14,7 +14,9 @@ from mrl_driver.errors import ConfigError, OutputError
 from mrl_driver.host import named_robots
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot import models
-from mrl_driver.session.events import Lost, PathUnknown, Reconnected, Slowed
+from mrl_driver.robot.imu import LEARNING, WAITING
+from mrl_driver.session.events import ImuChanged, Lost, PathUnknown, Reconnected, Slowed
+from mrl_driver.session.sensor_polling import of_board
 from mrl_driver.transport.baud_rates import FAST_BAUD, SLOW
 
 if TYPE_CHECKING:
@@ -22,6 +24,10 @@ if TYPE_CHECKING:
     from mrl_driver.robot.models import RobotModel
 
 FOREVER_S = 1e9
+STAND_S = 1.0
+"""Time in which a standing robot learns the bias of its gyro [s]."""
+FIRST_SENSORS_S = 1.3
+"""Time in which each sensor has answered once [s]: the thermopile of a 2013 board is requested once a second."""
 
 
 class Between(click.FloatRange):
@@ -47,6 +53,11 @@ fast_option = click.option(
     "--fast",
     is_flag=True,
     help="Switch the serial link to 500000 baud if board and port support it; for cables.",
+)
+max_delay_option = click.option(
+    "--max-delay",
+    type=Between(0),
+    help="With keys: stop if the delay from a key press to the board exceeds this [s]; 0 turns it off.  [default: 0.5]",
 )
 seconds_option = click.option(
     "--seconds",
@@ -147,12 +158,15 @@ def require_port(target: Target) -> str:
 
 
 @contextlib.contextmanager
-def connected(target: Target, model: Optional["RobotModel"] = None, **options: Any) -> Iterator["Driver"]:
+def connected(
+    target: Target, model: Optional["RobotModel"] = None, moves: bool = False, **options: Any
+) -> Iterator["Driver"]:
     """Connect a driver with these options for the block.
 
-    `model` replaces the target's model.
+    `model` replaces the target's model; `moves` says that the block drives the robot.
 
     Raises:
+        ConfigError: the block drives the robot, and its board has no motors.
         Interrupted: the user pressed Ctrl-C; the robot was stopped.
         OutputError: everything else succeeded, but the recording is incomplete.
     """
@@ -164,6 +178,8 @@ def connected(target: Target, model: Optional["RobotModel"] = None, **options: A
         with driver, stopped_while_suspended(driver):
             if options.get("fast") and driver.line_baud != FAST_BAUD:
                 print_message(f"warning: the serial link stays at {driver.line_baud} baud: {SLOW}")
+            if moves and driver.model is not None:
+                driver.model.require_motors()
             yield driver
     except Interrupted:
         raise
@@ -179,14 +195,31 @@ def connected(target: Target, model: Optional["RobotModel"] = None, **options: A
 
 def report_losses(driver: "Driver") -> None:
     """Print a line when the port goes away, the robot is found again, the serial link falls back to a lower baud rate,
-    or the odometry missed a movement.
+    the odometry missed a movement, or the gyro is not used.
     """
 
     def report(event: object) -> None:
-        if isinstance(event, (Lost, Reconnected, Slowed, PathUnknown)):
+        if isinstance(event, (Lost, Reconnected, Slowed, PathUnknown, ImuChanged)):
             print_message(str(event))
 
     driver.on_event(report)
+
+
+def await_gyro(driver: "Driver") -> None:
+    """Wait until the bias of a gyro is known: a standing robot learns it within `STAND_S`."""
+    end_s = driver.now_s + STAND_S
+    while driver.imu_state in (WAITING, LEARNING) and driver.now_s < end_s:
+        driver.wait(0.02)
+
+
+def await_sensors(driver: "Driver") -> List[str]:
+    """Wait for a reading of each sensor that the board has, at most `FIRST_SENSORS_S`; return those without one."""
+    board = driver.board
+    names = [row.name for row in of_board(board.capabilities, board.protocol) if row.capability]
+    end_s = driver.now_s + FIRST_SENSORS_S
+    while not driver.sensors.keys() >= set(names) and driver.now_s < end_s:
+        driver.wait(0.05)
+    return [name for name in names if name not in driver.sensors]
 
 
 def warn(driver: "Driver") -> None:

@@ -1,14 +1,29 @@
-"""`mrl tip-over`: tip-over margin of a vehicle, and its largest safe acceleration."""
+"""`mrl tip-over`: tip-over margin of a vehicle, its largest safe acceleration, and the force that tips it over."""
 
 import math
-from typing import TYPE_CHECKING, Mapping, Optional
+from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
 
 import click
+
+from mrl_driver.errors import ConfigError
 
 from .shared import Between, json_option, print_json
 
 if TYPE_CHECKING:
-    from mrl_driver.tip_over.margin import Vehicle
+    from mrl_driver.tip_over.margin import Margin, Vector
+    from mrl_driver.tip_over.sweep import Range, Situation
+
+_LINES = 12
+"""Most lines of a sweep that are printed."""
+_NAMED = {
+    "forward": (1.0, 0.0, 0.0),
+    "back": (-1.0, 0.0, 0.0),
+    "left": (0.0, 1.0, 0.0),
+    "right": (0.0, -1.0, 0.0),
+    "up": (0.0, 0.0, 1.0),
+    "down": (0.0, 0.0, -1.0),
+}
+"""Directions of a force, by name."""
 
 
 @click.command("tip-over")
@@ -29,65 +44,261 @@ if TYPE_CHECKING:
     metavar="DEG",
     help="Slope of the ground, in the worst direction [deg].",
 )
+@click.option(
+    "--acceleration",
+    type=Between(0, 1000),
+    default=0.0,
+    show_default=True,
+    metavar="M_S2",
+    help="Acceleration that acts with a force or in a sweep, in the worst direction [m/s2].",
+)
+@click.option("--force", type=Between(0, 1e5), metavar="N", help="External force [N].")
+@click.option(
+    "--at",
+    metavar="X,Y,HEIGHT",
+    help="Point of attack of the force [m]: forward, to the left, above the ground; default: the tip of the arm.",
+)
+@click.option(
+    "--direction",
+    default="worst",
+    show_default=True,
+    metavar="DIRECTION",
+    help=f"Direction of the force: worst, {', '.join(_NAMED)}, or a vector X,Y,UP.",
+)
+@click.option(
+    "--arm-angle", type=Between(0, 180), metavar="DEG", help="Angle of the arm: 0 forward, 90 up [deg]."
+)
+@click.option("--arm-height", type=Between(1e-6, 100), metavar="M", help="Height of the arm's lower end [m].")
+@click.option(
+    "--sweep",
+    "swept",
+    metavar="QUANTITY=FROM:TO",
+    help="Show the margin over arm-angle [deg], arm-height [m], acceleration [m/s2] or force [N].",
+)
 @click.option("--plot", "picture", metavar="PICTURE", type=click.Path(), help="Draw it: PNG, PDF or SVG.")
 @json_option
-def tip_over(vehicle: str, reserve: float, slope: float, picture: Optional[str], as_json: bool) -> None:
+def tip_over(
+    vehicle: str, reserve: float, swept: Optional[str], picture: Optional[str], **given: Any
+) -> None:
     """Show how much a vehicle may accelerate before it tips over.
 
+    With --force, also which external force tips it over.
+
     VEHICLE is mecanum-arm, a robot model, or a .yaml file: name, contacts (points [x, y] on the ground), body and
-    payloads (mass_kg, x_m, y_m, height_m).  For a robot model, the centre of mass is assumed at half its height.
+    payloads (mass_kg, x_m, y_m, height_m), arm (mass_kg, place of its lower end, length_m, centre_m, angle_deg).  For a
+    robot model, the centre of mass is assumed at half its height.
 
     \b
     Examples:
       mrl tip-over mecanum-arm
-      mrl tip-over traxbot --slope 15
-      mrl tip-over mecanum-arm --reserve 15 --plot arm.png
+      mrl tip-over traxbot --slope 15 --force 5 --at 0,0,0.1
+      mrl tip-over mecanum-arm --force 30 --direction left
+      mrl tip-over mecanum-arm --sweep arm-angle=0:180 --plot angle.png
     """
-    from mrl_driver.tip_over import margin, vehicle_file
+    from mrl_driver.tip_over import sweep, vehicle_file
 
-    found = vehicle_file.load(vehicle)
-    reserve_rad, slope_rad = math.radians(reserve), math.radians(slope)
+    as_json = given.pop("as_json")
+    situation = _situation(sweep.Situation(vehicle_file.load(vehicle)), swept, **given)
+    if swept is not None:
+        _show_sweep(situation, sweep.parse(swept), math.radians(reserve), picture, as_json)
+    else:
+        _show(situation, math.radians(reserve), picture, as_json)
+
+
+def _situation(
+    situation: "Situation",
+    swept: Optional[str],
+    slope: float,
+    acceleration: float,
+    force: Optional[float],
+    at: Optional[str],
+    direction: str,
+    arm_angle: Optional[float],
+    arm_height: Optional[float],
+) -> "Situation":
+    """The vehicle and what acts on it, from the options."""
+    from mrl_driver.tip_over.margin import Push
+
+    given = {
+        "arm-angle": arm_angle,
+        "arm-height": arm_height,
+        "acceleration": acceleration or None,
+        "force": force,
+    }
+    twice = [
+        name for name, value in given.items() if value is not None and (swept or "").startswith(f"{name}=")
+    ]
+    if twice:
+        raise ConfigError(f"--{twice[0]} and --sweep {swept} are given, expected one of them")
+    arm = {"angle_deg": arm_angle, "height_m": arm_height}
+    changed = {name: value for name, value in arm.items() if value is not None}
+    if changed:
+        situation = situation.with_arm(**changed)
+    pushed = force is not None or (swept or "").startswith("force=")
+    if not pushed and (at is not None or direction != "worst"):
+        raise ConfigError("--at and --direction are given without a force, expected --force N too")
+    push = Push(force or 0.0, None if at is None else _vector("--at", at), _direction(direction))
+    if pushed and push.at_m is None:
+        push = push._replace(at_m=None if swept and swept.startswith("arm") else situation.vehicle.tip)
+    if push.at_m is not None and push.at_m[2] < 0:
+        raise ConfigError(f"--at {at} is below the ground, expected a height of at least 0")
+    return situation._replace(acceleration_m_s2=acceleration, slope_rad=math.radians(slope), push=push)
+
+
+def _vector(option: str, text: str) -> "Vector":
+    try:
+        x, y, z = map(float, text.split(","))
+    except ValueError:
+        x = y = z = math.nan
+    if not all(math.isfinite(each) and abs(each) <= 1000 for each in (x, y, z)):
+        raise ConfigError(f"{option} is {text!r}, expected three numbers such as 0.1,0,0.5")
+    return x, y, z
+
+
+def _direction(text: str) -> Optional["Vector"]:
+    if text == "worst":
+        return None
+    if text in _NAMED:
+        return _NAMED[text]
+    if "," not in text:
+        raise ConfigError(f"--direction is {text!r}, expected worst, {', '.join(_NAMED)} or a vector X,Y,UP")
+    x, y, z = _vector("--direction", text)
+    length = math.sqrt(x * x + y * y + z * z)
+    if not length:
+        raise ConfigError("--direction is 0,0,0, expected a vector that is not zero")
+    return x / length, y / length, z / length
+
+
+# -- accelerations, and a force
+
+
+def _show(situation: "Situation", reserve_rad: float, picture: Optional[str], as_json: bool) -> None:
+    from mrl_driver.tip_over import margin
+
+    vehicle, push = situation.vehicle, situation.push
     if picture:
         from mrl_driver.tip_over import margin_plot
 
-        margin_plot.draw(found, picture, reserve_rad, slope_rad)
-    tips = margin.limits(found, 0.0, slope_rad)
-    kept = margin.limits(found, reserve_rad, slope_rad)
+        margin_plot.draw(vehicle, picture, reserve_rad, situation.slope_rad, push)
+    made: Dict[str, Any] = {
+        "vehicle": vehicle.name,
+        "whole": vehicle.whole._asdict(),
+        "margin_rad": margin.least(margin.margins(vehicle)).angle_rad,
+        "tips_m_s2": margin.limits(vehicle, 0.0, situation.slope_rad, push),
+        "limit_m_s2": margin.limits(vehicle, reserve_rad, situation.slope_rad, push),
+        "reserve_rad": reserve_rad,
+        "slope_rad": situation.slope_rad,
+        "picture": picture,
+    }
+    if push.force_n or situation.acceleration_m_s2:
+        made["acceleration_m_s2"] = situation.acceleration_m_s2
+        made["loaded_margin_rad"] = situation.margin().angle_rad
+    if push.force_n:
+        made["push"] = _of_push(situation, reserve_rad)
     if as_json:
-        print_json(
-            {
-                "vehicle": found.name,
-                "whole": found.whole._asdict(),
-                "margin_rad": margin.least(margin.margins(found)).angle_rad,
-                "tips_m_s2": tips,
-                "limit_m_s2": kept,
-                "reserve_rad": reserve_rad,
-                "slope_rad": slope_rad,
-                "picture": picture,
-            }
-        )
+        print_json(made)
         return
-    _print(found, tips, kept, reserve)
+    _print(situation, made, math.degrees(reserve_rad))
     if picture:
         click.echo(picture)
 
 
-def _print(vehicle: "Vehicle", tips: Mapping[str, float], kept: Mapping[str, float], reserve: float) -> None:
+def _of_push(situation: "Situation", reserve_rad: float) -> Dict[str, Any]:
+    """The force, its direction, and the largest ones."""
     from mrl_driver.tip_over import margin
 
-    mass = vehicle.whole
+    vehicle, push = situation.vehicle, situation.push
+    rest = (situation.slope_rad, situation.acceleration_m_s2)
+    return {
+        "force_n": push.force_n,
+        "at_m": push.at_m,
+        "worst": push.direction is None,
+        "direction": situation.margin().push,
+        "tips_n": margin.greatest_force(vehicle, push, 0.0, *rest),
+        "limit_n": margin.greatest_force(vehicle, push, reserve_rad, *rest),
+    }
+
+
+def _print(situation: "Situation", made: Dict[str, Any], reserve: float) -> None:
+    mass, tips, kept = situation.vehicle.whole, made["tips_m_s2"], made["limit_m_s2"]
     click.echo(
-        f"{vehicle.name}: {mass.mass_kg:g} kg, centre of mass at x {mass.x_m:.3f} m, y {mass.y_m:.3f} m, "
+        f"{situation.vehicle.name}: {mass.mass_kg:g} kg, centre of mass at x {mass.x_m:.3f} m, y {mass.y_m:.3f} m, "
         f"height {mass.height_m:.3f} m"
     )
-    margin_deg = math.degrees(margin.least(margin.margins(vehicle)).angle_rad)
+    margin_deg = math.degrees(made["margin_rad"])
     tips_at_rest = (
         "" if margin_deg > 0 else "; it tips over at rest: its centre of mass is not above its contacts"
     )
     click.echo(f"margin at rest on flat ground: {margin_deg:.1f} deg{tips_at_rest}")
+    if "loaded_margin_rad" in made:
+        _print_load(situation, made, reserve)
     click.echo(f"{'accelerating':14}{'tips over at':>14}{f'{reserve:g} deg kept to':>18}   [m/s2]")
     for name in tips:
         click.echo(f"{name:14}{tips[name]:14.2f}{kept[name]:18.2f}")
     click.echo(
         f"limit in every direction: {min(kept.values()):.2f} m/s2; a curve uses v * omega of it sideways"
     )
+
+
+def _print_load(situation: "Situation", made: Dict[str, Any], reserve: float) -> None:
+    parts = [f"{situation.acceleration_m_s2:g} m/s2 in the worst direction"] * bool(
+        situation.acceleration_m_s2
+    )
+    push = made.get("push")
+    if push:
+        kind = "worst direction" if push["worst"] else "direction"
+        parts.append(f"{push['force_n']:g} N at {_text(push['at_m'])} m, {kind} {_text(push['direction'])}")
+    click.echo(f"margin with {' and '.join(parts)}: {_margin_text(made['loaded_margin_rad'])}")
+    if push:
+        click.echo(
+            f"force there: tips over at {push['tips_n']:.1f} N, {reserve:g} deg kept to {push['limit_n']:.1f} N"
+        )
+
+
+def _text(vector: "Vector") -> str:
+    return ", ".join(f"{each:.2f}" for each in vector)
+
+
+def _margin_text(angle_rad: float) -> str:
+    return "tips over" if angle_rad < 0 else f"{math.degrees(angle_rad):.1f} deg"
+
+
+# -- a sweep
+
+
+def _show_sweep(
+    situation: "Situation", over: "Range", reserve_rad: float, picture: Optional[str], as_json: bool
+) -> None:
+    from mrl_driver.tip_over import sweep
+
+    found = sweep.sweep(situation, over)
+    turning = sweep.crossings(situation, over, found)
+    if picture:
+        from mrl_driver.tip_over import margin_plot
+
+        margin_plot.draw_sweep(situation, over, picture, reserve_rad)
+    if as_json:
+        print_json(
+            {
+                "vehicle": situation.vehicle.name,
+                "quantity": over.name,
+                "unit": over.quantity.unit,
+                "values": [value for value, _ in found],
+                "margin_rad": [margin.angle_rad for _, margin in found],
+                "crossings": turning,
+                "picture": picture,
+            }
+        )
+        return
+    _print_sweep(over, found, turning)
+    if picture:
+        click.echo(picture)
+
+
+def _print_sweep(over: "Range", found: List[Tuple[float, "Margin"]], turning: List[float]) -> None:
+    unit = over.quantity.unit
+    click.echo(f"{f'{over.name} [{unit}]':>22}  least margin")
+    for value, margin in found[:: (len(found) - 1) // _LINES]:
+        click.echo(f"{value:22g}  {_margin_text(margin.angle_rad)}")
+    for value in turning:
+        click.echo(f"margin 0 at {value:.4g} {unit}")

@@ -2,11 +2,13 @@
 
 import math
 import time
-from typing import TYPE_CHECKING, Dict, Iterator, List, NamedTuple, Optional
+from typing import TYPE_CHECKING, Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence
 
-from mrl_driver.protocol.table import BY_NAME, FAULTS, REASONS
+from mrl_driver.protocol.table import BY_NAME, FAULTS, REASONS, SENSOR_BY_NAME
+from mrl_driver.robot import imu
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.session.handshake import Board
+from mrl_driver.session.sensor_polling import Reading, text
 from mrl_driver.session.session import Status
 
 from .findings import FAULT, NOTE, OK, WARNING, Finding
@@ -26,8 +28,9 @@ _ADVICE = {
     "motor_board": "check the OMNI-3MD's power, and its I2C wires on A4 (SDA) and A5 (SCL)",
     "bus_hung": "a device holds the I2C bus: check the wires on A4 (SDA) and A5 (SCL), then switch power off and on",
     "eeprom": "set the parameters that must differ from the model's defaults again: mrl config set NAME VALUE",
-    "id_unset": "mrl set-id ID (TraxBot 1-3, StingBot 4-5)",
+    "id_unset": "mrl set-id ID (TraxBot 1-3, StingBot 4-5, Pioneer 6-10)",
     "sensor": "check the I2C wires and power of the thermopile (0x68) and the compass (0x60)",
+    "imu": "check the IMU's wires on A4 (SDA) and A5 (SCL), and its power",
     "wiring": "set the bridge with: mrl config set bridge CHIP (such as l298n), then run: mrl calibrate wiring",
 }
 _STOPS = {
@@ -88,6 +91,9 @@ def identity(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
 
 def supply(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
     """Check battery and motor board, as far as the board measures them."""
+    if model is not None and not model.drives:
+        yield Finding(OK, "motors", "none: the board has sensors, and something else drives its robot")
+        return
     if "no_battery" in board.capabilities:
         yield Finding(
             NOTE,
@@ -168,11 +174,9 @@ def watch(driver: "Driver", seconds: float = MEASURE_S, trips: int = ROUND_TRIPS
         BoardTimeout: the board stopped answering.
         LinkLost: the port went away.
     """
-    arrivals: List[float] = []
     before = driver.statistics
-    driver.on_telemetry(lambda telemetry: arrivals.append(telemetry.arrival_s))
     driver.wait(seconds)
-    count = len(arrivals)
+    count = driver.statistics.streamed - before.streamed
     times = sorted(_round_trip_s(driver) for _ in range(trips))
     seen = driver.statistics
     garbage = {
@@ -232,7 +236,7 @@ def link(seen: LinkFigures, by_network: bool = False) -> Iterator[Finding]:
 
 def sonars(ranges: Dict[str, float], board: Board) -> Iterator[Finding]:
     """Check the present reading of each sonar."""
-    if board.version >= 2 and "sonars" not in board.capabilities:
+    if (board.version >= 2 or board.capabilities) and "sonars" not in board.capabilities:
         yield Finding(NOTE, "sonars", "none: this firmware is the build for environment sensors")
         return
     for name, value in ranges.items():
@@ -247,10 +251,55 @@ def sonars(ranges: Dict[str, float], board: Board) -> Iterator[Finding]:
             yield Finding(OK, f"sonar {name}", words)
 
 
-def refusals(counts: Dict[str, int]) -> Iterator[Finding]:
-    """Check what the board has refused since its start; `noise` alone is normal when a port is opened."""
+def build(driver: "Driver") -> Iterator[Finding]:
+    """Check the build that the robot model names; 2013 boards do not report theirs."""
+    text, _, advice = driver.build_warning.partition("; ")
+    if text:
+        yield Finding(WARNING, "build", text, advice)
+    elif driver.build_assumed:
+        yield Finding(
+            NOTE,
+            "build",
+            "taken as sonar: a board of 2013 does not report it",
+            "if it has environment sensors, write build: environment into the robot's YAML",
+        )
+
+
+def sensors(readings: Mapping[str, Reading], missing: Sequence[str] = ()) -> Iterator[Finding]:
+    """Show the present reading of each other sensor that answers, and those that the board has without a reading."""
+    for name, found in readings.items():
+        yield Finding(OK, name, text(SENSOR_BY_NAME[name], found))
+    for name in missing:
+        yield Finding(WARNING, name, "no reading", "check its wires, see HARDWARE.md")
+
+
+def gyro(driver: "Driver") -> Iterator[Finding]:
+    """Check the IMU; no finding if the board has none."""
+    state, found = driver.imu_state, driver.imu
+    if state == imu.ABSENT and found is None:
+        return
+    if state == imu.OFF:
+        yield Finding(NOTE, "imu", "not read, because that needs checksums and a fast serial link")
+    elif state == imu.LEARNING:
+        yield Finding(
+            WARNING, "imu", "the bias of its gyro is not known", "let the robot stand still for a second"
+        )
+    elif state == imu.IN_USE and found is not None:
+        bias = f"{math.degrees(found.bias_rad_s):+.2f} deg/s"
+        yield Finding(OK, "imu", f"gives the heading together with the wheels; bias of the gyro: {bias}")
+    else:
+        text, _, advice = imu.REASONS.get(state, imu.REASONS[imu.SILENT]).partition(": ")
+        yield Finding(FAULT, "imu", f"not used: {text}", advice)
+
+
+def refusals(counts: Dict[str, int], has_motors: bool = True) -> Iterator[Finding]:
+    """Check what the board has refused since its start.
+
+    `noise` alone is normal when a port is opened, and `unavailable` on a board without motors, which gets stops too.
+    """
     texts = {reason.name: reason.text.rstrip(".") for reason in REASONS}
-    seen = {name: count for name, count in counts.items() if count and name != "noise"}
+    normal = ("noise",) if has_motors else ("noise", "unavailable")
+    seen = {name: count for name, count in counts.items() if count and name not in normal}
     if seen:
         kinds = ", ".join(
             f"{count} x {texts[name][0].lower()}{texts[name][1:]}" for name, count in seen.items()

@@ -56,7 +56,7 @@ def turn(driver: "Driver", side: str) -> Moved:
     """Turn one wheel forward, and stop."""
     model = driver.model
     assert model is not None
-    metres, separation_m = model.drive.metres_per_count, model.drive.wheel_separation_m
+    metres, separation_m = model.base.metres_per_count, model.base.wheel_separation_m
     start = _counts(driver)
     yaw_rate = WHEEL_M_S / separation_m
     command = WHEEL_M_S / 2, yaw_rate if side == "right" else -yaw_rate

@@ -8,38 +8,89 @@ import logging
 import math
 import os
 from functools import lru_cache
-from typing import Any, Dict, List, NamedTuple, Tuple, Type, TypeVar, get_type_hints
+from typing import (
+    Any,
+    Dict,
+    Iterable,
+    List,
+    NamedTuple,
+    Optional,
+    Tuple,
+    Type,
+    TypeVar,
+    Union,
+    get_type_hints,
+)
 
 from mrl_driver import folders, yaml_file
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol.table import BRIDGES, BY_NAME, PARAMETERS
 
-from .drives import DIFFERENTIAL, EXTRA, KINDS, TRACKED, Base, Drive, MecanumDrive, OmniDrive, kind_of
+from .drives import (
+    DIFFERENTIAL,
+    EXTRA,
+    KINDS,
+    NONE,
+    TRACKED,
+    Base,
+    Drive,
+    MecanumDrive,
+    NoDrive,
+    OmniDrive,
+    kind_of,
+)
+from .imu_mount import ImuMount
 
-__all__ = ["Base", "Drive", "MecanumDrive", "OmniDrive", "RobotModel", "kind_of", "load", "names", "packaged"]
+__all__ = [
+    "Base",
+    "Drive",
+    "ImuMount",
+    "MecanumDrive",
+    "NoDrive",
+    "OmniDrive",
+    "RobotModel",
+    "kind_of",
+    "load",
+    "names",
+    "packaged",
+]
 
 _FOLDER = os.path.dirname(os.path.abspath(__file__))
 _Section = TypeVar("_Section", bound=tuple)
 
 SONAR, ENVIRONMENT = "sonar", "environment"
 BUILDS = (SONAR, ENVIRONMENT)
-"""Builds of the firmware.  2013 boards do not report their build, and the second sends gas and light instead of ranges;
-so the model names it.
+"""Builds of the firmware that a model may name.  2013 boards do not report theirs, and the second has gas, dust and
+light sensors instead of sonars.
 """
+SENSOR_BOARD_IDS = range(6, 11)
+"""Robot ids of 2013 boards that carry environment sensors and do not drive the robot."""
 
 
 class Noise(NamedTuple):
-    """Random errors of odometry; if a model has none, `ON_WHEELS` or `ON_TRACKS` applies."""
+    """Errors of odometry.  The first two are random, new ones in each step; the others are standard deviations of
+    scales that stay the same.  A key that a model's `noise` leaves out has the value in `ON_WHEELS` or `ON_TRACKS`.
+    """
 
     wheel_m2_per_m: float
     """Variance of a wheel's distance, per distance."""
     turn_rad2_per_rad: float
     """Variance of the yaw from slip, per angle turned."""
+    distance_scale_sd: float = 0.0
+    """True distance per distance by the wheels."""
+    wheel_ratio_sd: float = 0.0
+    """Ratio of right to left wheel."""
+    turn_scale_sd: float = 0.0
+    """True turn per turn by the wheels: wheel separation and slip."""
 
 
-ON_WHEELS, ON_TRACKS = Noise(1e-4, 0.0), Noise(4e-4, 0.0)
-"""1 cm over 1 m for wheels; 2 cm for tracks, which slip in every turn."""
+ON_WHEELS = Noise(1e-5, 0.0, 0.01, 0.005, 0.01)
+ON_TRACKS = Noise(4e-5, 2e-4, 0.01, 0.005, 0.1)
+"""Before a calibration.  Random errors are estimated: 3 mm over 1 m on wheels, 6 mm on tracks, which also slip.  Scales
+are too, from the squares of (Araujo 2012), which end as with wheels that differ by 0.1 % and a wheelbase that is
+wrong by 1 %; the share of a turn that tracks lose depends on the floor, and may be a tenth.
+"""
 
 
 class Limits(NamedTuple):
@@ -76,6 +127,18 @@ class SonarMount(NamedTuple):
         return Pose(self.x_m, self.y_m, math.radians(self.yaw_deg))
 
 
+class LaserMount(NamedTuple):
+    """Mounting pose in base_link of a laser that lies flat; yaw counter-clockwise from forward.
+
+    The default is that of the Hokuyo URG-04LX in the launch files of 2013.
+    """
+
+    x_m: float = 0.085
+    y_m: float = 0.0
+    z_m: float = 0.045
+    yaw_deg: float = 0.0
+
+
 class Battery(NamedTuple):
     """Battery voltages of the states [V], and capacity [Ah]."""
 
@@ -95,15 +158,42 @@ class RobotModel(NamedTuple):
 
     name: str
     ids: Tuple[int, ...]
-    drive: Base
+    drive: Union[Base, NoDrive]
     board: Dict[str, int]
     limits: Limits
     body: Body
     sonars: Dict[str, SonarMount]
     battery: Battery
     noise: Noise = ON_WHEELS
-    build: str = SONAR
-    """Sensors on the board's pins; `sonars` is empty if these are not sonars."""
+    build: str = ""
+    """One of `BUILDS`; empty if the model names none.  `sonars` is empty for the environment build."""
+    imu: ImuMount = ImuMount()
+    laser: LaserMount = LaserMount()
+    """Where a laser is, if one is fitted."""
+
+    @property
+    def drives(self) -> bool:
+        """The board drives the robot.  False for a board that only has sensors (`drive: none`)."""
+        return not isinstance(self.drive, NoDrive)
+
+    def require_motors(self) -> None:
+        """Raise ConfigError if the board has no motors."""
+        if isinstance(self.drive, NoDrive):
+            raise ConfigError(
+                f"robot {self.name} is a board without motors (drive: none): it has sensors, and something else "
+                "drives its robot"
+            )
+
+    @property
+    def base(self) -> Base:
+        """The drive, for functions that need wheels.
+
+        Raises:
+            ConfigError: the board has no motors.
+        """
+        self.require_motors()
+        assert not isinstance(self.drive, NoDrive)
+        return self.drive
 
     @property
     def differential(self) -> Drive:
@@ -112,20 +202,60 @@ class RobotModel(NamedTuple):
         Raises:
             ConfigError: the robot has another drive type.
         """
-        if not isinstance(self.drive, Drive):
+        if not isinstance(self.base, Drive):
             raise ConfigError(
                 f"robot {self.name} has a drive of kind {kind_of(self.drive)}, expected differential or tracked: "
                 "this is for robots with two wheels or tracks"
             )
-        return self.drive
+        return self.base
 
 
-def require_drivable(model: RobotModel) -> None:
-    """Check that a board can move the base of this model.
+def with_build(model: RobotModel, build: str) -> RobotModel:
+    """Return the model with this build instead of its own; the same model if `build` is empty.
 
     Raises:
-        ConfigError: it cannot.
+        ConfigError: the model cannot have this build.
     """
+    if not build or build == model.build:
+        return model
+    if model.build == ENVIRONMENT:
+        raise ConfigError(
+            f"build is {build!r}, but robot {model.name} has build: {ENVIRONMENT} and no sonars, expected "
+            f"{ENVIRONMENT}, or another robot model"
+        )
+    if build == ENVIRONMENT and model.board.get("bridge"):
+        raise ConfigError(
+            f"build is {build!r}, but robot {model.name} has an H-bridge on the same pins, expected {SONAR}"
+        )
+    return model._replace(build=build, sonars={} if build == ENVIRONMENT else model.sonars)
+
+
+def has_environment(model: RobotModel, robot_id: Optional[int]) -> bool:
+    """Return whether a 2013 board with this id has environment sensors: as the model says, else by the id."""
+    return model.build == ENVIRONMENT if model.build else robot_id in SENSOR_BOARD_IDS
+
+
+def require_sonars(names: Iterable[Any], place: str = "") -> None:
+    """Check that a board reads each of these sonars; `place` begins the error.
+
+    Raises:
+        ConfigError: it does not.
+    """
+    for name in names:
+        if name not in SONARS:
+            raise ConfigError(
+                f"{place}key sonars.{name} is unknown, expected {', '.join(SONARS)}: a board reads these three sonars; "
+                "firmware/SENSORS.md shows how to add another sensor"
+            )
+
+
+def require_supported(model: RobotModel) -> None:
+    """Check that a board can move the base of this model, and reads its sonars.
+
+    Raises:
+        ConfigError: it cannot, or does not.
+    """
+    require_sonars(model.sonars, f"robot {model.name}: ")
     if isinstance(model.drive, MecanumDrive):
         raise ConfigError(
             f"robot {model.name} has a drive of kind {kind_of(model.drive)}, which no board with three motors moves, "
@@ -226,13 +356,14 @@ def load_packaged(name: str) -> RobotModel:
     return load(os.path.join(_FOLDER, f"{name}.yaml"))
 
 
-def packaged_models() -> List[RobotModel]:
-    """Return the packaged models, sorted by id.  A board with an unlisted id uses the defaults of the first."""
-    return sorted((load_packaged(name) for name in packaged()), key=lambda model: min(model.ids))
+def driven_models() -> List[RobotModel]:
+    """Return the packaged models with motors, sorted by id.  A board with another id uses the defaults of the first."""
+    found = [load_packaged(name) for name in packaged()]
+    return sorted((model for model in found if model.drives), key=lambda model: min(model.ids))
 
 
 def firmware_defaults(model: RobotModel) -> Dict[str, int]:
-    """Return the defaults that the firmware has for the ids of a packaged model: all parameters but the id.
+    """Return the defaults that the firmware has for the ids of one of `driven_models`: all parameters but the id.
 
     The others of `model.board`, such as its bridge, reach a board only over the wire: by `mrl set-id`.
     """
@@ -240,6 +371,9 @@ def firmware_defaults(model: RobotModel) -> Dict[str, int]:
     return {**COMMON_BOARD, **own}
 
 
+_STILL = Limits(0.0, 0.0, 0.0, 0.0)
+_NO_BODY = Body(0.0, 0.0, 0.0, 0.0, tracks=False)
+_NO_BATTERY = Battery(math.nan, math.nan, math.nan, math.nan, math.nan)
 SONARS = tuple(field.name for field in BY_NAME["read_sonars"].reply)
 """Names of the sonars that a board reads."""
 _POSITIVE = (1e-9, 1e6)
@@ -249,12 +383,20 @@ _RANGES = {
     "angular_rad_s": (1e-3, 32.7),
     "x_m": (-10.0, 10.0),
     "y_m": (-10.0, 10.0),
+    "z_m": (-10.0, 10.0),
+    "roll_deg": (-180.0, 180.0),
+    "pitch_deg": (-180.0, 180.0),
     "yaw_deg": (-180.0, 180.0),
+    "gyro_scale": (0.8, 1.25),
+    "gyro_scale_sd": (1e-5, 0.25),
     "off_v": (0.0, 100.0),
     "wheel_offset": (-0.2, 0.2),
     "turn_slip": (-0.5, 0.9),
     "wheel_m2_per_m": (0.0, 1.0),
     "turn_rad2_per_rad": (0.0, 1.0),
+    "distance_scale_sd": (0.0, 0.5),
+    "wheel_ratio_sd": (0.0, 0.5),
+    "turn_scale_sd": (0.0, 0.9),
 }
 
 
@@ -262,17 +404,19 @@ class _Reader(yaml_file.Reader):
     """Reads a model from parsed YAML."""
 
     def model(self, data: Any) -> RobotModel:
+        if isinstance(data, dict) and data.get("drive") == NONE:
+            return self._without_motors(data)
         keys = self.keys("", data, RobotModel._fields, RobotModel._field_defaults)
         body = self._section("body", keys["body"], Body)
         noise = ON_TRACKS if body.tracks else ON_WHEELS
         if "noise" in keys:
-            noise = self._section("noise", keys["noise"], Noise)
-        sonars = {
-            name: self._section(f"sonars.{name}", value, SonarMount)
-            for name, value in self.keys("sonars", keys["sonars"], SONARS, SONARS).items()
-        }
-        build = keys.get("build", SONAR)
-        if build not in BUILDS:
+            given = self.keys("noise", keys["noise"], Noise._fields, Noise._fields)
+            noise = self._section("noise", {**noise._asdict(), **given}, Noise)
+        mounts = self.mapping("sonars", keys["sonars"])
+        require_sonars(mounts, f"{self.path}: ")
+        sonars = {name: self._section(f"sonars.{name}", value, SonarMount) for name, value in mounts.items()}
+        build = keys.get("build", "")
+        if "build" in keys and build not in BUILDS:
             raise self.fail("build", build, " or ".join(BUILDS))
         model = RobotModel(
             name=self.text("name", keys["name"]),
@@ -281,10 +425,12 @@ class _Reader(yaml_file.Reader):
             board=self._board(keys["board"]),
             limits=self._section("limits", keys["limits"], Limits),
             body=body,
-            sonars=sonars if build == SONAR else {},
+            sonars={} if build == ENVIRONMENT else sonars,
             build=build,
             battery=self._section("battery", keys["battery"], Battery),
             noise=noise,
+            imu=self._section("imu", keys.get("imu", {}), ImuMount),
+            laser=self._section("laser", keys.get("laser", {}), LaserMount),
         )
         self._check_battery(model.battery)
         self._check_limits(model)
@@ -292,6 +438,16 @@ class _Reader(yaml_file.Reader):
         if keys["drive"].get("kind") == TRACKED and not body.tracks:
             raise self.fail("body.tracks", body.tracks, "true for a tracked drive")
         return model
+
+    def _without_motors(self, data: Any) -> RobotModel:
+        """Read a model with `drive: none`; it has nothing that belongs to motors."""
+        keys = self.keys("", data, ("name", "ids", "drive", "build"))
+        if keys["build"] != ENVIRONMENT:
+            raise self.fail(
+                "build", keys["build"], f"{ENVIRONMENT} for a board without motors (drive: {NONE})"
+            )
+        name, ids = self.text("name", keys["name"]), self._ids(keys["ids"])
+        return RobotModel(name, ids, NoDrive(), {}, _STILL, _NO_BODY, {}, _NO_BATTERY, build=ENVIRONMENT)
 
     def _check_battery(self, battery: Battery) -> None:
         levels = battery[:4]
@@ -317,7 +473,7 @@ class _Reader(yaml_file.Reader):
             return
         if not isinstance(model.drive, Drive):
             raise self.fail("drive.kind", kind_of(model.drive), "differential or tracked for a board.bridge")
-        if model.build != SONAR:
+        if model.build == ENVIRONMENT:
             raise self.fail("build", model.build, "sonar: other sensors need pins that the board.bridge uses")
         counts = model.board["gearbox"] * model.board["encoder_counts"] / 100
         if counts < 1:
@@ -428,5 +584,5 @@ COMMON_BOARD = {
 }
 """Defaults that all models share.
 
-Source: thesis of 2012.  160 rpm at 7.2 V; sonar curve, with b = 0.94657 cut to the wire's resolution of 1e-4.
+Source: (Araujo 2012).  160 rpm at 7.2 V; sonar curve, with b = 0.94657 cut to the wire's resolution of 1e-4.
 """

@@ -1,6 +1,7 @@
 """Drive types: one named tuple each, with the keys of its YAML section.
 
-Each has at least the wheel properties of a differential drive, so that tools which need only these work with all types.
+Each but `NoDrive` has at least the wheel properties of a differential drive, so that tools which need only these work
+with all types.
 """
 
 from typing import Dict, NamedTuple, Tuple, Type, Union
@@ -16,9 +17,9 @@ class Drive(NamedTuple):
     metres_per_count: float
     """Mean of both wheels."""
     wheel_offset: float = 0.0
-    """Cm of the thesis: the right wheel's metres per count minus the left's, as a share of their mean."""
+    """Cm of (Araujo 2012): the right wheel's metres per count minus the left's, as a share of their mean."""
     turn_slip: float = 0.0
-    """Cs of the thesis: share of the yaw that tracks lose to slip in a turn."""
+    """Cs of (Araujo 2012): share of the yaw that tracks lose to slip in a turn."""
 
     @property
     def right_m_per_count(self) -> float:
@@ -111,16 +112,22 @@ class MecanumDrive(NamedTuple):
         return self.wheel_separation_m / (1 - self.turn_slip)
 
 
+class NoDrive(NamedTuple):
+    """The board has sensors and no motors: it sits on a robot that something else drives."""
+
+
 Base = Union[Drive, OmniDrive, MecanumDrive]
-DIFFERENTIAL, TRACKED, OMNI, MECANUM = "differential", "tracked", "omni", "mecanum"
+DIFFERENTIAL, TRACKED, OMNI, MECANUM, NONE = "differential", "tracked", "omni", "mecanum", "none"
 KINDS: Dict[str, Type[tuple]] = {DIFFERENTIAL: Drive, TRACKED: Drive, OMNI: OmniDrive, MECANUM: MecanumDrive}
 """Values of `kind` in a `drive` section."""
 EXTRA = {TRACKED: ("turn_slip",)}
 """Keys with a default that this kind requires."""
 
 
-def kind_of(drive: Base) -> str:
-    """Return the kind of a drive, one of `KINDS`; a differential drive with slip counts as tracked."""
+def kind_of(drive: Union[Base, NoDrive]) -> str:
+    """Return the kind of a drive, one of `KINDS` or `NONE`; a differential drive with slip counts as tracked."""
+    if isinstance(drive, NoDrive):
+        return NONE
     if isinstance(drive, OmniDrive):
         return OMNI
     if isinstance(drive, MecanumDrive):

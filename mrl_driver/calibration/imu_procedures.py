@@ -1,0 +1,224 @@
+"""Calibrates the IMU: its mounting angles, and the scale of its gyro.  It drives; `imu_fit` computes."""
+
+import math
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
+
+from mrl_driver.driver import Driver
+from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
+from mrl_driver.robot.imu import Imu
+from mrl_driver.robot.kinematics import Planar, kinematics_of
+from mrl_driver.robot.models import ImuMount, OmniDrive, RobotModel
+from mrl_driver.robot.robot_state import Telemetry
+
+from . import imu_fit, manoeuvres
+from .calibration_files import Key
+from .fit import Measured
+from .geometry_procedures import Leg
+from .ground_truth import Ruler
+from .imu_fit import Push, Rest, Turned
+from .manoeuvres import Speeds
+
+STAND_S, REST_S = 5.0, 3.0
+"""Time at rest at the start, and before and after each turn [s]."""
+PATIENCE_S = 20.0
+"""A robot that somebody has just put down must stand still within this time."""
+CAPABILITY = "imu"
+
+
+class ImuPlan(NamedTuple):
+    """What to drive; a `distance_m` of 0 leaves out the straight drives, and so the yaw of the mount."""
+
+    legs: List[Leg]
+    distance_m: float
+    speeds: Speeds
+
+
+class ImuOutcome(NamedTuple):
+    """Result of the calibration."""
+
+    before: ImuMount
+    after: ImuMount
+    rest: Rest
+    turns: List[Turned]
+    yaw_sd_rad: float
+    """NaN if the yaw was not measured."""
+    trouble: str
+    """Why the yaw could not be measured; empty if it was, or was not asked for."""
+
+
+class ImuTrack:
+    """Records IMU and wheels between `begin` and `end`.  Make one per robot: its callbacks stay registered."""
+
+    def __init__(self, robot: Driver) -> None:
+        self._robot = robot
+        self._readings: List[Tuple[float, ...]] = []
+        self._ways: List[Tuple[float, ...]] = []
+        self._on = False
+        robot.on_imu(self._note_reading)
+        robot.on_telemetry(self._note_way)
+
+    def _note_reading(self, imu: Imu) -> None:
+        if self._on:
+            reading = imu.reading
+            self._readings.append((reading.time_s, reading.stamp_s, *reading.gyro_rad_s, *reading.accel_m_s2))
+
+    def _note_way(self, telemetry: Telemetry) -> None:
+        if self._on:
+            assert self._robot.model is not None
+            forward, _, turn = by_wheels(self._robot.model, telemetry)
+            self._ways.append((telemetry.stamp_s, forward, turn))
+
+    def begin(self) -> None:
+        """Start to record."""
+        self._readings, self._ways, self._on = [], [], True
+
+    def end(self) -> None:
+        """Stop recording."""
+        self._on = False
+
+    def readings(self, since: int = 0) -> np.ndarray:
+        """(N, 8) readings since `begin`, or since reading `since`, as `imu_fit` takes them."""
+        return np.array(self._readings[since:]).reshape(-1, 8)
+
+    def ways(self) -> np.ndarray:
+        """(K, 3) host's time [s], distance forward [m] and turn [rad] by the wheels alone, since `begin`."""
+        ways = np.array(self._ways).reshape(-1, 3)
+        return ways - np.array([0.0, ways[0, 1], ways[0, 2]]) if len(ways) else ways
+
+
+def by_wheels(model: RobotModel, telemetry: Telemetry) -> Planar:
+    """Return distance and turn of all steps so far, by the wheels alone: both add up over any way."""
+    counts: Sequence[float] = list(telemetry.counts)
+    if isinstance(model.base, OmniDrive):
+        counts = [counts[1], counts[2], counts[0]]  # right, left, rear, in the order of the motors
+    return kinematics_of(model.base).step([each * model.base.metres_per_count for each in counts])
+
+
+def require_imu(robot: Driver) -> None:
+    """Check that the board streams an IMU.
+
+    Raises:
+        ConfigError: it does not.
+    """
+    if CAPABILITY not in robot.board.capabilities:
+        raise ConfigError(
+            "the board has found no IMU, expected an MPU-6050 or a relative of it: check its wires (HARDWARE.md), and "
+            "upload the firmware with mrl flash if it is older than the IMU"
+        )
+
+
+def stand(robot: Driver, track: ImuTrack, seconds: float, begin: bool = False) -> Rest:
+    """Wait until the robot has stood still for `seconds`, and return the means of that time.
+
+    With `begin`, the track begins with that time.
+
+    Raises:
+        ConfigError: the robot does not come to rest, or the IMU's readings cannot be used.
+    """
+    end_s = robot.now_s + PATIENCE_S
+    while True:
+        if begin:
+            track.begin()
+        since = len(track.readings())
+        robot.wait(seconds)
+        rows = track.readings(since)
+        if len(rows) < imu_fit.LEAST_READINGS or imu_fit.is_still(rows) or robot.now_s > end_s:
+            return imu_fit.rest_of(rows)
+
+
+def calibrate(
+    robot: Driver,
+    track: ImuTrack,
+    ruler: Ruler,
+    plan: ImuPlan,
+    measured: Measured,
+    report: Callable[[str], None],
+) -> ImuOutcome:
+    """Stand still, drive straight, and turn in place, each between two rests.
+
+    Args:
+        robot: a connected robot.
+        track: its track.
+        ruler: measures the heading at the end of each turn.
+        plan: what to drive.
+        measured: accuracy of the ruler.
+        report: gets the name of each step.
+
+    Raises:
+        ConfigError: there is no IMU, its readings cannot be used, or they contradict wheels and headings.
+        WheelFault, BoardTimeout: the robot could not drive.
+    """
+    require_imu(robot)
+    assert robot.model is not None
+    report("standing still")
+    manoeuvres.settle(robot)
+    rest = stand(robot, track, STAND_S, begin=True)
+    before = robot.model.imu
+    mount, yaw_sd_rad, trouble = imu_fit.levelled(before, rest.accel_m_s2), math.nan, ""
+    if plan.distance_m:
+        try:
+            yaw_rad, yaw_sd_rad = imu_fit.yaw_of(
+                [_push(robot, track, plan, sign, report) for sign in (1, -1)]
+            )
+            mount = mount._replace(yaw_deg=round(math.degrees(yaw_rad), 1))
+        except ConfigError as error:
+            trouble = str(error)
+    turns: List[Turned] = []
+    for leg in plan.legs:
+        turns.append(_turn(robot, track, ruler, leg, mount, turns, measured))
+    scale, sd = imu_fit.scale_of(turns, measured.heading_rad)
+    after = mount._replace(gyro_scale=round(scale, 5), gyro_scale_sd=round(sd, 5))
+    return ImuOutcome(before, after, rest, turns, yaw_sd_rad, trouble)
+
+
+def _push(robot: Driver, track: ImuTrack, plan: ImuPlan, sign: int, report: Callable[[str], None]) -> Push:
+    """Drive straight, forward or back."""
+    assert robot.model is not None
+    report(f"{plan.distance_m:g} m {'forward' if sign > 0 else 'back'}")
+    rest = stand(robot, track, REST_S, begin=True)
+    manoeuvres.straight(robot, sign * plan.distance_m, plan.speeds)
+    track.end()
+    flat = imu_fit.levelled(robot.model.imu, rest.accel_m_s2)
+    return imu_fit.push_of(track.readings(), flat, track.ways()[:, :2])
+
+
+def _turn(
+    robot: Driver,
+    track: ImuTrack,
+    ruler: Ruler,
+    leg: Leg,
+    mount: ImuMount,
+    earlier: List[Turned],
+    measured: Measured,
+) -> Turned:
+    """Turn in place between two rests.  Between them the robot may also be turned by hand: the gyro notices it."""
+    ruler.begin(leg.name)
+    manoeuvres.settle(robot)
+    before = stand(robot, track, REST_S, begin=True)
+    leg.drive(robot)
+    wheels_rad = float(track.ways()[-1, 2])
+
+    def turned(end: Pose, after: Optional[Rest]) -> Turned:
+        if math.isnan(end.yaw_rad):
+            raise ConfigError(f"{leg.name}: the heading was not measured, expected it in degrees")
+        gyro_rad, sd_rad = imu_fit.angle(track.readings(), mount, before, after)
+        scale = imu_fit.scale_of(earlier, measured.heading_rad)[0] if earlier else 1.0
+        found = Turned(gyro_rad, sd_rad, wheels_rad, imu_fit.true_angle(gyro_rad, end.yaw_rad, scale))
+        imu_fit.require_agreement(found, earlier, measured.heading_rad, leg.name)
+        return found
+
+    end = ruler.end(leg.name, lambda pose: turned(pose, None) and None)
+    after = stand(robot, track, REST_S)
+    track.end()
+    return turned(end, after)
+
+
+def values_for(outcome: ImuOutcome) -> Dict[Key, float]:
+    """Values of the robot's YAML file: what was measured."""
+    names = ["roll_deg", "pitch_deg", "gyro_scale", "gyro_scale_sd"]
+    if not math.isnan(outcome.yaw_sd_rad):
+        names.insert(2, "yaw_deg")
+    return {("imu", name): getattr(outcome.after, name) for name in names}

@@ -1,0 +1,138 @@
+"""`mrl goto`: drive to a goal in odometry coordinates, around the obstacles that the sonars see."""
+
+import math
+from typing import TYPE_CHECKING, Callable, Optional
+
+import click
+
+from mrl_driver.errors import GoalMissed
+from mrl_driver.geometry import Pose
+from mrl_driver.host.named_robots import Target
+from mrl_driver.terminal.shown_state import snapshot
+
+from .drive import confirm_stop, require_driving
+from .shared import (
+    FOREVER_S,
+    Between,
+    await_gyro,
+    battery_option,
+    confirm_motion,
+    confirm_overwrite,
+    connected,
+    fast_option,
+    json_option,
+    print_json,
+    print_message,
+    record_option,
+    report_losses,
+    robot_options,
+    warn,
+    yes_option,
+)
+
+if TYPE_CHECKING:
+    from mrl_driver.driver import Driver
+
+FARTHEST_M = 1000.0
+STEP_S = 0.05
+"""The speeds are computed again after this time [s]."""
+PROGRESS_S = 1.0
+"""The progress is reported this often [s]."""
+
+
+@click.command(context_settings={"ignore_unknown_options": True})  # -0.5 is a number, not an option
+@click.argument("x", type=Between(-FARTHEST_M, FARTHEST_M))
+@click.argument("y", type=Between(-FARTHEST_M, FARTHEST_M))
+@click.argument("yaw", type=Between(-360.0, 360.0), required=False)
+@robot_options
+@click.option(
+    "--timeout",
+    "timeout_s",
+    type=Between(0, min_open=True),
+    default=FOREVER_S,
+    help="Give up after this time [s]; default: after 60 s without progress.",
+)
+@battery_option
+@record_option
+@fast_option
+@yes_option
+@json_option
+def goto(
+    target: Target,
+    x: float,
+    y: float,
+    yaw: Optional[float],
+    timeout_s: float,
+    ignore_battery: bool,
+    record: Optional[str],
+    fast: bool,
+    yes: bool,
+    as_json: bool,
+) -> None:
+    """Drive to a goal, around obstacles that the sonars see.
+
+    X and Y [m] are coordinates of the odometry, which starts at 0 where the robot stands: X is forward, Y is to the
+    left.  At the goal the robot turns to YAW [deg]; without it, to the direction from start to goal.
+
+    Exit codes: 0 reached; 16 blocked, or the time is over; 10 or 14 the robot was stopped; 130 Ctrl-C, which stops it.
+
+    \b
+    Examples:
+      mrl goto 1 0 --port /dev/ttyACM0              1 m forward
+      mrl goto 0.5 -0.3 90 --robot lab3 --yes       without the question; then turn to the left
+      mrl goto -0.5 0 0 --robot lab3 --timeout 30   0.5 m back, with the front as at the start
+    """
+    confirm_overwrite(record, yes)
+    with connected(target, moves=True, ignore_battery=ignore_battery, record=record, fast=fast) as driver:
+        warn(driver)
+        report_losses(driver)
+        if not driver.has_sonars:
+            print_message("warning: this board has no sonars, the robot does not see obstacles")
+        confirm_motion(f"The robot drives by itself to {x:g} m, {y:g} m. Is the floor free?", yes)
+        await_gyro(driver)
+        goal = Pose(x, y, math.atan2(y, x) if yaw is None else math.radians(yaw))
+        why = drive_to(driver, goal, timeout_s, print_message)
+        if as_json:
+            print_json({"reached": not why, "why": why, "goal": goal._asdict(), **snapshot(driver)})
+        else:
+            click.echo(f"{'stopped' if why else 'reached'} at {_text(driver.pose)}")
+        if why:
+            raise GoalMissed(f"the goal was not reached: {why}")
+
+
+def drive_to(driver: "Driver", goal: Pose, timeout_s: float, tell: Callable[[str], None]) -> str:
+    """Drive to a pose of the odometry, and stop; returns why the goal was given up, empty if it was reached.
+
+    `tell` gets a line of progress every second.  While it blocks, the driver's command timeout stops the robot.
+
+    Raises:
+        WheelFault: a wheel did not follow its command.
+        BoardTimeout: the robot was stopped for another reason, or the stop was not confirmed.
+    """
+    from mrl_driver.navigation.goal_seeker import GoalSeeker
+
+    assert driver.limits is not None and driver.model is not None
+    begun_s = told_s = driver.now_s
+    seeker = GoalSeeker(goal, driver.limits, begun_s, driver.model.sonars)
+    driving = True
+    while not (seeker.reached or seeker.blocked) and driver.now_s - begun_s < timeout_s:
+        require_driving(driver, driving)
+        driving = driver.drive(*seeker.command(driver.pose, driver.ranges, driver.now_s))
+        driver.wait(STEP_S)
+        driving = driving and driver.command is not None
+        if driver.now_s - told_s >= PROGRESS_S:
+            told_s += PROGRESS_S
+            tell(_progress(driver.pose, goal) + (f", waits: {seeker.why}" if seeker.blind else ""))
+    confirm_stop(driver)
+    if seeker.reached:
+        return ""
+    return seeker.why if seeker.blocked else f"the time of {timeout_s:g} s is over"
+
+
+def _progress(pose: Pose, goal: Pose) -> str:
+    away_m = math.hypot(goal.x_m - pose.x_m, goal.y_m - pose.y_m)
+    return f"{away_m:.2f} m to go, at {_text(pose)}"
+
+
+def _text(pose: Pose) -> str:
+    return f"x {pose.x_m:.3f} m, y {pose.y_m:.3f} m, yaw {math.degrees(pose.yaw_rad):.1f} deg"

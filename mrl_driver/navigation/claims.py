@@ -1,0 +1,161 @@
+"""Claims of a place that one robot of a team may use at a time: a waypoint, a crossing, a door.  No I/O, no clock.
+
+Each robot has one `Claim`.  Messages of the others go into `receive`, and `messages` returns those to send to them:
+
+    claim = Claim("robot1", ["robot2", "robot3"], now_s)
+    claim.want()                                        # before the robot drives to the place
+    for message in claim.messages(now_s): send(message.text)
+    claim.receive(ClaimMessage.parse(text), now_s)
+    if claim.held: ...                                  # the robot may drive to the place
+    claim.release()                                     # after the robot has left it
+
+A robot holds the place when all others have granted its claim.  A claim has a number that is larger than all numbers
+the robot has received, so the claim that the others receive first wins.  If two robots claim before they receive each
+other's message, the smaller number wins, then the smaller name.  A robot that holds the place, or has the better claim,
+grants other claims after it has released its own (Ricart and Agrawala 1981).
+
+Messages may be late, lost, repeated, or overtake each other, because each one holds the whole state between two robots
+and is sent again every `REPEAT_S`.  No time-out gives the place to another robot: a robot that vanished may stand
+there.  A robot without an answer from each of the others does not hold the place; `silent` names those robots, so that
+it can do something else meanwhile.  A robot that starts again at the place must be taken away from it first, because it
+no longer knows that it held the place.
+"""
+
+import math
+import re
+from typing import Dict, List, NamedTuple, Sequence, Tuple
+
+from mrl_driver.errors import ConfigError
+
+REPEAT_S = 0.5
+"""Each message is repeated after this time [s]."""
+SILENT_S = 3.0
+"""A robot that was not heard for this time counts as silent [s]: five repetitions in a row were lost."""
+_TEXT = re.compile(r"([!-~]+) ([0-9]{1,9}) ([!-~]+) ([0-9]{1,9})")
+
+
+class ClaimMessage(NamedTuple):
+    """A message from one robot to another.
+
+    Attributes:
+        sender: Name of the robot that sends it.
+        claim: Number of the sender's claim; 0 if it has none.
+        to: Name of the robot that it is for.
+        granted: Number of the receiver's claim that the sender has granted; 0 if none.
+    """
+
+    sender: str
+    claim: int
+    to: str
+    granted: int
+
+    @property
+    def text(self) -> str:
+        """The message as ASCII text, such as `1 12 2 11`.  It fits into the 16 characters of a radio text up to claim
+        9999 if names are single characters."""
+        return f"{self.sender} {self.claim} {self.to} {self.granted}"
+
+    @classmethod
+    def parse(cls, text: str) -> "ClaimMessage":
+        """The message of a text.
+
+        Raises:
+            ValueError: the text is not a message of a claim.
+        """
+        found = _TEXT.fullmatch(text)
+        if found is None:
+            raise ValueError(f"claim message is {text[:40]!r}, expected SENDER CLAIM RECEIVER GRANTED")
+        sender, claim, to, granted = found.groups()
+        return cls(sender, int(claim), to, int(granted))
+
+
+class Claim:
+    """One robot's side of the claims of a place.
+
+    Args:
+        name: Name of this robot: printable ASCII without spaces.
+        others: Names of all other robots of the team.
+        now_s: Time of the start [s], on any clock that does not jump.
+
+    Raises:
+        ConfigError: a name is not valid, or appears twice.
+    """
+
+    def __init__(self, name: str, others: Sequence[str], now_s: float) -> None:
+        _check_names([name, *others])
+        self.name = name
+        self._wanted = False
+        self._number = self._largest = 0
+        self._claims: Dict[str, int] = dict.fromkeys(others, 0)
+        self._granted: Dict[str, int] = dict.fromkeys(others, 0)
+        self._answers: Dict[str, int] = dict.fromkeys(others, 0)
+        self._unheard = set(others)
+        self._heard_s = dict.fromkeys(others, now_s)
+        self._due_s = -math.inf
+
+    @property
+    def held(self) -> bool:
+        """Whether the place belongs to this robot."""
+        return self._number > 0 and all(answer == self._number for answer in self._answers.values())
+
+    def silent(self, now_s: float) -> Tuple[str, ...]:
+        """Names of the robots that were not heard for `SILENT_S`."""
+        return tuple(name for name, at_s in self._heard_s.items() if now_s - at_s > SILENT_S)
+
+    def want(self) -> None:
+        """Claims the place, unless it is claimed already.
+
+        The claim gets its number when each of the others was heard once: a robot that has started again would
+        otherwise use a number of its earlier claims.
+        """
+        self._wanted = True
+        self._draw_number()
+
+    def release(self) -> None:
+        """Gives the place, or the claim, back."""
+        if self._wanted:
+            self._wanted, self._number = False, 0
+            self._due_s = -math.inf
+            for name in self._claims:
+                self._consider(name)
+
+    def receive(self, message: ClaimMessage, now_s: float) -> None:
+        """Takes a message; those for other robots, and of robots that are not in the team, are ignored."""
+        sender = message.sender
+        if message.to != self.name or sender not in self._claims:
+            return
+        self._unheard.discard(sender)
+        self._heard_s[sender] = now_s
+        self._largest = max(self._largest, message.claim, message.granted)
+        self._claims[sender] = message.claim
+        self._answers[sender] = max(self._answers[sender], message.granted)
+        self._consider(sender)
+        self._draw_number()
+
+    def messages(self, now_s: float) -> List[ClaimMessage]:
+        """The messages to send now, one for each of the others; none if they are not due."""
+        if now_s < self._due_s:
+            return []
+        self._due_s = now_s + REPEAT_S
+        return [ClaimMessage(self.name, self._number, to, self._granted[to]) for to in self._claims]
+
+    def _draw_number(self) -> None:
+        if self._wanted and not self._number and not self._unheard:
+            self._number = self._largest = self._largest + 1
+            self._due_s = -math.inf
+
+    def _consider(self, name: str) -> None:
+        """Grants a robot's claim, unless the own claim is better."""
+        claim = self._claims[name]
+        better = self._number and (self._number, self.name) < (claim, name)
+        if not better and claim > self._granted[name]:
+            self._granted[name] = claim
+            self._due_s = -math.inf
+
+
+def _check_names(names: Sequence[str]) -> None:
+    for name in names:
+        if not re.fullmatch("[!-~]+", name):
+            raise ConfigError(f"name of a robot is {name!r}, expected printable ASCII without spaces")
+    if len(set(names)) < len(names):
+        raise ConfigError(f"names of the team are {', '.join(names)}, expected each one once")

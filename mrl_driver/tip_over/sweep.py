@@ -1,0 +1,131 @@
+"""The tip-over margin over one quantity that changes: the arm's angle or height, an acceleration, a force.  No I/O."""
+
+import math
+from typing import Callable, Dict, List, NamedTuple, Tuple
+
+from mrl_driver.errors import ConfigError
+
+from .margin import MOST_M_S2, MOST_N, NO_PUSH, Arm, Margin, Push, Vehicle, worst
+from .vehicle_file import RANGES
+
+POINTS = 61
+"""Values of a sweep."""
+_STEPS = 40
+"""Number of bisection steps to the value at which the margin is 0."""
+
+
+class Situation(NamedTuple):
+    """A vehicle and what acts on it; acceleration and slope are in the worst direction of each tip-over axis."""
+
+    vehicle: Vehicle
+    acceleration_m_s2: float = 0.0
+    slope_rad: float = 0.0
+    push: Push = NO_PUSH
+
+    def margin(self) -> Margin:
+        """Return the least margin."""
+        return worst(self.vehicle, self.acceleration_m_s2, self.slope_rad, self.push)
+
+    def with_arm(self, **values: float) -> "Situation":
+        """Return the situation with other attributes of the arm.
+
+        Raises:
+            ConfigError: the vehicle has no arm.
+        """
+        return self._replace(vehicle=self.vehicle._replace(arm=arm_of(self.vehicle)._replace(**values)))
+
+
+class Quantity(NamedTuple):
+    """A quantity that can be swept."""
+
+    unit: str
+    low: float
+    high: float
+    change: Callable[[Situation, float], Situation]
+
+
+QUANTITIES: Dict[str, Quantity] = {
+    "arm-angle": Quantity("deg", *RANGES["angle_deg"], lambda now, value: now.with_arm(angle_deg=value)),
+    "arm-height": Quantity("m", *RANGES["height_m"], lambda now, value: now.with_arm(height_m=value)),
+    "acceleration": Quantity(
+        "m/s2", 0.0, MOST_M_S2, lambda now, value: now._replace(acceleration_m_s2=value)
+    ),
+    "force": Quantity(
+        "N", 0.0, MOST_N, lambda now, value: now._replace(push=now.push._replace(force_n=value))
+    ),
+}
+
+
+class Range(NamedTuple):
+    """Values of a quantity, from the first to the last."""
+
+    name: str
+    first: float
+    last: float
+
+    @property
+    def quantity(self) -> Quantity:
+        """The quantity."""
+        return QUANTITIES[self.name]
+
+
+def arm_of(vehicle: Vehicle) -> Arm:
+    """Return the vehicle's arm.
+
+    Raises:
+        ConfigError: it has none.
+    """
+    if vehicle.arm is None:
+        raise ConfigError(f"vehicle {vehicle.name} has no arm, expected a vehicle's .yaml with the key arm")
+    return vehicle.arm
+
+
+def parse(text: str) -> Range:
+    """Return the range in a text such as `force=0:900`.
+
+    Raises:
+        ConfigError: the quantity is unknown, or its values are not two rising numbers in its range.
+    """
+    name, _, values = text.partition("=")
+    if name not in QUANTITIES:
+        raise ConfigError(f"sweep is {text!r}, expected QUANTITY=FROM:TO with {', '.join(QUANTITIES)}")
+    quantity = QUANTITIES[name]
+    try:
+        first, last = map(float, values.split(":"))
+    except ValueError:
+        first = last = math.nan
+    if not quantity.low <= first < last <= quantity.high:
+        raise ConfigError(
+            f"sweep is {text!r}, expected {name}=FROM:TO with two rising numbers from {quantity.low:g} to "
+            f"{quantity.high:g} {quantity.unit}"
+        )
+    return Range(name, first, last)
+
+
+def sweep(situation: Situation, over: Range, points: int = POINTS) -> List[Tuple[float, Margin]]:
+    """Return the values of the quantity, and the least margin at each.
+
+    Raises:
+        ConfigError: the vehicle has no arm, and the sweep needs one.
+    """
+    step = (over.last - over.first) / (points - 1)
+    values = [over.first + step * number for number in range(points - 1)] + [over.last]
+    return [(value, over.quantity.change(situation, value).margin()) for value in values]
+
+
+def crossings(situation: Situation, over: Range, found: List[Tuple[float, Margin]]) -> List[float]:
+    """Return the values between the points of a sweep at which the vehicle begins or ceases to tip over."""
+
+    def tips(value: float) -> bool:
+        return over.quantity.change(situation, value).margin().angle_rad < 0
+
+    made = []
+    for (low, _), (high, _) in zip(found, found[1:]):
+        before = tips(low)
+        if before == tips(high):
+            continue
+        for _ in range(_STEPS):
+            middle = (low + high) / 2
+            low, high = (middle, high) if tips(middle) == before else (low, middle)
+        made.append((low + high) / 2)
+    return made

@@ -1,0 +1,109 @@
+"""The node that maps the L-shaped course: it reads `odom`, the side sonars and `scan`, and publishes `cmd_vel`."""
+
+import math
+from typing import Any, List, Sequence, Tuple
+
+import numpy as np
+import rospy
+from sensor_msgs.msg import LaserScan, Range
+
+from mrl_driver.errors import MrlError
+from mrl_driver.geometry import Pose
+from mrl_driver.navigation.line_follower import Course
+from mrl_driver.robot import models
+from sim_arduino.experiments import disturbances, l_course
+from sim_arduino.experiments.experiment_report import Result
+from sim_arduino.experiments.experiment_robot import Setting
+from sim_arduino.experiments.l_course import CourseRecord
+from sim_arduino.experiments.team import pose_option
+from sim_arduino.world import world_file
+
+from .experiment_processes import Parts
+from .one_robot_node import RATE_HZ, ROBOT, OdometryRobot, TimedPoses, follow, heard, wait_for
+
+STOP_S = 1.0
+
+
+def play(_: str, parts: Parts, setting: Setting) -> Result:
+    """Maps the course once through ROS, ends all programs, and then runs the experiment in simulated time."""
+    live = drive(parts, setting)
+    parts.close()
+    return l_course.run(setting, live)
+
+
+def drive(parts: Parts, setting: Setting) -> CourseRecord:
+    """Drives through the course with a robot that has random errors alone; the record has the topics' readings.
+
+    Raises:
+        MrlError: a part has failed or is not ready in time, a sensor is silent, or the robot does not arrive.
+    """
+    start = world_file.load(l_course.WORLD).start
+    _start(parts, setting, start)
+    truth = heard("base_pose_ground_truth")
+    robot = wait_for(parts, truth)
+    robot.reset_pose(start)
+    sensors = Sensors(models.load(setting.robot))
+    follow(parts, robot, Course(l_course.WAYPOINTS, l_course.SLOW), STOP_S)
+    sensors.close()
+    stamps_s = robot.stamps_s
+    return CourseRecord(
+        robot.poses_at(stamps_s),
+        _placed(sensors.ranges, robot, truth),
+        _placed(sensors.scans, robot, truth),
+        truth.at(stamps_s),
+    )
+
+
+def _start(parts: Parts, setting: Setting, start: Pose) -> None:
+    """Starts the board, its robot node, and the world node, which is the laser."""
+    pose = pose_option(disturbances.placed(start, setting.seed))
+    errors = ("--error", disturbances.WANDER, "--sonar", disturbances.SONAR, "--seed", str(setting.seed))
+    options = ("--robot", setting.robot, "--world", l_course.WORLD, "--world-name", ROBOT, "--pose", pose)
+    parts.robot(ROBOT, parts.board(ROBOT, *options, *errors), setting.robot, RATE_HZ)
+    world = {"world": l_course.WORLD, "world_name": ROBOT, "robot": setting.robot}
+    parts.node("world_node", ROBOT, only=ROBOT, localise=False, **world)
+
+
+class Sensors:
+    """The readings of the side sonars and the laser from now on: time [s], mount in base_link, and reading."""
+
+    def __init__(self, model: models.RobotModel) -> None:
+        self.ranges: List[Tuple[float, Pose, float]] = []
+        self.scans: List[Tuple[float, Pose, Any]] = []
+        self._laser = Pose(model.laser.x_m, model.laser.y_m, math.radians(model.laser.yaw_deg))
+        self._subscribers = [
+            rospy.Subscriber(f"/{ROBOT}/sonar/{name}", Range, self._on_range, model.sonars[name].pose)
+            for name in l_course.SIDES
+        ]
+        self._subscribers.append(rospy.Subscriber(f"/{ROBOT}/scan", LaserScan, self._on_scan))
+
+    def _on_range(self, message: Range, mount: Pose) -> None:
+        self.ranges.append((message.header.stamp.to_sec(), mount, message.range))
+
+    def _on_scan(self, message: LaserScan) -> None:
+        self.scans.append((message.header.stamp.to_sec(), self._laser, np.array(message.ranges)))
+
+    def close(self) -> None:
+        """Ends the record.
+
+        Raises:
+            MrlError: the sonars or the laser sent nothing.
+        """
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+        for name, readings in (("sonar/left and sonar/right", self.ranges), ("scan", self.scans)):
+            if not readings:
+                raise MrlError(
+                    f"no message on {name} during the drive, expected readings; see the node's log"
+                )
+
+
+def _placed(readings: Sequence[Any], robot: OdometryRobot, truth: TimedPoses) -> List[Tuple[Pose, Any, Pose]]:
+    """Readings with the pose of their sensor by odometry, and its true pose, at the time of the message."""
+    stamps_s = [stamp_s for stamp_s, _, _ in readings]
+    return [
+        (by_odometry.compose(*mount), value, true.compose(*mount))
+        for (_, mount, value), by_odometry, true in zip(
+            readings, robot.poses_at(stamps_s), truth.at(stamps_s)
+        )
+    ]

@@ -1,0 +1,136 @@
+"""The part of nodes that drives a single emulated robot by `cmd_vel`, and knows its poses at the times of messages."""
+
+import time
+from typing import List, Sequence, Tuple
+
+import numpy as np
+import rospy
+from geometry_msgs.msg import Twist, Vector3
+from nav_msgs.msg import Odometry
+
+from mrl_driver.errors import MrlError
+from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
+from mrl_driver.navigation.line_follower import Course
+from ros1_bridge.demo.processes import wait_until
+from ros1_bridge.node.plane_poses import planar
+
+from .experiment_processes import START_S, Parts
+
+ROBOT = "robot"
+"""Its namespace."""
+RATE_HZ = 20
+MOST_S = 180.0
+"""Time limit of a course [s]."""
+
+
+class TimedPoses:
+    """Poses and their times."""
+
+    def __init__(self) -> None:
+        self._rows: List[Tuple[float, ...]] = []
+
+    def add(self, stamp_s: float, pose: Pose) -> None:
+        """Adds a pose; times rise."""
+        self._rows.append((stamp_s, *pose))
+
+    def __len__(self) -> int:
+        """Number of poses."""
+        return len(self._rows)
+
+    @property
+    def last(self) -> Pose:
+        """The last pose."""
+        return Pose(*self._rows[-1][1:])
+
+    @property
+    def stamps_s(self) -> List[float]:
+        """The times of all poses [s]."""
+        return [row[0] for row in self._rows]
+
+    def at(self, stamps_s: Sequence[float]) -> List[Pose]:
+        """Poses at these times, linear between two of them; the first before all, the last after all."""
+        known_s, x_m, y_m, yaw_rad = np.array(self._rows).T
+        columns = (np.interp(stamps_s, known_s, values) for values in (x_m, y_m, np.unwrap(yaw_rad)))
+        return [Pose(x, y, wrap_angle(yaw)) for x, y, yaw in zip(*(column.tolist() for column in columns))]
+
+
+def heard(topic: str) -> TimedPoses:
+    """The poses of a topic with Odometry of the robot, from now on."""
+    poses = TimedPoses()
+
+    def keep(message: Odometry) -> None:
+        poses.add(message.header.stamp.to_sec(), planar(message.pose.pose))
+
+    rospy.Subscriber(f"/{ROBOT}/{topic}", Odometry, keep, tcp_nodelay=True)
+    return poses
+
+
+class OdometryRobot:
+    """A robot reached through `cmd_vel` and `odom`."""
+
+    def __init__(self) -> None:
+        self._odometry = heard("odom")
+        self._first, self._mark = ORIGIN, ORIGIN
+        self._cmd_vel = rospy.Publisher(f"/{ROBOT}/cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
+
+    @property
+    def known(self) -> bool:
+        """Whether a pose has come."""
+        return len(self._odometry) > 0
+
+    @property
+    def pose(self) -> Pose:
+        """The last pose by odometry."""
+        return self._in_frame(self._odometry.last)
+
+    @property
+    def stamps_s(self) -> List[float]:
+        """The times of all poses by odometry [s]."""
+        return self._odometry.stamps_s
+
+    def poses_at(self, stamps_s: Sequence[float]) -> List[Pose]:
+        """Poses by odometry at these times [s]."""
+        return [self._in_frame(pose) for pose in self._odometry.at(stamps_s)]
+
+    def reset_pose(self, pose: Pose) -> None:
+        """Sets the pose by odometry at which the robot is now."""
+        self._first, self._mark = self._odometry.last, pose
+
+    def _in_frame(self, pose: Pose) -> Pose:
+        return self._mark.compose(*pose.relative_to(self._first))
+
+    def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
+        """Publishes these speeds."""
+        self._cmd_vel.publish(Twist(Vector3(linear_m_s, 0, 0), Vector3(0, 0, angular_rad_s)))
+
+
+def wait_for(parts: Parts, *known: TimedPoses) -> OdometryRobot:
+    """The robot, when its odometry and these other poses have come.
+
+    Raises:
+        MrlError: a part has failed, or is not ready in time.
+    """
+    robot = OdometryRobot()
+    wait_until(lambda: parts.check() or (robot.known and all(map(len, known))), START_S)  # type: ignore[func-returns-value]
+    if not robot.known:
+        raise MrlError(f"no odometry after {START_S:g} s")
+    if not all(map(len, known)):
+        raise MrlError(f"no true pose after {START_S:g} s")
+    return robot
+
+
+def follow(parts: Parts, robot: OdometryRobot, course: Course, stop_s: float) -> None:
+    """Drives a course to its end, and stands still for `stop_s`.
+
+    Raises:
+        MrlError: a part has failed, or the robot does not arrive.
+    """
+    end_s = time.monotonic() + MOST_S
+    while not course.done:
+        parts.check()
+        if time.monotonic() > end_s:
+            raise MrlError(f"the robot has not arrived after {MOST_S:g} s; clear the path")
+        robot.drive(*course.command(robot.pose))
+        time.sleep(1 / RATE_HZ)
+    robot.drive(0.0, 0.0)
+    time.sleep(stop_s)

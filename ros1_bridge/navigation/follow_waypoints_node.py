@@ -1,0 +1,282 @@
+"""ROS node `follow_waypoints`: drives through a list of waypoints with the action `move_base`.
+
+Any server of that action will do: the real move_base or `go_to_goal`.  The list comes from the parameter `~waypoints`,
+or from `waypoint_path` (nav_msgs/Path) or `waypoint_poses` (geometry_msgs/PoseArray).  Waypoints that robots share are
+claimed by messages on the topic `claims` (std_msgs/String), see `mrl_driver.navigation.claims`.
+"""
+
+import threading
+import time
+from typing import Any, Callable, Dict, List, Optional, Sequence
+
+import actionlib
+import rospy
+from actionlib_msgs.msg import GoalStatus, GoalStatusArray
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from geometry_msgs.msg import PoseArray, PoseStamped
+from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+from nav_msgs.msg import Path
+from std_msgs.msg import String
+from std_srvs.srv import Trigger, TriggerResponse
+
+from mrl_driver.geometry import quaternion_of
+from mrl_driver.navigation.claims import Claim, ClaimMessage
+from mrl_driver.navigation.waypoint_tour import PAUSED, Target, WaypointTour
+from ros1_bridge.node.parameters import Row, read
+from ros1_bridge.node.plane_poses import planar
+from ros1_bridge.node.run_node import run_node
+
+from .waypoint_list import read_names, read_numbers, read_waypoints
+
+POLL_S = 0.1
+SILENT_S = 3.0
+"""move_base has ended if it publishes no status for this long; it sends five a second."""
+LEAVES_S = 0.1
+"""Time for the last message to leave on shutdown."""
+WARN_EVERY_S = 5.0
+PARAMETERS = (
+    Row("map_frame", str, "map", "", "Frame of waypoints that name none"),
+    Row("repeat", bool, False, "", "Begin again after the last waypoint"),
+    Row(
+        "skip_failed",
+        bool,
+        False,
+        "",
+        "Continue with the next waypoint if one cannot be reached; otherwise, pause",
+    ),
+    Row("wait", float, 0.0, "s", "Time at each waypoint", 0.0, 3600.0),
+    Row(
+        "shared",
+        str,
+        "",
+        "",
+        "Numbers of the waypoints, from 1, that make up a place for one robot at a time, such as 1 or 1,2",
+    ),
+    Row("team", str, "", "", "Names of all robots that share the place, such as robot1,robot2,robot3"),
+    Row("team_name", str, "", "", "Name of this robot in the team; empty: the namespace"),
+)
+"""The node's private parameters, apart from the list itself."""
+LIST = "waypoints"
+CLAIMS_QUEUE = 50
+
+
+class FollowWaypoints:
+    """Drives one robot through its waypoints."""
+
+    def __init__(self) -> None:
+        """Reads the private parameters.
+
+        Raises:
+            ConfigError: a parameter is wrong.
+        """
+        space = rospy.get_name()
+        found = rospy.get_param(space, {}) or {}
+        if isinstance(found.get("shared"), int):  # as `_shared:=1` is read
+            found["shared"] = str(found["shared"])
+        poses = read_waypoints(found.get(LIST, []), f"{space}/{LIST}")
+        given = read(PARAMETERS, found, space, [LIST])
+        self._frame = given["map_frame"]
+        self._first = [self._stamped(pose, self._frame) for pose in poses]
+        shared = read_numbers(given["shared"], f"{space}/shared")
+        self._claim = self._claim_of(given, space) if shared else None
+        self._claims_out = rospy.Publisher("claims", String, queue_size=CLAIMS_QUEUE) if shared else None
+        self._tour = WaypointTour(given["repeat"], given["skip_failed"], given["wait"], self._claim, shared)
+        self._poses: Sequence[PoseStamped] = []
+        self._lock = (
+            threading.Lock()
+        )  # guards tour and poses; never held during a call of actionlib, which has locks too
+        self._wake = threading.Event()
+        self._sent: Optional[Target] = None
+        self._handle: Optional[actionlib.ClientGoalHandle] = None
+        self._shown: Optional[DiagnosticStatus] = None
+        self._idleness: Dict[str, str] = {}
+        self._heard_s = time.monotonic()
+        self._out = rospy.Publisher("waypoint_status", DiagnosticStatus, queue_size=1, latch=True)
+        self._client = actionlib.ActionClient("move_base", MoveBaseAction)
+        rospy.on_shutdown(self._end)
+
+    @staticmethod
+    def _claim_of(given: Dict[str, Any], space: str) -> Claim:
+        """The claim of the shared waypoints.
+
+        Raises:
+            ConfigError: the team has fewer than two robots, or not this one.
+        """
+        name = given["team_name"] or rospy.get_namespace().strip("/")
+        team = read_names(given["team"], name, f"{space}/team")
+        return Claim(name, [each for each in team if each != name], time.monotonic())
+
+    def run(self) -> None:
+        """Wait for the server, and drive until the shutdown."""
+        rospy.Subscriber("move_base/status", GoalStatusArray, self._on_status, queue_size=1)
+        if self._claim is not None:
+            rospy.Subscriber("claims", String, self._on_claim, queue_size=CLAIMS_QUEUE, tcp_nodelay=True)
+        while not self._client.wait_for_server(rospy.Duration(WARN_EVERY_S)):
+            if rospy.is_shutdown():
+                return
+            rospy.logwarn("there is no server of the action move_base yet: start move_base or go_to_goal")
+        self._heard_s = time.monotonic()
+        rospy.Subscriber("waypoint_path", Path, self._on_path, queue_size=1)
+        rospy.Subscriber("waypoint_poses", PoseArray, self._on_poses, queue_size=1)
+        for name, act in (
+            ("pause", self._tour.pause),
+            ("resume", self._tour.resume),
+            ("skip", self._tour.skip),
+        ):
+            self._offer(name, act)
+        self._offer("cancel", self._give_up)
+        if self._first:
+            self._take(self._first)
+        while not rospy.is_shutdown():
+            self._step()
+            self._wake.wait(POLL_S)
+            self._wake.clear()
+
+    def _offer(self, name: str, act: Callable[[], bool]) -> None:
+        def serve(_: Any) -> TriggerResponse:
+            with self._lock:
+                done, state = act(), self._tour.state
+            self._wake.set()
+            return TriggerResponse(done, state if done else f"{name} has no effect: the tour is {state}")
+
+        rospy.Service(f"~{name}", Trigger, serve)
+
+    def _give_up(self) -> bool:
+        self._tour.end()
+        return True
+
+    def _step(self) -> None:
+        """Send or cancel a goal if the tour's target has changed."""
+        with self._lock:
+            now_s = time.monotonic()
+            target = self._tour.target
+            if target and now_s - self._heard_s > SILENT_S:
+                self._tour.interrupt(target.attempt, "move_base has fallen silent")
+            self._tour.tick(now_s)
+            target = self._tour.target
+            pose = self._poses[target.place] if target else None
+            status = self._status(now_s)
+            claims = self._claim.messages(now_s) if self._claim else []
+        for message in claims:
+            assert self._claims_out is not None
+            self._claims_out.publish(message.text)
+        if target != self._sent:
+            self._sent = target
+            self._send(target, pose)
+        if status != self._shown:
+            self._shown = status
+            self._out.publish(status)
+
+    def _send(self, target: Optional[Target], pose: Optional[PoseStamped]) -> None:
+        if target is None:
+            self._cancel()
+            return
+        number = target.attempt
+        self._handle = self._client.send_goal(
+            MoveBaseGoal(pose), lambda handle: self._on_transition(number, handle)
+        )
+
+    def _on_transition(self, attempt: int, handle: actionlib.ClientGoalHandle) -> None:
+        if handle.get_comm_state() != actionlib.CommState.DONE:
+            return
+        state, text = handle.get_terminal_state(), handle.get_goal_status_text()
+        with self._lock:
+            number = self._tour.number
+            if state == GoalStatus.SUCCEEDED:
+                self._tour.reached(attempt, time.monotonic())
+            elif state in (GoalStatus.PREEMPTED, GoalStatus.RECALLED):
+                self._tour.interrupt(attempt, "another goal came, or the goal was cancelled")
+            else:
+                why = f"waypoint {number} was not reached: {text or GoalStatus.to_string(state)}"
+                self._tour.failed(attempt, why)
+            reason = self._tour.reason if self._tour.state == PAUSED else ""
+        if reason:
+            rospy.logwarn(f"{reason}; the service resume drives on")
+        self._wake.set()
+
+    def _on_claim(self, message: String) -> None:
+        assert self._claim is not None
+        try:
+            heard = ClaimMessage.parse(message.data)
+        except ValueError as error:
+            rospy.logwarn_throttle(WARN_EVERY_S, str(error))
+            return
+        with self._lock:
+            self._claim.receive(heard, time.monotonic())
+        self._wake.set()
+
+    def _on_status(self, _: GoalStatusArray) -> None:
+        self._heard_s = time.monotonic()
+
+    def _on_path(self, message: Path) -> None:
+        for pose in message.poses:
+            pose.header.frame_id = pose.header.frame_id or message.header.frame_id or self._frame
+        self._take(message.poses)
+
+    def _on_poses(self, message: PoseArray) -> None:
+        poses = [PoseStamped(pose=pose) for pose in message.poses]
+        for each in poses:
+            each.header.frame_id = message.header.frame_id or self._frame
+        self._take(poses)
+
+    def _take(self, poses: Sequence[PoseStamped]) -> None:
+        """Begin with new waypoints, if all are good."""
+        if not poses:
+            rospy.logwarn("a list without waypoints is ignored; the service cancel ends a tour")
+            return
+        for number, each in enumerate(poses, 1):
+            try:
+                planar(each.pose)
+            except ValueError as error:
+                rospy.logwarn(f"waypoints refused: number {number} of {len(poses)}: {error}")
+                return
+        with self._lock:
+            self._poses = poses
+            self._tour.begin(len(poses), time.monotonic())
+        self._wake.set()
+
+    def _status(self, now_s: float) -> DiagnosticStatus:
+        tour = self._tour
+        idleness = tour.idleness
+        if self._idleness.get("visits") != str(idleness.visits):
+            self._idleness = {
+                "visits": str(idleness.visits),
+                "idleness_mean": f"{idleness.mean_s(now_s):.1f}",
+                "idleness_worst": f"{idleness.worst_s(now_s):.1f}",
+            }
+        level = DiagnosticStatus.WARN if tour.state == PAUSED else DiagnosticStatus.OK
+        values = {
+            "state": tour.state,
+            "waypoint": f"{tour.number} of {tour.count}",
+            "lap": str(tour.lap),
+            "reason": tour.reason,
+            **self._idleness,
+        }
+        pairs = [KeyValue(key, value) for key, value in values.items()]
+        return DiagnosticStatus(level, rospy.get_name(), tour.reason or tour.state, "", pairs)
+
+    def _end(self) -> None:
+        """Cancel the goal, so that the robot does not drive on without this node."""
+        if self._cancel():
+            rospy.rostime.wallsleep(LEAVES_S)
+
+    def _cancel(self) -> bool:
+        """Cancel the goal unless it has ended; whether there was one to cancel."""
+        handle = self._handle
+        if handle is None or handle.get_comm_state() == actionlib.CommState.DONE:
+            return False
+        handle.cancel()
+        return True
+
+    @staticmethod
+    def _stamped(pose: Any, frame: str) -> PoseStamped:
+        made = PoseStamped()
+        made.header.frame_id = frame
+        made.pose.position.x, made.pose.position.y = pose.x_m, pose.y_m
+        made.pose.orientation.z, made.pose.orientation.w = quaternion_of(pose.yaw_rad)
+        return made
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run the node; returns the exit code."""
+    return run_node("follow_waypoints", lambda: FollowWaypoints().run(), argv)

@@ -1,0 +1,97 @@
+"""ROS node `map_to_odom`: publishes map to odom on /tf, ahead of time, from the poses of a mapper on `slam_out_pose`.
+
+hector_mapping can begin its search at the pose that odometry expects (`use_tf_pose_start_estimate`).  To do so, it
+looks up map to base_link at the time of the scan.  Its own map to odom has the time of the scan before, so that each of
+these lookups would fail after 0.5 s.  This node publishes the transform in its place, with times in the future.
+"""
+
+import threading
+import time
+from typing import List, Optional
+
+import rospy
+import tf2_ros
+from geometry_msgs.msg import PoseStamped
+from tf2_msgs.msg import TFMessage
+
+from mrl_driver.geometry import ORIGIN, Pose
+from ros1_bridge.node.parameters import Row, read
+from ros1_bridge.node.plane_poses import correction, planar, yaw_of
+from ros1_bridge.node.run_node import run_node
+from ros1_bridge.topics import messages
+from ros1_bridge.topics.fast_publisher import direct_publisher
+
+PERIOD_S = 0.05
+SILENT_S = 2.0
+"""After a pose, the next one must come within this time; otherwise nothing is published until it comes."""
+TF_TIMEOUT_S = 0.2
+WARN_EVERY_S = 5.0
+PARAMETERS = (
+    Row("map_frame", str, "map", "", "Frame of the poses"),
+    Row("odom_frame", str, "odom", "", "Frame of the odometry"),
+    Row("base_frame", str, "base_link", "", "Frame of the robot"),
+    Row(
+        "ahead",
+        float,
+        0.1,
+        "s",
+        "Stamps are this far in the future; more than the time between two",
+        0.06,
+        1.0,
+    ),
+)
+"""The node's private parameters."""
+
+
+class MapToOdom:
+    """Publishes one transform."""
+
+    def __init__(self) -> None:
+        """Reads the private parameters.
+
+        Raises:
+            ConfigError: a parameter is wrong.
+        """
+        given = read(PARAMETERS, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+        self._map, self._odom, self._base = (given[f"{name}_frame"] for name in ("map", "odom", "base"))
+        self._ahead = rospy.Duration(given["ahead"])
+        self._lock = threading.Lock()  # guards the next two
+        self._place, self._heard_s = ORIGIN, float("inf")
+        self._message = messages.new_transform(self._map, self._odom)
+        self._out = direct_publisher(rospy.Publisher, "/tf", TFMessage)
+        self._buffer = tf2_ros.Buffer()
+        self._listener = tf2_ros.TransformListener(self._buffer)
+        rospy.Subscriber("slam_out_pose", PoseStamped, self._on_pose, queue_size=1, tcp_nodelay=True)
+
+    def run(self) -> None:
+        """Publish until the shutdown: at first that both frames agree, so that the mapper can begin."""
+        while not rospy.is_shutdown():
+            with self._lock:
+                place, silent_s = self._place, time.monotonic() - self._heard_s
+            if silent_s <= SILENT_S:
+                messages.fill_transform(self._message, rospy.Time.now() + self._ahead, place)
+                self._out.publish(self._message)
+            else:
+                rospy.logwarn_throttle(
+                    WARN_EVERY_S, f"no {self._map} to {self._odom}: slam_out_pose is silent"
+                )
+            time.sleep(PERIOD_S)
+
+    def _on_pose(self, message: PoseStamped) -> None:
+        try:
+            place = correction(planar(message.pose), self._odometry(message.header.stamp))
+        except (ValueError, tf2_ros.TransformException) as error:
+            rospy.logwarn_throttle(WARN_EVERY_S, f"pose of the mapper not used: {error}")
+            return
+        with self._lock:
+            self._place, self._heard_s = place, time.monotonic()
+
+    def _odometry(self, stamp: rospy.Time) -> Pose:
+        found = self._buffer.lookup_transform(self._odom, self._base, stamp, rospy.Duration(TF_TIMEOUT_S))
+        place = found.transform
+        return Pose(place.translation.x, place.translation.y, yaw_of(place.rotation))
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run the node; returns the exit code."""
+    return run_node("map_to_odom", lambda: MapToOdom().run(), argv)

@@ -1,0 +1,71 @@
+"""Packages of others that launch files start, and how to get them.  Imports rospkg, and no ROS."""
+
+import sys
+from typing import Dict, List, NamedTuple, Sequence
+
+
+class Origin(NamedTuple):
+    """Where a package comes from."""
+
+    repository: str
+    released: bool = True
+    """Noetic and ROS One have it as a Debian package."""
+
+
+_NAVIGATION = "https://github.com/ros-planning/navigation"
+_JOYSTICKS = "https://github.com/ros-drivers/joystick_drivers"
+PACKAGES: Dict[str, Origin] = {
+    "amcl": Origin(_NAVIGATION),
+    "gmapping": Origin("https://github.com/ros-perception/slam_gmapping"),
+    "hector_mapping": Origin("https://github.com/tu-darmstadt-ros-pkg/hector_slam"),
+    "joy": Origin(_JOYSTICKS),
+    "map_server": Origin(_NAVIGATION),
+    "move_base": Origin(_NAVIGATION),
+    "range_sensor_layer": Origin("https://github.com/DLu/navigation_layers", released=False),
+    "robot_localization": Origin("https://github.com/cra-ros-pkg/robot_localization"),
+    "rplidar_ros": Origin("https://github.com/Slamtec/rplidar_ros"),
+    "twist_mux": Origin("https://github.com/ros-teleop/twist_mux"),
+    "urg_node": Origin("https://github.com/ros-drivers/urg_node"),
+    "wiimote": Origin(_JOYSTICKS),
+}
+"""Packages that Debian lacks."""
+
+
+def missing(needed: Sequence[str]) -> List[str]:
+    """Those of the packages that are not on ROS_PACKAGE_PATH."""
+    import rospkg
+
+    found = set(rospkg.RosPack().list())
+    return [package for package in needed if package not in found]
+
+
+def advice(packages: Sequence[str]) -> str:
+    """One line that names missing packages and how to get them."""
+    released = [package for package in packages if PACKAGES[package].released]
+    ways = []
+    if released:
+        for distro, name in (("noetic", "Noetic"), ("one", "ROS One")):
+            debian = (f"ros-{distro}-{package.replace('_', '-')}" for package in released)
+            ways.append(f"apt install {' '.join(debian)} ({name})")
+    repositories = sorted({PACKAGES[package].repository for package in packages})
+    ways.append(f"build {' '.join(repositories)} in your workspace")
+    noun = "package" if len(packages) == 1 else "packages"
+    only = [package for package in packages if package not in released]
+    source = f" ({', '.join(only)}: from source only)" if released and only else ""
+    return f"{noun} {', '.join(packages)} missing: {', or '.join(ways)}{source}"
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Print the packages if all are there; otherwise the line that says how to get the missing ones, and return 1."""
+    unknown = [package for package in arguments if package not in PACKAGES]
+    if unknown or not arguments:
+        sys.stderr.write(
+            f"need_packages: got {' '.join(unknown) or 'nothing'}, expected packages of {', '.join(PACKAGES)}\n"
+        )
+        return 2
+    lacking = missing(arguments)
+    if lacking:
+        sys.stderr.write(f"{advice(lacking)}\n")
+        return 1
+    sys.stdout.write(" ".join(arguments))
+    return 0

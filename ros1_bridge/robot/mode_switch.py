@@ -1,0 +1,49 @@
+"""Changes the operation mode of a robot, and announces it: to the multiplexer, to clients of move_base, and for a
+respawn of the node.
+"""
+
+import contextlib
+from typing import Any
+
+from actionlib_msgs.msg import GoalID
+from std_msgs.msg import Bool
+
+from mrl_driver.errors import MrlError
+from mrl_driver.safety.operation_mode import AUTOMATIC, MANUAL
+from ros1_bridge.control.commander import Commander
+from ros1_bridge.topics.fast_publisher import direct_publisher
+
+from .services import Answer
+
+
+class ModeSwitch:
+    """The operation mode of one robot.
+
+    Args:
+        ros: the module rospy.
+    """
+
+    def __init__(self, commander: Commander, ros: Any) -> None:
+        self._commander, self._ros = commander, ros
+        self._mode_out = direct_publisher(ros.Publisher, "manual_mode", Bool, latch=True)
+        self._cancel_out = direct_publisher(ros.Publisher, "move_base/cancel", GoalID)
+        self._mode_out.publish(commander.manual)
+
+    def set(self, manual: bool) -> Answer:
+        """Take a mode.  No goal outlives a change, so that no change makes a robot set off by itself."""
+        commander, trouble = self._commander, ""
+        changes = manual != commander.manual
+        try:
+            commander.set_manual(manual)
+        except MrlError as error:
+            trouble = f", but the robot cannot be reached: {error}"
+        self._mode_out.publish(manual)
+        if changes:
+            self._cancel_out.publish(GoalID())
+        mode = MANUAL if manual else AUTOMATIC
+        with contextlib.suppress(OSError, self._ros.ROSException):  # without a master there is no respawn
+            self._ros.set_param("~operation_mode", mode)
+        limits = commander.in_force
+        speeds = f"at most {limits.linear_m_s:.3g} m/s and {limits.angular_rad_s:.3g} rad/s"
+        goals = "; goals are cancelled" if changes else ""
+        return not trouble, f"{mode} mode: {speeds}{goals}{trouble}"

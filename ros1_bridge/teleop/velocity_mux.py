@@ -1,0 +1,142 @@
+"""Chooses among sources of velocity commands by priority, with locks.  Pure: times are arguments, no ROS.
+
+The rules are those of twist_mux, whose configuration works here too, and three more.  The robot gets a stop if the
+source that drives it falls silent or is locked.  A command that is not finite is a stop.  What never stops or never
+drives with twist_mux is refused: a source without a timeout, priority 0, two sources with one priority.
+"""
+
+import math
+from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
+
+from mrl_driver.errors import ConfigError
+
+HIGHEST = 255
+LONGEST_S = 60.0
+_KEYS = ("name", "topic", "timeout", "priority")
+_LISTS = ("topics", "locks")
+
+
+class Input(NamedTuple):
+    """A source of commands, or a lock.
+
+    Attributes:
+        timeout_s: A source that is silent for this long no longer drives; a lock that is silent for this long is
+            locked, and 0 means that it keeps its last state.
+        priority: Of sources, the highest drives.  A lock holds the sources with a lower priority than its own.
+    """
+
+    name: str
+    topic: str
+    timeout_s: float
+    priority: int
+
+
+class VelocityMux:
+    """Which source drives.
+
+    Args:
+        sources: Sources of commands, each with another name and priority.
+        locks: Locks; one with a timeout is locked before its first message.
+    """
+
+    def __init__(self, sources: Sequence[Input], locks: Sequence[Input] = ()) -> None:
+        self._sources = {source.name: source for source in sources}
+        self._locks = {lock.name: lock for lock in locks}
+        self._commanded_s: Dict[str, float] = {}
+        self._locked: Dict[str, Tuple[bool, float]] = {}
+        self._driver = ""
+
+    def command(self, name: str, numbers: Sequence[float], now_s: float) -> Optional[Sequence[float]]:
+        """What to publish after a source's command: its numbers, zeros if one is not finite, None if another drives."""
+        self._commanded_s[name] = now_s
+        if self.active(now_s) != name:
+            return None
+        self._driver = name
+        return numbers if all(map(math.isfinite, numbers)) else (0.0,) * len(numbers)
+
+    def lock(self, name: str, locked: bool, now_s: float) -> None:
+        """Take note of a lock's state."""
+        self._locked[name] = locked, now_s
+
+    def stops(self, now_s: float) -> bool:
+        """Whether the robot must be stopped now: the source that drove it has fallen silent, or is locked.
+
+        It is true once, until a command passes again.
+        """
+        if not self._driver or self._may_drive(self._sources[self._driver], now_s):
+            return False
+        self._driver = ""
+        return True
+
+    def active(self, now_s: float) -> str:
+        """Name of the source that may drive; empty if there is none."""
+        able = [source for source in self._sources.values() if self._may_drive(source, now_s)]
+        return max(able, key=lambda source: source.priority).name if able else ""
+
+    def _may_drive(self, source: Input, now_s: float) -> bool:
+        silent_s = now_s - self._commanded_s.get(source.name, -math.inf)
+        return silent_s <= source.timeout_s and not any(
+            source.priority < lock.priority and self._is_locked(lock, now_s) for lock in self._locks.values()
+        )
+
+    def _is_locked(self, lock: Input, now_s: float) -> bool:
+        locked, told_s = self._locked.get(lock.name, (False, -math.inf))
+        return locked or (lock.timeout_s > 0 and now_s - told_s > lock.timeout_s)
+
+
+def read_inputs(given: Any, namespace: str) -> Tuple[List[Input], List[Input]]:
+    """Sources and locks of a node's private parameters, `topics` and `locks` in twist_mux's format.
+
+    Raises:
+        ConfigError: a value is missing, out of range or unknown, or appears twice.
+    """
+    found = given if isinstance(given, dict) else {}
+    unknown = [name for name in found if name not in _LISTS]
+    if unknown:
+        raise ConfigError(f"parameter {namespace}/{unknown[0]} is unknown, expected {', '.join(_LISTS)}")
+    sources = _inputs(f"{namespace}/topics", found.get("topics"), "topics")
+    locks = _inputs(f"{namespace}/locks", found.get("locks", []), "locks")
+    if not sources:
+        raise ConfigError(
+            f"parameter {namespace}/topics is {found.get('topics')!r}, expected at least one source"
+        )
+    _require_different(f"{namespace}/topics", sources, ("name", "topic", "priority"))
+    _require_different(f"{namespace}/locks", locks, ("name", "topic"))
+    return sources, locks
+
+
+def _inputs(key: str, rows: Any, kind: str) -> List[Input]:
+    if not isinstance(rows, list):
+        raise ConfigError(f"parameter {key} is {rows!r}, expected a list of {{{', '.join(_KEYS)}}}")
+    return [_input(f"{key}[{index}]", row, kind) for index, row in enumerate(rows)]
+
+
+def _input(key: str, row: Any, kind: str) -> Input:
+    if not isinstance(row, dict) or set(row) != set(_KEYS):
+        raise ConfigError(f"parameter {key} is {row!r}, expected the keys {', '.join(_KEYS)}")
+    for name in ("name", "topic"):
+        if not isinstance(row[name], str) or not row[name]:
+            raise ConfigError(f"parameter {key}/{name} is {row[name]!r}, expected a name")
+    least, shortest = (1, "more than 0") if kind == "topics" else (0, "0")
+    priority, timeout_s = row["priority"], row["timeout"]
+    if not isinstance(priority, int) or isinstance(priority, bool) or not least <= priority <= HIGHEST:
+        raise ConfigError(
+            f"parameter {key}/priority is {priority!r}, expected a whole number from {least} to {HIGHEST}"
+        )
+    if not _is_number(timeout_s) or not 0 <= timeout_s <= LONGEST_S or (kind == "topics" and not timeout_s):
+        raise ConfigError(
+            f"parameter {key}/timeout is {timeout_s!r}, expected a number from {shortest} to {LONGEST_S:g} s"
+        )
+    return Input(row["name"], row["topic"], float(timeout_s), priority)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _require_different(key: str, inputs: Sequence[Input], fields: Sequence[str]) -> None:
+    for field in fields:
+        values = [getattr(each, field) for each in inputs]
+        for value in values:
+            if values.count(value) > 1:
+                raise ConfigError(f"parameter {key} has the {field} {value!r} twice, expected each once")

@@ -1,0 +1,106 @@
+"""Errors of the robots in all experiments: their sizes and sources, and the options that give one robot its errors.
+
+A robot has systematic errors, which its model does not know and which stay the same in a drive, and random ones, which
+are new in each step.  A robot is one name with one seed: the same seed gives the same errors.
+"""
+
+import math
+import random
+from typing import Dict, List, Tuple
+
+from mrl_driver.calibration import fit
+from mrl_driver.geometry import Pose, wrap_angle
+
+WHEEL_M2_PER_M = 1e-6
+"""Variance of a wheel's distance per distance: 1 mm over 1 m.  Assumed, for a smooth floor."""
+TURN_RAD2_PER_RAD = 1e-4
+"""Variance of the yaw per angle turned, because slip varies within a drive: 0.6 deg over 1 rad.  Assumed; with the
+wheels it spreads the ends of equal laps of a 1 m square by 1 to 3 cm.
+"""
+WHEEL_RATIO_SD, AXLE_SD = 0.005, 0.005
+"""Standard deviations of wheel ratio and wheel separation, divided by the model's.  Assumed: with `MAX_SLIP` a lap of a
+1 m square ends some 10 cm off, as the published ones (Araujo 2012).
+"""
+WHEEL_SIZE_SD = 0.002
+"""Standard deviation of the size of both wheels, divided by the model's: 2 mm over 1 m, as a tape measures
+(`fit.BY_TAPE`).
+"""
+MAX_SLIP = 0.02
+"""Largest mean share of a turn that a robot loses; each robot has its own."""
+PLACED_M, PLACED_RAD = 0.005, math.radians(1.0)
+"""Standard deviations, along each axis and in heading, of a robot that a person puts on a mark.  Assumed."""
+SONAR_NOISE_M = 0.01
+"""Standard deviation of a range: the resolution of the MB1300 (data sheet).  That noise is as large is assumed."""
+CURVE_GAIN_SD, CURVE_EXPONENT_SD, CURVE_OFFSET_SD_M = 0.05, 0.02, 0.005
+"""Standard deviations of a sonar's own curve from the published one: factor and exponent, divided by the published
+ones, and constant.  Assumed: at 2 m they add up to 11 %, by which the published curve differs from the data sheet's
+1 cm per count.
+"""
+PACK_CAPACITY_SD, PACK_RESISTANCE_SD = 0.05, 0.2
+"""Standard deviations of the capacity and resistance of battery packs, divided by the model's.  Assumed."""
+BATTERY_NOISE_V = 0.03
+"""Standard deviation of a reading of the battery, from ripple and a converter of 10 bits.  Assumed."""
+
+WANDER = f"noise={WHEEL_M2_PER_M:g},turn_noise={TURN_RAD2_PER_RAD:g}"
+"""The random errors alone, in the form of `factory.Options.error`."""
+SONAR = f"noise={SONAR_NOISE_M:g}"
+"""Errors of all sonars, in the form of `factory.Options.sonar`."""
+
+
+def error(seed: int, name: str = "", **given: float) -> str:
+    """All errors of a robot's wheels and turns, in the form of `factory.Options.error`.
+
+    Args:
+        name: Name of the robot in a team, whose robots have seeds next to each other.
+        given: Values that are not drawn, by their keys, such as `slip=0.0`.
+    """
+    rng = _random("wheels", seed, name)
+    drawn = {
+        "wheel_ratio": rng.gauss(1.0, WHEEL_RATIO_SD),
+        "wheel_size": rng.gauss(1.0, WHEEL_SIZE_SD),
+        "axle": rng.gauss(1.0, AXLE_SD),
+        "slip": rng.uniform(0.0, MAX_SLIP),
+        "noise": WHEEL_M2_PER_M,
+        "turn_noise": TURN_RAD2_PER_RAD,
+    }
+    return option(**{**drawn, **given})
+
+
+def sonar_curve(seed: int, name: str = "") -> Dict[str, float]:
+    """The curve of a robot's sonars, as keys of `factory.Options.sonar` and their values."""
+    rng = _random("sonars", seed, name)
+    return {
+        "gain": rng.gauss(1.0, CURVE_GAIN_SD),
+        "exponent": rng.gauss(1.0, CURVE_EXPONENT_SD),
+        "offset": rng.gauss(0.0, CURVE_OFFSET_SD_M),
+    }
+
+
+def option(**values: float) -> str:
+    """Errors in the form of an option of the emulator, `key=value,...`."""
+    return ",".join(f"{key}={value:.6g}" for key, value in values.items())
+
+
+def placed(mark: Pose, seed: int, name: str = "") -> Pose:
+    """The true pose of a robot that a person put on a mark; its odometry begins with the mark's pose."""
+    return _near(mark, _random("start", seed, name), fit.Measured(PLACED_M, PLACED_RAD))
+
+
+def packs(seed: int) -> Tuple[float, float]:
+    """Capacity and resistance of a robot's battery packs, divided by the model's."""
+    rng = _random("packs", seed, "")
+    return rng.gauss(1.0, PACK_CAPACITY_SD), max(0.1, rng.gauss(1.0, PACK_RESISTANCE_SD))
+
+
+def measured(pose: Pose, rng: random.Random) -> Pose:
+    """A pose as a person measures it with a tape."""
+    return _near(pose, rng, fit.BY_TAPE)
+
+
+def _near(pose: Pose, rng: random.Random, spread: fit.Measured) -> Pose:
+    off: List[float] = [rng.gauss(0.0, math.sqrt(variance)) for variance in spread.variances]
+    return Pose(pose.x_m + off[0], pose.y_m + off[1], wrap_angle(pose.yaw_rad + off[2]))
+
+
+def _random(what: str, seed: int, name: str) -> random.Random:
+    return random.Random(f"disturbed {what} {seed} {name}")

@@ -1,0 +1,69 @@
+"""Recorded key presses: reads them from a file, and drives a robot with them."""
+
+import csv
+from typing import Callable, List, NamedTuple, Sequence
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.terminal.teleop_keys import HOLD_S, Teleop
+
+from .experiment_robot import TICK_S, ExperimentRobot
+
+COLUMNS = ["time_s", "key"]
+
+
+class KeyPress(NamedTuple):
+    """One press of a key, at a time since the start of the recording [s]."""
+
+    time_s: float
+    key: str
+
+
+def read(path: str) -> List[KeyPress]:
+    """The presses in a CSV file with the columns `time_s` and `key`, in the order of their times.
+
+    Raises:
+        ConfigError: the file cannot be opened, a line is wrong, or a time is before the one above.
+    """
+    try:
+        with open(path, encoding="utf-8", newline="") as file:
+            rows = list(csv.reader(file))
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}, expected recorded key presses") from None
+    if not rows or rows[0] != COLUMNS:
+        raise ConfigError(f"{path}: begins with {rows[:1]!r}, expected the columns {','.join(COLUMNS)}")
+    presses: List[KeyPress] = []
+    for number, row in enumerate(rows[1:], 2):
+        presses.append(_press(f"{path}, line {number}", row, presses[-1].time_s if presses else 0.0))
+    return presses
+
+
+def _press(where: str, row: Sequence[str], since_s: float) -> KeyPress:
+    try:
+        time_text, key = row
+        press = KeyPress(float(time_text), key)
+    except ValueError:
+        raise ConfigError(f"{where}: {','.join(row)!r}, expected a time [s] and a key") from None
+    if not since_s <= press.time_s < float("inf"):
+        raise ConfigError(f"{where}: time {time_text}, expected {since_s:g} s or later")
+    if key != "space" and not Teleop.moves(key):
+        raise ConfigError(f"{where}: key {key!r}, expected up, down, left, right, w, a, s, d or space")
+    return press
+
+
+def replay(robot: ExperimentRobot, presses: Sequence[KeyPress], each_tick: Callable[[], None]) -> None:
+    """Drive as the keys say, until the last press has ended; calls `each_tick` at each tick.
+
+    Raises:
+        BoardTimeout: the robot does not accept a command.
+    """
+    teleop, waiting, start_s = Teleop(), list(reversed(presses)), robot.driver.now_s
+    end_s = (presses[-1].time_s if presses else 0.0) + HOLD_S
+    now_s = 0.0
+    while now_s <= end_s:
+        while waiting and waiting[-1].time_s < now_s + TICK_S / 2:  # the nearest tick, whatever is rounded
+            teleop.press(waiting.pop().key, now_s)
+        robot.drive(*teleop.command(now_s))
+        robot.wait(TICK_S)
+        each_tick()
+        now_s = robot.driver.now_s - start_s
+    robot.drive(0.0, 0.0)

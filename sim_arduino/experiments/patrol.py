@@ -1,0 +1,172 @@
+"""Robots visit the same waypoints again and again: how long is each one not visited, with one robot and with three?
+
+Idleness as in Machado et al. 2002.  A team divides the waypoints among its robots.  In the control, each robot drives
+to any of all the waypoints in random order.
+"""
+
+import math
+import random
+from contextlib import ExitStack
+from functools import partial
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+
+from mrl_driver.geometry import Pose
+from mrl_driver.navigation.idleness import Idleness
+from mrl_driver.navigation.waypoint_tour import WaypointTour
+
+from .experiment_report import Figure, Result
+from .experiment_robot import TICK_S, Setting, require_emulated
+from .mixed_team import TeamRun, draw, outcome, rows_of
+from .team import Member, Team, gather
+from .tours import Point, TourDriver, poses_of
+from .trials import figure, over_seeds
+
+WORLD = "room"
+DURATION_S = 80.0
+POINTS: Sequence[Point] = ((-1.0, -0.9), (0.0, -0.9), (1.0, -0.9), (1.0, 0.9), (0.0, 0.9), (-1.0, 0.9))
+"""The waypoints, in the order of one robot's round."""
+EVERYTHING = tuple(range(len(POINTS)))
+SHARES: Dict[str, Sequence[int]] = {"robot1": (0, 1), "robot2": (2, 3), "robot3": (4, 5)}
+"""Places in `POINTS` of each robot's waypoints, when three robots divide them."""
+NEAR_M = 0.25
+"""A visit counts if the robot is truly this near to the waypoint."""
+MEASURES: Sequence[Tuple[str, str, str, Callable[[Sequence[float]], float]]] = (
+    ("mean_s", "mean idleness", "s", max),
+    ("worst_s", "worst idleness", "s", max),
+    ("visits", "visits", "", min),
+    ("off_m", "largest true distance from a waypoint at its visit", "m", max),
+)
+ORDERS = 200
+"""Length of a random order; longer than any run."""
+REMARK = (
+    "In simulated time, on emulated boards. Idleness is the time since the last visit of a waypoint (Machado et al. "
+    "2002); the mean is that of all waypoints and of the whole run. In the control, robots choose the next waypoint "
+    "at random."
+)
+
+
+class Beat(NamedTuple):
+    """A robot of the patrol, and the places of the waypoints in the order of its visits, again and again."""
+
+    member: Member
+    order: Sequence[int]
+
+
+def poses_for(places: Sequence[int]) -> List[Pose]:
+    """The waypoints at these places."""
+    return poses_of([POINTS[place] for place in places])
+
+
+def one(seed: int, at_random: bool = False) -> List[Beat]:
+    """One robot that visits all waypoints."""
+    return [_beat("robot1", EVERYTHING, seed, at_random)]
+
+
+def three(seed: int, at_random: bool = False) -> List[Beat]:
+    """Three robots that divide the waypoints."""
+    return [_beat(name, places, seed, at_random) for name, places in SHARES.items()]
+
+
+def _beat(name: str, places: Sequence[int], seed: int, at_random: bool) -> Beat:
+    """A robot that starts at one of its waypoints, drawn by the seed."""
+    rng = random.Random(f"patrol {seed} {name}")
+    first = rng.randrange(len(places))
+    order = [*places[first:], *places[:first]]
+    start = poses_for(order)[-1]
+    return Beat(Member(name, start, virtual=False), _random_order(order[-1], rng) if at_random else order)
+
+
+def _random_order(place: int, rng: random.Random) -> List[int]:
+    """Places at random, none twice in a row, from a start."""
+    order = [place]
+    while len(order) <= ORDERS:
+        order.append((order[-1] + rng.randrange(1, len(POINTS))) % len(POINTS))
+    return order[1:]
+
+
+class Visits:
+    """Counts the visits of a patrol.
+
+    Attributes:
+        idleness: Idleness of all waypoints.
+        off_m: Largest true distance from a waypoint that a robot has reached by odometry.
+    """
+
+    def __init__(self, beats: Sequence[Beat]) -> None:
+        self._beats, self._seen = beats, [0] * len(beats)
+        self.idleness, self.off_m = Idleness(len(POINTS), 0.0), 0.0
+
+    def update(self, index: int, visits: int, true_pose: Pose, now_s: float) -> None:
+        """A robot is at this pose, and has reached this number of waypoints."""
+        if visits <= self._seen[index]:
+            return
+        order = self._beats[index].order
+        place = order[self._seen[index] % len(order)]
+        self._seen[index] += 1
+        off_m = math.dist(true_pose[:2], POINTS[place])
+        self.off_m = max(self.off_m, off_m)
+        if off_m < NEAR_M:
+            self.idleness.visit(place, now_s)
+
+    def outcome(self, team: Team, now_s: float) -> "PatrolRun":
+        """What came out of the patrol."""
+        found = self.idleness
+        return PatrolRun(outcome(team), found.mean_s(now_s), found.worst_s(now_s), found.visits, self.off_m)
+
+
+class PatrolRun(NamedTuple):
+    """What came out of one run; idleness in [s]."""
+
+    team: TeamRun
+    mean_s: float
+    worst_s: float
+    visits: int
+    off_m: float
+
+
+def run(setting: Setting, through_ros: Optional[PatrolRun] = None) -> Result:
+    """Patrols with many seeds, and draws the paths of the first run of the team.
+
+    Args:
+        through_ros: A run of the team through ROS, in real time.
+    """
+    require_emulated(setting, "patrol")
+    rows: List[Figure] = []
+    for key, title, beats in (("one", "one robot", one), ("team", "three robots", three)):
+        runs = over_seeds(partial(patrolled, beats_of=beats), setting)
+        control = over_seeds(partial(patrolled, beats_of=partial(beats, at_random=True)), setting)
+        rows += _rows(key, title, runs, control)
+    if through_ros:
+        rows += [
+            Figure("ros_mean_s", "three robots through ROS: mean idleness", through_ros.mean_s, "s"),
+            Figure("ros_worst_s", "three robots through ROS: worst idleness", through_ros.worst_s, "s"),
+        ]
+    picture = draw(setting, runs[0].team.players, "patrol", WORLD)
+    title = f"Patrol of {len(POINTS)} waypoints for {DURATION_S:g} s, by one robot and by three"
+    return Result("patrol", title, rows, [picture], REMARK)
+
+
+def _rows(key: str, title: str, runs: Sequence[PatrolRun], control: Sequence[PatrolRun]) -> List[Figure]:
+    rows = []
+    for name, text, unit, worst in MEASURES:
+        values, others = ([getattr(each, name) for each in which] for which in (runs, control))
+        rows.append(figure(f"{key}_{name}", f"{title}: {text}", values, unit, others, worst=worst))
+    (collided,) = rows_of([each.team for each in runs], [each.team for each in control])[:1]
+    return [*rows, collided._replace(key=f"{key}_collided", text=f"{title}: {collided.text}", published="")]
+
+
+def patrolled(setting: Setting, beats_of: Callable[[int], List[Beat]]) -> PatrolRun:
+    """A run with the robots that `beats_of` returns for a seed."""
+    beats = beats_of(setting.seed)
+    visits = Visits(beats)
+    with ExitStack() as stack:
+        team = gather(stack, setting, WORLD, [beat.member for beat in beats])
+        drivers = [
+            TourDriver(player, WaypointTour(repeat=True), poses_for(beat.order), 0.0)
+            for player, beat in zip(team.players, beats)
+        ]
+        for tick in range(round(DURATION_S / TICK_S)):
+            team.tick([driver.command(tick * TICK_S) for driver in drivers])
+            for index, driver in enumerate(drivers):
+                visits.update(index, driver.tour.idleness.visits, driver.player.path[-1], tick * TICK_S)
+        return visits.outcome(team, DURATION_S)

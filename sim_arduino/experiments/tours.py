@@ -1,0 +1,87 @@
+"""Robots of a team that drive tours of waypoints, and the messages between them."""
+
+import heapq
+import math
+import random
+from typing import Callable, List, Mapping, Optional, Sequence, Tuple
+
+from mrl_driver.geometry import Pose
+from mrl_driver.navigation.claims import Claim, ClaimMessage
+from mrl_driver.navigation.waypoint_tour import Target, WaypointTour
+
+from .experiment_robot import Step
+from .team import Player
+
+Point = Tuple[float, float]
+
+
+def poses_of(points: Sequence[Point]) -> List[Pose]:
+    """Waypoints with the direction from the one before; the first follows the last."""
+    before = [points[-1], *points[:-1]]
+    return [Pose(*b, math.atan2(b[1] - a[1], b[0] - a[0])) for a, b in zip(before, points)]
+
+
+class Channel:
+    """Messages that arrive late, perhaps after later ones, or not at all.
+
+    Args:
+        latency_s: Smallest and largest delay of a message [s]; each one is equally likely.
+        loss: Share of the messages that are lost.
+    """
+
+    def __init__(self, latency_s: Tuple[float, float], loss: float, seed: int) -> None:
+        self._latency_s, self._loss = latency_s, loss
+        self._rng = random.Random(f"channel {seed}")
+        self._under_way: List[Tuple[float, int, str]] = []
+        self._sent = 0
+
+    def send(self, text: str, now_s: float) -> None:
+        """Sends a text to all robots."""
+        due_s = now_s + self._rng.uniform(*self._latency_s)
+        self._sent += 1
+        if self._rng.random() >= self._loss:
+            heapq.heappush(self._under_way, (due_s, self._sent, text))
+
+    def arrived(self, now_s: float) -> List[str]:
+        """The texts that have arrived since the last call."""
+        texts = []
+        while self._under_way and self._under_way[0][0] <= now_s:
+            texts.append(heapq.heappop(self._under_way)[2])
+        return texts
+
+
+def exchange(claims: Sequence[Claim], channel: Channel, now_s: float) -> None:
+    """Sends the messages of all robots that are due, and passes on those that have arrived."""
+    for claim in claims:
+        for message in claim.messages(now_s):
+            channel.send(message.text, now_s)
+    for text in channel.arrived(now_s):
+        for claim in claims:
+            claim.receive(ClaimMessage.parse(text), now_s)
+
+
+class TourDriver:
+    """Drives a robot from waypoint to waypoint of its tour, by odometry and sonars."""
+
+    def __init__(self, player: Player, tour: WaypointTour, poses: Sequence[Pose], now_s: float) -> None:
+        self.player, self.tour = player, tour
+        self._poses = poses
+        self._target: Optional[Target] = None
+        self._seek: Optional[Callable[[Mapping[str, float]], Step]] = None
+        tour.begin(len(poses), now_s)
+
+    def command(self, now_s: float) -> Tuple[float, float]:
+        """Speeds for the next tick; zero while the tour has no target."""
+        self.tour.tick(now_s)
+        target = self.tour.target
+        if target is None:
+            self._target = None
+            return 0.0, 0.0
+        if self._seek is None or target != self._target:
+            self._target, self._seek = target, self.player.robot.seek(self._poses[target.place])
+        step = self._seek(self.player.ranges())
+        if step.reached:
+            self.tour.reached(target.attempt, now_s)
+        elif step.blocked:
+            self.tour.failed(target.attempt, "the path is blocked")
+        return (0.0, 0.0) if step.reached or step.blocked else step.speeds

@@ -1,0 +1,215 @@
+"""Claims of a place: one robot at a time, whatever happens to the messages."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.navigation.claims import REPEAT_S, SILENT_S, Claim, ClaimMessage
+
+NAMES = ("a", "b", "c")
+
+
+class Talk:
+    """Three robots and the messages between them, under way until they are delivered."""
+
+    def __init__(self, names=NAMES):
+        self.now_s = 0.0
+        self.claims = {name: Claim(name, [each for each in names if each != name], 0.0) for name in names}
+        self.under_way = []
+        self.dead = set()
+
+    def send(self):
+        """All robots send what is due."""
+        for name, claim in self.claims.items():
+            if name not in self.dead:
+                self.under_way += claim.messages(self.now_s)
+
+    def deliver(self, message):
+        if message.to not in self.dead:
+            self.claims[message.to].receive(ClaimMessage.parse(message.text), self.now_s)
+
+    def exchange(self, times=3):
+        """Messages go to and fro without delay."""
+        for _ in range(times):
+            self.now_s += REPEAT_S
+            self.send()
+            under_way, self.under_way = self.under_way, []
+            for message in under_way:
+                self.deliver(message)
+
+    @property
+    def holders(self):
+        return [name for name, claim in self.claims.items() if claim.held]
+
+
+@pytest.fixture
+def talk():
+    made = Talk()
+    made.exchange()
+    return made
+
+
+def test_robot_that_claims_alone_gets_the_place(talk):
+    talk.claims["b"].want()
+    talk.exchange()
+    assert talk.holders == ["b"]
+
+
+def test_first_claim_wins_and_the_next_follows_after_the_release(talk):
+    talk.claims["c"].want()
+    talk.exchange(1)
+    talk.claims["a"].want()
+    talk.exchange()
+    assert talk.holders == ["c"]
+    talk.claims["c"].release()
+    talk.exchange()
+    assert talk.holders == ["a"]
+
+
+def test_claims_at_the_same_time_are_decided_by_name(talk):
+    for name in ("c", "b", "a"):
+        talk.claims[name].want()
+    talk.exchange()
+    assert talk.holders == ["a"]
+
+
+def test_robot_without_an_answer_does_not_hold_the_place(talk):
+    talk.dead.add("c")
+    talk.claims["a"].want()
+    talk.exchange(100)
+    assert talk.holders == [] and talk.claims["a"].silent(talk.now_s) == ("c",)
+
+
+def test_place_of_a_holder_that_vanished_is_not_given_to_others(talk):
+    talk.claims["a"].want()
+    talk.exchange()
+    talk.dead.add("a")
+    talk.claims["b"].want()
+    talk.exchange(100)
+    assert talk.holders == ["a"] and talk.claims["b"].silent(talk.now_s) == ("a",)
+
+
+def test_holder_that_is_heard_again_passes_the_place_on(talk):
+    talk.claims["a"].want()
+    talk.exchange()
+    talk.dead.add("a")
+    talk.claims["b"].want()
+    talk.exchange(20)
+    talk.dead.clear()
+    talk.claims["a"].release()
+    talk.exchange()
+    assert talk.holders == ["b"]
+
+
+def test_robot_is_silent_after_the_limit_and_not_before(talk):
+    claim = Claim("a", ["b"], 10.0)
+    assert not claim.silent(10.0 + SILENT_S) and claim.silent(10.1 + SILENT_S) == ("b",)
+
+
+def test_claim_that_is_withdrawn_lets_the_next_one_pass(talk):
+    talk.claims["a"].want()
+    talk.exchange(1)
+    talk.claims["b"].want()
+    talk.exchange(1)
+    talk.claims["a"].release()
+    talk.exchange()
+    assert talk.holders == ["b"]
+
+
+def test_robot_that_started_again_does_not_use_its_old_numbers(talk):
+    """With number 1 it would be better than the claim of c, which it had granted before."""
+    for name in ("a", "c"):
+        talk.claims[name].want()
+        talk.exchange()
+        talk.claims["a"].release()
+    talk.exchange()
+    talk.claims["a"] = Claim("a", ["b", "c"], talk.now_s)
+    talk.claims["a"].want()
+    talk.exchange()
+    assert talk.holders == ["c"]
+
+
+def test_release_and_the_grant_of_the_next_claim_are_one_message(talk):
+    for name in ("a", "b"):
+        talk.claims[name].want()
+        talk.exchange()
+    talk.claims["a"].release()
+    for message in talk.claims["a"].messages(talk.now_s):
+        talk.deliver(message)
+    talk.exchange(1)
+    assert talk.holders == ["b"]
+
+
+def test_message_that_was_overtaken_does_not_take_the_place_away(talk):
+    late = ClaimMessage("b", 0, "a", 0)
+    talk.claims["a"].want()
+    talk.exchange()
+    talk.deliver(late)
+    assert talk.holders == ["a"]
+
+
+def test_messages_are_repeated_but_not_at_once(talk):
+    claim = Claim("a", ["b"], 0.0)
+    assert claim.messages(0.0) and not claim.messages(REPEAT_S - 0.1) and claim.messages(REPEAT_S)
+
+
+def test_message_of_a_stranger_or_for_another_robot_is_ignored():
+    claim = Claim("a", ["b"], 0.0)
+    claim.want()
+    for message in (ClaimMessage("x", 0, "a", 1), ClaimMessage("b", 0, "c", 1)):
+        claim.receive(message, 0.0)
+    assert claim.messages(0.0) == [ClaimMessage("a", 0, "b", 0)] and not claim.held
+
+
+def test_text_is_read_as_it_was_written_and_fits_into_a_radio_text():
+    message = ClaimMessage("1", 9999, "2", 9998)
+    assert ClaimMessage.parse(message.text) == message and len(message.text) <= 16
+
+
+@pytest.mark.parametrize("text", ["", "a 1 b", "a 1 b 2 3", "a -1 b 2", "a x b 2", "a 1 b 1234567890"])
+def test_other_texts_are_refused(text):
+    with pytest.raises(ValueError, match="expected SENDER CLAIM RECEIVER GRANTED"):
+        ClaimMessage.parse(text)
+
+
+@pytest.mark.parametrize("names", [("a", "a"), ("a b", "c"), ("", "c")])
+def test_names_that_messages_cannot_carry_are_refused(names):
+    with pytest.raises(ConfigError, match="expected"):
+        Claim(names[0], names[1:], 0.0)
+
+
+ACTS = st.lists(st.tuples(st.sampled_from("wrsdlt"), st.integers(0, 10**6)), max_size=80)
+"""Want, release, send, deliver, lose, and deliver twice; and which robot or message."""
+
+
+@settings(max_examples=100)
+@given(ACTS)
+def test_never_two_robots_hold_the_place(acts):
+    """Messages are delivered in any order, lost and repeated; and at the end, everybody who waits gets the place."""
+    talk = Talk()
+    talk.exchange()
+    for act, number in acts:
+        claim = talk.claims[NAMES[number % 3]]
+        if act == "w":
+            claim.want()
+        elif act == "r":
+            claim.release()
+        elif act == "s":
+            talk.now_s += REPEAT_S
+            talk.send()
+        elif talk.under_way:
+            message = talk.under_way.pop(number % len(talk.under_way))
+            if act != "l":
+                talk.deliver(message)
+            if act == "t":
+                talk.under_way.append(message)
+        assert len(talk.holders) <= 1
+    served = []
+    for name in NAMES:
+        talk.claims[name].want()
+    for _ in NAMES:
+        talk.exchange(4)
+        served += talk.holders
+        talk.claims[served[-1]].release()
+    assert sorted(served) == list(NAMES)

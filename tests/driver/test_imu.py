@@ -1,0 +1,501 @@
+"""The IMU: its stream, its times, its checks, and the heading."""
+
+import math
+
+import pytest
+
+from mrl_driver.cli.commands.info import describe
+from mrl_driver.driver import Driver, Options
+from mrl_driver.driver.options import DEFAULTS
+from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import wrap_angle
+from mrl_driver.protocol.table import TICK_S
+from mrl_driver.recording import timeline
+from mrl_driver.recording.recording import Recording
+from mrl_driver.recording.summary import summarise
+from mrl_driver.robot.imu import (
+    ABSENT,
+    FROZEN,
+    IN_USE,
+    LEARNING,
+    OFF,
+    OUT_OF_SCALE,
+    RECOVERY_S,
+    SILENT,
+    SILENT_S,
+    START_S,
+    TILTED,
+    Imu,
+)
+from mrl_driver.robot.robot_state import Telemetry
+from mrl_driver.session.board_clock import BoardClock
+from mrl_driver.session.events import ACCEL_M_S2, ImuChanged, ImuReading
+from mrl_driver.session.handshake import DEFAULT_PLAN
+from mrl_driver.terminal.shown_state import line, snapshot, state_of
+from mrl_driver.transport.baud_rates import SLOWEST_IMU_MS, least_imu_period_ms, least_period_ms
+from sim_arduino.serve import factory
+from tests.fake_board import METRES, SEPARATION_M, UPWARD, FakeBoard
+from tests.models import model as load
+
+from .robot import STEP_S, Robot
+from .talk import Talk
+
+TICKS_PER_S = 1 / TICK_S
+STEPS_S = 0.05
+"""A state of the IMU is seen with the next frames after its time."""
+TURN_RAD_S = 1.0
+BIAS_S = 2.0
+"""The bias is learned within this time of standing still."""
+TURN_ERROR_RAD = 0.02
+JUMP_RAD = 1.2 * TURN_RAD_S * 0.02
+"""Farthest turn between two frames."""
+
+
+def with_imu(**kwargs):
+    board = FakeBoard(**kwargs)
+    board.capabilities.add("imu")
+    return board
+
+
+def talk(board=None, **kwargs):
+    return Talk(board or with_imu(), **kwargs).until_ready()
+
+
+def int16(ticks):
+    return (ticks + 0x8000) % 0x10000 - 0x8000
+
+
+def codes(talk):
+    return [frame.code for frame in talk.board.heard]
+
+
+# -- board time
+
+
+def test_a_frame_that_waited_has_the_earlier_time():
+    clock = BoardClock()
+    clock.update(1000, 10.0)
+    board_s, _ = clock.beside(980, 10.001, True)
+    assert board_s == pytest.approx(-20 * TICK_S)
+
+
+def test_the_frame_after_it_is_no_wrap_later():
+    clock = BoardClock()
+    clock.update(1000, 10.0)
+    clock.beside(1100, 10.01, True)
+    clock.update(1090, 10.011, True)
+    assert clock.board_s == pytest.approx(90 * TICK_S)
+
+
+def test_the_time_of_a_first_frame_is_that_of_its_arrival():
+    """Nothing is known of the board's clock."""
+    assert BoardClock().beside(1000, 10.0) == (0.0, 10.0)
+
+
+def test_readings_keep_the_count_of_wraps_while_the_counters_are_silent():
+    """The numbers are without a gap, so the host's clock is not asked; 5 s are more than a wrap."""
+    clock = BoardClock()
+    clock.update(0, 10.0)
+    for n in range(1, 251):
+        clock.beside(int16(int(0.02 * n * TICKS_PER_S)), 10.0 + 0.02 * n, True)
+    clock.update(int16(int(5.02 * TICKS_PER_S)), 15.02, True)
+    assert clock.board_s == pytest.approx(5.02, abs=2 * TICK_S)
+
+
+# -- the stream
+
+
+def test_the_stream_is_started_if_the_board_has_an_imu():
+    assert codes(talk().run(0.1)).count(47) == 1
+
+
+def test_a_board_without_one_is_not_asked():
+    assert not {46, 47, 48} & set(codes(talk(FakeBoard()).run(2.0)))
+
+
+def test_readings_come_with_the_period():
+    found = talk().run(1.0).seen(ImuReading)
+    assert len(found) == pytest.approx(50, abs=2)
+
+
+def test_a_reading_is_in_si_units_with_the_time_of_the_counters():
+    found = talk().run(0.3)
+    reading, counts = found.seen(ImuReading)[-1], found.counts[-1]
+    assert reading.accel_m_s2[2] == pytest.approx(UPWARD * ACCEL_M_S2, abs=ACCEL_M_S2)
+    assert abs(reading.time_s - counts.time_s) <= 0.02
+    assert abs(reading.stamp_s - counts.stamp_s) <= 0.02
+
+
+def test_no_frame_counts_as_lost():
+    assert talk().run(1.0).session.counters.lost == 0
+
+
+def test_a_request_that_is_lost_is_sent_again():
+    board = with_imu()
+    board.unknown.add(47)
+    found = talk(board).run(0.5)
+    board.unknown.clear()
+    assert found.run(1.0).seen(ImuReading)
+
+
+def test_a_stream_that_falls_silent_is_started_again():
+    found = talk().run(0.5)
+    found.board.imu_s = math.inf
+    before = len(found.seen(ImuReading))
+    found.run(2.0)
+    assert len(found.seen(ImuReading)) > before
+
+
+def test_it_is_started_again_after_a_restart_of_the_board():
+    found = talk().run(0.5)
+    found.board.reset(found.now)
+    found.run(3.0)
+    assert found.board.imu_s < math.inf
+
+
+def test_the_end_of_the_session_ends_it():
+    found = talk().run(0.5)
+    found.session.end()
+    found.step()
+    assert found.board.imu_s == math.inf
+
+
+@pytest.mark.parametrize("plan", [DEFAULT_PLAN._replace(imu_period_ms=0)], ids=["off"])
+def test_a_stream_that_is_not_wanted_is_stopped(plan):
+    """Another program may have left it on."""
+    found = talk(plan=plan).run(0.5)
+    assert codes(found).count(48) == 1 and 47 not in codes(found)
+
+
+def test_without_board_time_it_is_not_started():
+    found = talk(plan=DEFAULT_PLAN._replace(check=False)).run(0.5)
+    assert 47 not in codes(found)
+
+
+@pytest.mark.parametrize("period_ms", [9, SLOWEST_IMU_MS + 1, -1, 20.0])
+def test_a_period_out_of_range_is_refused(period_ms):
+    with pytest.raises(ConfigError, match="imu_period_ms is"):
+        Driver("/dev/null", options=DEFAULTS._replace(imu_period_ms=period_ms))
+
+
+@pytest.mark.parametrize("baud, expected_ms", [(115200, 10), (57600, 25), (9600, 0)])
+def test_a_slow_line_has_room_for_fewer_readings(baud, expected_ms):
+    stream_ms = max(20, least_period_ms(baud))
+    assert least_imu_period_ms(baud, stream_ms) == pytest.approx(
+        expected_ms, abs=15 if expected_ms > 10 else 0
+    )
+
+
+def test_readings_keep_board_time_while_the_counters_are_silent():
+    """For longer than a wrap of board time, with no number missing."""
+    found = talk().run(0.5)
+    before = found.counts[-1]
+    found.board.counting = False
+    found.run(5.0)
+    found.board.counting = True
+    found.until_ready().run(0.5)
+    after = found.counts[-1]
+    assert after.time_s - before.time_s == pytest.approx(after.arrival_s - before.arrival_s, abs=0.01)
+
+
+# -- checks
+
+
+@pytest.fixture
+def robot():
+    robot = Robot(load("traxbot"), board=with_imu())
+    robot.run(BIAS_S)
+    return robot
+
+
+def state(robot):
+    return robot.core.state.imu_state
+
+
+def frozen(robot):
+    values = robot.board.imu(robot.now)
+    return lambda now: values
+
+
+def silent(robot):
+    return lambda now: None
+
+
+def saturated(robot):
+    return lambda now: (0, 0, 32767, 0, 0, UPWARD + robot.board.noise)
+
+
+def dead(robot):
+    return lambda now: (0, 0, 0, 0, 0, robot.board.noise)
+
+
+def on_its_side(robot):
+    return lambda now: (0, 0, 0, UPWARD, 0, robot.board.noise)
+
+
+PROBLEMS = [
+    (silent, SILENT, SILENT_S),
+    (frozen, FROZEN, 0.06),
+    (saturated, OUT_OF_SCALE, 0.02),
+    (dead, OUT_OF_SCALE, 1.0),
+    (on_its_side, TILTED, 2.0),
+]
+
+
+@pytest.mark.parametrize("problem, expected, seconds", PROBLEMS, ids=[row[0].__name__ for row in PROBLEMS])
+def test_readings_that_are_not_to_be_believed_are_not_used(robot, problem, expected, seconds):
+    assert state(robot) == IN_USE
+    robot.board.imu = problem(robot)
+    robot.run(seconds + STEPS_S)
+    assert state(robot) == expected
+    assert not robot.core.state.telemetry.gyro
+
+
+@pytest.mark.parametrize("problem, expected, seconds", PROBLEMS, ids=[row[0].__name__ for row in PROBLEMS])
+def test_a_problem_is_told_once_with_what_to_do(robot, problem, expected, seconds):
+    robot.events.clear()
+    robot.board.imu = problem(robot)
+    robot.run(seconds + 1.0)
+    (told,) = robot.seen(ImuChanged)
+    assert (told.in_use, told.state) == (False, expected)
+    assert "wheels alone" in str(told) and ": " in str(told) and "\n" not in str(told)
+
+
+def test_an_imu_that_never_answers_is_told():
+    board = with_imu()
+    board.imu = lambda now: None
+    robot = Robot(load("traxbot"), board=board)
+    robot.run(START_S + STEPS_S)
+    assert [change.state for change in robot.seen(ImuChanged)] == [SILENT]
+
+
+def test_an_imu_that_is_mounted_upside_down_is_never_used():
+    """It would turn the heading the wrong way."""
+    board = with_imu()
+    board.imu = lambda now: (0, 0, 0, 0, 0, board.noise - UPWARD)
+    robot = Robot(load("traxbot"), board=board)
+    robot.run(1.0)
+    assert [(change.in_use, change.state) for change in robot.seen(ImuChanged)] == [(False, TILTED)]
+    assert {telemetry.gyro for telemetry in robot.seen(Telemetry)} == {False}
+
+
+def test_good_readings_are_used_again_after_half_a_second(robot):
+    robot.board.imu, good = frozen(robot), robot.board.imu
+    robot.run(0.5)
+    robot.board.imu = good
+    robot.run(RECOVERY_S - STEPS_S)
+    assert state(robot) == FROZEN
+    robot.run(2 * STEPS_S)
+    assert state(robot) == IN_USE
+
+
+def test_a_board_that_comes_back_without_its_imu_is_told(robot):
+    robot.board.capabilities.remove("imu")
+    robot.board.reset(robot.now)
+    robot.events.clear()
+    robot.run(3.0)
+    assert [change.state for change in robot.seen(ImuChanged)] == [ABSENT]
+
+
+def test_an_imu_that_is_not_read_is_off():
+    robot = Robot(load("traxbot"), board=with_imu(), options=DEFAULTS._replace(imu_period_ms=0))
+    robot.run(0.5)
+    assert (state(robot), robot.core.state.odometry.heading) == (OFF, None)
+
+
+# -- the heading
+
+
+def turn(robot, seconds):
+    """Turns on the spot."""
+    end_s = robot.now + seconds
+    while robot.now < end_s:
+        robot.drive(0.0, TURN_RAD_S)
+        robot.run(0.1)
+    robot.core.stop(robot.now, "user")
+    robot.run(0.1)
+
+
+def yaw_rad(robot):
+    return robot.core.state.telemetry.pose.yaw_rad
+
+
+def wheels_rad(robot):
+    right, left = robot.core.state.telemetry.counts
+    return (right - left) * METRES / SEPARATION_M
+
+
+def test_the_wheels_give_the_heading_until_the_bias_is_known():
+    robot = Robot(load("traxbot"), board=with_imu())
+    robot.board.slip = 0.1
+    turn(robot, 1.0)
+    assert state(robot) == LEARNING
+    assert yaw_rad(robot) == pytest.approx(wheels_rad(robot), abs=TURN_ERROR_RAD)
+    robot.run(BIAS_S)
+    assert state(robot) == IN_USE
+
+
+@pytest.mark.parametrize("period_ms, share", [(20, 0.9), (0, 1.0)], ids=["gyro", "wheels"])
+def test_the_gyro_tells_the_heading_of_wheels_that_slip(period_ms, share):
+    robot = Robot(load("traxbot"), board=with_imu(), options=DEFAULTS._replace(imu_period_ms=period_ms))
+    robot.board.slip = 0.1
+    robot.run(BIAS_S)
+    turn(robot, 2.0)
+    assert yaw_rad(robot) == pytest.approx(share * wheels_rad(robot), abs=TURN_ERROR_RAD)
+
+
+def test_the_pose_does_not_jump_when_the_gyro_is_lost_and_found(robot):
+    robot.board.slip, good = 0.5, robot.board.imu
+    robot.events.clear()
+    turn(robot, 0.5)
+    robot.board.imu = silent(robot)
+    turn(robot, 0.5)
+    robot.board.imu = good
+    turn(robot, 1.0)
+    yaws = [event.pose.yaw_rad for event in robot.seen(Telemetry)]
+    assert {event.gyro for event in robot.seen(Telemetry)} == {True, False}
+    assert max(abs(b - a) for a, b in zip(yaws, yaws[1:])) < JUMP_RAD
+
+
+def test_a_listener_gets_each_reading_in_the_axes_of_the_robot():
+    """The chip's x points left: its y is the robot's backward."""
+    model = load("traxbot")
+    robot = Robot(model._replace(imu=model.imu._replace(yaw_deg=90.0)), board=with_imu())
+    robot.board.imu = lambda now: (1000, 0, 0, 0, 0, UPWARD + robot.board.noise)
+    robot.run(0.5)
+    found = robot.seen(Imu)[-1]
+    x, y, z = found.angular_velocity_rad_s
+    assert (x, y, z) == pytest.approx((0.0, 0.266462, 0.0), abs=1e-9)
+    assert found.reading.gyro_rad_s[0] == pytest.approx(0.266462)
+
+
+@pytest.mark.parametrize("fault, expected", [("imu_power", SILENT), ("imu_frozen", FROZEN)])
+def test_an_emulated_chip_that_fails_and_recovers_leaves_the_heading_right(fault, expected):
+    emulated = factory.make(factory.Options(imu=True))
+    with SteppedDriver(emulated.board, options=Options(command_timeout_s=None)) as driver:
+        driver.wait(BIAS_S)
+        states = [driver.imu_state]
+        driver.drive(0.1, TURN_RAD_S)
+        driver.wait(1.0)
+        emulated.board.inject(f"{fault}:lasts=1")
+        driver.wait(0.5)
+        states.append(driver.imu_state)
+        driver.wait(2.5)
+        states.append(driver.imu_state)
+        assert states == [IN_USE, expected, IN_USE]
+        driver.stop()
+        driver.wait(0.5)
+        error_rad = wrap_angle(driver.pose.yaw_rad - emulated.plant.true_pose.yaw_rad)
+        assert abs(error_rad) < TURN_ERROR_RAD
+    emulated.close()
+
+
+# -- what users see
+
+
+class InSteps:
+    """A fake board for `SteppedDriver`."""
+
+    def __init__(self, board):
+        self.board, self.now = board, 0.0
+
+    @property
+    def next_event_s(self):
+        return self.now + STEP_S
+
+    def receive(self, data):
+        self.board.receive(data, self.now)
+
+    def advance(self, to_s):
+        self.now = to_s
+        return self.board.advance(to_s)
+
+
+@pytest.fixture(scope="module")
+def driver():
+    with SteppedDriver(InSteps(with_imu()), "traxbot") as driver:
+        driver.heard = []
+        driver.on_imu(driver.heard.append)
+        driver.wait(BIAS_S)
+        yield driver
+
+
+def test_each_reading_is_told_and_the_last_is_kept(driver):
+    assert driver.heard[-1] is driver.imu
+    assert len(driver.heard) == pytest.approx(50 * BIAS_S, abs=2)
+
+
+def test_info_has_its_state(driver):
+    assert describe(driver, "/dev/x")["imu"] == IN_USE
+
+
+def test_the_line_for_people_has_its_state(driver):
+    assert f"imu {IN_USE}" in line(driver)
+
+
+def test_the_live_view_has_its_state(driver):
+    (row,) = [row for row in state_of(driver).board if row.name == "imu"]
+    assert row.value.startswith(IN_USE)
+
+
+def test_json_has_its_reading(driver):
+    found = snapshot(driver)["imu"]
+    assert found["state"] == IN_USE
+    assert found["linear_acceleration_m_s2"][2] == pytest.approx(9.81, abs=0.01)
+
+
+def test_a_robot_without_one_shows_none():
+    with SteppedDriver(InSteps(FakeBoard()), "traxbot") as driver:
+        assert (driver.imu, driver.imu_state) == (None, ABSENT)
+        assert "imu" not in line(driver)
+        assert [row for row in state_of(driver).board if row.name == "imu"] == []
+
+
+# -- recordings
+
+
+class Recorded(Robot):
+    """Keeps the lines of a recording of what the board sends."""
+
+    def __init__(self, **kwargs):
+        self.lines, self._checked = [], False
+        super().__init__(load("traxbot"), to_host=self._keep, **kwargs)
+
+    def _keep(self, data):
+        if data:
+            wire = data.decode().replace("\r", "\\r").replace("\n", "\\n")
+            self.lines.append(f"{self.now:.6f} < {wire}\n")
+        return data
+
+    def step(self):
+        super().step()
+        if self.core.session.checked != self._checked:
+            self._checked = self.core.session.checked
+            self.lines.append(f"{self.now:.6f} ! checked\n")
+
+    def recording(self, folder):
+        (folder / "drive.mrl").write_text("#mrl-recording 1 {}\n" + "".join(self.lines))
+        return Recording(str(folder / "drive.mrl"))
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    robot = Recorded(board=with_imu())
+    robot.board.slip = 0.1
+    robot.run(BIAS_S)
+    turn(robot, 1.0)
+    return robot
+
+
+def test_the_summary_of_a_recording_has_the_drivers_pose(recorded, tmp_path):
+    found = summarise(recorded.recording(tmp_path))
+    assert found["pose"]["yaw_rad"] == pytest.approx(yaw_rad(recorded), abs=1e-3)
+    assert (found["imu"], found["lost"]) == (IN_USE, 0)
+    assert found["frames"]["read_imu"] == len(recorded.seen(Imu))
+
+
+def test_the_columns_of_a_recording_have_the_gyros_yaw_rate(recorded, tmp_path):
+    rates = [rate for _, rate in timeline.read(recorded.recording(tmp_path)).gyro]
+    assert len(rates) == len(recorded.seen(Imu))
+    assert max(rates) == pytest.approx(0.9 * TURN_RAD_S, abs=TURN_ERROR_RAD)

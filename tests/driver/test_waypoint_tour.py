@@ -1,0 +1,251 @@
+"""Which waypoint follow_waypoints drives to next."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrl_driver.navigation.claims import REPEAT_S, SILENT_S, Claim
+from mrl_driver.navigation.waypoint_tour import CLAIMING, DONE, DRIVING, IDLE, PAUSED, WAITING, WaypointTour
+
+
+def begun(count=3, **options):
+    """A tour on its way to the first waypoint."""
+    tour = WaypointTour(**options)
+    tour.begin(count, 0.0)
+    return tour
+
+
+def arrive(tour, now_s=0.0):
+    tour.reached(tour.target.attempt, now_s)
+
+
+def fail(tour):
+    tour.failed(tour.target.attempt, "blocked")
+
+
+def test_there_is_no_target_without_waypoints():
+    tour = WaypointTour()
+    assert (tour.target, tour.state, tour.number, tour.lap) == (None, IDLE, 0, 0)
+
+
+def test_waypoints_are_visited_in_turn_and_then_the_tour_is_done():
+    tour, seen = begun(), []
+    while tour.target:
+        seen.append(tour.target.place)
+        arrive(tour)
+    assert (seen, tour.state) == ([0, 1, 2], DONE)
+
+
+def test_a_tour_that_repeats_begins_again_with_the_next_lap():
+    tour = begun(2, repeat=True)
+    arrive(tour)
+    arrive(tour)
+    assert (tour.target.place, tour.lap) == (0, 2)
+
+
+def test_the_robot_waits_at_a_waypoint():
+    tour = begun(wait_s=2.0)
+    arrive(tour, 10.0)
+    assert (tour.state, tour.target) == (WAITING, None)
+    tour.tick(11.9)
+    assert tour.target is None
+    tour.tick(12.0)
+    assert tour.target.place == 1
+
+
+def test_a_failure_pauses_with_its_reason():
+    tour = begun()
+    fail(tour)
+    assert (tour.state, tour.reason, tour.number) == (PAUSED, "blocked", 1)
+
+
+def test_a_failure_is_skipped_if_that_is_wanted():
+    tour = begun(skip_failed=True)
+    fail(tour)
+    assert (tour.target.place, tour.reason) == (1, "blocked")
+
+
+def test_a_lap_of_failures_pauses_though_failures_are_skipped():
+    """The robot would try for ever."""
+    tour = begun(3, skip_failed=True, repeat=True)
+    for _ in range(3):
+        fail(tour)
+    assert tour.state == PAUSED
+
+
+def test_the_last_waypoint_that_fails_ends_the_tour_with_a_reason():
+    tour = begun(2, skip_failed=True)
+    arrive(tour)
+    fail(tour)
+    assert (tour.state, tour.reason) == (DONE, "blocked")
+
+
+def test_a_pause_keeps_the_waypoint_and_resume_is_a_new_attempt():
+    tour = begun()
+    arrive(tour)
+    before = tour.target
+    assert tour.pause() and tour.target is None
+    assert tour.resume()
+    assert tour.target.place == before.place and tour.target.attempt != before.attempt
+
+
+def test_reports_of_an_earlier_attempt_do_not_count():
+    tour = begun()
+    old = tour.target.attempt
+    tour.pause()
+    tour.reached(old, 0.0)
+    assert tour.state == PAUSED
+    tour.resume()
+    for report in (
+        lambda: tour.reached(old, 0.0),
+        lambda: tour.failed(old, ""),
+        lambda: tour.interrupt(old, ""),
+    ):
+        report()
+        assert (tour.state, tour.target.place) == (DRIVING, 0)
+
+
+def test_another_goal_pauses():
+    tour = begun()
+    tour.interrupt(tour.target.attempt, "another goal")
+    assert (tour.state, tour.reason) == (PAUSED, "another goal")
+
+
+@pytest.mark.parametrize("before", ["drive", "wait", "pause"])
+def test_skip_drives_to_the_next_waypoint(before):
+    tour = begun(wait_s=9.0)
+    if before == "wait":
+        arrive(tour)
+    elif before == "pause":
+        tour.pause()
+    assert tour.skip()
+    assert tour.target.place == 1
+
+
+@pytest.mark.parametrize("act", ["pause", "resume", "skip"])
+def test_services_without_effect_say_so(act):
+    assert not getattr(WaypointTour(), act)()
+
+
+def test_new_waypoints_take_the_place_of_the_old():
+    tour = begun(3)
+    arrive(tour)
+    old = tour.target.attempt
+    tour.begin(2, 0.0)
+    assert tour.target.place == 0 and tour.target.attempt != old
+
+
+def test_a_tour_that_is_given_up_has_no_target():
+    tour = begun()
+    tour.end()
+    assert (tour.state, tour.target, tour.count) == (IDLE, None, 0)
+
+
+@given(st.lists(st.sampled_from(["reach", "fail", "pause", "resume", "skip", "end", "begin"])), st.booleans())
+def test_the_target_is_always_a_waypoint_of_the_list(acts, repeat):
+    tour = begun(2, repeat=repeat, skip_failed=True)
+    for act in acts:
+        target = tour.target
+        if act in ("reach", "fail") and target:
+            (arrive if act == "reach" else fail)(tour)
+        elif act in ("pause", "resume", "skip", "end"):
+            getattr(tour, act)()
+        elif act == "begin":
+            tour.begin(2, 0.0)
+        assert (tour.target is None) == (tour.state != DRIVING)
+        assert tour.target is None or 0 <= tour.target.place < tour.count
+
+
+@pytest.fixture
+def other():
+    """The claim of another robot, which shares the first waypoint."""
+    return Claim("b", ["a"], 0.0)
+
+
+@pytest.fixture
+def sharing(other):
+    """Makes a tour of robot a on its way to the first waypoint, and the claim that it shares."""
+
+    def make(**options):
+        claim = Claim("a", ["b"], 0.0)
+        talk(claim, other)
+        return begun(claim=claim, shared={0}, **options), claim
+
+    return make
+
+
+def talk(claim, other, now_s=0.0):
+    """Messages go to and fro."""
+    for step in (0.0, REPEAT_S, 2 * REPEAT_S):
+        for sender, receiver in ((claim, other), (other, claim)):
+            for message in sender.messages(now_s + step):
+                receiver.receive(message, now_s + step)
+
+
+def test_robot_drives_to_a_shared_waypoint_when_it_holds_the_claim(sharing, other):
+    tour, claim = sharing()
+    assert (tour.state, tour.target) == (CLAIMING, None)
+    talk(claim, other)
+    tour.tick(1.0)
+    assert tour.target.place == 0
+
+
+def test_claim_is_kept_until_a_waypoint_is_reached_that_is_not_shared(sharing, other):
+    tour, claim = sharing()
+    talk(claim, other)
+    tour.tick(1.0)
+    arrive(tour, 1.0)
+    assert claim.held and tour.target.place == 1
+    arrive(tour, 2.0)
+    assert not claim.held
+
+
+def test_robot_waits_as_long_as_another_one_is_silent(sharing):
+    tour, _ = sharing()
+    tour.tick(10 * SILENT_S)
+    assert (tour.state, tour.reason) == (CLAIMING, "no message from b for 3 s")
+
+
+def test_shared_waypoint_is_skipped_if_another_robot_is_silent_and_that_is_wanted(sharing, other):
+    tour, claim = sharing(skip_failed=True)
+    tour.tick(SILENT_S - 1.0)
+    assert tour.state == CLAIMING
+    tour.tick(SILENT_S + 1.0 + 2 * REPEAT_S)
+    assert tour.target.place == 1
+    talk(claim, other)
+    assert not claim.held
+
+
+@pytest.mark.parametrize("act", ["pause", "skip", "end"])
+def test_claim_is_withdrawn_if_the_robot_does_not_wait_for_it_any_more(sharing, other, act):
+    tour, claim = sharing()
+    getattr(tour, act)()
+    talk(claim, other)
+    assert not claim.held
+
+
+def test_claim_is_withdrawn_if_a_new_list_begins_elsewhere(other):
+    claim = Claim("a", ["b"], 0.0)
+    tour = begun(claim=claim, shared={1})
+    tour.skip()
+    assert tour.state == CLAIMING
+    tour.begin(2, 0.0)
+    talk(claim, other)
+    assert tour.target.place == 0 and not claim.held
+
+
+def test_robot_that_is_stopped_on_its_way_keeps_the_claim(sharing, other):
+    """It may be at the shared waypoint."""
+    tour, claim = sharing()
+    talk(claim, other)
+    tour.tick(1.0)
+    tour.end()
+    assert claim.held
+
+
+def test_idleness_counts_from_the_begin_of_the_list():
+    tour = WaypointTour(repeat=True)
+    tour.begin(2, 100.0)
+    for now_s in (110.0, 120.0, 135.0):
+        arrive(tour, now_s)
+    assert tour.idleness.visits == 3 and tour.idleness.worst_s(135.0) == 25.0

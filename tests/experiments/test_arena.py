@@ -1,0 +1,170 @@
+"""The arena of the sensor experiment: its sources, the path around its obstacles, and what is found of them."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose, wrap_angle
+from sim_arduino.experiments import arena, arena_sweep, trials
+from sim_arduino.experiments.arena_sweep import ALCOHOL, DUST, HEAT, VARIABLES, Drive, Sample, Spots
+from sim_arduino.experiments.experiment_robot import Setting
+from sim_arduino.hardware.environment_sensors import EnvironmentErrors, SpoiltReadings
+from sim_arduino.world import world_file
+from sim_arduino.world.environment import Environment
+
+SEEDS = range(1000, 1004)
+FOUND_M = 0.5
+"""Largest distance of a place found from its source where poses and readings have no errors."""
+
+
+def places(sources):
+    return [source[:2] for source in sources]
+
+
+@pytest.fixture(scope="module")
+def arenas():
+    return [arena.drawn(seed) for seed in SEEDS]
+
+
+@pytest.fixture(scope="module")
+def flawless():
+    """A sweep without a robot: true readings along the path, and in the turns at its corners."""
+    world = arena.drawn(1000)
+    path, poses, yaw = [world.start[:2], *arena.sweep(world)], [], world.start.yaw_rad
+    for here, there in zip(path, path[1:]):
+        before, yaw = yaw, math.atan2(there[1] - here[1], there[0] - here[0])
+        poses += [Pose(*here, yaw - share * wrap_angle(yaw - before)) for share in (1.0, 0.75, 0.5, 0.25)]
+        for share in np.arange(0.0, 1.0, 0.1 / max(0.1, math.dist(here, there))):
+            poses.append(Pose(*(a + share * (b - a) for a, b in zip(here, there)), yaw))
+    return Drive(world, [true_sample(world, pose) for pose in poses], 0, 0.0)
+
+
+def true_sample(world, pose):
+    around = world.scene.sensed(world.scene.ambient, pose, world.sees)
+    return Sample(0.0, pose, (around.pixels_c, (around.dust_pcs_l,), (1023 - around.alcohol_count,)))
+
+
+def found(drive, each, alert=None):
+    return arena_sweep.spots(VARIABLES.index(each), drive, each.alert if alert is None else alert)
+
+
+def test_seed_draws_the_places_of_all_sources(arenas):
+    kinds = [[places(getattr(world.scene, each.scene)) for world in arenas] for each in (HEAT, DUST, ALCOHOL)]
+    assert all(len({str(each) for each in kind}) == len(SEEDS) for kind in kinds)
+
+
+def test_sources_of_one_kind_are_apart(arenas):
+    pairs = [places(kind) for world in arenas for kind in (world.scene.gas, world.scene.heat)]
+    assert min(math.dist(*pair) for pair in pairs) >= arena.APART_M
+
+
+def test_containers_are_obstacles(arenas):
+    assert all(world.is_solid(*place) for world in arenas for place in places(world.scene.gas))
+
+
+def test_arena_has_the_published_size_and_several_obstacles(arenas):
+    assert arenas[0].bounds() == (0.0, 0.0, 4.0, 4.6)
+    assert len(world_file.load("hazards").solids) > 2
+
+
+def test_path_keeps_away_from_all_obstacles(arenas):
+    """Between the points of the lattice too."""
+    for world in arenas[:2]:
+        path = [world.start[:2], *arena.sweep(world)]
+        for (x, y), (to_x, to_y) in zip(path, path[1:]):
+            shares = np.arange(0.0, 1.001, 0.125 / math.dist((x, y), (to_x, to_y)))
+            gaps = [world.clearance(x + s * (to_x - x), y + s * (to_y - y)) for s in shares]
+            assert min(gaps) >= arena.CLEAR_M - 0.01
+
+
+@pytest.mark.parametrize("each", VARIABLES, ids=lambda each: each.title)
+def test_sources_are_found_in_true_readings(flawless, each):
+    sources = np.array(places(getattr(flawless.world.scene, each.scene)))
+    objects = arena_sweep.objects(each, found(flawless, each))
+    assert arena_sweep.apart_m(sources, objects) < FOUND_M
+
+
+@pytest.mark.parametrize("each", VARIABLES, ids=lambda each: each.title)
+def test_places_say_nothing_without_an_alert_level(flawless, each):
+    """The control: the readings count for nothing."""
+    sources = np.array(places(getattr(flawless.world.scene, each.scene)))
+    objects = arena_sweep.objects(each, found(flawless, each, arena_sweep.IGNORED))
+    assert arena_sweep.apart_m(sources, objects) > 2.0
+
+
+def test_lamp_behind_an_obstacle_is_not_ruled_out(flawless):
+    """A pixel that sees the obstacle says nothing about the cells behind it."""
+    world = flawless.world
+    lamp = np.array(world.scene.heat[0][:2])
+    behind = [sample for sample in flawless.samples if not world.sees(*sample.pose[:2], *lamp)]
+    assert behind
+    hot = found(flawless, HEAT)
+    without = found(flawless._replace(samples=[s for s in flawless.samples if s not in behind]), HEAT)
+    near = [np.sum(np.hypot(*(spots.places - lamp).T) < 0.3) for spots in (hot, without)]
+    assert near[0] == near[1] > 0
+
+
+def test_place_that_is_no_source_counts_as_much_as_a_missed_source():
+    one, two = np.array([[0.0, 0.0]]), np.array([[0.0, 0.0], [3.0, 0.0]])
+    assert arena_sweep.apart_m(one, two) == arena_sweep.apart_m(two, one) == 3.0
+    assert arena_sweep.apart_m(one, np.empty((0, 2))) == math.inf
+
+
+def test_two_peaks_are_two_objects():
+    x = np.arange(0.0, 4.0, 0.1)
+    excess = 100 * np.exp(-((x - 1.0) ** 2)) + 80 * np.exp(-((x - 3.0) ** 2))
+    objects = arena_sweep.objects(ALCOHOL, Spots(np.column_stack((x, 0 * x)), excess))
+    assert sorted(objects[:, 0]) == pytest.approx([1.0, 3.0], abs=0.2)
+
+
+def test_a_few_hot_cells_are_not_an_object():
+    cells = np.array([[1.0, 1.0], [1.1, 1.0]])
+    assert not len(arena_sweep.objects(HEAT, Spots(cells, np.ones(2))))
+
+
+def test_readings_have_the_errors_of_their_robot():
+    around, errors = Environment(), EnvironmentErrors(1.0, 0.01, 0.5, 0.1, 0.1, 5.0, 2.0)
+    one, same, other = (SpoiltReadings(errors, seed) for seed in (1, 1, 2))
+    assert one.reading(around) == same.reading(around) != other.reading(around)
+    many = [SpoiltReadings(errors, seed).reading(around) for seed in range(200)]
+    assert np.std([reading.dust_pcs_l / 300.0 for reading in many]) == pytest.approx(0.14, abs=0.03)
+    assert np.std([reading.pixels_c[0] for reading in many]) == pytest.approx(1.1, abs=0.2)
+    assert np.std([reading.alcohol_count for reading in many]) == pytest.approx(5.4, abs=1.0)
+
+
+def test_readings_are_true_without_errors():
+    around = Environment()
+    assert SpoiltReadings(EnvironmentErrors()).reading(around) is around
+
+
+@pytest.fixture(scope="module")
+def figures(tmp_path_factory):
+    """Of sweeps of half a metre."""
+    folder = tmp_path_factory.mktemp("environment")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trials, "SEEDS", 1)
+        patch.setattr(arena, "sweep", lambda *_: [(0.5, 1.0)])
+        result = arena_sweep.run(Setting(str(folder)))
+    assert (folder / "environment.png").exists()
+    return {row.key: row for row in result.rows}
+
+
+def test_sweep_does_not_collide(figures):
+    assert figures["collisions"].ours == 0 and figures["off_cm"].ours < 30.0
+
+
+@pytest.mark.parametrize("each", VARIABLES, ids=lambda each: each.title)
+def test_noise_alone_gives_no_alert(figures, each):
+    assert figures[f"{each.title}_without_sources"].worst == 0
+
+
+def test_what_the_scene_contains_is_marked(figures):
+    marked = {key for key, row in figures.items() if row.put_in}
+    assert marked == {f"{each.title}_most" for each in VARIABLES}
+
+
+def test_port_is_refused():
+    with pytest.raises(ConfigError, match="leave out --port"):
+        arena_sweep.run(Setting("/nowhere", port="/dev/ttyACM0"))

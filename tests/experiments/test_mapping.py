@@ -1,0 +1,127 @@
+"""The mapping experiment: recorded key presses, and the maps of a drive that is cut short."""
+
+import math
+import re
+
+import pytest
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
+from sim_arduino.experiments import key_presses, mapping
+from sim_arduino.experiments.experiment_robot import Setting
+from sim_arduino.experiments.key_presses import KeyPress
+
+SPIN = "time_s,key\n" + "".join(f"{2.0 + 0.5 * number:.1f},left\n" for number in range(14))
+"""The robot stands for 2 s, and then turns on the spot for some 7 s."""
+LOST_DEG, KNOWN_DEG, CALIBRATED_DEG = 20.0, 11.0, 1.0
+"""About a tenth of a good half turn; a limit of 3 % of a turn; the goal of a calibrated gyro."""
+
+
+def written(folder, text):
+    path = folder / "keys.csv"
+    path.write_text(text)
+    return str(path)
+
+
+def test_presses_are_read_in_their_order(tmp_path):
+    assert key_presses.read(written(tmp_path, "time_s,key\n0.5,up\n0.5,space\n2,w\n")) == [
+        KeyPress(0.5, "up"),
+        KeyPress(0.5, "space"),
+        KeyPress(2.0, "w"),
+    ]
+
+
+class Clockwork:
+    """A robot whose time passes in ticks, and the speeds that it gets."""
+
+    def __init__(self, now_s):
+        self.now_s, self.driver, self.speeds = now_s, self, []
+
+    def drive(self, linear_m_s, angular_rad_s):
+        self.speeds.append((linear_m_s, angular_rad_s))
+
+    def wait(self, seconds):
+        self.now_s += seconds
+
+
+@pytest.mark.parametrize("start_s", [0.0, 1.7, 2.3, 1000.1])
+def test_presses_take_effect_at_the_tick_of_their_recording(start_s):
+    """Wherever the clock began: one tick late is 2.6 deg of a turn."""
+    robot, presses = Clockwork(start_s), [KeyPress(0.05 * tick, "up") for tick in (3, 14, 25)]
+    key_presses.replay(robot, [*presses, KeyPress(1.5, "space")], lambda: None)
+    moving = [tick for tick, (linear, _) in enumerate(robot.speeds) if linear]
+    assert moving == list(range(3, 30))
+
+
+@pytest.mark.parametrize(
+    "text, said",
+    [
+        ("", "expected the columns time_s,key"),
+        ("time_s,key\n1\n", "line 2: '1', expected a time"),
+        ("time_s,key\nsoon,up\n", "expected a time"),
+        ("time_s,key\n2,up\n1,up\n", "line 3: time 1, expected 2 s or later"),
+        ("time_s,key\nnan,up\n", "time nan, expected 0 s or later"),
+        ("time_s,key\n1,x\n", "key 'x', expected up, down"),
+    ],
+)
+def test_a_wrong_recording_is_refused_in_one_line(tmp_path, text, said):
+    with pytest.raises(ConfigError) as caught:
+        key_presses.read(written(tmp_path, text))
+    assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_recording_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(ConfigError, match="No such file.*, expected recorded key presses"):
+        key_presses.read(str(tmp_path / "keys.csv"))
+
+
+def test_packaged_recording_begins_with_a_rest_and_ends_with_a_stop():
+    """The gyro's bias is learned in the rest."""
+    presses = key_presses.read(mapping.KEYS)
+    assert presses[0].time_s >= 1.0 and presses[-1].key == "space"
+
+
+def test_a_pose_between_two_times_is_between_the_poses():
+    path = [(1.0, Pose(0.0, 0.0, 3.1)), (2.0, Pose(1.0, 2.0, -3.1))]
+    between = mapping.pose_at(path, 1.5)
+    assert between[:2] == (0.5, 1.0)
+    assert abs(between.yaw_rad) == pytest.approx(math.pi)
+    assert [mapping.pose_at(path, at).x_m for at in (0.0, 3.0)] == [0.0, 1.0]
+
+
+@pytest.fixture(scope="module")
+def figures(tmp_path_factory):
+    """Of drives in which the robot turns on the spot."""
+    folder = tmp_path_factory.mktemp("mapping")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mapping, "SEEDS", 1)
+        patch.setattr(mapping, "KEYS", written(folder, SPIN))
+        result = mapping.run(Setting(str(folder)))
+    assert all((folder / name).exists() for name in ("mapping.png", "mapping-laser-wheels-alone.yaml"))
+    return {row.key: row for row in result.rows}
+
+
+def test_a_gyro_knows_the_heading_that_the_wheels_lose(figures):
+    assert figures["heading_wheels_deg"].ours > LOST_DEG and figures["heading_wheels_deg"].put_in
+    assert (
+        figures["heading_gyro_deg"].ours < KNOWN_DEG
+        and figures["heading_calibrated_deg"].ours < CALIBRATED_DEG
+    )
+
+
+@pytest.mark.parametrize("poses", ["gyro", "calibrated", "true"])
+def test_the_map_by_laser_is_better_than_by_wheels_that_slip(figures, poses):
+    wheels = figures["laser_wheels_false_percent"].ours
+    assert figures[f"laser_{poses}_false_percent"].ours < 0.5 * wheels
+
+
+@pytest.mark.parametrize(
+    "figure", ["heading_gyro_deg", "sonars_gyro_found_percent", "laser_calibrated_false_percent"]
+)
+def test_control_of_a_gyro_is_the_wheels_alone(figures, figure):
+    assert figures[figure].control == figures[re.sub("gyro|calibrated", "wheels", figure)].ours
+
+
+def test_only_the_robot_of_the_recording_is_driven(tmp_path):
+    with pytest.raises(ConfigError, match="got --robot stingbot; leave it out"):
+        mapping.run(Setting(str(tmp_path), robot="stingbot"))

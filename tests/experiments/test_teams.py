@@ -1,0 +1,152 @@
+"""Experiments with teams, cut short: wandering, a shared waypoint, a patrol."""
+
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import ORIGIN, Pose
+from mrl_driver.navigation.claims import Claim
+from mrl_driver.robot import models
+from sim_arduino.experiments import mixed_team, patrol, shared_waypoint, team
+from sim_arduino.experiments.experiment_robot import Setting
+from sim_arduino.experiments.tours import Channel, exchange
+from sim_arduino.world.world import World
+
+SEED = 1000
+
+
+def once(run, setting):
+    """In place of the runs with many seeds."""
+    return [run(setting._replace(seed=SEED))]
+
+
+def rows(experiment, folder, over_seeds=once, **short):
+    """Figures of an experiment by their keys, some of its constants replaced."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in {"over_seeds": over_seeds, **short}.items():
+            patch.setattr(experiment, name, value)
+        result = experiment.run(Setting(str(folder)))
+    for picture in result.pictures:
+        assert (folder / picture).read_bytes().startswith(b"\x89PNG")
+    return {row.key: row for row in result.rows}
+
+
+@pytest.mark.parametrize("name", ["front", "left", "right"])
+@pytest.mark.parametrize("silent", [{}, math.nan], ids=["absent", "nan"])
+def test_wanderer_stands_while_a_sonar_has_no_reading(name, silent):
+    ranges = {each: math.inf for each in ("front", "left", "right") if each != name}
+    ranges.update({name: silent} if silent else {})
+    assert mixed_team.Wanderer(models.load("traxbot").limits).command(ranges) == (0.0, 0.0)
+
+
+def test_sonar_without_a_reading_is_unknown_although_nothing_stands_in_the_virtual_world():
+    model = models.load("traxbot")
+    robot = SimpleNamespace(
+        model=model, pose=ORIGIN, ranges={"front": math.nan, "left": 2.0}, reset_pose=lambda pose: None
+    )
+    ranges = team.Player(team.Member("real", ORIGIN, virtual=False), robot, World(), World()).ranges()
+    assert math.isnan(ranges["front"]) and ranges["left"] == 2.0
+
+
+@pytest.fixture(scope="module")
+def mixed_rows(tmp_path_factory):
+    return rows(mixed_team, tmp_path_factory.mktemp("mixed"), DURATION_S=20.0, CONTROL_S=20.0)
+
+
+def test_mixed_team_does_not_collide(mixed_rows):
+    assert mixed_rows["collided"].ours == "0 of 1" and mixed_rows["distance_m"].ours > 7
+
+
+def test_mixed_team_collides_if_real_and_virtual_robots_do_not_see_each_other(mixed_rows):
+    assert mixed_rows["collided"].control == "1 of 1"
+
+
+@pytest.fixture(scope="module")
+def shared_runs():
+    """A round with claims of which many are lost, and one in which every claim is granted at once."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(shared_waypoint, "ROUNDS", 1)
+        setting = Setting("/nowhere", seed=SEED)
+        return shared_waypoint.claimed(setting, loss=0.5), shared_waypoint.granted_at_once(setting)
+
+
+def test_robots_that_claim_the_shared_waypoint_do_not_collide(shared_runs):
+    claimed, _ = shared_runs
+    assert (claimed.team.collisions, claimed.rounds) == (0, 3)
+
+
+def test_robots_collide_if_every_claim_is_granted_at_once(shared_runs):
+    assert shared_runs[1].team.collisions
+
+
+def test_rows_of_the_shared_waypoint_have_a_control_and_a_run_through_ros(shared_runs, tmp_path):
+    claimed, control = shared_runs
+
+    def over_seeds(run, _):
+        return [control if run is shared_waypoint.granted_at_once else claimed]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(shared_waypoint, "over_seeds", over_seeds)
+        result = shared_waypoint.run(Setting(str(tmp_path)), claimed)
+    shown = {row.key: row for row in result.rows}
+    assert (shown["collided"].ours, shown["collided"].control) == ("0 of 1", "1 of 1")
+    assert shown["lossy_collided"].ours == "0 of 1" and shown["ros_rounds"].ours == 3
+
+
+def test_team_visits_its_waypoints_and_the_rows_have_a_control(tmp_path):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(patrol, "DURATION_S", 14.0)
+        team_run = patrol.patrolled(Setting("/nowhere", seed=SEED), patrol.three)
+    shown = rows(patrol, tmp_path, over_seeds=lambda run, setting: [team_run])
+    assert team_run.visits >= 2 and team_run.worst_s <= 14.0
+    assert shown["team_worst_s"].control == shown["one_worst_s"].ours == team_run.worst_s
+
+
+def test_random_orders_differ_by_robot_and_seed_and_no_waypoint_comes_twice_in_a_row():
+    orders = [beat.order for seed in (1, 2) for beat in patrol.three(seed, at_random=True)]
+    assert len({tuple(order) for order in orders}) == 6
+    assert all(a != b for order in orders for a, b in zip(order, order[1:]))
+
+
+@pytest.mark.parametrize("beats_of", [patrol.one, patrol.three])
+def test_each_waypoint_of_the_patrol_is_visited_by_one_robot(beats_of):
+    orders = [list(beat.order) for beat in beats_of(1)]
+    assert sorted(sum(orders, [])) == list(patrol.EVERYTHING)
+
+
+def test_patrols_of_other_seeds_begin_elsewhere():
+    assert len({patrol.one(seed)[0].member.start for seed in range(10)}) > 3
+
+
+@pytest.mark.parametrize("off_m, counted", [(0.2, 1), (0.3, 0)])
+def test_visit_counts_once_and_only_if_the_robot_is_truly_there(off_m, counted):
+    beats = patrol.one(1)
+    visits = patrol.Visits(beats)
+    x_m, y_m = patrol.POINTS[beats[0].order[0]]
+    for _ in range(2):
+        visits.update(0, 1, Pose(x_m + off_m, y_m, 0.0), 5.0)
+    assert visits.idleness.visits == counted and visits.off_m == pytest.approx(off_m)
+
+
+def test_messages_come_late_and_some_never():
+    channel = Channel((0.5, 1.0), 0.5, 1)
+    for number in range(100):
+        channel.send(str(number), 0.0)
+    assert channel.arrived(0.49) == [] and 30 < len(channel.arrived(1.0)) < 70
+
+
+def test_claims_come_through_a_bad_channel():
+    claims = [Claim(name, [each for each in "abc" if each != name], 0.0) for name in "abc"]
+    channel = Channel((0.02, 0.3), 0.5, 1)
+    claims[1].want()
+    for tick in range(600):
+        exchange(claims, channel, 0.05 * tick)
+    assert [claim.held for claim in claims] == [False, True, False]
+
+
+@pytest.mark.parametrize("experiment", [mixed_team, shared_waypoint, patrol])
+def test_port_is_refused_where_robots_are_emulated(experiment):
+    with pytest.raises(ConfigError, match="leave out --port"):
+        experiment.run(Setting("/nowhere", port="/dev/ttyACM0"))

@@ -1,0 +1,41 @@
+"""Figures over many seeds: which seeds, and what is reported of them."""
+
+from sim_arduino.experiments import trials
+from sim_arduino.experiments.experiment_report import Figure, cells
+from sim_arduino.experiments.experiment_robot import Setting
+
+
+def seeds_of(setting, count=trials.SEEDS):
+    return trials.over_seeds(lambda each: each.seed, setting, count)
+
+
+def test_each_run_has_a_seed_of_its_own():
+    assert len(set(seeds_of(Setting("/nowhere")))) == 10
+
+
+def test_settings_with_other_seeds_share_no_run():
+    assert not set(seeds_of(Setting("/nowhere", seed=1))) & set(seeds_of(Setting("/nowhere", seed=2)))
+
+
+def test_figure_is_the_median_with_the_worst_run_and_the_median_of_the_control():
+    figure = trials.figure(
+        "error_cm", "error", [1.0, 9.0, 2.0], "cm", control=[4.0, 5.0, 6.0], published="3 cm"
+    )
+    assert figure == Figure("error_cm", "error", 2.0, "cm", "3 cm", worst=9.0, control=5.0, seeds=3)
+
+
+def test_worst_share_is_the_smallest():
+    assert trials.figure("found", "", [80.0, 90.0], worst=min).worst == 80.0
+
+
+def test_cells_show_the_number_of_seeds_and_what_was_put_in():
+    figure = Figure("error_cm", "error", 2.0, "cm", "3 cm", worst=9.0, control=5.0, seeds=10, put_in=True)
+    assert cells(figure) == ["error", "2 cm (put in)", "9 cm of 10", "5 cm", "3 cm"]
+
+
+def test_cells_of_a_single_run_without_control_are_empty():
+    assert cells(Figure("hours", "duration", 2, "h")) == ["duration", "2 h", "", "", ""]
+
+
+def test_cells_of_a_mean_over_seeds_have_no_worst_value():
+    assert cells(Figure("mean", "mean of all", 2.0, seeds=100))[2] == ""

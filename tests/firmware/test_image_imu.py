@@ -1,0 +1,74 @@
+"""The images with an IMU on the simulated chip: its readings, the times of its frames, and what it costs the others."""
+
+import pytest
+
+from mrl_driver.protocol import REPLIES, FrameDecoder
+from sim_arduino.avr.machine import AvrMachine
+from tests.bench import firmware_measures as measures
+from tests.bench.firmware_board import Rig, request
+from tests.conformance.bench import FIRMWARE
+from tests.firmware.imu_chip import GYRO_DATA, ImuChip
+
+BUILDS = {"": 0x68, "_environment": 0x69, "_xbee": 0x68, "_hbridge": 0x69}
+"""Images, and an address at which each looks for the IMU."""
+PERIOD_MS = 10
+WIRE_USE, IMU_HZ = 0.97, 99.0
+STOP_US, MOVE_US, IDLE_MOVE_US = 600.0, 700.0, 350.0
+ENCODERS = 0xD8
+READ_US = 400.0
+"""From the read of the counters to that of the gyro."""
+
+
+@pytest.mark.parametrize("build", BUILDS)
+def test_every_image_reads_it(build):
+    with AvrMachine(FIRMWARE.with_name(f"mrl_firmware{build}.elf")) as machine:
+        chip = machine.i2c[BUILDS[build]] = ImuChip()
+        machine.run(0.1)
+        machine.sent()
+        machine.send(b"@46e")
+        machine.run(0.02)
+        (frame,) = FrameDecoder(REPLIES).feed(bytes(byte.data for byte in machine.sent()))
+        assert frame.args == chip.gyro + chip.accel
+
+
+@pytest.fixture(scope="module")
+def rig():
+    """A TraxBot's board with an IMU that streams at 100 Hz, behind a full stream of encoders and sonars."""
+    made = Rig(FIRMWARE).fit_imu(PERIOD_MS).settle()
+    made.machine.send(request("start_stream"))
+    yield made
+    made.close()
+
+
+def test_it_shares_a_full_serial_link(rig):
+    frames = measures.stream_of(rig, 0.5)
+    assert measures.wire_use(rig, frames) >= WIRE_USE
+    assert measures.hertz(rig, rig.imu_frames) >= IMU_HZ
+
+
+@pytest.mark.parametrize(
+    ("command", "code", "limit_us"),
+    [(b"@11,500,-800e", measures.MOVE, MOVE_US), (b"@13e", measures.STOP, STOP_US)],
+)
+def test_commands_are_carried_out_in_time(rig, command, code, limit_us):
+    assert max(measures.command_delays_us(rig, command, code, 60)) <= limit_us
+
+
+def test_a_command_on_an_idle_line_does_not_wait_for_a_reading():
+    """A reading waits while a request arrives."""
+    rig = Rig(FIRMWARE).fit_imu(PERIOD_MS).settle()
+    delays_us = measures.command_delays_us(rig, b"@11,500,-800e", measures.MOVE, 100)
+    rig.close()
+    assert max(delays_us) <= IDLE_MOVE_US
+
+
+def test_its_readings_follow_those_of_the_counters_in_a_stream_with_a_period():
+    rig = Rig(FIRMWARE).fit_imu(PERIOD_MS).settle()
+    rig.machine.send(request("start_stream", 2 * PERIOD_MS))
+    rig.run(0.1)
+    rig.forget()
+    rig.run(0.5)
+    counts, gyro = ([one.cycle for one in rig.writes(code)] for code in (ENCODERS, GYRO_DATA))
+    rig.close()
+    gaps_us = [rig.microseconds(min(at for at in gyro if at > count) - count) for count in counts[:-1]]
+    assert len(gyro) == pytest.approx(2 * len(counts), abs=1) and max(gaps_us) < READ_US

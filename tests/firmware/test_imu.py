@@ -1,0 +1,368 @@
+"""The IMU: its search, set-up, readings, stream and losses."""
+
+import pytest
+
+from mrl_driver.protocol import Frame
+from mrl_driver.protocol.table import CAPABILITIES, FAULTS, TICK_S
+from tests.firmware.imu_chip import (
+    GYRO_DATA,
+    MPU_6050,
+    MPU_6500,
+    MPU_9250,
+    MPU_9255,
+    SET_UP,
+    SETTLED_S,
+    ImuChip,
+)
+from tests.firmware.pc_board import BRIDGE, ENVIRONMENT, SONARS
+
+CAPABILITY = 1 << [name for name, _ in CAPABILITIES].index("imu")
+FAULT = 1 << [name for name, _ in FAULTS].index("imu")
+LOW, HIGH = 0x68, 0x69
+FOUND_S = 0.1
+"""Search, set-up, and the time in which the gyro settles."""
+LOST_S = 1.1
+"""Longest time until a chip that is back is in use again."""
+BYTE_S = 85e-6
+READ_S = 0.7e-3
+"""Longest time from the read of the counters to the gyro's, both 6 bytes at 400 kHz."""
+ENCODERS, STOP = 0xD8, 0xFC
+
+
+@pytest.fixture
+def fitted(bench):
+    """Makes benches whose board has an IMU: `fitted(address, who_am_i, **options)`; the chip is `chip`."""
+
+    def make(address=LOW, who_am_i=MPU_6050, **options):
+        made = bench(boot=False, **options)
+        made.chip = made.plant.i2c[address] = ImuChip(who_am_i)
+        made.run(FOUND_S + 0.1)
+        made.forget()
+        return made
+
+    return make
+
+
+@pytest.fixture
+def board(fitted):
+    return fitted()
+
+
+def capabilities(board):
+    return board.field("read_protocol", "capabilities")
+
+
+def faults(board):
+    return board.field("read_status", "faults")
+
+
+def imu_frames(board):
+    return [frame for frame in board.frames() if frame.code == 46]
+
+
+def reads(board, address):
+    """Times of the reads of an address [s], and their numbers of bytes."""
+    return [(t, len(data)) for t, kind, at, data in board.board.transfers if (kind, at) == ("read", address)]
+
+
+# ---- search and set-up
+
+
+@pytest.mark.parametrize("address", [LOW, HIGH])
+@pytest.mark.parametrize("library", [SONARS, BRIDGE])
+def test_a_chip_at_either_address_is_found_and_set_up(fitted, address, library):
+    board = fitted(address, library=library)
+    assert capabilities(board) & CAPABILITY
+    assert board.chip.registers == SET_UP
+
+
+@pytest.mark.parametrize("who_am_i", [MPU_6050, MPU_6500, MPU_9250, MPU_9255])
+def test_chips_of_the_family_are_accepted(fitted, who_am_i):
+    assert capabilities(fitted(who_am_i=who_am_i)) & CAPABILITY
+
+
+@pytest.mark.parametrize("who_am_i", [0x00, 0x69, 0x72, 0x12, 0xFF])
+def test_other_chips_are_left_alone(fitted, who_am_i):
+    board = fitted(who_am_i=who_am_i)
+    before = dict(board.chip.registers)
+    board.run(LOST_S)
+    assert not capabilities(board) & CAPABILITY and board.chip.registers == before
+
+
+def test_the_environment_build_leaves_the_thermopiles_address_alone(fitted):
+    board = fitted(HIGH, library=ENVIRONMENT, sonars=False)
+    board.run(LOST_S)
+    assert capabilities(board) & CAPABILITY
+    assert LOW not in {address for _, _, address, _ in board.board.transfers}
+
+
+def test_a_request_at_the_start_waits_for_the_search(bench):
+    """A host that greets the board in its first millisecond must not take it for one without an IMU."""
+    board = bench(boot=False)
+    board.plant.i2c[HIGH] = ImuChip()
+    assert capabilities(board) & CAPABILITY
+
+
+def test_a_board_without_a_chip_says_so(bench):
+    board = bench()
+    board.send("read_imu")
+    board.send("start_imu_stream", 10)
+    board.send("stop_imu_stream")
+    assert not board.frames() and board.counter("unavailable") == 2
+    assert not capabilities(board) & CAPABILITY and not faults(board)
+
+
+def test_a_chip_fitted_later_is_found(bench):
+    board = bench()
+    board.plant.i2c[LOW] = ImuChip()
+    board.run(LOST_S)
+    assert capabilities(board) & CAPABILITY
+
+
+# ---- readings
+
+
+def test_gyro_then_accelerometer(board):
+    board.chip.gyro, board.chip.accel = (1, -2, 32767), (-32768, 16384, -1)
+    assert board.ask("read_imu").args == (1, -2, 32767, -32768, 16384, -1)
+
+
+def test_nothing_is_sent_before_the_gyro_has_settled(bench):
+    """The chip gives nonsense for 50 ms after its set-up."""
+    board = bench(boot=False)
+    chip = board.plant.i2c[LOW] = ImuChip()
+    board.run(0.01)
+    board.send("start_imu_stream", 10, wait_s=0.2)
+    assert {frame.args for frame in board.frames()} == {chip.gyro + chip.accel}
+
+
+def test_stream_has_its_period(board):
+    board.send("start_imu_stream", 20, wait_s=1.0)
+    assert len(imu_frames(board)) == pytest.approx(50, abs=1)
+
+
+def test_board_time_is_that_of_the_gyros_read(board):
+    board.check(True)
+    board.forget()
+    frame = board.ask("read_imu")
+    read_s = reads(board, LOW)[0][0]
+    assert frame.stamp.time * TICK_S == pytest.approx(read_s, abs=TICK_S + 16e-6)
+
+
+# ---- two streams
+
+
+@pytest.fixture
+def both(board):
+    """Encoders every 20 ms and the IMU every 10 ms, with checksums."""
+    board.check(True)
+    board.send("start_stream", 20, wait_s=0.027)
+    board.send("start_imu_stream", 10, wait_s=0.1)
+    board.forget()
+    return board
+
+
+def test_both_streams_have_their_rates_and_one_sequence(both):
+    both.run(1.0)
+    codes = [frame.code for frame in both.frames()]
+    assert (codes.count(8), codes.count(46)) == pytest.approx((50, 100), abs=1)
+    sequence = [frame.stamp.sequence for frame in both.frames()]
+    assert sequence == list(range(sequence[0], sequence[0] + len(sequence)))
+
+
+@pytest.mark.parametrize("last", [("start_imu_stream", 10), ("start_stream", 20)])
+@pytest.mark.parametrize("phase_ms", [1, 4, 7])
+def test_the_imu_is_read_directly_after_the_counters(both, last, phase_ms):
+    """Of every second reading of the gyro; the others come half way between.  Whichever stream began last."""
+    both.run(phase_ms * 1e-3)
+    both.send(*last, wait_s=0.05)
+    both.forget()
+    both.run(0.2)
+    counts = both.write_times(ENCODERS)
+    after = [min(t - at for t in both.write_times(GYRO_DATA) if t > at) for at in counts[:-1]]
+    assert max(after) < READ_S
+
+
+@pytest.mark.parametrize("period_ms", [10, 13, 20])
+def test_the_imu_does_not_delay_the_counters(both, period_ms):
+    both.send("start_imu_stream", period_ms, wait_s=0.1)
+    both.forget()
+    both.run(1.0)
+    times = both.write_times(ENCODERS)
+    gaps = [later - earlier for earlier, later in zip(times, times[1:])]
+    assert max(gaps) - min(gaps) < 300e-6
+
+
+def test_the_imu_gets_its_turn_in_a_full_stream(both):
+    """At full rate, with the line full all the time."""
+    both.send("start_stream", wait_s=0.1)
+    both.forget()
+    both.run(1.0)
+    assert len(imu_frames(both)) == pytest.approx(100, abs=2)
+    assert len(both.heard) * BYTE_S >= 0.97
+
+
+def test_a_full_stream_lets_the_imu_pass_at_once(both):
+    """Not only when it is late, half a period after it was due."""
+    both.send("stop_imu_stream")
+    both.send("start_stream", wait_s=0.05)
+    both.forget()
+    both.send("start_imu_stream", 10000, wait_s=0.05)
+    assert imu_frames(both)
+
+
+def test_the_imu_gets_its_turn_between_encoder_frames_that_leave_it_no_gap(both):
+    """The serial link has room for both streams, but not for a whole IMU frame between two others."""
+    both.check(False)
+    both.send("start_stream", 5, wait_s=0.1)
+    both.forget()
+    both.run(1.0)
+    codes = [frame.code for frame in both.frames()]
+    assert (codes.count(8), codes.count(46)) == pytest.approx((200, 100), abs=3)
+
+
+def test_a_flood_of_questions_does_not_starve_the_imu(board):
+    board.send("start_imu_stream", 20, wait_s=0.05)
+    board.forget()
+    board.raw(b"@31e" * 1500, wait_s=0.5)
+    assert len(imu_frames(board)) == pytest.approx(25, abs=2)
+
+
+def test_a_frame_that_never_ends_does_not_starve_the_imu(board):
+    """Its readings wait for the end of a request, but not for long."""
+    board.send("start_imu_stream", 20, wait_s=0.05)
+    board.raw(b"@")
+    board.forget()
+    board.run(0.5)
+    assert len(imu_frames(board)) == pytest.approx(25, abs=1)
+
+
+def test_answers_go_before_an_imu_frame(board):
+    """More requests than the line can answer come around the time at which the frame is due."""
+    board.send("start_imu_stream", 1000, wait_s=0.98)
+    board.forget()
+    board.raw(b"@31e" * 100, wait_s=0.2)
+    codes = [frame.code for frame in board.frames()]
+    assert codes.count(46) == 1 and codes[-1] == 46 and len(codes) > 10
+
+
+@pytest.mark.parametrize("end, left", [("stop_stream", {46}), ("stop_imu_stream", {8})])
+def test_each_stream_ends_alone(both, end, left):
+    both.send(end)
+    both.forget()
+    both.run(0.2)
+    assert {frame.code for frame in both.frames()} == left
+
+
+def test_the_stream_of_encoders_alone_is_reported(board):
+    board.send("start_imu_stream", 1000)
+    assert board.ask("get_stream").args == (0,)
+
+
+@pytest.mark.parametrize("request_", [("start_imu_stream", 100), ("read_imu",)])
+def test_what_was_read_for_a_frame_that_was_not_sent_is_forgotten(both, request_):
+    """The streams end between a reading and its frame."""
+    both.check(False)
+    both.forget()
+    gyro, counts = [], []
+    while not (gyro and counts and counts[-1] < gyro[-1] < counts[-1] + READ_S):
+        both.run(1e-4)
+        gyro, counts = both.write_times(GYRO_DATA), both.write_times(ENCODERS)
+    both.raw(b"@48e@19e", wait_s=0.1)
+    both.chip.gyro = (7, 8, 9)
+    both.forget()
+    both.send(*request_)
+    assert both.frames()[0].args[:3] == (7, 8, 9)
+
+
+# ---- losses
+
+
+def test_a_chip_that_vanishes_is_a_fault_and_sends_nothing(board):
+    board.send("start_imu_stream", 20)
+    board.chip.present = False
+    board.run(0.05)
+    board.forget()
+    board.run(1.0)
+    board.send("read_imu")
+    assert not board.frames() and board.counter("unavailable") == 1
+    assert faults(board) & FAULT and capabilities(board) & CAPABILITY
+
+
+def test_a_chip_that_vanishes_without_a_stream_is_a_fault(board):
+    board.chip.present = False
+    board.run(LOST_S)
+    assert faults(board) & FAULT
+
+
+def test_a_chip_that_comes_back_is_used_again(board):
+    board.send("start_imu_stream", 20)
+    board.chip.present = False
+    board.run(2.0)
+    board.chip.power_cycle()
+    board.chip.present = True
+    board.run(LOST_S)
+    faults(board)
+    board.forget()
+    board.run(1.0)
+    assert len(imu_frames(board)) == pytest.approx(50, abs=1) and not faults(board) & FAULT
+
+
+@pytest.mark.parametrize("who_am_i", [MPU_6050, MPU_6500])
+def test_a_loss_of_power_is_noticed_at_the_next_reading(fitted, who_am_i):
+    """What the chip measures before it is set up again is nonsense; none of it is sent."""
+    board = fitted(who_am_i=who_am_i)
+    board.send("start_imu_stream", 20, wait_s=0.1)
+    board.chip.power_cycle()
+    lost_s = board.board.now_s
+    board.run(0.2)
+    assert {frame.args for frame in board.frames()} == {board.chip.gyro + board.chip.accel}
+    assert lost_s < board.chip.set_up_s < lost_s + 0.03
+
+
+def test_a_loss_of_power_without_a_stream_is_noticed_within_a_second(board):
+    board.chip.power_cycle()
+    board.run(1.0)
+    assert board.chip.registers == SET_UP
+
+
+def test_one_read_that_fails_costs_the_time_of_a_set_up(board):
+    board.send("start_imu_stream", 10, wait_s=0.1)
+    failed = []
+    board.board.nack = lambda address, data: address == LOW and not failed and not failed.append(data)
+    board.run(0.02)
+    board.forget()
+    board.run(1.0)
+    assert len(imu_frames(board)) >= 100 - (SETTLED_S + 0.03) * 100
+
+
+def test_the_robot_drives_on_without_it(board):
+    board.send("start_imu_stream", 10)
+    board.send("move_differential", 100, 0)
+    board.chip.present = False
+    board.forget()
+    board.run(1.0)
+    assert not board.writes(STOP) and board.field("read_status", "stop_reason") == 0
+
+
+def test_a_bus_that_hangs_does_not_hold_up_answers(fitted):
+    """At any phase of a reading, and also if the answer before needs the bus."""
+    for phase_us in range(0, 2000, 250):
+        board = fitted()
+        board.send("start_imu_stream", 10, wait_s=0.05 + phase_us * 1e-6)
+        board.board.hang_bus(True)
+        board.raw(b"@6e@17e", wait_s=0.02)
+        assert Frame(17, (0,)) in board.events
+
+
+def test_a_reading_does_not_wait_for_the_rest_after_a_hang(both):
+    """The counters' read hangs, and the IMU's waits behind it; it fails with that one, and a question is answered."""
+    both.check(False)
+    both.forget()
+    while not both.write_times(ENCODERS):
+        both.run(1e-4)
+    both.run(both.write_times(ENCODERS)[0] + 0.019 - both.board.now_s)
+    both.board.hang_bus(True)
+    both.run(0.006)
+    both.raw(b"@17e", wait_s=0.005)
+    assert Frame(17, (1,)) in both.events

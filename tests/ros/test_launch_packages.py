@@ -1,0 +1,268 @@
+"""Launch files with nodes of packages that Debian lacks: the real nodes know each parameter, topic and type."""
+
+import os
+import re
+import subprocess
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+import roslaunch
+import yaml
+from roslaunch import substitution_args
+
+from ros1_bridge.node.packages import PACKAGES, advice
+
+from . import stand_ins
+from .rig import ROOT
+from .tables import first_two, table
+
+LAUNCH = ROOT / "ros1_bridge" / "launch"
+MAP = "map:=map.yaml"
+VARIANTS = [
+    ("navigation.launch", (MAP, "robot:=traxbot"), ("amcl", "map_server", "move_base")),
+    ("navigation.launch", (MAP, "robot:=stingbot"), ("amcl", "map_server", "move_base")),
+    ("navigation.launch", (MAP, "robot:=omni"), ("amcl", "map_server", "move_base")),
+    ("navigation.launch", (MAP, "robot:=duo", "localisation:=none"), ("map_server", "move_base")),
+    (
+        "navigation.launch",
+        (MAP, "sensors:=both"),
+        ("amcl", "clear_with_max_range", "map_server", "move_base"),
+    ),
+    (
+        "navigation.launch",
+        (MAP, "sensors:=sonars"),
+        ("clear_with_max_range", "map_server", "map_to_odom", "move_base"),
+    ),
+    ("laser.launch", ("driver:=urg",), ("laser",)),
+    ("laser.launch", ("driver:=rplidar",), ("laser",)),
+    ("ekf.launch", ("prefix:=robot1/",), ("ekf_localization",)),
+    ("slam.launch", ("method:=gmapping",), ("slam_gmapping",)),
+    ("slam.launch", ("method:=hector",), ("hector_mapping", "map_to_odom")),
+    ("mux.launch", ("mux:=twist_mux",), ("twist_mux",)),
+    ("teleop_joystick.launch", ("layout:=ps3",), ("joy_node", "teleop_joystick")),
+    ("teleop_joystick.launch", ("layout:=wiimote",), ("teleop_joystick", "wiimote_node")),
+    ("teleop_joystick.launch", ("layout:=wiimote_tilt",), ("teleop_joystick", "wiimote_node")),
+]
+"""File, its arguments, and all nodes that it starts with them."""
+
+CLEARING = "set robot_node/sonars clear_with_max_range true"
+"""Arguments of dynparam; test_sonar_clearing.py runs it."""
+DISPLAYS = {
+    "rviz/Map": "nav_msgs/OccupancyGrid",
+    "rviz/Path": "nav_msgs/Path",
+    "rviz/Polygon": "geometry_msgs/PolygonStamped",
+    "rviz/PoseArray": "geometry_msgs/PoseArray",
+}
+QUICK = {"rosversion": "echo 1.15.15", "rosrun": 'shift 2; echo "$@"'}
+"""Short forms of what roslaunch runs with each file: `rosrun mrl_robots need_packages` prints its arguments."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Where the packages are; for this process, this repository and they are all packages that there are."""
+    made = tmp_path_factory.mktemp("packages")
+    stand_ins.install(made)
+    for name, text in QUICK.items():
+        (made / name).write_text(f"#!/bin/sh\n{text}\n")
+        (made / name).chmod(0o755)
+    path = os.pathsep.join((str(ROOT), str(made), "/usr/share"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_PACKAGE_PATH", path)
+        patch.setenv("PATH", f"{made}{os.pathsep}{os.environ['PATH']}")
+        patch.setenv("ROS_LOG_DIR", str(made))
+        patch.setattr(substitution_args, "_rospack", None)
+        yield made
+
+
+@pytest.fixture(scope="module")
+def config_of(folder):
+    """What roslaunch makes of a file and its arguments."""
+    made = {}
+
+    def load(file, arguments):
+        if (file, arguments) not in made:
+            path = str(LAUNCH / file)
+            made[file, arguments] = roslaunch.config.load_config_default(
+                [(path, list(arguments))], None, verbose=False
+            )
+        return made[file, arguments]
+
+    return load
+
+
+@pytest.fixture(params=VARIANTS, ids=lambda variant: " ".join((variant[0], *variant[1])))
+def variant(request, config_of):
+    file, arguments, nodes = request.param
+    return config_of(file, arguments), nodes
+
+
+def private(config, node):
+    """Parameters of a node, namespaces as mappings."""
+    given, space = {}, f"{node.namespace}{node.name}/"
+    for name, parameter in config.params.items():
+        if name.startswith(space):
+            *spaces, key = name[len(space) :].split("/")
+            place = given
+            for each in spaces:
+                place = place.setdefault(each, {})
+            place[key] = parameter.value
+    return given
+
+
+def real_nodes(config):
+    """Table and private parameters of each node of a package that Debian lacks, and its <node>."""
+    for node in config.nodes:
+        if node.package in stand_ins.PACKAGES:
+            yield stand_ins.table(node.package, node.type), private(config, node), node
+
+
+def needed(config):
+    """Packages that the file asks for before it starts anything."""
+    return {
+        word for name, p in config.params.items() if name.endswith("_packages") for word in p.value.split()
+    }
+
+
+def test_file_starts_these_nodes(variant):
+    config, nodes = variant
+    assert {node.name for node in config.nodes} == set(nodes)
+
+
+def test_filter_has_the_frames_of_its_robot(config_of):
+    config = config_of("ekf.launch", ("prefix:=robot1/",))
+    frames = [
+        config.params[f"/ekf_localization/{name}_frame"].value for name in ("odom", "world", "base_link")
+    ]
+    assert frames == ["robot1/odom", "robot1/odom", "robot1/base_link"]
+
+
+def test_real_nodes_know_each_parameter(variant):
+    config, _ = variant
+    assert [fault for known, given, _ in real_nodes(config) for fault in stand_ins.faults(known, given)] == []
+
+
+def test_real_nodes_have_each_remapped_name(variant):
+    config, _ = variant
+    for known, _, node in real_nodes(config):
+        names = known.names("publishes", "subscribes", "services", "calls", "actions")
+        assert {old for old, _ in node.remap_args} <= set(names)
+
+
+def test_each_package_is_asked_for_before_it_is_needed(variant):
+    config, _ = variant
+    started = {node.package for _, _, node in real_nodes(config)}
+    for known, given, _ in real_nodes(config):
+        started |= {stand_ins.PLUGIN_PACKAGES[plugin] for plugin in stand_ins.plugins_of(known, given)}
+    assert needed(config) == started
+
+
+def test_each_package_has_a_table_and_an_origin():
+    assert set(stand_ins.PACKAGES) == set(PACKAGES)
+
+
+def test_each_launch_file_with_such_a_package_is_among_the_variants():
+    nodes = {path.name: ElementTree.parse(path).getroot().iter("node") for path in LAUNCH.glob("*.launch")}
+    files = {file for file, each in nodes.items() if any(node.get("pkg") in PACKAGES for node in each)}
+    assert files == {file for file, _, _ in VARIANTS}
+
+
+@pytest.mark.parametrize("package, node", [("amcl", "amcl"), ("gmapping", "slam_gmapping")])
+@pytest.mark.parametrize("laser", [("urg_node", "urg_node"), ("rplidar_ros", "rplidarNode")])
+def test_scan_of_a_laser_is_one_that_localisation_and_mapping_take(package, node, laser):
+    scan = stand_ins.table(*laser).names("publishes")["scan"]
+    assert stand_ins.table(package, node).names("subscribes")["scan"] == scan
+    assert ["robot1/scan", scan] in [row[:2] for row in table("## Node `world_node`", "topic")]
+
+
+def test_robot_gives_and_takes_what_move_base_does():
+    planner = stand_ins.table("move_base", "move_base")
+    ours, theirs = first_two(table("### Published topics", "topic")), planner.names("subscribes")
+    inputs = {
+        name: kind
+        for name, kind in theirs.items()
+        if name.split("/")[-1] in ("front", "left", "right", "odom")
+    }
+    assert len(inputs) == 7
+    assert all(kind == ours[re.sub(r"^~\w+/sonars/", "", name)] for name, kind in inputs.items())
+    assert (
+        first_two(table("### Subscribed topics", "topic"))["cmd_vel"] == planner.names("publishes")["cmd_vel"]
+    )
+
+
+def test_joystick_node_listens_to_what_both_drivers_publish():
+    kinds = {
+        stand_ins.table(*of).names("publishes")["joy"]
+        for of in (("joy", "joy_node"), ("wiimote", "wiimote_node.py"))
+    }
+    assert kinds == {"sensor_msgs/Joy"}
+
+
+def test_wiimotes_own_imu_is_not_the_robots(config_of):
+    (node,) = (
+        n for n in config_of("teleop_joystick.launch", ("layout:=wiimote",)).nodes if n.package == "wiimote"
+    )
+    assert dict(node.remap_args)["imu/data"] != "imu/data"
+
+
+def test_rviz_shows_what_the_real_nodes_publish():
+    config = yaml.safe_load((ROOT / "ros1_bridge" / "rviz" / "robot.rviz").read_text())
+    shown = {
+        each["Topic"]: each["Class"]
+        for each in config["Visualization Manager"]["Displays"]
+        if "Topic" in each
+    }
+    planner = stand_ins.table("move_base", "move_base").names("publishes")
+    published = {name.replace("~", "move_base/"): kind for name, kind in planner.items()}
+    published.update(stand_ins.table("amcl", "amcl").names("publishes"))
+    shown = {
+        topic: DISPLAYS[kind] for topic, kind in shown.items() if topic.startswith(("move_base/", "particle"))
+    }
+    assert len(shown) == 6 and shown.items() <= published.items()
+
+
+@pytest.mark.parametrize(
+    "file, argument, expected",
+    [
+        ("navigation.launch", "sensors:=lidar", "'laser': True, 'sonars': False, 'both': True"),
+        ("navigation.launch", "localisation:=amlc", "'amcl': True, 'start': False, 'none': False"),
+        ("laser.launch", "driver:=hokuyo", "'urg': 'urg_node', 'rplidar': 'rplidar_ros'"),
+    ],
+)
+def test_word_that_a_launch_file_does_not_know_is_refused(folder, file, argument, expected):
+    path = str(LAUNCH / file)
+    with pytest.raises(roslaunch.RLException) as refusal:
+        roslaunch.config.load_config_default([(path, [MAP, argument])], None, verbose=False)
+    assert argument.split(":=")[1] in str(refusal.value) and expected in str(refusal.value)
+
+
+def test_start_pose_is_amcls_and_that_of_the_fixed_transform(config_of):
+    at = (MAP, "x:=1", "y:=2", "yaw:=0.5")
+    config = config_of("navigation.launch", at)
+    assert [config.params[f"/amcl/initial_pose_{axis}"].value for axis in "xya"] == [1, 2, 0.5]
+    fixed = config_of("navigation.launch", (*at, "sensors:=sonars", "prefix:=robot1/"))
+    (node,) = (each for each in fixed.nodes if each.name == "map_to_odom")
+    assert node.args == "1 2 0 0.5 0 0 map robot1/odom"
+
+
+def test_sonars_let_the_robot_report_the_longest_range(config_of):
+    (node,) = (
+        n for n in config_of("navigation.launch", (MAP, "sensors:=both")).nodes if n.type == "dynparam"
+    )
+    assert node.args == CLEARING
+
+
+def test_missing_packages_are_named_in_one_line_before_anything_starts(folder, monkeypatch):
+    monkeypatch.setenv(
+        "ROS_PACKAGE_PATH", os.pathsep.join((str(ROOT), str(folder / "map_server"), "/usr/share"))
+    )
+    command = ["/usr/bin/rosrun", "mrl_robots", "need_packages", "amcl", "map_server", "range_sensor_layer"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1 and done.stdout == ""
+    assert done.stderr == advice(["amcl", "range_sensor_layer"]) + "\n"
+
+
+def test_advice_names_the_ways_to_get_packages():
+    line = advice(["amcl", "range_sensor_layer"])
+    assert "ros-noetic-amcl (Noetic)" in line and "ros-one-amcl (ROS One)" in line
+    assert "https://github.com/DLu/navigation_layers" in line and "\n" not in line
+    assert "ros-noetic-range-sensor-layer" not in line

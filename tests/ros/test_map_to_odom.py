@@ -1,0 +1,74 @@
+"""The transform from map to odom, for a mapper that looks it up at the time of each scan."""
+
+import math
+
+import pytest
+import rospy
+import tf2_ros
+from geometry_msgs.msg import PoseStamped, TransformStamped
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrl_driver.geometry import Pose, quaternion_of
+from ros1_bridge.node.plane_poses import correction
+from tests.waiting import wait_until
+
+from .rig import ROOT
+from .tables import Offered, first_two, table
+
+
+@given(*[st.builds(Pose, st.floats(-5, 5), st.floats(-5, 5), st.floats(-3, 3))] * 2)
+def test_correction_puts_odometry_at_its_place(place, odometry):
+    placed = correction(place, odometry).compose(*odometry)
+    assert placed[:2] == pytest.approx(place[:2], abs=1e-9)
+    assert math.remainder(placed[2] - place[2], math.tau) == pytest.approx(0, abs=1e-9)
+
+
+def test_transform_can_be_looked_up_at_the_time_of_the_next_scan(rig):
+    """At first both frames agree; then the robot is where the mapper says it is, until the mapper falls silent."""
+    map_frame, odom, base = (f"{rig.name}/{name}" for name in ("map", "odom", "base_link"))
+    frames = (f"_map_frame:={map_frame}", f"_odom_frame:={odom}", f"_base_frame:={base}")
+    rig.start("map_to_odom", str(ROOT / "ros1_bridge" / "nodes" / "map_to_odom"), f"__ns:={rig.ns}", *frames)
+    buffer = tf2_ros.Buffer()
+    listener = tf2_ros.TransformListener(buffer)
+    robot = tf2_ros.TransformBroadcaster()
+
+    def drive():
+        """The robot is at 1, 0 by odometry, now."""
+        step = TransformStamped(child_frame_id=base)
+        step.header.frame_id, step.header.stamp = odom, rospy.Time.now()
+        step.transform.translation.x, step.transform.rotation.w = 1.0, 1.0
+        robot.sendTransform(step)
+        return step.header.stamp
+
+    def place():
+        """Where it is in the map at the newest time of its odometry, without waiting for a newer transform."""
+        stamp = drive()
+        if not buffer.can_transform(map_frame, base, stamp):
+            return None
+        at = buffer.lookup_transform(map_frame, base, stamp).transform.translation
+        return pytest.approx((at.x, at.y), abs=1e-6)
+
+    wait_until(lambda: place() == (1.0, 0.0), step_s=0.02)
+    poses = rig.publisher("slam_out_pose", PoseStamped)
+
+    def is_placed():
+        pose = PoseStamped()
+        pose.header.frame_id, pose.header.stamp = map_frame, drive()
+        pose.pose.position.x, pose.pose.position.y = 2.0, 3.0
+        pose.pose.orientation.z, pose.pose.orientation.w = quaternion_of(1.0)
+        poses.publish(pose)
+        return place() == (2.0, 3.0)
+
+    wait_until(is_placed, step_s=0.02)
+    node, rows = Offered(rig, "map_to_odom"), table("## Node `map_to_odom`", "topic")
+    for index, way in enumerate(("out", "in")):
+        assert node.topics(index) == first_two([row for row in rows if row[2] == way])
+
+    def was_there():
+        """Half a second ago."""
+        return buffer.can_transform(map_frame, odom, rospy.Time.now() - rospy.Duration(0.5))
+
+    wait_until(was_there)
+    wait_until(lambda: not was_there())  # the mapper is silent
+    listener.unregister()

@@ -1,0 +1,64 @@
+"""What a change of the operation mode does and announces."""
+
+from types import SimpleNamespace
+
+import pytest
+from actionlib_msgs.msg import GoalID
+
+from mrl_driver.errors import LinkLost
+from mrl_driver.robot.models import Limits
+from ros1_bridge.robot.mode_switch import ModeSwitch
+
+from .fake_topics import Topics
+
+
+class Bench:
+    """A switch, its topics, the parameters that it sets, and the modes that the commander was given."""
+
+    def __init__(self, lost=False, master=True):
+        self.topics, self.parameters, self.modes = Topics(), {}, []
+        self._lost, self._master = lost, master
+        self.commander = SimpleNamespace(
+            manual=False, set_manual=self._take, in_force=Limits(0.15, 0.5, 0.2, 1.0)
+        )
+        ros = SimpleNamespace(Publisher=self.topics, set_param=self._set, ROSException=ValueError)
+        self.switch = ModeSwitch(self.commander, ros)
+
+    def _take(self, manual):
+        self.commander.manual = manual
+        self.modes.append(manual)
+        if self._lost:
+            raise LinkLost("gone")
+
+    def _set(self, name, value):
+        if not self._master:
+            raise ConnectionRefusedError("no master")
+        self.parameters[name] = value
+
+
+def test_mode_is_published_from_the_start_and_kept_for_a_respawn():
+    bench = Bench()
+    assert bench.switch.set(True) == (
+        True,
+        "manual mode: at most 0.15 m/s and 0.5 rad/s; goals are cancelled",
+    )
+    out = bench.topics["manual_mode"]
+    assert out.sent == [False, True] and out.options["latch"]
+    assert (bench.parameters, bench.modes) == ({"~operation_mode": "manual"}, [True])
+
+
+def test_goals_are_cancelled_by_a_change_alone():
+    """In both directions: a goal that was sent meanwhile must not make the robot set off."""
+    bench, counts = Bench(), []
+    for manual in (False, True, True, False):
+        bench.switch.set(manual)
+        counts.append(len(bench.topics["move_base/cancel"].sent))
+    assert counts == [0, 1, 1, 2] and bench.topics["move_base/cancel"].sent[0] == GoalID()
+
+
+@pytest.mark.parametrize("fault, success", [({"lost": True}, False), ({"master": False}, True)])
+def test_mode_is_taken_and_told_whatever_fails(fault, success):
+    bench = Bench(**fault)
+    done, text = bench.switch.set(True)
+    assert (done, bench.modes, bench.topics["manual_mode"].sent[-1]) == (success, [True], True)
+    assert success or "the robot cannot be reached: gone" in text

@@ -1,0 +1,193 @@
+"""The multiplexer of velocity commands: its rules on times of the test's own, and the node on messages."""
+
+import math
+import signal
+
+import pytest
+import rospy
+import yaml
+from geometry_msgs.msg import Twist
+from std_msgs.msg import Bool, String
+
+from mrl_driver.errors import ConfigError
+from ros1_bridge.teleop.velocity_mux import Input, VelocityMux, read_inputs
+from tests.waiting import wait_until
+
+from .rig import ROOT, START_S
+from .tables import Offered, first_two, table
+
+SHIPPED = yaml.safe_load((ROOT / "ros1_bridge" / "teleop" / "twist_mux.yaml").read_text())
+HAND, PLAN = Input("hand", "joy_vel", 0.5, 100), Input("plan", "nav_vel", 0.5, 10)
+PAUSE, ALIVE = Input("pause", "pause", 0.0, 50), Input("alive", "alive", 1.0, 255)
+FORWARD, TURN, STOP = (0.2, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.9), (0.0,) * 6
+ROW = {"name": "hand", "topic": "joy_vel", "timeout": 0.5, "priority": 100}
+
+
+@pytest.fixture
+def mux():
+    """Two sources and a lock."""
+    return VelocityMux([PLAN, HAND], [PAUSE])
+
+
+def test_a_single_source_drives(mux):
+    assert mux.command("plan", FORWARD, 1.0) == FORWARD
+
+
+def test_a_higher_priority_takes_over_at_once(mux):
+    mux.command("plan", FORWARD, 1.0)
+    assert mux.command("hand", TURN, 1.01) == TURN
+    assert mux.command("plan", FORWARD, 1.02) is None
+    assert not mux.stops(1.02)
+
+
+def test_a_lower_priority_drives_again_after_the_timeout_of_the_higher(mux):
+    mux.command("hand", TURN, 1.0)
+    assert mux.command("plan", FORWARD, 1.5) is None
+    assert mux.command("plan", FORWARD, 1.51) == FORWARD
+
+
+def test_a_higher_priority_that_returns_drives(mux):
+    mux.command("hand", TURN, 1.0)
+    mux.command("plan", FORWARD, 2.0)
+    assert mux.command("hand", TURN, 2.01) == TURN
+
+
+def test_the_robot_is_stopped_once_when_its_source_falls_silent(mux):
+    mux.command("plan", FORWARD, 1.0)
+    assert [mux.stops(at) for at in (1.5, 1.51, 1.52)] == [False, True, False]
+
+
+def test_the_robot_is_stopped_when_the_higher_source_falls_silent_though_the_lower_one_lives(mux):
+    mux.command("hand", TURN, 1.0)
+    mux.command("plan", FORWARD, 1.4)
+    assert mux.stops(1.51)
+
+
+def test_silence_of_a_source_that_does_not_drive_stops_nothing(mux):
+    mux.command("plan", FORWARD, 1.0)
+    mux.command("hand", TURN, 1.3)
+    assert not mux.stops(1.6)
+
+
+def test_a_lock_stops_the_sources_below_it(mux):
+    mux.command("plan", FORWARD, 1.0)
+    mux.lock("pause", True, 1.1)
+    assert mux.stops(1.1)
+    assert mux.command("plan", FORWARD, 1.2) is None
+
+
+def test_a_lock_lets_sources_above_it_drive(mux):
+    mux.lock("pause", True, 1.0)
+    assert mux.command("hand", TURN, 1.1) == TURN
+
+
+def test_a_lock_that_is_released_lets_the_source_drive(mux):
+    mux.lock("pause", True, 1.0)
+    mux.lock("pause", False, 1.1)
+    assert mux.command("plan", FORWARD, 1.2) == FORWARD
+
+
+def test_a_lock_with_a_timeout_is_locked_before_its_first_message_and_when_it_is_silent():
+    mux = VelocityMux([HAND], [ALIVE])
+    assert mux.command("hand", TURN, 1.0) is None
+    mux.lock("alive", False, 1.0)
+    assert mux.command("hand", TURN, 1.2) == TURN
+    mux.command("hand", TURN, 1.9)
+    assert [mux.stops(at) for at in (2.0, 2.01)] == [False, True]
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("index", range(6))
+def test_a_command_that_is_not_finite_is_a_stop(mux, index, value):
+    wrong = [*FORWARD[:index], value, *FORWARD[index + 1 :]]
+    assert mux.command("plan", wrong, 1.0) == STOP
+
+
+def test_a_command_that_is_not_finite_keeps_lower_sources_out(mux):
+    mux.command("hand", [math.nan] * 6, 1.0)
+    assert mux.command("plan", FORWARD, 1.1) is None
+
+
+def test_shipped_configuration_is_read():
+    sources, locks = read_inputs(SHIPPED, "/mux")
+    assert max(sources, key=lambda source: source.priority).name == "joystick"
+    assert max(lock.priority for lock in locks) > max(source.priority for source in sources)
+
+
+def test_manual_mode_holds_navigation_alone():
+    mux = VelocityMux(*read_inputs(SHIPPED, "/mux"))
+    mux.lock("manual", True, 1.0)
+    passed = [mux.command(name, FORWARD, 1.0) for name in ("navigation", "keyboard", "joystick")]
+    assert passed == [None, FORWARD, FORWARD]
+
+
+def test_shipped_configuration_has_the_types_that_twist_mux_reads():
+    """It takes a whole number for a priority, and only a number with a point for a timeout."""
+    rows = [row for rows in SHIPPED.values() for row in rows]
+    assert all(isinstance(row["timeout"], float) and isinstance(row["priority"], int) for row in rows)
+
+
+@pytest.mark.parametrize(
+    "given, said",
+    [
+        ({}, "topics is None, expected a list"),
+        ({"topics": []}, "at least one source"),
+        ({"topics": [ROW], "sources": []}, "mux/sources is unknown, expected topics, locks"),
+        ({"topics": [{"name": "hand"}]}, "expected the keys name, topic, timeout, priority"),
+        ({"topics": [{**ROW, "timeout": 0.0}]}, "timeout is 0.0, expected a number from more than 0"),
+        ({"topics": [{**ROW, "timeout": math.nan}]}, "timeout is nan"),
+        ({"topics": [{**ROW, "priority": 0}]}, "priority is 0, expected a whole number from 1 to 255"),
+        ({"topics": [{**ROW, "priority": True}]}, "priority is True"),
+        ({"topics": [{**ROW, "topic": ""}]}, "topic is '', expected a name"),
+        ({"topics": [ROW, {**ROW, "name": "other", "topic": "other"}]}, "the priority 100 twice"),
+        ({"topics": [ROW], "locks": [{**ROW, "timeout": -1.0}]}, "timeout is -1.0, expected a number from 0"),
+    ],
+)
+def test_wrong_configuration_is_refused_in_one_line(given, said):
+    with pytest.raises(ConfigError) as caught:
+        read_inputs(given, "/mux")
+    assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_node_refuses_a_source_on_its_own_topic(rig):
+    """It would hear itself."""
+    rospy.set_param(f"{rig.ns}/cmd_vel_mux", {"topics": [{**ROW, "topic": "cmd_vel"}]})
+    child = rig.start("mux", str(ROOT / "ros1_bridge" / "nodes" / "cmd_vel_mux"), f"__ns:={rig.ns}")
+    assert child.wait(START_S) and child.exit_code == ConfigError.exit_code
+    assert any("source hand has the topic cmd_vel" in line for line in child.output())
+    rospy.delete_param(f"{rig.ns}/cmd_vel_mux")
+
+
+@pytest.fixture
+def node(rig):
+    """The node with the shipped configuration."""
+    name = f"{rig.ns}/cmd_vel_mux"
+    rospy.set_param(name, SHIPPED)
+    child = rig.start("mux", str(ROOT / "ros1_bridge" / "nodes" / "cmd_vel_mux"), f"__ns:={rig.ns}")
+    yield child
+    rospy.delete_param(name)
+
+
+def test_node_passes_on_by_priority_and_stops_when_it_ends(rig, node):
+    twists, active = rig.topic("cmd_vel", Twist), rig.topic("active_source", String)
+    plan, lock = rig.publisher("nav_vel", Twist), rig.publisher("lock_cmd_vel", Bool)
+    twists.wait_for_publisher()
+    forward = Twist()
+    forward.linear.x = 0.2
+    plan.publish(forward)
+    assert twists.wait(1)[-1] == forward
+    assert twists.wait(2)[-1] == Twist()  # silent
+
+    def is_active(name):
+        plan.publish(forward)
+        return active.messages[-1].data == name
+
+    for locked, name in ((False, "navigation"), (True, ""), (False, "navigation")):
+        lock.publish(locked)
+        wait_until(lambda: is_active(name), step_s=0.05)  # noqa: B023
+    offered, rows = Offered(rig, "cmd_vel_mux"), table("## Node `cmd_vel_mux`", "topic")
+    for index, way in enumerate(("out", "in")):
+        assert offered.topics(index) == first_two([row for row in rows if row[2] == way])
+    node.signal(signal.SIGINT)
+    wait_until(lambda: node.exit_code is not None)
+    assert twists.messages[-1] == Twist()

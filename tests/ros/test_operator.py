@@ -1,0 +1,176 @@
+"""The operator's delay through ROS: joystick, multiplexer and robot node, the last on an emulated board."""
+
+import itertools
+import signal
+import time
+
+import pytest
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Twist, TwistStamped, Vector3
+from sensor_msgs.msg import Joy
+from std_msgs.msg import Float64, Header
+
+from ros1_bridge.node.operator_cmd_vel import operator_now_s
+from ros1_bridge.robot.operators import MOST_OPERATORS, Operators
+from ros1_bridge.teleop.joystick_mapping import LAYOUTS
+from tests.waiting import wait_until
+
+from .rig import ROOT
+
+MOVE, STOP = 11, 13
+LIMIT_S, TIMEOUT_S = 1.0, 10.0
+"""A busy machine answers within this time."""
+SLOW_S = 2.0
+"""An echo that comes at all comes within this time, even on a busy machine."""
+HELD, RELEASED = ([int(n == LAYOUTS["ps3"].dead_man and held) for n in range(17)] for held in (True, False))
+
+
+class Clock:
+    now_s = 1000.0
+
+    def __call__(self):
+        return self.now_s
+
+
+def test_late_commands_are_refused_by_a_clock_that_differs():
+    clock = Clock()
+    operators = Operators(LIMIT_S, clock)
+    assert not operators.refusal("desk", 77.0)
+    clock.now_s += 1.0
+    assert not operators.refusal("desk", 78.0 - LIMIT_S + 0.001)
+    assert "late" in operators.refusal("desk", 78.0 - LIMIT_S - 0.002)
+    assert operators.refused == 1
+
+
+def test_each_operator_has_a_clock_of_his_own():
+    operators = Operators(LIMIT_S, Clock())
+    operators.late_s("desk", 900.0)
+    assert not operators.refusal("sofa", 5.0)
+
+
+def test_operators_are_forgotten_beyond_a_number():
+    operators = Operators(LIMIT_S, Clock())
+    for n in range(MOST_OPERATORS + 1):
+        operators.late_s(str(n), 900.0)
+    assert not operators.refusal("0", 5.0), "the first one is known no longer"
+    assert operators.refusal(str(MOST_OPERATORS), 5.0)
+
+
+def test_operator_who_goes_on_sending_is_not_forgotten():
+    operators = Operators(LIMIT_S, Clock())
+    for name in ("desk", *map(str, range(MOST_OPERATORS - 1)), "desk", "one more"):
+        operators.late_s(name, 900.0)
+    assert "late" in operators.refusal("desk", 5.0)
+
+
+def test_without_a_limit_nothing_is_refused():
+    operators = Operators(0.0, Clock())
+    operators.late_s("desk", 900.0)
+    assert not operators.refusal("desk", 5.0)
+
+
+@pytest.fixture(scope="module")
+def robot(module_rig):
+    """The rig with all three nodes."""
+    rig = module_rig
+    rig.wire = rig.tap(rig.board().port)
+    rig.process = rig.node(rig.wire.port, f"_max_command_delay:={LIMIT_S}", f"_cmd_vel_timeout:={TIMEOUT_S}")
+    source = {"name": "joystick", "topic": "joy_vel", "timeout": 5.0, "priority": 100}
+    rospy.set_param(f"{rig.ns}/cmd_vel_mux/topics", [source])
+    nodes, space = ROOT / "ros1_bridge" / "nodes", f"__ns:={rig.ns}"
+    rig.start("mux", str(nodes / "cmd_vel_mux"), space)
+    rig.hand = rig.start(
+        "joystick", str(nodes / "teleop_joystick"), space, "cmd_vel:=joy_vel", f"_max_delay:={LIMIT_S}"
+    )
+    rig.delay = rig.topic("teleop_joystick/delay", Float64)
+    rig.echo = rig.topic("joy_vel/echo", Header)
+    rig.joy, rig.stamped = rig.publisher("joy", Joy), rig.publisher("cmd_vel/stamped", TwistStamped)
+    rig.echo.wait()
+    return rig
+
+
+def drive(robot, speed=1.0):
+    """Holds the stick until the robot has a motion command, again after 2 s on a machine that was too busy."""
+    since_s, times = time.monotonic(), itertools.count(1)
+
+    def driven():
+        robot.joy.publish(axes=[0.0, speed], buttons=HELD if next(times) % 100 else RELEASED)
+        return robot.wire.first(MOVE, since_s) < float("inf")
+
+    wait_until(driven, step_s=0.02)
+
+
+def release(robot):
+    robot.joy.publish(axes=[0.0, 0.0], buttons=RELEASED)
+
+
+def test_delay_of_a_joystick_is_measured_through_the_multiplexer(robot):
+    drive(robot)
+    echo = robot.echo.wait_for_more(1)[-1]
+    assert echo.frame_id.startswith(f"{robot.ns}/teleop_joystick")
+    assert 0 < operator_now_s() - echo.stamp.to_sec() < SLOW_S
+    assert wait_until(lambda: 0 < robot.delay.wait_for_more(1)[-1].data < SLOW_S)
+    release(robot)
+
+
+def test_command_that_arrives_late_is_a_stop_and_has_no_echo(robot):
+    twist, now_s = Twist(Vector3(0.1, 0, 0), Vector3()), time.monotonic()
+    echoes, diagnostics = robot.topic("cmd_vel/echo", Header), robot.topic("/diagnostics", DiagnosticArray)
+    echoes.wait()
+
+    def sent(late_s):
+        robot.stamped.publish(
+            Header(stamp=rospy.Time.from_sec(operator_now_s() - late_s), frame_id="tests"), twist
+        )
+
+    sent(0.0)
+    wait_until(lambda: any(echo.frame_id == "tests" for echo in echoes.messages))
+    count = sum(echo.frame_id == "tests" for echo in echoes.messages)
+    late_s = time.monotonic()
+    sent(30.0)
+    assert robot.wire.wait_for(STOP, late_s) - late_s < TIMEOUT_S / 2, "not the timeout of commands"
+    assert sum(echo.frame_id == "tests" for echo in echoes.messages) == count
+    assert robot.wire.first(MOVE, now_s) < robot.wire.first(STOP, late_s)
+    wait_until(  # the node logs once a second
+        lambda: sent(30.0) or any("30.0 s late" in line for line in robot.process.output()), step_s=0.1
+    )
+    wait_until(lambda: int(robot.diagnosed(diagnostics, "Motion").get("Late Commands", "0")) > 0)
+
+
+def test_stop_that_arrives_late_is_followed(robot):
+    """Of operators on several machines, the last message of each has no name, and so no common clock."""
+    echoes = robot.topic("cmd_vel/echo", Header)
+    echoes.wait()
+    for late_s in (30.0, 0.0, 60.0):
+        stamp = rospy.Time.from_sec(operator_now_s() - late_s)
+        robot.stamped.publish(Header(stamp=stamp, frame_id="stops"), Twist())
+        assert wait_until(lambda sent=stamp: any(echo.stamp == sent for echo in echoes.messages))
+
+
+def test_operator_stops_when_the_robot_stalls_and_drives_again_after_release(robot):
+    drive(robot)
+    robot.process.signal(signal.SIGSTOP)
+    try:
+        wait_until(
+            lambda: (
+                robot.joy.publish(axes=[0.0, 1.0], buttons=HELD)
+                or any("above the limit of 1.0 s (~max_delay)" in line for line in robot.hand.output())
+            ),
+            step_s=0.02,
+        )
+    finally:
+        robot.process.signal(signal.SIGCONT)
+    robot.delay.wait()
+    wait_until(lambda: robot.delay.messages[-1].data < LIMIT_S, step_s=0.02)
+    held_s = time.monotonic()
+    for _ in range(3):
+        robot.joy.publish(axes=[0.0, 1.0], buttons=HELD)
+        robot.echo.wait_for_more(1)
+    moved = [
+        data for at, data in robot.wire.sent if at > held_s and b"@11," in data and b"@11,0," not in data
+    ]
+    assert not moved, "the stick is still held, and drives only after it was released"
+    release(robot)
+    drive(robot)
+    release(robot)

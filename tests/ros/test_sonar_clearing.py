@@ -1,0 +1,33 @@
+"""The sonar layer clears readings of max_range alone; navigation.launch lets the running node report them."""
+
+import math
+
+import pytest
+import roslib.packages
+import rospy
+from sensor_msgs.msg import Range
+
+from tests.waiting import wait_until
+
+from .rig import START_S
+from .test_launch_packages import CLEARING
+
+
+@pytest.fixture
+def sonar(rig, tmp_path):
+    """The front sonar of a robot on a floor without end."""
+    world = tmp_path / "far.yaml"
+    world.write_text("walls: [[99, -9, 99, 9]]\n")
+    rig.node(rig.board("--robot", "traxbot", "--world", str(world)).port)
+    return rig.topic("sonar/front", Range)
+
+
+def test_running_node_reports_the_longest_range_when_it_is_requested(rig, sonar):
+    assert sonar.wait()[-1].range == math.inf
+    (program,) = roslib.packages.find_node("dynamic_reconfigure", "dynparam")
+    child = rig.start(
+        "dynparam", "/usr/bin/python3", program, *CLEARING.split(), f"__ns:={rig.ns}", "__name:=once"
+    )
+    wait_until(lambda: sonar.messages[-1].range == sonar.messages[-1].max_range, START_S)
+    wait_until(lambda: child.exit_code == 0)
+    assert rospy.get_param(f"{rig.ns}/robot_node/clear_with_max_range") is True, "a respawned node forgets it"
