@@ -36,6 +36,7 @@ OWN: Dict[str, str] = {
     "new": "mrl_driver.cli.commands.new:new",
     "plot": "mrl_driver.cli.commands.plot:plot",
     "ports": "mrl_driver.cli.commands.ports:ports",
+    "radio": "mrl_driver.cli.commands.radio:radio",
     "record": "mrl_driver.cli.commands.monitor:record",
     "serve": "mrl_driver.cli.commands.serve:serve",
     "set-id": "mrl_driver.cli.commands.set_id:set_id",

@@ -28,6 +28,8 @@ from mrl_driver.robot.covariance import AT_START, LARGEST_VARIANCE, Spread, is_c
 from mrl_driver.robot.imu import Imu
 from mrl_driver.robot.models import Limits, RobotModel
 from mrl_driver.robot.odometry import AnyTwist, OmniTwist, Twist
+from mrl_driver.robot.radio import CAPABILITY as RADIO
+from mrl_driver.robot.radio import DISCOVERY_S, SEARCH, RadioNode, RadioText, Request, text_request
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.safety.speed_limiter import Speeds
 from mrl_driver.safety.wheel_monitor import Mismatch
@@ -121,6 +123,7 @@ class Driver:
             Status: [],
             Board: [],
             SensorRead: [],
+            RadioText: [],
         }
 
     # -- the connection
@@ -386,6 +389,64 @@ class Driver:
             f"no answer to request {code} in {ATTEMPTS} attempts of {timeout_s:g} s; try again"
         )
 
+    # -- radio
+
+    def send_text(self, address: int, text: Union[str, bytes]) -> None:
+        """Send 1 to 16 ASCII characters, or bytes, to the radio with this 64-bit address.
+
+        `robot.radio.BROADCAST` is the address of all.
+
+        Texts follow each other as fast as the radio's line allows, about 30 in a second.  A text may be lost on the
+        air: let the receiver answer if it matters.
+
+        Raises:
+            FrameError: address or text is not valid.
+            ConfigError: the board has no radio.
+            MrlError: too many texts wait already.
+            LinkLost: the port went away.
+        """
+        self._send_by_radio(text_request(address, text))
+
+    def discover_radios(self, duration_s: float = DISCOVERY_S) -> List[RadioNode]:
+        """Search for other radios, and return those that answer within `duration_s`, in the order of their answers.
+
+        An XBee collects answers for 6 s.  Do not use it on the reading thread.
+
+        Raises:
+            ConfigError: the board has no radio.
+            LinkLost: the port went away, or the driver was closed.
+            MrlError: another search is under way, or too many texts wait already.
+        """
+        core = self._core
+        with self._lock:
+            if core.nodes is not None:
+                raise MrlError("a search for radios is under way; try again when it has ended")
+            core.nodes = {}
+        try:
+            self._send_by_radio((SEARCH,))
+            self.wait(duration_s)
+            self._connected()
+            with self._lock:
+                return list(core.nodes.values())
+        finally:
+            core.nodes = None
+
+    def require_radio(self) -> None:
+        """Raise ConfigError if the board has no radio."""
+        if RADIO not in self.board.capabilities:
+            raise ConfigError(
+                "this board has no radio, expected firmware of the radio build; flash it with: mrl flash --build xbee"
+            )
+
+    def _send_by_radio(self, request: Request) -> None:
+        core = self._connected()
+        self.require_radio()
+        with self._lock:
+            if self._link is None:
+                raise LinkLost("the port went away and is searched; try again when it is back")
+            core.send_by_radio(request, self._clock())
+        self._flush()
+
     # -- what may be read at any time, from any thread
 
     @property
@@ -634,6 +695,7 @@ class Driver:
             counters.refused_counts = (
                 self._core.state.odometry.baseline.refused if self._core.state.odometry else 0
             )
+            counters.texts_dropped = self._core.radio_queue.dropped
             return counters.snapshot()
 
     def reset_pose(self, pose: Pose = ORIGIN, spread: Spread = AT_START) -> None:
@@ -680,6 +742,10 @@ class Driver:
     def on_sensor(self, callback: Callable[[SensorRead], None]) -> None:
         """Call `callback` with name and reading for each answer of a sensor of `table.SENSORS`."""
         self._listeners[SensorRead].append(callback)
+
+    def on_text(self, callback: Callable[[RadioText], None]) -> None:
+        """Call `callback` for each text that the radio receives; one of more than 16 bytes comes in pieces."""
+        self._listeners[RadioText].append(callback)
 
     def on_event(self, callback: Callable[[Union[DriverEvent, MrlError]], None]) -> None:
         """Call `callback` for each `Ready`, `Stale`, `Lost`, `Reconnected`, `Slowed`, `PathUnknown`, `ImuChanged` and

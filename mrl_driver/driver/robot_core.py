@@ -14,6 +14,7 @@ from mrl_driver.robot.kinematics import cannot_sideways
 from mrl_driver.robot.models import OmniDrive, RobotModel, kind_of, require_supported
 from mrl_driver.robot.odometry import AnyTwist, AnyWheels, OmniTwist, Twist
 from mrl_driver.robot.omni_odometry import OmniCommands
+from mrl_driver.robot.radio import RadioNode, RadioQueue, RadioText, Request, node_of, text_of
 from mrl_driver.robot.robot_state import RobotEvent, RobotState, Telemetry
 from mrl_driver.safety.speed_limiter import SpeedLimiter
 from mrl_driver.safety.wheel_monitor import Mismatch, WheelMonitor, monitor_of
@@ -34,7 +35,7 @@ from mrl_driver.transport.baud_rates import command_gap_s, least_imu_period_ms, 
 
 from .options import Options
 
-DriverEvent = Union[RobotEvent, SensorRead, Mismatch, Lost, Reconnected, Slowed]
+DriverEvent = Union[RobotEvent, SensorRead, RadioText, Mismatch, Lost, Reconnected, Slowed]
 """What a driver reports to its listeners, besides the `MrlError` that ends it."""
 GENTLE_S = 3.0
 """Longest duration of a gentle stop [s]."""
@@ -75,6 +76,10 @@ class Core:
         """The wheel that did not follow its command, or None."""
         self.replies: Dict[int, Tuple[int, ...]] = {}
         """Fields of the last `Reply`, by command code."""
+        self.radio_queue = RadioQueue()
+        """Texts that wait for the radio."""
+        self.nodes: Optional[Dict[int, RadioNode]] = None
+        """The radios that have answered, by address, while a search is under way."""
         self.leaving = False
         """The driver is closing: it refuses new commands."""
         self.due_s = -math.inf
@@ -157,8 +162,31 @@ class Core:
         if session.hurried or motion.due_s < due_s or now >= due_s - (session.lead_s if data else 0.0):
             for event in session.tick(now):
                 events += self._digest(event, now)
-            self.due_s = session.deadline(now)
+            self._send_waiting(now)
+            self.due_s = self.deadline(now)
         return events
+
+    def deadline(self, now: float) -> float:
+        """Latest time of the next `turn` if no bytes arrive before [s]."""
+        due_s = self.session.deadline(now)
+        return min(due_s, self.radio_queue.due_s) if self.session.ready else due_s
+
+    def send_by_radio(self, request: Request, now: float) -> None:
+        """Send a request of the radio as soon as its line is free.
+
+        Raises:
+            MrlError: too many requests wait already.
+        """
+        self.radio_queue.add(request, now)
+        self._send_waiting(now)
+        self.session.hurried = self.session.hurried or self.radio_queue.due_s < math.inf
+
+    def _send_waiting(self, now: float) -> None:
+        """Send the radio's next request if it is due; while the board is silent or being greeted, they wait."""
+        if self.radio_queue.due_s <= now and self.session.ready:
+            request = self.radio_queue.take(now)
+            if request is not None:
+                self.session.request(*request)
 
     def drive(self, linear_m_s: float, angular_rad_s: float, now: float, lateral_m_s: float = 0.0) -> bool:
         """Put a command in force, see `Driver.drive`.
@@ -255,6 +283,11 @@ class Core:
             name = self.session.sensors.name_of(event.frame.code)
             if name:
                 events.append(SensorRead(name, self.session.sensors.readings[name]))
+            text, node = text_of(event.frame), node_of(event.frame)
+            if text is not None:
+                events.append(text)
+            if node is not None and self.nodes is not None:
+                self.nodes[node.address] = node
         return events
 
     def _thin(self, telemetry: Telemetry) -> List[Telemetry]:

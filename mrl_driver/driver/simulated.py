@@ -178,7 +178,7 @@ class SteppedDriver(Driver):
         """Advance to the next time at which board or driver has something to do, but not beyond `end_s`."""
         core = self._connected()
         now = self.now_s
-        due_s = min(end_s, max(core.session.deadline(now), now + LEAST_STEP_S))
+        due_s = min(end_s, max(core.deadline(now), now + LEAST_STEP_S))
         self._process(self._board.read(due_s - now))
 
     def _process(self, data: bytes) -> None:

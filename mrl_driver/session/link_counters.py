@@ -30,6 +30,8 @@ class Statistics(NamedTuple):
     """Times the port was lost and the robot found again."""
     streamed: int = 0
     """Frames of the stream that were used."""
+    texts_dropped: int = 0
+    """Texts for the radio that were not sent, because the board was silent for too long."""
 
 
 class Counters:
@@ -39,7 +41,7 @@ class Counters:
         self.bytes_in = self.bytes_out = self.frames = self.lost = self.duplicates = 0
         self.overtaken = 0
         self.refused_counts = self.restarts = self.unanswered = self.blocked_writes = 0
-        self.reconnects = self.streamed = 0
+        self.reconnects = self.streamed = self.texts_dropped = 0
         self.garbage: Dict[str, int] = {}
 
     def count_garbage(self, reason: str) -> None:

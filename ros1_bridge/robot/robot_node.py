@@ -16,6 +16,7 @@ import diagnostic_updater
 import rosgraph
 import rospy
 from diagnostic_msgs.msg import KeyValue
+from diagnostic_msgs.srv import SelfTest
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist, TwistStamped
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Header
@@ -27,9 +28,10 @@ from mrl_driver.driver.suspension import stopped_while_suspended
 from mrl_driver.errors import ConfigError, FrameError, LinkLost, MrlError, PortBusy
 from mrl_driver.robot.battery import EMPTY, LOW, OFF, voltage_text
 from mrl_driver.robot.models import Limits, OmniDrive, RobotModel
+from mrl_driver.robot.radio import CAPABILITY as RADIO
+from mrl_driver.robot.radio import WAITING
 from mrl_driver.safety.operation_mode import MANUAL, manual_speed_m_s
 from mrl_driver.safety.protective_zones import Zones
-from mrl_driver.session.events import Reply
 from mrl_driver.session.handshake import Board
 from mrl_driver.transport.reconnect import may_be_there
 from ros1_bridge.control.commander import LATE, ZONE, Commander, lowered
@@ -160,7 +162,6 @@ class RobotNode:
         has_sonars = driver.has_sonars
         if has_sonars and parameters.has("sonars"):
             self._publishers.sonars(rospy.Time.now())
-        self._radio = Radio(rospy.Publisher, board.capabilities if parameters.has("sensors") else frozenset())
         self._watch_zones(model, has_sonars)
         if model.drives:
             self._publishers.battery(board, rospy.Time.now())
@@ -244,8 +245,11 @@ class RobotNode:
             rospy.Publisher, self._parameters.base_frame, board.capabilities, board.version, rospy.Time.now
         )
         self._driver.on_sensor(sensors.on_sensor)
-        if "xbee" in board.capabilities:
-            rospy.Subscriber(xbee.RADIO_OUT, KeyValue, self._on_radio, queue_size=10)
+        if RADIO in board.capabilities:
+            self._radio = Radio(rospy.Publisher, self._driver)
+            self._driver.on_text(self._radio.on_text)
+            rospy.Subscriber(xbee.SEND, KeyValue, self._on_radio, queue_size=WAITING, tcp_nodelay=True)
+            rospy.Service(xbee.DISCOVER, SelfTest, self._radio.discover)
 
     def _offer_services(self) -> None:
         parameters = self._parameters
@@ -385,19 +389,10 @@ class RobotNode:
             )
 
     def _on_event(self, event: Any) -> None:
-        if isinstance(event, Reply):
-            self._radio.on_frame(event.frame)
         told = self._news.of(event)
         if told is not None and not rospy.is_shutdown():
             LOG[told.level](told.message)
         self._status.tell()
-
-    def _request(self, requests: List[Any]) -> None:
-        try:
-            for request in requests:
-                self._driver.request(*request)
-        except MrlError:
-            return
 
     def _on_battery(self, board: Board) -> None:
         self._publishers.battery(board, rospy.Time.now())
@@ -495,10 +490,9 @@ class RobotNode:
             self._zones.on_scan(message, mount, time.monotonic())
 
     def _on_radio(self, message: KeyValue) -> None:
-        try:
-            self._request([xbee.send_request(message)])
-        except ValueError as error:
-            rospy.logwarn_throttle(WARN_EVERY_S, str(error))
+        refusal = self._radio.send(message)
+        if refusal:
+            rospy.logwarn_throttle(WARN_EVERY_S, refusal)
 
     def _on_limits(self, config: Any, _level: int) -> Any:
         self._commander.limits = reconfigure.limits_of(config, self._commander.limits)

@@ -111,6 +111,7 @@ def values(
         "Refused Counts": str(statistics.refused_counts),
         "Unanswered Requests": str(statistics.unanswered),
         "Blocked Writes": str(statistics.blocked_writes),
+        "Dropped Texts": str(statistics.texts_dropped),
         "Restarts": str(statistics.restarts),
         "Reconnects": str(statistics.reconnects),
         "Bytes Received": str(statistics.bytes_in),

@@ -1,17 +1,14 @@
-"""Environment sensors and radio: frames to messages and back, and the sensors of an emulated board."""
+"""Environment sensors: frames to messages, and the sensors of an emulated board."""
 
 import math
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist
-from hypothesis import given
-from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.protocol.table import BY_NAME, SENSORS
-from ros1_bridge.robot import xbee
+from mrl_driver.protocol.table import SENSORS
 from ros1_bridge.topics import sensor_topics
 from ros1_bridge.topics.sensor_topics import KINDS
 from tests.waiting import wait_until
@@ -71,28 +68,6 @@ def test_frame_takes_the_robots_prefix_and_values_their_factor():
     sensor_topics.fill(message, entry, (10.0,), 7)
     got = (message.header.frame_id, message.header.stamp, message.illuminance, message.variance)
     assert got == ("one/nose", 7, 5.0, 4.0)
-
-
-@given(
-    st.integers(0, 2**64 - 1),
-    st.text(st.characters(min_codepoint=32, max_codepoint=126), min_size=1, max_size=16),
-)
-def test_text_survives_the_words_of_the_wire(address, text):
-    code, *fields = xbee.send_request(KeyValue(f"{address:x}", text))
-    assert code == BY_NAME["send_xbee"].code
-    assert xbee.read_text(tuple(fields)) == (address, text)
-
-
-@pytest.mark.parametrize("key", ["", "robot", "-1", "1" * 17])
-def test_address_that_is_none_is_refused_by_name(key):
-    with pytest.raises(ValueError, match="xbee/send key is"):
-        xbee.send_request(KeyValue(key, "hello"))
-
-
-@pytest.mark.parametrize("value", ["", "x" * 17, "\u00e9"])
-def test_text_that_the_wire_cannot_carry_is_refused(value):
-    with pytest.raises(ValueError, match="expected 1 to 16 ASCII"):
-        xbee.send_request(KeyValue("1", value))
 
 
 @pytest.fixture(scope="module")

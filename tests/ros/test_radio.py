@@ -1,0 +1,55 @@
+"""The board's radio as topics and a service; the driver only says what it was told."""
+
+from types import SimpleNamespace
+
+from diagnostic_msgs.msg import KeyValue
+
+from mrl_driver.errors import LinkLost
+from mrl_driver.robot.radio import RadioNode, RadioText
+from ros1_bridge.robot.xbee import Radio
+
+from .fake_topics import Topics
+
+PEER, KEY = 0x0013A20040A1B2C3, "0013a20040a1b2c3"
+
+
+def radio(**driver):
+    topics = Topics()
+    return Radio(topics, SimpleNamespace(**driver)), topics
+
+
+def test_received_text_is_published_with_its_sender():
+    made, topics = radio()
+    published = []
+    topics["xbee/received"].publish = lambda *fields: published.append(fields)
+    made.on_text(RadioText(PEER, b"hello"))
+    assert published == [(KEY, "hello")]
+
+
+def test_text_of_a_message_is_sent():
+    sent = []
+    made, _ = radio(send_text=lambda *text: sent.append(text))
+    assert made.send(KeyValue(KEY, "hello")) == "" and sent == [(PEER, "hello")]
+
+
+def test_key_that_is_no_address_is_named():
+    made, _ = radio(send_text=None)
+    assert made.send(KeyValue("robot", "hello")).startswith("xbee/send: radio address is 'robot', expected")
+
+
+def test_each_radio_found_is_a_status():
+    made, _ = radio(discover_radios=lambda: [RadioNode(PEER, 0x12), RadioNode(7, 0xFFFE)])
+    found = made.discover(None)
+    values = [{pair.key: pair.value for pair in status.values} for status in found.status]
+    assert (found.passed, found.id) == (1, "2 radios have answered")
+    assert values == [{"address": KEY, "network": "0012"}, {"address": f"{7:016x}", "network": "fffe"}]
+
+
+def fail():
+    raise LinkLost("the port is gone")
+
+
+def test_search_that_fails_says_why():
+    made, _ = radio(discover_radios=fail)
+    found = made.discover(None)
+    assert (found.passed, found.id, found.status) == (0, "the port is gone", [])
