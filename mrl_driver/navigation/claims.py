@@ -17,8 +17,11 @@ grants other claims after it has released its own (Ricart and Agrawala 1981).
 Messages may be late, lost, repeated, or overtake each other, because each one holds the whole state between two robots
 and is sent again every `REPEAT_S`.  No time-out gives the place to another robot: a robot that vanished may stand
 there.  A robot without an answer from each of the others does not hold the place; `silent` names those robots, so that
-it can do something else meanwhile.  A robot that starts again at the place must be taken away from it first, because it
-no longer knows that it held the place.
+it can do something else meanwhile.
+
+A robot that starts again has forgotten what it granted, and learns it from the others' messages.  It claims only after
+`LATE_S`, because a message from before its start may be from before the grant, too.  A robot that starts again at the
+place must be taken away from it first, because it no longer knows that it held the place.
 """
 
 import math
@@ -31,6 +34,8 @@ REPEAT_S = 0.5
 """Each message is repeated after this time [s]."""
 SILENT_S = 3.0
 """A robot that was not heard for this time counts as silent [s]: five repetitions in a row were lost."""
+LATE_S = 3.0
+"""A message that was sent before a robot's start arrives within this time after the start, or never [s]."""
 _TEXT = re.compile(r"([!-~]+) ([0-9]{1,9}) ([!-~]+) ([0-9]{1,9})")
 
 
@@ -90,6 +95,7 @@ class Claim:
         self._granted: Dict[str, int] = dict.fromkeys(others, 0)
         self._answers: Dict[str, int] = dict.fromkeys(others, 0)
         self._unheard = set(others)
+        self._settled_s = now_s + LATE_S
         self._heard_s = dict.fromkeys(others, now_s)
         self._due_s = -math.inf
 
@@ -105,8 +111,8 @@ class Claim:
     def want(self) -> None:
         """Claims the place, unless it is claimed already.
 
-        The claim gets its number when each of the others was heard once: a robot that has started again would
-        otherwise use a number of its earlier claims.
+        The claim gets its number when each of the others was heard once, `LATE_S` after the start or later: a robot
+        that has started again would otherwise use a number of its earlier claims, or one below a claim that it granted.
         """
         self._wanted = True
         self._draw_number()
@@ -124,7 +130,8 @@ class Claim:
         sender = message.sender
         if message.to != self.name or sender not in self._claims:
             return
-        self._unheard.discard(sender)
+        if now_s > self._settled_s:
+            self._unheard.discard(sender)
         self._heard_s[sender] = now_s
         self._largest = max(self._largest, message.claim, message.granted)
         self._claims[sender] = message.claim

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Dict, List, NamedTuple, Optional, Sequence, Set
 
 from mrl_driver.geometry import Pose
-from mrl_driver.navigation.claims import Claim
+from mrl_driver.navigation.claims import LATE_S, Claim
 from mrl_driver.navigation.waypoint_tour import CLAIMING, DONE, WaypointTour
 
 from .experiment_report import Figure, Result
@@ -103,7 +103,7 @@ def claimed(setting: Setting, loss: float = 0.0) -> SharedRun:
     """A run in which robots claim the shared waypoint by messages."""
     channel = Channel(LATENCY_S, loss, setting.seed)
     names = [member.name for member in MEMBERS]
-    claims = {name: Claim(name, [each for each in names if each != name], 0.0) for name in names}
+    claims = {name: Claim(name, [each for each in names if each != name], -LATE_S) for name in names}
     with ExitStack() as stack:
         return _drive(gather(stack, setting, WORLD, MEMBERS), claims, channel)
 

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.navigation.claims import REPEAT_S, SILENT_S, Claim, ClaimMessage
+from mrl_driver.navigation.claims import LATE_S, REPEAT_S, SILENT_S, Claim, ClaimMessage
 
 NAMES = ("a", "b", "c")
 
@@ -15,7 +15,7 @@ class Talk:
 
     def __init__(self, names=NAMES):
         self.now_s = 0.0
-        self.claims = {name: Claim(name, [each for each in names if each != name], 0.0) for name in names}
+        self.claims = {name: Claim(name, [each for each in names if each != name], -LATE_S) for name in names}
         self.under_way = []
         self.dead = set()
 
@@ -126,8 +126,35 @@ def test_robot_that_started_again_does_not_use_its_old_numbers(talk):
     talk.exchange()
     talk.claims["a"] = Claim("a", ["b", "c"], talk.now_s)
     talk.claims["a"].want()
-    talk.exchange()
+    talk.exchange(10)
     assert talk.holders == ["c"]
+
+
+def test_robot_that_started_again_does_not_claim_by_a_message_from_before_its_start():
+    """It granted the claim of a, and has forgotten that; by the late message its own claim would be better."""
+    talk = Talk(("a", "b"))
+    talk.exchange()
+    late = ClaimMessage("a", 0, "b", 0)
+    for _ in range(2):
+        talk.claims["a"].want()
+        talk.exchange()
+        talk.claims["a"].release()
+    talk.claims["a"].want()
+    talk.exchange()
+    talk.claims["b"] = Claim("b", ["a"], talk.now_s)
+    talk.claims["b"].want()
+    talk.deliver(late)
+    talk.exchange(10)
+    assert talk.holders == ["a"]
+
+
+def test_robot_claims_when_late_messages_have_arrived(talk):
+    talk.claims["a"] = Claim("a", ["b", "c"], talk.now_s)
+    talk.claims["a"].want()
+    talk.exchange(round(LATE_S / REPEAT_S))
+    assert talk.holders == []
+    talk.exchange()
+    assert talk.holders == ["a"]
 
 
 def test_release_and_the_grant_of_the_next_claim_are_one_message(talk):

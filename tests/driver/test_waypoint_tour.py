@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrl_driver.navigation.claims import REPEAT_S, SILENT_S, Claim
+from mrl_driver.navigation.claims import LATE_S, REPEAT_S, SILENT_S, Claim
 from mrl_driver.navigation.waypoint_tour import CLAIMING, DONE, DRIVING, IDLE, PAUSED, WAITING, WaypointTour
 
 
@@ -159,7 +159,7 @@ def test_the_target_is_always_a_waypoint_of_the_list(acts, repeat):
 @pytest.fixture
 def other():
     """The claim of another robot, which shares the first waypoint."""
-    return Claim("b", ["a"], 0.0)
+    return Claim("b", ["a"], -LATE_S)
 
 
 @pytest.fixture
@@ -167,7 +167,7 @@ def sharing(other):
     """Makes a tour of robot a on its way to the first waypoint, and the claim that it shares."""
 
     def make(**options):
-        claim = Claim("a", ["b"], 0.0)
+        claim = Claim("a", ["b"], -LATE_S)
         talk(claim, other)
         return begun(claim=claim, shared={0}, **options), claim
 
@@ -225,7 +225,7 @@ def test_claim_is_withdrawn_if_the_robot_does_not_wait_for_it_any_more(sharing, 
 
 
 def test_claim_is_withdrawn_if_a_new_list_begins_elsewhere(other):
-    claim = Claim("a", ["b"], 0.0)
+    claim = Claim("a", ["b"], -LATE_S)
     tour = begun(claim=claim, shared={1})
     tour.skip()
     assert tour.state == CLAIMING
