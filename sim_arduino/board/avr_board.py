@@ -14,6 +14,7 @@ from sim_arduino.avr.receiver import received
 
 from . import parameter_store
 from .bridge_wires import BridgeWires
+from .radio_wires import OUT, RadioWires
 
 DUST = 8
 FAN, SONAR_TRIGGER, SONAR_POWER, HEATER = 7, 12, 13, 15
@@ -71,7 +72,8 @@ class AvrEngine:
 
     Args:
         plant: the hardware wired to the board: `i2c` (slaves by address), `adc_volts(channel, time_s)`,
-            `pin_changed(pin, level, time_s)` and `advance(time_s)`; perhaps `bridge`, a `BridgePlant`.
+            `pin_changed(pin, level, time_s)` and `advance(time_s)`; perhaps `bridge`, a `BridgePlant`,
+            or `xbee`, an `XBee`.
         elf: firmware image.
         robot_id: this id and the model's defaults are saved in the EEPROM; None leaves the EEPROM blank, as on a
             new chip.
@@ -103,8 +105,10 @@ class AvrEngine:
             self.machine.reset()
         self.machine.i2c = plant.i2c
         self.machine.adc_volts = plant.adc_volts
-        self.machine.on_pin = plant.pin_changed
-        self.machine.watch_pins(WATCHED_PINS)
+        xbee = getattr(plant, "xbee", None)
+        self._radio = RadioWires(self.machine, xbee) if xbee else None
+        self.machine.on_pin = self._pin_changed if xbee else plant.pin_changed
+        self.machine.watch_pins((*WATCHED_PINS, OUT) if xbee else WATCHED_PINS)
         self._dust_edges = getattr(plant, "dust_edges", lambda to_s: ())
         bridge = getattr(plant, "bridge", None)
         self._wires = BridgeWires(self.machine, bridge) if bridge else None
@@ -126,11 +130,18 @@ class AvrEngine:
         return received(self.machine.sent(), self.machine.frequency_hz / self._host_baud)
 
     def _run(self, to_cycle: int, run_to: Callable[[int], None]) -> None:
-        """Runs the chip with `run_to`, and an H-bridge board's motors with it."""
-        if self._wires:
-            self._wires.run(to_cycle, run_to)
+        """Runs the chip with `run_to`, and an H-bridge board's motors or a radio with it."""
+        wires = self._wires or self._radio
+        if wires:
+            wires.run(to_cycle, run_to)
         else:
             run_to(to_cycle)
+
+    def _pin_changed(self, pin: int, level: int, time_s: float) -> None:
+        if self._radio and pin == OUT:
+            self._radio.changed(level, time_s)
+        else:
+            self.plant.pin_changed(pin, level, time_s)
 
     def set_host_baud(self, baud: float) -> None:
         """Set the host's baud rate in both directions; if it differs from the board's, bytes arrive corrupted."""
@@ -157,6 +168,8 @@ class AvrEngine:
         if self._wires and self._wires.moving:
             return now_s + SLICE_S
         event_s = self.machine.next_event_cycle / self.machine.frequency_hz
+        if self._radio:
+            event_s = min(event_s, self._radio.next_s)
         return min(max(event_s, now_s + SLICE_S), now_s + LONGEST_SLEEP_S)
 
     def _cycle_at(self, time_s: float) -> int:

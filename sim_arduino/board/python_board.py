@@ -20,6 +20,7 @@ from .imu_reader import ImuReader, Reading
 from .motor_control import MotorControl
 from .motors import Motors
 from .parameter_store import Config
+from .radio_port import RadioPort
 from .sonar_chain import SonarTask
 from .uart import OUT_BYTE_S, Incoming, Outgoing
 
@@ -106,6 +107,7 @@ class PythonBoard:
         sonars: The board's sonar task; None in the environment-sensor build.
         imu: The board's side of the IMU.
         imu_reading: What the last reading of the IMU gave.
+        radio: The board's side of the plant's radio; None without one.
     """
 
     def __init__(
@@ -208,6 +210,7 @@ class PythonBoard:
         self.imu = ImuReader(self.plant.i2c, self.environment, self.health)
         self.imu_reading: Optional[Reading] = None
         self._imu_read_s, self._imu_ahead = 0.0, False
+        self.radio = RadioPort(self.plant.xbee, self.ask, self._can_ask) if self.plant.xbee else None
         self.debug = False
         self.stream: Optional[RunningStream] = None
         self.imu_stream: Optional[ImuStream] = None
@@ -261,6 +264,7 @@ class PythonBoard:
             self._watchdog_due_s(),
             self._check_due_s(),
             self._baud_due_s(),
+            self.radio.next_s if self.radio else math.inf,
             self._wire_due_s() + frame_s,
         )
 
@@ -285,6 +289,8 @@ class PythonBoard:
             self.set_check(False)
         if self._baud_due_s() <= now:
             self._change_baud(self._wanted_baud if self._wanted_baud != self.baud else 0)
+        if self.radio:
+            self.radio.run(now)
         if self._wire_due_s() <= now:
             self._send_next()
 
@@ -365,6 +371,9 @@ class PythonBoard:
             self.refuse("overrun")
         else:
             self._answers.append(WaitingReply(self.now_s + after_s, code, value))
+
+    def _can_ask(self) -> bool:
+        return len(self._answers) < ANSWERS
 
     def _send_next(self) -> None:
         """Sends a reply or a frame of a stream; if replies and the stream are due, they take turns."""

@@ -1,5 +1,8 @@
 """Handlers of the requests about the board: identity, status, checksum, watchdog, configuration, radio."""
 
+import struct
+from typing import Sequence
+
 from mrl_driver.protocol.table import BY_NAME, CAPABILITIES, PARAMETERS, PROTOCOL_VERSION, REASONS
 
 from .parameter_store import EEPROM_BYTE_S, EEPROM_LOOK_S
@@ -38,6 +41,8 @@ def _protocol(board: PythonBoard, _: int) -> Values:
     names.append("environment" if board.environment else "sonars")
     if board.imu.found:
         names.append("imu")
+    if board.radio:
+        names.append("xbee")
     return PROTOCOL_VERSION, sum(_CAPABILITY[name] for name in names)
 
 
@@ -132,16 +137,36 @@ def _watchdog(board: PythonBoard, _: int) -> Values:
     return (board.watchdog_ms,)
 
 
-# ---- radio: the emulated board has none
+# ---- radio
 
 
 @request
-def send_xbee(board: PythonBoard, *_: int) -> None:
+def send_xbee(board: PythonBoard, *values: int) -> None:
     """38."""
-    board.refuse("unavailable")
+    *address, length = values[:5]
+    text = struct.pack(f">{len(values) - 5}h", *values[5:])
+    if len(text) != length + length % 2:
+        board.refuse("argument_count")
+    elif not board.radio or not board.radio.send(_address(address), text[:length], board.now_s):
+        board.refuse("unavailable")
+
+
+def _address(words: Sequence[int]) -> int:
+    return int.from_bytes(struct.pack(">4h", *words), "big")
+
+
+@reply("xbee_text")
+def _xbee_text(board: PythonBoard, _: int) -> Values:
+    return board.radio.text() if board.radio else None
 
 
 @request
 def discover_xbee(board: PythonBoard) -> None:
     """40."""
-    board.refuse("unavailable")
+    if not board.radio or not board.radio.discover(board.now_s):
+        board.refuse("unavailable")
+
+
+@reply("discover_xbee")
+def _node(board: PythonBoard, _: int) -> Values:
+    return board.radio.node() if board.radio else None

@@ -28,6 +28,7 @@ from .omni3md import ADDRESS, Omni3MD
 from .omni3md_registers import Omni3MDRegisters
 from .robot_physics import AS_MODELLED, Errors, RobotPhysics, params_for
 from .sonars import FLAWLESS, VOLTS_PER_COUNT, SonarChain, SonarErrors
+from .xbee import RadioFit, XBee
 
 SONAR_TRIGGER, SONAR_POWER = 12, 13
 IMU_ADDRESS, IMU_BESIDE_THERMOPILE = 0x68, 0x69
@@ -56,10 +57,12 @@ class Plant:
         imu: An IMU is fitted where the model says.
         imu_errors: Errors of the IMU; `seed` draws their noise.
         environment_errors: Errors of the environment sensors; `seed` draws them.
+        radio: A radio module is fitted: its address, range and loss.
 
     Attributes:
         bridge: Motors and encoders on the board's pins, if the model has a bridge; None with an OMNI-3MD.
         imu: The IMU, or None.
+        xbee: The radio module, or None.
         i2c: All I2C slaves by 7-bit address.
         environment: Values that the sensors measure far from all sources; may be changed at any time.
     """
@@ -82,6 +85,7 @@ class Plant:
         imu: bool = False,
         imu_errors: ImuErrors = FLAWLESS_IMU,
         environment_errors: EnvironmentErrors = PERFECT,
+        radio: Optional[RadioFit] = None,
     ) -> None:
         self.model = model
         self.world = load() if world is None else world
@@ -113,6 +117,7 @@ class Plant:
             model.sonars if sonars else {}, self.world, self._pose_at, name, sonar_errors, seed
         )
         self.imu = self._imu(imu_errors, seed) if imu else None
+        self.xbee = XBee(self.world.radio, name, radio, lambda: self._pose()[:2], seed) if radio else None
         self.i2c = self._slaves()
         self._dust = DustPulses(lambda time_s: self._sensed_now().dust_pcs_l)
         self._shown: Optional[Pose] = None
@@ -160,6 +165,8 @@ class Plant:
         while self.sonars.next_s <= time_s:
             self.sonars.advance(self.sonars.next_s)
         self._move(time_s)
+        if self.xbee:
+            self.xbee.now_s = max(self.xbee.now_s, time_s)
         self._show()
 
     def _show(self) -> None:

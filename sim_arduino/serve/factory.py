@@ -1,5 +1,6 @@
 """Makes an emulated robot from its options; `mrl-sim` and the test fixtures use it."""
 
+import math
 import os
 from typing import List, NamedTuple, Optional, Sequence, Tuple
 
@@ -15,13 +16,22 @@ from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.hardware.environment_sensors import PERFECT, EnvironmentErrors
 from sim_arduino.hardware.imu import FLAWLESS_IMU, ImuErrors
 from sim_arduino.hardware.wiring import Plant
+from sim_arduino.hardware.xbee import LOWEST_ADDRESS, RadioFit
 from sim_arduino.world import world_file
 from sim_arduino.world.shapes import Footprint
 from sim_arduino.world.world import World
 
 PROFILES = ("current", "2013-august", "2013-january")
 ENGINES = ("python", "avr")
-_LIMITS = {"robot_id": (0, 32767), "battery": (0.0, 15.0), "wiring": (0, 255), "imu_seed": (0, 10**6)}
+OWN_ADDRESS = "auto"
+_LIMITS = {
+    "robot_id": (0, 32767),
+    "battery": (0.0, 15.0),
+    "wiring": (0, 255),
+    "imu_seed": (0, 10**6),
+    "radio_range": (0.0, math.inf),
+    "radio_loss": (0.0, 1.0),
+}
 
 
 class Options(NamedTuple):
@@ -53,6 +63,12 @@ class Options(NamedTuple):
     """Errors of the IMU in place of drawn ones."""
     environment_errors: EnvironmentErrors = PERFECT
     """Errors of the environment sensors; `seed` draws them."""
+    radio: Optional[str] = None
+    """64-bit address of a radio in hexadecimal; `OWN_ADDRESS` makes one of the robot's name; None: no radio."""
+    radio_range: float = math.inf
+    """Largest distance at which it receives others and they receive it [m]."""
+    radio_loss: float = 0.0
+    """Share of the radio packets that this radio does not receive."""
 
 
 class Emulated(NamedTuple):
@@ -74,6 +90,8 @@ class Emulated(NamedTuple):
     def close(self) -> None:
         """Takes the robot out of its world and frees the engine."""
         self.board.close()
+        if self.plant.xbee:
+            self.plant.xbee.close()
         self.plant.world.remove(self.plant.name)
 
 
@@ -96,6 +114,7 @@ def make(options: Options, world: Optional[World] = None) -> Emulated:
     _require_motors(model, options)
     _require_bridge(model, options)
     _require_imu(options)
+    radio = _radio(model, options)
     errors, sonar = key_values.robot_errors(options.error), key_values.sonar_errors(options.sonar)
     around = _world(options) if world is None else world
     name = options.name or f"robot{os.getpid()}"
@@ -118,6 +137,7 @@ def make(options: Options, world: Optional[World] = None) -> Emulated:
         imu=options.imu,
         imu_errors=_imu_errors(options),
         environment_errors=options.environment_errors,
+        radio=radio,
     )
     return Emulated(plant, FaultyEngine(_engine(plant, options), faults, options.seed), bool(faults))
 
@@ -133,7 +153,8 @@ def _has_environment(model: models.RobotModel, options: Options) -> bool:
 def make_team(options: Options, names: Sequence[str], poses: Sequence[str]) -> List[Emulated]:
     """Makes a robot for each name in one world, or one robot without a name; the poses are in the same order.
 
-    The seed of each robot is one higher than that of the robot before, and so is the IMU's if it is not 0.
+    The seed of each robot is one higher than that of the robot before, and so are the IMU's if it is not 0, and the
+    address of the radio if one is given.
 
     Raises:
         ConfigError: as for `make`, or a name appears twice.
@@ -148,6 +169,8 @@ def make_team(options: Options, names: Sequence[str], poses: Sequence[str]) -> L
             its = options._replace(name=name, pose=pose, seed=options.seed + number)
             if options.imu_seed:
                 its = its._replace(imu_seed=options.imu_seed + number)
+            if options.radio not in (None, OWN_ADDRESS):
+                its = its._replace(radio=f"{_radio_address(options.radio) + number:x}")
             robots.append(make(its, world))
     except BaseException:
         for robot in robots:
@@ -209,6 +232,40 @@ def _imu_errors(options: Options) -> ImuErrors:
     return ImuErrors.drawn(options.imu_seed) if options.imu_seed else FLAWLESS_IMU
 
 
+def _radio(model: models.RobotModel, options: Options) -> Optional[RadioFit]:
+    """The radio that the options ask for, if any.
+
+    Raises:
+        ConfigError: the address is not valid, the board cannot have a radio, or range or loss are given without one.
+    """
+    if options.radio is None:
+        for name in ("radio_range", "radio_loss"):
+            if getattr(options, name) != Options._field_defaults[name]:
+                raise ConfigError(
+                    f"--{name.replace('_', '-')} is given without a radio, expected --radio too"
+                )
+        return None
+    if options.profile != "current" or options.environment or has_bridge(model):
+        raise ConfigError(
+            f"--radio is given for robot {model.name}, expected a board with sonars, an OMNI-3MD and profile current: "
+            "only they have a radio build"
+        )
+    address = None if options.radio == OWN_ADDRESS else _radio_address(options.radio)
+    return RadioFit(address, options.radio_range, options.radio_loss)
+
+
+def _radio_address(text: str) -> int:
+    try:
+        address = int(text, 16)
+    except ValueError:
+        address = 0
+    if not LOWEST_ADDRESS <= address < 1 << 64:
+        raise ConfigError(
+            f"radio address is {text!r}, expected a 64-bit address in hexadecimal, such as 0013a20040a1b2c3"
+        )
+    return address
+
+
 def _told_of_wiring(model: models.RobotModel, wiring: Optional[int]) -> models.RobotModel:
     """The model as the new board knows it: a wiring that is given with `--wiring` is for the user to find out."""
     return model if wiring is None else model._replace(board={"wiring": 0, **model.board})
@@ -220,6 +277,10 @@ def _world(options: Options) -> World:
         from sim_arduino.world.shared_robots import SharedRegistry
 
         world.registry = SharedRegistry(options.world_name)
+        if options.radio is not None:
+            from sim_arduino.world.shared_radio import SharedRadioMedium
+
+            world.radio = SharedRadioMedium(options.world_name, world.registry)
     return world
 
 
@@ -257,6 +318,7 @@ def _avr_engine(plant: Plant, options: Options) -> Engine:
     if options.profile != "current":
         raise ConfigError(f"profile {options.profile} has no firmware binary, expected --engine python")
     build = "hbridge" if plant.bridge else "environment" if options.environment else "sonar"
+    build = "xbee" if plant.xbee else build
     elf = options.elf or image_path(build)
     if not os.path.exists(elf):
         raise ConfigError(

@@ -1,5 +1,6 @@
 """`mrl-sim`: an emulated robot on a virtual serial port."""
 
+import math
 import signal
 import sys
 from contextlib import ExitStack
@@ -126,6 +127,28 @@ class _PortOptions(NamedTuple):
     default=0,
     show_default=True,
     help="Seed of the IMU's errors: bias, drift, scale and noise within its data sheet; 0: none.",
+)
+@click.option(
+    "--radio",
+    is_flag=False,
+    flag_value=factory.OWN_ADDRESS,
+    metavar="[ADDRESS]",
+    help="Fit an XBee with this 64-bit address in hexadecimal, or one made of the robot's name; --engine avr runs the "
+    "radio build.",
+)
+@click.option(
+    "--radio-range",
+    type=click.FloatRange(0.0),
+    default=math.inf,
+    metavar="M",
+    help="Largest distance in metres at which two radios receive each other; default: any.",
+)
+@click.option(
+    "--radio-loss",
+    type=click.FloatRange(0.0, 1.0),
+    default=0.0,
+    metavar="SHARE",
+    help="Share of the radio packets that the radio does not receive.",
 )
 @click.option("--sonar", default="", metavar="KEYS|FILE", help="Errors of the sonars, see below.")
 @click.option(

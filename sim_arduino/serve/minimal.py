@@ -91,6 +91,13 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--environment", action="store_true", help="the build with environment sensors")
     parser.add_argument("--imu", action="store_true", help="fit an IMU")
     parser.add_argument("--imu-seed", type=int, default=0, help="seed of the IMU's errors; 0: none")
+    parser.add_argument(
+        "--radio", nargs="?", const=factory.OWN_ADDRESS, help="fit an XBee, perhaps with this address"
+    )
+    parser.add_argument("--radio-range", type=float, default=math.inf, help="range of the radio [m]")
+    parser.add_argument(
+        "--radio-loss", type=float, default=0.0, help="share of the radio packets that are lost"
+    )
     given = vars(parser.parse_args(arguments))
     link = given.pop("link")
     try:

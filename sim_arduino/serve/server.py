@@ -62,8 +62,9 @@ class Waker:
 
     def close(self) -> None:
         """Frees the descriptors."""
+        end, self._end = self._end, -1
+        os.close(end)
         os.close(self.fd)
-        os.close(self._end)
 
 
 class PtyServer:
@@ -107,6 +108,7 @@ class PtyServer:
         self._speed, self._watchers = speed, watchers
         self._engine, self._port, self._plant = engine, port, plant
         self._truth, self._log = truth, log
+        self._radio = plant.xbee if plant else None
         self._reset_on_open, self._control = reset_on_open, control
         self.waker = Waker() if waker is None else waker
         self._start_s = time.monotonic()
@@ -117,6 +119,8 @@ class PtyServer:
         self.running = True
         self.watched: List[int] = []
         self.due_s = 0.0
+        if self._radio:
+            self._radio.live, self._radio.on_arrival = True, self.wake
 
     def stop(self) -> None:
         """Ends the serving; may be called from a signal handler or another thread."""
@@ -140,6 +144,8 @@ class PtyServer:
         """Takes what the host has sent, runs the board to now, and sets `watched` and `due_s`."""
         with self.lock:
             self._read_clock()
+            if self._radio:
+                self._radio.poll()
             if self._port.newly_opened() and self._reset_on_open:
                 self._advance()
                 self._engine.reset()
@@ -183,6 +189,8 @@ class PtyServer:
         until = min(self._engine.next_event_s, self._truth_due_s, self._now_s + HEARTBEAT_S * self._speed)
         until = min([until, *(watcher.due_s for watcher in self._watchers)])
         watched = [self._port.watch, self._control.fd if self._control else None]
+        if self._radio:
+            watched.append(self._radio.fileno())
         if self._link_ready():
             watched.append(self._port.master)
         else:

@@ -132,7 +132,7 @@ class SharedRegistry(RobotRegistry):
     def _join(self, name: str, pose: Pose, footprint: Footprint) -> None:
         """Creates the robot's file; it is locked and filled before other processes can see it."""
         path = self._path(_checked("robot name", name))
-        if _is_held(path):
+        if is_held(path):
             raise ConfigError(
                 f"robot {name!r} is in world {self._world_name!r} already, expected another name"
             )
@@ -163,7 +163,7 @@ class SharedRegistry(RobotRegistry):
             same = os.stat(self._path(name)).st_ino == os.fstat(row.fd).st_ino
         except OSError:
             return False
-        return same and _is_locked(row.fd)
+        return same and is_locked(row.fd)
 
     def _open(self, name: str) -> Optional[_Row]:
         """Maps a robot's file; if its owner is dead, removes the file and returns None."""
@@ -171,7 +171,7 @@ class SharedRegistry(RobotRegistry):
             fd = os.open(self._path(name), os.O_RDONLY)
         except OSError:
             return None
-        if _is_locked(fd):
+        if is_locked(fd):
             return _Row(fd, mmap.mmap(fd, _ROW.size, prot=mmap.PROT_READ))
         os.close(fd)
         try:
@@ -189,18 +189,19 @@ class SharedRegistry(RobotRegistry):
                 break
 
 
-def _is_held(path: str) -> bool:
+def is_held(path: str) -> bool:
+    """Whether another open descriptor holds the lock on a file; False if there is no file."""
     try:
         fd = os.open(path, os.O_RDONLY)
     except OSError:
         return False
     try:
-        return _is_locked(fd)
+        return is_locked(fd)
     finally:
         os.close(fd)
 
 
-def _is_locked(fd: int) -> bool:
+def is_locked(fd: int) -> bool:
     """Whether another open descriptor holds the file's lock."""
     try:
         fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)

@@ -12,6 +12,7 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 from mrl_driver.geometry import ORIGIN, Pose
 
+from .radio import RadioMedium
 from .robots import Mover, RobotRegistry
 from .scene import Scene
 from .shapes import Footprint, Wall, encloses, nearest_in_cone
@@ -25,6 +26,7 @@ class World:
 
     Attributes:
         registry: The robots, of this process or of all processes that share the world.
+        radio: The air between the robots' radios, of this process or of all processes that share the world.
         scene: Heat, gas, dust, light and north.
         standing: Parked robots by name; each is there until a real robot with its name takes its place.
         solids: Closed lines among the walls that are solid inside: boxes, a map.
@@ -36,6 +38,7 @@ class World:
         self.start = start
         self.scene = Scene() if scene is None else scene
         self.registry = RobotRegistry()
+        self.radio = RadioMedium()
         self.standing: Dict[str, Mover] = {}
         self.solids: List[List[Wall]] = []
         self._index = WallIndex(walls)

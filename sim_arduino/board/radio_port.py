@@ -1,0 +1,147 @@
+"""The board's side of its radio module: requests become packets, and packets become frames for the host.
+
+It behaves as `firmware/mrl_firmware/xbee.cpp`; the reasons are there.
+"""
+
+import math
+import struct
+from typing import Callable, NamedTuple, Optional, Tuple, Union
+
+from mrl_driver.protocol.frames import to_int16
+from mrl_driver.protocol.table import BY_NAME
+from sim_arduino.hardware import xbee_packets
+from sim_arduino.hardware.xbee import UNKNOWN_NETWORK, XBee
+from sim_arduino.hardware.xbee_packets import AT_COMMAND, AT_RESPONSE, RECEIVED, TRANSMIT, PacketReader
+
+from .uart import Outgoing, Ring
+
+BYTE_S = 10 / 9615.0
+"""Time of a byte to the module [s]; the board's real baud rate is 9615."""
+MODULE_BYTE_S = 10 / 9600.0
+"""Time of a byte from the module [s]."""
+QUEUE_BYTES = 64
+"""Size of the queue to the module, and of that from it."""
+LONGEST = 96
+"""Longest data of a packet that is accepted [byte]."""
+PIECE = 16
+"""Longest text of one frame to the host [byte]."""
+BROKEN_OFF_S = 0.048
+FRAME_ID = 1
+_ENVELOPE = 4
+_TEXT_AT, _NODE_SIZE, _NODE_AT = 12, 15, 5
+XBEE_TEXT, DISCOVER_XBEE = (BY_NAME[name].code for name in ("xbee_text", "discover_xbee"))
+
+
+class ReceivedText(NamedTuple):
+    """A text that the host has not got completely."""
+
+    address: int
+    text: bytes
+
+
+class FoundNode(NamedTuple):
+    """A node of a search that the host has not got."""
+
+    address: int
+    network: int
+
+
+class RadioPort:
+    """The radio of a `PythonBoard`.
+
+    Args:
+        ask: Queues a frame to the host by its code; called only if `can_ask()`.
+    """
+
+    def __init__(self, xbee: XBee, ask: Callable[[int], None], can_ask: Callable[[], bool]) -> None:
+        self._xbee, self._ask, self._can_ask = xbee, ask, can_ask
+        self._out, self._in = Outgoing(), Outgoing()
+        self._out.byte_s, self._in.byte_s = BYTE_S, MODULE_BYTE_S
+        self._heard = Ring(QUEUE_BYTES)
+        self._reader = PacketReader(LONGEST)
+        self._waiting: Union[ReceivedText, FoundNode, None] = None
+        self._asked = False
+
+    # ---- to the module
+
+    def send(self, address: int, text: bytes, now_s: float) -> bool:
+        """Sends a text; False if the module's line has no room for it."""
+        head = struct.pack(">BBQHBB", TRANSMIT, FRAME_ID, address, UNKNOWN_NETWORK, 0, 0)
+        return self._put(head + text, now_s)
+
+    def discover(self, now_s: float) -> bool:
+        """Starts a search for nodes; False if the module's line has no room for the command."""
+        return self._put(bytes([AT_COMMAND, FRAME_ID]) + b"ND", now_s)
+
+    def _put(self, data: bytes, now_s: float) -> bool:
+        waiting = max(0, math.ceil((self._out.free_s - now_s) / BYTE_S) - 1)
+        if QUEUE_BYTES - waiting < len(data) + _ENVELOPE:
+            return False
+        self._out.put(xbee_packets.packet(data), now_s)
+        return True
+
+    # ---- from the module
+
+    @property
+    def next_s(self) -> float:
+        """Time of the next event on the two lines [s]; may be infinite."""
+        return min(self._out.next_s, self._in.next_s, self._xbee.next_s)
+
+    def run(self, now_s: float) -> None:
+        """Moves the bytes on both lines to now, and takes the packets that are complete."""
+        self._xbee.receive(self._out.take(now_s), now_s)
+        if self._reader.in_packet and now_s - self._in.free_s > BROKEN_OFF_S:
+            self._reader.clear()
+        for data in self._xbee.take(now_s):
+            self._in.put(data, now_s)
+        for byte in self._in.take(now_s):
+            self._heard.put(bytes([byte]))
+            self._read()
+        self.serve_host()
+
+    def serve_host(self) -> None:
+        """Reads the next packet if the host has got the one before, and queues a frame for what is new."""
+        self._read()
+        if self._waiting is not None and not self._asked and self._can_ask():
+            self._asked = True
+            self._ask(XBEE_TEXT if isinstance(self._waiting, ReceivedText) else DISCOVER_XBEE)
+
+    def _read(self) -> None:
+        while self._waiting is None:
+            byte = self._heard.take()
+            if byte is None:
+                return
+            for found in self._reader.feed(bytes([byte])):
+                self._waiting = _news(found)
+
+    # ---- the frames to the host
+
+    def text(self) -> Optional[Tuple[int, ...]]:
+        """Fields of `xbee_text`: the next piece of the text."""
+        assert isinstance(self._waiting, ReceivedText)
+        address, text = self._waiting
+        piece, rest = text[:PIECE], text[PIECE:]
+        self._waiting, self._asked = ReceivedText(address, rest) if rest else None, False
+        padded = piece + b"\0" * (len(piece) % 2)
+        return (*_words(address.to_bytes(8, "big")), len(piece), *_words(padded))
+
+    def node(self) -> Optional[Tuple[int, ...]]:
+        """Fields of the reply to `discover_xbee`."""
+        assert isinstance(self._waiting, FoundNode)
+        address, network = self._waiting
+        self._waiting, self._asked = None, False
+        return (*_words(address.to_bytes(8, "big")), to_int16(network))
+
+
+def _words(data: bytes) -> Tuple[int, ...]:
+    return struct.unpack(f">{len(data) // 2}h", data)
+
+
+def _news(data: bytes) -> Union[ReceivedText, FoundNode, None]:
+    """What is for the host in a packet."""
+    if data[0] == RECEIVED and len(data) > _TEXT_AT:
+        return ReceivedText(int.from_bytes(data[1:9], "big"), data[_TEXT_AT:])
+    if data[0] == AT_RESPONSE and len(data) >= _NODE_SIZE and data[2:5] == b"ND\0":
+        network, address = struct.unpack_from(">HQ", data, _NODE_AT)
+        return FoundNode(address, network)
+    return None

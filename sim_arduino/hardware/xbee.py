@@ -1,0 +1,237 @@
+"""A radio module: an XBee Series 2 with the ZB firmware in API mode 1, as a board sees it on its serial line.
+
+Packets and AT commands: Digi 90000976, chapters API Operation and XBee Command Reference Tables.  The module's own
+computing time is not known and counts as nothing.  The line's speed is that of the board's wires: `BAUD`.
+"""
+
+import heapq
+import itertools
+import math
+import random
+import struct
+import zlib
+from typing import Any, Callable, List, NamedTuple, Optional, Set, Tuple
+
+from sim_arduino.world.radio import DISCOVERY_S, Delivery, Place, RadioMedium, RadioPacket, Station
+
+from . import xbee_packets
+from .xbee_packets import AT_COMMAND, AT_RESPONSE, RECEIVED, TRANSMIT, TRANSMIT_STATUS, PacketReader
+
+BAUD = 9600
+"""Factory setting, and that of the board."""
+BROADCAST, COORDINATOR = 0xFFFF, 0x0
+"""64-bit addresses: all radios, and the one that started the network, which the emulator does not have."""
+LOWEST_ADDRESS = 0x10000
+"""First 64-bit address that a module can have here."""
+DIGI = 0x0013A200
+"""First half of the addresses of all XBee modules."""
+UNKNOWN_NETWORK = 0xFFFE
+LONGEST_TEXT = 84
+"""NP of a module without encryption [byte]."""
+LONGEST_NODE = 20
+OK, ERROR, INVALID_COMMAND, INVALID_PARAMETER = 0, 1, 2, 3
+"""Status of an AT command's response."""
+DELIVERED, NO_ACKNOWLEDGEMENT, SELF_ADDRESSED, ADDRESS_NOT_FOUND, TEXT_TOO_LONG = 0x00, 0x21, 0x23, 0x24, 0x74
+"""Delivery status."""
+ACKNOWLEDGED, BROADCASTED = 0x01, 0x02
+"""Options of a received packet."""
+_NO_DISCOVERY, _ADDRESS_DISCOVERY = 0x00, 0x01
+_NO_PARENT, _ROUTER, _PROFILE, _MANUFACTURER = 0xFFFE, 1, 0xC105, 0x101E
+_LARGEST_NETWORK = 0xFFF7
+_TEXT_AT = 14
+
+
+class RadioFit(NamedTuple):
+    """A radio to fit to a robot.
+
+    Attributes:
+        address: 64-bit address; None makes one of the robot's name.
+        range_m: Largest distance at which it receives others and they receive it [m].
+        loss: Share of the radio packets that it does not receive.
+    """
+
+    address: Optional[int] = None
+    range_m: float = math.inf
+    loss: float = 0.0
+
+
+def address_for(robot: str) -> int:
+    """The 64-bit address of a robot's radio if none is given: Digi's number, and a checksum of the robot's name."""
+    return DIGI << 32 | zlib.crc32(robot.encode())
+
+
+class XBee:
+    """A module on a robot.
+
+    Args:
+        medium: The air; the module joins it.
+        robot: Name of the robot, and the first node identifier.
+        fit: Address, range and loss.
+        place: Returns where the robot is [m].
+        seed: Draws losses and waits, together with the address.
+
+    Attributes:
+        live: The board runs in real time: packets of other boards arrive by its own clock.
+        on_arrival: Called when a packet has arrived, from any thread.
+        now_s: Time of the board [s].
+
+    Raises:
+        ConfigError: another radio has the address.
+    """
+
+    def __init__(
+        self,
+        medium: RadioMedium,
+        robot: str,
+        fit: RadioFit,
+        place: Callable[[], Place],
+        seed: int = 0,
+    ) -> None:
+        address = address_for(robot) if fit.address is None else fit.address
+        network = zlib.crc32(address.to_bytes(8, "big")) % _LARGEST_NETWORK + 1
+        self._station = Station(address, network, robot[:LONGEST_NODE], robot, fit.range_m, fit.loss)
+        self._medium, self.place = medium, place
+        self._rng = random.Random(f"radio {seed} {address}")
+        self._reader = PacketReader()
+        self._due: List[Tuple[float, int, bytes]] = []
+        self._numbers = itertools.count()
+        self._met: Set[int] = set()
+        self.live = False
+        self.on_arrival: Callable[[], None] = lambda: None
+        self.now_s = 0.0
+        medium.join(self)
+
+    def close(self) -> None:
+        """Leaves the air."""
+        self._medium.leave(self)
+
+    # ---- the air
+
+    @property
+    def station(self) -> Station:
+        """The module as other radios know it."""
+        return self._station
+
+    def set(self, **values: Any) -> None:
+        """Sets `range_m` [m], `loss` (a share) or `cut` (True: it neither sends nor receives)."""
+        self._station = self._station._replace(**values)
+        self._medium.changed(self)
+
+    def arrive(self, packet: RadioPacket, sent_s: float, delay_s: float) -> None:
+        """A packet arrives; `sent_s` is a time of the sender's clock, and of this board's unless it is `live`."""
+        if self._station.cut:
+            return
+        options = BROADCASTED if packet.broadcast else ACKNOWLEDGED
+        head = struct.pack(">BQHB", RECEIVED, packet.source, packet.network, options)
+        self._met.add(packet.source)
+        self._say((self.now_s if self.live else sent_s) + delay_s, head + packet.text)
+        self.on_arrival()
+
+    def fileno(self) -> Optional[int]:
+        """A descriptor that is readable when packets of other processes wait, if they can come."""
+        return self._medium.fileno(self)
+
+    def poll(self) -> None:
+        """Takes the packets of other processes."""
+        self._medium.poll(self)
+
+    # ---- the board
+
+    def receive(self, data: bytes, at_s: float) -> None:
+        """Bytes from the board; the last one arrived at `at_s` [s]."""
+        self.now_s = max(self.now_s, at_s)
+        for found in self._reader.feed(data):
+            if found[0] == AT_COMMAND and len(found) >= 4:
+                self._command(found[1], found[2:4], found[4:])
+            elif found[0] == TRANSMIT and len(found) >= _TEXT_AT:
+                self._transmit(found[1], int.from_bytes(found[2:10], "big"), found[_TEXT_AT:])
+
+    @property
+    def next_s(self) -> float:
+        """Time at which the next packet to the board begins [s]; may be infinite."""
+        return self._due[0][0] if self._due else math.inf
+
+    def take(self, to_s: float) -> List[bytes]:
+        """Packets whose way to the board begins until `to_s` [s]."""
+        self.now_s = max(self.now_s, to_s)
+        out = []
+        while self._due and self._due[0][0] <= to_s:
+            out.append(heapq.heappop(self._due)[2])
+        return out
+
+    def _say(self, at_s: float, data: bytes) -> None:
+        heapq.heappush(self._due, (at_s, next(self._numbers), xbee_packets.packet(data)))
+
+    # ---- texts
+
+    def _transmit(self, frame: int, to: int, text: bytes) -> None:
+        now_s, known = self.now_s, to in self._met
+        if len(text) > LONGEST_TEXT:
+            self._report(frame, now_s, UNKNOWN_NETWORK, 0, TEXT_TOO_LONG)
+        elif to == self._station.address:
+            self._report(frame, now_s, UNKNOWN_NETWORK, 0, SELF_ADDRESSED)
+        elif to == BROADCAST:
+            delay_s = self._medium.broadcast(self, text, now_s, self._rng)
+            self._report(frame, now_s + delay_s, UNKNOWN_NETWORK, 0, DELIVERED)
+        else:
+            sent = self._medium.unicast(self, to, text, now_s, self._rng)
+            self._report_unicast(frame, to, sent, known)
+
+    def _report_unicast(self, frame: int, to: int, sent: Delivery, known: bool) -> None:
+        """Reports the fate of a text.  To a module that was never met, a failure is an address not found."""
+        network, status = UNKNOWN_NETWORK, ADDRESS_NOT_FOUND
+        if sent.acknowledged and sent.to:
+            network, status = sent.to.network, DELIVERED
+            self._met.add(to)
+        elif sent.to or known:
+            status = NO_ACKNOWLEDGEMENT
+        discovery = _NO_DISCOVERY if known else _ADDRESS_DISCOVERY
+        self._report(frame, self.now_s + sent.delay_s, network, sent.retries, status, discovery)
+
+    def _report(
+        self, frame: int, at_s: float, network: int, retries: int, status: int, discovery: int = _NO_DISCOVERY
+    ) -> None:
+        """Says how a text was delivered, unless the board did not ask for it: frame id 0."""
+        if frame:
+            self._say(
+                at_s, struct.pack(">BBHBBB", TRANSMIT_STATUS, frame, network, retries, status, discovery)
+            )
+
+    # ---- AT commands
+
+    def _command(self, frame: int, name: bytes, value: bytes) -> None:
+        if name == b"ND":
+            self._discover(frame, value)
+            return
+        own = self._station
+        values = {
+            b"SH": struct.pack(">I", own.address >> 32),
+            b"SL": struct.pack(">I", own.address & 0xFFFFFFFF),
+            b"MY": struct.pack(">H", own.network),
+            b"NI": own.node.encode(),
+        }
+        if name not in values:
+            self._respond(frame, name, INVALID_COMMAND)
+        elif not value:
+            self._respond(frame, name, OK, values[name])
+        elif name == b"NI" and len(value) <= LONGEST_NODE and value.isascii():
+            self._station = own._replace(node=value.decode())
+            self._medium.changed(self)
+            self._respond(frame, name, OK)
+        else:
+            self._respond(frame, name, INVALID_PARAMETER)
+
+    def _discover(self, frame: int, wanted: bytes) -> None:
+        """One response for each node, and no packet at the end; an error if a node is wanted that does not answer."""
+        found = self._medium.discover(self, self._rng)
+        found = [each for each in found if wanted in (b"", each.station.node.encode())]
+        for (address, network, node, *_), delay_s in found:
+            data = struct.pack(">HQ", network, address) + node.encode() + b"\0"
+            data += struct.pack(">HBBHH", _NO_PARENT, _ROUTER, 0, _PROFILE, _MANUFACTURER)
+            self._respond(frame, b"ND", OK, data, delay_s)
+        if wanted and not found:
+            self._respond(frame, b"ND", ERROR, b"", DISCOVERY_S)
+
+    def _respond(self, frame: int, name: bytes, status: int, data: bytes = b"", delay_s: float = 0.0) -> None:
+        if frame:
+            self._say(self.now_s + delay_s, bytes([AT_RESPONSE, frame]) + name + bytes([status]) + data)
