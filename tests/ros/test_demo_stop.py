@@ -48,13 +48,15 @@ def shown(user, seen, words, count=1):
 
 
 @pytest.mark.parametrize("variable", [{"TERM": "dumb"}, {"PYTHONIOENCODING": "iso-8859-1"}], ids=str)
-def test_terminal_that_cannot_show_the_view_gets_a_line_a_second(robot, variable):
-    """It lacks a cursor that moves, or the view's characters."""
+def test_terminal_that_cannot_show_the_view_gets_a_line_a_second(robot, variable, tmp_path):
+    """It lacks a cursor that moves, or the view's characters.  The log is elsewhere: rospy colours its warnings."""
     user, program = pty.openpty()
     command = [sys.executable, str(VIEW), f"__ns:={robot.ns}"]
     env = {**robot.env, "TERM": "xterm", **variable}
-    with subprocess.Popen(command, env=env, stdin=program, stdout=program, stderr=program) as view:
-        os.close(program)
+    with (tmp_path / "log").open("w") as log:
+        view = subprocess.Popen(command, env=env, stdin=program, stdout=program, stderr=log)
+    os.close(program)
+    with view:
         try:
             seen = shown(user, b"", b" s  x ", 2)
             view.terminate()

@@ -43,7 +43,10 @@ def test_transform_can_be_looked_up_at_the_time_of_the_next_scan(rig):
 
     def place():
         """Where it is in the map at the newest time of its odometry, without waiting for a newer transform."""
-        stamp = drive()
+        drive()
+        if not buffer.can_transform(odom, base, rospy.Time()):
+            return None
+        stamp = buffer.get_latest_common_time(odom, base)
         if not buffer.can_transform(map_frame, base, stamp):
             return None
         at = buffer.lookup_transform(map_frame, base, stamp).transform.translation

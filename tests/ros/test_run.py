@@ -56,8 +56,11 @@ class Started:
 
     def named(self, name):
         """The process whose command line has `name`."""
-        found = [p for p in self.alive() if name.encode() in Path(f"/proc/{p}/cmdline").read_bytes()]
-        return found[0] if found else None
+        for pid in self.alive():
+            with contextlib.suppress(OSError):  # it has ended since
+                if name.encode() in Path(f"/proc/{pid}/cmdline").read_bytes():
+                    return pid
+        return None
 
     def wait_for(self, words):
         """Read output up to the first line with `words`; that line."""
@@ -90,7 +93,8 @@ def starting(folder, master):
     yield starter
     for run in runs:
         for pid in run.alive():
-            os.kill(pid, signal.SIGKILL)
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
         if run.process.stdout:
             run.process.stdout.close()
         run.process.wait()
@@ -141,10 +145,12 @@ def test_part_that_dies_ends_the_run_with_its_code_and_words(start):
     assert run.alive() == []
 
 
-def shown(user, words):
-    """Read the terminal until it shows `words`."""
+def shown(user, words, key=b""):
+    """Read the terminal until it shows `words`; press a key with each picture until then, which holds it down."""
     seen, until = b"", time.monotonic() + START_S
     while words not in seen:
+        if key:
+            os.write(user, key)
         assert select.select([user], [], [], max(0.0, until - time.monotonic()))[0], seen[-2000:]
         seen += os.read(user, 65536)
 
@@ -164,8 +170,7 @@ def of_real_robot(tmp_path_factory, master, module_rig):
         for _ in range(LOOKS):
             shown(user, b" Hz, ")
         unasked, since = [data for _, data in wire.sent], time.monotonic()
-        os.write(user, b"w")
-        shown(user, b"+0.250 m/s")
+        shown(user, b"+0.250 m/s", key=b"w")
         wire.wait_for(MOVE, since)
         shown(user, b"stopped")
         os.write(user, b"q")

@@ -1,6 +1,8 @@
 """Services, status, wheels and run-time limits of the node on an emulated board."""
 
+import contextlib
 import subprocess
+import threading
 import time
 
 import pytest
@@ -71,8 +73,28 @@ def refusals(robot, words):
     return sum(f"cmd_vel refused: {words}" in line for line in robot.process.output())
 
 
+@contextlib.contextmanager
+def commanded(robot, speed_m_s=SPEED_M_S):
+    """The robot rolls, and gets a command every 50 ms."""
+    drive_until(robot, lambda: rolls(robot), speed_m_s)
+    end = threading.Event()
+
+    def send():
+        while not end.wait(0.05):
+            robot.cmd_vel.publish(Twist(Vector3(speed_m_s, 0, 0), Vector3()))
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    try:
+        yield
+    finally:
+        end.set()
+        thread.join()
+
+
 def drive_in_vain(robot, words):
     """Command until the node refuses; it must send no motion to the board meanwhile."""
+    robot.odom.wait_for_more(2)  # the tap has passed on what the board was sent before
     since, before = time.monotonic(), refusals(robot, words)
     drive_until(robot, lambda: refusals(robot, words) > before)
     assert robot.wire.first(MOVE, since) == float("inf")
@@ -173,7 +195,8 @@ def test_manual_mode_drives_slowly_and_takes_no_pose(robot):
     pose, told = robot.publisher("pose", PoseStamped), robot.topic("manual_mode", Bool)
     answer = call(robot, "manual_mode", True)
     assert answer.success and "at most 0.15 m/s" in answer.message
-    assert told.wait()[-1].data and status_is(robot, operation_mode="manual")
+    wait_until(lambda: told.wait()[-1].data)
+    assert status_is(robot, operation_mode="manual")
     assert rospy.get_param(f"{robot.ns}/robot_node/operation_mode") == "manual"
     since = time.monotonic()
     drive_until(robot, lambda: speeds_since(robot, since).count(150) >= 2, 0.3)
@@ -185,7 +208,7 @@ def test_manual_mode_drives_slowly_and_takes_no_pose(robot):
         lambda: any("pose refused: the robot is in manual mode" in line for line in robot.process.output())
     )
     assert call(robot, "manual_mode", False).success and status_is(robot, operation_mode="automatic")
-    assert not told.messages[-1].data
+    wait_until(lambda: not told.messages[-1].data)
     stands(robot)
 
 
@@ -215,8 +238,8 @@ def test_readings_of_the_imu_have_the_heading_of_the_odometry(robot):
 
 
 def test_reset_is_refused_while_the_robot_moves(robot):
-    drive_until(robot, lambda: rolls(robot))
-    answer = call(robot, "reset_odometry")
+    with commanded(robot):
+        answer = call(robot, "reset_odometry")
     assert not answer.success and "stop it first" in answer.message
     stands(robot)
 
@@ -266,8 +289,8 @@ def test_gains_go_to_the_board(robot):
 
 
 def test_calibration_is_refused_while_the_robot_moves(robot):
-    drive_until(robot, lambda: rolls(robot))
-    assert not call(robot, "calibrate").success
+    with commanded(robot):
+        assert not call(robot, "calibrate").success
     stands(robot)
 
 

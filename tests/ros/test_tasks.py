@@ -40,14 +40,13 @@ def robot(rig, tmp_path):
     return rig
 
 
-def says(robot, **wanted):
-    def said():
-        for message in robot.status.messages[-1:]:
-            values = {pair.key.replace(" ", "_"): pair.value for pair in message.values}
-            return wanted.items() <= values.items()
-        return False
+def says(robot, since=-1, **wanted):
+    """Whether a status says so: the newest, or one since that number."""
 
-    return said
+    def so(message):
+        return wanted.items() <= {pair.key.replace(" ", "_"): pair.value for pair in message.values}.items()
+
+    return lambda: any(so(message) for message in robot.status.messages[since:])
 
 
 def drive_until(robot, condition, speed_m_s):
@@ -73,8 +72,9 @@ def test_a_robot_before_a_wall_stops_turns_away_by_pose_and_ends_by_shutdown(rob
     room_m = WALL_M - BODY_M / 2 - robot.odom.messages[-1].pose.pose.position.x
     assert PROTECTIVE_M - 0.03 < room_m < PROTECTIVE_M + 0.1
     turned = PoseStamped(Header(frame_id=f"{robot.name}/base_link"), Pose(Point(), Quaternion(0, 0, 1, 1)))
+    before = len(robot.status.messages)
     robot.pose.publish(turned)
-    wait_until(says(robot, mode="pose", moving="true"))
+    wait_until(says(robot, before, mode="pose", moving="true"))
     wait_until(says(robot, mode="drive", moving="false"))
     assert robot.odom.messages[-1].pose.pose.orientation.z == pytest.approx(0.7, abs=0.1)
     assert rospy.ServiceProxy(f"{robot.ns}/shutdown", Trigger)().success
