@@ -139,11 +139,11 @@ bool read_block(uint8_t layout, uint8_t count) {
   return good;
 }
 
-// Loads the present layout, or the old one with the defaults of the parameters that it lacks.
+// Loads the present layout, or an older one with the defaults of the parameters that it lacks.
 bool read_block() {
   if (read_block(LAYOUT, PARAMETER_COUNT)) return true;
   take_defaults();
-  return read_block(OLD_LAYOUT, OLD_PARAMETER_COUNT);
+  return read_block(BEFORE_HOLD, COUNT_BEFORE_HOLD) || read_block(BEFORE_BRIDGE, COUNT_BEFORE_BRIDGE);
 }
 
 void apply() {

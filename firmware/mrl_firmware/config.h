@@ -12,8 +12,9 @@ namespace config {
 
 constexpr uint16_t ID_AT = 0;
 constexpr uint16_t BLOCK_AT = 16;
-constexpr uint8_t LAYOUT = 3;
-constexpr uint8_t OLD_LAYOUT = 2, OLD_PARAMETER_COUNT = 19;  // before the H-bridge; its values are kept
+// Older layouts have fewer parameters; their values are kept.
+constexpr uint8_t LAYOUT = 4, BEFORE_HOLD = 3, BEFORE_BRIDGE = 2;
+constexpr uint8_t COUNT_BEFORE_HOLD = 26, COUNT_BEFORE_BRIDGE = 19;
 constexpr uint8_t BLOCK_SIZE = 1 + 2 * PARAMETER_COUNT + 2;
 
 // Loads the EEPROM; damaged values are replaced by the model's defaults, and a fault is set.

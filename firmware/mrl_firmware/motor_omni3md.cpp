@@ -7,6 +7,7 @@
 #include "board_clock.h"
 #include "config.h"
 #include "frame_writer.h"
+#include "hold.h"
 #include "motor.h"
 #include "motor_bus.h"
 #include "omni3md_queue.h"
@@ -250,11 +251,13 @@ bool next_stop(hal::Transfer& transfer) {
   return true;
 }
 
-// Queues a command; false if the board is not available.
+// Queues a command, unless it is a move and the radio holds the robot; false if the board is not available.
 bool send(const Message& message) {
   if (!available()) return false;
+  const bool turns = message.turns_motors();
+  if (turns && hold::refuses()) return true;
   if (!queue.push(message)) status::refuse(Reason::unavailable);
-  if (message.turns_motors() && !turning) {
+  if (turns && !turning) {
     status::set_stop_reason(StopReason::none);  // so that a second stop for the same reason is seen as one
     turning = true;
   }

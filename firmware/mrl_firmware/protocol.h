@@ -8,12 +8,14 @@ constexpr uint8_t PROTOCOL_VERSION = 2;  // what read_protocol reports
 constexpr uint8_t MAX_ARGUMENTS = 14;  // of any frame, including the checksum
 constexpr uint8_t MAX_FRAME = 98;  // bytes from '@' to 'e'
 constexpr uint8_t MAX_NOISE = 64;  // bytes outside a frame that are counted as one run
-constexpr uint8_t MAX_CODE = 48;  // codes run from 1 to this
+constexpr uint8_t MAX_CODE = 50;  // codes run from 1 to this
 constexpr uint8_t STOP_CODE = 13;  // accepted without a checksum in every state
 constexpr int16_t SONAR_INVALID = -1;  // no reading
 constexpr int16_t SONAR_NOTHING = 645;  // cm, nothing in range
-constexpr uint8_t REASON_COUNT = 11;
-constexpr uint8_t PARAMETER_COUNT = 26;
+constexpr uint8_t HOLD_MARK = 248;  // first byte of a hold text
+constexpr uint8_t MOST_HOLDERS = 4;  // that a board accepts at a time
+constexpr uint8_t REASON_COUNT = 12;
+constexpr uint8_t PARAMETER_COUNT = 27;
 constexpr uint8_t MODEL_PARAMETER_FIRST = 1;  // parameters whose defaults differ by model
 constexpr uint8_t MODEL_PARAMETER_COUNT = 11;
 
@@ -66,6 +68,8 @@ enum Code : uint8_t {
   READ_IMU = 46,
   START_IMU_STREAM = 47,
   STOP_IMU_STREAM = 48,
+  READ_RADIO = 49,
+  RELEASE_HOLD = 50,
 };
 
 // Why bytes were refused; the order of read_counters.
@@ -81,6 +85,7 @@ enum class Reason : uint8_t {
   bad_check = 8,
   unavailable = 9,
   overrun = 10,
+  held = 11,
 };
 
 constexpr int16_t CAPABILITY_CHECK = 1;
@@ -96,6 +101,7 @@ constexpr int16_t CAPABILITY_BRIDGE = 512;
 constexpr int16_t CAPABILITY_NO_BATTERY = 1024;
 constexpr int16_t CAPABILITY_NO_TEMPERATURE = 2048;
 constexpr int16_t CAPABILITY_IMU = 4096;
+constexpr int16_t CAPABILITY_HOLD = 8192;
 
 constexpr int16_t FAULT_MOTOR_BOARD = 1;
 constexpr int16_t FAULT_BUS_HUNG = 2;
@@ -135,6 +141,7 @@ enum class StopReason : uint8_t {
   wheel_blocked = 7,
   encoder = 8,
   undervoltage = 9,
+  held = 10,
 };
 
 // Bridge chips of parameter 19.
@@ -146,6 +153,23 @@ enum class Bridge : uint8_t {
   tb6612 = 4,
   drv8833 = 5,
   bts7960 = 6,
+};
+
+// Whether the radio holds the robot.
+enum class HoldState : uint8_t {
+  off = 0,
+  free = 1,
+  listening = 2,
+  held = 3,
+  silent = 4,
+};
+
+// Second byte of a hold text.
+enum class HoldText : uint8_t {
+  hold = 'H',
+  free = 'F',
+  held = 'h',
+  freed = 'f',
 };
 
 // Rows of the EEPROM configuration.
@@ -176,6 +200,7 @@ enum class Parameter : uint8_t {
   friction_duty = 23,
   battery_divider = 24,
   undervoltage = 25,
+  radio_hold = 26,
 };
 
 // One handler for each request; a forgotten one fails to link.
@@ -222,6 +247,8 @@ void set_baud(const int16_t* args, uint8_t count);  // 45
 void read_imu(const int16_t* args, uint8_t count);  // 46
 void start_imu_stream(const int16_t* args, uint8_t count);  // 47
 void stop_imu_stream(const int16_t* args, uint8_t count);  // 48
+void read_radio(const int16_t* args, uint8_t count);  // 49
+void release_hold(const int16_t* args, uint8_t count);  // 50
 }  // namespace handlers
 
 // One function for each sensor; a forgotten one fails to link.  On the I2C bus: values out of the bytes of
@@ -294,7 +321,9 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   REQUEST(45, set_baud, 1, 1, 1, 0, 43) \
   REQUEST(46, read_imu, 0, 0, 0, 1, 44) \
   REQUEST(47, start_imu_stream, 1, 1, 0, 0, 44) \
-  REQUEST(48, stop_imu_stream, 0, 0, 0, 0, 45)
+  REQUEST(48, stop_imu_stream, 0, 0, 0, 0, 45) \
+  REQUEST(49, read_radio, 0, 0, 0, 0, 45) \
+  REQUEST(50, release_hold, 0, 0, 1, 0, 45)
 
 // lowest and highest value of each request's arguments
 #define MRL_ARGUMENT_RANGES(RANGE) \
@@ -321,8 +350,8 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   RANGE(0, 10000) \
   RANGE(0, 1) \
   RANGE(0, 10000) \
-  RANGE(0, 25) \
-  RANGE(0, 25) \
+  RANGE(0, 26) \
+  RANGE(0, 26) \
   RANGE(INT16_MIN, 32767) \
   RANGE(INT16_MIN, 32767) \
   RANGE(INT16_MIN, 32767) \
@@ -356,7 +385,8 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   REASON(argument_range) \
   REASON(bad_check) \
   REASON(unavailable) \
-  REASON(overrun)
+  REASON(overrun) \
+  REASON(held)
 
 // name, code, in this build, I2C address, register, bytes, values, may be absent
 #define MRL_BUS_SENSORS(SENSOR) \
@@ -396,7 +426,8 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   RANGE(0, 1000) \
   RANGE(0, 500) \
   RANGE(0, 32767) \
-  RANGE(0, 32767)
+  RANGE(0, 32767) \
+  RANGE(0, 300)
 
 // lowest and highest robot id, then the parameters from axis_radius on: traxbot, stingbot, omni, duo
 #define MRL_MODELS(MODEL) \
@@ -418,6 +449,7 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   VALUE(0) \
   VALUE(0) \
   VALUE(50) \
+  VALUE(0) \
   VALUE(0) \
   VALUE(0) \
   VALUE(0)

@@ -114,7 +114,9 @@ void report(uint8_t code, int16_t value, bool with_counts) {
       return xbee::report_text();
     case DISCOVER_XBEE:
       return xbee::report_node();
-    default:  // 32, 36, 37 and 45 answer with the value they were asked with
+    case READ_RADIO:
+      return xbee::report_radio();
+    default:  // 32, 36, 37, 45 and 50 answer with the value they were asked with
       return sensors::knows(code) ? sensors::report(code) : writer::add(value);
   }
 }

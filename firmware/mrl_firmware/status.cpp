@@ -6,6 +6,7 @@
 #include "debug.h"
 #include "frame_writer.h"
 #include "hal.h"
+#include "hold.h"
 #include "imu.h"
 #include "motor.h"
 
@@ -16,17 +17,13 @@ namespace {
 constexpr int16_t CAPABILITIES = CAPABILITY_CHECK | CAPABILITY_WATCHDOG | CAPABILITY_PERIOD | CAPABILITY_CONFIG |
                                  CAPABILITY_BAUD |
                                  (MRL_ENVIRONMENT ? CAPABILITY_ENVIRONMENT : CAPABILITY_SONARS) |
-                                 (MRL_XBEE ? CAPABILITY_XBEE : 0);
+                                 (MRL_XBEE ? CAPABILITY_XBEE | CAPABILITY_HOLD : 0);
 
 int16_t counters[REASON_COUNT];
 int16_t clamped;
 int16_t present_faults, unread_faults;
 ResetCause reset_cause;
 StopReason stop_reason;
-
-void count(int16_t& counter) {
-  if (counter != INT16_MAX) counter++;
-}
 
 // The interrupt's mark survives a bootloader that clears the chip's flags; kept RAM means a reset, not a power-on.
 ResetCause cause_of(const hal::ResetTrace& trace) {
@@ -38,6 +35,10 @@ ResetCause cause_of(const hal::ResetTrace& trace) {
 }
 
 }  // namespace
+
+void count(int16_t& counter) {
+  if (counter != INT16_MAX) counter++;
+}
 
 void begin() { reset_cause = cause_of(hal::reset_trace()); }
 
@@ -81,7 +82,8 @@ void report_status() {
 }
 
 void report_counters() {
-  for (uint8_t i = 0; i < REASON_COUNT; i++) writer::add(counters[i]);
+  const uint8_t count = hold::on() ? REASON_COUNT : REASON_COUNT - 1;  // a host before holds knows one less
+  for (uint8_t i = 0; i < count; i++) writer::add(counters[i]);
 }
 
 }  // namespace status

@@ -9,6 +9,8 @@ namespace status {
 
 // Determines the reset cause.
 void begin();
+// One more, at most INT16_MAX.
+void count(int16_t& counter);
 // Counts a refusal.
 void refuse(Reason reason);
 // Counts a move beyond the speed ceiling.

@@ -3,8 +3,10 @@
 #include "answers.h"
 #include "board_clock.h"
 #include "build.h"
+#include "flash.h"
 #include "frame_writer.h"
 #include "hal.h"
+#include "hold.h"
 #include "protocol.h"
 #include "status.h"
 #include "xbee_packet.h"
@@ -16,13 +18,21 @@ namespace mrl {
 namespace xbee {
 namespace {
 
-enum PacketType : uint8_t { AT_COMMAND = 0x08, TRANSMIT = 0x10, AT_RESPONSE = 0x88, RECEIVED = 0x90 };
+enum PacketType : uint8_t {
+  AT_COMMAND = 0x08,
+  TRANSMIT = 0x10,
+  AT_RESPONSE = 0x88,
+  TRANSMIT_STATUS = 0x8B,
+  RECEIVED = 0x90
+};
 
-constexpr uint8_t FRAME_ID = 1;
 constexpr uint8_t ADDRESS_WORDS = 4;
+// The network address is not known; the packet goes as far as the network reaches; no options.
+const uint8_t ROUTE[] PROGMEM = {0xFF, 0xFE, 0, 0};
 constexpr uint8_t PIECE = 16;                                // longest text of one frame to the host
 constexpr uint8_t RECEIVED_ADDRESS = 1, RECEIVED_TEXT = 12;  // places in a receive packet
 constexpr uint8_t NODE_NETWORK = 5, NODE_ADDRESS = 7, NODE_SIZE = 15;
+constexpr uint8_t DELIVERY = 5, STATUS_SIZE = 7;
 constexpr uint8_t ENVELOPE = 4;  // delimiter, length and checksum
 constexpr uint32_t BROKEN_OFF = board_clock::of_ms(48);  // 46 bytes at 9600 baud: the packet is incomplete
 
@@ -32,6 +42,7 @@ uint8_t text_at;   // start of the received text that was not sent to the host y
 bool node_waits;   // a node's answer was not sent to the host yet
 bool asked;        // the frame with that answer is queued
 uint8_t sum;
+int16_t undelivered;
 
 // ---- to the radio
 
@@ -40,20 +51,15 @@ void put(uint8_t byte) {
   hal::radio_write(byte);
 }
 
-void put_word(int16_t value) {
-  put(static_cast<uint8_t>(static_cast<uint16_t>(value) >> 8));
-  put(static_cast<uint8_t>(value));
-}
-
 // False if the radio is still sending the previous packet.
-bool begin_packet(uint8_t size, PacketType type) {
+bool begin_packet(uint8_t size, PacketType type, uint8_t frame_id = FRAME_ID) {
   if (hal::radio_room() < size + ENVELOPE) return false;
   put(DELIMITER);
   put(0);
   put(size);
   sum = 0;
   put(type);
-  put(FRAME_ID);
+  put(frame_id);
   return true;
 }
 
@@ -67,35 +73,20 @@ bool discover() {
   return true;
 }
 
-uint8_t text_byte(const int16_t* words, uint8_t i) {
-  const uint16_t word = static_cast<uint16_t>(words[i / 2]);
-  return static_cast<uint8_t>(i % 2 ? word : word >> 8);
-}
-
-bool send(const int16_t* address, const int16_t* words, uint8_t length) {
-  if (!begin_packet(static_cast<uint8_t>(14 + length), TRANSMIT)) return false;
-  for (uint8_t i = 0; i < ADDRESS_WORDS; i++) put_word(address[i]);
-  put_word(static_cast<int16_t>(0xFFFE));  // the network address is not known
-  put(0);                                  // as far as the network reaches
-  put(0);                                  // no options
-  for (uint8_t i = 0; i < length; i++) put(text_byte(words, i));
-  end_packet();
-  return true;
-}
-
 // ---- from the radio
 
-int16_t word_at(uint8_t place) {
-  return static_cast<int16_t>(reader.data()[place] << 8 | reader.data()[place + 1]);
-}
-
-void add_address(uint8_t place) {
-  for (uint8_t i = 0; i < ADDRESS_WORDS; i++) writer::add(word_at(static_cast<uint8_t>(place + 2 * i)));
-}
+int16_t word_of(const uint8_t* bytes) { return static_cast<int16_t>(bytes[0] << 8 | bytes[1]); }
 
 void take_packet() {
   const uint8_t* data = reader.data();
-  if (data[0] == RECEIVED && reader.size() > RECEIVED_TEXT) text_at = RECEIVED_TEXT;
+  if (data[0] == RECEIVED && reader.size() > RECEIVED_TEXT) {
+    const uint8_t size = static_cast<uint8_t>(reader.size() - RECEIVED_TEXT);
+    if (!hold::take(data + RECEIVED_ADDRESS, data + RECEIVED_TEXT, size)) text_at = RECEIVED_TEXT;
+  }
+  if (data[0] == TRANSMIT_STATUS && reader.size() >= STATUS_SIZE && data[DELIVERY]) {
+    status::count(undelivered);
+    hold::tell();
+  }
   const bool is_node = data[0] == AT_RESPONSE && reader.size() >= NODE_SIZE && data[2] == 'N' && data[3] == 'D';
   if (is_node && data[4] == 0) node_waits = true;
 }
@@ -121,17 +112,32 @@ uint8_t piece_size() {
 
 }  // namespace
 
-void begin() { hal::radio_begin(); }
+void begin() {
+  hal::radio_begin();
+  hold::begin();
+}
 
-// The next packet stays in the port's queue until this one has been sent to the host.
-void service() {
+// The next packet stays in the port's queue until this one has been sent to the host.  Out of line, because the loop is
+// compiled for speed, which makes this larger.
+__attribute__((noinline)) void service() {
   receive();
+  hold::service();
   if (text_at || node_waits) ask_host();
 }
 
-void report_text() {
+bool send(const uint8_t* address, const uint8_t* text, uint8_t size, uint8_t frame_id) {
+  if (!begin_packet(static_cast<uint8_t>(14 + size), TRANSMIT, frame_id)) return false;
+  for (uint8_t i = 0; i < ADDRESS_SIZE; i++) put(address[i]);
+  for (uint8_t i = 0; i < sizeof ROUTE; i++) put(flash_byte(&ROUTE[i]));
+  for (uint8_t i = 0; i < size; i++) put(text[i]);
+  end_packet();
+  return true;
+}
+
+// The rows are out of line for the same reason.
+__attribute__((noinline)) void report_text() {
   const uint8_t size = piece_size();
-  add_address(RECEIVED_ADDRESS);
+  report_address(reader.data() + RECEIVED_ADDRESS);
   writer::add(size);
   for (uint8_t i = 0; i < size; i = static_cast<uint8_t>(i + 2)) {
     const uint8_t second = i + 1 < size ? reader.data()[text_at + i + 1] : 0;
@@ -142,10 +148,16 @@ void report_text() {
   asked = false;
 }
 
-void report_node() {
-  add_address(NODE_ADDRESS);
-  writer::add(word_at(NODE_NETWORK));
+__attribute__((noinline)) void report_node() {
+  report_address(reader.data() + NODE_ADDRESS);
+  writer::add(word_of(reader.data() + NODE_NETWORK));
   node_waits = asked = false;
+}
+
+__attribute__((noinline)) void report_radio() { hold::report(undelivered); }
+
+__attribute__((noinline)) void report_address(const uint8_t* address) {
+  for (uint8_t i = 0; i < ADDRESS_SIZE; i = static_cast<uint8_t>(i + 2)) writer::add(word_of(address + i));
 }
 
 }  // namespace xbee
@@ -155,8 +167,13 @@ namespace handlers {
 void send_xbee(const int16_t* args, uint8_t count) {
   const uint8_t length = static_cast<uint8_t>(args[xbee::ADDRESS_WORDS]);
   const uint8_t words = static_cast<uint8_t>(count - xbee::ADDRESS_WORDS - 1);
-  if (words != (length + 1) / 2) return status::refuse(Reason::argument_count);
-  if (!xbee::send(args, args + xbee::ADDRESS_WORDS + 1, length)) status::refuse(Reason::unavailable);
+  if (words != static_cast<uint8_t>(length + 1) / 2) return status::refuse(Reason::argument_count);
+  uint8_t bytes[xbee::ADDRESS_SIZE + 2 + xbee::PIECE];  // address, length, text
+  for (uint8_t* byte = bytes; count; count--, args++) {
+    *byte++ = static_cast<uint8_t>(*args >> 8);
+    *byte++ = static_cast<uint8_t>(*args);
+  }
+  if (!xbee::send(bytes, bytes + xbee::ADDRESS_SIZE + 2, length, xbee::FRAME_ID)) status::refuse(Reason::unavailable);
 }
 
 void discover_xbee(const int16_t*, uint8_t) {
@@ -173,6 +190,7 @@ void begin() {}
 void service() {}
 void report_text() {}
 void report_node() {}
+void report_radio() {}
 
 }  // namespace xbee
 

@@ -7,9 +7,13 @@ from mrl_driver.protocol.table import (
     CAPABILITIES,
     COMMANDS,
     FAULTS,
+    HOLD_MARK,
+    HOLD_STATES,
+    HOLD_TEXTS,
     MAX_ARGUMENTS,
     MAX_FRAME,
     MAX_NOISE,
+    MOST_HOLDERS,
     PARAMETERS,
     PROTOCOL_VERSION,
     REASONS,
@@ -48,6 +52,8 @@ def header() -> str:
         *_enumeration("ResetCause", RESET_CAUSES, "What started the board."),
         *_enumeration("StopReason", STOP_REASONS, "Why the motors were last stopped."),
         *_enumeration("Bridge", BRIDGES, "Bridge chips of parameter 19."),
+        *_enumeration("HoldState", [name for name, _ in HOLD_STATES], "Whether the radio holds the robot."),
+        *_hold_texts(),
         *_enumeration("Parameter", [row.name for row in PARAMETERS], "Rows of the EEPROM configuration."),
         *_handlers(),
         "}  // namespace mrl",
@@ -70,6 +76,8 @@ def _constants() -> List[str]:
         ("uint8_t", "STOP_CODE", STOP_CODE, "accepted without a checksum in every state"),
         ("int16_t", "SONAR_INVALID", SONAR_INVALID, "no reading"),
         ("int16_t", "SONAR_NOTHING", SONAR_NOTHING, "cm, nothing in range"),
+        ("uint8_t", "HOLD_MARK", HOLD_MARK, "first byte of a hold text"),
+        ("uint8_t", "MOST_HOLDERS", MOST_HOLDERS, "that a board accepts at a time"),
         ("uint8_t", "REASON_COUNT", len(REASONS), ""),
         ("uint8_t", "PARAMETER_COUNT", len(PARAMETERS), ""),
         (
@@ -95,6 +103,11 @@ def _codes() -> List[str]:
 def _enumeration(name: str, values: Sequence[str], text: str) -> List[str]:
     body = [f"  {value} = {index}," for index, value in enumerate(values)]
     return [f"// {text}", f"enum class {name} : uint8_t {{", *body, "};", ""]
+
+
+def _hold_texts() -> List[str]:
+    body = [f"  {name} = '{letter}'," for name, letter, _ in HOLD_TEXTS]
+    return ["// Second byte of a hold text.", "enum class HoldText : uint8_t {", *body, "};", ""]
 
 
 def _bits(prefix: str, names: Sequence[str]) -> List[str]:

@@ -8,6 +8,9 @@ from mrl_driver.protocol.table import (
     CHECK,
     COMMANDS,
     FAULTS,
+    HOLD_MARK,
+    HOLD_STATES,
+    HOLD_TEXTS,
     MAX_FRAME,
     MAX_NOISE,
     PARAMETERS,
@@ -58,6 +61,11 @@ board reads a sensor on the I2C bus in the background while the host asks for it
 
 A text by radio (38, 39) has one argument for each two bytes; the last argument is padded with 0.  A text of more than
 16 bytes arrives as several frames 39.  The replies to 40 arrive one by one, while the XBee waits for nodes (6 s).
+
+While parameter 26 is not 0, other robots can hold this one by radio, see the table of hold texts.  The board then
+stops the motors and refuses each move (1, 9 to 12, 43) as held until every holder has sent its "free".  Nothing that
+the radio receives starts the robot: after a hold it waits for a new move of its host.  The board answers each hold
+text.  It passes hold texts to the host only while the parameter is 0.
 """
 
 
@@ -99,6 +107,14 @@ def reference() -> str:
         *_table(("wiring (parameter 20)", "bit", "meaning"), _bit_cells(WIRING)),
         *_table(("value", "reset cause (30)"), _numbered(RESET_CAUSES)),
         *_table(("value", "stop reason (30)"), _numbered(STOP_REASONS)),
+        *_table(("value", "hold state (49)", "meaning"), _hold_state_cells()),
+        "## Hold texts",
+        "",
+        f"A hold text has 4 bytes: 0x{HOLD_MARK:02X}, a letter, and the number of the hold, high byte first.  A holder",
+        "uses a larger number in each new hold, so an old text that arrives late has no effect.  Numbers wrap at",
+        "16 bits: a number is larger if it is 1 to 32767 ahead.",
+        "",
+        *_table(("text", "letter", "meaning"), HOLD_TEXTS),
     ]
     return "\n".join(parts).rstrip() + "\n"
 
@@ -163,6 +179,10 @@ def _defaults_table() -> List[str]:
 
 def _bit_cells(rows: Sequence[Tuple[str, str]]) -> List[Tuple[str, ...]]:
     return [(name, str(1 << i), text) for i, (name, text) in enumerate(rows)]
+
+
+def _hold_state_cells() -> List[Tuple[str, ...]]:
+    return [(str(i), name, text) for i, (name, text) in enumerate(HOLD_STATES)]
 
 
 def _numbered(names: Sequence[str]) -> List[Tuple[str, ...]]:

@@ -161,7 +161,7 @@ _GYRO = tuple(_int16(f"gyro_{axis}", "0.000266462 rad/s", f"Angular rate about t
                                                          "deg/s.") for axis in "xyz")
 _ACCEL = tuple(_int16(f"accel_{axis}", "0.000598551 m/s2", f"Acceleration along the chip's {axis} axis, +1 g if it "
                                                           "points up; 16384 counts per g.") for axis in "xyz")
-_INDEX = Field("index", 0, 25, "", "Row of the parameter table.")
+_INDEX = Field("index", 0, 26, "", "Row of the parameter table.")
 _VALUE = _int16("value", "", "The parameter's value in the unit of its row.")
 _ADDRESS = tuple(_int16(f"address_{i}", "", f"Bits {16 * i + 15} to {16 * i} of the XBee's 64-bit address.")
                  for i in (3, 2, 1, 0))
@@ -227,7 +227,7 @@ _OTHERS: Tuple[Command, ...] = (
         _count("uptime_high", "Time since reset in units of 32768 s."),
         Field("uptime", 0, INT16_MAX, "s", "Remainder of the time since reset."),
         Field("reset_cause", 0, 4, "", "Row of the reset cause table."),
-        Field("stop_reason", 0, 9, "", "Row of the stop reason table: why motors stopped; none while they turn."),
+        Field("stop_reason", 0, 10, "", "Row of the stop reason table: why motors stopped; none while they turn."),
         Field("faults", 0, INT16_MAX, "bits", "Sum of the rows of the fault table."),
         _count("clamped", "Commands above the speed ceiling."),
         _count("impossible", "Encoder transitions that skip a state; only from H-bridge builds.")), optional_reply=1),
@@ -240,7 +240,8 @@ _OTHERS: Tuple[Command, ...] = (
             ("argument_range", "Arguments outside the row's range."),
             ("bad_check", "Checksum wrong or absent."),
             ("unavailable", "Commands to hardware that does not answer."),
-            ("overrun", "Bytes lost before they were read.")))),
+            ("overrun", "Bytes lost before they were read."),
+            ("held", "Moves refused because the radio holds the robot; only with parameter 26."))), optional_reply=1),
     Command(32, "set_check", "Turn the checksum on or off in both directions.", (_CHECKED,), (_CHECKED,), guarded=True),
     Command(33, "set_watchdog", "Stop the motors if no valid frame arrives for this long.",
             (Field("period", 0, 10000, "ms", "0 turns it off."),),
@@ -270,6 +271,16 @@ _OTHERS: Tuple[Command, ...] = (
     Command(47, "start_imu_stream", "Repeat the reply of 46 until stopped; another stream may run too.", (
         Field("period", 10, 10000, "ms", "Time between frames."),), repeats=46),
     Command(48, "stop_imu_stream", "End the stream of 47."),
+    Command(49, "read_radio", "Does the radio hold the robot? After the first request, the board also sends the reply "
+                              "at each change of the state, and when a text was not delivered.", (), (
+        Field("state", 0, 4, "", "Row of the hold state table."),
+        Field("holders", 0, 4, "", "Number of robots that hold this one."),
+        _count("ignored", "Hold texts without effect: too old, too many holders, or not from a holder."),
+        _count("undelivered", "Texts of 38 that reached no radio.")) + tuple(
+            f._replace(text=f.text.replace("the XBee's", "a holder's") + " The holder silent for longest; 0 without "
+                                                                        "holders.") for f in _ADDRESS)),
+    Command(50, "release_hold", "Drop the silent holders. The host decides this; time alone never ends a hold.", (),
+            (_flag("held", "1: another robot still holds this one."),), guarded=True),
 )
 COMMANDS: Tuple[Command, ...] = tuple(sorted(_OTHERS + tuple(row.command for row in SENSORS)))
 
@@ -300,6 +311,7 @@ CAPABILITIES: Tuple[Tuple[str, str], ...] = (
     ("no_battery", "The battery's voltage is not measured; 5 reports 0."),
     ("no_temperature", "The motors' temperature is not measured; 5 reports 0."),
     ("imu", "An IMU has answered since the start (46 to 48)."),
+    ("hold", "Other robots can hold this one by radio (49, 50)."),
 )
 FAULTS: Tuple[Tuple[str, str], ...] = (
     ("motor_board", "The motor board does not answer."),
@@ -325,7 +337,26 @@ WIRING: Tuple[Tuple[str, str], ...] = (
 """Bits of parameter 20.  Each wheel's bits apply after the swaps: they belong to what drives or measures that wheel."""
 RESET_CAUSES: Tuple[str, ...] = ("unknown", "power_on", "external", "brown_out", "watchdog")
 STOP_REASONS: Tuple[str, ...] = ("none", "host", "link_watchdog", "stall", "motor_board", "boot", "check_ended",
-                                 "wheel_blocked", "encoder", "undervoltage")
+                                 "wheel_blocked", "encoder", "undervoltage", "held")
+HOLD_STATES: Tuple[Tuple[str, str], ...] = (
+    ("off", "Parameter 26 is 0; hold texts reach the host as other texts do."),
+    ("free", "The robot may move."),
+    ("listening", "The board has started and refuses moves for the time of parameter 26: a holder may be speaking."),
+    ("held", "Moves are refused until each holder has freed the robot."),
+    ("silent", "The same, and a holder was not heard for the time of parameter 26."),
+)
+HOLD_MARK = 0xF8
+"""First byte of a hold text.  No ASCII text has it."""
+HOLD_TEXTS: Tuple[Tuple[str, str, str], ...] = (
+    ("hold", "H", "To a board: stop, and refuse moves."),
+    ("free", "F", "To a board: the hold with this number, or an older one, has ended."),
+    ("held", "h", "From a board: it is held; the number of the hold in force."),
+    ("freed", "f", "From a board: the sender does not hold it. A new hold needs a larger number than this."),
+)
+"""Texts between a holder and a board: name, second byte, meaning.  Each has 4 bytes: `HOLD_MARK`, this letter, and a
+number, high byte first, that is larger in each new hold of a holder.  Numbers wrap at 16 bits."""
+MOST_HOLDERS = BY_NAME["read_radio"].reply[1].high
+"""A board accepts this many holders at a time."""
 
 PARAMETERS: Tuple[Parameter, ...] = (
     Parameter(0, "robot_id", 0, INT16_MAX, "", "Robot id; 0 is not set."),
@@ -356,6 +387,8 @@ PARAMETERS: Tuple[Parameter, ...] = (
               "bridge"),
     Parameter(25, "undervoltage", 0, INT16_MAX, "0.01 V", "The motors stop below this voltage; 0 turns it off.",
               "bridge"),
+    Parameter(26, "radio_hold", 0, 300, "100 ms", "Time after which a holder counts as silent; 0: no hold by radio.",
+              "hold"),
 )
 PARAMETER_BY_NAME: Dict[str, Parameter] = {row.name: row for row in PARAMETERS}
 

@@ -12,10 +12,12 @@ _PER_MM_S = 95492
 """6e5 / (2 pi): ceiling [mm/s] * this / (full_speed [1/min] * wheel_radius [0.01 mm]) is the ceiling in %."""
 
 
-def _register(name: str, method: Callable[..., bool]) -> None:
+def _register(name: str, method: Callable[..., bool], moves: bool = False) -> None:
     """Registers a request that a method of `Motors` carries out, given the time and the request's arguments."""
 
     def handle(board: PythonBoard, *values: int) -> None:
+        if moves and board.refuses_move():
+            return
         if not method(board.motors, board.now_s, *values):
             board.refuse("unavailable")
 
@@ -30,12 +32,12 @@ def _move_motors(motors: Motors, now_s: float, left: int, right: int) -> bool:
     return motors.move_percent(now_s, left, right, False)
 
 
-_register("calibrate", lambda motors, *values: motors.calibrate(*values))
+_register("calibrate", lambda motors, *values: motors.calibrate(*values), moves=True)
 _register("set_encoder_prescaler", lambda motors, *values: motors.set_prescaler(*values))
 _register("preset_encoder", lambda motors, *values: motors.preset_encoder(*values))
-_register("move_motors_pid", _move_motors_pid)
-_register("move_motors", _move_motors)
-_register("move_to_position", lambda motors, *values: motors.move_position(*values))
+_register("move_motors_pid", _move_motors_pid, moves=True)
+_register("move_motors", _move_motors, moves=True)
+_register("move_to_position", lambda motors, *values: motors.move_position(*values), moves=True)
 _register("reset_encoders", lambda motors, *values: motors.reset_encoders(*values))
 
 
@@ -53,6 +55,8 @@ def move_differential(board: PythonBoard, linear: int, angular: int) -> None:
     """11."""
     config = board.config
     linear, angular = _clamped(board, linear, angular, config["linear_ceiling"], config["angular_ceiling"])
+    if board.refuses_move():
+        return
     if not board.motors.move_speed(board.now_s, linear, angular):
         board.refuse("unavailable")
 
@@ -67,6 +71,8 @@ def move_omni(board: PythonBoard, speed: int, rotation: int, direction: int) -> 
     turning = angular * config["axis_radius"] // 355 * 339  # 3 / pi
     most_rotation = INT16_MAX if angular == INT16_MAX else min(100, turning // full)
     speed, rotation = _clamped(board, speed, rotation, most_speed, most_rotation)
+    if board.refuses_move():
+        return
     if not board.motors.move_omni(board.now_s, speed, rotation, direction):
         board.refuse("unavailable")
 

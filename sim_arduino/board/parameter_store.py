@@ -12,13 +12,16 @@ from typing import Dict, List, Tuple
 from mrl_driver.protocol.table import PARAMETER_BY_NAME, PARAMETERS
 from mrl_driver.robot import models as robots
 
-ID_AT, BLOCK_AT, LAYOUT = 0, 16, 3
-OLD_LAYOUT, OLD_PARAMETERS = 2, 19
-"""The layout before the H-bridge; its values are kept, and the later parameters take their defaults."""
+ID_AT, BLOCK_AT, LAYOUT = 0, 16, 4
+OLD_LAYOUTS = {3: 26, 2: 19}
+"""Number of parameters in each older layout, before the hold by radio and before the H-bridge.  Their values are kept,
+and the later parameters take their defaults."""
 EEPROM_BYTES = 1024
 EEPROM_BYTE_S, EEPROM_LOOK_S = 3.4e-3, 20.2e-3
 """Time to write one byte, and to compare all stored bytes before the reply to a save [s]."""
-_BODIES = {LAYOUT: struct.Struct(f"<B{len(PARAMETERS)}h"), OLD_LAYOUT: struct.Struct(f"<B{OLD_PARAMETERS}h")}
+_BODIES = {
+    layout: struct.Struct(f"<B{count}h") for layout, count in {LAYOUT: len(PARAMETERS), **OLD_LAYOUTS}.items()
+}
 _LONGEST_CM = 1250
 
 
@@ -57,7 +60,7 @@ def first(robot_id: int, model: robots.RobotModel) -> List[int]:
 
 
 def image(values: List[int], layout: int = LAYOUT) -> bytes:
-    """A fresh EEPROM that holds these parameters, which are the first 19 in the old layout."""
+    """A fresh EEPROM that holds these parameters, which are fewer in an older layout."""
     blank = bytearray(b"\xff" * EEPROM_BYTES)
     store(blank, values, layout)
     return bytes(blank)

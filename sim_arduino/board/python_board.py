@@ -20,6 +20,7 @@ from .imu_reader import ImuReader, Reading
 from .motor_control import MotorControl
 from .motors import Motors
 from .parameter_store import Config
+from .radio_hold import RadioHold
 from .radio_port import RadioPort
 from .sonar_chain import SonarTask
 from .uart import OUT_BYTE_S, Incoming, Outgoing
@@ -210,7 +211,8 @@ class PythonBoard:
         self.imu = ImuReader(self.plant.i2c, self.environment, self.health)
         self.imu_reading: Optional[Reading] = None
         self._imu_read_s, self._imu_ahead = 0.0, False
-        self.radio = RadioPort(self.plant.xbee, self.ask, self._can_ask) if self.plant.xbee else None
+        hold = RadioHold(self.config, lambda: self.stop_motors("held"), self.ready_s)
+        self.radio = RadioPort(self.plant.xbee, hold, self.ask, self._can_ask) if self.plant.xbee else None
         self.debug = False
         self.stream: Optional[RunningStream] = None
         self.imu_stream: Optional[ImuStream] = None
@@ -499,6 +501,13 @@ class PythonBoard:
         if not there:
             self.refuse("unavailable")
         return there
+
+    def refuses_move(self) -> bool:
+        """Whether other robots hold this one; counts the refusal of a move that the motors could carry out."""
+        held = bool(self.radio and self.radio.hold.held and self.motors.there(self.now_s))
+        if held:
+            self.refuse("held")
+        return held
 
     def stop_motors(self, reason: str) -> None:
         """Stops the motors at once."""

@@ -11,8 +11,16 @@ from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.table import BY_NAME
 from sim_arduino.hardware import xbee_packets
 from sim_arduino.hardware.xbee import UNKNOWN_NETWORK, XBee
-from sim_arduino.hardware.xbee_packets import AT_COMMAND, AT_RESPONSE, RECEIVED, TRANSMIT, PacketReader
+from sim_arduino.hardware.xbee_packets import (
+    AT_COMMAND,
+    AT_RESPONSE,
+    RECEIVED,
+    TRANSMIT,
+    TRANSMIT_STATUS,
+    PacketReader,
+)
 
+from .radio_hold import RadioHold
 from .uart import Outgoing, Ring
 
 BYTE_S = 10 / 9615.0
@@ -26,10 +34,13 @@ LONGEST = 96
 PIECE = 16
 """Longest text of one frame to the host [byte]."""
 BROKEN_OFF_S = 0.048
-FRAME_ID = 1
+FRAME_ID, NO_FRAME_ID = 1, 0
 _ENVELOPE = 4
+_DELIVERY, _STATUS_SIZE = 5, 7
 _TEXT_AT, _NODE_SIZE, _NODE_AT = 12, 15, 5
-XBEE_TEXT, DISCOVER_XBEE = (BY_NAME[name].code for name in ("xbee_text", "discover_xbee"))
+XBEE_TEXT, DISCOVER_XBEE, READ_RADIO = (
+    BY_NAME[name].code for name in ("xbee_text", "discover_xbee", "read_radio")
+)
 
 
 class ReceivedText(NamedTuple):
@@ -50,11 +61,14 @@ class RadioPort:
     """The radio of a `PythonBoard`.
 
     Args:
+        hold: Takes the hold texts.
         ask: Queues a frame to the host by its code; called only if `can_ask()`.
     """
 
-    def __init__(self, xbee: XBee, ask: Callable[[int], None], can_ask: Callable[[], bool]) -> None:
-        self._xbee, self._ask, self._can_ask = xbee, ask, can_ask
+    def __init__(
+        self, xbee: XBee, hold: RadioHold, ask: Callable[[int], None], can_ask: Callable[[], bool]
+    ) -> None:
+        self._xbee, self.hold, self._ask, self._can_ask = xbee, hold, ask, can_ask
         self._out, self._in = Outgoing(), Outgoing()
         self._out.byte_s, self._in.byte_s = BYTE_S, MODULE_BYTE_S
         self._heard = Ring(QUEUE_BYTES)
@@ -64,9 +78,9 @@ class RadioPort:
 
     # ---- to the module
 
-    def send(self, address: int, text: bytes, now_s: float) -> bool:
-        """Sends a text; False if the module's line has no room for it."""
-        head = struct.pack(">BBQHBB", TRANSMIT, FRAME_ID, address, UNKNOWN_NETWORK, 0, 0)
+    def send(self, address: int, text: bytes, now_s: float, frame_id: int = FRAME_ID) -> bool:
+        """Sends a text; False if the module's line has no room for it.  The module reports a text with an id."""
+        head = struct.pack(">BBQHBB", TRANSMIT, frame_id, address, UNKNOWN_NETWORK, 0, 0)
         return self._put(head + text, now_s)
 
     def discover(self, now_s: float) -> bool:
@@ -85,7 +99,7 @@ class RadioPort:
     @property
     def next_s(self) -> float:
         """Time of the next event on the two lines [s]; may be infinite."""
-        return min(self._out.next_s, self._in.next_s, self._xbee.next_s)
+        return min(self._out.next_s, self._in.next_s, self._xbee.next_s, self.hold.next_s)
 
     def run(self, now_s: float) -> None:
         """Moves the bytes on both lines to now, and takes the packets that are complete."""
@@ -96,23 +110,41 @@ class RadioPort:
             self._in.put(data, now_s)
         for byte in self._in.take(now_s):
             self._heard.put(bytes([byte]))
-            self._read()
-        self.serve_host()
+            self._read(now_s)
+        self.hold.run(now_s)
+        self.serve_host(now_s)
 
-    def serve_host(self) -> None:
+    def serve_host(self, now_s: float) -> None:
         """Reads the next packet if the host has got the one before, and queues a frame for what is new."""
-        self._read()
+        self._read(now_s)
+        for address, text in self.hold.answers():
+            if not self.send(address, text, now_s, NO_FRAME_ID):
+                self.hold.keep(address, text)
+        if self._can_ask() and self.hold.take_news():
+            self._ask(READ_RADIO)
         if self._waiting is not None and not self._asked and self._can_ask():
             self._asked = True
             self._ask(XBEE_TEXT if isinstance(self._waiting, ReceivedText) else DISCOVER_XBEE)
 
-    def _read(self) -> None:
+    def _read(self, now_s: float) -> None:
         while self._waiting is None:
             byte = self._heard.take()
             if byte is None:
                 return
             for found in self._reader.feed(bytes([byte])):
-                self._waiting = _news(found)
+                self._waiting = self._news(found, now_s)
+
+    def _news(self, data: bytes, now_s: float) -> Union[ReceivedText, FoundNode, None]:
+        """What is for the host in a packet."""
+        if data[0] == RECEIVED and len(data) > _TEXT_AT:
+            address, text = int.from_bytes(data[1:9], "big"), data[_TEXT_AT:]
+            return None if self.hold.receive(address, text, now_s) else ReceivedText(address, text)
+        if data[0] == TRANSMIT_STATUS and len(data) >= _STATUS_SIZE and data[_DELIVERY]:
+            self.hold.count_undelivered()
+        if data[0] == AT_RESPONSE and len(data) >= _NODE_SIZE and data[2:5] == b"ND\0":
+            network, node = struct.unpack_from(">HQ", data, _NODE_AT)
+            return FoundNode(node, network)
+        return None
 
     # ---- the frames to the host
 
@@ -135,13 +167,3 @@ class RadioPort:
 
 def _words(data: bytes) -> Tuple[int, ...]:
     return struct.unpack(f">{len(data) // 2}h", data)
-
-
-def _news(data: bytes) -> Union[ReceivedText, FoundNode, None]:
-    """What is for the host in a packet."""
-    if data[0] == RECEIVED and len(data) > _TEXT_AT:
-        return ReceivedText(int.from_bytes(data[1:9], "big"), data[_TEXT_AT:])
-    if data[0] == AT_RESPONSE and len(data) >= _NODE_SIZE and data[2:5] == b"ND\0":
-        network, address = struct.unpack_from(">HQ", data, _NODE_AT)
-        return FoundNode(address, network)
-    return None

@@ -42,7 +42,7 @@ def _protocol(board: PythonBoard, _: int) -> Values:
     if board.imu.found:
         names.append("imu")
     if board.radio:
-        names.append("xbee")
+        names += ["xbee", "hold"]
     return PROTOCOL_VERSION, sum(_CAPABILITY[name] for name in names)
 
 
@@ -54,7 +54,8 @@ def _status(board: PythonBoard, _: int) -> Values:
 
 @reply("read_counters")
 def _counters(board: PythonBoard, _: int) -> Values:
-    return tuple(board.health.counters[reason.name] for reason in REASONS)
+    known = REASONS if board.radio and board.radio.hold.on else REASONS[:-1]
+    return tuple(board.health.counters[reason.name] for reason in known)
 
 
 # ---- checksum, watchdog, configuration
@@ -128,6 +129,7 @@ def set_baud(board: PythonBoard, rate: int) -> None:
 @reply("set_check")
 @reply("save_config")
 @reply("default_config")
+@reply("release_hold")
 def _value(_: PythonBoard, value: int) -> Values:
     return (value,)
 
@@ -170,3 +172,26 @@ def discover_xbee(board: PythonBoard) -> None:
 @reply("discover_xbee")
 def _node(board: PythonBoard, _: int) -> Values:
     return board.radio.node() if board.radio else None
+
+
+@request
+def read_radio(board: PythonBoard) -> None:
+    """49."""
+    if board.radio:
+        board.ask(BY_NAME["read_radio"].code)
+    else:
+        board.refuse("unavailable")
+
+
+@reply("read_radio")
+def _radio(board: PythonBoard, _: int) -> Values:
+    return board.radio.hold.report() if board.radio else None
+
+
+@request
+def release_hold(board: PythonBoard) -> None:
+    """50."""
+    if board.radio:
+        board.ask(BY_NAME["release_hold"].code, board.radio.hold.release())
+    else:
+        board.refuse("unavailable")

@@ -66,19 +66,24 @@ def calibrated():
     return values
 
 
-def old_image():
-    """The calibrated board's EEPROM before the H-bridge."""
-    values = calibrated()[: parameter_store.OLD_PARAMETERS]
-    return parameter_store.image(values, parameter_store.OLD_LAYOUT)
+BEFORE_BRIDGE = 2
 
 
-def test_block_of_the_old_layout_keeps_its_values(bench):
-    board = bench(eeprom=old_image())
+def old_image(layout=BEFORE_BRIDGE):
+    """The calibrated board's EEPROM in an older layout."""
+    values = calibrated()[: parameter_store.OLD_LAYOUTS[layout]]
+    return parameter_store.image(values, layout)
+
+
+@pytest.mark.parametrize("layout", parameter_store.OLD_LAYOUTS)
+def test_block_of_an_old_layout_keeps_its_values(bench, layout):
+    board = bench(eeprom=old_image(layout))
     assert parameters(board) == calibrated() and faults(board) == 0
 
 
-def test_emulated_board_keeps_the_values_of_the_old_layout():
-    config = parameter_store.Config(bytearray(old_image()))
+@pytest.mark.parametrize("layout", parameter_store.OLD_LAYOUTS)
+def test_emulated_board_keeps_the_values_of_an_old_layout(layout):
+    config = parameter_store.Config(bytearray(old_image(layout)))
     assert config.values == calibrated() and config.sound
 
 
@@ -90,7 +95,7 @@ def test_damaged_block_of_the_old_layout_is_refused(bench, place):
     assert parameters(board) == parameter_store.defaults(4) and faults(board) == FAULT["eeprom"]
 
 
-@pytest.mark.parametrize("layout", [0, 1, 4])
+@pytest.mark.parametrize("layout", [0, 1, 5])
 def test_other_layout(bench, layout):
     """Older and newer layouts are not read, even with a right check value."""
     values = parameter_store.defaults(1)

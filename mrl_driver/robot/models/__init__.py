@@ -581,6 +581,7 @@ COMMON_BOARD = {
     "full_speed": 160,
     **dict.fromkeys(BRIDGE_KEYS, 0),
     "reversal_pause": 50,
+    "radio_hold": 0,
 }
 """Defaults that all models share.
 
