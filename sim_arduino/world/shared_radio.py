@@ -12,6 +12,7 @@ import json
 import os
 import socket
 import struct
+import time
 from typing import Dict, List, NamedTuple, Optional
 
 from mrl_driver.errors import ConfigError
@@ -23,9 +24,12 @@ from .shared_robots import folder_of, is_held, is_locked
 _SUFFIX = ".radio"
 _ROW_BYTES = 512
 """A file always has this size: JSON, and blanks behind it."""
-_HEAD = struct.Struct("<dQH?")
-"""Delay [s], 64-bit and network address of the sender, whether it is a broadcast; the text follows."""
+_HEAD = struct.Struct("<ddQH?")
+"""Time of the monotonic clock [s], delay [s], 64-bit and network address of the sender, whether it is a broadcast; the
+text follows."""
 _LONGEST = 1024
+OLD_S = 1.0
+"""A packet that its process has not taken after this time is lost, as with a board that hangs [s]."""
 
 
 class _Own(NamedTuple):
@@ -135,7 +139,8 @@ class SharedRadioMedium(RadioMedium):
     def _deliver(self, station: Station, packet: RadioPacket, sent_s: float, delay_s: float) -> bool:
         if station.address in self._own:
             return super()._deliver(station, packet, sent_s, delay_s)
-        data = _HEAD.pack(delay_s, packet.source, packet.network, packet.broadcast) + packet.text
+        now_s = time.monotonic()
+        data = _HEAD.pack(now_s, delay_s, packet.source, packet.network, packet.broadcast) + packet.text
         try:
             self._sender.sendto(data, self._path_of(station.address))
         except OSError:
@@ -152,7 +157,9 @@ class SharedRadioMedium(RadioMedium):
         with contextlib.suppress(BlockingIOError):
             while True:
                 data = bound.recv(_LONGEST)
-                delay_s, source, network, broadcast = _HEAD.unpack_from(data)
+                sent_s, delay_s, source, network, broadcast = _HEAD.unpack_from(data)
+                if time.monotonic() - sent_s > OLD_S:
+                    continue
                 radio.arrive(RadioPacket(source, network, broadcast, data[_HEAD.size :]), 0.0, delay_s)
 
 

@@ -6,14 +6,13 @@ from typing import List
 import pytest
 
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
-from sim_arduino.avr.machine import AvrMachine
+from sim_arduino.avr.bit_serial import BitReceiver, edges
+from sim_arduino.avr.machine import UNO_HZ, AvrMachine
+from sim_arduino.board.radio_wires import IN, OUT
+from sim_arduino.hardware.xbee import BAUD
 from tests.firmware.test_xbee import ADDRESS, ADDRESS_WORDS, packet, received, words
 
 IMAGE = Path(__file__).resolve().parent.parent.parent / "build" / "firmware" / "mrl_firmware_xbee.elf"
-HZ = 16_000_000
-IN, OUT = 2, 3
-BAUD = 9600
-BIT = HZ // BAUD  # cycles
 MOVE = 0xEB
 
 
@@ -48,28 +47,17 @@ def chip():
 
 def say(machine: AvrMachine, data: bytes, baud: float = BAUD) -> None:
     """Puts bytes on the radio's line to the board, from now on."""
-    at, bit, level = float(machine.cycle), HZ / baud, 1
-    for byte in data:
-        for value in (0, *(byte >> n & 1 for n in range(8)), 1):
-            if value != level:
-                machine.set_pin(IN, value, int(at))
-                level = value
-            at += bit
+    for at_s, level in edges(data, machine.time_s, baud):
+        machine.set_pin(IN, level, int(at_s * UNO_HZ))
 
 
 def spoken(machine: AvrMachine) -> bytes:
-    """Bytes that the board put on the radio's line, sampled in the middle of each bit."""
-    edges = [(change.cycle, change.level) for change in machine.pin_changes() if change.pin == OUT]
-
-    def level(cycle: float) -> int:
-        return next((value for when, value in reversed(edges) if when <= cycle), 1)
-
-    out, free = b"", 0.0
-    for cycle, value in edges:
-        if value == 0 and cycle >= free:
-            out += bytes([sum(level(cycle + (1.5 + n) * BIT) << n for n in range(8))])
-            free = cycle + 9.5 * BIT
-    return out
+    """Bytes that the board has put on the radio's line."""
+    receiver = BitReceiver(BAUD)
+    for change in machine.pin_changes():
+        if change.pin == OUT:
+            receiver.changed(change.level, change.cycle / UNO_HZ)
+    return receiver.take(machine.time_s)
 
 
 def frames(machine: AvrMachine):

@@ -1,0 +1,215 @@
+"""Radios of several processes; two media of one world are those of two processes, as far as locks and files go."""
+
+import os
+import select
+import subprocess
+import sys
+import uuid
+
+import pytest
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
+from sim_arduino.hardware.xbee import BROADCAST
+from sim_arduino.serve import factory
+from sim_arduino.serve.pty import PtyPort
+from sim_arduino.serve.server import PtyServer
+from sim_arduino.world import shared_radio
+from sim_arduino.world.shapes import Footprint
+from sim_arduino.world.shared_radio import SharedRadioMedium
+from sim_arduino.world.shared_robots import SharedRegistry
+from tests.sim.test_radio import ONE, TWO, Module
+
+BOX = Footprint(0.2, 0.1)
+DEAD = (
+    "import sys; from sim_arduino.hardware.xbee import *; from sim_arduino.world.shared_radio import *; "
+    "from sim_arduino.world.shared_robots import SharedRegistry as R; name = sys.argv[1]; "
+    f"XBee(SharedRadioMedium(name, R(name)), 'two', RadioFit({TWO}), lambda: (0.0, 0.0)); "
+    "print(flush=True); input()"
+)
+
+
+@pytest.fixture
+def lab(tmp_path, monkeypatch):
+    """Name of a world of this test's own."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    return f"lab-{uuid.uuid4().hex[:8]}"
+
+
+class Process:
+    """What a process has of a world: its registry, and a radio."""
+
+    def __init__(self, lab: str, address: int, x_m: float = 0.0, **fit: float) -> None:
+        self.registry = SharedRegistry(lab)
+        self.module = Module(SharedRadioMedium(lab, self.registry), address, x_m, **fit)
+        self.module.xbee.live = True
+        self.registry.place(self.module.xbee.station.robot, Pose(x_m, 0.0, 0.0), BOX)
+
+    def texts(self):
+        self.module.xbee.poll()
+        return self.module.texts()
+
+    def close(self):
+        self.module.xbee.close()
+        self.registry.close()
+
+
+@pytest.fixture
+def make(lab):
+    made = []
+
+    def process(address: int, **options: float) -> Process:
+        made.append(Process(lab, address, **options))
+        return made[-1]
+
+    yield process
+    for each in made:
+        each.close()
+
+
+def test_radios_of_two_processes_receive_each_other(make):
+    one, two = make(ONE), make(TWO)
+    one.module.send(TWO, b"hello")
+    two.module.send(ONE, b"\x00\xff")
+    assert (two.texts(), one.texts()) == ([b"hello"], [b"\x00\xff"])
+
+
+def test_broadcast_reaches_each_radio_once(make):
+    one, two = make(ONE), make(TWO)
+    one.module.send(BROADCAST, b"all")
+    assert (two.texts(), one.texts()) == ([b"all"], [])
+
+
+def test_distance_is_that_of_the_robots(make):
+    near, far = make(ONE, range_m=5.0), make(TWO, x_m=5.1)
+    near.module.send(BROADCAST, b"too far")
+    far.registry.place("robot2", Pose(4.9, 0.0, 0.0), BOX)
+    near.module.send(BROADCAST, b"hello")
+    assert far.texts() == [b"hello"]
+
+
+def test_loss_of_a_radio_in_another_process_counts(make):
+    one, two = make(ONE), make(TWO)
+    two.module.xbee.set(loss=1.0)
+    one.module.send(BROADCAST, b"lost")
+    assert two.texts() == []
+
+
+def test_socket_is_readable_when_a_packet_waits(make):
+    one, two = make(ONE), make(TWO)
+
+    def waits():
+        return bool(select.select([two.module.xbee.fileno()], [], [], 0)[0])
+
+    before = waits()
+    one.module.send(TWO, b"hello")
+    assert (before, waits()) == (False, True)
+
+
+def test_packets_that_a_process_did_not_take_in_time_are_lost(make, monkeypatch):
+    one, two = make(ONE), make(TWO)
+    one.module.send(TWO, b"old")
+    monkeypatch.setattr(shared_radio, "OLD_S", -1.0)
+    assert two.texts() == []
+
+
+def test_one_address_is_taken_once(make):
+    make(ONE)
+    with pytest.raises(ConfigError, match="radio address 0013a20040000001 is in world .* already"):
+        make(ONE)
+
+
+def test_radio_that_leaves_is_not_found(make):
+    one, two = make(ONE), make(TWO)
+    two.module.xbee.close()
+    one.module.send(TWO, b"hello")
+    assert one.module.statuses() == [0x24]
+
+
+def test_nothing_is_left_behind(make, lab, tmp_path):
+    one = make(ONE)
+    one.close()
+    assert os.listdir(tmp_path / "mrl-sim" / lab) == []
+
+
+def test_radio_of_a_killed_process_is_gone_and_its_address_free(make, lab):
+    one = make(ONE)
+    process = subprocess.Popen(
+        [sys.executable, "-c", DEAD, lab], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    )
+    process.stdout.readline()
+    one.module.send(TWO, b"there")
+    process.kill()
+    process.communicate()
+    one.module.send(TWO, b"gone", at_s=1.0)
+    heir = make(TWO)
+    one.module.send(TWO, b"hello", at_s=7.0)
+    assert one.module.statuses() == [0x00, 0x21, 0x00] and heir.texts() == [b"hello"]
+
+
+def test_a_world_with_a_long_name_has_a_socket(monkeypatch, tmp_path):
+    """A socket's path has at most 107 bytes; the folder's is longer."""
+    folder = tmp_path / ("x" * 100)
+    folder.mkdir()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    Process("y" * 40, ONE).close()
+
+
+# ---- the options of mrl-sim
+
+
+def options(**given):
+    return factory.Options(**{"radio": "auto", **given})
+
+
+@pytest.mark.parametrize(
+    "given, message",
+    [
+        ({"radio": "robot"}, "radio address is 'robot', expected a 64-bit address in hexadecimal"),
+        ({"radio": "ffff"}, "radio address is 'ffff'"),
+        ({"radio_loss": 1.5}, "radio_loss is 1.5, expected 0 to 1"),
+        ({"radio_range": -1.0}, "radio_range is -1.0, expected 0 to inf"),
+        ({"radio": None, "radio_loss": 0.1}, "--radio-loss is given without a radio, expected --radio too"),
+        ({"environment": True}, "--radio is given for robot traxbot, expected a board with sonars"),
+        ({"profile": "2013-august"}, "--radio is given for robot traxbot"),
+        ({"robot": "duo"}, "--radio is given for robot duo"),
+    ],
+)
+def test_options_that_do_not_fit_are_named(given, message):
+    with pytest.raises(ConfigError, match=message):
+        factory.make(options(**given))
+
+
+def test_addresses_of_a_team_count_up():
+    team = factory.make_team(options(radio="0013a20040000001"), ["one", "two"], ["0,0,0", "1,0,0"])
+    assert [robot.plant.xbee.station.address for robot in team] == [ONE, TWO]
+    for robot in team:
+        robot.close()
+
+
+def test_robots_of_one_process_share_the_air():
+    one, two = factory.make_team(options(), ["one", "two"], ["0,0,0", "1,0,0"])
+    assert one.plant.world.radio.in_reach(one.plant.xbee) == [two.plant.xbee.station]
+    two.close()
+    assert one.plant.world.radio.in_reach(one.plant.xbee) == []
+    one.close()
+
+
+def test_fit_has_the_range_and_the_loss():
+    robot = factory.make(options(radio_range=3.0, radio_loss=0.25))
+    station = robot.plant.xbee.station
+    robot.close()
+    assert (station.range_m, station.loss) == (3.0, 0.25)
+
+
+def test_server_waits_for_packets_of_other_processes(lab):
+    """Without it, a text waits until the board has something to do."""
+    robot = factory.make(options(world_name=lab))
+    port = PtyPort()
+    server = PtyServer(robot.engine, port, robot.plant)
+    server.step()
+    watched, fd = server.watched, robot.plant.xbee.fileno()
+    server.waker.close()
+    port.close()
+    robot.close()
+    assert fd in watched
