@@ -9,13 +9,18 @@ class Origin(NamedTuple):
 
     repository: str
     released: bool = True
-    """Noetic and ROS One have it as a Debian package."""
+    """Noetic has it as a Debian package."""
+    one: bool = True
+    """ROS One has it too, if it is released."""
 
 
 _NAVIGATION = "https://github.com/ros-planning/navigation"
+_MULTIMASTER = "https://github.com/fkie/multimaster_fkie"
 _JOYSTICKS = "https://github.com/ros-drivers/joystick_drivers"
 PACKAGES: Dict[str, Origin] = {
     "amcl": Origin(_NAVIGATION),
+    "fkie_master_discovery": Origin(_MULTIMASTER, one=False),
+    "fkie_master_sync": Origin(_MULTIMASTER, one=False),
     "gmapping": Origin("https://github.com/ros-perception/slam_gmapping"),
     "hector_mapping": Origin("https://github.com/tu-darmstadt-ros-pkg/hector_slam"),
     "joy": Origin(_JOYSTICKS),
@@ -44,7 +49,8 @@ def advice(packages: Sequence[str]) -> str:
     released = [package for package in packages if PACKAGES[package].released]
     ways = []
     if released:
-        for distro, name in (("noetic", "Noetic"), ("one", "ROS One")):
+        one = (("one", "ROS One"),) if all(PACKAGES[package].one for package in released) else ()
+        for distro, name in (("noetic", "Noetic"), *one):
             debian = (f"ros-{distro}-{package.replace('_', '-')}" for package in released)
             ways.append(f"apt install {' '.join(debian)} ({name})")
     repositories = sorted({PACKAGES[package].repository for package in packages})

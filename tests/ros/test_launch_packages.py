@@ -38,6 +38,11 @@ VARIANTS = [
     ("ekf.launch", ("prefix:=robot1/",), ("ekf_localization",)),
     ("slam.launch", ("method:=gmapping",), ("slam_gmapping",)),
     ("slam.launch", ("method:=hector",), ("hector_mapping", "map_to_odom")),
+    (
+        "multimaster.launch",
+        ("name:=robot1", "topics:=/claims,/robot1/*", "hosts:=10.0.0.12"),
+        ("master_discovery", "master_sync"),
+    ),
     ("mux.launch", ("mux:=twist_mux",), ("twist_mux",)),
     ("teleop_joystick.launch", ("layout:=ps3",), ("joy_node", "teleop_joystick")),
     ("teleop_joystick.launch", ("layout:=wiimote",), ("teleop_joystick", "wiimote_node")),
@@ -251,6 +256,19 @@ def test_sonars_let_the_robot_report_the_longest_range(config_of):
     assert node.args == CLEARING
 
 
+def test_masters_share_the_topics_that_are_named_and_no_service(config_of):
+    """Without a list of services, master_sync shares all."""
+    config = config_of(
+        "multimaster.launch", ("name:=robot1", "topics:=/claims,/robot1/*", "hosts:=10.0.0.12")
+    )
+    names = ("master_sync/sync_topics", "master_sync/ignore_services", "master_discovery/robot_hosts")
+    assert [config.params[f"/{name}"].value for name in names] == [
+        ["/claims", "/robot1/*"],
+        ["*"],
+        ["10.0.0.12"],
+    ]
+
+
 def test_missing_packages_are_named_in_one_line_before_anything_starts(folder, monkeypatch):
     monkeypatch.setenv(
         "ROS_PACKAGE_PATH", os.pathsep.join((str(ROOT), str(folder / "map_server"), "/usr/share"))
@@ -266,3 +284,4 @@ def test_advice_names_the_ways_to_get_packages():
     assert "ros-noetic-amcl (Noetic)" in line and "ros-one-amcl (ROS One)" in line
     assert "https://github.com/DLu/navigation_layers" in line and "\n" not in line
     assert "ros-noetic-range-sensor-layer" not in line
+    assert "ros-one" not in advice(["amcl", "fkie_master_sync"])

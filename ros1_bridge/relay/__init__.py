@@ -1,0 +1,1 @@
+"""The node `topic_relay`: named topics cross between robots that each have their own master.  Imports topics, node."""

@@ -1,0 +1,180 @@
+"""What two relays say to each other, as bytes.  Pure: bytes in, events out.
+
+The relay that receives topics connects to the one that sends them:
+
+    receiver  Hello    its name and the topics that it asks for
+    sender    Hello    its name, its run, and those of these topics that it sends
+    receiver  Ping     heartbeat with the receiver's clock; the first one starts the data
+    sender    Pong     its answer, with both clocks
+    sender    Source   a publisher of a topic: the type of its messages, and a number for it
+    sender    Message  a message of that publisher, as ROS serialized it
+    receiver  Taken    how many messages have arrived on this connection
+
+A frame is the kind (1 byte), the length of the rest (4 bytes, little-endian), and the rest: JSON for Hello and Source,
+packed numbers for the others.
+"""
+
+import json
+import struct
+from typing import Any, Dict, List, NamedTuple, Tuple, Type, Union
+
+from mrl_driver.errors import MrlError
+
+PROTOCOL = 1
+LONGEST_BYTES = 16 * 1024 * 1024
+"""A frame has at most this many bytes after its header; a longer message is not sent."""
+_LONGEST_FIRST = 64 * 1024
+"""The first frame of a connection is at most this long: anyone may connect."""
+_HEADER = struct.Struct("<BI")
+
+
+class RelayError(MrlError):
+    """The other end does not speak this protocol, or a connection cannot be used."""
+
+
+class Hello(NamedTuple):
+    """The first frame in each direction.  `run` differs after each start of the sender."""
+
+    protocol: int
+    name: str
+    run: str
+    topics: List[str]
+
+
+class Source(NamedTuple):
+    """A publisher of a topic; `number` stands for it in its messages."""
+
+    number: int
+    topic: str
+    publisher: str
+    type: str
+    md5sum: str
+    definition: str
+    latched: bool
+
+
+class Message(NamedTuple):
+    """A message.
+
+    Attributes:
+        sequence: Number of the message among all that the publisher has sent; what is missing was lost.
+        stamp_s: When the sender's relay got it, by its own clock [s].
+    """
+
+    number: int
+    sequence: int
+    stamp_s: float
+    body: bytes
+
+
+class Taken(NamedTuple):
+    """Number of messages that have arrived on this connection."""
+
+    messages: int
+
+
+class Ping(NamedTuple):
+    """A heartbeat, with the receiver's clock [s]."""
+
+    sent_s: float
+
+
+class Pong(NamedTuple):
+    """The answer to the Ping of `sent_s`; `answered_s` is the sender's clock [s]."""
+
+    sent_s: float
+    answered_s: float
+
+
+def is_command(message_type: str) -> bool:
+    """Whether messages of this type make a robot move: they are never repeated after a cut, latched or not."""
+    return message_type in _COMMANDS or message_type.endswith("ActionGoal")
+
+
+_COMMANDS = ("geometry_msgs/Twist", "geometry_msgs/TwistStamped", "geometry_msgs/PoseStamped")
+
+Event = Union[Hello, Source, Message, Taken, Ping, Pong]
+_JSON: Dict[int, Type[Any]] = {1: Hello, 2: Source}
+_PACKED: Dict[int, Tuple[Type[Any], struct.Struct]] = {
+    4: (Taken, struct.Struct("<Q")),
+    5: (Ping, struct.Struct("<d")),
+    6: (Pong, struct.Struct("<dd")),
+}
+_MESSAGE, _MESSAGE_START = 3, struct.Struct("<IQd")
+_KINDS = {**{kind: key for key, kind in _JSON.items()}, **{kind: key for key, (kind, _) in _PACKED.items()}}
+_TYPES: Dict[str, Type[Any]] = {
+    **dict.fromkeys(("name", "run", "topic", "publisher", "type", "md5sum", "definition"), str),
+    **dict.fromkeys(("protocol", "number"), int),
+    "latched": bool,
+    "topics": list,
+}
+
+
+def encode(event: Event) -> bytes:
+    """The frame of an event."""
+    if isinstance(event, Message):
+        start = _MESSAGE_START.pack(event.number, event.sequence, event.stamp_s)
+        return _HEADER.pack(_MESSAGE, len(start) + len(event.body)) + start + event.body
+    kind = _KINDS[type(event)]
+    if kind in _JSON:
+        rest = json.dumps(event._asdict()).encode()
+    else:
+        rest = _PACKED[kind][1].pack(*event)
+    return _HEADER.pack(kind, len(rest)) + rest
+
+
+class FrameReader:
+    """Turns bytes into events."""
+
+    def __init__(self) -> None:
+        self._rest = bytearray()
+        self._longest = _LONGEST_FIRST
+
+    def feed(self, data: bytes) -> List[Event]:
+        """The events that end in `data`.
+
+        Raises:
+            RelayError: these are not the bytes of a relay; the connection is of no use from here on.
+        """
+        self._rest += data
+        events: List[Event] = []
+        start = 0
+        while len(self._rest) - start >= _HEADER.size:
+            kind, length = _HEADER.unpack_from(self._rest, start)
+            if kind not in _JSON and kind not in _PACKED and kind != _MESSAGE:
+                raise RelayError(f"got a frame of kind {kind}, expected the frames of a topic_relay")
+            if length > self._longest:
+                raise RelayError(f"got a frame of {length} bytes, expected at most {self._longest}")
+            end = start + _HEADER.size + length
+            if len(self._rest) < end:
+                break
+            events.append(_event(kind, bytes(self._rest[start + _HEADER.size : end])))
+            start, self._longest = end, LONGEST_BYTES
+        del self._rest[:start]
+        return events
+
+
+def _event(kind: int, rest: bytes) -> Event:
+    try:
+        if kind == _MESSAGE:
+            number, sequence, stamp_s = _MESSAGE_START.unpack_from(rest)
+            return Message(number, sequence, stamp_s, rest[_MESSAGE_START.size :])
+        if kind in _PACKED:
+            made, packed = _PACKED[kind]
+            return made(*packed.unpack(rest))
+        return _checked(_JSON[kind], json.loads(rest.decode()))
+    except (struct.error, ValueError, TypeError, RecursionError) as error:
+        raise RelayError(
+            f"got a frame of kind {kind} that does not parse ({error}), expected a topic_relay"
+        ) from None
+
+
+def _checked(kind: Type[Any], fields: Any) -> Event:
+    """The event, if each field has its type."""
+    made = kind(**fields)
+    for name, value in made._asdict().items():
+        if type(value) is not _TYPES[name]:
+            raise TypeError(f"{name} is {value!r}")
+    if isinstance(made, Hello) and not all(isinstance(topic, str) for topic in made.topics):
+        raise TypeError(f"topics are {made.topics!r}")
+    return made

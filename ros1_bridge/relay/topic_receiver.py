@@ -1,0 +1,231 @@
+"""The end of a relay that receives topics: keeps a connection to one other relay.  No ROS."""
+
+import contextlib
+import select
+import socket
+import threading
+import time
+from typing import Callable, Dict, List, Optional, Sequence, Tuple
+
+from .message_age import MessageAge
+from .relay_frames import (
+    PROTOCOL,
+    FrameReader,
+    Hello,
+    Message,
+    Ping,
+    Pong,
+    RelayError,
+    Source,
+    Taken,
+    encode,
+    is_command,
+)
+from .relay_settings import Address
+from .topic_sender import relay_now_s
+
+PINGS = 4
+"""Heartbeats in the time after which a silent link counts as cut."""
+RETRY_S = 0.25
+_READ_BYTES = 65536
+
+
+class TopicCounts:
+    """What has become of the messages of one topic.
+
+    Attributes:
+        taken: Messages that arrived in time.
+        lost: Messages that newer ones replaced, or that were sent while there was no connection.
+        late: Messages that were older than the limit, and dropped.
+        age_s: Age of the last message that was taken.
+        oldest_s: The largest such age since `reset_oldest`.
+    """
+
+    def __init__(self) -> None:
+        self.taken = self.lost = self.late = 0
+        self.age_s = self.oldest_s = 0.0
+
+    def reset_oldest(self) -> float:
+        """The largest age of a message that was taken since the last call [s]."""
+        oldest_s, self.oldest_s = self.oldest_s, 0.0
+        return oldest_s
+
+
+class TopicReceiver:
+    """Connects to a relay, again and again, and takes its topics.
+
+    Args:
+        name: Name of this relay.
+        peer: Name of the other relay; one with another name is refused.
+        address: Where it listens.
+        topics: Topics to ask for.
+        max_age_s: Older messages are dropped, unless their publisher is latched.
+        timeout_s: The link counts as cut if it is silent for this time.
+        take: Gets each message, with its source.
+        connected: Called with True after a connection and False after its end, and a line that says why.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        peer: str,
+        address: Address,
+        topics: Sequence[str],
+        max_age_s: float,
+        timeout_s: float,
+        take: Callable[[Source, bytes], None],
+        connected: Callable[[bool, str], None],
+    ) -> None:
+        self.peer, self.address = peer, address
+        self.counts = {topic: TopicCounts() for topic in topics}
+        self.is_connected, self.reason = False, "not tried yet"
+        self.missing: List[str] = []
+        """Topics that the other relay does not send."""
+        self._name, self._max_age_s, self._timeout_s = name, max_age_s, timeout_s
+        self._take, self._connected = take, connected
+        self._known: Dict[Tuple[str, int], int] = {}
+        self._ends = threading.Event()
+        self._connection: Optional[socket.socket] = None
+        self._told = ""
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def start(self) -> None:
+        """Begin, in a thread of its own."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the connection."""
+        self._ends.set()
+        connection = self._connection
+        if connection is not None:
+            with contextlib.suppress(OSError):  # it has ended by itself
+                connection.shutdown(socket.SHUT_RDWR)
+        self._thread.join()
+
+    def forget_other_runs(self, run: str) -> None:
+        """The other relay has started again: its numbers mean other messages."""
+        self._known = {key: last for key, last in self._known.items() if key[0] == run}
+
+    def _run(self) -> None:
+        while not self._ends.is_set():
+            try:
+                with self._connect() as connection:
+                    self._connection = connection
+                    _Session(self, connection).exchange()
+            except (OSError, RelayError) as error:
+                self._lose(str(error))
+            self._ends.wait(RETRY_S)
+
+    def _connect(self) -> socket.socket:
+        connection = socket.create_connection(self.address, timeout=self._timeout_s)
+        connection.settimeout(self._timeout_s)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return connection
+
+    def _lose(self, reason: str) -> None:
+        was, self.is_connected, self.reason = self.is_connected, False, reason
+        if was or reason != self._told:
+            self._told = reason
+            self._connected(False, f"{self.peer} at {self.address}: not connected: {reason}")
+
+
+class _Session:
+    """One connection of a receiver."""
+
+    def __init__(self, receiver: TopicReceiver, connection: socket.socket) -> None:
+        self._of, self._socket = receiver, connection
+        self._frames, self._age = FrameReader(), MessageAge()
+        self._run = ""
+        self._count = 0
+        self._sources: Dict[int, Source] = {}
+        self._last: Dict[int, int] = {}
+
+    def exchange(self) -> None:
+        """Take what comes until the end.
+
+        Raises:
+            OSError: the connection is broken.
+            RelayError: it is silent, or the other end is not the relay that was expected.
+        """
+        timeout_s = self._of._timeout_s
+        topics = list(self._of.counts)
+        self._socket.sendall(encode(Hello(PROTOCOL, self._of._name, "", topics)))
+        heard_s, ping_s = time.monotonic(), 0.0
+        while not self._of._ends.is_set():
+            now_s = time.monotonic()
+            if now_s >= ping_s:
+                self._socket.sendall(encode(Ping(relay_now_s())))
+                ping_s = now_s + timeout_s / PINGS
+            if select.select([self._socket], [], [], max(0.0, ping_s - now_s))[0]:
+                heard_s = time.monotonic()
+                self._read()
+            elif time.monotonic() - heard_s > timeout_s:
+                raise RelayError(f"silent for {timeout_s:g} s")
+
+    def _read(self) -> None:
+        data = self._socket.recv(_READ_BYTES)
+        if not data:
+            raise RelayError("closed by the other end")
+        newest: Dict[int, Message] = {}
+        for event in self._frames.feed(data):
+            if isinstance(event, Message):
+                self._count += 1
+                newest[event.number] = event
+            elif isinstance(event, Hello):
+                self._greet(event)
+            elif isinstance(event, Pong):
+                self._age.pong(event.sent_s, event.answered_s)
+                self._connected()
+            elif isinstance(event, Source):
+                self._sources[event.number] = event._replace(
+                    latched=event.latched and not is_command(event.type)
+                )
+            else:
+                raise RelayError(f"got {type(event).__name__}, expected the frames of a sender")
+        for message in newest.values():
+            self._message(message)
+        if newest:
+            self._socket.sendall(encode(Taken(self._count)))
+
+    def _greet(self, hello: Hello) -> None:
+        if hello.protocol != PROTOCOL:
+            raise RelayError(f"got protocol {hello.protocol}, expected {PROTOCOL}: install the same version")
+        if hello.name != self._of.peer:
+            raise RelayError(
+                f"the relay there is {hello.name!r}, expected {self._of.peer!r}: see ~peers and ~name"
+            )
+        self._run = hello.run
+        self._of.forget_other_runs(hello.run)
+        self._of.missing = [topic for topic in self._of.counts if topic not in hello.topics]
+
+    def _connected(self) -> None:
+        receiver = self._of
+        if receiver.is_connected or not self._run:
+            return
+        receiver.is_connected, receiver.reason, receiver._told = True, "", ""
+        words = f"{receiver.peer} at {receiver.address}: connected"
+        if receiver.missing:
+            words += f", but it does not send {', '.join(receiver.missing)}: see its ~send"
+        receiver._connected(True, words)
+
+    def _message(self, message: Message) -> None:
+        source = self._sources.get(message.number)
+        counts = self._of.counts.get(source.topic) if source else None
+        if source is None or counts is None:
+            raise RelayError(
+                f"got a message of source {message.number}, expected one of a topic that was asked for"
+            )
+        if message.sequence <= self._last.get(message.number, 0):
+            return  # a latched message that was also sent as a new one
+        self._last[message.number] = message.sequence
+        before = self._of._known.get((self._run, message.number), message.sequence - 1)
+        counts.lost += max(0, message.sequence - before - 1)
+        self._of._known[self._run, message.number] = max(before, message.sequence)
+        age_s = self._age.age_s(message.stamp_s, relay_now_s())
+        if not source.latched and not age_s <= self._of._max_age_s:
+            counts.late += 1
+            return
+        counts.taken += 1
+        counts.age_s = age_s
+        counts.oldest_s = max(counts.oldest_s, age_s)
+        self._of._take(source, message.body)

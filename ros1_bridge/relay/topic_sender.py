@@ -1,0 +1,295 @@
+"""The end of a relay that sends topics: serves all relays that connect to it.  No ROS."""
+
+import contextlib
+import os
+import selectors
+import socket
+import threading
+import time
+from typing import Callable, Dict, List, NamedTuple, Optional, Set, Tuple
+
+from .outbox import Outbox
+from .relay_frames import (
+    LONGEST_BYTES,
+    PROTOCOL,
+    Event,
+    FrameReader,
+    Hello,
+    Message,
+    Ping,
+    Pong,
+    RelayError,
+    Source,
+    Taken,
+    encode,
+    is_command,
+)
+from .relay_settings import Address
+
+MOST_RECEIVERS = 32
+_READ_BYTES = 65536
+
+
+def relay_now_s() -> float:
+    """The clock of stamps and heartbeats [s]; it goes on while the machine is suspended."""
+    return time.clock_gettime(getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC))
+
+
+class MessageType(NamedTuple):
+    """Type of a topic, as ROS describes it in the header of a connection."""
+
+    type: str
+    md5sum: str
+    definition: str
+
+
+class TopicSender:
+    """Listens for other relays, and sends them the topics that they ask for, if they are among its own.
+
+    Args:
+        name: Name of this relay.
+        address: Where to listen; port 0 takes a free one.
+        topics: Names of the topics that may be sent.
+        timeout_s: A receiver that is silent for this time is cut off.
+        tell: Gets a line about each receiver that comes or goes.
+        publishes: Whether a publisher of a topic still exists; its latched message is not repeated if it does not.
+
+    Raises:
+        OSError: the address cannot be used.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        address: Address,
+        topics: Set[str],
+        timeout_s: float,
+        tell: Callable[[str], None],
+        publishes: Callable[[str, str], bool] = lambda topic, publisher: True,
+    ) -> None:
+        self.name, self.topics, self.timeout_s, self.tell = name, topics, timeout_s, tell
+        self.run = os.urandom(8).hex()
+        self.too_long = 0
+        """Messages that were longer than `LONGEST_BYTES`, and not sent."""
+        self._publishes = publishes
+        self._sources: Dict[Tuple[str, str], Source] = {}
+        self._sequences: Dict[int, int] = {}
+        self._latched: Dict[int, Message] = {}
+        self._receivers: List[_Receiver] = []
+        self._lock = threading.Lock()
+        self._listener = socket.create_server(tuple(address))
+        self.address = Address(*self._listener.getsockname()[:2])
+        self._closed = False
+        self._thread = threading.Thread(target=self._accept, daemon=True)
+        self._thread.start()
+
+    def publish(self, topic: str, publisher: str, kind: MessageType, latched: bool, body: bytes) -> None:
+        """Send a serialized message to all receivers that ask for the topic."""
+        stamp_s = relay_now_s()
+        with self._lock:
+            source = self._source(topic, publisher, kind, latched)
+            self._sequences[source.number] += 1
+            message = Message(source.number, self._sequences[source.number], stamp_s, body)
+            if len(body) > LONGEST_BYTES - 64:
+                self.too_long += 1
+                return
+            if source.latched:
+                self._latched[source.number] = message
+            receivers = list(self._receivers)
+        for receiver in receivers:
+            receiver.offer(source, message)
+
+    def latched(self) -> List[Tuple[Source, Message]]:
+        """The last messages of all latched publishers that still exist."""
+        with self._lock:
+            sources = {source.number: source for source in self._sources.values()}
+            kept = [(sources[number], message) for number, message in self._latched.items()]
+        return [pair for pair in kept if self._publishes(pair[0].topic, pair[0].publisher)]
+
+    def receivers(self) -> List[str]:
+        """Name and address of each receiver."""
+        with self._lock:
+            return [each.words for each in self._receivers if each.words]
+
+    def close(self) -> None:
+        """End all connections."""
+        with self._lock:
+            self._closed = True
+            receivers = list(self._receivers)
+        with contextlib.suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._thread.join()
+        self._listener.close()
+        for receiver in receivers:
+            receiver.close()
+
+    def forget(self, receiver: "_Receiver") -> None:
+        """A connection has ended."""
+        with self._lock:
+            self._receivers.remove(receiver)
+
+    def _source(self, topic: str, publisher: str, kind: MessageType, latched: bool) -> Source:
+        known = self._sources.get((topic, publisher))
+        latched = latched and not is_command(kind.type)
+        number = known.number if known else len(self._sequences) + 1
+        source = Source(number, topic, publisher, *kind, latched)
+        if source != known:
+            source = source._replace(number=len(self._sequences) + 1)
+            self._sequences[source.number] = 0
+            if known:
+                self._latched.pop(known.number, None)
+            self._sources[topic, publisher] = source
+        return source
+
+    def _accept(self) -> None:
+        while not self._closed:
+            try:
+                connection, address = self._listener.accept()
+            except OSError:
+                if self._closed:
+                    return
+                time.sleep(0.1)  # no free file descriptor
+                continue
+            with self._lock:
+                if self._closed or len(self._receivers) >= MOST_RECEIVERS:
+                    connection.close()
+                    continue
+                receiver = _Receiver(self, connection, Address(*address[:2]))
+                self._receivers.append(receiver)
+            receiver.start()
+
+
+class _Receiver:
+    """One connection."""
+
+    def __init__(self, sender: TopicSender, connection: socket.socket, address: Address) -> None:
+        connection.setblocking(False)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.words = ""
+        """Name and address, after the first frame."""
+        self._sender, self._socket, self._address = sender, connection, address
+        self._frames, self._outbox = FrameReader(), Outbox()
+        self._lock = threading.RLock()
+        self._declared: Set[int] = set()
+        self._sources: Dict[int, Source] = {}
+        self._topics: Optional[Set[str]] = None
+        self._open = self._ended = False
+        self._unsent = b""
+        self._end, self._wake = os.pipe()
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+
+    def start(self) -> None:
+        """Serve it in a thread of its own."""
+        self._thread.start()
+
+    def offer(self, source: Source, message: Message) -> None:
+        """Send a message as soon as the link allows, unless a newer one replaces it before."""
+        with self._lock:
+            if not self._open or self._ended or self._topics is None or source.topic not in self._topics:
+                return
+            self._sources[source.number] = source
+            self._outbox.put(message)
+            blocked = bool(self._unsent)
+            with contextlib.suppress(OSError):  # the thread sees it too
+                self._flush()
+            if self._unsent and not blocked:
+                os.write(self._wake, b"w")
+
+    def close(self) -> None:
+        """End the connection."""
+        with self._lock:
+            if not self._ended:
+                self._ended = True
+                os.write(self._wake, b"e")
+        self._thread.join()
+
+    def _serve(self) -> None:
+        reason = ""
+        try:
+            self._exchange()
+        except (OSError, RelayError) as error:
+            reason = str(error)
+        with self._lock:
+            ended, self._ended = self._ended, True
+            self._socket.close()
+            os.close(self._end)
+            os.close(self._wake)
+        self._sender.forget(self)
+        if not ended:
+            self._sender.tell(f"{self.words or self._address}: disconnected: {reason}")
+
+    def _exchange(self) -> None:
+        heard_s = time.monotonic()
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._end, selectors.EVENT_READ)
+            selector.register(self._socket, selectors.EVENT_READ)
+            while not self._ended:
+                silent_s = time.monotonic() - heard_s
+                if silent_s > self._sender.timeout_s:
+                    raise RelayError(f"silent for {silent_s:.1f} s, expected a heartbeat")
+                with self._lock:
+                    wanted = selectors.EVENT_READ | (selectors.EVENT_WRITE if self._unsent else 0)
+                selector.modify(self._socket, wanted)
+                for key, ready in selector.select(self._sender.timeout_s - silent_s + 0.001):
+                    if key.fd == self._end:
+                        os.read(self._end, 100)
+                    elif ready & selectors.EVENT_READ:
+                        heard_s = time.monotonic()
+                        self._read()
+                with self._lock:
+                    self._flush()
+
+    def _read(self) -> None:
+        data = self._socket.recv(_READ_BYTES)
+        if not data:
+            raise RelayError("closed by the other end")
+        for event in self._frames.feed(data):
+            self._take(event)
+
+    def _take(self, event: Event) -> None:
+        if isinstance(event, Hello) and self._topics is None:
+            self._greet(event)
+        elif self._topics is None:
+            raise RelayError(f"got {type(event).__name__}, expected Hello first")
+        elif isinstance(event, Ping):
+            with self._lock:
+                self._unsent += encode(Pong(event.sent_s, relay_now_s()))
+            if not self._open:
+                self._begin()
+        elif isinstance(event, Taken):
+            with self._lock:
+                self._outbox.taken(event.messages)
+        else:
+            raise RelayError(f"got {type(event).__name__}, expected Ping or Taken")
+
+    def _greet(self, hello: Hello) -> None:
+        if hello.protocol != PROTOCOL:
+            raise RelayError(f"got protocol {hello.protocol}, expected {PROTOCOL}: install the same version")
+        topics = self._sender.topics & set(hello.topics)
+        self._topics, self.words = topics, f"{hello.name} at {self._address}"
+        self._unsent += encode(Hello(PROTOCOL, self._sender.name, self._sender.run, sorted(topics)))
+        self._sender.tell(f"{self.words}: connected, gets {', '.join(sorted(topics)) or 'no topic'}")
+
+    def _begin(self) -> None:
+        """Start the data, with what is latched: messages of the time without a connection are gone."""
+        with self._lock:
+            self._open = True
+        for source, message in self._sender.latched():
+            self.offer(source, message)
+
+    def _flush(self) -> None:
+        """Send what the socket and the window allow."""
+        while True:
+            if not self._unsent:
+                message = self._outbox.next()
+                if message is None:
+                    return
+                if message.number not in self._declared:
+                    self._declared.add(message.number)
+                    self._unsent += encode(self._sources[message.number])
+                self._unsent += encode(message)
+            try:
+                sent = self._socket.send(self._unsent)
+            except BlockingIOError:
+                return
+            self._unsent = self._unsent[sent:]
