@@ -35,7 +35,7 @@ REPEAT_S = 0.5
 SILENT_S = 3.0
 """A robot that was not heard for this time counts as silent [s]: five repetitions in a row were lost."""
 LATE_S = 3.0
-"""A message that was sent before a robot's start arrives within this time after the start, or never [s]."""
+"""A message by topic that was sent before a robot's start arrives within this time after the start, or never [s]."""
 _TEXT = re.compile(r"([!-~]+) ([0-9]{1,9}) ([!-~]+) ([0-9]{1,9})")
 
 
@@ -81,12 +81,13 @@ class Claim:
         name: Name of this robot: printable ASCII without spaces.
         others: Names of all other robots of the team.
         now_s: Time of the start [s], on any clock that does not jump.
+        late_s: A message that was sent before this robot's start arrives within this time, or never [s].
 
     Raises:
         ConfigError: a name is not valid, or appears twice.
     """
 
-    def __init__(self, name: str, others: Sequence[str], now_s: float) -> None:
+    def __init__(self, name: str, others: Sequence[str], now_s: float, late_s: float = LATE_S) -> None:
         _check_names([name, *others])
         self.name = name
         self._wanted = False
@@ -95,7 +96,7 @@ class Claim:
         self._granted: Dict[str, int] = dict.fromkeys(others, 0)
         self._answers: Dict[str, int] = dict.fromkeys(others, 0)
         self._unheard = set(others)
-        self._settled_s = now_s + LATE_S
+        self._settled_s = now_s + late_s
         self._heard_s = dict.fromkeys(others, now_s)
         self._due_s = -math.inf
 

@@ -2,7 +2,7 @@
 
 Any server of that action will do: the real move_base or `go_to_goal`.  The list comes from the parameter `~waypoints`,
 or from `waypoint_path` (nav_msgs/Path) or `waypoint_poses` (geometry_msgs/PoseArray).  Waypoints that robots share are
-claimed by messages on the topic `claims` (std_msgs/String), see `mrl_driver.navigation.claims`.
+claimed by messages on the topic `claims` (std_msgs/String), or by radio, see `mrl_driver.navigation.claims`.
 """
 
 import threading
@@ -19,9 +19,13 @@ from nav_msgs.msg import Path
 from std_msgs.msg import String
 from std_srvs.srv import Trigger, TriggerResponse
 
+from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import quaternion_of
-from mrl_driver.navigation.claims import Claim, ClaimMessage
-from mrl_driver.navigation.waypoint_tour import PAUSED, Target, WaypointTour
+from mrl_driver.navigation.claims import LATE_S, Claim, ClaimMessage
+from mrl_driver.navigation.radio_claims import LATE_S as RADIO_LATE_S
+from mrl_driver.navigation.radio_claims import RadioTeam, read_radios
+from mrl_driver.navigation.waypoint_tour import CLAIMING, PAUSED, Target, WaypointTour
+from mrl_driver.robot.radio import format_address, parse_address
 from ros1_bridge.node.parameters import Row, read
 from ros1_bridge.node.plane_poses import planar
 from ros1_bridge.node.run_node import run_node
@@ -54,6 +58,14 @@ PARAMETERS = (
     ),
     Row("team", str, "", "", "Names of all robots that share the place, such as robot1,robot2,robot3"),
     Row("team_name", str, "", "", "Name of this robot in the team; empty: the namespace"),
+    Row(
+        "radio",
+        str,
+        "",
+        "",
+        "Names and radio addresses of all robots that share the place, such as "
+        "1=0013a20040000001,2=0013a20040000002: claims go by radio, without the topic; replaces team",
+    ),
 )
 """The node's private parameters, apart from the list itself."""
 LIST = "waypoints"
@@ -78,8 +90,9 @@ class FollowWaypoints:
         self._frame = given["map_frame"]
         self._first = [self._stamped(pose, self._frame) for pose in poses]
         shared = read_numbers(given["shared"], f"{space}/shared")
+        self._name = given["team_name"] or rospy.get_namespace().strip("/")
+        self._radio = self._radio_of(given["radio"], space) if shared and given["radio"] else None
         self._claim = self._claim_of(given, space) if shared else None
-        self._claims_out = rospy.Publisher("claims", String, queue_size=CLAIMS_QUEUE) if shared else None
         self._tour = WaypointTour(given["repeat"], given["skip_failed"], given["wait"], self._claim, shared)
         self._poses: Sequence[PoseStamped] = []
         self._lock = (
@@ -95,22 +108,56 @@ class FollowWaypoints:
         self._client = actionlib.ActionClient("move_base", MoveBaseAction)
         rospy.on_shutdown(self._end)
 
-    @staticmethod
-    def _claim_of(given: Dict[str, Any], space: str) -> Claim:
+    def _claim_of(self, given: Dict[str, Any], space: str) -> Claim:
         """The claim of the shared waypoints.
 
         Raises:
             ConfigError: the team has fewer than two robots, or not this one.
         """
-        name = given["team_name"] or rospy.get_namespace().strip("/")
-        team = read_names(given["team"], name, f"{space}/team")
-        return Claim(name, [each for each in team if each != name], time.monotonic())
+        team = self._radio.names if self._radio else read_names(given["team"], self._name, f"{space}/team")
+        others = [each for each in team if each != self._name]
+        return Claim(self._name, others, time.monotonic(), RADIO_LATE_S if self._radio else LATE_S)
+
+    def _radio_of(self, text: str, space: str) -> RadioTeam:
+        """The team's radios.
+
+        Raises:
+            ConfigError: the parameter is wrong.
+        """
+        try:
+            return RadioTeam(self._name, read_radios(text))
+        except ConfigError as error:
+            raise ConfigError(f"parameter {space}/radio: {error}") from None
+
+    def _connect_claims(self) -> None:
+        """Send and receive claims by radio, or on the topic."""
+        if self._radio is not None:
+            self._claims_out = rospy.Publisher("xbee/send", KeyValue, queue_size=CLAIMS_QUEUE)
+            rospy.Subscriber(
+                "xbee/received", KeyValue, self._on_text, queue_size=CLAIMS_QUEUE, tcp_nodelay=True
+            )
+        else:
+            self._claims_out = rospy.Publisher("claims", String, queue_size=CLAIMS_QUEUE)
+            rospy.Subscriber("claims", String, self._on_claim, queue_size=CLAIMS_QUEUE, tcp_nodelay=True)
+
+    def _send_claim(self, message: ClaimMessage) -> None:
+        if self._radio is None:
+            self._claims_out.publish(message.text)
+            return
+        address, text = self._radio.text_to(message)
+        self._claims_out.publish(format_address(address), text)
+        if not self._claims_out.get_num_connections():
+            rospy.logwarn_throttle(
+                WARN_EVERY_S,
+                f"nobody subscribes to {self._claims_out.resolved_name}: claims by radio need a robot_node whose board "
+                "has a radio",
+            )
 
     def run(self) -> None:
         """Wait for the server, and drive until the shutdown."""
         rospy.Subscriber("move_base/status", GoalStatusArray, self._on_status, queue_size=1)
         if self._claim is not None:
-            rospy.Subscriber("claims", String, self._on_claim, queue_size=CLAIMS_QUEUE, tcp_nodelay=True)
+            self._connect_claims()
         while not self._client.wait_for_server(rospy.Duration(WARN_EVERY_S)):
             if rospy.is_shutdown():
                 return
@@ -158,8 +205,7 @@ class FollowWaypoints:
             status = self._status(now_s)
             claims = self._claim.messages(now_s) if self._claim else []
         for message in claims:
-            assert self._claims_out is not None
-            self._claims_out.publish(message.text)
+            self._send_claim(message)
         if target != self._sent:
             self._sent = target
             self._send(target, pose)
@@ -195,12 +241,25 @@ class FollowWaypoints:
         self._wake.set()
 
     def _on_claim(self, message: String) -> None:
-        assert self._claim is not None
         try:
             heard = ClaimMessage.parse(message.data)
         except ValueError as error:
             rospy.logwarn_throttle(WARN_EVERY_S, str(error))
             return
+        self._take_claim(heard)
+
+    def _on_text(self, message: KeyValue) -> None:
+        assert self._radio is not None
+        try:
+            heard = self._radio.message_of(parse_address(message.key), message.value)
+        except ValueError as error:
+            rospy.logwarn_throttle(WARN_EVERY_S, str(error))
+            return
+        if heard is not None:
+            self._take_claim(heard)
+
+    def _take_claim(self, heard: ClaimMessage) -> None:
+        assert self._claim is not None
         with self._lock:
             self._claim.receive(heard, time.monotonic())
         self._wake.set()
@@ -244,7 +303,8 @@ class FollowWaypoints:
                 "idleness_mean": f"{idleness.mean_s(now_s):.1f}",
                 "idleness_worst": f"{idleness.worst_s(now_s):.1f}",
             }
-        level = DiagnosticStatus.WARN if tour.state == PAUSED else DiagnosticStatus.OK
+        stuck = tour.state == PAUSED or (tour.state == CLAIMING and tour.reason)
+        level = DiagnosticStatus.WARN if stuck else DiagnosticStatus.OK
         values = {
             "state": tour.state,
             "waypoint": f"{tour.number} of {tour.count}",

@@ -4,7 +4,7 @@ import itertools
 
 import actionlib
 import rospy
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from move_base_msgs.msg import MoveBaseAction
 from std_msgs.msg import String
 
@@ -16,15 +16,8 @@ from .rig import ROOT
 
 def test_shared_waypoint_is_claimed_and_the_tour_pauses_when_move_base_falls_silent(rig):
     """A goal that nobody serves would never end."""
-    server = actionlib.ActionServer(
-        f"{rig.ns}/move_base", MoveBaseAction, lambda handle: handle.set_accepted(), auto_start=False
-    )
-    server.start()
     name = f"{rig.ns}/follow_waypoints"
-    team = {"shared": "1", "team": "me,other", "team_name": "me"}
-    rospy.set_param(name, {"waypoints": [[1, 0, 0]], **team})
-    status = rig.topic("waypoint_status", DiagnosticStatus)
-    rig.start("follow", str(ROOT / "ros1_bridge" / "nodes" / "follow_waypoints"), f"__ns:={rig.ns}")
+    server, status = follow(rig, team="me,other", team_name="me")
     wait_until(lambda: status.messages and status.messages[-1].message == "claiming")
     answer(rig)
     wait_until(lambda: status.messages[-1].message == "driving")
@@ -33,6 +26,31 @@ def test_shared_waypoint_is_claimed_and_the_tour_pauses_when_move_base_falls_sil
     values = {pair.key: pair.value for pair in status.messages[-1].values}
     assert (values["state"], values["waypoint"]) == ("paused", "1 of 1")
     rospy.delete_param(name)
+
+
+def follow(rig, **team):
+    """The node with one waypoint, which it shares, and a server for its goals; server and topic of the status."""
+    server = actionlib.ActionServer(
+        f"{rig.ns}/move_base", MoveBaseAction, lambda handle: handle.set_accepted(), auto_start=False
+    )
+    server.start()
+    rospy.set_param(f"{rig.ns}/follow_waypoints", {"waypoints": [[1, 0, 0]], "shared": "1", **team})
+    status = rig.topic("waypoint_status", DiagnosticStatus)
+    rig.start("follow", str(ROOT / "ros1_bridge" / "nodes" / "follow_waypoints"), f"__ns:={rig.ns}")
+    return server, status
+
+
+def test_claims_go_by_radio_and_a_silent_robot_is_named(rig):
+    """Nothing answers first.  Then the other robot claims by radio, and the node grants it by radio."""
+    own, other = "0013a20040000001", "0013a20040000002"
+    sent = rig.topic("xbee/send", KeyValue)
+    _, status = follow(rig, radio=f"1={own},2={other}", team_name="1")
+    wait_until(lambda: status.messages and status.messages[-1].message == "no message from 2 for 3 s")
+    assert status.messages[-1].level == DiagnosticStatus.WARN
+    assert {(text.key, text.value) for text in sent.wait()} == {(other, "1 0 2 0")}
+    rig.publisher("xbee/received", KeyValue).publish(other, "2 5 1 0")
+    wait_until(lambda: sent.messages[-1].value == "1 0 2 5")
+    rospy.delete_param(f"{rig.ns}/follow_waypoints")
 
 
 def answer(rig):
