@@ -214,6 +214,22 @@ def greatest_acceleration(
     return _greatest(enough, MOST_M_S2)
 
 
+def greatest_acceleration_anywhere(
+    vehicle: Vehicle, reserve_rad: float = 0.0, slope_rad: float = 0.0, push: Push = NO_PUSH
+) -> float:
+    """Return the largest acceleration at which all margins keep the reserve, whatever its direction is [m/s2].
+
+    It may be less than in each of the `DIRECTIONS`: a vehicle whose tip-over axes lie askew tips over between them.
+    The slope is as in `worst`.
+
+    Raises:
+        ConfigError: as `margins`.
+    """
+    return _greatest(
+        lambda value: worst(vehicle, value, slope_rad, push).angle_rad >= reserve_rad, MOST_M_S2
+    )
+
+
 def greatest_force(
     vehicle: Vehicle,
     push: Push,
@@ -301,7 +317,7 @@ class _Plane(NamedTuple):
     towards: Vector
     """From the centre of mass to the axis, a unit vector."""
     off: Vector
-    """Perpendicular to `towards`, away from the ground; a net force keeps the vehicle down if it has a part there."""
+    """Perpendicular to `towards`, down and to the inside; a net force keeps the vehicle down if it has a part there."""
 
     @classmethod
     def across(cls, first: Point, second: Point, centre: Vector) -> "_Plane":

@@ -18,6 +18,7 @@ from mrl_driver.tip_over.margin import (
     Push,
     Vehicle,
     greatest_acceleration,
+    greatest_acceleration_anywhere,
     greatest_force,
     hull,
     least,
@@ -55,6 +56,21 @@ def test_it_tips_at_g_half_base_by_height(half_length_m, half_width_m, height_m,
             kept = greatest_acceleration(made, DIRECTIONS[name], reserve * 0.999)
             closed = GRAVITY_M_S2 * math.tan(math.atan(reach_m / height_m) - reserve * 0.999)
             assert kept <= min(1000.0, closed) * (1 + 1e-9)
+
+
+def test_vehicle_whose_axes_lie_askew_tips_over_first_between_the_named_directions():
+    """Its four contacts are in front, behind and at the sides, so the nearest axes are 45 deg from its own."""
+    diamond = Vehicle("diamond", ((0.2, 0), (0, 0.2), (-0.2, 0), (0, -0.2)), Mass(10.0, 0, 0, 0.3), {})
+    anywhere = GRAVITY_M_S2 * 0.2 / 0.3 * math.sqrt(0.5)
+    assert greatest_acceleration_anywhere(diamond) == pytest.approx(anywhere, rel=1e-9)
+    assert min(limits(diamond).values()) == pytest.approx(anywhere * math.sqrt(2), rel=1e-9)
+
+
+@given(SIZES, SIZES, HEIGHTS)
+@settings(max_examples=20)
+def test_box_tips_over_first_along_its_nearer_side(half_length_m, half_width_m, height_m):
+    made = box(half_length_m, half_width_m, height_m)
+    assert greatest_acceleration_anywhere(made) == pytest.approx(min(limits(made).values()), rel=1e-9)
 
 
 def test_a_reserve_along_the_nearer_edge_has_a_closed_form():

@@ -186,6 +186,9 @@ def _show(situation: "Situation", reserve_rad: float, picture: Optional[str], as
         "margin_rad": margin.least(margin.margins(vehicle)).angle_rad,
         "tips_m_s2": margin.limits(vehicle, 0.0, situation.slope_rad, push),
         "limit_m_s2": margin.limits(vehicle, reserve_rad, situation.slope_rad, push),
+        "limit_anywhere_m_s2": margin.greatest_acceleration_anywhere(
+            vehicle, reserve_rad, situation.slope_rad, push
+        ),
         "reserve_rad": reserve_rad,
         "slope_rad": situation.slope_rad,
         "picture": picture,
@@ -236,7 +239,7 @@ def _print(situation: "Situation", made: Dict[str, Any], reserve: float) -> None
     for name in tips:
         click.echo(f"{name:14}{tips[name]:14.2f}{kept[name]:18.2f}")
     click.echo(
-        f"limit in every direction: {min(kept.values()):.2f} m/s2; a curve uses v * omega of it sideways"
+        f"limit in every direction: {made['limit_anywhere_m_s2']:.2f} m/s2; a curve uses v * omega of it sideways"
     )
 
 
