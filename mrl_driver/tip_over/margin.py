@@ -225,9 +225,7 @@ def greatest_acceleration_anywhere(
     Raises:
         ConfigError: as `margins`.
     """
-    return _greatest(
-        lambda value: worst(vehicle, value, slope_rad, push).angle_rad >= reserve_rad, MOST_M_S2
-    )
+    return _greatest(lambda value: worst(vehicle, value, slope_rad, push).angle_rad >= reserve_rad, MOST_M_S2)
 
 
 def greatest_force(

@@ -80,14 +80,19 @@ class Commander:
             self._limits = limits
             self._apply()
 
-    def set_manual(self, manual: bool) -> None:
-        """Take a mode.  A command in force is lowered with the next frame; after that, only a new command is faster."""
+    def set_manual(self, manual: bool) -> bool:
+        """Take a mode; returns whether it is another one.
+
+        A command in force is lowered with the next frame; after that, only a new command is faster.
+        """
         with self._lock:
+            changes = manual != self.manual
             self._limits, self.manual = self.limits, manual
             self._apply()
         if manual and self.seeking:
             self.seeking = False
             self.stop(TO_MANUAL)
+        return changes
 
     def _apply(self) -> None:
         limits = self.limits

@@ -122,7 +122,9 @@ class OperatorCmdVel(StampedCmdVel):
         """
         wanted = twist != Twist()
         self._follow_robot()
-        self.send(twist if self.guard.may_drive(wanted, self.delay_s) or not wanted else Twist(), input_s)
+        with self._lock:  # the thread of `_watch` may hold the guard meanwhile; nothing may drive after that
+            may = self.guard.may_drive(wanted, self.delay_s)
+            self.send(twist if may or not wanted else Twist(), input_s)
         self._tell()
 
     def send(self, twist: Twist, input_s: float) -> None:

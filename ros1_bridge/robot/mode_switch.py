@@ -3,7 +3,7 @@ respawn of the node.
 """
 
 import contextlib
-from typing import Any
+from typing import Any, Callable
 
 from actionlib_msgs.msg import GoalID
 from std_msgs.msg import Bool
@@ -17,7 +17,7 @@ from .services import Answer
 
 
 class ModeSwitch:
-    """The operation mode of one robot.
+    """The operation mode of one robot; any thread may set it.
 
     Args:
         ros: the module rospy.
@@ -31,19 +31,27 @@ class ModeSwitch:
 
     def set(self, manual: bool) -> Answer:
         """Take a mode.  No goal outlives a change, so that no change makes a robot set off by itself."""
-        commander, trouble = self._commander, ""
-        changes = manual != commander.manual
+        commander, changes, trouble = self._commander, True, ""
         try:
-            commander.set_manual(manual)
+            changes = commander.set_manual(manual)
         except MrlError as error:
             trouble = f", but the robot cannot be reached: {error}"
-        self._mode_out.publish(manual)
+        self._announce(self._mode_out.publish)
         if changes:
             self._cancel_out.publish(GoalID())
-        mode = MANUAL if manual else AUTOMATIC
         with contextlib.suppress(OSError, self._ros.ROSException):  # without a master there is no respawn
-            self._ros.set_param("~operation_mode", mode)
+            self._announce(lambda now: self._ros.set_param("~operation_mode", MANUAL if now else AUTOMATIC))
         limits = commander.in_force
         speeds = f"at most {limits.linear_m_s:.3g} m/s and {limits.angular_rad_s:.3g} rad/s"
         goals = "; goals are cancelled" if changes else ""
-        return not trouble, f"{mode} mode: {speeds}{goals}{trouble}"
+        return not trouble, f"{MANUAL if manual else AUTOMATIC} mode: {speeds}{goals}{trouble}"
+
+    def _announce(self, tell: Callable[[bool], Any]) -> None:
+        """Tell the present mode, again if another thread has changed it meanwhile: the last word is true.
+
+        A lock would let a change wait for another one's call of the master.
+        """
+        told = None
+        while told != self._commander.manual:
+            told = self._commander.manual
+            tell(told)

@@ -41,7 +41,8 @@ class Operators:
         late_s = self.late_s(name, stamp_s)
         if not self._most_s or late_s <= self._most_s:
             return ""
-        self.refused += 1
+        with self._lock:
+            self.refused += 1
         return (
             f"a command arrived {delay_text(late_s)} late, expected at most {delay_text(self._most_s)} "
             f"(~max_command_delay): not followed, {self.refused} so far; look for what slows the network, "

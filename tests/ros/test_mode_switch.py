@@ -21,14 +21,15 @@ class Bench:
         self.commander = SimpleNamespace(
             manual=False, set_manual=self._take, in_force=Limits(0.15, 0.5, 0.2, 1.0)
         )
-        ros = SimpleNamespace(Publisher=self.topics, set_param=self._set, ROSException=ValueError)
-        self.switch = ModeSwitch(self.commander, ros)
+        self.ros = SimpleNamespace(Publisher=self.topics, set_param=self._set, ROSException=ValueError)
+        self.switch = ModeSwitch(self.commander, self.ros)
 
     def _take(self, manual):
-        self.commander.manual = manual
+        changes, self.commander.manual = manual != self.commander.manual, manual
         self.modes.append(manual)
         if self._lost:
             raise LinkLost("gone")
+        return changes
 
     def _set(self, name, value):
         if not self._master:
@@ -62,3 +63,23 @@ def test_mode_is_taken_and_told_whatever_fails(fault, success):
     done, text = bench.switch.set(True)
     assert (done, bench.modes, bench.topics["manual_mode"].sent[-1]) == (success, [True], True)
     assert success or "the robot cannot be reached: gone" in text
+
+
+@pytest.mark.parametrize("tell", ["publish", "set_param"])
+def test_change_by_another_thread_meanwhile_has_the_last_word(tell):
+    """The other change comes between the moment when the first one decides what to tell, and its telling."""
+    bench, interrupted = Bench(), []
+    place = bench.topics["manual_mode"] if tell == "publish" else bench.ros
+    last = getattr(place, tell)
+
+    def told(*args):
+        if not interrupted:
+            interrupted.append(True)
+            bench.switch.set(False)
+        last(*args)
+
+    setattr(place, tell, told)
+    bench.switch.set(True)
+    assert interrupted and not bench.commander.manual
+    assert bench.topics["manual_mode"].sent[-1] is False
+    assert bench.parameters == {"~operation_mode": "automatic"}
