@@ -33,7 +33,7 @@ from mrl_driver.robot.radio import DISCOVERY_S, SEARCH, RadioNode, RadioText, Re
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.safety.speed_limiter import Speeds
 from mrl_driver.safety.wheel_monitor import Mismatch
-from mrl_driver.session.events import SensorRead, Slowed, Status
+from mrl_driver.session.events import MAY_MOVE, SensorRead, Slowed, Status
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.link_counters import Statistics
 from mrl_driver.session.motion_command import Motion
@@ -285,19 +285,23 @@ class Driver:
         If another thread's write is blocked, the stop is sent as soon as the port accepts bytes again.
 
         Raises:
+            BoardTimeout: the link was lost while the robot moved, and its board has no watchdog: it may drive on.  The
+                stop is repeated when the board is back.
             LinkLost: the port went away.
         """
         core = self._connected()
         with self._lock:
             core.stop(self._clock(), "user")
         self._flush()
+        if self.may_be_moving:
+            raise BoardTimeout(f"no telemetry arrives: {MAY_MOVE}")
 
     def inhibit(self, reason: str) -> None:
         """Stop, and refuse commands and requests that turn motors until `allow` is called with each reason; none
         overtakes this.
 
         Raises:
-            LinkLost: the port went away; commands are refused nevertheless.
+            BoardTimeout, LinkLost: as `stop`; commands are refused nevertheless.
         """
         with self._lock:
             self._core.inhibited.add(reason)

@@ -6,6 +6,7 @@ import sys
 import time
 from typing import TYPE_CHECKING, Any, Callable, Iterator, List, NamedTuple, Optional, Tuple, Union
 
+from mrl_driver.errors import BoardTimeout
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.safety.operator_delay import MAX_DELAY_S, DelayGuard
 from mrl_driver.session.events import ImuChanged, Lost, PathUnknown, Reconnected, Slowed
@@ -101,8 +102,11 @@ class Screen:
             self.trail.clear()
         elif key == "space":
             self._teleop.press(key, now_s)
-            self._driver.stop()
             self._notice = ""
+            try:
+                self._driver.stop()
+            except BoardTimeout as error:  # the driver goes on looking for the board
+                self._notice = str(error)
         elif self._keys_drive:
             if self._teleop.press(key, now_s) and self._pressed_s is None:
                 self._pressed_s = now_s

@@ -47,7 +47,7 @@ class ModeSwitch:
         return not trouble, f"{MANUAL if manual else AUTOMATIC} mode: {speeds}{goals}{trouble}"
 
     def _announce(self, tell: Callable[[bool], Any]) -> None:
-        """Tell the present mode, again if another thread has changed it meanwhile: the last word is true.
+        """Call `tell` with the present mode, again if another thread has changed it meanwhile: the last word is true.
 
         A lock would let a change wait for another one's call of the master.
         """

@@ -7,7 +7,6 @@ from mrl_driver.errors import MrlError
 from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
 from mrl_driver.robot.covariance import AT_START, Spread
-from mrl_driver.session.events import MAY_MOVE
 from ros1_bridge.control.commander import Commander
 from ros1_bridge.control.wheel_motion import STILL_M_S
 from ros1_bridge.node.plane_poses import planar
@@ -52,8 +51,6 @@ class Services:
             self._commander.latch()
         except MrlError as error:
             return False, f"latched, but the robot cannot be reached: {error}"
-        if self._driver.may_be_moving:
-            return False, f"latched, but no telemetry arrives: {MAY_MOVE}"
         return True, "stopped; release_stop lets the robot follow commands again"
 
     def release_stop(self) -> Answer:
@@ -69,8 +66,6 @@ class Services:
             self._commander.enable(enabled)
         except MrlError as error:
             return False, f"disabled, but the robot cannot be reached: {error}"
-        if not enabled and self._driver.may_be_moving:
-            return False, f"disabled, but no telemetry arrives: {MAY_MOVE}"
         return True, "enabled" if enabled else "stopped and disabled"
 
     def calibrate(self) -> Answer:

@@ -9,6 +9,7 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout
 from mrl_driver.session.events import MAY_MOVE, WAITS, Lost, Stale
 from mrl_driver.session.motion_command import Motion
+from mrl_driver.terminal.live_view import Screen, Settings
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.serve import factory
 from tests.fake_board import FakeBoard
@@ -53,6 +54,29 @@ def stale(bench):
 def test_driving_board_of_2013_that_is_cut_off_may_still_be_moving(cut):
     bench = cut("2013-august")
     assert bench.driver.may_be_moving and not bench.driver.stopped
+
+
+def test_stop_that_may_not_have_arrived_is_an_error_and_is_sent_when_the_board_is_back(cut):
+    bench = cut("2013-august")
+    for stop in (bench.driver.stop, lambda: bench.driver.inhibit("stopped")):
+        with pytest.raises(BoardTimeout, match=MAY_MOVE):
+            stop()
+    bench.line.plug()
+    bench.driver.wait(5.0)
+    assert bench.driver.stopped
+    bench.driver.stop()
+
+
+@pytest.mark.parametrize("profile, speed_m_s", [("2013-august", 0.0), ("current", 0.2)])
+def test_stop_of_a_robot_that_stands_is_no_error_without_telemetry(cut, profile, speed_m_s):
+    cut(profile, speed_m_s).driver.stop()
+
+
+def test_view_goes_on_when_its_stop_may_not_have_arrived(cut):
+    bench = cut("2013-august")
+    screen = Screen(bench.driver, Settings(), None)
+    screen.press("space", 0.0)
+    assert not screen.ended and screen.shown(0.0).notice == f"no telemetry arrives: {MAY_MOVE}"
 
 
 def test_its_silence_is_told_so(cut):

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from mrl_driver.errors import BoardTimeout
 from mrl_driver.robot import models
 from mrl_driver.session.events import MAY_MOVE, WAITS, Stale
 from ros1_bridge.control import commander as module
@@ -19,9 +20,12 @@ def cut_off(may_be_moving):
 
 
 def lost(may_be_moving):
-    nothing = {"inhibit": lambda *_: None, "allow": lambda *_: None}
+    def inhibit(_):
+        if may_be_moving:
+            raise BoardTimeout(f"no telemetry arrives: {MAY_MOVE}")
+
     return SimpleNamespace(
-        ready=False, may_be_moving=may_be_moving, command=None, stop_reason="stale", **nothing
+        ready=False, may_be_moving=may_be_moving, command=None, stop_reason="stale", inhibit=inhibit
     )
 
 

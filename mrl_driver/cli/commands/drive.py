@@ -1,5 +1,6 @@
 """`mrl drive`: drive with the keyboard, or at given speeds for a given time."""
 
+import contextlib
 import math
 import sys
 import time
@@ -178,7 +179,8 @@ def confirm_stop(driver: "Driver") -> None:
     Raises:
         BoardTimeout: a board without a watchdog did not confirm it.
     """
-    driver.stop()
+    with contextlib.suppress(BoardTimeout):  # telemetry may be back in time
+        driver.stop()
     deadline_s = driver.now_s + STOP_S
     while not driver.stopped and driver.now_s < deadline_s and not driver.wait(0.02):
         pass
