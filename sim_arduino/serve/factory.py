@@ -18,6 +18,7 @@ from sim_arduino.hardware.imu import FLAWLESS_IMU, ImuErrors
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.hardware.xbee import LOWEST_ADDRESS, RadioFit
 from sim_arduino.world import world_file
+from sim_arduino.world.free_places import free_places
 from sim_arduino.world.shapes import Footprint
 from sim_arduino.world.world import World
 
@@ -159,24 +160,52 @@ def make_team(options: Options, names: Sequence[str], poses: Sequence[str]) -> L
     Raises:
         ConfigError: as for `make`, or a name appears twice.
     """
+    team = [numbered(options, number, name) for number, name in enumerate(names or [options.name])]
+    return make_all(
+        [each._replace(pose=pose) for each, pose in zip(team, [*poses, *[options.pose] * len(team)])]
+    )
+
+
+def numbered(options: Options, number: int, name: Optional[str]) -> Options:
+    """The options of the robot with this number in a team, from 0; it has this name."""
+    its = options._replace(name=name, seed=options.seed + number)
+    if options.imu_seed:
+        its = its._replace(imu_seed=options.imu_seed + number)
+    if options.radio not in (None, OWN_ADDRESS):
+        its = its._replace(radio=f"{_radio_address(str(options.radio)) + number:x}")
+    return its
+
+
+def make_all(team: Sequence[Options], places: Sequence[int] = ()) -> List[Emulated]:
+    """Makes robots, each with its options, in the world of the first one.
+
+    Args:
+        places: for each robot the number of its place on the world's free floor, from 0; instead of the poses.
+
+    Raises:
+        ConfigError: as for `make`, a name appears twice, or the world has too little free floor.
+    """
+    names = [each.name for each in team]
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise ConfigError(f"robot {twice[0]!r} is named twice, expected another name for each robot")
-    world, robots = _world(options), []
+    world, robots = _world(team[0]), []
     try:
-        for number, name in enumerate(names or [options.name]):
-            pose = poses[number] if number < len(poses) else options.pose
-            its = options._replace(name=name, pose=pose, seed=options.seed + number)
-            if options.imu_seed:
-                its = its._replace(imu_seed=options.imu_seed + number)
-            if options.radio not in (None, OWN_ADDRESS):
-                its = its._replace(radio=f"{_radio_address(options.radio) + number:x}")
-            robots.append(make(its, world))
+        for each in _placed(team, places, world) if places else team:
+            robots.append(make(each, world))
     except BaseException:
         for robot in robots:
             robot.close()
         raise
     return robots
+
+
+def _placed(team: Sequence[Options], places: Sequence[int], world: World) -> List[Options]:
+    """The options with the poses of the places."""
+    bodies = [footprint_for(models.load(each.robot), each.footprint) for each in team]
+    radius_m = max((body.radius_m for body in bodies if body), default=0.0)
+    poses = free_places(world, radius_m, max(places) + 1)
+    return [each._replace(pose=world_file.pose_text(poses[place])) for each, place in zip(team, places)]
 
 
 def _require_in(name: str, value: Optional[float], low: float, high: float) -> None:

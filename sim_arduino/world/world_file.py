@@ -214,3 +214,8 @@ def parse_pose(text: Optional[str], default: Pose) -> Pose:
     if not all(is_number(value, *_COORDINATE) for value in (x, y, yaw)):
         raise ConfigError(f"pose is {text!r}, expected X,Y,YAW in metres and degrees, such as 0.5,0,90")
     return Pose(x, y, math.radians(yaw))
+
+
+def pose_text(pose: Pose) -> str:
+    """The pose as `parse_pose` takes it, to 0.1 mm and 0.001 degrees."""
+    return f"{pose.x_m:.4f},{pose.y_m:.4f},{math.degrees(pose.yaw_rad):.3f}"

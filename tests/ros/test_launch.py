@@ -149,7 +149,11 @@ def test_bag_has_topics_by_their_full_names(ns, place, packages):
 def test_team_has_a_robot_for_each_port(packages):
     nodes = nodes_of("team.launch", "ports:=sim,/dev/ttyACM7,sim")
     assert {f"/robot{i}/robot_node" for i in (1, 2, 3)} <= nodes
-    assert [f"/robot{i}/sim_board" in nodes for i in (1, 2, 3)] == [True, False, True]
+    assert "/sim_boards" in nodes
+
+
+def test_team_of_real_robots_has_no_emulated_board(packages):
+    assert "/sim_boards" not in nodes_of("team.launch", "ports:=/dev/ttyACM0,/dev/ttyACM1")
 
 
 def test_team_has_its_descriptions_and_frames_each(rig, packages):

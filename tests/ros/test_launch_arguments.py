@@ -92,10 +92,8 @@ def test_arguments_of_the_line_are_listed(file, monkeypatch):
 @pytest.mark.parametrize("imu, options", [("true", ["--imu", "--imu-seed=0"]), ("false", [])])
 @pytest.mark.parametrize("file", ["sim.launch", "team.launch"])
 def test_emulated_robots_have_an_imu_if_asked(config_of, file, imu, options):
-    nodes = [node for node in config_of(LAUNCH / file, f"imu:={imu}").nodes if node.name == "sim_board"]
-    assert len(nodes) == (1 if file == "sim.launch" else 3)
-    for node in nodes:
-        assert [option for option in node.args.split() if "imu" in option] == options
+    (node,) = (each for each in config_of(LAUNCH / file, f"imu:={imu}").nodes if each.type == "sim_board")
+    assert [option for option in node.args.split() if "imu" in option] == options
 
 
 def test_build_reaches_the_board_the_node_and_the_description(config_of):
@@ -105,3 +103,42 @@ def test_build_reaches_the_board_the_node_and_the_description(config_of):
     assert "--profile 2013-august" in board.args and "--environment" in board.args
     assert config.params["/robot_node/build"].value == "environment"
     assert "sonar" not in config.params["/robot_description"].value
+
+
+def test_build_reaches_each_robot_of_a_team(config_of):
+    config = config_of(LAUNCH / "team.launch", "ports:=sim,sim,/dev/ttyACM0", "builds:=,environment")
+    (board,) = (node for node in config.nodes if node.type == "sim_board")
+    assert "--builds=',environment'" in board.args
+    builds = [config.params[f"/robot{number}/robot_node/build"].value for number in (1, 2, 3)]
+    assert builds == ["", "environment", "environment"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "ports"),
+    [
+        ([], "sim sim sim"),
+        (["count:=5"], "sim sim sim sim sim"),
+        (["ports:=/dev/ttyACM0,sim", "count:=4"], "/dev/ttyACM0 sim sim sim"),
+        (["ports:=sim,/dev/ttyACM0", "count:=1"], "sim /dev/ttyACM0"),
+    ],
+)
+def test_a_team_has_as_many_robots_as_asked_or_as_ports(config_of, arguments, ports):
+    config = config_of(LAUNCH / "team.launch", *arguments, "description:=false")
+    given = [each.value for name, each in config.params.items() if name.endswith("/port")]
+    assert [port if "mrl_sim" not in port else "sim" for port in given] == ports.split()
+    assert len({port for port in given}) == len(given)
+
+
+def test_manual_speed_and_zones_of_an_emulated_robot_reach_its_node(config_of):
+    shared = arguments_of("robot.launch") & {"manual_speed", *zone_arguments()}
+    given = {name: 0.01 * (2 + i) for i, name in enumerate(sorted(shared))}
+    params = config_of(LAUNCH / "sim.launch", *(f"{name}:={value}" for name, value in given.items())).params
+    assert {name: params[f"/robot_node/{name}"].value for name in given} == given and len(given) == 10
+
+
+def arguments_of(file):
+    return set(arg_dump.get_args([str(LAUNCH / file)]))
+
+
+def zone_arguments():
+    return {name for name in arguments_of("robot.launch") if name.startswith("zone_")}

@@ -7,7 +7,9 @@ import sys
 
 import pytest
 
-from sim_arduino.serve.minimal import CLOSE_WAIT_S, Shutdown, main
+from mrl_driver.errors import ConfigError
+from sim_arduino.serve import factory
+from sim_arduino.serve.minimal import CLOSE_WAIT_S, Shutdown, Team, main
 
 
 class Port:
@@ -110,3 +112,26 @@ def test_signal_ends_the_process_and_removes_its_port(board, tmp_path, name):
     board.send_signal(getattr(signal, name))
     assert (board.wait(), board.stderr.read()) == (0, "")
     assert not (tmp_path / "port").is_symlink()
+
+
+def test_a_team_has_the_emulated_robots_by_their_numbers():
+    team = Team.of("sim,/dev/ttyACM0,sim,sim", factory.Options(robot="traxbot,stingbot"), ",environment,")
+    assert [each.name for each in team.options] == ["robot1", "robot3", "robot4"]
+    assert [each.robot for each in team.options] == ["traxbot", "stingbot", "stingbot"]
+    assert [each.environment for each in team.options] == [False, False, False]
+    assert team.places == [0, 2, 3]
+
+
+def test_a_team_without_an_emulated_robot_is_refused():
+    with pytest.raises(ConfigError, match=r"no port of '/dev/ttyACM0' is sim"):
+        Team.of("/dev/ttyACM0", factory.Options())
+
+
+def test_each_robot_of_a_team_has_a_place_of_its_own():
+    team = Team.of(",".join(["sim"] * 20), factory.Options())
+    robots = factory.make_all(team.options, team.places)
+    poses = [robot.plant.true_pose for robot in robots]
+    for robot in robots:
+        robot.close()
+    gaps = [math.hypot(a.x_m - b.x_m, a.y_m - b.y_m) for i, a in enumerate(poses) for b in poses[:i]]
+    assert min(gaps) == pytest.approx(0.5, abs=1e-3)

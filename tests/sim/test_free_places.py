@@ -1,0 +1,47 @@
+"""Start places for many robots: free floor that can be reached from the start."""
+
+import pytest
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
+from sim_arduino.world import world_file
+from sim_arduino.world.free_places import GAP_M, free_places
+from sim_arduino.world.shapes import Footprint, Wall
+from sim_arduino.world.world import World
+
+RADIUS_M = 0.16
+
+
+def test_the_first_robot_has_the_start_and_the_next_stand_beside_it():
+    places = free_places(World(start=Pose(1.0, 2.0, 0.0)), RADIUS_M, 3)
+    assert places == [Pose(1.0, 2.0, 0.0), Pose(1.0, 2.5, 0.0), Pose(1.0, 1.5, 0.0)]
+
+
+@pytest.mark.parametrize("name", ["room", "house", "corridor", "hazards", "steps"])
+def test_twenty_robots_keep_away_from_walls_and_from_each_other(name):
+    world = world_file.load(name)
+    for place in free_places(world, RADIUS_M, 20):
+        assert world.clearance(place.x_m, place.y_m) >= RADIUS_M + GAP_M - 1e-9
+        world.place(f"{place}", place, Footprint(2 * RADIUS_M, 2 * RADIUS_M, True))
+
+
+def test_no_robot_is_on_the_other_side_of_a_wall():
+    world = World([Wall(-9, 0.25, 9, 0.25)])
+    assert all(place.y_m <= 0 for place in free_places(world, RADIUS_M, 10))
+
+
+def test_a_smaller_world_has_its_places_closer_together():
+    walls = [
+        Wall(-0.8, -0.8, 0.8, -0.8),
+        Wall(0.8, -0.8, 0.8, 0.8),
+        Wall(0.8, 0.8, -0.8, 0.8),
+        Wall(-0.8, 0.8, -0.8, -0.8),
+    ]
+    places = free_places(World(walls), 0.1, 9)
+    assert min(abs(place.y_m) for place in places if place.y_m) == pytest.approx(0.5)
+    assert len(free_places(World(walls), 0.1, 20)) == 20
+
+
+def test_a_world_that_is_too_small_says_how_many_fit():
+    with pytest.raises(ConfigError, match="expected at most 6: there is no free floor"):
+        free_places(world_file.load("l-course"), RADIUS_M, 20)
