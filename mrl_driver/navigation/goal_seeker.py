@@ -56,6 +56,8 @@ class GoalSeeker:
         now_s: time of the start [s].
         sonars: mounting pose of each sonar, by name; sonars may be added later.
         patience_s: time without progress after which the goal counts as blocked [s].
+        look_rad: angle that the robot turns on the spot in search of a free path before the goal counts as blocked;
+            without end, it waits with `patience_s` for obstacles that go away.
     """
 
     def __init__(
@@ -65,6 +67,7 @@ class GoalSeeker:
         now_s: float,
         sonars: Mapping[str, SonarMount],
         patience_s: float = PATIENCE_S,
+        look_rad: float = math.inf,
     ) -> None:
         self._goal, self._limits, self._patience_s = goal, limits, patience_s
         self._map = FloorMap(sonars)
@@ -74,7 +77,8 @@ class GoalSeeker:
         self._planned_s = -math.inf
         self._trail: Deque[Point] = deque(maxlen=TRAIL)
         self._retreat: Optional[Point] = None
-        self._there = False
+        self._there = self._enclosed = False
+        self._look_rad, self._looked_rad, self._yaw_rad = look_rad, 0.0, math.nan
         self._best_m, self._best_rad, self._best_s = math.inf, math.inf, now_s
         self.reached = self.blocked = False
         self.blind: Tuple[str, ...] = ()
@@ -101,8 +105,17 @@ class GoalSeeker:
             return -max(SLOWEST_M_S, 0.4 * self._limits.linear_m_s), 0.0
         target = self._target(pose, now_s)
         if target is None:
-            return 0.0, 0.5 * self._limits.angular_rad_s
+            return self._look_round(pose)
+        self._looked_rad, self._yaw_rad = 0.0, math.nan
         return self._approach(pose, target, away_m)
+
+    def _look_round(self, pose: Pose) -> Speeds:
+        """Turn on the spot until the sonars find a free path, or have seen enough."""
+        if not math.isnan(self._yaw_rad):
+            self._looked_rad += abs(wrap_angle(pose[2] - self._yaw_rad))
+        self._yaw_rad = pose[2]
+        self.blocked = self._enclosed = self._looked_rad > self._look_rad
+        return 0.0, 0.0 if self.blocked else 0.5 * self._limits.angular_rad_s
 
     def _new_readings(self, ranges: Mapping[str, float], now_s: float) -> Dict[str, float]:
         """Return the readings that changed, and once per cycle also those that did not."""
@@ -126,6 +139,8 @@ class GoalSeeker:
             return f"it is there, but has not turned further to the goal's yaw for {self._patience_s:g} s"
         if self.blind:
             return f"no valid reading of sonar {', '.join(self.blind)}: check its cable"
+        if self._enclosed:
+            return f"the sonars leave no free path, {self._best_m:.1f} m away"
         no_path = "" if self._path or self._map.empty else ", and the sonars leave no free path"
         return f"{self._best_m:.1f} m away it came no closer for {self._patience_s:g} s{no_path}"
 

@@ -7,7 +7,7 @@ import pytest
 
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.geometry import Pose
-from mrl_driver.navigation.goal_seeker import BLIND_S, GoalSeeker
+from mrl_driver.navigation.goal_seeker import BLIND_S, PATIENCE_S, GoalSeeker
 from mrl_driver.navigation.occupancy_grid import CELL_M, MOST_CELLS, FloorMap
 from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits, SonarMount
@@ -169,6 +169,26 @@ def test_robot_stands_when_a_sonar_falls_silent(name, silent):
     assert seeker.command((0.2, 0.0, 0.0), heard, BLIND_S)[0] > 0
     assert seeker.command((0.2, 0.0, 0.0), heard, BLIND_S + 0.01) == (0.0, 0.0)
     assert seeker.blind == (name,)
+
+
+def walled_in(look_rad):
+    """The seconds until a robot that something surrounds gives up, and the seeker."""
+    seeker, yaw_rad, now_s = GoalSeeker(Pose(1.2, 0.0, 0.0), LIMITS, 0.0, SONARS, look_rad=look_rad), 0.0, 0.0
+    while not seeker.blocked:
+        now_s += STEP_S
+        ranges = dict.fromkeys(SONARS, 0.3)
+        yaw_rad += STEP_S * seeker.command(Pose(0.0, 0.0, yaw_rad), ranges, now_s)[1]
+    return now_s, seeker
+
+
+def test_robot_that_something_surrounds_gives_up_after_the_turns_it_may_look():
+    after_s, seeker = walled_in(4 * math.pi)
+    assert 4 * math.pi / LIMITS.angular_rad_s < after_s < 40.0
+    assert seeker.why == "the sonars leave no free path, 1.2 m away"
+
+
+def test_without_a_limit_it_waits_for_obstacles_that_go_away():
+    assert walled_in(math.inf)[0] > PATIENCE_S
 
 
 def test_robot_drives_on_when_the_sonar_is_heard_again():

@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 FARTHEST_M = 1000.0
 STEP_S = 0.05
 """The speeds are computed again after this time [s]."""
+LOOK_RAD = 4 * math.pi
+"""Two turns on the spot: all obstacles are seen twice, 12 s apart on a TraxBot, so that a person can step aside."""
 PROGRESS_S = 1.0
 """The progress is reported this often [s]."""
 
@@ -50,7 +52,7 @@ PROGRESS_S = 1.0
     "timeout_s",
     type=Between(0, min_open=True),
     default=FOREVER_S,
-    help="Give up after this time [s]; default: after 60 s without progress.",
+    help="Give up after this time [s]; default: after 60 s without progress, or two turns without a free path.",
 )
 @battery_option
 @record_option
@@ -113,7 +115,7 @@ def drive_to(driver: "Driver", goal: Pose, timeout_s: float, tell: Callable[[str
 
     assert driver.limits is not None and driver.model is not None
     begun_s = told_s = driver.now_s
-    seeker = GoalSeeker(goal, driver.limits, begun_s, driver.model.sonars)
+    seeker = GoalSeeker(goal, driver.limits, begun_s, driver.model.sonars, look_rad=LOOK_RAD)
     driving = True
     while not (seeker.reached or seeker.blocked) and driver.now_s - begun_s < timeout_s:
         require_driving(driver, driving)
