@@ -38,7 +38,10 @@ class Terminal:
 
     def answer(self, question, words):
         """Wait for a question, and type an answer."""
-        wait_until(lambda: question.encode() in self.seen, what=f"{question!r} in {bytes(self.seen)!r}")
+        try:
+            wait_until(lambda: question.encode() in self.seen or not self._reader.is_alive())
+        finally:
+            assert question.encode() in self.seen, f"expected {question!r}, got {bytes(self.seen).decode()}"
         self.press(words.encode() + b"\n")
 
     def end(self, number=0):
