@@ -17,13 +17,20 @@ LONGEST_S = 0.5
 class ZoneWatch:
     """The zones of one robot, and the readings passed to them."""
 
-    def __init__(self, parameters: Parameters, model: RobotModel, has_sonars: bool) -> None:
-        """`parameters`: those of robot_node, with `zones` other than none.
+    def __init__(
+        self, parameters: Parameters, model: RobotModel, has_sonars: bool, build_assumed: bool = False
+    ) -> None:
+        """`parameters`: those of robot_node, with `zones` other than none.  `build_assumed`: as in `Driver`.
 
         Raises:
-            ConfigError: the zones need sonars, and the board has none.
+            ConfigError: the zones need sonars, and the board has none, or it is not known to have any.
         """
         by_sonar, by_laser = zone_sensors(parameters)
+        if by_sonar and build_assumed:
+            raise ConfigError(
+                f"parameter zones is {parameters.zones}, but this board of 2013 does not report whether it has sonars "
+                "or gas sensors, which would look like ranges; set parameter build to sonar or environment"
+            )
         if by_sonar and not has_sonars:
             raise ConfigError(
                 f"parameter zones is {parameters.zones}, but this board has no sonars, expected scan or none"

@@ -185,8 +185,9 @@ class RobotNode:
             f"{driver.line_baud} baud, {power}"
         )
         if driver.build_assumed:
-            rospy.loginfo(
-                "this board of 2013 is taken to have sonars: if it has environment sensors, set ~build"
+            rospy.logwarn(
+                "this board of 2013 is taken to have sonars: set ~build to sonar, or to environment if it has gas "
+                "and light sensors"
             )
         if driver.build_warning:
             rospy.logwarn(driver.build_warning)
@@ -224,7 +225,7 @@ class RobotNode:
     def _watch_zones(self, model: RobotModel, has_sonars: bool) -> None:
         self._zones: Optional[ZoneWatch] = None
         if self._parameters.zones != "none":
-            self._zones = ZoneWatch(self._parameters, model, has_sonars)
+            self._zones = ZoneWatch(self._parameters, model, has_sonars, self._driver.build_assumed)
             self._commander.watch(self._zones.zones)
         self._sideways = isinstance(model.drive, OmniDrive)
 

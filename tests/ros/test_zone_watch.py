@@ -13,8 +13,9 @@ from ros1_bridge.node.robot_parameters import check
 MODEL = models.load("traxbot")
 
 
-def watch(has_sonars=True, **given):
-    return ZoneWatch(check({"port": "/dev/x", "zones": "sonars", **given}, "/n"), MODEL, has_sonars)
+def watch(has_sonars=True, build_assumed=False, **given):
+    given = check({"port": "/dev/x", "zones": "sonars", **given}, "/n")
+    return ZoneWatch(given, MODEL, has_sonars, build_assumed)
 
 
 def frame(stamp_s, speed_m_s, front_m=None):
@@ -52,6 +53,13 @@ def test_a_board_without_sonars_needs_a_laser():
     ):
         watch(has_sonars=False)
     watch(has_sonars=False, zones="scan")
+
+
+def test_a_board_whose_build_nobody_named_needs_a_laser():
+    """Voltages of gas sensors would look like ranges, and the zones would be clear in front of a wall."""
+    with pytest.raises(ConfigError, match="set parameter build to sonar or environment"):
+        watch(build_assumed=True)
+    watch(build_assumed=True, zones="scan")
 
 
 def test_a_laser_lies_flat_and_upright():
