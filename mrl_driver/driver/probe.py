@@ -7,12 +7,17 @@ from mrl_driver.errors import MrlError
 from mrl_driver.protocol.table import BAUD
 from mrl_driver.robot import models
 from mrl_driver.robot.robot_state import without_motor_board
+from mrl_driver.session.handshake import TIMEOUT_S
 
 from .driver import Driver
 from .options import Options
 
 _ANY_MODEL = "traxbot"
 _MOST_AT_ONCE = 16
+RUNNING_S = 4.0
+"""Time for the first answer of a board that opening the port does not reset [s]: less than five seconds for all boards.
+An emulated board of 2013 that is reset answers after 3.4 s.
+"""
 
 
 class Answer(NamedTuple):
@@ -30,12 +35,19 @@ class Answer(NamedTuple):
     """Why there is no answer; empty if there is one."""
 
 
-def probe(port: str, baud: int = BAUD) -> Answer:
-    """Ask one port; takes up to 8 s if nothing answers."""
+def patience_s(resets: bool) -> float:
+    """Time for a board's first answer [s].
+
+    Opening a USB port resets its board, which first runs its boot loader; one of 2013 then needs up to 5.4 s.
+    """
+    return TIMEOUT_S if resets else RUNNING_S
+
+
+def probe(port: str, baud: int = BAUD, wait_s: float = TIMEOUT_S) -> Answer:
+    """Ask one port; takes up to `wait_s` [s] if nothing answers."""
+    options = Options(ignore_battery=True, any_id=True, identify=True, greeting_s=wait_s)
     try:
-        with Driver(
-            port, _ANY_MODEL, baud, Options(ignore_battery=True, any_id=True, identify=True)
-        ) as driver:
+        with Driver(port, _ANY_MODEL, baud, options) as driver:
             board = driver.board
     except MrlError as error:
         return Answer(error=str(error))
@@ -51,9 +63,12 @@ def probe(port: str, baud: int = BAUD) -> Answer:
     )
 
 
-def probe_all(ports: Iterable[Tuple[str, int]]) -> Iterator[Tuple[str, Answer]]:
-    """Ask several ports at the same time, each at its baud rate; yield the answers in order of arrival."""
+def probe_all(ports: Iterable[Tuple[str, int, float]]) -> Iterator[Tuple[str, Answer]]:
+    """Ask several ports at the same time: name, baud rate, and time for the first answer [s].
+
+    Yields the answers in order of arrival.
+    """
     with ThreadPoolExecutor(_MOST_AT_ONCE) as pool:
-        waiting = {pool.submit(probe, port, baud): port for port, baud in ports}
+        waiting = {pool.submit(probe, *each): each[0] for each in ports}
         for done in as_completed(waiting):
             yield waiting[done], done.result()

@@ -14,7 +14,7 @@ import sys
 import termios
 import threading
 import time
-from typing import Dict, List, Optional, Protocol, Type, runtime_checkable
+from typing import Dict, Iterator, List, Optional, Protocol, Type, runtime_checkable
 
 import serial
 from serial.tools import list_ports
@@ -82,13 +82,34 @@ def in_use(name: str) -> bool:
 
     A pseudo terminal is always open in its server; it counts as in use if it is the terminal of a process.
     """
+    return any(True for _ in _holders(name))
+
+
+def opened_by(name: str) -> str:
+    """Return name and process id of a program that has the port open, as for `in_use`; empty if there is none."""
+    return next(map(_program, _holders(name)), "")
+
+
+def _holders(name: str) -> Iterator[str]:
+    """Yield the ids of the processes that have the port open."""
     try:
         device, there = os.path.realpath(name), os.stat(name)
     except OSError:
-        return False
+        return
     if os.major(there.st_rdev) in PTY_MAJORS:
-        return any(_works_in(process, device, there) for process in glob.glob("/proc/[0-9]*"))
-    return any(_target(fd) == device for fd in glob.glob("/proc/[0-9]*/fd/*"))
+        found = (process for process in glob.iglob("/proc/[0-9]*") if _works_in(process, device, there))
+    else:
+        found = (fd for fd in glob.iglob("/proc/[0-9]*/fd/*") if _target(fd) == device)
+    yield from (path.split("/")[2] for path in found)
+
+
+def _program(number: str) -> str:
+    """Return name and id of a process."""
+    try:
+        with open(f"/proc/{int(number)}/comm", encoding="utf-8", errors="replace") as comm:
+            return f"{comm.read().strip()} (process {number})"
+    except OSError:
+        return f"process {number}"
 
 
 def _works_in(process: str, device: str, there: os.stat_result) -> bool:
@@ -419,8 +440,7 @@ def locked_by(port: str) -> str:
         file = f"{os.major(there.st_dev):02x}:{os.minor(there.st_dev):02x}:{there.st_ino}"
         with open("/proc/locks", encoding="ascii") as locks:
             owners = [line.split()[4] for line in locks if line.split()[5] == file]
-        with open(f"/proc/{int(owners[0])}/comm", encoding="utf-8", errors="replace") as comm:
-            return f"{comm.read().strip()} (process {owners[0]})"
+        return _program(owners[0])
     except (OSError, IndexError, ValueError):
         return ""
 

@@ -4,7 +4,7 @@ import grp
 import os
 from typing import Dict, List, NamedTuple
 
-from .link import described, in_use, locked_by
+from .link import described, locked_by, opened_by
 from .port_search import Port
 from .usb_ids import ARDUINO_VENDORS, text_of
 
@@ -61,9 +61,9 @@ def user_of(device: str) -> str:
 
     Programs of other users are visible only to root, or by their locks.
     """
-    holder = locked_by(device)
-    if holder or in_use(device):
-        return holder or "another program"
+    holder = locked_by(device) or opened_by(device)
+    if holder:
+        return holder
     for folder in _LOCK_FOLDERS:
         try:
             with open(f"{folder}/LCK..{os.path.basename(device)}", encoding="ascii") as file:

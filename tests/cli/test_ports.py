@@ -1,9 +1,12 @@
 """`mrl ports`: what may be opened, and what it says of each port."""
 
 import json
+import os
 
 import pytest
 
+from mrl_driver.driver import probe
+from mrl_driver.session.handshake import TIMEOUT_S
 from mrl_driver.transport import port_info
 from mrl_driver.transport.link import SerialLink
 from mrl_driver.transport.port_search import Port
@@ -70,3 +73,41 @@ def test_no_port_at_all(there):
 
 def test_a_port_without_probe():
     assert "--probe" in fails(2, "ports", "/dev/null")
+
+
+def test_nine_boards_are_found_beside_one_in_use(there, serve):
+    boards = [serve(robot_id=number) for number in range(1, 10)]
+    used = serve(robot_id=10)
+    link = SerialLink(used.path)
+    try:
+        found = rows("--probe", "--wait", "60", *(each.path for each in (*boards, used)))
+    finally:
+        link.close()
+    assert [found[each.path]["robot_id"] for each in boards] == list(range(1, 10))
+    assert not used.received and not found[used.path]["asked"]
+
+
+def test_a_silent_port_is_given_up_after_the_time_that_was_given(there, serve):
+    silent = serve()
+    silent.held.set()
+    assert "no answer" in rows("--probe", "--wait", "0.5", silent.path)[silent.path]["error"]
+
+
+def test_a_usb_port_has_time_for_boot_loader_and_old_firmware(there, serve, monkeypatch):
+    asked, pty = {}, serve().path
+    monkeypatch.setattr(probe, "probe", lambda *port: asked.update({port[0]: port[2]}) or probe.Answer())
+    there(UNO)
+    rows("--probe", pty)
+    assert asked == {pty: probe.RUNNING_S, UNO.device: TIMEOUT_S}
+
+
+def test_a_program_without_a_lock_is_named(tmp_path):
+    """Such as a terminal program; any file of one's own shows it, as no test has a port that is not a pty."""
+    file = tmp_path / "ttyACM9"
+    with file.open("w"):
+        assert str(os.getpid()) in port_info.user_of(str(file))
+    assert port_info.user_of(str(file)) == ""
+
+
+def test_a_time_without_probe():
+    assert "--wait is given without --probe" in fails(2, "ports", "--wait", "3")

@@ -21,24 +21,34 @@ Row = Dict[str, Any]
     is_flag=True,
     help="Identify robots: on boards made by Arduino, named robots, and each PORT.  Opening a port resets its board.",
 )
+@click.option(
+    "--wait",
+    "wait_s",
+    type=click.FloatRange(0.5, 60.0),
+    metavar="S",
+    help="Time for a board's first answer [s]; default: 8 on USB ports, where a board of 2013 needs 5.4, else 4.",
+)
 @json_option
-def ports(port: Tuple[str, ...], probe: bool, as_json: bool) -> None:
+def ports(port: Tuple[str, ...], probe: bool, wait_s: Optional[float], as_json: bool) -> None:
     """List serial ports, and the robots on them.
 
     Opens no port without --probe, because opening resets an Arduino Uno, and other devices may be connected.  --probe
-    opens boards whose USB vendor is Arduino, the ports of named robots, and each PORT, but never a port that is in use.
+    opens boards whose USB vendor is Arduino, the ports of named robots, and each PORT, all at the same time.  It never
+    opens a port that is in use.
 
     \b
     Examples:
       mrl ports
       mrl ports --probe
+      mrl ports --probe --wait 4            shorter; a board of 2013 on USB may need 6 s
       mrl ports --probe /dev/ttyUSB0        a copy of the Uno, with another USB vendor
     """
-    if port and not probe:
-        raise ConfigError("PORT is given without --probe, expected both or neither")
+    for name, value in (("PORT", port), ("--wait", wait_s)):
+        if value and not probe:
+            raise ConfigError(f"{name} is given without --probe, expected both or neither")
     rows = _rows(port)
     if probe:
-        _ask(rows, port)
+        _ask(rows, port, wait_s)
     if as_json:
         print_json(list(rows.values()))
         return
@@ -62,18 +72,19 @@ def _rows(asked: Tuple[str, ...]) -> Dict[str, Row]:
     return rows
 
 
-def _ask(rows: Dict[str, Row], asked: Tuple[str, ...]) -> None:
+def _ask(rows: Dict[str, Row], asked: Tuple[str, ...], wait_s: Optional[float]) -> None:
     """Ask the robots on the ports that may be opened, and add the answers to their rows."""
-    from mrl_driver.driver.probe import probe_all
+    from mrl_driver.driver.probe import patience_s, probe_all
 
     from .progress import progress
 
     allowed = {os.path.realpath(port) for port in asked}
-    chosen: List[Tuple[str, int]] = []
+    chosen: List[Tuple[str, int, float]] = []
     for device, row in rows.items():
         row["asked"] = (row["arduino"] or bool(row["name"]) or device in allowed) and not row["used_by"]
         if row["asked"]:
-            chosen.append((row["device"], _baud(row["name"])))
+            patience = patience_s(resets=bool(row["usb"])) if wait_s is None else wait_s
+            chosen.append((row["device"], _baud(row["name"]), patience))
     by_device = {row["device"]: row for row in rows.values()}
     with progress("asking", len(chosen)) as advance:
         for device, answer in probe_all(chosen):
