@@ -17,7 +17,7 @@ class FaultKind(NamedTuple):
 
     `make` of a fault of the serial link is called with a random generator and the parameters.  `switch` of a fault of
     the hardware is called with the plant, whether the fault is on, and the parameters; it needs the hardware `needs`:
-    "bridge", "imu", or "" for that of all robots.
+    "bridge", "imu", "radio", or "" for that of all robots.
     """
 
     name: str
@@ -156,6 +156,12 @@ _KINDS = (
         "another chip is at the IMU's address",
         hardware_faults.imu_other,
         Key("identity", 0x12, 0, 255, "its WHO_AM_I"),
+    ),
+    FaultKind(
+        "radio_cut",
+        "the radio neither sends nor receives",
+        switch=hardware_faults.radio_cut,
+        needs="radio",
     ),
 )
 FAULTS: Dict[str, FaultKind] = {kind.name: kind for kind in _KINDS}

@@ -124,6 +124,8 @@ class FaultyEngine:
             )
         if kind.needs == "imu" and self._plant.imu is None:
             raise ConfigError(f"fault {kind.name!r} needs an IMU, the robot has none; expected --imu too")
+        if kind.needs == "radio" and self._plant.xbee is None:
+            raise ConfigError(f"fault {kind.name!r} needs a radio, the robot has none; expected --radio too")
 
     @property
     def _plant(self) -> Any:

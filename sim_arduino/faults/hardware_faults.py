@@ -1,4 +1,4 @@
-"""Faults of motors, encoders, battery and IMU: each function switches one on or off in a `Plant`.
+"""Faults of motors, encoders, battery, IMU and radio: each function switches one on or off in a `Plant`.
 
 Times are those of the plant, which a simulated chip lets run up to 1 ms ahead.
 """
@@ -72,3 +72,9 @@ def imu_frozen(plant: Plant, on: bool) -> None:
 def imu_other(plant: Plant, on: bool, identity: float) -> None:
     """Another chip answers: WHO_AM_I differs."""
     _imu(plant).who_am_i = int(identity) if on else MPU6050
+
+
+def radio_cut(plant: Plant, on: bool) -> None:
+    """The radio's antenna is off."""
+    assert plant.xbee, "FaultyEngine refuses this fault without a radio"
+    plant.xbee.set(cut=on)

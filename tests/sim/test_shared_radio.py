@@ -202,6 +202,23 @@ def test_fit_has_the_range_and_the_loss():
     assert (station.range_m, station.loss) == (3.0, 0.25)
 
 
+def test_radio_is_cut_for_a_time():
+    robot = factory.make(options(faults=("radio_cut:at=1,lasts=2",)))
+    cut = []
+    for time_s in (0.9, 1.1, 2.9, 3.1):
+        robot.board.advance(time_s)
+        cut.append(robot.plant.xbee.station.cut)
+    robot.close()
+    assert cut == [False, True, True, False]
+
+
+def test_radio_cut_needs_a_radio():
+    with pytest.raises(
+        ConfigError, match="fault 'radio_cut' needs a radio, the robot has none; expected --radio too"
+    ):
+        factory.make(options(radio=None, faults=("radio_cut",)))
+
+
 def test_server_waits_for_packets_of_other_processes(lab):
     """Without it, a text waits until the board has something to do."""
     robot = factory.make(options(world_name=lab))
