@@ -41,6 +41,7 @@ EXPERIMENTS = {
     "step-test": Experiment("step_test", "driving from point to point over a grid, mirrored live"),
     "mixed-team": Experiment("mixed_team", "two real robots and a virtual one wander in one arena"),
     "shared-waypoint": Experiment("shared_waypoint", "three robots share a waypoint"),
+    "crossing": Experiment("crossing", "two robots at a blind crossing, by radio alone"),
     "patrol": Experiment("patrol", "waypoints visited again and again, by one robot and by three"),
     "environment": Experiment("arena_sweep", "map of heat, dust and alcohol in the arena"),
     "turnaround": Experiment("turnaround", "time of messages between PC, or topic, and motor board"),

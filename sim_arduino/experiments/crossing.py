@@ -1,0 +1,240 @@
+"""Two robots meet at a blind crossing: the second one waits until the first reports by radio that it has left.
+
+The robots do not see each other, so that only the claims keep them apart.  The claims go from driver to board, from the
+board to its emulated XBee, through the air, and back: no other message passes between the robots.
+"""
+
+import math
+import random
+from contextlib import ExitStack
+from functools import partial
+from typing import Dict, List, Mapping, NamedTuple, Sequence
+
+from mrl_driver.geometry import Pose
+from mrl_driver.navigation.claims import Claim
+from mrl_driver.navigation.radio_claims import LATE_S, RadioTeam
+from mrl_driver.navigation.waypoint_tour import CLAIMING, DONE, WaypointTour
+from mrl_driver.robot.radio import RadioText
+from sim_arduino.world.world import World
+
+from . import disturbances
+from .experiment_report import Figure, Result
+from .experiment_robot import TICK_S, ExperimentRobot, Setting, open_robot, require_emulated
+from .mixed_team import TeamRun, draw, outcome, rows_of
+from .team import Member, Player, Team, pose_option
+from .tours import TourDriver
+from .trials import figure, over_seeds
+
+RADIOS: Dict[str, int] = {"1": 0x0013A20040000001, "2": 0x0013A20040000002}
+"""Name and radio address of each robot."""
+LANES_DEG = {"1": 0.0, "2": 90.0}
+BEFORE_M, BEYOND_M, END_M = 0.5, 0.5, 0.9
+"""Distances of the waypoints from the crossing: a robot waits before it, and releases it at the end of its lane."""
+START_M = (1.0, 1.1)
+"""Smallest and largest distance of a start from the crossing; the robots arrive at nearly the same time."""
+LOSS = 0.1
+"""Share of the radio packets that each radio does not receive: assumed."""
+CUT_S, CUT_FOR_S = (0.5, 12.0), 15.0
+"""The radio of one robot fails at a time between these, for this time [s]."""
+TIME_LIMIT_S = 90.0
+REMARK = (
+    f"In simulated time; each radio loses {LOSS:.0%} of the packets. The robots use no sonars. In the control every "
+    "claim is granted at once; its runs end with the first collision. In the runs with a cut, one radio is off for "
+    f"{CUT_FOR_S:g} s."
+)
+
+
+class CrossingRun(NamedTuple):
+    """What came out of one run.
+
+    Attributes:
+        crossed: Number of robots that arrived at the end of their lane.
+        waited_s: Time that the robots stood before the crossing together [s].
+        entered_cut: Number of robots that got the crossing while the radio was cut.
+        named_s: Time from the cut until each robot that waited had named the other one as silent [s]; the longest.
+        unnamed: Number of robots that waited during the whole cut and did not name the other one.
+    """
+
+    team: TeamRun
+    crossed: int
+    waited_s: float
+    duration_s: float
+    entered_cut: int
+    named_s: float
+    unnamed: int
+
+
+class BlindPlayer(Player):
+    """A robot that does not use its sonars."""
+
+    def ranges(self) -> Dict[str, float]:
+        """No ranges."""
+        return {}
+
+
+class RadioRobot:
+    """A robot's claim of the crossing, over the radio of its board."""
+
+    def __init__(self, name: str, robot: ExperimentRobot) -> None:
+        self.robot = robot
+        self.claim = Claim(name, [each for each in RADIOS if each != name], -LATE_S, LATE_S)
+        self._team, self._now_s = RadioTeam(name, RADIOS), 0.0
+        robot.driver.on_text(self._on_text)
+
+    def _on_text(self, text: RadioText) -> None:
+        message = self._team.message_of(text.address, text.text)
+        if message is not None:
+            self.claim.receive(message, self._now_s)
+
+    def talk(self, now_s: float) -> None:
+        """Sends the messages that are due."""
+        self._now_s = now_s
+        for message in self.claim.messages(now_s):
+            self.robot.driver.send_text(*self._team.text_to(message))
+
+    def cut(self, cut: bool) -> None:
+        """Switches the radio off or on."""
+        assert self.robot.plant is not None and self.robot.plant.xbee is not None
+        self.robot.plant.xbee.set(cut=cut)
+
+
+def run(setting: Setting) -> Result:
+    """Lets two robots meet at the crossing with many seeds, and draws the paths of the first run."""
+    require_emulated(setting, "crossing")
+    runs, control = over_seeds(claimed, setting), over_seeds(granted_at_once, setting)
+    cut = over_seeds(partial(claimed, cut=True), setting)
+    rows = rows_of([each.team for each in runs], [each.team for each in control])
+    rows += _rows(runs)
+    for row in [*rows_of([each.team for each in cut], []), *_rows(cut), *_cut_rows(cut)]:
+        rows.append(row._replace(key=f"cut_{row.key}", text=f"radio cut: {row.text}"))
+    rows = [row._replace(published="") for row in rows]
+    picture = draw(setting, runs[0].team.players, "crossing", "room")
+    return Result("crossing", "Two robots at a blind crossing, by radio alone", rows, [picture], REMARK)
+
+
+def _rows(runs: Sequence[CrossingRun]) -> List[Figure]:
+    return [
+        figure("crossed", "robots that crossed", [each.crossed for each in runs], worst=min),
+        figure("waited_s", "time before the crossing", [each.waited_s for each in runs], "s"),
+        figure("duration_s", "duration", [each.duration_s for each in runs], "s"),
+    ]
+
+
+def _cut_rows(runs: Sequence[CrossingRun]) -> List[Figure]:
+    named = [each.named_s for each in runs if each.named_s > 0]
+    rows = [
+        figure("entered", "claims that were granted during the cut", [each.entered_cut for each in runs]),
+        figure("unnamed", "robots that did not name the silent one", [each.unnamed for each in runs]),
+    ]
+    if named:
+        rows.append(figure("named_s", "time until a waiting robot names the silent one", named, "s"))
+    return rows
+
+
+def claimed(setting: Setting, cut: bool = False) -> CrossingRun:
+    """A run in which the robots claim the crossing by radio.
+
+    Args:
+        cut: The radio of one robot fails for a while.
+    """
+    return _cross(setting, cut, claims=True)
+
+
+def granted_at_once(setting: Setting) -> CrossingRun:
+    """A run in which every claim is granted at once, until the first collision."""
+    return _cross(setting, cut=False, claims=False)
+
+
+def _cross(setting: Setting, cut: bool, claims: bool) -> CrossingRun:
+    rng = random.Random(f"crossing {setting.seed}")
+    with ExitStack() as stack:
+        team = _gather(stack, setting, rng)
+        talkers = {p.member.name: RadioRobot(p.member.name, p.robot) for p in team.players}  # type: ignore[arg-type]
+        cut_s = rng.uniform(*CUT_S) if cut else math.inf
+        return _Run(team, talkers if claims else {}, cut_s, rng.choice(list(RADIOS))).run()
+
+
+def lane(name: str, distance_m: float) -> Pose:
+    """The pose on a robot's lane at this distance beyond the crossing; it looks along the lane."""
+    return Pose(0.0, 0.0, math.radians(LANES_DEG[name])).compose(distance_m, 0.0)
+
+
+def _gather(stack: ExitStack, setting: Setting, rng: random.Random) -> Team:
+    """Both robots before the crossing, each with a radio; calibrated, with random errors."""
+    world, players = World(), []
+    for number, (name, address) in enumerate(RADIOS.items()):
+        member = Member(name, lane(name, -rng.uniform(*START_M)), virtual=False)
+        pose = pose_option(disturbances.placed(member.start, setting.seed, name))
+        its = setting._replace(seed=setting.seed + number)
+        made = open_robot(
+            its,
+            world,
+            name=name,
+            pose=pose,
+            error=disturbances.WANDER,
+            radio=f"{address:x}",
+            radio_loss=LOSS,
+        )
+        players.append(BlindPlayer(member, stack.enter_context(made), world, World()))
+    return Team(players)
+
+
+class _Run:
+    """One run; `claims` is empty if every claim is granted at once."""
+
+    def __init__(self, team: Team, claims: Mapping[str, RadioRobot], cut_s: float, cut_name: str) -> None:
+        self._team, self._claims = team, claims
+        self._cut_s, self._cut_name = cut_s, cut_name
+        self._cut = False
+        self._named: Dict[str, float] = {}
+        self._waits: Dict[str, float] = {}
+        self._entered = 0
+
+    def run(self) -> CrossingRun:
+        """Runs until both robots have crossed; without claims at most until the first collision."""
+        drivers = [self._driver(player) for player in self._team.players]
+        now_s, waited_s = 0.0, 0.0
+        while any(d.tour.state != DONE for d in drivers) and now_s < TIME_LIMIT_S:
+            self._talk(now_s)
+            before = self._holders()
+            self._team.tick([driver.command(now_s) for driver in drivers])
+            self._watch(drivers, before, now_s)
+            waited_s += TICK_S * sum(driver.tour.state == CLAIMING for driver in drivers)
+            now_s += TICK_S
+            if self._team.collisions and not self._claims:
+                break
+        crossed = sum(driver.tour.state == DONE for driver in drivers)
+        unnamed = sum(
+            wait_s > CUT_FOR_S - TICK_S for name, wait_s in self._waits.items() if name not in self._named
+        )
+        named_s = max(self._named.values(), default=0.0)
+        return CrossingRun(outcome(self._team), crossed, waited_s, now_s, self._entered, named_s, unnamed)
+
+    def _driver(self, player: Player) -> TourDriver:
+        name = player.member.name
+        poses = [lane(name, at_m) for at_m in (-BEFORE_M, BEYOND_M, END_M)]
+        claim = self._claims[name].claim if self._claims else None
+        return TourDriver(player, WaypointTour(claim=claim, shared={1}), poses, 0.0)
+
+    def _talk(self, now_s: float) -> None:
+        cut = self._cut_s <= now_s < self._cut_s + CUT_FOR_S
+        if cut != self._cut:
+            self._cut = cut
+            self._claims[self._cut_name].cut(cut)
+        for each in self._claims.values():
+            each.talk(now_s)
+
+    def _holders(self) -> List[str]:
+        return [name for name, each in self._claims.items() if each.claim.held]
+
+    def _watch(self, drivers: Sequence[TourDriver], before: Sequence[str], now_s: float) -> None:
+        """Notes the claims that are granted, and the robots that are named as silent, while the radio is cut."""
+        if not self._cut:
+            return
+        self._entered += len(set(self._holders()) - set(before))
+        for driver in drivers:
+            name = driver.player.member.name
+            if driver.tour.state == CLAIMING:
+                self._waits[name] = self._waits.get(name, 0.0) + TICK_S
+                if driver.tour.reason and name not in self._named:
+                    self._named[name] = now_s - self._cut_s
