@@ -151,8 +151,8 @@ _MOTORS = (Field("motor_1", -100, 100, "%", "Left motor. " + _PERCENT),
            Field("motor_3", -100, 100, "%", "Right motor. " + _PERCENT))
 _PERIOD = (Field("period", 0, 10000, "ms", "Time between frames; absent or 0: as fast as the serial link allows."),)
 _ALCOHOL = Field("alcohol", 0, 1023, "count", "1023 minus the ADC count of the MQ303A.")
-_DUST = _int16("dust", "", "Particles of 1 um and larger per litre, PPD42NS; larger values read 32767.  2013 boards "
-                           "wrap: add 65536 to a negative value.")
+_DUST = _int16("dust", "pcs/l", "Particles of 1 um and larger per litre, PPD42NS; larger values read 32767.  2013 "
+                                "boards wrap: add 65536 to a negative value.")
 _HOTTEST = Field("hottest", 0, 255, "degC", "Hottest of the TPA81's eight pixels.")
 _LDR = Field("ldr", 0, 1023, "count", "ADC count of the light sensor.")
 _BEARING = Field("bearing", 0, 359, "deg", "Clockwise from north, CMPS10.")

@@ -153,6 +153,8 @@ class Handshake:
         self._steps: Iterator[Tuple[int, ...]] = iter(())
         self._step: Tuple[int, ...] = (_CODE["robot_info"],)
         self._attempts = 0
+        self._answered = False
+        """The last request was answered: the board takes its form, with or without a checksum."""
         self._silent: Optional[Board] = None
         self._deaf = self._alike = 0
         self._info: Optional[Board] = None
@@ -192,12 +194,13 @@ class Handshake:
                 self._send(
                     _CODE["set_debug"], 0, checked=False
                 )  # a frame after text on the same line is not decoded
-            if self._patient or self._silent or self._attempts % 3 == 2:
+            if self._patient or self._silent or (self._attempts % 3 == 2 and not self._answered):
                 self._send(*self._step, checked=not checked)
         elif self._step[0] in _MAY_BE_UNKNOWN and self._attempts and not self._sure:
             self._send(_CODE["robot_info"], checked=checked)
         self._send(*self._step, checked=checked)
         self._attempts += 1
+        self._answered = False
         self.due_s = now + RETRY_S
 
     def _begin_again(self, now: float) -> None:
@@ -212,6 +215,7 @@ class Handshake:
 
     def hurry(self, now: float) -> None:
         """Ask again at once: an answer arrived, but more equal answers are needed."""
+        self._answered = True
         self.due_s = min(self.due_s, now)
 
     def _judge(self, now: float) -> None:

@@ -112,7 +112,7 @@ def recorded(tmp_path):
 def test_recording_shows_path_and_sensors_and_has_no_ranges(recorded):
     """Also without the robot's file: stream 25 shows that the board has environment sensors."""
     figures, found = summarise(recorded), timeline.read(recorded)
-    assert figures["sensors"]["dust"] == {"least": 40000.0, "most": 40000.0, "unit": ""}
+    assert figures["sensors"]["dust"] == {"least": 40000.0, "most": 40000.0, "unit": "pcs/l"}
     assert figures["sensors"]["alcohol"]["most"] == 290.0 and figures["pose"]["x_m"] == pytest.approx(
         1, abs=0.01
     )
@@ -124,4 +124,4 @@ def test_each_sensor_of_a_recording_is_drawn_on_axes_of_its_own(recorded, tmp_pa
     monkeypatch.setattr(recording_plot.figures, "save", lambda figure, path: drawn.append(figure))
     recording_plot.draw(timeline.read(recorded, models.load("traxbot")), "unused.png", ("sensors",))
     labels = {axes.get_ylabel() for axes in drawn[0].axes}
-    assert labels == {"alcohol [count]", "dust", "light [count]", "thermopile [degC]"}
+    assert labels == {"alcohol [count]", "dust [pcs/l]", "light [count]", "thermopile [degC]"}

@@ -97,3 +97,7 @@ def test_documented_margins_are_those_of_the_packaged_vehicle():
     text = (ROOT / "docs" / "experiments.md").read_text()
     rows = {"arm-angle": (0, 90, 180), "arm-height": (0.1, 0.8, 1.5), "acceleration": (2, 6), "force": (30,)}
     assert all(f"| {shown(name, *values)} deg" in text for name, values in rows.items())
+
+
+def test_ranges_in_the_help_are_numbers_of_everyday():
+    assert "0<x<=100" in mrl("tip-over", "--help").stdout

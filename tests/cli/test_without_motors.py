@@ -49,6 +49,11 @@ def test_doctor_shows_the_sensors_and_no_fault(port, monkeypatch):
     assert "hardware that does not answer" not in texts.get("refused by board", "")
 
 
+def test_info_has_no_state_of_a_battery_that_is_not_measured(port):
+    told = json.loads(mrl("info", "--json", "--port", port).stdout)
+    assert (told["battery_v"], told["battery_state"]) == (None, None)
+
+
 def test_monitor_prints_the_sensors_alone(port):
     line = mrl("monitor", "--seconds", 0.3, "--port", port).stdout.splitlines()[-1]
     assert line.startswith("pioneer 7  alcohol 123 count") and "battery" not in line and " x " not in line

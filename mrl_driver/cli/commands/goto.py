@@ -75,6 +75,7 @@ def goto(
 
     X and Y [m] are coordinates of the odometry, which starts at 0 where the robot stands: X is forward, Y is to the
     left.  At the goal the robot turns to YAW [deg]; without it, to the direction from start to goal.
+    The goal counts as reached within 0.03 m, and the heading within 3 deg, by the odometry.
 
     Exit codes: 0 reached; 16 blocked, or the time is over; 10 or 14 the robot was stopped; 130 Ctrl-C, which stops it.
 

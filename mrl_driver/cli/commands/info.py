@@ -1,5 +1,6 @@
 """`mrl info`: identity of the robot on a port."""
 
+import math
 from typing import TYPE_CHECKING, Any, Dict
 
 import click
@@ -63,7 +64,7 @@ def describe(driver: "Driver", port: str) -> Dict[str, Any]:
         "capabilities": sorted(board.capabilities),
         "motor_board_version": board.motor_board_version,
         "battery_v": board.battery_v,
-        "battery_state": driver.battery_state,
+        "battery_state": math.nan if math.isnan(board.battery_v) else driver.battery_state,
         "temperature_c": board.temperature_c,
         "imu": driver.imu_state,
         "sonars": sorted(driver.model.sonars) if driver.model else [],

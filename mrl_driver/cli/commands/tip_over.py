@@ -68,7 +68,12 @@ _NAMED = {
 @click.option(
     "--arm-angle", type=Between(0, 180), metavar="DEG", help="Angle of the arm: 0 forward, 90 up [deg]."
 )
-@click.option("--arm-height", type=Between(1e-6, 100), metavar="M", help="Height of the arm's lower end [m].")
+@click.option(
+    "--arm-height",
+    type=Between(0, 100, min_open=True),
+    metavar="M",
+    help="Height of the arm's lower end [m].",
+)
 @click.option(
     "--sweep",
     "swept",
