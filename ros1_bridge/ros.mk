@@ -1,9 +1,12 @@
 # The bridge's own targets, included by the Makefile.
 PACKAGES_test += rviz liburdfdom-tools xvfb x11-utils imagemagick libgl1-mesa-dri iproute2
 
-.PHONY: bench-ros description check-description
+.PHONY: bench-ros bench-relay description check-description
 bench-ros: setup ## Measure the ROS node and, for comparison, a bare rospy loop; build/bench/ros.json; FAST=1 is shorter
 	$(ROS_ENV) $(PY) -m tests.bench.bench_ros
+
+bench-relay: setup ## Measure topics that cross between two masters, and a pulled cable; build/bench/relay.json; FAST=1 is shorter
+	$(ROS_ENV) $(PY) -m tests.bench.bench_relay
 
 description: ## Render the robots' URDF files from their geometry
 	$(PY) -m ros1_bridge.description

@@ -258,7 +258,7 @@ class _Receiver:
                 self._begin()
         elif isinstance(event, Taken):
             with self._lock:
-                self._outbox.taken(event.messages)
+                self._outbox.taken(event.messages, relay_now_s())
         else:
             raise RelayError(f"got {type(event).__name__}, expected Ping or Taken")
 
@@ -281,7 +281,7 @@ class _Receiver:
         """Send what the socket and the window allow."""
         while True:
             if not self._unsent:
-                message = self._outbox.next()
+                message = self._outbox.next(relay_now_s())
                 if message is None:
                     return
                 if message.number not in self._declared:

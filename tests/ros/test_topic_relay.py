@@ -5,12 +5,12 @@ import socket
 import struct
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
 from ros1_bridge.relay.message_age import WINDOW_S, MessageAge
-from ros1_bridge.relay.outbox import WINDOW_BYTES, WINDOW_MESSAGES, Outbox
+from ros1_bridge.relay.outbox import MOST_BYTES, MOST_OF_ONE, SLOWER_S, Outbox
 from ros1_bridge.relay.relay_frames import (
     LONGEST_BYTES,
     PROTOCOL,
@@ -55,6 +55,7 @@ def test_frames_are_read_as_they_were_written_however_they_are_cut():
     assert [event for byte in data for event in reader.feed(bytes([byte]))] == EVENTS
 
 
+@settings(max_examples=30)
 @given(st.binary(max_size=80), st.sampled_from([0, 1, 2, 3, 4, 5, 6]))
 def test_bytes_of_others_are_refused_or_waited_for(junk, kind):
     reader = FrameReader()
@@ -92,8 +93,8 @@ def filled(*of):
     return box
 
 
-def leaving(box):
-    return list(iter(box.next, None))
+def leaving(box, now_s=0.0):
+    return list(iter(lambda: box.next(now_s), None))
 
 
 def test_newer_message_takes_the_place_of_the_one_that_waits():
@@ -105,21 +106,56 @@ def test_publishers_do_not_replace_each_other():
     assert [(message.number, message.sequence) for message in leaving(box)] == [(1, 4), (2, 3)]
 
 
-def test_few_messages_of_a_publisher_are_on_the_way():
+def test_few_messages_of_a_publisher_are_in_transit():
     box, sent = Outbox(), []
     for message in messages(1, 10):
         box.put(message)
         sent += leaving(box)
-    assert [message.sequence for message in sent] == list(range(1, WINDOW_MESSAGES + 1))
-    box.taken(1)
+    assert [message.sequence for message in sent] == list(range(1, MOST_OF_ONE + 1))
+    box.taken(1, 0.0)
     assert [message.sequence for message in leaving(box)] == [10]
 
 
-def test_few_bytes_are_on_the_way_but_one_long_message_may_be():
-    box = filled(Message(1, 1, 0.0, bytes(3 * WINDOW_BYTES)), *messages(2, 1))
+def test_few_bytes_are_in_transit_but_one_long_message_may_be():
+    box = filled(Message(1, 1, 0.0, bytes(3 * MOST_BYTES)), *messages(2, 1))
     assert [message.number for message in leaving(box)] == [1]
-    box.taken(1)
+    box.taken(1, 0.0)
     assert [message.number for message in leaving(box)] == [2]
+
+
+@pytest.mark.parametrize("rate_hz, rtt_s", [(10.0, 0.0), (4.0, 0.02), (30.0, 0.001)])
+def test_link_that_passes_fewer_messages_than_there_are_delivers_new_ones(rate_hz, rtt_s):
+    """50 messages a second on a link that passes few, one after the other; the answer takes `rtt_s`."""
+    box, free_s, answers, ages = Outbox(), 0.0, [], []
+    for step in range(20000):
+        now_s = step * 0.001
+        while answers and answers[0] <= now_s:
+            answers.pop(0)
+            box.taken(len(ages) - len(answers), now_s)
+        if step % 20 == 0:
+            box.put(Message(1, step // 20, now_s, bytes(100)))
+        for message in leaving(box, now_s):
+            free_s = max(now_s, free_s) + 1 / rate_hz
+            ages.append(free_s - message.stamp_s)
+            answers.append(free_s + rtt_s)
+    after = ages[len(ages) // 2 :]
+    assert max(after) < 3 / rate_hz + SLOWER_S + rtt_s, "a queue of 4 would take one more"
+    assert len(ages) > 0.8 * 20 / (1 / rate_hz + rtt_s)
+
+
+def test_fast_link_with_a_long_delay_keeps_its_rate():
+    box, answers, sent = Outbox(), [], 0
+    for step in range(5000):
+        now_s = step * 0.001
+        while answers and answers[0] <= now_s:
+            answers.pop(0)
+            box.taken(sent - len(answers), now_s)
+        if step % 20 == 0:
+            box.put(Message(1, step // 20, now_s, bytes(100)))
+        for _ in leaving(box, now_s):
+            sent += 1
+            answers.append(now_s + 0.07)
+    assert sent > 0.95 * 250
 
 
 def test_age_is_never_too_small_whatever_the_clocks_show():

@@ -1,0 +1,42 @@
+"""Two masters with a relay each, in two network namespaces with a cable between them; a robot drives over it."""
+
+import json
+import math
+import subprocess
+import sys
+
+import pytest
+
+from tests.network import own_network
+
+from .rig import ROOT
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory):
+    """What the trial of `two_masters` has seen."""
+    folder = tmp_path_factory.mktemp("masters")
+    command = [*own_network(), sys.executable, "-m", "tests.ros.two_masters", str(folder)]
+    done = subprocess.run(command, cwd=str(ROOT), capture_output=True, text=True, timeout=110)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_odometry_and_commands_cross_between_the_masters(seen):
+    assert seen["moved"]
+
+
+def test_robot_stops_when_the_cable_is_pulled_and_the_desk_is_told(seen):
+    assert seen["stop_s"] < math.inf and seen["noticed_s"] < math.inf
+
+
+def test_no_command_from_before_the_restore_moves_the_robot(seen):
+    assert not seen["replayed"]
+
+
+def test_topics_and_commands_cross_again_when_the_cable_is_back(seen):
+    assert seen["restored_s"] < math.inf and seen["drives_again"]
+
+
+def test_latched_state_comes_again(seen):
+    assert seen["mode"]
