@@ -98,7 +98,7 @@ def test_the_script_of_a_shell(shell):
     [
         (["mo"], ["monitor"]),
         (["go"], ["goto"]),
-        (["config", "set", "ra"], ["ramp_time", "ramp_gain"]),
+        (["config", "set", "ramp"], ["ramp_time", "ramp_gain"]),
         (["info", "--robot", "st"], ["stingbot"]),
         (["--robot", "st"], ["stingbot"]),
     ],

@@ -1,11 +1,12 @@
-"""`mrl radio`: search for other robots' radios, send a text, print received texts."""
+"""`mrl radio`: search for other robots' radios, send a text, print received texts, hold other robots."""
 
-from typing import TYPE_CHECKING, List
+from typing import TYPE_CHECKING, List, Sequence, Tuple
 
 import click
 
-from mrl_driver.errors import ConfigError, FrameError
+from mrl_driver.errors import BoardTimeout, ConfigError, FrameError
 from mrl_driver.host.named_robots import Target
+from mrl_driver.navigation.radio_holder import RadioHolder
 from mrl_driver.robot.radio import (
     BROADCAST,
     DISCOVERY_S,
@@ -15,7 +16,15 @@ from mrl_driver.robot.radio import (
     text_request,
 )
 
-from .shared import Between, connected, json_option, print_json, robot_options, seconds_option
+from .shared import (
+    Between,
+    connected,
+    json_option,
+    print_json,
+    print_message,
+    robot_options,
+    seconds_option,
+)
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -24,6 +33,8 @@ ALL = "all"
 LEAVES_S = 0.1
 """The text is on the air this time after it was sent [s]; the command does not end the session before."""
 POLL_S = 0.1
+FREE_S = 6.0
+"""At the end, the command waits this long for the answers of the robots that it has held [s]."""
 
 
 @click.group()
@@ -36,6 +47,8 @@ def radio() -> None:
       mrl radio send 0013a20040a1b2c3 hello --port /dev/ttyACM0
       mrl radio send all hello --port /dev/ttyACM0
       mrl radio listen --port /dev/ttyACM0
+      mrl radio hold 0013a20040a1b2c3 --port /dev/ttyACM0
+      mrl radio free 0013a20040a1b2c3 --port /dev/ttyACM0
     """
 
 
@@ -131,3 +144,87 @@ def print_texts(driver: "Driver", seconds: float, as_json: bool) -> None:
                 print_json({"address": format_address(text.address), "text": text.text})
             else:
                 click.echo(f"{format_address(text.address)}  {text.text}")
+
+
+@radio.command()
+@click.argument("addresses", nargs=-1, required=True, metavar="ADDRESS...")
+@robot_options
+@seconds_option
+def hold(target: Target, addresses: Tuple[str, ...], seconds: float) -> None:
+    """Stop other robots and hold them.
+
+    Their boards stop, and refuse to move until this command ends.  They allow it if their parameter `radio_hold` is not
+    0.  The command prints which robots have confirmed that they are held.  If it is killed, or the radio fails, they
+    stay held, and their own hosts may release them.
+    """
+    holder = _holder(addresses)
+    with connected(target, ignore_battery=True) as driver:
+        driver.on_text(lambda text: holder.receive(text, driver.now_s))
+        try:
+            hold_others(driver, holder, seconds)
+        finally:
+            free_others(driver, holder)
+
+
+@radio.command()
+@click.argument("addresses", nargs=-1, required=True, metavar="ADDRESS...")
+@robot_options
+def free(target: Target, addresses: Tuple[str, ...]) -> None:
+    """End the hold of other robots.
+
+    Only the radio that holds a robot can free it.  The robot does not move until its own host moves it.
+    """
+    holder = _holder(addresses)
+    with connected(target, ignore_battery=True) as driver:
+        driver.on_text(lambda text: holder.receive(text, driver.now_s))
+        free_others(driver, holder)
+
+
+def _holder(addresses: Sequence[str]) -> RadioHolder:
+    try:
+        return RadioHolder([parse_address(address) for address in addresses])
+    except FrameError as error:
+        raise ConfigError(str(error)) from None
+
+
+def hold_others(driver: "Driver", holder: RadioHolder, seconds: float) -> None:
+    """Hold robots for this time [s], and print each change of their answers; texts of the radio go to `holder`.
+
+    Raises:
+        ConfigError: the board has no radio.
+    """
+    driver.require_radio()
+    holder.hold()
+    end_s, shown = driver.now_s + seconds, ""
+    while driver.now_s < end_s:
+        _talk(driver, holder, end_s)
+        silent = holder.unanswered(driver.now_s)
+        text = f"no answer from {', '.join(map(format_address, silent))}" if silent else "all are held"
+        if text != shown:
+            shown = text
+            click.echo(text)
+
+
+def free_others(driver: "Driver", holder: RadioHolder) -> None:
+    """End the hold, and wait for the answers; texts of the radio go to `holder`.
+
+    Raises:
+        BoardTimeout: a robot has not answered.
+    """
+    driver.require_radio()
+    holder.free()
+    end_s = driver.now_s + FREE_S
+    while not holder.all_freed and driver.now_s < end_s:
+        _talk(driver, holder, end_s)
+    if not holder.all_freed:
+        names = ", ".join(map(format_address, holder.unfreed))
+        raise BoardTimeout(
+            f"no answer from {names}: it may still be held; free it again, or release it at its own host"
+        )
+    print_message("all are freed")
+
+
+def _talk(driver: "Driver", holder: RadioHolder, end_s: float) -> None:
+    for address, data in holder.texts(driver.now_s):
+        driver.send_text(address, data)
+    driver.wait(min(POLL_S, end_s - driver.now_s))
