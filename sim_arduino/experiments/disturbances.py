@@ -46,6 +46,16 @@ WANDER = f"noise={WHEEL_M2_PER_M:g},turn_noise={TURN_RAD2_PER_RAD:g}"
 SONAR = f"noise={SONAR_NOISE_M:g}"
 """Errors of all sonars, in the form of `factory.Options.sonar`."""
 
+SLIP = 0.01
+"""Share by which both wheels of a robot in a mixed team slip, on the straight and in turns, unknown to its odometry.
+Assumed.
+"""
+
+
+def wander(slip: float = 0.0) -> str:
+    """The random errors and a slip of both wheels, in the form of `factory.Options.error`."""
+    return option(wheel_size=1.0 - slip, noise=WHEEL_M2_PER_M, turn_noise=TURN_RAD2_PER_RAD)
+
 
 def error(seed: int, name: str = "", **given: float) -> str:
     """All errors of a robot's wheels and turns, in the form of `factory.Options.error`.

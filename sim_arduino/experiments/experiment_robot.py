@@ -1,5 +1,6 @@
 """Robots for the experiments: emulated ones in simulated time, or a real one on a port."""
 
+import time
 from contextlib import contextmanager
 from typing import Any, Callable, Iterator, Mapping, NamedTuple, Optional, Tuple, Union
 
@@ -49,11 +50,30 @@ class Step(NamedTuple):
     blocked: bool
 
 
+class Pace:
+    """Ticks in real time: each ends its time after the end of the one before, whatever was computed meanwhile."""
+
+    def __init__(self) -> None:
+        self._due_s = time.monotonic()
+
+    def rest_s(self, seconds: float) -> float:
+        """The time that is left of a tick of `seconds` [s]; 0 if it is over."""
+        now_s = time.monotonic()
+        self._due_s = max(self._due_s + seconds, now_s)
+        return self._due_s - now_s
+
+
 class ExperimentRobot(NamedTuple):
-    """A robot in an experiment; `plant` is the hardware of an emulated robot."""
+    """A robot in an experiment.
+
+    Attributes:
+        plant: Hardware of an emulated robot.
+        pace: Pace of a real robot in a team whose other robots are emulated; None for a robot alone.
+    """
 
     driver: Union[Driver, SteppedDriver]
     plant: Optional[Plant] = None
+    pace: Optional[Pace] = None
 
     @property
     def true_pose(self) -> Pose:
@@ -87,7 +107,7 @@ class ExperimentRobot(NamedTuple):
 
     def wait(self, seconds: float) -> None:
         """Lets time pass."""
-        self.driver.wait(seconds)
+        self.driver.wait(self.pace.rest_s(seconds) if self.pace else seconds)
 
     def seek(self, goal: Pose) -> Callable[[Mapping[str, float]], "Step"]:
         """A function that takes the robot to a goal: from ranges [m] it computes the next step."""

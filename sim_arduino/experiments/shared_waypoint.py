@@ -14,8 +14,8 @@ from mrl_driver.navigation.claims import LATE_S, Claim
 from mrl_driver.navigation.waypoint_tour import CLAIMING, DONE, WaypointTour
 
 from .experiment_report import Figure, Result
-from .experiment_robot import TICK_S, Setting, require_emulated
-from .mixed_team import TeamRun, draw, outcome, ros_rows, rows_of
+from .experiment_robot import TICK_S, Setting
+from .mixed_team import TeamRun, draw, on_port, outcome, ros_rows, rows_of
 from .team import Member, Team, gather
 from .tours import Channel, Point, TourDriver, exchange, poses_of
 from .trials import figure, over_seeds
@@ -76,7 +76,8 @@ def run(setting: Setting, through_ros: Optional[SharedRun] = None) -> Result:
     Args:
         through_ros: A run through ROS, in real time.
     """
-    require_emulated(setting, "shared-waypoint")
+    if setting.port is not None:
+        return _on_port(setting)
     runs, lossy = over_seeds(claimed, setting), over_seeds(partial(claimed, loss=LOSS), setting)
     control = over_seeds(granted_at_once, setting)
     rows = rows_of([each.team for each in runs], [each.team for each in control])
@@ -89,6 +90,14 @@ def run(setting: Setting, through_ros: Optional[SharedRun] = None) -> Result:
     picture = draw(setting, runs[0].team.players, "shared-waypoint", WORLD)
     title = f"Three robots with a shared waypoint, {ROUNDS} rounds each"
     return Result("shared-waypoint", title, rows, [picture], REMARK)
+
+
+def _on_port(setting: Setting) -> Result:
+    done = claimed(setting)
+    picture = draw(setting, done.team.players, "shared-waypoint", WORLD)
+    title = f"The robot on {setting.port} and two virtual ones with a shared waypoint, {ROUNDS} rounds each"
+    rows = rows_of([done.team], []) + _times([done])
+    return Result("shared-waypoint", title, rows, [picture], on_port(MEMBERS[0]))
 
 
 def _times(runs: Sequence[SharedRun]) -> List[Figure]:

@@ -2,26 +2,40 @@
 
 The real robots are in one world.  The virtual ones are in another world with the same walls, and with mirrors that are
 placed by the odometry of the real robots.  The sonars of a virtual robot measure the mirrors.  A real robot uses the
-smaller of two ranges: that of its own sonar, and that of the same sonar on its mirror.
+smaller of two ranges: that of its own sonar, and that of the same sonar on its mirror, which sees robots and no walls.
 
 Two real robots meet in the real world, all others in the virtual one.  There a robot touches another one if their
-bodies overlap, or if one of them is blocked.
+bodies overlap, or if one of them is blocked.  "Truly" they touch if their bodies overlap at their true poses: the place
+of a virtual robot is then a place on the real floor.
 """
 
 import math
 from contextlib import ExitStack
-from typing import Callable, Dict, Iterator, List, Mapping, NamedTuple, Protocol, Sequence, Tuple
+from functools import partial
+from typing import (
+    Callable,
+    ContextManager,
+    Dict,
+    Iterator,
+    List,
+    Mapping,
+    NamedTuple,
+    Protocol,
+    Sequence,
+    Tuple,
+)
 
+from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
 from sim_arduino.hardware.collision import footprint_for
-from sim_arduino.hardware.sonars import HALF_CONE_RAD, RANGE_M
+from sim_arduino.hardware.mirror import NO_MARGIN, Margin, Mirror
 from sim_arduino.world import world_file
 from sim_arduino.world.shapes import Footprint
 from sim_arduino.world.world import World
 
 from . import disturbances
-from .experiment_robot import TICK_S, Setting, Step, open_robot
+from .experiment_robot import TICK_S, ExperimentRobot, Pace, Setting, Step, open_robot
 
 
 class Member(NamedTuple):
@@ -76,44 +90,47 @@ class Player:
         world: The world in which the robot can touch others: the real one, or the one with the mirrors.
         virtual_world: The world with the virtual robots and the mirrors of the real ones.
         mirrored: Whether real and virtual robots see each other.
+        margin: How far the mirror of a real robot may be off.
 
     Attributes:
         virtual: The world with the mirrors of the real robots.
         path: True path.
         odometry_path: Path by odometry.
         bumps: Number of ticks in which the robot touched another one or a wall.
+        beyond_m: Largest distance so far of the mirror from the robot, beyond its margin.
     """
 
     def __init__(
-        self, member: Member, robot: RobotInterface, world: World, virtual_world: World, mirrored: bool = True
+        self,
+        member: Member,
+        robot: RobotInterface,
+        world: World,
+        virtual_world: World,
+        mirrored: bool = True,
+        margin: Margin = NO_MARGIN,
     ) -> None:
         self.member, self.robot, self.virtual = member, robot, virtual_world
         self.footprint = footprint_of(member)
         self._world, self._mirrored = world, mirrored
+        self._mirror = Mirror(virtual_world.without_walls(), member.name, self.footprint, margin=margin)
         self.path: List[Pose] = []
         self.odometry_path: List[Pose] = []
-        self.bumps = 0
+        self.bumps, self.beyond_m = 0, -math.inf
         robot.reset_pose(member.start)
-        self._mirror(member.start)
+        self._show(member.start)
 
     def ranges(self) -> Dict[str, float]:
         """Ranges that the robot uses: sonar name to range [m]; NaN if its own sonar has no reading."""
         ranges = dict(self.robot.ranges)
-        if self._mirrored and not self.member.virtual:
-            for name, range_m in ranges.items():
-                if not math.isnan(range_m):
-                    ranges[name] = min(range_m, self._in_virtual(name))
-        return ranges
+        if not self._mirrored or self.member.virtual:
+            return ranges
+        sonars = self.robot.model.sonars
+        return {name: self._mirror.closer(range_m, sonars[name]) for name, range_m in ranges.items()}
 
-    def _in_virtual(self, name: str) -> float:
-        """Range that the mirror's sonar with this name would measure [m]."""
-        at = self.robot.pose.compose(*self.robot.model.sonars[name].pose)
-        return self.virtual.nearest(at, HALF_CONE_RAD, RANGE_M, self.member.name)
-
-    def _mirror(self, pose: Pose) -> None:
+    def _show(self, pose: Pose) -> None:
         """Moves the mirror of a real robot; without `mirrored`, it only shows whether robots touch each other."""
         if not (self.member.virtual and self._mirrored):
-            self.virtual.place(self.member.name, pose, self.footprint)
+            self._mirror.moved(*pose)
 
     @property
     def met(self) -> Pose:
@@ -126,17 +143,26 @@ class Player:
         self.robot.wait(TICK_S)
         self.path.append(self.robot.true_pose)
         self.odometry_path.append(self.robot.pose)
-        self._mirror(self.met)
+        self._show(self.met)
+        drift_m = math.dist(self.path[-1][:2], self.odometry_path[-1][:2])
+        self.beyond_m = max(self.beyond_m, drift_m - self._mirror.margin_m)
         touching = self._world.touching(self.path[-1], self.footprint, self.member.name)
         self.bumps += bool(touching or self.robot.bumped)
 
 
 class Team:
-    """The robots of a team, and the smallest distance between any two of them so far."""
+    """The robots of a team.
+
+    Attributes:
+        nearest_m: Smallest distance so far between any two of them.
+        truly_nearest_m: The same by their true poses.
+        true_touches: Number of ticks in which two robots truly touched each other.
+    """
 
     def __init__(self, players: Sequence[Player]) -> None:
         self.players = players
-        self.nearest_m = math.inf
+        self.nearest_m = self.truly_nearest_m = math.inf
+        self.true_touches = 0
 
     def tick(self, speeds: Sequence[Tuple[float, float]]) -> None:
         """Drives all robots for a tick."""
@@ -146,6 +172,9 @@ class Team:
             both_real = not (a.member.virtual or b.member.virtual)
             one, other = (a.path[-1], b.path[-1]) if both_real else (a.met, b.met)
             self.nearest_m = min(self.nearest_m, math.dist(one[:2], other[:2]))
+            truly_m = math.dist(a.path[-1][:2], b.path[-1][:2])
+            self.truly_nearest_m = min(self.truly_nearest_m, truly_m)
+            self.true_touches += truly_m < a.footprint.radius_m + b.footprint.radius_m and _overlap(a, b)
 
     @property
     def collisions(self) -> int:
@@ -164,6 +193,17 @@ class Team:
         return max(
             (math.dist(a[:2], b[:2]) for p in real for a, b in zip(p.path, p.odometry_path)), default=0.0
         )
+
+    @property
+    def beyond_m(self) -> float:
+        """Largest distance of a mirror from its real robot beyond its margin [m]; negative if it was always within."""
+        return max((p.beyond_m for p in self.players if not p.member.virtual), default=-math.inf)
+
+
+def _overlap(a: Player, b: Player) -> bool:
+    """Whether the bodies of two robots overlap at their true poses."""
+    sides = b.footprint.outline(b.path[-1]) + b.footprint.inside(b.path[-1])
+    return any(map(partial(a.footprint.touches, a.path[-1]), sides))
 
 
 def pairs(players: Sequence[Player]) -> Iterator[Tuple[Player, Player]]:
@@ -185,26 +225,62 @@ def pose_option(pose: Pose) -> str:
     return f"{pose.x_m},{pose.y_m},{math.degrees(pose.yaw_rad)}"
 
 
+def _with_port(stack: ExitStack, setting: Setting, world: str, members: Sequence[Member]) -> Team:
+    """A team of the robot on the port and virtual ones, which keep pace with it.
+
+    The port's robot is the first member.  Its true pose is not known: its odometry stands for it.
+    """
+    virtual, alone = world_file.load(world), setting._replace(port=None)
+    first, others = members[0]._replace(robot=setting.robot), members[1:]
+    robot = stack.enter_context(open_robot(setting, virtual))._replace(pace=Pace())
+    if not robot.driver.has_sonars:
+        raise ConfigError(f"the robot on {setting.port} has no sonars, expected one that sees other robots")
+    players = [Player(first, robot, virtual.without_walls(), virtual, margin=Margin())]
+    for number, member in enumerate(others, 1):
+        made = _emulated(alone, member, number, virtual)
+        players.append(Player(member._replace(virtual=True), stack.enter_context(made), virtual, virtual))
+    return Team(players)
+
+
+def _emulated(
+    setting: Setting, member: Member, number: int, place: World, slip: float = 0.0
+) -> ContextManager[ExperimentRobot]:
+    its = setting._replace(robot=member.robot, seed=setting.seed + number)
+    pose = pose_option(disturbances.placed(member.start, setting.seed, member.name))
+    error = disturbances.wander(slip)
+    return open_robot(its, place, name=member.name, pose=pose, error=error, sonar=disturbances.SONAR)
+
+
 def gather(
-    stack: ExitStack, setting: Setting, world: str, members: Sequence[Member], mirrored: bool = True
+    stack: ExitStack,
+    setting: Setting,
+    world: str,
+    members: Sequence[Member],
+    mirrored: bool = True,
+    slip: float = 0.0,
+    margin: Margin = NO_MARGIN,
 ) -> Team:
     """Puts a team into a packaged world, and the mirrors of its real robots into the virtual one.
 
-    The robots are calibrated: their odometry has random errors and the error of placing, and no systematic ones.
+    The robots are calibrated: their odometry has random errors and the error of placing, and no systematic ones but
+    `slip`.
 
     Args:
         mirrored: Whether real and virtual robots see each other.
+        slip: Share by which the wheels of the real robots slip.
+        margin: How far the mirrors may be off.
+
+    Raises:
+        ConfigError: the robot on the port has no sonars.
     """
+    if setting.port is not None:
+        return _with_port(stack, setting, world, members)
     real, virtual = world_file.load(world), world_file.load(world)
     seen = virtual if mirrored else world_file.load(world)
     players = []
     for number, member in enumerate(members):
         place = seen if member.virtual else real
-        its = setting._replace(robot=member.robot, seed=setting.seed + number)
-        pose = pose_option(disturbances.placed(member.start, setting.seed, member.name))
-        made = open_robot(
-            its, place, name=member.name, pose=pose, error=disturbances.WANDER, sonar=disturbances.SONAR
-        )
+        made = _emulated(setting, member, number, place, 0.0 if member.virtual else slip)
         robot = stack.enter_context(made)
-        players.append(Player(member, robot, virtual if member.virtual else real, virtual, mirrored))
+        players.append(Player(member, robot, virtual if member.virtual else real, virtual, mirrored, margin))
     return Team(players)

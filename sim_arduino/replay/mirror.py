@@ -18,35 +18,10 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.robot import models
 from sim_arduino.hardware.collision import footprint_for
+from sim_arduino.hardware.mirror import Mirror
 from sim_arduino.serve.one_line import OneLine
-from sim_arduino.world.shapes import Footprint
 from sim_arduino.world.shared_robots import SharedRegistry
-
-
-class Mirror:
-    """A real robot in a shared world, until `close`.
-
-    Args:
-        origin: Pose in the world at which the robot's odometry began.
-
-    Raises:
-        ConfigError: a name is not valid, or already taken.
-    """
-
-    def __init__(self, world_name: str, name: str, footprint: Footprint, origin: Pose = ORIGIN) -> None:
-        self._registry = SharedRegistry(world_name)
-        self._name, self._footprint, self._origin = name, footprint, origin
-        self.moved(0.0, 0.0, 0.0)
-
-    def moved(self, x_m: float, y_m: float, yaw_rad: float) -> Pose:
-        """Takes the robot's odometry pose; returns its pose in the world."""
-        pose = self._origin.compose(x_m, y_m, yaw_rad)
-        self._registry.place(self._name, pose, self._footprint)
-        return pose
-
-    def close(self) -> None:
-        """Removes the robot from the world."""
-        self._registry.close()
+from sim_arduino.world.world import World
 
 
 def follow(mirror: Mirror, lines: Iterable[str]) -> None:
@@ -99,7 +74,10 @@ def main(world_name: str, name: str, robot: str, pose: str) -> None:
     model.require_motors()
     footprint = footprint_for(model)
     assert footprint
-    with closing(Mirror(world_name, name, footprint, parse_pose(pose, ORIGIN))) as mirror:
+    world = World()
+    world.registry = SharedRegistry(world_name)
+    with closing(Mirror(world, name, footprint, parse_pose(pose, ORIGIN))) as mirror:
+        mirror.moved(*ORIGIN)
         follow(mirror, sys.stdin)
 
 

@@ -85,6 +85,10 @@ class Footprint(NamedTuple):
         """Radius of the circle around the footprint [m]."""
         return 0.5 * (self.length_m if self.is_circle else math.hypot(self.length_m, self.width_m))
 
+    def grown(self, margin_m: float) -> "Footprint":
+        """The same footprint, larger by `margin_m` on each side."""
+        return self._replace(length_m=self.length_m + 2 * margin_m, width_m=self.width_m + 2 * margin_m)
+
     def outline(self, pose: Pose) -> List[Wall]:
         """The sides that other robots see; a circle becomes a polygon with 24 corners on it."""
         if self.is_circle:

@@ -75,6 +75,12 @@ class World:
             found.append((hypot(at[0] - x, at[1] - y) - radius_m, mover))
         return found
 
+    def without_walls(self) -> "World":
+        """The same robots, without walls: for a robot whose own sonars see the real walls."""
+        alone = World()
+        alone.registry, alone.standing = self.registry, self.standing
+        return alone
+
     def start_of(self, name: str) -> Pose:
         """Start pose of the robot with this name: its own in `standing`, else the world's start pose."""
         return self.standing[name].pose if name in self.standing else self.start

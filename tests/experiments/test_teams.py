@@ -1,6 +1,7 @@
 """Experiments with teams, cut short: wandering, a shared waypoint, a patrol."""
 
 import math
+import time
 from types import SimpleNamespace
 
 import pytest
@@ -12,6 +13,7 @@ from mrl_driver.robot import models
 from sim_arduino.experiments import mixed_team, patrol, shared_waypoint, team
 from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.experiments.tours import Channel, exchange
+from sim_arduino.testing import EmulatedBoard
 from sim_arduino.world.world import World
 
 SEED = 1000
@@ -52,7 +54,8 @@ def test_sonar_without_a_reading_is_unknown_although_nothing_stands_in_the_virtu
 
 @pytest.fixture(scope="module")
 def mixed_rows(tmp_path_factory):
-    return rows(mixed_team, tmp_path_factory.mktemp("mixed"), DURATION_S=20.0, CONTROL_S=20.0)
+    short = {"DURATION_S": 20.0, "CONTROL_S": 20.0, "SLIPPING_S": 20.0}
+    return rows(mixed_team, tmp_path_factory.mktemp("mixed"), **short)
 
 
 def test_mixed_team_does_not_collide(mixed_rows):
@@ -61,6 +64,40 @@ def test_mixed_team_does_not_collide(mixed_rows):
 
 def test_mixed_team_collides_if_real_and_virtual_robots_do_not_see_each_other(mixed_rows):
     assert mixed_rows["collided"].control == "1 of 1"
+
+
+def test_robot_that_slips_does_not_touch_the_virtual_one_whose_echoes_it_hears(mixed_rows):
+    assert (mixed_rows["slip_touched"].ours, mixed_rows["slip_touched"].control) == ("0 of 1", "1 of 1")
+    assert mixed_rows["slip_nearest_m"].ours > 0.5 > mixed_rows["slip_nearest_m"].control
+
+
+def test_pairs_of_other_seeds_start_elsewhere():
+    assert len({mixed_team.pair(seed)[0].start for seed in range(10)}) == 10
+
+
+@pytest.mark.parametrize(
+    "experiment, limit",
+    [(mixed_team, "SLIPPING_S"), (shared_waypoint, "TIME_LIMIT_S")],
+    ids=["mixed-team", "shared-waypoint"],
+)
+def test_first_robot_of_a_team_is_the_one_on_the_port(experiment, limit, tmp_path, monkeypatch):
+    """It drives in real time, among robots in simulated time, and stands at the end."""
+    monkeypatch.setattr(experiment, limit, 1.0)
+    with EmulatedBoard(robot="traxbot", world="room") as board:
+        start_s = time.monotonic()
+        result = experiment.run(Setting(str(tmp_path), port=board.port))
+        assert time.monotonic() - start_s >= 1.0
+        board.motors.assert_commanded("move_differential")
+        board.motors.assert_stopped()
+    shown = {row.key: row for row in result.rows}
+    assert board.port in result.title and shown["collided"].ours == "0 of 1"
+
+
+def test_robot_without_sonars_cannot_join_a_team(tmp_path):
+    with EmulatedBoard(robot="traxbot", environment=True) as board, pytest.raises(
+        ConfigError, match="no sonars"
+    ):
+        mixed_team.run(Setting(str(tmp_path), port=board.port))
 
 
 @pytest.fixture(scope="module")
@@ -146,7 +183,6 @@ def test_claims_come_through_a_bad_channel():
     assert [claim.held for claim in claims] == [False, True, False]
 
 
-@pytest.mark.parametrize("experiment", [mixed_team, shared_waypoint, patrol])
-def test_port_is_refused_where_robots_are_emulated(experiment):
+def test_port_is_refused_where_robots_are_emulated():
     with pytest.raises(ConfigError, match="leave out --port"):
-        experiment.run(Setting("/nowhere", port="/dev/ttyACM0"))
+        patrol.run(Setting("/nowhere", port="/dev/ttyACM0"))

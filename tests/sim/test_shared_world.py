@@ -13,10 +13,12 @@ import pytest
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
-from sim_arduino.replay.mirror import Mirror, follow
+from sim_arduino.hardware.mirror import Mirror
+from sim_arduino.replay.mirror import follow
 from sim_arduino.world import shared_robots
 from sim_arduino.world.shapes import Footprint
 from sim_arduino.world.shared_robots import SharedRegistry
+from sim_arduino.world.world import World
 from tests.sim.simulator import Client, Simulator
 from tests.waiting import PATIENCE_S, wait_until
 
@@ -111,10 +113,17 @@ def test_bad_world_names(name):
 # ---- mirrors
 
 
+def shared(registry):
+    """A world without walls and with these robots."""
+    world = World()
+    world.registry = registry
+    return world
+
+
 @pytest.mark.parametrize("line", ["POSE", '{"pose": POSE, "battery_v": 12.1}'])
-def test_a_mirror_stands_where_the_odometry_says(registries, lab, line):
+def test_a_mirror_stands_where_the_odometry_says(registries, line):
     """Odometry that began at (1, 0), looking along y."""
-    with closing(Mirror(lab, "real", BOX, Pose(1.0, 0.0, 1.5707963267948966))) as mirror:
+    with closing(Mirror(shared(registries[1]), "real", BOX, Pose(1.0, 0.0, 1.5707963267948966))) as mirror:
         pose = '{"x_m": 0.5, "y_m": 0.0, "yaw_rad": 0.0}'
         follow(mirror, [line.replace("POSE", pose), "\n"])
         assert registries[0].others("")[0].pose == pytest.approx((1.0, 0.5, 1.5707963))
@@ -132,8 +141,8 @@ def test_a_mirror_stands_where_the_odometry_says(registries, lab, line):
         pytest.param("[" * 100000, id="deep"),
     ],
 )
-def test_a_bad_line_is_named_by_its_number(lab, line):
-    with closing(Mirror(lab, "real", BOX)) as mirror, pytest.raises(ConfigError, match="line 2 is"):
+def test_a_bad_line_is_named_by_its_number(line):
+    with closing(Mirror(World(), "real", BOX)) as mirror, pytest.raises(ConfigError, match="line 2 is"):
         follow(mirror, ["\n", line])
 
 

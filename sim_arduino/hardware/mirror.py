@@ -1,0 +1,100 @@
+"""A real robot in a virtual world: others meet it there, and its own ranges become the closer of real and virtual.
+
+The robot is placed by its odometry, whose errors grow with the distance driven.  The margin grows with them: it is
+`Margin.start_m` and `Margin.share` of the distance since the place was known.  The virtual robots meet a body that is
+larger by the margin on each side, and the robot's own virtual ranges are shorter by the margin.
+"""
+
+import math
+from typing import Any, NamedTuple, Optional
+
+from mrl_driver.geometry import ORIGIN, Pose
+from mrl_driver.robot.models import SonarMount
+from sim_arduino.world.shapes import Footprint
+from sim_arduino.world.world import World
+
+from .sonars import DEAD_ZONE_M, HALF_CONE_RAD, RANGE_M
+
+
+class Margin(NamedTuple):
+    """How far a robot may be from the place by its odometry.
+
+    The defaults are for a robot whose wheels slip by 1 %, unknown to its odometry, and that a person put on its mark.
+    `mrl experiment mixed-team` has the largest drift beyond this margin.
+    """
+
+    start_m: float = 0.1
+    """While the robot has not moved since its place was known [m]."""
+    share: float = 0.03
+    """Share of the distance driven since then."""
+
+
+NO_MARGIN = Margin(0.0, 0.0)
+
+
+class Mirror:
+    """The place of one real robot in a world, until `close`.
+
+    Args:
+        world: The world; its walls count as obstacles of the robot.
+        name: Name of the robot in the world.
+        origin: Pose in the world at which the robot's odometry began.
+        margin: How the margin grows.
+
+    Attributes:
+        pose: Pose of the robot in the world; None before the first call of `moved`.
+        margin_m: How far the robot may be from that pose.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        name: str,
+        footprint: Footprint,
+        origin: Pose = ORIGIN,
+        margin: Margin = NO_MARGIN,
+    ) -> None:
+        self._world, self._name, self._footprint = world, name, footprint
+        self._margin = margin
+        self.locate(origin)
+
+    def locate(self, origin: Pose) -> None:
+        """Takes the pose in the world at which the odometry is 0, as just measured; the margin begins again."""
+        self._origin, self.margin_m = origin, self._margin.start_m
+        self.pose: Optional[Pose] = None
+
+    def moved(self, x_m: float, y_m: float, yaw_rad: float) -> Pose:
+        """Takes the robot's odometry pose; returns its pose in the world."""
+        pose = self._origin.compose(x_m, y_m, yaw_rad)
+        if self.pose is not None:
+            self.margin_m += self._margin.share * math.dist(pose[:2], self.pose[:2])
+        self.pose = pose
+        self._world.place(self._name, pose, self._footprint.grown(self.margin_m))
+        return pose
+
+    def closer(self, range_m: float, mount: SonarMount) -> float:
+        """The closer of a sonar's own range and its virtual one [m], as in REP 117; NaN if it has no valid range."""
+        if math.isnan(range_m) or self.pose is None:
+            return math.nan
+        at = self.pose.compose(*mount.pose)
+        virtual_m = self._world.nearest(at, HALF_CONE_RAD, RANGE_M, self._name) - self.margin_m
+        return min(range_m, virtual_m if virtual_m >= DEAD_ZONE_M else -math.inf)
+
+    def scan(
+        self, mount: Pose, first_rad: float, step_rad: float, rays: int, far_m: float, near_m: float
+    ) -> Any:
+        """Virtual ranges of a laser on the robot [m], an array `(rays,)`, as in REP 117.
+
+        Args:
+            mount: Pose of the laser in base_link.
+        """
+        from sim_arduino.world.rays import np
+
+        assert self.pose is not None
+        at = self.pose.compose(*mount)
+        ranges = self._world.scan(at, first_rad, step_rad, rays, far_m, self._name) - self.margin_m
+        return np.where(ranges < near_m, -np.inf, ranges)
+
+    def close(self) -> None:
+        """Removes the robot from the world."""
+        self._world.remove(self._name)
