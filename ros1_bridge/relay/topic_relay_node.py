@@ -54,6 +54,7 @@ class ReceivedTopic:
             message = self._kind()
             message._buff = body
             if source.latched:
+                self._latched.pop((peer, source.number), None)
                 self._latched[peer, source.number] = message
             publisher = self._publisher
         with contextlib.suppress(rospy.ROSException):  # the node ends meanwhile
@@ -62,19 +63,22 @@ class ReceivedTopic:
     def forget(self, peer: str) -> None:
         """The peer is gone: what it had latched is no longer known to be true."""
         with self._lock:
-            gone = [key for key in self._latched if key[0] == peer]
-            for key in gone:
+            for key in [key for key in self._latched if key[0] == peer]:
                 del self._latched[key]
-            if gone and self._publisher is not None:
-                self._publisher.impl.latch = None
+            self._latch_last()
 
     def peer_subscribe(self, _topic: str, _publish: Any, publish_to_peer: Any) -> None:
-        """A subscriber has connected; rospy sends the last latched message by itself."""
+        """A subscriber has connected; rospy itself sends the last message."""
         with self._lock:
             latched = list(self._latched.values())
-        for message in latched:
-            if message is not self._publisher.impl.latch:
-                publish_to_peer(message)
+        for message in latched[:-1]:
+            publish_to_peer(message)
+        with self._lock:
+            self._latch_last()  # rospy latches what it has sent to the one subscriber, too
+
+    def _latch_last(self) -> None:
+        if self._publisher is not None:
+            self._publisher.impl.latch = next(reversed(list(self._latched.values())), None)
 
     def peer_unsubscribe(self, _topic: str, _peers: int) -> None:
         """A subscriber has gone."""
@@ -101,13 +105,13 @@ class ReceivedTopic:
 class TopicRelay:
     """One relay."""
 
-    def __init__(self) -> None:
-        """Reads the private parameters.
+    def __init__(self, settings: Settings) -> None:
+        """Starts to listen and to connect.
 
         Raises:
-            ConfigError: a parameter is wrong, or the address cannot be used.
+            ConfigError: the address to listen at cannot be used.
         """
-        self._settings = read_settings(rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+        self._settings = settings
         self._sender = self._listen(self._settings)
         self._subscribers: Dict[str, rospy.Subscriber] = {}
         for there, here in self._settings.send.items():
@@ -125,16 +129,17 @@ class TopicRelay:
             receiver.start()
 
     def run(self) -> None:
-        """Relay until the shutdown."""
-        try:
-            while not rospy.is_shutdown():
-                if self._updater.publisher.get_num_connections():
-                    self._updater.force_update()
-                rospy.rostime.wallsleep(REPORT_S)
-        finally:
-            for receiver in self._receivers:
-                receiver.close()
-            self._sender.close()
+        """Report until the shutdown."""
+        while not rospy.is_shutdown():
+            if self._updater.publisher.get_num_connections():
+                self._updater.force_update()
+            rospy.rostime.wallsleep(REPORT_S)
+
+    def close(self) -> None:
+        """End all connections."""
+        for receiver in self._receivers:
+            receiver.close()
+        self._sender.close()
 
     def _listen(self, settings: Settings) -> TopicSender:
         try:
@@ -211,6 +216,14 @@ def _filled(status: Any, values: Dict[str, str]) -> Any:
     return status
 
 
+def _run() -> None:
+    relay = TopicRelay(read_settings(rospy.get_param(rospy.get_name(), {}), rospy.get_name()))
+    try:
+        relay.run()
+    finally:
+        relay.close()
+
+
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the node; returns the exit code."""
-    return run_node("topic_relay", lambda: TopicRelay().run(), argv)
+    return run_node("topic_relay", _run, argv)

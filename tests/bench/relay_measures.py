@@ -103,13 +103,14 @@ def short_cut(rig: Rig, robot: str, *options: str) -> Dict[str, Any]:
     ip("link", "set", "desk0", "down")
     time.sleep(two_masters.QUEUED_S)
     timer.shutdown()
-    stop_s = rig.wire.wait_for(STOP, cut_s) - cut_s
+    wait_until(lambda: rig.wire.last(STOP) > rig.wire.last(MOVE))
+    stop_s = rig.wire.first(STOP, rig.wire.last(MOVE)) - cut_s
     time.sleep(max(0.0, cut_s + SHORT_CUT_S - time.monotonic()))
-    count = len(odom.messages)
+    count, back_s = len(odom.messages), time.monotonic()
     ip("link", "set", "desk0", "up")
     wait_until(lambda: len(odom.messages) > count)
     time.sleep(3.0)
-    return {"stop_s": stop_s, "drove_again": rig.wire.first(MOVE, cut_s + stop_s + 1e-6) < math.inf}
+    return {"stop_s": stop_s, "drove_again": rig.wire.first(MOVE, back_s) < math.inf}
 
 
 def cut(rig: Rig, robot: str) -> Dict[str, Any]:

@@ -74,8 +74,13 @@ class Tap:
         start = f"@{code}".encode()
         return next((at for at, data in self.sent if at >= since_s and _holds(data, start)), float("inf"))
 
+    def last(self, code: int) -> float:
+        """When the node last sent a command; minus infinity if it did not."""
+        start = f"@{code}".encode()
+        return max((at for at, data in list(self.sent) if _holds(data, start)), default=float("-inf"))
+
     def wait_for(self, code: int, since_s: float) -> float:
-        """The same, waiting for it."""
+        """The same as `first`, waiting for it."""
         wait_until(lambda: self.first(code, since_s) < float("inf"), what=f"command {code}")
         return self.first(code, since_s)
 

@@ -40,3 +40,7 @@ def test_topics_and_commands_cross_again_when_the_cable_is_back(seen):
 
 def test_latched_state_comes_again(seen):
     assert seen["mode"]
+
+
+def test_message_of_a_shared_topic_does_not_come_back(seen):
+    assert not seen["came_back"]

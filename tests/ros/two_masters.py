@@ -55,11 +55,19 @@ def start(rig: Rig, robot: str, *options: str) -> None:
         rig.start("master", *place, "rosmaster", "--core", "-p", "11311")
     rig.wire = rig.tap(rig.board().port)
     rig.start("node", *enter, str(NODE), f"_port:={rig.wire.port}", f"_cmd_vel_timeout:={TIMEOUT_S}")
-    there = relay_arguments("robot1", ROBOT, "odom, mode", "desk", DESK, "desk/cmd_vel=cmd_vel", *options)
+    there = relay_arguments(
+        "robot1",
+        ROBOT,
+        "odom, mode, shared",
+        "desk",
+        DESK,
+        "desk/cmd_vel=cmd_vel, desk/shared=shared",
+        *options,
+    )
     rig.robots_relay = rig.start("robots_relay", *enter, *there)
     wait_until(lambda: master_answers(MASTER))
-    topics = "robot1/odom, robot1/mode"
-    here = relay_arguments("desk", DESK, "cmd_vel", "robot1", ROBOT, topics, *options)
+    topics = "robot1/odom, robot1/mode, robot1/shared=shared"
+    here = relay_arguments("desk", DESK, "cmd_vel, shared", "robot1", ROBOT, topics, *options)
     rig.start("desks_relay", *here)
     rospy.init_node("desk", disable_signals=True)
 
@@ -75,10 +83,13 @@ def trial(rig: Rig) -> dict:
     wire, odom = rig.wire, rig.topic("/robot1/odom", Odometry)
     connected = rig.topic("/topic_relay/robot1/connected", Bool)
     cmd_vel = rospy.Publisher("/cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
-    twist = Twist(Vector3(0.2, 0, 0), Vector3())
+    shared, shared_out = rig.topic("/shared", String), rospy.Publisher("/shared", String, queue_size=10)
+    twist, shared_sent = Twist(Vector3(0.2, 0, 0), Vector3()), []
 
     def drives(_: object = None) -> None:
         cmd_vel.publish(twist)
+        shared_sent.append("from the desk")
+        shared_out.publish(shared_sent[-1])
 
     timer = rospy.Timer(rospy.Duration(PERIOD_S), drives)
     moved = wait_until(lambda: bool(odom.messages) and odom.messages[-1].pose.pose.position.x > 0.02)
@@ -90,16 +101,18 @@ def trial(rig: Rig) -> dict:
     timer.join()
     wait_until(lambda: not connected.messages[-1].data and link_words(rig)[-1] != CONNECTED)
     noticed_s, last_odom_s = connected.arrived[-1][0] - cut_s, odom.arrived[-1][0] - cut_s
-    stop_s = wire.wait_for(STOP, cut_s) - cut_s
+    wait_until(lambda: wire.last(STOP) > wire.last(MOVE))
+    stop_s = wire.first(STOP, wire.last(MOVE)) - cut_s
     count, back_s = len(odom.messages), time.monotonic()
     ip("link", "set", "desk0", "up")
     wait_until(lambda: len(odom.messages) > count + 20 and link_words(rig)[-1] == CONNECTED)
     mode = rig.topic("/robot1/mode", String).wait()[0].data
-    replayed = wire.first(MOVE, cut_s + stop_s) < math.inf
+    replayed = wire.first(MOVE, back_s) < math.inf
     restored_s = odom.arrived[count][0] - back_s
     timer = rospy.Timer(rospy.Duration(PERIOD_S), drives)
     drives_again = wire.wait_for(MOVE, back_s) < math.inf
     timer.shutdown()
+    timer.join()
     return {
         "moved": moved,
         "noticed_s": noticed_s,
@@ -109,6 +122,7 @@ def trial(rig: Rig) -> dict:
         "mode": mode,
         "replayed": replayed,
         "drives_again": drives_again,
+        "came_back": len(shared.messages) > len(shared_sent),
     }
 
 

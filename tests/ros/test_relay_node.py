@@ -1,0 +1,69 @@
+"""What the node `topic_relay` publishes, and what it refuses."""
+
+import io
+import socket
+
+import pytest
+from std_msgs.msg import Bool, String
+
+from mrl_driver.errors import ConfigError
+from ros1_bridge.relay.relay_frames import Source
+from ros1_bridge.relay.relay_settings import Address, read_settings
+from ros1_bridge.relay.topic_relay_node import ReceivedTopic, TopicRelay
+from tests.waiting import wait_until
+
+
+def source(number, kind=String, latched=True):
+    return Source(number, "state", f"/node{number}", kind._type, kind._md5sum, kind._full_text, latched)
+
+
+def body(message):
+    """The message as ROS serializes it."""
+    data = io.BytesIO()
+    message.serialize(data)
+    return data.getvalue()
+
+
+@pytest.fixture
+def received(rig):
+    """A topic that two nodes of robot2 publish, latched."""
+    topic = ReceivedTopic(f"{rig.ns}/state")
+    for number, text in ((1, "first"), (2, "second")):
+        topic.publish("robot2", source(number), body(String(text)))
+    return topic
+
+
+def texts(rig, received):
+    """What a new subscriber gets of the latched messages; then comes one that is not latched."""
+    state = rig.topic("state", String)
+    state.wait_for_publisher()
+    received.publish("robot2", source(9, latched=False), body(String("end")))
+    wait_until(lambda: any(message.data == "end" for message in state.messages))
+    return sorted(message.data for message in state.messages[:-1])
+
+
+def test_subscriber_gets_the_latched_message_of_each_publisher(rig, received):
+    assert texts(rig, received) == ["first", "second"]
+
+
+def test_latched_messages_are_forgotten_when_their_robot_is_cut_off(rig, received):
+    received.publish("robot3", source(1), body(String("third")))
+    received.forget("robot2")
+    assert texts(rig, received) == ["third"]
+
+
+def test_topic_with_the_type_of_another_robots_is_refused(rig, received):
+    received.publish("robot3", source(1, Bool), body(Bool(True)))
+    assert texts(rig, received) == ["first", "second"]
+
+
+def test_type_may_change_when_its_robot_starts_again(rig, received):
+    received.publish("robot2", source(3, Bool), body(Bool(True)))
+    assert rig.topic("state", Bool).wait()[0].data
+
+
+def test_address_that_is_in_use_is_named(master):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        address = Address(*taken.getsockname())
+        with pytest.raises(ConfigError, match=f"listen is {address}, which cannot be used .*in use"):
+            TopicRelay(read_settings({"name": "robot1", "listen": str(address)}, "/relay"))
