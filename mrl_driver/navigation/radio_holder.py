@@ -51,6 +51,7 @@ class RadioHolder:
             raise ConfigError("the address of all radios cannot be held, because nobody would answer for all")
         self._kind, self._number = "", 1
         self._answers: Dict[int, Optional[HoldText]] = dict.fromkeys(addresses)
+        """The last answer of each board; one of an earlier hold has another number than the one expected."""
         self._heard_s = dict.fromkeys(addresses, -math.inf)
         self._due_s = -math.inf
 
@@ -124,4 +125,3 @@ class RadioHolder:
 
     def _begin(self, kind: str) -> None:
         self._kind, self._due_s = kind, -math.inf
-        self._answers = dict.fromkeys(self._answers)
