@@ -20,7 +20,7 @@ PARAMETERS = (
         "Topics to fetch, NAME/TOPIC, or NAME/TOPIC=HERE to choose the name they get here",
     ),
     Row("max_age", float, 0.3, "s", "Drop messages that are older than this when they arrive", 0.02, 60.0),
-    Row("timeout", float, 1.0, "s", "A relay that is silent for this time is cut off", 0.2, 60.0),
+    Row("timeout", float, 1.0, "s", "A relay that is silent for this time is cut off", 0.5, 60.0),
 )
 """The node's private parameters.  `send`, `peers` and `receive` may also be lists."""
 _NAME = re.compile(r"[A-Za-z]\w*\Z")

@@ -24,8 +24,8 @@ from .relay_frames import (
 from .relay_settings import Address
 from .topic_sender import relay_now_s
 
-PINGS = 4
-"""Heartbeats in the time after which a silent link counts as cut."""
+PING_S = 0.1
+"""Time between heartbeats; less than the shortest time after which either end counts as silent."""
 RETRY_S = 0.25
 _READ_BYTES = 65536
 
@@ -155,7 +155,7 @@ class _Session:
             now_s = time.monotonic()
             if now_s >= ping_s:
                 self._socket.sendall(encode(Ping(relay_now_s())))
-                ping_s = now_s + timeout_s / PINGS
+                ping_s = now_s + PING_S
             if select.select([self._socket], [], [], max(0.0, ping_s - now_s))[0]:
                 heard_s = time.monotonic()
                 self._read()

@@ -27,6 +27,7 @@ from .relay_frames import (
 from .relay_settings import Address
 
 MOST_RECEIVERS = 32
+"""More relays than these are refused."""
 _READ_BYTES = 65536
 
 
@@ -153,6 +154,9 @@ class TopicSender:
             with self._lock:
                 if self._closed or len(self._receivers) >= MOST_RECEIVERS:
                     connection.close()
+                    self.tell(
+                        f"{Address(*address[:2])}: refused: {len(self._receivers)} relays are connected"
+                    )
                     continue
                 receiver = _Receiver(self, connection, Address(*address[:2]))
                 self._receivers.append(receiver)

@@ -434,6 +434,16 @@ def test_silent_relay_is_given_up(peer):
     assert not told[0][0] and "silent for 0.2 s" in told[0][1]
 
 
+def test_heartbeats_come_whatever_the_receivers_own_timeout_is(peer):
+    """The sender may have a shorter one."""
+    receiver = TopicReceiver("desk", "robot1", peer.address, [], 1.0, 1000.0, print, lambda *_: None)
+    receiver.start()
+    peer.accept()
+    peer.link.settimeout(TIMEOUT_S)
+    assert FrameReader().feed(peer.link.recv(4096))
+    receiver.close()
+
+
 def test_silent_receiver_is_given_up():
     told = []
     sender = TopicSender("robot1", Address("127.0.0.1", 0), {"event"}, 0.2, told.append)
