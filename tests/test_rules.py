@@ -45,9 +45,10 @@ def run(pytester, monkeypatch):
     return start
 
 
-@pytest.mark.parametrize("tests, passed", [(40, True), (41, False)])
-def test_40_tests_may_be_realtime(run, tests, passed):
-    status, said = run(REALTIME.format(tests=tests), "-n", "1")
+@pytest.mark.parametrize("tests, workers, passed", [(40, 0, True), (41, 1, False)])
+def test_40_tests_may_be_realtime(run, tests, workers, passed):
+    """A worker refuses them, too, which cannot end the run."""
+    status, said = run(REALTIME.format(tests=tests), "-n", f"{workers}")
     assert (status == 0) == passed
     assert ("41 tests are marked realtime, expected at most 40" in said) == (not passed)
 
@@ -65,9 +66,9 @@ def test_a_second_try_needs_a_reason_and_is_one(run):
     assert said.count('expected flaky(reruns=1, reason="...")') >= 4 and "passed" not in said
 
 
-@pytest.mark.parametrize("tests, code", [(2, 0), (3, 1)])
-def test_two_second_tries_are_allowed_and_counted(run, tests, code):
-    status, said = run(FLAKY.format(tests=tests), "-n", "1")
+@pytest.mark.parametrize("tests, workers, code", [(2, 0, 0), (3, 1, 1)])
+def test_two_second_tries_are_allowed_and_counted(run, tests, workers, code):
+    status, said = run(FLAKY.format(tests=tests), "-n", f"{workers}")
     assert status == code
     assert f"second tries: {tests} of at most 2" in said
 

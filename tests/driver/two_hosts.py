@@ -62,7 +62,8 @@ def trial(scheme, robot_net, folder):
             drive_until(robot, 0.2, 0.3, lambda: robot.pose.x_m > 0.1)
             robot.stop()
             wait_until(lambda: robot.stopped)
-            robot.wait(0.1)
+            stood_s = time.monotonic()
+            wait_until(lambda: rows(truth)[-1]["host_monotonic"] > stood_s)
             true = rows(truth)[-1]
             error_m = math.hypot(robot.pose.x_m - true["x"], robot.pose.y_m - true["y"])
             robot.drive(0.2, 0.0)
