@@ -181,6 +181,8 @@ class PythonBoard:
         if self.imu_stream:
             self.imu_stream.due_s = to_s
         self._incoming.clear()
+        if self.radio:
+            self.radio.gap(to_s)
         self._decoder = FrameDecoder(REQUESTS, self._decoder.checked)
         self.stop_motors("stall")
 
@@ -295,6 +297,8 @@ class PythonBoard:
             self.radio.run(now)
         if self._wire_due_s() <= now:
             self._send_next()
+            if self.radio:
+                self.radio.serve_host(now)
 
     def _baud_due_s(self) -> float:
         """Time of the baud rate change [s]: after the reply has left, or back if no valid frame comes."""

@@ -114,6 +114,12 @@ class RadioPort:
         self.hold.run(now_s)
         self.serve_host(now_s)
 
+    def gap(self, to_s: float) -> None:
+        """The board's loop stood still until `to_s`: the queue keeps the bytes that fit, later ones are lost."""
+        self._xbee.receive(self._out.take(to_s), to_s)
+        for data in (self._in.take(to_s), *self._xbee.take(to_s)):
+            self._heard.put(data)
+
     def serve_host(self, now_s: float) -> None:
         """Reads the next packet if the host has got the one before, and queues a frame for what is new."""
         self._read(now_s)

@@ -142,3 +142,15 @@ def arguments_of(file):
 
 def zone_arguments():
     return {name for name in arguments_of("robot.launch") if name.startswith("zone_")}
+
+
+def test_radio_reaches_the_emulated_board(config_of):
+    config = config_of(LAUNCH / "sim.launch", "radio:=true", "radio_range:=5", "radio_loss:=0.1")
+    (board,) = (node for node in config.nodes if node.type == "sim_board")
+    assert "--radio=auto --radio-range=5 --radio-loss=0.1" in board.args
+
+
+def test_address_of_a_radio_reaches_the_emulated_board(config_of):
+    config = config_of(LAUNCH / "sim.launch", "radio:=0013a20040e00012")
+    (board,) = (node for node in config.nodes if node.type == "sim_board")
+    assert "--radio=0013a20040e00012 --radio-range=inf --radio-loss=0" in board.args

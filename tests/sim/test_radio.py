@@ -307,6 +307,21 @@ def test_texts_faster_than_the_line_are_refused(boards):
     assert boards.engines[0].health.counters["unavailable"] == 1
 
 
+def test_board_that_stood_still_has_the_texts_that_fitted_into_its_queue(boards):
+    """64 bytes hold three packets of 18 bytes; the fourth is cut short, and the fifth is lost."""
+    sender, receiver = boards.plants[0].xbee, boards.engines[1]
+    for number in range(5):
+        data = (
+            b"\x10\x01"
+            + boards.plants[1].xbee.station.address.to_bytes(8, "big")
+            + b"\xff\xfe\0\0n%d" % number
+        )
+        sender.receive(packet(data), boards.now_s + 0.1 * number)
+    receiver.gap(boards.now_s + 2.0, b"")
+    boards.now_s += 2.0
+    assert [frame.args[4:] for frame in boards.run(1.0)] == [words(b"n0"), words(b"n1"), words(b"n2")]
+
+
 def test_board_without_a_radio_refuses():
     board = PythonBoard(Plant(models.load("traxbot"), World()))
     board.receive(encode_request(40))
