@@ -25,7 +25,7 @@ class Module:
     """A module whose packets to the board are read at once."""
 
     def __init__(self, medium: RadioMedium, address: int, x_m: float = 0.0, seed: int = 0, **fit: float):
-        self.x_m = x_m
+        self.medium, self.x_m = medium, x_m
         self.xbee = XBee(
             medium, f"robot{address % 16}", RadioFit(address, **fit), lambda: (self.x_m, 0.0), seed
         )
@@ -90,7 +90,7 @@ def test_frame_id_0_asks_for_no_status(pair):
 
 def test_broadcast_reaches_all_others(pair):
     one, two = pair
-    three = Module(one.xbee._medium, THREE)
+    three = Module(one.medium, THREE)
     one.send(BROADCAST, b"all")
     assert [two.texts(), three.texts(), one.texts()] == [[b"all"], [b"all"], []]
 
@@ -150,7 +150,7 @@ def test_address_cannot_be_written(pair):
 
 def test_each_node_answers_a_search_once_and_no_packet_ends_it(pair):
     one, two = pair
-    three = Module(one.xbee._medium, THREE)
+    three = Module(one.medium, THREE)
     one.give(b"\x08\x01ND")
     found = one.packets()
     assert sorted(each[7:15] for each in found) == [each.to_bytes(8, "big") for each in (TWO, THREE)]
@@ -183,7 +183,7 @@ def test_packet_with_a_wrong_checksum_is_dropped(pair):
 def test_two_radios_cannot_have_one_address(pair):
     one, _ = pair
     with pytest.raises(ConfigError, match="address 0013a20040000001 is taken"):
-        Module(one.xbee._medium, ONE)
+        Module(one.medium, ONE)
 
 
 # ---- the air

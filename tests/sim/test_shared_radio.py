@@ -41,7 +41,8 @@ class Process:
 
     def __init__(self, lab: str, address: int, x_m: float = 0.0, **fit: float) -> None:
         self.registry = SharedRegistry(lab)
-        self.module = Module(SharedRadioMedium(lab, self.registry), address, x_m, **fit)
+        self.medium = SharedRadioMedium(lab, self.registry)
+        self.module = Module(self.medium, address, x_m, **fit)
         self.module.xbee.live = True
         self.registry.place(self.module.xbee.station.robot, Pose(x_m, 0.0, 0.0), BOX)
 
@@ -78,6 +79,14 @@ def test_broadcast_reaches_each_radio_once(make):
     one, two = make(ONE), make(TWO)
     one.module.send(BROADCAST, b"all")
     assert (two.texts(), one.texts()) == ([b"all"], [])
+
+
+def test_radios_of_one_process_receive_each_other_once(make):
+    one = make(ONE)
+    two = Module(one.medium, TWO)
+    one.module.send(BROADCAST, b"all")
+    assert two.texts() == [b"all"]
+    two.xbee.close()
 
 
 def test_distance_is_that_of_the_robots(make):
@@ -142,8 +151,10 @@ def test_radio_of_a_killed_process_is_gone_and_its_address_free(make, lab):
     process.kill()
     process.communicate()
     one.module.send(TWO, b"gone", at_s=1.0)
+    stations = one.medium.stations()
     heir = make(TWO)
     one.module.send(TWO, b"hello", at_s=7.0)
+    assert stations == [one.module.xbee.station]
     assert one.module.statuses() == [0x00, 0x21, 0x00] and heir.texts() == [b"hello"]
 
 
