@@ -8,6 +8,10 @@ bench-ros: setup ## Measure the ROS node and, for comparison, a bare rospy loop;
 bench-relay: setup ## Measure topics that cross between two masters, and a pulled cable; build/bench/relay.json; FAST=1 is shorter
 	$(ROS_ENV) $(PY) -m tests.bench.bench_relay
 
+.PHONY: bench-fleet
+bench-fleet: setup ## Measure team.launch with 20 robots and with one; build/bench/fleet.json; FAST=1 makes one run
+	$(ROS_ENV) $(PY) -m tests.bench.bench_fleet
+
 description: ## Render the robots' URDF files from their geometry
 	$(PY) -m ros1_bridge.description
 

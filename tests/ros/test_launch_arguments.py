@@ -1,5 +1,7 @@
 """Arguments that all files for a robot share: speed of the line, and whether the node starts again."""
 
+import xml.etree.ElementTree as ElementTree
+
 import pytest
 import roslaunch
 from roslaunch import arg_dump, substitution_args
@@ -154,3 +156,11 @@ def test_address_of_a_radio_reaches_the_emulated_board(config_of):
     config = config_of(LAUNCH / "sim.launch", "radio:=0013a20040e00012")
     (board,) = (node for node in config.nodes if node.type == "sim_board")
     assert "--radio=0013a20040e00012 --radio-range=inf --radio-loss=0" in board.args
+
+
+def test_the_readme_lists_the_arguments_of_a_team():
+    text = (ROOT / "ros1_bridge" / "README.md").read_text().partition("argument of `team.launch`")[2]
+    rows = text.partition("\n\n")[0].splitlines()[2:]
+    listed = {name.strip(" `") for row in rows for name in row.split("|")[1].split(",")}
+    given = ElementTree.parse(LAUNCH / "team.launch").getroot().findall("arg")
+    assert listed == {each.get("name") for each in given if each.get("value") is None} - {"index"}
