@@ -1,1 +1,4 @@
-"""The node `world_node` publishes the simulated world.  Imports topics, node and the emulator."""
+"""The simulated world in ROS: `world_node` publishes it, `mirror_node` puts a real robot into it.
+
+Imports topics, node and the emulator.
+"""
