@@ -19,8 +19,9 @@ check-description: ## Check that the URDF files are current
 	$(PY) -m ros1_bridge.description --check
 
 .PHONY: picture
-picture: setup ## Take the picture of rviz for the README, without a display
+picture: setup ## Take the pictures of rviz for the README, without a display
 	$(ROS_ENV) $(PY) -m tests.documents.rviz_picture ros1_bridge/rviz.png
+	$(ROS_ENV) $(PY) -m tests.documents.rviz_picture ros1_bridge/rviz_team.png team
 
 .PHONY: test-navigation
 test-navigation: ## Ten goals a robot with the real move_base; NAVIGATION_SRC=folder has its sources; build/navigation/table.json

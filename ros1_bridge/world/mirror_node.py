@@ -169,6 +169,15 @@ def _pose_of(transform: Any) -> Pose:
     return Pose(at.x, at.y, yaw_of(transform.rotation))
 
 
+def _send(publisher: rospy.Publisher, message: Any) -> None:
+    """Publish, unless the shutdown has closed the topic meanwhile; it does so before `is_shutdown` is true."""
+    try:
+        publisher.publish(message)
+    except rospy.ROSException:
+        if not rospy.core.is_shutdown_requested():
+            raise
+
+
 class MirrorNode:
     """One real robot in a shared world."""
 
@@ -236,7 +245,7 @@ class MirrorNode:
             for name in silent:
                 self._publish(name, self._heard[name][1], math.nan, rospy.Time.now())
             if scan is not None:
-                self._scan_out.publish(scan)
+                _send(self._scan_out, scan)
             if bool(trouble) != self._said or now_s >= due_s:
                 due_s = now_s + STATUS_S
                 self._tell(trouble, silent)
@@ -301,7 +310,7 @@ class MirrorNode:
     def _publish(self, name: str, real: Range, range_m: float, stamp: rospy.Time) -> None:
         header = Header(stamp=stamp, frame_id=real.header.frame_id)
         limits = real.field_of_view, real.min_range, real.max_range
-        self._ranges_out[name].publish(Range(header, real.radiation_type, *limits, range_m))
+        _send(self._ranges_out[name], Range(header, real.radiation_type, *limits, range_m))
 
     def _mount(self, name: str, frame: str) -> Optional[SonarMount]:
         """Position of a sonar on the robot, from tf; None if it is not known yet.  It does not move."""
@@ -333,7 +342,7 @@ class MirrorNode:
         rays = 1 + int((last_rad - first_rad) / RAY_RAD)
         message = world_messages.new_scan(self._odometry.child_frame_id, first_rad, RAY_RAD, rays, RATE_HZ)
         ranges = self._mirror.scan(ORIGIN, first_rad, RAY_RAD, rays, RANGE_M, LASER_NEAR_M)
-        world_messages.fill_scan(message, rospy.Time.now(), ranges, LASER_NEAR_M, RANGE_M)
+        world_messages.fill_scan(message, self._odometry.header.stamp, ranges, LASER_NEAR_M, RANGE_M)
         return message
 
     def _on_scan(self, message: LaserScan) -> None:
@@ -353,7 +362,7 @@ class MirrorNode:
                 message.range_min,
             )
         message.ranges = np.minimum(message.ranges, virtual).tolist()
-        self._scan_out.publish(message)
+        _send(self._scan_out, message)
 
     def _tell(self, trouble: str, silent: List[str]) -> None:
         """Publish the status; log a change."""
@@ -375,7 +384,7 @@ class MirrorNode:
             "others": ", ".join(mover.name for mover in others),
         }
         pairs = [KeyValue(key, value) for key, value in values.items()]
-        self._status_out.publish(DiagnosticStatus(level, "mirror", words, self._name, pairs))
+        _send(self._status_out, DiagnosticStatus(level, "mirror", words, self._name, pairs))
 
 
 def main(argv: Optional[List[str]] = None) -> int:

@@ -1,7 +1,8 @@
-"""`python -m tests.documents.rviz_picture FILE.png` makes a picture of rviz with an emulated robot, without a screen.
+"""`python -m tests.documents.rviz_picture FILE.png [team]` makes a picture of rviz without a screen.
 
 It starts a ROS master, an X server in memory, `sim.launch`, `go_to_goal.launch` and `rviz.launch`, drives an arc,
-and saves a screenshot.  It needs the packages rviz, xvfb, libgl1-mesa-dri and imagemagick.
+and saves a screenshot.  With `team`, it shows a robot on a port, in place of a real one, that meets a virtual one by
+`mirror.launch` and stops before it.  It needs the packages rviz, xvfb, libgl1-mesa-dri and imagemagick.
 """
 
 import os
@@ -9,8 +10,9 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
-from typing import Dict, List, Sequence
+from typing import Callable, Dict, List, Sequence, Tuple
 from xmlrpc.client import ServerProxy
 
 from ros1_bridge.demo.launcher import master_answers
@@ -24,6 +26,7 @@ SIZE = "1200x800"
 COLOURS = 128
 """Colours in the palette; this keeps the file below 300 KiB."""
 START_S, DRIVE_S, DRAW_S = 60.0, 7.0, 4.0
+AHEAD = "{linear: {x: 0.2}}"
 ARC = "{linear: {x: 0.2}, angular: {z: 0.25}}"
 GOAL = "{header: {frame_id: odom}, pose: {position: {x: 0.3, y: 1.6}, orientation: {w: 1.0}}}"
 """A goal to the front left after the arc, so that the picture shows a plan."""
@@ -44,8 +47,11 @@ def environment() -> Dict[str, str]:
     }
 
 
-def take(file: Path) -> None:
-    """Make the picture.
+Start = Callable[..., Child]
+
+
+def take(file: Path, show: Callable[[Start], Child]) -> None:
+    """Make the picture of what `show` starts; it returns rviz.
 
     Raises:
         RuntimeError: a part did not start; the message holds the end of its log.
@@ -62,16 +68,7 @@ def take(file: Path) -> None:
         start("xvfb", "Xvfb", DISPLAY, "-screen", "0", f"{SIZE}x24")
         master = start("master", "rosmaster", "--core", "-p", str(PORT))
         _require(wait_until(lambda: master_answers(env["ROS_MASTER_URI"]), START_S), master)
-        robot = start("robot", "roslaunch", str(LAUNCH / "sim.launch"), "name:=picture", "laser:=true")
-        _require(wait_until(lambda: any("battery" in line for line in robot.output()), START_S), robot)
-        seeker = start("seeker", "roslaunch", str(LAUNCH / "go_to_goal.launch"))
-        rviz = start("rviz", "roslaunch", str(LAUNCH / "rviz.launch"), "fixed_frame:=map")
-        _require(wait_until(lambda: _subscribed("/rviz", "/odom"), START_S), rviz)
-        drive = start("drive", "rostopic", "pub", "-r", "10", "cmd_vel", "geometry_msgs/Twist", ARC)
-        time.sleep(DRIVE_S)
-        drive.signal(signal.SIGINT)
-        _require(wait_until(lambda: _subscribed("/go_to_goal", "/odom"), START_S), seeker)
-        start("goal", "rostopic", "pub", "-1", "move_base_simple/goal", "geometry_msgs/PoseStamped", GOAL)
+        rviz = show(start)
         time.sleep(DRAW_S)
         _require(rviz.exit_code is None, rviz)
         _shoot(file, env)
@@ -79,6 +76,65 @@ def take(file: Path) -> None:
         for part in reversed(parts):
             part.signal(signal.SIGINT)
             part.finish(10.0)
+
+
+def one_robot(start: Start) -> Child:
+    """A robot drives an arc and to a goal; returns rviz."""
+    robot = start("robot", "roslaunch", str(LAUNCH / "sim.launch"), "name:=picture", "laser:=true")
+    _require(wait_until(partial(_is_up, robot), START_S), robot)
+    seeker = start("seeker", "roslaunch", str(LAUNCH / "go_to_goal.launch"))
+    rviz = start("rviz", "roslaunch", str(LAUNCH / "rviz.launch"), "fixed_frame:=map")
+    _require(wait_until(lambda: _subscribed("/rviz", "/odom"), START_S), rviz)
+    drive = start("drive", "rostopic", "pub", "-r", "10", "cmd_vel", "geometry_msgs/Twist", ARC)
+    time.sleep(DRIVE_S)
+    drive.signal(signal.SIGINT)
+    _require(wait_until(lambda: _subscribed("/go_to_goal", "/odom"), START_S), seeker)
+    start("goal", "rostopic", "pub", "-1", "move_base_simple/goal", "geometry_msgs/PoseStamped", GOAL)
+    return rviz
+
+
+def mixed_team(start: Start) -> Child:
+    """A robot on a port drives towards a virtual one, and its zones stop it; returns rviz."""
+    port, world = str(LOGS / "real"), "picture"
+    sim = (sys.executable, "-m", "sim_arduino.serve.main", "--world", "room")
+    start("real", *sim, "--name", "real", "--link", port)
+    start(
+        "virtual",
+        *sim,
+        "--name",
+        "robot2",
+        "--world-name",
+        world,
+        "--link",
+        f"{port}2",
+        "--pose",
+        "1.1,0.1,160",
+    )
+    for name, its in (
+        ("robot1", port),
+        ("robot2", f"{port}2"),
+    ):  # one after the other: two could disagree on the run
+        options = (f"port:={its}", "port_timeout:=60", "robot:=traxbot", f"prefix:={name}/", "zones:=both")
+        robot = start(name, *_within(name), str(LAUNCH / "robot.launch"), *options)
+        _require(wait_until(partial(_is_up, robot), START_S), robot)
+    start("world", "roslaunch", str(LAUNCH / "world.launch"), f"world_name:={world}")
+    start("mirror", *_within("robot1"), str(LAUNCH / "mirror.launch"), f"world_name:={world}", "name:=robot1")
+    config = f"config:={LAUNCH.parent / 'rviz' / 'team.rviz'}"
+    rviz = start("rviz", "roslaunch", str(LAUNCH / "rviz.launch"), config, "fixed_frame:=map")
+    _require(wait_until(lambda: _subscribed("/rviz", "/robot1/mirror/sonar/front"), START_S), rviz)
+    start("drive", "rostopic", "pub", "-r", "10", "robot1/cmd_vel", "geometry_msgs/Twist", AHEAD)
+    time.sleep(DRIVE_S)
+    return rviz
+
+
+def _is_up(robot: Child) -> bool:
+    """Whether a robot's node has connected to its board."""
+    return any("baud, battery" in line for line in robot.output())
+
+
+def _within(space: str) -> Tuple[str, ...]:
+    """roslaunch in a namespace."""
+    return "env", f"ROS_NAMESPACE={space}", "roslaunch"
 
 
 def _subscribed(node: str, topic: str) -> bool:
@@ -99,11 +155,11 @@ def _require(good: bool, part: Child) -> None:
 
 def main(arguments: Sequence[str]) -> int:
     """Take the picture; returns the exit code."""
-    if len(arguments) != 1:
-        sys.stderr.write("expected the name of a .png file\n")
+    if not arguments or list(arguments[1:]) not in ([], ["team"]):
+        sys.stderr.write("expected the name of a .png file, and perhaps team\n")
         return 2
     try:
-        take(Path(arguments[0]))
+        take(Path(arguments[0]), mixed_team if arguments[1:] else one_robot)
     except (RuntimeError, OSError, subprocess.CalledProcessError) as error:
         sys.stderr.write(f"{error}\n")
         return 1
