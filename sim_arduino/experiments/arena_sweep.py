@@ -37,8 +37,6 @@ FALSE_M = 1.25
 IGNORED = -math.inf
 """Alert level of the control, in which each reading counts as an alert, all with the same weight."""
 STAND_S = 2.0
-GYRO_SCALE_SD = 0.0003
-"""Error of the gyro's scale after `mrl calibrate imu`: five turns to a mark that is read to 0.01 rad."""
 SPEEDS = FollowerLimits(linear_m_s=0.3, angular_rad_s=1.2)
 ERRORS = EnvironmentErrors(
     heat_offset_c=1.0,
@@ -173,7 +171,7 @@ def _sweep(setting: Setting, world: World, twice: bool = True, **imu: Any) -> Dr
 
 def _calibrated_gyro(seed: int) -> ImuErrors:
     """Errors of an IMU whose gyro was calibrated with `mrl calibrate imu`."""
-    scale = random.Random(f"gyro {seed}").gauss(1.0, GYRO_SCALE_SD)
+    scale = random.Random(f"gyro {seed}").gauss(1.0, disturbances.GYRO_SCALE_SD)
     return ImuErrors.drawn(seed)._replace(gyro_scale=(1.0, 1.0, scale))
 
 

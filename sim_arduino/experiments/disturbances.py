@@ -10,6 +10,8 @@ from typing import Dict, List, Tuple
 
 from mrl_driver.calibration import fit
 from mrl_driver.geometry import Pose, wrap_angle
+from mrl_driver.robot.models import ImuMount
+from sim_arduino.hardware.imu import ImuErrors
 
 WHEEL_M2_PER_M = 1e-6
 """Variance of a wheel's distance per distance: 1 mm over 1 m.  Assumed, for a smooth floor."""
@@ -36,6 +38,8 @@ CURVE_GAIN_SD, CURVE_EXPONENT_SD, CURVE_OFFSET_SD_M = 0.05, 0.02, 0.005
 ones, and constant.  Assumed: at 2 m they add up to 11 %, by which the published curve differs from the data sheet's
 1 cm per count.
 """
+GYRO_SCALE_SD = 0.0003
+"""Error of the gyro's scale after `mrl calibrate imu`: five turns to a mark that is read to 0.01 rad."""
 PACK_CAPACITY_SD, PACK_RESISTANCE_SD = 0.05, 0.2
 """Standard deviations of the capacity and resistance of battery packs, divided by the model's.  Assumed."""
 BATTERY_NOISE_V = 0.03
@@ -94,6 +98,12 @@ def option(**values: float) -> str:
 def placed(mark: Pose, seed: int, name: str = "") -> Pose:
     """The true pose of a robot that a person put on a mark; its odometry begins with the mark's pose."""
     return _near(mark, _random("start", seed, name), fit.Measured(PLACED_M, PLACED_RAD))
+
+
+def calibrated_imu(errors: ImuErrors, seed: int) -> ImuMount:
+    """The mount of an IMU with these errors, with the scale of its gyro as `mrl calibrate imu` finds it."""
+    found = _random("gyro", seed, "").gauss(1.0, GYRO_SCALE_SD) / errors.gyro_scale[2]
+    return ImuMount(gyro_scale=found, gyro_scale_sd=GYRO_SCALE_SD)
 
 
 def packs(seed: int) -> Tuple[float, float]:

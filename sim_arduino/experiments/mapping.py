@@ -51,7 +51,9 @@ POSES = {
     "calibrated": "wheels and calibrated gyro",
     "true": "true poses",
 }
-"""Kinds of poses.  The gyro has bias, drift and noise of the data sheet, and its scale unless it is calibrated."""
+"""Kinds of poses.  The gyro has bias, scale, drift and noise of the data sheet, and is the same with its scale
+calibrated.
+"""
 DRIVEN = ("wheels", "gyro", "calibrated")
 SHOWN = ("wheels", "gyro")
 
@@ -73,7 +75,7 @@ class HouseDrive(NamedTuple):
 
 
 class HouseRun(NamedTuple):
-    """The drives of one seed: heading error at the end by kind of poses, and maps and scores by sensor and kind."""
+    """The drives of one seed: largest heading error by kind of poses, and maps and scores by sensor and kind."""
 
     heading_deg: Dict[str, float]
     maps: Dict[Tuple[str, str], GridMap]
@@ -148,13 +150,12 @@ def _drive(setting: Setting, world: World, presses: Sequence[key_presses.KeyPres
 
 
 def _imu(poses: str, seed: int) -> Dict[str, Any]:
-    """Options of the emulated robot."""
+    """Options of the emulated robot, and the mount of the IMU that its driver knows."""
     if poses == "wheels":
         return {}
-    errors = ImuErrors.drawn(seed)
-    if poses == "calibrated":
-        errors = errors._replace(gyro_scale=(1.0, 1.0, 1.0))
-    return {"imu": True, "imu_errors": errors}
+    errors = ImuErrors.drawn(seed)  # the same chip in both, with the same drift
+    mount = disturbances.calibrated_imu(errors, seed) if poses == "calibrated" else None
+    return {"imu": True, "imu_errors": errors, "imu_mount": mount}
 
 
 def _keeper(drive: HouseDrive) -> Callable[[Telemetry], None]:
@@ -183,8 +184,12 @@ def _require_round(robot: ExperimentRobot, world: World) -> None:
 
 
 def _heading_error_deg(drive: HouseDrive) -> float:
-    time_s, true = drive.true[-1]
-    return math.degrees(abs(wrap_angle(pose_at(drive.path, time_s).yaw_rad - true.yaw_rad)))
+    """The largest error of the heading in the drive [deg]."""
+    return math.degrees(
+        max(
+            abs(wrap_angle(pose_at(drive.path, time_s).yaw_rad - true.yaw_rad)) for time_s, true in drive.true
+        )
+    )
 
 
 def pose_at(path: Sequence[Tuple[float, Pose]], time_s: float) -> Pose:
@@ -231,7 +236,7 @@ def _heading_rows(runs: Sequence[HouseRun]) -> List[Figure]:
     return [
         trials.figure(
             f"heading_{poses}_deg",
-            f"heading error at the end, {POSES[poses]}",
+            f"largest heading error in the drive, {POSES[poses]}",
             [each.heading_deg[poses] for each in runs],
             "deg",
             control=() if poses == "wheels" else wheels,
