@@ -272,7 +272,7 @@ def patrol_team(parts: Parts, setting: Setting) -> PatrolRun:
         members = [beat.member for beat in beats]
         team = gather(stack, parts, setting, members, navigated=True, world=patrol.WORLD)
         for beat in beats:
-            begin_tour(parts, beat.member.name, patrol.poses_for(beat.order), repeat=True)
+            begin_tour(parts, beat.member.name, beat.poses, repeat=True)
         visits = patrol.Visits(beats)
 
         def count(now_s: float) -> bool:

@@ -24,7 +24,9 @@ from .trials import figure, over_seeds
 WORLD = "room"
 DURATION_S = 80.0
 POINTS: Sequence[Point] = ((-1.0, -0.9), (0.0, -0.9), (1.0, -0.9), (1.0, 0.9), (0.0, 0.9), (-1.0, 0.9))
-"""The waypoints, in the order of one robot's round."""
+"""The waypoints in the order of one robot's round, before the seed moves them."""
+MOVED_M = 0.2
+"""The seed moves each waypoint by at most this, along each axis."""
 EVERYTHING = tuple(range(len(POINTS)))
 SHARES: Dict[str, Sequence[int]] = {"robot1": (0, 1), "robot2": (2, 3), "robot3": (4, 5)}
 """Places in `POINTS` of each robot's waypoints, when three robots divide them."""
@@ -39,22 +41,38 @@ MEASURES: Sequence[Tuple[str, str, str, Callable[[Sequence[float]], float]]] = (
 ORDERS = 200
 """Length of a random order; longer than any run."""
 REMARK = (
-    "In simulated time, on emulated boards. Idleness is the time since the last visit of a waypoint (Machado et al. "
-    "2002); the mean is that of all waypoints and of the whole run. In the control, robots choose the next waypoint "
-    "at random."
+    "In simulated time, on emulated boards. The seed draws where the waypoints are and where robots begin. Idleness is "
+    "the time since the last visit of a waypoint (Machado et al. 2002); the mean is that of all waypoints and of the "
+    "whole run. In the control, robots choose the next waypoint at random."
 )
 
 
 class Beat(NamedTuple):
-    """A robot of the patrol, and the places of the waypoints in the order of its visits, again and again."""
+    """A robot of the patrol.
+
+    Attributes:
+        order: Places of the waypoints in the order of its visits, again and again.
+        points: All waypoints of the patrol.
+    """
 
     member: Member
     order: Sequence[int]
+    points: Sequence[Point]
+
+    @property
+    def poses(self) -> List[Pose]:
+        """The waypoints in the order of its visits."""
+        return _poses(self.order, self.points)
 
 
-def poses_for(places: Sequence[int]) -> List[Pose]:
-    """The waypoints at these places."""
-    return poses_of([POINTS[place] for place in places])
+def _poses(places: Sequence[int], points: Sequence[Point]) -> List[Pose]:
+    return poses_of([points[place] for place in places])
+
+
+def drawn_points(seed: int) -> List[Point]:
+    """The waypoints of a seed."""
+    rng = random.Random(f"patrol {seed}")
+    return [(x + rng.uniform(-MOVED_M, MOVED_M), y + rng.uniform(-MOVED_M, MOVED_M)) for x, y in POINTS]
 
 
 def one(seed: int, at_random: bool = False) -> List[Beat]:
@@ -71,9 +89,10 @@ def _beat(name: str, places: Sequence[int], seed: int, at_random: bool) -> Beat:
     """A robot that starts at one of its waypoints, drawn by the seed."""
     rng = random.Random(f"patrol {seed} {name}")
     first = rng.randrange(len(places))
-    order = [*places[first:], *places[:first]]
-    start = poses_for(order)[-1]
-    return Beat(Member(name, start, virtual=False), _random_order(order[-1], rng) if at_random else order)
+    order, points = [*places[first:], *places[:first]], drawn_points(seed)
+    start = _poses(order, points)[-1]
+    its_order = _random_order(order[-1], rng) if at_random else order
+    return Beat(Member(name, start, virtual=False), its_order, points)
 
 
 def _random_order(place: int, rng: random.Random) -> List[int]:
@@ -100,10 +119,10 @@ class Visits:
         """A robot is at this pose, and has reached this number of waypoints."""
         if visits <= self._seen[index]:
             return
-        order = self._beats[index].order
+        _, order, points = self._beats[index]
         place = order[self._seen[index] % len(order)]
         self._seen[index] += 1
-        off_m = math.dist(true_pose[:2], POINTS[place])
+        off_m = math.dist(true_pose[:2], points[place])
         self.off_m = max(self.off_m, off_m)
         if off_m < NEAR_M:
             self.idleness.visit(place, now_s)
@@ -162,7 +181,7 @@ def patrolled(setting: Setting, beats_of: Callable[[int], List[Beat]]) -> Patrol
     with ExitStack() as stack:
         team = gather(stack, setting, WORLD, [beat.member for beat in beats])
         drivers = [
-            TourDriver(player, WaypointTour(repeat=True), poses_for(beat.order), 0.0)
+            TourDriver(player, WaypointTour(repeat=True), beat.poses, 0.0)
             for player, beat in zip(team.players, beats)
         ]
         for tick in range(round(DURATION_S / TICK_S)):

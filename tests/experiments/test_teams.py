@@ -153,15 +153,20 @@ def test_each_waypoint_of_the_patrol_is_visited_by_one_robot(beats_of):
     assert sorted(sum(orders, [])) == list(patrol.EVERYTHING)
 
 
-def test_patrols_of_other_seeds_begin_elsewhere():
-    assert len({patrol.one(seed)[0].member.start for seed in range(10)}) > 3
+def test_patrols_of_other_seeds_have_other_waypoints_and_begin_at_another_one():
+    beats = [patrol.one(seed)[0] for seed in range(10)]
+    assert len({tuple(beat.points) for beat in beats}) == 10 and len({beat.order[0] for beat in beats}) > 3
+
+
+def test_robots_of_a_patrol_share_its_waypoints_also_in_the_control():
+    assert len({tuple(beat.points) for each in (False, True) for beat in patrol.three(1, each)}) == 1
 
 
 @pytest.mark.parametrize("off_m, counted", [(0.2, 1), (0.3, 0)])
 def test_visit_counts_once_and_only_if_the_robot_is_truly_there(off_m, counted):
     beats = patrol.one(1)
     visits = patrol.Visits(beats)
-    x_m, y_m = patrol.POINTS[beats[0].order[0]]
+    x_m, y_m = beats[0].poses[0][:2]
     for _ in range(2):
         visits.update(0, 1, Pose(x_m + off_m, y_m, 0.0), 5.0)
     assert visits.idleness.visits == counted and visits.off_m == pytest.approx(off_m)
