@@ -90,5 +90,5 @@ def test_parameters_are_those_of_the_table(heading, rows):
 
 
 def test_launch_files_are_those_of_the_table():
-    named = re.findall(r"`(\w+\.launch)`", README.split("## Launch files")[1].split("## Node")[0])
+    named = re.findall(r"`(\w+\.launch)`", README.split("## Launch files")[1].split("\n## ")[0])
     assert sorted(named) == sorted(path.name for path in (ROOT / "ros1_bridge" / "launch").glob("*.launch"))
