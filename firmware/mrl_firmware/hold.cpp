@@ -37,7 +37,6 @@ struct Holder {
 };
 
 Holder holders[MOST_HOLDERS];
-uint8_t nobody[xbee::ADDRESS_SIZE];
 int16_t ignored;
 bool told;  // the host has asked for the state
 bool news;  // the state has changed since
@@ -155,6 +154,7 @@ void report(int16_t undelivered) {
   told = true;
   uint8_t flags = 0, count = 0;
   HoldState state = on() ? HoldState::free : HoldState::off;
+  uint8_t nobody[xbee::ADDRESS_SIZE] = {};
   const uint8_t* address = nobody;
   for (const Holder& each : holders) {
     if (!(each.flags & HOLDS)) continue;

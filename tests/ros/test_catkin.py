@@ -103,6 +103,7 @@ def running(workspace, space):
     child = Child("roslaunch", command, folder / f"{space}.log", env, folder)
     try:
         wait_until(lambda: master_answers(uri) or child.exit_code is not None, step_s=0.05)
+        assert child.exit_code is None, child.last_words()
         yield child
     finally:
         child.signal(signal.SIGINT)
