@@ -94,10 +94,12 @@ class CallLists:
         if calls:
             self.steps.append(Step(tuple(calls), tuple(sorted(values - PARTS))))
 
-    def steady(self, *contains: str) -> Step:
-        """The most frequent step that has all these calls, with nothing due."""
+    def steady(self, *contains: str, without: str = "") -> Step:
+        """The most frequent step that has all these calls, with nothing due, and not the call `without`."""
         steps = [
-            step for step in self.steps if set(contains) <= set(step.calls) and not set(DUE) & set(step.calls)
+            step
+            for step in self.steps
+            if set(contains) <= set(step.calls) and not {*DUE, without} & set(step.calls)
         ]
         assert steps, (
             f"no step with {contains} in {Counter(step.calls for step in self.steps).most_common(3)}"

@@ -37,7 +37,7 @@ def driving(rig):
         cmd_vel.publish(Twist(Vector3(0.2, 0, 0), Vector3()))
         return wire.first(MOVE, since) < math.inf
 
-    wait_until(moved)
+    wait_until(moved, step_s=0.05)
     return node, wire
 
 

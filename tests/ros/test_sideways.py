@@ -22,7 +22,7 @@ def test_linear_y_drives_it_to_the_left(rig):
         cmd_vel.publish(Twist(Vector3(0.0, 0.2, 0.0), Vector3()))
         return odom.messages[-1].pose.pose.position.y > 0.15
 
-    wait_until(slid)
+    wait_until(slid, step_s=0.05)
     message = odom.messages[-1]
     assert abs(message.pose.pose.position.x) < 0.08
     assert max(each.twist.twist.linear.y for each in odom.messages) > 0.15
