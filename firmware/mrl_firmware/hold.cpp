@@ -152,6 +152,7 @@ void tell() { news = true; }
 // The address is that of a silent holder, if there is one.
 void report(int16_t undelivered) {
   told = true;
+  news = false;
   uint8_t flags = 0, count = 0;
   HoldState state = on() ? HoldState::free : HoldState::off;
   uint8_t nobody[xbee::ADDRESS_SIZE] = {};

@@ -150,7 +150,7 @@ class RadioHold:
 
     def report(self) -> Tuple[int, ...]:
         """The fields of the reply to `read_radio`."""
-        self._told = True
+        self._told, self._changed = True, False
         holding = {address: each for address, each in self._holders.items() if each.holds}
         silent = [address for address, each in holding.items() if each.silent]
         state = "free" if self.on else "off"

@@ -9,7 +9,7 @@ from sim_arduino.board import PythonBoard, parameter_store
 from sim_arduino.board.avr_board import FIRMWARE, AvrEngine
 from sim_arduino.hardware.motor import Mode
 from sim_arduino.hardware.wiring import Plant
-from tests.firmware.pc_board import BRIDGE, BROWN_OUT, ENVIRONMENT, SONARS, PcBoard
+from tests.firmware.pc_board import BRIDGE, BROWN_OUT, ENVIRONMENT, SONARS, XBEE, PcBoard
 from tests.models import model
 
 READY_S = 0.12
@@ -57,12 +57,28 @@ def make_python(plant: Plant, eeprom: bytes, environment: bool) -> Any:
     return PythonBoard(plant, environment=environment, eeprom=bytearray(eeprom))
 
 
+class RadioPcBoard(PcBoard):
+    """Whole packets pass between the board and its radio module, at most 1 ms late."""
+
+    def advance(self, to_s: float) -> bytes:
+        out, xbee, at_s = b"", self.plant.xbee, self.now_s
+        while at_s < to_s:
+            at_s = min(to_s, at_s + STEP_S)
+            out += super().advance(at_s)
+            xbee.receive(self.radio_sent(), at_s)
+            for byte in b"".join(xbee.take(at_s)):
+                self.native.pc_radio_receive(byte)
+        return out
+
+
 def make_pc(plant: Plant, eeprom: bytes, environment: bool) -> Any:
+    if plant.xbee:
+        return RadioPcBoard(plant, eeprom, XBEE)
     return PcBoard(plant, eeprom, ENVIRONMENT if environment else BRIDGE if plant.bridge else SONARS)
 
 
 def make_avr(plant: Plant, eeprom: bytes, environment: bool) -> Any:
-    suffix = "_environment" if environment else "_hbridge" if plant.bridge else ""
+    suffix = "_environment" if environment else "_hbridge" if plant.bridge else "_xbee" if plant.xbee else ""
     engine = AvrEngine(plant, FIRMWARE.with_name(f"mrl_firmware{suffix}.elf"))
     engine.machine.write_eeprom(0, eeprom)
     return engine

@@ -189,6 +189,11 @@ class PcBoard:
         """What stands in EEPROM."""
         return bytes(self.native.pc_eeprom()[:EEPROM_SIZE])
 
+    def radio_sent(self) -> bytes:
+        """What the board has sent to its radio since the last call; only in the radio build."""
+        buffer = (ctypes.c_uint8 * 256)()
+        return bytes(buffer[: self.native.pc_radio_sent(buffer, 256)])
+
     def hang_bus(self, on: bool, recoveries: int = 0) -> None:
         """Transfers do not end any more, for ever or until so many attempts to free the bus."""
         self.native.pc_hang_bus(int(on), recoveries)

@@ -1,7 +1,5 @@
 """Texts by radio: packets of the XBee's API mode, and frames 38 to 40."""
 
-import ctypes
-
 import pytest
 
 from mrl_driver.protocol import Frame
@@ -44,11 +42,7 @@ def radio(bench):
             board.board.native.pc_radio_receive(byte)
         board.run(wait_s)
 
-    def sent() -> bytes:
-        buffer = (ctypes.c_uint8 * 256)()
-        return bytes(buffer[: board.board.native.pc_radio_sent(buffer, 256)])
-
-    board.hear, board.radio_sent = hear, sent
+    board.hear, board.radio_sent = hear, board.board.radio_sent
     return board
 
 
