@@ -25,6 +25,8 @@ from mrl_driver.protocol.table import BAUD, BY_NAME
 from mrl_driver.recording.recording import Recorder
 from mrl_driver.robot import models
 from mrl_driver.robot.covariance import AT_START, LARGEST_VARIANCE, Spread, is_covariance
+from mrl_driver.robot.hold import CAPABILITY as HOLD
+from mrl_driver.robot.hold import RELEASE, Hold
 from mrl_driver.robot.imu import Imu
 from mrl_driver.robot.models import Limits, RobotModel
 from mrl_driver.robot.odometry import AnyTwist, OmniTwist, Twist
@@ -262,7 +264,8 @@ class Driver:
 
         Returns:
             True if the command is in force.  False if the board is silent or being greeted, the port is lost, the
-            battery is empty, a wheel does not follow its command (see `mismatch`), commands are inhibited,
+            battery is empty, a wheel does not follow its command (see `mismatch`), another robot holds this one by
+            radio (see `hold`), commands are inhibited,
             or the driver is being closed.
 
         Raises:
@@ -536,6 +539,30 @@ class Driver:
         return self._core.mismatch
 
     @property
+    def hold(self) -> Optional[Hold]:
+        """Whether other robots hold this one by radio; None without a radio, or before the board has said so.
+
+        After a hold, the robot waits for a new command.
+        """
+        return self._core.hold
+
+    def release_hold(self) -> bool:
+        """Drop the robots that hold this one and have fallen silent; True if it is free of holds.
+
+        Look first whether the way is free: a silent robot may stand there.  One that still speaks is not dropped.
+
+        Raises:
+            ConfigError: the board cannot be held by radio.
+            BoardTimeout: the board does not answer.
+            LinkLost: the port went away.
+        """
+        if HOLD not in self.board.capabilities:
+            raise ConfigError(
+                "the board cannot be held by radio, expected firmware of the radio build: mrl flash"
+            )
+        return self.ask(RELEASE) == (0,)
+
+    @property
     def command(self) -> Optional[AnyTwist]:
         """The command in force, after limiting; None while stopped."""
         motion = self._motion
@@ -753,7 +780,8 @@ class Driver:
 
     def on_event(self, callback: Callable[[Union[DriverEvent, MrlError]], None]) -> None:
         """Call `callback` for each `Ready`, `Stale`, `Lost`, `Reconnected`, `Slowed`, `PathUnknown`, `ImuChanged` and
-        `Reply` of `session.events`, for a wheel's `Mismatch`, and for the `MrlError` that ends the driver.
+        `Reply` of `session.events`, for a wheel's `Mismatch`, a changed `Hold`, and for the `MrlError` that ends the
+        driver.
         """
         self._on_state.append(callback)
 

@@ -10,6 +10,7 @@ from typing import Dict, List, Optional, Set, Tuple, Union
 from mrl_driver.errors import FrameError, MrlError
 from mrl_driver.protocol.table import BY_CODE, COMMANDS
 from mrl_driver.robot import battery
+from mrl_driver.robot.hold import Hold, hold_of
 from mrl_driver.robot.kinematics import cannot_sideways
 from mrl_driver.robot.models import OmniDrive, RobotModel, kind_of, require_supported
 from mrl_driver.robot.odometry import AnyTwist, AnyWheels, OmniTwist, Twist
@@ -35,7 +36,7 @@ from mrl_driver.transport.baud_rates import command_gap_s, least_imu_period_ms, 
 
 from .options import Options
 
-DriverEvent = Union[RobotEvent, SensorRead, RadioText, Mismatch, Lost, Reconnected, Slowed]
+DriverEvent = Union[RobotEvent, SensorRead, RadioText, Hold, Mismatch, Lost, Reconnected, Slowed]
 """What a driver reports to its listeners, besides the `MrlError` that ends it."""
 GENTLE_S = 3.0
 """Longest duration of a gentle stop [s]."""
@@ -76,6 +77,8 @@ class Core:
         """The wheel that did not follow its command, or None."""
         self.replies: Dict[int, Tuple[int, ...]] = {}
         """Fields of the last `Reply`, by command code."""
+        self.hold: Optional[Hold] = None
+        """Whether the radio holds the robot; None before the board has said so."""
         self.radio_queue = RadioQueue()
         """Texts that wait for the radio."""
         self.nodes: Optional[Dict[int, RadioNode]] = None
@@ -219,7 +222,7 @@ class Core:
         if limiter.limits is None or self.leaving or state.powerless or self.inhibited:
             session.motion.prolong(now)
             return False
-        if self.mismatch is not None and moves:
+        if (self.mismatch is not None and moves) or self.held:
             return False
         self.mismatch = None
         if session.motion.target is None:
@@ -235,12 +238,19 @@ class Core:
     def require_may_turn(self, code: int) -> None:
         """Raise MrlError if a request that turns motors must not be sent now, or ever."""
         self._require_motors()
+        if self.held:
+            raise MrlError(f"{BY_CODE[code].name} is refused, nothing was sent: {self.hold}")
         if self.leaving or self.inhibited:
             why = "the driver is being closed" if self.leaving else ", ".join(sorted(self.inhibited))
             raise MrlError(
                 f"{BY_CODE[code].name} is refused while commands are inhibited ({why}), nothing was sent; "
                 "try again after that has ended"
             )
+
+    @property
+    def held(self) -> bool:
+        """Whether other robots hold this one by radio; its board refuses to move."""
+        return self.hold is not None and self.hold.held
 
     def _require_motors(self) -> None:
         """Raise ConfigError if the board has no motors."""
@@ -283,12 +293,22 @@ class Core:
             name = self.session.sensors.name_of(event.frame.code)
             if name:
                 events.append(SensorRead(name, self.session.sensors.readings[name]))
+            events += self._on_hold(hold_of(event.frame), now)
             text, node = text_of(event.frame), node_of(event.frame)
             if text is not None:
                 events.append(text)
             if node is not None and self.nodes is not None:
                 self.nodes[node.address] = node
         return events
+
+    def _on_hold(self, hold: Optional[Hold], now: float) -> List[DriverEvent]:
+        """Stop if other robots hold this one, and report a change."""
+        if hold is None or hold == self.hold:
+            return []
+        self.hold = hold
+        if hold.held and self.session.motion.target is not None:
+            self.stop(now, "held")
+        return [hold]
 
     def _thin(self, telemetry: Telemetry) -> List[Telemetry]:
         """Every n-th telemetry; its `fresh` includes the sonars that were new in the skipped ones."""

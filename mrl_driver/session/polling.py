@@ -1,5 +1,5 @@
-"""Periodic requests to the board: status, robot info, sensors, sonars that are not in its stream, and the stream of its
-IMU.
+"""Periodic requests to the board: status, robot info, holds by radio, sensors, sonars that are not in its stream, and
+the stream of its IMU.
 """
 
 import math
@@ -25,6 +25,7 @@ IMU_S = 1.0
 LOST_S = 2.0
 """Without an answer for this time, a `robot_info` counts as lost and is sent again [s]."""
 INFO, STATUS, SONARS = (BY_NAME[n].code for n in ("robot_info", "read_status", "read_sonars"))
+RADIO = BY_NAME["read_radio"].code
 START_IMU, STOP_IMU = (BY_NAME[n].code for n in ("start_imu_stream", "stop_imu_stream"))
 
 
@@ -74,7 +75,7 @@ class Poll:
         self.due_s = -math.inf
         """No request is due before this time [s]."""
         self._asked: Set[int] = set()
-        self._status_s = self._info_s = self._sonar_s = math.inf
+        self._status_s = self._info_s = self._sonar_s = self._radio_s = math.inf
         self.imu_s = math.inf
         """The IMU's stream is started then; `IMU_S` after its last frame [s]."""
         self._imu_period_ms = 0
@@ -100,6 +101,7 @@ class Poll:
         self._info_period_s = POLL_2013_S if old else INFO_S
         self._status_s = math.inf if old else now + STATUS_S
         self._info_s = now + self._info_period_s
+        self._radio_s = now if "hold" in board.capabilities else math.inf
         self.round_trip = RoundTrip()
         self._sonars = sonars
         self.sensors.begin(board.capabilities, board.protocol, now, sensors_streamed)
@@ -114,7 +116,7 @@ class Poll:
         """Stop: nothing more is requested, and no answer is expected."""
         self._asked.clear()
         self.sensors.end()
-        self._status_s = self._info_s = self._sonar_s = self.imu_s = math.inf
+        self._status_s = self._info_s = self._sonar_s = self._radio_s = self.imu_s = math.inf
 
     def add_sonars(self, now: float) -> None:
         """Request the sonars as well, because the stream does not carry them."""
@@ -141,6 +143,8 @@ class Poll:
         if soon >= self._status_s:
             period_s = quick_s if now < self._busy_until_s else STATUS_S
             self._status_s = self._ask(STATUS, self._status_s, now, period_s)
+        if soon >= self._radio_s:
+            self._radio_s = self._ask(RADIO, self._radio_s, now, STATUS_S)
         if soon >= self._info_s:
             self._ask_info(now)
         if soon >= self._sonar_s:
@@ -151,7 +155,9 @@ class Poll:
         if now >= self.imu_s:
             self._send(START_IMU, self._imu_period_ms)
             self.imu_s = now + IMU_S
-        self.due_s = min(self._status_s, self._info_s, self._sonar_s, self.sensors.next_s, self.imu_s)
+        self.due_s = min(
+            self._status_s, self._info_s, self._sonar_s, self._radio_s, self.sensors.next_s, self.imu_s
+        )
 
     def _ask_info(self, now: float) -> None:
         """Send `robot_info`, which measures the round trip, unless the last one may still be answered."""

@@ -24,6 +24,8 @@ ZONE = "protective zone"
 LATE = "command too late"
 """An operator's command arrived too late to be followed."""
 TIMEOUT, NOT_FINITE, NONE = "command timeout", "command not finite", "none"
+HELD = "held by radio"
+"""Another robot holds this one."""
 TO_MANUAL = "change to manual mode"
 """It ended a drive to a pose."""
 REFUSALS = {
@@ -171,6 +173,8 @@ class Commander:
             return BATTERY
         if self._driver.mismatch is not None:
             return WHEEL
+        if self._driver.hold is not None and self._driver.hold.held:
+            return HELD
         told = self._driver.stop_reason
         if self._driver.command is not None:
             return ZONE if self._held else NONE  # if the robot stands still, its command says so
@@ -183,7 +187,7 @@ class Commander:
     @property
     def ready(self) -> bool:
         """The next command would move the robot."""
-        return self.stopped_by not in (EMERGENCY, DISABLED, LINK, ADRIFT, BATTERY, WHEEL)
+        return self.stopped_by not in (EMERGENCY, DISABLED, LINK, ADRIFT, BATTERY, WHEEL, HELD)
 
     def refusal(self) -> str:
         """Why a command was refused, and what to do."""
@@ -193,6 +197,8 @@ class Commander:
             return f"the battery is {driver.battery_state} at {driver.battery_v:.1f} V, charge it"
         if cause == WHEEL:
             return f"{self._driver.mismatch}; once that is put right, a command of zero lets it drive again"
+        if cause == HELD:
+            return f"{self._driver.hold}"
         return REFUSALS.get(
             cause, "the board is silent or just restarting; send the command again when telemetry is back"
         )

@@ -27,6 +27,7 @@ from mrl_driver.driver.options import Options
 from mrl_driver.driver.suspension import stopped_while_suspended
 from mrl_driver.errors import ConfigError, FrameError, LinkLost, MrlError, PortBusy
 from mrl_driver.robot.battery import EMPTY, LOW, OFF, voltage_text
+from mrl_driver.robot.hold import CAPABILITY as HOLD
 from mrl_driver.robot.models import Limits, OmniDrive, RobotModel
 from mrl_driver.robot.radio import CAPABILITY as RADIO
 from mrl_driver.robot.radio import WAITING
@@ -261,6 +262,8 @@ class RobotNode:
             rospy.Subscriber("set_pose", PoseWithCovarianceStamped, self._on_set_pose, queue_size=1)
         if parameters.has("commands"):
             triggers.update(stop=services.stop, release_stop=services.release_stop)
+            if HOLD in self._driver.board.capabilities:
+                triggers["release_hold"] = services.release_hold
         if parameters.has("commands") and parameters.allow_calibration:
             triggers["calibrate"] = services.calibrate
 

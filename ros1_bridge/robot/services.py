@@ -60,6 +60,14 @@ class Services:
         self._commander.release()
         return True, "released; the robot stands until the next command"
 
+    def release_hold(self) -> Answer:
+        """Drop the robots that hold this one by radio and have fallen silent."""
+        try:
+            free = self._driver.release_hold()
+        except MrlError as error:
+            return False, str(error)
+        return free, "released; the robot stands until the next command" if free else str(self._driver.hold)
+
     def enable_motors(self, enabled: bool) -> Answer:
         """Follow commands, or stop and refuse them."""
         try:

@@ -3,6 +3,7 @@
 from typing import Any, Dict
 
 from mrl_driver.driver import Driver
+from mrl_driver.robot.hold import CAPABILITY as HOLD
 from mrl_driver.transport.baud_rates import FAST_BAUD
 from ros1_bridge.control.commander import Commander
 from ros1_bridge.node.robot_parameters import Parameters
@@ -28,6 +29,8 @@ class Diagnostics:
         updater.add("Board", self._board)
         if self._parameters.imu and "imu" in self._driver.board.capabilities:
             updater.add("IMU", self._imu)
+        if HOLD in self._driver.board.capabilities:
+            updater.add("Radio", self._radio)
 
     def _link(self, status: Wrapper) -> Wrapper:
         driver, parameters = self._driver, self._parameters
@@ -58,6 +61,14 @@ class Diagnostics:
     def _imu(self, status: Wrapper) -> Wrapper:
         state, imu = self._driver.imu_state, self._driver.imu
         return _filled(status, robot_status.imu_health(state), robot_status.imu_values(state, imu))
+
+    def _radio(self, status: Wrapper) -> Wrapper:
+        hold = self._driver.hold
+        if hold is None:
+            return _filled(
+                status, link_report.LinkHealth(link_report.WARN, "the board has not answered yet"), {}
+            )
+        return _filled(status, robot_status.radio_health(hold), robot_status.radio_values(hold))
 
 
 def _filled(status: Wrapper, health: link_report.LinkHealth, values: Dict[str, str]) -> Wrapper:

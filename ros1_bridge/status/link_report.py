@@ -3,6 +3,7 @@
 import math
 from typing import Any, Dict, NamedTuple, Optional
 
+from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.safety.wheel_monitor import Mismatch
 from mrl_driver.session.events import (
@@ -37,6 +38,7 @@ class News:
 
     def __init__(self) -> None:
         self._lost = False
+        self._hold = ""
 
     def of(self, event: Any) -> Optional[LinkHealth]:
         """Level and message; None for an event that is not logged."""
@@ -58,9 +60,19 @@ class News:
             )
         if isinstance(event, ImuChanged):
             return LinkHealth(OK if event.in_use else WARN, str(event))
+        if isinstance(event, Hold):
+            return self._of_hold(event)
         if isinstance(event, Mismatch):
             return LinkHealth(ERROR, f"{event}; the robot was stopped")
         return LinkHealth(WARN, str(event)) if isinstance(event, (Slowed, PathUnknown)) else None
+
+    def _of_hold(self, hold: Hold) -> Optional[LinkHealth]:
+        """A changed state; not changed counters."""
+        if hold.state == self._hold:
+            return None
+        known, self._hold = bool(self._hold), hold.state
+        level = ERROR if hold.state == "silent" else WARN if hold.held else OK
+        return LinkHealth(level, str(hold)) if known or hold.held else None
 
 
 def error_count(statistics: Statistics) -> int:

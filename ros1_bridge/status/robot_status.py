@@ -6,7 +6,9 @@ from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple, Union
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from mrl_driver.lock_order import new_lock
+from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.imu import IN_USE, LEARNING, OFF, REASONS, Imu
+from mrl_driver.robot.radio import format_address
 from mrl_driver.safety import operation_mode
 from mrl_driver.session.events import MAY_MOVE, Status
 from ros1_bridge.control.commander import (
@@ -14,6 +16,7 @@ from ros1_bridge.control.commander import (
     BATTERY,
     DISABLED,
     EMERGENCY,
+    HELD,
     LINK,
     NONE,
     TO_MANUAL,
@@ -31,6 +34,7 @@ MODES = {
     ADRIFT: "no link",
     BATTERY: "battery",
     WHEEL: "wheel mismatch",
+    HELD: "held",
 }
 """Mode by the reason why the robot may not move; see `State.mode`."""
 HARMLESS = (NONE, "user", DISABLED, "closed", TO_MANUAL)
@@ -151,6 +155,22 @@ def battery_values(volts: float, state: str, capacity_ah: float) -> Dict[str, st
     """Keys and values for the battery."""
     voltage = "not measured" if math.isnan(volts) else f"{volts:.2f} V"
     return {"Voltage": voltage, "State": state, "Design Capacity": f"{capacity_ah:g} Ah"}
+
+
+def radio_health(hold: Hold) -> LinkHealth:
+    """Level and message of the holds by radio."""
+    return LinkHealth(ERROR if hold.state == "silent" else WARN if hold.held else OK, str(hold))
+
+
+def radio_values(hold: Hold) -> Dict[str, str]:
+    """Keys and values of the holds by radio."""
+    return {
+        "state": hold.state,
+        "holders": str(hold.holders),
+        "holder": format_address(hold.holder) if hold.holders else "none",
+        "hold texts ignored": str(hold.ignored),
+        "texts not delivered": str(hold.undelivered),
+    }
 
 
 def board_health(status: Any) -> LinkHealth:

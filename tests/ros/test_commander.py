@@ -30,7 +30,7 @@ class Noted:
     def __init__(self):
         self.command, self.ready, self.battery_state, self.battery_v = None, True, "ok", 12.0
         self.stops, self.lost, self.may_be_moving = 0, False, False
-        self.mismatch, self.stop_reason = None, "none"
+        self.mismatch, self.stop_reason, self.hold = None, "none", None
         self.model, self.telemetry = models.load("pioneer"), None
         self.inhibited, self.limits = set(), LIMITS
 

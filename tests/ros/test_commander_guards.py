@@ -38,6 +38,7 @@ class Driver:
 
     def __init__(self):
         self.command, self.ready, self.battery_state, self.mismatch = None, True, "ok", None
+        self.hold = None
         self.stop_reason = "none"
 
     def inhibit(self, reason):
