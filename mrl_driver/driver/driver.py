@@ -549,7 +549,7 @@ class Driver:
     def release_hold(self) -> bool:
         """Drop the robots that hold this one and have fallen silent; True if it is free of holds.
 
-        Look first whether the way is free: a silent robot may stand there.  One that still speaks is not dropped.
+        Look first whether the place is free: a silent robot may stand there.  One that still speaks is not dropped.
 
         Raises:
             ConfigError: the board cannot be held by radio.

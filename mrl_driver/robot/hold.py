@@ -12,7 +12,7 @@ READ_RADIO, RELEASE = BY_NAME["read_radio"].code, BY_NAME["release_hold"].code
 
 
 class Hold(NamedTuple):
-    """What the board says about the radio.
+    """The state of the holds, as the board reports it.
 
     Attributes:
         state: One of `table.HOLD_STATES`: off, free, listening, held or silent.
@@ -40,7 +40,7 @@ class Hold(NamedTuple):
         return {
             "listening": "the board has started and waits for the radios that may hold the robot",
             "held": f"{who}; it waits to be freed",
-            "silent": f"{who}, and is silent: look whether the way is free, then release the hold",
+            "silent": f"{who}, and is silent: look whether the place is free, then release the hold",
         }.get(self.state, "no radio holds the robot")
 
 

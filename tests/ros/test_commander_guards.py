@@ -7,6 +7,7 @@ import pytest
 
 from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
+from mrl_driver.robot.hold import Hold
 from mrl_driver.safety.protective_zones import Scan, Zones, ZoneSettings
 from ros1_bridge.control import commander as module
 from ros1_bridge.control.commander import Commander
@@ -116,3 +117,22 @@ def test_own_cause_of_a_stop_comes_before_the_drivers(cause, told, stopped_by):
     commander.stop(cause)
     driver.stop_reason = told
     assert commander.stopped_by == stopped_by
+
+
+def held(state="held"):
+    return Hold(state, 1, 0, 0, 0x0013A20040A1B2C3)
+
+
+@pytest.mark.parametrize("state", ["listening", "held", "silent"])
+def test_hold_by_radio_is_named_as_the_cause(state):
+    commander = Commander(Driver())
+    commander._driver.hold = held(state)
+    assert commander.stopped_by == module.HELD and not commander.ready
+    assert commander.refusal() == str(held(state))
+
+
+@pytest.mark.parametrize("state", ["off", "free"])
+def test_robot_that_nobody_holds_is_ready(state):
+    commander = Commander(Driver())
+    commander._driver.hold = held(state)._replace(holders=0)
+    assert commander.ready

@@ -9,6 +9,7 @@ from genpy import Time
 
 from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
+from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.imu import IN_USE, SILENT
 from mrl_driver.robot.odometry import Twist, Wheels
 from mrl_driver.robot.robot_state import Telemetry
@@ -82,3 +83,11 @@ def test_odometry_is_stamped_by_the_clock_of_the_graph():
     out.telemetry(telemetry(1))
     secs, nsecs = struct.unpack_from("<II", Publisher.of["odom"].sent[0], 8)
     assert SIMULATED_S - LATE_S < Time(secs, nsecs).to_sec() < SIMULATED_S
+
+
+def test_changes_of_a_hold_are_logged_once():
+    """Not the state at the start if nobody holds the robot, nor its counters."""
+    news, free = News(), Hold("free", 0, 0, 0, 0)
+    held, silent = free._replace(state="held", holders=1), free._replace(state="silent", holders=1)
+    told = [news.of(each) for each in (free, held, held._replace(ignored=1), silent, free)]
+    assert [each and each.level for each in told] == [None, WARN, None, ERROR, OK]

@@ -113,3 +113,11 @@ def test_gains_of_a_board_that_does_not_tell_them_are_the_models():
 def test_gains_that_cannot_be_read_are_not_guessed():
     with pytest.raises(BoardTimeout):
         with_gains({"kp": 800}).gains()
+
+
+@pytest.mark.parametrize(
+    "free, message", [(True, "released; the robot stands until the next command"), (False, "radio 7 holds")]
+)
+def test_release_of_a_hold_says_whether_the_robot_is_free(free, message):
+    driver = SimpleNamespace(release_hold=lambda: free, hold="radio 7 holds")
+    assert Services(driver, None).release_hold() == (free, message)
