@@ -79,6 +79,8 @@ class Core:
         """Fields of the last `Reply`, by command code."""
         self.hold: Optional[Hold] = None
         """Whether the radio holds the robot; None before the board has said so."""
+        self.held = False
+        """Other robots hold this one by radio, or the board listens for them; it refuses to move."""
         self.radio_queue = RadioQueue()
         """Texts that wait for the radio."""
         self.nodes: Optional[Dict[int, RadioNode]] = None
@@ -247,11 +249,6 @@ class Core:
                 "try again after that has ended"
             )
 
-    @property
-    def held(self) -> bool:
-        """Whether other robots hold this one by radio; its board refuses to move."""
-        return self.hold is not None and self.hold.held
-
     def _require_motors(self) -> None:
         """Raise ConfigError if the board has no motors."""
         if self.state.model is not None:
@@ -305,8 +302,8 @@ class Core:
         """Stop if other robots hold this one, and report a change."""
         if hold is None or hold == self.hold:
             return []
-        self.hold = hold
-        if hold.held and self.session.motion.target is not None:
+        self.hold, self.held = hold, hold.held
+        if self.held and self.session.motion.target is not None:
             self.stop(now, "held")
         return [hold]
 

@@ -89,7 +89,7 @@ def test_changes_are_events(robot):
 def test_host_that_connects_to_a_held_board_knows_it(robot):
     """A reply that was lost on the way is asked for again."""
     say(robot, "hold")
-    robot._core.hold = None
+    robot._core.hold, robot._core.held = None, False
     robot.wait(POLLED_S)
     assert robot.hold.held
 
