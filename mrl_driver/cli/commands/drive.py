@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Optional
 
 import click
 
-from mrl_driver.errors import BoardTimeout, ConfigError, WheelFault
+from mrl_driver.errors import BoardTimeout, ConfigError, MrlError, WheelFault
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot.battery import voltage_text
 from mrl_driver.session.events import MAY_MOVE
@@ -159,12 +159,15 @@ def require_driving(driver: "Driver", taken: bool) -> None:
 
     Raises:
         WheelFault: a wheel did not follow its command.
+        MrlError: another robot holds this one by radio.
         BoardTimeout: the robot stopped early for another reason.
     """
     if taken:
         return
     if driver.mismatch is not None:
         raise WheelFault(f"stopped early: {driver.mismatch}")
+    if driver.hold is not None and driver.hold.held:
+        raise MrlError(f"stopped early: {driver.hold}")
     if driver.may_be_moving:
         raise BoardTimeout(f"no telemetry for {driver.age_s * 1000:.0f} ms; {MAY_MOVE}")
     raise BoardTimeout(
