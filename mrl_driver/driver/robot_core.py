@@ -10,6 +10,7 @@ from typing import Dict, List, Optional, Set, Tuple, Union
 from mrl_driver.errors import FrameError, MrlError
 from mrl_driver.protocol.table import BY_CODE, COMMANDS
 from mrl_driver.robot import battery
+from mrl_driver.robot.hold import CAPABILITY as HOLD
 from mrl_driver.robot.hold import Hold, hold_of
 from mrl_driver.robot.kinematics import cannot_sideways
 from mrl_driver.robot.models import OmniDrive, RobotModel, kind_of, require_supported
@@ -283,6 +284,8 @@ class Core:
         if isinstance(event, Ready):
             self.state.settled = self.state.settled or self._options.identify
             self._monitor = None  # after a restart the board's time starts at zero again
+            if HOLD not in event.board.capabilities:  # other firmware never says that it has ended
+                self.hold, self.held = None, False
         elif isinstance(event, Info) and self.state.powerless:
             self._spare_battery(now)
         elif isinstance(event, Reply):

@@ -19,6 +19,7 @@ SILENCE = 20
 SILENCE_S = SILENCE * 0.1
 POLLED_S = 0.6
 HEARD_S = 0.1
+GREETED_S = 2.5
 
 
 def stepped(radio_hold):
@@ -114,6 +115,13 @@ def test_board_without_a_radio_has_no_holds():
         assert robot.hold is None
         with pytest.raises(ConfigError, match="radio build"):
             robot.release_hold()
+
+
+def test_hold_ends_with_firmware_that_has_no_holds(robot):
+    say(robot, "hold")
+    robot._board._stepped = PythonBoard(Plant(model("traxbot")))
+    robot.wait(GREETED_S)
+    assert robot.hold is None and robot.drive(0.2, 0.0)
 
 
 def test_text_to_nobody_is_counted(robot):
