@@ -307,7 +307,7 @@ class Core:
             return []
         self.hold, self.held = hold, hold.held
         if self.held and self.session.motion.target is not None:
-            self.stop(now, "held")
+            self.stop(now, "radio_hold")
         return [hold]
 
     def _thin(self, telemetry: Telemetry) -> List[Telemetry]:

@@ -42,7 +42,7 @@ and sends 163 of these frames a second.
 """
 STOPS = (
     "none", "user", "not_a_number", "command_timeout", "battery", "wheel_mismatch", "stale", "restarted", "link_lost",
-    "host_paused", "closed", "held",
+    "host_paused", "closed", "radio_hold",
 )  # fmt: skip
 """Reasons why this program stops the robot; boards have their own, see `table.STOP_REASONS`."""
 

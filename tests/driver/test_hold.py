@@ -61,7 +61,7 @@ def test_hold_ends_the_command(robot):
     robot.wait(HEARD_S)
     say(robot, "hold")
     assert robot.hold == Hold("held", 1, 0, 0, HOLDER)
-    assert robot.command is None and robot.stop_reason == "held"
+    assert robot.command is None and robot.stop_reason == "radio_hold"
 
 
 def test_held_robot_takes_no_command(robot):
