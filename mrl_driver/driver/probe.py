@@ -8,6 +8,7 @@ from mrl_driver.protocol.table import BAUD
 from mrl_driver.robot import models
 from mrl_driver.robot.robot_state import without_motor_board
 from mrl_driver.session.handshake import TIMEOUT_S
+from mrl_driver.transport.port_info import user_of
 
 from .driver import Driver
 from .options import Options
@@ -66,9 +67,16 @@ def probe(port: str, baud: int = BAUD, wait_s: float = TIMEOUT_S) -> Answer:
 def probe_all(ports: Iterable[Tuple[str, int, float]]) -> Iterator[Tuple[str, Answer]]:
     """Ask several ports at the same time: name, baud rate, and time for the first answer [s].
 
+    A port that a program has opened meanwhile is not opened: it may have waited for its turn.
+
     Yields the answers in order of arrival.
     """
     with ThreadPoolExecutor(_MOST_AT_ONCE) as pool:
-        waiting = {pool.submit(probe, *each): each[0] for each in ports}
+        waiting = {pool.submit(_probe_unused, *each): each[0] for each in ports}
         for done in as_completed(waiting):
             yield waiting[done], done.result()
+
+
+def _probe_unused(port: str, baud: int, wait_s: float) -> Answer:
+    holder = user_of(port)
+    return Answer(error=f"in use by {holder}") if holder else probe(port, baud, wait_s)

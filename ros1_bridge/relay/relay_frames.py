@@ -87,11 +87,23 @@ class Pong(NamedTuple):
 
 
 def is_command(message_type: str) -> bool:
-    """Whether messages of this type make a robot move: they are never repeated after a cut, latched or not."""
+    """Whether messages of this type tell a robot what to do, or where it is.
+
+    They are never repeated, latched or not.
+    """
     return message_type in _COMMANDS or message_type.endswith("ActionGoal")
 
 
-_COMMANDS = ("geometry_msgs/Twist", "geometry_msgs/TwistStamped", "geometry_msgs/PoseStamped")
+_COMMANDS = (
+    "geometry_msgs/Twist",
+    "geometry_msgs/TwistStamped",
+    "geometry_msgs/PoseStamped",
+    "geometry_msgs/PoseArray",  # waypoints, as Path
+    "geometry_msgs/PoseWithCovarianceStamped",  # set_pose, initialpose
+    "nav_msgs/Path",
+    "sensor_msgs/Joy",
+    "diagnostic_msgs/KeyValue",  # a text for another robot's radio
+)
 
 Event = Union[Hello, Source, Message, Taken, Ping, Pong]
 _JSON: Dict[int, Type[Any]] = {1: Hello, 2: Source}

@@ -197,7 +197,8 @@ class TopicRelay:
         self._sender.publish(topic, header["callerid"], kind, latched, message._buff)
 
     def _publishes(self, topic: str, publisher: str) -> bool:
-        connections = self._subscribers[topic].impl.connections
+        subscriber = self._subscribers.get(topic)  # None while the node still starts
+        connections = subscriber.impl.connections if subscriber else []
         return publisher in {connection.callerid_pub for connection in connections}
 
     def _report_sender(self, status: Any) -> Any:

@@ -28,6 +28,8 @@ from .relay_settings import Address
 
 MOST_RECEIVERS = 32
 """More relays than these are refused."""
+SETTLE_S = 2.0
+"""A latched command that comes within this time after the start may be one of before: it is not sent."""
 _READ_BYTES = 65536
 
 
@@ -72,6 +74,7 @@ class TopicSender:
         self.run = os.urandom(8).hex()
         self.too_long = 0
         """Messages that were longer than `LONGEST_BYTES`, and not sent."""
+        self.began_s = relay_now_s()
         self._publishes = publishes
         self._sources: Dict[Tuple[str, str], Source] = {}
         self._sequences: Dict[int, int] = {}
@@ -87,6 +90,11 @@ class TopicSender:
     def publish(self, topic: str, publisher: str, kind: MessageType, latched: bool, body: bytes) -> None:
         """Send a serialized message to all receivers that ask for the topic."""
         stamp_s = relay_now_s()
+        if latched and is_command(kind.type) and stamp_s < self.began_s + SETTLE_S:
+            self.tell(
+                f"{topic} of {publisher}: not sent: a latched command may be one of before this start; send it again"
+            )
+            return
         with self._lock:
             source = self._source(topic, publisher, kind, latched)
             self._sequences[source.number] += 1
@@ -158,7 +166,12 @@ class TopicSender:
                         f"{Address(*address[:2])}: refused: {len(self._receivers)} relays are connected"
                     )
                     continue
-                receiver = _Receiver(self, connection, Address(*address[:2]))
+                try:
+                    receiver = _Receiver(self, connection, Address(*address[:2]))
+                except OSError as error:  # no free file descriptor, or the connection has ended
+                    connection.close()
+                    self.tell(f"{Address(*address[:2])}: refused: {error}")
+                    continue
                 self._receivers.append(receiver)
             receiver.start()
 

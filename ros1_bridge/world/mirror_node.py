@@ -217,6 +217,7 @@ class MirrorNode:
         self._heard: Dict[str, Tuple[float, Range]] = {}
         self._laser_mount: Optional[Pose] = None
         self._said: Optional[bool] = None
+        self._rival = ""
         self._status_out = rospy.Publisher("mirror/status", DiagnosticStatus, queue_size=10, latch=True)
         self._ranges_out = {
             name: rospy.Publisher(f"mirror/sonar/{name}", Range, queue_size=1, tcp_nodelay=True)
@@ -229,6 +230,7 @@ class MirrorNode:
         rospy.Subscriber("odom", Odometry, self._on_odometry, queue_size=1, tcp_nodelay=True)
         for name in NAMES:
             rospy.Subscriber(f"sonar/{name}", Range, self._on_range, callback_args=name, queue_size=1)
+        rospy.Subscriber("mirror/scan", rospy.AnyMsg, self._on_own_scan, queue_size=1)
         if self._laser:
             rospy.Subscriber("scan", LaserScan, self._on_scan, queue_size=1, tcp_nodelay=True)
 
@@ -259,6 +261,8 @@ class MirrorNode:
 
     def _trouble(self, now_s: float) -> str:
         """Why the place of the robot in the world is not known now; empty if it is.  With the lock."""
+        if self._rival:
+            return self._rival
         if self._odometry is None:
             return "no odometry yet"
         if now_s - self._odometry_s > ODOM_LATE_S:
@@ -296,6 +300,16 @@ class MirrorNode:
                 self._place.localised(message)
         except ValueError as error:
             rospy.logwarn_throttle(WARN_EVERY_S, f"pose not used: {error}")
+
+    def _on_own_scan(self, message: rospy.AnyMsg) -> None:
+        """Notice another publisher: zones that get both scans would miss what only one of them has."""
+        other = message._connection_header["callerid"]
+        if other != rospy.get_name():
+            with self._lock:
+                self._rival = (
+                    f"{other} publishes {self._scan_out.resolved_name} too; start this node again, with laser:=true "
+                    "if the robot has a laser"
+                )
 
     def _on_range(self, message: Range, name: str) -> None:
         with self._lock:

@@ -195,8 +195,8 @@ class _Run:
         drivers = [self._driver(player) for player in self._team.players]
         now_s, waited_s = 0.0, 0.0
         while any(d.tour.state != DONE for d in drivers) and now_s < TIME_LIMIT_S:
-            self._talk(now_s)
             before = self._holders()
+            self._talk(now_s)
             self._team.tick([driver.command(now_s) for driver in drivers])
             self._watch(drivers, before, now_s)
             waited_s += TICK_S * sum(driver.tour.state == CLAIMING for driver in drivers)

@@ -71,6 +71,17 @@ def test_no_port_at_all(there):
     assert "plug the board in" in mrl("ports").stdout
 
 
+def test_a_port_that_a_program_opens_while_others_are_asked_is_not_opened(serve, monkeypatch):
+    port, asked = serve(), []
+    monkeypatch.setattr(probe, "probe", lambda *given: asked.append(given))
+    link = SerialLink(port.path)
+    try:
+        ((_, answer),) = probe.probe_all([(port.path, 115200, 0.5)])
+    finally:
+        link.close()
+    assert "in use by" in answer.error and not asked
+
+
 def test_a_port_without_probe():
     assert "--probe" in fails(2, "ports", "/dev/null")
 

@@ -193,6 +193,18 @@ def test_robot_is_in_the_world_only_when_it_is_localised(rig, lab):
     assert "lost" not in before and lost.pose == pytest.approx((3.0, 4.0, 0.0))
 
 
+def test_another_publisher_of_the_scan_makes_everything_invalid(rig, lab):
+    """As a laser whose user forgot laser:=true: zones would get both scans by turns."""
+    mirror(rig, lab.name, "_name:=beside")
+    driver = Driver(rig)
+    laser = rospy.Publisher(f"{rig.ns}/mirror/scan", LaserScan, queue_size=1, latch=True)
+    laser.publish(LaserScan())  # for a node that connects later, too
+    try:
+        driver.said(f"{rospy.get_name()} publishes {rig.ns}/mirror/scan too")
+    finally:
+        laser.unregister()
+
+
 def _localise(place):
     message = PoseWithCovarianceStamped()
     message.header.frame_id, message.header.stamp = "hall", rospy.Time.now()

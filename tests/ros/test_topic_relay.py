@@ -27,7 +27,7 @@ from ros1_bridge.relay.relay_frames import (
 from ros1_bridge.relay.relay_report import ERROR, OK, WARN, receiver_health, receiver_values
 from ros1_bridge.relay.relay_settings import Address, read_settings
 from ros1_bridge.relay.topic_receiver import TopicReceiver
-from ros1_bridge.relay.topic_sender import MessageType, TopicSender
+from ros1_bridge.relay.topic_sender import SETTLE_S, MessageType, TopicSender
 from tests.waiting import wait_until
 
 EVENTS = [
@@ -306,7 +306,31 @@ def test_last_latched_message_comes_again_after_a_reconnect_and_others_do_not(en
 
 def test_latched_command_is_not_repeated_after_a_reconnect(ends):
     """`rostopic pub` latches by default."""
+    ends.sender.began_s -= SETTLE_S
     ends.publish("cmd_vel", b"drive", TWIST, latched=True)
+    ends.publish("state", b"latched", LATCHED, latched=True)
+    ends.connected()
+    wait_until(lambda: ends.got == [("state", b"latched")])
+
+
+@pytest.mark.parametrize(
+    "kind", ["geometry_msgs/Twist", "nav_msgs/Path", "move_base_msgs/MoveBaseActionGoal"]
+)
+def test_latched_command_of_before_a_start_is_not_sent(ends, kind):
+    """A publisher that latches sends it again to the relay that has just started."""
+    ends.connected()
+    for since_s, body in ((0.0, b"of before"), (SETTLE_S, b"new")):
+        ends.sender.began_s -= since_s
+        ends.publish("cmd_vel", body, MessageType(kind, "3", ""), latched=True)
+    wait_until(lambda: ends.got)
+    assert ends.got == [("cmd_vel", b"new")]
+    assert any("cmd_vel of /node: not sent" in line for line in ends.told)
+
+
+@pytest.mark.parametrize("kind", ["nav_msgs/Path", "geometry_msgs/PoseArray"])
+def test_latched_waypoints_are_not_repeated_after_a_reconnect(ends, kind):
+    ends.sender.began_s -= SETTLE_S
+    ends.publish("cmd_vel", b"drive", MessageType(kind, "3", ""), latched=True)
     ends.publish("state", b"latched", LATCHED, latched=True)
     ends.connected()
     wait_until(lambda: ends.got == [("state", b"latched")])
