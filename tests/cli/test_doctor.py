@@ -15,6 +15,7 @@ from mrl_driver.cli.doctor.findings import FAULT, NOTE, OK, WARNING, Finding, ve
 from mrl_driver.cli.doctor.wheels import Moved
 from mrl_driver.protocol.table import FAULTS
 from mrl_driver.robot import models
+from mrl_driver.robot.hold import Hold
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.session import Status
 from mrl_driver.transport.address import is_network
@@ -172,6 +173,20 @@ def test_each_fault_of_the_board_has_its_advice(fault):
 )
 def test_a_stop_that_needs_attention(reason, level):
     assert levels(board.health(HEALTHY._replace(stop_reason=reason))).get("last stop") == level
+
+
+@pytest.mark.parametrize(
+    ("state", "level", "words"),
+    [
+        ("free", None, ""),
+        ("held", WARNING, "radio 0013a20040a1b2c3 holds"),
+        ("silent", WARNING, "and is silent"),
+    ],
+)
+def test_a_robot_that_is_held_by_radio(state, level, words):
+    found = list(board.hold(Hold(state, 1, 0, 0, 0x0013A20040A1B2C3)))
+    assert levels(found).get("radio") == level
+    assert all(words in each.text for each in found)
 
 
 @pytest.mark.parametrize(("count", "level"), [(None, None), (0, None), (3, NOTE)])

@@ -4,9 +4,11 @@ import json
 
 import pytest
 
+from mrl_driver.cli.commands.info import describe
 from mrl_driver.cli.commands.radio import print_nodes, print_texts
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
+from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.radio import BROADCAST, text_request
 from tests.fake_board import FakeBoard
 from tests.models import model
@@ -47,6 +49,12 @@ def test_board_without_a_radio_is_named(use):
     robot = SteppedDriver(Engine(FakeBoard()), model("traxbot"))
     with robot, pytest.raises(ConfigError, match="no radio"):
         use(robot, 0.1, False)
+
+
+def test_info_names_the_radio_that_holds_the_robot(robot, monkeypatch):
+    monkeypatch.setattr(SteppedDriver, "hold", Hold("held", 1, 0, 0, PEER))
+    facts = describe(robot, "/dev/x")
+    assert (facts["hold"], facts["holder"]) == ("held", "0013a20040a1b2c3")
 
 
 def test_send_sends_the_text_to_all(serve):

@@ -7,6 +7,7 @@ import click
 
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot.models import kind_of
+from mrl_driver.robot.radio import format_address
 from mrl_driver.terminal.shown_state import sensor_texts
 
 from .shared import (
@@ -72,6 +73,10 @@ def describe(driver: "Driver", port: str) -> Dict[str, Any]:
     }
     if driver.imu is not None and driver.imu.bias_known:
         facts["gyro_bias_rad_s"] = driver.imu.bias_rad_s
+    if driver.hold is not None:
+        facts["hold"] = driver.hold.state
+        if driver.hold.holders:
+            facts["holder"] = format_address(driver.hold.holder)
     if status is not None:
         facts.update(
             uptime_s=status.uptime_s,

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Dict, Iterator, List, Mapping, NamedTuple, Opt
 
 from mrl_driver.protocol.table import BY_NAME, FAULTS, REASONS, SENSOR_BY_NAME
 from mrl_driver.robot import imu
+from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.sensor_polling import Reading, text
@@ -165,6 +166,13 @@ def health(status: Optional[Status]) -> Iterator[Finding]:
             f"clamped {status.clamped} commands",
             "command lower speeds, or raise linear_ceiling with: mrl config set",
         )
+
+
+def hold(found: Optional[Hold]) -> Iterator[Finding]:
+    """Check whether other robots hold this one by radio."""
+    if found is not None and found.held:
+        advice = "look whether the place is free, then release it: ROS service release_hold, or Driver.release_hold()"
+        yield Finding(WARNING, "radio", str(found), advice if found.state == "silent" else "")
 
 
 def watch(driver: "Driver", seconds: float = MEASURE_S, trips: int = ROUND_TRIPS) -> LinkFigures:
