@@ -13,6 +13,11 @@ SEPARATION_M, METRES = 0.180, 0.000087512033
 UPWARD = round(9.81 / ACCEL_M_S2)
 
 
+def _next(due_s: float, period_s: float, now: float) -> float:
+    """The time after `due_s`; after a pause, one at most a period ago with the same phase, as two streams must have."""
+    return due_s + period_s * max(1, math.floor((now - due_s) / period_s))
+
+
 class FakeBoard:
     """A TraxBot's board; `version` 1 is 2013 with a stream of `stream_code` 8 or 6."""
 
@@ -85,11 +90,11 @@ class FakeBoard:
             self.speeds = (0, 0)
             self.stop_reason = 2
         while self.period_s is not None and now >= self.due_s:
-            self.due_s = max(self.due_s + self.period_s, now - self.period_s)
+            self.due_s = _next(self.due_s, self.period_s, now)
             if self.counting:
                 self._reply(self.stream_code, now)
         while now >= self.imu_s:
-            self.imu_s = max(self.imu_s + self.imu_period_s, now - self.imu_period_s)
+            self.imu_s = _next(self.imu_s, self.imu_period_s, now)
             self._send_imu(now)
         out, self.out = bytes(self.out), bytearray()
         return b"" if self.mute else out
