@@ -8,8 +8,11 @@ import sys
 import pytest
 
 from tests.network import own_network
+from tests.waiting import PATIENCE
 
 from .rig import ROOT
+
+LONGEST_S = 110 * PATIENCE
 
 
 @pytest.fixture(scope="module")
@@ -17,7 +20,7 @@ def seen(tmp_path_factory):
     """What the trial of `two_machines` has seen."""
     folder = tmp_path_factory.mktemp("network")
     command = [*own_network(), sys.executable, "-m", "tests.ros.two_machines", str(folder)]
-    done = subprocess.run(command, cwd=str(ROOT), capture_output=True, text=True, timeout=110)
+    done = subprocess.run(command, cwd=str(ROOT), capture_output=True, text=True, timeout=LONGEST_S)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 

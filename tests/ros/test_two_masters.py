@@ -8,6 +8,7 @@ import sys
 import pytest
 
 from tests.network import own_network
+from tests.waiting import PATIENCE
 
 from .rig import ROOT
 
@@ -17,7 +18,7 @@ def seen(tmp_path_factory):
     """What the trial of `two_masters` has seen."""
     folder = tmp_path_factory.mktemp("masters")
     command = [*own_network(), sys.executable, "-m", "tests.ros.two_masters", str(folder)]
-    done = subprocess.run(command, cwd=str(ROOT), capture_output=True, text=True, timeout=110)
+    done = subprocess.run(command, cwd=str(ROOT), capture_output=True, text=True, timeout=110 * PATIENCE)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 
