@@ -125,8 +125,12 @@ def robot(driven):
     """The robot at rest where its odometry begins, without a goal."""
     driven.client.cancel_goals_at_and_before_time(rospy.Time.now())  # may arrive after the next goal
     reset = rospy.ServiceProxy(f"{driven.ns}/reset_odometry", Trigger)
-    wait_until(lambda: reset().success, step_s=0.1)
-    wait_until(lambda: distance(driven, 0.0, 0.0) < 1e-3)
+
+    def begins():
+        """The cancel may come after the reset, and the robot drive on until then."""
+        return reset().success and driven.odom.wait_for_more(2) and distance(driven, 0.0, 0.0) < 1e-3
+
+    wait_until(begins, step_s=0.1)
     return driven
 
 
