@@ -19,8 +19,10 @@ DUE = (
     "mrl_driver/session/session.py:tick",
     "mrl_driver/driver/robot_core.py:limit_again",
     "mrl_driver/driver/robot_core.py:_check_wheels",
+    "mrl_driver/session/motion_command.py:observe",
 )
-"""Calls for what falls due with some frames: requests and repeats, a step of the ramp, a comparison of the wheels."""
+"""Calls for what falls due with some frames: requests and repeats, a step of the ramp, a comparison of the wheels, the
+confirmation of a stop."""
 PARTS = {"Pose", "Command"}
 """A field of the telemetry, and a row of the command table: neither is a value on its way."""
 

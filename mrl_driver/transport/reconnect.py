@@ -2,7 +2,7 @@
 
 import os
 import time
-from typing import Callable, List, Optional
+from typing import Callable, List, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, MrlError, WrongRobot
 
@@ -12,6 +12,27 @@ from .port_search import Port, Search, described_as
 
 LOOK_S = 0.1
 """Time between two looks for a lost port [s]; one look takes 1 to 3 ms."""
+
+
+class _PseudoTerminal(NamedTuple):
+    """A pseudo terminal.  The system gives the number of one that was removed to the next one of any program."""
+
+    name: Tuple[int, float]
+    """Inode and time of the name under which it is known, which may be a symbolic link."""
+    device: Tuple[int, float]
+    """Inode and time of the terminal itself."""
+
+
+def _pseudo_terminal(name: str) -> Optional[_PseudoTerminal]:
+    """The pseudo terminal with this name; None if there is none, or if it is another kind of port."""
+    if not os.path.realpath(name).startswith("/dev/pts/"):
+        return None
+    try:
+        named, device = os.lstat(name), os.stat(name)
+    except OSError:
+        return None
+    own = (device.st_ino, device.st_ctime)
+    return _PseudoTerminal((named.st_ino, named.st_ctime) if os.path.islink(name) else (0, 0.0), own)
 
 
 class _Undecided(WrongRobot):
@@ -44,6 +65,7 @@ class Reconnection:
         self._others = [
             port for port in there if port.is_like(self._described) and port.device != self._described.device
         ]
+        self._terminal = _pseudo_terminal(name)
 
     def _there(self, search: Search) -> List[Port]:
         return described() if search.lost.vendor is not None else []
@@ -76,7 +98,7 @@ class Reconnection:
         name = search.next(os.path.realpath(self._name), self._there(search), now)
         if name is None:
             return None
-        if in_use(name):
+        if in_use(name) or self._is_foreign(name):
             search.refuse(name, now)
             return None
         try:
@@ -86,6 +108,13 @@ class Reconnection:
             return None
         self.port, self._trial_ends_s = name, now + self._patience_s
         return link
+
+    def _is_foreign(self, name: str) -> bool:
+        """Return whether a pseudo terminal has only the number of the lost one: it may be anybody's shell."""
+        lost, there = self._terminal, _pseudo_terminal(name)
+        return (
+            lost is not None and there is not None and there.name == lost.name and there.device != lost.device
+        )
 
     def judge(self, ready: bool, now: float) -> bool:
         """Return whether the robot is found on the port that was opened last.

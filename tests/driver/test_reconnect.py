@@ -388,3 +388,45 @@ def test_a_robot_that_was_found_elsewhere_is_looked_for_as_it_is_there(monkeypat
     search.lose(LinkLost("gone"), 1.0)
     there.pop(0)
     assert search.look() is None and opened == [two]
+
+
+@pytest.fixture
+def terminal():
+    """The name of a pseudo terminal."""
+    ends = os.openpty()
+    yield os.ttyname(ends[1])
+    for end in ends:
+        os.close(end)
+
+
+def searched(name, meanwhile):
+    """The names that a search opens after `meanwhile`."""
+    opened = []
+    search = reconnect.Reconnection(name, opened.append, 1.0)
+    search.lose(LinkLost("gone"), time.monotonic())
+    meanwhile()
+    search.look()
+    return opened
+
+
+@pytest.mark.parametrize("linked", [False, True])
+def test_a_terminal_that_has_the_number_of_the_lost_one_is_not_opened(terminal, tmp_path, linked):
+    """It belongs to another program, such as a shell.  Its time differs from that of the lost one."""
+    name = str(tmp_path / "robot") if linked else terminal
+    if linked:
+        os.symlink(terminal, name)
+    assert searched(name, lambda: None) == [name]
+    assert searched(name, lambda: os.chmod(terminal, 0o622)) == []
+
+
+def test_a_terminal_under_a_new_link_is_opened(terminal, tmp_path):
+    """The emulator has begun again, and got the number that its terminal had before."""
+    name = str(tmp_path / "robot")
+    os.symlink(terminal, name)
+
+    def begin_again():
+        os.chmod(terminal, 0o622)
+        os.symlink(terminal, name + ".new")
+        os.replace(name + ".new", name)
+
+    assert searched(name, begin_again) == [name]

@@ -195,7 +195,7 @@ def test_robot_is_in_the_world_only_when_it_is_localised(rig, lab):
 
 def test_another_publisher_of_the_scan_makes_everything_invalid(rig, lab):
     """As a laser whose user forgot laser:=true: zones would get both scans by turns."""
-    mirror(rig, lab.name, "_name:=beside")
+    mirror(rig, lab.name, "_name:=beside", "_pose:=0,-9,0")  # out of earshot of the robot of the other tests
     driver = Driver(rig)
     laser = rospy.Publisher(f"{rig.ns}/mirror/scan", LaserScan, queue_size=1, latch=True)
     laser.publish(LaserScan())  # for a node that connects later, too
