@@ -22,9 +22,9 @@ from mrl_driver.terminal.shown_state import line_of
 from ros1_bridge.node.operator_cmd_vel import OperatorCmdVel, operator_now_s
 from ros1_bridge.node.parameters import Row, read
 from ros1_bridge.node.run_node import run_node
+from ros1_bridge.topics.topic_robot import TopicRobot
 
 from .demo_screen import PATIENCE_S, DemoScreen
-from .topic_robot import TopicRobot
 
 SONARS = ("front", "left", "right")
 LINE_S = 1.0

@@ -17,7 +17,7 @@ from mrl_driver.navigation.line_follower import FollowerLimits, Square
 from mrl_driver.terminal.live_panels import render
 from mrl_driver.terminal.teleop_keys import ANGULAR_RAD_S, HOLD_S, LINEAR_M_S, Teleop
 from ros1_bridge.demo.demo_screen import PATIENCE_S, DemoScreen
-from ros1_bridge.demo.topic_robot import STALE_S, TopicRobot
+from ros1_bridge.topics.topic_robot import STALE_S, TopicRobot
 
 STEP_S = 0.05
 LAG = 0.4

@@ -12,8 +12,8 @@ from std_msgs.msg import UInt16
 from mrl_driver.errors import ConfigError
 from ros1_bridge.demo import launcher
 from ros1_bridge.demo.demo_screen import DemoScreen
-from ros1_bridge.demo.topic_robot import TopicRobot
 from ros1_bridge.node.robot_parameters import check, without_motors
+from ros1_bridge.topics.topic_robot import TopicRobot
 from tests.waiting import wait_until
 
 SENSORS = {"alcohol", "compass", "dust", "light", "thermopile"}
