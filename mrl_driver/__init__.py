@@ -19,5 +19,7 @@ keep(
         "mrl_driver.robots": "mrl_driver.robot.models",
         "mrl_driver.stepped": "mrl_driver.driver.simulated",
         "mrl_driver.table": "mrl_driver.protocol.table",
+        "mrl_driver.terminal.shown_state": "mrl_driver.view.shown_state",
+        "mrl_driver.terminal.trail": "mrl_driver.view.trail",
     }
 )

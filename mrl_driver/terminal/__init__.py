@@ -1,1 +1,1 @@
-"""The live view and the keyboard.  Imports driver and the layers below it."""
+"""The live view in a terminal, and the keyboard.  Imports view and the layers below it."""

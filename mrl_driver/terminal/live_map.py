@@ -6,9 +6,9 @@ from typing import List, Sequence, Tuple
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import SonarMount
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD, NEAREST_M
+from mrl_driver.view.shown_state import ShownState
 
 from .canvas import Canvas, Point, fit
-from .shown_state import ShownState
 
 _GRIDS_M = (0.5, 1.0, 2.0, 5.0, 10.0)
 _LEAST_GRID_COLUMNS = 5

@@ -13,10 +13,10 @@ from rich.text import Text
 
 from mrl_driver.geometry import Pose
 from mrl_driver.safety.operator_delay import delay_text
+from mrl_driver.view.shown_state import ShownState, has_motors, moves_sideways, range_text
 
 from .frame_log import Line
 from .live_map import draw
-from .shown_state import ShownState, has_motors, moves_sideways, range_text
 
 LEFT_COLUMNS = 39
 NARROW, LOW = 72, 18

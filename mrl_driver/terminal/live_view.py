@@ -10,12 +10,12 @@ from mrl_driver.errors import BoardTimeout
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.safety.operator_delay import MAX_DELAY_S, DelayGuard
 from mrl_driver.session.events import ImuChanged, Lost, PathUnknown, Reconnected, Slowed
+from mrl_driver.view.shown_state import ShownState, has_motors, moves_sideways, state_of
+from mrl_driver.view.trail import Trail
 
 from .frame_log import FrameLog
 from .keyboard import Keyboard, NoKeyboard
-from .shown_state import ShownState, has_motors, moves_sideways, state_of
 from .teleop_keys import Teleop
-from .trail import Trail
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver

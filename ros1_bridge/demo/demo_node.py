@@ -18,7 +18,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, Range
 
 from mrl_driver.terminal import live_view
-from mrl_driver.terminal.shown_state import line_of
+from mrl_driver.view.shown_state import line_of
 from ros1_bridge.node.operator_cmd_vel import OperatorCmdVel, operator_now_s
 from ros1_bridge.node.parameters import Row, read
 from ros1_bridge.node.run_node import run_node

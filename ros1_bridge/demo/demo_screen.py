@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Optional
 
 from mrl_driver.navigation.line_follower import Square
 from mrl_driver.terminal.live_view import Screen, Settings
-from mrl_driver.terminal.shown_state import ShownState
 from mrl_driver.terminal.teleop_keys import Teleop
+from mrl_driver.view.shown_state import ShownState
 from ros1_bridge.topics.topic_robot import STALE_S, TopicRobot
 
 if TYPE_CHECKING:

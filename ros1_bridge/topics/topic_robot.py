@@ -9,7 +9,7 @@ from mrl_driver.geometry import ORIGIN, Pose, yaw_of
 from mrl_driver.robot import models
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.odometry import Twist
-from mrl_driver.terminal.shown_state import Row, ShownState
+from mrl_driver.view.shown_state import Row, ShownState
 
 STALE_S = 0.3
 LOW_SHARE = 0.1

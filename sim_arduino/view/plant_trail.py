@@ -3,7 +3,7 @@
 from typing import Sequence, Tuple
 
 from mrl_driver.geometry import Pose
-from mrl_driver.terminal.trail import Trail
+from mrl_driver.view.trail import Trail
 from sim_arduino.hardware.wiring import Plant
 
 PERIOD_S = 0.05

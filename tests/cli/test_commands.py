@@ -18,7 +18,7 @@ from mrl_driver.robot import models
 from mrl_driver.session.events import Lost, PathUnknown, Reconnected, Slowed
 from mrl_driver.session.polling import STATUS
 from mrl_driver.terminal import keyboard
-from mrl_driver.terminal.shown_state import range_text
+from mrl_driver.view.shown_state import range_text
 from tests.waiting import PATIENCE_S, wait_until
 
 from .run import fails, mrl

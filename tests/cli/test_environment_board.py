@@ -15,7 +15,7 @@ from mrl_driver.recording import recording_plot, timeline
 from mrl_driver.recording.recording import Recording
 from mrl_driver.recording.summary import summarise
 from mrl_driver.robot import models
-from mrl_driver.terminal.shown_state import line
+from mrl_driver.view.shown_state import line
 from sim_arduino.serve import factory
 
 NAMES = {"alcohol", "dust", "light", "thermopile"}

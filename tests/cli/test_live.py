@@ -20,13 +20,14 @@ from mrl_driver.geometry import Pose
 from mrl_driver.robot.battery import EMPTY_AFTER_S
 from mrl_driver.safety.wheel_monitor import DEAD, Mismatch
 from mrl_driver.session.events import ImuChanged, Lost, PathUnknown, Reconnected, Slowed
-from mrl_driver.terminal import live_panels, live_view, trail
+from mrl_driver.terminal import live_panels, live_view
 from mrl_driver.terminal.canvas import Canvas, View, fit
 from mrl_driver.terminal.frame_log import MOST_LINES, FrameLog
 from mrl_driver.terminal.keyboard import Keyboard
 from mrl_driver.terminal.live_panels import render
 from mrl_driver.terminal.live_view import Screen, Settings
 from mrl_driver.terminal.teleop_keys import HOLD_S
+from mrl_driver.view import trail
 from sim_arduino.serve import factory
 from tests.waiting import wait_until
 

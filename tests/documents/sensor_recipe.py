@@ -6,7 +6,7 @@ import sys
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
 from mrl_driver.protocol.table import SENSOR_BY_NAME
-from mrl_driver.terminal.shown_state import line
+from mrl_driver.view.shown_state import line
 from ros1_bridge.topics import sensor_topics
 from sim_arduino.serve import factory
 

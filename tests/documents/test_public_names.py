@@ -16,6 +16,8 @@ PUBLIC = {
     "mrl_driver.robots": ["load", "RobotModel"],
     "mrl_driver.errors": ["MrlError", "BoardTimeout", "LinkLost"],
     "mrl_driver.table": ["COMMANDS"],
+    "mrl_driver.terminal.shown_state": ["line", "snapshot"],
+    "mrl_driver.terminal.trail": ["Trail"],
     "mrl_driver.codec": ["FrameDecoder", "encode_reply", "encode_request"],
     "sim_arduino.board": ["PythonBoard"],
     "sim_arduino.boards": ["make", "Options"],

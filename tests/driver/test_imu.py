@@ -32,8 +32,8 @@ from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.session.board_clock import BoardClock
 from mrl_driver.session.events import ACCEL_M_S2, ImuChanged, ImuReading
 from mrl_driver.session.handshake import DEFAULT_PLAN
-from mrl_driver.terminal.shown_state import line, snapshot, state_of
 from mrl_driver.transport.baud_rates import SLOWEST_IMU_MS, least_imu_period_ms, least_period_ms
+from mrl_driver.view.shown_state import line, snapshot, state_of
 from sim_arduino.serve import factory
 from tests.fake_board import METRES, SEPARATION_M, UPWARD, FakeBoard
 from tests.models import model as load

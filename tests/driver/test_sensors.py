@@ -8,7 +8,7 @@ from mrl_driver.protocol.table import SENSOR_BY_NAME, SENSORS, Field, Sensor
 from mrl_driver.recording.recording import Recording
 from mrl_driver.recording.summary import summarise
 from mrl_driver.session.sensor_polling import ABSENT_S, Reading, SensorPoll, of_board, reading, text
-from mrl_driver.terminal.shown_state import line
+from mrl_driver.view.shown_state import line
 from sim_arduino.serve import factory
 
 ENVIRONMENT = frozenset({"environment"})

@@ -156,7 +156,7 @@ def test_the_trail_has_the_robots_way():
 
 
 def test_a_long_trail_grows_sparse(monkeypatch):
-    monkeypatch.setattr("mrl_driver.terminal.trail.MOST_POSES", 20)
+    monkeypatch.setattr("mrl_driver.view.trail.MOST_POSES", 20)
     assert len(moved().poses) <= 20
 
 

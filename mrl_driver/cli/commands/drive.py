@@ -12,7 +12,7 @@ from mrl_driver.errors import BoardTimeout, ConfigError, MrlError, WheelFault
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot.battery import voltage_text
 from mrl_driver.session.events import MAY_MOVE
-from mrl_driver.terminal.shown_state import line, snapshot
+from mrl_driver.view.shown_state import line, snapshot
 
 from .monitor import watch_live
 from .shared import (

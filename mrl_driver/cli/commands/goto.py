@@ -8,7 +8,7 @@ import click
 from mrl_driver.errors import GoalMissed
 from mrl_driver.geometry import Pose
 from mrl_driver.host.named_robots import Target
-from mrl_driver.terminal.shown_state import snapshot
+from mrl_driver.view.shown_state import snapshot
 
 from .drive import confirm_stop, require_driving
 from .shared import (

@@ -8,7 +8,7 @@ import click
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot.models import kind_of
 from mrl_driver.robot.radio import format_address
-from mrl_driver.terminal.shown_state import sensor_texts
+from mrl_driver.view.shown_state import sensor_texts
 
 from .shared import (
     await_gyro,

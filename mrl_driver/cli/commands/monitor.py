@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Optional
 import click
 
 from mrl_driver.host.named_robots import Target
-from mrl_driver.terminal.shown_state import line, snapshot
+from mrl_driver.view.shown_state import line, snapshot
 
 from .shared import (
     battery_option,
