@@ -11,6 +11,7 @@ from mrl_driver.robot.models import RobotModel
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.sensor_polling import Reading, text
 from mrl_driver.session.session import Status
+from mrl_driver.view.words import stop_of
 
 from .findings import FAULT, NOTE, OK, WARNING, Finding
 
@@ -34,11 +35,7 @@ _ADVICE = {
     "imu": "check the IMU's wires on A4 (SDA) and A5 (SCL), and its power",
     "wiring": "set the bridge with: mrl config set bridge CHIP (such as l298n), then run: mrl calibrate wiring",
 }
-_STOPS = {
-    "wheel_blocked": "a wheel did not turn at full drive: check that it turns freely, and the motor's wires",
-    "encoder": "an encoder was silent or counted the other direction: check its wires, then run: mrl calibrate wiring",
-    "undervoltage": "the battery fell below the parameter undervoltage: charge it",
-}
+_FAULTY_STOPS = ("wheel_blocked", "encoder", "undervoltage")
 _RESETS = {
     "watchdog": "the firmware hung and its watchdog restarted it; please report it with: mrl doctor --report",
     "brown_out": "the supply voltage dropped: check USB cable and hub, and every other load on the board's 5 V",
@@ -150,8 +147,9 @@ def health(status: Optional[Status]) -> Iterator[Finding]:
         f"{cause.replace('_', ' ')}, {status.uptime_s} s ago",
         _RESETS.get(cause, ""),
     )
-    if status.stop_reason in _STOPS:
-        yield Finding(WARNING, "last stop", status.stop_reason.replace("_", " "), _STOPS[status.stop_reason])
+    if status.stop_reason in _FAULTY_STOPS:
+        why, remedy = stop_of(status.stop_reason)
+        yield Finding(WARNING, "last stop", status.stop_reason.replace("_", " "), f"{why}: {remedy}")
     if status.impossible:
         yield Finding(
             NOTE,
