@@ -1,0 +1,109 @@
+"""Numbers of a robot over time."""
+
+import contextlib
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.geometry import ORIGIN
+from mrl_driver.robot.odometry import Twist
+from mrl_driver.view.series import Series
+from sim_arduino.serve import factory
+from tests.models import model as load
+
+
+@contextlib.contextmanager
+def driven(**options):
+    """A robot in simulated time that drives straight ahead, by its options."""
+    emulated = factory.make(factory.Options(**options))
+    with contextlib.closing(emulated), SteppedDriver(emulated.engine) as driver:
+        for _ in range(15):
+            driver.drive(0.2, 0.0)
+            driver.wait(0.1)
+        yield driver
+
+
+@pytest.fixture(scope="module")
+def values():
+    """The values of a robot with sonars and an IMU that drives straight ahead, by name."""
+    with driven(imu=True) as driver:
+        series = Series(driver)
+        series.values()
+        driver.wait(0.1)
+        found = series.values()
+        assert len(found) == len(series.names) and series.names[:3] == [
+            ("x", "m"),
+            ("y", "m"),
+            ("yaw", "rad"),
+        ]
+        yield dict(zip((name for name, _ in series.names), found))
+
+
+def near(value):
+    return pytest.approx(value, abs=0.02)
+
+
+def test_motion_has_pose_speeds_and_command(values):
+    seen = [values[name] for name in ("yaw", "speed", "turn rate", "asked speed", "asked turn rate")]
+    assert values["x"] > 0.15 and seen == [near(each) for each in (0.0, 0.2, 0.0, 0.2, 0.0)]
+
+
+def test_wheels_have_speeds(values):
+    assert [values["right wheel"], values["left wheel"]] == [near(0.2)] * 2
+
+
+def test_the_imu_has_rates_acceleration_and_bias(values):
+    assert values["imu acceleration z"] == pytest.approx(9.8, abs=0.2)
+    assert (values["imu yaw rate"], values["imu bias"]) == (near(0.0), near(0.0))
+
+
+def test_board_and_link_have_numbers(values):
+    assert values["battery"] == pytest.approx(12.0, abs=0.5) and 0 < values["sonar front"] < 5
+    assert 0 <= values["link age"] < 0.1 and (values["frames lost"], values["frames damaged"]) == (0, 0)
+
+
+def test_a_stopped_robot_is_asked_for_nothing():
+    robot = SimpleNamespace(
+        model=load("traxbot"),
+        pose=ORIGIN,
+        twist=Twist(0.0, 0.0),
+        command=None,
+        ranges={"front": 1.0},
+        battery_v=12.0,
+        age_s=0.0,
+        link_delay_s=math.nan,
+    )
+    series = Series(robot)
+    found = dict(zip((name for name, _ in series.names), series.values()))
+    assert (found["asked speed"], found["asked turn rate"]) == (0.0, 0.0)
+
+
+def test_a_sonar_that_is_heard_for_the_first_time_makes_other_series():
+    robot = SimpleNamespace(
+        model=None,
+        pose=ORIGIN,
+        twist=Twist(0.0, 0.0),
+        command=None,
+        ranges={},
+        battery_v=math.nan,
+        age_s=math.inf,
+        link_delay_s=math.nan,
+    )
+    series = Series(robot)
+    before = series.outdated()
+    robot.ranges = {"front": 1.0}
+    assert (before, series.outdated()) == (False, True)
+    assert len(series.values()) == len(series.names)
+
+
+def test_a_board_without_motors_has_its_sensors():
+    emulated = factory.make(factory.Options(robot="pioneer"))
+    with contextlib.closing(emulated), SteppedDriver(emulated.engine) as driver:
+        series = Series(driver)
+        before = dict(zip(series.names, series.values()))
+        driver.wait(1.0)
+        after = dict(zip(series.names, series.values()))
+    assert math.isnan(before["thermopile pixel 1", "degC"]) and after["thermopile pixel 1", "degC"] == 22.0
+    assert after["light", "count"] == 500.0 and ("x", "m") not in after and not series.outdated()
