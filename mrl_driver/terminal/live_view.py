@@ -4,14 +4,12 @@ import contextlib
 import math
 import sys
 import time
-from typing import TYPE_CHECKING, Any, Callable, Iterator, List, NamedTuple, Optional, Tuple, Union
+from typing import TYPE_CHECKING, Any, Callable, Iterator, NamedTuple, Optional, Tuple, Union
 
 from mrl_driver.errors import BoardTimeout
-from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.safety.operator_delay import MAX_DELAY_S, DelayGuard
-from mrl_driver.session.events import ImuChanged, Lost, PathUnknown, Reconnected, Slowed
+from mrl_driver.view.live_model import LiveModel, Shown
 from mrl_driver.view.shown_state import ShownState, has_motors, moves_sideways, state_of
-from mrl_driver.view.trail import Trail
 
 from .frame_log import FrameLog
 from .keyboard import Keyboard, NoKeyboard
@@ -20,24 +18,10 @@ from .teleop_keys import Teleop
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
 
-    from .live_panels import Shown
+    from .live_panels import Content
 
 TICK_S, REFRESH_S = 0.05, 0.1
 NO_MOTORS = "this board has no motors: no driving"
-
-
-class Rate:
-    """Frames per second over the last second."""
-
-    def __init__(self) -> None:
-        self._seen: List[Tuple[float, int]] = []
-
-    def update(self, frames: int, now_s: float) -> float:
-        """Return the rate from the number of frames so far [Hz]."""
-        self._seen = [each for each in self._seen if now_s - each[0] <= 1.0][-20:]
-        self._seen.append((now_s, frames))
-        (first_s, first), (last_s, last) = self._seen[0], self._seen[-1]
-        return (last - first) / (last_s - first_s) if last_s > first_s else 0.0
 
 
 class Settings(NamedTuple):
@@ -73,22 +57,10 @@ class Screen:
         self._pressed_s: Optional[float] = None
         self._key_s = math.nan
         self._driver, self._settings, self._log = driver, settings, log
-        self.trail, self._rate, self._teleop = Trail(), Rate(), Teleop()
-        self._keys_drive, self._shows_log, self._notice = settings.keys_drive, True, driver.warning
-        self._start_s = clock()
-        self.frames = 0
-        self._moves = has_motors(driver.model)
+        self.live, self._teleop = LiveModel(driver, clock(), self.state), Teleop()
+        self.live.record = settings.record
+        self._keys_drive, self._shows_log = settings.keys_drive, True
         self.ended = False
-        driver.on_telemetry(self._on_telemetry)
-        driver.on_event(self._on_event)
-
-    def _on_telemetry(self, telemetry: Telemetry) -> None:
-        self.frames += 1
-        self.trail.add(telemetry.pose)
-
-    def _on_event(self, event: object) -> None:
-        if isinstance(event, (Lost, Reconnected, Slowed, PathUnknown, ImuChanged)):
-            self._notice = str(event)
 
     def press(self, key: str, now_s: float) -> None:
         """Handle a key that was pressed at `now_s`."""
@@ -99,84 +71,67 @@ class Screen:
         elif key == "f":
             self._shows_log = not self._shows_log
         elif key == "c":
-            self.trail.clear()
+            self.live.trail.clear()
         elif key == "space":
             self._teleop.press(key, now_s)
-            self._notice = ""
+            self.live.notice = ""
             try:
                 self._driver.stop()
             except BoardTimeout as error:  # the driver goes on looking for the board
-                self._notice = str(error)
+                self.live.notice = str(error)
         elif self._keys_drive:
             if self._teleop.press(key, now_s) and self._pressed_s is None:
                 self._pressed_s = now_s
         elif self._teleop.moves(key, moves_sideways(self._driver.model)):
             motors = has_motors(self._driver.model)
-            self._notice = "press Enter first to drive with the keys" if motors else NO_MOTORS
+            self.live.notice = "press Enter first to drive with the keys" if motors else NO_MOTORS
 
     def _toggle_keys(self) -> None:
         if not has_motors(self._driver.model):
-            self._notice = NO_MOTORS
+            self.live.notice = NO_MOTORS
             return
         empty = self._driver.battery_state in ("empty", "off") and not self._settings.ignore_battery
         self._keys_drive = not self._keys_drive and not empty
-        self._notice = f"the battery is {self._driver.battery_state}: no driving" if empty else ""
+        self.live.notice = f"the battery is {self._driver.battery_state}: no driving" if empty else ""
 
     def steer(self, now_s: float) -> None:
         """Drive at the speeds of the held keys; stop if no key is held."""
         wanted: Tuple[float, ...] = self._teleop.command(now_s) if self._keys_drive else ()
         if wanted and moves_sideways(self._driver.model):
             wanted = (*wanted, self._teleop.slide(now_s))
-        if self._guard.may_drive(any(wanted), self.delays_s(now_s)[0]):
+        if self._guard.may_drive(any(wanted), self.live.delays_s(self._waited_s(now_s))[0]):
             self._driver.drive(*wanted)
         elif self._driver.command is not None:
             self._driver.stop()
         if self._pressed_s is not None:
             self._key_s, self._pressed_s = self._clock() - self._pressed_s, None
 
-    def delays_s(self, now_s: float) -> Tuple[float, float, float]:
-        """Return the operator's delay [s], and its parts: key press to written command, and the link.
-
-        A part that is not known yet is NaN and does not count.
-        """
-        key_s = self._key_s if self._pressed_s is None else now_s - self._pressed_s
-        link_s = self._driver.link_delay_s
-        known = [part for part in (key_s, link_s) if not math.isnan(part)]
-        return math.fsum(known) if known else math.nan, key_s, link_s
+    def _waited_s(self, now_s: float) -> float:
+        """Return the time from the last key press to its command [s], so far; NaN before the first."""
+        return self._key_s if self._pressed_s is None else now_s - self._pressed_s
 
     def state(self) -> ShownState:
         """Return the robot's state now."""
         return state_of(self._driver)
 
-    @property
-    def _streamed(self) -> int:
-        """Number of frames so far; boards without motors have no telemetry that could be counted."""
-        count: int = self.frames if self._moves else self._driver.statistics.streamed
-        return count
+    def warning(self) -> str:
+        """Return why the keys do not drive; empty if they may."""
+        return self._guard.reason
 
-    def shown(self, now_s: float) -> "Shown":
-        """Return what to show now."""
-        from .live_panels import Shown
+    def shown(self, now_s: float) -> Shown:
+        """Return what to show of the robot now."""
+        return self.live.shown(now_s, self._waited_s(now_s), self.warning())
 
-        mismatch, recorder = self._driver.mismatch, self._driver.recorder
-        loss = recorder.loss if recorder is not None else ""
-        return Shown(
-            self.state(),
+    def content(self, now_s: float) -> "Content":
+        """Return the content of the screen now."""
+        from .live_panels import Content
+
+        return Content(
+            self.shown(now_s),
             self._settings.port,
-            self._settings.record,
-            bool(loss),
-            now_s - self._start_s,
-            self._rate.update(self._streamed, now_s),
-            self.trail.poses,
-            self.trail.distance_m,
             self._log.lines() if self._log and self._shows_log else None,
             self._keys_drive,
-            f"{mismatch}; space goes on"
-            if mismatch is not None
-            else self._guard.reason or loss or self._notice,
             self.keys,
-            now_s,
-            self.delays_s(now_s),
         )
 
 
@@ -208,7 +163,7 @@ def run(driver: Any, screen: Screen, seconds: float = math.inf) -> None:
             screen.steer(now_s)
             if now_s >= shown_s + REFRESH_S:
                 shown_s = now_s
-                live.update(render(screen.shown(now_s), console.width, console.height), refresh=True)
+                live.update(render(screen.content(now_s), console.width, console.height), refresh=True)
             if driver.wait(0):
                 return
 

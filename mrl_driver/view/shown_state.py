@@ -11,16 +11,30 @@ from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.robot.odometry import AnyTwist
 from mrl_driver.session.sensor_polling import text
 
+from .words import stopped_text
+
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
 
 
+SILENT_S = 0.3
+"""The robot is silent if its newest telemetry is older than this [s]."""
+
+
+class Bar(NamedTuple):
+    """A bar in front of a value: the share of it that is filled, from 0 to 1, and its style."""
+
+    share: float
+    style: str
+
+
 class Row(NamedTuple):
-    """A name, a value as text, and the style of the value."""
+    """A name, a value as text, the style of the value, and a bar if it has one."""
 
     name: str
     value: str
     style: str = ""
+    bar: Optional[Bar] = None
 
 
 class ShownState(NamedTuple):
@@ -51,6 +65,21 @@ class ShownState(NamedTuple):
     """Errors of the link."""
     imu: str = ""
     """The state of the IMU, one of `robot.imu.STATES`; empty without one."""
+
+    @property
+    def silent(self) -> bool:
+        """No telemetry arrives."""
+        return self.age_s > SILENT_S or not self.ready
+
+    @property
+    def silence(self) -> str:
+        """How long the robot has been silent, in words."""
+        return f"NO TELEMETRY for {self.age_s:.1f} s" if self.age_s < math.inf else "NO TELEMETRY yet"
+
+    @property
+    def stopped(self) -> str:
+        """`stopped`, with the reason unless somebody wanted it; empty while a command is in force."""
+        return stopped_text(self.stop_reason) if self.command is None else ""
 
 
 def state_of(driver: "Driver") -> ShownState:

@@ -99,7 +99,7 @@ def _run() -> int:
     if screen.overdue:
         _say(f"no odometry within {PATIENCE_S:.0f} s")
         return 1
-    if screen.frames:
+    if screen.live.frames:
         _say(screen.summary())
     return 0
 

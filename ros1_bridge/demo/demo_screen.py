@@ -2,16 +2,13 @@
 
 import math
 import time
-from typing import TYPE_CHECKING, Optional
+from typing import Optional
 
 from mrl_driver.navigation.line_follower import Square
 from mrl_driver.terminal.live_view import Screen, Settings
 from mrl_driver.terminal.teleop_keys import Teleop
 from mrl_driver.view.shown_state import ShownState
 from ros1_bridge.topics.topic_robot import STALE_S, TopicRobot
-
-if TYPE_CHECKING:
-    from mrl_driver.terminal.live_panels import Shown
 
 PATIENCE_S = 20.0
 """If a duration is set, odometry must begin within this time."""
@@ -56,10 +53,10 @@ class DemoScreen(Screen):
         """
         if self._robot.model is not None:
             self._robot.model.require_motors()
-        if self._first_s is None and self.frames:
+        if self._first_s is None and self.live.frames:
             self._first_s = now_s
         if self._duration_s:
-            self.overdue = not self.frames and now_s > self._begun_s + PATIENCE_S
+            self.overdue = not self.live.frames and now_s > self._begun_s + PATIENCE_S
             self.ended = self.ended or self.overdue or self.elapsed_s >= self._duration_s
         if self._square is None:
             super().steer(now_s)
@@ -72,15 +69,14 @@ class DemoScreen(Screen):
         """Return the robot's state now."""
         return self._robot.state()
 
-    def shown(self, now_s: float) -> "Shown":
-        """Return what to show now; above all, why the robot does not drive."""
-        shown = super().shown(now_s)
-        return shown._replace(notice=self._robot.notice or shown.notice)
+    def warning(self) -> str:
+        """Return why the robot or the keys do not drive; empty if they may."""
+        return self._robot.notice or super().warning()
 
     def summary(self) -> str:
         """The last line of a run."""
-        x_m, y_m, yaw_rad = self._robot.pose
+        (x_m, y_m, yaw_rad), live = self._robot.pose, self.live
         return (
             f"ran {self.elapsed_s:.1f} s: pose x {x_m:+.3f} m, y {y_m:+.3f} m, yaw {math.degrees(yaw_rad):+.1f} deg; "
-            f"distance {self.trail.distance_m:.3f} m; {self.frames} odometry frames; {self._robot.errors} link errors"
+            f"distance {live.trail.distance_m:.3f} m; {live.frames} odometry frames; {self._robot.errors} link errors"
         )

@@ -28,6 +28,7 @@ from mrl_driver.terminal.live_panels import render
 from mrl_driver.terminal.live_view import Screen, Settings
 from mrl_driver.terminal.teleop_keys import HOLD_S
 from mrl_driver.view import trail
+from mrl_driver.view.rows import sections
 from sim_arduino.serve import factory
 from tests.waiting import wait_until
 
@@ -48,7 +49,7 @@ def watched(serve):
 def picture(screen, width, height, color=None):
     out = io.StringIO()
     console = Console(file=out, width=width, height=height, color_system=color, force_terminal=True)
-    console.print(render(screen.shown(time.monotonic()), width, height), end="")
+    console.print(render(screen.content(time.monotonic()), width, height), end="")
     return out.getvalue()
 
 
@@ -94,6 +95,18 @@ def test_the_view_shows_what_matters(watched):
         "→",
     ):
         assert words in text, words
+
+
+def test_the_terminal_says_what_every_view_says(watched):
+    driver, _, log = watched
+    content = Screen(driver, Settings(), log).content(time.monotonic())
+    console = Console(file=io.StringIO(), width=120, height=40)
+    console.print(render(content, 120, 40))
+    text, told = console.file.getvalue(), sections(content.shown)
+    words = [
+        word for each in told for row in each.rows for word in (each.title, row.name, *row.value.split())
+    ]
+    assert len(words) > 40 and [word for word in words if word not in text] == []
 
 
 def test_the_way_out_is_told_on_a_small_terminal(watched):
@@ -200,7 +213,7 @@ def test_the_view_drives_by_the_times_of_the_presses(monkeypatch):
     seen = []
     screen = SimpleNamespace(ended=False, steer=lambda now_s: None)
     screen.press = lambda key, at_s: (seen.append(at_s), setattr(screen, "ended", key == "q"))
-    screen.shown = lambda now_s: None
+    screen.content = lambda now_s: None
     monkeypatch.setattr(live_view, "Keyboard", Keys)
     monkeypatch.setattr(live_panels, "render", lambda *_: "")
     monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: True))

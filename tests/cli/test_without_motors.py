@@ -117,7 +117,7 @@ def test_live_view_shows_the_sensors_without_a_map_and_drives_nothing():
         screen.press("up", 0.0)
         screen.steer(0.0)
         console = Console(file=io.StringIO(), width=100, height=30)
-        console.print(render(screen.shown(time.monotonic()), 100, 30))
+        console.print(render(screen.content(time.monotonic()), 100, 30))
         text = console.file.getvalue()
     assert "this board has no motors: no driving" in text and "500 count" in text
     assert not [words for words in ("path", "motion", "battery", "last stop") if words in text]

@@ -122,7 +122,7 @@ class Demo:
 
     def picture(self):
         console = Console(file=io.StringIO(), width=120, height=34, force_terminal=True, color_system=None)
-        console.print(render(self.screen.shown(self.now_s), 120, 34), end="")
+        console.print(render(self.screen.content(self.now_s), 120, 34), end="")
         return console.file.getvalue()
 
 

@@ -1,0 +1,142 @@
+"""What a live view shows of one robot: state, path, rate of the telemetry, messages, delays.  No I/O and no clock; time
+is a parameter.
+"""
+
+import math
+from typing import Any, Callable, List, NamedTuple, Optional, Sequence, Tuple
+
+from mrl_driver.errors import MrlError
+from mrl_driver.geometry import Pose
+from mrl_driver.robot.robot_state import Telemetry
+from mrl_driver.session.events import ImuChanged, Lost, PathUnknown, Reconnected, Slowed
+
+from .shown_state import ShownState, has_motors, state_of
+from .trail import Trail
+
+_TOLD = (Lost, Reconnected, Slowed, PathUnknown, ImuChanged, MrlError)
+"""Events that become a message for the user."""
+
+
+class Shown(NamedTuple):
+    """What a view shows at one moment."""
+
+    state: ShownState
+    now_s: float
+    elapsed_s: float
+    """Time since the view began."""
+    rate_hz: float
+    """Telemetry frames per second."""
+    trail: Sequence[Pose]
+    distance_m: float
+    """Length of the path."""
+    notice: str
+    """Message for the user; empty if there is none."""
+    record: str = ""
+    """File of the recording; empty without one."""
+    incomplete: bool = False
+    """The recording is incomplete."""
+    delays_s: Tuple[float, float, float] = (math.nan, math.nan, math.nan)
+    """From the operator's input to the board, and its parts: to the written command, and the link; NaN if unknown."""
+    input_name: str = "key"
+    """What the operator drives with, as the name of the first part of the delay."""
+
+
+class Rate:
+    """Frames per second over the last second."""
+
+    def __init__(self) -> None:
+        self._seen: List[Tuple[float, int]] = []
+
+    def update(self, frames: int, now_s: float) -> float:
+        """Return the rate from the number of frames so far [Hz]."""
+        self._seen = [each for each in self._seen if now_s - each[0] <= 1.0][-20:]
+        self._seen.append((now_s, frames))
+        (first_s, first), (last_s, last) = self._seen[0], self._seen[-1]
+        return (last - first) / (last_s - first_s) if last_s > first_s else 0.0
+
+
+class LiveModel:
+    """Follows one robot for a live view.
+
+    Telemetry and events arrive on the robot's reading thread; the other methods are for the thread that draws.
+
+    Attributes:
+        trail: the path since the view began, or since it was cleared.
+        frames: number of telemetry frames so far.
+        notice: message for the user, set by events and by the view; empty if there is none.
+        record: file of the recording; empty without one.
+    """
+
+    def __init__(
+        self,
+        robot: Any,
+        now_s: float,
+        state: Optional[Callable[[], ShownState]] = None,
+        input_name: str = "key",
+        remedy: str = "space goes on",
+    ) -> None:
+        """Begin at `now_s`.
+
+        Args:
+            robot: a Driver, or an object with the attributes of one that this class uses; it then needs a `state`.
+            now_s: the time now [s], on the clock of all calls.
+            state: returns the robot's state; by default that of a Driver.
+            input_name: what the operator drives with, see `Shown`.
+            remedy: what lets the robot drive on after a wheel did not follow its command.
+        """
+        self._robot, self._state = robot, state or (lambda: state_of(robot))
+        self._input_name, self._remedy = input_name, remedy
+        self._start_s, self._rate = now_s, Rate()
+        self._moves = has_motors(robot.model)
+        self.trail, self.frames, self.record = Trail(), 0, ""
+        self.notice: str = robot.warning
+        robot.on_telemetry(self._on_telemetry)
+        robot.on_event(self._on_event)
+
+    def _on_telemetry(self, telemetry: Telemetry) -> None:
+        self.frames += 1
+        self.trail.add(telemetry.pose)
+
+    def _on_event(self, event: object) -> None:
+        if isinstance(event, _TOLD):
+            self.notice = str(event)
+
+    def delays_s(self, input_s: float) -> Tuple[float, float, float]:
+        """Return the operator's delay [s], and its parts: `input_s`, from input to written command, and the link.
+
+        A part that is not known yet is NaN and does not count.
+        """
+        link_s = self._robot.link_delay_s
+        known = [part for part in (input_s, link_s) if not math.isnan(part)]
+        return math.fsum(known) if known else math.nan, input_s, link_s
+
+    @property
+    def _streamed(self) -> int:
+        """Number of frames so far; boards without motors have no telemetry that could be counted."""
+        count: int = self.frames if self._moves else self._robot.statistics.streamed
+        return count
+
+    def shown(self, now_s: float, input_s: float = math.nan, warning: str = "") -> Shown:
+        """Return what to show now.
+
+        Args:
+            now_s: the time [s].
+            input_s: time from the operator's last input to the command [s]; NaN if unknown.
+            warning: message of the view, more important than other messages; a wheel that did not follow its command
+                is more important still.
+        """
+        mismatch, recorder = self._robot.mismatch, self._robot.recorder
+        loss = recorder.loss if recorder is not None else ""
+        return Shown(
+            self._state(),
+            now_s,
+            now_s - self._start_s,
+            self._rate.update(self._streamed, now_s),
+            self.trail.poses,
+            self.trail.distance_m,
+            f"{mismatch}; {self._remedy}" if mismatch is not None else warning or loss or self.notice,
+            self.record,
+            bool(loss),
+            self.delays_s(input_s),
+            self._input_name,
+        )

@@ -1,0 +1,109 @@
+"""What a live view says of a robot, as rows of words in sections.  No I/O.
+
+Styles are `STYLES`: the terminal's own names of colours, which a page takes as names of its classes.
+"""
+
+import math
+from typing import List, NamedTuple, Sequence, Tuple
+
+from mrl_driver.safety.operator_delay import delay_text
+
+from .live_model import Shown
+from .shown_state import Bar, Row, ShownState, has_motors, range_text
+
+STYLES = ("", "green", "yellow", "red", "bold red", "cyan", "blue")
+NEAR_M = 0.3
+"""A shorter range is shown as a danger, one below twice this as a warning [m]."""
+_FARTHEST_BAR_M = 3.0
+_BATTERY_STYLES = {"ok": "green", "low": "yellow"}
+_FIRST = ("left", "front", "right")
+"""Sonars that come first, as seen from above."""
+
+
+class Section(NamedTuple):
+    """Rows under a title; `style` is that of its frame."""
+
+    title: str
+    rows: Sequence[Row]
+    style: str = "blue"
+
+
+def sections(now: Shown) -> List[Section]:
+    """Return motion, sonars, sensors, board and link; those without rows are left out."""
+    state = now.state
+    found = (
+        Section("motion", _motion(now), "green" if state.command else "blue"),
+        Section("sonars", _ranges(state)),
+        Section("sensors", [Row(*each) for each in state.sensors.items()]),
+        Section("board", _supply(state)),
+        Section("link", _link(now), "red" if state.silent else "blue"),
+    )
+    return [section for section in found if section.rows]
+
+
+def _motion(now: Shown) -> List[Row]:
+    state = now.state
+    if not has_motors(state.model):
+        return []
+    pose, asked = state.pose, state.command
+    return [
+        Row("pose", f"x {pose.x_m:+.3f}  y {pose.y_m:+.3f} m"),
+        Row("heading", f"{math.degrees(pose.yaw_rad):+.1f} deg"),
+        Row("speed", _speeds(state.twist)),
+        Row("asked", state.stopped, "yellow") if asked is None else Row("asked", _speeds(asked), "green"),
+        Row("path", f"{now.distance_m:.2f} m"),
+    ]
+
+
+def _speeds(twist: Sequence[float]) -> str:
+    linear_m_s, angular_rad_s, *lateral_m_s = twist
+    aside = f"  {lateral_m_s[0]:+.3f} m/s to the left" if lateral_m_s else ""
+    return f"{linear_m_s:+.3f} m/s  {angular_rad_s:+.2f} rad/s{aside}"
+
+
+def sonar_order(names: Sequence[str]) -> List[str]:
+    """Return the names of sonars, those in front as seen from above."""
+    return [*(name for name in _FIRST if name in names), *(name for name in names if name not in _FIRST)]
+
+
+def _ranges(state: ShownState) -> List[Row]:
+    ranges = state.ranges
+    return [
+        Row(name, range_text(ranges[name]), bar=_range_bar(ranges[name]))
+        for name in sonar_order(tuple(ranges))
+    ]
+
+
+def _range_bar(value_m: float) -> Bar:
+    style = "red" if value_m < NEAR_M else "yellow" if value_m < 2 * NEAR_M else "cyan"
+    return Bar(_share(value_m / _FARTHEST_BAR_M), style)
+
+
+def _share(value: float) -> float:
+    """Return a value between 0 and 1; 0 for NaN."""
+    return min(1.0, max(0.0, value))
+
+
+def _supply(state: ShownState) -> List[Row]:
+    if math.isnan(state.battery_v):
+        return list(state.board)
+    words = "" if state.battery_state == "ok" else f" {state.battery_state}"
+    style = _BATTERY_STYLES.get(state.battery_state, "red")
+    bar = Bar(_share(state.battery_share), style)
+    return [Row("battery", f"{state.battery_v:.1f} V{words}", style, bar), *state.board]
+
+
+def _link(now: Shown) -> List[Row]:
+    state = now.state
+    arrives = f"{now.rate_hz:.0f} Hz, newest {state.age_s * 1000:.0f} ms ago"
+    return [
+        Row("state", arrives) if state.ready else Row("state", state.silence.lower(), "bold red"),
+        state.errors,
+        Row("delay", _delay(now.delays_s, now.input_name)),
+    ]
+
+
+def _delay(delays_s: Tuple[float, float, float], input_name: str) -> str:
+    delay_s, *parts_s = delays_s
+    first, link = ("?" if math.isnan(part_s) else f"{part_s * 1000:.0f}" for part_s in parts_s)
+    return f"{delay_text(delay_s)}: {input_name} {first}, link {link}"
