@@ -32,7 +32,7 @@ def sections(now: Shown) -> List[Section]:
     """Return motion, sonars, sensors, board and link; those without rows are left out."""
     state = now.state
     found = (
-        Section("motion", _motion(now), "green" if state.command else "blue"),
+        Section("motion", _motion(now), "blue" if state.stopped else "green"),
         Section("sonars", _ranges(state)),
         Section("sensors", [Row(*each) for each in state.sensors.items()]),
         Section("board", _supply(state)),
@@ -45,14 +45,20 @@ def _motion(now: Shown) -> List[Row]:
     state = now.state
     if not has_motors(state.model):
         return []
-    pose, asked = state.pose, state.command
+    pose = state.pose
     return [
         Row("pose", f"x {pose.x_m:+.3f}  y {pose.y_m:+.3f} m"),
         Row("heading", f"{math.degrees(pose.yaw_rad):+.1f} deg"),
         Row("speed", _speeds(state.twist)),
-        Row("asked", state.stopped, "yellow") if asked is None else Row("asked", _speeds(asked), "green"),
+        _asked(state),
         Row("path", f"{now.distance_m:.2f} m"),
     ]
+
+
+def _asked(state: ShownState) -> Row:
+    if state.command is not None:
+        return Row("asked", _speeds(state.command), "green")
+    return Row("asked", state.stopped, "yellow") if state.stopped else Row("asked", "by another program")
 
 
 def _speeds(twist: Sequence[float]) -> str:

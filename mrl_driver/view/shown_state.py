@@ -11,7 +11,7 @@ from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.robot.odometry import AnyTwist
 from mrl_driver.session.sensor_polling import text
 
-from .words import stopped_text
+from .words import ELSEWHERE, stopped_text
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -78,8 +78,10 @@ class ShownState(NamedTuple):
 
     @property
     def stopped(self) -> str:
-        """`stopped`, with the reason unless somebody wanted it; empty while a command is in force."""
-        return stopped_text(self.stop_reason) if self.command is None else ""
+        """`stopped`, with the reason unless somebody wanted it; empty while a command is in force, whoever sends it."""
+        if self.command is not None or self.stop_reason == ELSEWHERE:
+            return ""
+        return stopped_text(self.stop_reason)
 
 
 def state_of(driver: "Driver") -> ShownState:

@@ -19,6 +19,9 @@ class Stop(NamedTuple):
     """What must be done before the robot drives again; empty if a new command is enough."""
 
 
+ELSEWHERE = "another program drives"
+"""In place of a stop reason: the robot does not stand, but drives by commands that this program does not see."""
+
 _BATTERY = Stop("the battery is empty or switched off", "charge it, or switch it on")
 _HELD = Stop("another robot holds this one by radio", "wait until that robot frees it")
 _NO_NUMBER = Stop("a command was not a number")

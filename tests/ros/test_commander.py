@@ -11,6 +11,7 @@ from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits
 from mrl_driver.safety.operation_mode import manual_speed_m_s, reduced
 from mrl_driver.safety.speed_limiter import LONGEST_STEP_S
+from mrl_driver.view import words
 from ros1_bridge.control import commander as module
 from ros1_bridge.control.commander import Commander, lowered
 from ros1_bridge.robot import reconfigure
@@ -392,3 +393,8 @@ def test_low_limit_of_the_parameters_is_not_raised_at_the_start():
     start = Limits(0.005, 0.001, 0.002, 0.003)
     offered = reconfigure.limits_description(models.load("traxbot"), start)
     assert [offered.min[name] for name in reconfigure.LIMITS] == list(start[:4])
+
+
+def test_every_cause_has_words():
+    names = "EMERGENCY DISABLED LINK BATTERY WHEEL ADRIFT ZONE LATE TIMEOUT NOT_FINITE NONE HELD TO_MANUAL"
+    assert {getattr(module, name) for name in names.split()} - set(words.STOPS) == set()

@@ -9,6 +9,7 @@ from mrl_driver.robot.odometry import OmniTwist, Twist
 from mrl_driver.view.live_model import Shown
 from mrl_driver.view.rows import STYLES, sections
 from mrl_driver.view.shown_state import Bar, Row, ShownState
+from mrl_driver.view.words import ELSEWHERE
 from tests.models import model as load
 
 STATE = ShownState(
@@ -63,6 +64,11 @@ def test_a_robot_that_moves_sideways_has_a_third_speed():
 def test_a_stopped_robot_says_why():
     asked = told(command=None, stop_reason="host_paused")["motion"]["asked"]
     assert asked == Row("asked", "stopped: the computer that drives the robot was paused", "yellow")
+
+
+def test_a_robot_that_another_program_drives_is_not_told_as_stopped():
+    asked = told(command=None, stop_reason=ELSEWHERE)["motion"]["asked"]
+    assert asked == Row("asked", "by another program")
 
 
 def test_sonars_come_as_seen_from_above_with_bars():
