@@ -6,7 +6,7 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tu
 from mrl_driver.protocol.table import SENSOR_BY_NAME, SENSORS
 from mrl_driver.robot.imu import ABSENT, IN_USE, LEARNING, OFF
 from mrl_driver.robot.models import OmniDrive, RobotModel
-from mrl_driver.session.sensor_polling import of_board
+from mrl_driver.session.sensor_polling import Reading, of_board
 
 from .rows import sonar_order
 from .shown_state import has_motors, moves_sideways
@@ -180,7 +180,8 @@ def _sensors(robot: Any) -> List[_Group]:
     blank = {row.name: (_UNKNOWN,) * len(row.fields) for row in rows}
 
     def read() -> Sequence[float]:
-        found, values = robot.sensors, []
+        found: Dict[str, Reading] = robot.sensors
+        values: List[float] = []
         for name, unknown in blank.items():
             values += found[name].values if name in found else unknown
         return values

@@ -22,7 +22,7 @@ SILENT_S = 0.3
 
 
 class Bar(NamedTuple):
-    """A bar in front of a value: the share of it that is filled, from 0 to 1, and its style."""
+    """A bar in front of a value: the filled share, from 0 to 1, and its style."""
 
     share: float
     style: str
@@ -78,7 +78,7 @@ class ShownState(NamedTuple):
 
     @property
     def stopped(self) -> str:
-        """`stopped`, with the reason unless somebody wanted it; empty while a command is in force, whoever sends it."""
+        """`stopped`, with the reason unless somebody wanted it; empty while a command of any program is in force."""
         if self.command is not None or self.stop_reason == ELSEWHERE:
             return ""
         return stopped_text(self.stop_reason)

@@ -1,4 +1,4 @@
-"""Why a robot stands, in words for people who do not know the program.  No I/O.
+"""Why a robot stands, in words for newcomers.  No I/O.
 
 The reasons are those of this program (`motion_command.STOPS`), of the board (`table.STOP_REASONS`), and the causes of
 the ROS node (`stopped by` in its status).

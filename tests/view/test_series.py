@@ -16,9 +16,10 @@ from tests.models import model as load
 
 @contextlib.contextmanager
 def driven(**options):
-    """A robot in simulated time that drives straight ahead, by its options."""
+    """A robot in simulated time that has stood still and drives straight ahead, by its options."""
     emulated = factory.make(factory.Options(**options))
     with contextlib.closing(emulated), SteppedDriver(emulated.engine) as driver:
+        driver.wait(1.0)
         for _ in range(15):
             driver.drive(0.2, 0.0)
             driver.wait(0.1)
@@ -60,7 +61,7 @@ def test_the_imu_has_rates_acceleration_and_bias(values):
 
 
 def test_board_and_link_have_numbers(values):
-    assert values["battery"] == pytest.approx(12.0, abs=0.5) and 0 < values["sonar front"] < 5
+    assert 9 < values["battery"] < 14 and 0 < values["sonar front"] < 5
     assert 0 <= values["link age"] < 0.1 and (values["frames lost"], values["frames damaged"]) == (0, 0)
 
 
