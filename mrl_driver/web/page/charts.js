@@ -1,0 +1,166 @@
+/** Charts of the last 60 s: one for each unit, with the values that the user has chosen by name. */
+
+import { element, fixed, make, remember, remembered, setText } from "./text.js";
+import { SPAN_MS } from "./samples.js";
+
+const PERIOD_MS = 200;
+const MOST = 6;
+const COLOURS = ["c1", "c2", "c3", "c4", "c5", "c6"];
+const LEAST_HEIGHT = 90;
+
+const nice = (name) => name.replaceAll("_", " ");
+
+function valueText(value, unit) {
+  if (value === Infinity) return "nothing";
+  if (value === -Infinity) return "too close";
+  return `${fixed(value, Math.abs(value) >= 100 ? 1 : 3)}${unit ? ` ${unit}` : ""}`;
+}
+
+export class Charts {
+  #samples;
+  #defaults;
+  #chosen;
+  #plots = [];
+  #chips = new Map();
+  #paused = false;
+  #drawnAt = 0;
+  #box = element("charts");
+
+  /** `defaults` are the names shown until the user chooses others. */
+  constructor(samples, defaults) {
+    this.#samples = samples;
+    this.#defaults = defaults;
+    this.#chosen = remembered("series", null);
+    const choice = element("series");
+    choice.addEventListener("change", () => {
+      if (choice.value) this.#choose([...this.#names(), choice.value]);
+      choice.value = "";
+    });
+    element("chart-pause").addEventListener("click", () => this.#pause(!this.#paused));
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.build());
+    let size = "";
+    new ResizeObserver(() => {
+      const now = `${this.#box.clientWidth} ${this.#box.clientHeight}`;
+      if (now !== size) this.#resize();
+      size = now;
+    }).observe(this.#box);
+  }
+
+  #names() {
+    const wanted = (this.#chosen ?? this.#defaults).filter((name) => this.#samples.has(name));
+    return wanted.length || this.#chosen ? wanted : this.#samples.series.slice(0, 2).map(([name]) => name);
+  }
+
+  #choose(names) {
+    this.#chosen = [...new Set(names)].slice(-MOST);
+    remember("series", this.#chosen);
+    this.build();
+  }
+
+  #pause(paused) {
+    this.#paused = paused;
+    const button = element("chart-pause");
+    button.setAttribute("aria-pressed", String(paused));
+    setText(button, paused ? "Go on" : "Pause");
+  }
+
+  /** Makes the charts of the chosen values. */
+  build() {
+    for (const { plot } of this.#plots) plot.destroy();
+    this.#box.replaceChildren();
+    this.#plots = [];
+    this.#chips.clear();
+    const names = this.#names();
+    const style = getComputedStyle(document.documentElement);
+    const colour = (name) => style.getPropertyValue(`--${name}`).trim();
+    element("chart-values").replaceChildren(...names.map((name, i) => this.#chip(name, COLOURS[i])));
+    const units = [...new Set(names.map((name) => this.#samples.unit(name)))];
+    for (const unit of units) {
+      const shown = names.filter((name) => this.#samples.unit(name) === unit);
+      const box = make("div", "chart");
+      box.setAttribute("role", "img");
+      box.setAttribute("aria-label", `Chart of ${shown.map(nice).join(", ")} over the last 60 seconds`);
+      this.#box.append(box);
+      const colours = shown.map((name) => colour(COLOURS[names.indexOf(name)]));
+      const plot = new uPlot(this.#options(unit, shown, colours, colour), this.#data(shown), box);
+      this.#plots.push({ plot, shown });
+    }
+    this.#resize();
+    const options = this.#samples.series.filter(([name]) => !names.includes(name));
+    element("series").replaceChildren(
+      new Option("Add a value", ""),
+      ...options.map(([name, unit]) => new Option(unit ? `${nice(name)} [${unit}]` : nice(name), name)),
+    );
+    element("series").disabled = options.length === 0;
+  }
+
+  #chip(name, colour) {
+    const chip = make("li", `chip ${colour}`);
+    const value = make("b");
+    const button = make("button", "remove", "×");
+    button.type = "button";
+    button.setAttribute("aria-label", `Remove ${nice(name)} from the charts`);
+    button.addEventListener("click", () => this.#choose(this.#names().filter((each) => each !== name)));
+    chip.append(make("i", "swatch"), make("span", "", nice(name)), value, button);
+    this.#chips.set(name, value);
+    return chip;
+  }
+
+  #options(unit, shown, colours, colour) {
+    const axis = { stroke: colour("ink-2"), grid: { stroke: colour("grid"), width: 1 }, ticks: { show: false }, font: "12px system-ui, sans-serif" };
+    const ago = (_, splits) => splits.map((second) => (Math.round(second) === 0 ? "now" : `${Math.round(second)} s`.replace("-", "−")));
+    return {
+      width: 300,
+      height: LEAST_HEIGHT,
+      legend: { show: false },
+      cursor: { y: false, drag: { x: false, y: false }, points: { size: 7 } },
+      padding: [8, 14, 0, 0],
+      scales: { x: { time: false, range: () => [-SPAN_MS / 1000, 0] }, y: { range: (_, low, high) => around(low, high) } },
+      axes: [
+        { ...axis, size: 26, space: 56, values: ago },
+        { ...axis, size: 54, space: 26, label: unit, labelSize: 18, labelGap: 0, labelFont: "12px system-ui, sans-serif" },
+      ],
+      series: [{}, ...shown.map((name, i) => ({ label: nice(name), stroke: colours[i], width: 1.8, points: { show: false } }))],
+    };
+  }
+
+  /** Times in seconds before the newest sample, and a column for each name; null where there is no finite value. */
+  #data(shown) {
+    const { times } = this.#samples;
+    const last = times.at(-1) ?? 0;
+    const first = Math.max(0, times.findIndex((time) => time >= last - SPAN_MS));
+    const finite = (value) => (Number.isFinite(value) ? value : null);
+    return [times.slice(first).map((time) => (time - last) / 1000), ...shown.map((name) => this.#samples.column(name).slice(first).map(finite))];
+  }
+
+  #resize() {
+    const count = this.#plots.length;
+    for (const { plot } of this.#plots) {
+      const width = plot.root.parentElement.clientWidth;
+      const height = Math.max(LEAST_HEIGHT, Math.floor(this.#box.clientHeight / count) - 4);
+      if (width > 0 && (plot.width !== width || plot.height !== height)) plot.setSize({ width, height });
+    }
+  }
+
+  /** Draws the charts at most five times a second. */
+  draw(now) {
+    if (now - this.#drawnAt < PERIOD_MS) return;
+    this.#drawnAt = now;
+    for (const { plot, shown } of this.#plots) {
+      if (!this.#paused) plot.setData(this.#data(shown));
+      shown.forEach((name, i) => {
+        const at = plot.cursor.left >= 0 ? plot.cursor.idx : null;
+        const value = at !== null && at !== undefined ? plot.data[i + 1][at] ?? NaN : this.#samples.newest(name);
+        setText(this.#chips.get(name), valueText(value, this.#samples.unit(name)));
+      });
+    }
+  }
+}
+
+/** The range of an axis: all values, zero if it is close, and some room. */
+function around(low, high) {
+  if (low === null || low === undefined) return [-1, 1];
+  const [from, to] = [low > 0 && low < high * 0.5 ? 0 : low, high < 0 && high > low * 0.5 ? 0 : high];
+  const room = Math.max((to - from) * 0.08, Math.abs(to) * 0.01, 0.01);
+  return [from === 0 ? 0 : from - room, to === 0 ? 0 : to + room];
+}

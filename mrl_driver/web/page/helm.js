@@ -1,0 +1,164 @@
+/** Who drives: what the server reports, the buttons to take and give up control, STOP and its release. */
+
+import { alarm, notice } from "./announce.js";
+import { element, make, setText } from "./text.js";
+
+const CONFIRM_MS = 700;
+
+export class Helm {
+  /** The robot has motors. */
+  moves = false;
+  changed = () => {};
+  /** Called when STOP is pressed here. */
+  stopping = () => {};
+  /** Called with each state of the server. */
+  taken = () => {};
+  #connection;
+  #you = null;
+  #role = "";
+  #state = { names: {}, driver: null, wants: null, latched: false, latched_by: null, latched_by_name: "", spent: {}, why: "", age_ms: 0, viewers: 0 };
+  #stopWaits = false;
+  #stopTimer = 0;
+
+  constructor(connection) {
+    this.#connection = connection;
+    connection.on("helm", (message) => this.#take(message));
+    const send = (type) => () => connection.send({ type });
+    element("take").addEventListener("click", send("take"));
+    element("yield").addEventListener("click", send("yield"));
+    element("release").addEventListener("click", send("release"));
+    // At once when the pointer goes down: a second finger may give no click.  A second stop does no harm.
+    element("stop").addEventListener("pointerdown", (event) => event.button === 0 && this.stop());
+    element("stop").addEventListener("click", () => this.stop());
+  }
+
+  /** The last state of the server. */
+  get state() {
+    return this.#state;
+  }
+
+  get isMine() {
+    return this.#connection.isOpen && this.#you !== null && this.#state.driver === this.#you;
+  }
+
+  get mayDrive() {
+    return this.#role === "drive";
+  }
+
+  /** The name of a page. */
+  nameOf(id) {
+    return this.#state.names[id] || `page ${id}`;
+  }
+
+  /** Who made the emergency stop: " by NAME", or empty. */
+  get stoppedBy() {
+    const { latched_by: id, latched_by_name: name } = this.#state;
+    if (id !== null && id !== undefined) return id === this.#you ? " by you" : ` by ${this.nameOf(id)}`;
+    return name ? ` by ${name}` : "";
+  }
+
+  welcome(message) {
+    this.#you = message.you;
+    this.#role = message.role;
+    this.moves = message.robot?.drive !== "none";
+    if (this.#stopWaits) this.stop();
+    this.#show();
+  }
+
+  /** Number of this page's last spent press. */
+  get spent() {
+    return this.#state.spent?.[this.#you] ?? -1;
+  }
+
+  /** Why this page cannot drive now; empty if it can. */
+  whyNot() {
+    if (!this.#connection.isOpen) return "there is no link to the server";
+    if (!this.mayDrive) return "this link is for watching only";
+    if (!this.moves) return "this robot has no motors";
+    if (!this.isMine) return "take control first";
+    return this.#state.latched ? "release the emergency stop first" : "";
+  }
+
+  /** Sends the emergency stop; without a link it is sent as soon as there is one. */
+  stop() {
+    this.stopping();
+    const sent = this.#connection.send({ type: "stop" });
+    this.#stopWaits = !sent;
+    if (!sent) {
+      alarm("STOP is not sent: there is no link to the server. It is sent when the link is back.");
+      notice("STOP waits for the link. Use the switch on the robot.");
+      return;
+    }
+    clearTimeout(this.#stopTimer);
+    this.#stopTimer = setTimeout(() => {
+      if (this.#state.latched) return;
+      alarm("STOP is sent but not confirmed yet. Use the switch on the robot.");
+      notice("STOP is not confirmed yet. Use the switch on the robot.");
+    }, CONFIRM_MS);
+  }
+
+  /** Forgets who drives when the link is lost. */
+  lost() {
+    clearTimeout(this.#stopTimer);
+    this.#you = null;
+    this.#state = { ...this.#state, driver: null, wants: null, names: {}, spent: {} };
+    this.#show();
+  }
+
+  #take(message) {
+    const before = this.#state;
+    this.#state = { ...before, ...message };
+    const { latched, wants } = this.#state;
+    if (latched && !before.latched) alarm(`Emergency stop${this.stoppedBy}.`);
+    if (!latched && before.latched) notice("The emergency stop is released.");
+    if (message.driver !== before.driver && this.#you !== null) {
+      if (message.driver === this.#you) notice("You have control.");
+      else if (before.driver === this.#you) notice(message.driver === null ? "You gave up control." : `${this.nameOf(message.driver)} has control now.`);
+    }
+    if (wants !== before.wants && wants !== null && this.isMine) notice(`${this.nameOf(wants)} asks for control.`);
+    this.#show();
+    this.taken(this.#state);
+  }
+
+  #show() {
+    const { driver, wants, latched, names } = this.#state;
+    const { dataset } = document.documentElement;
+    dataset.role = this.#role || "watch";
+    dataset.helm = this.isMine ? "mine" : driver === null ? "free" : "other";
+    dataset.latched = latched ? "yes" : "no";
+    for (const id of ["controls", "drive", "goal"]) element(id).hidden = !(this.mayDrive && this.moves);
+    const take = element("take");
+    const hadFocus = take.matches(":focus-visible");
+    const waits = wants !== null && wants === this.#you;
+    take.hidden = this.isMine;
+    take.disabled = waits || !this.#connection.isOpen;
+    setText(take, waits ? "Waiting for control" : driver === null ? "Take control" : "Ask for control");
+    element("yield").hidden = !this.isMine;
+    if (hadFocus && this.isMine) element("yield").focus();
+    element("release").hidden = !(this.isMine && latched);
+    setText(element("driver"), this.#driverText());
+    const rows = Object.keys(names).map((id) => {
+      const notes = [];
+      if (Number(id) === this.#you) notes.push("you");
+      if (Number(id) === driver) notes.push("has control");
+      if (Number(id) === wants) notes.push("asks for control");
+      return make("li", Number(id) === driver ? "drives" : "", `${names[id] || `page ${id}`}${notes.length ? ` (${notes.join(", ")})` : ""}`);
+    });
+    const text = rows.map((row) => row.textContent).join("\n");
+    const people = element("people");
+    if (people.dataset.shown !== text) {
+      people.dataset.shown = text;
+      people.replaceChildren(...rows);
+    }
+    this.changed();
+  }
+
+  #driverText() {
+    if (!this.#connection.isOpen) return "";
+    const { driver } = this.#state;
+    if (!this.moves) return "";
+    if (this.isMine) return "You have control";
+    if (driver !== null) return `${this.nameOf(driver)} has control`;
+    return this.mayDrive ? "Nobody has control" : "Watching only";
+  }
+}

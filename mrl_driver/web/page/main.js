@@ -1,0 +1,207 @@
+/** Puts the page together: messages of the server on one side, controls and displays on the other. */
+
+import { alarm, notice, robotNotice } from "./announce.js";
+import { Charts } from "./charts.js";
+import { Connection } from "./connection.js";
+import { gamepad } from "./gamepad.js";
+import { Goal } from "./goal.js";
+import { Helm } from "./helm.js";
+import { Joystick } from "./joystick.js";
+import { keyboard } from "./keyboard.js";
+import { FloorMap } from "./map.js";
+import { pad } from "./pad.js";
+import { Panels, nearestOf } from "./panels.js";
+import { Phone } from "./phone.js";
+import { Press } from "./press.js";
+import { Recordings } from "./recordings.js";
+import { Samples } from "./samples.js";
+import { Speeds } from "./speeds.js";
+import { element, markOf, number, remember, remembered, setText } from "./text.js";
+
+const FRAME_MS = 40;
+const WORDS_MS = 1000;
+const ANSWER_MS = 400; // the robot reports 10 times a second whether it drives
+const SHOWN_FIRST = ["speed", "asked speed"];
+const page = document.documentElement.dataset;
+
+const token = new URLSearchParams(location.hash.slice(1)).get("drive") ?? new URLSearchParams(location.hash.slice(1)).get("watch") ?? "";
+const name = element("name");
+name.value = remembered("name", "") || `${matchMedia("(pointer: coarse)").matches ? "phone" : "computer"} ${Math.floor(10 + Math.random() * 90)}`;
+remember("name", name.value);
+
+const connection = new Connection({ type: "hello", token, name: name.value });
+const helm = new Helm(connection);
+const press = new Press(connection, () => helm.whyNot());
+const speeds = new Speeds();
+const joystick = new Joystick(press, speeds);
+const goal = new Goal(press);
+const map = new FloorMap();
+const panels = new Panels();
+const samples = new Samples();
+const charts = new Charts(samples, SHOWN_FIRST);
+const recordings = new Recordings(connection, token);
+const phone = new Phone(connection, helm);
+keyboard(press, speeds, helm);
+pad(press, speeds);
+gamepad(press, speeds, helm);
+
+let view = {};
+let counts = {};
+let wordsAt = -Infinity;
+let framedAt = -Infinity;
+let spentBefore = false;
+let heldSince = Infinity;
+
+/** The state in words, and its mark; the most important one counts. */
+function stateNow() {
+  if (!connection.isOpen) return [connection.words, connection.state === "connecting" ? "" : "bad"];
+  if (helm.state.latched) return [`EMERGENCY STOP${helm.stoppedBy}`, "bad"];
+  if (view.silent) return ["No data from the robot", "bad"];
+  if (press.source && press.why) return [sentence(press.why) + (press.drove ? ": release and press again" : ""), "caution"];
+  if (connection.state === "slow") return [connection.words, "caution"];
+  const waits = view.stopped && performance.now() - heldSince > ANSWER_MS;
+  if (press.held) return [waits ? sentence(view.stopped) : "You drive", waits ? "caution" : "good"];
+  if (!view.stopped) return [view.command ? "The robot drives" : "Connected", view.command ? "good" : ""];
+  return [sentence(view.stopped), view.stopped === "stopped" ? "" : "caution"];
+}
+
+const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
+function showState() {
+  const [words, mark] = stateNow();
+  setText(element("state"), words);
+  element("status").dataset.mark = mark;
+  setText(element("link"), connection.state === "open" ? `Connected, ${Math.round(connection.delay.ms)} ms` : connection.words);
+  element("link").dataset.state = connection.state;
+  element("retry").hidden = connection.state !== "refused";
+  page.held = press.held ? "yes" : "no";
+  heldSince = press.held ? Math.min(heldSince, performance.now()) : Infinity;
+  const spent = Boolean(press.source && press.why);
+  page.spent = spent ? "yes" : "no";
+  setText(element("joystick-text"), spent ? (press.drove ? "release and press again" : press.why) : "");
+  if (spent && !spentBefore) alarm(`${sentence(press.why)}.${press.drove ? " Release the control and press again." : ""}`);
+  spentBefore = spent;
+}
+
+press.changed = showState;
+helm.changed = showState;
+helm.stopping = () => press.spend("STOP was pressed");
+
+let wasOpen = false;
+let wasSlow = false;
+connection.changed = () => {
+  if (wasOpen && !connection.isOpen) {
+    const drove = press.held;
+    press.spend("the link to the server is lost");
+    helm.lost();
+    alarm(`${connection.words}.${drove ? " The robot stops by itself." : ""}`);
+  } else if (connection.state === "refused") {
+    alarm(connection.words);
+  } else if (connection.state === "slow" && !wasSlow) {
+    notice(`${connection.words}.`);
+  }
+  wasOpen = connection.isOpen;
+  wasSlow = connection.state === "slow";
+  showState();
+};
+
+connection.on("welcome", (message) => {
+  const { robot } = message;
+  setText(element("robot"), robot.name || "Robot");
+  document.title = robot.name || "Robot";
+  speeds.limits = robot.limits;
+  page.base = robot.drive;
+  for (const id of ["slide-left", "slide-right", "slide-keys", "drag-choice"]) element(id).hidden = !speeds.sideways;
+  if (!speeds.sideways) joystick.slides = false;
+  map.robot = { body: robot.body ?? [0.2, 0.2], sonars: robot.sonars ?? {} };
+  map.touch();
+  samples.begin(message.series);
+  charts.build();
+  helm.welcome(message);
+  recordings.welcome(message);
+  phone.welcome(message);
+});
+
+connection.on("sample", ({ at, v }) => {
+  samples.add(at, v.map(number));
+  map.move(samples.newest("x"), samples.newest("y"), samples.newest("yaw"));
+});
+
+connection.on("path", ({ poses }) => map.setPath(poses));
+connection.on("cells", ({ size, taken }) => map.setCells(size, taken));
+
+connection.on("view", (message) => {
+  const before = view;
+  view = message;
+  if (view.name) setText(element("robot"), view.name);
+  robotNotice(view.notice || "");
+  if (view.silent && !before.silent) alarm("No data from the robot.");
+  if (view.stopped && view.stopped !== before.stopped && view.stopped !== "stopped") alarm(`${sentence(view.stopped)}.`);
+  map.ranges = view.ranges ?? {};
+  map.marks = {};
+  for (const { title, rows } of view.sections ?? []) {
+    if (title === "sonars") for (const [sonar, , style, bar] of rows) map.marks[sonar] = markOf((Array.isArray(bar) ? bar[1] : bar?.style) || style || "");
+  }
+  map.touch();
+  if (document.hidden) return;
+  const found = nearestOf(view.ranges);
+  panels.readings([...(view.sections ?? []), pageSection()]);
+  panels.nearest(found, found ? map.marks[found[0]] ?? "" : "");
+  panels.battery(view.battery);
+  showState();
+});
+
+connection.on("refused", ({ why }) => notice(`${sentence(why)}.`));
+
+helm.taken = (message) => {
+  if (message.why && message.why !== counts.why && !press.held) notice(`${sentence(message.why)}.`);
+  counts = message;
+  connection.commandAgeMs = helm.isMine && message.driving ? number(message.age_ms) || 0 : 0;
+  press.answer(helm.spent, message.why || "the robot stopped");
+};
+
+/** The link between page and server, as a section of the readings. */
+function pageSection() {
+  const rows = [["transport", connection.title, ""]];
+  rows.push(["delay", `${Math.round(connection.delay.ms)} ms`, connection.state === "slow" ? "yellow" : ""]);
+  if (Number.isFinite(counts.age_ms)) rows.push(["commands", `${Math.round(counts.age_ms)} ms old`, ""]);
+  const dropped = ["late", "repeated", "malformed"].filter((kind) => counts[kind] > 0).map((kind) => `${counts[kind]} ${kind}`);
+  rows.push(["dropped", dropped.join(", ") || "none", dropped.length ? "yellow" : ""]);
+  return { title: "page", style: "", rows };
+}
+
+goal.changed = (value) => {
+  map.goal = value;
+  map.touch();
+  wordsAt = -Infinity;
+};
+map.clicked = (x, y) => helm.mayDrive && helm.moves && goal.place(x, y);
+
+element("retry").addEventListener("click", () => connection.restart());
+name.addEventListener("change", () => {
+  name.value = name.value.replace(/[^\p{L}\p{N}\p{P}\p{S} ]/gu, "").trim() || "page";
+  remember("name", name.value);
+  if (helm.isMine) notice("Others see the new name after the next connection.");
+  else connection.restart({ name: name.value });
+});
+for (const choice of document.querySelectorAll("[name=drag]")) {
+  choice.addEventListener("change", () => (joystick.slides = choice.value === "slide" && choice.checked));
+}
+window.addEventListener("hashchange", () => location.reload());
+
+function frame(now) {
+  requestAnimationFrame(frame);
+  if (now - framedAt < FRAME_MS - 5) return;
+  framedAt = now;
+  map.draw();
+  charts.draw(now);
+  panels.motion(samples.newest("speed"), samples.newest("turn rate"), view.command);
+  if (now - wordsAt < WORDS_MS) return;
+  wordsAt = now;
+  panels.map(map.pose, nearestOf(view.ranges), goal.value);
+  showState();
+}
+
+requestAnimationFrame(frame);
+showState();
+connection.restart();

@@ -1,0 +1,111 @@
+/** The instruments, the readings as in the terminal's view, and the map in words. */
+
+import { degrees, element, fixed, make, markOf, number, rangeText, setText } from "./text.js";
+import { goalText } from "./goal.js";
+
+/** Names of sections as their titles. */
+const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+const nice = (text) => text.replaceAll("_", " ");
+
+function mark(node, value) {
+  if (node.dataset.mark !== value) node.dataset.mark = value;
+}
+
+export class Panels {
+  #shape = "";
+  #rows = [];
+  #sections = [];
+
+  /** Shows the sections of a view message; `further` are sections of the page. */
+  readings(sections) {
+    const shape = JSON.stringify(sections.map(({ title, rows }) => [title, rows.map(([name]) => name)]));
+    if (shape !== this.#shape) {
+      this.#shape = shape;
+      this.#build(sections);
+    }
+    sections.forEach(({ style, rows }, i) => {
+      mark(this.#sections[i], markOf(style || ""));
+      rows.forEach(([, value, rowStyle, bar], j) => {
+        const row = this.#rows[i][j];
+        setText(row.text, value);
+        mark(row.value, markOf(rowStyle || ""));
+        row.bar.hidden = !bar;
+        if (!bar) return;
+        const [share, barStyle] = Array.isArray(bar) ? bar : [bar.share, bar.style];
+        row.fill.style.width = `${Math.round(Math.max(0, Math.min(1, share)) * 100)}%`;
+        mark(row.bar, markOf(barStyle || ""));
+      });
+    });
+  }
+
+  #build(sections) {
+    this.#rows = [];
+    this.#sections = sections.map(({ title, rows }) => {
+      const panel = make("section", "panel");
+      const list = make("dl", "rows");
+      panel.append(make("h2", "", capital(nice(title))), list);
+      this.#rows.push(
+        rows.map(([name]) => {
+          const row = make("div");
+          const value = make("dd");
+          const bar = make("span", "bar");
+          const fill = make("i");
+          const text = make("span");
+          bar.setAttribute("aria-hidden", "true");
+          bar.append(fill);
+          value.append(bar, text);
+          row.append(make("dt", "", capital(nice(name))), value);
+          list.append(row);
+          return { value, bar, fill, text };
+        }),
+      );
+      return panel;
+    });
+    element("readings").replaceChildren(...this.#sections);
+  }
+
+  /** Shows the speeds and the command: [m/s, rad/s]; `command` is null while the robot is stopped. */
+  motion(linear, angular, command) {
+    setText(element("tile-speed"), fixed(linear, 2));
+    setText(element("tile-turn"), fixed(degrees(angular), 0));
+    setText(element("tile-speed-asked"), command ? `set ${fixed(number(command[0]), 2)}` : "stopped");
+    setText(element("tile-turn-asked"), command ? `set ${fixed(degrees(number(command[1])), 0)}` : "");
+  }
+
+  /** Shows the nearest obstacle: [name, range], or null without sonars. */
+  nearest(found, style) {
+    const [name, range] = found ?? ["", NaN];
+    setText(element("tile-nearest"), Number.isFinite(range) ? fixed(range, 2) : found ? rangeText(range) : "–");
+    element("tile-nearest").className = Number.isFinite(range) || !found ? "" : "words";
+    element("tile-nearest-unit").hidden = !Number.isFinite(range);
+    setText(element("tile-nearest-where"), Number.isFinite(range) || range === -Infinity ? nice(name) : "");
+    mark(element("tile-nearest-box"), style);
+  }
+
+  battery(battery) {
+    const volts = number(battery?.v);
+    const share = number(battery?.share);
+    const state = battery?.state ?? "";
+    setText(element("tile-battery"), fixed(volts, 1));
+    const percent = Number.isFinite(share) && Number.isFinite(volts) ? `${Math.round(share * 100)} %` : "";
+    setText(element("tile-battery-state"), state === "ok" || !state ? percent : [state, percent].filter(Boolean).join(", "));
+    mark(element("tile-battery-box"), state === "low" ? "caution" : ["empty", "off"].includes(state) ? "bad" : "");
+  }
+
+  /** Shows the map in words. */
+  map(pose, found, goal) {
+    const where = pose ? `Robot x ${fixed(pose[0], 2)} m, y ${fixed(pose[1], 2)} m, heading ${fixed(degrees(pose[2]), 0)} deg.` : "The robot's pose is unknown.";
+    const obstacle = found && found[1] !== Infinity ? `Nearest obstacle: ${rangeText(found[1])}, ${nice(found[0])}.` : found ? "No obstacle in range." : "";
+    setText(element("map-text"), [where, obstacle, goal && pose ? goalText(goal, pose[0], pose[1]) : ""].filter(Boolean).join(" "));
+  }
+}
+
+/** The nearest range of `ranges`: [name, range]; null without a reading. */
+export function nearestOf(ranges) {
+  let found = null;
+  for (const [name, value] of Object.entries(ranges ?? {})) {
+    const range = number(value);
+    if (!Number.isNaN(range) && (!found || range < found[1])) found = [name, range];
+  }
+  return found;
+}

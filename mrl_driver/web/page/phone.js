@@ -1,0 +1,108 @@
+/** Sends the motion sensors of this phone, after the user has allowed it. */
+
+import { element, setText } from "./text.js";
+
+const SILENT_MS = 2000;
+const finite = (...values) => (values.every((value) => typeof value === "number" && Number.isFinite(value)) ? values : null);
+const known = (value) => (typeof value === "number" && Number.isFinite(value) ? value : null);
+
+export class Phone {
+  #connection;
+  #helm;
+  #on = false;
+  #sentAt = 0;
+  #seenAt = 0;
+  #sent = 0;
+  #orientation = { alpha: null, beta: null, gamma: null, absolute: false };
+  #timer = 0;
+  /** iOS has the opposite sign in accelerationIncludingGravity. */
+  #sign = typeof globalThis.DeviceMotionEvent?.requestPermission === "function" ? -1 : 1;
+  #turned = (event) => this.#turn(event);
+  #moved = (event) => this.#move(event);
+
+  constructor(connection, helm) {
+    this.#connection = connection;
+    this.#helm = helm;
+    element("phone").addEventListener("click", () => (this.#on ? this.#end("") : this.#begin()));
+    document.addEventListener("visibilitychange", () => document.hidden && this.#on && this.#end("The page was hidden: nothing is sent."));
+  }
+
+  welcome(message) {
+    element("phone-panel").hidden = !(message.phone && message.role === "drive" && "DeviceMotionEvent" in globalThis);
+  }
+
+  async #begin() {
+    try {
+      for (const Kind of [globalThis.DeviceMotionEvent, globalThis.DeviceOrientationEvent]) {
+        if (typeof Kind?.requestPermission === "function" && (await Kind.requestPermission()) !== "granted") {
+          this.#tell("The browser does not allow it. Allow motion sensors in its settings.");
+          return;
+        }
+      }
+    } catch (error) {
+      this.#tell(`The browser does not allow it: ${error.message}.`);
+      return;
+    }
+    this.#on = true;
+    this.#sent = 0;
+    this.#seenAt = performance.now();
+    for (const type of this.#kinds()) window.addEventListener(type, this.#turned);
+    window.addEventListener("devicemotion", this.#moved);
+    this.#timer = setInterval(() => this.#watch(), 1000);
+    this.#show();
+    this.#watch();
+  }
+
+  #kinds() {
+    return "ondeviceorientationabsolute" in window ? ["deviceorientationabsolute"] : ["deviceorientation"];
+  }
+
+  #end(why) {
+    this.#on = false;
+    for (const type of this.#kinds()) window.removeEventListener(type, this.#turned);
+    window.removeEventListener("devicemotion", this.#moved);
+    clearInterval(this.#timer);
+    this.#show();
+    this.#tell(why || "Nothing is sent.");
+  }
+
+  #turn({ alpha, beta, gamma, absolute }) {
+    this.#orientation = { alpha: known(alpha), beta: known(beta), gamma: known(gamma), absolute: Boolean(absolute) };
+  }
+
+  #move(event) {
+    const { accelerationIncludingGravity: pull, rotationRate: rate } = event;
+    const acceleration = pull && finite(pull.x, pull.y, pull.z);
+    const rotation = rate && finite(rate.alpha, rate.beta, rate.gamma);
+    if (!acceleration && !rotation && this.#orientation.alpha === null) return; // a device without sensors
+    const now = performance.now();
+    this.#seenAt = now;
+    if (!this.#helm.isMine || now - this.#sentAt < this.#connection.phonePeriodMs) return;
+    this.#sentAt = now;
+    const message = {
+      type: "phone",
+      t: now,
+      ...this.#orientation,
+      acceleration: acceleration && acceleration.map((value) => value * this.#sign),
+      rotation,
+    };
+    if (this.#connection.lossy(message)) this.#sent += 1;
+  }
+
+  #watch() {
+    if (performance.now() - this.#seenAt > SILENT_MS) this.#tell("This device reports no motion.");
+    else if (!this.#helm.isMine) this.#tell("Take control to send it.");
+    else this.#tell(`Sending, ${this.#sent} readings a second.`);
+    this.#sent = 0;
+  }
+
+  #show() {
+    const button = element("phone");
+    button.setAttribute("aria-pressed", String(this.#on));
+    setText(button, this.#on ? "Stop sending" : "Send this phone's motion");
+  }
+
+  #tell(text) {
+    setText(element("phone-text"), text);
+  }
+}
