@@ -1,4 +1,4 @@
-/** Who drives: what the server reports, the buttons to take and give up control, STOP and its release. */
+/** The helm: which page drives as the server reports it, the buttons to take and give up the helm, STOP and its release. */
 
 import { alarm, notice } from "./announce.js";
 import { element, make, setText } from "./text.js";
@@ -50,7 +50,7 @@ export class Helm {
     return this.#state.names[id] || `page ${id}`;
   }
 
-  /** Who made the emergency stop: " by NAME", or empty. */
+  /** The page that made the emergency stop: " by NAME", or empty. */
   get stoppedBy() {
     const { latched_by: id, latched_by_name: name } = this.#state;
     if (id !== null && id !== undefined) return id === this.#you ? " by you" : ` by ${this.nameOf(id)}`;
@@ -75,7 +75,7 @@ export class Helm {
     if (!this.#connection.isOpen) return "there is no link to the server";
     if (!this.mayDrive) return "this link is for watching only";
     if (!this.moves) return "this robot has no motors";
-    if (!this.isMine) return "take control first";
+    if (!this.isMine) return "take the helm first";
     return this.#state.latched ? "release the emergency stop first" : "";
   }
 
@@ -97,7 +97,7 @@ export class Helm {
     }, CONFIRM_MS);
   }
 
-  /** Forgets who drives when the link is lost. */
+  /** Forgets which page drives when the link is lost. */
   lost() {
     clearTimeout(this.#stopTimer);
     this.#you = null;
@@ -112,10 +112,10 @@ export class Helm {
     if (latched && !before.latched) alarm(`Emergency stop${this.stoppedBy}.`);
     if (!latched && before.latched) notice("The emergency stop is released.");
     if (message.driver !== before.driver && this.#you !== null) {
-      if (message.driver === this.#you) notice("You have control.");
-      else if (before.driver === this.#you) notice(message.driver === null ? "You gave up control." : `${this.nameOf(message.driver)} has control now.`);
+      if (message.driver === this.#you) notice("You have the helm.");
+      else if (before.driver === this.#you) notice(message.driver === null ? "You gave up the helm." : `${this.nameOf(message.driver)} has the helm now.`);
     }
-    if (wants !== before.wants && wants !== null && this.isMine) notice(`${this.nameOf(wants)} asks for control.`);
+    if (wants !== before.wants && wants !== null && this.isMine) notice(`${this.nameOf(wants)} asks for the helm.`);
     this.#show();
     this.taken(this.#state);
   }
@@ -132,7 +132,7 @@ export class Helm {
     const waits = wants !== null && wants === this.#you;
     take.hidden = this.isMine;
     take.disabled = waits || !this.#connection.isOpen;
-    setText(take, waits ? "Waiting for control" : driver === null ? "Take control" : "Ask for control");
+    setText(take, waits ? "Waiting for the helm" : driver === null ? "Take the helm" : "Ask for the helm");
     element("yield").hidden = !this.isMine;
     if (hadFocus && this.isMine) element("yield").focus();
     element("release").hidden = !(this.isMine && latched);
@@ -140,8 +140,8 @@ export class Helm {
     const rows = Object.keys(names).map((id) => {
       const notes = [];
       if (Number(id) === this.#you) notes.push("you");
-      if (Number(id) === driver) notes.push("has control");
-      if (Number(id) === wants) notes.push("asks for control");
+      if (Number(id) === driver) notes.push("has the helm");
+      if (Number(id) === wants) notes.push("asks for the helm");
       return make("li", Number(id) === driver ? "drives" : "", `${names[id] || `page ${id}`}${notes.length ? ` (${notes.join(", ")})` : ""}`);
     });
     const text = rows.map((row) => row.textContent).join("\n");
@@ -157,8 +157,8 @@ export class Helm {
     if (!this.#connection.isOpen) return "";
     const { driver } = this.#state;
     if (!this.moves) return "";
-    if (this.isMine) return "You have control";
-    if (driver !== null) return `${this.nameOf(driver)} has control`;
-    return this.mayDrive ? "Nobody has control" : "Watching only";
+    if (this.isMine) return "You have the helm";
+    if (driver !== null) return `${this.nameOf(driver)} has the helm`;
+    return this.mayDrive ? "Nobody has the helm" : "Watching only";
   }
 }

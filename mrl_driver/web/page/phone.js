@@ -91,7 +91,7 @@ export class Phone {
 
   #watch() {
     if (performance.now() - this.#seenAt > SILENT_MS) this.#tell("This device reports no motion.");
-    else if (!this.#helm.isMine) this.#tell("Take control to send it.");
+    else if (!this.#helm.isMine) this.#tell("Take the helm to send it.");
     else this.#tell(`Sending, ${this.#sent} readings a second.`);
     this.#sent = 0;
   }

@@ -31,7 +31,7 @@ export class Recordings {
     setInterval(() => this.#time(), 1000);
   }
 
-  /** A new connection: who may record, and the recordings so far. */
+  /** A new connection: whether this page may record, and the recordings so far. */
   welcome({ can_record: canRecord, recording, recordings }) {
     element("record").hidden = !canRecord;
     if (!canRecord) setText(element("recording-text"), "This link cannot record.");
