@@ -56,6 +56,7 @@ export class Connection {
   #closedWhy = "";
   #sequence = 0;
   #mayDrive = false;
+  #lateBefore = 0;
 
   constructor(hello) {
     this.#hello = hello;
@@ -212,7 +213,8 @@ export class Connection {
       this.#pingAt = performance.now();
       this.send({ type: "ping", ...this.#times() });
     }
-    const late = Math.round(this.delay.ms);
+    const late = Math.round(Math.min(this.delay.ms, this.#lateBefore)); // one late message is no slow link
+    this.#lateBefore = this.delay.ms;
     if (quiet > QUIET_MS) this.#show("slow", `No data from the server for ${(quiet / 1000).toFixed(0)} s`);
     else if (this.commandAgeMs > LATE_MS) this.#show("slow", `Slow link: commands take ${Math.round(this.commandAgeMs)} ms`);
     else if (late > LATE_MS) this.#show("slow", `Slow link: data is ${late} ms late`);

@@ -71,7 +71,7 @@ function showState() {
   const [words, mark] = stateNow();
   setText(element("state"), words);
   element("status").dataset.mark = mark;
-  setText(element("link"), connection.state === "open" ? `Connected, ${Math.round(connection.delay.ms)} ms` : connection.words);
+  setText(element("link"), connection.words);
   element("link").dataset.state = connection.state;
   element("retry").hidden = connection.state !== "refused";
   page.held = press.held ? "yes" : "no";

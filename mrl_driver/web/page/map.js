@@ -11,6 +11,7 @@ const LEAST_GRID_PX = 44;
 const LEAST_STEP_M = 0.01;
 const MOST_POINTS = 20000;
 const CLICK_PX = 8;
+const BUTTONS_PX = 60; // the strip of the buttons on the right
 const SCALES = [4, 1500]; // pixels per metre
 const COLOURS = ["map", "grid", "axis", "path", "body", "body-edge", "cone", "caution", "bad", "cell", "goal", "ink-2", "ink"];
 
@@ -187,14 +188,15 @@ export class FloorMap {
     const [px, py] = this.pose ?? [0, 0];
     box = grown(box, px, py);
     if (now) for (const cone of this.#cones()) box = grown(grown(box, ...cone.end(cone.from)), ...cone.end(cone.to));
-    const middle = [(box[0] + box[2]) / 2, (box[1] + box[3]) / 2];
+    const wide = Math.max(BUTTONS_PX, width - BUTTONS_PX);
     const span = [Math.max(LEAST_SPAN_M, box[2] - box[0] + 2 * MARGIN_M), Math.max(LEAST_SPAN_M, box[3] - box[1] + 2 * MARGIN_M)];
-    const scale = Math.max(SCALES[0], Math.min(SCALES[1], width / span[0], height / span[1]));
-    const half = [width / 2 / this.#scale, height / 2 / this.#scale];
-    const inside = box.every((value, i) => Math.abs(value - this.#centre[i % 2]) < half[i % 2] - MARGIN_M / 3);
+    const scale = Math.max(SCALES[0], Math.min(SCALES[1], wide / span[0], height / span[1]));
+    const half = [wide / 2 / this.#scale, height / 2 / this.#scale];
+    const shown = [this.#centre[0] - BUTTONS_PX / 2 / this.#scale, this.#centre[1]];
+    const inside = box.every((value, i) => Math.abs(value - shown[i % 2]) < half[i % 2] - MARGIN_M / 3);
     if (now || !inside || scale > 1.6 * this.#scale) {
-      this.#centre = middle;
       this.#scale = now ? scale : scale * 0.92;
+      this.#centre = [(box[0] + box[2]) / 2 + BUTTONS_PX / 2 / this.#scale, (box[1] + box[3]) / 2];
     }
     if (now) this.#hold(true);
   }

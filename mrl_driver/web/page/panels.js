@@ -4,7 +4,7 @@ import { degrees, element, fixed, make, markOf, number, rangeText, setText } fro
 import { goalText } from "./goal.js";
 
 /** Names of sections as their titles. */
-const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+const capital = (text) => (text === "imu" ? "IMU" : text.charAt(0).toUpperCase() + text.slice(1));
 const nice = (text) => text.replaceAll("_", " ");
 
 function mark(node, value) {

@@ -14,6 +14,7 @@ export class PostTransport {
   #inFlight = 0;
   #newest = null;
   #sendsLossy = false;
+  #last = Promise.resolve();
 
   /** `events` has `message(text)` and `ended(refused)`: why the server refuses this page, or empty. */
   constructor(hello, events) {
@@ -52,9 +53,11 @@ export class PostTransport {
     }
   }
 
+  /** Sends a message after those before it; a stop at once, because requests that wait must not delay it. */
   send(message) {
     if (!this.#session || this.#abort.signal.aborted) return false;
-    this.#post(message);
+    if (message.type === "stop") this.#post(message);
+    else this.#last = this.#last.then(() => this.#post(message));
     return true;
   }
 

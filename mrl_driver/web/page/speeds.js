@@ -37,8 +37,8 @@ export class Speeds {
 
   #show() {
     const full = this.command(1, 1);
-    const text = `${fixed(full.linear, 2)} m/s, ${fixed(degrees(full.angular), 0)} deg/s`;
-    setText(element("speed-text"), text);
-    this.#slider.setAttribute("aria-valuetext", text);
+    const [linear, angular] = [fixed(full.linear, 2), fixed(degrees(full.angular), 0)];
+    setText(element("speed-text"), `${linear} m/s, ${angular}°/s`);
+    this.#slider.setAttribute("aria-valuetext", `${linear} metres per second, ${angular} degrees per second`);
   }
 }
