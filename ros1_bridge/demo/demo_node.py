@@ -12,10 +12,7 @@ from typing import List, Optional
 
 import rosgraph
 import rospy
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist
-from nav_msgs.msg import Odometry
-from sensor_msgs.msg import BatteryState, Range
 
 from mrl_driver.terminal import live_view
 from mrl_driver.view.shown_state import line_of
@@ -26,7 +23,6 @@ from ros1_bridge.topics.topic_robot import TopicRobot
 
 from .demo_screen import PATIENCE_S, DemoScreen
 
-SONARS = ("front", "left", "right")
 LINE_S = 1.0
 PARAMETERS = (
     Row("square", bool, False, "", "Drive the square from the start"),
@@ -45,13 +41,10 @@ def topic_robot(robot: str) -> TopicRobot:
         message.linear.x, message.angular.z = linear_m_s, angular_rad_s
         cmd_vel.send(message, operator_now_s())
 
-    found = TopicRobot(publish, rospy.is_shutdown, robot, lambda: cmd_vel.delay_s)
-    rospy.Subscriber("odom", Odometry, found.on_odometry, queue_size=50, tcp_nodelay=True)
-    rospy.Subscriber("battery", BatteryState, found.on_battery, queue_size=1)
-    rospy.Subscriber("status", DiagnosticStatus, found.on_status, queue_size=1)
-    rospy.Subscriber("/diagnostics", DiagnosticArray, found.on_diagnostics, queue_size=10)
-    for name in SONARS:
-        rospy.Subscriber(f"sonar/{name}", Range, found.on_range, callback_args=name, queue_size=1)
+    found = TopicRobot(
+        publish, rospy.is_shutdown, robot, lambda: cmd_vel.delay_s, rospy.resolve_name("robot_node")
+    )
+    found.subscribe(rospy.Subscriber)
     return found
 
 

@@ -1,25 +1,41 @@
-"""A robot behind ROS topics, for the live view.  Imports no ROS: messages go in, speeds go out."""
+"""A robot behind ROS topics, as live views show it.  Imports no ROS: messages go in, speeds go out."""
 
 import math
 import time
-from typing import Any, Callable, Dict, List, Mapping, Optional
+from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import BatteryState, Range, Temperature
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import ORIGIN, Pose, yaw_of
 from mrl_driver.robot import models
-from mrl_driver.robot.models import RobotModel
-from mrl_driver.robot.odometry import Twist
-from mrl_driver.view.shown_state import Row, ShownState
+from mrl_driver.robot.models import Limits, RobotModel
+from mrl_driver.robot.odometry import AnyTwist, OmniTwist, Twist
+from mrl_driver.view.shown_state import Row, ShownState, moves_sideways
+from mrl_driver.view.words import ELSEWHERE
 
+SONARS = ("front", "left", "right")
+"""The board reads no others."""
 STALE_S = 0.3
+"""Odometry that is older than this counts as none [s]."""
 LOW_SHARE = 0.1
 """With a lower charge the battery is shown as low."""
-LINK = ": Link"
-"""End of the name of the diagnostics of the serial link."""
+SILENT_S = 1.0
+"""A range that is older than this counts as no reading; each sonar measures every 0.3 s [s]."""
+STILL_M_S, STILL_RAD_S = 0.005, 0.02
+"""A slower robot stands."""
+LINK, MOTION = "Link", "Motion"
+"""Diagnostics of the serial link, and of the motion."""
+DRIVING = "driving"
+"""What `status` says while a command other than standstill is in force."""
+NO_STOP = ("none", "user")
+"""Stop reasons of a robot that was not stopped, or stands because it was told to."""
 
 
 class TopicRobot:
-    """Keeps the newest messages of a robot; has what the live view uses of a Driver."""
+    """Keeps the newest messages of a robot; has what a live view uses of a Driver."""
 
     mismatch = recorder = None
     warning = ""
@@ -30,26 +46,49 @@ class TopicRobot:
         ended: Callable[[], bool],
         robot: str,
         delay: Callable[[], float] = lambda: math.nan,
+        node: str = "",
     ) -> None:
         """`publish` sends speeds [m/s, rad/s]; `robot` is a model's name or file, or auto: by the board's id.
 
-        `delay` returns the time from sending to the echo of the robot's node [s], NaN if unknown.
+        `delay` returns the time from sending to the echo of the robot's node [s], NaN if unknown.  `node` is the full
+        name of that node, whose diagnostics count; empty for those of any node.
         """
-        self._publish, self._ended, self._delay = publish, ended, delay
+        self._publish, self._ended, self._delay, self._node = publish, ended, delay, node.strip("/")
         self.model: Optional[RobotModel] = None if robot == "auto" else models.load(robot)
-        self.pose, self.twist = ORIGIN, Twist(0.0, 0.0)
-        self.command: Optional[Twist] = None
-        self.ranges: Dict[str, float] = {}
-        self.battery_v = self._charge = math.nan
+        self.pose: Pose = ORIGIN
+        self.twist: AnyTwist = Twist(0.0, 0.0)
+        self.command: Optional[AnyTwist] = None
+        self.battery_v = self._charge = self.temperature_c = math.nan
         self.notice = ""
         """Why the robot does not drive, as its node says; empty while it may."""
+        self.status: Mapping[str, str] = {}
+        """Keys and values of the newest status; empty before the first."""
+        self.driving = False
+        """The robot's node follows a command other than standstill."""
+        self._ranges: Dict[str, Tuple[float, float]] = {}
         self._link: Mapping[str, str] = {}
-        self._heard_s = -math.inf
+        self._motion: Mapping[str, str] = {}
+        self._heard_s = self._moved_s = -math.inf
         self._listeners: List[Callable[[Any], None]] = []
+        self._told: List[Callable[[], None]] = []
 
     def on_telemetry(self, listener: Callable[[Any], None]) -> None:
         """Call `listener` after each odometry message, with an object that has the `pose`."""
         self._listeners.append(listener)
+
+    def after_status(self, listener: Callable[[], None]) -> None:
+        """Call `listener` after each status message."""
+        self._told.append(listener)
+
+    def subscribe(self, subscriber: Callable[..., Any]) -> None:
+        """Subscribe to the robot's topics; `subscriber` is rospy.Subscriber."""
+        subscriber("odom", Odometry, self.on_odometry, queue_size=50, tcp_nodelay=True)
+        subscriber("battery", BatteryState, self.on_battery, queue_size=1)
+        subscriber("board_temperature", Temperature, self.on_temperature, queue_size=1)
+        subscriber("status", DiagnosticStatus, self.on_status, queue_size=10, tcp_nodelay=True)
+        subscriber("/diagnostics", DiagnosticArray, self.on_diagnostics, queue_size=10)
+        for name in SONARS:
+            subscriber(f"sonar/{name}", Range, self.on_range, callback_args=name, queue_size=1)
 
     def on_event(self, listener: Callable[[Any], None]) -> None:
         """Do nothing: there are no events."""
@@ -67,6 +106,36 @@ class TopicRobot:
     def wait(self, seconds: float) -> bool:
         """Return whether the node ends."""
         return self._ended()
+
+    @property
+    def ranges(self) -> Dict[str, float]:
+        """The last range of each sonar (REP 117) [m]; NaN if it is older than `SILENT_S`."""
+        oldest_s = time.monotonic() - SILENT_S
+        return {name: m if at_s >= oldest_s else math.nan for name, (m, at_s) in self._ranges.items()}
+
+    @property
+    def stands_s(self) -> float:
+        """How long odometry says that the robot stands [s]; 0 if it moves, or if odometry is older than `STALE_S`."""
+        return (
+            self._heard_s - self._moved_s if self.age_s < STALE_S and self._moved_s < self._heard_s else 0.0
+        )
+
+    @property
+    def stop_reason(self) -> str:
+        """Why the robot stopped, as its node says (`stopped by`); `none` if it did not stop or is not known."""
+        return self.status.get("stopped by", "none")
+
+    @property
+    def limits(self) -> Optional[Limits]:
+        """The speed limits that the robot's node applies; the model's before it has said them; None without a model."""
+        own = self.model.limits if self.model is not None else None
+        try:
+            linear, angular = (
+                float(self._motion[f"{name} Speed Limit"].split()[0]) for name in ("Linear", "Angular")
+            )
+        except (KeyError, IndexError, ValueError):
+            return own
+        return own._replace(linear_m_s=linear, angular_rad_s=angular) if own is not None else None
 
     @property
     def battery_state(self) -> str:
@@ -92,29 +161,48 @@ class TopicRobot:
         """Take a nav_msgs/Odometry."""
         at, turn, twist = message.pose.pose.position, message.pose.pose.orientation, message.twist.twist
         self.pose = Pose(at.x, at.y, yaw_of(turn.x, turn.y, turn.z, turn.w))
-        self.twist = Twist(twist.linear.x, twist.angular.z)
-        self._heard_s = time.monotonic()
+        linear, angular = twist.linear, twist.angular.z
+        self.twist = (
+            OmniTwist(linear.x, angular, linear.y) if moves_sideways(self.model) else Twist(linear.x, angular)
+        )
+        now_s = time.monotonic()
+        if self.age_s >= STALE_S or math.hypot(linear.x, linear.y) > STILL_M_S or abs(angular) > STILL_RAD_S:
+            self._moved_s = now_s
+        self._heard_s = now_s
         for listener in self._listeners:
             listener(self)
 
     def on_range(self, message: Any, name: str) -> None:
         """Take a sensor_msgs/Range of a sonar."""
-        self.ranges = {**self.ranges, name: message.range}
+        self._ranges = {**self._ranges, name: (message.range, time.monotonic())}
 
     def on_battery(self, message: Any) -> None:
         """Take a sensor_msgs/BatteryState."""
         self.battery_v, self._charge = message.voltage, message.percentage
 
+    def on_temperature(self, message: Any) -> None:
+        """Take the sensor_msgs/Temperature of the motor board."""
+        self.temperature_c = message.temperature
+
     def on_status(self, message: Any) -> None:
         """Take the diagnostic_msgs/DiagnosticStatus of the robot's state."""
         self.notice = message.message if message.level else ""
+        self.status = {pair.key: pair.value for pair in message.values}
+        self.driving = message.message == DRIVING
+        for listener in self._told:
+            listener()
 
     def on_diagnostics(self, message: Any) -> None:
         """Take a diagnostic_msgs/DiagnosticArray."""
         for status in message.status:
-            if status.name.endswith(LINK):
+            node, _, part = status.name.rpartition(": ")
+            if self._node and node != self._node:
+                continue
+            if part == LINK:
                 self._link = {pair.key: pair.value for pair in status.values}
                 self.model = self.model or _model_of(self._link.get("Device ID", ""))
+            elif part == MOTION:
+                self._motion = {pair.key: pair.value for pair in status.values}
 
     def state(self) -> ShownState:
         """Return the state now."""
@@ -126,7 +214,7 @@ class TopicRobot:
             self.pose,
             self.twist,
             self.command,
-            "none",
+            ELSEWHERE if self.driving and self.command is None else self.stop_reason,
             self.ranges,
             {},
             self.battery_v,
