@@ -106,6 +106,7 @@ class RobotNode:
         self._seeks = False
         self._news = News()
         self._held = False
+        self._commanded_s = -math.inf
         self._planner_ends = threading.Event()
 
     def run(self) -> None:
@@ -415,6 +416,9 @@ class RobotNode:
 
     def _on_cmd_vel(self, message: Twist) -> None:
         linear, angular, commander = message.linear, message.angular, self._commander
+        before_s, self._commanded_s = self._commanded_s, time.monotonic()
+        if self._commanded_s - before_s > 0.5 * self._parameters.cmd_vel_timeout:
+            self._status.tell()  # a stop that this command ends is published too, however short it was
         forward_m_s = linear.x
         if linear.z or angular.x or angular.y or (linear.y and not self._sideways):
             forward_m_s += self._ignore_axes(message)

@@ -55,6 +55,20 @@ def robot(module_rig):
     return rig
 
 
+def test_a_stop_that_the_next_command_ends_at_once_is_published(robot):
+    """An operator's page relies on it: the robot must not drive on as if nothing had happened."""
+    begin, since_s = len(robot.status.messages), time.monotonic()
+    robot.cmd_vel.publish(forward(0.1))
+    robot.wire.wait_for(STOP, robot.wire.wait_for(MOVE, since_s))
+    wait_until(
+        lambda: (
+            robot.cmd_vel.publish(forward(0.1))
+            or any("command timeout" in each.message for each in robot.status.messages[begin:])
+        ),
+        step_s=0.05,
+    )
+
+
 def test_odometry_comes_at_the_rate_of_the_stream(robot):
     """By the stamps, which are those of the frames, not of their arrival."""
     stamps = [message.header.stamp.to_sec() for message in robot.odom.wait_for_more(FRAME_HZ // 2)]
