@@ -31,7 +31,7 @@ LINK, MOTION = "Link", "Motion"
 DRIVING = "driving"
 """What `status` says while a command other than standstill is in force."""
 NO_STOP = ("none", "user")
-"""Stop reasons of a robot that was not stopped, or stands because it was told to."""
+"""Stop reasons of a robot that was not stopped, or that a user has stopped."""
 
 
 class TopicRobot:
