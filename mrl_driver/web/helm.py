@@ -1,0 +1,446 @@
+"""Who drives, which commands count, and when the robot must stop.  Pure: messages and time go in, acts come out.
+
+One client has the helm, or nobody.  Its commands drive while a control is held: from one press to its release.  Each
+stop ends the press, and no later command of it drives.  After a stop, commands count only after the client has sent a
+message without a held control that echoes a message of ours from after the stop: the page knew of the stop, and no
+control was held.  This needs no comparison of clocks, and no order of arrival.
+
+The latched emergency stop may come from every client at any time.
+"""
+
+import math
+from typing import Dict, List, NamedTuple, Optional, Union
+
+from mrl_driver.safety.operator_delay import delay_text
+
+from .freshness import SAME_S, Freshness
+
+STOP_S = 0.15
+"""The robot stops after this time without a fresh command [s]."""
+OLDEST_S = 0.15
+"""Commands older than this are dropped [s]."""
+SENT_S = 0.25
+"""The robot stops at the latest this long after its page has sent the last fresh command [s]."""
+HAND_OVER_S = 1.0
+"""The helm changes hands when the robot stands, at the latest this long after its stop [s]."""
+
+WATCHES, TAKE_FIRST = "this link is for watching only", "take the helm first"
+LATCHED, PRESS_AGAIN = (
+    "the emergency stop is latched: release it first",
+    "release the control and press it again",
+)
+RELEASES = "only the one who drives can release the emergency stop: take the helm first"
+LET_GO = "let go of all controls, then release the emergency stop again"
+RELEASED, LOST = "the control was released", "no fresh command arrived in time"
+LEFT, GIVEN_UP, HANDED_OVER = "the driving page has left", "the helm was given up", "the helm changes hands"
+EMERGENCY, CHANGED = "emergency stop", "the goal changed while the control was held"
+
+
+class Goal(NamedTuple):
+    """A place to drive to, in the odom frame."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: Optional[float] = None
+    """None: any yaw will do."""
+
+
+class Control(NamedTuple):
+    """What the controls of a page command, and whether one of them is held."""
+
+    seq: int
+    """Number of the message; it grows."""
+    t_s: float
+    """When it was sent [s, the page's clock]."""
+    heard_s: Optional[float]
+    """Time of the newest message of ours that the page has [s, our clock]; None: it has none."""
+    heard_t_s: Optional[float]
+    """When that arrived there [s, the page's clock]."""
+    press: int
+    """Number of the press, or of the last one; it grows."""
+    held: bool
+    linear_m_s: float = 0.0
+    angular_rad_s: float = 0.0
+    lateral_m_s: float = 0.0
+    goal: Optional[Goal] = None
+    """In place of speeds."""
+
+
+class Drive(NamedTuple):
+    """Drive at these speeds.  `age_s` is an upper bound of the command's age."""
+
+    linear_m_s: float
+    angular_rad_s: float
+    lateral_m_s: float
+    age_s: float
+
+
+class Go(NamedTuple):
+    """Drive one step towards a goal."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: Optional[float]
+    age_s: float
+
+
+class Halt(NamedTuple):
+    """Stop the robot."""
+
+    why: str
+
+
+class Latch(NamedTuple):
+    """Stop the robot, and let nothing move it until `Unlatch`."""
+
+    by: int
+
+
+class Unlatch(NamedTuple):
+    """End the latched stop."""
+
+
+class Refuse(NamedTuple):
+    """Tell a client why what it asked for does not happen."""
+
+    client: int
+    why: str
+
+
+class Tell(NamedTuple):
+    """The state has changed: send it to all."""
+
+
+Act = Union[Drive, Go, Halt, Latch, Unlatch, Refuse, Tell]
+
+
+class HelmState(NamedTuple):
+    """What all clients may know."""
+
+    driver: Optional[int]
+    """The client that has the helm."""
+    wants: Optional[int]
+    """The client that gets it next."""
+    driving: bool
+    """A press is in force."""
+    latched: bool
+    latched_by: Optional[int]
+    """The client that set the emergency stop; None: none of ours."""
+    latched_by_other: str
+    """Who else has set it; empty: nobody else."""
+    spent: Dict[int, int]
+    """For each client the newest press that is over, and will not drive any more."""
+    why: str
+    """Why the robot was stopped last; empty while a press is in force."""
+    age_s: float
+    """Upper bound of the age of the newest command that drove [s]; NaN before the first."""
+    late: int
+    """Commands that were dropped because they were too old, or their age was not known."""
+    repeated: int
+    """Messages that were dropped because a newer one had arrived before."""
+    malformed: int
+    """Messages that could not be read."""
+
+
+class _Client:
+    """What is known of a client's controls."""
+
+    def __init__(self, may_drive: bool) -> None:
+        self.may_drive = may_drive
+        self.freshness = Freshness()
+        self.seq = -1
+        self.press = self.spent = -1
+        self.held = False
+        self.told = -1
+        """The press that was told of its delay."""
+        self.rested_s = -math.inf
+        """Time of the newest message of ours that this client has echoed while no control was held [s]."""
+
+    def note(self, control: Control, now_s: float) -> float:
+        """Take note of a message that is newer than those before, and return an upper bound of its age [s]."""
+        self.seq, self.press, self.held = control.seq, max(self.press, control.press), control.held
+        return self.freshness.age_s(control.t_s, control.heard_s, control.heard_t_s, now_s)
+
+
+class Helm:
+    """Decides who drives and when the robot stops.  Not thread-safe: the server's loop owns it.
+
+    Clients are numbers that are never used again: one that comes back is another one.  Each method returns what is to
+    be done, in this order, and first does what was due before `now_s` (see `tick`).
+
+    Args:
+        stop_s: time without a fresh command after which the robot stops [s].
+        oldest_s: age above which a command is dropped [s].
+        sent_s: time after the sending of the last fresh command at which the robot stops at the latest [s].
+    """
+
+    def __init__(self, stop_s: float = STOP_S, oldest_s: float = OLDEST_S, sent_s: float = SENT_S) -> None:
+        self._stop_s, self._oldest_s, self._sent_s = stop_s, oldest_s, sent_s
+        self._clients: Dict[int, _Client] = {}
+        self._driver: Optional[int] = None
+        self._wants: Optional[int] = None
+        self._driving = False
+        self._goal: Optional[Goal] = None
+        """Of the press in force; None: it commands speeds."""
+        self._press = -1
+        self._ends_s = math.inf
+        """The press in force ends without a fresh command [s]."""
+        self._since_s = -math.inf
+        """Last time at which held controls lost their effect [s]."""
+        self._halted_s = -math.inf
+        self._stands = True
+        self._latched_by: Optional[int] = None
+        self._latched = self._robot_latched = False
+        self._latched_s = -math.inf
+        self._other = ""
+        self._why = ""
+        self._age_s = math.nan
+        self._late = self._repeated = self._malformed = 0
+
+    # -- who is there, and who drives
+
+    def join(self, client: int, may_drive: bool, now_s: float) -> List[Act]:
+        """A client has connected; without `may_drive` it can only watch and stop."""
+        acts = self.tick(now_s)
+        self._clients[client] = _Client(may_drive)
+        return [*acts, Tell()]
+
+    def leave(self, client: int, now_s: float) -> List[Act]:
+        """A client's connection has ended."""
+        acts = self.tick(now_s)
+        if self._clients.pop(client, None) is None:
+            return acts
+        if client == self._wants:
+            self._wants = None
+        if client == self._driver:
+            return acts + self._give_up(LEFT, now_s)
+        return [*acts, Tell()]
+
+    def take(self, client: int, now_s: float) -> List[Act]:
+        """A client wants the helm.
+
+        It gets it when the robot stands.  One that has it and holds a control keeps it until the control is released.
+        """
+        acts = self.tick(now_s)
+        who = self._clients.get(client)
+        if who is None or not who.may_drive:
+            return [*acts, Refuse(client, WATCHES)]
+        if client in (self._driver, self._wants):
+            return [*acts, Tell()]
+        if self._wants is not None:
+            return [*acts, Refuse(client, "somebody else has asked for the helm already")]
+        self._wants = client
+        if self._driver is not None and not self._driving:
+            return acts + self._give_up(HANDED_OVER, now_s)
+        return acts + (self._hand_over(now_s) or [Tell()])
+
+    def yield_(self, client: int, now_s: float) -> List[Act]:
+        """A client gives up the helm, or its wish for it."""
+        acts = self.tick(now_s)
+        if client == self._driver:
+            return acts + self._give_up(GIVEN_UP, now_s)
+        if client == self._wants:
+            self._wants = None
+            return [*acts, Tell()]
+        return [*acts, Refuse(client, "you do not have the helm")]
+
+    def _give_up(self, why: str, now_s: float) -> List[Act]:
+        """The driving client loses the helm."""
+        acts = self._halt(why, now_s)
+        self._driver = None
+        return acts
+
+    def _hand_over(self, now_s: float) -> List[Act]:
+        """Give the helm to the client that wants it, if it is free and the robot stands."""
+        stands = self._stands or now_s >= self._halted_s + HAND_OVER_S
+        if self._wants is None or self._driver is not None or not stands:
+            return []
+        self._driver, self._wants = self._wants, None
+        self._since_s = now_s
+        return [Tell()]
+
+    @property
+    def waits(self) -> bool:
+        """A hand-over waits until the robot stands."""
+        return self._wants is not None and self._driver is None
+
+    # -- commands
+
+    def control(self, client: int, control: Control, now_s: float) -> List[Act]:
+        """A client reports its controls."""
+        acts = self.tick(now_s)
+        who = self._clients.get(client)
+        if who is None:
+            return acts
+        if not control.held:
+            return acts + self._rest(client, who, control, now_s)
+        if control.seq <= who.seq:
+            self._repeated += 1
+            return acts
+        age_s = who.note(control, now_s)
+        why = self._why_not(client, who, control)
+        if why:
+            new, who.spent = control.press > who.spent, max(who.spent, control.press)
+            return [*acts, Refuse(client, why), Tell()] if new else acts
+        self._age_s = age_s
+        if age_s > self._oldest_s:
+            self._late += 1
+            return acts + self._complain(client, who, age_s)
+        return acts + self._drive(who, control, age_s, now_s)
+
+    def _rest(self, client: int, who: _Client, control: Control, now_s: float) -> List[Act]:
+        """No control is held: the press is over, however late and in whatever order this arrives."""
+        if control.seq > who.seq:
+            who.note(control, now_s)
+            if control.heard_s is not None and control.heard_s <= now_s + SAME_S:
+                who.rested_s = max(who.rested_s, control.heard_s)
+        else:
+            self._repeated += 1
+            if control.press < who.press:
+                return []
+            who.press, who.held = control.press, False
+        who.spent = who.press
+        if client != self._driver or not self._driving:
+            return []
+        since_s = self._since_s
+        acts = self._halt(RELEASED, now_s)
+        self._since_s = since_s  # the next press is another one already
+        return acts
+
+    def _why_not(self, client: int, who: _Client, control: Control) -> str:
+        """Return why a held control of this client does not drive; empty if it may."""
+        if not who.may_drive:
+            return WATCHES
+        if client != self._driver:
+            return TAKE_FIRST
+        if self._is_latched:
+            return LATCHED
+        rested = who.rested_s >= self._since_s - SAME_S
+        return "" if rested and who.spent < control.press == who.press else PRESS_AGAIN
+
+    def _complain(self, client: int, who: _Client, age_s: float) -> List[Act]:
+        """Tell a client once in a press that its commands are too old to begin with."""
+        if self._driving or who.told == who.press:
+            return []
+        who.told = who.press
+        age, oldest = delay_text(age_s if age_s < math.inf else math.nan), delay_text(self._oldest_s)
+        return [Refuse(client, f"the delay of this page's commands is {age}, expected at most {oldest}")]
+
+    def _drive(self, who: _Client, control: Control, age_s: float, now_s: float) -> List[Act]:
+        """Follow a fresh command."""
+        begins = not self._driving
+        if not begins and control.press == self._press and control.goal != self._goal:
+            return self._halt(CHANGED, now_s)
+        if not begins and control.press > self._press:
+            who.spent = self._press
+        self._driving, self._press, self._goal, self._why = True, control.press, control.goal, ""
+        self._ends_s = now_s + min(self._stop_s, self._sent_s - age_s)
+        goal = control.goal
+        act: Act = (
+            Drive(control.linear_m_s, control.angular_rad_s, control.lateral_m_s, age_s)
+            if goal is None
+            else Go(*goal, age_s)
+        )
+        return [act, Tell()] if begins else [act]
+
+    # -- stops
+
+    def stop(self, client: int, now_s: float) -> List[Act]:
+        """Anybody asks for the emergency stop.  It is never refused, and never too old."""
+        acts = self.tick(now_s)
+        self._latched, self._latched_by, self._latched_s = True, client, now_s
+        self._end_press(EMERGENCY, now_s)
+        return [*acts, Latch(client), Tell()]
+
+    def release(self, client: int, now_s: float) -> List[Act]:
+        """A client wants to end the latched stop, which its page has shown since: it may be newer than the click."""
+        acts = self.tick(now_s)
+        who = self._clients.get(client)
+        if who is None or client != self._driver:
+            return [*acts, Refuse(client, RELEASES)]
+        if who.held or who.rested_s < self._latched_s - SAME_S:
+            return [*acts, Refuse(client, LET_GO)]
+        if not self._is_latched:
+            return [*acts, Tell()]
+        self._latched, self._latched_by, self._since_s, self._why = False, None, now_s, ""
+        return [*acts, Unlatch(), Tell()]
+
+    def robot_latched(self, latched: bool, by: str, now_s: float) -> List[Act]:
+        """The robot reports that a latched stop is in force, whoever `by` has set it, or that it has ended.
+
+        One of our own ends with `release` alone.
+        """
+        acts = self.tick(now_s)
+        if latched == self._robot_latched:
+            return acts
+        self._robot_latched, self._other = latched, by if latched else ""
+        if latched and not self._latched:
+            self._latched_s = now_s
+        if self._driving:
+            return acts + self._halt(EMERGENCY, now_s)
+        self._since_s = now_s
+        if latched:
+            self._why = EMERGENCY
+        return [*acts, Tell()]
+
+    def robot_stopped(self, why: str, now_s: float) -> List[Act]:
+        """The robot has stopped by itself, or refused a command."""
+        acts = self.tick(now_s)
+        return acts + self._halt(why, now_s) if self._driving else acts
+
+    def stands(self, now_s: float) -> List[Act]:
+        """Since the last `Halt` or `Latch`, measurements have confirmed that the robot stands still."""
+        self._stands = True
+        return self.tick(now_s)
+
+    def _halt(self, why: str, now_s: float) -> List[Act]:
+        self._end_press(why, now_s)
+        return [Halt(why), Tell()]
+
+    def _end_press(self, why: str, now_s: float) -> None:
+        """The robot is stopped: no control that is held now drives any more, and a wish for the helm comes true."""
+        who = self._clients.get(self._driver) if self._driver is not None else None
+        if who is not None and self._driving:
+            who.spent = max(who.spent, self._press)
+        self._driving, self._goal, self._ends_s = False, None, math.inf
+        self._since_s = self._halted_s = now_s
+        self._stands, self._why = False, why
+        if self._wants is not None:
+            self._driver = None
+
+    @property
+    def _is_latched(self) -> bool:
+        return self._latched or self._robot_latched
+
+    # -- time, and what is told
+
+    @property
+    def due_s(self) -> float:
+        """Time of the next `tick` if nothing else happens [s]; infinity: none is needed."""
+        return self._halted_s + HAND_OVER_S if self.waits else self._ends_s
+
+    def tick(self, now_s: float) -> List[Act]:
+        """Do what is due by now."""
+        acts = self._halt(LOST, now_s) if now_s >= self._ends_s else []
+        return acts + self._hand_over(now_s)
+
+    def malformed(self) -> None:
+        """A message could not be read."""
+        self._malformed += 1
+
+    def state(self) -> HelmState:
+        """Return what all clients may know."""
+        return HelmState(
+            driver=self._driver,
+            wants=self._wants,
+            driving=self._driving,
+            latched=self._is_latched,
+            latched_by=self._latched_by,
+            latched_by_other="" if self._latched else self._other,
+            spent={client: who.spent for client, who in self._clients.items()},
+            why=self._why,
+            age_s=self._age_s,
+            late=self._late,
+            repeated=self._repeated,
+            malformed=self._malformed,
+        )

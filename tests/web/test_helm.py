@@ -1,0 +1,596 @@
+"""Who drives, what counts, and when the robot stops."""
+
+import math
+
+import pytest
+
+from mrl_driver.web.helm import (
+    CHANGED,
+    EMERGENCY,
+    HAND_OVER_S,
+    LATCHED,
+    LEFT,
+    LOST,
+    PRESS_AGAIN,
+    RELEASED,
+    SENT_S,
+    TAKE_FIRST,
+    WATCHES,
+    Drive,
+    Go,
+    Goal,
+    Halt,
+    Helm,
+    Latch,
+    Refuse,
+    Tell,
+)
+
+from .pages import Page, kinds
+
+START_S = 5000.0
+ROUND_S = 0.05
+ERROR_S = 1e-6
+"""Rounding of sums of times."""
+
+
+class Bench:
+    """A helm and its pages; a message arrives when it is sent unless a test says otherwise."""
+
+    def __init__(self):
+        self.helm, self.now_s = Helm(), START_S
+        self.pages = []
+
+    def page(self, may_drive=True, takes=False):
+        page = Page(len(self.pages) + 1, ahead_s=-17.0 * len(self.pages))
+        self.pages.append(page)
+        self.helm.join(page.number, may_drive, self.now_s)
+        self.rest(page)
+        if takes:
+            self.helm.take(page.number, self.now_s)
+            self.rest(page)
+        return page
+
+    def later(self, seconds=ROUND_S):
+        self.now_s += seconds
+        for page in self.pages:
+            page.hear(self.now_s)
+
+    def arrives(self, page, message):
+        return self.helm.control(page.number, message, self.now_s)
+
+    def rest(self, page):
+        """The page tells that no control is held, after it has heard the newest state."""
+        page.hear(self.now_s)
+        return self.arrives(page, page.lift(self.now_s))
+
+    def push(self, page, goal=None):
+        return self.arrives(page, page.push(self.now_s, goal))
+
+    def repeat(self, page, **changed):
+        return self.arrives(page, page.message(self.now_s, **changed))
+
+    def drives(self, page):
+        """Whether what the page commands now drives the robot."""
+        return any(isinstance(act, (Drive, Go)) for act in self.repeat(page))
+
+    def presses_again(self, page):
+        """Whether the next press drives."""
+        self.later()
+        self.rest(page)
+        return "Drive" in kinds(self.push(page))
+
+
+@pytest.fixture
+def bench():
+    return Bench()
+
+
+@pytest.fixture
+def driving(bench):
+    """A bench on which page 1 drives and page 2 may."""
+    one, two = bench.page(takes=True), bench.page()
+    assert "Drive" in kinds(bench.push(one))
+    return bench, one, two
+
+
+# -- a press
+
+
+def test_a_held_control_drives_at_its_speeds(bench):
+    page = bench.page(takes=True)
+    acts = bench.arrives(page, page.push(bench.now_s)._replace(angular_rad_s=-0.5, lateral_m_s=0.1))
+    assert acts == [Drive(0.2, -0.5, 0.1, 0.0), Tell()]
+    assert bench.helm.state().driving and bench.helm.state().why == ""
+
+
+def test_a_held_goal_is_driven_to(bench):
+    page = bench.page(takes=True)
+    assert bench.push(page, Goal(1.0, 2.0))[0] == Go(1.0, 2.0, None, 0.0)
+
+
+def test_each_fresh_command_is_passed_on_once(driving):
+    bench, one, _ = driving
+    bench.later()
+    assert bench.repeat(one, linear_m_s=0.1) == [Drive(0.1, 0.0, 0.0, 0.0)]
+    bench.later()
+    assert bench.helm.tick(bench.now_s) == []
+
+
+def test_a_released_control_stops_at_once(driving):
+    bench, one, _ = driving
+    bench.later()
+    assert bench.rest(one) == [Halt(RELEASED), Tell()]
+    assert not bench.helm.state().driving
+
+
+def test_the_next_press_may_follow_a_release_at_once(driving):
+    bench, one, _ = driving
+    bench.rest(one)
+    assert kinds(bench.push(one)) == ["Drive"]
+
+
+def test_the_same_press_does_not_drive_after_its_release(driving):
+    bench, one, _ = driving
+    bench.rest(one)
+    one.held = True
+    assert bench.repeat(one) == [Refuse(1, PRESS_AGAIN)] or not bench.drives(one)
+
+
+def test_a_goal_may_not_become_another_one_while_it_is_held(bench):
+    page = bench.page(takes=True)
+    bench.push(page, Goal(1.0, 2.0))
+    page.goal = Goal(-1.0, 2.0)
+    assert bench.repeat(page) == [Halt(CHANGED), Tell()]
+    assert not bench.drives(page) and bench.presses_again(page)
+
+
+def test_a_goal_may_not_become_speeds_while_it_is_held(bench):
+    page = bench.page(takes=True)
+    bench.push(page, Goal(1.0, 2.0))
+    page.goal = None
+    assert kinds(bench.repeat(page)) == ["Halt"] and not bench.drives(page)
+
+
+# -- time
+
+
+def test_the_robot_stops_150_ms_after_the_last_command(driving):
+    bench, _, _ = driving
+    due_s = bench.helm.due_s
+    assert due_s == pytest.approx(bench.now_s + 0.15, abs=ERROR_S)
+    assert bench.helm.tick(due_s - 1e-4) == []
+    assert bench.helm.tick(due_s) == [Halt(LOST), Tell()]
+    assert bench.helm.due_s == math.inf
+
+
+def test_the_robot_stops_250_ms_after_the_page_has_sent_the_last_command(driving):
+    bench, one, _ = driving
+    sent = one.message(bench.now_s)
+    bench.now_s += 0.14
+    age_s = bench.arrives(one, sent)[0].age_s
+    assert 0.14 <= age_s < 0.141
+    assert bench.helm.due_s == pytest.approx(bench.now_s - age_s + 0.25, abs=ERROR_S)
+
+
+def test_a_command_that_is_older_than_150_ms_does_not_drive(bench):
+    page = bench.page(takes=True)
+    sent = page.push(bench.now_s)
+    bench.now_s += 0.151
+    assert "Drive" not in kinds(bench.arrives(page, sent))
+    assert bench.helm.state().late == 1
+
+
+def test_a_page_with_slow_commands_is_told_once_in_a_press(bench):
+    page = bench.page(takes=True)
+    told = []
+    for _ in range(3):
+        sent = page.message(bench.now_s) if page.held else page.push(bench.now_s)
+        bench.now_s += 0.2
+        told += bench.arrives(page, sent)
+    assert [act.why for act in told] == [
+        "the delay of this page's commands is 200 ms, expected at most 150 ms"
+    ]
+
+
+def test_late_commands_do_not_keep_the_robot_driving(driving):
+    bench, one, _ = driving
+    sent = one.message(bench.now_s - 0.1)
+    bench.now_s += 0.1
+    assert bench.arrives(one, sent) == [] and bench.helm.due_s < bench.now_s + 0.051
+
+
+def test_a_burst_after_a_stall_does_not_drive(driving):
+    """Messages of 2 s arrive at once; the newest are fresh, but the robot was stopped meanwhile."""
+    bench, one, _ = driving
+    waiting = [one.message(bench.now_s + ROUND_S * step) for step in range(40)]
+    bench.now_s += 2.0
+    acts = [act for message in waiting for act in bench.arrives(one, message)]
+    assert "Drive" not in kinds(acts) and kinds(acts)[0] == "Halt"
+    assert bench.presses_again(one)
+
+
+def test_after_a_stall_of_the_server_nothing_drives_before_the_stop(driving):
+    """SIGSTOP, or a suspended computer: nobody called `tick`, and the press goes on."""
+    bench, one, _ = driving
+    bench.now_s += 10.0
+    assert kinds(bench.repeat(one)) == ["Halt", "Refuse"] and not bench.drives(one)
+
+
+def test_after_a_time_out_the_same_press_does_not_drive(driving):
+    bench, one, _ = driving
+    bench.helm.tick(bench.helm.due_s)
+    bench.later(0.2)
+    assert not bench.drives(one) and bench.helm.state().spent[1] == one.press
+    assert bench.presses_again(one)
+
+
+def test_a_page_that_never_heard_of_us_cannot_drive(bench):
+    page = bench.page(takes=True)
+    acts = bench.arrives(page, page.push(bench.now_s)._replace(heard_s=None, heard_t_s=None))
+    assert "Drive" not in kinds(acts)
+
+
+def test_a_page_whose_clock_stands_still_is_stopped(driving):
+    """Its messages look older and older."""
+    bench, one, _ = driving
+    frozen = one.message(bench.now_s)
+    while bench.now_s < START_S + 0.3:
+        bench.now_s += ROUND_S
+        acts = bench.arrives(one, frozen._replace(seq=frozen.seq + int(bench.now_s * 100)))
+        if "Halt" in kinds(acts):
+            break
+    assert bench.now_s - START_S <= SENT_S + ERROR_S
+
+
+# -- order
+
+
+def test_a_message_that_comes_twice_counts_once(driving):
+    bench, one, _ = driving
+    sent = one.message(bench.now_s)
+    assert kinds(bench.arrives(one, sent)) == ["Drive"]
+    assert bench.arrives(one, sent) == [] and bench.helm.state().repeated == 1
+
+
+def test_a_command_that_was_overtaken_by_a_newer_one_is_dropped(driving):
+    bench, one, _ = driving
+    old, new = one.message(bench.now_s, linear_m_s=0.3), one.message(bench.now_s, linear_m_s=0.1)
+    bench.arrives(one, new)
+    assert bench.arrives(one, old) == []
+
+
+def test_a_command_that_was_overtaken_by_its_release_is_dropped(driving):
+    bench, one, _ = driving
+    old, release = one.message(bench.now_s), one.lift(bench.now_s)
+    assert kinds(bench.arrives(one, release)) == ["Halt"] and bench.arrives(one, old) == []
+
+
+def test_a_release_that_was_overtaken_still_ends_its_press(driving):
+    """A page that contradicts itself stops."""
+    bench, one, _ = driving
+    release = one.lift(bench.now_s)
+    one.held = True
+    bench.repeat(one)
+    assert kinds(bench.arrives(one, release)) == ["Halt"]
+
+
+def test_an_old_release_does_not_end_a_newer_press(driving):
+    bench, one, _ = driving
+    release, press = one.lift(bench.now_s), one.push(bench.now_s)
+    assert kinds(bench.arrives(one, press)) == ["Drive"]
+    assert kinds(bench.arrives(one, release)) == [] and bench.drives(one)
+
+
+def test_a_late_release_stops_too(driving):
+    bench, one, _ = driving
+    sent = one.lift(bench.now_s - 0.2)
+    assert kinds(bench.arrives(one, sent)) == ["Halt"]
+
+
+def test_press_numbers_only_grow(driving):
+    bench, one, _ = driving
+    one.press -= 1
+    assert not bench.drives(one)
+
+
+# -- who drives
+
+
+def test_nobody_drives_without_the_helm(bench):
+    page = bench.page()
+    assert bench.push(page) == [Refuse(1, TAKE_FIRST), Tell()]
+    assert bench.repeat(page) == []
+
+
+def test_a_watching_page_neither_takes_nor_drives(bench):
+    page = bench.page(may_drive=False)
+    assert bench.helm.take(1, bench.now_s) == [Refuse(1, WATCHES)]
+    assert bench.push(page)[0] == Refuse(1, WATCHES)
+
+
+@pytest.mark.parametrize("ask", ["take", "release"])
+def test_who_has_not_joined_gets_nothing(bench, ask):
+    assert kinds(getattr(bench.helm, ask)(7, bench.now_s)) == ["Refuse"]
+
+
+def test_a_press_from_before_the_helm_was_taken_does_not_drive(bench):
+    page = bench.page()
+    bench.push(page)
+    bench.later()
+    bench.helm.take(1, bench.now_s)
+    bench.later()
+    assert not bench.drives(page) and bench.presses_again(page)
+
+
+def test_a_control_that_was_held_when_the_page_connected_does_not_drive(bench):
+    bench.helm.join(1, True, bench.now_s)
+    bench.helm.take(1, bench.now_s)
+    page = Page(1)
+    page.hear(bench.now_s)
+    assert "Drive" not in kinds(bench.push(page))
+    bench.rest(page)
+    assert "Drive" in kinds(bench.push(page))
+
+
+def test_a_driver_that_leaves_stops_the_robot_and_frees_the_helm(driving):
+    bench, _, _ = driving
+    assert bench.helm.leave(1, bench.now_s) == [Halt(LEFT), Tell()]
+    assert bench.helm.state().driver is None
+
+
+def test_messages_of_one_that_left_do_nothing(driving):
+    bench, one, _ = driving
+    bench.helm.leave(1, bench.now_s)
+    assert bench.repeat(one) == []
+
+
+def test_one_that_comes_back_with_its_finger_down_does_not_drive(driving):
+    bench, one, _ = driving
+    bench.helm.leave(1, bench.now_s)
+    bench.later(2.0)
+    one.number = 9
+    bench.helm.join(9, True, bench.now_s)
+    bench.helm.take(9, bench.now_s)
+    bench.later()
+    assert not bench.drives(one) and bench.presses_again(one)
+
+
+def test_the_helm_changes_hands_when_the_robot_stands(bench):
+    bench.page(takes=True)
+    two = bench.page()
+    assert kinds(bench.helm.take(2, bench.now_s)) == ["Halt"]
+    assert bench.helm.state().driver is None and bench.helm.state().wants == 2 and bench.helm.waits
+    bench.later(0.3)
+    bench.helm.stands(bench.now_s)
+    assert bench.helm.state().driver == 2 and bench.helm.state().wants is None
+    assert bench.presses_again(two)
+
+
+def test_the_helm_changes_hands_after_a_second_at_the_latest(bench):
+    bench.page(takes=True)
+    bench.page()
+    bench.helm.take(2, bench.now_s)
+    assert bench.helm.due_s == bench.now_s + HAND_OVER_S
+    bench.helm.tick(bench.helm.due_s - 0.01)
+    assert bench.helm.state().driver is None
+    bench.helm.tick(bench.helm.due_s)
+    assert bench.helm.state().driver == 2
+
+
+def test_one_that_holds_a_control_keeps_the_helm_until_it_is_released(driving):
+    bench, one, _ = driving
+    assert kinds(bench.helm.take(2, bench.now_s)) == [] and bench.drives(one)
+    assert kinds(bench.rest(one)) == ["Halt"]
+    bench.helm.stands(bench.now_s)
+    assert bench.helm.state().driver == 2
+
+
+@pytest.mark.parametrize("stop", ["tick", "robot_stopped", "stop"])
+def test_the_wish_for_the_helm_comes_true_with_every_stop(driving, stop):
+    bench, one, _ = driving
+    bench.helm.take(2, bench.now_s)
+    bench.now_s += 0.2
+    getattr(bench.helm, stop)(*{"tick": (), "robot_stopped": ("battery",), "stop": (1,)}[stop], bench.now_s)
+    bench.helm.stands(bench.now_s)
+    assert bench.helm.state().driver == 2 and not bench.drives(one)
+
+
+def test_the_one_before_does_not_drive_while_the_helm_changes_hands(bench):
+    one, _ = bench.page(takes=True), bench.page()
+    bench.helm.take(2, bench.now_s)
+    assert not bench.presses_again(one)
+
+
+def test_a_page_that_drives_does_not_drive_on_after_a_hand_over_to_it(bench):
+    """It held its control before it got the helm."""
+    bench.page(takes=True)
+    two = bench.page()
+    bench.helm.take(2, bench.now_s)
+    bench.push(two)
+    bench.later()
+    bench.helm.stands(bench.now_s)
+    bench.later()
+    assert not bench.drives(two) and bench.presses_again(two)
+
+
+def test_only_one_can_wait_for_the_helm(driving):
+    bench, _, _ = driving
+    bench.page()
+    bench.helm.take(2, bench.now_s)
+    assert kinds(bench.helm.take(3, bench.now_s)) == ["Refuse"] and bench.helm.state().wants == 2
+
+
+@pytest.mark.parametrize("withdraw", ["leave", "yield_"])
+def test_a_wish_for_the_helm_can_be_withdrawn(driving, withdraw):
+    bench, one, _ = driving
+    bench.helm.take(2, bench.now_s)
+    getattr(bench.helm, withdraw)(2, bench.now_s)
+    assert bench.helm.state().wants is None and bench.drives(one)
+
+
+def test_giving_up_the_helm_stops_the_robot(driving):
+    bench, one, _ = driving
+    assert kinds(bench.helm.yield_(1, bench.now_s)) == ["Halt"]
+    assert bench.helm.state().driver is None and not bench.drives(one)
+
+
+def test_giving_up_without_the_helm_changes_nothing(driving):
+    bench, one, _ = driving
+    assert kinds(bench.helm.yield_(2, bench.now_s)) == ["Refuse"] and bench.drives(one)
+
+
+# -- stops
+
+
+@pytest.mark.parametrize("may_drive", [True, False])
+def test_anybody_can_stop(driving, may_drive):
+    bench, one, _ = driving
+    watcher = bench.page(may_drive)
+    assert bench.helm.stop(watcher.number, bench.now_s) == [Latch(3), Tell()]
+    state = bench.helm.state()
+    assert (state.latched, state.latched_by, state.driving, state.why) == (True, 3, False, EMERGENCY)
+    assert not bench.drives(one)
+
+
+def test_a_stop_of_one_that_has_left_counts_too(driving):
+    bench, _, _ = driving
+    bench.helm.leave(2, bench.now_s)
+    assert Latch(2) in bench.helm.stop(2, bench.now_s)
+
+
+def test_a_stop_is_passed_on_each_time(bench):
+    bench.page()
+    assert [kinds(bench.helm.stop(1, bench.now_s)) for _ in range(2)] == [["Latch"], ["Latch"]]
+
+
+def test_nothing_drives_while_the_stop_is_latched(driving):
+    bench, one, _ = driving
+    bench.helm.stop(2, bench.now_s)
+    bench.later()
+    bench.rest(one)
+    assert bench.push(one) == [Refuse(1, LATCHED), Tell()] and not bench.drives(one)
+
+
+@pytest.mark.parametrize("who, done", [(1, ["Unlatch"]), (2, ["Refuse"]), (3, ["Refuse"])])
+def test_only_the_one_who_drives_releases_the_stop(driving, who, done):
+    bench, one, _ = driving
+    bench.page(may_drive=False)
+    bench.helm.stop(2, bench.now_s)
+    bench.later()
+    bench.rest(one)
+    assert kinds(bench.helm.release(who, bench.now_s)) == done
+    assert bench.helm.state().latched == (who != 1)
+
+
+def test_the_stop_is_not_released_while_a_control_is_held(driving):
+    bench, one, _ = driving
+    bench.helm.stop(2, bench.now_s)
+    assert kinds(bench.helm.release(1, bench.now_s)) == ["Refuse"]
+    assert not bench.drives(one)
+
+
+def test_a_stop_that_is_newer_than_the_click_is_not_released(driving):
+    """The click waited in a stalled connection, and the stop was pressed again meanwhile."""
+    bench, one, _ = driving
+    bench.helm.stop(2, bench.now_s)
+    bench.later()
+    bench.rest(one)
+    bench.later(5.0)
+    bench.helm.stop(2, bench.now_s)
+    assert kinds(bench.helm.release(1, bench.now_s)) == ["Refuse"]
+    bench.rest(one)
+    assert kinds(bench.helm.release(1, bench.now_s)) == ["Unlatch"]
+
+
+def test_after_the_release_a_new_press_drives(driving):
+    bench, one, _ = driving
+    bench.helm.stop(2, bench.now_s)
+    bench.later()
+    bench.rest(one)
+    bench.helm.release(1, bench.now_s)
+    assert bench.presses_again(one)
+
+
+def test_a_press_that_began_while_the_stop_was_latched_does_not_drive_after_it(driving):
+    """Its first message is overtaken by the release of the stop."""
+    bench, one, _ = driving
+    bench.helm.stop(2, bench.now_s)
+    bench.later()
+    bench.rest(one)
+    press = one.push(bench.now_s)
+    bench.helm.release(1, bench.now_s)
+    assert "Drive" not in kinds(bench.arrives(one, press)) and not bench.drives(one)
+
+
+def test_who_takes_a_free_helm_may_release_the_stop(bench):
+    page = bench.page()
+    bench.helm.stop(1, bench.now_s)
+    bench.later(HAND_OVER_S)
+    bench.helm.take(1, bench.now_s)
+    bench.rest(page)
+    assert kinds(bench.helm.release(1, bench.now_s)) == ["Unlatch"] and bench.presses_again(page)
+
+
+def test_a_robot_that_stops_by_itself_ends_the_press(driving):
+    bench, one, _ = driving
+    bench.later()
+    assert bench.helm.robot_stopped("the left wheel does not turn", bench.now_s) == [
+        Halt("the left wheel does not turn"),
+        Tell(),
+    ]
+    bench.later()
+    assert not bench.drives(one) and bench.presses_again(one)
+
+
+def test_a_robot_that_stops_while_nobody_drives_ends_no_press(bench):
+    page = bench.page(takes=True)
+    assert bench.helm.robot_stopped("battery", bench.now_s) == []
+    assert kinds(bench.push(page)) == ["Drive"]
+
+
+def test_a_stop_that_another_program_latches_counts(driving):
+    bench, one, _ = driving
+    assert kinds(bench.helm.robot_latched(True, "another program", bench.now_s)) == ["Halt"]
+    assert bench.helm.robot_latched(True, "another program", bench.now_s) == []
+    state = bench.helm.state()
+    assert (state.latched, state.latched_by, state.latched_by_other) == (True, None, "another program")
+    assert not bench.presses_again(one)
+
+
+def test_a_stop_that_another_program_releases_needs_a_new_press(driving):
+    bench, one, _ = driving
+    bench.helm.robot_latched(True, "another program", bench.now_s)
+    bench.later()
+    bench.rest(one)
+    bench.push(one)
+    bench.helm.robot_latched(False, "", bench.now_s)
+    bench.later()
+    assert not bench.drives(one) and bench.presses_again(one)
+
+
+def test_a_stop_of_ours_is_not_ended_by_the_robot(driving):
+    """The robot may not have heard of it yet, or another program has released it."""
+    bench, one, _ = driving
+    bench.helm.robot_latched(True, "another program", bench.now_s)
+    bench.helm.stop(2, bench.now_s)
+    bench.helm.robot_latched(False, "", bench.now_s)
+    assert bench.helm.state().latched and not bench.presses_again(one)
+
+
+def test_what_echoes_the_future_is_no_release(driving):
+    """A page that is wrong, or lies, gains nothing for later stops."""
+    bench, one, _ = driving
+    bench.later()
+    bench.arrives(one, one.lift(bench.now_s)._replace(heard_s=1e9))
+    bench.helm.stop(2, bench.now_s)
+    bench.later()
+    one.held = False
+    bench.arrives(one, one.message(bench.now_s)._replace(heard_s=None, heard_t_s=None))
+    bench.helm.release(1, bench.now_s)
+    assert "Drive" not in kinds(bench.push(one))
+
+
+def test_a_message_that_cannot_be_read_is_counted(bench):
+    bench.helm.malformed()
+    assert bench.helm.state().malformed == 1

@@ -1,0 +1,225 @@
+"""What pages may say, and how our messages look."""
+
+import json
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrl_driver.robot.models import load
+from mrl_driver.web import messages
+from mrl_driver.web.helm import Control, Goal, Helm
+from mrl_driver.web.messages import Malformed, parse
+from mrl_driver.web.robot import PhoneReading, Recorded
+
+CONTROL = {
+    "type": "control",
+    "seq": 3,
+    "t": 2500.5,
+    "heard": 1000,
+    "heard_t": 2000,
+    "press": 1,
+    "held": False,
+}
+SPEEDS = {**CONTROL, "held": True, "linear": 0.2, "angular": -1, "lateral": 0}
+GOAL = {**CONTROL, "held": True, "goal": [1, 2.5]}
+PHONE = {
+    "type": "phone",
+    "t": 40,
+    "alpha": 10,
+    "beta": None,
+    "gamma": -3,
+    "absolute": False,
+    "acceleration": [0, 0, 9.8],
+    "rotation": None,
+}
+
+
+def read(**fields):
+    return parse(json.dumps(fields))
+
+
+def test_control_at_rest():
+    assert read(**CONTROL) == Control(3, 2.5005, 1.0, 2.0, 1, False)
+
+
+def test_control_with_speeds():
+    assert read(**SPEEDS) == Control(3, 2.5005, 1.0, 2.0, 1, True, 0.2, -1.0, 0.0)
+
+
+@pytest.mark.parametrize("goal, read_as", [([1, 2.5], Goal(1.0, 2.5)), ([1, 2, -3], Goal(1.0, 2.0, -3.0))])
+def test_control_with_a_goal(goal, read_as):
+    assert read(**{**GOAL, "goal": goal}).goal == read_as
+
+
+def test_a_page_that_has_heard_nothing_says_so():
+    found = read(**{**CONTROL, "heard": None, "heard_t": None})
+    assert (found.heard_s, found.heard_t_s) == (None, None)
+
+
+@pytest.mark.parametrize("kind", ["take", "yield", "stop", "release"])
+def test_messages_without_fields(kind):
+    assert type(read(type=kind)).__name__.lower() == kind
+
+
+def test_hello_ping_and_record():
+    assert read(type="hello", token="", name="Zoë") == ("", "Zoë")
+    assert read(type="ping", t=1, heard=None, heard_t=None) == (0.001, None, None)
+    assert read(type="record", on=True).on is True
+
+
+def test_phone():
+    reading = read(**PHONE).reading
+    assert math.isnan(reading.beta_deg)
+    assert reading == PhoneReading(0.04, 10.0, reading.beta_deg, -3.0, False, (0.0, 0.0, 9.8), None)
+
+
+@pytest.mark.parametrize(
+    "fields, why",
+    [
+        ({**SPEEDS, "goal": [1, 2]}, "control has a field 'linear', expected"),
+        ({**SPEEDS, "linear": "0.2"}, "control: linear is '0.2', expected a number from -100 to 100"),
+        ({**SPEEDS, "linear": True}, "control: linear is True, expected a number"),
+        ({**SPEEDS, "linear": None}, "control: linear is None, expected a number"),
+        ({**SPEEDS, "angular": 1e300}, "control: angular is 1e+300, expected a number"),
+        ({**SPEEDS, "angular": 10**400}, "control: angular is 10"),
+        ({**CONTROL, "linear": 0.2}, "control has a field 'linear', expected"),
+        ({**CONTROL, "seq": 1.5}, "control: seq is 1.5, expected a whole number"),
+        ({**CONTROL, "seq": -1}, "control: seq is -1, expected a whole number"),
+        ({**CONTROL, "press": True}, "control: press is True, expected a whole number"),
+        ({**CONTROL, "held": 1}, "control: held is 1, expected true or false"),
+        ({**CONTROL, "t": None}, "control: t is None, expected a number"),
+        ({**GOAL, "goal": [1]}, "control: goal is [1], expected a list of 2 or 3"),
+        ({**GOAL, "goal": [1, "2"]}, "control: goal is '2', expected a number"),
+        ({**GOAL, "goal": [1, 2e4]}, "control: goal is 20000.0, expected a number"),
+        ({**GOAL, "goal": [1, 2, 101]}, "control: goal is [1, 2, 101], expected a yaw of at most 100 rad"),
+        ({"type": "control"}, "control has no seq, expected"),
+        ({"type": "take", "off": 1}, "take has a field 'off', expected none"),
+        ({"type": "drive"}, "type is 'drive', expected one of hello, control"),
+        ({"type": ["take"]}, "type is ['take'], expected one of"),
+        ({}, "type is None, expected one of"),
+        ({"type": "hello", "token": "", "name": "x" * 41}, "expected at most 40 printable characters"),
+        ({"type": "hello", "token": "", "name": "a\nb"}, "expected at most 40 printable characters"),
+        ({"type": "hello", "token": "", "name": "\u202eabc"}, "expected at most 40 printable characters"),
+        ({"type": "hello", "token": "", "name": "\ud800"}, "expected at most 40 printable characters"),
+        ({**PHONE, "alpha": 361}, "phone: alpha is 361, expected a number from -360 to 360"),
+        ({**PHONE, "rotation": [1, 2]}, "phone: rotation is [1, 2], expected a list of 3"),
+    ],
+)
+def test_what_is_wrong_is_named_in_one_line(fields, why):
+    with pytest.raises(Malformed) as told:
+        read(**fields)
+    assert why in str(told.value) and "\n" not in str(told.value) and len(str(told.value)) < 200
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{",
+        "[]",
+        "7",
+        "null",
+        '"stop"',
+        b"\xff\xfe",
+        "[" * 4000,
+        '{"type":"record","on":NaN}',
+        '{"type":"ping","t":Infinity,"heard":null,"heard_t":null}',
+        '{"type":"ping","t":1e999,"heard":null,"heard_t":null}',
+        '{"type":"take","type":"stop"}',
+        '{"type":"take"} {"type":"take"}',
+        '{"type":"take"}' + " " * 4096,
+        '{"type":"hello","token":"\\ud800","name":""}',
+        "\ud800",
+        '{"type":"control","seq":' + "9" * 4000 + "}",
+    ],
+    ids=lambda text: str(text)[:20].encode("unicode_escape").decode(),
+)
+def test_what_is_no_message_is_refused(text):
+    with pytest.raises(Malformed):
+        parse(text)
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3),
+    max_leaves=4,
+)
+
+
+@given(st.sampled_from([SPEEDS, GOAL, PHONE, CONTROL]), st.data())
+def test_no_field_can_be_anything_that_moves_a_robot_wrongly(fields, data):
+    """Either it is refused, or all numbers are finite and in range."""
+    name = data.draw(st.sampled_from([*fields, "goal", "linear"]))
+    try:
+        found = parse(json.dumps({**fields, name: data.draw(JSON)}))
+    except Malformed:
+        return
+    if isinstance(found, Control):
+        speeds = found.linear_m_s, found.angular_rad_s, found.lateral_m_s
+        assert all(abs(speed) <= 100 for speed in speeds) and isinstance(found.held, bool)
+        assert found.goal is None or (
+            speeds == (0, 0, 0) and all(abs(part) <= 1e4 for part in found.goal[:2])
+        )
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_are_a_message_or_refused(data):
+    try:
+        parse(data)
+    except Malformed as error:
+        assert "\n" not in str(error)
+
+
+# -- ours
+
+
+def test_a_message_has_its_type_and_time():
+    assert json.loads(messages.refused(12.3456789, "no")) == {"type": "refused", "at": 12345.679, "why": "no"}
+
+
+def test_numbers_that_json_lacks():
+    text = messages.sample(1.0, [1 / 3, math.nan, math.inf, -math.inf])
+    assert json.loads(text)["v"] == [0.333333, None, "inf", "-inf"]
+
+
+def test_helm():
+    helm = Helm()
+    helm.join(4, True, 1.0)
+    helm.take(4, 1.0)
+    helm.stop(4, 1.0)
+    found = json.loads(messages.helm(1.0, helm.state(), {4: "Zoë"}, 1))
+    assert (found["driver"], found["latched_by"], found["latched_by_name"]) == (4, 4, "Zoë")
+    assert (found["names"], found["spent"], found["age_ms"], found["viewers"]) == (
+        {"4": "Zoë"},
+        {"4": -1},
+        None,
+        1,
+    )
+
+
+def test_welcome():
+    model = load("traxbot")
+    facts = messages.robot_facts("traxbot 1", model, model.limits)
+    text = messages.welcome(
+        1.0, "watch", 7, "1.0", facts, [("x", "m")], True, None, [Recorded("a.rec", 9, False)], False
+    )
+    found = json.loads(text)
+    assert (found["role"], found["you"], found["period_ms"], found["stop_ms"]) == ("watch", 7, 50, 150)
+    assert found["series"] == [["x", "m"]]
+    assert found["recordings"] == [{"name": "a.rec", "size": 9, "on": False}]
+    assert found["robot"]["drive"] == "differential"
+    assert found["robot"]["limits"]["linear"] == model.limits.linear_m_s
+    assert found["robot"]["sonars"]["left"] == pytest.approx([*model.sonars["left"].pose, math.radians(36)])
+
+
+def test_an_omni_robot_can_move_sideways_as_fast_as_forward():
+    model = load("omni")
+    facts = messages.robot_facts("omni 21", model, model.limits)
+    assert facts["drive"] == "omni"
+    assert facts["limits"]["lateral"] == (model.limits.lateral_m_s or model.limits.linear_m_s)
+
+
+def test_a_robot_that_is_not_known_yet():
+    assert messages.robot_facts("robot", None, None)["body"] is None
