@@ -24,6 +24,8 @@ from .pages import Page
 STOP_S, OLDEST_S, SENT_S, HAND_OVER_S = 0.15, 0.15, 0.25, 1.0
 START_S = 1000.0
 ERROR_S = 1e-6
+TICK_S = 1e-5
+"""No two things happen at the same time."""
 PAGES = st.integers(0, 2)
 WAYS_S = st.sampled_from([0.0, 0.001, 0.03, 0.14, 0.16, 0.3])
 seen = Counter()
@@ -76,6 +78,7 @@ class Promises(RuleBasedStateMachine):
 
     def call(self, method, *args, message=None, sent_s=math.nan):
         """Calls the helm and judges what it does."""
+        self.now_s += TICK_S
         who = args[0] if args else None
         was, stood = self.driver, self.stands or self.now_s >= self.halted_s + HAND_OVER_S - ERROR_S
         acts = getattr(self.helm, method)(*args, *([message] if message else []), self.now_s)
@@ -221,23 +224,47 @@ class Promises(RuleBasedStateMachine):
         self.newest[page.number] = max(control.seq, self.newest.get(page.number, -1))
         return acts
 
-    @rule(index=PAGES, way_s=st.sampled_from([0.0, 0.01, 0.03]))
-    def behave(self, index, way_s):
+    @rule(
+        index=st.integers(0, 1),
+        way_s=st.sampled_from([0.0, 0.01, 0.03]),
+        goal=st.sampled_from([None, Goal(1.0, 0.0)]),
+    )
+    def behave(self, index, way_s, goal):
         """A page that does as it should over a good line drives."""
         page = self.at(index)
         if not page.may_drive:
             return
-        page.hear_at(self.now_s, self.now_s)
         page.out = []
-        for control in (page.lift, page.push):
-            made = control(self.now_s)
-            page.began_s.setdefault(page.press, self.now_s)
-            page.send(self.now_s, made)
-            sent_s, made = page.out.pop()
-            self.pass_time(way_s)
-            acts = self.deliver(page, sent_s, made)
-        if self.driver == page.number and not self.helm.state().latched:
+        if self.driver is None:
+            self.call("take", page.number)
+            self.pass_time(HAND_OVER_S)
+        for _ in range(2):  # the page also answers to the stop that may have been due
+            self.exchange(page, page.lift, way_s)
+        if self.latched and self.driver == page.number:
+            self.call("release", page.number)
+            assert not self.latched, "a good release does nothing"
+            self.exchange(page, page.lift, way_s)
+        acts = self.exchange(page, lambda now_s: page.push(now_s, goal), way_s)
+        if self.driver == page.number and not self.latched:
             assert any(isinstance(act, (Drive, Go)) for act in acts), "a good press does not drive"
+
+    @precondition(lambda self: self.moving)
+    @rule(way_s=st.sampled_from([0.0, 0.01, 0.1, 0.2]))
+    def drive_on(self, way_s):
+        """The page goes on; the line is good, or bad now."""
+        page = self.page(self.driver)
+        self.exchange(page, page.message, way_s)
+
+    def exchange(self, page, control, way_s):
+        """The page hears of the state now, and answers."""
+        self.now_s += TICK_S
+        page.hear_at(self.now_s, self.now_s)
+        made = control(self.now_s)
+        page.began_s.setdefault(page.press, self.now_s)
+        page.send(self.now_s, made)
+        sent_s, made = page.out.pop()
+        self.pass_time(way_s)
+        return self.deliver(page, sent_s, made)
 
     # -- time, and what people and the robot do
 
@@ -254,10 +281,11 @@ class Promises(RuleBasedStateMachine):
         """Nobody calls the helm."""
         self.now_s += seconds
 
-    @rule(index=PAGES, what=st.sampled_from(["take", "take", "yield_", "release", "release"]))
+    @rule(index=PAGES, what=st.sampled_from(["take", "take", "yield_", "release", "stop"]))
     def ask(self, index, what):
         self.call(what, self.here[index])
 
+    @precondition(lambda self: not self.latched)
     @rule(index=PAGES)
     def stop(self, index):
         self.call("stop", self.here[index])
