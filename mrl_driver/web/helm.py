@@ -1,4 +1,4 @@
-"""Who drives, which commands count, and when the robot must stop.  Pure: messages and time go in, acts come out.
+"""The page that drives, the commands that count, and when the robot must stop.  Pure.
 
 One client has the helm, or nobody.  Its commands drive while a control is held: from one press to its release.  Each
 stop ends the press, and no later command of it drives.  After a stop, commands count only after the client has sent a
@@ -29,7 +29,7 @@ LATCHED, PRESS_AGAIN = (
     "the emergency stop is latched: release it first",
     "release the control and press it again",
 )
-RELEASES = "only the one who drives can release the emergency stop: take the helm first"
+RELEASES = "only the driving page can release the emergency stop: take the helm first"
 LET_GO = "let go of all controls, then release the emergency stop again"
 RELEASED, LOST = "the control was released", "no fresh command arrived in time"
 LEFT, GIVEN_UP, HANDED_OVER = "the driving page has left", "the helm was given up", "the helm changes hands"
@@ -127,7 +127,7 @@ class HelmState(NamedTuple):
     latched_by: Optional[int]
     """The client that set the emergency stop; None: none of ours."""
     latched_by_other: str
-    """Who else has set it; empty: nobody else."""
+    """Name of another source of the emergency stop; empty: there is none."""
     spent: Dict[int, int]
     """For each client the newest press that is over, and will not drive any more."""
     why: str
@@ -152,7 +152,7 @@ class _Client:
         self.press = self.spent = -1
         self.held = False
         self.told = -1
-        """The press that was told of its delay."""
+        """The press whose delay was reported."""
         self.rested_s = -math.inf
         """Time of the newest message of ours that this client has echoed while no control was held [s]."""
 
@@ -163,10 +163,10 @@ class _Client:
 
 
 class Helm:
-    """Decides who drives and when the robot stops.  Not thread-safe: the server's loop owns it.
+    """Decides which client drives and when the robot stops.  Not thread-safe: the server's loop owns it.
 
-    Clients are numbers that are never used again: one that comes back is another one.  Each method returns what is to
-    be done, in this order, and first does what was due before `now_s` (see `tick`).
+    Clients are numbers that are never used again: one that comes back is another one.  Each method returns acts in
+    their order, and first does what was due before `now_s` (see `tick`).
 
     Args:
         stop_s: time without a fresh command after which the robot stops [s].
@@ -197,7 +197,7 @@ class Helm:
         self._age_s = math.nan
         self._late = self._repeated = self._malformed = 0
 
-    # -- who is there, and who drives
+    # -- clients, and the one that drives
 
     def join(self, client: int, may_drive: bool, now_s: float) -> List[Act]:
         """A client has connected; without `may_drive` it can only watch and stop."""
@@ -366,7 +366,7 @@ class Helm:
         return [*acts, Unlatch(), Tell()]
 
     def robot_latched(self, latched: bool, by: str, now_s: float) -> List[Act]:
-        """The robot reports that a latched stop is in force, whoever `by` has set it, or that it has ended.
+        """The robot reports that a latched stop is in force, which `by` has set, or that it has ended.
 
         One of our own ends with `release` alone.
         """
@@ -412,7 +412,7 @@ class Helm:
     def _is_latched(self) -> bool:
         return self._latched or self._robot_latched
 
-    # -- time, and what is told
+    # -- time and state
 
     @property
     def due_s(self) -> float:

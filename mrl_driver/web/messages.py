@@ -233,16 +233,27 @@ def _echo(fields: Mapping[str, Any]) -> Tuple[float, Optional[float], Optional[f
 
 
 def _control(fields: Mapping[str, Any]) -> Control:
-    speeds = (fields.get(name, 0.0) for name in _SPEEDS)
+    linear_m_s, angular_rad_s, lateral_m_s = (fields.get(name, 0.0) for name in _SPEEDS)
     return Control(
-        fields["seq"], *_echo(fields), fields["press"], fields["held"], *speeds, fields.get("goal")
+        fields["seq"],
+        *_echo(fields),
+        press=fields["press"],
+        held=fields["held"],
+        linear_m_s=linear_m_s,
+        angular_rad_s=angular_rad_s,
+        lateral_m_s=lateral_m_s,
+        goal=fields.get("goal"),
     )
 
 
 def _phone(fields: Mapping[str, Any]) -> Phone:
-    angles = (math.nan if fields[name] is None else fields[name] for name in ("alpha", "beta", "gamma"))
-    vectors = (fields[name] and tuple(fields[name]) for name in ("acceleration", "rotation"))
-    return Phone(PhoneReading(fields["t"], *angles, fields["absolute"], *vectors))
+    alpha_deg, beta_deg, gamma_deg = (
+        math.nan if fields[name] is None else fields[name] for name in ("alpha", "beta", "gamma")
+    )
+    acceleration, rotation = (fields[name] and tuple(fields[name]) for name in ("acceleration", "rotation"))
+    return Phone(
+        PhoneReading(fields["t"], alpha_deg, beta_deg, gamma_deg, fields["absolute"], acceleration, rotation)
+    )
 
 
 _MAKE: Dict[str, Callable[[Dict[str, Any]], Message]] = {
@@ -396,7 +407,7 @@ def cells(now_s: float, size_m: float, taken: Iterable[Tuple[int, int]]) -> str:
 
 
 def helm(now_s: float, state: HelmState, names: Mapping[int, str], viewers: int) -> str:
-    """Who drives, and why the robot stands; `names` are those of all clients by number."""
+    """Which page drives, and why the robot stands; `names` are those of all clients by number."""
     other = state.latched_by_other if state.latched_by is None else names.get(state.latched_by, "")
     return encode(
         "helm",

@@ -76,14 +76,14 @@ class PageRobot(Protocol):
         """Stop at once, and forget the goal."""
 
     def latch(self, by: str) -> None:
-        """Stop, and refuse all commands until `release`; `by` says who did it."""
+        """Stop, and refuse all commands until `release`; `by` names the person or program."""
 
     def release(self) -> None:
         """End the latched stop; the robot waits for a new command."""
 
     @property
     def latched(self) -> bool:
-        """A latched stop is in force, whoever has set it."""
+        """A latched stop is in force; another program may have set it."""
 
     @property
     def stands(self) -> bool:
@@ -122,7 +122,7 @@ class PageRobot(Protocol):
         """Return the path of a recording.
 
         Raises:
-            ConfigError: there is none of this name.
+            ConfigError: no recording has this name.
         """
 
     def phone(self, reading: PhoneReading) -> None:

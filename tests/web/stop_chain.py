@@ -9,7 +9,8 @@ counted from the sending of the page's last fresh command to the stop at the mot
 import math
 import statistics
 import sys
-from typing import Any, Dict, Iterable, List, NamedTuple, Sequence
+from collections import deque
+from typing import Any, Deque, Dict, Iterable, List, NamedTuple, Sequence
 
 from mrl_driver.driver import Options
 from mrl_driver.driver.simulated import SteppedDriver
@@ -25,7 +26,9 @@ PERIOD_S, WAY_S = 0.05, 0.005
 """Time between two messages of a page, and their way to the server [s]."""
 COMMAND_TIMEOUT_S, WATCHDOG_MS = 0.2, 250
 DRIVES_S, WATCH_S, REST_S = 0.3, 0.8, 0.3
-"""Driving before the failure, longest wait for the stop, and standing after it [s]."""
+"""Driving before the failure at least, longest wait for the stop, and standing after it [s]."""
+POLLED_S = 0.5
+"""The driver asks the board for its state so often, which feeds its watchdog [s]."""
 
 
 class Fault(NamedTuple):
@@ -92,8 +95,12 @@ class Chain:
             self.carry_out(self.helm.tick(self.now_s))
 
     def arrive(self, message: Any) -> None:
-        """A message that the page sends now arrives; the page has heard of the state so far."""
+        """A message that the page sends now arrives."""
         self.wait(self.way_s)
+        self.receive(message)
+
+    def receive(self, message: Any) -> None:
+        """A message arrives, and the page hears of the state now."""
         self.carry_out(self.helm.control(1, message, self.now_s))
         self.page.hear(self.now_s)
 
@@ -106,14 +113,20 @@ class Chain:
 
     def drive(self, seconds: float) -> float:
         """The page drives; when its last command was sent [s].  It has just arrived."""
-        message, end_s = self.page.push(self.now_s), self.now_s + seconds
-        while True:
-            sent_s = self.now_s
-            self.arrive(message)
-            if sent_s >= end_s:
-                return sent_s
-            self.wait(sent_s + PERIOD_S - self.now_s)
-            message = self.page.message(self.now_s)
+        begins_s = self.now_s
+        sends = [begins_s + PERIOD_S * number for number in range(int(seconds / PERIOD_S) + 1)]
+        coming: Deque[Any] = deque()
+        for time_s, sends_now in sorted(
+            [(each, True) for each in sends] + [(each + self.way_s, False) for each in sends]
+        ):
+            self.wait(time_s - self.now_s)
+            if sends_now:
+                made = self.page.push if time_s == begins_s else self.page.message
+                coming.append(made(self.now_s))
+            else:
+                self.receive(coming.popleft())
+        assert self.robot.command is not None, "the robot does not drive"
+        return sends[-1]
 
     def stop_s(self, fault: Fault, phase: float) -> float:
         """Time from the last fresh command to the stop at the motor board [s]; infinity: it drives on.
@@ -121,7 +134,7 @@ class Chain:
         Args:
             phase: When it fails, from 0 (at the last command) to 1 (when the next one would come).
         """
-        sent_s = self.drive(DRIVES_S + phase * PERIOD_S)
+        sent_s = self.drive(DRIVES_S + phase * POLLED_S)
         fails_s = sent_s + self.way_s + phase * PERIOD_S
         if fault is SILENT:
             self.wait(WATCH_S)
