@@ -1,0 +1,157 @@
+"""The self-signed TLS certificate of this computer, for `mrl serve` and `mrl web`.
+
+It is made on first use and stays the same, so that browsers and clients know it again by its fingerprint.  No authority
+signs it.  Certificate and private key are in one file that nobody else can read.
+"""
+
+import datetime
+import hashlib
+import ipaddress
+import os
+import ssl
+from typing import Any, Callable, List, Sequence, Tuple
+
+from mrl_driver.errors import ConfigError
+
+from . import access
+
+VALID_DAYS = 825
+"""Browsers accept a self-signed certificate for at most this time [days]; source: https://support.apple.com/103769."""
+EARLY_DAYS = 1
+"""It is valid from this time before it is made [days], for clients whose clock is slow."""
+_REMEDY = "delete it, then start again: another one is made"
+
+
+def path() -> str:
+    """Return the file of certificate and private key; it may not exist."""
+    return os.path.join(access.folder(), "certificate.pem")
+
+
+def context(hosts: Sequence[str] = (), tell: Callable[[str], None] = lambda text: None) -> ssl.SSLContext:
+    """Return the settings of a TLS server with this computer's certificate: TLS 1.2 and up.
+
+    A certificate is made on first use.  If it has expired or is damaged, it is made again, and `tell` is called with a
+    line that says so.
+
+    Args:
+        hosts: names and addresses for a new certificate, besides those of this computer.
+        tell: called with a line of text.
+
+    Raises:
+        ConfigError: the file cannot be used, other users can read it, or `cryptography` is missing.
+    """
+    with access.lock():
+        if not os.path.exists(path()):
+            access.write(path(), _make(hosts))
+        problem = _problem(access.read(path(), _REMEDY))
+        if problem:
+            access.write(path(), _make(hosts))
+            tell(
+                f"the certificate {problem}, so another one was made: browsers ask again, and clients need the new "
+                f"link; its SHA-256 is {fingerprint()}"
+            )
+        return _server_context()
+
+
+def fingerprint() -> str:
+    """Return the certificate's SHA-256 in 64 hexadecimal digits, after `context` has been called.
+
+    Raises:
+        ConfigError: the file cannot be used.
+    """
+    text = access.read(path(), _REMEDY).decode("ascii", "replace")
+    try:
+        return hashlib.sha256(ssl.PEM_cert_to_DER_cert(text[text.index("-----BEGIN CERT") :])).hexdigest()
+    except ValueError:
+        raise ConfigError(f"{path()} is damaged, expected a certificate; {_REMEDY}") from None
+
+
+def _server_context() -> ssl.SSLContext:
+    made = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    made.minimum_version = ssl.TLSVersion.TLSv1_2
+    made.options |= ssl.OP_NO_RENEGOTIATION
+    made.load_cert_chain(path(), password="")  # or OpenSSL asks for the password of an encrypted key
+    return made
+
+
+def _problem(data: bytes) -> str:
+    """Return what is wrong with the stored certificate; empty if it can be used."""
+    x509, _, _, _, backend = _cryptography()
+    try:
+        found = x509.load_pem_x509_certificate(data, backend)
+        _server_context()  # checks that the private key belongs to it
+    except (ValueError, ssl.SSLError):
+        return "was damaged"
+    ends = getattr(found, "not_valid_after_utc", None)
+    ends = ends or found.not_valid_after.replace(tzinfo=datetime.timezone.utc)  # before cryptography 42
+    return "has expired" if ends < datetime.datetime.now(datetime.timezone.utc) else ""
+
+
+def _make(hosts: Sequence[str]) -> str:
+    """Return a new private key and its certificate, in PEM."""
+    x509, ec, hashes, serialization, backend = _cryptography()
+    key = ec.generate_private_key(ec.SECP256R1(), backend)
+    name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "mrl-driver")])
+    now = datetime.datetime.now(datetime.timezone.utc)
+    usage = dict.fromkeys(
+        ("content_commitment", "key_encipherment", "data_encipherment", "key_agreement", "key_cert_sign"),
+        False,
+    )
+    usage.update(crl_sign=False, encipher_only=False, decipher_only=False)
+    made = (
+        x509.CertificateBuilder()
+        .subject_name(name)
+        .issuer_name(name)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now - datetime.timedelta(days=EARLY_DAYS))
+        .not_valid_after(now + datetime.timedelta(days=VALID_DAYS - EARLY_DAYS))
+        .add_extension(x509.SubjectAlternativeName(_alternatives(x509, hosts)), critical=False)
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .add_extension(x509.KeyUsage(digital_signature=True, **usage), critical=True)
+        .add_extension(x509.ExtendedKeyUsage([x509.ExtendedKeyUsageOID.SERVER_AUTH]), critical=False)
+        .sign(key, hashes.SHA256(), backend)
+    )
+    form = serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+    parts = (
+        key.private_bytes(serialization.Encoding.PEM, *form),
+        made.public_bytes(serialization.Encoding.PEM),
+    )
+    return b"".join(parts).decode("ascii")
+
+
+def _alternatives(x509: Any, hosts: Sequence[str]) -> List[Any]:
+    """Return the names and addresses that the certificate is for."""
+    names = ["localhost", *access.own_names(), "127.0.0.1", "::1", *access.own_addresses(), *hosts]
+    found = (_alternative(x509, name) for name in dict.fromkeys(names) if name not in access.ANY)
+    return [alternative for alternative in found if alternative is not None]
+
+
+def _alternative(x509: Any, name: str) -> Any:
+    """Return a name or an address for a certificate; None if a certificate cannot hold it."""
+    try:
+        return x509.IPAddress(ipaddress.ip_address(name.partition("%")[0]))
+    except ValueError:
+        try:
+            return x509.DNSName(name.encode("idna").decode("ascii"))
+        except ValueError:
+            return None
+
+
+def _cryptography() -> Tuple[Any, Any, Any, Any, Any]:
+    """Return the modules of the library: `x509`, `ec`, `hashes`, `serialization`, and its backend.
+
+    Raises:
+        ConfigError: it is not installed.
+    """
+    try:
+        from cryptography import x509
+        from cryptography.hazmat.backends import default_backend
+        from cryptography.hazmat.primitives import hashes, serialization
+        from cryptography.hazmat.primitives.asymmetric import ec
+    except ImportError:
+        raise ConfigError(
+            "a TLS certificate needs the library cryptography, which is missing; install it with: "
+            "pip install 'mrl-driver[web]'"
+        ) from None
+    return x509, ec, hashes, serialization, default_backend()

@@ -1,0 +1,225 @@
+"""Tokens and certificate of this computer: made once, private, the same for all programs."""
+
+import datetime
+import hashlib
+import os
+import ssl
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.host import access, certificate
+
+
+@pytest.fixture
+def x509():
+    return pytest.importorskip("cryptography.x509")
+
+
+def mode(path):
+    return stat.S_IMODE(os.stat(path).st_mode)
+
+
+def stored(name):
+    return Path(access.folder(), name)
+
+
+# -- tokens
+
+
+def test_tokens_are_made_once():
+    made = access.tokens()
+    assert made == access.tokens()
+    assert made.drive != made.watch
+    assert all(len(bytes.fromhex(token)) == 16 for token in made)
+
+
+def test_other_tokens_are_made_on_request():
+    before = access.tokens()
+    after = access.tokens(renew=True)
+    assert not set(before) & set(after)
+    assert access.tokens() == after
+
+
+def test_programs_that_start_at_once_agree():
+    ask = "from mrl_driver.host import access, certificate; certificate.context(); "
+    command = [sys.executable, "-c", ask + "print(access.tokens(), certificate.fingerprint())"]
+    asked = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(3)]
+    answers = {each.communicate()[0] for each in asked}
+    assert len(answers) == 1 and "drive" in answers.pop()
+
+
+@pytest.mark.parametrize("umask", [0o000, 0o022])
+def test_nobody_else_can_read_them(umask):
+    before = os.umask(umask)
+    try:
+        access.tokens()
+        certificate.context()
+    finally:
+        os.umask(before)
+    assert mode(access.folder()) == 0o700
+    assert {mode(each) for each in Path(access.folder()).iterdir()} == {0o600}
+
+
+@pytest.mark.parametrize(
+    ("given", "role"), [("drive", "drive"), ("watch", "watch"), ("", ""), ("x" * 32, ""), ("ä", "")]
+)
+def test_a_token_has_one_role(given, role):
+    tokens = access.tokens()
+    assert tokens.role(tokens._asdict().get(given, given)) == role
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", '{"drive": "", "watch": ""}', '{"drive": 5, "watch": 5}', '{"x": 1}']
+)
+def test_damaged_tokens_are_refused_with_what_to_do(text):
+    access.tokens()
+    stored("tokens.json").write_text(text)
+    with pytest.raises(ConfigError, match="is damaged, .*make new tokens with: mrl serve --new-tokens"):
+        access.tokens()
+    assert access.tokens(renew=True) == access.tokens()
+
+
+@pytest.mark.parametrize("use", [access.tokens, certificate.context])
+def test_a_file_that_others_could_read_is_refused(use):
+    use()
+    (found,) = (each for each in Path(access.folder()).iterdir() if each.name != "lock")
+    found.chmod(0o640)
+    with pytest.raises(ConfigError, match="mode 0640, expected 0600"):
+        use()
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "file"))
+    with pytest.raises(ConfigError, match="cannot be used .*XDG_CONFIG_HOME"):
+        access.tokens()
+
+
+# -- addresses
+
+
+@pytest.mark.parametrize(
+    "host", ["localhost", "LOCALHOST", "127.0.0.1", "127.8.9.1", "::1", "[::1]", "::ffff:127.0.0.1"]
+)
+def test_only_this_computer_reaches_a_loopback_address(host):
+    assert access.is_loopback(host)
+
+
+@pytest.mark.parametrize(
+    "host",
+    [
+        "",
+        "0.0.0.0",
+        "::",
+        "[::]",
+        "10.0.0.7",
+        "fe80::1%eth0",
+        "robot",
+        "localhost.lan",
+        "127.0.0.1.nip.io",
+        "127.1",
+    ],
+)
+def test_all_other_addresses_count_as_reachable_by_others(host):
+    assert not access.is_loopback(host)
+
+
+def test_what_listens_on_all_addresses_is_reached_under_those_of_this_computer():
+    assert access.reachable("10.0.0.7") == ["10.0.0.7"]
+    assert not [host for host in access.reachable("0.0.0.0") if host in access.ANY]
+
+
+# -- the certificate
+
+
+def certificate_of_file(x509):
+    return x509.load_pem_x509_certificate(stored("certificate.pem").read_bytes())
+
+
+def lasting(found, name):
+    """One end of the time of a certificate; before cryptography 42 without a time zone."""
+    return getattr(found, f"{name}_utc", None) or getattr(found, name)
+
+
+def test_a_certificate_is_made_once():
+    told = []
+    certificate.context(tell=told.append)
+    before = certificate.fingerprint()
+    certificate.context(tell=told.append)
+    assert certificate.fingerprint() == before and told == []
+
+
+def test_a_certificate_is_one_that_browsers_accept(x509):
+    """Source: https://support.apple.com/103769, the strictest of them."""
+    certificate.context(["10.0.0.7", "robot.lan", "fe80::1%eth0"])
+    found = certificate_of_file(x509)
+    names = found.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    assert {"localhost", "robot.lan"} <= set(names.get_values_for_type(x509.DNSName))
+    assert {"127.0.0.1", "10.0.0.7"} <= set(map(str, names.get_values_for_type(x509.IPAddress)))
+    usage = found.extensions.get_extension_for_class(x509.ExtendedKeyUsage).value
+    assert x509.ExtendedKeyUsageOID.SERVER_AUTH in usage
+    ends, begins = (lasting(found, each) for each in ("not_valid_after", "not_valid_before"))
+    assert ends - begins <= datetime.timedelta(days=825)
+    assert found.signature_hash_algorithm.name == "sha256"
+
+
+def test_its_fingerprint_is_that_of_the_certificate_that_is_sent():
+    server, client = certificate.context(), ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    client.check_hostname, client.verify_mode = False, ssl.CERT_NONE
+    to_server, to_client = ssl.MemoryBIO(), ssl.MemoryBIO()
+    ends = client.wrap_bio(to_client, to_server), server.wrap_bio(to_server, to_client, server_side=True)
+    for end in (*ends, *ends):
+        try:
+            end.do_handshake()
+        except ssl.SSLWantReadError:
+            continue
+    assert ends[0].version() == "TLSv1.3"
+    assert hashlib.sha256(ends[0].getpeercert(True)).hexdigest() == certificate.fingerprint()
+
+
+def test_old_versions_of_tls_are_refused():
+    assert certificate.context().minimum_version == ssl.TLSVersion.TLSv1_2
+
+
+@pytest.mark.parametrize("content", [b"", b"\xff", "half"])
+def test_a_damaged_certificate_is_made_again_and_told(content):
+    certificate.context()
+    before, whole = certificate.fingerprint(), stored("certificate.pem").read_bytes()
+    stored("certificate.pem").write_bytes(whole[: len(whole) // 2] if content == "half" else content)
+    told = []
+    certificate.context(tell=told.append)
+    assert len(told) == 1 and "was damaged, so another one was made" in told[0]
+    assert certificate.fingerprint() in told[0] and certificate.fingerprint() != before
+
+
+def test_a_key_of_another_certificate_is_damage():
+    certificate.context()
+    key = stored("certificate.pem").read_bytes().partition(b"-----BEGIN CERT")[0]
+    stored("certificate.pem").unlink()
+    certificate.context()
+    stored("certificate.pem").write_bytes(
+        key + b"-----BEGIN CERT" + stored("certificate.pem").read_bytes().partition(b"-----BEGIN CERT")[2]
+    )
+    told = []
+    certificate.context(tell=told.append)
+    assert "was damaged" in told[0]
+
+
+def test_an_expired_certificate_is_made_again_and_told(monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(certificate, "VALID_DAYS", 1)
+        certificate.context()
+    told = []
+    certificate.context(tell=told.append)
+    assert "has expired, so another one was made" in told[0]
+
+
+def test_without_the_library_a_line_says_how_to_get_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "cryptography", None)
+    with pytest.raises(ConfigError, match=r"pip install 'mrl-driver\[web\]'"):
+        certificate.context()
