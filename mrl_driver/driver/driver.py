@@ -22,7 +22,8 @@ from mrl_driver.errors import BoardError, BoardTimeout, ConfigError, LinkLost, M
 from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
 from mrl_driver.lock_order import new_lock
 from mrl_driver.protocol.table import BAUD, BY_NAME
-from mrl_driver.recording.recording import Recorder
+from mrl_driver.recording.recorded_link import inner
+from mrl_driver.recording.recording import OWN_REMARKS, Recorder
 from mrl_driver.robot import models
 from mrl_driver.robot.covariance import AT_START, LARGEST_VARIANCE, Spread, is_covariance
 from mrl_driver.robot.hold import CAPABILITY as HOLD
@@ -42,7 +43,7 @@ from mrl_driver.session.motion_command import Motion
 from mrl_driver.session.sensor_polling import Reading
 from mrl_driver.session.session import PAUSE_S, TURNING
 from mrl_driver.transport import fork_guard
-from mrl_driver.transport.address import require_port
+from mrl_driver.transport.address import masked, require_port
 from mrl_driver.transport.baud_rates import FAST_BAUD, require_raisable
 from mrl_driver.transport.link import WRITE_TIMEOUT_S, Link
 from mrl_driver.transport.reconnect import LOOK_S
@@ -62,6 +63,9 @@ QUEUE_BYTES = 512
 CLOSED_EARLY = "the driver was closed while it connected"
 FLUSH_S = 1e-3
 """At the end, the driver looks this often whether another thread's write is over [s]."""
+EXCHANGE_S = 1.0
+"""`start_recording` waits at most this long for the reading thread, which may be in a callback [s]."""
+LONGEST_REMARK = 1000
 CLOCK_BOOTTIME = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 Listener = Callable[[Any], None]
 
@@ -70,7 +74,8 @@ class Driver:
     """A robot on a serial port.
 
     Args:
-        port: device name, URL (`tcp://host:port`, `udp://host:port`, or a pyserial URL), or an open `Link`.
+        port: device name, URL (`tcp://host:port`, `udp://host:port`, `tls://token@host:port?sha256=fingerprint`, or a
+            pyserial URL), or an open `Link`.
         robot: name of a packaged model, path of a YAML file, a `RobotModel`, or `auto`: the model that lists
             the robot id reported by the board.
         baud: baud rate of the serial port [Bd]; with a network address, baud rate of the serial link behind it.
@@ -93,6 +98,7 @@ class Driver:
         require_options(options)
         if isinstance(port, str):
             require_port(port)
+            port = masked(port)  # no event, error or recording shows a token
         elif options.record is not None:
             raise ConfigError("record is given with an open link, expected a port by name")
         if options.fast:
@@ -453,6 +459,71 @@ class Driver:
                 raise LinkLost("the port went away and is searched; try again when it is back")
             core.send_by_radio(request, self._clock())
         self._flush()
+
+    # -- recordings
+
+    def start_recording(self, path: str) -> None:
+        """Record all bytes in both directions from now on, as the option `record`; an existing file is overwritten.
+
+        The recording begins between two frames of the board, and contains all later ones.
+
+        Raises:
+            ConfigError: a recording is running, the file cannot be created, or the driver was given an open `Link`.
+            LinkLost: the driver is not connected, or was closed.
+        """
+        self._connected()
+        self._links.start_recording(path)
+        with self._changed:
+            if threading.current_thread() is self._thread:
+                self._exchange_link()
+            elif self._link is not None:
+                self._link.wake()
+                self._changed.wait_for(self._is_recorded, EXCHANGE_S)
+        self._flush()
+
+    def _is_recorded(self) -> bool:
+        recording = self._links.recording
+        return recording is None or not recording.due or self._link is None or self._closing
+
+    def _exchange_link(self) -> None:
+        """Go on with a link that is recorded, or not any more.  Only for the reading thread, with the lock."""
+        if self._link is not None:
+            self._link = self._links.exchange(self._link, self._core.session)
+        self._changed.notify_all()
+
+    def stop_recording(self) -> str:
+        """End the recording, and close its file.
+
+        Returns:
+            What the file lacks, in words, such as after a full disk; empty if it is complete.
+
+        Raises:
+            ConfigError: no recording is running.
+        """
+        recorder = self._links.stop_recording()
+        if threading.current_thread() is self._thread:  # it must not wait for a disk
+            threading.Thread(target=recorder.close, name="recorder-end", daemon=True).start()
+        else:
+            recorder.close()
+        return recorder.loss
+
+    def remark(self, text: str) -> None:
+        """Write a remark into the recording; nothing happens while none is running.
+
+        Raises:
+            ConfigError: the text is empty, longer than `LONGEST_REMARK`, or begins like a remark of the driver.
+        """
+        if (
+            not 0 < len(text) <= LONGEST_REMARK
+            or text.split(" ")[0].encode("utf-8", "replace") in OWN_REMARKS
+        ):
+            own = ", ".join(word.decode() for word in OWN_REMARKS)
+            raise ConfigError(
+                f"the remark is {text[:40]!r}, expected 1 to {LONGEST_REMARK} characters that do not begin with {own}"
+            )
+        recording = self._links.recording
+        if recording is not None:
+            recording.remark(text.encode("utf-8", "replace"))
 
     # -- what may be read at any time, from any thread
 
@@ -841,6 +912,8 @@ class Driver:
                 events = core.turn(data, now)
                 if links.recording is not None:
                     links.recording.note(session.checked)
+                    if links.recording.due:
+                        self._exchange_link()
                 if self._asking:
                     self._changed.notify_all()
             if links.searching or links.fast:
@@ -1005,7 +1078,7 @@ class Driver:
             LinkLost: the driver does not search the port.
         """
         with self._lock:
-            if self._link is not link:
+            if inner(self._link) is not inner(link):
                 return  # another thread has found it before
             self._broken = error
             if not self._may_search() and not self._closing:

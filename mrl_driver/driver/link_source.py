@@ -6,9 +6,10 @@ A recording goes on over all of them.  With the option `fast` each line is raise
 import time
 from typing import Optional, Tuple, Union
 
-from mrl_driver.errors import LinkLost, MrlError
+from mrl_driver.errors import ConfigError, LinkLost, MrlError
 from mrl_driver.lock_order import new_lock
 from mrl_driver.recording.recorded_link import DriverRecording
+from mrl_driver.recording.recording import Recorder
 from mrl_driver.session.events import Lost, Reconnected
 from mrl_driver.session.session import Session
 from mrl_driver.transport.baud_upgrade import BACK_S, speed_up
@@ -25,10 +26,11 @@ count starts again after `COUNTED_FRAMES` frames, a minute of driving, so that h
 
 
 class LinkSource:
-    """The links of one driver.  `close` may be called from any thread; all else only from the thread that reads.
+    """The links of one driver.  `close`, `start_recording` and `stop_recording` may be called from any thread; all else
+    only from the thread that reads.
 
     Attributes:
-        recording: the recording; None without one.
+        recording: the recording; None without one, and without the option `tap`.
         fast: the line runs at 500000 baud.
         searching: the port is lost, or a robot on a new port is not yet known to be the one that was lost.
     """
@@ -56,7 +58,9 @@ class LinkSource:
         if not isinstance(port, str):
             return port
         if record is not None or tap is not None:
-            self.recording = DriverRecording(record, port, self._baud, tap)
+            self.recording = DriverRecording(port, self._baud, tap)
+            if record is not None:
+                self.recording.start(record)
         try:
             link = self._open(port, CONNECT_S)
         except BaseException:
@@ -94,6 +98,48 @@ class LinkSource:
             self._closed, trial = True, self._trial
         if trial is not None:
             trial.close()
+
+    def start_recording(self, path: str) -> None:
+        """Start a recording; it begins with the next link, or with `exchange`.
+
+        Raises:
+            ConfigError: one is running, the file cannot be created, or the link was given open.
+        """
+        with self._lock:
+            if not isinstance(self._port, str):
+                raise ConfigError("a recording of an open link is requested, expected a port by name")
+            if not path:
+                raise ConfigError("the recording has no name, expected that of a file")
+            recording = self.recording or DriverRecording(self._port, self._baud)
+            if recording.recorder is not None:
+                raise ConfigError(f"{recording.recorder.path} is being recorded; stop that recording first")
+            recording.start(path)
+            self.recording = recording
+
+    def stop_recording(self) -> Recorder:
+        """Stop the recording; return its recorder, which the caller closes.
+
+        Raises:
+            ConfigError: none is running.
+        """
+        with self._lock:
+            recorder = self.recording.stop() if self.recording is not None else None
+        if recorder is None:
+            raise ConfigError("no recording is running, expected one that was started")
+        return recorder
+
+    def exchange(self, link: Link, session: Session) -> Link:
+        """Return the link to go on with, after a recording was started or stopped."""
+        with self._lock:
+            recording = self.recording
+            if recording is None:
+                return link
+            link = recording.exchange(link, session.checked, session.pending)
+            if recording.recorder is not None:
+                session.identify()
+            elif recording.idle:
+                self.recording = None
+            return link
 
     def end_recording(self) -> None:
         """Finish the recording."""

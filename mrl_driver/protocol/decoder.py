@@ -55,6 +55,11 @@ class FrameDecoder:
         self._line = ""
         """Content of the current line outside frames: empty, `text` or `noise`."""
 
+    @property
+    def pending(self) -> bytes:
+        """Bytes that were fed and have not become an event yet: the start of a frame, or of noise."""
+        return bytes(self._noise + self._frame)
+
     def feed(self, data: bytes) -> List[Event]:
         """Return the frames and garbage completed by `data`, in the order of the wire."""
         events: List[Event] = []

@@ -3,9 +3,10 @@
 Summaries, plots and calibrations read recordings through this module.  Memory does not grow with the file.
 """
 
+import json
 import math
 from collections import deque
-from typing import Deque, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple, Optional, Tuple
+from typing import Any, Deque, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
 from mrl_driver.protocol import REPLIES, REQUESTS, Event, Frame, FrameDecoder
 from mrl_driver.protocol.table import BY_CODE, BY_NAME
@@ -23,7 +24,7 @@ from mrl_driver.session.sensor_polling import SENSOR_STREAM, Reading, reading, s
 from mrl_driver.session.sequence import Stream
 from mrl_driver.session.session import STALE_S
 
-from .recording import CHECKED, FROM_BOARD, OPENED, PLAIN, REMARK, TO_BOARD, Entry, Recording
+from .recording import CHECKED, FROM_BOARD, OPENED, PHONE, PLAIN, REMARK, TO_BOARD, Entry, Recording
 
 LINE_BYTES = 12
 """A line of the file takes about this many bytes besides its data."""
@@ -125,6 +126,18 @@ def _first_frame(data: bytes, checked: bool) -> int:
 
 def _is_frame(data: bytes, checked: bool) -> bool:
     return any(isinstance(event, Frame) for event in FrameDecoder(REPLIES, checked).feed(data))
+
+
+def phone_readings(recording: Recording) -> Iterator[Tuple[float, Dict[str, Any]]]:
+    """Yield time [s] and content of each reading of a phone's sensors; what is not a JSON object is skipped."""
+    for time_s, direction, data in recording:
+        if direction == REMARK and data.startswith(PHONE):
+            try:
+                found = json.loads(data[len(PHONE) :])
+            except (ValueError, RecursionError):
+                continue
+            if isinstance(found, dict):
+                yield time_s, found
 
 
 def sensors_in(frame: Frame, time_s: float) -> Dict[str, Reading]:

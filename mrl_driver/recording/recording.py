@@ -27,6 +27,10 @@ OPENED = b"opened "
 """A remark: the port that follows was opened."""
 CHECKED, PLAIN = b"checked", b"plain"
 """Remarks: from here on the board's frames carry a checksum, or carry none."""
+PHONE = b"phone "
+"""A remark: a JSON object follows, with a reading of the sensors of the phone that drives the robot."""
+OWN_REMARKS = (OPENED.strip(), CHECKED, PLAIN)
+"""First words of the driver's own remarks."""
 _MAGIC = "#mrl-recording"
 FLUSH_S = 0.2
 _MOST_WAITING = 20000

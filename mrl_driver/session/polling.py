@@ -128,6 +128,11 @@ class Poll:
         if self._status_s < math.inf:
             self._busy, self._status_s, self.due_s = True, -math.inf, -math.inf
 
+    def ask_info(self) -> None:
+        """Send `robot_info` soon, unless one may still be answered."""
+        if self._info_s < math.inf:
+            self._info_s = self.due_s = -math.inf
+
     def answered(self, code: int, now: float) -> None:
         """A frame with this code arrived."""
         if code == INFO and code in self._asked:

@@ -58,7 +58,7 @@ _COUNTS, _BOTH, _OMNI, _SENSING = (
     BY_NAME[n].code for n in ("read_encoders", "read_encoders_and_sonars", "start_omni_stream", SENSOR_STREAM)
 )
 _STREAMS = (_BOTH, _COUNTS, _OMNI, _SENSING)
-_CHECK, _IMU = BY_NAME["set_check"].code, BY_NAME["read_imu"].code
+_CHECK, _IMU, _PROTOCOL = (BY_NAME[n].code for n in ("set_check", "read_imu", "read_protocol"))
 
 _encode = lru_cache(maxsize=32)(encode_request)
 """Cached, because polls, repeats and stops are often the same bytes."""
@@ -151,6 +151,11 @@ class Session:
         """Frames carry a checksum."""
         return self._decoder.checked
 
+    @property
+    def pending(self) -> bytes:
+        """Bytes from the board whose frame is not complete yet."""
+        return self._decoder.pending
+
     def take(self) -> bytes:
         """Return the bytes to send now, and forget them; `Driver` does the same without this call."""
         if not self.out:
@@ -224,6 +229,14 @@ class Session:
         self._send(code, *args)
         if code in TURNING:
             self._poll.hurry()
+            self.hurried = True
+
+    def identify(self) -> None:
+        """Ask a ready board again for its identity, for a recording that begins now."""
+        if self.ready and self.board is not None:
+            self._poll.ask_info()
+            if self.board.protocol >= 2:
+                self._send(_PROTOCOL)
             self.hurried = True
 
     def receive(self, data: bytes, now: float) -> List[SessionEvent]:

@@ -1,0 +1,214 @@
+"""Recordings that begin and end while the driver is connected."""
+
+import json
+import threading
+
+import pytest
+
+from mrl_driver.driver import Driver, Options
+from mrl_driver.errors import ConfigError, LinkLost
+from mrl_driver.recording import timeline
+from mrl_driver.recording.decoded import phone_readings
+from mrl_driver.recording.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
+from mrl_driver.recording.summary import summarise
+from mrl_driver.transport.link import SerialLink
+from tests.call_lists import CallLists
+from tests.waiting import drive_until, wait_until
+
+from .test_call_path import READ
+
+LASTING = Options(command_timeout_s=None)
+PIECE = 5
+POSE_ERROR_M = 1e-9
+
+
+@pytest.fixture
+def files(tmp_path):
+    return [str(tmp_path / name) for name in ("one.mrl", "two.mrl")]
+
+
+@pytest.fixture
+def pieces(monkeypatch):
+    """The driver reads a few bytes at a time, so that most reads end within a frame; all that it has read."""
+    read, waiting, seen = SerialLink.read, bytearray(), bytearray()
+
+    def read_piece(link, timeout_s):
+        if not waiting:
+            waiting.extend(read(link, timeout_s))
+        data = bytes(waiting[:PIECE])
+        del waiting[:PIECE]
+        seen.extend(data)
+        return data
+
+    monkeypatch.setattr(SerialLink, "read", read_piece)
+    return seen
+
+
+def joined(path, way):
+    return b"".join(entry.data for entry in Recording(path) if entry.direction == way)
+
+
+def frames_later(robot, number=5):
+    """Wait until the driver has read so many more frames."""
+    before = robot.statistics.frames
+    wait_until(lambda: robot.statistics.frames >= before + number)
+
+
+def record(robot, path):
+    robot.start_recording(path)
+    frames_later(robot)
+    return robot.stop_recording()
+
+
+def test_the_path_in_it_is_that_of_the_driver(serve, files):
+    """As of a recording from the start: model and capabilities of the board are in it."""
+    with Driver(serve().path, options=LASTING) as robot:
+        frames_later(robot)
+        robot.start_recording(files[0])
+        frames_later(robot, 10)
+        robot.reset_pose()
+        drive_until(robot, 0.2, 0.1, lambda: robot.pose.x_m > 0.02)
+        robot.stop()
+        wait_until(lambda: robot.stopped)
+        frames_later(robot)
+        pose = robot.pose
+        assert robot.stop_recording() == ""
+    found = timeline.read(Recording(files[0]))
+    assert found.model.name == "traxbot" and found.sonars_known
+    assert found.poses[-1][1:] == pytest.approx(pose, abs=POSE_ERROR_M)
+
+
+def test_no_byte_from_the_board_is_lost_or_doubled(serve, files, pieces):
+    with Driver(serve().path, options=LASTING) as robot:
+        for path in files:
+            frames_later(robot)
+            record(robot, path)
+    first, second = (joined(path, FROM_BOARD) for path in files)
+    at = pieces.find(first)
+    assert at > 0 and pieces.find(second, at + len(first)) > 0
+
+
+def test_no_byte_to_the_board_is_lost_or_doubled(serve, files):
+    board = serve()
+    with Driver(board.path, options=LASTING) as robot:
+        robot.start_recording(files[0])
+        drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 0.01)
+        robot.stop_recording()
+    sent = joined(files[0], TO_BOARD)
+    wait_until(lambda: sent in bytes(board.received))
+    assert b"@11,200,0," in sent
+
+
+def test_it_begins_with_a_whole_frame(serve, files, pieces):
+    with Driver(serve().path) as robot:
+        for _ in range(10):
+            frames_later(robot, 1)
+            record(robot, files[0])
+            found = summarise(Recording(files[0]))
+            assert found["garbage"] == {} and sum(found["frames"].values()) >= 5
+            assert joined(files[0], FROM_BOARD).lstrip(b"\r\n")[:1] == b"@"
+
+
+def test_its_remarks_and_header_are_those_of_a_recording_from_the_start(serve, files):
+    board = serve()
+    with Driver(board.path) as robot:
+        record(robot, files[0])
+    recording = Recording(files[0])
+    remarks = [entry.data for entry in recording if entry.direction == REMARK]
+    assert remarks == [b"opened " + board.path.encode(), b"checked"]
+    assert (recording.header["port"], recording.header["baud"]) == (board.path, 115200)
+
+
+def test_a_callback_may_begin_and_end_it(serve, files):
+    ended = threading.Event()
+
+    def on_telemetry(telemetry):
+        if robot.recorder is None and not ended.is_set():
+            robot.start_recording(files[0])
+        elif not ended.is_set() and joined(files[0], FROM_BOARD).count(b"e") > 3:
+            robot.stop_recording()
+            ended.set()
+
+    with Driver(serve().path) as robot:
+        robot.on_telemetry(on_telemetry)
+        wait_until(ended.is_set)
+        frames_later(robot)
+    assert summarise(Recording(files[0]))["garbage"] == {}
+
+
+def test_it_goes_on_until_the_driver_is_closed(serve, files):
+    with Driver(serve().path) as robot:
+        robot.start_recording(files[0])
+        frames_later(robot)
+    assert b"@13e" in joined(files[0], TO_BOARD)
+
+
+def test_another_one_can_begin_only_when_the_first_has_ended(serve, files):
+    with Driver(serve().path, options=Options(record=files[0])) as robot:
+        with pytest.raises(ConfigError, match=r"one\.mrl is being recorded; stop that recording first"):
+            robot.start_recording(files[1])
+        robot.stop_recording()
+        record(robot, files[1])
+        with pytest.raises(ConfigError, match="no recording is running"):
+            robot.stop_recording()
+        assert robot.recorder is None
+
+
+def test_a_file_that_cannot_be_made_leaves_the_robot_driving(serve, tmp_path):
+    with Driver(serve().path, options=LASTING) as robot:
+        drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 0.01)
+        for path in (str(tmp_path), ""):
+            with pytest.raises(ConfigError):
+                robot.start_recording(path)
+        frames_later(robot)
+        assert robot.command is not None and robot.recorder is None
+
+
+def test_what_a_full_disk_lacks_is_said(serve):
+    with Driver(serve().path) as robot:
+        assert "/dev/full lacks" in record(robot, "/dev/full")
+
+
+def test_a_driver_that_is_not_connected_records_nothing(files):
+    with pytest.raises(LinkLost, match="not connected"):
+        Driver("/dev/nothing").start_recording(files[0])
+
+
+def test_after_it_a_frame_takes_the_calls_of_one_before(serve, files):
+    lists, heard = CallLists(READ).install(), []
+    try:
+        with Driver(serve().path) as robot:
+            robot.on_telemetry(heard.append)
+            steps = []
+            for _ in range(2):
+                frames_later(robot)
+                lists.steps.clear()
+                frames_later(robot, 40)
+                steps.append(lists.steady("mrl_driver/robot/odometry.py:update").calls)
+                if robot.recorder is None and len(steps) == 1:
+                    record(robot, files[0])
+    finally:
+        lists.remove()
+    assert steps[0] == steps[1]
+
+
+# -- remarks
+
+
+def test_readings_of_a_phone_are_read_back_and_change_nothing_else(serve, files):
+    reading = {"t": 1.5, "alpha": 90.0, "name": "Zoë\n"}
+    with Driver(serve().path) as robot:
+        robot.remark("phone {}")
+        robot.start_recording(files[0])
+        robot.remark("phone " + json.dumps(reading))
+        robot.remark("phone no JSON")
+        frames_later(robot)
+    ((time_s, found),) = phone_readings(Recording(files[0]))
+    assert found == reading and time_s >= 0.0
+    assert summarise(Recording(files[0]))["lost"] == 0
+
+
+@pytest.mark.parametrize("text", ["", "checked", "plain", "opened /dev/ttyACM0", "x" * 1001])
+def test_a_remark_that_would_be_taken_for_the_drivers_own_is_refused(text):
+    with pytest.raises(ConfigError, match="expected 1 to 1000 characters"):
+        Driver("/dev/nothing").remark(text)
