@@ -16,6 +16,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.files import replace_file
 from mrl_driver.protocol.table import BAUD
 from mrl_driver.robot import models
+from mrl_driver.transport.address import masked
 
 LOWEST_BAUD, HIGHEST_BAUD = 300, 4_000_000
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
@@ -101,7 +102,7 @@ def require_baud(value: Any, where: str = "") -> int:
 
 
 def write(named: Mapping[str, Target]) -> None:
-    """Replace the user's file.
+    """Replace the user's file; other users cannot read it if it holds a token.
 
     Raises:
         ConfigError: its folder cannot be created.
@@ -118,7 +119,20 @@ def write(named: Mapping[str, Target]) -> None:
         os.makedirs(os.path.dirname(file_name), exist_ok=True)
     except OSError as error:
         raise ConfigError(f"{file_name} cannot be written: {error.strerror}") from None
-    replace_file(file_name, _HEADER + (yaml.safe_dump(data, sort_keys=False) if data else ""))
+    text = _HEADER + (yaml.safe_dump(data, sort_keys=False) if data else "")
+    replace_file(
+        file_name, text, private=any(masked(each.port or "") != each.port for each in named.values())
+    )
+
+
+def port_of(port: str) -> str:
+    """Return the port of the robot that `port` names; if it is not a name, `port`.
+
+    Raises:
+        ConfigError: the file of names is invalid.
+    """
+    found = read().get(port) if _NAME.fullmatch(port) else None
+    return found.port or port if found is not None else port
 
 
 def resolve(robot: str, port: Optional[str] = None, baud: Optional[int] = None) -> Target:

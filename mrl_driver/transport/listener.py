@@ -8,11 +8,11 @@ import contextlib
 import errno
 import socket
 import time
-from typing import Any, List, Optional, Tuple, Union
+from typing import Any, List, Optional, Protocol, Tuple, Union
 
 from mrl_driver.errors import ConfigError, LinkError, PortBusy, PortDenied
 
-from .address import TCP, Address, parse
+from .address import TCP, TLS, Address, parse
 
 SILENT_S = 2.0
 """A UDP client that sends nothing for this time counts as gone [s]; a driver sends something every 0.5 s."""
@@ -20,8 +20,45 @@ GONE_S = 2
 READ_SIZE = 4096
 LONGEST = 1400
 """Longest datagram [byte]; Ethernet would split a longer one."""
+TLS_ONLY = b"This port speaks TLS "
+"""First bytes of the answer of a TLS listener to a client that does not speak TLS."""
 _KEPT = 65536
 """At most this many bytes of an incomplete frame are kept; older ones are dropped."""
+
+
+class Listener(Protocol):
+    """The listening end of a connection.  Nothing here blocks.
+
+    Attributes:
+        address: address of the listener; if port 0 was requested, with the port that the system chose.
+        client: address of the connected client; empty without one.
+    """
+
+    address: Address
+    client: str
+
+    @property
+    def watch(self) -> Optional[int]:
+        """Descriptor that becomes readable when a client connects; None if `data` does."""
+
+    @property
+    def data(self) -> Optional[int]:
+        """Descriptor that becomes readable when data arrive; None without a client."""
+
+    def attend(self) -> bool:
+        """Accept waiting connections; return True if there is a new client."""
+
+    def read(self, limit: int = READ_SIZE) -> bytes:
+        """Return the client's bytes; drop the client if it has left."""
+
+    def write(self, data: bytes) -> int:
+        """Send as many bytes as there is room for; return their number."""
+
+    def drop(self) -> None:
+        """Close the connection of the client."""
+
+    def close(self) -> None:
+        """Listen no more."""
 
 
 class TcpListener:
@@ -33,17 +70,15 @@ class TcpListener:
     """
 
     def __init__(self, address: Address) -> None:
-        self._listening = _bound(address, socket.SOCK_STREAM)
+        self._listening = bound(address, socket.SOCK_STREAM)
         self._listening.listen(1)
         self._end: Optional[socket.socket] = None
         self.address = address._replace(port=self._listening.getsockname()[1])
-        """Address of the listener; if port 0 was requested, with the port that the system chose."""
         self.client = ""
-        """Address of the connected client; empty without one."""
 
     @property
     def watch(self) -> Optional[int]:
-        """Descriptor that becomes readable when a client connects; None if `data` does."""
+        """As `Listener.watch`."""
         return self._listening.fileno()
 
     @property
@@ -64,7 +99,7 @@ class TcpListener:
                     continue
                 end.setblocking(False)
                 prompt(end)
-                self._end, self.client, came = end, _spell(name), True
+                self._end, self.client, came = end, spell(name), True
         return came
 
     def _gone_already(self) -> None:
@@ -122,7 +157,7 @@ class UdpListener:
     """As `TcpListener`, for datagrams.  Each datagram that it sends holds whole frames."""
 
     def __init__(self, address: Address) -> None:
-        self._socket = _bound(address, socket.SOCK_DGRAM)
+        self._socket = bound(address, socket.SOCK_DGRAM)
         self.address = address._replace(port=self._socket.getsockname()[1])
         self.client = ""
         self.watch: Optional[int] = None
@@ -154,7 +189,7 @@ class UdpListener:
             if self._there is not None and there != self._there and now - self._heard_s < SILENT_S:
                 continue
             if there != self._there:
-                self._there, self.client, self._came, self._unsent = there, _spell(there), True, b""
+                self._there, self.client, self._came, self._unsent = there, spell(there), True, b""
             self._heard_s = now
             if data:
                 return data
@@ -181,17 +216,16 @@ class UdpListener:
         self._socket.close()
 
 
-Listener = Union[TcpListener, UdpListener]
-
-
-def listen(url: str) -> Listener:
-    """Listen on `tcp://ADDRESS:PORT` or `udp://ADDRESS:PORT`.
+def listen(url: str) -> Union[TcpListener, UdpListener]:
+    """Listen on `tcp://ADDRESS:PORT` or `udp://ADDRESS:PORT`, without encryption.
 
     Raises:
         ConfigError: the URL does not parse, or the address does not belong to this computer.
         PortBusy, PortDenied, LinkError: listening on the address is not possible.
     """
     address = parse(url, listening=True)
+    if address.scheme in TLS:
+        raise ConfigError(f"{address} is encrypted, expected tcp:// or udp://; only mrl serve speaks tls://")
     return TcpListener(address) if address.scheme in TCP else UdpListener(address)
 
 
@@ -220,7 +254,13 @@ def datagrams(data: bytes) -> List[bytes]:
     return [*pieces, data] if data else pieces
 
 
-def _bound(address: Address, kind: int) -> socket.socket:
+def bound(address: Address, kind: int) -> socket.socket:
+    """Return a socket of this kind on an address of this computer; it never blocks.
+
+    Raises:
+        ConfigError: the address does not belong to this computer.
+        PortBusy, PortDenied, LinkError: the address cannot be used.
+    """
     try:
         family, sort, protocol, _, there = socket.getaddrinfo(
             address.host, address.port, type=kind, flags=socket.AI_PASSIVE
@@ -251,6 +291,7 @@ def _refused(address: Address, error: OSError) -> Exception:
     return LinkError(f"{address} cannot be listened on ({error.strerror}); choose another address")
 
 
-def _spell(there: Tuple[Any, ...]) -> str:
+def spell(there: Tuple[Any, ...]) -> str:
+    """Return the address of a socket as text."""
     host = f"[{there[0]}]" if ":" in there[0] else there[0]
     return f"{host}:{there[1]}"

@@ -1,6 +1,7 @@
 """Links over a network: a TCP connection to a serial bridge (ser2net, an ESP as WiFi bridge), and UDP datagrams.
 
-Both have a descriptor, so `DescriptorLink` reads and writes them like a serial port.
+`tls_link` has the encrypted connection.  All have a descriptor, so `DescriptorLink` reads and writes them like a serial
+port.
 """
 
 import errno
@@ -12,7 +13,7 @@ from mrl_driver.errors import LinkError, LinkLost, PortDenied, PortMissing
 
 from .address import Address, parse
 from .link import DescriptorLink
-from .listener import prompt
+from .listener import TLS_ONLY, prompt
 
 _REMEDY = {
     errno.ECONNREFUSED: "nothing listens there; start the bridge, or check the port number",
@@ -27,9 +28,13 @@ _REMEDY = {
 
 HEARD = 24
 """Number of first bytes that the error quotes if the connection ends without a frame."""
+TLS_ALERT = b"\x15\x03"
+"""First bytes with which a TLS server refuses what is not TLS."""
 
 
-class _SocketLink(DescriptorLink):
+class SocketLink(DescriptorLink):
+    """A link over a socket."""
+
     _socket: socket.socket
 
     def _release(self) -> None:
@@ -40,8 +45,13 @@ class _SocketLink(DescriptorLink):
         remedy = by_words.get(why or "", "check the bridge's power and the network")
         return LinkLost(f"{self.port} went away ({(why or 'no reason given').lower()}): {remedy}")
 
+    def _end_of_data(self) -> None:
+        raise LinkLost(
+            f"{self.port}: the other end closed the connection; it may serve another program, or have lost its board"
+        )
 
-class TcpLink(_SocketLink):
+
+class TcpLink(SocketLink):
     """A connection to `tcp://host:port`, which carries the board's bytes unchanged.
 
     Raises:
@@ -51,7 +61,7 @@ class TcpLink(_SocketLink):
     """
 
     def __init__(self, port: str, patience_s: float) -> None:
-        self._socket = _connect(parse(port), port, patience_s)
+        self._socket = connect(parse(port), port, patience_s)
         self._heard = b""
         self._begin(port, self._socket.fileno())
 
@@ -63,17 +73,20 @@ class TcpLink(_SocketLink):
         return data
 
     def _end_of_data(self) -> None:
+        if self._heard.startswith((TLS_ONLY, TLS_ALERT)):
+            raise LinkLost(
+                f"{self.port}: the other end speaks TLS: use the link that `mrl serve` printed, "
+                "tls://TOKEN@HOST:PORT?sha256=FINGERPRINT"
+            )
         if self._heard and b"@" not in self._heard:
             raise LinkLost(
                 f"{self.port}: the other end sent {self._heard!r} and closed the connection, expected frames of a "
                 "board: another service listens there; check the address and the port number"
             )
-        raise LinkLost(
-            f"{self.port}: the other end closed the connection; it may serve another program, or have lost its board"
-        )
+        super()._end_of_data()
 
 
-class UdpLink(_SocketLink):
+class UdpLink(SocketLink):
     """Datagrams to and from `udp://host:port`; datagrams from other senders are not received.
 
     Each `write` sends one datagram with whole frames.  Only the session can notice a lost datagram; the system reports
@@ -95,7 +108,12 @@ class UdpLink(_SocketLink):
         """Ignore an empty datagram: it does not end the link."""
 
 
-def _connect(address: Address, port: str, patience_s: float) -> socket.socket:
+def connect(address: Address, port: str, patience_s: float) -> socket.socket:
+    """Return a connection that never blocks; `port` is the name for errors.
+
+    Raises:
+        PortMissing, LinkError: as `TcpLink`.
+    """
     end = _first(address, port, socket.SOCK_STREAM, patience_s)
     if end.getsockname() == end.getpeername():
         end.close()
@@ -123,7 +141,7 @@ def _first(address: Address, port: str, kind: int, patience_s: Optional[float]) 
         except OSError as error:
             end.close()
             failure = error
-    raise _explain(port, failure)
+    raise explain(port, failure)
 
 
 def _resolve(address: Address, port: str, kind: int) -> List[Tuple[Any, Any, int, str, Any]]:
@@ -136,7 +154,8 @@ def _resolve(address: Address, port: str, kind: int) -> List[Tuple[Any, Any, int
         ) from None
 
 
-def _explain(port: str, error: OSError) -> LinkError:
+def explain(port: str, error: OSError) -> LinkError:
+    """Return the error for a port that could not be opened."""
     number = errno.ETIMEDOUT if isinstance(error, socket.timeout) else error.errno or 0
     kinds: Dict[int, Type[LinkError]] = {errno.EACCES: PortDenied, errno.EPERM: PortDenied}
     kind = kinds.get(number, PortMissing if number in _REMEDY else LinkError)

@@ -3,12 +3,13 @@
 from typing import Any, Mapping, NamedTuple, Tuple
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.host import named_robots
 from mrl_driver.protocol.table import BAUD
 from mrl_driver.robot.models import BUILDS
 from mrl_driver.safety.operation_mode import AUTOMATIC, FASTEST_MANUAL_M_S, OPERATION_MODES
 from mrl_driver.safety.operator_delay import MAX_DELAY_S
 from mrl_driver.safety.protective_zones import ZoneSettings, require_settings
-from mrl_driver.transport.address import require_port
+from mrl_driver.transport.address import masked, require_port
 from mrl_driver.transport.baud_rates import require_raisable
 
 from .parameters import Row, read
@@ -19,7 +20,13 @@ LEAST_RATE_HZ = 5.0
 """Below this frame rate the ranges arrive too late for zones."""
 
 ROWS = (
-    Row("port", str, None, "", "Serial port of the board, such as /dev/ttyACM0, or tcp://HOST:PORT"),
+    Row(
+        "port",
+        str,
+        None,
+        "",
+        "Serial port of the board, such as /dev/ttyACM0, tcp://HOST:PORT, or a name of `mrl names`",
+    ),
     Row("port_timeout", float, 0.0, "s", "Wait this long for the port to appear", 0.0, 600.0),
     Row("baud", int, BAUD, "baud", "Speed of the serial port", choices=BAUDS),
     Row(
@@ -282,7 +289,9 @@ def check(given: Mapping[str, Any], namespace: str) -> Parameters:
         given["parts"] = ", ".join(map(str, given["parts"]))
     values = read(ROWS, given, namespace)
     try:
-        require_port(values["port"])
+        port = named_robots.port_of(values["port"])
+        require_port(port)
+        values["port"] = masked(port)  # no log, topic or diagnostics shows a token
         if values["fast"]:
             require_raisable(values["port"], values["baud"])
     except ConfigError as error:

@@ -22,19 +22,26 @@ from mrl_driver.transport.relay import STOP, Bridge
 from sim_arduino.testing import EmulatedBoard
 from tests.waiting import drive_until
 
+from .encrypted import encrypted
 from .run import fails, mrl
 
 ADDRESS = "127.0.0.1:0"
+
+
+def plain(scheme):
+    """A listener, and the port that clients open."""
+    listener = listen(f"{scheme}://{ADDRESS}")
+    return listener, str(listener.address)
 
 
 class Served:
     """An emulated board behind a bridge, in threads of this process."""
 
     def __init__(self, scheme):
-        self.board = EmulatedBoard("square")
-        self.link, listener = SerialLink(self.board.port), listen(f"{scheme}://{ADDRESS}")
-        self.url = str(listener.address)
         self.told = []
+        listener, self.url = encrypted(self.told.append) if scheme == "tls" else plain(scheme)
+        self.board = EmulatedBoard("square")
+        self.link = SerialLink(self.board.port)
         self._bridge = Bridge(self.link, listener, self.told.append)
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
@@ -52,7 +59,7 @@ class Served:
         self.board.close()
 
 
-@pytest.fixture(params=["tcp", "udp"])
+@pytest.fixture(params=["tcp", "udp", "tls"])
 def served(request):
     served = Served(request.param)
     yield served
