@@ -9,7 +9,7 @@ from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.session.sensor_polling import Reading, of_board
 
 from .rows import sonar_order
-from .shown_state import has_motors, moves_sideways
+from .shown_state import SILENT_S, has_motors, moves_sideways
 
 Name = Tuple[str, str]
 """Name and unit of a value."""
@@ -52,7 +52,7 @@ class Series:
     def values(self) -> List[float]:
         """Return the values now.
 
-        A value that is not known is NaN; commanded speeds are 0 while the robot is stopped; ranges are those of REP
+        A value that is not known is NaN, such as a speed while no telemetry arrives; commanded speeds are 0 while the robot is stopped; ranges are those of REP
         117, which have infinities; the age of the link is infinite before the first telemetry.
         """
         found: List[float] = []
@@ -77,6 +77,8 @@ def _motion(robot: Any, model: Optional[RobotModel]) -> List[_Group]:
     axes = 3 if moves_sideways(model) else 2
 
     def speeds() -> Sequence[float]:
+        if robot.age_s > SILENT_S:
+            return (_UNKNOWN,) * axes
         twist = robot.twist
         return (twist.linear_m_s, twist.angular_rad_s, twist.lateral_m_s)[:axes]
 
@@ -126,7 +128,7 @@ def _ranges(robot: Any, model: Optional[RobotModel]) -> List[_Group]:
     names = sonar_order(tuple(dict.fromkeys((*(model.sonars if model is not None else ()), *robot.ranges))))
 
     def read() -> Sequence[float]:
-        ranges: Dict[str, float] = robot.ranges
+        ranges: Dict[str, float] = robot.ranges if robot.age_s <= SILENT_S else {}
         return [ranges.get(name, _UNKNOWN) for name in names]
 
     return [_Group([(f"sonar {name.replace('_', ' ')}", "m") for name in names], read)] if names else []

@@ -10,26 +10,27 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.geometry import ORIGIN
 from mrl_driver.robot.odometry import Twist
 from mrl_driver.view.series import Series
+from mrl_driver.view.shown_state import SILENT_S
 from sim_arduino.serve import factory
 from tests.models import model as load
 
 
 @contextlib.contextmanager
-def driven(**options):
-    """A robot in simulated time that has stood still and drives straight ahead, by its options."""
-    emulated = factory.make(factory.Options(**options))
-    with contextlib.closing(emulated), SteppedDriver(emulated.engine) as driver:
+def driven():
+    """A robot with an IMU, in simulated time, that has stood still and drives straight ahead: robot, driver."""
+    emulated = factory.make(factory.Options(imu=True))
+    with contextlib.closing(emulated), SteppedDriver(emulated.board) as driver:
         driver.wait(1.0)
         for _ in range(15):
             driver.drive(0.2, 0.0)
             driver.wait(0.1)
-        yield driver
+        yield emulated, driver
 
 
 @pytest.fixture(scope="module")
 def values():
     """The values of a robot with sonars and an IMU that drives straight ahead, by name."""
-    with driven(imu=True) as driver:
+    with driven() as (_, driver):
         series = Series(driver)
         series.values()
         driver.wait(0.1)
@@ -65,33 +66,44 @@ def test_board_and_link_have_numbers(values):
     assert 0 <= values["link age"] < 0.1 and (values["frames lost"], values["frames damaged"]) == (0, 0)
 
 
+@pytest.mark.parametrize(
+    "fault, unknown",
+    [
+        ("freeze", {"speed", "turn rate", "right wheel", "left wheel", "sonar front"}),
+        ("imu_power", {"imu yaw rate", "imu acceleration z", "imu bias"}),
+    ],
+)
+def test_what_is_not_measured_any_more_is_not_known(fault, unknown):
+    with driven() as (emulated, driver):
+        series, seen = Series(driver), []
+        for _ in range(2):
+            seen.append(dict(zip((name for name, _ in series.names), series.values())))
+            emulated.board.inject(f"{fault}:at=0,lasts=1")
+            driver.wait(0.4)
+    before, after = ({name for name in unknown if math.isnan(values[name])} for values in seen)
+    assert (before - {"right wheel", "left wheel"}, after) == (set(), unknown)
+
+
+def behind_topics(**values):
+    """A robot with some of a driver's properties."""
+    usual = {"model": None, "pose": ORIGIN, "twist": Twist(0.0, 0.0), "command": None, "ranges": {}}
+    return SimpleNamespace(**{**usual, "battery_v": 12.0, "age_s": 0.0, "link_delay_s": math.nan, **values})
+
+
 def test_a_stopped_robot_is_asked_for_nothing():
-    robot = SimpleNamespace(
-        model=load("traxbot"),
-        pose=ORIGIN,
-        twist=Twist(0.0, 0.0),
-        command=None,
-        ranges={"front": 1.0},
-        battery_v=12.0,
-        age_s=0.0,
-        link_delay_s=math.nan,
-    )
-    series = Series(robot)
+    series = Series(behind_topics(model=load("traxbot")))
     found = dict(zip((name for name, _ in series.names), series.values()))
     assert (found["asked speed"], found["asked turn rate"]) == (0.0, 0.0)
 
 
+def test_a_range_of_a_silent_robot_is_not_known():
+    series = Series(behind_topics(ranges={"front": 1.0}, age_s=SILENT_S + 0.1))
+    found = dict(zip((name for name, _ in series.names), series.values()))
+    assert math.isnan(found["sonar front"])
+
+
 def test_a_sonar_that_is_heard_for_the_first_time_makes_other_series():
-    robot = SimpleNamespace(
-        model=None,
-        pose=ORIGIN,
-        twist=Twist(0.0, 0.0),
-        command=None,
-        ranges={},
-        battery_v=math.nan,
-        age_s=math.inf,
-        link_delay_s=math.nan,
-    )
+    robot = behind_topics()
     series = Series(robot)
     before = series.outdated()
     robot.ranges = {"front": 1.0}
