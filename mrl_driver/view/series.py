@@ -52,8 +52,9 @@ class Series:
     def values(self) -> List[float]:
         """Return the values now.
 
-        A value that is not known is NaN, such as a speed while no telemetry arrives; commanded speeds are 0 while the robot is stopped; ranges are those of REP
-        117, which have infinities; the age of the link is infinite before the first telemetry.
+        A value that is not known is NaN, such as a speed while no telemetry arrives.  Commanded speeds are 0 while the
+        robot is stopped.  Ranges are those of REP 117, which have infinities.  The age of the link is infinite before
+        the first telemetry.
         """
         found: List[float] = []
         for read in self._reads:
