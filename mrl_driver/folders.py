@@ -13,6 +13,11 @@ def cache() -> str:
     return _folder("XDG_CACHE_HOME", "~/.cache")
 
 
+def data() -> str:
+    """Return the folder for recordings: `~/.local/share/mrl-driver`, or below XDG_DATA_HOME."""
+    return _folder("XDG_DATA_HOME", "~/.local/share")
+
+
 def _folder(variable: str, usual: str) -> str:
     """Return the folder below an XDG variable; the specification ignores a relative path."""
     base = os.environ.get(variable, "")

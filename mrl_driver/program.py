@@ -1,4 +1,4 @@
-"""Starts a command of the project: what happens before its own error handling exists."""
+"""The program: its version, and the start of a command before its own error handling exists."""
 
 import importlib
 import os
@@ -38,6 +38,16 @@ def start(name: str, module: str) -> None:
             f"or: pip install {_NAMES_FOR_PIP.get(package, package)}\n"
         )
         sys.exit(ConfigError.exit_code)
+
+
+def version() -> str:
+    """Return the version of the package."""
+    from importlib import metadata
+
+    try:
+        return metadata.version("mrl-driver")
+    except metadata.PackageNotFoundError:
+        return "unknown (not installed)"
 
 
 def _open_closed_streams() -> None:

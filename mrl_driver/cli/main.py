@@ -15,6 +15,7 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 import click
 
 from mrl_driver.errors import MrlError, OutputError
+from mrl_driver.program import version
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as in shells."""
@@ -42,6 +43,7 @@ OWN: Dict[str, str] = {
     "set-id": "mrl_driver.cli.commands.set_id:set_id",
     "system": "mrl_driver.cli.commands.system:system",
     "tip-over": "mrl_driver.cli.commands.tip_over:tip_over",
+    "web": "mrl_driver.cli.commands.web:web",
 }
 """Name of each sub-command of this package, with its module and function."""
 
@@ -80,16 +82,6 @@ def registered(group: str) -> Dict[str, Any]:
     points: Any = metadata.entry_points()
     found = points.select(group=group) if hasattr(points, "select") else points.get(group, [])
     return {point.name: point for point in found}
-
-
-def version() -> str:
-    """Return the version of the package."""
-    from importlib import metadata
-
-    try:
-        return metadata.version("mrl-driver")
-    except metadata.PackageNotFoundError:
-        return "unknown (not installed)"
 
 
 def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:

@@ -6,7 +6,7 @@ echoes are drawn, because the cone is narrow there; farther away it would close 
 
 import heapq
 import math
-from typing import Dict, List, Mapping, Optional, Set, Tuple
+from typing import Dict, FrozenSet, List, Mapping, Optional, Set, Tuple
 
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import SonarMount
@@ -59,6 +59,11 @@ class FloorMap:
     def empty(self) -> bool:
         """No cell is occupied."""
         return not self._taken
+
+    @property
+    def taken(self) -> FrozenSet[Cell]:
+        """The occupied cells."""
+        return frozenset(self._taken)
 
     def see(self, pose: Pose, readings: Mapping[str, float]) -> None:
         """Draw new readings (REP 117) of a robot at a pose; NaN is ignored."""

@@ -1,0 +1,132 @@
+"""`mrl web`: a page that shows and drives a robot."""
+
+import contextlib
+import os
+import signal
+import threading
+from typing import TYPE_CHECKING, Any, Iterator, Optional
+
+import click
+
+from mrl_driver import folders
+from mrl_driver.host.named_robots import Target
+
+from .shared import (
+    battery_option,
+    connected,
+    fast_option,
+    full_screen,
+    print_message,
+    report_losses,
+    robot_options,
+    warn,
+)
+
+if TYPE_CHECKING:
+    from mrl_driver.driver import Driver
+    from mrl_driver.web.listening import Settings
+    from mrl_driver.web.server import Server
+
+COMMAND_TIMEOUT_S = 0.2
+"""The driver stops the robot this long after the last fresh command of a page [s]; the page sends one every 50 ms."""
+
+
+@click.command(short_help="Show and drive a robot on a web page.")
+@robot_options
+@click.option(
+    "--listen",
+    metavar="ADDRESS[:PORT]",
+    default="127.0.0.1:8642",
+    show_default=True,
+    help="Address of this computer; 0.0.0.0 for all of them. Beyond this computer, the page needs a link with a token.",
+)
+@click.option(
+    "--new-tokens", is_flag=True, help="Make other tokens; the links of before are no longer valid."
+)
+@click.option(
+    "--recordings",
+    metavar="FOLDER",
+    type=click.Path(file_okay=False),
+    help="Folder for recordings that are made on the page  [default: ~/.local/share/mrl-driver/recordings]",
+)
+@battery_option
+@fast_option
+def web(
+    target: Target,
+    listen: str,
+    new_tokens: bool,
+    recordings: Optional[str],
+    ignore_battery: bool,
+    fast: bool,
+) -> None:
+    """Show and drive a robot on a web page, on a phone or a desk.
+
+    The page shows map, speeds, battery, link and time series.  One person drives; everybody who sees the page can stop
+    the robot.  The robot drives only while a control is held, and stops 0.15 s after the last fresh command.
+
+    Without --listen the page is for this computer alone.  With it, the command prints a link to drive and a link to
+    watch, and the first as a QR code.  The connection is encrypted; the browser asks once whether you trust it.
+
+    \b
+    Examples:
+      mrl web --port /dev/ttyACM0                     then open http://127.0.0.1:8642/
+      mrl web --robot lab3 --listen 0.0.0.0           for phones in the same network
+      mrl web --robot lab3 --listen 0.0.0.0 --new-tokens
+    """
+    from mrl_driver.web.driver_robot import DriverRobot
+    from mrl_driver.web.listening import listening_socket, settings_for
+    from mrl_driver.web.server import serve
+
+    settings = settings_for(listen, new_tokens, print_message)
+    folder = recordings or os.path.join(folders.data(), "recordings")
+    with listening_socket(settings.host, settings.port) as ear, connected(
+        target, ignore_battery=ignore_battery, reconnect=True, fast=fast, command_timeout_s=COMMAND_TIMEOUT_S
+    ) as driver, contextlib.ExitStack() as signals:
+        warn(driver)
+        report_losses(driver)
+
+        def begun(server: "Server") -> None:
+            signals.enter_context(_ended_by_signals(server))
+            _print_links(settings, server.port, driver)
+
+        serve(DriverRobot(driver, folder), settings, lambda: str(driver.error or ""), begun, ear)
+        driver.wait(0)
+
+
+def _print_links(settings: "Settings", port: int, driver: "Driver") -> None:
+    """Print where the page is."""
+    from mrl_driver.view.shown_state import state_of
+    from mrl_driver.web.listening import drive_link, lines_for, qr_code
+
+    first, *others = lines_for(settings, port)
+    if settings.tokens is None:
+        click.echo(f"{first} shows {state_of(driver).name}; Ctrl-C ends it")
+        return
+    code = qr_code(drive_link(settings, port)) if full_screen() else ""
+    click.echo("\n".join((first, *others, *(code.splitlines()))))
+
+
+@contextlib.contextmanager
+def _ended_by_signals(server: "Server") -> Iterator[None]:
+    """In this block, signals stop the robot at once and end the server; behind it they have their usual effect.
+
+    Outside the main thread, which alone may set handlers, nothing changes.
+    """
+    seen = []
+
+    def end(number: int, _frame: Any) -> None:
+        seen.append(number)
+        server.end("mrl web has ended")
+
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                before[number] = signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if seen:
+            signal.raise_signal(seen[0])

@@ -1,0 +1,99 @@
+"""What waits to be sent to one client of the page: the newest message of each kind, never a queue of old ones."""
+
+import asyncio
+import time
+from typing import Any, Awaitable, Callable, Dict, Optional
+
+CONGESTED_BYTES = 16384
+"""With more unsent bytes than this in the program, messages wait, and newer ones replace them."""
+STALLED_S = 5.0
+"""A client that accepts nothing for this time is closed [s]."""
+LOOK_S = 0.05
+"""Time between two looks at a connection that is congested [s]."""
+MOST_PER_S = 200
+"""More messages of one client in a second close it; the page sends at most 80."""
+
+Send = Callable[[str], Awaitable[Any]]
+
+
+class Stalled(Exception):
+    """The client has accepted nothing for `STALLED_S`."""
+
+
+class Client:
+    """One page that is connected.
+
+    Args:
+        number: its id in messages, unique in the life of the server.
+        role: `drive` or `watch`.
+        name: what the others are shown.
+    """
+
+    def __init__(self, number: int, role: str, name: str) -> None:
+        self.number, self.role, self.name = number, role, name
+        self.heard_s = time.monotonic()
+        """When its last message arrived [s]."""
+        self.dropped = 0
+        """Messages that a newer one of their kind has replaced, because the connection was slow."""
+        self.refused = 0
+        """Messages in a row that were refused."""
+        self.last = ""
+        """Why the server ends the connection; empty while it does not."""
+        self.gone = asyncio.Event()
+        """The connection is to end, or has ended."""
+        self._transport: Optional[asyncio.Transport] = None
+        self._waiting: Dict[str, str] = {}
+        self._ready = asyncio.Event()
+        self._second, self._in_second = 0, 0
+
+    def put(self, kind: str, text: str) -> None:
+        """Send this as soon as possible, in place of the message of this kind that still waits."""
+        if kind in self._waiting:
+            self.dropped += 1
+        self._waiting[kind] = text
+        self._ready.set()
+
+    def end(self, why: str) -> None:
+        """End the connection: its page is shown why."""
+        self.last = self.last or why
+        self.gone.set()
+        self._ready.set()
+
+    def abort(self) -> None:
+        """Close the connection at once."""
+        if self._transport is not None:
+            self._transport.abort()
+
+    def is_flooding(self, now_s: float) -> bool:
+        """Count a message; return whether the client sends more than `MOST_PER_S`."""
+        self.heard_s = now_s
+        if int(now_s) != self._second:
+            self._second, self._in_second = int(now_s), 0
+        self._in_second += 1
+        return self._in_second > MOST_PER_S
+
+    async def pump(self, send: Send, transport: asyncio.Transport, closed: Callable[[str], str]) -> None:
+        """Send what waits, until the connection is to end; its last message is `closed` with the reason.
+
+        Raises:
+            Stalled: the client accepts no data.
+            ConnectionError: the connection is gone.
+        """
+        self._transport, free_s = transport, time.monotonic()
+        while not self.gone.is_set():
+            await self._ready.wait()
+            self._ready.clear()
+            while self._waiting and not self.gone.is_set():
+                if transport.is_closing():
+                    raise ConnectionResetError
+                now_s = time.monotonic()
+                if transport.get_write_buffer_size() > CONGESTED_BYTES:
+                    if now_s - free_s > STALLED_S:
+                        raise Stalled
+                    await asyncio.sleep(LOOK_S)
+                    continue
+                free_s = now_s
+                await send(self._waiting.pop(next(iter(self._waiting))))
+            free_s = time.monotonic()
+        if self.last and not transport.is_closing() and transport.get_write_buffer_size() <= CONGESTED_BYTES:
+            await send(closed(self.last))

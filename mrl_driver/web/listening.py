@@ -1,0 +1,157 @@
+"""Where the page is served, and what is needed to see it: address, certificate, tokens, links."""
+
+import errno
+import io
+import re
+import socket
+import ssl
+from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple
+
+from mrl_driver.errors import ConfigError, LinkError, MrlError, PortBusy, PortDenied
+from mrl_driver.host import access, certificate
+
+HOST, PORT = "127.0.0.1", 8642
+SEND_BUFFER = 65536
+"""The system keeps about this much for a client that does not read [byte]; what waits longer is replaced."""
+DRIVE, WATCH = "drive", "watch"
+_LISTEN = re.compile(r"(?:\[(?P<six>[^\]]+)\]|(?P<host>[^:\[\]]+))(?::(?P<port>\d{1,5}))?")
+
+
+class Settings(NamedTuple):
+    """Where the page is served, and what is needed to see it."""
+
+    host: str = HOST
+    port: int = PORT
+    """0 for any free port."""
+    tokens: Optional[access.Tokens] = None
+    """None: everybody that reaches the address may drive."""
+    context: Optional[ssl.SSLContext] = None
+    """Certificate and key for TLS; None without."""
+    names: Sequence[str] = ()
+    """What this computer is called besides localhost and its numeric addresses."""
+
+    def role(self, token: str) -> str:
+        """Return what a token permits: `drive`, `watch`, or nothing (empty)."""
+        return DRIVE if self.tokens is None else self.tokens.role(token)
+
+
+def settings_for(
+    listen: str, new_tokens: bool = False, tell: Callable[[str], None] = lambda line: None
+) -> Settings:
+    """Return the settings for ADDRESS or ADDRESS:PORT: beyond this computer with TLS and tokens.
+
+    `new_tokens` makes other tokens, so that the links of before are no longer valid.  `tell` gets a line if the
+    certificate had to be made again.
+
+    Raises:
+        ConfigError: the address does not parse, or certificate and tokens cannot be stored.
+    """
+    host, port = _parse(listen)
+    if access.is_loopback(host):
+        if new_tokens:
+            raise ConfigError(
+                f"--new-tokens is given, but {host} needs no token; give an address of this computer with --listen"
+            )
+        return Settings(host, port)
+    names = access.own_names()
+    context = certificate.context([*access.reachable(host), *names], tell)
+    return Settings(host, port, access.tokens(new_tokens), context, names)
+
+
+def _parse(listen: str) -> Tuple[str, int]:
+    found = _LISTEN.fullmatch(listen.strip())
+    port = int(found.group("port") or PORT) if found else -1
+    if found is None or not 0 <= port < 65536:
+        raise ConfigError(
+            f"--listen is {listen!r}, expected ADDRESS or ADDRESS:PORT, such as 0.0.0.0 or 10.0.0.7:{PORT}"
+        )
+    return found.group("six") or found.group("host"), port
+
+
+def url_of(settings: Settings, host: str, port: int) -> str:
+    """Return the address of the page on one of the computer's addresses, without a token."""
+    return f"{'https' if settings.context else 'http'}://{_bracketed(host)}:{port}/"
+
+
+def _bracketed(host: str) -> str:
+    return f"[{host}]" if ":" in host else host
+
+
+def _addresses(host: str) -> List[str]:
+    """Return the addresses under which others reach this one; 0.0.0.0 stands for those of IPv4."""
+    found = [each for each in access.reachable(host) if ":" in host or ":" not in each]
+    return found or [host]
+
+
+def drive_link(settings: Settings, port: int) -> str:
+    """Return the link that a phone gets: the first address, with the token for driving."""
+    url = url_of(settings, _addresses(settings.host)[0], port)
+    return url if settings.tokens is None else f"{url}#{DRIVE}={settings.tokens.drive}"
+
+
+def lines_for(settings: Settings, port: int) -> List[str]:
+    """Return the links, and how to recognise the certificate, as lines for people."""
+    if settings.tokens is None:
+        return [url_of(settings, settings.host, port)]
+    urls = [url_of(settings, host, port) for host in _addresses(settings.host)]
+    return [
+        *(f"to drive: {url}#{DRIVE}={settings.tokens.drive}" for url in urls),
+        *(f"to watch: {url}#{WATCH}={settings.tokens.watch}" for url in urls),
+        "The browser warns about the certificate once; accept it if its SHA-256 fingerprint is this one:",
+        certificate.fingerprint(),
+    ]
+
+
+def qr_code(link: str) -> str:
+    """Return a QR code of a link, for a terminal.
+
+    Raises:
+        ConfigError: the package that draws it is not installed.
+    """
+    try:
+        import segno
+    except ImportError:
+        raise ConfigError(
+            "the QR code needs the Python package segno, which is not installed; install it with: "
+            "pip install 'mrl-driver[web]'"
+        ) from None
+    out = io.StringIO()
+    segno.make(link, error="l", micro=False).terminal(out, compact=True, border=2)
+    return out.getvalue()
+
+
+def listening_socket(host: str, port: int) -> socket.socket:
+    """Return a socket that listens on an address of this computer.
+
+    Raises:
+        ConfigError: the address does not belong to this computer.
+        PortBusy, PortDenied, LinkError: listening on the address is not possible.
+    """
+    where = f"{_bracketed(host)}:{port}"
+    try:
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
+    except (OSError, UnicodeError) as error:
+        raise ConfigError(f"{where} is unknown ({error}); give an address of this computer") from None
+    end = socket.socket(found[0], socket.SOCK_STREAM)
+    try:
+        end.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)  # connections have the same
+        end.bind(found[4])
+        end.listen(64)
+    except OSError as error:
+        end.close()
+        raise _reason(error, where) from None
+    end.setblocking(False)
+    return end
+
+
+def _reason(error: OSError, where: str) -> MrlError:
+    if error.errno == errno.EADDRINUSE:
+        return PortBusy(f"{where} is in use by another program; give another port with --listen ADDRESS:PORT")
+    if error.errno in (errno.EACCES, errno.EPERM):
+        return PortDenied(f"{where} is not permitted ({error.strerror}); give a port above 1023")
+    if error.errno == errno.EADDRNOTAVAIL:
+        return ConfigError(
+            f"{where} is not an address of this computer; give one that is, or 0.0.0.0 for all"
+        )
+    return LinkError(f"{where} cannot be listened on: {error.strerror or error}")

@@ -1,0 +1,707 @@
+"""The server of the page: HTTP, WebSocket, and where a browser refuses it, an event stream with POST.
+
+One event loop owns everything here, in the thread that calls `serve`; the robot's own threads only wake it.  A client
+gets the newest message of each kind (`client.Client`), so that one that is slow delays nobody.  If the loop stands
+still, nobody calls `drive`, and the robot's own command timeout stops it.
+"""
+
+import asyncio
+import concurrent.futures
+import contextlib
+import secrets
+import socket
+import time
+from collections import deque
+from typing import Any, Awaitable, Callable, Deque, Dict, Iterable, List, Optional, Set
+
+from mrl_driver.errors import ConfigError, MrlError
+from mrl_driver.geometry import Pose
+from mrl_driver.program import version
+
+from . import messages
+from .assets import Assets
+from .client import Client, Stalled
+from .freshness import clock_s
+from .guard import headers_of, why_not
+from .helm import Control, Drive, Go, Halt, Helm, Latch, Refuse, Tell, Unlatch
+from .listening import DRIVE, Settings, listening_socket
+from .occupancy import CELL_M, Occupancy
+from .robot import PageRobot, Recorded
+
+try:
+    from aiohttp import WSMsgType, web
+except ImportError as missing:
+    raise ConfigError(
+        f"the page needs the Python package {missing.name}, which is not installed; install it with: "
+        "pip install 'mrl-driver[web]'"
+    ) from None
+
+MOST_CLIENTS = 16
+SAMPLE_S, VIEW_S, CELLS_S = 0.02, 0.1, 0.5
+"""Least time between two samples, two views, and two occupancy grids [s]."""
+BEAT_S = 0.05
+"""The loop looks this often whether the program is to end, and at a robot that does not report [s]."""
+LEAST_VIEW_S = 1.0
+"""A view that has not changed is sent again after this time [s]."""
+SILENT_S = 2.0
+"""A session over POST that sends nothing for this time is closed [s]."""
+HEARTBEAT_S = 5.0
+"""A WebSocket is asked this often whether it is alive, and closed if it does not answer in half the time [s]."""
+CLOSE_S = 0.5
+"""At the end, clients have this time to take their last message [s]."""
+MOST_POSES = 1000
+"""Poses of the path that a client gets when it joins."""
+RECORDINGS_S = 2.0
+"""Sizes of recordings are read this often while one is written [s]."""
+HELM, VIEW, SAMPLE, CELLS, RECORDING = "helm", "view", "sample", "cells", "recording"
+PLACEHOLDER = b"<!doctype html><title>mrl</title><p>The page is missing from this installation."
+_REFUSED_LINK = "this link is not valid; open the newest link of the program that serves the page"
+
+
+def never() -> str:
+    """Return no reason to end."""
+    return ""
+
+
+def serve(
+    robot: PageRobot,
+    settings: Settings,
+    ended: Callable[[], str] = never,
+    begun: Callable[["Server"], None] = lambda server: None,
+    ear: Optional[socket.socket] = None,
+) -> None:
+    """Serve the page until `ended` returns a reason, which is asked 20 times a second, or `Server.end` is called.
+
+    Then the robot is stopped, the clients get the reason, and all connections are closed.  Signals are the caller's.
+
+    Args:
+        robot: what is shown and driven.
+        settings: where it is served, and what is needed to see it.
+        ended: returns why the server is to end; empty while it is not.
+        begun: gets the server once it listens.
+        ear: a `listening_socket`, to be used instead of the address in the settings.
+
+    Raises:
+        ConfigError, PortBusy, PortDenied, LinkError: the address cannot be listened on.
+    """
+
+    async def run() -> None:
+        server = Server(robot, settings, ear)
+        await server.start()
+        why = "the program that serves the page has ended"
+        try:
+            begun(server)
+            why = await server.wait(ended)
+        finally:
+            await server.close(why)
+
+    asyncio.run(run())
+
+
+class Server:
+    """Serves one robot to its clients.  All but `end` is for the event loop in which it was started."""
+
+    def __init__(self, robot: PageRobot, settings: Settings, ear: Optional[socket.socket] = None) -> None:
+        self._robot, self._settings, self._ear = robot, settings, ear
+        self._helm = Helm()
+        self._clients: Dict[int, Client] = {}
+        self._sessions: Dict[str, Client] = {}
+        self._tasks: Set[asyncio.Task[Any]] = set()
+        self._number = 0
+        self._joining = 0
+        self._assets = Assets()
+        self._pending = self._ending = False
+        self._ended: Callable[[], str] = never
+        self._failure: Optional[BaseException] = None
+        self._was_latched = False
+        self._series: List[Any] = []
+        self._occupancy: Optional[Occupancy] = None
+        self._cells: List[Any] = []
+        self._view: Dict[str, Any] = {}
+        self._sample_s = self._viewed_s = self._told_s = self._cells_s = self._listed_s = 0.0
+        self._recordings: List[Recorded] = []
+        self._recording_s: Optional[float] = None
+        self._recording_loss = ""
+        self._sampler: Optional[asyncio.TimerHandle] = None
+        self._deadline: Optional[asyncio.TimerHandle] = None
+        self._files = concurrent.futures.ThreadPoolExecutor(1, "mrl-web-files")
+
+    # -- start and end
+
+    async def start(self) -> None:
+        """Listen.
+
+        Raises:
+            ConfigError, PortBusy, PortDenied, LinkError: the address cannot be listened on.
+        """
+        self._loop = asyncio.get_running_loop()
+        self._over: asyncio.Future[str] = self._loop.create_future()
+        self._socket = self._ear or listening_socket(self._settings.host, self._settings.port)
+        self._loop.set_exception_handler(self._on_failure)
+        self._runner = web.AppRunner(self._application(), access_log=None, handle_signals=False)
+        await self._runner.setup()
+        assert self._runner.server is not None
+        self._listener = await self._loop.create_server(
+            self._runner.server, sock=self._socket, ssl=self._settings.context
+        )
+        self.port: int = self._socket.getsockname()[1]
+        self._was_latched = self._robot.latched
+        if self._was_latched:
+            self._carry_out(self._helm.robot_latched(True, "another program", clock_s()))
+        self._robot.listen(self._on_changed)
+        await self._list_recordings()
+        self._beat()
+
+    @property
+    def clients(self) -> int:
+        """Number of clients."""
+        return len(self._clients)
+
+    def end(self, why: str) -> None:
+        """Stop the robot now, and let `serve` end; any thread and any signal handler may call it."""
+        self._ending = True
+        self._robot.stop()
+        with contextlib.suppress(RuntimeError):  # the loop has ended
+            self._loop.call_soon_threadsafe(self._finish, why)
+
+    def _finish(self, why: str) -> None:
+        self._ending = True
+        if not self._over.done():
+            self._over.set_result(why)
+
+    async def wait(self, ended: Callable[[], str] = never) -> str:
+        """Return why the server is to end, when it is."""
+        self._ended = ended
+        why = await self._over
+        if self._failure is not None:
+            raise self._failure
+        return why
+
+    async def close(self, why: str) -> None:
+        """Stop the robot, give the clients the reason, close all connections."""
+        self._ending = True
+        self._robot.stop()
+        for timer in (self._beater, self._sampler, self._deadline):
+            if timer is not None:
+                timer.cancel()
+        self._listener.close()
+        for client in list(self._clients.values()):
+            client.end(why)
+        if self._tasks:
+            await asyncio.wait(self._tasks, timeout=CLOSE_S)
+        for client in list(self._clients.values()):
+            client.abort()
+        for task in self._tasks:
+            task.cancel()
+        if self._runner.server is not None:  # this is the first call
+            await self._runner.server.shutdown(CLOSE_S)
+        await self._runner.cleanup()
+        self._socket.close()
+        self._files.shutdown()
+        self._robot.stop()
+
+    def _on_failure(self, loop: asyncio.AbstractEventLoop, context: Dict[str, Any]) -> None:
+        """An error in a callback of the loop is an error of this program: stop the robot and end."""
+        error = context.get("exception")
+        if {"transport", "protocol", "socket"} & context.keys() or isinstance(error, ConnectionError):
+            return  # a client has gone, and its connection is closed
+        self._fail(error or RuntimeError(context.get("message", "the event loop has failed")))
+
+    def _fail(self, error: BaseException) -> None:
+        self._failure = self._failure or error
+        self._robot.stop()
+        self._finish("the server has failed")
+
+    # -- the robot
+
+    def _on_changed(self) -> None:
+        """Called on any thread: wake the loop, unless it has been and has not come here yet."""
+        if not self._pending:
+            self._pending = True
+            with contextlib.suppress(RuntimeError):  # the loop has ended
+                self._loop.call_soon_threadsafe(self._look)
+
+    def _look(self) -> None:
+        """The robot has something new."""
+        self._pending = False
+        if self._ending:
+            return
+        self._watch_robot()
+        now_s = time.monotonic()
+        self._map(now_s)
+        if self._clients and self._sampler is None:
+            if now_s >= self._sample_s:
+                self._send_sample()
+            else:
+                self._sampler = self._loop.call_at(self._sample_s, self._send_sample)
+
+    def _watch_robot(self) -> None:
+        """Report to the helm what has happened to the robot."""
+        robot, helm, now_s = self._robot, self._helm, clock_s()
+        latched = robot.latched
+        if latched != self._was_latched:
+            self._was_latched = latched
+            self._carry_out(helm.robot_latched(latched, "another program", now_s))
+        why = robot.stopped_by
+        if why:
+            self._carry_out(helm.robot_stopped(why, now_s))
+        if helm.waits and robot.stands:
+            self._carry_out(helm.stands(now_s))
+
+    def _beat(self) -> None:
+        """Do what is due whether the robot reports or not."""
+        why = self._ended()
+        if why:
+            self._finish(why)
+            return
+        self._beater = self._loop.call_later(BEAT_S, self._beat)
+        self._watch_robot()
+        now_s = time.monotonic()
+        for session, client in list(self._sessions.items()):
+            if now_s - client.heard_s > SILENT_S:
+                del self._sessions[session]
+                client.end(f"the page sent nothing for {SILENT_S:g} s")
+                self._leave(client)
+        if self._clients and now_s >= self._viewed_s + VIEW_S - BEAT_S / 2:
+            self._viewed_s = now_s
+            self._send_view(now_s)
+        if self._recording_s is not None and now_s >= self._listed_s + RECORDINGS_S:
+            self._listed_s = now_s
+            self._spawn(self._list_recordings())
+
+    def _send_sample(self) -> None:
+        """Send the newest sample to all."""
+        self._sampler = None
+        now_s = time.monotonic()
+        self._sample_s = max(self._sample_s, now_s - SAMPLE_S) + SAMPLE_S
+        self._broadcast(SAMPLE, messages.sample(clock_s(), self._robot.sample()))
+
+    def _send_view(self, now_s: float) -> None:
+        """Send the view if it has changed, and other values if the robot has changed."""
+        robot = self._robot
+        series = robot.series()
+        if series != self._series:
+            self._series = series
+            for client in self._clients.values():
+                client.put("welcome", self._welcome(client))
+        view = messages.view_facts(robot.shown(now_s))
+        if view != self._view or now_s >= self._told_s + LEAST_VIEW_S:
+            self._view, self._told_s = view, now_s
+            self._broadcast(VIEW, messages.view(clock_s(), **view))
+        cells = self._occupancy.cells if self._occupancy is not None else self._cells
+        if cells is not self._cells and now_s >= self._cells_s + CELLS_S:
+            self._cells_s, self._cells = now_s, cells
+            self._broadcast(CELLS, messages.cells(clock_s(), CELL_M, cells))
+
+    def _map(self, now_s: float) -> None:
+        robot = self._robot
+        if self._occupancy is None:
+            if robot.model is None or not robot.model.sonars:
+                return
+            self._occupancy = Occupancy(robot.model.sonars)
+        self._occupancy.see(robot.pose, robot.ranges, now_s)
+
+    def _broadcast(self, kind: str, text: str) -> None:
+        for client in self._clients.values():
+            client.put(kind, text)
+
+    # -- the helm
+
+    def _carry_out(self, acts: Iterable[Any]) -> None:
+        """Do what the helm has decided."""
+        todo: Deque[Any] = deque(acts)
+        robot, tell, switched = self._robot, False, False
+        while todo:
+            act = todo.popleft()
+            if isinstance(act, (Drive, Go)):
+                why = "" if self._ending else self._command(act)
+                if why:
+                    todo.extend(self._helm.robot_stopped(why, clock_s()))
+            elif isinstance(act, Halt):
+                robot.stop()
+            elif isinstance(act, Latch):
+                client = self._clients.get(act.by) if act.by is not None else None
+                robot.latch(client.name if client is not None else "the page")
+                switched = True
+            elif isinstance(act, Unlatch):
+                robot.release()
+                switched = True
+            elif isinstance(act, Refuse):
+                self._refuse(act.client, act.why)
+            elif isinstance(act, Tell):
+                tell = True
+        if switched:
+            self._watch_robot()
+        if tell:
+            self._tell()
+        self._plan()
+
+    def _command(self, act: Any) -> str:
+        """Drive, or drive one step towards a goal; return why the robot does not."""
+        if isinstance(act, Drive):
+            return self._robot.drive(act.linear_m_s, act.angular_rad_s, act.lateral_m_s, act.age_s)
+        goal = Pose(act.x_m, act.y_m, act.yaw_rad or 0.0)
+        return self._robot.go(goal, act.yaw_rad is not None, act.age_s)
+
+    def _plan(self) -> None:
+        """Let the helm be called when something is due."""
+        if self._deadline is not None:
+            self._deadline.cancel()
+            self._deadline = None
+        wait_s = self._helm.due_s - clock_s()
+        if wait_s < 1e6:
+            self._deadline = self._loop.call_later(max(0.0, wait_s), self._tick)
+
+    def _tick(self) -> None:
+        self._deadline = None
+        self._carry_out(self._helm.tick(clock_s()))
+
+    def _tell(self) -> None:
+        names = {client.number: client.name for client in self._clients.values()}
+        self._broadcast(HELM, messages.helm(clock_s(), self._helm.state(), names, len(names)))
+
+    def _refuse(self, number: int, why: str) -> None:
+        client = self._clients.get(number)
+        if client is not None:
+            client.put(f"refused {why}", messages.refused(clock_s(), why))
+
+    # -- clients
+
+    def _join(self, hello: messages.Hello, token: str) -> Client:
+        """Return a new client, which has its first messages.
+
+        Raises:
+            ConfigError: it is not admitted; the text says why.
+        """
+        role = self._settings.role(token)
+        if not role:
+            raise ConfigError(_REFUSED_LINK)
+        if len(self._clients) >= MOST_CLIENTS:
+            raise ConfigError(f"{MOST_CLIENTS} pages show this robot already; close one of them")
+        self._number += 1
+        client = Client(self._number, role, hello.name or f"page {self._number}")
+        shown = self._robot.shown(time.monotonic())
+        self._series, self._view, trail = self._robot.series(), messages.view_facts(shown), list(shown.trail)
+        client.put("welcome", self._welcome(client))
+        client.put("path", messages.path(clock_s(), trail[:: max(1, -(-len(trail) // MOST_POSES))]))
+        client.put(VIEW, messages.view(clock_s(), **self._view))
+        client.put(RECORDING, self._recording())
+        if self._occupancy is not None:
+            client.put(CELLS, messages.cells(clock_s(), CELL_M, self._occupancy.cells))
+        self._clients[client.number] = client
+        self._carry_out(self._helm.join(client.number, role == DRIVE, clock_s()))
+        self._tell()
+        return client
+
+    def _leave(self, client: Client) -> None:
+        """A client has gone; if it drove, the robot stops."""
+        if self._clients.pop(client.number, None) is not None:
+            self._carry_out(self._helm.leave(client.number, clock_s()))
+            self._tell()
+
+    def _welcome(self, client: Client) -> str:
+        robot = self._robot
+        return messages.welcome(
+            clock_s(),
+            client.role,
+            client.number,
+            version(),
+            messages.robot_facts(self._view["name"], robot.model, robot.limits),
+            self._series,
+            client.role == DRIVE,
+            self._recording_name,
+            self._recordings,
+            True,
+        )
+
+    def _take_message(self, client: Client, data: Any) -> None:
+        """Handle one message of a client."""
+        if client.is_flooding(time.monotonic()):
+            client.end("the page sends too many messages")
+            return
+        try:
+            message = messages.parse(data)
+        except messages.Malformed as error:
+            self._helm.malformed()
+            client.refused += 1
+            client.put(f"refused {error}", messages.refused(clock_s(), str(error)))
+            if client.refused >= messages.MOST_REFUSALS:
+                client.end(f"{messages.MOST_REFUSALS} messages in a row were refused, the last one: {error}")
+            return
+        client.refused = 0
+        self._follow(client, message)
+
+    def _follow(self, client: Client, message: Any) -> None:
+        number, helm, now_s = client.number, self._helm, clock_s()
+        if isinstance(message, Control):
+            self._carry_out(helm.control(number, message, now_s))
+        elif isinstance(message, messages.Take):
+            self._carry_out(helm.take(number, now_s))
+        elif isinstance(message, messages.Yield):
+            self._carry_out(helm.yield_(number, now_s))
+        elif isinstance(message, messages.Stop):
+            self._carry_out(helm.stop(number, now_s))
+        elif isinstance(message, messages.Release):
+            self._carry_out(helm.release(number, now_s))
+        elif isinstance(message, messages.Record):
+            self._record(client, message.on)
+        elif isinstance(message, messages.Phone):
+            if helm.state().driver == number:
+                self._robot.phone(message.reading)
+        elif isinstance(message, messages.Hello):
+            self._refuse(number, "hello was sent twice, expected it once, as the first message")
+
+    # -- recordings: files are opened on a thread of their own
+
+    @property
+    def _recording_name(self) -> Optional[str]:
+        return next((each.name for each in self._recordings if each.on), None)
+
+    def _record(self, client: Client, on: bool) -> None:
+        if client.role != DRIVE:
+            self._refuse(client.number, "a watch-only link cannot record; use the link for driving")
+        elif on != (self._recording_s is not None):
+            self._recording_s = time.monotonic() if on else None
+            self._spawn(self._switch_recording(client.number, on))
+
+    async def _switch_recording(self, number: int, on: bool) -> None:
+        act = self._robot.start_recording if on else self._robot.stop_recording
+        try:
+            found = await self._loop.run_in_executor(self._files, act)
+            self._recording_loss = "" if on else found
+        except MrlError as error:
+            self._refuse(number, str(error))
+            if on:
+                self._recording_s = None
+        await self._list_recordings()
+
+    async def _list_recordings(self) -> None:
+        self._recordings = await self._loop.run_in_executor(self._files, self._robot.recordings)
+        name, begun_s = self._recording_name, self._recording_s
+        if name is None:
+            self._recording_s = None
+        elif begun_s is None:
+            self._recording_s = time.monotonic()
+        self._broadcast(RECORDING, self._recording())
+
+    def _recording(self) -> str:
+        name, begun_s = self._recording_name, self._recording_s
+        seconds = time.monotonic() - begun_s if name is not None and begun_s is not None else 0.0
+        return messages.recording(
+            clock_s(), name is not None, name or "", seconds, self._recording_loss, self._recordings
+        )
+
+    def _spawn(self, work: Awaitable[None]) -> None:
+        task = asyncio.ensure_future(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._done)
+
+    def _done(self, task: "asyncio.Task[Any]") -> None:
+        self._tasks.discard(task)
+        error = None if task.cancelled() else task.exception()
+        if error is not None:
+            self._fail(error)
+
+    # -- HTTP
+
+    def _application(self) -> web.Application:
+        app = web.Application(middlewares=[self._guard()], client_max_size=messages.MOST_BYTES)
+        app.on_response_prepare.append(_add_headers)
+        app.add_routes(
+            [
+                web.get("/", self._on_page),
+                web.get("/page/{name:.+}", self._on_page),
+                web.get("/ws", self._on_socket),
+                web.post("/session", self._on_session),
+                web.get("/session/{session}/events", self._on_events),
+                web.post("/session/{session}", self._on_message),
+                web.get("/recordings/{name}", self._on_recording),
+            ]
+        )
+        return app
+
+    def _guard(self) -> Any:
+        """Return the middleware that all requests pass."""
+
+        @web.middleware
+        async def guard(
+            request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
+        ) -> web.StreamResponse:
+            why = why_not(request.headers, self._settings.names, request.path == "/")
+            if why:
+                return _refusal(403, why)
+            try:
+                return await handler(request)
+            except (web.HTTPException, ConnectionError, asyncio.CancelledError, asyncio.TimeoutError):
+                raise
+            except Exception as error:
+                self._fail(error)
+                raise
+
+        return guard
+
+    def _role(self, request: web.Request) -> str:
+        """Return what the token of a request permits; empty for nothing."""
+        return self._settings.role(_token(request))
+
+    async def _on_page(self, request: web.Request) -> web.StreamResponse:
+        name = request.match_info.get("name", "index.html")
+        asset = self._assets.get(name)
+        if asset is None:
+            if name == "index.html":
+                return web.Response(body=PLACEHOLDER, content_type="text/html")
+            return _refusal(404, f"there is no {name!r} on this server")
+        headers = {"Cache-Control": "no-cache", "ETag": asset.tag, "Vary": "Accept-Encoding"}
+        if asset.tag in request.headers.get("If-None-Match", ""):
+            return web.Response(status=304, headers=headers)
+        headers["Content-Type"] = asset.kind
+        body = asset.data
+        if asset.packed and "gzip" in request.headers.get("Accept-Encoding", ""):
+            headers["Content-Encoding"], body = "gzip", asset.packed
+        return web.Response(body=body, headers=headers)
+
+    async def _on_recording(self, request: web.Request) -> web.StreamResponse:
+        if not self._role(request):
+            return _refusal(401, _REFUSED_LINK)
+        name = request.match_info["name"]
+        if name not in {each.name for each in self._recordings}:
+            return _refusal(404, f"there is no recording {name!r}")
+        headers = {"Content-Disposition": f'attachment; filename="{name}"', "Cache-Control": "no-store"}
+        return web.FileResponse(self._robot.recording_path(name), headers=headers)
+
+    # -- WebSocket
+
+    async def _on_socket(self, request: web.Request) -> web.StreamResponse:
+        link = web.WebSocketResponse(
+            timeout=CLOSE_S, heartbeat=HEARTBEAT_S, compress=False, max_msg_size=messages.MOST_BYTES + 1
+        )
+        await link.prepare(request)
+        if self._ending or self._joining >= MOST_CLIENTS:
+            await link.close()
+            return link
+        self._joining += 1
+        try:
+            client = await self._greet(link)
+        finally:
+            self._joining -= 1
+        if client is None:
+            await link.close(code=4403)
+            return link
+        transport = request.transport
+        assert transport is not None
+        self._spawn(self._pump_socket(client, link, transport))
+        try:
+            async for message in link:
+                if message.type in (WSMsgType.TEXT, WSMsgType.BINARY) and not client.last:
+                    self._take_message(client, message.data)
+        finally:
+            client.end("")
+            self._leave(client)
+        return link
+
+    async def _greet(self, link: web.WebSocketResponse) -> Optional[Client]:
+        """Return the client that says hello in time; None if it is not admitted, and then it gets the reason."""
+        try:
+            first = await asyncio.wait_for(link.receive(), messages.HELLO_S)
+            if first.type not in (WSMsgType.TEXT, WSMsgType.BINARY):
+                return None
+            hello = messages.parse(first.data)
+            if not isinstance(hello, messages.Hello):
+                raise ConfigError("the first message must be hello")
+            return self._join(hello, hello.token)
+        except asyncio.TimeoutError:
+            why = f"the page did not say hello within {messages.HELLO_S:g} s"
+        except (ConfigError, messages.Malformed) as error:
+            why = str(error)
+        with contextlib.suppress(ConnectionError):
+            await link.send_str(messages.closed(clock_s(), why))
+        return None
+
+    async def _pump_socket(
+        self, client: Client, link: web.WebSocketResponse, transport: asyncio.Transport
+    ) -> None:
+        try:
+            await client.pump(link.send_str, transport, lambda why: messages.closed(clock_s(), why))
+            await link.close()
+        except (Stalled, ConnectionError):
+            transport.abort()
+
+    # -- event stream with POST
+
+    async def _on_session(self, request: web.Request) -> web.StreamResponse:
+        try:
+            hello = messages.parse(await _body(request))
+            if not isinstance(hello, messages.Hello):
+                return _refusal(400, "the first message must be hello")
+            client = self._join(hello, _token(request) or hello.token)
+        except messages.Malformed as error:
+            return _refusal(400, str(error))
+        except ConfigError as error:
+            return _refusal(403, str(error))
+        session = secrets.token_urlsafe(16)
+        self._sessions[session] = client
+        return web.json_response({"session": session}, headers={"Cache-Control": "no-store"})
+
+    def _session(self, request: web.Request) -> Client:
+        """Return the client of a session.
+
+        Raises:
+            web.HTTPNotFound: there is none.
+        """
+        client = self._sessions.get(request.match_info["session"])
+        if client is None or client.role != self._role(request):
+            raise web.HTTPNotFound(text='{"why": "the session has ended"}', content_type="application/json")
+        return client
+
+    async def _on_events(self, request: web.Request) -> web.StreamResponse:
+        client = self._session(request)
+        response = web.StreamResponse(
+            headers={"Content-Type": "text/event-stream", "Cache-Control": "no-store"}
+        )
+        await response.prepare(request)
+        transport = request.transport
+        assert transport is not None
+        task = asyncio.current_task()
+        assert task is not None
+        self._tasks.add(task)
+        try:
+            await client.pump(
+                lambda text: response.write(f"data: {text}\n\n".encode()),
+                transport,
+                lambda why: messages.closed(clock_s(), why),
+            )
+        except (Stalled, ConnectionError):
+            transport.abort()
+        finally:
+            self._tasks.discard(task)
+            self._sessions.pop(request.match_info["session"], None)
+            client.end("")
+            self._leave(client)
+        return response
+
+    async def _on_message(self, request: web.Request) -> web.StreamResponse:
+        client = self._session(request)
+        data = await _body(request)
+        if not client.last:
+            self._take_message(client, data)
+        return web.Response(status=204)
+
+
+def _token(request: web.Request) -> str:
+    """Return the token in the header of a request; empty if there is none."""
+    kind, _, token = request.headers.get("Authorization", "").partition(" ")
+    return token.strip() if kind.lower() == "bearer" else ""
+
+
+async def _body(request: web.Request) -> bytes:
+    """Return the body of a request, which must arrive in time."""
+    return await asyncio.wait_for(request.read(), messages.HELLO_S)
+
+
+async def _add_headers(request: web.BaseRequest, response: web.StreamResponse) -> None:
+    response.headers.update(headers_of(request.headers.get("Host", "")))
+    response.headers.pop("Server", None)
+
+
+def _refusal(status: int, why: str) -> web.Response:
+    return web.json_response({"why": why}, status=status)

@@ -1,0 +1,92 @@
+"""A robot for the server's tests: it notes what it is told, and reports what a test sets."""
+
+import math
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import ORIGIN, Pose
+from mrl_driver.robot.models import load
+from mrl_driver.robot.odometry import Twist
+from mrl_driver.view.live_model import Shown
+from mrl_driver.view.shown_state import Row, ShownState
+from mrl_driver.web.robot import Recorded
+
+
+class FakeRobot:
+    """Stands still; `calls` has what it was told, in order."""
+
+    def __init__(self, folder=""):
+        self.model = load("traxbot")
+        self.limits = self.model.limits
+        self.pose, self.ranges = ORIGIN, {}
+        self.calls = []
+        self.refuses = ""
+        self.latched = False
+        self.stands = True
+        self.stopped_by = ""
+        self.values = [0.0, math.nan, math.inf]
+        self.names = [("x", "m"), ("y", "m"), ("sonar front", "m")]
+        self.files = {}
+        self.folder = folder
+        self.recording = ""
+        self.readings = []
+        self.changed = lambda: None
+
+    def drive(self, linear_m_s, angular_rad_s, lateral_m_s, age_s):
+        self.calls.append(("drive", linear_m_s, angular_rad_s, lateral_m_s))
+        return self.refuses
+
+    def go(self, goal, has_yaw, age_s):
+        self.calls.append(("go", goal, has_yaw))
+        return self.refuses
+
+    def stop(self):
+        self.calls.append(("stop",))
+
+    def latch(self, by):
+        self.latched = True
+        self.calls.append(("latch", by))
+
+    def release(self):
+        self.latched = False
+        self.calls.append(("release",))
+
+    def shown(self, now_s):
+        state = ShownState(
+            "traxbot 1", self.model, self.pose, Twist(0.0, 0.0), None, "user", self.ranges, {}, 11.0, 0.5, "ok", [],
+            True, 0.01, Row("errors", "0 lost"),
+        )  # fmt: skip
+        return Shown(state, now_s, 1.0, 50.0, [Pose(i / 100, 0.0, 0.0) for i in range(3000)], 0.0, "")
+
+    def series(self):
+        return self.names
+
+    def sample(self):
+        return self.values
+
+    def listen(self, changed):
+        self.changed = changed
+
+    def start_recording(self):
+        if self.recording:
+            raise ConfigError("a recording is being written already")
+        self.recording = "new.mrl"
+        self.files[self.recording] = b"bytes"
+        return self.recording
+
+    def stop_recording(self):
+        self.recording = ""
+        return ""
+
+    def recordings(self):
+        return [Recorded(name, len(data), name == self.recording) for name, data in self.files.items()]
+
+    def recording_path(self, name):
+        path = self.folder / name
+        path.write_bytes(self.files[name])
+        return str(path)
+
+    def phone(self, reading):
+        self.readings.append(reading)
+
+    def close(self):
+        self.calls.append(("close",))

@@ -1,0 +1,171 @@
+"""The robot behind the page, over a driver in simulated time."""
+
+import json
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from mrl_driver.driver import Options
+from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.errors import ConfigError, LinkLost
+from mrl_driver.geometry import ORIGIN, Pose
+from mrl_driver.robot.models import load
+from mrl_driver.web.driver_robot import DriverRobot
+from mrl_driver.web.goal_drive import REACHED, GoalDrive
+from mrl_driver.web.robot import PhoneReading
+from sim_arduino.serve import factory
+
+STEP_S = 0.05
+
+
+class Robot:
+    """A `DriverRobot` on an emulated board."""
+
+    def __init__(self, folder, **options):
+        self._emulated = factory.make(factory.Options(**options))
+        self.driver = SteppedDriver(self._emulated.engine, options=Options(command_timeout_s=0.2))
+        self.driver.connect()
+        self.page = DriverRobot(self.driver, str(folder))
+
+    def follow(self, command, seconds):
+        """Give a command every 50 ms, as a page does; why it was refused."""
+        end_s = self.driver.now_s + seconds
+        while self.driver.now_s < end_s:
+            why = command()
+            if why:
+                return why
+            self.driver.wait(STEP_S)
+        return ""
+
+    def close(self):
+        self.driver.close()
+        self._emulated.close()
+
+
+@pytest.fixture
+def robot(tmp_path):
+    robot = Robot(tmp_path)
+    yield robot
+    robot.close()
+
+
+def test_it_drives_while_commands_come_and_stops_0_2_s_after_the_last(robot):
+    assert robot.follow(lambda: robot.page.drive(0.2, 0.0, 0.0, 0.01), 0.5) == ""
+    robot.driver.wait(0.14)
+    assert robot.page.stopped_by == "" and robot.driver.command is not None
+    robot.driver.wait(0.07)
+    assert "no new command arrived in time" in robot.page.stopped_by
+
+
+def test_a_stop_by_the_page_is_no_stop_by_itself(robot):
+    robot.page.drive(0.2, 0.0, 0.0, 0.01)
+    robot.page.stop()
+    assert robot.page.stopped_by == ""
+    robot.driver.wait(1.0)
+    assert robot.page.stands
+
+
+def test_a_latched_stop_refuses_commands_until_it_is_released(robot):
+    robot.page.latch("phone")
+    assert "release it" in robot.page.drive(0.2, 0.0, 0.0, 0.01)
+    assert robot.page.latched and robot.driver.command is None
+    robot.page.release()
+    assert robot.page.drive(0.2, 0.0, 0.0, 0.01) == ""
+
+
+def test_a_held_goal_is_reached(robot):
+    goal = Pose(0.3, 0.0, 0.0)
+    assert robot.follow(lambda: robot.page.go(goal, False, 0.01), 20.0) == REACHED
+    robot.page.stop()
+    robot.driver.wait(1.0)
+    assert robot.driver.pose.x_m == pytest.approx(0.3, abs=0.05)
+
+
+@pytest.mark.parametrize("stopped", [True, False])
+def test_after_a_stop_the_next_step_begins_a_new_search(stopped):
+    """Otherwise time without progress would count while nobody held the control."""
+    drive, model = GoalDrive(), load("traxbot")
+    goal = Pose(5.0, 0.0, 0.0)
+    for now_s in (0.0, 120.0):
+        step = drive.step(goal, False, ORIGIN, {}, model.limits, model.sonars, now_s)
+        if stopped:
+            drive.end()
+    assert bool(step.ended) is not stopped
+
+
+def test_a_board_without_motors_has_no_goal(tmp_path):
+    robot = Robot(tmp_path, robot="pioneer", robot_id=7)
+    assert "no motors" in robot.page.go(Pose(1.0, 0.0, 0.0), False, 0.01)
+    robot.close()
+
+
+def test_samples_have_a_number_for_each_name(robot):
+    robot.driver.wait(0.5)
+    assert len(robot.page.sample()) == len(robot.page.series())
+    assert robot.page.shown(0.0).state.name == "traxbot 1"
+
+
+def test_each_frame_wakes_the_server(robot):
+    woken = []
+    robot.page.listen(lambda: woken.append(1))
+    robot.driver.wait(1.0)
+    assert 45 <= len(woken) <= 60
+
+
+def recording_driver(path=""):
+    """A driver that records, as far as `DriverRobot` looks at it."""
+    notes = []
+    nothing = lambda *_: None  # noqa: E731
+    return SimpleNamespace(
+        warning="", model=None, on_telemetry=nothing, on_event=nothing, on_sensor=nothing, notes=notes,
+        remark=notes.append, start_recording=lambda path: notes.append(path), stop_recording=lambda: "2 lines lost",
+        recorder=SimpleNamespace(path=path) if path else None,
+    )  # fmt: skip
+
+
+def phone(**angles):
+    angles = {"alpha_deg": 1.0, "beta_deg": math.nan, "gamma_deg": 3.0, **angles}
+    return PhoneReading(5.0, absolute=True, acceleration_m_s2=(0.0, 0.0, 9.8), rotation_deg_s=None, **angles)
+
+
+@pytest.fixture
+def recorder(tmp_path, monkeypatch):
+    monkeypatch.setattr("mrl_driver.web.driver_robot.Series", lambda driver: None)
+    (tmp_path / "old.mrl").write_bytes(b"12345")
+    (tmp_path / "secret.txt").write_bytes(b"1")
+    driver = recording_driver(str(tmp_path / "old.mrl"))
+    return driver, DriverRobot(driver, str(tmp_path))
+
+
+def test_readings_of_the_phone_go_into_the_recording(recorder):
+    driver, robot = recorder
+    robot.phone(phone())
+    (note,) = driver.notes
+    facts = json.loads(note.partition(" ")[2])
+    assert facts["beta_deg"] is None and facts["acceleration_m_s2"] == [0.0, 0.0, 9.8]
+
+
+def test_only_recordings_are_listed_and_found(recorder):
+    _, robot = recorder
+    assert robot.recordings() == [("old.mrl", 5, True)]
+    for name in ("secret.txt", "../old.mrl", ""):
+        with pytest.raises(ConfigError, match="no recording"):
+            robot.recording_path(name)
+
+
+def test_a_recording_is_named_after_its_time(recorder):
+    driver, robot = recorder
+    name = robot.start_recording()
+    assert name.endswith(".mrl") and driver.notes[0].endswith(name)
+    assert robot.stop_recording() == "2 lines lost"
+
+
+def test_a_port_that_is_lost_while_the_robot_is_stopped_is_no_error(recorder):
+    driver, robot = recorder
+
+    def stop():
+        raise LinkLost("the port went away")
+
+    driver.stop = stop
+    robot.stop()

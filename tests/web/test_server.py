@@ -1,0 +1,567 @@
+"""The page's server with a robot that notes what it is told, and aiohttp's client as the page."""
+
+import asyncio
+import contextlib
+import itertools
+import json
+import socket
+import time
+from types import SimpleNamespace
+
+import pytest
+
+from mrl_driver.errors import ConfigError, PortBusy
+from mrl_driver.host.access import Tokens
+from mrl_driver.web import assets, client, listening, messages
+from tests.waiting import PATIENCE_S
+
+from .fake_robot import FakeRobot
+
+TOKENS = Tokens("d" * 32, "e" * 32)
+FREE = listening.Settings(port=0)
+GUARDED = listening.Settings(port=0, tokens=TOKENS)
+
+
+class Page:
+    """The messages of one page, over its WebSocket or over a session with POST."""
+
+    def __init__(self, send, receive):
+        self._send, self._receive = send, receive
+        self._seq = itertools.count(1)
+        self.heard = None
+        self.seen = []
+
+    async def send(self, kind, **fields):
+        await self._send(json.dumps({"type": kind, **fields}))
+
+    async def next(self, kind, what=lambda message: True):
+        """The next message of this kind for which `what` holds."""
+        while True:
+            message = await self._receive()
+            self.heard = message["at"], time.monotonic() * 1000
+            self.seen.append(message)
+            if message["type"] == kind and what(message):
+                return message
+
+    async def control(self, press, held, **fields):
+        heard, heard_t = self.heard
+        times = {"t": time.monotonic() * 1000, "heard": heard, "heard_t": heard_t}
+        speeds = {"linear": 0.2, "angular": 0.0, "lateral": 0.0} if held and not fields else fields
+        await self.send("control", seq=next(self._seq), press=press, held=held, **times, **speeds)
+
+    async def take(self):
+        """Take the helm, and show that no control is held."""
+        await self.send("take")
+        await self.next("helm", lambda state: state["driver"] is not None)
+        await self.control(0, False)
+
+
+class Site:
+    """The server of a test, and what its clients need."""
+
+    def __init__(self, server, session, robot):
+        self.server, self.session, self.robot = server, session, robot
+        self.url = f"http://127.0.0.1:{server.port}"
+
+    @contextlib.asynccontextmanager
+    async def page(self, token="", name="desk", **options):
+        """A page over a WebSocket that has said hello."""
+        async with self.session.ws_connect(f"{self.url}/ws", **options) as link:
+            page = Page(link.send_str, link.receive_json)
+            page.link = link
+            await page.send("hello", token=token, name=name)
+            yield page
+
+    @contextlib.asynccontextmanager
+    async def stalled_page(self):
+        """A page that says hello and then reads nothing."""
+        hello = b'{"type": "hello", "token": "", "name": "stalled"}'
+        _, writer = await asyncio.open_connection("127.0.0.1", self.server.port)
+        writer.transport.pause_reading()
+        writer.write(
+            b"GET /ws HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
+            b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+            b"\x81" + bytes([0x80 + len(hello)]) + b"\0\0\0\0" + hello
+        )
+        yield
+        writer.transport.abort()
+
+    @contextlib.asynccontextmanager
+    async def posting_page(self, token=""):
+        """A page over an event stream and POST."""
+        headers = {"Authorization": f"Bearer {token}"} if token else {}
+        hello = json.dumps({"type": "hello", "token": "", "name": "phone"})
+        async with self.session.post(f"{self.url}/session", data=hello, headers=headers) as answer:
+            assert answer.status == 200
+            path = f"{self.url}/session/{(await answer.json())['session']}"
+
+        async def send(text):
+            async with self.session.post(path, data=text, headers=headers) as answer:
+                assert answer.status == 204, answer
+
+        async with self.session.get(f"{path}/events", headers=headers) as stream:
+
+            async def receive():
+                async for line in stream.content:
+                    if line.startswith(b"data: "):
+                        return json.loads(line[6:])
+                raise AssertionError("the stream has ended")
+
+            page = Page(send, receive)
+            page.path = path
+            yield page
+
+    async def until(self, condition):
+        """Wait for something that the server does."""
+        while not condition():
+            await asyncio.sleep(0.002)
+
+
+def serving(scenario, settings=FREE, robot=None):
+    """Serve a robot to a coroutine, which gets the `Site`."""
+    import aiohttp
+
+    from mrl_driver.web.server import Server
+
+    async def run():
+        served = robot or FakeRobot()
+        server = Server(served, settings)
+        await server.start()
+        try:
+            async with aiohttp.ClientSession() as session:
+                await asyncio.wait_for(scenario(Site(server, session, served)), PATIENCE_S)
+        finally:
+            await server.close("the test is over")
+
+    asyncio.run(run())
+
+
+def pages(scenario):
+    """A test of one page over each of both ways."""
+
+    @pytest.mark.parametrize("way", ["page", "posting_page"])
+    def test(way):
+        async def run(site):
+            async with getattr(site, way)() as page:
+                await scenario(site, page)
+
+        serving(run)
+
+    return test
+
+
+# -- what a page is shown
+
+
+@pages
+async def test_a_page_is_welcomed_with_its_role_the_robot_and_the_names_of_values(site, page):
+    welcome = await page.next("welcome")
+    assert (welcome["role"], welcome["robot"]["name"], welcome["series"][0]) == (
+        "drive",
+        "traxbot 1",
+        ["x", "m"],
+    )
+
+
+@pages
+async def test_each_report_of_the_robot_is_a_sample(site, page):
+    await page.next("view")
+    site.robot.values = [0.5, float("nan"), float("inf")]
+    site.robot.changed()
+    assert (await page.next("sample"))["v"] == [0.5, None, "inf"]
+
+
+@pages
+async def test_a_new_page_gets_the_path_so_far_thinned_out(site, page):
+    assert len((await page.next("path"))["poses"]) == 1000
+
+
+@pages
+async def test_obstacles_near_the_sonars_become_cells(site, page):
+    await page.next("view")
+    site.robot.ranges = {"front": 0.4}
+    site.robot.changed()
+    assert (await page.next("cells"))["taken"]
+
+
+# -- driving
+
+
+@pages
+async def test_a_held_control_drives_and_its_release_stops(site, page):
+    await page.take()
+    await page.control(1, True)
+    await page.next("helm", lambda state: state["driving"])
+    await page.control(1, False)
+    await page.next("helm", lambda state: not state["driving"])
+    assert site.robot.calls == [("drive", 0.2, 0.0, 0.0), ("stop",)]
+
+
+@pages
+async def test_a_held_goal_is_followed(site, page):
+    await page.take()
+    await page.control(1, True, goal=[1, 2])
+    await page.next("helm", lambda state: state["driving"])
+    assert site.robot.calls == [("go", (1.0, 2.0, 0.0), False)]
+
+
+@pages
+async def test_the_robot_stops_when_its_page_sends_nothing_more(site, page):
+    await page.take()
+    await page.control(1, True)
+    await page.next("helm", lambda state: state["driving"])
+    await page.next("helm", lambda state: not state["driving"])
+    assert site.robot.calls[-1] == ("stop",)
+
+
+@pages
+async def test_a_robot_that_refuses_a_command_spends_the_press(site, page):
+    site.robot.refuses = "the battery is empty"
+    await page.take()
+    await page.control(7, True)
+    state = await page.next("helm", lambda state: 7 in state["spent"].values())
+    assert state["why"] == "the battery is empty"
+
+
+@pages
+async def test_a_robot_that_stops_by_itself_spends_the_press(site, page):
+    await page.take()
+    await page.control(7, True)
+    await page.next("helm", lambda state: state["driving"])
+    site.robot.stopped_by = "a wheel did not follow"
+    site.robot.changed()
+    assert (await page.next("helm", lambda state: not state["driving"]))["why"] == "a wheel did not follow"
+
+
+@pages
+async def test_a_stop_that_another_program_has_latched_is_shown(site, page):
+    await page.next("helm")
+    site.robot.latched = True
+    assert (await page.next("helm", lambda state: state["latched"]))["latched_by"] is None
+
+
+@pages
+async def test_only_a_phone_that_drives_passes_its_sensors_on(site, page):
+    reading = {"alpha": 1, "beta": 2, "gamma": 3, "absolute": False, "acceleration": None, "rotation": None}
+    await page.send("phone", t=5, **reading)
+    await page.take()
+    await page.send("phone", t=6, **reading)
+    await site.until(lambda: site.robot.readings)
+    assert [reading.t_s for reading in site.robot.readings] == [0.006]
+
+
+def test_a_page_that_goes_away_stops_its_robot():
+    async def scenario(site):
+        async with site.page(name="other") as other:
+            async with site.page() as page:
+                await page.take()
+                await page.control(1, True)
+                await page.next("helm", lambda state: state["driving"])
+            state = await other.next("helm", lambda state: state["why"])
+            assert (state["why"], state["driver"]) == ("the driving page has left", None)
+            assert site.robot.calls[-1] == ("stop",)
+
+    serving(scenario)
+
+
+def test_a_watch_only_page_stops_the_robot_and_cannot_drive():
+    async def scenario(site):
+        async with site.page(TOKENS.watch) as page:
+            assert (await page.next("welcome"))["role"] == "watch"
+            await page.send("take")
+            assert "watching" in (await page.next("refused"))["why"]
+            await page.send("stop")
+            await page.next("helm", lambda state: state["latched"])
+        assert ("latch", "desk") in site.robot.calls
+
+    serving(scenario, GUARDED)
+
+
+def test_a_watch_only_page_cannot_record():
+    async def scenario(site):
+        async with site.page(TOKENS.watch) as page:
+            await page.send("record", on=True)
+            assert "watch-only" in (await page.next("refused"))["why"]
+
+    serving(scenario, GUARDED)
+
+
+# -- clients that are slow, silent or too many
+
+
+def test_a_stalled_page_delays_no_other_and_is_closed(monkeypatch):
+    """It never reads; the samples are large, so that its buffers are soon full."""
+    monkeypatch.setattr(client, "STALLED_S", 0.1)
+
+    async def scenario(site):
+        site.robot.values = [0.123456789] * 4000
+        async with site.page(name="good") as page, site.stalled_page():
+            await page.next("helm", lambda state: state["viewers"] == 2)
+            while site.server.clients == 2:
+                site.robot.changed()
+                await page.next("sample")
+            await page.take()
+            await page.control(1, True)
+            await page.next("helm", lambda state: state["driving"])
+
+    serving(scenario)
+
+
+def test_a_page_that_is_slow_gets_the_newest_message_of_a_kind():
+    async def run():
+        slow, sent = client.Client(1, "drive", "slow"), []
+        for text in "abc":
+            slow.put("sample", text)
+        slow.put("helm", "h")
+
+        async def send(text):
+            sent.append(text)
+            if len(sent) == 2:
+                slow.end("")
+
+        still = SimpleNamespace(get_write_buffer_size=lambda: 0, is_closing=lambda: False)
+        await slow.pump(send, still, str)
+        return sent, slow.dropped
+
+    assert asyncio.run(run()) == (["c", "h"], 2)
+
+
+def test_a_page_that_does_not_say_hello_is_told_why_it_is_closed(monkeypatch):
+    monkeypatch.setattr(messages, "HELLO_S", 0.01)
+
+    async def scenario(site):
+        async with site.session.ws_connect(f"{site.url}/ws") as link:
+            assert "hello" in (await link.receive_json())["why"]
+            await link.receive()
+            assert link.close_code == 4403
+
+    serving(scenario)
+
+
+def test_a_session_that_is_silent_is_closed(monkeypatch):
+    monkeypatch.setattr("mrl_driver.web.server.SILENT_S", 0.1)
+
+    async def scenario(site):
+        async with site.posting_page() as page:
+            assert "sent nothing" in (await page.next("closed"))["why"]
+
+    serving(scenario)
+
+
+def test_one_page_too_many_is_refused_with_the_reason(monkeypatch):
+    monkeypatch.setattr("mrl_driver.web.server.MOST_CLIENTS", 1)
+
+    async def scenario(site):
+        async with site.page() as first:
+            await first.next("welcome")
+            async with site.page() as page:
+                assert "1 pages show this robot already" in (await page.next("closed"))["why"]
+
+    serving(scenario)
+
+
+def test_a_page_that_floods_the_server_is_closed(monkeypatch):
+    monkeypatch.setattr(client, "MOST_PER_S", 3)
+
+    async def scenario(site):
+        async with site.page() as page:
+            for _ in range(10):
+                await page.send("ping", t=0, heard=None, heard_t=None)
+            assert "too many" in (await page.next("closed"))["why"]
+
+    serving(scenario)
+
+
+def test_five_refused_messages_in_a_row_close_the_page():
+    async def scenario(site):
+        async with site.page() as page:
+            for _ in range(5):
+                await page.send("nonsense")
+            assert "nonsense" in (await page.next("closed"))["why"]
+
+    serving(scenario)
+
+
+def test_a_message_that_is_too_long_closes_the_page():
+    async def scenario(site):
+        async with site.page() as page:
+            await page.next("welcome")
+            await page.send("hello", token="", name="x" * messages.MOST_BYTES)
+            while not page.link.closed:
+                await page.link.receive()
+            assert page.link.close_code == 1009
+
+    serving(scenario)
+
+
+# -- who may see the page
+
+
+@pytest.mark.parametrize("token", ["", "f" * 32])
+def test_a_wrong_token_is_refused_with_the_reason(token):
+    async def scenario(site):
+        async with site.page(token) as page:
+            assert "link is not valid" in (await page.next("closed"))["why"]
+        hello = json.dumps({"type": "hello", "token": token, "name": ""})
+        async with site.session.post(f"{site.url}/session", data=hello) as answer:
+            assert answer.status == 403
+
+    serving(scenario, GUARDED)
+
+
+def test_a_session_serves_nobody_without_its_token():
+    async def scenario(site):
+        async with site.posting_page(TOKENS.drive) as page:
+            await page.next("welcome")
+            async with site.session.post(page.path, data='{"type": "take"}') as answer:
+                assert answer.status == 404
+
+    serving(scenario, GUARDED)
+
+
+@pytest.mark.parametrize("path", ["/", "/ws", "/session"])
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Host": "evil.example"},
+        {"Origin": "http://evil.example"},
+        {"Origin": "null"},
+    ],
+    ids=str,
+)
+def test_other_sites_and_names_are_refused(path, headers):
+    """DNS rebinding, and pages of other sites in the browser of somebody who drives."""
+
+    async def scenario(site):
+        async with site.session.get(site.url + path, headers=headers) as answer:
+            assert answer.status == 403
+
+    serving(scenario)
+
+
+def test_the_page_loads_nothing_from_elsewhere_and_is_in_no_frame():
+    async def scenario(site):
+        async with site.session.get(f"{site.url}/") as answer:
+            policy = answer.headers["Content-Security-Policy"]
+            assert "default-src 'self'" in policy and "frame-ancestors 'none'" in policy
+            assert answer.headers["X-Content-Type-Options"] == "nosniff"
+
+    serving(scenario)
+
+
+def test_a_recording_needs_a_token_and_is_in_the_list(tmp_path):
+    robot = FakeRobot(tmp_path)
+
+    async def scenario(site):
+        async with site.page(TOKENS.drive) as page:
+            await page.send("record", on=True)
+            await page.next("recording", lambda state: state["on"])
+            await page.send("record", on=False)
+            ended = await page.next("recording", lambda state: not state["on"] and state["files"])
+            assert ended["files"][0]["name"] == "new.mrl"
+        for token, path, status in (
+            ("", "new.mrl", 401),
+            (TOKENS.watch, "new.mrl", 200),
+            (TOKENS.watch, "..%2Fother", 404),
+        ):
+            headers = {"Authorization": f"Bearer {token}"}
+            async with site.session.get(f"{site.url}/recordings/{path}", headers=headers) as answer:
+                assert answer.status == status
+
+    serving(scenario, GUARDED, robot)
+
+
+# -- files of the page
+
+
+def test_files_are_compressed_and_not_sent_again(tmp_path, monkeypatch):
+    monkeypatch.setattr("mrl_driver.web.server.Assets", lambda: assets.Assets(tmp_path))
+    (tmp_path / "main.js").write_text("let x = 1;\n" * 100)
+
+    async def scenario(site):
+        url = f"{site.url}/page/main.js"
+        async with site.session.get(url) as answer:
+            assert answer.headers["Content-Encoding"] == "gzip" and answer.content_type == "text/javascript"
+            tag = answer.headers["ETag"]
+        async with site.session.get(url, headers={"If-None-Match": tag}) as answer:
+            assert answer.status == 304
+
+    serving(scenario)
+
+
+@pytest.mark.parametrize("name", ["../secret", "a/../../secret", "/etc/passwd", "", "."])
+def test_no_name_leads_out_of_the_folder_of_the_page(tmp_path, name):
+    (tmp_path / "secret").write_text("x")
+    (tmp_path / "page").mkdir()
+    assert assets.Assets(tmp_path / "page").get(name) is None
+
+
+# -- the end
+
+
+def test_at_the_end_the_robot_is_stopped_first_and_pages_get_the_reason():
+    async def scenario(site):
+        async with site.page() as page:
+            await page.next("welcome")
+            site.robot.calls.clear()
+            site.server.end("mrl web has ended")
+            assert site.robot.calls == [("stop",)]
+            assert await site.server.wait() == "mrl web has ended"
+            closing = asyncio.ensure_future(site.server.close("mrl web has ended"))
+            assert (await page.next("closed"))["why"] == "mrl web has ended"
+            await closing
+
+    serving(scenario)
+
+
+def test_an_error_of_this_program_stops_the_robot_and_ends_the_server():
+    robot = FakeRobot()
+
+    async def scenario(site):
+        async with site.page() as page:
+            await page.take()
+            robot.drive = lambda *speeds: 1 / 0
+            await page.control(1, True)
+            with pytest.raises(ZeroDivisionError):
+                await site.server.wait()
+        assert robot.calls[-1] == ("stop",)
+
+    serving(scenario, robot=robot)
+
+
+def test_serve_ends_when_it_is_asked_to():
+    from mrl_driver.web.server import serve
+
+    robot, said = FakeRobot(), []
+    serve(
+        robot, FREE, lambda: "the driver has failed" if said else "", lambda server: said.append(server.port)
+    )
+    assert said and robot.calls[-1] == ("stop",)
+
+
+def test_an_address_in_use_is_named():
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        with pytest.raises(PortBusy, match=f"127.0.0.1:{port} is in use"):
+            listening.listening_socket("127.0.0.1", port)
+
+
+@pytest.mark.parametrize("host", ["192.0.2.1", "no.such.name.invalid"])
+def test_an_address_of_another_computer_is_refused(host):
+    with pytest.raises(ConfigError, match="address of this computer"):
+        listening.listening_socket(host, 0)
+
+
+@pytest.mark.parametrize(
+    ("text", "host", "port"),
+    [("127.0.0.2", "127.0.0.2", 8642), ("localhost:0", "localhost", 0), ("[::1]:99", "::1", 99)],
+)
+def test_addresses_to_listen_on(text, host, port):
+    settings = listening.settings_for(text)
+    assert (settings.host, settings.port, settings.tokens) == (host, port, None)
+
+
+@pytest.mark.parametrize("text", ["", ":8642", "127.0.0.1:99999", "http://127.0.0.1", "::1"])
+def test_what_is_no_address_is_refused(text):
+    with pytest.raises(ConfigError, match="expected ADDRESS or ADDRESS:PORT"):
+        listening.settings_for(text)

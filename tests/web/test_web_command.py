@@ -1,0 +1,106 @@
+"""`mrl web`: the command around the page's server."""
+
+import http.client
+import os
+import signal
+import socket
+import subprocess
+import sys
+from urllib.parse import urlsplit
+
+import pytest
+
+from sim_arduino.testing import EmulatedBoard
+from tests.cli.conftest import _alone  # noqa: F401
+from tests.cli.run import fails
+from tests.waiting import PATIENCE_S
+
+ANYWHERE = "/dev/ttyACM0"
+
+
+class Running:
+    """`mrl web` as a process on an emulated robot of this one."""
+
+    def __init__(self, *words):
+        self.board = EmulatedBoard("square")
+        command = [sys.executable, "-m", "mrl_driver", "web", "--port", self.board.port, *words]
+        self.process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=dict(os.environ)
+        )
+        self.line = self.process.stdout.readline()
+        assert self.line, self.process.stderr.read()
+
+    def get(self, path):
+        """Status and text of a page."""
+        link = http.client.HTTPConnection(urlsplit(self.line.split()[0]).netloc, timeout=PATIENCE_S)
+        link.request("GET", path)
+        answer = link.getresponse()
+        found = answer.status, answer.read().decode()
+        link.close()
+        return found
+
+    def close(self):
+        self.process.kill()
+        self.process.communicate()
+        self.board.close()
+
+
+@pytest.fixture
+def running():
+    running = Running("--listen", "127.0.0.1:0")
+    yield running
+    running.close()
+
+
+def test_the_page_is_served_and_a_signal_ends_the_command(running):
+    assert running.line.startswith("http://127.0.0.1:") and "traxbot 1" in running.line
+    assert running.get("/")[0] == 200
+    running.process.send_signal(signal.SIGINT)
+    _, said = running.process.communicate(timeout=PATIENCE_S)
+    assert (running.process.returncode, said.strip()) == (130, "mrl: interrupted")
+
+
+def test_the_page_is_served_on_while_the_port_of_the_robot_is_lost(running):
+    running.board.faults.unplug()
+    assert "the port is searched" in running.process.stderr.readline()
+    assert running.get("/")[0] == 200
+    running.process.terminate()
+    assert running.process.wait(PATIENCE_S) == 143
+
+
+def test_an_address_in_use_is_refused_before_the_robot_is_touched():
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        address = f"127.0.0.1:{other.getsockname()[1]}"
+        assert f"{address} is in use" in fails(5, "web", "--port", ANYWHERE, "--listen", address)
+
+
+def test_new_tokens_need_an_address_beyond_this_computer():
+    assert "needs no token" in fails(2, "web", "--port", ANYWHERE, "--new-tokens")
+
+
+def test_a_port_that_is_not_there():
+    assert "/dev/nowhere" in fails(3, "web", "--port", "/dev/nowhere", "--listen", "127.0.0.1:0")
+
+
+def test_a_missing_package_is_named_with_its_remedy(monkeypatch):
+    monkeypatch.setitem(sys.modules, "aiohttp", None)
+    monkeypatch.delitem(sys.modules, "mrl_driver.web.server", raising=False)
+    line = fails(2, "web", "--port", ANYWHERE)
+    assert "aiohttp" in line and "pip install 'mrl-driver[web]'" in line
+
+
+def test_a_page_for_this_computer_has_no_token():
+    from mrl_driver.web import listening
+
+    settings = listening.settings_for("127.0.0.1")
+    assert listening.lines_for(settings, 99) == ["http://127.0.0.1:99/"]
+
+
+def test_a_page_beyond_this_computer_has_a_link_to_drive_and_one_to_watch():
+    from mrl_driver.web import listening
+
+    settings = listening.settings_for("0.0.0.0:0")
+    drive, *_ = listening.lines_for(settings, 99)
+    assert settings.context is not None and drive.endswith(f":99/#drive={settings.tokens.drive}")
+    assert listening.drive_link(settings, 99) in drive
+    assert len(listening.qr_code(listening.drive_link(settings, 99)).splitlines()) > 10
