@@ -91,14 +91,24 @@ def remedy_of(reason: str) -> str:
     return stop_of(reason).remedy
 
 
-def why_refused(driver: "Driver") -> str:
-    """Return why `Driver.drive` has refused a command, and what to do."""
+def stopped_by(driver: "Driver") -> str:
+    """Return why the driver's robot stopped, in full: the wheel, or the radio that holds it, and what to do."""
+    if driver.mismatch is not None:
+        return f"stopped: {driver.mismatch}"
+    if driver.hold is not None and driver.hold.held:
+        return f"stopped: {driver.hold}"
+    remedy = remedy_of(driver.stop_reason)
+    return stopped_text(driver.stop_reason) + (f"; {remedy}" if remedy else "")
+
+
+def why_refused(driver: "Driver", again: str = "press again") -> str:
+    """Return why `Driver.drive` has refused a command, and what to do; `again` says how to send the next one."""
     if not driver.ready:
-        return "the robot sends no data or is just starting; press again when its data are back"
+        return f"the robot sends no data or is just starting; when its data are back, {again}"
     if driver.battery_state in ("empty", "off"):
         return f"the battery is {driver.battery_state} at {driver.battery_v:.1f} V; charge it"
     if driver.mismatch is not None:
-        return f"{driver.mismatch}; stop the robot before you drive on"
+        return f"{driver.mismatch}; {again}"
     if driver.hold is not None and driver.hold.held:
         return str(driver.hold)
-    return "the robot takes no commands now; press again"
+    return f"the robot takes no commands now; {again}"
