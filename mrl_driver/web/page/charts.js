@@ -7,6 +7,7 @@ const PERIOD_MS = 200;
 const MOST = 6;
 const COLOURS = ["c1", "c2", "c3", "c4", "c5", "c6"];
 const LEAST_HEIGHT = 90;
+const LEAST_SPANS = { m: 0.2, "m/s": 0.1, "rad/s": 0.1, rad: 0.2, V: 0.5, degC: 2, s: 0.02 }; // noise stays small
 
 const nice = (name) => name.replaceAll("_", " ");
 
@@ -108,6 +109,7 @@ export class Charts {
 
   #options(unit, shown, colours, colour) {
     const axis = { stroke: colour("ink-2"), grid: { stroke: colour("grid"), width: 1 }, ticks: { show: false }, font: "12px system-ui, sans-serif" };
+    const round = (_, splits, __, ___, step) => splits.map((value) => fixed(value, digitsOf(step)));
     const ago = (_, splits) => splits.map((second) => (Math.round(second) === 0 ? "now" : `${Math.round(second)} s`.replace("-", "−")));
     return {
       width: 300,
@@ -115,10 +117,10 @@ export class Charts {
       legend: { show: false },
       cursor: { y: false, drag: { x: false, y: false }, points: { size: 7 } },
       padding: [8, 14, 0, 0],
-      scales: { x: { time: false, range: () => [-SPAN_MS / 1000, 0] }, y: { range: (_, low, high) => around(low, high) } },
+      scales: { x: { time: false, range: () => [-SPAN_MS / 1000, 0] }, y: { range: (_, low, high) => around(low, high, LEAST_SPANS[unit] ?? 0) } },
       axes: [
         { ...axis, size: 26, space: 56, values: ago },
-        { ...axis, size: 54, space: 26, label: unit, labelSize: 18, labelGap: 0, labelFont: "12px system-ui, sans-serif" },
+        { ...axis, size: 54, space: 26, label: unit, labelSize: 18, labelGap: 0, values: round, labelFont: "12px system-ui, sans-serif" },
       ],
       series: [{}, ...shown.map((name, i) => ({ label: nice(name), stroke: colours[i], width: 1.8, points: { show: false } }))],
     };
@@ -157,9 +159,17 @@ export class Charts {
   }
 }
 
+/** Digits after the point of a multiple of a step. */
+function digitsOf(step) {
+  let digits = 0;
+  while (digits < 6 && Math.abs(step * 10 ** digits - Math.round(step * 10 ** digits)) > 1e-6) digits += 1;
+  return digits;
+}
+
 /** The range of an axis: all values, zero if it is close, and some room. */
-function around(low, high) {
+function around(low, high, least) {
   if (low === null || low === undefined) return [-1, 1];
+  if (high - low < least) [low, high] = [(low + high - least) / 2, (low + high + least) / 2];
   const [from, to] = [low > 0 && low < high * 0.5 ? 0 : low, high < 0 && high > low * 0.5 ? 0 : high];
   const room = Math.max((to - from) * 0.08, Math.abs(to) * 0.01, 0.01);
   return [from === 0 ? 0 : from - room, to === 0 ? 0 : to + room];

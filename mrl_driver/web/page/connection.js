@@ -8,7 +8,8 @@ const OPEN_MS = 3000; // without a welcome after this time the other transport i
 const QUIET_MS = 1500; // the server sends at least one message a second
 const DEAD_MS = 4000;
 const LATE_MS = 100; // the server drops commands older than 150 ms
-const SOCKET_TRIES = 2;
+const SOCKET_TRIES = 2; // WebSockets that fail before the other transport is tried
+const TRIES_AFTER_ONE = 6; // the same if one has worked before: then the server is gone, not refused by the browser
 const PAUSES_MS = [100, 250, 500, 1000, 2000];
 const STEADY_MS = 2000;
 const WINDOW_MS = 10000;
@@ -45,6 +46,7 @@ export class Connection {
   #handlers = new Map();
   #transport = null;
   #usesPost = false;
+  #socketTries = SOCKET_TRIES;
   #failures = 0;
   #attempts = 0;
   #welcomeAt = 0;
@@ -151,6 +153,7 @@ export class Connection {
       this.#welcomeAt = now;
       this.#mayDrive = message.role === "drive";
       this.#failures = 0;
+      if (!this.#usesPost) this.#socketTries = TRIES_AFTER_ONE;
       document.documentElement.dataset.transport = this.#usesPost ? PostTransport.id : SocketTransport.id;
       this.#show("open", "Connected");
     } else if (message.type === "closed") {
@@ -183,8 +186,8 @@ export class Connection {
     this.#failures += 1;
     if (this.#usesPost) {
       this.#usesPost = false;
-      this.#failures = SOCKET_TRIES - 1;
-    } else if (tookTooLong || this.#failures >= SOCKET_TRIES) {
+      this.#failures = this.#socketTries - 1;
+    } else if (tookTooLong || this.#failures >= this.#socketTries) {
       this.#usesPost = true;
     }
   }
