@@ -20,6 +20,11 @@ export function alarm(text) {
   region.textContent = region.textContent === text ? `${text}\u00a0` : text; // an equal text would not be read again
 }
 
+/** Reads out a text that is shown elsewhere. */
+export function say(text) {
+  setText(element("said"), text);
+}
+
 /** Shows a notice of the page for some seconds. */
 export function notice(text) {
   ofPage = text;

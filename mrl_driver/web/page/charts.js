@@ -6,7 +6,8 @@ import { SPAN_MS } from "./samples.js";
 const PERIOD_MS = 200;
 const MOST = 6;
 const COLOURS = ["c1", "c2", "c3", "c4", "c5", "c6"];
-const LEAST_HEIGHT = 90;
+const LEAST_HEIGHT = 70;
+const TIMES_HEIGHT = 26;
 const LEAST_SPANS = { m: 0.2, "m/s": 0.1, "rad/s": 0.1, rad: 0.2, V: 0.5, degC: 2, s: 0.02 }; // noise stays small
 
 const nice = (name) => name.replaceAll("_", " ");
@@ -76,16 +77,18 @@ export class Charts {
     const colour = (name) => style.getPropertyValue(`--${name}`).trim();
     element("chart-values").replaceChildren(...names.map((name, i) => this.#chip(name, COLOURS[i])));
     const units = [...new Set(names.map((name) => this.#samples.unit(name)))];
-    for (const unit of units) {
+    document.documentElement.dataset.charts = units.length;
+    units.forEach((unit, i) => {
       const shown = names.filter((name) => this.#samples.unit(name) === unit);
       const box = make("div", "chart");
       box.setAttribute("role", "img");
       box.setAttribute("aria-label", `Chart of ${shown.map(nice).join(", ")} over the last 60 seconds`);
       this.#box.append(box);
       const colours = shown.map((name) => colour(COLOURS[names.indexOf(name)]));
-      const plot = new uPlot(this.#options(unit, shown, colours, colour), this.#data(shown), box);
-      this.#plots.push({ plot, shown });
-    }
+      const last = i === units.length - 1;
+      const plot = new uPlot(this.#options(unit, shown, colours, colour, last), this.#data(shown), box);
+      this.#plots.push({ plot, shown, further: last ? TIMES_HEIGHT : 0 });
+    });
     this.#resize();
     const options = this.#samples.series.filter(([name]) => !names.includes(name));
     element("series").replaceChildren(
@@ -107,7 +110,8 @@ export class Charts {
     return chip;
   }
 
-  #options(unit, shown, colours, colour) {
+  /** Only the last chart has the times below it. */
+  #options(unit, shown, colours, colour, last) {
     const axis = { stroke: colour("ink-2"), grid: { stroke: colour("grid"), width: 1 }, ticks: { show: false }, font: "12px system-ui, sans-serif" };
     const round = (_, splits, __, ___, step) => splits.map((value) => fixed(value, digitsOf(step)));
     const ago = (_, splits) => splits.map((second) => (Math.round(second) === 0 ? "now" : `${Math.round(second)} s`.replace("-", "−")));
@@ -116,10 +120,10 @@ export class Charts {
       height: LEAST_HEIGHT,
       legend: { show: false },
       cursor: { y: false, drag: { x: false, y: false }, points: { size: 7 } },
-      padding: [8, 14, 0, 0],
+      padding: [8, 14, last ? 0 : 6, 0],
       scales: { x: { time: false, range: () => [-SPAN_MS / 1000, 0] }, y: { range: (_, low, high) => around(low, high, LEAST_SPANS[unit] ?? 0) } },
       axes: [
-        { ...axis, size: 26, space: 56, values: ago },
+        { ...axis, size: last ? TIMES_HEIGHT : 0, space: 56, values: last ? ago : () => [] },
         { ...axis, size: 54, space: 26, label: unit, labelSize: 18, labelGap: 0, values: round, labelFont: "12px system-ui, sans-serif" },
       ],
       series: [{}, ...shown.map((name, i) => ({ label: nice(name), stroke: colours[i], width: 1.8, points: { show: false } }))],
@@ -136,10 +140,10 @@ export class Charts {
   }
 
   #resize() {
-    const count = this.#plots.length;
-    for (const { plot } of this.#plots) {
+    const each = Math.max(LEAST_HEIGHT, Math.floor((this.#box.clientHeight - TIMES_HEIGHT) / this.#plots.length) - 2);
+    for (const { plot, further } of this.#plots) {
       const width = plot.root.parentElement.clientWidth;
-      const height = Math.max(LEAST_HEIGHT, Math.floor(this.#box.clientHeight / count) - 4);
+      const height = each + further;
       if (width > 0 && (plot.width !== width || plot.height !== height)) plot.setSize({ width, height });
     }
   }

@@ -1,10 +1,10 @@
 /** Puts the page together: messages of the server on one side, controls and displays on the other. */
 
-import { alarm, notice, robotNotice } from "./announce.js";
+import { alarm, notice, robotNotice, say } from "./announce.js";
 import { Charts } from "./charts.js";
 import { Connection } from "./connection.js";
 import { gamepad } from "./gamepad.js";
-import { Goal } from "./goal.js";
+import { Goal, REACHED } from "./goal.js";
 import { Helm } from "./helm.js";
 import { Joystick } from "./joystick.js";
 import { keyboard } from "./keyboard.js";
@@ -57,8 +57,9 @@ function stateNow() {
   if (!connection.isOpen) return [connection.words, connection.state === "connecting" ? "" : "bad"];
   if (helm.state.latched) return [`EMERGENCY STOP${helm.stoppedBy}`, "bad"];
   if (view.silent) return ["No data from the robot", "bad"];
-  if (press.source && press.why) return [sentence(press.why) + (press.drove ? ": release and press again" : ""), "caution"];
-  if (connection.state === "slow") return [connection.words, "caution"];
+  if (press.source && press.why === REACHED) return [sentence(REACHED), "good"];
+  if (press.source && press.why) return [sentence(press.why) + (press.drove ? ". Release and press again" : ""), "caution"];
+  if (connection.state === "slow" && press.held) return [connection.words, "caution"];
   const waits = view.stopped && performance.now() - heldSince > ANSWER_MS;
   if (press.held) return [waits ? sentence(view.stopped) : "You drive", waits ? "caution" : "good"];
   if (!view.stopped) return [view.command ? "The robot drives" : "Connected", view.command ? "good" : ""];
@@ -98,7 +99,7 @@ connection.changed = () => {
   } else if (connection.state === "refused") {
     alarm(connection.words);
   } else if (connection.state === "slow" && !wasSlow) {
-    notice(`${connection.words}.`);
+    say(`${connection.words}.`);
   }
   wasOpen = connection.isOpen;
   wasSlow = connection.state === "slow";
@@ -154,7 +155,6 @@ connection.on("view", (message) => {
 connection.on("refused", ({ why }) => notice(`${sentence(why)}.`));
 
 helm.taken = (message) => {
-  if (message.why && message.why !== counts.why && !press.held) notice(`${sentence(message.why)}.`);
   counts = message;
   connection.commandAgeMs = helm.isMine && message.driving ? number(message.age_ms) || 0 : 0;
   press.answer(helm.spent, message.why || "the robot stopped");
