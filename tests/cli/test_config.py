@@ -146,6 +146,10 @@ def test_a_2013_board_keeps_nothing(serve):
         (["bus_speed", "401"], "expected a whole number from 100 to 400 [kHz]"),
         (["kp", "1", "kp", "2"], "given twice"),
         (["robot_id", "3"], "mrl set-id"),
+        (
+            ["radio_hold", "14"],
+            "radio_hold is 14, expected 0 or 15 to 300 [100 ms]: a holder counts an answer for",
+        ),
     ],
 )
 def test_wrong_words_are_refused_before_the_port_is_opened(words, line):

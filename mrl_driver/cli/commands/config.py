@@ -7,6 +7,7 @@ import click
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.host.named_robots import Target
+from mrl_driver.navigation.radio_holder import FRESH_S
 from mrl_driver.protocol.table import BRIDGES, PARAMETER_BY_NAME, Parameter
 from mrl_driver.robot.models import COMMON_BOARD, RobotModel
 
@@ -14,6 +15,10 @@ from .shared import complete_parameter, confirm, connected, json_option, print_j
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
+
+
+LEAST_HOLD = round(FRESH_S / 0.1)
+"""Smallest `radio_hold` but 0: below it, a board's host may release it while its holder still counts it as held."""
 
 
 class ParameterValue(NamedTuple):
@@ -169,6 +174,11 @@ def parse(words: Sequence[str]) -> List[Tuple[Parameter, int]]:
             unit = f" [{row.unit}]" if row.unit else ""
             raise ConfigError(
                 f"{name} is {text!r}, expected a whole number from {row.low} to {row.high}{unit}"
+            )
+        if name == "radio_hold" and 0 < value < LEAST_HOLD:
+            raise ConfigError(
+                f"radio_hold is {value}, expected 0 or {LEAST_HOLD} to {row.high} [{row.unit}]: "
+                f"a holder counts an answer for {FRESH_S:g} s"
             )
         found[name] = (row, value)
     return list(found.values())
