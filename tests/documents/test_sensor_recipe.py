@@ -70,7 +70,7 @@ def tree(tmp_path_factory):
     for part in PARTS:
         source = ROOT / part
         if source.is_dir():
-            shutil.copytree(source, made / part, ignore=shutil.ignore_patterns("__pycache__"))
+            shutil.copytree(source, made / part)  # with its compiled modules
         elif source.exists():
             shutil.copy2(source, made / part)
     carry_out(made)
