@@ -86,18 +86,18 @@ check: setup ## Format, lint, types, generated files, import rules, plain Englis
 	$(PY) -m tests.documents.plain_english
 
 test: apt ## Set everything up and run all tests
-	@$(MAKE) --no-print-directory -j3 -Otarget check firmware comparison pc-firmware collected
+	@$(MAKE) --no-print-directory -j3 -Otarget check firmware comparison pc-firmware build/collected.log
 	@$(ROS_ENV) others=passed; realtime=passed; \
 	$(PY) -m pytest -m 'not realtime' -n 5 --dist loadfile || others=failed; \
 	$(PY) -m pytest -m realtime -n 0 $$(grep -rl --include='test_*.py' mark.realtime tests) || realtime=failed; \
 	echo "tests that assert a wall-clock limit: $$realtime; all others: $$others"; \
 	[ $$others$$realtime = passedpassed ]
 
-# Import all tests once, which compiles them: five workers that begin together would each do it for themselves.
-.PHONY: collected
-collected: setup
+# Import all tests once, which compiles what has changed: five workers that begin together would each do it for themselves.
+build/collected.log: $(VENV)/.tested pyproject.toml $(shell find mrl_driver sim_arduino ros1_bridge tests -name '*.py')
 	@mkdir -p build
-	@$(ROS_ENV) $(PY) -m pytest --collect-only -q -n 0 >build/collected.log || { tail -n 50 build/collected.log >&2; exit 1; }
+	@$(ROS_ENV) $(PY) -m pytest --collect-only -q -n 0 >$@.new || { tail -n 50 $@.new >&2; exit 1; }
+	@mv $@.new $@
 
 .PHONY: bench-firmware bench-host
 bench-firmware: setup firmware comparison ## Measure the firmware binary on the simulated chip; build/bench/firmware.json

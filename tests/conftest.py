@@ -3,6 +3,7 @@
 The last lines name the seed, which gives the same order again, and count what the markers allow.
 """
 
+import gc
 import os
 import signal
 import tempfile
@@ -22,17 +23,31 @@ REALTIME, REALTIME_S = 40, 60.0
 FLAKY, RERUNS = 10, 2
 """The most tests that may have a second try, and the most second tries of one run."""
 REFUSED = pytest.StashKey[str]()
+WAITING = ("tests/ros/", "tests/web/", "tests/driver/", "tests/cli/")
+"""Most of these tests wait for processes, ports and time."""
+COMPUTERS = ("gw0", "gw1")
+"""Workers that take these last."""
 FIRST = (
     "ros/test_catkin",
-    "experiments/test_exp",
     "ros/test_run",
-    "packaging/",
-    "test_rules",
+    "web/test_page",
+    "web/test_stops",
     "ros/",
+    "web/",
     "driver/test_emulator",
-    "documents/test_sensor",
-    "firmware/test_outside",
+    "driver/test_greeting",
     "driver/",
+    "packaging/",
+    "calibration/test_own_robot",
+    "experiments/test_experiments",
+    "conformance/test_motion",
+    "conformance/test_bridge",
+    "firmware/test_build",
+    "firmware/test_fuzz",
+    "documents/test_sensor",
+    "test_rules",
+    "calibration/",
+    "experiments/",
     "sim/",
 )
 
@@ -40,6 +55,8 @@ FIRST = (
 def pytest_configure(config):
     """A shell ignores signals for what it starts in the background, and programs inherit that."""
     _leave_home(config)
+    gc.disable()  # each look for cycles would go through all of the thousands of tests that are collected
+    config.add_cleanup(gc.enable)
     config.addinivalue_line("markers", "realtime: asserts a wall-clock limit; runs alone, after all others")
     if hasattr(config.option, "loadscopereorder"):
         config.option.loadscopereorder = False  # files by their number of tests: the longest have few
@@ -56,6 +73,23 @@ def _leave_home(config):
     os.environ.update(HOME=home.name, XDG_CONFIG_HOME=os.path.join(home.name, ".config"))
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Two workers take the files that compute first, so that a core has work while the others' tests wait."""
+    if config.getoption("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class TwoKinds(LoadFileScheduling):
+        def _assign_work_unit(self, node):
+            computes = node.gateway.id in COMPUTERS
+            wanted = (file for file in self.workqueue if file.startswith(WAITING) != computes)
+            self.workqueue.move_to_end(next(wanted, next(iter(self.workqueue))), last=False)
+            super()._assign_work_unit(node)
+
+    return TwoKinds(config, log)
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
     """Long files first, so that no worker has one left when the others are done."""
@@ -68,6 +102,13 @@ def pytest_collection_modifyitems(config, items):
             own = item.get_closest_marker("timeout")
             usual_s = own.args[0] if own else float(config.getini("timeout"))
             item.add_marker(pytest.mark.timeout(usual_s * PATIENCE), append=False)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_finish():
+    """The tests stay to the end, so no later look for cycles goes through them."""
+    gc.freeze()
+    gc.enable()
 
 
 def _check_markers(items):
