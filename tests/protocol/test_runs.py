@@ -1,5 +1,6 @@
 """Runs of frames are taken all at once, and give to the byte what the grammar gives that reads byte by byte."""
 
+import itertools
 import random
 from typing import Iterator, List, NamedTuple
 from unittest import mock
@@ -135,29 +136,28 @@ def test_runs_and_pieces_give_what_single_bytes_give(
             assert quick.feed(piece) == scanner.feed(piece)
 
 
-@pytest.mark.parametrize("checked", [False, True])
-@pytest.mark.parametrize("begin", [b"@", b"\r\n@", b"\n@", b" @", b"x@", b"e@", b"5e\r\n@"])
-@pytest.mark.parametrize(
-    "before",
-    [
-        b"",
-        b"\r",
-        b"text ",
-        b"t" * MAX_NOISE,
-        b"\xff",
-        b"\xff" * MAX_NOISE,
-        b"@8,1,2,3,4,",
-        b"@8,1\r\n",
-        b"x@8,1",
-        b"@",
-    ],
+BEFORE = (
+    b"",
+    b"\r",
+    b"text ",
+    b"t" * MAX_NOISE,
+    b"\xff",
+    b"\xff" * MAX_NOISE,
+    b"@8,1,2,3,4,",
+    b"@8,1\r\n",
+    b"x@8,1",
+    b"@",
 )
-def test_what_stands_before_a_run_is_not_forgotten(before, begin, checked):
+
+
+@pytest.mark.parametrize("checked", [False, True])
+def test_what_stands_before_a_run_is_not_forgotten(checked):
     """Text and noise on its line, or an unfinished frame; nor does the run forget to end that line."""
-    wire = begin + b"".join(lines([STREAM] * 40, checked, 7))[1:]
-    quick, scanner = FrameDecoder(REPLIES, checked), Scanner(REPLIES, checked)
-    for piece in (before, wire, b"y@6,1,2e"):
-        assert quick.feed(piece) == scanner.feed(piece)
+    for before, begin in itertools.product(BEFORE, (b"@", b"\r\n@", b"\n@", b" @", b"x@", b"e@", b"5e\r\n@")):
+        wire = begin + b"".join(lines([STREAM] * 40, checked, 7))[1:]
+        quick, scanner = FrameDecoder(REPLIES, checked), Scanner(REPLIES, checked)
+        for piece in (before, wire, b"y@6,1,2e"):
+            assert quick.feed(piece) == scanner.feed(piece), (before, begin)
 
 
 def test_a_line_end_within_a_frame_is_kept():
@@ -208,13 +208,13 @@ def test_a_run_with_one_byte_wrong_is_never_read_otherwise(checked):
 
 
 @pytest.mark.parametrize("checked", [False, True])
-@pytest.mark.parametrize("code", ROWS)
-def test_every_row_makes_runs(code, checked):
+def test_every_row_makes_runs(checked):
     """So the laws above speak of runs, and none goes the slow way unnoticed."""
-    wire = b"".join(lines([code] * 9, checked, 5))
-    frames = REPLIES.runs[checked][b"@%d" % code].frames(wire[:-2])
-    assert frames is not None
-    assert list(frames) == Scanner(REPLIES, checked).feed(wire)
+    for code in ROWS:
+        wire = b"".join(lines([code] * 9, checked, 5))
+        frames = REPLIES.runs[checked][b"@%d" % code].frames(wire[:-2])
+        assert frames is not None, code
+        assert list(frames) == Scanner(REPLIES, checked).feed(wire), code
 
 
 def test_a_long_feed_looks_for_runs():
