@@ -49,7 +49,7 @@ def _motion(now: Shown) -> List[Row]:
     return [
         Row("pose", f"x {pose.x_m:+.3f}  y {pose.y_m:+.3f} m"),
         Row("heading", f"{math.degrees(pose.yaw_rad):+.1f} deg"),
-        Row("speed", _speeds(state.twist)),
+        Row("speed", "unknown" if state.silent else _speeds(state.twist)),
         _asked(state),
         Row("path", f"{now.distance_m:.2f} m"),
     ]

@@ -74,11 +74,16 @@ def _groups(robot: Any) -> List[_Group]:
     return groups
 
 
+def _is_silent(robot: Any) -> bool:
+    """Return whether no telemetry arrives.  A driver has speeds of zero then, which nobody has measured."""
+    return robot.age_s > SILENT_S or not getattr(robot, "ready", True)
+
+
 def _motion(robot: Any, model: Optional[RobotModel]) -> List[_Group]:
     axes = 3 if moves_sideways(model) else 2
 
     def speeds() -> Sequence[float]:
-        if robot.age_s > SILENT_S:
+        if _is_silent(robot):
             return (_UNKNOWN,) * axes
         twist = robot.twist
         return (twist.linear_m_s, twist.angular_rad_s, twist.lateral_m_s)[:axes]
@@ -129,7 +134,7 @@ def _ranges(robot: Any, model: Optional[RobotModel]) -> List[_Group]:
     names = sonar_order(tuple(dict.fromkeys((*(model.sonars if model is not None else ()), *robot.ranges))))
 
     def read() -> Sequence[float]:
-        ranges: Dict[str, float] = robot.ranges if robot.age_s <= SILENT_S else {}
+        ranges: Dict[str, float] = {} if _is_silent(robot) else robot.ranges
         return [ranges.get(name, _UNKNOWN) for name in names]
 
     return [_Group([(f"sonar {name.replace('_', ' ')}", "m") for name in names], read)] if names else []

@@ -94,6 +94,11 @@ def test_silence_is_told_in_red():
     )
 
 
+def test_the_speed_of_a_silent_robot_is_unknown():
+    """A driver has zero then, which nobody has measured."""
+    assert told(ready=False, twist=Twist(0.0, 0.0))["motion"]["speed"].value == "unknown"
+
+
 def test_delays_are_told_by_their_parts():
     values = [told(delays_s=each)["link"]["delay"].value for each in ((0.042, 0.012, 0.03), (math.nan,) * 3)]
     assert values == ["42 ms: key 12, link 30", "unknown: key ?, link ?"]

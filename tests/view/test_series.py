@@ -96,10 +96,11 @@ def test_a_stopped_robot_is_asked_for_nothing():
     assert (found["asked speed"], found["asked turn rate"]) == (0.0, 0.0)
 
 
-def test_a_range_of_a_silent_robot_is_not_known():
-    series = Series(behind_topics(ranges={"front": 1.0}, age_s=SILENT_S + 0.1))
+@pytest.mark.parametrize("silence", [{"age_s": SILENT_S + 0.01}, {"ready": False}], ids=["old", "not ready"])
+def test_a_silent_robot_has_no_speed_and_no_ranges(silence):
+    series = Series(behind_topics(ranges={"front": 1.0}, **silence))
     found = dict(zip((name for name, _ in series.names), series.values()))
-    assert math.isnan(found["sonar front"])
+    assert all(math.isnan(found[name]) for name in ("speed", "turn rate", "sonar front"))
 
 
 def test_a_sonar_that_is_heard_for_the_first_time_makes_other_series():
