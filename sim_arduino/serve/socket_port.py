@@ -7,6 +7,9 @@ from mrl_driver.transport.listener import Listener, listen
 
 from .pty import EVERYTHING, READ_BYTES, PtyPort
 
+MOST_WAITING = 1 << 20
+"""More than the system keeps of what a host has sent [byte]."""
+
 
 class SocketPort:
     """Listens on a URL; has the same interface as `PtyPort`.
@@ -81,5 +84,11 @@ BoardPort = Union[PtyPort, SocketPort]
 
 
 def read_all(port: BoardPort) -> bytes:
-    """All waiting bytes from the host."""
-    return b"".join(iter(lambda: port.read(EVERYTHING), b""))
+    """All waiting bytes from the host, but not much more than `MOST_WAITING`: a host may send faster than we read."""
+    waiting = bytearray()
+    while len(waiting) < MOST_WAITING:
+        data = port.read(EVERYTHING)
+        if not data:
+            break
+        waiting += data
+    return bytes(waiting)

@@ -6,6 +6,7 @@ import statistics
 import pytest
 
 from sim_arduino.serve.server import PtyServer
+from sim_arduino.serve.socket_port import MOST_WAITING, read_all
 
 PIECE = bytes(256)
 PIECES = 12
@@ -44,6 +45,11 @@ class Taker:
         self.now_s = to_s
         return b""
 
+    def gap(self, to_s, data):
+        """The computer has paused: what was measured before does not count."""
+        self.now_s = to_s
+        self.times.clear()
+
     def receive(self, data):
         self.times.append(self.now_s)
         if len(self.times) == PIECES:
@@ -64,6 +70,12 @@ def gaps_s(baud):
 def test_the_hosts_bytes_do_not_pass_faster_than_the_ports_speed(baud):
     needed_s, gaps = 10 * len(PIECE) / baud, gaps_s(baud)
     assert sum(gaps) > 0.9 * len(gaps) * needed_s
+
+
+def test_what_waits_is_read_though_the_host_never_stops():
+    port = EndlessHost(115200)
+    assert MOST_WAITING <= len(read_all(port)) <= MOST_WAITING + len(PIECE)
+    port.close()
 
 
 @pytest.mark.realtime
