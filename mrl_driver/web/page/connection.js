@@ -125,6 +125,7 @@ export class Connection {
     this.#closedWhy = "";
     this.#heard = null;
     this.delay = new Delay();
+    this.#usesPost ||= typeof WebSocket === "undefined";
     const Kind = this.#usesPost ? PostTransport : SocketTransport;
     const transport = new Kind(this.#hello, {
       message: (text) => transport === this.#transport && this.#take(text),

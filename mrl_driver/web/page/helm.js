@@ -53,8 +53,9 @@ export class Helm {
   /** The page that made the emergency stop: " by NAME", or empty. */
   get stoppedBy() {
     const { latched_by: id, latched_by_name: name } = this.#state;
-    if (id !== null && id !== undefined) return id === this.#you ? " by you" : ` by ${this.nameOf(id)}`;
-    return name ? ` by ${name}` : "";
+    if (id !== null && id === this.#you) return " by you";
+    if (name) return ` by ${name}`;
+    return id === null ? "" : " by a page that has left";
   }
 
   welcome(message) {
@@ -112,8 +113,9 @@ export class Helm {
     if (latched && !before.latched) alarm(`Emergency stop${this.stoppedBy}.`);
     if (!latched && before.latched) notice("The emergency stop is released.");
     if (message.driver !== before.driver && this.#you !== null) {
+      const next = message.driver ?? wants ?? before.wants;
       if (message.driver === this.#you) notice("You have the helm.");
-      else if (before.driver === this.#you) notice(message.driver === null ? "You gave up the helm." : `${this.nameOf(message.driver)} has the helm now.`);
+      else if (before.driver === this.#you) notice(next === null ? "You gave up the helm." : `${this.nameOf(next)} has the helm now.`);
     }
     if (wants !== before.wants && wants !== null && this.isMine) notice(`${this.nameOf(wants)} asks for the helm.`);
     this.#show();
@@ -140,7 +142,7 @@ export class Helm {
     const rows = Object.keys(names).map((id) => {
       const notes = [];
       if (Number(id) === this.#you) notes.push("you");
-      if (Number(id) === driver) notes.push("has the helm");
+      if (Number(id) === driver) notes.push("at the helm");
       if (Number(id) === wants) notes.push("asks for the helm");
       return make("li", Number(id) === driver ? "drives" : "", `${names[id] || `page ${id}`}${notes.length ? ` (${notes.join(", ")})` : ""}`);
     });

@@ -62,7 +62,7 @@ function stateNow() {
   if (connection.state === "slow" && press.held) return [connection.words, "caution"];
   const waits = view.stopped && performance.now() - heldSince > ANSWER_MS;
   if (press.held) return [waits ? sentence(view.stopped) : "You drive", waits ? "caution" : "good"];
-  if (!view.stopped) return [view.command ? "The robot drives" : "Connected", view.command ? "good" : ""];
+  if (!view.stopped) return [view.command ? "The robot drives" : view.name ? "Another program drives" : "Connected", view.command ? "good" : ""];
   return [sentence(view.stopped), view.stopped === "stopped" ? "" : "caution"];
 }
 
@@ -195,7 +195,7 @@ function frame(now) {
   framedAt = now;
   map.draw();
   charts.draw(now);
-  panels.motion(samples.newest("speed"), samples.newest("turn rate"), view.command);
+  panels.motion(samples.newest("speed"), samples.newest("turn rate"), view);
   if (now - wordsAt < WORDS_MS) return;
   wordsAt = now;
   panels.map(map.pose, nearestOf(view.ranges), goal.value);

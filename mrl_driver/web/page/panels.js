@@ -64,11 +64,11 @@ export class Panels {
     element("readings").replaceChildren(...this.#sections);
   }
 
-  /** Shows the speeds and the command: [m/s, rad/s]; `command` is null while the robot is stopped. */
-  motion(linear, angular, command) {
-    setText(element("tile-speed"), fixed(linear, 2));
-    setText(element("tile-turn"), fixed(degrees(angular), 0));
-    setText(element("tile-speed-asked"), command ? `set ${fixed(number(command[0]), 2)}` : "stopped");
+  /** Shows the speeds [m/s, rad/s] and the command of a view message; another program may drive without one. */
+  motion(linear, angular, { command, stopped, silent }) {
+    setText(element("tile-speed"), fixed(silent ? NaN : linear, 2));
+    setText(element("tile-turn"), fixed(silent ? NaN : degrees(angular), 0));
+    setText(element("tile-speed-asked"), command ? `set ${fixed(number(command[0]), 2)}` : stopped ? "stopped" : "");
     setText(element("tile-turn-asked"), command ? `set ${fixed(degrees(number(command[1])), 0)}` : "");
   }
 

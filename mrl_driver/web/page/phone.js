@@ -6,6 +6,11 @@ const SILENT_MS = 2000;
 const finite = (...values) => (values.every((value) => typeof value === "number" && Number.isFinite(value)) ? values : null);
 const known = (value) => (typeof value === "number" && Number.isFinite(value) ? value : null);
 
+/** iPhone and iPad (which calls itself a Mac) have the opposite sign in accelerationIncludingGravity. */
+function isApple() {
+  return /iPhone|iPad|iPod/.test(navigator.userAgent) || (navigator.platform === "MacIntel" && navigator.maxTouchPoints > 1);
+}
+
 export class Phone {
   #connection;
   #helm;
@@ -15,8 +20,7 @@ export class Phone {
   #sent = 0;
   #orientation = { alpha: null, beta: null, gamma: null, absolute: false };
   #timer = 0;
-  /** iOS has the opposite sign in accelerationIncludingGravity. */
-  #sign = typeof globalThis.DeviceMotionEvent?.requestPermission === "function" ? -1 : 1;
+  #sign = isApple() ? -1 : 1;
   #turned = (event) => this.#turn(event);
   #moved = (event) => this.#move(event);
 
