@@ -2,8 +2,6 @@
 
 from types import SimpleNamespace
 
-import pytest
-
 from mrl_driver.protocol.table import STOP_REASONS
 from mrl_driver.robot.hold import Hold
 from mrl_driver.safety.wheel_monitor import DEAD, Mismatch
@@ -20,9 +18,8 @@ def test_a_reason_is_told_in_a_sentence():
     assert words.stopped_text("command_timeout") == "stopped: no new command arrived in time"
 
 
-@pytest.mark.parametrize("reason", ["none", "user", "host"])
-def test_a_wanted_stop_needs_no_reason(reason):
-    assert words.stopped_text(reason) == "stopped"
+def test_a_wanted_stop_needs_no_reason():
+    assert {words.stopped_text(reason) for reason in ("none", "user", "host")} == {"stopped"}
 
 
 def test_a_reason_of_a_later_version_is_told_as_it_is():
@@ -38,34 +35,39 @@ def robot(**values):
     return SimpleNamespace(**{**usual, "stop_reason": "none", **values})
 
 
-@pytest.mark.parametrize(
-    "values, words_of_it",
-    [
-        ({"stop_reason": "user"}, "stopped"),
-        (
+def test_a_stop_is_told_in_full():
+    told = [
+        words.stopped_by(robot(**values))
+        for values in (
+            {"stop_reason": "user"},
             {"stop_reason": "battery"},
-            "stopped: the battery is empty or switched off; charge it, or switch it on",
-        ),
-        ({"stop_reason": "wheel_mismatch", "mismatch": MISMATCH}, f"stopped: {MISMATCH}"),
-        ({"stop_reason": "radio_hold", "hold": HELD}, f"stopped: {HELD}"),
-    ],
-)
-def test_a_stop_is_told_in_full(values, words_of_it):
-    assert words.stopped_by(robot(**values)) == words_of_it
+            {"stop_reason": "wheel_mismatch", "mismatch": MISMATCH},
+            {"stop_reason": "radio_hold", "hold": HELD},
+        )
+    ]
+    assert told == [
+        "stopped",
+        "stopped: the battery is empty or switched off; charge it, or switch it on",
+        f"stopped: {MISMATCH}",
+        f"stopped: {HELD}",
+    ]
 
 
-@pytest.mark.parametrize(
-    "values, words_of_it",
-    [
-        (
+def test_a_refusal_says_why_and_what_to_do():
+    told = [
+        words.why_refused(robot(**values), "turn the key")
+        for values in (
             {"ready": False},
-            "the robot sends no data or is just starting; when its data are back, turn the key",
-        ),
-        ({"battery_state": "empty", "battery_v": 8.9}, "the battery is empty at 8.9 V; charge it"),
-        ({"mismatch": MISMATCH}, f"{MISMATCH}; turn the key"),
-        ({"hold": HELD}, str(HELD)),
-        ({"hold": HELD._replace(state="free")}, "the robot takes no commands now; turn the key"),
-    ],
-)
-def test_a_refusal_says_why_and_what_to_do(values, words_of_it):
-    assert words.why_refused(robot(**values), "turn the key") == words_of_it
+            {"battery_state": "empty", "battery_v": 8.9},
+            {"mismatch": MISMATCH},
+            {"hold": HELD},
+            {"hold": HELD._replace(state="free")},
+        )
+    ]
+    assert told == [
+        "the robot sends no data or is just starting; when its data are back, turn the key",
+        "the battery is empty at 8.9 V; charge it",
+        f"{MISMATCH}; turn the key",
+        str(HELD),
+        "the robot takes no commands now; turn the key",
+    ]
