@@ -113,7 +113,7 @@ setup(
             "mypy>=1.8",
             "matplotlib>=3.5",
             "aiohttp>=3.8",
-            "cryptography>=38",
+            "cryptography>=2.8",
             "segno>=1.5",
             "pdoc>=14; python_version >= '3.9'",
             "types-PyYAML",
@@ -121,7 +121,7 @@ setup(
         ],
         "test": ["pytest>=7"],
         "plot": ["matplotlib>=3.5"],
-        "web": ["aiohttp>=3.8", "cryptography>=38", "segno>=1.5"],
+        "web": ["aiohttp>=3.8", "cryptography>=2.8", "segno>=1.5"],
     },
     entry_points={
         "console_scripts": ["mrl=mrl_driver.__main__:main", "mrl-sim=sim_arduino.__main__:main"],

@@ -4,6 +4,8 @@ Threads:
     mrl-driver: reads the port, does what is due, calls the callbacks.  It is the only one that reads.
     mrl-url: copies bytes of pyserial's URLs into a pipe (`transport.pyserial_link`).
     recorder: writes the recording's file (`recording.recording`); bytes reach it through a queue.
+    mrl-web-files: starts, ends and lists recordings for the page.  The page's event loop runs in the thread that calls
+    `web.server.serve`; it has no lock of its own.
     Any thread of the program may call the methods of `Driver`; in the ROS node these are the main thread (status and
     diagnostics) and one thread for each connection of a subscriber or service.
 

@@ -131,6 +131,7 @@ def cli(port: Optional[str], robot: Optional[str]) -> None:
       mrl ports                            list the serial ports
       mrl doctor --port /dev/ttyACM0       check computer, cable and robot
       mrl monitor --port /dev/ttyACM0      watch the robot, and drive it with the keyboard
+      mrl web --port /dev/ttyACM0          the same on a web page, also for a phone
       mrl names add lab3 --port /dev/ttyACM0    give the robot a name; then: mrl --robot lab3 info
       mrl new                              make a robot of your own, with motors on an H-bridge
     \b

@@ -36,7 +36,7 @@ except ImportError as missing:
         "pip install 'mrl-driver[web]'"
     ) from None
 
-MOST_CLIENTS = 16
+MOST_CLIENTS, MOST_CONNECTIONS = 16, 100
 SAMPLE_S, VIEW_S, CELLS_S = 0.02, 0.1, 0.5
 """Least time between two samples, two views, and two occupancy grids [s]."""
 BEAT_S = 0.05
@@ -47,12 +47,16 @@ SILENT_S = 2.0
 """A session over POST that sends nothing for this time is closed [s]."""
 HEARTBEAT_S = 5.0
 """A WebSocket is asked this often whether it is alive, and closed if it does not answer in half the time [s]."""
+KEPT_S = 30.0
+"""A connection without a request is closed after this time [s]."""
 CLOSE_S = 0.5
 """At the end, clients have this time to take their last message [s]."""
 MOST_POSES = 1000
 """Poses of the path that a client gets when it joins."""
 RECORDINGS_S = 2.0
 """Sizes of recordings are read this often while one is written [s]."""
+REFUSED = 4403
+"""Close code of a WebSocket that is not admitted."""
 HELM, VIEW, SAMPLE, CELLS, RECORDING = "helm", "view", "sample", "cells", "recording"
 PLACEHOLDER = b"<!doctype html><title>mrl</title><p>The page is missing from this installation."
 _REFUSED_LINK = "this link is not valid; open the newest link of the program that serves the page"
@@ -138,11 +142,12 @@ class Server:
         self._over: asyncio.Future[str] = self._loop.create_future()
         self._socket = self._ear or listening_socket(self._settings.host, self._settings.port)
         self._loop.set_exception_handler(self._on_failure)
-        self._runner = web.AppRunner(self._application(), access_log=None, handle_signals=False)
+        self._runner = web.AppRunner(
+            self._application(), access_log=None, handle_signals=False, keepalive_timeout=KEPT_S
+        )
         await self._runner.setup()
-        assert self._runner.server is not None
         self._listener = await self._loop.create_server(
-            self._runner.server, sock=self._socket, ssl=self._settings.context
+            self._protocol, sock=self._socket, ssl=self._settings.context
         )
         self.port: int = self._socket.getsockname()[1]
         self._was_latched = self._robot.latched
@@ -151,6 +156,11 @@ class Server:
         self._robot.listen(self._on_changed)
         await self._list_recordings()
         self._beat()
+
+    def _protocol(self) -> asyncio.BaseProtocol:
+        """Return what serves a new connection; one too many is closed."""
+        server = self._runner.server
+        return server() if server is not None and len(server.connections) < MOST_CONNECTIONS else _Busy()
 
     @property
     def clients(self) -> int:
@@ -577,7 +587,8 @@ class Server:
         )
         await link.prepare(request)
         if self._ending or self._joining >= MOST_CLIENTS:
-            await link.close()
+            await link.send_str(messages.closed(clock_s(), "too many pages open at once; try again"))
+            await link.close(code=REFUSED)
             return link
         self._joining += 1
         try:
@@ -585,7 +596,7 @@ class Server:
         finally:
             self._joining -= 1
         if client is None:
-            await link.close(code=4403)
+            await link.close(code=REFUSED)
             return link
         transport = request.transport
         assert transport is not None
@@ -685,6 +696,14 @@ class Server:
         if not client.last:
             self._take_message(client, data)
         return web.Response(status=204)
+
+
+class _Busy(asyncio.Protocol):
+    """Closes a connection."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Close it at once."""
+        transport.close()
 
 
 def _token(request: web.Request) -> str:

@@ -5,19 +5,23 @@ import contextlib
 import itertools
 import json
 import socket
+import threading
 import time
 from types import SimpleNamespace
+from unittest import mock
 
 import pytest
 
 from mrl_driver.errors import ConfigError, PortBusy
 from mrl_driver.host.access import Tokens
 from mrl_driver.web import assets, client, listening, messages
+from mrl_driver.web.helm import Helm
 from tests.waiting import PATIENCE_S
 
 from .fake_robot import FakeRobot
 
 TOKENS = Tokens("d" * 32, "e" * 32)
+LONG_S = 1000.0
 FREE = listening.Settings(port=0)
 GUARDED = listening.Settings(port=0, tokens=TOKENS)
 
@@ -117,8 +121,8 @@ class Site:
             await asyncio.sleep(0.002)
 
 
-def serving(scenario, settings=FREE, robot=None):
-    """Serve a robot to a coroutine, which gets the `Site`."""
+def serving(scenario, settings=FREE, robot=None, stop_s=LONG_S):
+    """Serve a robot to a coroutine, which gets the `Site`.  On a busy machine no command is too old."""
     import aiohttp
 
     from mrl_driver.web.server import Server
@@ -133,7 +137,10 @@ def serving(scenario, settings=FREE, robot=None):
         finally:
             await server.close("the test is over")
 
-    asyncio.run(run())
+    with mock.patch("mrl_driver.web.freshness.DEAF_S", LONG_S), mock.patch(
+        "mrl_driver.web.server.Helm", lambda: Helm(stop_s, LONG_S, 2 * LONG_S)
+    ):
+        asyncio.run(run())
 
 
 def pages(scenario):
@@ -206,15 +213,6 @@ async def test_a_held_goal_is_followed(site, page):
 
 
 @pages
-async def test_the_robot_stops_when_its_page_sends_nothing_more(site, page):
-    await page.take()
-    await page.control(1, True)
-    await page.next("helm", lambda state: state["driving"])
-    await page.next("helm", lambda state: not state["driving"])
-    assert site.robot.calls[-1] == ("stop",)
-
-
-@pages
 async def test_a_robot_that_refuses_a_command_spends_the_press(site, page):
     site.robot.refuses = "the battery is empty"
     await page.take()
@@ -248,6 +246,17 @@ async def test_only_a_phone_that_drives_passes_its_sensors_on(site, page):
     await page.send("phone", t=6, **reading)
     await site.until(lambda: site.robot.readings)
     assert [reading.t_s for reading in site.robot.readings] == [0.006]
+
+
+def test_the_robot_stops_when_its_page_sends_nothing_more():
+    async def scenario(site):
+        async with site.page() as page:
+            await page.take()
+            await page.control(1, True)
+            await page.next("helm", lambda state: state["why"] == "no fresh command arrived in time")
+            assert site.robot.calls == [("drive", 0.2, 0.0, 0.0), ("stop",)]
+
+    serving(scenario, stop_s=0.05)
 
 
 def test_a_page_that_goes_away_stops_its_robot():
@@ -291,7 +300,7 @@ def test_a_watch_only_page_cannot_record():
 
 def test_a_stalled_page_delays_no_other_and_is_closed(monkeypatch):
     """It never reads; the samples are large, so that its buffers are soon full."""
-    monkeypatch.setattr(client, "STALLED_S", 0.1)
+    monkeypatch.setattr(client, "STALLED_S", 1.0)
 
     async def scenario(site):
         site.robot.values = [0.123456789] * 4000
@@ -356,6 +365,19 @@ def test_one_page_too_many_is_refused_with_the_reason(monkeypatch):
             await first.next("welcome")
             async with site.page() as page:
                 assert "1 pages show this robot already" in (await page.next("closed"))["why"]
+
+    serving(scenario)
+
+
+def test_one_connection_too_many_is_closed(monkeypatch):
+    monkeypatch.setattr("mrl_driver.web.server.MOST_CONNECTIONS", 1)
+
+    async def scenario(site):
+        async with site.page() as page:
+            await page.next("welcome")
+            reader, writer = await asyncio.open_connection("127.0.0.1", site.server.port)
+            assert await reader.read() == b""
+            writer.close()
 
     serving(scenario)
 
@@ -471,6 +493,20 @@ def test_a_recording_needs_a_token_and_is_in_the_list(tmp_path):
     serving(scenario, GUARDED, robot)
 
 
+def test_beyond_this_computer_the_page_is_encrypted(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    settings = listening.settings_for("0.0.0.0:0")
+
+    async def scenario(site):
+        site.url = site.url.replace("http", "https")
+        async with site.page(settings.tokens.drive, ssl=False) as page:
+            assert (await page.next("welcome"))["role"] == "drive"
+            site.robot.changed()
+            await page.next("sample")
+
+    serving(scenario, settings)
+
+
 # -- files of the page
 
 
@@ -532,11 +568,12 @@ def test_an_error_of_this_program_stops_the_robot_and_ends_the_server():
 def test_serve_ends_when_it_is_asked_to():
     from mrl_driver.web.server import serve
 
-    robot, said = FakeRobot(), []
+    robot, said, threads = FakeRobot(), [], threading.active_count()
     serve(
         robot, FREE, lambda: "the driver has failed" if said else "", lambda server: said.append(server.port)
     )
     assert said and robot.calls[-1] == ("stop",)
+    assert threading.active_count() == threads
 
 
 def test_an_address_in_use_is_named():

@@ -1,5 +1,6 @@
 """`mrl web`: the command around the page's server."""
 
+import contextlib
 import http.client
 import os
 import signal
@@ -7,8 +8,6 @@ import socket
 import subprocess
 import sys
 from urllib.parse import urlsplit
-
-import pytest
 
 from sim_arduino.testing import EmulatedBoard
 from tests.cli.conftest import _alone  # noqa: F401
@@ -45,27 +44,18 @@ class Running:
         self.board.close()
 
 
-@pytest.fixture
-def running():
+def test_the_page_is_served_while_the_port_is_lost_and_until_a_signal():
+    """One process for both facts: each takes a second of the processor to start."""
     running = Running("--listen", "127.0.0.1:0")
-    yield running
-    running.close()
-
-
-def test_the_page_is_served_and_a_signal_ends_the_command(running):
-    assert running.line.startswith("http://127.0.0.1:") and "traxbot 1" in running.line
-    assert running.get("/")[0] == 200
-    running.process.send_signal(signal.SIGINT)
-    _, said = running.process.communicate(timeout=PATIENCE_S)
-    assert (running.process.returncode, said.strip()) == (130, "mrl: interrupted")
-
-
-def test_the_page_is_served_on_while_the_port_of_the_robot_is_lost(running):
-    running.board.faults.unplug()
-    assert "the port is searched" in running.process.stderr.readline()
-    assert running.get("/")[0] == 200
-    running.process.terminate()
-    assert running.process.wait(PATIENCE_S) == 143
+    with contextlib.closing(running):
+        assert running.line.startswith("http://127.0.0.1:") and "traxbot 1" in running.line
+        assert running.get("/")[0] == 200
+        running.board.faults.unplug()
+        assert "the port is searched" in running.process.stderr.readline()
+        assert running.get("/")[0] == 200
+        running.process.send_signal(signal.SIGINT)
+        _, said = running.process.communicate(timeout=PATIENCE_S)
+        assert (running.process.returncode, said.strip()) == (130, "mrl: interrupted")
 
 
 def test_an_address_in_use_is_refused_before_the_robot_is_touched():
