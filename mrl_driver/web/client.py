@@ -61,7 +61,7 @@ class Client:
 
     def abort(self) -> None:
         """Close the connection at once."""
-        if self._transport is not None:
+        if self._transport is not None and not self._transport.is_closing():
             self._transport.abort()
 
     def is_flooding(self, now_s: float) -> bool:

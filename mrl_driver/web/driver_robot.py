@@ -11,7 +11,7 @@ from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import Limits, RobotModel
 from mrl_driver.view.live_model import LiveModel, Shown
 from mrl_driver.view.series import Series
-from mrl_driver.view.words import stopped_text, why_refused
+from mrl_driver.view.words import stopped_by, why_refused
 
 from .goal_drive import GoalDrive
 from .robot import PhoneReading, Recorded
@@ -75,7 +75,7 @@ class DriverRobot:
             if driver.drive(linear_m_s, angular_rad_s, lateral_m_s):
                 self._driven, self._age_s, self._driven_s = True, age_s, time.monotonic()
                 return ""
-            return why_refused(driver)
+            return why_refused(driver, REMEDY)
         except MrlError as error:
             return str(error)
 
@@ -86,7 +86,7 @@ class DriverRobot:
         if model is None or limits is None or not model.drives:
             return "this robot cannot drive to a goal: its board has no motors"
         if not driver.ready:
-            return why_refused(driver)
+            return why_refused(driver, REMEDY)
         step = self._goal.step(goal, has_yaw, driver.pose, driver.ranges, limits, model.sonars, driver.now_s)
         self._live.notice = step.ended or step.notice
         if step.ended:
@@ -133,7 +133,7 @@ class DriverRobot:
         """Why the robot has stopped by itself since the last command; empty if it has not."""
         if not self._driven or self._driver.command is not None:
             return ""
-        return stopped_text(self._driver.stop_reason)
+        return stopped_by(self._driver)
 
     # -- what is shown
 

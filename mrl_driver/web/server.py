@@ -39,6 +39,8 @@ except ImportError as missing:
 MOST_CLIENTS, MOST_CONNECTIONS = 16, 100
 SAMPLE_S, VIEW_S, CELLS_S = 0.02, 0.1, 0.5
 """Least time between two samples, two views, and two occupancy grids [s]."""
+SILENT_SAMPLE_S = 0.2
+"""A robot that reports nothing for this time has a sample nevertheless: its speeds are then unknown [s]."""
 BEAT_S = 0.05
 """The loop looks this often whether the program is to end, and at a robot that does not report [s]."""
 LEAST_VIEW_S = 1.0
@@ -272,6 +274,8 @@ class Server:
                 del self._sessions[session]
                 client.end(f"the page sent nothing for {SILENT_S:g} s")
                 self._leave(client)
+        if self._clients and now_s >= self._sample_s + SILENT_SAMPLE_S and self._sampler is None:
+            self._send_sample()
         if self._clients and now_s >= self._viewed_s + VIEW_S - BEAT_S / 2:
             self._viewed_s = now_s
             self._send_view(now_s)
@@ -635,7 +639,7 @@ class Server:
             await client.pump(link.send_str, transport, lambda why: messages.closed(clock_s(), why))
             await link.close()
         except (Stalled, ConnectionError):
-            transport.abort()
+            client.abort()
 
     # -- event stream with POST
 
@@ -682,7 +686,7 @@ class Server:
                 lambda why: messages.closed(clock_s(), why),
             )
         except (Stalled, ConnectionError):
-            transport.abort()
+            client.abort()
         finally:
             self._tasks.discard(task)
             self._sessions.pop(request.match_info["session"], None)

@@ -132,7 +132,8 @@ def serving(scenario, settings=FREE, robot=None, stop_s=LONG_S):
         server = Server(served, settings)
         await server.start()
         try:
-            async with aiohttp.ClientSession() as session:
+            connector = aiohttp.TCPConnector(ssl=False)  # certificates of tests are nobody's
+            async with aiohttp.ClientSession(connector=connector) as session:
                 await asyncio.wait_for(scenario(Site(server, session, served)), PATIENCE_S)
         finally:
             await server.close("the test is over")
@@ -176,6 +177,12 @@ async def test_each_report_of_the_robot_is_a_sample(site, page):
     site.robot.values = [0.5, float("nan"), float("inf")]
     site.robot.changed()
     assert (await page.next("sample"))["v"] == [0.5, None, "inf"]
+
+
+@pages
+async def test_a_robot_that_reports_nothing_has_samples_too(site, page):
+    """Otherwise the page would show its last speed for ever."""
+    await page.next("sample")
 
 
 @pages
@@ -499,10 +506,12 @@ def test_beyond_this_computer_the_page_is_encrypted(tmp_path, monkeypatch):
 
     async def scenario(site):
         site.url = site.url.replace("http", "https")
-        async with site.page(settings.tokens.drive, ssl=False) as page:
-            assert (await page.next("welcome"))["role"] == "drive"
-            site.robot.changed()
-            await page.next("sample")
+        for way in (site.page, site.posting_page):
+            async with way(settings.tokens.drive) as page:
+                assert (await page.next("welcome"))["role"] == "drive"
+                site.robot.changed()
+                await page.next("sample")
+        await site.until(lambda: not site.server.clients)
 
     serving(scenario, settings)
 
