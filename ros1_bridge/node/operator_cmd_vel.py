@@ -135,6 +135,12 @@ class OperatorCmdVel(StampedCmdVel):
                 self._delay.sent(input_s)
             self.publish_stamped(self._header(input_s), twist)
 
+    def halt(self) -> None:
+        """Publish a stop; the operator may drive again after it."""
+        with self._lock:
+            self.guard.may_drive(False, math.nan)
+            self.stop()
+
     def on_echo(self, header: Header) -> None:
         """Take an echo, if it is one of this operator's."""
         now_s = operator_now_s()

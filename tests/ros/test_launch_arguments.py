@@ -164,3 +164,18 @@ def test_the_readme_lists_the_arguments_of_a_team():
     listed = {name.strip(" `") for row in rows for name in row.split("|")[1].split(",")}
     given = ElementTree.parse(LAUNCH / "team.launch").getroot().findall("arg")
     assert listed == {each.get("name") for each in given if each.get("value") is None} - {"index"}
+
+
+@pytest.mark.parametrize("port", ["sim", "/dev/ttyACM0"])
+def test_a_page_is_started_with_a_robot_that_stops_in_time(config_of, port):
+    config = config_of(LAUNCH / "web.launch", f"port:={port}", "zones:=sonars", "prefix:=a/")
+    node = {name.split("/")[-1]: each.value for name, each in config.params.items() if "/robot_node/" in name}
+    assert (node["cmd_vel_timeout"], node["max_command_delay"]) == (0.2, 0.15)
+    assert (node["zones"], node["odom_frame"]) == ("sonars", "a/odom")
+    boards = {each.type for each in config.nodes} - {"web_node", "robot_node", "robot_state_publisher"}
+    assert boards == ({"sim_board"} if port == "sim" else set())
+
+
+def test_a_page_alone_is_started_for_a_robots_node_that_runs(config_of):
+    (node,) = config_of(LAUNCH / "web.launch", "robot_node:=false", "cmd_vel:=joy_vel").nodes
+    assert node.type == "web_node" and node.remap_args == [["cmd_vel", "joy_vel"]]

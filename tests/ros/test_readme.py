@@ -12,6 +12,7 @@ from ros1_bridge.navigation import follow_waypoints_node, go_to_goal_node, map_t
 from ros1_bridge.node.robot_parameters import ROWS
 from ros1_bridge.relay import relay_settings
 from ros1_bridge.teleop import joystick_node, keyboard_node
+from ros1_bridge.web import web_node
 from ros1_bridge.world import mirror_node, world_node
 from tests.waiting import wait_until
 
@@ -80,6 +81,7 @@ def test_environment_topics_are_those_of_the_table(rig):
         ("### Parameters of `world_node`", world_node.PARAMETERS),
         ("### Parameters of `topic_relay`", relay_settings.PARAMETERS),
         ("### Parameters of `mirror_node`", mirror_node.PARAMETERS),
+        ("### Parameters of `web_node`", web_node.PARAMETERS),
         ("### Parameters of `teleop_keyboard`", keyboard_node.PARAMETERS),
         ("### Parameters of `teleop_joystick`", joystick_node.PARAMETERS),
     ],

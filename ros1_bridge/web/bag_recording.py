@@ -1,0 +1,151 @@
+"""Records topics in a bag while the node runs; the bag is closed before the node ends.  No rospy: the node subscribes.
+
+A bag that is written has a name that ends in `.active`, as `rosbag record` names it.
+"""
+
+import datetime
+import os
+import threading
+import time
+from pathlib import Path
+from typing import Any, Callable, Iterable, List, Mapping, NamedTuple, Optional
+
+from mrl_driver.errors import ConfigError, OutputError
+
+SUFFIX, ACTIVE = ".bag", ".active"
+Unsubscribe = Callable[[], None]
+Subscribe = Callable[[str, Callable[[Any], None]], Unsubscribe]
+
+
+class Bag(NamedTuple):
+    """A bag in the folder."""
+
+    name: str
+    size: int
+    """[byte]"""
+    on: bool
+    """It is being written."""
+
+
+class BagRecording:
+    """Writes at most one bag at a time; any thread may call it.
+
+    Args:
+        folder: where the bags are.
+        subscribe: calls a function with each message of a topic, a rospy.AnyMsg or one of the topic's type; returns how
+            to end that.
+        topics: the topics to record, asked at the start of each bag.
+        now: the time of ROS, a genpy.Time.
+    """
+
+    def __init__(
+        self, folder: Path, subscribe: Subscribe, topics: Callable[[], Iterable[str]], now: Callable[[], Any]
+    ) -> None:
+        self._folder, self._subscribe, self._topics, self._now = folder, subscribe, topics, now
+        self._lock = threading.Lock()
+        self._bag: Optional[Any] = None
+        self._ends: List[Unsubscribe] = []
+        self._begun_s = 0.0
+        self.name = ""
+        """File of the bag that is being written; empty without one."""
+        self.lost = 0
+        """Messages of the last bag that could not be written."""
+        self.loss = ""
+        """Why the last bag is incomplete; empty if nothing is missing."""
+
+    @property
+    def seconds(self) -> float:
+        """How long the bag has been written [s]."""
+        return time.monotonic() - self._begun_s if self.name else 0.0
+
+    def start(self) -> str:
+        """Begin a bag; returns its name.
+
+        Raises:
+            ConfigError: a bag is being written.
+            OutputError: the file cannot be made.
+        """
+        import rosbag  # late: it takes 0.2 s
+
+        topics = self._topics()
+        with self._lock:
+            if self._bag is not None:
+                raise ConfigError(f"{self.name} is being written, expected no recording: stop it first")
+            name = datetime.datetime.now().strftime(f"robot_%Y-%m-%d-%H-%M-%S{SUFFIX}")
+            path = self._folder / name
+            try:
+                self._folder.mkdir(parents=True, exist_ok=True)
+                if path.exists() or self._active(name).exists():
+                    raise FileExistsError(f"{path} exists")
+                self._bag = rosbag.Bag(str(self._active(name)), "w")
+            except OSError as error:
+                raise OutputError(f"the recording cannot be made: {error}") from None
+            self.name, self.lost, self.loss, self._begun_s = name, 0, "", time.monotonic()
+        self._ends = [self._subscribe(topic, self._writer(topic)) for topic in topics]
+        return name
+
+    def stop(self) -> str:
+        """Close the bag, if one is being written; returns why it is incomplete, or an empty string."""
+        ends, self._ends = self._ends, []
+        for end in ends:
+            end()
+        with self._lock:
+            bag, name, self._bag, self.name = self._bag, self.name, None, ""
+            if bag is None:
+                return ""
+            try:
+                bag.close()
+                os.replace(self._active(name), self._folder / name)
+            except OSError as error:
+                self.loss = f"{name} could not be closed: {error}; try `rosbag reindex {self._active(name)}`"
+            return self.loss
+
+    def bags(self) -> List[Bag]:
+        """Return the bags in the folder, the newest first; one that another program writes is not among them."""
+        name = self.name
+        found = [
+            Bag(path.name, path.stat().st_size, on=False)
+            for path in sorted(self._folder.glob(f"*{SUFFIX}"), reverse=True)
+        ]
+        return [Bag(name, self._active(name).stat().st_size, on=True), *found] if name else found
+
+    def path(self, name: str) -> Path:
+        """Return the file of a bag that is complete.
+
+        Raises:
+            ConfigError: it does not exist, or is being written.
+        """
+        for bag in self.bags():
+            if bag.name == name and not bag.on:
+                return self._folder / name
+        raise ConfigError(f"recording {name!r} does not exist, expected one of those in the list")
+
+    def _active(self, name: str) -> Path:
+        return self._folder / f"{name}{ACTIVE}"
+
+    def _writer(self, topic: str) -> Callable[[Any], None]:
+        """Return what writes the messages of a topic."""
+
+        def write(message: Any) -> None:
+            header = dict(message._connection_header, topic=topic)
+            raw = hasattr(
+                message, "_buff"
+            )  # a topic that the node itself subscribes to has messages of its type
+            content = (header["type"], message._buff, header["md5sum"], _Class(header)) if raw else message
+            with self._lock:
+                if self._bag is None:
+                    return
+                try:
+                    self._bag.write(topic, content, self._now(), raw=raw, connection_header=header)
+                except OSError as error:
+                    self.lost += 1
+                    self.loss = f"{self.lost} messages are missing: {error.strerror or error}"
+
+        return write
+
+
+class _Class:
+    """What rosbag reads of a message's class."""
+
+    def __init__(self, header: Mapping[str, str]) -> None:
+        self._md5sum, self._full_text = header["md5sum"], header["message_definition"]

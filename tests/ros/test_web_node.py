@@ -1,0 +1,180 @@
+"""The page's node between a page and robot_node, which is on an emulated board."""
+
+import contextlib
+import json
+import re
+import signal
+import sys
+import time
+
+import pytest
+import rospy
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import Twist, TwistStamped
+from sensor_msgs.msg import Imu
+from std_srvs.srv import Trigger
+
+from ros1_bridge.web.web_node import too_slow
+from tests.waiting import wait_until
+
+from .page_client import PageClient
+from .rig import ROOT
+from .tables import Offered, first_two, table
+
+COMMAND = re.compile(rb"@11,(-?\d+),|@13[,e]")
+"""A motion command with its speed [mm/s], or a stop."""
+WEB_NODE = str(ROOT / "ros1_bridge" / "nodes" / "web_node")
+
+
+@pytest.fixture(scope="module")
+def robot(module_rig, tmp_path_factory):
+    """The rig with both nodes, and a page that has the helm."""
+    rig = module_rig
+    rig.board_ = rig.board()
+    rig.wire = rig.tap(rig.board_.port)
+    rig.process = rig.node(rig.wire.port, "_cmd_vel_timeout:=0.5")
+    rig.folder = tmp_path_factory.mktemp("bags")
+    given = "_listen:=127.0.0.1:0", "_robot:=traxbot", f"_recordings:={rig.folder}"
+    rig.web = rig.start("web_node", sys.executable, WEB_NODE, f"__ns:={rig.ns}", *given)
+    rig.status = rig.topic("status", DiagnosticStatus)
+    rig.commands = [rig.topic("cmd_vel", Twist), rig.topic("cmd_vel/stamped", TwistStamped)]
+    rig.imu = rig.topic("phone/imu", Imu)
+    found = wait_until(lambda: re.findall(r"http://127\.0\.0\.1:\d+/", "\n".join(rig.web.output())))
+    rig.page = PageClient(found[0])
+    rig.status.wait()
+    rig.page.say("take")
+    rig.page.wait(lambda: rig.page.last.get("helm", {}).get("driver") == rig.page.last["welcome"]["you"])
+    yield rig
+    rig.page.close()
+
+
+def speeds(robot, since_s=0.0):
+    """What the board was commanded, in turn [mm/s]."""
+    found = [each for at, data in list(robot.wire.sent) if at >= since_s for each in COMMAND.finditer(data)]
+    return [int(each.group(1) or 0) for each in found]
+
+
+@contextlib.contextmanager
+def driving(robot):
+    """The page holds a control, and the robot has a motion command; pressed again if a busy machine was too slow."""
+
+    def moves():
+        robot.page.let_go()
+        robot.page.after("sample")
+        since_s = time.monotonic()
+        robot.page.hold(0.2)
+        with contextlib.suppress(AssertionError):
+            wait_until(lambda: any(speeds(robot, since_s)), timeout_s=1.0)
+            return True
+        return False
+
+    wait_until(moves)
+    try:
+        yield
+    finally:
+        robot.page.let_go()
+
+
+def stopped(robot):
+    """The last command to the board is a stop."""
+    return speeds(robot)[-1] == 0
+
+
+def release(robot):
+    """Release the emergency stop on the page, again until the page has answered that it knows of the stop."""
+    wait_until(lambda: robot.page.say("release") or not robot.page.last["helm"]["latched"], step_s=0.05)
+
+
+def test_topics_are_those_of_the_table(robot):
+    rows, offered = table("## Node `web_node`", "topic"), Offered(robot, "web_node")
+    for index, way in enumerate(("out", "in")):
+        wanted = first_two([row for row in rows if row[2] == way])
+        assert {name: kind for name, kind in offered.topics(index).items() if name != "/clock"} == wanted
+
+
+def test_the_page_shows_the_robot(robot):
+    welcome = robot.page.last["welcome"]
+    assert welcome["role"] == "drive" and set(welcome["robot"]["sonars"]) == {"front", "left", "right"}
+    view = robot.page.after("view")
+    assert view["name"].startswith("traxbot") and not view["silent"]
+
+
+def test_a_held_control_drives_and_its_release_stops(robot):
+    with driving(robot):
+        pass
+    wait_until(lambda: stopped(robot))
+
+
+def test_a_page_at_rest_publishes_no_command(robot):
+    wait_until(lambda: not robot.page.last["helm"]["driving"])
+    robot.page.after("view")
+    before = [len(topic.messages) for topic in robot.commands]
+    robot.page.after("view"), robot.page.after("view")
+    assert [len(topic.messages) for topic in robot.commands] == before
+
+
+def test_a_node_that_stands_still_is_a_stop_by_the_robots_node(robot):
+    with driving(robot):
+        robot.web.signal(signal.SIGSTOP)
+        try:
+            wait_until(lambda: stopped(robot))
+            stopped_s = time.monotonic()
+        finally:
+            robot.web.signal(signal.SIGCONT)
+        robot.page.after("sample")
+        assert not any(speeds(robot, stopped_s)), "the control is still held"
+
+
+def test_a_robots_node_that_stands_still_is_a_stop_by_the_board(robot):
+    def places():
+        rows = robot.board_.truth.read_text().splitlines()[-7:-1]
+        return {(row["x"], row["y"]) for row in map(json.loads, rows)}
+
+    with driving(robot):
+        wait_until(lambda: len(places()) > 1, step_s=0.02, what="a motion")
+        robot.process.signal(signal.SIGSTOP)
+        try:
+            wait_until(lambda: len(places()) == 1, step_s=0.02, what="a stop")
+            robot.page.wait(lambda: not robot.page.last["helm"]["driving"])
+        finally:
+            robot.process.signal(signal.SIGCONT)
+
+
+def test_the_stop_of_the_page_is_that_of_the_robots_node(robot):
+    robot.page.say("stop")
+    wait_until(lambda: "emergency stop" in robot.status.messages[-1].message)
+    release(robot)
+    assert "emergency stop" not in robot.status.messages[-1].message
+
+
+def test_a_stop_by_service_is_shown_and_released_on_the_page(robot):
+    assert rospy.ServiceProxy(f"{robot.ns}/stop", Trigger)().success
+    robot.page.wait(lambda: robot.page.last["helm"]["latched"])
+    release(robot)
+
+
+def test_a_late_robots_node_is_warned_of_on_the_page_and_in_the_log(robot):
+    words = too_slow(f"{robot.ns}/robot_node/cmd_vel_timeout", 0.5)
+    robot.page.wait(lambda: robot.page.last.get("view", {}).get("notice") == words)
+    assert any(words in line for line in robot.web.output())
+
+
+def test_readings_of_the_phone_are_published(robot):
+    angles = {"alpha": 0.0, "beta": 0.0, "gamma": 0.0, "absolute": True}
+    robot.page.say("phone", t=1.0, **angles, acceleration=[0.0, 0.0, 9.8], rotation=None)
+    message = robot.imu.wait()[-1]
+    assert message.header.frame_id == "phone" and message.linear_acceleration.z == 9.8
+
+
+def test_a_recording_has_the_robots_topics(robot):
+    import rosbag
+
+    robot.page.say("record", on=True)
+    robot.page.wait(lambda: robot.page.last.get("recording", {}).get("on"))
+    robot.page.after("view"), robot.page.after("view")
+    robot.page.say("record", on=False)
+    robot.page.wait(lambda: not robot.page.last["recording"]["on"] and robot.page.last["recording"]["files"])
+    (name,) = (file["name"] for file in robot.page.last["recording"]["files"])
+    with rosbag.Bag(str(robot.folder / name)) as bag:
+        topics = bag.get_type_and_topic_info().topics
+    assert {f"{robot.ns}/odom", f"{robot.ns}/status"} <= set(topics)

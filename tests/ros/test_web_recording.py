@@ -1,0 +1,129 @@
+"""Bags that the page records."""
+
+import io
+from types import SimpleNamespace
+
+import pytest
+import rospy
+from geometry_msgs.msg import Twist
+from std_msgs.msg import Header
+
+from mrl_driver.errors import ConfigError, OutputError
+from ros1_bridge.web.bag_recording import BagRecording
+
+
+def raw(message):
+    """A message as rospy gives it to a subscriber of AnyMsg."""
+    data = io.BytesIO()
+    message.serialize(data)
+    return rospy.AnyMsg().deserialize(data.getvalue())
+
+
+def header(message):
+    return {
+        "type": message._type,
+        "md5sum": message._md5sum,
+        "message_definition": message._full_text,
+        "callerid": "/tests",
+        "latching": "0",
+        "topic": "/other",
+    }
+
+
+class Topics(dict):
+    """Subscriptions by topic; `say` sends a message to one, as `form` makes it."""
+
+    form = staticmethod(raw)
+
+    def __call__(self, topic, take):
+        self[topic] = take
+        return lambda: self.pop(topic)
+
+    def say(self, topic, message):
+        given = self.form(message)
+        given._connection_header = header(message)
+        self[topic](given)
+
+
+@pytest.fixture
+def bench(tmp_path):
+    topics = Topics()
+    times = iter(range(1, 100))
+    recording = BagRecording(
+        tmp_path / "bags", topics, lambda: ["/odom", "/cmd_vel"], lambda: rospy.Time(next(times))
+    )
+    return SimpleNamespace(topics=topics, recording=recording)
+
+
+def read(path):
+    import rosbag
+
+    with rosbag.Bag(str(path)) as bag:
+        return [(topic, message, time.secs) for topic, message, time in bag.read_messages()]
+
+
+@pytest.mark.parametrize("form", [raw, lambda message: message], ids=["any", "typed"])
+def test_a_bag_has_each_message_with_topic_type_and_time(bench, form):
+    """The node itself subscribes to some topics, and rospy gives it their messages by type."""
+    bench.topics.form = form
+    name = bench.recording.start()
+    twist = Twist()
+    twist.linear.x = 0.25
+    bench.topics.say("/cmd_vel", twist)
+    bench.topics.say("/odom", Header(seq=7, frame_id="odom"))
+    assert bench.recording.stop() == ""
+    (one, speed, first), (other, head, second) = read(bench.recording.path(name))
+    assert (one, speed.linear.x, first) == ("/cmd_vel", 0.25, 1)
+    assert (other, head.frame_id, second) == ("/odom", "odom", 2)
+
+
+def test_nothing_is_subscribed_to_before_and_after(bench):
+    assert not bench.topics
+    bench.recording.start()
+    assert set(bench.topics) == {"/odom", "/cmd_vel"}
+    bench.recording.stop()
+    assert not bench.topics
+
+
+def test_a_bag_that_is_written_is_listed_and_cannot_be_fetched(bench):
+    name = bench.recording.start()
+    (bag,) = bench.recording.bags()
+    assert (bag.name, bag.on) == (name, True)
+    with pytest.raises(ConfigError, match="does not exist"):
+        bench.recording.path(name)
+    bench.recording.stop()
+    assert not bench.recording.bags()[0].on
+
+
+@pytest.mark.parametrize("name", ["", "..", "../secret.bag", "/etc/passwd"])
+def test_no_other_file_can_be_fetched(bench, tmp_path, name):
+    (tmp_path / "secret.bag").write_text("")
+    with pytest.raises(ConfigError, match="does not exist"):
+        bench.recording.path(name)
+
+
+def test_a_second_bag_at_once_is_refused(bench):
+    bench.recording.start()
+    with pytest.raises(ConfigError, match="stop it first"):
+        bench.recording.start()
+    bench.recording.stop()
+
+
+def test_a_folder_that_cannot_be_made_is_named(bench, tmp_path):
+    (tmp_path / "bags").write_text("a file")
+    with pytest.raises(OutputError, match="cannot be made"):
+        bench.recording.start()
+
+
+def test_messages_that_do_not_fit_on_the_disk_are_counted(bench, monkeypatch):
+    import rosbag
+
+    bench.recording.start()
+
+    def full(*args, **options):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(rosbag.Bag, "write", full)
+    for _ in range(2):
+        bench.topics.say("/odom", Header())
+    assert bench.recording.stop() == "2 messages are missing: No space left on device"

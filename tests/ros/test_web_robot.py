@@ -1,0 +1,319 @@
+"""The robot of the page behind topics: what it sends, refuses and shows.  No ROS."""
+
+import math
+from types import SimpleNamespace
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import Range
+
+from mrl_driver.geometry import Pose
+from mrl_driver.web.goal_drive import REACHED
+from ros1_bridge.topics import topic_robot
+from ros1_bridge.topics.topic_robot import SILENT_S, STALE_S, STILL_M_S, TopicRobot
+from ros1_bridge.web import emergency_stop, topic_page_robot
+from ros1_bridge.web.emergency_stop import EmergencyStop
+from ros1_bridge.web.topic_page_robot import FOLLOWED_S, PAUSE_S, STANDS_S, TopicPageRobot
+from tests.waiting import wait_until
+
+NODE = "/robot1/robot_node"
+FORWARD = (0.2, 0.1, 0.0, 0.03)
+STOP = "stop"
+STEP_S = 0.05
+
+
+class Sent(list):
+    """What the page sends; `reason` is why the robot is stopped instead."""
+
+    reason = ""
+
+    def drive(self, *speeds):
+        self.append(STOP if self.reason else speeds)
+        return self.reason
+
+    def stop(self):
+        self.append(STOP)
+
+
+class Services(list):
+    """Calls of the node's services; each answers as `answers` says."""
+
+    answers = True, ""
+
+    def __call__(self, service):
+        self.append(service)
+        return self.answers
+
+
+class Bench:
+    """A page's robot, with time by hand."""
+
+    def __init__(self, monkeypatch, model="traxbot"):
+        self.now_s = 100.0
+        for module in (topic_robot, topic_page_robot, emergency_stop):
+            monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: self.now_s))
+        self.sent, self.services, self.readings, self.warning = Sent(), Services(), [], ""
+        self.topics = TopicRobot(None, lambda: False, model, node=NODE)
+        self.emergency = EmergencyStop(self.services)
+        self.bags = SimpleNamespace(name="", loss="", stop=lambda: "")
+        self.robot = TopicPageRobot(
+            self.topics, self.sent, self.emergency, self.bags, self.readings.append, lambda: self.warning
+        )
+        self.odometry()
+        self.status()
+
+    def odometry(self, x_m=0.0, speed_m_s=0.0, after_s=STEP_S):
+        self.now_s += after_s
+        message = Odometry()
+        message.pose.pose.position.x, message.pose.pose.orientation.w = x_m, 1.0
+        message.twist.twist.linear.x = speed_m_s
+        self.topics.on_odometry(message)
+
+    def status(self, cause="none", ready=True, mode="drive"):
+        level, line = (0, "ready") if cause == "none" else (1, f"stopped by {cause}")
+        values = {"mode": mode, "ready": str(ready).lower(), "stopped by": cause}
+        self.topics.on_status(
+            DiagnosticStatus(level, "", line, "", [KeyValue(*pair) for pair in values.items()])
+        )
+
+    def drive(self, times=1):
+        """Commands of a control that is held, each after an odometry message; returns the last answer."""
+        for _ in range(times):
+            self.odometry()
+            answer = self.robot.drive(*FORWARD)
+        return answer
+
+    def notice(self):
+        return self.robot.shown(self.now_s).notice
+
+
+@pytest.fixture
+def bench(monkeypatch):
+    made = []
+
+    def make(**options):
+        made.append(Bench(monkeypatch, **options))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.robot.close()
+
+
+def test_a_command_is_sent_with_its_age(bench):
+    page = bench()
+    assert page.drive() == "" and page.sent == [FORWARD]
+
+
+def test_a_page_that_does_not_drive_sends_nothing(bench):
+    """Other nodes may drive meanwhile."""
+    page = bench()
+    page.robot.stop()
+    page.odometry()
+    page.robot.shown(page.now_s), page.robot.sample(), page.robot.close()
+    assert page.sent == []
+
+
+def test_one_stop_ends_the_driving(bench):
+    page = bench()
+    page.drive(3)
+    page.robot.stop()
+    page.robot.stop()
+    assert page.sent == [FORWARD] * 3 + [STOP]
+
+
+def test_sideways_speed_is_for_robots_that_can(bench):
+    tracked, omni = bench(), bench(model="omni")
+    for page in (tracked, omni):
+        page.odometry()
+        page.robot.drive(0.0, 0.0, 0.1, 0.0)
+    assert (tracked.sent, omni.sent) == ([(0.0, 0.0, 0.0, 0.0)], [(0.0, 0.0, 0.1, 0.0)])
+
+
+OWN_STOPS = [
+    "command timeout",
+    "protective zone",
+    "command too late",
+    "battery",
+    "wheel mismatch",
+    "motors disabled",
+    "no telemetry",
+    "link watchdog",
+]
+
+
+@pytest.mark.parametrize("cause", OWN_STOPS)
+def test_after_a_stop_by_the_robots_node_the_press_is_over(bench, cause):
+    page = bench()
+    page.drive(3)
+    page.status(cause)
+    assert page.robot.stopped_by
+    page.status()
+    assert page.drive() and page.drive(), "the robot may drive, but this press may not"
+    assert page.sent == [FORWARD] * 3 + [STOP]
+    page.robot.stop()
+    assert page.drive() == "" and page.sent[-1] == FORWARD
+
+
+def test_a_stop_that_another_status_follows_at_once_counts(bench):
+    """The next command may end it before the server looks."""
+    page = bench()
+    page.drive(2)
+    page.status("command timeout")
+    page.status()
+    assert page.robot.stopped_by
+
+
+def test_a_reason_from_before_the_press_has_time_to_end(bench):
+    page = bench()
+    page.status("protective zone")
+    assert page.drive() == ""
+    page.status()
+    assert page.drive(int(FOLLOWED_S / STEP_S) + 2) == ""
+
+
+def test_a_reason_that_does_not_end_is_a_stop(bench):
+    """The robot stands before a wall: it must not set off when the wall goes away."""
+    page = bench()
+    page.status("protective zone")
+    assert "obstacle" in page.drive(int(FOLLOWED_S / STEP_S) + 2)
+    assert page.sent[-1] == STOP
+
+
+def test_a_robot_that_may_not_move_is_sent_nothing_but_a_stop(bench):
+    """The stop clears a wheel mismatch."""
+    page = bench()
+    page.status("wheel mismatch", ready=False, mode="wheel mismatch")
+    assert "wheel" in page.drive() and page.sent == []
+    page.robot.stop()
+    assert page.sent == [STOP]
+
+
+def test_silent_odometry_ends_the_press(bench):
+    page = bench()
+    page.drive(2)
+    page.now_s += STALE_S + STEP_S
+    assert "no odometry" in page.robot.drive(*FORWARD)
+    assert page.sent == [FORWARD] * 2 + [STOP]
+    assert page.drive(), "odometry is back, the control is still held"
+
+
+def test_a_delay_above_the_limit_ends_the_press(bench):
+    page = bench()
+    page.drive()
+    page.sent.reason = "the delay is 0.4 s"
+    assert page.drive() == "the delay is 0.4 s"
+    page.sent.reason = ""
+    assert page.drive() == "the delay is 0.4 s"
+
+
+def test_commands_after_a_pause_are_another_press(bench):
+    page = bench()
+    page.drive()
+    page.status("command timeout")
+    assert page.drive()
+    page.status()
+    page.odometry(after_s=PAUSE_S + STEP_S)
+    assert page.robot.drive(*FORWARD) == ""
+
+
+def test_a_robot_stands_after_the_stop_when_its_odometry_says_so(bench):
+    page = bench()
+    page.odometry(speed_m_s=0.2)
+    page.drive()
+    page.robot.stop()
+    page.odometry(speed_m_s=2 * STILL_M_S)
+    assert not page.robot.stands
+    page.odometry()
+    page.odometry(after_s=STANDS_S)
+    assert page.robot.stands
+
+
+def test_the_stop_of_the_page_is_latched_at_the_robots_node(bench):
+    page = bench()
+    page.drive()
+    page.robot.latch("desk")
+    assert page.robot.latched and page.sent[-1] == STOP
+    wait_until(lambda: page.services == ["stop"])
+    assert page.drive() and page.sent == [FORWARD, STOP]
+
+
+def test_a_stop_that_the_node_does_not_confirm_is_asked_for_again(bench):
+    page = bench()
+    page.services.answers = False, "service [/stop] unavailable"
+    page.robot.latch("desk")
+    wait_until(lambda: len(page.services) > 1)
+    assert page.robot.latched and "emergency stop: service [/stop] unavailable" in page.notice()
+    page.services.answers = True, ""
+    wait_until(lambda: not page.emergency.trouble)
+
+
+def test_an_emergency_stop_of_somebody_else_is_shown_and_obeyed(bench):
+    page = bench()
+    page.status("emergency stop", ready=False, mode="emergency stop")
+    assert page.robot.latched and "emergency stop" in page.drive() and page.sent == []
+    page.status()
+    assert not page.robot.latched
+
+
+def test_a_release_waits_for_the_status(bench):
+    page = bench()
+    page.status("emergency stop", ready=False, mode="emergency stop")
+    page.robot.release()
+    wait_until(lambda: page.services == ["release_stop"])
+    assert page.robot.latched
+    page.status()
+    assert not page.robot.latched
+
+
+def test_a_goal_is_driven_to_with_the_sonars(bench):
+    page = bench()
+    page.topics.on_range(Range(range=2.0), "front")
+    assert page.robot.go(Pose(1.0, 0.0, 0.0), True, 0.02) == ""
+    linear_m_s, *_, age_s = page.sent[-1]
+    assert linear_m_s > 0 and age_s == 0.02
+
+
+def test_a_goal_that_is_reached_stops_the_robot_and_is_told(bench):
+    page = bench()
+    page.robot.go(Pose(1.0, 0.0, 0.0), False, 0.0)
+    page.odometry(x_m=1.0)
+    page.robot.go(Pose(1.0, 0.0, 0.0), False, 0.0)
+    assert page.sent[-1] == STOP and page.notice() == REACHED
+
+
+def test_an_old_range_is_no_reading(bench):
+    page = bench()
+    page.topics.on_range(Range(range=0.5), "front")
+    assert page.robot.ranges == {"front": 0.5}
+    page.now_s += 2 * SILENT_S
+    assert math.isnan(page.robot.ranges["front"])
+
+
+def diagnostics(node, part, **values):
+    pairs = [KeyValue(key.replace("_", " "), value) for key, value in values.items()]
+    return DiagnosticArray(status=[DiagnosticStatus(name=f"{node}: {part}", values=pairs)])
+
+
+def test_limits_are_those_of_the_robots_own_node(bench):
+    page = bench()
+    for node, linear in (("robot1/robot_node", "0.1 m/s"), ("robot2/robot_node", "0.9 m/s")):
+        page.topics.on_diagnostics(
+            diagnostics(node, "Motion", Linear_Speed_Limit=linear, Angular_Speed_Limit="0.5 rad/s")
+        )
+    assert page.robot.limits[:2] == (0.1, 0.5)
+
+
+def test_the_status_says_when_another_program_drives(bench):
+    page = bench()
+    page.topics.on_status(DiagnosticStatus(0, "", "driving", "", []))
+    assert page.robot.shown(page.now_s).state.stopped == ""
+
+
+def test_a_warning_is_shown_unless_there_is_something_more_important(bench):
+    page = bench()
+    page.warning = "robot_node/cmd_vel_timeout is 0.5 s"
+    assert page.notice() == page.warning
+    page.status("wheel mismatch")
+    assert "wheel mismatch" in page.notice()
