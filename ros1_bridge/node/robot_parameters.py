@@ -25,7 +25,7 @@ ROWS = (
         str,
         None,
         "",
-        "Serial port of the board, such as /dev/ttyACM0, tcp://HOST:PORT, or a name of `mrl names`",
+        "Serial port of the board, such as /dev/ttyACM0, tcp://HOST:PORT, or a name of mrl names",
     ),
     Row("port_timeout", float, 0.0, "s", "Wait this long for the port to appear", 0.0, 600.0),
     Row("baud", int, BAUD, "baud", "Speed of the serial port", choices=BAUDS),
