@@ -26,6 +26,7 @@ export class Charts {
   #chips = new Map();
   #paused = false;
   #drawnAt = 0;
+  #inSight = true;
   #box = element("charts");
 
   /** `defaults` are the names shown until the user chooses others. */
@@ -40,6 +41,7 @@ export class Charts {
     });
     element("chart-pause").addEventListener("click", () => this.#pause(!this.#paused));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.build());
+    new IntersectionObserver((entries) => (this.#inSight = entries.at(-1).isIntersecting)).observe(element("chart-panel"));
     let size = "";
     new ResizeObserver(() => {
       const now = `${this.#box.clientWidth} ${this.#box.clientHeight}`;
@@ -61,9 +63,7 @@ export class Charts {
 
   #pause(paused) {
     this.#paused = paused;
-    const button = element("chart-pause");
-    button.setAttribute("aria-pressed", String(paused));
-    setText(button, paused ? "Go on" : "Pause");
+    setText(element("chart-pause"), paused ? "Go on" : "Pause");
   }
 
   /** Makes the charts of the chosen values. */
@@ -150,7 +150,7 @@ export class Charts {
 
   /** Draws the charts at most five times a second. */
   draw(now) {
-    if (now - this.#drawnAt < PERIOD_MS) return;
+    if (now - this.#drawnAt < PERIOD_MS || !this.#inSight) return;
     this.#drawnAt = now;
     for (const { plot, shown } of this.#plots) {
       if (!this.#paused) plot.setData(this.#data(shown));

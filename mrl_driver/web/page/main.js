@@ -114,6 +114,7 @@ connection.on("welcome", (message) => {
   page.base = robot.drive;
   for (const id of ["slide-left", "slide-right", "slide-keys", "drag-choice"]) element(id).hidden = !speeds.sideways;
   if (!speeds.sideways) joystick.slides = false;
+  element("tile-nearest-box").hidden = !Object.keys(robot.sonars ?? {}).length;
   map.robot = { body: robot.body ?? [0.2, 0.2], sonars: robot.sonars ?? {} };
   map.touch();
   samples.begin(message.series);
@@ -195,7 +196,7 @@ function frame(now) {
   framedAt = now;
   map.draw();
   charts.draw(now);
-  panels.motion(samples.newest("speed"), samples.newest("turn rate"), view);
+  panels.motion(samples.newest("speed"), samples.newest("turn rate"), samples.newest("sideways speed"), view);
   if (now - wordsAt < WORDS_MS) return;
   wordsAt = now;
   panels.map(map.pose, nearestOf(view.ranges), goal.value);

@@ -64,11 +64,16 @@ export class Panels {
     element("readings").replaceChildren(...this.#sections);
   }
 
-  /** Shows the speeds [m/s, rad/s] and the command of a view message; another program may drive without one. */
-  motion(linear, angular, { command, stopped, silent }) {
-    setText(element("tile-speed"), fixed(silent ? NaN : linear, 2));
+  /**
+   * Shows the speeds [m/s, rad/s, m/s] and the command of a view message; another program may drive without one.  `lateral` is NaN if
+   * the robot cannot move sideways; otherwise the speed is that of both directions together.
+   */
+  motion(linear, angular, lateral, { command, stopped, silent }) {
+    const together = (forward, aside) => (Number.isNaN(aside) ? forward : Math.hypot(forward, aside));
+    setText(element("tile-speed"), fixed(silent ? NaN : together(linear, lateral), 2));
     setText(element("tile-turn"), fixed(silent ? NaN : degrees(angular), 0));
-    setText(element("tile-speed-asked"), command ? `set ${fixed(number(command[0]), 2)}` : stopped ? "stopped" : "");
+    const asked = command && fixed(together(number(command[0]), number(command[2])), 2);
+    setText(element("tile-speed-asked"), command ? `set ${asked}` : stopped ? "stopped" : "");
     setText(element("tile-turn-asked"), command ? `set ${fixed(degrees(number(command[1])), 0)}` : "");
   }
 

@@ -101,9 +101,7 @@ export class Phone {
   }
 
   #show() {
-    const button = element("phone");
-    button.setAttribute("aria-pressed", String(this.#on));
-    setText(button, this.#on ? "Stop sending" : "Send this phone's motion");
+    setText(element("phone"), this.#on ? "Stop sending" : "Send this phone's motion");
   }
 
   #tell(text) {
