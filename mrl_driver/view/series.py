@@ -158,7 +158,7 @@ def _imu(robot: Any) -> List[_Group]:
 
     def read() -> Sequence[float]:
         imu = robot.imu
-        if imu is None or getattr(robot, "imu_state", IN_USE) not in _HEARD:
+        if imu is None or _is_silent(robot) or getattr(robot, "imu_state", IN_USE) not in _HEARD:
             return _IMU_UNKNOWN
         bias_rad_s = imu.bias_rad_s if imu.bias_known else _UNKNOWN
         return (*imu.angular_velocity_rad_s, *imu.linear_acceleration_m_s2, bias_rad_s)

@@ -69,7 +69,7 @@ def test_board_and_link_have_numbers(values):
 @pytest.mark.parametrize(
     "fault, unknown",
     [
-        ("freeze", {"speed", "turn rate", "right wheel", "left wheel", "sonar front"}),
+        ("freeze", {"speed", "turn rate", "right wheel", "left wheel", "sonar front", "imu yaw rate"}),
         ("imu_power", {"imu yaw rate", "imu acceleration z", "imu bias"}),
     ],
 )
