@@ -209,16 +209,12 @@ def _object(data: Union[str, bytes]) -> Dict[str, Any]:
         size = len(text.encode())
         if size > MOST_BYTES:
             raise Malformed(f"the message has {size} bytes, expected at most {MOST_BYTES}")
-        found = json.loads(text, parse_constant=_no_number, object_pairs_hook=_once)
+        found = json.loads(text, object_pairs_hook=_once)
     except (ValueError, RecursionError) as error:
         raise Malformed(f"the message is not JSON: {error}") from None
     if not isinstance(found, dict):
         raise _refuse("the message", found, "an object")
     return found
-
-
-def _no_number(text: str) -> Any:
-    raise ValueError(f"{text} is not a number")
 
 
 def _once(pairs: List[Tuple[str, Any]]) -> Dict[str, Any]:

@@ -50,8 +50,9 @@ def test_a_page_that_has_heard_nothing_for_two_seconds_has_no_age():
     assert DEAF_S == 2.0
 
 
-def test_an_echo_of_what_was_never_sent_has_no_age():
-    assert age_s(Freshness(), 10.0, 10.5, 10.0, 10.0) == math.inf
+@pytest.mark.parametrize("early_s", [0.01, 0.5])
+def test_an_echo_of_what_was_never_sent_has_no_age(early_s):
+    assert age_s(Freshness(), 10.0, 10.0 + early_s, 10.0, 10.0) == math.inf
 
 
 def test_a_message_that_was_sent_before_what_it_echoes_has_no_age():

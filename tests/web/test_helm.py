@@ -125,8 +125,10 @@ def test_a_released_control_stops_at_once(driving):
 
 
 def test_the_next_press_may_follow_a_release_at_once(driving):
+    """Before the page has heard that the robot was stopped."""
     bench, one, _ = driving
-    bench.rest(one)
+    bench.now_s += 0.02
+    bench.arrives(one, one.lift(bench.now_s))
     assert kinds(bench.push(one)) == ["Drive"]
 
 
@@ -290,8 +292,18 @@ def test_a_late_release_stops_too(driving):
 
 def test_press_numbers_only_grow(driving):
     bench, one, _ = driving
+    one.press += 2
+    assert bench.drives(one)
     one.press -= 1
     assert not bench.drives(one)
+
+
+def test_a_press_that_never_drove_is_over_with_its_release(bench):
+    page = bench.page(takes=True)
+    bench.arrives(page, page.push(bench.now_s - 0.2))
+    bench.rest(page)
+    page.held = True
+    assert not bench.drives(page)
 
 
 # -- who drives
@@ -544,6 +556,18 @@ def test_a_robot_that_stops_by_itself_ends_the_press(driving):
     assert not bench.drives(one) and bench.presses_again(one)
 
 
+def test_a_press_from_before_a_stop_that_arrives_after_it_does_not_drive(driving):
+    """The person has let go and pressed again, and the page did not know of the stop yet."""
+    bench, one, _ = driving
+    under_way = [one.lift(bench.now_s), one.push(bench.now_s)]
+    bench.now_s += 0.01
+    bench.helm.robot_stopped("battery", bench.now_s)
+    bench.now_s += 0.01
+    assert "Drive" not in kinds([act for each in under_way for act in bench.arrives(one, each)])
+    bench.later()
+    assert not bench.drives(one) and bench.presses_again(one)
+
+
 def test_a_robot_that_stops_while_nobody_drives_ends_no_press(bench):
     page = bench.page(takes=True)
     assert bench.helm.robot_stopped("battery", bench.now_s) == []
@@ -564,8 +588,10 @@ def test_a_stop_that_another_program_releases_needs_a_new_press(driving):
     bench.helm.robot_latched(True, "another program", bench.now_s)
     bench.later()
     bench.rest(one)
-    bench.push(one)
+    under_way = one.push(bench.now_s)
+    bench.now_s += 0.01
     bench.helm.robot_latched(False, "", bench.now_s)
+    assert "Drive" not in kinds(bench.arrives(one, under_way))
     bench.later()
     assert not bench.drives(one) and bench.presses_again(one)
 

@@ -38,7 +38,7 @@ class TruePage(Page):
     def __init__(self, number, ahead_s, drift, may_drive):
         super().__init__(number, ahead_s)
         self.drift, self.may_drive = drift, may_drive
-        self.out, self.coming = [], []
+        self.out, self.coming, self.past = [], [], []
         self.began_s = {}
         """When each press began."""
 
@@ -221,15 +221,17 @@ class Promises(RuleBasedStateMachine):
     def deliver(self, page, sent_s, control):
         acts = self.call("control", page.number, message=control, sent_s=sent_s)
         self.delivered.add((page.number, control.seq))
+        page.past.append((sent_s, control))
         self.newest[page.number] = max(control.seq, self.newest.get(page.number, -1))
         return acts
 
     @rule(
         index=st.integers(0, 1),
         way_s=st.sampled_from([0.0, 0.01, 0.03]),
+        press_way_s=st.sampled_from([0.0, 0.01, 0.1, 0.2]),
         goal=st.sampled_from([None, Goal(1.0, 0.0)]),
     )
-    def behave(self, index, way_s, goal):
+    def behave(self, index, way_s, press_way_s, goal):
         """A page that does as it should over a good line drives."""
         page = self.at(index)
         if not page.may_drive:
@@ -244,8 +246,8 @@ class Promises(RuleBasedStateMachine):
             self.call("release", page.number)
             assert not self.latched, "a good release does nothing"
             self.exchange(page, page.lift, way_s)
-        acts = self.exchange(page, lambda now_s: page.push(now_s, goal), way_s)
-        if self.driver == page.number and not self.latched:
+        acts = self.exchange(page, lambda now_s: page.push(now_s, goal), press_way_s)
+        if self.driver == page.number and not self.latched and press_way_s < OLDEST_S:
             assert any(isinstance(act, (Drive, Go)) for act in acts), "a good press does not drive"
 
     @precondition(lambda self: self.moving)
@@ -254,6 +256,39 @@ class Promises(RuleBasedStateMachine):
         """The page goes on; the line is good, or bad now."""
         page = self.page(self.driver)
         self.exchange(page, page.message, way_s)
+
+    @precondition(lambda self: self.moving)
+    @rule(pick=st.integers(1, 4))
+    def deliver_again(self, pick):
+        """What the driving page has sent comes once more."""
+        page = self.page(self.driver)
+        if len(page.past) >= pick:
+            self.deliver(page, *page.past[-pick])
+
+    @precondition(lambda self: self.moving)
+    @rule(how=st.sampled_from(["stop", "itself", "stall", "release"]), heard=st.booleans(), new=st.booleans())
+    def defy_a_stop(self, how, heard, new):
+        """The control stays held; or another press, begun before the stop, arrives after it."""
+        page = self.page(self.driver)
+        page.out = []
+        if new:
+            page.send(self.now_s, page.lift(self.now_s))
+            self.press_control(self.here.index(page.number), None)
+        if how == "stop":
+            self.call("stop", self.here[-1])
+        elif how == "itself":
+            self.stop_by_itself()
+        elif how == "stall":
+            self.stall(0.2)
+        else:
+            self.exchange(page, page.lift, 0.0)
+            page.held = True
+        self.now_s += TICK_S
+        if heard:
+            page.hear_at(self.now_s, self.now_s)
+        if not new:
+            page.send(self.now_s, page.message(self.now_s))
+        self.burst(self.here.index(page.number))
 
     def exchange(self, page, control, way_s):
         """The page hears of the state now, and answers."""
@@ -310,6 +345,6 @@ def test_the_helm_keeps_its_promises():
     """The same examples each time, with motion and every kind of stop in them."""
     seen.clear()
     run_state_machine_as_test(
-        Promises, settings=settings(max_examples=80, stateful_step_count=50, deadline=None, database=None)
+        Promises, settings=settings(max_examples=60, stateful_step_count=40, deadline=None, database=None)
     )
     assert min(seen[kind] for kind in ("Drive", "Go", "Halt", "Latch", "Unlatch")) >= 10, seen
