@@ -138,7 +138,7 @@ class TlsListener:
     ) -> None:
         self._context, self._admits, self._tell = context, admits, tell
         self._listening = bound(address, socket.SOCK_STREAM)
-        self._listening.listen(MOST_CALLERS)
+        self._listening.listen(4 * MOST_CALLERS)
         self._epoll = select.epoll()
         self._epoll.register(self._listening, select.EPOLLIN)
         self._callers: Dict[int, _Connection] = {}
@@ -162,7 +162,9 @@ class TlsListener:
         came = False
         for fd, _ in self._epoll.poll(0, MOST_STEPS):
             if fd == self._listening.fileno():
-                self._accept()
+                with contextlib.suppress(BlockingIOError, ConnectionError):
+                    for _ in range(MOST_STEPS):
+                        self._accept()
             elif fd in self._callers:  # or it made room for another one
                 came = self._go_on(self._callers[fd]) or came
         now = time.monotonic()
@@ -171,10 +173,7 @@ class TlsListener:
         return came
 
     def _accept(self) -> None:
-        try:
-            end, name = self._listening.accept()
-        except (BlockingIOError, ConnectionError):
-            return
+        end, name = self._listening.accept()
         end.setblocking(False)
         prompt(end)
         if len(self._callers) >= MOST_CALLERS:

@@ -133,7 +133,7 @@ def test_a_wrong_token_is_refused_before_a_byte_reaches_the_board(echo):
     wait_until(lambda: any("was refused: wrong token" in line for line in echo.told))
 
 
-@pytest.mark.parametrize("said", [b"@11,200,0e\n", b"MRL1\n", b"x" * 300])
+@pytest.mark.parametrize("said", [b"@11,200,0e\n", b"MRL1\n", b"MRL2 ", b"x" * 300])
 def test_a_client_that_shows_no_token_is_refused(echo, monkeypatch, said):
     before = echo.received
     monkeypatch.setattr("mrl_driver.transport.tls_link.GREETING", said)
@@ -175,6 +175,8 @@ def test_connections_that_never_show_a_token_do_not_keep_others_out(echo):
     with contextlib.closing(open_link(echo.url)) as link:
         link.write(b"@5e")
         assert received(link, 3) == b"@5e"
+    silent[0].settimeout(tls_listener.ENTER_S / 2)
+    assert silent[0].recv(1) == b""  # the oldest made room
     for end in silent:
         end.close()
 

@@ -2,11 +2,13 @@
 
 import json
 import threading
+import time
 
 import pytest
 
 from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import ConfigError, LinkLost
+from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording import timeline
 from mrl_driver.recording.decoded import phone_readings
 from mrl_driver.recording.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
@@ -18,8 +20,10 @@ from tests.waiting import drive_until, wait_until
 from .test_call_path import READ
 
 LASTING = Options(command_timeout_s=None)
-PIECE = 5
+PIECE, PIECE_S = 5, 0.002
 POSE_ERROR_M = 1e-9
+SONARS = BY_NAME["read_sonars"].code
+"""A request that the driver never sends by itself to this board."""
 
 
 @pytest.fixture
@@ -35,6 +39,8 @@ def pieces(monkeypatch):
     def read_piece(link, timeout_s):
         if not waiting:
             waiting.extend(read(link, timeout_s))
+        else:
+            time.sleep(PIECE_S)
         data = bytes(waiting[:PIECE])
         del waiting[:PIECE]
         seen.extend(data)
@@ -99,6 +105,16 @@ def test_no_byte_to_the_board_is_lost_or_doubled(serve, files):
     assert b"@11,200,0," in sent
 
 
+def test_what_is_sent_right_after_it_began_is_in_it(serve, files):
+    with Driver(serve().path, options=LASTING) as robot:
+        for _ in range(10):
+            robot.start_recording(files[0])
+            robot.request(SONARS)
+            frames_later(robot, 1)  # the reading thread may send it
+            robot.stop_recording()
+            assert b"@%d," % SONARS in joined(files[0], TO_BOARD)
+
+
 def test_it_begins_with_a_whole_frame(serve, files, pieces):
     with Driver(serve().path) as robot:
         for _ in range(10):
@@ -114,8 +130,10 @@ def test_its_remarks_and_header_are_those_of_a_recording_from_the_start(serve, f
     with Driver(board.path) as robot:
         record(robot, files[0])
     recording = Recording(files[0])
-    remarks = [entry.data for entry in recording if entry.direction == REMARK]
+    entries = list(recording)
+    remarks = [entry.data for entry in entries if entry.direction == REMARK]
     assert remarks == [b"opened " + board.path.encode(), b"checked"]
+    assert [entry.data for entry in entries[:2]] == remarks
     assert (recording.header["port"], recording.header["baud"]) == (board.path, 115200)
 
 
@@ -174,22 +192,23 @@ def test_a_driver_that_is_not_connected_records_nothing(files):
         Driver("/dev/nothing").start_recording(files[0])
 
 
-def test_after_it_a_frame_takes_the_calls_of_one_before(serve, files):
-    lists, heard = CallLists(READ).install(), []
+def test_without_one_no_frame_passes_through_it(serve, files):
+    """Neither before the first one, nor after the last one."""
+    lists, steps = CallLists(READ).install(), []
     try:
         with Driver(serve().path) as robot:
-            robot.on_telemetry(heard.append)
-            steps = []
-            for _ in range(2):
+            for path in files:
                 frames_later(robot)
                 lists.steps.clear()
-                frames_later(robot, 40)
-                steps.append(lists.steady("mrl_driver/robot/odometry.py:update").calls)
-                if robot.recorder is None and len(steps) == 1:
-                    record(robot, files[0])
+                frames_later(robot)
+                steps += lists.steps
+                record(robot, path)
+                frames_later(robot)
     finally:
         lists.remove()
-    assert steps[0] == steps[1]
+    calls = {call for step in steps for call in step.calls}
+    assert "mrl_driver/protocol/decoder.py:feed" in calls
+    assert not [call for call in calls if call.startswith("mrl_driver/recording/")]
 
 
 # -- remarks
