@@ -119,7 +119,7 @@ generate: setup ## Render protocol.h and PROTOCOL.md from the table, and the URD
 docs: setup ## API documentation in build/docs; a warning is an error
 	@mkdir -p build
 	@$(ROS_ENV) $(PY) -m pdoc --docformat google -t docs -o build/docs mrl_driver '!mrl_driver.cli.commands' \
-	  mrl_driver.driver.simulated sim_arduino ros1_bridge 2>build/docs.log; code=$$?; \
+	  mrl_driver.driver.simulated mrl_driver.protocol.table sim_arduino ros1_bridge 2>build/docs.log; code=$$?; \
 	if [ $$code != 0 ] || grep -q Warn build/docs.log; then cat build/docs.log >&2; exit 1; fi; echo "build/docs/index.html"
 
 clean: ## Remove what was built; the virtual environment stays
