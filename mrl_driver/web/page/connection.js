@@ -38,8 +38,6 @@ class Delay {
 export class Connection {
   state = "connecting";
   words = "Connecting to the server";
-  /** Age of this page's commands when the server received them [ms]; the helm sets it. */
-  commandAgeMs = 0;
   delay = new Delay();
   changed = () => {};
   #hello;
@@ -90,9 +88,8 @@ export class Connection {
     return this.#transport?.phonePeriodMs ?? Infinity;
   }
 
-  /** Opens the connection, also if it is open or refused; `hello` replaces fields of the first message. */
-  restart(hello = {}) {
-    Object.assign(this.#hello, hello);
+  /** Opens the connection, also if it is open or refused. */
+  restart() {
     this.#drop();
     this.#attempts = 0;
     this.#open();
@@ -220,7 +217,6 @@ export class Connection {
     const late = Math.round(Math.min(this.delay.ms, this.#lateBefore)); // one late message is no slow link
     this.#lateBefore = this.delay.ms;
     if (quiet > QUIET_MS) this.#show("slow", `No data from the server for ${(quiet / 1000).toFixed(0)} s`);
-    else if (this.commandAgeMs > LATE_MS) this.#show("slow", `Slow link: commands take ${Math.round(this.commandAgeMs)} ms`);
     else if (late > LATE_MS) this.#show("slow", `Slow link: data is ${late} ms late`);
     else this.#show("open", "Connected");
   }

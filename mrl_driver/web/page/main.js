@@ -29,7 +29,8 @@ const name = element("name");
 name.value = remembered("name", "") || `${matchMedia("(pointer: coarse)").matches ? "phone" : "computer"} ${Math.floor(10 + Math.random() * 90)}`;
 remember("name", name.value);
 
-const connection = new Connection({ type: "hello", token, name: name.value });
+const hello = { type: "hello", token, name: name.value };
+const connection = new Connection(hello);
 const helm = new Helm(connection);
 const press = new Press(connection, () => helm.whyNot());
 const speeds = new Speeds();
@@ -129,7 +130,10 @@ connection.on("sample", ({ at, v }) => {
   map.move(samples.newest("x"), samples.newest("y"), samples.newest("yaw"));
 });
 
-connection.on("path", ({ poses }) => map.setPath(poses));
+connection.on("path", ({ poses }) => {
+  map.setPath(poses);
+  map.setCells(1, []); // those of this server come next
+});
 connection.on("cells", ({ size, taken }) => map.setCells(size, taken));
 
 connection.on("view", (message) => {
@@ -157,7 +161,6 @@ connection.on("refused", ({ why }) => notice(`${sentence(why)}.`));
 
 helm.taken = (message) => {
   counts = message;
-  connection.commandAgeMs = helm.isMine && message.driving ? number(message.age_ms) || 0 : 0;
   press.answer(helm.spent, message.why || "the robot stopped");
 };
 
@@ -165,7 +168,6 @@ helm.taken = (message) => {
 function pageSection() {
   const rows = [["transport", connection.title, ""]];
   rows.push(["delay", `${Math.round(connection.delay.ms)} ms`, connection.state === "slow" ? "yellow" : ""]);
-  if (Number.isFinite(counts.age_ms)) rows.push(["commands", `${Math.round(counts.age_ms)} ms old`, ""]);
   const dropped = ["late", "repeated", "malformed"].filter((kind) => counts[kind] > 0).map((kind) => `${counts[kind]} ${kind}`);
   rows.push(["dropped", dropped.join(", ") || "none", dropped.length ? "yellow" : ""]);
   return { title: "page", style: "", rows };
@@ -182,8 +184,9 @@ element("retry").addEventListener("click", () => connection.restart());
 name.addEventListener("change", () => {
   name.value = name.value.replace(/[^\p{L}\p{N}\p{P}\p{S} ]/gu, "").trim() || "page";
   remember("name", name.value);
+  hello.name = name.value;
   if (helm.isMine) notice("Others see the new name after the next connection.");
-  else connection.restart({ name: name.value });
+  else connection.restart();
 });
 for (const choice of document.querySelectorAll("[name=drag]")) {
   choice.addEventListener("change", () => (joystick.slides = choice.value === "slide" && choice.checked));

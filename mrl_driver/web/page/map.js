@@ -36,6 +36,7 @@ export class FloorMap {
   #cells = null;
   #cellBox = null;
   #pointers = new Map();
+  #start = [0, 0];
   #moved = 0;
 
   constructor() {
@@ -150,7 +151,10 @@ export class FloorMap {
   #down(event) {
     if (event.button !== 0) return;
     this.#canvas.setPointerCapture(event.pointerId);
-    if (!this.#pointers.size) this.#moved = 0;
+    if (!this.#pointers.size) {
+      this.#moved = 0;
+      this.#start = [event.clientX, event.clientY];
+    }
     this.#pointers.set(event.pointerId, [event.clientX, event.clientY]);
   }
 
@@ -159,7 +163,8 @@ export class FloorMap {
     if (!before) return;
     const points = [...this.#pointers.values()];
     const after = [event.clientX, event.clientY];
-    this.#moved += Math.hypot(after[0] - before[0], after[1] - before[1]);
+    const away = Math.hypot(after[0] - this.#start[0], after[1] - this.#start[1]);
+    this.#moved = Math.max(this.#moved, points.length > 1 ? CLICK_PX : away);
     this.#pointers.set(event.pointerId, after);
     if (this.#moved < CLICK_PX) return;
     const share = 1 / points.length;

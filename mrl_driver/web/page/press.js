@@ -83,7 +83,8 @@ export class Press {
 
   /** Answers the helm's state: presses up to a number are spent.  Without an answer the server lets no press count. */
   answer(spent, why) {
-    if (this.held && spent >= this.#number) this.spend(why);
+    const spentWhy = spent >= this.#number ? why : this.#whyNot();
+    if (this.held && spentWhy) this.spend(spentWhy);
     else this.#send();
   }
 
