@@ -10,6 +10,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import (
     RuleBasedStateMachine,
+    initialize,
     invariant,
     precondition,
     rule,
@@ -158,6 +159,7 @@ class Promises(RuleBasedStateMachine):
 
     @rule(index=PAGES, goal=st.sampled_from([None, Goal(1.0, 0.0)]))
     def press_control(self, index, goal):
+        self.now_s += TICK_S
         page = self.at(index)
         control = page.push(self.now_s, goal)
         page.began_s[page.press] = self.now_s
@@ -230,9 +232,10 @@ class Promises(RuleBasedStateMachine):
         way_s=st.sampled_from([0.0, 0.01, 0.03]),
         press_way_s=st.sampled_from([0.0, 0.01, 0.1, 0.2]),
         goal=st.sampled_from([None, Goal(1.0, 0.0)]),
+        releases=st.booleans(),
     )
-    def behave(self, index, way_s, press_way_s, goal):
-        """A page that does as it should over a good line drives."""
+    def behave(self, index, way_s, press_way_s, goal, releases):
+        """A page that does as it should over a good line drives; perhaps it releases a latched stop before."""
         page = self.at(index)
         if not page.may_drive:
             return
@@ -242,13 +245,22 @@ class Promises(RuleBasedStateMachine):
             self.pass_time(HAND_OVER_S)
         for _ in range(2):  # the page also answers to the stop that may have been due
             self.exchange(page, page.lift, way_s)
-        if self.latched and self.driver == page.number:
+        if self.latched and releases and self.driver == page.number:
             self.call("release", page.number)
             assert not self.latched, "a good release does nothing"
             self.exchange(page, page.lift, way_s)
         acts = self.exchange(page, lambda now_s: page.push(now_s, goal), press_way_s)
         if self.driver == page.number and not self.latched and press_way_s < OLDEST_S:
             assert any(isinstance(act, (Drive, Go)) for act in acts), "a good press does not drive"
+
+    @initialize()
+    def begin(self):
+        self.behave(0, 0.0, 0.0, None, True)
+
+    @precondition(lambda self: not self.moving)
+    @rule(index=st.integers(0, 1), releases=st.booleans())
+    def begin_again(self, index, releases):
+        self.behave(index, 0.01, 0.01, None, releases)
 
     @precondition(lambda self: self.moving)
     @rule(way_s=st.sampled_from([0.0, 0.01, 0.1, 0.2]))
@@ -271,6 +283,7 @@ class Promises(RuleBasedStateMachine):
         """The control stays held; or another press, begun before the stop, arrives after it."""
         page = self.page(self.driver)
         page.out = []
+        seen[f"defied {how}"] += 1
         if new:
             page.send(self.now_s, page.lift(self.now_s))
             self.press_control(self.here.index(page.number), None)
@@ -328,6 +341,7 @@ class Promises(RuleBasedStateMachine):
     @precondition(lambda self: self.moving)
     @rule()
     def stop_by_itself(self):
+        self.now_s += TICK_S
         acts = self.helm.robot_stopped("battery", self.now_s)
         for act in acts:
             if isinstance(act, Halt):
