@@ -1,6 +1,7 @@
 """What waits to be sent to one client of the page: the newest message of each kind, never a queue of old ones."""
 
 import asyncio
+import contextlib
 import time
 from typing import Any, Awaitable, Callable, Dict, Optional
 
@@ -62,7 +63,10 @@ class Client:
     def abort(self) -> None:
         """Close the connection at once."""
         if self._transport is not None and not self._transport.is_closing():
-            self._transport.abort()
+            with contextlib.suppress(
+                AttributeError
+            ):  # of a TLS transport of Python 3.11 whose end has just come
+                self._transport.abort()
 
     def is_flooding(self, now_s: float) -> bool:
         """Count a message; return whether the client sends more than `MOST_PER_S`."""

@@ -71,6 +71,9 @@ class DriverRobot:
         driver = self._driver
         if self._latched:
             return f"the {EMERGENCY} is on; release it first"
+        why = self.stopped_by
+        if why:  # between two commands, and the server has not seen it yet
+            return why
         try:
             if driver.drive(linear_m_s, angular_rad_s, lateral_m_s):
                 self._driven, self._age_s, self._driven_s = True, age_s, time.monotonic()

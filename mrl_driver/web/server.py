@@ -430,11 +430,12 @@ class Server:
 
     def _take_message(self, client: Client, data: Any) -> None:
         """Handle one message of a client."""
-        if client.is_flooding(time.monotonic()):
-            client.end("the page sends too many messages")
-            return
+        floods = client.is_flooding(time.monotonic())
         try:
             message = messages.parse(data)
+            if floods and not isinstance(message, messages.Stop):
+                client.end("the page sends too many messages")
+                return
         except messages.Malformed as error:
             self._helm.malformed()
             client.refused += 1

@@ -58,6 +58,14 @@ def test_it_drives_while_commands_come_and_stops_0_2_s_after_the_last(robot):
     assert "no new command arrived in time" in robot.page.stopped_by
 
 
+def test_a_stop_between_two_commands_is_not_overridden_by_the_next(robot):
+    robot.page.drive(0.2, 0.0, 0.0, 0.01)
+    robot.driver.wait(0.3)
+    assert "no new command arrived in time" in robot.page.drive(0.2, 0.0, 0.0, 0.01)
+    robot.page.stop()
+    assert robot.page.drive(0.2, 0.0, 0.0, 0.01) == ""
+
+
 def test_a_stop_by_the_page_is_no_stop_by_itself(robot):
     robot.page.drive(0.2, 0.0, 0.0, 0.01)
     robot.page.stop()

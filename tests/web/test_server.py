@@ -389,14 +389,17 @@ def test_one_connection_too_many_is_closed(monkeypatch):
     serving(scenario)
 
 
-def test_a_page_that_floods_the_server_is_closed(monkeypatch):
+def test_a_page_that_floods_the_server_is_closed_but_its_stop_counts(monkeypatch):
     monkeypatch.setattr(client, "MOST_PER_S", 3)
 
     async def scenario(site):
         async with site.page() as page:
-            for _ in range(10):
+            for _ in range(3):
                 await page.send("ping", t=0, heard=None, heard_t=None)
+            await page.send("stop")
+            await page.send("ping", t=0, heard=None, heard_t=None)
             assert "too many" in (await page.next("closed"))["why"]
+            assert ("latch", "desk") in site.robot.calls
 
     serving(scenario)
 
