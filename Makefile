@@ -24,6 +24,8 @@ ifneq ($(wildcard /opt/ros/noetic/setup.bash),)
 ROS_ENV := source /opt/ros/noetic/setup.bash &&
 else
 ROS_ENV :=
+# Ubuntu has Chromium as a snap alone, which needs a running system; Debian's is a package.
+PACKAGES_test += chromium chromium-driver
 PACKAGES_run += python3-roslaunch rosout python3-rospy python3-rostopic python3-rosnode python3-rosbag python3-tf2-ros \
   python3-actionlib python3-diagnostic-updater python3-dynamic-reconfigure python3-diagnostic-msgs \
   python3-geometry-msgs python3-move-base-msgs python3-nav-msgs python3-sensor-msgs python3-std-srvs

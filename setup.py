@@ -108,6 +108,7 @@ setup(
             "pytest-randomly>=3.12",
             "pytest-rerunfailures>=11",
             "hypothesis>=6",
+            "selenium>=4.6",
             "ruff==0.17.6",
             "import-linter>=2; python_version >= '3.9'",
             "mypy>=1.8",

@@ -16,6 +16,10 @@ soak: setup firmware ## Kill, unplug, stop and close repeatedly, then keep drivi
 bench-calibration: setup ## Calibrate 20 emulated robots with hidden errors; build/bench/calibration.json
 	$(PY) -m tests.bench.bench_calibration
 
+.PHONY: bench-web
+bench-web: setup ## Measure stop times, CPU and first load of the page in Chromium; build/bench/web.json; FAST=1 is shorter
+	$(PY) -m tests.bench.bench_web
+
 PACKAGES_test-fresh := mmdebstrap $(if $(findstring image,$(WAYS)),buildah)
 .PHONY: test-fresh
 test-fresh: | apt ## Run the README's commands in minimal Debian systems; RELEASES=trixie, WAYS="root user container image", COMMANDS=run

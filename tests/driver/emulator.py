@@ -2,7 +2,7 @@
 
 import threading
 import time
-from typing import List
+from typing import List, Optional
 
 from mrl_driver.protocol.table import STOP_REASONS
 from mrl_driver.robot.models import load
@@ -10,6 +10,7 @@ from sim_arduino.board import PythonBoard
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.serve.pty import PtyPort
 from sim_arduino.serve.server import PtyServer
+from sim_arduino.world.world import World
 from tests.waiting import wait_until
 
 STOP, MOVE = 0xFC, 0xEB
@@ -19,8 +20,8 @@ STOP, MOVE = 0xFC, 0xEB
 class Emulator:
     """Serves until `close`."""
 
-    def __init__(self, name: str = "traxbot") -> None:
-        self.plant = Plant(load(name))
+    def __init__(self, name: str = "traxbot", world: Optional[World] = None) -> None:
+        self.plant = Plant(load(name), world)
         self._engine = PythonBoard(self.plant)
         self._port = PtyPort()
         self.path = self._port.path

@@ -1,0 +1,167 @@
+"""The page in Chromium drives an emulated robot through `mrl web`, with TLS and a token."""
+
+import pytest
+
+from mrl_driver.recording.recording import Recording
+from tests.driver.emulator import MOVE, STOP
+from tests.waiting import wait_until
+
+from .browser import DESK, NO_WEBSOCKET, PAD, PHONE
+from .robot_page import RobotPage
+
+FURTHER = 4
+"""The robot still stands when the page has sent so many more messages."""
+HOLD_PAD = "window.pad.buttons[4] = {pressed: arguments[0], touched: arguments[0], value: +arguments[0]};"
+
+
+@pytest.fixture
+def visit(browser, shared):
+    """Opens pages, and closes them at the end."""
+    pages = []
+
+    def open_page(size=DESK, before="", link=0):
+        pages.append(RobotPage(browser, shared.links[link], size, before))
+        return pages[-1]
+
+    yield open_page
+    for page in pages:
+        page.tab.close()
+    wait_until(lambda: not shared.robot.moves)
+
+
+@pytest.fixture
+def robot(shared):
+    return shared.robot
+
+
+@pytest.fixture
+def still_stands(shared):
+    """Whether the robot did not move again since it stopped; pages have sent more by then."""
+
+    def ask():
+        stopped_s = shared.robot.wait_for(STOP, shared.robot.times(MOVE)[-1])
+        sent = len(shared.proxy.sent)
+        wait_until(lambda: len(shared.proxy.sent) > sent + FURTHER)
+        return not shared.robot.times(MOVE, stopped_s)
+
+    return ask
+
+
+def moves_and_stops(robot, begin, end):
+    """The robot moves after `begin` and stops after `end`."""
+    begin()
+    wait_until(lambda: robot.moves)
+    end()
+    wait_until(lambda: not robot.moves)
+
+
+def test_a_finger_on_the_joystick_drives_until_it_is_lifted(visit, robot):
+    phone = visit(PHONE).take()
+    moves_and_stops(robot, phone.push, phone.tab.lift)
+    phone.wait(held="no")
+
+
+def test_a_key_drives_until_it_is_released(visit, robot):
+    desk = visit(DESK).take()
+    for key in ("w", "ArrowLeft"):
+        moves_and_stops(
+            robot, lambda key=key: desk.tab.key("keyDown", key), lambda key=key: desk.tab.key("keyUp", key)
+        )
+
+
+def test_a_gamepad_drives_while_its_shoulder_button_is_held(visit, robot):
+    desk = visit(DESK, PAD).take()
+    desk.tab.run("dispatchEvent(Object.assign(new Event('gamepadconnected'), {gamepad: window.pad}));")
+    desk.tab.run("window.pad.axes[1] = -1;")
+    moves_and_stops(robot, lambda: desk.tab.run(HOLD_PAD, True), lambda: desk.tab.run(HOLD_PAD, False))
+
+
+def test_a_goal_is_driven_to_while_its_button_is_held(visit, robot):
+    phone = visit(PHONE).take()
+    phone.set(**{"goal-x": robot.plant.true_pose.x_m + 2.0, "goal-y": robot.plant.true_pose.y_m})
+    at = phone.tab.centre("go")
+    moves_and_stops(robot, lambda: phone.tab.touch(at), phone.tab.lift)
+
+
+def test_who_watches_can_stop_and_only_who_drives_can_release(visit, robot, still_stands):
+    driver, watcher = visit(PHONE).take(), visit(DESK, link=1)
+    watcher.wait(link="open", helm="other")
+    driver.push()
+    wait_until(lambda: robot.moves)
+    watcher.tab.click("stop")
+    driver.wait(latched="yes", spent="yes")
+    assert still_stands()
+    assert not watcher.usable("release")
+    driver.tab.lift()
+    driver.tab.click("release")
+    watcher.wait(latched="no")
+    moves_and_stops(robot, driver.push, driver.tab.lift)
+
+
+def test_after_a_stop_the_finger_must_be_lifted(visit, robot, still_stands):
+    phone = visit(PHONE).take()
+    phone.push()
+    wait_until(lambda: robot.moves)
+    phone.tab.type("Escape")
+    phone.wait(latched="yes", spent="yes")
+    phone.tab.click("release")
+    phone.tab.touch(phone.stick(0.0), phone.stick(0.5))
+    assert still_stands()
+    phone.tab.lift()
+    moves_and_stops(robot, phone.push, phone.tab.lift)
+
+
+def test_handing_over_stops_the_robot_first(visit, robot, still_stands):
+    first, second = visit(PHONE).take(), visit(DESK)
+    second.wait(link="open", helm="other")
+    first.push()
+    wait_until(lambda: robot.moves)
+    first.tab.click("yield")
+    assert still_stands()
+    first.tab.lift()
+    second.take()
+    first.wait(helm="other")
+    moves_and_stops(robot, lambda: second.tab.key("keyDown", "w"), lambda: second.tab.key("keyUp", "w"))
+
+
+def test_who_asks_for_the_helm_gets_it_when_the_finger_is_lifted(visit, robot):
+    first, second = visit(PHONE).take(), visit(DESK)
+    second.wait(link="open", helm="other")
+    first.push()
+    wait_until(lambda: robot.moves)
+    second.tab.click("take")
+    first.tab.lift()
+    second.wait(helm="mine")
+    assert not robot.moves
+
+
+def test_a_watch_only_page_has_a_stop_and_nothing_to_drive_with(visit):
+    page = visit(DESK, link=1)
+    page.wait(link="open", role="watch")
+    shown = [name for name in ("joystick", "forward", "go", "take", "release", "speed") if page.shows(name)]
+    assert shown == [] and page.usable("stop")
+
+
+def test_a_wrong_token_is_refused_in_words(visit, shared, browser):
+    page = RobotPage(browser, shared.links[0][:-4] + "0000")
+    page.wait(link="refused")
+    assert "link is not valid" in page.text("why") and not page.shows("joystick")
+    page.tab.close()
+
+
+def test_where_websockets_are_refused_the_page_drives_all_the_same(visit, robot):
+    phone = visit(PHONE, NO_WEBSOCKET).take()
+    assert phone.state["transport"] == "events"
+    moves_and_stops(robot, phone.push, phone.tab.lift)
+
+
+def test_a_drive_is_recorded_and_downloaded(visit, robot, browser):
+    desk = visit(DESK).take()
+    desk.tab.click("record")
+    moves_and_stops(robot, lambda: desk.tab.key("keyDown", "w"), lambda: desk.tab.key("keyUp", "w"))
+    desk.tab.click("record")
+    desk.tab.wait("document.querySelector('#recordings a')")
+    desk.tab.run("document.querySelector('#recordings a').id = 'file'")
+    desk.tab.click("file")
+    file = wait_until(lambda: next(browser.downloads.glob("*.mrl"), None))
+    assert any(b"@11," in entry.data for entry in Recording(str(file)))

@@ -1,0 +1,102 @@
+"""What the page in Chromium shows: its size, its controls for the keyboard, what it loads."""
+
+import pytest
+
+from .browser import ASKED, DESK, PHONE, PROJECTOR
+from .robot_page import RobotPage
+
+MOST_BYTES = 300_000
+"""Of the first load, with headers and all that comes until the page is connected."""
+CONTROLS = "button, a[href], input, select, textarea, summary, [tabindex]"
+REACHABLE = f"""
+return [...document.querySelectorAll("{CONTROLS}")]
+  .filter(e => e.checkVisibility() && !e.disabled && e.tabIndex >= 0).map(e => e.id || e.outerHTML.slice(0, 80));
+"""
+FOCUSED = "const e = document.activeElement; return e.id || e.outerHTML.slice(0, 80);"
+BEYOND = """
+return [...document.body.querySelectorAll("*")].filter(e => e.checkVisibility()).filter(e => {
+  const box = e.getBoundingClientRect(); return box.width > 0 && (box.right > innerWidth + 0.5 || box.left < -0.5);
+}).map(e => e.id || e.outerHTML.slice(0, 80));
+"""
+
+
+@pytest.fixture
+def visit(browser, served):
+    pages = []
+
+    def open_page(size=DESK, before=""):
+        pages.append(RobotPage(browser, served.links[0], size, before))
+        pages[-1].wait(link="open")
+        return pages[-1]
+
+    yield open_page
+    for page in pages:
+        page.tab.close()
+
+
+@pytest.mark.parametrize("size", [PHONE, DESK, PROJECTOR])
+def test_nothing_is_wider_than_the_window(visit, size):
+    page = visit(size).take()
+    assert page.tab.run("return document.documentElement.scrollWidth") <= size.width
+    assert page.tab.run(BEYOND) == []
+
+
+@pytest.mark.parametrize("size", [PHONE, DESK])
+def test_stop_and_drive_controls_are_in_sight_at_once(visit, size):
+    page = visit(size).take()
+    for name in ("stop", "joystick"):
+        left, top, right, bottom = page.box(name)
+        assert left >= 0 and top >= 0 and right <= size.width and bottom <= size.height, name
+
+
+def test_the_tab_key_reaches_every_control_and_stop_first(visit):
+    page = visit(DESK)
+    page.tab.run(
+        "document.getElementById('take').click()"
+    )  # the tab key goes on from where the mouse clicked
+    page.wait(helm="mine")
+    expected, reached = page.tab.run(REACHABLE), []
+    for _ in expected:
+        page.tab.type("Tab")
+        reached.append(page.tab.run(FOCUSED))
+    assert reached[0] == "stop" and sorted(reached) == sorted(expected)
+
+
+def test_every_control_has_a_name_for_a_screen_reader(visit):
+    page = visit(DESK).take()
+    page.tab.tell("Accessibility.enable")
+    nodes = page.tab.tell("Accessibility.getFullAXTree")["nodes"]
+    roles = {
+        "button",
+        "textbox",
+        "spinbutton",
+        "slider",
+        "combobox",
+        "link",
+        "checkbox",
+        "canvas",
+        "img",
+        "image",
+    }
+    found = [node for node in nodes if not node["ignored"] and node["role"]["value"] in roles]
+    assert len(found) > 5
+    assert [node for node in found if not node.get("name", {}).get("value")] == []
+
+
+def test_the_first_load_is_small(browser, served):
+    tab = browser.open()
+    tab.tell("Network.clearBrowserCache")
+    before = served.proxy.received
+    tab.load(served.links[0])
+    tab.wait("document.documentElement.dataset.link === 'open'")
+    loaded = served.proxy.received - before
+    tab.close()
+    assert 10_000 < loaded < MOST_BYTES
+
+
+def test_the_page_asks_its_own_server_alone_and_the_browser_keeps_it_to_that(visit, served):
+    page = visit(DESK, ASKED).take()
+    asked = page.tab.run("return asked()")
+    assert len(asked) > 10 and {url.split("/")[2] for url in asked} == {served.links[0].split("/")[2]}
+    page.tab.run("fetch('http://example.com/picture').catch(() => 0);")
+    page.tab.wait("document.documentElement.dataset.refused === 'http://example.com/picture'")
