@@ -70,7 +70,7 @@ def web_cpu(browser: Browser, folder: Path, viewers: int) -> float:
     pages = [RobotPage(browser, served.links[0], DESK) for _ in range(viewers)]
     try:
         for page in pages:
-            page.wait(link="open")
+            page.arrive()
         return cpu_percent(served.process.pid)
     finally:
         for page in pages:
@@ -83,7 +83,7 @@ def first_load(browser: Browser, folder: Path) -> int:
     served = local(folder)
     try:
         page = RobotPage(browser, served.links[0], DESK)
-        page.wait(link="open")
+        page.arrive()
         page.tab.close()
         return served.proxy.received
     finally:

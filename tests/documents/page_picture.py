@@ -29,7 +29,7 @@ def take(phone_file: Path, desk_file: Path, folder: Path) -> None:
     served = Served(folder, "--listen", "127.0.0.1:0", world=load("room"))
     try:
         desk, phone = RobotPage(browser, served.links[0], DESK), RobotPage(browser, served.links[0], PHONE)
-        desk.wait(link="open")
+        desk.arrive()
         phone.take()
         plant = served.robot.plant
         start = plant.true_pose

@@ -189,9 +189,9 @@ class Tab:
             raise AssertionError(f"{condition}: not within {PATIENCE_S:g} s, the page has {said}") from error
 
     def centre(self, element: str) -> Tuple[float, float]:
-        """Centre of an element that is in sight, by its id [px of the window]."""
+        """Centre of an element, by its id or a selector, scrolled into sight [px of the window]."""
         script = (
-            "const e = document.getElementById(arguments[0]); e.scrollIntoView({block: 'nearest'});"
+            "const e = document.getElementById(arguments[0]) || document.querySelector(arguments[0]); e.scrollIntoView({block: 'nearest'});"
             "const b = e.getBoundingClientRect(); return [b.left + b.width / 2, b.top + b.height / 2];"
         )
         x, y = self.run(script, element)
@@ -211,7 +211,7 @@ class Tab:
         self._touched = False
 
     def click(self, element: str) -> None:
-        """A click with the mouse on an element, by its id."""
+        """A click with the mouse on an element, by its id or a selector."""
         at = self.centre(element)
         self.mouse("mousePressed", at)
         self.mouse("mouseReleased", at)

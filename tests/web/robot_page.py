@@ -4,7 +4,9 @@ The page writes its state into attributes of its root: `link` open or closed, `h
 control is held, `spent` after a stop until it is released, `latched` while the emergency stop is.
 """
 
-from typing import Any, Dict, Tuple
+from typing import Any, Callable, Dict, Tuple
+
+from tests.waiting import wait_until
 
 from .browser import DESK, Browser, Size, Tab
 
@@ -28,9 +30,14 @@ class RobotPage:
         found: Dict[str, Any] = self.tab.run(f"return {{...{_SAYS}}}")
         return found
 
+    def arrive(self) -> "RobotPage":
+        """Waits until the page has its link to the server, `slow` on a busy machine."""
+        self.tab.wait(f"['open', 'slow'].includes({_SAYS}.link)")
+        return self
+
     def take(self) -> "RobotPage":
         """Takes the helm, if it is free, and releases an emergency stop."""
-        self.wait(link="open")
+        self.arrive()
         if self.state["helm"] != "mine":
             self.tab.click("take")
             self.wait(helm="mine")
@@ -47,6 +54,28 @@ class RobotPage:
     def push(self, forward: float = 1.0, left: float = 0.0) -> None:
         """A finger is put on the joystick and moves it."""
         self.tab.touch(self.stick(0.0), self.stick(forward, left))
+
+    def hold_until(
+        self, moves: Callable[[], bool], begin: Callable[[], None], end: Callable[[], None]
+    ) -> None:
+        """Holds a control until the robot moves.
+
+        On a busy machine a command may be late, which ends the press: then the control is released and held again.
+        """
+
+        def moved() -> bool:
+            if not moves() and self.state["spent"] == "yes":
+                end()
+                self.wait(held="no", spent="no")
+                begin()
+            return moves()
+
+        begin()
+        wait_until(moved, step_s=0.01, what="motion")
+
+    def push_until(self, moves: Callable[[], bool]) -> None:
+        """Pushes the joystick until the robot moves."""
+        self.hold_until(moves, self.push, self.tab.lift)
 
     def shows(self, element: str) -> bool:
         """An element with this id is there and in sight."""

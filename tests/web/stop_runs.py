@@ -66,16 +66,17 @@ class StopRuns:
         """A finger holds the joystick, and the robot moves."""
         self.page.take()
         sent = len(self.served.proxy.sent)
-        self.page.push()
-        wait_until(lambda: self.served.robot.moves and len(self.served.proxy.sent) >= sent + COMMANDS)
+        self.page.push_until(
+            lambda: self.served.robot.moves and len(self.served.proxy.sent) >= sent + COMMANDS
+        )
 
     def _rest(self) -> None:
         """The finger is lifted, and the page knows that it was."""
         self.page.tab.lift()
-        self.page.wait(link="open", held="no", spent="no")
+        self.page.arrive().wait(held="no", spent="no")
 
     def _sees_no_motion(self, since_s: float, further: int) -> None:
-        self.page.wait(link="open")
+        self.page.arrive()
         sent = len(self.served.proxy.sent)
         wait_until(lambda: len(self.served.proxy.sent) >= sent + further)
         assert not self.served.robot.times(MOVE, since_s), "it moved again"

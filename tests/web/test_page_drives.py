@@ -47,47 +47,48 @@ def still_stands(shared):
     return ask
 
 
-def moves_and_stops(robot, begin, end):
+def moves_and_stops(robot, page, begin, end):
     """The robot moves after `begin` and stops after `end`."""
-    begin()
-    wait_until(lambda: robot.moves)
+    page.hold_until(lambda: robot.moves, begin, end)
     end()
     wait_until(lambda: not robot.moves)
 
 
+def key(page, name):
+    """Functions that press and release a key."""
+    return lambda: page.tab.key("keyDown", name), lambda: page.tab.key("keyUp", name)
+
+
 def test_a_finger_on_the_joystick_drives_until_it_is_lifted(visit, robot):
     phone = visit(PHONE).take()
-    moves_and_stops(robot, phone.push, phone.tab.lift)
+    moves_and_stops(robot, phone, phone.push, phone.tab.lift)
     phone.wait(held="no")
 
 
 def test_a_key_drives_until_it_is_released(visit, robot):
     desk = visit(DESK).take()
-    for key in ("w", "ArrowLeft"):
-        moves_and_stops(
-            robot, lambda key=key: desk.tab.key("keyDown", key), lambda key=key: desk.tab.key("keyUp", key)
-        )
+    for name in ("w", "ArrowLeft"):
+        moves_and_stops(robot, desk, *key(desk, name))
 
 
 def test_a_gamepad_drives_while_its_shoulder_button_is_held(visit, robot):
     desk = visit(DESK, PAD).take()
     desk.tab.run("dispatchEvent(Object.assign(new Event('gamepadconnected'), {gamepad: window.pad}));")
     desk.tab.run("window.pad.axes[1] = -1;")
-    moves_and_stops(robot, lambda: desk.tab.run(HOLD_PAD, True), lambda: desk.tab.run(HOLD_PAD, False))
+    moves_and_stops(robot, desk, lambda: desk.tab.run(HOLD_PAD, True), lambda: desk.tab.run(HOLD_PAD, False))
 
 
 def test_a_goal_is_driven_to_while_its_button_is_held(visit, robot):
     phone = visit(PHONE).take()
     phone.set(**{"goal-x": robot.plant.true_pose.x_m + 2.0, "goal-y": robot.plant.true_pose.y_m})
     at = phone.tab.centre("go")
-    moves_and_stops(robot, lambda: phone.tab.touch(at), phone.tab.lift)
+    moves_and_stops(robot, phone, lambda: phone.tab.touch(at), phone.tab.lift)
 
 
 def test_who_watches_can_stop_and_only_who_drives_can_release(visit, robot, still_stands):
     driver, watcher = visit(PHONE).take(), visit(DESK, link=1)
-    watcher.wait(link="open", helm="other")
-    driver.push()
-    wait_until(lambda: robot.moves)
+    watcher.arrive().wait(helm="other")
+    driver.push_until(lambda: robot.moves)
     watcher.tab.click("stop")
     driver.wait(latched="yes", spent="yes")
     assert still_stands()
@@ -95,40 +96,37 @@ def test_who_watches_can_stop_and_only_who_drives_can_release(visit, robot, stil
     driver.tab.lift()
     driver.tab.click("release")
     watcher.wait(latched="no")
-    moves_and_stops(robot, driver.push, driver.tab.lift)
+    moves_and_stops(robot, driver, driver.push, driver.tab.lift)
 
 
 def test_after_a_stop_the_finger_must_be_lifted(visit, robot, still_stands):
     phone = visit(PHONE).take()
-    phone.push()
-    wait_until(lambda: robot.moves)
+    phone.push_until(lambda: robot.moves)
     phone.tab.type("Escape")
     phone.wait(latched="yes", spent="yes")
     phone.tab.click("release")
     phone.tab.touch(phone.stick(0.0), phone.stick(0.5))
     assert still_stands()
     phone.tab.lift()
-    moves_and_stops(robot, phone.push, phone.tab.lift)
+    moves_and_stops(robot, phone, phone.push, phone.tab.lift)
 
 
 def test_handing_over_stops_the_robot_first(visit, robot, still_stands):
     first, second = visit(PHONE).take(), visit(DESK)
-    second.wait(link="open", helm="other")
-    first.push()
-    wait_until(lambda: robot.moves)
+    second.arrive().wait(helm="other")
+    first.push_until(lambda: robot.moves)
     first.tab.click("yield")
     assert still_stands()
     first.tab.lift()
     second.take()
     first.wait(helm="other")
-    moves_and_stops(robot, lambda: second.tab.key("keyDown", "w"), lambda: second.tab.key("keyUp", "w"))
+    moves_and_stops(robot, second, *key(second, "w"))
 
 
 def test_who_asks_for_the_helm_gets_it_when_the_finger_is_lifted(visit, robot):
     first, second = visit(PHONE).take(), visit(DESK)
-    second.wait(link="open", helm="other")
-    first.push()
-    wait_until(lambda: robot.moves)
+    second.arrive().wait(helm="other")
+    first.push_until(lambda: robot.moves)
     second.tab.click("take")
     first.tab.lift()
     second.wait(helm="mine")
@@ -137,7 +135,7 @@ def test_who_asks_for_the_helm_gets_it_when_the_finger_is_lifted(visit, robot):
 
 def test_a_watch_only_page_has_a_stop_and_nothing_to_drive_with(visit):
     page = visit(DESK, link=1)
-    page.wait(link="open", role="watch")
+    page.arrive().wait(role="watch")
     shown = [name for name in ("joystick", "forward", "go", "take", "release", "speed") if page.shows(name)]
     assert shown == [] and page.usable("stop")
 
@@ -152,16 +150,17 @@ def test_a_wrong_token_is_refused_in_words(visit, shared, browser):
 def test_where_websockets_are_refused_the_page_drives_all_the_same(visit, robot):
     phone = visit(PHONE, NO_WEBSOCKET).take()
     assert phone.state["transport"] == "events"
-    moves_and_stops(robot, phone.push, phone.tab.lift)
+    moves_and_stops(robot, phone, phone.push, phone.tab.lift)
 
 
 def test_a_drive_is_recorded_and_downloaded(visit, robot, browser):
     desk = visit(DESK).take()
     desk.tab.click("record")
-    moves_and_stops(robot, lambda: desk.tab.key("keyDown", "w"), lambda: desk.tab.key("keyUp", "w"))
+    desk.wait(recording="yes")
+    moves_and_stops(robot, desk, *key(desk, "w"))
     desk.tab.click("record")
+    desk.wait(recording="no")
     desk.tab.wait("document.querySelector('#recordings a')")
-    desk.tab.run("document.querySelector('#recordings a').id = 'file'")
-    desk.tab.click("file")
+    desk.tab.click("#recordings a")
     file = wait_until(lambda: next(browser.downloads.glob("*.mrl"), None))
     assert any(b"@11," in entry.data for entry in Recording(str(file)))

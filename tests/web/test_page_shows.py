@@ -26,7 +26,7 @@ def visit(browser, served):
 
     def open_page(size=DESK, before=""):
         pages.append(RobotPage(browser, served.links[0], size, before))
-        pages[-1].wait(link="open")
+        pages[-1].arrive()
         return pages[-1]
 
     yield open_page
@@ -84,13 +84,13 @@ def test_every_control_has_a_name_for_a_screen_reader(visit):
 
 
 def test_the_first_load_is_small(browser, served):
-    tab = browser.open()
-    tab.tell("Network.clearBrowserCache")
+    page = RobotPage(browser, "about:blank")
+    page.tab.tell("Network.clearBrowserCache")
     before = served.proxy.received
-    tab.load(served.links[0])
-    tab.wait("document.documentElement.dataset.link === 'open'")
+    page.tab.load(served.links[0])
+    page.arrive()
     loaded = served.proxy.received - before
-    tab.close()
+    page.tab.close()
     assert 10_000 < loaded < MOST_BYTES
 
 
