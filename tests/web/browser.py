@@ -191,7 +191,8 @@ class Tab:
     def centre(self, element: str) -> Tuple[float, float]:
         """Centre of an element, by its id or a selector, scrolled into sight [px of the window]."""
         script = (
-            "const e = document.getElementById(arguments[0]) || document.querySelector(arguments[0]); e.scrollIntoView({block: 'nearest'});"
+            "const e = document.getElementById(arguments[0]) || document.querySelector(arguments[0]);"
+            "e.scrollIntoView({block: 'nearest'});"
             "const b = e.getBoundingClientRect(); return [b.left + b.width / 2, b.top + b.height / 2];"
         )
         x, y = self.run(script, element)
