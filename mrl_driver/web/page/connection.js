@@ -14,6 +14,7 @@ const PAUSES_MS = [100, 250, 500, 1000, 2000];
 const STEADY_MS = 2000;
 const WINDOW_MS = 10000;
 const CHECK_MS = 250;
+const SLOW_CHECKS = 4; // the link is slow if each of these was late
 const PING_MS = 1000;
 
 /** Delay of the server's messages beyond the shortest delay of the last 10 to 20 s. */
@@ -38,6 +39,8 @@ class Delay {
 export class Connection {
   state = "connecting";
   words = "Connecting to the server";
+  /** The same in a few words, for a narrow place. */
+  brief = "Connecting";
   delay = new Delay();
   changed = () => {};
   #hello;
@@ -56,7 +59,7 @@ export class Connection {
   #closedWhy = "";
   #sequence = 0;
   #mayDrive = false;
-  #lateBefore = 0;
+  #late = [];
 
   constructor(hello) {
     this.#hello = hello;
@@ -130,7 +133,8 @@ export class Connection {
     });
     this.#transport = transport;
     this.#openTimer = setTimeout(() => this.isOpen || this.#ended("", true), OPEN_MS);
-    if (this.#attempts === 0) this.#show("connecting", "Connecting to the server");
+    this.#late = [];
+    if (this.#attempts === 0) this.#show("connecting", "Connecting to the server", "Connecting");
   }
 
   #take(text) {
@@ -166,7 +170,7 @@ export class Connection {
     const why = this.#closedWhy;
     this.#drop();
     if (refused || (!wasOpen && why)) {
-      this.#show("refused", `The server refuses this page: ${refused || why}`);
+      this.#show("refused", `The server refuses this page: ${refused || why}`, "Refused");
       return;
     }
     if (!wasOpen) this.#choose(tookTooLong);
@@ -175,7 +179,8 @@ export class Connection {
     this.#attempts += 1;
     this.#timer = setTimeout(() => this.#open(), pause);
     if (wasOpen || this.#attempts > 1) {
-      this.#show("closed", why ? `The server closed the link: ${why}. Connecting again` : "Link to the server lost. Connecting again");
+      const words = why ? `The server closed the link: ${why}. Connecting again` : "Link to the server lost. Connecting again";
+      this.#show("closed", words, "Link lost");
     }
   }
 
@@ -214,17 +219,19 @@ export class Connection {
       this.#pingAt = performance.now();
       this.send({ type: "ping", ...this.#times() });
     }
-    const late = Math.round(Math.min(this.delay.ms, this.#lateBefore)); // one late message is no slow link
-    this.#lateBefore = this.delay.ms;
-    if (quiet > QUIET_MS) this.#show("slow", `No data from the server for ${(quiet / 1000).toFixed(0)} s`);
-    else if (late > LATE_MS) this.#show("slow", `Slow link: data is ${late} ms late`);
+    this.#late = [...this.#late, this.delay.ms].slice(-SLOW_CHECKS);
+    const late = this.#late.length < SLOW_CHECKS ? 0 : Math.round(Math.min(...this.#late));
+    const seconds = (quiet / 1000).toFixed(0);
+    if (quiet > QUIET_MS) this.#show("slow", `No data from the server for ${seconds} s`, `No data for ${seconds} s`);
+    else if (late > LATE_MS) this.#show("slow", `Slow link: data is ${late} ms late`, `Slow, ${late} ms`);
     else this.#show("open", "Connected");
   }
 
-  #show(state, words) {
+  #show(state, words, brief = words) {
     if (state === this.state && words === this.words) return;
     this.state = state;
     this.words = words;
+    this.brief = brief;
     document.documentElement.dataset.link = state;
     this.changed();
   }

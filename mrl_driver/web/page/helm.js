@@ -161,6 +161,6 @@ export class Helm {
     if (!this.moves) return "";
     if (this.isMine) return "You have the helm";
     if (driver !== null) return `${this.nameOf(driver)} has the helm`;
-    return this.mayDrive ? "Nobody has the helm" : "Watching only";
+    return this.mayDrive ? "The helm is free" : "Watching only";
   }
 }

@@ -20,6 +20,7 @@ import { element, markOf, number, remember, remembered, setText } from "./text.j
 
 const FRAME_MS = 40;
 const WORDS_MS = 1000;
+const STARTED = "board has started"; // a reason to stand that is no fault before anything has driven
 const ANSWER_MS = 400; // the robot reports 10 times a second whether it drives
 const SHOWN_FIRST = ["speed", "asked speed"];
 const page = document.documentElement.dataset;
@@ -52,6 +53,7 @@ let wordsAt = -Infinity;
 let framedAt = -Infinity;
 let spentBefore = false;
 let heldSince = Infinity;
+let hasDriven = false;
 
 /** The state in words, and its mark; the most important one counts. */
 function stateNow() {
@@ -64,6 +66,7 @@ function stateNow() {
   const waits = view.stopped && performance.now() - heldSince > ANSWER_MS;
   if (press.held) return [waits ? sentence(view.stopped) : "You drive", waits ? "caution" : "good"];
   if (!view.stopped) return [view.command ? "The robot drives" : view.name ? "Another program drives" : "Connected", view.command ? "good" : ""];
+  if (!hasDriven && view.stopped.endsWith(STARTED)) return ["Standing", ""];
   return [sentence(view.stopped), view.stopped === "stopped" ? "" : "caution"];
 }
 
@@ -73,7 +76,7 @@ function showState() {
   const [words, mark] = stateNow();
   setText(element("state"), words);
   element("status").dataset.mark = mark;
-  setText(element("link"), connection.words);
+  setText(element("link"), connection.brief);
   element("link").dataset.state = connection.state;
   element("retry").hidden = connection.state !== "refused";
   page.held = press.held ? "yes" : "no";
@@ -142,7 +145,9 @@ connection.on("view", (message) => {
   if (view.name) setText(element("robot"), view.name);
   robotNotice(view.notice || "");
   if (view.silent && !before.silent) alarm("No data from the robot.");
-  if (view.stopped && view.stopped !== before.stopped && view.stopped !== "stopped") alarm(`${sentence(view.stopped)}.`);
+  hasDriven ||= Boolean(view.command);
+  const changed = before.stopped !== undefined && view.stopped !== before.stopped;
+  if (view.stopped && changed && view.stopped !== "stopped") alarm(`${sentence(view.stopped)}.`);
   map.ranges = view.ranges ?? {};
   map.marks = {};
   for (const { title, rows } of view.sections ?? []) {
