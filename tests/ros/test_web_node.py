@@ -80,6 +80,12 @@ def stopped(robot):
     return speeds(robot)[-1] == 0
 
 
+def places(robot):
+    """Where the robot was in the last 0.3 s."""
+    rows = robot.board_.truth.read_text().splitlines()[-7:-1]
+    return {(row["x"], row["y"]) for row in map(json.loads, rows)}
+
+
 def release(robot):
     """Release the emergency stop on the page, again until the page has answered that it knows of the stop."""
     wait_until(lambda: robot.page.say("release") or not robot.page.last["helm"]["latched"], step_s=0.05)
@@ -95,8 +101,8 @@ def test_topics_are_those_of_the_table(robot):
 def test_the_page_shows_the_robot(robot):
     welcome = robot.page.last["welcome"]
     assert welcome["role"] == "drive" and set(welcome["robot"]["sonars"]) == {"front", "left", "right"}
-    view = robot.page.after("view")
-    assert view["name"].startswith("traxbot") and not view["silent"]
+    view = robot.page.after("view", lambda view: not view["silent"])  # a busy machine is silent at times
+    assert view["name"].startswith("traxbot")
 
 
 def test_a_held_control_drives_and_its_release_stops(robot):
@@ -106,18 +112,21 @@ def test_a_held_control_drives_and_its_release_stops(robot):
 
 
 def test_a_page_at_rest_publishes_no_command(robot):
-    wait_until(lambda: not robot.page.last["helm"]["driving"])
-    robot.page.after("view")
-    before = [len(topic.messages) for topic in robot.commands]
-    robot.page.after("view"), robot.page.after("view")
-    assert [len(topic.messages) for topic in robot.commands] == before
+    """The stop that ends the press of another test may still be on its way."""
+
+    def rests():
+        before = [len(topic.messages) for topic in robot.commands]
+        robot.page.after("view"), robot.page.after("view")
+        return [len(topic.messages) for topic in robot.commands] == before
+
+    wait_until(rests)
 
 
 def test_a_node_that_stands_still_is_a_stop_by_the_robots_node(robot):
     with driving(robot):
         robot.web.signal(signal.SIGSTOP)
         try:
-            wait_until(lambda: stopped(robot))
+            wait_until(lambda: stopped(robot) and len(places(robot)) == 1, step_s=0.02, what="a stop")
             stopped_s = time.monotonic()
         finally:
             robot.web.signal(signal.SIGCONT)
@@ -126,15 +135,11 @@ def test_a_node_that_stands_still_is_a_stop_by_the_robots_node(robot):
 
 
 def test_a_robots_node_that_stands_still_is_a_stop_by_the_board(robot):
-    def places():
-        rows = robot.board_.truth.read_text().splitlines()[-7:-1]
-        return {(row["x"], row["y"]) for row in map(json.loads, rows)}
-
     with driving(robot):
-        wait_until(lambda: len(places()) > 1, step_s=0.02, what="a motion")
+        wait_until(lambda: len(places(robot)) > 1, step_s=0.02, what="a motion")
         robot.process.signal(signal.SIGSTOP)
         try:
-            wait_until(lambda: len(places()) == 1, step_s=0.02, what="a stop")
+            wait_until(lambda: len(places(robot)) == 1, step_s=0.02, what="a stop")
             robot.page.wait(lambda: not robot.page.last["helm"]["driving"])
         finally:
             robot.process.signal(signal.SIGCONT)
@@ -144,7 +149,7 @@ def test_the_stop_of_the_page_is_that_of_the_robots_node(robot):
     robot.page.say("stop")
     wait_until(lambda: "emergency stop" in robot.status.messages[-1].message)
     release(robot)
-    assert "emergency stop" not in robot.status.messages[-1].message
+    wait_until(lambda: "emergency stop" not in robot.status.messages[-1].message)
 
 
 def test_a_stop_by_service_is_shown_and_released_on_the_page(robot):
