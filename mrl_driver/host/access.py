@@ -179,8 +179,14 @@ def own_addresses() -> List[str]:
 
 
 def reachable(host: str) -> List[str]:
-    """Return the hosts under which others find what listens on `host`: it alone, or all of this computer's."""
-    return [host] if host not in ANY else own_addresses() or own_names() or ["localhost"]
+    """Return the hosts under which others find what listens on `host`: it alone, or all of this computer's.
+
+    `0.0.0.0` listens on IPv4 alone.
+    """
+    if host not in ANY:
+        return [host]
+    found = [address for address in own_addresses() if host != "0.0.0.0" or ":" not in address]
+    return found or own_names() or ["localhost"]
 
 
 def _ipv4() -> List[str]:

@@ -134,7 +134,12 @@ def test_all_other_addresses_count_as_reachable_by_others(host):
 
 def test_what_listens_on_all_addresses_is_reached_under_those_of_this_computer():
     assert access.reachable("10.0.0.7") == ["10.0.0.7"]
-    assert not [host for host in access.reachable("0.0.0.0") if host in access.ANY]
+    assert not [host for host in access.reachable("::") if host in access.ANY]
+
+
+def test_what_listens_on_all_addresses_of_ipv4_is_not_reached_by_ipv6(monkeypatch):
+    monkeypatch.setattr(access, "own_addresses", lambda: ["10.0.0.7", "fd00::2"])
+    assert access.reachable("0.0.0.0") == ["10.0.0.7"] and len(access.reachable("::")) == 2
 
 
 # -- the certificate
