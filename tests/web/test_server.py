@@ -354,12 +354,12 @@ def test_a_page_that_does_not_say_hello_is_told_why_it_is_closed(monkeypatch):
     serving(scenario)
 
 
-def test_a_session_that_is_silent_is_closed(monkeypatch):
+def test_a_session_that_is_silent_is_closed():
     async def scenario(site):
         async with site.posting_page() as page:
             await page.next("welcome")
-            monkeypatch.setattr("mrl_driver.web.server.SILENT_S", 0.1)
-            assert "sent nothing" in (await page.next("closed"))["why"]
+            with mock.patch("mrl_driver.web.server.SILENT_S", 0.1):
+                assert "sent nothing" in (await page.next("closed"))["why"]
 
     serving(scenario)
 
