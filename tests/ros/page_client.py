@@ -1,6 +1,7 @@
 """A page without a browser: a WebSocket that holds a control, and the messages of the server."""
 
 import asyncio
+import contextlib
 import json
 import threading
 import time
@@ -65,7 +66,8 @@ class PageClient:
         async with aiohttp.ClientSession() as session, session.ws_connect(self._url + "ws") as socket:
             await socket.send_str(json.dumps({"type": "hello", "token": "", "name": self._name}))
             reader = asyncio.ensure_future(self._read(socket))
-            await self._write(socket)
+            with contextlib.suppress(ConnectionError):  # the server has gone
+                await self._write(socket)
             await socket.close()
             await reader
 

@@ -55,20 +55,23 @@ def speeds(robot, since_s=0.0):
 
 
 @contextlib.contextmanager
-def driving(robot):
-    """The page holds a control, and the robot has a motion command; pressed again if a busy machine was too slow."""
+def driving(robot, moves=lambda: True):
+    """The page holds a control, the robot has a motion command, and `moves`.
 
-    def moves():
+    The control is pressed again if a busy machine was too slow, because that ends a press.
+    """
+
+    def driven():
         robot.page.let_go()
         robot.page.after("sample")
         since_s = time.monotonic()
         robot.page.hold(0.2)
         with contextlib.suppress(AssertionError):
-            wait_until(lambda: any(speeds(robot, since_s)), timeout_s=1.0)
+            wait_until(lambda: any(speeds(robot, since_s)) and moves(), step_s=0.02, timeout_s=1.0)
             return True
         return False
 
-    wait_until(moves)
+    wait_until(driven)
     try:
         yield
     finally:
@@ -135,8 +138,7 @@ def test_a_node_that_stands_still_is_a_stop_by_the_robots_node(robot):
 
 
 def test_a_robots_node_that_stands_still_is_a_stop_by_the_board(robot):
-    with driving(robot):
-        wait_until(lambda: len(places(robot)) > 1, step_s=0.02, what="a motion")
+    with driving(robot, lambda: len(places(robot)) > 1):
         robot.process.signal(signal.SIGSTOP)
         try:
             wait_until(lambda: len(places(robot)) == 1, step_s=0.02, what="a stop")
@@ -166,8 +168,9 @@ def test_a_late_robots_node_is_warned_of_on_the_page_and_in_the_log(robot):
 
 def test_readings_of_the_phone_are_published(robot):
     angles = {"alpha": 0.0, "beta": 0.0, "gamma": 0.0, "absolute": True}
-    robot.page.say("phone", t=1.0, **angles, acceleration=[0.0, 0.0, 9.8], rotation=None)
-    message = robot.imu.wait()[-1]
+    reading = {"t": 1.0, **angles, "acceleration": [0.0, 0.0, 9.8], "rotation": None}
+    wait_until(lambda: robot.page.say("phone", **reading) or robot.imu.messages, step_s=0.05)
+    message = robot.imu.messages[-1]
     assert message.header.frame_id == "phone" and message.linear_acceleration.z == 9.8
 
 
@@ -176,7 +179,8 @@ def test_a_recording_has_the_robots_topics(robot):
 
     robot.page.say("record", on=True)
     robot.page.wait(lambda: robot.page.last.get("recording", {}).get("on"))
-    robot.page.after("view"), robot.page.after("view")
+    for _ in range(5):  # each is of another odometry message
+        robot.page.after("sample", lambda sample: sample["v"][3] is not None)
     robot.page.say("record", on=False)
     robot.page.wait(lambda: not robot.page.last["recording"]["on"] and robot.page.last["recording"]["files"])
     (name,) = (file["name"] for file in robot.page.last["recording"]["files"])
