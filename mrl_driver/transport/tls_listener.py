@@ -69,6 +69,7 @@ class _Connection:
         self._heard = True
         try:
             self.plain += self._stream.receive(data)
+            self.gone = self._stream.ended
         except ssl.SSLError:
             self._leave(b"")
         self.flush()

@@ -18,12 +18,13 @@ class TlsStream:
 
     Attributes:
         open: the handshake is done.
+        ended: the other end has said that it sends no more.
     """
 
     def __init__(self, context: ssl.SSLContext, server_side: bool) -> None:
         self._incoming, self._outgoing = ssl.MemoryBIO(), ssl.MemoryBIO()
         self._tls = context.wrap_bio(self._incoming, self._outgoing, server_side)
-        self.open = False
+        self.open = self.ended = False
 
     def receive(self, data: bytes) -> bytes:
         """Take bytes of the network; return the plain bytes that they complete.
@@ -37,10 +38,16 @@ class TlsStream:
             if not self.open:
                 self._tls.do_handshake()
                 self.open = True
-            while True:
-                plain += self._tls.read(_RECORD)
-        except (ssl.SSLWantReadError, ssl.SSLZeroReturnError):
-            return plain
+            more = self._tls.read(_RECORD)
+            while more:
+                plain += more
+                more = self._tls.read(_RECORD)
+            self.ended = True
+        except ssl.SSLWantReadError:
+            pass
+        except ssl.SSLZeroReturnError:
+            self.ended = True
+        return plain
 
     def send(self, data: bytes) -> None:
         """Encrypt plain bytes, for `take`; only while `open`."""

@@ -5,6 +5,7 @@ import json
 import os
 import re
 import socket
+import ssl
 import stat
 import threading
 from types import SimpleNamespace
@@ -120,6 +121,21 @@ def test_the_board_is_stopped_when_the_client_leaves(echo):
     with contextlib.closing(open_link(echo.url)):
         before = echo.stops
     wait_until(lambda: echo.stops > before)
+
+
+def test_a_client_that_takes_leave_is_gone_though_its_connection_is_open(echo):
+    """As other programs end TLS: with an alert, and then with the connection."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    end = context.wrap_socket(socket.create_connection(("127.0.0.1", echo.listener.address.port), PATIENCE_S))
+    end.sendall(b"MRL1 " + TOKEN.encode() + b"\n")
+    assert end.recv(100) == b"accepted\n"
+    before = echo.stops
+    with contextlib.suppress(OSError):  # the bridge ends the connection without an alert
+        end.unwrap()
+    end.close()
+    wait_until(lambda: echo.stops > before)
+    open_link(echo.url).close()
 
 
 # -- wrong clients
