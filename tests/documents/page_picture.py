@@ -8,19 +8,20 @@ import math
 import subprocess
 import sys
 import tempfile
+from functools import partial
 from pathlib import Path
 from typing import Sequence
 
 from sim_arduino.world.world_file import load
-from tests.waiting import wait_until
 from tests.web.browser import DESK, PHONE, Browser
 from tests.web.robot_page import RobotPage
 from tests.web.served import Served
 
 COLOURS = 128
 """Colours in the palette; this keeps a file below 150 KB."""
-TURN_RAD, LENGTH_M = math.radians(75.0), 1.2
-"""The drive: an arc to the left, then a straight line, as long as this from the start."""
+ARC_RAD, NEAR_Y_M, WEST, END_X_M = math.radians(70.0), 1.55, -0.95, 0.3
+"""The drive: an arc to the left, a line towards the wall, a turn before it (cosine of the heading), a line along it."""
+GOAL = {"goal-x": -1.4, "goal-y": 1.2}
 
 
 def take(phone_file: Path, desk_file: Path, folder: Path) -> None:
@@ -32,19 +33,27 @@ def take(phone_file: Path, desk_file: Path, folder: Path) -> None:
         desk.arrive()
         phone.take()
         plant = served.robot.plant
-        start = plant.true_pose
-        phone.push(forward=0.9, left=0.35)
-        wait_until(lambda: abs(plant.true_pose.yaw_rad - start.yaw_rad) > TURN_RAD)
-        phone.tab.touch(phone.stick(0.9))
-        wait_until(lambda: math.dist(plant.true_pose[:2], start[:2]) > LENGTH_M)
-        for page, file in ((phone, phone_file), (desk, desk_file)):
-            page.tab.picture(folder / "picture.png")
-            command = ["convert", str(folder / "picture.png"), "-colors", str(COLOURS), f"png8:{file}"]
-            subprocess.run(command, check=True)
+        phone.set(speed=100, **GOAL)
+        for stick, reached in (
+            ((0.8, 0.5), lambda: plant.true_pose.yaw_rad > ARC_RAD),
+            ((1.0, 0.0), lambda: plant.true_pose.y_m > NEAR_Y_M),
+            ((0.0, 1.0), lambda: math.cos(plant.true_pose.yaw_rad) < WEST),
+            ((0.9, 0.0), lambda: plant.true_pose.x_m < END_X_M),
+        ):
+            phone.hold_until(reached, partial(phone.push, *stick), phone.tab.lift)
+            phone.hold_until(reached, partial(phone.push, *stick), phone.tab.lift)
+        while True:
+            for page, file in ((phone, phone_file), (desk, desk_file)):
+                page.tab.picture(file)
+            if phone.state["spent"] == "no":  # or else a busy computer has ended the press
+                break
+            phone.hold_until(lambda: served.robot.moves, phone.push, phone.tab.lift)
         phone.tab.lift()
     finally:
         served.close()
         browser.close()
+    for file in (phone_file, desk_file):
+        subprocess.run(["convert", file, "+dither", "-colors", str(COLOURS), f"png8:{file}"], check=True)
 
 
 def main(arguments: Sequence[str]) -> int:
