@@ -121,6 +121,7 @@ class Server:
         self._failure: Optional[BaseException] = None
         self._was_latched = False
         self._series: List[Any] = []
+        self._facts: Dict[str, Any] = {}
         self._occupancy: Optional[Occupancy] = None
         self._cells: List[Any] = []
         self._view: Dict[str, Any] = {}
@@ -293,12 +294,12 @@ class Server:
     def _send_view(self, now_s: float) -> None:
         """Send the view if it has changed, and other values if the robot has changed."""
         robot = self._robot
-        series = robot.series()
-        if series != self._series:
-            self._series = series
+        view = messages.view_facts(robot.shown(now_s))
+        series, facts = robot.series(), messages.robot_facts(view["name"], robot.model, robot.limits)
+        if series != self._series or facts != self._facts:
+            self._series, self._facts = series, facts
             for client in self._clients.values():
                 client.put("welcome", self._welcome(client))
-        view = messages.view_facts(robot.shown(now_s))
         if view != self._view or now_s >= self._told_s + LEAST_VIEW_S:
             self._view, self._told_s = view, now_s
             self._broadcast(VIEW, messages.view(clock_s(), **view))
@@ -394,8 +395,9 @@ class Server:
             raise ConfigError(f"{MOST_CLIENTS} pages show this robot already; close one of them")
         self._number += 1
         client = Client(self._number, role, hello.name or f"page {self._number}")
-        shown = self._robot.shown(time.monotonic())
-        self._series, self._view, trail = self._robot.series(), messages.view_facts(shown), list(shown.trail)
+        now_s = time.monotonic()
+        self._send_view(now_s)  # the others must not miss what has changed
+        trail = list(self._robot.shown(now_s).trail)
         client.put("welcome", self._welcome(client))
         client.put("path", messages.path(clock_s(), trail[:: max(1, -(-len(trail) // MOST_POSES))]))
         client.put(VIEW, messages.view(clock_s(), **self._view))
@@ -414,13 +416,12 @@ class Server:
             self._tell()
 
     def _welcome(self, client: Client) -> str:
-        robot = self._robot
         return messages.welcome(
             clock_s(),
             client.role,
             client.number,
             version(),
-            messages.robot_facts(self._view["name"], robot.model, robot.limits),
+            self._facts,
             self._series,
             client.role == DRIVE,
             self._recording_name,

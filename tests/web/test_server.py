@@ -172,6 +172,29 @@ async def test_a_page_is_welcomed_with_its_role_the_robot_and_the_names_of_value
 
 
 @pages
+async def test_a_robot_whose_model_becomes_known_is_told_again(site, page):
+    """As behind topics: until then nobody knows how it can move."""
+    assert (await page.next("welcome"))["robot"]["drive"] == "differential"
+    site.robot.model, known = None, site.robot.model
+    assert (await page.next("welcome"))["robot"]["drive"] == "none"
+    site.robot.model = known
+    assert (await page.next("welcome"))["robot"]["drive"] == "differential"
+
+
+def test_a_page_that_joins_keeps_no_news_from_the_others(monkeypatch):
+    monkeypatch.setattr("mrl_driver.web.server.VIEW_S", 1e9)
+
+    async def scenario(site):
+        async with site.page() as page:
+            await page.next("welcome")
+            site.robot.names = [("y", "m"), ("x", "m"), ("sonar front", "m")]
+            async with site.page():
+                assert (await page.next("welcome"))["series"][0] == ["y", "m"]
+
+    serving(scenario)
+
+
+@pages
 async def test_each_report_of_the_robot_is_a_sample(site, page):
     await page.next("view")
     site.robot.values = [0.5, float("nan"), float("inf")]
