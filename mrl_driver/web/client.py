@@ -63,9 +63,7 @@ class Client:
     def abort(self) -> None:
         """Close the connection at once."""
         if self._transport is not None and not self._transport.is_closing():
-            with contextlib.suppress(
-                AttributeError
-            ):  # of a TLS transport of Python 3.11 whose end has just come
+            with contextlib.suppress(AttributeError):  # of Python 3.11's TLS transport, if it has just ended
                 self._transport.abort()
 
     def is_flooding(self, now_s: float) -> bool:

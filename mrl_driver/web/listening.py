@@ -77,15 +77,9 @@ def _bracketed(host: str) -> str:
     return f"[{host}]" if ":" in host else host
 
 
-def _addresses(host: str) -> List[str]:
-    """Return the addresses under which others reach this one; 0.0.0.0 stands for those of IPv4."""
-    found = [each for each in access.reachable(host) if ":" in host or ":" not in each]
-    return found or [host]
-
-
 def drive_link(settings: Settings, port: int) -> str:
     """Return the link that a phone gets: the first address, with the token for driving."""
-    url = url_of(settings, _addresses(settings.host)[0], port)
+    url = url_of(settings, access.reachable(settings.host)[0], port)
     return url if settings.tokens is None else f"{url}#{DRIVE}={settings.tokens.drive}"
 
 
@@ -93,7 +87,7 @@ def lines_for(settings: Settings, port: int) -> List[str]:
     """Return the links, and how to recognise the certificate, as lines for people."""
     if settings.tokens is None:
         return [url_of(settings, settings.host, port)]
-    urls = [url_of(settings, host, port) for host in _addresses(settings.host)]
+    urls = [url_of(settings, host, port) for host in access.reachable(settings.host)]
     return [
         *(f"to drive: {url}#{DRIVE}={settings.tokens.drive}" for url in urls),
         *(f"to watch: {url}#{WATCH}={settings.tokens.watch}" for url in urls),

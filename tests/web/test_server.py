@@ -365,6 +365,22 @@ def test_a_page_that_is_slow_gets_the_newest_message_of_a_kind():
     assert asyncio.run(run()) == (["c", "h"], 2)
 
 
+def test_the_end_of_a_connection_that_has_just_ended_is_no_error():
+    """The TLS transport of Python 3.11 fails if it is aborted after its end, and does not always say that it ended."""
+
+    def abort():
+        raise AttributeError("'NoneType' object has no attribute '_abort'")
+
+    async def run():
+        page = client.Client(1, "drive", "page")
+        page.end("")
+        ended = SimpleNamespace(get_write_buffer_size=lambda: 0, is_closing=lambda: False, abort=abort)
+        await page.pump(None, ended, str)
+        page.abort()
+
+    asyncio.run(run())
+
+
 def test_a_page_that_does_not_say_hello_is_told_why_it_is_closed(monkeypatch):
     monkeypatch.setattr(messages, "HELLO_S", 0.01)
 
