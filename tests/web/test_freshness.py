@@ -1,6 +1,7 @@
 """The age of a page's messages without a common clock."""
 
 import math
+import time
 import tracemalloc
 
 import pytest
@@ -8,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrl_driver.safety.operator_delay import DRIFT
-from mrl_driver.web.freshness import COARSE_S, DEAF_S, WINDOW_S, Freshness
+from mrl_driver.web.freshness import COARSE_S, DEAF_S, WINDOW_S, Freshness, clock_s
 
 AHEAD_S = -1234.5
 """The page's clock is this far ahead of the server's."""
@@ -78,6 +79,13 @@ def test_a_coarse_clock_still_has_an_age():
     freshness = Freshness()
     age_s(freshness, 10.0, 9.99, 9.99 - 0.8 * COARSE_S, 10.0)
     assert age_s(freshness, 10.1, 10.08, 10.08, 10.1) == 0.0
+
+
+def test_the_clock_goes_on_while_the_computer_is_suspended(monkeypatch):
+    """Or a burst of commands from before would look fresh."""
+    clocks = []
+    monkeypatch.setattr(time, "clock_gettime", lambda clock: clocks.append(clock) or 7.0)
+    assert clock_s() == 7.0 and clocks == [time.CLOCK_BOOTTIME]
 
 
 WAY_S = st.floats(0.0, 0.4)

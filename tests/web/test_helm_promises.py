@@ -253,9 +253,9 @@ class Promises(RuleBasedStateMachine):
         if self.driver == page.number and not self.latched and press_way_s < OLDEST_S:
             assert any(isinstance(act, (Drive, Go)) for act in acts), "a good press does not drive"
 
-    @initialize()
-    def begin(self):
-        self.behave(0, 0.0, 0.0, None, True)
+    @initialize(goal=st.sampled_from([None, Goal(1.0, 0.0)]))
+    def begin(self, goal):
+        self.behave(0, 0.0, 0.0, goal, True)
 
     @precondition(lambda self: not self.moving)
     @rule(index=st.integers(0, 1), releases=st.booleans())
@@ -361,4 +361,4 @@ def test_the_helm_keeps_its_promises():
     run_state_machine_as_test(
         Promises, settings=settings(max_examples=60, stateful_step_count=40, deadline=None, database=None)
     )
-    assert min(seen[kind] for kind in ("Drive", "Go", "Halt", "Latch", "Unlatch")) >= 10, seen
+    assert min(seen[kind] for kind in ("Drive", "Go", "Halt", "Latch", "Unlatch")) >= 3, seen
