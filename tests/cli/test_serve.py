@@ -20,7 +20,7 @@ from mrl_driver.transport.listener import SILENT_S, listen
 from mrl_driver.transport.open_link import open_link
 from mrl_driver.transport.relay import STOP, Bridge
 from sim_arduino.testing import EmulatedBoard
-from tests.waiting import drive_until
+from tests.waiting import drive_until, wait_until
 
 from .encrypted import encrypted
 from .run import fails, mrl
@@ -81,11 +81,10 @@ def test_a_driver_drives_through_it(served):
 def test_the_robot_stops_when_its_client_is_gone(served):
     """The client ends without a word, and has set no watchdog on the board."""
     client = open_link(served.url)
-    client.write(b"@11,200,0e")
-    served.board.wait_until(lambda: served.board.true_speed_m_s > 0.1)
+    wait_until(lambda: client.write(b"@11,200,0e") or served.board.true_speed_m_s > 0.1, step_s=0.05)
     client.close()
-    served.board.wait_until(lambda: served.board.true_speed_m_s == 0.0)
-    assert any("has left; the robot is stopped" in line for line in served.told)
+    wait_until(lambda: served.board.true_speed_m_s == 0.0)
+    wait_until(lambda: any("has left; the robot is stopped" in line for line in served.told))
 
 
 def test_a_client_that_turns_silent_while_its_first_command_is_sent_is_a_stop(monkeypatch):

@@ -64,6 +64,13 @@ if (holds()) done(); else {
 """
 
 
+_NOTE_CLICK = """
+const e = document.getElementById(arguments[0]) || document.querySelector(arguments[0]);
+window.hit = false;
+e.addEventListener("click", () => { window.hit = true; }, {once: true, capture: true});
+"""
+
+
 class Size(NamedTuple):
     """A window [px]; a phone is touched, a desk has a mouse."""
 
@@ -212,10 +219,16 @@ class Tab:
         self._touched = False
 
     def click(self, element: str) -> None:
-        """A click with the mouse on an element, by its id or a selector."""
-        at = self.centre(element)
-        self.mouse("mousePressed", at)
-        self.mouse("mouseReleased", at)
+        """A click with the mouse on an element, by its id or a selector; again if the element moved meanwhile."""
+
+        def hits() -> bool:
+            self.run(_NOTE_CLICK, element)
+            at = self.centre(element)
+            self.mouse("mousePressed", at)
+            self.mouse("mouseReleased", at)
+            return bool(self.run("return window.hit"))
+
+        wait_until(hits, step_s=0.05, what=f"a click on {element}")
 
     def mouse(self, kind: str, at: Tuple[float, float]) -> None:
         """The left button is pressed or released."""
