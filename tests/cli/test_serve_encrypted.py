@@ -131,10 +131,11 @@ def test_a_client_that_takes_leave_is_gone_though_its_connection_is_open(echo):
     end.sendall(b"MRL1 " + TOKEN.encode() + b"\n")
     assert end.recv(100) == b"accepted\n"
     before = echo.stops
-    with contextlib.suppress(OSError):  # the bridge ends the connection without an alert
+    end.settimeout(0.1)
+    with contextlib.suppress(OSError):  # the alert is sent; the bridge closes the connection without one
         end.unwrap()
-    end.close()
     wait_until(lambda: echo.stops > before)
+    end.close()
     open_link(echo.url).close()
 
 
@@ -213,29 +214,27 @@ def test_a_connection_that_is_silent_for_too_long_is_closed(monkeypatch):
 # -- the link as a port
 
 
-@pytest.mark.parametrize(
-    "port",
-    [
-        "tls://10.0.0.7:7000",
-        f"tls://{TOKEN}@10.0.0.7:7000",
-        f"tls://{TOKEN}@10.0.0.7:7000?sha256=12",
-        f"tls://{TOKEN}@10.0.0.7?sha256={SHA256}",
-        f"tls://{TOKEN}@10.0.0.7:99999?sha256={SHA256}",
-        f"tls://{TOKEN}@[10.0.0.7:7000?sha256={SHA256}",
-        f"tls://{TOKEN}@10.0.0.7:7000?sha256={SHA256}&x=1",
-        f"tls://***@10.0.0.7:7000?sha256={SHA256}",
-        f"tls://{TOKEN}:x@10.0.0.7:7000?sha256={SHA256}",
-    ],
-)
-def test_an_incomplete_link_is_refused_without_its_token(port):
-    line = fails(2, "info", "--port", port)
-    assert "expected the link that `mrl serve` printed: tls://TOKEN@HOST:PORT?sha256=" in line
-    assert TOKEN not in line
+def test_an_incomplete_link_is_refused_without_its_token():
+    ends = (
+        "10.0.0.7:7000",
+        "10.0.0.7:7000?sha256=12",
+        f"10.0.0.7?sha256={SHA256}",
+        f"[10.0.0.7:7000?sha256={SHA256}",
+    )
+    ends += (f"10.0.0.7:99999?sha256={SHA256}", f"10.0.0.7:7000?sha256={SHA256}&x=1")
+    links = [f"tls://{TOKEN}@{end}" for end in ends]
+    links += ["tls://10.0.0.7:7000", f"tls://***@{ends[0]}", f"tls://{TOKEN}:x@10.0.0.7:7000?sha256={SHA256}"]
+    for link in links:
+        with pytest.raises(
+            ConfigError, match="expected the link that `mrl serve` printed: tls://"
+        ) as refused:
+            parse(link)
+        assert TOKEN not in str(refused.value)
 
 
-@pytest.mark.parametrize("port", [f"tcp://{TOKEN}@10.0.0.7:7000", f"foo://{TOKEN}@10.0.0.7:7000"])
-def test_a_token_in_another_url_is_not_shown(port):
-    assert TOKEN not in fails(2, "info", "--port", port)
+def test_a_token_in_another_url_is_not_shown():
+    assert TOKEN not in fails(2, "info", "--port", f"tcp://{TOKEN}@10.0.0.7:7000")
+    assert TOKEN not in fails(2, "info", "--port", f"foo://{TOKEN}@10.0.0.7:7000")
 
 
 def test_a_masked_link_opens_and_shows_no_token(echo):
