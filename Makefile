@@ -96,7 +96,7 @@ test: apt ## Set everything up and run all tests
 	[ $$others$$realtime = passedpassed ]
 
 # Import all tests once, which compiles what has changed: five workers that begin together would each do it for themselves.
-build/collected.log: $(VENV)/.tested pyproject.toml $(shell find mrl_driver sim_arduino ros1_bridge tests -name '*.py')
+build/collected.log: $(VENV)/.tested pyproject.toml $(shell find mrl_driver sim_arduino ros1_bridge tests -name '*.py' 2>/dev/null)
 	@mkdir -p build
 	@$(ROS_ENV) $(PY) -m pytest --collect-only -q -n 0 >$@.new || { tail -n 50 $@.new >&2; exit 1; }
 	@mv $@.new $@
