@@ -41,7 +41,7 @@ class PageClient:
         self._loop.call_soon_threadsafe(self._waiting.put_nowait, {"type": kind, **fields})
 
     def wait(self, condition, what="a message"):
-        return wait_until(condition, what=f"{what} of the page")
+        return wait_until(condition, step_s=0.02, what=f"{what} of the page")
 
     def after(self, kind, condition=lambda message: True):
         """Wait for a message that arrives from now on, and return it."""

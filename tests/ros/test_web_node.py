@@ -39,7 +39,9 @@ def robot(module_rig, tmp_path_factory):
     rig.status = rig.topic("status", DiagnosticStatus)
     rig.commands = [rig.topic("cmd_vel", Twist), rig.topic("cmd_vel/stamped", TwistStamped)]
     rig.imu = rig.topic("phone/imu", Imu)
-    found = wait_until(lambda: re.findall(r"http://127\.0\.0\.1:\d+/", "\n".join(rig.web.output())))
+    found = wait_until(
+        lambda: re.findall(r"http://127\.0\.0\.1:\d+/", "\n".join(rig.web.output())), step_s=0.05
+    )
     rig.page = PageClient(found[0])
     rig.status.wait()
     rig.page.say("take")
@@ -111,7 +113,7 @@ def test_the_page_shows_the_robot(robot):
 def test_a_held_control_drives_and_its_release_stops(robot):
     with driving(robot):
         pass
-    wait_until(lambda: stopped(robot))
+    wait_until(lambda: stopped(robot), step_s=0.02)
 
 
 def test_a_page_at_rest_publishes_no_command(robot):
