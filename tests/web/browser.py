@@ -196,9 +196,9 @@ class Tab:
             raise AssertionError(f"{condition}: not within {PATIENCE_S:g} s, the page has {said}") from error
 
     def centre(self, element: str) -> Tuple[float, float]:
-        """Centre of an element, by its id or a selector, scrolled into sight [px of the window]."""
+        """Centre of an element, by its id, scrolled into sight [px of the window]."""
         script = (
-            "const e = document.getElementById(arguments[0]) || document.querySelector(arguments[0]);"
+            "const e = document.getElementById(arguments[0]);"
             "e.scrollIntoView({block: 'nearest'});"
             "const b = e.getBoundingClientRect(); return [b.left + b.width / 2, b.top + b.height / 2];"
         )
@@ -218,21 +218,13 @@ class Tab:
             self.tell("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
         self._touched = False
 
-    def click(self, element: str) -> None:
-        """A click with the mouse on an element, by its id or a selector; again if the element moved meanwhile."""
-
-        def hits() -> bool:
-            self.run(_NOTE_CLICK, element)
-            at = self.centre(element)
-            self.mouse("mousePressed", at)
-            self.mouse("mouseReleased", at)
-            return bool(self.run("return window.hit"))
-
-        wait_until(hits, step_s=0.05, what=f"a click on {element}")
-
-    def mouse(self, kind: str, at: Tuple[float, float]) -> None:
-        """The left button is pressed or released."""
-        self.tell("Input.dispatchMouseEvent", type=kind, x=at[0], y=at[1], button="left", clickCount=1)
+    def press(self, element: str) -> None:
+        """An element, by its id or a selector, gets the focus and the Enter key: it may move meanwhile."""
+        self.run(
+            "(document.getElementById(arguments[0]) || document.querySelector(arguments[0])).focus();",
+            element,
+        )
+        self.type("Enter")
 
     def key(self, kind: str, name: str) -> None:
         """A key is pressed (`keyDown`) or released (`keyUp`): a letter, or a name as `ArrowUp`."""

@@ -4,12 +4,15 @@ The page writes its state into attributes of its root: `link` open or closed, `h
 control is held, `spent` after a stop until it is released, `latched` while the emergency stop is.
 """
 
+import itertools
 from typing import Any, Callable, Dict, Tuple
 
 from tests.waiting import wait_until
 
 from .browser import DESK, Browser, Size, Tab
 
+MISSED = 50
+"""A control that is not held after so many looks was missed."""
 REACH_PX = 40.0
 """How far the joystick is moved from its rest."""
 
@@ -39,10 +42,10 @@ class RobotPage:
         """Takes the helm, if it is free, and releases an emergency stop."""
         self.arrive()
         if self.state["helm"] != "mine":
-            self.tab.click("take")
+            self.tab.press("take")
             self.wait(helm="mine")
         if self.state["latched"] == "yes":
-            self.tab.click("release")
+            self.tab.press("release")
             self.wait(latched="no")
         return self
 
@@ -60,11 +63,15 @@ class RobotPage:
     ) -> None:
         """Holds a control until the robot moves.
 
-        On a busy machine a command may be late, which ends the press: then the control is released and held again.
+        On a busy machine a command may be late, which ends the press, or the control may move away from the finger:
+        then it is released and held again.
         """
+        looks = itertools.count(1)
 
         def moved() -> bool:
-            if not moves() and self.state["spent"] == "yes":
+            state = self.state
+            missed = state["held"] == "no" and next(looks) % MISSED == 0
+            if not moves() and (state["spent"] == "yes" or missed):
                 end()
                 self.wait(held="no", spent="no")
                 begin()
