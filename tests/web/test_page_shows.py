@@ -35,15 +35,10 @@ def visit(browser, served):
 
 
 @pytest.mark.parametrize("size", [PHONE, DESK, PROJECTOR])
-def test_nothing_is_wider_than_the_window(visit, size):
+def test_the_page_fits_the_window_with_stop_and_joystick_in_sight(visit, size):
     page = visit(size).take()
     assert page.tab.run("return document.documentElement.scrollWidth") <= size.width
     assert page.tab.run(BEYOND) == []
-
-
-@pytest.mark.parametrize("size", [PHONE, DESK])
-def test_stop_and_drive_controls_are_in_sight_at_once(visit, size):
-    page = visit(size).take()
     for name in ("stop", "joystick"):
         left, top, right, bottom = page.box(name)
         assert left >= 0 and top >= 0 and right <= size.width and bottom <= size.height, name
