@@ -17,6 +17,8 @@ TYPES = {
     ".webmanifest": "application/manifest+json",
 }
 PLAIN = "text/plain; charset=utf-8"
+_LONGEST = 60
+"""No name has more characters; the system refuses one of more than 255 bytes with an error of its own."""
 _SMALL = 200
 """Shorter files are not compressed [byte]."""
 
@@ -41,8 +43,11 @@ class Assets:
 
     def get(self, name: str) -> Optional[Asset]:
         """Return a file by its path below the folder, such as `vendor/uplot/uPlot.min.css`; None if there is none."""
-        path = self._folder.joinpath(*name.split("/"))
-        if any(part in ("", ".", "..") or "\0" in part for part in name.split("/")) or not path.is_file():
+        parts = name.split("/")
+        path = self._folder.joinpath(*parts)
+        if any(part in ("", ".", "..") or "\0" in part for part in parts) or len(name) > _LONGEST:
+            return None
+        if not path.is_file():
             return None
         seen = path.stat()
         version = seen.st_mtime_ns, seen.st_size

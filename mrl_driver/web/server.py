@@ -11,8 +11,9 @@ import contextlib
 import secrets
 import socket
 import time
+import weakref
 from collections import deque
-from typing import Any, Awaitable, Callable, Deque, Dict, Iterable, List, Optional, Set
+from typing import Any, Awaitable, Callable, Deque, Dict, Iterable, Iterator, List, Optional, Set
 
 from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.geometry import Pose
@@ -20,7 +21,7 @@ from mrl_driver.program import version
 
 from . import messages
 from .assets import Assets
-from .client import Client, Stalled
+from .client import Client, Stalled, abort
 from .freshness import clock_s
 from .guard import headers_of, why_not
 from .helm import Control, Drive, Go, Halt, Helm, Latch, Refuse, Tell, Unlatch
@@ -49,6 +50,8 @@ SILENT_S = 2.0
 """A session over POST that sends nothing for this time is closed [s]."""
 HEARTBEAT_S = 5.0
 """A WebSocket is asked this often whether it is alive, and closed if it does not answer in half the time [s]."""
+HANDSHAKE_S = 5.0
+"""The handshake of an encrypted connection is done within this time [s]."""
 KEPT_S = 30.0
 """A connection without a request is closed after this time [s]."""
 CLOSE_S = 0.5
@@ -113,6 +116,8 @@ class Server:
         self._clients: Dict[int, Client] = {}
         self._sessions: Dict[str, Client] = {}
         self._tasks: Set[asyncio.Task[Any]] = set()
+        self._admitted: weakref.WeakSet[Any] = weakref.WeakSet()
+        """Connections that belong to a page, or whose token was right."""
         self._number = 0
         self._joining = 0
         self._assets = Assets()
@@ -150,7 +155,10 @@ class Server:
         )
         await self._runner.setup()
         self._listener = await self._loop.create_server(
-            self._protocol, sock=self._socket, ssl=self._settings.context
+            self._protocol,
+            sock=self._socket,
+            ssl=self._settings.context,
+            ssl_handshake_timeout=None if self._settings.context is None else HANDSHAKE_S,
         )
         self.port: int = self._socket.getsockname()[1]
         self._was_latched = self._robot.latched
@@ -161,9 +169,18 @@ class Server:
         self._beat()
 
     def _protocol(self) -> asyncio.BaseProtocol:
-        """Return what serves a new connection; one too many is closed."""
+        """Return what serves a new connection; one too many ends the oldest that no page has, or is closed."""
         server = self._runner.server
-        return server() if server is not None and len(server.connections) < MOST_CONNECTIONS else _Busy()
+        if server is None:
+            return _Busy()
+        ends = [each.transport for each in server.connections]
+        open_ends = [end for end in ends if end is not None and not end.is_closing()]
+        if len(open_ends) >= MOST_CONNECTIONS:
+            strange = next((end for end in open_ends if end not in self._admitted), None)
+            if strange is None:
+                return _Busy()
+            abort(strange)
+        return server()
 
     @property
     def clients(self) -> int:
@@ -412,8 +429,9 @@ class Server:
     def _leave(self, client: Client) -> None:
         """A client has gone; if it drove, the robot stops."""
         if self._clients.pop(client.number, None) is not None:
-            self._carry_out(self._helm.leave(client.number, clock_s()))
-            self._tell()
+            with self._errors_end():
+                self._carry_out(self._helm.leave(client.number, clock_s()))
+                self._tell()
 
     def _welcome(self, client: Client) -> str:
         return messages.welcome(
@@ -445,7 +463,21 @@ class Server:
                 client.end(f"{messages.MOST_REFUSALS} messages in a row were refused, the last one: {error}")
             return
         client.refused = 0
-        self._follow(client, message)
+        with self._errors_end():
+            self._follow(client, message)
+
+    @contextlib.contextmanager
+    def _errors_end(self) -> Iterator[None]:
+        """In this block, an error is one of this program: the robot is stopped and the server ends.
+
+        Elsewhere, a request of anybody may have caused it: that request is answered with an error, and nothing else
+        happens.
+        """
+        try:
+            yield
+        except Exception as error:
+            self._fail(error)
+            raise
 
     def _follow(self, client: Client, message: Any) -> None:
         number, helm, now_s = client.number, self._helm, clock_s()
@@ -548,17 +580,17 @@ class Server:
                 return _refusal(403, why)
             try:
                 return await handler(request)
-            except (web.HTTPException, ConnectionError, asyncio.CancelledError, asyncio.TimeoutError):
-                raise
-            except Exception as error:
-                self._fail(error)
-                raise
+            except ConnectionError:
+                return web.Response()  # to nobody: the page has gone
 
         return guard
 
     def _role(self, request: web.Request) -> str:
         """Return what the token of a request permits; empty for nothing."""
-        return self._settings.role(_token(request))
+        role = self._settings.role(_token(request))
+        if role and request.transport is not None:
+            self._admitted.add(request.transport)
+        return role
 
     async def _on_page(self, request: web.Request) -> web.StreamResponse:
         name = request.match_info.get("name", "index.html")
@@ -580,10 +612,14 @@ class Server:
         if not self._role(request):
             return _refusal(401, _REFUSED_LINK)
         name = request.match_info["name"]
-        if name not in {each.name for each in self._recordings}:
-            return _refusal(404, f"there is no recording {name!r}")
+        try:
+            if name not in {each.name for each in self._recordings}:
+                raise ConfigError(f"there is no recording {name!r}")
+            path = await self._loop.run_in_executor(self._files, self._robot.recording_path, name)
+        except ConfigError as error:
+            return _refusal(404, str(error))
         headers = {"Content-Disposition": f'attachment; filename="{name}"', "Cache-Control": "no-store"}
-        return web.FileResponse(self._robot.recording_path(name), headers=headers)
+        return web.FileResponse(path, headers=headers)
 
     # -- WebSocket
 
@@ -591,7 +627,13 @@ class Server:
         link = web.WebSocketResponse(
             timeout=CLOSE_S, heartbeat=HEARTBEAT_S, compress=False, max_msg_size=messages.MOST_BYTES + 1
         )
-        await link.prepare(request)
+        try:
+            await link.prepare(request)
+        except ValueError:
+            return _refusal(400, "the key of the WebSocket cannot be read")
+        transport = request.transport
+        if transport is None:
+            return link  # its page has gone already
         if self._ending or self._joining >= MOST_CLIENTS:
             await link.send_str(messages.closed(clock_s(), "too many pages open at once; try again"))
             await link.close(code=REFUSED)
@@ -604,8 +646,7 @@ class Server:
         if client is None:
             await link.close(code=REFUSED)
             return link
-        transport = request.transport
-        assert transport is not None
+        self._admitted.add(transport)
         self._spawn(self._pump_socket(client, link, transport))
         try:
             async for message in link:
@@ -677,7 +718,8 @@ class Server:
         )
         await response.prepare(request)
         transport = request.transport
-        assert transport is not None
+        if transport is None:
+            return response  # its page has gone already
         task = asyncio.current_task()
         assert task is not None
         self._tasks.add(task)
@@ -719,8 +761,17 @@ def _token(request: web.Request) -> str:
 
 
 async def _body(request: web.Request) -> bytes:
-    """Return the body of a request, which must arrive in time."""
-    return await asyncio.wait_for(request.read(), messages.HELLO_S)
+    """Return the body of a request, which must arrive in time.
+
+    Raises:
+        web.HTTPException: it does not, or it cannot be read.
+    """
+    try:
+        return await asyncio.wait_for(request.read(), messages.HELLO_S)
+    except asyncio.TimeoutError:
+        raise web.HTTPRequestTimeout from None
+    except web.RequestPayloadError as error:
+        raise web.HTTPBadRequest(text=str(error)) from None
 
 
 async def _add_headers(request: web.BaseRequest, response: web.StreamResponse) -> None:

@@ -16,6 +16,7 @@ from mrl_driver.errors import ConfigError, PortBusy
 from mrl_driver.host.access import Tokens
 from mrl_driver.web import assets, client, listening, messages
 from mrl_driver.web.helm import Helm
+from mrl_driver.web.robot import Recorded
 from tests.waiting import PATIENCE_S
 
 from .fake_robot import FakeRobot
@@ -419,13 +420,78 @@ def test_one_connection_too_many_is_closed(monkeypatch):
     monkeypatch.setattr("mrl_driver.web.server.MOST_CONNECTIONS", 1)
 
     async def scenario(site):
-        async with site.page() as page:
+        idle, other = await asyncio.open_connection("127.0.0.1", site.server.port)
+        async with site.page() as page:  # in place of the one that is of no page
+            assert await ended(idle)
             await page.next("welcome")
             reader, writer = await asyncio.open_connection("127.0.0.1", site.server.port)
-            assert await reader.read() == b""
+            assert await ended(reader)
             writer.close()
+        other.close()
 
     serving(scenario)
+
+
+async def ended(reader):
+    """The server has closed a connection on which it sent nothing."""
+    with contextlib.suppress(ConnectionError):
+        return await reader.read() == b""
+    return True
+
+
+HELLO = b'{"type": "hello", "token": "", "name": "page"}'
+UPGRADE = (
+    b"GET /ws HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
+    b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: %s\r\n\r\n"
+)
+
+
+@pytest.mark.parametrize(
+    "request_bytes",
+    [
+        b"GET /page/" + 300 * b"x" + b" HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        b"GET /page/" + 80 * b"%F0%9F%98%80" + b" HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        b"POST /session HTTP/1.1\r\nHost: localhost\r\nContent-Encoding: gzip\r\nContent-Length: 5\r\n\r\nabcde",
+        UPGRADE % b"\xff\xff",
+        b"GET /recordings/gone.mrl HTTP/1.1\r\nHost: localhost\r\n\r\n",
+    ],
+    ids=["long name", "long name in bytes", "body", "key", "recording that was deleted"],
+)
+def test_a_request_that_cannot_be_served_is_refused_and_the_server_goes_on(request_bytes):
+    robot = FakeRobot()
+    robot.recordings = lambda: [Recorded("gone.mrl", 1, False)]
+    robot.recording_path = mock.Mock(side_effect=ConfigError("there is no recording"))
+
+    async def scenario(site):
+        reader, writer = await asyncio.open_connection("127.0.0.1", site.server.port)
+        writer.write(request_bytes)
+        assert b"HTTP/1.1 4" in await reader.readuntil(b"\r\n")
+        writer.close()
+        await goes_on(site)
+
+    serving(scenario, robot=robot)
+
+
+def test_a_page_that_goes_with_its_first_words_ends_nothing():
+    async def scenario(site):
+        reader, writer = await asyncio.open_connection("127.0.0.1", site.server.port)
+        writer.write(UPGRADE % (22 * b"A" + b"=="))
+        await reader.readuntil(b"\r\n\r\n")
+        goodbye = b"\x88\x80\0\0\0\0"
+        writer.write(b"\x81" + bytes([0x80 + len(HELLO)]) + b"\0\0\0\0" + HELLO + goodbye)
+        writer.close()
+        await site.until(lambda: site.server._number)
+        await goes_on(site)
+
+    serving(scenario)
+
+
+async def goes_on(site):
+    """The server has not been told to end, and has no page but this one."""
+    await site.until(lambda: not site.server.clients)
+    async with site.page() as page:
+        await page.next("welcome")
+        assert not site.server._over.done()
 
 
 def test_a_page_that_floods_the_server_is_closed_but_its_stop_counts(monkeypatch):
