@@ -34,7 +34,9 @@ class Idle:
         return b""
 
     def gap(self, to_s, waiting):
-        pass
+        """This computer has paused."""
+        if waiting:
+            self.heard(waiting)
 
     def receive(self, data):
         self.heard(data)

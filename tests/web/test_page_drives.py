@@ -130,7 +130,7 @@ def test_who_asks_for_the_helm_gets_it_when_the_finger_is_lifted(visit, robot):
     second.tab.press("take")
     first.tab.lift()
     second.wait(helm="mine")
-    assert not robot.moves
+    wait_until(lambda: not robot.moves)
 
 
 def test_a_watch_only_page_has_a_stop_and_nothing_to_drive_with(visit):
