@@ -64,7 +64,7 @@ REFUSED = 4403
 """Close code of a WebSocket that is not admitted."""
 HELM, VIEW, SAMPLE, CELLS, RECORDING = "helm", "view", "sample", "cells", "recording"
 PLACEHOLDER = b"<!doctype html><title>mrl</title><p>The page is missing from this installation."
-_REFUSED_LINK = "this link is not valid; open the newest link of the program that serves the page"
+_REFUSED_LINK = "this link is not valid; open the whole link that mrl web or web_node printed last"
 
 
 def never() -> str:

@@ -143,7 +143,7 @@ connection.on("view", (message) => {
   const before = view;
   view = message;
   if (view.name) setText(element("robot"), view.name);
-  robotNotice(view.notice || "");
+  robotNotice(sentence(view.notice || ""));
   if (view.silent && !before.silent) alarm("No data from the robot.");
   hasDriven ||= Boolean(view.command);
   const changed = before.stopped !== undefined && view.stopped !== before.stopped;
