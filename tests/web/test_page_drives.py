@@ -147,6 +147,17 @@ def test_a_wrong_token_is_refused_in_words(visit, shared, browser):
     page.tab.close()
 
 
+def test_values_from_before_the_link_was_lost_are_not_shown(visit, shared):
+    page, names = visit(DESK).arrive(), ("tile-speed", "tile-nearest", "tile-battery")
+    wait_until(lambda: "–" not in map(page.text, names))
+    shared.proxy.flows.clear()
+    try:
+        page.wait(link="closed")
+        wait_until(lambda: {*map(page.text, names)} == {"–"})
+    finally:
+        shared.proxy.flows.set()
+
+
 def test_where_websockets_are_refused_the_page_drives_all_the_same(visit, robot):
     phone = visit(PHONE, NO_WEBSOCKET).take()
     assert phone.state["transport"] == "events"

@@ -99,6 +99,7 @@ connection.changed = () => {
     const drove = press.held;
     press.spend("the link to the server is lost");
     helm.lost();
+    forget();
     alarm(`${connection.words}.${drove ? " The robot stops by itself." : ""}`);
   } else if (connection.state === "refused") {
     alarm(connection.words);
@@ -109,6 +110,17 @@ connection.changed = () => {
   wasSlow = connection.state === "slow";
   showState();
 };
+
+/** Without a link nobody knows what the robot does: what was true before it was lost is not shown as if it were. */
+function forget() {
+  view = { name: view.name, silent: true };
+  map.ranges = {};
+  map.touch();
+  panels.readings([pageSection()]);
+  panels.nearest(null, "");
+  panels.battery(null);
+  wordsAt = -Infinity;
+}
 
 connection.on("welcome", (message) => {
   const { robot } = message;
@@ -207,7 +219,7 @@ function frame(now) {
   panels.motion(samples.newest("speed"), samples.newest("turn rate"), samples.newest("sideways speed"), view);
   if (now - wordsAt < WORDS_MS) return;
   wordsAt = now;
-  panels.map(map.pose, nearestOf(view.ranges), goal.value);
+  panels.map(connection.isOpen ? map.pose : null, nearestOf(view.ranges), goal.value);
   showState();
 }
 
