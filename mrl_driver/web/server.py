@@ -38,6 +38,8 @@ except ImportError as missing:
     ) from None
 
 MOST_CLIENTS, MOST_CONNECTIONS = 16, 100
+FOR_DRIVING = 4
+"""Places of `MOST_CLIENTS` that are kept for pages that may drive."""
 SAMPLE_S, VIEW_S, CELLS_S = 0.02, 0.1, 0.5
 """Least time between two samples, two views, and two occupancy grids [s]."""
 SILENT_SAMPLE_S = 0.2
@@ -408,8 +410,8 @@ class Server:
         role = self._settings.role(token)
         if not role:
             raise ConfigError(_REFUSED_LINK)
-        if len(self._clients) >= MOST_CLIENTS:
-            raise ConfigError(f"{MOST_CLIENTS} pages show this robot already; close one of them")
+        if len(self._clients) >= (MOST_CLIENTS if role == DRIVE else MOST_CLIENTS - FOR_DRIVING):
+            raise ConfigError(f"{len(self._clients)} pages show this robot already; close one of them")
         self._number += 1
         client = Client(self._number, role, hello.name or f"page {self._number}")
         now_s = time.monotonic()

@@ -416,6 +416,18 @@ def test_one_page_too_many_is_refused_with_the_reason(monkeypatch):
     serving(scenario)
 
 
+def test_pages_that_watch_leave_room_for_one_that_drives(monkeypatch):
+    monkeypatch.setattr("mrl_driver.web.server.MOST_CLIENTS", 1)
+    monkeypatch.setattr("mrl_driver.web.server.FOR_DRIVING", 1)
+
+    async def scenario(site):
+        async with site.page(TOKENS.watch) as watches, site.page(TOKENS.drive) as drives:
+            assert "show this robot already" in (await watches.next("closed"))["why"]
+            assert (await drives.next("welcome"))["role"] == "drive"
+
+    serving(scenario, GUARDED)
+
+
 def test_one_connection_too_many_is_closed(monkeypatch):
     monkeypatch.setattr("mrl_driver.web.server.MOST_CONNECTIONS", 1)
 
