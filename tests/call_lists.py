@@ -20,9 +20,10 @@ DUE = (
     "mrl_driver/driver/robot_core.py:limit_again",
     "mrl_driver/driver/robot_core.py:_check_wheels",
     "mrl_driver/session/motion_command.py:observe",
+    "mrl_driver/session/board_clock.py:_collect",
 )
 """Calls for what falls due with some frames: requests and repeats, a step of the ramp, a comparison of the wheels, the
-confirmation of a stop."""
+confirmation of a stop, a point for the fit of the clocks, which a frame gives that comes faster than those before."""
 PARTS = {"Pose", "Command"}
 """A field of the telemetry, and a row of the command table: neither is a value on its way."""
 
