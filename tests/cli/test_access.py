@@ -17,7 +17,9 @@ from mrl_driver.host import access, certificate
 
 @pytest.fixture
 def x509():
-    return pytest.importorskip("cryptography.x509")
+    from cryptography import x509
+
+    return x509
 
 
 def mode(path):
