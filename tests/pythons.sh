@@ -20,6 +20,8 @@ tested() { # PYTHON VENV VERSION
   local constraints=$2/constraints.txt
   : >"$constraints"
   [ "$3" != 3.8 ] || sed -n '/install_requires/,/\]/s/.*"\(.*\)>=\(.*\)".*/\1==\2/p; s/.*"\(matplotlib\)>=\(.*\)",$/\1==\2/p' setup.py >"$constraints"
+  # The resolver of 3.8's own pip does not come to an end with the packages of the tests.
+  "$2/bin/python" -m pip install -q --disable-pip-version-check -U pip || return
   "$2/bin/python" -m pip install -q --disable-pip-version-check -c "$constraints" -e '.[dev]' || return
   "$2/bin/python" -m pip freeze -q | grep -iE '^(pyserial|numpy|pyyaml|click|rich)==' | tr '\n' ' '
   # shellcheck disable=SC2086
