@@ -1,0 +1,379 @@
+"""A recorded drive as arrays: everything that the page and the findings use.
+
+The recording plays through the driver itself (`RecordedDriver`), so that poses, ranges and events are those that the
+program had that drove the robot.
+"""
+
+import math
+from array import array
+from bisect import bisect_left
+from itertools import chain
+from typing import TYPE_CHECKING, Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+
+import numpy as np
+
+from mrl_driver.errors import BoardTimeout
+from mrl_driver.protocol import Frame
+from mrl_driver.protocol.table import BY_CODE, BY_NAME
+from mrl_driver.recording.recording import FROM_BOARD, OPENED, TO_BOARD
+from mrl_driver.robot.imu import Imu
+from mrl_driver.robot.models import OmniDrive, RobotModel
+from mrl_driver.robot.omni_odometry import MOVE_OMNI, OmniCommands
+from mrl_driver.robot.robot_state import Telemetry
+from mrl_driver.session.events import SensorRead, Stale, Status
+from mrl_driver.session.handshake import Board
+from mrl_driver.session.link_counters import Counters
+from mrl_driver.session.motion_command import MOVE, STOP
+from mrl_driver.session.sequence import Stream
+from mrl_driver.session.session import STALE_S
+from mrl_driver.view.words import stopped_text
+
+if TYPE_CHECKING:
+    from mrl_driver.driver.recorded import Heard, RecordedDriver, Remark, Sent
+
+_STOPPED = "stop "
+"""Begins the remark with the driver's reason of a stop."""
+_STATUS, _INFO = BY_NAME["read_status"].code, BY_NAME["robot_info"].code
+_TOGETHER_S = 0.5
+"""A stop and its reason are written within this time of each other [s]."""
+_NOT_STOPS = ("none", "host", "boot")
+"""Reasons of the board that are not stops of their own: the host's stop is recorded as it is sent."""
+
+
+class Column(NamedTuple):
+    """Values over time."""
+
+    time_s: Any
+    """Array `(N,)`: seconds since the recording began."""
+    values: Any
+    """Array `(N,)` or `(N, k)`; NaN where a value is unknown."""
+
+
+class Stop(NamedTuple):
+    """A stop of the robot, or of its command."""
+
+    time_s: float
+    reason: str
+    """One of `motion_command.STOPS` or `table.STOP_REASONS`; `user` if the recording does not say it."""
+    text: str
+    """The reason in words."""
+    direction: str
+    """Direction of the frame `data`, `>` or `<`; empty without one."""
+    data: bytes
+    """The frame that proves the stop; empty if there is none."""
+
+
+class Frames:
+    """All frames of one direction, in order of time."""
+
+    def __init__(self) -> None:
+        self.times_s = array("d")
+        self.codes = array("h")
+        self._bytes = bytearray()
+        self._ends = array("L")
+
+    def add(self, time_s: float, code: int, data: bytes) -> None:
+        """Add a frame."""
+        self.times_s.append(time_s)
+        self.codes.append(code)
+        self._bytes += data
+        self._ends.append(len(self._bytes))
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return len(self._ends)
+
+    def data(self, index: int) -> bytes:
+        """Return the bytes of a frame."""
+        return bytes(self._bytes[self._ends[index - 1] if index else 0 : self._ends[index]])
+
+    def at(self, time_s: float, *codes: int) -> bytes:
+        """Return the first frame with one of these codes (any, if none is given) at or after a time; else the last one
+        before it; empty if there is none.
+        """
+        start = bisect_left(self.times_s, time_s)
+        for each in chain(range(start, len(self)), range(start - 1, -1, -1)):
+            if not codes or self.codes[each] in codes:
+                return self.data(each)
+        return b""
+
+
+class DriveData(NamedTuple):
+    """One drive; see the module.  Times are seconds since the recording began."""
+
+    path: str
+    started: str
+    """Start time as ISO 8601; empty if the file does not hold it."""
+    port: str
+    model: RobotModel
+    robot_id: int
+    board: Optional[Board]
+    """The board's identity; None if it did not answer."""
+    duration_s: float
+    poses: Column
+    """x y yaw [m m rad]."""
+    speeds: Column
+    """Driven: linear, angular, lateral [m/s rad/s m/s]."""
+    commands: Column
+    """Asked, when it was sent: linear, angular, lateral; a stop is zeros."""
+    counts: Column
+    """Counts of each wheel since the start, without wrap: right, left, and rear if there is one."""
+    stamps_s: Any
+    """Array `(N,)`: board time of each telemetry on the host's clock [s since the recording began]."""
+    ranges: Dict[str, Column]
+    """Each new reading of each sonar [m], as in REP 117."""
+    battery: Column
+    """Voltage and temperature [V degC]; NaN if not measured."""
+    imu: Column
+    """Yaw rate without bias, accelerations x y z, bias [rad/s m/s2 m/s2 m/s2 rad/s], in the axes of base_link."""
+    sensors: Dict[str, Column]
+    """Values of each sensor of `table.SENSORS`."""
+    statuses: List[Tuple[float, Status]]
+    stops: List[Stop]
+    garbage: List[Tuple[float, str, str, bytes]]
+    """Time, direction, reason, data."""
+    lost: Column
+    """Number of lost frames so far, after each loss."""
+    delays: Column
+    """Delay of each telemetry beyond the least one [s]; of boards without board time there is none."""
+    round_trips: Column
+    """Time from a request for `robot_info` to its answer [s]."""
+    opened: List[Tuple[float, str]]
+    remarks: List[Tuple[float, str]]
+    frames: Dict[str, int]
+    """Number of frames from the board, by name."""
+    events: List[Tuple[float, object]]
+    """The driver's events: `Ready`, `Stale`, `ImuChanged`, `PathUnknown` and others, and its errors."""
+    heard: Frames
+    """Frames from the board."""
+    sent: Frames
+    """Frames to the board."""
+    skipped_lines: int
+    """Lines of the recording that could not be read."""
+
+
+def read(recorded: "RecordedDriver", advance: Callable[[float], None] = lambda part: None) -> DriveData:
+    """Play a whole recording and return its data; `advance` is called as by `RecordedDriver.play`.
+
+    Raises:
+        ConfigError: as `RecordedDriver.play`.
+    """
+    return _Reader(recorded).read(advance)
+
+
+class _Rows:
+    """Rows of numbers that grow: a time and `width` values."""
+
+    def __init__(self, width: int) -> None:
+        self._width, self._numbers = width, array("d")
+        self.append = self._numbers.extend
+
+    def column(self, flat: bool = False) -> Column:
+        """The rows; `flat` gives values of shape `(N,)`."""
+        table = np.frombuffer(self._numbers, dtype=float).reshape(-1, 1 + self._width)
+        return Column(table[:, 0], table[:, 1] if flat else table[:, 1:])
+
+
+class _Reader:
+    """Collects the columns while the recording plays."""
+
+    def __init__(self, recorded: "RecordedDriver") -> None:
+        self._recorded = recorded
+        self._poses, self._speeds, self._commands = _Rows(3), _Rows(3), _Rows(3)
+        self._battery, self._imu, self._lost, self._trips = _Rows(2), _Rows(5), _Rows(1), _Rows(1)
+        self._counts: Optional[_Rows] = None
+        self._stamps_s, self._delays = array("d"), _Rows(1)
+        self._ranges: Dict[str, _Rows] = {}
+        self._sensors: Dict[str, _Rows] = {}
+        self._statuses: List[Tuple[float, Status]] = []
+        self._stops: List[Stop] = []
+        self._garbage: List[Tuple[float, str, str, bytes]] = []
+        self._opened: List[Tuple[float, str]] = []
+        self._remarks: List[Tuple[float, str]] = []
+        self._events: List[Tuple[float, object]] = []
+        self._heard, self._sent = Frames(), Frames()
+        self._names: Dict[int, int] = {}
+        self._counters = Counters()
+        self._stream = Stream(self._counters)
+        self._stamped_s = -math.inf
+        self._asked_s = math.nan
+        self._moves = False
+        """The last command that was sent moves the robot."""
+        self._omni: Optional[OmniCommands] = None
+
+    def read(self, advance: Callable[[float], None]) -> DriveData:
+        recorded = self._recorded
+        recorded.on_telemetry(self._on_telemetry)
+        recorded.on_imu(self._on_imu)
+        recorded.on_status(self._on_status)
+        recorded.on_battery(self._on_battery)
+        recorded.on_sensor(self._on_sensor)
+        recorded.on_event(self._on_event)
+        recorded.on_sent(self._on_sent)
+        recorded.on_heard(self._on_heard)
+        recorded.on_remark(self._on_remark)
+        recorded.play(advance)
+        return self._data()
+
+    def _data(self) -> DriveData:
+        recorded = self._recorded
+        header, model = recorded.recording.header, recorded.model
+        assert model is not None
+        try:
+            board: Optional[Board] = recorded.board
+        except BoardTimeout:
+            board = None
+        wheels = _Rows(2) if self._counts is None else self._counts
+        return DriveData(
+            recorded.recording.path,
+            str(header.get("started") or ""),
+            str(header.get("port") or ""),
+            model,
+            board.robot_id if board else 0,
+            board,
+            recorded.time_s,
+            self._poses.column(),
+            self._speeds.column(),
+            self._commands.column(),
+            wheels.column(),
+            np.frombuffer(self._stamps_s, dtype=float),
+            {name: rows.column(flat=True) for name, rows in self._ranges.items()},
+            self._battery.column(),
+            self._imu.column(),
+            {name: rows.column() for name, rows in self._sensors.items()},
+            self._statuses,
+            self._stops,
+            self._garbage,
+            self._lost.column(flat=True),
+            self._delays.column(flat=True),
+            self._trips.column(flat=True),
+            self._opened,
+            self._remarks,
+            {BY_CODE[code].name: count for code, count in sorted(self._names.items())},
+            self._events,
+            self._heard,
+            self._sent,
+            recorded.recording.skipped_count,
+        )
+
+    # -- what the driver had
+
+    def _on_telemetry(self, telemetry: Telemetry) -> None:
+        now_s, twist, counts = self._recorded.time_s, telemetry.twist, telemetry.counts
+        self._poses.append((now_s, *telemetry.pose))
+        self._speeds.append((now_s, twist.linear_m_s, twist.angular_rad_s, twist.lateral_m_s))
+        if self._counts is None:
+            self._counts = _Rows(len(counts))
+        self._counts.append((now_s, *counts))
+        delay_s = telemetry.arrival_s - telemetry.stamp_s
+        self._stamps_s.append(now_s - delay_s)
+        if telemetry.sequence is not None:
+            self._delays.append((now_s, delay_s))
+        for name in telemetry.fresh:
+            if name not in self._ranges:
+                self._ranges[name] = _Rows(1)
+            self._ranges[name].append((now_s, telemetry.ranges[name]))
+
+    def _on_imu(self, imu: Imu) -> None:
+        bias = imu.bias_rad_s if imu.bias_known else math.nan
+        rate = imu.angular_velocity_rad_s[2] - imu.bias_rad_s
+        self._imu.append((self._recorded.time_s, rate, *imu.linear_acceleration_m_s2, bias))
+
+    def _on_battery(self, board: Board) -> None:
+        self._battery.append((self._recorded.time_s, board.battery_v, board.temperature_c))
+
+    def _on_sensor(self, event: SensorRead) -> None:
+        rows = self._sensors.setdefault(event.name, _Rows(len(event.reading.values)))
+        rows.append((self._recorded.time_s, *event.reading.values))
+
+    def _on_status(self, status: Status) -> None:
+        now_s = self._recorded.time_s
+        before = self._statuses[-1][1].stop_reason if self._statuses else status.stop_reason
+        self._statuses.append((now_s, status))
+        if status.stop_reason != before and status.stop_reason not in _NOT_STOPS:
+            self._note_stop(now_s, status.stop_reason, "", FROM_BOARD, self._heard.at(now_s, _STATUS))
+
+    def _on_event(self, event: object) -> None:
+        self._events.append((self._recorded.time_s, event))
+        if isinstance(event, Stale) and self._moves:
+            self._moves = False
+            if not self._told("stale"):
+                self._note_stop(self._recorded.time_s, "stale", "", "", b"")
+
+    # -- what was on the wire
+
+    def _on_remark(self, remark: "Remark") -> None:
+        text = remark.text
+        self._remarks.append((remark.time_s, text))
+        if text.startswith(OPENED.decode()):
+            self._opened.append((remark.time_s, text[len(OPENED) :]))
+            self._stream.begin_anew()
+        elif text.startswith(_STOPPED):
+            reason, _, detail = text[len(_STOPPED) :].partition(" ")
+            self._note_stop(remark.time_s, reason, detail, "", b"")
+
+    def _told(self, reason: str = "") -> bool:
+        """Return whether a stop was just noted, with this reason if one is given."""
+        last = self._stops[-1] if self._stops else None
+        return last is not None and (
+            self._recorded.time_s - last.time_s <= _TOGETHER_S and reason in ("", last.reason)
+        )
+
+    def _note_stop(self, time_s: float, reason: str, detail: str, direction: str, data: bytes) -> None:
+        text = stopped_text(reason) + (f" ({detail})" if detail else "")
+        last = self._stops[-1] if self._stops else None
+        if not data and last is not None and last.reason == "user" and self._told():
+            self._stops[-1] = last._replace(reason=reason, text=text)  # its remark comes after the frame
+        else:
+            self._stops.append(Stop(time_s, reason, text, direction, data))
+
+    def _on_sent(self, sent: "Sent") -> None:
+        time_s, event, data = sent
+        if not isinstance(event, Frame):
+            self._garbage.append((time_s, TO_BOARD, event.reason, data))
+            return
+        self._sent.add(time_s, event.code, data)
+        code = event.code
+        if code == STOP:
+            self._on_stop(time_s, data)
+        elif code == MOVE:
+            linear, angular = event.args[:2]
+            self._command(time_s, linear / 1000, angular / 1000)
+        elif code == MOVE_OMNI:
+            model = self._recorded.model
+            if self._omni is None and model is not None and isinstance(model.drive, OmniDrive):
+                self._omni = OmniCommands(model.drive)
+            if self._omni is not None:
+                self._command(time_s, *self._omni.read(event.args))
+        elif code == _INFO:
+            self._asked_s = time_s
+
+    def _command(self, time_s: float, linear: float, angular: float, lateral: float = 0.0) -> None:
+        self._commands.append((time_s, linear, angular, lateral))
+        self._moves = bool(linear or angular or lateral)
+
+    def _on_stop(self, time_s: float, data: bytes) -> None:
+        last = self._stops[-1] if self._stops else None
+        if last is not None and not last.data and time_s - last.time_s <= _TOGETHER_S:
+            self._stops[-1] = last._replace(direction=TO_BOARD, data=data)
+        elif self._moves and not self._told():
+            self._note_stop(time_s, "user", "", TO_BOARD, data)
+        self._command(time_s, 0.0, 0.0)
+
+    def _on_heard(self, heard: "Heard") -> None:
+        time_s, event, data = heard
+        if not isinstance(event, Frame):
+            self._garbage.append((time_s, FROM_BOARD, event.reason, data))
+            return
+        code = event.code
+        self._heard.add(time_s, code, data)
+        self._names[code] = self._names.get(code, 0) + 1
+        if code == _INFO and self._asked_s == self._asked_s:
+            self._trips.append((time_s, time_s - self._asked_s))
+            self._asked_s = math.nan
+        if event.stamp is not None:
+            lost = self._counters.lost
+            self._stream.missing(event.stamp.sequence, time_s - self._stamped_s >= STALE_S)
+            self._stamped_s = time_s
+            if self._counters.lost != lost:
+                self._lost.append((time_s, self._counters.lost))

@@ -1,0 +1,24 @@
+"""What went wrong in a drive, in words for newcomers."""
+
+from typing import NamedTuple
+
+
+class Finding(NamedTuple):
+    """One thing that went wrong, and the frame that proves it."""
+
+    kind: str
+    """Short name, such as `sonar_dead`; the same in all versions."""
+    title: str
+    """What went wrong, in a few words."""
+    text: str
+    """What was seen, with figures, and what it means."""
+    remedy: str
+    """What to do about it."""
+    time_s: float
+    """The moment [s since the recording began]."""
+    direction: str
+    """Direction of the frame: `>` to the board, `<` from it; empty without a frame."""
+    data: bytes
+    """The frame, or the piece of data that is not one; empty if there is none."""
+    weight: float
+    """How much it matters: findings are sorted by it, the heaviest first."""
