@@ -126,7 +126,7 @@ def connect(address: Address, port: str, patience_s: float) -> socket.socket:
 def _first(address: Address, port: str, kind: int, patience_s: Optional[float]) -> socket.socket:
     """Return a socket connected to the first of the host's addresses that accepts."""
     failure: OSError = OSError(errno.EADDRNOTAVAIL, "no address")
-    for family, sort, protocol, _, there in _resolve(address, port, kind):
+    for family, sort, protocol, _, there in resolve(address, port, kind):
         try:
             end = socket.socket(family, sort, protocol)
         except OSError as error:
@@ -144,7 +144,12 @@ def _first(address: Address, port: str, kind: int, patience_s: Optional[float]) 
     raise explain(port, failure)
 
 
-def _resolve(address: Address, port: str, kind: int) -> List[Tuple[Any, Any, int, str, Any]]:
+def resolve(address: Address, port: str, kind: int) -> List[Tuple[Any, Any, int, str, Any]]:
+    """Return the addresses of a host, as `socket.getaddrinfo` does; `port` is the name for errors.
+
+    Raises:
+        PortMissing: the host name is unknown.
+    """
     try:
         return socket.getaddrinfo(address.host, address.port, type=kind)
     except (OSError, UnicodeError) as error:

@@ -1,8 +1,9 @@
 """`mrl monitor` and `mrl record`: watch a robot, and drive it."""
 
+import contextlib
 import sys
 import time
-from typing import TYPE_CHECKING, Optional
+from typing import TYPE_CHECKING, Iterator, Optional
 
 import click
 
@@ -31,6 +32,7 @@ from .shared import (
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
+    from mrl_driver.transport.udp_sender import UdpSender
 
 LINE_S = 1.0
 STALL_S = 0.5
@@ -49,6 +51,11 @@ view, and then the robot stops.
 @max_delay_option
 @yes_option
 @json_option
+@click.option(
+    "--udp",
+    metavar="HOST:PORT",
+    help="Also send each telemetry there as a JSON datagram; PlotJuggler's UDP server plots it live.",
+)
 def monitor(
     target: Target,
     seconds: float,
@@ -59,6 +66,7 @@ def monitor(
     max_delay: Optional[float],
     yes: bool,
     as_json: bool,
+    udp: Optional[str],
 ) -> None:
     """Watch a robot live, and drive it with the keys.
 
@@ -70,9 +78,11 @@ def monitor(
       mrl monitor --port /dev/ttyACM0
       mrl monitor --robot lab3 --record drive.mrl
       mrl monitor --robot lab3 --json --seconds 10 > drive.jsonl
+      mrl monitor --robot lab3 --udp 127.0.0.1:9870
     """
     confirm_overwrite(record, yes)
-    _watch(target, seconds, record, reconnect, fast, as_json, ignore_battery, max_delay)
+    with _sender(udp) as sender:
+        _watch(target, seconds, record, reconnect, fast, as_json, ignore_battery, max_delay, sender)
 
 
 @click.command()
@@ -103,32 +113,71 @@ def _watch(
     as_json: bool = False,
     ignore_battery: bool = False,
     max_delay_s: Optional[float] = None,
+    sender: Optional["UdpSender"] = None,
 ) -> None:
     if not as_json and full_screen():
         watch_live(
-            target, seconds, file, ignore_battery, reconnect=reconnect, fast=fast, max_delay_s=max_delay_s
+            target,
+            seconds,
+            file,
+            ignore_battery,
+            reconnect=reconnect,
+            fast=fast,
+            max_delay_s=max_delay_s,
+            sender=sender,
         )
         return
     with connected(target, ignore_battery=True, record=file, reconnect=reconnect, fast=fast) as driver:
         warn(driver)
         report_losses(driver)
+        _stream(driver, sender)
         try:
-            _print_lines(driver, seconds, as_json)
+            _print_lines(driver, seconds, as_json, sender)
         except KeyboardInterrupt:
             return
 
 
-def _print_lines(driver: "Driver", seconds: float, as_json: bool) -> None:
-    end_s, warned = time.monotonic() + seconds, False
+@contextlib.contextmanager
+def _sender(udp: Optional[str]) -> Iterator[Optional["UdpSender"]]:
+    """Yield what sends the datagrams of --udp; None without the option.
+
+    Raises:
+        ConfigError, PortMissing, LinkError: as `UdpSender`.
+    """
+    if udp is None:
+        yield None
+        return
+    from mrl_driver.transport.udp_sender import UdpSender
+
+    sender = UdpSender(udp)
+    try:
+        yield sender
+    finally:
+        sender.close()
+        if sender.loss:
+            print_message(f"warning: {sender.loss}")
+
+
+def _stream(driver: "Driver", sender: Optional["UdpSender"]) -> None:
+    """Send the numbers of a connected driver from now on."""
+    if sender is not None:
+        from mrl_driver.view.live_json import LiveJson
+
+        LiveJson(driver, sender.send, time.time() - time.monotonic())
+
+
+def _print_lines(driver: "Driver", seconds: float, as_json: bool, sender: Optional["UdpSender"]) -> None:
+    end_s = time.monotonic() + seconds
+    complete = [each for each in (driver.recorder, sender) if each is not None]
     while time.monotonic() < end_s and not driver.wait(min(LINE_S, max(0.0, end_s - time.monotonic()))):
         if as_json:
             print_json(snapshot(driver))
         else:
             click.echo(line(driver))
         sys.stdout.flush()
-        if not warned and driver.recorder is not None and driver.recorder.loss:
-            warned = True
-            print_message(f"warning: {driver.recorder.loss}")
+        for each in [each for each in complete if each.loss]:
+            complete.remove(each)
+            print_message(f"warning: {each.loss}")
 
 
 def watch_live(
@@ -140,6 +189,7 @@ def watch_live(
     reconnect: bool = True,
     fast: bool = False,
     max_delay_s: Optional[float] = None,
+    sender: Optional["UdpSender"] = None,
 ) -> None:
     """Run the live view; `keys_drive` refuses an empty battery, as `mrl drive` does.
 
@@ -168,6 +218,7 @@ def watch_live(
         driver = connection.__enter__()
     try:
         warn(driver)
+        _stream(driver, sender)
         show(driver, settings, log, seconds)
     except KeyboardInterrupt:
         pass
