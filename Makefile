@@ -85,6 +85,7 @@ check: setup ## Format, lint, types, generated files, import rules, plain Englis
 	$(PY) -m tests.import_cycles
 	$(PY) -m mrl_driver.generate --check
 	$(PY) -m ros1_bridge.description --check
+	$(PY) -m sim_arduino.world --check
 	$(PY) -m tests.documents.plain_english
 
 test: apt ## Set everything up and run all tests
@@ -114,9 +115,10 @@ run: $(VENV)/.ready firmware ## Drive an emulated robot through ROS with a live 
 	  $(if $(PORT),--port $(PORT)) $(if $(DURATION),--duration $(DURATION))
 
 .PHONY: docs generate
-generate: setup ## Render protocol.h and PROTOCOL.md from the table, and the URDFs from the robot models
+generate: setup ## Render protocol.h, PROTOCOL.md and the schemas of YAML files from their tables, and the URDFs from the models
 	$(PY) -m mrl_driver.generate
 	$(PY) -m ros1_bridge.description
+	$(PY) -m sim_arduino.world
 
 docs: setup ## API documentation in build/docs; a warning is an error
 	@mkdir -p build

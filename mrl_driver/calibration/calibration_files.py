@@ -14,6 +14,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.files import replace_file
 from mrl_driver.robot import models
 from mrl_driver.robot.models import RobotModel
+from mrl_driver.yaml_form import with_schema_line
 
 from .trial import Trial, as_json, from_json
 
@@ -138,6 +139,7 @@ def write_model(source: str, output: str, values: Mapping[Key, float], note: str
         OutputError: a file cannot be written.
     """
     text = _text_of(source)
+    text = with_schema_line(text, models.SCHEMA)
     comment = f"{note}, {datetime.date.today().isoformat()}"
     for key, value in values.items():
         text = _with_number(text, key, value, comment)

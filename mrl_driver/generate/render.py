@@ -1,14 +1,18 @@
-"""Renders the command table and the robot models into the firmware's `protocol.h` and into `firmware/PROTOCOL.md`.
+"""Renders the command table and the robot models into the firmware's `protocol.h` and into `firmware/PROTOCOL.md`, and
+the form of a robot's file into a JSON Schema for editors.
 
-    python -m mrl_driver.generate            writes both files
+    python -m mrl_driver.generate            writes the files
     python -m mrl_driver.generate --check    exit code 1 and one line per stale file; writes nothing
 
-Both files are committed, so that the Arduino IDE needs no Python.
+The files are committed, so that the Arduino IDE and editors need no Python.
 """
 
 import sys
 from pathlib import Path
 from typing import Callable, Dict, Mapping, Sequence, Tuple
+
+from mrl_driver.robot import models
+from mrl_driver.yaml_form import schema_text
 
 from .cpp_header import header
 from .reference import reference
@@ -18,6 +22,9 @@ ROOT = Path(__file__).resolve().parent.parent.parent
 FILES: Dict[str, Callable[[], str]] = {
     "firmware/mrl_firmware/protocol.h": header,
     "firmware/PROTOCOL.md": reference,
+    "mrl_driver/robot/models/robot.schema.json": lambda: schema_text(
+        "Robot model of mrl-driver", models.RobotFile().schema()
+    ),
 }
 
 

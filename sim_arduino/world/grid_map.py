@@ -11,13 +11,51 @@ import yaml
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.yaml_file import Reader, is_number, read_expected
+from mrl_driver.yaml_form import Choice, Form, Keys, Number, Schema, Text
 
 from .shapes import Wall
 from .world import World
 
 OCCUPIED, FREE, UNKNOWN = 100, 0, -1
-_KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh", "mode")
 _MOST_CELLS = 64_000_000
+
+
+class _Origin(Form):
+    """Pose of the map's corner."""
+
+    _PART = Number(-1e6, 1e6)
+
+    def read(self, reader: Reader, key: str, value: Any) -> Tuple[float, ...]:
+        good = isinstance(value, list) and len(value) == 3
+        if not good or not all(is_number(each, self._PART.low, self._PART.high) for each in value):
+            raise reader.fail(key, value, "[x m, y m, yaw rad] from -1e6 to 1e6")
+        return tuple(map(float, value))
+
+    def schema(self) -> Schema:
+        return {"type": "array", "items": self._PART.schema(), "minItems": 3, "maxItems": 3}
+
+
+_SHARE = Number(0.0, 1.0)
+FORM = Keys(
+    {
+        "image": Text("the name of a PGM file"),
+        "resolution": Number(0.001, 10.0),
+        "origin": _Origin(),
+        "negate": _SHARE,
+        "occupied_thresh": _SHARE,
+        "free_thresh": _SHARE,
+        "mode": Choice(("trinary", "scale")),
+    },
+    ("negate", "occupied_thresh", "free_thresh", "mode"),
+    {
+        "resolution": "Side of a cell [m].",
+        "origin": "Pose of the corner with the smallest x and y: x, y [m], yaw [rad].",
+        "negate": "1: white is occupied.",
+        "occupied_thresh": "Darker cells are occupied.",
+        "free_thresh": "Lighter cells are free; at most occupied_thresh, which the schema does not check.",
+    },
+)
+"""The form of a map_server YAML."""
 
 
 class GridMap(NamedTuple):
@@ -51,27 +89,17 @@ def read(path: str, data: Mapping[str, Any]) -> GridMap:
         ConfigError: a key is missing, misspelt or out of range, or the picture cannot be read.
     """
     reader = Reader(path)
-    reader.keys("", data, _KEYS, _KEYS)
-    given = {"negate": 0, "occupied_thresh": 0.65, "mode": "trinary", **data}
-    resolution = reader.number("resolution", given.get("resolution"), 0.001, 10.0)
-    occupied = reader.number("occupied_thresh", given["occupied_thresh"], 0.0, 1.0)
-    free = reader.number("free_thresh", given.get("free_thresh", min(0.196, occupied)), 0.0, occupied)
-    negate = reader.number("negate", given["negate"], 0, 1)
-    if given["mode"] not in ("trinary", "scale"):
-        raise reader.fail("mode", given["mode"], "trinary or scale")
-    image = reader.text("image", given.get("image"), "the name of a PGM file")
-    corner = given.get("origin")
-    if (
-        not isinstance(corner, list)
-        or len(corner) != 3
-        or not all(is_number(each, -1e6, 1e6) for each in corner)
-    ):
-        raise reader.fail("origin", corner, "[x m, y m, yaw rad] from -1e6 to 1e6")
+    found = FORM.read(reader, "", data)
+    occupied, negate = found.get("occupied_thresh", 0.65), found.get("negate", 0.0)
+    free = found.get("free_thresh", min(0.196, occupied))
+    if free > occupied:
+        raise reader.fail("free_thresh", free, f"a number from 0 to {occupied:g}, the occupied_thresh")
+    image, resolution, corner = found["image"], found["resolution"], found["origin"]
     values, most = _read_pgm(os.path.join(os.path.dirname(path), image))
     shares = np.arange(most + 1) / most
     darkness = shares if negate else 1.0 - shares
     states = np.where(darkness > occupied, OCCUPIED, np.where(darkness < free, FREE, UNKNOWN)).astype(np.int8)
-    return GridMap(states[values][::-1], resolution, Pose(*map(float, corner)))
+    return GridMap(states[values][::-1], resolution, Pose(*corner))
 
 
 _GAP = rb"(?:\s+|#[^\n]*\n)+"

@@ -17,12 +17,13 @@ If you have added sensors to the table, each is a key of `ambient` and a key for
 
 import math
 import os
-from typing import Any, List, Mapping, Optional, Sequence, Tuple
+from typing import Any, List, Mapping, Optional
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
 from mrl_driver.yaml_file import Reader, is_number, read_expected
+from mrl_driver.yaml_form import Condition, Form, Keys, Number, Numbers, Rows, Schema
 from sim_arduino.world.environment import OTHERS, PIXELS, Environment
 
 from .robots import NAME, NAME_TEXT, Mover
@@ -31,31 +32,172 @@ from .shapes import Footprint, Wall, polygon
 from .world import World
 
 _FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "worlds")
+SCHEMA = os.path.join(os.path.dirname(_FOLDER), "world.schema.json")
+"""Path of the JSON Schema of a world's file; rendered by `make generate`."""
 FAR_M = 1000.0
 _FIRST_MODEL = "traxbot"
 _OTHERS = {row.name: row.fields[0] for row in OTHERS}
-KEYS = (
-    "start",
-    "walls",
-    "boxes",
-    "robots",
-    "north",
-    "ambient",
-    "heat",
-    "gas",
-    "dust",
-    "light",
-    "map",
-    *_OTHERS,
-)
 _COORDINATE = (-FAR_M, FAR_M)
 _SIZE = (0.001, FAR_M)
 _ANGLE = (-360.0, 360.0)
 _RANGES = {"temperature": (0.0, 255.0), "alcohol": (0, 1023), "dust": (0, 32767), "light": (0, 1023)}
 _RANGES.update({name: (field.low * field.scale, field.high * field.scale) for name, field in _OTHERS.items()})
-_SOURCES = {"heat": "temperature", "gas": "alcohol", "dust": "dust", "light": "light"}
+_SOURCES = {
+    "heat": "temperature",
+    "gas": "alcohol",
+    "dust": "dust",
+    "light": "light",
+    **{name: name for name in _OTHERS},
+}
 """Keys of sources, and the ambient key with the same range of values."""
-_Limits = Sequence[Tuple[float, float]]
+_POSE = Numbers(x=_COORDINATE, y=_COORDINATE, yaw=_ANGLE)
+
+
+class _Robots(Form):
+    """Robots by name.  Only `read` checks that there is such a model, and that it has motors."""
+
+    _EXPECTED = "names with [x, y, yaw] or [x, y, yaw, model]"
+
+    def read(self, reader: Reader, key: str, value: Any) -> List[Mover]:
+        found = reader.mapping(key, value, self._EXPECTED)
+        return [self._robot(reader, f"{key}.{name}", str(name), row) for name, row in found.items()]
+
+    def _robot(self, reader: Reader, key: str, name: str, row: Any) -> Mover:
+        model = _FIRST_MODEL
+        if not NAME.fullmatch(name):
+            raise reader.fail(key, row, f"as its name {NAME_TEXT}")
+        if isinstance(row, list) and len(row) == 4:
+            *row, model = row
+        if not isinstance(model, str):
+            raise reader.fail(key, model, f"as its model one of {', '.join(models.names())}, or a file")
+        x, y, yaw = _POSE.read(reader, key, row)
+        try:
+            there = models.load(model)
+            there.require_motors()
+        except ConfigError as error:
+            raise ConfigError(f"{reader.path}: {key}: {error}") from None
+        return Mover(name, Pose(x, y, math.radians(yaw)), Footprint(there.body.length_m, there.body.width_m))
+
+    def schema(self) -> Schema:
+        pose = _POSE.schema()
+        model = {"type": "string", "description": "model", "examples": models.packaged()}
+        row = {**pose, "items": [*pose["items"], model], "maxItems": 4}
+        return {
+            "type": "object",
+            "patternProperties": {f"^{NAME.pattern}$": row},
+            "additionalProperties": False,
+        }
+
+
+class _Map(Form):
+    """The walls of a map_server map.  Only `read` opens its YAML and its picture."""
+
+    def read(self, reader: Reader, key: str, value: Any) -> List[Wall]:
+        if not isinstance(value, str):
+            raise reader.fail(key, value, "the name of a map_server YAML")
+        if not value:
+            return []
+        from . import grid_map
+
+        return grid_map.walls_of(grid_map.load(os.path.join(os.path.dirname(reader.path), value)))
+
+    def schema(self) -> Schema:
+        return {"type": "string"}
+
+
+def _sources(key: str) -> Rows:
+    return Rows(Numbers(x=_COORDINATE, y=_COORDINATE, value=_RANGES[_SOURCES[key]], reach=_SIZE))
+
+
+_FORMS: Mapping[str, Form] = {
+    "start": _POSE,
+    "walls": Rows(Numbers(x1=_COORDINATE, y1=_COORDINATE, x2=_COORDINATE, y2=_COORDINATE)),
+    "boxes": Rows(Numbers(x=_COORDINATE, y=_COORDINATE, length=_SIZE, width=_SIZE, yaw=_ANGLE)),
+    "robots": _Robots(),
+    "north": Number(*_ANGLE),
+    "ambient": Keys(
+        {name: Number(*limits) for name, limits in _RANGES.items()},
+        _RANGES,
+        expected=f"the keys {', '.join(_RANGES)}",
+    ),
+    **{key: _sources(key) for key in ("heat", "gas", "dust", "light")},
+    "map": _Map(),
+    **{name: _sources(name) for name in _OTHERS},
+}
+_TEXTS = {
+    "start": "Where a robot starts: x, y [m], yaw [deg].",
+    "walls": "Each from x1, y1 to x2, y2 [m].",
+    "boxes": "Each with x, y of its middle, length, width [m], yaw [deg].",
+    "robots": "By name: x, y [m], yaw [deg] and maybe a model; a board of that name starts there.",
+    "north": "Direction of north from x, counter-clockwise [deg].",
+    "ambient": "Temperature [degC], ADC counts of alcohol and light, dust [pcs/l], and the sensors that were added.",
+    "heat": "Each with x, y [m], temperature [degC], radius [m].",
+    "gas": "Each with x, y [m], ADC count of the alcohol sensor there, reach [m].",
+    "dust": "Each with x, y [m], particles per litre there, reach [m].",
+    "light": "Each with x, y [m], ADC count of the light sensor there, reach [m].",
+    "map": "Name of a map_server YAML with additional walls.",
+}
+KEYS = tuple(_FORMS)
+
+
+class WorldFile(Form):
+    """A world, or with the key `image` a map_server map.
+
+    All keys of a world are optional, and a key without a value counts as left out.
+    """
+
+    _KEYS = Keys(_FORMS, KEYS, _TEXTS, f"the keys {', '.join(KEYS)}", or_null=True)
+
+    def read(self, reader: Reader, key: str, value: Any) -> World:
+        """Return the world."""
+        if isinstance(value, dict) and "image" in value:
+            from . import grid_map
+
+            world = World(grid_map.walls_of(grid_map.read(reader.path, value)))
+            world.solids = [world.walls]
+            return world
+        found = self._KEYS.read(reader, key, value)
+        walls = [Wall(*row) for row in found.get("walls", ())]
+        solids = [_sides(*row) for row in found.get("boxes", ())]
+        solids.append(found.get("map", []))
+        walls += [side for solid in solids for side in solid]
+        x, y, yaw = found.get("start", (0.0, 0.0, 0.0))
+        world = World(walls, Pose(x, y, math.radians(yaw)), _scene(found))
+        world.solids = solids
+        world.standing = {mover.name: mover for mover in found.get("robots", ())}
+        return world
+
+    def schema(self) -> Schema:
+        """Return the JSON Schema of a world's file."""
+        from . import grid_map
+
+        return {
+            "type": "object",
+            "if": Condition(("image",)).schema(),
+            "then": grid_map.FORM.schema(),
+            "else": self._KEYS.schema(),
+        }
+
+
+def _scene(found: Mapping[str, Any]) -> Scene:
+    sources = {key: tuple(Source(*row) for row in found.get(key, ())) for key in _SOURCES}
+    own = {key: sources[key] for key in ("heat", "gas", "dust", "light")}
+    others = {name: sources[name] for name in _OTHERS if sources[name]}
+    north_rad = math.radians(found.get("north", 90.0))
+    return Scene(_ambient(found.get("ambient", {})), north_rad=north_rad, others=others, **own)
+
+
+def _ambient(found: Mapping[str, float]) -> Environment:
+    usual = Environment()
+    temperature = found.get("temperature", usual.ambient_c)
+    return Environment(
+        round(found.get("alcohol", usual.alcohol_count)),
+        round(found.get("light", usual.light_count)),
+        found.get("dust", usual.dust_pcs_l),
+        temperature,
+        (temperature,) * PIXELS,
+        {name: found.get(name, value) for name, value in usual.others.items()},
+    )
 
 
 def names() -> List[str]:
@@ -77,120 +219,7 @@ def load(name_or_path: str = "room") -> World:
             f"world {name_or_path!r} is unknown, expected {', '.join(names())} or the path of a .yaml file"
         )
     data = read_expected(path, "a world as YAML")
-    if isinstance(data, dict) and "image" in data:
-        walls = _map_walls(path, data)
-        world = World(walls)
-        world.solids = [walls]
-        return world
-    return _Reader(path, data).world()
-
-
-def _map_walls(path: str, data: Mapping[str, Any]) -> List[Wall]:
-    from . import grid_map
-
-    return grid_map.walls_of(grid_map.read(path, data))
-
-
-class _Reader(Reader):
-    """Reads a world from parsed YAML."""
-
-    def __init__(self, path: str, data: Any) -> None:
-        super().__init__(path)
-        self.mapping("", data, f"the keys {', '.join(KEYS)}")
-        self._data = self.keys("", data, KEYS, KEYS)
-
-    def world(self) -> World:
-        """The world in the file."""
-        walls = [Wall(*row) for row in self._rows("walls", "x1, y1, x2, y2", [_COORDINATE] * 4)]
-        limits = [_COORDINATE, _COORDINATE, _SIZE, _SIZE, _ANGLE]
-        solids = [_sides(*row) for row in self._rows("boxes", "x, y, length, width, yaw", limits)]
-        solids.append(self._map())
-        walls += [side for solid in solids for side in solid]
-        start = self._numbers(
-            "start", self._get("start", [0, 0, 0]), "x, y, yaw", [_COORDINATE, _COORDINATE, _ANGLE]
-        )
-        world = World(walls, Pose(start[0], start[1], math.radians(start[2])), self._scene())
-        world.solids = solids
-        world.standing = {mover.name: mover for mover in self._robots()}
-        return world
-
-    def _robots(self) -> List[Mover]:
-        found = self._get("robots", {})
-        self.mapping("robots", found, "names with [x, y, yaw] or [x, y, yaw, model]")
-        return [self._robot(str(name), row) for name, row in found.items()]
-
-    def _robot(self, name: str, row: Any) -> Mover:
-        key, model = f"robots.{name}", _FIRST_MODEL
-        if not NAME.fullmatch(name):
-            raise self.fail(key, row, f"as its name {NAME_TEXT}")
-        if isinstance(row, list) and len(row) == 4:
-            *row, model = row
-        if not isinstance(model, str):
-            raise self.fail(key, model, f"as its model one of {', '.join(models.names())}, or a file")
-        x, y, yaw = self._numbers(key, row, "x, y, yaw", [_COORDINATE, _COORDINATE, _ANGLE])
-        try:
-            there = models.load(model)
-            there.require_motors()
-        except ConfigError as error:
-            raise ConfigError(f"{self.path}: {key}: {error}") from None
-        return Mover(name, Pose(x, y, math.radians(yaw)), Footprint(there.body.length_m, there.body.width_m))
-
-    def _scene(self) -> Scene:
-        north = self.number("north", self._get("north", 90.0), *_ANGLE)
-        sources = {key: self._sources(key, _RANGES[unit]) for key, unit in _SOURCES.items()}
-        others = {name: self._sources(name, _RANGES[name]) for name in _OTHERS}
-        return Scene(
-            self._ambient(),
-            north_rad=math.radians(north),
-            others={name: found for name, found in others.items() if found},
-            **sources,
-        )
-
-    def _ambient(self) -> Environment:
-        found = self._get("ambient", {})
-        self.mapping("ambient", found, f"the keys {', '.join(_RANGES)}")
-        self.keys("ambient", found, tuple(_RANGES), _RANGES)
-        usual = Environment()
-        defaults = (usual.ambient_c, usual.alcohol_count, usual.dust_pcs_l, usual.light_count)
-        temperature, alcohol, dust, light, *others = (
-            self.number(f"ambient.{key}", found.get(key, default), *_RANGES[key])
-            for key, default in zip(_RANGES, (*defaults, *usual.others.values()))
-        )
-        pixels, named = (temperature,) * PIXELS, dict(zip(usual.others, others))
-        return Environment(round(alcohol), round(light), dust, temperature, pixels, named)
-
-    def _sources(self, key: str, values: Tuple[float, float]) -> Tuple[Source, ...]:
-        rows = self._rows(key, "x, y, value, reach", [_COORDINATE, _COORDINATE, values, _SIZE])
-        return tuple(Source(*row) for row in rows)
-
-    def _map(self) -> List[Wall]:
-        name = self._get("map", "")
-        if not isinstance(name, str):
-            raise self.fail("map", name, "the name of a map_server YAML")
-        if not name:
-            return []
-        path = os.path.join(os.path.dirname(self.path), name)
-        from . import grid_map
-
-        return grid_map.walls_of(grid_map.load(path))
-
-    def _get(self, key: str, default: Any) -> Any:
-        value = self._data.get(key)
-        return default if value is None else value
-
-    def _rows(self, key: str, meaning: str, limits: _Limits) -> List[List[float]]:
-        rows = self._get(key, [])
-        if not isinstance(rows, list):
-            raise self.fail(key, rows, f"a list of [{meaning}]")
-        return [self._numbers(f"{key}[{i}]", row, meaning, limits) for i, row in enumerate(rows)]
-
-    def _numbers(self, key: str, row: Any, meaning: str, limits: _Limits) -> List[float]:
-        if not isinstance(row, list) or len(row) != len(limits):
-            raise self.fail(key, row, f"[{meaning}], {len(limits)} numbers")
-        for part, value, (low, high) in zip(meaning.split(", "), row, limits):
-            if not is_number(value, low, high):
-                raise self.fail(key, row, f"[{meaning}] with {part} a number from {low:g} to {high:g}")
-        return [float(value) for value in row]
+    return WorldFile().read(Reader(path), "", data)
 
 
 def _sides(x: float, y: float, length: float, width: float, yaw_deg: float) -> List[Wall]:

@@ -307,7 +307,7 @@ def test_a_broken_file_with_the_name_of_the_robots_model_is_an_error(own):
             {"angular_rad_s": 5.1},
             "limits.angular_rad_s is 5.1, expected at most 5, the",
         ),
-        ("limits", {"lateral_m_s": 0.1}, "limits.lateral_m_s is 0.1, expected 0 for a differential base"),
+        ("limits", {"lateral_m_s": 0.1}, "limits.lateral_m_s is 0.1, expected 0: a base with two wheels"),
         (
             "sonars",
             {"back": {"x_m": 0, "y_m": 0, "yaw_deg": 180}},

@@ -6,8 +6,9 @@ from typing import Dict, NamedTuple, Set, Tuple
 from mrl_driver import yaml_file
 from mrl_driver.errors import ConfigError
 from mrl_driver.protocol.table import BRIDGES, INT16_MAX
+from mrl_driver.yaml_form import schema_line
 
-from . import RobotModel, load, load_packaged, names, parse
+from . import SCHEMA, RobotModel, load, load_packaged, names, parse
 
 LEAST_ID = 11
 """Ids below belong to the robots of the papers."""
@@ -90,6 +91,7 @@ def text_of(kit: Kit) -> str:
     limits, battery = like.limits, like.battery
     wheel = f"pi x {diameter_m:.6g} m at {kit.counts_per_turn:g} counts a turn"
     return f"""\
+{schema_line(SCHEMA)}
 # {kit.name}: two wheels on an H-bridge; from mrl new.  Numbers that it did not ask for are assumed.
 name: {kit.name}
 ids: [{kit.robot_id}]

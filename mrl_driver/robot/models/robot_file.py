@@ -1,0 +1,324 @@
+"""The file of a robot model: what it may hold, checked when it is read, and as a schema for editors."""
+
+import math
+from functools import lru_cache
+from typing import Any, Callable, Dict, Tuple, Type, get_type_hints
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.protocol.table import BRIDGES, INT16_MAX, PARAMETERS
+from mrl_driver.yaml_file import Reader
+from mrl_driver.yaml_form import (
+    Choice,
+    Condition,
+    Flag,
+    Form,
+    Keys,
+    Number,
+    Rule,
+    Schema,
+    Section,
+    Text,
+    Whole,
+)
+
+from .drives import DIFFERENTIAL, EXTRA, KINDS, NONE, TRACKED, Base, NoDrive
+from .imu_mount import ImuMount
+from .robot_model import (
+    BOARD_KEYS,
+    BUILDS,
+    ENVIRONMENT,
+    ON_TRACKS,
+    ON_WHEELS,
+    OWN_KEYS,
+    SONAR,
+    SONARS,
+    Battery,
+    Body,
+    LaserMount,
+    Limits,
+    Noise,
+    RobotModel,
+    SonarMount,
+    require_sonars,
+)
+
+_STILL = Limits(0.0, 0.0, 0.0, 0.0)
+_NO_BODY = Body(0.0, 0.0, 0.0, 0.0, tracks=False)
+_NO_BATTERY = Battery(math.nan, math.nan, math.nan, math.nan, math.nan)
+_POSITIVE = (1e-9, 1e6)
+_RANGES = {
+    "linear_m_s": (1e-3, 32.7),
+    "lateral_m_s": (0.0, 32.7),
+    "angular_rad_s": (1e-3, 32.7),
+    "x_m": (-10.0, 10.0),
+    "y_m": (-10.0, 10.0),
+    "z_m": (-10.0, 10.0),
+    "roll_deg": (-180.0, 180.0),
+    "pitch_deg": (-180.0, 180.0),
+    "yaw_deg": (-180.0, 180.0),
+    "gyro_scale": (0.8, 1.25),
+    "gyro_scale_sd": (1e-5, 0.25),
+    "off_v": (0.0, 100.0),
+    "wheel_offset": (-0.2, 0.2),
+    "turn_slip": (-0.5, 0.9),
+    "wheel_m2_per_m": (0.0, 1.0),
+    "turn_rad2_per_rad": (0.0, 1.0),
+    "distance_scale_sd": (0.0, 0.5),
+    "wheel_ratio_sd": (0.0, 0.5),
+    "turn_scale_sd": (0.0, 0.9),
+}
+
+
+class _Ids(Form):
+    """Robot ids, each once."""
+
+    _ID = Whole(1, INT16_MAX)
+
+    def read(self, reader: Reader, key: str, value: Any) -> Tuple[int, ...]:
+        if not isinstance(value, list) or not value:
+            raise reader.fail(key, value, "a list of robot ids")
+        ids = tuple(self._ID.read(reader, key, each) for each in value)
+        if len(set(ids)) < len(ids):
+            raise reader.fail(key, value, "each id once")
+        return ids
+
+    def schema(self) -> Schema:
+        return {"type": "array", "items": self._ID.schema(), "minItems": 1, "uniqueItems": True}
+
+
+class _Angles(Form):
+    """Angles of three wheels.  Only `read` checks the motor board's order and spacing, rotated by any angle."""
+
+    _ANGLE = Number(-360.0, 360.0)
+
+    def read(self, reader: Reader, key: str, value: Any) -> Tuple[float, ...]:
+        if isinstance(value, list) and len(value) == 3:
+            first, second, third = (self._ANGLE.read(reader, key, each) for each in value)
+            if all(abs((b - a) % 360.0 - 120.0) < 1e-6 for a, b in ((first, second), (second, third))):
+                return first, second, third
+        raise reader.fail(
+            key, value, "three angles, each 120 deg on from the one before, such as [60, 180, 300]"
+        )
+
+    def schema(self) -> Schema:
+        return {"type": "array", "items": self._ANGLE.schema(), "minItems": 3, "maxItems": 3}
+
+
+class _Bridge(Form):
+    """The bridge of an H-bridge board, by the name of its chip or its number."""
+
+    def read(self, reader: Reader, key: str, value: Any) -> int:
+        chips = BRIDGES[1:]
+        if isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= len(chips):
+            return value
+        if not isinstance(value, str) or value.lower() not in chips:
+            raise reader.fail(key, value, ", ".join(chips))
+        return BRIDGES.index(value.lower())
+
+    def schema(self) -> Schema:
+        chips = BRIDGES[1:]
+        any_case = "|".join(
+            "".join(f"[{c}{c.upper()}]" if c.isalpha() else c for c in chip) for chip in chips
+        )
+        by_number = Whole(1, len(chips)).schema()
+        return {"anyOf": [{"enum": list(chips)}, {"type": "string", "pattern": f"^({any_case})$"}, by_number]}
+
+
+class _Base(Form):
+    """The section `drive` of a robot with motors; without a `kind` it is a differential drive."""
+
+    def read(self, reader: Reader, key: str, value: Any) -> Base:
+        found = dict(reader.mapping(key, value))
+        kind = found.pop("kind", DIFFERENTIAL)
+        if not isinstance(kind, str) or kind not in KINDS:
+            raise reader.fail(f"{key}.kind", kind, ", ".join(KINDS))
+        for name in EXTRA.get(kind, ()):
+            if name not in found:
+                raise ConfigError(f"{reader.path}: key {key}.{name} is missing, {kind} drives need it")
+        try:
+            return _section(KINDS[kind]).read(reader, key, found)
+        except ConfigError as error:
+            raise ConfigError(f"{error} (kind {kind})") from None
+
+    def schema(self) -> Schema:
+        *others, found = (self._of_kind(kind) for kind in reversed(KINDS))
+        for kind, schema in zip(reversed(KINDS), others):
+            found = {"if": Condition(("kind",), (kind,)).schema(), "then": schema, "else": found}
+        return {"type": "object", **found}
+
+    def _of_kind(self, kind: str) -> Schema:
+        found = _section(KINDS[kind]).schema()
+        found["properties"] = {"kind": {"enum": list(KINDS)}, **found["properties"]}
+        found["required"] += EXTRA.get(kind, ())
+        return found
+
+
+class _Sonars(Form):
+    """Mounting poses of the sonars that are fitted."""
+
+    def read(self, reader: Reader, key: str, value: Any) -> Dict[str, SonarMount]:
+        mounts = reader.mapping(key, value)
+        require_sonars(mounts, f"{reader.path}: ")
+        return {
+            name: _section(SonarMount).read(reader, f"{key}.{name}", mount) for name, mount in mounts.items()
+        }
+
+    def schema(self) -> Schema:
+        return Keys(dict.fromkeys(SONARS, _section(SonarMount)), SONARS).schema()
+
+
+class _Noise(Form):
+    """The keys of `Noise`, all optional; `read` returns those that are there."""
+
+    def read(self, reader: Reader, key: str, value: Any) -> Dict[str, float]:
+        return Keys(_forms(Noise), Noise._fields).read(reader, key, value)
+
+    def schema(self) -> Schema:
+        return {**_section(Noise).schema(), "required": []}
+
+
+_RULES = (
+    Rule(
+        Condition(("drive", "kind"), (TRACKED,)),
+        Condition(("body", "tracks"), (True,)),
+        "true for a tracked drive",
+    ),
+    Rule(
+        Condition(("drive", "kind"), (DIFFERENTIAL, TRACKED), or_absent=True),
+        Condition(("limits", "lateral_m_s"), (0,), or_absent=True),
+        "0: a base with two wheels or tracks cannot move sideways",
+    ),
+    Rule(
+        Condition(("board", "bridge")),
+        Condition(("drive", "kind"), (DIFFERENTIAL, TRACKED), or_absent=True),
+        "differential or tracked for a board.bridge",
+    ),
+    Rule(
+        Condition(("board", "bridge")),
+        Condition(("build",), (SONAR,), or_absent=True),
+        "sonar: other sensors need pins that the board.bridge uses",
+    ),
+)
+
+
+class RobotFile(Form):
+    """A robot model.
+
+    Only `read` checks that the battery's levels fall from full to off, that no limit exceeds the board's ceiling, and
+    that the wheel of a robot with an H-bridge has at least one count a turn.
+    """
+
+    def read(self, reader: Reader, key: str, value: Any) -> RobotModel:
+        """Return the model."""
+        if isinstance(value, dict) and value.get("drive") == NONE:
+            found = self._without_motors().read(reader, key, value)
+            return RobotModel(
+                **{**found, "drive": NoDrive()},
+                board={},
+                limits=_STILL,
+                body=_NO_BODY,
+                sonars={},
+                battery=_NO_BATTERY,
+            )
+        found = self._with_motors().read(reader, key, value)
+        for rule in _RULES:
+            rule.check(reader, value)
+        noise = ON_TRACKS if found["body"].tracks else ON_WHEELS
+        found["noise"] = noise._replace(**found.get("noise", {}))
+        if found.get("build") == ENVIRONMENT:
+            found["sonars"] = {}
+        model = RobotModel(**found)
+        self._check_battery(reader, model.battery)
+        self._check_limits(reader, model)
+        self._check_counts(reader, model)
+        return model
+
+    def schema(self) -> Schema:
+        """Return the JSON Schema of a robot's file."""
+        with_motors = {**self._with_motors().schema(), "allOf": [rule.schema() for rule in _RULES]}
+        return {
+            "type": "object",
+            "if": Condition(("drive",), (NONE,)).schema(),
+            "then": self._without_motors().schema(),
+            "else": with_motors,
+        }
+
+    def _with_motors(self) -> Keys:
+        forms = {
+            "name": Text(),
+            "ids": _Ids(),
+            "drive": _Base(),
+            "board": _board(),
+            "limits": _section(Limits),
+            "body": _section(Body),
+            "sonars": _Sonars(),
+            "battery": _section(Battery),
+            "noise": _Noise(),
+            "build": Choice(BUILDS),
+            "imu": _section(ImuMount),
+            "laser": _section(LaserMount),
+        }
+        return Keys(forms, RobotModel._field_defaults, _TEXTS)
+
+    def _without_motors(self) -> Keys:
+        """A board with `drive: none` has nothing that belongs to motors."""
+        build = Choice((ENVIRONMENT,), f"{ENVIRONMENT} for a board without motors (drive: {NONE})")
+        forms = {"name": Text(), "ids": _Ids(), "drive": Choice((NONE,)), "build": build}
+        return Keys(forms, texts=_TEXTS)
+
+    def _check_battery(self, reader: Reader, battery: Battery) -> None:
+        levels = battery[:4]
+        if not levels[0] > levels[1] > levels[2] > levels[3]:
+            got = ", ".join(f"{name} {value:g}" for name, value in zip(Battery._fields, levels))
+            raise ConfigError(
+                f"{reader.path}: battery is {got}, expected full_v above low_v above empty_v above off_v"
+            )
+
+    def _check_limits(self, reader: Reader, model: RobotModel) -> None:
+        """Check that no limit exceeds the board's ceiling: the board would clamp it, unseen by the driver."""
+        for key, ceiling in (("linear_m_s", "linear_ceiling"), ("angular_rad_s", "angular_ceiling")):
+            got, most = getattr(model.limits, key), model.board[ceiling] / 1000
+            if got > most:
+                raise reader.fail(f"limits.{key}", got, f"at most {most:g}, the board.{ceiling}")
+
+    def _check_counts(self, reader: Reader, model: RobotModel) -> None:
+        counts = model.board["gearbox"] * model.board["encoder_counts"] / 100
+        if model.board.get("bridge") and counts < 1:
+            raise ConfigError(
+                f"{reader.path}: board.gearbox and board.encoder_counts give {counts:g} counts a wheel turn, "
+                "expected at least 1"
+            )
+
+
+_TEXTS = {
+    "name": "Name of the model; a file in the user's folder is found by its file name.",
+    "ids": "Robot ids of boards that are of this model; 11 and up are free, but for 21 to 25.",
+    "drive": "Geometry of the base, by its kind; none for a board without motors.",
+    "board": "Parameters of the board; mrl set-id and mrl config defaults store them in its EEPROM.",
+    "sonars": "Mounting poses of the sonars that are fitted; a board reads front, left and right.",
+    "build": "Build of the firmware; a board of 2013 does not report its own.",
+}
+"""Descriptions of keys that have no named tuple."""
+
+
+def _board() -> Keys:
+    rows = [row for row in PARAMETERS if row.number in BOARD_KEYS]
+    rows += [row for row in PARAMETERS if row.name in OWN_KEYS]
+    forms = {row.name: _Bridge() if row.name == "bridge" else Whole(row.low, row.high) for row in rows}
+    texts = {row.name: f"{row.text} [{row.unit}]" if row.unit else row.text for row in rows}
+    return Keys(forms, OWN_KEYS, texts)
+
+
+def _section(kind: Type[tuple]) -> Section:
+    return Section(kind, _forms(kind))
+
+
+@lru_cache(maxsize=None)
+def _forms(kind: Type[tuple]) -> Dict[str, Form]:
+    """Return the forms of the fields of a named tuple, by their types; `_RANGES` has those of numbers."""
+    by_type: Dict[Any, Callable[[str], Form]] = {
+        bool: lambda name: Flag(),
+        float: lambda name: Number(*_RANGES.get(name, _POSITIVE)),
+    }
+    hints = get_type_hints(kind)
+    return {name: by_type.get(hint, lambda name: _Angles())(name) for name, hint in hints.items()}

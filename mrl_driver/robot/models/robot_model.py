@@ -1,0 +1,250 @@
+"""A robot model: geometry, limits, sonar poses and default board parameters of one kind of robot."""
+
+import math
+from typing import Any, Dict, Iterable, NamedTuple, Optional, Tuple, Union
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
+from mrl_driver.protocol.table import BY_NAME
+
+from .drives import Base, Drive, MecanumDrive, NoDrive, kind_of
+from .imu_mount import ImuMount
+
+SONAR, ENVIRONMENT = "sonar", "environment"
+BUILDS = (SONAR, ENVIRONMENT)
+"""Builds of the firmware that a model may name.  2013 boards do not report theirs, and the second has gas, dust and
+light sensors instead of sonars.
+"""
+SENSOR_BOARD_IDS = range(6, 11)
+"""Robot ids of 2013 boards that carry environment sensors and do not drive the robot."""
+
+
+class Noise(NamedTuple):
+    """Errors of odometry.  The first two are random, new ones in each step; the others are standard deviations of
+    scales that stay the same.  A key that a model's `noise` leaves out has the value in `ON_WHEELS` or `ON_TRACKS`.
+    """
+
+    wheel_m2_per_m: float
+    """Variance of a wheel's distance, per distance."""
+    turn_rad2_per_rad: float
+    """Variance of the yaw from slip, per angle turned."""
+    distance_scale_sd: float = 0.0
+    """True distance per distance by the wheels."""
+    wheel_ratio_sd: float = 0.0
+    """Ratio of right to left wheel."""
+    turn_scale_sd: float = 0.0
+    """True turn per turn by the wheels: wheel separation and slip."""
+
+
+ON_WHEELS = Noise(1e-5, 0.0, 0.01, 0.005, 0.01)
+ON_TRACKS = Noise(4e-5, 2e-4, 0.01, 0.005, 0.1)
+"""Before a calibration.  Random errors are estimated: 3 mm over 1 m on wheels, 6 mm on tracks, which also slip.  Scales
+are too, from the squares of (Araujo 2012), which end as with wheels that differ by 0.1 % and a wheelbase that is
+wrong by 1 %; the share of a turn that tracks lose depends on the floor, and may be a tenth.
+"""
+
+
+class Limits(NamedTuple):
+    """Largest speeds and accelerations that the driver commands; they must not exceed the board's ceilings."""
+
+    linear_m_s: float
+    angular_rad_s: float
+    linear_acceleration_m_s2: float
+    angular_acceleration_rad_s2: float
+    lateral_m_s: float = 0.0
+    """Speed sideways, if the base can; 0 means as fast as forward."""
+
+
+class Body(NamedTuple):
+    """Outer dimensions and mass."""
+
+    length_m: float
+    width_m: float
+    height_m: float
+    mass_kg: float
+    tracks: bool
+
+
+class SonarMount(NamedTuple):
+    """Mounting pose of a sonar in base_link; yaw counter-clockwise from forward."""
+
+    x_m: float
+    y_m: float
+    yaw_deg: float
+
+    @property
+    def pose(self) -> Pose:
+        """The same as a pose, with the yaw in radians."""
+        return Pose(self.x_m, self.y_m, math.radians(self.yaw_deg))
+
+
+class LaserMount(NamedTuple):
+    """Mounting pose in base_link of a laser that lies flat; yaw counter-clockwise from forward.
+
+    The default is that of the Hokuyo URG-04LX in the launch files of 2013.
+    """
+
+    x_m: float = 0.085
+    y_m: float = 0.0
+    z_m: float = 0.045
+    yaw_deg: float = 0.0
+
+
+class Battery(NamedTuple):
+    """Battery voltages of the states [V], and capacity [Ah]."""
+
+    full_v: float
+    low_v: float
+    empty_v: float
+    off_v: float
+    capacity_ah: float
+
+    def charge(self, volts: float) -> float:
+        """Return the charge at a voltage: 0 when empty and 1 when full, not limited to them."""
+        return (volts - self.empty_v) / (self.full_v - self.empty_v)
+
+
+class RobotModel(NamedTuple):
+    """One robot model; `board` maps parameter names (rows of `table.PARAMETERS`) to wire values."""
+
+    name: str
+    ids: Tuple[int, ...]
+    drive: Union[Base, NoDrive]
+    board: Dict[str, int]
+    limits: Limits
+    body: Body
+    sonars: Dict[str, SonarMount]
+    battery: Battery
+    noise: Noise = ON_WHEELS
+    build: str = ""
+    """One of `BUILDS`; empty if the model names none.  `sonars` is empty for the environment build."""
+    imu: ImuMount = ImuMount()
+    laser: LaserMount = LaserMount()
+    """Where a laser is, if one is fitted."""
+
+    @property
+    def drives(self) -> bool:
+        """The board drives the robot.  False for a board that only has sensors (`drive: none`)."""
+        return not isinstance(self.drive, NoDrive)
+
+    def require_motors(self) -> None:
+        """Raise ConfigError if the board has no motors."""
+        if isinstance(self.drive, NoDrive):
+            raise ConfigError(
+                f"robot {self.name} is a board without motors (drive: none): it has sensors, and something else "
+                "drives its robot"
+            )
+
+    @property
+    def base(self) -> Base:
+        """The drive, for functions that need wheels.
+
+        Raises:
+            ConfigError: the board has no motors.
+        """
+        self.require_motors()
+        assert not isinstance(self.drive, NoDrive)
+        return self.drive
+
+    @property
+    def differential(self) -> Drive:
+        """The drive, for functions that need two wheels or tracks.
+
+        Raises:
+            ConfigError: the robot has another drive type.
+        """
+        if not isinstance(self.base, Drive):
+            raise ConfigError(
+                f"robot {self.name} has a drive of kind {kind_of(self.drive)}, expected differential or tracked: "
+                "this is for robots with two wheels or tracks"
+            )
+        return self.base
+
+
+def with_build(model: RobotModel, build: str) -> RobotModel:
+    """Return the model with this build instead of its own; the same model if `build` is empty.
+
+    Raises:
+        ConfigError: the model cannot have this build.
+    """
+    if not build or build == model.build:
+        return model
+    if model.build == ENVIRONMENT:
+        raise ConfigError(
+            f"build is {build!r}, but robot {model.name} has build: {ENVIRONMENT} and no sonars, expected "
+            f"{ENVIRONMENT}, or another robot model"
+        )
+    if build == ENVIRONMENT and model.board.get("bridge"):
+        raise ConfigError(
+            f"build is {build!r}, but robot {model.name} has an H-bridge on the same pins, expected {SONAR}"
+        )
+    return model._replace(build=build, sonars={} if build == ENVIRONMENT else model.sonars)
+
+
+def has_environment(model: RobotModel, robot_id: Optional[int]) -> bool:
+    """Return whether a 2013 board with this id has environment sensors: as the model says, else by the id."""
+    return model.build == ENVIRONMENT if model.build else robot_id in SENSOR_BOARD_IDS
+
+
+def require_sonars(names: Iterable[Any], place: str = "") -> None:
+    """Check that a board reads each of these sonars; `place` begins the error.
+
+    Raises:
+        ConfigError: it does not.
+    """
+    for name in names:
+        if name not in SONARS:
+            raise ConfigError(
+                f"{place}key sonars.{name} is unknown, expected {', '.join(SONARS)}: a board reads these three sonars; "
+                "firmware/SENSORS.md shows how to add another sensor"
+            )
+
+
+def require_supported(model: RobotModel) -> None:
+    """Check that a board can move the base of this model, and reads its sonars.
+
+    Raises:
+        ConfigError: it cannot, or does not.
+    """
+    require_sonars(model.sonars, f"robot {model.name}: ")
+    if isinstance(model.drive, MecanumDrive):
+        raise ConfigError(
+            f"robot {model.name} has a drive of kind {kind_of(model.drive)}, which no board with three motors moves, "
+            "expected differential, tracked or omni: use mrl_driver.robot.kinematics with boards of your own"
+        )
+
+
+SONARS = tuple(field.name for field in BY_NAME["read_sonars"].reply)
+"""Names of the sonars that a board reads."""
+BOARD_KEYS = range(1, 12)
+"""Indices of the parameters whose defaults differ between models; `COMMON_BOARD` has the others."""
+CURVE_KEYS = ("sonar_a", "sonar_b", "sonar_c")
+"""Parameters that a model may override after a calibration."""
+BRIDGE_KEYS = (
+    "bridge",
+    "wiring",
+    "stop_mode",
+    "reversal_pause",
+    "friction_duty",
+    "battery_divider",
+    "undervoltage",
+)
+"""Parameters of boards with an H-bridge; without a bridge and its wiring, such a board refuses to move."""
+OWN_KEYS = (*CURVE_KEYS, "full_speed", *BRIDGE_KEYS)
+"""Shared parameters that a model may override."""
+COMMON_BOARD = {
+    "motor_timeout": 3,
+    "sonar_a": 11767,
+    "sonar_b": 9466,
+    "sonar_c": -3759,
+    "bus_speed": 400,
+    "bus_stop": 0,
+    "full_speed": 160,
+    **dict.fromkeys(BRIDGE_KEYS, 0),
+    "reversal_pause": 50,
+    "radio_hold": 0,
+}
+"""Defaults that all models share.
+
+Source: (Araujo 2012).  160 rpm at 7.2 V; sonar curve, with b = 0.94657 cut to the wire's resolution of 1e-4.
+"""
