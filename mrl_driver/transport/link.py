@@ -262,16 +262,21 @@ class DescriptorLink:
         deadline = time.monotonic() + WRITE_TIMEOUT_S
         while data:
             with self._writing:
-                if self.closed:
-                    raise LinkLost(f"{self.port} is closed")
-                try:
-                    data = data[os.write(self._fd, data) :]
-                    continue
-                except BlockingIOError:
-                    pass
-                except OSError as error:
-                    raise self._lost(error.strerror) from None
-            self._await_room(deadline)
+                sent = self._accepted(data)
+                data = data[sent:]
+            if not sent:
+                self._await_room(deadline)
+
+    def _accepted(self, data: bytes) -> int:
+        """Return how many of these bytes the port accepts now; the caller holds the lock for writing."""
+        if self.closed:
+            raise LinkLost(f"{self.port} is closed")
+        try:
+            return os.write(self._fd, data)
+        except BlockingIOError:
+            return 0
+        except OSError as error:
+            raise self._lost(error.strerror) from None
 
     def _await_room(self, deadline: float) -> None:
         poll = select.poll()

@@ -71,7 +71,6 @@ class TcpListener:
 
     def __init__(self, address: Address) -> None:
         self._listening = bound(address, socket.SOCK_STREAM)
-        self._listening.listen(1)
         self._end: Optional[socket.socket] = None
         self.address = address._replace(port=self._listening.getsockname()[1])
         self.client = ""
@@ -254,8 +253,10 @@ def datagrams(data: bytes) -> List[bytes]:
     return [*pieces, data] if data else pieces
 
 
-def bound(address: Address, kind: int) -> socket.socket:
+def bound(address: Address, kind: int, waiting: int = 1) -> socket.socket:
     """Return a socket of this kind on an address of this computer; it never blocks.
+
+    A stream socket listens already; this many connections may wait to be accepted.
 
     Raises:
         ConfigError: the address does not belong to this computer.
@@ -272,6 +273,8 @@ def bound(address: Address, kind: int) -> socket.socket:
         if kind == socket.SOCK_STREAM:
             end.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         end.bind(there)
+        if kind == socket.SOCK_STREAM:
+            end.listen(waiting)
         end.setblocking(False)
         return end
     except OSError as error:

@@ -5,7 +5,6 @@ No authority vouches for the other end: its certificate must be the one with thi
 
 import hashlib
 import hmac
-import os
 import socket
 import ssl
 import time
@@ -82,16 +81,10 @@ class TlsLink(SocketLink):
     def _drain(self, deadline: float) -> None:
         while self._unsent:
             with self._writing:
-                if self.closed:
-                    raise LinkLost(f"{self.port} is closed")
-                try:
-                    self._unsent = self._unsent[os.write(self._fd, self._unsent) :]
-                    continue
-                except BlockingIOError:
-                    pass
-                except OSError as error:
-                    raise self._lost(error.strerror) from None
-            self._await_room(deadline)
+                sent = self._accepted(self._unsent)
+                self._unsent = self._unsent[sent:]
+            if not sent:
+                self._await_room(deadline)
 
 
 def _enter(end: socket.socket, stream: TlsStream, address: Address, port: str, deadline: float) -> bytes:

@@ -138,8 +138,7 @@ class TlsListener:
         tell: Callable[[str], None],
     ) -> None:
         self._context, self._admits, self._tell = context, admits, tell
-        self._listening = bound(address, socket.SOCK_STREAM)
-        self._listening.listen(4 * MOST_CALLERS)
+        self._listening = bound(address, socket.SOCK_STREAM, waiting=4 * MOST_CALLERS)
         self._epoll = select.epoll()
         self._epoll.register(self._listening, select.EPOLLIN)
         self._callers: Dict[int, _Connection] = {}

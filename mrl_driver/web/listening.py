@@ -1,14 +1,15 @@
 """Where the page is served, and what is needed to see it: address, certificate, tokens, links."""
 
-import errno
 import io
 import re
 import socket
 import ssl
 from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple
 
-from mrl_driver.errors import ConfigError, LinkError, MrlError, PortBusy, PortDenied
+from mrl_driver.errors import ConfigError
 from mrl_driver.host import access, certificate
+from mrl_driver.transport.address import Address
+from mrl_driver.transport.listener import bound
 
 HOST, PORT = "127.0.0.1", 8642
 SEND_BUFFER = 65536
@@ -121,31 +122,6 @@ def listening_socket(host: str, port: int) -> socket.socket:
         ConfigError: the address does not belong to this computer.
         PortBusy, PortDenied, LinkError: listening on the address is not possible.
     """
-    where = f"{_bracketed(host)}:{port}"
-    try:
-        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
-    except (OSError, UnicodeError) as error:
-        raise ConfigError(f"{where} is unknown ({error}); give an address of this computer") from None
-    end = socket.socket(found[0], socket.SOCK_STREAM)
-    try:
-        end.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)  # connections have the same
-        end.bind(found[4])
-        end.listen(64)
-    except OSError as error:
-        end.close()
-        raise _reason(error, where) from None
-    end.setblocking(False)
+    end = bound(Address("tcp", host, port), socket.SOCK_STREAM, waiting=64)
+    end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)  # connections have the same
     return end
-
-
-def _reason(error: OSError, where: str) -> MrlError:
-    if error.errno == errno.EADDRINUSE:
-        return PortBusy(f"{where} is in use by another program; give another port with --listen ADDRESS:PORT")
-    if error.errno in (errno.EACCES, errno.EPERM):
-        return PortDenied(f"{where} is not permitted ({error.strerror}); give a port above 1023")
-    if error.errno == errno.EADDRNOTAVAIL:
-        return ConfigError(
-            f"{where} is not an address of this computer; give one that is, or 0.0.0.0 for all"
-        )
-    return LinkError(f"{where} cannot be listened on: {error.strerror or error}")
