@@ -11,6 +11,7 @@ from typing import Any, Callable, Dict, Iterable, List, Mapping, NamedTuple, Opt
 
 from mrl_driver.errors import MrlError
 from mrl_driver.geometry import Pose
+from mrl_driver.json_text import json_text
 from mrl_driver.robot.models import Limits, OmniDrive, RobotModel
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
 from mrl_driver.view.live_model import Shown
@@ -270,25 +271,7 @@ _MAKE: Dict[str, Callable[[Dict[str, Any]], Message]] = {
 
 def encode(kind: str, now_s: float, **fields: Any) -> str:
     """Return a message as JSON; `now_s` is the time at which it is made."""
-    return _json({"type": kind, "at": round(now_s * 1000, 3), **fields})
-
-
-def _json(value: Any) -> str:
-    try:
-        return json.dumps(value, separators=(",", ":"), allow_nan=False)
-    except ValueError:
-        return json.dumps(_plain(value), separators=(",", ":"))
-
-
-def _plain(value: Any) -> Any:
-    """Return a value without numbers that JSON does not have."""
-    if isinstance(value, dict):
-        return {name: _plain(each) for name, each in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(each) for each in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None if math.isnan(value) else "inf" if value > 0 else "-inf"
-    return value
+    return json_text({"type": kind, "at": round(now_s * 1000, 3), **fields}, compact=True)
 
 
 def robot_facts(name: str, model: Optional[RobotModel], limits: Optional[Limits]) -> Dict[str, Any]:

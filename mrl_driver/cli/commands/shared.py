@@ -2,7 +2,6 @@
 
 import contextlib
 import functools
-import json
 import math
 import os
 import sys
@@ -13,6 +12,7 @@ import click
 from mrl_driver.errors import ConfigError, OutputError
 from mrl_driver.host import named_robots
 from mrl_driver.host.named_robots import Target
+from mrl_driver.json_text import json_text
 from mrl_driver.robot import models
 from mrl_driver.robot.imu import LEARNING, WAITING
 from mrl_driver.session.events import ImuChanged, Lost, PathUnknown, Reconnected, Slowed
@@ -237,18 +237,8 @@ def print_message(text: str) -> None:
 
 
 def print_json(value: Any) -> None:
-    """Print JSON: NaN becomes null, and infinity, which JSON does not have, the string "inf"."""
-    click.echo(json.dumps(_plain(value)))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(key): _plain(each) for key, each in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(each) for each in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None if math.isnan(value) else "inf" if value > 0 else "-inf"
-    return value
+    """Print JSON, as `json_text` has it."""
+    click.echo(json_text(value))
 
 
 def format_value(value: Any) -> str:
