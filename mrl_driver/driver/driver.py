@@ -23,7 +23,7 @@ from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
 from mrl_driver.lock_order import new_lock
 from mrl_driver.protocol.table import BAUD, BY_NAME
 from mrl_driver.recording.recorded_link import inner
-from mrl_driver.recording.recording import OWN_REMARKS, Recorder
+from mrl_driver.recording.recording import CLOSED, ENDED, OWN_REMARKS, RECONNECTED, SLOWED, Recorder, now_s
 from mrl_driver.robot import models
 from mrl_driver.robot.covariance import AT_START, LARGEST_VARIANCE, Spread, is_covariance
 from mrl_driver.robot.hold import CAPABILITY as HOLD
@@ -36,7 +36,7 @@ from mrl_driver.robot.radio import DISCOVERY_S, SEARCH, RadioNode, RadioText, Re
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.safety.speed_limiter import Speeds
 from mrl_driver.safety.wheel_monitor import Mismatch
-from mrl_driver.session.events import MAY_MOVE, SensorRead, Slowed, Status
+from mrl_driver.session.events import MAY_MOVE, Lost, SensorRead, Slowed, Status
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.link_counters import Statistics
 from mrl_driver.session.motion_command import Motion
@@ -176,7 +176,10 @@ class Driver:
         with self._lock:
             if not self._closing:
                 self._link = link
-                self._core.begin(self._clock())
+                now = now_s()
+                if self._links.recording is not None:
+                    self._links.recording.new(now)
+                self._core.begin(now)
                 self._thread = threading.Thread(target=self._run, name="mrl-driver", daemon=True)
                 self._thread.start()
                 return
@@ -488,7 +491,7 @@ class Driver:
     def _exchange_link(self) -> None:
         """Go on with a link that is recorded, or not any more.  Only for the reading thread, with the lock."""
         if self._link is not None:
-            self._link = self._links.exchange(self._link, self._core.session)
+            self._link = self._links.exchange(self._link, self._core.session, self._core.state)
         self._changed.notify_all()
 
     def stop_recording(self) -> str:
@@ -521,9 +524,20 @@ class Driver:
             raise ConfigError(
                 f"the remark is {text[:40]!r}, expected 1 to {LONGEST_REMARK} characters that do not begin with {own}"
             )
+        self._remark(text.encode("utf-8", "replace"))
+
+    def _remark(self, data: bytes) -> None:
         recording = self._links.recording
         if recording is not None:
-            recording.remark(text.encode("utf-8", "replace"))
+            recording.remark(data)
+
+    def note_clock(self, ahead_s: float) -> None:
+        """Write into the recording, if one is running, that the wall clock is ahead of `now_s` by this much from the
+        next bytes on [s].
+        """
+        recording = self._links.recording
+        if recording is not None:
+            recording.clock(ahead_s)
 
     # -- what may be read at any time, from any thread
 
@@ -823,6 +837,8 @@ class Driver:
             if self._core.state.odometry is not None:
                 pose = Pose(float(x_m), float(y_m), wrap_angle(float(yaw_rad)))
                 self._core.state.odometry.set_pose(pose, spread)
+                if self._links.recording is not None:
+                    self._links.recording.pose(pose, spread)
 
     # -- callbacks: they run on the reading thread, one after the other, without a lock
 
@@ -893,14 +909,14 @@ class Driver:
 
     def _serve(self, link: Link) -> None:
         """Read the link and do what is due, until it is lost or the driver is closed."""
-        core, links, session, clock = self._core, self._links, self._core.session, self._clock
+        core, links, session, clock = self._core, self._links, self._core.session, time.monotonic_ns
         while self._link is link:
-            data = link.read(min(1.0, core.due_s - clock()))
-            now = clock()
+            data = link.read(min(1.0, core.due_s - clock() / 1e9))
+            now = clock() // 1000 / 1e6  # as `recording.now_s`, without a call
             with self._lock:
                 if self._closing:
                     with contextlib.suppress(BoardError):
-                        core.turn(data, now)  # what is recorded counts as well
+                        self._take_last(data, now)
                     return
                 if self._broken is not None:
                     raise self._broken
@@ -909,9 +925,10 @@ class Driver:
                 if slept_s > self._slept_s + PAUSE_S and session.motion.target is not None:
                     core.stop(now, "host_paused")
                 self._slept_s = slept_s
-                events = core.turn(data, now)
-                if links.recording is not None:
-                    links.recording.note(session.checked)
+                if links.recording is None:
+                    events = core.turn(data, now)
+                else:
+                    events = self._turn_recorded(data, now)
                     if links.recording.due:
                         self._exchange_link()
                 if self._asking:
@@ -925,6 +942,22 @@ class Driver:
             for event in events:
                 for listener in self._listeners.get(type(event), self._on_state):
                     listener(event)
+
+    def _turn_recorded(self, data: bytes, now: float) -> List[DriverEvent]:
+        """As `Core.turn`, and record what a replay needs to do the same; with the lock."""
+        recording, core = self._links.recording, self._core
+        if recording is None:
+            return core.turn(data, now)
+        recording.heard(data, now)
+        events = core.turn(data, now)
+        recording.turned(data, events, core.session, core.state)
+        return events
+
+    def _take_last(self, data: bytes, now: float) -> None:
+        """Take what was read while the driver was closed: it counts, but no listener is called; with the lock."""
+        if self._links.recording is not None:
+            self._links.recording.remark(ENDED + CLOSED, now)
+        self._turn_recorded(data, now)
 
     def _settle(self) -> None:
         """Let `connect` return."""
@@ -951,6 +984,7 @@ class Driver:
                 raise
             if found is not None:
                 events.append(found)
+                self._remark(RECONNECTED + found.port.encode("utf-8", "replace"))
         if links.fast and links.is_failing(session, now):
             with self._lock:
                 alone = self._writer is None
@@ -963,11 +997,12 @@ class Driver:
                 finally:
                     self._writer = None
                 events.append(Slowed(BAUD))
+                self._remark(SLOWED + b"%d" % BAUD)
         return events
 
     def _lose(self, error: MrlError) -> None:
         """Drop the link and start the search; raise `error` if the driver does not reconnect."""
-        now = self._clock()
+        now = now_s()
         with self._lock:
             link = self._link
             if link is None or not self._may_search():
@@ -977,6 +1012,9 @@ class Driver:
             self._core.session.lose(now)
             may_be_moving = self._core.session.may_be_moving
         lost = self._links.lose(error, now, may_be_moving)
+        if self._links.recording is not None:
+            event = lost or Lost(link.port, str(error), may_be_moving)
+            self._links.recording.lost(event, lost is not None, now)
         link.close()
         if lost is not None:
             self._tell_state(lost)
@@ -996,7 +1034,10 @@ class Driver:
         with self._lock:
             closing = self._closing
             if not closing:
-                self._core.session.relink(self._clock(), self._links.same_board)
+                now, same = now_s(), self._links.same_board
+                if self._links.recording is not None:
+                    self._links.recording.again(now, same)
+                self._core.session.relink(now, same)
                 self._link, self._core.due_s = link, -math.inf
         if closing:
             link.close()
@@ -1138,12 +1179,13 @@ class Driver:
         """Stop the robot and repeat the stop until telemetry confirms it; 2013 boards have no watchdog to do it."""
         core, link = self._core, self._link
         session = core.session
+        self._remark(ENDED + CLOSED)  # no listener is called for what is read here
         self._stop_for_good()
         deadline = time.monotonic() + CLOSE_S
         while link is not None and session.ready and session.motion.stopping and time.monotonic() < deadline:
             data = link.read(min(core.due_s, deadline) - time.monotonic())
             with self._lock:
-                core.turn(data, time.monotonic())
+                self._turn_recorded(data, now_s())
             if session.out:
                 self._flush()
 
@@ -1153,4 +1195,5 @@ class Driver:
                 return
             self._error = error
             self._settle()
+        self._remark(ENDED + f"{type(error).__name__}: {error}".encode("utf-8", "replace"))
         self._tell_state(error)

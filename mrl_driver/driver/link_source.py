@@ -4,12 +4,13 @@ A recording goes on over all of them.  With the option `fast` each line is raise
 """
 
 import time
-from typing import Optional, Tuple, Union
+from typing import Callable, Optional, Tuple, Union
 
 from mrl_driver.errors import ConfigError, LinkLost, MrlError
 from mrl_driver.lock_order import new_lock
 from mrl_driver.recording.recorded_link import DriverRecording
 from mrl_driver.recording.recording import Recorder
+from mrl_driver.robot.robot_state import RobotState
 from mrl_driver.session.events import Lost, Reconnected
 from mrl_driver.session.session import Session
 from mrl_driver.transport.baud_upgrade import BACK_S, speed_up
@@ -17,7 +18,7 @@ from mrl_driver.transport.link import Link
 from mrl_driver.transport.open_link import AGAIN_S, CONNECT_S, open_link
 from mrl_driver.transport.reconnect import Reconnection
 
-from .options import Options
+from .options import Options, heard_options
 
 ERRORS, ERROR_SHARE, COUNTED_FRAMES = 20, 100, 3000
 """A link at 500000 baud goes back to 115200 after more than `ERRORS` damages plus one per `ERROR_SHARE` frames.  The
@@ -58,7 +59,7 @@ class LinkSource:
         if not isinstance(port, str):
             return port
         if record is not None or tap is not None:
-            self.recording = DriverRecording(port, self._baud, tap)
+            self.recording = self._new_recording(port)
             if record is not None:
                 self.recording.start(record)
         try:
@@ -110,11 +111,24 @@ class LinkSource:
                 raise ConfigError("a recording of an open link is requested, expected a port by name")
             if not path:
                 raise ConfigError("the recording has no name, expected that of a file")
-            recording = self.recording or DriverRecording(self._port, self._baud)
+            recording = self.recording or self._new_recording(self._port)
             if recording.recorder is not None:
                 raise ConfigError(f"{recording.recorder.path} is being recorded; stop that recording first")
             recording.start(path)
             self.recording = recording
+
+    def record_stepped(self, link: Link, path: str, clock: Callable[[], float]) -> Link:
+        """Record a board in simulated time from its start; return the link to go on with.
+
+        Raises:
+            ConfigError: the file cannot be created.
+        """
+        self.recording = self._new_recording(link.port, clock)
+        self.recording.start(path)
+        return self.recording.begin(link)
+
+    def _new_recording(self, port: str, clock: Optional[Callable[[], float]] = None) -> DriverRecording:
+        return DriverRecording(port, self._baud, self._options.tap, heard_options(self._options), clock)
 
     def stop_recording(self) -> Recorder:
         """Stop the recording; return its recorder, which the caller closes.
@@ -128,13 +142,13 @@ class LinkSource:
             raise ConfigError("no recording is running, expected one that was started")
         return recorder
 
-    def exchange(self, link: Link, session: Session) -> Link:
+    def exchange(self, link: Link, session: Session, state: RobotState) -> Link:
         """Return the link to go on with, after a recording was started or stopped."""
         with self._lock:
             recording = self.recording
             if recording is None:
                 return link
-            link = recording.exchange(link, session.checked, session.pending)
+            link = recording.exchange(link, session, state)
             if recording.recorder is not None:
                 session.identify()
             elif recording.idle:

@@ -2,7 +2,7 @@
 
 import math
 from numbers import Integral, Real
-from typing import Any, Callable, NamedTuple, Optional, Type
+from typing import Any, Callable, Dict, NamedTuple, Optional, Type
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.protocol.table import BAUD, BY_NAME, INT16_MAX
@@ -76,6 +76,18 @@ class Options(NamedTuple):
 
 
 DEFAULTS = Options()
+
+
+HEARD = (
+    *("period_ms", "watchdog_ms", "check", "any_id", "ignore_battery", "identify", "line_baud"),
+    *("imu_period_ms", "build"),
+)
+"""The options that change what the listeners of a driver get."""
+
+
+def heard_options(options: Options) -> Dict[str, Any]:
+    """Return the options that change what the listeners of a driver get, by name."""
+    return {name: getattr(options, name) for name in HEARD}
 
 
 def require_range(

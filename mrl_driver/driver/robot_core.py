@@ -5,7 +5,7 @@ emulated board in simulated time.  All times are seconds of one monotonic clock,
 """
 
 import math
-from typing import Dict, List, Optional, Set, Tuple, Union
+from typing import Dict, List, Optional, Set, Tuple, Type, Union
 
 from mrl_driver.errors import FrameError, MrlError
 from mrl_driver.protocol.table import BY_CODE, COMMANDS
@@ -62,6 +62,7 @@ class Core:
 
     session: Session
     """The conversation with the board, after `begin`."""
+    session_kind: Type[Session] = Session
 
     def __init__(self, model: Optional[RobotModel], options: Options) -> None:
         if model is not None:
@@ -106,8 +107,22 @@ class Core:
         wanted = options.imu_period_ms and not options.identify
         imu_ms = max(least_imu_ms, options.imu_period_ms) if least_imu_ms and wanted else 0
         plan = Plan(options.watchdog_ms, self._period_ms, options.check, gap_s, imu_ms, not options.identify)
-        self.session = Session(self._admit, now, plan, options.command_timeout_s, options.greeting_s)
+        self.session = self.session_kind(
+            self._admit, now, plan, options.command_timeout_s, options.greeting_s
+        )
         self.begun = True
+
+    def join(self, board: Board, stream_code: int, checked: bool, now: float) -> List[DriverEvent]:
+        """Go on with a board that was greeted already, see `Session.join`; return the events for the listeners.
+
+        Raises:
+            BoardError: the board is not the right one.
+        """
+        events: List[DriverEvent] = []
+        for event in self.session.join(board, stream_code, checked, now):
+            events += self._digest(event, now)
+        self.due_s = -math.inf
+        return events
 
     def _admit(self, board: Board) -> Optional[str]:
         """Accept the board, and choose the motion request for the robot's drive type."""

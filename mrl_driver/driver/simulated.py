@@ -11,9 +11,10 @@ It runs faster than real time, and each run gives exactly the same result.
 """
 
 import math
-from typing import Optional, Protocol, Tuple, Union
+from typing import Callable, Optional, Protocol, Tuple, Union
 
 from mrl_driver.errors import BoardTimeout, LinkError, MrlError
+from mrl_driver.recording.recording import ENDED
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.session.handshake import Board
 
@@ -38,8 +39,18 @@ class Stepped(Protocol):
         """Run until `to_s`, counted from the board's start [s], and return the bytes sent since the last call."""
 
 
+def whole_us(time_s: float) -> float:
+    """Return the time rounded up to whole microseconds, so that a recording can hold it [s]."""
+    rounded_s = math.ceil(time_s * 1e6) / 1e6
+    return rounded_s if rounded_s >= time_s else (math.ceil(time_s * 1e6) + 1) / 1e6
+
+
 class SteppedLink:
     """A link to a stepped board; its time passes while it is read.
+
+    Args:
+        stepped: the board.
+        round_up: rounds each time up; see `whole_us`.
 
     Attributes:
         now_s: simulated time since the board's start [s].
@@ -47,19 +58,19 @@ class SteppedLink:
 
     port = "a board in simulated time"
 
-    def __init__(self, stepped: Stepped) -> None:
-        self._stepped = stepped
+    def __init__(self, stepped: Stepped, round_up: Callable[[float], float] = float) -> None:
+        self._stepped, self._round_up = stepped, round_up
         self.now_s = 0.0
 
     def read(self, timeout_s: float) -> bytes:
         """As `Link.read`: run the board until it has something to do, but not longer than `timeout_s`."""
         end_s = self.now_s + timeout_s
-        self.now_s = min(end_s, max(self._stepped.next_event_s, self.now_s + LEAST_STEP_S))
+        self.now_s = self._round_up(min(end_s, max(self._stepped.next_event_s, self.now_s + LEAST_STEP_S)))
         return self._stepped.advance(self.now_s)
 
     def skip(self, seconds: float) -> bytes:
         """Run the board for `seconds` in one step, and return its bytes."""
-        self.now_s += seconds
+        self.now_s = self._round_up(self.now_s + seconds)
         return self._stepped.advance(self.now_s)
 
     def write(self, data: bytes) -> None:
@@ -95,7 +106,7 @@ class SteppedDriver(Driver):
     Args:
         stepped: the board; its time starts at 0.
         robot: as for `Driver`.
-        options: as for `Driver`, without `reconnect` and `record`.
+        options: as for `Driver`, without `reconnect`.  With `record`, times are simulated ones, in whole microseconds.
 
     Raises:
         ConfigError: the robot model is unknown or invalid, or an option is out of range.
@@ -104,15 +115,21 @@ class SteppedDriver(Driver):
     def __init__(
         self, stepped: Stepped, robot: Union[str, RobotModel] = "auto", options: Options = DEFAULTS
     ) -> None:
-        self._board = SteppedLink(stepped)
-        super().__init__(self._board, robot, options=options)
-        self._clock = lambda: self._board.now_s
+        self._board = SteppedLink(stepped, float if options.record is None else whole_us)
+        super().__init__(self._board, robot, options=options._replace(record=None))
+        self._clock, self._record = lambda: self._board.now_s, options.record
 
     def connect(self) -> Board:
-        """As `Driver.connect`, but without the errors of ports."""
+        """As `Driver.connect`, but without the errors of ports.
+
+        Raises:
+            ConfigError: the recording cannot be written.
+        """
         if self._core.begun:
             raise MrlError("this driver was connected already; create another one to connect again")
         self._link = self._board
+        if self._record is not None:
+            self._link = self._links.record_stepped(self._board, self._record, self._clock)
         self._core.begin(self.now_s)
         while not self._core.state.settled:
             self._step(math.inf)
@@ -169,6 +186,7 @@ class SteppedDriver(Driver):
                 self._flush()
         finally:
             self._closing = True
+            self._links.end_recording()
 
     def __enter__(self) -> "SteppedDriver":
         self.connect()
@@ -184,10 +202,11 @@ class SteppedDriver(Driver):
     def _process(self, data: bytes) -> None:
         """Give these bytes to the core now, and call the listeners."""
         try:
-            events = self._core.turn(data, self.now_s)
+            events = self._turn_recorded(data, self.now_s)
             self._flush()
         except MrlError as error:
             self._error = error
+            self._remark(ENDED + f"{type(error).__name__}: {error}".encode("utf-8", "replace"))
             self._core.session.stop(self.now_s, "closed")
             self._flush()
             raise

@@ -1,11 +1,35 @@
 """Links that pass every byte to a recorder, or to any other function, while the robot drives."""
 
-from typing import Callable, Optional, TypeVar
+import json
+from typing import Any, Callable, Mapping, Optional, Sequence, TypeVar
 
+from mrl_driver.geometry import Pose
+from mrl_driver.robot.covariance import AT_START, Spread
+from mrl_driver.robot.models import RobotModel
+from mrl_driver.robot.robot_state import RobotState
+from mrl_driver.safety.wheel_monitor import Mismatch
+from mrl_driver.session.events import Lost
+from mrl_driver.session.session import Session
 from mrl_driver.transport.link import Link
 from mrl_driver.transport.open_link import open_link
 
-from .recording import CHECKED, FROM_BOARD, OPENED, PLAIN, REMARK, TO_BOARD, Recorder
+from .recorded_facts import model_text, session_text
+from .recording import (
+    CHECKED,
+    CLOCK,
+    FROM_BOARD,
+    LOST,
+    MODEL,
+    OPENED,
+    PLAIN,
+    POSE,
+    REMARK,
+    SESSION,
+    STOP,
+    TO_BOARD,
+    Recorder,
+    now_s,
+)
 
 Tap = Callable[[str, bytes], None]
 """Called with each chunk of bytes: its direction (`>` to the board, `<` from it), and the bytes."""
@@ -58,19 +82,34 @@ class DriverRecording:
     """Records all links of one driver, from `start` to `stop`, and calls `tap` with their bytes.
 
     A link that is in use is exchanged by `exchange` after `due` has been set.  The links may be used by any thread; all
-    else is called by one thread at a time.
+    else is called by one thread at a time.  Times are those of the driver's clock [s].
 
     Attributes:
         recorder: the file that is written; None without one.
         due: a recording was started or stopped, and the link in use is still the one before.
     """
 
-    def __init__(self, port: str, baud: int, tap: Optional[Tap] = None) -> None:
-        self._port, self._baud, self._tap = port, baud, tap
+    def __init__(
+        self,
+        port: str,
+        baud: int,
+        tap: Optional[Tap] = None,
+        options: Optional[Mapping[str, Any]] = None,
+        clock: Optional[Callable[[], float]] = None,
+    ) -> None:
+        """`options` are those of the driver that change what its listeners get; `clock` is simulated time."""
+        self._facts = {"port": port, "baud": baud, "options": dict(options or {})}
+        self._tap, self._simulated, self._now = tap, clock, clock or now_s
         self.recorder: Optional[Recorder] = None
         self._written: Optional[Recorder] = None
         """The recorder after its first remarks: what is read and written goes there."""
+        self._serving = False
+        """The driver itself records the bytes that it has read, with the time that it uses."""
+        self._turn_s: Optional[float] = None
+        """Time of the driver's last turn; None before the first."""
         self._checked: Optional[bool] = None
+        self._model: Optional[RobotModel] = None
+        self._stops = 0
         self.due = False
 
     def start(self, path: str) -> None:
@@ -79,7 +118,7 @@ class DriverRecording:
         Raises:
             ConfigError: the file cannot be created.
         """
-        self.recorder = Recorder(path, port=self._port, baud=self._baud)
+        self.recorder = Recorder(path, self._simulated, **self._facts)
         self.due = True
 
     def stop(self) -> Optional[Recorder]:
@@ -94,20 +133,38 @@ class DriverRecording:
         self._begin(port)
         return self._tapped(link)
 
-    def exchange(self, link: Link, checked: bool, pending: bytes) -> Link:
-        """Begin, or end, a recording with a link that is in use; return the link to go on with.
-
-        `checked` is as for `note`; `pending` is the start of a frame that the board has sent already.
-        """
-        link = inner(link)
+    def begin(self, link: Link) -> Link:
+        """Begin with a link in simulated time, before the driver greets its board; return the link to go on with."""
         self._begin(link.port)
-        self.note(checked)
-        if pending and self._written is not None:
-            self._written.add(FROM_BOARD, pending)
+        self.new(self._now())
         return self._tapped(link)
 
+    def exchange(self, link: Link, session: Session, state: RobotState) -> Link:
+        """Begin, or end, a recording with a link that is in use; return the link to go on with."""
+        link = inner(link)
+        self._begin(link.port)
+        self._serving, self._turn_s = True, self._now()
+        if self._written is not None:
+            self._join(session, state)
+        return self._tapped(link)
+
+    def _join(self, session: Session, state: RobotState) -> None:
+        """Record what a reader must know about the conversation so far, and the frame that has begun."""
+        self._stops, odometry = session.motion.stops, state.odometry
+        self._compare(session, state, ())
+        if session.ready and state.info is not None:
+            text = session_text(state.info, session.stream_code, session.checked)
+            self.remark(SESSION + b"joined " + text.encode(), self._turn_s)
+        else:
+            self.again(self._turn_s, same=False)
+        if odometry is not None:
+            self.pose(odometry.pose, odometry.uncertainty.spread if odometry.uncertainty else AT_START)
+        if session.pending:
+            self._add_read(session.pending, self._turn_s)
+
     def _begin(self, port: str) -> None:
-        self.due, self._checked, self._written = False, None, self.recorder
+        self.due, self._checked, self._model, self._written = False, None, None, self.recorder
+        self._serving = False
         self.remark(OPENED + port.encode("utf-8", "replace"))
 
     def _tapped(self, link: Link) -> Link:
@@ -120,22 +177,71 @@ class DriverRecording:
 
     def _add(self, direction: str, data: bytes) -> None:
         recorder = self._written
-        if recorder is not None:
+        if recorder is not None and not (self._serving and direction == FROM_BOARD):
             recorder.add(direction, data)
         if self._tap is not None:
             self._tap(direction, data)
 
-    def note(self, checked: bool) -> None:
-        """Record whether the board's frames carry a checksum from now on; writes a remark only on a change."""
-        if checked != self._checked:
-            self._checked = checked
-            self.remark(CHECKED if checked else PLAIN)
+    def _add_read(self, data: bytes, now: Optional[float]) -> None:
+        recorder = self._written
+        if recorder is not None:
+            recorder.add(FROM_BOARD, data, now)
 
-    def remark(self, data: bytes) -> None:
+    # -- what the driver does, with its times
+
+    def new(self, now: float) -> None:
+        """The driver begins to greet a board."""
+        self._serving, self._turn_s = True, now
+        self.remark(SESSION + b"new", now)
+
+    def again(self, now: Optional[float], same: bool) -> None:
+        """The driver begins to greet a board again, on another link; `same` as for `Session.relink`."""
+        self._serving = True
+        self.remark(SESSION + (b"again same" if same else b"again other"), now)
+
+    def heard(self, data: bytes, now: float) -> None:
+        """The driver takes these bytes; call it before its turn."""
+        self._turn_s = now
+        if data:
+            self._add_read(data, now)
+
+    def turned(self, data: bytes, events: Sequence[Any], session: Session, state: RobotState) -> None:
+        """The driver has taken the bytes, and its listeners get these events."""
+        if not data and (events or (session.out and not session.ready)):
+            self._add_read(data, self._turn_s)
+        self._compare(session, state, events)
+
+    def _compare(self, session: Session, state: RobotState, events: Sequence[Any]) -> None:
+        """Record what has changed: checksums, the model, the command in force."""
+        if session.checked != self._checked:
+            self._checked = session.checked
+            self.remark(CHECKED if session.checked else PLAIN, self._turn_s)
+        if state.model is not None and self._model is None:
+            self._model = state.model
+            self.remark(MODEL + model_text(state.model).encode(), self._turn_s)
+        if session.motion.stops != self._stops:
+            self._stops = session.motion.stops
+            found = [" " + json.dumps(event._asdict()) for event in events if isinstance(event, Mismatch)]
+            text = session.motion.stop_reason + "".join(found[:1])
+            self.remark(STOP + text.encode(), self._turn_s)
+
+    def pose(self, pose: Pose, spread: Spread) -> None:
+        """The odometry continues from this pose, after the bytes of the last turn."""
+        self.remark(POSE + " ".join(map(repr, (*pose, *spread))).encode(), self._turn_s)
+
+    def clock(self, ahead_s: float) -> None:
+        """The wall clock is ahead of the driver's by this time [s] from the next bytes on."""
+        self.remark(CLOCK + repr(ahead_s).encode(), self._turn_s)
+
+    def lost(self, event: Lost, reported: bool, now: float) -> None:
+        """The port is lost; `reported` says that listeners get the event."""
+        self.remark(LOST + json.dumps({**event._asdict(), "reported": reported}).encode(), now)
+
+    def remark(self, data: bytes, now: Optional[float] = None) -> None:
         """Record a remark."""
         recorder = self._written
         if recorder is not None:
-            recorder.add(REMARK, data)
+            recorder.add(REMARK, data, now)
 
     def close(self) -> None:
         """Write all pending entries, and close the file."""

@@ -1,6 +1,6 @@
 """Recordings: all bytes of both directions with their times, as lines of text.
 
-    #mrl-recording 1 {"port": "/dev/ttyACM0", "started": "2026-03-01T12:00:00+00:00"}
+    #mrl-recording 1 {"port": "/dev/ttyACM0", "clock_us": 81230412, "started": "2026-03-01T12:00:00+00:00"}
     0.000000 > @5e
     0.004211 < @5,2500,172,1180,2,1e\\r\\n
     1.250000 ! checked
@@ -8,16 +8,22 @@
 `>` marks bytes to the board, `<` bytes from it, `!` a remark of the driver.  Times are seconds since the recording
 began, on a monotonic clock.  Bytes outside printable ASCII, and the backslash, are escaped as in a Python string.  A
 crash or a full disk may leave an incomplete line; it is skipped, and all other lines are read.
+
+The driver's clock counts whole microseconds, so that a recording holds its times exactly: `clock_us` is that clock when
+the recording began, and (clock_us + time in us) / 1e6 is the time at which the driver took the bytes of a `<` line.  A
+`<` line without bytes is a time at which nothing had arrived, and the driver noticed something or greeted the board.
+So the driver can be played again, step by step (`driver.recorded`).
 """
 
 import codecs
 import datetime
 import json
+import math
 import os
 import threading
 import time
 from collections import deque
-from typing import Any, Deque, Dict, Iterator, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Deque, Dict, Iterator, List, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import ConfigError
 
@@ -29,10 +35,41 @@ CHECKED, PLAIN = b"checked", b"plain"
 """Remarks: from here on the board's frames carry a checksum, or carry none."""
 PHONE = b"phone "
 """A remark: a JSON object follows, with a reading of the sensors of the phone that drives the robot."""
-OWN_REMARKS = (OPENED.strip(), CHECKED, PLAIN)
-"""First words of the driver's own remarks."""
+SESSION = b"session "
+"""A remark: from here on the driver takes the bytes of the port that was opened.  `new`: it greets a board.  `again
+same` or `again other`: it greets the board that was lost, or one that may be another.  `joined` and a JSON object: the
+recording begins after the greeting; the object holds the board, the code of its stream, and whether frames carry a
+checksum.
+"""
+MODEL = b"model "
+"""A remark: the robot's model follows, as a JSON object with the keys of its YAML file."""
+POSE = b"pose "
+"""A remark: the odometry continues from this x, y, yaw and covariance (xx xy x-yaw yy y-yaw yaw-yaw) [m rad]."""
+STOP = b"stop "
+"""A remark: the driver dropped the command in force; the reason follows, for a wheel that did not follow its command
+with a JSON object of `wheel_monitor.Mismatch`.
+"""
+CLOCK = b"clock "
+"""A remark: the wall clock is ahead of the driver's by this much [s], from the next bytes on."""
+LOST, RECONNECTED, SLOWED = b"lost ", b"reconnected ", b"slowed "
+"""Remarks: the port was lost (a JSON object of `events.Lost`, with `reported`: listeners got the event), was found again
+(its name), or now has this baud rate.
+"""
+ENDED, CLOSED = b"ended ", b"closed"
+"""A remark: the listeners of the driver get nothing more; `closed` or the error that ended it follows."""
+OWN_REMARKS = tuple(
+    word.strip()
+    for word in (
+        *(OPENED, CHECKED, PLAIN, SESSION, MODEL, POSE, STOP, CLOCK),
+        *(LOST, RECONNECTED, SLOWED, ENDED),
+    )
+)
+"""First words of the driver's own remarks.  Readers ignore those that they do not know."""
 _MAGIC = "#mrl-recording"
-FLUSH_S = 0.2
+FLUSH_S, HOLD_S = 0.2, 0.05
+"""The file is written this often; an entry waits for this time, because a thread may pause before it adds an older one
+[s].
+"""
 _MOST_WAITING = 20000
 _LONGEST_LINE = 1 << 20
 
@@ -45,22 +82,29 @@ class Entry(NamedTuple):
     data: bytes
 
 
+def now_s() -> float:
+    """The clock of the driver and of its recordings: `time.monotonic()` in whole microseconds [s]."""
+    return time.monotonic_ns() // 1000 / 1e6
+
+
 class Recorder:
     """Appends to a recording from any thread without ever blocking or stopping its caller.
 
-    A separate thread writes five times a second, so at most 0.2 s are lost if the process is killed.  After a failed
-    write, `error` holds the reason, `lost` counts the lost lines, and the next write is tried.
+    A separate thread writes five times a second, so at most a quarter of a second is lost if the process is killed.
+    After a failed write, `error` holds the reason, `lost` counts the lost lines, and the next write is tried.  With a
+    `clock` of simulated time there is no such thread; `add` writes.
 
     Raises:
         ConfigError: the file cannot be created.
     """
 
-    def __init__(self, path: str, **header: Any) -> None:
+    def __init__(self, path: str, clock: Optional[Callable[[], float]] = None, **header: Any) -> None:
         self.path = path
         self.lost = 0
         self.error = ""
         self._torn = False
         self._waiting: Deque[Entry] = deque()
+        self._held: List[Entry] = []
         self._written_s = 0.0
         self._ended = threading.Event()
         try:
@@ -69,19 +113,26 @@ class Recorder:
             raise ConfigError(
                 f"cannot record to {path!r}: {error.strerror}; give a file that can be written"
             ) from None
-        self._start_s = time.monotonic()
-        header["started"] = datetime.datetime.now(datetime.timezone.utc).isoformat()
+        self._clock = clock or now_s
+        self._start_s = self._clock()
+        started = datetime.datetime.now(datetime.timezone.utc).isoformat()
+        header.update(clock_us=round(self._start_s * 1e6), started=started)
         self._write(f"{_MAGIC} {VERSION} {json.dumps(header)}\n", 1)
-        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
-        self._thread.start()
+        self._thread: Optional[threading.Thread] = None
+        if clock is None:
+            self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+            self._thread.start()
 
-    def add(self, direction: str, data: bytes) -> None:
-        """Record `data`, which was sent in `direction` just now."""
+    def add(self, direction: str, data: bytes, at_s: Optional[float] = None) -> None:
+        """Record `data`, which was sent in `direction` just now, or at this time of the driver's clock [s]."""
         if len(self._waiting) >= _MOST_WAITING:
             self.lost += 1
             self.error = self.error or "the disk is too slow"
             return
-        self._waiting.append(Entry(time.monotonic() - self._start_s, direction, bytes(data)))
+        time_s = (self._clock() if at_s is None else at_s) - self._start_s
+        self._waiting.append(Entry(time_s, direction, bytes(data)))
+        if self._thread is None and len(self._waiting) >= _MOST_WAITING // 10:
+            self._save()
 
     @property
     def loss(self) -> str:
@@ -96,17 +147,23 @@ class Recorder:
         """Write all pending lines, and close the file."""
         if not self._ended.is_set():
             self._ended.set()
-            self._thread.join()
+            if self._thread is not None:
+                self._thread.join()
+            self._save()
             os.close(self._fd)
 
     def _run(self) -> None:
-        ended = False
-        while not ended:
-            ended = self._ended.wait(FLUSH_S)
-            entries = [self._waiting.popleft() for _ in range(len(self._waiting))]
-            if entries:
-                entries.sort(key=lambda entry: entry.time_s)  # a thread may pause before it appends
-                self._write("".join(map(self._line, entries)), len(entries))
+        while not self._ended.wait(FLUSH_S):
+            self._save(self._clock() - self._start_s - HOLD_S)
+
+    def _save(self, before_s: float = math.inf) -> None:
+        """Write the entries from before this time, in the order of their times."""
+        self._held += [self._waiting.popleft() for _ in range(len(self._waiting))]
+        self._held.sort(key=lambda entry: entry.time_s)  # a thread may pause before it appends
+        count = sum(entry.time_s < before_s for entry in self._held)
+        if count:
+            self._write("".join(map(self._line, self._held[:count])), count)
+            del self._held[:count]
 
     def _line(self, entry: Entry) -> str:
         """The entry as a line, not before the last one: the time of an entry that missed its turn is moved."""
@@ -125,6 +182,14 @@ class Recorder:
         except OSError as error:
             self.error = error.strerror or str(error)
             self.lost += lines
+
+
+def started_s(header: Dict[str, Any]) -> float:
+    """The wall clock when the recording began [s]; 0 if the file does not hold it."""
+    try:
+        return datetime.datetime.fromisoformat(str(header.get("started"))).timestamp()
+    except (ValueError, OverflowError, OSError):
+        return 0.0
 
 
 class Recording:

@@ -65,6 +65,8 @@ class Motion:
         """Returns the request that commands these speeds; None for a base with two driven wheels or tracks."""
         self.stop_reason = "none"
         """Reason of the last stop; one of `STOPS`, or a reason of the board."""
+        self.stops = 0
+        """Times that a command in force was dropped."""
         self.lead_s = 0.0
         """`take` repeats a command this long before it is due, to use a call that happens anyway [s]."""
         self.unconfirmed = False
@@ -121,6 +123,7 @@ class Motion:
     def stop(self, reason: str = "user") -> None:
         """Stop; the request is due at once and is repeated until `observe` has confirmed the stop."""
         self.stop_reason = reason
+        self.stops += self.target is not None
         self.target = self._fade = self._still_since_s = None
         self.stopping = self.settling = self._new = True
         self._still, self.due_s = 0, -math.inf
@@ -135,6 +138,7 @@ class Motion:
         """Drop the command without a stop: the board is stopped already, or away."""
         if self.target is not None:
             self.stop_reason = reason
+            self.stops += 1
         self.unconfirmed = self.unconfirmed or self.stopping or self._turning
         self.target = self._fade = None
         self._new = self.stopping = self.settling = False

@@ -57,7 +57,7 @@ PLAIN_FRAMES = 3
 _COUNTS, _BOTH, _OMNI, _SENSING = (
     BY_NAME[n].code for n in ("read_encoders", "read_encoders_and_sonars", "start_omni_stream", SENSOR_STREAM)
 )
-_STREAMS = (_BOTH, _COUNTS, _OMNI, _SENSING)
+STREAMS = (_BOTH, _COUNTS, _OMNI, _SENSING)
 _CHECK, _IMU, _PROTOCOL = (BY_NAME[n].code for n in ("set_check", "read_imu", "read_protocol"))
 
 _encode = lru_cache(maxsize=32)(encode_request)
@@ -105,7 +105,7 @@ class Session:
         self._telemetry_by_s = math.inf
         """Latest time of the first telemetry [s]."""
         self._greeting_s = greeting_s
-        self._stream_code = _BOTH
+        self.stream_code = _BOTH
         """Code of the stream's frames; other counters are replies to requests."""
         self.heard_s = -math.inf
         """Arrival of the last telemetry [s]."""
@@ -204,11 +204,24 @@ class Session:
         if not same:
             self._boot_before_s = math.nan
 
+    def join(self, board: Board, stream_code: int, checked: bool, now: float) -> List[SessionEvent]:
+        """Go on with a board that was greeted and streams already; for recordings that begin after the greeting.
+
+        Raises:
+            BoardError: as for `admit`.
+        """
+        self._decoder.checked, self.stream_code = checked, stream_code
+        greeting = self._greeting = Handshake(self._plan, self._send, self._admit, now, patient=True)
+        greeting.board, greeting.stream = board, self._admit(board) or greeting.stream
+        events: List[SessionEvent] = []
+        self._begin(now, events)
+        return events
+
     def end(self) -> None:
         """End the session: stop the stream and turn checksums off, as a 2013 host expects."""
         self.motion.forget("closed")
         self._send(BY_NAME["stop_stream"].code)
-        if self._stream_code == _SENSING:
+        if self.stream_code == _SENSING:
             self._send(BY_NAME["stop_sensor_ldr_stream"].code)
         if self.board is not None and "imu" in self.board.capabilities:
             self._send(STOP_IMU)
@@ -261,12 +274,12 @@ class Session:
                 continue
             self._other = 0
             counters.frames += 1
-            if frame.code in _STREAMS:
+            if frame.code in STREAMS:
                 self._on_counts(frame, now, events)
             elif frame.code == _IMU and self._poll.imu_s < math.inf:
                 self._on_imu(frame, now, events)
                 continue
-            if frame.code not in _STREAMS or self._greeting is not None:
+            if frame.code not in STREAMS or self._greeting is not None:
                 self._on_frame(frame, now, checked, events)
         if self._greeting is not None and (strange or b"@" not in data):
             self._greeting.heard(data, now)
@@ -378,7 +391,7 @@ class Session:
                 events.append(Info(board_of(frame.args)))
         elif code == SONARS:
             events.append(Sonars(frame.args))
-        elif code not in _STREAMS:
+        elif code not in STREAMS:
             if frame.stamp is not None:  # all streams share one sequence of numbers
                 missing = self._stream.missing(frame.stamp.sequence, self._silent(now))
                 if missing < 0:
@@ -391,7 +404,7 @@ class Session:
                 self._decoder.checked = bool(frame.args[0])
             self._greeting.on_frame(frame, now, checked)
             if self._greeting is not None and self._greeting.done:
-                self._stream_code = code
+                self.stream_code = code
                 self._begin(now, events)
 
     def _on_counts(self, frame: Frame, now: float, events: List[SessionEvent]) -> None:
@@ -411,7 +424,7 @@ class Session:
             sequence, stamp_s, time_s = None, stream.unnumbered(now), now
         if self._greeting is not None:
             return
-        if frame.code != self._stream_code:
+        if frame.code != self.stream_code:
             events.append(Reply(frame))
             return
         self.heard_s = now
@@ -485,7 +498,7 @@ class Session:
         if not again and streams:
             self._telemetry_by_s = now + self._greeting_s
         old = self.board.protocol < 2
-        sensing = self._stream_code == _SENSING
+        sensing = self.stream_code == _SENSING
         pace = (SLOWEST if sensing else SLOW) if old else self._pace()
         self.motion.pace, self.motion.skip_minus_one = pace, old
         read = self.checked and self.reads_imu  # only checked frames have board time

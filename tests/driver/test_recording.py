@@ -66,17 +66,18 @@ def test_what_was_added_is_on_the_disk_within_a_second(tmp_path):
 
 def recorded_late(path, monkeypatch, meanwhile):
     """Data of a recording in which a thread pauses between the time of `late` and its line, and the lines skipped."""
-    recorder, clock, paused = Recorder(str(path)), time.monotonic, []
+    recorder, clock, paused = Recorder(str(path)), time.monotonic_ns, []
+    caller = threading.current_thread()
 
     def pausing():
         now = clock()
-        if not paused:
+        if not paused and threading.current_thread() is caller:
             paused.append(True)
             recorder.add(FROM_BOARD, b"other")
             meanwhile()
         return now
 
-    monkeypatch.setattr(time, "monotonic", pausing)
+    monkeypatch.setattr(time, "monotonic_ns", pausing)
     recorder.add(TO_BOARD, b"late")
     recorder.close()
     recording = Recording(str(path))

@@ -132,8 +132,9 @@ def test_its_remarks_and_header_are_those_of_a_recording_from_the_start(serve, f
     recording = Recording(files[0])
     entries = list(recording)
     remarks = [entry.data for entry in entries if entry.direction == REMARK]
-    assert remarks == [b"opened " + board.path.encode(), b"checked"]
-    assert [entry.data for entry in entries[:2]] == remarks
+    assert remarks[:2] == [b"opened " + board.path.encode(), b"checked"]
+    assert [remark.split(b" ")[0] for remark in remarks[2:]] == [b"model", b"session", b"pose"]
+    assert [entry.data for entry in entries[:5]] == remarks
     assert (recording.header["port"], recording.header["baud"]) == (board.path, 115200)
 
 
