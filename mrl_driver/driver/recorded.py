@@ -5,9 +5,9 @@
     robot.play()
 
 A recording that begins before the greeting (option `record`) gives the listeners exactly what those of the recorded
-driver got, to the last bit.  One that begins later (`start_recording`, or a damaged file) gives the same poses; board
-time is matched to the host's clock again, so that stamps differ by milliseconds.  Files of older versions lack the times
-of the driver's turns, and what it did with the robot's pose; those turns are made when they were due.
+driver got, to the last bit.  One that begins later (`start_recording`, or a damaged file) gives the same poses; the
+board's time is matched to the host's clock again, so that stamps differ by milliseconds.  Files of older versions lack
+the times of the driver's turns, and poses that were set; those turns are made when they were due.
 """
 
 import json

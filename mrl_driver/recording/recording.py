@@ -52,8 +52,8 @@ with a JSON object of `wheel_monitor.Mismatch`.
 CLOCK = b"clock "
 """A remark: the wall clock is ahead of the driver's by this much [s], from the next bytes on."""
 LOST, RECONNECTED, SLOWED = b"lost ", b"reconnected ", b"slowed "
-"""Remarks: the port was lost (a JSON object of `events.Lost`, with `reported`: listeners got the event), was found again
-(its name), or now has this baud rate.
+"""Remarks: the port was lost (a JSON object of `events.Lost`, with `reported`: listeners got the event), was found
+again (its name), or now has this baud rate.
 """
 ENDED, CLOSED = b"ended ", b"closed"
 """A remark: the listeners of the driver get nothing more; `closed` or the error that ended it follows."""
